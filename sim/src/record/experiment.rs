@@ -1,0 +1,108 @@
+//! The data every estimator works on.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+/// A set of records of one actuator: an `experiment.toml` and its CSV files, in memory.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Experiment {
+    /// What the person who measured it calls it.
+    pub name: String,
+    /// Which column is the response.
+    pub output: Output,
+    /// Rows per second, where the rows are evenly spaced.
+    pub sample_rate_hz: Option<f64>,
+    /// Rate at which the ESC takes over a new command; `None` when unknown or irrelevant.
+    pub esc_frame_hz: Option<f64>,
+    /// Rate at which the command itself is updated, where that is faster than the rows
+    /// (a 5 kHz control loop logged at 1 kHz). `None`: the command holds from row to row.
+    pub command_rate_hz: Option<f64>,
+    /// The records, in the order of the file.
+    pub records: Vec<Record>,
+}
+
+/// Which column is the response, and its unit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Output {
+    /// Thrust in newtons.
+    ThrustN,
+    /// Rotor speed in revolutions per minute.
+    Rpm,
+}
+
+/// What drives a record.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Excitation {
+    /// A periodic sum of sinusoids around `nominal`.
+    Multisine,
+    /// A periodic square wave around `nominal`.
+    Square,
+    /// One step.
+    Step,
+    /// Several plateaus, one after the other.
+    Staircase,
+    /// A sine of changing frequency.
+    Chirp,
+    /// Anything else.
+    Free,
+}
+
+/// What a record is used for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Role {
+    /// Parameters are estimated on it.
+    Fit,
+    /// It is kept out of the fit.
+    Validate,
+}
+
+/// One run: columns of equal length. Row `k` is the response at `time_s[k]`; its command takes
+/// effect from then until row `k + 1`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Record {
+    /// File name, relative to the experiment's folder.
+    pub file: String,
+    /// The command around which it was run, 0..1.
+    pub nominal: f64,
+    /// What drives it.
+    pub excitation: Excitation,
+    /// Period in seconds, for periodic excitations.
+    pub period_s: Option<f64>,
+    /// Peak deviation of the command from `nominal`, 0..1.
+    pub amplitude: Option<f64>,
+    /// Whether a compensator was in front of the ESC.
+    pub compensated: bool,
+    /// The compensator's file, for a compensated record.
+    pub compensator: Option<PathBuf>,
+    /// What it is used for; the tools choose where absent.
+    pub role: Option<Role>,
+    /// Time in seconds, strictly increasing.
+    pub time_s: Vec<f64>,
+    /// Command before any compensator, 0..1.
+    pub command: Vec<f64>,
+    /// Thrust in newtons.
+    pub thrust_n: Option<Vec<f64>>,
+    /// Rotor speed in revolutions per minute.
+    pub rpm: Option<Vec<f64>>,
+    /// Command after the compensator, 0..1.
+    pub esc_command: Option<Vec<f64>>,
+    /// Supply voltage in volts.
+    pub voltage_v: Option<Vec<f64>>,
+    /// Supply current in amperes.
+    pub current_a: Option<Vec<f64>>,
+}
+
+impl Record {
+    /// The response column that `output` names; `None` when the record has not got it.
+    #[must_use]
+    pub fn response(&self, output: Output) -> Option<&[f64]> {
+        match output {
+            Output::ThrustN => self.thrust_n.as_deref(),
+            Output::Rpm => self.rpm.as_deref(),
+        }
+    }
+}

@@ -1,0 +1,5 @@
+//! Measured data: one [`Experiment`] that every tool takes.
+
+mod experiment;
+
+pub use experiment::{Excitation, Experiment, Output, Record, Role};
