@@ -1,0 +1,138 @@
+//! One motor's filter: the section, its limits, and the switch that takes it in and out.
+
+use crate::biquad::{Coefficients, Section};
+use crate::throttle::{Command, Throttle};
+
+/// A switch's leftover offset shrinks by this fraction of itself, 2^-8, each tick: 51 ms at 5 kHz, the time of the lag
+/// that the compensator is there to hide.
+const FADE_SHIFT: u32 = 8;
+
+/// The lead compensator of one motor.
+///
+/// - **Limits without wind-up.** The section runs unclamped inside its headroom, and only what leaves is clamped to
+///   `[min, max]`. So the output leaves the limit on the very tick on which the unclamped filter re-enters the range.
+/// - **Bumpless switching.** On the tick of a switch the output moves towards what the new path asks for, but by no
+///   more than it moved on the tick before. What is then left over is added as an offset and fades within a few times
+///   256 ticks. At a constant input there is nothing left over, and no output bit changes.
+/// - **Bypass** gives the input, clamped. The section does not run meanwhile; when it is switched in again it starts at
+///   rest at the last input, so that how long it was out does not matter. What it lacks of the past dies out with its
+///   own poles, some 10 ms.
+#[derive(Clone, Copy, Debug)]
+pub struct Compensator {
+    coefficients: Coefficients,
+    section: Section,
+    min: Command,
+    max: Command,
+    enabled: bool,
+    /// The last input.
+    input: Command,
+    /// The last two outputs, older first.
+    outputs: [Command; 2],
+    /// A switch was asked for and takes effect on the next tick.
+    switching: bool,
+    /// Output minus what the present path asks for, in steps of 2^-29; 0 but for a while after a switch.
+    offset: i32,
+}
+
+impl Compensator {
+    /// A compensator, switched in and at rest at `min`, that puts out commands in [`min`, `max`]. Where `min` is above
+    /// `max` the output is `min`.
+    #[must_use]
+    pub const fn new(coefficients: Coefficients, min: Command, max: Command) -> Self {
+        Self {
+            coefficients,
+            section: Section::at_level(min),
+            min,
+            max,
+            enabled: true,
+            input: min,
+            outputs: [min; 2],
+            switching: false,
+            offset: 0,
+        }
+    }
+
+    /// Puts everything at rest at `level`, without regard to what the output was: the next output for that input is
+    /// `level`, clamped.
+    pub const fn reset(&mut self, level: Command) {
+        self.section = Section::at_level(level);
+        self.input = level;
+        self.outputs = [level.clamp_to(self.min, self.max); 2];
+        self.switching = false;
+        self.offset = 0;
+    }
+
+    /// Switches the filter in (`true`) or out of the path from the next tick on.
+    pub const fn set_enabled(&mut self, enabled: bool) {
+        if enabled != self.enabled {
+            self.enabled = enabled;
+            self.switching = true;
+            if enabled {
+                self.section = Section::at_level(self.input);
+            }
+        }
+    }
+
+    /// Whether the filter is in the path.
+    #[must_use]
+    pub const fn is_enabled(&self) -> bool {
+        self.enabled
+    }
+
+    /// The last output.
+    #[must_use]
+    pub const fn output(&self) -> Command {
+        self.outputs[1]
+    }
+
+    /// One tick: takes the command of the flight controller, gives that for the ESC.
+    #[inline]
+    pub fn update(&mut self, input: Command) -> Command {
+        let target = if self.enabled {
+            self.section.update(&self.coefficients, input).clamp_to(self.min, self.max)
+        } else {
+            input.clamp_to(self.min, self.max)
+        };
+        let output = if self.switching {
+            self.switching = false;
+            let [before, last] = [self.outputs[0].to_bits(), self.outputs[1].to_bits()];
+            let largest = (last - before).abs();
+            let step = (target.to_bits() - last).max(-largest).min(largest);
+            // Between the last output and the target, and so within the limits.
+            let output = Command::saturating_from_bits(last + step);
+            self.offset = output.to_bits() - target.to_bits();
+            output
+        } else if self.offset != 0 {
+            self.offset -= fade_step(self.offset);
+            Throttle::from_bits(target.to_bits() + self.offset).clamp_to(self.min, self.max)
+        } else {
+            target
+        };
+        self.input = input;
+        self.outputs = [self.outputs[1], output];
+        output
+    }
+}
+
+/// What `offset` loses in a tick: a 256th of itself, rounded away from zero so that it ends.
+const fn fade_step(offset: i32) -> i32 {
+    (offset >> FADE_SHIFT) + (offset > 0) as i32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::fade_step;
+
+    #[test]
+    fn a_fade_ends_without_changing_sign() {
+        for start in [1, -1, 255, -255, 256, -256, 1 << 29, -(1 << 29)] {
+            let mut offset: i32 = start;
+            for _ in 0..256 * 22 {
+                let next = offset - fade_step(offset);
+                assert!(next.signum() * start.signum() >= 0 && (next.abs() < offset.abs() || offset == 0));
+                offset = next;
+            }
+            assert_eq!(offset, 0, "from {start}");
+        }
+    }
+}

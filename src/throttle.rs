@@ -1,0 +1,336 @@
+//! The normalized command, and its conversion to and from pulse widths.
+//!
+//! Both types count in steps of 2^-29 (Q2.29): 0 is the bottom of the pulse range and 1 its top. One step is 600 times
+//! finer than a tick of an 84 MHz timer in a 600 Hz frame, so a pulse survives the round trip to the tick.
+
+use core::fmt;
+
+/// Bits after the binary point of [`Command`] and [`Throttle`].
+pub const FRACTION_BITS: u32 = 29;
+
+/// 1.0 in Q2.29.
+const ONE_BITS: i32 = 1 << FRACTION_BITS;
+
+/// A filtered command. It may leave the range of the pulse on either side: a lead compensator answers a step of its
+/// input with several times that step. Range [-4, 4) in steps of 2^-29.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(transparent)]
+pub struct Throttle(i32);
+
+/// A command inside the range of the pulse, 0..=1 in steps of 2^-29. The only thing a filter accepts: its headroom
+/// holds for inputs in this range.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(transparent)]
+pub struct Command(i32);
+
+impl Throttle {
+    /// The lowest value, -4.
+    pub const MIN: Self = Self(i32::MIN);
+    /// The highest value, one step under 4.
+    pub const MAX: Self = Self(i32::MAX);
+    /// Largest magnitude that the format holds, as a number.
+    pub const HEADROOM: f64 = 4.0;
+
+    /// From Q2.29.
+    #[must_use]
+    pub const fn from_bits(bits: i32) -> Self {
+        Self(bits)
+    }
+
+    /// To Q2.29.
+    #[must_use]
+    pub const fn to_bits(self) -> i32 {
+        self.0
+    }
+
+    /// The value as a number. Exact.
+    #[must_use]
+    pub fn to_f64(self) -> f64 {
+        f64::from(self.0) / f64::from(ONE_BITS)
+    }
+
+    /// The nearest command in [`min`, `max`]. Where `min` is above `max`, `min` wins: the caller's order is wrong, and
+    /// of the two answers this one does not depend on `self`.
+    #[must_use]
+    pub const fn clamp_to(self, min: Command, max: Command) -> Command {
+        if self.0 < min.0 || max.0 < min.0 {
+            min
+        } else if self.0 > max.0 {
+            max
+        } else {
+            Command(self.0)
+        }
+    }
+}
+
+impl Command {
+    /// The bottom of the pulse range.
+    pub const ZERO: Self = Self(0);
+    /// The top of the pulse range.
+    pub const ONE: Self = Self(ONE_BITS);
+
+    /// From Q2.29; values outside 0..=1 become the nearest end.
+    #[must_use]
+    pub const fn saturating_from_bits(bits: i32) -> Self {
+        Throttle(bits).clamp_to(Self::ZERO, Self::ONE)
+    }
+
+    /// To Q2.29, 0..=2^29.
+    #[must_use]
+    pub const fn to_bits(self) -> i32 {
+        self.0
+    }
+
+    /// The nearest command; values outside 0..=1 become the nearest end, and NaN becomes zero, which stops a motor.
+    #[must_use]
+    pub fn saturating_from_f64(value: f64) -> Self {
+        if value.is_nan() {
+            return Self::ZERO;
+        }
+        Self(libm::rint(value.clamp(0.0, 1.0) * f64::from(ONE_BITS)) as i32)
+    }
+
+    /// The value as a number, 0..=1. Exact.
+    #[must_use]
+    pub fn to_f64(self) -> f64 {
+        Throttle::from(self).to_f64()
+    }
+
+    /// The nearest command in [`min`, `max`]; see [`Throttle::clamp_to`].
+    #[must_use]
+    pub const fn clamp_to(self, min: Self, max: Self) -> Self {
+        Throttle(self.0).clamp_to(min, max)
+    }
+}
+
+impl From<Command> for Throttle {
+    fn from(command: Command) -> Self {
+        Self(command.0)
+    }
+}
+
+/// How a command is expressed as the width of a pulse.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Protocol {
+    /// The command is the duty cycle itself: 0 is no pulse and 1 the whole frame. The paper's ESC takes it at 600 Hz.
+    RawDuty {
+        /// Frames per second.
+        frame_hz: u32,
+    },
+    /// Servo pulses, 1000 to 2000 µs.
+    StandardPwm,
+    /// OneShot125: the servo pulse at an eighth of its length, 125 to 250 µs.
+    OneShot125,
+}
+
+impl Protocol {
+    /// Raw duty as in the paper: 600 Hz.
+    pub const PAPER: Self = Self::RawDuty { frame_hz: 600 };
+
+    /// Widths of the shortest and the longest pulse in ticks of a timer that counts at `timer_hz`, to the nearest tick.
+    fn range_ticks(self, timer_hz: u32) -> Option<(u64, u64)> {
+        let timer_hz = u64::from(timer_hz);
+        let microseconds = |us: u64| (us * timer_hz + 500_000) / 1_000_000;
+        match self {
+            Self::RawDuty { frame_hz: 0 } => None,
+            Self::RawDuty { frame_hz } => {
+                let frame_hz = u64::from(frame_hz);
+                Some((0, (timer_hz + frame_hz / 2) / frame_hz))
+            }
+            Self::StandardPwm => Some((microseconds(1000), microseconds(2000))),
+            Self::OneShot125 => Some((microseconds(125), microseconds(250))),
+        }
+    }
+}
+
+/// Why a protocol and a timer do not go together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PulseError {
+    /// `frame_hz` is zero.
+    NoFrame,
+    /// The pulse range spans fewer ticks than [`PulseScale::MIN_SPAN_TICKS`]: the timer is too slow.
+    TimerTooSlow {
+        /// Ticks between the shortest and the longest pulse.
+        span_ticks: u32,
+    },
+    /// The pulse range spans more ticks than [`PulseScale::MAX_SPAN_TICKS`], which a command could not tell apart.
+    TimerTooFast {
+        /// Ticks between the shortest and the longest pulse.
+        span_ticks: u64,
+    },
+}
+
+impl fmt::Display for PulseError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::NoFrame => write!(f, "frame_hz is 0: a pulse needs a frame of at least 1 Hz"),
+            Self::TimerTooSlow { span_ticks } => write!(
+                f,
+                "the pulse range is {span_ticks} timer ticks wide: at least {} are needed, use a faster timer clock",
+                PulseScale::MIN_SPAN_TICKS
+            ),
+            Self::TimerTooFast { span_ticks } => write!(
+                f,
+                "the pulse range is {span_ticks} timer ticks wide: at most {} can be told apart, use a slower timer clock",
+                PulseScale::MAX_SPAN_TICKS
+            ),
+        }
+    }
+}
+
+impl core::error::Error for PulseError {}
+
+/// Conversion between the pulse widths of one protocol on one timer, and commands.
+///
+/// `to_ticks(to_command(t)) == t` for every `t` from the shortest to the longest pulse.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PulseScale {
+    low_ticks: u32,
+    span_ticks: u32,
+    /// `2^(FRACTION_BITS + shift) / span_ticks`, to the nearest integer.
+    reciprocal: u32,
+    /// Chosen so that `reciprocal` lies in (2^30, 2^31].
+    shift: u32,
+}
+
+impl PulseScale {
+    /// Fewest ticks a pulse range may span: 100 make a resolution of one percent, the coarsest that is of use.
+    pub const MIN_SPAN_TICKS: u32 = 100;
+    /// Most ticks a pulse range may span: with more than 2^28 the round trip would lose ticks (see [`Self::to_ticks`]).
+    pub const MAX_SPAN_TICKS: u32 = 1 << (FRACTION_BITS - 1);
+
+    /// The conversion for `protocol` on a timer that counts at `timer_hz`.
+    ///
+    /// # Errors
+    /// When the pulse range spans too few or too many ticks, or the frame rate is zero.
+    pub fn new(protocol: Protocol, timer_hz: u32) -> Result<Self, PulseError> {
+        let (low, high) = protocol.range_ticks(timer_hz).ok_or(PulseError::NoFrame)?;
+        let span = high - low;
+        if span > u64::from(Self::MAX_SPAN_TICKS) {
+            return Err(PulseError::TimerTooFast { span_ticks: span });
+        }
+        let span_ticks = span as u32;
+        if span_ticks < Self::MIN_SPAN_TICKS {
+            return Err(PulseError::TimerTooSlow { span_ticks });
+        }
+        // With floor(log2(span)) + 2 bits the reciprocal is in (2^30, 2^31], and its rounding moves a command by at
+        // most span / 2 / 2^shift <= 1/4 of a step.
+        let shift = span_ticks.ilog2() + 2;
+        let reciprocal = ((1_u64 << (FRACTION_BITS + shift)) + span / 2) / span;
+        Ok(Self { low_ticks: low as u32, span_ticks, reciprocal: reciprocal as u32, shift })
+    }
+
+    /// Width of the pulse that means 0.
+    #[must_use]
+    pub const fn low_ticks(&self) -> u32 {
+        self.low_ticks
+    }
+
+    /// Width of the pulse that means 1.
+    #[must_use]
+    pub const fn high_ticks(&self) -> u32 {
+        self.low_ticks + self.span_ticks
+    }
+
+    /// The command that a pulse of `ticks` means, to 3/4 of a step of 2^-29. Pulses outside the range mean its nearer
+    /// end; whether such a pulse is to be believed is for the caller to say.
+    #[must_use]
+    pub const fn to_command(&self, ticks: u32) -> Command {
+        let above = ticks.saturating_sub(self.low_ticks);
+        if above >= self.span_ticks {
+            return Command::ONE;
+        }
+        let half = 1_u64 << (self.shift - 1);
+        // above < 2^28 and reciprocal <= 2^31: the product has 59 bits.
+        Command(((above as u64 * self.reciprocal as u64 + half) >> self.shift) as i32)
+    }
+
+    /// The pulse that means `command`, to the nearest tick. A command that came from a pulse is off by 3/4 of a step,
+    /// which is less than half a tick as long as the span is at most 2^28.
+    #[must_use]
+    pub const fn to_ticks(&self, command: Command) -> u32 {
+        let half = 1_u64 << (FRACTION_BITS - 1);
+        // A command has at most 30 bits and the span 29.
+        self.low_ticks + ((command.0 as u64 * self.span_ticks as u64 + half) >> FRACTION_BITS) as u32
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const TIMERS_HZ: [u32; 6] = [1_000_000, 8_000_000, 16_000_000, 72_000_000, 84_000_000, 168_000_000];
+
+    #[test]
+    fn every_pulse_survives_the_round_trip_to_the_tick() {
+        for timer_hz in TIMERS_HZ {
+            for protocol in
+                [Protocol::PAPER, Protocol::RawDuty { frame_hz: 4000 }, Protocol::StandardPwm, Protocol::OneShot125]
+            {
+                let scale = PulseScale::new(protocol, timer_hz).unwrap();
+                for ticks in scale.low_ticks()..=scale.high_ticks() {
+                    assert_eq!(scale.to_ticks(scale.to_command(ticks)), ticks, "{protocol:?} at {timer_hz} Hz");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_widest_span_survives_the_round_trip_at_its_worst_places() {
+        let scale = PulseScale::new(Protocol::RawDuty { frame_hz: 1 }, PulseScale::MAX_SPAN_TICKS).unwrap();
+        let span = scale.high_ticks();
+        for ticks in (0..5000).chain(span / 2 - 5000..span / 2 + 5000).chain(span - 5000..=span) {
+            assert_eq!(scale.to_ticks(scale.to_command(ticks)), ticks);
+        }
+    }
+
+    #[test]
+    fn the_ends_of_the_pulse_range_are_zero_and_one_exactly() {
+        for protocol in [Protocol::PAPER, Protocol::StandardPwm, Protocol::OneShot125] {
+            let scale = PulseScale::new(protocol, 84_000_000).unwrap();
+            assert_eq!(scale.to_command(scale.low_ticks()), Command::ZERO);
+            assert_eq!(scale.to_command(scale.high_ticks()), Command::ONE);
+            assert_eq!(scale.to_command(0), Command::ZERO);
+            assert_eq!(scale.to_command(u32::MAX), Command::ONE);
+        }
+    }
+
+    #[test]
+    fn presets_have_the_widths_of_their_protocols() {
+        let scale = |protocol| PulseScale::new(protocol, 84_000_000).unwrap();
+        let microseconds = |ticks: u32| f64::from(ticks) / 84.0;
+        assert_eq!(microseconds(scale(Protocol::StandardPwm).low_ticks()), 1000.0);
+        assert_eq!(microseconds(scale(Protocol::StandardPwm).high_ticks()), 2000.0);
+        assert_eq!(microseconds(scale(Protocol::OneShot125).low_ticks()), 125.0);
+        assert_eq!(microseconds(scale(Protocol::OneShot125).high_ticks()), 250.0);
+        assert_eq!(scale(Protocol::PAPER).low_ticks(), 0);
+        assert_eq!(scale(Protocol::PAPER).high_ticks(), 140_000);
+    }
+
+    #[test]
+    fn a_timer_that_does_not_suit_is_refused_with_the_remedy() {
+        assert_eq!(PulseScale::new(Protocol::RawDuty { frame_hz: 0 }, 1), Err(PulseError::NoFrame));
+        let slow = PulseScale::new(Protocol::OneShot125, 500_000).unwrap_err();
+        assert!(std::format!("{slow}").contains("faster timer"), "{slow}");
+        let fast = PulseScale::new(Protocol::RawDuty { frame_hz: 1 }, u32::MAX).unwrap_err();
+        assert!(std::format!("{fast}").contains("slower timer"), "{fast}");
+    }
+
+    #[test]
+    fn commands_saturate_and_a_nan_stops_the_motor() {
+        assert_eq!(Command::saturating_from_f64(f64::NAN), Command::ZERO);
+        assert_eq!(Command::saturating_from_f64(f64::INFINITY), Command::ONE);
+        assert_eq!(Command::saturating_from_f64(-0.1), Command::ZERO);
+        assert_eq!(Command::saturating_from_bits(i32::MIN), Command::ZERO);
+        assert_eq!(Command::saturating_from_bits(i32::MAX), Command::ONE);
+        assert_eq!(Command::saturating_from_f64(0.65).to_f64(), libm::rint(0.65 * 536_870_912.0) / 536_870_912.0);
+    }
+
+    #[test]
+    fn a_clamp_with_its_ends_exchanged_gives_the_lower_end_given() {
+        let (low, high) = (Command::saturating_from_f64(0.2), Command::saturating_from_f64(0.8));
+        for value in [Throttle::MIN, Throttle::default(), Throttle::MAX] {
+            assert_eq!(value.clamp_to(high, low), high);
+        }
+    }
+}
