@@ -34,6 +34,8 @@ pub const LARGEST_DEVIATION_DB: f64 = 0.01;
 /// Attenuation that defines a bandwidth, in decibels: exactly 3, as the paper has it, and not half the power.
 pub const BANDWIDTH_DROP_DB: f64 = 3.0;
 
+/// 1.0 in the coefficients' format.
+const FORMAT_ONE: f64 = (1_u64 << COEFFICIENT_BITS) as f64;
 /// Ticks after which the impulse response of a design must have died out; every accepted pole is faster.
 const LONGEST_RESPONSE_TICKS: u32 = 1 << 18;
 /// The impulse response is summed until what remains is this small, relative to the pole's distance from 1.
@@ -304,8 +306,8 @@ impl LeadDesign {
         };
 
         let ideal = Recurrence::tustin(&lead, substitution_rad_s);
-        let k = rounded("k", ideal.k)?;
         let c = rounded("c", ideal.c)?;
+        let k = rounded("k", ideal.k)?;
         let g0 = rounded("g0", ideal.g0)?;
         let g1 = rounded("g1", ideal.g1)?;
         let coefficients = Coefficients::new(k, c, g0, g1).ok_or(DesignError::DampingTooLow {
@@ -372,21 +374,31 @@ impl Recurrence {
         }
     }
 
-    /// `H` at `theta` radians per tick. `1 - z^-1` is formed as `2 sin^2(theta / 2) + j sin(theta)`, which keeps its
-    /// digits where `theta` is small.
+    /// `H` at `theta` radians per tick.
     fn response(&self, theta: f64) -> Complex64 {
-        let half = sin(theta / 2.0);
-        let difference = Complex64::new(2.0 * half * half, sin(theta));
-        let delay = Complex64::new(cos(theta), -sin(theta));
-        let numerator = difference * (delay * self.g1 + self.g0) + self.c;
-        let denominator = difference * (difference - delay * self.k) + delay * self.c;
-        numerator / denominator
+        let (difference, delay) = difference_and_delay(theta);
+        self.numerator(difference, delay) / self.denominator(difference, delay)
     }
+
+    fn numerator(&self, difference: Complex64, delay: Complex64) -> Complex64 {
+        difference * (delay * self.g1 + self.g0) + self.c
+    }
+
+    fn denominator(&self, difference: Complex64, delay: Complex64) -> Complex64 {
+        difference * (difference - delay * self.k) + delay * self.c
+    }
+}
+
+/// `1 - z^-1` and `z^-1` at `theta` radians per tick. The first is formed as `2 sin^2(theta / 2) + j sin(theta)`, which
+/// keeps its digits where `theta` is small.
+fn difference_and_delay(theta: f64) -> (Complex64, Complex64) {
+    let half = sin(theta / 2.0);
+    (Complex64::new(2.0 * half * half, sin(theta)), Complex64::new(cos(theta), -sin(theta)))
 }
 
 impl From<&Coefficients> for Recurrence {
     fn from(coefficients: &Coefficients) -> Self {
-        let value = |bits: i32| f64::from(bits) / (1_u64 << COEFFICIENT_BITS) as f64;
+        let value = |bits: i32| f64::from(bits) / FORMAT_ONE;
         Self {
             k: value(coefficients.k()),
             c: value(coefficients.c()),
@@ -398,10 +410,9 @@ impl From<&Coefficients> for Recurrence {
 
 /// The coefficient in its format, to the nearest step.
 fn rounded(coefficient: &'static str, value: f64) -> Result<i32, DesignError> {
-    let one = (1_u64 << COEFFICIENT_BITS) as f64;
-    let steps = rint(value * one);
-    if !(SMALLEST_COEFFICIENT..0.5 * one).contains(&fabs(steps)) {
-        let min = SMALLEST_COEFFICIENT / one;
+    let steps = rint(value * FORMAT_ONE);
+    if !(SMALLEST_COEFFICIENT..0.5 * FORMAT_ONE).contains(&fabs(steps)) {
+        let min = SMALLEST_COEFFICIENT / FORMAT_ONE;
         return Err(DesignError::CoefficientOutOfRange { coefficient, value, min, max: 0.5 });
     }
     Ok(steps as i32)

@@ -1,1 +1,110 @@
+//! What the tests share: the paper's numbers, random designs, and the compensator computed a second way.
 
+use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
+use rotorlead::design::{LeadDesign, LeadParameters};
+
+/// The paper's Table 1: nominal command, gain in newtons per unit of command, pole `omega_s = 1 / tau_s` in rad/s.
+pub const TABLE_1: [(f64, f64, f64); 6] = [
+    (0.40, 9.9955, 6.2758),
+    (0.45, 10.4556, 7.3524),
+    (0.50, 10.1718, 9.2889),
+    (0.55, 10.9196, 9.9130),
+    (0.60, 13.4519, 11.7439),
+    (0.65, 16.1063, 14.1275),
+];
+
+/// The highest frequency the paper amplifies, eq. (6): 2 pi 100 rad/s.
+pub const OMEGA_G_RAD_S: f64 = 200.0 * std::f64::consts::PI;
+
+/// The paper's compensator at its loop rate of 5 kHz.
+///
+/// # Panics
+/// When the paper's own design is refused.
+#[must_use]
+pub fn paper_design() -> LeadDesign {
+    let lead = LeadParameters::from_poles(&TABLE_1.map(|(_, _, pole)| pole), OMEGA_G_RAD_S).expect("the paper's poles");
+    LeadDesign::new(lead, 5000.0, None).expect("the paper's design")
+}
+
+/// Property tests with a fixed seed: the same cases on every machine and every day.
+#[must_use]
+pub fn cases(cases: u32) -> ProptestConfig {
+    ProptestConfig { cases, failure_persistence: None, rng_seed: RngSeed::Fixed(20_260), ..ProptestConfig::default() }
+}
+
+/// Parameters of designs over the whole range that may be accepted, and somewhat beyond it: poles from a thousandth of
+/// the loop rate to its limit, any damping, zeros down to a thirtieth of the poles, half of them prewarped.
+pub fn any_parameters() -> impl Strategy<Value = (LeadParameters, f64, Option<f64>)> {
+    let log = |low: f64, high: f64| (low.ln()..high.ln()).prop_map(f64::exp);
+    let prewarp = proptest::option::of(0.05..1.0);
+    (log(50.0, 100_000.0), log(0.001, 0.4), log(1.01, 30.0), 0.3..2.0, prewarp).prop_map(
+        |(loop_rate_hz, pole, ratio, damping, prewarp)| {
+            let omega_f_rad_s = pole * loop_rate_hz;
+            let lead = LeadParameters { omega_z_rad_s: omega_f_rad_s / ratio, omega_f_rad_s, damping };
+            (lead, loop_rate_hz, prewarp.map(|part: f64| part * omega_f_rad_s))
+        },
+    )
+}
+
+/// Accepted designs. Six in ten of [`any_parameters`] are.
+pub fn any_design() -> impl Strategy<Value = LeadDesign> {
+    any_parameters().prop_filter_map("refused", |(lead, rate, prewarp)| LeadDesign::new(lead, rate, prewarp).ok())
+}
+
+/// The unrounded Tustin image of eq. (3) as a direct-form section in `f64`: the textbook coefficients, computed without
+/// any of the controller's code.
+#[derive(Clone, Debug)]
+pub struct DirectForm {
+    b: [f64; 3],
+    a: [f64; 2],
+    x: [f64; 2],
+    y: [f64; 2],
+}
+
+impl DirectForm {
+    /// The section of `lead` at `loop_rate_hz`, at rest at `level`.
+    #[must_use]
+    pub fn tustin(lead: &LeadParameters, loop_rate_hz: f64, prewarp_rad_s: Option<f64>, level: f64) -> Self {
+        let s = prewarp_rad_s.map_or(2.0 * loop_rate_hz, |w| w / (w / (2.0 * loop_rate_hz)).tan());
+        let wf2 = lead.omega_f_rad_s.powi(2);
+        let a0 = s * s + 2.0 * lead.damping * lead.omega_f_rad_s * s + wf2;
+        Self {
+            b: [wf2 * (s / lead.omega_z_rad_s + 1.0) / a0, 2.0 * wf2 / a0, wf2 * (1.0 - s / lead.omega_z_rad_s) / a0],
+            a: [2.0 * (wf2 - s * s) / a0, (s * s - 2.0 * lead.damping * lead.omega_f_rad_s * s + wf2) / a0],
+            x: [level; 2],
+            y: [level; 2],
+        }
+    }
+
+    /// One tick.
+    pub fn update(&mut self, x: f64) -> f64 {
+        let y = self.b[0] * x + self.b[1] * self.x[0] + self.b[2] * self.x[1]
+            - self.a[0] * self.y[0]
+            - self.a[1] * self.y[1];
+        self.x = [x, self.x[0]];
+        self.y = [y, self.y[0]];
+        y
+    }
+}
+
+/// A sum of sinusoids like the paper's: 150 lines of equal size at odd multiples of 0.1 Hz, Schroeder's phases for a
+/// flat spectrum (phi_k = -pi k^2 / n), peak `delta_u` around `u_nom`; one period of 10 s.
+#[must_use]
+pub fn multisine(u_nom: f64, delta_u: f64, loop_rate_hz: f64) -> Vec<f64> {
+    let ticks = (10.0 * loop_rate_hz).round() as usize;
+    let turn = 2.0 * std::f64::consts::PI;
+    let sum: Vec<f64> = (0..ticks)
+        .map(|n| {
+            (0..150)
+                .map(|k| {
+                    let (k, n) = (f64::from(k), n as f64);
+                    let turns = (2.0 * k + 1.0) * n / ticks as f64;
+                    (turn * turns.fract() - std::f64::consts::PI * k * k / 150.0).sin()
+                })
+                .sum()
+        })
+        .collect();
+    let peak = sum.iter().fold(0.0_f64, |peak, value| peak.max(value.abs()));
+    sum.iter().map(|value| u_nom + delta_u * value / peak).collect()
+}

@@ -1,0 +1,177 @@
+//! One motor's filter: bypass, bumpless switching, limits without wind-up, reset.
+
+use host_tests::{any_design, cases, multisine, paper_design};
+use proptest::prelude::*;
+use rotorlead::biquad::Section;
+use rotorlead::compensator::Compensator;
+use rotorlead::throttle::{Command, FRACTION_BITS, Throttle};
+
+fn command(value: f64) -> Command {
+    Command::saturating_from_f64(value)
+}
+
+fn any_command() -> impl Strategy<Value = Command> {
+    (0..=1_i32 << FRACTION_BITS).prop_map(Command::saturating_from_bits)
+}
+
+/// A smooth command that stays within [0.1, 0.9]: two sinusoids of random size and period.
+fn any_motion() -> impl Strategy<Value = Vec<Command>> {
+    (0.0..0.2_f64, 0.0..0.2_f64, 20.0..2000.0_f64, 20.0..2000.0_f64, 0.0..6.0_f64).prop_map(|(a, b, p, q, phase)| {
+        (0..3000)
+            .map(|n| command(0.5 + a * (6.283 * n as f64 / p + phase).sin() + b * (6.283 * n as f64 / q).cos()))
+            .collect()
+    })
+}
+
+proptest! {
+    #![proptest_config(cases(256))]
+
+    #[test]
+    fn at_a_constant_input_switching_changes_no_output_bit(
+        design in any_design(),
+        level in any_command(),
+        switches in proptest::collection::vec(1..50_usize, 1..20),
+    ) {
+        let mut compensator = Compensator::new(*design.coefficients(), Command::ZERO, Command::ONE);
+        compensator.reset(level);
+        let mut enabled = true;
+        for ticks in switches {
+            enabled = !enabled;
+            compensator.set_enabled(enabled);
+            for _ in 0..ticks {
+                prop_assert_eq!(compensator.update(level), level);
+            }
+        }
+    }
+
+    #[test]
+    fn in_motion_no_step_at_a_switch_is_larger_than_the_step_before_it(
+        design in any_design(),
+        motion in any_motion(),
+        switches in proptest::collection::vec(2..3000_usize, 1..10),
+        limits in (0.0..0.3, 0.7..1.0),
+    ) {
+        let mut compensator = Compensator::new(*design.coefficients(), command(limits.0), command(limits.1));
+        compensator.reset(motion[0]);
+        let mut outputs = Vec::new();
+        let mut enabled = true;
+        for (n, &input) in motion.iter().enumerate() {
+            let switched = switches.contains(&n);
+            if switched {
+                enabled = !enabled;
+                compensator.set_enabled(enabled);
+            }
+            outputs.push(compensator.update(input).to_bits());
+            if switched {
+                let (now, before) = (outputs[n] - outputs[n - 1], outputs[n - 1] - outputs[n - 2]);
+                prop_assert!(now.abs() <= before.abs(), "a step of {now} after {before}");
+            }
+        }
+    }
+
+    /// The leftover of a switch is gone after 20 of its time constants of 256 ticks, and the output is that of a filter
+    /// that was never switched out (or, out of the path, the input).
+    #[test]
+    fn a_switch_is_forgotten(design in any_design(), level in any_command(), start in any_command(), on in any::<bool>()) {
+        let mut compensator = Compensator::new(*design.coefficients(), Command::ZERO, Command::ONE);
+        compensator.reset(start);
+        compensator.set_enabled(!on);
+        for n in 0..200 {
+            compensator.update(if n % 2 == 0 { start } else { level });
+        }
+        compensator.set_enabled(on);
+        let slowest = 1.0 / (1.0 - design.check().pole_radii[0]);
+        let drift = 1.0 / design.coefficients().c() as f64 * 2.0_f64.powi(32);
+        for _ in 0..20 * 256 + (30.0 * slowest + 10.0 * drift) as u64 {
+            compensator.update(level);
+        }
+        for _ in 0..100 {
+            prop_assert_eq!(compensator.update(level), level);
+        }
+    }
+
+    #[test]
+    fn the_output_stays_within_its_limits_whatever_happens(
+        design in any_design(),
+        (min, max) in (any_command(), any_command()),
+        events in proptest::collection::vec((any::<i32>(), 0..10_u8), 1..2000),
+    ) {
+        let mut compensator = Compensator::new(*design.coefficients(), min, max);
+        let range = if min <= max { min..=max } else { min..=min };
+        for (bits, event) in events {
+            match event {
+                0 => compensator.set_enabled(bits & 1 == 0),
+                1 => compensator.reset(Command::saturating_from_bits(bits)),
+                _ => {}
+            }
+            let output = compensator.update(Command::saturating_from_bits(bits));
+            prop_assert!(range.contains(&output), "{output:?} outside {range:?}");
+        }
+    }
+
+    /// The output leaves the limit on the tick on which the unclamped filter re-enters the range.
+    #[test]
+    fn limits_do_not_wind_up(design in any_design(), levels in proptest::collection::vec((any_command(), 1..300_usize), 2..20),
+        (min, max) in (0.0..0.4, 0.6..1.0)) {
+        let (min, max) = (command(min), command(max));
+        let mut compensator = Compensator::new(*design.coefficients(), min, max);
+        let start = levels[0].0;
+        compensator.reset(start);
+        let mut unclamped = Section::at_level(start);
+        for (level, ticks) in levels {
+            for _ in 0..ticks {
+                let free = unclamped.update(design.coefficients(), level);
+                let output = compensator.update(level);
+                if free > Throttle::from(min) && free < Throttle::from(max) {
+                    prop_assert_eq!(Throttle::from(output), free);
+                } else {
+                    prop_assert!(output == min || output == max);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn bypass_is_the_input_within_the_limits() {
+    let mut compensator = Compensator::new(*paper_design().coefficients(), command(0.1), command(0.9));
+    compensator.set_enabled(false);
+    compensator.reset(command(0.5));
+    for value in [0.5, 0.0, 1.0, 0.3] {
+        assert_eq!(compensator.update(command(value)), command(value).clamp_to(command(0.1), command(0.9)));
+    }
+    assert!(!compensator.is_enabled());
+}
+
+#[test]
+fn a_reset_is_at_rest_at_its_level_whatever_came_before() {
+    let mut compensator = Compensator::new(*paper_design().coefficients(), Command::ZERO, Command::ONE);
+    for &u in multisine(0.5, 0.4, 5000.0).iter().take(1234) {
+        compensator.update(command(u));
+    }
+    compensator.set_enabled(false);
+    compensator.update(command(0.1));
+    compensator.set_enabled(true);
+    compensator.reset(command(0.3));
+    for _ in 0..1000 {
+        assert_eq!(compensator.update(command(0.3)), command(0.3));
+    }
+}
+
+#[test]
+fn a_step_saturates_and_comes_back_from_the_limit_without_delay() {
+    // The paper's compensator asks for 3.43 times a step: from 0.65, a step of 0.2 would go to 1.13.
+    let design = paper_design();
+    let mut compensator = Compensator::new(*design.coefficients(), Command::ZERO, Command::ONE);
+    compensator.reset(command(0.65));
+    let mut free = Section::at_level(command(0.65));
+    let mut at_limit = 0;
+    for _ in 0..5000 {
+        let (output, unclamped) =
+            (compensator.update(command(0.85)), free.update(design.coefficients(), command(0.85)));
+        at_limit += u32::from(output == Command::ONE);
+        assert_eq!(output == Command::ONE, unclamped >= Throttle::from(Command::ONE));
+    }
+    assert!(at_limit > 50, "the step was to reach the limit");
+    assert_eq!(compensator.output(), command(0.85));
+}
