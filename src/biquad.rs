@@ -149,12 +149,12 @@ impl Section {
         let dx = x.wrapping_sub(self.x);
         let error = x.saturating_sub(self.y);
         let product = |a: i32, b: i32| i64::from(a) * i64::from(b);
+        // What depends on the last output comes last: it is on the critical path from tick to tick.
         // Magnitudes (see the module): the preload is under 2^63, and the sum is the next u, for which the same holds.
         let sum = (i64::from(self.u) << 32 | i64::from(self.remainder))
+            .wrapping_add(product(coefficients.g1, self.dx).wrapping_add(product(coefficients.g0, dx)))
             .wrapping_add(product(coefficients.k, self.u))
-            .wrapping_add(product(coefficients.c, error))
-            .wrapping_add(product(coefficients.g0, dx))
-            .wrapping_add(product(coefficients.g1, self.dx));
+            .wrapping_add(product(coefficients.c, error));
         self.u = (sum >> 32) as i32;
         self.remainder = sum as u32;
         self.y = self.y.saturating_add(self.u);

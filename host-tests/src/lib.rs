@@ -77,6 +77,12 @@ impl DirectForm {
         }
     }
 
+    /// `b0, b1, b2, a1, a2`, with `a0 = 1` and the sign convention `y = b x - a y`.
+    #[must_use]
+    pub fn coefficients(&self) -> [f64; 5] {
+        [self.b[0], self.b[1], self.b[2], self.a[0], self.a[1]]
+    }
+
     /// One tick.
     pub fn update(&mut self, x: f64) -> f64 {
         let y = self.b[0] * x + self.b[1] * self.x[0] + self.b[2] * self.x[1]

@@ -1,5 +1,7 @@
 //! One motor's filter: bypass, bumpless switching, limits without wind-up, reset.
 
+use std::f64::consts::TAU;
+
 use host_tests::{any_design, cases, multisine, paper_design};
 use proptest::prelude::*;
 use rotorlead::biquad::Section;
@@ -18,7 +20,7 @@ fn any_command() -> impl Strategy<Value = Command> {
 fn any_motion() -> impl Strategy<Value = Vec<Command>> {
     (0.0..0.2_f64, 0.0..0.2_f64, 20.0..2000.0_f64, 20.0..2000.0_f64, 0.0..6.0_f64).prop_map(|(a, b, p, q, phase)| {
         (0..3000)
-            .map(|n| command(0.5 + a * (6.283 * n as f64 / p + phase).sin() + b * (6.283 * n as f64 / q).cos()))
+            .map(|n| command(0.5 + a * (TAU * n as f64 / p + phase).sin() + b * (TAU * n as f64 / q).cos()))
             .collect()
     })
 }
