@@ -55,7 +55,8 @@ impl OutputFolder {
     /// Writes the file `name` in it, and the folders that its name goes through.
     ///
     /// # Errors
-    /// When [`is_plain_name`] refuses the name, or the operating system refuses.
+    /// When [`is_plain_name`] refuses the name, the folder has such a file already, or the
+    /// operating system refuses.
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), FileError> {
         if !is_plain_name(name) {
             return Err(FileError::NotInside {
@@ -118,7 +119,7 @@ fn refuse_in_use(destination: &Path) -> Result<(), FileError> {
 
 fn write_through(path: &Path, bytes: &[u8]) -> io::Result<()> {
     fs::create_dir_all(parent(path))?;
-    let mut file = File::create(path)?;
+    let mut file = File::create_new(path)?;
     file.write_all(bytes)?;
     file.sync_all()
 }
@@ -151,6 +152,17 @@ mod tests {
             b"b"
         );
         assert_eq!(fs::read(destination.join("experiment.toml")).unwrap(), b"a");
+    }
+
+    #[test]
+    fn a_name_is_written_once() {
+        let scratch = Scratch::new();
+        let folder = OutputFolder::create(&scratch.path().join("stand")).unwrap();
+        folder.write("a.csv", b"a").unwrap();
+        assert_report(
+            folder.write("a.csv", b"b").unwrap_err(),
+            &["stand/a.csv", "exists"],
+        );
     }
 
     #[test]

@@ -22,5 +22,6 @@ pub use error::{FileError, Located};
 pub use fault::{Fault, Place};
 pub use folder::{OutputFolder, is_plain_name};
 pub use text::TextFile;
+pub(crate) use toml_file::to_toml;
 pub use toml_file::{TomlFile, write_toml};
 pub use write::write_file;
