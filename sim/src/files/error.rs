@@ -1,7 +1,7 @@
 //! What can be wrong with a file.
 
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use miette::{Diagnostic, NamedSource, SourceSpan};
@@ -95,6 +95,17 @@ pub enum FileError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Located(Box<Located>),
+}
+
+impl FileError {
+    /// Refuses to write `path` because of `fault`.
+    #[must_use]
+    pub fn refused(path: &Path, fault: Fault) -> Self {
+        Self::Refused {
+            path: path.to_owned(),
+            fault: Box::new(fault),
+        }
+    }
 }
 
 /// A complaint about a place in a text, shown with the text around it.

@@ -117,7 +117,10 @@ fn remedy(message: &str) -> String {
             .max_by(|a, b| a.0.total_cmp(&b.0));
         match best {
             Some((alike, known)) if alike >= ALIKE => format!("did you mean `{known}`?"),
-            _ => format!("remove `{name}`, or use one of those expected"),
+            _ if message.starts_with("unknown variant") => {
+                format!("write what is expected instead of `{name}`")
+            }
+            _ => format!("remove `{name}`, or use a key of those expected"),
         }
     } else if message.starts_with("missing field") {
         format!("add `{name}`")

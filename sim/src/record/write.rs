@@ -32,10 +32,8 @@ impl Experiment {
     /// # Errors
     /// As for [`Experiment::write`].
     pub fn write_into(&self, folder: &OutputFolder) -> Result<(), FileError> {
-        let refused = |name: &str, fault| FileError::Refused {
-            path: folder.destination().join(name),
-            fault: Box::new(fault),
-        };
+        let refused =
+            |name: &str, fault| FileError::refused(&folder.destination().join(name), fault);
         let manifest = Manifest::of(self);
         manifest.check().map_err(|fault| refused(MANIFEST, fault))?;
         for record in &self.records {
@@ -54,9 +52,7 @@ impl Experiment {
         let rows = record.time_s.len();
         let place = |column: Column| Place::root().key(column.name());
         if rows < LEAST_ROWS {
-            return Err(
-                place(Column::TimeS).fault(format!("too few rows: {rows}"), TOO_FEW_ROWS)
-            );
+            return Err(place(Column::TimeS).fault(format!("too few rows: {rows}"), TOO_FEW_ROWS));
         }
         let response = Column::of(self.output);
         if response.values(record).is_none() {

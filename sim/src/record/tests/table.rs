@@ -193,8 +193,22 @@ fn one_row_is_too_few_and_two_are_enough() {
             .take(1 + count)
             .collect::<String>()
     };
-    refuses_csv(&rows(0), &["u050.csv:1:1", "too few rows of numbers: 0", "record longer"]);
-    refuses_csv(&rows(1), &["u050.csv:2:1", "too few rows of numbers: 1", "record longer"]);
+    refuses_csv(
+        &rows(0),
+        &[
+            "u050.csv:1:1",
+            "too few rows of numbers: 0",
+            "record longer",
+        ],
+    );
+    refuses_csv(
+        &rows(1),
+        &[
+            "u050.csv:2:1",
+            "too few rows of numbers: 1",
+            "record longer",
+        ],
+    );
     assert_eq!(read(MANIFEST, &rows(2)).unwrap().records[0].time_s.len(), 2);
 }
 
