@@ -1,1 +1,63 @@
-//! command
+//! The command line: one file per command, which reads what it is given, calls one room of this crate, and says what
+//! came out, for people and as JSON.
+
+mod bandwidth;
+mod demo;
+mod design;
+mod excite;
+mod identify;
+mod import;
+mod outcome;
+mod progress;
+mod simulate;
+mod validate;
+
+use clap::{Parser, Subcommand};
+
+/// Identifies the lag of a motor with its propeller from thrust-stand records, designs the lead compensator that
+/// speeds it up, and tests the very filter that flies on simulated actuators.
+#[derive(Debug, Parser)]
+#[command(name = "rotorlead", version, max_term_width = 100, after_help = AFTER_HELP)]
+pub struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+const AFTER_HELP: &str = "\
+From a log to a compensator:
+  rotorlead import   LOG --out stand           a log of a thrust stand becomes an experiment
+  rotorlead identify stand --out model.toml    the lag at each level
+  rotorlead design   --model model.toml --out compensator.toml
+
+Exit status: 0 done, 1 failed, 2 wrong use.";
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Demo(demo::Demo),
+    Excite(excite::Excite),
+    Simulate(simulate::Simulate),
+    Import(import::Import),
+    Identify(identify::Identify),
+    Validate(validate::Validate),
+    Design(design::Design),
+    Bandwidth(bandwidth::Bandwidth),
+}
+
+impl Arguments {
+    /// Runs the command that was asked for and prints what it says.
+    ///
+    /// # Errors
+    /// A report for a person: what is wrong, where, and what to do.
+    pub fn run(self) -> miette::Result<()> {
+        match self.command {
+            Command::Demo(command) => command.json.say(command.run()?),
+            Command::Excite(command) => command.json.say(command.run()?),
+            Command::Simulate(command) => command.json.say(command.run()?),
+            Command::Import(command) => command.json.say(command.run()?),
+            Command::Identify(command) => command.json.say(command.run()?),
+            Command::Validate(command) => command.json.say(command.run()?),
+            Command::Design(command) => command.json.say(command.run()?),
+            Command::Bandwidth(command) => command.json.say(command.run()?),
+        }
+    }
+}
