@@ -1,1 +1,9 @@
-//! design
+//! Compensators from models, and the bandwidths that they give.
+
+mod bandwidths;
+mod error;
+mod lead;
+
+pub use bandwidths::{BandwidthPoint, Chain, bandwidths};
+pub use error::CompensatorError;
+pub use lead::{DesignOptions, compensator_file, design, read_compensator};

@@ -1,0 +1,113 @@
+//! `rotorlead bandwidth`
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use clap::Args;
+use rotorlead::design::LeadParameters;
+use serde_json::{Value, json};
+
+use super::design::DesignArguments;
+use super::outcome::{JsonOption, Outcome};
+use crate::design::{BandwidthPoint, Chain, CompensatorError, bandwidths, design, read_compensator};
+use crate::plant::Model;
+
+/// Predicts the bandwidth at each point of a model, with and without a compensator
+///
+/// The bandwidth is the smallest frequency at which the response is 3 dB (exactly) under its static value. Without
+/// --compensator one is designed from the model, as `rotorlead design` would.
+#[derive(Args, Debug)]
+pub struct Bandwidth {
+    /// The model, as `rotorlead identify` writes it
+    #[arg(long, value_name = "FILE")]
+    model: PathBuf,
+    /// The compensator, as `rotorlead design` writes it
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["lead", "omega_g", "damping", "loop_rate", "prewarp"])]
+    compensator: Option<PathBuf>,
+    /// A continuous compensator by its parameters: zero and poles in rad/s, and damping
+    #[arg(long, value_name = "ZERO,POLES,DAMPING", value_parser = lead, conflicts_with_all = ["sampled", "omega_g", "damping", "loop_rate", "prewarp"])]
+    lead: Option<LeadParameters>,
+    /// Count the filter with its rounded coefficients, and the holds of its loop and of the ESC
+    #[arg(long)]
+    sampled: bool,
+    /// Rate at which the ESC takes over a command, for --sampled; what the model was identified with unless given
+    #[arg(long, value_name = "HZ", requires = "sampled", value_parser = positive)]
+    esc_frame: Option<f64>,
+    #[command(flatten)]
+    parameters: DesignArguments,
+    #[command(flatten)]
+    pub(super) json: JsonOption,
+}
+
+impl Bandwidth {
+    /// Runs the command.
+    pub fn run(&self) -> miette::Result<Outcome> {
+        let model = Model::read(&self.model)?;
+        let points = match &self.lead {
+            Some(lead) => {
+                let lead = lead.checked().map_err(CompensatorError::from)?;
+                bandwidths(&model, Chain::Continuous(&lead))
+            }
+            None => {
+                let design = match &self.compensator {
+                    Some(file) => read_compensator(file)?,
+                    None => design(&model, &self.parameters.options())?,
+                };
+                let identified = model.provenance.as_ref().and_then(|provenance| provenance.esc_frame_hz);
+                let esc_frame_hz = self.esc_frame.or(identified);
+                bandwidths(
+                    &model,
+                    if self.sampled {
+                        Chain::Sampled { design: &design, esc_frame_hz }
+                    } else {
+                        Chain::Continuous(design.lead())
+                    },
+                )
+            }
+        };
+        let json = json!({ "points": points.iter().map(|point| json!({
+            "nominal": point.nominal,
+            "uncompensated_rad_s": rad_s(point.uncompensated),
+            "compensated_rad_s": rad_s(point.compensated),
+        })).collect::<Vec<_>>() });
+        Ok(Outcome { text: table(&points), json })
+    }
+}
+
+/// The bandwidths as a table.
+pub fn table(points: &[BandwidthPoint]) -> String {
+    let mut text = String::from("  u_nom   uncompensated     compensated\n               (rad/s)         (rad/s)\n");
+    for point in points {
+        let cell = |bandwidth: crate::identify::Bandwidth| match bandwidth {
+            crate::identify::Bandwidth::At(omega) => format!("{omega:.4}"),
+            crate::identify::Bandwidth::Beyond(limit) => format!("> {limit:.0}"),
+        };
+        let (before, after) = (cell(point.uncompensated), cell(point.compensated));
+        writeln!(text, "  {:<5.3} {before:>15} {after:>15}", point.nominal).expect("a string takes all");
+    }
+    text
+}
+
+/// The bandwidth as JSON: a number, or null where there is none in the range searched.
+pub fn rad_s(bandwidth: crate::identify::Bandwidth) -> Value {
+    bandwidth.rad_s().map_or(Value::Null, Value::from)
+}
+
+fn lead(text: &str) -> Result<LeadParameters, String> {
+    let numbers: Vec<f64> = text
+        .split(',')
+        .map(|part| part.trim().parse().map_err(|_| format!("`{part}` is not a number")))
+        .collect::<Result<_, _>>()?;
+    match numbers[..] {
+        [omega_z_rad_s, omega_f_rad_s, damping] => Ok(LeadParameters { omega_z_rad_s, omega_f_rad_s, damping }),
+        _ => Err(String::from("three numbers are needed: zero and poles in rad/s, and damping, as in 14.13,94.2,0.707")),
+    }
+}
+
+/// A number above zero.
+pub fn positive(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(value) if value > 0.0 && f64::is_finite(value) => Ok(value),
+        _ => Err(String::from("a number above zero is needed")),
+    }
+}

@@ -1,0 +1,86 @@
+//! The bandwidth at each point of a model, before and after compensation.
+
+use num_complex::Complex64;
+use rotorlead::design::{LeadDesign, LeadParameters};
+
+use crate::identify::{Bandwidth, bandwidth_of};
+use crate::plant::{Model, Point, hold_response};
+
+/// Highest frequency that is searched for a bandwidth, rad/s; far above what a propeller follows.
+const SEARCHED_UP_TO_RAD_S: f64 = 1e4;
+
+/// Which form of the compensated actuator is meant.
+#[derive(Clone, Copy, Debug)]
+pub enum Chain<'a> {
+    /// C(s) and the lag, as the paper's Table 3 simulates them.
+    Continuous(&'a LeadParameters),
+    /// What runs: the section with its rounded coefficients, the hold of its loop and that of the ESC's frame.
+    Sampled {
+        /// The section and its loop.
+        design: &'a LeadDesign,
+        /// Rate at which the ESC takes over a command, hertz; `None` for an ESC without frames.
+        esc_frame_hz: Option<f64>,
+    },
+}
+
+/// The bandwidths at one nominal command.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BandwidthPoint {
+    /// Command around which they hold, 0..1.
+    pub nominal: f64,
+    /// Of the actuator alone.
+    pub uncompensated: Bandwidth,
+    /// With the compensator in front.
+    pub compensated: Bandwidth,
+}
+
+/// The smallest frequencies at which the response at each point of `model` is 3 dB under its static value.
+///
+/// A delay does not change them, and is left out.
+#[must_use]
+pub fn bandwidths(model: &Model, chain: Chain) -> Vec<BandwidthPoint> {
+    let limit = chain.limit_rad_s();
+    let at = |point: &Point| {
+        let actuator = |omega: f64| lag(point, omega) * chain.holds(omega);
+        BandwidthPoint {
+            nominal: point.nominal,
+            uncompensated: bandwidth_of(actuator, limit),
+            compensated: bandwidth_of(|omega| chain.filter(omega) * actuator(omega), limit),
+        }
+    };
+    model.points.iter().map(at).collect()
+}
+
+/// `K / (tau s + 1)`, eq. (1).
+fn lag(point: &Point, omega_rad_s: f64) -> Complex64 {
+    point.gain / Complex64::new(1.0, point.time_constant_s * omega_rad_s)
+}
+
+impl Chain<'_> {
+    fn filter(&self, omega_rad_s: f64) -> Complex64 {
+        match self {
+            Self::Continuous(lead) => lead.response(omega_rad_s),
+            Self::Sampled { design, .. } => design.response(omega_rad_s),
+        }
+    }
+
+    fn holds(&self, omega_rad_s: f64) -> Complex64 {
+        match self {
+            Self::Continuous(_) => Complex64::ONE,
+            Self::Sampled { design, esc_frame_hz } => {
+                hold_response(design.loop_rate_hz(), *esc_frame_hz, omega_rad_s)
+            }
+        }
+    }
+
+    /// A sampled system has no response of its own above half its rate.
+    fn limit_rad_s(&self) -> f64 {
+        match self {
+            Self::Continuous(_) => SEARCHED_UP_TO_RAD_S,
+            Self::Sampled { design, esc_frame_hz } => {
+                let rate_hz = esc_frame_hz.map_or(design.loop_rate_hz(), |frame| frame.min(design.loop_rate_hz()));
+                SEARCHED_UP_TO_RAD_S.min(std::f64::consts::PI * rate_hz)
+            }
+        }
+    }
+}
