@@ -73,6 +73,13 @@ pub enum FileError {
         /// The path as it was given.
         path: PathBuf,
     },
+    /// A destination such as `.` or `..`, beside which nothing can be built.
+    #[error("`{}` does not say what the folder is to be called", path.display())]
+    #[diagnostic(help("give the name of a new folder"))]
+    Unnamed {
+        /// The path as it was given.
+        path: PathBuf,
+    },
     /// A name that would be written outside its folder, or not on every system.
     #[error("`{name}` is not the name of a file inside `{}`", folder.display())]
     #[diagnostic(help("use a relative name with `/` between its parts, without `..`"))]

@@ -22,14 +22,26 @@ pub struct OutputFolder {
 
 impl OutputFolder {
     /// Begins a folder that will be `destination`: a path where there is nothing, or an empty
-    /// folder.
+    /// folder. A symbolic link is followed.
     ///
     /// # Errors
-    /// When `destination` holds something or is a file, its own folder does not exist, or the
-    /// operating system refuses.
+    /// When `destination` holds something, is a file or has no name (`.`), its own folder does not
+    /// exist, or the operating system refuses.
     pub fn create(destination: &Path) -> Result<Self, FileError> {
+        if destination.file_name().is_none() {
+            return Err(FileError::Unnamed {
+                path: destination.to_owned(),
+            });
+        }
         refuse_in_use(destination)?;
         existing_parent(destination)?;
+        // A link to an empty folder stays; what it points to is what gives way.
+        let followed = destination
+            .is_symlink()
+            .then(|| fs::canonicalize(destination))
+            .transpose()
+            .map_err(failed("follow", destination))?;
+        let destination = followed.as_deref().unwrap_or(destination);
         let building = temporary(destination, 0o777, |builder| {
             builder.tempdir_in(parent(destination))
         })
@@ -207,6 +219,32 @@ mod tests {
         let path = scratch.file("stand", "x");
         let error = OutputFolder::create(&path).unwrap_err();
         assert_report(error, &["stand", "is not a folder", "new folder"]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_to_an_empty_folder_is_followed() {
+        let scratch = Scratch::new();
+        let (real, link) = (scratch.path().join("real"), scratch.path().join("link"));
+        fs::create_dir(&real).unwrap();
+        std::os::unix::fs::symlink(&real, &link).unwrap();
+        let folder = OutputFolder::create(&link).unwrap();
+        folder.write("a.csv", b"a").unwrap();
+        folder.commit().unwrap();
+        assert!(link.is_symlink());
+        assert_eq!(fs::read(real.join("a.csv")).unwrap(), b"a");
+        assert_eq!(scratch.names(), ["link", "real"]);
+    }
+
+    #[test]
+    fn a_destination_without_a_name_is_refused() {
+        for destination in [".", "..", "/"] {
+            let error = OutputFolder::create(Path::new(destination)).unwrap_err();
+            assert_report(
+                error,
+                &[&format!("`{destination}`"), "name of a new folder"],
+            );
+        }
     }
 
     #[test]

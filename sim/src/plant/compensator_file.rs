@@ -39,14 +39,17 @@ pub struct CompensatorFile {
     pub coefficients: StoredCoefficients,
 }
 
-/// The filter's coefficients as the controller holds them.
+/// The filter's coefficients as the controller holds them; what they multiply is said there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-#[allow(missing_docs)] // What they multiply is said where the filter is.
 pub struct StoredCoefficients {
+    /// The integer of coefficient `k`.
     pub k: i32,
+    /// The integer of coefficient `c`.
     pub c: i32,
+    /// The integer of coefficient `g0`.
     pub g0: i32,
+    /// The integer of coefficient `g1`.
     pub g1: i32,
 }
 
