@@ -1,6 +1,6 @@
 //! The host side of Rotorlead: simulated actuators, and everything that is computed from records.
 //!
-//! Dependencies go one way: [`command`] -> [`report`] -> [`design`] -> {[`identify`], [`bench`]} ->
+//! Dependencies go one way: [`command`] -> [`report`] -> [`design`] -> {[`identify`], [`mod@bench`]} ->
 //! {[`record`], [`plant`]} -> {[`files`], the controller's crate `rotorlead`}.
 
 pub mod bench;

@@ -1,0 +1,81 @@
+//! `rotorlead import`
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use clap::Args;
+use serde_json::json;
+
+use super::outcome::{JsonOption, Outcome};
+use crate::record::import::{ImportOptions, ImportSummary, import};
+
+/// Takes the log of another tool as an experiment
+///
+/// Shows every column of the log and which of them were taken. Reads: RCbenchmark (Tyto) thrust-stand logs, and the
+/// logs of the AutoQuad ESC32. The format is told from the header.
+#[derive(Args, Debug)]
+pub struct Import {
+    /// The log
+    #[arg(value_name = "FILE")]
+    file: PathBuf,
+    /// The experiment's folder, which is made
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// What to call the experiment; the log's file name unless given
+    #[arg(long)]
+    name: Option<String>,
+    /// Pulse widths in microseconds that mean 0 and 1, where the log's command is a pulse width
+    #[arg(long, value_name = "LOW..HIGH", default_value = "1000..2000", value_parser = range)]
+    pulse_us: (f64, f64),
+    #[command(flatten)]
+    pub(super) json: JsonOption,
+}
+
+impl Import {
+    /// Runs the command.
+    pub fn run(&self) -> miette::Result<Outcome> {
+        let options = ImportOptions { name: self.name.clone(), esc_signal_us: self.pulse_us };
+        let taken = import(&self.file, &options)?;
+        taken.experiment.write(&self.out)?;
+        let mut text = describe(&taken.summary);
+        writeln!(text, "\nWritten to {}", self.out.display()).expect("a string takes all");
+        Ok(Outcome { text, json: json!(taken.summary) })
+    }
+}
+
+fn describe(summary: &ImportSummary) -> String {
+    let mut text = String::new();
+    let mut say = |line: String| {
+        text.push_str(&line);
+        text.push('\n');
+    };
+    say(format!("{}: {} of {} rows taken", summary.file.display(), summary.rows_taken, summary.rows_read));
+    for dropped in &summary.dropped {
+        say(format!("  {} rows left out: {}", dropped.rows, dropped.reason));
+    }
+    let timing = &summary.timing;
+    say(format!("  {:.1} rows/s; {}", timing.rate_hz, timing.method));
+    if let (Some(rms), Some(max)) = (timing.residual_rms_s, timing.residual_max_s) {
+        say(format!("  stamps are off the even grid by {:.1} ms RMS, {:.1} ms at most", 1e3 * rms, 1e3 * max));
+    }
+    if timing.rows_missing + timing.rows_reordered > 0 {
+        say(format!("  {} rows missing, {} reordered", timing.rows_missing, timing.rows_reordered));
+    }
+    say(String::from("\n  column                          taken as      remark"));
+    for column in &summary.columns {
+        let taken = column.taken_as.as_deref().unwrap_or("-");
+        say(format!("  {:<31} {taken:<13} {}", column.name, column.note));
+    }
+    for note in &summary.notes {
+        say(format!("\nnote: {note}"));
+    }
+    text
+}
+
+/// `LOW..HIGH`, both finite numbers, the first lower.
+pub fn range(text: &str) -> Result<(f64, f64), String> {
+    let remedy = || format!("`{text}` is no range: write it as LOW..HIGH, as in 0.1..30");
+    let (low, high) = text.split_once("..").ok_or_else(remedy)?;
+    let (low, high): (f64, f64) = (low.parse().map_err(|_| remedy())?, high.parse().map_err(|_| remedy())?);
+    if low.is_finite() && high.is_finite() && low < high { Ok((low, high)) } else { Err(remedy()) }
+}
