@@ -1,1 +1,1 @@
-
+//! Tests that need both worlds; they are in `tests/`.

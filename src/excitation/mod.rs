@@ -41,8 +41,9 @@ const WHOLE_TICKS_TOLERANCE: f64 = 1e-9;
 /// Fraction bits of a sum when it meets the gain: the high word of [`SUM_FRACTION_BITS`].
 const HIGH_SUM_FRACTION_BITS: u32 = SUM_FRACTION_BITS - 32;
 
-/// Fraction bits of the gain from line amplitudes to command.
-const GAIN_FRACTION_BITS: u32 = 32;
+/// Fraction bits of the gain from line amplitudes to command. A sum within the peak times the gain is
+/// at most 1/2, which has 62 fraction bits.
+const GAIN_FRACTION_BITS: u32 = 62 - HIGH_SUM_FRACTION_BITS;
 
 /// Fraction bits of a command (Q2.29).
 const COMMAND_FRACTION_BITS: u32 = Command::ONE.to_bits().trailing_zeros();
@@ -67,10 +68,10 @@ pub struct Multisine<'a> {
     lines: Lines<'a>,
     /// Command bits.
     nominal: i32,
-    /// Command bits; no sample is farther from `nominal`.
-    amplitude: i32,
+    /// Of the sum, line amplitudes, [`HIGH_SUM_FRACTION_BITS`], rounded down.
+    peak: i32,
     /// Command per line amplitude, [`GAIN_FRACTION_BITS`], rounded down.
-    gain: u32,
+    gain: i64,
     ticks_per_period: u32,
     /// 2^64 / `ticks_per_period`, rounded down.
     turn_per_tick: u64,
@@ -87,7 +88,7 @@ impl<'a> Multisine<'a> {
     /// `lines` around the command `nominal` with the peak `amplitude` (both 0 to 1), one sample per
     /// tick of a loop at `loop_rate_hz`. It is idle until [`Self::start`].
     ///
-    /// Over one period the peak is never above `amplitude`. It is below by what the grid of ticks
+    /// Over one period the peak is never above `amplitude` (rounded to a command). It is below by what the grid of ticks
     /// misses of the peak between them (0.1 % at most where the loop rate is 100 times the highest
     /// line or more) and by at most 2 units of 2^-29.
     ///
@@ -128,7 +129,7 @@ impl<'a> Multisine<'a> {
                 max: f64::from(room) / scale,
             });
         }
-        let amplitude_bits = (amplitude_bits as i32).min(room);
+        let amplitude_bits = amplitude_bits.min(f64::from(room));
 
         let period_s = f64::from(lines.period_s());
         let ticks = loop_rate_hz * period_s;
@@ -152,14 +153,14 @@ impl<'a> Multisine<'a> {
             return Err(ExcitationError::PeriodNotWhole { ticks });
         }
 
-        // At most 1/2 over a peak of at least 1: the gain is at most 2^31, and its product with
-        // the high word of a sum below 2^62.
-        let per_line = f64::from(amplitude_bits) / scale / lines.peak();
+        // At most 1/2 over a peak of at least 1.
+        let per_line = amplitude_bits / scale / lines.peak();
         Ok(Self {
             lines,
             nominal,
-            amplitude: amplitude_bits,
-            gain: (per_line * (1_u64 << GAIN_FRACTION_BITS) as f64) as u32,
+            // Below PEAK_LIMIT, which is 2^31 in these bits.
+            peak: (lines.peak() * (1_u64 << HIGH_SUM_FRACTION_BITS) as f64) as i32,
+            gain: (per_line * (1_u64 << GAIN_FRACTION_BITS) as f64) as i64,
             ticks_per_period,
             turn_per_tick: u64::MAX / u64::from(ticks_per_period),
             activity: Activity::Idle,
@@ -225,15 +226,13 @@ impl<'a> Multisine<'a> {
         if self.activity == Activity::Idle {
             return self.nominal();
         }
-        let high_sum = self.lines.sum(self.turn) >> 32;
-        // Both factors are bounded by 2^31: no overflow.
+        let high_sum = (self.lines.sum(self.turn) >> 32) as i32;
+        // Bounds the output, and the product, also for lines whose peak is understated.
+        let high_sum = high_sum.max(-self.peak).min(self.peak);
+        // Peak times gain is the amplitude at most, so this stays within 2^61.
+        let scaled = i64::from(high_sum).wrapping_mul(self.gain);
         let rounding = 1_i64 << (DEVIATION_SHIFT - 1);
-        let deviation = (high_sum
-            .wrapping_mul(i64::from(self.gain))
-            .wrapping_add(rounding)
-            >> DEVIATION_SHIFT) as i32;
-        // Bounds the output also for lines whose peak is understated.
-        let deviation = deviation.max(-self.amplitude).min(self.amplitude);
+        let deviation = (scaled.wrapping_add(rounding) >> DEVIATION_SHIFT) as i32;
 
         let at_nominal = self.deviation == 0 || deviation == 0;
         let crossed = (self.deviation < 0) != (deviation < 0);
@@ -287,3 +286,6 @@ fn in_range(
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests;
