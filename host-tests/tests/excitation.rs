@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use realfft::RealFftPlanner;
 use rotorlead::excitation::{Lines, Multisine, ODD_LINES_30_HZ, ODD_LINES_45_HZ};
-use rotorlead_sim::bench::multisine::flight::{RECIPES, Recipe, cook, source, sum_to_f64};
+use rotorlead_sim::bench::multisine::flight::{RECIPES, Recipe, find_phases, source, sum_to_f64};
 
 const RATE_HZ: f64 = 5000.0;
 const AMPLITUDE: f64 = 0.05;
@@ -127,9 +127,9 @@ fn the_sum_starts_at_zero() {
 /// as angles: 1e-6 turn is far below what two different minima differ by.
 #[test]
 fn the_committed_phases_are_what_their_recipes_give() {
-    let mut cooked = Vec::new();
+    let mut sets = Vec::new();
     for (lines, recipe, _) in SETS {
-        let (_, set) = cook(&recipe, |_| ()).unwrap();
+        let (_, set) = find_phases(&recipe, |_| ()).unwrap();
         assert_eq!(lines.count(), set.phases.len());
         for (committed, found) in lines.phases().iter().zip(&set.phases) {
             let apart = committed.wrapping_sub(*found) as i32;
@@ -146,7 +146,7 @@ fn the_committed_phases_are_what_their_recipes_give() {
             lines.peak()
         );
         // With the committed numbers the file is what the example writes, to the last character.
-        cooked.push((
+        sets.push((
             recipe,
             rotorlead_sim::bench::multisine::flight::Phases {
                 phases: lines.phases().to_vec(),
@@ -156,7 +156,7 @@ fn the_committed_phases_are_what_their_recipes_give() {
     }
     let committed = include_str!("../../src/excitation/phases.rs");
     assert!(
-        source(&cooked) == committed,
+        source(&sets) == committed,
         "src/excitation/phases.rs was edited by hand"
     );
 }

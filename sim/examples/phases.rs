@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use rotorlead_sim::bench::multisine::flight::{RECIPES, cook, source};
+use rotorlead_sim::bench::multisine::flight::{RECIPES, find_phases, source};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut sets = Vec::new();
     for recipe in RECIPES {
-        let (multisine, phases) = cook(&recipe, |_| ())?;
+        let (multisine, phases) = find_phases(&recipe, |_| ())?;
         println!(
             "{}: crest factor {:.4}",
             recipe.name,

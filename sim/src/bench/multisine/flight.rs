@@ -125,10 +125,10 @@ fn start_at_zero(phases: &mut [u32], peak: f64) -> Result<(), ExcitationError> {
 ///
 /// # Errors
 /// None for the recipes of this module; the types are those of the steps.
-pub fn cook(
+pub fn find_phases(
     recipe: &Recipe,
     progress: impl FnMut(Progress),
-) -> Result<(Multisine, Phases), CookError> {
+) -> Result<(Multisine, Phases), FlightError> {
     let multisine = optimize(&LineSet::odd(recipe.count)?, &recipe.search, progress)?;
     let phases = Phases::new(&multisine)?;
     Ok((multisine, phases))
@@ -136,7 +136,7 @@ pub fn cook(
 
 /// Why a recipe fails.
 #[derive(Clone, Debug, PartialEq, thiserror::Error, miette::Diagnostic)]
-pub enum CookError {
+pub enum FlightError {
     /// The line set is none.
     #[error(transparent)]
     #[diagnostic(transparent)]
