@@ -84,6 +84,13 @@ pub enum IdentifyError {
         /// The record.
         file: String,
     },
+    /// The response does not move.
+    #[error("{file}: the response is constant")]
+    #[diagnostic(help("check the sensor's connection, and that the motor was running"))]
+    ConstantResponse {
+        /// The record.
+        file: String,
+    },
     /// The command differs from period to period.
     #[error("{file}: the command differs from period to period by {percent:.1} % (RMS)")]
     #[diagnostic(help("correct period_s in experiment.toml, or record the excitation without gaps"))]

@@ -137,18 +137,19 @@ impl Etfe {
         Self::from_points(raw, &reference, self.half_width)
     }
 
-    /// Another experiment as it could have been: the smoothed curve with fresh noise of the raw
-    /// variances, smoothed again. The parametric bootstrap draws these.
+    /// Another experiment as it could have been: the raw estimate with fresh noise of its variances,
+    /// smoothed. The parametric bootstrap draws these. Smoothing is linear, so the draws scatter
+    /// around the smoothed curve; starting from that curve would smooth twice and pull them
+    /// towards the reference.
     pub(super) fn resample<R: Rng>(&self, rng: &mut R) -> Self {
         let raw: Vec<_> = self
             .raw
             .iter()
-            .zip(&self.smoothed)
-            .map(|(raw, smoothed)| {
+            .map(|point| {
                 let real: f64 = StandardNormal.sample(rng);
                 let imaginary: f64 = StandardNormal.sample(rng);
-                let noise = Complex64::new(real, imaginary) * (0.5 * raw.variance).sqrt();
-                ResponsePoint { response: smoothed.response + noise, ..*raw }
+                let noise = Complex64::new(real, imaginary) * (0.5 * point.variance).sqrt();
+                ResponsePoint { response: point.response + noise, ..*point }
             })
             .collect();
         let smoothed = smooth(&raw, &self.reference, self.half_width);

@@ -42,8 +42,8 @@ impl FitLine {
     /// A line of a spectrum behind the holds of its record and a filter with this response.
     #[must_use]
     pub fn new(line: &Line, holds: &HoldChain, filter: Complex64) -> Self {
-        // The filter runs at the command's rate, of which the images are not multiples away from
-        // the line: it shapes the samples before any hold.
+        // The filter shapes the command's samples, before any hold makes images of them: all
+        // images carry its response at the line itself.
         let mut images = holds.images(line.omega_rad_s);
         for image in &mut images {
             image.weight *= filter;

@@ -32,7 +32,7 @@
 //! seen in the rows: any other phase adds less than `1 / (q f_c)` (67 us at 5 kHz and 600 Hz) to
 //! the lag. Nor do images matter when the clocks are not locked; they then average out.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 
 use num_complex::Complex64;
 
@@ -52,6 +52,7 @@ const MAX_DENOMINATOR: u64 = 256;
 pub struct HoldChain {
     row_rate_hz: f64,
     command_rate_hz: f64,
+    esc_frame_hz: Option<f64>,
     takeover_rate_hz: f64,
     /// `p / q` of command over takeover rate; `None` when the clocks have no common period.
     ratio: Option<(u64, u64)>,
@@ -90,6 +91,7 @@ impl HoldChain {
         Ok(Self {
             row_rate_hz,
             command_rate_hz,
+            esc_frame_hz,
             takeover_rate_hz,
             ratio: rational(command_rate_hz / takeover_rate_hz),
         })
@@ -101,10 +103,10 @@ impl HoldChain {
         self.row_rate_hz
     }
 
-    /// Rate at which the actuator's input can change, hertz: the ESC frame, or the command itself.
+    /// Rate at which the ESC takes over the command, hertz, where there are frames.
     #[must_use]
-    pub fn takeover_rate_hz(&self) -> f64 {
-        self.takeover_rate_hz
+    pub fn esc_frame_hz(&self) -> Option<f64> {
+        self.esc_frame_hz
     }
 
     /// Mean lag of the frame starts behind the command's ticks, seconds; without the hold itself.
@@ -194,6 +196,8 @@ fn rational(value: f64) -> Option<(u64, u64)> {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::PI;
+
     use super::*;
 
     /// Response of `1 / (tau s + 1)` at the rows to `cos(w t)`, by running it: ticks of 1/15000 s
