@@ -56,6 +56,19 @@ pub struct HoldChain {
     takeover_rate_hz: f64,
     /// `p / q` of command over takeover rate; `None` when the clocks have no common period.
     ratio: Option<(u64, u64)>,
+    /// What of the images does not depend on the line.
+    shifts: Vec<Shift>,
+}
+
+/// One multiple of the row rate by which an image is shifted.
+#[derive(Clone, Debug, PartialEq)]
+struct Shift {
+    /// `2 pi n f_r`.
+    omega_rad_s: f64,
+    /// `e^(-j pi n f_r / f_e)`: the hold's half-frame delay of this shift.
+    half_frame: Complex64,
+    /// `e^(-2 pi j n f_r t_m) / q` at each frame start of the lag's cycle.
+    frames: Vec<Complex64>,
 }
 
 /// One frequency that appears on a line of the rows, and how strongly the holds excite it.
@@ -88,12 +101,15 @@ impl HoldChain {
         let row_rate_hz = positive("sample_rate_hz", row_rate_hz)?;
         let command_rate_hz = positive("command_rate_hz", command_rate_hz.unwrap_or(row_rate_hz))?;
         let takeover_rate_hz = positive("esc_frame_hz", esc_frame_hz.unwrap_or(command_rate_hz))?;
+        let ratio = rational(command_rate_hz / takeover_rate_hz);
+        let shifts = ratio.map_or_else(Vec::new, |(_, q)| shifts(row_rate_hz, takeover_rate_hz, q));
         Ok(Self {
             row_rate_hz,
             command_rate_hz,
             esc_frame_hz,
             takeover_rate_hz,
-            ratio: rational(command_rate_hz / takeover_rate_hz),
+            ratio,
+            shifts,
         })
     }
 
@@ -124,7 +140,10 @@ impl HoldChain {
         let lag = match self.ratio {
             Some((_, q)) => {
                 let step = omega_rad_s / (q as f64 * self.command_rate_hz);
-                (0..q).map(|i| Complex64::cis(-step * i as f64)).sum::<Complex64>() / q as f64
+                (0..q)
+                    .map(|i| Complex64::cis(-step * i as f64))
+                    .sum::<Complex64>()
+                    / q as f64
             }
             None => zero_order_hold(omega_rad_s, self.command_rate_hz),
         };
@@ -136,39 +155,64 @@ impl HoldChain {
     /// The response of a plant `G` at the rows is the sum of `weight * G(omega)`.
     #[must_use]
     pub fn images(&self, omega_rad_s: f64) -> Vec<Image> {
-        let mut images = vec![Image { omega_rad_s, weight: self.response(omega_rad_s) }];
-        let Some((p, q)) = self.ratio else { return images };
-        // Lines of `e` lie f_e / q apart; every `stride`-th multiple of the row rate is one of them.
-        let spacing_hz = self.takeover_rate_hz / q as f64;
-        let Some((stride, _)) = rational(spacing_hz / self.row_rate_hz) else { return images };
-        let stride = i64::try_from(stride).unwrap_or(i64::MAX);
-        if stride > MAX_IMAGE {
+        let mut images = vec![Image {
+            omega_rad_s,
+            weight: self.response(omega_rad_s),
+        }];
+        let Some((p, q)) = self.ratio else {
             return images;
-        }
+        };
         let lag_step = omega_rad_s / (q as f64 * self.command_rate_hz);
-        let frame_phase = TAU * self.row_rate_hz / self.takeover_rate_hz;
-        for n in (1..=MAX_IMAGE / stride).flat_map(|i| [i * stride, -i * stride]) {
-            let omega = omega_rad_s + TAU * self.row_rate_hz * n as f64;
-            let modulation = (0..q)
-                .map(|m| {
-                    let lag = (u128::from(m) * u128::from(p) % u128::from(q)) as f64;
-                    Complex64::cis(-lag_step * lag - frame_phase * n as f64 * m as f64)
-                })
-                .sum::<Complex64>()
-                / q as f64;
-            let weight = modulation * zero_order_hold(omega, self.takeover_rate_hz);
+        let lags: Vec<_> = (0..q)
+            .map(|m| Complex64::cis(-lag_step * (m as u128 * p as u128 % q as u128) as f64))
+            .collect();
+        let half_frame = Complex64::cis(-0.5 * omega_rad_s / self.takeover_rate_hz);
+        for shift in &self.shifts {
+            let modulation: Complex64 = lags.iter().zip(&shift.frames).map(|(l, f)| l * f).sum();
+            let omega = omega_rad_s + shift.omega_rad_s;
+            let delay = half_frame * shift.half_frame;
+            // The hold is sin(x) / x e^(-j x) with x = omega / (2 f_e), and e^(-j x) is `delay`.
+            let hold = delay * (-delay.im * 2.0 * self.takeover_rate_hz / omega);
+            let weight = modulation * hold;
             if weight.norm() > 1e-9 {
-                images.push(Image { omega_rad_s: omega, weight });
+                images.push(Image {
+                    omega_rad_s: omega,
+                    weight,
+                });
             }
         }
         images
     }
 }
 
+/// The multiples of the row rate at which the frames' pattern, of `q` frames, has lines.
+fn shifts(row_rate_hz: f64, takeover_rate_hz: f64, q: u64) -> Vec<Shift> {
+    // Its lines lie f_e / q apart, of which every `stride`-th multiple of the row rate is one.
+    let Some((stride, _)) = rational(takeover_rate_hz / q as f64 / row_rate_hz) else {
+        return Vec::new();
+    };
+    let stride = i64::try_from(stride).unwrap_or(i64::MAX).max(1);
+    let rows_per_frame = row_rate_hz / takeover_rate_hz;
+    (1..=MAX_IMAGE / stride)
+        .flat_map(|i| [i * stride, -i * stride])
+        .map(|n| Shift {
+            omega_rad_s: TAU * row_rate_hz * n as f64,
+            half_frame: Complex64::cis(-0.5 * TAU * rows_per_frame * n as f64),
+            frames: (0..q)
+                .map(|m| Complex64::cis(-TAU * rows_per_frame * n as f64 * m as f64) / q as f64)
+                .collect(),
+        })
+        .collect()
+}
+
 /// `sinc(w T / 2) e^(-j w T / 2)` with `T = 1 / rate_hz`.
 fn zero_order_hold(omega_rad_s: f64, rate_hz: f64) -> Complex64 {
     let half = 0.5 * omega_rad_s / rate_hz;
-    let sinc = if half.abs() < 1e-6 { 1.0 - half * half / 6.0 } else { half.sin() / half };
+    let sinc = if half.abs() < 1e-6 {
+        1.0 - half * half / 6.0
+    } else {
+        half.sin() / half
+    };
     Complex64::from_polar(1.0, -half.rem_euclid(TAU)) * sinc
 }
 
@@ -232,7 +276,11 @@ mod tests {
 
     fn at_rows(chain: &HoldChain, omega: f64, tau_s: f64) -> Complex64 {
         let plant = |w: f64| 1.0 / Complex64::new(1.0, w * tau_s);
-        chain.images(omega).iter().map(|i| i.weight * plant(i.omega_rad_s)).sum()
+        chain
+            .images(omega)
+            .iter()
+            .map(|i| i.weight * plant(i.omega_rad_s))
+            .sum()
     }
 
     #[test]
@@ -265,9 +313,14 @@ mod tests {
                     worst_linear = worst_linear.max((linear / truth - 1.0).norm());
                 }
             }
-            println!("{rows} {command:?} {frame:?}: {worst:.1e}, without images {worst_linear:.1e}");
+            println!(
+                "{rows} {command:?} {frame:?}: {worst:.1e}, without images {worst_linear:.1e}"
+            );
             assert!(worst < exact, "{rows} {command:?} {frame:?}: {worst:e}");
-            assert!(worst_linear < time_invariant, "{rows} {command:?} {frame:?}: {worst_linear:e}");
+            assert!(
+                worst_linear < time_invariant,
+                "{rows} {command:?} {frame:?}: {worst_linear:e}"
+            );
         }
     }
 

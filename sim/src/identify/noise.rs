@@ -37,8 +37,9 @@ pub(super) fn from_unexcited(
         is_excited[bin] = true;
     }
     // The last bin of an even length is real: it has half the degrees of freedom.
-    let quiet: Vec<usize> =
-        (1..spectrum.len().saturating_sub(1).min(top)).filter(|&bin| !is_excited[bin]).collect();
+    let quiet: Vec<usize> = (1..spectrum.len().saturating_sub(1).min(top))
+        .filter(|&bin| !is_excited[bin])
+        .collect();
     let count = count.min(quiet.len());
     if count < 3 {
         return None;
@@ -48,7 +49,10 @@ pub(super) fn from_unexcited(
         .map(|&bin| {
             let above = quiet.partition_point(|&q| q < bin);
             let first = above.saturating_sub(count / 2).min(quiet.len() - count);
-            quiet[first..first + count].iter().map(|&q| spectrum[q].norm_sqr()).sum::<f64>()
+            quiet[first..first + count]
+                .iter()
+                .map(|&q| spectrum[q].norm_sqr())
+                .sum::<f64>()
                 / count as f64
         })
         .collect();

@@ -57,7 +57,10 @@ impl PeriodicIdentification {
     /// The points of a [`crate::plant::Model`].
     #[must_use]
     pub fn points(&self) -> Vec<Point> {
-        self.nominals.iter().map(NominalIdentification::point).collect()
+        self.nominals
+            .iter()
+            .map(NominalIdentification::point)
+            .collect()
     }
 }
 
@@ -144,7 +147,9 @@ pub enum IdentifyWarning {
         nominal: f64,
     },
     /// The first period was dropped.
-    #[error("{file}: the first of {periods} periods carries a transient (p = {p_value:.1e}) and is left out")]
+    #[error(
+        "{file}: the first of {periods} periods carries a transient (p = {p_value:.1e}) and is left out"
+    )]
     TransientDropped {
         /// The record.
         file: String,
@@ -154,7 +159,9 @@ pub enum IdentifyWarning {
         p_value: f64,
     },
     /// Nothing to compare the first period with.
-    #[error("{file}: no other period to test the first for a transient; let the motor run in before recording")]
+    #[error(
+        "{file}: no other period to test the first for a transient; let the motor run in before recording"
+    )]
     TransientUntested {
         /// The record.
         file: String,
@@ -168,13 +175,17 @@ pub enum IdentifyWarning {
         rows: usize,
     },
     /// The noise is known from unexcited lines only.
-    #[error("{file}: one period is left; the noise is taken from unexcited lines, with any even-order distortion")]
+    #[error(
+        "{file}: one period is left; the noise is taken from unexcited lines, with any even-order distortion"
+    )]
     NoiseFromUnexcitedLines {
         /// The record.
         file: String,
     },
     /// The lag does not explain the response to within its noise.
-    #[error("u_nom {nominal}: a first-order lag leaves {reduced_chi_square:.1} times the noise power; the standard errors cover noise only")]
+    #[error(
+        "u_nom {nominal}: a first-order lag leaves {reduced_chi_square:.1} times the noise power; the standard errors cover noise only"
+    )]
     ModelTooSimple {
         /// The nominal command.
         nominal: f64,
@@ -182,7 +193,9 @@ pub enum IdentifyWarning {
         reduced_chi_square: f64,
     },
     /// The compensator of a compensated record is not known.
-    #[error("{file}: its compensator's response is unknown, so it is neither smoothed nor fitted; record esc_command")]
+    #[error(
+        "{file}: its compensator's response is unknown, so it is neither smoothed nor fitted; record esc_command"
+    )]
     CompensatorUnknown {
         /// The record.
         file: String,
@@ -214,11 +227,15 @@ pub fn identify_periodic(
     for group in records.chunk_by(|a, b| b.nominal - a.nominal < SAME_NOMINAL) {
         match identify_nominal(experiment, group, options)? {
             Some(found) => nominals.push(found),
-            None => warnings.push(IdentifyWarning::NothingToFit { nominal: group[0].nominal }),
+            None => warnings.push(IdentifyWarning::NothingToFit {
+                nominal: group[0].nominal,
+            }),
         }
     }
     if nominals.is_empty() {
-        return Err(IdentifyError::NoFitRecord { name: experiment.name.clone() });
+        return Err(IdentifyError::NoFitRecord {
+            name: experiment.name.clone(),
+        });
     }
     Ok(PeriodicIdentification { nominals, warnings })
 }
@@ -226,10 +243,22 @@ pub fn identify_periodic(
 /// A multisine record on its way to a [`RecordResponse`].
 struct Transformed<'a> {
     record: &'a Record,
-    holds: HoldChain,
     spectrum: Spectrum,
-    /// The lines behind holds and compensator; `None` when the compensator is unknown.
-    lines: Option<Vec<FitLine>>,
+    /// The lines behind the holds.
+    lines: Vec<FitLine>,
+    /// The compensator at each line, one without; `None` when it is unknown.
+    filter: Option<Vec<Complex64>>,
+}
+
+impl Transformed<'_> {
+    /// The lines behind holds and compensator; none when the compensator is unknown.
+    fn fit_lines(&self) -> impl Iterator<Item = FitLine> {
+        let filter = self.filter.as_deref().unwrap_or_default();
+        self.lines
+            .iter()
+            .zip(filter)
+            .map(|(line, filter)| line.clone().behind(*filter))
+    }
 }
 
 fn identify_nominal(
@@ -248,12 +277,15 @@ fn identify_nominal(
     let may_fit = |t: &Transformed<'_>, compensated: bool| {
         t.record.role != Some(Role::Validate)
             && t.record.compensated == compensated
-            && t.lines.is_some()
+            && t.filter.is_some()
     };
     let fit_compensated = !transformed.iter().any(|t| may_fit(t, false));
     let is_fitted = |t: &Transformed<'_>| may_fit(t, fit_compensated);
-    let lines: Vec<FitLine> =
-        transformed.iter().filter(|t| is_fitted(t)).filter_map(|t| t.lines.clone()).flatten().collect();
+    let lines: Vec<FitLine> = transformed
+        .iter()
+        .filter(|t| is_fitted(t))
+        .flat_map(Transformed::fit_lines)
+        .collect();
     if lines.is_empty() {
         return Ok(None);
     }
@@ -268,10 +300,13 @@ fn identify_nominal(
     let validation: Vec<FitLine> = transformed
         .iter()
         .filter(|t| t.record.role == Some(Role::Validate) && !t.record.compensated)
-        .filter_map(|t| t.lines.clone())
-        .flatten()
+        .flat_map(Transformed::fit_lines)
         .collect();
-    let judged = if validation.is_empty() { &lines } else { &validation };
+    let judged = if validation.is_empty() {
+        &lines
+    } else {
+        &validation
+    };
     let measured: Vec<_> = judged.iter().map(|line| line.response).collect();
     let model: Vec<_> = judged.iter().map(|line| fit.response_at(line)).collect();
 
@@ -304,7 +339,10 @@ fn transform<'a>(
     let holds = holds_of(experiment, spectrum.row_rate_hz)?;
     let file = || record.file.clone();
     if spectrum.rows_left_out > 0 {
-        warnings.push(IdentifyWarning::RowsLeftOut { file: file(), rows: spectrum.rows_left_out });
+        warnings.push(IdentifyWarning::RowsLeftOut {
+            file: file(),
+            rows: spectrum.rows_left_out,
+        });
     }
     match spectrum.transient.p_value {
         None => warnings.push(IdentifyWarning::TransientUntested { file: file() }),
@@ -320,28 +358,41 @@ fn transform<'a>(
     if spectrum.noise == NoiseSource::UnexcitedLines {
         warnings.push(IdentifyWarning::NoiseFromUnexcitedLines { file: file() });
     }
-    let lines = spectrum
+    let filter = spectrum
         .lines
         .iter()
         .map(|line| {
-            let filter = if !record.compensated {
+            if !record.compensated {
                 Some(Complex64::ONE)
             } else if let Some(esc_command) = line.esc_command {
                 Some(esc_command / line.command)
             } else {
                 options.compensator.map(|c| c(line.omega_rad_s))
-            };
-            filter.map(|filter| FitLine::new(line, &holds, filter))
+            }
         })
         .collect::<Option<Vec<_>>>();
-    if lines.is_none() {
+    if filter.is_none() {
         warnings.push(IdentifyWarning::CompensatorUnknown { file: file() });
     }
-    Ok(Transformed { record, holds, spectrum, lines })
+    let lines = spectrum
+        .lines
+        .iter()
+        .map(|line| FitLine::new(line, &holds))
+        .collect();
+    Ok(Transformed {
+        record,
+        spectrum,
+        lines,
+        filter,
+    })
 }
 
 fn holds_of(experiment: &Experiment, row_rate_hz: f64) -> Result<HoldChain, IdentifyError> {
-    HoldChain::new(row_rate_hz, experiment.command_rate_hz, experiment.esc_frame_hz)
+    HoldChain::new(
+        row_rate_hz,
+        experiment.command_rate_hz,
+        experiment.esc_frame_hz,
+    )
 }
 
 fn respond(
@@ -351,19 +402,29 @@ fn respond(
     half_width: usize,
 ) -> Result<RecordResponse, IdentifyError> {
     let spectrum = &transformed.spectrum;
-    let (reference, half_width): (Vec<Complex64>, usize) = match &transformed.lines {
-        Some(lines) => (lines.iter().map(|line| fit.response_at(line)).collect(), half_width),
-        None => (vec![Complex64::ONE; spectrum.lines.len()], 0),
+    let behind_holds: Vec<_> = transformed
+        .lines
+        .iter()
+        .map(|l| fit.response_at(l))
+        .collect();
+    let (reference, half_width) = match &transformed.filter {
+        Some(filter) => (
+            behind_holds
+                .iter()
+                .zip(filter)
+                .map(|(r, f)| r * f)
+                .collect(),
+            half_width,
+        ),
+        None => (vec![Complex64::ONE; behind_holds.len()], 0),
     };
     let etfe = Etfe::new(&spectrum.lines, &reference, half_width)?;
     // What the rows show over what the actuator does: the holds, and the images for this lag.
-    let holds: Vec<_> = spectrum
+    let holds: Vec<_> = transformed
         .lines
         .iter()
-        .map(|line| {
-            let seen = fit.response_at(&FitLine::new(line, &transformed.holds, Complex64::ONE));
-            seen / fit.response(line.omega_rad_s)
-        })
+        .zip(&behind_holds)
+        .map(|(line, seen)| seen / fit.response(line.omega_rad_s))
         .collect();
     Ok(RecordResponse {
         compensated: transformed.record.compensated,
@@ -390,7 +451,13 @@ fn run_square(
         fit.delay_s.map_or(0.0, |d| d.value),
     );
     let simulated = align(measured, &model, row_rate_hz, tau);
-    let fit_percent = fit_percent(measured, &simulated)
-        .ok_or_else(|| IdentifyError::ConstantResponse { file: record.file.clone() })?;
-    Ok(SquareValidation { file: record.file.clone(), fit_percent, simulated })
+    let fit_percent =
+        fit_percent(measured, &simulated).ok_or_else(|| IdentifyError::ConstantResponse {
+            file: record.file.clone(),
+        })?;
+    Ok(SquareValidation {
+        file: record.file.clone(),
+        fit_percent,
+        simulated,
+    })
 }

@@ -27,7 +27,11 @@ pub struct SpectrumOptions {
 
 impl Default for SpectrumOptions {
     fn default() -> Self {
-        Self { line_threshold: 0.1, pool_half_width: 5, transient_level: 0.05 }
+        Self {
+            line_threshold: 0.1,
+            pool_half_width: 5,
+            transient_level: 0.05,
+        }
     }
 }
 
@@ -115,16 +119,21 @@ pub(super) fn response_of(record: &Record, output: Output) -> Result<&[f64], Ide
 /// # Errors
 /// [`IdentifyError::UnevenRows`] when a row is more than a tenth of a row away from even spacing,
 /// [`IdentifyError::TooShort`] when there are fewer than two rows.
-pub(super) fn row_rate_hz(
-    record: &Record,
-    stated_hz: Option<f64>,
-) -> Result<f64, IdentifyError> {
+pub(super) fn row_rate_hz(record: &Record, stated_hz: Option<f64>) -> Result<f64, IdentifyError> {
     let (Some(&first), Some(&last)) = (record.time_s.first(), record.time_s.last()) else {
-        return Err(IdentifyError::TooShort { file: record.file.clone(), rows: 0, period_rows: 2 });
+        return Err(IdentifyError::TooShort {
+            file: record.file.clone(),
+            rows: 0,
+            period_rows: 2,
+        });
     };
     let steps = record.time_s.len() - 1;
     if steps == 0 {
-        return Err(IdentifyError::TooShort { file: record.file.clone(), rows: 1, period_rows: 2 });
+        return Err(IdentifyError::TooShort {
+            file: record.file.clone(),
+            rows: 1,
+            period_rows: 2,
+        });
     }
     let rate = stated_hz.unwrap_or(steps as f64 / (last - first));
     let worst = record
@@ -132,9 +141,11 @@ pub(super) fn row_rate_hz(
         .iter()
         .enumerate()
         .map(|(row, t)| (row, ((t - first) * rate - row as f64).abs()))
-        .fold((0, 0.0), |a, b| if b.1 > a.1 || b.1.is_nan() { b } else { a });
-    // Written so that NaN is refused as well.
-    if !(worst.1 <= 0.1) {
+        .fold(
+            (0, 0.0),
+            |a, b| if b.1 > a.1 || b.1.is_nan() { b } else { a },
+        );
+    if worst.1.is_nan() || worst.1 > 0.1 {
         return Err(IdentifyError::UnevenRows {
             file: record.file.clone(),
             row: worst.0,
@@ -160,11 +171,17 @@ impl Spectrum {
         let file = || record.file.clone();
         let response = response_of(record, experiment.output)?;
         let row_rate_hz = row_rate_hz(record, experiment.sample_rate_hz)?;
-        let period_s = record.period_s.ok_or_else(|| IdentifyError::NoPeriod { file: file() })?;
+        let period_s = record
+            .period_s
+            .ok_or_else(|| IdentifyError::NoPeriod { file: file() })?;
         let rows = period_s * row_rate_hz;
         let length = rows.round();
         if !((rows - length).abs() <= 1e-3 && (4.0..=1e9).contains(&length)) {
-            return Err(IdentifyError::PeriodRows { file: file(), period_s, rows });
+            return Err(IdentifyError::PeriodRows {
+                file: file(),
+                period_s,
+                rows,
+            });
         }
         let length = length as usize;
         let periods = response.len() / length;
@@ -266,7 +283,9 @@ fn transform(samples: &[f64], length: usize) -> Vec<Vec<Complex64>> {
 fn mean(periods: &[Vec<Complex64>]) -> Vec<Complex64> {
     let count = periods.len() as f64;
     let bins = periods.first().map_or(0, Vec::len);
-    (0..bins).map(|k| periods.iter().map(|p| p[k]).sum::<Complex64>() / count).collect()
+    (0..bins)
+        .map(|k| periods.iter().map(|p| p[k]).sum::<Complex64>() / count)
+        .collect()
 }
 
 fn sample_variance(periods: &[Vec<Complex64>], mean: &[Complex64]) -> Vec<f64> {
@@ -283,10 +302,12 @@ fn sample_variance(periods: &[Vec<Complex64>], mean: &[Complex64]) -> Vec<f64> {
 fn excited_bins(command: &[Complex64], threshold: f64) -> Vec<usize> {
     let inner = 1..command.len().saturating_sub(1);
     let peak = inner.clone().map(|k| command[k].norm()).fold(0.0, f64::max);
-    if !(peak > 1e-9) {
+    if peak.is_nan() || peak <= 1e-9 {
         return Vec::new();
     }
-    inner.filter(|&k| command[k].norm() >= threshold * peak).collect()
+    inner
+        .filter(|&k| command[k].norm() >= threshold * peak)
+        .collect()
 }
 
 /// The command has no noise, so its periods must agree; a wrong `period_s` shows here.
