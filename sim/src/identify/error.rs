@@ -1,0 +1,145 @@
+//! What can be wrong with records that are to be identified, and what to do about it.
+
+use miette::Diagnostic;
+use thiserror::Error;
+
+/// A record or setting from which nothing can be identified.
+#[derive(Clone, Debug, PartialEq, Error, Diagnostic)]
+pub enum IdentifyError {
+    /// A rate is not a positive number.
+    #[error("{name} is {value}, which is not a rate")]
+    #[diagnostic(help("give {name} in hertz, above zero, in experiment.toml"))]
+    Rate {
+        /// The key.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// A setting is outside its range.
+    #[error("{name} is {value}, outside {range}")]
+    #[diagnostic(help("choose {name} within {range}"))]
+    Setting {
+        /// The setting.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// What it may be.
+        range: &'static str,
+    },
+    /// A periodic record does not say its period.
+    #[error("{file}: a periodic record without a period")]
+    #[diagnostic(help("add period_s to this record in experiment.toml"))]
+    NoPeriod {
+        /// The record.
+        file: String,
+    },
+    /// The record has not got the response column, or its columns differ in length.
+    #[error("{file}: no response column {column} of {rows} rows")]
+    #[diagnostic(help("record this column, or change `output` in experiment.toml"))]
+    NoResponse {
+        /// The record.
+        file: String,
+        /// The column's name.
+        column: &'static str,
+        /// Rows in the time column.
+        rows: usize,
+    },
+    /// Rows are not evenly spaced in time.
+    #[error("{file}: row {row} is {off_by:.3} rows away from an even spacing")]
+    #[diagnostic(help(
+        "a periodic record needs evenly spaced rows: resample it, or log at a fixed rate"
+    ))]
+    UnevenRows {
+        /// The record.
+        file: String,
+        /// Index of the row that is furthest off, from 0.
+        row: usize,
+        /// By how much, in rows.
+        off_by: f64,
+    },
+    /// The period is not a whole number of rows.
+    #[error("{file}: a period of {period_s} s is {rows} rows, not a whole number")]
+    #[diagnostic(help(
+        "correct period_s or sample_rate_hz, or record at a rate that divides the period"
+    ))]
+    PeriodRows {
+        /// The record.
+        file: String,
+        /// The period in seconds.
+        period_s: f64,
+        /// Rows in a period.
+        rows: f64,
+    },
+    /// Less than a period was recorded.
+    #[error("{file}: {rows} rows, less than one period of {period_rows}")]
+    #[diagnostic(help(
+        "record at least one whole period; four are better, their spread gives the noise"
+    ))]
+    TooShort {
+        /// The record.
+        file: String,
+        /// Rows recorded.
+        rows: usize,
+        /// Rows in a period.
+        period_rows: usize,
+    },
+    /// The command does not move.
+    #[error("{file}: the command is constant")]
+    #[diagnostic(help(
+        "nothing can be identified from it: excite the actuator, for instance with a multisine"
+    ))]
+    ConstantCommand {
+        /// The record.
+        file: String,
+    },
+    /// The response does not move.
+    #[error("{file}: the response is constant")]
+    #[diagnostic(help("check the sensor's connection, and that the motor was running"))]
+    ConstantResponse {
+        /// The record.
+        file: String,
+    },
+    /// The command differs from period to period.
+    #[error("{file}: the command differs from period to period by {percent:.1} % (RMS)")]
+    #[diagnostic(help(
+        "correct period_s in experiment.toml, or record the excitation without gaps"
+    ))]
+    NotPeriodic {
+        /// The record.
+        file: String,
+        /// RMS of the difference over RMS of the command's excited lines, percent.
+        percent: f64,
+    },
+    /// One period, and every line of it excited.
+    #[error("{file}: one period is left and no unexcited line, so the noise is unknown")]
+    #[diagnostic(help("record at least two periods, or a multisine of odd lines only"))]
+    NoNoise {
+        /// The record.
+        file: String,
+    },
+    /// Too few lines for the parameters.
+    #[error("{lines} excited lines cannot determine {parameters} parameters")]
+    #[diagnostic(help("excite more lines, below and above the actuator's bandwidth"))]
+    TooFewLines {
+        /// Lines at hand.
+        lines: usize,
+        /// Parameters to find.
+        parameters: usize,
+    },
+    /// No time constant fits.
+    #[error("no first-order lag fits the response: {reason}")]
+    #[diagnostic(help(
+        "check that command and response belong together, and that lines reach above the bandwidth"
+    ))]
+    NoFit {
+        /// What went wrong.
+        reason: &'static str,
+    },
+    /// No record to fit on.
+    #[error("experiment {name:?} has no multisine record to fit on")]
+    #[diagnostic(help("record a multisine, or set role = \"fit\" on one"))]
+    NoFitRecord {
+        /// The experiment's name.
+        name: String,
+    },
+}

@@ -1,0 +1,83 @@
+//! % fit, `100 (1 - ||y - yhat|| / ||y - mean(y)||)`, as the paper and Ljung's toolbox use it.
+//!
+//! 100 is perfect, 0 no better than the mean; there is no lower limit.
+
+use std::ops::Sub;
+
+use num_complex::Complex64;
+
+/// What can be compared: real records and complex frequency responses.
+pub trait Sample: Copy + Sub<Output = Self> + std::iter::Sum {
+    /// `|x|^2`.
+    fn power(self) -> f64;
+    /// `x / n`.
+    fn divided(self, n: f64) -> Self;
+}
+
+impl Sample for f64 {
+    fn power(self) -> f64 {
+        self * self
+    }
+    fn divided(self, n: f64) -> Self {
+        self / n
+    }
+}
+
+impl Sample for Complex64 {
+    fn power(self) -> f64 {
+        self.norm_sqr()
+    }
+    fn divided(self, n: f64) -> Self {
+        self / n
+    }
+}
+
+/// % fit of `model` to `measured`. `None` when they differ in length, are empty, or `measured` is
+/// constant: there is then nothing to explain.
+#[must_use]
+pub fn fit_percent<T: Sample>(measured: &[T], model: &[T]) -> Option<f64> {
+    if measured.len() != model.len() || measured.is_empty() {
+        return None;
+    }
+    let mean = measured
+        .iter()
+        .copied()
+        .sum::<T>()
+        .divided(measured.len() as f64);
+    let error: f64 = measured
+        .iter()
+        .zip(model)
+        .map(|(&y, &m)| (y - m).power())
+        .sum();
+    let spread: f64 = measured.iter().map(|&y| (y - mean).power()).sum();
+    (spread > 0.0).then(|| 100.0 * (1.0 - (error / spread).sqrt()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn perfect_is_100_and_the_mean_is_0() {
+        let y = [1.0, 2.0, 4.0, 5.0];
+        assert_eq!(fit_percent(&y, &y), Some(100.0));
+        assert_eq!(fit_percent(&y, &[3.0; 4]), Some(0.0));
+        // ||y - yhat|| = 1, ||y - mean|| = sqrt(10).
+        let off = fit_percent(&y, &[1.0, 2.0, 4.0, 6.0]).unwrap();
+        assert!((off - 100.0 * (1.0 - 0.1f64.sqrt())).abs() < 1e-12);
+    }
+
+    #[test]
+    fn complex_responses_count_both_parts() {
+        let y = [Complex64::new(1.0, 1.0), Complex64::new(-1.0, -1.0)];
+        let model = [Complex64::new(1.0, 0.0), Complex64::new(-1.0, -1.0)];
+        assert!((fit_percent(&y, &model).unwrap() - 50.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn nothing_to_compare_is_none() {
+        assert_eq!(fit_percent(&[2.0, 2.0], &[2.0, 2.0]), None);
+        assert_eq!(fit_percent::<f64>(&[], &[]), None);
+        assert_eq!(fit_percent(&[1.0], &[1.0, 2.0]), None);
+    }
+}

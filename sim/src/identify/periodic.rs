@@ -1,0 +1,463 @@
+//! Identification from periodic records: one first-order lag per nominal command.
+//!
+//! At each nominal command the multisine records are transformed ([`Spectrum`]), a lag is fitted to
+//! all their lines at once ([`fit_first_order`]), each record's ETFE is smoothed relative to that
+//! lag, and the lag is compared with the frequency response and run on the square waves.
+
+use num_complex::Complex64;
+
+use super::{
+    Etfe, FirstOrderFit, FirstOrderOptions, FitLine, HoldChain, IdentifyError, NoiseSource,
+    Spectrum, SpectrumOptions, align, fit_first_order, fit_percent, simulate_first_order, spectra,
+};
+use crate::plant::Point;
+use crate::record::{Excitation, Experiment, Record, Role};
+
+/// Nominal commands closer than this are the same; a 12-bit command is 2.4e-4.
+const SAME_NOMINAL: f64 = 1e-6;
+
+/// Below this tail probability the residual says that a first-order lag is not the whole truth.
+const MODEL_LEVEL: f64 = 1e-3;
+
+/// How periodic records are identified.
+#[derive(Clone, Copy)]
+pub struct PeriodicOptions<'a> {
+    /// How spectra are taken.
+    pub spectrum: SpectrumOptions,
+    /// How the lag is fitted.
+    pub fit: FirstOrderOptions,
+    /// Half width of the ETFE's Hann window in lines.
+    pub smoothing_half_width: usize,
+    /// Response of the compensator at a frequency in rad/s, for compensated records without an
+    /// `esc_command` column. With the column the ratio of the two commands is used.
+    pub compensator: Option<&'a dyn Fn(f64) -> Complex64>,
+}
+
+impl Default for PeriodicOptions<'_> {
+    fn default() -> Self {
+        Self {
+            spectrum: SpectrumOptions::default(),
+            fit: FirstOrderOptions::default(),
+            smoothing_half_width: 4,
+            compensator: None,
+        }
+    }
+}
+
+/// All that was identified.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PeriodicIdentification {
+    /// By increasing nominal command.
+    pub nominals: Vec<NominalIdentification>,
+    /// What concerns no single nominal command.
+    pub warnings: Vec<IdentifyWarning>,
+}
+
+impl PeriodicIdentification {
+    /// The points of a [`crate::plant::Model`].
+    #[must_use]
+    pub fn points(&self) -> Vec<Point> {
+        self.nominals
+            .iter()
+            .map(NominalIdentification::point)
+            .collect()
+    }
+}
+
+/// What was identified at one nominal command.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NominalIdentification {
+    /// The nominal command, 0..1.
+    pub nominal: f64,
+    /// The lag, from the records in [`Self::responses`] with `used_in_fit`.
+    pub fit: FirstOrderFit,
+    /// The multisine records.
+    pub responses: Vec<RecordResponse>,
+    /// % fit of the frequency response at the unsmoothed lines: of validation records where there
+    /// are any, of the fitted ones otherwise.
+    pub fit_frequency_percent: Option<f64>,
+    /// % fit on each uncompensated square wave.
+    pub squares: Vec<SquareValidation>,
+    /// What the user should know.
+    pub warnings: Vec<IdentifyWarning>,
+}
+
+impl NominalIdentification {
+    /// Mean % fit over the square waves.
+    #[must_use]
+    pub fn fit_square_percent(&self) -> Option<f64> {
+        let count = self.squares.len() as f64;
+        (count > 0.0).then(|| self.squares.iter().map(|s| s.fit_percent).sum::<f64>() / count)
+    }
+
+    /// The point of the model.
+    #[must_use]
+    pub fn point(&self) -> Point {
+        let fit = &self.fit;
+        Point {
+            nominal: self.nominal,
+            gain: fit.gain.value,
+            gain_std: Some(fit.gain.std),
+            time_constant_s: fit.time_constant_s.value,
+            time_constant_s_std: Some(fit.time_constant_s.std),
+            delay_s: fit.delay_s.map_or(0.0, |d| d.value),
+            delay_s_std: fit.delay_s.map(|d| d.std),
+            time_constant_up_s: None,
+            time_constant_down_s: None,
+            fit_frequency_percent: self.fit_frequency_percent,
+            fit_square_percent: self.fit_square_percent(),
+            fit_step_percent: None,
+        }
+    }
+}
+
+/// The frequency response of one multisine record.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RecordResponse {
+    /// Whether a compensator was in front of the ESC; the response then includes it.
+    pub compensated: bool,
+    /// Whether the lag was fitted to it.
+    pub used_in_fit: bool,
+    /// The lines, their noise, and what was dropped.
+    pub spectrum: Spectrum,
+    /// Response over command as the rows show it: holds and compensator included.
+    pub etfe: Etfe,
+    /// The same with the holds divided out: the actuator, and the compensator if there was one.
+    pub actuator: Etfe,
+}
+
+/// The lag on a square wave.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SquareValidation {
+    /// The record.
+    pub file: String,
+    /// % fit over the whole record.
+    pub fit_percent: f64,
+    /// The lag's response, with the offset and initial state of the record; one value per row.
+    pub simulated: Vec<f64>,
+}
+
+/// What a user should know about an identification that succeeded.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum IdentifyWarning {
+    /// No multisine record to fit at this nominal command.
+    #[error("u_nom {nominal}: no multisine record to fit on; its other records are left out")]
+    NothingToFit {
+        /// The nominal command.
+        nominal: f64,
+    },
+    /// The first period was dropped.
+    #[error(
+        "{file}: the first of {periods} periods carries a transient (p = {p_value:.1e}) and is left out"
+    )]
+    TransientDropped {
+        /// The record.
+        file: String,
+        /// Periods recorded.
+        periods: usize,
+        /// Tail probability without transient.
+        p_value: f64,
+    },
+    /// Nothing to compare the first period with.
+    #[error(
+        "{file}: no other period to test the first for a transient; let the motor run in before recording"
+    )]
+    TransientUntested {
+        /// The record.
+        file: String,
+    },
+    /// Rows outside whole periods.
+    #[error("{file}: {rows} rows before the first whole period are left out")]
+    RowsLeftOut {
+        /// The record.
+        file: String,
+        /// How many.
+        rows: usize,
+    },
+    /// The noise is known from unexcited lines only.
+    #[error(
+        "{file}: one period is left; the noise is taken from unexcited lines, with any even-order distortion"
+    )]
+    NoiseFromUnexcitedLines {
+        /// The record.
+        file: String,
+    },
+    /// The lag does not explain the response to within its noise.
+    #[error(
+        "u_nom {nominal}: a first-order lag leaves {reduced_chi_square:.1} times the noise power; the standard errors cover noise only"
+    )]
+    ModelTooSimple {
+        /// The nominal command.
+        nominal: f64,
+        /// Chi-square of the residual per degree of freedom.
+        reduced_chi_square: f64,
+    },
+    /// The compensator of a compensated record is not known.
+    #[error(
+        "{file}: its compensator's response is unknown, so it is neither smoothed nor fitted; record esc_command"
+    )]
+    CompensatorUnknown {
+        /// The record.
+        file: String,
+    },
+}
+
+/// Identifies a first-order lag at every nominal command of `experiment` that has a multisine.
+///
+/// Uncompensated multisine records are fitted unless their role is `validate`; compensated ones are
+/// fitted only at nominal commands that have no other and where the compensator's response is
+/// known. Validation multisines give `fit_frequency_percent`, uncompensated square waves
+/// `fit_square_percent`. Other excitations are not touched.
+///
+/// # Errors
+/// [`IdentifyError::NoFitRecord`] without a record to fit; whatever [`Spectrum::of`] and
+/// [`fit_first_order`] find wrong.
+pub fn identify_periodic(
+    experiment: &Experiment,
+    options: &PeriodicOptions<'_>,
+) -> Result<PeriodicIdentification, IdentifyError> {
+    let mut records: Vec<&Record> = experiment
+        .records
+        .iter()
+        .filter(|r| matches!(r.excitation, Excitation::Multisine | Excitation::Square))
+        .collect();
+    records.sort_by(|a, b| a.nominal.total_cmp(&b.nominal));
+    let mut nominals = Vec::new();
+    let mut warnings = Vec::new();
+    for group in records.chunk_by(|a, b| b.nominal - a.nominal < SAME_NOMINAL) {
+        match identify_nominal(experiment, group, options)? {
+            Some(found) => nominals.push(found),
+            None => warnings.push(IdentifyWarning::NothingToFit {
+                nominal: group[0].nominal,
+            }),
+        }
+    }
+    if nominals.is_empty() {
+        return Err(IdentifyError::NoFitRecord {
+            name: experiment.name.clone(),
+        });
+    }
+    Ok(PeriodicIdentification { nominals, warnings })
+}
+
+/// A multisine record on its way to a [`RecordResponse`].
+struct Transformed<'a> {
+    record: &'a Record,
+    spectrum: Spectrum,
+    /// The lines behind the holds.
+    lines: Vec<FitLine>,
+    /// The compensator at each line, one without; `None` when it is unknown.
+    filter: Option<Vec<Complex64>>,
+}
+
+impl Transformed<'_> {
+    /// The lines behind holds and compensator; none when the compensator is unknown.
+    fn fit_lines(&self) -> impl Iterator<Item = FitLine> {
+        let filter = self.filter.as_deref().unwrap_or_default();
+        self.lines
+            .iter()
+            .zip(filter)
+            .map(|(line, filter)| line.clone().behind(*filter))
+    }
+}
+
+fn identify_nominal(
+    experiment: &Experiment,
+    group: &[&Record],
+    options: &PeriodicOptions<'_>,
+) -> Result<Option<NominalIdentification>, IdentifyError> {
+    let nominal = group[0].nominal;
+    let mut warnings = Vec::new();
+    let transformed = group
+        .iter()
+        .filter(|record| record.excitation == Excitation::Multisine)
+        .map(|record| transform(experiment, record, options, &mut warnings))
+        .collect::<Result<Vec<_>, _>>()?;
+
+    let may_fit = |t: &Transformed<'_>, compensated: bool| {
+        t.record.role != Some(Role::Validate)
+            && t.record.compensated == compensated
+            && t.filter.is_some()
+    };
+    let fit_compensated = !transformed.iter().any(|t| may_fit(t, false));
+    let is_fitted = |t: &Transformed<'_>| may_fit(t, fit_compensated);
+    let lines: Vec<FitLine> = transformed
+        .iter()
+        .filter(|t| is_fitted(t))
+        .flat_map(Transformed::fit_lines)
+        .collect();
+    if lines.is_empty() {
+        return Ok(None);
+    }
+    let fit = fit_first_order(&lines, &options.fit)?;
+    if fit.model_p_value < MODEL_LEVEL {
+        warnings.push(IdentifyWarning::ModelTooSimple {
+            nominal,
+            reduced_chi_square: fit.reduced_chi_square,
+        });
+    }
+
+    let validation: Vec<FitLine> = transformed
+        .iter()
+        .filter(|t| t.record.role == Some(Role::Validate) && !t.record.compensated)
+        .flat_map(Transformed::fit_lines)
+        .collect();
+    let judged = if validation.is_empty() {
+        &lines
+    } else {
+        &validation
+    };
+    let measured: Vec<_> = judged.iter().map(|line| line.response).collect();
+    let model: Vec<_> = judged.iter().map(|line| fit.response_at(line)).collect();
+
+    let responses = transformed
+        .iter()
+        .map(|t| respond(t, &fit, is_fitted(t), options.smoothing_half_width))
+        .collect::<Result<Vec<_>, _>>()?;
+    let squares = group
+        .iter()
+        .filter(|record| record.excitation == Excitation::Square && !record.compensated)
+        .map(|record| run_square(experiment, record, &fit))
+        .collect::<Result<Vec<_>, _>>()?;
+    Ok(Some(NominalIdentification {
+        nominal,
+        fit_frequency_percent: fit_percent(&measured, &model),
+        fit,
+        responses,
+        squares,
+        warnings,
+    }))
+}
+
+fn transform<'a>(
+    experiment: &Experiment,
+    record: &'a Record,
+    options: &PeriodicOptions<'_>,
+    warnings: &mut Vec<IdentifyWarning>,
+) -> Result<Transformed<'a>, IdentifyError> {
+    let spectrum = Spectrum::of(experiment, record, &options.spectrum)?;
+    let holds = holds_of(experiment, spectrum.row_rate_hz)?;
+    let file = || record.file.clone();
+    if spectrum.rows_left_out > 0 {
+        warnings.push(IdentifyWarning::RowsLeftOut {
+            file: file(),
+            rows: spectrum.rows_left_out,
+        });
+    }
+    match spectrum.transient.p_value {
+        None => warnings.push(IdentifyWarning::TransientUntested { file: file() }),
+        Some(p_value) if spectrum.transient.is_present() => {
+            warnings.push(IdentifyWarning::TransientDropped {
+                file: file(),
+                periods: spectrum.periods,
+                p_value,
+            });
+        }
+        Some(_) => {}
+    }
+    if spectrum.noise == NoiseSource::UnexcitedLines {
+        warnings.push(IdentifyWarning::NoiseFromUnexcitedLines { file: file() });
+    }
+    let filter = spectrum
+        .lines
+        .iter()
+        .map(|line| {
+            if !record.compensated {
+                Some(Complex64::ONE)
+            } else if let Some(esc_command) = line.esc_command {
+                Some(esc_command / line.command)
+            } else {
+                options.compensator.map(|c| c(line.omega_rad_s))
+            }
+        })
+        .collect::<Option<Vec<_>>>();
+    if filter.is_none() {
+        warnings.push(IdentifyWarning::CompensatorUnknown { file: file() });
+    }
+    let lines = spectrum
+        .lines
+        .iter()
+        .map(|line| FitLine::new(line, &holds))
+        .collect();
+    Ok(Transformed {
+        record,
+        spectrum,
+        lines,
+        filter,
+    })
+}
+
+fn holds_of(experiment: &Experiment, row_rate_hz: f64) -> Result<HoldChain, IdentifyError> {
+    HoldChain::new(
+        row_rate_hz,
+        experiment.command_rate_hz,
+        experiment.esc_frame_hz,
+    )
+}
+
+fn respond(
+    transformed: &Transformed<'_>,
+    fit: &FirstOrderFit,
+    used_in_fit: bool,
+    half_width: usize,
+) -> Result<RecordResponse, IdentifyError> {
+    let spectrum = &transformed.spectrum;
+    let behind_holds: Vec<_> = transformed
+        .lines
+        .iter()
+        .map(|l| fit.response_at(l))
+        .collect();
+    let (reference, half_width) = match &transformed.filter {
+        Some(filter) => (
+            behind_holds
+                .iter()
+                .zip(filter)
+                .map(|(r, f)| r * f)
+                .collect(),
+            half_width,
+        ),
+        None => (vec![Complex64::ONE; behind_holds.len()], 0),
+    };
+    let etfe = Etfe::new(&spectrum.lines, &reference, half_width)?;
+    // What the rows show over what the actuator does: the holds, and the images for this lag.
+    let holds: Vec<_> = transformed
+        .lines
+        .iter()
+        .zip(&behind_holds)
+        .map(|(line, seen)| seen / fit.response(line.omega_rad_s))
+        .collect();
+    Ok(RecordResponse {
+        compensated: transformed.record.compensated,
+        used_in_fit,
+        spectrum: spectrum.clone(),
+        actuator: etfe.divided_by(&holds)?,
+        etfe,
+    })
+}
+
+fn run_square(
+    experiment: &Experiment,
+    record: &Record,
+    fit: &FirstOrderFit,
+) -> Result<SquareValidation, IdentifyError> {
+    let measured = spectra::response_of(record, experiment.output)?;
+    let row_rate_hz = spectra::row_rate_hz(record, experiment.sample_rate_hz)?;
+    let tau = fit.time_constant_s.value;
+    let model = simulate_first_order(
+        &record.command,
+        &holds_of(experiment, row_rate_hz)?,
+        fit.gain.value,
+        tau,
+        fit.delay_s.map_or(0.0, |d| d.value),
+    );
+    let simulated = align(measured, &model, row_rate_hz, tau);
+    let fit_percent =
+        fit_percent(measured, &simulated).ok_or_else(|| IdentifyError::ConstantResponse {
+            file: record.file.clone(),
+        })?;
+    Ok(SquareValidation {
+        file: record.file.clone(),
+        fit_percent,
+        simulated,
+    })
+}
