@@ -1,1 +1,27 @@
 //! Reading and writing files: text with located errors, output that is complete or absent.
+//!
+//! Reading ([`TextFile`], [`TomlFile`]) keeps the text, so that whatever is wrong with it, now or
+//! when its values are checked later, is shown where it stands. Writing ([`write_file`],
+//! [`OutputFolder`]) happens beside the destination and is renamed when it is complete: a run that
+//! fails half way leaves nothing that could be taken for a result.
+//!
+//! A rule on values is written once, as a function that returns a [`Fault`]: reading shows the
+//! fault in the file's text, writing refuses with it before anything is written.
+
+mod error;
+mod fault;
+mod folder;
+mod text;
+mod toml_file;
+mod write;
+
+#[cfg(test)]
+pub(crate) mod testing;
+
+pub use error::{FileError, Located};
+pub use fault::{Fault, Place};
+pub use folder::{OutputFolder, is_plain_name};
+pub use text::TextFile;
+pub(crate) use toml_file::to_toml;
+pub use toml_file::{TomlFile, write_toml};
+pub use write::write_file;

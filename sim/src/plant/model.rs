@@ -2,7 +2,9 @@
 
 use std::collections::BTreeMap;
 
+use miette::Diagnostic;
 use serde::{Deserialize, Serialize};
+use thiserror::Error;
 
 /// One actuator: a first-order lag at each nominal command, and what else is known of it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -103,4 +105,161 @@ pub struct Provenance {
     /// Rate at which the ESC takes over a command, hertz.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub esc_frame_hz: Option<f64>,
+}
+
+/// The three numbers of `gain e^(-s delay) / (time_constant s + 1)` (1).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lag {
+    /// Static gain in response units per unit of command.
+    pub gain: f64,
+    /// Time constant in seconds, above zero.
+    pub time_constant_s: f64,
+    /// Dead time in seconds, zero or more.
+    pub delay_s: f64,
+}
+
+/// What can be asked of a model that it does not answer.
+#[derive(Clone, Debug, PartialEq, Error, Diagnostic)]
+pub enum ModelError {
+    /// A nominal command between none of the model's points.
+    #[error(
+        "the model says nothing of a nominal command of {nominal}: it holds from {from} to {to}"
+    )]
+    #[diagnostic(help(
+        "choose a nominal command in that range, or identify the motor at this one too"
+    ))]
+    OutsideRange {
+        /// The nominal command asked for.
+        nominal: f64,
+        /// That of the first point.
+        from: f64,
+        /// That of the last point.
+        to: f64,
+    },
+    /// A model without points (only possible for one made in memory).
+    #[error("the model has no point")]
+    #[diagnostic(help("run `rotorlead identify` on an experiment: it finds the points"))]
+    NoPoints,
+}
+
+impl Point {
+    /// Its linear model.
+    #[must_use]
+    pub fn lag(&self) -> Lag {
+        Lag {
+            gain: self.gain,
+            time_constant_s: self.time_constant_s,
+            delay_s: self.delay_s,
+        }
+    }
+}
+
+impl Model {
+    /// The linear model at `nominal`: gain, time constant and delay of the points on either side,
+    /// interpolated linearly. At a point it is that point's.
+    ///
+    /// # Errors
+    /// When `nominal` is outside the points' range (a NaN is), or there are none. Points are
+    /// increasing, as [`Model::check`] demands.
+    pub fn at(&self, nominal: f64) -> Result<Lag, ModelError> {
+        let (Some(first), Some(last)) = (self.points.first(), self.points.last()) else {
+            return Err(ModelError::NoPoints);
+        };
+        if !(first.nominal..=last.nominal).contains(&nominal) {
+            return Err(ModelError::OutsideRange {
+                nominal,
+                from: first.nominal,
+                to: last.nominal,
+            });
+        }
+        let above = self.points.partition_point(|point| point.nominal < nominal);
+        let high = &self.points[above];
+        if high.nominal == nominal {
+            return Ok(high.lag());
+        }
+        // The first point is not above `nominal`, so there is one before `high`.
+        let low = &self.points[above - 1];
+        let part = (nominal - low.nominal) / (high.nominal - low.nominal);
+        let between = |low: f64, high: f64| low + part * (high - low);
+        Ok(Lag {
+            gain: between(low.gain, high.gain),
+            time_constant_s: between(low.time_constant_s, high.time_constant_s),
+            delay_s: between(low.delay_s, high.delay_s),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::files::testing::assert_report;
+
+    fn model(points: &[(f64, f64, f64, f64)]) -> Model {
+        Model {
+            format: 1,
+            points: points
+                .iter()
+                .map(|&(nominal, gain, time_constant_s, delay_s)| Point {
+                    nominal,
+                    gain,
+                    gain_std: None,
+                    time_constant_s,
+                    time_constant_s_std: None,
+                    delay_s,
+                    delay_s_std: None,
+                    time_constant_up_s: None,
+                    time_constant_down_s: None,
+                    fit_frequency_percent: None,
+                    fit_square_percent: None,
+                    fit_step_percent: None,
+                })
+                .collect(),
+            static_map: None,
+            effects: Vec::new(),
+            provenance: None,
+        }
+    }
+
+    fn lag(gain: f64, time_constant_s: f64, delay_s: f64) -> Lag {
+        Lag {
+            gain,
+            time_constant_s,
+            delay_s,
+        }
+    }
+
+    #[test]
+    fn between_points_each_number_is_interpolated() {
+        let model = model(&[
+            (0.25, 8.0, 0.5, 0.0),
+            (0.50, 16.0, 0.25, 0.5),
+            (1.0, 0.0, 0.125, 0.5),
+        ]);
+        assert_eq!(model.at(0.25), Ok(lag(8.0, 0.5, 0.0)));
+        assert_eq!(model.at(0.375), Ok(lag(12.0, 0.375, 0.25)));
+        assert_eq!(model.at(0.5), Ok(lag(16.0, 0.25, 0.5)));
+        assert_eq!(model.at(0.625), Ok(lag(12.0, 0.21875, 0.5)));
+        assert_eq!(model.at(1.0), Ok(lag(0.0, 0.125, 0.5)));
+    }
+
+    #[test]
+    fn outside_the_points_the_range_is_named() {
+        let model = model(&[(0.4, 1.0, 0.1, 0.0), (0.65, 1.0, 0.1, 0.0)]);
+        for nominal in [0.39, 0.66, -1.0, f64::INFINITY, f64::NAN] {
+            let error = model.at(nominal).unwrap_err();
+            let parts = [&*nominal.to_string(), "from 0.4 to 0.65", "in that range"];
+            assert_report(error, &parts);
+        }
+    }
+
+    #[test]
+    fn one_point_answers_for_itself_and_none_for_nothing() {
+        let one = model(&[(0.5, 1.0, 0.1, 0.0)]);
+        assert_eq!(one.at(0.5), Ok(lag(1.0, 0.1, 0.0)));
+        assert!(one.at(0.50001).is_err());
+        assert_report(
+            model(&[]).at(0.5).unwrap_err(),
+            &["no point", "rotorlead identify"],
+        );
+    }
 }

@@ -50,6 +50,14 @@ pub enum Excitation {
     Free,
 }
 
+impl Excitation {
+    /// Whether it repeats, so that its record has a period.
+    #[must_use]
+    pub fn is_periodic(self) -> bool {
+        matches!(self, Self::Multisine | Self::Square)
+    }
+}
+
 /// What a record is used for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

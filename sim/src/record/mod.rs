@@ -1,5 +1,21 @@
 //! Measured data: one [`Experiment`] that every tool takes.
+//!
+//! On disk it is a folder with `experiment.toml` and one CSV file per record. Both are read
+//! strictly: whatever is missing, unknown, impossible or contradictory is an error that shows file,
+//! line and column and says what to do. Nothing is guessed.
 
+mod column;
+mod error;
 mod experiment;
+mod manifest;
+mod read;
+mod sampling;
+mod table;
+mod write;
 
+#[cfg(test)]
+mod tests;
+
+pub use error::RecordError;
 pub use experiment::{Excitation, Experiment, Output, Record, Role};
+pub use sampling::{GRID_TOLERANCE, PERIOD_TOLERANCE, Periods};

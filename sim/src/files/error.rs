@@ -1,0 +1,135 @@
+//! What can be wrong with a file.
+
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use miette::{Diagnostic, NamedSource, SourceSpan};
+use thiserror::Error;
+
+use super::Fault;
+
+/// What is wrong with a file that was to be read or written: its name, the place and the remedy.
+#[derive(Debug, Error, Diagnostic)]
+pub enum FileError {
+    /// There is nothing at the path.
+    #[error("`{}` does not exist", path.display())]
+    #[diagnostic(help("{remedy}"))]
+    Missing {
+        /// The path as it was given.
+        path: PathBuf,
+        /// What to do about it.
+        remedy: &'static str,
+    },
+    /// The file is there, with nothing but white space in it.
+    #[error("`{}` is empty", path.display())]
+    #[diagnostic(help(
+        "check that the program that wrote it finished, and that this is the right file"
+    ))]
+    Empty {
+        /// The path as it was given.
+        path: PathBuf,
+    },
+    /// The operating system refused.
+    #[error("cannot {action} `{}`", path.display())]
+    #[diagnostic(help("check the path, its permissions and the free space of its disk"))]
+    Io {
+        /// `read`, `write`...
+        action: &'static str,
+        /// The path concerned.
+        path: PathBuf,
+        /// What the operating system said.
+        source: io::Error,
+    },
+    /// A file was given where a folder is needed.
+    #[error("`{}` is not a folder", path.display())]
+    #[diagnostic(help("{remedy}"))]
+    NotAFolder {
+        /// The path as it was given.
+        path: PathBuf,
+        /// What to do about it.
+        remedy: &'static str,
+    },
+    /// A folder was given where a file is to be written.
+    #[error("`{}` is a folder, not a file", path.display())]
+    #[diagnostic(help("give the name of a file in it"))]
+    NotAFile {
+        /// The path as it was given.
+        path: PathBuf,
+    },
+    /// The folder in which to write does not exist.
+    #[error("cannot write `{}`: there is no folder `{}`", path.display(), parent.display())]
+    #[diagnostic(help("create that folder first, or write to another one"))]
+    NoParent {
+        /// The path that was to be written.
+        path: PathBuf,
+        /// The folder that is missing.
+        parent: PathBuf,
+    },
+    /// The destination folder holds something already.
+    #[error("the folder `{}` exists and is not empty", path.display())]
+    #[diagnostic(help("remove it, or give another folder: nothing is overwritten"))]
+    FolderInUse {
+        /// The path as it was given.
+        path: PathBuf,
+    },
+    /// A destination such as `.` or `..`, beside which nothing can be built.
+    #[error("`{}` does not say what the folder is to be called", path.display())]
+    #[diagnostic(help("give the name of a new folder"))]
+    Unnamed {
+        /// The path as it was given.
+        path: PathBuf,
+    },
+    /// A name that would be written outside its folder, or not on every system.
+    #[error("`{name}` is not the name of a file inside `{}`", folder.display())]
+    #[diagnostic(help("use a relative name with `/` between its parts, without `..`"))]
+    NotInside {
+        /// The name.
+        name: String,
+        /// The folder in which it should be.
+        folder: PathBuf,
+    },
+    /// Values that no reader would accept were to be written.
+    #[error("nothing was written to `{}`: {fault}", path.display())]
+    #[diagnostic(help("{}", fault.help))]
+    Refused {
+        /// The path that was to be written.
+        path: PathBuf,
+        /// Which value, and why.
+        fault: Box<Fault>,
+    },
+    /// A place in a text.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Located(Box<Located>),
+}
+
+impl FileError {
+    /// Refuses to write `path` because of `fault`.
+    #[must_use]
+    pub fn refused(path: &Path, fault: Fault) -> Self {
+        Self::Refused {
+            path: path.to_owned(),
+            fault: Box::new(fault),
+        }
+    }
+}
+
+/// A complaint about a place in a text, shown with the text around it.
+#[derive(Debug, Error, Diagnostic)]
+#[error("{message}")]
+#[diagnostic(help("{help}"))]
+pub struct Located {
+    /// What is wrong, with the names of key or column.
+    pub message: String,
+    /// What is said beside the place.
+    pub label: String,
+    /// What to do about it.
+    pub help: String,
+    /// The file's name and text.
+    #[source_code]
+    pub source_code: NamedSource<Arc<String>>,
+    /// The place, in bytes of the text.
+    #[label("{label}")]
+    pub span: SourceSpan,
+}

@@ -1,0 +1,187 @@
+//! A text file, kept so that errors can show the place in it.
+
+use std::fs;
+use std::io;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use miette::NamedSource;
+
+use super::{FileError, Located};
+
+const BYTE_ORDER_MARK: char = '\u{feff}';
+
+/// The text of a file and the name under which it was asked for. Clones share the text.
+#[derive(Clone, Debug)]
+pub struct TextFile {
+    path: PathBuf,
+    text: Arc<String>,
+}
+
+impl TextFile {
+    /// Reads a UTF-8 file; a byte-order mark at its start is dropped.
+    ///
+    /// # Errors
+    /// When the file is missing, cannot be read, is not UTF-8 or holds nothing but white space.
+    pub fn read(path: &Path) -> Result<Self, FileError> {
+        let bytes = fs::read(path).map_err(|source| match source.kind() {
+            io::ErrorKind::NotFound => FileError::Missing {
+                path: path.to_owned(),
+                remedy: "check the path; relative paths start at the current folder",
+            },
+            _ => FileError::Io {
+                action: "read",
+                path: path.to_owned(),
+                source,
+            },
+        })?;
+        let mut text = String::from_utf8(bytes).map_err(|error| not_utf8(path, &error))?;
+        if text.starts_with(BYTE_ORDER_MARK) {
+            text.drain(..BYTE_ORDER_MARK.len_utf8());
+        }
+        if text.trim().is_empty() {
+            return Err(FileError::Empty {
+                path: path.to_owned(),
+            });
+        }
+        Ok(Self {
+            path: path.to_owned(),
+            text: Arc::new(text),
+        })
+    }
+
+    /// The path as it was given to [`TextFile::read`].
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The text, without byte-order mark.
+    #[must_use]
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// The line, counted from one, in which byte `offset` of the text stands.
+    #[must_use]
+    pub fn line(&self, offset: usize) -> usize {
+        let before = &self.text.as_bytes()[..offset.min(self.text.len())];
+        1 + before.iter().filter(|byte| **byte == b'\n').count()
+    }
+
+    /// An error that shows the bytes `span` of the text.
+    #[must_use]
+    pub fn complaint(
+        &self,
+        span: Range<usize>,
+        message: impl Into<String>,
+        label: impl Into<String>,
+        help: impl Into<String>,
+    ) -> FileError {
+        located(
+            &self.path,
+            Arc::clone(&self.text),
+            span,
+            message.into(),
+            label.into(),
+            help.into(),
+        )
+    }
+}
+
+fn located(
+    path: &Path,
+    text: Arc<String>,
+    span: Range<usize>,
+    message: String,
+    label: String,
+    help: String,
+) -> FileError {
+    FileError::Located(Box::new(Located {
+        message,
+        label,
+        help,
+        source_code: NamedSource::new(path.display().to_string(), text),
+        span: span.into(),
+    }))
+}
+
+/// Shows the first byte that is not UTF-8. Before it the lossy text equals the file.
+fn not_utf8(path: &Path, error: &std::string::FromUtf8Error) -> FileError {
+    let utf16 = matches!(error.as_bytes(), [0xff, 0xfe, ..] | [0xfe, 0xff, ..]);
+    let at = error.utf8_error().valid_up_to();
+    located(
+        path,
+        Arc::new(String::from_utf8_lossy(error.as_bytes()).into_owned()),
+        at..at + char::REPLACEMENT_CHARACTER.len_utf8(),
+        format!("byte {at} is not UTF-8"),
+        "here".to_owned(),
+        if utf16 {
+            "the file looks like UTF-16: save it as UTF-8".to_owned()
+        } else {
+            "save the file as UTF-8, and check that it is text".to_owned()
+        },
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::files::testing::{Scratch, assert_report};
+
+    #[test]
+    fn a_missing_file_is_named() {
+        let error = TextFile::read(Path::new("/nowhere/model.toml")).unwrap_err();
+        assert_report(
+            error,
+            &["/nowhere/model.toml", "does not exist", "check the path"],
+        );
+    }
+
+    #[test]
+    fn a_folder_is_not_text() {
+        let scratch = Scratch::new();
+        let error = TextFile::read(scratch.path()).unwrap_err();
+        assert_report(error, &["cannot read", "check the path"]);
+    }
+
+    #[test]
+    fn an_empty_file_is_named() {
+        let scratch = Scratch::new();
+        for text in ["", "\u{feff}", " \r\n\n"] {
+            let path = scratch.file("a.csv", text);
+            let error = TextFile::read(&path).unwrap_err();
+            assert_report(error, &["a.csv", "is empty", "right file"]);
+        }
+    }
+
+    #[test]
+    fn bytes_that_are_not_utf8_are_shown_in_their_line() {
+        let scratch = Scratch::new();
+        let path = scratch.file("latin.csv", b"time_s\n0.1\n20 \xb5s\n");
+        let error = TextFile::read(&path).unwrap_err();
+        assert_report(
+            error,
+            &["latin.csv:3:4", "byte 14", "save the file as UTF-8"],
+        );
+    }
+
+    #[test]
+    fn utf16_is_recognised() {
+        let scratch = Scratch::new();
+        let path = scratch.file("wide.csv", b"\xff\xfet\0i\0");
+        let error = TextFile::read(&path).unwrap_err();
+        assert_report(error, &["wide.csv:1:1", "UTF-16"]);
+    }
+
+    #[test]
+    fn a_byte_order_mark_is_dropped_and_moves_no_place() {
+        let scratch = Scratch::new();
+        let path = scratch.file("mark.txt", "\u{feff}ab\ncd");
+        let file = TextFile::read(&path).unwrap();
+        assert_eq!(file.text(), "ab\ncd");
+        assert_eq!((file.line(0), file.line(2), file.line(3)), (1, 1, 2));
+        assert_report(file.complaint(4..5, "m", "l", "h"), &["mark.txt:2:2"]);
+    }
+}

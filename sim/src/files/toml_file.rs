@@ -1,0 +1,269 @@
+//! TOML files with a `format` number, read strictly.
+
+use std::ops::Range;
+use std::path::Path;
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use toml::de::{DeTable, DeValue};
+
+use super::fault::Step;
+use super::{Fault, FileError, Place, TextFile, write_file};
+
+/// The layout that this version reads and writes.
+const FORMAT: u32 = 1;
+
+/// How alike (Jaro-Winkler, 0 to 1) a key must be to a wrong one to be offered instead of it.
+const ALIKE: f64 = 0.8;
+
+/// The text of a TOML file, kept to show faults in.
+#[derive(Clone, Debug)]
+pub struct TomlFile {
+    text: TextFile,
+}
+
+impl TomlFile {
+    /// Reads a file with `format = 1` into `T`. What `T` accepts, it decides: types in this
+    /// crate refuse unknown keys.
+    ///
+    /// # Errors
+    /// Those of [`TextFile::read`]; text that is not TOML; another format; a key that is unknown,
+    /// missing, double, or holds a value of the wrong kind.
+    pub fn read<T: DeserializeOwned>(path: &Path) -> Result<(T, Self), FileError> {
+        let file = Self {
+            text: TextFile::read(path)?,
+        };
+        file.check_format()?;
+        let value = toml::from_str(file.text.text()).map_err(|error| file.refused(&error))?;
+        Ok((value, file))
+    }
+
+    /// The fault, shown in the text where its place is, or where the nearest place above it is.
+    #[must_use]
+    pub fn show(&self, fault: &Fault) -> FileError {
+        let span = self.span(&fault.place);
+        let message = fault.to_string();
+        self.text.complaint(span, message, "here", &*fault.help)
+    }
+
+    /// Another layout has other keys: it is named as such, before they are called unknown.
+    fn check_format(&self) -> Result<(), FileError> {
+        let Ok(table) = DeTable::parse(self.text.text()) else {
+            return Ok(()); // Read as `T`, the text gives the same error with its place.
+        };
+        match table.get_ref().get("format").map(|value| value.get_ref()) {
+            Some(DeValue::Integer(format)) if format.as_str() != FORMAT.to_string() => {
+                let fault = Place::root().key("format").fault(
+                    format!("layout {format} is not known to this version"),
+                    format!(
+                        "this version reads layout {FORMAT}; use the version that wrote the file"
+                    ),
+                );
+                Err(self.show(&fault))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn refused(&self, error: &toml::de::Error) -> FileError {
+        let span = error.span().unwrap_or(0..0);
+        let message = error.message();
+        self.text.complaint(span, message, "here", remedy(message))
+    }
+
+    fn span(&self, place: &Place) -> Range<usize> {
+        let mut span = 0..0;
+        let Ok(root) = DeTable::parse(self.text.text()) else {
+            return span;
+        };
+        let root = DeValue::Table(root.into_inner());
+        let mut value = &root;
+        for step in &place.0 {
+            let next = match step {
+                Step::Key(key) => value.get(key.as_str()),
+                Step::Item(index) => value.get(*index),
+            };
+            let Some(next) = next else { break };
+            span = next.span();
+            value = next.get_ref();
+        }
+        span
+    }
+}
+
+/// Writes `value` as TOML to `path`, complete or not at all.
+///
+/// # Errors
+/// Those of [`write_file`].
+///
+/// # Panics
+/// Never for the types of this crate: TOML can hold every one of them.
+pub fn write_toml<T: Serialize>(path: &Path, value: &T) -> Result<(), FileError> {
+    write_file(path, to_toml(value).as_bytes())
+}
+
+/// The text of `value` in TOML.
+pub(crate) fn to_toml<T: Serialize>(value: &T) -> String {
+    toml::to_string(value).expect("plain structs of numbers, texts and lists of them are TOML")
+}
+
+/// What to do about a message of the TOML reader.
+fn remedy(message: &str) -> String {
+    let mut names = message.split('`').skip(1).step_by(2);
+    let name = names.next().unwrap_or_default();
+    if message.starts_with("unknown field") || message.starts_with("unknown variant") {
+        let best = names
+            .map(|known| (strsim::jaro_winkler(name, known), known))
+            .max_by(|a, b| a.0.total_cmp(&b.0));
+        match best {
+            Some((alike, known)) if alike >= ALIKE => format!("did you mean `{known}`?"),
+            _ if message.starts_with("unknown variant") => {
+                format!("write what is expected instead of `{name}`")
+            }
+            _ => format!("remove `{name}`, or use a key of those expected"),
+        }
+    } else if message.starts_with("missing field") {
+        format!("add `{name}`")
+    } else if message.starts_with("duplicate key") {
+        "keep one of them".to_owned()
+    } else if message.starts_with("invalid type") || message.starts_with("invalid value") {
+        "give a value of the kind expected: numbers without quotes, texts in quotes".to_owned()
+    } else {
+        "correct the text: TOML is `key = value`, texts in quotes, tables as [name] or [[name]]"
+            .to_owned()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde::Deserialize;
+
+    use super::*;
+    use crate::files::testing::{Scratch, assert_report};
+
+    #[derive(Debug, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    #[allow(dead_code)]
+    struct Example {
+        format: u32,
+        #[serde(rename = "point")]
+        points: Vec<Item>,
+    }
+
+    #[derive(Debug, Deserialize)]
+    #[serde(deny_unknown_fields)]
+    #[allow(dead_code)]
+    struct Item {
+        nominal: f64,
+        axes: Option<Vec<f64>>,
+    }
+
+    const GOOD: &str =
+        "format = 1\n[[point]]\nnominal = 0.4\n[[point]]\nnominal = 2\naxes = [1, 2]\n";
+
+    fn report(text: &str, parts: &[&str]) {
+        let scratch = Scratch::new();
+        let path = scratch.file("example.toml", text);
+        assert_report(TomlFile::read::<Example>(&path).unwrap_err(), parts);
+    }
+
+    #[test]
+    fn a_wrong_key_is_shown_with_the_right_one() {
+        let text = "format = 1\n[[point]]\nnominl = 0.4\n";
+        report(
+            text,
+            &[
+                "example.toml:3:1",
+                "unknown field `nominl`",
+                "did you mean `nominal`",
+            ],
+        );
+    }
+
+    #[test]
+    fn an_unknown_key_is_shown_with_those_expected() {
+        let text = "format = 1\ncolour = 3\npoint = []\n";
+        report(
+            text,
+            &[
+                "example.toml:2:1",
+                "`colour`",
+                "`format` or `point`",
+                "remove `colour`",
+            ],
+        );
+    }
+
+    #[test]
+    fn a_missing_key_is_shown_at_its_table() {
+        let text = "format = 1\n[[point]]\nnominal = 1\n[[point]]\n";
+        report(
+            text,
+            &[
+                "example.toml:4:1",
+                "missing field `nominal`",
+                "add `nominal`",
+            ],
+        );
+    }
+
+    #[test]
+    fn a_double_key_is_shown() {
+        report(
+            "format = 1\nformat = 1\n",
+            &["example.toml:2:1", "duplicate key", "keep one"],
+        );
+    }
+
+    #[test]
+    fn a_value_of_the_wrong_kind_is_shown() {
+        let text = "format = 1\n[[point]]\nnominal = \"0.4\"\n";
+        report(
+            text,
+            &[
+                "example.toml:3:11",
+                "expected f64",
+                "numbers without quotes",
+            ],
+        );
+    }
+
+    #[test]
+    fn text_that_is_not_toml_is_shown() {
+        report(
+            "format = 1\n[[point\n",
+            &["example.toml:2:8", "TOML is `key = value`"],
+        );
+    }
+
+    #[test]
+    fn another_format_is_named_before_its_keys() {
+        let text = "new_key = 1\nformat = 2\n";
+        report(text, &["example.toml:2:10", "layout 2", "reads layout 1"]);
+        report("point = []\n", &["example.toml:1:1", "add `format`"]);
+    }
+
+    #[test]
+    fn a_fault_is_shown_at_the_deepest_place_that_the_text_has() {
+        let scratch = Scratch::new();
+        let path = scratch.file("example.toml", GOOD);
+        let (_, file) = TomlFile::read::<Example>(&path).unwrap();
+        let second = Place::root().key("point").item(1);
+        let shown = |place: Place| file.show(&place.fault("is wrong", "right it"));
+        let nominal = second.key("nominal");
+        assert_report(
+            shown(nominal),
+            &[
+                "example.toml:5:11",
+                "`point` 2, `nominal`: is wrong",
+                "right it",
+            ],
+        );
+        assert_report(
+            shown(second.key("axes").item(1)),
+            &["example.toml:6:12", "`axes` 2"],
+        );
+        assert_report(shown(second.key("absent")), &["example.toml:4:1"]);
+        assert_report(shown(Place::root()), &["example.toml:1:1"]);
+    }
+}

@@ -1,0 +1,159 @@
+//! A file that is complete or absent.
+
+use std::ffi::OsString;
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use super::FileError;
+
+/// Writes `bytes` to `path`: beside it first, then renamed over it once they are on the disk.
+///
+/// Whoever reads `path` sees the old content or the new one, never a part of either. The file gets
+/// the permissions that any new file gets (the umask's). A symbolic link is followed. What is no
+/// regular file, such as `/dev/stdout` or a pipe, is written to directly.
+///
+/// # Errors
+/// When `path` is a folder, its folder does not exist, or the operating system refuses.
+pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
+    let failed = |source| FileError::Io {
+        action: "write",
+        path: path.to_owned(),
+        source,
+    };
+    match fs::metadata(path) {
+        Ok(found) if found.is_dir() => Err(FileError::NotAFile {
+            path: path.to_owned(),
+        }),
+        Ok(found) if found.is_file() => {
+            let target = fs::canonicalize(path).map_err(failed)?;
+            replace(&target, bytes).map_err(failed)
+        }
+        Ok(_) => fs::write(path, bytes).map_err(failed),
+        Err(_) => {
+            existing_parent(path)?;
+            replace(path, bytes).map_err(failed)
+        }
+    }
+}
+
+fn replace(target: &Path, bytes: &[u8]) -> io::Result<()> {
+    let mut file = temporary(target, 0o666, |builder| builder.tempfile_in(parent(target)))?;
+    file.write_all(bytes)?;
+    file.as_file().sync_all()?;
+    file.persist(target).map_err(|error| error.error)?;
+    sync_folder(parent(target));
+    Ok(())
+}
+
+/// The folder in which `path` stands.
+pub(super) fn parent(path: &Path) -> &Path {
+    match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    }
+}
+
+/// Refuses a path whose folder does not exist: a misspelled path would else grow a tree.
+pub(super) fn existing_parent(path: &Path) -> Result<(), FileError> {
+    let parent = parent(path);
+    if parent.is_dir() {
+        Ok(())
+    } else {
+        Err(FileError::NoParent {
+            path: path.to_owned(),
+            parent: PathBuf::from(parent),
+        })
+    }
+}
+
+/// Makes a file or folder for what will be renamed to `target`: its name is hidden, and
+/// recognisable if the power fails. `mode` is what the umask is applied to; without it a temporary
+/// file would be its owner's alone, also after the rename.
+pub(super) fn temporary<T>(
+    target: &Path,
+    mode: u32,
+    make: impl FnOnce(&tempfile::Builder<'_, '_>) -> io::Result<T>,
+) -> io::Result<T> {
+    let mut prefix = OsString::from(".");
+    prefix.push(target.file_name().unwrap_or_default());
+    prefix.push(".");
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(&prefix).suffix(".part");
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(mode));
+    #[cfg(not(unix))]
+    let _ = mode;
+    make(&builder)
+}
+
+/// Makes a rename in `folder` last through a power failure, where the system can do that.
+/// The rename has happened by then, so a refusal is no failure of the write.
+pub(super) fn sync_folder(folder: &Path) {
+    let _ = File::open(folder).and_then(|folder| folder.sync_all());
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::files::testing::{Scratch, assert_report};
+
+    #[test]
+    fn a_file_replaces_the_old_one_and_leaves_nothing_beside_it() {
+        let scratch = Scratch::new();
+        let path = scratch.file("model.toml", "old");
+        write_file(&path, b"new").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"new");
+        assert_eq!(scratch.names(), ["model.toml"]);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_file_has_the_permissions_of_any_new_file() {
+        use std::os::unix::fs::PermissionsExt;
+        let scratch = Scratch::new();
+        let ours = scratch.path().join("ours");
+        write_file(&ours, b"x").unwrap();
+        let ordinary = scratch.file("ordinary", "x");
+        let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode();
+        assert_eq!(mode(&ours), mode(&ordinary));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_is_followed_and_a_device_is_written_to() {
+        let scratch = Scratch::new();
+        let real = scratch.file("real", "old");
+        let link = scratch.path().join("link");
+        std::os::unix::fs::symlink(&real, &link).unwrap();
+        write_file(&link, b"new").unwrap();
+        assert_eq!(fs::read(&real).unwrap(), b"new");
+        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+        write_file(Path::new("/dev/null"), b"gone").unwrap();
+        assert!(!fs::metadata("/dev/null").unwrap().is_file());
+    }
+
+    #[test]
+    fn a_folder_as_a_file_is_refused() {
+        let scratch = Scratch::new();
+        let error = write_file(scratch.path(), b"x").unwrap_err();
+        assert_report(error, &["is a folder", "name of a file in it"]);
+    }
+
+    #[test]
+    fn a_missing_folder_is_named_and_not_made() {
+        let scratch = Scratch::new();
+        let error = write_file(&scratch.path().join("no/model.toml"), b"x").unwrap_err();
+        assert_report(
+            error,
+            &["model.toml", "there is no folder", "create that folder"],
+        );
+        assert!(scratch.names().is_empty());
+    }
+
+    #[test]
+    fn a_bare_name_stands_in_the_current_folder() {
+        assert_eq!(parent(Path::new("model.toml")), Path::new("."));
+        assert_eq!(parent(Path::new("a/model.toml")), Path::new("a"));
+    }
+}

@@ -1,0 +1,119 @@
+//! The columns that a record's CSV file may have, and what their values may be.
+
+use super::{Output, Record};
+
+/// A column of a record.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Column {
+    TimeS,
+    Command,
+    ThrustN,
+    Rpm,
+    EscCommand,
+    VoltageV,
+    CurrentA,
+}
+
+impl Column {
+    /// Every column, in the order in which they are written.
+    pub(super) const ALL: [Self; 7] = [
+        Self::TimeS,
+        Self::Command,
+        Self::ThrustN,
+        Self::Rpm,
+        Self::EscCommand,
+        Self::VoltageV,
+        Self::CurrentA,
+    ];
+
+    /// Its name in the header.
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::TimeS => "time_s",
+            Self::Command => "command",
+            Self::ThrustN => "thrust_n",
+            Self::Rpm => "rpm",
+            Self::EscCommand => "esc_command",
+            Self::VoltageV => "voltage_v",
+            Self::CurrentA => "current_a",
+        }
+    }
+
+    /// The column of that name.
+    pub(super) fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|column| column.name() == name)
+    }
+
+    /// The column that holds the response.
+    pub(super) fn of(output: Output) -> Self {
+        match output {
+            Output::ThrustN => Self::ThrustN,
+            Output::Rpm => Self::Rpm,
+        }
+    }
+
+    /// Its values in `record`; `None` when the record has not got it.
+    pub(super) fn values(self, record: &Record) -> Option<&[f64]> {
+        match self {
+            Self::TimeS => Some(&record.time_s),
+            Self::Command => Some(&record.command),
+            Self::ThrustN => record.thrust_n.as_deref(),
+            Self::Rpm => record.rpm.as_deref(),
+            Self::EscCommand => record.esc_command.as_deref(),
+            Self::VoltageV => record.voltage_v.as_deref(),
+            Self::CurrentA => record.current_a.as_deref(),
+        }
+    }
+
+    /// Accepts and returns `value`, which follows `previous` in the same column.
+    ///
+    /// A response may be negative: the zero of a thrust sensor drifts.
+    pub(super) fn accept(self, previous: Option<f64>, value: f64) -> Result<f64, Refusal> {
+        if !value.is_finite() {
+            return Err(Refusal::new(
+                format!("{value} is not a finite number"),
+                "remove the row, or fill it with what was measured",
+            ));
+        }
+        match (self, previous) {
+            (Self::TimeS, Some(previous)) if value == previous => Err(Refusal::new(
+                format!("time stands still at {value}"),
+                "remove the repeated row, or write the times with more digits",
+            )),
+            (Self::TimeS, Some(previous)) if value < previous => Err(Refusal::new(
+                format!("time runs backwards, from {previous} to {value}"),
+                "sort the rows by time, and give each run a record of its own",
+            )),
+            (Self::Command | Self::EscCommand, _) if !(0.0..=1.0).contains(&value) => {
+                Err(Refusal::new(
+                    format!("{value} is outside 0 to 1"),
+                    "a command is a duty from 0 to 1: divide a percentage by 100, \
+                     scale a pulse width by its range",
+                ))
+            }
+            _ => Ok(value),
+        }
+    }
+}
+
+/// Why a value is refused, and what to do.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Refusal {
+    pub(super) message: String,
+    pub(super) help: &'static str,
+}
+
+impl Refusal {
+    pub(super) fn new(message: String, help: &'static str) -> Self {
+        Self { message, help }
+    }
+}
+
+/// The least number of rows of a record. The command of a row acts until the next one, so one row
+/// holds no response to its command, and no sample interval. What an estimator needs beyond that
+/// depends on the estimator, which says so itself.
+pub(super) const LEAST_ROWS: usize = 2;
+
+/// What to do about a record that is shorter.
+pub(super) const TOO_FEW_ROWS: &str =
+    "a response needs a row after the one that holds its command: record longer";

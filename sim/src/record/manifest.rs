@@ -1,0 +1,196 @@
+//! `experiment.toml`: the keys of an experiment, strictly.
+
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Excitation, Experiment, Output, Record, Role};
+use crate::files::{Fault, Place, is_plain_name};
+
+/// The file's name in the experiment's folder.
+pub(super) const MANIFEST: &str = "experiment.toml";
+
+/// The file as it is written.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Manifest {
+    pub(super) format: u32,
+    pub(super) name: String,
+    pub(super) command: CommandKind,
+    pub(super) output: Output,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) sample_rate_hz: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) esc_frame_hz: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) command_rate_hz: Option<f64>,
+    #[serde(rename = "record", default)]
+    pub(super) records: Vec<Entry>,
+}
+
+/// What the column `command` holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(super) enum CommandKind {
+    /// A duty from 0 to 1.
+    Duty,
+}
+
+/// One `[[record]]`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Entry {
+    pub(super) file: String,
+    pub(super) nominal: f64,
+    pub(super) excitation: Excitation,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) period_s: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) amplitude: Option<f64>,
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub(super) compensated: bool,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) compensator: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) role: Option<Role>,
+}
+
+/// `[[record]]` number `index` (from zero).
+pub(super) fn place(index: usize) -> Place {
+    Place::root().key("record").item(index)
+}
+
+impl Manifest {
+    /// What `experiment.toml` says of `experiment`.
+    pub(super) fn of(experiment: &Experiment) -> Self {
+        Self {
+            format: 1,
+            name: experiment.name.clone(),
+            command: CommandKind::Duty,
+            output: experiment.output,
+            sample_rate_hz: experiment.sample_rate_hz,
+            esc_frame_hz: experiment.esc_frame_hz,
+            command_rate_hz: experiment.command_rate_hz,
+            records: experiment.records.iter().map(Entry::of).collect(),
+        }
+    }
+
+    /// The rules that the types do not express.
+    pub(super) fn check(&self) -> Result<(), Fault> {
+        let root = Place::root();
+        for (key, rate) in [
+            ("sample_rate_hz", self.sample_rate_hz),
+            ("esc_frame_hz", self.esc_frame_hz),
+            ("command_rate_hz", self.command_rate_hz),
+        ] {
+            if let Some(rate) = rate {
+                root.key(key).positive(rate)?;
+            }
+        }
+        if let (Some(command), Some(sample)) = (self.command_rate_hz, self.sample_rate_hz)
+            && command < sample
+        {
+            return Err(root.key("command_rate_hz").fault(
+                format!("{command} Hz is slower than the rows, {sample} Hz"),
+                "remove it: the rows show every change of the command by themselves",
+            ));
+        }
+        if self.records.is_empty() {
+            return Err(root.key("record").fault(
+                "the experiment has no record",
+                "add a [[record]] with file, nominal and excitation for each CSV file",
+            ));
+        }
+        let mut files = BTreeSet::new();
+        for (index, entry) in self.records.iter().enumerate() {
+            entry.check(&place(index))?;
+            if !files.insert(&entry.file) {
+                return Err(place(index).key("file").fault(
+                    format!("`{}` is named twice", entry.file),
+                    "remove one of the two: the same data would count double",
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Entry {
+    fn of(record: &Record) -> Self {
+        Self {
+            file: record.file.clone(),
+            nominal: record.nominal,
+            excitation: record.excitation,
+            period_s: record.period_s,
+            amplitude: record.amplitude,
+            compensated: record.compensated,
+            compensator: record
+                .compensator
+                .as_ref()
+                .map(|path| path.to_string_lossy().into_owned()),
+            role: record.role,
+        }
+    }
+
+    fn check(&self, place: &Place) -> Result<(), Fault> {
+        plain(&self.file, place.key("file"))?;
+        place.key("nominal").fraction(self.nominal)?;
+        if let Some(period_s) = self.period_s {
+            place.key("period_s").positive(period_s)?;
+        } else if self.excitation.is_periodic() {
+            return Err(place.key("period_s").fault(
+                "a multisine or square wave has a period, and it is not given",
+                "add `period_s`, in seconds",
+            ));
+        }
+        if let Some(amplitude) = self.amplitude {
+            place.key("amplitude").positive(amplitude)?;
+            place.key("amplitude").fraction(amplitude)?;
+        }
+        match (&self.compensator, self.compensated) {
+            (Some(name), true) => plain(name, place.key("compensator")),
+            (None, false) => Ok(()),
+            (None, true) => Err(place.key("compensated").fault(
+                "a compensated record names its compensator, and none is given",
+                "add `compensator`, the name of its file in the same folder",
+            )),
+            (Some(_), false) => Err(place.key("compensator").fault(
+                "the record names a compensator, but `compensated` is not true",
+                "set `compensated = true`, or remove `compensator`",
+            )),
+        }
+    }
+
+    /// The record, with the columns still to be filled.
+    pub(super) fn into_record(self) -> Record {
+        Record {
+            file: self.file,
+            nominal: self.nominal,
+            excitation: self.excitation,
+            period_s: self.period_s,
+            amplitude: self.amplitude,
+            compensated: self.compensated,
+            compensator: self.compensator.map(PathBuf::from),
+            role: self.role,
+            time_s: Vec::new(),
+            command: Vec::new(),
+            thrust_n: None,
+            rpm: None,
+            esc_command: None,
+            voltage_v: None,
+            current_a: None,
+        }
+    }
+}
+
+fn plain(name: &str, place: Place) -> Result<(), Fault> {
+    if is_plain_name(name) {
+        Ok(())
+    } else {
+        Err(place.fault(
+            format!("`{name}` is not the name of a file inside the experiment's folder"),
+            "put the file in the folder and give its name relative to it, without `..`",
+        ))
+    }
+}

@@ -1,0 +1,257 @@
+//! A record's CSV file: every cell a number that its column accepts, or an error that shows it.
+
+use std::ops::Range;
+
+use csv::StringRecord;
+
+use super::column::{Column, LEAST_ROWS, Refusal, TOO_FEW_ROWS};
+use super::sampling::Grid;
+use super::{Output, Record};
+use crate::files::{FileError, TextFile};
+
+/// How much of a cell an error quotes, characters: an unclosed quote makes a cell of a whole file.
+const QUOTED: usize = 40;
+
+/// The columns of a CSV file, with the text to show errors in.
+pub(super) struct Table {
+    text: TextFile,
+    columns: Vec<Column>,
+    values: Vec<Vec<f64>>,
+}
+
+impl Table {
+    /// Reads all columns; `output` is the one that holds the response.
+    pub(super) fn read(text: TextFile, output: Output) -> Result<Self, FileError> {
+        let mut reader = reader(&text);
+        let mut row = StringRecord::new();
+        next(&mut reader, &mut row);
+        let columns = header(&text, &row, output)?;
+        let mut values: Vec<Vec<f64>> = columns.iter().map(|_| Vec::new()).collect();
+        while next(&mut reader, &mut row) {
+            if row.len() != columns.len() {
+                return Err(uneven_row(&text, &row, columns.len()));
+            }
+            let cells = row.iter().zip(&columns).zip(&mut values);
+            for (index, ((cell, column), values)) in cells.enumerate() {
+                let value = number(cell)
+                    .and_then(|value| column.accept(values.last().copied(), value))
+                    .map_err(|refusal| refused(&text, &row, index, *column, &refusal))?;
+                values.push(value);
+            }
+        }
+        let rows = values.first().map_or(0, Vec::len);
+        if rows < LEAST_ROWS {
+            let end = text.text().trim_end().len();
+            let message = format!("too few rows of numbers: {rows}");
+            let last_line = text.text()[..end]
+                .rfind('\n')
+                .map_or(0, |newline| newline + 1);
+            return Err(text.complaint(
+                last_line..end,
+                message,
+                "the file ends here",
+                TOO_FEW_ROWS,
+            ));
+        }
+        Ok(Self {
+            text,
+            columns,
+            values,
+        })
+    }
+
+    /// Refuses rows that the stated rate contradicts.
+    pub(super) fn check_rate(&self, record: &Record, stated_hz: f64) -> Result<(), FileError> {
+        let time_s = &record.time_s;
+        if Grid::through(time_s, 1.0 / stated_hz).holds(time_s) {
+            return Ok(());
+        }
+        let (row, message) = match record.sample_rate_hz() {
+            Ok(rate_hz) => (
+                time_s.len(),
+                format!(
+                    "the rows come at {rate_hz:.6} Hz, `sample_rate_hz` of experiment.toml says {stated_hz}"
+                ),
+            ),
+            Err(error) => (
+                error.row().unwrap_or(1),
+                format!("{error}; `sample_rate_hz` of experiment.toml says {stated_hz}"),
+            ),
+        };
+        let index = self
+            .columns
+            .iter()
+            .position(|column| *column == Column::TimeS);
+        let mut reader = reader(&self.text);
+        let mut cells = StringRecord::new();
+        for _ in 0..=row {
+            next(&mut reader, &mut cells);
+        }
+        let span = cell_span(&self.text, &cells, index.unwrap_or(0));
+        let help = "correct `sample_rate_hz` or the times; \
+                    remove `sample_rate_hz` where the times are right";
+        Err(self.text.complaint(span, message, "here", help))
+    }
+
+    /// Moves the columns into `record`.
+    pub(super) fn fill(&mut self, record: &mut Record) {
+        for (column, values) in self.columns.iter().zip(&mut self.values) {
+            let values = std::mem::take(values);
+            match column {
+                Column::TimeS => record.time_s = values,
+                Column::Command => record.command = values,
+                Column::ThrustN => record.thrust_n = Some(values),
+                Column::Rpm => record.rpm = Some(values),
+                Column::EscCommand => record.esc_command = Some(values),
+                Column::VoltageV => record.voltage_v = Some(values),
+                Column::CurrentA => record.current_a = Some(values),
+            }
+        }
+    }
+}
+
+fn reader(text: &TextFile) -> csv::Reader<&[u8]> {
+    csv::ReaderBuilder::new()
+        .has_headers(false)
+        .flexible(true) // Rows of another length get an error of our own, with its place.
+        .from_reader(text.text().as_bytes())
+}
+
+/// Reads the next row; false at the end.
+fn next(reader: &mut csv::Reader<&[u8]>, row: &mut StringRecord) -> bool {
+    reader
+        .read_record(row)
+        .expect("rows of any length, of UTF-8 text in memory, cannot fail")
+}
+
+/// A cell as a number.
+fn number(cell: &str) -> Result<f64, Refusal> {
+    let cell = cell.trim();
+    cell.parse().map_err(|_| {
+        if cell.is_empty() {
+            Refusal::new(
+                "the cell is empty".to_owned(),
+                "fill the cell, remove its row, or leave the column out",
+            )
+        } else {
+            Refusal::new(
+                format!("`{}` is not a number", quoted(cell)),
+                "write a plain number with a decimal point, without its unit",
+            )
+        }
+    })
+}
+
+fn header(text: &TextFile, row: &StringRecord, output: Output) -> Result<Vec<Column>, FileError> {
+    let complaint = |index, message, help| {
+        let span = cell_span(text, row, index);
+        Err(text.complaint(span, message, "here", help))
+    };
+    let mut columns = Vec::new();
+    for (index, cell) in row.iter().enumerate() {
+        let name = cell.trim();
+        match Column::named(name) {
+            Some(column) if columns.contains(&column) => {
+                let message = format!("column `{name}` is there twice");
+                return complaint(index, message, "remove one of the two".to_owned());
+            }
+            Some(column) => columns.push(column),
+            None if name.is_empty() => {
+                let message = format!("column {} has no name", index + 1);
+                let help = "name it, or remove it with the commas that make it".to_owned();
+                return complaint(index, message, help);
+            }
+            None => {
+                let message = format!("column `{}` is not known", quoted(name));
+                return complaint(index, message, unknown_column(name));
+            }
+        }
+    }
+    for column in [Column::TimeS, Column::Command, Column::of(output)] {
+        if !columns.contains(&column) {
+            let line = row_span(text, row);
+            let message = format!("column `{}` is missing", column.name());
+            let help = if column == Column::of(output) {
+                "add it, or correct `output` in experiment.toml: it names the response"
+            } else {
+                "add it: every record has time_s, command and its response"
+            };
+            return Err(text.complaint(line, message, "the header", help));
+        }
+    }
+    Ok(columns)
+}
+
+fn unknown_column(name: &str) -> String {
+    if name.contains([';', '\t']) {
+        return "separate the columns with commas, and write numbers with a decimal point"
+            .to_owned();
+    }
+    if name.parse::<f64>().is_ok() {
+        return "begin the file with a header line: time_s,command,thrust_n".to_owned();
+    }
+    let known: Vec<_> = Column::ALL.iter().map(|column| column.name()).collect();
+    format!("rename or remove it; the columns are {}", known.join(", "))
+}
+
+fn uneven_row(text: &TextFile, row: &StringRecord, columns: usize) -> FileError {
+    let line = row_span(text, row);
+    let cells = row.len();
+    let message = format!(
+        "line {}: {cells} cells, but the header has {columns}",
+        text.line(line.start)
+    );
+    let help = "give every row one cell per column; decimals are written with a point";
+    text.complaint(line, message, "this row", help)
+}
+
+fn refused(
+    text: &TextFile,
+    row: &StringRecord,
+    index: usize,
+    column: Column,
+    refusal: &Refusal,
+) -> FileError {
+    let span = cell_span(text, row, index);
+    let (line, name) = (text.line(span.start), column.name());
+    let message = format!("line {line}, column `{name}`: {}", refusal.message);
+    text.complaint(span, message, "here", refusal.help)
+}
+
+/// Where a whole row stands in the text.
+fn row_span(text: &TextFile, row: &StringRecord) -> Range<usize> {
+    cell_span(text, row, 0).start..cell_span(text, row, row.len().saturating_sub(1)).end
+}
+
+fn quoted(cell: &str) -> String {
+    match cell.char_indices().nth(QUOTED) {
+        Some((end, _)) => format!("{}…", &cell[..end]),
+        None => cell.to_owned(),
+    }
+}
+
+/// Where cell `index` of `row` stands in the text. A row's position is where the reader began to
+/// look for it, which may be the end of the line before.
+fn cell_span(text: &TextFile, row: &StringRecord, index: usize) -> Range<usize> {
+    let from = row
+        .position()
+        .map_or(0, |position| position.byte() as usize);
+    let text = text.text();
+    let rest = &text[from.min(text.len())..];
+    let first = text.len() - rest.trim_start_matches(['\r', '\n']).len();
+    let (mut start, mut cell, mut in_quotes) = (first, 0, false);
+    for (at, byte) in text.bytes().enumerate().skip(first) {
+        match byte {
+            b'"' => in_quotes = !in_quotes,
+            b',' if !in_quotes && cell < index => {
+                cell += 1;
+                start = at + 1;
+            }
+            b',' if !in_quotes => return start..at,
+            // Also inside quotes: a label over the rest of the file would show nothing.
+            b'\n' | b'\r' => return start..at,
+            _ => {}
+        }
+    }
+    start..text.len()
+}

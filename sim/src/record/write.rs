@@ -1,0 +1,117 @@
+//! Writing an experiment's folder.
+
+use std::path::Path;
+
+use super::column::{Column, LEAST_ROWS, TOO_FEW_ROWS};
+use super::manifest::{MANIFEST, Manifest};
+use super::sampling::Grid;
+use super::{Experiment, Record};
+use crate::files::{Fault, FileError, OutputFolder, Place, to_toml};
+
+/// Room for one number and its comma, bytes: the shortest text that reads back as the same number.
+const CELL: usize = 20;
+
+impl Experiment {
+    /// Writes the experiment as a new folder, which appears when it is complete.
+    ///
+    /// Numbers are written with as many digits as it takes to read the same ones back. The files of
+    /// compensators are not part of an experiment in memory: write those with
+    /// [`Experiment::write_into`] and [`OutputFolder::write`].
+    ///
+    /// # Errors
+    /// When reading it back would refuse it (then nothing is written), the folder exists and is not
+    /// empty, or the operating system refuses.
+    pub fn write(&self, folder: &Path) -> Result<(), FileError> {
+        let folder = OutputFolder::create(folder)?;
+        self.write_into(&folder)?;
+        folder.commit()
+    }
+
+    /// Writes the experiment into a folder under construction, which may hold other files too.
+    ///
+    /// # Errors
+    /// As for [`Experiment::write`].
+    pub fn write_into(&self, folder: &OutputFolder) -> Result<(), FileError> {
+        let refused =
+            |name: &str, fault| FileError::refused(&folder.destination().join(name), fault);
+        let manifest = Manifest::of(self);
+        manifest.check().map_err(|fault| refused(MANIFEST, fault))?;
+        for record in &self.records {
+            self.check_columns(record)
+                .map_err(|fault| refused(&record.file, fault))?;
+        }
+        folder.write(MANIFEST, to_toml(&manifest).as_bytes())?;
+        for record in &self.records {
+            folder.write(&record.file, csv_text(record).as_bytes())?;
+        }
+        Ok(())
+    }
+
+    /// What reading checks of a CSV file, for the columns in memory.
+    fn check_columns(&self, record: &Record) -> Result<(), Fault> {
+        let rows = record.time_s.len();
+        let place = |column: Column| Place::root().key(column.name());
+        if rows < LEAST_ROWS {
+            return Err(place(Column::TimeS).fault(format!("too few rows: {rows}"), TOO_FEW_ROWS));
+        }
+        let response = Column::of(self.output);
+        if response.values(record).is_none() {
+            return Err(place(response).fault(
+                "the column is missing",
+                "add it, or set the experiment's output to the response that was measured",
+            ));
+        }
+        for column in Column::ALL {
+            let Some(values) = column.values(record) else {
+                continue;
+            };
+            if values.len() != rows {
+                return Err(place(column).fault(
+                    format!("{} rows, but {rows} times", values.len()),
+                    "give every column a value at every time",
+                ));
+            }
+            let mut previous = None;
+            for (row, value) in values.iter().enumerate() {
+                column.accept(previous, *value).map_err(|refusal| {
+                    place(column).item(row).fault(refusal.message, refusal.help)
+                })?;
+                previous = Some(*value);
+            }
+        }
+        match self.sample_rate_hz {
+            Some(rate_hz)
+                if !Grid::through(&record.time_s, 1.0 / rate_hz).holds(&record.time_s) =>
+            {
+                Err(place(Column::TimeS).fault(
+                    format!("the times contradict the sampling rate of {rate_hz} Hz"),
+                    "correct the rate or the times, or leave the rate out",
+                ))
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// The CSV text of a record: names and numbers, none of which needs quotes.
+fn csv_text(record: &Record) -> String {
+    let columns: Vec<_> = Column::ALL
+        .into_iter()
+        .filter_map(|column| Some((column, column.values(record)?)))
+        .collect();
+    let names: Vec<_> = columns.iter().map(|(column, _)| column.name()).collect();
+    let mut text = String::with_capacity(record.time_s.len() * columns.len() * CELL);
+    text.push_str(&names.join(","));
+    text.push('\n');
+    let mut digits = ryu::Buffer::new();
+    for row in 0..record.time_s.len() {
+        for (index, (_, values)) in columns.iter().enumerate() {
+            if index > 0 {
+                text.push(',');
+            }
+            text.push_str(digits.format(values[row]));
+        }
+        text.push('\n');
+    }
+    text
+}
