@@ -33,4 +33,5 @@ extern crate std;
 pub mod biquad;
 pub mod compensator;
 pub mod design;
+pub mod excitation;
 pub mod throttle;
