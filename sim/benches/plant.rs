@@ -1,0 +1,85 @@
+//! Speed of the simulated stand, single-threaded: `cargo bench -p rotorlead-sim --bench plant`.
+//!
+//! Prints millions of ticks per second, the best of several runs: what the code can do, not what else the machine does.
+
+use std::hint::black_box;
+use std::num::NonZeroUsize;
+use std::time::Instant;
+
+use rotorlead_sim::bench::{Plan, run_on};
+use rotorlead_sim::plant::{Actuator, EscTiming, FirstOrder, Law, Model, Noise, SensorNoise};
+
+const TICKS: usize = 5_000_000;
+
+const MODEL: &str = "
+format = 1
+[[point]]
+nominal = 0.4
+gain = 9.9955
+time_constant_s = 0.159342
+[[point]]
+nominal = 0.5
+gain = 10.1718
+time_constant_s = 0.107656
+delay_s = 0.0033
+[[point]]
+nominal = 0.65
+gain = 16.1063
+time_constant_s = 0.070784
+";
+
+fn main() -> miette::Result<()> {
+    let model: Model = toml::from_str(MODEL).expect("the text above is a model");
+    // A command that changes on every tick, as a multisine's does.
+    let commands: Vec<f64> = (0..4096).map(|k| 0.5 + 0.05 * (f64::from(k) * 0.1).sin()).collect();
+    let tick_s = 1.0 / 5000.0;
+
+    let mut plant = FirstOrder::around(&model, 0.5)?;
+    report("plant step, linear", |k| plant.advance(commands[k % 4096], tick_s));
+    black_box(plant.response());
+
+    let mut plant = FirstOrder::over_range(&model, 0.5)?;
+    report("plant step, following the level", |k| plant.advance(commands[k % 4096], tick_s));
+    black_box(plant.response());
+
+    for (name, nominal, frame_hz) in [
+        ("chain without frames and delay", 0.4, None),
+        ("chain with 600 Hz frames", 0.4, Some(600.0)),
+        ("chain with 600 Hz frames and delay", 0.5, Some(600.0)),
+    ] {
+        let timing = EscTiming { frame_hz, frame_phase: 0.0 };
+        let mut actuator = Actuator::new(&model, Law::LinearAround(nominal), timing)?;
+        let mut ticks = 0.0;
+        report(name, |k| {
+            ticks += 1.0;
+            actuator.advance(commands[k % 4096], ticks * tick_s);
+        });
+        black_box(actuator.response());
+    }
+
+    let mut noise = SensorNoise::new(Noise { sigma_n: 0.02, ..Noise::default() }, 1, 0)?;
+    let mut sum = 0.0;
+    report("sensor noise, per row", |k| sum += noise.sample(k as f64));
+    black_box(sum);
+
+    let plan = Plan::paper(&model);
+    let start = Instant::now();
+    let experiment = run_on(NonZeroUsize::MIN, &plan, &model, None, &|_| {})?;
+    let elapsed_s = start.elapsed().as_secs_f64();
+    let ticks: usize = experiment.records.iter().map(|r| r.time_s.len() * 5 * 5 / 4).sum();
+    println!("{:<38} {:6.1} M ticks/s", "bench, the paper's plan", ticks as f64 / elapsed_s / 1e6);
+    Ok(())
+}
+
+fn report(name: &str, mut step: impl FnMut(usize)) {
+    let best_s = (0..7)
+        .map(|_| {
+            let start = Instant::now();
+            for k in 0..TICKS {
+                step(k);
+            }
+            start.elapsed().as_secs_f64()
+        })
+        .fold(f64::INFINITY, f64::min);
+    println!("{name:<38} {:6.1} M ticks/s", TICKS as f64 / best_s / 1e6);
+}

@@ -1,0 +1,256 @@
+//! Plays a plan on a simulated actuator.
+
+use std::collections::HashMap;
+use std::num::NonZeroUsize;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
+
+use rotorlead::compensator::Compensator;
+use rotorlead::design::LeadDesign;
+use rotorlead::throttle::Command;
+
+use super::signal::Signal;
+use super::{BenchError, Plan, PlannedRecord};
+use crate::files::Place;
+use crate::plant::{Actuator, EscTiming, Law, Model, Noise, PlantError, SensorNoise};
+use crate::record::{Excitation, Experiment, Output, Record};
+
+/// How far a run is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Progress {
+    /// Ticks of the control loop that are done, over all records.
+    pub done: usize,
+    /// Ticks that there are to do.
+    pub total: usize,
+}
+
+/// Runs `plan` on the actuator that `model` describes, with records side by side on as many threads as the machine
+/// runs at once. `compensator` is the design that the plan's `compensator` names. `progress` is called from those
+/// threads, after every period of a record.
+///
+/// A row at time `t` has the command that takes effect at `t` (before and, in a compensated record, after the
+/// compensator) and the response at `t`, which that command has not yet changed. Multisines, square waves and single
+/// steps run on the plant that is linear around the record's nominal command, staircases on the one that follows the
+/// level; see [`FirstOrder`](crate::plant::FirstOrder).
+///
+/// The result depends on the arguments alone: each record has its own stream of noise, by the plan's seed and its place
+/// in the plan.
+///
+/// # Errors
+/// [`BenchError`] when plan, model and compensator do not go together, or one of them is impossible.
+pub fn run(
+    plan: &Plan,
+    model: &Model,
+    compensator: Option<&LeadDesign>,
+    progress: &(dyn Fn(Progress) + Sync),
+) -> Result<Experiment, BenchError> {
+    let threads = thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
+    run_on(threads, plan, model, compensator, progress)
+}
+
+/// [`run`] on a given number of threads.
+///
+/// # Errors
+/// Those of [`run`].
+pub fn run_on(
+    threads: NonZeroUsize,
+    plan: &Plan,
+    model: &Model,
+    compensator: Option<&LeadDesign>,
+    progress: &(dyn Fn(Progress) + Sync),
+) -> Result<Experiment, BenchError> {
+    check(plan, model, compensator)?;
+    let output = output_of(model);
+    let files = file_names(&plan.records);
+    let jobs = plan
+        .records
+        .iter()
+        .enumerate()
+        .map(|(index, record)| {
+            let signal = Signal::new(plan, record, &Place::root().key("record").item(index))?;
+            Ok(Job { plan, record, file: &files[index], signal, model, compensator, output })
+        })
+        .collect::<Result<Vec<_>, BenchError>>()?;
+
+    let total = jobs.iter().map(|job| job.signal.warm_up_ticks + job.signal.ticks).sum();
+    let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let report = |ticks: usize| {
+        let done = done.fetch_add(ticks, Ordering::Relaxed) + ticks;
+        progress(Progress { done, total });
+    };
+    let finished = Mutex::new(Vec::with_capacity(jobs.len()));
+    thread::scope(|scope| {
+        for _ in 0..threads.get().min(jobs.len()) {
+            scope.spawn(|| {
+                while let Some((index, job)) =
+                    Some(next.fetch_add(1, Ordering::Relaxed)).and_then(|i| Some((i, jobs.get(i)?)))
+                {
+                    let record = job.run(&report);
+                    finished.lock().expect("no thread panics while it holds the lock").push((index, record));
+                }
+            });
+        }
+    });
+    let mut finished = finished.into_inner().expect("no thread panics while it holds the lock");
+    finished.sort_by_key(|(index, _)| *index);
+    let records = finished.into_iter().map(|(_, record)| record).collect::<Result<Vec<_>, _>>()?;
+
+    let mut experiment = Experiment {
+        name: plan.name.clone(),
+        output,
+        sample_rate_hz: Some(f64::from(plan.sample_rate_hz)),
+        esc_frame_hz: plan.esc_frame_hz,
+        command_rate_hz: (plan.loop_rate_hz != plan.sample_rate_hz).then_some(f64::from(plan.loop_rate_hz)),
+        records,
+    };
+    add_noise(&mut experiment, plan.noise, plan.seed)?;
+    Ok(experiment)
+}
+
+/// Adds sensor noise to the thrust of every record: stream `k` of `seed` to record `k`. What [`run`] does last; on its
+/// own it makes many noisy experiments out of one without noise.
+///
+/// # Errors
+/// [`PlantError`] when the noise is impossible.
+pub fn add_noise(experiment: &mut Experiment, noise: Noise, seed: u64) -> Result<(), PlantError> {
+    noise.check()?;
+    if noise.is_silent() {
+        return Ok(());
+    }
+    for (stream, record) in (0..).zip(&mut experiment.records) {
+        let mut source = SensorNoise::new(noise, seed, stream)?;
+        if let Some(thrust_n) = &mut record.thrust_n {
+            for (thrust_n, &time_s) in thrust_n.iter_mut().zip(&record.time_s) {
+                *thrust_n += source.sample(time_s);
+            }
+        }
+    }
+    Ok(())
+}
+
+fn check(plan: &Plan, model: &Model, compensator: Option<&LeadDesign>) -> Result<(), BenchError> {
+    plan.check()?;
+    check_compensator(plan, compensator)?;
+    if output_of(model) == Output::Rpm && !plan.noise.is_silent() {
+        return Err(BenchError::NoiseUnit);
+    }
+    Ok(())
+}
+
+/// Refuses a compensator that is not the plan's.
+pub(super) fn check_compensator(plan: &Plan, compensator: Option<&LeadDesign>) -> Result<(), BenchError> {
+    match (&plan.compensator, compensator) {
+        (Some(file), None) => Err(BenchError::CompensatorMissing { file: file.display().to_string() }),
+        (None, Some(_)) => Err(BenchError::CompensatorNotNamed),
+        (Some(_), Some(design)) if design.loop_rate_hz() != f64::from(plan.loop_rate_hz) => {
+            Err(BenchError::LoopRate { designed_hz: design.loop_rate_hz(), loop_rate_hz: plan.loop_rate_hz })
+        }
+        _ => Ok(()),
+    }
+}
+
+/// What the model's response is: thrust where it does not say.
+fn output_of(model: &Model) -> Output {
+    model.provenance.as_ref().map_or(Output::ThrustN, |provenance| provenance.output)
+}
+
+/// `u050_multisine.csv`: the nominal command in hundredths (in ten-thousandths where that is not enough) and the
+/// excitation; the second one of the same name gets `_2`.
+fn file_names(records: &[PlannedRecord]) -> Vec<String> {
+    let mut seen = HashMap::new();
+    records
+        .iter()
+        .map(|record| {
+            let hundredths = record.nominal * 100.0;
+            let nominal = if (hundredths - hundredths.round()).abs() < 1e-6 {
+                format!("{hundredths:03.0}")
+            } else {
+                format!("{:05.0}", record.nominal * 1e4)
+            };
+            let excitation = match record.excitation {
+                Excitation::Multisine => "multisine",
+                Excitation::Square => "square",
+                Excitation::Step => "step",
+                Excitation::Staircase => "staircase",
+                Excitation::Chirp => "chirp",
+                Excitation::Free => "free",
+            };
+            let name = format!("u{nominal}_{excitation}");
+            let count = seen.entry(name.clone()).and_modify(|count| *count += 1).or_insert(1);
+            if *count == 1 { format!("{name}.csv") } else { format!("{name}_{count}.csv") }
+        })
+        .collect()
+}
+
+/// One record that is to be run.
+struct Job<'a> {
+    plan: &'a Plan,
+    record: &'a PlannedRecord,
+    file: &'a str,
+    signal: Signal,
+    model: &'a Model,
+    compensator: Option<&'a LeadDesign>,
+    output: Output,
+}
+
+impl Job<'_> {
+    fn run(&self, report: &dyn Fn(usize)) -> Result<Record, BenchError> {
+        let Signal { start, samples, warm_up_ticks, ticks, .. } = &self.signal;
+        let loop_rate_hz = f64::from(self.plan.loop_rate_hz);
+        let sample_rate_hz = f64::from(self.plan.sample_rate_hz);
+        let ticks_per_row = (self.plan.loop_rate_hz / self.plan.sample_rate_hz) as usize;
+        let law = match self.record.excitation {
+            Excitation::Staircase => Law::FollowingLevel(start.to_f64()),
+            _ => Law::LinearAround(self.record.nominal),
+        };
+        let timing = EscTiming { frame_hz: self.plan.esc_frame_hz, frame_phase: self.plan.esc_frame_phase };
+        let mut actuator = Actuator::new(self.model, law, timing)?;
+        let mut compensator = self.compensator.map(|design| {
+            let mut compensator = Compensator::new(*design.coefficients(), Command::ZERO, Command::ONE);
+            compensator.reset(*start);
+            compensator
+        });
+
+        let rows = ticks / ticks_per_row;
+        let column = || Vec::with_capacity(rows);
+        let (mut time_s, mut command, mut esc_command, mut response) = (column(), column(), column(), column());
+        for (tick, &sample) in samples.iter().cycle().take(warm_up_ticks + ticks).enumerate() {
+            let to_esc = compensator.as_mut().map_or(sample, |compensator| compensator.update(sample));
+            if let Some(recorded) = tick.checked_sub(*warm_up_ticks)
+                && recorded % ticks_per_row == 0
+            {
+                time_s.push((recorded / ticks_per_row) as f64 / sample_rate_hz);
+                command.push(sample.to_f64());
+                esc_command.push(to_esc.to_f64());
+                response.push(actuator.response());
+            }
+            actuator.advance(to_esc.to_f64(), (tick + 1) as f64 / loop_rate_hz);
+            if (tick + 1) % samples.len() == 0 {
+                report(samples.len());
+            }
+        }
+
+        let (thrust_n, rpm) = match self.output {
+            Output::ThrustN => (Some(response), None),
+            Output::Rpm => (None, Some(response)),
+        };
+        Ok(Record {
+            file: self.file.to_owned(),
+            nominal: self.record.nominal,
+            excitation: self.record.excitation,
+            period_s: self.signal.period_s,
+            amplitude: Some(self.signal.amplitude),
+            compensated: self.compensator.is_some(),
+            compensator: self.plan.compensator.clone(),
+            role: self.record.role,
+            time_s,
+            command,
+            thrust_n,
+            rpm,
+            esc_command: self.compensator.map(|_| esc_command),
+            voltage_v: None,
+            current_a: None,
+        })
+    }
+}

@@ -1,0 +1,157 @@
+//! The rotor with its propeller as a first-order lag.
+
+use super::{Model, OperatingCurve, OperatingPoint, PlantError};
+
+/// The first-order plant `time_constant dy/dt = steady(u) - y` (paper, eq. (1)), propagated exactly.
+///
+/// While the command is constant the solution is `y(t + d) = steady + (y(t) - steady) e^(-d / time_constant)`, so a
+/// step of any length is exact to rounding; nothing is integrated numerically.
+///
+/// There are two of them:
+/// - [`FirstOrder::around`] is linear around one nominal command: constant gain and time constant. It is what the paper
+///   identifies, and what small excitations (multisine, square wave, one step) are run on, so that an estimate
+///   can be compared with the numbers of the model.
+/// - [`FirstOrder::over_range`] follows the level: steady response and time constant are those of the command of the
+///   moment. It is for records that move over a wide range (a staircase), where one linear model means nothing.
+///
+/// The dead time of the model is not in here but in the chain before it, as a
+/// [`TransportDelay`](super::TransportDelay).
+#[derive(Clone, Debug)]
+pub struct FirstOrder {
+    law: Law,
+    /// The command that `target` and `rate_per_s` belong to.
+    command: f64,
+    target: f64,
+    rate_per_s: f64,
+    response: f64,
+}
+
+#[derive(Clone, Debug)]
+enum Law {
+    Linear(OperatingPoint),
+    Level(OperatingCurve),
+}
+
+impl FirstOrder {
+    /// Linear around `nominal`, at rest there: `y = response + gain (u - nominal)` when steady.
+    ///
+    /// # Errors
+    /// [`PlantError`] when the model is impossible or has no points around `nominal`.
+    pub fn around(model: &Model, nominal: f64) -> Result<Self, PlantError> {
+        Ok(Self::linear(OperatingCurve::around(model, nominal)?))
+    }
+
+    /// Linear with the numbers of `point`, at rest there. The point's time constant must be above 0.
+    #[must_use]
+    pub fn linear(point: OperatingPoint) -> Self {
+        Self::at_rest(Law::Linear(point), point.nominal)
+    }
+
+    /// Following the level over the model's whole range (and beyond it as [`OperatingCurve`] says), at rest at
+    /// `command`.
+    ///
+    /// # Errors
+    /// [`PlantError`] when the model is impossible.
+    pub fn over_range(model: &Model, command: f64) -> Result<Self, PlantError> {
+        Ok(Self::at_rest(Law::Level(OperatingCurve::new(model)?), command))
+    }
+
+    fn at_rest(law: Law, command: f64) -> Self {
+        let mut plant = Self { law, command, target: 0.0, rate_per_s: 0.0, response: 0.0 };
+        plant.settle(command);
+        plant
+    }
+
+    /// Puts the plant at rest: the command has been `command` for ever.
+    pub fn settle(&mut self, command: f64) {
+        self.take(command);
+        self.response = self.target;
+    }
+
+    /// Lets `duration_s` (not negative) pass with a constant `command`.
+    #[inline]
+    pub fn advance(&mut self, command: f64, duration_s: f64) {
+        if command != self.command {
+            self.take(command);
+        }
+        // expm1 keeps the digits that 1 - e^-x would lose for steps that are short beside the time constant.
+        self.response -= (self.target - self.response) * (-duration_s * self.rate_per_s).exp_m1();
+    }
+
+    /// The response of the moment: newtons or revolutions per minute, as the model has it.
+    #[inline]
+    #[must_use]
+    pub fn response(&self) -> f64 {
+        self.response
+    }
+
+    #[inline]
+    fn take(&mut self, command: f64) {
+        self.command = command;
+        match &self.law {
+            Law::Linear(point) => {
+                self.target = point.response + point.lag.gain * (command - point.nominal);
+                self.rate_per_s = 1.0 / point.lag.time_constant_s;
+            }
+            Law::Level(curve) => {
+                let point = curve.clamped_at(command);
+                self.target = point.response;
+                self.rate_per_s = 1.0 / point.lag.time_constant_s;
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plant::testing::{model, table_1};
+
+    #[test]
+    fn a_step_follows_the_analytic_response_to_1e_12() {
+        for point in table_1().points {
+            let mut plant = FirstOrder::around(&table_1(), point.nominal).unwrap();
+            let start = plant.response();
+            let mut worst: f64 = 0.0;
+            for tick in 1..=10_000_u32 {
+                plant.advance(point.nominal + 0.05, 1.0 / 5000.0);
+                let time_s = f64::from(tick) / 5000.0;
+                let expected = start + point.gain * 0.05 * (1.0 - (-time_s / point.time_constant_s).exp());
+                worst = worst.max((plant.response() - expected).abs());
+            }
+            assert!(worst < 1e-12, "off by {worst:e} N at {}", point.nominal);
+        }
+    }
+
+    #[test]
+    fn one_long_step_equals_many_short_ones() {
+        let mut long = FirstOrder::around(&table_1(), 0.5).unwrap();
+        let mut short = long.clone();
+        long.advance(0.55, 0.1);
+        for _ in 0..1000 {
+            short.advance(0.55, 1e-4);
+        }
+        assert!((long.response() - short.response()).abs() < 1e-13);
+    }
+
+    #[test]
+    fn over_the_range_gain_and_time_constant_are_those_of_the_level() {
+        let two = model(&[(0.25, 8.0, 0.2, 0.0), (0.75, 24.0, 0.05, 0.0)]);
+        let mut plant = FirstOrder::over_range(&two, 0.25).unwrap();
+        assert_eq!(plant.response(), 0.0);
+        plant.advance(0.75, 0.05);
+        let up = 8.0 * (1.0 - (-1.0_f64).exp());
+        assert!((plant.response() - up).abs() < 1e-12);
+        plant.advance(0.5, 0.125);
+        // Half way: the gain's integral is 0.25 (8 + 16) / 2 = 3, and the time constant 0.125 s.
+        assert!((plant.response() - (3.0 + (up - 3.0) * (-1.0_f64).exp())).abs() < 1e-12);
+    }
+
+    #[test]
+    fn around_a_point_it_is_linear_however_far_the_command_goes() {
+        let two = model(&[(0.25, 8.0, 0.2, 0.0), (0.75, 24.0, 0.05, 0.0)]);
+        let mut plant = FirstOrder::around(&two, 0.25).unwrap();
+        plant.advance(0.75, 100.0);
+        assert!((plant.response() - 4.0).abs() < 1e-12);
+    }
+}
