@@ -1,1 +1,4 @@
-//! identify
+//! Models from records.
+
+pub mod least_squares;
+pub mod steps;
