@@ -8,11 +8,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut sets = Vec::new();
     for recipe in RECIPES {
         let (multisine, phases) = find_phases(&recipe, |_| ())?;
-        println!(
-            "{}: crest factor {:.4}",
-            recipe.name,
-            multisine.crest_factor(50_000)
-        );
+        println!("{}: crest factor {:.4}", recipe.name, multisine.crest_factor(50_000));
         sets.push((recipe, phases));
     }
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../src/excitation/phases.rs");

@@ -100,7 +100,9 @@ fn lead(text: &str) -> Result<LeadParameters, String> {
         .collect::<Result<_, _>>()?;
     match numbers[..] {
         [omega_z_rad_s, omega_f_rad_s, damping] => Ok(LeadParameters { omega_z_rad_s, omega_f_rad_s, damping }),
-        _ => Err(String::from("three numbers are needed: zero and poles in rad/s, and damping, as in 14.13,94.2,0.707")),
+        _ => {
+            Err(String::from("three numbers are needed: zero and poles in rad/s, and damping, as in 14.13,94.2,0.707"))
+        }
     }
 }
 

@@ -67,9 +67,7 @@ impl Chain<'_> {
     fn holds(&self, omega_rad_s: f64) -> Complex64 {
         match self {
             Self::Continuous(_) => Complex64::ONE,
-            Self::Sampled { design, esc_frame_hz } => {
-                hold_response(design.loop_rate_hz(), *esc_frame_hz, omega_rad_s)
-            }
+            Self::Sampled { design, esc_frame_hz } => hold_response(design.loop_rate_hz(), *esc_frame_hz, omega_rad_s),
         }
     }
 

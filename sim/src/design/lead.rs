@@ -72,8 +72,7 @@ pub fn read_compensator(path: &Path) -> Result<LeadDesign, FileError> {
 }
 
 fn redesign(file: &CompensatorFile) -> Result<LeadDesign, DesignError> {
-    let lead =
-        LeadParameters { omega_z_rad_s: file.zero_rad_s, omega_f_rad_s: file.pole_rad_s, damping: file.damping };
+    let lead = LeadParameters { omega_z_rad_s: file.zero_rad_s, omega_f_rad_s: file.pole_rad_s, damping: file.damping };
     LeadDesign::new(lead, file.loop_rate_hz, file.prewarp_rad_s)
 }
 

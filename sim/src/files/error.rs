@@ -23,9 +23,7 @@ pub enum FileError {
     },
     /// The file is there, with nothing but white space in it.
     #[error("`{}` is empty", path.display())]
-    #[diagnostic(help(
-        "check that the program that wrote it finished, and that this is the right file"
-    ))]
+    #[diagnostic(help("check that the program that wrote it finished, and that this is the right file"))]
     Empty {
         /// The path as it was given.
         path: PathBuf,
@@ -108,10 +106,7 @@ impl FileError {
     /// Refuses to write `path` because of `fault`.
     #[must_use]
     pub fn refused(path: &Path, fault: Fault) -> Self {
-        Self::Refused {
-            path: path.to_owned(),
-            fault: Box::new(fault),
-        }
+        Self::Refused { path: path.to_owned(), fault: Box::new(fault) }
     }
 }
 

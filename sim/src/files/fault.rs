@@ -15,11 +15,7 @@ pub struct Fault {
 
 impl fmt::Display for Fault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if self.place.0.is_empty() {
-            f.write_str(&self.message)
-        } else {
-            write!(f, "{}: {}", self.place, self.message)
-        }
+        if self.place.0.is_empty() { f.write_str(&self.message) } else { write!(f, "{}: {}", self.place, self.message) }
     }
 }
 
@@ -66,11 +62,7 @@ impl Place {
     /// A fault at this place.
     #[must_use]
     pub fn fault(self, message: impl Into<String>, help: impl Into<String>) -> Fault {
-        Fault {
-            place: self,
-            message: message.into(),
-            help: help.into(),
-        }
+        Fault { place: self, message: message.into(), help: help.into() }
     }
 
     /// Accepts a finite number.
@@ -112,10 +104,7 @@ impl Place {
         if accepted {
             Ok(())
         } else {
-            Err(self.fault(
-                format!("{value} is not {rule}"),
-                format!("give a value that is {rule}"),
-            ))
+            Err(self.fault(format!("{value} is not {rule}"), format!("give a value that is {rule}")))
         }
     }
 }

@@ -29,9 +29,7 @@ impl OutputFolder {
     /// exist, or the operating system refuses.
     pub fn create(destination: &Path) -> Result<Self, FileError> {
         if destination.file_name().is_none() {
-            return Err(FileError::Unnamed {
-                path: destination.to_owned(),
-            });
+            return Err(FileError::Unnamed { path: destination.to_owned() });
         }
         refuse_in_use(destination)?;
         existing_parent(destination)?;
@@ -42,14 +40,9 @@ impl OutputFolder {
             .transpose()
             .map_err(failed("follow", destination))?;
         let destination = followed.as_deref().unwrap_or(destination);
-        let building = temporary(destination, 0o777, |builder| {
-            builder.tempdir_in(parent(destination))
-        })
-        .map_err(failed("create", destination))?;
-        Ok(Self {
-            building,
-            destination: destination.to_owned(),
-        })
+        let building = temporary(destination, 0o777, |builder| builder.tempdir_in(parent(destination)))
+            .map_err(failed("create", destination))?;
+        Ok(Self { building, destination: destination.to_owned() })
     }
 
     /// Where the folder will be.
@@ -71,13 +64,9 @@ impl OutputFolder {
     /// operating system refuses.
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), FileError> {
         if !is_plain_name(name) {
-            return Err(FileError::NotInside {
-                name: name.to_owned(),
-                folder: self.destination.clone(),
-            });
+            return Err(FileError::NotInside { name: name.to_owned(), folder: self.destination.clone() });
         }
-        write_through(&self.building().join(name), bytes)
-            .map_err(failed("write", &self.destination.join(name)))
+        write_through(&self.building().join(name), bytes).map_err(failed("write", &self.destination.join(name)))
     }
 
     /// Renames the folder to its destination.
@@ -93,8 +82,7 @@ impl OutputFolder {
         if self.destination.is_dir() {
             fs::remove_dir(&self.destination).map_err(failed("replace", &self.destination))?;
         }
-        fs::rename(self.building(), &self.destination)
-            .map_err(failed("create", &self.destination))?;
+        fs::rename(self.building(), &self.destination).map_err(failed("create", &self.destination))?;
         let _ = self.building.keep(); // It has moved: there is nothing to remove under its old name.
         sync_folder(parent(&self.destination));
         Ok(())
@@ -105,26 +93,20 @@ impl OutputFolder {
 /// system: parts that are joined by `/`, none of them `.` or `..`, without `\` and `:`.
 #[must_use]
 pub fn is_plain_name(name: &str) -> bool {
-    let parts: PathBuf = Path::new(name)
-        .components()
-        .filter(|part| matches!(part, Component::Normal(_)))
-        .collect();
+    let parts: PathBuf = Path::new(name).components().filter(|part| matches!(part, Component::Normal(_))).collect();
     // Components drop `.`, a last `/` and doubled ones: the comparison as text does not.
     !name.is_empty() && parts.as_os_str() == name && !name.contains(['\\', ':', '\0'])
 }
 
 fn refuse_in_use(destination: &Path) -> Result<(), FileError> {
-    let in_use = FileError::FolderInUse {
-        path: destination.to_owned(),
-    };
+    let in_use = FileError::FolderInUse { path: destination.to_owned() };
     match fs::read_dir(destination).map(|mut entries| entries.next().is_none()) {
         Ok(true) => Ok(()),
         Ok(false) => Err(in_use),
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
-        Err(error) if error.kind() == io::ErrorKind::NotADirectory => Err(FileError::NotAFolder {
-            path: destination.to_owned(),
-            remedy: "give the path of a new folder",
-        }),
+        Err(error) if error.kind() == io::ErrorKind::NotADirectory => {
+            Err(FileError::NotAFolder { path: destination.to_owned(), remedy: "give the path of a new folder" })
+        }
         Err(error) => Err(failed("read", destination)(error)),
     }
 }
@@ -137,11 +119,7 @@ fn write_through(path: &Path, bytes: &[u8]) -> io::Result<()> {
 }
 
 fn failed(action: &'static str, path: &Path) -> impl Fn(io::Error) -> FileError {
-    move |source| FileError::Io {
-        action,
-        path: path.to_owned(),
-        source,
-    }
+    move |source| FileError::Io { action, path: path.to_owned(), source }
 }
 
 #[cfg(test)]
@@ -159,10 +137,7 @@ mod tests {
         assert!(!destination.exists());
         folder.commit().unwrap();
         assert_eq!(scratch.names(), ["stand"]);
-        assert_eq!(
-            fs::read(destination.join("records/u050.csv")).unwrap(),
-            b"b"
-        );
+        assert_eq!(fs::read(destination.join("records/u050.csv")).unwrap(), b"b");
         assert_eq!(fs::read(destination.join("experiment.toml")).unwrap(), b"a");
     }
 
@@ -171,10 +146,7 @@ mod tests {
         let scratch = Scratch::new();
         let folder = OutputFolder::create(&scratch.path().join("stand")).unwrap();
         folder.write("a.csv", b"a").unwrap();
-        assert_report(
-            folder.write("a.csv", b"b").unwrap_err(),
-            &["stand/a.csv", "exists"],
-        );
+        assert_report(folder.write("a.csv", b"b").unwrap_err(), &["stand/a.csv", "exists"]);
     }
 
     #[test]
@@ -240,10 +212,7 @@ mod tests {
     fn a_destination_without_a_name_is_refused() {
         for destination in [".", "..", "/"] {
             let error = OutputFolder::create(Path::new(destination)).unwrap_err();
-            assert_report(
-                error,
-                &[&format!("`{destination}`"), "name of a new folder"],
-            );
+            assert_report(error, &[&format!("`{destination}`"), "name of a new folder"]);
         }
     }
 
@@ -251,10 +220,7 @@ mod tests {
     fn a_missing_parent_is_named() {
         let scratch = Scratch::new();
         let error = OutputFolder::create(&scratch.path().join("no/stand")).unwrap_err();
-        assert_report(
-            error,
-            &["no/stand", "there is no folder", "create that folder"],
-        );
+        assert_report(error, &["no/stand", "there is no folder", "create that folder"]);
     }
 
     #[cfg(unix)]
@@ -271,10 +237,7 @@ mod tests {
         fs::write(ordinary.join("a.csv"), "a").unwrap();
         let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode();
         assert_eq!(mode(&destination), mode(&ordinary));
-        assert_eq!(
-            mode(&destination.join("a.csv")),
-            mode(&ordinary.join("a.csv"))
-        );
+        assert_eq!(mode(&destination.join("a.csv")), mode(&ordinary.join("a.csv")));
     }
 
     #[test]
@@ -282,10 +245,7 @@ mod tests {
         for name in ["a.csv", "a b.csv", "records/a.csv", ".hidden", "..a"] {
             assert!(is_plain_name(name), "{name}");
         }
-        for name in [
-            "", ".", "..", "../a.csv", "a/../b", "/a.csv", "./a.csv", "a//b", "a/", "a\\b", "C:a",
-            "a\0b",
-        ] {
+        for name in ["", ".", "..", "../a.csv", "a/../b", "/a.csv", "./a.csv", "a//b", "a/", "a\\b", "C:a", "a\0b"] {
             assert!(!is_plain_name(name), "{name:?}");
         }
         let scratch = Scratch::new();

@@ -30,25 +30,16 @@ impl TextFile {
                 path: path.to_owned(),
                 remedy: "check the path; relative paths start at the current folder",
             },
-            _ => FileError::Io {
-                action: "read",
-                path: path.to_owned(),
-                source,
-            },
+            _ => FileError::Io { action: "read", path: path.to_owned(), source },
         })?;
         let mut text = String::from_utf8(bytes).map_err(|error| not_utf8(path, &error))?;
         if text.starts_with(BYTE_ORDER_MARK) {
             text.drain(..BYTE_ORDER_MARK.len_utf8());
         }
         if text.trim().is_empty() {
-            return Err(FileError::Empty {
-                path: path.to_owned(),
-            });
+            return Err(FileError::Empty { path: path.to_owned() });
         }
-        Ok(Self {
-            path: path.to_owned(),
-            text: Arc::new(text),
-        })
+        Ok(Self { path: path.to_owned(), text: Arc::new(text) })
     }
 
     /// The path as it was given to [`TextFile::read`].
@@ -79,14 +70,7 @@ impl TextFile {
         label: impl Into<String>,
         help: impl Into<String>,
     ) -> FileError {
-        located(
-            &self.path,
-            Arc::clone(&self.text),
-            span,
-            message.into(),
-            label.into(),
-            help.into(),
-        )
+        located(&self.path, Arc::clone(&self.text), span, message.into(), label.into(), help.into())
     }
 }
 
@@ -133,10 +117,7 @@ mod tests {
     #[test]
     fn a_missing_file_is_named() {
         let error = TextFile::read(Path::new("/nowhere/model.toml")).unwrap_err();
-        assert_report(
-            error,
-            &["/nowhere/model.toml", "does not exist", "check the path"],
-        );
+        assert_report(error, &["/nowhere/model.toml", "does not exist", "check the path"]);
     }
 
     #[test]
@@ -161,10 +142,7 @@ mod tests {
         let scratch = Scratch::new();
         let path = scratch.file("latin.csv", b"time_s\n0.1\n20 \xb5s\n");
         let error = TextFile::read(&path).unwrap_err();
-        assert_report(
-            error,
-            &["latin.csv:3:4", "byte 14", "save the file as UTF-8"],
-        );
+        assert_report(error, &["latin.csv:3:4", "byte 14", "save the file as UTF-8"]);
     }
 
     #[test]

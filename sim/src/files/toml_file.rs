@@ -30,9 +30,7 @@ impl TomlFile {
     /// Those of [`TextFile::read`]; text that is not TOML; another format; a key that is unknown,
     /// missing, double, or holds a value of the wrong kind.
     pub fn read<T: DeserializeOwned>(path: &Path) -> Result<(T, Self), FileError> {
-        let file = Self {
-            text: TextFile::read(path)?,
-        };
+        let file = Self { text: TextFile::read(path)? };
         file.check_format()?;
         let value = toml::from_str(file.text.text()).map_err(|error| file.refused(&error))?;
         Ok((value, file))
@@ -55,9 +53,7 @@ impl TomlFile {
             Some(DeValue::Integer(format)) if format.as_str() != FORMAT.to_string() => {
                 let fault = Place::root().key("format").fault(
                     format!("layout {format} is not known to this version"),
-                    format!(
-                        "this version reads layout {FORMAT}; use the version that wrote the file"
-                    ),
+                    format!("this version reads layout {FORMAT}; use the version that wrote the file"),
                 );
                 Err(self.show(&fault))
             }
@@ -112,9 +108,7 @@ fn remedy(message: &str) -> String {
     let mut names = message.split('`').skip(1).step_by(2);
     let name = names.next().unwrap_or_default();
     if message.starts_with("unknown field") || message.starts_with("unknown variant") {
-        let best = names
-            .map(|known| (strsim::jaro_winkler(name, known), known))
-            .max_by(|a, b| a.0.total_cmp(&b.0));
+        let best = names.map(|known| (strsim::jaro_winkler(name, known), known)).max_by(|a, b| a.0.total_cmp(&b.0));
         match best {
             Some((alike, known)) if alike >= ALIKE => format!("did you mean `{known}`?"),
             _ if message.starts_with("unknown variant") => {
@@ -129,8 +123,7 @@ fn remedy(message: &str) -> String {
     } else if message.starts_with("invalid type") || message.starts_with("invalid value") {
         "give a value of the kind expected: numbers without quotes, texts in quotes".to_owned()
     } else {
-        "correct the text: TOML is `key = value`, texts in quotes, tables as [name] or [[name]]"
-            .to_owned()
+        "correct the text: TOML is `key = value`, texts in quotes, tables as [name] or [[name]]".to_owned()
     }
 }
 
@@ -158,8 +151,7 @@ mod tests {
         axes: Option<Vec<f64>>,
     }
 
-    const GOOD: &str =
-        "format = 1\n[[point]]\nnominal = 0.4\n[[point]]\nnominal = 2\naxes = [1, 2]\n";
+    const GOOD: &str = "format = 1\n[[point]]\nnominal = 0.4\n[[point]]\nnominal = 2\naxes = [1, 2]\n";
 
     fn report(text: &str, parts: &[&str]) {
         let scratch = Scratch::new();
@@ -170,70 +162,35 @@ mod tests {
     #[test]
     fn a_wrong_key_is_shown_with_the_right_one() {
         let text = "format = 1\n[[point]]\nnominl = 0.4\n";
-        report(
-            text,
-            &[
-                "example.toml:3:1",
-                "unknown field `nominl`",
-                "did you mean `nominal`",
-            ],
-        );
+        report(text, &["example.toml:3:1", "unknown field `nominl`", "did you mean `nominal`"]);
     }
 
     #[test]
     fn an_unknown_key_is_shown_with_those_expected() {
         let text = "format = 1\ncolour = 3\npoint = []\n";
-        report(
-            text,
-            &[
-                "example.toml:2:1",
-                "`colour`",
-                "`format` or `point`",
-                "remove `colour`",
-            ],
-        );
+        report(text, &["example.toml:2:1", "`colour`", "`format` or `point`", "remove `colour`"]);
     }
 
     #[test]
     fn a_missing_key_is_shown_at_its_table() {
         let text = "format = 1\n[[point]]\nnominal = 1\n[[point]]\n";
-        report(
-            text,
-            &[
-                "example.toml:4:1",
-                "missing field `nominal`",
-                "add `nominal`",
-            ],
-        );
+        report(text, &["example.toml:4:1", "missing field `nominal`", "add `nominal`"]);
     }
 
     #[test]
     fn a_double_key_is_shown() {
-        report(
-            "format = 1\nformat = 1\n",
-            &["example.toml:2:1", "duplicate key", "keep one"],
-        );
+        report("format = 1\nformat = 1\n", &["example.toml:2:1", "duplicate key", "keep one"]);
     }
 
     #[test]
     fn a_value_of_the_wrong_kind_is_shown() {
         let text = "format = 1\n[[point]]\nnominal = \"0.4\"\n";
-        report(
-            text,
-            &[
-                "example.toml:3:11",
-                "expected f64",
-                "numbers without quotes",
-            ],
-        );
+        report(text, &["example.toml:3:11", "expected f64", "numbers without quotes"]);
     }
 
     #[test]
     fn text_that_is_not_toml_is_shown() {
-        report(
-            "format = 1\n[[point\n",
-            &["example.toml:2:8", "TOML is `key = value`"],
-        );
+        report("format = 1\n[[point\n", &["example.toml:2:8", "TOML is `key = value`"]);
     }
 
     #[test]
@@ -251,18 +208,8 @@ mod tests {
         let second = Place::root().key("point").item(1);
         let shown = |place: Place| file.show(&place.fault("is wrong", "right it"));
         let nominal = second.key("nominal");
-        assert_report(
-            shown(nominal),
-            &[
-                "example.toml:5:11",
-                "`point` 2, `nominal`: is wrong",
-                "right it",
-            ],
-        );
-        assert_report(
-            shown(second.key("axes").item(1)),
-            &["example.toml:6:12", "`axes` 2"],
-        );
+        assert_report(shown(nominal), &["example.toml:5:11", "`point` 2, `nominal`: is wrong", "right it"]);
+        assert_report(shown(second.key("axes").item(1)), &["example.toml:6:12", "`axes` 2"]);
         assert_report(shown(second.key("absent")), &["example.toml:4:1"]);
         assert_report(shown(Place::root()), &["example.toml:1:1"]);
     }

@@ -16,15 +16,9 @@ use super::FileError;
 /// # Errors
 /// When `path` is a folder, its folder does not exist, or the operating system refuses.
 pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
-    let failed = |source| FileError::Io {
-        action: "write",
-        path: path.to_owned(),
-        source,
-    };
+    let failed = |source| FileError::Io { action: "write", path: path.to_owned(), source };
     match fs::metadata(path) {
-        Ok(found) if found.is_dir() => Err(FileError::NotAFile {
-            path: path.to_owned(),
-        }),
+        Ok(found) if found.is_dir() => Err(FileError::NotAFile { path: path.to_owned() }),
         Ok(found) if found.is_file() => {
             let target = fs::canonicalize(path).map_err(failed)?;
             replace(&target, bytes).map_err(failed)
@@ -60,10 +54,7 @@ pub(super) fn existing_parent(path: &Path) -> Result<(), FileError> {
     if parent.is_dir() {
         Ok(())
     } else {
-        Err(FileError::NoParent {
-            path: path.to_owned(),
-            parent: PathBuf::from(parent),
-        })
+        Err(FileError::NoParent { path: path.to_owned(), parent: PathBuf::from(parent) })
     }
 }
 
@@ -144,10 +135,7 @@ mod tests {
     fn a_missing_folder_is_named_and_not_made() {
         let scratch = Scratch::new();
         let error = write_file(&scratch.path().join("no/model.toml"), b"x").unwrap_err();
-        assert_report(
-            error,
-            &["model.toml", "there is no folder", "create that folder"],
-        );
+        assert_report(error, &["model.toml", "there is no folder", "create that folder"]);
         assert!(scratch.names().is_empty());
     }
 

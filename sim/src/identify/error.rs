@@ -46,9 +46,7 @@ pub enum IdentifyError {
     },
     /// Rows are not evenly spaced in time.
     #[error("{file}: row {row} is {off_by:.3} rows away from an even spacing")]
-    #[diagnostic(help(
-        "a periodic record needs evenly spaced rows: resample it, or log at a fixed rate"
-    ))]
+    #[diagnostic(help("a periodic record needs evenly spaced rows: resample it, or log at a fixed rate"))]
     UnevenRows {
         /// The record.
         file: String,
@@ -59,9 +57,7 @@ pub enum IdentifyError {
     },
     /// The period is not a whole number of rows.
     #[error("{file}: a period of {period_s} s is {rows} rows, not a whole number")]
-    #[diagnostic(help(
-        "correct period_s or sample_rate_hz, or record at a rate that divides the period"
-    ))]
+    #[diagnostic(help("correct period_s or sample_rate_hz, or record at a rate that divides the period"))]
     PeriodRows {
         /// The record.
         file: String,
@@ -72,9 +68,7 @@ pub enum IdentifyError {
     },
     /// Less than a period was recorded.
     #[error("{file}: {rows} rows, less than one period of {period_rows}")]
-    #[diagnostic(help(
-        "record at least one whole period; four are better, their spread gives the noise"
-    ))]
+    #[diagnostic(help("record at least one whole period; four are better, their spread gives the noise"))]
     TooShort {
         /// The record.
         file: String,
@@ -85,9 +79,7 @@ pub enum IdentifyError {
     },
     /// The command does not move.
     #[error("{file}: the command is constant")]
-    #[diagnostic(help(
-        "nothing can be identified from it: excite the actuator, for instance with a multisine"
-    ))]
+    #[diagnostic(help("nothing can be identified from it: excite the actuator, for instance with a multisine"))]
     ConstantCommand {
         /// The record.
         file: String,
@@ -101,9 +93,7 @@ pub enum IdentifyError {
     },
     /// The command differs from period to period.
     #[error("{file}: the command differs from period to period by {percent:.1} % (RMS)")]
-    #[diagnostic(help(
-        "correct period_s in experiment.toml, or record the excitation without gaps"
-    ))]
+    #[diagnostic(help("correct period_s in experiment.toml, or record the excitation without gaps"))]
     NotPeriodic {
         /// The record.
         file: String,
@@ -128,9 +118,7 @@ pub enum IdentifyError {
     },
     /// No time constant fits.
     #[error("no first-order lag fits the response: {reason}")]
-    #[diagnostic(help(
-        "check that command and response belong together, and that lines reach above the bandwidth"
-    ))]
+    #[diagnostic(help("check that command and response belong together, and that lines reach above the bandwidth"))]
     NoFit {
         /// What went wrong.
         reason: &'static str,

@@ -29,14 +29,7 @@ mod tests {
 
     #[test]
     fn the_interval_uses_students_t() {
-        let estimate = |dof| {
-            Estimate {
-                value: 10.0,
-                std: 1.0,
-                dof,
-            }
-            .interval(0.95)
-        };
+        let estimate = |dof| Estimate { value: 10.0, std: 1.0, dof }.interval(0.95);
         // Tables: 2.0860 for 20 degrees of freedom, 1.9600 for the normal distribution.
         assert!((estimate(20.0).1 - 12.0860).abs() < 1e-4);
         assert!((estimate(f64::INFINITY).0 - 8.0400).abs() < 1e-4);

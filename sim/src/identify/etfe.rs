@@ -57,11 +57,7 @@ impl Etfe {
     /// # Errors
     /// [`IdentifyError::Setting`] when `reference` has another length than `lines`, or is zero or
     /// not finite somewhere.
-    pub fn new(
-        lines: &[Line],
-        reference: &[Complex64],
-        half_width: usize,
-    ) -> Result<Self, IdentifyError> {
+    pub fn new(lines: &[Line], reference: &[Complex64], half_width: usize) -> Result<Self, IdentifyError> {
         let raw = lines
             .iter()
             .map(|line| ResponsePoint {
@@ -89,10 +85,7 @@ impl Etfe {
                 range: "one value per line",
             });
         }
-        if let Some(bad) = reference
-            .iter()
-            .find(|r| !(r.norm() > 0.0 && r.is_finite()))
-        {
+        if let Some(bad) = reference.iter().find(|r| !(r.norm() > 0.0 && r.is_finite())) {
             return Err(IdentifyError::Setting {
                 name: "magnitude of the reference response",
                 value: bad.norm(),
@@ -100,12 +93,7 @@ impl Etfe {
             });
         }
         let smoothed = smooth(&raw, reference, half_width);
-        Ok(Self {
-            raw,
-            reference: reference.to_vec(),
-            half_width,
-            smoothed,
-        })
+        Ok(Self { raw, reference: reference.to_vec(), half_width, smoothed })
     }
 
     /// The estimate without smoothing.
@@ -141,12 +129,7 @@ impl Etfe {
                 ..*point
             })
             .collect();
-        let reference: Vec<_> = self
-            .reference
-            .iter()
-            .zip(factors)
-            .map(|(r, f)| r / f)
-            .collect();
+        let reference: Vec<_> = self.reference.iter().zip(factors).map(|(r, f)| r / f).collect();
         Self::from_points(raw, &reference, self.half_width)
     }
 
@@ -162,19 +145,11 @@ impl Etfe {
                 let real: f64 = StandardNormal.sample(rng);
                 let imaginary: f64 = StandardNormal.sample(rng);
                 let noise = Complex64::new(real, imaginary) * (0.5 * point.variance).sqrt();
-                ResponsePoint {
-                    response: point.response + noise,
-                    ..*point
-                }
+                ResponsePoint { response: point.response + noise, ..*point }
             })
             .collect();
         let smoothed = smooth(&raw, &self.reference, self.half_width);
-        Self {
-            raw,
-            reference: self.reference.clone(),
-            half_width: self.half_width,
-            smoothed,
-        }
+        Self { raw, reference: self.reference.clone(), half_width: self.half_width, smoothed }
     }
 }
 
@@ -223,31 +198,18 @@ mod tests {
     }
 
     fn exact(variance: f64) -> Vec<ResponsePoint> {
-        lines()
-            .map(|omega_rad_s| ResponsePoint {
-                omega_rad_s,
-                response: lag(omega_rad_s, 0.16),
-                variance,
-            })
-            .collect()
+        lines().map(|omega_rad_s| ResponsePoint { omega_rad_s, response: lag(omega_rad_s, 0.16), variance }).collect()
     }
 
     fn worst_error(points: &[ResponsePoint]) -> f64 {
-        points
-            .iter()
-            .map(|p| (p.response / lag(p.omega_rad_s, 0.16) - 1.0).norm())
-            .fold(0.0, f64::max)
+        points.iter().map(|p| (p.response / lag(p.omega_rad_s, 0.16) - 1.0).norm()).fold(0.0, f64::max)
     }
 
     #[test]
     fn smoothing_the_ratio_to_the_model_adds_no_bias_where_smoothing_the_curve_does() {
         let flat = vec![Complex64::ONE; 150];
         let plain = Etfe::from_points(exact(1e-3), &flat, 4).unwrap();
-        assert!(
-            worst_error(plain.smoothed()) > 0.2,
-            "{}",
-            worst_error(plain.smoothed())
-        );
+        assert!(worst_error(plain.smoothed()) > 0.2, "{}", worst_error(plain.smoothed()));
 
         let model: Vec<_> = lines().map(|w| lag(w, 0.16)).collect();
         let ratio = Etfe::from_points(exact(1e-3), &model, 4).unwrap();

@@ -75,10 +75,7 @@ pub struct FirstOrderOptions {
 
 impl Default for FirstOrderOptions {
     fn default() -> Self {
-        Self {
-            delay_level: 0.01,
-            max_delay_s: 0.1,
-        }
+        Self { delay_level: 0.01, max_delay_s: 0.1 }
     }
 }
 
@@ -122,11 +119,7 @@ impl FirstOrderFit {
     }
 
     fn parameters(&self) -> Parameters {
-        Parameters(Vector3::new(
-            self.gain.value,
-            self.time_constant_s.value,
-            self.delay_s.map_or(0.0, |d| d.value),
-        ))
+        Parameters(Vector3::new(self.gain.value, self.time_constant_s.value, self.delay_s.map_or(0.0, |d| d.value)))
     }
 }
 
@@ -136,60 +129,34 @@ impl FirstOrderFit {
 /// [`IdentifyError::TooFewLines`] with fewer than three lines, [`IdentifyError::NoFit`] when a variance is
 /// zero or the search finds no positive time constant, [`IdentifyError::Setting`] when an option is
 /// outside its range.
-pub fn fit_first_order(
-    lines: &[FitLine],
-    options: &FirstOrderOptions,
-) -> Result<FirstOrderFit, IdentifyError> {
+pub fn fit_first_order(lines: &[FitLine], options: &FirstOrderOptions) -> Result<FirstOrderFit, IdentifyError> {
     if !(0.0..1.0).contains(&options.delay_level) {
-        return Err(IdentifyError::Setting {
-            name: "delay_level",
-            value: options.delay_level,
-            range: "0 to 1",
-        });
+        return Err(IdentifyError::Setting { name: "delay_level", value: options.delay_level, range: "0 to 1" });
     }
     if !(0.0..=10.0).contains(&options.max_delay_s) {
-        return Err(IdentifyError::Setting {
-            name: "max_delay_s",
-            value: options.max_delay_s,
-            range: "0 to 10 s",
-        });
+        return Err(IdentifyError::Setting { name: "max_delay_s", value: options.max_delay_s, range: "0 to 10 s" });
     }
     if lines.len() < 3 {
-        return Err(IdentifyError::TooFewLines {
-            lines: lines.len(),
-            parameters: 3,
-        });
+        return Err(IdentifyError::TooFewLines { lines: lines.len(), parameters: 3 });
     }
     let lines = &with_usable_variances(lines)?;
-    let noise_dof = lines
-        .iter()
-        .map(|line| line.dof)
-        .fold(f64::INFINITY, f64::min);
+    let noise_dof = lines.iter().map(|line| line.dof).fold(f64::INFINITY, f64::min);
     // Expectation of 1 / s^2 over 1 / sigma^2 (chi-square's inverse); it has none below two.
-    let inflation = if noise_dof > 2.5 {
-        1.0 / (1.0 - 2.0 / noise_dof)
-    } else {
-        5.0
-    };
+    let inflation = if noise_dof > 2.5 { 1.0 / (1.0 - 2.0 / noise_dof) } else { 5.0 };
 
     // A long dead time leaves the plain lag without an optimum, so its failure is not yet an end.
     let plain = search(lines, start(lines, 0.0), false);
     let (best, delay_p_value) = if options.delay_level > 0.0 {
         let delayed = search(lines, start_with_delay(lines, options.max_delay_s), true);
-        choose(plain, delayed, options.delay_level, |gain| {
-            f_upper_tail(2.0 * gain / inflation, 1.0, noise_dof)
-        })?
+        choose(plain, delayed, options.delay_level, |gain| f_upper_tail(2.0 * gain / inflation, 1.0, noise_dof))?
     } else {
         (plain?, None)
     };
 
     let has_delay = best.has_delay;
     let covariance = best.covariance(lines)? * inflation;
-    let estimate = |i: usize| Estimate {
-        value: best.parameters.0[i],
-        std: covariance[(i, i)].max(0.0).sqrt(),
-        dof: noise_dof,
-    };
+    let estimate =
+        |i: usize| Estimate { value: best.parameters.0[i], std: covariance[(i, i)].max(0.0).sqrt(), dof: noise_dof };
     let chi_square = 2.0 * best.cost;
     let residual_dof = 2.0 * lines.len() as f64 - if has_delay { 3.0 } else { 2.0 };
     let reduced_chi_square = chi_square / residual_dof / inflation;
@@ -222,11 +189,7 @@ fn choose(
         (Err(_), Ok(delayed)) if delayed.parameters.delay_s() > 0.0 => Ok((delayed, Some(0.0))),
         (Err(error), _) => Err(error),
         (Ok(plain), Ok(delayed)) => {
-            let p = if delayed.parameters.delay_s() > 0.0 {
-                tail(plain.cost - delayed.cost)
-            } else {
-                1.0
-            };
+            let p = if delayed.parameters.delay_s() > 0.0 { tail(plain.cost - delayed.cost) } else { 1.0 };
             Ok((if p < level { delayed } else { plain }, Some(p)))
         }
     }
@@ -234,27 +197,14 @@ fn choose(
 
 /// Refuses lines that are not numbers; gives noise-free ones the rounding error as their noise.
 fn with_usable_variances(lines: &[FitLine]) -> Result<Vec<FitLine>, IdentifyError> {
-    let largest = lines
-        .iter()
-        .map(|line| line.response.norm())
-        .fold(0.0, f64::max);
+    let largest = lines.iter().map(|line| line.response.norm()).fold(0.0, f64::max);
     let usable = largest > 0.0
-        && lines.iter().all(|line| {
-            line.response.is_finite() && line.variance >= 0.0 && line.variance.is_finite()
-        });
+        && lines.iter().all(|line| line.response.is_finite() && line.variance >= 0.0 && line.variance.is_finite());
     if !usable {
-        return Err(IdentifyError::NoFit {
-            reason: "the response or its noise is zero or not finite",
-        });
+        return Err(IdentifyError::NoFit { reason: "the response or its noise is zero or not finite" });
     }
     let floor = (1e-8 * largest).powi(2);
-    Ok(lines
-        .iter()
-        .map(|line| FitLine {
-            variance: line.variance.max(floor),
-            ..line.clone()
-        })
-        .collect())
+    Ok(lines.iter().map(|line| FitLine { variance: line.variance.max(floor), ..line.clone() }).collect())
 }
 
 /// `K`, `tau` and `Td`.
@@ -270,25 +220,17 @@ impl Parameters {
         let [gain, tau, delay] = self.0.into();
         let x = omega * tau;
         let lag = Complex64::new(1.0, -x) * (gain / (1.0 + x * x));
-        if delay == 0.0 {
-            lag
-        } else {
-            lag * Complex64::cis(-omega * delay)
-        }
+        if delay == 0.0 { lag } else { lag * Complex64::cis(-omega * delay) }
     }
 
     fn at(self, line: &FitLine) -> Complex64 {
-        line.images
-            .iter()
-            .map(|i| i.weight * self.plant(i.omega_rad_s))
-            .sum()
+        line.images.iter().map(|i| i.weight * self.plant(i.omega_rad_s)).sum()
     }
 
     /// The response and its derivatives by `K`, `tau` and `Td`.
     fn derivatives(self, line: &FitLine) -> (Complex64, [Complex64; 3]) {
         let [gain, tau, delay] = self.0.into();
-        let (mut value, mut by_tau, mut by_delay) =
-            (Complex64::ZERO, Complex64::ZERO, Complex64::ZERO);
+        let (mut value, mut by_tau, mut by_delay) = (Complex64::ZERO, Complex64::ZERO, Complex64::ZERO);
         for image in &line.images {
             let s = Complex64::new(0.0, image.omega_rad_s);
             let x = image.omega_rad_s * tau;
@@ -319,9 +261,8 @@ impl Optimum {
         let (normal, _, _) = normal_equations(lines, self.parameters, self.has_delay);
         let scale = column_scale(&normal);
         let scaled = scale * normal * scale;
-        let inverse = scaled.try_inverse().ok_or(IdentifyError::NoFit {
-            reason: "the lines do not tell gain and lag apart",
-        })?;
+        let inverse =
+            scaled.try_inverse().ok_or(IdentifyError::NoFit { reason: "the lines do not tell gain and lag apart" })?;
         let mut covariance = scale * inverse * scale * 0.5;
         if !self.has_delay {
             covariance[(2, 2)] = 0.0; // its unit diagonal only kept the matrix invertible
@@ -332,11 +273,7 @@ impl Optimum {
 
 /// `Re(J^H S^-1 J)`, `Re(J^H S^-1 r)` and the cost. A parameter that is not searched has a unit
 /// diagonal and no gradient.
-fn normal_equations(
-    lines: &[FitLine],
-    parameters: Parameters,
-    with_delay: bool,
-) -> (Matrix3<f64>, Vector3<f64>, f64) {
+fn normal_equations(lines: &[FitLine], parameters: Parameters, with_delay: bool) -> (Matrix3<f64>, Vector3<f64>, f64) {
     let (mut normal, mut gradient, mut cost) = (Matrix3::zeros(), Vector3::zeros(), 0.0);
     for line in lines {
         let (value, mut derivatives) = parameters.derivatives(line);
@@ -359,11 +296,7 @@ fn normal_equations(
 }
 
 fn column_scale(normal: &Matrix3<f64>) -> Matrix3<f64> {
-    Matrix3::from_diagonal(
-        &normal
-            .diagonal()
-            .map(|d| if d > 0.0 { 1.0 / d.sqrt() } else { 1.0 }),
-    )
+    Matrix3::from_diagonal(&normal.diagonal().map(|d| if d > 0.0 { 1.0 / d.sqrt() } else { 1.0 }))
 }
 
 /// Levenberg-Marquardt with Marquardt's scaling; a step to a time constant of zero or less is
@@ -382,9 +315,7 @@ fn search(
         let step = damped
             .cholesky()
             .map(|c| scale * c.solve(&(scale * gradient)))
-            .ok_or(IdentifyError::NoFit {
-                reason: "the lines do not tell gain and lag apart",
-            })?;
+            .ok_or(IdentifyError::NoFit { reason: "the lines do not tell gain and lag apart" })?;
         let next = Parameters(parameters.0 + step);
         let trial = (next.0[1] > 0.0).then(|| normal_equations(lines, next, has_delay));
         // The decrease that a linear model would still bring, in units of the noise.
@@ -397,11 +328,7 @@ fn search(
             _ => damping *= 10.0,
         }
         if promised <= 1e-8 * (1.0 + 1e-3 * cost) {
-            return Ok(Optimum {
-                parameters,
-                has_delay,
-                cost,
-            });
+            return Ok(Optimum { parameters, has_delay, cost });
         }
         if damping > 1e12 {
             break;
@@ -409,15 +336,9 @@ fn search(
     }
     if damping > 1e12 && cost.is_finite() {
         // No step lowers the cost any more: an optimum to the last digit.
-        return Ok(Optimum {
-            parameters,
-            has_delay,
-            cost,
-        });
+        return Ok(Optimum { parameters, has_delay, cost });
     }
-    Err(IdentifyError::NoFit {
-        reason: "the search did not settle in 100 steps",
-    })
+    Err(IdentifyError::NoFit { reason: "the search did not settle in 100 steps" })
 }
 
 /// Starting values for a given dead time from a linear problem (Levy): with `G` freed of holds,
@@ -431,8 +352,8 @@ fn start(lines: &[FitLine], delay_s: f64) -> Result<Parameters, IdentifyError> {
         let (mut n11, mut n12, mut n22, mut r1, mut r2) = (0.0, 0.0, 0.0, 0.0, 0.0);
         for line in lines {
             let s = Complex64::new(0.0, line.omega_rad_s);
-            let known = line.images.first().map_or(Complex64::ONE, |i| i.weight)
-                * Complex64::cis(-line.omega_rad_s * delay_s);
+            let known =
+                line.images.first().map_or(Complex64::ONE, |i| i.weight) * Complex64::cis(-line.omega_rad_s * delay_s);
             let weight = known.norm_sqr() / line.variance / (1.0 + s * tau).norm_sqr();
             let response = line.response / known;
             let by_tau = -s * response;
@@ -456,9 +377,7 @@ fn start(lines: &[FitLine], delay_s: f64) -> Result<Parameters, IdentifyError> {
         gain = lowest.response.norm() * lowest.response.re.signum();
     }
     if gain == 0.0 || !gain.is_finite() {
-        return Err(IdentifyError::NoFit {
-            reason: "the response is zero",
-        });
+        return Err(IdentifyError::NoFit { reason: "the response is zero" });
     }
     Ok(Parameters(Vector3::new(gain, tau, delay_s)))
 }
@@ -466,10 +385,7 @@ fn start(lines: &[FitLine], delay_s: f64) -> Result<Parameters, IdentifyError> {
 /// The best start over a grid of dead times, an eighth of the highest line's period apart: the cost
 /// has one minimum per half period.
 fn start_with_delay(lines: &[FitLine], max_delay_s: f64) -> Result<Parameters, IdentifyError> {
-    let top = lines
-        .iter()
-        .map(|line| line.omega_rad_s)
-        .fold(0.0, f64::max);
+    let top = lines.iter().map(|line| line.omega_rad_s).fold(0.0, f64::max);
     let step = std::f64::consts::TAU / top / 8.0;
     let count = (max_delay_s / step).ceil().min(1000.0) as usize;
     let cost = |parameters: Parameters| {
@@ -488,9 +404,7 @@ fn start_with_delay(lines: &[FitLine], max_delay_s: f64) -> Result<Parameters, I
         .map(|parameters| (cost(parameters), parameters))
         .min_by(|a, b| a.0.total_cmp(&b.0))
         .map(|(_, parameters)| parameters)
-        .ok_or(IdentifyError::NoFit {
-            reason: "the response is zero",
-        })
+        .ok_or(IdentifyError::NoFit { reason: "the response is zero" })
 }
 
 #[cfg(test)]
@@ -515,13 +429,8 @@ mod tests {
             .map(|k| {
                 let omega_rad_s = std::f64::consts::TAU * (0.1 + 0.2 * f64::from(k));
                 let images = chain.images(omega_rad_s);
-                let mut line = FitLine {
-                    omega_rad_s,
-                    response: Complex64::ZERO,
-                    variance: std * std,
-                    dof: f64::INFINITY,
-                    images,
-                };
+                let mut line =
+                    FitLine { omega_rad_s, response: Complex64::ZERO, variance: std * std, dof: f64::INFINITY, images };
                 let n = Complex64::new(normal(), normal()) * std / 2f64.sqrt();
                 line.response = truth.at(&line) + n;
                 line
@@ -552,27 +461,13 @@ mod tests {
     #[test]
     fn exact_data_give_the_exact_parameters() {
         // Also revolutions per minute, a negative gain, and delays beyond the top line's period.
-        for (gain, tau, delay) in [
-            (10.0, 0.1593, 0.0),
-            (9e3, 0.02, 0.0),
-            (-2.0, 0.3, 0.0),
-            (10.0, 0.1, 0.026),
-            (5.0, 0.05, 0.09),
-        ] {
-            let fit = fit_first_order(
-                &lines(truth(gain, tau, delay), 0.0, 1),
-                &FirstOrderOptions::default(),
-            )
-            .unwrap();
+        for (gain, tau, delay) in
+            [(10.0, 0.1593, 0.0), (9e3, 0.02, 0.0), (-2.0, 0.3, 0.0), (10.0, 0.1, 0.026), (5.0, 0.05, 0.09)]
+        {
+            let fit = fit_first_order(&lines(truth(gain, tau, delay), 0.0, 1), &FirstOrderOptions::default()).unwrap();
             assert!((fit.gain.value / gain - 1.0).abs() < 1e-7, "{fit:?}");
-            assert!(
-                (fit.time_constant_s.value / tau - 1.0).abs() < 1e-7,
-                "{fit:?}"
-            );
-            assert!(
-                (fit.delay_s.map_or(0.0, |d| d.value) - delay).abs() < 1e-9,
-                "{fit:?}"
-            );
+            assert!((fit.time_constant_s.value / tau - 1.0).abs() < 1e-7, "{fit:?}");
+            assert!((fit.delay_s.map_or(0.0, |d| d.value) - delay).abs() < 1e-9, "{fit:?}");
         }
     }
 
@@ -592,21 +487,14 @@ mod tests {
         for square in squares {
             assert!((square / runs as f64 - 1.0).abs() < 0.13, "{squares:?}");
         }
-        assert!(
-            (chi_square / runs as f64 - 1.0).abs() < 0.008,
-            "{chi_square}"
-        );
+        assert!((chi_square / runs as f64 - 1.0).abs() < 0.008, "{chi_square}");
         // One-sided at a two-sided level of 0.01: 7.5 of 1500, at most 18 in all but 1 of 2000.
         assert!(delays <= 18, "{delays}");
     }
 
     #[test]
     fn a_delay_is_found_within_its_interval_and_not_charged_to_the_lag() {
-        let fit = fit_first_order(
-            &lines(truth(10.0, 0.1, 0.005), 0.005, 7),
-            &FirstOrderOptions::default(),
-        )
-        .unwrap();
+        let fit = fit_first_order(&lines(truth(10.0, 0.1, 0.005), 0.005, 7), &FirstOrderOptions::default()).unwrap();
         let delay = fit.delay_s.expect("5 ms are many standard errors");
         assert!((delay.value - 0.005).abs() < 3.5 * delay.std, "{delay:?}");
         assert!(delay.std < 5e-4, "{delay:?}");
@@ -620,39 +508,18 @@ mod tests {
         for line in &mut lines {
             line.response /= Complex64::new(1.0, line.omega_rad_s * 0.02);
         }
-        let options = FirstOrderOptions {
-            delay_level: 0.0,
-            ..FirstOrderOptions::default()
-        };
+        let options = FirstOrderOptions { delay_level: 0.0, ..FirstOrderOptions::default() };
         let fit = fit_first_order(&lines, &options).unwrap();
-        assert!(
-            fit.model_p_value < 1e-6 && fit.reduced_chi_square > 2.0,
-            "{fit:?}"
-        );
+        assert!(fit.model_p_value < 1e-6 && fit.reduced_chi_square > 2.0, "{fit:?}");
     }
 
     #[test]
     fn nonsense_is_refused() {
         let mut good = lines(truth(10.0, 0.1, 0.0), 0.01, 3);
         let options = FirstOrderOptions::default();
-        assert!(matches!(
-            fit_first_order(&good[..2], &options),
-            Err(IdentifyError::TooFewLines { lines: 2, .. })
-        ));
-        assert!(
-            fit_first_order(
-                &good,
-                &FirstOrderOptions {
-                    delay_level: 2.0,
-                    ..options
-                }
-            )
-            .is_err()
-        );
+        assert!(matches!(fit_first_order(&good[..2], &options), Err(IdentifyError::TooFewLines { lines: 2, .. })));
+        assert!(fit_first_order(&good, &FirstOrderOptions { delay_level: 2.0, ..options }).is_err());
         good[3].response.re = f64::NAN;
-        assert!(matches!(
-            fit_first_order(&good, &options),
-            Err(IdentifyError::NoFit { .. })
-        ));
+        assert!(matches!(fit_first_order(&good, &options), Err(IdentifyError::NoFit { .. })));
     }
 }

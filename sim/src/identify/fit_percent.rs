@@ -39,16 +39,8 @@ pub fn fit_percent<T: Sample>(measured: &[T], model: &[T]) -> Option<f64> {
     if measured.len() != model.len() || measured.is_empty() {
         return None;
     }
-    let mean = measured
-        .iter()
-        .copied()
-        .sum::<T>()
-        .divided(measured.len() as f64);
-    let error: f64 = measured
-        .iter()
-        .zip(model)
-        .map(|(&y, &m)| (y - m).power())
-        .sum();
+    let mean = measured.iter().copied().sum::<T>().divided(measured.len() as f64);
+    let error: f64 = measured.iter().zip(model).map(|(&y, &m)| (y - m).power()).sum();
     let spread: f64 = measured.iter().map(|&y| (y - mean).power()).sum();
     (spread > 0.0).then(|| 100.0 * (1.0 - (error / spread).sqrt()))
 }

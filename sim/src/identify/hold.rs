@@ -92,25 +92,14 @@ impl HoldChain {
         esc_frame_hz: Option<f64>,
     ) -> Result<Self, IdentifyError> {
         let positive = |name: &'static str, value: f64| {
-            if value.is_finite() && value > 0.0 {
-                Ok(value)
-            } else {
-                Err(IdentifyError::Rate { name, value })
-            }
+            if value.is_finite() && value > 0.0 { Ok(value) } else { Err(IdentifyError::Rate { name, value }) }
         };
         let row_rate_hz = positive("sample_rate_hz", row_rate_hz)?;
         let command_rate_hz = positive("command_rate_hz", command_rate_hz.unwrap_or(row_rate_hz))?;
         let takeover_rate_hz = positive("esc_frame_hz", esc_frame_hz.unwrap_or(command_rate_hz))?;
         let ratio = rational(command_rate_hz / takeover_rate_hz);
         let shifts = ratio.map_or_else(Vec::new, |(_, q)| shifts(row_rate_hz, takeover_rate_hz, q));
-        Ok(Self {
-            row_rate_hz,
-            command_rate_hz,
-            esc_frame_hz,
-            takeover_rate_hz,
-            ratio,
-            shifts,
-        })
+        Ok(Self { row_rate_hz, command_rate_hz, esc_frame_hz, takeover_rate_hz, ratio, shifts })
     }
 
     /// Rate at which the response is sampled, hertz.
@@ -140,10 +129,7 @@ impl HoldChain {
         let lag = match self.ratio {
             Some((_, q)) => {
                 let step = omega_rad_s / (q as f64 * self.command_rate_hz);
-                (0..q)
-                    .map(|i| Complex64::cis(-step * i as f64))
-                    .sum::<Complex64>()
-                    / q as f64
+                (0..q).map(|i| Complex64::cis(-step * i as f64)).sum::<Complex64>() / q as f64
             }
             None => zero_order_hold(omega_rad_s, self.command_rate_hz),
         };
@@ -155,17 +141,13 @@ impl HoldChain {
     /// The response of a plant `G` at the rows is the sum of `weight * G(omega)`.
     #[must_use]
     pub fn images(&self, omega_rad_s: f64) -> Vec<Image> {
-        let mut images = vec![Image {
-            omega_rad_s,
-            weight: self.response(omega_rad_s),
-        }];
+        let mut images = vec![Image { omega_rad_s, weight: self.response(omega_rad_s) }];
         let Some((p, q)) = self.ratio else {
             return images;
         };
         let lag_step = omega_rad_s / (q as f64 * self.command_rate_hz);
-        let lags: Vec<_> = (0..q)
-            .map(|m| Complex64::cis(-lag_step * (m as u128 * p as u128 % q as u128) as f64))
-            .collect();
+        let lags: Vec<_> =
+            (0..q).map(|m| Complex64::cis(-lag_step * (m as u128 * p as u128 % q as u128) as f64)).collect();
         let half_frame = Complex64::cis(-0.5 * omega_rad_s / self.takeover_rate_hz);
         for shift in &self.shifts {
             let modulation: Complex64 = lags.iter().zip(&shift.frames).map(|(l, f)| l * f).sum();
@@ -175,10 +157,7 @@ impl HoldChain {
             let hold = delay * (-delay.im * 2.0 * self.takeover_rate_hz / omega);
             let weight = modulation * hold;
             if weight.norm() > 1e-9 {
-                images.push(Image {
-                    omega_rad_s: omega,
-                    weight,
-                });
+                images.push(Image { omega_rad_s: omega, weight });
             }
         }
         images
@@ -198,9 +177,7 @@ fn shifts(row_rate_hz: f64, takeover_rate_hz: f64, q: u64) -> Vec<Shift> {
         .map(|n| Shift {
             omega_rad_s: TAU * row_rate_hz * n as f64,
             half_frame: Complex64::cis(-0.5 * TAU * rows_per_frame * n as f64),
-            frames: (0..q)
-                .map(|m| Complex64::cis(-TAU * rows_per_frame * n as f64 * m as f64) / q as f64)
-                .collect(),
+            frames: (0..q).map(|m| Complex64::cis(-TAU * rows_per_frame * n as f64 * m as f64) / q as f64).collect(),
         })
         .collect()
 }
@@ -208,11 +185,7 @@ fn shifts(row_rate_hz: f64, takeover_rate_hz: f64, q: u64) -> Vec<Shift> {
 /// `sinc(w T / 2) e^(-j w T / 2)` with `T = 1 / rate_hz`.
 fn zero_order_hold(omega_rad_s: f64, rate_hz: f64) -> Complex64 {
     let half = 0.5 * omega_rad_s / rate_hz;
-    let sinc = if half.abs() < 1e-6 {
-        1.0 - half * half / 6.0
-    } else {
-        half.sin() / half
-    };
+    let sinc = if half.abs() < 1e-6 { 1.0 - half * half / 6.0 } else { half.sin() / half };
     Complex64::from_polar(1.0, -half.rem_euclid(TAU)) * sinc
 }
 
@@ -246,13 +219,7 @@ mod tests {
 
     /// Response of `1 / (tau s + 1)` at the rows to `cos(w t)`, by running it: ticks of 1/15000 s
     /// hold every event of 1 kHz rows, a 5 kHz loop and 600 Hz frames.
-    fn brute_force(
-        line_hz: f64,
-        tau_s: f64,
-        row_ticks: usize,
-        loop_ticks: usize,
-        frame_ticks: usize,
-    ) -> Complex64 {
+    fn brute_force(line_hz: f64, tau_s: f64, row_ticks: usize, loop_ticks: usize, frame_ticks: usize) -> Complex64 {
         const TICK_HZ: f64 = 15_000.0;
         let period = 150_000; // 10 s, a multiple of all ticks and of the line's period
         let decay = (-1.0 / (TICK_HZ * tau_s)).exp();
@@ -276,11 +243,7 @@ mod tests {
 
     fn at_rows(chain: &HoldChain, omega: f64, tau_s: f64) -> Complex64 {
         let plant = |w: f64| 1.0 / Complex64::new(1.0, w * tau_s);
-        chain
-            .images(omega)
-            .iter()
-            .map(|i| i.weight * plant(i.omega_rad_s))
-            .sum()
+        chain.images(omega).iter().map(|i| i.weight * plant(i.omega_rad_s)).sum()
     }
 
     #[test]
@@ -301,26 +264,15 @@ mod tests {
                 for tau_s in [0.1593, 0.0708] {
                     let omega = TAU * line_hz;
                     let loop_ticks = command.unwrap_or(rows);
-                    let truth = brute_force(
-                        line_hz,
-                        tau_s,
-                        rows,
-                        loop_ticks,
-                        frame.unwrap_or(loop_ticks),
-                    );
+                    let truth = brute_force(line_hz, tau_s, rows, loop_ticks, frame.unwrap_or(loop_ticks));
                     let linear = chain.response(omega) / Complex64::new(1.0, omega * tau_s);
                     worst = worst.max((at_rows(&chain, omega, tau_s) / truth - 1.0).norm());
                     worst_linear = worst_linear.max((linear / truth - 1.0).norm());
                 }
             }
-            println!(
-                "{rows} {command:?} {frame:?}: {worst:.1e}, without images {worst_linear:.1e}"
-            );
+            println!("{rows} {command:?} {frame:?}: {worst:.1e}, without images {worst_linear:.1e}");
             assert!(worst < exact, "{rows} {command:?} {frame:?}: {worst:e}");
-            assert!(
-                worst_linear < time_invariant,
-                "{rows} {command:?} {frame:?}: {worst_linear:e}"
-            );
+            assert!(worst_linear < time_invariant, "{rows} {command:?} {frame:?}: {worst_linear:e}");
         }
     }
 

@@ -7,16 +7,16 @@ mod etfe;
 mod first_order;
 mod fit_percent;
 mod hold;
+mod least_squares;
 mod noise;
 mod periodic;
 mod simulation;
 mod spectra;
 mod statistics;
+pub mod steps;
 mod transient;
 
-pub use bandwidth::{
-    Bandwidth, EtfeBandwidth, StaticValue, THREE_DB, bandwidth_of, bandwidth_of_etfe,
-};
+pub use bandwidth::{Bandwidth, EtfeBandwidth, StaticValue, THREE_DB, bandwidth_of, bandwidth_of_etfe};
 pub use error::IdentifyError;
 pub use estimate::Estimate;
 pub use etfe::{Etfe, ResponsePoint};
@@ -24,8 +24,8 @@ pub use first_order::{FirstOrderFit, FirstOrderOptions, FitLine, fit_first_order
 pub use fit_percent::{Sample, fit_percent};
 pub use hold::{HoldChain, Image};
 pub use periodic::{
-    IdentifyWarning, NominalIdentification, PeriodicIdentification, PeriodicOptions,
-    RecordResponse, SquareValidation, identify_periodic,
+    IdentifyWarning, NominalIdentification, PeriodicIdentification, PeriodicOptions, RecordResponse, SquareValidation,
+    identify_periodic,
 };
 pub use simulation::{align, simulate_first_order};
 pub use spectra::{Line, NoiseSource, Spectrum, SpectrumOptions};

@@ -26,20 +26,14 @@ pub(super) fn pool(values: &[f64], half_width: usize) -> (Vec<f64>, usize) {
 /// Noise power `E |N|^2` at each excited bin, from the `count` unexcited bins nearest to it.
 ///
 /// `None` when fewer than three of `bins` are unexcited. The mean (bin 0) is never used.
-pub(super) fn from_unexcited(
-    spectrum: &[Complex64],
-    excited: &[usize],
-    count: usize,
-) -> Option<(Vec<f64>, usize)> {
+pub(super) fn from_unexcited(spectrum: &[Complex64], excited: &[usize], count: usize) -> Option<(Vec<f64>, usize)> {
     let top = excited.last()? + count;
     let mut is_excited = vec![false; spectrum.len()];
     for &bin in excited {
         is_excited[bin] = true;
     }
     // The last bin of an even length is real: it has half the degrees of freedom.
-    let quiet: Vec<usize> = (1..spectrum.len().saturating_sub(1).min(top))
-        .filter(|&bin| !is_excited[bin])
-        .collect();
+    let quiet: Vec<usize> = (1..spectrum.len().saturating_sub(1).min(top)).filter(|&bin| !is_excited[bin]).collect();
     let count = count.min(quiet.len());
     if count < 3 {
         return None;
@@ -49,11 +43,7 @@ pub(super) fn from_unexcited(
         .map(|&bin| {
             let above = quiet.partition_point(|&q| q < bin);
             let first = above.saturating_sub(count / 2).min(quiet.len() - count);
-            quiet[first..first + count]
-                .iter()
-                .map(|&q| spectrum[q].norm_sqr())
-                .sum::<f64>()
-                / count as f64
+            quiet[first..first + count].iter().map(|&q| spectrum[q].norm_sqr()).sum::<f64>() / count as f64
         })
         .collect();
     Some((powers, count))

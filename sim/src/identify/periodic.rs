@@ -7,8 +7,8 @@
 use num_complex::Complex64;
 
 use super::{
-    Etfe, FirstOrderFit, FirstOrderOptions, FitLine, HoldChain, IdentifyError, NoiseSource,
-    Spectrum, SpectrumOptions, align, fit_first_order, fit_percent, simulate_first_order, spectra,
+    Etfe, FirstOrderFit, FirstOrderOptions, FitLine, HoldChain, IdentifyError, NoiseSource, Spectrum, SpectrumOptions,
+    align, fit_first_order, fit_percent, simulate_first_order, spectra,
 };
 use crate::plant::Point;
 use crate::record::{Excitation, Experiment, Record, Role};
@@ -57,10 +57,7 @@ impl PeriodicIdentification {
     /// The points of a [`crate::plant::Model`].
     #[must_use]
     pub fn points(&self) -> Vec<Point> {
-        self.nominals
-            .iter()
-            .map(NominalIdentification::point)
-            .collect()
+        self.nominals.iter().map(NominalIdentification::point).collect()
     }
 }
 
@@ -147,9 +144,7 @@ pub enum IdentifyWarning {
         nominal: f64,
     },
     /// The first period was dropped.
-    #[error(
-        "{file}: the first of {periods} periods carries a transient (p = {p_value:.1e}) and is left out"
-    )]
+    #[error("{file}: the first of {periods} periods carries a transient (p = {p_value:.1e}) and is left out")]
     TransientDropped {
         /// The record.
         file: String,
@@ -159,9 +154,7 @@ pub enum IdentifyWarning {
         p_value: f64,
     },
     /// Nothing to compare the first period with.
-    #[error(
-        "{file}: no other period to test the first for a transient; let the motor run in before recording"
-    )]
+    #[error("{file}: no other period to test the first for a transient; let the motor run in before recording")]
     TransientUntested {
         /// The record.
         file: String,
@@ -175,9 +168,7 @@ pub enum IdentifyWarning {
         rows: usize,
     },
     /// The noise is known from unexcited lines only.
-    #[error(
-        "{file}: one period is left; the noise is taken from unexcited lines, with any even-order distortion"
-    )]
+    #[error("{file}: one period is left; the noise is taken from unexcited lines, with any even-order distortion")]
     NoiseFromUnexcitedLines {
         /// The record.
         file: String,
@@ -193,9 +184,7 @@ pub enum IdentifyWarning {
         reduced_chi_square: f64,
     },
     /// The compensator of a compensated record is not known.
-    #[error(
-        "{file}: its compensator's response is unknown, so it is neither smoothed nor fitted; record esc_command"
-    )]
+    #[error("{file}: its compensator's response is unknown, so it is neither smoothed nor fitted; record esc_command")]
     CompensatorUnknown {
         /// The record.
         file: String,
@@ -227,15 +216,11 @@ pub fn identify_periodic(
     for group in records.chunk_by(|a, b| b.nominal - a.nominal < SAME_NOMINAL) {
         match identify_nominal(experiment, group, options)? {
             Some(found) => nominals.push(found),
-            None => warnings.push(IdentifyWarning::NothingToFit {
-                nominal: group[0].nominal,
-            }),
+            None => warnings.push(IdentifyWarning::NothingToFit { nominal: group[0].nominal }),
         }
     }
     if nominals.is_empty() {
-        return Err(IdentifyError::NoFitRecord {
-            name: experiment.name.clone(),
-        });
+        return Err(IdentifyError::NoFitRecord { name: experiment.name.clone() });
     }
     Ok(PeriodicIdentification { nominals, warnings })
 }
@@ -254,10 +239,7 @@ impl Transformed<'_> {
     /// The lines behind holds and compensator; none when the compensator is unknown.
     fn fit_lines(&self) -> impl Iterator<Item = FitLine> {
         let filter = self.filter.as_deref().unwrap_or_default();
-        self.lines
-            .iter()
-            .zip(filter)
-            .map(|(line, filter)| line.clone().behind(*filter))
+        self.lines.iter().zip(filter).map(|(line, filter)| line.clone().behind(*filter))
     }
 }
 
@@ -275,26 +257,17 @@ fn identify_nominal(
         .collect::<Result<Vec<_>, _>>()?;
 
     let may_fit = |t: &Transformed<'_>, compensated: bool| {
-        t.record.role != Some(Role::Validate)
-            && t.record.compensated == compensated
-            && t.filter.is_some()
+        t.record.role != Some(Role::Validate) && t.record.compensated == compensated && t.filter.is_some()
     };
     let fit_compensated = !transformed.iter().any(|t| may_fit(t, false));
     let is_fitted = |t: &Transformed<'_>| may_fit(t, fit_compensated);
-    let lines: Vec<FitLine> = transformed
-        .iter()
-        .filter(|t| is_fitted(t))
-        .flat_map(Transformed::fit_lines)
-        .collect();
+    let lines: Vec<FitLine> = transformed.iter().filter(|t| is_fitted(t)).flat_map(Transformed::fit_lines).collect();
     if lines.is_empty() {
         return Ok(None);
     }
     let fit = fit_first_order(&lines, &options.fit)?;
     if fit.model_p_value < MODEL_LEVEL {
-        warnings.push(IdentifyWarning::ModelTooSimple {
-            nominal,
-            reduced_chi_square: fit.reduced_chi_square,
-        });
+        warnings.push(IdentifyWarning::ModelTooSimple { nominal, reduced_chi_square: fit.reduced_chi_square });
     }
 
     let validation: Vec<FitLine> = transformed
@@ -302,11 +275,7 @@ fn identify_nominal(
         .filter(|t| t.record.role == Some(Role::Validate) && !t.record.compensated)
         .flat_map(Transformed::fit_lines)
         .collect();
-    let judged = if validation.is_empty() {
-        &lines
-    } else {
-        &validation
-    };
+    let judged = if validation.is_empty() { &lines } else { &validation };
     let measured: Vec<_> = judged.iter().map(|line| line.response).collect();
     let model: Vec<_> = judged.iter().map(|line| fit.response_at(line)).collect();
 
@@ -339,19 +308,12 @@ fn transform<'a>(
     let holds = holds_of(experiment, spectrum.row_rate_hz)?;
     let file = || record.file.clone();
     if spectrum.rows_left_out > 0 {
-        warnings.push(IdentifyWarning::RowsLeftOut {
-            file: file(),
-            rows: spectrum.rows_left_out,
-        });
+        warnings.push(IdentifyWarning::RowsLeftOut { file: file(), rows: spectrum.rows_left_out });
     }
     match spectrum.transient.p_value {
         None => warnings.push(IdentifyWarning::TransientUntested { file: file() }),
         Some(p_value) if spectrum.transient.is_present() => {
-            warnings.push(IdentifyWarning::TransientDropped {
-                file: file(),
-                periods: spectrum.periods,
-                p_value,
-            });
+            warnings.push(IdentifyWarning::TransientDropped { file: file(), periods: spectrum.periods, p_value });
         }
         Some(_) => {}
     }
@@ -374,25 +336,12 @@ fn transform<'a>(
     if filter.is_none() {
         warnings.push(IdentifyWarning::CompensatorUnknown { file: file() });
     }
-    let lines = spectrum
-        .lines
-        .iter()
-        .map(|line| FitLine::new(line, &holds))
-        .collect();
-    Ok(Transformed {
-        record,
-        spectrum,
-        lines,
-        filter,
-    })
+    let lines = spectrum.lines.iter().map(|line| FitLine::new(line, &holds)).collect();
+    Ok(Transformed { record, spectrum, lines, filter })
 }
 
 fn holds_of(experiment: &Experiment, row_rate_hz: f64) -> Result<HoldChain, IdentifyError> {
-    HoldChain::new(
-        row_rate_hz,
-        experiment.command_rate_hz,
-        experiment.esc_frame_hz,
-    )
+    HoldChain::new(row_rate_hz, experiment.command_rate_hz, experiment.esc_frame_hz)
 }
 
 fn respond(
@@ -402,30 +351,15 @@ fn respond(
     half_width: usize,
 ) -> Result<RecordResponse, IdentifyError> {
     let spectrum = &transformed.spectrum;
-    let behind_holds: Vec<_> = transformed
-        .lines
-        .iter()
-        .map(|l| fit.response_at(l))
-        .collect();
+    let behind_holds: Vec<_> = transformed.lines.iter().map(|l| fit.response_at(l)).collect();
     let (reference, half_width) = match &transformed.filter {
-        Some(filter) => (
-            behind_holds
-                .iter()
-                .zip(filter)
-                .map(|(r, f)| r * f)
-                .collect(),
-            half_width,
-        ),
+        Some(filter) => (behind_holds.iter().zip(filter).map(|(r, f)| r * f).collect(), half_width),
         None => (vec![Complex64::ONE; behind_holds.len()], 0),
     };
     let etfe = Etfe::new(&spectrum.lines, &reference, half_width)?;
     // What the rows show over what the actuator does: the holds, and the images for this lag.
-    let holds: Vec<_> = transformed
-        .lines
-        .iter()
-        .zip(&behind_holds)
-        .map(|(line, seen)| seen / fit.response(line.omega_rad_s))
-        .collect();
+    let holds: Vec<_> =
+        transformed.lines.iter().zip(&behind_holds).map(|(line, seen)| seen / fit.response(line.omega_rad_s)).collect();
     Ok(RecordResponse {
         compensated: transformed.record.compensated,
         used_in_fit,
@@ -451,13 +385,7 @@ fn run_square(
         fit.delay_s.map_or(0.0, |d| d.value),
     );
     let simulated = align(measured, &model, row_rate_hz, tau);
-    let fit_percent =
-        fit_percent(measured, &simulated).ok_or_else(|| IdentifyError::ConstantResponse {
-            file: record.file.clone(),
-        })?;
-    Ok(SquareValidation {
-        file: record.file.clone(),
-        fit_percent,
-        simulated,
-    })
+    let fit_percent = fit_percent(measured, &simulated)
+        .ok_or_else(|| IdentifyError::ConstantResponse { file: record.file.clone() })?;
+    Ok(SquareValidation { file: record.file.clone(), fit_percent, simulated })
 }

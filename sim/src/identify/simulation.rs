@@ -72,16 +72,11 @@ pub fn align(measured: &[f64], model: &[f64], row_rate_hz: f64, time_constant_s:
     let determinant = n as f64 * s2 - s1 * s1;
     // Singular when the record is much shorter than the lag: then only an offset can be told.
     let (offset, start) = if determinant > 1e-9 * n as f64 * s2 {
-        (
-            (s2 * r0 - s1 * r1) / determinant,
-            (n as f64 * r1 - s1 * r0) / determinant,
-        )
+        ((s2 * r0 - s1 * r1) / determinant, (n as f64 * r1 - s1 * r0) / determinant)
     } else {
         (r0 / n.max(1) as f64, 0.0)
     };
-    (0..n)
-        .map(|row| model[row] + offset + start * decay(row))
-        .collect()
+    (0..n).map(|row| model[row] + offset + start * decay(row)).collect()
 }
 
 #[cfg(test)]
@@ -105,38 +100,18 @@ mod tests {
         step(&rows, 0.0123, 0.0223);
         // The command changes at 10 ms, which is a frame start; with 650 Hz the next is the
         // seventh frame, at 10.77 ms.
-        step(
-            &HoldChain::new(1000.0, Some(5000.0), Some(600.0)).unwrap(),
-            0.0,
-            0.010,
-        );
-        step(
-            &HoldChain::new(1000.0, None, Some(650.0)).unwrap(),
-            0.0,
-            7.0 / 650.0,
-        );
-        step(
-            &HoldChain::new(1000.0, Some(5000.0), None).unwrap(),
-            0.0,
-            0.010,
-        );
+        step(&HoldChain::new(1000.0, Some(5000.0), Some(600.0)).unwrap(), 0.0, 0.010);
+        step(&HoldChain::new(1000.0, None, Some(650.0)).unwrap(), 0.0, 7.0 / 650.0);
+        step(&HoldChain::new(1000.0, Some(5000.0), None).unwrap(), 0.0, 0.010);
     }
 
     #[test]
     fn offset_and_initial_state_are_taken_out() {
         let model: Vec<f64> = (0..1000).map(|row| f64::from(row / 300 % 2)).collect();
-        let measured: Vec<f64> = model
-            .iter()
-            .enumerate()
-            .map(|(row, m)| m + 3.0 - 0.7 * (-(row as f64) / 50.0).exp())
-            .collect();
+        let measured: Vec<f64> =
+            model.iter().enumerate().map(|(row, m)| m + 3.0 - 0.7 * (-(row as f64) / 50.0).exp()).collect();
         let aligned = align(&measured, &model, 1000.0, 0.05);
-        assert!(
-            aligned
-                .iter()
-                .zip(&measured)
-                .all(|(a, b)| (a - b).abs() < 1e-9)
-        );
+        assert!(aligned.iter().zip(&measured).all(|(a, b)| (a - b).abs() < 1e-9));
     }
 
     #[test]

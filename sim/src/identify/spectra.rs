@@ -27,11 +27,7 @@ pub struct SpectrumOptions {
 
 impl Default for SpectrumOptions {
     fn default() -> Self {
-        Self {
-            line_threshold: 0.1,
-            pool_half_width: 5,
-            transient_level: 0.05,
-        }
+        Self { line_threshold: 0.1, pool_half_width: 5, transient_level: 0.05 }
     }
 }
 
@@ -101,17 +97,16 @@ pub struct Spectrum {
 /// A record's response column, checked to be as long as its time and command.
 pub(super) fn response_of(record: &Record, output: Output) -> Result<&[f64], IdentifyError> {
     let rows = record.time_s.len();
-    record
-        .response(output)
-        .filter(|response| response.len() == rows && record.command.len() == rows)
-        .ok_or_else(|| IdentifyError::NoResponse {
+    record.response(output).filter(|response| response.len() == rows && record.command.len() == rows).ok_or_else(|| {
+        IdentifyError::NoResponse {
             file: record.file.clone(),
             column: match output {
                 Output::ThrustN => "thrust_n",
                 Output::Rpm => "rpm",
             },
             rows,
-        })
+        }
+    })
 }
 
 /// Rows per second of a record: as stated, or as its times say.
@@ -121,19 +116,11 @@ pub(super) fn response_of(record: &Record, output: Output) -> Result<&[f64], Ide
 /// [`IdentifyError::TooShort`] when there are fewer than two rows.
 pub(super) fn row_rate_hz(record: &Record, stated_hz: Option<f64>) -> Result<f64, IdentifyError> {
     let (Some(&first), Some(&last)) = (record.time_s.first(), record.time_s.last()) else {
-        return Err(IdentifyError::TooShort {
-            file: record.file.clone(),
-            rows: 0,
-            period_rows: 2,
-        });
+        return Err(IdentifyError::TooShort { file: record.file.clone(), rows: 0, period_rows: 2 });
     };
     let steps = record.time_s.len() - 1;
     if steps == 0 {
-        return Err(IdentifyError::TooShort {
-            file: record.file.clone(),
-            rows: 1,
-            period_rows: 2,
-        });
+        return Err(IdentifyError::TooShort { file: record.file.clone(), rows: 1, period_rows: 2 });
     }
     let rate = stated_hz.unwrap_or(steps as f64 / (last - first));
     let worst = record
@@ -141,16 +128,9 @@ pub(super) fn row_rate_hz(record: &Record, stated_hz: Option<f64>) -> Result<f64
         .iter()
         .enumerate()
         .map(|(row, t)| (row, ((t - first) * rate - row as f64).abs()))
-        .fold(
-            (0, 0.0),
-            |a, b| if b.1 > a.1 || b.1.is_nan() { b } else { a },
-        );
+        .fold((0, 0.0), |a, b| if b.1 > a.1 || b.1.is_nan() { b } else { a });
     if worst.1.is_nan() || worst.1 > 0.1 {
-        return Err(IdentifyError::UnevenRows {
-            file: record.file.clone(),
-            row: worst.0,
-            off_by: worst.1,
-        });
+        return Err(IdentifyError::UnevenRows { file: record.file.clone(), row: worst.0, off_by: worst.1 });
     }
     Ok(rate)
 }
@@ -163,34 +143,20 @@ impl Spectrum {
     /// # Errors
     /// [`IdentifyError`] when the record has no period, no response, uneven rows, less than a
     /// period, a constant or non-periodic command, or no way to know its noise.
-    pub fn of(
-        experiment: &Experiment,
-        record: &Record,
-        options: &SpectrumOptions,
-    ) -> Result<Self, IdentifyError> {
+    pub fn of(experiment: &Experiment, record: &Record, options: &SpectrumOptions) -> Result<Self, IdentifyError> {
         let file = || record.file.clone();
         let response = response_of(record, experiment.output)?;
         let row_rate_hz = row_rate_hz(record, experiment.sample_rate_hz)?;
-        let period_s = record
-            .period_s
-            .ok_or_else(|| IdentifyError::NoPeriod { file: file() })?;
+        let period_s = record.period_s.ok_or_else(|| IdentifyError::NoPeriod { file: file() })?;
         let rows = period_s * row_rate_hz;
         let length = rows.round();
         if !((rows - length).abs() <= 1e-3 && (4.0..=1e9).contains(&length)) {
-            return Err(IdentifyError::PeriodRows {
-                file: file(),
-                period_s,
-                rows,
-            });
+            return Err(IdentifyError::PeriodRows { file: file(), period_s, rows });
         }
         let length = length as usize;
         let periods = response.len() / length;
         if periods == 0 {
-            return Err(IdentifyError::TooShort {
-                file: file(),
-                rows: response.len(),
-                period_rows: length,
-            });
+            return Err(IdentifyError::TooShort { file: file(), rows: response.len(), period_rows: length });
         }
         let rows_left_out = response.len() - periods * length;
 
@@ -199,9 +165,8 @@ impl Spectrum {
         if excited.is_empty() {
             return Err(IdentifyError::ConstantCommand { file: file() });
         }
-        let at_lines = |spectrum: &Vec<Complex64>| -> Vec<Complex64> {
-            excited.iter().map(|&bin| spectrum[bin]).collect()
-        };
+        let at_lines =
+            |spectrum: &Vec<Complex64>| -> Vec<Complex64> { excited.iter().map(|&bin| spectrum[bin]).collect() };
         let command: Vec<_> = command.iter().map(at_lines).collect();
         check_periodic(&command, record)?;
 
@@ -225,11 +190,8 @@ impl Spectrum {
             (NoiseSource::UnexcitedLines, power, 2.0 * bins as f64)
         };
         let command = mean(&command);
-        let esc_command: Option<Vec<Complex64>> = record
-            .esc_command
-            .as_ref()
-            .filter(|column| column.len() == record.time_s.len())
-            .map(|column| {
+        let esc_command: Option<Vec<Complex64>> =
+            record.esc_command.as_ref().filter(|column| column.len() == record.time_s.len()).map(|column| {
                 let periods = transform(&column[rows_left_out..], length);
                 let dropped = usize::from(transient.is_present());
                 mean(&periods[dropped..].iter().map(at_lines).collect::<Vec<_>>())
@@ -270,8 +232,7 @@ fn transform(samples: &[f64], length: usize) -> Vec<Vec<Complex64>> {
         .map(|period| {
             input.copy_from_slice(period);
             let mut spectrum = fft.make_output_vec();
-            fft.process_with_scratch(&mut input, &mut spectrum, &mut scratch)
-                .expect("all buffers are the plan's own");
+            fft.process_with_scratch(&mut input, &mut spectrum, &mut scratch).expect("all buffers are the plan's own");
             for bin in &mut spectrum {
                 *bin *= 2.0 / length as f64;
             }
@@ -283,17 +244,13 @@ fn transform(samples: &[f64], length: usize) -> Vec<Vec<Complex64>> {
 fn mean(periods: &[Vec<Complex64>]) -> Vec<Complex64> {
     let count = periods.len() as f64;
     let bins = periods.first().map_or(0, Vec::len);
-    (0..bins)
-        .map(|k| periods.iter().map(|p| p[k]).sum::<Complex64>() / count)
-        .collect()
+    (0..bins).map(|k| periods.iter().map(|p| p[k]).sum::<Complex64>() / count).collect()
 }
 
 fn sample_variance(periods: &[Vec<Complex64>], mean: &[Complex64]) -> Vec<f64> {
     mean.iter()
         .enumerate()
-        .map(|(k, m)| {
-            periods.iter().map(|p| (p[k] - m).norm_sqr()).sum::<f64>() / (periods.len() - 1) as f64
-        })
+        .map(|(k, m)| periods.iter().map(|p| (p[k] - m).norm_sqr()).sum::<f64>() / (periods.len() - 1) as f64)
         .collect()
 }
 
@@ -305,26 +262,19 @@ fn excited_bins(command: &[Complex64], threshold: f64) -> Vec<usize> {
     if peak.is_nan() || peak <= 1e-9 {
         return Vec::new();
     }
-    inner
-        .filter(|&k| command[k].norm() >= threshold * peak)
-        .collect()
+    inner.filter(|&k| command[k].norm() >= threshold * peak).collect()
 }
 
 /// The command has no noise, so its periods must agree; a wrong `period_s` shows here.
 fn check_periodic(command: &[Vec<Complex64>], record: &Record) -> Result<(), IdentifyError> {
     let average = mean(command);
     let power = average.iter().map(Complex64::norm_sqr).sum::<f64>();
-    let spread = command
-        .iter()
-        .flat_map(|period| period.iter().zip(&average).map(|(c, m)| (c - m).norm_sqr()))
-        .sum::<f64>()
-        / command.len() as f64;
+    let spread =
+        command.iter().flat_map(|period| period.iter().zip(&average).map(|(c, m)| (c - m).norm_sqr())).sum::<f64>()
+            / command.len() as f64;
     let relative = (spread / power).sqrt();
     if relative > 0.01 {
-        return Err(IdentifyError::NotPeriodic {
-            file: record.file.clone(),
-            percent: 100.0 * relative,
-        });
+        return Err(IdentifyError::NotPeriodic { file: record.file.clone(), percent: 100.0 * relative });
     }
     Ok(())
 }

@@ -22,12 +22,7 @@ pub(super) fn f_upper_tail(ratio: f64, dof: f64, noise_dof: f64) -> f64 {
     // Beyond a million the denominator is as good as known.
     let noise_dof = noise_dof.min(1e6);
     // The library's own tail unwraps; this is the same function with the error in hand.
-    checked_beta_reg(
-        0.5 * noise_dof,
-        0.5 * dof,
-        noise_dof / (noise_dof + dof * ratio),
-    )
-    .unwrap_or(1.0)
+    checked_beta_reg(0.5 * noise_dof, 0.5 * dof, noise_dof / (noise_dof + dof * ratio)).unwrap_or(1.0)
 }
 
 #[cfg(test)]

@@ -98,9 +98,7 @@ impl CompensatorFile {
                 "run `rotorlead design`, or correct the parameter",
             ))
         })?;
-        compensator
-            .check_coefficients(computed)
-            .map_err(|fault| file.show(&fault))?;
+        compensator.check_coefficients(computed).map_err(|fault| file.show(&fault))?;
         Ok(compensator)
     }
 
@@ -115,8 +113,7 @@ impl CompensatorFile {
     /// # Errors
     /// When reading it back would refuse it, or the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<(), FileError> {
-        self.check()
-            .map_err(|fault| FileError::refused(path, fault))?;
+        self.check().map_err(|fault| FileError::refused(path, fault))?;
         write_toml(path, self)
     }
 
@@ -138,18 +135,12 @@ impl CompensatorFile {
         }
         if self.zero_rad_s >= self.pole_rad_s {
             return Err(root.key("zero_rad_s").fault(
-                format!(
-                    "{} is not below `pole_rad_s`, {}: the filter would lag",
-                    self.zero_rad_s, self.pole_rad_s
-                ),
+                format!("{} is not below `pole_rad_s`, {}: the filter would lag", self.zero_rad_s, self.pole_rad_s),
                 "a lead compensator has its zero below its poles: exchange or correct them",
             ));
         }
         let half_rate_rad_s = PI * self.loop_rate_hz;
-        for (key, value) in [
-            ("pole_rad_s", Some(self.pole_rad_s)),
-            ("prewarp_rad_s", self.prewarp_rad_s),
-        ] {
+        for (key, value) in [("pole_rad_s", Some(self.pole_rad_s)), ("prewarp_rad_s", self.prewarp_rad_s)] {
             let Some(value) = value else { continue };
             root.key(key).positive(value)?;
             if value >= half_rate_rad_s {
@@ -203,12 +194,7 @@ g0 = 2147483647
 g1 = -2147483648
 "#;
 
-    const STORED: StoredCoefficients = StoredCoefficients {
-        k: 1,
-        c: -2,
-        g0: i32::MAX,
-        g1: i32::MIN,
-    };
+    const STORED: StoredCoefficients = StoredCoefficients { k: 1, c: -2, g0: i32::MAX, g1: i32::MIN };
 
     fn read(text: &str) -> Result<CompensatorFile, FileError> {
         let scratch = Scratch::new();
@@ -241,42 +227,14 @@ g1 = -2147483648
 
     #[test]
     fn keys_are_those_of_the_layout() {
-        refuses(
-            "damping",
-            "dampin",
-            &["compensator.toml:4:1", "did you mean `damping`"],
-        );
+        refuses("damping", "dampin", &["compensator.toml:4:1", "did you mean `damping`"]);
         refuses("k = 1\n", "", &["compensator.toml:8:1", "add `k`"]);
-        refuses(
-            "k = 1",
-            "q = 1",
-            &["compensator.toml:9:1", "`q`", "remove `q`"],
-        );
-        refuses(
-            "k = 1",
-            "k = 1.5",
-            &["compensator.toml:9:5", "expected i32"],
-        );
-        refuses(
-            "k = 1",
-            "k = 2147483648",
-            &["compensator.toml:9:5", "2147483648"],
-        );
-        refuses(
-            "q0.32",
-            "q1.31",
-            &["compensator.toml:6:22", "`q1.31`", "instead of `q1.31`"],
-        );
-        refuses(
-            "q2.29",
-            "f32",
-            &["compensator.toml:7:17", "`f32`", "`q2.29`", "help: "],
-        );
-        refuses(
-            "format = 1",
-            "format = 2",
-            &["compensator.toml:1:10", "layout 2"],
-        );
+        refuses("k = 1", "q = 1", &["compensator.toml:9:1", "`q`", "remove `q`"]);
+        refuses("k = 1", "k = 1.5", &["compensator.toml:9:5", "expected i32"]);
+        refuses("k = 1", "k = 2147483648", &["compensator.toml:9:5", "2147483648"]);
+        refuses("q0.32", "q1.31", &["compensator.toml:6:22", "`q1.31`", "instead of `q1.31`"]);
+        refuses("q2.29", "f32", &["compensator.toml:7:17", "`f32`", "`q2.29`", "help: "]);
+        refuses("format = 1", "format = 2", &["compensator.toml:1:10", "layout 2"]);
     }
 
     #[test]
@@ -290,18 +248,9 @@ g1 = -2147483648
             ("= 0.7071", "= -0.7071", "4:11", "above 0"),
             ("= 5000", "= -5000", "5:16", "above 0"),
             ("= 5000", "= 5000\nprewarp_rad_s = 0", "6:17", "above 0"),
-            (
-                "= 5000",
-                "= 5000\nprewarp_rad_s = 15708",
-                "6:17",
-                "half the loop rate",
-            ),
+            ("= 5000", "= 5000\nprewarp_rad_s = 15708", "6:17", "half the loop rate"),
         ] {
-            refuses(
-                from,
-                to,
-                &[&format!("compensator.toml:{place}]"), rule, "help: "],
-            );
+            refuses(from, to, &[&format!("compensator.toml:{place}]"), rule, "help: "]);
         }
     }
 
@@ -309,9 +258,8 @@ g1 = -2147483648
     fn coefficients_are_compared_with_those_of_the_parameters() {
         let scratch = Scratch::new();
         let path = scratch.file("compensator.toml", COMPENSATOR);
-        let matching = |computed: Result<StoredCoefficients, String>| {
-            CompensatorFile::read_matching(&path, |_| computed)
-        };
+        let matching =
+            |computed: Result<StoredCoefficients, String>| CompensatorFile::read_matching(&path, |_| computed);
         assert_eq!(matching(Ok(STORED)).unwrap().coefficients, STORED);
         for (computed, place) in [
             (StoredCoefficients { k: 2, ..STORED }, "9:5"),
@@ -321,20 +269,10 @@ g1 = -2147483648
         ] {
             let error = matching(Ok(computed)).unwrap_err();
             let place = format!("compensator.toml:{place}]");
-            assert_report(
-                error,
-                &[
-                    &place,
-                    "the parameters give",
-                    "run `rotorlead design` again",
-                ],
-            );
+            assert_report(error, &[&place, "the parameters give", "run `rotorlead design` again"]);
         }
         let error = matching(Err("damping is 9".to_owned())).unwrap_err();
-        assert_report(
-            error,
-            &["compensator.toml:1:1]", "damping is 9", "rotorlead design"],
-        );
+        assert_report(error, &["compensator.toml:1:1]", "damping is 9", "rotorlead design"]);
     }
 
     #[test]
@@ -342,9 +280,7 @@ g1 = -2147483648
         let scratch = Scratch::new();
         let mut compensator = read(COMPENSATOR).unwrap();
         compensator.damping = f64::NAN;
-        let error = compensator
-            .write(&scratch.path().join("c.toml"))
-            .unwrap_err();
+        let error = compensator.write(&scratch.path().join("c.toml")).unwrap_err();
         assert_report(error, &["c.toml", "`damping`", "NaN", "give a value"]);
         assert!(scratch.names().is_empty());
     }

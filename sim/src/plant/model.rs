@@ -122,12 +122,8 @@ pub struct Lag {
 #[derive(Clone, Debug, PartialEq, Error, Diagnostic)]
 pub enum ModelError {
     /// A nominal command between none of the model's points.
-    #[error(
-        "the model says nothing of a nominal command of {nominal}: it holds from {from} to {to}"
-    )]
-    #[diagnostic(help(
-        "choose a nominal command in that range, or identify the motor at this one too"
-    ))]
+    #[error("the model says nothing of a nominal command of {nominal}: it holds from {from} to {to}")]
+    #[diagnostic(help("choose a nominal command in that range, or identify the motor at this one too"))]
     OutsideRange {
         /// The nominal command asked for.
         nominal: f64,
@@ -146,11 +142,7 @@ impl Point {
     /// Its linear model.
     #[must_use]
     pub fn lag(&self) -> Lag {
-        Lag {
-            gain: self.gain,
-            time_constant_s: self.time_constant_s,
-            delay_s: self.delay_s,
-        }
+        Lag { gain: self.gain, time_constant_s: self.time_constant_s, delay_s: self.delay_s }
     }
 }
 
@@ -166,11 +158,7 @@ impl Model {
             return Err(ModelError::NoPoints);
         };
         if !(first.nominal..=last.nominal).contains(&nominal) {
-            return Err(ModelError::OutsideRange {
-                nominal,
-                from: first.nominal,
-                to: last.nominal,
-            });
+            return Err(ModelError::OutsideRange { nominal, from: first.nominal, to: last.nominal });
         }
         let above = self.points.partition_point(|point| point.nominal < nominal);
         let high = &self.points[above];
@@ -221,20 +209,12 @@ mod tests {
     }
 
     fn lag(gain: f64, time_constant_s: f64, delay_s: f64) -> Lag {
-        Lag {
-            gain,
-            time_constant_s,
-            delay_s,
-        }
+        Lag { gain, time_constant_s, delay_s }
     }
 
     #[test]
     fn between_points_each_number_is_interpolated() {
-        let model = model(&[
-            (0.25, 8.0, 0.5, 0.0),
-            (0.50, 16.0, 0.25, 0.5),
-            (1.0, 0.0, 0.125, 0.5),
-        ]);
+        let model = model(&[(0.25, 8.0, 0.5, 0.0), (0.50, 16.0, 0.25, 0.5), (1.0, 0.0, 0.125, 0.5)]);
         assert_eq!(model.at(0.25), Ok(lag(8.0, 0.5, 0.0)));
         assert_eq!(model.at(0.375), Ok(lag(12.0, 0.375, 0.25)));
         assert_eq!(model.at(0.5), Ok(lag(16.0, 0.25, 0.5)));
@@ -257,9 +237,6 @@ mod tests {
         let one = model(&[(0.5, 1.0, 0.1, 0.0)]);
         assert_eq!(one.at(0.5), Ok(lag(1.0, 0.1, 0.0)));
         assert!(one.at(0.50001).is_err());
-        assert_report(
-            model(&[]).at(0.5).unwrap_err(),
-            &["no point", "rotorlead identify"],
-        );
+        assert_report(model(&[]).at(0.5).unwrap_err(), &["no point", "rotorlead identify"]);
     }
 }

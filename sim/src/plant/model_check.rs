@@ -42,14 +42,11 @@ impl Point {
     fn check(&self, place: &Place) -> Result<(), Fault> {
         place.key("nominal").fraction(self.nominal)?;
         place.key("gain").finite(self.gain)?;
-        place
-            .key("time_constant_s")
-            .positive(self.time_constant_s)?;
+        place.key("time_constant_s").positive(self.time_constant_s)?;
         place.key("delay_s").not_negative(self.delay_s)?;
-        for (key, value) in [
-            ("time_constant_up_s", self.time_constant_up_s),
-            ("time_constant_down_s", self.time_constant_down_s),
-        ] {
+        for (key, value) in
+            [("time_constant_up_s", self.time_constant_up_s), ("time_constant_down_s", self.time_constant_down_s)]
+        {
             value.map_or(Ok(()), |value| place.key(key).positive(value))?;
         }
         for (key, value) in [
@@ -74,18 +71,12 @@ impl StaticMap {
     fn check(&self, place: &Place) -> Result<(), Fault> {
         let (command, response) = (place.key("command"), place.key("response"));
         if self.command.len() < 2 {
-            return Err(command.fault(
-                "a map has two commands at least",
-                "add commands and their responses, or remove [static_map]",
-            ));
+            return Err(command
+                .fault("a map has two commands at least", "add commands and their responses, or remove [static_map]"));
         }
         if self.command.len() != self.response.len() {
             return Err(response.fault(
-                format!(
-                    "{} responses for {} commands",
-                    self.response.len(),
-                    self.command.len()
-                ),
+                format!("{} responses for {} commands", self.response.len(), self.command.len()),
                 "give one response per command",
             ));
         }
@@ -120,33 +111,22 @@ impl Effect {
 
 impl Provenance {
     fn check(&self, place: &Place) -> Result<(), Fault> {
-        for (key, rate) in [
-            ("command_rate_hz", self.command_rate_hz),
-            ("esc_frame_hz", self.esc_frame_hz),
-        ] {
+        for (key, rate) in [("command_rate_hz", self.command_rate_hz), ("esc_frame_hz", self.esc_frame_hz)] {
             rate.map_or(Ok(()), |rate| place.key(key).positive(rate))?;
         }
         Ok(())
     }
 }
 
-fn increasing(
-    values: impl Iterator<Item = f64>,
-    place: impl Fn(usize) -> Place,
-) -> Result<(), Fault> {
+fn increasing(values: impl Iterator<Item = f64>, place: impl Fn(usize) -> Place) -> Result<(), Fault> {
     let mut before: Option<f64> = None;
     for (index, value) in values.enumerate() {
         match before {
             Some(before) if value == before => {
-                return Err(
-                    place(index).fault(format!("{value} is there twice"), "remove one of the two")
-                );
+                return Err(place(index).fault(format!("{value} is there twice"), "remove one of the two"));
             }
             Some(before) if value < before => {
-                return Err(place(index).fault(
-                    format!("{value} comes after {before}"),
-                    "put them in increasing order",
-                ));
+                return Err(place(index).fault(format!("{value} comes after {before}"), "put them in increasing order"));
             }
             _ => before = Some(value),
         }

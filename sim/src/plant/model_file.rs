@@ -22,8 +22,7 @@ impl Model {
     /// # Errors
     /// When reading it back would refuse it, or the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<(), FileError> {
-        self.check()
-            .map_err(|fault| FileError::refused(path, fault))?;
+        self.check().map_err(|fault| FileError::refused(path, fault))?;
         write_toml(path, self)
     }
 }
@@ -98,10 +97,7 @@ command_rate_hz = 5000
     #[test]
     fn a_model_without_points_says_how_to_get_them() {
         let error = read("format = 1\n").unwrap_err();
-        assert_report(
-            error,
-            &["model.toml:1:1", "no point", "run `rotorlead identify`"],
-        );
+        assert_report(error, &["model.toml:1:1", "no point", "run `rotorlead identify`"]);
     }
 
     #[test]
@@ -110,52 +106,21 @@ command_rate_hz = 5000
         refuses("gain = 6.2", "gian = 6.2", &parts);
         refuses("gain = 6.2\n", "", &["model.toml:2:1", "add `gain`"]);
         refuses("format = 1", "format = 3", &["model.toml:1:10", "layout 3"]);
-        refuses(
-            "[static_map]",
-            "[map]",
-            &["model.toml:15:2", "`map`", "remove `map`"],
-        );
-        refuses(
-            "[static_map]",
-            "[statc_map]",
-            &["did you mean `static_map`"],
-        );
+        refuses("[static_map]", "[map]", &["model.toml:15:2", "`map`", "remove `map`"]);
+        refuses("[static_map]", "[statc_map]", &["did you mean `static_map`"]);
     }
 
     #[test]
     fn points_increase() {
-        refuses(
-            "0.4",
-            "0.5",
-            &[
-                "model.toml:7:11",
-                "`point` 2, `nominal`",
-                "twice",
-                "remove one",
-            ],
-        );
-        refuses(
-            "0.4",
-            "0.6",
-            &["model.toml:7:11", "0.5 comes after 0.6", "increasing order"],
-        );
+        refuses("0.4", "0.5", &["model.toml:7:11", "`point` 2, `nominal`", "twice", "remove one"]);
+        refuses("0.4", "0.6", &["model.toml:7:11", "0.5 comes after 0.6", "increasing order"]);
     }
 
     #[test]
     fn numbers_have_their_ranges() {
         for (from, to, place, rule) in [
-            (
-                "nominal = 0.4",
-                "nominal = -0.1",
-                "3:11",
-                "in the range 0 to 1",
-            ),
-            (
-                "nominal = 0.4",
-                "nominal = 40",
-                "3:11",
-                "in the range 0 to 1",
-            ),
+            ("nominal = 0.4", "nominal = -0.1", "3:11", "in the range 0 to 1"),
+            ("nominal = 0.4", "nominal = 40", "3:11", "in the range 0 to 1"),
             ("gain = 6.2", "gain = nan", "4:8", "a finite number"),
             ("gain = 6.2", "gain = -inf", "4:8", "a finite number"),
             ("_s = 0.16", "_s = 0", "5:19", "above 0"),
@@ -186,18 +151,10 @@ command_rate_hz = 5000
         let mut model = read(MODEL).unwrap();
         model.points[1].time_constant_s = f64::NAN;
         let error = model.write(&path).unwrap_err();
-        let parts = [
-            "model.toml",
-            "`point` 2, `time_constant_s`",
-            "NaN",
-            "give a value",
-        ];
+        let parts = ["model.toml", "`point` 2, `time_constant_s`", "NaN", "give a value"];
         assert_report(error, &parts);
         model.points.clear();
-        assert_report(
-            model.write(&path).unwrap_err(),
-            &["no point", "rotorlead identify"],
-        );
+        assert_report(model.write(&path).unwrap_err(), &["no point", "rotorlead identify"]);
         assert!(scratch.names().is_empty());
     }
 

@@ -16,15 +16,8 @@ pub(super) enum Column {
 
 impl Column {
     /// Every column, in the order in which they are written.
-    pub(super) const ALL: [Self; 7] = [
-        Self::TimeS,
-        Self::Command,
-        Self::ThrustN,
-        Self::Rpm,
-        Self::EscCommand,
-        Self::VoltageV,
-        Self::CurrentA,
-    ];
+    pub(super) const ALL: [Self; 7] =
+        [Self::TimeS, Self::Command, Self::ThrustN, Self::Rpm, Self::EscCommand, Self::VoltageV, Self::CurrentA];
 
     /// Its name in the header.
     pub(super) fn name(self) -> &'static str {
@@ -84,13 +77,11 @@ impl Column {
                 format!("time runs backwards, from {previous} to {value}"),
                 "sort the rows by time, and give each run a record of its own",
             )),
-            (Self::Command | Self::EscCommand, _) if !(0.0..=1.0).contains(&value) => {
-                Err(Refusal::new(
-                    format!("{value} is outside 0 to 1"),
-                    "a command is a duty from 0 to 1: divide a percentage by 100, \
+            (Self::Command | Self::EscCommand, _) if !(0.0..=1.0).contains(&value) => Err(Refusal::new(
+                format!("{value} is outside 0 to 1"),
+                "a command is a duty from 0 to 1: divide a percentage by 100, \
                      scale a pulse width by its range",
-                ))
-            }
+            )),
             _ => Ok(value),
         }
     }
@@ -115,5 +106,4 @@ impl Refusal {
 pub(super) const LEAST_ROWS: usize = 2;
 
 /// What to do about a record that is shorter.
-pub(super) const TOO_FEW_ROWS: &str =
-    "a response needs a row after the one that holds its command: record longer";
+pub(super) const TOO_FEW_ROWS: &str = "a response needs a row after the one that holds its command: record longer";

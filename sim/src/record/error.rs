@@ -28,9 +28,7 @@ pub enum RecordError {
         typical_s: f64,
     },
     /// The rows get slowly denser or sparser along the record.
-    #[error(
-        "`{file}`, row {row}: {offset_s:.9} s away from where evenly spaced rows would have it"
-    )]
+    #[error("`{file}`, row {row}: {offset_s:.9} s away from where evenly spaced rows would have it")]
     #[diagnostic(help(
         "the sampling rate changes along the record: resample it, or write the stamps of the sampling clock"
     ))]
@@ -63,9 +61,7 @@ pub enum RecordError {
         "`{file}`: its period of {period_s} s is {samples:.4} samples at {rate_hz:.6} Hz, \
          not a whole number"
     )]
-    #[diagnostic(help(
-        "correct `period_s` in experiment.toml, or record at a rate of which it is a multiple"
-    ))]
+    #[diagnostic(help("correct `period_s` in experiment.toml, or record at a rate of which it is a multiple"))]
     PartialSample {
         /// The record's file.
         file: String,
@@ -78,9 +74,7 @@ pub enum RecordError {
     },
     /// The record ends before its first period does.
     #[error("`{file}`: {rows} rows are less than one period of {samples_per_period} samples")]
-    #[diagnostic(help(
-        "record one whole period at least, or correct `period_s` in experiment.toml"
-    ))]
+    #[diagnostic(help("record one whole period at least, or correct `period_s` in experiment.toml"))]
     PartialPeriod {
         /// The record's file.
         file: String,

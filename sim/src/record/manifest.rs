@@ -125,10 +125,7 @@ impl Entry {
             period_s: record.period_s,
             amplitude: record.amplitude,
             compensated: record.compensated,
-            compensator: record
-                .compensator
-                .as_ref()
-                .map(|path| path.to_string_lossy().into_owned()),
+            compensator: record.compensator.as_ref().map(|path| path.to_string_lossy().into_owned()),
             role: record.role,
         }
     }
@@ -139,10 +136,9 @@ impl Entry {
         if let Some(period_s) = self.period_s {
             place.key("period_s").positive(period_s)?;
         } else if self.excitation.is_periodic() {
-            return Err(place.key("period_s").fault(
-                "a multisine or square wave has a period, and it is not given",
-                "add `period_s`, in seconds",
-            ));
+            return Err(place
+                .key("period_s")
+                .fault("a multisine or square wave has a period, and it is not given", "add `period_s`, in seconds"));
         }
         if let Some(amplitude) = self.amplitude {
             place.key("amplitude").positive(amplitude)?;

@@ -7,6 +7,7 @@
 mod column;
 mod error;
 mod experiment;
+pub mod import;
 mod manifest;
 mod read;
 mod sampling;

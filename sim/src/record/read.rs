@@ -73,24 +73,15 @@ fn manifest_path(folder: &Path) -> Result<std::path::PathBuf, FileError> {
 }
 
 /// Shows a file that is named but not there where it is named.
-fn check_files(
-    folder: &Path,
-    index: usize,
-    entry: &Entry,
-    file: &TomlFile,
-) -> Result<(), FileError> {
-    let named = [
-        ("file", Some(&entry.file)),
-        ("compensator", entry.compensator.as_ref()),
-    ];
+fn check_files(folder: &Path, index: usize, entry: &Entry, file: &TomlFile) -> Result<(), FileError> {
+    let named = [("file", Some(&entry.file)), ("compensator", entry.compensator.as_ref())];
     for (key, name) in named {
         if let Some(path) = name.map(|name| folder.join(name))
             && !path.exists()
         {
-            let fault = place(index).key(key).fault(
-                format!("`{}` does not exist", path.display()),
-                "correct the name, or put the file there",
-            );
+            let fault = place(index)
+                .key(key)
+                .fault(format!("`{}` does not exist", path.display()), "correct the name, or put the file there");
             return Err(file.show(&fault));
         }
     }

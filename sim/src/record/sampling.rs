@@ -32,16 +32,11 @@ impl Record {
     /// When a row is farther than [`GRID_TOLERANCE`] from an even spacing: the error names it.
     pub fn sample_rate_hz(&self) -> Result<f64, RecordError> {
         if self.time_s.len() < 2 {
-            return Err(RecordError::TooFewRows {
-                file: self.file.clone(),
-                rows: self.time_s.len(),
-            });
+            return Err(RecordError::TooFewRows { file: self.file.clone(), rows: self.time_s.len() });
         }
         let grid = Grid::fit(&self.time_s);
         match grid.farthest(&self.time_s) {
-            (_, offset_s) if offset_s.abs() <= GRID_TOLERANCE * grid.interval_s => {
-                Ok(1.0 / grid.interval_s)
-            }
+            (_, offset_s) if offset_s.abs() <= GRID_TOLERANCE * grid.interval_s => Ok(1.0 / grid.interval_s),
             (row, offset_s) => Err(self.uneven(row, offset_s)),
         }
     }
@@ -53,9 +48,7 @@ impl Record {
     /// samples to within [`PERIOD_TOLERANCE`] over all of them; less than one of them.
     pub fn periods(&self) -> Result<Periods, RecordError> {
         let file = || self.file.clone();
-        let period_s = self
-            .period_s
-            .ok_or_else(|| RecordError::NoPeriod { file: file() })?;
+        let period_s = self.period_s.ok_or_else(|| RecordError::NoPeriod { file: file() })?;
         let rate_hz = self.sample_rate_hz()?;
         let exact = period_s * rate_hz;
         let rows = self.time_s.len();
@@ -64,19 +57,10 @@ impl Record {
         let count = rows.checked_div(samples).unwrap_or(0);
         let missed = (exact - exact.round()).abs() * count.max(1) as f64;
         if samples == 0 || missed > PERIOD_TOLERANCE {
-            return Err(RecordError::PartialSample {
-                file: file(),
-                period_s,
-                samples: exact,
-                rate_hz,
-            });
+            return Err(RecordError::PartialSample { file: file(), period_s, samples: exact, rate_hz });
         }
         if count == 0 {
-            return Err(RecordError::PartialPeriod {
-                file: file(),
-                rows,
-                samples_per_period: samples,
-            });
+            return Err(RecordError::PartialPeriod { file: file(), rows, samples_per_period: samples });
         }
         Ok(Periods { samples, count })
     }
@@ -93,22 +77,12 @@ impl Record {
         let file = self.file.clone();
         let intervals: Vec<f64> = self.time_s.windows(2).map(|w| w[1] - w[0]).collect();
         let mut sorted = intervals.clone();
-        let (_, &mut typical_s, _) =
-            sorted.select_nth_unstable_by(intervals.len() / 2, f64::total_cmp);
+        let (_, &mut typical_s, _) = sorted.select_nth_unstable_by(intervals.len() / 2, f64::total_cmp);
         let (before, interval_s) = farthest(&intervals, |interval| interval - typical_s);
         if (interval_s).abs() > GRID_TOLERANCE * typical_s {
-            RecordError::Gap {
-                file,
-                row: before + 2,
-                interval_s: intervals[before],
-                typical_s,
-            }
+            RecordError::Gap { file, row: before + 2, interval_s: intervals[before], typical_s }
         } else {
-            RecordError::Drift {
-                file,
-                row: row + 1,
-                offset_s,
-            }
+            RecordError::Drift { file, row: row + 1, offset_s }
         }
     }
 }
@@ -138,10 +112,7 @@ impl Grid {
     pub(super) fn through(time_s: &[f64], interval_s: f64) -> Self {
         let late = |(k, time): (usize, &f64)| (time - time_s[0]) - k as f64 * interval_s;
         let mean = time_s.iter().enumerate().map(late).sum::<f64>() / time_s.len() as f64;
-        Self {
-            start_s: time_s[0] + mean,
-            interval_s,
-        }
+        Self { start_s: time_s[0] + mean, interval_s }
     }
 
     /// Whether every row is on it, within [`GRID_TOLERANCE`].

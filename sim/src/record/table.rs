@@ -43,21 +43,10 @@ impl Table {
         if rows < LEAST_ROWS {
             let end = text.text().trim_end().len();
             let message = format!("too few rows of numbers: {rows}");
-            let last_line = text.text()[..end]
-                .rfind('\n')
-                .map_or(0, |newline| newline + 1);
-            return Err(text.complaint(
-                last_line..end,
-                message,
-                "the file ends here",
-                TOO_FEW_ROWS,
-            ));
+            let last_line = text.text()[..end].rfind('\n').map_or(0, |newline| newline + 1);
+            return Err(text.complaint(last_line..end, message, "the file ends here", TOO_FEW_ROWS));
         }
-        Ok(Self {
-            text,
-            columns,
-            values,
-        })
+        Ok(Self { text, columns, values })
     }
 
     /// Refuses rows that the stated rate contradicts.
@@ -69,19 +58,13 @@ impl Table {
         let (row, message) = match record.sample_rate_hz() {
             Ok(rate_hz) => (
                 time_s.len(),
-                format!(
-                    "the rows come at {rate_hz:.6} Hz, `sample_rate_hz` of experiment.toml says {stated_hz}"
-                ),
+                format!("the rows come at {rate_hz:.6} Hz, `sample_rate_hz` of experiment.toml says {stated_hz}"),
             ),
-            Err(error) => (
-                error.row().unwrap_or(1),
-                format!("{error}; `sample_rate_hz` of experiment.toml says {stated_hz}"),
-            ),
+            Err(error) => {
+                (error.row().unwrap_or(1), format!("{error}; `sample_rate_hz` of experiment.toml says {stated_hz}"))
+            }
         };
-        let index = self
-            .columns
-            .iter()
-            .position(|column| *column == Column::TimeS);
+        let index = self.columns.iter().position(|column| *column == Column::TimeS);
         let mut reader = reader(&self.text);
         let mut cells = StringRecord::new();
         for _ in 0..=row {
@@ -119,9 +102,7 @@ fn reader(text: &TextFile) -> csv::Reader<&[u8]> {
 
 /// Reads the next row; false at the end.
 fn next(reader: &mut csv::Reader<&[u8]>, row: &mut StringRecord) -> bool {
-    reader
-        .read_record(row)
-        .expect("rows of any length, of UTF-8 text in memory, cannot fail")
+    reader.read_record(row).expect("rows of any length, of UTF-8 text in memory, cannot fail")
 }
 
 /// A cell as a number.
@@ -129,10 +110,7 @@ fn number(cell: &str) -> Result<f64, Refusal> {
     let cell = cell.trim();
     cell.parse().map_err(|_| {
         if cell.is_empty() {
-            Refusal::new(
-                "the cell is empty".to_owned(),
-                "fill the cell, remove its row, or leave the column out",
-            )
+            Refusal::new("the cell is empty".to_owned(), "fill the cell, remove its row, or leave the column out")
         } else {
             Refusal::new(
                 format!("`{}` is not a number", quoted(cell)),
@@ -184,8 +162,7 @@ fn header(text: &TextFile, row: &StringRecord, output: Output) -> Result<Vec<Col
 
 fn unknown_column(name: &str) -> String {
     if name.contains([';', '\t']) {
-        return "separate the columns with commas, and write numbers with a decimal point"
-            .to_owned();
+        return "separate the columns with commas, and write numbers with a decimal point".to_owned();
     }
     if name.parse::<f64>().is_ok() {
         return "begin the file with a header line: time_s,command,thrust_n".to_owned();
@@ -197,21 +174,12 @@ fn unknown_column(name: &str) -> String {
 fn uneven_row(text: &TextFile, row: &StringRecord, columns: usize) -> FileError {
     let line = row_span(text, row);
     let cells = row.len();
-    let message = format!(
-        "line {}: {cells} cells, but the header has {columns}",
-        text.line(line.start)
-    );
+    let message = format!("line {}: {cells} cells, but the header has {columns}", text.line(line.start));
     let help = "give every row one cell per column; decimals are written with a point";
     text.complaint(line, message, "this row", help)
 }
 
-fn refused(
-    text: &TextFile,
-    row: &StringRecord,
-    index: usize,
-    column: Column,
-    refusal: &Refusal,
-) -> FileError {
+fn refused(text: &TextFile, row: &StringRecord, index: usize, column: Column, refusal: &Refusal) -> FileError {
     let span = cell_span(text, row, index);
     let (line, name) = (text.line(span.start), column.name());
     let message = format!("line {line}, column `{name}`: {}", refusal.message);
@@ -233,9 +201,7 @@ fn quoted(cell: &str) -> String {
 /// Where cell `index` of `row` stands in the text. A row's position is where the reader began to
 /// look for it, which may be the end of the line before.
 fn cell_span(text: &TextFile, row: &StringRecord, index: usize) -> Range<usize> {
-    let from = row
-        .position()
-        .map_or(0, |position| position.byte() as usize);
+    let from = row.position().map_or(0, |position| position.byte() as usize);
     let text = text.text();
     let rest = &text[from.min(text.len())..];
     let first = text.len() - rest.trim_start_matches(['\r', '\n']).len();

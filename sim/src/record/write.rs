@@ -32,13 +32,11 @@ impl Experiment {
     /// # Errors
     /// As for [`Experiment::write`].
     pub fn write_into(&self, folder: &OutputFolder) -> Result<(), FileError> {
-        let refused =
-            |name: &str, fault| FileError::refused(&folder.destination().join(name), fault);
+        let refused = |name: &str, fault| FileError::refused(&folder.destination().join(name), fault);
         let manifest = Manifest::of(self);
         manifest.check().map_err(|fault| refused(MANIFEST, fault))?;
         for record in &self.records {
-            self.check_columns(record)
-                .map_err(|fault| refused(&record.file, fault))?;
+            self.check_columns(record).map_err(|fault| refused(&record.file, fault))?;
         }
         folder.write(MANIFEST, to_toml(&manifest).as_bytes())?;
         for record in &self.records {
@@ -73,16 +71,14 @@ impl Experiment {
             }
             let mut previous = None;
             for (row, value) in values.iter().enumerate() {
-                column.accept(previous, *value).map_err(|refusal| {
-                    place(column).item(row).fault(refusal.message, refusal.help)
-                })?;
+                column
+                    .accept(previous, *value)
+                    .map_err(|refusal| place(column).item(row).fault(refusal.message, refusal.help))?;
                 previous = Some(*value);
             }
         }
         match self.sample_rate_hz {
-            Some(rate_hz)
-                if !Grid::through(&record.time_s, 1.0 / rate_hz).holds(&record.time_s) =>
-            {
+            Some(rate_hz) if !Grid::through(&record.time_s, 1.0 / rate_hz).holds(&record.time_s) => {
                 Err(place(Column::TimeS).fault(
                     format!("the times contradict the sampling rate of {rate_hz} Hz"),
                     "correct the rate or the times, or leave the rate out",
@@ -95,10 +91,7 @@ impl Experiment {
 
 /// The CSV text of a record: names and numbers, none of which needs quotes.
 fn csv_text(record: &Record) -> String {
-    let columns: Vec<_> = Column::ALL
-        .into_iter()
-        .filter_map(|column| Some((column, column.values(record)?)))
-        .collect();
+    let columns: Vec<_> = Column::ALL.into_iter().filter_map(|column| Some((column, column.values(record)?))).collect();
     let names: Vec<_> = columns.iter().map(|(column, _)| column.name()).collect();
     let mut text = String::with_capacity(record.time_s.len() * columns.len() * CELL);
     text.push_str(&names.join(","));

@@ -165,7 +165,12 @@ fn draw(
         .x_label_area_size(8)
         .y_label_area_size(60)
         .build_cartesian_2d(frequencies.clone(), magnitudes)?;
-    chart.configure_mesh().y_desc("magnitude, dB").x_label_formatter(&|_| String::new()).light_line_style(WHITE).draw()?;
+    chart
+        .configure_mesh()
+        .y_desc("magnitude, dB")
+        .x_label_formatter(&|_| String::new())
+        .light_line_style(WHITE)
+        .draw()?;
     if let Some(level) = level_db {
         let ends = [(frequencies.0.start, level), (frequencies.0.end, level)];
         chart.draw_series(LineSeries::new(ends, BLACK.mix(0.5)))?;
@@ -213,7 +218,8 @@ mod tests {
     use super::*;
 
     fn lag(label: &str, mark: Mark) -> Curve {
-        let points = (0..100).map(|i| 0.5 * 1.06_f64.powi(i)).map(|omega| (omega, 1.0 / Complex64::new(1.0, omega / 10.0)));
+        let points =
+            (0..100).map(|i| 0.5 * 1.06_f64.powi(i)).map(|omega| (omega, 1.0 / Complex64::new(1.0, omega / 10.0)));
         Curve { label: label.to_owned(), mark, color: 0, points: points.collect() }
     }
 
@@ -229,7 +235,8 @@ mod tests {
     #[test]
     fn nothing_to_draw_is_an_error_and_not_a_picture() {
         assert!(matches!(bode("none", &[], None), Err(BodeError::Empty)));
-        let bad = Curve { points: vec![(0.0, Complex64::ONE), (1.0, Complex64::new(f64::NAN, 0.0))], ..lag("", Mark::Line) };
+        let bad =
+            Curve { points: vec![(0.0, Complex64::ONE), (1.0, Complex64::new(f64::NAN, 0.0))], ..lag("", Mark::Line) };
         assert!(matches!(bode("none", &[bad], None), Err(BodeError::Empty)));
     }
 }

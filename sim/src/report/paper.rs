@@ -79,5 +79,11 @@ pub fn table_1() -> Model {
         fit_square_percent: None,
         fit_step_percent: None,
     };
-    Model { format: 1, points: PAPER.iter().map(point).collect(), static_map: None, effects: Vec::new(), provenance: None }
+    Model {
+        format: 1,
+        points: PAPER.iter().map(point).collect(),
+        static_map: None,
+        effects: Vec::new(),
+        provenance: None,
+    }
 }

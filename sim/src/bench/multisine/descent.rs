@@ -48,37 +48,24 @@ impl<'a> Grid<'a> {
         // At least four times the top harmonic: sums of two harmonics stay below half the grid.
         let samples = (lines.top_harmonic() as usize * oversampling).next_power_of_two();
         let mut planner = RealFftPlanner::new();
-        Self {
-            lines,
-            forward: planner.plan_fft_forward(samples),
-            inverse: planner.plan_fft_inverse(samples),
-        }
+        Self { lines, forward: planner.plan_fft_forward(samples), inverse: planner.plan_fft_inverse(samples) }
     }
 
     fn waveform(&self, phases: &[f64]) -> Vec<f64> {
         let mut spectrum = self.inverse.make_input_vec();
-        for ((&harmonic, &amplitude), &phase) in self
-            .lines
-            .harmonics()
-            .iter()
-            .zip(self.lines.amplitudes())
-            .zip(phases)
+        for ((&harmonic, &amplitude), &phase) in self.lines.harmonics().iter().zip(self.lines.amplitudes()).zip(phases)
         {
             spectrum[harmonic as usize] = Complex64::from_polar(amplitude / 2.0, phase);
         }
         let mut samples = self.inverse.make_output_vec();
-        self.inverse
-            .process(&mut spectrum, &mut samples)
-            .expect("both vectors are the plan's own");
+        self.inverse.process(&mut spectrum, &mut samples).expect("both vectors are the plan's own");
         samples
     }
 
     /// `sum_i signal_i e^(-j m theta_i)` for m = 0, 1, ...
     fn spectrum(&self, mut signal: Vec<f64>) -> Vec<Complex64> {
         let mut spectrum = self.forward.make_output_vec();
-        self.forward
-            .process(&mut signal, &mut spectrum)
-            .expect("both vectors are the plan's own");
+        self.forward.process(&mut signal, &mut spectrum).expect("both vectors are the plan's own");
         spectrum
     }
 
@@ -103,35 +90,22 @@ impl<'a> Grid<'a> {
         let mut damping = 1e-3;
         for _ in 0..STEPS_PER_ORDER {
             let scale = peak(&samples);
-            let weights = self.spectrum(
-                samples
-                    .iter()
-                    .map(|x| (x / scale).powi(order - 2))
-                    .collect(),
-            );
-            let slopes = self.spectrum(
-                samples
-                    .iter()
-                    .map(|x| (x / scale).powi(order - 1))
-                    .collect(),
-            );
+            let weights = self.spectrum(samples.iter().map(|x| (x / scale).powi(order - 2)).collect());
+            let slopes = self.spectrum(samples.iter().map(|x| (x / scale).powi(order - 1)).collect());
             // Derivative of x by phase k: -a_k sin(m_k theta + phase_k).
             let rotor: Vec<Complex64> = phases
                 .iter()
                 .zip(self.lines.amplitudes())
                 .map(|(&phase, &amplitude)| Complex64::from_polar(amplitude, phase))
                 .collect();
-            let gradient = DVector::from_fn(count, |k, _| {
-                -(rotor[k] * slopes[harmonics[k] as usize].conj()).im
-            });
+            let gradient = DVector::from_fn(count, |k, _| -(rotor[k] * slopes[harmonics[k] as usize].conj()).im);
             let mut normal = DMatrix::zeros(count, count);
             for k in 0..count {
                 for l in 0..=k {
                     let difference = weights[(harmonics[k] - harmonics[l]) as usize].conj();
                     let sum = weights[(harmonics[k] + harmonics[l]) as usize].conj();
-                    normal[(k, l)] = 0.5
-                        * ((rotor[k] * rotor[l].conj() * difference).re
-                            - (rotor[k] * rotor[l] * sum).re);
+                    normal[(k, l)] =
+                        0.5 * ((rotor[k] * rotor[l].conj() * difference).re - (rotor[k] * rotor[l] * sum).re);
                 }
             }
             let mut improved = None;
@@ -142,8 +116,7 @@ impl<'a> Grid<'a> {
                 }
                 if let Some(factor) = Cholesky::new(damped) {
                     let step = factor.solve(&gradient) * (-2.0 * scale / f64::from(order));
-                    let trial: Vec<f64> =
-                        phases.iter().zip(step.iter()).map(|(p, s)| p + s).collect();
+                    let trial: Vec<f64> = phases.iter().zip(step.iter()).map(|(p, s)| p + s).collect();
                     let trial_samples = self.waveform(&trial);
                     let trial_norm = self::norm(&trial_samples, order);
                     if trial_norm < norm {
@@ -167,27 +140,16 @@ impl<'a> Grid<'a> {
 }
 
 /// The phases of lower peak that are reached from `phases`; `done` is called after each stage.
-pub(super) fn lower_peak(
-    lines: &LineSet,
-    mut phases: Vec<f64>,
-    mut done: impl FnMut(),
-) -> Vec<f64> {
+pub(super) fn lower_peak(lines: &LineSet, mut phases: Vec<f64>, mut done: impl FnMut()) -> Vec<f64> {
     let coarse = Grid::new(lines, COARSE_OVERSAMPLING);
     for round in 0..CLIP_ROUNDS {
         let part = round as f64 / CLIP_ROUNDS as f64;
-        coarse.clip(
-            &mut phases,
-            CLIP_LEVELS.0 + (CLIP_LEVELS.1 - CLIP_LEVELS.0) * part,
-        );
+        coarse.clip(&mut phases, CLIP_LEVELS.0 + (CLIP_LEVELS.1 - CLIP_LEVELS.0) * part);
     }
     done();
     let fine = Grid::new(lines, FINE_OVERSAMPLING);
     for order in ORDERS {
-        let grid = if order < FINE_FROM_ORDER {
-            &coarse
-        } else {
-            &fine
-        };
+        let grid = if order < FINE_FROM_ORDER { &coarse } else { &fine };
         grid.descend(&mut phases, order);
         done();
     }

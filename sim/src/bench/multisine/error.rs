@@ -8,9 +8,7 @@ use thiserror::Error;
 pub enum MultisineError {
     /// There is not a single line.
     #[error("the set has no line")]
-    #[diagnostic(help(
-        "give at least one harmonic; a band must hold an odd multiple of 1 / period"
-    ))]
+    #[diagnostic(help("give at least one harmonic; a band must hold an odd multiple of 1 / period"))]
     NoLine,
     /// The harmonics are not positive and increasing.
     #[error("harmonic {harmonic} at place {place} is not above the one before it")]

@@ -56,21 +56,9 @@ impl Phases {
     /// As [`Lines::odd`]. `phases` is named also when the lines are others.
     pub fn new(multisine: &Multisine) -> Result<Self, ExcitationError> {
         let harmonics = multisine.lines().harmonics();
-        let amplitude = multisine
-            .lines()
-            .amplitudes()
-            .first()
-            .copied()
-            .unwrap_or(1.0);
-        let playable = harmonics
-            .iter()
-            .enumerate()
-            .all(|(k, &m)| m as usize == 2 * k + 1)
-            && multisine
-                .lines()
-                .amplitudes()
-                .iter()
-                .all(|&a| a == amplitude);
+        let amplitude = multisine.lines().amplitudes().first().copied().unwrap_or(1.0);
+        let playable = harmonics.iter().enumerate().all(|(k, &m)| m as usize == 2 * k + 1)
+            && multisine.lines().amplitudes().iter().all(|&a| a == amplitude);
         if !playable {
             return Err(ExcitationError::OutOfRange {
                 parameter: "phases",
@@ -125,10 +113,7 @@ fn start_at_zero(phases: &mut [u32], peak: f64) -> Result<(), ExcitationError> {
 ///
 /// # Errors
 /// None for the recipes of this module; the types are those of the steps.
-pub fn find_phases(
-    recipe: &Recipe,
-    progress: impl FnMut(Progress),
-) -> Result<(Multisine, Phases), FlightError> {
+pub fn find_phases(recipe: &Recipe, progress: impl FnMut(Progress)) -> Result<(Multisine, Phases), FlightError> {
     let multisine = optimize(&LineSet::odd(recipe.count)?, &recipe.search, progress)?;
     let phases = Phases::new(&multisine)?;
     Ok((multisine, phases))
@@ -143,9 +128,7 @@ pub enum FlightError {
     Multisine(#[from] MultisineError),
     /// The controller cannot play it.
     #[error("the controller cannot play these lines: {0}")]
-    #[diagnostic(help(
-        "it plays 1 to 512 odd harmonics from the first on, all of equal amplitude"
-    ))]
+    #[diagnostic(help("it plays 1 to 512 odd harmonics from the first on, all of equal amplitude"))]
     Excitation(#[from] ExcitationError),
 }
 
@@ -162,33 +145,18 @@ pub fn source(sets: &[(Recipe, Phases)]) -> String {
         let _ = text.write_fmt(line);
     };
     for (recipe, set) in sets {
-        let Recipe {
-            name,
-            purpose,
-            count,
-            search,
-        } = recipe;
+        let Recipe { name, purpose, count, search } = recipe;
         put(format_args!("\n/// {purpose}\n///\n"));
-        put(format_args!(
-            "/// Found with seed {} and {} starts.\n",
-            search.seed, search.starts
-        ));
+        put(format_args!("/// Found with seed {} and {} starts.\n", search.seed, search.starts));
         put(format_args!("pub const {name}: Lines<'static> = {{\n"));
-        put(format_args!(
-            "    #[rustfmt::skip]\n    const PHASES: [u32; {count}] = [\n"
-        ));
+        put(format_args!("    #[rustfmt::skip]\n    const PHASES: [u32; {count}] = [\n"));
         for row in set.phases.chunks(8) {
             let row: Vec<String> = row.iter().map(|phase| format!("0x{phase:08x}")).collect();
             put(format_args!("        {},\n", row.join(", ")));
         }
-        put(format_args!(
-            "    ];\n    match Lines::odd({PERIOD_S}, &PHASES, {:?}) {{\n",
-            set.peak
-        ));
+        put(format_args!("    ];\n    match Lines::odd({PERIOD_S}, &PHASES, {:?}) {{\n", set.peak));
         put(format_args!("        Ok(lines) => lines,\n"));
-        put(format_args!(
-            "        Err(_) => panic!(\"one of these numbers is out of range\"),\n"
-        ));
+        put(format_args!("        Err(_) => panic!(\"one of these numbers is out of range\"),\n"));
         put(format_args!("    }}\n}};\n"));
     }
     text
@@ -206,12 +174,7 @@ mod tests {
 
     #[test]
     fn the_rounded_phases_start_closer_to_zero_than_one_unit_of_a_line() {
-        let multisine = optimize(
-            &LineSet::odd(40).unwrap(),
-            &Search { seed: 2, starts: 1 },
-            |_| (),
-        )
-        .unwrap();
+        let multisine = optimize(&LineSet::odd(40).unwrap(), &Search { seed: 2, starts: 1 }, |_| ()).unwrap();
         let set = Phases::new(&multisine).unwrap();
         let lines = Lines::odd(PERIOD_S, &set.phases, set.peak).unwrap();
         let start = sum_to_f64(lines.sum(0));

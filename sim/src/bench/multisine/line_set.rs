@@ -30,24 +30,16 @@ impl LineSet {
             previous = harmonic;
         }
         if top > HIGHEST_HARMONIC {
-            return Err(MultisineError::TooHigh {
-                harmonic: top,
-                limit: HIGHEST_HARMONIC,
-            });
+            return Err(MultisineError::TooHigh { harmonic: top, limit: HIGHEST_HARMONIC });
         }
         let bad = amplitudes.iter().position(|a| !(a.is_finite() && *a > 0.0));
         if let Some(place) = bad {
             return Err(MultisineError::Amplitude { place });
         }
         if amplitudes.len() != harmonics.len() {
-            return Err(MultisineError::Amplitude {
-                place: amplitudes.len().min(harmonics.len()),
-            });
+            return Err(MultisineError::Amplitude { place: amplitudes.len().min(harmonics.len()) });
         }
-        Ok(Self {
-            harmonics,
-            amplitudes,
-        })
+        Ok(Self { harmonics, amplitudes })
     }
 
     /// Harmonics of equal, unit amplitude.
@@ -65,11 +57,7 @@ impl LineSet {
     /// # Errors
     /// As [`Self::new`].
     pub fn odd(count: u32) -> Result<Self, MultisineError> {
-        Self::equal(
-            (0..count)
-                .map(|k| k.saturating_mul(2).saturating_add(1))
-                .collect(),
-        )
+        Self::equal((0..count).map(|k| k.saturating_mul(2).saturating_add(1)).collect())
     }
 
     /// The odd harmonics of `1 / period_s` from `low_hz` to `high_hz`, both included, of unit
@@ -93,21 +81,10 @@ impl LineSet {
         let low = (low_hz * period_s * (1.0 - slack)).ceil();
         let high = (high_hz * period_s * (1.0 + slack)).floor();
         if high > f64::from(HIGHEST_HARMONIC) {
-            let harmonic = if high < f64::from(u32::MAX) {
-                high as u32
-            } else {
-                u32::MAX
-            };
-            return Err(MultisineError::TooHigh {
-                harmonic,
-                limit: HIGHEST_HARMONIC,
-            });
+            let harmonic = if high < f64::from(u32::MAX) { high as u32 } else { u32::MAX };
+            return Err(MultisineError::TooHigh { harmonic, limit: HIGHEST_HARMONIC });
         }
-        Self::equal(
-            (low as u32..=high as u32)
-                .filter(|harmonic| harmonic % 2 == 1)
-                .collect(),
-        )
+        Self::equal((low as u32..=high as u32).filter(|harmonic| harmonic % 2 == 1).collect())
     }
 
     /// Numbers of the harmonics, increasing.
@@ -154,28 +131,10 @@ mod tests {
     fn what_makes_no_set_is_refused_by_place_and_name() {
         use MultisineError::*;
         assert_eq!(LineSet::odd(0), Err(NoLine));
-        assert_eq!(
-            LineSet::equal(vec![0, 1]),
-            Err(NotIncreasing {
-                place: 0,
-                harmonic: 0
-            })
-        );
-        assert_eq!(
-            LineSet::equal(vec![1, 3, 3]),
-            Err(NotIncreasing {
-                place: 2,
-                harmonic: 3
-            })
-        );
-        assert_eq!(
-            LineSet::new(vec![1, 3], vec![1.0]),
-            Err(Amplitude { place: 1 })
-        );
-        assert_eq!(
-            LineSet::new(vec![1, 3], vec![1.0, f64::NAN]),
-            Err(Amplitude { place: 1 })
-        );
+        assert_eq!(LineSet::equal(vec![0, 1]), Err(NotIncreasing { place: 0, harmonic: 0 }));
+        assert_eq!(LineSet::equal(vec![1, 3, 3]), Err(NotIncreasing { place: 2, harmonic: 3 }));
+        assert_eq!(LineSet::new(vec![1, 3], vec![1.0]), Err(Amplitude { place: 1 }));
+        assert_eq!(LineSet::new(vec![1, 3], vec![1.0, f64::NAN]), Err(Amplitude { place: 1 }));
         assert!(matches!(LineSet::equal(vec![1 << 20]), Err(TooHigh { .. })));
         for (low, high, period, name) in [
             (0.1, 30.0, 0.0, "period_s"),
@@ -184,15 +143,9 @@ mod tests {
             (0.1, f64::INFINITY, 10.0, "high_hz"),
         ] {
             let error = LineSet::odd_in_band(low, high, period).unwrap_err();
-            assert!(
-                matches!(error, Band { parameter, .. } if parameter == name),
-                "{error}"
-            );
+            assert!(matches!(error, Band { parameter, .. } if parameter == name), "{error}");
         }
         assert_eq!(LineSet::odd_in_band(0.11, 0.29, 10.0), Err(NoLine));
-        assert!(matches!(
-            LineSet::odd_in_band(0.1, 1e300, 10.0),
-            Err(TooHigh { .. })
-        ));
+        assert!(matches!(LineSet::odd_in_band(0.1, 1e300, 10.0), Err(TooHigh { .. })));
     }
 }

@@ -69,10 +69,7 @@ impl Multisine {
     ///
     /// # Errors
     /// [`MultisineError::Amplitude`] when there are not as many phases as lines, or one is not finite.
-    pub fn starting_at_zero(
-        lines: LineSet,
-        mut phases_rad: Vec<f64>,
-    ) -> Result<Self, MultisineError> {
+    pub fn starting_at_zero(lines: LineSet, mut phases_rad: Vec<f64>) -> Result<Self, MultisineError> {
         let bad = phases_rad.iter().position(|phase| !phase.is_finite());
         if bad.is_some() || phases_rad.len() != lines.harmonics().len() {
             let place = bad.unwrap_or(phases_rad.len().min(lines.harmonics().len()));
@@ -86,11 +83,7 @@ impl Multisine {
         let samples = peak_grid(&lines);
         let peak = descent::peak(&sampled(&lines, &phases_rad, samples))
             / (PI * f64::from(lines.top_harmonic()) / samples as f64).cos();
-        Ok(Self {
-            lines,
-            phases_rad,
-            peak,
-        })
+        Ok(Self { lines, phases_rad, peak })
     }
 
     /// The lines.
@@ -163,11 +156,7 @@ pub fn optimize(
         let best_crest_factor = best.as_ref().map(|best| best.peak / lines.rms());
         let phases = descent::lower_peak(lines, phases, || {
             done += 1;
-            progress(Progress {
-                done,
-                total,
-                best_crest_factor,
-            });
+            progress(Progress { done, total, best_crest_factor });
         });
         let found = Multisine::starting_at_zero(lines.clone(), phases)?;
         if best.as_ref().is_none_or(|best| found.peak < best.peak) {
@@ -201,36 +190,22 @@ fn peak_grid(lines: &LineSet) -> usize {
 fn sampled(lines: &LineSet, phases_rad: &[f64], samples: usize) -> Vec<f64> {
     if samples <= 2 * lines.top_harmonic() as usize {
         // The inverse transform has no bins for all lines: aliases are summed as they fall.
-        return (0..samples)
-            .map(|i| value_and_slope(lines, phases_rad, TAU * i as f64 / samples as f64).0)
-            .collect();
+        return (0..samples).map(|i| value_and_slope(lines, phases_rad, TAU * i as f64 / samples as f64).0).collect();
     }
     let inverse = RealFftPlanner::new().plan_fft_inverse(samples);
     let mut spectrum = inverse.make_input_vec();
-    for ((&harmonic, &amplitude), &phase) in lines
-        .harmonics()
-        .iter()
-        .zip(lines.amplitudes())
-        .zip(phases_rad)
-    {
+    for ((&harmonic, &amplitude), &phase) in lines.harmonics().iter().zip(lines.amplitudes()).zip(phases_rad) {
         spectrum[harmonic as usize] = Complex64::from_polar(amplitude / 2.0, phase);
     }
     let mut waveform = inverse.make_output_vec();
-    inverse
-        .process(&mut spectrum, &mut waveform)
-        .expect("both vectors are the plan's own");
+    inverse.process(&mut spectrum, &mut waveform).expect("both vectors are the plan's own");
     waveform
 }
 
 /// `x` and `dx / dtheta`.
 fn value_and_slope(lines: &LineSet, phases_rad: &[f64], theta: f64) -> (f64, f64) {
     let mut sum = (0.0, 0.0);
-    for ((&harmonic, &amplitude), &phase) in lines
-        .harmonics()
-        .iter()
-        .zip(lines.amplitudes())
-        .zip(phases_rad)
-    {
+    for ((&harmonic, &amplitude), &phase) in lines.harmonics().iter().zip(lines.amplitudes()).zip(phases_rad) {
         let (sin, cos) = (f64::from(harmonic) * theta + phase).sin_cos();
         sum.0 += amplitude * cos;
         sum.1 -= amplitude * f64::from(harmonic) * sin;
@@ -274,28 +249,16 @@ mod tests {
     fn the_search_beats_its_start_and_repeats_for_its_seed() {
         // Neither odd nor equal nor without gaps.
         let harmonics: Vec<u32> = (2..60).filter(|m| m % 7 != 0).collect();
-        let amplitudes = harmonics
-            .iter()
-            .map(|&m| 1.0 / f64::from(m).sqrt())
-            .collect();
+        let amplitudes = harmonics.iter().map(|&m| 1.0 / f64::from(m).sqrt()).collect();
         let lines = LineSet::new(harmonics, amplitudes).unwrap();
         let start = Multisine::starting_at_zero(lines.clone(), schroeder(&lines)).unwrap();
         let search = Search { seed: 5, starts: 2 };
         let mut calls = Vec::new();
         let found = optimize(&lines, &search, |progress| calls.push(progress)).unwrap();
-        println!(
-            "crest: {} -> {}",
-            start.crest_factor(8192),
-            found.crest_factor(8192)
-        );
+        println!("crest: {} -> {}", start.crest_factor(8192), found.crest_factor(8192));
         assert!(found.crest_factor(8192) < 1.5 && start.crest_factor(8192) > 1.6);
         assert_eq!(found, optimize(&lines, &search, |_| ()).unwrap());
-        assert!(
-            calls
-                .iter()
-                .enumerate()
-                .all(|(i, p)| p.done == i + 1 && p.total == calls.len())
-        );
+        assert!(calls.iter().enumerate().all(|(i, p)| p.done == i + 1 && p.total == calls.len()));
     }
 
     #[test]
@@ -316,10 +279,7 @@ mod tests {
             let found = optimize(&LineSet::odd(count).unwrap(), &SHORT, |_| ()).unwrap();
             // 30 times finer than the grid of the bound, and not a multiple of it.
             let dense = descent::peak(&found.waveform(30 * 256 * 2 * count as usize + 1));
-            assert!(
-                found.peak() >= dense && found.peak() < dense * (1.0 + 8e-5),
-                "{count} lines"
-            );
+            assert!(found.peak() >= dense && found.peak() < dense * (1.0 + 8e-5), "{count} lines");
         }
         let one = optimize(&LineSet::odd(1).unwrap(), &SHORT, |_| ()).unwrap();
         assert!((one.crest_factor(1024) - 2.0_f64.sqrt()).abs() < 1e-9);

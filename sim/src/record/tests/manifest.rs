@@ -44,10 +44,7 @@ fn every_key_is_read() {
     assert_eq!(record.period_s, Some(10.0));
     assert_eq!(record.amplitude, Some(0.05));
     assert!(record.compensated);
-    assert_eq!(
-        record.compensator.as_deref(),
-        Some(Path::new("compensator.toml"))
-    );
+    assert_eq!(record.compensator.as_deref(), Some(Path::new("compensator.toml")));
     assert_eq!(record.role, Some(Role::Validate));
     assert_eq!(record.time_s, [0.0, 0.001]);
     assert_eq!(record.command, [0.6, 0.7]);
@@ -64,15 +61,9 @@ fn a_folder_that_is_missing_or_not_an_experiment_is_named() {
     let missing = Experiment::read(&scratch.path().join("run")).unwrap_err();
     assert_report(missing, &["run", "does not exist", "check the path"]);
     let empty = Experiment::read(scratch.path()).unwrap_err();
-    assert_report(
-        empty,
-        &["experiment.toml", "does not exist", "rotorlead import"],
-    );
+    assert_report(empty, &["experiment.toml", "does not exist", "rotorlead import"]);
     let file = Experiment::read(&scratch.file("log.csv", CSV)).unwrap_err();
-    assert_report(
-        file,
-        &["log.csv", "is not a folder", "holds experiment.toml"],
-    );
+    assert_report(file, &["log.csv", "is not a folder", "holds experiment.toml"]);
 }
 
 #[test]
@@ -80,55 +71,27 @@ fn a_record_whose_file_is_missing_is_shown_where_it_is_named() {
     let scratch = Scratch::new();
     scratch.file("experiment.toml", MANIFEST);
     let error = Experiment::read(scratch.path()).unwrap_err();
-    let parts = [
-        "experiment.toml:6:8",
-        "u050.csv` does not exist",
-        "correct the name",
-    ];
+    let parts = ["experiment.toml:6:8", "u050.csv` does not exist", "correct the name"];
     assert_report(error, &parts);
 }
 
 #[test]
 fn a_compensator_that_is_missing_is_shown_where_it_is_named() {
-    let with = edited(
-        "\"free\"",
-        "\"free\"\ncompensated = true\ncompensator = \"c.toml\"",
-    );
-    refuses_manifest(
-        &with,
-        &[
-            "experiment.toml:10:15",
-            "c.toml` does not exist",
-            "correct the name",
-        ],
-    );
+    let with = edited("\"free\"", "\"free\"\ncompensated = true\ncompensator = \"c.toml\"");
+    refuses_manifest(&with, &["experiment.toml:10:15", "c.toml` does not exist", "correct the name"]);
 }
 
 #[test]
 fn unknown_keys_are_refused() {
     let top = edited("output", "colour = 1\noutput");
-    refuses_manifest(
-        &top,
-        &["experiment.toml:4:1", "`colour`", "remove `colour`"],
-    );
+    refuses_manifest(&top, &["experiment.toml:4:1", "`colour`", "remove `colour`"]);
     let in_record = edited("nominal", "nominel");
-    refuses_manifest(
-        &in_record,
-        &["experiment.toml:7:1", "did you mean `nominal`"],
-    );
+    refuses_manifest(&in_record, &["experiment.toml:7:1", "did you mean `nominal`"]);
 }
 
 #[test]
 fn missing_keys_are_refused() {
-    for key in [
-        "format",
-        "name",
-        "command",
-        "output",
-        "file",
-        "nominal",
-        "excitation",
-    ] {
+    for key in ["format", "name", "command", "output", "file", "nominal", "excitation"] {
         let start = MANIFEST.find(key).unwrap();
         let end = start + MANIFEST[start..].find('\n').unwrap() + 1;
         let without = [&MANIFEST[..start], &MANIFEST[end..]].concat();
@@ -147,10 +110,7 @@ fn another_format_or_command_is_refused() {
 #[test]
 fn an_experiment_without_records_is_refused() {
     let top = MANIFEST.split("[[record]]").next().unwrap();
-    refuses_manifest(
-        top,
-        &["experiment.toml:1:1", "no record", "add a [[record]]"],
-    );
+    refuses_manifest(top, &["experiment.toml:1:1", "no record", "add a [[record]]"]);
 }
 
 #[test]
@@ -158,41 +118,26 @@ fn rates_are_positive_and_finite() {
     for key in ["sample_rate_hz", "esc_frame_hz", "command_rate_hz"] {
         for rate in ["0", "-600", "nan", "inf"] {
             let text = edited("[[record]]", &format!("{key} = {rate}\n[[record]]"));
-            refuses_manifest(
-                &text,
-                &["experiment.toml:5:", key, "above 0", "give a value"],
-            );
+            refuses_manifest(&text, &["experiment.toml:5:", key, "above 0", "give a value"]);
         }
     }
 }
 
 #[test]
 fn a_command_slower_than_the_rows_is_refused() {
-    let text = edited(
-        "[[record]]",
-        "sample_rate_hz = 1000\ncommand_rate_hz = 500\n[[record]]",
-    );
-    refuses_manifest(
-        &text,
-        &["experiment.toml:6:19", "slower than the rows", "remove it"],
-    );
+    let text = edited("[[record]]", "sample_rate_hz = 1000\ncommand_rate_hz = 500\n[[record]]");
+    refuses_manifest(&text, &["experiment.toml:6:19", "slower than the rows", "remove it"]);
 }
 
 #[test]
 fn nominal_and_amplitude_have_a_range() {
     for nominal in ["-0.1", "1.1", "50", "nan"] {
         let text = edited("0.50", nominal);
-        refuses_manifest(
-            &text,
-            &["experiment.toml:7:11", "`record` 1, `nominal`", "0 to 1"],
-        );
+        refuses_manifest(&text, &["experiment.toml:7:11", "`record` 1, `nominal`", "0 to 1"]);
     }
     for amplitude in ["0.0", "-0.1", "5", "nan"] {
         let text = format!("{MANIFEST}amplitude = {amplitude}\n");
-        refuses_manifest(
-            &text,
-            &["experiment.toml:9:13", "`amplitude`", "give a value"],
-        );
+        refuses_manifest(&text, &["experiment.toml:9:13", "`amplitude`", "give a value"]);
     }
 }
 
@@ -200,10 +145,7 @@ fn nominal_and_amplitude_have_a_range() {
 fn a_periodic_record_has_a_positive_period() {
     for excitation in ["multisine", "square"] {
         let text = edited("free", excitation);
-        refuses_manifest(
-            &text,
-            &["experiment.toml:5:1", "`period_s`", "add `period_s`"],
-        );
+        refuses_manifest(&text, &["experiment.toml:5:1", "`period_s`", "add `period_s`"]);
     }
     let text = format!("{MANIFEST}period_s = 0\n");
     refuses_manifest(&text, &["experiment.toml:9:12", "`period_s`", "above 0"]);
@@ -221,30 +163,17 @@ fn compensated_and_compensator_go_together() {
 fn files_stay_inside_the_folder() {
     for name in ["../u050.csv", "/tmp/u050.csv", "", "a/../u050.csv"] {
         let text = edited("u050.csv", name);
-        refuses_manifest(
-            &text,
-            &[
-                "experiment.toml:6:8",
-                "`file`",
-                "put the file in the folder",
-            ],
-        );
+        refuses_manifest(&text, &["experiment.toml:6:8", "`file`", "put the file in the folder"]);
     }
     let text = format!("{MANIFEST}compensated = true\ncompensator = \"../c.toml\"\n");
-    refuses_manifest(
-        &text,
-        &["experiment.toml:10:15", "`compensator`", "without `..`"],
-    );
+    refuses_manifest(&text, &["experiment.toml:10:15", "`compensator`", "without `..`"]);
 }
 
 #[test]
 fn a_file_named_twice_is_refused() {
     let record = &MANIFEST[MANIFEST.find("[[record]]").unwrap()..];
     let text = format!("{MANIFEST}{record}");
-    refuses_manifest(
-        &text,
-        &["experiment.toml:10:8", "`record` 2, `file`", "count double"],
-    );
+    refuses_manifest(&text, &["experiment.toml:10:8", "`record` 2, `file`", "count double"]);
 }
 
 #[test]

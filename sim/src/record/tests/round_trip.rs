@@ -27,10 +27,7 @@ fn times() -> impl Strategy<Value = Vec<f64>> {
         |bits| {
             let mut times: Vec<_> = bits.into_iter().map(f64::from_bits).collect();
             times.sort_by(f64::total_cmp);
-            times
-                .windows(2)
-                .all(|pair| pair[0] < pair[1])
-                .then_some(times)
+            times.windows(2).all(|pair| pair[0] < pair[1]).then_some(times)
         },
     )
 }
@@ -45,13 +42,7 @@ fn any_record() -> impl Strategy<Value = Record> {
         Excitation::Free,
     ]);
     let role = prop::option::of(prop::sample::select(vec![Role::Fit, Role::Validate]));
-    let keys = (
-        0.0..=1.0,
-        excitation,
-        1e-9..1e9,
-        prop::option::of(1e-9..=1.0),
-        role,
-    );
+    let keys = (0.0..=1.0, excitation, 1e-9..1e9, prop::option::of(1e-9..=1.0), role);
     let columns = times().prop_flat_map(|time_s| {
         let rows = time_s.len();
         (
@@ -158,38 +149,14 @@ fn what_reading_would_refuse_is_not_written() {
     type Spoil = fn(&mut Experiment);
     let spoils: [(Spoil, &[&str]); 9] = [
         (|e| e.records.clear(), &["experiment.toml", "no record"]),
-        (
-            |e| e.sample_rate_hz = Some(7.0),
-            &["u050.csv", "`time_s`", "7 Hz", "correct the rate"],
-        ),
-        (
-            |e| e.esc_frame_hz = Some(0.0),
-            &["experiment.toml", "`esc_frame_hz`", "above 0"],
-        ),
-        (
-            |e| e.output = Output::Rpm,
-            &["u050.csv", "`rpm`", "missing", "set the experiment's"],
-        ),
-        (
-            |e| e.records[0].file = "../a".to_owned(),
-            &["experiment.toml", "`../a`", "without `..`"],
-        ),
-        (
-            |e| e.records[0].command[1] = 2.0,
-            &["u050.csv", "`command` 2", "outside 0 to 1"],
-        ),
-        (
-            |e| e.records[0].thrust_n = Some(vec![f64::NAN; 3]),
-            &["u050.csv", "`thrust_n` 1", "finite"],
-        ),
-        (
-            |e| e.records[0].time_s[2] = 1.0,
-            &["u050.csv", "`time_s` 3", "stands still"],
-        ),
-        (
-            |e| e.records[0].command.truncate(2),
-            &["u050.csv", "`command`: 2 rows, but 3 times"],
-        ),
+        (|e| e.sample_rate_hz = Some(7.0), &["u050.csv", "`time_s`", "7 Hz", "correct the rate"]),
+        (|e| e.esc_frame_hz = Some(0.0), &["experiment.toml", "`esc_frame_hz`", "above 0"]),
+        (|e| e.output = Output::Rpm, &["u050.csv", "`rpm`", "missing", "set the experiment's"]),
+        (|e| e.records[0].file = "../a".to_owned(), &["experiment.toml", "`../a`", "without `..`"]),
+        (|e| e.records[0].command[1] = 2.0, &["u050.csv", "`command` 2", "outside 0 to 1"]),
+        (|e| e.records[0].thrust_n = Some(vec![f64::NAN; 3]), &["u050.csv", "`thrust_n` 1", "finite"]),
+        (|e| e.records[0].time_s[2] = 1.0, &["u050.csv", "`time_s` 3", "stands still"]),
+        (|e| e.records[0].command.truncate(2), &["u050.csv", "`command`: 2 rows, but 3 times"]),
     ];
     for (spoil, parts) in spoils {
         let scratch = Scratch::new();
@@ -220,9 +187,5 @@ fn a_million_rows_come_back_unchanged() {
     let read = start.elapsed();
     assert!(back == experiment, "a number changed");
     let rate = |time: std::time::Duration| ROWS as f64 / time.as_secs_f64() / 1e6;
-    println!(
-        "million rows per second: {:.2} written, {:.2} read",
-        rate(written),
-        rate(read)
-    );
+    println!("million rows per second: {:.2} written, {:.2} read", rate(written), rate(read));
 }

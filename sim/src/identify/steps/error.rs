@@ -1,0 +1,62 @@
+//! Why a record gives no staircase fit.
+
+use miette::Diagnostic;
+use thiserror::Error;
+
+/// Why a record gives no staircase fit, or a fit no model.
+#[derive(Clone, Debug, PartialEq, Error, Diagnostic)]
+pub enum StepsError {
+    /// The response is not in the record.
+    #[error("{record}: no column `{column}`, which the experiment names as its output")]
+    #[diagnostic(help("name the column that was measured as `output` in experiment.toml"))]
+    NoResponse {
+        /// The record.
+        record: String,
+        /// The missing column.
+        column: &'static str,
+    },
+    /// Columns of different lengths, or values that are not finite.
+    #[error("{record}: columns differ in length, or a value is not finite")]
+    #[diagnostic(help("read the record with the checks of an experiment folder"))]
+    Malformed {
+        /// The record.
+        record: String,
+    },
+    /// The command never changes.
+    #[error("{record}: the command never changes, so nothing can be compared")]
+    #[diagnostic(help("record at least two plateaus of some seconds each"))]
+    ConstantCommand {
+        /// The record.
+        record: String,
+    },
+    /// No two plateaus in a row on which the motor runs steadily.
+    #[error("{record}: the motor runs steadily on no two plateaus in a row")]
+    #[diagnostic(help("hold each level for at least a second, and begin above the command at which the motor starts"))]
+    NotRunning {
+        /// The record.
+        record: String,
+    },
+    /// Every step is smaller than the noise or goes the wrong way.
+    #[error("{record}: no step stands out of the noise in the direction of its command")]
+    #[diagnostic(help("use larger steps; 5 % of full command is usual"))]
+    NoUsableStep {
+        /// The record.
+        record: String,
+    },
+    /// The search found no minimum.
+    #[error("{record}: the fit did not converge after {iterations} iterations")]
+    #[diagnostic(help("look at the record: its steps may not resemble a lag at all"))]
+    NotConverged {
+        /// The record.
+        record: String,
+        /// Iterations done.
+        iterations: usize,
+    },
+    /// No level has both a rising map and a time constant.
+    #[error("{record}: no level has both a positive gain and a known time constant")]
+    #[diagnostic(help("see the warnings of the fit for what was wrong at each level"))]
+    NoUsableLevel {
+        /// The record.
+        record: String,
+    },
+}

@@ -1,0 +1,112 @@
+//! The response of a lag to a staircase, in closed form.
+//!
+//! Between two changes of the command the response `w` moves toward the level `W` that the static map
+//! gives:
+//!
+//! `dw/dt = (W - w)/tau (1 + kappa (w - W)/W)`
+//!
+//! `kappa = 0` is the first-order lag. A motor against the propeller's drag has
+//! `dw/dt = a u - b w - c w^2 - e`, which is this with `1/tau = b + 2 c W` and
+//! `kappa = c W tau`: 0 without drag, 1/2 with nothing but drag. So `tau` is the time constant of small
+//! motions about `W`, the one a linear model needs, while a large step starts faster from above and
+//! slower from below. A negative `kappa` is no motor with drag: the response then starts more gently than
+//! an exponential, as behind a second lag or a slew limit. With `x = w - W` it is Bernoulli's equation and its solution is exact at any
+//! time, so sampling, uneven or not, adds no error:
+//!
+//! `x(t) = x0 E / (1 + kappa x0/W (1 - E))`, `E = exp(-t/tau)`
+
+/// A stretch of constant command.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Stretch {
+    /// When the command changes to it, seconds.
+    pub(super) from_s: f64,
+    /// What the response moves toward.
+    pub(super) level: f64,
+    /// Time constant of small motions about the level, seconds.
+    pub(super) time_constant_s: f64,
+    /// Delay of the change, seconds.
+    pub(super) delay_s: f64,
+}
+
+/// Writes the response at `time_s` (increasing) into `out`; it starts settled on the first stretch.
+/// `false` when the parameters have no response: a time constant that is not positive, changes that
+/// overtake each other, a curvature that makes the response run away.
+pub(super) fn simulate(stretches: &[Stretch], curvature: f64, time_s: &[f64], out: &mut [f64]) -> bool {
+    let Some(first) = stretches.first() else {
+        return false;
+    };
+    let mut excess = 0.0;
+    let mut current = *first;
+    let mut rest = &stretches[1..];
+    let mut ok = true;
+    for (&t, w) in time_s.iter().zip(out) {
+        while let Some((next, later)) = rest.split_first() {
+            let switch = next.from_s + next.delay_s;
+            if switch > t {
+                break;
+            }
+            ok &= switch >= current.from_s + current.delay_s;
+            excess = value(&current, curvature, excess, switch, &mut ok) - next.level;
+            current = *next;
+            rest = later;
+        }
+        *w = value(&current, curvature, excess, t, &mut ok);
+    }
+    ok
+}
+
+/// The response at `t`, having been `excess` above the stretch's level when the change took effect; still
+/// there before. Clears `ok` as [`simulate`] does.
+pub(super) fn value(stretch: &Stretch, curvature: f64, excess: f64, t: f64, ok: &mut bool) -> f64 {
+    let elapsed = t - stretch.from_s - stretch.delay_s;
+    *ok &= stretch.time_constant_s > 0.0 && stretch.level != 0.0;
+    if elapsed < 0.0 {
+        return stretch.level + excess;
+    }
+    let decay = (-elapsed / stretch.time_constant_s).exp();
+    let bend = 1.0 + curvature * excess / stretch.level * (1.0 - decay);
+    *ok &= bend > 0.0;
+    stretch.level + excess * decay / bend
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The closed form against Runge-Kutta on `dw/dt = a u - b w - c w^2 - e`.
+    #[test]
+    fn closed_form_is_the_motor_with_drag() {
+        let (b, c) = (4.0, 1.2e-3);
+        let torque = |w: f64| b * w + c * w * w;
+        let level = [3000.0, 9000.0, 2000.0];
+        let stretch = |k: usize| {
+            let tau = 1.0 / (b + 2.0 * c * level[k]);
+            (
+                Stretch { from_s: k as f64 * 0.2, level: level[k], time_constant_s: tau, delay_s: 0.0137 },
+                c * level[k] * tau,
+            )
+        };
+        // One stretch at a time, since kappa depends on the level in this motor.
+        for k in 1..3 {
+            let ((to, kappa), (from, _)) = (stretch(k), stretch(k - 1));
+            let time_s: Vec<f64> = (0..150).map(|i| to.from_s + 0.0011 * i as f64).collect();
+            let mut w = vec![0.0; time_s.len()];
+            assert!(simulate(&[Stretch { from_s: -10.0, ..from }, to], kappa, &time_s, &mut w));
+            let mut truth = level[k - 1];
+            let mut t = to.from_s + to.delay_s;
+            for (&at, &w) in time_s.iter().zip(&w) {
+                while t < at - 1e-12 {
+                    let h = (at - t).min(1e-4);
+                    let f = |w: f64| torque(level[k]) - torque(w);
+                    let k1 = f(truth);
+                    let k2 = f(truth + 0.5 * h * k1);
+                    let k3 = f(truth + 0.5 * h * k2);
+                    let k4 = f(truth + h * k3);
+                    truth += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4);
+                    t += h;
+                }
+                assert!((w - truth).abs() < 1e-6, "at {at}: {w} {truth}");
+            }
+        }
+    }
+}

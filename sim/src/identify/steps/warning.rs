@@ -1,0 +1,136 @@
+//! What a reader of a fit has to know, each with its advice.
+
+use std::fmt;
+
+use super::plateaus::Direction;
+
+/// Something odd in a staircase.
+#[derive(Clone, Debug, PartialEq)]
+pub enum StepsWarning {
+    /// Readings that no rotor can have made were left out.
+    Spikes {
+        /// How many.
+        rows: usize,
+    },
+    /// Part of the record before the motor ran steadily was left out.
+    StartLeftOut {
+        /// Until when, seconds.
+        until_s: f64,
+    },
+    /// Part of the record after the motor last ran steadily was left out.
+    EndLeftOut {
+        /// From when, seconds.
+        from_s: f64,
+    },
+    /// A level whose steady response is not above that of the level below.
+    NotRising {
+        /// The level.
+        command: f64,
+    },
+    /// A level to which no usable step leads.
+    NoStep {
+        /// The level.
+        command: f64,
+    },
+    /// A time constant that its steps hardly determine.
+    Uncertain {
+        /// The level.
+        command: f64,
+        /// Its relative standard error.
+        relative_std: f64,
+    },
+    /// A time constant far from those of the levels around.
+    Odd {
+        /// The level.
+        command: f64,
+        /// The direction of its steps.
+        direction: Direction,
+        /// It, over the median of its neighbors'.
+        ratio: f64,
+    },
+    /// Steps up and down to the same level differ.
+    Asymmetric {
+        /// The level.
+        command: f64,
+        /// Time constant down over time constant up.
+        ratio: f64,
+    },
+    /// Large steps are not those of a first-order lag.
+    Curved {
+        /// `kappa`.
+        curvature: f64,
+        /// Its standard error.
+        std: f64,
+    },
+    /// The response begins before the command.
+    NegativeDelay {
+        /// The delay, seconds.
+        delay_s: f64,
+    },
+}
+
+impl fmt::Display for StepsWarning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Spikes { rows } => {
+                write!(
+                    f,
+                    "{rows} readings jump away and back; they were left out. Look at the speed probe if there are many"
+                )
+            }
+            Self::StartLeftOut { until_s } => {
+                write!(f, "everything before {until_s:.2} s was left out: the motor did not run steadily yet")
+            }
+            Self::EndLeftOut { from_s } => {
+                write!(f, "everything from {from_s:.2} s was left out: the motor did not run steadily any more")
+            }
+            Self::NotRising { command } => {
+                write!(
+                    f,
+                    "at command {command:.3} the response is not above that of the level below; no compensator can be designed there. Stay below it in flight"
+                )
+            }
+            Self::NoStep { command } => {
+                write!(
+                    f,
+                    "no usable step leads to command {command:.3}, so its time constant is not known. Begin the staircase one level lower"
+                )
+            }
+            Self::Uncertain { command, relative_std } => {
+                write!(
+                    f,
+                    "the time constant at command {command:.3} is known to {:.0} % only; it was left out. Use a larger step or repeat it",
+                    100.0 * relative_std
+                )
+            }
+            Self::Odd { command, direction, ratio } => {
+                let way = if direction == Direction::Up { "up" } else { "down" };
+                write!(
+                    f,
+                    "the time constant of steps {way} to command {command:.3} is {ratio:.2} times that of its neighbors. Repeat this step before a design rests on it"
+                )
+            }
+            Self::Asymmetric { command, ratio } => {
+                write!(
+                    f,
+                    "at command {command:.3} steps down take {ratio:.2} times as long as steps up; the model has the mean of the two rates"
+                )
+            }
+            Self::Curved { curvature, std } => {
+                let what = if curvature < 0.0 {
+                    "start more gently than a first-order lag, as behind a second lag or a slew limit"
+                } else {
+                    "slow down as the rotor does, as drag makes them"
+                };
+                write!(f, "large steps {what} (kappa {curvature:.2}, standard error {std:.2})")
+            }
+            Self::NegativeDelay { delay_s } => {
+                write!(
+                    f,
+                    "the response begins {:.1} ms before its row says that the command changed: the log stamps commands late. The model has no delay",
+                    -1e3 * delay_s
+                )
+            }
+        }
+    }
+}

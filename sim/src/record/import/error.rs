@@ -1,0 +1,152 @@
+//! What can be wrong with a log, and what to do about it.
+
+use std::path::PathBuf;
+
+use miette::Diagnostic;
+use thiserror::Error;
+
+/// Why a log was not taken. Every variant names the file and, where there is one, the line and the
+/// column.
+#[derive(Debug, Error, Diagnostic)]
+pub enum ImportError {
+    /// The file could not be read.
+    #[error("{}: cannot be read", file.display())]
+    #[diagnostic(help("check the path and the permissions"))]
+    Read {
+        /// The log.
+        file: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The file is not valid CSV or not UTF-8.
+    #[error("{}: not valid CSV", file.display())]
+    #[diagnostic(help("export the log again as comma-separated UTF-8 text"))]
+    Csv {
+        /// The log.
+        file: PathBuf,
+        /// What the reader said, with the line.
+        source: csv::Error,
+    },
+    /// Nothing but a header, or less.
+    #[error("{}: {rows} usable row(s); at least {needed} are needed", file.display())]
+    #[diagnostic(help("check that the recording ran while the command was on"))]
+    TooFewRows {
+        /// The log.
+        file: PathBuf,
+        /// Rows that could be used.
+        rows: usize,
+        /// Rows that are needed.
+        needed: usize,
+    },
+    /// The header is that of no known format.
+    #[error("{}, line 1: the header is that of no known log format: {header}", file.display())]
+    #[diagnostic(help(
+        "known: RCbenchmark (columns `Time (s)` and `ESC signal (µs)`) and AutoQuad ESC32 (columns `Timestamp` and `Duty`); \
+         other data can be written as an experiment folder by hand"
+    ))]
+    UnknownFormat {
+        /// The log.
+        file: PathBuf,
+        /// The start of its first line.
+        header: String,
+    },
+    /// A column that the format always has is missing.
+    #[error("{}, line 1: column `{column}` is missing", file.display())]
+    #[diagnostic(help("record the log again with this column switched on"))]
+    MissingColumn {
+        /// The log.
+        file: PathBuf,
+        /// The column.
+        column: String,
+    },
+    /// Text where a number belongs.
+    #[error("{}, line {line}, column `{column}`: `{text}` is not a finite number", file.display())]
+    #[diagnostic(help("correct the value, or delete the row if it is a remark or a damaged line"))]
+    NotANumber {
+        /// The log.
+        file: PathBuf,
+        /// Line, the header being 1.
+        line: u64,
+        /// The column.
+        column: String,
+        /// What is there.
+        text: String,
+    },
+    /// A value is missing between rows that have it.
+    #[error("{}, line {line}, column `{column}`: empty, though rows before and after have a value", file.display())]
+    #[diagnostic(help("delete the row, or cut the log there and import the parts one by one"))]
+    Blank {
+        /// The log.
+        file: PathBuf,
+        /// Line, the header being 1.
+        line: u64,
+        /// The column.
+        column: String,
+    },
+    /// A command outside the range that is normalized to 0..1.
+    #[error("{}, line {line}, column `{column}`: {value} is outside {low}..{high}", file.display())]
+    #[diagnostic(help("state the ESC's range (zero and full command) when importing"))]
+    OutOfRange {
+        /// The log.
+        file: PathBuf,
+        /// Line, the header being 1.
+        line: u64,
+        /// The column.
+        column: String,
+        /// What is there.
+        value: f64,
+        /// What becomes 0.
+        low: f64,
+        /// What becomes 1.
+        high: f64,
+    },
+    /// A time stamp that cannot be read.
+    #[error("{}, line {line}, column `{column}`: `{text}` is not a time stamp", file.display())]
+    #[diagnostic(help("expected `YYYY-MM-DD hh:mm:ss:mmm`; correct it or delete the row"))]
+    TimeStamp {
+        /// The log.
+        file: PathBuf,
+        /// Line, the header being 1.
+        line: u64,
+        /// The column.
+        column: String,
+        /// What is there.
+        text: String,
+    },
+    /// Time runs backwards by more than rows can overtake each other.
+    #[error("{}, line {line}, column `{column}`: time runs backwards by {by_s} s", file.display())]
+    #[diagnostic(help("this looks like two logs in one file: cut it there and import the parts one by one"))]
+    TimeRunsBack {
+        /// The log.
+        file: PathBuf,
+        /// Line, the header being 1.
+        line: u64,
+        /// The column.
+        column: String,
+        /// By how much, in seconds.
+        by_s: f64,
+    },
+    /// The stamps of a log whose rows should be evenly spaced do not lie near any even grid.
+    #[error(
+        "{}: the time stamps miss an even grid of {interval_s} s by {residual_rms_s} s RMS",
+        file.display()
+    )]
+    #[diagnostic(help("rows are missing in many places; record again with a faster link, or cut out the good part"))]
+    NotEven {
+        /// The log.
+        file: PathBuf,
+        /// The interval that fits best, in seconds.
+        interval_s: f64,
+        /// RMS distance of the stamps from it, in seconds.
+        residual_rms_s: f64,
+    },
+    /// The stated range of the ESC signal is no range.
+    #[error("the ESC signal's range {low_us}..{high_us} µs is empty or not finite")]
+    #[diagnostic(help("give zero command and full command in microseconds, such as 1000 and 2000"))]
+    SignalRange {
+        /// What should become 0.
+        low_us: f64,
+        /// What should become 1.
+        high_us: f64,
+    },
+}

@@ -1,0 +1,125 @@
+//! Logs of other tools, taken as an [`Experiment`].
+//!
+//! The format is told from the header. Each format has its file: `rcbenchmark` and `esc32`. What
+//! was found in a log, what of it was taken and as what, and what was done to the rows and their
+//! times is in the [`ImportSummary`].
+
+mod error;
+mod esc32;
+mod rcbenchmark;
+mod stamps;
+mod summary;
+mod table;
+
+use std::path::Path;
+
+pub use error::ImportError;
+pub use summary::{ColumnUse, DroppedRows, ImportSummary, LogFormat, Timing};
+
+use super::{Excitation, Experiment, Output, Record};
+use table::Table;
+
+/// What a log does not say of itself.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ImportOptions {
+    /// What to call the experiment; the log's file name where absent.
+    pub name: Option<String>,
+    /// Pulse widths in microseconds that mean command 0 and command 1; 1000 and 2000 unless stated.
+    /// Used for logs whose command is a pulse width.
+    pub esc_signal_us: (f64, f64),
+}
+
+impl Default for ImportOptions {
+    fn default() -> Self {
+        Self { name: None, esc_signal_us: (1000.0, 2000.0) }
+    }
+}
+
+/// A log, taken.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Import {
+    /// One staircase record, response in revolutions per minute.
+    pub experiment: Experiment,
+    /// What was done to get it.
+    pub summary: ImportSummary,
+}
+
+/// Rows under which a log is no recording.
+const MIN_ROWS: usize = 100;
+
+/// Takes a log whose format is told from its header.
+///
+/// # Errors
+/// [`ImportError`]: unreadable file, unknown header, missing column, text in a number column, command
+/// outside its range, time that runs backwards, too few rows.
+pub fn import(file: &Path, options: &ImportOptions) -> Result<Import, ImportError> {
+    let (low_us, high_us) = options.esc_signal_us;
+    if !(low_us.is_finite() && high_us.is_finite() && low_us < high_us) {
+        return Err(ImportError::SignalRange { low_us, high_us });
+    }
+    let table = Table::read(file)?;
+    let taken = match detect(&table)? {
+        LogFormat::RcBenchmark => rcbenchmark::take(&table, options)?,
+        LogFormat::Esc32 => esc32::take(&table)?,
+    };
+    Ok(taken.into_import(file, options))
+}
+
+fn detect(table: &Table) -> Result<LogFormat, ImportError> {
+    if table.find(esc32::TIME).is_some() && table.find(esc32::COMMAND).is_some() {
+        Ok(LogFormat::Esc32)
+    } else if table.find(rcbenchmark::TIME).is_some() && table.find(rcbenchmark::COMMAND).is_some() {
+        Ok(LogFormat::RcBenchmark)
+    } else {
+        let header = table.header.join(",");
+        Err(ImportError::UnknownFormat { file: table.file.clone(), header: header.chars().take(120).collect() })
+    }
+}
+
+/// What a format's reader hands over: columns of equal length, and how they came about.
+struct Taken {
+    time_s: Vec<f64>,
+    command: Vec<f64>,
+    rpm: Vec<f64>,
+    voltage_v: Option<Vec<f64>>,
+    current_a: Option<Vec<f64>>,
+    /// Rows per second where evenly spaced without a gap.
+    sample_rate_hz: Option<f64>,
+    summary: ImportSummary,
+}
+
+impl Taken {
+    fn into_import(self, file: &Path, options: &ImportOptions) -> Import {
+        let stem = file.file_stem().map_or_else(|| "log".into(), |s| s.to_string_lossy().into_owned());
+        let low = self.command.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = self.command.iter().copied().fold(0.0, f64::max);
+        let record = Record {
+            file: "staircase.csv".into(),
+            nominal: (low + high) / 2.0,
+            excitation: Excitation::Staircase,
+            period_s: None,
+            amplitude: Some((high - low) / 2.0),
+            compensated: false,
+            compensator: None,
+            role: None,
+            time_s: self.time_s,
+            command: self.command,
+            thrust_n: None,
+            rpm: Some(self.rpm),
+            esc_command: None,
+            voltage_v: self.voltage_v,
+            current_a: self.current_a,
+        };
+        Import {
+            experiment: Experiment {
+                name: options.name.clone().unwrap_or(stem),
+                output: Output::Rpm,
+                sample_rate_hz: self.sample_rate_hz,
+                esc_frame_hz: None,
+                command_rate_hz: None,
+                records: vec![record],
+            },
+            summary: self.summary,
+        }
+    }
+}

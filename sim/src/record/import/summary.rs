@@ -1,0 +1,112 @@
+//! What an importer did, in a form that can be printed or written as JSON.
+
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+use super::table::{Column, Table};
+
+/// The formats that can be read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LogFormat {
+    /// Thrust stand of the RCbenchmark (Tyto Robotics) 1520/1580 series, continuous log.
+    RcBenchmark,
+    /// The AutoQuad ESC32's own telemetry log.
+    Esc32,
+}
+
+/// What was found in a log and what became of it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ImportSummary {
+    /// The log.
+    pub file: PathBuf,
+    /// Its format.
+    pub format: LogFormat,
+    /// Rows with at least one value.
+    pub rows_read: usize,
+    /// Rows in the record.
+    pub rows_taken: usize,
+    /// Every column of the header, in its order.
+    pub columns: Vec<ColumnUse>,
+    /// Rows that were left out.
+    pub dropped: Vec<DroppedRows>,
+    /// How the times of the rows were found.
+    pub timing: Timing,
+    /// What a reader of the record has to know.
+    pub notes: Vec<String>,
+}
+
+/// What became of one column.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct ColumnUse {
+    /// Its name in the log.
+    pub name: String,
+    /// The column of the record that it became; `None` when it was not taken.
+    pub taken_as: Option<String>,
+    /// The conversion, or why it was not taken.
+    pub note: String,
+}
+
+/// Rows left out, and why.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct DroppedRows {
+    /// How many.
+    pub rows: usize,
+    /// Why.
+    pub reason: String,
+}
+
+/// How the times of the rows were found.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Timing {
+    /// The method, in a sentence.
+    pub method: String,
+    /// Rows per second, on average.
+    pub rate_hz: f64,
+    /// Rows whose stamps were out of order and were sorted.
+    pub rows_reordered: usize,
+    /// Rows that never arrived; the record has gaps in their place.
+    pub rows_missing: usize,
+    /// RMS distance of the stamps from the even grid, seconds; `None` where stamps were kept.
+    pub residual_rms_s: Option<f64>,
+    /// Largest distance of a stamp from the even grid, seconds; `None` where stamps were kept.
+    pub residual_max_s: Option<f64>,
+}
+
+/// Collects what becomes of each column.
+pub(super) struct ColumnList {
+    columns: Vec<ColumnUse>,
+}
+
+impl ColumnList {
+    /// All of `table`'s columns, none taken so far. Trailing commas are no columns.
+    pub(super) fn new(table: &Table) -> Self {
+        let columns = table
+            .header
+            .iter()
+            .filter(|name| !name.is_empty())
+            .map(|name| ColumnUse { name: name.clone(), taken_as: None, note: "no part of an experiment".into() })
+            .collect();
+        Self { columns }
+    }
+
+    pub(super) fn taken(&mut self, column: Column<'_>, taken_as: &str, note: impl Into<String>) {
+        self.set(column, Some(taken_as.into()), note.into());
+    }
+
+    pub(super) fn left(&mut self, column: Column<'_>, note: impl Into<String>) {
+        self.set(column, None, note.into());
+    }
+
+    fn set(&mut self, column: Column<'_>, taken_as: Option<String>, note: String) {
+        if let Some(entry) = self.columns.iter_mut().find(|c| c.name == column.name()) {
+            entry.taken_as = taken_as;
+            entry.note = note;
+        }
+    }
+
+    pub(super) fn into_vec(self) -> Vec<ColumnUse> {
+        self.columns
+    }
+}

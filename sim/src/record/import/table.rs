@@ -1,0 +1,112 @@
+//! A log as text cells that know their line, and the strict reading of numbers from it.
+
+use std::path::{Path, PathBuf};
+
+use csv::StringRecord;
+
+use super::ImportError;
+
+/// A CSV file in memory: trimmed header names, and rows with the line they start on.
+pub(super) struct Table {
+    pub(super) file: PathBuf,
+    pub(super) header: Vec<String>,
+    pub(super) rows: Vec<Row>,
+}
+
+/// One line of the log.
+pub(super) struct Row {
+    pub(super) line: u64,
+    cells: StringRecord,
+}
+
+/// A column of a [`Table`], found by name.
+#[derive(Clone, Copy)]
+pub(super) struct Column<'a> {
+    table: &'a Table,
+    index: usize,
+}
+
+impl Table {
+    /// Reads all of `file`. A byte-order mark is skipped, rows may be shorter or longer than the
+    /// header (both formats end lines with stray commas), lines without any value are left out.
+    pub(super) fn read(file: &Path) -> Result<Self, ImportError> {
+        let bytes = std::fs::read(file).map_err(|source| ImportError::Read { file: file.into(), source })?;
+        Self::parse(file, &bytes)
+    }
+
+    pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<Self, ImportError> {
+        let located = |source| ImportError::Csv { file: file.into(), source };
+        let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+        let mut reader = csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(bytes);
+        let header: Vec<String> = reader.headers().map_err(located)?.iter().map(String::from).collect();
+        let mut rows = Vec::new();
+        for cells in reader.records() {
+            let cells = cells.map_err(located)?;
+            if cells.iter().any(|cell| !cell.is_empty()) {
+                let line = cells.position().map_or(0, csv::Position::line);
+                rows.push(Row { line, cells });
+            }
+        }
+        Ok(Self { file: file.into(), header, rows })
+    }
+
+    /// The column of that name, if there is one.
+    pub(super) fn find(&self, name: &str) -> Option<Column<'_>> {
+        let index = self.header.iter().position(|h| h == name)?;
+        Some(Column { table: self, index })
+    }
+
+    /// The column of that name, or an error that names it.
+    pub(super) fn need(&self, name: &str) -> Result<Column<'_>, ImportError> {
+        self.find(name).ok_or_else(|| ImportError::MissingColumn { file: self.file.clone(), column: name.into() })
+    }
+}
+
+impl<'a> Column<'a> {
+    pub(super) fn name(self) -> &'a str {
+        &self.table.header[self.index]
+    }
+
+    /// The text in `row`; empty where the row ends before this column.
+    pub(super) fn text(self, row: usize) -> &'a str {
+        self.table.rows[row].cells.get(self.index).unwrap_or("")
+    }
+
+    /// Line of `row` in the file, the header being 1.
+    pub(super) fn line(self, row: usize) -> u64 {
+        self.table.rows[row].line
+    }
+
+    /// The number in `row`, `None` where the cell is empty.
+    pub(super) fn number(self, row: usize) -> Result<Option<f64>, ImportError> {
+        let text = self.text(row);
+        if text.is_empty() {
+            return Ok(None);
+        }
+        match text.parse::<f64>() {
+            Ok(value) if value.is_finite() => Ok(Some(value)),
+            _ => Err(ImportError::NotANumber {
+                file: self.table.file.clone(),
+                line: self.line(row),
+                column: self.name().into(),
+                text: text.into(),
+            }),
+        }
+    }
+
+    /// The number in `row`; an empty cell is an error.
+    pub(super) fn required(self, row: usize) -> Result<f64, ImportError> {
+        self.number(row)?.ok_or_else(|| ImportError::Blank {
+            file: self.table.file.clone(),
+            line: self.line(row),
+            column: self.name().into(),
+        })
+    }
+
+    /// The numbers of `rows`, or `None` when not every one of them is filled; and how many are.
+    pub(super) fn where_filled(self, rows: &[usize]) -> Result<(Option<Vec<f64>>, usize), ImportError> {
+        let cells = rows.iter().map(|&row| self.number(row)).collect::<Result<Vec<_>, _>>()?;
+        let filled = cells.iter().flatten().count();
+        Ok((cells.into_iter().collect(), filled))
+    }
+}

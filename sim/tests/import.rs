@@ -1,0 +1,177 @@
+//! Logs of other tools: what is taken of them and what is refused.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use miette::Diagnostic;
+use rotorlead_sim::record::import::{Import, ImportError, ImportOptions, LogFormat, import};
+use rotorlead_sim::record::{Excitation, Output};
+
+fn sample(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(name)
+}
+
+fn taken(name: &str) -> Import {
+    import(&sample(name), &ImportOptions::default()).unwrap()
+}
+
+/// Imports the sample with `from` replaced by `to` in line `line` (the header is 1).
+fn edited(name: &str, line: usize, from: &str, to: &str) -> Result<Import, ImportError> {
+    let text = fs::read_to_string(sample(name)).unwrap();
+    let mut lines: Vec<String> = text.lines().map(String::from).collect();
+    assert!(lines[line - 1].contains(from), "{}", lines[line - 1]);
+    lines[line - 1] = lines[line - 1].replacen(from, to, 1);
+    written(&lines.join("\n"))
+}
+
+fn written(text: &str) -> Result<Import, ImportError> {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("log.csv");
+    fs::write(&file, text).unwrap();
+    import(&file, &ImportOptions::default())
+}
+
+/// The message, which has to name the file, and the remedy, which has to be there.
+fn message(result: Result<Import, ImportError>) -> String {
+    let error = result.unwrap_err();
+    let help = error.help().expect("every error has a remedy").to_string();
+    let message = error.to_string();
+    assert!(message.contains("log.csv"), "{message}");
+    format!("{message} | {help}")
+}
+
+#[test]
+fn an_rcbenchmark_log_becomes_a_staircase() {
+    let Import { experiment, summary } = taken("rcbenchmark.csv");
+    assert_eq!(summary.format, LogFormat::RcBenchmark);
+    assert_eq!(experiment.name, "rcbenchmark");
+    assert_eq!(experiment.output, Output::Rpm);
+    assert_eq!(experiment.sample_rate_hz, None);
+    let record = &experiment.records[0];
+    assert_eq!(record.excitation, Excitation::Staircase);
+    // 240 rows, 6 without a command, one with the stamp of the row before.
+    assert_eq!((summary.rows_read, summary.rows_taken), (240, 233));
+    assert_eq!(summary.dropped.iter().map(|d| d.rows).sum::<usize>(), 7);
+    assert_eq!(summary.timing.rows_reordered, 1);
+    for column in [&record.command, record.rpm.as_ref().unwrap(), record.voltage_v.as_ref().unwrap()] {
+        assert_eq!(column.len(), record.time_s.len());
+    }
+    assert_eq!(record.time_s[0], 0.0);
+    assert!(record.time_s.is_sorted_by(|a, b| a < b));
+    assert_eq!(record.command[0], 0.2);
+    assert_eq!(*record.command.last().unwrap(), 0.3);
+    assert_eq!(record.nominal, 0.25);
+    assert!((record.amplitude.unwrap() - 0.05).abs() < 1e-15);
+    assert_eq!(record.rpm.as_ref().unwrap()[0], 5000.0);
+    assert!(record.thrust_n.is_none());
+}
+
+#[test]
+fn the_summary_says_what_became_of_every_column() {
+    let summary = taken("rcbenchmark.csv").summary;
+    let find = |name: &str| summary.columns.iter().find(|c| c.name == name).unwrap();
+    assert_eq!(summary.columns.len(), 10, "trailing commas are no columns");
+    assert_eq!(find("ESC signal (µs)").taken_as.as_deref(), Some("command"));
+    assert!(find("ESC signal (µs)").note.contains("1000..2000"));
+    assert_eq!(find("Motor Electrical Speed (RPM)").taken_as.as_deref(), Some("rpm"));
+    let thrust = find("Thrust (gf)");
+    assert_eq!(thrust.taken_as, None);
+    assert!(thrust.note.contains("filled in 10 of 233 rows (6.1 Hz)"), "{}", thrust.note);
+    assert_eq!(find("App message").taken_as, None);
+    assert!(summary.notes.iter().any(|n| n.contains("Electrical Speed")));
+}
+
+#[test]
+fn the_range_of_the_esc_signal_can_be_stated() {
+    let options = ImportOptions { name: Some("run 3".into()), esc_signal_us: (1100.0, 1900.0) };
+    let Import { experiment, .. } = import(&sample("rcbenchmark.csv"), &options).unwrap();
+    assert_eq!(experiment.name, "run 3");
+    assert_eq!(experiment.records[0].command[0], 0.125);
+    let narrow = ImportOptions { esc_signal_us: (1000.0, 1250.0), ..ImportOptions::default() };
+    let error = import(&sample("rcbenchmark.csv"), &narrow).unwrap_err();
+    assert!(matches!(error, ImportError::OutOfRange { line: 122, value: 1300.0, .. }), "{error:?}");
+    for esc_signal_us in [(2000.0, 1000.0), (1000.0, f64::NAN)] {
+        let options = ImportOptions { esc_signal_us, ..ImportOptions::default() };
+        let error = import(&sample("rcbenchmark.csv"), &options).unwrap_err();
+        assert!(matches!(error, ImportError::SignalRange { .. }));
+    }
+}
+
+#[test]
+fn an_esc32_log_is_put_on_its_grid() {
+    let Import { experiment, summary } = taken("esc32.csv");
+    assert_eq!(summary.format, LogFormat::Esc32);
+    let record = &experiment.records[0];
+    assert_eq!(record.time_s.len(), 700);
+    assert_eq!((record.command[0], record.command[699]), (0.15, 0.2));
+    assert!(record.voltage_v.is_some() && record.current_a.is_some());
+    // Stamps to 16.7 ms of rows every 10 ms; nine rows lost after row 399.
+    assert_eq!(summary.timing.rows_missing, 9);
+    assert!((summary.timing.rate_hz - 100.0).abs() < 0.02, "{:?}", summary.timing);
+    let gap = record.time_s[400] - record.time_s[399];
+    assert!((gap - 0.1).abs() < 1e-4, "{gap}");
+    let step = record.time_s[351] - record.time_s[350];
+    assert!((step - 0.01).abs() < 1e-5, "{step}");
+    let residual = summary.timing.residual_rms_s.unwrap();
+    assert!((0.003..0.007).contains(&residual), "{residual}");
+    assert_eq!(experiment.sample_rate_hz, None, "a gap is no even grid");
+}
+
+#[test]
+fn text_in_a_number_column_names_file_line_and_column() {
+    let message = message(edited("rcbenchmark.csv", 30, ",5000,", ",fast,"));
+    assert!(message.contains("log.csv, line 30, column `Motor Electrical Speed (RPM)`: `fast`"), "{message}");
+    assert!(message.contains("delete the row"), "{message}");
+    for text in ["NaN", "inf", "1,5"] {
+        let result = edited("esc32.csv", 12, ",15,4", &format!(",\"{text}\",4"));
+        let message = self::message(result);
+        assert!(message.contains("line 12, column `Duty`"), "{message}");
+    }
+}
+
+#[test]
+fn a_command_missing_in_the_middle_is_an_error() {
+    let message = message(edited("rcbenchmark.csv", 60, ",1200,", ",,"));
+    assert!(message.contains("line 60, column `ESC signal (µs)`: empty"), "{message}");
+    let message = self::message(edited("esc32.csv", 60, ",15,", ",,"));
+    assert!(message.contains("line 60, column `Duty`: empty"), "{message}");
+}
+
+#[test]
+fn a_missing_column_is_named() {
+    let message = message(edited("esc32.csv", 1, "RPM", "Speed"));
+    assert!(message.contains("line 1: column `RPM` is missing"), "{message}");
+}
+
+#[test]
+fn an_unknown_header_lists_the_known_formats() {
+    let message = message(written("a,b,c\n1,2,3\n"));
+    assert!(message.contains("a,b,c") && message.contains("RCbenchmark") && message.contains("ESC32"));
+}
+
+#[test]
+fn bad_time_is_refused() {
+    let message = message(edited("esc32.csv", 100, "23:45:59", "23:45:58"));
+    assert!(message.contains("line 100") && message.contains("backwards"), "{message}");
+    let message = self::message(edited("esc32.csv", 9, "2019-11-07 ", "yesterday "));
+    assert!(message.contains("line 9, column `Timestamp`"), "{message}");
+    let message = self::message(edited("rcbenchmark.csv", 100, "0.6", "0.1"));
+    assert!(message.contains("line 100") && message.contains("two logs"), "{message}");
+}
+
+#[test]
+fn empty_short_and_missing_files_are_refused() {
+    let header = fs::read_to_string(sample("esc32.csv")).unwrap();
+    let header = header.lines().next().unwrap();
+    assert!(message(written(header)).contains("0 usable row(s)"));
+    let one = format!("{header}\n2019-11-07 18:45:58:868,0,0,0,0,0,0\n");
+    assert!(message(written(&one)).contains("1 usable row(s)"));
+    assert!(message(written("")).contains("known log format"));
+    let error = import(Path::new("/nowhere/log.csv"), &ImportOptions::default());
+    assert!(message(error).contains("cannot be read"));
+    let bytes = [b"Timestamp,Duty,RPM\n".as_slice(), &[0xff, 0xfe, b',', b'1', b',', b'2', b'\n']].concat();
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("log.csv");
+    fs::write(&file, bytes).unwrap();
+    assert!(message(import(&file, &ImportOptions::default())).contains("not valid CSV"));
+}
