@@ -275,14 +275,14 @@ fn without_noise_the_holds_leave_no_bias() {
 
 /// Coverage of the 95 % intervals over seeded repeats.
 ///
-/// Six independent points times 500 repeats are 3000 trials. At a true coverage of 0.95 their
-/// share has a standard deviation of 0.0040, so 0.93 and 0.97 lie five of them away: a correct
-/// estimator fails one of the four comparisons with a probability of 2e-6. Were the true coverage
-/// 0.955, since Student's t with the degrees of freedom of one noise window is a little wide, it
+/// Six independent points times 400 repeats are 2400 trials. At a true coverage of 0.95 their
+/// share has a standard deviation of 0.0044, so 0.93 and 0.97 lie 4.5 of them away: a correct
+/// estimator fails one of the four comparisons with a probability of 3e-5. Were the true coverage
+/// 0.953, since Student's t with the degrees of freedom of one noise window is a little wide, it
 /// would be 3e-4.
 #[test]
 fn stated_intervals_cover_the_truth_in_93_to_97_percent() {
-    const REPEATS: u64 = 500;
+    const REPEATS: u64 = 400;
     let wave = multisine();
     let settled = settled_periods(&wave);
     let threads = std::thread::available_parallelism()
@@ -331,9 +331,9 @@ fn stated_intervals_cover_the_truth_in_93_to_97_percent() {
             (0.93..=0.97).contains(&tau),
             "tau, noise pole {pole}: {tau}"
         );
-        // The tests' levels: 0.01, one-sided, and 0.05. Deviations of the shares: 0.0013 and 0.0040.
-        assert!(delays < 0.0101, "{delays}");
-        assert!(dropped < 0.065, "{dropped}");
+        // The tests' levels: 0.01, one-sided, and 0.05. Deviations of the shares: 0.0015 and 0.0045.
+        assert!(delays < 0.011, "{delays}");
+        assert!(dropped < 0.067, "{dropped}");
     }
 }
 

@@ -91,27 +91,20 @@ pub struct EtfeBandwidth {
 pub fn bandwidth_of(response: impl Fn(f64) -> Complex64, max_rad_s: f64) -> Bandwidth {
     let threshold = THREE_DB * response(0.0).norm();
     let is_below = |omega: f64| response(omega).norm() < threshold;
+    let steps = (1e6f64.ln() / 1.001f64.ln()).ceil() as i32;
     let mut low = 0.0;
-    // A limit that is zero, negative or not a number leaves nothing to search.
-    let mut high = if max_rad_s > 0.0 {
-        max_rad_s * 1e-6
-    } else {
-        f64::INFINITY
+    let bracket = (-steps..=0)
+        .map(|step| max_rad_s * 1.001f64.powi(step))
+        .find(|&omega| {
+            let below = is_below(omega);
+            if !below {
+                low = omega;
+            }
+            below
+        });
+    let Some(mut high) = bracket else {
+        return Bandwidth::Beyond(max_rad_s);
     };
-    loop {
-        if high > max_rad_s || !high.is_finite() {
-            return Bandwidth::Beyond(max_rad_s);
-        }
-        if is_below(high) {
-            break;
-        }
-        low = high;
-        high = if high < max_rad_s {
-            (high * 1.001).min(max_rad_s)
-        } else {
-            f64::INFINITY
-        };
-    }
     loop {
         let middle = 0.5 * (low + high);
         if middle <= low || middle >= high {
