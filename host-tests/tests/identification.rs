@@ -279,7 +279,7 @@ fn without_noise_the_holds_leave_no_bias() {
 /// share has a standard deviation of 0.0044, so 0.93 and 0.97 lie 4.5 of them away: a correct
 /// estimator fails one of the four comparisons with a probability of 3e-5. Were the true coverage
 /// 0.953, since Student's t with the degrees of freedom of one noise window is a little wide, it
-/// would be 3e-4.
+/// would be 2e-4.
 #[test]
 fn stated_intervals_cover_the_truth_in_93_to_97_percent() {
     const REPEATS: u64 = 400;
