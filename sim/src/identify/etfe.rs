@@ -13,6 +13,8 @@
 //! back. Where the reference is right the ratio is one and smoothing adds no bias; where it is wrong
 //! by some smooth factor, only the curvature of that factor is smoothed.
 
+use std::f64::consts::PI;
+
 use num_complex::Complex64;
 use rand::Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -160,15 +162,16 @@ fn smooth(raw: &[ResponsePoint], reference: &[Complex64], half_width: usize) -> 
     let mean = (0..raw.len()).map(precision).sum::<f64>() / raw.len() as f64;
     let floor = if mean > 0.0 { 1e-6 * mean } else { 1.0 };
     let reach = half_width as f64 + 1.0;
+    let hann: Vec<f64> = (0..=half_width)
+        .map(|d| 0.5 * (1.0 + (PI * d as f64 / reach).cos()))
+        .collect();
     (0..raw.len())
         .map(|k| {
             let first = k.saturating_sub(half_width);
             let last = (k + half_width).min(raw.len() - 1);
             let (mut sum, mut total, mut variance) = (Complex64::ZERO, 0.0, 0.0);
             for i in first..=last {
-                let distance = i as f64 - k as f64;
-                let window = 0.5 * (1.0 + (std::f64::consts::PI * distance / reach).cos());
-                let weight = window / precision(i).max(floor);
+                let weight = hann[i.abs_diff(k)] / precision(i).max(floor);
                 sum += raw[i].response / reference[i] * weight;
                 variance += weight * weight * precision(i);
                 total += weight;
