@@ -291,11 +291,11 @@ fn a_motor_with_drag_gives_its_small_signal_time_constants() {
 fn odd_parts_are_left_out_and_named() {
     let mut record = staircase(&MOTOR, &BENCH, 7);
     let rpm = record.rpm.as_mut().unwrap();
-    for k in 0..rpm.len() {
+    for (k, rpm) in rpm.iter_mut().enumerate() {
         match record.time_s[k] {
             t if t < 1.5 => {
                 record.command[k] = 0.1;
-                rpm[k] = if t < 0.8 {
+                *rpm = if t < 0.8 {
                     0.0
                 } else {
                     600.0 + 500.0 * (40.0 * t).sin()
@@ -303,7 +303,7 @@ fn odd_parts_are_left_out_and_named() {
             }
             // The top of the staircase turns slower than the level before it.
             t if (21.0..22.5).contains(&t) => {
-                rpm[k] -= 1200.0 * (1.0 - (-(t - 21.0) / 0.05f64).exp())
+                *rpm -= 1200.0 * (1.0 - (-(t - 21.0) / 0.05f64).exp())
             }
             _ => {}
         }

@@ -244,6 +244,7 @@ fn speed<'a>(
     rows: &[usize],
     columns: &mut ColumnList,
 ) -> Result<(Column<'a>, Vec<f64>), ImportError> {
+    let mut still = None;
     for name in [ELECTRICAL_SPEED, OPTICAL_SPEED] {
         let Some(column) = table.find(name) else {
             continue;
@@ -256,16 +257,19 @@ fn speed<'a>(
                 }
                 return Ok((column, rpm));
             }
-            Some(_) => columns.left(column, "zero in every row"),
+            Some(rpm) => {
+                columns.left(column, "zero in every row");
+                still.get_or_insert((column, rpm));
+            }
             None => columns.left(column, partly(filled, rows.len())),
         }
     }
+    // A motor that never turned is a recording all the same.
+    if let Some(still) = still {
+        return Ok(still);
+    }
     let electrical = table.need(ELECTRICAL_SPEED)?;
-    // The column is there but not usable: name the first row that shows why.
-    let row = rows
-        .iter()
-        .find(|&&row| electrical.text(row).is_empty())
-        .or(rows.first());
+    let row = rows.iter().find(|&&row| electrical.text(row).is_empty());
     Err(ImportError::Blank {
         file: table.file.clone(),
         line: row.map_or(1, |&row| electrical.line(row)),
