@@ -11,8 +11,8 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rotorlead_sim::identify::{
-    Estimate, IdentifyError, IdentifyWarning, NoiseSource, PeriodicOptions, StaticValue,
-    bandwidth_of, bandwidth_of_etfe, identify_periodic,
+    Estimate, IdentifyError, IdentifyWarning, NoiseSource, PeriodicOptions, StaticValue, bandwidth_of,
+    bandwidth_of_etfe, identify_periodic,
 };
 use rotorlead_sim::record::{Excitation, Experiment, Output, Record, Role};
 
@@ -57,9 +57,7 @@ fn multisine() -> Vec<f64> {
 
 /// A square wave of amplitude 0.05 and half period 5 s, at each loop step.
 fn square() -> Vec<f64> {
-    (0..LOOP_STEPS)
-        .map(|n| if n < LOOP_STEPS / 2 { 0.05 } else { -0.05 })
-        .collect()
+    (0..LOOP_STEPS).map(|n| if n < LOOP_STEPS / 2 { 0.05 } else { -0.05 }).collect()
 }
 
 /// Deviation of the thrust at the rows of `periods` periods, from rest at the nominal command. The
@@ -125,16 +123,9 @@ fn record(file: &str, nominal: f64, wave: &[f64], thrust_deviation: Vec<f64>) ->
         compensator: None,
         role: None,
         time_s: (0..rows).map(|row| row as f64 * 1e-3).collect(),
-        command: (0..rows)
-            .map(|row| nominal + wave[row * step % LOOP_STEPS])
-            .collect(),
+        command: (0..rows).map(|row| nominal + wave[row * step % LOOP_STEPS]).collect(),
         // Identification is around a static thrust that it must not see.
-        thrust_n: Some(
-            thrust_deviation
-                .into_iter()
-                .map(|d| d + 8.0 * nominal)
-                .collect(),
-        ),
+        thrust_n: Some(thrust_deviation.into_iter().map(|d| d + 8.0 * nominal).collect()),
         rpm: None,
         esc_command: None,
         voltage_v: None,
@@ -154,19 +145,12 @@ fn experiment(records: Vec<Record>) -> Experiment {
 }
 
 fn noisy(clean: &[f64], pole: f64, seed: u64) -> Vec<f64> {
-    clean
-        .iter()
-        .zip(Noise::new(pole, seed))
-        .map(|(thrust, noise)| thrust + noise)
-        .collect()
+    clean.iter().zip(Noise::new(pole, seed)).map(|(thrust, noise)| thrust + noise).collect()
 }
 
 /// Thrust deviation of one settled period at each point of Table 1.
 fn settled_periods(wave: &[f64]) -> Vec<Vec<f64>> {
-    TABLE_1
-        .iter()
-        .map(|&(_, gain, pole)| stand(wave, gain, 1.0 / pole, 0, 2).split_off(PERIOD_ROWS))
-        .collect()
+    TABLE_1.iter().map(|&(_, gain, pole)| stand(wave, gain, 1.0 / pole, 0, 2).split_off(PERIOD_ROWS)).collect()
 }
 
 /// The paper's identification experiment: a record of settled periods at each point of Table 1.
@@ -184,10 +168,7 @@ impl<'a> Campaign<'a> {
                 record(&file, nominal, wave, vec![0.0; periods * PERIOD_ROWS])
             })
             .collect();
-        Self {
-            settled,
-            experiment: experiment(records),
-        }
+        Self { settled, experiment: experiment(records) }
     }
 
     /// The experiment with fresh noise.
@@ -226,10 +207,7 @@ fn table_1_is_recovered_within_2_percent() {
         assert_eq!(found.points().len(), 6);
         for (n, &(nominal, gain, pole_rad_s)) in found.nominals.iter().zip(&TABLE_1) {
             let fit = &n.fit;
-            let error = [
-                fit.gain.value / gain - 1.0,
-                fit.time_constant_s.value * pole_rad_s - 1.0,
-            ];
+            let error = [fit.gain.value / gain - 1.0, fit.time_constant_s.value * pole_rad_s - 1.0];
             let std = [fit.gain.std / gain, fit.time_constant_s.std * pole_rad_s];
             println!(
                 "noise pole {pole}, u_nom {nominal}: K {:+.2} % (std {:.2} %), tau {:+.2} % \
@@ -262,14 +240,8 @@ fn without_noise_the_holds_leave_no_bias() {
         let fit = &found.nominals[0].fit;
         let gain_error = fit.gain.value / gain - 1.0;
         let tau_error = fit.time_constant_s.value * pole - 1.0;
-        println!(
-            "{nominal}: {gain_error:e} {tau_error:e} delay {:?}",
-            fit.delay_s.map(|d| d.value)
-        );
-        assert!(
-            gain_error.abs() < 1e-6 && tau_error.abs() < 1e-5,
-            "{nominal}: {fit:?}"
-        );
+        println!("{nominal}: {gain_error:e} {tau_error:e} delay {:?}", fit.delay_s.map(|d| d.value));
+        assert!(gain_error.abs() < 1e-6 && tau_error.abs() < 1e-5, "{nominal}: {fit:?}");
     }
 }
 
@@ -285,9 +257,7 @@ fn stated_intervals_cover_the_truth_in_93_to_97_percent() {
     const REPEATS: u64 = 400;
     let wave = multisine();
     let settled = settled_periods(&wave);
-    let threads = std::thread::available_parallelism()
-        .map_or(2, usize::from)
-        .min(8) as u64;
+    let threads = std::thread::available_parallelism().map_or(2, usize::from).min(8) as u64;
     for pole in [0.0, 0.95] {
         let counts = [const { AtomicU64::new(0) }; 5];
         std::thread::scope(|scope| {
@@ -297,8 +267,7 @@ fn stated_intervals_cover_the_truth_in_93_to_97_percent() {
                     let mut campaign = Campaign::new(wave, settled, 4);
                     for repeat in (thread..REPEATS).step_by(threads as usize) {
                         let experiment = campaign.run(pole, 1000 + repeat);
-                        let found =
-                            identify_periodic(experiment, &PeriodicOptions::default()).unwrap();
+                        let found = identify_periodic(experiment, &PeriodicOptions::default()).unwrap();
                         for (n, &(_, gain, pole)) in found.nominals.iter().zip(&TABLE_1) {
                             let events = [
                                 covers(&n.fit.gain, gain),
@@ -317,20 +286,13 @@ fn stated_intervals_cover_the_truth_in_93_to_97_percent() {
             }
         });
         let trials = (REPEATS * TABLE_1.len() as u64) as f64;
-        let [gain, tau, delays, dropped, close] =
-            counts.map(|count| count.load(Ordering::Relaxed) as f64 / trials);
+        let [gain, tau, delays, dropped, close] = counts.map(|count| count.load(Ordering::Relaxed) as f64 / trials);
         println!(
             "noise pole {pole}: K covered {gain:.4}, tau {tau:.4}; delay admitted {delays:.4}, \
              first period dropped {dropped:.4}; K and tau within 2 %: {close:.4}"
         );
-        assert!(
-            (0.93..=0.97).contains(&gain),
-            "K, noise pole {pole}: {gain}"
-        );
-        assert!(
-            (0.93..=0.97).contains(&tau),
-            "tau, noise pole {pole}: {tau}"
-        );
+        assert!((0.93..=0.97).contains(&gain), "K, noise pole {pole}: {gain}");
+        assert!((0.93..=0.97).contains(&tau), "tau, noise pole {pole}: {tau}");
         // The tests' levels: 0.01, one-sided, and 0.05. Deviations of the shares: 0.0015 and 0.0045.
         assert!(delays < 0.011, "{delays}");
         assert!(dropped < 0.067, "{dropped}");
@@ -350,19 +312,12 @@ fn a_first_period_from_rest_is_dropped_and_said_so() {
         let found = identify_periodic(&data, &PeriodicOptions::default()).unwrap();
         let n = &found.nominals[0];
         let spectrum = &n.responses[0].spectrum;
-        println!(
-            "{periods} {transient}: {:?} {:?}",
-            spectrum.transient, n.fit.gain
-        );
+        println!("{periods} {transient}: {:?} {:?}", spectrum.transient, n.fit.gain);
         assert_eq!(spectrum.transient.is_present(), transient, "{periods}");
         assert_eq!(spectrum.periods_used, periods - usize::from(transient));
         let said = |w: &IdentifyWarning| matches!(w, IdentifyWarning::TransientDropped { .. });
         assert_eq!(n.warnings.iter().any(said), transient);
-        assert!(
-            (n.fit.gain.value - gain).abs() < 3.5 * n.fit.gain.std,
-            "{:?}",
-            n.fit
-        );
+        assert!((n.fit.gain.value - gain).abs() < 3.5 * n.fit.gain.std, "{:?}", n.fit);
     }
 }
 
@@ -376,26 +331,14 @@ fn one_period_takes_its_noise_from_the_lines_between() {
     let thrust = noisy(&clean, 0.95, 4);
     let mut data = experiment(vec![record("one.csv", nominal, &wave, thrust)]);
     let command = &mut data.records[0].command;
-    *command = [
-        &command[PERIOD_ROWS / 2..PERIOD_ROWS],
-        &command[..PERIOD_ROWS],
-    ]
-    .concat();
+    *command = [&command[PERIOD_ROWS / 2..PERIOD_ROWS], &command[..PERIOD_ROWS]].concat();
     let found = identify_periodic(&data, &PeriodicOptions::default()).unwrap();
     let n = &found.nominals[0];
     assert_eq!(n.responses[0].spectrum.noise, NoiseSource::UnexcitedLines);
     assert_eq!(n.responses[0].spectrum.rows_left_out, PERIOD_ROWS / 2);
-    assert!(
-        (n.fit.gain.value - gain).abs() < 3.5 * n.fit.gain.std,
-        "{:?}",
-        n.fit
-    );
+    assert!((n.fit.gain.value - gain).abs() < 3.5 * n.fit.gain.std, "{:?}", n.fit);
     assert!(n.fit.gain.std < 0.05 * gain);
-    assert!(
-        (0.7..1.4).contains(&n.fit.reduced_chi_square),
-        "{:?}",
-        n.fit
-    );
+    assert!((0.7..1.4).contains(&n.fit.reduced_chi_square), "{:?}", n.fit);
 }
 
 #[test]
@@ -405,17 +348,12 @@ fn a_delay_is_told_from_the_lag_and_the_holds() {
     // 105 ticks are 7 ms.
     let settled = stand(&wave, gain, 1.0 / pole, 105, 2).split_off(PERIOD_ROWS);
     let thrust = noisy(&settled.repeat(4), 0.0, 11);
-    let found = identify_periodic(
-        &experiment(vec![record("delay.csv", nominal, &wave, thrust)]),
-        &PeriodicOptions::default(),
-    )
-    .unwrap();
+    let found =
+        identify_periodic(&experiment(vec![record("delay.csv", nominal, &wave, thrust)]), &PeriodicOptions::default())
+            .unwrap();
     let fit = &found.nominals[0].fit;
     let delay = fit.delay_s.unwrap();
-    assert!(
-        (delay.value - 0.007).abs() < 3.5 * delay.std && delay.std < 1e-4,
-        "{delay:?}"
-    );
+    assert!((delay.value - 0.007).abs() < 3.5 * delay.std && delay.std < 1e-4, "{delay:?}");
     let tau = fit.time_constant_s;
     assert!((tau.value - 1.0 / pole).abs() < 3.5 * tau.std, "{tau:?}");
     assert_eq!(found.points()[0].delay_s, delay.value);
@@ -429,10 +367,7 @@ fn the_square_wave_is_predicted_as_well_as_the_noise_allows() {
     let clean = stand(&square(), gain, 1.0 / pole, 0, 3);
     let mut validation = record("square.csv", nominal, &square(), noisy(&clean, 0.0, 3));
     validation.excitation = Excitation::Square;
-    let data = experiment(vec![
-        validation,
-        record("fit.csv", nominal, &wave, multisine),
-    ]);
+    let data = experiment(vec![validation, record("fit.csv", nominal, &wave, multisine)]);
     let found = identify_periodic(&data, &PeriodicOptions::default()).unwrap();
     let point = &found.points()[0];
     // A perfect model leaves the noise: 0.02 N over the square wave's own deviation.
@@ -440,15 +375,9 @@ fn the_square_wave_is_predicted_as_well_as_the_noise_allows() {
     let spread = clean.iter().map(|y| (y - mean).powi(2)).sum::<f64>() / clean.len() as f64;
     let ceiling = 100.0 * (1.0 - NOISE_N / (spread + NOISE_N * NOISE_N).sqrt());
     let fit = point.fit_square_percent.unwrap();
-    println!(
-        "square {fit:.3} % of {ceiling:.3} %, frequency {:?}",
-        point.fit_frequency_percent
-    );
+    println!("square {fit:.3} % of {ceiling:.3} %, frequency {:?}", point.fit_frequency_percent);
     assert!((fit - ceiling).abs() < 0.1, "{fit} {ceiling}");
-    assert_eq!(
-        found.nominals[0].squares[0].simulated.len(),
-        3 * PERIOD_ROWS
-    );
+    assert_eq!(found.nominals[0].squares[0].simulated.len(), 3 * PERIOD_ROWS);
 }
 
 /// The paper's compensator (3) with (4), (7) and (8).
@@ -472,13 +401,8 @@ fn simulated_bandwidths_of_table_3_come_out_to_a_thousandth() {
     for (&(_, gain, pole), (uncompensated, compensated)) in TABLE_1.iter().zip(table_3) {
         let plant = |w: f64| gain / Complex64::new(1.0, w / pole);
         let found = bandwidth_of(plant, 1e4).rad_s().unwrap();
-        assert!(
-            (found - uncompensated).abs() < 1e-3,
-            "{found} {uncompensated}"
-        );
-        let found = bandwidth_of(|w| plant(w) * compensator(w), 1e4)
-            .rad_s()
-            .unwrap();
+        assert!((found - uncompensated).abs() < 1e-3, "{found} {uncompensated}");
+        let found = bandwidth_of(|w| plant(w) * compensator(w), 1e4).rad_s().unwrap();
         assert!((found - compensated).abs() < 1e-3, "{found} {compensated}");
     }
 }
@@ -490,19 +414,13 @@ fn the_bandwidth_of_a_noisy_etfe_lies_in_its_interval() {
     let mut campaign = Campaign::new(&wave, &settled, 4);
     let found = identify_periodic(campaign.run(0.0, 21), &PeriodicOptions::default()).unwrap();
     for (n, &(_, gain, pole)) in found.nominals.iter().zip(&TABLE_1) {
-        let truth = bandwidth_of(|w| gain / Complex64::new(1.0, w / pole), 1e3)
-            .rad_s()
-            .unwrap();
-        let found =
-            bandwidth_of_etfe(&n.responses[0].actuator, StaticValue::default(), 400, 1).unwrap();
+        let truth = bandwidth_of(|w| gain / Complex64::new(1.0, w / pole), 1e3).rad_s().unwrap();
+        let found = bandwidth_of_etfe(&n.responses[0].actuator, StaticValue::default(), 400, 1).unwrap();
         println!("{truth:.3}: {found:?}");
         let (low, high) = (found.lower.rad_s().unwrap(), found.upper.rad_s().unwrap());
         // Six intervals of 95 %: a quarter of seeds would have one miss, so all are widened by half.
         let reach = 0.75 * (high - low);
-        assert!(
-            (truth - 0.5 * (low + high)).abs() < reach,
-            "{truth} {found:?}"
-        );
+        assert!((truth - 0.5 * (low + high)).abs() < reach, "{truth} {found:?}");
         assert!(high - low < 0.2 * truth, "{found:?}");
     }
 }
@@ -547,30 +465,17 @@ fn a_compensated_record_is_smoothed_behind_its_compensator() {
         (n.fit.clone(), n.warnings.clone())
     };
     // The filter given; fitted only when there is nothing else.
-    let with_filter = PeriodicOptions {
-        compensator: Some(&compensator),
-        ..Default::default()
-    };
-    check(
-        vec![plain.clone(), compensated.clone()],
-        &with_filter,
-        false,
-    );
+    let with_filter = PeriodicOptions { compensator: Some(&compensator), ..Default::default() };
+    check(vec![plain.clone(), compensated.clone()], &with_filter, false);
     let (fit, _) = check(vec![compensated.clone()], &with_filter, true);
     assert!((fit.gain.value / gain - 1.0).abs() < 1e-5, "{fit:?}");
     // The filter from the recorded column.
     let mut with_column = compensated.clone();
     let step = ROW_TICKS / LOOP_TICKS;
-    with_column.esc_command = Some(
-        (0..with_column.time_s.len())
-            .map(|row| nominal + compensated_wave[row * step % LOOP_STEPS])
-            .collect(),
-    );
+    with_column.esc_command =
+        Some((0..with_column.time_s.len()).map(|row| nominal + compensated_wave[row * step % LOOP_STEPS]).collect());
     let (fit, _) = check(vec![with_column], &PeriodicOptions::default(), true);
-    assert!(
-        (fit.time_constant_s.value * pole - 1.0).abs() < 1e-4,
-        "{fit:?}"
-    );
+    assert!((fit.time_constant_s.value * pole - 1.0).abs() < 1e-4, "{fit:?}");
     // Neither: raw, and said so.
     let options = PeriodicOptions::default();
     let (_, warnings) = check(vec![plain, compensated.clone()], &options, false);
@@ -586,25 +491,16 @@ fn a_compensated_record_is_smoothed_behind_its_compensator() {
 fn a_validation_multisine_gives_the_percentage_and_not_the_parameters() {
     let wave = multisine();
     let (nominal, gain, pole) = TABLE_1[4];
-    let clean = stand(&wave, gain, 1.0 / pole, 0, 2)
-        .split_off(PERIOD_ROWS)
-        .repeat(2);
+    let clean = stand(&wave, gain, 1.0 / pole, 0, 2).split_off(PERIOD_ROWS).repeat(2);
     let fit_record = record("fit.csv", nominal, &wave, noisy(&clean, 0.0, 1));
     // A validation record of another motor, half as strong.
     let half: Vec<f64> = clean.iter().map(|y| 0.5 * y).collect();
     let mut other = record("other.csv", nominal, &wave, noisy(&half, 0.0, 2));
     other.role = Some(Role::Validate);
     let data = experiment(vec![fit_record, other]);
-    let n = identify_periodic(&data, &PeriodicOptions::default())
-        .unwrap()
-        .nominals
-        .remove(0);
+    let n = identify_periodic(&data, &PeriodicOptions::default()).unwrap().nominals.remove(0);
     assert!((n.fit.gain.value / gain - 1.0).abs() < 0.02);
-    assert!(
-        n.fit_frequency_percent.unwrap() < 20.0,
-        "{:?}",
-        n.fit_frequency_percent
-    );
+    assert!(n.fit_frequency_percent.unwrap() < 20.0, "{:?}", n.fit_frequency_percent);
 }
 
 #[test]
@@ -614,8 +510,8 @@ fn records_from_which_nothing_follows_are_refused_by_name() {
     let refused = |change: &dyn Fn(&mut Record)| {
         let mut bad = record("bad.csv", 0.5, &wave, clean.clone());
         change(&mut bad);
-        let error = identify_periodic(&experiment(vec![bad]), &PeriodicOptions::default())
-            .expect_err("the record is unusable");
+        let error =
+            identify_periodic(&experiment(vec![bad]), &PeriodicOptions::default()).expect_err("the record is unusable");
         assert!(error.to_string().contains("bad.csv") || error.to_string().contains("simulated"));
         error
     };

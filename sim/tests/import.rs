@@ -175,3 +175,32 @@ fn empty_short_and_missing_files_are_refused() {
     fs::write(&file, bytes).unwrap();
     assert!(message(import(&file, &ImportOptions::default())).contains("not valid CSV"));
 }
+
+/// The sample with another number in every row of the electrical speed and of the optical one.
+fn with_speeds(electrical: &str, optical: &str) -> Result<Import, ImportError> {
+    let text = fs::read_to_string(sample("rcbenchmark.csv")).unwrap();
+    let mut lines = text.lines();
+    let mut edited = vec![lines.next().unwrap().to_string()];
+    for line in lines {
+        let mut cells: Vec<&str> = line.splitn(9, ',').collect();
+        (cells[6], cells[7]) = (electrical, optical);
+        edited.push(cells.join(","));
+    }
+    written(&edited.join("\n"))
+}
+
+#[test]
+fn the_optical_speed_stands_in_for_an_electrical_one_that_is_not_there() {
+    for electrical in ["", "0"] {
+        let log = with_speeds(electrical, "4321").unwrap();
+        assert_eq!(log.experiment.records[0].rpm.as_ref().unwrap()[9], 4321.0);
+        let taken = |c: &&rotorlead_sim::record::import::ColumnUse| c.taken_as.as_deref() == Some("rpm");
+        let column = log.summary.columns.iter().find(taken).unwrap();
+        assert_eq!(column.name, "Motor Optical Speed (RPM)");
+        assert!(log.summary.notes.is_empty());
+    }
+    let still = with_speeds("0", "").unwrap();
+    assert!(still.experiment.records[0].rpm.as_ref().unwrap().iter().all(|&v| v == 0.0));
+    let message = message(with_speeds("", ""));
+    assert!(message.contains("column `Motor Electrical Speed (RPM)`: empty"), "{message}");
+}

@@ -9,7 +9,7 @@
 //! - per step an *onset*, how much earlier or later than the record's delay it began. The log says in
 //!   which row the command had changed, not when, and an ESC or a stand takes a command over once per
 //!   frame of its own. With one delay for all steps this leaks into the time constants: in a stand's log of
-//!   7 ms rows and 20 ms frames it makes them scatter between 20 and 85 ms where they lie near 35. Onsets have mean zero and a standard deviation that is
+//!   7 ms rows and 20 ms frames it makes neighbors differ by a factor of two. Onsets have mean zero and a standard deviation that is
 //!   estimated from the record, and enter the sum of squares as such (random effects; the sum is then
 //!   minus twice the logarithm of the joint density).
 //!

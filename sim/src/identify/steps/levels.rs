@@ -25,7 +25,8 @@ pub struct Branch {
     pub mean: Estimate,
     /// Standard deviation of the settled response: noise and ripple.
     pub std: f64,
-    /// Time constant of the steps to here, seconds; `None` where none was usable.
+    /// Time constant of the steps to here, seconds; `None` where none was usable. Its interval is
+    /// [`Estimate::interval_95_of_logarithm`].
     pub time_constant_s: Option<Estimate>,
     /// % fit over the windows of those steps, each with its own final level and onset.
     pub fit_percent: Option<f64>,
