@@ -3,9 +3,7 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
-use rotorlead_sim::identify::steps::{
-    Direction, Estimate, StaircaseFit, StepsError, StepsWarning, fit_staircase,
-};
+use rotorlead_sim::identify::steps::{Direction, Estimate, StaircaseFit, StepsError, StepsWarning, fit_staircase};
 use rotorlead_sim::record::{Excitation, Output, Record};
 
 /// A motor with time constants of its own for rising and falling.
@@ -15,11 +13,7 @@ struct Motor {
     down: fn(f64) -> f64,
 }
 
-const MOTOR: Motor = Motor {
-    delay_s: 0.0263,
-    up: |u| 0.080 - 0.060 * u,
-    down: |u| 1.4 * (0.080 - 0.060 * u),
-};
+const MOTOR: Motor = Motor { delay_s: 0.0263, up: |u| 0.080 - 0.060 * u, down: |u| 1.4 * (0.080 - 0.060 * u) };
 
 fn map(u: f64) -> f64 {
     2000.0 + 22000.0 * u - 8000.0 * u * u
@@ -27,8 +21,8 @@ fn map(u: f64) -> f64 {
 
 /// Commands of the plateaus: up in small steps, down in large ones, twice.
 const PLATEAUS: [f64; 21] = [
-    0.20, 0.25, 0.30, 0.35, 0.40, 0.45, 0.50, 0.55, 0.60, 0.65, 0.70, 0.75, 0.80, 0.85, 0.90, 0.70,
-    0.50, 0.30, 0.60, 0.90, 0.50,
+    0.20, 0.25, 0.30, 0.35, 0.40, 0.45, 0.50, 0.55, 0.60, 0.65, 0.70, 0.75, 0.80, 0.85, 0.90, 0.70, 0.50, 0.30, 0.60,
+    0.90, 0.50,
 ];
 
 struct Bench {
@@ -41,12 +35,7 @@ struct Bench {
     interval_s: f64,
 }
 
-const BENCH: Bench = Bench {
-    noise_std: 25.0,
-    color: 0.0,
-    late_s: 0.0,
-    interval_s: 0.007,
-};
+const BENCH: Bench = Bench { noise_std: 25.0, color: 0.0, late_s: 0.0, interval_s: 0.007 };
 
 /// Simulates in exact steps from event to event; it shares no code with the fit.
 fn staircase(motor: &Motor, bench: &Bench, seed: u64) -> Record {
@@ -57,21 +46,14 @@ fn staircase(motor: &Motor, bench: &Bench, seed: u64) -> Record {
         let next = bench.interval_s * rng.random_range(0.67..1.33);
         time_s.push(time_s.last().unwrap() + next);
     }
-    let command: Vec<f64> = time_s
-        .iter()
-        .map(|t| PLATEAUS[((t / 1.5) as usize).min(PLATEAUS.len() - 1)])
-        .collect();
+    let command: Vec<f64> = time_s.iter().map(|t| PLATEAUS[((t / 1.5) as usize).min(PLATEAUS.len() - 1)]).collect();
     // When each change takes effect, and what it leads to.
     let mut changes: Vec<(f64, f64, f64)> = Vec::new();
     for k in 1..command.len() {
         if command[k] != command[k - 1] {
             let late = bench.late_s * rng.random_range(0.0..1.0);
             let up = command[k] > command[k - 1];
-            let tau = if up {
-                (motor.up)(command[k])
-            } else {
-                (motor.down)(command[k])
-            };
+            let tau = if up { (motor.up)(command[k]) } else { (motor.down)(command[k]) };
             changes.push((time_s[k] + motor.delay_s - late, map(command[k]), tau));
         }
     }
@@ -181,11 +163,7 @@ fn intervals_hold_the_truth_in_white_noise() {
 
 #[test]
 fn intervals_hold_the_truth_in_colored_noise() {
-    let bench = Bench {
-        color: 0.7,
-        noise_std: 15.0,
-        ..BENCH
-    };
+    let bench = Bench { color: 0.7, noise_std: 15.0, ..BENCH };
     let c = coverage(&bench, 24);
     assert!((0.90..=0.98).contains(&c.time_constant), "{c:?}");
     assert!(c.delay >= 0.9 && c.curvature >= 0.85, "{c:?}");
@@ -195,10 +173,7 @@ fn intervals_hold_the_truth_in_colored_noise() {
 /// As a 50 Hz ESC signal behind a stand that stamps commands when they are set.
 #[test]
 fn intervals_hold_the_truth_when_commands_take_effect_at_random_times() {
-    let bench = Bench {
-        late_s: 0.02,
-        ..BENCH
-    };
+    let bench = Bench { late_s: 0.02, ..BENCH };
     let c = coverage(&bench, 24);
     assert!((0.91..=0.98).contains(&c.time_constant), "{c:?}");
     assert!(c.delay >= 0.85 && c.curvature >= 0.85, "{c:?}");
@@ -207,19 +182,12 @@ fn intervals_hold_the_truth_when_commands_take_effect_at_random_times() {
 
 #[test]
 fn without_noise_the_truth_comes_back() {
-    let bench = Bench {
-        noise_std: 1e-6,
-        ..BENCH
-    };
+    let bench = Bench { noise_std: 1e-6, ..BENCH };
     let fit = fitted(&staircase(&MOTOR, &bench, 3));
     for (tau, truth) in time_constants(&fit, &MOTOR) {
         assert!((tau.value / truth - 1.0).abs() < 2e-3, "{tau:?} {truth}");
     }
-    assert!(
-        (fit.delay_s.value - MOTOR.delay_s).abs() < 5e-5,
-        "{:?}",
-        fit.delay_s
-    );
+    assert!((fit.delay_s.value - MOTOR.delay_s).abs() < 5e-5, "{:?}", fit.delay_s);
     assert!(fit.fit_percent > 99.9, "{}", fit.fit_percent);
     for level in &fit.levels {
         let mean = level.up.unwrap().mean.value;
@@ -268,21 +236,14 @@ fn a_motor_with_drag_gives_its_small_signal_time_constants() {
             if let Some(tau) = branch.time_constant_s {
                 // One kappa for all levels is an approximation: it grows with speed in this motor.
                 let error = (tau.value / truth - 1.0).abs();
-                assert!(
-                    error < 0.05 + 1.96 * tau.std / tau.value,
-                    "{level:?} {truth}"
-                );
+                assert!(error < 0.05 + 1.96 * tau.std / tau.value, "{level:?} {truth}");
                 checked += 1;
             }
         }
     }
     assert_eq!(checked, 17);
     // c W tau at the levels of the large steps: 0.42 to 0.45.
-    assert!(
-        (0.35..0.5).contains(&fit.curvature.value),
-        "{:?}",
-        fit.curvature
-    );
+    assert!((0.35..0.5).contains(&fit.curvature.value), "{:?}", fit.curvature);
     assert!(fit.fit_percent > 99.0, "{}", fit.fit_percent);
 }
 
@@ -295,16 +256,10 @@ fn odd_parts_are_left_out_and_named() {
         match record.time_s[k] {
             t if t < 1.5 => {
                 record.command[k] = 0.1;
-                *rpm = if t < 0.8 {
-                    0.0
-                } else {
-                    600.0 + 500.0 * (40.0 * t).sin()
-                };
+                *rpm = if t < 0.8 { 0.0 } else { 600.0 + 500.0 * (40.0 * t).sin() };
             }
             // The top of the staircase turns slower than the level before it.
-            t if (21.0..22.5).contains(&t) => {
-                *rpm -= 1200.0 * (1.0 - (-(t - 21.0) / 0.05f64).exp())
-            }
+            t if (21.0..22.5).contains(&t) => *rpm -= 1200.0 * (1.0 - (-(t - 21.0) / 0.05f64).exp()),
             _ => {}
         }
     }
@@ -315,55 +270,27 @@ fn odd_parts_are_left_out_and_named() {
     let fit = fitted(&record);
     let start_s = record.time_s[fit.rows.start];
     assert!((1.5..2.2).contains(&start_s), "{start_s}");
-    assert!(
-        fit.warnings
-            .contains(&StepsWarning::Spikes { rows: spikes.len() }),
-        "{:?}",
-        fit.warnings
-    );
-    assert!(
-        fit.warnings
-            .iter()
-            .any(|w| matches!(w, StepsWarning::StartLeftOut { .. }))
-    );
+    assert!(fit.warnings.contains(&StepsWarning::Spikes { rows: spikes.len() }), "{:?}", fit.warnings);
+    assert!(fit.warnings.iter().any(|w| matches!(w, StepsWarning::StartLeftOut { .. })));
     let dropped = |w: &StepsWarning| matches!(w, StepsWarning::NotRising { command } if (command - 0.9).abs() < 1e-9);
     let top = fit.levels.last().unwrap();
-    assert!(
-        top.gain.is_none() && fit.warnings.iter().any(dropped),
-        "{top:?}"
-    );
+    assert!(top.gain.is_none() && fit.warnings.iter().any(dropped), "{top:?}");
     let model = fit.to_model("test").unwrap();
-    assert!(
-        model
-            .points
-            .iter()
-            .all(|p| p.nominal < 0.88 && p.gain > 0.0),
-        "{model:?}"
-    );
+    assert!(model.points.iter().all(|p| p.nominal < 0.88 && p.gain > 0.0), "{model:?}");
     assert!(model.points.len() >= 12);
     assert!(fit.fit_percent > fit.fit_percent_with_spikes + 0.5);
     // The level below the drop keeps the slope from below.
     let below = fit.levels[fit.levels.len() - 2].gain.unwrap();
     let truth = (map(0.85) - map(0.80)) / 0.05;
-    assert!(
-        (below.value - truth).abs() < 2.0 * below.std + 100.0,
-        "{below:?} {truth}"
-    );
+    assert!((below.value - truth).abs() < 2.0 * below.std + 100.0, "{below:?} {truth}");
 }
 
 #[test]
 fn a_model_has_the_mean_of_both_rates_and_the_static_map() {
     let fit = fitted(&staircase(&MOTOR, &BENCH, 2));
     let model = fit.to_model("1.2.3").unwrap();
-    let point = model
-        .points
-        .iter()
-        .find(|p| (p.nominal - 0.5).abs() < 1e-9)
-        .unwrap();
-    let (up, down) = (
-        point.time_constant_up_s.unwrap(),
-        point.time_constant_down_s.unwrap(),
-    );
+    let point = model.points.iter().find(|p| (p.nominal - 0.5).abs() < 1e-9).unwrap();
+    let (up, down) = (point.time_constant_up_s.unwrap(), point.time_constant_down_s.unwrap());
     assert!(down > up);
     assert!((2.0 / point.time_constant_s - 1.0 / up - 1.0 / down).abs() < 1e-9);
     assert!(point.fit_step_percent.unwrap() > 80.0);
@@ -402,10 +329,7 @@ fn a_lag_with_two_rates_answers_a_sine_between_its_two_means() {
         let tau = -im / re / omega;
         let (of_rates, of_times) = (2.0 / (up + down), 0.5 * (1.0 / up + 1.0 / down));
         println!("{omega}: {tau}");
-        assert!(
-            (0.995 * of_rates..1.005 * of_times).contains(&tau),
-            "{omega}: {tau}"
-        );
+        assert!((0.995 * of_rates..1.005 * of_times).contains(&tau), "{omega}: {tau}");
     }
 }
 
@@ -415,50 +339,24 @@ fn records_without_a_staircase_are_refused() {
     let n = good.time_s.len();
     let refused = |record: &Record| fit_staircase(record, Output::Rpm, None).unwrap_err();
 
-    let constant = Record {
-        command: vec![0.5; n],
-        ..good.clone()
-    };
-    assert!(matches!(
-        refused(&constant),
-        StepsError::ConstantCommand { .. }
-    ));
-    let still = Record {
-        rpm: Some(vec![0.0; n]),
-        ..good.clone()
-    };
+    let constant = Record { command: vec![0.5; n], ..good.clone() };
+    assert!(matches!(refused(&constant), StepsError::ConstantCommand { .. }));
+    let still = Record { rpm: Some(vec![0.0; n]), ..good.clone() };
     assert!(matches!(refused(&still), StepsError::NotRunning { .. }));
-    let deaf = Record {
-        rpm: Some(vec![5000.0; n]),
-        ..good.clone()
-    };
+    let deaf = Record { rpm: Some(vec![5000.0; n]), ..good.clone() };
     assert!(matches!(refused(&deaf), StepsError::NoUsableStep { .. }));
     let thrust = fit_staircase(&good, Output::ThrustN, None).unwrap_err();
-    assert!(
-        thrust
-            .to_string()
-            .contains("staircase.csv: no column `thrust_n`")
-    );
-    let short = Record {
-        time_s: good.time_s[1..].to_vec(),
-        ..good.clone()
-    };
+    assert!(thrust.to_string().contains("staircase.csv: no column `thrust_n`"));
+    let short = Record { time_s: good.time_s[1..].to_vec(), ..good.clone() };
     assert!(matches!(refused(&short), StepsError::Malformed { .. }));
     let mut nan = good.clone();
     nan.command[17] = f64::NAN;
     assert!(matches!(refused(&nan), StepsError::Malformed { .. }));
     for rows in 0..3 {
-        let few = record(
-            good.time_s[..rows].to_vec(),
-            good.command[..rows].to_vec(),
-            vec![1.0; rows],
-        );
+        let few = record(good.time_s[..rows].to_vec(), good.command[..rows].to_vec(), vec![1.0; rows]);
         assert!(matches!(refused(&few), StepsError::ConstantCommand { .. }));
     }
     // White noise as a command: no plateau at all.
-    let restless = Record {
-        command: (0..n).map(|k| (k % 7) as f64 / 7.0).collect(),
-        ..good
-    };
+    let restless = Record { command: (0..n).map(|k| (k % 7) as f64 / 7.0).collect(), ..good };
     assert!(matches!(refused(&restless), StepsError::NotRunning { .. }));
 }

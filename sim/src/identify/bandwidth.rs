@@ -63,10 +63,7 @@ pub enum StaticValue {
 impl Default for StaticValue {
     /// Ten lines (1.9 Hz at the paper's spacing) and `w^4`, which a compensated actuator needs.
     fn default() -> Self {
-        Self::Extrapolated {
-            lines: 10,
-            order: 2,
-        }
+        Self::Extrapolated { lines: 10, order: 2 }
     }
 }
 
@@ -93,15 +90,13 @@ pub fn bandwidth_of(response: impl Fn(f64) -> Complex64, max_rad_s: f64) -> Band
     let is_below = |omega: f64| response(omega).norm() < threshold;
     let steps = (1e6f64.ln() / 1.001f64.ln()).ceil() as i32;
     let mut low = 0.0;
-    let bracket = (-steps..=0)
-        .map(|step| max_rad_s * 1.001f64.powi(step))
-        .find(|&omega| {
-            let below = is_below(omega);
-            if !below {
-                low = omega;
-            }
-            below
-        });
+    let bracket = (-steps..=0).map(|step| max_rad_s * 1.001f64.powi(step)).find(|&omega| {
+        let below = is_below(omega);
+        if !below {
+            low = omega;
+        }
+        below
+    });
     let Some(mut high) = bracket else {
         return Bandwidth::Beyond(max_rad_s);
     };
@@ -154,12 +149,7 @@ pub fn bandwidth_of_etfe(
         .collect();
     draws.sort_by(|a, b| a.rank().total_cmp(&b.rank()));
     let tail = (0.025 * resamples as f64) as usize;
-    Ok(EtfeBandwidth {
-        bandwidth,
-        static_value: level,
-        lower: draws[tail],
-        upper: draws[resamples - 1 - tail],
-    })
+    Ok(EtfeBandwidth { bandwidth, static_value: level, lower: draws[tail], upper: draws[resamples - 1 - tail] })
 }
 
 fn top(etfe: &Etfe) -> f64 {
@@ -170,54 +160,28 @@ fn static_level(raw: &[ResponsePoint], value: StaticValue) -> Result<f64, Identi
     let (lines, order) = match value {
         StaticValue::Given(level) if level > 0.0 && level.is_finite() => return Ok(level),
         StaticValue::Given(level) => {
-            return Err(IdentifyError::Setting {
-                name: "static value",
-                value: level,
-                range: "above zero",
-            });
+            return Err(IdentifyError::Setting { name: "static value", value: level, range: "above zero" });
         }
         StaticValue::Extrapolated { lines, order } => (lines, order),
     };
     if lines <= order || lines > raw.len() {
-        return Err(IdentifyError::TooFewLines {
-            lines: lines.min(raw.len()),
-            parameters: order + 1,
-        });
+        return Err(IdentifyError::TooFewLines { lines: lines.min(raw.len()), parameters: order + 1 });
     }
-    let no_level = || IdentifyError::NoFit {
-        reason: "no static value below the lowest lines",
-    };
+    let no_level = || IdentifyError::NoFit { reason: "no static value below the lowest lines" };
     let lowest = &raw[..lines];
     let scale = lowest[lines - 1].omega_rad_s;
-    let floor = 1e-12
-        * lowest
-            .iter()
-            .map(|p| p.response.norm_sqr())
-            .fold(0.0, f64::max);
+    let floor = 1e-12 * lowest.iter().map(|p| p.response.norm_sqr()).fold(0.0, f64::max);
     // |G + N|^2 exceeds |G|^2 by the noise on average. Its deviation is 2 |G| of the radial noise.
-    let powers: Vec<f64> = lowest
-        .iter()
-        .map(|p| (p.response.norm_sqr() - p.variance).max(floor))
-        .collect();
+    let powers: Vec<f64> = lowest.iter().map(|p| (p.response.norm_sqr() - p.variance).max(floor)).collect();
     // Var(1/|G|^2) = 2 s^2 / |G|^6.
-    let weights: Vec<f64> = lowest
-        .iter()
-        .zip(&powers)
-        .map(|(p, power)| (power.powi(3) / (2.0 * p.variance.max(floor))).sqrt())
-        .collect();
+    let weights: Vec<f64> =
+        lowest.iter().zip(&powers).map(|(p, power)| (power.powi(3) / (2.0 * p.variance.max(floor))).sqrt()).collect();
     let design = DMatrix::from_fn(lines, order + 1, |row, column| {
         weights[row] * (lowest[row].omega_rad_s / scale).powi(2 * column as i32)
     });
     let target = DVector::from_fn(lines, |row, _| weights[row] / powers[row]);
-    let solution = design
-        .svd(true, true)
-        .solve(&target, 1e-12)
-        .map_err(|_| no_level())?;
-    if solution[0] > 0.0 && solution[0].is_finite() {
-        Ok(solution[0].sqrt().recip())
-    } else {
-        Err(no_level())
-    }
+    let solution = design.svd(true, true).solve(&target, 1e-12).map_err(|_| no_level())?;
+    if solution[0] > 0.0 && solution[0].is_finite() { Ok(solution[0].sqrt().recip()) } else { Err(no_level()) }
 }
 
 /// The first crossing of the curve, from the static value at zero on.
@@ -227,11 +191,7 @@ fn first_crossing(points: &[ResponsePoint], static_value: f64) -> Bandwidth {
     for point in points {
         let next = below_db(point.response.norm());
         if next < 0.0 {
-            let share = if next.is_finite() {
-                margin / (margin - next)
-            } else {
-                1.0
-            };
+            let share = if next.is_finite() { margin / (margin - next) } else { 1.0 };
             return Bandwidth::At(omega + (point.omega_rad_s - omega) * share);
         }
         (omega, margin) = (point.omega_rad_s, next);
@@ -254,11 +214,7 @@ mod tests {
             .map(|k| {
                 let omega_rad_s = TAU * (0.1 + 0.2 * f64::from(k));
                 let variance = (relative_noise * 10.0).powi(2);
-                ResponsePoint {
-                    omega_rad_s,
-                    response: response(omega_rad_s),
-                    variance,
-                }
+                ResponsePoint { omega_rad_s, response: response(omega_rad_s), variance }
             })
             .collect();
         let reference: Vec<_> = raw.iter().map(|p| p.response).collect();
@@ -268,9 +224,7 @@ mod tests {
     #[test]
     fn a_lag_has_its_bandwidth_to_the_last_digit() {
         for tau in [1e-3, 0.1, 10.0] {
-            let Bandwidth::At(omega) = bandwidth_of(|w| lag(w, tau), 1e5) else {
-                panic!()
-            };
+            let Bandwidth::At(omega) = bandwidth_of(|w| lag(w, tau), 1e5) else { panic!() };
             let exact = (10f64.powf(0.3) - 1.0).sqrt() / tau;
             assert!((omega / exact - 1.0).abs() < 1e-13);
         }
@@ -285,32 +239,20 @@ mod tests {
         };
         let omega = bandwidth_of(notch, 1e4).rad_s().unwrap();
         assert!((2.95..3.0).contains(&omega), "{omega}");
-        assert_eq!(
-            bandwidth_of(|w| lag(w, 1e-3), 500.0),
-            Bandwidth::Beyond(500.0)
-        );
-        assert_eq!(
-            bandwidth_of(|_| Complex64::ONE, 0.0),
-            Bandwidth::Beyond(0.0)
-        );
-        assert!(matches!(
-            bandwidth_of(|_| Complex64::ONE, f64::NAN),
-            Bandwidth::Beyond(_)
-        ));
+        assert_eq!(bandwidth_of(|w| lag(w, 1e-3), 500.0), Bandwidth::Beyond(500.0));
+        assert_eq!(bandwidth_of(|_| Complex64::ONE, 0.0), Bandwidth::Beyond(0.0));
+        assert!(matches!(bandwidth_of(|_| Complex64::ONE, f64::NAN), Bandwidth::Beyond(_)));
     }
 
     #[test]
     fn an_etfe_without_noise_has_the_bandwidth_of_its_curve() {
         for tau in [0.1593, 0.1, 0.0708] {
-            let result =
-                bandwidth_of_etfe(&etfe(0.0, |w| lag(w, tau)), StaticValue::default(), 100, 1)
-                    .unwrap();
+            let result = bandwidth_of_etfe(&etfe(0.0, |w| lag(w, tau)), StaticValue::default(), 100, 1).unwrap();
             let exact = bandwidth_of(|w| lag(w, tau), 1e3).rad_s().unwrap();
             let found = result.bandwidth.rad_s().unwrap();
             assert!((found / exact - 1.0).abs() < 2e-3, "{found} {exact}");
             assert!((result.static_value / 10.0 - 1.0).abs() < 1e-9);
-            let given =
-                bandwidth_of_etfe(&etfe(0.0, |w| lag(w, tau)), StaticValue::Given(5.0), 100, 1);
+            let given = bandwidth_of_etfe(&etfe(0.0, |w| lag(w, tau)), StaticValue::Given(5.0), 100, 1);
             assert!(given.unwrap().bandwidth.rad_s().unwrap() > 2.0 * found);
         }
     }
@@ -355,16 +297,7 @@ mod tests {
         assert!(with(StaticValue::Given(f64::NAN), 200).is_err());
         assert!(with(StaticValue::Given(0.0), 200).is_err());
         assert!(with(StaticValue::Extrapolated { lines: 2, order: 2 }, 200).is_err());
-        assert!(
-            with(
-                StaticValue::Extrapolated {
-                    lines: 151,
-                    order: 2
-                },
-                200
-            )
-            .is_err()
-        );
+        assert!(with(StaticValue::Extrapolated { lines: 151, order: 2 }, 200).is_err());
         assert!(with(StaticValue::default(), 10).is_err());
     }
 }

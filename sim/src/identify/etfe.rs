@@ -162,9 +162,7 @@ fn smooth(raw: &[ResponsePoint], reference: &[Complex64], half_width: usize) -> 
     let mean = (0..raw.len()).map(precision).sum::<f64>() / raw.len() as f64;
     let floor = if mean > 0.0 { 1e-6 * mean } else { 1.0 };
     let reach = half_width as f64 + 1.0;
-    let hann: Vec<f64> = (0..=half_width)
-        .map(|d| 0.5 * (1.0 + (PI * d as f64 / reach).cos()))
-        .collect();
+    let hann: Vec<f64> = (0..=half_width).map(|d| 0.5 * (1.0 + (PI * d as f64 / reach).cos())).collect();
     (0..raw.len())
         .map(|k| {
             let first = k.saturating_sub(half_width);

@@ -14,9 +14,7 @@
 use super::stamps::median;
 use super::summary::ColumnList;
 use super::table::{Column, Table};
-use super::{
-    DroppedRows, ImportError, ImportOptions, ImportSummary, LogFormat, MIN_ROWS, Taken, Timing,
-};
+use super::{DroppedRows, ImportError, ImportOptions, ImportSummary, LogFormat, MIN_ROWS, Taken, Timing};
 
 pub(super) const TIME: &str = "Time (s)";
 pub(super) const COMMAND: &str = "ESC signal (µs)";
@@ -37,34 +35,18 @@ pub(super) fn take(table: &Table, options: &ImportOptions) -> Result<Taken, Impo
     let signal = table.need(COMMAND)?;
 
     let rows = rows_under_command(table, signal, &mut dropped)?;
-    let Ordered {
-        rows,
-        time_s,
-        reordered,
-        repeated,
-    } = in_order_of_time(table, time, &rows)?;
+    let Ordered { rows, time_s, reordered, repeated } = in_order_of_time(table, time, &rows)?;
     if repeated > 0 {
-        dropped.push(DroppedRows {
-            rows: repeated,
-            reason: "same time stamp as the row before".into(),
-        });
+        dropped.push(DroppedRows { rows: repeated, reason: "same time stamp as the row before".into() });
     }
     if rows.len() < MIN_ROWS {
-        return Err(ImportError::TooFewRows {
-            file: table.file.clone(),
-            rows: rows.len(),
-            needed: MIN_ROWS,
-        });
+        return Err(ImportError::TooFewRows { file: table.file.clone(), rows: rows.len(), needed: MIN_ROWS });
     }
 
     let command = normalized(table, signal, &rows, options)?;
     let (low, high) = options.esc_signal_us;
     columns.taken(time, "time_s", "seconds, from the first row taken");
-    columns.taken(
-        signal,
-        "command",
-        format!("{low}..{high} µs become 0..1, stated and not measured"),
-    );
+    columns.taken(signal, "command", format!("{low}..{high} µs become 0..1, stated and not measured"));
 
     let (speed, rpm) = speed(table, &rows, &mut columns)?;
     columns.taken(speed, "rpm", "as the stand gives it");
@@ -93,13 +75,7 @@ pub(super) fn take(table: &Table, options: &ImportOptions) -> Result<Taken, Impo
     for column in THRUST.iter().filter_map(|name| table.find(name)) {
         let (_, filled) = column.where_filled(&rows)?;
         let rate = filled as f64 / span;
-        columns.left(
-            column,
-            format!(
-                "{} ({rate:.1} Hz): too slow to show the lag",
-                partly(filled, rows.len())
-            ),
-        );
+        columns.left(column, format!("{} ({rate:.1} Hz): too slow to show the lag", partly(filled, rows.len())));
     }
 
     let mut intervals: Vec<f64> = time_s.windows(2).map(|w| w[1] - w[0]).collect();
@@ -151,15 +127,9 @@ fn rows_under_command(
     let all = 0..table.rows.len();
     let first = all.clone().find(has).unwrap_or(all.end);
     let end = all.clone().rev().find(has).map_or(first, |row| row + 1);
-    for (rows, reason) in [
-        (first, "no command yet"),
-        (all.end - end, "no command any more"),
-    ] {
+    for (rows, reason) in [(first, "no command yet"), (all.end - end, "no command any more")] {
         if rows > 0 {
-            dropped.push(DroppedRows {
-                rows,
-                reason: reason.into(),
-            });
+            dropped.push(DroppedRows { rows, reason: reason.into() });
         }
     }
     let rows: Vec<usize> = (first..end).collect();
@@ -177,11 +147,7 @@ struct Ordered {
 }
 
 /// Sorts rows by their stamps, from zero, and leaves out those whose stamp was there before.
-fn in_order_of_time(
-    table: &Table,
-    time: Column<'_>,
-    rows: &[usize],
-) -> Result<Ordered, ImportError> {
+fn in_order_of_time(table: &Table, time: Column<'_>, rows: &[usize]) -> Result<Ordered, ImportError> {
     let mut stamped = Vec::with_capacity(rows.len());
     let mut latest = f64::NEG_INFINITY;
     let mut reordered = 0;
