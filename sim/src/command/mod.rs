@@ -2,8 +2,10 @@
 //! came out, for people and as JSON.
 
 mod bandwidth;
+mod demo;
 mod design;
 mod excite;
+mod identify;
 mod import;
 mod outcome;
 mod progress;
@@ -30,9 +32,11 @@ Exit status: 0 done, 1 failed, 2 wrong use.";
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Demo(demo::Demo),
     Excite(excite::Excite),
     Simulate(simulate::Simulate),
     Import(import::Import),
+    Identify(identify::Identify),
     Design(design::Design),
     Bandwidth(bandwidth::Bandwidth),
 }
@@ -44,9 +48,11 @@ impl Arguments {
     /// A report for a person: what is wrong, where, and what to do.
     pub fn run(self) -> miette::Result<()> {
         match self.command {
+            Command::Demo(command) => command.json.say(command.run()?),
             Command::Excite(command) => command.json.say(command.run()?),
             Command::Simulate(command) => command.json.say(command.run()?),
             Command::Import(command) => command.json.say(command.run()?),
+            Command::Identify(command) => command.json.say(command.run()?),
             Command::Design(command) => command.json.say(command.run()?),
             Command::Bandwidth(command) => command.json.say(command.run()?),
         }

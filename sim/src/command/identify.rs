@@ -1,0 +1,288 @@
+//! `rotorlead identify`
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use miette::{Diagnostic, IntoDiagnostic as _};
+use serde_json::{Value, json};
+use thiserror::Error;
+
+use super::outcome::{JsonOption, Outcome};
+use super::progress;
+use crate::identify::steps::{StaircaseFit, fit_staircase};
+use crate::identify::{FirstOrderOptions, PeriodicIdentification, PeriodicOptions, identify_periodic};
+use crate::plant::{Model, Point, Provenance};
+use crate::record::{Excitation, Experiment, Output, Record, Role};
+
+/// Finds the lag at each level from the records of an experiment
+///
+/// Multisine records are fitted in the frequency domain, one lag per nominal command, and judged on square waves.
+/// Without any, a step or staircase record is fitted in time, one lag per level and direction.
+#[derive(Args, Debug)]
+pub struct Identify {
+    /// The experiment's folder
+    #[arg(value_name = "DIR")]
+    experiment: PathBuf,
+    /// Where the model goes
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Whether a dead time is part of the lag at multisine records
+    #[arg(long, value_enum, default_value_t = Delay::Auto)]
+    delay: Delay,
+    #[command(flatten)]
+    pub(super) json: JsonOption,
+}
+
+/// Whether a dead time is fitted.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Delay {
+    /// Where the records show one, by a likelihood ratio test at 1 %
+    Auto,
+    /// Never
+    None,
+    /// Always
+    Fit,
+}
+
+/// Why there is nothing to identify.
+#[derive(Debug, Error, Diagnostic)]
+enum NothingToIdentify {
+    #[error("{experiment}: no record of `excitation` multisine, step or staircase that may be fitted")]
+    #[diagnostic(help(
+        "record one (`rotorlead excite` designs a multisine), or correct `excitation` and `role` in experiment.toml"
+    ))]
+    NoRecord { experiment: String },
+    #[error("{experiment}: {count} step or staircase records without a role, and one model")]
+    #[diagnostic(help("give the one to fit role = \"fit\" in experiment.toml, and the others role = \"validate\""))]
+    Ambiguous { experiment: String, count: usize },
+}
+
+/// What was identified, by either way.
+pub struct Identified {
+    /// The model.
+    pub model: Model,
+    /// Its tables in words.
+    pub text: String,
+    /// What the user should know, a sentence each.
+    pub warnings: Vec<String>,
+    /// What only one way finds, for programs.
+    pub detail: Value,
+}
+
+impl Identify {
+    /// Runs the command.
+    pub fn run(&self) -> miette::Result<Outcome> {
+        let experiment = Experiment::read(&self.experiment)?;
+        let delay_level = match self.delay {
+            Delay::Auto => FirstOrderOptions::default().delay_level,
+            Delay::None => 0.0,
+            Delay::Fit => 1.0,
+        };
+        let bar = progress::bar("identifying", experiment.records.len() as u64);
+        let identified = identify(&experiment, delay_level)?;
+        bar.finish_and_clear();
+        identified.model.write(&self.out)?;
+
+        let mut text = identified.text;
+        for warning in &identified.warnings {
+            writeln!(text, "warning: {warning}").into_diagnostic()?;
+        }
+        writeln!(text, "\nWritten to {}", self.out.display()).into_diagnostic()?;
+        let json = json!({
+            "points": identified.model.points.iter().map(point_json).collect::<Vec<_>>(),
+            "warnings": identified.warnings,
+            "detail": identified.detail,
+        });
+        Ok(Outcome { text, json })
+    }
+}
+
+/// One point with every key of the contract: what is not known is null, not absent.
+fn point_json(point: &Point) -> Value {
+    json!({
+        "nominal": point.nominal,
+        "gain": point.gain,
+        "gain_std": point.gain_std,
+        "time_constant_s": point.time_constant_s,
+        "time_constant_s_std": point.time_constant_s_std,
+        "delay_s": point.delay_s,
+        "delay_s_std": point.delay_s_std,
+        "time_constant_up_s": point.time_constant_up_s,
+        "time_constant_down_s": point.time_constant_down_s,
+        "fit_frequency_percent": point.fit_frequency_percent,
+        "fit_square_percent": point.fit_square_percent,
+        "fit_step_percent": point.fit_step_percent,
+    })
+}
+
+/// Identifies by what records there are.
+pub fn identify(experiment: &Experiment, delay_level: f64) -> miette::Result<Identified> {
+    let may_fit = |record: &&Record| record.role != Some(Role::Validate);
+    if experiment.records.iter().filter(may_fit).any(|record| record.excitation == Excitation::Multisine) {
+        let options = PeriodicOptions {
+            fit: FirstOrderOptions { delay_level, ..FirstOrderOptions::default() },
+            ..PeriodicOptions::default()
+        };
+        let found = identify_periodic(experiment, &options)?;
+        return Ok(Identified {
+            model: periodic_model(experiment, &found),
+            text: periodic_table(experiment.output, &found),
+            warnings: periodic_warnings(&found),
+            detail: Value::Null,
+        });
+    }
+    let record = step_record(experiment)?;
+    let fit = fit_staircase(record, experiment.output, experiment.esc_frame_hz)?;
+    Ok(Identified {
+        model: fit.to_model(env!("CARGO_PKG_VERSION"))?,
+        text: staircase_table(&fit),
+        warnings: fit.warnings.iter().map(ToString::to_string).collect(),
+        detail: staircase_json(&fit),
+    })
+}
+
+/// The one step or staircase record that is to be fitted.
+fn step_record(experiment: &Experiment) -> Result<&Record, NothingToIdentify> {
+    let records = |role: Option<Role>| {
+        experiment
+            .records
+            .iter()
+            .filter(move |record| {
+                matches!(record.excitation, Excitation::Step | Excitation::Staircase) && record.role == role
+            })
+            .collect::<Vec<_>>()
+    };
+    let (marked, unmarked) = (records(Some(Role::Fit)), records(None));
+    let candidates = if marked.is_empty() { unmarked } else { marked };
+    let name = || experiment.name.clone();
+    match candidates[..] {
+        [record] => Ok(record),
+        [] => Err(NothingToIdentify::NoRecord { experiment: name() }),
+        _ => Err(NothingToIdentify::Ambiguous { experiment: name(), count: candidates.len() }),
+    }
+}
+
+/// The model of a periodic identification.
+pub fn periodic_model(experiment: &Experiment, found: &PeriodicIdentification) -> Model {
+    Model {
+        format: 1,
+        points: found.points(),
+        static_map: None,
+        effects: Vec::new(),
+        provenance: Some(Provenance {
+            records: experiment.records.iter().map(|record| record.file.clone()).collect(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            output: experiment.output,
+            command_rate_hz: experiment.command_rate_hz,
+            esc_frame_hz: experiment.esc_frame_hz,
+        }),
+    }
+}
+
+fn periodic_warnings(found: &PeriodicIdentification) -> Vec<String> {
+    let all = found.warnings.iter().chain(found.nominals.iter().flat_map(|nominal| &nominal.warnings));
+    all.map(ToString::to_string).collect()
+}
+
+/// Value and standard error, both times `scale`.
+fn with_std(value: f64, std: Option<f64>, scale: f64, digits: usize) -> String {
+    match std {
+        Some(std) => format!("{:.digits$} +- {:.digits$}", scale * value, scale * std),
+        None => format!("{:.digits$}", scale * value),
+    }
+}
+
+fn percent(value: Option<f64>) -> String {
+    value.map_or_else(|| String::from("-"), |value| format!("{value:.2}"))
+}
+
+fn unit(output: Output) -> &'static str {
+    match output {
+        Output::ThrustN => "N",
+        Output::Rpm => "rpm",
+    }
+}
+
+fn periodic_table(output: Output, found: &PeriodicIdentification) -> String {
+    let mut text = format!(
+        "  u_nom {:>20} {:>19} {:>17} {:>13} {:>12} {:>11}\n",
+        format!("gain ({})", unit(output)),
+        "time constant (ms)",
+        "delay (ms)",
+        "% fit, freq.",
+        "% fit, square",
+        "chi2/dof"
+    );
+    for (nominal, point) in found.nominals.iter().zip(found.points()) {
+        let line = format!(
+            "  {:<5.3} {:>20} {:>19} {:>17} {:>13} {:>12} {:>11.2}\n",
+            point.nominal,
+            with_std(point.gain, point.gain_std, 1.0, 4),
+            with_std(point.time_constant_s, point.time_constant_s_std, 1e3, 2),
+            point.delay_s_std.map_or_else(|| String::from("-"), |std| with_std(point.delay_s, Some(std), 1e3, 2)),
+            percent(point.fit_frequency_percent),
+            percent(point.fit_square_percent),
+            nominal.fit.reduced_chi_square,
+        );
+        text.push_str(&line);
+    }
+    text.push_str("  +- is one standard error, of the noise alone.\n");
+    text
+}
+
+fn staircase_table(fit: &StaircaseFit) -> String {
+    let mut text = format!(
+        "{}: % fit {:.1} of one lag toward one static map ({:.1} with readings that were set aside)\n\
+         delay {} ms as logged\n\n  level {:>14} {:>20} {:>7} {:>20} {:>7}\n",
+        fit.record,
+        fit.fit_percent,
+        fit.fit_percent_with_spikes,
+        with_std(fit.delay_s.value, Some(fit.delay_s.std), 1e3, 1),
+        format!("gain ({})", unit(fit.output)),
+        "tau up (ms)",
+        "% fit",
+        "tau down (ms)",
+        "% fit",
+    );
+    for level in &fit.levels {
+        let branch = |branch: &Option<crate::identify::steps::Branch>| {
+            let tau = branch.and_then(|branch| branch.time_constant_s);
+            let fit = branch.and_then(|branch| branch.fit_percent);
+            let tau = tau.map_or_else(|| String::from("-"), |tau| with_std(tau.value, Some(tau.std), 1e3, 1));
+            (tau, fit.map_or_else(|| String::from("-"), |fit| format!("{fit:.1}")))
+        };
+        let ((up, up_fit), (down, down_fit)) = (branch(&level.up), branch(&level.down));
+        let gain = level.gain.map_or_else(|| String::from("-"), |gain| format!("{:.0}", gain.value));
+        let line = format!("  {:<5.3} {gain:>14} {up:>20} {up_fit:>7} {down:>20} {down_fit:>7}\n", level.command);
+        text.push_str(&line);
+    }
+    text
+}
+
+fn staircase_json(fit: &StaircaseFit) -> Value {
+    let branch = |branch: &Option<crate::identify::steps::Branch>| {
+        branch.map(|branch| {
+            json!({
+                "response": branch.mean.value,
+                "response_std": branch.mean.std,
+                "time_constant_s": branch.time_constant_s.map(|tau| tau.value),
+                "time_constant_s_std": branch.time_constant_s.map(|tau| tau.std),
+                "fit_percent": branch.fit_percent,
+            })
+        })
+    };
+    json!({
+        "record": fit.record,
+        "delay_s": fit.delay_s.value,
+        "delay_s_std": fit.delay_s.std,
+        "fit_percent": fit.fit_percent,
+        "fit_percent_with_spikes": fit.fit_percent_with_spikes,
+        "levels": fit.levels.iter().map(|level| json!({
+            "command": level.command,
+            "gain": level.gain.map(|gain| gain.value),
+            "up": branch(&level.up),
+            "down": branch(&level.down),
+        })).collect::<Vec<_>>(),
+    })
+}
