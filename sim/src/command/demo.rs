@@ -137,10 +137,9 @@ fn bode_plot(
     compensated: &PeriodicIdentification,
 ) -> miette::Result<String> {
     let mut curves = Vec::new();
-    for (index, (before, after)) in found.nominals.iter().zip(&compensated.nominals).enumerate() {
-        if !DRAWN.iter().any(|drawn| (drawn - before.nominal).abs() < 1e-9) {
-            continue;
-        }
+    let drawn = |nominal: f64| DRAWN.iter().any(|drawn| (drawn - nominal).abs() < 1e-9);
+    let pairs = found.nominals.iter().zip(&compensated.nominals).filter(|(before, _)| drawn(before.nominal));
+    for (index, (before, after)) in pairs.enumerate() {
         let gain = before.fit.gain.value;
         let line = |response: &dyn Fn(f64) -> Complex64| {
             let frequencies = (0..=200).map(|i| 0.6 * (DRAWN_UP_TO_RAD_S / 0.6_f64).powf(f64::from(i) / 200.0));
@@ -185,7 +184,9 @@ fn text(
     writeln!(out, "           K (N)                       tau (ms)                    1 / tau (rad/s)")?;
     writeln!(out, "  u_nom    paper   here                paper   here                paper    here")?;
     for (PaperRow { nominal, gain, omega_s_rad_s, .. }, point) in rows() {
-        let std = |std: Option<f64>, scale: f64, digits: usize| std.map_or(String::new(), |std| format!("+- {:.digits$}", scale * std));
+        let std = |std: Option<f64>, scale: f64, digits: usize| {
+            std.map_or(String::new(), |std| format!("+- {:.digits$}", scale * std))
+        };
         writeln!(
             out,
             "  {nominal:<5.2} {gain:>8.4}  {:>7.4} {:<9} {:>7.1}  {:>6.2} {:<8} {omega_s_rad_s:>9.4}  {:>8.4}",
@@ -220,7 +221,10 @@ fn text(
     writeln!(out, "Bandwidth in rad/s (the paper's Table 3)\n")?;
     writeln!(out, "           simulated: C(s) and the lag         measured: ETFE, the filter in integers in the loop")?;
     writeln!(out, "           uncompensated     compensated       uncompensated    compensated")?;
-    writeln!(out, "  u_nom    paper    here     paper    here     paper   here     paper   here   95 % interval   noise-free")?;
+    writeln!(
+        out,
+        "  u_nom    paper    here     paper    here     paper   here     paper   here   95 % interval   noise-free"
+    )?;
     for ((paper, simulated), measured) in PAPER.iter().zip(simulated).zip(measured) {
         let interval = format!("{} .. {}", cell(measured.compensated.lower), cell(measured.compensated.upper));
         writeln!(

@@ -21,14 +21,14 @@ pub struct Outcome {
 pub struct JsonOption {
     /// Also write what is printed as JSON; with `-`, to standard output and instead of the text
     #[arg(long = "json", value_name = "FILE")]
-    file: Option<PathBuf>,
+    json: Option<PathBuf>,
 }
 
 impl JsonOption {
     /// Prints the outcome, or writes it, or both.
     pub fn say(&self, outcome: Outcome) -> miette::Result<()> {
         let json = || format!("{:#}\n", outcome.json);
-        match self.file.as_deref() {
+        match self.json.as_deref() {
             Some(file) if file == Path::new("-") => print!("{}", json()),
             Some(file) => {
                 write_file(file, json().as_bytes())?;
