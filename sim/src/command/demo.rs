@@ -114,7 +114,8 @@ fn measured(
 ) -> miette::Result<Vec<Measured>> {
     let etfe_bandwidth = |found: &PeriodicIdentification, index: usize| {
         let nominal = &found.nominals[index];
-        let static_value = StaticValue::Given(nominal.fit.gain.value);
+        let gain = nominal.fit.gain;
+        let static_value = StaticValue::Estimated { value: gain.value, std: gain.std };
         bandwidth_of_etfe(&nominal.responses[0].etfe, static_value, RESAMPLES, seed)
     };
     (0..actuators.points.len())

@@ -14,6 +14,7 @@ use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
 
 use super::{Etfe, IdentifyError, ResponsePoint};
 
@@ -58,6 +59,27 @@ pub enum StaticValue {
     },
     /// Known, response units per unit of command.
     Given(f64),
+    /// Estimated apart, as the gain of a fit, with its standard error: each draw has its own. Where the fit used the same
+    /// record, its error and the lines' are taken for independent, which makes the interval rather too wide.
+    Estimated {
+        /// The estimate, response units per unit of command.
+        value: f64,
+        /// Its standard error.
+        std: f64,
+    },
+}
+
+impl StaticValue {
+    /// A draw of an estimated value; the others are what they are.
+    fn resample(self, rng: &mut ChaCha8Rng) -> Self {
+        match self {
+            Self::Estimated { value, std } => {
+                let normal: f64 = StandardNormal.sample(rng);
+                Self::Estimated { value: value + std * normal, std }
+            }
+            known => known,
+        }
+    }
 }
 
 impl Default for StaticValue {
@@ -137,15 +159,18 @@ pub fn bandwidth_of_etfe(
             range: "100 or more, for the tails",
         });
     }
-    let of = |etfe: &Etfe| -> Result<(Bandwidth, f64), IdentifyError> {
+    let of = |etfe: &Etfe, static_value: StaticValue| -> Result<(Bandwidth, f64), IdentifyError> {
         let level = static_level(etfe.raw(), static_value)?;
         Ok((first_crossing(etfe.smoothed(), level), level))
     };
-    let (bandwidth, level) = of(etfe)?;
+    let (bandwidth, level) = of(etfe, static_value)?;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut draws: Vec<Bandwidth> = (0..resamples)
         // A draw whose static value cannot be told has no bandwidth that could be told either.
-        .map(|_| of(&etfe.resample(&mut rng)).map_or(Bandwidth::Beyond(top(etfe)), |(b, _)| b))
+        .map(|_| {
+            let resampled = etfe.resample(&mut rng);
+            of(&resampled, static_value.resample(&mut rng)).map_or(Bandwidth::Beyond(top(etfe)), |(b, _)| b)
+        })
         .collect();
     draws.sort_by(|a, b| a.rank().total_cmp(&b.rank()));
     let tail = (0.025 * resamples as f64) as usize;
@@ -158,8 +183,10 @@ fn top(etfe: &Etfe) -> f64 {
 
 fn static_level(raw: &[ResponsePoint], value: StaticValue) -> Result<f64, IdentifyError> {
     let (lines, order) = match value {
-        StaticValue::Given(level) if level > 0.0 && level.is_finite() => return Ok(level),
-        StaticValue::Given(level) => {
+        StaticValue::Given(level) | StaticValue::Estimated { value: level, .. } if level > 0.0 && level.is_finite() => {
+            return Ok(level);
+        }
+        StaticValue::Given(level) | StaticValue::Estimated { value: level, .. } => {
             return Err(IdentifyError::Setting { name: "static value", value: level, range: "above zero" });
         }
         StaticValue::Extrapolated { lines, order } => (lines, order),
