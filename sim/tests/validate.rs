@@ -156,7 +156,8 @@ fn a_wrong_model_stays_below_the_ceiling_by_what_it_has_wrong() {
     let found = validate(&experiment, &strong).unwrap();
     // A fifth of the square wave's response is left; its offset does not count.
     assert!((found[1].fit_percent - 80.0).abs() < 0.05, "{:?}", found[1]);
-    assert!((found[2].fit_percent - 80.0).abs() < 0.01, "{:?}", found[2]);
+    // Of a single step the free offset and initial state take up a little.
+    assert!((80.0..80.5).contains(&found[2].fit_percent), "{:?}", found[2]);
     // In frequency it is a fifth of |G| over the spread of G about its mean.
     let lag = motor().at(0.5).unwrap();
     let response: Vec<_> = (0..150).map(|k| lag.frequency_response(TAU * 0.1 * (2.0 * f64::from(k) + 1.0))).collect();
