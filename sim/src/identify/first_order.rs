@@ -22,6 +22,7 @@ use num_complex::Complex64;
 
 use super::statistics::f_upper_tail;
 use super::{Estimate, HoldChain, IdentifyError, Image, Line};
+use crate::plant::Lag;
 
 /// One frequency at which the response is known.
 #[derive(Clone, Debug, PartialEq)]
@@ -61,6 +62,12 @@ impl FitLine {
             image.weight *= filter;
         }
         self
+    }
+
+    /// What the rows show of an actuator with this response (argument in rad/s), holds and filter included.
+    #[must_use]
+    pub fn seen(&self, actuator: impl Fn(f64) -> Complex64) -> Complex64 {
+        self.images.iter().map(|image| image.weight * actuator(image.omega_rad_s)).sum()
     }
 }
 
@@ -116,6 +123,16 @@ impl FirstOrderFit {
     #[must_use]
     pub fn response_at(&self, line: &FitLine) -> Complex64 {
         self.parameters().at(line)
+    }
+
+    /// Its three numbers, with a dead time of zero where zero explains the data.
+    #[must_use]
+    pub fn lag(&self) -> Lag {
+        Lag {
+            gain: self.gain.value,
+            time_constant_s: self.time_constant_s.value,
+            delay_s: self.delay_s.map_or(0.0, |d| d.value),
+        }
     }
 
     fn parameters(&self) -> Parameters {
@@ -224,7 +241,7 @@ impl Parameters {
     }
 
     fn at(self, line: &FitLine) -> Complex64 {
-        line.images.iter().map(|i| i.weight * self.plant(i.omega_rad_s)).sum()
+        line.seen(|omega| self.plant(omega))
     }
 
     /// The response and its derivatives by `K`, `tau` and `Td`.

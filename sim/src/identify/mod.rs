@@ -15,6 +15,7 @@ mod spectra;
 mod statistics;
 pub mod steps;
 mod transient;
+mod validate;
 
 pub use bandwidth::{Bandwidth, EtfeBandwidth, StaticValue, THREE_DB, bandwidth_of, bandwidth_of_etfe};
 pub use error::IdentifyError;
@@ -27,6 +28,7 @@ pub use periodic::{
     IdentifyWarning, NominalIdentification, PeriodicIdentification, PeriodicOptions, RecordResponse, SquareValidation,
     identify_periodic,
 };
-pub use simulation::{align, simulate_first_order};
+pub use simulation::{align, run_actuator};
 pub use spectra::{Line, NoiseSource, Spectrum, SpectrumOptions};
 pub use transient::TransientTest;
+pub use validate::{Domain, RecordValidation, validate};

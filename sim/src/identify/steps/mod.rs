@@ -25,6 +25,7 @@ mod levels;
 mod model;
 mod plateaus;
 mod response;
+mod run;
 mod spikes;
 mod uncertainty;
 mod warning;
@@ -36,10 +37,12 @@ pub use levels::{Branch, Level};
 pub use plateaus::Direction;
 pub use warning::StepsWarning;
 
+use super::spectra;
 use crate::record::{Output, Record};
 use fit::{Data, FittedStep, LagFit};
-use plateaus::{Plateau, SAME_LEVEL, longest_run, mean_and_std, settled_from};
+use plateaus::{Plateau, SAME_LEVEL, mean_and_std};
 use response::{Stretch, simulate};
+pub(super) use run::Run;
 
 /// A value and its standard error.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -117,19 +120,9 @@ const MAX_RELATIVE_STD: f64 = 0.35;
 /// out of the noise.
 pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>) -> Result<StaircaseFit, StepsError> {
     let raw = checked_response(record, output)?;
-    let (y, spike) = spikes::without_spikes(raw);
-    let all = plateaus::find(&record.time_s, &record.command, &y, output);
-    let not_running = || StepsError::NotRunning { record: record.file.clone() };
-    if all.len() < 2 {
-        return Err(StepsError::ConstantCommand { record: record.file.clone() });
-    }
-    let run = longest_run(&all);
-    if run.len() < 2 {
-        return Err(not_running());
-    }
-    let mut plateaus = all[run].to_vec();
-    plateaus[0].rows.start = settled_from(&plateaus[0], &y).ok_or_else(not_running)?;
-    let rows = plateaus[0].rows.start..plateaus[plateaus.len() - 1].rows.end;
+    let run = Run::of(record, output)?;
+    let rows = run.rows();
+    let Run { clean: y, spike, plateaus } = run;
 
     let data = Data { name: &record.file, time_s: &record.time_s, y: &y, spike: &spike };
     let frame_s = esc_frame_hz.filter(|&hz| hz > 0.0).map_or(0.0, |hz| 1.0 / hz);
@@ -170,13 +163,9 @@ pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>)
 }
 
 fn checked_response(record: &Record, output: Output) -> Result<&[f64], StepsError> {
-    let y = record.response(output).ok_or_else(|| StepsError::NoResponse {
-        record: record.file.clone(),
-        column: match output {
-            Output::ThrustN => "thrust_n",
-            Output::Rpm => "rpm",
-        },
-    })?;
+    let y = record
+        .response(output)
+        .ok_or_else(|| StepsError::NoResponse { record: record.file.clone(), column: spectra::column(output) })?;
     let columns = [&record.time_s[..], &record.command, y];
     let finite = columns.iter().all(|c| c.iter().all(|v| v.is_finite()));
     let even = columns.iter().all(|c| c.len() == y.len());
