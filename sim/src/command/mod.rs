@@ -10,6 +10,7 @@ mod import;
 mod outcome;
 mod progress;
 mod simulate;
+mod validate;
 
 use clap::{Parser, Subcommand};
 
@@ -37,6 +38,7 @@ enum Command {
     Simulate(simulate::Simulate),
     Import(import::Import),
     Identify(identify::Identify),
+    Validate(validate::Validate),
     Design(design::Design),
     Bandwidth(bandwidth::Bandwidth),
 }
@@ -53,6 +55,7 @@ impl Arguments {
             Command::Simulate(command) => command.json.say(command.run()?),
             Command::Import(command) => command.json.say(command.run()?),
             Command::Identify(command) => command.json.say(command.run()?),
+            Command::Validate(command) => command.json.say(command.run()?),
             Command::Design(command) => command.json.say(command.run()?),
             Command::Bandwidth(command) => command.json.say(command.run()?),
         }
