@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use super::design::DesignArguments;
 use super::outcome::{JsonOption, Outcome};
-use crate::design::{BandwidthPoint, Chain, CompensatorError, bandwidths, design, read_compensator};
+use crate::design::{BandwidthPoint, Chain, bandwidths, read_compensator};
 use crate::plant::Model;
 
 /// Predicts the bandwidth at each point of a model, with and without a compensator
@@ -25,13 +25,13 @@ pub struct Bandwidth {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["lead", "omega_g", "damping", "loop_rate", "prewarp"])]
     compensator: Option<PathBuf>,
     /// A continuous compensator by its parameters: zero and poles in rad/s, and damping
-    #[arg(long, value_name = "ZERO,POLES,DAMPING", value_parser = lead, conflicts_with_all = ["sampled", "omega_g", "damping", "loop_rate", "prewarp"])]
+    #[arg(long, value_name = "ZERO,POLES,DAMPING", value_parser = lead, allow_hyphen_values = true, conflicts_with_all = ["sampled", "omega_g", "damping", "loop_rate", "prewarp"])]
     lead: Option<LeadParameters>,
     /// Count the filter with its rounded coefficients, and the holds of its loop and of the ESC
     #[arg(long)]
     sampled: bool,
     /// Rate at which the ESC takes over a command, for --sampled; what the model was identified with unless given
-    #[arg(long, value_name = "HZ", requires = "sampled", value_parser = positive)]
+    #[arg(long, value_name = "HZ", requires = "sampled", value_parser = positive, allow_negative_numbers = true)]
     esc_frame: Option<f64>,
     #[command(flatten)]
     parameters: DesignArguments,
@@ -44,14 +44,11 @@ impl Bandwidth {
     pub fn run(&self) -> miette::Result<Outcome> {
         let model = Model::read(&self.model)?;
         let points = match &self.lead {
-            Some(lead) => {
-                let lead = lead.checked().map_err(CompensatorError::from)?;
-                bandwidths(&model, Chain::Continuous(&lead))
-            }
+            Some(lead) => bandwidths(&model, Chain::Continuous(lead)),
             None => {
                 let design = match &self.compensator {
                     Some(file) => read_compensator(file)?,
-                    None => design(&model, &self.parameters.options())?,
+                    None => self.parameters.design(&model, &self.model)?,
                 };
                 let identified = model.provenance.as_ref().and_then(|provenance| provenance.esc_frame_hz);
                 let esc_frame_hz = self.esc_frame.or(identified);
@@ -99,10 +96,12 @@ fn lead(text: &str) -> Result<LeadParameters, String> {
         .map(|part| part.trim().parse().map_err(|_| format!("`{part}` is not a number")))
         .collect::<Result<_, _>>()?;
     match numbers[..] {
-        [omega_z_rad_s, omega_f_rad_s, damping] => Ok(LeadParameters { omega_z_rad_s, omega_f_rad_s, damping }),
-        _ => {
-            Err(String::from("three numbers are needed: zero and poles in rad/s, and damping, as in 14.13,94.2,0.707"))
+        [omega_z_rad_s, omega_f_rad_s, damping] if numbers.iter().all(|number| *number > 0.0 && number.is_finite()) => {
+            LeadParameters { omega_z_rad_s, omega_f_rad_s, damping }.checked().map_err(|error| error.to_string())
         }
+        _ => Err(String::from(
+            "three numbers above zero are needed: zero and poles in rad/s, and damping, as in 14.13,94.2,0.707",
+        )),
     }
 }
 

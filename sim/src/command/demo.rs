@@ -16,7 +16,7 @@ use super::outcome::{JsonOption, Outcome};
 use super::simulate::simulate;
 use crate::bench::{Plan, Prediction};
 use crate::design::{BandwidthPoint, Chain, DesignOptions, bandwidths, compensator_file, design};
-use crate::files::write_file;
+use crate::files::{FileError, check_writable, write_file};
 use crate::identify::{
     Bandwidth, EtfeBandwidth, PeriodicIdentification, PeriodicOptions, StaticValue, bandwidth_of, bandwidth_of_etfe,
     identify_periodic,
@@ -39,11 +39,11 @@ const DRAWN_UP_TO_RAD_S: f64 = 282.0;
 /// beside what the paper prints.
 #[derive(Args, Debug)]
 pub struct Demo {
-    /// Where the model, the compensator and the Bode plot go
+    /// Where the model, the compensator and the Bode plot go; those of an earlier run are replaced
     #[arg(long, value_name = "DIR", default_value = "demo-out")]
-    out: PathBuf,
+    pub(super) out: PathBuf,
     /// Seed of the thrust noise
-    #[arg(long, default_value = "1", value_parser = clap::value_parser!(u64).range(..1 << 63))]
+    #[arg(long, default_value = "1", value_parser = clap::value_parser!(u64).range(..1 << 63), allow_negative_numbers = true)]
     seed: u64,
     #[command(flatten)]
     pub(super) json: JsonOption,
@@ -60,6 +60,7 @@ struct Measured {
 impl Demo {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
+        check_folder(&self.out)?;
         let actuators = table_1();
         let plan = Plan { seed: self.seed, ..Plan::paper(&actuators) };
         let stand = simulate(&plan, &actuators, None)?;
@@ -76,7 +77,8 @@ impl Demo {
         let simulated = bandwidths(&actuators, Chain::Continuous(papers_design.lead()));
 
         let figure = self.out.join("bode.svg");
-        std::fs::create_dir_all(&self.out).into_diagnostic()?;
+        let failed = |source| FileError::Io { action: "create", path: self.out.clone(), source };
+        std::fs::create_dir_all(&self.out).map_err(failed)?;
         model.write(&self.out.join("model.toml"))?;
         compensator_file(&design).write(&self.out.join("compensator.toml"))?;
         write_file(&figure, bode_plot(&design, &found, &compensated)?.as_bytes())?;
@@ -100,6 +102,17 @@ impl Demo {
             "bode": figure,
         });
         Ok(Outcome { text, json })
+    }
+}
+
+/// Refuses a folder that cannot be made, before the work.
+fn check_folder(path: &Path) -> Result<(), FileError> {
+    if path.is_dir() {
+        Ok(())
+    } else if path.exists() {
+        Err(FileError::NotAFolder { path: path.to_owned(), remedy: "give the path of a folder" })
+    } else {
+        check_writable(path)
     }
 }
 

@@ -1,15 +1,17 @@
 //! `rotorlead design`
 
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
+use miette::WrapErr as _;
 use rotorlead::design::LeadDesign;
 use serde_json::json;
 
-use super::bandwidth::{self, rad_s};
+use super::bandwidth::{self, positive, rad_s};
 use super::outcome::{JsonOption, Outcome};
 use crate::design::{Chain, DesignOptions, bandwidths, compensator_file, design};
+use crate::files::check_writable;
 use crate::plant::Model;
 
 /// Designs one compensator for all points of a model
@@ -23,7 +25,7 @@ pub struct Design {
     model: PathBuf,
     /// Where the compensator goes
     #[arg(long, value_name = "FILE")]
-    out: PathBuf,
+    pub(super) out: PathBuf,
     #[command(flatten)]
     parameters: DesignArguments,
     #[command(flatten)]
@@ -34,22 +36,29 @@ pub struct Design {
 #[derive(Args, Clone, Debug)]
 pub struct DesignArguments {
     /// Highest frequency that is to be amplified; 2 pi 100 rad/s, the paper's, unless given
-    #[arg(long, value_name = "RAD_S")]
+    #[arg(long, value_name = "RAD_S", value_parser = positive, allow_negative_numbers = true)]
     omega_g: Option<f64>,
     /// Damping ratio of the compensator's poles; 1/sqrt(2) unless given
-    #[arg(long, value_name = "RATIO")]
+    #[arg(long, value_name = "RATIO", value_parser = positive, allow_negative_numbers = true)]
     damping: Option<f64>,
     /// Rate at which the filter runs; 5000 Hz unless given
-    #[arg(long, value_name = "HZ")]
+    #[arg(long, value_name = "HZ", value_parser = positive, allow_negative_numbers = true)]
     loop_rate: Option<f64>,
     /// Frequency at which the sampled filter is to match the continuous one exactly
-    #[arg(long, value_name = "RAD_S")]
+    #[arg(long, value_name = "RAD_S", value_parser = positive, allow_negative_numbers = true)]
     prewarp: Option<f64>,
 }
 
 impl DesignArguments {
+    /// Designs for `model`, which was read from `file`.
+    pub fn design(&self, model: &Model, file: &Path) -> miette::Result<LeadDesign> {
+        design(model, &self.options())
+            .map_err(miette::Report::from)
+            .wrap_err_with(|| format!("`{}` gives no compensator", file.display()))
+    }
+
     /// What was given, and the paper's values for the rest.
-    pub fn options(&self) -> DesignOptions {
+    fn options(&self) -> DesignOptions {
         let default = DesignOptions::default();
         DesignOptions {
             omega_g_rad_s: self.omega_g.unwrap_or(default.omega_g_rad_s),
@@ -64,7 +73,8 @@ impl Design {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
         let model = Model::read(&self.model)?;
-        let design = design(&model, &self.parameters.options())?;
+        check_writable(&self.out)?;
+        let design = self.parameters.design(&model, &self.model)?;
         compensator_file(&design).write(&self.out)?;
 
         let points = bandwidths(&model, Chain::Continuous(design.lead()));

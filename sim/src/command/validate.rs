@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use clap::Args;
-use miette::IntoDiagnostic as _;
+use miette::{IntoDiagnostic as _, WrapErr as _};
 use serde_json::json;
 
 use super::outcome::{JsonOption, Outcome};
@@ -35,7 +35,9 @@ impl Validate {
         let model = Model::read(&self.model)?;
         let experiment = Experiment::read(&self.experiment)?;
         let bar = progress::bar("validating", experiment.records.len() as u64);
-        let records = validate(&experiment, &model)?;
+        let records = validate(&experiment, &model).map_err(miette::Report::from).wrap_err_with(|| {
+            format!("`{}` was not compared with `{}`", self.experiment.display(), self.model.display())
+        })?;
         bar.finish_and_clear();
 
         let mut text = String::from("  u_nom   excitation   role       compared in    % fit   ceiling   record\n");

@@ -8,7 +8,7 @@ use thiserror::Error;
 #[derive(Clone, Copy, Debug, PartialEq, Error, Diagnostic)]
 pub enum CompensatorError {
     /// The controller's design refuses the parameters.
-    #[error("no compensator can be designed: {0}")]
+    #[error(transparent)]
     #[diagnostic(help("{}", remedy(.0)))]
     Refused(#[from] DesignError),
 }

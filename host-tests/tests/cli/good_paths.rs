@@ -1,0 +1,203 @@
+//! From a plan or a log to bandwidths, and what is said on the way.
+
+use std::collections::BTreeSet;
+
+use serde_json::Value;
+
+use crate::stand::Stand;
+
+const LOGS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/tests/data");
+
+/// A stand on which the plan was simulated, as `sim`.
+fn simulated() -> Stand {
+    let stand = Stand::new();
+    stand.run("simulate --model model.toml --plan plan.toml --out sim");
+    stand
+}
+
+fn keys(value: &Value) -> BTreeSet<&str> {
+    value.as_object().unwrap().keys().map(String::as_str).collect()
+}
+
+#[track_caller]
+fn number(value: &Value, key: &str) -> f64 {
+    value[key].as_f64().unwrap_or_else(|| panic!("`{key}` is no number in {value:#}"))
+}
+
+#[track_caller]
+fn near(value: f64, expected: f64, relative: f64) {
+    assert!((value / expected - 1.0).abs() < relative, "{value} is not {expected} within {relative}");
+}
+
+#[test]
+fn a_simulated_stand_is_identified_compensated_and_predicted() {
+    let stand = simulated();
+    let found = stand.json("identify sim --out found.toml");
+    let point = &found["points"][0];
+    // The plan's noise leaves a standard error of 0.4 % of the time constant: three of them.
+    near(number(point, "time_constant_s"), 0.06, 0.015);
+    near(number(point, "gain"), 7.1, 0.015);
+    let compensator = stand.json("design --model found.toml --out c.toml");
+    near(number(&compensator, "zero_rad_s") * number(point, "time_constant_s"), 1.0, 1e-12);
+    let with_file = stand.json("bandwidth --model found.toml --compensator c.toml");
+    let without = stand.json("bandwidth --model found.toml");
+    assert_eq!(with_file, without, "a compensator is designed as `design` does where none is given");
+    assert_eq!(with_file["points"], compensator["points"]);
+    let bandwidth = &with_file["points"][0];
+    // 3 dB exactly: sqrt(10^0.3 - 1) / tau.
+    let uncompensated = (10f64.powf(0.3) - 1.0).sqrt() / number(point, "time_constant_s");
+    near(number(bandwidth, "uncompensated_rad_s"), uncompensated, 1e-6);
+    assert!(number(bandwidth, "compensated_rad_s") > 4.0 * uncompensated);
+    // Compensated, the stand can be run again, and carries its compensator.
+    stand.run("simulate --model model.toml --plan plan.toml --compensator c.toml --out led");
+    assert_eq!(stand.read("led/compensator.toml"), stand.read("c.toml"));
+    assert!(stand.read("led/experiment.toml").contains("compensated = true"));
+    stand.run("validate led --model found.toml");
+}
+
+#[test]
+fn a_log_is_imported_identified_compensated_and_predicted() {
+    for (log, time_constant_s, nominal) in [("rcbenchmark.csv", 0.040, 0.3), ("esc32.csv", 0.035, 0.2)] {
+        let stand = Stand::new();
+        let summary = stand.json(&format!("import {LOGS}/{log} --out imported"));
+        assert!(number(&summary, "rows_taken") > 100.0);
+        let found = stand.json("identify imported --out found.toml");
+        let point = &found["points"][0];
+        assert_eq!(number(point, "nominal"), nominal);
+        // How the samples were made; the rows are 7 and 10 ms apart.
+        near(number(point, "time_constant_s"), time_constant_s, 0.02);
+        stand.run("design --model found.toml --out c.toml");
+        let bandwidth = stand.json("bandwidth --model found.toml --compensator c.toml");
+        let bandwidth = &bandwidth["points"][0];
+        assert!(number(bandwidth, "compensated_rad_s") > 4.0 * number(bandwidth, "uncompensated_rad_s"));
+        let validated = stand.json("validate imported --model found.toml");
+        assert!(number(&validated["records"][0], "fit_percent") > 90.0);
+    }
+}
+
+#[test]
+fn the_json_of_identify_has_the_keys_that_programs_rely_on() {
+    let found = simulated().json("identify sim --out found.toml");
+    let points = found["points"].as_array().unwrap();
+    assert_eq!(points.len(), 1);
+    for key in [
+        "nominal",
+        "gain",
+        "gain_std",
+        "time_constant_s",
+        "time_constant_s_std",
+        "delay_s",
+        "fit_frequency_percent",
+        "fit_square_percent",
+    ] {
+        assert!(number(&points[0], key).is_finite());
+    }
+    // What a step record does not show is null, not absent.
+    let found = Stand::new();
+    found.run(&format!("import {LOGS}/esc32.csv --out imported"));
+    let point = &found.json("identify imported --out found.toml")["points"][0];
+    assert_eq!((&point["fit_frequency_percent"], &point["fit_square_percent"]), (&Value::Null, &Value::Null));
+    assert!(keys(point).contains("fit_frequency_percent"));
+    assert!(number(point, "fit_step_percent") > 90.0);
+}
+
+#[test]
+fn the_json_of_bandwidth_has_the_keys_that_programs_rely_on() {
+    let stand = Stand::new();
+    let json = stand.json("bandwidth --model model.toml");
+    let points = json["points"].as_array().unwrap();
+    assert_eq!(points.len(), 2);
+    for point in points {
+        assert_eq!(keys(point), BTreeSet::from(["nominal", "uncompensated_rad_s", "compensated_rad_s"]));
+        assert!(number(point, "nominal") > 0.0);
+        assert!(number(point, "compensated_rad_s") > number(point, "uncompensated_rad_s"));
+    }
+}
+
+#[test]
+fn text_and_json_give_the_same_numbers() {
+    let stand = simulated();
+    let text = stand.run("bandwidth --model model.toml --json b.json");
+    let json: Value = serde_json::from_str(&stand.read("b.json")).unwrap();
+    for point in json["points"].as_array().unwrap() {
+        let row = format!("{:.3}", number(point, "nominal"));
+        let cells: Vec<&str> = text.lines().find(|line| line.contains(&row)).unwrap().split_whitespace().collect();
+        assert_eq!(cells[1], format!("{:.4}", number(point, "uncompensated_rad_s")));
+        assert_eq!(cells[2], format!("{:.4}", number(point, "compensated_rad_s")));
+    }
+    let text = stand.run("identify sim --out found.toml --json i.json");
+    let json: Value = serde_json::from_str(&stand.read("i.json")).unwrap();
+    let point = &json["points"][0];
+    for part in [
+        format!("{:.4} +- {:.4}", number(point, "gain"), number(point, "gain_std")),
+        format!("{:.2} +- {:.2}", 1e3 * number(point, "time_constant_s"), 1e3 * number(point, "time_constant_s_std")),
+        format!("{:.2}", number(point, "fit_frequency_percent")),
+        format!("{:.2}", number(point, "fit_square_percent")),
+    ] {
+        assert!(text.contains(&part), "no `{part}` in:\n{text}");
+    }
+    let text = stand.run("validate sim --model found.toml --json v.json");
+    let json: Value = serde_json::from_str(&stand.read("v.json")).unwrap();
+    for record in json["records"].as_array().unwrap() {
+        let file = record["file"].as_str().unwrap();
+        let row = text.lines().find(|line| line.contains(file)).unwrap();
+        assert!(row.contains(&format!("{:.2}", number(record, "fit_percent"))), "{row}");
+    }
+    let text = stand.run("design --model found.toml --out c.toml --json d.json");
+    let json: Value = serde_json::from_str(&stand.read("d.json")).unwrap();
+    assert!(text.contains(&format!("{:.4}", number(&json, "zero_rad_s"))));
+    assert!(text.contains(&format!("{:.4}", number(&json, "pole_rad_s"))));
+}
+
+#[test]
+fn a_seed_decides_the_noise_and_nothing_else() {
+    let stand = Stand::new();
+    let simulate = |seed: &str, out: &str| {
+        stand.run(&format!("simulate --model model.toml --plan plan.toml {seed} --out {out}"));
+        ["experiment.toml", "u050_multisine.csv", "u050_square.csv"].map(|file| stand.read(&format!("{out}/{file}")))
+    };
+    let plans_own = simulate("", "a");
+    assert_eq!(plans_own, simulate("--seed 1", "b"));
+    let other = simulate("--seed 2", "c");
+    assert_eq!(plans_own[0], other[0]);
+    let columns = |text: &str, kept: &[usize]| -> Vec<String> {
+        let cells = |line: &str| kept.iter().map(|&column| line.split(',').nth(column).unwrap().to_owned()).collect();
+        text.lines().flat_map(|line| -> Vec<String> { cells(line) }).collect()
+    };
+    for file in [1, 2] {
+        assert_eq!(columns(&plans_own[file], &[0, 1]), columns(&other[file], &[0, 1]), "time and command");
+        let (thrust, other) = (columns(&plans_own[file], &[2]), columns(&other[file], &[2]));
+        let same = thrust.iter().zip(&other).skip(1).filter(|(a, b)| a == b).count();
+        assert_eq!(same, 0, "of {} rows", thrust.len());
+    }
+}
+
+#[test]
+fn the_same_arguments_give_the_same_excitation() {
+    let stand = Stand::new();
+    let excite = |arguments: &str| {
+        let json = stand.json(&format!("excite --band 0.1..2 --rate 100 --starts 1 --out e.csv {arguments}"));
+        (json, stand.read("e.csv"))
+    };
+    let (json, csv) = excite("");
+    assert_eq!((json.clone(), csv.clone()), excite("--seed 1"));
+    let commands: Vec<f64> = csv.lines().skip(1).map(|row| row.split(',').nth(1).unwrap().parse().unwrap()).collect();
+    assert_eq!(commands.len(), 1000);
+    let peak = commands.iter().map(|command| (command - 0.5).abs()).fold(0.0, f64::max);
+    assert!(peak <= 0.05 + 1e-12 && peak > 0.045, "{peak}");
+    assert_eq!(json["lines"], 10);
+    assert!(number(&json, "crest_factor") < 2.0);
+}
+
+#[test]
+fn the_demo_prints_the_papers_tables_and_leaves_its_files() {
+    let stand = Stand::new();
+    let text = stand.run("demo --json demo-out/demo.json");
+    for part in ["Table 1", "Table 2", "demo-out"] {
+        assert!(text.contains(part), "no `{part}` in:\n{text}");
+    }
+    for file in ["model.toml", "compensator.toml", "bode.svg", "demo.json"] {
+        assert!(!stand.read(&format!("demo-out/{file}")).is_empty());
+    }
+    stand.run("bandwidth --model demo-out/model.toml --compensator demo-out/compensator.toml");
+}
