@@ -208,7 +208,7 @@ fn a_plan_at_another_rate_than_its_compensator_is_refused() {
 fn a_wrong_compensator_is_shown() {
     for (key, value, parts) in [
         ("k", "1", &["1 is stored, but the parameters give", "run `rotorlead design` again"][..]),
-        ("zero_rad_s", "9.5", &["is stored, but the parameters give", "changed by hand"]),
+        ("zero_rad_s", "16.0", &["is stored, but the parameters give", "changed by hand"]),
         ("loop_rate_hz", "4000.0", &["is stored, but the parameters give"]),
         ("zero_rad_s", "9e9", &["`zero_rad_s`", "zero below its poles"]),
         ("damping", "nan", &["`damping`", "above 0"]),
