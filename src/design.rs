@@ -16,15 +16,18 @@ use crate::throttle::Throttle;
 pub const DEFAULT_LOOP_RATE_HZ: f64 = 5000.0;
 /// Damping of the compensator's poles without overshoot of the command, eq. (4).
 pub const DEFAULT_DAMPING: f64 = FRAC_1_SQRT_2;
-/// Range of damping ratios. Under 0.3 the compensator rings; over 2 its slower pole is slower than the lag that it is
-/// to hide in every design of interest.
+/// Range of damping ratios. Under 0.3 the compensator rings; over 2 its slower pole is below 0.27 omega_f, and most of
+/// what the lead gains is lost again.
 pub const DAMPING_RANGE: (f64, f64) = (0.3, 2.0);
+/// Range of frequencies in rad/s: far wider than that of motors, and of what the other limits leave.
+pub const FREQUENCY_RANGE_RAD_S: (f64, f64) = (1e-3, 1e6);
 /// Range of loop rates in hertz: from a slow servo output to the fastest ESC protocol.
 pub const LOOP_RATE_RANGE_HZ: (f64, f64) = (50.0, 100_000.0);
-/// A pole (or a prewarp frequency) is too close to Nyquist above this many rad/s per hertz of the loop rate, which is
-/// 13 % of Nyquist: beyond it the exactness of the steady output is not proven (see [`crate::biquad`]).
+/// `omega_f` (or a prewarp frequency) is too close to Nyquist above this many rad/s per hertz of the loop rate, which
+/// is 13 % of Nyquist. Up to it `4 c <= 3 |k|` holds at every damping, which the exactness of the steady output needs
+/// (see [`crate::biquad`]).
 pub const FASTEST_POLE_RAD: f64 = 0.4;
-/// Smallest coefficient in steps of 2^-32: rounding one this size moves it by 1.2e-4 of itself, 0.001 dB.
+/// Smallest coefficient in steps of 2^-32: rounding one this size moves it by up to 1.2e-4 of itself, 0.001 dB.
 pub const SMALLEST_COEFFICIENT: f64 = 4096.0;
 /// Largest L1 gain: 2 * [`Throttle::HEADROOM`] - 1, for which commands in [0, 1] reach both ends of the headroom, less a
 /// margin of 1/128 for the rounding errors of the section.
@@ -38,7 +41,8 @@ pub const BANDWIDTH_DROP_DB: f64 = 3.0;
 const FORMAT_ONE: f64 = (1_u64 << COEFFICIENT_BITS) as f64;
 /// Ticks after which the impulse response of a design must have died out; every accepted pole is faster.
 const LONGEST_RESPONSE_TICKS: u32 = 1 << 18;
-/// The impulse response is summed until what remains is this small, relative to the pole's distance from 1.
+/// The impulse response is summed until it is this small, relative to the pole's distance from 1: about the sum of what
+/// remains.
 const RESPONSE_END: f64 = 1e-9;
 /// Frequencies at which the response is checked after rounding, evenly spaced in the logarithm.
 const CHECKED_FREQUENCIES: u32 = 128;
@@ -91,7 +95,7 @@ pub enum DesignError {
         /// The format ends under this magnitude.
         max: f64,
     },
-    /// The damping is too low for the rate: `4 c > 3 |k|`.
+    /// The damping is too low for the rate: `4 c > 3 |k|`. [`FASTEST_POLE_RAD`] and [`DAMPING_RANGE`] rule it out.
     DampingTooLow {
         /// The damping asked for.
         damping: f64,
@@ -105,7 +109,7 @@ pub enum DesignError {
         /// Highest value allowed.
         max: f64,
     },
-    /// The rounded coefficients miss the response by more than they may.
+    /// The rounded coefficients miss the response by more than they may. [`SMALLEST_COEFFICIENT`] rules it out.
     DeviationTooLarge {
         /// The worst deviation, decibels.
         deviation_db: f64,
@@ -120,20 +124,24 @@ impl fmt::Display for DesignError {
             Self::NoPoles => write!(f, "no poles were given: a design needs at least one identified point"),
             Self::NotFinite { parameter } => write!(f, "{parameter} is not a finite number"),
             Self::OutOfRange { parameter, value, min, max } => {
-                write!(f, "{parameter} is {value}, outside its range {min} to {max}")
+                write!(f, "{parameter} is {}, outside its range {min} to {max}", Readable(value))
             }
             Self::ZeroNotBelowPoles { omega_z_rad_s, omega_f_rad_s } => write!(
                 f,
-                "omega_z_rad_s is {omega_z_rad_s}, not below omega_f_rad_s, {omega_f_rad_s}: raise omega_g above the motor's fastest pole"
+                "omega_z_rad_s is {omega_z_rad_s}, not below omega_f_rad_s, {omega_f_rad_s}: raise omega_g above the motor's \
+                 fastest pole"
             ),
             Self::TooCloseToNyquist { parameter, value_rad_s, max_rad_s } => write!(
                 f,
-                "{parameter} is {value_rad_s} rad/s, too close to Nyquist: at this loop rate it may be at most {max_rad_s} rad/s"
+                "{parameter} is {value_rad_s} rad/s, too close to Nyquist: at this loop rate it may be at most {max_rad_s} \
+                 rad/s"
             ),
             Self::CoefficientOutOfRange { coefficient, value, min, max } => write!(
                 f,
-                "coefficient {coefficient} is {value}: its format holds magnitudes from {min} to under {max}; \
-                 change omega_f_rad_s, damping or loop_rate_hz"
+                "coefficient {coefficient} is {}: its format holds magnitudes from {} to under {max}; change omega_f_rad_s, \
+                 damping or loop_rate_hz",
+                Readable(value),
+                Readable(min)
             ),
             Self::DampingTooLow { damping, min } => {
                 write!(f, "damping is {damping}: at this loop rate it must be at least about {min}")
@@ -150,6 +158,16 @@ impl fmt::Display for DesignError {
 }
 
 impl core::error::Error for DesignError {}
+
+/// A number for people: with an exponent where it would otherwise be written with hundreds of zeros.
+struct Readable(f64);
+
+impl fmt::Display for Readable {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(value) = *self;
+        if value == 0.0 || (1e-4..1e9).contains(&fabs(value)) { write!(f, "{value}") } else { write!(f, "{value:e}") }
+    }
+}
 
 /// `value`, or the error that it is not finite.
 fn finite(parameter: &'static str, value: f64) -> Result<f64, DesignError> {
@@ -182,12 +200,12 @@ impl LeadParameters {
     /// amplified: the zero on the fastest pole (2), the damping of (4), the poles at their geometric mean (5).
     ///
     /// # Errors
-    /// When there are no poles, one is not finite and positive, or `omega_g_rad_s` is not above all of them.
+    /// When there are no poles, one is not finite or outside [`FREQUENCY_RANGE_RAD_S`], or `omega_g_rad_s` is or is not
+    /// above all of them.
     pub fn from_poles(poles_rad_s: &[f64], omega_g_rad_s: f64) -> Result<Self, DesignError> {
-        let positive = (f64::MIN_POSITIVE, f64::MAX);
         let mut omega_z_rad_s = 0.0;
         for &pole in poles_rad_s {
-            let pole = within("pole_rad_s", pole, positive)?;
+            let pole = within("pole_rad_s", pole, FREQUENCY_RANGE_RAD_S)?;
             if pole > omega_z_rad_s {
                 omega_z_rad_s = pole;
             }
@@ -195,7 +213,7 @@ impl LeadParameters {
         if omega_z_rad_s == 0.0 {
             return Err(DesignError::NoPoles);
         }
-        let omega_g_rad_s = within("omega_g_rad_s", omega_g_rad_s, positive)?;
+        let omega_g_rad_s = within("omega_g_rad_s", omega_g_rad_s, FREQUENCY_RANGE_RAD_S)?;
         Self { omega_z_rad_s, omega_f_rad_s: sqrt(omega_z_rad_s * omega_g_rad_s), damping: DEFAULT_DAMPING }.checked()
     }
 
@@ -204,9 +222,8 @@ impl LeadParameters {
     /// # Errors
     /// When a parameter is not finite or out of range, or the zero is not below the poles.
     pub fn checked(self) -> Result<Self, DesignError> {
-        let positive = (f64::MIN_POSITIVE, f64::MAX);
-        within("omega_z_rad_s", self.omega_z_rad_s, positive)?;
-        within("omega_f_rad_s", self.omega_f_rad_s, positive)?;
+        within("omega_z_rad_s", self.omega_z_rad_s, FREQUENCY_RANGE_RAD_S)?;
+        within("omega_f_rad_s", self.omega_f_rad_s, FREQUENCY_RANGE_RAD_S)?;
         within("damping", self.damping, DAMPING_RANGE)?;
         if self.omega_z_rad_s >= self.omega_f_rad_s {
             return Err(DesignError::ZeroNotBelowPoles {
@@ -257,13 +274,15 @@ pub struct LeadDesign {
 /// What is found when the response is computed again from the rounded coefficients.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DesignCheck {
-    /// Largest `20 log10 |1 + |H_rounded / H - 1||` between a thousandth of the zero and Nyquist, decibels.
+    /// Largest `20 log10(1 + |H_rounded / H - 1|)` in decibels, at 128 frequencies from a thousandth of the zero up to
+    /// about nine tenths of Nyquist (at Nyquist `H` is 0).
     pub worst_deviation_db: f64,
     /// Where it is, rad/s.
     pub worst_deviation_rad_s: f64,
     /// Distances of the two poles of the rounded section from the origin; under 1.
     pub pole_radii: [f64; 2],
-    /// Sum of the magnitudes of the impulse response: for inputs in [0, 1] the output stays within (1 +- l1_gain) / 2.
+    /// Sum of the magnitudes of the impulse response, to 1e-9: for inputs in [0, 1] the output stays within
+    /// (1 +- l1_gain) / 2.
     pub l1_gain: f64,
     /// Largest output for a step from 0 to 1.
     pub step_peak: f64,
@@ -299,7 +318,7 @@ impl LeadDesign {
         let substitution_rad_s = match prewarp_rad_s {
             None => 2.0 * loop_rate_hz,
             Some(prewarp) => {
-                within("prewarp_rad_s", prewarp, (f64::MIN_POSITIVE, f64::MAX))?;
+                within("prewarp_rad_s", prewarp, FREQUENCY_RANGE_RAD_S)?;
                 below_nyquist("prewarp_rad_s", prewarp)?;
                 prewarp / tan(prewarp / (2.0 * loop_rate_hz))
             }
@@ -436,7 +455,7 @@ fn check(
     let lowest = lead.omega_z_rad_s / 1000.0;
     let ratio = PI * loop_rate_hz / lowest;
     for i in 0..CHECKED_FREQUENCIES {
-        // Nyquist itself is left out: the response is 0 there, rounded or not.
+        // The last frequency is a step of the grid below Nyquist, where the response is 0.
         let omega_rad_s = lowest * pow(ratio, f64::from(i) / f64::from(CHECKED_FREQUENCIES));
         let theta = omega_rad_s / loop_rate_hz;
         let deviation = (actual.response(theta) / ideal.response(theta) - 1.0).norm_sqr();
