@@ -9,8 +9,8 @@ use crate::identify::least_squares::{Limits, Residuals, Solution, minimize};
 use crate::plant::Lag;
 
 /// The search ends when a step lowers chi-square, some hundreds, by less than this share: no parameter then moves by a
-/// ten-thousandth of its standard error.
-const LIMITS: Limits = Limits { iterations: 100, decrease: 1e-12 };
+/// thousandth of its standard error.
+const LIMITS: Limits = Limits { iterations: 100, decrease: 1e-9 };
 
 /// Real and imaginary parts of `(model - measured) / s` at each line, scaled to unit variance.
 ///
@@ -64,7 +64,8 @@ fn derivatives(lag: &Lag, line: &FitLine) -> [Complex64; 3] {
         let s = Complex64::new(0.0, image.omega_rad_s);
         let part = image.weight * lag.frequency_response(image.omega_rad_s);
         value += part;
-        by_tau -= part * s / (1.0 + s * lag.time_constant_s);
+        let x = image.omega_rad_s * lag.time_constant_s;
+        by_tau -= part * s * (Complex64::new(1.0, -x) / (1.0 + x * x));
         by_delay -= part * s;
     }
     [value / lag.gain, by_tau, by_delay]
