@@ -172,15 +172,29 @@ fn without_a_static_map_a_staircase_is_judged_up_to_an_offset() {
 }
 
 #[test]
+fn a_chirp_is_run_around_its_nominal_command_and_anything_else_over_the_range() {
+    let mut experiment = experiment(0.0);
+    experiment.records.remove(1);
+    experiment.records.remove(1);
+    experiment.records[0].excitation = Excitation::Chirp;
+    experiment.records[1].excitation = Excitation::Free;
+    let found = validate(&experiment, &motor()).unwrap();
+    show(&found);
+    assert!(found.iter().all(|v| v.domain == Domain::Time && v.ceiling_percent.is_none()));
+    // Between its rows the loop plays four more samples of the multisine.
+    assert!((99.0..99.99).contains(&found[0].fit_percent));
+    assert!(found[1].fit_percent > 99.999);
+}
+
+#[test]
 fn start_up_before_the_first_level_is_not_judged() {
     let mut plan = plan(0.0);
     plan.records.drain(..3);
     let mut staircase = run(&plan, &motor(), None, &|_| {}).unwrap();
     let record = &mut staircase.records[0];
-    let thrust = record.thrust_n.as_mut().unwrap();
-    for row in 0..3000 {
-        record.command[row] = 0.05;
-        thrust[row] = if row % 500 < 20 { 1.0 } else { 0.0 };
+    record.command[..3000].fill(0.05);
+    for (row, thrust) in record.thrust_n.as_mut().unwrap().iter_mut().take(3000).enumerate() {
+        *thrust = if row % 500 < 20 { 1.0 } else { 0.0 };
     }
     let found = validate(&staircase, &motor()).unwrap();
     assert!(found[0].fit_percent > 99.0, "{found:?}");

@@ -16,8 +16,8 @@
 //! which lies between. All are one family in `kappa` ([`StaircaseFit::curvature`]): 0, 1 and up to 1/2. So
 //! `kappa` is estimated, one for the record, and time constants are always those of small motions about
 //! the level that the step leads to. It has to be estimated: on three logs of real motors it came out as
-//! 0.09, 0.44 and -1.06. The last is no motor's. With `kappa` fixed at zero that record's largest step down
-//! would look a third slower than the step up to the same level and leave four times the residual.
+//! 0.09, 0.44 and -1.06. The last is no motor's; fixing it at a motor's value would move the misfit of the large
+//! steps into their time constants, and make up and down differ where they do not.
 
 mod error;
 mod fit;
