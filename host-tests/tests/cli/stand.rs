@@ -71,7 +71,7 @@ impl Stand {
         stand.write("model.toml", MODEL);
         stand.write("plan.toml", PLAN);
         stand.write("stand/experiment.toml", STEP);
-        stand.write("stand/step.csv", &step_csv());
+        stand.write("stand/step.csv", step_csv());
         stand
     }
 
