@@ -92,18 +92,12 @@ impl NominalIdentification {
     pub fn point(&self) -> Point {
         let fit = &self.fit;
         Point {
-            nominal: self.nominal,
-            gain: fit.gain.value,
             gain_std: Some(fit.gain.std),
-            time_constant_s: fit.time_constant_s.value,
             time_constant_s_std: Some(fit.time_constant_s.std),
-            delay_s: fit.delay_s.map_or(0.0, |d| d.value),
             delay_s_std: fit.delay_s.map(|d| d.std),
-            time_constant_up_s: None,
-            time_constant_down_s: None,
             fit_frequency_percent: self.fit_frequency_percent,
             fit_square_percent: self.fit_square_percent(),
-            fit_step_percent: None,
+            ..Point::new(self.nominal, fit.lag())
         }
     }
 }

@@ -16,6 +16,7 @@
 
 use num_complex::Complex64;
 
+use super::fit_percent::{percent_when_left, spread};
 use super::steps::Run;
 use super::{FitLine, HoldChain, IdentifyError, Spectrum, SpectrumOptions, align, fit_percent, run_actuator, spectra};
 use crate::plant::{Actuator, EscTiming, Law, Model, OperatingCurve, PlantError};
@@ -120,9 +121,7 @@ impl Judge<'_> {
             noise += line.variance;
         }
         let percent = fit_percent(&measured, &expected).ok_or_else(|| self.constant_response())?;
-        let mean = measured.iter().sum::<Complex64>() / measured.len() as f64;
-        let spread = measured.iter().map(|y| (y - mean).norm_sqr()).sum();
-        Ok((percent, Some(ceiling(noise, spread))))
+        Ok((percent, Some(percent_when_left(noise, spread(&measured)))))
     }
 
     fn around_nominal(&self) -> Result<Score, IdentifyError> {
@@ -143,7 +142,7 @@ impl Judge<'_> {
             }),
             _ => None,
         };
-        Ok((percent, noise.map(|noise| ceiling(noise, spread(measured)))))
+        Ok((percent, noise.map(|noise| percent_when_left(noise, spread(measured)))))
     }
 
     fn over_range(&self) -> Result<Score, IdentifyError> {
@@ -166,7 +165,7 @@ impl Judge<'_> {
         let curve = OperatingCurve::new(self.model).map_err(|e| self.refused(e))?;
         let time_constant_s = |command: f64| curve.clamped_at(command).lag.time_constant_s;
         let variance = run.and_then(|run| settled_variance(&run, &record.time_s, time_constant_s));
-        Ok((percent, variance.map(|variance| ceiling(variance * measured.len() as f64, spread(&measured)))))
+        Ok((percent, variance.map(|variance| percent_when_left(variance * measured.len() as f64, spread(&measured)))))
     }
 
     /// What the ESC got.
@@ -235,15 +234,4 @@ fn settled_variance(run: &Run, time_s: &[f64], time_constant_s: impl Fn(f64) -> 
         }
     }
     (rows > 0).then(|| sum / rows as f64)
-}
-
-/// `sum |y - mean|^2`.
-fn spread(y: &[f64]) -> f64 {
-    let mean = y.iter().sum::<f64>() / y.len() as f64;
-    y.iter().map(|y| (y - mean).powi(2)).sum()
-}
-
-/// % fit when `noise` is left of `spread`.
-fn ceiling(noise: f64, spread: f64) -> f64 {
-    100.0 * (1.0 - (noise / spread).sqrt())
 }

@@ -4,9 +4,9 @@
 //!
 //! 1. readings that no rotor can have made are set aside (`spikes`);
 //! 2. plateaus are found, and of them the longest run on which the motor runs steadily; start-up and
-//!    stopping are cut off by that rule (`plateaus`);
-//! 3. one lag is fitted to all steps at once (`fit`), in closed form (`response`), with standard errors
-//!    that know the noise's color (`uncertainty`);
+//!    stopping are cut off by that rule (`plateaus`, `run`);
+//! 3. one lag is fitted to all steps at once (`problem` and `fit`), in closed form (`response`), with
+//!    standard errors that know the noise's color (`uncertainty`);
 //! 4. levels get their static response, slope and time constants (`levels`);
 //! 5. the whole run is simulated and compared (here).
 //!
@@ -24,6 +24,7 @@ mod fit;
 mod levels;
 mod model;
 mod plateaus;
+mod problem;
 mod response;
 mod run;
 mod spikes;
@@ -37,37 +38,14 @@ pub use levels::{Branch, Level};
 pub use plateaus::Direction;
 pub use warning::StepsWarning;
 
-use super::spectra;
+use super::fit_percent::fit_percent;
+use super::{Estimate, spectra};
 use crate::record::{Output, Record};
-use fit::{Data, FittedStep, LagFit};
-use plateaus::{Plateau, SAME_LEVEL, mean_and_std};
+use fit::{FittedStep, LagFit};
+use plateaus::{Plateau, SAME_LEVEL};
+use problem::Data;
 use response::{Stretch, simulate};
 pub(super) use run::Run;
-
-/// A value and its standard error.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Estimate {
-    /// The value.
-    pub value: f64,
-    /// Its standard error.
-    pub std: f64,
-}
-
-impl Estimate {
-    /// The interval that holds the truth 95 times in 100 when the error is normal: for delays and gains.
-    #[must_use]
-    pub fn interval_95(self) -> (f64, f64) {
-        (self.value - 1.96 * self.std, self.value + 1.96 * self.std)
-    }
-
-    /// The same when the logarithm's error is normal, for a positive value: for time constants, whose
-    /// logarithm is what is fitted.
-    #[must_use]
-    pub fn interval_95_of_logarithm(self) -> (f64, f64) {
-        let factor = (1.96 * self.std / self.value).exp();
-        (self.value / factor, self.value * factor)
-    }
-}
 
 /// A lag toward a static map, as a staircase shows it.
 #[derive(Clone, Debug, PartialEq)]
@@ -151,7 +129,7 @@ pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>)
         fit_percent: percent(&y[rows.clone()], &simulated, kept),
         fit_percent_with_spikes: percent(&raw[rows.clone()], &simulated, |_| true),
         fit_percent_own_levels: percent(&y[rows.clone()], &own_levels, kept),
-        delay_s: Estimate { value: lag.delay_s.value - 0.5 * frame_s, std: lag.delay_s.std },
+        delay_s: Estimate { value: lag.delay_s.value - 0.5 * frame_s, ..lag.delay_s },
         onset_std_s: lag.onset_std_s,
         curvature: lag.curvature,
         rows,
@@ -207,13 +185,11 @@ fn stretches(
         .collect()
 }
 
-/// `100 (1 - ||y - yhat|| / ||y - mean(y)||)` over the rows that are kept.
+/// % fit over the rows that are kept. Minus infinity for a response that is constant, which a run with a usable step is
+/// not.
 fn percent(y: &[f64], simulated: &[f64], kept: impl Fn(usize) -> bool) -> f64 {
-    let values: Vec<f64> = (0..y.len()).filter(|&k| kept(k)).map(|k| y[k]).collect();
-    let (_, std) = mean_and_std(&values);
-    let all = std * std * (values.len() as f64 - 1.0);
-    let left: f64 = (0..y.len()).filter(|&k| kept(k)).map(|k| (y[k] - simulated[k]).powi(2)).sum();
-    100.0 * (1.0 - (left / all).sqrt())
+    let (y, simulated): (Vec<f64>, Vec<f64>) = (0..y.len()).filter(|&k| kept(k)).map(|k| (y[k], simulated[k])).unzip();
+    fit_percent(&y, &simulated).unwrap_or(f64::NEG_INFINITY)
 }
 
 /// Time constants in one direction further than this factor from their neighbors' are odd.
@@ -252,7 +228,7 @@ fn warnings(record: &Record, rows: &Range<usize>, spike: &[bool], levels: &[Leve
             && let (Some(up), Some(down)) = (up.time_constant_s, down.time_constant_s)
         {
             let ratio = down.value / up.value;
-            let apart = (down.value - up.value).abs() > 1.96 * down.std.hypot(up.std);
+            let apart = Estimate::normal(down.value - up.value, down.std.hypot(up.std)).excludes(0.0);
             if apart && !(1.0 / ASYMMETRY_FACTOR..=ASYMMETRY_FACTOR).contains(&ratio) {
                 warnings.push(StepsWarning::Asymmetric { command, ratio });
             }
@@ -262,7 +238,7 @@ fn warnings(record: &Record, rows: &Range<usize>, spike: &[bool], levels: &[Leve
         warnings.extend(odd_ones(levels, direction));
     }
     let kappa = lag.curvature;
-    if kappa.value.abs() > 1.96 * kappa.std {
+    if kappa.excludes(0.0) {
         warnings.push(StepsWarning::Curved { curvature: kappa.value, std: kappa.std });
     }
     if lag.delay_s.value < 0.0 {
@@ -286,8 +262,7 @@ fn odd_ones(levels: &[Level], direction: Direction) -> Vec<StepsWarning> {
         let middle = around.len() / 2;
         let usual = 0.5 * (around[middle] + around[(around.len() - 1) / 2]);
         let ratio = own.value / usual;
-        let apart = (own.value - usual).abs() > 1.96 * own.std;
-        if apart && !(1.0 / ODD_FACTOR..=ODD_FACTOR).contains(&ratio) {
+        if own.excludes(usual) && !(1.0 / ODD_FACTOR..=ODD_FACTOR).contains(&ratio) {
             odd.push(StepsWarning::Odd { command, direction, ratio });
         }
     }

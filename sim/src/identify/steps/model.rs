@@ -1,7 +1,7 @@
 //! A staircase fit as a model file.
 
 use super::{MAX_RELATIVE_STD, StaircaseFit, StepsError, map_response};
-use crate::plant::{Model, Point, Provenance, StaticMap};
+use crate::plant::{Lag, Model, Point, Provenance, StaticMap};
 
 impl StaircaseFit {
     /// The model: a point at each level that has a rising map and a time constant known well enough, and the
@@ -41,19 +41,15 @@ impl StaircaseFit {
         let of = |branch: Option<super::Branch>| branch.and_then(|b| b.time_constant_s);
         let percent = |branch: Option<super::Branch>| branch.and_then(|b| b.fit_percent);
         let fit_step_percent = [percent(level.up), percent(level.down)].into_iter().flatten().reduce(f64::min);
+        let delay_s = self.delay_s.value.max(0.0);
         Some(Point {
-            nominal: level.command,
-            gain: gain.value,
             gain_std: Some(gain.std),
-            time_constant_s: time_constant.value,
             time_constant_s_std: Some(time_constant.std),
-            delay_s: self.delay_s.value.max(0.0),
             delay_s_std: Some(self.delay_s.std),
             time_constant_up_s: of(level.up).map(|e| e.value),
             time_constant_down_s: of(level.down).map(|e| e.value),
-            fit_frequency_percent: None,
-            fit_square_percent: None,
             fit_step_percent,
+            ..Point::new(level.command, Lag { gain: gain.value, time_constant_s: time_constant.value, delay_s })
         })
     }
 }
