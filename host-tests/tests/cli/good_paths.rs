@@ -102,6 +102,24 @@ fn the_json_of_identify_has_the_keys_that_programs_rely_on() {
 }
 
 #[test]
+fn a_dead_time_is_fitted_always_never_or_where_the_records_show_one() {
+    let stand = Stand::new();
+    stand.edit("model.toml", "time_constant_s = 0.06", "time_constant_s = 0.06\ndelay_s = 0.01");
+    stand.run("simulate --model model.toml --plan plan.toml --out late");
+    let delay_s = |arguments: &str| {
+        number(&stand.json(&format!("identify {arguments} --out found.toml"))["points"][0], "delay_s")
+    };
+    assert_eq!(delay_s("late --delay none"), 0.0);
+    near(delay_s("late --delay fit"), 0.01, 0.1);
+    near(delay_s("late"), 0.01, 0.1);
+    stand.edit("model.toml", "delay_s = 0.01", "delay_s = 0.0");
+    stand.run("simulate --model model.toml --plan plan.toml --out prompt");
+    assert_eq!(delay_s("prompt"), 0.0);
+    // The noise alone: a standard error is 0.3 ms.
+    assert!(delay_s("prompt --delay fit") < 0.001);
+}
+
+#[test]
 fn the_json_of_bandwidth_has_the_keys_that_programs_rely_on() {
     let stand = Stand::new();
     let json = stand.json("bandwidth --model model.toml");

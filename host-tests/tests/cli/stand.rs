@@ -71,7 +71,7 @@ impl Stand {
         stand.write("model.toml", MODEL);
         stand.write("plan.toml", PLAN);
         stand.write("stand/experiment.toml", STEP);
-        stand.write("stand/step.csv", &step_csv());
+        stand.write("stand/step.csv", step_csv());
         stand
     }
 
@@ -184,7 +184,9 @@ pub fn program() -> Command {
 
 /// The program's file. Cargo builds the programs of a package for that package's own tests only: with
 /// `cargo test -p host-tests` it may be missing or older than its source, and then it is built here. Where it is
-/// newer than all of its source, as after `cargo build`, cargo is not called.
+/// newer than all of its source, as after `cargo build`, cargo is not called: with the features of another selection of
+/// packages it would compile everything once more. A source that is saved while cargo compiles it goes unnoticed by
+/// this; save it again.
 static PROGRAM: LazyLock<PathBuf> = LazyLock::new(|| {
     let test = std::env::current_exe().unwrap();
     // target/PROFILE/deps/cli-HASH

@@ -42,7 +42,7 @@ enum Delay {
     Auto,
     /// Never
     None,
-    /// Always
+    /// Wherever the best one is above zero
     Fit,
 }
 

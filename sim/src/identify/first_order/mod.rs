@@ -34,7 +34,7 @@ use start::{start, start_with_delay};
 /// How the fit is done.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FirstOrderOptions {
-    /// Level of the test that admits a dead time, 0..1; zero keeps the dead time at zero.
+    /// Level of the test that admits a dead time, 0..1; zero keeps the dead time at zero, one admits every positive one.
     pub delay_level: f64,
     /// The largest dead time that is looked for, seconds.
     pub max_delay_s: f64,
@@ -103,7 +103,7 @@ impl FirstOrderFit {
 /// zero or the search finds no positive time constant, [`IdentifyError::Setting`] when an option is
 /// outside its range.
 pub fn fit_first_order(lines: &[FitLine], options: &FirstOrderOptions) -> Result<FirstOrderFit, IdentifyError> {
-    if !(0.0..1.0).contains(&options.delay_level) {
+    if !(0.0..=1.0).contains(&options.delay_level) {
         return Err(IdentifyError::Setting { name: "delay_level", value: options.delay_level, range: "0 to 1" });
     }
     if !(0.0..=10.0).contains(&options.max_delay_s) {
