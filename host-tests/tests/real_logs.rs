@@ -124,7 +124,8 @@ fn rcbenchmark_log() {
     assert!(fit.warnings.iter().any(falling));
     assert!(fit.warnings.contains(&StepsWarning::Spikes { rows: 26 }));
     assert!(fit.curvature.value < -0.9, "{:?}", fit.curvature);
-    assert_eq!(it.model.points.len(), 15);
+    // Without 0.15, to which no step leads, and 0.80, whose one step came out twice as fast as its neighbors.
+    assert_eq!(it.model.points.len(), 14);
     assert!(it.model.points.iter().all(|p| p.nominal < 0.91));
 }
 

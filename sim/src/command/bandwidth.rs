@@ -1,16 +1,16 @@
 //! `rotorlead bandwidth`
 
-use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use clap::Args;
 use rotorlead::design::LeadParameters;
-use serde_json::{Value, json};
+use serde_json::json;
 
-use super::design::DesignArguments;
 use super::outcome::{JsonOption, Outcome};
-use crate::design::{BandwidthPoint, Chain, bandwidths, read_compensator};
+use super::parameters::{DesignArguments, positive};
+use crate::design::{Chain, bandwidths, read_compensator};
 use crate::plant::Model;
+use crate::report::{bandwidth_json, bandwidth_table};
 
 /// Predicts the bandwidth at each point of a model, with and without a compensator
 ///
@@ -62,32 +62,9 @@ impl Bandwidth {
                 )
             }
         };
-        let json = json!({ "points": points.iter().map(|point| json!({
-            "nominal": point.nominal,
-            "uncompensated_rad_s": rad_s(point.uncompensated),
-            "compensated_rad_s": rad_s(point.compensated),
-        })).collect::<Vec<_>>() });
-        Ok(Outcome { text: table(&points), json })
+        let json = json!({ "points": bandwidth_json(&points) });
+        Ok(Outcome { text: bandwidth_table(&points), json })
     }
-}
-
-/// The bandwidths as a table.
-pub fn table(points: &[BandwidthPoint]) -> String {
-    let mut text = String::from("  u_nom   uncompensated     compensated\n               (rad/s)         (rad/s)\n");
-    for point in points {
-        let cell = |bandwidth: crate::identify::Bandwidth| match bandwidth {
-            crate::identify::Bandwidth::At(omega) => format!("{omega:.4}"),
-            crate::identify::Bandwidth::Beyond(limit) => format!("> {limit:.0}"),
-        };
-        let (before, after) = (cell(point.uncompensated), cell(point.compensated));
-        writeln!(text, "  {:<5.3} {before:>15} {after:>15}", point.nominal).expect("a string takes all");
-    }
-    text
-}
-
-/// The bandwidth as JSON: a number, or null where there is none in the range searched.
-pub fn rad_s(bandwidth: crate::identify::Bandwidth) -> Value {
-    bandwidth.rad_s().map_or(Value::Null, Value::from)
 }
 
 fn lead(text: &str) -> Result<LeadParameters, String> {
@@ -102,13 +79,5 @@ fn lead(text: &str) -> Result<LeadParameters, String> {
         _ => Err(String::from(
             "three numbers above zero are needed: zero and poles in rad/s, and damping, as in 14.13,94.2,0.707",
         )),
-    }
-}
-
-/// A number above zero.
-pub fn positive(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(value) if value > 0.0 && f64::is_finite(value) => Ok(value),
-        _ => Err(String::from("a number above zero is needed")),
     }
 }

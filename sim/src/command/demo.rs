@@ -9,7 +9,6 @@ use num_complex::Complex64;
 use rotorlead::design::LeadDesign;
 use serde_json::json;
 
-use super::bandwidth::rad_s;
 use super::design::describe;
 use super::identify::periodic_model;
 use super::outcome::{JsonOption, Outcome};
@@ -23,7 +22,7 @@ use crate::identify::{
 };
 use crate::plant::Model;
 use crate::report::paper::{CONTRADICTIONS, PAPER, PaperRow, table_1};
-use crate::report::{Curve, Mark, bode};
+use crate::report::{Curve, Mark, bode, rad_s};
 
 /// Bootstrap draws behind the interval of a measured bandwidth.
 const RESAMPLES: usize = 1000;

@@ -1,18 +1,18 @@
 //! `rotorlead design`
 
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
-use miette::WrapErr as _;
 use rotorlead::design::LeadDesign;
 use serde_json::json;
 
-use super::bandwidth::{self, positive, rad_s};
 use super::outcome::{JsonOption, Outcome};
-use crate::design::{Chain, DesignOptions, bandwidths, compensator_file, design};
+use super::parameters::DesignArguments;
+use crate::design::{Chain, bandwidths, compensator_file};
 use crate::files::check_writable;
 use crate::plant::Model;
+use crate::report::{bandwidth_json, bandwidth_table};
 
 /// Designs one compensator for all points of a model
 ///
@@ -32,43 +32,6 @@ pub struct Design {
     pub(super) json: JsonOption,
 }
 
-/// The parameters of a design.
-#[derive(Args, Clone, Debug)]
-pub struct DesignArguments {
-    /// Highest frequency that is to be amplified; 2 pi 100 rad/s, the paper's, unless given
-    #[arg(long, value_name = "RAD_S", value_parser = positive, allow_negative_numbers = true)]
-    omega_g: Option<f64>,
-    /// Damping ratio of the compensator's poles; 1/sqrt(2) unless given
-    #[arg(long, value_name = "RATIO", value_parser = positive, allow_negative_numbers = true)]
-    damping: Option<f64>,
-    /// Rate at which the filter runs; 5000 Hz unless given
-    #[arg(long, value_name = "HZ", value_parser = positive, allow_negative_numbers = true)]
-    loop_rate: Option<f64>,
-    /// Frequency at which the sampled filter is to match the continuous one exactly
-    #[arg(long, value_name = "RAD_S", value_parser = positive, allow_negative_numbers = true)]
-    prewarp: Option<f64>,
-}
-
-impl DesignArguments {
-    /// Designs for `model`, which was read from `file`.
-    pub fn design(&self, model: &Model, file: &Path) -> miette::Result<LeadDesign> {
-        design(model, &self.options())
-            .map_err(miette::Report::from)
-            .wrap_err_with(|| format!("`{}` gives no compensator", file.display()))
-    }
-
-    /// What was given, and the paper's values for the rest.
-    fn options(&self) -> DesignOptions {
-        let default = DesignOptions::default();
-        DesignOptions {
-            omega_g_rad_s: self.omega_g.unwrap_or(default.omega_g_rad_s),
-            damping: self.damping.unwrap_or(default.damping),
-            loop_rate_hz: self.loop_rate.unwrap_or(default.loop_rate_hz),
-            prewarp_rad_s: self.prewarp,
-        }
-    }
-}
-
 impl Design {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
@@ -79,7 +42,7 @@ impl Design {
 
         let points = bandwidths(&model, Chain::Continuous(design.lead()));
         let mut text = describe(&design);
-        writeln!(text, "\nPredicted bandwidth\n\n{}", bandwidth::table(&points)).expect("a string takes all");
+        writeln!(text, "\nPredicted bandwidth\n\n{}", bandwidth_table(&points)).expect("a string takes all");
         writeln!(text, "Written to {}", self.out.display()).expect("a string takes all");
         let check = design.check();
         let json = json!({
@@ -91,11 +54,7 @@ impl Design {
             "pole_radii": check.pole_radii,
             "l1_gain": check.l1_gain,
             "step_peak": check.step_peak,
-            "points": points.iter().map(|point| json!({
-                "nominal": point.nominal,
-                "uncompensated_rad_s": rad_s(point.uncompensated),
-                "compensated_rad_s": rad_s(point.compensated),
-            })).collect::<Vec<_>>(),
+            "points": bandwidth_json(&points),
         });
         Ok(Outcome { text, json })
     }

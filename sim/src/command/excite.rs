@@ -8,9 +8,8 @@ use miette::Diagnostic as _;
 use serde_json::json;
 
 use super::WrongUse;
-use super::bandwidth::positive;
-use super::import::range;
 use super::outcome::{JsonOption, Outcome};
+use super::parameters::{fraction, positive, range};
 use super::progress;
 use crate::bench::multisine::{LineSet, Search, optimize};
 use crate::files::{check_writable, write_file};
@@ -141,12 +140,5 @@ impl Excite {
             ));
         }
         Ok(whole as usize)
-    }
-}
-
-fn fraction(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if (0.0..=1.0).contains(&value) => Ok(value),
-        _ => Err(String::from("a number from 0 to 1 is needed")),
     }
 }

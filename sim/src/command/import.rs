@@ -7,6 +7,7 @@ use clap::Args;
 use serde_json::json;
 
 use super::outcome::{JsonOption, Outcome};
+use super::parameters::range;
 use crate::record::import::{ImportOptions, ImportSummary, import};
 
 /// Takes the log of another tool as an experiment
@@ -79,12 +80,4 @@ fn pulses(text: &str) -> Result<(f64, f64), String> {
         (low, _) if low < 0.0 => Err(String::from("a pulse is no shorter than 0 microseconds")),
         range => Ok(range),
     }
-}
-
-/// `LOW..HIGH`, both finite numbers, the first lower.
-pub fn range(text: &str) -> Result<(f64, f64), String> {
-    let remedy = || String::from("write it as LOW..HIGH with LOW below HIGH, as in 0.1..30");
-    let (low, high) = text.split_once("..").ok_or_else(remedy)?;
-    let (low, high): (f64, f64) = (low.parse().map_err(|_| remedy())?, high.parse().map_err(|_| remedy())?);
-    if low.is_finite() && high.is_finite() && low < high { Ok((low, high)) } else { Err(remedy()) }
 }

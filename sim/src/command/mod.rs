@@ -8,6 +8,7 @@ mod excite;
 mod identify;
 mod import;
 mod outcome;
+mod parameters;
 mod progress;
 mod simulate;
 mod validate;

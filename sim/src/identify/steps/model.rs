@@ -1,11 +1,12 @@
 //! A staircase fit as a model file.
 
-use super::{MAX_RELATIVE_STD, StaircaseFit, StepsError, map_response};
+use super::{MAX_RELATIVE_STD, StaircaseFit, StepsError, StepsWarning, map_response};
 use crate::plant::{Lag, Model, Point, Provenance, StaticMap};
 
 impl StaircaseFit {
-    /// The model: a point at each level that has a rising map and a time constant known well enough, and the
-    /// static map over all levels.
+    /// The model: a point at each level that has a rising map and a time constant that is known well enough and
+    /// not odd among its neighbors', and the static map over all levels. A compensator's zero stands on the fastest
+    /// point, so one step that came out wrong would decide the whole design.
     ///
     /// A point's `time_constant_s` is [`super::Level::time_constant_s`]; those of both directions stand
     /// beside it. Its delay is the record's, but not below zero. `fit_step_percent` is that of the
@@ -37,6 +38,11 @@ impl StaircaseFit {
 
     fn point(&self, level: &super::Level) -> Option<Point> {
         let gain = level.gain?;
+        let is_odd =
+            |warning: &StepsWarning| matches!(warning, StepsWarning::Odd { command, .. } if *command == level.command);
+        if self.warnings.iter().any(is_odd) {
+            return None;
+        }
         let time_constant = level.time_constant_s().filter(|e| e.std <= MAX_RELATIVE_STD * e.value)?;
         let of = |branch: Option<super::Branch>| branch.and_then(|b| b.time_constant_s);
         let percent = |branch: Option<super::Branch>| branch.and_then(|b| b.fit_percent);
