@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use serde_json::Value;
 
-use crate::stand::Stand;
+use crate::stand::{Stand, report};
 
 const LOGS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/tests/data");
 
@@ -218,4 +218,59 @@ fn the_demo_prints_the_papers_tables_and_leaves_its_files() {
         assert!(!stand.read(&format!("demo-out/{file}")).is_empty());
     }
     stand.run("bandwidth --model demo-out/model.toml --compensator demo-out/compensator.toml");
+}
+
+/// The paper's Table 1 as a model file, with `tau = 1 / omega_s`.
+fn table_1() -> String {
+    let mut text = String::from("format = 1\n");
+    for (nominal, gain, pole) in host_tests::TABLE_1 {
+        let tau = 1.0 / pole;
+        text += &format!("[[point]]\nnominal = {nominal}\ngain = {gain}\ntime_constant_s = {tau}\n");
+    }
+    text
+}
+
+#[test]
+fn bandwidth_gives_both_simulated_columns_of_the_papers_table_3() {
+    let stand = Stand::new();
+    stand.write("paper.toml", table_1());
+    let printed = [
+        (6.2609, 8.0404),
+        (7.3349, 10.8166),
+        (9.2668, 24.5323),
+        (9.8895, 41.4026),
+        (11.7161, 74.6290),
+        (14.0940, 94.1039),
+    ];
+    let found = stand.json("bandwidth --model paper.toml");
+    for (point, (uncompensated, compensated)) in found["points"].as_array().unwrap().iter().zip(printed) {
+        assert!((number(point, "uncompensated_rad_s") - uncompensated).abs() < 1e-3, "{point}");
+        assert!((number(point, "compensated_rad_s") - compensated).abs() < 1e-3, "{point}");
+    }
+    // What runs differs by the lag of its holds: by at most 0.2 %.
+    let sampled = stand.json("bandwidth --model paper.toml --sampled --esc-frame 600");
+    for (point, (_, compensated)) in sampled["points"].as_array().unwrap().iter().zip(printed) {
+        near(number(point, "compensated_rad_s"), compensated, 0.002);
+    }
+}
+
+/// Equation (10) prints 66.62 s where (3) with (4) needs 133.24: zero 8876.60 / 628.46, poles sqrt(8876.60), damping
+/// 66.62 / (2 sqrt(8876.60)). The bandwidth at 0.50 would be 111.8 rad/s, where Table 3 has 24.53.
+#[test]
+fn equation_10_as_printed_contradicts_table_3() {
+    let stand = Stand::new();
+    stand.write("paper.toml", table_1());
+    let found = stand.json("bandwidth --model paper.toml --lead 14.12437,94.21571,0.353550");
+    near(number(&found["points"][2], "compensated_rad_s"), 111.8, 0.0005);
+}
+
+#[test]
+fn a_motor_too_slow_for_the_bandwidth_asked_for_is_told_what_it_may_have() {
+    let stand = Stand::new();
+    stand.write("slow.toml", "format = 1\n[[point]]\nnominal = 0.5\ngain = 10.0\ntime_constant_s = 0.11\n");
+    let design = |options: &str| stand.command(&format!("design --model slow.toml --out c.toml {options}")).assert();
+    let message = report(&design("").code(1));
+    let allowed = message.split("allows is ").nth(1).and_then(|rest| rest.split(' ').next()).expect("a remedy");
+    design(&format!("--omega-g {allowed}")).success();
+    design(&format!("--omega-g {:.1}", allowed.parse::<f64>().unwrap() + 0.2)).code(1);
 }
