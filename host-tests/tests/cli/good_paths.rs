@@ -274,3 +274,21 @@ fn a_motor_too_slow_for_the_bandwidth_asked_for_is_told_what_it_may_have() {
     design(&format!("--omega-g {allowed}")).success();
     design(&format!("--omega-g {:.1}", allowed.parse::<f64>().unwrap() + 0.2)).code(1);
 }
+
+#[test]
+fn the_bandwidth_rises_on_compensated_records_as_predicted() {
+    let stand = Stand::new();
+    stand.run("design --model model.toml --out compensator.toml");
+    stand.run("simulate --model model.toml --plan plan.toml --out before");
+    stand.run("simulate --model model.toml --plan plan.toml --compensator compensator.toml --out after");
+    let command = "bandwidth --model model.toml --compensator compensator.toml --records before --records after";
+    let found = stand.json(command);
+    let predicted = &found["points"][1];
+    let measured = found["measured"].as_array().unwrap();
+    assert_eq!(measured.len(), 2, "the squares have no response to measure");
+    assert_eq!((&measured[0]["compensated"], &measured[1]["compensated"]), (&Value::Bool(false), &Value::Bool(true)));
+    near(number(&measured[0], "bandwidth_rad_s"), number(predicted, "uncompensated_rad_s"), 0.02);
+    near(number(&measured[1], "bandwidth_rad_s"), number(predicted, "compensated_rad_s"), 0.02);
+    let text = stand.run(command);
+    assert!(text.contains("0.1 dB moves its bandwidth by a tenth"), "{text}");
+}

@@ -3,16 +3,25 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use miette::WrapErr as _;
 use rotorlead::design::LeadParameters;
 use serde_json::json;
 
 use super::outcome::{JsonOption, Outcome};
 use super::parameters::{DesignArguments, positive};
+use super::progress;
 use crate::design::{Chain, bandwidths, read_compensator};
+use crate::identify::{IdentifyError, MeasuredBandwidth, PeriodicOptions, identify_periodic};
 use crate::plant::Model;
-use crate::report::{bandwidth_json, bandwidth_table};
+use crate::record::Experiment;
+use crate::report::{bandwidth_json, bandwidth_table, measured_json, measured_table};
 
-/// Predicts the bandwidth at each point of a model, with and without a compensator
+/// Bootstrap draws behind the interval of a measured bandwidth.
+pub const RESAMPLES: usize = 1000;
+/// Where they start.
+const SEED: u64 = 1;
+
+/// Predicts the bandwidth at each point of a model, with and without a compensator, and measures it on records
 ///
 /// The bandwidth is the smallest frequency at which the response is 3 dB (exactly) under its static value. Without
 /// --compensator one is designed from the model, as `rotorlead design` would.
@@ -33,6 +42,9 @@ pub struct Bandwidth {
     /// Rate at which the ESC takes over a command, for --sampled; what the model was identified with unless given
     #[arg(long, value_name = "HZ", requires = "sampled", value_parser = positive, allow_negative_numbers = true)]
     esc_frame: Option<f64>,
+    /// Also measure the bandwidths of this experiment's multisine records; may be given several times
+    #[arg(long, value_name = "DIR")]
+    records: Vec<PathBuf>,
     #[command(flatten)]
     parameters: DesignArguments,
     #[command(flatten)]
@@ -62,8 +74,30 @@ impl Bandwidth {
                 )
             }
         };
-        let json = json!({ "points": bandwidth_json(&points) });
-        Ok(Outcome { text: bandwidth_table(&points), json })
+        let mut text = bandwidth_table(&points);
+        let mut json = json!({ "points": bandwidth_json(&points) });
+        if !self.records.is_empty() {
+            let measured = self.measure()?;
+            text.push('\n');
+            text.push_str(&measured_table(&measured));
+            json["measured"] = measured_json(&measured);
+        }
+        Ok(Outcome { text, json })
+    }
+
+    /// The bandwidths that the records show.
+    fn measure(&self) -> miette::Result<Vec<MeasuredBandwidth>> {
+        let mut measured = Vec::new();
+        for folder in &self.records {
+            let experiment = Experiment::read(folder)?;
+            let bar = progress::bar("measuring", experiment.records.len() as u64);
+            let of = || -> Result<_, IdentifyError> {
+                identify_periodic(&experiment, &PeriodicOptions::default())?.bandwidths(RESAMPLES, SEED)
+            };
+            measured.extend(of().map_err(miette::Report::from).wrap_err_with(|| format!("`{}`", folder.display()))?);
+            bar.finish_and_clear();
+        }
+        Ok(measured)
     }
 }
 

@@ -9,6 +9,7 @@ use num_complex::Complex64;
 use rotorlead::design::LeadDesign;
 use serde_json::json;
 
+use super::bandwidth::RESAMPLES;
 use super::design::describe;
 use super::identify::periodic_model;
 use super::outcome::{JsonOption, Outcome};
@@ -17,15 +18,12 @@ use crate::bench::{Plan, Prediction};
 use crate::design::{BandwidthPoint, Chain, DesignOptions, bandwidths, compensator_file, design};
 use crate::files::{FileError, check_writable, write_file};
 use crate::identify::{
-    Bandwidth, EtfeBandwidth, PeriodicIdentification, PeriodicOptions, StaticValue, bandwidth_of, bandwidth_of_etfe,
-    identify_periodic,
+    Bandwidth, EtfeBandwidth, PeriodicIdentification, PeriodicOptions, bandwidth_of, identify_periodic,
 };
 use crate::plant::Model;
 use crate::report::paper::{CONTRADICTIONS, PAPER, PaperRow, table_1};
-use crate::report::{Curve, Mark, bode, rad_s};
+use crate::report::{Curve, Mark, bandwidth_cell, bode, rad_s};
 
-/// Bootstrap draws behind the interval of a measured bandwidth.
-const RESAMPLES: usize = 1000;
 /// Nominal commands in the Bode plot: one in the middle, where compensation helps by half, and the fastest.
 const DRAWN: [f64; 2] = [0.50, 0.65];
 /// Highest frequency of a line in the Bode plot, rad/s: the top line of the compensated run.
@@ -124,19 +122,16 @@ fn measured(
     compensated: &PeriodicIdentification,
     seed: u64,
 ) -> miette::Result<Vec<Measured>> {
-    let etfe_bandwidth = |found: &PeriodicIdentification, index: usize| {
-        let nominal = &found.nominals[index];
-        let gain = nominal.fit.gain;
-        let static_value = StaticValue::Estimated { value: gain.value, std: gain.std };
-        bandwidth_of_etfe(&nominal.responses[0].etfe, static_value, RESAMPLES, seed)
-    };
-    (0..actuators.points.len())
-        .map(|index| {
-            let nominal = actuators.points[index].nominal;
-            let prediction = Prediction::new(plan, actuators, nominal, Some(design))?;
+    let before = uncompensated.bandwidths(RESAMPLES, seed)?;
+    let after = compensated.bandwidths(RESAMPLES, seed)?;
+    before
+        .iter()
+        .zip(&after)
+        .map(|(before, after)| {
+            let prediction = Prediction::new(plan, actuators, after.nominal, Some(design))?;
             Ok(Measured {
-                uncompensated: etfe_bandwidth(uncompensated, index)?,
-                compensated: etfe_bandwidth(compensated, index)?,
+                uncompensated: before.bandwidth,
+                compensated: after.bandwidth,
                 predicted: bandwidth_of(|omega| prediction.response(omega), DRAWN_UP_TO_RAD_S),
             })
         })
@@ -176,10 +171,7 @@ fn bode_plot(
 
 /// A bandwidth in a column.
 fn cell(bandwidth: Bandwidth) -> String {
-    match bandwidth {
-        Bandwidth::At(omega) => format!("{omega:.2}"),
-        Bandwidth::Beyond(limit) => format!("> {limit:.0}"),
-    }
+    bandwidth_cell(bandwidth, 2)
 }
 
 fn text(

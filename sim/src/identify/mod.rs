@@ -8,6 +8,7 @@ mod first_order;
 mod fit_percent;
 mod hold;
 mod least_squares;
+mod measured;
 mod noise;
 mod periodic;
 mod simulation;
@@ -24,6 +25,7 @@ pub use etfe::{Etfe, ResponsePoint};
 pub use first_order::{FirstOrderFit, FirstOrderOptions, FitLine, fit_first_order};
 pub use fit_percent::{Sample, fit_percent};
 pub use hold::{HoldChain, Image};
+pub use measured::MeasuredBandwidth;
 pub use periodic::{
     IdentifyWarning, NominalIdentification, PeriodicIdentification, PeriodicOptions, RecordResponse, SquareValidation,
     identify_periodic,
