@@ -174,7 +174,8 @@ pub(super) struct Player {
 
 impl Player {
     pub(super) const fn new(excitation: Excitation) -> Self {
-        Self { excitation, phase: Phase::RampUp, level: Command::ZERO, silent_ticks: 0, end: End::Completed }
+        let level = excitation.settings.stop;
+        Self { excitation, phase: Phase::RampUp, level, silent_ticks: 0, end: End::Completed }
     }
 
     pub(super) const fn phase(&self) -> Phase {
@@ -203,7 +204,7 @@ impl Player {
 
     /// The command of this tick; `None` when it has come to a stop.
     pub(super) fn tick(&mut self) -> Option<Command> {
-        let limits = &self.excitation.settings.excitation;
+        let ChannelSettings { stop, excitation: limits, .. } = self.excitation.settings;
         let (step, dead_man_ticks) = (limits.ramp_per_tick.to_bits(), limits.dead_man_ticks);
         if self.silent_ticks >= dead_man_ticks {
             self.ramp_down(End::DeadMan);
@@ -227,8 +228,8 @@ impl Player {
                 self.excitation.ticks_left = self.excitation.ticks_left.saturating_sub(1);
                 self.excitation.multisine.update()
             }
-            Phase::RampDown => Command::saturating_from_bits(self.level.to_bits() - step),
+            Phase::RampDown => Command::saturating_from_bits(self.level.to_bits() - step).max(stop),
         };
-        (self.phase != Phase::RampDown || self.level > Command::ZERO).then_some(self.level)
+        (self.phase != Phase::RampDown || self.level > stop).then_some(self.level)
     }
 }

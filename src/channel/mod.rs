@@ -126,6 +126,14 @@ enum Mode {
     Excitation,
 }
 
+/// What becomes of a tick's command.
+enum Path {
+    /// It goes to the ESC as it is.
+    Pass(Command),
+    /// It goes through the compensator, which starts from rest where it was not in use.
+    Shape(Command),
+}
+
 /// One motor's channel. See the [module](self).
 #[derive(Clone, Debug)]
 pub struct Channel {
@@ -155,7 +163,7 @@ impl Channel {
             mode: Mode::NoSignal,
             live: false,
             engaged: false,
-            command: Command::ZERO,
+            command: settings.stop,
             held_ticks: 0,
             compensator: Compensator::new(coefficients, settings.idle, settings.max),
             settings: *settings,
@@ -165,6 +173,7 @@ impl Channel {
     }
 
     /// One control tick: what the input has, to what the ESC gets.
+    #[inline]
     pub fn tick(&mut self, input: Input) -> Command {
         match input {
             Input::Command(command) => {
@@ -174,36 +183,53 @@ impl Channel {
             Input::Unchanged => {}
             Input::Nothing | Input::Lost => self.live = false,
         }
-        match (self.live, self.mode) {
-            (true, Mode::Armed) if self.command >= self.settings.arming_threshold => self.shape(self.command),
-            (true, _) => self.change_live(),
-            (false, Mode::NoSignal | Mode::Lost) => Command::ZERO,
-            (false, _) => self.without_input(),
+        let armed = self.live && self.mode == Mode::Armed && self.command >= self.settings.arming_threshold;
+        let path = if armed { Path::Shape(self.command) } else { self.decide() };
+        match path {
+            Path::Pass(command) => {
+                self.engaged = false;
+                command
+            }
+            Path::Shape(command) => {
+                if !self.engaged {
+                    self.engaged = true;
+                    self.compensator.reset(command);
+                }
+                self.compensator.update(command)
+            }
         }
     }
 
-    /// A live input, in all states but that of an armed command while armed.
-    fn change_live(&mut self) -> Command {
+    /// All ticks but those of an armed command while armed.
+    #[inline(never)]
+    fn decide(&mut self) -> Path {
+        if !self.live {
+            return self.without_input();
+        }
         if self.command < self.settings.arming_threshold {
             if let Some(player) = self.player.take() {
-                self.last_end = Some(if player.phase() == Phase::RampDown { player.end() } else { End::PulseInput });
+                let was_ending = player.phase() == Phase::RampDown;
+                self.last_end = Some(if was_ending { player.end() } else { End::PulseInput });
             }
             self.mode = Mode::Disarmed;
-            self.engaged = false;
-            return self.command;
+            return Path::Pass(self.command);
         }
         match self.mode {
             Mode::Disarmed | Mode::Armed => {
                 self.mode = Mode::Armed;
-                self.shape(self.command)
+                Path::Shape(self.command)
             }
             Mode::Holding => {
                 self.mode = Mode::Armed;
-                self.resume()
+                // Out of the path there is nothing to smooth.
+                if self.engaged && self.compensator.is_enabled() {
+                    self.compensator.restart(self.command);
+                }
+                Path::Shape(self.command)
             }
             Mode::NoSignal | Mode::Locked | Mode::Lost => {
                 self.mode = Mode::Locked;
-                Command::ZERO
+                self.stop()
             }
             Mode::Excitation => {
                 if let Some(player) = &mut self.player {
@@ -214,8 +240,7 @@ impl Channel {
         }
     }
 
-    /// No live input, in all states in which that is news or in which something goes on without it.
-    fn without_input(&mut self) -> Command {
+    fn without_input(&mut self) -> Path {
         match self.mode {
             Mode::Disarmed | Mode::Armed => {
                 self.mode = Mode::Holding;
@@ -225,63 +250,38 @@ impl Channel {
             Mode::Holding => self.hold(),
             Mode::Locked => {
                 self.mode = Mode::Lost;
-                Command::ZERO
+                self.stop()
             }
-            Mode::NoSignal | Mode::Lost => Command::ZERO,
+            Mode::NoSignal | Mode::Lost => self.stop(),
             Mode::Excitation => self.excite(),
         }
     }
 
     /// As if the last command were still coming, until the hold time is over.
-    fn hold(&mut self) -> Command {
+    fn hold(&mut self) -> Path {
         if self.held_ticks >= self.settings.hold_ticks {
             self.mode = Mode::Lost;
-            self.engaged = false;
-            return Command::ZERO;
+            return self.stop();
         }
-        self.held_ticks += 1;
-        // Disarmed commands were not shaped before the loss and are not now.
-        if self.engaged { self.compensator.update(self.command) } else { self.command }
-    }
-
-    /// A tick of the compensator, which starts from rest where it was not in use.
-    #[inline]
-    fn shape(&mut self, command: Command) -> Command {
-        if !self.engaged {
-            self.engaged = true;
-            self.compensator.reset(command);
-        }
-        self.compensator.update(command)
-    }
-
-    /// The first armed command after an outage.
-    fn resume(&mut self) -> Command {
-        if !self.engaged || !self.compensator.is_enabled() {
-            return self.shape(self.command);
-        }
-        // Out of the path and in again: that puts the filter at rest at the new command, and the switches' offset
-        // keeps the output where it is and fades.
-        self.compensator.set_enabled(false);
-        let output = self.compensator.update(self.command);
-        self.compensator.set_enabled(true);
-        output
+        self.held_ticks = self.held_ticks.saturating_add(1);
+        if self.engaged { Path::Shape(self.command) } else { Path::Pass(self.command) }
     }
 
     /// One tick of the excitation. On the ramps it passes the arming threshold as a command would.
-    fn excite(&mut self) -> Command {
+    fn excite(&mut self) -> Path {
         match self.player.as_mut().and_then(Player::tick) {
-            Some(level) if level >= self.settings.arming_threshold => self.shape(level),
-            Some(level) => {
-                self.engaged = false;
-                level
-            }
+            Some(level) if level >= self.settings.arming_threshold => Path::Shape(level),
+            Some(level) => Path::Pass(level),
             None => {
-                self.engaged = false;
                 self.last_end = self.player.take().map(|player| player.end());
                 self.mode = if self.live { Mode::Locked } else { Mode::NoSignal };
-                Command::ZERO
+                self.stop()
             }
         }
+    }
+
+    const fn stop(&self) -> Path {
+        Path::Pass(self.settings.stop)
     }
 
     /// Starts an excitation; the next tick is the first of its ramp. The dead-man's time starts now.
@@ -360,7 +360,7 @@ impl Channel {
         match (self.mode, &self.player) {
             (Mode::Disarmed | Mode::Armed | Mode::Holding, _) => self.command,
             (Mode::Excitation, Some(player)) => player.level(),
-            _ => Command::ZERO,
+            _ => self.settings.stop,
         }
     }
 

@@ -9,9 +9,12 @@ pub const SLOWEST_RAMP_PER_TICK: Command = Command::saturating_from_bits(Command
 
 /// What a channel may do. Times are in control ticks.
 ///
-/// `0 < arming_threshold <= idle < max`; the stop pulse is 0, the bottom of the pulse range.
+/// `stop < arming_threshold <= idle < max`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ChannelSettings {
+    /// The command of the stop pulse: the bottom of the pulse range, or above it where the protocol is raw duty, whose
+    /// 0 has no edges.
+    pub stop: Command,
     /// Commands below this are disarmed and pass untouched.
     pub arming_threshold: Command,
     /// Lowest output while armed: the lowest command at which a motor runs reliably.
@@ -44,6 +47,7 @@ impl Default for ChannelSettings {
     /// For a loop at 5 kHz: armed from 3 % on, idle at 5 %, no upper limit, 100 ms of hold.
     fn default() -> Self {
         Self {
+            stop: Command::ZERO,
             arming_threshold: Command::saturating_from_f64(0.03),
             idle: Command::saturating_from_f64(0.05),
             max: Command::ONE,
@@ -70,8 +74,8 @@ impl Default for ExcitationLimits {
 /// Settings that contradict each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ChannelSettingsError {
-    /// `arming_threshold` is the stop pulse, so that nothing is disarmed.
-    NothingDisarmed,
+    /// `arming_threshold` is not above `stop`, so that the stop pulse would be armed.
+    ThresholdNotAboveStop,
     /// `idle` is below `arming_threshold`: an armed channel could put out what means disarmed.
     IdleBelowThreshold,
     /// `max` is not above `idle`.
@@ -85,7 +89,7 @@ pub enum ChannelSettingsError {
 impl fmt::Display for ChannelSettingsError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::NothingDisarmed => "arming_threshold is 0: it must be above the stop pulse",
+            Self::ThresholdNotAboveStop => "arming_threshold is not above stop",
             Self::IdleBelowThreshold => "idle is below arming_threshold: raise idle",
             Self::MaxNotAboveIdle => "max is not above idle",
             Self::RampTooSlow => "excitation.ramp_per_tick is so low that a motor would take over 2^16 ticks to stop",
@@ -103,7 +107,7 @@ impl ChannelSettings {
     /// The first contradiction.
     pub fn validate(&self) -> Result<(), ChannelSettingsError> {
         let in_order = [
-            (self.arming_threshold > Command::ZERO, ChannelSettingsError::NothingDisarmed),
+            (self.arming_threshold > self.stop, ChannelSettingsError::ThresholdNotAboveStop),
             (self.idle >= self.arming_threshold, ChannelSettingsError::IdleBelowThreshold),
             (self.max > self.idle, ChannelSettingsError::MaxNotAboveIdle),
             (self.excitation.ramp_per_tick >= SLOWEST_RAMP_PER_TICK, ChannelSettingsError::RampTooSlow),
