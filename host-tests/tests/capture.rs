@@ -371,7 +371,11 @@ fn time_stamps_wrap_without_a_trace() {
     for &(time, _) in line.edges().iter().step_by(7) {
         for offset in [0_u32, 1, 2, 100] {
             let origin = 0_u32.wrapping_sub(time as u32).wrapping_add(offset);
-            assert_eq!(decode(&mut seen_low(Protocol::StandardPwm, origin), &line, origin, end), expected, "wrap at {time} - {offset}");
+            assert_eq!(
+                decode(&mut seen_low(Protocol::StandardPwm, origin), &line, origin, end),
+                expected,
+                "wrap at {time} - {offset}"
+            );
         }
     }
 
