@@ -388,10 +388,11 @@ fn time_stamps_wrap_without_a_trace() {
     assert!(signals.iter().all(|&(_, signal)| signal == Signal::Nothing), "a stamp from a turn ago was believed");
     assert_eq!(decoder.faults(), Faults::default());
 
-    // High for a whole turn of the counter and 1.5 ms: not a pulse of 1.5 ms.
+    // High for a whole turn of the counter and 1.5 ms: not a pulse of 1.5 ms, that two more would make three of.
     let mut line = servo_pulses(500.0, 3);
     line.level(us(10_000.0), Level::High);
     line.level(us(10_000.0) + turn + us(1500.0), Level::Low);
+    let line = line.then(&Line::pulses(us(12_500.0) + turn, us(2500.0), us(1500.0), 2));
     let mut decoder = servo();
     let signals = decode(&mut decoder, &line, 0, turn + us(20_000.0));
     assert_eq!(widths(&signals).len(), 1);
