@@ -20,13 +20,15 @@ pub struct Compensator {
     section: Section,
     min: Command,
     max: Command,
+    /// Whether the filter was in the path on the last tick, and whether it shall be on the next.
     enabled: bool,
+    wanted: bool,
     /// The last input.
     input: Command,
     /// The last two outputs, older first.
     outputs: [Command; 2],
-    /// A switch was asked for and takes effect on the next tick.
-    switching: bool,
+    /// The section was put at another level since the last tick.
+    restarted: bool,
     /// Output minus what the present path asks for, in steps of 2^-29; 0 but for a while after a switch.
     offset: i32,
 }
@@ -42,9 +44,10 @@ impl Compensator {
             min,
             max,
             enabled: true,
+            wanted: true,
             input: min,
             outputs: [min; 2],
-            switching: false,
+            restarted: false,
             offset: 0,
         }
     }
@@ -55,26 +58,29 @@ impl Compensator {
         self.section = Section::at_level(level);
         self.input = level;
         self.outputs = [level.clamp_to(self.min, self.max); 2];
-        self.switching = false;
+        self.enabled = self.wanted;
+        self.restarted = false;
         self.offset = 0;
+    }
+
+    /// Puts the filter at rest at `level` without a jump of the output, as [`Self::set_enabled`] does: what is left
+    /// over fades. For an input that comes back from an outage, whose change meanwhile is no step to answer.
+    pub const fn restart(&mut self, level: Command) {
+        self.section = Section::at_level(level);
+        self.input = level;
+        self.restarted = true;
     }
 
     /// Switches the filter in (`true`) or out of the path from the next tick on. There and back between two ticks is
     /// no switch.
     pub const fn set_enabled(&mut self, enabled: bool) {
-        if enabled != self.enabled {
-            self.enabled = enabled;
-            self.switching = !self.switching;
-            if enabled && self.switching {
-                self.section = Section::at_level(self.input);
-            }
-        }
+        self.wanted = enabled;
     }
 
-    /// Whether the filter is in the path.
+    /// Whether the filter is in the path from the next tick on.
     #[must_use]
     pub const fn is_enabled(&self) -> bool {
-        self.enabled
+        self.wanted
     }
 
     /// The last output.
@@ -86,13 +92,18 @@ impl Compensator {
     /// One tick: takes the command of the flight controller, gives that for the ESC.
     #[inline]
     pub fn update(&mut self, input: Command) -> Command {
+        let is_switching = self.wanted != self.enabled || self.restarted;
+        if self.wanted && !self.enabled {
+            self.section = Section::at_level(self.input);
+        }
+        self.enabled = self.wanted;
+        self.restarted = false;
         let target = if self.enabled {
             self.section.update(&self.coefficients, input).clamp_to(self.min, self.max)
         } else {
             input.clamp_to(self.min, self.max)
         };
-        let output = if self.switching {
-            self.switching = false;
+        let output = if is_switching {
             let [before, last] = [self.outputs[0].to_bits(), self.outputs[1].to_bits()];
             let largest = (last - before).abs();
             let step = (target.to_bits() - last).max(-largest).min(largest);
