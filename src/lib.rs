@@ -34,4 +34,6 @@ pub mod biquad;
 pub mod compensator;
 pub mod design;
 pub mod excitation;
+pub mod link;
+pub mod settings;
 pub mod throttle;
