@@ -7,6 +7,9 @@ use crate::throttle::Command;
 /// the control tick must hold `INJECT_WINDOW * INJECT_SAMPLES` commands.
 pub const INJECT_WINDOW: usize = 2;
 
+/// An injection whose queue stays empty for so long ends: a host that is gone must not leave a pulse running.
+pub const INJECT_TIMEOUT_MS: u32 = 1000;
+
 /// Keeps the books of one motor's injection. It lives in the task of the link; commands go through one queue to the
 /// control tick, which consumes one per tick and puts one output into another.
 ///

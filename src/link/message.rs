@@ -51,7 +51,8 @@ pub enum Request {
     /// [`Message::Done`].
     Record(Option<RecordRequest>),
     /// 9: commands for a motor whose source is [`Source::Inject`], one consumed per tick. Without any there is no tick, so
-    /// that the outputs do not depend on when frames arrive. Answered by [`Message::Injected`] when the last of them was
+    /// that the outputs do not depend on when frames arrive; but a host that sends none for
+    /// [`INJECT_TIMEOUT_MS`](super::INJECT_TIMEOUT_MS) has lost the motor, which goes back to its pulses. Answered by [`Message::Injected`] when the last of them was
     /// consumed, so a host may keep [`INJECT_WINDOW`](super::INJECT_WINDOW) requests under way.
     Inject(InjectRequest),
     /// 10: answered by [`Message::Faults`].
@@ -170,6 +171,8 @@ pub enum Refusal {
     SaveFailed,
     /// 7: nominal and amplitude leave the excitation's limits.
     CommandOutsideLimits {
+        /// Lowest command allowed, Q2.29: the motor's idle.
+        min_command: i32,
         /// Highest command allowed, Q2.29.
         max_command: i32,
         /// Largest amplitude allowed, Q2.29.
@@ -206,9 +209,10 @@ impl fmt::Display for Refusal {
             Self::Settings(error) => error.fmt(f),
             Self::Design => write!(f, "the compensator cannot be designed at this loop rate"),
             Self::SaveFailed => write!(f, "the flash did not take the settings; the old ones are still stored"),
-            Self::CommandOutsideLimits { max_command, max_amplitude } => write!(
+            Self::CommandOutsideLimits { min_command, max_command, max_amplitude } => write!(
                 f,
-                "outside the limits of the settings: commands up to {:.4}, amplitudes up to {:.4}",
+                "outside the limits of the settings: commands from {:.4} to {:.4}, amplitudes up to {:.4}",
+                number(min_command),
                 number(max_command),
                 number(max_amplitude)
             ),
@@ -280,12 +284,16 @@ pub enum ResetReason {
 pub enum ChannelState {
     /// No pulse has come yet.
     NoSignal,
+    /// Pulses come that would arm, but none below the threshold came before them.
+    Locked,
     /// Pulses come, below the arming threshold.
     Disarmed,
     /// The motor turns on the flight controller's command.
     Armed,
-    /// The motor turned, and the pulses are gone.
-    InputLost,
+    /// The pulses are gone, and the last command is held.
+    Holding,
+    /// The pulses are gone, and the output is at the stop.
+    Lost,
     /// The excitation drives the motor.
     Excitation,
     /// The host drives the motor.
@@ -314,10 +322,12 @@ pub struct Faults {
 pub struct MotorFaults {
     /// Pulses too short to be one.
     pub glitches: u32,
-    /// Pulses outside the protocol's range.
-    pub out_of_range: u32,
     /// Edges that were missed.
     pub missing_edges: u32,
+    /// Pulses outside the protocol's range.
+    pub out_of_range: u32,
+    /// Pulses that came too soon after another.
+    pub too_soon: u32,
     /// Times that the signal was lost.
     pub lost: u32,
     /// Times that the input was masked, since it had more edges than its frame rate allows.

@@ -34,7 +34,7 @@ mod series;
 pub use frame::{
     CHECKSUM, FRAME_BYTES, FrameFaults, PAYLOAD_BYTES, Receiver, Tagged, TooLong, VERSION, Writer, encode,
 };
-pub use injector::{INJECT_WINDOW, Injector};
+pub use injector::{INJECT_TIMEOUT_MS, INJECT_WINDOW, Injector};
 pub use message::{
     ChannelState, Clock, ExciteRequest, Faults, INJECT_SAMPLES, Info, InjectRequest, Injected, LineSet, Message,
     MotorFaults, RECORD_SAMPLES, Record, RecordRequest, Refusal, Request, ResetReason, Source,

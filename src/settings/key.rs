@@ -15,18 +15,18 @@ pub enum Key {
     OmegaFRadS,
     /// [`Lead::damping`](super::Lead::damping)
     Damping,
-    /// The protocol of [`MotorSettings::input`](super::MotorSettings::input)
+    /// The protocol of [`Settings::input`](super::Settings::input)
     InputProtocol,
-    /// The frame rate of [`MotorSettings::input`](super::MotorSettings::input)
+    /// The frame rate of [`Settings::input`](super::Settings::input)
     InputFrameHz,
-    /// The protocol of [`MotorSettings::output`](super::MotorSettings::output)
+    /// The protocol of [`Settings::output`](super::Settings::output)
     OutputProtocol,
-    /// The frame rate of [`MotorSettings::output`](super::MotorSettings::output)
+    /// The frame rate of [`Settings::output`](super::Settings::output)
     OutputFrameHz,
+    /// [`Settings::stop`](super::Settings::stop)
+    Stop,
     /// [`MotorSettings::compensate`](super::MotorSettings::compensate)
     Compensate,
-    /// [`MotorSettings::stop`](super::MotorSettings::stop)
-    Stop,
     /// [`MotorSettings::arming`](super::MotorSettings::arming)
     Arming,
     /// [`MotorSettings::idle`](super::MotorSettings::idle)
@@ -58,8 +58,8 @@ impl Key {
         Self::InputFrameHz,
         Self::OutputProtocol,
         Self::OutputFrameHz,
-        Self::Compensate,
         Self::Stop,
+        Self::Compensate,
         Self::Arming,
         Self::Idle,
         Self::Max,
@@ -100,23 +100,11 @@ impl Key {
     /// Whether each motor has one.
     #[must_use]
     pub const fn is_of_a_motor(self) -> bool {
-        matches!(
-            self,
-            Self::InputProtocol
-                | Self::InputFrameHz
-                | Self::OutputProtocol
-                | Self::OutputFrameHz
-                | Self::Compensate
-                | Self::Stop
-                | Self::Arming
-                | Self::Idle
-                | Self::Max
-                | Self::HoldMs
-        )
+        matches!(self, Self::Compensate | Self::Arming | Self::Idle | Self::Max | Self::HoldMs)
     }
 }
 
-/// A key, and the motor whose it is: `damping`, `motor.2.output.frame_hz`.
+/// A key, and the motor whose it is: `damping`, `motor.2.idle`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Place {
     /// The parameter.

@@ -28,6 +28,9 @@ pub const MOTORS: usize = 4;
 /// Time without a [`KeepAlive`](crate::link::Request::KeepAlive) after which an excitation ramps down, milliseconds.
 pub const DEAD_MAN_MS: u32 = 200;
 
+/// What nearly every ESC and flight controller understands, at a rate that is worth compensating.
+const DEFAULT_PULSE: Pulse = Pulse { protocol: PulseProtocol::StandardPwm, frame_hz: 400 };
+
 /// Everything that a controller stores. Levels are commands in Q2.29 ([`Command::to_bits`]).
 ///
 /// | key | range | default |
@@ -35,10 +38,10 @@ pub const DEAD_MAN_MS: u32 = 200;
 /// | `loop_rate_hz` | 1000..=10000 | 5000 |
 /// | `omega_z_rad_s`, `omega_f_rad_s` | above 0, the zero below the poles | the paper's, 14.13 and 94.2 |
 /// | `damping` | 0.3..=2 | 1/sqrt 2 |
-/// | `motor.N.input.protocol`, `motor.N.output.protocol` | raw_duty, standard_pwm, oneshot125 | standard_pwm |
-/// | `motor.N.input.frame_hz`, `motor.N.output.frame_hz` | 40..=4000, and the longest pulse fits | 400 |
+/// | `input.protocol`, `output.protocol` | raw_duty, standard_pwm, oneshot125 | standard_pwm |
+/// | `input.frame_hz`, `output.frame_hz` | 40..=4000, and the longest pulse fits | 400 |
+/// | `stop` | 0..1, and a raw duty has edges | 0 |
 /// | `motor.N.compensate` | true, false | false |
-/// | `motor.N.stop` | 0..1 | 0 |
 /// | `motor.N.arming` | above `stop` | 0.03 |
 /// | `motor.N.idle` | `arming` or above | 0.05 |
 /// | `motor.N.max` | above `idle`, 1 or below | 1 |
@@ -54,6 +57,13 @@ pub struct Settings {
     pub loop_rate_hz: u32,
     /// The compensator, one for all motors.
     pub lead: Lead,
+    /// The flight controller's pulses.
+    pub input: Pulse,
+    /// The ESCs' pulses. All come from one timer, so there is one kind.
+    pub output: Pulse,
+    /// The lowest command that is ever put out, and what stops a motor. Above 0 for raw duty only, where 0 would be no
+    /// pulse at all.
+    pub stop: i32,
     /// What each motor has of its own.
     pub motors: [MotorSettings; MOTORS],
     /// What an excitation may do.
@@ -85,17 +95,11 @@ impl From<LeadParameters> for Lead {
     }
 }
 
-/// One motor's path from pulse to pulse.
+/// One motor's own parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct MotorSettings {
-    /// The flight controller's pulse.
-    pub input: Pulse,
-    /// The ESC's pulse.
-    pub output: Pulse,
     /// Whether the compensator is in the path.
     pub compensate: bool,
-    /// The command that stops the motor.
-    pub stop: i32,
     /// Below this command the motor is not armed, and the command passes untouched.
     pub arming: i32,
     /// The lowest output while armed.
@@ -162,6 +166,9 @@ impl Default for Settings {
         Self {
             loop_rate_hz: 5000,
             lead: Lead { omega_z_rad_s, omega_f_rad_s, damping: DEFAULT_DAMPING },
+            input: DEFAULT_PULSE,
+            output: DEFAULT_PULSE,
+            stop: 0,
             motors: [MotorSettings::default(); MOTORS],
             excitation: ExcitationLimits {
                 max_duration_s: 120,
@@ -176,17 +183,7 @@ impl Default for Settings {
 
 impl Default for MotorSettings {
     fn default() -> Self {
-        let pulse = Pulse { protocol: PulseProtocol::StandardPwm, frame_hz: 400 };
-        Self {
-            input: pulse,
-            output: pulse,
-            compensate: false,
-            stop: 0,
-            arming: percent(3),
-            idle: percent(5),
-            max: percent(100),
-            hold_ms: 100,
-        }
+        Self { compensate: false, arming: percent(3), idle: percent(5), max: percent(100), hold_ms: 100 }
     }
 }
 

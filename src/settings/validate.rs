@@ -5,7 +5,7 @@ use core::ops::Deref;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Key, MOTORS, MotorSettings, Place, Pulse, PulseProtocol, Settings};
+use super::{Key, MotorSettings, Place, Pulse, PulseProtocol, Settings};
 use crate::design::{DAMPING_RANGE, LeadParameters};
 use crate::throttle::Command;
 
@@ -93,38 +93,35 @@ impl core::error::Error for SettingsError {}
 pub enum Warning {
     /// Frames come at less than twice the highest frequency that the compensator amplifies, `omega_g / (2 pi)`: it
     /// answers the steps between frames with ripple, and brings no bandwidth.
-    SlowFrames(Place),
+    SlowFrames(Key),
 }
 
 impl fmt::Display for Warning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self::SlowFrames(place) = self;
+        let Self::SlowFrames(key) = self;
         write!(
             f,
-            "{place} is under twice the highest frequency that the compensator amplifies, omega_g / (2 pi): \
-             that makes ripple, not bandwidth"
+            "{} is under twice the highest frequency that the compensator amplifies, omega_g / (2 pi): \
+             that makes ripple, not bandwidth",
+            key.name()
         )
     }
 }
 
-/// The warnings about one set of settings: a bit for each input and each output, which is their form on the wire.
+/// The warnings about one set of settings.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Warnings {
-    /// Bit n: the input frames of motor n are slow.
-    pub slow_inputs: u8,
-    /// Bit n: the output frames of motor n are slow.
-    pub slow_outputs: u8,
+    /// The input frames are slow.
+    pub slow_input: bool,
+    /// The output frames are slow.
+    pub slow_output: bool,
 }
 
 impl Warnings {
     /// One by one.
     pub fn iter(self) -> impl Iterator<Item = Warning> {
-        let slow = |bits: u8, key: Key| {
-            (0..MOTORS as u8)
-                .filter(move |motor| bits >> motor & 1 != 0)
-                .map(move |motor| Warning::SlowFrames(Place { key, motor: Some(motor) }))
-        };
-        slow(self.slow_inputs, Key::InputFrameHz).chain(slow(self.slow_outputs, Key::OutputFrameHz))
+        let slow = |is_slow: bool, key| is_slow.then_some(Warning::SlowFrames(key));
+        slow(self.slow_input, Key::InputFrameHz).into_iter().chain(slow(self.slow_output, Key::OutputFrameHz))
     }
 }
 
@@ -179,9 +176,13 @@ impl Settings {
         if self.lead.omega_z_rad_s >= self.lead.omega_f_rad_s {
             return Err(SettingsError { place: whole(Key::OmegaZRadS), problem: Problem::ZeroNotBelowPoles });
         }
+        pulse(whole(Key::InputFrameHz), self.input)?;
+        pulse(whole(Key::OutputFrameHz), self.output)?;
+        level(whole(Key::Stop), self.stop, (0, ONE))?;
         for (index, motor) in (0..).zip(&self.motors) {
-            motor.check(index)?;
+            motor.check(index, self.stop)?;
         }
+        self.check_edges()?;
         let limits = &self.excitation;
         within(whole(Key::ExcitationMaxDurationS), limits.max_duration_s, DURATION_RANGE_S)?;
         level(whole(Key::ExcitationMaxCommand), limits.max_command, (0, ONE))?;
@@ -193,45 +194,45 @@ impl Settings {
         Ok(Validated { settings: self, warnings })
     }
 
+    /// Refuses raw duties without edges.
+    fn check_edges(&self) -> Result<(), SettingsError> {
+        if self.output.protocol != PulseProtocol::RawDuty {
+            return Ok(());
+        }
+        let min = f64::from(SHORTEST_LEVEL_US) * 1e-6 * f64::from(self.output.frame_hz);
+        let max = 1.0 - min;
+        let edges = |place, bits: i32| {
+            if (min..=max).contains(&as_command(bits)) {
+                return Ok(());
+            }
+            Err(SettingsError { place, problem: Problem::NoEdges { min, max } })
+        };
+        edges(Place { key: Key::Stop, motor: None }, self.stop)?;
+        for (index, motor) in (0..).zip(&self.motors) {
+            edges(Place { key: Key::Max, motor: Some(index) }, motor.max)?;
+        }
+        Ok(())
+    }
+
     fn warnings(&self) -> Warnings {
         let omega_g_hz = LeadParameters::from(self.lead).omega_g_rad_s() / (2.0 * core::f64::consts::PI);
-        let mut warnings = Warnings::default();
-        for (index, motor) in self.motors.iter().enumerate().filter(|(_, motor)| motor.compensate) {
-            let slow = |pulse: Pulse| u8::from(f64::from(pulse.frame_hz) < 2.0 * omega_g_hz) << index;
-            warnings.slow_inputs |= slow(motor.input);
-            warnings.slow_outputs |= slow(motor.output);
-        }
-        warnings
+        // Without the compensator in any path nothing is amplified.
+        let is_used = self.motors.iter().any(|motor| motor.compensate);
+        let slow = |pulse: Pulse| is_used && f64::from(pulse.frame_hz) < 2.0 * omega_g_hz;
+        Warnings { slow_input: slow(self.input), slow_output: slow(self.output) }
     }
 }
 
 impl MotorSettings {
-    fn check(&self, motor: u8) -> Result<(), SettingsError> {
+    fn check(&self, motor: u8, stop: i32) -> Result<(), SettingsError> {
         let place = |key| Place { key, motor: Some(motor) };
-        pulse(place(Key::InputFrameHz), self.input)?;
-        pulse(place(Key::OutputFrameHz), self.output)?;
         // Each level inside the command's range first, so that the ranges of the others make sense.
-        level(place(Key::Stop), self.stop, (0, ONE))?;
-        level(place(Key::Max), self.max, (0, ONE))?;
+        level(place(Key::Arming), self.arming, (0, ONE))?;
         level(place(Key::Idle), self.idle, (0, ONE))?;
-        level(place(Key::Arming), self.arming, (self.stop.saturating_add(1), ONE))?;
+        level(place(Key::Arming), self.arming, (stop.saturating_add(1), ONE))?;
         level(place(Key::Idle), self.idle, (self.arming, ONE))?;
         level(place(Key::Max), self.max, (self.idle.saturating_add(1), ONE))?;
-        within(place(Key::HoldMs), self.hold_ms, HOLD_RANGE_MS)?;
-        if self.output.protocol == PulseProtocol::RawDuty {
-            let shortest = f64::from(SHORTEST_LEVEL_US) * 1e-6 * f64::from(self.output.frame_hz);
-            let (min, max) = (shortest, 1.0 - shortest);
-            let edges = |key, bits: i32| {
-                let duty = as_command(bits);
-                if duty < min || duty > max {
-                    return Err(SettingsError { place: place(key), problem: Problem::NoEdges { min, max } });
-                }
-                Ok(())
-            };
-            edges(Key::Stop, self.stop)?;
-            edges(Key::Max, self.max)?;
-        }
-        Ok(())
+        within(place(Key::HoldMs), self.hold_ms, HOLD_RANGE_MS)
     }
 }
 
