@@ -1,5 +1,8 @@
 //! What the tests share: the paper's numbers, random designs, and the compensator computed a second way.
 
+pub mod flash;
+pub mod fuzz;
+
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use rotorlead::design::{LeadDesign, LeadParameters};
