@@ -237,7 +237,9 @@ fn a_power_cut_at_any_byte_of_a_save_leaves_the_old_or_the_new_set() {
             let loaded = mended.load();
             assert_eq!((loaded.settings, loaded.origin), (newer.clone(), Origin::Stored));
         }
-        println!("{saves} saves before, backwards {erases_backwards}: {olds} cuts leave the old set, {news} the new one");
+        println!(
+            "{saves} saves before, backwards {erases_backwards}: {olds} cuts leave the old set, {news} the new one"
+        );
         assert!(olds > 0 && news > 0);
     }
 }

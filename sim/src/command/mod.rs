@@ -4,6 +4,7 @@
 mod bandwidth;
 mod demo;
 mod design;
+mod device;
 mod excite;
 mod identify;
 mod import;
@@ -39,6 +40,7 @@ enum Command {
     Identify(identify::Identify),
     Design(design::Design),
     Bandwidth(bandwidth::Bandwidth),
+    Device(device::Device),
 }
 
 impl Arguments {
@@ -55,6 +57,7 @@ impl Arguments {
             Command::Identify(command) => command.json.say(command.run()?),
             Command::Design(command) => command.json.say(command.run()?),
             Command::Bandwidth(command) => command.json.say(command.run()?),
+            Command::Device(command) => command.json.say(command.run()?),
         }
     }
 }
