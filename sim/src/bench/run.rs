@@ -88,8 +88,8 @@ pub fn run_on(
     experiment(plan, model, records)
 }
 
-/// [`run`], with the filter somewhere else: `esc` is given the commands of a whole record, of which the first is the
-/// level at which it is at rest, and gives as many commands for the ESC. `compensator` is what is said to be in there.
+/// [`run`], with the filter somewhere else: `esc` is given the command at which a record starts at rest and those of all
+/// its ticks, and gives a command for the ESC for each tick. `compensator` is what is said to be in there.
 ///
 /// # Errors
 /// Those of [`run`], and those of `esc`.
@@ -97,14 +97,14 @@ pub fn run_through<E: From<BenchError>>(
     plan: &Plan,
     model: &Model,
     compensator: Option<&LeadDesign>,
-    mut esc: impl FnMut(&PlannedRecord, &[Command]) -> Result<Vec<Command>, E>,
+    mut esc: impl FnMut(Command, &[Command]) -> Result<Vec<Command>, E>,
 ) -> Result<Experiment, E> {
     check(plan, model, compensator)?;
     let mut records = Vec::new();
     for job in jobs(plan, model, compensator)? {
         let Signal { samples, warm_up_ticks, ticks, .. } = &job.signal;
         let commands: Vec<Command> = samples.iter().copied().cycle().take(warm_up_ticks + ticks).collect();
-        let mut outputs = esc(job.record, &commands)?.into_iter();
+        let mut outputs = esc(job.signal.start, &commands)?.into_iter();
         // A filter that gives too few rests at its last command; it is the caller's to check.
         let mut last = job.signal.start;
         let filter = |_| {

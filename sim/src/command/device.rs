@@ -341,6 +341,15 @@ impl Excite {
     }
 }
 
+/// What is played before a record: the stop, so that the path may arm, and a second at `start`, after which the filter
+/// is at rest to the last bit.
+fn lead_in(start: Duty, loop_rate_hz: u32) -> Vec<Duty> {
+    let ticks = loop_rate_hz as usize;
+    let mut commands = vec![Duty::ZERO; ticks / 10];
+    commands.resize(commands.len() + ticks, start);
+    commands
+}
+
 impl Inject {
     fn run(&self, session: &mut Session) -> miette::Result<Outcome> {
         let settings = session.settings()?;
@@ -357,12 +366,15 @@ impl Inject {
         let folder = OutputFolder::create(&self.out)?;
         let bar = progress::bar("injecting", plan.records.len() as u64);
         let (mut samples, mut different) = (0_usize, 0_usize);
-        let experiment = run_through(&plan, &model, motor.compensate.then_some(&design), |_, commands| {
-            let outputs = device::inject(session, self.motor, motor.compensate, commands)?;
+        let experiment = run_through(&plan, &model, motor.compensate.then_some(&design), |start, commands| {
+            let lead_in = lead_in(start, settings.loop_rate_hz);
+            let all = [&lead_in, commands].concat();
+            let mut outputs = device::inject(session, self.motor, motor.compensate, &all)?;
+            outputs.drain(..lead_in.len());
             let level = |bits| Duty::saturating_from_bits(bits);
             let mut host = Compensator::new(*design.coefficients(), level(motor.idle), level(motor.max));
             host.set_enabled(motor.compensate);
-            host.reset(commands.first().copied().unwrap_or(Duty::ZERO));
+            host.reset(start);
             samples += commands.len();
             different +=
                 commands.iter().zip(&outputs).filter(|&(&command, &output)| host.update(command) != output).count();

@@ -114,7 +114,14 @@ impl<'a> Value<'a> {
             Self::Rate(value) => value.to_string(),
             Self::Number(value) => value.to_string(),
             Self::Count(value) => value.to_string(),
-            Self::Level(bits) => Throttle::from_bits(**bits).to_f64().to_string(),
+            Self::Level(bits) => {
+                // As few decimals as read back the same; ten resolve 2^-29.
+                let value = Throttle::from_bits(**bits).to_f64();
+                let shown = (0..10).map(|decimals| format!("{value:.decimals$}"));
+                let same =
+                    |text: &String| text.parse().is_ok_and(|v| Command::saturating_from_f64(v).to_bits() == **bits);
+                shown.into_iter().find(same).unwrap_or_else(|| value.to_string())
+            }
             Self::Switch(value) => value.to_string(),
             Self::Protocol(value) => {
                 PROTOCOLS.iter().find(|(_, protocol)| *protocol == **value).map_or("", |(name, _)| name).to_owned()
