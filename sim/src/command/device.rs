@@ -342,7 +342,7 @@ impl Excite {
 }
 
 /// What is played before a record: the stop, so that the path may arm, and a second at `start`, after which the filter
-/// is at rest to the last bit.
+/// is at rest.
 fn lead_in(start: Duty, loop_rate_hz: u32) -> Vec<Duty> {
     let ticks = loop_rate_hz as usize;
     let mut commands = vec![Duty::ZERO; ticks / 10];
@@ -370,14 +370,14 @@ impl Inject {
             let lead_in = lead_in(start, settings.loop_rate_hz);
             let all = [&lead_in, commands].concat();
             let mut outputs = device::inject(session, self.motor, motor.compensate, &all)?;
-            outputs.drain(..lead_in.len());
             let level = |bits| Duty::saturating_from_bits(bits);
             let mut host = Compensator::new(*design.coefficients(), level(motor.idle), level(motor.max));
             host.set_enabled(motor.compensate);
-            host.reset(start);
+            host.reset(Duty::ZERO);
+            let expected: Vec<Duty> = all.iter().map(|&command| host.update(command)).collect();
+            outputs.drain(..lead_in.len());
             samples += commands.len();
-            different +=
-                commands.iter().zip(&outputs).filter(|&(&command, &output)| host.update(command) != output).count();
+            different += expected[lead_in.len()..].iter().zip(&outputs).filter(|(host, output)| host != output).count();
             bar.inc(1);
             Ok::<_, DeviceError>(outputs)
         })?;
