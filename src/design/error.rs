@@ -52,7 +52,8 @@ pub enum DesignError {
         /// The format ends under this magnitude.
         max: f64,
     },
-    /// The damping is too low for the rate: `4 c > 3 |k|`. [`FASTEST_POLE_RAD`] and [`DAMPING_RANGE`] rule it out.
+    /// The damping is too low for the rate: `4 c > 3 |k|`. [`FASTEST_POLE_RAD`](super::FASTEST_POLE_RAD) and
+    /// [`DAMPING_RANGE`](super::DAMPING_RANGE) rule it out.
     DampingTooLow {
         /// The damping asked for.
         damping: f64,
@@ -66,7 +67,8 @@ pub enum DesignError {
         /// Highest value allowed.
         max: f64,
     },
-    /// The rounded coefficients miss the response by more than they may. [`SMALLEST_COEFFICIENT`] rules it out.
+    /// The rounded coefficients miss the response by more than they may. [`SMALLEST_COEFFICIENT`](super::SMALLEST_COEFFICIENT)
+    /// rules it out.
     DeviationTooLarge {
         /// The worst deviation, decibels.
         deviation_db: f64,

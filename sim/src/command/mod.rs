@@ -4,6 +4,7 @@
 mod bandwidth;
 mod demo;
 mod design;
+mod device;
 mod excite;
 mod identify;
 mod import;
@@ -48,6 +49,7 @@ enum Command {
     Validate(validate::Validate),
     Design(design::Design),
     Bandwidth(bandwidth::Bandwidth),
+    Device(device::Device),
 }
 
 impl Arguments {
@@ -65,6 +67,7 @@ impl Arguments {
             Command::Validate(command) => say(&command.json, None, || command.run()),
             Command::Design(command) => say(&command.json, Some(&command.out), || command.run()),
             Command::Bandwidth(command) => say(&command.json, None, || command.run()),
+            Command::Device(command) => say(&command.json, None, || command.run()),
         }
     }
 }

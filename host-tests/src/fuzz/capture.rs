@@ -1,4 +1,4 @@
-//! Entry points for fuzzers: each takes any bytes, and panics where a claim does not hold.
+//! Any bytes as the life of one input.
 
 use rotorlead::capture::{Decoder, Faults, Level, Signal, Timing};
 use rotorlead::channel::{Channel, ChannelSettings, Input, State};
