@@ -286,6 +286,7 @@ fn a_motor_too_slow_for_the_bandwidth_asked_for_is_told_what_it_may_have() {
     stand.write("slow.toml", "format = 1\n[[point]]\nnominal = 0.5\ngain = 10.0\ntime_constant_s = 0.11\n");
     let design = |options: &str| stand.command(&format!("design --model slow.toml --out c.toml {options}")).assert();
     let message = report(&design("").code(1));
+    assert_eq!(message.matches("the L1 gain is").count(), 1, "said once:\n{message}");
     let allowed = message.split("allows is ").nth(1).and_then(|rest| rest.split(' ').next()).expect("a remedy");
     design(&format!("--omega-g {allowed}")).success();
     design(&format!("--omega-g {:.1}", allowed.parse::<f64>().unwrap() + 0.2)).code(1);
