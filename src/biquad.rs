@@ -24,6 +24,9 @@
 //! drop, is the next tick's start. This error feedback puts a zero at 0 Hz into the response to the rounding error,
 //! which is `(1 - z^-1) / ((1 - z^-1)(1 - (1 + k) z^-1) + c z^-1)`.
 //!
+//! On the paper's multisine the output is within -150 dB RMS of what the same coefficients give in `f64`. Rounding the
+//! coefficients is the larger error: with it the output is -136 dB from the unrounded design. `host-tests` measures both.
+//!
 //! The incremental form `y[n] = 2 y[n-1] - y[n-2] + ...` has the same response to rounding and as much state. It needs
 //! a fifth coefficient, and its static gain is 1 only where the rounded coefficients happen to add up. On an x86-64
 //! host it takes 14 % less time (`cargo xtask bench`). On a Cortex-M4 a call takes 22 instructions in this form, and 21

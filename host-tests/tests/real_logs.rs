@@ -5,6 +5,7 @@
 
 use std::path::{Path, PathBuf};
 
+use rotorlead_sim::design::{Chain, DesignOptions, bandwidths, design};
 use rotorlead_sim::identify::steps::{Direction, StaircaseFit, StepsWarning, fit_staircase};
 use rotorlead_sim::identify::validate;
 use rotorlead_sim::plant::Model;
@@ -90,6 +91,17 @@ fn check_model(it: &Identified) {
     // The file has no kappa and one time constant for both directions; what these explain is small.
     assert!((judged.fit_percent - it.fit.fit_percent).abs() < 0.2, "{judged:?}");
     assert!(judged.fit_percent < judged.ceiling_percent.unwrap(), "{judged:?}");
+
+    let design = design(&it.model, &DesignOptions::default()).unwrap();
+    let predicted = bandwidths(&it.model, Chain::Continuous(design.lead()));
+    assert_eq!(predicted.len(), points.len());
+    for point in predicted {
+        let (before, after) = (point.uncompensated.rad_s().unwrap(), point.compensated.rad_s().unwrap());
+        println!("  {:.2}: {before:.2} rad/s, compensated {after:.2} rad/s", point.nominal);
+        // The slowest level, at a third of the zero, gains 15 %; those within 3 dB of it several times as much.
+        let gain = if before < design.lead().slowest_helped_rad_s() { 1.1 } else { 2.5 };
+        assert!(after > gain * before, "{point:?}");
+    }
 }
 
 #[test]

@@ -87,12 +87,12 @@ impl fmt::Display for DesignError {
             }
             Self::ZeroNotBelowPoles { omega_z_rad_s, omega_f_rad_s } => write!(
                 f,
-                "omega_z_rad_s is {omega_z_rad_s}, not below omega_f_rad_s, {omega_f_rad_s}: raise omega_g above the motor's \
+                "omega_z_rad_s is {omega_z_rad_s:.4}, not below omega_f_rad_s, {omega_f_rad_s:.4}: raise omega_g above the motor's \
                  fastest pole"
             ),
             Self::TooCloseToNyquist { parameter, value_rad_s, max_rad_s } => write!(
                 f,
-                "{parameter} is {value_rad_s} rad/s, too close to Nyquist: at this loop rate it may be at most {max_rad_s} \
+                "{parameter} is {value_rad_s:.2} rad/s, too close to Nyquist: at this loop rate it may be at most {max_rad_s} \
                  rad/s"
             ),
             Self::CoefficientOutOfRange { coefficient, value, min, max } => write!(
@@ -103,14 +103,17 @@ impl fmt::Display for DesignError {
                 Readable(min)
             ),
             Self::DampingTooLow { damping, min } => {
-                write!(f, "damping is {damping}: at this loop rate it must be at least about {min}")
+                write!(f, "damping is {damping}: at this loop rate it must be at least about {min:.4}")
             }
             Self::L1GainTooHigh { l1_gain, max } => {
-                write!(f, "the L1 gain is {l1_gain}, the headroom holds {max}: lower omega_g, or raise the damping")
+                write!(
+                    f,
+                    "the L1 gain is {l1_gain:.4}, the headroom holds {max:.4}: lower omega_g, or raise the damping"
+                )
             }
             Self::DeviationTooLarge { deviation_db, max_db } => write!(
                 f,
-                "rounded coefficients change the response by {deviation_db} dB, more than {max_db} dB: lower loop_rate_hz"
+                "rounded coefficients change the response by {deviation_db:.4} dB, more than {max_db} dB: lower loop_rate_hz"
             ),
         }
     }

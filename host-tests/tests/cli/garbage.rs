@@ -30,26 +30,26 @@ fn damaged(random: &mut ChaCha8Rng, good: &str) -> Vec<u8> {
     bytes
 }
 
-/// Commands with the file of theirs that is spoilt.
+/// Commands with the file of theirs that is spoiled.
 const COMMANDS: [(&str, &str); 8] = [
     ("identify stand --out found.toml", "stand/experiment.toml"),
     ("identify stand --out found.toml", "stand/step.csv"),
     ("validate stand --model model.toml", "stand/step.csv"),
     ("design --model model.toml --out c.toml", "model.toml"),
     ("bandwidth --model model.toml", "model.toml"),
-    ("bandwidth --model model.toml --compensator spoilt.toml", "spoilt.toml"),
+    ("bandwidth --model model.toml --compensator spoiled.toml", "spoiled.toml"),
     ("simulate --model model.toml --plan plan.toml --out sim", "plan.toml"),
-    ("import spoilt.csv --out imported", "spoilt.csv"),
+    ("import spoiled.csv --out imported", "spoiled.csv"),
 ];
 
 #[test]
 fn random_files_are_refused_and_named() {
     let mut random = ChaCha8Rng::seed_from_u64(1);
-    for (arguments, spoilt) in COMMANDS {
+    for (arguments, spoiled) in COMMANDS {
         for index in 0..FILES {
             let stand = Stand::new();
-            stand.write(spoilt, if index % 2 == 0 { bytes(&mut random) } else { text(&mut random) });
-            stand.refuses(arguments, 1, &[spoilt]);
+            stand.write(spoiled, if index % 2 == 0 { bytes(&mut random) } else { text(&mut random) });
+            stand.refuses(arguments, 1, &[spoiled]);
         }
     }
 }
@@ -57,14 +57,14 @@ fn random_files_are_refused_and_named() {
 #[test]
 fn one_damaged_byte_in_a_good_file_is_refused_and_named() {
     let mut random = ChaCha8Rng::seed_from_u64(2);
-    for (arguments, spoilt, good) in [
+    for (arguments, spoiled, good) in [
         ("design --model model.toml --out c.toml", "model.toml", MODEL),
         ("simulate --model model.toml --plan plan.toml --out sim", "plan.toml", PLAN),
     ] {
         for _ in 0..FILES {
             let stand = Stand::new();
-            stand.write(spoilt, damaged(&mut random, good));
-            stand.refuses(arguments, 1, &[spoilt]);
+            stand.write(spoiled, damaged(&mut random, good));
+            stand.refuses(arguments, 1, &[spoiled]);
         }
     }
 }

@@ -211,8 +211,24 @@ fn the_same_arguments_give_the_same_excitation() {
 fn the_demo_prints_the_papers_tables_and_leaves_its_files() {
     let stand = Stand::new();
     let text = stand.run("demo --json demo-out/demo.json");
-    for part in ["Table 1", "Table 2", "demo-out"] {
+    for part in ["Table 1", "Table 2", "Table 3", "133.24", "16.6811", "0.1 dB moves the bandwidth", "demo-out"] {
         assert!(text.contains(part), "no `{part}` in:\n{text}");
+    }
+    let json: Value = serde_json::from_str(&stand.read("demo-out/demo.json")).unwrap();
+    for (point, (_, gain, pole)) in json["points"].as_array().unwrap().iter().zip(host_tests::TABLE_1) {
+        near(number(point, "gain"), gain, 0.02);
+        near(number(point, "time_constant_s"), 1.0 / pole, 0.02);
+    }
+    let bandwidths = json["bandwidth"].as_array().unwrap();
+    assert_eq!(bandwidths.len(), 6);
+    for row in bandwidths {
+        for column in 0..2 {
+            let simulated = row["simulated_rad_s"][column].as_f64().unwrap();
+            let paper = row["paper"]["simulated_rad_s"][column].as_f64().unwrap();
+            assert!((simulated - paper).abs() < 1e-3, "{row:#}");
+        }
+        // Where the response is level near -3 dB the noise leaves intervals of +- 4 %.
+        near(row["measured_rad_s"][1].as_f64().unwrap(), number(row, "predicted_compensated_rad_s"), 0.1);
     }
     for file in ["model.toml", "compensator.toml", "bode.svg", "demo.json"] {
         assert!(!stand.read(&format!("demo-out/{file}")).is_empty());
@@ -270,9 +286,24 @@ fn a_motor_too_slow_for_the_bandwidth_asked_for_is_told_what_it_may_have() {
     stand.write("slow.toml", "format = 1\n[[point]]\nnominal = 0.5\ngain = 10.0\ntime_constant_s = 0.11\n");
     let design = |options: &str| stand.command(&format!("design --model slow.toml --out c.toml {options}")).assert();
     let message = report(&design("").code(1));
+    assert_eq!(message.matches("the L1 gain is").count(), 1, "said once:\n{message}");
     let allowed = message.split("allows is ").nth(1).and_then(|rest| rest.split(' ').next()).expect("a remedy");
     design(&format!("--omega-g {allowed}")).success();
     design(&format!("--omega-g {:.1}", allowed.parse::<f64>().unwrap() + 0.2)).code(1);
+}
+
+#[test]
+fn a_design_on_a_badly_known_pole_says_so_and_where() {
+    let stand = Stand::new();
+    let point = "[[point]]\nnominal = 0.6\ngain = 7.5\ntime_constant_s = 0.05\ntime_constant_s_std = ";
+    for (std, warnings) in [("0.004", 0), ("0.006", 1)] {
+        stand.write("model.toml", format!("{}{point}{std}\n", crate::stand::MODEL));
+        let json = stand.json("design --model model.toml --out c.toml");
+        assert_eq!(json["warnings"].as_array().unwrap().len(), warnings, "{json:#}");
+        let text = stand.run("design --model model.toml --out c.toml");
+        assert!(text.contains("at u_nom 0.600 +- "), "{text}");
+        assert_eq!(text.contains("warning: the zero stands on the pole at u_nom 0.600"), warnings == 1, "{text}");
+    }
 }
 
 #[test]

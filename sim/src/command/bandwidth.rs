@@ -90,7 +90,7 @@ impl Bandwidth {
         let mut measured = Vec::new();
         for folder in &self.records {
             let experiment = Experiment::read(folder)?;
-            let bar = progress::bar("measuring", experiment.records.len() as u64);
+            let bar = progress::spinner("measuring");
             let of = || -> Result<_, IdentifyError> {
                 identify_periodic(&experiment, &PeriodicOptions::default())?.bandwidths(RESAMPLES, SEED)
             };

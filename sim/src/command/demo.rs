@@ -221,7 +221,7 @@ fn text(
     }
     writeln!(out, "  A real actuator is more than one lag; these are not, and only noise is left over.")?;
 
-    writeln!(out, "\nCompensator\n\n{}", describe(design))?;
+    writeln!(out, "\nCompensator\n\n{}", describe(design, model))?;
 
     writeln!(out, "Bandwidth in rad/s (the paper's Table 3)\n")?;
     writeln!(out, "           simulated: C(s) and the lag         measured: ETFE, the filter in integers in the loop")?;

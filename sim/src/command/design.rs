@@ -11,7 +11,7 @@ use super::outcome::{JsonOption, Outcome};
 use super::parameters::DesignArguments;
 use crate::design::{Chain, bandwidths, compensator_file};
 use crate::files::check_writable;
-use crate::plant::Model;
+use crate::plant::{Model, Point};
 use crate::report::{bandwidth_json, bandwidth_table};
 
 /// Designs one compensator for all points of a model
@@ -41,8 +41,11 @@ impl Design {
         compensator_file(&design).write(&self.out)?;
 
         let points = bandwidths(&model, Chain::Continuous(design.lead()));
-        let mut text = describe(&design);
+        let mut text = describe(&design, &model);
         writeln!(text, "\nPredicted bandwidth\n\n{}", bandwidth_table(&points)).expect("a string takes all");
+        if let Some(warning) = uncertain_zero(&model) {
+            writeln!(text, "{warning}\n").expect("a string takes all");
+        }
         writeln!(text, "Written to {}", self.out.display()).expect("a string takes all");
         let check = design.check();
         let json = json!({
@@ -50,6 +53,8 @@ impl Design {
             "pole_rad_s": design.lead().omega_f_rad_s,
             "damping": design.lead().damping,
             "loop_rate_hz": design.loop_rate_hz(),
+            "coefficients": compensator_file(&design).coefficients,
+            "warnings": uncertain_zero(&model).into_iter().collect::<Vec<_>>(),
             "worst_deviation_db": check.worst_deviation_db,
             "pole_radii": check.pole_radii,
             "l1_gain": check.l1_gain,
@@ -60,8 +65,38 @@ impl Design {
     }
 }
 
+/// Standard error of the fastest time constant, as a part of it, above which a zero on its pole is doubtful: a tenth
+/// moves the compensated response by about 1 dB.
+const DOUBTFUL_PART: f64 = 0.1;
+
+/// The point with the fastest pole, on which the zero stands.
+fn fastest(model: &Model) -> Option<&Point> {
+    model.points.iter().min_by(|a, b| a.time_constant_s.total_cmp(&b.time_constant_s))
+}
+
+/// Standard error of a point's time constant, as a part of it.
+fn relative_std(point: &Point) -> Option<f64> {
+    point.time_constant_s_std.map(|std| std / point.time_constant_s)
+}
+
+/// Said when the fastest pole is known badly: the fastest of many uncertain poles is likely to be so by chance.
+fn uncertain_zero(model: &Model) -> Option<String> {
+    let point = fastest(model)?;
+    let part = relative_std(point).filter(|part| *part > DOUBTFUL_PART)?;
+    Some(format!(
+        "warning: the zero stands on the pole at u_nom {:.3}, whose standard error is {:.0} %. It may be the fastest by \
+         chance, and then the other levels get too little lead. Measure there again, or remove its [[point]] from the model",
+        point.nominal,
+        100.0 * part
+    ))
+}
+
 /// The design in words, with what its check found.
-pub fn describe(design: &LeadDesign) -> String {
+pub fn describe(design: &LeadDesign, model: &Model) -> String {
+    let origin = fastest(model).map_or_else(String::new, |point| {
+        let std = relative_std(point).map_or_else(String::new, |part| format!(" +- {:.1} %", 100.0 * part));
+        format!(", at u_nom {:.3}{std}", point.nominal)
+    });
     let (lead, check) = (design.lead(), design.check());
     let wf2 = lead.omega_f_rad_s.powi(2);
     let linear = wf2 / lead.omega_z_rad_s;
@@ -71,7 +106,7 @@ pub fn describe(design: &LeadDesign) -> String {
         "\
 C(s) = ({linear:.2} s + {wf2:.2}) / (s^2 + {friction:.2} s + {wf2:.2})
 
-  zero            {:>10.4} rad/s   the fastest pole (2)
+  zero            {:>10.4} rad/s   the fastest pole (2){origin}
   poles           {:>10.4} rad/s   damping {:.4} (4, 5)
   amplifies up to {:>10.2} rad/s   omega_g (6)
   asymptotic peak {:>10.4} dB      (5)

@@ -81,7 +81,7 @@ impl Identify {
             Delay::None => 0.0,
             Delay::Fit => 1.0,
         };
-        let bar = progress::bar("identifying", experiment.records.len() as u64);
+        let bar = progress::spinner("identifying");
         let identified = identify(&experiment, delay_level)
             .wrap_err_with(|| format!("nothing was identified from `{}`", self.experiment.display()))?;
         bar.finish_and_clear();

@@ -1,14 +1,25 @@
-//! A bar on standard error for anything that may take more than a second. Nothing is drawn where that is no terminal.
+//! A bar, or a spinner, on standard error for anything that may take more than a second. Nothing is drawn where that is
+//! no terminal.
 
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+/// A sign of life for work whose steps are not told, that says `what` and for how long.
+pub fn spinner(what: &'static str) -> ProgressBar {
+    let style =
+        ProgressStyle::with_template("{spinner} {msg} {elapsed}").unwrap_or_else(|_| ProgressStyle::default_spinner());
+    start(ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr()).with_style(style), what)
+}
+
 /// A bar of `steps` steps, that says `what`.
 pub fn bar(what: &'static str, steps: u64) -> ProgressBar {
     let style = ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} {eta}")
         .unwrap_or_else(|_| ProgressStyle::default_bar());
-    let bar = ProgressBar::with_draw_target(Some(steps), ProgressDrawTarget::stderr()).with_style(style);
+    start(ProgressBar::with_draw_target(Some(steps), ProgressDrawTarget::stderr()).with_style(style), what)
+}
+
+fn start(bar: ProgressBar, what: &'static str) -> ProgressBar {
     bar.set_message(what);
     bar.enable_steady_tick(Duration::from_millis(200));
     bar

@@ -34,7 +34,7 @@ impl Validate {
     pub fn run(&self) -> miette::Result<Outcome> {
         let model = Model::read(&self.model)?;
         let experiment = Experiment::read(&self.experiment)?;
-        let bar = progress::bar("validating", experiment.records.len() as u64);
+        let bar = progress::spinner("validating");
         let records = validate(&experiment, &model).map_err(miette::Report::from).wrap_err_with(|| {
             format!("`{}` was not compared with `{}`", self.experiment.display(), self.model.display())
         })?;

@@ -12,7 +12,7 @@ pub enum CompensatorError {
     #[diagnostic(help("{}", remedy(.0)))]
     Refused(#[from] DesignError),
     /// The model's fastest motor is too slow for the bandwidth asked for: the filter's headroom cannot hold the lead.
-    #[error("{source}")]
+    #[error("the fastest pole of the model is too slow for the omega_g asked for")]
     #[diagnostic(help("the highest --omega-g that this model allows is {largest_omega_g_rad_s:.1} rad/s"))]
     TooMuchLead {
         /// What the controller's design says.

@@ -91,7 +91,7 @@ impl Place {
         self.require(value, accepted, "a finite number of 0 or more")
     }
 
-    /// Accepts 0 to 1, both included: a normalised command.
+    /// Accepts 0 to 1, both included: a normalized command.
     ///
     /// # Errors
     /// A fault at this place for anything else.

@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn utf16_is_recognised() {
+    fn utf16_is_recognized() {
         let scratch = Scratch::new();
         let path = scratch.file("wide.csv", b"\xff\xfet\0i\0");
         let error = TextFile::read(&path).unwrap_err();

@@ -78,7 +78,7 @@ pub(super) fn existing_parent(path: &Path) -> Result<(), FileError> {
 }
 
 /// Makes a file or folder for what will be renamed to `target`: its name is hidden, and
-/// recognisable if the power fails. `mode` is what the umask is applied to; without it a temporary
+/// recognizable if the power fails. `mode` is what the umask is applied to; without it a temporary
 /// file would be its owner's alone, also after the rename.
 pub(super) fn temporary<T>(
     target: &Path,

@@ -1,7 +1,7 @@
 //! Empirical transfer function estimate at the excited lines (section 3.2 of the paper), smoothed.
 //!
 //! The raw estimate is `Y / U` at each line. The paper smooths it with a Hann window over
-//! neighbouring lines (Ljung, *System Identification*, 1999, section 6.4):
+//! neighboring lines (Ljung, *System Identification*, 1999, section 6.4):
 //!
 //! ```text
 //! G(w_k) = sum_i W_(i-k) G_i / s_i^2  /  sum_i W_(i-k) / s_i^2
@@ -138,7 +138,7 @@ impl Etfe {
     /// Another experiment as it could have been: the raw estimate with fresh noise of its variances,
     /// smoothed. The parametric bootstrap draws these. Smoothing is linear, so the draws scatter
     /// around the smoothed curve; starting from that curve would smooth twice and pull them
-    /// towards the reference.
+    /// toward the reference.
     pub(super) fn resample<R: Rng>(&self, rng: &mut R) -> Self {
         let raw: Vec<_> = self
             .raw

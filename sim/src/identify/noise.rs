@@ -1,17 +1,17 @@
-//! Noise variance per line, pooled over neighbours.
+//! Noise variance per line, pooled over neighbors.
 //!
 //! The sample variance of two to four periods has 2 to 6 degrees of freedom. Weights that follow
 //! it favor the lines that happen to look quiet, and their standard errors come out several times
-//! too small. Noise spectra are smooth over a hertz or two, so the variances of neighbouring
+//! too small. Noise spectra are smooth over a hertz or two, so the variances of neighboring
 //! lines are averaged instead (Pintelon & Schoukens, *System Identification*, 2012, ch. 2 and 12,
 //! on what few degrees of freedom do to weighted least squares).
 
 use num_complex::Complex64;
 
-/// Averages `values` over the nearest `2 half_width + 1` neighbours.
+/// Averages `values` over the nearest `2 half_width + 1` neighbors.
 ///
 /// At the ends the window keeps its width and becomes one-sided, so that every line has the same
-/// degrees of freedom. Returns the averages and the number of neighbours in each.
+/// degrees of freedom. Returns the averages and the number of neighbors in each.
 pub(super) fn pool(values: &[f64], half_width: usize) -> (Vec<f64>, usize) {
     let width = (2 * half_width + 1).min(values.len());
     let pooled = (0..values.len())

@@ -2,7 +2,7 @@
 //!
 //! A record of whole periods has no leakage: the DFT of one period holds the response to each line
 //! of the excitation in one bin, `X_k = (2 / N) sum x_n e^(-2 pi j k n / N)`. The mean over periods
-//! estimates it, the spread over periods gives the noise ([`super::noise`] pools it over neighbours),
+//! estimates it, the spread over periods gives the noise ([`super::noise`] pools it over neighbors),
 //! and a first period that carries a transient is left out ([`super::transient`]).
 
 use std::f64::consts::TAU;
@@ -192,8 +192,8 @@ impl Spectrum {
         let response = mean(used);
         let (noise, variance, dof) = if used.len() > 1 {
             let sample = sample_variance(used, &response);
-            let (pooled, neighbours) = noise::pool(&sample, options.pool_half_width);
-            let dof = 2.0 * (neighbours * (used.len() - 1)) as f64;
+            let (pooled, neighbors) = noise::pool(&sample, options.pool_half_width);
+            let dof = 2.0 * (neighbors * (used.len() - 1)) as f64;
             let of_mean = pooled.iter().map(|v| v / used.len() as f64).collect();
             (NoiseSource::BetweenPeriods, of_mean, dof)
         } else {

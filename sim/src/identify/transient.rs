@@ -8,7 +8,7 @@
 //! F_g = [sum |Y_1 - mean|^2 / (1 + 1/(P-1)) / n] / [sum_(p >= 2) |Y_p - mean|^2 / (n (P-2))]
 //! ```
 //!
-//! over a group `g` of `n` neighbouring lines, in which the noise is as good as white, follows
+//! over a group `g` of `n` neighboring lines, in which the noise is as good as white, follows
 //! F(2 n, 2 n (P-2)). The first period is dropped when any group's tail probability is below the
 //! level divided by the number of groups (Bonferroni), so that a record without transient loses a
 //! period with no more than that probability. With two periods the denominator is the noise of the
@@ -66,7 +66,7 @@ pub(super) fn test(periods: &[Vec<Complex64>], quiet_power: Option<&(Vec<f64>, u
         let (noise, noise_dof) = if rest.len() > 1 {
             (spread / (n * (others - 1.0)), 2.0 * n * (others - 1.0))
         } else if let Some((_, bins)) = quiet_power {
-            // Neighbouring lines share bins; a group spans about as many bins as lines.
+            // Neighboring lines share bins; a group spans about as many bins as lines.
             (quiet / n, 2.0 * n.max(*bins as f64))
         } else {
             return TransientTest { p_value: None, level };

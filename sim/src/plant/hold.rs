@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn fractions_are_recognised() {
+    fn fractions_are_recognized() {
         for (ratio, expected) in
             [(25.0 / 3.0, 3.0), (5000.0 / 490.0, 49.0), (12.5, 2.0), (1.0, 1.0), (0.625, 8.0), (50.0, 1.0)]
         {

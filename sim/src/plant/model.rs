@@ -75,11 +75,11 @@ pub struct StaticMap {
     pub response: Vec<f64>,
 }
 
-/// One effect of the catalogue, by its kind and parameters.
+/// One effect of the catalog, by its kind and parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Effect {
-    /// Its identifier in the catalogue.
+    /// Its identifier in the catalog.
     pub kind: String,
     /// Parameters by name, in the units that the name carries.
     #[serde(default)]

@@ -14,13 +14,13 @@ use super::error::checked;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Noise {
-    /// Standard deviation in newtons, white and coloured alike, 0 or more.
+    /// Standard deviation in newtons, white and colored alike, 0 or more.
     #[serde(default)]
     pub sigma_n: f64,
     /// Whether a sample knows of the one before.
     #[serde(default)]
     pub color: Color,
-    /// Pole of coloured noise, -1..1 (both excluded), per row: the correlation of a sample with the one before.
+    /// Pole of colored noise, -1..1 (both excluded), per row: the correlation of a sample with the one before.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pole: Option<f64>,
     /// Amplitude (peak) of the mains hum in newtons, 0 or more.
@@ -88,7 +88,7 @@ impl Noise {
 pub struct SensorNoise {
     noise: Noise,
     pole: f64,
-    /// Coloured noise over its sigma.
+    /// Colored noise over its sigma.
     state: f64,
     hum_phase_rad: f64,
     rng: ChaCha8Rng,
@@ -98,7 +98,7 @@ impl SensorNoise {
     /// Noise from stream `stream` of the generator that `seed` starts. Streams do not overlap, so records that
     /// differ in nothing but their stream have independent noise.
     ///
-    /// Coloured noise starts in its stationary distribution: the first row is as noisy as any. The phase of the
+    /// Colored noise starts in its stationary distribution: the first row is as noisy as any. The phase of the
     /// hum is drawn once.
     ///
     /// # Errors
@@ -174,7 +174,7 @@ mod tests {
 
     /// Over many streams the first sample has the full variance; standard error of a sigma of 20 000 is 0.5 %.
     #[test]
-    fn coloured_noise_is_stationary_from_its_first_row() {
+    fn colored_noise_is_stationary_from_its_first_row() {
         let noise = Noise { sigma_n: 1.0, color: Color::Ar1, pole: Some(0.99), ..Noise::default() };
         let power: f64 = (0..20_000).map(|stream| samples(noise, 7, stream, 1)[0].powi(2)).sum();
         assert!(((power / 20_000.0).sqrt() - 1.0).abs() < 0.025);

@@ -65,7 +65,7 @@ impl Record {
         Ok(Periods { samples, count })
     }
 
-    /// Whether the command is the same in all rows: a record from which no dynamics can be learnt.
+    /// Whether the command is the same in all rows: a record from which no dynamics can be learned.
     #[must_use]
     pub fn is_constant(&self) -> bool {
         self.command.windows(2).all(|pair| pair[0] == pair[1])

@@ -36,7 +36,7 @@ pub struct Curve {
     pub label: String,
     /// Line or dots.
     pub mark: Mark,
-    /// Index of the color; curves of one motor share theirs.
+    /// Index of the color; a model and what was measured of it share theirs.
     pub color: usize,
     /// Frequency in rad/s and response, by increasing frequency.
     pub points: Vec<(f64, Complex64)>,

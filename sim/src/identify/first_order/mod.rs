@@ -137,7 +137,7 @@ pub fn fit_first_order(lines: &[FitLine], options: &FirstOrderOptions) -> Result
     let chi_square = best.sum_of_squares;
     let residual_dof = 2.0 * lines.len() as f64 - if has_delay { 3.0 } else { 2.0 };
     let reduced_chi_square = chi_square / residual_dof / inflation;
-    // Pooling moves noise between neighbours but keeps its sum, so the residual is compared with
+    // Pooling moves noise between neighbors but keeps its sum, so the residual is compared with
     // all of the noise's degrees of freedom, not with one window's.
     let windows = (2.0 * lines.len() as f64 / noise_dof).max(1.0);
     Ok(FirstOrderFit {

@@ -45,7 +45,7 @@ fn an_unknown_column_is_refused() {
 }
 
 #[test]
-fn other_separators_and_a_missing_header_are_recognised() {
+fn other_separators_and_a_missing_header_are_recognized() {
     refuses_csv(&CSV.replace(',', ";"), &["u050.csv:1:1", "columns with commas"]);
     refuses_csv(&CSV.replace(',', "\t"), &["u050.csv:1:1", "columns with commas"]);
     let numbers = &CSV[CSV.find('\n').unwrap() + 1..];
