@@ -80,6 +80,8 @@ mod app {
     fn control(mut cx: control::Context) {
         cx.local.control_timer.acknowledge();
         cx.shared.capture.lock(|capture| capture.listen([true; 4]));
+        #[cfg(feature = "planted-panic")]
+        let _ = core::hint::black_box(&[1, 2, 3, 4])[core::hint::black_box(2)..][core::hint::black_box(1)];
         cx.local.watchdog.feed();
         if cx.local.control_timer.is_due() {
             *cx.local.missed = cx.local.missed.saturating_add(1);
