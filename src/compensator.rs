@@ -62,6 +62,13 @@ impl Compensator {
         self.offset = 0;
     }
 
+    /// Puts the filter at rest at `level` without a jump of the output, as [`Self::set_enabled`] does: what is left
+    /// over fades. For an input that comes back from an outage, whose change meanwhile is no step to answer.
+    pub const fn restart(&mut self, level: Command) {
+        self.section = Section::at_level(level);
+        self.switching = true;
+    }
+
     /// Switches the filter in (`true`) or out of the path from the next tick on.
     pub const fn set_enabled(&mut self, enabled: bool) {
         if enabled != self.enabled {

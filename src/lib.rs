@@ -31,6 +31,8 @@
 extern crate std;
 
 pub mod biquad;
+pub mod capture;
+pub mod channel;
 pub mod compensator;
 pub mod design;
 pub mod excitation;

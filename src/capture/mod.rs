@@ -1,0 +1,331 @@
+//! From the time stamps of a line's edges to pulses.
+//!
+//! A timer stamps both edges of an input in hardware; [`Decoder::edge`] takes each stamp from the capture interrupt, and
+//! [`Decoder::poll`] says once per control tick what has become of the input.
+//!
+//! - **A pulse** is rise to fall, and counts only when the line was seen low before it and both its width and its
+//!   distance from the pulse before are possible for the protocol ([`Timing`]). Of several pulses between two polls the
+//!   newest counts.
+//! - **Glitches.** Levels that last less than 2 µs did not happen: a spike on a low line makes no pulse, a gap in a pulse
+//!   does not cut it. So a pulse is complete only when the line has stayed low for that long; one that ends less than
+//!   that before a poll is reported at the next.
+//! - **Missing edges.** Two edges of one direction in a row (or an overcapture flag) mean that at least one was lost. The
+//!   pulse in hand is dropped, since its width would be a guess; the last one stays good for its timeout.
+//! - **Loss.** The input is lost when no pulse was accepted for the timeout, and live again after
+//!   [`PULSES_TO_LIVE`] good pulses in a row, so that noise on an open line does not pass for a flight controller.
+//! - **Flood.** With more edges between two polls than good frames and a few glitches can have, the input is masked: the
+//!   caller switches its interrupt off until a later poll. The pause doubles from 1 poll to [`LONGEST_MASK_POLLS`], and
+//!   starts anew at 1 after an accepted pulse: a burst costs a frame, and a line that oscillates costs next to no time.
+//!   However noisy a line is, it causes at most `edges_per_poll + 1` interrupts per control tick.
+//!
+//! Time stamps may wrap. No stamp is kept for longer than the timeout, as long as `poll` is called in time (it is also
+//! right about edges that are stamped a little after its `now`, since the interrupt may come in between).
+
+mod timing;
+
+pub use timing::{FASTEST_FRAME_HZ, SLOWEST_FRAME_HZ, SLOWEST_POLL_HZ, Timing, TimingError};
+
+/// Good pulses in a row that make an input live.
+pub const PULSES_TO_LIVE: u8 = 3;
+/// Longest pause of a masked input in polls: 102 ms at 5 kHz.
+pub const LONGEST_MASK_POLLS: u16 = 512;
+
+/// Level of a line after an edge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Level {
+    /// The edge was a fall.
+    Low,
+    /// The edge was a rise.
+    High,
+}
+
+/// What has become of an input since the last poll.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Signal {
+    /// The input has not been live since the start.
+    Nothing,
+    /// A new pulse.
+    Pulse {
+        /// From its rise to its fall, timer ticks.
+        width_ticks: u32,
+        /// From the rise of the accepted pulse before to its own, timer ticks: the frame, or several where pulses were
+        /// dropped.
+        period_ticks: u32,
+    },
+    /// The input is live and the last pulse is still good.
+    Unchanged,
+    /// The input was live and is not any more.
+    Lost(LossReason),
+}
+
+/// What the line did when the input was lost.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LossReason {
+    /// It stayed low: a wire is off, or the flight controller is.
+    StuckLow,
+    /// It stayed high: a short, or a flight controller in reset.
+    StuckHigh,
+    /// It has edges, but they make no pulses.
+    Implausible,
+    /// It has more edges than any pulses make.
+    Flood,
+}
+
+/// What was wrong on a line since the start. Counters stop at their highest value.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Faults {
+    /// Levels that were too short to be meant.
+    pub glitches: u32,
+    /// Edges that must have been there and were not seen.
+    pub missing_edges: u32,
+    /// Pulses that were too short or too long for the protocol.
+    pub out_of_range: u32,
+    /// Pulses that came too soon after another for the protocol.
+    pub too_soon: u32,
+    /// Times that the input was masked.
+    pub floods: u32,
+    /// Times that the input was lost.
+    pub losses: u32,
+}
+
+/// What is known of the line. A `rise` of `None` is one that was not seen, or not for sure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Line {
+    Unknown,
+    Low,
+    High {
+        rise: Option<u32>,
+    },
+    /// Low, but for less than a glitch may last.
+    Falling {
+        rise: Option<u32>,
+        fall: u32,
+    },
+}
+
+/// Whether the last pulse is to be believed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Liveness {
+    Never,
+    Live,
+    Lost(LossReason),
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Accepted {
+    rise: u32,
+    fall: u32,
+}
+
+/// Decodes one input. See the [module](self).
+#[derive(Clone, Debug)]
+pub struct Decoder {
+    timing: Timing,
+    line: Line,
+    liveness: Liveness,
+    /// The last accepted pulse, unless it is older than the timeout.
+    accepted: Option<Accepted>,
+    /// Width and period of a pulse that was not reported yet.
+    fresh: Option<(u32, u32)>,
+    last_edge: u32,
+    /// Edges since the last poll.
+    edges: u32,
+    /// Accepted pulses in a row while the input is not live.
+    in_row: u8,
+    /// Polls for which the input stays masked.
+    masked_polls: u16,
+    /// The pause that the next flood causes.
+    next_mask_polls: u16,
+    faults: Faults,
+}
+
+impl Decoder {
+    /// A decoder that knows nothing of the line yet.
+    #[must_use]
+    pub const fn new(timing: Timing) -> Self {
+        Self {
+            timing,
+            line: Line::Unknown,
+            liveness: Liveness::Never,
+            accepted: None,
+            fresh: None,
+            last_edge: 0,
+            edges: 0,
+            in_row: 0,
+            masked_polls: 0,
+            next_mask_polls: 1,
+            faults: Faults { glitches: 0, missing_edges: 0, out_of_range: 0, too_soon: 0, floods: 0, losses: 0 },
+        }
+    }
+
+    /// An edge: its time stamp, and the level that the line has after it. For the capture interrupt.
+    ///
+    /// Afterwards the interrupt of the input is to be off when [`Self::is_masked`] says so.
+    pub fn edge(&mut self, timestamp: u32, level: Level) {
+        if self.is_masked() {
+            return;
+        }
+        self.edges = self.edges.wrapping_add(1);
+        if self.edges > self.timing.edges_per_poll {
+            self.mask();
+            return;
+        }
+        self.last_edge = timestamp;
+        let glitch = self.timing.glitch;
+        self.line = match (self.line, level) {
+            (Line::Low, Level::High) => Line::High { rise: Some(timestamp) },
+            (Line::High { rise: Some(rise) }, Level::Low) if timestamp.wrapping_sub(rise) < glitch => {
+                count(&mut self.faults.glitches);
+                Line::Low
+            }
+            (Line::High { rise }, Level::Low) => Line::Falling { rise, fall: timestamp },
+            (Line::Falling { rise, fall }, Level::High) if timestamp.wrapping_sub(fall) < glitch => {
+                count(&mut self.faults.glitches);
+                Line::High { rise }
+            }
+            (Line::Falling { rise, fall }, Level::High) => {
+                self.pulse(rise, fall);
+                Line::High { rise: Some(timestamp) }
+            }
+            (Line::Unknown, Level::Low) => Line::Falling { rise: None, fall: timestamp },
+            (Line::Unknown, Level::High) => Line::High { rise: None },
+            // From here on an edge is missing.
+            (Line::Low | Line::Falling { .. }, Level::Low) => {
+                count(&mut self.faults.missing_edges);
+                Line::Falling { rise: None, fall: timestamp }
+            }
+            (Line::High { .. }, Level::High) => {
+                count(&mut self.faults.missing_edges);
+                Line::High { rise: None }
+            }
+        };
+    }
+
+    /// The capture hardware says that it stamped an edge before the one before was read. Comes before [`Self::edge`]
+    /// with the stamp that is left.
+    pub fn overcapture(&mut self) {
+        count(&mut self.faults.missing_edges);
+        self.line = Line::Unknown;
+    }
+
+    /// The queue of edges between the interrupt and this decoder was full: as good as too many edges since the last poll.
+    pub fn overrun(&mut self) {
+        if !self.is_masked() {
+            self.mask();
+        }
+    }
+
+    /// What has become of the input. To be called once per control tick, with the timer's count.
+    ///
+    /// Afterwards the interrupt of the input is to be on unless [`Self::is_masked`] says otherwise.
+    pub fn poll(&mut self, now: u32) -> Signal {
+        self.edges = 0;
+        self.masked_polls = self.masked_polls.saturating_sub(1);
+        match self.line {
+            Line::Falling { rise, fall } if age(now, fall) >= self.timing.glitch => {
+                self.pulse(rise, fall);
+                self.line = Line::Low;
+            }
+            // Long before the stamp wraps.
+            Line::High { rise: Some(rise) } if age(now, rise) > self.timing.timeout => {
+                self.line = Line::High { rise: None };
+            }
+            _ => {}
+        }
+        if self.accepted.is_some_and(|pulse| age(now, pulse.fall) > self.timing.timeout) {
+            self.lose(now);
+        }
+        match (self.fresh.take(), self.liveness) {
+            (Some((width_ticks, period_ticks)), _) => Signal::Pulse { width_ticks, period_ticks },
+            (None, Liveness::Live) => Signal::Unchanged,
+            (None, Liveness::Lost(reason)) => Signal::Lost(reason),
+            (None, Liveness::Never) => Signal::Nothing,
+        }
+    }
+
+    /// Whether the input's interrupt is to be off.
+    #[must_use]
+    pub const fn is_masked(&self) -> bool {
+        self.masked_polls != 0
+    }
+
+    /// What was wrong on the line since the start.
+    #[must_use]
+    pub const fn faults(&self) -> Faults {
+        self.faults
+    }
+
+    /// The limits it works with.
+    #[must_use]
+    pub const fn timing(&self) -> &Timing {
+        &self.timing
+    }
+
+    /// The line went from high to low for good.
+    fn pulse(&mut self, rise: Option<u32>, fall: u32) {
+        let Some(rise) = rise else { return };
+        let width = fall.wrapping_sub(rise);
+        if width < self.timing.min_width || width > self.timing.max_width {
+            count(&mut self.faults.out_of_range);
+            self.in_row = 0;
+            return;
+        }
+        let period = self.accepted.map(|before| rise.wrapping_sub(before.rise));
+        if period.is_some_and(|period| period < self.timing.min_period) {
+            count(&mut self.faults.too_soon);
+            self.in_row = 0;
+            return;
+        }
+        self.accepted = Some(Accepted { rise, fall });
+        self.next_mask_polls = 1;
+        if self.liveness != Liveness::Live {
+            let follows = period.is_some_and(|period| period <= self.timing.max_period);
+            self.in_row = if follows { self.in_row.saturating_add(1) } else { 1 };
+            if self.in_row >= PULSES_TO_LIVE {
+                self.liveness = Liveness::Live;
+            }
+        }
+        // A live input has a pulse before this one, so that its period is known.
+        if let (Liveness::Live, Some(period)) = (self.liveness, period) {
+            self.fresh = Some((width, period));
+        }
+    }
+
+    /// No pulse was accepted for the timeout.
+    fn lose(&mut self, now: u32) {
+        self.accepted = None;
+        self.fresh = None;
+        self.in_row = 0;
+        if self.liveness != Liveness::Live {
+            return;
+        }
+        count(&mut self.faults.losses);
+        // An accepted pulse would have set the pause back to 1.
+        let flooded = self.next_mask_polls > 1;
+        let silent = age(now, self.last_edge) >= self.timing.max_period;
+        self.liveness = Liveness::Lost(match self.line {
+            _ if flooded => LossReason::Flood,
+            Line::Low if silent => LossReason::StuckLow,
+            Line::High { .. } if silent => LossReason::StuckHigh,
+            _ => LossReason::Implausible,
+        });
+    }
+
+    /// Too many edges since the last poll.
+    fn mask(&mut self) {
+        count(&mut self.faults.floods);
+        self.line = Line::Unknown;
+        self.masked_polls = self.next_mask_polls;
+        self.next_mask_polls = (self.next_mask_polls * 2).min(LONGEST_MASK_POLLS);
+    }
+}
+
+/// Timer ticks from `stamp` to `now`, 0 where the stamp is the later one. Right up to 2^31.
+const fn age(now: u32, stamp: u32) -> u32 {
+    let age = now.wrapping_sub(stamp).cast_signed();
+    if age < 0 { 0 } else { age.cast_unsigned() }
+}
+
+fn count(counter: &mut u32) {
+    *counter = counter.saturating_add(1);
+}

@@ -1,0 +1,121 @@
+//! The limits of a channel, and their order.
+
+use core::fmt;
+
+use crate::throttle::Command;
+
+/// Slowest ramp of an excitation, so that a motor is down within 2^16 ticks (13 s at 5 kHz) whatever is set.
+pub const SLOWEST_RAMP_PER_TICK: Command = Command::saturating_from_bits(Command::ONE.to_bits() >> 16);
+
+/// What a channel may do. Times are in control ticks.
+///
+/// `stop < arming_threshold <= idle < max`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ChannelSettings {
+    /// The command of the stop pulse: the bottom of the pulse range, or above it where the protocol is raw duty, whose
+    /// 0 has no edges.
+    pub stop: Command,
+    /// Commands below this are disarmed and pass untouched.
+    pub arming_threshold: Command,
+    /// Lowest output while armed: the lowest command at which a motor runs reliably.
+    pub idle: Command,
+    /// Highest output while armed.
+    pub max: Command,
+    /// How long the last command stays good after the input is lost.
+    pub hold_ticks: u32,
+    /// What an excitation may ask for.
+    pub excitation: ExcitationLimits,
+}
+
+/// What an excitation may ask for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ExcitationLimits {
+    /// Highest sum of nominal command and amplitude, before the filter. With the filter in the path the output may be
+    /// higher, up to the channel's `max`: put that down where the stand cannot take it.
+    pub max_command: Command,
+    /// Highest amplitude.
+    pub max_amplitude: Command,
+    /// Longest time between the ramps.
+    pub max_ticks: u32,
+    /// The excitation ramps down after this long without a keep-alive from the host.
+    pub dead_man_ticks: u32,
+    /// Change of the command per tick on the ramps from stop and back; at least [`SLOWEST_RAMP_PER_TICK`].
+    pub ramp_per_tick: Command,
+}
+
+impl Default for ChannelSettings {
+    /// For a loop at 5 kHz: armed from 3 % on, idle at 5 %, no upper limit, 100 ms of hold.
+    fn default() -> Self {
+        Self {
+            stop: Command::ZERO,
+            arming_threshold: Command::saturating_from_f64(0.03),
+            idle: Command::saturating_from_f64(0.05),
+            max: Command::ONE,
+            hold_ticks: 500,
+            excitation: ExcitationLimits::default(),
+        }
+    }
+}
+
+impl Default for ExcitationLimits {
+    /// For a loop at 5 kHz: the paper's stand (0.65 + 0.05) with some room, 2 minutes, a dead-man of 200 ms, and 2 s
+    /// from stop to 0.5.
+    fn default() -> Self {
+        Self {
+            max_command: Command::saturating_from_f64(0.8),
+            max_amplitude: Command::saturating_from_f64(0.1),
+            max_ticks: 120 * 5000,
+            dead_man_ticks: 1000,
+            ramp_per_tick: Command::saturating_from_f64(0.25 / 5000.0),
+        }
+    }
+}
+
+/// Settings that contradict each other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ChannelSettingsError {
+    /// `arming_threshold` is not above `stop`, so that the stop pulse would be armed.
+    ThresholdNotAboveStop,
+    /// `idle` is below `arming_threshold`: an armed channel could put out what means disarmed.
+    IdleBelowThreshold,
+    /// `max` is not above `idle`.
+    MaxNotAboveIdle,
+    /// `excitation.ramp_per_tick` is below [`SLOWEST_RAMP_PER_TICK`].
+    RampTooSlow,
+    /// `excitation.dead_man_ticks` is zero, so that every excitation ends before it starts.
+    NoDeadMan,
+}
+
+impl fmt::Display for ChannelSettingsError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::ThresholdNotAboveStop => "arming_threshold is not above stop",
+            Self::IdleBelowThreshold => "idle is below arming_threshold: raise idle",
+            Self::MaxNotAboveIdle => "max is not above idle",
+            Self::RampTooSlow => "excitation.ramp_per_tick is so low that a motor would take over 2^16 ticks to stop",
+            Self::NoDeadMan => "excitation.dead_man_ticks is 0: no host can be that fast",
+        })
+    }
+}
+
+impl core::error::Error for ChannelSettingsError {}
+
+impl ChannelSettings {
+    /// Whether they are in order.
+    ///
+    /// # Errors
+    /// The first contradiction.
+    pub fn validate(&self) -> Result<(), ChannelSettingsError> {
+        let in_order = [
+            (self.arming_threshold > self.stop, ChannelSettingsError::ThresholdNotAboveStop),
+            (self.idle >= self.arming_threshold, ChannelSettingsError::IdleBelowThreshold),
+            (self.max > self.idle, ChannelSettingsError::MaxNotAboveIdle),
+            (self.excitation.ramp_per_tick >= SLOWEST_RAMP_PER_TICK, ChannelSettingsError::RampTooSlow),
+            (self.excitation.dead_man_ticks > 0, ChannelSettingsError::NoDeadMan),
+        ];
+        match in_order.into_iter().find(|(holds, _)| !holds) {
+            Some((_, error)) => Err(error),
+            None => Ok(()),
+        }
+    }
+}
