@@ -36,4 +36,6 @@ pub mod channel;
 pub mod compensator;
 pub mod design;
 pub mod excitation;
+pub mod link;
+pub mod settings;
 pub mod throttle;

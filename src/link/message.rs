@@ -1,0 +1,366 @@
+//! What host and controller say to each other. Variants are numbered in the order in which they stand here.
+
+use core::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use super::{FrameFaults, Series};
+use crate::settings::{MOTORS, Origin, Settings, SettingsError, Warnings};
+
+/// Samples in one [`InjectRequest`].
+pub const INJECT_SAMPLES: usize = 128;
+/// Samples in one [`Record`].
+pub const RECORD_SAMPLES: usize = 32;
+
+/// From the host.
+///
+/// [`Refusal::UnknownMotor`] answers any request whose motor does not exist.
+// Requests live one at a time, on the stack of the task that answers them: boxes are not to be had, nor needed.
+#[allow(clippy::large_enum_variant)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Request {
+    /// 0: who are you, and how are you? Answered by [`Message::Info`].
+    Info,
+    /// 1: answered by [`Message::Settings`].
+    GetSettings,
+    /// 2: use these settings from now on, without storing them. Answered by [`Message::SettingsTaken`], or refused: a
+    /// motor is not disarmed ([`Refusal::NotDisarmed`]), a value is wrong ([`Refusal::Settings`]), or the compensator
+    /// cannot be designed ([`Refusal::Design`]).
+    SetSettings(Settings),
+    /// 3: store the settings in use. Refused unless every motor is disarmed, since an erase stalls the core.
+    SaveSettings,
+    /// 4: where a motor's command comes from, and whether the compensator is in its path. Starts the motor's path
+    /// afresh, and the numbering of injected samples at 0. [`Source::Inject`] is refused while a real input is armed
+    /// ([`Refusal::InputArmed`]).
+    SetMode {
+        /// The motor, from 0.
+        motor: u8,
+        /// Where its command comes from.
+        source: Source,
+        /// Whether the compensator is in the path.
+        compensate: bool,
+    },
+    /// 5: play a multisine. Refused while a pulse input is live, outside the limits of the settings, or while another
+    /// one plays.
+    Excite(ExciteRequest),
+    /// 6: the host is still there; at least every [`DEAD_MAN_MS`](crate::settings::DEAD_MAN_MS) while something plays.
+    KeepAlive,
+    /// 7: ramp down now. Answered at once; the ramp takes its time.
+    StopExcitation,
+    /// 8: record, or with `None` stop recording. [`Message::Record`] follows with the tag of this request, first
+    /// [`Message::Done`].
+    Record(Option<RecordRequest>),
+    /// 9: commands for a motor whose source is [`Source::Inject`], one consumed per tick. Without any there is no tick, so
+    /// that the outputs do not depend on when frames arrive; but a host that sends none for
+    /// [`INJECT_TIMEOUT_MS`](super::INJECT_TIMEOUT_MS) has lost the motor, which goes back to its pulses. Answered by [`Message::Injected`] when the last of them was
+    /// consumed, so a host may keep [`INJECT_WINDOW`](super::INJECT_WINDOW) requests under way.
+    Inject(InjectRequest),
+    /// 10: answered by [`Message::Faults`].
+    Faults,
+}
+
+/// Where a motor's command comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Source {
+    /// The flight controller's pulses.
+    Pulse,
+    /// The host, sample by sample.
+    Inject,
+}
+
+/// A multisine to be played.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ExciteRequest {
+    /// The motor, from 0.
+    pub motor: u8,
+    /// Its lines.
+    pub lines: LineSet,
+    /// Command around which it plays, Q2.29.
+    pub nominal: i32,
+    /// Peak deviation from it, Q2.29.
+    pub amplitude: i32,
+    /// Whole periods to play, 1 or more, between the ramps.
+    pub periods: u16,
+}
+
+/// A set of lines that the controller has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum LineSet {
+    /// [`ODD_LINES_30_HZ`](crate::excitation::ODD_LINES_30_HZ)
+    Odd30Hz,
+    /// [`ODD_LINES_45_HZ`](crate::excitation::ODD_LINES_45_HZ)
+    Odd45Hz,
+}
+
+impl LineSet {
+    /// The lines.
+    #[must_use]
+    pub const fn lines(self) -> crate::excitation::Lines<'static> {
+        match self {
+            Self::Odd30Hz => crate::excitation::ODD_LINES_30_HZ,
+            Self::Odd45Hz => crate::excitation::ODD_LINES_45_HZ,
+        }
+    }
+}
+
+/// What to record.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RecordRequest {
+    /// The motor, from 0.
+    pub motor: u8,
+    /// One tick in so many; 0 for that of the settings.
+    pub divisor: u16,
+}
+
+/// Commands for a motor.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct InjectRequest {
+    /// The motor, from 0.
+    pub motor: u8,
+    /// Number of the first sample, counted from the request that set the mode: a frame that was lost or came twice is
+    /// refused, not played.
+    pub first: u32,
+    /// Commands in Q2.29.
+    pub samples: Series<INJECT_SAMPLES>,
+}
+
+/// From the controller.
+#[allow(clippy::large_enum_variant)] // As for requests.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Message {
+    /// 0: it was done.
+    Done,
+    /// 1: it was not done, and nothing was changed.
+    Refused(Refusal),
+    /// 2: who and how.
+    Info(Info),
+    /// 3: the settings in use.
+    Settings(Settings),
+    /// 4: the settings are in use, with these reservations.
+    SettingsTaken(Warnings),
+    /// 5: what went wrong so far.
+    Faults(Faults),
+    /// 6: what the injected commands came to.
+    Injected(Injected),
+    /// 7: samples of the recorder.
+    Record(Record),
+}
+
+/// Why a request was refused.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Refusal {
+    /// 0: there is no such motor.
+    UnknownMotor,
+    /// 1: a motor is not disarmed.
+    NotDisarmed {
+        /// The motor.
+        motor: u8,
+    },
+    /// 2: a real input of this motor is armed.
+    InputArmed,
+    /// 3: a pulse input is live; disconnect the flight controller for an excitation.
+    InputLive {
+        /// Its motor.
+        motor: u8,
+    },
+    /// 4: the settings are wrong.
+    Settings(SettingsError),
+    /// 5: the compensator cannot be designed at this loop rate.
+    Design,
+    /// 6: the flash did not take the settings; the old ones are still stored.
+    SaveFailed,
+    /// 7: nominal and amplitude leave the excitation's limits.
+    CommandOutsideLimits {
+        /// Lowest command allowed, Q2.29: the motor's idle.
+        min_command: i32,
+        /// Highest command allowed, Q2.29.
+        max_command: i32,
+        /// Largest amplitude allowed, Q2.29.
+        max_amplitude: i32,
+    },
+    /// 8: so many periods take longer than an excitation may.
+    TooLong {
+        /// Longest time allowed, seconds.
+        max_duration_s: u16,
+    },
+    /// 9: something plays already.
+    Exciting,
+    /// 10: the motor's source is not the host.
+    NotInjecting,
+    /// 11: these samples do not follow on the last ones.
+    OutOfSequence {
+        /// Number of the sample that is expected.
+        expected: u32,
+    },
+    /// 12: [`INJECT_WINDOW`](super::INJECT_WINDOW) requests are under way already.
+    WindowFull,
+    /// 13: the divisor is out of range.
+    Divisor,
+}
+
+impl fmt::Display for Refusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let number = |bits: i32| crate::throttle::Throttle::from_bits(bits).to_f64();
+        match *self {
+            Self::UnknownMotor => write!(f, "there is no such motor; they are 0 to {}", MOTORS - 1),
+            Self::NotDisarmed { motor } => write!(f, "motor {motor} is not disarmed"),
+            Self::InputArmed => write!(f, "the motor's real input is armed"),
+            Self::InputLive { motor } => write!(f, "the pulse input of motor {motor} is live"),
+            Self::Settings(error) => error.fmt(f),
+            Self::Design => write!(f, "the compensator cannot be designed at this loop rate"),
+            Self::SaveFailed => write!(f, "the flash did not take the settings; the old ones are still stored"),
+            Self::CommandOutsideLimits { min_command, max_command, max_amplitude } => write!(
+                f,
+                "outside the limits of the settings: commands from {:.4} to {:.4}, amplitudes up to {:.4}",
+                number(min_command),
+                number(max_command),
+                number(max_amplitude)
+            ),
+            Self::TooLong { max_duration_s } => write!(f, "longer than the {max_duration_s} s that the settings allow"),
+            Self::Exciting => write!(f, "an excitation is under way"),
+            Self::NotInjecting => write!(f, "the motor does not take injected commands; set its mode first"),
+            Self::OutOfSequence { expected } => write!(f, "sample {expected} was expected: a frame was lost"),
+            Self::WindowFull => write!(f, "too many injections are under way"),
+            Self::Divisor => write!(f, "the divisor of the recorder is out of range"),
+        }
+    }
+}
+
+/// Who a controller is, and how it is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Info {
+    /// Version of the firmware: major, minor, patch.
+    pub firmware: [u8; 3],
+    /// Which clock runs.
+    pub clock: Clock,
+    /// Frequency of the core, hertz.
+    pub core_hz: u32,
+    /// Frequency of the timers that capture and put out pulses, hertz.
+    pub timer_hz: u32,
+    /// Control ticks since the start; wraps.
+    pub ticks: u32,
+    /// Why it started.
+    pub reset: ResetReason,
+    /// Where the settings come from.
+    pub settings: Origin,
+    /// The state of each motor's path.
+    pub motors: [ChannelState; MOTORS],
+}
+
+/// Which clock runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Clock {
+    /// The crystal, through the PLL.
+    Crystal,
+    /// The crystal did not start: the internal oscillator, through the PLL. 1 % of error.
+    InternalPll,
+    /// Neither crystal nor PLL came: the internal oscillator itself.
+    Internal,
+}
+
+/// Why a controller started.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum ResetReason {
+    /// Power came.
+    PowerOn,
+    /// The supply sagged.
+    BrownOut,
+    /// The reset pin.
+    Pin,
+    /// Something asked for it.
+    Software,
+    /// The control task stood still.
+    Watchdog,
+    /// The code panicked.
+    Panic,
+    /// A fault of the processor.
+    Fault,
+    /// None of these.
+    Unknown,
+}
+
+/// The state of a motor's path.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum ChannelState {
+    /// No pulse has come yet.
+    NoSignal,
+    /// Pulses come that would arm, but none below the threshold came before them.
+    Locked,
+    /// Pulses come, below the arming threshold.
+    Disarmed,
+    /// The motor turns on the flight controller's command.
+    Armed,
+    /// The pulses are gone, and the last command is held.
+    Holding,
+    /// The pulses are gone, and the output is at the stop.
+    Lost,
+    /// The excitation drives the motor.
+    Excitation,
+    /// The host drives the motor.
+    Injected,
+}
+
+/// What went wrong since the start. All counts wrap.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Faults {
+    /// Frames of the link that were dropped.
+    pub link: FrameFaults,
+    /// Bytes of the link that came faster than they were taken.
+    pub link_overruns: u32,
+    /// Control ticks that began before the last one was done.
+    pub missed_deadlines: u32,
+    /// Samples of the recorder that the link was too slow for.
+    pub record_dropped: u32,
+    /// Excitations that ended because the host was silent.
+    pub dead_man: u32,
+    /// What went wrong at each motor's input.
+    pub motors: [MotorFaults; MOTORS],
+}
+
+/// What went wrong at one motor's input.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct MotorFaults {
+    /// Pulses too short to be one.
+    pub glitches: u32,
+    /// Edges that were missed.
+    pub missing_edges: u32,
+    /// Pulses outside the protocol's range.
+    pub out_of_range: u32,
+    /// Pulses that came too soon after another.
+    pub too_soon: u32,
+    /// Times that the signal was lost.
+    pub lost: u32,
+    /// Times that the input was masked, since it had more edges than its frame rate allows.
+    pub masked: u32,
+}
+
+/// What injected commands came to.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Injected {
+    /// Number of the first one.
+    pub first: u32,
+    /// What went to the ESC for each, Q2.29.
+    pub outputs: Series<INJECT_SAMPLES>,
+}
+
+/// Samples of the recorder, `divisor` ticks apart, without a gap inside.
+///
+/// Samples that were lost, on the wire or because the link is slower than they come, show in `first_tick`: it is that of
+/// the last record plus `divisor` for each of its samples, or something is missing.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Record {
+    /// The motor, from 0.
+    pub motor: u8,
+    /// Ticks from one sample to the next.
+    pub divisor: u16,
+    /// Tick of the first sample, counted from the start of the recording; wraps.
+    pub first_tick: u32,
+    /// The pulse input as a command, Q2.29; [`NO_INPUT`](super::NO_INPUT) where there is none.
+    pub input: Series<RECORD_SAMPLES>,
+    /// The command before the compensator, Q2.29.
+    pub before: Series<RECORD_SAMPLES>,
+    /// The command after it, to the ESC, Q2.29.
+    pub after: Series<RECORD_SAMPLES>,
+    /// The thrust sensor's channel of the converter, counts, taken in the same tick before the command changed.
+    pub adc: Series<RECORD_SAMPLES>,
+}

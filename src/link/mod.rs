@@ -1,0 +1,43 @@
+//! Framed, checked messages between a controller and a host.
+//!
+//! # On the wire
+//!
+//! ```text
+//! frame:    0x00 | COBS( envelope ) | 0x00
+//! envelope: version u8 | tag u8 | body | crc32 u32, little-endian
+//! body:     one Request (host to controller) or Message (controller to host), as postcard writes it
+//! ```
+//!
+//! - COBS (Cheshire and Baker, "Consistent Overhead Byte Stuffing", 1999) leaves no zero byte inside a frame, so a
+//!   receiver that is out of step is in step again at the next zero. The zero in front keeps garbage before a frame out
+//!   of it. Empty frames are nothing.
+//! - The checksum is CRC-32/ISCSI over everything in the envelope before it. It detects any 5 wrong bits up to 655 bytes
+//!   (Koopman, "32-bit cyclic redundancy codes for internet applications", 2002), and lets one in 2^32 of random frames
+//!   pass.
+//! - The version is [`VERSION`]. A frame of another version is counted and dropped; its body is not looked at.
+//! - The tag is the host's: a reply carries the tag of its request. [`Message::Record`] comes unasked, with the tag of
+//!   the request that started the recording.
+//! - postcard writes an enum's variant as its number, integers as LEB128 (signed ones zigzag), `u8` and `bool` as a byte,
+//!   `f64` as its 8 bytes, little-endian, structs and arrays as their fields. [`Series`] has a form of its own.
+//! - Every request is answered, by what it asks for, [`Message::Done`] or [`Message::Refused`]. A frame that is not a
+//!   whole and valid one is counted ([`FrameFaults`]), dropped and not answered: a host asks again.
+//!
+//! No layout can change unnoticed: a test holds the bytes of every message against written ones. A change of layout
+//! takes a new [`VERSION`].
+
+mod frame;
+mod injector;
+mod message;
+mod recorder;
+mod series;
+
+pub use frame::{
+    CHECKSUM, FRAME_BYTES, FrameFaults, PAYLOAD_BYTES, Receiver, Tagged, TooLong, VERSION, Writer, encode,
+};
+pub use injector::{INJECT_TIMEOUT_MS, INJECT_WINDOW, Injector};
+pub use message::{
+    ChannelState, Clock, ExciteRequest, Faults, INJECT_SAMPLES, Info, InjectRequest, Injected, LineSet, Message,
+    MotorFaults, RECORD_SAMPLES, Record, RecordRequest, Refusal, Request, ResetReason, Source,
+};
+pub use recorder::{NO_INPUT, RecordClock, Recorder, Sample};
+pub use series::{Full, Series};

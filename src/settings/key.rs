@@ -1,0 +1,123 @@
+//! The names of the parameters, the same in errors, on the command line and in the documentation.
+
+use core::fmt;
+
+use serde::{Deserialize, Serialize};
+
+/// A parameter of [`Settings`](super::Settings).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Key {
+    /// [`Settings::loop_rate_hz`](super::Settings::loop_rate_hz)
+    LoopRateHz,
+    /// [`Lead::omega_z_rad_s`](super::Lead::omega_z_rad_s)
+    OmegaZRadS,
+    /// [`Lead::omega_f_rad_s`](super::Lead::omega_f_rad_s)
+    OmegaFRadS,
+    /// [`Lead::damping`](super::Lead::damping)
+    Damping,
+    /// The protocol of [`Settings::input`](super::Settings::input)
+    InputProtocol,
+    /// The frame rate of [`Settings::input`](super::Settings::input)
+    InputFrameHz,
+    /// The protocol of [`Settings::output`](super::Settings::output)
+    OutputProtocol,
+    /// The frame rate of [`Settings::output`](super::Settings::output)
+    OutputFrameHz,
+    /// [`Settings::stop`](super::Settings::stop)
+    Stop,
+    /// [`MotorSettings::compensate`](super::MotorSettings::compensate)
+    Compensate,
+    /// [`MotorSettings::arming`](super::MotorSettings::arming)
+    Arming,
+    /// [`MotorSettings::idle`](super::MotorSettings::idle)
+    Idle,
+    /// [`MotorSettings::max`](super::MotorSettings::max)
+    Max,
+    /// [`MotorSettings::hold_ms`](super::MotorSettings::hold_ms)
+    HoldMs,
+    /// [`ExcitationLimits::max_duration_s`](super::ExcitationLimits::max_duration_s)
+    ExcitationMaxDurationS,
+    /// [`ExcitationLimits::max_command`](super::ExcitationLimits::max_command)
+    ExcitationMaxCommand,
+    /// [`ExcitationLimits::max_amplitude`](super::ExcitationLimits::max_amplitude)
+    ExcitationMaxAmplitude,
+    /// [`ExcitationLimits::ramp_ms`](super::ExcitationLimits::ramp_ms)
+    ExcitationRampMs,
+    /// [`Settings::recorder_divisor`](super::Settings::recorder_divisor)
+    RecorderDivisor,
+}
+
+impl Key {
+    /// Every key, in the order of the settings.
+    pub const ALL: [Self; 19] = [
+        Self::LoopRateHz,
+        Self::OmegaZRadS,
+        Self::OmegaFRadS,
+        Self::Damping,
+        Self::InputProtocol,
+        Self::InputFrameHz,
+        Self::OutputProtocol,
+        Self::OutputFrameHz,
+        Self::Stop,
+        Self::Compensate,
+        Self::Arming,
+        Self::Idle,
+        Self::Max,
+        Self::HoldMs,
+        Self::ExcitationMaxDurationS,
+        Self::ExcitationMaxCommand,
+        Self::ExcitationMaxAmplitude,
+        Self::ExcitationRampMs,
+        Self::RecorderDivisor,
+    ];
+
+    /// Its name, without the motor.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::LoopRateHz => "loop_rate_hz",
+            Self::OmegaZRadS => "omega_z_rad_s",
+            Self::OmegaFRadS => "omega_f_rad_s",
+            Self::Damping => "damping",
+            Self::InputProtocol => "input.protocol",
+            Self::InputFrameHz => "input.frame_hz",
+            Self::OutputProtocol => "output.protocol",
+            Self::OutputFrameHz => "output.frame_hz",
+            Self::Compensate => "compensate",
+            Self::Stop => "stop",
+            Self::Arming => "arming",
+            Self::Idle => "idle",
+            Self::Max => "max",
+            Self::HoldMs => "hold_ms",
+            Self::ExcitationMaxDurationS => "excitation.max_duration_s",
+            Self::ExcitationMaxCommand => "excitation.max_command",
+            Self::ExcitationMaxAmplitude => "excitation.max_amplitude",
+            Self::ExcitationRampMs => "excitation.ramp_ms",
+            Self::RecorderDivisor => "recorder_divisor",
+        }
+    }
+
+    /// Whether each motor has one.
+    #[must_use]
+    pub const fn is_of_a_motor(self) -> bool {
+        matches!(self, Self::Compensate | Self::Arming | Self::Idle | Self::Max | Self::HoldMs)
+    }
+}
+
+/// A key, and the motor whose it is: `damping`, `motor.2.idle`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Place {
+    /// The parameter.
+    pub key: Key,
+    /// The motor, from 0; `None` for parameters of the whole controller.
+    pub motor: Option<u8>,
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(motor) = self.motor {
+            write!(f, "motor.{motor}.")?;
+        }
+        f.write_str(self.key.name())
+    }
+}

@@ -1,0 +1,193 @@
+//! What a controller stores: its parameters, their ranges, and their form in flash.
+//!
+//! [`Settings`] are numbers; [`Settings::validate`] says whether they may be used, and is asked before they are set and
+//! after they are loaded. The filter's coefficients are not among them: [`LeadDesign`](crate::design::LeadDesign)
+//! makes those from [`Settings::lead`] at start-up, on the controller as on the host.
+//!
+//! [`Store`] keeps them in flash, twice.
+
+mod key;
+mod store;
+mod validate;
+
+use libm::sqrt;
+use serde::{Deserialize, Serialize};
+
+use crate::design::{DEFAULT_DAMPING, LeadParameters};
+use crate::throttle::{Command, Protocol};
+
+pub use key::{Key, Place};
+pub use store::{Loaded, Origin, SaveError, Store};
+pub use validate::{
+    FRAME_RANGE_HZ, Problem, SHORTEST_LEVEL_US, SettingsError, Validated, Warning, Warnings, longest_pulse_us,
+};
+
+/// Motors of one controller.
+pub const MOTORS: usize = 4;
+
+/// Time without a [`KeepAlive`](crate::link::Request::KeepAlive) after which an excitation ramps down, milliseconds.
+pub const DEAD_MAN_MS: u32 = 200;
+
+/// What nearly every ESC and flight controller understands, at a rate that is worth compensating.
+const DEFAULT_PULSE: Pulse = Pulse { protocol: PulseProtocol::StandardPwm, frame_hz: 400 };
+
+/// Everything that a controller stores. Levels are commands in Q2.29 ([`Command::to_bits`]).
+///
+/// | key | range | default |
+/// |---|---|---|
+/// | `loop_rate_hz` | 1000..=10000 | 5000 |
+/// | `omega_z_rad_s`, `omega_f_rad_s` | above 0, the zero below the poles | the paper's, 14.13 and 94.2 |
+/// | `damping` | 0.3..=2 | 1/sqrt 2 |
+/// | `input.protocol`, `output.protocol` | raw_duty, standard_pwm, oneshot125 | standard_pwm |
+/// | `input.frame_hz`, `output.frame_hz` | 40..=4000, and the longest pulse fits | 400 |
+/// | `stop` | 0..1, and a raw duty has edges | 0 |
+/// | `motor.N.compensate` | true, false | false |
+/// | `motor.N.arming` | above `stop` | 0.03 |
+/// | `motor.N.idle` | `arming` or above | 0.05 |
+/// | `motor.N.max` | above `idle`, 1 or below | 1 |
+/// | `motor.N.hold_ms` | 0..=1000 | 100 |
+/// | `excitation.max_duration_s` | 1..=600 | 120 |
+/// | `excitation.max_command` | 0..=1 | 0.75 |
+/// | `excitation.max_amplitude` | above 0, 0.25 or below | 0.1 |
+/// | `excitation.ramp_ms` | 100..=10000 | 2000 |
+/// | `recorder_divisor` | 1..=5000 | 1 |
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Settings {
+    /// Ticks of the control loop per second.
+    pub loop_rate_hz: u32,
+    /// The compensator, one for all motors.
+    pub lead: Lead,
+    /// The flight controller's pulses.
+    pub input: Pulse,
+    /// The ESCs' pulses. All come from one timer, so there is one kind.
+    pub output: Pulse,
+    /// The lowest command that is ever put out, and what stops a motor. Above 0 for raw duty only, where 0 would be no
+    /// pulse at all.
+    pub stop: i32,
+    /// What each motor has of its own.
+    pub motors: [MotorSettings; MOTORS],
+    /// What an excitation may do.
+    pub excitation: ExcitationLimits,
+    /// The recorder takes one tick in so many, unless a request says otherwise.
+    pub recorder_divisor: u16,
+}
+
+/// The continuous compensator, as stored. See [`LeadParameters`].
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Lead {
+    /// Frequency of the zero, rad/s.
+    pub omega_z_rad_s: f64,
+    /// Frequency of the pair of poles, rad/s.
+    pub omega_f_rad_s: f64,
+    /// Damping ratio of the poles.
+    pub damping: f64,
+}
+
+impl From<Lead> for LeadParameters {
+    fn from(Lead { omega_z_rad_s, omega_f_rad_s, damping }: Lead) -> Self {
+        Self { omega_z_rad_s, omega_f_rad_s, damping }
+    }
+}
+
+impl From<LeadParameters> for Lead {
+    fn from(LeadParameters { omega_z_rad_s, omega_f_rad_s, damping }: LeadParameters) -> Self {
+        Self { omega_z_rad_s, omega_f_rad_s, damping }
+    }
+}
+
+/// One motor's own parameters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct MotorSettings {
+    /// Whether the compensator is in the path.
+    pub compensate: bool,
+    /// Below this command the motor is not armed, and the command passes untouched.
+    pub arming: i32,
+    /// The lowest output while armed.
+    pub idle: i32,
+    /// The highest output.
+    pub max: i32,
+    /// How long the last command is held when the input is lost, milliseconds.
+    pub hold_ms: u16,
+}
+
+/// How a command is expressed as a pulse, and how often.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Pulse {
+    /// What the pulse's width means.
+    pub protocol: PulseProtocol,
+    /// Frames per second.
+    pub frame_hz: u16,
+}
+
+/// What a pulse's width means; see [`Protocol`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum PulseProtocol {
+    /// The duty cycle is the command.
+    RawDuty,
+    /// 1000 to 2000 µs.
+    StandardPwm,
+    /// 125 to 250 µs.
+    OneShot125,
+}
+
+impl Pulse {
+    /// For [`PulseScale::new`](crate::throttle::PulseScale::new).
+    #[must_use]
+    pub fn protocol(self) -> Protocol {
+        match self.protocol {
+            PulseProtocol::RawDuty => Protocol::RawDuty { frame_hz: u32::from(self.frame_hz) },
+            PulseProtocol::StandardPwm => Protocol::StandardPwm,
+            PulseProtocol::OneShot125 => Protocol::OneShot125,
+        }
+    }
+}
+
+/// What an excitation may do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ExcitationLimits {
+    /// Longest time between the ramps, seconds.
+    pub max_duration_s: u16,
+    /// Highest command, nominal plus amplitude.
+    pub max_command: i32,
+    /// Largest peak deviation from the nominal command.
+    pub max_amplitude: i32,
+    /// Time from the stop to the highest command that is allowed, milliseconds; smaller ways take their share of it.
+    pub ramp_ms: u16,
+}
+
+impl Default for Settings {
+    /// Standard PWM at 400 Hz in and out, the paper's compensator, switched out: a pulse passes as it is until
+    /// somebody who has identified the motor says otherwise.
+    fn default() -> Self {
+        // The fastest motor of the paper's Table 1, and 2 pi 100 rad/s amplified at most (eq. 5 and 6).
+        let omega_z_rad_s = 14.1275;
+        let omega_g_rad_s = 200.0 * core::f64::consts::PI;
+        let omega_f_rad_s = sqrt(omega_z_rad_s * omega_g_rad_s);
+        Self {
+            loop_rate_hz: 5000,
+            lead: Lead { omega_z_rad_s, omega_f_rad_s, damping: DEFAULT_DAMPING },
+            input: DEFAULT_PULSE,
+            output: DEFAULT_PULSE,
+            stop: 0,
+            motors: [MotorSettings::default(); MOTORS],
+            excitation: ExcitationLimits {
+                max_duration_s: 120,
+                max_command: percent(75),
+                max_amplitude: percent(10),
+                ramp_ms: 2000,
+            },
+            recorder_divisor: 1,
+        }
+    }
+}
+
+impl Default for MotorSettings {
+    fn default() -> Self {
+        Self { compensate: false, arming: percent(3), idle: percent(5), max: percent(100), hold_ms: 100 }
+    }
+}
+
+/// Hundredths as command bits, rounded down.
+const fn percent(value: i64) -> i32 {
+    (Command::ONE.to_bits() as i64 * value / 100) as i32
+}

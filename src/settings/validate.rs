@@ -1,0 +1,278 @@
+//! Which settings may be used.
+
+use core::fmt;
+use core::ops::Deref;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Key, MotorSettings, Place, Pulse, PulseProtocol, Settings};
+use crate::design::{DAMPING_RANGE, LeadParameters};
+use crate::throttle::Command;
+
+/// Frame rates in hertz: from a slow servo output to the fastest that OneShot125 is run at.
+pub const FRAME_RANGE_HZ: (u16, u16) = (40, 4000);
+/// A line is high, and low, for at least this long in every frame, microseconds. It must outlast the capture's glitch
+/// filter and the slew of an opto-coupled input, which is a few microseconds.
+pub const SHORTEST_LEVEL_US: u32 = 20;
+
+/// Ticks per second of the control loop.
+const LOOP_RATE_RANGE_HZ: (u32, u32) = (1000, 10_000);
+const HOLD_RANGE_MS: (u16, u16) = (0, 1000);
+const DURATION_RANGE_S: (u16, u16) = (1, 600);
+const RAMP_RANGE_MS: (u16, u16) = (100, 10_000);
+const DIVISOR_RANGE: (u16, u16) = (1, 5000);
+/// A quarter: beyond it a motor's lag is not one number any more.
+const LARGEST_AMPLITUDE: i32 = Command::ONE.to_bits() / 4;
+const ONE: i32 = Command::ONE.to_bits();
+
+/// Why settings are refused: the parameter, its motor, and what is wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SettingsError {
+    /// The parameter.
+    pub place: Place,
+    /// What is wrong with it.
+    pub problem: Problem,
+}
+
+/// What is wrong with a parameter.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Problem {
+    /// Outside its range, or not a number. Levels are given as commands, 0 to 1.
+    OutOfRange {
+        /// Its value.
+        value: f64,
+        /// Lowest value allowed.
+        min: f64,
+        /// Highest value allowed.
+        max: f64,
+    },
+    /// The zero is not below the poles.
+    ZeroNotBelowPoles,
+    /// The longest pulse, with a gap of [`SHORTEST_LEVEL_US`], does not fit the frame.
+    PulseTooLong {
+        /// The longest pulse, microseconds.
+        longest_us: u32,
+        /// Highest frame rate that it fits.
+        max_frame_hz: u16,
+    },
+    /// At this raw duty the line is high, or low, for less than [`SHORTEST_LEVEL_US`] in a frame: it has no edges that
+    /// can be relied on.
+    NoEdges {
+        /// Lowest duty allowed at this frame rate.
+        min: f64,
+        /// Highest duty allowed at this frame rate.
+        max: f64,
+    },
+}
+
+impl fmt::Display for SettingsError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let place = self.place;
+        match self.problem {
+            Problem::OutOfRange { value, min, max } => {
+                write!(f, "{place} is {value}, outside its range {min} to {max}")
+            }
+            Problem::ZeroNotBelowPoles => write!(f, "{place} is not below omega_f_rad_s: there is nothing to speed up"),
+            Problem::PulseTooLong { longest_us, max_frame_hz } => write!(
+                f,
+                "{place}: the longest pulse, {longest_us} us, and a gap of {SHORTEST_LEVEL_US} us do not fit the frame; \
+                 use {max_frame_hz} Hz or less, or a shorter protocol"
+            ),
+            Problem::NoEdges { min, max } => write!(
+                f,
+                "{place}: a raw duty needs an edge in every frame; at this frame rate it may be {min:.4} to {max:.4}"
+            ),
+        }
+    }
+}
+
+impl core::error::Error for SettingsError {}
+
+/// What settings that may be used are nevertheless likely to be unhappy with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Warning {
+    /// Frames come at less than twice the highest frequency that the compensator amplifies, `omega_g / (2 pi)`: it
+    /// answers the steps between frames with ripple, and brings no bandwidth.
+    SlowFrames(Key),
+}
+
+impl fmt::Display for Warning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self::SlowFrames(key) = self;
+        write!(
+            f,
+            "{} is under twice the highest frequency that the compensator amplifies, omega_g / (2 pi): \
+             that makes ripple, not bandwidth",
+            key.name()
+        )
+    }
+}
+
+/// The warnings about one set of settings.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Warnings {
+    /// The input frames are slow.
+    pub slow_input: bool,
+    /// The output frames are slow.
+    pub slow_output: bool,
+}
+
+impl Warnings {
+    /// One by one.
+    pub fn iter(self) -> impl Iterator<Item = Warning> {
+        let slow = |is_slow: bool, key| is_slow.then_some(Warning::SlowFrames(key));
+        slow(self.slow_input, Key::InputFrameHz).into_iter().chain(slow(self.slow_output, Key::OutputFrameHz))
+    }
+}
+
+/// Settings that passed [`Settings::validate`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Validated {
+    settings: Settings,
+    warnings: Warnings,
+}
+
+impl Validated {
+    /// What there is to say about them.
+    #[must_use]
+    pub const fn warnings(&self) -> Warnings {
+        self.warnings
+    }
+
+    /// The settings, to be changed and validated again.
+    #[must_use]
+    pub fn into_settings(self) -> Settings {
+        self.settings
+    }
+}
+
+impl Deref for Validated {
+    type Target = Settings;
+
+    fn deref(&self) -> &Settings {
+        &self.settings
+    }
+}
+
+impl Default for Validated {
+    /// The defaults, which are valid; a test holds them to it.
+    fn default() -> Self {
+        Self { settings: Settings::default(), warnings: Warnings::default() }
+    }
+}
+
+impl Settings {
+    /// Checks every range, and what the parameters ask of each other. Cheap: the compensator itself is not designed.
+    ///
+    /// # Errors
+    /// [`SettingsError`] names the first parameter that is wrong, and its range.
+    pub fn validate(self) -> Result<Validated, SettingsError> {
+        let whole = |key| Place { key, motor: None };
+        within(whole(Key::LoopRateHz), self.loop_rate_hz, LOOP_RATE_RANGE_HZ)?;
+        let fastest_rad_s = crate::design::FASTEST_POLE_RAD * f64::from(self.loop_rate_hz);
+        within(whole(Key::OmegaZRadS), self.lead.omega_z_rad_s, (f64::MIN_POSITIVE, fastest_rad_s))?;
+        within(whole(Key::OmegaFRadS), self.lead.omega_f_rad_s, (f64::MIN_POSITIVE, fastest_rad_s))?;
+        within(whole(Key::Damping), self.lead.damping, DAMPING_RANGE)?;
+        if self.lead.omega_z_rad_s >= self.lead.omega_f_rad_s {
+            return Err(SettingsError { place: whole(Key::OmegaZRadS), problem: Problem::ZeroNotBelowPoles });
+        }
+        pulse(whole(Key::InputFrameHz), self.input)?;
+        pulse(whole(Key::OutputFrameHz), self.output)?;
+        level(whole(Key::Stop), self.stop, (0, ONE))?;
+        for (index, motor) in (0..).zip(&self.motors) {
+            motor.check(index, self.stop)?;
+        }
+        self.check_edges()?;
+        let limits = &self.excitation;
+        within(whole(Key::ExcitationMaxDurationS), limits.max_duration_s, DURATION_RANGE_S)?;
+        level(whole(Key::ExcitationMaxCommand), limits.max_command, (0, ONE))?;
+        level(whole(Key::ExcitationMaxAmplitude), limits.max_amplitude, (1, LARGEST_AMPLITUDE))?;
+        within(whole(Key::ExcitationRampMs), limits.ramp_ms, RAMP_RANGE_MS)?;
+        within(whole(Key::RecorderDivisor), self.recorder_divisor, DIVISOR_RANGE)?;
+
+        let warnings = self.warnings();
+        Ok(Validated { settings: self, warnings })
+    }
+
+    /// Refuses raw duties without edges.
+    fn check_edges(&self) -> Result<(), SettingsError> {
+        if self.output.protocol != PulseProtocol::RawDuty {
+            return Ok(());
+        }
+        let min = f64::from(SHORTEST_LEVEL_US) * 1e-6 * f64::from(self.output.frame_hz);
+        let max = 1.0 - min;
+        let edges = |place, bits: i32| {
+            if (min..=max).contains(&as_command(bits)) {
+                return Ok(());
+            }
+            Err(SettingsError { place, problem: Problem::NoEdges { min, max } })
+        };
+        edges(Place { key: Key::Stop, motor: None }, self.stop)?;
+        for (index, motor) in (0..).zip(&self.motors) {
+            edges(Place { key: Key::Max, motor: Some(index) }, motor.max)?;
+        }
+        Ok(())
+    }
+
+    fn warnings(&self) -> Warnings {
+        let omega_g_hz = LeadParameters::from(self.lead).omega_g_rad_s() / (2.0 * core::f64::consts::PI);
+        // Without the compensator in any path nothing is amplified.
+        let is_used = self.motors.iter().any(|motor| motor.compensate);
+        let slow = |pulse: Pulse| is_used && f64::from(pulse.frame_hz) < 2.0 * omega_g_hz;
+        Warnings { slow_input: slow(self.input), slow_output: slow(self.output) }
+    }
+}
+
+impl MotorSettings {
+    fn check(&self, motor: u8, stop: i32) -> Result<(), SettingsError> {
+        let place = |key| Place { key, motor: Some(motor) };
+        // Each level inside the command's range first, so that the ranges of the others make sense.
+        level(place(Key::Arming), self.arming, (0, ONE))?;
+        level(place(Key::Idle), self.idle, (0, ONE))?;
+        level(place(Key::Arming), self.arming, (stop.saturating_add(1), ONE))?;
+        level(place(Key::Idle), self.idle, (self.arming, ONE))?;
+        level(place(Key::Max), self.max, (self.idle.saturating_add(1), ONE))?;
+        within(place(Key::HoldMs), self.hold_ms, HOLD_RANGE_MS)
+    }
+}
+
+/// The longest pulse of a protocol, microseconds; a raw duty has none: it is bounded by the levels.
+#[must_use]
+pub const fn longest_pulse_us(protocol: PulseProtocol) -> Option<u32> {
+    match protocol {
+        PulseProtocol::RawDuty => None,
+        PulseProtocol::StandardPwm => Some(2000),
+        PulseProtocol::OneShot125 => Some(250),
+    }
+}
+
+/// A frame rate within its range, whose frame holds the longest pulse and a gap.
+fn pulse(place: Place, pulse: Pulse) -> Result<(), SettingsError> {
+    within(place, pulse.frame_hz, FRAME_RANGE_HZ)?;
+    let Some(longest_us) = longest_pulse_us(pulse.protocol) else { return Ok(()) };
+    let max_frame_hz = 1_000_000 / (longest_us + SHORTEST_LEVEL_US);
+    if u32::from(pulse.frame_hz) > max_frame_hz {
+        // Under 10^6 / 250: fits.
+        let problem = Problem::PulseTooLong { longest_us, max_frame_hz: max_frame_hz as u16 };
+        return Err(SettingsError { place, problem });
+    }
+    Ok(())
+}
+
+/// A number within its range. NaN is not.
+fn within<T: Into<f64>>(place: Place, value: T, (min, max): (T, T)) -> Result<(), SettingsError> {
+    let (value, min, max) = (value.into(), min.into(), max.into());
+    if value >= min && value <= max {
+        return Ok(());
+    }
+    Err(SettingsError { place, problem: Problem::OutOfRange { value, min, max } })
+}
+
+/// Command bits within their range, reported as commands.
+fn level(place: Place, bits: i32, (min, max): (i32, i32)) -> Result<(), SettingsError> {
+    within(place, as_command(bits), (as_command(min), as_command(max)))
+}
+
+fn as_command(bits: i32) -> f64 {
+    f64::from(bits) / f64::from(ONE)
+}
