@@ -11,6 +11,7 @@
 
 use cortex_m::peripheral::SYST;
 use cortex_m::peripheral::syst::SystClkSource;
+use rotorlead::link::Clock;
 use stm32f4xx_hal::pac::{RCC, TIM5};
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::rcc::{Config, Enable, Rcc, Reset};
@@ -35,6 +36,16 @@ pub enum Source {
     InternalPll,
     /// Neither crystal nor PLL started.
     Internal,
+}
+
+impl From<Source> for Clock {
+    fn from(source: Source) -> Self {
+        match source {
+            Source::CrystalPll => Self::Crystal,
+            Source::InternalPll => Self::InternalPll,
+            Source::Internal => Self::Internal,
+        }
+    }
 }
 
 /// The clocks as they run, for the host to see.

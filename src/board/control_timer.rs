@@ -2,24 +2,27 @@
 
 use stm32f4xx_hal::pac::TIM5;
 
-/// Rate of the control task, the paper's.
-pub const CONTROL_HZ: u32 = 5000;
-
 /// The timer of the control task.
 pub struct ControlTimer {
     timer: TIM5,
+    timer_hz: u32,
 }
 
 impl ControlTimer {
-    /// Sets the rate; [`Self::start`] starts it. The timer's clock has been switched on by [`super::clocks::measure`].
+    /// Does not run yet. The timer's clock has been switched on by [`super::clocks::measure`].
     pub fn new(timer: TIM5, timer_hz: u32) -> Self {
-        let period = (timer_hz + CONTROL_HZ / 2) / CONTROL_HZ;
         timer.psc().write(|w| w.psc().set(0));
-        timer.arr().write(|w| w.arr().set(period.saturating_sub(1)));
-        // The update that this makes loads the registers; it is not to be an interrupt.
+        // The update that a change of rate makes is not to be an interrupt.
         timer.cr1().modify(|_, w| w.urs().set_bit());
-        timer.egr().write(|w| w.ug().set_bit());
-        Self { timer }
+        Self { timer, timer_hz }
+    }
+
+    /// Ticks at `rate_hz` (at least 1), from 0.
+    pub fn set_rate(&mut self, rate_hz: u32) {
+        let rate_hz = rate_hz.max(1);
+        let period = (self.timer_hz + rate_hz / 2) / rate_hz;
+        self.timer.arr().write(|w| w.arr().set(period.saturating_sub(1)));
+        self.timer.egr().write(|w| w.ug().set_bit());
     }
 
     /// Starts the ticks. The interrupt is enabled before the counter: QEMU's timer sets its alarm only then.

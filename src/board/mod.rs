@@ -3,8 +3,8 @@
 //! Everything that knows a register is here. Where the compiler cannot see that an access is sound it is marked and
 //! explained; the library holds no such code.
 
-/// Number of motors, each with its own input and output.
-pub const MOTORS: usize = 4;
+#[cfg(target_os = "none")]
+use rotorlead::settings::MOTORS;
 
 #[cfg(not(target_os = "none"))]
 pub mod pinout;
@@ -22,6 +22,13 @@ pub mod outputs;
 pub mod postmortem;
 #[cfg(target_os = "none")]
 pub mod serial;
+
+#[cfg(target_os = "none")]
+#[allow(unsafe_code, reason = "the flash is read and written at its addresses")]
+pub mod settings_flash;
+#[cfg(target_os = "none")]
+#[allow(unsafe_code, reason = "a register that takes only some numbers")]
+pub mod thrust_adc;
 
 #[cfg(target_os = "none")]
 mod start;

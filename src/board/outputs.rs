@@ -20,29 +20,58 @@ pub struct Pins(pub PC6<Input>, pub PC7<Input>, pub PC8<Input>, pub PC9<Input>);
 
 /// The timer with its four channels.
 pub struct Outputs {
-    /// One per motor.
-    pub channels: [Output; MOTORS],
-    /// Holds the timer.
-    _frame: PwmHzManager<TIM3>,
-    /// What the timer counts at: pulse widths are in these ticks.
-    pub counter_hz: u32,
+    channels: [Output; MOTORS],
+    frame: PwmHzManager<TIM3>,
+    /// What the registers promise for the timer's clock, and what it is.
+    promised_hz: u32,
+    timer_hz: u32,
 }
 
 impl Outputs {
-    /// Starts frames at `frame_hz` (at least 1) with every output low: a duty of 0 has no edges.
+    /// Starts frames with every output low: a duty of 0 has no edges.
     pub fn new(timer: TIM3, pins: Pins, frame_hz: u32, timer_hz: u32, rcc: &mut Rcc) -> Self {
-        let frame_hz = frame_hz.max(1);
-        // The HAL's own rule: the smallest divider with which a frame fits the 16-bit counter.
-        let ticks = rcc.clocks.timclk1().raw() / frame_hz;
-        let divider = 1 + ticks.saturating_sub(1) / (1 << 16);
-        let (frame, (one, two, three, four)) = timer.pwm_hz(frame_hz.Hz(), rcc);
-        let mut channels =
-            [one.with(pins.0).erase(), two.with(pins.1).erase(), three.with(pins.2).erase(), four.with(pins.3).erase()];
+        let promised_hz = rcc.clocks.timclk1().raw();
+        let (frame, (one, two, three, four)) = timer.pwm_hz(frame_hz.max(1).Hz(), rcc);
+        let mut channels = [
+            one.with(pins.0).erase(),
+            two.with(pins.1).erase(),
+            three.with(pins.2).erase(),
+            four.with(pins.3).erase(),
+        ];
         for channel in &mut channels {
             let Ok(()) = channel.set_duty_cycle(0);
             channel.enable();
         }
-        Self { channels, _frame: frame, counter_hz: timer_hz / divider }
+        Self { channels, frame, promised_hz, timer_hz }
+    }
+
+    /// Frames at `frame_hz` (at least 1) from now on, low until the next widths.
+    pub fn set_frame_rate(&mut self, frame_hz: u32) {
+        put_out(&mut self.channels, [0; MOTORS]);
+        self.frame.set_period(frame_hz.max(1).Hz());
+    }
+
+    /// What the timer counts at with frames at `frame_hz`: pulse widths are in these ticks.
+    pub fn counter_hz(&self, frame_hz: u32) -> u32 {
+        // The HAL's own rule: the smallest divider with which a frame fits the 16-bit counter.
+        let ticks = self.promised_hz / frame_hz.max(1);
+        self.timer_hz / (1 + ticks.saturating_sub(1) / (1 << 16))
+    }
+
+    /// Widths of the next pulses, in ticks.
+    #[inline]
+    pub fn set(&mut self, widths: [u32; MOTORS]) {
+        put_out(&mut self.channels, widths);
+    }
+}
+
+/// Sets the outputs of any HAL.
+#[inline]
+fn put_out<P: SetDutyCycle>(channels: &mut [P; MOTORS], widths: [u32; MOTORS]) {
+    for (channel, width) in channels.iter_mut().zip(widths) {
+        // A duty that the timer cannot hold is as long as it can hold. There is nobody to tell of a failure here, and
+        // the next tick tries again.
+        let _ = channel.set_duty_cycle(u16::try_from(width).unwrap_or(u16::MAX));
     }
 }
 

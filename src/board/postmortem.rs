@@ -9,13 +9,16 @@ use core::ptr::addr_of_mut;
 
 use cortex_m::peripheral::SCB;
 use cortex_m_rt::exception;
+use rotorlead::link::ResetReason;
 use stm32f4xx_hal::pac::RCC;
 
 /// Why the controller was started.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, defmt::Format)]
 pub enum StartReason {
-    /// Power came (or came back after a brown-out).
+    /// Power came.
     Power,
+    /// The supply sagged.
+    BrownOut,
     /// The reset pin or a debug probe.
     Pin,
     /// Software asked for it, without a record of why.
@@ -43,6 +46,20 @@ pub enum StartReason {
         /// Its number, negative for exceptions.
         number: i16,
     },
+}
+
+impl From<StartReason> for ResetReason {
+    fn from(reason: StartReason) -> Self {
+        match reason {
+            StartReason::Power => Self::PowerOn,
+            StartReason::BrownOut => Self::BrownOut,
+            StartReason::Pin => Self::Pin,
+            StartReason::Software => Self::Software,
+            StartReason::Watchdog => Self::Watchdog,
+            StartReason::Panic { .. } => Self::Panic,
+            StartReason::Fault { .. } | StartReason::CrystalLost | StartReason::StrayInterrupt { .. } => Self::Fault,
+        }
+    }
 }
 
 /// Bytes kept of a file's name.
@@ -109,8 +126,11 @@ pub fn take(rcc: &RCC) -> StartReason {
             _ => {}
         }
     }
-    if flags.porrstf().bit() || flags.borrstf().bit() {
+    // The first start after power came sets both.
+    if flags.porrstf().bit() {
         StartReason::Power
+    } else if flags.borrstf().bit() {
+        StartReason::BrownOut
     } else if flags.wdgrstf().bit() || flags.wwdgrstf().bit() {
         StartReason::Watchdog
     } else if flags.sftrstf().bit() {
@@ -133,6 +153,7 @@ fn end(record: Record) -> ! {
 const NO_FILE: [u8; FILE_BYTES] = [0; FILE_BYTES];
 
 #[panic_handler]
+#[inline(never)]
 fn panic(info: &PanicInfo<'_>) -> ! {
     let mut file = NO_FILE;
     let mut line = 0;

@@ -11,12 +11,18 @@ use super::control_timer::ControlTimer;
 use super::outputs::{self, Outputs};
 use super::postmortem::{self, StartReason};
 use super::serial::Serial;
+use super::settings_flash::SettingsFlash;
+use super::thrust_adc::ThrustAdc;
 
-/// Longest time without a feed while starting: the design of the filter is some 100 ms of double precision in software.
-const WATCHDOG_START_MS: u32 = 4000;
+/// Longest time without a feed while starting or while the flash stalls: the design of the filter is some 100 ms of
+/// double precision in software, and two sectors are erased in 4 s at most.
+const WATCHDOG_PATIENT_MS: u32 = 16_000;
 /// Longest time without a feed from the control task, 100 of its ticks. The watchdog's own oscillator is good for
 /// -47 % to +47 %.
 const WATCHDOG_RUN_MS: u32 = 20;
+
+/// Frame rate of the outputs, which are low, until the settings are loaded.
+const FIRST_FRAME_HZ: u32 = 400;
 
 /// The interrupts' ends of the link's queues.
 pub struct Queues {
@@ -40,6 +46,10 @@ pub struct Board {
     pub control_timer: ControlTimer,
     /// The link, `None` where its clock is too slow.
     pub serial: Option<Serial>,
+    /// The thrust sensor's converter.
+    pub thrust_adc: ThrustAdc,
+    /// Where the settings are.
+    pub flash: SettingsFlash,
     /// Already runs; to be fed.
     pub watchdog: Watchdog,
 }
@@ -53,6 +63,11 @@ impl Watchdog {
         self.0.start(WATCHDOG_RUN_MS.millis());
     }
 
+    /// The core is about to stand still for a while.
+    pub fn relax(&mut self) {
+        self.0.start(WATCHDOG_PATIENT_MS.millis());
+    }
+
     /// All is well.
     #[inline]
     pub fn feed(&mut self) {
@@ -61,12 +76,12 @@ impl Watchdog {
 }
 
 impl Board {
-    /// Sets everything up. `frame_hz` is the frame rate of the outputs. Interrupts are off meanwhile.
-    pub fn new(device: Peripherals, core: &mut cortex_m::Peripherals, queues: Queues, frame_hz: u32) -> Self {
+    /// Sets everything up. Interrupts are off meanwhile.
+    pub fn new(device: Peripherals, core: &mut cortex_m::Peripherals, queues: Queues) -> Self {
         let start_reason = postmortem::take(&device.RCC);
         let mut watchdog = IndependentWatchdog::new(device.IWDG);
         watchdog.stop_on_debug(&device.DBGMCU, true);
-        watchdog.start(WATCHDOG_START_MS.millis());
+        watchdog.start(WATCHDOG_PATIENT_MS.millis());
 
         let (mut rcc, source) = clocks::start(device.RCC);
         let clocks = clocks::measure(source, &device.TIM5, &mut core.SYST, &mut rcc);
@@ -79,7 +94,7 @@ impl Board {
             gpioc.pc8.into_input(),
             gpioc.pc9.into_input(),
         );
-        let outputs = Outputs::new(device.TIM3, pins, frame_hz, clocks.timer_hz, &mut rcc);
+        let outputs = Outputs::new(device.TIM3, pins, FIRST_FRAME_HZ, clocks.timer_hz, &mut rcc);
 
         let gpioa = device.GPIOA.split(&mut rcc);
         let pins = capture::Pins(
@@ -98,6 +113,8 @@ impl Board {
             outputs,
             control_timer: ControlTimer::new(device.TIM5, clocks.timer_hz),
             serial: serial.ok(),
+            thrust_adc: ThrustAdc::new(device.ADC1, &device.ADC_COMMON, gpioc.pc0.into_analog(), &mut rcc),
+            flash: SettingsFlash::new(device.FLASH),
             watchdog: Watchdog(watchdog),
         }
     }
