@@ -38,7 +38,7 @@ mod app {
     use rotorlead::throttle::Command;
     use stm32f4xx_hal::pac::Interrupt;
 
-    use crate::board::serial::Serial;
+    use crate::board::serial::{RECEIVE_QUEUE, SEND_QUEUE, Serial};
     use crate::board::settings_flash::SettingsFlash;
     use crate::board::{Board, Queues};
     use crate::wiring::{Control, Inputs, Wires, start};
@@ -59,13 +59,13 @@ mod app {
     struct Local {
         desk: Desk<SettingsFlash>,
         facts: rotorlead::controller::Facts,
-        received: Consumer<'static, u8>,
-        to_send: Producer<'static, u8>,
+        received: Consumer<'static, u8, RECEIVE_QUEUE>,
+        to_send: Producer<'static, u8, SEND_QUEUE>,
     }
 
     #[init(local = [
-        receive_queue: Queue<u8, 2048> = Queue::new(),
-        send_queue: Queue<u8, 1024> = Queue::new(),
+        receive_queue: Queue<u8, RECEIVE_QUEUE> = Queue::new(),
+        send_queue: Queue<u8, SEND_QUEUE> = Queue::new(),
         inject_queues: [CommandQueue; 4] = [const { Queue::new() }; 4],
         output_queues: [CommandQueue; 4] = [const { Queue::new() }; 4],
         sample_queue: Queue<Sample, RECORD_QUEUE> = Queue::new(),

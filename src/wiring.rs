@@ -3,7 +3,7 @@
 use heapless::spsc::{Consumer, Producer};
 use rotorlead::capture::{Decoder, Faults as InputFaults, Level, Timing};
 use rotorlead::channel::Channel;
-use rotorlead::controller::{self, Counts, Desk, DeskQueues, Facts, Motor, MotorQueues, Tick};
+use rotorlead::controller::{self, Counts, Desk, DeskQueues, Facts, INJECT_QUEUE, Motor, MotorQueues, RECORD_QUEUE, Tick};
 use rotorlead::link::{MotorFaults, Refusal, Sample};
 use rotorlead::settings::{MOTORS, Origin, Store, Validated};
 use rotorlead::throttle::{Command, PulseScale};
@@ -136,15 +136,15 @@ impl Plan {
     }
 }
 
-/// The ends of a motor's queue.
-type Ends<T> = (Producer<'static, T>, Consumer<'static, T>);
+/// Both ends of a queue.
+pub type Ends<T, const N: usize> = (Producer<'static, T, N>, Consumer<'static, T, N>);
 
 /// Loads the settings, computes the filter, and starts the control task.
 pub fn start(
     board: Board,
-    inject: [Ends<Command>; MOTORS],
-    outputs: [Ends<Command>; MOTORS],
-    samples: Ends<Sample>,
+    inject: [Ends<Command, INJECT_QUEUE>; MOTORS],
+    outputs: [Ends<Command, INJECT_QUEUE>; MOTORS],
+    samples: Ends<Sample, RECORD_QUEUE>,
 ) -> Parts {
     let ClockReport { source, core_hz, timer_hz, .. } = board.clocks;
     let facts = Facts { clock: source.into(), core_hz, timer_hz, reset: board.start_reason.into() };

@@ -12,12 +12,18 @@ use stm32f4xx_hal::time::Bps;
 /// Divides the bus clocks of all [`super::clocks::Source`]s exactly.
 pub const BAUD: u32 = 1_000_000;
 
+/// Size of the queue of received bytes, a power of two: what a design, the longest that the idle task is away, lets come
+/// in of a host that sends one request after another.
+pub const RECEIVE_QUEUE: usize = 2048;
+/// Size of the queue of bytes to be sent, a power of two.
+pub const SEND_QUEUE: usize = 1024;
+
 /// The UART and the interrupt's ends of the queues.
 pub struct Serial {
     receiver: Rx<USART3>,
     transmitter: Tx<USART3>,
-    received: Producer<'static, u8>,
-    to_send: Consumer<'static, u8>,
+    received: Producer<'static, u8, RECEIVE_QUEUE>,
+    to_send: Consumer<'static, u8, SEND_QUEUE>,
     /// Bytes that were lost: noise, overrun, or a full queue. Stops at its highest value.
     pub lost: u32,
 }
@@ -30,8 +36,8 @@ impl Serial {
     pub fn new(
         uart: USART3,
         pins: (PC10<Input>, PC11<Input>),
-        received: Producer<'static, u8>,
-        to_send: Consumer<'static, u8>,
+        received: Producer<'static, u8, RECEIVE_QUEUE>,
+        to_send: Consumer<'static, u8, SEND_QUEUE>,
         rcc: &mut Rcc,
     ) -> Result<Self, InvalidConfig> {
         let serial = stm32f4xx_hal::serial::Serial::new(uart, pins, Config::default().baudrate(Bps(BAUD)), rcc)?;

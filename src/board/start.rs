@@ -10,7 +10,7 @@ use super::clocks::{self, ClockReport};
 use super::control_timer::ControlTimer;
 use super::outputs::{self, Outputs};
 use super::postmortem::{self, StartReason};
-use super::serial::Serial;
+use super::serial::{RECEIVE_QUEUE, SEND_QUEUE, Serial};
 use super::settings_flash::SettingsFlash;
 use super::thrust_adc::ThrustAdc;
 
@@ -27,9 +27,9 @@ const FIRST_FRAME_HZ: u32 = 400;
 /// The interrupts' ends of the link's queues.
 pub struct Queues {
     /// Bytes from the host.
-    pub received: Producer<'static, u8>,
+    pub received: Producer<'static, u8, RECEIVE_QUEUE>,
     /// Bytes to the host.
-    pub to_send: Consumer<'static, u8>,
+    pub to_send: Consumer<'static, u8, SEND_QUEUE>,
 }
 
 /// Everything that was set up.

@@ -3,7 +3,7 @@
 use embedded_storage::nor_flash::NorFlash;
 use heapless::spsc::{Consumer, Producer};
 
-use super::{Motor, Tick, channel_settings, channels, coefficients};
+use super::{INJECT_QUEUE, Motor, RECORD_QUEUE, Tick, channel_settings, channels, coefficients};
 use crate::biquad::Coefficients;
 use crate::channel::{Channel, Excitation, ExcitationRequest, Refusal as ChannelRefusal, State};
 use crate::link::{
@@ -54,11 +54,11 @@ pub trait Board {
 /// The desk's ends of the queues to the control tick.
 pub struct DeskQueues {
     /// Commands to be injected, per motor.
-    pub inject: [Producer<'static, Command>; MOTORS],
+    pub inject: [Producer<'static, Command, INJECT_QUEUE>; MOTORS],
     /// What they came to.
-    pub outputs: [Consumer<'static, Command>; MOTORS],
+    pub outputs: [Consumer<'static, Command, INJECT_QUEUE>; MOTORS],
     /// The recorder's samples.
-    pub samples: Consumer<'static, Sample>,
+    pub samples: Consumer<'static, Sample, RECORD_QUEUE>,
 }
 
 /// Takes requests, one at a time, and gives what is to be sent.

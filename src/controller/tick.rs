@@ -19,9 +19,9 @@ pub const RECORD_QUEUE: usize = 256;
 /// A motor's ends of the queues of injection.
 pub struct MotorQueues {
     /// Commands from the host.
-    pub inject: Consumer<'static, Command>,
+    pub inject: Consumer<'static, Command, INJECT_QUEUE>,
     /// What they came to.
-    pub outputs: Producer<'static, Command>,
+    pub outputs: Producer<'static, Command, INJECT_QUEUE>,
 }
 
 /// One motor: its channel, and where its commands come from.
@@ -160,7 +160,7 @@ pub struct Tick {
     motors: [Motor; MOTORS],
     input_scale: PulseScale,
     silence_limit: u32,
-    samples: Producer<'static, Sample>,
+    samples: Producer<'static, Sample, RECORD_QUEUE>,
     recording: Option<(u8, RecordClock)>,
     ticks: u32,
     samples_dropped: u32,
@@ -173,7 +173,7 @@ impl Tick {
         motors: [Motor; MOTORS],
         input_scale: PulseScale,
         loop_rate_hz: u32,
-        samples: Producer<'static, Sample>,
+        samples: Producer<'static, Sample, RECORD_QUEUE>,
     ) -> Self {
         let silence_limit = super::ticks(INJECT_TIMEOUT_MS, loop_rate_hz);
         Self { motors, input_scale, silence_limit, samples, recording: None, ticks: 0, samples_dropped: 0 }
