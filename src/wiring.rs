@@ -3,7 +3,9 @@
 use heapless::spsc::{Consumer, Producer};
 use rotorlead::capture::{Decoder, Faults as InputFaults, Level, Timing};
 use rotorlead::channel::Channel;
-use rotorlead::controller::{self, Counts, Desk, DeskQueues, Facts, INJECT_QUEUE, Motor, MotorQueues, RECORD_QUEUE, Tick};
+use rotorlead::controller::{
+    self, Counts, Desk, DeskQueues, Facts, INJECT_QUEUE, Motor, MotorQueues, RECORD_QUEUE, Tick,
+};
 use rotorlead::link::{MotorFaults, Refusal, Sample};
 use rotorlead::settings::{MOTORS, Origin, Store, Validated};
 use rotorlead::throttle::{Command, PulseScale};

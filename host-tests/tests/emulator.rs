@@ -7,8 +7,8 @@ use std::process::{Child, Command as Process, Stdio};
 use std::time::{Duration, Instant};
 
 use host_tests::{TABLE_1, multisine};
-use rotorlead::controller::{channels, coefficients};
 use rotorlead::channel::{Channel, Input};
+use rotorlead::controller::{channels, coefficients};
 use rotorlead::link::{
     ChannelState, Clock, FRAME_BYTES, INJECT_SAMPLES, INJECT_WINDOW, Info, InjectRequest, Message, Receiver, Refusal,
     Request, ResetReason, Series, Source, Tagged, encode,
@@ -43,9 +43,32 @@ impl Controller {
             .spawn()
             .expect("QEMU runs; cargo xtask setup installs it");
         let (link, _) = listener.accept().unwrap();
-        link.set_read_timeout(Some(PATIENCE)).unwrap();
         link.set_nodelay(true).unwrap();
-        Self { qemu, link, receiver: Receiver::new(), tag: 0 }
+        let mut controller = Self { qemu, link, receiver: Receiver::new(), tag: 0 };
+        controller.wait_for_start();
+        controller
+    }
+
+    /// What arrives before the UART is switched on is lost, so the first question is repeated until it is answered.
+    fn wait_for_start(&mut self) {
+        let start = Instant::now();
+        self.link.set_read_timeout(Some(Duration::from_millis(500))).unwrap();
+        let mut byte = [0];
+        let mut asked = Instant::now();
+        let mut last = self.send(&Request::Info);
+        loop {
+            assert!(start.elapsed() < PATIENCE, "the controller does not start");
+            let read = self.link.read(&mut byte).is_ok_and(|length| length == 1);
+            // The answer to the last question, so that no other one is still to come.
+            if read && self.receiver.push(byte[0]).is_some_and(|answer| answer.tag == last) {
+                break;
+            }
+            if asked.elapsed() > Duration::from_secs(2) {
+                asked = Instant::now();
+                last = self.send(&Request::Info);
+            }
+        }
+        self.link.set_read_timeout(Some(PATIENCE)).unwrap();
     }
 
     fn send(&mut self, request: &Request) -> u8 {

@@ -25,11 +25,13 @@ impl ControlTimer {
         self.timer.egr().write(|w| w.ug().set_bit());
     }
 
-    /// Starts the ticks. The interrupt is enabled before the counter: QEMU's timer sets its alarm only then.
+    /// Starts the ticks. The update comes last: QEMU's timer sets its alarm there, and goes on only if it finds interrupt
+    /// and counter enabled when the alarm comes.
     pub fn start(&mut self) {
         self.timer.sr().write(|w| w.uif().clear_bit());
         self.timer.dier().write(|w| w.uie().set_bit());
         self.timer.cr1().modify(|_, w| w.cen().set_bit());
+        self.timer.egr().write(|w| w.ug().set_bit());
     }
 
     /// Begin of a tick.

@@ -32,12 +32,8 @@ impl Outputs {
     pub fn new(timer: TIM3, pins: Pins, frame_hz: u32, timer_hz: u32, rcc: &mut Rcc) -> Self {
         let promised_hz = rcc.clocks.timclk1().raw();
         let (frame, (one, two, three, four)) = timer.pwm_hz(frame_hz.max(1).Hz(), rcc);
-        let mut channels = [
-            one.with(pins.0).erase(),
-            two.with(pins.1).erase(),
-            three.with(pins.2).erase(),
-            four.with(pins.3).erase(),
-        ];
+        let mut channels =
+            [one.with(pins.0).erase(), two.with(pins.1).erase(), three.with(pins.2).erase(), four.with(pins.3).erase()];
         for channel in &mut channels {
             let Ok(()) = channel.set_duty_cycle(0);
             channel.enable();

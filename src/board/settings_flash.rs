@@ -54,7 +54,8 @@ impl SettingsFlash {
         for _ in 0..PATIENCE {
             let status = self.0.sr().read();
             if status.bsy().bit_is_clear() {
-                let bad = status.pgserr().bit() || status.pgperr().bit() || status.pgaerr().bit() || status.wrperr().bit();
+                let bad =
+                    status.pgserr().bit() || status.pgperr().bit() || status.pgaerr().bit() || status.wrperr().bit();
                 return if bad { Err(FlashError::Failed) } else { Ok(()) };
             }
         }

@@ -264,8 +264,7 @@ impl<F: NorFlash> Desk<F> {
             amplitude: Command::saturating_from_bits(request.amplitude),
             duration_ticks: seconds.saturating_mul(self.settings.loop_rate_hz),
         };
-        let excitation =
-            Excitation::new(&limits, &checked, f64::from(self.settings.loop_rate_hz)).map_err(refusal)?;
+        let excitation = Excitation::new(&limits, &checked, f64::from(self.settings.loop_rate_hz)).map_err(refusal)?;
         board.tick(|tick| {
             let exciting = |state| matches!(state, State::Excitation(_));
             if tick.motors().iter().any(|motor| exciting(motor.channel().state())) {

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use crate::image::{Calls, Function, Image};
-use crate::run::{Result, command, output, run};
+use crate::run::{Result, cargo, command, output, run};
 use crate::{emulator, setup};
 
 /// Interrupts of the path from pulse to pulse and of the link's bytes: those that must never panic. The names are those
@@ -34,12 +34,12 @@ pub fn build_image(features: &[&str]) -> Result<PathBuf> {
     let features = features.join(",");
     // Variants have a folder of their own, so that the image that is flashed is never one of them.
     let variant = if features.is_empty() { None } else { Some("target/variant") };
-    let mut cargo = toolchain.cargo(&["build", "--package", "rotorlead", "--bin", "rotorlead-firmware", "--locked"]);
-    cargo.args(["--profile", "firmware", "--features", &features]);
+    let mut build = toolchain.cargo(&["build", "--package", "rotorlead", "--bin", "rotorlead-firmware", "--locked"]);
+    build.args(["--profile", "firmware", "--features", &features]);
     if let Some(folder) = variant {
-        cargo.env("CARGO_TARGET_DIR", crate::run::root().join(folder));
+        build.env("CARGO_TARGET_DIR", crate::run::root().join(folder));
     }
-    run(&mut cargo)?;
+    run(&mut build)?;
     let folder =
         variant.map_or_else(|| toolchain.folder(), |folder| crate::run::root().join(folder).join(setup::TARGET));
     Ok(folder.join("firmware").join("rotorlead-firmware"))
@@ -60,9 +60,12 @@ pub fn flash() -> Result {
     run(command("probe-rs", &["run", "--chip", "STM32F405RGTx"]).arg(path))
 }
 
-/// The tests of the image: what `build` checks, and that the check finds an indexing panic.
+/// The tests of the image: what `build` checks, that the check finds an indexing panic, and the image in the emulator.
 pub fn test() -> Result {
     build()?;
+    let mut emulated = cargo(&["test", "--package", "host-tests", "--test", "emulator", "--locked"]);
+    emulated.args(["--", "--ignored", "--test-threads", "1"]).env("ROTORLEAD_IMAGE", build_image(&[])?);
+    run(&mut emulated)?;
     let path = build_image(&[PLANTED])?;
     let bytes = std::fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))?;
     match no_panic(&Image::read(&bytes)?) {
