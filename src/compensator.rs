@@ -1,35 +1,34 @@
 //! One motor's filter: the section, its limits, and the switch that takes it in and out.
 
-use crate::biquad::{Coefficients, Section};
+use crate::biquad::{COEFFICIENT_BITS, Coefficients, Section};
 use crate::throttle::{Command, Throttle};
-
-/// A switch's leftover offset shrinks by this fraction of itself, 2^-8, each tick: 51 ms at 5 kHz, the time of the lag
-/// that the compensator is there to hide.
-const FADE_SHIFT: u32 = 8;
 
 /// The lead compensator of one motor.
 ///
 /// - **Limits without wind-up.** The section runs unclamped inside its headroom, and only what leaves is clamped to
 ///   `[min, max]`. So the output leaves the limit on the very tick on which the unclamped filter re-enters the range.
 /// - **Bumpless switching.** On the tick of a switch the output moves towards what the new path asks for, but by no
-///   more than it moved on the tick before. What is then left over is added as an offset and fades within a few times
-///   256 ticks. At a constant input there is nothing left over, and no output bit changes.
+///   more than it moved on the tick before. What is then left over is added as an offset. It fades with the time
+///   constant of the section's poles, and loses at once what a limit cuts off. At a constant input there is nothing
+///   left over, and no output bit changes.
 /// - **Bypass** gives the input, clamped. The section does not run meanwhile; when it is switched in again it starts at
 ///   rest at the last input, so that how long it was out does not matter. What it lacks of the past dies out with its
-///   own poles, some 10 ms.
+///   own poles: with a time constant of 15 ms for the paper's.
 #[derive(Clone, Copy, Debug)]
 pub struct Compensator {
     coefficients: Coefficients,
     section: Section,
     min: Command,
     max: Command,
+    /// Whether the filter was in the path on the last tick, and whether it shall be on the next.
     enabled: bool,
+    wanted: bool,
     /// The last input.
     input: Command,
     /// The last two outputs, older first.
     outputs: [Command; 2],
-    /// A switch was asked for and takes effect on the next tick.
-    switching: bool,
+    /// The section was put at another level since the last tick.
+    restarted: bool,
     /// Output minus what the present path asks for, in steps of 2^-29; 0 but for a while after a switch.
     offset: i32,
 }
@@ -45,9 +44,10 @@ impl Compensator {
             min,
             max,
             enabled: true,
+            wanted: true,
             input: min,
             outputs: [min; 2],
-            switching: false,
+            restarted: false,
             offset: 0,
         }
     }
@@ -58,7 +58,8 @@ impl Compensator {
         self.section = Section::at_level(level);
         self.input = level;
         self.outputs = [level.clamp_to(self.min, self.max); 2];
-        self.switching = false;
+        self.enabled = self.wanted;
+        self.restarted = false;
         self.offset = 0;
     }
 
@@ -66,24 +67,20 @@ impl Compensator {
     /// over fades. For an input that comes back from an outage, whose change meanwhile is no step to answer.
     pub const fn restart(&mut self, level: Command) {
         self.section = Section::at_level(level);
-        self.switching = true;
+        self.input = level;
+        self.restarted = true;
     }
 
-    /// Switches the filter in (`true`) or out of the path from the next tick on.
+    /// Switches the filter in (`true`) or out of the path from the next tick on. There and back between two ticks is
+    /// no switch.
     pub const fn set_enabled(&mut self, enabled: bool) {
-        if enabled != self.enabled {
-            self.enabled = enabled;
-            self.switching = true;
-            if enabled {
-                self.section = Section::at_level(self.input);
-            }
-        }
+        self.wanted = enabled;
     }
 
-    /// Whether the filter is in the path.
+    /// Whether the filter is in the path from the next tick on.
     #[must_use]
     pub const fn is_enabled(&self) -> bool {
-        self.enabled
+        self.wanted
     }
 
     /// The last output.
@@ -95,13 +92,18 @@ impl Compensator {
     /// One tick: takes the command of the flight controller, gives that for the ESC.
     #[inline]
     pub fn update(&mut self, input: Command) -> Command {
+        let is_switching = self.wanted != self.enabled || self.restarted;
+        if self.wanted && !self.enabled {
+            self.section = Section::at_level(self.input);
+        }
+        self.enabled = self.wanted;
+        self.restarted = false;
         let target = if self.enabled {
             self.section.update(&self.coefficients, input).clamp_to(self.min, self.max)
         } else {
             input.clamp_to(self.min, self.max)
         };
-        let output = if self.switching {
-            self.switching = false;
+        let output = if is_switching {
             let [before, last] = [self.outputs[0].to_bits(), self.outputs[1].to_bits()];
             let largest = (last - before).abs();
             let step = (target.to_bits() - last).max(-largest).min(largest);
@@ -110,8 +112,11 @@ impl Compensator {
             self.offset = output.to_bits() - target.to_bits();
             output
         } else if self.offset != 0 {
-            self.offset -= fade_step(self.offset);
-            Throttle::from_bits(target.to_bits() + self.offset).clamp_to(self.min, self.max)
+            let faded = self.offset - fade_step(self.offset, &self.coefficients);
+            let output = Throttle::from_bits(target.to_bits() + faded).clamp_to(self.min, self.max);
+            // What was cut off is gone: kept, it would hold the output at the limit after the filter has left it.
+            self.offset = output.to_bits() - target.to_bits();
+            output
         } else {
             target
         };
@@ -121,25 +126,34 @@ impl Compensator {
     }
 }
 
-/// What `offset` loses in a tick: a 256th of itself, rounded away from zero so that it ends.
-const fn fade_step(offset: i32) -> i32 {
-    (offset >> FADE_SHIFT) + (offset > 0) as i32
+/// What `offset` loses in a tick: `|k| / 2` of itself, rounded away from zero so that it ends.
+///
+/// The product of the section's poles is `1 + k`, so this is the pace at which the lead that a motor was given would
+/// have died out had the section stayed in. A slower fade goes on driving the motor past its command, a faster one is
+/// felt as the step that it is to prevent.
+const fn fade_step(offset: i32, coefficients: &Coefficients) -> i32 {
+    let product = offset as i64 * -(coefficients.k() as i64);
+    (product >> (COEFFICIENT_BITS + 1)) as i32 + (offset > 0) as i32
 }
 
 #[cfg(test)]
 mod tests {
-    use super::fade_step;
+    use super::{Coefficients, fade_step};
 
     #[test]
     fn a_fade_ends_without_changing_sign() {
-        for start in [1, -1, 255, -255, 256, -256, 1 << 29, -(1 << 29)] {
-            let mut offset: i32 = start;
-            for _ in 0..256 * 22 {
-                let next = offset - fade_step(offset);
-                assert!(next.signum() * start.signum() >= 0 && (next.abs() < offset.abs() || offset == 0));
-                offset = next;
+        // The least and the greatest k, and the paper's.
+        for (k, ticks) in [(-5462, 60_000_000), (i32::MIN, 100), (-112_938_246, 2000)] {
+            let coefficients = Coefficients::new(k, 4096, 1, 1).unwrap();
+            for start in [1, -1, 255, -255, 256, -256, 1 << 29, -(1 << 29)] {
+                let mut offset: i32 = start;
+                for _ in 0..ticks {
+                    let next = offset - fade_step(offset, &coefficients);
+                    assert!(next.signum() * start.signum() >= 0 && (next.abs() < offset.abs() || offset == 0));
+                    offset = next;
+                }
+                assert_eq!(offset, 0, "from {start}");
             }
-            assert_eq!(offset, 0, "from {start}");
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The normalized command, and its conversion to and from pulse widths.
 //!
-//! Both types count in steps of 2^-29 (Q2.29): 0 is the bottom of the pulse range and 1 its top. One step is 600 times
-//! finer than a tick of an 84 MHz timer in a 600 Hz frame, so a pulse survives the round trip to the tick.
+//! Both types count in steps of 2^-29 (Q2.29): 0 is the bottom of the pulse range and 1 its top. A tick of an 84 MHz
+//! timer in a 600 Hz frame is 3800 of these steps, so a pulse survives the round trip to the tick.
 
 use core::fmt;
 
@@ -259,7 +259,9 @@ impl PulseScale {
 mod tests {
     use super::*;
 
-    const TIMERS_HZ: [u32; 6] = [1_000_000, 8_000_000, 16_000_000, 72_000_000, 84_000_000, 168_000_000];
+    /// Usual clocks, and odd ones that divide into nothing evenly.
+    const TIMERS_HZ: [u32; 9] =
+        [1_000_000, 8_000_000, 16_000_000, 72_000_000, 84_000_000, 168_000_000, 999_983, 11_059_201, 83_999_999];
 
     #[test]
     fn every_pulse_survives_the_round_trip_to_the_tick() {

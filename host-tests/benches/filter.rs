@@ -19,12 +19,15 @@ const ROUNDS: usize = 21;
 /// One in Q2.29.
 const ONE: f64 = (1_u64 << FRACTION_BITS) as f64;
 
-/// A filter under test: from commands to outputs in Q2.29, from rest at the first input.
+/// From commands to outputs in Q2.29, from rest at the first input.
+type Run = Box<dyn Fn(&[i32], &mut [i32])>;
+
+/// A filter under test.
 struct Candidate {
     name: &'static str,
     /// Bytes of coefficients and state.
     bytes: usize,
-    run: Box<dyn Fn(&[i32], &mut [i32])>,
+    run: Run,
 }
 
 /// The incremental form with error feedback: `y0 = 2 y1 - y2 + small terms`, the sum preloaded with `{2 y1 - y2 : e}`.
@@ -112,8 +115,7 @@ fn candidates() -> Vec<Candidate> {
             name: "idsp DF1",
             bytes: size_of_val(&plain) + size_of::<idsp::iir::DirectForm1<i32>>(),
             run: Box::new(move |input, output| {
-                let mut state = idsp::iir::DirectForm1::<i32>::default();
-                state.x = [input[0]; 2];
+                let mut state = idsp::iir::DirectForm1::<i32> { x: [input[0]; 2], ..Default::default() };
                 state.set_y(input[0]);
                 for (x, y) in input.iter().zip(output) {
                     *y = plain.process(&mut state, *x);

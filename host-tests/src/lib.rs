@@ -1,5 +1,9 @@
 //! What the tests share: the paper's numbers, random designs, and the compensator computed a second way.
 
+pub mod flash;
+pub mod fuzz;
+pub mod line;
+
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use rotorlead::design::{LeadDesign, LeadParameters};

@@ -1,8 +1,8 @@
 //! The paper's design equations, and what is refused.
 
-use host_tests::{OMEGA_G_RAD_S, TABLE_1, cases, paper_design};
+use host_tests::{OMEGA_G_RAD_S, TABLE_1, any_parameters, cases, paper_design};
 use proptest::prelude::*;
-use rotorlead::design::{DesignError, LeadDesign, LeadParameters};
+use rotorlead::design::{DesignError, FASTEST_POLE_RAD, LeadDesign, LeadParameters};
 
 const LEAD: LeadParameters = LeadParameters { omega_z_rad_s: 14.0, omega_f_rad_s: 94.0, damping: 0.7 };
 
@@ -62,7 +62,11 @@ fn what_is_out_of_range_is_named_with_its_limit() {
         refused(LeadParameters { omega_z_rad_s: 94.0, ..LEAD }, 5000.0, None),
         &["omega_z_rad_s is 94", "omega_f_rad_s, 94"],
     );
-    says(refused(LeadParameters { omega_z_rad_s: -1.0, ..LEAD }, 5000.0, None), &["omega_z_rad_s is -1"]);
+    says(
+        refused(LeadParameters { omega_z_rad_s: -1.0, ..LEAD }, 5000.0, None),
+        &["omega_z_rad_s is -1", "0.001 to 1000000"],
+    );
+    says(refused(LEAD, 5000.0, Some(0.0)), &["prewarp_rad_s is 0", "0.001 to 1000000"]);
     says(refused(LeadParameters { damping: 0.29, ..LEAD }, 5000.0, None), &["damping is 0.29", "0.3 to 2"]);
     says(refused(LeadParameters { damping: 2.1, ..LEAD }, 5000.0, None), &["damping is 2.1", "0.3 to 2"]);
     says(refused(LEAD, 200.0, None), &["omega_f_rad_s is 94", "Nyquist", "80 rad/s"]);
@@ -110,13 +114,48 @@ proptest! {
         }
     }
 
-    /// No parameters, however odd, make the design panic or loop, and what it accepts has its gains in order.
+    /// No parameters, however odd, make the design panic or loop. One of them at a time is odd, so that what is behind
+    /// the check of the others is reached.
     #[test]
-    fn any_numbers_are_accepted_or_refused(z in any::<f64>(), f in any::<f64>(), d in any::<f64>(), r in any::<f64>(),
-        w in any::<Option<f64>>()) {
-        let lead = LeadParameters { omega_z_rad_s: z, omega_f_rad_s: f, damping: d };
-        if let Ok(design) = LeadDesign::new(lead, r, w) {
-            prop_assert!(design.check().l1_gain >= 1.0 && design.check().pole_radii[0] < 1.0);
+    fn any_numbers_are_accepted_or_refused(odd in any::<f64>(), near in 0.0..3.0_f64, place in 0..5_usize, lead in any_parameters()) {
+        let (lead, rate, prewarp) = lead;
+        for value in [odd, 0.0, f64::MIN_POSITIVE, f64::MAX, near, near * 1e3] {
+            let mut numbers = [lead.omega_z_rad_s, lead.omega_f_rad_s, lead.damping, rate, prewarp.unwrap_or(1.0)];
+            numbers[place] = value;
+            let [omega_z_rad_s, omega_f_rad_s, damping, rate, prewarp] = numbers;
+            let lead = LeadParameters { omega_z_rad_s, omega_f_rad_s, damping };
+            match LeadDesign::new(lead, rate, Some(prewarp)) {
+                // The sum ends at 1e-9 of itself.
+                Ok(design) => prop_assert!(design.check().l1_gain > 1.0 - 1e-8 && design.check().pole_radii[0] < 1.0),
+                Err(error) => prop_assert!(error.to_string().len() < 200, "{error}"),
+            }
         }
     }
+}
+
+/// Up to the limits of pole and damping, neither the steady output nor the response stands in the way: the guards
+/// against that are never met.
+#[test]
+fn no_design_within_the_limits_needs_more_damping_or_rounds_too_far() {
+    let mut accepted = 0;
+    for i in 0..=60 {
+        // From the slowest poles that the smallest coefficient allows to the fastest ones.
+        let pole = 0.0009 * (FASTEST_POLE_RAD / 0.0009).powf(f64::from(i) / 60.0);
+        for (damping, ratio) in
+            [0.3, 0.5, 0.7, 1.0, 2.0].into_iter().flat_map(|d| [1.001, 2.0, 6.0, 15.0].map(|r| (d, r)))
+        {
+            for prewarp in [None, Some(FASTEST_POLE_RAD * 5000.0)] {
+                let omega_f_rad_s = pole * 5000.0;
+                let lead = LeadParameters { omega_z_rad_s: omega_f_rad_s / ratio, omega_f_rad_s, damping };
+                match LeadDesign::new(lead, 5000.0, prewarp) {
+                    Ok(_) => accepted += 1,
+                    Err(error) => assert!(
+                        matches!(error, DesignError::CoefficientOutOfRange { .. } | DesignError::L1GainTooHigh { .. }),
+                        "{lead:?} {prewarp:?}: {error}"
+                    ),
+                }
+            }
+        }
+    }
+    assert!(accepted > 1000, "{accepted}");
 }

@@ -3,28 +3,20 @@
 //! The stand here is this file's own: ticks of 1/15000 s, on which the 5 kHz loop, the 600 Hz ESC
 //! frame and the 1 kHz rows all fall, with the lag solved exactly from tick to tick.
 
-use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
+use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use host_tests::TABLE_1;
 use num_complex::Complex64;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
+use rotorlead::excitation::{Multisine, ODD_LINES_30_HZ};
 use rotorlead_sim::identify::{
-    Estimate, IdentifyError, IdentifyWarning, NoiseSource, PeriodicOptions, StaticValue, bandwidth_of,
-    bandwidth_of_etfe, identify_periodic,
+    Bandwidth, Estimate, IdentifyError, IdentifyWarning, NoiseSource, NominalIdentification, PeriodicOptions,
+    StaticValue, bandwidth_of, bandwidth_of_etfe, identify_periodic,
 };
 use rotorlead_sim::record::{Excitation, Experiment, Output, Record, Role};
-
-/// Nominal command, gain in newtons per unit of command, pole in rad/s: Table 1.
-const TABLE_1: [(f64, f64, f64); 6] = [
-    (0.40, 9.9955, 6.2758),
-    (0.45, 10.4556, 7.3524),
-    (0.50, 10.1718, 9.2889),
-    (0.55, 10.9196, 9.9130),
-    (0.60, 13.4519, 11.7439),
-    (0.65, 16.1063, 14.1275),
-];
 
 const TICK_HZ: usize = 15_000;
 const LOOP_TICKS: usize = 3;
@@ -35,24 +27,13 @@ const PERIOD_ROWS: usize = PERIOD_TICKS / ROW_TICKS;
 const LOOP_STEPS: usize = PERIOD_TICKS / LOOP_TICKS;
 const NOISE_N: f64 = 0.02;
 
-/// Deviation of the command from nominal at each loop step of one period: 150 odd lines of 0.1 Hz
-/// with Schroeder's phases, peak 0.05.
+/// Deviation of the command from nominal at each loop step of one period: what the controller plays, 150 odd lines of
+/// 0.1 Hz at a crest factor of 1.39, peak 0.05.
 fn multisine() -> Vec<f64> {
-    let mut wave: Vec<f64> = (0..LOOP_STEPS)
-        .map(|n| {
-            (0..150)
-                .map(|k| {
-                    let cycles = ((2 * k + 1) * n % LOOP_STEPS) as f64 / LOOP_STEPS as f64;
-                    (TAU * cycles - PI * (k * (k + 1)) as f64 / 150.0).cos()
-                })
-                .sum()
-        })
-        .collect();
-    let peak = wave.iter().fold(0.0, |a: f64, b| a.max(b.abs()));
-    for value in &mut wave {
-        *value *= 0.05 / peak;
-    }
-    wave
+    let mut multisine = Multisine::new(ODD_LINES_30_HZ, 0.5, 0.05, 5000.0).unwrap();
+    assert_eq!(multisine.ticks_per_period() as usize, LOOP_STEPS);
+    multisine.start(None);
+    (0..LOOP_STEPS).map(|_| multisine.update().to_f64() - 0.5).collect()
 }
 
 /// A square wave of amplitude 0.05 and half period 5 s, at each loop step.
@@ -194,7 +175,7 @@ fn covers(estimate: &Estimate, truth: f64) -> bool {
 ///
 /// White noise, and noise of an autoregressive pole at 0.5 (three times the power at low frequency),
 /// leave standard errors of at most 0.5 %. A pole at 0.95 puts 39 times the power there: the
-/// Cramer-Rao bound is then 1.3 % for the gain and 1.6 % for the time constant at u_nom 0.40, so
+/// Cramer-Rao bound is then 1.1 % for the gain and 1.4 % for the time constant at u_nom 0.40, so
 /// that no unbiased estimator stays within 2 % of every value of every run. There the errors must
 /// be within 3.5 standard errors, and these within what the bound allows.
 #[test]
@@ -222,9 +203,9 @@ fn table_1_is_recovered_within_2_percent() {
             assert_eq!(n.nominal, nominal);
             for (error, std) in error.into_iter().zip(std) {
                 if pole < 0.9 {
-                    assert!(error.abs() < 0.02 && std < 0.007, "{nominal}: {fit:?}");
+                    assert!(error.abs() < 0.02 && std < 0.005, "{nominal}: {fit:?}");
                 } else {
-                    assert!(error.abs() < 3.5 * std && std < 0.02, "{nominal}: {fit:?}");
+                    assert!(error.abs() < 3.5 * std && std < 0.017, "{nominal}: {fit:?}");
                 }
             }
         }
@@ -245,6 +226,38 @@ fn without_noise_the_holds_leave_no_bias() {
     }
 }
 
+/// Shares of `repeats` of the paper's experiment times its six points in which each of the events happened.
+///
+/// `events` gets the repeat's number, what was found at a point, and the gain and pole of the truth.
+fn shares<const N: usize>(
+    pole: f64,
+    repeats: u64,
+    events: impl Fn(u64, &NominalIdentification, f64, f64) -> [bool; N] + Sync,
+) -> [f64; N] {
+    let wave = multisine();
+    let settled = settled_periods(&wave);
+    let threads = std::thread::available_parallelism().map_or(2, usize::from).min(8) as u64;
+    let counts = [const { AtomicU64::new(0) }; N];
+    std::thread::scope(|scope| {
+        for thread in 0..threads {
+            let (counts, wave, settled, events) = (&counts, &wave, &settled, &events);
+            scope.spawn(move || {
+                let mut campaign = Campaign::new(wave, settled, 4);
+                for repeat in (thread..repeats).step_by(threads as usize) {
+                    let experiment = campaign.run(pole, 1000 + repeat);
+                    let found = identify_periodic(experiment, &PeriodicOptions::default()).unwrap();
+                    for (n, &(_, gain, pole_rad_s)) in found.nominals.iter().zip(&TABLE_1) {
+                        for (count, event) in counts.iter().zip(events(repeat, n, gain, pole_rad_s)) {
+                            count.fetch_add(u64::from(event), Ordering::Relaxed);
+                        }
+                    }
+                }
+            });
+        }
+    });
+    counts.map(|count| count.load(Ordering::Relaxed) as f64 / (repeats * TABLE_1.len() as u64) as f64)
+}
+
 /// Coverage of the 95 % intervals over seeded repeats.
 ///
 /// Six independent points times 400 repeats are 2400 trials. At a true coverage of 0.95 their
@@ -254,39 +267,17 @@ fn without_noise_the_holds_leave_no_bias() {
 /// would be 2e-4.
 #[test]
 fn stated_intervals_cover_the_truth_in_93_to_97_percent() {
-    const REPEATS: u64 = 400;
-    let wave = multisine();
-    let settled = settled_periods(&wave);
-    let threads = std::thread::available_parallelism().map_or(2, usize::from).min(8) as u64;
     for pole in [0.0, 0.95] {
-        let counts = [const { AtomicU64::new(0) }; 5];
-        std::thread::scope(|scope| {
-            for thread in 0..threads {
-                let (counts, wave, settled) = (&counts, &wave, &settled);
-                scope.spawn(move || {
-                    let mut campaign = Campaign::new(wave, settled, 4);
-                    for repeat in (thread..REPEATS).step_by(threads as usize) {
-                        let experiment = campaign.run(pole, 1000 + repeat);
-                        let found = identify_periodic(experiment, &PeriodicOptions::default()).unwrap();
-                        for (n, &(_, gain, pole)) in found.nominals.iter().zip(&TABLE_1) {
-                            let events = [
-                                covers(&n.fit.gain, gain),
-                                covers(&n.fit.time_constant_s, 1.0 / pole),
-                                n.fit.delay_s.is_some(),
-                                n.responses[0].spectrum.transient.is_present(),
-                                (n.fit.gain.value / gain - 1.0).abs() < 0.02
-                                    && (n.fit.time_constant_s.value * pole - 1.0).abs() < 0.02,
-                            ];
-                            for (count, event) in counts.iter().zip(events) {
-                                count.fetch_add(u64::from(event), Ordering::Relaxed);
-                            }
-                        }
-                    }
-                });
-            }
+        let [gain, tau, delays, dropped, close] = shares(pole, 400, |_, n, gain, pole_rad_s| {
+            [
+                covers(&n.fit.gain, gain),
+                covers(&n.fit.time_constant_s, 1.0 / pole_rad_s),
+                n.fit.delay_s.is_some(),
+                n.responses[0].spectrum.transient.is_present(),
+                (n.fit.gain.value / gain - 1.0).abs() < 0.02
+                    && (n.fit.time_constant_s.value * pole_rad_s - 1.0).abs() < 0.02,
+            ]
         });
-        let trials = (REPEATS * TABLE_1.len() as u64) as f64;
-        let [gain, tau, delays, dropped, close] = counts.map(|count| count.load(Ordering::Relaxed) as f64 / trials);
         println!(
             "noise pole {pole}: K covered {gain:.4}, tau {tau:.4}; delay admitted {delays:.4}, \
              first period dropped {dropped:.4}; K and tau within 2 %: {close:.4}"
@@ -407,21 +398,29 @@ fn simulated_bandwidths_of_table_3_come_out_to_a_thousandth() {
     }
 }
 
+/// Coverage of the percentile bootstrap's 95 % intervals of the bandwidth over seeded repeats.
+///
+/// It is a little below 95 %, for two reasons that can be computed. Of 200 draws the interval spans those at places 6 and
+/// 195, which leaves 12 of 201 outside: 94.0 %. And the draws take the noise variance of each line as known, while it
+/// has 66 degrees of freedom: Student's t instead of the normal distribution makes that 93.6 %. Six points times 200
+/// repeats are 1200 trials, whose share then has a standard deviation of 0.0071: 0.911 and 0.961 are 3.5 of them away. A
+/// correct interval fails one of the four comparisons with a probability of 1e-3.
 #[test]
-fn the_bandwidth_of_a_noisy_etfe_lies_in_its_interval() {
-    let wave = multisine();
-    let settled = settled_periods(&wave);
-    let mut campaign = Campaign::new(&wave, &settled, 4);
-    let found = identify_periodic(campaign.run(0.0, 21), &PeriodicOptions::default()).unwrap();
-    for (n, &(_, gain, pole)) in found.nominals.iter().zip(&TABLE_1) {
-        let truth = bandwidth_of(|w| gain / Complex64::new(1.0, w / pole), 1e3).rad_s().unwrap();
-        let found = bandwidth_of_etfe(&n.responses[0].actuator, StaticValue::default(), 400, 1).unwrap();
-        println!("{truth:.3}: {found:?}");
-        let (low, high) = (found.lower.rad_s().unwrap(), found.upper.rad_s().unwrap());
-        // Six intervals of 95 %: a quarter of seeds would have one miss, so all are widened by half.
-        let reach = 0.75 * (high - low);
-        assert!((truth - 0.5 * (low + high)).abs() < reach, "{truth} {found:?}");
-        assert!(high - low < 0.2 * truth, "{found:?}");
+fn intervals_of_the_bandwidth_cover_it() {
+    let rank = |b: Bandwidth| b.rad_s().unwrap_or(f64::INFINITY);
+    for pole in [0.0, 0.95] {
+        let [covered, above, below, wide] = shares(pole, 200, |repeat, n, gain, pole_rad_s| {
+            let truth = bandwidth_of(|w| gain / Complex64::new(1.0, w / pole_rad_s), 1e3).rad_s().unwrap();
+            let found = bandwidth_of_etfe(&n.responses[0].actuator, StaticValue::default(), 200, repeat).unwrap();
+            let (low, high) = (rank(found.lower), rank(found.upper));
+            [(low..=high).contains(&truth), low > truth, high < truth, high - low > 0.2 * truth]
+        });
+        println!(
+            "noise pole {pole}: bandwidth covered {covered:.4}, interval above {above:.4}, below {below:.4}, wide {wide:.4}"
+        );
+        assert!((0.911..=0.961).contains(&covered), "noise pole {pole}: {covered}");
+        // An interval that covers by its width alone would be worth nothing.
+        assert!(wide < 0.01, "noise pole {pole}: {wide} are wider than a fifth of the bandwidth");
     }
 }
 

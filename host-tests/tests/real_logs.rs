@@ -6,6 +6,7 @@
 use std::path::{Path, PathBuf};
 
 use rotorlead_sim::identify::steps::{Direction, StaircaseFit, StepsWarning, fit_staircase};
+use rotorlead_sim::identify::validate;
 use rotorlead_sim::plant::Model;
 use rotorlead_sim::record::import::{Import, ImportOptions, import};
 
@@ -84,6 +85,11 @@ fn check_model(it: &Identified) {
     }
     let map = it.model.static_map.as_ref().unwrap();
     assert_eq!(map.command.len(), it.fit.levels.len());
+    let judged = &validate(&it.log.experiment, &it.model).unwrap()[0];
+    println!("  the model file on its record: {:.2} % of {:?}", judged.fit_percent, judged.ceiling_percent);
+    // The file has no kappa and one time constant for both directions; what these explain is small.
+    assert!((judged.fit_percent - it.fit.fit_percent).abs() < 0.2, "{judged:?}");
+    assert!(judged.fit_percent < judged.ceiling_percent.unwrap(), "{judged:?}");
 }
 
 #[test]
@@ -118,7 +124,8 @@ fn rcbenchmark_log() {
     assert!(fit.warnings.iter().any(falling));
     assert!(fit.warnings.contains(&StepsWarning::Spikes { rows: 26 }));
     assert!(fit.curvature.value < -0.9, "{:?}", fit.curvature);
-    assert_eq!(it.model.points.len(), 15);
+    // Without 0.15, to which no step leads, and 0.80, whose one step came out twice as fast as its neighbors.
+    assert_eq!(it.model.points.len(), 14);
     assert!(it.model.points.iter().all(|p| p.nominal < 0.91));
 }
 

@@ -3,7 +3,8 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
-use rotorlead_sim::identify::steps::{Direction, Estimate, StaircaseFit, StepsError, StepsWarning, fit_staircase};
+use rotorlead_sim::identify::Estimate;
+use rotorlead_sim::identify::steps::{Direction, StaircaseFit, StepsError, StepsWarning, fit_staircase};
 use rotorlead_sim::record::{Excitation, Output, Record};
 
 /// A motor with time constants of its own for rising and falling.
@@ -133,13 +134,13 @@ fn coverage(bench: &Bench, seeds: u64) -> Coverage {
         let found = time_constants(&fit, &MOTOR);
         assert_eq!(found.len(), 17, "14 levels up, 3 down");
         for (tau, truth) in found {
-            let interval = tau.interval_95_of_logarithm();
+            let interval = tau.interval_of_logarithm(0.95);
             taus.push(holds(interval, truth));
             widths.push((interval.1 - interval.0) / tau.value);
         }
         let truth = MOTOR.delay_s - 0.5 * bench.late_s;
-        delays.push(holds(fit.delay_s.interval_95(), truth));
-        curvatures.push(holds(fit.curvature.interval_95(), 0.0));
+        delays.push(holds(fit.delay_s.interval(0.95), truth));
+        curvatures.push(holds(fit.curvature.interval(0.95), 0.0));
     }
     widths.sort_by(f64::total_cmp);
     let coverage = Coverage {

@@ -218,9 +218,28 @@ impl Decoder {
     /// What has become of the input. To be called once per control tick, with the timer's count.
     ///
     /// Afterwards the interrupt of the input is to be on unless [`Self::is_masked`] says otherwise.
+    #[inline]
     pub fn poll(&mut self, now: u32) -> Signal {
         self.edges = 0;
         self.masked_polls = self.masked_polls.saturating_sub(1);
+        if self.line != Line::Low {
+            self.settle(now);
+        }
+        if self.accepted.is_some_and(|pulse| age(now, pulse.fall) > self.timing.timeout) {
+            self.lose(now);
+        }
+        if let Some((width_ticks, period_ticks)) = self.fresh.take() {
+            return Signal::Pulse { width_ticks, period_ticks };
+        }
+        match self.liveness {
+            Liveness::Live => Signal::Unchanged,
+            Liveness::Lost(reason) => Signal::Lost(reason),
+            Liveness::Never => Signal::Nothing,
+        }
+    }
+
+    /// What time alone makes of the line.
+    fn settle(&mut self, now: u32) {
         match self.line {
             Line::Falling { rise, fall } if age(now, fall) >= self.timing.glitch => {
                 self.pulse(rise, fall);
@@ -231,15 +250,6 @@ impl Decoder {
                 self.line = Line::High { rise: None };
             }
             _ => {}
-        }
-        if self.accepted.is_some_and(|pulse| age(now, pulse.fall) > self.timing.timeout) {
-            self.lose(now);
-        }
-        match (self.fresh.take(), self.liveness) {
-            (Some((width_ticks, period_ticks)), _) => Signal::Pulse { width_ticks, period_ticks },
-            (None, Liveness::Live) => Signal::Unchanged,
-            (None, Liveness::Lost(reason)) => Signal::Lost(reason),
-            (None, Liveness::Never) => Signal::Nothing,
         }
     }
 
@@ -292,6 +302,7 @@ impl Decoder {
     }
 
     /// No pulse was accepted for the timeout.
+    #[cold]
     fn lose(&mut self, now: u32) {
         self.accepted = None;
         self.fresh = None;
@@ -312,6 +323,7 @@ impl Decoder {
     }
 
     /// Too many edges since the last poll.
+    #[cold]
     fn mask(&mut self) {
         count(&mut self.faults.floods);
         self.line = Line::Unknown;

@@ -6,7 +6,12 @@ use super::settings::ChannelSettings;
 use crate::excitation::{ExcitationError, Lines, Multisine};
 use crate::throttle::Command;
 
-/// What the host asks for.
+/// Decimals like 0.1, 0.05 and their difference are rounded to commands one by one, so a request at a limit may miss it by
+/// one step of 2^-29. It is let pass; the output is limited by the channel anyway.
+const ROUNDING: i32 = 1;
+
+/// What the host asks for. A host that plays the same samples makes its [`Multisine`] from the same commands
+/// (`amplitude.to_f64()`), not from the decimals that they were rounded from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExcitationRequest {
     /// The spectral lines.
@@ -113,13 +118,13 @@ impl Excitation {
             return Err(Refusal::AmplitudeTooHigh { amplitude, max: limits.max_amplitude });
         }
         let lowest = Command::saturating_from_bits(nominal.to_bits() - amplitude.to_bits());
-        if lowest < settings.idle {
+        if lowest.to_bits() + ROUNDING < settings.idle.to_bits() {
             return Err(Refusal::BelowIdle { lowest, idle: settings.idle });
         }
         // Two commands add up to 2^30 at most.
         let highest = nominal.to_bits() + amplitude.to_bits();
         let max = settings.max.min(limits.max_command);
-        if highest > max.to_bits() {
+        if highest - ROUNDING > max.to_bits() {
             return Err(Refusal::AboveMax { highest: Command::saturating_from_bits(highest), max });
         }
         if ticks == 0 || ticks > limits.max_ticks {

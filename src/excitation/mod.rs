@@ -1,8 +1,9 @@
 //! Excitation for identification: a sum of sinusoids around a nominal command, in integers.
 //!
 //! One period of [`Lines`] is played tick by tick: the nominal command plus the lines' sum, scaled
-//! so that its peak is the wanted amplitude. It starts from the nominal command without a step,
-//! repeats bit for bit after one period, and ends at the nominal command without a step:
+//! so that its peak is the wanted amplitude. It starts from the nominal command without a step (the
+//! phases of [`ODD_LINES_30_HZ`] and [`ODD_LINES_45_HZ`] make their sum 0 there; other lines must see
+//! to it themselves), repeats bit for bit after one period, and ends at the nominal command without a step:
 //! after a number of periods, or on request at the next crossing of the nominal command
 //! ([`Multisine::stop`]) or at the end of the period ([`Multisine::finish`]).
 //!
@@ -73,7 +74,7 @@ pub struct Multisine<'a> {
     /// Command per line amplitude, [`GAIN_FRACTION_BITS`], rounded down.
     gain: i64,
     ticks_per_period: u32,
-    /// 2^64 / `ticks_per_period`, rounded down.
+    /// (2^64 - 1) / `ticks_per_period`, rounded down.
     turn_per_tick: u64,
     activity: Activity,
     /// Ticks since the start of the period.

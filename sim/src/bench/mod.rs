@@ -3,8 +3,9 @@
 //! A [`Plan`] says what to run. [`run`] plays it tick by tick through the controller's own code (its excitation, its
 //! compensator, its command format) into an [`Actuator`](crate::plant::Actuator), and gives the
 //! [`Experiment`](crate::record::Experiment) that a logger would have written. [`Prediction`] says in closed form what
-//! an estimate from that experiment should find.
+//! an estimate from that experiment should find. [`device`] does the same on a controller, over its link.
 
+pub mod device;
 mod error;
 pub mod multisine;
 mod plan;
@@ -15,7 +16,7 @@ mod signal;
 pub use error::BenchError;
 pub use plan::{Plan, PlannedRecord};
 pub use predict::Prediction;
-pub use run::{Progress, add_noise, run, run_on};
+pub use run::{Progress, add_noise, run, run_on, run_through};
 
 #[cfg(test)]
 mod tests;

@@ -111,6 +111,25 @@ pub struct PlannedRecord {
     pub role: Option<Role>,
 }
 
+impl PlannedRecord {
+    /// A record without any of the keys that only some excitations need.
+    #[must_use]
+    pub fn new(nominal: f64, excitation: Excitation) -> Self {
+        Self {
+            nominal,
+            excitation,
+            amplitude: None,
+            lines: None,
+            half_period_s: None,
+            periods: None,
+            warm_up_periods: None,
+            hold_s: None,
+            levels: None,
+            role: None,
+        }
+    }
+}
+
 fn default_loop_rate_hz() -> u32 {
     5000
 }
@@ -147,23 +166,18 @@ impl Plan {
                 continue;
             }
             let multisine = PlannedRecord {
-                nominal: point.nominal,
-                excitation: Excitation::Multisine,
                 amplitude: Some(amplitude),
                 lines: Some(150),
-                half_period_s: None,
                 periods: Some(4),
-                warm_up_periods: None,
-                hold_s: None,
-                levels: None,
                 role: Some(Role::Fit),
+                ..PlannedRecord::new(point.nominal, Excitation::Multisine)
             };
             let square = PlannedRecord {
-                excitation: Excitation::Square,
-                lines: None,
+                amplitude: Some(amplitude),
                 half_period_s: Some(5.0),
+                periods: Some(4),
                 role: Some(Role::Validate),
-                ..multisine.clone()
+                ..PlannedRecord::new(point.nominal, Excitation::Square)
             };
             records.extend([multisine, square]);
         }

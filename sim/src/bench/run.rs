@@ -61,18 +61,7 @@ pub fn run_on(
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<Experiment, BenchError> {
     check(plan, model, compensator)?;
-    let output = output_of(model);
-    let files = file_names(&plan.records);
-    let jobs = plan
-        .records
-        .iter()
-        .enumerate()
-        .map(|(index, record)| {
-            let signal = Signal::new(plan, record, &Place::root().key("record").item(index))?;
-            Ok(Job { plan, record, file: &files[index], signal, model, compensator, output })
-        })
-        .collect::<Result<Vec<_>, BenchError>>()?;
-
+    let jobs = jobs(plan, model, compensator)?;
     let total = jobs.iter().map(|job| job.signal.warm_up_ticks + job.signal.ticks).sum();
     let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let report = |ticks: usize| {
@@ -86,7 +75,7 @@ pub fn run_on(
                 while let Some((index, job)) =
                     Some(next.fetch_add(1, Ordering::Relaxed)).and_then(|i| Some((i, jobs.get(i)?)))
                 {
-                    let record = job.run(&report);
+                    let record = job.run(job.filter(), &report);
                     finished.lock().expect("no thread panics while it holds the lock").push((index, record));
                 }
             });
@@ -96,9 +85,56 @@ pub fn run_on(
     finished.sort_by_key(|(index, _)| *index);
     let records = finished.into_iter().map(|(_, record)| record).collect::<Result<Vec<_>, _>>()?;
 
+    experiment(plan, model, records)
+}
+
+/// [`run`], with the filter somewhere else: `esc` is given the command at which a record starts at rest and those of all
+/// its ticks, and gives a command for the ESC for each tick. `compensator` is what is said to be in there.
+///
+/// # Errors
+/// Those of [`run`], and those of `esc`.
+pub fn run_through<E: From<BenchError>>(
+    plan: &Plan,
+    model: &Model,
+    compensator: Option<&LeadDesign>,
+    mut esc: impl FnMut(Command, &[Command]) -> Result<Vec<Command>, E>,
+) -> Result<Experiment, E> {
+    check(plan, model, compensator)?;
+    let mut records = Vec::new();
+    for job in jobs(plan, model, compensator)? {
+        let Signal { samples, warm_up_ticks, ticks, .. } = &job.signal;
+        let commands: Vec<Command> = samples.iter().copied().cycle().take(warm_up_ticks + ticks).collect();
+        let mut outputs = esc(job.signal.start, &commands)?.into_iter();
+        // A filter that gives too few rests at its last command; it is the caller's to check.
+        let mut last = job.signal.start;
+        let filter = |_| {
+            last = outputs.next().unwrap_or(last);
+            last
+        };
+        records.push(job.run(filter, &|_| {})?);
+    }
+    Ok(experiment(plan, model, records)?)
+}
+
+/// What there is to run, record by record.
+fn jobs<'a>(plan: &'a Plan, model: &'a Model, compensator: Option<&'a LeadDesign>) -> Result<Vec<Job<'a>>, BenchError> {
+    let output = output_of(model);
+    plan.records
+        .iter()
+        .zip(file_names(&plan.records))
+        .enumerate()
+        .map(|(index, (record, file))| {
+            let signal = Signal::new(plan, record, &Place::root().key("record").item(index))?;
+            Ok(Job { plan, record, file, signal, model, compensator, output })
+        })
+        .collect()
+}
+
+/// The experiment of these records, with its noise.
+fn experiment(plan: &Plan, model: &Model, records: Vec<Record>) -> Result<Experiment, BenchError> {
     let mut experiment = Experiment {
         name: plan.name.clone(),
-        output,
+        output: output_of(model),
         sample_rate_hz: Some(f64::from(plan.sample_rate_hz)),
         esc_frame_hz: plan.esc_frame_hz,
         command_rate_hz: (plan.loop_rate_hz != plan.sample_rate_hz).then_some(f64::from(plan.loop_rate_hz)),
@@ -187,7 +223,7 @@ fn file_names(records: &[PlannedRecord]) -> Vec<String> {
 struct Job<'a> {
     plan: &'a Plan,
     record: &'a PlannedRecord,
-    file: &'a str,
+    file: String,
     signal: Signal,
     model: &'a Model,
     compensator: Option<&'a LeadDesign>,
@@ -195,7 +231,17 @@ struct Job<'a> {
 }
 
 impl Job<'_> {
-    fn run(&self, report: &dyn Fn(usize)) -> Result<Record, BenchError> {
+    /// The controller's own filter.
+    fn filter(&self) -> impl FnMut(Command) -> Command {
+        let mut compensator = self.compensator.map(|design| {
+            let mut compensator = Compensator::new(*design.coefficients(), Command::ZERO, Command::ONE);
+            compensator.reset(self.signal.start);
+            compensator
+        });
+        move |sample| compensator.as_mut().map_or(sample, |compensator| compensator.update(sample))
+    }
+
+    fn run(&self, mut filter: impl FnMut(Command) -> Command, report: &dyn Fn(usize)) -> Result<Record, BenchError> {
         let Signal { start, samples, warm_up_ticks, ticks, .. } = &self.signal;
         let loop_rate_hz = f64::from(self.plan.loop_rate_hz);
         let sample_rate_hz = f64::from(self.plan.sample_rate_hz);
@@ -206,17 +252,11 @@ impl Job<'_> {
         };
         let timing = EscTiming { frame_hz: self.plan.esc_frame_hz, frame_phase: self.plan.esc_frame_phase };
         let mut actuator = Actuator::new(self.model, law, timing)?;
-        let mut compensator = self.compensator.map(|design| {
-            let mut compensator = Compensator::new(*design.coefficients(), Command::ZERO, Command::ONE);
-            compensator.reset(*start);
-            compensator
-        });
-
         let rows = ticks / ticks_per_row;
         let column = || Vec::with_capacity(rows);
         let (mut time_s, mut command, mut esc_command, mut response) = (column(), column(), column(), column());
         for (tick, &sample) in samples.iter().cycle().take(warm_up_ticks + ticks).enumerate() {
-            let to_esc = compensator.as_mut().map_or(sample, |compensator| compensator.update(sample));
+            let to_esc = filter(sample);
             if let Some(recorded) = tick.checked_sub(*warm_up_ticks)
                 && recorded % ticks_per_row == 0
             {
@@ -236,7 +276,7 @@ impl Job<'_> {
             Output::Rpm => (None, Some(response)),
         };
         Ok(Record {
-            file: self.file.to_owned(),
+            file: self.file.clone(),
             nominal: self.record.nominal,
             excitation: self.record.excitation,
             period_s: self.signal.period_s,

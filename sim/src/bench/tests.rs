@@ -58,18 +58,7 @@ fn multisines(plan: &mut Plan) {
 
 /// A record of `excitation` at 0.5 with nothing else.
 fn bare(excitation: Excitation) -> PlannedRecord {
-    PlannedRecord {
-        nominal: 0.5,
-        excitation,
-        amplitude: None,
-        lines: None,
-        half_period_s: None,
-        periods: None,
-        warm_up_periods: None,
-        hold_s: None,
-        levels: None,
-        role: None,
-    }
+    PlannedRecord::new(0.5, excitation)
 }
 
 fn plan_of(record: PlannedRecord) -> Plan {

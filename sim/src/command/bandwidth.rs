@@ -1,18 +1,27 @@
 //! `rotorlead bandwidth`
 
-use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use clap::Args;
+use miette::WrapErr as _;
 use rotorlead::design::LeadParameters;
-use serde_json::{Value, json};
+use serde_json::json;
 
-use super::design::DesignArguments;
 use super::outcome::{JsonOption, Outcome};
-use crate::design::{BandwidthPoint, Chain, CompensatorError, bandwidths, design, read_compensator};
+use super::parameters::{DesignArguments, positive};
+use super::progress;
+use crate::design::{Chain, bandwidths, read_compensator};
+use crate::identify::{IdentifyError, MeasuredBandwidth, PeriodicOptions, identify_periodic};
 use crate::plant::Model;
+use crate::record::Experiment;
+use crate::report::{bandwidth_json, bandwidth_table, measured_json, measured_table};
 
-/// Predicts the bandwidth at each point of a model, with and without a compensator
+/// Bootstrap draws behind the interval of a measured bandwidth.
+pub const RESAMPLES: usize = 1000;
+/// Where they start.
+const SEED: u64 = 1;
+
+/// Predicts the bandwidth at each point of a model, with and without a compensator, and measures it on records
 ///
 /// The bandwidth is the smallest frequency at which the response is 3 dB (exactly) under its static value. Without
 /// --compensator one is designed from the model, as `rotorlead design` would.
@@ -25,14 +34,17 @@ pub struct Bandwidth {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["lead", "omega_g", "damping", "loop_rate", "prewarp"])]
     compensator: Option<PathBuf>,
     /// A continuous compensator by its parameters: zero and poles in rad/s, and damping
-    #[arg(long, value_name = "ZERO,POLES,DAMPING", value_parser = lead, conflicts_with_all = ["sampled", "omega_g", "damping", "loop_rate", "prewarp"])]
+    #[arg(long, value_name = "ZERO,POLES,DAMPING", value_parser = lead, allow_hyphen_values = true, conflicts_with_all = ["sampled", "omega_g", "damping", "loop_rate", "prewarp"])]
     lead: Option<LeadParameters>,
     /// Count the filter with its rounded coefficients, and the holds of its loop and of the ESC
     #[arg(long)]
     sampled: bool,
     /// Rate at which the ESC takes over a command, for --sampled; what the model was identified with unless given
-    #[arg(long, value_name = "HZ", requires = "sampled", value_parser = positive)]
+    #[arg(long, value_name = "HZ", requires = "sampled", value_parser = positive, allow_negative_numbers = true)]
     esc_frame: Option<f64>,
+    /// Also measure the bandwidths of this experiment's multisine records; may be given several times
+    #[arg(long, value_name = "DIR")]
+    records: Vec<PathBuf>,
     #[command(flatten)]
     parameters: DesignArguments,
     #[command(flatten)]
@@ -44,14 +56,11 @@ impl Bandwidth {
     pub fn run(&self) -> miette::Result<Outcome> {
         let model = Model::read(&self.model)?;
         let points = match &self.lead {
-            Some(lead) => {
-                let lead = lead.checked().map_err(CompensatorError::from)?;
-                bandwidths(&model, Chain::Continuous(&lead))
-            }
+            Some(lead) => bandwidths(&model, Chain::Continuous(lead)),
             None => {
                 let design = match &self.compensator {
                     Some(file) => read_compensator(file)?,
-                    None => design(&model, &self.parameters.options())?,
+                    None => self.parameters.design(&model, &self.model)?,
                 };
                 let identified = model.provenance.as_ref().and_then(|provenance| provenance.esc_frame_hz);
                 let esc_frame_hz = self.esc_frame.or(identified);
@@ -65,32 +74,31 @@ impl Bandwidth {
                 )
             }
         };
-        let json = json!({ "points": points.iter().map(|point| json!({
-            "nominal": point.nominal,
-            "uncompensated_rad_s": rad_s(point.uncompensated),
-            "compensated_rad_s": rad_s(point.compensated),
-        })).collect::<Vec<_>>() });
-        Ok(Outcome { text: table(&points), json })
+        let mut text = bandwidth_table(&points);
+        let mut json = json!({ "points": bandwidth_json(&points) });
+        if !self.records.is_empty() {
+            let measured = self.measure()?;
+            text.push('\n');
+            text.push_str(&measured_table(&measured));
+            json["measured"] = measured_json(&measured);
+        }
+        Ok(Outcome { text, json })
     }
-}
 
-/// The bandwidths as a table.
-pub fn table(points: &[BandwidthPoint]) -> String {
-    let mut text = String::from("  u_nom   uncompensated     compensated\n               (rad/s)         (rad/s)\n");
-    for point in points {
-        let cell = |bandwidth: crate::identify::Bandwidth| match bandwidth {
-            crate::identify::Bandwidth::At(omega) => format!("{omega:.4}"),
-            crate::identify::Bandwidth::Beyond(limit) => format!("> {limit:.0}"),
-        };
-        let (before, after) = (cell(point.uncompensated), cell(point.compensated));
-        writeln!(text, "  {:<5.3} {before:>15} {after:>15}", point.nominal).expect("a string takes all");
+    /// The bandwidths that the records show.
+    fn measure(&self) -> miette::Result<Vec<MeasuredBandwidth>> {
+        let mut measured = Vec::new();
+        for folder in &self.records {
+            let experiment = Experiment::read(folder)?;
+            let bar = progress::bar("measuring", experiment.records.len() as u64);
+            let of = || -> Result<_, IdentifyError> {
+                identify_periodic(&experiment, &PeriodicOptions::default())?.bandwidths(RESAMPLES, SEED)
+            };
+            measured.extend(of().map_err(miette::Report::from).wrap_err_with(|| format!("`{}`", folder.display()))?);
+            bar.finish_and_clear();
+        }
+        Ok(measured)
     }
-    text
-}
-
-/// The bandwidth as JSON: a number, or null where there is none in the range searched.
-pub fn rad_s(bandwidth: crate::identify::Bandwidth) -> Value {
-    bandwidth.rad_s().map_or(Value::Null, Value::from)
 }
 
 fn lead(text: &str) -> Result<LeadParameters, String> {
@@ -99,17 +107,11 @@ fn lead(text: &str) -> Result<LeadParameters, String> {
         .map(|part| part.trim().parse().map_err(|_| format!("`{part}` is not a number")))
         .collect::<Result<_, _>>()?;
     match numbers[..] {
-        [omega_z_rad_s, omega_f_rad_s, damping] => Ok(LeadParameters { omega_z_rad_s, omega_f_rad_s, damping }),
-        _ => {
-            Err(String::from("three numbers are needed: zero and poles in rad/s, and damping, as in 14.13,94.2,0.707"))
+        [omega_z_rad_s, omega_f_rad_s, damping] if numbers.iter().all(|number| *number > 0.0 && number.is_finite()) => {
+            LeadParameters { omega_z_rad_s, omega_f_rad_s, damping }.checked().map_err(|error| error.to_string())
         }
-    }
-}
-
-/// A number above zero.
-pub fn positive(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(value) if value > 0.0 && f64::is_finite(value) => Ok(value),
-        _ => Err(String::from("a number above zero is needed")),
+        _ => Err(String::from(
+            "three numbers above zero are needed: zero and poles in rad/s, and damping, as in 14.13,94.2,0.707",
+        )),
     }
 }

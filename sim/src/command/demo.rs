@@ -9,24 +9,21 @@ use num_complex::Complex64;
 use rotorlead::design::LeadDesign;
 use serde_json::json;
 
-use super::bandwidth::rad_s;
+use super::bandwidth::RESAMPLES;
 use super::design::describe;
 use super::identify::periodic_model;
 use super::outcome::{JsonOption, Outcome};
 use super::simulate::simulate;
 use crate::bench::{Plan, Prediction};
 use crate::design::{BandwidthPoint, Chain, DesignOptions, bandwidths, compensator_file, design};
-use crate::files::write_file;
+use crate::files::{FileError, check_writable, write_file};
 use crate::identify::{
-    Bandwidth, EtfeBandwidth, PeriodicIdentification, PeriodicOptions, StaticValue, bandwidth_of, bandwidth_of_etfe,
-    identify_periodic,
+    Bandwidth, EtfeBandwidth, PeriodicIdentification, PeriodicOptions, bandwidth_of, identify_periodic,
 };
 use crate::plant::Model;
 use crate::report::paper::{CONTRADICTIONS, PAPER, PaperRow, table_1};
-use crate::report::{Curve, Mark, bode};
+use crate::report::{Curve, Mark, bandwidth_cell, bode, rad_s};
 
-/// Bootstrap draws behind the interval of a measured bandwidth.
-const RESAMPLES: usize = 1000;
 /// Nominal commands in the Bode plot: one in the middle, where compensation helps by half, and the fastest.
 const DRAWN: [f64; 2] = [0.50, 0.65];
 /// Highest frequency of a line in the Bode plot, rad/s: the top line of the compensated run.
@@ -39,11 +36,11 @@ const DRAWN_UP_TO_RAD_S: f64 = 282.0;
 /// beside what the paper prints.
 #[derive(Args, Debug)]
 pub struct Demo {
-    /// Where the model, the compensator and the Bode plot go
+    /// Where the model, the compensator and the Bode plot go; those of an earlier run are replaced
     #[arg(long, value_name = "DIR", default_value = "demo-out")]
-    out: PathBuf,
+    pub(super) out: PathBuf,
     /// Seed of the thrust noise
-    #[arg(long, default_value = "1", value_parser = clap::value_parser!(u64).range(..1 << 63))]
+    #[arg(long, default_value = "1", value_parser = clap::value_parser!(u64).range(..1 << 63), allow_negative_numbers = true)]
     seed: u64,
     #[command(flatten)]
     pub(super) json: JsonOption,
@@ -60,6 +57,7 @@ struct Measured {
 impl Demo {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
+        check_folder(&self.out)?;
         let actuators = table_1();
         let plan = Plan { seed: self.seed, ..Plan::paper(&actuators) };
         let stand = simulate(&plan, &actuators, None)?;
@@ -76,7 +74,8 @@ impl Demo {
         let simulated = bandwidths(&actuators, Chain::Continuous(papers_design.lead()));
 
         let figure = self.out.join("bode.svg");
-        std::fs::create_dir_all(&self.out).into_diagnostic()?;
+        let failed = |source| FileError::Io { action: "create", path: self.out.clone(), source };
+        std::fs::create_dir_all(&self.out).map_err(failed)?;
         model.write(&self.out.join("model.toml"))?;
         compensator_file(&design).write(&self.out.join("compensator.toml"))?;
         write_file(&figure, bode_plot(&design, &found, &compensated)?.as_bytes())?;
@@ -103,6 +102,17 @@ impl Demo {
     }
 }
 
+/// Refuses a folder that cannot be made, before the work.
+fn check_folder(path: &Path) -> Result<(), FileError> {
+    if path.is_dir() {
+        Ok(())
+    } else if path.exists() {
+        Err(FileError::NotAFolder { path: path.to_owned(), remedy: "give the path of a folder" })
+    } else {
+        check_writable(path)
+    }
+}
+
 /// Bandwidths of the ETFEs, and what the compensated ones should be.
 fn measured(
     actuators: &Model,
@@ -112,19 +122,16 @@ fn measured(
     compensated: &PeriodicIdentification,
     seed: u64,
 ) -> miette::Result<Vec<Measured>> {
-    let etfe_bandwidth = |found: &PeriodicIdentification, index: usize| {
-        let nominal = &found.nominals[index];
-        let gain = nominal.fit.gain;
-        let static_value = StaticValue::Estimated { value: gain.value, std: gain.std };
-        bandwidth_of_etfe(&nominal.responses[0].etfe, static_value, RESAMPLES, seed)
-    };
-    (0..actuators.points.len())
-        .map(|index| {
-            let nominal = actuators.points[index].nominal;
-            let prediction = Prediction::new(plan, actuators, nominal, Some(design))?;
+    let before = uncompensated.bandwidths(RESAMPLES, seed)?;
+    let after = compensated.bandwidths(RESAMPLES, seed)?;
+    before
+        .iter()
+        .zip(&after)
+        .map(|(before, after)| {
+            let prediction = Prediction::new(plan, actuators, after.nominal, Some(design))?;
             Ok(Measured {
-                uncompensated: etfe_bandwidth(uncompensated, index)?,
-                compensated: etfe_bandwidth(compensated, index)?,
+                uncompensated: before.bandwidth,
+                compensated: after.bandwidth,
                 predicted: bandwidth_of(|omega| prediction.response(omega), DRAWN_UP_TO_RAD_S),
             })
         })
@@ -164,10 +171,7 @@ fn bode_plot(
 
 /// A bandwidth in a column.
 fn cell(bandwidth: Bandwidth) -> String {
-    match bandwidth {
-        Bandwidth::At(omega) => format!("{omega:.2}"),
-        Bandwidth::Beyond(limit) => format!("> {limit:.0}"),
-    }
+    bandwidth_cell(bandwidth, 2)
 }
 
 fn text(

@@ -7,10 +7,12 @@ use clap::Args;
 use rotorlead::design::LeadDesign;
 use serde_json::json;
 
-use super::bandwidth::{self, rad_s};
 use super::outcome::{JsonOption, Outcome};
-use crate::design::{Chain, DesignOptions, bandwidths, compensator_file, design};
+use super::parameters::DesignArguments;
+use crate::design::{Chain, bandwidths, compensator_file};
+use crate::files::check_writable;
 use crate::plant::Model;
+use crate::report::{bandwidth_json, bandwidth_table};
 
 /// Designs one compensator for all points of a model
 ///
@@ -23,53 +25,24 @@ pub struct Design {
     model: PathBuf,
     /// Where the compensator goes
     #[arg(long, value_name = "FILE")]
-    out: PathBuf,
+    pub(super) out: PathBuf,
     #[command(flatten)]
     parameters: DesignArguments,
     #[command(flatten)]
     pub(super) json: JsonOption,
 }
 
-/// The parameters of a design.
-#[derive(Args, Clone, Debug)]
-pub struct DesignArguments {
-    /// Highest frequency that is to be amplified; 2 pi 100 rad/s, the paper's, unless given
-    #[arg(long, value_name = "RAD_S")]
-    omega_g: Option<f64>,
-    /// Damping ratio of the compensator's poles; 1/sqrt(2) unless given
-    #[arg(long, value_name = "RATIO")]
-    damping: Option<f64>,
-    /// Rate at which the filter runs; 5000 Hz unless given
-    #[arg(long, value_name = "HZ")]
-    loop_rate: Option<f64>,
-    /// Frequency at which the sampled filter is to match the continuous one exactly
-    #[arg(long, value_name = "RAD_S")]
-    prewarp: Option<f64>,
-}
-
-impl DesignArguments {
-    /// What was given, and the paper's values for the rest.
-    pub fn options(&self) -> DesignOptions {
-        let default = DesignOptions::default();
-        DesignOptions {
-            omega_g_rad_s: self.omega_g.unwrap_or(default.omega_g_rad_s),
-            damping: self.damping.unwrap_or(default.damping),
-            loop_rate_hz: self.loop_rate.unwrap_or(default.loop_rate_hz),
-            prewarp_rad_s: self.prewarp,
-        }
-    }
-}
-
 impl Design {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
         let model = Model::read(&self.model)?;
-        let design = design(&model, &self.parameters.options())?;
+        check_writable(&self.out)?;
+        let design = self.parameters.design(&model, &self.model)?;
         compensator_file(&design).write(&self.out)?;
 
         let points = bandwidths(&model, Chain::Continuous(design.lead()));
         let mut text = describe(&design);
-        writeln!(text, "\nPredicted bandwidth\n\n{}", bandwidth::table(&points)).expect("a string takes all");
+        writeln!(text, "\nPredicted bandwidth\n\n{}", bandwidth_table(&points)).expect("a string takes all");
         writeln!(text, "Written to {}", self.out.display()).expect("a string takes all");
         let check = design.check();
         let json = json!({
@@ -81,11 +54,7 @@ impl Design {
             "pole_radii": check.pole_radii,
             "l1_gain": check.l1_gain,
             "step_peak": check.step_peak,
-            "points": points.iter().map(|point| json!({
-                "nominal": point.nominal,
-                "uncompensated_rad_s": rad_s(point.uncompensated),
-                "compensated_rad_s": rad_s(point.compensated),
-            })).collect::<Vec<_>>(),
+            "points": bandwidth_json(&points),
         });
         Ok(Outcome { text, json })
     }

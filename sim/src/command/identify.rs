@@ -4,12 +4,13 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use miette::{Diagnostic, IntoDiagnostic as _};
+use miette::{Diagnostic, IntoDiagnostic as _, WrapErr as _};
 use serde_json::{Value, json};
 use thiserror::Error;
 
 use super::outcome::{JsonOption, Outcome};
 use super::progress;
+use crate::files::check_writable;
 use crate::identify::steps::{StaircaseFit, fit_staircase};
 use crate::identify::{FirstOrderOptions, PeriodicIdentification, PeriodicOptions, identify_periodic};
 use crate::plant::{Model, Point, Provenance};
@@ -26,7 +27,7 @@ pub struct Identify {
     experiment: PathBuf,
     /// Where the model goes
     #[arg(long, value_name = "FILE")]
-    out: PathBuf,
+    pub(super) out: PathBuf,
     /// Whether a dead time is part of the lag at multisine records
     #[arg(long, value_enum, default_value_t = Delay::Auto)]
     delay: Delay,
@@ -41,7 +42,7 @@ enum Delay {
     Auto,
     /// Never
     None,
-    /// Always
+    /// Wherever the best one is above zero
     Fit,
 }
 
@@ -74,13 +75,15 @@ impl Identify {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
         let experiment = Experiment::read(&self.experiment)?;
+        check_writable(&self.out)?;
         let delay_level = match self.delay {
             Delay::Auto => FirstOrderOptions::default().delay_level,
             Delay::None => 0.0,
             Delay::Fit => 1.0,
         };
         let bar = progress::bar("identifying", experiment.records.len() as u64);
-        let identified = identify(&experiment, delay_level)?;
+        let identified = identify(&experiment, delay_level)
+            .wrap_err_with(|| format!("nothing was identified from `{}`", self.experiment.display()))?;
         bar.finish_and_clear();
         identified.model.write(&self.out)?;
 

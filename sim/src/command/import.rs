@@ -7,6 +7,7 @@ use clap::Args;
 use serde_json::json;
 
 use super::outcome::{JsonOption, Outcome};
+use super::parameters::range;
 use crate::record::import::{ImportOptions, ImportSummary, import};
 
 /// Takes the log of another tool as an experiment
@@ -20,12 +21,12 @@ pub struct Import {
     file: PathBuf,
     /// The experiment's folder, which is made
     #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    pub(super) out: PathBuf,
     /// What to call the experiment; the log's file name unless given
     #[arg(long)]
     name: Option<String>,
     /// Pulse widths in microseconds that mean 0 and 1, where the log's command is a pulse width
-    #[arg(long, value_name = "LOW..HIGH", default_value = "1000..2000", value_parser = range)]
+    #[arg(long, value_name = "LOW..HIGH", default_value = "1000..2000", value_parser = pulses, allow_hyphen_values = true)]
     pulse_us: (f64, f64),
     #[command(flatten)]
     pub(super) json: JsonOption,
@@ -51,7 +52,8 @@ fn describe(summary: &ImportSummary) -> String {
     };
     say(format!("{}: {} of {} rows taken", summary.file.display(), summary.rows_taken, summary.rows_read));
     for dropped in &summary.dropped {
-        say(format!("  {} rows left out: {}", dropped.rows, dropped.reason));
+        let rows = if dropped.rows == 1 { "row" } else { "rows" };
+        say(format!("  {} {rows} left out: {}", dropped.rows, dropped.reason));
     }
     let timing = &summary.timing;
     say(format!("  {:.1} rows/s; {}", timing.rate_hz, timing.method));
@@ -72,10 +74,10 @@ fn describe(summary: &ImportSummary) -> String {
     text
 }
 
-/// `LOW..HIGH`, both finite numbers, the first lower.
-pub fn range(text: &str) -> Result<(f64, f64), String> {
-    let remedy = || format!("`{text}` is no range: write it as LOW..HIGH, as in 0.1..30");
-    let (low, high) = text.split_once("..").ok_or_else(remedy)?;
-    let (low, high): (f64, f64) = (low.parse().map_err(|_| remedy())?, high.parse().map_err(|_| remedy())?);
-    if low.is_finite() && high.is_finite() && low < high { Ok((low, high)) } else { Err(remedy()) }
+/// [`range`] of pulse widths, which are above zero.
+fn pulses(text: &str) -> Result<(f64, f64), String> {
+    match range(text)? {
+        (low, _) if low < 0.0 => Err(String::from("a pulse is no shorter than 0 microseconds")),
+        range => Ok(range),
+    }
 }

@@ -4,14 +4,23 @@
 mod bandwidth;
 mod demo;
 mod design;
+mod device;
 mod excite;
 mod identify;
 mod import;
 mod outcome;
+mod parameters;
 mod progress;
 mod simulate;
+mod validate;
+mod wrong_use;
+
+use std::path::Path;
 
 use clap::{Parser, Subcommand};
+
+use self::outcome::{JsonOption, Outcome};
+pub use self::wrong_use::WrongUse;
 
 /// Identifies the lag of a motor with its propeller from thrust-stand records, designs the lead compensator that
 /// speeds it up, and tests the very filter that flies on simulated actuators.
@@ -37,26 +46,36 @@ enum Command {
     Simulate(simulate::Simulate),
     Import(import::Import),
     Identify(identify::Identify),
+    Validate(validate::Validate),
     Design(design::Design),
     Bandwidth(bandwidth::Bandwidth),
+    Device(device::Device),
 }
 
 impl Arguments {
     /// Runs the command that was asked for and prints what it says.
     ///
     /// # Errors
-    /// A report for a person: what is wrong, where, and what to do.
+    /// A report for a person: what is wrong, where, and what to do. A [`WrongUse`] where options do not go together.
     pub fn run(self) -> miette::Result<()> {
         match self.command {
-            Command::Demo(command) => command.json.say(command.run()?),
-            Command::Excite(command) => command.json.say(command.run()?),
-            Command::Simulate(command) => command.json.say(command.run()?),
-            Command::Import(command) => command.json.say(command.run()?),
-            Command::Identify(command) => command.json.say(command.run()?),
-            Command::Design(command) => command.json.say(command.run()?),
-            Command::Bandwidth(command) => command.json.say(command.run()?),
+            Command::Demo(command) => say(&command.json, Some(&command.out), || command.run()),
+            Command::Excite(command) => say(&command.json, command.out.as_deref(), || command.run()),
+            Command::Simulate(command) => say(&command.json, Some(&command.out), || command.run()),
+            Command::Import(command) => say(&command.json, Some(&command.out), || command.run()),
+            Command::Identify(command) => say(&command.json, Some(&command.out), || command.run()),
+            Command::Validate(command) => say(&command.json, None, || command.run()),
+            Command::Design(command) => say(&command.json, Some(&command.out), || command.run()),
+            Command::Bandwidth(command) => say(&command.json, None, || command.run()),
+            Command::Device(command) => say(&command.json, None, || command.run()),
         }
     }
+}
+
+/// Runs a command, whose own output goes to `out`, and says what came out.
+fn say(json: &JsonOption, out: Option<&Path>, run: impl FnOnce() -> miette::Result<Outcome>) -> miette::Result<()> {
+    json.check(out)?;
+    json.say(run()?)
 }
 
 #[cfg(test)]

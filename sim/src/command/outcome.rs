@@ -1,11 +1,14 @@
 //! What a command says: text for people, JSON for programs.
 
+use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use miette::{IntoDiagnostic as _, WrapErr as _};
 use serde_json::Value;
 
-use crate::files::write_file;
+use super::WrongUse;
+use crate::files::{check_writable, write_file};
 
 /// What came out of a command.
 #[derive(Debug)]
@@ -25,17 +28,41 @@ pub struct JsonOption {
 }
 
 impl JsonOption {
+    /// Refuses a file that cannot be written, before any work is done. `out` is where the command's own output goes.
+    pub fn check(&self, out: Option<&Path>) -> miette::Result<()> {
+        match (self.file(), out) {
+            (Some(file), Some(out)) if file == out => Err(WrongUse::new(
+                format!("--json and --out are both `{}`", out.display()),
+                "give them different files: one would overwrite the other",
+            )
+            .into()),
+            // In a folder that the command is yet to make.
+            (Some(file), Some(out)) if file.starts_with(out) => Ok(()),
+            (Some(file), _) => Ok(check_writable(file)?),
+            (None, _) => Ok(()),
+        }
+    }
+
     /// Prints the outcome, or writes it, or both.
     pub fn say(&self, outcome: Outcome) -> miette::Result<()> {
         let json = || format!("{:#}\n", outcome.json);
-        match self.json.as_deref() {
-            Some(file) if file == Path::new("-") => print!("{}", json()),
-            Some(file) => {
-                write_file(file, json().as_bytes())?;
-                print!("{}", outcome.text);
-            }
-            None => print!("{}", outcome.text),
+        if let Some(file) = self.file() {
+            write_file(file, json().as_bytes())?;
         }
-        Ok(())
+        print(if self.json.is_some() && self.file().is_none() { json() } else { outcome.text })
+    }
+
+    /// The file, where it is not standard output.
+    fn file(&self) -> Option<&Path> {
+        self.json.as_deref().filter(|file| *file != Path::new("-"))
+    }
+}
+
+/// Prints `text`. A reader that has seen enough, such as `head`, is no failure.
+fn print(text: String) -> miette::Result<()> {
+    let mut stdout = io::stdout().lock();
+    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        printed => printed.into_diagnostic().wrap_err("cannot write to standard output"),
     }
 }

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use miette::{Diagnostic as _, WrapErr as _};
 use rotorlead::design::LeadDesign;
 use serde_json::json;
 
@@ -11,9 +12,9 @@ use super::outcome::{JsonOption, Outcome};
 use super::progress;
 use crate::bench::{Plan, run};
 use crate::design::{compensator_file, read_compensator};
-use crate::files::OutputFolder;
+use crate::files::{OutputFolder, Place, TomlFile};
 use crate::plant::Model;
-use crate::record::Experiment;
+use crate::record::{Excitation, Experiment};
 
 /// Runs an experiment on a simulated actuator, through the controller's own code
 ///
@@ -30,11 +31,11 @@ pub struct Simulate {
     #[arg(long, value_name = "FILE")]
     compensator: Option<PathBuf>,
     /// Seed of the noise, instead of the plan's
-    #[arg(long, value_parser = clap::value_parser!(u64).range(..1 << 63))]
+    #[arg(long, value_parser = clap::value_parser!(u64).range(..1 << 63), allow_negative_numbers = true)]
     seed: Option<u64>,
     /// The experiment's folder, which is made
     #[arg(long, value_name = "DIR")]
-    out: PathBuf,
+    pub(super) out: PathBuf,
     #[command(flatten)]
     pub(super) json: JsonOption,
 }
@@ -44,7 +45,7 @@ impl Simulate {
     pub fn run(&self) -> miette::Result<Outcome> {
         let model = Model::read(&self.model)?;
         let mut plan = match &self.plan {
-            Some(file) => Plan::read(file)?,
+            Some(file) => read_plan(file, &model)?,
             None => Plan::paper(&model),
         };
         if let Some(seed) = self.seed {
@@ -61,7 +62,10 @@ impl Simulate {
         }
         // Before the work, so that a folder in the way is found early.
         let folder = OutputFolder::create(&self.out)?;
-        let experiment = simulate(&plan, &model, design.as_ref())?;
+        let experiment = simulate(&plan, &model, design.as_ref()).wrap_err_with(|| match &self.plan {
+            Some(plan) => format!("`{}` cannot be run on `{}`", plan.display(), self.model.display()),
+            None => format!("the paper's experiment cannot be run on `{}`", self.model.display()),
+        })?;
         experiment.write_into(&folder)?;
         if let Some(design) = &design {
             compensator_file(design).write(&folder.building().join("compensator.toml"))?;
@@ -94,6 +98,23 @@ pub fn simulate(plan: &Plan, model: &Model, design: Option<&LeadDesign>) -> miet
     })?;
     bar.finish_and_clear();
     Ok(experiment)
+}
+
+/// Reads a plan whose levels `model` knows.
+fn read_plan(path: &Path, model: &Model) -> miette::Result<Plan> {
+    let (plan, file) = TomlFile::read::<Plan>(path)?;
+    plan.check().map_err(|fault| file.show(&fault))?;
+    for (index, record) in plan.records.iter().enumerate() {
+        let place = Place::root().key("record").item(index);
+        // A staircase follows the level through and beyond the points.
+        if record.excitation != Excitation::Staircase
+            && let Err(error) = model.at(record.nominal)
+        {
+            let help = error.help().map(|help| help.to_string()).unwrap_or_default();
+            return Err(file.show(&place.key("nominal").fault(error.to_string(), help)).into());
+        }
+    }
+    Ok(plan)
 }
 
 /// `file` as seen from the folder of `from`.

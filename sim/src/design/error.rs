@@ -8,9 +8,18 @@ use thiserror::Error;
 #[derive(Clone, Copy, Debug, PartialEq, Error, Diagnostic)]
 pub enum CompensatorError {
     /// The controller's design refuses the parameters.
-    #[error("no compensator can be designed: {0}")]
+    #[error(transparent)]
     #[diagnostic(help("{}", remedy(.0)))]
     Refused(#[from] DesignError),
+    /// The model's fastest motor is too slow for the bandwidth asked for: the filter's headroom cannot hold the lead.
+    #[error("{source}")]
+    #[diagnostic(help("the highest --omega-g that this model allows is {largest_omega_g_rad_s:.1} rad/s"))]
+    TooMuchLead {
+        /// What the controller's design says.
+        source: DesignError,
+        /// The highest `omega_g` whose design is accepted, rounded down to 0.1 rad/s.
+        largest_omega_g_rad_s: f64,
+    },
 }
 
 /// What to do, by the options of `rotorlead design`.
@@ -18,9 +27,7 @@ fn remedy(error: &DesignError) -> &'static str {
     match error {
         DesignError::NoPoles => "run `rotorlead identify` first: it finds the points of a model",
         DesignError::ZeroNotBelowPoles { .. } => "raise --omega-g above the fastest pole of the model",
-        DesignError::L1GainTooHigh { .. } => {
-            "lower --omega-g: at a ratio omega_g / omega_z above about 55 a step of the command leaves the filter's headroom"
-        }
+        DesignError::L1GainTooHigh { .. } => "lower --omega-g, or raise --damping",
         DesignError::DampingTooLow { .. } => "raise --damping or --loop-rate",
         DesignError::TooCloseToNyquist { .. } => "raise --loop-rate, or lower --omega-g or --prewarp",
         DesignError::CoefficientOutOfRange { .. } => "change --loop-rate, --omega-g or --damping",

@@ -39,9 +39,39 @@ impl Default for DesignOptions {
 /// When the model has no points, or the controller refuses the parameters.
 pub fn design(model: &Model, options: &DesignOptions) -> Result<LeadDesign, CompensatorError> {
     let poles: Vec<f64> = model.points.iter().map(|point| 1.0 / point.time_constant_s).collect();
-    let lead = LeadParameters::from_poles(&poles, options.omega_g_rad_s)?;
-    let lead = LeadParameters { damping: options.damping, ..lead };
-    Ok(LeadDesign::new(lead, options.loop_rate_hz, options.prewarp_rad_s)?)
+    let design = |omega_g_rad_s: f64| {
+        let lead = LeadParameters::from_poles(&poles, omega_g_rad_s)?;
+        LeadDesign::new(
+            LeadParameters { damping: options.damping, ..lead },
+            options.loop_rate_hz,
+            options.prewarp_rad_s,
+        )
+    };
+    design(options.omega_g_rad_s).map_err(|refused| match refused {
+        DesignError::L1GainTooHigh { .. } => match largest(|omega_g| design(omega_g).is_ok(), options.omega_g_rad_s) {
+            Some(largest_omega_g_rad_s) => CompensatorError::TooMuchLead { source: refused, largest_omega_g_rad_s },
+            None => CompensatorError::Refused(refused),
+        },
+        _ => CompensatorError::Refused(refused),
+    })
+}
+
+/// The highest tenth below `refused` that is accepted, where one is: found by bisection from the first one that is on
+/// the way down by tenths of itself.
+fn largest(is_accepted: impl Fn(f64) -> bool, refused: f64) -> Option<f64> {
+    let (mut high, mut low) = (refused, 0.9 * refused);
+    while !is_accepted(low) {
+        (high, low) = (low, 0.9 * low);
+        if low < 1.0 {
+            return None;
+        }
+    }
+    while high - low > 0.01 {
+        let middle = 0.5 * (low + high);
+        if is_accepted(middle) { low = middle } else { high = middle }
+    }
+    let tenth = (10.0 * low).floor() / 10.0;
+    is_accepted(tenth).then_some(tenth)
 }
 
 /// The design as `compensator.toml` holds it.

@@ -24,4 +24,4 @@ pub use folder::{OutputFolder, is_plain_name};
 pub use text::TextFile;
 pub(crate) use toml_file::to_toml;
 pub use toml_file::{TomlFile, write_toml};
-pub use write::write_file;
+pub use write::{check_writable, write_file};

@@ -25,6 +25,9 @@ impl TextFile {
     /// # Errors
     /// When the file is missing, cannot be read, is not UTF-8 or holds nothing but white space.
     pub fn read(path: &Path) -> Result<Self, FileError> {
+        if path.is_dir() {
+            return Err(FileError::NotAFile { path: path.to_owned() });
+        }
         let bytes = fs::read(path).map_err(|source| match source.kind() {
             io::ErrorKind::NotFound => FileError::Missing {
                 path: path.to_owned(),
@@ -124,7 +127,7 @@ mod tests {
     fn a_folder_is_not_text() {
         let scratch = Scratch::new();
         let error = TextFile::read(scratch.path()).unwrap_err();
-        assert_report(error, &["cannot read", "check the path"]);
+        assert_report(error, &["is a folder, not a file", "the name of a file in it"]);
     }
 
     #[test]

@@ -31,6 +31,25 @@ pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     }
 }
 
+/// Refuses what [`write_file`] would refuse, so that it is said before the work and not after it. Nothing stays at or
+/// beside `path`.
+///
+/// # Errors
+/// Those of [`write_file`], except for a disk that is full.
+pub fn check_writable(path: &Path) -> Result<(), FileError> {
+    let failed = |source| FileError::Io { action: "write", path: path.to_owned(), source };
+    let target = match fs::metadata(path) {
+        Ok(found) if found.is_dir() => return Err(FileError::NotAFile { path: path.to_owned() }),
+        Ok(found) if found.is_file() => fs::canonicalize(path).map_err(failed)?,
+        Ok(_) => return Ok(()), // Opening a pipe would wait for its reader.
+        Err(_) => {
+            existing_parent(path)?;
+            path.to_owned()
+        }
+    };
+    temporary(&target, 0o666, |builder| builder.tempfile_in(parent(&target))).map(drop).map_err(failed)
+}
+
 fn replace(target: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut file = temporary(target, 0o666, |builder| builder.tempfile_in(parent(target)))?;
     file.write_all(bytes)?;

@@ -173,7 +173,8 @@ pub fn bandwidth_of_etfe(
         })
         .collect();
     draws.sort_by(|a, b| a.rank().total_cmp(&b.rank()));
-    let tail = (0.025 * resamples as f64) as usize;
+    // The k-th of B draws stands for the quantile k / (B + 1).
+    let tail = (0.025 * (resamples + 1) as f64) as usize - 1;
     Ok(EtfeBandwidth { bandwidth, static_value: level, lower: draws[tail], upper: draws[resamples - 1 - tail] })
 }
 

@@ -3,6 +3,9 @@
 use miette::Diagnostic;
 use thiserror::Error;
 
+use super::steps::StepsError;
+use crate::plant::{ModelError, PlantError};
+
 /// A record or setting from which nothing can be identified.
 #[derive(Clone, Debug, PartialEq, Error, Diagnostic)]
 pub enum IdentifyError {
@@ -130,4 +133,37 @@ pub enum IdentifyError {
         /// The experiment's name.
         name: String,
     },
+    /// The model says nothing of a record's nominal command.
+    #[error("{file}: {source}")]
+    #[diagnostic(help("identify the motor at this nominal command too, or leave the record out"))]
+    NotInModel {
+        /// The record.
+        file: String,
+        /// Which command, and where the model holds.
+        source: ModelError,
+    },
+    /// The model cannot be simulated.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Plant(PlantError),
+    /// The model is of the other response.
+    #[error("the model is of {model}, the experiment's output is {experiment}")]
+    #[diagnostic(help("identify a model on this experiment's output, or change `output` in experiment.toml"))]
+    OtherOutput {
+        /// The model's response.
+        model: &'static str,
+        /// The experiment's response.
+        experiment: &'static str,
+    },
+    /// A compensated record does not say what the ESC got.
+    #[error("{file}: compensated, but without a column `esc_command`")]
+    #[diagnostic(help("record the command after the compensator as esc_command"))]
+    NoEscCommand {
+        /// The record.
+        file: String,
+    },
+    /// A record has no levels to work on.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Steps(#[from] StepsError),
 }

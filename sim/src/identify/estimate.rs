@@ -14,12 +14,37 @@ pub struct Estimate {
 }
 
 impl Estimate {
+    /// An estimate whose noise is known so well that its error is normal.
+    #[must_use]
+    pub fn normal(value: f64, std: f64) -> Self {
+        Self { value, std, dof: f64::INFINITY }
+    }
+
     /// The two-sided interval that covers the truth with this probability (0..1): Student's t with
     /// the degrees of freedom of the noise variance.
     #[must_use]
     pub fn interval(&self, probability: f64) -> (f64, f64) {
-        let reach = self.std * t_quantile(0.5 + 0.5 * probability, self.dof);
+        let reach = self.reach(probability);
         (self.value - reach, self.value + reach)
+    }
+
+    /// The same for a positive value whose logarithm was fitted, such as a time constant: it is the logarithm whose
+    /// error the standard error, relative to the value, describes.
+    #[must_use]
+    pub fn interval_of_logarithm(&self, probability: f64) -> (f64, f64) {
+        let factor = (self.reach(probability) / self.value).exp();
+        (self.value / factor, self.value * factor)
+    }
+
+    /// Whether its 95 % interval leaves `value` out.
+    #[must_use]
+    pub fn excludes(&self, value: f64) -> bool {
+        (self.value - value).abs() > self.reach(0.95)
+    }
+
+    /// How far the interval reaches to either side.
+    fn reach(&self, probability: f64) -> f64 {
+        self.std * t_quantile(0.5 + 0.5 * probability, self.dof)
     }
 }
 
@@ -33,5 +58,19 @@ mod tests {
         // Tables: 2.0860 for 20 degrees of freedom, 1.9600 for the normal distribution.
         assert!((estimate(20.0).1 - 12.0860).abs() < 1e-4);
         assert!((estimate(f64::INFINITY).0 - 8.0400).abs() < 1e-4);
+    }
+
+    #[test]
+    fn the_interval_of_a_logarithm_has_the_value_in_its_geometric_middle() {
+        let (low, high) = Estimate::normal(0.1, 0.02).interval_of_logarithm(0.95);
+        assert!((low * high - 0.01).abs() < 1e-15);
+        assert!(((high / low).ln() - 2.0 * 1.959_964 * 0.2).abs() < 1e-6);
+    }
+
+    #[test]
+    fn what_is_outside_the_interval_is_excluded() {
+        let estimate = Estimate::normal(1.0, 0.1);
+        assert!(!estimate.excludes(1.195) && !estimate.excludes(0.805));
+        assert!(estimate.excludes(1.197) && estimate.excludes(0.803));
     }
 }

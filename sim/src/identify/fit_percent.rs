@@ -39,10 +39,20 @@ pub fn fit_percent<T: Sample>(measured: &[T], model: &[T]) -> Option<f64> {
     if measured.len() != model.len() || measured.is_empty() {
         return None;
     }
-    let mean = measured.iter().copied().sum::<T>().divided(measured.len() as f64);
     let error: f64 = measured.iter().zip(model).map(|(&y, &m)| (y - m).power()).sum();
-    let spread: f64 = measured.iter().map(|&y| (y - mean).power()).sum();
-    (spread > 0.0).then(|| 100.0 * (1.0 - (error / spread).sqrt()))
+    let spread = spread(measured);
+    (spread > 0.0).then(|| percent_when_left(error, spread))
+}
+
+/// `||y - mean(y)||^2`: what there is to explain; zero for nothing.
+pub(super) fn spread<T: Sample>(measured: &[T]) -> f64 {
+    let mean = measured.iter().copied().sum::<T>().divided(measured.len() as f64);
+    measured.iter().map(|&y| (y - mean).power()).sum()
+}
+
+/// % fit when of a `spread` above zero this `error` is left, both sums of squares.
+pub(super) fn percent_when_left(error: f64, spread: f64) -> f64 {
+    100.0 * (1.0 - (error / spread).sqrt())
 }
 
 #[cfg(test)]

@@ -17,7 +17,7 @@
 //! ```
 //!
 //! a mean lag of `(q - 1) / (2 q f_c)` and a zero-order hold of one frame. This is the linear,
-//! time-invariant part ([`HoldChain::response`]). Where loop and frame have no common period the
+//! time-invariant part ([`HoldChain::response`], which is [`hold_response`]). Where loop and frame have no common period the
 //! lag is spread evenly over a tick and the bracket becomes a zero-order hold of one tick.
 //!
 //! The other lines are images. Rows at `f_r` see an image at `w + 2 pi n f_r` *on* the line `w`,
@@ -37,6 +37,7 @@ use std::f64::consts::TAU;
 use num_complex::Complex64;
 
 use super::IdentifyError;
+use crate::plant::{frames_per_pattern, hold_response};
 
 /// Images up to this multiple of the row rate are kept on both sides.
 ///
@@ -44,8 +45,8 @@ use super::IdentifyError;
 /// what is left out is `(2 / MAX_IMAGE) / (pi^2 / 3)`, 4 %, of the images' sum.
 const MAX_IMAGE: i64 = 16;
 
-/// The largest denominator of a ratio of two rates that still counts as locked clocks.
-const MAX_DENOMINATOR: u64 = 256;
+/// Clocks whose pattern repeats after more frames than this count as not locked.
+const MOST_FRAMES: f64 = 256.0;
 
 /// Sample and hold at the loop's rate, then at the ESC's frame rate, seen by rows at a third.
 #[derive(Clone, Debug, PartialEq)]
@@ -97,7 +98,7 @@ impl HoldChain {
         let row_rate_hz = positive("sample_rate_hz", row_rate_hz)?;
         let command_rate_hz = positive("command_rate_hz", command_rate_hz.unwrap_or(row_rate_hz))?;
         let takeover_rate_hz = positive("esc_frame_hz", esc_frame_hz.unwrap_or(command_rate_hz))?;
-        let ratio = rational(command_rate_hz / takeover_rate_hz);
+        let ratio = fraction(command_rate_hz / takeover_rate_hz);
         let shifts = ratio.map_or_else(Vec::new, |(_, q)| shifts(row_rate_hz, takeover_rate_hz, q));
         Ok(Self { row_rate_hz, command_rate_hz, esc_frame_hz, takeover_rate_hz, ratio, shifts })
     }
@@ -114,26 +115,10 @@ impl HoldChain {
         self.esc_frame_hz
     }
 
-    /// Mean lag of the frame starts behind the command's ticks, seconds; without the hold itself.
-    #[must_use]
-    pub fn mean_lag_s(&self) -> f64 {
-        match self.ratio {
-            Some((_, q)) => (q - 1) as f64 / (2.0 * q as f64 * self.command_rate_hz),
-            None => 0.5 / self.command_rate_hz,
-        }
-    }
-
     /// The time-invariant part `H(w)`, from command samples to the actuator's continuous input.
     #[must_use]
     pub fn response(&self, omega_rad_s: f64) -> Complex64 {
-        let lag = match self.ratio {
-            Some((_, q)) => {
-                let step = omega_rad_s / (q as f64 * self.command_rate_hz);
-                (0..q).map(|i| Complex64::cis(-step * i as f64)).sum::<Complex64>() / q as f64
-            }
-            None => zero_order_hold(omega_rad_s, self.command_rate_hz),
-        };
-        lag * zero_order_hold(omega_rad_s, self.takeover_rate_hz)
+        hold_response(self.command_rate_hz, self.esc_frame_hz, omega_rad_s)
     }
 
     /// All that the rows see on the line `w`: the line itself first, then its images.
@@ -164,10 +149,16 @@ impl HoldChain {
     }
 }
 
+/// The fraction `p / q` in lowest terms that a ratio of two rates is; `None` when the clocks count as not locked.
+fn fraction(ratio: f64) -> Option<(u64, u64)> {
+    let q = frames_per_pattern(ratio);
+    (q <= MOST_FRAMES).then(|| ((ratio * q).round() as u64, q as u64))
+}
+
 /// The multiples of the row rate at which the frames' pattern, of `q` frames, has lines.
 fn shifts(row_rate_hz: f64, takeover_rate_hz: f64, q: u64) -> Vec<Shift> {
     // Its lines lie f_e / q apart, of which every `stride`-th multiple of the row rate is one.
-    let Some((stride, _)) = rational(takeover_rate_hz / q as f64 / row_rate_hz) else {
+    let Some((stride, _)) = fraction(takeover_rate_hz / q as f64 / row_rate_hz) else {
         return Vec::new();
     };
     let stride = i64::try_from(stride).unwrap_or(i64::MAX).max(1);
@@ -180,35 +171,6 @@ fn shifts(row_rate_hz: f64, takeover_rate_hz: f64, q: u64) -> Vec<Shift> {
             frames: (0..q).map(|m| Complex64::cis(-TAU * rows_per_frame * n as f64 * m as f64) / q as f64).collect(),
         })
         .collect()
-}
-
-/// `sinc(w T / 2) e^(-j w T / 2)` with `T = 1 / rate_hz`.
-fn zero_order_hold(omega_rad_s: f64, rate_hz: f64) -> Complex64 {
-    let half = 0.5 * omega_rad_s / rate_hz;
-    let sinc = if half.abs() < 1e-6 { 1.0 - half * half / 6.0 } else { half.sin() / half };
-    Complex64::from_polar(1.0, -half.rem_euclid(TAU)) * sinc
-}
-
-/// The fraction in lowest terms that `value` is, to a part in 10^9; `None` when its denominator
-/// would pass [`MAX_DENOMINATOR`]. Continued fractions.
-fn rational(value: f64) -> Option<(u64, u64)> {
-    let (mut p0, mut q0, mut p1, mut q1) = (0u64, 1u64, 1u64, 0u64);
-    let mut rest = value;
-    loop {
-        let whole = rest.floor();
-        if !(0.0..1e9).contains(&whole) {
-            return None;
-        }
-        let a = whole as u64;
-        (p0, q0, p1, q1) = (p1, q1, a.checked_mul(p1)?.checked_add(p0)?, a * q1 + q0);
-        if q1 > MAX_DENOMINATOR {
-            return None;
-        }
-        if (p1 as f64 / q1 as f64 - value).abs() <= 1e-9 * value {
-            return Some((p1, q1));
-        }
-        rest = 1.0 / (rest - whole);
-    }
 }
 
 #[cfg(test)]
@@ -277,9 +239,8 @@ mod tests {
     }
 
     #[test]
-    fn the_mean_lag_is_that_of_the_three_phases_of_5_khz_under_600_hz() {
+    fn at_low_frequency_the_chain_is_half_a_frame_and_the_mean_of_the_three_lags_of_5_khz_under_600_hz() {
         let chain = HoldChain::new(1000.0, Some(5000.0), Some(600.0)).unwrap();
-        assert!((chain.mean_lag_s() - 1.0 / 15_000.0).abs() < 1e-15);
         let omega = 1e-3;
         let lag = -chain.response(omega).arg() / omega;
         assert!((lag - 1.0 / 15_000.0 - 1.0 / 1200.0).abs() < 1e-12);
@@ -288,7 +249,8 @@ mod tests {
     #[test]
     fn clocks_without_a_common_period_lag_half_a_tick_and_leave_no_image() {
         let chain = HoldChain::new(1000.0, Some(5000.0), Some(600.0 * PI / 3.0)).unwrap();
-        assert_eq!(chain.mean_lag_s(), 1e-4);
+        let lag = -chain.response(1e-3).arg() / 1e-3;
+        assert!((lag - 1e-4 - 0.5 / (200.0 * PI)).abs() < 1e-10);
         assert_eq!(chain.images(10.0).len(), 1);
     }
 
@@ -297,13 +259,5 @@ mod tests {
         assert!(HoldChain::new(0.0, None, None).is_err());
         assert!(HoldChain::new(1000.0, Some(f64::NAN), None).is_err());
         assert!(HoldChain::new(1000.0, None, Some(-600.0)).is_err());
-    }
-
-    #[test]
-    fn ratios_are_reduced() {
-        assert_eq!(rational(5000.0 / 600.0), Some((25, 3)));
-        assert_eq!(rational(0.2), Some((1, 5)));
-        assert_eq!(rational(1.0), Some((1, 1)));
-        assert_eq!(rational(PI), None);
     }
 }

@@ -84,16 +84,6 @@ pub struct Solution {
 }
 
 impl Solution {
-    /// Covariance for independent residuals of equal variance, estimated from them:
-    /// `S/(n - p) (J'J)^-1` (Ljung, System Identification, 2nd ed., section 9.6). `None` where the
-    /// data determine no solution or `n <= p`.
-    #[must_use]
-    pub fn covariance(&self) -> Option<DMatrix<f64>> {
-        let (n, p) = self.jacobian.shape();
-        let unit = self.unit_covariance.as_ref()?;
-        (n > p).then(|| unit * (self.sum_of_squares / (n - p) as f64))
-    }
-
     /// Covariance for residuals whose covariance matrix maps `J` to `noise_times_jacobian`:
     /// `(J'J)^-1 J' (R J) (J'J)^-1` (Ljung, section 9.4). Takes the product because `R` itself is too
     /// large to hold.
@@ -247,11 +237,12 @@ mod tests {
         assert!(relative(s.parameters[0], 2.3894212918E+02) < 1e-6, "{s:?}");
         assert!(relative(s.parameters[1], 5.5015643181E-04) < 1e-6);
         assert!(relative(s.sum_of_squares, 1.2455138894E-01) < 1e-8);
-        let covariance = s.covariance().unwrap();
+        // S / (n - p) estimates the variance (Ljung, System Identification, 2nd ed., section 9.6).
+        let variance = s.sum_of_squares / 12.0;
+        let covariance = s.unit_covariance.as_ref().unwrap() * variance;
         assert!(relative(covariance[(0, 0)].sqrt(), 2.7070075241E+00) < 1e-5);
         assert!(relative(covariance[(1, 1)].sqrt(), 7.2668688436E-06) < 1e-5);
         // Independent residuals of equal variance are a special case of the general covariance.
-        let variance = s.sum_of_squares / 12.0;
         let general = s.covariance_of(&(&s.jacobian * variance)).unwrap();
         assert!((&general - &covariance).norm() < 1e-9 * covariance.norm());
     }

@@ -8,9 +8,9 @@ use num_complex::Complex64;
 
 use super::{
     Etfe, FirstOrderFit, FirstOrderOptions, FitLine, HoldChain, IdentifyError, NoiseSource, Spectrum, SpectrumOptions,
-    align, fit_first_order, fit_percent, simulate_first_order, spectra,
+    align, fit_first_order, fit_percent, run_actuator, spectra,
 };
-use crate::plant::Point;
+use crate::plant::{Actuator, EscTiming, OperatingPoint, Point};
 use crate::record::{Excitation, Experiment, Record, Role};
 
 /// Nominal commands closer than this are the same; a 12-bit command is 2.4e-4.
@@ -92,18 +92,12 @@ impl NominalIdentification {
     pub fn point(&self) -> Point {
         let fit = &self.fit;
         Point {
-            nominal: self.nominal,
-            gain: fit.gain.value,
             gain_std: Some(fit.gain.std),
-            time_constant_s: fit.time_constant_s.value,
             time_constant_s_std: Some(fit.time_constant_s.std),
-            delay_s: fit.delay_s.map_or(0.0, |d| d.value),
             delay_s_std: fit.delay_s.map(|d| d.std),
-            time_constant_up_s: None,
-            time_constant_down_s: None,
             fit_frequency_percent: self.fit_frequency_percent,
             fit_square_percent: self.fit_square_percent(),
-            fit_step_percent: None,
+            ..Point::new(self.nominal, fit.lag())
         }
     }
 }
@@ -375,16 +369,13 @@ fn run_square(
     fit: &FirstOrderFit,
 ) -> Result<SquareValidation, IdentifyError> {
     let measured = spectra::response_of(record, experiment.output)?;
-    let row_rate_hz = spectra::row_rate_hz(record, experiment.sample_rate_hz)?;
-    let tau = fit.time_constant_s.value;
-    let model = simulate_first_order(
-        &record.command,
-        &holds_of(experiment, row_rate_hz)?,
-        fit.gain.value,
-        tau,
-        fit.delay_s.map_or(0.0, |d| d.value),
-    );
-    let simulated = align(measured, &model, row_rate_hz, tau);
+    let lag = fit.lag();
+    // Around the record's nominal command, where the response is the offset that alignment takes out.
+    let point = OperatingPoint { nominal: record.nominal, lag, response: 0.0 };
+    let timing = EscTiming { frame_hz: experiment.esc_frame_hz, frame_phase: 0.0 };
+    let mut actuator = Actuator::linear(point, timing).map_err(IdentifyError::Plant)?;
+    let model = run_actuator(&mut actuator, &record.time_s, &record.command, 0);
+    let simulated = align(&record.time_s, measured, &model, lag.time_constant_s);
     let fit_percent = fit_percent(measured, &simulated)
         .ok_or_else(|| IdentifyError::ConstantResponse { file: record.file.clone() })?;
     Ok(SquareValidation { file: record.file.clone(), fit_percent, simulated })

@@ -94,19 +94,21 @@ pub struct Spectrum {
     pub lines: Vec<Line>,
 }
 
+/// Name of the response's column.
+pub(super) fn column(output: Output) -> &'static str {
+    match output {
+        Output::ThrustN => "thrust_n",
+        Output::Rpm => "rpm",
+    }
+}
+
 /// A record's response column, checked to be as long as its time and command.
 pub(super) fn response_of(record: &Record, output: Output) -> Result<&[f64], IdentifyError> {
     let rows = record.time_s.len();
-    record.response(output).filter(|response| response.len() == rows && record.command.len() == rows).ok_or_else(|| {
-        IdentifyError::NoResponse {
-            file: record.file.clone(),
-            column: match output {
-                Output::ThrustN => "thrust_n",
-                Output::Rpm => "rpm",
-            },
-            rows,
-        }
-    })
+    record
+        .response(output)
+        .filter(|response| response.len() == rows && record.command.len() == rows)
+        .ok_or_else(|| IdentifyError::NoResponse { file: record.file.clone(), column: column(output), rows })
 }
 
 /// Rows per second of a record: as stated, or as its times say.
@@ -135,6 +137,21 @@ pub(super) fn row_rate_hz(record: &Record, stated_hz: Option<f64>) -> Result<f64
     Ok(rate)
 }
 
+/// Period in seconds and in rows.
+///
+/// # Errors
+/// [`IdentifyError::NoPeriod`], or [`IdentifyError::PeriodRows`] when it is not a whole number of rows.
+pub(super) fn period(record: &Record, row_rate_hz: f64) -> Result<(f64, usize), IdentifyError> {
+    let file = || record.file.clone();
+    let period_s = record.period_s.ok_or_else(|| IdentifyError::NoPeriod { file: file() })?;
+    let rows = period_s * row_rate_hz;
+    let length = rows.round();
+    if !((rows - length).abs() <= 1e-3 && (4.0..=1e9).contains(&length)) {
+        return Err(IdentifyError::PeriodRows { file: file(), period_s, rows });
+    }
+    Ok((period_s, length as usize))
+}
+
 impl Spectrum {
     /// Transforms one periodic record of `experiment`.
     ///
@@ -147,13 +164,7 @@ impl Spectrum {
         let file = || record.file.clone();
         let response = response_of(record, experiment.output)?;
         let row_rate_hz = row_rate_hz(record, experiment.sample_rate_hz)?;
-        let period_s = record.period_s.ok_or_else(|| IdentifyError::NoPeriod { file: file() })?;
-        let rows = period_s * row_rate_hz;
-        let length = rows.round();
-        if !((rows - length).abs() <= 1e-3 && (4.0..=1e9).contains(&length)) {
-            return Err(IdentifyError::PeriodRows { file: file(), period_s, rows });
-        }
-        let length = length as usize;
+        let (period_s, length) = period(record, row_rate_hz)?;
         let periods = response.len() / length;
         if periods == 0 {
             return Err(IdentifyError::TooShort { file: file(), rows: response.len(), period_rows: length });

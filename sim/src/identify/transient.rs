@@ -119,9 +119,10 @@ mod tests {
                 (0..runs).filter(|_| test(&periods(rng, count, transient), None, 0.05).is_present()).count() as f64
                     / f64::from(runs)
             };
-            // 2000 runs at 0.05: standard deviation 0.0049, so 0.034 .. 0.066 is 3.3 of them.
+            // 2000 runs at 0.05: standard deviation 0.0049, so 0.033 .. 0.066 is 3.2 of them or more from
+            // the rate that 15 groups at a fifteenth of the level have, 1 - (1 - 0.05 / 15)^15 = 0.0488.
             let rate = alarms(&mut rng, 0.0);
-            assert!((0.030..0.066).contains(&rate), "{count} periods: {rate}");
+            assert!((0.033..0.066).contains(&rate), "{count} periods: {rate}");
             // Six times the noise of a line, at the lowest ones.
             assert!(alarms(&mut rng, 6.0) > 0.99);
         }

@@ -1,6 +1,6 @@
 //! The whole simulated actuator: the chain from the command to the response.
 
-use super::{CommandStage, EscFrame, FirstOrder, Model, OperatingCurve, PlantError, TransportDelay};
+use super::{CommandStage, EscFrame, FirstOrder, Model, OperatingCurve, OperatingPoint, PlantError, TransportDelay};
 
 /// A simulated actuator: command -> stages in order -> rotor lag.
 ///
@@ -37,16 +37,25 @@ impl Actuator {
     /// [`PlantError`] when the model, the frame rate or its phase are impossible, or when the model has no points
     /// around the nominal command.
     pub fn new(model: &Model, law: Law, timing: EscTiming) -> Result<Self, PlantError> {
-        let (rotor, start, delay_s) = match law {
-            Law::LinearAround(nominal) => {
-                let point = OperatingCurve::around(model, nominal)?;
-                (FirstOrder::linear(point), nominal, point.lag.delay_s)
-            }
+        match law {
+            Law::LinearAround(nominal) => Self::linear(OperatingCurve::around(model, nominal)?, timing),
             Law::FollowingLevel(command) => {
                 let delay_s = OperatingCurve::new(model)?.clamped_at(command).lag.delay_s;
-                (FirstOrder::over_range(model, command)?, command, delay_s)
+                Self::chain(FirstOrder::over_range(model, command)?, command, delay_s, timing)
             }
-        };
+        }
+    }
+
+    /// The actuator that is linear with the numbers of `point`, at rest there, at time 0. The point's time constant must
+    /// be above 0.
+    ///
+    /// # Errors
+    /// [`PlantError`] when the delay, the frame rate or its phase are impossible.
+    pub fn linear(point: OperatingPoint, timing: EscTiming) -> Result<Self, PlantError> {
+        Self::chain(FirstOrder::linear(point), point.nominal, point.lag.delay_s, timing)
+    }
+
+    fn chain(rotor: FirstOrder, start: f64, delay_s: f64, timing: EscTiming) -> Result<Self, PlantError> {
         let mut stages: Vec<Box<dyn CommandStage>> = Vec::new();
         if let Some(frame_hz) = timing.frame_hz {
             stages.push(Box::new(EscFrame::new(frame_hz, timing.frame_phase)?));

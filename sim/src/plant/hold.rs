@@ -77,14 +77,15 @@ fn zero_order_hold(duration_s: f64, omega_rad_s: f64) -> Complex<f64> {
 
 /// After how many frames the pattern of frames and ticks repeats: the `q` of the fraction `p / q` in lowest terms that
 /// `ticks_per_frame` (above 0) is the nearest number to, by its continued fraction. A ratio that is no fraction of
-/// small numbers ends at a `q` of millions, which serves as well as infinity.
+/// small numbers ends at a `q` of millions, which serves as well as infinity. A pattern that comes back to within
+/// [`SAME_MOMENT_FRAMES`] is one: a rate that is written with ten digits means the fraction.
 pub(crate) fn frames_per_pattern(ticks_per_frame: f64) -> f64 {
     let (mut before, mut q) = (0.0, 1.0);
     let mut rest = ticks_per_frame;
     // Denominators at least double every two terms, so q^2 passes 1 / epsilon within 52.
     for _ in 0..52 {
         let p = (ticks_per_frame * q).round();
-        if (ticks_per_frame * q - p).abs() <= 4.0 * f64::EPSILON * p.max(1.0) || q > 1e7 {
+        if (ticks_per_frame * q - p).abs() <= SAME_MOMENT_FRAMES * ticks_per_frame || q > 1e7 {
             break;
         }
         rest = 1.0 / (rest - rest.floor());

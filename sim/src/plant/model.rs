@@ -139,6 +139,25 @@ pub enum ModelError {
 }
 
 impl Point {
+    /// A point of which nothing is known beyond its linear model.
+    #[must_use]
+    pub fn new(nominal: f64, lag: Lag) -> Self {
+        Self {
+            nominal,
+            gain: lag.gain,
+            gain_std: None,
+            time_constant_s: lag.time_constant_s,
+            time_constant_s_std: None,
+            delay_s: lag.delay_s,
+            delay_s_std: None,
+            time_constant_up_s: None,
+            time_constant_down_s: None,
+            fit_frequency_percent: None,
+            fit_square_percent: None,
+            fit_step_percent: None,
+        }
+    }
+
     /// Its linear model.
     #[must_use]
     pub fn lag(&self) -> Lag {
@@ -181,32 +200,7 @@ impl Model {
 mod tests {
     use super::*;
     use crate::files::testing::assert_report;
-
-    fn model(points: &[(f64, f64, f64, f64)]) -> Model {
-        Model {
-            format: 1,
-            points: points
-                .iter()
-                .map(|&(nominal, gain, time_constant_s, delay_s)| Point {
-                    nominal,
-                    gain,
-                    gain_std: None,
-                    time_constant_s,
-                    time_constant_s_std: None,
-                    delay_s,
-                    delay_s_std: None,
-                    time_constant_up_s: None,
-                    time_constant_down_s: None,
-                    fit_frequency_percent: None,
-                    fit_square_percent: None,
-                    fit_step_percent: None,
-                })
-                .collect(),
-            static_map: None,
-            effects: Vec::new(),
-            provenance: None,
-        }
-    }
+    use crate::plant::testing::model;
 
     fn lag(gain: f64, time_constant_s: f64, delay_s: f64) -> Lag {
         Lag { gain, time_constant_s, delay_s }

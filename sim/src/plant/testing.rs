@@ -1,6 +1,6 @@
 //! Models for tests.
 
-use super::{Model, Point};
+use super::{Lag, Model, Point};
 
 /// A model with the given (nominal, gain, time constant, delay).
 pub(crate) fn model(points: &[(f64, f64, f64, f64)]) -> Model {
@@ -8,19 +8,8 @@ pub(crate) fn model(points: &[(f64, f64, f64, f64)]) -> Model {
         format: 1,
         points: points
             .iter()
-            .map(|&(nominal, gain, time_constant_s, delay_s)| Point {
-                nominal,
-                gain,
-                time_constant_s,
-                delay_s,
-                gain_std: None,
-                time_constant_s_std: None,
-                delay_s_std: None,
-                time_constant_up_s: None,
-                time_constant_down_s: None,
-                fit_frequency_percent: None,
-                fit_square_percent: None,
-                fit_step_percent: None,
+            .map(|&(nominal, gain, time_constant_s, delay_s)| {
+                Point::new(nominal, Lag { gain, time_constant_s, delay_s })
             })
             .collect(),
         static_map: None,

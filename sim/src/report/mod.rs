@@ -1,6 +1,8 @@
 //! What a person looks at: tables and figures.
 
+mod bandwidths;
 mod bode;
 pub mod paper;
 
+pub use bandwidths::{bandwidth_cell, bandwidth_json, bandwidth_table, measured_json, measured_table, rad_s};
 pub use bode::{BodeError, Curve, Mark, bode};

@@ -1,6 +1,6 @@
 //! What the paper prints, to stand beside what comes out here.
 
-use crate::plant::{Model, Point};
+use crate::plant::{Lag, Model, Point};
 
 /// One nominal command of the paper's tables.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,19 +65,8 @@ pub const CONTRADICTIONS: [&str; 3] = [
 /// The actuator of Table 1, with `tau = 1 / omega_s`.
 #[must_use]
 pub fn table_1() -> Model {
-    let point = |row: &PaperRow| Point {
-        nominal: row.nominal,
-        gain: row.gain,
-        gain_std: None,
-        time_constant_s: 1.0 / row.omega_s_rad_s,
-        time_constant_s_std: None,
-        delay_s: 0.0,
-        delay_s_std: None,
-        time_constant_up_s: None,
-        time_constant_down_s: None,
-        fit_frequency_percent: None,
-        fit_square_percent: None,
-        fit_step_percent: None,
+    let point = |row: &PaperRow| {
+        Point::new(row.nominal, Lag { gain: row.gain, time_constant_s: 1.0 / row.omega_s_rad_s, delay_s: 0.0 })
     };
     Model {
         format: 1,

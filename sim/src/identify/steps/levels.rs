@@ -1,8 +1,8 @@
 //! What is known of each level: the static map up and down, its slope, the time constants.
 
-use super::Estimate;
 use super::fit::Group;
 use super::plateaus::{Direction, Plateau, SAME_LEVEL};
+use crate::identify::Estimate;
 
 /// One level of the staircase.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,7 +26,7 @@ pub struct Branch {
     /// Standard deviation of the settled response: noise and ripple.
     pub std: f64,
     /// Time constant of the steps to here, seconds; `None` where none was usable. Its interval is
-    /// [`Estimate::interval_95_of_logarithm`].
+    /// [`Estimate::interval_of_logarithm`].
     pub time_constant_s: Option<Estimate>,
     /// % fit over the windows of those steps, each with its own final level and onset.
     pub fit_percent: Option<f64>,
@@ -56,7 +56,7 @@ impl Level {
             (Some(up), Some(down)) => {
                 let value = 2.0 / (1.0 / up.value + 1.0 / down.value);
                 let share = |e: Estimate| 0.5 * value * value * e.std / (e.value * e.value);
-                Some(Estimate { value, std: share(up).hypot(share(down)) })
+                Some(Estimate::normal(value, share(up).hypot(share(down))))
             }
             (one, other) => one.or(other),
         }
@@ -104,7 +104,7 @@ fn branch(command: f64, direction: Direction, plateaus: &[Plateau], groups: &[Gr
     let variance = seen.iter().map(|p| p.std * p.std).sum::<f64>() / n;
     let group = groups.iter().find(|g| g.direction == direction && here(g.command));
     Some(Branch {
-        mean: Estimate { value: mean, std: error.sqrt() / n },
+        mean: Estimate::normal(mean, error.sqrt() / n),
         std: variance.sqrt(),
         time_constant_s: group.map(|g| g.time_constant_s),
         fit_percent: group.map(|g| g.fit_percent),
@@ -135,15 +135,15 @@ fn set_gains(levels: &mut [Level], direction: Direction) {
                 let value = (b * wa + a * wb) / (wa + wb);
                 let (lo, mid, hi) = (rising[k - 1].2.std, rising[k].2.std, rising[k + 1].2.std);
                 let std = (lo * wa / wb).hypot(mid * (wa / wb - wb / wa)).hypot(hi * wb / wa) / (wa + wb);
-                Some(Estimate { value, std })
+                Some(Estimate::normal(value, std))
             }
             (Some((value, width)), None) => {
                 let std = rising[k].2.std.hypot(rising[k - 1].2.std) / width;
-                Some(Estimate { value, std })
+                Some(Estimate::normal(value, std))
             }
             (None, Some((value, width))) => {
                 let std = rising[k].2.std.hypot(rising[k + 1].2.std) / width;
-                Some(Estimate { value, std })
+                Some(Estimate::normal(value, std))
             }
             (None, None) => levels[at].gain,
         };

@@ -4,9 +4,9 @@
 //!
 //! 1. readings that no rotor can have made are set aside (`spikes`);
 //! 2. plateaus are found, and of them the longest run on which the motor runs steadily; start-up and
-//!    stopping are cut off by that rule (`plateaus`);
-//! 3. one lag is fitted to all steps at once (`fit`), in closed form (`response`), with standard errors
-//!    that know the noise's color (`uncertainty`);
+//!    stopping are cut off by that rule (`plateaus`, `run`);
+//! 3. one lag is fitted to all steps at once (`problem` and `fit`), in closed form (`response`), with
+//!    standard errors that know the noise's color (`uncertainty`);
 //! 4. levels get their static response, slope and time constants (`levels`);
 //! 5. the whole run is simulated and compared (here).
 //!
@@ -16,15 +16,17 @@
 //! which lies between. All are one family in `kappa` ([`StaircaseFit::curvature`]): 0, 1 and up to 1/2. So
 //! `kappa` is estimated, one for the record, and time constants are always those of small motions about
 //! the level that the step leads to. It has to be estimated: on three logs of real motors it came out as
-//! 0.09, 0.44 and -1.06. The last is no motor's. With `kappa` fixed at zero that record's largest step down
-//! would look a third slower than the step up to the same level and leave four times the residual.
+//! 0.09, 0.44 and -1.06. The last is no motor's; fixing it at a motor's value would move the misfit of the large
+//! steps into their time constants, and make up and down differ where they do not.
 
 mod error;
 mod fit;
 mod levels;
 mod model;
 mod plateaus;
+mod problem;
 mod response;
+mod run;
 mod spikes;
 mod uncertainty;
 mod warning;
@@ -36,35 +38,14 @@ pub use levels::{Branch, Level};
 pub use plateaus::Direction;
 pub use warning::StepsWarning;
 
+use super::fit_percent::fit_percent;
+use super::{Estimate, spectra};
 use crate::record::{Output, Record};
-use fit::{Data, FittedStep, LagFit};
-use plateaus::{Plateau, SAME_LEVEL, longest_run, mean_and_std, settled_from};
+use fit::{FittedStep, LagFit};
+use plateaus::{Plateau, SAME_LEVEL};
+use problem::Data;
 use response::{Stretch, simulate};
-
-/// A value and its standard error.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Estimate {
-    /// The value.
-    pub value: f64,
-    /// Its standard error.
-    pub std: f64,
-}
-
-impl Estimate {
-    /// The interval that holds the truth 95 times in 100 when the error is normal: for delays and gains.
-    #[must_use]
-    pub fn interval_95(self) -> (f64, f64) {
-        (self.value - 1.96 * self.std, self.value + 1.96 * self.std)
-    }
-
-    /// The same when the logarithm's error is normal, for a positive value: for time constants, whose
-    /// logarithm is what is fitted.
-    #[must_use]
-    pub fn interval_95_of_logarithm(self) -> (f64, f64) {
-        let factor = (1.96 * self.std / self.value).exp();
-        (self.value / factor, self.value * factor)
-    }
-}
+pub(super) use run::Run;
 
 /// A lag toward a static map, as a staircase shows it.
 #[derive(Clone, Debug, PartialEq)]
@@ -117,19 +98,9 @@ const MAX_RELATIVE_STD: f64 = 0.35;
 /// out of the noise.
 pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>) -> Result<StaircaseFit, StepsError> {
     let raw = checked_response(record, output)?;
-    let (y, spike) = spikes::without_spikes(raw);
-    let all = plateaus::find(&record.time_s, &record.command, &y, output);
-    let not_running = || StepsError::NotRunning { record: record.file.clone() };
-    if all.len() < 2 {
-        return Err(StepsError::ConstantCommand { record: record.file.clone() });
-    }
-    let run = longest_run(&all);
-    if run.len() < 2 {
-        return Err(not_running());
-    }
-    let mut plateaus = all[run].to_vec();
-    plateaus[0].rows.start = settled_from(&plateaus[0], &y).ok_or_else(not_running)?;
-    let rows = plateaus[0].rows.start..plateaus[plateaus.len() - 1].rows.end;
+    let run = Run::of(record, output)?;
+    let rows = run.rows();
+    let Run { clean: y, spike, plateaus } = run;
 
     let data = Data { name: &record.file, time_s: &record.time_s, y: &y, spike: &spike };
     let frame_s = esc_frame_hz.filter(|&hz| hz > 0.0).map_or(0.0, |hz| 1.0 / hz);
@@ -158,7 +129,7 @@ pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>)
         fit_percent: percent(&y[rows.clone()], &simulated, kept),
         fit_percent_with_spikes: percent(&raw[rows.clone()], &simulated, |_| true),
         fit_percent_own_levels: percent(&y[rows.clone()], &own_levels, kept),
-        delay_s: Estimate { value: lag.delay_s.value - 0.5 * frame_s, std: lag.delay_s.std },
+        delay_s: Estimate { value: lag.delay_s.value - 0.5 * frame_s, ..lag.delay_s },
         onset_std_s: lag.onset_std_s,
         curvature: lag.curvature,
         rows,
@@ -170,13 +141,9 @@ pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>)
 }
 
 fn checked_response(record: &Record, output: Output) -> Result<&[f64], StepsError> {
-    let y = record.response(output).ok_or_else(|| StepsError::NoResponse {
-        record: record.file.clone(),
-        column: match output {
-            Output::ThrustN => "thrust_n",
-            Output::Rpm => "rpm",
-        },
-    })?;
+    let y = record
+        .response(output)
+        .ok_or_else(|| StepsError::NoResponse { record: record.file.clone(), column: spectra::column(output) })?;
     let columns = [&record.time_s[..], &record.command, y];
     let finite = columns.iter().all(|c| c.iter().all(|v| v.is_finite()));
     let even = columns.iter().all(|c| c.len() == y.len());
@@ -218,13 +185,11 @@ fn stretches(
         .collect()
 }
 
-/// `100 (1 - ||y - yhat|| / ||y - mean(y)||)` over the rows that are kept.
+/// % fit over the rows that are kept. Minus infinity for a response that is constant, which a run with a usable step is
+/// not.
 fn percent(y: &[f64], simulated: &[f64], kept: impl Fn(usize) -> bool) -> f64 {
-    let values: Vec<f64> = (0..y.len()).filter(|&k| kept(k)).map(|k| y[k]).collect();
-    let (_, std) = mean_and_std(&values);
-    let all = std * std * (values.len() as f64 - 1.0);
-    let left: f64 = (0..y.len()).filter(|&k| kept(k)).map(|k| (y[k] - simulated[k]).powi(2)).sum();
-    100.0 * (1.0 - (left / all).sqrt())
+    let (y, simulated): (Vec<f64>, Vec<f64>) = (0..y.len()).filter(|&k| kept(k)).map(|k| (y[k], simulated[k])).unzip();
+    fit_percent(&y, &simulated).unwrap_or(f64::NEG_INFINITY)
 }
 
 /// Time constants in one direction further than this factor from their neighbors' are odd.
@@ -263,7 +228,7 @@ fn warnings(record: &Record, rows: &Range<usize>, spike: &[bool], levels: &[Leve
             && let (Some(up), Some(down)) = (up.time_constant_s, down.time_constant_s)
         {
             let ratio = down.value / up.value;
-            let apart = (down.value - up.value).abs() > 1.96 * down.std.hypot(up.std);
+            let apart = Estimate::normal(down.value - up.value, down.std.hypot(up.std)).excludes(0.0);
             if apart && !(1.0 / ASYMMETRY_FACTOR..=ASYMMETRY_FACTOR).contains(&ratio) {
                 warnings.push(StepsWarning::Asymmetric { command, ratio });
             }
@@ -273,7 +238,7 @@ fn warnings(record: &Record, rows: &Range<usize>, spike: &[bool], levels: &[Leve
         warnings.extend(odd_ones(levels, direction));
     }
     let kappa = lag.curvature;
-    if kappa.value.abs() > 1.96 * kappa.std {
+    if kappa.excludes(0.0) {
         warnings.push(StepsWarning::Curved { curvature: kappa.value, std: kappa.std });
     }
     if lag.delay_s.value < 0.0 {
@@ -297,8 +262,7 @@ fn odd_ones(levels: &[Level], direction: Direction) -> Vec<StepsWarning> {
         let middle = around.len() / 2;
         let usual = 0.5 * (around[middle] + around[(around.len() - 1) / 2]);
         let ratio = own.value / usual;
-        let apart = (own.value - usual).abs() > 1.96 * own.std;
-        if apart && !(1.0 / ODD_FACTOR..=ODD_FACTOR).contains(&ratio) {
+        if own.excludes(usual) && !(1.0 / ODD_FACTOR..=ODD_FACTOR).contains(&ratio) {
             odd.push(StepsWarning::Odd { command, direction, ratio });
         }
     }

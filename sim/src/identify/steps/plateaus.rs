@@ -31,25 +31,25 @@ pub enum Direction {
 
 /// A stretch of constant command and what the response settles to.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Plateau {
+pub(in crate::identify) struct Plateau {
     /// Its rows; the first is the one on which the command changes.
-    pub(super) rows: Range<usize>,
-    pub(super) command: f64,
+    pub(in crate::identify) rows: Range<usize>,
+    pub(in crate::identify) command: f64,
     /// `None` for a plateau that begins the record.
-    pub(super) direction: Option<Direction>,
+    pub(in crate::identify) direction: Option<Direction>,
     /// Mean of the response over the settled rows.
-    pub(super) mean: f64,
+    pub(in crate::identify) mean: f64,
     /// Standard deviation of the response over the settled rows.
-    pub(super) std: f64,
+    pub(in crate::identify) std: f64,
     /// Standard error of `mean`, from the scatter of the means of batches: it includes slow drift.
-    pub(super) mean_std: f64,
+    pub(in crate::identify) mean_std: f64,
     /// Whether the motor runs steadily on it.
-    pub(super) running: bool,
+    pub(in crate::identify) running: bool,
 }
 
 impl Plateau {
     /// The rows taken as settled: the second half.
-    pub(super) fn settled(&self) -> Range<usize> {
+    pub(in crate::identify) fn settled(&self) -> Range<usize> {
         self.rows.start + self.rows.len() / 2..self.rows.end
     }
 }

@@ -107,7 +107,7 @@ impl fmt::Display for StepsWarning {
                 let way = if direction == Direction::Up { "up" } else { "down" };
                 write!(
                     f,
-                    "the time constant of steps {way} to command {command:.3} is {ratio:.2} times that of its neighbors. Repeat this step before a design rests on it"
+                    "the time constant of steps {way} to command {command:.3} is {ratio:.2} times that of its neighbors. It was left out, since a design rests on the fastest level: repeat this step"
                 )
             }
             Self::Asymmetric { command, ratio } => {

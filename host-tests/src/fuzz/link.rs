@@ -1,0 +1,98 @@
+//! Any bytes on the line, and in the settings' flash.
+
+use rotorlead::link::{CHECKSUM, FRAME_BYTES, Message, PAYLOAD_BYTES, Receiver, Request, VERSION, encode};
+use rotorlead::settings::{Origin, Settings, Store, Validated};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use crate::flash::Flash;
+
+/// Sectors of the fuzzed flash: two slots each.
+const SECTOR: usize = 1024;
+
+/// Bytes from a line, as they are and as the body of a frame whose checksum is right.
+///
+/// # Panics
+/// When the link's code does, or a frame is neither a message nor counted, or a good frame after it is not heard.
+pub fn fuzz_link(bytes: &[u8]) {
+    receive::<Request>(bytes.iter().copied());
+    receive::<Message>(bytes.iter().copied());
+    let body = &bytes[..bytes.len().min(PAYLOAD_BYTES - 6)];
+    let framed = frame(VERSION, 0, body);
+    receive::<Request>(framed.iter().copied());
+    receive::<Message>(framed.iter().copied());
+}
+
+fn receive<T: DeserializeOwned + Serialize>(bytes: impl Iterator<Item = u8>) {
+    let mut receiver = Receiver::<T>::new();
+    let mut frame = [0; FRAME_BYTES];
+    let (mut ends, mut heard, mut inside) = (0, 0, false);
+    for byte in bytes.chain([0]) {
+        ends += u32::from(byte == 0 && inside);
+        inside = byte != 0;
+        let Some(received) = receiver.push(byte) else { continue };
+        heard += 1;
+        // What was accepted is a message: it can be sent again, and arrives as it was.
+        let length = encode(received.tag, &received.message, &mut frame).expect("every message fits a frame");
+        let mut other = Receiver::<T>::new();
+        let again = frame[..length].iter().find_map(|&byte| other.push(byte)).expect("a frame that was just written");
+        assert_eq!(again.tag, received.tag);
+        let bytes = |message: &T| postcard::to_stdvec(message).expect("it fitted a frame");
+        assert_eq!(bytes(&again.message), bytes(&received.message));
+    }
+    assert_eq!(heard + receiver.faults().total(), ends, "a frame is heard or counted");
+}
+
+/// A frame around any body, as the documentation of `rotorlead::link` has it, without that crate's code for it.
+#[must_use]
+pub fn frame(version: u8, tag: u8, body: &[u8]) -> Vec<u8> {
+    let mut envelope = vec![version, tag];
+    envelope.extend_from_slice(body);
+    envelope.extend_from_slice(&CHECKSUM.checksum(&envelope).to_le_bytes());
+    let mut frame = vec![0];
+    frame.extend(cobs::encode_vec(&envelope));
+    frame.push(0);
+    frame
+}
+
+/// Bytes found in flash: as the content of both sectors, and as stored settings whose checksum is right.
+///
+/// # Panics
+/// When the settings' code does, or what it loads is not valid, or a save after it does not hold.
+pub fn fuzz_settings(bytes: &[u8]) {
+    let mut content = vec![0xff; 2 * SECTOR];
+    let length = bytes.len().min(content.len());
+    content[..length].copy_from_slice(&bytes[..length]);
+    load_and_save(content);
+
+    let body = &bytes[..bytes.len().min(SECTOR / 2 - 16)];
+    let mut content = vec![0xff; 2 * SECTOR];
+    let slot = slot(1, body);
+    content[..slot.len()].copy_from_slice(&slot);
+    load_and_save(content);
+}
+
+fn load_and_save(content: Vec<u8>) {
+    let mut store = Store::new(Flash::<SECTOR>::holding(content), Flash::<SECTOR>::SECTORS);
+    let loaded = store.load();
+    let settings: Settings = (*loaded.settings).clone();
+    assert!(settings.validate().is_ok(), "settings that were loaded are valid");
+    if matches!(loaded.origin, Origin::DefaultsBlank | Origin::DefaultsBad) {
+        assert_eq!(loaded.settings, Validated::default());
+    }
+    store.save(&loaded.settings).expect("a flash without faults");
+    let again = store.load();
+    assert_eq!((again.settings, again.origin), (loaded.settings, Origin::Stored));
+}
+
+/// A slot of the settings' flash around any body, as the documentation of `rotorlead::settings` has it.
+#[must_use]
+pub fn slot(sequence: u32, body: &[u8]) -> Vec<u8> {
+    let mut slot = b"RLST".to_vec();
+    slot.extend_from_slice(&1_u16.to_le_bytes());
+    slot.extend_from_slice(&(body.len() as u16).to_le_bytes());
+    slot.extend_from_slice(&sequence.to_le_bytes());
+    slot.extend_from_slice(body);
+    slot.extend_from_slice(&CHECKSUM.checksum(&slot).to_le_bytes());
+    slot
+}

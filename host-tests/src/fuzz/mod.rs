@@ -1,0 +1,7 @@
+//! Entry points for fuzzers: each takes any bytes, and panics where a claim does not hold.
+
+mod capture;
+mod link;
+
+pub use capture::*;
+pub use link::*;

@@ -1,0 +1,636 @@
+//! The safety states of a channel: each test says what the output did.
+
+use std::num::NonZeroU32;
+
+use host_tests::line::{LOOP_HZ, Line, TICKS_PER_POLL, TIMER_HZ, us};
+use host_tests::{cases, paper_design};
+use proptest::prelude::*;
+use rotorlead::capture::{Decoder, Timing};
+use rotorlead::channel::{
+    Channel, ChannelSettings, ChannelSettingsError, End, Excitation, ExcitationLimits, ExcitationRequest, Input, Phase,
+    Refusal, SLOWEST_RAMP_PER_TICK, State,
+};
+use rotorlead::compensator::Compensator;
+use rotorlead::excitation::{ExcitationError, Multisine, ODD_LINES_30_HZ};
+use rotorlead::throttle::{Command, Protocol, PulseScale};
+
+const STOP: Command = Command::ZERO;
+
+fn command(value: f64) -> Command {
+    Command::saturating_from_f64(value)
+}
+
+fn live(value: f64) -> Input {
+    Input::Command(command(value))
+}
+
+fn settings() -> ChannelSettings {
+    ChannelSettings::default()
+}
+
+fn fresh() -> Channel {
+    Channel::new(&settings(), *paper_design().coefficients()).unwrap()
+}
+
+/// Armed and at rest at `level`.
+fn armed(level: f64) -> Channel {
+    let mut channel = fresh();
+    channel.tick(live(0.0));
+    assert_eq!(channel.tick(live(level)), command(level));
+    assert_eq!(channel.state(), State::Armed);
+    channel
+}
+
+fn request(nominal: f64, amplitude: f64, duration_ticks: u32) -> ExcitationRequest {
+    ExcitationRequest {
+        lines: ODD_LINES_30_HZ,
+        nominal: command(nominal),
+        amplitude: command(amplitude),
+        duration_ticks,
+    }
+}
+
+fn excitation(duration_ticks: u32) -> Excitation {
+    Excitation::new(&settings(), &request(0.5, 0.05, duration_ticks), f64::from(LOOP_HZ)).unwrap()
+}
+
+#[test]
+fn without_a_signal_the_output_is_stop() {
+    let mut channel = fresh();
+    for input in [Input::Nothing, Input::Unchanged, Input::Lost, Input::Nothing] {
+        assert_eq!(channel.tick(input), STOP);
+        assert_eq!(channel.state(), State::NoSignal);
+    }
+}
+
+#[test]
+fn below_the_arming_threshold_the_command_passes_untouched() {
+    let mut channel = fresh();
+    for value in [0.0, 0.01, 0.0299, 0.001] {
+        assert_eq!(channel.tick(live(value)), command(value));
+        assert_eq!(channel.tick(Input::Unchanged), command(value));
+        assert_eq!(channel.state(), State::Disarmed);
+    }
+    assert_eq!(channel.tick(live(0.03)), settings().idle, "the threshold itself is armed");
+}
+
+#[test]
+fn arming_makes_no_kick() {
+    for level in [0.04, 0.1, 0.5, 1.0] {
+        let mut channel = fresh();
+        channel.tick(live(0.0));
+        for _ in 0..1000 {
+            assert_eq!(channel.tick(live(level)), command(level).max(settings().idle));
+        }
+    }
+}
+
+#[test]
+fn a_motor_stop_passes_on_its_own_tick_whatever_the_filter_does() {
+    let mut channel = armed(0.3);
+    for n in 0..50 {
+        channel.tick(live(0.3 + 0.01 * f64::from(n)));
+    }
+    assert_eq!(channel.tick(live(0.0)), STOP);
+    assert_eq!(channel.state(), State::Disarmed);
+    // And nothing of what the filter did is left.
+    assert_eq!(channel.tick(live(0.2)), command(0.2));
+    assert_eq!(channel.tick(Input::Unchanged), command(0.2));
+}
+
+#[test]
+fn armed_the_output_is_the_compensator_bit_for_bit() {
+    let mut channel = armed(0.5);
+    let mut compensator = Compensator::new(*paper_design().coefficients(), settings().idle, settings().max);
+    compensator.reset(command(0.5));
+    for n in 0..5000 {
+        let value = command(0.5 + 0.2 * (f64::from(n) * 0.01).sin());
+        assert_eq!(channel.tick(Input::Command(value)), compensator.update(value));
+    }
+}
+
+/// Unclamped, the filter's answer to this step is below zero for 20 ms.
+#[test]
+fn a_step_down_while_armed_stops_at_idle_and_not_at_stop() {
+    let mut channel = armed(0.5);
+    let outputs: Vec<Command> = (0..2000).map(|_| channel.tick(live(0.3))).collect();
+    assert_eq!(outputs.iter().min(), Some(&settings().idle));
+    assert!(outputs.iter().filter(|&&output| output == settings().idle).count() > 100);
+    assert_eq!(outputs.last(), Some(&command(0.3)));
+}
+
+#[test]
+fn on_loss_the_last_command_is_held_for_the_hold_time_and_then_comes_stop() {
+    let mut channel = armed(0.6);
+    for n in 1..=settings().hold_ticks {
+        assert_eq!(channel.tick(Input::Lost), command(0.6), "tick {n}");
+        assert_eq!(channel.state(), State::Holding);
+    }
+    for _ in 0..10_000 {
+        assert_eq!(channel.tick(Input::Lost), STOP);
+        assert_eq!(channel.state(), State::Lost);
+    }
+}
+
+/// Lost at the peak of the answer to a step, which is three times the step: that is not what is held.
+#[test]
+fn the_hold_settles_on_the_command_and_not_on_the_filters_peak() {
+    let mut channel = armed(0.4);
+    let peak = (0..60).map(|_| channel.tick(live(0.5))).max().unwrap();
+    assert!(peak > command(0.7));
+    let mut output = STOP;
+    for _ in 0..settings().hold_ticks {
+        output = channel.tick(Input::Lost);
+    }
+    assert!((output.to_f64() - 0.5).abs() < 0.01, "{output:?}");
+}
+
+#[test]
+fn a_loss_while_disarmed_never_gives_more_than_the_disarmed_command() {
+    let mut channel = fresh();
+    channel.tick(live(0.02));
+    for _ in 0..settings().hold_ticks {
+        assert_eq!(channel.tick(Input::Lost), command(0.02));
+    }
+    assert_eq!(channel.tick(Input::Lost), STOP);
+}
+
+#[test]
+fn without_a_hold_time_stop_comes_at_once() {
+    let settings = ChannelSettings { hold_ticks: 0, ..settings() };
+    let mut channel = Channel::new(&settings, *paper_design().coefficients()).unwrap();
+    channel.tick(live(0.0));
+    channel.tick(live(0.5));
+    assert_eq!(channel.tick(Input::Lost), STOP);
+}
+
+#[test]
+fn a_return_within_the_hold_time_starts_where_the_output_is() {
+    let mut channel = armed(0.5);
+    for _ in 0..settings().hold_ticks {
+        assert_eq!(channel.tick(Input::Lost), command(0.5));
+    }
+    // 0.7 would kick the filter to the end of the range: 0.5 + 3.43 * 0.2. What is left over fades by |k| / 2 a tick.
+    let fade = -f64::from(paper_design().coefficients().k()) / 2.0_f64.powi(33);
+    let mut last = command(0.5);
+    for n in 0..5000 {
+        let output = channel.tick(live(0.7));
+        assert!(output >= last && output <= command(0.7), "tick {n}: {output:?} after {last:?}");
+        assert!(output.to_f64() - last.to_f64() <= 0.2 * fade + 1e-8, "tick {n}");
+        last = output;
+    }
+    assert_eq!(last, command(0.7));
+    assert_eq!(channel.state(), State::Armed);
+
+    // To the same command: no bit changes.
+    channel.tick(Input::Lost);
+    for _ in 0..1000 {
+        assert_eq!(channel.tick(live(0.7)), command(0.7));
+    }
+}
+
+#[test]
+fn a_return_after_the_stop_must_be_seen_disarmed_first() {
+    let mut channel = armed(0.5);
+    for _ in 0..=settings().hold_ticks {
+        channel.tick(Input::Lost);
+    }
+    for _ in 0..10_000 {
+        assert_eq!(channel.tick(live(0.5)), STOP);
+        assert_eq!(channel.state(), State::Locked);
+    }
+    // Lost again: still stop, no hold of a command that never was let through.
+    assert_eq!(channel.tick(Input::Lost), STOP);
+    assert_eq!(channel.tick(live(0.5)), STOP);
+    assert_eq!(channel.tick(live(0.0)), STOP);
+    assert_eq!(channel.state(), State::Disarmed);
+    assert_eq!(channel.tick(live(0.5)), command(0.5));
+}
+
+/// A brown-out: the flight controller goes on flying, the channel starts anew.
+#[test]
+fn a_reset_while_armed_leaves_the_motor_stopped_until_a_disarmed_command_was_seen() {
+    let mut channel = armed(0.5);
+    channel.tick(live(0.5));
+    channel = fresh();
+    for _ in 0..20 * LOOP_HZ {
+        assert_eq!(channel.tick(live(0.5)), STOP);
+    }
+    assert_eq!(channel.tick(live(0.01)), command(0.01));
+    assert_eq!(channel.tick(live(0.5)), command(0.5));
+}
+
+#[test]
+fn switched_out_the_channel_is_a_wire_within_its_limits() {
+    let mut channel = fresh();
+    channel.set_enabled(false);
+    channel.tick(live(0.0));
+    for value in [0.5, 0.9, 0.04, 0.31] {
+        assert_eq!(channel.tick(live(value)), command(value).max(settings().idle));
+    }
+    channel.tick(Input::Lost);
+    assert_eq!(channel.tick(live(0.8)), command(0.8), "a return has nothing to smooth");
+}
+
+/// Everything from the pin to the pulse: good pulses, silence, noise, good pulses again.
+#[test]
+fn a_wire_that_comes_off_stops_the_motor_and_a_noisy_one_does_not_start_it() {
+    let scale = PulseScale::new(Protocol::StandardPwm, TIMER_HZ).unwrap();
+    let servo = |start_us: f64, width_us: f64, count| Line::pulses(us(start_us), us(2500.0), us(width_us), count);
+    // 0.25 s disarmed, 0.25 s armed, off; from 1 s on every 0.7 ms an edge: an open wire beside a motor.
+    let mut line = servo(1000.0, 1000.0, 100).then(&servo(251_000.0, 1500.0, 100));
+    for n in 0..2000 {
+        let level = if n % 2 == 0 { rotorlead::capture::Level::High } else { rotorlead::capture::Level::Low };
+        line.level(us(1e6 + 700.0 * f64::from(n)), level);
+    }
+    let line = line.then(&servo(2_600_000.0, 1500.0, 100)).then(&servo(2_900_000.0, 1000.0, 100));
+    let line = line.then(&servo(3_200_000.0, 1250.0, 100));
+
+    let mut decoder = Decoder::new(Timing::new(Protocol::StandardPwm, TIMER_HZ, LOOP_HZ).unwrap());
+    let mut channel = fresh();
+    let signals = host_tests::line::decode(&mut decoder, &line, 0, us(3.449e6));
+    let outputs: Vec<(f64, u32)> = signals
+        .into_iter()
+        .map(|(time, signal)| {
+            let output = scale.to_ticks(channel.tick(Input::from_signal(signal, &scale)));
+            (time as f64 / f64::from(TIMER_HZ), output)
+        })
+        .collect();
+    let all = |from: f64, to: f64, ticks: u64| {
+        outputs.iter().filter(|(time, _)| *time >= from && *time < to).all(|&(_, output)| u64::from(output) == ticks)
+    };
+    assert!(all(0.0, 0.2520, us(1000.0)));
+    assert!(all(0.2530, 0.4999, us(1500.0)), "armed");
+    // The last pulse ends at 0.5 s: 100 ms of timeout, 100 ms of hold.
+    assert!(all(0.5, 0.6998, us(1500.0)), "held");
+    assert!(all(0.7004, 1.0, us(1000.0)), "stopped");
+    assert!(all(1.0, 2.6, us(1000.0)), "noise turns no motor");
+    assert!(all(2.6, 3.2, us(1000.0)), "armed commands that come back are not let through before disarmed ones");
+    assert!(all(3.2025, 3.4499, us(1250.0)), "armed again");
+    assert_eq!(TICKS_PER_POLL, 16_800);
+}
+
+#[test]
+fn an_excitation_ramps_up_plays_the_lines_bit_for_bit_and_ramps_down() {
+    let mut channel = fresh();
+    channel.set_enabled(false);
+    channel.start_excitation(excitation(100_000)).unwrap();
+    assert_eq!(channel.last_end(), None);
+    let mut outputs = Vec::new();
+    let mut phases = Vec::new();
+    while !matches!(channel.state(), State::NoSignal) {
+        channel.keep_alive();
+        outputs.push(channel.tick(Input::Nothing));
+        phases.push(channel.state());
+    }
+    let step = settings().excitation.ramp_per_tick.to_bits();
+    let ramp_ticks = (command(0.5).to_bits() as usize).div_ceil(step as usize);
+    let idle = settings().idle;
+    let limited = |bits: i32| {
+        let command = Command::saturating_from_bits(bits);
+        if command < settings().arming_threshold { command } else { command.max(idle) }
+    };
+    for (n, &output) in outputs[..ramp_ticks].iter().enumerate() {
+        assert_eq!(output, limited((n as i32 + 1) * step).min(command(0.5)), "ramp up, tick {n}");
+    }
+    // The amplitude is the command's, not the decimal's: 0.05 lies between two commands.
+    let mut multisine = Multisine::new(ODD_LINES_30_HZ, 0.5, command(0.05).to_f64(), 5000.0).unwrap();
+    multisine.start(NonZeroU32::new(2));
+    for (n, &output) in outputs[ramp_ticks..ramp_ticks + 100_000].iter().enumerate() {
+        assert_eq!(output, multisine.update(), "sample {n}");
+    }
+    let last = outputs[ramp_ticks + 100_000 - 1].to_bits();
+    for (n, &output) in outputs[ramp_ticks + 100_000..].iter().enumerate() {
+        assert_eq!(output, limited(last - (n as i32 + 1) * step), "ramp down, tick {n}");
+    }
+    assert_eq!(outputs.last(), Some(&STOP));
+    assert_eq!(channel.last_end(), Some(End::Completed));
+    assert!(phases.contains(&State::Excitation(Phase::RampUp)) && phases.contains(&State::Excitation(Phase::RampDown)));
+    // The motor is the pilot's again, who has to disarm first.
+    assert_eq!(channel.tick(live(0.5)), STOP);
+}
+
+#[test]
+fn an_excitation_goes_through_the_filter_where_it_is_in_the_path() {
+    let mut channel = fresh();
+    channel.start_excitation(excitation(1000)).unwrap();
+    while channel.state() != State::Excitation(Phase::Playing) {
+        channel.keep_alive();
+        channel.tick(Input::Nothing);
+    }
+    let mut differs = 0;
+    for _ in 0..1000 {
+        channel.keep_alive();
+        let output = channel.tick(Input::Nothing);
+        assert!(output >= settings().idle);
+        differs += u32::from(output != channel.command());
+    }
+    assert!(differs > 900);
+}
+
+/// The host vanishes: on the ramp up, or while the lines are played.
+#[test]
+fn without_a_keep_alive_for_200_ms_the_motor_is_ramped_down() {
+    let limits = settings().excitation;
+    assert_eq!(limits.dead_man_ticks, LOOP_HZ / 5);
+    for last_keep_alive in [0_u32, 3000, 9999, 20_000] {
+        let mut channel = fresh();
+        channel.set_enabled(false);
+        channel.start_excitation(excitation(400_000)).unwrap();
+        for _ in 0..last_keep_alive {
+            channel.keep_alive();
+            channel.tick(Input::Nothing);
+        }
+        channel.keep_alive();
+        for _ in 0..limits.dead_man_ticks {
+            channel.tick(Input::Nothing);
+            assert_ne!(channel.state(), State::Excitation(Phase::RampDown));
+        }
+        let from = channel.command();
+        let mut last = channel.tick(Input::Nothing);
+        assert_eq!(channel.state(), State::Excitation(Phase::RampDown));
+        let ticks = (from.to_bits() as u32).div_ceil(limits.ramp_per_tick.to_bits() as u32);
+        for _ in 1..ticks {
+            // A host that comes back does not revive it.
+            channel.keep_alive();
+            let output = channel.tick(Input::Nothing);
+            assert!(output <= last);
+            last = output;
+        }
+        assert_eq!((last, channel.last_end()), (STOP, Some(End::DeadMan)), "after {last_keep_alive}");
+        assert_eq!(channel.tick(Input::Nothing), STOP);
+        assert_eq!(channel.state(), State::NoSignal);
+    }
+}
+
+#[test]
+fn a_host_can_end_an_excitation_early() {
+    let mut channel = fresh();
+    channel.start_excitation(excitation(400_000)).unwrap();
+    for _ in 0..15_000 {
+        channel.keep_alive();
+        channel.tick(Input::Nothing);
+    }
+    channel.stop_excitation();
+    let ticks = (0..).take_while(|_| channel.tick(Input::Nothing) > STOP).count();
+    // 0.55 at 0.25 a second.
+    assert!(ticks <= 11_001, "{ticks}");
+    assert_eq!(channel.last_end(), Some(End::Requested));
+}
+
+#[test]
+fn a_disarmed_pulse_ends_an_excitation_at_once_and_an_armed_one_down_the_ramp() {
+    let run = || {
+        let mut channel = fresh();
+        channel.start_excitation(excitation(400_000)).unwrap();
+        for _ in 0..12_000 {
+            channel.keep_alive();
+            channel.tick(Input::Nothing);
+        }
+        channel
+    };
+    let mut channel = run();
+    assert_eq!(channel.tick(live(0.01)), command(0.01));
+    assert_eq!((channel.state(), channel.last_end()), (State::Disarmed, Some(End::PulseInput)));
+
+    let mut channel = run();
+    let ticks = (0..)
+        .take_while(|_| {
+            channel.keep_alive();
+            channel.tick(live(0.9)) > STOP
+        })
+        .count();
+    assert!((9_000..=11_001).contains(&ticks), "{ticks}");
+    assert_eq!((channel.state(), channel.last_end()), (State::Locked, Some(End::PulseInput)));
+    for _ in 0..1000 {
+        assert_eq!(channel.tick(live(0.9)), STOP);
+    }
+}
+
+#[test]
+fn an_excitation_is_refused_while_a_pulse_input_has_the_motor() {
+    let start = |channel: &mut Channel| channel.start_excitation(excitation(1000));
+    let mut channel = fresh();
+    channel.tick(live(0.5));
+    assert_eq!((channel.state(), start(&mut channel)), (State::Locked, Err(Refusal::InputLive)));
+    channel.tick(live(0.0));
+    assert_eq!((channel.state(), start(&mut channel)), (State::Disarmed, Err(Refusal::InputLive)));
+    channel.tick(live(0.5));
+    assert_eq!((channel.state(), start(&mut channel)), (State::Armed, Err(Refusal::InputLive)));
+    channel.tick(Input::Lost);
+    assert_eq!((channel.state(), start(&mut channel)), (State::Holding, Err(Refusal::InputHeld)));
+    // None of this touched the output.
+    assert_eq!(channel.tick(Input::Lost), command(0.5));
+    for _ in 0..settings().hold_ticks {
+        channel.tick(Input::Lost);
+    }
+    assert_eq!((channel.state(), start(&mut channel)), (State::Lost, Ok(())));
+    assert_eq!(start(&mut channel), Err(Refusal::AlreadyRunning));
+
+    let other = ChannelSettings { max: command(0.6), ..settings() };
+    let mut channel = Channel::new(&other, *paper_design().coefficients()).unwrap();
+    assert_eq!(start(&mut channel), Err(Refusal::OtherSettings));
+    assert_eq!(channel.tick(Input::Nothing), STOP);
+}
+
+#[test]
+fn an_excitation_outside_the_limits_is_refused_with_the_limit() {
+    let refusal = |nominal, amplitude, ticks, rate_hz| {
+        Excitation::new(&settings(), &request(nominal, amplitude, ticks), rate_hz).map(|_| ()).unwrap_err()
+    };
+    let limits = settings().excitation;
+    let text = |refusal: Refusal, part: &str| assert!(refusal.to_string().contains(part), "{refusal}");
+
+    let error = refusal(0.5, 0.11, 1000, 5000.0);
+    assert_eq!(error, Refusal::AmplitudeTooHigh { amplitude: command(0.11), max: limits.max_amplitude });
+    text(error, "0.1");
+    assert!(matches!(refusal(0.09, 0.05, 1000, 5000.0), Refusal::BelowIdle { idle, .. } if idle == settings().idle));
+    assert!(matches!(refusal(0.78, 0.05, 1000, 5000.0), Refusal::AboveMax { max, .. } if max == limits.max_command));
+    assert!(matches!(refusal(1.0, 0.1, 1000, 5000.0), Refusal::AboveMax { .. }));
+    for ticks in [0, limits.max_ticks + 1, u32::MAX] {
+        assert_eq!(refusal(0.5, 0.05, ticks, 5000.0), Refusal::Duration { ticks, max_ticks: limits.max_ticks });
+    }
+    assert!(matches!(refusal(0.5, 0.0, 1000, 5000.0), Refusal::Generator(ExcitationError::OutOfRange { .. })));
+    assert!(matches!(refusal(0.5, 0.05, 1000, 50.0), Refusal::Generator(ExcitationError::AboveNyquist { .. })));
+    text(refusal(0.5, 0.05, 1000, f64::NAN), "loop_rate_hz");
+    assert!(Excitation::new(&settings(), &request(0.1, 0.05, limits.max_ticks), 5000.0).is_ok());
+    // A lower `max` of the channel counts too.
+    let low = ChannelSettings { max: command(0.54), ..settings() };
+    assert!(matches!(
+        Excitation::new(&low, &request(0.5, 0.05, 1000), 5000.0),
+        Err(Refusal::AboveMax { max, .. }) if max == low.max
+    ));
+}
+
+#[test]
+fn settings_that_contradict_each_other_make_no_channel() {
+    let good = settings();
+    let limits = good.excitation;
+    let tried = [
+        (ChannelSettings { stop: good.arming_threshold, ..good }, ChannelSettingsError::ThresholdNotAboveStop),
+        (ChannelSettings { idle: command(0.029), ..good }, ChannelSettingsError::IdleBelowThreshold),
+        (ChannelSettings { max: good.idle, ..good }, ChannelSettingsError::MaxNotAboveIdle),
+        (
+            ChannelSettings {
+                excitation: ExcitationLimits {
+                    ramp_per_tick: Command::saturating_from_bits(SLOWEST_RAMP_PER_TICK.to_bits() - 1),
+                    ..limits
+                },
+                ..good
+            },
+            ChannelSettingsError::RampTooSlow,
+        ),
+        (
+            ChannelSettings { excitation: ExcitationLimits { dead_man_ticks: 0, ..limits }, ..good },
+            ChannelSettingsError::NoDeadMan,
+        ),
+    ];
+    for (settings, error) in tried {
+        assert_eq!(Channel::new(&settings, *paper_design().coefficients()).map(|_| ()).unwrap_err(), error);
+    }
+}
+
+/// Raw duty has no pulse at 0: its stop is above.
+#[test]
+fn the_stop_pulse_is_the_one_that_is_set() {
+    let settings = ChannelSettings { stop: command(0.02), ..settings() };
+    let mut channel = Channel::new(&settings, *paper_design().coefficients()).unwrap();
+    assert_eq!(channel.tick(Input::Nothing), command(0.02));
+    assert_eq!(channel.tick(live(0.6)), command(0.02));
+    channel.tick(live(0.01));
+    channel.tick(live(0.6));
+    for _ in 0..settings.hold_ticks {
+        assert_eq!(channel.tick(Input::Lost), command(0.6));
+    }
+    assert_eq!(channel.tick(Input::Lost), command(0.02));
+    channel.start_excitation(Excitation::new(&settings, &request(0.5, 0.05, 10), 5000.0).unwrap()).unwrap();
+    let mut lowest = Command::ONE;
+    while channel.last_end().is_none() {
+        channel.keep_alive();
+        lowest = lowest.min(channel.tick(Input::Lost));
+    }
+    assert_eq!(lowest, command(0.02));
+}
+
+/// What happens to a channel in one tick of a random life.
+#[derive(Clone, Copy, Debug)]
+enum Event {
+    /// The input has this, for so many ticks.
+    Input(Input, u32),
+    Start,
+    Stop,
+    KeepAlive,
+    SetEnabled(bool),
+}
+
+fn any_event() -> impl Strategy<Value = Event> {
+    let any_command = prop_oneof![0..=1_i32 << 29, 0..1_i32 << 24, Just(0), Just(command(0.03).to_bits())]
+        .prop_map(Command::saturating_from_bits);
+    let input = prop_oneof![
+        4 => any_command.prop_map(Input::Command),
+        2 => Just(Input::Unchanged),
+        2 => Just(Input::Lost),
+        1 => Just(Input::Nothing),
+    ];
+    let ticks = prop_oneof![Just(1_u32), 1..50_u32, 300..700_u32];
+    prop_oneof![
+        12 => (input, ticks).prop_map(|(input, ticks)| Event::Input(input, ticks)),
+        2 => Just(Event::Start),
+        1 => Just(Event::Stop),
+        2 => Just(Event::KeepAlive),
+        1 => any::<bool>().prop_map(Event::SetEnabled),
+    ]
+}
+
+proptest! {
+    #![proptest_config(cases(1500))]
+
+    /// A second, much simpler account of what a motor may do, beside the channel.
+    #[test]
+    fn whatever_happens_no_motor_turns_that_should_not(
+        events in proptest::collection::vec(any_event(), 1..60),
+        hold_ticks in prop_oneof![Just(0_u32), Just(1), 2..600_u32],
+    ) {
+        let excitation_limits = ExcitationLimits {
+            // Fast, so that random lives see all of a ramp.
+            ramp_per_tick: command(0.01),
+            ..settings().excitation
+        };
+        let settings = ChannelSettings { hold_ticks, excitation: excitation_limits, ..settings() };
+        let made = Excitation::new(&settings, &request(0.5, 0.05, 200), 5000.0).unwrap();
+        let mut channel = Channel::new(&settings, *paper_design().coefficients()).unwrap();
+        let (mut last_live, mut lost_ticks, mut disarmed_seen) = (None, 0_u32, false);
+        let (mut excited, mut silent_ticks) = (false, 0_u32);
+        for event in events {
+            let (input, ticks) = match event {
+                Event::Input(input, ticks) => (input, ticks),
+                Event::Start => {
+                    let allowed = last_live.is_none() && matches!(channel.state(), State::NoSignal | State::Lost);
+                    prop_assert_eq!(channel.start_excitation(made.clone()).is_ok(), allowed);
+                    if allowed {
+                        (excited, silent_ticks, disarmed_seen) = (true, 0, false);
+                    }
+                    continue;
+                }
+                Event::Stop => { channel.stop_excitation(); continue; }
+                Event::KeepAlive => { channel.keep_alive(); silent_ticks = 0; continue; }
+                Event::SetEnabled(enabled) => { channel.set_enabled(enabled); continue; }
+            };
+            for _ in 0..ticks {
+                match input {
+                    Input::Command(command) => { last_live = Some(command); lost_ticks = 0; }
+                    Input::Unchanged if last_live.is_some() => {}
+                    _ => { last_live = None; lost_ticks += 1; }
+                }
+                silent_ticks += 1;
+                if lost_ticks > hold_ticks {
+                    disarmed_seen = false;
+                }
+                let output = channel.tick(input);
+                match last_live {
+                    Some(live) if live < settings.arming_threshold => {
+                        disarmed_seen = true;
+                        excited = false;
+                        prop_assert_eq!(output, live, "a disarmed command is the output");
+                    }
+                    _ => {}
+                }
+                excited &= matches!(channel.state(), State::Excitation(_));
+                if !excited && !disarmed_seen {
+                    prop_assert_eq!(output, STOP, "nothing turns before a disarmed command, nor after loss and hold");
+                }
+                // 200 ms of dead-man and 0.55 at 0.01 a tick.
+                if excited {
+                    prop_assert!(silent_ticks <= settings.excitation.dead_man_ticks + 56, "nobody watches");
+                }
+                if channel.state() == State::Armed {
+                    prop_assert!(disarmed_seen && output >= settings.idle && output <= settings.max);
+                    prop_assert!(last_live.is_some_and(|live| live >= settings.arming_threshold));
+                }
+                if channel.state().is_at_rest() {
+                    prop_assert!(output < settings.arming_threshold);
+                }
+                prop_assert!(output < settings.arming_threshold || output >= settings.idle, "between stop and idle");
+            }
+        }
+    }
+
+    #[test]
+    fn after_loss_and_hold_the_output_is_stop(
+        levels in proptest::collection::vec((0.0..1.0_f64, 1..400_u32), 1..10),
+        hold_ticks in 0..1000_u32,
+    ) {
+        let settings = ChannelSettings { hold_ticks, ..settings() };
+        let mut channel = Channel::new(&settings, *paper_design().coefficients()).unwrap();
+        channel.tick(live(0.0));
+        for (level, ticks) in levels {
+            for _ in 0..ticks {
+                channel.tick(live(level));
+            }
+        }
+        for n in 1..=hold_ticks + 100 {
+            let output = channel.tick(Input::Lost);
+            prop_assert!(n <= hold_ticks || output == STOP, "{output:?} {n} ticks after the loss");
+        }
+    }
+}

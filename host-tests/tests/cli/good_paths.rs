@@ -1,0 +1,294 @@
+//! From a plan or a log to bandwidths, and what is said on the way.
+
+use std::collections::BTreeSet;
+
+use serde_json::Value;
+
+use crate::stand::{Stand, report};
+
+const LOGS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/tests/data");
+
+/// A stand on which the plan was simulated, as `sim`.
+fn simulated() -> Stand {
+    let stand = Stand::new();
+    stand.run("simulate --model model.toml --plan plan.toml --out sim");
+    stand
+}
+
+fn keys(value: &Value) -> BTreeSet<&str> {
+    value.as_object().unwrap().keys().map(String::as_str).collect()
+}
+
+#[track_caller]
+fn number(value: &Value, key: &str) -> f64 {
+    value[key].as_f64().unwrap_or_else(|| panic!("`{key}` is no number in {value:#}"))
+}
+
+#[track_caller]
+fn near(value: f64, expected: f64, relative: f64) {
+    assert!((value / expected - 1.0).abs() < relative, "{value} is not {expected} within {relative}");
+}
+
+#[test]
+fn a_simulated_stand_is_identified_compensated_and_predicted() {
+    let stand = simulated();
+    let found = stand.json("identify sim --out found.toml");
+    let point = &found["points"][0];
+    // The plan's noise leaves a standard error of 0.4 % of the time constant: three of them.
+    near(number(point, "time_constant_s"), 0.06, 0.015);
+    near(number(point, "gain"), 7.1, 0.015);
+    let compensator = stand.json("design --model found.toml --out c.toml");
+    near(number(&compensator, "zero_rad_s") * number(point, "time_constant_s"), 1.0, 1e-12);
+    let with_file = stand.json("bandwidth --model found.toml --compensator c.toml");
+    let without = stand.json("bandwidth --model found.toml");
+    assert_eq!(with_file, without, "a compensator is designed as `design` does where none is given");
+    assert_eq!(with_file["points"], compensator["points"]);
+    let bandwidth = &with_file["points"][0];
+    // 3 dB exactly: sqrt(10^0.3 - 1) / tau.
+    let uncompensated = (10f64.powf(0.3) - 1.0).sqrt() / number(point, "time_constant_s");
+    near(number(bandwidth, "uncompensated_rad_s"), uncompensated, 1e-6);
+    assert!(number(bandwidth, "compensated_rad_s") > 4.0 * uncompensated);
+    // Compensated, the stand can be run again, and carries its compensator.
+    stand.run("simulate --model model.toml --plan plan.toml --compensator c.toml --out led");
+    assert_eq!(stand.read("led/compensator.toml"), stand.read("c.toml"));
+    assert!(stand.read("led/experiment.toml").contains("compensated = true"));
+    stand.run("validate led --model found.toml");
+}
+
+#[test]
+fn a_log_is_imported_identified_compensated_and_predicted() {
+    for (log, time_constant_s, nominal) in [("rcbenchmark.csv", 0.040, 0.3), ("esc32.csv", 0.035, 0.2)] {
+        let stand = Stand::new();
+        let summary = stand.json(&format!("import {LOGS}/{log} --out imported"));
+        assert!(number(&summary, "rows_taken") > 100.0);
+        let found = stand.json("identify imported --out found.toml");
+        let point = &found["points"][0];
+        assert_eq!(number(point, "nominal"), nominal);
+        // How the samples were made; the rows are 7 and 10 ms apart.
+        near(number(point, "time_constant_s"), time_constant_s, 0.02);
+        stand.run("design --model found.toml --out c.toml");
+        let bandwidth = stand.json("bandwidth --model found.toml --compensator c.toml");
+        let bandwidth = &bandwidth["points"][0];
+        assert!(number(bandwidth, "compensated_rad_s") > 4.0 * number(bandwidth, "uncompensated_rad_s"));
+        let validated = stand.json("validate imported --model found.toml");
+        assert!(number(&validated["records"][0], "fit_percent") > 90.0);
+    }
+}
+
+#[test]
+fn the_json_of_identify_has_the_keys_that_programs_rely_on() {
+    let found = simulated().json("identify sim --out found.toml");
+    let points = found["points"].as_array().unwrap();
+    assert_eq!(points.len(), 1);
+    for key in [
+        "nominal",
+        "gain",
+        "gain_std",
+        "time_constant_s",
+        "time_constant_s_std",
+        "delay_s",
+        "fit_frequency_percent",
+        "fit_square_percent",
+    ] {
+        assert!(number(&points[0], key).is_finite());
+    }
+    // What a step record does not show is null, not absent.
+    let found = Stand::new();
+    found.run(&format!("import {LOGS}/esc32.csv --out imported"));
+    let point = &found.json("identify imported --out found.toml")["points"][0];
+    assert_eq!((&point["fit_frequency_percent"], &point["fit_square_percent"]), (&Value::Null, &Value::Null));
+    assert!(keys(point).contains("fit_frequency_percent"));
+    assert!(number(point, "fit_step_percent") > 90.0);
+}
+
+#[test]
+fn a_dead_time_is_fitted_always_never_or_where_the_records_show_one() {
+    let stand = Stand::new();
+    stand.edit("model.toml", "time_constant_s = 0.06", "time_constant_s = 0.06\ndelay_s = 0.01");
+    stand.run("simulate --model model.toml --plan plan.toml --out late");
+    let delay_s = |arguments: &str| {
+        number(&stand.json(&format!("identify {arguments} --out found.toml"))["points"][0], "delay_s")
+    };
+    assert_eq!(delay_s("late --delay none"), 0.0);
+    near(delay_s("late --delay fit"), 0.01, 0.1);
+    near(delay_s("late"), 0.01, 0.1);
+    stand.edit("model.toml", "delay_s = 0.01", "delay_s = 0.0");
+    stand.run("simulate --model model.toml --plan plan.toml --out prompt");
+    assert_eq!(delay_s("prompt"), 0.0);
+    // The noise alone: a standard error is 0.3 ms.
+    assert!(delay_s("prompt --delay fit") < 0.001);
+}
+
+#[test]
+fn the_json_of_bandwidth_has_the_keys_that_programs_rely_on() {
+    let stand = Stand::new();
+    let json = stand.json("bandwidth --model model.toml");
+    let points = json["points"].as_array().unwrap();
+    assert_eq!(points.len(), 2);
+    for point in points {
+        assert_eq!(keys(point), BTreeSet::from(["nominal", "uncompensated_rad_s", "compensated_rad_s"]));
+        assert!(number(point, "nominal") > 0.0);
+        assert!(number(point, "compensated_rad_s") > number(point, "uncompensated_rad_s"));
+    }
+}
+
+#[test]
+fn text_and_json_give_the_same_numbers() {
+    let stand = simulated();
+    let text = stand.run("bandwidth --model model.toml --json b.json");
+    let json: Value = serde_json::from_str(&stand.read("b.json")).unwrap();
+    for point in json["points"].as_array().unwrap() {
+        let row = format!("{:.3}", number(point, "nominal"));
+        let cells: Vec<&str> = text.lines().find(|line| line.contains(&row)).unwrap().split_whitespace().collect();
+        assert_eq!(cells[1], format!("{:.4}", number(point, "uncompensated_rad_s")));
+        assert_eq!(cells[2], format!("{:.4}", number(point, "compensated_rad_s")));
+    }
+    let text = stand.run("identify sim --out found.toml --json i.json");
+    let json: Value = serde_json::from_str(&stand.read("i.json")).unwrap();
+    let point = &json["points"][0];
+    for part in [
+        format!("{:.4} +- {:.4}", number(point, "gain"), number(point, "gain_std")),
+        format!("{:.2} +- {:.2}", 1e3 * number(point, "time_constant_s"), 1e3 * number(point, "time_constant_s_std")),
+        format!("{:.2}", number(point, "fit_frequency_percent")),
+        format!("{:.2}", number(point, "fit_square_percent")),
+    ] {
+        assert!(text.contains(&part), "no `{part}` in:\n{text}");
+    }
+    let text = stand.run("validate sim --model found.toml --json v.json");
+    let json: Value = serde_json::from_str(&stand.read("v.json")).unwrap();
+    for record in json["records"].as_array().unwrap() {
+        let file = record["file"].as_str().unwrap();
+        let row = text.lines().find(|line| line.contains(file)).unwrap();
+        assert!(row.contains(&format!("{:.2}", number(record, "fit_percent"))), "{row}");
+    }
+    let text = stand.run("design --model found.toml --out c.toml --json d.json");
+    let json: Value = serde_json::from_str(&stand.read("d.json")).unwrap();
+    assert!(text.contains(&format!("{:.4}", number(&json, "zero_rad_s"))));
+    assert!(text.contains(&format!("{:.4}", number(&json, "pole_rad_s"))));
+}
+
+#[test]
+fn a_seed_decides_the_noise_and_nothing_else() {
+    let stand = Stand::new();
+    let simulate = |seed: &str, out: &str| {
+        stand.run(&format!("simulate --model model.toml --plan plan.toml {seed} --out {out}"));
+        ["experiment.toml", "u050_multisine.csv", "u050_square.csv"].map(|file| stand.read(&format!("{out}/{file}")))
+    };
+    let plans_own = simulate("", "a");
+    assert_eq!(plans_own, simulate("--seed 1", "b"));
+    let other = simulate("--seed 2", "c");
+    assert_eq!(plans_own[0], other[0]);
+    let columns = |text: &str, kept: &[usize]| -> Vec<String> {
+        let cells = |line: &str| kept.iter().map(|&column| line.split(',').nth(column).unwrap().to_owned()).collect();
+        text.lines().flat_map(|line| -> Vec<String> { cells(line) }).collect()
+    };
+    for file in [1, 2] {
+        assert_eq!(columns(&plans_own[file], &[0, 1]), columns(&other[file], &[0, 1]), "time and command");
+        let (thrust, other) = (columns(&plans_own[file], &[2]), columns(&other[file], &[2]));
+        let same = thrust.iter().zip(&other).skip(1).filter(|(a, b)| a == b).count();
+        assert_eq!(same, 0, "of {} rows", thrust.len());
+    }
+}
+
+#[test]
+fn the_same_arguments_give_the_same_excitation() {
+    let stand = Stand::new();
+    let excite = |arguments: &str| {
+        let json = stand.json(&format!("excite --band 0.1..2 --rate 100 --starts 1 --out e.csv {arguments}"));
+        (json, stand.read("e.csv"))
+    };
+    let (json, csv) = excite("");
+    assert_eq!((json.clone(), csv.clone()), excite("--seed 1"));
+    let commands: Vec<f64> = csv.lines().skip(1).map(|row| row.split(',').nth(1).unwrap().parse().unwrap()).collect();
+    assert_eq!(commands.len(), 1000);
+    let peak = commands.iter().map(|command| (command - 0.5).abs()).fold(0.0, f64::max);
+    assert!(peak <= 0.05 + 1e-12 && peak > 0.045, "{peak}");
+    assert_eq!(json["lines"], 10);
+    assert!(number(&json, "crest_factor") < 2.0);
+}
+
+#[test]
+fn the_demo_prints_the_papers_tables_and_leaves_its_files() {
+    let stand = Stand::new();
+    let text = stand.run("demo --json demo-out/demo.json");
+    for part in ["Table 1", "Table 2", "demo-out"] {
+        assert!(text.contains(part), "no `{part}` in:\n{text}");
+    }
+    for file in ["model.toml", "compensator.toml", "bode.svg", "demo.json"] {
+        assert!(!stand.read(&format!("demo-out/{file}")).is_empty());
+    }
+    stand.run("bandwidth --model demo-out/model.toml --compensator demo-out/compensator.toml");
+}
+
+/// The paper's Table 1 as a model file, with `tau = 1 / omega_s`.
+fn table_1() -> String {
+    let mut text = String::from("format = 1\n");
+    for (nominal, gain, pole) in host_tests::TABLE_1 {
+        let tau = 1.0 / pole;
+        text += &format!("[[point]]\nnominal = {nominal}\ngain = {gain}\ntime_constant_s = {tau}\n");
+    }
+    text
+}
+
+#[test]
+fn bandwidth_gives_both_simulated_columns_of_the_papers_table_3() {
+    let stand = Stand::new();
+    stand.write("paper.toml", table_1());
+    let printed = [
+        (6.2609, 8.0404),
+        (7.3349, 10.8166),
+        (9.2668, 24.5323),
+        (9.8895, 41.4026),
+        (11.7161, 74.6290),
+        (14.0940, 94.1039),
+    ];
+    let found = stand.json("bandwidth --model paper.toml");
+    for (point, (uncompensated, compensated)) in found["points"].as_array().unwrap().iter().zip(printed) {
+        assert!((number(point, "uncompensated_rad_s") - uncompensated).abs() < 1e-3, "{point}");
+        assert!((number(point, "compensated_rad_s") - compensated).abs() < 1e-3, "{point}");
+    }
+    // What runs differs by the lag of its holds: by at most 0.2 %.
+    let sampled = stand.json("bandwidth --model paper.toml --sampled --esc-frame 600");
+    for (point, (_, compensated)) in sampled["points"].as_array().unwrap().iter().zip(printed) {
+        near(number(point, "compensated_rad_s"), compensated, 0.002);
+    }
+}
+
+/// Equation (10) prints 66.62 s where (3) with (4) needs 133.24: zero 8876.60 / 628.46, poles sqrt(8876.60), damping
+/// 66.62 / (2 sqrt(8876.60)). The bandwidth at 0.50 would be 111.8 rad/s, where Table 3 has 24.53.
+#[test]
+fn equation_10_as_printed_contradicts_table_3() {
+    let stand = Stand::new();
+    stand.write("paper.toml", table_1());
+    let found = stand.json("bandwidth --model paper.toml --lead 14.12437,94.21571,0.353550");
+    near(number(&found["points"][2], "compensated_rad_s"), 111.8, 0.0005);
+}
+
+#[test]
+fn a_motor_too_slow_for_the_bandwidth_asked_for_is_told_what_it_may_have() {
+    let stand = Stand::new();
+    stand.write("slow.toml", "format = 1\n[[point]]\nnominal = 0.5\ngain = 10.0\ntime_constant_s = 0.11\n");
+    let design = |options: &str| stand.command(&format!("design --model slow.toml --out c.toml {options}")).assert();
+    let message = report(&design("").code(1));
+    let allowed = message.split("allows is ").nth(1).and_then(|rest| rest.split(' ').next()).expect("a remedy");
+    design(&format!("--omega-g {allowed}")).success();
+    design(&format!("--omega-g {:.1}", allowed.parse::<f64>().unwrap() + 0.2)).code(1);
+}
+
+#[test]
+fn the_bandwidth_rises_on_compensated_records_as_predicted() {
+    let stand = Stand::new();
+    stand.run("design --model model.toml --out compensator.toml");
+    stand.run("simulate --model model.toml --plan plan.toml --out before");
+    stand.run("simulate --model model.toml --plan plan.toml --compensator compensator.toml --out after");
+    let command = "bandwidth --model model.toml --compensator compensator.toml --records before --records after";
+    let found = stand.json(command);
+    let predicted = &found["points"][1];
+    let measured = found["measured"].as_array().unwrap();
+    assert_eq!(measured.len(), 2, "the squares have no response to measure");
+    assert_eq!((&measured[0]["compensated"], &measured[1]["compensated"]), (&Value::Bool(false), &Value::Bool(true)));
+    near(number(&measured[0], "bandwidth_rad_s"), number(predicted, "uncompensated_rad_s"), 0.02);
+    near(number(&measured[1], "bandwidth_rad_s"), number(predicted, "compensated_rad_s"), 0.02);
+    let text = stand.run(command);
+    assert!(text.contains("0.1 dB moves its bandwidth by a tenth"), "{text}");
+}

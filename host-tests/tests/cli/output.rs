@@ -1,0 +1,136 @@
+//! Where the words go, how they look, and what the exit status says.
+
+use std::io::Read as _;
+use std::process::{Command as Process, Stdio};
+
+use crate::stand::{Stand, program, report};
+
+const COMMANDS: [&str; 8] = ["demo", "excite", "simulate", "import", "identify", "validate", "design", "bandwidth"];
+
+/// Text without the line breaks and indents of its layout.
+fn flowing(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+#[test]
+fn a_report_is_not_colored_and_keeps_paths_and_sentences_whole_when_piped() {
+    let stand = Stand::new();
+    let name = format!("{}-with-hyphens-and spaces.toml", "long/".repeat(60));
+    let assert = program().args(["bandwidth", "--model", &name]).assert().code(1);
+    let report = report(&assert);
+    assert!(report.contains(&name), "the path is broken:\n{report}");
+    assert!(!report.contains('\u{1b}'), "colored:\n{report}");
+    drop(stand);
+}
+
+#[test]
+fn every_command_refuses_an_unknown_option_as_wrong_use() {
+    for command in COMMANDS {
+        Stand::new().refuses(&format!("{command} --no-such-option"), 2, &["--no-such-option", "--help"]);
+    }
+    Stand::new().refuses("", 2, &["Usage: rotorlead"]);
+    Stand::new().refuses("identfy", 2, &["identfy", "identify"]);
+}
+
+#[test]
+fn help_says_what_every_command_does() {
+    let stand = Stand::new();
+    let overview = stand.run("--help");
+    assert!(overview.contains("Exit status: 0 done, 1 failed, 2 wrong use."));
+    for command in COMMANDS {
+        let help = stand.run(&format!("{command} --help"));
+        let purpose = flowing(help.split("\n\n").next().unwrap());
+        assert!(flowing(&overview).contains(&purpose), "`{purpose}` is not in:\n{overview}");
+        assert!(help.contains("--json <FILE>"), "{help}");
+        assert!(help.lines().all(|line| line.chars().count() <= 100), "too wide:\n{help}");
+    }
+}
+
+#[test]
+fn help_says_units_and_defaults() {
+    for (command, parts) in [
+        ("demo", &["[default: demo-out]", "Seed", "[default: 1]", "0.02 N"][..]),
+        ("excite", &["Band in hertz", "0.1..30", "Period in seconds", "[default: 10]", "[default: 5000]", "0..1"]),
+        ("simulate", &["the paper's experiment unless given", "instead of the plan's"]),
+        ("import", &["microseconds", "[default: 1000..2000]", "the log's file name unless given"]),
+        ("identify", &["[default: auto]", "experiment's folder"]),
+        ("validate", &["%", "experiment's folder"]),
+        ("design", &["<RAD_S>", "rad/s", "<HZ>", "5000 Hz unless given", "1/sqrt(2) unless given"]),
+        ("bandwidth", &["3 dB", "rad/s", "<HZ>", "one is designed from the model"]),
+    ] {
+        let help = flowing(&Stand::new().run(&format!("{command} --help")));
+        for part in parts {
+            assert!(help.contains(part), "no `{part}` in the help of {command}:\n{help}");
+        }
+    }
+}
+
+#[test]
+fn a_reader_that_stops_early_is_no_failure() {
+    let stand = Stand::new();
+    for arguments in ["bandwidth --model model.toml", "bandwidth --model model.toml --json -", "--help"] {
+        let program = stand.command(arguments).get_program().to_owned();
+        let mut child = Process::new(program)
+            .current_dir(stand.path("."))
+            .args(arguments.split(' '))
+            .stdout(closed_pipe())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut report = String::new();
+        child.stderr.take().unwrap().read_to_string(&mut report).unwrap();
+        assert_eq!(child.wait().unwrap().code(), Some(0), "{arguments}: {report}");
+        assert_eq!(report, "", "{arguments}");
+    }
+}
+
+/// The end of a pipe that nobody reads.
+fn closed_pipe() -> Stdio {
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    writer.into()
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn output_that_cannot_be_written_is_a_failure() {
+    let stand = Stand::new();
+    let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let program = stand.command("").get_program().to_owned();
+    let arguments = ["bandwidth", "--model", "model.toml"];
+    let output = Process::new(program).current_dir(stand.path(".")).args(arguments).stdout(full).output().unwrap();
+    let report = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{report}");
+    assert!(report.contains("cannot write to standard output") && report.contains("No space left"), "{report}");
+}
+
+#[test]
+fn the_json_file_and_standard_output_are_the_same_and_the_text_stays() {
+    let stand = Stand::new();
+    let text = stand.run("bandwidth --model model.toml");
+    let printed = stand.run("bandwidth --model model.toml --json -");
+    let beside = stand.run("bandwidth --model model.toml --json b.json");
+    assert_eq!(text, beside);
+    assert_eq!(stand.read("b.json"), printed);
+}
+
+#[test]
+fn nothing_but_json_is_on_standard_output_of_any_command() {
+    let stand = Stand::new();
+    let log = concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/tests/data/esc32.csv");
+    for arguments in [
+        "simulate --model model.toml --plan plan.toml --out sim",
+        "identify sim --out found.toml",
+        "validate sim --model found.toml",
+        "design --model found.toml --out c.toml",
+        "bandwidth --model found.toml --compensator c.toml",
+        "excite --band 0.1..2 --rate 100 --starts 1",
+        &format!("import {log} --out imported"),
+        "demo",
+    ] {
+        let assert = stand.command(&format!("{arguments} --json -")).assert().code(0);
+        assert_eq!(report(&assert), "", "{arguments}");
+        let output = &assert.get_output().stdout;
+        assert!(serde_json::from_slice::<serde_json::Value>(output).unwrap().is_object(), "{arguments}");
+    }
+}

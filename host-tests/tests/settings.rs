@@ -1,0 +1,306 @@
+//! The stored settings: ranges, and what a power cut or a wrong byte in flash can do.
+
+use host_tests::flash::Flash;
+use host_tests::fuzz::{fuzz_settings, slot};
+use host_tests::{OMEGA_G_RAD_S, cases, paper_design};
+use proptest::prelude::*;
+use rotorlead::design::LeadDesign;
+use rotorlead::settings::{
+    Key, Origin, Place, Problem, Pulse, PulseProtocol, SaveError, Settings, SettingsError, Store, Validated, Warning,
+};
+use rotorlead::throttle::Command;
+
+/// Four slots a sector: a save in four erases.
+const SECTOR: usize = 2048;
+const SLOT: usize = 512;
+type Nor = Flash<SECTOR>;
+
+fn store(flash: Nor) -> Store<Nor> {
+    Store::new(flash, Nor::SECTORS)
+}
+
+/// Valid settings that differ from all others by `number`.
+fn numbered(number: u16) -> Validated {
+    let mut settings = Settings { recorder_divisor: number + 1, ..Settings::default() };
+    settings.lead.omega_z_rad_s = 10.0 + f64::from(number) / 1000.0;
+    settings.validate().unwrap()
+}
+
+/// A flash in which the sets 0 to `saves - 1` were saved one after the other.
+fn saved(saves: u16) -> Nor {
+    let mut store = store(Nor::blank());
+    for number in 0..saves {
+        store.save(&numbered(number)).unwrap();
+    }
+    store.into_flash()
+}
+
+fn bits(value: f64) -> i32 {
+    Command::saturating_from_f64(value).to_bits()
+}
+
+#[test]
+fn the_defaults_are_valid_and_hold_the_papers_compensator() {
+    let settings = Settings::default().validate().unwrap();
+    assert_eq!(settings, Validated::default());
+    assert_eq!(settings.warnings().iter().count(), 0);
+    let design = LeadDesign::new(settings.lead.into(), f64::from(settings.loop_rate_hz), None).unwrap();
+    assert_eq!(design.coefficients(), paper_design().coefficients());
+}
+
+#[test]
+fn a_value_outside_its_range_is_refused_by_name() {
+    type Change = fn(&mut Settings);
+    let refused: &[(&str, Change)] = &[
+        ("loop_rate_hz", |s| s.loop_rate_hz = 999),
+        ("loop_rate_hz", |s| s.loop_rate_hz = 10_001),
+        ("omega_z_rad_s", |s| s.lead.omega_z_rad_s = f64::NAN),
+        ("omega_z_rad_s", |s| s.lead.omega_z_rad_s = -1.0),
+        ("omega_z_rad_s", |s| s.lead.omega_z_rad_s = s.lead.omega_f_rad_s),
+        ("omega_f_rad_s", |s| s.lead.omega_f_rad_s = f64::INFINITY),
+        ("omega_f_rad_s", |s| s.lead.omega_f_rad_s = 2001.0),
+        ("damping", |s| s.lead.damping = 0.29),
+        ("damping", |s| s.lead.damping = f64::NAN),
+        ("input.frame_hz", |s| s.input.frame_hz = 39),
+        ("input.frame_hz", |s| s.input.frame_hz = 4001),
+        ("output.frame_hz", |s| s.output.frame_hz = 0),
+        ("stop", |s| s.stop = -1),
+        ("motor.1.arming", |s| s.motors[1].arming = s.stop),
+        ("motor.1.arming", |s| s.motors[1].arming = i32::MIN),
+        ("motor.2.idle", |s| s.motors[2].idle = s.motors[2].arming - 1),
+        ("motor.2.idle", |s| s.motors[2].idle = i32::MAX),
+        ("motor.3.max", |s| s.motors[3].max = s.motors[3].idle),
+        ("motor.3.max", |s| s.motors[3].max = Command::ONE.to_bits() + 1),
+        ("motor.0.hold_ms", |s| s.motors[0].hold_ms = 1001),
+        ("excitation.max_duration_s", |s| s.excitation.max_duration_s = 0),
+        ("excitation.max_command", |s| s.excitation.max_command = Command::ONE.to_bits() + 1),
+        ("excitation.max_amplitude", |s| s.excitation.max_amplitude = 0),
+        ("excitation.max_amplitude", |s| s.excitation.max_amplitude = bits(0.26)),
+        ("excitation.ramp_ms", |s| s.excitation.ramp_ms = 99),
+        ("recorder_divisor", |s| s.recorder_divisor = 0),
+        ("recorder_divisor", |s| s.recorder_divisor = 5001),
+    ];
+    for (name, change) in refused {
+        let mut settings = Settings::default();
+        change(&mut settings);
+        let error = settings.clone().validate().unwrap_err();
+        assert_eq!(error.place.to_string(), *name, "{error}");
+        assert!(error.to_string().contains(name), "{error}");
+
+        // And on load, where its checksum is right.
+        let mut flash = Nor::blank();
+        let bytes = slot(1, &postcard::to_stdvec(&settings).unwrap());
+        for start in [0, SECTOR] {
+            flash.bytes[start..start + bytes.len()].copy_from_slice(&bytes);
+        }
+        let loaded = store(flash).load();
+        assert_eq!((loaded.settings, loaded.origin), (Validated::default(), Origin::DefaultsBad), "{name}");
+    }
+}
+
+#[test]
+fn a_pulse_that_leaves_no_gap_in_its_frame_is_refused() {
+    let with = |protocol, frame_hz| {
+        let output = Pulse { protocol, frame_hz };
+        Settings { output, ..Settings::default() }.validate().map(|_| ())
+    };
+    for (protocol, frame_hz, longest_us, max_frame_hz) in [
+        (PulseProtocol::StandardPwm, 600, 2000, 495),
+        (PulseProtocol::StandardPwm, 496, 2000, 495),
+        (PulseProtocol::OneShot125, 4000, 250, 3703),
+        (PulseProtocol::OneShot125, 3704, 250, 3703),
+    ] {
+        let place = Place { key: Key::OutputFrameHz, motor: None };
+        let problem = Problem::PulseTooLong { longest_us, max_frame_hz };
+        assert_eq!(with(protocol, frame_hz), Err(SettingsError { place, problem }));
+        assert_eq!(with(protocol, max_frame_hz), Ok(()));
+    }
+}
+
+#[test]
+fn a_raw_duty_without_edges_is_refused() {
+    let with = |stop: f64, max: f64| {
+        let mut settings = Settings { stop: bits(stop), ..Settings::default() };
+        settings.output = Pulse { protocol: PulseProtocol::RawDuty, frame_hz: 600 };
+        for motor in &mut settings.motors {
+            motor.max = bits(max);
+        }
+        settings.validate().map(|_| ()).map_err(|error| error.place.to_string())
+    };
+    // 20 us are 1.2 % of a frame at 600 Hz.
+    assert_eq!(with(0.0, 0.98), Err("stop".to_owned()));
+    assert_eq!(with(0.0119, 0.98), Err("stop".to_owned()));
+    assert_eq!(with(0.0121, 1.0), Err("motor.0.max".to_owned()));
+    assert_eq!(with(0.0121, 0.9881), Err("motor.0.max".to_owned()));
+    assert_eq!(with(0.0121, 0.9879), Ok(()));
+}
+
+#[test]
+fn frames_that_the_compensator_outruns_are_warned_of() {
+    // Amplified up to 100 Hz: frames at 200 Hz are the limit.
+    let warnings = |input, output, compensate| {
+        let pulse = |frame_hz| Pulse { protocol: PulseProtocol::StandardPwm, frame_hz };
+        let mut settings = Settings { input: pulse(input), output: pulse(output), ..Settings::default() };
+        let omega_g = settings.lead.omega_f_rad_s.powi(2) / settings.lead.omega_z_rad_s;
+        assert!((omega_g / OMEGA_G_RAD_S - 1.0).abs() < 1e-12);
+        settings.motors[3].compensate = compensate;
+        settings.validate().unwrap().warnings().iter().collect::<Vec<_>>()
+    };
+    assert_eq!(warnings(50, 400, true), [Warning::SlowFrames(Key::InputFrameHz)]);
+    assert_eq!(warnings(400, 199, true), [Warning::SlowFrames(Key::OutputFrameHz)]);
+    assert_eq!(warnings(201, 201, true), []);
+    assert_eq!(warnings(50, 50, false), []);
+}
+
+#[test]
+fn what_was_saved_is_loaded_through_many_saves_and_few_erases() {
+    let mut store = store(Nor::blank());
+    assert_eq!(store.load().origin, Origin::DefaultsBlank);
+    for number in 0..101 {
+        store.save(&numbered(number)).unwrap();
+        let loaded = store.load();
+        assert_eq!((loaded.settings, loaded.origin), (numbered(number), Origin::Stored));
+    }
+    // Four to a sector; the first four need none.
+    assert_eq!(store.into_flash().erases, 2 * 25);
+}
+
+#[test]
+fn one_wrong_byte_anywhere_changes_nothing() {
+    // Sectors with one used slot, some, and all.
+    for saves in [1, 3, 4, 5, 8] {
+        let flash = saved(saves);
+        for address in 0..flash.bytes.len() {
+            for wrong in [0x00, 0xff, flash.bytes[address] ^ 0x01, flash.bytes[address] ^ 0x80] {
+                let mut flash = flash.clone();
+                flash.bytes[address] = wrong;
+                let mut store = store(flash);
+                let loaded = store.load();
+                assert_eq!(loaded.settings, numbered(saves - 1), "byte {address} is {wrong:#x} after {saves} saves");
+                assert!(matches!(loaded.origin, Origin::Stored | Origin::StoredOnce));
+            }
+        }
+    }
+}
+
+#[test]
+fn a_wrong_byte_in_each_copy_gives_the_defaults_and_says_so() {
+    let flash = saved(1);
+    let used = flash.bytes[..SLOT].iter().rposition(|&byte| byte != 0xff).unwrap() + 1;
+    println!("{used} bytes of {SLOT}");
+    for address in 0..used {
+        let mut flash = flash.clone();
+        flash.bytes[address] ^= 0x10;
+        flash.bytes[SECTOR + (address * 7) % used] ^= 0x02;
+        let mut store = store(flash);
+        let loaded = store.load();
+        assert_eq!((loaded.settings, loaded.origin), (Validated::default(), Origin::DefaultsBad), "byte {address}");
+        // And that can be mended.
+        store.save(&numbered(9)).unwrap();
+        assert_eq!(store.load().origin, Origin::Stored);
+    }
+}
+
+/// Cuts the power at every byte of a save of `new` into `flash`; gives what is left each time.
+fn cuts<'a>(flash: &'a Nor, new: &'a Validated) -> impl Iterator<Item = Nor> + 'a {
+    let steps = {
+        let mut whole = store(flash.clone());
+        whole.save(new).unwrap();
+        whole.into_flash().steps - flash.steps
+    };
+    (0..steps).map(move |cut| {
+        let mut cut_short = store(Nor { cut_after: Some(cut), ..flash.clone() });
+        assert_eq!(cut_short.save(new), Err(SaveError::Flash), "cut after {cut} bytes");
+        let mut left = cut_short.into_flash();
+        left.power_on();
+        left
+    })
+}
+
+#[test]
+fn a_power_cut_at_any_byte_of_a_save_leaves_the_old_or_the_new_set() {
+    // With and without an erase, in either direction.
+    for (saves, erases_backwards) in [(1, false), (3, false), (4, false), (4, true), (5, false)] {
+        let flash = Nor { erases_backwards, ..saved(saves) };
+        let (old, new, newer) = (numbered(saves - 1), numbered(saves), numbered(100));
+        let (mut olds, mut news) = (0, 0);
+        for left in cuts(&flash, &new) {
+            let loaded = store(left.clone()).load();
+            if loaded.settings == old {
+                olds += 1;
+            } else {
+                assert_eq!(loaded.settings, new);
+                news += 1;
+            }
+            let mut mended = store(left);
+            mended.save(&newer).unwrap();
+            let loaded = mended.load();
+            assert_eq!((loaded.settings, loaded.origin), (newer.clone(), Origin::Stored));
+        }
+        println!(
+            "{saves} saves before, backwards {erases_backwards}: {olds} cuts leave the old set, {news} the new one"
+        );
+        assert!(olds > 0 && news > 0);
+    }
+}
+
+#[test]
+fn a_second_power_cut_while_mending_the_first_leaves_one_of_the_sets_too() {
+    let flash = saved(2);
+    let (old, new, newer) = (numbered(1), numbered(2), numbered(3));
+    for left in cuts(&flash, &new) {
+        let first = store(left.clone()).load().settings;
+        assert!(first == old || first == new);
+        for left in cuts(&left, &newer).step_by(3) {
+            let second = store(left).load().settings;
+            assert!(second == first || second == newer);
+        }
+    }
+}
+
+#[test]
+fn a_cut_in_the_very_first_save_leaves_defaults_or_the_new_set() {
+    for left in cuts(&Nor::blank(), &numbered(7)) {
+        let loaded = store(left).load();
+        assert!(loaded.settings == Validated::default() || loaded.settings == numbered(7));
+    }
+}
+
+#[test]
+fn a_worn_byte_is_found_when_it_is_written_and_the_old_set_stays() {
+    let flash = saved(1);
+    // Slot 1 of the first sector, where the next save begins.
+    let mut store = store(Nor { worn: Some((SLOT + 20, 0xff)), ..flash });
+    assert_eq!(store.save(&numbered(1)), Err(SaveError::ReadBack));
+    assert_eq!(store.load().settings, numbered(0));
+}
+
+#[test]
+fn the_stored_form_is_the_documented_one() {
+    let flash = saved(1);
+    let expected = slot(1, &postcard::to_stdvec(&*numbered(0)).unwrap());
+    assert_eq!(flash.bytes[..expected.len()], expected);
+    assert_eq!(flash.bytes[SECTOR..SECTOR + expected.len()], expected);
+}
+
+proptest! {
+    #![proptest_config(cases(2000))]
+
+    #[test]
+    fn no_bytes_in_flash_make_the_loader_panic_or_load_what_is_not_valid(
+        bytes in proptest::collection::vec(any::<u8>(), 0..2200)
+    ) {
+        fuzz_settings(&bytes);
+    }
+
+    #[test]
+    fn nor_do_settings_with_some_bytes_changed(
+        changes in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..4)
+    ) {
+        let mut bytes = postcard::to_stdvec(&Settings::default()).unwrap();
+        for (index, byte) in changes {
+            *index.get_mut(&mut bytes) = byte;
+        }
+        fuzz_settings(&bytes);
+    }
+}

@@ -1,0 +1,20 @@
+//! A controller at the other end of a line: asks, sets, records, excites and injects.
+//!
+//! [`Session`] talks the protocol of [`rotorlead::link`] over anything that reads and writes with a time limit;
+//! [`open`] makes that from a serial port or, for the emulator, a TCP address.
+
+mod error;
+mod excite;
+mod inject;
+mod port;
+mod recording;
+mod session;
+mod text;
+
+pub use error::DeviceError;
+pub use excite::{Excited, Played, play};
+pub use inject::inject;
+pub use port::{DEFAULT_BAUD, Port, open};
+pub use recording::{Calibration, Recording, record, template};
+pub use session::Session;
+pub use text::{entries, set, unknown};

@@ -1,0 +1,230 @@
+//! Requests and their answers.
+
+use std::collections::VecDeque;
+use std::io::{ErrorKind, Read as _, Write as _};
+use std::time::{Duration, Instant};
+
+use rotorlead::link::{FRAME_BYTES, Faults, Info, Message, Receiver, Record, Request, Source, Tagged, encode};
+use rotorlead::settings::{Settings, Warnings};
+
+use super::{DeviceError, Port};
+
+/// How often a request that may be repeated is sent before giving up.
+const ATTEMPTS: u32 = 3;
+/// A save may have to erase two sectors, which takes up to 2 s each.
+const SAVE_LIMIT: Duration = Duration::from_secs(10);
+
+/// A conversation with a controller.
+pub struct Session {
+    port: Box<dyn Port>,
+    address: String,
+    limit: Duration,
+    receiver: Receiver<Message>,
+    /// Messages that were read and not asked for yet.
+    inbox: VecDeque<Tagged<Message>>,
+    tag: u8,
+}
+
+impl Session {
+    /// A conversation over `port`, which errors call `address`; an answer is waited for as long as `limit`.
+    #[must_use]
+    pub fn new(port: Box<dyn Port>, address: &str, limit: Duration) -> Self {
+        let address = address.to_owned();
+        Self { port, address, limit, receiver: Receiver::new(), inbox: VecDeque::new(), tag: 0 }
+    }
+
+    /// Who and how the controller is.
+    ///
+    /// # Errors
+    /// [`DeviceError`], as for all requests: the line broke, no answer came, or the controller refused.
+    pub fn info(&mut self) -> Result<Info, DeviceError> {
+        match self.ask("info", &Request::Info)? {
+            Message::Info(info) => Ok(info),
+            _ => Err(DeviceError::Unexpected { request: "info" }),
+        }
+    }
+
+    /// The settings in use.
+    ///
+    /// # Errors
+    /// [`DeviceError`].
+    pub fn settings(&mut self) -> Result<Settings, DeviceError> {
+        match self.ask("get", &Request::GetSettings)? {
+            Message::Settings(settings) => Ok(settings),
+            _ => Err(DeviceError::Unexpected { request: "get" }),
+        }
+    }
+
+    /// Puts settings to use, without storing them.
+    ///
+    /// # Errors
+    /// [`DeviceError`].
+    pub fn set_settings(&mut self, settings: &Settings) -> Result<Warnings, DeviceError> {
+        match self.ask("set", &Request::SetSettings(settings.clone()))? {
+            Message::SettingsTaken(warnings) => Ok(warnings),
+            _ => Err(DeviceError::Unexpected { request: "set" }),
+        }
+    }
+
+    /// Stores the settings in use.
+    ///
+    /// # Errors
+    /// [`DeviceError`].
+    pub fn save(&mut self) -> Result<(), DeviceError> {
+        let limit = self.limit.max(SAVE_LIMIT);
+        let tag = self.send(&Request::SaveSettings)?;
+        let answer = self.answer(tag, limit, "save")?;
+        done("save", answer)
+    }
+
+    /// What went wrong on the controller so far.
+    ///
+    /// # Errors
+    /// [`DeviceError`].
+    pub fn faults(&mut self) -> Result<Faults, DeviceError> {
+        match self.ask("faults", &Request::Faults)? {
+            Message::Faults(faults) => Ok(faults),
+            _ => Err(DeviceError::Unexpected { request: "faults" }),
+        }
+    }
+
+    /// Says where a motor's command comes from.
+    ///
+    /// # Errors
+    /// [`DeviceError`].
+    pub fn set_mode(&mut self, motor: u8, source: Source, compensate: bool) -> Result<(), DeviceError> {
+        let answer = self.ask("mode", &Request::SetMode { motor, source, compensate })?;
+        done("mode", answer)
+    }
+
+    /// Ramps an excitation down.
+    ///
+    /// # Errors
+    /// [`DeviceError`].
+    pub fn stop_excitation(&mut self) -> Result<(), DeviceError> {
+        let answer = self.ask("stop", &Request::StopExcitation)?;
+        done("stop", answer)
+    }
+
+    /// Sends a request that may be repeated, and waits for its answer.
+    pub(super) fn ask(&mut self, name: &'static str, request: &Request) -> Result<Message, DeviceError> {
+        let mut attempt = 1;
+        loop {
+            let tag = self.send(request)?;
+            match self.answer(tag, self.limit, name) {
+                Err(DeviceError::NoAnswer { .. }) if attempt < ATTEMPTS => attempt += 1,
+                answer => return answer,
+            }
+        }
+    }
+
+    /// Sends a request that must not be repeated, and waits for its answer.
+    pub(super) fn ask_once(&mut self, name: &'static str, request: &Request) -> Result<Message, DeviceError> {
+        let tag = self.send(request)?;
+        self.answer(tag, self.limit, name)
+    }
+
+    /// Sends a request, and gives its tag.
+    pub(super) fn send(&mut self, request: &Request) -> Result<u8, DeviceError> {
+        self.tag = self.tag.wrapping_add(1);
+        let mut frame = [0; FRAME_BYTES];
+        let length = encode(self.tag, request, &mut frame).expect("a test holds every message to the frame's size");
+        let sent = self.port.write_all(&frame[..length]).and_then(|()| self.port.flush());
+        sent.map_err(|error| self.broken(&error))?;
+        Ok(self.tag)
+    }
+
+    /// Waits for the answer to the request of that tag. Other answers are late ones, and dropped; records are kept.
+    pub(super) fn answer(&mut self, tag: u8, limit: Duration, request: &'static str) -> Result<Message, DeviceError> {
+        let end = Instant::now() + limit;
+        loop {
+            let is_answer =
+                |tagged: &Tagged<Message>| tagged.tag == tag && !matches!(tagged.message, Message::Record(_));
+            if let Some(Tagged { message, .. }) = self.take(is_answer) {
+                return match message {
+                    Message::Refused(refusal) => Err(DeviceError::Refused { request, refusal }),
+                    message => Ok(message),
+                };
+            }
+            if Instant::now() >= end {
+                return Err(self.silence(request, limit));
+            }
+            self.read()?;
+        }
+    }
+
+    /// The next record of the recording of that tag, waited for as long as an answer.
+    pub(super) fn next_record(&mut self, tag: u8) -> Result<Record, DeviceError> {
+        let end = Instant::now() + self.limit;
+        loop {
+            let is_record =
+                |tagged: &Tagged<Message>| tagged.tag == tag && matches!(tagged.message, Message::Record(_));
+            if let Some(Tagged { message: Message::Record(record), .. }) = self.take(is_record) {
+                return Ok(record);
+            }
+            if Instant::now() >= end {
+                return Err(self.silence("record", self.limit));
+            }
+            self.read()?;
+        }
+    }
+
+    /// How long an answer is waited for.
+    pub(super) fn limit(&self) -> Duration {
+        self.limit
+    }
+
+    /// The first message of that kind. What came before it, records apart, is late and dropped: the answer to a request
+    /// that was given up.
+    fn take(&mut self, wanted: impl Fn(&Tagged<Message>) -> bool) -> Option<Tagged<Message>> {
+        let index = self.inbox.iter().position(wanted)?;
+        let message = self.inbox.remove(index);
+        let mut left = index;
+        self.inbox.retain(|tagged| {
+            let is_before = left > 0;
+            left = left.saturating_sub(1);
+            !is_before || matches!(tagged.message, Message::Record(_))
+        });
+        message
+    }
+
+    /// Reads what there is, for as long as the port waits.
+    fn read(&mut self) -> Result<(), DeviceError> {
+        let mut bytes = [0; 4096];
+        match self.port.read(&mut bytes) {
+            Ok(0) => Err(self.broken(&std::io::Error::from(ErrorKind::UnexpectedEof))),
+            Ok(length) => {
+                let receiver = &mut self.receiver;
+                self.inbox.extend(bytes[..length].iter().filter_map(|&byte| receiver.push(byte)));
+                Ok(())
+            }
+            Err(error)
+                if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted) =>
+            {
+                Ok(())
+            }
+            Err(error) => Err(self.broken(&error)),
+        }
+    }
+
+    fn broken(&self, error: &std::io::Error) -> DeviceError {
+        DeviceError::Line { address: self.address.clone(), reason: error.to_string() }
+    }
+
+    fn silence(&self, request: &'static str, limit: Duration) -> DeviceError {
+        let address = self.address.clone();
+        if self.receiver.faults().other_version > 0 {
+            DeviceError::OtherVersion { address }
+        } else {
+            DeviceError::NoAnswer { address, request, seconds: limit.as_secs_f64() }
+        }
+    }
+}
+
+/// Accepts [`Message::Done`] alone.
+pub(super) fn done(request: &'static str, answer: Message) -> Result<(), DeviceError> {
+    match answer {
+        Message::Done => Ok(()),
+        _ => Err(DeviceError::Unexpected { request }),
+    }
+}

@@ -1,0 +1,162 @@
+//! Settings by name, as on the command line.
+
+use rotorlead::settings::{Key, MOTORS, MotorSettings, Place, PulseProtocol, Settings};
+use rotorlead::throttle::{Command, Throttle};
+
+use super::DeviceError;
+
+/// Names of the protocols.
+const PROTOCOLS: [(&str, PulseProtocol); 3] = [
+    ("raw_duty", PulseProtocol::RawDuty),
+    ("standard_pwm", PulseProtocol::StandardPwm),
+    ("oneshot125", PulseProtocol::OneShot125),
+];
+
+/// All settings, name and value, in the form that [`set`] takes.
+#[must_use]
+pub fn entries(settings: &Settings) -> Vec<(String, String)> {
+    let mut copy = settings.clone();
+    let mut entries = Vec::new();
+    let mut add = |key: Key, motor: Option<u8>| {
+        let value = Value::of(&mut copy, key, motor.map_or(0, usize::from)).show();
+        entries.push((Place { key, motor }.to_string(), value));
+    };
+    for key in Key::ALL.into_iter().filter(|key| !key.is_of_a_motor()) {
+        add(key, None);
+    }
+    for motor in 0..MOTORS as u8 {
+        for key in Key::ALL.into_iter().filter(|key| key.is_of_a_motor()) {
+            add(key, Some(motor));
+        }
+    }
+    entries
+}
+
+/// Changes one setting; `motor.*.idle` changes that of every motor. Ranges are checked by
+/// [`Settings::validate`], not here.
+///
+/// # Errors
+/// [`DeviceError::Setting`]: no such key, or not such a value.
+pub fn set(settings: &mut Settings, name: &str, text: &str) -> Result<(), DeviceError> {
+    let (motors, key_name) = match name.strip_prefix("motor.").and_then(|rest| rest.split_once('.')) {
+        Some(("*", key)) => (0..MOTORS, key),
+        Some((motor, key)) => match motor.parse::<usize>() {
+            Ok(motor) if motor < MOTORS => (motor..motor + 1, key),
+            _ => return Err(unknown(name)),
+        },
+        None => (0..1, name),
+    };
+    let is_of_a_motor = name.starts_with("motor.");
+    let key = Key::ALL.into_iter().find(|key| key.name() == key_name && key.is_of_a_motor() == is_of_a_motor);
+    let key = key.ok_or_else(|| unknown(name))?;
+    for motor in motors {
+        Value::of(settings, key, motor)
+            .parse(text)
+            .map_err(|help| DeviceError::Setting { message: format!("`{text}` is no value for {name}"), help })?;
+    }
+    Ok(())
+}
+
+/// The error that there is no setting of this name, with the nearest one.
+#[must_use]
+pub fn unknown(name: &str) -> DeviceError {
+    let names = entries(&Settings::default());
+    let near = names
+        .iter()
+        .map(|(known, _)| known)
+        .max_by(|a, b| strsim::jaro_winkler(a, name).total_cmp(&strsim::jaro_winkler(b, name)));
+    let near = near.map_or(String::new(), |near| format!("perhaps {near}; "));
+    DeviceError::Setting {
+        message: format!("there is no setting `{name}`"),
+        help: format!("{near}`rotorlead device get` shows them all, and motor.*.KEY means every motor"),
+    }
+}
+
+/// One setting, wherever it is.
+enum Value<'a> {
+    Rate(&'a mut u32),
+    Number(&'a mut f64),
+    Count(&'a mut u16),
+    Level(&'a mut i32),
+    Switch(&'a mut bool),
+    Protocol(&'a mut PulseProtocol),
+}
+
+impl<'a> Value<'a> {
+    fn of(settings: &'a mut Settings, key: Key, motor: usize) -> Self {
+        let MotorSettings { compensate, arming, idle, max, hold_ms } = &mut settings.motors[motor];
+        match key {
+            Key::LoopRateHz => Self::Rate(&mut settings.loop_rate_hz),
+            Key::OmegaZRadS => Self::Number(&mut settings.lead.omega_z_rad_s),
+            Key::OmegaFRadS => Self::Number(&mut settings.lead.omega_f_rad_s),
+            Key::Damping => Self::Number(&mut settings.lead.damping),
+            Key::InputProtocol => Self::Protocol(&mut settings.input.protocol),
+            Key::InputFrameHz => Self::Count(&mut settings.input.frame_hz),
+            Key::OutputProtocol => Self::Protocol(&mut settings.output.protocol),
+            Key::OutputFrameHz => Self::Count(&mut settings.output.frame_hz),
+            Key::Stop => Self::Level(&mut settings.stop),
+            Key::Compensate => Self::Switch(compensate),
+            Key::Arming => Self::Level(arming),
+            Key::Idle => Self::Level(idle),
+            Key::Max => Self::Level(max),
+            Key::HoldMs => Self::Count(hold_ms),
+            Key::ExcitationMaxDurationS => Self::Count(&mut settings.excitation.max_duration_s),
+            Key::ExcitationMaxCommand => Self::Level(&mut settings.excitation.max_command),
+            Key::ExcitationMaxAmplitude => Self::Level(&mut settings.excitation.max_amplitude),
+            Key::ExcitationRampMs => Self::Count(&mut settings.excitation.ramp_ms),
+            Key::RecorderDivisor => Self::Count(&mut settings.recorder_divisor),
+        }
+    }
+
+    /// As text that [`Self::parse`] takes back to the same value.
+    fn show(&self) -> String {
+        match self {
+            Self::Rate(value) => value.to_string(),
+            Self::Number(value) => value.to_string(),
+            Self::Count(value) => value.to_string(),
+            Self::Level(bits) => {
+                // As few decimals as read back the same; ten resolve 2^-29.
+                let value = Throttle::from_bits(**bits).to_f64();
+                let shown = (0..10).map(|decimals| format!("{value:.decimals$}"));
+                let same =
+                    |text: &String| text.parse().is_ok_and(|v| Command::saturating_from_f64(v).to_bits() == **bits);
+                shown.into_iter().find(same).unwrap_or_else(|| value.to_string())
+            }
+            Self::Switch(value) => value.to_string(),
+            Self::Protocol(value) => {
+                PROTOCOLS.iter().find(|(_, protocol)| *protocol == **value).map_or("", |(name, _)| name).to_owned()
+            }
+        }
+    }
+
+    /// Changes the setting; the error says what would be a value.
+    fn parse(self, text: &str) -> Result<(), String> {
+        fn take<T: std::str::FromStr>(place: &mut T, text: &str, what: &str) -> Result<(), String> {
+            *place = text.parse().map_err(|_| what.to_owned())?;
+            Ok(())
+        }
+        match self {
+            Self::Rate(place) => take(place, text, "give a whole number of hertz"),
+            Self::Number(place) => take(place, text, "give a number"),
+            Self::Count(place) => take(place, text, "give a whole number from 0 to 65535"),
+            Self::Switch(place) => take(place, text, "give true or false"),
+            Self::Level(place) => {
+                let mut value = 0.0;
+                let what = "give a command from 0 to 1";
+                take(&mut value, text, what)?;
+                if !(0.0..=1.0).contains(&value) {
+                    return Err(what.to_owned());
+                }
+                *place = Command::saturating_from_f64(value).to_bits();
+                Ok(())
+            }
+            Self::Protocol(place) => match PROTOCOLS.iter().find(|(name, _)| *name == text) {
+                Some((_, protocol)) => {
+                    *place = *protocol;
+                    Ok(())
+                }
+                None => Err(format!("give {}", PROTOCOLS.map(|(name, _)| name).join(", "))),
+            },
+        }
+    }
+}

@@ -1,0 +1,46 @@
+//! The part of a record on which the motor runs steadily.
+
+use std::ops::Range;
+
+use super::plateaus::{self, Plateau, longest_run, settled_from};
+use super::{StepsError, checked_response, spikes};
+use crate::record::{Output, Record};
+
+/// The longest run of plateaus on which the motor runs steadily; start-up and stopping are cut off.
+#[derive(Clone, Debug)]
+pub(in crate::identify) struct Run {
+    /// The response of the whole record, spikes replaced.
+    pub(in crate::identify) clean: Vec<f64>,
+    /// Which rows of the record are spikes.
+    pub(in crate::identify) spike: Vec<bool>,
+    /// Two plateaus or more.
+    pub(in crate::identify) plateaus: Vec<Plateau>,
+}
+
+impl Run {
+    /// The run of a record.
+    ///
+    /// # Errors
+    /// [`StepsError`] without a response, without a change of the command, or without two plateaus in a row on which
+    /// the motor runs steadily.
+    pub(in crate::identify) fn of(record: &Record, output: Output) -> Result<Self, StepsError> {
+        let (clean, spike) = spikes::without_spikes(checked_response(record, output)?);
+        let all = plateaus::find(&record.time_s, &record.command, &clean, output);
+        let not_running = || StepsError::NotRunning { record: record.file.clone() };
+        if all.len() < 2 {
+            return Err(StepsError::ConstantCommand { record: record.file.clone() });
+        }
+        let run = longest_run(&all);
+        if run.len() < 2 {
+            return Err(not_running());
+        }
+        let mut plateaus = all[run].to_vec();
+        plateaus[0].rows.start = settled_from(&plateaus[0], &clean).ok_or_else(not_running)?;
+        Ok(Self { clean, spike, plateaus })
+    }
+
+    /// Its rows in the record.
+    pub(in crate::identify) fn rows(&self) -> Range<usize> {
+        self.plateaus[0].rows.start..self.plateaus[self.plateaus.len() - 1].rows.end
+    }
+}
