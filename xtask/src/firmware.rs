@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use crate::image::{Calls, Function, Image};
-use crate::run::{Result, cargo, command, output, run};
+use crate::run::{Result, command, output, run};
 use crate::{emulator, setup};
 
 /// Interrupts of the path from pulse to pulse and of the link's bytes: those that must never panic. The names are those
@@ -60,12 +60,9 @@ pub fn flash() -> Result {
     run(command("probe-rs", &["run", "--chip", "STM32F405RGTx"]).arg(path))
 }
 
-/// The tests of the image: what `build` checks, that the check finds an indexing panic, and the image in the emulator.
+/// The tests of the image: what `build` checks, and that the check finds an indexing panic.
 pub fn test() -> Result {
     build()?;
-    let mut emulated = cargo(&["test", "--package", "host-tests", "--test", "emulator", "--locked"]);
-    emulated.args(["--", "--ignored", "--test-threads", "1"]).env("ROTORLEAD_IMAGE", build_image(&[])?);
-    run(&mut emulated)?;
     let path = build_image(&[PLANTED])?;
     let bytes = std::fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))?;
     match no_panic(&Image::read(&bytes)?) {

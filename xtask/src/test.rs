@@ -3,9 +3,10 @@
 use crate::run::{Result, cargo, run};
 use crate::{firmware, setup};
 
-/// Formatting, lints, documentation, host tests, the image for the controller, and that image in the emulator.
+/// Formatting, lints, documentation, host tests, and what the image for the controller shows of itself.
 pub fn all() -> Result {
-    setup::all()?;
+    setup::components()?;
+    setup::target()?;
     run(&mut cargo(&["fmt", "--all", "--check"]))?;
     run(&mut cargo(&["clippy", "--workspace", "--all-targets", "--locked", "--", "-D", "warnings"]))?;
     run(&mut cargo(&["test", "--workspace", "--locked"]))?;
