@@ -34,6 +34,7 @@ pub mod biquad;
 pub mod capture;
 pub mod channel;
 pub mod compensator;
+pub mod controller;
 pub mod design;
 pub mod excitation;
 pub mod link;

@@ -1,6 +1,10 @@
 //! Set-up, tests and benchmarks of the workspace: `cargo xtask help` lists them.
 
+mod apt;
 mod bench;
+mod emulator;
+mod firmware;
+mod image;
 mod run;
 mod setup;
 mod test;
@@ -11,6 +15,9 @@ const HELP: &str = "\
 Usage: cargo xtask COMMAND
 
   setup    installs what the other commands need beside a Rust toolchain
+  build    builds the image for the controller; says what flash, RAM and stack it takes, and that it cannot panic
+  emulate  [PORT] runs that image in QEMU, with its link on a TCP port
+  flash    flashes that image with a debug probe, and shows its log
   test     every test there is: formatting, lints, documentation, host tests, the build for the controller
   bench    measures filters and the simulated stand side by side, in one run
   help     prints this
@@ -21,6 +28,13 @@ fn main() -> ExitCode {
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
     let result = match arguments.as_slice() {
         ["setup"] => setup::all(),
+        ["build"] => firmware::build(),
+        ["emulate"] => firmware::emulate(emulator::DEFAULT_PORT),
+        ["emulate", port] => match port.parse() {
+            Ok(port) => firmware::emulate(port),
+            Err(_) => Err(format!("{port} is not a TCP port")),
+        },
+        ["flash"] => firmware::flash(),
         ["test"] => test::all(),
         ["bench"] => bench::all(),
         ["help" | "--help" | "-h"] | [] => {

@@ -1,18 +1,73 @@
-//! Installs what a Rust toolchain may lack: formatter, lints, and the controller's target.
+//! Installs what a Rust toolchain may lack: formatter, lints, the controller's target, and the emulator.
 
+use std::path::Path;
+use std::process::Command;
 use std::time::Duration;
 
-use crate::run::{Result, command, output, run_within};
+use crate::run::{Result, cargo, command, output, run_within};
+use crate::{apt, emulator};
 
 /// The controller: a Cortex-M4 with a single-precision FPU.
 pub const TARGET: &str = "thumbv7em-none-eabihf";
 /// Longest that a download may take. A server that cannot be reached must not hang the tests.
 const DOWNLOAD_LIMIT: Duration = Duration::from_secs(300);
+/// Debian's compiler that comes with the source of its library, and a linker.
+const DEBIAN_PACKAGES: [&str; 4] = ["rustc-web", "cargo-web", "rust-web-src", "lld"];
+/// Where that compiler and its library's source are.
+const DEBIAN_FOLDER: &str = "/usr/bin";
+const DEBIAN_SOURCE: &str = "lib/rustlib/src/rust/library/core/Cargo.toml";
+
+/// Who builds for the controller.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Toolchain {
+    /// The toolchain that builds for the host, with the target's library from rustup.
+    Rustup,
+    /// Debian's, which builds the library from its source: for machines that do not reach rustup's server.
+    Debian,
+}
+
+impl Toolchain {
+    /// cargo with the arguments that a build for the controller needs, beside those given.
+    pub fn cargo(self, arguments: &[&str]) -> Command {
+        match self {
+            Self::Rustup => {
+                let mut cargo = cargo(arguments);
+                cargo.args(["--target", TARGET]);
+                cargo
+            }
+            Self::Debian => {
+                let mut cargo = command("/usr/bin/cargo", arguments);
+                let path = std::env::var("PATH").unwrap_or_default();
+                cargo
+                    .args(["--target", TARGET, "-Zbuild-std=core,panic_abort"])
+                    // Compiler and library source must be of one version.
+                    .env("PATH", format!("{DEBIAN_FOLDER}:{path}"))
+                    .env("RUSTC", "/usr/bin/rustc")
+                    .env("RUSTC_BOOTSTRAP", "1")
+                    .env("RUSTFLAGS", "-C linker=ld.lld")
+                    .env_remove("RUSTUP_TOOLCHAIN")
+                    // The two compilers must not throw away each other's work.
+                    .env("CARGO_TARGET_DIR", crate::run::root().join("target/debian"));
+                cargo
+            }
+        }
+    }
+
+    /// Where its builds end up.
+    pub fn folder(self) -> std::path::PathBuf {
+        let target = match self {
+            Self::Rustup => "target",
+            Self::Debian => "target/debian",
+        };
+        crate::run::root().join(target).join(TARGET)
+    }
+}
 
 /// Everything.
 pub fn all() -> Result {
     components()?;
-    target()
+    target()?;
+    emulator()
 }
 
 /// rustfmt and clippy.
@@ -25,13 +80,40 @@ pub fn components() -> Result {
     Ok(())
 }
 
-/// The standard library of the controller's target.
-pub fn target() -> Result {
+/// What builds for the controller: rustup's library for the target, or else Debian's compiler.
+pub fn target() -> Result<Toolchain> {
     let libraries = output(&mut command("rustc", &["--print", "target-libdir", "--target", TARGET]));
-    if libraries.is_some_and(|folder| std::path::Path::new(folder.trim()).is_dir()) {
-        return Ok(());
+    if libraries.is_some_and(|folder| Path::new(folder.trim()).is_dir()) {
+        return Ok(Toolchain::Rustup);
     }
-    rustup(&["target", "add", TARGET])
+    if has_debian() {
+        return Ok(Toolchain::Debian);
+    }
+    let Err(first) = rustup(&["target", "add", TARGET]) else { return Ok(Toolchain::Rustup) };
+    eprintln!("xtask: {first}\nxtask: tries Debian's compiler instead");
+    apt::install(&DEBIAN_PACKAGES).map_err(|second| format!("the target {TARGET} is missing.\n{first}\n{second}"))?;
+    if has_debian() { Ok(Toolchain::Debian) } else { Err(format!("{} installed, but incomplete", DEBIAN_PACKAGES[0])) }
+}
+
+/// Whether Debian's compiler is here with the source of its own library.
+fn has_debian() -> bool {
+    let sysroot = output(&mut command("/usr/bin/rustc", &["--print", "sysroot"]));
+    let source = sysroot.is_some_and(|folder| Path::new(folder.trim()).join(DEBIAN_SOURCE).is_file());
+    source && output(&mut command("ld.lld", &["--version"])).is_some() && Path::new("/usr/bin/cargo").is_file()
+}
+
+/// QEMU, new enough to have the controller's clock registers.
+pub fn emulator() -> Result {
+    match emulator::version() {
+        Some(version) if version >= emulator::OLDEST => return Ok(()),
+        Some(version) => eprintln!("xtask: QEMU {version} is too old: {} models the clock registers", emulator::OLDEST),
+        None => {}
+    }
+    apt::install_at_least(emulator::PACKAGE, emulator::OLDEST)?;
+    match emulator::version() {
+        Some(version) if version >= emulator::OLDEST => Ok(()),
+        _ => Err(format!("{} is installed, but does not run as {}", emulator::PACKAGE, emulator::PROGRAM)),
+    }
 }
 
 fn rustup(arguments: &[&str]) -> Result {

@@ -1,0 +1,216 @@
+//! What happens when all is lost: the outputs go low at the pin, the reason is written down where a reset does not
+//! reach it, and the controller starts anew.
+//!
+//! The record lies in RAM that start-up does not clear, with a checksum: RAM survives every reset but the loss of power.
+
+use core::mem::MaybeUninit;
+use core::panic::PanicInfo;
+use core::ptr::addr_of_mut;
+
+use cortex_m::peripheral::SCB;
+use cortex_m_rt::exception;
+use rotorlead::link::ResetReason;
+use stm32f4xx_hal::pac::RCC;
+
+/// Why the controller was started.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, defmt::Format)]
+pub enum StartReason {
+    /// Power came.
+    Power,
+    /// The supply sagged.
+    BrownOut,
+    /// The reset pin or a debug probe.
+    Pin,
+    /// Software asked for it, without a record of why.
+    Software,
+    /// The control task, or everything, stood still.
+    Watchdog,
+    /// A panic; where in the source (the last characters of the file's name).
+    Panic {
+        /// Line of the source.
+        line: u32,
+        /// End of the file's name, padded with zeros at its front.
+        file: [u8; FILE_BYTES],
+    },
+    /// The core faulted.
+    Fault {
+        /// Where, or 0 where the stack could not be read.
+        program_counter: u32,
+        /// Configurable fault status register: what.
+        status: u32,
+    },
+    /// The crystal stopped while the core ran on it.
+    CrystalLost,
+    /// An interrupt that nothing was set up for.
+    StrayInterrupt {
+        /// Its number, negative for exceptions.
+        number: i16,
+    },
+}
+
+impl From<StartReason> for ResetReason {
+    fn from(reason: StartReason) -> Self {
+        match reason {
+            StartReason::Power => Self::PowerOn,
+            StartReason::BrownOut => Self::BrownOut,
+            StartReason::Pin => Self::Pin,
+            StartReason::Software => Self::Software,
+            StartReason::Watchdog => Self::Watchdog,
+            StartReason::Panic { .. } => Self::Panic,
+            StartReason::Fault { .. } | StartReason::CrystalLost | StartReason::StrayInterrupt { .. } => Self::Fault,
+        }
+    }
+}
+
+/// Bytes kept of a file's name.
+pub const FILE_BYTES: usize = 24;
+
+const PANIC: u32 = 1;
+const FAULT: u32 = 2;
+const CRYSTAL_LOST: u32 = 3;
+const STRAY: u32 = 4;
+
+#[derive(Clone, Copy)]
+#[repr(C)]
+struct Record {
+    kind: u32,
+    words: [u32; 2],
+    file: [u8; FILE_BYTES],
+    checksum: u32,
+}
+
+impl Record {
+    const fn new(kind: u32, words: [u32; 2], file: [u8; FILE_BYTES]) -> Self {
+        let mut record = Self { kind, words, file, checksum: 0 };
+        record.checksum = record.sum();
+        record
+    }
+
+    /// FNV-1a over everything before the checksum. Memory that lost its power does not match by accident.
+    const fn sum(&self) -> u32 {
+        let mut hash: u32 = 0x811C_9DC5;
+        let words = [self.kind, self.words[0], self.words[1]];
+        let mut n = 0;
+        while n < words.len() {
+            hash = (hash ^ words[n]).wrapping_mul(0x0100_0193);
+            n += 1;
+        }
+        n = 0;
+        while n < FILE_BYTES {
+            hash = (hash ^ self.file[n] as u32).wrapping_mul(0x0100_0193);
+            n += 1;
+        }
+        hash
+    }
+}
+
+#[unsafe(link_section = ".uninit.postmortem")]
+static mut RECORD: MaybeUninit<Record> = MaybeUninit::uninit();
+
+/// Why we are here. To be called once, first thing, with interrupts off; forgets the record.
+pub fn take(rcc: &RCC) -> StartReason {
+    let flags = rcc.csr().read();
+    rcc.csr().modify(|_, w| w.rmvf().set_bit());
+    let place = addr_of_mut!(RECORD);
+    // SAFETY: interrupts are off, so nothing else has it; any bits are a `Record`, and after a loss of power they are
+    // arbitrary but readable.
+    let record = unsafe { place.cast::<Record>().read_volatile() };
+    // SAFETY: as above.
+    unsafe { place.cast::<u32>().write_volatile(0) };
+    if record.checksum == record.sum() {
+        match record.kind {
+            PANIC => return StartReason::Panic { line: record.words[0], file: record.file },
+            FAULT => return StartReason::Fault { program_counter: record.words[0], status: record.words[1] },
+            CRYSTAL_LOST => return StartReason::CrystalLost,
+            STRAY => return StartReason::StrayInterrupt { number: record.words[0] as i16 },
+            _ => {}
+        }
+    }
+    // The first start after power came sets both.
+    if flags.porrstf().bit() {
+        StartReason::Power
+    } else if flags.borrstf().bit() {
+        StartReason::BrownOut
+    } else if flags.wdgrstf().bit() || flags.wwdgrstf().bit() {
+        StartReason::Watchdog
+    } else if flags.sftrstf().bit() {
+        StartReason::Software
+    } else {
+        StartReason::Pin
+    }
+}
+
+/// Outputs low, record, reset.
+fn end(record: Record) -> ! {
+    cortex_m::interrupt::disable();
+    super::outputs_low();
+    // SAFETY: interrupts are off and this does not return, so nothing else has it.
+    unsafe { addr_of_mut!(RECORD).cast::<Record>().write_volatile(record) };
+    SCB::sys_reset()
+}
+
+/// What `end` is given where there is no file.
+const NO_FILE: [u8; FILE_BYTES] = [0; FILE_BYTES];
+
+#[panic_handler]
+#[inline(never)]
+fn panic(info: &PanicInfo<'_>) -> ! {
+    let mut file = NO_FILE;
+    let mut line = 0;
+    if let Some(location) = info.location() {
+        line = location.line();
+        // From the end, which tells files apart.
+        for (to, from) in file.iter_mut().rev().zip(location.file().bytes().rev()) {
+            *to = from;
+        }
+    }
+    end(Record::new(PANIC, [line, 0], file))
+}
+
+// The crystal died: RCC has gone over to the internal oscillator by itself.
+#[exception]
+unsafe fn NonMaskableInt() -> ! {
+    end(Record::new(CRYSTAL_LOST, [0; 2], NO_FILE))
+}
+
+#[exception]
+unsafe fn DefaultHandler(number: i16) -> ! {
+    end(Record::new(STRAY, [number as u32, 0], NO_FILE))
+}
+
+// A stack that ran over is no place to push anything: the handler starts on a fresh one, with the old pointer in r0.
+core::arch::global_asm!(
+    ".syntax unified",
+    ".section .HardFault.user, \"ax\", %progbits",
+    ".global HardFault",
+    ".type HardFault, %function",
+    ".thumb_func",
+    "HardFault:",
+    "mrs r0, MSP",
+    "ldr r1, =_stack_start",
+    "msr MSP, r1",
+    "b {entry}",
+    ".size HardFault, . - HardFault",
+    entry = sym hard_fault,
+);
+
+unsafe extern "C" {
+    static _stack_start: u32;
+    static _stack_end: u32;
+}
+
+/// Words that the core pushes on an exception, of which the seventh is the program counter.
+const FRAME_WORDS: usize = 8;
+const PROGRAM_COUNTER: usize = 6;
+
+unsafe extern "C" fn hard_fault(stack_pointer: *const u32) -> ! {
+    let address = stack_pointer as usize;
+    let low = &raw const _stack_end as usize;
+    let high = &raw const _stack_start as usize;
+    let readable = address >= low && address <= high - 4 * FRAME_WORDS && address.is_multiple_of(4);
+    // SAFETY: the frame lies within the stack.
+    let program_counter = if readable { unsafe { stack_pointer.add(PROGRAM_COUNTER).read_volatile() } } else { 0 };
+    // SAFETY: a read without side effects of a register that always exists.
+    let status = unsafe { (*SCB::PTR).cfsr.read() };
+    end(Record::new(FAULT, [program_counter, status], NO_FILE))
+}

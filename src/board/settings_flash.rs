@@ -1,0 +1,160 @@
+//! The last two sectors of the flash, where the settings are stored.
+//!
+//! The core stands still while a sector is erased (1 s, 2 s at most) or a word is written (16 µs): instructions come from
+//! the same flash. The HAL's own driver finds the flash's size in a register that the emulator has not got, and writes
+//! by bytes.
+
+use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
+use stm32f4xx_hal::pac::FLASH;
+
+/// First address of sector 10, behind the image (memory.x).
+const START: usize = 0x080C_0000;
+/// Sectors 10 and 11.
+const SECTORS: u8 = 2;
+const FIRST_SECTOR: u8 = 10;
+const SECTOR_BYTES: usize = 128 * 1024;
+const BYTES: usize = SECTOR_BYTES * SECTORS as usize;
+/// Reads of the status register, at least 6 cycles each, before the flash counts as dead. It stalls such a read for as
+/// long as it is busy, so that one or two are the rule.
+const PATIENCE: u32 = 10_000_000;
+
+/// Where the two copies of the settings are, as offsets.
+pub const COPIES: [u32; 2] = [0, SECTOR_BYTES as u32];
+
+/// The two sectors.
+pub struct SettingsFlash(FLASH);
+
+impl SettingsFlash {
+    /// The flash's controller belongs to the settings alone.
+    pub const fn new(flash: FLASH) -> Self {
+        Self(flash)
+    }
+
+    fn unlocked(&mut self, operate: impl FnOnce(&mut Self) -> Result<(), FlashError>) -> Result<(), FlashError> {
+        for key in [0x4567_0123, 0xCDEF_89AB] {
+            self.0.keyr().write(|w| w.key().set(key));
+        }
+        self.clear_errors();
+        let result = operate(self);
+        self.0.cr().write(|w| w.lock().set_bit());
+        result
+    }
+
+    fn clear_errors(&mut self) {
+        self.0.sr().write(|w| {
+            w.pgserr().clear_bit_by_one();
+            w.pgperr().clear_bit_by_one();
+            w.pgaerr().clear_bit_by_one();
+            w.wrperr().clear_bit_by_one();
+            w.operr().clear_bit_by_one()
+        });
+    }
+
+    fn finish(&mut self) -> Result<(), FlashError> {
+        for _ in 0..PATIENCE {
+            let status = self.0.sr().read();
+            if status.bsy().bit_is_clear() {
+                let bad =
+                    status.pgserr().bit() || status.pgperr().bit() || status.pgaerr().bit() || status.wrperr().bit();
+                return if bad { Err(FlashError::Failed) } else { Ok(()) };
+            }
+        }
+        Err(FlashError::Failed)
+    }
+}
+
+/// Why an operation was not done.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FlashError {
+    /// Beyond the two sectors.
+    OutOfBounds,
+    /// Not on a word or sector boundary.
+    NotAligned,
+    /// The flash says so.
+    Failed,
+}
+
+impl NorFlashError for FlashError {
+    fn kind(&self) -> NorFlashErrorKind {
+        match self {
+            Self::OutOfBounds => NorFlashErrorKind::OutOfBounds,
+            Self::NotAligned => NorFlashErrorKind::NotAligned,
+            Self::Failed => NorFlashErrorKind::Other,
+        }
+    }
+}
+
+impl ErrorType for SettingsFlash {
+    type Error = FlashError;
+}
+
+/// The part of the sectors from `offset` on.
+fn bounds(offset: u32, length: usize) -> Result<usize, FlashError> {
+    let offset = offset as usize;
+    let end = offset.checked_add(length).ok_or(FlashError::OutOfBounds)?;
+    if end > BYTES { Err(FlashError::OutOfBounds) } else { Ok(START + offset) }
+}
+
+impl ReadNorFlash for SettingsFlash {
+    const READ_SIZE: usize = 1;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
+        let start = bounds(offset, bytes.len())? as *const u8;
+        for (n, byte) in bytes.iter_mut().enumerate() {
+            // SAFETY: within the two sectors, which exist on every STM32F405RG and hold no Rust object.
+            *byte = unsafe { start.add(n).read_volatile() };
+        }
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        BYTES
+    }
+}
+
+impl NorFlash for SettingsFlash {
+    const WRITE_SIZE: usize = 4;
+    const ERASE_SIZE: usize = SECTOR_BYTES;
+
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
+        let length = to.checked_sub(from).ok_or(FlashError::OutOfBounds)? as usize;
+        bounds(from, length)?;
+        let (first, count) = (from as usize / SECTOR_BYTES, length / SECTOR_BYTES);
+        if !(from as usize).is_multiple_of(SECTOR_BYTES) || !length.is_multiple_of(SECTOR_BYTES) {
+            return Err(FlashError::NotAligned);
+        }
+        self.unlocked(|flash| {
+            for sector in first..first + count {
+                flash.0.cr().write(|w| {
+                    w.psize().psize32();
+                    w.ser().set_bit();
+                    // SAFETY: `bounds` leaves sectors 10 and 11, which hold no code.
+                    unsafe { w.snb().bits(FIRST_SECTOR + sector as u8) };
+                    w.strt().set_bit()
+                });
+                flash.finish()?;
+            }
+            Ok(())
+        })
+    }
+
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
+        let start = bounds(offset, bytes.len())? as *mut u32;
+        let (words, []) = bytes.as_chunks::<4>() else { return Err(FlashError::NotAligned) };
+        if !offset.is_multiple_of(4) {
+            return Err(FlashError::NotAligned);
+        }
+        self.unlocked(|flash| {
+            flash.0.cr().write(|w| {
+                w.psize().psize32();
+                w.pg().set_bit()
+            });
+            for (n, word) in words.iter().enumerate() {
+                // SAFETY: as for reading; aligned to a word.
+                unsafe { start.add(n).write_volatile(u32::from_le_bytes(*word)) };
+                flash.finish()?;
+            }
+            Ok(())
+        })
+    }
+}

@@ -1,0 +1,76 @@
+//! The whole controller, but for the hardware: what happens in a control tick, and what answers the host.
+//!
+//! ```text
+//! capture interrupt --> [decoders] --poll--> Tick::run --> pulses         highest priorities
+//!                                            |  ^  |
+//!                     samples, outputs of    |  |  |  commands to be injected,
+//!                     injected commands      v  |  v  and short calls under a lock
+//! bytes of the link <--------------------- Desk <---------------------- bytes of the link    lowest priority
+//! ```
+//!
+//! [`Tick`] belongs to the control task. [`Desk`] belongs to the lowest priority, where requests are decoded and designs
+//! computed; it reaches the tick's state through [`Board::tick`], for as long as it takes to copy a few hundred bytes,
+//! and streams of samples through queues.
+
+mod desk;
+mod tick;
+
+pub use desk::{Board, Counts, Desk, DeskQueues, Facts};
+pub use tick::{INJECT_QUEUE, Motor, MotorQueues, RECORD_QUEUE, Tick};
+
+use crate::biquad::Coefficients;
+use crate::channel::{Channel, ChannelSettings, ExcitationLimits, SLOWEST_RAMP_PER_TICK};
+use crate::design::{DesignError, LeadDesign};
+use crate::settings::{DEAD_MAN_MS, MOTORS, Validated};
+use crate::throttle::Command;
+
+/// Control ticks in so many milliseconds.
+const fn ticks(milliseconds: u32, loop_rate_hz: u32) -> u32 {
+    // Loop rates are at most 10 kHz and times at most 600 s.
+    (milliseconds as u64 * loop_rate_hz as u64 / 1000) as u32
+}
+
+/// The limits of one motor's channel.
+#[must_use]
+pub fn channel_settings(settings: &Validated, motor: usize) -> ChannelSettings {
+    let rate = settings.loop_rate_hz;
+    let motor = settings.motors.get(motor).copied().unwrap_or_default();
+    let excitation = &settings.excitation;
+    let ramp_ticks = ticks(u32::from(excitation.ramp_ms), rate).max(1);
+    let per_tick = Command::saturating_from_bits(excitation.max_command / ramp_ticks as i32);
+    ChannelSettings {
+        stop: Command::saturating_from_bits(settings.stop),
+        arming_threshold: Command::saturating_from_bits(motor.arming),
+        idle: Command::saturating_from_bits(motor.idle),
+        max: Command::saturating_from_bits(motor.max),
+        hold_ticks: ticks(u32::from(motor.hold_ms), rate),
+        excitation: ExcitationLimits {
+            max_command: Command::saturating_from_bits(excitation.max_command),
+            max_amplitude: Command::saturating_from_bits(excitation.max_amplitude),
+            max_ticks: ticks(1000 * u32::from(excitation.max_duration_s), rate),
+            dead_man_ticks: ticks(DEAD_MAN_MS, rate).max(1),
+            ramp_per_tick: per_tick.max(SLOWEST_RAMP_PER_TICK),
+        },
+    }
+}
+
+/// The compensator's coefficients. Some hundred milliseconds of double precision in software on the controller, and the
+/// same bits as on a host.
+///
+/// # Errors
+/// When the design is refused.
+pub fn coefficients(settings: &Validated) -> Result<Coefficients, DesignError> {
+    let design = LeadDesign::new(settings.lead.into(), f64::from(settings.loop_rate_hz), None)?;
+    Ok(*design.coefficients())
+}
+
+/// One channel for each motor; `None` when the limits of one contradict each other, which they do not once validated.
+#[must_use]
+pub fn channels(settings: &Validated, coefficients: Coefficients) -> Option<[Channel; MOTORS]> {
+    let channel = |motor| {
+        let mut channel = Channel::new(&channel_settings(settings, motor), coefficients).ok()?;
+        channel.set_enabled(settings.motors.get(motor)?.compensate);
+        Some(channel)
+    };
+    Some([channel(0)?, channel(1)?, channel(2)?, channel(3)?])
+}

@@ -1,0 +1,268 @@
+//! The control tick of all motors.
+
+use heapless::spsc::{Consumer, Producer};
+
+use crate::capture::Signal;
+use crate::channel::{Channel, End, Excitation, Input, Refusal as ChannelRefusal, State};
+use crate::link::{
+    ChannelState, INJECT_SAMPLES, INJECT_TIMEOUT_MS, INJECT_WINDOW, NO_INPUT, RecordClock, Sample, Source,
+};
+use crate::settings::MOTORS;
+use crate::throttle::{Command, PulseScale};
+
+/// Size of a queue for injected commands, or for what they came to. It holds one less, and a power of two needs no
+/// division.
+pub const INJECT_QUEUE: usize = (INJECT_WINDOW * INJECT_SAMPLES + 1).next_power_of_two();
+/// Size of the queue of the recorder: 50 ms at 5 kHz, in which the lowest priority may be busy.
+pub const RECORD_QUEUE: usize = 256;
+
+/// A motor's ends of the queues of injection.
+pub struct MotorQueues {
+    /// Commands from the host.
+    pub inject: Consumer<'static, Command, INJECT_QUEUE>,
+    /// What they came to.
+    pub outputs: Producer<'static, Command, INJECT_QUEUE>,
+}
+
+/// One motor: its channel, and where its commands come from.
+pub struct Motor {
+    channel: Channel,
+    source: Source,
+    queues: MotorQueues,
+    /// Ticks since the last injected command.
+    silent_ticks: u32,
+    /// The last output.
+    output: Command,
+    /// The pulse input as a command, while there is one.
+    input: i32,
+    dead_man: u32,
+    end: Option<End>,
+}
+
+impl Motor {
+    /// A motor that takes its commands from its pulses.
+    #[must_use]
+    pub const fn new(channel: Channel, queues: MotorQueues) -> Self {
+        let output = channel.settings().stop;
+        Self {
+            channel,
+            source: Source::Pulse,
+            queues,
+            silent_ticks: 0,
+            output,
+            input: NO_INPUT,
+            dead_man: 0,
+            end: None,
+        }
+    }
+
+    /// The channel.
+    #[must_use]
+    pub const fn channel(&self) -> &Channel {
+        &self.channel
+    }
+
+    /// Where the commands come from.
+    #[must_use]
+    pub const fn source(&self) -> Source {
+        self.source
+    }
+
+    /// Starts afresh, with a new channel and with nothing left in the queues.
+    pub fn restart(&mut self, channel: Channel, source: Source) {
+        self.channel = channel;
+        self.source = source;
+        self.silent_ticks = 0;
+        // At most as many as a queue holds.
+        for _ in 0..INJECT_QUEUE {
+            if self.queues.inject.dequeue().is_none() {
+                break;
+            }
+        }
+    }
+
+    /// Starts an excitation.
+    ///
+    /// # Errors
+    /// As [`Channel::start_excitation`], and when the host injects.
+    pub fn excite(&mut self, excitation: Excitation) -> Result<(), ChannelRefusal> {
+        if self.source == Source::Inject {
+            return Err(ChannelRefusal::AlreadyRunning);
+        }
+        self.channel.start_excitation(excitation)
+    }
+
+    /// What to report.
+    #[must_use]
+    pub const fn state(&self) -> ChannelState {
+        if matches!(self.source, Source::Inject) {
+            return ChannelState::Injected;
+        }
+        match self.channel.state() {
+            State::NoSignal => ChannelState::NoSignal,
+            State::Locked => ChannelState::Locked,
+            State::Disarmed => ChannelState::Disarmed,
+            State::Armed => ChannelState::Armed,
+            State::Holding => ChannelState::Holding,
+            State::Lost => ChannelState::Lost,
+            State::Excitation(_) => ChannelState::Excitation,
+        }
+    }
+
+    #[inline]
+    fn run(&mut self, signal: Signal, scale: &PulseScale, silence_limit: u32) -> Command {
+        let input = Input::from_signal(signal, scale);
+        match input {
+            Input::Command(command) => self.input = command.to_bits(),
+            Input::Unchanged => {}
+            Input::Nothing | Input::Lost => self.input = NO_INPUT,
+        }
+        self.output = match self.source {
+            Source::Pulse => self.channel.tick(input),
+            Source::Inject => self.injected(silence_limit),
+        };
+        self.output
+    }
+
+    /// One injected command. Without any, the last output stands: no tick, so that outputs do not depend on when frames
+    /// arrive. A host that stays away loses the motor, which stops.
+    fn injected(&mut self, silence_limit: u32) -> Command {
+        if let Some(command) = self.queues.inject.dequeue() {
+            self.silent_ticks = 0;
+            let output = self.channel.tick(Input::Command(command));
+            // The queue has room for every command that was accepted.
+            let _ = self.queues.outputs.enqueue(output);
+            return output;
+        }
+        self.silent_ticks = self.silent_ticks.saturating_add(1);
+        if self.silent_ticks < silence_limit {
+            return self.output;
+        }
+        // The channel goes through its hold time to the stop, and will not arm again before a disarmed command.
+        self.source = Source::Pulse;
+        self.channel.tick(Input::Lost)
+    }
+
+    /// Counts excitations that ended for want of a host.
+    fn count_ends(&mut self) {
+        let end = self.channel.last_end();
+        if end != self.end {
+            self.end = end;
+            if end == Some(End::DeadMan) {
+                self.dead_man = self.dead_man.wrapping_add(1);
+            }
+        }
+    }
+}
+
+/// The state of the control task.
+pub struct Tick {
+    motors: [Motor; MOTORS],
+    input_scale: PulseScale,
+    silence_limit: u32,
+    samples: Producer<'static, Sample, RECORD_QUEUE>,
+    recording: Option<(u8, RecordClock)>,
+    ticks: u32,
+    samples_dropped: u32,
+}
+
+impl Tick {
+    /// Before the first tick.
+    #[must_use]
+    pub fn new(
+        motors: [Motor; MOTORS],
+        input_scale: PulseScale,
+        loop_rate_hz: u32,
+        samples: Producer<'static, Sample, RECORD_QUEUE>,
+    ) -> Self {
+        let silence_limit = super::ticks(INJECT_TIMEOUT_MS, loop_rate_hz);
+        Self { motors, input_scale, silence_limit, samples, recording: None, ticks: 0, samples_dropped: 0 }
+    }
+
+    /// One tick: what the inputs have, and the converter's count; to what the ESCs get.
+    ///
+    /// Integer, without division, heap or panic; every loop is over the motors.
+    #[inline]
+    pub fn run(&mut self, signals: [Signal; MOTORS], adc: u16) -> [Command; MOTORS] {
+        self.ticks = self.ticks.wrapping_add(1);
+        let mut outputs = [Command::ZERO; MOTORS];
+        for ((motor, signal), output) in self.motors.iter_mut().zip(signals).zip(&mut outputs) {
+            *output = motor.run(signal, &self.input_scale, self.silence_limit);
+            motor.count_ends();
+        }
+        self.record(adc);
+        outputs
+    }
+
+    #[inline]
+    fn record(&mut self, adc: u16) {
+        let Some((index, clock)) = &mut self.recording else { return };
+        let Some(motor) = self.motors.get(usize::from(*index)) else { return };
+        let Some(tick) = clock.tick() else { return };
+        let before = motor.channel.command().to_bits();
+        let sample = Sample { tick, input: motor.input, before, after: motor.output.to_bits(), adc };
+        if self.samples.enqueue(sample).is_err() {
+            self.samples_dropped = self.samples_dropped.wrapping_add(1);
+        }
+    }
+
+    /// The motors.
+    #[must_use]
+    pub const fn motors(&self) -> &[Motor; MOTORS] {
+        &self.motors
+    }
+
+    /// One of them.
+    pub fn motor_mut(&mut self, index: usize) -> Option<&mut Motor> {
+        self.motors.get_mut(index)
+    }
+
+    /// New channels, a new meaning of the input's pulses, and a new rate.
+    pub fn reconfigure(&mut self, channels: [Channel; MOTORS], input_scale: PulseScale, loop_rate_hz: u32) {
+        for (motor, channel) in self.motors.iter_mut().zip(channels) {
+            motor.restart(channel, Source::Pulse);
+        }
+        self.input_scale = input_scale;
+        self.silence_limit = super::ticks(INJECT_TIMEOUT_MS, loop_rate_hz);
+    }
+
+    /// The host is there.
+    pub fn keep_alive(&mut self) {
+        self.motors.iter_mut().for_each(|motor| motor.channel.keep_alive());
+    }
+
+    /// Every excitation ends down its ramp.
+    pub fn stop_excitation(&mut self) {
+        self.motors.iter_mut().for_each(|motor| motor.channel.stop_excitation());
+    }
+
+    /// Starts a recording of `motor`, one tick in `divisor`, or with `None` ends it.
+    pub fn set_recording(&mut self, recording: Option<(u8, u16)>) {
+        self.recording = recording.map(|(motor, divisor)| (motor, RecordClock::new(divisor)));
+    }
+
+    /// Ticks since the start, wrapping.
+    #[must_use]
+    pub const fn ticks(&self) -> u32 {
+        self.ticks
+    }
+
+    /// Samples of the recorder that found no room, wrapping.
+    #[must_use]
+    pub const fn samples_dropped(&self) -> u32 {
+        self.samples_dropped
+    }
+
+    /// Excitations that ended because the host was silent, wrapping.
+    #[must_use]
+    pub fn dead_man(&self) -> u32 {
+        self.motors.iter().fold(0, |sum, motor| motor.dead_man.wrapping_add(sum))
+    }
+
+    /// The first motor whose output is not at rest.
+    #[must_use]
+    pub fn turning(&self) -> Option<u8> {
+        let index = self.motors.iter().position(|motor| !motor.channel.state().is_at_rest())?;
+        Some(index as u8)
+    }
+}

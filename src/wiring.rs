@@ -1,0 +1,267 @@
+//! Which part of the board feeds which part of the library.
+
+use heapless::spsc::{Consumer, Producer};
+use rotorlead::capture::{Decoder, Faults as InputFaults, Level, Timing};
+use rotorlead::channel::Channel;
+use rotorlead::controller::{
+    self, Counts, Desk, DeskQueues, Facts, INJECT_QUEUE, Motor, MotorQueues, RECORD_QUEUE, Tick,
+};
+use rotorlead::link::{MotorFaults, Refusal, Sample};
+use rotorlead::settings::{MOTORS, Origin, Store, Validated};
+use rotorlead::throttle::{Command, PulseScale};
+use rtic::Mutex;
+
+use crate::board::capture::{Capture, Edge};
+use crate::board::clocks::ClockReport;
+use crate::board::control_timer::ControlTimer;
+use crate::board::outputs::Outputs;
+use crate::board::serial::Serial;
+use crate::board::settings_flash::{COPIES, SettingsFlash};
+use crate::board::thrust_adc::ThrustAdc;
+use crate::board::{Board, Watchdog};
+
+/// Longest time that the idle task may be away, milliseconds: the design of a filter, or a save.
+const IDLE_LIMIT_MS: u32 = 20_000;
+
+/// The inputs and what decodes them.
+pub struct Inputs {
+    capture: Capture,
+    decoders: [Decoder; MOTORS],
+}
+
+impl Inputs {
+    /// Gives the edges that were captured to their decoders.
+    #[inline]
+    pub fn capture(&mut self) {
+        let edges = self.capture.take();
+        for (decoder, edge) in self.decoders.iter_mut().zip(edges) {
+            let Some(Edge { timestamp, high, overcapture }) = edge else { continue };
+            if overcapture {
+                decoder.overcapture();
+            }
+            decoder.edge(timestamp, if high { Level::High } else { Level::Low });
+        }
+        self.listen();
+    }
+
+    #[inline]
+    fn poll(&mut self) -> [rotorlead::capture::Signal; MOTORS] {
+        let now = self.capture.now();
+        let signals = self.decoders.each_mut().map(|decoder| decoder.poll(now));
+        self.listen();
+        signals
+    }
+
+    #[inline]
+    fn listen(&mut self) {
+        self.capture.listen(self.decoders.each_ref().map(|decoder| !decoder.is_masked()));
+    }
+
+    fn faults(&self) -> [MotorFaults; MOTORS] {
+        self.decoders.each_ref().map(|decoder| {
+            let InputFaults { glitches, missing_edges, out_of_range, too_soon, floods, losses } = decoder.faults();
+            MotorFaults { glitches, missing_edges, out_of_range, too_soon, lost: losses, masked: floods }
+        })
+    }
+}
+
+/// What the control task has.
+pub struct Control {
+    tick: Tick,
+    outputs: Outputs,
+    output_scale: PulseScale,
+    timer: ControlTimer,
+    thrust_adc: ThrustAdc,
+    watchdog: Watchdog,
+    missed: u32,
+    idle_away_ticks: u32,
+    idle_limit_ticks: u32,
+}
+
+impl Control {
+    /// One tick.
+    #[inline]
+    pub fn run(&mut self, inputs: &mut Inputs, idle_lives: bool) {
+        self.timer.acknowledge();
+        self.thrust_adc.start();
+        let signals = inputs.poll();
+        let commands = self.tick.run(signals, self.thrust_adc.read());
+        #[cfg(feature = "planted-panic")]
+        let _ = core::hint::black_box(commands[core::hint::black_box(5)]);
+        self.outputs.set(commands.map(|command| self.output_scale.to_ticks(command)));
+        self.idle_away_ticks = if idle_lives { 0 } else { self.idle_away_ticks.saturating_add(1) };
+        if self.idle_away_ticks < self.idle_limit_ticks {
+            self.watchdog.feed();
+        }
+        if self.timer.is_due() {
+            self.missed = self.missed.wrapping_add(1);
+        }
+    }
+}
+
+/// What came of the start.
+pub struct Parts {
+    /// For capture and control.
+    pub inputs: Inputs,
+    /// For the control task.
+    pub control: Control,
+    /// For the link's interrupt.
+    pub serial: Option<Serial>,
+    /// For the idle task.
+    pub desk: Desk<SettingsFlash>,
+    /// What the board knows of itself.
+    pub facts: Facts,
+    /// Where the settings come from.
+    pub origin: Origin,
+}
+
+/// Everything that the settings mean for the board.
+struct Plan {
+    timing: Timing,
+    input_scale: PulseScale,
+    output_scale: PulseScale,
+}
+
+impl Plan {
+    /// `None` where a timer does not suit the pulses, which it does for every clock that the board may run on.
+    fn new(settings: &Validated, timer_hz: u32, outputs: &Outputs) -> Option<Self> {
+        let input = settings.input.protocol();
+        Some(Self {
+            timing: Timing::new(input, timer_hz, settings.loop_rate_hz).ok()?,
+            input_scale: PulseScale::new(input, timer_hz).ok()?,
+            output_scale: PulseScale::new(
+                settings.output.protocol(),
+                outputs.counter_hz(u32::from(settings.output.frame_hz)),
+            )
+            .ok()?,
+        })
+    }
+}
+
+/// Both ends of a queue.
+pub type Ends<T, const N: usize> = (Producer<'static, T, N>, Consumer<'static, T, N>);
+
+/// Loads the settings, computes the filter, and starts the control task.
+pub fn start(
+    board: Board,
+    inject: [Ends<Command, INJECT_QUEUE>; MOTORS],
+    outputs: [Ends<Command, INJECT_QUEUE>; MOTORS],
+    samples: Ends<Sample, RECORD_QUEUE>,
+) -> Parts {
+    let ClockReport { source, core_hz, timer_hz, .. } = board.clocks;
+    let facts = Facts { clock: source.into(), core_hz, timer_hz, reset: board.start_reason.into() };
+    let mut store = Store::new(board.flash, COPIES);
+    let loaded = store.load();
+    let usable = |settings: &Validated| {
+        let coefficients = controller::coefficients(settings).ok()?;
+        let channels = controller::channels(settings, coefficients)?;
+        Some((coefficients, channels, Plan::new(settings, timer_hz, &board.outputs)?))
+    };
+    let (settings, origin, (coefficients, channels, plan)) = match usable(&loaded.settings) {
+        Some(found) => (loaded.settings, loaded.origin, found),
+        None => {
+            let settings = Validated::default();
+            let found = usable(&settings).expect("the defaults suit every clock of the board");
+            (settings, Origin::DefaultsBad, found)
+        }
+    };
+
+    let (inject_in, inject_out) = unzip(inject);
+    let (outputs_in, outputs_out) = unzip(outputs);
+    let (samples_in, samples_out) = samples;
+    let queues = zip(inject_out, outputs_in).map(|(inject, outputs)| MotorQueues { inject, outputs });
+    let motors = zip(channels, queues).map(|(channel, queues)| Motor::new(channel, queues));
+    let mut control = Control {
+        tick: Tick::new(motors, plan.input_scale, settings.loop_rate_hz, samples_in),
+        outputs: board.outputs,
+        output_scale: plan.output_scale,
+        timer: board.control_timer,
+        thrust_adc: board.thrust_adc,
+        watchdog: board.watchdog,
+        missed: 0,
+        idle_away_ticks: 0,
+        idle_limit_ticks: 0,
+    };
+    control.set_rates(&settings);
+    control.watchdog.tighten();
+    control.timer.start();
+    let queues = DeskQueues { inject: inject_in, outputs: outputs_out, samples: samples_out };
+    Parts {
+        inputs: Inputs { capture: board.capture, decoders: [const { () }; MOTORS].map(|()| Decoder::new(plan.timing)) },
+        control,
+        serial: board.serial,
+        desk: Desk::new(settings, origin, coefficients, store, queues),
+        facts,
+        origin,
+    }
+}
+
+impl Control {
+    fn set_rates(&mut self, settings: &Validated) {
+        self.outputs.set_frame_rate(u32::from(settings.output.frame_hz));
+        self.timer.set_rate(settings.loop_rate_hz);
+        self.idle_limit_ticks = settings.loop_rate_hz.saturating_mul(IDLE_LIMIT_MS / 1000);
+    }
+}
+
+fn unzip<A, B>(pairs: [(A, B); MOTORS]) -> ([A; MOTORS], [B; MOTORS]) {
+    let [(a, e), (b, f), (c, g), (d, h)] = pairs;
+    ([a, b, c, d], [e, f, g, h])
+}
+
+fn zip<A, B>(left: [A; MOTORS], right: [B; MOTORS]) -> [(A, B); MOTORS] {
+    let ([a, b, c, d], [e, f, g, h]) = (left, right);
+    [(a, e), (b, f), (c, g), (d, h)]
+}
+
+/// The board as the desk reaches it, from the idle task.
+pub struct Wires<I, C, S> {
+    /// The inputs.
+    pub inputs: I,
+    /// The control task's state.
+    pub control: C,
+    /// The UART.
+    pub serial: S,
+    /// What the board knows of itself.
+    pub facts: Facts,
+}
+
+impl<I, C, S> controller::Board for Wires<I, C, S>
+where
+    I: Mutex<T = Inputs>,
+    C: Mutex<T = Control>,
+    S: Mutex<T = Option<Serial>>,
+{
+    fn tick<R>(&mut self, f: impl FnOnce(&mut Tick) -> R) -> R {
+        self.control.lock(|control| f(&mut control.tick))
+    }
+
+    fn reconfigure(&mut self, settings: &Validated, channels: [Channel; MOTORS]) -> Result<(), Refusal> {
+        let timer_hz = self.facts.timer_hz;
+        let plan = self.control.lock(|control| Plan::new(settings, timer_hz, &control.outputs));
+        let plan = plan.ok_or(Refusal::Design)?;
+        self.control.lock(|control| {
+            control.set_rates(settings);
+            control.output_scale = plan.output_scale;
+            control.tick.reconfigure(channels, plan.input_scale, settings.loop_rate_hz);
+        });
+        self.inputs.lock(|inputs| inputs.decoders.iter_mut().for_each(|decoder| *decoder = Decoder::new(plan.timing)));
+        Ok(())
+    }
+
+    fn flash_stalls(&mut self, stalls: bool) {
+        self.control.lock(|control| if stalls { control.watchdog.relax() } else { control.watchdog.tighten() });
+    }
+
+    fn facts(&mut self) -> Facts {
+        self.facts
+    }
+
+    fn counts(&mut self) -> Counts {
+        Counts {
+            link_overruns: self.serial.lock(|serial| serial.as_ref().map_or(0, |serial| serial.lost)),
+            missed_deadlines: self.control.lock(|control| control.missed),
+            motors: self.inputs.lock(|inputs| inputs.faults()),
+        }
+    }
+}

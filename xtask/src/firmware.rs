@@ -1,0 +1,114 @@
+//! The image for the controller: builds it, says what it takes, and shows what it cannot do.
+
+use std::path::PathBuf;
+
+use crate::image::{Calls, Function, Image};
+use crate::run::{Result, command, output, run};
+use crate::{emulator, setup};
+
+/// Interrupts of the path from pulse to pulse and of the link's bytes: those that must never panic. The names are those
+/// of the vector table.
+pub const NO_PANIC: [&str; 3] = ["TIM2", "TIM5", "USART3"];
+/// What the core stores at an interrupt with the floating-point unit on, 26 words, and a word to align them.
+const EXCEPTION_FRAME_BYTES: u32 = 27 * 4;
+/// A feature of the firmware that puts an indexing panic into its control task.
+const PLANTED: &str = "planted-panic";
+
+/// Builds the image, says its sizes, and checks it.
+pub fn build() -> Result {
+    let path = build_image(&[])?;
+    let bytes = std::fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+    let image = Image::read(&bytes)?;
+    println!("image  {}", path.display());
+    println!("flash  {:>7} bytes of {}", image.flash_bytes, 768 * 1024);
+    println!("RAM    {:>7} bytes of {}", image.ram_bytes, 128 * 1024);
+    stack(&image)?;
+    no_panic(&image)?;
+    println!("panics none reachable from {}", NO_PANIC.join(", "));
+    Ok(())
+}
+
+/// Builds the image for the controller and gives its path.
+pub fn build_image(features: &[&str]) -> Result<PathBuf> {
+    let toolchain = setup::target()?;
+    let features = features.join(",");
+    // Variants have a folder of their own, so that the image that is flashed is never one of them.
+    let variant = if features.is_empty() { None } else { Some("target/variant") };
+    let mut build = toolchain.cargo(&["build", "--package", "rotorlead", "--bin", "rotorlead-firmware", "--locked"]);
+    build.args(["--profile", "firmware", "--features", &features]);
+    if let Some(folder) = variant {
+        build.env("CARGO_TARGET_DIR", crate::run::root().join(folder));
+    }
+    run(&mut build)?;
+    let folder =
+        variant.map_or_else(|| toolchain.folder(), |folder| crate::run::root().join(folder).join(setup::TARGET));
+    Ok(folder.join("firmware").join("rotorlead-firmware"))
+}
+
+/// Runs the image in the emulator.
+pub fn emulate(port: u16) -> Result {
+    setup::emulator()?;
+    emulator::run_image(&build_image(&[])?, port)
+}
+
+/// Flashes the image with a debug probe and shows its log.
+pub fn flash() -> Result {
+    if output(&mut command("probe-rs", &["--version"])).is_none() {
+        return Err("probe-rs is missing: `cargo install probe-rs-tools --locked` installs it".to_owned());
+    }
+    let path = build_image(&[])?;
+    run(command("probe-rs", &["run", "--chip", "STM32F405RGTx"]).arg(path))
+}
+
+/// The tests of the image: what `build` checks, and that the check finds an indexing panic.
+pub fn test() -> Result {
+    build()?;
+    let path = build_image(&[PLANTED])?;
+    let bytes = std::fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+    match no_panic(&Image::read(&bytes)?) {
+        Ok(()) => Err("the check for panics does not see the one that was planted".to_owned()),
+        Err(found) => {
+            eprintln!("xtask: as it should, the check finds the planted panic: {found}");
+            Ok(())
+        }
+    }
+}
+
+/// Everything that ends in a panic goes through here.
+fn panics(function: &Function) -> bool {
+    function.names.iter().any(|name| name.contains("core::panicking::") || name.contains("rust_begin_unwind"))
+}
+
+fn no_panic(image: &Image) -> Result {
+    let calls = Calls::of(image);
+    if !image.functions.iter().any(panics) {
+        return Err("the image has no panic handler: the names that this looks for have changed".to_owned());
+    }
+    for name in NO_PANIC {
+        let root = image.function_named(name).ok_or_else(|| format!("the image has no interrupt {name}"))?;
+        let indirect = calls.indirect(root);
+        if !indirect.is_empty() {
+            return Err(format!("{name} calls through pointers, in {}", indirect.join(", ")));
+        }
+        if let Some(path) = calls.path(root, panics) {
+            return Err(format!("{name} can panic: {}", path.join(" -> ")));
+        }
+    }
+    Ok(())
+}
+
+/// Deepest stack: the idle task, and on top of it one interrupt of each priority.
+fn stack(image: &Image) -> Result {
+    let calls = Calls::of(image);
+    let mut total = 0;
+    for name in ["Reset", "USART3", "TIM5", "TIM2", "NonMaskableInt"] {
+        let root = image.function_named(name).ok_or_else(|| format!("the image has no function {name}"))?;
+        // Handlers of faults and panics do not return: they throw the stack away.
+        let depth = calls.depth(root, &panics)?;
+        let frame = if name == "Reset" { 0 } else { EXCEPTION_FRAME_BYTES };
+        total += depth.bytes + frame;
+        println!("stack  {:>7} bytes for {name}: {}", depth.bytes + frame, depth.path.join(" -> "));
+    }
+    println!("stack  {total:>7} bytes at worst of {}", image.stack_bytes);
+    if u64::from(total) > image.stack_bytes { Err("the stack does not fit".to_owned()) } else { Ok(()) }
+}
