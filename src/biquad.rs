@@ -28,9 +28,10 @@
 //! coefficients is the larger error: with it the output is -136 dB from the unrounded design. `host-tests` measures both.
 //!
 //! The incremental form `y[n] = 2 y[n-1] - y[n-2] + ...` has the same response to rounding and as much state. It needs
-//! a fifth coefficient, and its static gain is 1 only where the rounded coefficients happen to add up. On an x86-64
-//! host it takes 14 % less time (`cargo xtask bench`). On a Cortex-M4 a call takes 22 instructions in this form, and 21
-//! to 29 in that one, depending on the order in which its sum is written.
+//! a fifth coefficient, and its static gain is 1 only where the rounded coefficients happen to add up. `cargo xtask
+//! bench` runs both, where on an x86-64 host it takes somewhat less time: saturation costs several instructions there, and
+//! one on a Cortex-M4. In code compiled for that core, counted by hand, a call of this form takes 22 instructions and one
+//! of that benchmark's incremental form 29.
 //!
 //! # The steady output is exact
 //!

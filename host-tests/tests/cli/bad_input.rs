@@ -371,3 +371,9 @@ fn a_design_that_the_controller_refuses_names_model_and_option() {
         stand.refuses(&format!("bandwidth --model model.toml {arguments}"), 1, &["`model.toml`", part]);
     }
 }
+
+#[test]
+fn pulse_widths_are_refused_for_a_log_whose_command_is_a_duty() {
+    let import = format!("import {LOGS}/esc32.csv --out imported --pulse-us 1000..2000");
+    Stand::new().refuses(&import, 2, &["--pulse-us does not go with", "esc32.csv", "duty", "leave --pulse-us out"]);
+}

@@ -6,9 +6,10 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
+use super::WrongUse;
 use super::outcome::{JsonOption, Outcome};
 use super::parameters::range;
-use crate::record::import::{ImportOptions, ImportSummary, import};
+use crate::record::import::{ImportOptions, ImportSummary, LogFormat, import};
 
 /// Takes the log of another tool as an experiment
 ///
@@ -25,9 +26,9 @@ pub struct Import {
     /// What to call the experiment; the log's file name unless given
     #[arg(long)]
     name: Option<String>,
-    /// Pulse widths in microseconds that mean 0 and 1, where the log's command is a pulse width
-    #[arg(long, value_name = "LOW..HIGH", default_value = "1000..2000", value_parser = pulses, allow_hyphen_values = true)]
-    pulse_us: (f64, f64),
+    /// Pulse widths in microseconds that mean 0 and 1, where the log's command is a pulse width; 1000..2000 unless given
+    #[arg(long, value_name = "LOW..HIGH", value_parser = pulses, allow_hyphen_values = true)]
+    pulse_us: Option<(f64, f64)>,
     #[command(flatten)]
     pub(super) json: JsonOption,
 }
@@ -35,8 +36,13 @@ pub struct Import {
 impl Import {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
-        let options = ImportOptions { name: self.name.clone(), esc_signal_us: self.pulse_us };
+        let mut options = ImportOptions { name: self.name.clone(), ..ImportOptions::default() };
+        options.esc_signal_us = self.pulse_us.unwrap_or(options.esc_signal_us);
         let taken = import(&self.file, &options)?;
+        if self.pulse_us.is_some() && taken.summary.format == LogFormat::Esc32 {
+            let message = format!("--pulse-us does not go with `{}`: its command is a duty", self.file.display());
+            return Err(WrongUse::new(message, "leave --pulse-us out").into());
+        }
         taken.experiment.write(&self.out)?;
         let mut text = describe(&taken.summary);
         writeln!(text, "\nWritten to {}", self.out.display()).expect("a string takes all");
