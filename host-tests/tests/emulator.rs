@@ -209,7 +209,7 @@ fn injected_commands_come_out_as_on_the_host_bit_for_bit() {
 fn the_controller_designs_the_same_filter_as_the_host() {
     let mut controller = Controller::boot();
     for (omega_z_rad_s, omega_f_rad_s, damping, loop_rate_hz) in
-        [(14.1275, 94.2, 0.7, 5000), (6.0, 60.0, 0.5, 4000), (9.123, 31.7, 1.1, 1000), (20.0, 250.0, 0.9, 10_000)]
+        [(14.1275, 94.2, 0.7, 5000), (12.0, 60.0, 0.6, 4000), (9.123, 31.7, 1.1, 1000), (45.0, 250.0, 0.9, 10_000)]
     {
         let mut settings = Settings { loop_rate_hz, ..Settings::default() };
         settings.lead.omega_z_rad_s = omega_z_rad_s;
