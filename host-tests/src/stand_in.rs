@@ -14,9 +14,7 @@ use std::time::{Duration, Instant};
 use heapless::spsc::{Consumer, Producer, Queue};
 use rotorlead::capture::Signal;
 use rotorlead::channel::Channel;
-use rotorlead::controller::{
-    Board, Counts, Desk, DeskQueues, Facts, Motor, MotorQueues, Tick, channels, coefficients,
-};
+use rotorlead::controller::{Board, Counts, Desk, DeskQueues, Facts, Motor, MotorQueues, Tick, channels, coefficients};
 use rotorlead::link::{
     Clock, FRAME_BYTES, INJECT_WINDOW, Message, Receiver, Refusal, Request, ResetReason, Series, Tagged, encode,
 };
@@ -296,9 +294,7 @@ impl Controller {
 
     /// Gives held blocks to the desk: the first as soon as another is behind it, or when that takes too long.
     fn release(&mut self) {
-        while self.held.len() >= INJECT_WINDOW
-            || (!self.held.is_empty() && self.held_since.elapsed() > STARVED_AFTER)
-        {
+        while self.held.len() >= INJECT_WINDOW || (!self.held.is_empty() && self.held_since.elapsed() > STARVED_AFTER) {
             if self.held.len() < INJECT_WINDOW {
                 self.starved.fetch_add(1, Ordering::Relaxed);
             }
