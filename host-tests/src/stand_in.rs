@@ -25,7 +25,6 @@ use crate::flash::Flash;
 use crate::fuzz::frame;
 
 const SECTOR: usize = 2048;
-const TIMER_HZ: u32 = 84_000_000;
 /// Bytes of the board's receive queue; what does not fit is lost.
 const RECEIVE_QUEUE: usize = 2048;
 /// A thread that was put aside for longer does not make up for it: the controller's time stands still instead, or a
@@ -44,7 +43,7 @@ pub enum Trouble {
     Silent,
     /// It speaks another version.
     OtherVersion,
-    /// Its tenth record is lost.
+    /// The tenth record of each recording is lost.
     LosesARecord,
     /// Noise in front of every frame.
     Noise,
@@ -78,9 +77,16 @@ impl Default for Pace {
     }
 }
 
-/// What is on the stand: the command to the ESC of motor 0 and the time in seconds, to the converter's count before
-/// that command takes effect.
-pub type Plant = Box<dyn FnMut(f64, f64) -> u16 + Send>;
+/// What is around the controller.
+pub struct Stand {
+    /// Time in seconds, to what the input of motor 0 has.
+    pub input: Box<dyn FnMut(f64) -> Signal>,
+    /// The command that went to the ESC of motor 0 until now, and the time in seconds, to the converter's count.
+    pub thrust: Box<dyn FnMut(f64, f64) -> u16>,
+}
+
+/// Timer ticks per second of the input's pulses.
+pub const TIMER_HZ: u32 = 84_000_000;
 
 /// A controller that listens until it is dropped, and takes one connection after the other.
 pub struct StandIn {
@@ -91,19 +97,19 @@ pub struct StandIn {
 }
 
 impl StandIn {
-    /// Starts one.
+    /// Starts one, on a stand that is made where it is used.
     ///
     /// # Panics
     /// When this machine has no port left.
     #[must_use]
-    pub fn start(trouble: Trouble, pace: Pace, plant: Plant) -> Self {
+    pub fn start(trouble: Trouble, pace: Pace, stand: impl FnOnce() -> Stand + Send + 'static) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a free port");
         listener.set_nonblocking(true).expect("a listener may not block");
         let address = format!("tcp:{}", listener.local_addr().expect("a bound listener has an address"));
         let (stop, starved) = (Arc::new(AtomicBool::new(false)), Arc::new(AtomicUsize::new(0)));
         let (seen, count) = (Arc::clone(&stop), Arc::clone(&starved));
         let thread = std::thread::spawn(move || {
-            let mut controller = Controller::new(trouble, pace, plant, count);
+            let mut controller = Controller::new(trouble, pace, stand(), count);
             while !seen.load(Ordering::Relaxed) {
                 match listener.accept() {
                     Ok((line, _)) => controller.serve(line, &seen),
@@ -169,7 +175,7 @@ impl Board for Nothing {
 struct Controller {
     trouble: Trouble,
     pace: Pace,
-    plant: Plant,
+    stand: Stand,
     board: Nothing,
     desk: Desk<Flash<SECTOR>>,
     receiver: Receiver<Request>,
@@ -177,8 +183,9 @@ struct Controller {
     held: VecDeque<Tagged<Request>>,
     held_since: Instant,
     starved: Arc<AtomicUsize>,
-    /// Frames of records and blocks of outputs so far.
+    /// Frames of records and blocks of outputs, since the start and since the recording or injection began.
     streamed: u32,
+    of_this: u32,
     /// The host's seconds since it was heard of.
     silent: Duration,
     output: f64,
@@ -194,7 +201,7 @@ fn queue<T, const N: usize>() -> (Producer<'static, T, N>, Consumer<'static, T, 
 }
 
 impl Controller {
-    fn new(trouble: Trouble, pace: Pace, plant: Plant, starved: Arc<AtomicUsize>) -> Self {
+    fn new(trouble: Trouble, pace: Pace, stand: Stand, starved: Arc<AtomicUsize>) -> Self {
         let mut store = Store::new(Flash::blank(), Flash::<SECTOR>::SECTORS);
         let loaded = store.load();
         let coefficients = coefficients(&loaded.settings).expect("the defaults can be designed");
@@ -219,7 +226,7 @@ impl Controller {
         Self {
             trouble,
             pace,
-            plant,
+            stand,
             board: Nothing { tick },
             desk: Desk::new(loaded.settings, loaded.origin, coefficients, store, queues),
             receiver: Receiver::new(),
@@ -227,6 +234,7 @@ impl Controller {
             held_since: Instant::now(),
             starved,
             streamed: 0,
+            of_this: 0,
             silent: Duration::ZERO,
             output: 0.0,
             ticks: 0,
@@ -278,7 +286,7 @@ impl Controller {
     }
 
     fn take(&mut self, request: Tagged<Request>) {
-        if request.message == Request::KeepAlive {
+        if matches!(request.message, Request::KeepAlive | Request::Excite(_)) {
             self.silent = Duration::ZERO;
         }
         if self.pace.needs_full_window && matches!(request.message, Request::Inject(_)) {
@@ -311,7 +319,7 @@ impl Controller {
         };
         // Where a recording starts, so do the numbers of its frames.
         if matches!(request.message, Request::Record(Some(_)) | Request::SetMode { .. }) {
-            self.streamed = 0;
+            self.of_this = 0;
         }
         let faults = *self.receiver.faults();
         match self.desk.answer(request, faults, &mut self.board) {
@@ -329,8 +337,10 @@ impl Controller {
         let rate_hz = f64::from(self.desk.settings().loop_rate_hz);
         for _ in 0..ticks {
             self.ticks += 1;
-            let adc = (self.plant)(self.output, self.ticks as f64 / rate_hz);
-            self.output = self.board.tick.run([const { Signal::Nothing }; MOTORS], adc)[0].to_f64();
+            let time_s = self.ticks as f64 / rate_hz;
+            let adc = (self.stand.thrust)(self.output, time_s);
+            let signals = [(self.stand.input)(time_s), Signal::Nothing, Signal::Nothing, Signal::Nothing];
+            self.output = self.board.tick.run(signals, adc)[0].to_f64();
         }
         self.poll();
     }
@@ -344,8 +354,9 @@ impl Controller {
     fn send(&mut self, Tagged { tag, mut message }: Tagged<Message>) {
         if matches!(message, Message::Injected(_) | Message::Record(_)) {
             self.streamed += 1;
+            self.of_this += 1;
             match self.trouble {
-                Trouble::LosesARecord if self.streamed == 10 => return,
+                Trouble::LosesARecord if self.of_this == 10 => return,
                 Trouble::Vanishes(after) if self.streamed > after => self.gone = true,
                 Trouble::FallsSilent(after) if self.streamed > after => self.mute = true,
                 _ => {}

@@ -4,7 +4,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use rotorlead::excitation::Multisine;
-use rotorlead::link::{ChannelState, ExciteRequest, LineSet, Request};
+use rotorlead::link::{ChannelState, ExciteRequest, LineSet, RECORD_SAMPLES, Request};
 use rotorlead::settings::Settings;
 use rotorlead::throttle::Command;
 
@@ -80,9 +80,6 @@ pub fn play(
     let loop_rate_hz = f64::from(settings.loop_rate_hz);
     let ramp_rows = f64::from(settings.excitation.ramp_ms) / 1000.0 * loop_rate_hz / divisor as f64;
 
-    // A second for the time between the two requests.
-    let most_rows = warm_up_rows + rows + (ramp_rows + loop_rate_hz / divisor as f64).ceil() as usize;
-
     let mut tape = Tape::start(session, settings, played.motor, played.divisor.max(1))?;
     let request = ExciteRequest {
         motor: played.motor,
@@ -94,6 +91,10 @@ pub fn play(
     session.keep_alive(true);
     let mut run = || -> Result<(), DeviceError> {
         done("excite", session.ask_once("excite", &Request::Excite(request))?)?;
+        // However long it took to get there; and two frames for the rows that are on their way.
+        tape.read_waiting(session)?;
+        let before = tape.recording.rows() + 2 * RECORD_SAMPLES;
+        let most_rows = before + ramp_rows.ceil() as usize + warm_up_rows + rows;
         while tape.recording.rows() < most_rows {
             tape.read(session)?;
             progress(tape.recording.rows().min(most_rows), most_rows);

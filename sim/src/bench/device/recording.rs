@@ -178,6 +178,14 @@ impl Tape {
         self.recording.append(&frame)
     }
 
+    /// Takes the frames that have arrived already.
+    pub(super) fn read_waiting(&mut self, session: &mut Session) -> Result<(), DeviceError> {
+        while let Some(frame) = session.waiting_record(self.tag) {
+            self.recording.append(&frame)?;
+        }
+        Ok(())
+    }
+
     /// Stops it. After a `failure` of the line no answer is waited for.
     pub(super) fn stop(&self, session: &mut Session, failure: Option<&DeviceError>) -> Result<(), DeviceError> {
         session.keep_records(None);

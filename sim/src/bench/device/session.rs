@@ -177,15 +177,22 @@ impl Session {
         let limit = self.limit + extra;
         let end = Instant::now() + limit;
         loop {
-            let is_record =
-                |tagged: &Tagged<Message>| tagged.tag == tag && matches!(tagged.message, Message::Record(_));
-            if let Some(Tagged { message: Message::Record(record), .. }) = self.take(is_record) {
+            if let Some(record) = self.waiting_record(tag) {
                 return Ok(record);
             }
             if Instant::now() >= end {
                 return Err(self.silence("record", limit));
             }
             self.read()?;
+        }
+    }
+
+    /// The next record of the recording of that tag that has arrived already.
+    pub(super) fn waiting_record(&mut self, tag: u8) -> Option<Record> {
+        let is_record = |tagged: &Tagged<Message>| tagged.tag == tag && matches!(tagged.message, Message::Record(_));
+        match self.take(is_record)?.message {
+            Message::Record(record) => Some(record),
+            _ => None,
         }
     }
 
