@@ -267,7 +267,9 @@ fn records_of_a_motor_that_something_else_drives_add_up_to_an_experiment() {
     );
     let point = bench.rotorlead("identify @stand --out @found.toml").unwrap()["points"][0].clone();
     assert_found(&point);
-    assert!(point["fit_square_percent"].as_f64().unwrap() > 99.0, "{point}");
+    // An edge takes effect up to an ESC's frame and a row, 3.5 ms, from where the record has it: 3 % of the step at most,
+    // gone with the time constant. That costs 1.7 % of the fit.
+    assert!(point["fit_square_percent"].as_f64().unwrap() > 98.0, "{point}");
 }
 
 #[test]
