@@ -4,6 +4,7 @@ pub mod emulator;
 pub mod flash;
 pub mod fuzz;
 pub mod line;
+pub mod stand_in;
 
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
