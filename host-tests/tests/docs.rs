@@ -10,7 +10,6 @@ use rotorlead::settings::{
 use rotorlead_sim::bench::device::{entries, set};
 
 #[path = "../../src/board/pinout.rs"]
-#[expect(dead_code, reason = "the binary prints the rest")]
 mod pinout;
 
 /// A file of the repository.
