@@ -9,7 +9,7 @@ mod trace;
 use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 pub use debugger::Debugger;
 pub use link::Link;
@@ -90,16 +90,27 @@ impl Machine {
         machine
     }
 
-    /// Starts the emulator with the link on a port of this machine, for another program, and gives its address.
+    /// Starts the emulator, waits until the controller answers, and gives the address of its link for another program.
     ///
     /// # Panics
-    /// When QEMU is not there.
+    /// When QEMU is not there, or the controller does not answer.
     #[must_use]
     pub fn serve(image: &Path) -> (Served, String) {
-        let port = free_port();
+        let address = format!("127.0.0.1:{}", free_port());
         let mut qemu = command(image);
-        qemu.args(["-serial", &format!("tcp:127.0.0.1:{port},server=on,wait=off,nodelay=on")]);
-        (Served(run(&mut qemu)), format!("tcp:127.0.0.1:{port}"))
+        qemu.args(["-serial", &format!("tcp:{address},server=on,wait=off,nodelay=on")]);
+        let served = Served(run(&mut qemu));
+        let start = Instant::now();
+        let stream = loop {
+            match TcpStream::connect(&address) {
+                Ok(stream) => break stream,
+                Err(error) => assert!(start.elapsed() < PATIENCE, "QEMU does not listen: {error}"),
+            }
+            std::thread::sleep(Duration::from_millis(50));
+        };
+        // When this connection ends, QEMU takes the next one.
+        Link::new(stream).wait_for_start();
+        (served, format!("tcp:{address}"))
     }
 
     fn begin(start: &Start<'_>) -> Self {
