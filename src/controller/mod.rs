@@ -13,9 +13,11 @@
 //! and streams of samples through queues.
 
 mod desk;
+mod server;
 mod tick;
 
 pub use desk::{Board, Counts, Desk, DeskQueues, Facts};
+pub use server::Server;
 pub use tick::{INJECT_QUEUE, Motor, MotorQueues, RECORD_QUEUE, Tick};
 
 use crate::biquad::Coefficients;
