@@ -3,6 +3,7 @@
 pub mod flash;
 pub mod fuzz;
 pub mod line;
+pub mod rig;
 
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;

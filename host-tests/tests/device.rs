@@ -17,7 +17,7 @@ use rotorlead::design::LeadDesign;
 use rotorlead::excitation::{Activity, Multisine};
 use rotorlead::link::{
     ChannelState, Clock, FRAME_BYTES, Faults, INJECT_SAMPLES, Info, Injector, Message, NO_INPUT, Receiver, RecordClock,
-    Recorder, Refusal, Request, ResetReason, Sample, Source, encode,
+    Recorder, Refusal, Request, ResetReason, Sample, Source, VERSION, encode,
 };
 use rotorlead::settings::{Store, Validated};
 use rotorlead::throttle::Command;
@@ -92,7 +92,7 @@ impl Controller {
     fn send(&mut self, tag: u8, message: &Message) {
         let mut bytes = match self.trouble {
             Trouble::Silent => return,
-            Trouble::OtherVersion => frame(2, tag, &postcard::to_stdvec(message).unwrap()),
+            Trouble::OtherVersion => frame(VERSION + 1, tag, &postcard::to_stdvec(message).unwrap()),
             _ => {
                 let mut frame = [0; FRAME_BYTES];
                 let length = encode(tag, message, &mut frame).unwrap();

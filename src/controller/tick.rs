@@ -163,25 +163,23 @@ impl Motor {
         }
         self.output = match self.feed {
             Feed::Pulse => self.channel.tick(input),
-            _ => self.without_pulses(input, silence_limit),
+            _ => self.without_pulses(silence_limit),
         };
         self.output
     }
 
     #[inline(never)]
-    fn without_pulses(&mut self, input: Input, silence_limit: u32) -> Command {
+    fn without_pulses(&mut self, silence_limit: u32) -> Command {
         match self.feed {
-            Feed::Pulse => self.channel.tick(input),
-            Feed::Inject if self.is_input_armed() => self.end_injection(input),
-            Feed::Inject => self.injected(input, silence_limit),
-            Feed::Ending => self.end_injection(input),
-            Feed::Paused(_) => self.channel.settings().stop,
+            Feed::Inject if !self.is_input_armed() => self.injected(silence_limit),
+            Feed::Inject | Feed::Ending => self.end_injection(),
+            Feed::Paused(_) | Feed::Pulse => self.channel.settings().stop,
         }
     }
 
     /// One injected command. Without any, the last output stands: no tick, so that outputs do not depend on when frames
     /// arrive. A host that stays away loses the motor, which stops.
-    fn injected(&mut self, input: Input, silence_limit: u32) -> Command {
+    fn injected(&mut self, silence_limit: u32) -> Command {
         if let Some(command) = self.queues.inject.dequeue() {
             self.silent_ticks = 0;
             let output = self.channel.tick(Input::Command(command));
@@ -193,16 +191,16 @@ impl Motor {
         if self.silent_ticks < silence_limit {
             return self.output;
         }
-        self.end_injection(input)
+        self.end_injection()
     }
 
     /// The channel goes through its hold time to the stop; a disarmed pulse takes it there at once. An armed one must
     /// not: the motor would go on from the host's command to the flight controller's without ever having stopped.
     /// Commands that are still queued are answered with what went out in their place.
-    fn end_injection(&mut self, input: Input) -> Command {
-        let is_disarmed =
-            matches!(input, Input::Command(command) if command < self.channel.settings().arming_threshold);
-        let output = self.channel.tick(if is_disarmed { input } else { Input::Lost });
+    fn end_injection(&mut self) -> Command {
+        let is_disarmed = self.input != NO_INPUT && !self.is_input_armed();
+        let pulse = Command::saturating_from_bits(self.input);
+        let output = self.channel.tick(if is_disarmed { Input::Command(pulse) } else { Input::Lost });
         let is_queue_empty = self.queues.inject.dequeue().is_none();
         if !is_queue_empty {
             let _ = self.queues.outputs.enqueue(output);

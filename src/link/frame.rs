@@ -8,7 +8,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 /// Version of the messages, the first byte of every frame.
-pub const VERSION: u8 = 1;
+pub const VERSION: u8 = 2;
 /// Largest envelope: version, tag, body and checksum. The longest message is a [`Record`](super::Record) of noise.
 pub const PAYLOAD_BYTES: usize = 680;
 /// Largest frame: the envelope, a byte of COBS for every 254, and the zeros around it.

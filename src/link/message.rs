@@ -271,12 +271,52 @@ pub enum ResetReason {
     Software,
     /// The control task stood still.
     Watchdog,
-    /// The code panicked.
-    Panic,
+    /// The code panicked, here.
+    Panic(PanicPlace),
     /// A fault of the processor.
     Fault,
     /// None of these.
     Unknown,
+}
+
+/// A place in the source, in a size that is known beforehand: the line, and the end of the file's name, which tells
+/// files apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PanicPlace {
+    /// The line, from 1; 0 where it is not known.
+    pub line: u32,
+    /// The last bytes of the file's name, with zeros in front where it is shorter.
+    pub file: [u8; PANIC_FILE_BYTES],
+}
+
+/// Bytes that are kept of a file's name.
+pub const PANIC_FILE_BYTES: usize = 24;
+
+impl PanicPlace {
+    /// This line of this file.
+    #[must_use]
+    pub fn new(file: &str, line: u32) -> Self {
+        let mut end = [0; PANIC_FILE_BYTES];
+        for (to, from) in end.iter_mut().rev().zip(file.bytes().rev()) {
+            *to = from;
+        }
+        Self { line, file: end }
+    }
+}
+
+impl fmt::Display for PanicPlace {
+    /// `FILE:LINE`, with an ellipsis where the file's name was cut.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let shown = self.file.split(|&byte| byte == 0).next_back().unwrap_or_default();
+        if shown.len() == PANIC_FILE_BYTES {
+            f.write_str("…")?;
+        }
+        // A character that was cut in two is left out.
+        for part in shown.utf8_chunks() {
+            f.write_str(part.valid())?;
+        }
+        write!(f, ":{}", self.line)
+    }
 }
 
 /// The state of a motor's path.

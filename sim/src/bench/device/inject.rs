@@ -20,11 +20,23 @@ pub fn inject(
     commands: &[Command],
 ) -> Result<Vec<Command>, DeviceError> {
     session.set_mode(motor, Source::Inject, compensate)?;
-    let outputs = stream(session, motor, commands);
+    let outputs = stream(session, motor, commands).and_then(|outputs| {
+        disarm(session, motor, &outputs)?;
+        Ok(outputs)
+    });
     let released = session.set_mode(motor, Source::Pulse, compensate);
     let outputs = outputs?;
     released?;
     Ok(outputs)
+}
+
+/// Brings the motor to a stop, which it must be at before the path starts afresh.
+fn disarm(session: &mut Session, motor: u8, outputs: &[Command]) -> Result<(), DeviceError> {
+    let mut samples = Series::new();
+    samples.push(Command::ZERO.to_bits()).expect("a request holds more than one");
+    let first = outputs.len() as u32;
+    let tag = session.send(&Request::Inject(InjectRequest { motor, first, samples }))?;
+    collect(session, &mut VecDeque::from([(tag, 1)]), &mut Vec::new())
 }
 
 fn stream(session: &mut Session, motor: u8, commands: &[Command]) -> Result<Vec<Command>, DeviceError> {
