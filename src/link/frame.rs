@@ -4,6 +4,7 @@ use core::fmt;
 use core::marker::PhantomData;
 
 use crc::{CRC_32_ISCSI, Crc};
+use postcard_schema::Schema;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
@@ -109,7 +110,7 @@ pub struct Tagged<T> {
 }
 
 /// How many frames were dropped, and why. The counts wrap.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, serde::Deserialize, Schema)]
 pub struct FrameFaults {
     /// Ended too early: shorter than an envelope, or inside a run of COBS.
     pub truncated: u32,

@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 use super::{FrameFaults, Series};
@@ -17,7 +18,7 @@ pub const RECORD_SAMPLES: usize = 32;
 /// [`Refusal::UnknownMotor`] answers any request whose motor does not exist.
 // Requests live one at a time, on the stack of the task that answers them: boxes are not to be had, nor needed.
 #[allow(clippy::large_enum_variant)]
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub enum Request {
     /// 0: who are you, and how are you? Answered by [`Message::Info`].
     Info,
@@ -60,7 +61,7 @@ pub enum Request {
 }
 
 /// Where a motor's command comes from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum Source {
     /// The flight controller's pulses.
     Pulse,
@@ -69,7 +70,7 @@ pub enum Source {
 }
 
 /// A multisine to be played.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct ExciteRequest {
     /// The motor, from 0.
     pub motor: u8,
@@ -84,7 +85,7 @@ pub struct ExciteRequest {
 }
 
 /// A set of lines that the controller has.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum LineSet {
     /// [`ODD_LINES_30_HZ`](crate::excitation::ODD_LINES_30_HZ)
     Odd30Hz,
@@ -104,7 +105,7 @@ impl LineSet {
 }
 
 /// What to record.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct RecordRequest {
     /// The motor, from 0.
     pub motor: u8,
@@ -113,7 +114,7 @@ pub struct RecordRequest {
 }
 
 /// Commands for a motor.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct InjectRequest {
     /// The motor, from 0.
     pub motor: u8,
@@ -126,7 +127,7 @@ pub struct InjectRequest {
 
 /// From the controller.
 #[allow(clippy::large_enum_variant)] // As for requests.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub enum Message {
     /// 0: it was done.
     Done,
@@ -147,7 +148,7 @@ pub enum Message {
 }
 
 /// Why a request was refused.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub enum Refusal {
     /// 0: there is no such motor.
     UnknownMotor,
@@ -227,7 +228,7 @@ impl fmt::Display for Refusal {
 }
 
 /// Who a controller is, and how it is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct Info {
     /// Version of the firmware: major, minor, patch.
     pub firmware: [u8; 3],
@@ -248,7 +249,7 @@ pub struct Info {
 }
 
 /// Which clock runs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum Clock {
     /// The crystal, through the PLL.
     Crystal,
@@ -259,7 +260,7 @@ pub enum Clock {
 }
 
 /// Why a controller started.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum ResetReason {
     /// Power came.
     PowerOn,
@@ -281,7 +282,7 @@ pub enum ResetReason {
 
 /// A place in the source, in a size that is known beforehand: the line, and the end of the file's name, which tells
 /// files apart.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct PanicPlace {
     /// The line, from 1; 0 where it is not known.
     pub line: u32,
@@ -320,7 +321,7 @@ impl fmt::Display for PanicPlace {
 }
 
 /// The state of a motor's path.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum ChannelState {
     /// No pulse has come yet.
     NoSignal,
@@ -341,7 +342,7 @@ pub enum ChannelState {
 }
 
 /// What went wrong since the start. All counts wrap.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct Faults {
     /// Frames of the link that were dropped.
     pub link: FrameFaults,
@@ -358,7 +359,7 @@ pub struct Faults {
 }
 
 /// What went wrong at one motor's input.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct MotorFaults {
     /// Pulses too short to be one.
     pub glitches: u32,
@@ -375,7 +376,7 @@ pub struct MotorFaults {
 }
 
 /// What injected commands came to.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Injected {
     /// Number of the first one.
     pub first: u32,
@@ -387,7 +388,7 @@ pub struct Injected {
 ///
 /// Samples that were lost, on the wire or because the link is slower than they come, show in `first_tick`: it is that of
 /// the last record plus `divisor` for each of its samples, or something is missing.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Record {
     /// The motor, from 0.
     pub motor: u8,

@@ -20,6 +20,7 @@
 use core::fmt;
 
 use embedded_storage::nor_flash::NorFlash;
+use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 use super::{Settings, Validated};
@@ -38,7 +39,7 @@ const CHECKSUM_BYTES: usize = 4;
 const ERASED: u8 = 0xff;
 
 /// Where the settings in use come from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum Origin {
     /// Both copies in flash are whole and the same.
     Stored,
