@@ -165,7 +165,7 @@ fn the_bytes_of_every_message_are_as_written() {
 
 #[test]
 fn a_whole_frame_is_as_written() {
-    assert_eq!(hex(&framed(9, &Request::Faults)), "000801090af342712000");
+    assert_eq!(hex(&framed(9, &Request::Faults)), "000802090a80825fca00");
 }
 
 /// One frame of each kind, and another good one after them.

@@ -31,8 +31,11 @@ pub enum Request {
     /// 3: store the settings in use. Refused unless every motor is disarmed, since an erase stalls the core.
     SaveSettings,
     /// 4: where a motor's command comes from, and whether the compensator is in its path. Starts the motor's path
-    /// afresh, and the numbering of injected samples at 0. [`Source::Inject`] is refused while a real input is armed
-    /// ([`Refusal::InputArmed`]).
+    /// afresh, and the numbering of injected samples at 0; injections that were under way are refused
+    /// ([`Refusal::NotInjecting`]). Refused while the motor is not at rest ([`Refusal::InputArmed`] where its pulses turn
+    /// it, [`Refusal::Exciting`], or [`Refusal::NotDisarmed`]: a host brings an injected motor to a stop with a disarmed
+    /// command first), and [`Source::Inject`] while a real input is armed ([`Refusal::InputArmed`]), even one that is
+    /// locked.
     SetMode {
         /// The motor, from 0.
         motor: u8,
@@ -41,8 +44,8 @@ pub enum Request {
         /// Whether the compensator is in the path.
         compensate: bool,
     },
-    /// 5: play a multisine. Refused while a pulse input is live, outside the limits of the settings, or while another
-    /// one plays.
+    /// 5: play a multisine. Refused while the pulse input of any motor is live, outside the limits of the settings, or
+    /// while another one plays.
     Excite(ExciteRequest),
     /// 6: the host is still there; at least every [`DEAD_MAN_MS`](crate::settings::DEAD_MAN_MS) while something plays.
     KeepAlive,
@@ -53,8 +56,11 @@ pub enum Request {
     Record(Option<RecordRequest>),
     /// 9: commands for a motor whose source is [`Source::Inject`], one consumed per tick. Without any there is no tick, so
     /// that the outputs do not depend on when frames arrive; but a host that sends none for
-    /// [`INJECT_TIMEOUT_MS`](super::INJECT_TIMEOUT_MS) has lost the motor, which goes back to its pulses. Answered by [`Message::Injected`] when the last of them was
-    /// consumed, so a host may keep [`INJECT_WINDOW`](super::INJECT_WINDOW) requests under way.
+    /// [`INJECT_TIMEOUT_MS`](super::INJECT_TIMEOUT_MS) has lost the motor, and so has one whose motor's real input is
+    /// armed meanwhile: the last command is held for the motor's hold time, then comes the stop, and after it the motor
+    /// goes back to its pulses. A real input that is live and disarmed stops it without the hold. Answered by
+    /// [`Message::Injected`] when the last of them was consumed, so a host may keep
+    /// [`INJECT_WINDOW`](super::INJECT_WINDOW) requests under way.
     Inject(InjectRequest),
     /// 10: answered by [`Message::Faults`].
     Faults,
