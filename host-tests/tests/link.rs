@@ -124,7 +124,7 @@ fn messages() -> Vec<(Message, &'static str)> {
         (Message::Info(info), "02 010203 01 80f48d50 80fa8628 05 04 01 00030507"),
         (
             Message::Info(panicked),
-            "02 010203 01 80f48d50 80fa8628 05 0561 0000000000000000000000000000000000612e7273 01 00030507",
+            "02 010203 01 80f48d50 80fa8628 05 0561 0000000000000000000000000000000000000000 612e7273 01 00030507",
         ),
         (Message::Settings(Settings::default()), concat!("03", DEFAULTS!())),
         (Message::SettingsTaken(Warnings { slow_input: true, slow_output: false }), "040100"),
