@@ -988,6 +988,7 @@ fn a_power_cut_at_any_byte_of_a_save_turns_no_motor_then_or_at_the_next_start() 
 
 /// What happens next in a random life.
 #[derive(Clone, Debug)]
+#[allow(clippy::large_enum_variant)] // A few at a time.
 enum Event {
     /// An input has this level (or nothing), for so many ticks.
     Input(usize, Option<f64>, usize),
@@ -1062,9 +1063,9 @@ proptest! {
                             quiet[usize::from(excite.motor)] = 0;
                         }
                         (Request::KeepAlive, _) => {
-                            for motor in 0..MOTORS {
-                                if rig.hardware.tick.motors()[motor].state() == ChannelState::Excitation {
-                                    quiet[motor] = 0;
+                            for (quiet, motor) in quiet.iter_mut().zip(rig.hardware.tick.motors()) {
+                                if motor.state() == ChannelState::Excitation {
+                                    *quiet = 0;
                                 }
                             }
                         }

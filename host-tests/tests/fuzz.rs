@@ -9,8 +9,10 @@ use rand_chacha::ChaCha8Rng;
 
 type Corpus = Vec<(&'static str, Vec<u8>)>;
 
+type Fuzzer = (&'static str, fn(&[u8]), fn() -> Corpus);
+
 /// Name, entry point, and the made part of the corpus. The stored one has what libFuzzer found beside it.
-const FUZZERS: [(&str, fn(&[u8]), fn() -> Corpus); 3] = [
+const FUZZERS: [Fuzzer; 3] = [
     ("capture", fuzz_capture, capture_corpus),
     ("link", fuzz_link, link_corpus),
     ("settings", fuzz_settings, settings_corpus),
