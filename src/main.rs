@@ -4,6 +4,8 @@
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 mod board;
+#[cfg(not(target_os = "none"))]
+mod schema_print;
 #[cfg(target_os = "none")]
 mod wiring;
 
@@ -22,7 +24,7 @@ fn main() {
     println!("\nDefault settings\n{:#?}", Settings::default());
     println!("\nLink: version {}, frames of up to {} bytes", link::VERSION, link::FRAME_BYTES);
     println!("  injection: {} requests of {} samples under way", link::INJECT_WINDOW, link::INJECT_SAMPLES);
-    println!("  messages: see `cargo doc --package rotorlead`, module link");
+    print!("{}", schema_print::Messages);
 }
 
 /// Tasks and what they share. Priorities: capture 4, control 3, bytes of the link 2, idle 0.

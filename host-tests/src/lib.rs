@@ -4,6 +4,7 @@ pub mod emulator;
 pub mod flash;
 pub mod fuzz;
 pub mod line;
+pub mod rig;
 pub mod stand_in;
 
 use proptest::prelude::*;

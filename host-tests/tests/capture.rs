@@ -1,11 +1,9 @@
 //! From edges to pulses: frame rates, glitches, missing edges, stuck lines, floods, wrapping time stamps.
 
 use host_tests::cases;
-use host_tests::fuzz::{PROTOCOLS, capture_corpus, fuzz_capture};
+use host_tests::fuzz::{PROTOCOLS, fuzz_capture};
 use host_tests::line::{LOOP_HZ, Line, TICKS_PER_POLL, TIMER_HZ, decode, us};
 use proptest::prelude::*;
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use rotorlead::capture::{
     Decoder, Faults, LONGEST_MASK_POLLS, Level, LossReason, PULSES_TO_LIVE, Signal, Timing, TimingError,
 };
@@ -477,52 +475,5 @@ proptest! {
     #[test]
     fn any_bytes_keep_the_claims(data in any_bytes()) {
         fuzz_capture(&data);
-    }
-}
-
-/// Every mutation that fuzzers begin with, on lives that a line may have. `FUZZ_EXECUTIONS` sets how many.
-#[test]
-fn mutations_of_the_corpus_keep_the_claims() {
-    let executions: u64 = std::env::var("FUZZ_EXECUTIONS").map_or(20_000, |count| count.parse().unwrap());
-    let corpus = capture_corpus();
-    for (_, bytes) in &corpus {
-        fuzz_capture(bytes);
-    }
-    let mut random = ChaCha8Rng::seed_from_u64(20_260);
-    for _ in 0..executions {
-        let mut bytes = corpus[random.random_range(0..corpus.len())].1.clone();
-        for _ in 0..random.random_range(1..6) {
-            let at = random.random_range(0..bytes.len());
-            match random.random_range(0..6) {
-                0 => bytes[at] ^= 1 << random.random_range(0..8),
-                1 => bytes[at] = random.random(),
-                2 => bytes.insert(at, random.random()),
-                3 if bytes.len() > 5 => drop(bytes.remove(at)),
-                4 if bytes.len() > 5 => bytes.truncate(at.max(2)),
-                _ => {
-                    // A part of another life, at the boundary of an event.
-                    let other = &corpus[random.random_range(0..corpus.len())].1;
-                    let from = 2 + 3 * random.random_range(0..(other.len() - 2) / 3);
-                    let at = (2 + at / 3 * 3).min(bytes.len());
-                    bytes.splice(at..at, other[from..(from + 60).min(other.len())].iter().copied());
-                }
-            }
-        }
-        fuzz_capture(&bytes);
-    }
-}
-
-/// The good lives of the corpus are what they are named after, as seen through the fuzzer's own encoding.
-#[test]
-fn the_corpus_is_stored_as_it_is_made() {
-    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus/capture");
-    for (name, bytes) in capture_corpus() {
-        let file = folder.join(name);
-        if std::env::var_os("UPDATE_CORPUS").is_some() {
-            std::fs::create_dir_all(&folder).unwrap();
-            std::fs::write(&file, &bytes).unwrap();
-        }
-        let stored = std::fs::read(&file).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
-        assert!(stored == bytes, "{} differs: UPDATE_CORPUS=1 writes it anew", file.display());
     }
 }

@@ -364,7 +364,10 @@ fn a_panic_forces_the_outputs_low_and_is_reported_after_the_reset() {
     }));
     wait("the end of the outputs", || outputs_were_forced_low(&machine.trace.outputs_since(mark)));
     machine.link.wait_for_start();
-    assert_eq!(machine.link.info().reset, ResetReason::Panic);
+    match machine.link.info().reset {
+        ResetReason::Panic(place) => assert!(place.to_string().contains("src/wiring.rs"), "{place}"),
+        other => panic!("{other:?}"),
+    }
     let stop = width(&mut machine, Command::ZERO);
     assert_eq!(machine.monitor.word(OUTPUT_1), stop);
 }

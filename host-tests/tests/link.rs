@@ -6,9 +6,9 @@ use proptest::prelude::*;
 use rotorlead::excitation::{Multisine, ODD_LINES_30_HZ};
 use rotorlead::link::{
     ChannelState, Clock, ExciteRequest, FRAME_BYTES, Faults, FrameFaults, INJECT_SAMPLES, INJECT_WINDOW, Info,
-    InjectRequest, Injected, Injector, LineSet, Message, MotorFaults, NO_INPUT, PAYLOAD_BYTES, RECORD_SAMPLES,
-    Receiver, Record, RecordClock, RecordRequest, Recorder, Refusal, Request, ResetReason, Sample, Series, Source,
-    Tagged, VERSION, Writer, encode,
+    InjectRequest, Injected, Injector, LineSet, Message, MotorFaults, NO_INPUT, PAYLOAD_BYTES, PanicPlace,
+    RECORD_SAMPLES, Receiver, Record, RecordClock, RecordRequest, Recorder, Refusal, Request, ResetReason, Sample,
+    Series, Source, Tagged, VERSION, Writer, encode,
 };
 use rotorlead::settings::{Key, Origin, Place, Problem, Settings, SettingsError, Warnings};
 use rotorlead::throttle::Command;
@@ -77,6 +77,7 @@ fn messages() -> Vec<(Message, &'static str)> {
         settings: Origin::StoredOnce,
         motors: [ChannelState::NoSignal, ChannelState::Armed, ChannelState::Lost, ChannelState::Injected],
     };
+    let panicked = Info { reset: ResetReason::Panic(PanicPlace::new("a.rs", 97)), ..info };
     let link = FrameFaults { truncated: 1, corrupted: 2, oversized: 3, other_version: 4, unknown: 5 };
     let motor = MotorFaults { glitches: 10, missing_edges: 11, out_of_range: 12, too_soon: 13, masked: 14, lost: 15 };
     let faults = Faults {
@@ -121,6 +122,10 @@ fn messages() -> Vec<(Message, &'static str)> {
         (refused(Refusal::WindowFull), "010c"),
         (refused(Refusal::Divisor), "010d"),
         (Message::Info(info), "02 010203 01 80f48d50 80fa8628 05 04 01 00030507"),
+        (
+            Message::Info(panicked),
+            "02 010203 01 80f48d50 80fa8628 05 0561 0000000000000000000000000000000000000000 612e7273 01 00030507",
+        ),
         (Message::Settings(Settings::default()), concat!("03", DEFAULTS!())),
         (Message::SettingsTaken(Warnings { slow_input: true, slow_output: false }), "040100"),
         (Message::Faults(faults), "05 0102030405 06 07 08 09 0a0b0c0d0f0e 000000000000 000000000000 0a0b0c0d0f0e"),
@@ -160,7 +165,7 @@ fn the_bytes_of_every_message_are_as_written() {
 
 #[test]
 fn a_whole_frame_is_as_written() {
-    assert_eq!(hex(&framed(9, &Request::Faults)), "000801090af342712000");
+    assert_eq!(hex(&framed(9, &Request::Faults)), "000802090a80825fca00");
 }
 
 /// One frame of each kind, and another good one after them.

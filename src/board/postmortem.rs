@@ -9,7 +9,7 @@ use core::ptr::addr_of_mut;
 
 use cortex_m::peripheral::SCB;
 use cortex_m_rt::exception;
-use rotorlead::link::ResetReason;
+use rotorlead::link::{PANIC_FILE_BYTES, PanicPlace, ResetReason};
 use stm32f4xx_hal::pac::RCC;
 
 /// Why the controller was started.
@@ -56,14 +56,14 @@ impl From<StartReason> for ResetReason {
             StartReason::Pin => Self::Pin,
             StartReason::Software => Self::Software,
             StartReason::Watchdog => Self::Watchdog,
-            StartReason::Panic { .. } => Self::Panic,
+            StartReason::Panic { line, file } => Self::Panic(PanicPlace { line, file }),
             StartReason::Fault { .. } | StartReason::CrystalLost | StartReason::StrayInterrupt { .. } => Self::Fault,
         }
     }
 }
 
 /// Bytes kept of a file's name.
-pub const FILE_BYTES: usize = 24;
+pub const FILE_BYTES: usize = PANIC_FILE_BYTES;
 
 const PANIC: u32 = 1;
 const FAULT: u32 = 2;

@@ -212,7 +212,7 @@ impl Channel {
                 self.last_end = Some(if was_ending { player.end() } else { End::PulseInput });
             }
             self.mode = Mode::Disarmed;
-            return Path::Pass(self.command);
+            return self.disarmed();
         }
         match self.mode {
             Mode::Disarmed | Mode::Armed => {
@@ -264,7 +264,12 @@ impl Channel {
             return self.stop();
         }
         self.held_ticks = self.held_ticks.saturating_add(1);
-        if self.engaged { Path::Shape(self.command) } else { Path::Pass(self.command) }
+        if self.engaged { Path::Shape(self.command) } else { self.disarmed() }
+    }
+
+    /// A disarmed command, as it is; only what is below the stop, where a raw duty has no edges, is put at the stop.
+    fn disarmed(&self) -> Path {
+        Path::Pass(self.command.max(self.settings.stop))
     }
 
     /// One tick of the excitation. On the ramps it passes the arming threshold as a command would.
@@ -303,6 +308,15 @@ impl Channel {
         self.last_end = None;
         self.mode = Mode::Excitation;
         Ok(())
+    }
+
+    /// To stop, at once and until a disarmed command comes: for a motor at rest whose ticks are about to pause, and whose
+    /// last disarmed command is then an old one.
+    pub fn lock(&mut self) {
+        self.mode = Mode::Lost;
+        self.live = false;
+        self.engaged = false;
+        self.player = None;
     }
 
     /// The host is still there.

@@ -1,14 +1,15 @@
 //! Answers the host.
 
 use embedded_storage::nor_flash::NorFlash;
+use heapless::Deque;
 use heapless::spsc::{Consumer, Producer};
 
 use super::{INJECT_QUEUE, Motor, RECORD_QUEUE, Tick, channel_settings, channels, coefficients};
 use crate::biquad::Coefficients;
 use crate::channel::{Channel, Excitation, ExcitationRequest, Refusal as ChannelRefusal, State};
 use crate::link::{
-    Clock, ExciteRequest, Faults, FrameFaults, Info, InjectRequest, Injector, Message, MotorFaults, RecordRequest,
-    Recorder, Refusal, Request, ResetReason, Sample, Source, Tagged,
+    Clock, ExciteRequest, Faults, FrameFaults, INJECT_WINDOW, Info, InjectRequest, Injector, Message, MotorFaults,
+    RecordRequest, Recorder, Refusal, Request, ResetReason, Sample, Source, Tagged,
 };
 use crate::settings::{MOTORS, Origin, Settings, Store, Validated};
 use crate::throttle::Command;
@@ -72,7 +73,20 @@ pub struct Desk<F> {
     recorder: Option<(u8, Recorder)>,
     /// A recording that was stopped: the rest of its samples goes out first, then `Done` to the request with this tag.
     stopping: Option<u8>,
+    /// Answers that became due while another request was answered.
+    owed: Deque<Owed, OWED>,
 }
+
+/// An answer to a request that something else has settled.
+enum Owed {
+    /// A recording was stopped, and another was begun before that was said.
+    Done(u8),
+    /// An injection was cut short by a change of mode or of the settings.
+    NotInjecting(u8),
+}
+
+/// Every injection of every motor, and the end of a recording.
+const OWED: usize = MOTORS * INJECT_WINDOW + 1;
 
 impl<F: NorFlash> Desk<F> {
     /// With the settings as they were loaded, and the coefficients that they give.
@@ -84,7 +98,8 @@ impl<F: NorFlash> Desk<F> {
         queues: DeskQueues,
     ) -> Self {
         let injectors = [const { Injector::new() }; MOTORS];
-        Self { settings, coefficients, origin, store, queues, injectors, recorder: None, stopping: None }
+        let (recorder, stopping, owed) = (None, None, Deque::new());
+        Self { settings, coefficients, origin, store, queues, injectors, recorder, stopping, owed }
     }
 
     /// The settings in use.
@@ -118,6 +133,7 @@ impl<F: NorFlash> Desk<F> {
             Request::Record(Some(request)) => self.record(tag, request, board),
             Request::Record(None) => {
                 board.tick(|tick| tick.set_recording(None));
+                self.settle_stop();
                 self.stopping = Some(tag);
                 return None;
             }
@@ -138,6 +154,13 @@ impl<F: NorFlash> Desk<F> {
 
     /// What has become ready to be sent since the last call: records, and the outputs of injected commands.
     pub fn poll(&mut self) -> Option<Tagged<Message>> {
+        if let Some(owed) = self.owed.pop_front() {
+            let (tag, message) = match owed {
+                Owed::Done(tag) => (tag, Message::Done),
+                Owed::NotInjecting(tag) => (tag, Message::Refused(Refusal::NotInjecting)),
+            };
+            return Some(Tagged { tag, message });
+        }
         for (injector, outputs) in self.injectors.iter_mut().zip(&mut self.queues.outputs) {
             while let Some(output) = outputs.dequeue() {
                 if let Some(Tagged { tag, message }) = injector.output(output) {
@@ -179,11 +202,14 @@ impl<F: NorFlash> Desk<F> {
         let settings = settings.validate().map_err(Refusal::Settings)?;
         let coefficients = coefficients(&settings).map_err(|_| Refusal::Design)?;
         let channels = channels(&settings, coefficients).ok_or(Refusal::Design)?;
-        // The design took its time: somebody may have armed meanwhile.
-        at_rest(board)?;
-        board.reconfigure(&settings, channels)?;
-        self.injectors = [const { Injector::new() }; MOTORS];
-        self.forget_outputs();
+        // The design took its time: somebody may have armed meanwhile, and may still.
+        pause(board)?;
+        let reconfigured = board.reconfigure(&settings, channels);
+        board.tick(Tick::resume);
+        reconfigured?;
+        for motor in 0..MOTORS {
+            self.forget_injection(motor);
+        }
         self.coefficients = coefficients;
         let warnings = settings.warnings();
         self.settings = settings;
@@ -191,10 +217,12 @@ impl<F: NorFlash> Desk<F> {
     }
 
     fn save(&mut self, board: &mut impl Board) -> Result<Message, Refusal> {
-        at_rest(board)?;
+        // An erase stalls the core for seconds: nobody may arm between the question and the erase.
+        pause(board)?;
         board.flash_stalls(true);
         let saved = self.store.save(&self.settings);
         board.flash_stalls(false);
+        board.tick(Tick::resume);
         saved.map_err(|_| Refusal::SaveFailed)?;
         self.origin = Origin::Stored;
         Ok(Message::Done)
@@ -208,24 +236,26 @@ impl<F: NorFlash> Desk<F> {
         board: &mut impl Board,
     ) -> Result<Message, Refusal> {
         let index = usize::from(motor);
-        let injector = self.injectors.get_mut(index).ok_or(Refusal::UnknownMotor)?;
+        if index >= MOTORS {
+            return Err(Refusal::UnknownMotor);
+        }
         let limits = channel_settings(&self.settings, index);
         let mut channel = Channel::new(&limits, self.coefficients).map_err(|_| Refusal::Design)?;
         channel.set_enabled(compensate);
         board.tick(|tick| {
-            let motor = tick.motor_mut(index).ok_or(Refusal::UnknownMotor)?;
-            match motor.channel().state() {
-                State::Armed | State::Holding if motor.source() == Source::Pulse => return Err(Refusal::InputArmed),
+            let path = tick.motor_mut(index).ok_or(Refusal::UnknownMotor)?;
+            // A fresh channel begins at the stop: only where the old one is there, too.
+            match path.channel().state() {
                 State::Excitation(_) => return Err(Refusal::Exciting),
+                State::Armed | State::Holding if path.is_input_armed() => return Err(Refusal::InputArmed),
+                state if !state.is_at_rest() => return Err(Refusal::NotDisarmed { motor }),
+                _ if source == Source::Inject && path.is_input_armed() => return Err(Refusal::InputArmed),
                 _ => {}
             }
-            motor.restart(channel, source);
+            path.restart(channel, source);
             Ok(())
         })?;
-        *injector = Injector::new();
-        if let Some(outputs) = self.queues.outputs.get_mut(index) {
-            while outputs.dequeue().is_some() {}
-        }
+        self.forget_injection(index);
         Ok(Message::Done)
     }
 
@@ -270,6 +300,10 @@ impl<F: NorFlash> Desk<F> {
             if tick.motors().iter().any(|motor| exciting(motor.channel().state())) {
                 return Err(Refusal::Exciting);
             }
+            // Whichever it is: with a flight controller at any of the inputs somebody may mean to fly.
+            if let Some(motor) = tick.motors().iter().position(Motor::is_input_live) {
+                return Err(Refusal::InputLive { motor: motor as u8 });
+            }
             tick.motor_mut(index).ok_or(Refusal::UnknownMotor)?.excite(excitation).map_err(refusal)
         })?;
         Ok(Message::Done)
@@ -285,7 +319,7 @@ impl<F: NorFlash> Desk<F> {
         }
         board.tick(|tick| tick.set_recording(None));
         while self.queues.samples.dequeue().is_some() {}
-        self.stopping = None;
+        self.settle_stop();
         self.recorder = Some((tag, Recorder::new(request.motor, divisor)));
         board.tick(|tick| tick.set_recording(Some((request.motor, divisor))));
         Ok(Message::Done)
@@ -294,25 +328,50 @@ impl<F: NorFlash> Desk<F> {
     /// Whether outputs will follow.
     fn inject(&mut self, tag: u8, request: &InjectRequest, board: &mut impl Board) -> Result<bool, Refusal> {
         let index = usize::from(request.motor);
-        let source = board.tick(|tick| tick.motors().get(index).map(Motor::source)).ok_or(Refusal::UnknownMotor)?;
-        if source != Source::Inject {
-            return Err(Refusal::NotInjecting);
-        }
+        board.tick(|tick| match tick.motors().get(index) {
+            None => Err(Refusal::UnknownMotor),
+            Some(motor) if motor.is_input_armed() => Err(Refusal::InputArmed),
+            Some(motor) if motor.source() != Source::Inject => Err(Refusal::NotInjecting),
+            Some(_) => Ok(()),
+        })?;
         let injector = self.injectors.get_mut(index).ok_or(Refusal::UnknownMotor)?;
         let queue = self.queues.inject.get_mut(index).ok_or(Refusal::UnknownMotor)?;
         injector.accept(tag, request)?;
+        if request.samples.is_empty() {
+            return Ok(false);
+        }
+        // Only now: a host that sends what cannot be used does not keep a motor running.
+        board.tick(|tick| tick.motor_mut(index).map(Motor::expect_commands));
         for &sample in request.samples.as_slice() {
             // The queue holds a whole window, and the injector accepts no more.
             let _ = queue.enqueue(Command::saturating_from_bits(sample));
         }
-        Ok(!request.samples.is_empty())
+        Ok(true)
     }
 
-    fn forget_outputs(&mut self) {
-        for outputs in &mut self.queues.outputs {
+    /// A motor starts afresh: what was under way will not come to anything.
+    fn forget_injection(&mut self, motor: usize) {
+        let Some(injector) = self.injectors.get_mut(motor) else { return };
+        for tag in core::mem::take(injector).tags() {
+            // There is room for all that can be under way; whatever was owed before was sent, or is a few older ones.
+            let _ = self.owed.push_back(Owed::NotInjecting(tag));
+        }
+        if let Some(outputs) = self.queues.outputs.get_mut(motor) {
             while outputs.dequeue().is_some() {}
         }
     }
+
+    /// A recording that is being stopped is stopped: another one begins.
+    fn settle_stop(&mut self) {
+        if let Some(tag) = self.stopping.take() {
+            let _ = self.owed.push_back(Owed::Done(tag));
+        }
+    }
+}
+
+/// Every motor stays at the stop until [`Tick::resume`].
+fn pause(board: &mut impl Board) -> Result<(), Refusal> {
+    board.tick(Tick::pause).map_err(|motor| Refusal::NotDisarmed { motor })
 }
 
 fn at_rest(board: &mut impl Board) -> Result<(), Refusal> {

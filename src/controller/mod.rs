@@ -5,17 +5,19 @@
 //!                                            |  ^  |
 //!                     samples, outputs of    |  |  |  commands to be injected,
 //!                     injected commands      v  |  v  and short calls under a lock
-//! bytes of the link <--------------------- Desk <---------------------- bytes of the link    lowest priority
+//! bytes of the link <---------------- Server, Desk <------------------- bytes of the link    lowest priority
 //! ```
 //!
 //! [`Tick`] belongs to the control task. [`Desk`] belongs to the lowest priority, where requests are decoded and designs
 //! computed; it reaches the tick's state through [`Board::tick`], for as long as it takes to copy a few hundred bytes,
-//! and streams of samples through queues.
+//! and streams of samples through queues. [`Server`] is a desk with the link around it.
 
 mod desk;
+mod server;
 mod tick;
 
 pub use desk::{Board, Counts, Desk, DeskQueues, Facts};
+pub use server::Server;
 pub use tick::{INJECT_QUEUE, Motor, MotorQueues, RECORD_QUEUE, Tick};
 
 use crate::biquad::Coefficients;

@@ -24,10 +24,24 @@ pub struct MotorQueues {
     pub outputs: Producer<'static, Command, INJECT_QUEUE>,
 }
 
+/// What drives a motor.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Feed {
+    /// The flight controller's pulses.
+    Pulse,
+    /// The host's commands.
+    Inject,
+    /// An injection that is over, since the host went away or a real input is armed: as after the loss of an input, to
+    /// the stop; then the pulses again.
+    Ending,
+    /// Nothing: the output is at the stop. Afterwards as before.
+    Paused(Source),
+}
+
 /// One motor: its channel, and where its commands come from.
 pub struct Motor {
     channel: Channel,
-    source: Source,
+    feed: Feed,
     queues: MotorQueues,
     /// Ticks since the last injected command.
     silent_ticks: u32,
@@ -44,16 +58,7 @@ impl Motor {
     #[must_use]
     pub const fn new(channel: Channel, queues: MotorQueues) -> Self {
         let output = channel.settings().stop;
-        Self {
-            channel,
-            source: Source::Pulse,
-            queues,
-            silent_ticks: 0,
-            output,
-            input: NO_INPUT,
-            dead_man: 0,
-            end: None,
-        }
+        Self { channel, feed: Feed::Pulse, queues, silent_ticks: 0, output, input: NO_INPUT, dead_man: 0, end: None }
     }
 
     /// The channel.
@@ -65,13 +70,32 @@ impl Motor {
     /// Where the commands come from.
     #[must_use]
     pub const fn source(&self) -> Source {
-        self.source
+        match self.feed {
+            Feed::Pulse | Feed::Ending => Source::Pulse,
+            Feed::Inject => Source::Inject,
+            Feed::Paused(source) => source,
+        }
+    }
+
+    /// Whether pulses come at its input, or came until a moment ago, whatever drives it.
+    #[must_use]
+    pub const fn is_input_live(&self) -> bool {
+        self.input != NO_INPUT || matches!(self.channel.state(), State::Holding)
+    }
+
+    /// Whether pulses come at its input that mean a spinning motor, whatever drives it.
+    #[must_use]
+    pub const fn is_input_armed(&self) -> bool {
+        self.input >= self.channel.settings().arming_threshold.to_bits()
     }
 
     /// Starts afresh, with a new channel and with nothing left in the queues.
     pub fn restart(&mut self, channel: Channel, source: Source) {
         self.channel = channel;
-        self.source = source;
+        self.feed = match source {
+            Source::Pulse => Feed::Pulse,
+            Source::Inject => Feed::Inject,
+        };
         self.silent_ticks = 0;
         // At most as many as a queue holds.
         for _ in 0..INJECT_QUEUE {
@@ -86,16 +110,36 @@ impl Motor {
     /// # Errors
     /// As [`Channel::start_excitation`], and when the host injects.
     pub fn excite(&mut self, excitation: Excitation) -> Result<(), ChannelRefusal> {
-        if self.source == Source::Inject {
+        if self.feed != Feed::Pulse {
             return Err(ChannelRefusal::AlreadyRunning);
         }
         self.channel.start_excitation(excitation)
     }
 
+    /// Commands were accepted that are to be injected: the host is there.
+    pub const fn expect_commands(&mut self) {
+        self.silent_ticks = 0;
+    }
+
+    /// Holds the output at the stop.
+    fn pause(&mut self) {
+        self.feed = Feed::Paused(self.source());
+        self.channel.lock();
+    }
+
+    fn resume(&mut self) {
+        if let Feed::Paused(source) = self.feed {
+            self.feed = match source {
+                Source::Pulse => Feed::Pulse,
+                Source::Inject => Feed::Inject,
+            };
+        }
+    }
+
     /// What to report.
     #[must_use]
     pub const fn state(&self) -> ChannelState {
-        if matches!(self.source, Source::Inject) {
+        if matches!(self.source(), Source::Inject) {
             return ChannelState::Injected;
         }
         match self.channel.state() {
@@ -117,11 +161,20 @@ impl Motor {
             Input::Unchanged => {}
             Input::Nothing | Input::Lost => self.input = NO_INPUT,
         }
-        self.output = match self.source {
-            Source::Pulse => self.channel.tick(input),
-            Source::Inject => self.injected(silence_limit),
+        self.output = match self.feed {
+            Feed::Pulse => self.channel.tick(input),
+            _ => self.without_pulses(silence_limit),
         };
         self.output
+    }
+
+    #[inline(never)]
+    fn without_pulses(&mut self, silence_limit: u32) -> Command {
+        match self.feed {
+            Feed::Inject if !self.is_input_armed() => self.injected(silence_limit),
+            Feed::Inject | Feed::Ending => self.end_injection(),
+            Feed::Paused(_) | Feed::Pulse => self.channel.settings().stop,
+        }
     }
 
     /// One injected command. Without any, the last output stands: no tick, so that outputs do not depend on when frames
@@ -138,9 +191,23 @@ impl Motor {
         if self.silent_ticks < silence_limit {
             return self.output;
         }
-        // The channel goes through its hold time to the stop, and will not arm again before a disarmed command.
-        self.source = Source::Pulse;
-        self.channel.tick(Input::Lost)
+        self.end_injection()
+    }
+
+    /// The channel goes through its hold time to the stop; a disarmed pulse takes it there at once. An armed one must
+    /// not: the motor would go on from the host's command to the flight controller's without ever having stopped.
+    /// Commands that are still queued are answered with what went out in their place.
+    fn end_injection(&mut self) -> Command {
+        let is_disarmed = self.input != NO_INPUT && !self.is_input_armed();
+        let pulse = Command::saturating_from_bits(self.input);
+        let output = self.channel.tick(if is_disarmed { Input::Command(pulse) } else { Input::Lost });
+        let is_queue_empty = self.queues.inject.dequeue().is_none();
+        if !is_queue_empty {
+            let _ = self.queues.outputs.enqueue(output);
+        }
+        let is_over = is_queue_empty && self.channel.state().is_at_rest();
+        self.feed = if is_over { Feed::Pulse } else { Feed::Ending };
+        output
     }
 
     /// Counts excitations that ended for want of a host.
@@ -224,6 +291,25 @@ impl Tick {
         }
         self.input_scale = input_scale;
         self.silence_limit = super::ticks(INJECT_TIMEOUT_MS, loop_rate_hz);
+    }
+
+    /// Holds every output at the stop from now until [`Self::resume`] or [`Self::reconfigure`], whatever the inputs say;
+    /// afterwards a motor turns only when a disarmed command has come. For what must not be interrupted by somebody who
+    /// arms.
+    ///
+    /// # Errors
+    /// The motor that is not at rest; then nothing is changed.
+    pub fn pause(&mut self) -> Result<(), u8> {
+        if let Some(motor) = self.turning() {
+            return Err(motor);
+        }
+        self.motors.iter_mut().for_each(Motor::pause);
+        Ok(())
+    }
+
+    /// Ends [`Self::pause`].
+    pub fn resume(&mut self) {
+        self.motors.iter_mut().for_each(Motor::resume);
     }
 
     /// The host is there.

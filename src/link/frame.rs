@@ -4,11 +4,12 @@ use core::fmt;
 use core::marker::PhantomData;
 
 use crc::{CRC_32_ISCSI, Crc};
+use postcard_schema::Schema;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 /// Version of the messages, the first byte of every frame.
-pub const VERSION: u8 = 1;
+pub const VERSION: u8 = 2;
 /// Largest envelope: version, tag, body and checksum. The longest message is a [`Record`](super::Record) of noise.
 pub const PAYLOAD_BYTES: usize = 680;
 /// Largest frame: the envelope, a byte of COBS for every 254, and the zeros around it.
@@ -109,7 +110,7 @@ pub struct Tagged<T> {
 }
 
 /// How many frames were dropped, and why. The counts wrap.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, serde::Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, serde::Deserialize, Schema)]
 pub struct FrameFaults {
     /// Ended too early: shorter than an envelope, or inside a run of COBS.
     pub truncated: u32,

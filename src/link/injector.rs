@@ -79,6 +79,11 @@ impl Injector {
         Some(Tagged { tag: block.tag, message: Injected { first: block.first, outputs } })
     }
 
+    /// Tags of the requests whose outputs are still to come, oldest first.
+    pub fn tags(&self) -> impl Iterator<Item = u8> {
+        self.under_way.iter().map(|block| block.tag)
+    }
+
     /// Whether outputs are still to come.
     #[must_use]
     pub fn is_busy(&self) -> bool {

@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 use super::{FrameFaults, Series};
@@ -17,7 +18,7 @@ pub const RECORD_SAMPLES: usize = 32;
 /// [`Refusal::UnknownMotor`] answers any request whose motor does not exist.
 // Requests live one at a time, on the stack of the task that answers them: boxes are not to be had, nor needed.
 #[allow(clippy::large_enum_variant)]
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub enum Request {
     /// 0: who are you, and how are you? Answered by [`Message::Info`].
     Info,
@@ -30,8 +31,11 @@ pub enum Request {
     /// 3: store the settings in use. Refused unless every motor is disarmed, since an erase stalls the core.
     SaveSettings,
     /// 4: where a motor's command comes from, and whether the compensator is in its path. Starts the motor's path
-    /// afresh, and the numbering of injected samples at 0. [`Source::Inject`] is refused while a real input is armed
-    /// ([`Refusal::InputArmed`]).
+    /// afresh, and the numbering of injected samples at 0; injections that were under way are refused
+    /// ([`Refusal::NotInjecting`]). Refused while the motor is not at rest ([`Refusal::InputArmed`] where its pulses turn
+    /// it, [`Refusal::Exciting`], or [`Refusal::NotDisarmed`]: a host brings an injected motor to a stop with a disarmed
+    /// command first), and [`Source::Inject`] while a real input is armed ([`Refusal::InputArmed`]), even one that is
+    /// locked.
     SetMode {
         /// The motor, from 0.
         motor: u8,
@@ -40,8 +44,8 @@ pub enum Request {
         /// Whether the compensator is in the path.
         compensate: bool,
     },
-    /// 5: play a multisine. Refused while a pulse input is live, outside the limits of the settings, or while another
-    /// one plays.
+    /// 5: play a multisine. Refused while the pulse input of any motor is live, outside the limits of the settings, or
+    /// while another one plays.
     Excite(ExciteRequest),
     /// 6: the host is still there; at least every [`DEAD_MAN_MS`](crate::settings::DEAD_MAN_MS) while something plays.
     KeepAlive,
@@ -52,15 +56,18 @@ pub enum Request {
     Record(Option<RecordRequest>),
     /// 9: commands for a motor whose source is [`Source::Inject`], one consumed per tick. Without any there is no tick, so
     /// that the outputs do not depend on when frames arrive; but a host that sends none for
-    /// [`INJECT_TIMEOUT_MS`](super::INJECT_TIMEOUT_MS) has lost the motor, which goes back to its pulses. Answered by [`Message::Injected`] when the last of them was
-    /// consumed, so a host may keep [`INJECT_WINDOW`](super::INJECT_WINDOW) requests under way.
+    /// [`INJECT_TIMEOUT_MS`](super::INJECT_TIMEOUT_MS) has lost the motor, and so has one whose motor's real input is
+    /// armed meanwhile: the last command is held for the motor's hold time, then comes the stop, and after it the motor
+    /// goes back to its pulses. A real input that is live and disarmed stops it without the hold. Answered by
+    /// [`Message::Injected`] when the last of them was consumed, so a host may keep
+    /// [`INJECT_WINDOW`](super::INJECT_WINDOW) requests under way.
     Inject(InjectRequest),
     /// 10: answered by [`Message::Faults`].
     Faults,
 }
 
 /// Where a motor's command comes from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum Source {
     /// The flight controller's pulses.
     Pulse,
@@ -69,7 +76,7 @@ pub enum Source {
 }
 
 /// A multisine to be played.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct ExciteRequest {
     /// The motor, from 0.
     pub motor: u8,
@@ -84,7 +91,7 @@ pub struct ExciteRequest {
 }
 
 /// A set of lines that the controller has.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum LineSet {
     /// [`ODD_LINES_30_HZ`](crate::excitation::ODD_LINES_30_HZ)
     Odd30Hz,
@@ -104,7 +111,7 @@ impl LineSet {
 }
 
 /// What to record.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct RecordRequest {
     /// The motor, from 0.
     pub motor: u8,
@@ -113,7 +120,7 @@ pub struct RecordRequest {
 }
 
 /// Commands for a motor.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct InjectRequest {
     /// The motor, from 0.
     pub motor: u8,
@@ -126,7 +133,7 @@ pub struct InjectRequest {
 
 /// From the controller.
 #[allow(clippy::large_enum_variant)] // As for requests.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub enum Message {
     /// 0: it was done.
     Done,
@@ -147,7 +154,7 @@ pub enum Message {
 }
 
 /// Why a request was refused.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub enum Refusal {
     /// 0: there is no such motor.
     UnknownMotor,
@@ -227,7 +234,7 @@ impl fmt::Display for Refusal {
 }
 
 /// Who a controller is, and how it is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct Info {
     /// Version of the firmware: major, minor, patch.
     pub firmware: [u8; 3],
@@ -248,7 +255,7 @@ pub struct Info {
 }
 
 /// Which clock runs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum Clock {
     /// The crystal, through the PLL.
     Crystal,
@@ -259,7 +266,7 @@ pub enum Clock {
 }
 
 /// Why a controller started.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum ResetReason {
     /// Power came.
     PowerOn,
@@ -271,16 +278,56 @@ pub enum ResetReason {
     Software,
     /// The control task stood still.
     Watchdog,
-    /// The code panicked.
-    Panic,
+    /// The code panicked, here.
+    Panic(PanicPlace),
     /// A fault of the processor.
     Fault,
     /// None of these.
     Unknown,
 }
 
+/// A place in the source, in a size that is known beforehand: the line, and the end of the file's name, which tells
+/// files apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct PanicPlace {
+    /// The line, from 1; 0 where it is not known.
+    pub line: u32,
+    /// The last bytes of the file's name, with zeros in front where it is shorter.
+    pub file: [u8; PANIC_FILE_BYTES],
+}
+
+/// Bytes that are kept of a file's name.
+pub const PANIC_FILE_BYTES: usize = 24;
+
+impl PanicPlace {
+    /// This line of this file.
+    #[must_use]
+    pub fn new(file: &str, line: u32) -> Self {
+        let mut end = [0; PANIC_FILE_BYTES];
+        for (to, from) in end.iter_mut().rev().zip(file.bytes().rev()) {
+            *to = from;
+        }
+        Self { line, file: end }
+    }
+}
+
+impl fmt::Display for PanicPlace {
+    /// `FILE:LINE`, with an ellipsis where the file's name was cut.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let shown = self.file.split(|&byte| byte == 0).next_back().unwrap_or_default();
+        if shown.len() == PANIC_FILE_BYTES {
+            f.write_str("…")?;
+        }
+        // A character that was cut in two is left out.
+        for part in shown.utf8_chunks() {
+            f.write_str(part.valid())?;
+        }
+        write!(f, ":{}", self.line)
+    }
+}
+
 /// The state of a motor's path.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum ChannelState {
     /// No pulse has come yet.
     NoSignal,
@@ -301,7 +348,7 @@ pub enum ChannelState {
 }
 
 /// What went wrong since the start. All counts wrap.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct Faults {
     /// Frames of the link that were dropped.
     pub link: FrameFaults,
@@ -318,7 +365,7 @@ pub struct Faults {
 }
 
 /// What went wrong at one motor's input.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct MotorFaults {
     /// Pulses too short to be one.
     pub glitches: u32,
@@ -335,7 +382,7 @@ pub struct MotorFaults {
 }
 
 /// What injected commands came to.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Injected {
     /// Number of the first one.
     pub first: u32,
@@ -347,7 +394,7 @@ pub struct Injected {
 ///
 /// Samples that were lost, on the wire or because the link is slower than they come, show in `first_tick`: it is that of
 /// the last record plus `divisor` for each of its samples, or something is missing.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Record {
     /// The motor, from 0.
     pub motor: u8,

@@ -37,7 +37,8 @@ pub use frame::{
 pub use injector::{INJECT_TIMEOUT_MS, INJECT_WINDOW, Injector};
 pub use message::{
     ChannelState, Clock, ExciteRequest, Faults, INJECT_SAMPLES, Info, InjectRequest, Injected, LineSet, Message,
-    MotorFaults, RECORD_SAMPLES, Record, RecordRequest, Refusal, Request, ResetReason, Source,
+    MotorFaults, PANIC_FILE_BYTES, PanicPlace, RECORD_SAMPLES, Record, RecordRequest, Refusal, Request, ResetReason,
+    Source,
 };
 pub use recorder::{NO_INPUT, RecordClock, Recorder, Sample};
 pub use series::{Full, Series};

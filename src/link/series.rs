@@ -2,6 +2,8 @@
 
 use core::fmt;
 
+use postcard_schema::Schema;
+use postcard_schema::schema::{DataModelType, NamedType};
 use serde::de::{Error as _, SeqAccess, Visitor};
 use serde::ser::SerializeSeq as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -69,6 +71,10 @@ impl<const N: usize> TryFrom<&[i32]> for Series<N> {
     fn try_from(samples: &[i32]) -> Result<Self, Full> {
         heapless::Vec::from_slice(samples).map(Self).map_err(|_| Full)
     }
+}
+
+impl<const N: usize> Schema for Series<N> {
+    const SCHEMA: &'static NamedType = &NamedType { name: "Series", ty: &DataModelType::Seq(i32::SCHEMA) };
 }
 
 /// What the next sample is expected to be: the straight line through the last two.

@@ -2,10 +2,11 @@
 
 use core::fmt;
 
+use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 /// A parameter of [`Settings`](super::Settings).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum Key {
     /// [`Settings::loop_rate_hz`](super::Settings::loop_rate_hz)
     LoopRateHz,
@@ -105,7 +106,7 @@ impl Key {
 }
 
 /// A key, and the motor whose it is: `damping`, `motor.2.idle`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct Place {
     /// The parameter.
     pub key: Key,

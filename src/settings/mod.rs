@@ -11,6 +11,7 @@ mod store;
 mod validate;
 
 use libm::sqrt;
+use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 use crate::design::{DEFAULT_DAMPING, LeadParameters};
@@ -51,7 +52,7 @@ const DEFAULT_PULSE: Pulse = Pulse { protocol: PulseProtocol::StandardPwm, frame
 /// | `excitation.max_amplitude` | above 0, 0.25 or below | 0.1 |
 /// | `excitation.ramp_ms` | 100..=10000 | 2000 |
 /// | `recorder_divisor` | 1..=5000 | 1 |
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Settings {
     /// Ticks of the control loop per second.
     pub loop_rate_hz: u32,
@@ -73,7 +74,7 @@ pub struct Settings {
 }
 
 /// The continuous compensator, as stored. See [`LeadParameters`].
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct Lead {
     /// Frequency of the zero, rad/s.
     pub omega_z_rad_s: f64,
@@ -96,7 +97,7 @@ impl From<LeadParameters> for Lead {
 }
 
 /// One motor's own parameters.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct MotorSettings {
     /// Whether the compensator is in the path.
     pub compensate: bool,
@@ -111,7 +112,7 @@ pub struct MotorSettings {
 }
 
 /// How a command is expressed as a pulse, and how often.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct Pulse {
     /// What the pulse's width means.
     pub protocol: PulseProtocol,
@@ -120,7 +121,7 @@ pub struct Pulse {
 }
 
 /// What a pulse's width means; see [`Protocol`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum PulseProtocol {
     /// The duty cycle is the command.
     RawDuty,
@@ -143,7 +144,7 @@ impl Pulse {
 }
 
 /// What an excitation may do.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct ExcitationLimits {
     /// Longest time between the ramps, seconds.
     pub max_duration_s: u16,

@@ -14,12 +14,27 @@
 //! holds the old set or the new one. A set whose two copies are both bad is not replaced by an older one from the
 //! logs, which nobody would expect to come back, but by the defaults, and that is reported.
 //!
-//! General stores such as `sequential-storage` and `ekv` keep all copies of a key in one sector but for the moment of a
-//! move, behind one marker: a wrong byte there loses them all.
+//! # Why not a general store
+//!
+//! Two sectors of 128 KiB are all there is, and general stores need both for one map: all copies of a key lie in one
+//! sector but for the moment of a move, behind one page marker. `sequential-storage` 8.0.2 (its map, uncached, a pair of
+//! keys for the two copies, each with a number of its own) under the flash that the tests of this module cut and corrupt:
+//!
+//! | | `sequential-storage` | this module |
+//! |---|---|---|
+//! | one wrong byte, of all that are not blank, with any of 4 values | the first byte of the page: both copies are gone, as if nothing had ever been saved | the set that was stored, always |
+//! | power cut at any byte of a save that erases nothing | the old or the new set | the same |
+//! | power cut at any byte of an erase from the first byte on | the old or the new set | the same |
+//! | power cut at any byte of an erase from the last byte on, 2 KiB sectors | neither set in 1803 of 2536 places; no save works after 2047 of them | the old or the new set |
+//! | the same, 128 KiB sectors, every 997th place | neither set in 131 of 132, nor does a save work after | the old or the new set |
+//!
+//! Nothing says in which order a flash loses the bits of a sector that it erases. With a map for each copy, and so four
+//! sectors of which the program would lose two, the first row would not stand against it; the last two would.
 
 use core::fmt;
 
 use embedded_storage::nor_flash::NorFlash;
+use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 use super::{Settings, Validated};
@@ -38,7 +53,7 @@ const CHECKSUM_BYTES: usize = 4;
 const ERASED: u8 = 0xff;
 
 /// Where the settings in use come from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum Origin {
     /// Both copies in flash are whole and the same.
     Stored,

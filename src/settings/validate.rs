@@ -3,6 +3,7 @@
 use core::fmt;
 use core::ops::Deref;
 
+use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 use super::{Key, MotorSettings, Place, Pulse, PulseProtocol, Settings};
@@ -26,7 +27,7 @@ const LARGEST_AMPLITUDE: i32 = Command::ONE.to_bits() / 4;
 const ONE: i32 = Command::ONE.to_bits();
 
 /// Why settings are refused: the parameter, its motor, and what is wrong.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct SettingsError {
     /// The parameter.
     pub place: Place,
@@ -35,7 +36,7 @@ pub struct SettingsError {
 }
 
 /// What is wrong with a parameter.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub enum Problem {
     /// Outside its range, or not a number. Levels are given as commands, 0 to 1.
     OutOfRange {
@@ -89,7 +90,7 @@ impl fmt::Display for SettingsError {
 impl core::error::Error for SettingsError {}
 
 /// What settings that may be used are nevertheless likely to be unhappy with.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum Warning {
     /// Frames come at less than twice the highest frequency that the compensator amplifies, `omega_g / (2 pi)`: it
     /// answers the steps between frames with ripple, and brings no bandwidth.
@@ -109,7 +110,7 @@ impl fmt::Display for Warning {
 }
 
 /// The warnings about one set of settings.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct Warnings {
     /// The input frames are slow.
     pub slow_input: bool,

@@ -1,7 +1,10 @@
 //! Any bytes on the line, and in the settings' flash.
 
-use rotorlead::link::{CHECKSUM, FRAME_BYTES, Message, PAYLOAD_BYTES, Receiver, Request, VERSION, encode};
-use rotorlead::settings::{Origin, Settings, Store, Validated};
+use rotorlead::link::{
+    CHECKSUM, ExciteRequest, FRAME_BYTES, Faults, InjectRequest, Injected, LineSet, Message, PAYLOAD_BYTES, Receiver,
+    Record, RecordRequest, Request, Series, Source, VERSION, encode,
+};
+use rotorlead::settings::{Origin, Pulse, PulseProtocol, Settings, Store, Validated};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
@@ -95,4 +98,83 @@ pub fn slot(sequence: u32, body: &[u8]) -> Vec<u8> {
     slot.extend_from_slice(body);
     slot.extend_from_slice(&CHECKSUM.checksum(&slot).to_le_bytes());
     slot
+}
+
+/// Bytes to start a fuzzer of [`fuzz_link`] from: the body of every request and of the longest messages, and a line with
+/// several frames on it.
+///
+/// # Panics
+/// Never: every message fits.
+#[must_use]
+pub fn link_corpus() -> Vec<(&'static str, Vec<u8>)> {
+    let body = |request: &Request| postcard::to_stdvec(request).expect("memory is not short");
+    let message = |message: &Message| postcard::to_stdvec(message).expect("memory is not short");
+    fn series<const N: usize>(samples: &[i32]) -> Series<N> {
+        Series::try_from(samples).expect("few samples")
+    }
+    let excite =
+        ExciteRequest { motor: 2, lines: LineSet::Odd45Hz, nominal: 1 << 28, amplitude: 1 << 25, periods: 300 };
+    let inject = InjectRequest { motor: 1, first: 300, samples: series(&[5, 5, 4, -1]) };
+    let ramp: Vec<i32> = (0..32).map(|n| n << 20).collect();
+    let column = series(&ramp);
+    let record = Record {
+        motor: 1,
+        divisor: 5,
+        first_tick: 1000,
+        input: column.clone(),
+        before: column.clone(),
+        after: column.clone(),
+        adc: column,
+    };
+    let mut line = vec![1, 2, 3];
+    for request in [Request::Info, Request::KeepAlive, Request::Faults] {
+        line.extend(frame(VERSION, 7, &body(&request)));
+    }
+    line.extend(frame(VERSION.wrapping_add(1), 7, &[0]));
+    vec![
+        ("info", body(&Request::Info)),
+        ("get_settings", body(&Request::GetSettings)),
+        ("set_settings", body(&Request::SetSettings(Settings::default()))),
+        ("save_settings", body(&Request::SaveSettings)),
+        ("set_mode", body(&Request::SetMode { motor: 3, source: Source::Inject, compensate: true })),
+        ("excite", body(&Request::Excite(excite))),
+        ("keep_alive", body(&Request::KeepAlive)),
+        ("stop_excitation", body(&Request::StopExcitation)),
+        ("record_stop", body(&Request::Record(None))),
+        ("record", body(&Request::Record(Some(RecordRequest { motor: 1, divisor: 500 })))),
+        ("inject", body(&Request::Inject(inject))),
+        ("faults", body(&Request::Faults)),
+        ("answer_faults", message(&Message::Faults(Faults::default()))),
+        ("answer_injected", message(&Message::Injected(Injected { first: 128, outputs: series(&[1 << 29, 1 << 29]) }))),
+        ("answer_record", message(&Message::Record(record))),
+        ("line", line),
+    ]
+}
+
+/// Bytes to start a fuzzer of [`fuzz_settings`] from: stored settings of each protocol, with and without a slot around
+/// them, and a whole flash.
+///
+/// # Panics
+/// Never: every set fits.
+#[must_use]
+pub fn settings_corpus() -> Vec<(&'static str, Vec<u8>)> {
+    let body = |settings: &Settings| postcard::to_stdvec(settings).expect("memory is not short");
+    let paper = Pulse { protocol: PulseProtocol::RawDuty, frame_hz: 600 };
+    let fast = Pulse { protocol: PulseProtocol::OneShot125, frame_hz: 3000 };
+    let duty = Settings { input: paper, output: paper, stop: 1 << 23, ..Settings::default() };
+    let oneshot = Settings { input: fast, output: fast, loop_rate_hz: 10_000, ..Settings::default() };
+    let defaults = body(&Settings::default());
+    let mut flash = vec![0xff; 2 * SECTOR];
+    for (start, sequence) in [(0, 2), (SECTOR / 2, 4), (SECTOR, 3)] {
+        let slot = slot(sequence, &defaults);
+        flash[start..start + slot.len()].copy_from_slice(&slot);
+    }
+    vec![
+        ("blank", Vec::new()),
+        ("defaults", defaults.clone()),
+        ("duty", body(&duty)),
+        ("oneshot", body(&oneshot)),
+        ("slot", slot(1, &defaults)),
+        ("flash", flash),
+    ]
 }

@@ -131,6 +131,10 @@ impl<'a> Stream<'a> {
             self.collect()?;
         }
         progress(self.outputs.len());
+        // A controller lets go only of a motor that is at a stop.
+        self.send(&[Command::ZERO])?;
+        self.collect()?;
+        self.outputs.pop();
         Ok(self.outputs)
     }
 

@@ -1,0 +1,62 @@
+//! From received bytes to sent ones.
+
+use embedded_storage::nor_flash::NorFlash;
+
+use super::{Board, Desk};
+use crate::link::{Message, Receiver, Request, Tagged, Writer};
+
+/// Bytes that are looked at in one turn at most.
+const TURN_BYTES: usize = 256;
+
+/// A [`Desk`] with the link around it.
+///
+/// Requests and what the desk sends unasked (records, outputs of injected commands) take turns. Were either served first
+/// whenever there is any, the other would starve: a recording that is faster than the line could not be stopped, nor an
+/// excitation beside it kept alive; and a host that asks without a pause would get no records.
+pub struct Server<F> {
+    desk: Desk<F>,
+    receiver: Receiver<Request>,
+    writer: Writer,
+    /// The last message was unasked for.
+    has_streamed: bool,
+}
+
+impl<F: NorFlash> Server<F> {
+    /// At the start: nothing heard, nothing to say.
+    pub const fn new(desk: Desk<F>) -> Self {
+        Self { desk, receiver: Receiver::new(), writer: Writer::new(), has_streamed: false }
+    }
+
+    /// The next byte to the host.
+    pub fn next_byte(&mut self) -> Option<u8> {
+        self.writer.next_byte()
+    }
+
+    /// When everything was sent, finds the next message to send: `received` gives the bytes from the host, `None` when
+    /// there are no more for now. Without anything to do it returns at once.
+    pub fn turn(&mut self, mut received: impl FnMut() -> Option<u8>, board: &mut impl Board) {
+        if !self.writer.is_empty() {
+            return;
+        }
+        let unasked = if self.has_streamed { None } else { self.desk.poll() };
+        self.has_streamed = unasked.is_some();
+        let mut message = unasked.or_else(|| self.hear(&mut received, board));
+        if message.is_none() {
+            message = self.desk.poll();
+            self.has_streamed = message.is_some();
+        }
+        if let Some(Tagged { tag, message }) = message {
+            // Every message fits a frame.
+            let _ = self.writer.load(tag, &message);
+        }
+    }
+
+    fn hear(&mut self, received: &mut impl FnMut() -> Option<u8>, board: &mut impl Board) -> Option<Tagged<Message>> {
+        for _ in 0..TURN_BYTES {
+            if let Some(request) = self.receiver.push(received()?) {
+                return self.desk.answer(request, *self.receiver.faults(), board);
+            }
+        }
+        None
+    }
+}
