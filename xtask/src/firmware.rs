@@ -8,7 +8,13 @@ use crate::{emulator, setup};
 
 /// Interrupts of the path from pulse to pulse and of the link's bytes: those that must never panic. The names are those
 /// of the vector table.
-pub const NO_PANIC: [&str; 3] = ["TIM2", "TIM5", "USART3"];
+pub const NO_PANIC: [&str; 3] = [CAPTURE, TICK, LINK];
+/// The capture of the inputs.
+pub const CAPTURE: &str = "TIM2";
+/// The control task.
+pub const TICK: &str = "TIM5";
+/// The link's bytes.
+pub const LINK: &str = "USART3";
 /// What the core stores at an interrupt with the floating-point unit on, 26 words, and a word to align them.
 const EXCEPTION_FRAME_BYTES: u32 = 27 * 4;
 /// A feature of the firmware that puts an indexing panic into its control task.
@@ -101,7 +107,7 @@ fn no_panic(image: &Image) -> Result {
 fn stack(image: &Image) -> Result {
     let calls = Calls::of(image);
     let mut total = 0;
-    for name in ["Reset", "USART3", "TIM5", "TIM2", "NonMaskableInt"] {
+    for name in ["Reset", LINK, TICK, CAPTURE, "NonMaskableInt"] {
         let root = image.function_named(name).ok_or_else(|| format!("the image has no function {name}"))?;
         // Handlers of faults and panics do not return: they throw the stack away.
         let depth = calls.depth(root, &panics)?;

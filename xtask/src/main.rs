@@ -19,7 +19,8 @@ Usage: cargo xtask COMMAND
   emulate  [PORT] runs that image in QEMU, with its link on a TCP port
   flash    flashes that image with a debug probe, and shows its log
   test     every test there is: formatting, lints, documentation, host tests, the build for the controller
-  bench    measures filters and the simulated stand side by side, in one run
+  bench    measures filters and the simulated stand side by side, in one run;
+           with --firmware [--json FILE] instructions on the controller's core, in QEMU
   help     prints this
 ";
 
@@ -37,6 +38,8 @@ fn main() -> ExitCode {
         ["flash"] => firmware::flash(),
         ["test"] => test::all(),
         ["bench"] => bench::all(),
+        ["bench", "--firmware"] => bench::firmware(None),
+        ["bench", "--firmware", "--json", file] => bench::firmware(Some(file)),
         ["help" | "--help" | "-h"] | [] => {
             print!("{HELP}");
             return ExitCode::SUCCESS;
