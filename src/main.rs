@@ -70,11 +70,11 @@ mod app {
         output_queues: [CommandQueue; 4] = [const { Queue::new() }; 4],
         sample_queue: Queue<Sample, RECORD_QUEUE> = Queue::new(),
     ])]
-    fn init(mut cx: init::Context) -> (Shared, Local) {
+    fn init(cx: init::Context) -> (Shared, Local) {
         let (received_in, received) = cx.local.receive_queue.split();
         let (to_send, to_send_out) = cx.local.send_queue.split();
         let queues = Queues { received: received_in, to_send: to_send_out };
-        let board = Board::new(cx.device, &mut cx.core, queues);
+        let board = Board::new(cx.device, cx.core, queues);
         defmt::info!("started: {}, {}", board.start_reason, board.clocks);
         let inject = cx.local.inject_queues.each_mut().map(Queue::split);
         let outputs = cx.local.output_queues.each_mut().map(Queue::split);
@@ -135,7 +135,7 @@ mod app {
     /// Deadline: the next tick, 200 µs at 5 kHz. When it is missed the outputs repeat their last pulse and the filters
     /// lose a step of time; it is counted, and reported as `missed_deadlines`. When it is missed for 20 ms on end the
     /// watchdog resets the controller, which takes the outputs low.
-    #[task(binds = TIM5, priority = 3, shared = [inputs, control])]
+    #[task(binds = SysTick, priority = 3, shared = [inputs, control])]
     fn control(cx: control::Context) {
         (cx.shared.inputs, cx.shared.control).lock(|inputs, control| {
             control.run(inputs, IDLE_LIVES.swap(false, Ordering::Relaxed));

@@ -82,7 +82,6 @@ impl Control {
     /// One tick.
     #[inline]
     pub fn run(&mut self, inputs: &mut Inputs, idle_lives: bool) {
-        self.timer.acknowledge();
         self.thrust_adc.start();
         let signals = inputs.poll();
         let commands = self.tick.run(signals, self.thrust_adc.read());

@@ -12,7 +12,7 @@
 use cortex_m::peripheral::SYST;
 use cortex_m::peripheral::syst::SystClkSource;
 use rotorlead::link::Clock;
-use stm32f4xx_hal::pac::{RCC, TIM5};
+use stm32f4xx_hal::pac::{RCC, TIM2};
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::rcc::{Config, Enable, Rcc, Reset};
 
@@ -128,27 +128,26 @@ const SYSTICK_MASK: u32 = 0x00FF_FFFF;
 /// The factor between the two depends on three dividers and a rule about doubling. Everything that is a pulse or a
 /// sampling rate rests on it, so it is worth a look at start-up; an emulator whose timers have a clock of their own is
 /// found out, too.
-pub fn measure(source: Source, tim5: &TIM5, syst: &mut SYST, rcc: &mut Rcc) -> ClockReport {
+pub fn measure(source: Source, tim2: &TIM2, syst: &mut SYST, rcc: &mut Rcc) -> ClockReport {
     let core_hz = rcc.clocks.hclk().raw();
     let promised_hz = rcc.clocks.timclk1().raw();
-    TIM5::enable(rcc);
-    TIM5::reset(rcc);
-    tim5.psc().write(|w| w.psc().set(0));
-    tim5.arr().write(|w| w.arr().set(u32::MAX));
-    tim5.egr().write(|w| w.ug().set_bit());
-    tim5.cr1().modify(|_, w| w.cen().set_bit());
+    TIM2::enable(rcc);
+    TIM2::reset(rcc);
+    tim2.psc().write(|w| w.psc().set(0));
+    tim2.arr().write(|w| w.arr().set(u32::MAX));
+    tim2.egr().write(|w| w.ug().set_bit());
+    tim2.cr1().modify(|_, w| w.cen().set_bit());
     syst.set_clock_source(SystClkSource::Core);
     syst.set_reload(SYSTICK_MASK);
     syst.clear_current();
     syst.enable_counter();
-    let (core_start, timer_start) = (SYST::get_current(), tim5.cnt().read().bits());
+    let (core_start, timer_start) = (SYST::get_current(), tim2.cnt().read().bits());
     for _ in 0..COMPARISON {
         cortex_m::asm::nop();
     }
-    let (core_end, timer_end) = (SYST::get_current(), tim5.cnt().read().bits());
+    let (core_end, timer_end) = (SYST::get_current(), tim2.cnt().read().bits());
     syst.disable_counter();
-    tim5.cr1().modify(|_, w| w.cen().clear_bit());
-    tim5.sr().write(|w| w.uif().clear_bit());
+    tim2.cr1().modify(|_, w| w.cen().clear_bit());
 
     // SysTick counts down.
     let core_ticks = u64::from(core_start.wrapping_sub(core_end) & SYSTICK_MASK);

@@ -1,48 +1,46 @@
-//! TIM5: the interrupt that runs the control task.
+//! SysTick: the interrupt that runs the control task.
+//!
+//! It counts the core's clock, so that a tick is a whole number of instructions' time, and it leaves all timers with
+//! pins to the pulses.
 
-use stm32f4xx_hal::pac::TIM5;
+use cortex_m::peripheral::syst::SystClkSource;
+use cortex_m::peripheral::{SCB, SYST};
+
+/// Largest count of SysTick: 24 bits.
+const LARGEST_RELOAD: u32 = 0x00FF_FFFF;
 
 /// The timer of the control task.
 pub struct ControlTimer {
-    timer: TIM5,
-    timer_hz: u32,
+    timer: SYST,
+    core_hz: u32,
 }
 
 impl ControlTimer {
-    /// Does not run yet. The timer's clock has been switched on by [`super::clocks::measure`].
-    pub fn new(timer: TIM5, timer_hz: u32) -> Self {
-        timer.psc().write(|w| w.psc().set(0));
-        // The update that a change of rate makes is not to be an interrupt.
-        timer.cr1().modify(|_, w| w.urs().set_bit());
-        Self { timer, timer_hz }
+    /// Does not run yet.
+    pub fn new(mut timer: SYST, core_hz: u32) -> Self {
+        timer.disable_counter();
+        timer.set_clock_source(SystClkSource::Core);
+        Self { timer, core_hz }
     }
 
-    /// Ticks at `rate_hz` (at least 1), from 0.
+    /// Ticks at `rate_hz` (at least 1; the slowest is 10 Hz at 168 MHz), from the next tick on.
     pub fn set_rate(&mut self, rate_hz: u32) {
         let rate_hz = rate_hz.max(1);
-        let period = (self.timer_hz + rate_hz / 2) / rate_hz;
-        self.timer.arr().write(|w| w.arr().set(period.saturating_sub(1)));
-        self.timer.egr().write(|w| w.ug().set_bit());
+        let period = (self.core_hz + rate_hz / 2) / rate_hz;
+        self.timer.set_reload(period.saturating_sub(1).clamp(1, LARGEST_RELOAD));
     }
 
-    /// Starts the ticks. The update comes last: QEMU's timer sets its alarm there, and goes on only if it finds interrupt
-    /// and counter enabled when the alarm comes.
+    /// Starts the ticks.
     pub fn start(&mut self) {
-        self.timer.sr().write(|w| w.uif().clear_bit());
-        self.timer.dier().write(|w| w.uie().set_bit());
-        self.timer.cr1().modify(|_, w| w.cen().set_bit());
-        self.timer.egr().write(|w| w.ug().set_bit());
+        self.timer.clear_current();
+        self.timer.enable_interrupt();
+        self.timer.enable_counter();
     }
 
-    /// Begin of a tick.
-    #[inline]
-    pub fn acknowledge(&mut self) {
-        self.timer.sr().write(|w| w.uif().clear_bit());
-    }
-
-    /// Whether the next tick has become due meanwhile: the deadline was missed.
+    /// Whether the next tick has become due meanwhile: the deadline was missed. The core itself takes the request back
+    /// when a tick begins.
     #[inline]
     pub fn is_due(&self) -> bool {
-        self.timer.sr().read().uif().bit_is_set()
+        SCB::is_pendst_pending()
     }
 }

@@ -34,7 +34,7 @@ pub const PINS: [Pin; 13] = [
 /// What each timer and interrupt is for, highest priority first.
 pub const INTERRUPTS: [(&str, &str); 4] = [
     ("TIM2", "capture of both edges of the four inputs, priority 4"),
-    ("TIM5", "control task at 5 kHz, priority 3"),
+    ("SysTick", "control task at 5 kHz, priority 3"),
     ("USART3", "one byte of the link, priority 2"),
     ("none", "idle: messages, settings, design of the filter"),
 ];

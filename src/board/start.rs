@@ -77,14 +77,14 @@ impl Watchdog {
 
 impl Board {
     /// Sets everything up. Interrupts are off meanwhile.
-    pub fn new(device: Peripherals, core: &mut cortex_m::Peripherals, queues: Queues) -> Self {
+    pub fn new(device: Peripherals, mut core: cortex_m::Peripherals, queues: Queues) -> Self {
         let start_reason = postmortem::take(&device.RCC);
         let mut watchdog = IndependentWatchdog::new(device.IWDG);
         watchdog.stop_on_debug(&device.DBGMCU, true);
         watchdog.start(WATCHDOG_PATIENT_MS.millis());
 
         let (mut rcc, source) = clocks::start(device.RCC);
-        let clocks = clocks::measure(source, &device.TIM5, &mut core.SYST, &mut rcc);
+        let clocks = clocks::measure(source, &device.TIM2, &mut core.SYST, &mut rcc);
 
         let gpioc = device.GPIOC.split(&mut rcc);
         outputs_low();
@@ -111,7 +111,7 @@ impl Board {
             clocks,
             capture,
             outputs,
-            control_timer: ControlTimer::new(device.TIM5, clocks.timer_hz),
+            control_timer: ControlTimer::new(core.SYST, clocks.core_hz),
             serial: serial.ok(),
             thrust_adc: ThrustAdc::new(device.ADC1, &device.ADC_COMMON, gpioc.pc0.into_analog(), &mut rcc),
             flash: SettingsFlash::new(device.FLASH),

@@ -12,7 +12,7 @@ pub const NO_PANIC: [&str; 3] = [CAPTURE, TICK, LINK];
 /// The capture of the inputs.
 pub const CAPTURE: &str = "TIM2";
 /// The control task.
-pub const TICK: &str = "TIM5";
+pub const TICK: &str = "SysTick";
 /// The link's bytes.
 pub const LINK: &str = "USART3";
 /// What the core stores at an interrupt with the floating-point unit on, 26 words, and a word to align them.
