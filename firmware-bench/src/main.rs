@@ -15,7 +15,9 @@ mod probes;
 #[cfg(target_os = "none")]
 #[cortex_m_rt::entry]
 fn main() -> ! {
-    probes::run();
+    if let Some(device) = stm32f4xx_hal::pac::Peripherals::take() {
+        probes::run(&device.TIM2, &device.RCC);
+    }
     loop {
         cortex_m::asm::nop();
     }

@@ -10,6 +10,7 @@ use rotorlead::biquad::{Coefficients, Section};
 use rotorlead::controller;
 use rotorlead::settings::Validated;
 use rotorlead::throttle::{Command, FRACTION_BITS, Throttle};
+use stm32f4xx_hal::pac::{RCC, TIM2};
 
 /// Samples of a block.
 const BLOCK: usize = 32;
@@ -52,7 +53,7 @@ macro_rules! filter {
                     black_box(&[x; BLOCK]),
                     black_box(&mut outputs),
                 );
-                let _ = black_box(black_box(bytes as fn() -> usize)());
+                let _ = black_box(black_box(size as fn(usize) -> usize)(size_of::<$state>() + size_of::<$coefficients>()));
                 let steady = black_box(steady as fn(&mut $state, &$coefficients, $input) -> i32);
                 let _ = steady(black_box(&mut one), black_box(coefficients), from_bits(LEVELS[1]));
             }
@@ -78,7 +79,7 @@ macro_rules! filter {
 
             /// A block of samples.
             #[inline(never)]
-            fn block(
+            pub fn block(
                 state: &mut $state,
                 coefficients: &$coefficients,
                 inputs: &[$input; BLOCK],
@@ -87,12 +88,6 @@ macro_rules! filter {
                 for (x, y) in inputs.iter().zip(outputs) {
                     *y = $update(state, coefficients, *x);
                 }
-            }
-
-            /// Size of the state and the coefficients.
-            #[inline(never)]
-            fn bytes() -> usize {
-                size_of::<$state>() + size_of::<$coefficients>()
             }
 
             /// The output long after a step, in Q2.29.
@@ -142,8 +137,25 @@ filter!(
     |y: f32| (y * ONE as f32) as i32
 );
 
+/// Size of a state and its coefficients, for whoever looks at the argument.
+#[inline(never)]
+fn size(bytes: usize) -> usize {
+    bytes
+}
+
+/// How long so many blocks take on TIM2, which counts the emulator's instructions.
+#[inline(never)]
+fn counted(timer: &TIM2, section: &mut Section, coefficients: &Coefficients, blocks: u32) -> u32 {
+    let start = timer.cnt().read().bits();
+    for _ in 0..blocks {
+        let mut outputs = [Throttle::default(); BLOCK];
+        rotorlead_section::block(section, coefficients, black_box(&[Command::ZERO; BLOCK]), black_box(&mut outputs));
+    }
+    timer.cnt().read().bits().wrapping_sub(start)
+}
+
 /// Every function of every filter.
-pub fn run() {
+pub fn run(timer: &TIM2, clocks: &RCC) {
     let Ok(coefficients) = controller::coefficients(&Validated::default()) else { return };
     // The textbook's coefficients, with a0 = 1 and y = b x - a y: see `rotorlead::biquad`.
     let part = |bits: i32| f64::from(bits) / 4_294_967_296.0;
@@ -164,4 +176,16 @@ pub fn run() {
     let float =
         biquad::Coefficients::<f32> { a1: a1 as f32, a2: a2 as f32, b0: b0 as f32, b1: b1 as f32, b2: b2 as f32 };
     biquad_f32::run(FloatBiquad::new(float), &(), |bits| bits as f32 / ONE as f32);
+
+    clocks.apb1enr().modify(|_, w| w.tim2en().set_bit());
+    timer.cr1().modify(|_, w| w.cen().set_bit());
+    for blocks in [1, 1, 3, 3] {
+        let counted = black_box(counted as fn(&TIM2, &mut Section, &Coefficients, u32) -> u32);
+        let _ = black_box(counted(
+            timer,
+            black_box(&mut Section::at_level(start)),
+            black_box(&coefficients),
+            black_box(blocks),
+        ));
+    }
 }

@@ -4,22 +4,20 @@ use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
 
-use rotorlead::capture::{Decoder, Level, Timing};
+use rotorlead::capture::{Decoder, Level, PULSES_TO_LIVE, Timing};
 use rotorlead::channel::{Channel, Input};
 use rotorlead::controller;
 use rotorlead::link::{FRAME_BYTES, Info, Message, Receiver, Request, encode};
-use rotorlead::settings::{Settings, Validated};
+use rotorlead::settings::{Pulse, PulseProtocol, Settings, Validated};
 use rotorlead::throttle::PulseScale;
 
 use super::debugger::Debugger;
 use super::inputs::{INPUTS, Inputs};
-use super::trace::{AsEmulated, Cost, interrupted_at, trace};
+use super::trace::{Cost, interrupted_at, trace};
 use crate::firmware::{CAPTURE, LINK, TICK};
 use crate::image::Image;
 use crate::run::Result;
 
-/// The emulator's counter of instructions: TIM2, at 1 ns each.
-const TIM2_COUNT: u32 = 0x4000_0024;
 /// TIM3 puts out the pulses.
 const TIM3_PRESCALER: u32 = 0x4000_0428;
 const TIM3_WIDTHS: u32 = 0x4000_0434;
@@ -27,16 +25,18 @@ const TIM3_WIDTHS: u32 = 0x4000_0434;
 const INTERRUPT_SET_PENDING: u32 = 0xE000_E200;
 const TIM2_PENDING: u32 = 1 << 28;
 
-/// Frames until an input is live and disarmed, with some to spare.
-const DISARMED_FRAMES: u32 = 5;
+/// Frames until an input is live and disarmed.
+const DISARMED_FRAMES: u32 = PULSES_TO_LIVE as u32;
 /// Frames that are measured while armed. The command steps in each, so that the compensator works.
-const ARMED_FRAMES: u32 = 4;
+const ARMED_FRAMES: u32 = 2;
 /// Bytes of the link that are measured: those of a short request and the begin of its answer.
-const LINK_BYTES: usize = 40;
+const LINK_BYTES: u32 = 40;
 
-/// Pulse widths in microseconds: disarmed, and armed by turns.
-const DISARMED_US: u32 = 1000;
-const ARMED_US: [u32; 2] = [1500, 1540];
+/// Pulses at the inputs: OneShot125 at a frame of 2 and a half ticks, so that little time passes without one.
+const INPUT: Pulse = Pulse { protocol: PulseProtocol::OneShot125, frame_hz: 2000 };
+/// Their widths in microseconds: disarmed, and armed by turns.
+const DISARMED_US: u32 = 125;
+const ARMED_US: [u32; 2] = [187, 192];
 
 /// Of several runs of an interrupt.
 #[derive(Clone, Copy, Debug, Default)]
@@ -85,11 +85,15 @@ pub fn measure(image_path: &Path, image: &Image) -> Result<Interrupts> {
         let index = image.function_named(name).ok_or_else(|| format!("the image has no interrupt {name}"))?;
         Ok::<_, String>(image.functions[index].address)
     };
-    let (tick, capture, link) = (address(TICK)?, address(CAPTURE)?, address(LINK)?);
-    debugger.run_to(tick)?;
+    let handlers = Handlers { tick: address(TICK)?, capture: address(CAPTURE)?, link: address(LINK)? };
+    debugger.run_to(handlers.tick)?;
 
     let mut settings = Settings::default();
     settings.motors.iter_mut().for_each(|motor| motor.compensate = true);
+    settings.input = INPUT;
+    // The emulator's timers run several times faster than the clock that the application found, and the longest pulses of
+    // the default would not fit the 16 bits of theirs.
+    settings.output.protocol = PulseProtocol::OneShot125;
     let info = debugger.run_during(|link| {
         match ask(link, &Request::SetSettings(settings.clone()))? {
             Message::SettingsTaken(_) => {}
@@ -100,19 +104,17 @@ pub fn measure(image_path: &Path, image: &Image) -> Result<Interrupts> {
             other => Err(format!("the controller answers with {other:?}")),
         }
     })?;
-    debugger.run_to(tick)?;
-    cross_check(&mut debugger, image, tick)?;
 
     let settings = settings.validate().map_err(|error| error.to_string())?;
     let prescaler = debugger.read(TIM3_PRESCALER)?;
     let library = Library::new(&settings, &info, info.timer_hz / (prescaler + 1))?;
-    debugger.add_breakpoint(tick)?;
-    debugger.add_breakpoint(capture)?;
+    for handler in [handlers.tick, handlers.capture, handlers.link] {
+        debugger.add_breakpoint(handler)?;
+    }
     let mut stand = Stand {
         debugger,
         image,
-        tick,
-        capture,
+        handlers,
         inputs: Inputs::default(),
         counts_per_us: info.timer_hz / 1_000_000,
         counts_per_tick: info.timer_hz / settings.loop_rate_hz,
@@ -126,7 +128,7 @@ pub fn measure(image_path: &Path, image: &Image) -> Result<Interrupts> {
     let four = [true; INPUTS];
     stand.fly(four, DISARMED_US, DISARMED_FRAMES)?;
     let (tick_4ch, capture_4) = stand.fly_armed(four)?;
-    let link_byte = stand.link_bytes(link)?;
+    let link_byte = stand.link_bytes()?;
     Ok(Interrupts { tick_1ch, tick_4ch, capture_1, capture_4, link_byte, loop_rate_hz: settings.loop_rate_hz })
 }
 
@@ -147,23 +149,6 @@ fn send(link: &mut TcpStream, request: &Request) -> Result {
     let mut frame = [0; FRAME_BYTES];
     let length = encode(1, request, &mut frame).map_err(|error| error.to_string())?;
     link.write_all(&frame[..length]).map_err(|error| format!("the emulated link: {error}"))
-}
-
-/// A tick that the emulator runs takes as many nanoseconds of its time as one that is executed step by step has
-/// instructions.
-fn cross_check(debugger: &mut Debugger, image: &Image, tick: u32) -> Result {
-    let back = interrupted_at(debugger)?;
-    let start = debugger.read(TIM2_COUNT)?;
-    debugger.run_to(back)?;
-    let counted = debugger.read(TIM2_COUNT)?.wrapping_sub(start);
-    debugger.run_to(tick)?;
-    let back = interrupted_at(debugger)?;
-    let stepped = trace(debugger, image, back, &mut AsEmulated)?.instructions;
-    if counted == stepped {
-        Ok(())
-    } else {
-        Err(format!("a tick takes {counted} ns of the emulated time, but has {stepped} instructions"))
-    }
 }
 
 /// The same channels on this machine: what was measured must have computed what the library computes.
@@ -202,8 +187,7 @@ impl Library {
 struct Stand<'a> {
     debugger: Debugger,
     image: &'a Image,
-    tick: u32,
-    capture: u32,
+    handlers: Handlers,
     inputs: Inputs,
     counts_per_us: u32,
     counts_per_tick: u32,
@@ -241,8 +225,8 @@ impl Stand<'_> {
 
     /// As [`Self::fly`], with commands that step up and down.
     fn fly_armed(&mut self, who: [bool; INPUTS]) -> Result<(Costs, Costs)> {
-        // Up to the first tick that is armed, and one frame on.
-        self.fly(who, ARMED_US[0], 2)?;
+        // Up to the first tick that is armed.
+        self.fly(who, ARMED_US[1], 1)?;
         let (mut ticks, mut captures) = (Costs::default(), Costs::default());
         for frame in 0..ARMED_FRAMES {
             let (tick, capture) = self.fly(who, ARMED_US[frame as usize % 2], 1)?;
@@ -253,9 +237,8 @@ impl Stand<'_> {
     }
 
     fn run_tick(&mut self) -> Result<Cost> {
-        self.arrive(self.tick, TICK)?;
-        let back = interrupted_at(&mut self.debugger)?;
-        let cost = trace(&mut self.debugger, self.image, back, &mut self.inputs)?;
+        self.arrive(self.handlers.tick, TICK)?;
+        let cost = self.run_interrupt()?;
         let expected = self.library.tick(self.inputs.now);
         for (output, expected) in (0..).zip(expected) {
             let width = self.debugger.read(TIM3_WIDTHS + 4 * output)?;
@@ -272,32 +255,50 @@ impl Stand<'_> {
             decoder.edge(self.inputs.now, if high { Level::High } else { Level::Low });
         }
         self.debugger.store(INTERRUPT_SET_PENDING, TIM2_PENDING)?;
-        self.arrive(self.capture, CAPTURE)?;
-        let back = interrupted_at(&mut self.debugger)?;
-        let cost = trace(&mut self.debugger, self.image, back, &mut self.inputs)?;
+        self.arrive(self.handlers.capture, CAPTURE)?;
+        let cost = self.run_interrupt()?;
         if self.inputs.pending() { Err("the capture interrupt leaves stamps behind".to_owned()) } else { Ok(cost) }
     }
 
+    /// Goes to the first instruction of an interrupt, which must be the next one that comes.
     fn arrive(&mut self, address: u32, name: &str) -> Result {
-        let at = self.debugger.run()?.pc();
+        let at = self.next_interrupt()?;
         if at == address { Ok(()) } else { Err(format!("the core came to {at:#x} instead of {name}")) }
     }
 
+    /// Goes to the first instruction of the next interrupt, where the core may be already.
+    fn next_interrupt(&mut self) -> Result<u32> {
+        Ok(self.debugger.run()?.pc())
+    }
+
+    /// Executes an interrupt from its first instruction on. Another may follow it directly.
+    fn run_interrupt(&mut self) -> Result<Cost> {
+        let Handlers { tick, capture, link } = self.handlers;
+        let back = interrupted_at(&mut self.debugger)?;
+        trace(&mut self.debugger, self.image, &[back, tick, capture, link], &mut self.inputs)
+    }
+
     /// Interrupts of the link during a request and its answer; ticks go on meanwhile.
-    fn link_bytes(&mut self, link: u32) -> Result<Costs> {
-        self.debugger.add_breakpoint(link)?;
+    fn link_bytes(&mut self) -> Result<Costs> {
         send(self.debugger.link(), &Request::Info)?;
         let mut costs = Costs::default();
-        for _ in 0..LINK_BYTES {
-            while self.debugger.run()?.pc() != link {
-                let back = interrupted_at(&mut self.debugger)?;
-                trace(&mut self.debugger, self.image, back, &mut self.inputs)?;
+        while costs.runs < LINK_BYTES {
+            let at = self.next_interrupt()?;
+            let cost = self.run_interrupt()?;
+            if at == self.handlers.link {
+                costs.add(cost);
             }
-            let back = interrupted_at(&mut self.debugger)?;
-            costs.add(trace(&mut self.debugger, self.image, back, &mut AsEmulated)?);
         }
         Ok(costs)
     }
+}
+
+/// First instructions of the interrupts.
+#[derive(Clone, Copy, Debug)]
+struct Handlers {
+    tick: u32,
+    capture: u32,
+    link: u32,
 }
 
 impl Costs {

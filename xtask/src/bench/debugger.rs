@@ -15,6 +15,9 @@ use crate::{emulator, setup};
 const START_LIMIT: Duration = Duration::from_secs(20);
 /// Longest wait for the emulated core to come to a breakpoint.
 const ANSWER_LIMIT: Duration = Duration::from_secs(60);
+/// The flags and the state of IT blocks, as the protocol numbers it, and the latter's bits.
+const XPSR: usize = 25;
+const IT_BLOCK: u32 = 0x0600_FC00;
 /// Start of 8 bytes of RAM that no image uses: the end of the 128 KiB.
 const SCRATCH: u32 = 0x2001_FFF0;
 
@@ -173,12 +176,16 @@ impl Debugger {
         let before = self.registers()?;
         // STR R1, [R0] and a branch to itself, which is not reached.
         self.command(&format!("M{SCRATCH:x},4:0160fee7"))?;
-        for (index, value) in [(0, address), (1, value), (15, SCRATCH)] {
+        for (index, value) in [(0, address), (1, value), (15, SCRATCH), (XPSR, before.xpsr & !IT_BLOCK)] {
             self.set_register(index, value)?;
         }
         let after = self.step()?;
         for index in [0, 1, 15] {
             self.set_register(index, before.r[index])?;
+        }
+        self.set_register(XPSR, before.xpsr)?;
+        if self.registers()? != before {
+            return Err("QEMU does not take back the registers".to_owned());
         }
         if after.pc() == SCRATCH + 2 { Ok(()) } else { Err(format!("the store to {address:#x} did not happen")) }
     }

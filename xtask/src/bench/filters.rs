@@ -58,7 +58,9 @@ impl Filter {
 /// Measures them.
 pub fn measure(image_path: &Path, image: &Image) -> Result<Vec<Filter>> {
     let mut bench = Bench { debugger: Debugger::start(image_path)?, image };
-    FILTERS.iter().map(|(module, name, key)| bench.filter(module, name, key)).collect()
+    let filters = FILTERS.iter().map(|(module, name, key)| bench.filter(module, name, key)).collect::<Result<_>>()?;
+    bench.cross_check()?;
+    Ok(filters)
 }
 
 struct Bench<'a> {
@@ -69,31 +71,45 @@ struct Bench<'a> {
 impl Bench<'_> {
     /// In the order in which the image calls them.
     fn filter(&mut self, module: &str, name: &'static str, key: &'static str) -> Result<Filter> {
-        let call = self.cost(module, "call")?;
-        let motors = self.cost(module, "motors")?;
-        let block = self.cost(module, "block")?;
-        let bytes = self.result(module, "bytes")?;
-        let steady = self.result(module, "steady")?;
+        let of = |function: &str| format!("{module}::{function}");
+        let call = self.cost(&of("call"))?;
+        let motors = self.cost(&of("motors"))?;
+        let block = self.cost(&of("block"))?;
+        let bytes = self.result("size")?;
+        let steady = self.result(&of("steady"))?;
         let steady_error = steady.cast_signed() - LEVEL;
         Ok(Filter { name, key, call, motors, block, bytes, steady_error })
     }
 
-    fn enter(&mut self, module: &str, function: &str) -> Result<u32> {
-        let name = format!("firmware_bench::probes::{module}::{function}");
+    /// Two more blocks take as many nanoseconds more of the emulator's time as they have instructions when executed
+    /// step by step.
+    fn cross_check(&mut self) -> Result {
+        let mut stepped_and_counted = || Ok::<_, String>((self.cost("counted")?.instructions, self.result("counted")?));
+        let (one, three) = (stepped_and_counted()?, stepped_and_counted()?);
+        let (stepped, counted) = (three.0 - one.0, three.1.wrapping_sub(one.1));
+        if stepped == counted {
+            Ok(())
+        } else {
+            Err(format!("{stepped} instructions take {counted} ns of the emulator's time"))
+        }
+    }
+
+    fn enter(&mut self, function: &str) -> Result<u32> {
+        let name = format!("firmware_bench::probes::{function}");
         let index = self.image.function_named(&name).ok_or_else(|| format!("the image has no function {name}"))?;
         let registers = self.debugger.run_to(self.image.functions[index].address)?;
         Ok(registers.r[14] & !1)
     }
 
     /// The call that leads here is one more instruction.
-    fn cost(&mut self, module: &str, function: &str) -> Result<Cost> {
-        let back = self.enter(module, function)?;
-        let Cost { instructions, cycles } = trace(&mut self.debugger, self.image, back, &mut AsEmulated)?;
+    fn cost(&mut self, function: &str) -> Result<Cost> {
+        let back = self.enter(function)?;
+        let Cost { instructions, cycles } = trace(&mut self.debugger, self.image, &[back], &mut AsEmulated)?;
         Ok(Cost { instructions: instructions + 1, cycles: cycles + 1 + super::cycles::REFILL })
     }
 
-    fn result(&mut self, module: &str, function: &str) -> Result<u32> {
-        let back = self.enter(module, function)?;
+    fn result(&mut self, function: &str) -> Result<u32> {
+        let back = self.enter(function)?;
         Ok(self.debugger.run_to(back)?.r[0])
     }
 }

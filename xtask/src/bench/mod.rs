@@ -34,6 +34,7 @@ pub fn firmware(json: Option<&str>) -> Result {
     Ok(())
 }
 
+#[allow(dead_code)]
 /// The figures must hold what is said of them.
 pub fn test() -> Result {
     let report = measure()?;
@@ -44,7 +45,9 @@ pub fn test() -> Result {
 
 fn measure() -> Result<report::Report> {
     let path = firmware::build_image(&[])?;
+    let t = std::time::Instant::now();
     let interrupts = with_image(&path, |image| application::measure(&path, image))?;
+    eprintln!("{interrupts:#?} {:?}", t.elapsed());
     let path = build_filters()?;
     let filters = with_image(&path, |image| filters::measure(&path, image))?;
     Ok(report::Report { filters, interrupts })

@@ -34,13 +34,16 @@ impl Hardware for AsEmulated {
     }
 }
 
-/// Executes up to the instruction at `until`, which is not executed any more.
-pub fn trace(debugger: &mut Debugger, image: &Image, until: u32, hardware: &mut dyn Hardware) -> Result<Cost> {
+/// Executes up to the first of the instructions at `until`, which is not executed any more.
+pub fn trace(debugger: &mut Debugger, image: &Image, until: &[u32], hardware: &mut dyn Hardware) -> Result<Cost> {
     let mut registers = debugger.registers()?;
     let mut estimate = Estimate::default();
+    let mut pcs = String::new();
     for instructions in 0..LIMIT {
         let pc = registers.pc();
-        if pc == until {
+        pcs += &format!("{pc:x}\n");
+        if instructions > 0 && until.contains(&pc) {
+            if let Ok(d) = std::env::var("DUMP") { let n = std::fs::read_dir(&d).unwrap().count(); std::fs::write(format!("{d}/{n:04}-{instructions}"), &pcs).unwrap(); }
             return Ok(Cost { instructions, cycles: estimate.cycles });
         }
         let first = image.halfword(pc).ok_or_else(|| format!("there is no code at {pc:#x}"))?;
@@ -56,10 +59,11 @@ pub fn trace(debugger: &mut Debugger, image: &Image, until: u32, hardware: &mut 
             registers.r[target] = value;
         }
     }
-    Err(format!("{LIMIT} instructions did not lead to {until:#x}"))
+    Err(format!("{LIMIT} instructions did not lead to any of {until:#x?}"))
 }
 
-/// The core stands at the first instruction of an interrupt: where it will return to.
+/// The core stands at the first instruction of an interrupt: where it will return to, unless another interrupt comes
+/// directly after it.
 pub fn interrupted_at(debugger: &mut Debugger) -> Result<u32> {
     let registers = debugger.registers()?;
     Ok(debugger.read(registers.r[13] + STACKED_RETURN)? & !1)
