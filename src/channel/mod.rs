@@ -175,6 +175,25 @@ impl Channel {
     /// One control tick: what the input has, to what the ESC gets.
     #[inline]
     pub fn tick(&mut self, input: Input) -> Command {
+        // Nearly all ticks of a flight: armed by the last tick, whose input was live and whose output came from the
+        // compensator, and armed still.
+        if self.mode == Mode::Armed {
+            let command = match input {
+                Input::Command(command) => command,
+                Input::Unchanged => self.command,
+                Input::Nothing | Input::Lost => return self.tick_any(input),
+            };
+            if command >= self.settings.arming_threshold {
+                self.command = command;
+                return self.compensator.update(command);
+            }
+        }
+        self.tick_any(input)
+    }
+
+    /// Any tick.
+    #[inline(never)]
+    fn tick_any(&mut self, input: Input) -> Command {
         match input {
             Input::Command(command) => {
                 self.command = command;
@@ -183,9 +202,7 @@ impl Channel {
             Input::Unchanged => {}
             Input::Nothing | Input::Lost => self.live = false,
         }
-        let armed = self.live && self.mode == Mode::Armed && self.command >= self.settings.arming_threshold;
-        let path = if armed { Path::Shape(self.command) } else { self.decide() };
-        match path {
+        match self.decide() {
             Path::Pass(command) => {
                 self.engaged = false;
                 command
@@ -200,8 +217,6 @@ impl Channel {
         }
     }
 
-    /// All ticks but those of an armed command while armed.
-    #[inline(never)]
     fn decide(&mut self) -> Path {
         if !self.live {
             return self.without_input();

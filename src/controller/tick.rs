@@ -182,8 +182,9 @@ impl Tick {
     /// One tick: what the inputs have, and the converter's count; to what the ESCs get.
     ///
     /// Integer, without division, heap or panic; every loop is over the motors.
+    /// The signals are taken one by one, each on its way to its motor.
     #[inline]
-    pub fn run(&mut self, signals: [Signal; MOTORS], adc: u16) -> [Command; MOTORS] {
+    pub fn run(&mut self, signals: impl IntoIterator<Item = Signal>, adc: u16) -> [Command; MOTORS] {
         self.ticks = self.ticks.wrapping_add(1);
         let mut outputs = [Command::ZERO; MOTORS];
         for ((motor, signal), output) in self.motors.iter_mut().zip(signals).zip(&mut outputs) {
