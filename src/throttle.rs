@@ -261,7 +261,7 @@ impl PulseScale {
     #[must_use]
     pub const fn to_ticks(&self, command: Command) -> u32 {
         // A command has at most 30 bits and the span 29, 32 with the shift.
-        let product = command.0 as u64 * (self.span_ticks << (32 - FRACTION_BITS)) as u64;
+        let product = command.0.cast_unsigned() as u64 * (self.span_ticks << (32 - FRACTION_BITS)) as u64;
         self.low_ticks + ((product + HALF) >> 32) as u32
     }
 }

@@ -88,14 +88,16 @@ pub struct Faults {
     pub losses: u32,
 }
 
-/// What is known of the line.
+/// What is known of the line. Where it is unsure, the rise was not seen, or not for sure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Line {
     Unknown,
     Low,
     High,
+    HighUnsure,
     /// Low, but for less than a glitch may last.
     Falling,
+    FallingUnsure,
 }
 
 /// Whether the last pulse is to be believed.
@@ -112,10 +114,9 @@ pub struct Decoder {
     timing: Timing,
     line: Line,
     liveness: Liveness,
-    /// The rise of the pulse that is under way (high or falling), and whether it was seen for sure.
+    /// The last rise that was seen for sure.
     rise: u32,
-    rise_seen: bool,
-    /// While falling.
+    /// The last fall.
     fall: u32,
     /// Rise and fall of the last accepted pulse, unless it is older than the timeout. A live input has one.
     has_accepted: bool,
@@ -146,7 +147,6 @@ impl Decoder {
             line: Line::Unknown,
             liveness: Liveness::Never,
             rise: 0,
-            rise_seen: false,
             fall: 0,
             has_accepted: false,
             accepted_rise: 0,
@@ -179,36 +179,33 @@ impl Decoder {
         let glitch = self.timing.glitch;
         match (self.line, level) {
             (Line::Low, Level::High) => self.rise_at(timestamp),
-            (Line::High, Level::Low) if self.rise_seen && timestamp.wrapping_sub(self.rise) < glitch => {
+            (Line::High, Level::Low) if timestamp.wrapping_sub(self.rise) < glitch => {
                 count(&mut self.faults.glitches);
                 self.line = Line::Low;
             }
-            (Line::High, Level::Low) => self.fall_at(timestamp),
-            (Line::Falling, Level::High) if timestamp.wrapping_sub(self.fall) < glitch => {
+            (Line::High, Level::Low) => self.fall_at(timestamp, Line::Falling),
+            (Line::HighUnsure | Line::Unknown, Level::Low) => self.fall_at(timestamp, Line::FallingUnsure),
+            (Line::Falling | Line::FallingUnsure, Level::High) if timestamp.wrapping_sub(self.fall) < glitch => {
                 count(&mut self.faults.glitches);
-                self.line = Line::High;
+                self.line = if self.line == Line::Falling { Line::High } else { Line::HighUnsure };
             }
             (Line::Falling, Level::High) => {
-                self.pulse();
+                if let Some((width, period)) = self.pulse() {
+                    self.is_fresh = true;
+                    (self.width, self.period) = (width, period);
+                }
                 self.rise_at(timestamp);
             }
-            (Line::Unknown, Level::Low) => {
-                self.rise_seen = false;
-                self.fall_at(timestamp);
-            }
-            (Line::Unknown, Level::High) => {
-                self.rise_seen = false;
-                self.line = Line::High;
-            }
+            (Line::FallingUnsure, Level::High) => self.rise_at(timestamp),
+            (Line::Unknown, Level::High) => self.line = Line::HighUnsure,
             // From here on an edge is missing.
-            (Line::Low | Line::Falling, Level::Low) => {
+            (Line::Low | Line::Falling | Line::FallingUnsure, Level::Low) => {
                 count(&mut self.faults.missing_edges);
-                self.rise_seen = false;
-                self.fall_at(timestamp);
+                self.fall_at(timestamp, Line::FallingUnsure);
             }
-            (Line::High, Level::High) => {
+            (Line::High | Line::HighUnsure, Level::High) => {
                 count(&mut self.faults.missing_edges);
-                self.rise_seen = false;
+                self.line = Line::HighUnsure;
             }
         }
     }
@@ -217,13 +214,11 @@ impl Decoder {
     const fn rise_at(&mut self, timestamp: u32) {
         self.line = Line::High;
         self.rise = timestamp;
-        self.rise_seen = true;
     }
 
-    /// Of a rise that is known or not already.
     #[inline]
-    const fn fall_at(&mut self, timestamp: u32) {
-        self.line = Line::Falling;
+    const fn fall_at(&mut self, timestamp: u32, line: Line) {
+        self.line = line;
         self.fall = timestamp;
     }
 
@@ -247,15 +242,33 @@ impl Decoder {
     #[inline]
     pub fn poll(&mut self, now: u32) -> Signal {
         self.edges = 0;
-        self.masked_polls = self.masked_polls.saturating_sub(1);
+        if self.masked_polls != 0 {
+            self.pause();
+        }
         // What time alone makes of the line.
-        match self.line {
-            Line::Falling if elapsed(self.fall, now) >= self.timing.glitch.cast_signed() => {
+        if self.line == Line::Falling {
+            let low_for = elapsed(self.fall, now);
+            if low_for >= self.timing.glitch.cast_signed() {
                 self.line = Line::Low;
-                self.pulse();
+                if low_for > self.timing.timeout.cast_signed() {
+                    self.late_pulse();
+                } else if let Some((width_ticks, period_ticks)) = self.pulse() {
+                    // The newest counts.
+                    self.is_fresh = false;
+                    return Signal::Pulse { width_ticks, period_ticks };
+                }
             }
+        }
+        self.poll_without_fall(now)
+    }
+
+    /// The rest of [`Self::poll`]: no pulse has become complete just now.
+    #[inline]
+    fn poll_without_fall(&mut self, now: u32) -> Signal {
+        match self.line {
+            Line::FallingUnsure if elapsed(self.fall, now) >= self.timing.glitch.cast_signed() => self.line = Line::Low,
             // Long before the stamp wraps.
-            Line::High if elapsed(self.rise, now) > self.timing.timeout.cast_signed() => self.rise_seen = false,
+            Line::High if elapsed(self.rise, now) > self.timing.timeout.cast_signed() => self.line = Line::HighUnsure,
             _ => {}
         }
         if self.has_accepted && elapsed(self.accepted_fall, now) > self.timing.timeout.cast_signed() {
@@ -290,65 +303,70 @@ impl Decoder {
         &self.timing
     }
 
-    /// The line went from high to low for good.
+    /// The line went from high to low for good, after a rise that was seen: width and period of the pulse, if it is one
+    /// and the input is live.
     #[inline]
-    fn pulse(&mut self) {
-        if !self.rise_seen {
-            return;
-        }
+    fn pulse(&mut self) -> Option<(u32, u32)> {
         let width = self.fall.wrapping_sub(self.rise);
         if width < self.timing.min_width || width > self.timing.max_width {
             count(&mut self.faults.out_of_range);
             self.in_row = 0;
-            return;
-        }
-        if self.liveness != Liveness::Live {
-            self.pulse_before_live(width);
-            return;
+            return None;
         }
         let period = self.rise.wrapping_sub(self.accepted_rise);
+        if self.liveness != Liveness::Live {
+            return self.pulse_before_live(width, period);
+        }
         if period < self.timing.min_period {
             self.too_soon();
-            return;
+            return None;
         }
         self.accept();
-        self.report(width, period);
+        Some((width, period))
     }
 
-    /// A pulse of an input that is not live.
+    /// A pulse of an input that is not live. The period is one only where there was a pulse before.
     #[cold]
     #[inline(never)]
-    fn pulse_before_live(&mut self, width: u32) {
-        let period = self.rise.wrapping_sub(self.accepted_rise);
+    fn pulse_before_live(&mut self, width: u32, period: u32) -> Option<(u32, u32)> {
         if self.has_accepted && period < self.timing.min_period {
             self.too_soon();
-            return;
+            return None;
         }
         let follows = self.has_accepted && period <= self.timing.max_period;
         self.in_row = if follows { self.in_row.saturating_add(1) } else { 1 };
+        self.has_accepted = true;
         self.accept();
-        if self.in_row >= PULSES_TO_LIVE {
-            self.liveness = Liveness::Live;
-            // There were pulses before this one, so that its period is known.
-            self.report(width, period);
+        if self.in_row < PULSES_TO_LIVE {
+            return None;
         }
+        self.liveness = Liveness::Live;
+        Some((width, period))
     }
 
     #[inline]
     const fn accept(&mut self) {
-        self.has_accepted = true;
         self.accepted_rise = self.rise;
         self.accepted_fall = self.fall;
         self.next_mask_polls = 1;
     }
 
-    #[inline]
-    const fn report(&mut self, width: u32, period: u32) {
-        self.is_fresh = true;
-        self.width = width;
-        self.period = period;
+    /// A pulse that nobody polled for in time is lost with its input at once, but is counted.
+    #[cold]
+    #[inline(never)]
+    fn late_pulse(&mut self) {
+        let _ = self.pulse();
     }
 
+    /// One poll of a masked input.
+    #[cold]
+    #[inline(never)]
+    const fn pause(&mut self) {
+        self.masked_polls = self.masked_polls.saturating_sub(1);
+    }
+
+    #[cold]
+    #[inline(never)]
     fn too_soon(&mut self) {
         count(&mut self.faults.too_soon);
         self.in_row = 0;
@@ -371,7 +389,7 @@ impl Decoder {
         self.liveness = Liveness::Lost(match self.line {
             _ if flooded => LossReason::Flood,
             Line::Low if silent => LossReason::StuckLow,
-            Line::High if silent => LossReason::StuckHigh,
+            Line::High | Line::HighUnsure if silent => LossReason::StuckHigh,
             _ => LossReason::Implausible,
         });
     }

@@ -150,6 +150,8 @@ pub struct Channel {
     /// There while the mode is `Excitation`.
     player: Option<Player>,
     last_end: Option<End>,
+    /// Excitations that ended because the host was silent; wraps.
+    dead_man_ends: u32,
 }
 
 impl Channel {
@@ -169,6 +171,7 @@ impl Channel {
             settings: *settings,
             player: None,
             last_end: None,
+            dead_man_ends: 0,
         })
     }
 
@@ -224,7 +227,7 @@ impl Channel {
         if self.command < self.settings.arming_threshold {
             if let Some(player) = self.player.take() {
                 let was_ending = player.phase() == Phase::RampDown;
-                self.last_end = Some(if was_ending { player.end() } else { End::PulseInput });
+                self.ended(if was_ending { player.end() } else { End::PulseInput });
             }
             self.mode = Mode::Disarmed;
             return Path::Pass(self.command);
@@ -288,10 +291,19 @@ impl Channel {
             Some(level) if level >= self.settings.arming_threshold => Path::Shape(level),
             Some(level) => Path::Pass(level),
             None => {
-                self.last_end = self.player.take().map(|player| player.end());
+                if let Some(player) = self.player.take() {
+                    self.ended(player.end());
+                }
                 self.mode = if self.live { Mode::Locked } else { Mode::NoSignal };
                 self.stop()
             }
+        }
+    }
+
+    fn ended(&mut self, end: End) {
+        self.last_end = Some(end);
+        if end == End::DeadMan {
+            self.dead_man_ends = self.dead_man_ends.wrapping_add(1);
         }
     }
 
@@ -338,6 +350,12 @@ impl Channel {
     #[must_use]
     pub const fn last_end(&self) -> Option<End> {
         self.last_end
+    }
+
+    /// Excitations that ended because the host was silent, wrapping.
+    #[must_use]
+    pub const fn dead_man_ends(&self) -> u32 {
+        self.dead_man_ends
     }
 
     /// Switches the filter in (`true`) or out of the path from the next tick on, without a jump. The limits stay.

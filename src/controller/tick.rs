@@ -3,7 +3,7 @@
 use heapless::spsc::{Consumer, Producer};
 
 use crate::capture::Signal;
-use crate::channel::{Channel, End, Excitation, Input, Refusal as ChannelRefusal, State};
+use crate::channel::{Channel, Excitation, Input, Refusal as ChannelRefusal, State};
 use crate::link::{
     ChannelState, INJECT_SAMPLES, INJECT_TIMEOUT_MS, INJECT_WINDOW, NO_INPUT, RecordClock, Sample, Source,
 };
@@ -35,8 +35,8 @@ pub struct Motor {
     output: Command,
     /// The pulse input as a command, while there is one.
     input: i32,
+    /// Excitations of former channels that ended because the host was silent.
     dead_man: u32,
-    end: Option<End>,
 }
 
 impl Motor {
@@ -52,7 +52,6 @@ impl Motor {
             output,
             input: NO_INPUT,
             dead_man: 0,
-            end: None,
         }
     }
 
@@ -70,6 +69,7 @@ impl Motor {
 
     /// Starts afresh, with a new channel and with nothing left in the queues.
     pub fn restart(&mut self, channel: Channel, source: Source) {
+        self.dead_man = self.dead_man();
         self.channel = channel;
         self.source = source;
         self.silent_ticks = 0;
@@ -79,6 +79,11 @@ impl Motor {
                 break;
             }
         }
+    }
+
+    /// Excitations that ended because the host was silent, wrapping.
+    const fn dead_man(&self) -> u32 {
+        self.dead_man.wrapping_add(self.channel.dead_man_ends())
     }
 
     /// Starts an excitation.
@@ -110,7 +115,7 @@ impl Motor {
     }
 
     #[inline]
-    fn run(&mut self, signal: Signal, scale: &PulseScale, silence_limit: u32) -> Command {
+    fn run(&mut self, signal: Signal, scale: &PulseScale, silence_limit: u32) {
         let input = Input::from_signal(signal, scale);
         match input {
             Input::Command(command) => self.input = command.to_bits(),
@@ -121,7 +126,6 @@ impl Motor {
             Source::Pulse => self.channel.tick(input),
             Source::Inject => self.injected(silence_limit),
         };
-        self.output
     }
 
     /// One injected command. Without any, the last output stands: no tick, so that outputs do not depend on when frames
@@ -141,17 +145,6 @@ impl Motor {
         // The channel goes through its hold time to the stop, and will not arm again before a disarmed command.
         self.source = Source::Pulse;
         self.channel.tick(Input::Lost)
-    }
-
-    /// Counts excitations that ended for want of a host.
-    fn count_ends(&mut self) {
-        let end = self.channel.last_end();
-        if end != self.end {
-            self.end = end;
-            if end == Some(End::DeadMan) {
-                self.dead_man = self.dead_man.wrapping_add(1);
-            }
-        }
     }
 }
 
@@ -182,17 +175,15 @@ impl Tick {
     /// One tick: what the inputs have, and the converter's count; to what the ESCs get.
     ///
     /// Integer, without division, heap or panic; every loop is over the motors.
-    /// The signals are taken one by one, each on its way to its motor.
+    /// The signals, one for each motor, are taken one by one, each on its way to its motor.
     #[inline]
     pub fn run(&mut self, signals: impl IntoIterator<Item = Signal>, adc: u16) -> [Command; MOTORS] {
         self.ticks = self.ticks.wrapping_add(1);
-        let mut outputs = [Command::ZERO; MOTORS];
-        for ((motor, signal), output) in self.motors.iter_mut().zip(signals).zip(&mut outputs) {
-            *output = motor.run(signal, &self.input_scale, self.silence_limit);
-            motor.count_ends();
+        for (motor, signal) in self.motors.iter_mut().zip(signals) {
+            motor.run(signal, &self.input_scale, self.silence_limit);
         }
         self.record(adc);
-        outputs
+        self.motors.each_ref().map(|motor| motor.output)
     }
 
     #[inline]
@@ -257,7 +248,7 @@ impl Tick {
     /// Excitations that ended because the host was silent, wrapping.
     #[must_use]
     pub fn dead_man(&self) -> u32 {
-        self.motors.iter().fold(0, |sum, motor| motor.dead_man.wrapping_add(sum))
+        self.motors.iter().fold(0, |sum, motor| motor.dead_man().wrapping_add(sum))
     }
 
     /// The first motor whose output is not at rest.

@@ -69,6 +69,8 @@ pub struct Interrupts {
     pub tick_1ch: Costs,
     /// The control tick with four motors armed. The dearest is that in which all four have a new pulse.
     pub tick_4ch: Costs,
+    /// The ticks around that in which all four arm, which starts their filters.
+    pub tick_arming: Costs,
     /// The capture of an edge of one input, and of edges of all four at once.
     pub capture_1: Costs,
     pub capture_4: Costs,
@@ -124,12 +126,20 @@ pub fn measure(image_path: &Path, image: &Image) -> Result<Interrupts> {
     };
     let one = [true, false, false, false];
     stand.fly(one, DISARMED_US, DISARMED_FRAMES)?;
-    let (tick_1ch, capture_1) = stand.fly_armed(one)?;
+    let one = stand.fly_armed(one)?;
     let four = [true; INPUTS];
     stand.fly(four, DISARMED_US, DISARMED_FRAMES)?;
-    let (tick_4ch, capture_4) = stand.fly_armed(four)?;
+    let four = stand.fly_armed(four)?;
     let link_byte = stand.link_bytes()?;
-    Ok(Interrupts { tick_1ch, tick_4ch, capture_1, capture_4, link_byte, loop_rate_hz: settings.loop_rate_hz })
+    Ok(Interrupts {
+        tick_1ch: one.ticks,
+        tick_4ch: four.ticks,
+        tick_arming: four.arming,
+        capture_1: one.captures,
+        capture_4: four.captures,
+        link_byte,
+        loop_rate_hz: settings.loop_rate_hz,
+    })
 }
 
 /// Sends a request, and waits for the first message.
@@ -224,16 +234,17 @@ impl Stand<'_> {
     }
 
     /// As [`Self::fly`], with commands that step up and down.
-    fn fly_armed(&mut self, who: [bool; INPUTS]) -> Result<(Costs, Costs)> {
-        // Up to the first tick that is armed.
+    fn fly_armed(&mut self, who: [bool; INPUTS]) -> Result<Flight> {
+        // The first of these has the tick that arms.
         self.fly(who, ARMED_US[1], 1)?;
+        let (arming, _) = self.fly(who, ARMED_US[1], 1)?;
         let (mut ticks, mut captures) = (Costs::default(), Costs::default());
         for frame in 0..ARMED_FRAMES {
             let (tick, capture) = self.fly(who, ARMED_US[frame as usize % 2], 1)?;
             ticks.merge(tick);
             captures.merge(capture);
         }
-        Ok((ticks, captures))
+        Ok(Flight { arming, ticks, captures })
     }
 
     fn run_tick(&mut self) -> Result<Cost> {
@@ -291,6 +302,13 @@ impl Stand<'_> {
         }
         Ok(costs)
     }
+}
+
+/// What an armed flight costs.
+struct Flight {
+    arming: Costs,
+    ticks: Costs,
+    captures: Costs,
 }
 
 /// First instructions of the interrupts.

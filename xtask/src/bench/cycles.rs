@@ -19,7 +19,7 @@
 //! 168 MHz. So these are estimates, and no more.
 
 /// Cycles to fill the pipeline after a jump.
-pub const REFILL: u32 = 3;
+const REFILL: u32 = 3;
 /// Cycles of an interrupt that are not its instructions': entry and return.
 pub const INTERRUPT: u32 = 12 + 12;
 

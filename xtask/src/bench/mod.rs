@@ -45,9 +45,7 @@ pub fn test() -> Result {
 
 fn measure() -> Result<report::Report> {
     let path = firmware::build_image(&[])?;
-    let t = std::time::Instant::now();
     let interrupts = with_image(&path, |image| application::measure(&path, image))?;
-    eprintln!("{interrupts:#?} {:?}", t.elapsed());
     let path = build_filters()?;
     let filters = with_image(&path, |image| filters::measure(&path, image))?;
     Ok(report::Report { filters, interrupts })

@@ -46,12 +46,13 @@ impl Report {
             });
             all.insert(filter.key.to_owned(), figures);
         }
-        let Interrupts { tick_1ch, tick_4ch, capture_1, capture_4, link_byte, loop_rate_hz } = &self.interrupts;
+        let Interrupts { tick_1ch, tick_4ch, tick_arming, capture_1, capture_4, link_byte, loop_rate_hz } = &self.interrupts;
         all.insert(
             "tick".to_owned(),
             json!({
                 "instructions_1ch": tick_1ch.worst.instructions,
                 "instructions_4ch": tick_4ch.worst.instructions,
+                "instructions_arming": tick_arming.worst.instructions,
                 "instructions_1ch_mean": tick_1ch.mean(),
                 "instructions_4ch_mean": tick_4ch.mean(),
                 "estimated_cycles_4ch": tick_4ch.worst.cycles + INTERRUPT,
@@ -119,7 +120,7 @@ impl fmt::Display for Report {
                 filter.cycles_per_sample(),
             )?;
         }
-        let Interrupts { tick_1ch, tick_4ch, capture_1, capture_4, link_byte, loop_rate_hz } = &self.interrupts;
+        let Interrupts { tick_1ch, tick_4ch, tick_arming, capture_1, capture_4, link_byte, loop_rate_hz } = &self.interrupts;
         writeln!(f, "\n{:<38} {:>6} {:>6} {:>12}", "interrupt of the application", "mean", "worst", "cycles, est.")?;
         let mut row = |name: &str, costs: &Costs| {
             let worst = costs.worst;
@@ -128,6 +129,7 @@ impl fmt::Display for Report {
         };
         row("control tick, one motor armed", tick_1ch)?;
         row("control tick, four motors armed", tick_4ch)?;
+        row("control tick that arms all four", tick_arming)?;
         row("capture of an edge of one input", capture_1)?;
         row("capture of edges of four inputs at once", capture_4)?;
         row("byte of the link", link_byte)?;

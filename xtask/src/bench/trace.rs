@@ -38,12 +38,9 @@ impl Hardware for AsEmulated {
 pub fn trace(debugger: &mut Debugger, image: &Image, until: &[u32], hardware: &mut dyn Hardware) -> Result<Cost> {
     let mut registers = debugger.registers()?;
     let mut estimate = Estimate::default();
-    let mut pcs = String::new();
     for instructions in 0..LIMIT {
         let pc = registers.pc();
-        pcs += &format!("{pc:x}\n");
         if instructions > 0 && until.contains(&pc) {
-            if let Ok(d) = std::env::var("DUMP") { let n = std::fs::read_dir(&d).unwrap().count(); std::fs::write(format!("{d}/{n:04}-{instructions}"), &pcs).unwrap(); }
             return Ok(Cost { instructions, cycles: estimate.cycles });
         }
         let first = image.halfword(pc).ok_or_else(|| format!("there is no code at {pc:#x}"))?;
