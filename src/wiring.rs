@@ -91,7 +91,11 @@ impl Control {
             inputs.listen();
         }
         #[cfg(feature = "planted-panic")]
-        let _ = core::hint::black_box(commands[core::hint::black_box(5)]);
+        let _ = {
+            use core::hint::black_box;
+            let beyond = commands[0].to_bits() > Command::ONE.to_bits() / 2;
+            black_box(commands[black_box(if beyond { MOTORS } else { 0 })])
+        };
         self.outputs.set(commands.map(|command| self.output_scale.to_ticks(command)));
         self.idle_away_ticks = if idle_lives { 0 } else { self.idle_away_ticks.saturating_add(1) };
         if self.idle_away_ticks < self.idle_limit_ticks {

@@ -1,8 +1,10 @@
 //! What the tests share: the paper's numbers, random designs, and the compensator computed a second way.
 
+pub mod emulator;
 pub mod flash;
 pub mod fuzz;
 pub mod line;
+pub mod stand_in;
 
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;

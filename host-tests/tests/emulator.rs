@@ -1,145 +1,21 @@
-//! The image that would be flashed, in QEMU, driven over its link. `cargo xtask test` builds the image and runs these;
-//! by hand: `ROTORLEAD_IMAGE=... cargo test -p host-tests --test emulator -- --ignored`.
+//! The image that would be flashed, in QEMU, driven over its link. `cargo xtask test` builds the images and runs these.
 
-use std::io::{Read, Write};
-use std::net::{TcpListener, TcpStream};
-use std::process::{Child, Command as Process, Stdio};
 use std::time::{Duration, Instant};
 
+use host_tests::emulator::{Machine, PATIENCE, PortWrite, Start, image, panicking_image};
+use host_tests::flash::Flash;
 use host_tests::{TABLE_1, multisine};
-use rotorlead::channel::{Channel, Input};
-use rotorlead::controller::{channels, coefficients};
+use rotorlead::channel::{Channel, Excitation, ExcitationRequest, Input};
+use rotorlead::controller::{channel_settings, channels, coefficients};
 use rotorlead::link::{
-    ChannelState, Clock, FRAME_BYTES, INJECT_SAMPLES, INJECT_WINDOW, Info, InjectRequest, Message, Receiver, Refusal,
-    Request, ResetReason, Series, Source, Tagged, encode,
+    ChannelState, Clock, ExciteRequest, InjectRequest, LineSet, Message, Record, RecordRequest, Refusal, Request,
+    ResetReason, Series,
 };
-use rotorlead::settings::{Origin, Settings, Validated};
-use rotorlead::throttle::Command;
+use rotorlead::settings::{Origin, Settings, Store, Validated};
+use rotorlead::throttle::{Command, PulseScale};
 
-/// Longest wait for one answer. The emulator shares its machine with other tests.
-const PATIENCE: Duration = Duration::from_secs(30);
-
-/// A running emulator with the image in it, and the host's end of its link.
-struct Controller {
-    qemu: Child,
-    link: TcpStream,
-    receiver: Receiver<Message>,
-    tag: u8,
-}
-
-impl Controller {
-    fn boot() -> Self {
-        let image = std::env::var_os("ROTORLEAD_IMAGE").expect("ROTORLEAD_IMAGE names the image; see cargo xtask test");
-        // QEMU connects to the test, so that there is no port to guess.
-        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-        let port = listener.local_addr().unwrap().port();
-        let qemu = Process::new("qemu-system-arm")
-            .args(["-M", "olimex-stm32-h405", "-nographic", "-monitor", "none", "-icount", "shift=0"])
-            .args(["-serial", "null", "-serial", "null", "-serial", &format!("tcp:127.0.0.1:{port}")])
-            .arg("-kernel")
-            .arg(image)
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            .spawn()
-            .expect("QEMU runs; cargo xtask setup installs it");
-        let (link, _) = listener.accept().unwrap();
-        link.set_nodelay(true).unwrap();
-        let mut controller = Self { qemu, link, receiver: Receiver::new(), tag: 0 };
-        controller.wait_for_start();
-        controller
-    }
-
-    /// What arrives before the UART is switched on is lost, so the first question is repeated until it is answered.
-    fn wait_for_start(&mut self) {
-        let start = Instant::now();
-        self.link.set_read_timeout(Some(Duration::from_millis(500))).unwrap();
-        let mut byte = [0];
-        let mut asked = Instant::now();
-        let mut last = self.send(&Request::Info);
-        loop {
-            assert!(start.elapsed() < PATIENCE, "the controller does not start");
-            let read = self.link.read(&mut byte).is_ok_and(|length| length == 1);
-            // The answer to the last question, so that no other one is still to come.
-            if read && self.receiver.push(byte[0]).is_some_and(|answer| answer.tag == last) {
-                break;
-            }
-            if asked.elapsed() > Duration::from_secs(2) {
-                asked = Instant::now();
-                last = self.send(&Request::Info);
-            }
-        }
-        self.link.set_read_timeout(Some(PATIENCE)).unwrap();
-    }
-
-    fn send(&mut self, request: &Request) -> u8 {
-        self.tag = self.tag.wrapping_add(1);
-        let mut frame = [0; FRAME_BYTES];
-        let length = encode(self.tag, request, &mut frame).unwrap();
-        self.link.write_all(&frame[..length]).unwrap();
-        self.tag
-    }
-
-    fn receive(&mut self) -> Tagged<Message> {
-        let start = Instant::now();
-        let mut byte = [0];
-        loop {
-            self.link.read_exact(&mut byte).expect("the controller answers");
-            if let Some(message) = self.receiver.push(byte[0]) {
-                return message;
-            }
-            assert!(start.elapsed() < PATIENCE, "only garbage from the controller");
-        }
-    }
-
-    fn ask(&mut self, request: &Request) -> Message {
-        let tag = self.send(request);
-        let answer = self.receive();
-        assert_eq!(answer.tag, tag);
-        answer.message
-    }
-
-    fn info(&mut self) -> Info {
-        match self.ask(&Request::Info) {
-            Message::Info(info) => info,
-            other => panic!("{other:?}"),
-        }
-    }
-
-    /// What the commands come to, on the controller.
-    fn inject(&mut self, first: u32, commands: &[Command]) -> Vec<i32> {
-        let mut outputs = Vec::with_capacity(commands.len());
-        let mut blocks = commands.chunks(INJECT_SAMPLES);
-        let mut next = first;
-        let mut under_way = 0;
-        while outputs.len() < commands.len() {
-            while under_way < INJECT_WINDOW
-                && let Some(block) = blocks.next()
-            {
-                let bits: Vec<i32> = block.iter().map(|command| command.to_bits()).collect();
-                let samples = Series::try_from(&bits[..]).unwrap();
-                self.send(&Request::Inject(InjectRequest { motor: 0, first: next, samples }));
-                next += bits.len() as u32;
-                under_way += 1;
-            }
-            match self.receive().message {
-                Message::Injected(injected) => {
-                    assert_eq!(injected.first as usize, first as usize + outputs.len());
-                    outputs.extend_from_slice(injected.outputs.as_slice());
-                    under_way -= 1;
-                }
-                other => panic!("{other:?}"),
-            }
-        }
-        outputs
-    }
-}
-
-impl Drop for Controller {
-    fn drop(&mut self) {
-        let _ = self.qemu.kill();
-        let _ = self.qemu.wait();
-    }
-}
+/// Compare register of the first output: channel 1 of TIM3.
+const OUTPUT_1: u32 = 0x4000_0434;
 
 /// The host library's channel of motor 0 with these settings.
 fn reference(settings: &Validated) -> Channel {
@@ -152,62 +28,84 @@ fn run(channel: &mut Channel, commands: &[Command]) -> Vec<i32> {
     commands.iter().map(|command| channel.tick(Input::Command(*command)).to_bits()).collect()
 }
 
-fn set_mode(controller: &mut Controller) {
-    let mode = Request::SetMode { motor: 0, source: Source::Inject, compensate: true };
-    assert_eq!(controller.ask(&mode), Message::Done);
+/// What stands in the compare register for a command.
+fn width(machine: &mut Machine, command: Command) -> u32 {
+    let output = Settings::default().output;
+    let timer_hz = machine.link.info().timer_hz;
+    // The smallest divider with which a frame fits 16 bits.
+    let divider = timer_hz.div_ceil(u32::from(output.frame_hz) << 16);
+    PulseScale::new(output.protocol(), timer_hz / divider).unwrap().to_ticks(command)
+}
+
+/// Motor 0 armed by the host, at `level`.
+fn arm(machine: &mut Machine, level: f64) -> u32 {
+    machine.link.take_over();
+    let commands: Vec<Command> =
+        (0..300).map(|n| Command::saturating_from_f64(if n < 10 { 0.0 } else { level })).collect();
+    let outputs = machine.link.inject(0, &commands);
+    assert_eq!(machine.link.info().motors[0], ChannelState::Injected);
+    assert_eq!(outputs.last(), Some(&Command::saturating_from_f64(level).to_bits()), "settled");
+    commands.len() as u32
+}
+
+/// Asks until it is so.
+fn wait(what: &str, mut done: impl FnMut() -> bool) {
+    let start = Instant::now();
+    while !done() {
+        assert!(start.elapsed() < PATIENCE, "{what} does not come");
+        std::thread::sleep(Duration::from_millis(20));
+    }
 }
 
 #[test]
 #[ignore = "needs the image and the emulator: cargo xtask test"]
 fn the_image_boots_on_the_clock_that_runs_and_answers() {
-    let mut controller = Controller::boot();
-    let info = controller.info();
+    let image = image();
+    let mut machine = Machine::boot(&Start::new(&image));
+    let info = machine.link.info();
     // The emulator has neither crystal nor PLL.
     assert_eq!((info.clock, info.core_hz), (Clock::Internal, 16_000_000));
     assert_eq!(info.settings, Origin::DefaultsBad, "the emulator's empty flash reads as zeros");
     assert_eq!(info.motors, [ChannelState::NoSignal; 4]);
-    assert_ne!(info.reset, ResetReason::Panic);
-    assert_eq!(controller.ask(&Request::GetSettings), Message::Settings(Settings::default()));
-    let later = controller.info();
+    assert_eq!(machine.link.ask(&Request::GetSettings), Message::Settings(Settings::default()));
+    let later = machine.link.info();
     assert!(later.ticks > info.ticks, "the control task does not run");
-    match controller.ask(&Request::Faults) {
-        Message::Faults(faults) => assert_eq!(faults.missed_deadlines, 0),
-        other => panic!("{other:?}"),
+    assert_eq!(machine.link.faults().missed_deadlines, 0);
+    let stop = width(&mut machine, Command::ZERO);
+    for output in 0..4 {
+        assert_eq!(machine.monitor.word(OUTPUT_1 + 4 * output), stop, "output {output}");
     }
 }
 
 #[test]
 #[ignore = "needs the image and the emulator: cargo xtask test"]
-fn injected_commands_come_out_as_on_the_host_bit_for_bit() {
-    let mut controller = Controller::boot();
+fn injected_commands_come_out_as_on_the_host_and_stand_in_the_compare_register() {
+    let image = image();
+    let mut machine = Machine::boot(&Start::new(&image));
     let settings = Validated::default();
-    let stop = [Command::ZERO; 10];
-    for (u_nom, ..) in TABLE_1 {
-        set_mode(&mut controller);
-        let mut channel = reference(&settings);
-        // Two periods of the paper's multisine at 5 kHz, then its square wave: over 20 s.
-        let period = multisine(u_nom, 0.05, 5000.0);
-        let square = (0..5000).map(|n| if n / 1000 % 2 == 0 { u_nom + 0.05 } else { u_nom - 0.05 });
-        let commands: Vec<Command> = stop
-            .iter()
-            .copied()
-            .chain(period.iter().chain(&period).copied().chain(square).map(Command::saturating_from_f64))
-            .collect();
-        assert!(commands.len() > 20 * 5000);
-        let start = Instant::now();
-        let outputs = controller.inject(0, &commands);
-        eprintln!("{u_nom}: {:.0} samples a second", commands.len() as f64 / start.elapsed().as_secs_f64());
-        let expected = run(&mut channel, &commands);
-        let differs = outputs.iter().zip(&expected).position(|(controller, host)| controller != host);
-        assert_eq!(differs, None, "first difference at u_nom = {u_nom}");
-        assert_eq!(outputs.len(), expected.len());
-    }
+    machine.link.take_over();
+    let mut channel = reference(&settings);
+    let (u_nom, ..) = TABLE_1[2];
+    let commands: Vec<Command> = [0.0; 10]
+        .into_iter()
+        .chain(multisine(u_nom, 0.05, 5000.0).into_iter().take(5000))
+        .map(Command::saturating_from_f64)
+        .collect();
+    let outputs = machine.link.inject(0, &commands);
+    assert_eq!(outputs, run(&mut channel, &commands));
+    let last = Command::saturating_from_bits(*outputs.last().unwrap());
+    // The time stands still while the register is read, for a host that is silent loses the motor.
+    machine.monitor.stop();
+    let register = machine.monitor.word(OUTPUT_1);
+    machine.monitor.go_on();
+    assert_eq!(register, width(&mut machine, last));
 }
 
 #[test]
 #[ignore = "needs the image and the emulator: cargo xtask test"]
 fn the_controller_designs_the_same_filter_as_the_host() {
-    let mut controller = Controller::boot();
+    let image = image();
+    let mut machine = Machine::boot(&Start::new(&image));
     for (omega_z_rad_s, omega_f_rad_s, damping, loop_rate_hz) in
         [(14.1275, 94.2, 0.7, 5000), (12.0, 60.0, 0.6, 4000), (9.123, 31.7, 1.1, 1000), (45.0, 250.0, 0.9, 10_000)]
     {
@@ -215,29 +113,160 @@ fn the_controller_designs_the_same_filter_as_the_host() {
         settings.lead.omega_z_rad_s = omega_z_rad_s;
         settings.lead.omega_f_rad_s = omega_f_rad_s;
         settings.lead.damping = damping;
-        let taken = controller.ask(&Request::SetSettings(settings.clone()));
+        let taken = machine.link.ask(&Request::SetSettings(settings.clone()));
         let settings = settings.validate().unwrap();
         assert_eq!(taken, Message::SettingsTaken(settings.warnings()), "{settings:?}");
-        set_mode(&mut controller);
+        machine.link.take_over();
         // A step excites every coefficient; 27 bits of it must come out the same for 1500 ticks.
         let commands: Vec<Command> = (0..1500)
             .map(|n| Command::saturating_from_f64([0.0, 0.4, 0.45][usize::from(n > 3) + usize::from(n > 200)]))
             .collect();
-        assert_eq!(controller.inject(0, &commands), run(&mut reference(&settings), &commands), "{settings:?}");
+        assert_eq!(machine.link.inject(0, &commands), run(&mut reference(&settings), &commands), "{settings:?}");
         // Back at rest, so that the next settings are taken.
-        let total = commands.len() as u32;
-        controller.inject(total, &[Command::ZERO]);
+        machine.link.inject(commands.len() as u32, &[Command::ZERO]);
+    }
+    // What the host's design refuses, the controller's does.
+    let mut settings = Settings::default();
+    settings.lead.omega_z_rad_s = 3.0;
+    assert!(coefficients(&settings.clone().validate().unwrap()).is_err());
+    assert_eq!(machine.link.ask(&Request::SetSettings(settings)), Message::Refused(Refusal::Design));
+}
+
+#[test]
+#[ignore = "needs the image and the emulator: cargo xtask test"]
+fn the_excitation_is_the_host_generators_bit_for_bit() {
+    let image = image();
+    let mut machine = Machine::boot(&Start::new(&image));
+    let settings = Validated::default();
+    let (nominal, amplitude) = (Command::saturating_from_f64(0.5), Command::saturating_from_f64(0.05));
+    let request = ExciteRequest {
+        motor: 0,
+        lines: LineSet::Odd30Hz,
+        nominal: nominal.to_bits(),
+        amplitude: amplitude.to_bits(),
+        periods: 2,
+    };
+    let records = excite(&mut machine, &request, true);
+    assert_eq!(machine.link.faults().dead_man, 0);
+
+    let limits = channel_settings(&settings, 0);
+    let checked = ExcitationRequest {
+        lines: LineSet::Odd30Hz.lines(),
+        nominal,
+        amplitude,
+        duration_ticks: 20 * settings.loop_rate_hz,
+    };
+    let mut channel = channels(&settings, coefficients(&settings).unwrap()).unwrap()[0].clone();
+    channel.start_excitation(Excitation::new(&limits, &checked, f64::from(settings.loop_rate_hz)).unwrap()).unwrap();
+    // Commands before and after the filter, from the first tick of the ramp.
+    let expected: Vec<(i32, i32)> = std::iter::from_fn(|| {
+        channel.keep_alive();
+        let output = channel.tick(Input::Nothing);
+        Some((channel.command().to_bits(), output.to_bits()))
+    })
+    .take(25 * 5000)
+    .collect();
+
+    let samples: Vec<(u32, i32, i32)> = records
+        .iter()
+        .flat_map(|record| {
+            let ticks = (0..).map(|n| record.first_tick + n * u32::from(record.divisor));
+            let commands = record.before.as_slice().iter().zip(record.after.as_slice());
+            ticks.zip(commands).map(|(tick, (&before, &after))| (tick, before, after))
+        })
+        .collect();
+    let played = samples.iter().filter(|(_, before, _)| *before > limits.idle.to_bits()).count();
+    assert!(played > 20 * 5000 / usize::from(DIVISOR), "{played} samples of the excitation");
+    // The ramp has a level of its own in every tick, which tells when it began.
+    let begin = samples.iter().position(|&(_, before, _)| before > 0).expect("a ramp");
+    let (tick, level, _) = samples[begin];
+    let offset = expected.iter().position(|&(before, _)| before == level).expect("a level of the ramp") as u32;
+    for &(at, before, after) in &samples[begin..] {
+        let n = (at - tick + offset) as usize;
+        let (host_before, host_after) = expected.get(n).copied().unwrap_or((0, 0));
+        assert_eq!((before, after), (host_before, host_after), "tick {n} of the excitation");
+    }
+}
+
+/// One in so many ticks is recorded: what the emulated line carries.
+const DIVISOR: u16 = 7;
+
+/// Plays and records it, with a host that stays there to the end or vanishes in the middle of the first period.
+fn excite(machine: &mut Machine, request: &ExciteRequest, stays: bool) -> Vec<Record> {
+    assert_eq!(machine.link.ask(&Request::Record(Some(RecordRequest { motor: 0, divisor: DIVISOR }))), Message::Done);
+    let started = machine.link.send(&Request::Excite(*request));
+    let mut records = Vec::new();
+    let mut running = false;
+    let mut alive = 0_u32;
+    let mut ended = false;
+    // A store of them is on its way at all times: the emulated time does not wait for a host that is held up.
+    let mut under_way = 0;
+    loop {
+        while running && stays && !ended && under_way < 64 {
+            machine.link.send(&Request::KeepAlive);
+            under_way += 1;
+        }
+        let answer = machine.link.receive();
+        match answer.message {
+            Message::Record(record) => {
+                let stop = record.before.as_slice().last() == Some(&0);
+                records.push(record);
+                alive += 1;
+                if running && stop && alive > 100 {
+                    ended = true;
+                }
+            }
+            Message::Done if answer.tag == started && !running => running = true,
+            Message::Done => under_way -= 1,
+            other => panic!("{other:?}"),
+        }
+        if ended && under_way <= 0 {
+            break;
+        }
+    }
+    let stopped = machine.link.send(&Request::Record(None));
+    loop {
+        let answer = machine.link.receive();
+        match answer.message {
+            Message::Record(record) => records.push(record),
+            Message::Done if answer.tag == stopped => return records,
+            other => panic!("{other:?}"),
+        }
     }
 }
 
 #[test]
 #[ignore = "needs the image and the emulator: cargo xtask test"]
-fn garbage_is_counted_and_changes_nothing() {
-    let mut controller = Controller::boot();
-    let before = controller.ask(&Request::GetSettings);
+fn a_host_that_vanishes_during_an_excitation_lets_it_ramp_down_to_the_stop() {
+    let image = image();
+    let mut machine = Machine::boot(&Start::new(&image));
+    let settings = Validated::default();
+    let level = Command::saturating_from_f64(0.5);
+    let amplitude = Command::saturating_from_f64(0.05).to_bits();
+    let request = ExciteRequest { motor: 0, lines: LineSet::Odd30Hz, nominal: level.to_bits(), amplitude, periods: 2 };
+    let records = excite(&mut machine, &request, false);
+    // The dead-man's time and the ramp from where it was: never up again once it went down, and at the end the stop.
+    let levels: Vec<i32> = records.iter().flat_map(|record| record.before.as_slice().iter().copied()).collect();
+    let top = (0..levels.len()).max_by_key(|&n| levels[n]).unwrap();
+    assert!(levels[top] > 0 && levels[top] < level.to_bits(), "the ramp up takes longer than the dead-man's 200 ms");
+    assert!(levels[top..].is_sorted_by(|before, after| before >= after), "up again");
+    let turning = levels.iter().filter(|&&level| level > 0).count() * usize::from(DIVISOR);
+    assert!(turning <= 2 * settings.loop_rate_hz as usize * 200 / 1000 + 2 * usize::from(DIVISOR), "{turning} ticks");
+    assert_eq!(machine.link.faults().dead_man, 1);
+    assert_eq!(machine.link.info().motors[0], ChannelState::NoSignal);
+    let stop = width(&mut machine, Command::ZERO);
+    assert_eq!(machine.monitor.word(OUTPUT_1), stop);
+}
+
+#[test]
+#[ignore = "needs the image and the emulator: cargo xtask test"]
+fn a_flood_of_garbage_is_counted_and_changes_neither_settings_nor_outputs() {
+    let image = image();
+    let mut machine = Machine::boot(&Start::new(&image));
+    let before = machine.link.ask(&Request::GetSettings);
     let mut noise = 0x2545_F491_4F6C_DD1D_u64;
     for _ in 0..20 {
-        let garbage: Vec<u8> = (0..100)
+        let garbage: Vec<u8> = (0..1000)
             .map(|_| {
                 noise ^= noise << 13;
                 noise ^= noise >> 7;
@@ -245,33 +274,128 @@ fn garbage_is_counted_and_changes_nothing() {
                 noise as u8
             })
             .collect();
-        controller.link.write_all(&garbage).unwrap();
+        machine.link.write(&garbage);
     }
     // The zero in front of the next frame ends whatever the garbage began.
-    assert_eq!(controller.ask(&Request::GetSettings), before);
-    match controller.ask(&Request::Faults) {
-        Message::Faults(faults) => assert!(faults.link.total() > 0, "{faults:?}"),
-        other => panic!("{other:?}"),
-    }
+    assert_eq!(machine.link.ask(&Request::GetSettings), before);
+    let faults = machine.link.faults();
+    assert!(faults.link.total() > 0, "{faults:?}");
+    assert_eq!(faults.missed_deadlines, 0);
+    assert_eq!(machine.link.info().motors, [ChannelState::NoSignal; 4]);
+    let stop = width(&mut machine, Command::ZERO);
+    assert_eq!(machine.monitor.word(OUTPUT_1), stop);
 }
 
 #[test]
 #[ignore = "needs the image and the emulator: cargo xtask test"]
-fn a_host_that_vanishes_during_an_injection_loses_the_motor() {
-    let mut controller = Controller::boot();
-    set_mode(&mut controller);
-    let commands: Vec<Command> =
-        (0..300).map(|n| Command::saturating_from_f64(if n < 10 { 0.0 } else { 0.5 })).collect();
-    assert_eq!(controller.info().motors[0], ChannelState::Injected);
-    assert_eq!(controller.inject(0, &commands).last(), Some(&(1 << 28)));
-    let saved = controller.ask(&Request::SaveSettings);
+fn a_host_that_vanishes_during_an_injection_loses_the_motor_which_stops() {
+    let image = image();
+    let mut machine = Machine::boot(&Start::new(&image));
+    let first = arm(&mut machine, 0.5);
+    let saved = machine.link.ask(&Request::SaveSettings);
     assert_eq!(saved, Message::Refused(Refusal::NotDisarmed { motor: 0 }));
-    let start = Instant::now();
-    while controller.info().motors[0] != ChannelState::Lost {
-        assert!(start.elapsed() < PATIENCE, "{:?}", controller.info());
-        std::thread::sleep(Duration::from_millis(20));
-    }
+    wait("the loss", || machine.link.info().motors[0] == ChannelState::Lost);
+    let stop = width(&mut machine, Command::ZERO);
+    assert_eq!(machine.monitor.word(OUTPUT_1), stop);
     let samples = Series::try_from(&[0][..]).unwrap();
-    let late = controller.ask(&Request::Inject(InjectRequest { motor: 0, first: 300, samples }));
+    let late = machine.link.ask(&Request::Inject(InjectRequest { motor: 0, first, samples }));
     assert_eq!(late, Message::Refused(Refusal::NotInjecting));
+}
+
+#[test]
+#[ignore = "needs the image and the emulator: cargo xtask test"]
+fn a_reset_while_armed_comes_back_with_stop_pulses() {
+    let image = image();
+    let mut machine = Machine::boot(&Start::new(&image));
+    arm(&mut machine, 0.6);
+    machine.monitor.reset();
+    machine.link.wait_for_start();
+    let info = machine.link.info();
+    assert_eq!(info.motors, [ChannelState::NoSignal; 4]);
+    let stop = width(&mut machine, Command::ZERO);
+    assert_eq!(machine.monitor.word(OUTPUT_1), stop);
+}
+
+/// The four outputs are taken low before their pins are taken from the timer: port C, reset of bits 6 to 9, then mode
+/// "output" for them.
+fn outputs_were_forced_low(writes: &[PortWrite]) -> bool {
+    const MODE: u32 = 0x00;
+    const SET_RESET: u32 = 0x18;
+    let low = PortWrite { offset: SET_RESET, value: 0b1111 << (16 + 6) };
+    let Some(lowered) = writes.iter().position(|write| *write == low) else { return false };
+    writes
+        .get(lowered + 1)
+        .is_some_and(|write| write.offset == MODE && (6..10).all(|pin| (write.value >> (2 * pin)) & 0b11 == 0b01))
+}
+
+#[test]
+#[ignore = "needs the image and the emulator: cargo xtask test"]
+fn a_fault_of_the_core_forces_the_outputs_low_and_is_reported_after_the_reset() {
+    let image = image();
+    let start = Start { trace: true, debugger: true, ..Start::new(&image) };
+    let mut machine = Machine::boot(&start);
+    arm(&mut machine, 0.6);
+    let mark = machine.trace.mark();
+    let debugger = machine.debugger.as_mut().unwrap();
+    debugger.halt();
+    // Nothing is there to be executed.
+    debugger.jump(0x6000_0000);
+    debugger.go_on();
+    machine.link.wait_for_start();
+    assert_eq!(machine.link.info().reset, ResetReason::Fault);
+    assert!(outputs_were_forced_low(&machine.trace.outputs_since(mark)));
+    let stop = width(&mut machine, Command::ZERO);
+    assert_eq!(machine.monitor.word(OUTPUT_1), stop);
+}
+
+#[test]
+#[ignore = "needs the image and the emulator: cargo xtask test"]
+fn a_panic_forces_the_outputs_low_and_is_reported_after_the_reset() {
+    let image = panicking_image();
+    let mut machine = Machine::boot(&Start { trace: true, ..Start::new(&image) });
+    machine.link.take_over();
+    let mark = machine.trace.mark();
+    // Beyond one half the image panics.
+    let bits = [0, Command::saturating_from_f64(0.6).to_bits()];
+    machine.link.send(&Request::Inject(InjectRequest {
+        motor: 0,
+        first: 0,
+        samples: Series::try_from(&bits[..]).unwrap(),
+    }));
+    wait("the end of the outputs", || outputs_were_forced_low(&machine.trace.outputs_since(mark)));
+    machine.link.wait_for_start();
+    assert_eq!(machine.link.info().reset, ResetReason::Panic);
+    let stop = width(&mut machine, Command::ZERO);
+    assert_eq!(machine.monitor.word(OUTPUT_1), stop);
+}
+
+#[test]
+#[ignore = "needs the image and the emulator: cargo xtask test"]
+fn stored_settings_are_loaded_and_survive_wrong_bytes_in_one_copy() {
+    const SECTOR: usize = 128 * 1024;
+    let image = image();
+    let mut settings = Settings::default();
+    settings.lead.omega_z_rad_s = 12.5;
+    let settings = settings.validate().unwrap();
+    let mut store = Store::new(Flash::<SECTOR>::blank(), Flash::<SECTOR>::SECTORS);
+    store.save(&settings).unwrap();
+    let whole = store.into_flash().bytes;
+    let used = whole[..SECTOR].iter().rposition(|&byte| byte != 0xff).unwrap() + 1;
+    let loaded = |flash: &[u8]| {
+        let mut machine = Machine::boot(&Start { settings_flash: Some(flash), ..Start::new(&image) });
+        match machine.link.ask(&Request::GetSettings) {
+            Message::Settings(settings) => (settings, machine.link.info().settings),
+            other => panic!("{other:?}"),
+        }
+    };
+    assert_eq!(loaded(&whole), (Settings::clone(&settings), Origin::Stored));
+    // Every byte is a test of the host; here some, each in a controller that boots.
+    for address in (0..used).step_by(used / 6) {
+        let mut first = whole.clone();
+        first[address] ^= 0x20;
+        assert_eq!(loaded(&first), (Settings::clone(&settings), Origin::StoredOnce), "byte {address}");
+        let mut both = first;
+        both[SECTOR + address] ^= 0x20;
+        assert_eq!(loaded(&both), (Settings::default(), Origin::DefaultsBad), "byte {address} of both");
+    }
 }

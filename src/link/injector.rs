@@ -5,7 +5,7 @@ use crate::throttle::Command;
 
 /// Requests that may be under way at once: while one is consumed, the next one arrives. The queue between the link and
 /// the control tick must hold `INJECT_WINDOW * INJECT_SAMPLES` commands.
-pub const INJECT_WINDOW: usize = 2;
+pub const INJECT_WINDOW: usize = 3;
 
 /// An injection whose queue stays empty for so long ends: a host that is gone must not leave a pulse running.
 pub const INJECT_TIMEOUT_MS: u32 = 1000;

@@ -26,11 +26,11 @@ fn major(text: &str) -> Option<u32> {
 /// QEMU with this image and its link (USART3) on a TCP port of this machine. The address says `on the fly` what to
 /// connect to: `tcp:127.0.0.1:PORT`.
 ///
-/// With `-icount shift=3` an instruction takes 8 ns of the emulated time. Without it the timers, which run at 1 GHz
-/// whatever the clocks say, lose interrupts.
+/// With `-icount shift=0` an instruction takes 1 ns of the emulated time, and a control tick has 19 000 of them. Without
+/// it interrupts are lost.
 pub fn emulator(image: &Path, port: u16) -> Command {
     let mut qemu =
-        command(PROGRAM, &["-M", "olimex-stm32-h405", "-nographic", "-monitor", "none", "-icount", "shift=3"]);
+        command(PROGRAM, &["-M", "olimex-stm32-h405", "-nographic", "-monitor", "none", "-icount", "shift=0"]);
     // The n-th serial line is USARTn.
     qemu.args(["-serial", "null", "-serial", "null", "-serial"])
         .arg(format!("tcp:127.0.0.1:{port},server=on,wait=off"));

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use crate::image::{Calls, Function, Image};
-use crate::run::{Result, command, output, run};
+use crate::run::{Result, cargo, command, output, run};
 use crate::{emulator, setup};
 
 /// Interrupts of the path from pulse to pulse and of the link's bytes: those that must never panic. The names are those
@@ -66,18 +66,22 @@ pub fn flash() -> Result {
     run(command("probe-rs", &["run", "--chip", "STM32F405RGTx"]).arg(path))
 }
 
-/// The tests of the image: what `build` checks, and that the check finds an indexing panic.
+/// The tests of the image: what `build` checks, that the check finds an indexing panic, and what the image does in the
+/// emulator.
 pub fn test() -> Result {
     build()?;
-    let path = build_image(&[PLANTED])?;
-    let bytes = std::fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+    let panicking = build_image(&[PLANTED])?;
+    let bytes = std::fs::read(&panicking).map_err(|error| format!("{}: {error}", panicking.display()))?;
     match no_panic(&Image::read(&bytes)?) {
-        Ok(()) => Err("the check for panics does not see the one that was planted".to_owned()),
-        Err(found) => {
-            eprintln!("xtask: as it should, the check finds the planted panic: {found}");
-            Ok(())
-        }
+        Ok(()) => return Err("the check for panics does not see the one that was planted".to_owned()),
+        Err(found) => eprintln!("xtask: as it should, the check finds the planted panic: {found}"),
     }
+    setup::emulator()?;
+    let image = build_image(&[])?;
+    let mut test = cargo(&["test", "--package", "host-tests", "--test", "emulator", "--locked", "--", "--ignored"]);
+    // The emulated time does not wait for a machine that is busy with more emulators than it has cores.
+    test.args(["--test-threads", "2"]);
+    run(test.env("ROTORLEAD_IMAGE", image).env("ROTORLEAD_PANICKING_IMAGE", panicking))
 }
 
 /// Everything that ends in a panic goes through here.

@@ -16,6 +16,7 @@ mod signal;
 pub use error::BenchError;
 pub use plan::{Plan, PlannedRecord};
 pub use predict::Prediction;
+pub(crate) use run::file_stem;
 pub use run::{Progress, add_noise, run, run_on, run_through};
 
 #[cfg(test)]

@@ -62,7 +62,7 @@ pub fn run_on(
 ) -> Result<Experiment, BenchError> {
     check(plan, model, compensator)?;
     let jobs = jobs(plan, model, compensator)?;
-    let total = jobs.iter().map(|job| job.signal.warm_up_ticks + job.signal.ticks).sum();
+    let total = jobs.iter().map(Job::ticks).sum();
     let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let report = |ticks: usize| {
         let done = done.fetch_add(ticks, Ordering::Relaxed) + ticks;
@@ -88,8 +88,9 @@ pub fn run_on(
     experiment(plan, model, records)
 }
 
-/// [`run`], with the filter somewhere else: `esc` is given the command at which a record starts at rest and those of all
-/// its ticks, and gives a command for the ESC for each tick. `compensator` is what is said to be in there.
+/// [`run`], with the filter somewhere else: `esc` is given how far the run is, the command at which a record starts at
+/// rest and those of all its ticks, and gives a command for the ESC for each tick. `compensator` is what is said to be in
+/// there.
 ///
 /// # Errors
 /// Those of [`run`], and those of `esc`.
@@ -97,14 +98,17 @@ pub fn run_through<E: From<BenchError>>(
     plan: &Plan,
     model: &Model,
     compensator: Option<&LeadDesign>,
-    mut esc: impl FnMut(Command, &[Command]) -> Result<Vec<Command>, E>,
+    mut esc: impl FnMut(Progress, Command, &[Command]) -> Result<Vec<Command>, E>,
 ) -> Result<Experiment, E> {
     check(plan, model, compensator)?;
     let mut records = Vec::new();
-    for job in jobs(plan, model, compensator)? {
+    let jobs = jobs(plan, model, compensator)?;
+    let mut progress = Progress { done: 0, total: jobs.iter().map(Job::ticks).sum() };
+    for job in jobs {
         let Signal { samples, warm_up_ticks, ticks, .. } = &job.signal;
         let commands: Vec<Command> = samples.iter().copied().cycle().take(warm_up_ticks + ticks).collect();
-        let mut outputs = esc(job.signal.start, &commands)?.into_iter();
+        let mut outputs = esc(progress, job.signal.start, &commands)?.into_iter();
+        progress.done += commands.len();
         // A filter that gives too few rests at its last command; it is the caller's to check.
         let mut last = job.signal.start;
         let filter = |_| {
@@ -198,25 +202,30 @@ fn file_names(records: &[PlannedRecord]) -> Vec<String> {
     records
         .iter()
         .map(|record| {
-            let hundredths = record.nominal * 100.0;
-            let nominal = if (hundredths - hundredths.round()).abs() < 1e-6 {
-                format!("{hundredths:03.0}")
-            } else {
-                format!("{:05.0}", record.nominal * 1e4)
-            };
-            let excitation = match record.excitation {
-                Excitation::Multisine => "multisine",
-                Excitation::Square => "square",
-                Excitation::Step => "step",
-                Excitation::Staircase => "staircase",
-                Excitation::Chirp => "chirp",
-                Excitation::Free => "free",
-            };
-            let name = format!("u{nominal}_{excitation}");
+            let name = file_stem(record.nominal, record.excitation);
             let count = seen.entry(name.clone()).and_modify(|count| *count += 1).or_insert(1);
             if *count == 1 { format!("{name}.csv") } else { format!("{name}_{count}.csv") }
         })
         .collect()
+}
+
+/// `u050_multisine`, of a record's file name.
+pub(crate) fn file_stem(nominal: f64, excitation: Excitation) -> String {
+    let hundredths = nominal * 100.0;
+    let nominal = if (hundredths - hundredths.round()).abs() < 1e-6 {
+        format!("{hundredths:03.0}")
+    } else {
+        format!("{:05.0}", nominal * 1e4)
+    };
+    let excitation = match excitation {
+        Excitation::Multisine => "multisine",
+        Excitation::Square => "square",
+        Excitation::Step => "step",
+        Excitation::Staircase => "staircase",
+        Excitation::Chirp => "chirp",
+        Excitation::Free => "free",
+    };
+    format!("u{nominal}_{excitation}")
 }
 
 /// One record that is to be run.
@@ -231,6 +240,10 @@ struct Job<'a> {
 }
 
 impl Job<'_> {
+    fn ticks(&self) -> usize {
+        self.signal.warm_up_ticks + self.signal.ticks
+    }
+
     /// The controller's own filter.
     fn filter(&self) -> impl FnMut(Command) -> Command {
         let mut compensator = self.compensator.map(|design| {

@@ -54,6 +54,12 @@ enum NothingToIdentify {
         "record one (`rotorlead excite` designs a multisine), or correct `excitation` and `role` in experiment.toml"
     ))]
     NoRecord { experiment: String },
+    #[error("{experiment}: {files} {verb} `free`, which does not say what was played")]
+    #[diagnostic(help(
+        "in its [[record]] of experiment.toml say what was: excitation = \"multisine\" or \"square\" with period_s in \
+         seconds, excitation = \"step\" or \"staircase\""
+    ))]
+    Free { experiment: String, files: String, verb: &'static str },
     #[error("{experiment}: {count} step or staircase records without a role, and one model")]
     #[diagnostic(help("give the one to fit role = \"fit\" in experiment.toml, and the others role = \"validate\""))]
     Ambiguous { experiment: String, count: usize },
@@ -161,8 +167,20 @@ fn step_record(experiment: &Experiment) -> Result<&Record, NothingToIdentify> {
     let name = || experiment.name.clone();
     match candidates[..] {
         [record] => Ok(record),
-        [] => Err(NothingToIdentify::NoRecord { experiment: name() }),
+        [] => Err(nothing(experiment)),
         _ => Err(NothingToIdentify::Ambiguous { experiment: name(), count: candidates.len() }),
+    }
+}
+
+/// Why there is no record to fit: those that do not say what was played are named.
+fn nothing(experiment: &Experiment) -> NothingToIdentify {
+    let free = experiment.records.iter().filter(|record| record.excitation == Excitation::Free);
+    let files: Vec<&str> = free.map(|record| record.file.as_str()).collect();
+    let name = experiment.name.clone();
+    match files[..] {
+        [] => NothingToIdentify::NoRecord { experiment: name },
+        [file] => NothingToIdentify::Free { experiment: name, files: file.to_owned(), verb: "is" },
+        _ => NothingToIdentify::Free { experiment: name, files: files.join(", "), verb: "are" },
     }
 }
 

@@ -67,7 +67,7 @@ impl Arguments {
             Command::Validate(command) => say(&command.json, None, || command.run()),
             Command::Design(command) => say(&command.json, Some(&command.out), || command.run()),
             Command::Bandwidth(command) => say(&command.json, None, || command.run()),
-            Command::Device(command) => say(&command.json, None, || command.run()),
+            Command::Device(command) => command.say(),
         }
     }
 }

@@ -117,7 +117,7 @@ impl Manifest {
 }
 
 impl Entry {
-    fn of(record: &Record) -> Self {
+    pub(super) fn of(record: &Record) -> Self {
         Self {
             file: record.file.clone(),
             nominal: record.nominal,

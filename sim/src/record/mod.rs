@@ -4,6 +4,7 @@
 //! strictly: whatever is missing, unknown, impossible or contradictory is an error that shows file,
 //! line and column and says what to do. Nothing is guessed.
 
+mod append;
 mod column;
 mod error;
 mod experiment;

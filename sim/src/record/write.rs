@@ -46,7 +46,7 @@ impl Experiment {
     }
 
     /// What reading checks of a CSV file, for the columns in memory.
-    fn check_columns(&self, record: &Record) -> Result<(), Fault> {
+    pub(super) fn check_columns(&self, record: &Record) -> Result<(), Fault> {
         let rows = record.time_s.len();
         let place = |column: Column| Place::root().key(column.name());
         if rows < LEAST_ROWS {
@@ -90,7 +90,7 @@ impl Experiment {
 }
 
 /// The CSV text of a record: names and numbers, none of which needs quotes.
-fn csv_text(record: &Record) -> String {
+pub(super) fn csv_text(record: &Record) -> String {
     let columns: Vec<_> = Column::ALL.into_iter().filter_map(|column| Some((column, column.values(record)?))).collect();
     let names: Vec<_> = columns.iter().map(|(column, _)| column.name()).collect();
     let mut text = String::with_capacity(record.time_s.len() * columns.len() * CELL);

@@ -77,6 +77,15 @@ pub enum DeviceError {
         /// Rows that were looked for.
         rows: usize,
     },
+    /// The motor does not come to rest after an excitation.
+    #[error("motor {motor} is still being excited {seconds} s after it was to stop")]
+    #[diagnostic(help("cut its power; this is an error of the firmware, which should be reported"))]
+    NotAtRest {
+        /// The motor.
+        motor: u8,
+        /// How long it was waited for.
+        seconds: f64,
+    },
     /// The outputs of an injection are not those of the samples that were sent.
     #[error("{got} outputs came back at sample {first}, where {expected} were expected")]
     #[diagnostic(help("this is an error of firmware or host program, which should be reported"))]
@@ -110,6 +119,14 @@ pub enum DeviceError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Bench(#[from] crate::bench::BenchError),
+}
+
+impl DeviceError {
+    /// Whether nobody answers any more, so that there is no use in asking for anything.
+    #[must_use]
+    pub const fn is_of_the_line(&self) -> bool {
+        matches!(self, Self::Open { .. } | Self::Line { .. } | Self::NoAnswer { .. } | Self::OtherVersion { .. })
+    }
 }
 
 /// What to do about a refusal.

@@ -1,7 +1,10 @@
 //! A multisine that the controller plays itself, recorded.
 
+use std::thread;
+use std::time::{Duration, Instant};
+
 use rotorlead::excitation::Multisine;
-use rotorlead::link::{ExciteRequest, LineSet, Request};
+use rotorlead::link::{ChannelState, ExciteRequest, LineSet, RECORD_SAMPLES, Request};
 use rotorlead::settings::Settings;
 use rotorlead::throttle::Command;
 
@@ -9,6 +12,9 @@ use super::recording::{Tape, template};
 use super::session::done;
 use super::{Calibration, DeviceError, Recording, Session};
 use crate::record::{Excitation, Record};
+
+/// How often it is asked whether a motor is at rest.
+const POLL: Duration = Duration::from_millis(50);
 
 /// What to play.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -74,10 +80,7 @@ pub fn play(
     let loop_rate_hz = f64::from(settings.loop_rate_hz);
     let ramp_rows = f64::from(settings.excitation.ramp_ms) / 1000.0 * loop_rate_hz / divisor as f64;
 
-    // A second for the time between the two requests.
-    let most_rows = warm_up_rows + rows + (ramp_rows + loop_rate_hz / divisor as f64).ceil() as usize;
-
-    let mut tape = Tape::start(session, played.motor, played.divisor.max(1))?;
+    let mut tape = Tape::start(session, settings, played.motor, played.divisor.max(1))?;
     let request = ExciteRequest {
         motor: played.motor,
         lines: played.lines,
@@ -85,24 +88,50 @@ pub fn play(
         amplitude: Command::saturating_from_f64(played.amplitude).to_bits(),
         periods: played.periods.saturating_add(1),
     };
+    session.keep_alive(true);
     let mut run = || -> Result<(), DeviceError> {
         done("excite", session.ask_once("excite", &Request::Excite(request))?)?;
+        // However long it took to get there; and two frames for the rows that are on their way.
+        tape.read_waiting(session)?;
+        let before = tape.recording.rows() + 2 * RECORD_SAMPLES;
+        let most_rows = before + ramp_rows.ceil() as usize + warm_up_rows + rows;
         while tape.recording.rows() < most_rows {
-            tape.read_alive(session)?;
+            tape.read(session)?;
             progress(tape.recording.rows().min(most_rows), most_rows);
         }
         Ok(())
     };
     let run = run();
-    let halted = session.stop_excitation();
-    let stopped = tape.stop(session);
+    session.keep_alive(false);
+    let failure = run.as_ref().err();
+    let halted = match failure {
+        // Nobody may be left to hear it, and then the dead-man does the same.
+        Some(error) if error.is_of_the_line() => session.send(&Request::StopExcitation).map(drop),
+        _ => session.stop_excitation(),
+    };
+    let stopped = tape.stop(session, failure);
     run?;
     halted?;
-    let recording = stopped?;
+    stopped?;
+    come_to_rest(session, settings, played.motor)?;
+    let recording = tape.recording;
     let start = find(&recording.before, &sequence, divisor, warm_up_rows + rows)
         .ok_or(DeviceError::NotPlayed { rows: warm_up_rows + rows })?;
     let period_s = sequence.len() as f64 / loop_rate_hz;
     Ok(Excited { recording, first_row: start + warm_up_rows, rows, period_s })
+}
+
+/// Waits until the way down is over, before which nothing else can be played.
+fn come_to_rest(session: &mut Session, settings: &Settings, motor: u8) -> Result<(), DeviceError> {
+    let limit = session.limit() + Duration::from_millis(u64::from(settings.excitation.ramp_ms)).mul_f64(1.1);
+    let end = Instant::now() + limit;
+    while session.info()?.motors.get(usize::from(motor)) == Some(&ChannelState::Excitation) {
+        if Instant::now() >= end {
+            return Err(DeviceError::NotAtRest { motor, seconds: limit.as_secs_f64() });
+        }
+        thread::sleep(POLL);
+    }
+    Ok(())
 }
 
 /// One period of the host's own generator.

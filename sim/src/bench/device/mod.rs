@@ -13,8 +13,8 @@ mod text;
 
 pub use error::DeviceError;
 pub use excite::{Excited, Played, play};
-pub use inject::inject;
+pub use inject::{Difference, Injection, inject, path};
 pub use port::{DEFAULT_BAUD, Port, open};
-pub use recording::{Calibration, Recording, record, template};
+pub use recording::{Calibration, Recorded, Recording, record, template};
 pub use session::Session;
 pub use text::{entries, set, unknown};

@@ -10,7 +10,7 @@ use super::DeviceError;
 pub const DEFAULT_BAUD: u32 = 1_000_000;
 
 /// A read returns after this long without a byte, so that time limits are looked at.
-const READ_LIMIT: Duration = Duration::from_millis(10);
+pub(super) const READ_LIMIT: Duration = Duration::from_millis(10);
 /// A write that takes longer has failed: the other end does not take its bytes.
 const WRITE_LIMIT: Duration = Duration::from_secs(2);
 

@@ -1,16 +1,14 @@
 //! What the controller's recorder sends, as columns.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use rotorlead::link::{Message, Record as Frame, RecordRequest, Request};
+use rotorlead::link::{Message, RECORD_SAMPLES, Record as Frame, RecordRequest, Request};
+use rotorlead::settings::Settings;
 use rotorlead::throttle::Throttle;
 
 use super::session::done;
 use super::{DeviceError, Session};
 use crate::record::{Excitation, Record};
-
-/// How often the host says that it is there.
-const KEEP_ALIVE: Duration = Duration::from_millis(50);
 
 /// From the converter's counts to newtons: `(count - zero) * newtons_per_count`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -112,18 +110,30 @@ pub fn template(file: String, nominal: f64, excitation: Excitation, compensated:
     }
 }
 
-/// Records `rows` rows of a motor as it is driven, one in `divisor` ticks (0: as in the settings).
+/// What came of a recording.
+#[derive(Debug)]
+pub struct Recorded {
+    /// The rows that arrived, without a gap.
+    pub recording: Recording,
+    /// Why there are no more of them, where there should be.
+    pub ended: Result<(), DeviceError>,
+}
+
+/// Records `rows` rows of a motor as it is driven, one in `divisor` ticks (0: as in the settings). Rows come by frames, so
+/// there may be up to a frame more. Nothing is repeated: a gap, or a line that breaks, ends the recording, and the rows
+/// before it are given all the same. `progress` is told the rows that are there.
 ///
 /// # Errors
-/// [`DeviceError`]; nothing is repeated, so a gap ends the recording.
+/// [`DeviceError`], where it did not start.
 pub fn record(
     session: &mut Session,
+    settings: &Settings,
     motor: u8,
     divisor: u16,
     rows: usize,
     progress: &dyn Fn(usize),
-) -> Result<Recording, DeviceError> {
-    let mut tape = Tape::start(session, motor, divisor)?;
+) -> Result<Recorded, DeviceError> {
+    let mut tape = Tape::start(session, settings, motor, divisor)?;
     let mut run = || -> Result<(), DeviceError> {
         while tape.recording.rows() < rows {
             tape.read(session)?;
@@ -131,47 +141,60 @@ pub fn record(
         }
         Ok(())
     };
-    let recorded = run();
-    let stopped = tape.stop(session);
-    recorded?;
-    stopped
+    let ended = run();
+    let stopped = tape.stop(session, ended.as_ref().err());
+    Ok(Recorded { recording: tape.recording, ended: ended.and(stopped) })
 }
 
 /// A recording that runs.
 pub(super) struct Tape {
     tag: u8,
     pub(super) recording: Recording,
-    last_keep_alive: Instant,
+    /// How long the controller takes to fill a frame.
+    frame: Duration,
 }
 
 impl Tape {
     /// Starts it.
-    pub(super) fn start(session: &mut Session, motor: u8, divisor: u16) -> Result<Self, DeviceError> {
+    pub(super) fn start(
+        session: &mut Session,
+        settings: &Settings,
+        motor: u8,
+        divisor: u16,
+    ) -> Result<Self, DeviceError> {
+        let ticks = if divisor == 0 { settings.recorder_divisor } else { divisor };
+        let frame_s = RECORD_SAMPLES as f64 * f64::from(ticks) / f64::from(settings.loop_rate_hz.max(1));
         let tag = session.send(&Request::Record(Some(RecordRequest { motor, divisor })))?;
         let limit = session.limit();
         done("record", session.answer(tag, limit, "record")?)?;
-        Ok(Self { tag, recording: Recording::default(), last_keep_alive: Instant::now() })
+        session.keep_records(Some(tag));
+        Ok(Self { tag, recording: Recording::default(), frame: Duration::from_secs_f64(frame_s) })
     }
 
-    /// Takes the next frame.
+    /// Takes the next frame. It may take half as long again as it should: a controller in an emulator is as fast as the
+    /// machine under it.
     pub(super) fn read(&mut self, session: &mut Session) -> Result<(), DeviceError> {
-        let frame = session.next_record(self.tag)?;
+        let frame = session.next_record(self.tag, self.frame.mul_f64(1.5))?;
         self.recording.append(&frame)
     }
 
-    /// As [`Self::read`], and keeps an excitation alive. Its answers are not waited for.
-    pub(super) fn read_alive(&mut self, session: &mut Session) -> Result<(), DeviceError> {
-        if self.last_keep_alive.elapsed() >= KEEP_ALIVE {
-            self.last_keep_alive = Instant::now();
-            session.send(&Request::KeepAlive)?;
+    /// Takes the frames that have arrived already.
+    pub(super) fn read_waiting(&mut self, session: &mut Session) -> Result<(), DeviceError> {
+        while let Some(frame) = session.waiting_record(self.tag) {
+            self.recording.append(&frame)?;
         }
-        self.read(session)
+        Ok(())
     }
 
-    /// Stops it.
-    pub(super) fn stop(self, session: &mut Session) -> Result<Recording, DeviceError> {
-        match session.ask("record", &Request::Record(None))? {
-            Message::Done => Ok(self.recording),
+    /// Stops it. After a `failure` of the line no answer is waited for.
+    pub(super) fn stop(&self, session: &mut Session, failure: Option<&DeviceError>) -> Result<(), DeviceError> {
+        session.keep_records(None);
+        let request = Request::Record(None);
+        if failure.is_some_and(DeviceError::is_of_the_line) {
+            return session.send(&request).map(drop);
+        }
+        match session.ask("record", &request)? {
+            Message::Done => Ok(()),
             _ => Err(DeviceError::Unexpected { request: "record" }),
         }
     }

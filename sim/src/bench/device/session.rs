@@ -5,12 +5,14 @@ use std::io::{ErrorKind, Read as _, Write as _};
 use std::time::{Duration, Instant};
 
 use rotorlead::link::{FRAME_BYTES, Faults, Info, Message, Receiver, Record, Request, Source, Tagged, encode};
-use rotorlead::settings::{Settings, Warnings};
+use rotorlead::settings::{DEAD_MAN_MS, Settings, Warnings};
 
 use super::{DeviceError, Port};
 
 /// How often a request that may be repeated is sent before giving up.
 const ATTEMPTS: u32 = 3;
+/// How often the host says that it is there: four times in the [`DEAD_MAN_MS`] after which an excitation ends.
+const KEEP_ALIVE: Duration = Duration::from_millis(DEAD_MAN_MS as u64 / 4);
 /// A save may have to erase two sectors, which takes up to 2 s each.
 const SAVE_LIMIT: Duration = Duration::from_secs(10);
 
@@ -23,6 +25,10 @@ pub struct Session {
     /// Messages that were read and not asked for yet.
     inbox: VecDeque<Tagged<Message>>,
     tag: u8,
+    /// When the host last said that it is there, while it has to.
+    kept_alive: Option<Instant>,
+    /// The recording whose records are kept: those of any other are of one that was left running.
+    recording: Option<u8>,
 }
 
 impl Session {
@@ -30,7 +36,8 @@ impl Session {
     #[must_use]
     pub fn new(port: Box<dyn Port>, address: &str, limit: Duration) -> Self {
         let address = address.to_owned();
-        Self { port, address, limit, receiver: Receiver::new(), inbox: VecDeque::new(), tag: 0 }
+        let receiver = Receiver::new();
+        Self { port, address, limit, receiver, inbox: VecDeque::new(), tag: 0, kept_alive: None, recording: None }
     }
 
     /// Who and how the controller is.
@@ -106,6 +113,17 @@ impl Session {
         done("stop", answer)
     }
 
+    /// From now on, says every 50 ms that the host is there, or stops doing so. It is said whenever the session waits
+    /// for anything, by the clock and not by what arrives; its answers are not waited for.
+    pub(super) fn keep_alive(&mut self, alive: bool) {
+        self.kept_alive = alive.then(Instant::now);
+    }
+
+    /// Has records of the recording of that tag kept until they are asked for.
+    pub(super) fn keep_records(&mut self, tag: Option<u8>) {
+        self.recording = tag;
+    }
+
     /// Sends a request that may be repeated, and waits for its answer.
     pub(super) fn ask(&mut self, name: &'static str, request: &Request) -> Result<Message, DeviceError> {
         let mut attempt = 1;
@@ -153,19 +171,28 @@ impl Session {
         }
     }
 
-    /// The next record of the recording of that tag, waited for as long as an answer.
-    pub(super) fn next_record(&mut self, tag: u8) -> Result<Record, DeviceError> {
-        let end = Instant::now() + self.limit;
+    /// The next record of the recording of that tag, waited for as long as an answer and `extra`, the time that it takes
+    /// to fill.
+    pub(super) fn next_record(&mut self, tag: u8, extra: Duration) -> Result<Record, DeviceError> {
+        let limit = self.limit + extra;
+        let end = Instant::now() + limit;
         loop {
-            let is_record =
-                |tagged: &Tagged<Message>| tagged.tag == tag && matches!(tagged.message, Message::Record(_));
-            if let Some(Tagged { message: Message::Record(record), .. }) = self.take(is_record) {
+            if let Some(record) = self.waiting_record(tag) {
                 return Ok(record);
             }
             if Instant::now() >= end {
-                return Err(self.silence("record", self.limit));
+                return Err(self.silence("record", limit));
             }
             self.read()?;
+        }
+    }
+
+    /// The next record of the recording of that tag that has arrived already.
+    pub(super) fn waiting_record(&mut self, tag: u8) -> Option<Record> {
+        let is_record = |tagged: &Tagged<Message>| tagged.tag == tag && matches!(tagged.message, Message::Record(_));
+        match self.take(is_record)?.message {
+            Message::Record(record) => Some(record),
+            _ => None,
         }
     }
 
@@ -174,22 +201,27 @@ impl Session {
         self.limit
     }
 
-    /// The first message of that kind. What came before it, records apart, is late and dropped: the answer to a request
-    /// that was given up.
+    /// The first message of that kind. What came before it is late and dropped, as the answer to a request that was
+    /// given up; but for the records that are kept.
     fn take(&mut self, wanted: impl Fn(&Tagged<Message>) -> bool) -> Option<Tagged<Message>> {
         let index = self.inbox.iter().position(wanted)?;
         let message = self.inbox.remove(index);
-        let mut left = index;
+        let (mut left, recording) = (index, self.recording);
         self.inbox.retain(|tagged| {
             let is_before = left > 0;
             left = left.saturating_sub(1);
-            !is_before || matches!(tagged.message, Message::Record(_))
+            let is_kept = matches!(tagged.message, Message::Record(_)) && Some(tagged.tag) == recording;
+            !is_before || is_kept
         });
         message
     }
 
-    /// Reads what there is, for as long as the port waits.
+    /// Reads what there is, for as long as the port waits: [`READ_LIMIT`](super::port::READ_LIMIT).
     fn read(&mut self) -> Result<(), DeviceError> {
+        if self.kept_alive.is_some_and(|last| last.elapsed() >= KEEP_ALIVE) {
+            self.kept_alive = Some(Instant::now());
+            self.send(&Request::KeepAlive)?;
+        }
         let mut bytes = [0; 4096];
         match self.port.read(&mut bytes) {
             Ok(0) => Err(self.broken(&std::io::Error::from(ErrorKind::UnexpectedEof))),

@@ -1,0 +1,48 @@
+//! Accesses to what QEMU does not model. It writes them down, so that a test sees what would have happened at the pins.
+
+use std::path::PathBuf;
+
+/// The file that QEMU writes.
+pub struct Trace(PathBuf);
+
+/// A register of a port was written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PortWrite {
+    /// Offset within the port.
+    pub offset: u32,
+    /// What was written.
+    pub value: u32,
+}
+
+impl Trace {
+    pub(super) fn new(path: PathBuf) -> Self {
+        Self(path)
+    }
+
+    /// How much was written down so far.
+    ///
+    /// # Panics
+    /// When there is no trace.
+    #[must_use]
+    pub fn mark(&self) -> usize {
+        std::fs::metadata(&self.0).expect("a trace").len() as usize
+    }
+
+    /// What was written to port C, that of the outputs, since the mark.
+    ///
+    /// # Panics
+    /// When there is no trace, or it does not look as expected.
+    #[must_use]
+    pub fn outputs_since(&self, mark: usize) -> Vec<PortWrite> {
+        let text = std::fs::read_to_string(&self.0).expect("a trace");
+        let write = |line: &str| {
+            let fields = line.strip_prefix("GPIOC: unimplemented device write (")?.trim_end_matches(')');
+            let number = |name: &str| {
+                let text = fields.split(", ").find_map(|field| field.strip_prefix(name))?;
+                u32::from_str_radix(text.trim().trim_start_matches("0x"), 16).ok()
+            };
+            Some(PortWrite { offset: number("offset")?, value: number("value")? })
+        };
+        text[mark..].lines().filter_map(write).collect()
+    }
+}

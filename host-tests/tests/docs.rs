@@ -1,0 +1,200 @@
+//! The pages under `docs` say what the code does.
+
+use std::path::Path;
+
+use rotorlead::capture::{FASTEST_FRAME_HZ, SLOWEST_FRAME_HZ};
+use rotorlead::link::{FRAME_BYTES, Message, RECORD_SAMPLES, Record, Series, encode};
+use rotorlead::settings::{
+    FRAME_RANGE_HZ, Key, Origin, PulseProtocol, SHORTEST_LEVEL_US, Settings, Store, longest_pulse_us,
+};
+use rotorlead_sim::bench::device::{entries, set};
+
+#[path = "../../src/board/pinout.rs"]
+mod pinout;
+
+/// A file of the repository.
+fn file(name: &str) -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("..").join(name);
+    std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+}
+
+/// The rows of the table whose head begins with `head`, cells without blanks around them.
+fn table(text: &str, head: &str) -> Vec<Vec<String>> {
+    let lines: Vec<&str> = text.lines().skip_while(|line| !line.starts_with(head)).skip(2).collect();
+    let rows = lines.into_iter().take_while(|line| line.starts_with('|'));
+    let cells = |row: &str| row.trim_matches('|').split('|').map(|cell| cell.trim().to_owned()).collect();
+    let rows: Vec<Vec<String>> = rows.map(cells).collect();
+    assert!(!rows.is_empty(), "no table begins with {head}");
+    rows
+}
+
+/// The name in a cell that is written as code.
+fn code(cell: &str) -> &str {
+    cell.strip_prefix('`').and_then(|cell| cell.strip_suffix('`')).unwrap_or_else(|| panic!("{cell} is not code"))
+}
+
+/// `40 to 4000`, and perhaps more after a comma.
+fn range(cell: &str) -> Option<(f64, f64)> {
+    let (low, high) = cell.split(',').next()?.split_once(" to ")?;
+    Some((low.parse().ok()?, high.parse().ok()?))
+}
+
+/// Settings with which any frame rate may be used.
+fn with_any_frame() -> Settings {
+    let mut settings = Settings::default();
+    for (key, value) in [
+        ("input.protocol", "raw_duty"),
+        ("output.protocol", "raw_duty"),
+        ("stop", "0.1"),
+        ("motor.*.arming", "0.11"),
+        ("motor.*.idle", "0.12"),
+        ("motor.*.max", "0.9"),
+    ] {
+        set(&mut settings, key, value).unwrap();
+    }
+    settings
+}
+
+#[test]
+fn the_pins_are_those_of_the_firmware() {
+    let rows = table(&file("docs/wiring.md"), "| pin ");
+    let listed: Vec<(&str, &str)> = rows.iter().map(|row| (row[0].as_str(), row[1].as_str())).collect();
+    let used: Vec<(&str, &str)> = pinout::PINS.iter().map(|pin| (pin.name, pin.function)).collect();
+    assert_eq!(listed, used);
+    for (row, pin) in rows.iter().zip(&pinout::PINS) {
+        // Number and direction: `input 3` is not to become `input 2`.
+        let what: String = pin.use_.chars().take_while(|&c| c != ',' && c != ' ').collect();
+        assert!(row[2].starts_with(&what), "{}: {} is not {}", pin.name, row[2], pin.use_);
+        if let Some(number) = pin.use_.chars().find(char::is_ascii_digit).filter(|_| what.ends_with("put")) {
+            assert!(row[2].starts_with(&format!("{what} {number}")), "{}: {} is not {}", pin.name, row[2], pin.use_);
+        }
+    }
+}
+
+#[test]
+fn the_interrupts_are_in_the_order_of_the_firmware() {
+    let rows = table(&file("docs/firmware.md"), "| priority ");
+    let listed: Vec<&str> = rows.iter().map(|row| row[1].as_str()).collect();
+    let used = pinout::INTERRUPTS.map(|(name, _)| if name == "none" { "idle" } else { name });
+    assert_eq!(listed, used);
+    for (row, (_, what)) in rows.iter().zip(pinout::INTERRUPTS) {
+        let priority = what.rsplit_once("priority ").map_or("none", |(_, priority)| priority);
+        assert_eq!(row[0], priority, "{}", row[1]);
+    }
+}
+
+#[test]
+fn the_settings_have_the_names_and_defaults_of_the_code() {
+    let rows = table(&file("docs/firmware.md"), "| key ");
+    let name = |key: &Key| if key.is_of_a_motor() { format!("motor.N.{}", key.name()) } else { key.name().to_owned() };
+    let listed: Vec<&str> = rows.iter().map(|row| code(&row[0])).collect();
+    assert_eq!(listed, Key::ALL.iter().map(name).collect::<Vec<_>>());
+
+    let defaults = entries(&Settings::default());
+    for row in &rows {
+        let name = code(&row[0]).replace('N', "0");
+        let (_, value) = defaults.iter().find(|(key, _)| *key == name).unwrap();
+        match (row[2].parse::<f64>(), value.parse::<f64>()) {
+            (Ok(written), Ok(value)) => {
+                // Frequencies and damping are rounded to the digits that are written, levels to a step of 2^-29.
+                let digits = row[2].split_once('.').map_or(0, |(_, digits)| digits.len() as i32);
+                let is_rounded = ["omega_z_rad_s", "omega_f_rad_s", "damping"].contains(&name.as_str());
+                let tolerance = if is_rounded { 0.5 * 10_f64.powi(-digits) } else { 2e-9 };
+                assert!((written - value).abs() <= tolerance, "{name}: {written} is written, {value} is used");
+            }
+            _ => assert_eq!(row[2], *value, "{name}"),
+        }
+    }
+}
+
+#[test]
+fn the_settings_are_accepted_in_the_ranges_that_are_written_and_not_beyond() {
+    let mut checked = 0;
+    for row in table(&file("docs/firmware.md"), "| key ") {
+        let name = code(&row[0]).replace('N', "3");
+        let accepts = |value: f64| {
+            let mut settings = with_any_frame();
+            set(&mut settings, &name, &value.to_string()).is_ok() && settings.validate().is_ok()
+        };
+        let Some((low, high)) = range(&row[1]) else { continue };
+        checked += 1;
+        let is_whole = !["damping", "excitation.max_command"].contains(&name.as_str());
+        let beyond = if is_whole { 1.0 } else { 1e-6 };
+        assert!(accepts(low) && accepts(high), "{name} is refused at an end of {}", row[1]);
+        assert!(!accepts(low - beyond) && !accepts(high + beyond), "{name} is accepted beyond {}", row[1]);
+    }
+    assert_eq!(checked, 9, "ranges in numbers");
+    assert_eq!(FRAME_RANGE_HZ, (SLOWEST_FRAME_HZ as u16, FASTEST_FRAME_HZ as u16));
+}
+
+#[test]
+fn the_diagram_of_states_is_that_of_the_channel() {
+    let source = file("src/channel/mod.rs");
+    let diagram: Vec<&str> = source
+        .lines()
+        .skip_while(|line| *line != "//! ```text")
+        .skip(1)
+        .take_while(|line| *line != "//! ```")
+        .map(|line| line.trim_start_matches("//!").strip_prefix(' ').unwrap_or(""))
+        .collect();
+    assert!(diagram.len() > 8, "the diagram was not found");
+    assert!(file("docs/firmware.md").contains(&diagram.join("\n")), "docs/firmware.md has another diagram");
+}
+
+#[test]
+fn the_delays_are_the_sums_that_are_explained() {
+    let (filter_us, glitch_us, tick_us) = (8.0 / 42.0, 2.0, 1e6 / f64::from(Settings::default().loop_rate_hz));
+    let rows = table(&file("docs/firmware.md"), "| output | frame ");
+    let number = |cell: &str| cell.split(['°', ' ']).next().unwrap().parse::<f64>().unwrap();
+    for row in &rows {
+        let frame_hz: f64 = row[0].rsplit(' ').nth(1).unwrap().parse().unwrap();
+        let frame_us = 1e6 / frame_hz;
+        let most_us = filter_us + glitch_us + tick_us + frame_us;
+        let mean_us = filter_us + glitch_us + (tick_us + frame_us) / 2.0;
+        let degrees = (94.0 * mean_us * 1e-6).to_degrees();
+        for (cell, value, unit) in [(1, frame_us, 1.0), (2, most_us, 1.0), (3, mean_us, 1.0), (4, degrees, 0.1)] {
+            assert!((number(&row[cell]) - value).abs() <= 0.51 * unit, "{}: {} is {value}", row[0], row[cell]);
+        }
+    }
+    assert_eq!(rows.len(), 3);
+    // The fastest OneShot125 that the page speaks of.
+    let longest_us = longest_pulse_us(PulseProtocol::OneShot125).unwrap();
+    assert_eq!(1_000_000 / (longest_us + SHORTEST_LEVEL_US), 3703);
+}
+
+#[test]
+fn the_worst_record_of_a_twelve_bit_converter_is_as_long_as_written() {
+    let column = |high: i32| {
+        let samples: Vec<i32> = (1..=RECORD_SAMPLES as i32).map(|k| (k % 2) * high).collect();
+        Series::try_from(&samples[..]).unwrap()
+    };
+    let command = column(1 << 29);
+    let record = Record {
+        motor: 3,
+        divisor: 1,
+        first_tick: u32::MAX,
+        input: command.clone(),
+        before: command.clone(),
+        after: command,
+        adc: column(4095),
+    };
+    let length = encode(255, &Message::Record(record), &mut [0; FRAME_BYTES]).unwrap();
+    let bytes_a_sample = length as f64 / RECORD_SAMPLES as f64;
+    println!("{bytes_a_sample} bytes a sample");
+    let rows = table(&file("docs/firmware.md"), "| | bytes a sample ");
+    let written: f64 = rows[1][1].strip_prefix("under ").unwrap().parse().unwrap();
+    assert_eq!(bytes_a_sample.ceil(), written);
+    assert_eq!(rows[1][2], format!("{} kB/s", written * 5.0));
+}
+
+#[test]
+fn where_settings_come_from_is_listed_in_full() {
+    let listed: Vec<String> =
+        table(&file("docs/firmware.md"), "| `settings` ").into_iter().map(|row| row[0].clone()).collect();
+    let all = [Origin::Stored, Origin::StoredOnce, Origin::DefaultsBlank, Origin::DefaultsBad];
+    assert_eq!(listed, all.map(|origin| format!("{origin:?}")));
+    // And the first is what a controller says after a save.
+    let mut store = Store::new(host_tests::flash::Flash::<2048>::blank(), host_tests::flash::Flash::<2048>::SECTORS);
+    store.save(&Settings::default().validate().unwrap()).unwrap();
+    assert_eq!(format!("{:?}", store.load().origin), listed[0]);
+}

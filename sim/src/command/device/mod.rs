@@ -1,0 +1,190 @@
+//! `rotorlead device`
+
+mod excite;
+mod folder;
+mod inject;
+mod record;
+
+use std::fmt::Write as _;
+use std::path::Path;
+use std::time::Duration;
+
+use clap::{Args, Subcommand};
+use miette::IntoDiagnostic as _;
+use rotorlead::design::LeadDesign;
+use rotorlead::settings::Settings;
+use serde_json::{Value, json};
+
+use super::outcome::{JsonOption, Outcome};
+use super::parameters::positive;
+use crate::bench::device::{self, DEFAULT_BAUD, Session};
+
+/// Talks to a controller over its serial port, or to one in the emulator
+#[derive(Args, Debug)]
+pub struct Device {
+    /// A serial port (/dev/ttyUSB0, COM3), or tcp:HOST:PORT
+    #[arg(long, value_name = "PORT")]
+    port: String,
+    /// Baud rate of the serial port
+    #[arg(long, value_name = "BAUD", default_value_t = DEFAULT_BAUD)]
+    baud: u32,
+    /// How long an answer is waited for, seconds
+    #[arg(long, value_name = "S", default_value = "1", value_parser = positive)]
+    timeout: f64,
+    #[command(subcommand)]
+    action: Action,
+    #[command(flatten)]
+    json: JsonOption,
+}
+
+#[derive(Debug, Subcommand)]
+enum Action {
+    /// Says what the controller is and how it is
+    Info,
+    /// Shows the settings in use
+    Get {
+        /// Only this one
+        key: Option<String>,
+    },
+    /// Changes a setting, until the power goes; motor.*.KEY changes it for every motor
+    Set {
+        /// Which; `get` shows them all
+        key: String,
+        /// To what; levels are commands from 0 to 1
+        value: String,
+    },
+    /// Stores the settings in use; every motor must be disarmed
+    Save,
+    /// Shows what went wrong since the start
+    Faults,
+    /// Ramps an excitation down
+    Stop,
+    /// Records a motor while something else drives it
+    Record(record::Record),
+    /// Has the controller play multisines on a motor, and records them. Nothing else may drive the motor
+    Excite(excite::Excite),
+    /// Plays a plan through the controller's filter into a simulated motor, without pulses
+    Inject(inject::Inject),
+}
+
+impl Action {
+    /// Where its own output goes.
+    fn out(&self) -> Option<&Path> {
+        match self {
+            Self::Record(options) => Some(&options.out),
+            Self::Excite(options) => Some(&options.out),
+            Self::Inject(options) => Some(&options.out),
+            _ => None,
+        }
+    }
+}
+
+impl Device {
+    /// Runs the command and says what came out. Outputs that are not the host's are said, and fail the command all the
+    /// same.
+    pub fn say(&self) -> miette::Result<()> {
+        self.json.check(self.action.out())?;
+        let (outcome, verdict) = self.run()?;
+        self.json.say(outcome)?;
+        verdict
+    }
+
+    fn run(&self) -> miette::Result<(Outcome, miette::Result<()>)> {
+        let port = device::open(&self.port, self.baud)?;
+        let mut session = Session::new(port, &self.port, Duration::from_secs_f64(self.timeout));
+        let outcome = match &self.action {
+            Action::Info => info(&mut session),
+            Action::Get { key } => get(&mut session, key.as_deref()),
+            Action::Set { key, value } => set(&mut session, key, value),
+            Action::Save => {
+                session.save()?;
+                Ok(Outcome { text: "Saved.\n".into(), json: json!({ "saved": true }) })
+            }
+            Action::Faults => faults(&mut session),
+            Action::Stop => {
+                session.stop_excitation()?;
+                Ok(Outcome { text: "Stopping.\n".into(), json: json!({ "stopping": true }) })
+            }
+            Action::Record(options) => options.run(&mut session),
+            Action::Excite(options) => options.run(&mut session),
+            Action::Inject(options) => return options.run(&mut session),
+        }?;
+        Ok((outcome, Ok(())))
+    }
+}
+
+fn info(session: &mut Session) -> miette::Result<Outcome> {
+    let info = session.info()?;
+    let [major, minor, patch] = info.firmware;
+    let mut text = format!(
+        "firmware {major}.{minor}.{patch}\nclock {:?}, core {} Hz, timers {} Hz, {} ticks\nstarted by {:?}\nsettings {:?}\n",
+        info.clock, info.core_hz, info.timer_hz, info.ticks, info.reset, info.settings
+    );
+    for (motor, state) in info.motors.iter().enumerate() {
+        writeln!(text, "motor {motor}: {state:?}").into_diagnostic()?;
+    }
+    Ok(Outcome { text, json: serde_json::to_value(info).into_diagnostic()? })
+}
+
+fn faults(session: &mut Session) -> miette::Result<Outcome> {
+    let json = serde_json::to_value(session.faults()?).into_diagnostic()?;
+    let mut text = String::new();
+    list("", &json, &mut text);
+    Ok(Outcome { text, json })
+}
+
+/// One line for each number in `value`.
+fn list(name: &str, value: &Value, text: &mut String) {
+    let below = |key: &str| if name.is_empty() { key.to_owned() } else { format!("{name}.{key}") };
+    match value {
+        Value::Object(map) => map.iter().for_each(|(key, value)| list(&below(key), value, text)),
+        Value::Array(items) => {
+            items.iter().enumerate().for_each(|(index, value)| list(&below(&index.to_string()), value, text));
+        }
+        value => writeln!(text, "{name} = {value}").expect("a string takes all"),
+    }
+}
+
+fn get(session: &mut Session, key: Option<&str>) -> miette::Result<Outcome> {
+    let settings = session.settings()?;
+    if let Some(key) = key {
+        // The same error as for a `set` of a key that does not exist.
+        let known = device::entries(&settings).into_iter().find(|(name, _)| name == key);
+        let Some((name, value)) = known else {
+            return Err(device::unknown(key).into());
+        };
+        return Ok(Outcome { text: format!("{value}\n"), json: json!({ name: value }) });
+    }
+    let mut text = String::new();
+    let mut map = serde_json::Map::new();
+    for (name, value) in device::entries(&settings) {
+        writeln!(text, "{name} = {value}").into_diagnostic()?;
+        map.insert(name, Value::String(value));
+    }
+    Ok(Outcome { text, json: Value::Object(map) })
+}
+
+fn set(session: &mut Session, key: &str, value: &str) -> miette::Result<Outcome> {
+    let mut settings = session.settings()?;
+    device::set(&mut settings, key, value)?;
+    // Here rather than by the controller: the reasons are the same, and a design says more.
+    let settings = settings.validate().map_err(|error| miette::miette!(help = "nothing was changed", "{error}"))?;
+    design(&settings)?;
+    let warnings: Vec<String> = session.set_settings(&settings)?.iter().map(|warning| warning.to_string()).collect();
+    let mut text = format!("{key} = {value}, until the power goes; `rotorlead device save` stores it\n");
+    for warning in &warnings {
+        writeln!(text, "warning: {warning}").into_diagnostic()?;
+    }
+    Ok(Outcome { text, json: json!({ "key": key, "value": value, "warnings": warnings }) })
+}
+
+/// The compensator of these settings, as the controller makes it.
+fn design(settings: &Settings) -> miette::Result<LeadDesign> {
+    LeadDesign::new(settings.lead.into(), f64::from(settings.loop_rate_hz), None)
+        .map_err(|error| miette::miette!(help = "change omega_z_rad_s, omega_f_rad_s or damping", "{error}"))
+}
+
+/// Whether the compensator is in a motor's path.
+fn is_compensated(settings: &Settings, motor: u8) -> bool {
+    settings.motors.get(usize::from(motor)).is_some_and(|motor| motor.compensate)
+}
