@@ -6,7 +6,9 @@
 
 #[cfg(not(target_os = "none"))]
 fn main() {
-    println!("This runs on the controller's core: `cargo xtask bench --firmware` builds it and counts its instructions.");
+    println!(
+        "This runs on the controller's core: `cargo xtask bench --firmware` builds it and counts its instructions."
+    );
 }
 
 #[cfg(target_os = "none")]

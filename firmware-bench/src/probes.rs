@@ -40,11 +40,10 @@ macro_rules! filter {
                 ));
                 let mut four = [state.clone(), state.clone(), state.clone(), state];
                 let mut outputs = [<$output>::default(); MOTORS];
-                black_box(motors as fn(&mut [$state; MOTORS], &$coefficients, &[$input; MOTORS], &mut [$output; MOTORS]))(
-                    black_box(&mut four),
-                    black_box(coefficients),
-                    black_box(&[x; MOTORS]),
-                    black_box(&mut outputs),
+                black_box(
+                    motors as fn(&mut [$state; MOTORS], &$coefficients, &[$input; MOTORS], &mut [$output; MOTORS]),
+                )(
+                    black_box(&mut four), black_box(coefficients), black_box(&[x; MOTORS]), black_box(&mut outputs)
                 );
                 let mut outputs = [<$output>::default(); BLOCK];
                 black_box(block as fn(&mut $state, &$coefficients, &[$input; BLOCK], &mut [$output; BLOCK]))(
@@ -53,7 +52,8 @@ macro_rules! filter {
                     black_box(&[x; BLOCK]),
                     black_box(&mut outputs),
                 );
-                let _ = black_box(black_box(size as fn(usize) -> usize)(size_of::<$state>() + size_of::<$coefficients>()));
+                let _ =
+                    black_box(black_box(size as fn(usize) -> usize)(size_of::<$state>() + size_of::<$coefficients>()));
                 let steady = black_box(steady as fn(&mut $state, &$coefficients, $input) -> i32);
                 let _ = steady(black_box(&mut one), black_box(coefficients), from_bits(LEVELS[1]));
             }
@@ -130,15 +130,9 @@ filter!(
 
 /// biquad's filter holds its coefficients.
 type FloatBiquad = biquad::DirectForm1<f32>;
-filter!(
-    biquad_f32,
-    FloatBiquad,
-    (),
-    f32,
-    f32,
-    |filter: &mut FloatBiquad, (): &(), x| filter.run(x),
-    |y: f32| (y * ONE as f32) as i32
-);
+filter!(biquad_f32, FloatBiquad, (), f32, f32, |filter: &mut FloatBiquad, (): &(), x| filter.run(x), |y: f32| (y * ONE
+    as f32)
+    as i32);
 
 /// Size of a state and its coefficients, for whoever looks at the argument.
 #[inline(never)]

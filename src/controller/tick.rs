@@ -44,15 +44,7 @@ impl Motor {
     #[must_use]
     pub const fn new(channel: Channel, queues: MotorQueues) -> Self {
         let output = channel.settings().stop;
-        Self {
-            channel,
-            source: Source::Pulse,
-            queues,
-            silent_ticks: 0,
-            output,
-            input: NO_INPUT,
-            dead_man: 0,
-        }
+        Self { channel, source: Source::Pulse, queues, silent_ticks: 0, output, input: NO_INPUT, dead_man: 0 }
     }
 
     /// The channel.

@@ -5,6 +5,7 @@ mod bench;
 mod emulator;
 mod firmware;
 mod image;
+mod readme;
 mod run;
 mod setup;
 mod test;
@@ -15,7 +16,8 @@ const HELP: &str = "\
 Usage: cargo xtask COMMAND
 
   setup    installs what the other commands need beside a Rust toolchain
-  build    builds the image for the controller; says what flash, RAM and stack it takes, and that it cannot panic
+  build    builds the image for the controller; says what flash, RAM and stack it takes, and that it cannot panic;
+           with --update-readme writes the former into the README
   emulate  [PORT] runs that image in QEMU, with its link on a TCP port
   flash    flashes that image with a debug probe, and shows its log
   test     every test there is: formatting, lints, documentation, host tests, the build for the controller
@@ -29,7 +31,8 @@ fn main() -> ExitCode {
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
     let result = match arguments.as_slice() {
         ["setup"] => setup::all(),
-        ["build"] => firmware::build(),
+        ["build"] => firmware::build().map(drop),
+        ["build", "--update-readme"] => firmware::build().and_then(readme::update),
         ["emulate"] => firmware::emulate(emulator::DEFAULT_PORT),
         ["emulate", port] => match port.parse() {
             Ok(port) => firmware::emulate(port),

@@ -172,8 +172,7 @@ struct Library {
 impl Library {
     fn new(settings: &Validated, info: &Info, output_hz: u32) -> Result<Self> {
         let input = settings.input.protocol();
-        let timing =
-            Timing::new(input, info.timer_hz, settings.loop_rate_hz).map_err(|error| error.to_string())?;
+        let timing = Timing::new(input, info.timer_hz, settings.loop_rate_hz).map_err(|error| error.to_string())?;
         let coefficients = controller::coefficients(settings).map_err(|error| error.to_string())?;
         Ok(Self {
             decoders: [const { () }; INPUTS].map(|()| Decoder::new(timing)),

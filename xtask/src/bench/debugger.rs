@@ -8,7 +8,7 @@ use std::path::Path;
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::run::{Result, command};
+use crate::run::Result;
 use crate::{emulator, setup};
 
 /// Longest wait for QEMU to open its ports.
@@ -79,14 +79,8 @@ impl Debugger {
     pub fn start(image: &Path) -> Result<Self> {
         setup::emulator()?;
         let (debug, link) = (free_port()?, free_port()?);
-        let mut qemu = command(
-            emulator::PROGRAM,
-            &["-M", "olimex-stm32-h405", "-nographic", "-monitor", "none", "-icount", "shift=0", "-S"],
-        );
-        qemu.args(["-gdb", &format!("tcp:127.0.0.1:{debug}"), "-serial", "null", "-serial", "null"])
-            .args(["-serial", &format!("tcp:127.0.0.1:{link},server=on,wait=off"), "-kernel"])
-            .arg(image)
-            .stdin(Stdio::null());
+        let mut qemu = emulator::emulator(image, link);
+        qemu.args(["-S", "-gdb", &format!("tcp:127.0.0.1:{debug}")]).stdin(Stdio::null());
         let mut qemu = qemu.spawn().map_err(|error| format!("{}: {error}", emulator::PROGRAM))?;
         let ports = connect(debug).and_then(|debug| Ok((debug, connect(link)?)));
         let (debug, link) = ports.inspect_err(|_| {

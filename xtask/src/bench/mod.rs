@@ -34,7 +34,6 @@ pub fn firmware(json: Option<&str>) -> Result {
     Ok(())
 }
 
-#[allow(dead_code)]
 /// The figures must hold what is said of them.
 pub fn test() -> Result {
     let report = measure()?;

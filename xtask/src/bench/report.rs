@@ -46,7 +46,8 @@ impl Report {
             });
             all.insert(filter.key.to_owned(), figures);
         }
-        let Interrupts { tick_1ch, tick_4ch, tick_arming, capture_1, capture_4, link_byte, loop_rate_hz } = &self.interrupts;
+        let Interrupts { tick_1ch, tick_4ch, tick_arming, capture_1, capture_4, link_byte, loop_rate_hz } =
+            &self.interrupts;
         all.insert(
             "tick".to_owned(),
             json!({
@@ -120,7 +121,8 @@ impl fmt::Display for Report {
                 filter.cycles_per_sample(),
             )?;
         }
-        let Interrupts { tick_1ch, tick_4ch, tick_arming, capture_1, capture_4, link_byte, loop_rate_hz } = &self.interrupts;
+        let Interrupts { tick_1ch, tick_4ch, tick_arming, capture_1, capture_4, link_byte, loop_rate_hz } =
+            &self.interrupts;
         writeln!(f, "\n{:<38} {:>6} {:>6} {:>12}", "interrupt of the application", "mean", "worst", "cycles, est.")?;
         let mut row = |name: &str, costs: &Costs| {
             let worst = costs.worst;
