@@ -85,11 +85,8 @@ macro_rules! filter {
                 inputs: &[$input; BLOCK],
                 outputs: &mut [$output; BLOCK],
             ) {
-                // Eight at a time: otherwise a good part of what is counted is the loop.
-                for (inputs, outputs) in inputs.as_chunks::<8>().0.iter().zip(outputs.as_chunks_mut::<8>().0) {
-                    for (x, y) in inputs.iter().zip(outputs) {
-                        *y = $update(state, coefficients, *x);
-                    }
+                for (x, y) in inputs.iter().zip(outputs) {
+                    *y = $update(state, coefficients, *x);
                 }
             }
 

@@ -175,7 +175,7 @@ impl Library {
         let timing = Timing::new(input, info.timer_hz, settings.loop_rate_hz).map_err(|error| error.to_string())?;
         let coefficients = controller::coefficients(settings).map_err(|error| error.to_string())?;
         Ok(Self {
-            decoders: [const { () }; INPUTS].map(|()| Decoder::new(timing)),
+            decoders: std::array::from_fn(|_| Decoder::new(timing)),
             channels: controller::channels(settings, coefficients).ok_or("the settings contradict each other")?,
             input: PulseScale::new(input, info.timer_hz).map_err(|error| error.to_string())?,
             output: PulseScale::new(settings.output.protocol(), output_hz).map_err(|error| error.to_string())?,
