@@ -19,11 +19,14 @@ pub struct Compensator {
     coefficients: Coefficients,
     section: Section,
     min: Command,
+    /// At least `min`.
     max: Command,
+    /// Nothing but the section is at work: the filter was in the path and shall be, and nothing is left of a switch.
+    is_plain: bool,
     /// Whether the filter was in the path on the last tick, and whether it shall be on the next.
     enabled: bool,
     wanted: bool,
-    /// The last input.
+    /// The last input, while the filter is out of the path.
     input: Command,
     /// The last two outputs, older first.
     outputs: [Command; 2],
@@ -42,7 +45,8 @@ impl Compensator {
             coefficients,
             section: Section::at_level(min),
             min,
-            max,
+            max: if max.to_bits() < min.to_bits() { min } else { max },
+            is_plain: true,
             enabled: true,
             wanted: true,
             input: min,
@@ -61,6 +65,7 @@ impl Compensator {
         self.enabled = self.wanted;
         self.restarted = false;
         self.offset = 0;
+        self.is_plain = self.wanted;
     }
 
     /// Puts the filter at rest at `level` without a jump of the output, as [`Self::set_enabled`] does: what is left
@@ -69,12 +74,14 @@ impl Compensator {
         self.section = Section::at_level(level);
         self.input = level;
         self.restarted = true;
+        self.is_plain = false;
     }
 
     /// Switches the filter in (`true`) or out of the path from the next tick on. There and back between two ticks is
     /// no switch.
     pub const fn set_enabled(&mut self, enabled: bool) {
         self.wanted = enabled;
+        self.is_plain = self.enabled && enabled && !self.restarted && self.offset == 0;
     }
 
     /// Whether the filter is in the path from the next tick on.
@@ -92,17 +99,29 @@ impl Compensator {
     /// One tick: takes the command of the flight controller, gives that for the ESC.
     #[inline]
     pub fn update(&mut self, input: Command) -> Command {
+        if !self.is_plain {
+            return self.update_any(input);
+        }
+        let output = self.filter(input);
+        self.outputs = [self.outputs[1], output];
+        output
+    }
+
+    #[inline]
+    fn filter(&mut self, input: Command) -> Command {
+        self.section.update(&self.coefficients, input).clamp_in_order(self.min, self.max)
+    }
+
+    /// Any tick.
+    #[inline(never)]
+    fn update_any(&mut self, input: Command) -> Command {
         let is_switching = self.wanted != self.enabled || self.restarted;
         if self.wanted && !self.enabled {
             self.section = Section::at_level(self.input);
         }
         self.enabled = self.wanted;
         self.restarted = false;
-        let target = if self.enabled {
-            self.section.update(&self.coefficients, input).clamp_to(self.min, self.max)
-        } else {
-            input.clamp_to(self.min, self.max)
-        };
+        let target = if self.enabled { self.filter(input) } else { input.clamp_to(self.min, self.max) };
         let output = if is_switching {
             let [before, last] = [self.outputs[0].to_bits(), self.outputs[1].to_bits()];
             let largest = (last - before).abs();
@@ -122,6 +141,7 @@ impl Compensator {
         };
         self.input = input;
         self.outputs = [self.outputs[1], output];
+        self.is_plain = self.enabled && self.offset == 0;
         output
     }
 }

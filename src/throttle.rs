@@ -11,6 +11,9 @@ pub const FRACTION_BITS: u32 = 29;
 /// 1.0 in Q2.29.
 const ONE_BITS: i32 = 1 << FRACTION_BITS;
 
+/// Half of what the high word of a product counts in, to round it.
+const HALF: u64 = 1 << 31;
+
 /// A filtered command. It may leave the range of the pulse on either side: a lead compensator answers a step of its
 /// input with several times that step. Range [-4, 4) in steps of 2^-29.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -60,6 +63,13 @@ impl Throttle {
         } else {
             Command(self.0)
         }
+    }
+
+    /// The same where `min` is known to be at most `max`.
+    #[inline]
+    pub(crate) const fn clamp_in_order(self, min: Command, max: Command) -> Command {
+        let floored = if self.0 < min.0 { min.0 } else { self.0 };
+        Command(if floored > max.0 { max.0 } else { floored })
     }
 }
 
@@ -187,10 +197,10 @@ impl core::error::Error for PulseError {}
 pub struct PulseScale {
     low_ticks: u32,
     span_ticks: u32,
-    /// `2^(FRACTION_BITS + shift) / span_ticks`, to the nearest integer.
+    /// `2^(FRACTION_BITS + 32 - left_shift) / span_ticks`, to the nearest integer.
     reciprocal: u32,
-    /// Chosen so that `reciprocal` lies in (2^30, 2^31].
-    shift: u32,
+    /// Chosen so that `reciprocal` lies in (2^30, 2^31]: 2 to 24.
+    left_shift: u32,
 }
 
 impl PulseScale {
@@ -217,7 +227,7 @@ impl PulseScale {
         // most span / 2 / 2^shift <= 1/4 of a step.
         let shift = span_ticks.ilog2() + 2;
         let reciprocal = ((1_u64 << (FRACTION_BITS + shift)) + span / 2) / span;
-        Ok(Self { low_ticks: low as u32, span_ticks, reciprocal: reciprocal as u32, shift })
+        Ok(Self { low_ticks: low as u32, span_ticks, reciprocal: reciprocal as u32, left_shift: 32 - shift })
     }
 
     /// Width of the pulse that means 0.
@@ -240,18 +250,19 @@ impl PulseScale {
         if above >= self.span_ticks {
             return Command::ONE;
         }
-        let half = 1_u64 << (self.shift - 1);
-        // above < 2^28 and reciprocal <= 2^31: the product has 59 bits.
-        Command(((above as u64 * self.reciprocal as u64 + half) >> self.shift) as i32)
+        // above < 2^(31 - left_shift) and reciprocal <= 2^31: the product has 62 bits. The shift comes first, since one
+        // of 32 bits costs an instruction, and the high word of the product none.
+        let product = (above << self.left_shift) as u64 * self.reciprocal as u64;
+        Command(((product + HALF) >> 32) as i32)
     }
 
     /// The pulse that means `command`, to the nearest tick. A command that came from a pulse is off by 3/4 of a step,
     /// which is less than half a tick as long as the span is at most 2^28.
     #[must_use]
     pub const fn to_ticks(&self, command: Command) -> u32 {
-        let half = 1_u64 << (FRACTION_BITS - 1);
-        // A command has at most 30 bits and the span 29.
-        self.low_ticks + ((command.0 as u64 * self.span_ticks as u64 + half) >> FRACTION_BITS) as u32
+        // A command has at most 30 bits and the span 29, 32 with the shift.
+        let product = command.0.cast_unsigned() as u64 * (self.span_ticks << (32 - FRACTION_BITS)) as u64;
+        self.low_ticks + ((product + HALF) >> 32) as u32
     }
 }
 

@@ -41,15 +41,15 @@ impl Inputs {
             }
             decoder.edge(timestamp, if high { Level::High } else { Level::Low });
         }
-        self.listen();
+        if self.any_masked() {
+            self.listen();
+        }
     }
 
+    /// Whether an interrupt is off or to be off: all others are on.
     #[inline]
-    fn poll(&mut self) -> [rotorlead::capture::Signal; MOTORS] {
-        let now = self.capture.now();
-        let signals = self.decoders.each_mut().map(|decoder| decoder.poll(now));
-        self.listen();
-        signals
+    fn any_masked(&self) -> bool {
+        self.decoders.iter().any(Decoder::is_masked)
     }
 
     #[inline]
@@ -83,8 +83,13 @@ impl Control {
     #[inline]
     pub fn run(&mut self, inputs: &mut Inputs, idle_lives: bool) {
         self.thrust_adc.start();
-        let signals = inputs.poll();
+        let now = inputs.capture.now();
+        let were_masked = inputs.any_masked();
+        let signals = inputs.decoders.iter_mut().map(|decoder| decoder.poll(now));
         let commands = self.tick.run(signals, self.thrust_adc.read());
+        if were_masked {
+            inputs.listen();
+        }
         #[cfg(feature = "planted-panic")]
         let _ = {
             use core::hint::black_box;
@@ -248,7 +253,10 @@ where
             control.output_scale = plan.output_scale;
             control.tick.reconfigure(channels, plan.input_scale, settings.loop_rate_hz);
         });
-        self.inputs.lock(|inputs| inputs.decoders.iter_mut().for_each(|decoder| *decoder = Decoder::new(plan.timing)));
+        self.inputs.lock(|inputs| {
+            inputs.decoders.iter_mut().for_each(|decoder| *decoder = Decoder::new(plan.timing));
+            inputs.listen();
+        });
         Ok(())
     }
 

@@ -88,19 +88,16 @@ pub struct Faults {
     pub losses: u32,
 }
 
-/// What is known of the line. A `rise` of `None` is one that was not seen, or not for sure.
+/// What is known of the line. Where it is unsure, the rise was not seen, or not for sure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Line {
     Unknown,
     Low,
-    High {
-        rise: Option<u32>,
-    },
+    High,
+    HighUnsure,
     /// Low, but for less than a glitch may last.
-    Falling {
-        rise: Option<u32>,
-        fall: u32,
-    },
+    Falling,
+    FallingUnsure,
 }
 
 /// Whether the last pulse is to be believed.
@@ -111,22 +108,24 @@ enum Liveness {
     Lost(LossReason),
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Accepted {
-    rise: u32,
-    fall: u32,
-}
-
 /// Decodes one input. See the [module](self).
 #[derive(Clone, Debug)]
 pub struct Decoder {
     timing: Timing,
     line: Line,
     liveness: Liveness,
-    /// The last accepted pulse, unless it is older than the timeout.
-    accepted: Option<Accepted>,
+    /// The last rise that was seen for sure.
+    rise: u32,
+    /// The last fall.
+    fall: u32,
+    /// Rise and fall of the last accepted pulse, unless it is older than the timeout. A live input has one.
+    has_accepted: bool,
+    accepted_rise: u32,
+    accepted_fall: u32,
     /// Width and period of a pulse that was not reported yet.
-    fresh: Option<(u32, u32)>,
+    is_fresh: bool,
+    width: u32,
+    period: u32,
     last_edge: u32,
     /// Edges since the last poll.
     edges: u32,
@@ -147,8 +146,14 @@ impl Decoder {
             timing,
             line: Line::Unknown,
             liveness: Liveness::Never,
-            accepted: None,
-            fresh: None,
+            rise: 0,
+            fall: 0,
+            has_accepted: false,
+            accepted_rise: 0,
+            accepted_fall: 0,
+            is_fresh: false,
+            width: 0,
+            period: 0,
             last_edge: 0,
             edges: 0,
             in_row: 0,
@@ -172,33 +177,49 @@ impl Decoder {
         }
         self.last_edge = timestamp;
         let glitch = self.timing.glitch;
-        self.line = match (self.line, level) {
-            (Line::Low, Level::High) => Line::High { rise: Some(timestamp) },
-            (Line::High { rise: Some(rise) }, Level::Low) if timestamp.wrapping_sub(rise) < glitch => {
+        match (self.line, level) {
+            (Line::Low, Level::High) => self.rise_at(timestamp),
+            (Line::High, Level::Low) if timestamp.wrapping_sub(self.rise) < glitch => {
                 count(&mut self.faults.glitches);
-                Line::Low
+                self.line = Line::Low;
             }
-            (Line::High { rise }, Level::Low) => Line::Falling { rise, fall: timestamp },
-            (Line::Falling { rise, fall }, Level::High) if timestamp.wrapping_sub(fall) < glitch => {
+            (Line::High, Level::Low) => self.fall_at(timestamp, Line::Falling),
+            (Line::HighUnsure | Line::Unknown, Level::Low) => self.fall_at(timestamp, Line::FallingUnsure),
+            (Line::Falling | Line::FallingUnsure, Level::High) if timestamp.wrapping_sub(self.fall) < glitch => {
                 count(&mut self.faults.glitches);
-                Line::High { rise }
+                self.line = if self.line == Line::Falling { Line::High } else { Line::HighUnsure };
             }
-            (Line::Falling { rise, fall }, Level::High) => {
-                self.pulse(rise, fall);
-                Line::High { rise: Some(timestamp) }
+            (Line::Falling, Level::High) => {
+                if let Some((width, period)) = self.pulse() {
+                    self.is_fresh = true;
+                    (self.width, self.period) = (width, period);
+                }
+                self.rise_at(timestamp);
             }
-            (Line::Unknown, Level::Low) => Line::Falling { rise: None, fall: timestamp },
-            (Line::Unknown, Level::High) => Line::High { rise: None },
+            (Line::FallingUnsure, Level::High) => self.rise_at(timestamp),
+            (Line::Unknown, Level::High) => self.line = Line::HighUnsure,
             // From here on an edge is missing.
-            (Line::Low | Line::Falling { .. }, Level::Low) => {
+            (Line::Low | Line::Falling | Line::FallingUnsure, Level::Low) => {
                 count(&mut self.faults.missing_edges);
-                Line::Falling { rise: None, fall: timestamp }
+                self.fall_at(timestamp, Line::FallingUnsure);
             }
-            (Line::High { .. }, Level::High) => {
+            (Line::High | Line::HighUnsure, Level::High) => {
                 count(&mut self.faults.missing_edges);
-                Line::High { rise: None }
+                self.line = Line::HighUnsure;
             }
-        };
+        }
+    }
+
+    #[inline]
+    const fn rise_at(&mut self, timestamp: u32) {
+        self.line = Line::High;
+        self.rise = timestamp;
+    }
+
+    #[inline]
+    const fn fall_at(&mut self, timestamp: u32, line: Line) {
+        self.line = line;
+        self.fall = timestamp;
     }
 
     /// The capture hardware says that it stamped an edge before the one before was read. Comes before [`Self::edge`]
@@ -221,35 +242,46 @@ impl Decoder {
     #[inline]
     pub fn poll(&mut self, now: u32) -> Signal {
         self.edges = 0;
-        self.masked_polls = self.masked_polls.saturating_sub(1);
-        if self.line != Line::Low {
-            self.settle(now);
+        if self.masked_polls != 0 {
+            self.pause();
         }
-        if self.accepted.is_some_and(|pulse| age(now, pulse.fall) > self.timing.timeout) {
+        // What time alone makes of the line.
+        if self.line == Line::Falling {
+            let low_for = elapsed(self.fall, now);
+            if low_for >= self.timing.glitch.cast_signed() {
+                self.line = Line::Low;
+                if low_for > self.timing.timeout.cast_signed() {
+                    self.late_pulse();
+                } else if let Some((width_ticks, period_ticks)) = self.pulse() {
+                    // The newest counts.
+                    self.is_fresh = false;
+                    return Signal::Pulse { width_ticks, period_ticks };
+                }
+            }
+        }
+        self.poll_without_fall(now)
+    }
+
+    /// The rest of [`Self::poll`]: no pulse has become complete just now.
+    #[inline]
+    fn poll_without_fall(&mut self, now: u32) -> Signal {
+        match self.line {
+            Line::FallingUnsure if elapsed(self.fall, now) >= self.timing.glitch.cast_signed() => self.line = Line::Low,
+            // Long before the stamp wraps.
+            Line::High if elapsed(self.rise, now) > self.timing.timeout.cast_signed() => self.line = Line::HighUnsure,
+            _ => {}
+        }
+        if self.has_accepted && elapsed(self.accepted_fall, now) > self.timing.timeout.cast_signed() {
             self.lose(now);
         }
-        if let Some((width_ticks, period_ticks)) = self.fresh.take() {
-            return Signal::Pulse { width_ticks, period_ticks };
+        if self.is_fresh {
+            self.is_fresh = false;
+            return Signal::Pulse { width_ticks: self.width, period_ticks: self.period };
         }
         match self.liveness {
             Liveness::Live => Signal::Unchanged,
             Liveness::Lost(reason) => Signal::Lost(reason),
             Liveness::Never => Signal::Nothing,
-        }
-    }
-
-    /// What time alone makes of the line.
-    fn settle(&mut self, now: u32) {
-        match self.line {
-            Line::Falling { rise, fall } if age(now, fall) >= self.timing.glitch => {
-                self.pulse(rise, fall);
-                self.line = Line::Low;
-            }
-            // Long before the stamp wraps.
-            Line::High { rise: Some(rise) } if age(now, rise) > self.timing.timeout => {
-                self.line = Line::High { rise: None };
-            }
-            _ => {}
         }
     }
 
@@ -271,41 +303,81 @@ impl Decoder {
         &self.timing
     }
 
-    /// The line went from high to low for good.
-    fn pulse(&mut self, rise: Option<u32>, fall: u32) {
-        let Some(rise) = rise else { return };
-        let width = fall.wrapping_sub(rise);
+    /// The line went from high to low for good, after a rise that was seen: width and period of the pulse, if it is one
+    /// and the input is live.
+    #[inline]
+    fn pulse(&mut self) -> Option<(u32, u32)> {
+        let width = self.fall.wrapping_sub(self.rise);
         if width < self.timing.min_width || width > self.timing.max_width {
             count(&mut self.faults.out_of_range);
             self.in_row = 0;
-            return;
+            return None;
         }
-        let period = self.accepted.map(|before| rise.wrapping_sub(before.rise));
-        if period.is_some_and(|period| period < self.timing.min_period) {
-            count(&mut self.faults.too_soon);
-            self.in_row = 0;
-            return;
-        }
-        self.accepted = Some(Accepted { rise, fall });
-        self.next_mask_polls = 1;
+        let period = self.rise.wrapping_sub(self.accepted_rise);
         if self.liveness != Liveness::Live {
-            let follows = period.is_some_and(|period| period <= self.timing.max_period);
-            self.in_row = if follows { self.in_row.saturating_add(1) } else { 1 };
-            if self.in_row >= PULSES_TO_LIVE {
-                self.liveness = Liveness::Live;
-            }
+            return self.pulse_before_live(width, period);
         }
-        // A live input has a pulse before this one, so that its period is known.
-        if let (Liveness::Live, Some(period)) = (self.liveness, period) {
-            self.fresh = Some((width, period));
+        if period < self.timing.min_period {
+            self.too_soon();
+            return None;
         }
+        self.accept();
+        Some((width, period))
+    }
+
+    /// A pulse of an input that is not live. The period is one only where there was a pulse before.
+    #[cold]
+    #[inline(never)]
+    fn pulse_before_live(&mut self, width: u32, period: u32) -> Option<(u32, u32)> {
+        if self.has_accepted && period < self.timing.min_period {
+            self.too_soon();
+            return None;
+        }
+        let follows = self.has_accepted && period <= self.timing.max_period;
+        self.in_row = if follows { self.in_row.saturating_add(1) } else { 1 };
+        self.has_accepted = true;
+        self.accept();
+        if self.in_row < PULSES_TO_LIVE {
+            return None;
+        }
+        self.liveness = Liveness::Live;
+        Some((width, period))
+    }
+
+    #[inline]
+    const fn accept(&mut self) {
+        self.accepted_rise = self.rise;
+        self.accepted_fall = self.fall;
+        self.next_mask_polls = 1;
+    }
+
+    /// A pulse that nobody polled for in time is lost with its input at once, but is counted.
+    #[cold]
+    #[inline(never)]
+    fn late_pulse(&mut self) {
+        let _ = self.pulse();
+    }
+
+    /// One poll of a masked input.
+    #[cold]
+    #[inline(never)]
+    const fn pause(&mut self) {
+        self.masked_polls = self.masked_polls.saturating_sub(1);
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn too_soon(&mut self) {
+        count(&mut self.faults.too_soon);
+        self.in_row = 0;
     }
 
     /// No pulse was accepted for the timeout.
     #[cold]
+    #[inline(never)]
     fn lose(&mut self, now: u32) {
-        self.accepted = None;
-        self.fresh = None;
+        self.has_accepted = false;
+        self.is_fresh = false;
         self.in_row = 0;
         if self.liveness != Liveness::Live {
             return;
@@ -313,11 +385,11 @@ impl Decoder {
         count(&mut self.faults.losses);
         // An accepted pulse would have set the pause back to 1.
         let flooded = self.next_mask_polls > 1;
-        let silent = age(now, self.last_edge) >= self.timing.max_period;
+        let silent = elapsed(self.last_edge, now) >= self.timing.max_period.cast_signed();
         self.liveness = Liveness::Lost(match self.line {
             _ if flooded => LossReason::Flood,
             Line::Low if silent => LossReason::StuckLow,
-            Line::High { .. } if silent => LossReason::StuckHigh,
+            Line::High | Line::HighUnsure if silent => LossReason::StuckHigh,
             _ => LossReason::Implausible,
         });
     }
@@ -332,10 +404,10 @@ impl Decoder {
     }
 }
 
-/// Timer ticks from `stamp` to `now`, 0 where the stamp is the later one. Right up to 2^31.
-const fn age(now: u32, stamp: u32) -> u32 {
-    let age = now.wrapping_sub(stamp).cast_signed();
-    if age < 0 { 0 } else { age.cast_unsigned() }
+/// Timer ticks from `stamp` to `now`, negative where the stamp is the later one. Right up to 2^31; the limits it is
+/// compared with are 1 to 2^30.
+const fn elapsed(stamp: u32, now: u32) -> i32 {
+    now.wrapping_sub(stamp).cast_signed()
 }
 
 fn count(counter: &mut u32) {

@@ -150,6 +150,8 @@ pub struct Channel {
     /// There while the mode is `Excitation`.
     player: Option<Player>,
     last_end: Option<End>,
+    /// Excitations that ended because the host was silent; wraps.
+    dead_man_ends: u32,
 }
 
 impl Channel {
@@ -169,12 +171,32 @@ impl Channel {
             settings: *settings,
             player: None,
             last_end: None,
+            dead_man_ends: 0,
         })
     }
 
     /// One control tick: what the input has, to what the ESC gets.
     #[inline]
     pub fn tick(&mut self, input: Input) -> Command {
+        // Nearly all ticks of a flight: armed by the last tick, whose input was live and whose output came from the
+        // compensator, and armed still.
+        if self.mode == Mode::Armed {
+            let command = match input {
+                Input::Command(command) => command,
+                Input::Unchanged => self.command,
+                Input::Nothing | Input::Lost => return self.tick_any(input),
+            };
+            if command >= self.settings.arming_threshold {
+                self.command = command;
+                return self.compensator.update(command);
+            }
+        }
+        self.tick_any(input)
+    }
+
+    /// Any tick.
+    #[inline(never)]
+    fn tick_any(&mut self, input: Input) -> Command {
         match input {
             Input::Command(command) => {
                 self.command = command;
@@ -183,9 +205,7 @@ impl Channel {
             Input::Unchanged => {}
             Input::Nothing | Input::Lost => self.live = false,
         }
-        let armed = self.live && self.mode == Mode::Armed && self.command >= self.settings.arming_threshold;
-        let path = if armed { Path::Shape(self.command) } else { self.decide() };
-        match path {
+        match self.decide() {
             Path::Pass(command) => {
                 self.engaged = false;
                 command
@@ -200,8 +220,6 @@ impl Channel {
         }
     }
 
-    /// All ticks but those of an armed command while armed.
-    #[inline(never)]
     fn decide(&mut self) -> Path {
         if !self.live {
             return self.without_input();
@@ -209,7 +227,7 @@ impl Channel {
         if self.command < self.settings.arming_threshold {
             if let Some(player) = self.player.take() {
                 let was_ending = player.phase() == Phase::RampDown;
-                self.last_end = Some(if was_ending { player.end() } else { End::PulseInput });
+                self.ended(if was_ending { player.end() } else { End::PulseInput });
             }
             self.mode = Mode::Disarmed;
             return self.disarmed();
@@ -278,10 +296,19 @@ impl Channel {
             Some(level) if level >= self.settings.arming_threshold => Path::Shape(level),
             Some(level) => Path::Pass(level),
             None => {
-                self.last_end = self.player.take().map(|player| player.end());
+                if let Some(player) = self.player.take() {
+                    self.ended(player.end());
+                }
                 self.mode = if self.live { Mode::Locked } else { Mode::NoSignal };
                 self.stop()
             }
+        }
+    }
+
+    fn ended(&mut self, end: End) {
+        self.last_end = Some(end);
+        if end == End::DeadMan {
+            self.dead_man_ends = self.dead_man_ends.wrapping_add(1);
         }
     }
 
@@ -337,6 +364,12 @@ impl Channel {
     #[must_use]
     pub const fn last_end(&self) -> Option<End> {
         self.last_end
+    }
+
+    /// Excitations that ended because the host was silent, wrapping.
+    #[must_use]
+    pub const fn dead_man_ends(&self) -> u32 {
+        self.dead_man_ends
     }
 
     /// Switches the filter in (`true`) or out of the path from the next tick on, without a jump. The limits stay.

@@ -3,7 +3,7 @@
 use heapless::spsc::{Consumer, Producer};
 
 use crate::capture::Signal;
-use crate::channel::{Channel, End, Excitation, Input, Refusal as ChannelRefusal, State};
+use crate::channel::{Channel, Excitation, Input, Refusal as ChannelRefusal, State};
 use crate::link::{
     ChannelState, INJECT_SAMPLES, INJECT_TIMEOUT_MS, INJECT_WINDOW, NO_INPUT, RecordClock, Sample, Source,
 };
@@ -49,8 +49,8 @@ pub struct Motor {
     output: Command,
     /// The pulse input as a command, while there is one.
     input: i32,
+    /// Excitations of former channels that ended because the host was silent.
     dead_man: u32,
-    end: Option<End>,
 }
 
 impl Motor {
@@ -58,7 +58,7 @@ impl Motor {
     #[must_use]
     pub const fn new(channel: Channel, queues: MotorQueues) -> Self {
         let output = channel.settings().stop;
-        Self { channel, feed: Feed::Pulse, queues, silent_ticks: 0, output, input: NO_INPUT, dead_man: 0, end: None }
+        Self { channel, feed: Feed::Pulse, queues, silent_ticks: 0, output, input: NO_INPUT, dead_man: 0 }
     }
 
     /// The channel.
@@ -91,6 +91,7 @@ impl Motor {
 
     /// Starts afresh, with a new channel and with nothing left in the queues.
     pub fn restart(&mut self, channel: Channel, source: Source) {
+        self.dead_man = self.dead_man();
         self.channel = channel;
         self.feed = match source {
             Source::Pulse => Feed::Pulse,
@@ -103,6 +104,11 @@ impl Motor {
                 break;
             }
         }
+    }
+
+    /// Excitations that ended because the host was silent, wrapping.
+    const fn dead_man(&self) -> u32 {
+        self.dead_man.wrapping_add(self.channel.dead_man_ends())
     }
 
     /// Starts an excitation.
@@ -154,7 +160,7 @@ impl Motor {
     }
 
     #[inline]
-    fn run(&mut self, signal: Signal, scale: &PulseScale, silence_limit: u32) -> Command {
+    fn run(&mut self, signal: Signal, scale: &PulseScale, silence_limit: u32) {
         let input = Input::from_signal(signal, scale);
         match input {
             Input::Command(command) => self.input = command.to_bits(),
@@ -165,7 +171,6 @@ impl Motor {
             Feed::Pulse => self.channel.tick(input),
             _ => self.without_pulses(silence_limit),
         };
-        self.output
     }
 
     #[inline(never)]
@@ -209,17 +214,6 @@ impl Motor {
         self.feed = if is_over { Feed::Pulse } else { Feed::Ending };
         output
     }
-
-    /// Counts excitations that ended for want of a host.
-    fn count_ends(&mut self) {
-        let end = self.channel.last_end();
-        if end != self.end {
-            self.end = end;
-            if end == Some(End::DeadMan) {
-                self.dead_man = self.dead_man.wrapping_add(1);
-            }
-        }
-    }
 }
 
 /// The state of the control task.
@@ -249,16 +243,15 @@ impl Tick {
     /// One tick: what the inputs have, and the converter's count; to what the ESCs get.
     ///
     /// Integer, without division, heap or panic; every loop is over the motors.
+    /// The signals, one for each motor, are taken one by one, each on its way to its motor.
     #[inline]
-    pub fn run(&mut self, signals: [Signal; MOTORS], adc: u16) -> [Command; MOTORS] {
+    pub fn run(&mut self, signals: impl IntoIterator<Item = Signal>, adc: u16) -> [Command; MOTORS] {
         self.ticks = self.ticks.wrapping_add(1);
-        let mut outputs = [Command::ZERO; MOTORS];
-        for ((motor, signal), output) in self.motors.iter_mut().zip(signals).zip(&mut outputs) {
-            *output = motor.run(signal, &self.input_scale, self.silence_limit);
-            motor.count_ends();
+        for (motor, signal) in self.motors.iter_mut().zip(signals) {
+            motor.run(signal, &self.input_scale, self.silence_limit);
         }
         self.record(adc);
-        outputs
+        self.motors.each_ref().map(|motor| motor.output)
     }
 
     #[inline]
@@ -342,7 +335,7 @@ impl Tick {
     /// Excitations that ended because the host was silent, wrapping.
     #[must_use]
     pub fn dead_man(&self) -> u32 {
-        self.motors.iter().fold(0, |sum, motor| motor.dead_man.wrapping_add(sum))
+        self.motors.iter().fold(0, |sum, motor| motor.dead_man().wrapping_add(sum))
     }
 
     /// The first motor whose output is not at rest.

@@ -3,29 +3,36 @@
 use std::path::PathBuf;
 
 use crate::image::{Calls, Function, Image};
+use crate::readme::{self, Sizes};
 use crate::run::{Result, cargo, command, output, run};
 use crate::{emulator, setup};
 
 /// Interrupts of the path from pulse to pulse and of the link's bytes: those that must never panic. The names are those
 /// of the vector table.
-pub const NO_PANIC: [&str; 3] = ["TIM2", "SysTick", "USART3"];
+pub const NO_PANIC: [&str; 3] = [CAPTURE, TICK, LINK];
+/// The capture of the inputs.
+pub const CAPTURE: &str = "TIM2";
+/// The control task.
+pub const TICK: &str = "SysTick";
+/// The link's bytes.
+pub const LINK: &str = "USART3";
 /// What the core stores at an interrupt with the floating-point unit on, 26 words, and a word to align them.
 const EXCEPTION_FRAME_BYTES: u32 = 27 * 4;
 /// A feature of the firmware that puts an indexing panic into its control task.
 const PLANTED: &str = "planted-panic";
 
 /// Builds the image, says its sizes, and checks it.
-pub fn build() -> Result {
+pub fn build() -> Result<Sizes> {
     let path = build_image(&[])?;
     let bytes = std::fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))?;
     let image = Image::read(&bytes)?;
     println!("image  {}", path.display());
     println!("flash  {:>7} bytes of {}", image.flash_bytes, 768 * 1024);
     println!("RAM    {:>7} bytes of {}", image.ram_bytes, 128 * 1024);
-    stack(&image)?;
+    let stack = stack(&image)?;
     no_panic(&image)?;
     println!("panics none reachable from {}", NO_PANIC.join(", "));
-    Ok(())
+    Ok(Sizes { flash: image.flash_bytes, ram: image.ram_bytes, stack })
 }
 
 /// Builds the image for the controller and gives its path.
@@ -63,7 +70,7 @@ pub fn flash() -> Result {
 /// The tests of the image: what `build` checks, that the check finds an indexing panic, and what the image does in the
 /// emulator.
 pub fn test() -> Result {
-    build()?;
+    readme::check(build()?)?;
     let panicking = build_image(&[PLANTED])?;
     let bytes = std::fs::read(&panicking).map_err(|error| format!("{}: {error}", panicking.display()))?;
     match no_panic(&Image::read(&bytes)?) {
@@ -102,10 +109,10 @@ fn no_panic(image: &Image) -> Result {
 }
 
 /// Deepest stack: the idle task, and on top of it one interrupt of each priority.
-fn stack(image: &Image) -> Result {
+fn stack(image: &Image) -> Result<u64> {
     let calls = Calls::of(image);
     let mut total = 0;
-    for name in ["Reset", "USART3", "SysTick", "TIM2", "NonMaskableInt"] {
+    for name in ["Reset", LINK, TICK, CAPTURE, "NonMaskableInt"] {
         let root = image.function_named(name).ok_or_else(|| format!("the image has no function {name}"))?;
         // Handlers of faults and panics do not return: they throw the stack away.
         let depth = calls.depth(root, &panics)?;
@@ -114,5 +121,6 @@ fn stack(image: &Image) -> Result {
         println!("stack  {:>7} bytes for {name}: {}", depth.bytes + frame, depth.path.join(" -> "));
     }
     println!("stack  {total:>7} bytes at worst of {}", image.stack_bytes);
-    if u64::from(total) > image.stack_bytes { Err("the stack does not fit".to_owned()) } else { Ok(()) }
+    let total = u64::from(total);
+    if total > image.stack_bytes { Err("the stack does not fit".to_owned()) } else { Ok(total) }
 }

@@ -5,6 +5,7 @@ mod bench;
 mod emulator;
 mod firmware;
 mod image;
+mod readme;
 mod run;
 mod setup;
 mod test;
@@ -15,11 +16,13 @@ const HELP: &str = "\
 Usage: cargo xtask COMMAND
 
   setup    installs what the other commands need beside a Rust toolchain
-  build    builds the image for the controller; says what flash, RAM and stack it takes, and that it cannot panic
+  build    builds the image for the controller; says what flash, RAM and stack it takes, and that it cannot panic;
+           with --update-readme writes the former into the README
   emulate  [PORT] runs that image in QEMU, with its link on a TCP port
   flash    flashes that image with a debug probe, and shows its log
   test     every test there is: formatting, lints, documentation, host tests, the build for the controller
-  bench    measures filters and the simulated stand side by side, in one run
+  bench    measures filters and the simulated stand side by side, in one run;
+           with --firmware [--json FILE] instructions on the controller's core, in QEMU
   help     prints this
 ";
 
@@ -28,7 +31,8 @@ fn main() -> ExitCode {
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
     let result = match arguments.as_slice() {
         ["setup"] => setup::all(),
-        ["build"] => firmware::build(),
+        ["build"] => firmware::build().map(drop),
+        ["build", "--update-readme"] => firmware::build().and_then(readme::update),
         ["emulate"] => firmware::emulate(emulator::DEFAULT_PORT),
         ["emulate", port] => match port.parse() {
             Ok(port) => firmware::emulate(port),
@@ -37,6 +41,8 @@ fn main() -> ExitCode {
         ["flash"] => firmware::flash(),
         ["test"] => test::all(),
         ["bench"] => bench::all(),
+        ["bench", "--firmware"] => bench::firmware(None),
+        ["bench", "--firmware", "--json", file] => bench::firmware(Some(file)),
         ["help" | "--help" | "-h"] | [] => {
             print!("{HELP}");
             return ExitCode::SUCCESS;

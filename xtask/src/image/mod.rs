@@ -143,7 +143,8 @@ impl Image {
         self.functions.iter().position(|function| function.names.iter().any(|known| known == name))
     }
 
-    fn halfword(&self, address: u32) -> Option<u16> {
+    /// Two bytes of what is loaded.
+    pub fn halfword(&self, address: u32) -> Option<u16> {
         self.sections.iter().find_map(|(start, data)| {
             let at = address.checked_sub(*start)? as usize;
             Some(u16::from_le_bytes(data.get(at..at + 2)?.try_into().ok()?))

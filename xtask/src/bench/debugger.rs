@@ -1,0 +1,273 @@
+//! QEMU under the control of its debugging port, one instruction at a time.
+//!
+//! The protocol is GDB's remote serial protocol (the GDB manual, appendix E), of which a dozen packets are needed.
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::path::Path;
+use std::process::{Child, Stdio};
+use std::time::{Duration, Instant};
+
+use crate::run::Result;
+use crate::{emulator, setup};
+
+/// Longest wait for QEMU to open its ports.
+const START_LIMIT: Duration = Duration::from_secs(20);
+/// Longest wait for the emulated core to come to a breakpoint.
+const ANSWER_LIMIT: Duration = Duration::from_secs(60);
+/// The flags and the state of IT blocks, as the protocol numbers it, and the latter's bits.
+const XPSR: usize = 25;
+const IT_BLOCK: u32 = 0x0600_FC00;
+/// Start of 8 bytes of RAM that no image uses: the end of the 128 KiB.
+const SCRATCH: u32 = 0x2001_FFF0;
+
+/// Registers of the core.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Registers {
+    /// R0 to R15.
+    pub r: [u32; 16],
+    /// Flags, exception number, and how far an IT block is.
+    pub xpsr: u32,
+}
+
+impl Registers {
+    /// Address of the instruction that comes next.
+    pub const fn pc(&self) -> u32 {
+        self.r[15]
+    }
+
+    /// Whether the condition of the IT block that the next instruction is in, if any, holds.
+    pub fn executes(&self) -> bool {
+        // Bits 7 to 2 of the block's state are bits 15 to 10 here, bits 1 and 0 are bits 26 and 25.
+        let state = (self.xpsr >> 8 & 0xFC) | (self.xpsr >> 25 & 3);
+        let flag = |bit: u32| self.xpsr >> bit & 1 != 0;
+        let (n, z, c, v) = (flag(31), flag(30), flag(29), flag(28));
+        if state & 0xF == 0 {
+            return true;
+        }
+        let holds = match state >> 5 {
+            0 => z,
+            1 => c,
+            2 => n,
+            3 => v,
+            4 => c && !z,
+            5 => n == v,
+            6 => n == v && !z,
+            _ => return true,
+        };
+        holds != (state >> 4 & 1 != 0)
+    }
+}
+
+/// A stopped emulator. It ends when this is dropped.
+pub struct Debugger {
+    qemu: Child,
+    port: BufReader<TcpStream>,
+    link: TcpStream,
+}
+
+impl Drop for Debugger {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        let _ = self.qemu.kill();
+        let _ = self.qemu.wait();
+    }
+}
+
+impl Debugger {
+    /// Loads an image; the core stands at its first instruction. One instruction takes 1 ns of the emulated time.
+    pub fn start(image: &Path) -> Result<Self> {
+        setup::emulator()?;
+        let (debug, link) = (free_port()?, free_port()?);
+        let mut qemu = emulator::emulator(image, link);
+        qemu.args(["-S", "-gdb", &format!("tcp:127.0.0.1:{debug}")]).stdin(Stdio::null());
+        let mut qemu = qemu.spawn().map_err(|error| format!("{}: {error}", emulator::PROGRAM))?;
+        let ports = connect(debug).and_then(|debug| Ok((debug, connect(link)?)));
+        let (debug, link) = ports.inspect_err(|_| {
+            let _ = qemu.kill();
+            let _ = qemu.wait();
+        })?;
+        let mut debugger = Self { qemu, port: BufReader::new(debug), link };
+        debugger.exchange("?")?;
+        Ok(debugger)
+    }
+
+    /// The far end of the link.
+    pub const fn link(&mut self) -> &mut TcpStream {
+        &mut self.link
+    }
+
+    /// The core stops before it executes the instruction at `address`.
+    pub fn add_breakpoint(&mut self, address: u32) -> Result {
+        self.command(&format!("Z0,{address:x},2"))
+    }
+
+    /// It does not any more.
+    pub fn remove_breakpoint(&mut self, address: u32) -> Result {
+        self.command(&format!("z0,{address:x},2"))
+    }
+
+    /// Runs to the next breakpoint.
+    pub fn run(&mut self) -> Result<Registers> {
+        self.exchange("c")?;
+        self.registers()
+    }
+
+    /// Runs while `meanwhile` works, and then stops wherever it is.
+    pub fn run_during<T>(&mut self, meanwhile: impl FnOnce(&mut TcpStream) -> Result<T>) -> Result<T> {
+        self.send("c")?;
+        let result = meanwhile(&mut self.link);
+        self.port.get_mut().write_all(&[3]).map_err(broken)?;
+        self.receive()?;
+        result
+    }
+
+    /// Runs to `address`, where there need be no breakpoint.
+    pub fn run_to(&mut self, address: u32) -> Result<Registers> {
+        self.add_breakpoint(address)?;
+        let registers = self.run();
+        self.remove_breakpoint(address)?;
+        registers.and_then(|registers| {
+            if registers.pc() == address {
+                Ok(registers)
+            } else {
+                Err(format!("the core stopped at {:#x}, not at {address:#x}", registers.pc()))
+            }
+        })
+    }
+
+    /// Executes one instruction. Interrupts wait.
+    pub fn step(&mut self) -> Result<Registers> {
+        self.exchange("s")?;
+        self.registers()
+    }
+
+    /// All registers.
+    pub fn registers(&mut self) -> Result<Registers> {
+        let text = self.exchange("g")?;
+        let mut words = hex_words(&text);
+        let mut registers = Registers::default();
+        for register in registers.r.iter_mut().chain([&mut registers.xpsr]) {
+            *register = words.next().ok_or_else(|| format!("QEMU's registers are too few: {text}"))?;
+        }
+        Ok(registers)
+    }
+
+    /// Gives a register of the core a value.
+    pub fn set_register(&mut self, index: usize, value: u32) -> Result {
+        self.command(&format!("P{index:x}={:08x}", value.swap_bytes()))
+    }
+
+    /// The word at an address of memory or of a peripheral.
+    pub fn read(&mut self, address: u32) -> Result<u32> {
+        let text = self.exchange(&format!("m{address:x},4"))?;
+        hex_words(&text).next().ok_or_else(|| format!("QEMU cannot read {address:#x}: {text}"))
+    }
+
+    /// Stores a word to a peripheral. QEMU's own writes do not reach them, so the core stores it: with an instruction in
+    /// unused RAM, after which everything is as before.
+    pub fn store(&mut self, address: u32, value: u32) -> Result {
+        let before = self.registers()?;
+        // STR R1, [R0] and a branch to itself, which is not reached.
+        self.command(&format!("M{SCRATCH:x},4:0160fee7"))?;
+        for (index, value) in [(0, address), (1, value), (15, SCRATCH), (XPSR, before.xpsr & !IT_BLOCK)] {
+            self.set_register(index, value)?;
+        }
+        let after = self.step()?;
+        for index in [0, 1, 15] {
+            self.set_register(index, before.r[index])?;
+        }
+        self.set_register(XPSR, before.xpsr)?;
+        if self.registers()? != before {
+            return Err("QEMU does not take back the registers".to_owned());
+        }
+        if after.pc() == SCRATCH + 2 { Ok(()) } else { Err(format!("the store to {address:#x} did not happen")) }
+    }
+
+    fn command(&mut self, packet: &str) -> Result {
+        let answer = self.exchange(packet)?;
+        if answer == "OK" { Ok(()) } else { Err(format!("QEMU answers {packet} with {answer:?}")) }
+    }
+
+    fn exchange(&mut self, packet: &str) -> Result<String> {
+        self.send(packet)?;
+        self.receive()
+    }
+
+    fn send(&mut self, packet: &str) -> Result {
+        let sum = packet.bytes().fold(0, u8::wrapping_add);
+        write!(self.port.get_mut(), "${packet}#{sum:02x}").map_err(broken)
+    }
+
+    fn receive(&mut self) -> Result<String> {
+        let mut bytes = Vec::new();
+        // Acknowledgements come before the packet.
+        self.port.read_until(b'$', &mut bytes).map_err(broken)?;
+        bytes.clear();
+        self.port.read_until(b'#', &mut bytes).map_err(broken)?;
+        self.port.read_exact(&mut [0; 2]).map_err(broken)?;
+        self.port.get_mut().write_all(b"+").map_err(broken)?;
+        if bytes.pop() != Some(b'#') {
+            return Err("the emulator has ended".to_owned());
+        }
+        String::from_utf8(bytes).map_err(|error| error.to_string())
+    }
+}
+
+fn broken(error: std::io::Error) -> String {
+    format!("the emulator's debugging port: {error}")
+}
+
+/// Words as they lie in memory, lowest byte first.
+fn hex_words(text: &str) -> impl Iterator<Item = u32> {
+    text.as_bytes().chunks_exact(8).map_while(|digits| {
+        let digits = std::str::from_utf8(digits).ok()?;
+        Some(u32::from_str_radix(digits, 16).ok()?.swap_bytes())
+    })
+}
+
+fn free_port() -> Result<u16> {
+    let listener = TcpListener::bind("127.0.0.1:0").map_err(|error| error.to_string())?;
+    Ok(listener.local_addr().map_err(|error| error.to_string())?.port())
+}
+
+fn connect(port: u16) -> Result<TcpStream> {
+    let start = Instant::now();
+    loop {
+        match TcpStream::connect(("127.0.0.1", port)) {
+            Ok(stream) => {
+                let options = stream.set_nodelay(true).and_then(|()| stream.set_read_timeout(Some(ANSWER_LIMIT)));
+                return options.map(|()| stream).map_err(|error| error.to_string());
+            }
+            Err(error) if start.elapsed() > START_LIMIT => {
+                return Err(format!("{} does not open its port {port}: {error}", emulator::PROGRAM));
+            }
+            Err(_) => std::thread::sleep(Duration::from_millis(20)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Registers, hex_words};
+
+    #[test]
+    fn registers_are_read_lowest_byte_first() {
+        assert_eq!(hex_words("78563412efbeadde").collect::<Vec<_>>(), [0x1234_5678, 0xdead_beef]);
+    }
+
+    #[test]
+    fn a_block_of_conditions_skips_what_does_not_hold() {
+        let in_block = |state: u32, flags: u32| {
+            let xpsr = flags << 28 | (state & 0xFC) << 8 | (state & 3) << 25;
+            Registers { xpsr, ..Registers::default() }.executes()
+        };
+        assert!(in_block(0, 0), "outside of a block");
+        let (n, z, c) = (8, 4, 2);
+        assert!(in_block(0x08, z) && !in_block(0x08, 0), "EQ");
+        assert!(in_block(0x18, 0) && !in_block(0x18, z), "NE");
+        assert!(in_block(0x88, c) && !in_block(0x88, c | z), "HI");
+        assert!(in_block(0xB8, n) && !in_block(0xB8, 0), "LT");
+        assert!(in_block(0xE8, 0) && in_block(0xE8, n), "AL");
+    }
+}

@@ -1,0 +1,113 @@
+//! Filters side by side: an image of their own, in which each has the same functions.
+
+use std::path::Path;
+
+use super::debugger::Debugger;
+use super::trace::{AsEmulated, Cost, trace};
+use crate::image::Image;
+use crate::run::Result;
+
+/// The module in the image, and what its name is in tables and in JSON.
+const FILTERS: [(&str, &str, &str); 3] = [
+    ("rotorlead_section", "rotorlead", "biquad"),
+    ("idsp_dither", "idsp 0.23 Dither", "idsp_dither"),
+    ("biquad_f32", "biquad 0.6 f32 DF1", "biquad_f32"),
+];
+/// Samples of a block, and motors of a tick, as in the image.
+const BLOCK: u32 = 32;
+const MOTORS: u32 = 4;
+/// The level at which the image lets filters settle, Q2.29.
+const LEVEL: i32 = 314_159_265;
+
+/// One filter's figures.
+#[derive(Clone, Debug)]
+pub struct Filter {
+    /// For people.
+    pub name: &'static str,
+    /// In JSON.
+    pub key: &'static str,
+    /// A sample by a call that is not inlined: all instructions of the function, its return included.
+    pub call: Cost,
+    /// Inlined: one sample of each of four motors, for all of them.
+    pub motors: Cost,
+    /// A block of 32 samples, for all of them.
+    pub block: Cost,
+    /// State and coefficients.
+    pub bytes: u32,
+    /// What is left of a step after 20 s, in steps of 2^-29.
+    pub steady_error: i32,
+}
+
+impl Filter {
+    /// Instructions per sample of the four motors.
+    pub fn per_motor(&self) -> f64 {
+        f64::from(self.motors.instructions) / f64::from(MOTORS)
+    }
+
+    /// Instructions per sample of a block.
+    pub fn per_sample(&self) -> f64 {
+        f64::from(self.block.instructions) / f64::from(BLOCK)
+    }
+
+    /// Cycles per sample of a block, estimated.
+    pub fn cycles_per_sample(&self) -> f64 {
+        f64::from(self.block.cycles) / f64::from(BLOCK)
+    }
+}
+
+/// Measures them.
+pub fn measure(image_path: &Path, image: &Image) -> Result<Vec<Filter>> {
+    let mut bench = Bench { debugger: Debugger::start(image_path)?, image };
+    let filters = FILTERS.iter().map(|(module, name, key)| bench.filter(module, name, key)).collect::<Result<_>>()?;
+    bench.cross_check()?;
+    Ok(filters)
+}
+
+struct Bench<'a> {
+    debugger: Debugger,
+    image: &'a Image,
+}
+
+impl Bench<'_> {
+    /// In the order in which the image calls them.
+    fn filter(&mut self, module: &str, name: &'static str, key: &'static str) -> Result<Filter> {
+        let of = |function: &str| format!("{module}::{function}");
+        let call = self.cost(&of("call"))?;
+        let motors = self.cost(&of("motors"))?;
+        let block = self.cost(&of("block"))?;
+        let bytes = self.result("size")?;
+        let steady = self.result(&of("steady"))?;
+        let steady_error = steady.cast_signed() - LEVEL;
+        Ok(Filter { name, key, call, motors, block, bytes, steady_error })
+    }
+
+    /// Two more blocks take as many nanoseconds more of the emulator's time as they have instructions when executed
+    /// step by step.
+    fn cross_check(&mut self) -> Result {
+        let mut stepped_and_counted = || Ok::<_, String>((self.cost("counted")?.instructions, self.result("counted")?));
+        let (one, three) = (stepped_and_counted()?, stepped_and_counted()?);
+        let (stepped, counted) = (three.0 - one.0, three.1.wrapping_sub(one.1));
+        if stepped == counted {
+            Ok(())
+        } else {
+            Err(format!("{stepped} instructions take {counted} ns of the emulator's time"))
+        }
+    }
+
+    fn enter(&mut self, function: &str) -> Result<u32> {
+        let name = format!("firmware_bench::probes::{function}");
+        let index = self.image.function_named(&name).ok_or_else(|| format!("the image has no function {name}"))?;
+        let registers = self.debugger.run_to(self.image.functions[index].address)?;
+        Ok(registers.r[14] & !1)
+    }
+
+    fn cost(&mut self, function: &str) -> Result<Cost> {
+        let back = self.enter(function)?;
+        trace(&mut self.debugger, self.image, &[back], &mut AsEmulated)
+    }
+
+    fn result(&mut self, function: &str) -> Result<u32> {
+        let back = self.enter(function)?;
+        Ok(self.debugger.run_to(back)?.r[0])
+    }
+}

@@ -1,0 +1,59 @@
+//! The capture hardware, which the emulator has not got: TIM2's count, flags and stamps, and the levels of the pins.
+//!
+//! The application runs as it is. Where it loads one of these registers, the value is supplied from here; everything else
+//! is the emulator's.
+
+use super::trace::Hardware;
+
+/// Inputs of the controller.
+pub const INPUTS: usize = 4;
+
+const TIM2: u32 = 0x4000_0000;
+const STATUS: u32 = TIM2 + 0x10;
+const COUNT: u32 = TIM2 + 0x24;
+const CAPTURES: u32 = TIM2 + 0x34;
+const GPIOA_LEVELS: u32 = 0x4002_0010;
+
+/// The four inputs. Time is in counts of the timer.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Inputs {
+    /// The timer's count.
+    pub now: u32,
+    levels: u32,
+    flags: u32,
+    stamps: [u32; INPUTS],
+}
+
+impl Inputs {
+    /// Edges now, of the inputs that `changes` says, to this level.
+    pub fn edges(&mut self, changes: [bool; INPUTS], high: bool) {
+        for (input, _) in changes.into_iter().enumerate().filter(|(_, changes)| *changes) {
+            let bit = 1 << input;
+            self.levels = if high { self.levels | bit } else { self.levels & !bit };
+            self.flags |= bit << 1;
+            self.stamps[input] = self.now;
+        }
+    }
+
+    /// Whether there are stamps that were not read.
+    pub const fn pending(&self) -> bool {
+        self.flags != 0
+    }
+}
+
+impl Hardware for Inputs {
+    fn load(&mut self, address: u32) -> Option<u32> {
+        match address {
+            STATUS => Some(self.flags),
+            COUNT => Some(self.now),
+            GPIOA_LEVELS => Some(self.levels),
+            _ => {
+                let input = address.checked_sub(CAPTURES)? / 4;
+                let stamp = *self.stamps.get(input as usize)?;
+                // A read of the stamp clears its flag.
+                self.flags &= !(2 << input);
+                Some(stamp)
+            }
+        }
+    }
+}

@@ -1,0 +1,64 @@
+//! Figures that compare: everything in one table comes from one run.
+
+mod application;
+mod cycles;
+mod debugger;
+mod filters;
+mod inputs;
+mod report;
+mod trace;
+
+use std::path::{Path, PathBuf};
+
+use crate::image::Image;
+use crate::run::{Result, cargo, run};
+use crate::{firmware, setup};
+
+/// The filter beside its peers, and the simulated stand.
+pub fn all() -> Result {
+    run(&mut cargo(&["bench", "--package", "host-tests", "--bench", "filter", "--locked"]))?;
+    run(&mut cargo(&["bench", "--package", "rotorlead-sim", "--bench", "plant", "--locked"]))
+}
+
+/// Instructions of the filter beside its peers' and of the application's interrupts, on the controller's core.
+pub fn firmware(json: Option<&str>) -> Result {
+    let report = measure()?;
+    print!("{report}");
+    match json {
+        Some("-") => println!("{:#}", report.json()),
+        Some(file) => {
+            std::fs::write(file, format!("{:#}\n", report.json())).map_err(|error| format!("{file}: {error}"))?;
+        }
+        None => {}
+    }
+    Ok(())
+}
+
+/// The figures must hold what is said of them.
+pub fn test() -> Result {
+    let report = measure()?;
+    print!("{report}");
+    let missed = report.missed();
+    if missed.is_empty() { Ok(()) } else { Err(missed.join("\n")) }
+}
+
+fn measure() -> Result<report::Report> {
+    let path = firmware::build_image(&[])?;
+    let interrupts = with_image(&path, |image| application::measure(&path, image))?;
+    let path = build_filters()?;
+    let filters = with_image(&path, |image| filters::measure(&path, image))?;
+    Ok(report::Report { filters, interrupts })
+}
+
+fn with_image<T>(path: &Path, measure: impl FnOnce(&Image) -> Result<T>) -> Result<T> {
+    let bytes = std::fs::read(path).map_err(|error| format!("{}: {error}", path.display()))?;
+    measure(&Image::read(&bytes)?)
+}
+
+/// Builds the image with the filters, as the application is built.
+fn build_filters() -> Result<PathBuf> {
+    let toolchain = setup::target()?;
+    let mut build = toolchain.cargo(&["build", "--package", "firmware-bench", "--locked", "--profile", "firmware"]);
+    run(&mut build)?;
+    Ok(toolchain.folder().join("firmware").join("firmware-bench"))
+}
