@@ -35,8 +35,8 @@ mod app {
 
     use defmt_rtt as _;
     use heapless::spsc::{Consumer, Producer, Queue};
-    use rotorlead::controller::{Desk, INJECT_QUEUE, RECORD_QUEUE};
-    use rotorlead::link::{Receiver, Request, Sample, Writer};
+    use rotorlead::controller::{INJECT_QUEUE, RECORD_QUEUE, Server};
+    use rotorlead::link::Sample;
     use rotorlead::throttle::Command;
     use stm32f4xx_hal::pac::Interrupt;
 
@@ -59,7 +59,7 @@ mod app {
 
     #[local]
     struct Local {
-        desk: Desk<SettingsFlash>,
+        server: Server<SettingsFlash>,
         facts: rotorlead::controller::Facts,
         received: Consumer<'static, u8, RECEIVE_QUEUE>,
         to_send: Producer<'static, u8, SEND_QUEUE>,
@@ -83,45 +83,30 @@ mod app {
         let parts = start(board, inject, outputs, cx.local.sample_queue.split());
         defmt::info!("settings: {}", defmt::Debug2Format(&parts.origin));
         let shared = Shared { inputs: parts.inputs, control: parts.control, serial: parts.serial };
-        (shared, Local { desk: parts.desk, facts: parts.facts, received, to_send })
+        (shared, Local { server: Server::new(parts.desk), facts: parts.facts, received, to_send })
     }
 
     /// Talks to the host, and does whatever takes long.
     #[idle(
         shared = [inputs, control, serial],
         local = [
-            desk, facts, received, to_send,
-            receiver: Receiver<Request> = Receiver::new(),
-            writer: Writer = Writer::new(),
+            server, facts, received, to_send,
         ]
     )]
     fn idle(cx: idle::Context) -> ! {
-        let idle::LocalResources { desk, facts, received, to_send, receiver, writer, .. } = cx.local;
+        let idle::LocalResources { server, facts, received, to_send, .. } = cx.local;
         let idle::SharedResources { inputs, control, serial, .. } = cx.shared;
         let mut wires = Wires { inputs, control, serial, facts: *facts };
         loop {
             IDLE_LIVES.store(true, Ordering::Relaxed);
             while to_send.ready() {
-                let Some(byte) = writer.next_byte() else { break };
+                let Some(byte) = server.next_byte() else { break };
                 let _ = to_send.enqueue(byte);
             }
             if to_send.len() > 0 {
                 rtic::pend(Interrupt::USART3);
             }
-            if !writer.is_empty() {
-                continue;
-            }
-            let message = match desk.poll() {
-                Some(message) => Some(message),
-                None => received
-                    .dequeue()
-                    .and_then(|byte| receiver.push(byte))
-                    .and_then(|request| desk.answer(request, *receiver.faults(), &mut wires)),
-            };
-            if let Some(message) = message {
-                // Every message fits a frame.
-                let _ = writer.load(message.tag, &message.message);
-            }
+            server.turn(|| received.dequeue(), &mut wires);
         }
     }
 

@@ -12,7 +12,7 @@ use rotorlead::throttle::{Command, PulseScale};
 use rtic::Mutex;
 
 use crate::board::capture::{Capture, Edge};
-use crate::board::clocks::ClockReport;
+use crate::board::clocks::{ClockReport, Source};
 use crate::board::control_timer::ControlTimer;
 use crate::board::outputs::Outputs;
 use crate::board::serial::Serial;
@@ -27,6 +27,9 @@ const IDLE_LIMIT_MS: u32 = 20_000;
 pub struct Inputs {
     capture: Capture,
     decoders: [Decoder; MOTORS],
+    /// Whether the clock tells a disarmed pulse from an armed one. Without the crystal a stop pulse of 1000 µs may read as
+    /// 1080 µs: nobody may arm by that, so no pulse is heard.
+    exact: bool,
 }
 
 impl Inputs {
@@ -54,7 +57,8 @@ impl Inputs {
 
     #[inline]
     fn listen(&mut self) {
-        self.capture.listen(self.decoders.each_ref().map(|decoder| !decoder.is_masked()));
+        let exact = self.exact;
+        self.capture.listen(self.decoders.each_ref().map(|decoder| exact && !decoder.is_masked()));
     }
 
     fn faults(&self) -> [MotorFaults; MOTORS] {
@@ -86,7 +90,7 @@ impl Control {
         let now = inputs.capture.now();
         let were_masked = inputs.any_masked();
         let signals = inputs.decoders.iter_mut().map(|decoder| decoder.poll(now));
-        let commands = self.tick.run(signals, self.thrust_adc.read());
+        let commands = self.tick.run(signals, || self.thrust_adc.read());
         if were_masked {
             inputs.listen();
         }
@@ -194,8 +198,11 @@ pub fn start(
     control.watchdog.tighten();
     control.timer.start();
     let queues = DeskQueues { inject: inject_in, outputs: outputs_out, samples: samples_out };
+    let decoders = [const { () }; MOTORS].map(|()| Decoder::new(plan.timing));
+    let mut inputs = Inputs { capture: board.capture, decoders, exact: source == Source::CrystalPll };
+    inputs.listen();
     Parts {
-        inputs: Inputs { capture: board.capture, decoders: [const { () }; MOTORS].map(|()| Decoder::new(plan.timing)) },
+        inputs,
         control,
         serial: board.serial,
         desk: Desk::new(settings, origin, coefficients, store, queues),

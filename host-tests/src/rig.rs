@@ -102,7 +102,7 @@ impl Board for Hardware {
         self.stalls.push(stalls);
         if stalls {
             for signals in &self.during_save {
-                self.outputs_during_save.push(self.tick.run(*signals, 0));
+                self.outputs_during_save.push(self.tick.run(*signals, || 0));
             }
         }
     }
@@ -203,14 +203,14 @@ impl Rig {
 
     /// One control tick with the same at every input.
     pub fn tick(&mut self, signal: Signal) -> [Command; MOTORS] {
-        self.hardware.tick.run([signal; MOTORS], 0)
+        self.hardware.tick.run([signal; MOTORS], || 0)
     }
 
     /// One control tick with `signal` at motor 0 and nothing at the others, whose output is this.
     pub fn tick_one(&mut self, signal: Signal) -> Command {
         let mut signals = [Signal::Nothing; MOTORS];
         signals[0] = signal;
-        self.hardware.tick.run(signals, 0)[0]
+        self.hardware.tick.run(signals, || 0)[0]
     }
 
     /// Puts bytes on the line to the controller.

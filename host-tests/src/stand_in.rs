@@ -340,7 +340,7 @@ impl Controller {
             let time_s = self.ticks as f64 / rate_hz;
             let adc = (self.stand.thrust)(self.output, time_s);
             let signals = [(self.stand.input)(time_s), Signal::Nothing, Signal::Nothing, Signal::Nothing];
-            self.output = self.board.tick.run(signals, adc)[0].to_f64();
+            self.output = self.board.tick.run(signals, || adc)[0].to_f64();
         }
         self.poll();
     }

@@ -231,21 +231,21 @@ fn settings_are_neither_set_nor_saved_while_a_motor_turns_and_its_output_does_no
     let (low, high) = (rig.pulse(0.0), rig.pulse(0.5));
     // Motor 3 is the one that turns.
     let only_3 = |signal| [Signal::Nothing, Signal::Nothing, Signal::Nothing, signal];
-    rig.hardware.tick.run(only_3(low), 0);
+    rig.hardware.tick.run(only_3(low), || 0);
     let lost = Signal::Lost(rotorlead::capture::LossReason::StuckLow);
     for signal in [high, Signal::Unchanged, lost] {
-        let outputs = rig.hardware.tick.run(only_3(signal), 0);
+        let outputs = rig.hardware.tick.run(only_3(signal), || 0);
         assert_eq!(outputs, [STOP, STOP, STOP, rig.heard(0.5)]);
         assert_eq!(rig.ask(&Request::SaveSettings), refused(Refusal::NotDisarmed { motor: 3 }));
         let set = Request::SetSettings(Settings::default());
         assert_eq!(rig.ask(&set), refused(Refusal::NotDisarmed { motor: 3 }));
     }
-    assert_eq!(rig.hardware.tick.run(only_3(Signal::Unchanged), 0)[3], rig.heard(0.5));
+    assert_eq!(rig.hardware.tick.run(only_3(Signal::Unchanged), || 0)[3], rig.heard(0.5));
     assert!(rig.hardware.stalls.is_empty());
     assert_eq!(flash.copy().bytes, blank);
 
     // Disarmed it is saved; the board is told before and after.
-    assert_eq!(rig.hardware.tick.run(only_3(low), 0), [STOP; MOTORS]);
+    assert_eq!(rig.hardware.tick.run(only_3(low), || 0), [STOP; MOTORS]);
     assert_eq!(rig.ask(&Request::SaveSettings), Message::Done);
     assert_eq!(rig.hardware.stalls, [true, false]);
     assert_eq!(Rig::starting_from(&flash).1.origin, Origin::Stored);
@@ -353,7 +353,7 @@ fn an_excitation_is_refused_while_any_pulse_input_is_live_and_the_outputs_do_not
             signals[live] = signal;
             let mut expected = [STOP; MOTORS];
             expected[live] = level;
-            assert_eq!(rig.hardware.tick.run(signals, 0), expected);
+            assert_eq!(rig.hardware.tick.run(signals, || 0), expected);
             assert_eq!(rig.ask(&start), refusal, "motor {live} has {signal:?}");
         }
         for _ in 0..HOLD_TICKS {
@@ -709,7 +709,7 @@ fn a_recording_has_every_sample_or_says_which_are_missing() {
             let level = 0.4 + 0.1 * f64::from(n * 7919 % 1000) / 1000.0;
             let mut signals = [Signal::Nothing; MOTORS];
             signals[0] = rig.pulse(level);
-            let output = rig.hardware.tick.run(signals, n as u16)[0];
+            let output = rig.hardware.tick.run(signals, || n as u16)[0];
             sent.push((rig.heard(level).to_bits(), output.to_bits(), i32::from(n as u16)));
             rig.serve(bytes_per_tick);
         }
@@ -769,7 +769,7 @@ fn outputs(line: &Line, seconds: f64) -> Vec<(f64, f64)> {
         .map(|(time, signal)| {
             let mut signals = [Signal::Nothing; MOTORS];
             signals[0] = signal;
-            let outputs = rig.hardware.tick.run(signals, 0);
+            let outputs = rig.hardware.tick.run(signals, || 0);
             assert_eq!(outputs[1..], [STOP; 3], "the other motors stand");
             (time as f64 / f64::from(TIMER_HZ), 1000.0 + 1000.0 * outputs[0].to_f64())
         })
@@ -854,7 +854,7 @@ fn after_a_brown_out_while_armed_every_output_is_the_stop_until_its_input_was_se
     }
     assert_eq!(states(&mut rig), [ChannelState::Locked; MOTORS]);
     // Each input by itself.
-    assert_eq!(rig.hardware.tick.run([low, high, high, high], 0), [STOP; MOTORS]);
+    assert_eq!(rig.hardware.tick.run([low, high, high, high], || 0), [STOP; MOTORS]);
     let level = rig.heard(0.7);
     assert_eq!(rig.tick(high), [level, STOP, STOP, STOP]);
 }
@@ -1083,7 +1083,7 @@ proptest! {
                                 None => Signal::Lost(rotorlead::capture::LossReason::StuckLow),
                             };
                         }
-                        let outputs = rig.hardware.tick.run(signals, 0);
+                        let outputs = rig.hardware.tick.run(signals, || 0);
                         for index in 0..MOTORS {
                             quiet[index] = quiet[index].saturating_add(1);
                             let by_pulse = rig.hardware.tick.motors()[index].source() == Source::Pulse;

@@ -16,7 +16,7 @@ const fn pin(name: &'static str, function: &'static str, use_: &'static str) -> 
 
 /// Every pin the firmware uses, in the order in which a wiring table lists them.
 pub const PINS: [Pin; 13] = [
-    pin("PA0", "TIM2_CH1", "input 1, pulses from the flight controller (3.3 V, 5 V tolerant, pulled down)"),
+    pin("PA0", "TIM2_CH1", "input 1, pulses from the flight controller (3.3 V, pulled down)"),
     pin("PA1", "TIM2_CH2", "input 2"),
     pin("PA2", "TIM2_CH3", "input 3"),
     pin("PA3", "TIM2_CH4", "input 4"),

@@ -40,6 +40,14 @@ impl SettingsFlash {
         result
     }
 
+    /// An erase goes past the data cache, which must be flushed after it (RM0090, 3.7.3).
+    fn forget_cached(&mut self) {
+        self.0.acr().modify(|_, w| w.dcen().clear_bit());
+        self.0.acr().modify(|_, w| w.dcrst().set_bit());
+        self.0.acr().modify(|_, w| w.dcrst().clear_bit());
+        self.0.acr().modify(|_, w| w.dcen().set_bit());
+    }
+
     fn clear_errors(&mut self) {
         self.0.sr().write(|w| {
             w.pgserr().clear_bit_by_one();
@@ -134,6 +142,7 @@ impl NorFlash for SettingsFlash {
                 });
                 flash.finish()?;
             }
+            flash.forget_cached();
             Ok(())
         })
     }

@@ -80,7 +80,8 @@ impl Board {
     pub fn new(device: Peripherals, mut core: cortex_m::Peripherals, queues: Queues) -> Self {
         let start_reason = postmortem::take(&device.RCC);
         let mut watchdog = IndependentWatchdog::new(device.IWDG);
-        watchdog.stop_on_debug(&device.DBGMCU, true);
+        // A core that a debug probe halts must not leave the last pulses running: the reset comes all the same.
+        watchdog.stop_on_debug(&device.DBGMCU, false);
         watchdog.start(WATCHDOG_PATIENT_MS.millis());
 
         let (mut rcc, source) = clocks::start(device.RCC);

@@ -240,12 +240,13 @@ impl Tick {
         Self { motors, input_scale, silence_limit, samples, recording: None, ticks: 0, samples_dropped: 0 }
     }
 
-    /// One tick: what the inputs have, and the converter's count; to what the ESCs get.
+    /// One tick: what the inputs have, to what the ESCs get.
     ///
-    /// Integer, without division, heap or panic; every loop is over the motors.
-    /// The signals, one for each motor, are taken one by one, each on its way to its motor.
+    /// Integer, without division, heap or panic; every loop is over the motors. The signals, one for each motor, are taken
+    /// one by one, each on its way to its motor. The converter's count is asked for after the motors, and only where it
+    /// is recorded: a conversion that began with the tick is done by then.
     #[inline]
-    pub fn run(&mut self, signals: impl IntoIterator<Item = Signal>, adc: u16) -> [Command; MOTORS] {
+    pub fn run(&mut self, signals: impl IntoIterator<Item = Signal>, adc: impl FnOnce() -> u16) -> [Command; MOTORS] {
         self.ticks = self.ticks.wrapping_add(1);
         for (motor, signal) in self.motors.iter_mut().zip(signals) {
             motor.run(signal, &self.input_scale, self.silence_limit);
@@ -255,12 +256,12 @@ impl Tick {
     }
 
     #[inline]
-    fn record(&mut self, adc: u16) {
+    fn record(&mut self, adc: impl FnOnce() -> u16) {
         let Some((index, clock)) = &mut self.recording else { return };
         let Some(motor) = self.motors.get(usize::from(*index)) else { return };
         let Some(tick) = clock.tick() else { return };
         let before = motor.channel.command().to_bits();
-        let sample = Sample { tick, input: motor.input, before, after: motor.output.to_bits(), adc };
+        let sample = Sample { tick, input: motor.input, before, after: motor.output.to_bits(), adc: adc() };
         if self.samples.enqueue(sample).is_err() {
             self.samples_dropped = self.samples_dropped.wrapping_add(1);
         }
