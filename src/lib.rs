@@ -36,6 +36,7 @@ pub mod channel;
 pub mod compensator;
 pub mod controller;
 pub mod design;
+pub mod esc_output;
 pub mod excitation;
 pub mod link;
 pub mod settings;

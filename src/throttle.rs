@@ -209,6 +209,9 @@ impl PulseScale {
     /// Most ticks a pulse range may span: with more than 2^28 the round trip would lose ticks (see [`Self::to_ticks`]).
     pub const MAX_SPAN_TICKS: u32 = 1 << (FRACTION_BITS - 1);
 
+    /// Every pulse means 1: for a clock that cannot tell them apart.
+    pub const FULL: Self = Self { low_ticks: 0, span_ticks: 1, reciprocal: 1 << 31, left_shift: 30 };
+
     /// The conversion for `protocol` on a timer that counts at `timer_hz`.
     ///
     /// # Errors

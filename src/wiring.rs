@@ -1,5 +1,7 @@
 //! Which part of the board feeds which part of the library.
 
+use core::sync::atomic::{AtomicBool, Ordering};
+
 use heapless::spsc::{Consumer, Producer};
 use rotorlead::capture::{Decoder, Faults as InputFaults, Level, Timing};
 use rotorlead::channel::Channel;
@@ -23,13 +25,18 @@ use crate::board::{Board, Watchdog};
 /// Longest time that the idle task may be away, milliseconds: the design of a filter, or a save.
 const IDLE_LIMIT_MS: u32 = 20_000;
 
+/// One over the time in which the watchdog has settled on a new limit, and has been fed.
+const WATCHDOG_SETTLES_HZ: u32 = 500;
+
+/// Whether the clock tells a disarmed pulse from an armed one. Without the crystal a stop pulse of 1000 µs may read as
+/// 1080 µs. Nobody may arm by that, so every pulse then counts as an armed one, which a motor does not turn on that has
+/// not been seen disarmed, and which ends an excitation or an injection.
+static PULSES_ARE_EXACT: AtomicBool = AtomicBool::new(false);
+
 /// The inputs and what decodes them.
 pub struct Inputs {
     capture: Capture,
     decoders: [Decoder; MOTORS],
-    /// Whether the clock tells a disarmed pulse from an armed one. Without the crystal a stop pulse of 1000 µs may read as
-    /// 1080 µs: nobody may arm by that, so no pulse is heard.
-    exact: bool,
 }
 
 impl Inputs {
@@ -57,8 +64,7 @@ impl Inputs {
 
     #[inline]
     fn listen(&mut self) {
-        let exact = self.exact;
-        self.capture.listen(self.decoders.each_ref().map(|decoder| exact && !decoder.is_masked()));
+        self.capture.listen(self.decoders.each_ref().map(|decoder| !decoder.is_masked()));
     }
 
     fn faults(&self) -> [MotorFaults; MOTORS] {
@@ -106,8 +112,18 @@ impl Control {
             self.watchdog.feed();
         }
         if self.timer.is_due() {
-            self.missed = self.missed.wrapping_add(1);
+            self.late();
         }
+    }
+}
+
+impl Control {
+    /// The next tick is due already. Where that goes on, nothing of lower priority runs, and a host could not stop an
+    /// excitation: it ends here.
+    #[cold]
+    fn late(&mut self) {
+        self.missed = self.missed.wrapping_add(1);
+        self.tick.stop_excitation();
     }
 }
 
@@ -140,7 +156,11 @@ impl Plan {
         let input = settings.input.protocol();
         Some(Self {
             timing: Timing::new(input, timer_hz, settings.loop_rate_hz).ok()?,
-            input_scale: PulseScale::new(input, timer_hz).ok()?,
+            input_scale: if PULSES_ARE_EXACT.load(Ordering::Relaxed) {
+                PulseScale::new(input, timer_hz).ok()?
+            } else {
+                PulseScale::FULL
+            },
             output_scale: PulseScale::new(
                 settings.output.protocol(),
                 outputs.counter_hz(u32::from(settings.output.frame_hz)),
@@ -160,7 +180,8 @@ pub fn start(
     outputs: [Ends<Command, INJECT_QUEUE>; MOTORS],
     samples: Ends<Sample, RECORD_QUEUE>,
 ) -> Parts {
-    let ClockReport { source, core_hz, timer_hz, .. } = board.clocks;
+    let ClockReport { source, core_hz, timer_hz, timer_as_promised } = board.clocks;
+    PULSES_ARE_EXACT.store(source == Source::CrystalPll && timer_as_promised, Ordering::Relaxed);
     let facts = Facts { clock: source.into(), core_hz, timer_hz, reset: board.start_reason.into() };
     let mut store = Store::new(board.flash, COPIES);
     let loaded = store.load();
@@ -199,10 +220,8 @@ pub fn start(
     control.timer.start();
     let queues = DeskQueues { inject: inject_in, outputs: outputs_out, samples: samples_out };
     let decoders = [const { () }; MOTORS].map(|()| Decoder::new(plan.timing));
-    let mut inputs = Inputs { capture: board.capture, decoders, exact: source == Source::CrystalPll };
-    inputs.listen();
     Parts {
-        inputs,
+        inputs: Inputs { capture: board.capture, decoders },
         control,
         serial: board.serial,
         desk: Desk::new(settings, origin, coefficients, store, queues),
@@ -255,12 +274,13 @@ where
         let timer_hz = self.facts.timer_hz;
         let plan = self.control.lock(|control| Plan::new(settings, timer_hz, &control.outputs));
         let plan = plan.ok_or(Refusal::Design)?;
-        self.control.lock(|control| {
-            control.set_rates(settings);
-            control.output_scale = plan.output_scale;
-            control.tick.reconfigure(channels, plan.input_scale, settings.loop_rate_hz);
-        });
+        // At once, or a tick would read pulses of one protocol on the scale of the other.
         self.inputs.lock(|inputs| {
+            self.control.lock(|control| {
+                control.set_rates(settings);
+                control.output_scale = plan.output_scale;
+                control.tick.reconfigure(channels, plan.input_scale, settings.loop_rate_hz);
+            });
             inputs.decoders.iter_mut().for_each(|decoder| *decoder = Decoder::new(plan.timing));
             inputs.listen();
         });
@@ -269,6 +289,9 @@ where
 
     fn flash_stalls(&mut self, stalls: bool) {
         self.control.lock(|control| if stalls { control.watchdog.relax() } else { control.watchdog.tighten() });
+        // The watchdog takes its new limit over within 5 periods of its own clock (RM0090, 21.4.4), 0.3 ms; then a control
+        // tick must feed it once by the new one.
+        cortex_m::asm::delay(self.facts.core_hz / WATCHDOG_SETTLES_HZ);
     }
 
     fn facts(&mut self) -> Facts {

@@ -434,6 +434,45 @@ fn a_host_that_vanishes_during_an_injection_loses_the_motor_after_a_second_and_t
     assert_eq!(rig.tick_one(Signal::Nothing), STOP);
 }
 
+/// By default the filter is not in the path of the pulses, and what an injection does with it must not stay.
+#[test]
+fn the_filter_of_an_injection_ends_with_it() {
+    let mut rig = Rig::new();
+    assert_eq!(rig.ask(&Request::SetMode { motor: 0, source: Source::Inject, compensate: true }), Message::Done);
+    rig.send(&inject(0, &[0.0, 0.5, 0.5]));
+    rig.serve(usize::MAX);
+    for _ in 0..3 {
+        rig.tick_one(Signal::Nothing);
+    }
+    for _ in 0..INJECT_TIMEOUT_TICKS + HOLD_TICKS {
+        rig.tick_one(Signal::Nothing);
+    }
+    assert_eq!(state(&mut rig), ChannelState::Lost);
+    let (low, half, more) = (rig.pulse(0.0), rig.pulse(0.5), rig.pulse(0.6));
+    assert_eq!(rig.tick_one(low), STOP);
+    for _ in 0..1000 {
+        assert_eq!(rig.tick_one(half), rig.heard(0.5));
+    }
+    // Compensated, the answer to a step is more than the step.
+    assert_eq!(rig.tick_one(more), rig.heard(0.6));
+    assert_eq!(rig.tick_one(more), rig.heard(0.6));
+}
+
+#[test]
+fn a_flight_controller_that_comes_up_at_another_motor_ends_an_excitation() {
+    let mut rig = exciting(10_000);
+    let disarmed = rig.pulse(0.0);
+    let signals = [Signal::Nothing, Signal::Nothing, Signal::Nothing, disarmed];
+    let mut ticks = 0;
+    while rig.hardware.tick.run(signals, || 0)[0] > STOP {
+        if ticks % 500 == 0 {
+            assert_eq!(rig.ask(&Request::KeepAlive), Message::Done);
+        }
+        ticks += 1;
+        assert!(ticks < 20_000, "the motor is kept running beside a flight controller");
+    }
+}
+
 #[test]
 fn requests_that_cannot_be_used_do_not_keep_an_injected_motor_running() {
     let mut rig = injecting(0.5);

@@ -14,6 +14,8 @@ use rotorlead::link::{
 use rotorlead::settings::{Origin, Settings, Store, Validated};
 use rotorlead::throttle::{Command, PulseScale};
 
+/// Where there is nothing to be executed.
+const NOTHING: u32 = 0x6000_0000;
 /// Compare register of the first output: channel 1 of TIM3.
 const OUTPUT_1: u32 = 0x4000_0434;
 
@@ -338,11 +340,16 @@ fn a_fault_of_the_core_forces_the_outputs_low_and_is_reported_after_the_reset() 
     let mark = machine.trace.mark();
     let debugger = machine.debugger.as_mut().unwrap();
     debugger.halt();
-    // Nothing is there to be executed.
-    debugger.jump(0x6000_0000);
+    debugger.jump(NOTHING);
     debugger.go_on();
     machine.link.wait_for_start();
-    assert_eq!(machine.link.info().reset, ResetReason::Fault);
+    match machine.link.info().reset {
+        ResetReason::Fault { program_counter, status } => {
+            assert_eq!(program_counter & !1, NOTHING);
+            assert_ne!(status, 0);
+        }
+        other => panic!("{other:?}"),
+    }
     assert!(outputs_were_forced_low(&machine.trace.outputs_since(mark)));
     let stop = width(&mut machine, Command::ZERO);
     assert_eq!(machine.monitor.word(OUTPUT_1), stop);

@@ -6,8 +6,8 @@
 //! | internal oscillator (16 MHz) and PLL | 168 MHz | 84 MHz | 1 % at 25 °C, -8 to +4.5 % over temperature |
 //! | internal oscillator | 16 MHz | 16 MHz | the same |
 //!
-//! On the internal oscillator the link, excitation and injection work, and pulses are not listened to: they could not be
-//! told armed from disarmed.
+//! On the internal oscillator the link, excitation and injection work, and pulses unlock no motor: they could not be told
+//! armed from disarmed.
 //!
 //! The HAL waits for oscillators without limit. So each is first tried here with a bounded wait, and the HAL is asked
 //! only for what has just been seen to run.

@@ -4,6 +4,7 @@
 //! or doubled. The pulse begins with the frame. All four share the timer and so the frame rate.
 
 use embedded_hal::pwm::SetDutyCycle;
+use rotorlead::esc_output::put_out;
 use stm32f4xx_hal::gpio::{Input, PC6, PC7, PC8, PC9};
 use stm32f4xx_hal::pac::{GPIOC, TIM3};
 use stm32f4xx_hal::prelude::*;
@@ -73,16 +74,6 @@ impl Outputs {
 fn frame_registers() -> TIM3 {
     // SAFETY: of these, only prescaler and reload are written here, which the HAL's channels do not write.
     unsafe { TIM3::steal() }
-}
-
-/// Sets the outputs of any HAL.
-#[inline]
-fn put_out<P: SetDutyCycle>(channels: &mut [P; MOTORS], widths: [u32; MOTORS]) {
-    for (channel, width) in channels.iter_mut().zip(widths) {
-        // A duty that the timer cannot hold is as long as it can hold. There is nobody to tell of a failure here, and
-        // the next tick tries again.
-        let _ = channel.set_duty_cycle(u16::try_from(width).unwrap_or(u16::MAX));
-    }
 }
 
 /// Takes the pins away from the timer and holds them low. For the handlers of faults and panics: needs nothing but the

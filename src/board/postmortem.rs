@@ -57,7 +57,9 @@ impl From<StartReason> for ResetReason {
             StartReason::Software => Self::Software,
             StartReason::Watchdog => Self::Watchdog,
             StartReason::Panic { line, file } => Self::Panic(PanicPlace { line, file }),
-            StartReason::Fault { .. } | StartReason::CrystalLost | StartReason::StrayInterrupt { .. } => Self::Fault,
+            StartReason::Fault { program_counter, status } => Self::Fault { program_counter, status },
+            StartReason::CrystalLost => Self::CrystalLost,
+            StartReason::StrayInterrupt { number } => Self::StrayInterrupt(number),
         }
     }
 }

@@ -36,11 +36,12 @@ impl SettingsFlash {
         }
         self.clear_errors();
         let result = operate(self);
+        self.forget_cached();
         self.0.cr().write(|w| w.lock().set_bit());
         result
     }
 
-    /// An erase goes past the data cache, which must be flushed after it (RM0090, 3.7.3).
+    /// An erase, and a write, go past the data cache, which must be flushed after it (RM0090, 3.7.3).
     fn forget_cached(&mut self) {
         self.0.acr().modify(|_, w| w.dcen().clear_bit());
         self.0.acr().modify(|_, w| w.dcrst().set_bit());
@@ -62,8 +63,11 @@ impl SettingsFlash {
         for _ in 0..PATIENCE {
             let status = self.0.sr().read();
             if status.bsy().bit_is_clear() {
-                let bad =
-                    status.pgserr().bit() || status.pgperr().bit() || status.pgaerr().bit() || status.wrperr().bit();
+                let bad = status.pgserr().bit()
+                    || status.pgperr().bit()
+                    || status.pgaerr().bit()
+                    || status.wrperr().bit()
+                    || status.operr().bit();
                 return if bad { Err(FlashError::Failed) } else { Ok(()) };
             }
         }
@@ -142,7 +146,6 @@ impl NorFlash for SettingsFlash {
                 });
                 flash.finish()?;
             }
-            flash.forget_cached();
             Ok(())
         })
     }

@@ -28,9 +28,11 @@ impl ThrustAdc {
         Self { converter, _pin: pin, last: 0 }
     }
 
-    /// Begins a conversion.
+    /// Begins a conversion, and forgets the one before.
     #[inline]
     pub fn start(&mut self) {
+        // Flags are cleared by writing 0, and all of this converter's are its own.
+        self.converter.sr().reset();
         self.converter.cr2().modify(|_, w| w.swstart().set_bit());
     }
 

@@ -21,7 +21,7 @@
 //! |---|---|
 //! | [`State::NoSignal`] | stop |
 //! | [`State::Locked`] | stop: the command is armed, but none that was disarmed came before it |
-//! | [`State::Disarmed`] | the command, untouched |
+//! | [`State::Disarmed`] | the command, untouched, but never below the stop |
 //! | [`State::Armed`] | the command through the compensator, within [idle, max] |
 //! | [`State::Holding`] | as if the last command were still coming |
 //! | [`State::Lost`] | stop |

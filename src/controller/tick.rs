@@ -49,6 +49,8 @@ pub struct Motor {
     output: Command,
     /// The pulse input as a command, while there is one.
     input: i32,
+    /// Whether the filter is in the path of the pulses: what an injection does with it ends with the injection.
+    compensates: bool,
     /// Excitations of former channels that ended because the host was silent.
     dead_man: u32,
 }
@@ -58,7 +60,8 @@ impl Motor {
     #[must_use]
     pub const fn new(channel: Channel, queues: MotorQueues) -> Self {
         let output = channel.settings().stop;
-        Self { channel, feed: Feed::Pulse, queues, silent_ticks: 0, output, input: NO_INPUT, dead_man: 0 }
+        let compensates = channel.is_enabled();
+        Self { channel, feed: Feed::Pulse, queues, silent_ticks: 0, output, input: NO_INPUT, compensates, dead_man: 0 }
     }
 
     /// The channel.
@@ -94,7 +97,10 @@ impl Motor {
         self.dead_man = self.dead_man();
         self.channel = channel;
         self.feed = match source {
-            Source::Pulse => Feed::Pulse,
+            Source::Pulse => {
+                self.compensates = self.channel.is_enabled();
+                Feed::Pulse
+            }
             Source::Inject => Feed::Inject,
         };
         self.silent_ticks = 0;
@@ -211,6 +217,9 @@ impl Motor {
             let _ = self.queues.outputs.enqueue(output);
         }
         let is_over = is_queue_empty && self.channel.state().is_at_rest();
+        if is_over {
+            self.channel.set_enabled(self.compensates);
+        }
         self.feed = if is_over { Feed::Pulse } else { Feed::Ending };
         output
     }
@@ -306,8 +315,12 @@ impl Tick {
         self.motors.iter_mut().for_each(Motor::resume);
     }
 
-    /// The host is there.
+    /// The host is there. Where pulses have come up at any input meanwhile, a flight controller is, too, and excitations
+    /// end: they are not begun then either.
     pub fn keep_alive(&mut self) {
+        if self.motors.iter().any(Motor::is_input_live) {
+            return self.stop_excitation();
+        }
         self.motors.iter_mut().for_each(|motor| motor.channel.keep_alive());
     }
 

@@ -281,9 +281,16 @@ pub enum ResetReason {
     /// The code panicked, here.
     Panic(PanicPlace),
     /// A fault of the processor.
-    Fault,
-    /// None of these.
-    Unknown,
+    Fault {
+        /// Where, or 0 where the stack could not be read.
+        program_counter: u32,
+        /// What: the core's configurable fault status register (CFSR).
+        status: u32,
+    },
+    /// The crystal stopped.
+    CrystalLost,
+    /// An interrupt came that nothing was set up for: its number, negative for the core's exceptions.
+    StrayInterrupt(i16),
 }
 
 /// A place in the source, in a size that is known beforehand: the line, and the end of the file's name, which tells

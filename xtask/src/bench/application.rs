@@ -80,6 +80,9 @@ pub struct Interrupts {
     pub loop_rate_hz: u32,
 }
 
+/// The application's own mark that its clock tells pulses apart.
+const PULSES_ARE_EXACT: &str = "rotorlead_firmware::wiring::PULSES_ARE_EXACT";
+
 /// Measures them.
 pub fn measure(image_path: &Path, image: &Image) -> Result<Interrupts> {
     let mut debugger = Debugger::start(image_path)?;
@@ -89,6 +92,9 @@ pub fn measure(image_path: &Path, image: &Image) -> Result<Interrupts> {
     };
     let handlers = Handlers { tick: address(TICK)?, capture: address(CAPTURE)?, link: address(LINK)? };
     debugger.run_to(handlers.tick)?;
+    // The emulator has no crystal, and without one the application does not let pulses arm.
+    let exact = image.static_named(PULSES_ARE_EXACT).ok_or_else(|| format!("the image has no {PULSES_ARE_EXACT}"))?;
+    debugger.set_byte(exact, 1)?;
 
     let mut settings = Settings::default();
     settings.motors.iter_mut().for_each(|motor| motor.compensate = true);

@@ -73,14 +73,15 @@ pub fn inject(
     progress: &dyn Fn(usize),
 ) -> Result<Injection, DeviceError> {
     let host = path(settings, motor, compensate)?;
+    let own = settings.motors.get(usize::from(motor)).is_some_and(|motor| motor.compensate);
     session.set_mode(motor, Source::Inject, compensate)?;
     let streamed = Stream::new(session, settings, motor).run(commands, progress);
     let released = match &streamed {
         Err(error) if error.is_of_the_line() => {
             // Without samples it falls back to its pulses by itself.
-            session.send(&Request::SetMode { motor, source: Source::Pulse, compensate }).map(drop)
+            session.send(&Request::SetMode { motor, source: Source::Pulse, compensate: own }).map(drop)
         }
-        _ => session.set_mode(motor, Source::Pulse, compensate),
+        _ => session.set_mode(motor, Source::Pulse, own),
     };
     let outputs = streamed?;
     released?;
