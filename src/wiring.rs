@@ -154,19 +154,19 @@ impl Plan {
     /// `None` where a timer does not suit the pulses, which it does for every clock that the board may run on.
     fn new(settings: &Validated, timer_hz: u32, outputs: &Outputs) -> Option<Self> {
         let input = settings.input.protocol();
-        Some(Self {
-            timing: Timing::new(input, timer_hz, settings.loop_rate_hz).ok()?,
-            input_scale: if PULSES_ARE_EXACT.load(Ordering::Relaxed) {
-                PulseScale::new(input, timer_hz).ok()?
-            } else {
-                PulseScale::FULL
-            },
-            output_scale: PulseScale::new(
-                settings.output.protocol(),
-                outputs.counter_hz(u32::from(settings.output.frame_hz)),
-            )
-            .ok()?,
-        })
+        let frame_hz = u32::from(settings.output.frame_hz);
+        let counter_hz = outputs.counter_hz(frame_hz);
+        let output_scale = PulseScale::new(settings.output.protocol(), counter_hz).ok()?;
+        // A pulse without a gap behind it would be a line that is always high.
+        if output_scale.high_ticks() >= counter_hz / frame_hz.max(1) {
+            return None;
+        }
+        let input_scale = if PULSES_ARE_EXACT.load(Ordering::Relaxed) {
+            PulseScale::new(input, timer_hz).ok()?
+        } else {
+            PulseScale::FULL
+        };
+        Some(Self { timing: Timing::new(input, timer_hz, settings.loop_rate_hz).ok()?, input_scale, output_scale })
     }
 }
 

@@ -26,8 +26,8 @@ impl SetDutyCycle for Mock {
 }
 
 #[test]
-fn every_channel_gets_its_width_and_none_where_the_width_does_not_fit() {
+fn every_channel_gets_its_width_as_far_as_it_fits() {
     let mut channels = [Mock::default(); 4];
-    put_out(&mut channels, [1000, 0, 65_535, 65_536]);
-    assert_eq!(channels.map(|channel| channel.duty), [Some(1000), Some(0), Some(65_535), Some(0)]);
+    put_out(&mut channels, [1000, 0, 65_535, 65_536 + 7]);
+    assert_eq!(channels.map(|channel| channel.duty), [Some(1000), Some(0), Some(65_535), Some(65_535)]);
 }
