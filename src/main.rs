@@ -120,8 +120,8 @@ mod app {
     /// The control task: newest pulse of each input, through its channel, to its output.
     ///
     /// Deadline: the next tick, 200 µs at 5 kHz. When it is missed the outputs repeat their last pulse and the filters
-    /// lose a step of time; it is counted, reported as `missed_deadlines`, and ends an excitation. When it is missed for
-    /// 20 ms on end the watchdog resets the controller: its pins float, and are pulled down outside.
+    /// lose a step of time; it is counted and reported as `missed_deadlines`. Two in a row end an excitation. When it is
+    /// missed for 20 ms on end the watchdog resets the controller: its pins float, and are pulled down outside.
     #[task(binds = SysTick, priority = 3, shared = [inputs, control])]
     fn control(cx: control::Context) {
         (cx.shared.inputs, cx.shared.control).lock(|inputs, control| {

@@ -84,6 +84,8 @@ pub struct Control {
     thrust_adc: ThrustAdc,
     watchdog: Watchdog,
     missed: u32,
+    /// The tick that was the last to miss.
+    last_missed: u32,
     idle_away_ticks: u32,
     idle_limit_ticks: u32,
 }
@@ -119,11 +121,15 @@ impl Control {
 
 impl Control {
     /// The next tick is due already. Where that goes on, nothing of lower priority runs, and a host could not stop an
-    /// excitation: it ends here.
+    /// excitation: it ends with the second miss in a row.
     #[cold]
     fn late(&mut self) {
         self.missed = self.missed.wrapping_add(1);
-        self.tick.stop_excitation();
+        let now = self.tick.ticks();
+        if now.wrapping_sub(self.last_missed) == 1 {
+            self.tick.stop_excitation();
+        }
+        self.last_missed = now;
     }
 }
 
@@ -212,6 +218,7 @@ pub fn start(
         thrust_adc: board.thrust_adc,
         watchdog: board.watchdog,
         missed: 0,
+        last_missed: 0,
         idle_away_ticks: 0,
         idle_limit_ticks: 0,
     };

@@ -13,6 +13,9 @@ const STATUS: u32 = TIM2 + 0x10;
 const COUNT: u32 = TIM2 + 0x24;
 const CAPTURES: u32 = TIM2 + 0x34;
 const GPIOA_LEVELS: u32 = 0x4002_0010;
+/// The core's interrupt control and state. While the debugger steps through a tick the emulated time runs on, and the next
+/// tick looks due, which it is not where nobody stops the core.
+const INTERRUPT_STATE: u32 = 0xE000_ED04;
 
 /// The four inputs. Time is in counts of the timer.
 #[derive(Clone, Copy, Debug, Default)]
@@ -47,6 +50,7 @@ impl Hardware for Inputs {
             STATUS => Some(self.flags),
             COUNT => Some(self.now),
             GPIOA_LEVELS => Some(self.levels),
+            INTERRUPT_STATE => Some(0),
             _ => {
                 let input = address.checked_sub(CAPTURES)? / 4;
                 let stamp = *self.stamps.get(input as usize)?;
