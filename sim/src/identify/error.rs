@@ -3,6 +3,7 @@
 use miette::Diagnostic;
 use thiserror::Error;
 
+use super::parametric::ParametricError;
 use super::steps::StepsError;
 use crate::plant::{ModelError, PlantError};
 
@@ -166,4 +167,8 @@ pub enum IdentifyError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Steps(#[from] StepsError),
+    /// A frequency response has no model of the structure asked for.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Parametric(#[from] ParametricError),
 }
