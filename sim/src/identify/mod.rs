@@ -6,6 +6,7 @@ mod estimate;
 mod etfe;
 mod first_order;
 mod fit_percent;
+mod frequency_response;
 mod hold;
 mod least_squares;
 mod measured;
@@ -24,6 +25,7 @@ pub use estimate::Estimate;
 pub use etfe::{Etfe, ResponsePoint};
 pub use first_order::{FirstOrderFit, FirstOrderOptions, FitLine, fit_first_order};
 pub use fit_percent::{Sample, fit_percent};
+pub use frequency_response::{FrequencyResponse, ResponseLine};
 pub use hold::{HoldChain, Image};
 pub use measured::MeasuredBandwidth;
 pub use periodic::{
