@@ -4,6 +4,8 @@
 //! all their lines at once ([`fit_first_order`]), each record's ETFE is smoothed relative to that
 //! lag, and the lag is compared with the frequency response and run on the square waves.
 
+use std::f64::consts::TAU;
+
 use num_complex::Complex64;
 
 use super::{
@@ -137,11 +139,13 @@ pub enum IdentifyWarning {
         /// The nominal command.
         nominal: f64,
     },
-    /// The first period was dropped.
-    #[error("{file}: the first of {periods} periods carries a transient (p = {p_value:.1e}) and is left out")]
+    /// The first period, or more, was dropped.
+    #[error("{file}: a transient in the first {dropped} of {periods} periods (p = {p_value:.1e}), which are left out")]
     TransientDropped {
         /// The record.
         file: String,
+        /// Periods dropped.
+        dropped: usize,
         /// Periods recorded.
         periods: usize,
         /// Tail probability without transient.
@@ -160,6 +164,18 @@ pub enum IdentifyWarning {
         file: String,
         /// How many.
         rows: usize,
+    },
+    /// Lines on which something else than the excitation shows.
+    #[error("{file}: a disturbance of one frequency, such as mains hum, falls on {count} lines from {first_hz:.1} to {last_hz:.1} Hz; they are left out")]
+    LinesDisturbed {
+        /// The record.
+        file: String,
+        /// How many lines.
+        count: usize,
+        /// The lowest of them.
+        first_hz: f64,
+        /// The highest of them.
+        last_hz: f64,
     },
     /// The noise is known from unexcited lines only.
     #[error("{file}: one period is left; the noise is taken from unexcited lines, with any even-order distortion")]
@@ -307,9 +323,22 @@ fn transform<'a>(
     match spectrum.transient.p_value {
         None => warnings.push(IdentifyWarning::TransientUntested { file: file() }),
         Some(p_value) if spectrum.transient.is_present() => {
-            warnings.push(IdentifyWarning::TransientDropped { file: file(), periods: spectrum.periods, p_value });
+            warnings.push(IdentifyWarning::TransientDropped {
+                file: file(),
+                dropped: spectrum.transient.dropped,
+                periods: spectrum.periods,
+                p_value,
+            });
         }
         Some(_) => {}
+    }
+    if let (Some(first), Some(last)) = (spectrum.disturbed.first(), spectrum.disturbed.last()) {
+        warnings.push(IdentifyWarning::LinesDisturbed {
+            file: file(),
+            count: spectrum.disturbed.len(),
+            first_hz: first.omega_rad_s / TAU,
+            last_hz: last.omega_rad_s / TAU,
+        });
     }
     if spectrum.noise == NoiseSource::UnexcitedLines {
         warnings.push(IdentifyWarning::NoiseFromUnexcitedLines { file: file() });
