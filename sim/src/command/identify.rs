@@ -15,6 +15,7 @@ use crate::identify::steps::{StaircaseFit, fit_staircase};
 use crate::identify::{FirstOrderOptions, PeriodicIdentification, PeriodicOptions, identify_periodic};
 use crate::plant::{Model, Point, Provenance};
 use crate::record::{Excitation, Experiment, Output, Record, Role};
+use crate::report::{distortion_json, distortion_table};
 
 /// Finds the lag at each level from the records of an experiment
 ///
@@ -69,6 +70,8 @@ pub struct Identified {
     pub warnings: Vec<String>,
     /// What only one way finds, for programs.
     pub detail: Value,
+    /// Noise and nonlinear distortion by nominal command, for programs; null where records cannot tell.
+    pub distortion: Value,
 }
 
 impl Identify {
@@ -96,6 +99,7 @@ impl Identify {
             "points": identified.model.points.iter().map(point_json).collect::<Vec<_>>(),
             "warnings": identified.warnings,
             "detail": identified.detail,
+            "distortion": identified.distortion,
         });
         Ok(Outcome { text, json })
     }
@@ -130,9 +134,10 @@ pub fn identify(experiment: &Experiment, delay_level: f64) -> miette::Result<Ide
         let found = identify_periodic(experiment, &options)?;
         return Ok(Identified {
             model: periodic_model(experiment, &found),
-            text: periodic_table(experiment.output, &found),
+            text: periodic_table(experiment.output, &found) + &distortion_table(&found),
             warnings: periodic_warnings(&found),
             detail: Value::Null,
+            distortion: distortion_json(&found),
         });
     }
     let record = step_record(experiment)?;
@@ -142,6 +147,7 @@ pub fn identify(experiment: &Experiment, delay_level: f64) -> miette::Result<Ide
         text: staircase_table(&fit),
         warnings: fit.warnings.iter().map(ToString::to_string).collect(),
         detail: staircase_json(&fit),
+        distortion: Value::Null,
     })
 }
 

@@ -9,8 +9,8 @@ use std::f64::consts::TAU;
 use num_complex::Complex64;
 
 use super::{
-    Etfe, FirstOrderFit, FirstOrderOptions, FitLine, HoldChain, IdentifyError, NoiseSource, Spectrum, SpectrumOptions,
-    align, fit_first_order, fit_percent, run_actuator, spectra,
+    Distortion, Etfe, FirstOrderFit, FirstOrderOptions, FitLine, HoldChain, IdentifyError, NoiseSource, RobustResponse,
+    STRONG_DISTORTION_DB, Spectrum, SpectrumOptions, align, fit_first_order, fit_percent, run_actuator, spectra,
 };
 use crate::plant::{Actuator, EscTiming, OperatingPoint, Point};
 use crate::record::{Excitation, Experiment, Record, Role};
@@ -72,6 +72,10 @@ pub struct NominalIdentification {
     pub fit: FirstOrderFit,
     /// The multisine records.
     pub responses: Vec<RecordResponse>,
+    /// Noise, even and odd distortion of the fitted records together; `None` when they cannot tell.
+    pub distortion: Option<Distortion>,
+    /// The response over the fitted records, when they are realizations of the same lines.
+    pub robust: Option<RobustResponse>,
     /// % fit of the frequency response at the unsmoothed lines: of validation records where there
     /// are any, of the fitted ones otherwise.
     pub fit_frequency_percent: Option<f64>,
@@ -166,7 +170,9 @@ pub enum IdentifyWarning {
         rows: usize,
     },
     /// Lines on which something else than the excitation shows.
-    #[error("{file}: a disturbance of one frequency, such as mains hum, falls on {count} lines from {first_hz:.1} to {last_hz:.1} Hz; they are left out")]
+    #[error(
+        "{file}: a disturbance of one frequency, such as mains hum, falls on {count} lines from {first_hz:.1} to {last_hz:.1} Hz; they are left out"
+    )]
     LinesDisturbed {
         /// The record.
         file: String,
@@ -192,6 +198,16 @@ pub enum IdentifyWarning {
         nominal: f64,
         /// Chi-square of the residual per degree of freedom.
         reduced_chi_square: f64,
+    },
+    /// A linear model hides a strong nonlinearity.
+    #[error(
+        "u_nom {nominal}: nonlinear distortion of {level_db:.1} dB of the linear response ({STRONG_DISTORTION_DB:.0} dB counts as strong): a linear model holds for this amplitude only, and its standard errors do not cover the distortion"
+    )]
+    StronglyNonlinear {
+        /// The nominal command.
+        nominal: f64,
+        /// The stronger of even and odd distortion relative to the linear response, dB.
+        level_db: f64,
     },
     /// The compensator of a compensated record is not known.
     #[error("{file}: its compensator's response is unknown, so it is neither smoothed nor fitted; record esc_command")]
@@ -293,6 +309,12 @@ fn identify_nominal(
         .iter()
         .map(|t| respond(t, &fit, is_fitted(t), options.smoothing_half_width))
         .collect::<Result<Vec<_>, _>>()?;
+    let fitted: Vec<&Spectrum> = responses.iter().filter(|r| r.used_in_fit).map(|r| &r.spectrum).collect();
+    let distortion = Distortion::of(&fitted);
+    if let Some(level) = distortion.and_then(|distortion| distortion.strong()) {
+        warnings.push(IdentifyWarning::StronglyNonlinear { nominal, level_db: level.relative_db });
+    }
+    let robust = RobustResponse::of(&fitted);
     let squares = group
         .iter()
         .filter(|record| record.excitation == Excitation::Square && !record.compensated)
@@ -302,6 +324,8 @@ fn identify_nominal(
         nominal,
         fit_frequency_percent: fit_percent(&measured, &model),
         fit,
+        distortion,
+        robust,
         responses,
         squares,
         warnings,

@@ -28,6 +28,11 @@ pub struct DetectionRecipe {
     pub realizations: u32,
 }
 
+impl DetectionRecipe {
+    /// What is skipped where nothing else is asked for: one odd line in four.
+    pub const GROUP: u32 = 4;
+}
+
 /// Multisines of the same lines and amplitudes and of other phases.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DetectionSet {

@@ -117,9 +117,11 @@ fn level(spectra: &[&Spectrum], parity: u32, linear_power: f64) -> Option<Distor
     let power = mean(lines().map(|line| line.response.norm_sqr() - line.variance))?;
     // Against the noise line by line, so that drift at the lowest ones does not hide the others. An inverse variance
     // of v degrees of freedom is v / (v - 2) too large in the mean.
-    let ratio = mean(lines().filter(|line| line.variance > 0.0).map(|line| {
-        line.response.norm_sqr() / line.variance * (1.0 - 2.0 / line.dof.max(4.0))
-    }));
+    let ratio = mean(
+        lines()
+            .filter(|line| line.variance > 0.0)
+            .map(|line| line.response.norm_sqr() / line.variance * (1.0 - 2.0 / line.dof.max(4.0))),
+    );
     let count = |spectrum: &&Spectrum| spectrum.unexcited.iter().filter(of_kind).count();
     let noise_dof: usize = spectra.iter().map(|s| 2 * count(s) * (s.periods_used - 1)).sum();
     let lines = lines().count();

@@ -70,10 +70,8 @@ impl RobustResponse {
             .collect();
         let bins: Vec<usize> = common.iter().map(|lines| lines[0].harmonic as usize).collect();
         let pooled = noise::pool(&sample, &bins, count - 1.0, POOL_HALF_WIDTH, 0.0);
-        let noise_variance: Vec<f64> = common
-            .iter()
-            .map(|lines| lines.iter().map(Line::ratio_variance).sum::<f64>() / (count * count))
-            .collect();
+        let noise_variance: Vec<f64> =
+            common.iter().map(|lines| lines.iter().map(Line::ratio_variance).sum::<f64>() / (count * count)).collect();
         let stochastic_variance: Vec<f64> =
             sample.iter().zip(&noise_variance).map(|(all, noise)| count * (all - noise)).collect();
         let command_power =

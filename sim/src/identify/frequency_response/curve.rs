@@ -57,8 +57,7 @@ mod tests {
     #[test]
     fn a_line_off_the_curve_is_found_and_a_steep_curve_is_not() {
         // A lag with its pole at 1 Hz, lines from 0.1 Hz at every 0.2 Hz, hardly any noise.
-        let mut response: Vec<_> =
-            (0..150).map(|k| 10.0 / Complex64::new(1.0, 0.1 + 0.2 * f64::from(k))).collect();
+        let mut response: Vec<_> = (0..150).map(|k| 10.0 / Complex64::new(1.0, 0.1 + 0.2 * f64::from(k))).collect();
         let variance = vec![1e-10; 150];
         assert!(!off_the_curve(&response, &variance).contains(&true));
         response[80] += Complex64::new(0.0, 0.01);

@@ -35,6 +35,9 @@ const COEFFICIENTS: usize = 3;
 /// would be more than a thousand times that of a bin.
 const SMALLEST_SINGULAR: f64 = 1e-3;
 
+/// Windows in which the command is below this share of its largest coefficient hold rounding, not excitation.
+const SMALLEST_COMMAND: f64 = 1e-8;
+
 /// How the local polynomial method is used.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LocalPolynomialOptions {
@@ -88,15 +91,16 @@ impl LocalPolynomial {
         let rows = response.len();
         let command = coefficients(&record.command);
         let response = coefficients(response);
+        let largest = command.iter().map(|u| u.norm()).fold(0.0, f64::max);
         // Rounding, not excitation, as for periodic records.
-        if !command.iter().any(|u| u.norm() > 1e-9) {
+        if !(largest > 1e-9) {
             return Err(IdentifyError::ConstantCommand { file: record.file.clone() });
         }
+        let least_power = (SMALLEST_COMMAND * largest).powi(2);
         let width = 2 * options.half_width + 1;
         // Neither the mean nor the last bin, which is real, belongs to a window.
         let bins = 1..command.len() - 1;
-        let too_short =
-            || IdentifyError::TooShort { file: record.file.clone(), rows, period_rows: 2 * (width + 2) };
+        let too_short = || IdentifyError::TooShort { file: record.file.clone(), rows, period_rows: 2 * (width + 2) };
         if bins.len() < width {
             return Err(too_short());
         }
@@ -109,7 +113,10 @@ impl LocalPolynomial {
         for bin in first..=last {
             let from = bin.saturating_sub(options.half_width).clamp(bins.start, bins.end - width);
             let window = from..from + width;
-            match fit(&command[window.clone()], &response[window], bin - from) {
+            let (command, response) = (&command[window.clone()], &response[window]);
+            let power = command.iter().map(Complex64::norm_sqr).sum::<f64>() / width as f64;
+            let local = if power > least_power { fit(command, response, bin - from, power.sqrt()) } else { None };
+            match local {
                 Some(local) => {
                     lines.push(ResponseLine {
                         omega_rad_s: TAU * bin_hz * bin as f64,
@@ -145,18 +152,15 @@ struct Local {
     gain_of_noise: f64,
 }
 
-/// Fits both parabolas to a window whose line of interest is at `place`; `None` when they cannot be told apart.
-fn fit(command: &[Complex64], response: &[Complex64], place: usize) -> Option<Local> {
+/// Fits both parabolas to a window whose line of interest is at `place`, of a command of this root mean square; `None`
+/// when they cannot be told apart.
+fn fit(command: &[Complex64], response: &[Complex64], place: usize, scale: f64) -> Option<Local> {
     let width = command.len();
     let half = 0.5 * width as f64;
-    let power = (command.iter().map(Complex64::norm_sqr).sum::<f64>() / width as f64).sqrt();
-    if power == 0.0 {
-        return None;
-    }
     let matrix = DMatrix::from_fn(width, 2 * COEFFICIENTS, |row, column| {
         let r = Complex64::from((row as f64 - place as f64) / half);
         let at = r.powu((column % COEFFICIENTS) as u32);
-        if column < COEFFICIENTS { at * command[row] / power } else { at }
+        if column < COEFFICIENTS { at * command[row] / scale } else { at }
     });
     let svd = matrix.clone().svd(true, true);
     let (left, right) = (svd.u.as_ref()?, svd.v_t.as_ref()?);
@@ -174,5 +178,5 @@ fn fit(command: &[Complex64], response: &[Complex64], place: usize) -> Option<Lo
     let noise = residual.norm_squared() / (width - 2 * COEFFICIENTS) as f64;
     let of_first: f64 =
         right.column(0).iter().zip(svd.singular_values.iter()).map(|(v, s)| v.norm_sqr() / (s * s)).sum();
-    Some(Local { response: solution[0] / power, noise, gain_of_noise: of_first / (power * power) })
+    Some(Local { response: solution[0] / scale, noise, gain_of_noise: of_first / (scale * scale) })
 }

@@ -65,11 +65,7 @@ impl FrequencyResponse {
     pub fn divided_by(&self, factor: impl Fn(f64) -> Complex64) -> Self {
         let divided = |line: &ResponseLine| {
             let factor = factor(line.omega_rad_s);
-            ResponseLine {
-                response: line.response / factor,
-                variance: line.variance / factor.norm_sqr(),
-                ..*line
-            }
+            ResponseLine { response: line.response / factor, variance: line.variance / factor.norm_sqr(), ..*line }
         };
         Self { lines: self.lines.iter().map(divided).collect(), ..*self }
     }

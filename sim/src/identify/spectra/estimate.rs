@@ -149,9 +149,7 @@ fn at(periods: &[Vec<Complex64>], bins: &[usize]) -> Vec<Vec<Complex64>> {
 
 /// Variance of one period from `residual(period, line)` around the mean over `periods`.
 fn sample_variance(periods: usize, lines: usize, residual: impl Fn(usize, usize) -> Complex64) -> Vec<f64> {
-    (0..lines)
-        .map(|k| (0..periods).map(|p| residual(p, k).norm_sqr()).sum::<f64>() / (periods - 1) as f64)
-        .collect()
+    (0..lines).map(|k| (0..periods).map(|p| residual(p, k).norm_sqr()).sum::<f64>() / (periods - 1) as f64).collect()
 }
 
 fn of_mean(variance: &[f64], periods: usize) -> Vec<f64> {

@@ -225,7 +225,11 @@ impl Spectrum {
             bin_rad_s: TAU * row_rate_hz / length as f64,
             command: columns(&record.command),
             response: columns(response),
-            esc_command: record.esc_command.as_deref().filter(|column| column.len() == record.time_s.len()).map(columns),
+            esc_command: record
+                .esc_command
+                .as_deref()
+                .filter(|column| column.len() == record.time_s.len())
+                .map(columns),
         };
         let Estimated { lines, unexcited, disturbed, transient, periods_used, noise } =
             estimate(&bins, options, &record.file)?;
