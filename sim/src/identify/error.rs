@@ -4,6 +4,7 @@ use miette::Diagnostic;
 use thiserror::Error;
 
 use super::parametric::ParametricError;
+use super::stand::StandError;
 use super::steps::StepsError;
 use crate::plant::{ModelError, PlantError};
 
@@ -171,4 +172,8 @@ pub enum IdentifyError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Parametric(#[from] ParametricError),
+    /// A record says nothing of the stand.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Stand(#[from] StandError),
 }

@@ -115,6 +115,17 @@ impl ParametricFit {
         (part(|g| g.re), part(|g| g.im))
     }
 
+    /// Standard error of `ln |G / G(0)|` at a frequency in rad/s.
+    #[must_use]
+    pub fn attenuation_std(&self, omega_rad_s: f64) -> f64 {
+        let mut gradient = vec![Complex64::ZERO; self.parameters.len()];
+        let value = self.sections.gradient(&self.parameters, omega_rad_s, &mut gradient);
+        let mut gradient = DVector::from_iterator(gradient.len(), gradient.iter().map(|g| (g / value).re));
+        // The gain is common to both.
+        gradient[0] = 0.0;
+        self.uncertainty.estimate(0.0, &gradient).std
+    }
+
     /// Undamped frequency in rad/s and damping ratio of a second-order denominator, which are defined for real poles
     /// too; `None` for other orders.
     #[must_use]

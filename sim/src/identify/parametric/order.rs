@@ -12,6 +12,8 @@
 //!
 //! The number of poles is chosen first, with one zero less than poles; then the number of zeros.
 
+use std::ops::RangeInclusive;
+
 use num_complex::Complex64;
 
 use super::data::Data;
@@ -39,25 +41,25 @@ pub struct OrderSelection {
     pub scores: Vec<OrderScore>,
 }
 
-/// Chooses the order, up to `most_poles`, with or without a dead time, and fits it to all lines.
+/// Chooses the number of poles within `poles`, and that of zeros, with or without a dead time, and fits it to all lines.
 ///
 /// # Errors
 /// Those of [`super::fit_parametric`]; [`ParametricError::NoFit`] when no order can be fitted.
 pub fn select_order(
     response: &FrequencyResponse,
-    most_poles: usize,
+    poles: RangeInclusive<usize>,
     has_delay: bool,
     known: &dyn Fn(f64) -> Complex64,
     options: &ParametricOptions,
 ) -> Result<OrderSelection, ParametricError> {
     options.check()?;
-    if !(1..=MOST_POLES).contains(&most_poles) {
-        return Err(ParametricError::Setting { name: "most_poles", value: most_poles as f64, range: "1 to 16" });
+    if poles.is_empty() || *poles.start() < 1 || *poles.end() > MOST_POLES {
+        return Err(ParametricError::Structure { poles: *poles.end(), zeros: 0, most: MOST_POLES });
     }
     let data = Data::new(response, known)?;
     let noise = NoiseKnowledge::of(response);
     let mut trials = Trials { halves: [data.half(0), data.half(1)], noise, has_delay, options, scores: Vec::new() };
-    for poles in 1..=most_poles {
+    for poles in poles {
         trials.run(poles, poles - 1);
     }
     let too_few = ParametricError::TooFewLines { lines: data.len(), parameters: 3 };
