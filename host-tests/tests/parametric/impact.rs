@@ -1,17 +1,16 @@
-//! `rotorlead identify --stand` on the records of blows: from CSV files to the table and `stand.toml`.
+//! The stand from the records of blows: from CSV files to poles and zeros.
 
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 use std::fs;
 use std::path::Path;
 
-use assert_cmd::Command;
 use num_complex::Complex64;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use realfft::RealFftPlanner;
-use rotorlead_sim::identify::stand::{StandModel, StandOptions, identify_stand};
+use rotorlead_sim::identify::stand::{StandOptions, identify_stand};
 use rotorlead_sim::record::Experiment;
 
 use crate::stand::{check, truth};
@@ -79,33 +78,4 @@ fn blows_give_the_stand() {
         assert!(found.warnings.is_empty(), "{:?}", found.warnings);
         check(&found, &truth());
     }
-}
-
-#[test]
-fn the_command_prints_the_table_and_writes_the_stand() {
-    let scratch = tempfile::tempdir().unwrap();
-    folder(&scratch.path().join("hammer"), 3, "force_n");
-    let program = || {
-        let mut command = Command::new(assert_cmd::cargo::cargo_bin!("rotorlead"));
-        command.current_dir(scratch.path());
-        command
-    };
-    let done =
-        program().args(["identify", "--stand", "hammer", "--out", "stand.toml", "--order", "8"]).assert().success();
-    let text = String::from_utf8(done.get_output().stdout.clone()).unwrap();
-    println!("{text}");
-    assert_eq!(text.matches("\n  pole ").count(), 4, "{text}");
-    assert_eq!(text.matches("right half plane").count(), 1, "{text}");
-    assert!(text.contains("Usable up to 50.") || text.contains("Usable up to 49."), "{text}");
-    let stand = StandModel::read(&scratch.path().join("stand.toml")).unwrap();
-    assert!((stand.usable_hz.unwrap() / 50.0 - 1.0).abs() < 0.02);
-    for f in [5.0, 30.0, 50.0] {
-        let error = (stand.transfer_function().response(TAU * f) / truth().response(TAU * f) - 1.0).norm();
-        assert!(error < 0.01, "{error} at {f} Hz");
-    }
-    // A force is no duty, and a duty no force.
-    let refused = program().args(["identify", "hammer", "--out", "model.toml"]).assert().failure();
-    let words = String::from_utf8(refused.get_output().stderr.clone()).unwrap();
-    assert!(words.contains("identify --stand"), "{words}");
-    program().args(["identify", "hammer", "--out", "model.toml", "--order", "8"]).assert().code(2);
 }
