@@ -23,6 +23,8 @@ mod search;
 mod sections;
 mod start;
 mod structure;
+#[cfg(test)]
+mod tests;
 mod transfer_function;
 mod uncertainty;
 

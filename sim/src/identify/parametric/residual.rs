@@ -49,14 +49,15 @@ impl ResidualTests {
             degrees_of_freedom,
             reduced_chi_square,
             power_p_value: f_upper_tail(reduced_chi_square, degrees_of_freedom, total_dof),
-            whiteness_p_value: whiteness(&solution.residuals),
+            whiteness_p_value: whiteness(&solution.residuals, noise.product_inflation()),
             input_independence_p_value: input_independence(data, solution, inflation, total_dof),
         }
     }
 }
 
-/// The correlation at lag `l`, over the residual's power, has variance `1 / (2 n)` in each of its parts.
-fn whiteness(residuals: &[f64]) -> f64 {
+/// The correlation at lag `l`, over the residual's power, has variance `1 / (2 n)` in each of its parts, times what the
+/// scatter of the weights adds.
+fn whiteness(residuals: &[f64], product_inflation: f64) -> f64 {
     let r: Vec<Complex64> = residuals.chunks_exact(2).map(|p| Complex64::new(p[0], p[1])).collect();
     let lags = LAGS.min(r.len() / 4);
     let power = r.iter().map(Complex64::norm_sqr).sum::<f64>() / r.len() as f64;
@@ -70,7 +71,7 @@ fn whiteness(residuals: &[f64]) -> f64 {
         })
         .sum();
     let dof = 2.0 * lags as f64;
-    f_upper_tail(chi_square / dof, dof, f64::INFINITY)
+    f_upper_tail(chi_square / dof / product_inflation, dof, f64::INFINITY)
 }
 
 fn input_independence(data: &Data, solution: &Solution, inflation: f64, total_dof: f64) -> f64 {

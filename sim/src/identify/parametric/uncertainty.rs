@@ -39,6 +39,12 @@ impl NoiseKnowledge {
         if self.dof.is_finite() { self.dof / (self.dof - 1.0) } else { 1.0 }
     }
 
+    /// By how much the product of two squared residuals of one pool is too large on average, over the square of
+    /// [`Self::residual_inflation`]: their common weight scatters.
+    pub(super) fn product_inflation(&self) -> f64 {
+        if self.dof.is_finite() { (self.dof - 1.0) / (self.dof - 2.0) } else { 1.0 }
+    }
+
     /// Degrees of freedom of all variances together.
     pub(super) fn total_dof(&self, lines: usize) -> f64 {
         2.0 * self.dof * (lines as f64 / self.pooled).max(1.0)
