@@ -39,6 +39,8 @@ pub use periodic::{
     identify_periodic,
 };
 pub use simulation::{align, run_actuator};
-pub use spectra::{DisturbanceSign, DisturbedLine, Line, NoiseSource, Spectrum, SpectrumOptions, UnexcitedLine};
+pub use spectra::{
+    DisturbanceSign, DisturbedLine, Line, NoiseSource, RemovedSinusoid, Spectrum, SpectrumOptions, UnexcitedLine,
+};
 pub use transient::TransientTest;
 pub use validate::{Domain, RecordValidation, validate};

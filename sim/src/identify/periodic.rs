@@ -173,6 +173,16 @@ pub enum IdentifyWarning {
         /// How many.
         rows: usize,
     },
+    /// A sinusoid that is none of the excitation's was subtracted.
+    #[error("{file}: a sinusoid of {frequency_hz:.2} Hz and amplitude {amplitude:.3} (mains hum?) is subtracted")]
+    SinusoidRemoved {
+        /// The record.
+        file: String,
+        /// Its frequency.
+        frequency_hz: f64,
+        /// Its amplitude, response units.
+        amplitude: f64,
+    },
     /// Lines on which something else than the excitation shows.
     #[error(
         "{file}: a disturbance of one frequency, such as mains hum, falls on {count} lines from {first_hz:.1} to {last_hz:.1} Hz; they are left out"
@@ -380,6 +390,11 @@ fn transform<'a>(
         }
         Some(_) => {}
     }
+    warnings.extend(spectrum.removed.iter().map(|sinusoid| IdentifyWarning::SinusoidRemoved {
+        file: file(),
+        frequency_hz: sinusoid.omega_rad_s / TAU,
+        amplitude: sinusoid.amplitude,
+    }));
     if let (Some(first), Some(last)) = (spectrum.disturbed.first(), spectrum.disturbed.last()) {
         warnings.push(IdentifyWarning::LinesDisturbed {
             file: file(),

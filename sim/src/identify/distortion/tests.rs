@@ -174,6 +174,7 @@ fn a_linear_actuator_is_seldom_said_to_distort() {
             lines: found.lines,
             unexcited: found.unexcited,
             disturbed: found.disturbed,
+            removed: found.removed,
         };
         let found = Distortion::of(&[&spectrum]).unwrap();
         seen += [found.even, found.odd].into_iter().flatten().filter(DistortionLevel::is_seen).count();

@@ -85,6 +85,9 @@ struct Coverage {
     magnitude: u32,
     lines: u32,
     left_out: u32,
+    removed: u32,
+    /// Within ten bins of the hum: discs that cover, and all.
+    beside_hum: (u32, u32),
 }
 
 impl Coverage {
@@ -96,6 +99,7 @@ impl Coverage {
             let estimated = estimate(&drawn, &SpectrumOptions::default(), "drawn").unwrap();
             let response = FrequencyResponse::from_lines(&estimated.lines, estimated.periods_used);
             found.left_out += estimated.disturbed.len() as u32;
+            found.removed += estimated.removed.len() as u32;
             for (line, drawn) in response.lines.iter().zip(&estimated.lines) {
                 let truth = lag(line.omega_rad_s);
                 let covers = (line.response - truth).norm() <= response.confidence_radius(line, 0.95);
@@ -103,6 +107,10 @@ impl Coverage {
                 let count = found.disc.entry(drawn.harmonic).or_default();
                 count.0 += u32::from(covers);
                 count.1 += 1;
+                if drawn.harmonic.abs_diff(500) <= 10 {
+                    found.beside_hum.0 += u32::from(covers);
+                    found.beside_hum.1 += 1;
+                }
                 found.magnitude += u32::from((low..=high).contains(&truth.norm()));
                 found.lines += 1;
             }
@@ -132,9 +140,14 @@ fn bands_cover(repeats: u64) {
             let (disc, magnitude) = (found.disc_share(), found.magnitude_share());
             let (worst, harmonic) = found.worst_line();
             let left_out = f64::from(found.left_out) / repeats as f64;
+            let removed = f64::from(found.removed) / repeats as f64;
             println!(
-                "{kind:?} {periods}: disc {disc:.4} magnitude {magnitude:.4}, worst {worst:.3} at {harmonic}; {left_out:.2} lines left out"
+                "{kind:?} {periods}: disc {disc:.4} magnitude {magnitude:.4}, worst {worst:.3} at {harmonic}; {left_out:.3} lines left out, {removed:.3} sinusoids removed"
             );
+            if kind == Noise::Hum {
+                let beside = f64::from(found.beside_hum.0) / f64::from(found.beside_hum.1);
+                println!("    within ten bins of the hum {beside:.4} of {}", found.beside_hum.1);
+            }
             assert!((0.94..=0.96).contains(&disc), "{kind:?} {periods}: {disc}");
             assert!((0.94..=0.96).contains(&magnitude), "{kind:?} {periods}: {magnitude}");
         }

@@ -8,10 +8,12 @@
 //!
 //! What is averaged is the ratio to a smooth shape ([`shape`]): drift makes the noise of a stand rise
 //! toward low frequency, and a plain mean over a window that can only reach upward would be too low
-//! at the lowest lines. Lines that stand out ([`disturbed`]), as mains hum makes them, are left out.
+//! at the lowest lines. Lines that stand out ([`disturbed`]) are left out. Mains hum makes such lines; what of it
+//! is a sinusoid is taken out before ([`sinusoid`]).
 
 mod disturbed;
 mod shape;
+pub(super) mod sinusoid;
 
 use num_complex::Complex64;
 

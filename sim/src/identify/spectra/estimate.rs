@@ -2,11 +2,15 @@
 
 use num_complex::Complex64;
 
-use super::{DisturbanceSign, DisturbedLine, Line, NoiseSource, SpectrumOptions, UnexcitedLine};
+use super::{DisturbanceSign, DisturbedLine, Line, NoiseSource, RemovedSinusoid, SpectrumOptions, UnexcitedLine};
+use crate::identify::noise::sinusoid::Sinusoid;
 use crate::identify::{IdentifyError, TransientTest, frequency_response, noise, transient};
 
 /// What the computer leaves of a response that repeats exactly, relative to the largest line.
 const ROUNDING: f64 = 1e-10;
+
+/// Sinusoids of their own frequency that are looked for in a record.
+const MOST_SINUSOIDS: usize = 4;
 
 /// Fourier coefficients by period and bin; bin 0 is the mean, the last bin is not used.
 pub(in crate::identify) struct Periods {
@@ -22,6 +26,7 @@ pub(in crate::identify) struct Estimated {
     pub lines: Vec<Line>,
     pub unexcited: Vec<UnexcitedLine>,
     pub disturbed: Vec<DisturbedLine>,
+    pub removed: Vec<RemovedSinusoid>,
     pub transient: TransientTest,
     pub periods_used: usize,
     pub noise: NoiseSource,
@@ -54,10 +59,17 @@ pub(in crate::identify) fn estimate(
     let quiet = noise::from_unexcited(&periods.response[count - 1], &excited, width);
     let response = at(&periods.response, &excited);
     let transient = transient::test(&response, quiet.as_ref(), options.transient_level);
-    let (command, response) = (&command[transient.dropped..], &response[transient.dropped..]);
+    let command = &command[transient.dropped..];
+    // All bins of the band. One below the lowest line belongs to it too: with odd lines from the first on it is empty.
+    let first_bin = lowest.saturating_sub(1).max(1);
+    let mut band: Vec<Vec<Complex64>> =
+        periods.response[transient.dropped..].iter().map(|period| period[first_bin..=highest].to_vec()).collect();
+    let removed = remove_sinusoids(&mut band, first_bin, options.pool_half_width, periods.bin_rad_s);
+    let in_band = |bins: &[usize]| at(&band, &bins.iter().map(|bin| bin - first_bin).collect::<Vec<_>>());
+    let response = in_band(&excited);
     let periods_used = response.len();
 
-    let (mean_command, mean_response) = (mean(command), mean(response));
+    let (mean_command, mean_response) = (mean(command), mean(&response));
     let ratio: Vec<_> = mean_response.iter().zip(&mean_command).map(|(y, u)| y / u).collect();
     let largest = mean_response.iter().map(|y| y.norm()).fold(0.0, f64::max);
     let pool = |sample: &[f64], bins: &[usize]| {
@@ -122,9 +134,8 @@ pub(in crate::identify) fn estimate(
         for &bin in &excited {
             is_excited[bin] = true;
         }
-        // One bin below the lowest line belongs to the band too: with odd lines from the first on it has none.
-        let bins: Vec<usize> = (lowest.saturating_sub(1).max(1)..highest).filter(|&bin| !is_excited[bin]).collect();
-        let between = at(&periods.response[transient.dropped..], &bins);
+        let bins: Vec<usize> = (first_bin..highest).filter(|&bin| !is_excited[bin]).collect();
+        let between = in_band(&bins);
         let mean_between = mean(&between);
         let sample = sample_variance(periods_used, bins.len(), |p, k| between[p][k] - mean_between[k]);
         let pooled = pool(&sample, &bins);
@@ -140,7 +151,34 @@ pub(in crate::identify) fn estimate(
             })
             .collect();
     }
-    Ok(Estimated { lines, unexcited, disturbed, transient, periods_used, noise: noise.source })
+    Ok(Estimated { lines, unexcited, disturbed, removed, transient, periods_used, noise: noise.source })
+}
+
+/// Subtracts what stands out between periods and is a sinusoid, the strongest first.
+fn remove_sinusoids(
+    band: &mut [Vec<Complex64>],
+    first_bin: usize,
+    pool_half_width: usize,
+    bin_rad_s: f64,
+) -> Vec<RemovedSinusoid> {
+    let mut removed = Vec::new();
+    let count = band.len();
+    if count < 2 {
+        return removed;
+    }
+    let bins: Vec<usize> = (first_bin..first_bin + band[0].len()).collect();
+    while removed.len() < MOST_SINUSOIDS {
+        let middle = mean(band);
+        let sample = sample_variance(count, bins.len(), |p, k| band[p][k] - middle[k]);
+        let largest = middle.iter().map(|y| y.norm()).fold(0.0, f64::max);
+        let pooled = noise::pool(&sample, &bins, (count - 1) as f64, pool_half_width, (ROUNDING * largest).powi(2));
+        let ratio = |k: &usize| sample[*k] / pooled.variance[*k];
+        let peak = (0..bins.len()).filter(|&k| pooled.stands_out[k]).max_by(|a, b| ratio(a).total_cmp(&ratio(b)));
+        let Some(sinusoid) = peak.and_then(|peak| Sinusoid::fit(band, first_bin, peak)) else { break };
+        sinusoid.subtract_from(band, first_bin);
+        removed.push(RemovedSinusoid { omega_rad_s: bin_rad_s * sinusoid.bin, amplitude: sinusoid.amplitude.norm() });
+    }
+    removed
 }
 
 fn at(periods: &[Vec<Complex64>], bins: &[usize]) -> Vec<Vec<Complex64>> {

@@ -3,8 +3,8 @@
 //! A record of whole periods has no leakage: the DFT of one period holds the response to each line
 //! of the excitation in one bin, `X_k = (2 / N) sum x_n e^(-2 pi j k n / N)`. The mean over periods
 //! estimates it, the spread over periods gives the noise ([`super::noise`] pools it over neighbors),
-//! first periods that carry a transient are left out ([`super::transient`]), and so are lines on which
-//! a disturbance falls. The bins between the excited ones are kept too: what repeats there is no
+//! first periods that carry a transient are left out ([`super::transient`]), sinusoids that are none of
+//! the excitation's are subtracted, and lines on which a disturbance is left are left out. The bins between the excited ones are kept too: what repeats there is no
 //! linear response ([`super::Distortion`]).
 
 pub(super) mod estimate;
@@ -98,6 +98,16 @@ pub struct DisturbedLine {
     pub sign: DisturbanceSign,
 }
 
+/// A sinusoid that was subtracted from the response: it goes on from period to period on a frequency that is no
+/// multiple of the record's, as mains hum does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RemovedSinusoid {
+    /// Frequency in rad/s.
+    pub omega_rad_s: f64,
+    /// Amplitude, response units.
+    pub amplitude: f64,
+}
+
 /// How a disturbance of one frequency, such as mains hum, shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DisturbanceSign {
@@ -141,6 +151,8 @@ pub struct Spectrum {
     pub unexcited: Vec<UnexcitedLine>,
     /// Excited lines that were left out.
     pub disturbed: Vec<DisturbedLine>,
+    /// Sinusoids that were subtracted before.
+    pub removed: Vec<RemovedSinusoid>,
 }
 
 /// Name of the response's column.
@@ -231,7 +243,7 @@ impl Spectrum {
                 .filter(|column| column.len() == record.time_s.len())
                 .map(columns),
         };
-        let Estimated { lines, unexcited, disturbed, transient, periods_used, noise } =
+        let Estimated { lines, unexcited, disturbed, removed, transient, periods_used, noise } =
             estimate(&bins, options, &record.file)?;
         Ok(Self {
             file: file(),
@@ -245,6 +257,7 @@ impl Spectrum {
             lines,
             unexcited,
             disturbed,
+            removed,
         })
     }
 }
