@@ -283,8 +283,8 @@ fn coverage_efficiency_and_bias_are_those_claimed() {
     }
 }
 
-/// 31 delays, 16 draws each: of 496 intervals with a probability of 0.94 or more, 446 hold the truth in all but one of
-/// 7000 cases, and of those with 0.96, fewer than 491 in all but one of 3000.
+/// 31 delays, 16 draws each. Of 496 intervals that hold the truth with a probability of 0.94, fewer than 446 do so once in
+/// 6500; with one of 0.96, more than 490 do so once in 15 000.
 #[test]
 fn a_delay_of_0_to_30_ms_is_found_within_its_interval() {
     let options = ParametricOptions::default();

@@ -96,7 +96,7 @@ fn repeats(count: u64) -> u64 {
     of_order_8
 }
 
-/// With a probability of 0.95 each, 2 or fewer of 5 happen once in 860... of 1 or fewer once in 33 000: two must be right.
+/// With a probability of 0.95 each, fewer than two of five are right once in 33 000.
 #[test]
 fn an_eighth_order_stand_is_found() {
     assert!(repeats(5) >= 2);
