@@ -208,6 +208,27 @@ fn the_same_arguments_give_the_same_excitation() {
 }
 
 #[test]
+fn detection_multisines_are_written_by_realization_and_identify_prints_what_they_show() {
+    let stand = Stand::new();
+    let json = stand.json("excite --detection --band 0.1..2 --rate 100 --realizations 2 --out d.csv");
+    assert_eq!(json["lines"], 8);
+    assert_eq!(json["skipped_hz"].as_array().unwrap().len(), 2);
+    assert_eq!(json["realizations"].as_array().unwrap().len(), 2);
+    assert_ne!(stand.read("d_1.csv"), stand.read("d_2.csv"));
+    assert!(!stand.path("d.csv").exists());
+
+    stand.edit("plan.toml", "lines = 150", "lines = 150\nrealization = 2");
+    stand.run("simulate --model model.toml --plan plan.toml --out run");
+    let text = stand.run("identify run --out found.toml --json found.json");
+    assert!(text.contains("noise (dB)") && !text.contains("skips some"), "{text}");
+    let json: Value = serde_json::from_str(&stand.read("found.json")).unwrap();
+    let level = &json["distortion"][0];
+    assert_eq!((level["even"]["lines"].clone(), level["odd"]["lines"].clone()), (149.into(), 37.into()));
+    assert_eq!((level["even"]["seen"].clone(), level["odd"]["seen"].clone()), (false.into(), false.into()));
+    assert!(number(level, "noise_db") < -20.0);
+}
+
+#[test]
 fn the_demo_prints_the_papers_tables_and_leaves_its_files() {
     let stand = Stand::new();
     let text = stand.run("demo --json demo-out/demo.json");

@@ -8,13 +8,16 @@ use miette::{Diagnostic, IntoDiagnostic as _, WrapErr as _};
 use serde_json::{Value, json};
 use thiserror::Error;
 
+use super::identify_stand::{self, StandArguments};
 use super::outcome::{JsonOption, Outcome};
-use super::progress;
+use super::{WrongUse, progress};
 use crate::files::check_writable;
+use crate::identify::stand::StandModel;
 use crate::identify::steps::{StaircaseFit, fit_staircase};
 use crate::identify::{FirstOrderOptions, PeriodicIdentification, PeriodicOptions, identify_periodic};
 use crate::plant::{Model, Point, Provenance};
 use crate::record::{Excitation, Experiment, Output, Record, Role};
+use crate::report::{distortion_json, distortion_table};
 
 /// Finds the lag at each level from the records of an experiment
 ///
@@ -31,6 +34,14 @@ pub struct Identify {
     /// Whether a dead time is part of the lag at multisine records
     #[arg(long, value_enum, default_value_t = Delay::Auto)]
     delay: Delay,
+    /// Identify the stand instead of a motor: `command` is the force put in, in newtons, by a hammer or a shaker
+    #[arg(long, conflicts_with_all = ["stand_model", "delay"])]
+    stand: bool,
+    #[command(flatten)]
+    of_stand: StandArguments,
+    /// A stand identified with --stand, which is divided out of multisine records
+    #[arg(long, value_name = "FILE")]
+    stand_model: Option<PathBuf>,
     #[command(flatten)]
     pub(super) json: JsonOption,
 }
@@ -75,11 +86,16 @@ pub struct Identified {
     pub warnings: Vec<String>,
     /// What only one way finds, for programs.
     pub detail: Value,
+    /// Noise and nonlinear distortion by nominal command, for programs; null where records cannot tell.
+    pub distortion: Value,
 }
 
 impl Identify {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
+        if self.stand {
+            return identify_stand::run(&self.experiment, &self.out, &self.of_stand);
+        }
         let experiment = Experiment::read(&self.experiment)?;
         check_writable(&self.out)?;
         let delay_level = match self.delay {
@@ -87,8 +103,9 @@ impl Identify {
             Delay::None => 0.0,
             Delay::Fit => 1.0,
         };
+        let stand = self.stand_model.as_deref().map(StandModel::read).transpose()?;
         let bar = progress::spinner("identifying");
-        let identified = identify(&experiment, delay_level)
+        let identified = identify(&experiment, delay_level, stand.as_ref())
             .wrap_err_with(|| format!("nothing was identified from `{}`", self.experiment.display()))?;
         bar.finish_and_clear();
         identified.model.write(&self.out)?;
@@ -102,6 +119,7 @@ impl Identify {
             "points": identified.model.points.iter().map(point_json).collect::<Vec<_>>(),
             "warnings": identified.warnings,
             "detail": identified.detail,
+            "distortion": identified.distortion,
         });
         Ok(Outcome { text, json })
     }
@@ -126,28 +144,38 @@ fn point_json(point: &Point) -> Value {
 }
 
 /// Identifies by what records there are.
-pub fn identify(experiment: &Experiment, delay_level: f64) -> miette::Result<Identified> {
+pub fn identify(experiment: &Experiment, delay_level: f64, stand: Option<&StandModel>) -> miette::Result<Identified> {
     let may_fit = |record: &&Record| record.role != Some(Role::Validate);
     if experiment.records.iter().filter(may_fit).any(|record| record.excitation == Excitation::Multisine) {
         let options = PeriodicOptions {
             fit: FirstOrderOptions { delay_level, ..FirstOrderOptions::default() },
+            stand,
             ..PeriodicOptions::default()
         };
         let found = identify_periodic(experiment, &options)?;
         return Ok(Identified {
             model: periodic_model(experiment, &found),
-            text: periodic_table(experiment.output, &found),
+            text: periodic_table(experiment.output, &found) + &distortion_table(&found),
             warnings: periodic_warnings(&found),
             detail: Value::Null,
+            distortion: distortion_json(&found),
         });
     }
     let record = step_record(experiment)?;
+    if stand.is_some() {
+        return Err(WrongUse::new(
+            "--stand-model is for multisine records, and this experiment has none",
+            "leave --stand-model out: steps are fitted in time, through the stand as it is",
+        )
+        .into());
+    }
     let fit = fit_staircase(record, experiment.output, experiment.esc_frame_hz)?;
     Ok(Identified {
         model: fit.to_model(env!("CARGO_PKG_VERSION"))?,
         text: staircase_table(&fit),
         warnings: fit.warnings.iter().map(ToString::to_string).collect(),
         detail: staircase_json(&fit),
+        distortion: Value::Null,
     })
 }
 

@@ -7,6 +7,7 @@ mod design;
 mod device;
 mod excite;
 mod identify;
+mod identify_stand;
 mod import;
 mod outcome;
 mod parameters;

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use super::manifest::{Entry, MANIFEST, Manifest, place};
+use super::manifest::{CommandKind, Entry, MANIFEST, Manifest, place};
 use super::table::Table;
 use super::{Experiment, Record};
-use crate::files::{FileError, TextFile, TomlFile};
+use crate::files::{FileError, Place, TextFile, TomlFile};
 
 impl Experiment {
     /// Reads `experiment.toml` in `folder` and the CSV file of each of its records.
@@ -17,9 +17,35 @@ impl Experiment {
     /// When anything is missing, unknown, out of its range, or contradicts something else. The
     /// error shows the file and the place in it, and says what to do.
     pub fn read(folder: &Path) -> Result<Self, FileError> {
+        Self::read_kind(folder, CommandKind::Duty)
+    }
+
+    /// Reads the folder of an experiment on a stand without a motor: `command = "force_n"`, and the column `command` is the
+    /// force put in, in newtons. Everything else is as for [`Self::read`]; `nominal` has no meaning and is zero.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    pub fn read_force(folder: &Path) -> Result<Self, FileError> {
+        Self::read_kind(folder, CommandKind::ForceN)
+    }
+
+    fn read_kind(folder: &Path, kind: CommandKind) -> Result<Self, FileError> {
         let path = manifest_path(folder)?;
         let (manifest, file): (Manifest, _) = TomlFile::read(&path)?;
         manifest.check().map_err(|fault| file.show(&fault))?;
+        if manifest.command != kind {
+            let (message, help) = match kind {
+                CommandKind::Duty => (
+                    "the command is a force, and a motor's is a duty",
+                    "this is an experiment on a stand: use `rotorlead identify --stand`",
+                ),
+                CommandKind::ForceN => (
+                    "the command is a duty, and a stand's input is a force",
+                    "set it to \"force_n\" when the column `command` is the force put into the stand, in newtons",
+                ),
+            };
+            return Err(file.show(&Place::root().key("command").fault(message, help)));
+        }
         for (index, entry) in manifest.records.iter().enumerate() {
             check_files(folder, index, entry, &file)?;
         }
@@ -32,15 +58,15 @@ impl Experiment {
             records: Vec::new(),
         };
         for entry in manifest.records {
-            let record = experiment.read_record(folder, entry)?;
+            let record = experiment.read_record(folder, entry, kind)?;
             experiment.records.push(record);
         }
         Ok(experiment)
     }
 
-    fn read_record(&self, folder: &Path, entry: Entry) -> Result<Record, FileError> {
+    fn read_record(&self, folder: &Path, entry: Entry, kind: CommandKind) -> Result<Record, FileError> {
         let text = TextFile::read(&folder.join(&entry.file))?;
-        let mut table = Table::read(text, self.output)?;
+        let mut table = Table::read(text, self.output, kind)?;
         let mut record = entry.into_record();
         table.fill(&mut record);
         if let Some(stated_hz) = self.sample_rate_hz {

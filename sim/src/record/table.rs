@@ -5,6 +5,7 @@ use std::ops::Range;
 use csv::StringRecord;
 
 use super::column::{Column, LEAST_ROWS, Refusal, TOO_FEW_ROWS};
+use super::manifest::CommandKind;
 use super::sampling::Grid;
 use super::{Output, Record};
 use crate::files::{FileError, TextFile};
@@ -20,8 +21,8 @@ pub(super) struct Table {
 }
 
 impl Table {
-    /// Reads all columns; `output` is the one that holds the response.
-    pub(super) fn read(text: TextFile, output: Output) -> Result<Self, FileError> {
+    /// Reads all columns; `output` is the one that holds the response, `kind` says what the command is.
+    pub(super) fn read(text: TextFile, output: Output, kind: CommandKind) -> Result<Self, FileError> {
         let mut reader = reader(&text);
         let mut row = StringRecord::new();
         next(&mut reader, &mut row);
@@ -34,7 +35,7 @@ impl Table {
             let cells = row.iter().zip(&columns).zip(&mut values);
             for (index, ((cell, column), values)) in cells.enumerate() {
                 let value = number(cell)
-                    .and_then(|value| column.accept(values.last().copied(), value))
+                    .and_then(|value| column.accept(kind, values.last().copied(), value))
                     .map_err(|refusal| refused(&text, &row, index, *column, &refusal))?;
                 values.push(value);
             }
