@@ -155,8 +155,8 @@ mod tests {
     fn a_transient_over_two_periods_takes_both() {
         let mut rng = ChaCha8Rng::seed_from_u64(3);
         let mut slow = periods(&mut rng, 6, 40.0);
-        for k in 0..150 {
-            slow[1][k] += 8.0 / Complex64::new(1.0, 20.0 * k as f64 / 150.0);
+        for (k, value) in slow[1].iter_mut().enumerate() {
+            *value += 8.0 / Complex64::new(1.0, 20.0 * k as f64 / 150.0);
         }
         let found = test(&slow, None, 0.01);
         assert_eq!(found.dropped, 2, "{found:?}");

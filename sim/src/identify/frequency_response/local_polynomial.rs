@@ -93,7 +93,7 @@ impl LocalPolynomial {
         let response = coefficients(response);
         let largest = command.iter().map(|u| u.norm()).fold(0.0, f64::max);
         // Rounding, not excitation, as for periodic records.
-        if !(largest > 1e-9) {
+        if largest.is_nan() || largest <= 1e-9 {
             return Err(IdentifyError::ConstantCommand { file: record.file.clone() });
         }
         let least_power = (SMALLEST_COMMAND * largest).powi(2);

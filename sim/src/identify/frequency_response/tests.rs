@@ -147,6 +147,7 @@ fn bands_cover(repeats: u64) {
             if kind == Noise::Hum {
                 let beside = f64::from(found.beside_hum.0) / f64::from(found.beside_hum.1);
                 println!("    within ten bins of the hum {beside:.4} of {}", found.beside_hum.1);
+                assert!((0.92..=0.97).contains(&beside), "{periods}: {beside}");
             }
             assert!((0.94..=0.96).contains(&disc), "{kind:?} {periods}: {disc}");
             assert!((0.94..=0.96).contains(&magnitude), "{kind:?} {periods}: {magnitude}");

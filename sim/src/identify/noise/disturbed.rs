@@ -29,12 +29,19 @@ const LARGEST_SHARE: f64 = 0.2;
 /// Fewer lines than this have no surroundings.
 const FEWEST_LINES: usize = 10;
 
-/// Which of the variances (relative to a smooth shape, `dof` complex degrees of freedom each) stand out.
+/// Which of the variances (relative to a smooth shape, `dof` complex degrees of freedom each) stand out; none when so
+/// many do that they are what is normal.
 pub(super) fn find(ratio: &[f64], dof: f64) -> Vec<bool> {
+    let out = all(ratio, dof);
+    let share = out.iter().filter(|&&o| o).count() as f64 / out.len() as f64;
+    if share > LARGEST_SHARE { vec![false; out.len()] } else { out }
+}
+
+/// The same however many they are: a strong sinusoid leaks on many lines.
+pub(super) fn all(ratio: &[f64], dof: f64) -> Vec<bool> {
     let count = ratio.len();
-    let none = || vec![false; count];
     if count < FEWEST_LINES || ratio.iter().all(|&r| r == 0.0) {
-        return none();
+        return vec![false; count];
     }
     // The median of Gamma(dof) over its mean.
     let median_share = Gamma::new(dof, dof).map_or(1.0, |gamma| gamma.inverse_cdf(0.5));
@@ -54,12 +61,10 @@ pub(super) fn find(ratio: &[f64], dof: f64) -> Vec<bool> {
         let beside = |k: usize| out[k.saturating_sub(BESIDE)..(k + BESIDE + 1).min(count)].contains(&true);
         let next: Vec<bool> = (0..count).map(|k| out[k] || (tails[k] < LEVEL_BESIDE && beside(k))).collect();
         if next == out {
-            break;
+            return out;
         }
         out = next;
     }
-    let share = out.iter().filter(|&&o| o).count() as f64 / count as f64;
-    if share > LARGEST_SHARE { none() } else { out }
 }
 
 #[cfg(test)]

@@ -51,6 +51,14 @@ pub(super) fn pool(sample: &[f64], bins: &[usize], dof: f64, half_width: usize, 
     Pooled { variance, neighbors: width, stands_out }
 }
 
+/// The place of the line that stands out most; arguments as of [`pool`].
+pub(super) fn strongest(sample: &[f64], bins: &[usize], dof: f64, rounding: f64) -> Option<usize> {
+    let seen: Vec<f64> = sample.iter().map(|s| s.max(rounding)).collect();
+    let ratio = ratios(&seen, &shape::of(&seen, bins, |_| true));
+    let stands_out = disturbed::all(&ratio, dof);
+    (0..ratio.len()).filter(|&k| stands_out[k]).max_by(|&a, &b| ratio[a].total_cmp(&ratio[b]))
+}
+
 fn ratios(sample: &[f64], shape: &[f64]) -> Vec<f64> {
     sample.iter().zip(shape).map(|(s, shape)| s / shape).collect()
 }

@@ -64,7 +64,7 @@ pub(in crate::identify) fn estimate(
     let first_bin = lowest.saturating_sub(1).max(1);
     let mut band: Vec<Vec<Complex64>> =
         periods.response[transient.dropped..].iter().map(|period| period[first_bin..=highest].to_vec()).collect();
-    let removed = remove_sinusoids(&mut band, first_bin, options.pool_half_width, periods.bin_rad_s);
+    let removed = remove_sinusoids(&mut band, first_bin, periods.bin_rad_s);
     let in_band = |bins: &[usize]| at(&band, &bins.iter().map(|bin| bin - first_bin).collect::<Vec<_>>());
     let response = in_band(&excited);
     let periods_used = response.len();
@@ -128,39 +128,40 @@ pub(in crate::identify) fn estimate(
         }
     }
 
-    let mut unexcited = Vec::new();
-    if noise.source == NoiseSource::BetweenPeriods {
-        let mut is_excited = vec![false; highest + 1];
-        for &bin in &excited {
-            is_excited[bin] = true;
-        }
-        let bins: Vec<usize> = (first_bin..highest).filter(|&bin| !is_excited[bin]).collect();
-        let between = in_band(&bins);
-        let mean_between = mean(&between);
-        let sample = sample_variance(periods_used, bins.len(), |p, k| between[p][k] - mean_between[k]);
-        let pooled = pool(&sample, &bins);
-        let variance = of_mean(&pooled.variance, periods_used);
-        unexcited = (0..bins.len())
-            .filter(|&k| !pooled.stands_out[k])
-            .map(|k| UnexcitedLine {
-                harmonic: bins[k] as u32,
-                omega_rad_s: omega_rad_s(bins[k]),
-                response: mean_between[k],
-                variance: variance[k],
-                dof: 2.0 * (pooled.neighbors * (periods_used - 1)) as f64,
-            })
-            .collect();
-    }
+    let unexcited = if noise.source == NoiseSource::BetweenPeriods {
+        let bins: Vec<usize> = (first_bin..highest).filter(|bin| excited.binary_search(bin).is_err()).collect();
+        unexcited_lines(&in_band(&bins), &bins, periods.bin_rad_s, pool)
+    } else {
+        Vec::new()
+    };
     Ok(Estimated { lines, unexcited, disturbed, removed, transient, periods_used, noise: noise.source })
 }
 
-/// Subtracts what stands out between periods and is a sinusoid, the strongest first.
-fn remove_sinusoids(
-    band: &mut [Vec<Complex64>],
-    first_bin: usize,
-    pool_half_width: usize,
+/// The lines at `bins`, which are not excited, whose noise `pool` knows; disturbed ones are left out.
+fn unexcited_lines(
+    periods: &[Vec<Complex64>],
+    bins: &[usize],
     bin_rad_s: f64,
-) -> Vec<RemovedSinusoid> {
+    pool: impl Fn(&[f64], &[usize]) -> noise::Pooled,
+) -> Vec<UnexcitedLine> {
+    let count = periods.len();
+    let response = mean(periods);
+    let pooled = pool(&sample_variance(count, bins.len(), |p, k| periods[p][k] - response[k]), bins);
+    let variance = of_mean(&pooled.variance, count);
+    (0..bins.len())
+        .filter(|&k| !pooled.stands_out[k])
+        .map(|k| UnexcitedLine {
+            harmonic: bins[k] as u32,
+            omega_rad_s: bin_rad_s * bins[k] as f64,
+            response: response[k],
+            variance: variance[k],
+            dof: 2.0 * (pooled.neighbors * (count - 1)) as f64,
+        })
+        .collect()
+}
+
+/// Subtracts what stands out between periods and is a sinusoid, the strongest first.
+fn remove_sinusoids(band: &mut [Vec<Complex64>], first_bin: usize, bin_rad_s: f64) -> Vec<RemovedSinusoid> {
     let mut removed = Vec::new();
     let count = band.len();
     if count < 2 {
@@ -171,9 +172,7 @@ fn remove_sinusoids(
         let middle = mean(band);
         let sample = sample_variance(count, bins.len(), |p, k| band[p][k] - middle[k]);
         let largest = middle.iter().map(|y| y.norm()).fold(0.0, f64::max);
-        let pooled = noise::pool(&sample, &bins, (count - 1) as f64, pool_half_width, (ROUNDING * largest).powi(2));
-        let ratio = |k: &usize| sample[*k] / pooled.variance[*k];
-        let peak = (0..bins.len()).filter(|&k| pooled.stands_out[k]).max_by(|a, b| ratio(a).total_cmp(&ratio(b)));
+        let peak = noise::strongest(&sample, &bins, (count - 1) as f64, (ROUNDING * largest).powi(2));
         let Some(sinusoid) = peak.and_then(|peak| Sinusoid::fit(band, first_bin, peak)) else { break };
         sinusoid.subtract_from(band, first_bin);
         removed.push(RemovedSinusoid { omega_rad_s: bin_rad_s * sinusoid.bin, amplitude: sinusoid.amplitude.norm() });
