@@ -1,5 +1,6 @@
 //! From records to linear models: spectra, frequency responses, fits and bandwidths.
 
+pub mod alignment;
 mod bandwidth;
 mod error;
 mod estimate;
