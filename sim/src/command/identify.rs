@@ -8,8 +8,9 @@ use miette::{Diagnostic, IntoDiagnostic as _, WrapErr as _};
 use serde_json::{Value, json};
 use thiserror::Error;
 
+use super::identify_align::{AlignOptions, Aligned};
 use super::outcome::{JsonOption, Outcome};
-use super::progress;
+use super::{identify_laws, identify_map, progress};
 use crate::files::check_writable;
 use crate::identify::steps::{StaircaseFit, fit_staircase};
 use crate::identify::{FirstOrderOptions, PeriodicIdentification, PeriodicOptions, identify_periodic};
@@ -32,6 +33,8 @@ pub struct Identify {
     #[arg(long, value_enum, default_value_t = Delay::Auto)]
     delay: Delay,
     #[command(flatten)]
+    align: AlignOptions,
+    #[command(flatten)]
     pub(super) json: JsonOption,
 }
 
@@ -48,7 +51,7 @@ enum Delay {
 
 /// Why there is nothing to identify.
 #[derive(Debug, Error, Diagnostic)]
-enum NothingToIdentify {
+pub(super) enum NothingToIdentify {
     #[error("{experiment}: no record of `excitation` multisine, step or staircase that may be fitted")]
     #[diagnostic(help(
         "record one (`rotorlead excite` designs a multisine), or correct `excitation` and `role` in experiment.toml"
@@ -74,7 +77,8 @@ pub struct Identified {
 impl Identify {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
-        let experiment = Experiment::read(&self.experiment)?;
+        let Aligned { experiment, text: mut aligned_text, warnings: align_warnings, json: alignments } =
+            self.align.read(&self.experiment)?;
         check_writable(&self.out)?;
         let delay_level = match self.delay {
             Delay::Auto => FirstOrderOptions::default().delay_level,
@@ -82,12 +86,16 @@ impl Identify {
             Delay::Fit => 1.0,
         };
         let bar = progress::spinner("identifying");
-        let identified = identify(&experiment, delay_level)
+        let mut identified = identify(&experiment, delay_level)
             .wrap_err_with(|| format!("nothing was identified from `{}`", self.experiment.display()))?;
+        let laws = identify_laws::compare(&experiment, &mut identified);
+        let static_map = identify_map::add(&experiment, &mut identified);
         bar.finish_and_clear();
         identified.model.write(&self.out)?;
 
-        let mut text = identified.text;
+        identified.warnings.splice(0..0, align_warnings);
+        aligned_text.push_str(&identified.text);
+        let mut text = aligned_text;
         for warning in &identified.warnings {
             writeln!(text, "warning: {warning}").into_diagnostic()?;
         }
@@ -96,6 +104,9 @@ impl Identify {
             "points": identified.model.points.iter().map(point_json).collect::<Vec<_>>(),
             "warnings": identified.warnings,
             "detail": identified.detail,
+            "alignment": alignments,
+            "static_map": static_map,
+            "laws": laws,
         });
         Ok(Outcome { text, json })
     }
@@ -146,7 +157,7 @@ pub fn identify(experiment: &Experiment, delay_level: f64) -> miette::Result<Ide
 }
 
 /// The one step or staircase record that is to be fitted.
-fn step_record(experiment: &Experiment) -> Result<&Record, NothingToIdentify> {
+pub(super) fn step_record(experiment: &Experiment) -> Result<&Record, NothingToIdentify> {
     let records = |role: Option<Role>| {
         experiment
             .records
@@ -200,7 +211,7 @@ fn percent(value: Option<f64>) -> String {
     value.map_or_else(|| String::from("-"), |value| format!("{value:.2}"))
 }
 
-fn unit(output: Output) -> &'static str {
+pub(super) fn unit(output: Output) -> &'static str {
     match output {
         Output::ThrustN => "N",
         Output::Rpm => "rpm",

@@ -14,6 +14,7 @@ mod noise;
 mod periodic;
 mod simulation;
 mod spectra;
+pub mod static_map;
 mod statistics;
 pub mod steps;
 mod transient;

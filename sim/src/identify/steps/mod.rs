@@ -10,6 +10,8 @@
 //! 4. levels get their static response, slope and time constants (`levels`);
 //! 5. the whole run is simulated and compared (here).
 //!
+//! Beside it, [`compare_laws`] asks whether one lag will do or its time constant depends on the speed (`speed`).
+//!
 //! # Which law for large steps
 //! Small steps up have one time constant each. A large step down crosses many levels, and three laws are at
 //! hand: the time constant of the level it leads to; that of the level it is at; and a motor with drag,
@@ -27,6 +29,7 @@ mod plateaus;
 mod problem;
 mod response;
 mod run;
+mod speed;
 mod spikes;
 mod uncertainty;
 mod warning;
@@ -36,16 +39,19 @@ use std::ops::Range;
 pub use error::StepsError;
 pub use levels::{Branch, Level};
 pub use plateaus::Direction;
+pub use speed::{HeldOut, LagLaw, LawComparison, LawFit, SPLITS, Split, compare_laws};
 pub use warning::StepsWarning;
 
 use super::fit_percent::fit_percent;
 use super::{Estimate, spectra};
 use crate::record::{Output, Record};
 use fit::{FittedStep, LagFit};
-use plateaus::{Plateau, SAME_LEVEL};
+pub(super) use plateaus::Plateau;
+pub(super) use plateaus::{SAME_LEVEL, mean_and_std};
 use problem::Data;
 use response::{Stretch, simulate};
-pub(super) use run::Run;
+pub(super) use run::{Run, plateaus_of};
+pub(super) use spikes::without_spikes;
 
 /// A lag toward a static map, as a staircase shows it.
 #[derive(Clone, Debug, PartialEq)]
