@@ -128,7 +128,8 @@ pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>)
     let _ = simulate(&common, lag.curvature.value, time_s, &mut simulated);
     let _ = simulate(&own, lag.curvature.value, time_s, &mut own_levels);
     let kept = |k: usize| !spike[rows.start + k];
-    let warnings = warnings(record, &rows, &spike[rows.clone()], &levels, &lag);
+    let mut warnings = warnings(record, &rows, &spike[rows.clone()], &levels, &lag);
+    warnings.extend(gaps(record, &rows, &plateaus));
     Ok(StaircaseFit {
         record: record.file.clone(),
         output,
@@ -251,6 +252,14 @@ fn warnings(record: &Record, rows: &Range<usize>, spike: &[bool], levels: &[Leve
         warnings.push(StepsWarning::NegativeDelay { delay_s: lag.delay_s.value });
     }
     warnings
+}
+
+/// Gaps of the log within the run.
+fn gaps(record: &Record, rows: &Range<usize>, plateaus: &[Plateau]) -> Option<StepsWarning> {
+    let (after, longest_s) = problem::rows_after_gaps(&record.time_s[rows.clone()]);
+    let begins = |p: &&Plateau| p.rows.start > rows.start && after.binary_search(&(p.rows.start - rows.start)).is_ok();
+    let steps = plateaus.iter().filter(begins).count();
+    (!after.is_empty()).then_some(StepsWarning::Gaps { count: after.len(), longest_s, steps })
 }
 
 /// Levels whose time constant is far from those of the two levels on each side.

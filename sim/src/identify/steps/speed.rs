@@ -11,10 +11,13 @@
 //! is drag's: 0 is the one lag, 1 a motor with nothing but drag. Between two changes the solution is closed
 //! ([`super::response`]), so the whole run is simulated exactly, from its first row on, with nothing reset between steps.
 //!
-//! All parameters are fitted together by least squares. What they miss is much the same all over a plateau, so the standard
-//! deviation that residuals are counted in is that of their sums over plateaus, `sqrt(sum_plateaus (sum r)^2 / rows)`; else
-//! intervals would be several times too short. `k` is tied to its physical range by the mean and the standard deviation
-//! of a uniform density over it, 0.5 +- 0.29, since steps in one direction or on a few levels say little of it.
+//! All parameters are fitted together by least squares. What they miss is much the same all over a plateau, as it is the static
+//! map's more than the noise's. Covariances therefore count the residuals of a plateau as one observation (the sandwich
+//! `U (sum_plateaus g g') U` with `g = J' r` of a plateau: Liang and Zeger 1986); else intervals would be several times too
+//! short. `k` is tied to its physical range by the mean and the standard deviation
+//! of a uniform density over it, 0.5 +- 0.29, since steps in one direction or on a few levels say little of it. The tie is weighed against residuals in units of
+//! `sqrt(sum_plateaus (sum r)^2 / rows)`, their standard deviation if they were white with the same sums: what the map misses is
+//! then no evidence for or against drag.
 //!
 //! # Splits
 //! [`SPLITS`], fixed before anything was fitted: rows belong to the step that they follow, up to the next one.
@@ -25,6 +28,8 @@
 //! | down to up | rows after steps down | rows after steps up |
 //! | even to odd | rows on every other level, from the lowest on | the other levels |
 //! | odd to even | the other levels | every other level, from the lowest on |
+
+use nalgebra::{DMatrix, DVector};
 
 use super::plateaus::{Direction, Plateau, SAME_LEVEL, mean_and_std};
 use super::response::{Stretch, value};
@@ -294,8 +299,9 @@ impl<'a> Bench<'a> {
         let solution = minimize(&problem, &start, LIMITS)?;
         let p = &solution.parameters;
         let dof = (used.iter().filter(|&&u| u).count() as f64 - p.len() as f64).max(1.0);
+        let covariance = self.covariance(&solution, used);
         let estimate = |k: usize| {
-            let std = solution.unit_covariance.as_ref().map_or(f64::INFINITY, |c| c[(k, k)].max(0.0).sqrt());
+            let std = covariance.as_ref().map_or(f64::INFINITY, |c| c[(k, k)].max(0.0).sqrt());
             Estimate { value: p[k], std, dof }
         };
         let rate = estimate(RATE);
@@ -310,6 +316,31 @@ impl<'a> Bench<'a> {
             fit_percent: self.percent(law, p, measured, used),
         };
         Some((fit, solution.parameters))
+    }
+
+    /// The sandwich; as if residuals were white in units of their sums where there are too few plateaus for it.
+    fn covariance(&self, solution: &Solution, used: &[bool]) -> Option<DMatrix<f64>> {
+        let unit = solution.unit_covariance.as_ref()?;
+        let parameters = solution.parameters.len();
+        let plateaus = used.iter().filter(|&&used| used).count();
+        if plateaus < parameters + 2 {
+            return Some(unit.clone());
+        }
+        let mut filling = DMatrix::zeros(parameters, parameters);
+        let mut at = 0;
+        for (plateau, _) in self.plateaus.iter().zip(used).filter(|(_, used)| **used) {
+            let rows = plateau.rows.len();
+            let r = DVector::from_column_slice(&solution.residuals[at..at + rows]);
+            let g = solution.jacobian.rows(at, rows).tr_mul(&r);
+            filling += &g * g.transpose();
+            at += rows;
+        }
+        // So many plateaus, so many parameters that follow them.
+        filling *= plateaus as f64 / (plateaus - parameters) as f64;
+        // What is known beforehand has unit variance by itself.
+        let ties = solution.jacobian.rows(at, TIES);
+        filling += ties.tr_mul(&ties);
+        Some(unit * filling * unit)
     }
 
     /// Standard deviation in which residuals of one row count when those of a plateau are much the same.
@@ -396,11 +427,13 @@ struct Problem<'a> {
 /// Ties the map's values to the highest level by ten times that level: levels that no used row touches, and all of them where
 /// they are measured, have to stay somewhere.
 const MAP_TIE: f64 = 0.1;
+/// The map's three and that of the share of drag.
+const TIES: usize = 4;
 
 impl Residuals for Problem<'_> {
     fn count(&self) -> usize {
         let used = self.bench.plateaus.iter().zip(self.used).filter(|(_, used)| **used);
-        used.map(|(p, _)| p.rows.len()).sum::<usize>() + 4
+        used.map(|(p, _)| p.rows.len()).sum::<usize>() + TIES
     }
 
     fn evaluate(&self, p: &[f64], out: &mut [f64]) -> bool {
@@ -408,7 +441,7 @@ impl Residuals for Problem<'_> {
         let mut simulated = vec![0.0; bench.length()];
         let ok = bench.simulate(self.law, p, self.measured, &mut simulated);
         let first = bench.plateaus[0].rows.start;
-        let (rows, ties) = out.split_at_mut(out.len() - 4);
+        let (rows, ties) = out.split_at_mut(out.len() - TIES);
         for (out, (row, _)) in rows.iter_mut().zip(bench.rows().filter(|&(_, k)| self.used[k])) {
             *out = if bench.spike[row] { 0.0 } else { (simulated[row - first] - bench.y[row]) / self.scale };
         }
