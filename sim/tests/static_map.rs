@@ -105,7 +105,11 @@ fn tally(truth: &Truth, repeats: u64) -> Tally {
         let width = fit.hysteresis.unwrap();
         t.width_std += width.std / repeats as f64;
         count(&mut t.width, width, truth.width);
-        count(&mut t.dead_zone, fit.dead_zone.unwrap().end.unwrap(), truth.dead_zone);
+        // A polynomial that noise keeps from zero says that the motor jumps: a miss.
+        match fit.dead_zone.unwrap().end {
+            Some(end) => count(&mut t.dead_zone, end, truth.dead_zone),
+            None => t.dead_zone.1 += 1,
+        }
         if let Some(Limit::Saturates { command, .. }) = fit.limit {
             count(&mut t.limit, command, truth.limit);
         }

@@ -113,8 +113,8 @@ mod tests {
     fn white_noise_has_no_coefficients_and_neither_has_none() {
         let mut rng = ChaCha8Rng::seed_from_u64(2);
         let noise: Vec<f64> = (0..5_000).map(|_| StandardNormal.sample(&mut rng)).collect();
-        assert!(autoregression(&noise, &[0..5_000]).is_empty());
-        assert!(autoregression(&[0.0; 100], &[0..100]).is_empty());
+        assert!(autoregression(&noise, &[0..2_500, 2_500..5_000]).is_empty());
+        assert!(autoregression(&[0.0; 100], &[0..50, 50..100]).is_empty());
         assert!(autoregression(&[], &[]).is_empty());
     }
 }

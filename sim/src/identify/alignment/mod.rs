@@ -376,7 +376,7 @@ fn judged(
         warnings.push(AlignmentWarning::ShortLag { row_s });
         delay_s.std = delay_s.std.hypot(row_s / 12f64.sqrt());
     }
-    if !(delay_s.std <= VAGUE_S) {
+    if delay_s.std.is_nan() || delay_s.std > VAGUE_S {
         return Err(AlignmentError::Undetermined { log: log(), std_s: delay_s.std });
     }
     if let Some(within_s) = options.within_s.filter(|&within_s| delay_s.value.abs() > within_s) {

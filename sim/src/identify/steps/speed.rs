@@ -135,8 +135,8 @@ impl Split {
         match self {
             Self::UpToDown => up,
             Self::DownToUp => !up,
-            Self::EvenToOdd => level % 2 == 0,
-            Self::OddToEven => level % 2 == 1,
+            Self::EvenToOdd => level.is_multiple_of(2),
+            Self::OddToEven => !level.is_multiple_of(2),
         }
     }
 }
