@@ -266,7 +266,7 @@ fn a_ramp_is_as_good_as_a_staircase_when_its_lag_is_known() {
         time_s.push(t);
         command.push(u);
         thrust.push(y + 0.02 * noise + rng.random_range(-0.01..0.01));
-        y += (truth.at(u, None) - y) * (1.0 - (-0.01 / lag_s as f64).exp());
+        y += (truth.at(u, None) - y) * (1.0 - f64::exp(-0.01 / lag_s));
     }
     let ramp = shell(time_s, command, thrust, Excitation::Free);
     let fit = from_record(&ramp, Some(lag_s));
