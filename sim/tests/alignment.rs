@@ -151,6 +151,11 @@ fn drawn(drive: Drive, noise: Noise, seed: u64) -> Bench {
     Bench { drive, noise, noise_std: 100.0, length_s, offset_s, skew }
 }
 
+/// The delay where it is counted, of clocks related by `t = offset + (1 + skew) s`.
+fn truth_s(offset_s: f64, skew: f64, found: &Alignment) -> f64 {
+    found.reference_s - (found.reference_s - offset_s) / (1.0 + skew)
+}
+
 /// Misses of 95 % intervals, and how wide they are.
 #[derive(Debug, Default)]
 struct Misses {
@@ -168,7 +173,7 @@ fn misses(drive: Drive, noise: Noise, repeats: u64) -> Misses {
         // A multisine looks alike after each of its periods.
         let found = logs(&bench, seed).align_within(0.5).unwrap_or_else(|error| panic!("{seed} {bench:?}: {error}"));
         let skew = found.skew.expect("25 s tell the skew");
-        let truth_s = bench.offset_s + bench.skew * found.reference_s;
+        let truth_s = truth_s(bench.offset_s, bench.skew, &found);
         sum.delay += u64::from(found.delay_s.excludes(truth_s));
         sum.skew += u64::from(skew.excludes(bench.skew));
         sum.delay_error_over_std += (found.delay_s.value - truth_s) / found.delay_s.std / repeats as f64;
@@ -245,8 +250,8 @@ fn clocks_may_start_anywhere() {
         let bench = Bench { offset_s: 0.012, ..QUIET };
         let mut logs = logs(&bench, 3);
         logs.time_s.iter_mut().for_each(|t| *t += offset_s);
-        let found = logs.align().unwrap();
-        let truth_s = offset_s + 0.012 + bench.skew * found.reference_s;
+        let found = logs.align().unwrap_or_else(|error| panic!("{offset_s} s: {error}"));
+        let truth_s = truth_s(offset_s + 0.012, bench.skew, &found);
         assert!((found.delay_s.value - truth_s).abs() < 4.0 * found.delay_s.std + 1e-9, "{found:?} {truth_s}");
         assert!(found.delay_s.std < 2e-4 && found.fit_percent > 99.0, "{found:?}");
         assert!((found.time_constant_s.value - TAU_S).abs() < 1e-3, "{found:?}");
@@ -267,7 +272,7 @@ fn a_gap_costs_its_rows_and_no_more() {
     logs.response = keep.iter().map(|&k| logs.response[k]).collect();
     let found = logs.align().unwrap();
     assert_eq!(found.gaps, 1);
-    let truth_s = QUIET.offset_s + QUIET.skew * found.reference_s;
+    let truth_s = truth_s(QUIET.offset_s, QUIET.skew, &found);
     assert!((found.delay_s.value - truth_s).abs() < 4.0 * found.delay_s.std, "{found:?}");
 
     let (from_s, to_s) = (found.command_time_s(logs.time_s[699]), found.command_time_s(logs.time_s[700]));
@@ -415,6 +420,6 @@ fn a_command_that_repeats_is_told_unless_the_delay_is_limited() {
     let periods = (first_s - second_s).abs() / 5.0;
     assert!((periods - periods.round()).abs() < 0.01 && periods > 0.5, "{first_s} {second_s}");
     let found = logs.align_within(1.0).unwrap();
-    let truth_s = bench.offset_s + bench.skew * found.reference_s;
+    let truth_s = truth_s(bench.offset_s, bench.skew, &found);
     assert!((found.delay_s.value - truth_s).abs() < 4.0 * found.delay_s.std, "{found:?}");
 }

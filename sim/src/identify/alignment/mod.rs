@@ -60,7 +60,8 @@ impl Default for AlignmentOptions {
 /// How the two clocks and the two logs are related.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Alignment {
-    /// How much later the response log shows what the command log says, at [`Self::reference_s`], seconds. Negative where
+    /// How much later the response log shows what the command log says, at [`Self::reference_s`], seconds of the command's
+    /// clock. Negative where
     /// the logger's clock is behind by more than the delay.
     pub delay_s: Estimate,
     /// How much faster the logger's clock runs than the command's, relative (1e-6 is 1 ppm); `None` where the record
@@ -115,7 +116,7 @@ impl Alignment {
     #[must_use]
     pub fn command_time_s(&self, response_time_s: f64) -> f64 {
         let skew = self.skew.map_or(0.0, |skew| skew.value);
-        self.reference_s + (response_time_s - self.reference_s - self.delay_s.value) / (1.0 + skew)
+        self.reference_s - self.delay_s.value + (response_time_s - self.reference_s) / (1.0 + skew)
     }
 }
 
@@ -211,7 +212,7 @@ impl Part {
         let (start_s, end_s) = response.span_s();
         let middle_s = 0.5 * (start_s + end_s);
         let (from_s, to_s) = command.span_s();
-        let at = |t: f64| middle_s + (t - middle_s - candidate.delay_s) / (1.0 + candidate.skew);
+        let at = |t: f64| middle_s - candidate.delay_s + (t - middle_s) / (1.0 + candidate.skew);
         let inside = |row: &usize| (from_s..=to_s).contains(&at(response.time_s[*row]));
         let mut runs = Vec::new();
         let (mut time_s, mut y) = (Vec::new(), Vec::new());

@@ -2,7 +2,7 @@
 //!
 //! The response at the logger's time `t` is that of the command's time
 //!
-//! `s = t_ref + (t - t_ref - D) / (1 + sigma)`
+//! `s = t_ref - D + (t - t_ref) / (1 + sigma)`
 //!
 //! through a first-order lag behind a static polynomial (a Hammerstein model, Ljung section 5.2):
 //!
@@ -107,7 +107,7 @@ impl Problem<'_> {
             }
         };
         for (row, t) in self.time_s.iter().enumerate() {
-            let s = self.reference_s + (t - self.reference_s - p[DELAY]) / (1.0 + skew);
+            let s = self.reference_s - p[DELAY] + (t - self.reference_s) / (1.0 + skew);
             while next < self.command.len() && self.command_time_s[next] <= s {
                 advance(&mut state, self.command_time_s[next] - now);
                 now = self.command_time_s[next];
@@ -175,12 +175,12 @@ impl Residuals for Problem<'_> {
                 by_lag += gain * state.by_lag[j];
                 out[(row, GAIN + j)] = state.x[j];
             }
-            out[(row, DELAY)] = -slope / stretch;
+            out[(row, DELAY)] = -slope;
             out[(row, LAG)] = by_lag;
             out[(row, OFFSET)] = 1.0;
             out[(row, START)] = left;
             if self.skew {
-                out[(row, self.skew_index())] = -slope * (s - self.reference_s) / stretch;
+                out[(row, self.skew_index())] = -slope * (self.time_s[row] - self.reference_s) / (stretch * stretch);
             }
         });
         for mut column in out.column_iter_mut() {
