@@ -168,7 +168,8 @@ impl Residuals for Problem<'_> {
         let (tau, stretch) = (p[LAG].exp(), 1.0 + self.skew_of(p));
         let ok = self.march(p, |row, s, state| {
             let (left, left_by_lag) = self.start(s, tau);
-            let (mut slope, mut by_lag) = (-p[START] * left / tau, p[START] * left_by_lag);
+            let fading = if s > self.start_s { -p[START] * left / tau } else { 0.0 };
+            let (mut slope, mut by_lag) = (fading, p[START] * left_by_lag);
             for j in 0..self.powers {
                 let gain = p[GAIN + j];
                 slope += gain * (state.to[j] - state.x[j]) / tau;
