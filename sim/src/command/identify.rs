@@ -8,9 +8,10 @@ use miette::{Diagnostic, IntoDiagnostic as _, WrapErr as _};
 use serde_json::{Value, json};
 use thiserror::Error;
 
+use super::identify_align::{AlignOptions, Aligned};
 use super::identify_stand::{self, StandArguments};
 use super::outcome::{JsonOption, Outcome};
-use super::{WrongUse, progress};
+use super::{WrongUse, identify_laws, identify_map, progress};
 use crate::files::check_writable;
 use crate::identify::stand::StandModel;
 use crate::identify::steps::{StaircaseFit, fit_staircase};
@@ -35,13 +36,15 @@ pub struct Identify {
     #[arg(long, value_enum, default_value_t = Delay::Auto)]
     delay: Delay,
     /// Identify the stand instead of a motor: `command` is the force put in, in newtons, by a hammer or a shaker
-    #[arg(long, conflicts_with_all = ["stand_model", "delay"])]
+    #[arg(long, conflicts_with_all = ["stand_model", "delay", "align"])]
     stand: bool,
     #[command(flatten)]
     of_stand: StandArguments,
     /// A stand identified with --stand, which is divided out of multisine records
     #[arg(long, value_name = "FILE")]
     stand_model: Option<PathBuf>,
+    #[command(flatten)]
+    align: AlignOptions,
     #[command(flatten)]
     pub(super) json: JsonOption,
 }
@@ -59,7 +62,7 @@ enum Delay {
 
 /// Why there is nothing to identify.
 #[derive(Debug, Error, Diagnostic)]
-enum NothingToIdentify {
+pub(super) enum NothingToIdentify {
     #[error("{experiment}: no record of `excitation` multisine, step or staircase that may be fitted")]
     #[diagnostic(help(
         "record one (`rotorlead excite` designs a multisine), or correct `excitation` and `role` in experiment.toml"
@@ -96,7 +99,8 @@ impl Identify {
         if self.stand {
             return identify_stand::run(&self.experiment, &self.out, &self.of_stand);
         }
-        let experiment = Experiment::read(&self.experiment)?;
+        let Aligned { experiment, text: mut aligned_text, warnings: align_warnings, json: alignments } =
+            self.align.read(&self.experiment)?;
         check_writable(&self.out)?;
         let delay_level = match self.delay {
             Delay::Auto => FirstOrderOptions::default().delay_level,
@@ -105,12 +109,16 @@ impl Identify {
         };
         let stand = self.stand_model.as_deref().map(StandModel::read).transpose()?;
         let bar = progress::spinner("identifying");
-        let identified = identify(&experiment, delay_level, stand.as_ref())
+        let mut identified = identify(&experiment, delay_level, stand.as_ref())
             .wrap_err_with(|| format!("nothing was identified from `{}`", self.experiment.display()))?;
+        let laws = identify_laws::compare(&experiment, &mut identified);
+        let static_map = identify_map::add(&experiment, &mut identified);
         bar.finish_and_clear();
         identified.model.write(&self.out)?;
 
-        let mut text = identified.text;
+        identified.warnings.splice(0..0, align_warnings);
+        aligned_text.push_str(&identified.text);
+        let mut text = aligned_text;
         for warning in &identified.warnings {
             writeln!(text, "warning: {warning}").into_diagnostic()?;
         }
@@ -120,6 +128,9 @@ impl Identify {
             "warnings": identified.warnings,
             "detail": identified.detail,
             "distortion": identified.distortion,
+            "alignment": alignments,
+            "static_map": static_map,
+            "laws": laws,
         });
         Ok(Outcome { text, json })
     }
@@ -180,7 +191,7 @@ pub fn identify(experiment: &Experiment, delay_level: f64, stand: Option<&StandM
 }
 
 /// The one step or staircase record that is to be fitted.
-fn step_record(experiment: &Experiment) -> Result<&Record, NothingToIdentify> {
+pub(super) fn step_record(experiment: &Experiment) -> Result<&Record, NothingToIdentify> {
     let records = |role: Option<Role>| {
         experiment
             .records
@@ -246,7 +257,7 @@ fn percent(value: Option<f64>) -> String {
     value.map_or_else(|| String::from("-"), |value| format!("{value:.2}"))
 }
 
-fn unit(output: Output) -> &'static str {
+pub(super) fn unit(output: Output) -> &'static str {
     match output {
         Output::ThrustN => "N",
         Output::Rpm => "rpm",

@@ -1,5 +1,6 @@
 //! From records to linear models: spectra, frequency responses, fits and bandwidths.
 
+pub mod alignment;
 mod bandwidth;
 mod distortion;
 mod error;
@@ -17,6 +18,7 @@ mod periodic;
 mod simulation;
 mod spectra;
 pub mod stand;
+pub mod static_map;
 mod statistics;
 pub mod steps;
 #[cfg(test)]

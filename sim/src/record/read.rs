@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::column::Column;
 use super::manifest::{CommandKind, Entry, MANIFEST, Manifest, place};
 use super::table::Table;
 use super::{Experiment, Record};
@@ -17,7 +18,7 @@ impl Experiment {
     /// When anything is missing, unknown, out of its range, or contradicts something else. The
     /// error shows the file and the place in it, and says what to do.
     pub fn read(folder: &Path) -> Result<Self, FileError> {
-        Self::read_kind(folder, CommandKind::Duty)
+        Self::read_kind(folder, CommandKind::Duty, true)
     }
 
     /// Reads the folder of an experiment on a stand without a motor: `command = "force_n"`, and the column `command` is the
@@ -26,10 +27,23 @@ impl Experiment {
     /// # Errors
     /// As [`Self::read`].
     pub fn read_force(folder: &Path) -> Result<Self, FileError> {
-        Self::read_kind(folder, CommandKind::ForceN)
+        Self::read_kind(folder, CommandKind::ForceN, true)
     }
 
-    fn read_kind(folder: &Path, kind: CommandKind) -> Result<Self, FileError> {
+    /// Reads response logs that were recorded apart from their commands: as [`Experiment::read`], but the column `command`
+    /// may be absent, and is all zeros whether it is or not. A command log ([`read_command_log`]) belongs to each.
+    ///
+    /// # Errors
+    /// As for [`Experiment::read`].
+    pub fn read_responses(folder: &Path) -> Result<Self, FileError> {
+        let mut experiment = Self::read_kind(folder, CommandKind::Duty, false)?;
+        for record in &mut experiment.records {
+            record.command = vec![0.0; record.time_s.len()];
+        }
+        Ok(experiment)
+    }
+
+    fn read_kind(folder: &Path, kind: CommandKind, with_command: bool) -> Result<Self, FileError> {
         let path = manifest_path(folder)?;
         let (manifest, file): (Manifest, _) = TomlFile::read(&path)?;
         manifest.check().map_err(|fault| file.show(&fault))?;
@@ -58,15 +72,24 @@ impl Experiment {
             records: Vec::new(),
         };
         for entry in manifest.records {
-            let record = experiment.read_record(folder, entry, kind)?;
+            let record = experiment.read_record(folder, entry, kind, with_command)?;
             experiment.records.push(record);
         }
         Ok(experiment)
     }
 
-    fn read_record(&self, folder: &Path, entry: Entry, kind: CommandKind) -> Result<Record, FileError> {
+    fn read_record(
+        &self,
+        folder: &Path,
+        entry: Entry,
+        kind: CommandKind,
+        with_command: bool,
+    ) -> Result<Record, FileError> {
         let text = TextFile::read(&folder.join(&entry.file))?;
-        let mut table = Table::read(text, self.output, kind)?;
+        let response = Column::of(self.output);
+        let needed: &[Column] =
+            if with_command { &[Column::TimeS, Column::Command, response] } else { &[Column::TimeS, response] };
+        let mut table = Table::read(text, needed, kind)?;
         let mut record = entry.into_record();
         table.fill(&mut record);
         if let Some(stated_hz) = self.sample_rate_hz {
@@ -74,6 +97,25 @@ impl Experiment {
         }
         Ok(record)
     }
+}
+
+/// A command log as it is on disk.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CommandFile {
+    /// Times in seconds on the commanding computer's clock, strictly increasing.
+    pub time_s: Vec<f64>,
+    /// Commands, 0..1; each holds until the next row.
+    pub command: Vec<f64>,
+}
+
+/// Reads a command log: a CSV file with the columns `time_s` and `command`. Other columns of a record may be there and
+/// are left.
+///
+/// # Errors
+/// When the file is missing, or anything in it is unknown, impossible or out of its range. The error shows the place.
+pub fn read_command_log(path: &Path) -> Result<CommandFile, FileError> {
+    let mut table = Table::read(TextFile::read(path)?, &[Column::TimeS, Column::Command], CommandKind::Duty)?;
+    Ok(CommandFile { time_s: table.take(Column::TimeS), command: table.take(Column::Command) })
 }
 
 fn manifest_path(folder: &Path) -> Result<std::path::PathBuf, FileError> {

@@ -48,8 +48,7 @@ pub(super) fn all(ratio: &[f64], dof: f64) -> Vec<bool> {
     let width = (2 * REACH + 1).min(count);
     let tails: Vec<f64> = (0..count)
         .map(|k| {
-            let first = k.saturating_sub(width / 2).min(count - width);
-            let mut around = ratio[first..first + width].to_vec();
+            let mut around = ratio[super::window(k, width, count)].to_vec();
             around.sort_by(f64::total_cmp);
             let relative = ratio[k] / (around[width / 2] / median_share);
             // A median knows about half as much as a mean.

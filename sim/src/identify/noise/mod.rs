@@ -15,6 +15,8 @@ mod disturbed;
 mod shape;
 pub(super) mod sinusoid;
 
+use std::ops::Range;
+
 use num_complex::Complex64;
 
 /// The noise of a set of lines.
@@ -44,11 +46,24 @@ pub(super) fn pool(sample: &[f64], bins: &[usize], dof: f64, half_width: usize, 
     let variance = (0..sample.len())
         .map(|k| {
             let place = calm.partition_point(|&c| c < k);
-            let first = place.saturating_sub(width / 2).min(calm.len() - width);
-            shape[k] * calm[first..first + width].iter().map(|&c| ratio[c]).sum::<f64>() / width as f64
+            shape[k] * calm[window(place, width, calm.len())].iter().map(|&c| ratio[c]).sum::<f64>() / width as f64
         })
         .collect();
     Pooled { variance, neighbors: width, stands_out }
+}
+
+/// Averages `values` over the nearest `2 half_width + 1` neighbors, where no smooth shape is known.
+pub(super) fn moving_mean(values: &[f64], half_width: usize) -> Vec<f64> {
+    let width = (2 * half_width + 1).min(values.len());
+    let mean = |k| values[window(k, width, values.len())].iter().sum::<f64>() / width as f64;
+    (0..values.len()).map(mean).collect()
+}
+
+/// The `width` places nearest to `place` among `count`, of which there are as many. At the ends the window keeps its
+/// width and becomes one-sided.
+fn window(place: usize, width: usize, count: usize) -> Range<usize> {
+    let first = place.saturating_sub(width / 2).min(count - width);
+    first..first + width
 }
 
 /// The place of the line that stands out most; arguments as of [`pool`].
@@ -82,8 +97,7 @@ pub(super) fn from_unexcited(spectrum: &[Complex64], excited: &[usize], count: u
         .iter()
         .map(|&bin| {
             let above = quiet.partition_point(|&q| q < bin);
-            let first = above.saturating_sub(count / 2).min(quiet.len() - count);
-            quiet[first..first + count].iter().map(|&q| spectrum[q].norm_sqr()).sum::<f64>() / count as f64
+            quiet[window(above, count, quiet.len())].iter().map(|&q| spectrum[q].norm_sqr()).sum::<f64>() / count as f64
         })
         .collect();
     Some((powers, count))
@@ -99,6 +113,8 @@ mod tests {
         assert_eq!(pooled.neighbors, 3);
         assert_eq!(pooled.variance, [2.0, 2.0, 3.0, 4.0, 4.0]);
         assert_eq!(pool(&[1.0, 3.0], &[1, 3], 1.0, 5, 0.0).variance, [2.0, 2.0]);
+        assert_eq!(moving_mean(&[1.0, 2.0, 3.0, 4.0, 5.0], 1), [2.0, 2.0, 3.0, 4.0, 4.0]);
+        assert_eq!(moving_mean(&[1.0, 3.0], 5), [2.0, 2.0]);
     }
 
     #[test]
