@@ -18,7 +18,7 @@ use crate::identify::steps::{StaircaseFit, fit_staircase};
 use crate::identify::{FirstOrderOptions, PeriodicIdentification, PeriodicOptions, identify_periodic};
 use crate::plant::{Model, Point, Provenance};
 use crate::record::{Excitation, Experiment, Output, Record, Role};
-use crate::report::{distortion_json, distortion_table};
+use crate::report::{distortion_json, distortion_table, with_std};
 
 /// Finds the lag at each level from the records of an experiment
 ///
@@ -119,6 +119,9 @@ impl Identify {
         identified.warnings.splice(0..0, align_warnings);
         aligned_text.push_str(&identified.text);
         let mut text = aligned_text;
+        if !identified.warnings.is_empty() {
+            text.push('\n');
+        }
         for warning in &identified.warnings {
             writeln!(text, "warning: {warning}").into_diagnostic()?;
         }
@@ -245,14 +248,6 @@ fn periodic_warnings(found: &PeriodicIdentification) -> Vec<String> {
     all.map(ToString::to_string).collect()
 }
 
-/// Value and standard error, both times `scale`.
-fn with_std(value: f64, std: Option<f64>, scale: f64, digits: usize) -> String {
-    match std {
-        Some(std) => format!("{:.digits$} +- {:.digits$}", scale * value, scale * std),
-        None => format!("{:.digits$}", scale * value),
-    }
-}
-
 fn percent(value: Option<f64>) -> String {
     value.map_or_else(|| String::from("-"), |value| format!("{value:.2}"))
 }
@@ -266,17 +261,19 @@ pub(super) fn unit(output: Output) -> &'static str {
 
 fn periodic_table(output: Output, found: &PeriodicIdentification) -> String {
     let mut text = format!(
-        "  u_nom {:>20} {:>19} {:>17} {:>13} {:>12} {:>11}\n",
+        "  u_nom {:>18} {:>15} {:>13} {:>7} {:>7} {:>6}\n  {:>73} {:>6}\n",
         format!("gain ({})", unit(output)),
-        "time constant (ms)",
+        "tau (ms)",
         "delay (ms)",
-        "% fit, freq.",
-        "% fit, square",
-        "chi2/dof"
+        "% fit,",
+        "% fit,",
+        "chi2",
+        "freq.  square",
+        "/dof",
     );
     for (nominal, point) in found.nominals.iter().zip(found.points()) {
         let line = format!(
-            "  {:<5.3} {:>20} {:>19} {:>17} {:>13} {:>12} {:>11.2}\n",
+            "  {:<5.3} {:>18} {:>15} {:>13} {:>7} {:>7} {:>6.2}\n",
             point.nominal,
             with_std(point.gain, point.gain_std, 1.0, 4),
             with_std(point.time_constant_s, point.time_constant_s_std, 1e3, 2),
@@ -287,13 +284,14 @@ fn periodic_table(output: Output, found: &PeriodicIdentification) -> String {
         );
         text.push_str(&line);
     }
-    text.push_str("  +- is one standard error, of the noise alone.\n");
+    text.push_str("  tau is the time constant; +- is one standard error, of the noise alone.\n");
     text
 }
 
 fn staircase_table(fit: &StaircaseFit) -> String {
     let mut text = format!(
-        "{}: % fit {:.1} of one lag toward one static map ({:.1} with readings that were set aside)\n\
+        "{}: % fit {:.1} of one lag toward one static map\n\
+         ({:.1} with readings that were set aside)\n\
          delay {} ms as logged\n\n  level {:>14} {:>20} {:>7} {:>20} {:>7}\n",
         fit.record,
         fit.fit_percent,

@@ -114,7 +114,7 @@ fn describe(text: &mut String, record: &Record, path: &Path, found: &Alignment, 
     };
     say(format!("{} with the commands of {}:", record.file, path.display()));
     say(format!(
-        "  delay {} ms at {:.3} s of the response's clock (95 %)",
+        "  delay {} ms (95 %)\n    at {:.3} s of the response's clock",
         interval(found.delay_s, 1e3, 3),
         found.reference_s
     ));
@@ -123,7 +123,7 @@ fn describe(text: &mut String, record: &Record, path: &Path, found: &Alignment, 
         None => say(String::from("  the clocks were taken to run alike")),
     }
     say(format!(
-        "  fitted with a lag of {:.1} ms, % fit {:.1}, noise of order {}, over {} rows with {} gaps",
+        "  fitted with a lag of {:.1} ms, % fit {:.1}, noise of order {},\n    over {} rows with {} gaps",
         1e3 * found.time_constant_s.value,
         found.fit_percent,
         found.noise_order,
@@ -131,7 +131,8 @@ fn describe(text: &mut String, record: &Record, path: &Path, found: &Alignment, 
         found.gaps
     ));
     say(format!(
-        "  {} merged rows, {} left out for want of the other log; {:.1} ms of dead time stay in, the rest is taken for latency",
+        "  {} merged rows, {} left out for want of the other log;\n    \
+         {:.1} ms of dead time stay in, the rest is taken for latency",
         merged.time_s.len(),
         merged.left_out,
         1e3 * dead_time_s

@@ -30,20 +30,21 @@ pub fn compare(experiment: &Experiment, identified: &mut Identified) -> Value {
 
 fn describe(found: &LawComparison) -> String {
     let mut text = String::from(
-        "\n% fit of the whole run, one quadratic static map, no step adjusted by itself\n  \
-         fitted on -> judged on        one lag   speed-dep.   ceiling   with the levels as measured: one lag   speed-dep.\n",
+        "\n% fit of the whole run, one quadratic static map, no step adjusted by itself\n                                       \
+         one static map     levels as measured\n  \
+         fitted on -> judged on   one lag speed-dep.  ceiling    one lag speed-dep.\n",
     );
     let mut say = |line: String| {
         text.push_str(&line);
         text.push('\n');
     };
     say(format!(
-        "  {:<27} {:>9.2} {:>12.2} {:>9.2}",
+        "  {:<22} {:>9.2} {:>10.2} {:>8.2}",
         "all -> all", found.one_lag.fit_percent, found.speed_dependent.fit_percent, found.ceiling_percent
     ));
     for split in &found.held_out {
         say(format!(
-            "  {:<27} {:>9.2} {:>12.2} {:>9.2} {:>38.2} {:>12.2}",
+            "  {:<22} {:>9.2} {:>10.2} {:>8.2} {:>10.2} {:>10.2}",
             split.split.words(),
             split.one_lag_percent,
             split.speed_dependent_percent,
@@ -56,14 +57,16 @@ fn describe(found: &LawComparison) -> String {
     let drag = found.speed_dependent.drag_share;
     let (low, high) = drag.interval(0.95);
     say(format!(
-        "  speed-dependent: {} at the highest level, {:.1} ms at a quarter of it; drag's share of the rate {:.2} ({low:.2} to {high:.2})",
+        "  speed-dependent: {}\n    at the highest level, {:.1} ms at a quarter of it;\n    \
+         drag's share of the rate {:.2} ({low:.2} to {high:.2})",
         law(&found.speed_dependent),
         1e3 * found.speed_dependent.time_constant_at(0.25 * found.speed_dependent.reference),
         drag.value,
     ));
     if let Some(share) = found.up_down_difference {
         say(format!(
-            "  the same command settles {:.1} % apart when reached from above: no map of the command alone has both",
+            "  the same command settles {:.1} % apart when reached from above:\n    \
+             no map of the command alone has both",
             100.0 * share
         ));
     }
@@ -76,7 +79,7 @@ fn law(fit: &LawFit) -> String {
     let (soonest, latest) = fit.delay_s.interval(0.95);
     write!(
         text,
-        "delay {:.1} ms ({:.1} to {:.1}), time constant {:.1} ms ({:.1} to {:.1})",
+        "delay {:.1} ms ({:.1} to {:.1}),\n    time constant {:.1} ms ({:.1} to {:.1})",
         1e3 * fit.delay_s.value,
         1e3 * soonest,
         1e3 * latest,

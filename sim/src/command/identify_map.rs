@@ -82,7 +82,8 @@ fn interval(estimate: Estimate, digits: usize) -> String {
 
 fn describe(fit: &StaticMapFit, output: Output) -> String {
     let mut text = format!(
-        "\nstatic map over commands {:.3} to {:.3}: degree {} by F-test at 0.5 %, {} steady points, 95 % intervals\n",
+        "\nstatic map over commands {:.3} to {:.3}: degree {} by F-test at 0.5 %,\n\
+         {} steady points, 95 % intervals\n",
         fit.range.0,
         fit.range.1,
         fit.degree(),
@@ -108,7 +109,7 @@ fn describe(fit: &StaticMapFit, output: Output) -> String {
     }
     match fit.hysteresis {
         Some(width) => {
-            say(format!("  hysteresis {} of command between levels from below and from above", interval(width, 4)))
+            say(format!("  hysteresis {} of command\n    between levels from below and from above", interval(width, 4)))
         }
         None => say(String::from("  hysteresis not seen: levels were reached from one side only")),
     }
@@ -120,7 +121,7 @@ fn describe(fit: &StaticMapFit, output: Output) -> String {
             unit(output)
         )),
         Some(Limit::Falls { command, by }) => say(format!(
-            "  falls beyond command {command:.3}, by {} {} at the next level; the polynomial ends there",
+            "  falls beyond command {command:.3}, by {} {} at the next level:\n    the polynomial ends there",
             interval(by, digits),
             unit(output)
         )),
@@ -128,7 +129,7 @@ fn describe(fit: &StaticMapFit, output: Output) -> String {
     }
     if let Some(table) = fit.linearization(11) {
         let commands: Vec<String> = table.iter().map(|(_, command)| format!("{command:.4}")).collect();
-        say(format!("  linear throttle 0, 10 .. 100 %: {}", commands.join(" ")));
+        say(format!("  commands for 0, 10 .. 100 % of the response:\n  {}", commands.join(" ")));
     }
     text
 }

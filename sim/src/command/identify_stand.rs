@@ -14,6 +14,7 @@ use crate::files::check_writable;
 use crate::identify::parametric::Root;
 use crate::identify::stand::{StandIdentification, StandOptions, identify_stand};
 use crate::record::Experiment;
+use crate::report::with_std;
 
 /// What only a stand needs.
 #[derive(Args, Debug)]
@@ -44,6 +45,9 @@ pub fn run(folder: &Path, out: &Path, arguments: &StandArguments) -> miette::Res
     stand.model().write(out)?;
 
     let mut text = table(&stand);
+    if !stand.warnings.is_empty() {
+        text.push('\n');
+    }
     for warning in &stand.warnings {
         writeln!(text, "warning: {warning}").into_diagnostic()?;
     }
@@ -54,15 +58,16 @@ pub fn run(folder: &Path, out: &Path, arguments: &StandArguments) -> miette::Res
 fn table(stand: &StandIdentification) -> String {
     let fit = &stand.fit;
     let mut text = format!(
-        "{} of {} lines up to {:.1} Hz: {}, static gain {:.4} +- {:.4}\n\
-         chi2/dof {:.2}, tail probabilities: power {:.2}, whiteness {:.2}, independence of the force {:.2}\n\n\
-         {:>6} {:>22} {:>13} {:>20}\n",
+        "{}\n\
+         {} lines up to {:.1} Hz: {}, static gain {}\n\
+         chi2/dof {:.2}; tail probabilities: power {:.2}, whiteness {:.2},\n\
+         independence of the force {:.2}\n\n\
+         {:>6} {:>24} {:>11} {:>24}\n",
         stand.records.join(", "),
         stand.response.lines.len(),
         stand.top_hz,
         fit.structure,
-        fit.gain.value,
-        fit.gain.std,
+        with_std(fit.gain.value, Some(fit.gain.std), 1.0, 4),
         fit.residual.reduced_chi_square,
         fit.residual.power_p_value,
         fit.residual.whiteness_p_value,
@@ -75,19 +80,20 @@ fn table(stand: &StandIdentification) -> String {
     for (kind, roots) in [("pole", &fit.poles), ("zero", &fit.zeros)] {
         for root in roots {
             let frequency = root.frequency_rad_s;
-            let frequency_hz = format!("{:.3} +- {:.3}", frequency.value / TAU, frequency.std / TAU);
+            let frequency_hz = with_std(frequency.value, Some(frequency.std), 1.0 / TAU, 3);
             let damping = if root.is_pair() {
-                format!("{:.4} +- {:.4}", root.damping.value, root.damping.std)
+                with_std(root.damping.value, Some(root.damping.std), 1.0, 4)
             } else {
-                format!("{:.0} (real)", root.damping.value)
+                String::from("real")
             };
-            let half = if root.damping.value < 0.0 { "  right half plane" } else { "" };
-            text += &format!("  {kind:<4} {frequency_hz:>22} {:>13.2} {damping:>20}{half}\n", frequency.value);
+            let half = if root.damping.value < 0.0 { "  right half" } else { "" };
+            text += &format!("  {kind:<4} {frequency_hz:>24} {:>11.2} {damping:>24}{half}\n", frequency.value);
         }
     }
     text += &match stand.usable_hz {
         Some(usable) => {
-            format!("\nUsable up to {:.2} +- {:.2} Hz: 3 dB off the static gain there\n", usable.value, usable.std)
+            let usable_hz = with_std(usable.value, Some(usable.std), 1.0, 2);
+            format!("\nUsable up to {usable_hz} Hz: 3 dB off the static gain there\n")
         }
         None => format!("\nUsable up to {:.1} Hz at least: nowhere 3 dB off the static gain\n", stand.top_hz),
     };

@@ -28,7 +28,7 @@ pub fn distortion_table(found: &PeriodicIdentification) -> String {
     }
     let none_skipped = found.nominals.iter().all(|nominal| nominal.distortion.is_none_or(|d| d.odd.is_none()));
     let hint = if none_skipped {
-        "  No odd line is skipped, so odd distortion does not show: `rotorlead excite --detection` skips some.\n"
+        "  No odd line is skipped, so odd distortion does not show:\n  `rotorlead excite --detection` skips some.\n"
     } else {
         ""
     };

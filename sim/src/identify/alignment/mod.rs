@@ -24,6 +24,7 @@ mod error;
 mod logs;
 mod merge;
 mod problem;
+mod rivals;
 
 use std::fmt;
 use std::ops::Range;
@@ -186,9 +187,7 @@ pub fn align(
         };
         let (first_s, second_s) = (delay_s(&problem, &solution), delay_s(&rival, &found));
         let apart = (first_s - second_s).abs() > 3.0 * solution.parameters[LAG].exp();
-        let rows = problem.time_s.len().min(rival.time_s.len()) as f64;
-        let gain = 0.5 * rows * (white_variance(&rival, &found) / white_variance(&problem, &solution)).ln();
-        if apart && gain < SAME_LIKELIHOOD {
+        if apart && rivals::gain((&problem, &solution), (&rival, &found)) < SAME_LIKELIHOOD {
             let (first_s, second_s) = (solution.parameters[DELAY], found.parameters[DELAY]);
             return Err(AlignmentError::Ambiguous { first_s, second_s });
         }

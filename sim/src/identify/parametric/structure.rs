@@ -58,6 +58,8 @@ impl Structure {
 
 impl fmt::Display for Structure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} poles, {} zeros{}", self.poles, self.zeros, if self.has_delay { ", dead time" } else { "" })
+        let s = |count: usize| if count == 1 { "" } else { "s" };
+        let dead_time = if self.has_delay { ", dead time" } else { "" };
+        write!(f, "{} pole{}, {} zero{}{dead_time}", self.poles, s(self.poles), self.zeros, s(self.zeros))
     }
 }
