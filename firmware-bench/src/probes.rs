@@ -23,9 +23,9 @@ const LEVELS: [i32; 2] = [271_828_182, 314_159_265];
 /// One in Q2.29.
 const ONE: f64 = (1_u64 << FRACTION_BITS) as f64;
 
-/// One filter: its name, its state, its coefficients, its samples, and one tick of it.
+/// One filter: its name, its state, its coefficients, its samples, one tick of it, and a block as the crate has it.
 macro_rules! filter {
-    ($name:ident, $state:ty, $coefficients:ty, $input:ty, $output:ty, $update:expr, $to_bits:expr) => {
+    ($name:ident, $state:ty, $coefficients:ty, $input:ty, $output:ty, $update:expr, $block:expr, $to_bits:expr) => {
         pub mod $name {
             use super::*;
 
@@ -85,9 +85,7 @@ macro_rules! filter {
                 inputs: &[$input; BLOCK],
                 outputs: &mut [$output; BLOCK],
             ) {
-                for (x, y) in inputs.iter().zip(outputs) {
-                    *y = $update(state, coefficients, *x);
-                }
+                $block(state, coefficients, inputs, outputs);
             }
 
             /// The output long after a step, in Q2.29.
@@ -110,6 +108,9 @@ filter!(
     Command,
     Throttle,
     |section: &mut Section, coefficients: &Coefficients, x| section.update(coefficients, x),
+    |section: &mut Section, coefficients: &Coefficients, x: &[Command], y: &mut [Throttle]| {
+        section.update_block(coefficients, x, y);
+    },
     Throttle::to_bits
 );
 
@@ -122,14 +123,26 @@ filter!(
     i32,
     i32,
     |state: &mut DirectForm1Dither, biquad: &IdspBiquad, x| biquad.process(state, x),
+    |state: &mut DirectForm1Dither, biquad: &IdspBiquad, x: &[i32], y: &mut [i32]| biquad.block(state, x, y),
     |bits: i32| bits
 );
 
 /// biquad's filter holds its coefficients.
 type FloatBiquad = biquad::DirectForm1<f32>;
-filter!(biquad_f32, FloatBiquad, (), f32, f32, |filter: &mut FloatBiquad, (): &(), x| filter.run(x), |y: f32| (y * ONE
-    as f32)
-    as i32);
+filter!(
+    biquad_f32,
+    FloatBiquad,
+    (),
+    f32,
+    f32,
+    |filter: &mut FloatBiquad, (): &(), x| filter.run(x),
+    |filter: &mut FloatBiquad, (): &(), x: &[f32], y: &mut [f32]| {
+        for (x, y) in x.iter().zip(y) {
+            *y = filter.run(*x);
+        }
+    },
+    |y: f32| (y * ONE as f32) as i32
+);
 
 /// Size of a state and its coefficients, for whoever looks at the argument.
 #[inline(never)]

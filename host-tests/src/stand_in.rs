@@ -16,7 +16,8 @@ use rotorlead::capture::Signal;
 use rotorlead::channel::Channel;
 use rotorlead::controller::{Board, Counts, Desk, DeskQueues, Facts, Motor, MotorQueues, Tick, channels, coefficients};
 use rotorlead::link::{
-    Clock, FRAME_BYTES, INJECT_WINDOW, Message, Receiver, Refusal, Request, ResetReason, Series, Tagged, encode,
+    Clock, FRAME_BYTES, INJECT_WINDOW, Message, Receiver, Refusal, Request, ResetReason, Series, Tagged, VERSION,
+    encode,
 };
 use rotorlead::settings::{MOTORS, Store, Validated};
 use rotorlead::throttle::{Command, PulseScale};
@@ -378,7 +379,11 @@ impl Controller {
             self.to_send.extend([3, 1, 4, 1, 5, 9, 2, 6, 0, 7, 7]);
         }
         if self.trouble == Trouble::OtherVersion {
-            self.to_send.extend(frame(2, tag, &postcard::to_stdvec(&message).expect("a message fits memory")));
+            self.to_send.extend(frame(
+                VERSION + 1,
+                tag,
+                &postcard::to_stdvec(&message).expect("a message fits memory"),
+            ));
             return;
         }
         let mut frame = [0; FRAME_BYTES];

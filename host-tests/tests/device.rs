@@ -10,7 +10,9 @@ use host_tests::stand_in::{Pace, Stand, StandIn, TIMER_HZ, Trouble};
 use rotorlead::capture::Signal;
 use rotorlead::channel::Input;
 use rotorlead::excitation::{Multisine, ODD_LINES_30_HZ};
-use rotorlead::link::{FRAME_BYTES, INJECT_SAMPLES, InjectRequest, Injected, Message, Request, Series, encode};
+use rotorlead::link::{
+    FRAME_BYTES, INJECT_SAMPLES, INJECT_WINDOW, InjectRequest, Injected, Message, Request, Series, VERSION, encode,
+};
 use rotorlead::settings::Settings;
 use rotorlead::throttle::Command;
 use rotorlead_sim::bench::device::path;
@@ -382,8 +384,8 @@ fn the_window_of_an_injection_is_kept_full() {
     let bench = Bench::new(Trouble::None, Pace { needs_full_window: true, ..Pace::default() });
     bench.plan(&SHORT.repeat(2));
     bench.device(INJECT).unwrap();
-    // Behind the last block of each record there is none.
-    assert_eq!(bench.controller.starved(), 2);
+    // Nothing fills the window behind the last two blocks of each record, nor behind the command that stops the motor.
+    assert_eq!(bench.controller.starved(), 2 * (INJECT_WINDOW));
 }
 
 #[test]
@@ -533,7 +535,7 @@ fn a_controller_that_is_not_there_is_named() {
         let error = silent.within("0.3", command).unwrap_err();
         assert!(error.contains("no answer to") && error.contains("within 0.3 s"), "{error}");
         let error = other.within("0.3", command).unwrap_err();
-        assert!(error.contains("does not speak version 1"), "{error}");
+        assert!(error.contains(&format!("does not speak version {VERSION}")), "{error}");
         for address in ["tcp:127.0.0.1:1", "/dev/no-such-port"] {
             let error = silent.rotorlead(&format!("device --port {address} {command}")).unwrap_err();
             assert!(error.contains("cannot be opened"), "{error}");

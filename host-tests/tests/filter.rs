@@ -56,6 +56,28 @@ proptest! {
     }
 }
 
+proptest! {
+    #![proptest_config(cases(256))]
+
+    #[test]
+    fn a_block_is_as_many_single_samples(
+        design in any_design(),
+        inputs in proptest::collection::vec(any_command(), 0..100),
+        room in 0_usize..100,
+    ) {
+        let mut one_by_one = Section::at_level(Command::ZERO);
+        let mut in_blocks = one_by_one;
+        let length = inputs.len().min(room);
+        let expected: Vec<Throttle> =
+            inputs[..length].iter().map(|&input| one_by_one.update(design.coefficients(), input)).collect();
+        let mut outputs = vec![Throttle::MIN; room];
+        in_blocks.update_block(design.coefficients(), &inputs, &mut outputs);
+        prop_assert_eq!(&outputs[..length], &expected[..]);
+        prop_assert!(outputs[length..].iter().all(|&output| output == Throttle::MIN));
+        prop_assert_eq!(in_blocks, one_by_one);
+    }
+}
+
 /// The largest and smallest output that inputs in [0, 1] can bring about, by the input that does: the sign of the
 /// impulse response, backwards.
 fn extremal_inputs(design: &LeadDesign, ticks: usize) -> Vec<Command> {

@@ -432,20 +432,22 @@ fn injections_are_answered_in_order_and_only_in_sequence() {
     for (tag, first) in (0..INJECT_WINDOW as u8).zip((0..).step_by(3)) {
         assert_eq!(injector.accept(tag, &block(first, 3)), Ok(()));
     }
-    assert_eq!(injector.accept(9, &block(6, 3)), Err(Refusal::WindowFull));
+    let expected = 3 * INJECT_WINDOW as u32;
+    assert_eq!(injector.accept(9, &block(expected, 3)), Err(Refusal::WindowFull));
     // The same frame once more: it was accepted, so it is not played again.
-    assert_eq!(injector.accept(9, &block(0, 3)), Err(Refusal::OutOfSequence { expected: 6 }));
+    assert_eq!(injector.accept(9, &block(0, 3)), Err(Refusal::OutOfSequence { expected }));
     let mut replies = Vec::new();
-    for output in 0..8 {
+    for output in 0..expected as i32 + 2 {
         replies.extend(injector.output(Command::saturating_from_bits(output)));
     }
+    let next = expected;
     let expected = |tag: u8, first: u32, outputs: &[i32]| {
         let message = Injected { first, outputs: series(outputs) };
         Tagged { tag, message }
     };
-    assert_eq!(replies, [expected(0, 0, &[0, 1, 2]), expected(1, 3, &[3, 4, 5])]);
+    assert_eq!(replies, [expected(0, 0, &[0, 1, 2]), expected(1, 3, &[3, 4, 5]), expected(2, 6, &[6, 7, 8])]);
     assert!(!injector.is_busy());
-    assert_eq!(injector.accept(3, &block(6, 1)), Ok(()));
+    assert_eq!(injector.accept(3, &block(next, 1)), Ok(()));
 }
 
 proptest! {

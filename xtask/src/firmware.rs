@@ -81,7 +81,8 @@ pub fn test() -> Result {
     }
     setup::emulator()?;
     let image = build_image(&[])?;
-    let mut test = cargo(&["test", "--package", "host-tests", "--test", "emulator", "--locked", "--", "--ignored"]);
+    let mut test = cargo(&["test", "--package", "host-tests", "--locked"]);
+    test.args(["--test", "emulator", "--test", "processor_in_the_loop", "--", "--ignored"]);
     // The emulated time does not wait for a machine that is busy with more emulators than it has cores.
     test.args(["--test-threads", "2"]);
     run(test.env("ROTORLEAD_IMAGE", image).env("ROTORLEAD_PANICKING_IMAGE", panicking))

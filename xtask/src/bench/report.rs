@@ -13,7 +13,7 @@ const CORE_HZ: f64 = 168e6;
 /// What the project holds of its own section and tick.
 const MOST_INSTRUCTIONS_CALL: u32 = 22;
 /// Of a block, with the loop, and a 32nd part of what the function needs to enter and return.
-const MOST_INSTRUCTIONS_SAMPLE: f64 = 13.6;
+const MOST_INSTRUCTIONS_SAMPLE: f64 = 13.1;
 const MOST_BYTES: u32 = 40;
 const MOST_INSTRUCTIONS_TICK: u32 = 600;
 
