@@ -147,7 +147,7 @@ fn text_and_json_give_the_same_numbers() {
     let json: Value = serde_json::from_str(&stand.read("i.json")).unwrap();
     let point = &json["points"][0];
     for part in [
-        format!("{:.4} +- {:.4}", number(point, "gain"), number(point, "gain_std")),
+        format!("{:.3} +- {:.3}", number(point, "gain"), number(point, "gain_std")),
         format!("{:.2} +- {:.2}", 1e3 * number(point, "time_constant_s"), 1e3 * number(point, "time_constant_s_std")),
         format!("{:.2}", number(point, "fit_frequency_percent")),
         format!("{:.2}", number(point, "fit_square_percent")),

@@ -47,7 +47,7 @@ fn hammer() -> Stand {
 fn a_blow_becomes_a_table_and_a_file_that_the_motor_fit_takes() {
     let stand = hammer();
     let text = stand.run("identify --stand hammer --out stand.toml --json stand.json --order 2");
-    for part in ["pole", "60.0", "0.050", "Usable up to 32.", "Written to stand.toml"] {
+    for part in ["pole", "60.00", "0.0499", "Usable up to 32.", "Written to stand.toml"] {
         assert!(text.contains(part), "{part}: {text}");
     }
     let json: Value = serde_json::from_str(&stand.read("stand.json")).unwrap();

@@ -132,8 +132,6 @@ const FIRST_LOOK: Limits = Limits { iterations: 8, decrease: 1e-3 };
 const LIMITS: Limits = Limits { iterations: 100, decrease: 1e-8 };
 /// Gains further from zero than this, in the sense of Wald's chi-square, are no chance, the search over all shifts included.
 const RELATED: f64 = 60.0;
-/// Two delays whose log-likelihoods differ by less than this explain the logs alike.
-const SAME_LIKELIHOOD: f64 = 10.0;
 /// A standard error beyond this is no delay, seconds.
 const VAGUE_S: f64 = 0.05;
 
@@ -187,7 +185,7 @@ pub fn align(
         };
         let (first_s, second_s) = (delay_s(&problem, &solution), delay_s(&rival, &found));
         let apart = (first_s - second_s).abs() > 3.0 * solution.parameters[LAG].exp();
-        if apart && rivals::gain((&problem, &solution), (&rival, &found)) < SAME_LIKELIHOOD {
+        if apart && rivals::alike((&problem, &solution), (&rival, &found)) {
             let (first_s, second_s) = (solution.parameters[DELAY], found.parameters[DELAY]);
             return Err(AlignmentError::Ambiguous { first_s, second_s });
         }
