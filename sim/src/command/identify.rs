@@ -261,7 +261,7 @@ pub(super) fn unit(output: Output) -> &'static str {
 
 fn periodic_table(output: Output, found: &PeriodicIdentification) -> String {
     let mut text = format!(
-        "  u_nom {:>18} {:>15} {:>13} {:>7} {:>7} {:>6}\n  {:>71} {:>6}\n",
+        "  u_nom {:>18} {:>15} {:>13} {:>7} {:>7} {:>6}\n  {:>70} {:>6}\n",
         format!("gain ({})", unit(output)),
         "tau (ms)",
         "delay (ms)",
