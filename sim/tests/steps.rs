@@ -4,7 +4,9 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
 use rotorlead_sim::identify::Estimate;
-use rotorlead_sim::identify::steps::{Direction, StaircaseFit, StepsError, StepsWarning, fit_staircase};
+use rotorlead_sim::identify::steps::{
+    Direction, SPLITS, StaircaseFit, StepsError, StepsWarning, compare_laws, fit_staircase,
+};
 use rotorlead_sim::record::{Excitation, Output, Record};
 
 /// A motor with time constants of its own for rising and falling.
@@ -360,4 +362,73 @@ fn records_without_a_staircase_are_refused() {
     // White noise as a command: no plateau at all.
     let restless = Record { command: (0..n).map(|k| (k % 7) as f64 / 7.0).collect(), ..good };
     assert!(matches!(refused(&restless), StepsError::NotRunning { .. }));
+}
+
+/// `dw/dt = b (W - w) + c (W^2 - w^2)` behind the quadratic map: the speed-dependent law is this motor exactly.
+fn with_drag(b: f64, c: f64, delay_s: f64, noise_std: f64, seed: u64) -> Record {
+    let plateaus = staircase(&MOTOR, &BENCH, seed);
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let noise = Normal::new(0.0, noise_std).unwrap();
+    let torque = |w: f64| b * w + c * w * w;
+    let (mut w, mut now, mut k) = (map(plateaus.command[0]), 0.0, 0);
+    let rpm = plateaus
+        .time_s
+        .iter()
+        .map(|&t| {
+            while now < t - 1e-12 {
+                let h = f64::min(2e-4, t - now);
+                // The command of `delay_s` ago.
+                while plateaus.time_s.get(k + 1).is_some_and(|&next| next <= now + 0.5 * h - delay_s) {
+                    k += 1;
+                }
+                let level = map(plateaus.command[k]);
+                let rate = |w: f64| torque(level) - torque(w);
+                let half = w + 0.5 * h * rate(w);
+                w += h * rate(half);
+                now += h;
+            }
+            w + noise.sample(&mut rng)
+        })
+        .collect();
+    record(plateaus.time_s, plateaus.command, rpm)
+}
+
+#[test]
+fn the_speed_dependent_law_finds_a_motor_with_drag_and_foretells_steps_that_it_has_not_seen() {
+    let (b, c, highest) = (3.0, 1.0e-3, map(0.9));
+    let rate = b + 2.0 * c * highest;
+    let (mut held, mut all) = (0, 0);
+    for seed in 0..6 {
+        let found = compare_laws(&with_drag(b, c, 0.012, 25.0, seed), Output::Rpm).unwrap();
+        let fit = &found.speed_dependent;
+        for (estimate, truth) in
+            [(fit.delay_s, 0.012), (fit.time_constant_s, 1.0 / rate), (fit.drag_share, 2.0 * c * highest / rate)]
+        {
+            held += usize::from(!estimate.excludes(truth));
+            all += 1;
+            assert!((estimate.value - truth).abs() < 0.1 * truth, "{estimate:?} {truth}");
+        }
+        assert!((fit.time_constant_at(5000.0) - 1.0 / (b + 2.0 * c * 5000.0)).abs() < 0.006);
+        assert_eq!(found.held_out.len(), SPLITS.len());
+        for split in &found.held_out {
+            // Little but noise is left to this law, and several times as much to the other.
+            let missing = |percent: f64| split.ceiling_percent - percent;
+            assert!(missing(split.speed_dependent_percent) < 0.4, "{split:?}");
+            assert!(missing(split.speed_dependent_percent) < 0.5 * missing(split.one_lag_percent), "{split:?}");
+        }
+        assert!(found.up_down_difference.unwrap() < 0.002);
+    }
+    assert!(held * 100 >= all * 75, "{held} of {all}");
+}
+
+#[test]
+fn a_motor_of_one_lag_is_given_no_drag() {
+    let motor = Motor { delay_s: 0.008, up: |_| 0.05, down: |_| 0.05 };
+    let found = compare_laws(&staircase(&motor, &BENCH, 11), Output::Rpm).unwrap();
+    assert!(found.speed_dependent.drag_share.value.abs() < 0.1, "{:?}", found.speed_dependent);
+    assert!((found.one_lag.time_constant_s.value - 0.05).abs() < 0.002, "{:?}", found.one_lag);
+    assert!((found.one_lag.delay_s.value - 0.008).abs() < 0.001);
+    for split in &found.held_out {
+        assert!((split.one_lag_percent - split.speed_dependent_percent).abs() < 0.3, "{split:?}");
+    }
 }

@@ -20,7 +20,11 @@ fn motor() -> Model {
     Model {
         format: 1,
         points: vec![point(0.4, 9.9955, 1.0 / 6.2758), point(0.6, 13.4519, 1.0 / 11.7439)],
-        static_map: Some(StaticMap { command: vec![0.2, 0.4, 0.6, 0.8], response: vec![0.6, 2.4, 4.8, 7.9] }),
+        static_map: Some(StaticMap {
+            command: vec![0.2, 0.4, 0.6, 0.8],
+            response: vec![0.6, 2.4, 4.8, 7.9],
+            polynomial: None,
+        }),
         effects: Vec::new(),
         provenance: None,
     }

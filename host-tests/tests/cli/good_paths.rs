@@ -147,7 +147,7 @@ fn text_and_json_give_the_same_numbers() {
     let json: Value = serde_json::from_str(&stand.read("i.json")).unwrap();
     let point = &json["points"][0];
     for part in [
-        format!("{:.4} +- {:.4}", number(point, "gain"), number(point, "gain_std")),
+        format!("{:.3} +- {:.3}", number(point, "gain"), number(point, "gain_std")),
         format!("{:.2} +- {:.2}", 1e3 * number(point, "time_constant_s"), 1e3 * number(point, "time_constant_s_std")),
         format!("{:.2}", number(point, "fit_frequency_percent")),
         format!("{:.2}", number(point, "fit_square_percent")),
@@ -205,6 +205,27 @@ fn the_same_arguments_give_the_same_excitation() {
     assert!(peak <= 0.05 + 1e-12 && peak > 0.045, "{peak}");
     assert_eq!(json["lines"], 10);
     assert!(number(&json, "crest_factor") < 2.0);
+}
+
+#[test]
+fn detection_multisines_are_written_by_realization_and_identify_prints_what_they_show() {
+    let stand = Stand::new();
+    let json = stand.json("excite --detection --band 0.1..2 --rate 100 --realizations 2 --out d.csv");
+    assert_eq!(json["lines"], 8);
+    assert_eq!(json["skipped_hz"].as_array().unwrap().len(), 2);
+    assert_eq!(json["realizations"].as_array().unwrap().len(), 2);
+    assert_ne!(stand.read("d_1.csv"), stand.read("d_2.csv"));
+    assert!(!stand.path("d.csv").exists());
+
+    stand.edit("plan.toml", "lines = 150", "lines = 150\nrealization = 2");
+    stand.run("simulate --model model.toml --plan plan.toml --out run");
+    let text = stand.run("identify run --out found.toml --json found.json");
+    assert!(text.contains("noise (dB)") && !text.contains("skips some"), "{text}");
+    let json: Value = serde_json::from_str(&stand.read("found.json")).unwrap();
+    let level = &json["distortion"][0];
+    assert_eq!((level["even"]["lines"].clone(), level["odd"]["lines"].clone()), (149.into(), 37.into()));
+    assert_eq!((level["even"]["seen"].clone(), level["odd"]["seen"].clone()), (false.into(), false.into()));
+    assert!(number(level, "noise_db") < -20.0);
 }
 
 #[test]
@@ -322,4 +343,58 @@ fn the_bandwidth_rises_on_compensated_records_as_predicted() {
     near(number(&measured[1], "bandwidth_rad_s"), number(predicted, "compensated_rad_s"), 0.02);
     let text = stand.run(command);
     assert!(text.contains("0.1 dB moves its bandwidth by a tenth"), "{text}");
+}
+
+/// The staircase sample, cut into a command log and a response log whose clock is 0.8 s behind and 300 ppm fast.
+fn recorded_apart() -> Stand {
+    let stand = Stand::new();
+    stand.run(&format!("import {LOGS}/rcbenchmark.csv --out imported"));
+    let table = stand.read("imported/staircase.csv");
+    let header: Vec<&str> = table.lines().next().unwrap().split(',').collect();
+    let column = |name: &str| header.iter().position(|cell| *cell == name).unwrap();
+    let (time, command, rpm) = (column("time_s"), column("command"), column("rpm"));
+    let (mut commands, mut responses) = (String::from("time_s,command\n"), String::from("time_s,rpm\n"));
+    for line in table.lines().skip(1) {
+        let cells: Vec<&str> = line.split(',').collect();
+        let t: f64 = cells[time].parse().unwrap();
+        commands.push_str(&format!("{t},{}\n", cells[command]));
+        responses.push_str(&format!("{},{}\n", t * 1.0003 + 0.8, cells[rpm]));
+    }
+    stand.write("command.csv", commands);
+    stand.write("imported/staircase.csv", responses);
+    stand
+}
+
+#[test]
+fn logs_that_were_recorded_apart_are_merged() {
+    let whole = Stand::new();
+    whole.run(&format!("import {LOGS}/rcbenchmark.csv --out imported"));
+    let expected = whole.json("identify imported --out found.toml");
+    let stand = recorded_apart();
+    let found = stand.json("identify imported --align command.csv --align-within 2 --merged merged --out found.toml");
+    let alignment = &found["alignment"][0];
+    let delay_s = number(alignment, "delay_s");
+    assert!((0.75..0.9).contains(&delay_s), "{alignment:#}");
+    assert_eq!(alignment["delay_s_interval"].as_array().unwrap().len(), 2);
+    let (point, before) = (&found["points"][0], &expected["points"][0]);
+    near(number(point, "time_constant_s"), number(before, "time_constant_s"), 0.05);
+    // What was merged is an experiment like any other.
+    let again = stand.json("identify merged --out again.toml");
+    near(number(&again["points"][0], "time_constant_s"), number(point, "time_constant_s"), 1e-6);
+    let text = stand.run("identify imported --align command.csv --align-within 2 --out found.toml");
+    for part in ["delay", "95 %", "merged rows", "taken for latency"] {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+}
+
+#[test]
+fn a_response_log_without_commands_is_refused_unless_it_is_aligned() {
+    let stand = recorded_apart();
+    stand.refuses("identify imported --out found.toml", 1, &["column `command` is missing", "staircase.csv"]);
+    let twice = "identify imported --align command.csv --align command.csv --out found.toml";
+    stand.refuses(twice, 2, &["--align is given 2 times", "one command log per record"]);
+    stand.refuses("identify imported --align nowhere.csv --out found.toml", 1, &["nowhere.csv"]);
+    stand.refuses("identify imported --align-within 1 --out found.toml", 2, &["--align"]);
+    stand.write("command.csv", "time_s,command\n0,0.3\n1,0.3\n9,0.3\n");
+    stand.refuses("identify imported --align command.csv --out found.toml", 1, &["command never changes"]);
 }

@@ -3,5 +3,6 @@
 mod bad_input;
 mod garbage;
 mod good_paths;
+mod identify_stand;
 mod output;
 mod stand;

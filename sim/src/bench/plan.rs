@@ -73,7 +73,7 @@ pub struct Plan {
 ///
 /// | excitation | keys |
 /// |---|---|
-/// | `multisine` | `amplitude`, `lines`, `periods`, `warm_up_periods` |
+/// | `multisine` | `amplitude`, `lines`, `realization`, `periods`, `warm_up_periods` |
 /// | `square` | `amplitude`, `half_period_s`, `periods`, `warm_up_periods` |
 /// | `step` | `amplitude`, `hold_s` |
 /// | `staircase` | `levels`, `hold_s` |
@@ -90,6 +90,11 @@ pub struct PlannedRecord {
     /// Lines of a multisine at odd multiples of 0.1 Hz: 150 (up to 29.9 Hz) or 225 (up to 44.9 Hz).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lines: Option<u32>,
+    /// Plays, in place of the controller's multisine, one that shows a nonlinearity: odd lines up to the same frequency,
+    /// one in four skipped, random phases ([`DetectionSet`](super::multisine::DetectionSet), seed 1). The number, 1 to 8,
+    /// chooses the phases; records that differ in it alone show what a change of phases does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub realization: Option<u32>,
     /// Half the period of a square wave, seconds; its first half is the high one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub half_period_s: Option<f64>,
@@ -120,6 +125,7 @@ impl PlannedRecord {
             excitation,
             amplitude: None,
             lines: None,
+            realization: None,
             half_period_s: None,
             periods: None,
             warm_up_periods: None,
@@ -365,6 +371,9 @@ hold_s = 2.5
             ("lines = 225", "lines = 151", ["`record` 1, `lines`", "150"]),
             ("lines = 225", "", ["`record` 1", "add lines"]),
             ("lines = 225", "lines = 225\nhold_s = 1", ["`record` 1, `hold_s`", "remove it"]),
+            ("lines = 225", "lines = 225\nrealization = 0", ["`record` 1, `realization`", "1 to 8"]),
+            ("lines = 225", "lines = 225\nrealization = 9", ["`record` 1, `realization`", "1 to 8"]),
+            ("hold_s = 2\n", "hold_s = 2\nrealization = 1\n", ["`record` 3, `realization`", "remove it"]),
             ("periods = 4", "periods = 0", ["`record` 1, `periods`", "1 period"]),
             ("periods = 4", "periods = 4000000000", ["`record` 1, `periods`", "may last"]),
             ("lines = 225", "lines = 225\nwarm_up_periods = 4000000000", ["`record` 1", "may last"]),

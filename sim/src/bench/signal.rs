@@ -3,6 +3,7 @@
 use rotorlead::excitation::{Multisine, ODD_LINES_30_HZ, ODD_LINES_45_HZ};
 use rotorlead::throttle::Command;
 
+use super::multisine::{DetectionRecipe, DetectionSet};
 use super::{Plan, PlannedRecord};
 use crate::files::{Fault, Place};
 use crate::record::Excitation;
@@ -13,6 +14,10 @@ const MOST_TICKS: f64 = 2e7;
 
 /// How much a duration may miss a whole number of rows, relative: more than the product of two decimals loses.
 const WHOLE_TOLERANCE: f64 = 1e-9;
+
+/// How many sets of phases a plan can choose from. All are scaled by the highest peak among them, so that records with
+/// different phases have lines of the same amplitude.
+const REALIZATIONS: u32 = 8;
 
 /// The command of every tick of one record.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,6 +52,14 @@ impl Signal {
                 // It repeats bit for bit, so one period is enough.
                 let samples = (0..multisine.ticks_per_period()).map(|_| multisine.update()).collect();
                 (nominal, samples, amplitude, Some(repetition))
+            }
+            Shape::Detection { amplitude, recipe, realization, repetition } => {
+                let set = DetectionSet::new(&recipe)
+                    .map_err(|error| place.key("realization").fault(error.to_string(), "use 150 or 225 lines"))?;
+                let ticks = (f64::from(plan.loop_rate_hz) * recipe.period_s).round() as usize;
+                let scale = amplitude / set.peak;
+                let wave = set.realizations[realization].waveform(ticks);
+                (nominal, wave.iter().map(|x| level(nominal + scale * x)).collect(), amplitude, Some(repetition))
             }
             Shape::Square { amplitude, half_rows, repetition } => {
                 let levels = [nominal + amplitude, nominal - amplitude];
@@ -84,10 +97,31 @@ struct Repetition {
 
 /// What a record plays, with the keys that its excitation needs.
 enum Shape<'a> {
-    Multisine { amplitude: f64, multisine: Multisine<'static>, repetition: Repetition },
-    Square { amplitude: f64, half_rows: usize, repetition: Repetition },
-    Step { amplitude: f64, hold_rows: usize },
-    Staircase { levels: &'a [f64], hold_rows: usize },
+    Multisine {
+        amplitude: f64,
+        multisine: Multisine<'static>,
+        repetition: Repetition,
+    },
+    /// One of the [`REALIZATIONS`], by its place.
+    Detection {
+        amplitude: f64,
+        recipe: DetectionRecipe,
+        realization: usize,
+        repetition: Repetition,
+    },
+    Square {
+        amplitude: f64,
+        half_rows: usize,
+        repetition: Repetition,
+    },
+    Step {
+        amplitude: f64,
+        hold_rows: usize,
+    },
+    Staircase {
+        levels: &'a [f64],
+        hold_rows: usize,
+    },
 }
 
 impl<'a> Shape<'a> {
@@ -96,7 +130,7 @@ impl<'a> Shape<'a> {
         place.key("nominal").fraction(record.nominal)?;
         match record.excitation {
             Excitation::Multisine => {
-                keys.only(&["amplitude", "lines", "periods", "warm_up_periods"])?;
+                keys.only(&["amplitude", "lines", "realization", "periods", "warm_up_periods"])?;
                 let lines = match keys.needed("lines", record.lines)? {
                     150 => ODD_LINES_30_HZ,
                     225 => ODD_LINES_45_HZ,
@@ -109,6 +143,10 @@ impl<'a> Shape<'a> {
                 keys.level("amplitude", record.nominal + amplitude)?;
                 keys.level("amplitude", record.nominal - amplitude)?;
                 let repetition = keys.repetition(f64::from(lines.period_s()), "periods")?;
+                if let Some(realization) = record.realization {
+                    let top_hz = f64::from(lines.top_harmonic()) / f64::from(lines.period_s());
+                    return keys.detection(amplitude, f64::from(lines.period_s()), top_hz, realization, repetition);
+                }
                 let multisine = Multisine::new(lines, record.nominal, amplitude, f64::from(plan.loop_rate_hz))
                     .map_err(|e| {
                         place.clone().fault(e.to_string(), "choose what the controller's excitation can play")
@@ -174,6 +212,7 @@ impl Keys<'_> {
         let present = [
             ("amplitude", r.amplitude.is_some()),
             ("lines", r.lines.is_some()),
+            ("realization", r.realization.is_some()),
             ("half_period_s", r.half_period_s.is_some()),
             ("periods", r.periods.is_some()),
             ("warm_up_periods", r.warm_up_periods.is_some()),
@@ -222,6 +261,32 @@ impl Keys<'_> {
         self.bounded(length_key, period_s * (f64::from(periods) + f64::from(warm_up)))?;
         self.whole_rows(length_key, period_s)?;
         Ok(Repetition { periods: periods as usize, warm_up: warm_up as usize })
+    }
+
+    fn detection<'b>(
+        &self,
+        amplitude: f64,
+        period_s: f64,
+        top_hz: f64,
+        realization: u32,
+        repetition: Repetition,
+    ) -> Result<Shape<'b>, Fault> {
+        if !(1..=REALIZATIONS).contains(&realization) {
+            let message = format!("there is no realization {realization}");
+            return Err(self.place.key("realization").fault(message, format!("use 1 to {REALIZATIONS}")));
+        }
+        if 2.0 * top_hz >= f64::from(self.plan.loop_rate_hz) {
+            let message = format!("lines up to {top_hz} Hz do not fit a loop of {} Hz", self.plan.loop_rate_hz);
+            return Err(self.place.key("lines").fault(message, "raise loop_rate_hz, or use fewer lines"));
+        }
+        let recipe = DetectionRecipe {
+            band_hz: (1.0 / period_s, top_hz),
+            period_s,
+            group: DetectionRecipe::GROUP,
+            seed: 1,
+            realizations: REALIZATIONS,
+        };
+        Ok(Shape::Detection { amplitude, recipe, realization: realization as usize - 1, repetition })
     }
 
     /// Rows of a `hold_s`, of which the record has `count`.

@@ -11,7 +11,7 @@ use super::WrongUse;
 use super::outcome::{JsonOption, Outcome};
 use super::parameters::{fraction, positive, range};
 use super::progress;
-use crate::bench::multisine::{LineSet, Search, optimize};
+use crate::bench::multisine::{DetectionRecipe, DetectionSet, LineSet, Multisine, MultisineError, Search, optimize};
 use crate::files::{check_writable, write_file};
 
 /// The longest period, in samples: more than an hour at 5 kHz is a slip of the decimal point.
@@ -22,6 +22,10 @@ const MOST_SAMPLES: f64 = 2e7;
 /// Lines of equal amplitude at the odd multiples of 1/period within the band: the even lines and the odd ones that are
 /// left out then show what is not linear. The phases are searched for, from Schroeder's, so that the peak is low for
 /// the power. The signal starts and ends at zero.
+///
+/// With `--detection` the phases are random instead and one odd line in each group is skipped: the even and the skipped
+/// lines then show how much of the response is not linear. Record each realization by itself, four periods or more, all
+/// at one nominal command.
 #[derive(Args, Debug)]
 pub struct Excite {
     /// Band in hertz
@@ -39,11 +43,20 @@ pub struct Excite {
     /// Peak deviation of the command
     #[arg(long, value_name = "U", default_value = "0.05", value_parser = fraction, allow_hyphen_values = true)]
     amplitude: f64,
-    /// Seed of the search's starts
+    /// Skip odd lines and draw the phases, to detect nonlinear distortion
+    #[arg(long)]
+    detection: bool,
+    /// One odd line is skipped in every group of this many
+    #[arg(long, value_name = "N", default_value_t = DetectionRecipe::GROUP, requires = "detection", value_parser = clap::value_parser!(u32).range(2..=100))]
+    group: u32,
+    /// Signals of the same lines and amplitudes and other phases; with more than one, FILE is numbered from _1
+    #[arg(long, value_name = "M", default_value = "1", requires = "detection", value_parser = clap::value_parser!(u32).range(1..=100))]
+    realizations: u32,
+    /// Seed of the search's starts, or of the skipped lines and the phases
     #[arg(long, default_value = "1", allow_negative_numbers = true)]
     seed: u64,
     /// Starts of the search; more may find a lower crest factor
-    #[arg(long, default_value = "3", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(long, default_value = "3", conflicts_with = "detection", value_parser = clap::value_parser!(u32).range(1..=1000))]
     starts: u32,
     /// Write one period as CSV: time_s, command
     #[arg(long, value_name = "FILE")]
@@ -55,7 +68,6 @@ pub struct Excite {
 impl Excite {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
-        let (low_hz, high_hz) = self.band;
         if self.nominal - self.amplitude < 0.0 || self.nominal + self.amplitude > 1.0 {
             return Err(WrongUse::new(
                 format!(
@@ -66,14 +78,70 @@ impl Excite {
             )
             .into());
         }
-        let samples = self.samples(high_hz)?;
-        let lines = LineSet::odd_in_band(low_hz, high_hz, self.period).map_err(|error| {
-            let help = error.help().map(|help| help.to_string()).unwrap_or_default();
-            WrongUse::new(format!("--band {low_hz}..{high_hz} with --period {}: {error}", self.period), help)
-        })?;
-        if let Some(file) = &self.out {
+        let samples = self.samples(self.band.1)?;
+        let files = self.files();
+        for file in &files {
             check_writable(file)?;
         }
+        let (signals, peak, skipped) = if self.detection { self.detection_set()? } else { self.low_crest()? };
+        let [first_signal, ..] = &signals[..] else {
+            return Err(miette::miette!("no signal was asked for"));
+        };
+
+        let crest_factors: Vec<f64> = signals.iter().map(|signal| signal.crest_factor(samples)).collect();
+        let crest_factor = crest_factors.iter().copied().fold(0.0, f64::max);
+        let hertz = |harmonic: u32| f64::from(harmonic) / self.period;
+        let harmonics = first_signal.lines().harmonics();
+        let (first, last) = (harmonics[0], first_signal.lines().top_harmonic());
+        let line_amplitude = self.amplitude / peak;
+        let mut text = format!("{} lines from {} to {} Hz, ", harmonics.len(), hertz(first), hertz(last));
+        if self.detection {
+            write!(text, "{} odd ones between them skipped, ", skipped.len()).expect("a string takes all");
+        } else {
+            write!(text, "{} Hz apart, ", 2.0 / self.period).expect("a string takes all");
+        }
+        let highest =
+            if signals.len() > 1 { format!(", the highest of {} realizations", signals.len()) } else { String::new() };
+        write!(
+            text,
+            "period {} s\ncrest factor {crest_factor:.4}{highest}\n\
+             amplitude of one line {line_amplitude:.3e} for a peak of {}\n",
+            self.period, self.amplitude
+        )
+        .expect("a string takes all");
+        for (file, signal) in files.iter().zip(&signals) {
+            let mut csv = String::from("time_s,command\n");
+            for (k, value) in signal.waveform(samples).iter().enumerate() {
+                let command = self.nominal + line_amplitude * value;
+                writeln!(csv, "{},{command}", k as f64 / self.rate).expect("a string takes all");
+            }
+            write_file(file, csv.as_bytes())?;
+            writeln!(text, "One period, {samples} samples, written to {}", file.display()).expect("a string takes all");
+        }
+        let frequencies_hz = |harmonics: &[u32]| harmonics.iter().map(|&harmonic| hertz(harmonic)).collect::<Vec<_>>();
+        let mut json = json!({
+            "lines": harmonics.len(),
+            "frequencies_hz": frequencies_hz(harmonics),
+            "phases_rad": first_signal.phases_rad(),
+            "period_s": self.period,
+            "crest_factor": crest_factor,
+            "line_amplitude": line_amplitude,
+        });
+        if self.detection {
+            json["skipped_hz"] = json!(frequencies_hz(&skipped));
+            json["realizations"] = signals
+                .iter()
+                .zip(&crest_factors)
+                .map(|(signal, crest_factor)| json!({"phases_rad": signal.phases_rad(), "crest_factor": crest_factor}))
+                .collect();
+        }
+        Ok(Outcome { text, json })
+    }
+
+    /// The multisine of low crest factor, its peak, and no skipped line.
+    fn low_crest(&self) -> miette::Result<(Vec<Multisine>, f64, Vec<u32>)> {
+        let (low_hz, high_hz) = self.band;
+        let lines = LineSet::odd_in_band(low_hz, high_hz, self.period).map_err(|error| self.wrong_band(&error))?;
         let bar = progress::bar("searching phases", 1);
         let search = Search { seed: self.seed, starts: self.starts };
         let multisine = optimize(&lines, &search, |progress| {
@@ -81,40 +149,45 @@ impl Excite {
             bar.set_position(progress.done as u64);
         })?;
         bar.finish_and_clear();
+        let peak = multisine.peak();
+        Ok((vec![multisine], peak, Vec::new()))
+    }
 
-        let crest_factor = multisine.crest_factor(samples);
-        let hertz = |harmonic: u32| f64::from(harmonic) / self.period;
-        let harmonics = lines.harmonics();
-        let (first, last) = (harmonics[0], lines.top_harmonic());
-        let line_amplitude = self.amplitude / multisine.peak();
-        let mut text = format!(
-            "{} lines from {} to {} Hz, {} Hz apart, period {} s\ncrest factor {crest_factor:.4}\n\
-             amplitude of one line {line_amplitude:.3e} for a peak of {}\n",
-            harmonics.len(),
-            hertz(first),
-            hertz(last),
-            2.0 / self.period,
-            self.period,
-            self.amplitude
-        );
-        if let Some(file) = &self.out {
-            let mut csv = String::from("time_s,command\n");
-            for (k, value) in multisine.waveform(samples).iter().enumerate() {
-                let command = self.nominal + line_amplitude * value;
-                writeln!(csv, "{},{command}", k as f64 / self.rate).expect("a string takes all");
-            }
-            write_file(file, csv.as_bytes())?;
-            writeln!(text, "One period, {samples} samples, written to {}", file.display()).expect("a string takes all");
+    /// The multisines that show a nonlinearity, their highest peak, and the skipped harmonics.
+    fn detection_set(&self) -> miette::Result<(Vec<Multisine>, f64, Vec<u32>)> {
+        let recipe = DetectionRecipe {
+            band_hz: self.band,
+            period_s: self.period,
+            group: self.group,
+            seed: self.seed,
+            realizations: self.realizations,
+        };
+        let set = DetectionSet::new(&recipe).map_err(|error| self.wrong_band(&error))?;
+        Ok((set.realizations, set.peak, set.skipped))
+    }
+
+    fn wrong_band(&self, error: &MultisineError) -> WrongUse {
+        let help = error.help().map(|help| help.to_string()).unwrap_or_default();
+        let (low_hz, high_hz) = self.band;
+        WrongUse::new(format!("--band {low_hz}..{high_hz} with --period {}: {error}", self.period), help)
+    }
+
+    /// Where the signals go: `--out`, numbered when there are several.
+    fn files(&self) -> Vec<PathBuf> {
+        let Some(out) = &self.out else { return Vec::new() };
+        if self.realizations == 1 {
+            return vec![out.clone()];
         }
-        let json = json!({
-            "lines": harmonics.len(),
-            "frequencies_hz": harmonics.iter().map(|&harmonic| hertz(harmonic)).collect::<Vec<_>>(),
-            "phases_rad": multisine.phases_rad(),
-            "period_s": self.period,
-            "crest_factor": crest_factor,
-            "line_amplitude": line_amplitude,
-        });
-        Ok(Outcome { text, json })
+        let numbered = |number: u32| {
+            let mut name = out.file_stem().unwrap_or_default().to_os_string();
+            name.push(format!("_{number}"));
+            if let Some(extension) = out.extension() {
+                name.push(".");
+                name.push(extension);
+            }
+            out.with_file_name(name)
+        };
+        (1..=self.realizations).map(numbered).collect()
     }
 
     /// Samples in one period: a whole number, and enough for the highest line.

@@ -8,13 +8,17 @@ use miette::{Diagnostic, IntoDiagnostic as _, WrapErr as _};
 use serde_json::{Value, json};
 use thiserror::Error;
 
+use super::identify_align::{AlignOptions, Aligned};
+use super::identify_stand::{self, StandArguments};
 use super::outcome::{JsonOption, Outcome};
-use super::progress;
+use super::{WrongUse, identify_laws, identify_map, progress};
 use crate::files::check_writable;
+use crate::identify::stand::StandModel;
 use crate::identify::steps::{StaircaseFit, fit_staircase};
 use crate::identify::{FirstOrderOptions, PeriodicIdentification, PeriodicOptions, identify_periodic};
 use crate::plant::{Model, Point, Provenance};
 use crate::record::{Excitation, Experiment, Output, Record, Role};
+use crate::report::{distortion_json, distortion_table, with_std};
 
 /// Finds the lag at each level from the records of an experiment
 ///
@@ -31,6 +35,16 @@ pub struct Identify {
     /// Whether a dead time is part of the lag at multisine records
     #[arg(long, value_enum, default_value_t = Delay::Auto)]
     delay: Delay,
+    /// Identify the stand instead of a motor: `command` is the force put in, in newtons, by a hammer or a shaker
+    #[arg(long, conflicts_with_all = ["stand_model", "delay", "align"])]
+    stand: bool,
+    #[command(flatten)]
+    of_stand: StandArguments,
+    /// A stand identified with --stand, which is divided out of multisine records
+    #[arg(long, value_name = "FILE")]
+    stand_model: Option<PathBuf>,
+    #[command(flatten)]
+    align: AlignOptions,
     #[command(flatten)]
     pub(super) json: JsonOption,
 }
@@ -48,7 +62,7 @@ enum Delay {
 
 /// Why there is nothing to identify.
 #[derive(Debug, Error, Diagnostic)]
-enum NothingToIdentify {
+pub(super) enum NothingToIdentify {
     #[error("{experiment}: no record of `excitation` multisine, step or staircase that may be fitted")]
     #[diagnostic(help(
         "record one (`rotorlead excite` designs a multisine), or correct `excitation` and `role` in experiment.toml"
@@ -75,25 +89,39 @@ pub struct Identified {
     pub warnings: Vec<String>,
     /// What only one way finds, for programs.
     pub detail: Value,
+    /// Noise and nonlinear distortion by nominal command, for programs; null where records cannot tell.
+    pub distortion: Value,
 }
 
 impl Identify {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
-        let experiment = Experiment::read(&self.experiment)?;
+        if self.stand {
+            return identify_stand::run(&self.experiment, &self.out, &self.of_stand);
+        }
+        let Aligned { experiment, text: mut aligned_text, warnings: align_warnings, json: alignments } =
+            self.align.read(&self.experiment)?;
         check_writable(&self.out)?;
         let delay_level = match self.delay {
             Delay::Auto => FirstOrderOptions::default().delay_level,
             Delay::None => 0.0,
             Delay::Fit => 1.0,
         };
+        let stand = self.stand_model.as_deref().map(StandModel::read).transpose()?;
         let bar = progress::spinner("identifying");
-        let identified = identify(&experiment, delay_level)
+        let mut identified = identify(&experiment, delay_level, stand.as_ref())
             .wrap_err_with(|| format!("nothing was identified from `{}`", self.experiment.display()))?;
+        let laws = identify_laws::compare(&experiment, &mut identified);
+        let static_map = identify_map::add(&experiment, &mut identified);
         bar.finish_and_clear();
         identified.model.write(&self.out)?;
 
-        let mut text = identified.text;
+        identified.warnings.splice(0..0, align_warnings);
+        aligned_text.push_str(&identified.text);
+        let mut text = aligned_text;
+        if !identified.warnings.is_empty() {
+            text.push('\n');
+        }
         for warning in &identified.warnings {
             writeln!(text, "warning: {warning}").into_diagnostic()?;
         }
@@ -102,6 +130,10 @@ impl Identify {
             "points": identified.model.points.iter().map(point_json).collect::<Vec<_>>(),
             "warnings": identified.warnings,
             "detail": identified.detail,
+            "distortion": identified.distortion,
+            "alignment": alignments,
+            "static_map": static_map,
+            "laws": laws,
         });
         Ok(Outcome { text, json })
     }
@@ -126,33 +158,43 @@ fn point_json(point: &Point) -> Value {
 }
 
 /// Identifies by what records there are.
-pub fn identify(experiment: &Experiment, delay_level: f64) -> miette::Result<Identified> {
+pub fn identify(experiment: &Experiment, delay_level: f64, stand: Option<&StandModel>) -> miette::Result<Identified> {
     let may_fit = |record: &&Record| record.role != Some(Role::Validate);
     if experiment.records.iter().filter(may_fit).any(|record| record.excitation == Excitation::Multisine) {
         let options = PeriodicOptions {
             fit: FirstOrderOptions { delay_level, ..FirstOrderOptions::default() },
+            stand,
             ..PeriodicOptions::default()
         };
         let found = identify_periodic(experiment, &options)?;
         return Ok(Identified {
             model: periodic_model(experiment, &found),
-            text: periodic_table(experiment.output, &found),
+            text: periodic_table(experiment.output, &found) + &distortion_table(&found),
             warnings: periodic_warnings(&found),
             detail: Value::Null,
+            distortion: distortion_json(&found),
         });
     }
     let record = step_record(experiment)?;
+    if stand.is_some() {
+        return Err(WrongUse::new(
+            "--stand-model is for multisine records, and this experiment has none",
+            "leave --stand-model out: steps are fitted in time, through the stand as it is",
+        )
+        .into());
+    }
     let fit = fit_staircase(record, experiment.output, experiment.esc_frame_hz)?;
     Ok(Identified {
         model: fit.to_model(env!("CARGO_PKG_VERSION"))?,
         text: staircase_table(&fit),
         warnings: fit.warnings.iter().map(ToString::to_string).collect(),
         detail: staircase_json(&fit),
+        distortion: Value::Null,
     })
 }
 
 /// The one step or staircase record that is to be fitted.
-fn step_record(experiment: &Experiment) -> Result<&Record, NothingToIdentify> {
+pub(super) fn step_record(experiment: &Experiment) -> Result<&Record, NothingToIdentify> {
     let records = |role: Option<Role>| {
         experiment
             .records
@@ -206,19 +248,11 @@ fn periodic_warnings(found: &PeriodicIdentification) -> Vec<String> {
     all.map(ToString::to_string).collect()
 }
 
-/// Value and standard error, both times `scale`.
-fn with_std(value: f64, std: Option<f64>, scale: f64, digits: usize) -> String {
-    match std {
-        Some(std) => format!("{:.digits$} +- {:.digits$}", scale * value, scale * std),
-        None => format!("{:.digits$}", scale * value),
-    }
-}
-
 fn percent(value: Option<f64>) -> String {
     value.map_or_else(|| String::from("-"), |value| format!("{value:.2}"))
 }
 
-fn unit(output: Output) -> &'static str {
+pub(super) fn unit(output: Output) -> &'static str {
     match output {
         Output::ThrustN => "N",
         Output::Rpm => "rpm",
@@ -227,17 +261,19 @@ fn unit(output: Output) -> &'static str {
 
 fn periodic_table(output: Output, found: &PeriodicIdentification) -> String {
     let mut text = format!(
-        "  u_nom {:>20} {:>19} {:>17} {:>13} {:>12} {:>11}\n",
+        "  u_nom {:>18} {:>15} {:>13} {:>7} {:>7} {:>6}\n  {:>70} {:>6}\n",
         format!("gain ({})", unit(output)),
-        "time constant (ms)",
+        "tau (ms)",
         "delay (ms)",
-        "% fit, freq.",
-        "% fit, square",
-        "chi2/dof"
+        "% fit,",
+        "% fit,",
+        "chi2",
+        "freq.  square",
+        "/dof",
     );
     for (nominal, point) in found.nominals.iter().zip(found.points()) {
         let line = format!(
-            "  {:<5.3} {:>20} {:>19} {:>17} {:>13} {:>12} {:>11.2}\n",
+            "  {:<5.3} {:>18} {:>15} {:>13} {:>7} {:>7} {:>6.2}\n",
             point.nominal,
             with_std(point.gain, point.gain_std, 1.0, 4),
             with_std(point.time_constant_s, point.time_constant_s_std, 1e3, 2),
@@ -248,13 +284,14 @@ fn periodic_table(output: Output, found: &PeriodicIdentification) -> String {
         );
         text.push_str(&line);
     }
-    text.push_str("  +- is one standard error, of the noise alone.\n");
+    text.push_str("  tau is the time constant; +- is one standard error, of the noise alone.\n");
     text
 }
 
 fn staircase_table(fit: &StaircaseFit) -> String {
     let mut text = format!(
-        "{}: % fit {:.1} of one lag toward one static map ({:.1} with readings that were set aside)\n\
+        "{}: % fit {:.1} of one lag toward one static map\n\
+         ({:.1} with readings that were set aside)\n\
          delay {} ms as logged\n\n  level {:>14} {:>20} {:>7} {:>20} {:>7}\n",
         fit.record,
         fit.fit_percent,

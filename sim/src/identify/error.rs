@@ -3,6 +3,8 @@
 use miette::Diagnostic;
 use thiserror::Error;
 
+use super::parametric::ParametricError;
+use super::stand::StandError;
 use super::steps::StepsError;
 use crate::plant::{ModelError, PlantError};
 
@@ -166,4 +168,12 @@ pub enum IdentifyError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Steps(#[from] StepsError),
+    /// A frequency response has no model of the structure asked for.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Parametric(#[from] ParametricError),
+    /// A record says nothing of the stand.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Stand(#[from] StandError),
 }

@@ -1,29 +1,39 @@
 //! From records to linear models: spectra, frequency responses, fits and bandwidths.
 
+pub mod alignment;
 mod bandwidth;
+mod distortion;
 mod error;
 mod estimate;
 mod etfe;
 mod first_order;
 mod fit_percent;
+mod frequency_response;
 mod hold;
 mod least_squares;
 mod measured;
 mod noise;
+pub mod parametric;
 mod periodic;
 mod simulation;
 mod spectra;
+pub mod stand;
+pub mod static_map;
 mod statistics;
 pub mod steps;
+#[cfg(test)]
+mod testing;
 mod transient;
 mod validate;
 
 pub use bandwidth::{Bandwidth, EtfeBandwidth, StaticValue, THREE_DB, bandwidth_of, bandwidth_of_etfe};
+pub use distortion::{Distortion, DistortionLevel, RobustResponse, STRONG_DISTORTION_DB};
 pub use error::IdentifyError;
 pub use estimate::Estimate;
 pub use etfe::{Etfe, ResponsePoint};
 pub use first_order::{FirstOrderFit, FirstOrderOptions, FitLine, fit_first_order};
 pub use fit_percent::{Sample, fit_percent};
+pub use frequency_response::{FrequencyResponse, LocalPolynomial, LocalPolynomialOptions, ResponseLine};
 pub use hold::{HoldChain, Image};
 pub use measured::MeasuredBandwidth;
 pub use periodic::{
@@ -31,6 +41,8 @@ pub use periodic::{
     identify_periodic,
 };
 pub use simulation::{align, run_actuator};
-pub use spectra::{Line, NoiseSource, Spectrum, SpectrumOptions};
+pub use spectra::{
+    DisturbanceSign, DisturbedLine, Line, NoiseSource, RemovedSinusoid, Spectrum, SpectrumOptions, UnexcitedLine,
+};
 pub use transient::TransientTest;
 pub use validate::{Domain, RecordValidation, validate};

@@ -4,11 +4,14 @@
 //! all their lines at once ([`fit_first_order`]), each record's ETFE is smoothed relative to that
 //! lag, and the lag is compared with the frequency response and run on the square waves.
 
+use std::f64::consts::TAU;
+
 use num_complex::Complex64;
 
+use super::stand::StandModel;
 use super::{
-    Etfe, FirstOrderFit, FirstOrderOptions, FitLine, HoldChain, IdentifyError, NoiseSource, Spectrum, SpectrumOptions,
-    align, fit_first_order, fit_percent, run_actuator, spectra,
+    Distortion, Etfe, FirstOrderFit, FirstOrderOptions, FitLine, HoldChain, IdentifyError, NoiseSource, RobustResponse,
+    STRONG_DISTORTION_DB, Spectrum, SpectrumOptions, align, fit_first_order, fit_percent, run_actuator, spectra,
 };
 use crate::plant::{Actuator, EscTiming, OperatingPoint, Point};
 use crate::record::{Excitation, Experiment, Record, Role};
@@ -31,6 +34,8 @@ pub struct PeriodicOptions<'a> {
     /// Response of the compensator at a frequency in rad/s, for compensated records without an
     /// `esc_command` column. With the column the ratio of the two commands is used.
     pub compensator: Option<&'a dyn Fn(f64) -> Complex64>,
+    /// The stand that the thrust passed on its way to the sensor; it is divided out.
+    pub stand: Option<&'a StandModel>,
 }
 
 impl Default for PeriodicOptions<'_> {
@@ -40,6 +45,7 @@ impl Default for PeriodicOptions<'_> {
             fit: FirstOrderOptions::default(),
             smoothing_half_width: 4,
             compensator: None,
+            stand: None,
         }
     }
 }
@@ -70,6 +76,10 @@ pub struct NominalIdentification {
     pub fit: FirstOrderFit,
     /// The multisine records.
     pub responses: Vec<RecordResponse>,
+    /// Noise, even and odd distortion of the fitted records together; `None` when they cannot tell.
+    pub distortion: Option<Distortion>,
+    /// The response over the fitted records, when they are realizations of the same lines.
+    pub robust: Option<RobustResponse>,
     /// % fit of the frequency response at the unsmoothed lines: of validation records where there
     /// are any, of the fitted ones otherwise.
     pub fit_frequency_percent: Option<f64>,
@@ -137,11 +147,13 @@ pub enum IdentifyWarning {
         /// The nominal command.
         nominal: f64,
     },
-    /// The first period was dropped.
-    #[error("{file}: the first of {periods} periods carries a transient (p = {p_value:.1e}) and is left out")]
+    /// The first period, or more, was dropped.
+    #[error("{file}: a transient in the first {dropped} of {periods} periods (p = {p_value:.1e}), which are left out")]
     TransientDropped {
         /// The record.
         file: String,
+        /// Periods dropped.
+        dropped: usize,
         /// Periods recorded.
         periods: usize,
         /// Tail probability without transient.
@@ -161,6 +173,30 @@ pub enum IdentifyWarning {
         /// How many.
         rows: usize,
     },
+    /// A sinusoid that is none of the excitation's was subtracted.
+    #[error("{file}: a sinusoid of {frequency_hz:.2} Hz and amplitude {amplitude:.3} (mains hum?) is subtracted")]
+    SinusoidRemoved {
+        /// The record.
+        file: String,
+        /// Its frequency.
+        frequency_hz: f64,
+        /// Its amplitude, response units.
+        amplitude: f64,
+    },
+    /// Lines on which something else than the excitation shows.
+    #[error(
+        "{file}: a disturbance of one frequency, such as mains hum, falls on {count} lines from {first_hz:.1} to {last_hz:.1} Hz; they are left out"
+    )]
+    LinesDisturbed {
+        /// The record.
+        file: String,
+        /// How many lines.
+        count: usize,
+        /// The lowest of them.
+        first_hz: f64,
+        /// The highest of them.
+        last_hz: f64,
+    },
     /// The noise is known from unexcited lines only.
     #[error("{file}: one period is left; the noise is taken from unexcited lines, with any even-order distortion")]
     NoiseFromUnexcitedLines {
@@ -176,6 +212,30 @@ pub enum IdentifyWarning {
         nominal: f64,
         /// Chi-square of the residual per degree of freedom.
         reduced_chi_square: f64,
+    },
+    /// A linear model hides a strong nonlinearity.
+    #[error(
+        "u_nom {nominal}: nonlinear distortion of {level_db:.1} dB of the linear response ({STRONG_DISTORTION_DB:.0} dB counts as strong): a linear model holds for this amplitude only, and its standard errors do not cover the distortion"
+    )]
+    StronglyNonlinear {
+        /// The nominal command.
+        nominal: f64,
+        /// The stronger of even and odd distortion relative to the linear response, dB.
+        level_db: f64,
+    },
+    /// Lines on which the stand no longer passes the thrust as it is.
+    #[error(
+        "u_nom {nominal}: {count} of {lines} fitted lines are above {usable_hz:.1} Hz, where the stand is 3 dB off; what is divided out there is only as good as the stand's model"
+    )]
+    BeyondStand {
+        /// The nominal command.
+        nominal: f64,
+        /// How many lines are beyond the usable range.
+        count: usize,
+        /// Lines fitted.
+        lines: usize,
+        /// Where the usable range ends.
+        usable_hz: f64,
     },
     /// The compensator of a compensated record is not known.
     #[error("{file}: its compensator's response is unknown, so it is neither smoothed nor fitted; record esc_command")]
@@ -260,6 +320,12 @@ fn identify_nominal(
         return Ok(None);
     }
     let fit = fit_first_order(&lines, &options.fit)?;
+    if let Some(usable_hz) = options.stand.and_then(|stand| stand.usable_hz) {
+        let count = lines.iter().filter(|line| line.omega_rad_s > TAU * usable_hz).count();
+        if count > 0 {
+            warnings.push(IdentifyWarning::BeyondStand { nominal, count, lines: lines.len(), usable_hz });
+        }
+    }
     if fit.model_p_value < MODEL_LEVEL {
         warnings.push(IdentifyWarning::ModelTooSimple { nominal, reduced_chi_square: fit.reduced_chi_square });
     }
@@ -277,6 +343,12 @@ fn identify_nominal(
         .iter()
         .map(|t| respond(t, &fit, is_fitted(t), options.smoothing_half_width))
         .collect::<Result<Vec<_>, _>>()?;
+    let fitted: Vec<&Spectrum> = responses.iter().filter(|r| r.used_in_fit).map(|r| &r.spectrum).collect();
+    let distortion = Distortion::of(&fitted);
+    if let Some(level) = distortion.and_then(|distortion| distortion.strong()) {
+        warnings.push(IdentifyWarning::StronglyNonlinear { nominal, level_db: level.relative_db });
+    }
+    let robust = RobustResponse::of(&fitted);
     let squares = group
         .iter()
         .filter(|record| record.excitation == Excitation::Square && !record.compensated)
@@ -286,6 +358,8 @@ fn identify_nominal(
         nominal,
         fit_frequency_percent: fit_percent(&measured, &model),
         fit,
+        distortion,
+        robust,
         responses,
         squares,
         warnings,
@@ -307,9 +381,27 @@ fn transform<'a>(
     match spectrum.transient.p_value {
         None => warnings.push(IdentifyWarning::TransientUntested { file: file() }),
         Some(p_value) if spectrum.transient.is_present() => {
-            warnings.push(IdentifyWarning::TransientDropped { file: file(), periods: spectrum.periods, p_value });
+            warnings.push(IdentifyWarning::TransientDropped {
+                file: file(),
+                dropped: spectrum.transient.dropped,
+                periods: spectrum.periods,
+                p_value,
+            });
         }
         Some(_) => {}
+    }
+    warnings.extend(spectrum.removed.iter().map(|sinusoid| IdentifyWarning::SinusoidRemoved {
+        file: file(),
+        frequency_hz: sinusoid.omega_rad_s / TAU,
+        amplitude: sinusoid.amplitude,
+    }));
+    if let (Some(first), Some(last)) = (spectrum.disturbed.first(), spectrum.disturbed.last()) {
+        warnings.push(IdentifyWarning::LinesDisturbed {
+            file: file(),
+            count: spectrum.disturbed.len(),
+            first_hz: first.omega_rad_s / TAU,
+            last_hz: last.omega_rad_s / TAU,
+        });
     }
     if spectrum.noise == NoiseSource::UnexcitedLines {
         warnings.push(IdentifyWarning::NoiseFromUnexcitedLines { file: file() });
@@ -330,7 +422,11 @@ fn transform<'a>(
     if filter.is_none() {
         warnings.push(IdentifyWarning::CompensatorUnknown { file: file() });
     }
-    let lines = spectrum.lines.iter().map(|line| FitLine::new(line, &holds)).collect();
+    let on_stand = |line: FitLine| match options.stand {
+        Some(stand) => line.through(|omega_rad_s| stand.shape(omega_rad_s)),
+        None => line,
+    };
+    let lines = spectrum.lines.iter().map(|line| on_stand(FitLine::new(line, &holds))).collect();
     Ok(Transformed { record, spectrum, lines, filter })
 }
 

@@ -73,6 +73,40 @@ pub struct StaticMap {
     pub command: Vec<f64>,
     /// Steady responses, newtons or revolutions per minute.
     pub response: Vec<f64>,
+    /// The polynomial through them with what goes with it, where it was fitted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub polynomial: Option<MapPolynomial>,
+}
+
+/// A static map as a polynomial in the command, with dead zone, hysteresis and limit. For people and for linearizing a
+/// throttle; simulations use the commands and responses of [`StaticMap`].
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MapPolynomial {
+    /// Commands from and to which it holds.
+    pub range: [f64; 2],
+    /// Coefficients in powers of the command, from the constant on, response units.
+    pub coefficients: Vec<f64>,
+    /// Their standard errors.
+    pub coefficients_std: Vec<f64>,
+    /// Command at which the motor begins to turn.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dead_zone: Option<f64>,
+    /// Standard error of `dead_zone`; absent where it is only the lowest command seen to turn the motor.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub dead_zone_std: Option<f64>,
+    /// Width in command between levels reached from below and from above.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hysteresis: Option<f64>,
+    /// Standard error of `hysteresis`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hysteresis_std: Option<f64>,
+    /// Command beyond which the response rises no more.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub limit: Option<f64>,
+    /// Standard error of `limit`; absent where the response falls beyond it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub limit_std: Option<f64>,
 }
 
 /// One effect of the catalog, by its kind and parameters.

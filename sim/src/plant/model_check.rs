@@ -1,6 +1,6 @@
 //! The rules for a model's numbers, whether they come from a file or go to one.
 
-use super::{Effect, Model, Point, Provenance, StaticMap};
+use super::{Effect, MapPolynomial, Model, Point, Provenance, StaticMap};
 use crate::files::{Fault, Place};
 
 impl Model {
@@ -86,7 +86,40 @@ impl StaticMap {
         for (index, value) in self.response.iter().enumerate() {
             response.item(index).finite(*value)?;
         }
-        increasing(self.command.iter().copied(), |index| command.item(index))
+        increasing(self.command.iter().copied(), |index| command.item(index))?;
+        self.polynomial.as_ref().map_or(Ok(()), |polynomial| polynomial.check(&place.key("polynomial")))
+    }
+}
+
+impl MapPolynomial {
+    fn check(&self, place: &Place) -> Result<(), Fault> {
+        let (coefficients, stds) = (place.key("coefficients"), place.key("coefficients_std"));
+        if self.coefficients_std.len() != self.coefficients.len() {
+            return Err(stds.fault(
+                format!("{} standard errors for {} coefficients", self.coefficients_std.len(), self.coefficients.len()),
+                "give one standard error per coefficient",
+            ));
+        }
+        for (index, value) in self.coefficients.iter().enumerate() {
+            coefficients.item(index).finite(*value)?;
+        }
+        for (index, value) in self.coefficients_std.iter().enumerate() {
+            stds.item(index).not_negative(*value)?;
+        }
+        for (index, value) in self.range.iter().enumerate() {
+            place.key("range").item(index).fraction(*value)?;
+        }
+        for (key, value) in [("dead_zone", self.dead_zone), ("hysteresis", self.hysteresis), ("limit", self.limit)] {
+            value.map_or(Ok(()), |value| place.key(key).finite(value))?;
+        }
+        for (key, value) in [
+            ("dead_zone_std", self.dead_zone_std),
+            ("hysteresis_std", self.hysteresis_std),
+            ("limit_std", self.limit_std),
+        ] {
+            value.map_or(Ok(()), |value| place.key(key).not_negative(value))?;
+        }
+        Ok(())
     }
 }
 

@@ -205,6 +205,7 @@ command_rate_hz = 5000
                 static_map: response.map(|response| StaticMap {
                     command: vec![first, 1.0],
                     response: response.to_vec(),
+                    polynomial: None,
                 }),
                 effects: vec![Effect { kind, parameters, std }],
                 provenance: Some(Provenance {

@@ -1,5 +1,6 @@
 //! The columns that a record's CSV file may have, and what their values may be.
 
+use super::manifest::CommandKind;
 use super::{Output, Record};
 
 /// A column of a record.
@@ -60,8 +61,8 @@ impl Column {
 
     /// Accepts and returns `value`, which follows `previous` in the same column.
     ///
-    /// A response may be negative: the zero of a thrust sensor drifts.
-    pub(super) fn accept(self, previous: Option<f64>, value: f64) -> Result<f64, Refusal> {
+    /// A response may be negative: the zero of a thrust sensor drifts. A command is a duty, or of another `kind`.
+    pub(super) fn accept(self, kind: CommandKind, previous: Option<f64>, value: f64) -> Result<f64, Refusal> {
         if !value.is_finite() {
             return Err(Refusal::new(
                 format!("{value} is not a finite number"),
@@ -77,6 +78,7 @@ impl Column {
                 format!("time runs backwards, from {previous} to {value}"),
                 "sort the rows by time, and give each run a record of its own",
             )),
+            (Self::Command, _) if kind == CommandKind::ForceN => Ok(value),
             (Self::Command | Self::EscCommand, _) if !(0.0..=1.0).contains(&value) => Err(Refusal::new(
                 format!("{value} is outside 0 to 1"),
                 "a command is a duty from 0 to 1: divide a percentage by 100, \

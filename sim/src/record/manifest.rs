@@ -35,6 +35,8 @@ pub(super) struct Manifest {
 pub(super) enum CommandKind {
     /// A duty from 0 to 1.
     Duty,
+    /// A force in newtons, put into a stand instead of a motor's thrust.
+    ForceN,
 }
 
 /// One `[[record]]`.

@@ -20,4 +20,5 @@ mod tests;
 
 pub use error::RecordError;
 pub use experiment::{Excitation, Experiment, Output, Record, Role};
+pub use read::{CommandFile, read_command_log};
 pub use sampling::{GRID_TOLERANCE, PERIOD_TOLERANCE, Periods};

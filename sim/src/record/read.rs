@@ -2,10 +2,11 @@
 
 use std::path::Path;
 
-use super::manifest::{Entry, MANIFEST, Manifest, place};
+use super::column::Column;
+use super::manifest::{CommandKind, Entry, MANIFEST, Manifest, place};
 use super::table::Table;
 use super::{Experiment, Record};
-use crate::files::{FileError, TextFile, TomlFile};
+use crate::files::{FileError, Place, TextFile, TomlFile};
 
 impl Experiment {
     /// Reads `experiment.toml` in `folder` and the CSV file of each of its records.
@@ -17,9 +18,48 @@ impl Experiment {
     /// When anything is missing, unknown, out of its range, or contradicts something else. The
     /// error shows the file and the place in it, and says what to do.
     pub fn read(folder: &Path) -> Result<Self, FileError> {
+        Self::read_kind(folder, CommandKind::Duty, true)
+    }
+
+    /// Reads the folder of an experiment on a stand without a motor: `command = "force_n"`, and the column `command` is the
+    /// force put in, in newtons. Everything else is as for [`Self::read`]; `nominal` has no meaning and is zero.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    pub fn read_force(folder: &Path) -> Result<Self, FileError> {
+        Self::read_kind(folder, CommandKind::ForceN, true)
+    }
+
+    /// Reads response logs that were recorded apart from their commands: as [`Experiment::read`], but the column `command`
+    /// may be absent, and is all zeros whether it is or not. A command log ([`read_command_log`]) belongs to each.
+    ///
+    /// # Errors
+    /// As for [`Experiment::read`].
+    pub fn read_responses(folder: &Path) -> Result<Self, FileError> {
+        let mut experiment = Self::read_kind(folder, CommandKind::Duty, false)?;
+        for record in &mut experiment.records {
+            record.command = vec![0.0; record.time_s.len()];
+        }
+        Ok(experiment)
+    }
+
+    fn read_kind(folder: &Path, kind: CommandKind, with_command: bool) -> Result<Self, FileError> {
         let path = manifest_path(folder)?;
         let (manifest, file): (Manifest, _) = TomlFile::read(&path)?;
         manifest.check().map_err(|fault| file.show(&fault))?;
+        if manifest.command != kind {
+            let (message, help) = match kind {
+                CommandKind::Duty => (
+                    "the command is a force, and a motor's is a duty",
+                    "this is an experiment on a stand: use `rotorlead identify --stand`",
+                ),
+                CommandKind::ForceN => (
+                    "the command is a duty, and a stand's input is a force",
+                    "set it to \"force_n\" when the column `command` is the force put into the stand, in newtons",
+                ),
+            };
+            return Err(file.show(&Place::root().key("command").fault(message, help)));
+        }
         for (index, entry) in manifest.records.iter().enumerate() {
             check_files(folder, index, entry, &file)?;
         }
@@ -32,15 +72,24 @@ impl Experiment {
             records: Vec::new(),
         };
         for entry in manifest.records {
-            let record = experiment.read_record(folder, entry)?;
+            let record = experiment.read_record(folder, entry, kind, with_command)?;
             experiment.records.push(record);
         }
         Ok(experiment)
     }
 
-    fn read_record(&self, folder: &Path, entry: Entry) -> Result<Record, FileError> {
+    fn read_record(
+        &self,
+        folder: &Path,
+        entry: Entry,
+        kind: CommandKind,
+        with_command: bool,
+    ) -> Result<Record, FileError> {
         let text = TextFile::read(&folder.join(&entry.file))?;
-        let mut table = Table::read(text, self.output)?;
+        let response = Column::of(self.output);
+        let needed: &[Column] =
+            if with_command { &[Column::TimeS, Column::Command, response] } else { &[Column::TimeS, response] };
+        let mut table = Table::read(text, needed, kind)?;
         let mut record = entry.into_record();
         table.fill(&mut record);
         if let Some(stated_hz) = self.sample_rate_hz {
@@ -48,6 +97,25 @@ impl Experiment {
         }
         Ok(record)
     }
+}
+
+/// A command log as it is on disk.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CommandFile {
+    /// Times in seconds on the commanding computer's clock, strictly increasing.
+    pub time_s: Vec<f64>,
+    /// Commands, 0..1; each holds until the next row.
+    pub command: Vec<f64>,
+}
+
+/// Reads a command log: a CSV file with the columns `time_s` and `command`. Other columns of a record may be there and
+/// are left.
+///
+/// # Errors
+/// When the file is missing, or anything in it is unknown, impossible or out of its range. The error shows the place.
+pub fn read_command_log(path: &Path) -> Result<CommandFile, FileError> {
+    let mut table = Table::read(TextFile::read(path)?, &[Column::TimeS, Column::Command], CommandKind::Duty)?;
+    Ok(CommandFile { time_s: table.take(Column::TimeS), command: table.take(Column::Command) })
 }
 
 fn manifest_path(folder: &Path) -> Result<std::path::PathBuf, FileError> {

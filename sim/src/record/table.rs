@@ -4,9 +4,10 @@ use std::ops::Range;
 
 use csv::StringRecord;
 
+use super::Record;
 use super::column::{Column, LEAST_ROWS, Refusal, TOO_FEW_ROWS};
+use super::manifest::CommandKind;
 use super::sampling::Grid;
-use super::{Output, Record};
 use crate::files::{FileError, TextFile};
 
 /// How much of a cell an error quotes, characters: an unclosed quote makes a cell of a whole file.
@@ -20,12 +21,12 @@ pub(super) struct Table {
 }
 
 impl Table {
-    /// Reads all columns; `output` is the one that holds the response.
-    pub(super) fn read(text: TextFile, output: Output) -> Result<Self, FileError> {
+    /// Reads all columns, of which those `needed` have to be there; `kind` says what the command is.
+    pub(super) fn read(text: TextFile, needed: &[Column], kind: CommandKind) -> Result<Self, FileError> {
         let mut reader = reader(&text);
         let mut row = StringRecord::new();
         next(&mut reader, &mut row);
-        let columns = header(&text, &row, output)?;
+        let columns = header(&text, &row, needed)?;
         let mut values: Vec<Vec<f64>> = columns.iter().map(|_| Vec::new()).collect();
         while next(&mut reader, &mut row) {
             if row.len() != columns.len() {
@@ -34,7 +35,7 @@ impl Table {
             let cells = row.iter().zip(&columns).zip(&mut values);
             for (index, ((cell, column), values)) in cells.enumerate() {
                 let value = number(cell)
-                    .and_then(|value| column.accept(values.last().copied(), value))
+                    .and_then(|value| column.accept(kind, values.last().copied(), value))
                     .map_err(|refusal| refused(&text, &row, index, *column, &refusal))?;
                 values.push(value);
             }
@@ -74,6 +75,12 @@ impl Table {
         let help = "correct `sample_rate_hz` or the times; \
                     remove `sample_rate_hz` where the times are right";
         Err(self.text.complaint(span, message, "here", help))
+    }
+
+    /// Takes a column out; empty where it is not there.
+    pub(super) fn take(&mut self, column: Column) -> Vec<f64> {
+        let index = self.columns.iter().position(|c| *c == column);
+        index.map(|index| std::mem::take(&mut self.values[index])).unwrap_or_default()
     }
 
     /// Moves the columns into `record`.
@@ -120,7 +127,7 @@ fn number(cell: &str) -> Result<f64, Refusal> {
     })
 }
 
-fn header(text: &TextFile, row: &StringRecord, output: Output) -> Result<Vec<Column>, FileError> {
+fn header(text: &TextFile, row: &StringRecord, needed: &[Column]) -> Result<Vec<Column>, FileError> {
     let complaint = |index, message, help| {
         let span = cell_span(text, row, index);
         Err(text.complaint(span, message, "here", help))
@@ -145,14 +152,17 @@ fn header(text: &TextFile, row: &StringRecord, output: Output) -> Result<Vec<Col
             }
         }
     }
-    for column in [Column::TimeS, Column::Command, Column::of(output)] {
-        if !columns.contains(&column) {
+    for column in needed {
+        if !columns.contains(column) {
             let line = row_span(text, row);
             let message = format!("column `{}` is missing", column.name());
-            let help = if column == Column::of(output) {
-                "add it, or correct `output` in experiment.toml: it names the response"
-            } else {
-                "add it: every record has time_s, command and its response"
+            let help = match (column, needed.contains(&Column::Command)) {
+                (Column::TimeS | Column::Command, true) if needed.len() > 2 => {
+                    "add it: every record has time_s, command and its response"
+                }
+                (Column::TimeS | Column::Command, true) => "add it: a command log has time_s and command",
+                (Column::TimeS | Column::Command, false) => "add it: a response log has time_s and its response",
+                _ => "add it, or correct `output` in experiment.toml: it names the response",
             };
             return Err(text.complaint(line, message, "the header", help));
         }

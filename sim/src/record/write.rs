@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::column::{Column, LEAST_ROWS, TOO_FEW_ROWS};
-use super::manifest::{MANIFEST, Manifest};
+use super::manifest::{CommandKind, MANIFEST, Manifest};
 use super::sampling::Grid;
 use super::{Experiment, Record};
 use crate::files::{Fault, FileError, OutputFolder, Place, to_toml};
@@ -72,7 +72,7 @@ impl Experiment {
             let mut previous = None;
             for (row, value) in values.iter().enumerate() {
                 column
-                    .accept(previous, *value)
+                    .accept(CommandKind::Duty, previous, *value)
                     .map_err(|refusal| place(column).item(row).fault(refusal.message, refusal.help))?;
                 previous = Some(*value);
             }

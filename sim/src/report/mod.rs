@@ -2,7 +2,11 @@
 
 mod bandwidths;
 mod bode;
+mod distortion;
+mod number;
 pub mod paper;
 
 pub use bandwidths::{bandwidth_cell, bandwidth_json, bandwidth_table, measured_json, measured_table, rad_s};
 pub use bode::{BodeError, Curve, Mark, bode};
+pub use distortion::{distortion_json, distortion_table};
+pub use number::with_std;

@@ -44,4 +44,13 @@ pub enum MultisineError {
         /// What it was.
         value: f64,
     },
+    /// No line can be skipped.
+    #[error("one line in {group} is to be skipped, and the band holds {lines} odd lines")]
+    #[diagnostic(help("skip one line in 2 or more, in a band of at least that many odd lines, and of 3"))]
+    Group {
+        /// Lines of which one is skipped.
+        group: u32,
+        /// Odd lines in the band.
+        lines: usize,
+    },
 }

@@ -4,6 +4,7 @@
 //! integers of the controller's generator.
 
 mod descent;
+mod detection;
 mod error;
 pub mod flight;
 mod line_set;
@@ -15,6 +16,7 @@ use rand_chacha::ChaCha8Rng;
 use realfft::RealFftPlanner;
 use realfft::num_complex::Complex64;
 
+pub use detection::{DetectionRecipe, DetectionSet};
 pub use error::MultisineError;
 pub use line_set::LineSet;
 

@@ -44,6 +44,17 @@ impl FitLine {
         self
     }
 
+    /// The same line with something of this response (argument in rad/s) behind the actuator, such as a stand.
+    ///
+    /// It acts in continuous time: each image passes it at its own frequency.
+    #[must_use]
+    pub fn through(mut self, follower: impl Fn(f64) -> Complex64) -> Self {
+        for image in &mut self.images {
+            image.weight *= follower(image.omega_rad_s);
+        }
+        self
+    }
+
     /// What the rows show of an actuator with this response (argument in rad/s), holds and filter included.
     #[must_use]
     pub fn seen(&self, actuator: impl Fn(f64) -> Complex64) -> Complex64 {

@@ -10,6 +10,8 @@
 //! 4. levels get their static response, slope and time constants (`levels`);
 //! 5. the whole run is simulated and compared (here).
 //!
+//! Beside it, [`compare_laws`] asks whether one lag will do or its time constant depends on the speed (`speed`).
+//!
 //! # Which law for large steps
 //! Small steps up have one time constant each. A large step down crosses many levels, and three laws are at
 //! hand: the time constant of the level it leads to; that of the level it is at; and a motor with drag,
@@ -27,6 +29,7 @@ mod plateaus;
 mod problem;
 mod response;
 mod run;
+mod speed;
 mod spikes;
 mod uncertainty;
 mod warning;
@@ -36,16 +39,19 @@ use std::ops::Range;
 pub use error::StepsError;
 pub use levels::{Branch, Level};
 pub use plateaus::Direction;
+pub use speed::{HeldOut, LagLaw, LawComparison, LawFit, SPLITS, Split, compare_laws};
 pub use warning::StepsWarning;
 
 use super::fit_percent::fit_percent;
 use super::{Estimate, spectra};
 use crate::record::{Output, Record};
 use fit::{FittedStep, LagFit};
-use plateaus::{Plateau, SAME_LEVEL};
+pub(super) use plateaus::Plateau;
+pub(super) use plateaus::{SAME_LEVEL, mean_and_std};
 use problem::Data;
 use response::{Stretch, simulate};
-pub(super) use run::Run;
+pub(super) use run::{Run, plateaus_of};
+pub(super) use spikes::without_spikes;
 
 /// A lag toward a static map, as a staircase shows it.
 #[derive(Clone, Debug, PartialEq)]
@@ -122,7 +128,8 @@ pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>)
     let _ = simulate(&common, lag.curvature.value, time_s, &mut simulated);
     let _ = simulate(&own, lag.curvature.value, time_s, &mut own_levels);
     let kept = |k: usize| !spike[rows.start + k];
-    let warnings = warnings(record, &rows, &spike[rows.clone()], &levels, &lag);
+    let mut warnings = warnings(record, &rows, &spike[rows.clone()], &levels, &lag);
+    warnings.extend(gaps(record, &rows, &plateaus));
     Ok(StaircaseFit {
         record: record.file.clone(),
         output,
@@ -245,6 +252,14 @@ fn warnings(record: &Record, rows: &Range<usize>, spike: &[bool], levels: &[Leve
         warnings.push(StepsWarning::NegativeDelay { delay_s: lag.delay_s.value });
     }
     warnings
+}
+
+/// Gaps of the log within the run.
+fn gaps(record: &Record, rows: &Range<usize>, plateaus: &[Plateau]) -> Option<StepsWarning> {
+    let (after, longest_s) = problem::rows_after_gaps(&record.time_s[rows.clone()]);
+    let begins = |p: &&Plateau| p.rows.start > rows.start && after.binary_search(&(p.rows.start - rows.start)).is_ok();
+    let steps = plateaus.iter().filter(begins).count();
+    (!after.is_empty()).then_some(StepsWarning::Gaps { count: after.len(), longest_s, steps })
 }
 
 /// Levels whose time constant is far from those of the two levels on each side.

@@ -24,7 +24,7 @@ impl StaircaseFit {
         Ok(Model {
             format: 1,
             points,
-            static_map: Some(StaticMap { command, response }),
+            static_map: Some(StaticMap { command, response, polynomial: None }),
             effects: Vec::new(),
             provenance: Some(Provenance {
                 records: vec![self.record.clone()],

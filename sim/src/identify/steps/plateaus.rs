@@ -9,7 +9,7 @@ const MIN_PLATEAU_S: f64 = 0.25;
 /// Fewest rows that count as a plateau.
 const MIN_PLATEAU_ROWS: usize = 20;
 /// Commands closer than this are the same level.
-pub(super) const SAME_LEVEL: f64 = 1e-6;
+pub(in crate::identify) const SAME_LEVEL: f64 = 1e-6;
 /// A running motor's settled speed varies by less than this share of its mean.
 const STEADY_SHARE: f64 = 0.05;
 /// Or by less than this many times what is usual in the record.
@@ -52,6 +52,11 @@ impl Plateau {
     pub(in crate::identify) fn settled(&self) -> Range<usize> {
         self.rows.start + self.rows.len() / 2..self.rows.end
     }
+
+    /// Whether it is long enough to settle.
+    pub(in crate::identify) fn is_long(&self, time_s: &[f64]) -> bool {
+        self.rows.len() >= MIN_PLATEAU_ROWS && time_s[self.rows.end - 1] - time_s[self.rows.start] >= MIN_PLATEAU_S
+    }
 }
 
 /// All stretches of constant command, long or short, in order.
@@ -71,9 +76,7 @@ pub(super) fn find(time_s: &[f64], command: &[f64], y: &[f64], output: Output) -
             start = k;
         }
     }
-    let long = |p: &Plateau| {
-        p.rows.len() >= MIN_PLATEAU_ROWS && time_s[p.rows.end - 1] - time_s[p.rows.start] >= MIN_PLATEAU_S
-    };
+    let long = |p: &Plateau| p.is_long(time_s);
     let fastest = plateaus.iter().filter(|p| long(p)).map(|p| p.mean).fold(0.0, f64::max);
     let floor = fastest
         * match output {
@@ -104,7 +107,7 @@ fn measured(rows: Range<usize>, command: f64, direction: Option<Direction>, y: &
 }
 
 /// Mean and standard deviation (n - 1); the latter is zero for fewer than two values.
-pub(super) fn mean_and_std(values: &[f64]) -> (f64, f64) {
+pub(in crate::identify) fn mean_and_std(values: &[f64]) -> (f64, f64) {
     let n = values.len() as f64;
     if values.is_empty() {
         return (0.0, 0.0);

@@ -37,6 +37,23 @@ pub(super) fn usable(before: &Plateau, to: &Plateau) -> bool {
     forward && rise.abs() > MIN_STEP_STD * before.std.max(to.std)
 }
 
+/// An interval between rows longer than this many usual ones is a gap.
+const GAP_INTERVALS: f64 = 2.5;
+
+/// Rows that come after a gap of the log, and the longest such interval in seconds.
+pub(super) fn rows_after_gaps(time_s: &[f64]) -> (Vec<usize>, f64) {
+    let intervals: Vec<f64> = time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let mut sorted = intervals.clone();
+    if sorted.is_empty() {
+        return (Vec::new(), 0.0);
+    }
+    let middle = sorted.len() / 2;
+    let usual_s = *sorted.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let rows: Vec<usize> = (1..time_s.len()).filter(|&row| intervals[row - 1] > GAP_INTERVALS * usual_s).collect();
+    let longest_s = rows.iter().map(|&row| intervals[row - 1]).fold(0.0, f64::max);
+    (rows, longest_s)
+}
+
 /// One usable step.
 #[derive(Clone, Debug)]
 pub(super) struct Step {
@@ -181,11 +198,16 @@ impl Residuals for Problem<'_> {
 pub(super) fn steps_of(data: &Data<'_>, plateaus: &[Plateau]) -> (Vec<Step>, Vec<(f64, Direction)>) {
     let mut groups: Vec<(f64, Direction)> = Vec::new();
     let mut steps = Vec::new();
+    let (after_gaps, _) = rows_after_gaps(data.time_s);
     for (k, pair) in plateaus.windows(2).enumerate() {
         let [before, to] = pair else { continue };
         let (true, Some(direction)) = (usable(before, to), to.direction) else {
             continue;
         };
+        // Nobody knows when in the gap the command changed.
+        if after_gaps.binary_search(&to.rows.start).is_ok() {
+            continue;
+        }
         let same = |g: &(f64, Direction)| g.1 == direction && (g.0 - to.command).abs() <= SAME_LEVEL;
         let group = groups.iter().position(same).unwrap_or_else(|| {
             groups.push((to.command, direction));

@@ -17,6 +17,11 @@ pub(in crate::identify) struct Run {
     pub(in crate::identify) plateaus: Vec<Plateau>,
 }
 
+/// All stretches of constant command of a record, running or not; `clean` is its response without spikes.
+pub(in crate::identify) fn plateaus_of(record: &Record, output: Output, clean: &[f64]) -> Vec<Plateau> {
+    plateaus::find(&record.time_s, &record.command, clean, output)
+}
+
 impl Run {
     /// The run of a record.
     ///

@@ -22,6 +22,15 @@ pub enum StepsWarning {
         /// From when, seconds.
         from_s: f64,
     },
+    /// The log has gaps.
+    Gaps {
+        /// How many in the part that was used.
+        count: usize,
+        /// The longest, seconds.
+        longest_s: f64,
+        /// Steps that began in one, left out.
+        steps: usize,
+    },
     /// A level whose steady response is not above that of the level below.
     NotRising {
         /// The level.
@@ -83,6 +92,12 @@ impl fmt::Display for StepsWarning {
             }
             Self::EndLeftOut { from_s } => {
                 write!(f, "everything from {from_s:.2} s was left out: the motor did not run steadily any more")
+            }
+            Self::Gaps { count, longest_s, steps } => {
+                write!(
+                    f,
+                    "{count} gaps in the log, the longest {longest_s:.3} s: nothing was interpolated through them, and {steps} steps that began in one were left out"
+                )
             }
             Self::NotRising { command } => {
                 write!(

@@ -3,15 +3,20 @@
 //! A record of whole periods has no leakage: the DFT of one period holds the response to each line
 //! of the excitation in one bin, `X_k = (2 / N) sum x_n e^(-2 pi j k n / N)`. The mean over periods
 //! estimates it, the spread over periods gives the noise ([`super::noise`] pools it over neighbors),
-//! and a first period that carries a transient is left out ([`super::transient`]).
+//! first periods that carry a transient are left out ([`super::transient`]), sinusoids that are none of
+//! the excitation's are subtracted, and lines on which a disturbance is left are left out. The bins between the excited ones are kept too: what repeats there is no
+//! linear response ([`super::Distortion`]).
+
+pub(super) mod estimate;
 
 use std::f64::consts::TAU;
 
 use num_complex::Complex64;
 use realfft::RealFftPlanner;
 
-use super::{IdentifyError, TransientTest, noise, transient};
+use super::{IdentifyError, TransientTest};
 use crate::record::{Experiment, Output, Record};
+use estimate::{Estimated, Periods, estimate};
 
 /// How spectra are taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,8 +25,8 @@ pub struct SpectrumOptions {
     pub line_threshold: f64,
     /// Noise variances are averaged over this many lines to either side.
     pub pool_half_width: usize,
-    /// Probability of dropping the first period of a record that carries no transient, 0..1; zero
-    /// never drops it.
+    /// Probability of dropping a period of a record that carries no transient, 0..1; zero never
+    /// drops any.
     pub transient_level: f64,
 }
 
@@ -34,6 +39,8 @@ impl Default for SpectrumOptions {
 /// One excited line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Line {
+    /// Number of the harmonic of one over the period.
+    pub harmonic: u32,
     /// Frequency in rad/s.
     pub omega_rad_s: f64,
     /// Complex amplitude of the command.
@@ -42,9 +49,12 @@ pub struct Line {
     pub esc_command: Option<Complex64>,
     /// Complex amplitude of the response, mean over the periods used, response units.
     pub response: Complex64,
-    /// Noise variance of `response`, `E |N|^2`, response units squared.
+    /// Variance of `response` given the command, `E |Y - G U|^2` with the line's mean `U`, response units
+    /// squared. Where the command's record repeats exactly this is the response's noise; where it does not,
+    /// it is `s_Y^2 + |G|^2 s_U^2 - 2 Re(conj(G) s_YU)`, both noises and their covariance (Pintelon &
+    /// Schoukens, section 2.4).
     pub variance: f64,
-    /// Degrees of freedom of `variance`.
+    /// Degrees of freedom of `variance` (real: two per complex sample).
     pub dof: f64,
 }
 
@@ -55,11 +65,56 @@ impl Line {
         self.response / self.command
     }
 
-    /// Noise variance of [`Self::ratio`]; the command is what was sent and has no noise.
+    /// Variance of [`Self::ratio`].
     #[must_use]
     pub fn ratio_variance(&self) -> f64 {
         self.variance / self.command.norm_sqr()
     }
+}
+
+/// A line between the excited ones, where a linear actuator without noise would show nothing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UnexcitedLine {
+    /// Number of the harmonic of one over the period.
+    pub harmonic: u32,
+    /// Frequency in rad/s.
+    pub omega_rad_s: f64,
+    /// Complex amplitude of the response, mean over the periods used, response units.
+    pub response: Complex64,
+    /// Noise variance of `response`, from the spread over periods, pooled over neighbors.
+    pub variance: f64,
+    /// Degrees of freedom of `variance`.
+    pub dof: f64,
+}
+
+/// A line that was left out because something else than the excitation shows on it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DisturbedLine {
+    /// Number of the harmonic of one over the period.
+    pub harmonic: u32,
+    /// Frequency in rad/s.
+    pub omega_rad_s: f64,
+    /// How it shows.
+    pub sign: DisturbanceSign,
+}
+
+/// A sinusoid that was subtracted from the response: it goes on from period to period on a frequency that is no
+/// multiple of the record's, as mains hum does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RemovedSinusoid {
+    /// Frequency in rad/s.
+    pub omega_rad_s: f64,
+    /// Amplitude, response units.
+    pub amplitude: f64,
+}
+
+/// How a disturbance of one frequency, such as mains hum, shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DisturbanceSign {
+    /// The line scatters over the periods far more than its neighbors.
+    ScattersOverPeriods,
+    /// The line repeats, but is far off the smooth curve through its neighbors.
+    OffTheCurve,
 }
 
 /// Where the noise variance comes from.
@@ -86,12 +141,18 @@ pub struct Spectrum {
     pub periods_used: usize,
     /// Rows before the first whole period, left out.
     pub rows_left_out: usize,
-    /// Whether the first period carried a transient and was dropped.
+    /// Whether the first period, or more, carried a transient and was dropped.
     pub transient: TransientTest,
     /// Where the noise variances come from.
     pub noise: NoiseSource,
-    /// The excited lines, by frequency.
+    /// The excited lines, by frequency, without disturbed ones.
     pub lines: Vec<Line>,
+    /// The lines between them, by frequency, without disturbed ones; none where the noise is taken from them.
+    pub unexcited: Vec<UnexcitedLine>,
+    /// Excited lines that were left out.
+    pub disturbed: Vec<DisturbedLine>,
+    /// Sinusoids that were subtracted before.
+    pub removed: Vec<RemovedSinusoid>,
 }
 
 /// Name of the response's column.
@@ -171,70 +232,38 @@ impl Spectrum {
         }
         let rows_left_out = response.len() - periods * length;
 
-        let command = transform(&record.command[rows_left_out..], length);
-        let excited = excited_bins(&mean(&command), options.line_threshold);
-        if excited.is_empty() {
-            return Err(IdentifyError::ConstantCommand { file: file() });
-        }
-        let at_lines =
-            |spectrum: &Vec<Complex64>| -> Vec<Complex64> { excited.iter().map(|&bin| spectrum[bin]).collect() };
-        let command: Vec<_> = command.iter().map(at_lines).collect();
-        check_periodic(&command, record)?;
-
-        let all = transform(&response[rows_left_out..], length);
-        let width = 2 * options.pool_half_width + 1;
-        let last = &all[periods - 1];
-        let quiet = noise::from_unexcited(last, &excited, width);
-        let by_period: Vec<_> = all.iter().map(at_lines).collect();
-        let transient = transient::test(&by_period, quiet.as_ref(), options.transient_level);
-        let used = &by_period[usize::from(transient.is_present())..];
-
-        let response = mean(used);
-        let (noise, variance, dof) = if used.len() > 1 {
-            let sample = sample_variance(used, &response);
-            let (pooled, neighbors) = noise::pool(&sample, options.pool_half_width);
-            let dof = 2.0 * (neighbors * (used.len() - 1)) as f64;
-            let of_mean = pooled.iter().map(|v| v / used.len() as f64).collect();
-            (NoiseSource::BetweenPeriods, of_mean, dof)
-        } else {
-            let (power, bins) = quiet.ok_or_else(|| IdentifyError::NoNoise { file: file() })?;
-            (NoiseSource::UnexcitedLines, power, 2.0 * bins as f64)
+        let columns = |column: &[f64]| transform(&column[rows_left_out..], length);
+        let bins = Periods {
+            bin_rad_s: TAU * row_rate_hz / length as f64,
+            command: columns(&record.command),
+            response: columns(response),
+            esc_command: record
+                .esc_command
+                .as_deref()
+                .filter(|column| column.len() == record.time_s.len())
+                .map(columns),
         };
-        let command = mean(&command);
-        let esc_command: Option<Vec<Complex64>> =
-            record.esc_command.as_ref().filter(|column| column.len() == record.time_s.len()).map(|column| {
-                let periods = transform(&column[rows_left_out..], length);
-                let dropped = usize::from(transient.is_present());
-                mean(&periods[dropped..].iter().map(at_lines).collect::<Vec<_>>())
-            });
-        let lines = excited
-            .iter()
-            .enumerate()
-            .map(|(k, &bin)| Line {
-                omega_rad_s: TAU * bin as f64 * row_rate_hz / length as f64,
-                command: command[k],
-                esc_command: esc_command.as_ref().map(|e| e[k]),
-                response: response[k],
-                variance: variance[k],
-                dof,
-            })
-            .collect();
+        let Estimated { lines, unexcited, disturbed, removed, transient, periods_used, noise } =
+            estimate(&bins, options, &record.file)?;
         Ok(Self {
             file: file(),
             row_rate_hz,
             period_s,
             periods,
-            periods_used: used.len(),
+            periods_used,
             rows_left_out,
             transient,
             noise,
             lines,
+            unexcited,
+            disturbed,
+            removed,
         })
     }
 }
 
 /// Spectra of the consecutive periods of `samples`, amplitudes of `e^(j w t)` times two.
-fn transform(samples: &[f64], length: usize) -> Vec<Vec<Complex64>> {
+pub(super) fn transform(samples: &[f64], length: usize) -> Vec<Vec<Complex64>> {
     let fft = RealFftPlanner::<f64>::new().plan_fft_forward(length);
     let mut scratch = fft.make_scratch_vec();
     let mut input = fft.make_input_vec();
@@ -250,42 +279,4 @@ fn transform(samples: &[f64], length: usize) -> Vec<Vec<Complex64>> {
             spectrum
         })
         .collect()
-}
-
-fn mean(periods: &[Vec<Complex64>]) -> Vec<Complex64> {
-    let count = periods.len() as f64;
-    let bins = periods.first().map_or(0, Vec::len);
-    (0..bins).map(|k| periods.iter().map(|p| p[k]).sum::<Complex64>() / count).collect()
-}
-
-fn sample_variance(periods: &[Vec<Complex64>], mean: &[Complex64]) -> Vec<f64> {
-    mean.iter()
-        .enumerate()
-        .map(|(k, m)| periods.iter().map(|p| (p[k] - m).norm_sqr()).sum::<f64>() / (periods.len() - 1) as f64)
-        .collect()
-}
-
-/// Bins of the command above the threshold; none when the command does not move. A command of 0..1
-/// that moves by less than 1e-9 is taken as constant: that is rounding, not excitation.
-fn excited_bins(command: &[Complex64], threshold: f64) -> Vec<usize> {
-    let inner = 1..command.len().saturating_sub(1);
-    let peak = inner.clone().map(|k| command[k].norm()).fold(0.0, f64::max);
-    if peak.is_nan() || peak <= 1e-9 {
-        return Vec::new();
-    }
-    inner.filter(|&k| command[k].norm() >= threshold * peak).collect()
-}
-
-/// The command has no noise, so its periods must agree; a wrong `period_s` shows here.
-fn check_periodic(command: &[Vec<Complex64>], record: &Record) -> Result<(), IdentifyError> {
-    let average = mean(command);
-    let power = average.iter().map(Complex64::norm_sqr).sum::<f64>();
-    let spread =
-        command.iter().flat_map(|period| period.iter().zip(&average).map(|(c, m)| (c - m).norm_sqr())).sum::<f64>()
-            / command.len() as f64;
-    let relative = (spread / power).sqrt();
-    if relative > 0.01 {
-        return Err(IdentifyError::NotPeriodic { file: record.file.clone(), percent: 100.0 * relative });
-    }
-    Ok(())
 }

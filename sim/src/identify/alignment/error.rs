@@ -1,0 +1,100 @@
+//! Why two logs cannot be put on one clock.
+
+use miette::Diagnostic;
+use thiserror::Error;
+
+/// Why the delay between a command log and a response log cannot be told.
+#[derive(Clone, Debug, PartialEq, Error, Diagnostic)]
+pub enum AlignmentError {
+    /// Columns of different lengths, values that are not finite, or times that do not increase.
+    #[error("{log}: columns differ in length, a value is not finite, or a time does not increase")]
+    #[diagnostic(help("read the log with the checks of an experiment folder"))]
+    Malformed {
+        /// The log.
+        log: String,
+    },
+    /// The command never changes.
+    #[error("{log}: the command never changes, so no delay can be seen")]
+    #[diagnostic(help("record some steps, or a multisine"))]
+    ConstantCommand {
+        /// The command log.
+        log: String,
+    },
+    /// The response never changes.
+    #[error("{log}: the response never changes, so no delay can be seen")]
+    #[diagnostic(help("check the sensor's connection, and that the motor was running"))]
+    ConstantResponse {
+        /// The response log.
+        log: String,
+    },
+    /// The logs have too little in common.
+    #[error("{log}: {rows} rows of the response fall within the command log; {needed} are needed")]
+    #[diagnostic(help("record longer, and let both logs run over the whole excitation"))]
+    TooShort {
+        /// The response log.
+        log: String,
+        /// Rows in common.
+        rows: usize,
+        /// Rows needed.
+        needed: usize,
+    },
+    /// No shift lies within the limit on the delay.
+    #[error("no delay within {within_s} s lets the two logs overlap")]
+    #[diagnostic(help("their clocks start at different times: allow a larger delay, or none at all for no limit"))]
+    NoOverlap {
+        /// The limit, seconds.
+        within_s: f64,
+    },
+    /// The response does not follow the command.
+    #[error("{log}: the response does not follow this command, whatever the delay")]
+    #[diagnostic(help("check that the two logs are of the same run"))]
+    NotRelated {
+        /// The response log.
+        log: String,
+    },
+    /// Two delays explain the logs alike.
+    #[error("delays of {first_s:.3} s and {second_s:.3} s explain the logs equally well")]
+    #[diagnostic(help(
+        "the command repeats: limit the delay to less than its period, or let both logs begin before the excitation does"
+    ))]
+    Ambiguous {
+        /// The better one, seconds.
+        first_s: f64,
+        /// The other one, seconds.
+        second_s: f64,
+    },
+    /// The best skew is at the limit of the search.
+    #[error("the clocks seem to differ by {ppm:.0} ppm, more than the {limit_ppm:.0} ppm that were searched")]
+    #[diagnostic(help("check the units of both time columns, or allow a larger skew"))]
+    SkewOutOfRange {
+        /// What came out, parts per million.
+        ppm: f64,
+        /// The limit, parts per million.
+        limit_ppm: f64,
+    },
+    /// The delay's interval is too wide to be of use.
+    #[error("{log}: the delay is known to {std_s:.3} s only")]
+    #[diagnostic(help("use larger steps, or record longer"))]
+    Undetermined {
+        /// The response log.
+        log: String,
+        /// Its standard error, seconds.
+        std_s: f64,
+    },
+    /// The search found no minimum.
+    #[error("{log}: the fit of delay, skew and lag did not converge")]
+    #[diagnostic(help("look at the two logs: the response may not resemble a lag at all"))]
+    NotConverged {
+        /// The response log.
+        log: String,
+    },
+    /// Nothing is left to merge.
+    #[error("{log}: only {rows} merged rows have both a command and a response")]
+    #[diagnostic(help("the gaps of the response log leave nothing: record it again"))]
+    NothingMerged {
+        /// The response log.
+        log: String,
+        /// Rows left.
+        rows: usize,
+    },
+}

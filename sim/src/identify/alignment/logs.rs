@@ -1,0 +1,102 @@
+//! The two logs as they are, each on its own clock.
+
+use std::ops::Range;
+
+use super::AlignmentError;
+
+/// An interval between rows longer than this many usual ones is a gap, through which nothing is interpolated.
+const GAP_INTERVALS: f64 = 2.5;
+
+/// What was commanded, on the commanding computer's clock.
+#[derive(Clone, Copy, Debug)]
+pub struct CommandLog<'a> {
+    /// What to call it in errors.
+    pub name: &'a str,
+    /// Times of its rows in seconds, increasing. The log ends with its last row.
+    pub time_s: &'a [f64],
+    /// Commands, 0..1; each holds until the next row.
+    pub command: &'a [f64],
+}
+
+/// What was measured, on the logger's clock.
+#[derive(Clone, Copy, Debug)]
+pub struct ResponseLog<'a> {
+    /// What to call it in errors.
+    pub name: &'a str,
+    /// Times of its rows in seconds, increasing.
+    pub time_s: &'a [f64],
+    /// Response at those times, in any unit.
+    pub response: &'a [f64],
+}
+
+impl CommandLog<'_> {
+    pub(super) fn check(&self) -> Result<(), AlignmentError> {
+        well_formed(self.name, self.time_s, self.command)?;
+        if self.command.windows(2).all(|pair| pair[0] == pair[1]) {
+            return Err(AlignmentError::ConstantCommand { log: self.name.into() });
+        }
+        Ok(())
+    }
+
+    /// First and last time.
+    pub(super) fn span_s(&self) -> (f64, f64) {
+        ends(self.time_s)
+    }
+
+    /// The command that holds at `time_s`; the first one before the log begins.
+    pub(super) fn at(&self, time_s: f64) -> f64 {
+        let after = self.time_s.partition_point(|&t| t <= time_s);
+        self.command[after.saturating_sub(1)]
+    }
+}
+
+impl ResponseLog<'_> {
+    pub(super) fn check(&self) -> Result<(), AlignmentError> {
+        well_formed(self.name, self.time_s, self.response)?;
+        if self.response.windows(2).all(|pair| pair[0] == pair[1]) {
+            return Err(AlignmentError::ConstantResponse { log: self.name.into() });
+        }
+        Ok(())
+    }
+
+    /// First and last time.
+    pub(super) fn span_s(&self) -> (f64, f64) {
+        ends(self.time_s)
+    }
+
+    /// Median time between rows, seconds.
+    pub(super) fn interval_s(&self) -> f64 {
+        let mut intervals: Vec<f64> = self.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let middle = intervals.len() / 2;
+        *intervals.select_nth_unstable_by(middle, f64::total_cmp).1
+    }
+
+    /// The stretches of rows without a gap.
+    pub(super) fn runs(&self) -> Vec<Range<usize>> {
+        let longest_s = GAP_INTERVALS * self.interval_s();
+        let mut runs = Vec::new();
+        let mut start = 0;
+        for row in 1..=self.time_s.len() {
+            if row == self.time_s.len() || self.time_s[row] - self.time_s[row - 1] > longest_s {
+                runs.push(start..row);
+                start = row;
+            }
+        }
+        runs
+    }
+}
+
+/// Two rows or more, as [`well_formed`] has seen to.
+fn ends(time_s: &[f64]) -> (f64, f64) {
+    (time_s[0], time_s[time_s.len() - 1])
+}
+
+fn well_formed(name: &str, time_s: &[f64], values: &[f64]) -> Result<(), AlignmentError> {
+    let finite = time_s.iter().chain(values).all(|value| value.is_finite());
+    let good = time_s.len() == values.len() && finite && time_s.is_sorted_by(|a, b| a < b);
+    match (good, time_s.len()) {
+        (false, _) => Err(AlignmentError::Malformed { log: name.into() }),
+        (true, rows @ 0..2) => Err(AlignmentError::TooShort { log: name.into(), rows, needed: 2 }),
+        (true, _) => Ok(()),
+    }
+}

@@ -1,0 +1,403 @@
+//! Two logs, two clocks: the delay and the skew between a command log and a response log.
+//!
+//! [`align`] finds how much later the response shows what the command said, and how much faster one clock runs; [`merge`]
+//! makes one record of both. The stages, one file each:
+//!
+//! 1. the logs as they are: commands stand until the next row, responses have gaps (`logs`);
+//! 2. correlation over all shifts and some skews says where to begin (`coarse`);
+//! 3. delay, skew and a first-order lag are fitted together (`problem`), so that the lag is not taken for delay;
+//! 4. what is left says the color of the noise (`color`), and the fit is done again on whitened rows: maximum likelihood,
+//!    with standard errors that hold for colored noise.
+//!
+//! # What cannot be told
+//! - **Latency from dead time.** Two logs show the sum of the offset between their clocks, the latency of both paths, the
+//!   ESC's frame (half of one on average) and the actuator's own dead time. [`merge`] takes all of it away, but for what is
+//!   known from elsewhere.
+//! - **A second, shorter lag from delay.** A filter of time constant `T2` well below the lag's shows as a delay of about `T2`.
+//! - **A lag that differs** with level or direction is fitted as one. The delay then moves by a part of the difference;
+//!   the misfit is in the noise that the interval is made of, the shift is not.
+//! - **One period from the next.** Where a repeated command is cut at both ends, [`AlignmentError::Ambiguous`] says so.
+
+mod coarse;
+mod color;
+mod error;
+mod logs;
+mod merge;
+mod problem;
+mod rivals;
+
+use std::fmt;
+use std::ops::Range;
+
+use nalgebra::DVector;
+
+pub use error::AlignmentError;
+pub use logs::{CommandLog, ResponseLog};
+pub use merge::{Merged, MergedRows, merge};
+
+use super::Estimate;
+use super::fit_percent::fit_percent;
+use super::least_squares::{Limits, Residuals as _, Solution, minimize};
+use coarse::Candidate;
+use color::{autoregression, rows_left};
+use problem::{DELAY, GAIN, LAG, MOST_POWERS, Problem};
+
+/// Where to search.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AlignmentOptions {
+    /// Greatest delay, forward or back, seconds; `None`: any at which half of the shorter log is in common.
+    pub within_s: Option<f64>,
+    /// Greatest difference of the clocks' rates, relative; 0 when both logs have one clock.
+    pub max_skew: f64,
+}
+
+impl Default for AlignmentOptions {
+    /// Any delay, and 5000 ppm, more than any oscillator is off by.
+    fn default() -> Self {
+        Self { within_s: None, max_skew: 5e-3 }
+    }
+}
+
+/// How the two clocks and the two logs are related.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Alignment {
+    /// How much later the response log shows what the command log says, at [`Self::reference_s`], seconds of the command's
+    /// clock. Negative where
+    /// the logger's clock is behind by more than the delay.
+    pub delay_s: Estimate,
+    /// How much faster the logger's clock runs than the command's, relative (1e-6 is 1 ppm); `None` where the record
+    /// does not tell and the clocks were taken to be as fast.
+    pub skew: Option<Estimate>,
+    /// Where the delay is counted: the middle of the rows in common, on the logger's clock, seconds.
+    pub reference_s: f64,
+    /// Time constant of the lag that was fitted beside, seconds.
+    pub time_constant_s: Estimate,
+    /// % fit of the lag behind its static polynomial.
+    pub fit_percent: f64,
+    /// Rows of the response that were used.
+    pub rows: usize,
+    /// Gaps of the response log among them.
+    pub gaps: usize,
+    /// Order of the noise's autoregression; 0 for white noise.
+    pub noise_order: usize,
+    /// What is odd.
+    pub warnings: Vec<AlignmentWarning>,
+}
+
+/// What a reader of an alignment has to know.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum AlignmentWarning {
+    /// The logs do not tell the clocks' rates apart.
+    NoSkew,
+    /// The lag is shorter than the time between rows.
+    ShortLag {
+        /// Time between rows, seconds.
+        row_s: f64,
+    },
+}
+
+impl fmt::Display for AlignmentWarning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::NoSkew => write!(
+                f,
+                "the skew of the clocks cannot be told from these logs; they were taken to run alike. Record steps near both ends"
+            ),
+            Self::ShortLag { row_s } => write!(
+                f,
+                "the response follows within one row, {:.1} ms: the delay is known to a row only. Log faster",
+                1e3 * row_s
+            ),
+        }
+    }
+}
+
+impl Alignment {
+    /// The command's time whose command acts on the response at the logger's `response_time_s`.
+    #[must_use]
+    pub fn command_time_s(&self, response_time_s: f64) -> f64 {
+        let skew = self.skew.map_or(0.0, |skew| skew.value);
+        self.reference_s - self.delay_s.value + (response_time_s - self.reference_s) / (1.0 + skew)
+    }
+}
+
+/// Fewest rows in common.
+const LEAST_ROWS: usize = 50;
+/// Time constants to begin with, seconds: those of small and of large rotors.
+const STARTS_S: [f64; 2] = [0.03, 0.12];
+/// Enough to tell which start is in the right basin.
+const FIRST_LOOK: Limits = Limits { iterations: 8, decrease: 1e-3 };
+/// A row that a change passes leaves the search zigzagging by ever less; this moves nothing by a hundredth of its
+/// standard error.
+const LIMITS: Limits = Limits { iterations: 100, decrease: 1e-8 };
+/// Gains further from zero than this, in the sense of Wald's chi-square, are no chance, the search over all shifts included.
+const RELATED: f64 = 60.0;
+/// A standard error beyond this is no delay, seconds.
+const VAGUE_S: f64 = 0.05;
+
+/// Finds delay and skew.
+///
+/// # Errors
+/// [`AlignmentError`]: logs that are malformed, constant, too short or not of the same run; a command that repeats, so that
+/// two delays explain the logs alike; an interval that is too wide.
+pub fn align(
+    command: &CommandLog<'_>,
+    response: &ResponseLog<'_>,
+    options: &AlignmentOptions,
+) -> Result<Alignment, AlignmentError> {
+    command.check()?;
+    response.check()?;
+    let candidates = coarse::candidates(command, response, options);
+    if candidates.is_empty() {
+        return Err(match options.within_s {
+            Some(within_s) => AlignmentError::NoOverlap { within_s },
+            None => AlignmentError::NotRelated { log: response.name.into() },
+        });
+    }
+    let scaled = scaled_command(command.command);
+    let parts: Vec<Part> = candidates.iter().map(|c| Part::of(command, response, c)).collect();
+    if let Some(rows) = parts.iter().map(|part| part.time_s.len()).max().filter(|&rows| rows < LEAST_ROWS) {
+        return Err(AlignmentError::TooShort { log: response.name.into(), rows, needed: LEAST_ROWS });
+    }
+    let not_converged = || AlignmentError::NotConverged { log: response.name.into() };
+    let mut tried: Vec<(&Part, Problem<'_>, Solution)> = parts
+        .iter()
+        .zip(&candidates)
+        .filter(|(part, _)| part.time_s.len() >= LEAST_ROWS)
+        .filter_map(|(part, candidate)| {
+            let problem = part.problem(command, &scaled, options.max_skew > 0.0);
+            let solution = first_look(&problem, part, candidate)?;
+            Some((part, problem, solution))
+        })
+        .collect();
+    let variance = |solution: &Solution| solution.sum_of_squares / solution.residuals.len() as f64;
+    tried.sort_by(|a, b| variance(&a.2).total_cmp(&variance(&b.2)));
+    let mut tried = tried.into_iter();
+    let (part, mut problem, look) = tried.next().ok_or_else(not_converged)?;
+    let solution = whitened(&mut problem, &look.parameters).ok_or_else(not_converged)?;
+
+    // Of two delays that explain the logs alike neither is the delay.
+    for (_, mut rival, look) in tried {
+        let Some(found) = whitened(&mut rival, &look.parameters) else { continue };
+        // Both at the logger's time zero, as the rows in common differ and their middles with them.
+        let delay_s = |problem: &Problem<'_>, s: &Solution| {
+            s.parameters[DELAY] - problem.skew_of(&s.parameters) * problem.reference_s
+        };
+        let (first_s, second_s) = (delay_s(&problem, &solution), delay_s(&rival, &found));
+        let apart = (first_s - second_s).abs() > 3.0 * solution.parameters[LAG].exp();
+        if apart && rivals::alike((&problem, &solution), (&rival, &found)) {
+            let (first_s, second_s) = (solution.parameters[DELAY], found.parameters[DELAY]);
+            return Err(AlignmentError::Ambiguous { first_s, second_s });
+        }
+    }
+    judged(response, options, part, problem, solution)
+}
+
+/// The rows in common at a candidate's shift.
+struct Part {
+    time_s: Vec<f64>,
+    response: Vec<f64>,
+    runs: Vec<Range<usize>>,
+    reference_s: f64,
+    start_s: f64,
+    /// The candidate's delay, at `reference_s`.
+    delay_s: f64,
+}
+
+impl Part {
+    fn of(command: &CommandLog<'_>, response: &ResponseLog<'_>, candidate: &Candidate) -> Self {
+        let (start_s, end_s) = response.span_s();
+        let middle_s = 0.5 * (start_s + end_s);
+        let (from_s, to_s) = command.span_s();
+        let at = |t: f64| middle_s - candidate.delay_s + (t - middle_s) / (1.0 + candidate.skew);
+        let inside = |row: &usize| (from_s..=to_s).contains(&at(response.time_s[*row]));
+        let mut runs = Vec::new();
+        let (mut time_s, mut y) = (Vec::new(), Vec::new());
+        for run in response.runs() {
+            let start = time_s.len();
+            for row in run.filter(inside) {
+                time_s.push(response.time_s[row]);
+                y.push(response.response[row]);
+            }
+            if time_s.len() > start {
+                runs.push(start..time_s.len());
+            }
+        }
+        let reference_s = match (time_s.first(), time_s.last()) {
+            (Some(first), Some(last)) => 0.5 * (first + last),
+            _ => middle_s,
+        };
+        let mean = y.iter().sum::<f64>() / y.len().max(1) as f64;
+        let square: f64 = y.iter().map(|v| (v - mean) * (v - mean)).sum();
+        let scale = (square / y.len().max(1) as f64).sqrt().max(f64::MIN_POSITIVE);
+        y.iter_mut().for_each(|v| *v = (*v - mean) / scale);
+        Self {
+            start_s: time_s.first().map_or(from_s, |&t| at(t)),
+            delay_s: candidate.delay_s + candidate.skew * (reference_s - middle_s),
+            time_s,
+            response: y,
+            runs,
+            reference_s,
+        }
+    }
+
+    fn problem<'a>(&'a self, command: &'a CommandLog<'_>, scaled: &'a [f64], skew: bool) -> Problem<'a> {
+        Problem {
+            command_time_s: command.time_s,
+            command: scaled,
+            time_s: &self.time_s,
+            response: &self.response,
+            runs: &self.runs,
+            start_s: self.start_s,
+            reference_s: self.reference_s,
+            powers: powers(scaled),
+            skew,
+            color: Vec::new(),
+        }
+    }
+}
+
+/// Commands moved and scaled to -1..1.
+fn scaled_command(command: &[f64]) -> Vec<f64> {
+    let low = command.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = command.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    command.iter().map(|u| (2.0 * u - low - high) / (high - low)).collect()
+}
+
+/// As many powers as the command has levels to tell them, less one for the offset.
+fn powers(scaled: &[f64]) -> usize {
+    let mut levels: Vec<f64> = Vec::new();
+    for &v in scaled {
+        if levels.iter().all(|level| (level - v).abs() > 0.02) {
+            levels.push(v);
+            if levels.len() > MOST_POWERS {
+                break;
+            }
+        }
+    }
+    levels.len().saturating_sub(1).clamp(1, MOST_POWERS)
+}
+
+/// A few steps from each start; the best of them.
+fn first_look(problem: &Problem<'_>, part: &Part, candidate: &Candidate) -> Option<Solution> {
+    let mut best: Option<Solution> = None;
+    for tau_s in STARTS_S {
+        // The correlation peaks at the delay and most of the lag together.
+        let mut start = vec![0.0; problem.parameters()];
+        start[DELAY] = part.delay_s - 0.7 * tau_s;
+        start[LAG] = tau_s.ln();
+        if problem.skew {
+            start[problem.skew_index()] = candidate.skew;
+        }
+        let columns = problem.regressors(&start)?;
+        let normal = columns.tr_mul(&columns);
+        let right = columns.tr_mul(&DVector::from_column_slice(problem.response));
+        let linear = normal.svd(true, true).solve(&right, 1e-9).ok()?;
+        start[LAG + 1..LAG + 1 + linear.len()].copy_from_slice(linear.as_slice());
+        if let Some(found) = minimize(problem, &start, FIRST_LOOK)
+            && best.as_ref().is_none_or(|b| found.sum_of_squares < b.sum_of_squares)
+        {
+            best = Some(found);
+        }
+    }
+    best
+}
+
+/// The maximum-likelihood fit: least squares, then twice the color of what is left and least squares on whitened rows.
+fn whitened(problem: &mut Problem<'_>, start: &[f64]) -> Option<Solution> {
+    problem.color.clear();
+    let mut solution = minimize(problem, start, LIMITS)?;
+    for _ in 0..2 {
+        let at = solution.parameters.clone();
+        let mut residuals = vec![0.0; problem.count()];
+        problem.color.clear();
+        if !problem.evaluate(&at, &mut residuals) {
+            return None;
+        }
+        problem.color = autoregression(&residuals[..problem.time_s.len()], problem.runs);
+        if problem.color.is_empty() {
+            return Some(solution).filter(|s| s.converged);
+        }
+        solution = minimize(problem, &at, LIMITS)?;
+    }
+    Some(solution).filter(|s| s.converged)
+}
+
+fn white_variance(problem: &Problem<'_>, solution: &Solution) -> f64 {
+    solution.sum_of_squares / degrees_of_freedom(problem)
+}
+
+fn degrees_of_freedom(problem: &Problem<'_>) -> f64 {
+    let rows = rows_left(problem.runs, problem.color.len());
+    rows.saturating_sub(problem.parameters() + problem.color.len()).max(1) as f64
+}
+
+/// Refuses what the logs do not tell, and gives the rest its intervals.
+fn judged(
+    response: &ResponseLog<'_>,
+    options: &AlignmentOptions,
+    part: &Part,
+    mut problem: Problem<'_>,
+    mut solution: Solution,
+) -> Result<Alignment, AlignmentError> {
+    let log = || response.name.to_owned();
+    let mut warnings = Vec::new();
+    if problem.skew {
+        let index = problem.skew_index();
+        let std =
+            solution.unit_covariance.as_ref().map(|c| (c[(index, index)] * white_variance(&problem, &solution)).sqrt());
+        if std.is_none_or(|std| std > 0.5 * options.max_skew) {
+            problem.skew = false;
+            warnings.push(AlignmentWarning::NoSkew);
+            let start = solution.parameters[..problem.parameters()].to_vec();
+            solution = whitened(&mut problem, &start).ok_or_else(|| AlignmentError::NotConverged { log: log() })?;
+        }
+    }
+    let dof = degrees_of_freedom(&problem);
+    let variance = white_variance(&problem, &solution);
+    let covariance = solution.unit_covariance.as_ref().map(|c| c * variance);
+    let covariance = covariance.ok_or_else(|| AlignmentError::NotRelated { log: log() })?;
+    let gains = GAIN..GAIN + problem.powers;
+    let gain = DVector::from_column_slice(&solution.parameters[gains.clone()]);
+    let of_gains = covariance.view((GAIN, GAIN), (gains.len(), gains.len())).clone_owned();
+    let wald = of_gains.cholesky().map(|c| gain.dot(&c.solve(&gain)));
+    if !wald.is_some_and(|wald| wald > RELATED) {
+        return Err(AlignmentError::NotRelated { log: log() });
+    }
+    let estimate =
+        |index: usize| Estimate { value: solution.parameters[index], std: covariance[(index, index)].sqrt(), dof };
+    let mut delay_s = estimate(DELAY);
+    let lag = estimate(LAG);
+    let tau_s = lag.value.exp();
+    let row_s = response.interval_s();
+    if tau_s < row_s {
+        warnings.push(AlignmentWarning::ShortLag { row_s });
+        delay_s.std = delay_s.std.hypot(row_s / 12f64.sqrt());
+    }
+    if delay_s.std.is_nan() || delay_s.std > VAGUE_S {
+        return Err(AlignmentError::Undetermined { log: log(), std_s: delay_s.std });
+    }
+    if let Some(within_s) = options.within_s.filter(|&within_s| delay_s.value.abs() > within_s) {
+        return Err(AlignmentError::NoOverlap { within_s });
+    }
+    let skew = problem.skew.then(|| estimate(problem.skew_index()));
+    if let Some(skew) = skew.filter(|skew| skew.value.abs() > options.max_skew) {
+        return Err(AlignmentError::SkewOutOfRange { ppm: 1e6 * skew.value, limit_ppm: 1e6 * options.max_skew });
+    }
+    let noise_order = problem.color.len();
+    problem.color.clear();
+    let mut residuals = vec![0.0; problem.count()];
+    problem.evaluate(&solution.parameters, &mut residuals);
+    let modeled: Vec<f64> = part.response.iter().zip(&residuals).map(|(y, r)| y + r).collect();
+    Ok(Alignment {
+        delay_s,
+        skew,
+        reference_s: part.reference_s,
+        time_constant_s: Estimate { value: tau_s, std: tau_s * lag.std, dof },
+        fit_percent: fit_percent(&part.response, &modeled).unwrap_or(f64::NEG_INFINITY),
+        rows: part.time_s.len(),
+        gaps: part.runs.len() - 1,
+        noise_order,
+        warnings,
+    })
+}

@@ -1,0 +1,72 @@
+//! Frequency responses without a model, and what is known of their noise.
+//!
+//! From a periodic record: the ratio of mean response to mean command at each excited line
+//! ([`FrequencyResponse::of`]). From any other record: the local polynomial method
+//! ([`LocalPolynomial`]). Either is what the rows show of the recorded command's samples: the holds of
+//! loop and ESC are in it ([`super::HoldChain`]).
+
+mod band;
+mod curve;
+mod local_polynomial;
+#[cfg(test)]
+mod tests;
+
+use num_complex::Complex64;
+
+use super::{Line, Spectrum};
+pub(super) use curve::off_the_curve;
+pub use local_polynomial::{LocalPolynomial, LocalPolynomialOptions};
+
+/// One line of a frequency response.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ResponseLine {
+    /// Frequency in rad/s.
+    pub omega_rad_s: f64,
+    /// Response over command.
+    pub response: Complex64,
+    /// Variance of `response`: `E |dG|^2` (both parts together).
+    pub variance: f64,
+}
+
+/// A non-parametric frequency response with what is known of its noise.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FrequencyResponse {
+    /// The lines, by frequency.
+    pub lines: Vec<ResponseLine>,
+    /// Degrees of freedom (of complex samples) behind each line's variance, after pooling; infinite where the
+    /// variance is known.
+    pub degrees_of_freedom: f64,
+    /// Periods averaged (1 for arbitrary records).
+    pub periods: usize,
+}
+
+impl FrequencyResponse {
+    /// Response over command at the lines of a periodic record.
+    #[must_use]
+    pub fn of(spectrum: &Spectrum) -> Self {
+        Self::from_lines(&spectrum.lines, spectrum.periods_used)
+    }
+
+    fn from_lines(lines: &[Line], periods: usize) -> Self {
+        let of_line = |line: &Line| ResponseLine {
+            omega_rad_s: line.omega_rad_s,
+            response: line.ratio(),
+            variance: line.ratio_variance(),
+        };
+        Self {
+            lines: lines.iter().map(of_line).collect(),
+            degrees_of_freedom: lines.first().map_or(0.0, |line| 0.5 * line.dof),
+            periods,
+        }
+    }
+
+    /// The response with a known factor (argument in rad/s) taken out, for instance the holds or a stand.
+    #[must_use]
+    pub fn divided_by(&self, factor: impl Fn(f64) -> Complex64) -> Self {
+        let divided = |line: &ResponseLine| {
+            let factor = factor(line.omega_rad_s);
+            ResponseLine { response: line.response / factor, variance: line.variance / factor.norm_sqr(), ..*line }
+        };
+        Self { lines: self.lines.iter().map(divided).collect(), ..*self }
+    }
+}

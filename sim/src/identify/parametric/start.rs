@@ -1,0 +1,163 @@
+//! Starting values: bootstrapped total least squares, and a grid of dead times.
+//!
+//! With the denominator `D_i` of the last pass divided out (Sanathanan & Koerner, 1963), the equation error
+//!
+//! ```text
+//! e_k = (H_k N(s_k) - G_k D(s_k)) / (sigma_k |D_i(s_k)|)
+//! ```
+//!
+//! is linear in the coefficients. Its least-squares solution is biased, because noisy `G_k` multiplies `D`. Under the
+//! constraint `sum |D(s_k)|^2 / |D_i(s_k)|^2 = 1` the noise adds the same to the cost of every `D`, and the minimum is
+//! consistent (bootstrapped total least squares; Pintelon & Schoukens, 2012, section 9.12). Both polynomials are
+//! expanded in polynomials that are orthonormal for their own weights: the constraint then says that the coefficients
+//! of `D` have unit length, and the solution is a singular vector.
+
+use nalgebra::{DMatrix, DVector, SVD};
+use num_complex::Complex64;
+
+use super::basis::Basis;
+use super::data::Data;
+use super::structure::Structure;
+
+/// Passes of the linear problem. It settles in three to eight.
+const PASSES: usize = 12;
+
+/// Passes at each dead time of the grid: enough to tell which of them is near.
+const GRID_PASSES: usize = 3;
+
+/// Dead times of the grid whose starts are handed on, best first.
+const KEPT: usize = 3;
+
+/// A model to search from.
+#[derive(Clone, Debug)]
+pub(super) struct Start {
+    pub(super) gain: f64,
+    pub(super) poles: Vec<Complex64>,
+    pub(super) zeros: Vec<Complex64>,
+    pub(super) delay_s: f64,
+    /// Its misfit, `sum |G_k - model|^2 / sigma_k^2`.
+    pub(super) cost: f64,
+}
+
+/// Models to search from, best first. Dead times are tried from zero to `max_delay_s`, an eighth of the top line's
+/// period apart: the misfit has one minimum per half period. Those at the misfit's lowest minima are kept.
+pub(super) fn starts(data: &Data, structure: Structure, max_delay_s: f64) -> Vec<Start> {
+    if !structure.has_delay {
+        return at_delay(data, structure, 0.0, PASSES).into_iter().collect();
+    }
+    let step = std::f64::consts::TAU / data.top_rad_s() / 8.0;
+    let count = (max_delay_s / step).ceil().min(1000.0) as usize;
+    let grid: Vec<_> = (0..=count).map(|i| at_delay(data, structure, step * i as f64, GRID_PASSES)).collect();
+    let cost = |i: Option<usize>| i.and_then(|i| grid.get(i)?.as_ref()).map_or(f64::INFINITY, |start| start.cost);
+    let mut minima: Vec<Start> = (0..grid.len())
+        .filter(|&i| cost(Some(i)) <= cost(i.checked_sub(1)) && cost(Some(i)) <= cost(Some(i + 1)))
+        .filter_map(|i| grid[i].clone())
+        .collect();
+    minima.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+    minima.truncate(KEPT);
+    minima
+}
+
+/// The best of all passes at one dead time.
+fn at_delay(data: &Data, structure: Structure, delay_s: f64, passes: usize) -> Option<Start> {
+    // Frequencies near one keep the matrices of the roots balanced.
+    let unit = data.top_rad_s();
+    let omega: Vec<f64> = data.omega_rad_s.iter().map(|w| w / unit).collect();
+    let known: Vec<Complex64> =
+        data.known.iter().zip(&data.omega_rad_s).map(|(h, w)| h * Complex64::cis(-w * delay_s)).collect();
+    let mut last = vec![1.0; data.len()];
+    let mut best: Option<Start> = None;
+    let mut since = 0;
+    for _ in 0..passes {
+        let Some(pass) = Pass::solve(data, &omega, &known, &last, structure) else { break };
+        if let Some(start) = pass.start(data, &known, unit, delay_s) {
+            let previous = best.as_ref().map_or(f64::INFINITY, |best| best.cost);
+            // Two passes that gain nothing: it has settled, or goes around.
+            since = if start.cost < previous * (1.0 - 1e-3) { 0 } else { since + 1 };
+            if start.cost < previous {
+                best = Some(start);
+            }
+        }
+        if since > 1 {
+            break;
+        }
+        last = pass.denominator_values.iter().map(|d| d.norm()).collect();
+        let largest = last.iter().fold(0.0, |a: f64, b| a.max(*b));
+        for d in &mut last {
+            *d = d.max(1e-9 * largest);
+        }
+    }
+    best
+}
+
+/// The solution of one linear problem.
+struct Pass {
+    denominator: Vec<f64>,
+    denominator_basis: Basis,
+    denominator_values: Vec<Complex64>,
+    numerator: Vec<f64>,
+    numerator_basis: Basis,
+    numerator_values: Vec<Complex64>,
+}
+
+impl Pass {
+    fn solve(data: &Data, omega: &[f64], known: &[Complex64], last: &[f64], structure: Structure) -> Option<Self> {
+        let lines = data.len();
+        let scale: Vec<f64> = data.weight.iter().zip(last).map(|(w, d)| w / d).collect();
+        let measure: Vec<f64> = scale.iter().zip(known).map(|(s, h)| s * s * h.norm_sqr()).collect();
+        let numerator_basis = Basis::new(omega, &measure, structure.zeros)?;
+        let measure: Vec<f64> = last.iter().map(|d| 1.0 / (d * d)).collect();
+        let denominator_basis = Basis::new(omega, &measure, structure.poles)?;
+
+        let matrix = |basis: &Basis, factor: &dyn Fn(usize) -> Complex64| {
+            DMatrix::from_fn(2 * lines, basis.values.len(), |row, column| {
+                let k = row / 2;
+                let value = basis.values[column][k] * factor(k);
+                if row % 2 == 0 { value.re } else { value.im }
+            })
+        };
+        let of_numerator = matrix(&numerator_basis, &|k| known[k] * scale[k]);
+        let of_denominator = matrix(&denominator_basis, &|k| data.response[k] * scale[k]);
+        // The numerator's columns are orthonormal, so the best numerator is a projection.
+        let projection = of_numerator.tr_mul(&of_denominator);
+        let rest = &of_denominator - &of_numerator * &projection;
+        let triangle = rest.qr().r();
+        let svd = SVD::try_new(triangle, false, true, f64::EPSILON, 1000)?;
+        let least = svd.singular_values.imin();
+        let denominator: DVector<f64> = svd.v_t?.row(least).transpose();
+        let numerator = projection * &denominator;
+        let (denominator, numerator): (Vec<f64>, Vec<f64>) =
+            (denominator.iter().copied().collect(), numerator.iter().copied().collect());
+        Some(Self {
+            denominator_values: denominator_basis.sum(&denominator),
+            numerator_values: numerator_basis.sum(&numerator),
+            denominator,
+            denominator_basis,
+            numerator,
+            numerator_basis,
+        })
+    }
+
+    /// The solution as roots, with its misfit. Frequencies are in units of `unit`.
+    fn start(&self, data: &Data, known: &[Complex64], unit: f64, delay_s: f64) -> Option<Start> {
+        let cost: f64 = (0..data.len())
+            .map(|k| {
+                let model = known[k] * self.numerator_values[k] / self.denominator_values[k];
+                (data.response[k] - model).norm_sqr() * data.weight[k].powi(2)
+            })
+            .sum();
+        let roots = |basis: &Basis, c: &[f64]| -> Option<Vec<Complex64>> {
+            Some(basis.roots(c)?.into_iter().map(|r| r * unit).collect())
+        };
+        let (poles, zeros) =
+            (roots(&self.denominator_basis, &self.denominator)?, roots(&self.numerator_basis, &self.numerator)?);
+        // The static gain, at the lines: the polynomials themselves are not known at zero.
+        let k = data.len() / 2;
+        let s = Complex64::new(0.0, data.omega_rad_s[k]);
+        let shape = zeros.iter().map(|z| 1.0 - s / z).product::<Complex64>()
+            / poles.iter().map(|p| 1.0 - s / p).product::<Complex64>();
+        let gain = (self.numerator_values[k] / self.denominator_values[k] / shape).re;
+        let sound = cost.is_finite() && gain.is_finite() && gain != 0.0;
+        sound.then_some(Start { gain, poles, zeros, delay_s, cost })
+    }
+}

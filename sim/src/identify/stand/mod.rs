@@ -1,0 +1,155 @@
+//! The stand between a motor and its thrust sensor (section 3.1 and Fig. 3 of the paper).
+//!
+//! A stand is a structure with resonances. The force sensor is not where the motor is, so the transfer function from thrust to
+//! reading may have zeros in the right half plane, and it passes thrust unaltered only up to its first resonances: the paper's
+//! passes 50 Hz and is described by a transfer function of order eight. It is identified from blows, a shaker's chirp or noise, or a
+//! multisine, put in where the motor sits: the column `command` is then the force in newtons.
+
+mod error;
+mod impact;
+mod model;
+mod response;
+mod usable;
+
+use std::f64::consts::TAU;
+use std::ops::RangeInclusive;
+
+use num_complex::Complex64;
+
+use super::parametric::{OrderScore, ParametricFit, ParametricOptions, UnstablePoles, select_order};
+use super::{Estimate, FrequencyResponse, IdentifyError};
+use crate::record::Experiment;
+pub use error::StandError;
+pub use model::{StandModel, StandRoot};
+
+/// How a stand is identified.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StandOptions {
+    /// Lowest and highest frequency of the fit, hertz. The top ends at 0.45 times the row rate at most.
+    pub band_hz: (f64, f64),
+    /// Numbers of poles that are tried, within 1 to 16.
+    pub poles: RangeInclusive<usize>,
+}
+
+impl Default for StandOptions {
+    fn default() -> Self {
+        Self { band_hz: (1.0, 300.0), poles: 1..=12 }
+    }
+}
+
+/// A stand, and how sure it is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StandIdentification {
+    /// The frequency response that was fitted.
+    pub response: FrequencyResponse,
+    /// The transfer function with its uncertainty.
+    pub fit: ParametricFit,
+    /// The orders that it was chosen from.
+    pub scores: Vec<OrderScore>,
+    /// End of the usable range in hertz: the lowest frequency at which the response is 3 dB above or below its static
+    /// value; `None` when this is nowhere within the lines.
+    pub usable_hz: Option<Estimate>,
+    /// The highest line, hertz.
+    pub top_hz: f64,
+    /// The records used.
+    pub records: Vec<String>,
+    /// What the user should know.
+    pub warnings: Vec<StandWarning>,
+}
+
+/// What a user should know about a stand that was identified.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum StandWarning {
+    /// The response had not died away at the end.
+    #[error(
+        "{file}: the stand still rings, or drifts, at the end of the record; record longer, or every pole looks too damped"
+    )]
+    StillRings {
+        /// The record.
+        file: String,
+    },
+    /// The model does not explain the lines to within their noise.
+    #[error(
+        "the transfer function leaves {reduced_chi_square:.2} times the noise power (p = {p_value:.1e}); the standard errors cover noise only"
+    )]
+    ModelTooSimple {
+        /// Chi-square of the residual over its expectation.
+        reduced_chi_square: f64,
+        /// Its tail probability.
+        p_value: f64,
+    },
+    /// The static value is not in the band.
+    #[error("the static gain, {gain:.3}, is not 1 within its error: calibrate the force against the sensor")]
+    Gain {
+        /// The static gain.
+        gain: f64,
+    },
+}
+
+/// Below this tail probability the residual says that the transfer function is not the whole truth.
+const MODEL_LEVEL: f64 = 1e-3;
+
+impl StandIdentification {
+    /// The stand as its file has it.
+    #[must_use]
+    pub fn model(&self) -> StandModel {
+        StandModel {
+            format: 1,
+            gain: self.fit.gain.value,
+            gain_std: Some(self.fit.gain.std),
+            usable_hz: self.usable_hz.map(|usable| usable.value),
+            usable_hz_std: self.usable_hz.map(|usable| usable.std),
+            top_hz: self.top_hz,
+            poles: self.fit.poles.iter().map(StandRoot::of).collect(),
+            zeros: self.fit.zeros.iter().map(StandRoot::of).collect(),
+            records: self.records.clone(),
+        }
+    }
+}
+
+/// Identifies a stand from an experiment whose command is a force ([`Experiment::read_force`]).
+///
+/// All records are blows (`excitation = "free"`, the force concentrated in a short time), or the first one that is not is used:
+/// a multisine by its periods, a chirp or noise by the local polynomial method.
+///
+/// # Errors
+/// [`StandError`], and what [`select_order`] and the spectra find wrong.
+pub fn identify_stand(experiment: &Experiment, options: &StandOptions) -> Result<StandIdentification, IdentifyError> {
+    let measured = response::of(experiment, options.band_hz)?;
+    let identified = fit_stand(measured.response, options)?;
+    let ringing = measured.ringing.into_iter().map(|file| StandWarning::StillRings { file });
+    Ok(StandIdentification {
+        records: measured.records,
+        warnings: ringing.chain(identified.warnings).collect(),
+        ..identified
+    })
+}
+
+/// Identifies a stand from its frequency response.
+///
+/// # Errors
+/// Those of [`select_order`].
+pub fn fit_stand(response: FrequencyResponse, options: &StandOptions) -> Result<StandIdentification, IdentifyError> {
+    let parametric = ParametricOptions { unstable: UnstablePoles::Reflect, ..ParametricOptions::default() };
+    let selection = select_order(&response, options.poles.clone(), false, &|_| Complex64::ONE, &parametric)?;
+    let fit = selection.fit;
+    let top_rad_s = response.lines.last().map_or(0.0, |line| line.omega_rad_s);
+    let mut warnings = Vec::new();
+    if fit.residual.power_p_value < MODEL_LEVEL {
+        let (reduced_chi_square, p_value) = (fit.residual.reduced_chi_square, fit.residual.power_p_value);
+        warnings.push(StandWarning::ModelTooSimple { reduced_chi_square, p_value });
+    }
+    // A hammer's calibration is good to some percent.
+    if fit.gain.excludes(1.0) && (fit.gain.value - 1.0).abs() > 0.05 {
+        warnings.push(StandWarning::Gain { gain: fit.gain.value });
+    }
+    Ok(StandIdentification {
+        usable_hz: usable::usable_hz(&fit, top_rad_s),
+        top_hz: top_rad_s / TAU,
+        scores: selection.scores,
+        records: Vec::new(),
+        response,
+        fit,
+        warnings,
+    })
+}

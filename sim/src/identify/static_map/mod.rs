@@ -1,0 +1,384 @@
+//! The static map: steady response against command, as a polynomial with its dead zone, hysteresis and limit.
+//!
+//! [`SteadyPoints`] takes the plateaus of any record, or the bins of a ramp; [`fit_static_map`] fits them.
+//!
+//! # Which degree
+//! All polynomials of degree 1 to 5, with and without a limit, are fitted. Of two candidates the one with the lesser
+//! `n ln(sum of squares) + penalty(parameters)` is better; the penalty is what an F-test at 0.5 % asks of each parameter
+//! in turn, `n ln(1 + F / (n - k))`. Akaike's criterion, which asks for less, adds a degree too many in one
+//! record of six. Standard errors are scaled by what the best one leaves, and intervals are Student's t.
+//!
+//! # What is what
+//! - *Dead zone*: the command at which the polynomial crosses zero, where this is consistent with the highest command at
+//!   which the motor stands still and the lowest at which it runs. A motor that starts with a jump has a polynomial that
+//!   crosses elsewhere; its dead zone is only bracketed by the two.
+//! - *Hysteresis*: the width in command between levels reached from below and from above. A motor that warms up
+//!   along the record looks alike; a second pass upwards tells the two apart. On a ramp it contains twice the lag times
+//!   the ramp's rate.
+//! - *Limit*: the command beyond which the response rises no more; or falls, which is told apart since no inverse has it.
+
+mod points;
+mod shape;
+
+use std::fmt;
+
+use miette::Diagnostic;
+use nalgebra::{DMatrix, DVector};
+use thiserror::Error;
+
+pub use points::{SteadyPoint, SteadyPoints};
+
+use super::Estimate;
+use super::least_squares::Solution;
+use super::noise::moving_mean;
+use super::statistics::t_quantile;
+use super::steps::{Direction, SAME_LEVEL};
+use shape::Shape;
+
+/// The highest degree tried.
+const MOST_DEGREES: usize = 5;
+/// Level of the F-test that a parameter has to pass.
+const LEVEL: f64 = 0.005;
+/// Neighbors on each side over which the points' variances are pooled.
+const POOL_HALF_WIDTH: usize = 3;
+/// A response lower than that of the level below by as many standard errors falls.
+const FALLS: f64 = 3.0;
+
+/// A static map with its uncertainty.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StaticMapFit {
+    /// Coefficients in powers of the command: response units, from the constant on. They describe the middle between
+    /// levels reached from below and from above.
+    pub coefficients: Vec<Estimate>,
+    /// Commands between which they hold.
+    pub range: (f64, f64),
+    /// Where the motor begins to turn; `None` where the record never shows it at rest.
+    pub dead_zone: Option<DeadZone>,
+    /// Width between levels reached from below and from above, in command; `None` where one of the two was not seen.
+    pub hysteresis: Option<Estimate>,
+    /// What happens at the top; `None`: the response rises to the highest command seen.
+    pub limit: Option<Limit>,
+    /// Standard deviation of what is left, in units of the points' own standard errors: far above one, the map is not all.
+    pub excess: f64,
+    /// Steady points used.
+    pub points: usize,
+    /// What is odd.
+    pub warnings: Vec<StaticMapWarning>,
+    shape: Shape,
+    parameters: Vec<f64>,
+    covariance: DMatrix<f64>,
+    dof: f64,
+}
+
+/// Where a motor begins to turn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DeadZone {
+    /// The highest command at which it stood still.
+    pub still: f64,
+    /// The lowest command at which it ran.
+    pub runs: f64,
+    /// Where the response begins; `None` for a motor that starts with a jump, of which the two above are all that is known.
+    pub end: Option<Estimate>,
+}
+
+/// What happens at the top.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Limit {
+    /// The response rises no more beyond a command.
+    Saturates {
+        /// The command.
+        command: Estimate,
+        /// The response there.
+        response: Estimate,
+    },
+    /// The response falls beyond a level.
+    Falls {
+        /// The highest command before.
+        command: f64,
+        /// By how much at the next one, response units.
+        by: Estimate,
+    },
+}
+
+/// What a reader of a static map has to know.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum StaticMapWarning {
+    /// The points are a ramp's and the lag is not taken off.
+    RampLag,
+    /// The fit leaves more than the points' own scatter.
+    Excess {
+        /// How much more.
+        times: f64,
+    },
+    /// The polynomial does not rise everywhere.
+    NotRising {
+        /// From this command on.
+        command: f64,
+    },
+}
+
+impl fmt::Display for StaticMapWarning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::RampLag => write!(
+                f,
+                "the static map is from a ramp: its hysteresis contains twice the lag times the ramp's rate. Use plateaus, or ramp slower"
+            ),
+            Self::Excess { times } => write!(
+                f,
+                "levels miss the static map by {times:.1} times their own scatter, which is in its intervals: something slow, such as heat or the supply, moves them. Repeat the levels in another order"
+            ),
+            Self::NotRising { command } => write!(
+                f,
+                "the static map's polynomial does not rise from command {command:.3} on and has no inverse there"
+            ),
+        }
+    }
+}
+
+/// Why there is no static map.
+#[derive(Clone, Debug, PartialEq, Error, Diagnostic)]
+pub enum StaticMapError {
+    /// Too few levels.
+    #[error("{levels} levels on which the motor runs; a static map needs 4")]
+    #[diagnostic(help("record a staircase over the range of commands, a second or more on each level"))]
+    TooFewLevels {
+        /// Levels at hand.
+        levels: usize,
+    },
+    /// No polynomial fits.
+    #[error("no polynomial fits the levels")]
+    #[diagnostic(help("look at the levels: two of them may have the same command and no other"))]
+    NoFit,
+}
+
+/// Fits the static map.
+///
+/// # Errors
+/// [`StaticMapError`] with fewer than four levels, or when no candidate can be determined.
+pub fn fit_static_map(steady: &SteadyPoints) -> Result<StaticMapFit, StaticMapError> {
+    let mut points = steady.running.clone();
+    points.sort_by(|a, b| a.command.total_cmp(&b.command));
+    let falls = cut_where_it_falls(&mut points);
+    let mut levels: Vec<f64> = Vec::new();
+    for point in &points {
+        if levels.last().is_none_or(|&last| point.command - last > SAME_LEVEL) {
+            levels.push(point.command);
+        }
+    }
+    if levels.len() < 4 {
+        return Err(StaticMapError::TooFewLevels { levels: levels.len() });
+    }
+    let (low, high) = (levels[0], levels[levels.len() - 1]);
+    let std = pooled_std(&points);
+    let seen = |direction| points.iter().filter(|p| p.direction == direction).count();
+    // The first level of all counts as reached from below, so one more is needed there.
+    let hysteresis = seen(Direction::Up) >= 2 && seen(Direction::Down) >= 1;
+    let mut best: Option<(f64, Shape, Solution)> = None;
+    for limit in [false, true] {
+        // A response that falls has been cut off; there is no limit below.
+        if limit && falls.is_some() {
+            continue;
+        }
+        for degree in 1..=MOST_DEGREES.min(levels.len().saturating_sub(2)) {
+            let shape = Shape { degree, hysteresis, limit, center: 0.5 * (low + high), half_range: 0.5 * (high - low) };
+            let Some(solution) = shape::fit(shape, &points, &std) else { continue };
+            let n = points.len() as f64;
+            let criterion =
+                n * solution.sum_of_squares.max(f64::MIN_POSITIVE).ln() + penalty(points.len(), shape.parameters());
+            if best.as_ref().is_none_or(|b| criterion < b.0) {
+                best = Some((criterion, shape, solution));
+            }
+        }
+    }
+    let (_, shape, solution) = best.ok_or(StaticMapError::NoFit)?;
+    let unit = solution.unit_covariance.as_ref().ok_or(StaticMapError::NoFit)?;
+    let dof = (points.len() - shape.parameters()) as f64;
+    let variance = solution.sum_of_squares / dof;
+    let mut fit = StaticMapFit {
+        coefficients: Vec::new(),
+        range: (low, high),
+        dead_zone: None,
+        hysteresis: None,
+        limit: falls,
+        excess: variance.sqrt(),
+        points: points.len(),
+        warnings: Vec::new(),
+        shape,
+        covariance: unit * variance,
+        parameters: solution.parameters,
+        dof,
+    };
+    fit.describe(steady);
+    Ok(fit)
+}
+
+/// What the F-test asks of `parameters` parameters, as a difference of `n ln(sum of squares)`.
+fn penalty(n: usize, parameters: usize) -> f64 {
+    (1..=parameters)
+        .map(|k| {
+            let dof = n.saturating_sub(k).max(1) as f64;
+            let t = t_quantile(1.0 - 0.5 * LEVEL, dof);
+            n as f64 * (1.0 + t * t / dof).ln()
+        })
+        .sum()
+}
+
+/// Takes off the levels at the top at which the response falls.
+fn cut_where_it_falls(points: &mut Vec<SteadyPoint>) -> Option<Limit> {
+    let up: Vec<SteadyPoint> = points.iter().copied().filter(|p| p.direction == Direction::Up).collect();
+    let highest = up.iter().max_by(|a, b| a.response.total_cmp(&b.response))?;
+    let next = up.iter().find(|p| p.command > highest.command + SAME_LEVEL)?;
+    let std = next.std.hypot(highest.std);
+    let by = highest.response - next.response;
+    // A level that is a little lower by noise alone is on a flat top.
+    if by <= FALLS * std || by < 1e-3 * highest.response.abs() {
+        return None;
+    }
+    let command = highest.command;
+    points.retain(|p| p.command <= command + SAME_LEVEL);
+    Some(Limit::Falls { command, by: Estimate::normal(by, std) })
+}
+
+/// Standard errors from variances that are pooled over neighbors: each has but a few degrees of freedom.
+fn pooled_std(points: &[SteadyPoint]) -> Vec<f64> {
+    let variances: Vec<f64> = points.iter().map(|p| p.std * p.std).collect();
+    let pooled = moving_mean(&variances, POOL_HALF_WIDTH);
+    // A sensor that reads the same all the time has still its resolution.
+    let highest = points.iter().map(|p| p.response.abs()).fold(f64::MIN_POSITIVE, f64::max);
+    pooled.iter().map(|v| v.sqrt().max(1e-9 * highest)).collect()
+}
+
+impl StaticMapFit {
+    /// Degree of the polynomial.
+    #[must_use]
+    pub fn degree(&self) -> usize {
+        self.shape.degree
+    }
+
+    /// The steady response at `command`, in the middle between both directions, response units.
+    #[must_use]
+    pub fn response(&self, command: f64) -> Estimate {
+        let gradient = DVector::from_vec(self.shape.gradient(&self.parameters, command));
+        let variance = (gradient.transpose() * &self.covariance * &gradient)[(0, 0)];
+        Estimate {
+            value: self.shape.response(&self.parameters, command, None),
+            std: variance.max(0.0).sqrt(),
+            dof: self.dof,
+        }
+    }
+
+    /// The command that gives this steady response: the inverse of the map, from where it begins to where it is limited.
+    /// `None` for a response that it does not reach, or where it does not rise.
+    #[must_use]
+    pub fn command_for(&self, response: f64) -> Option<f64> {
+        let (from, to) = self.rising_range();
+        let at = |u: f64| self.shape.response(&self.parameters, u, None);
+        if self.first_not_rising().is_some() || !(at(from)..=at(to)).contains(&response) {
+            return None;
+        }
+        let (mut low, mut high) = (from, to);
+        // Halves until the commands are neighbors in floating point, some 50 times.
+        for _ in 0..64 {
+            let middle = 0.5 * (low + high);
+            if at(middle) < response {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        Some(0.5 * (low + high))
+    }
+
+    /// Commands for `count` (2 or more) responses that are evenly spaced between the lowest and the highest: a table that
+    /// makes the throttle linear. Pairs of the share of that range, 0..1, and the command.
+    #[must_use]
+    pub fn linearization(&self, count: usize) -> Option<Vec<(f64, f64)>> {
+        let (from, to) = self.rising_range();
+        let at = |u: f64| self.shape.response(&self.parameters, u, None);
+        let (low, high) = (at(from), at(to));
+        (0..count)
+            .map(|k| {
+                let share = k as f64 / (count.max(2) - 1) as f64;
+                // The ends to rounding.
+                let response = (low + share * (high - low)).clamp(low, high);
+                Some((share, self.command_for(response)?))
+            })
+            .collect()
+    }
+
+    /// Commands from the end of the dead zone, or the lowest seen, to the limit.
+    fn rising_range(&self) -> (f64, f64) {
+        let end = self.dead_zone.and_then(|zone| zone.end).map(|end| end.value);
+        let from = end.map_or(self.range.0, |end| end.min(self.range.0));
+        let to = match self.limit {
+            Some(Limit::Saturates { command, .. }) => command.value,
+            _ => self.range.1,
+        };
+        (from, to)
+    }
+
+    /// The first command at which the polynomial does not rise.
+    fn first_not_rising(&self) -> Option<f64> {
+        let (from, to) = self.rising_range();
+        let at = |k: usize| from + (to - from) * k as f64 / 200.0;
+        let response = |u: f64| self.shape.response(&self.parameters, u, None);
+        (1..=200).find(|&k| response(at(k)) <= response(at(k - 1))).map(at)
+    }
+
+    /// Reads dead zone, hysteresis and limit off the parameters.
+    fn describe(&mut self, steady: &SteadyPoints) {
+        let estimate = |fit: &Self, k: usize| Estimate {
+            value: fit.parameters[k],
+            std: fit.covariance[(k, k)].max(0.0).sqrt(),
+            dof: fit.dof,
+        };
+        let expansion = self.shape.expansion();
+        let n = self.shape.degree + 1;
+        let values = &expansion * DVector::from_column_slice(&self.parameters[..n]);
+        let covariance = &expansion * self.covariance.view((0, 0), (n, n)) * expansion.transpose();
+        self.coefficients = (0..n)
+            .map(|k| Estimate { value: values[k], std: covariance[(k, k)].max(0.0).sqrt(), dof: self.dof })
+            .collect();
+        self.hysteresis = self.shape.width().map(|k| estimate(self, k));
+        if let Some(k) = self.shape.limit() {
+            let command = estimate(self, k);
+            self.limit = Some(Limit::Saturates { command, response: self.response(command.value) });
+        }
+        self.dead_zone = steady.still.map(|still| {
+            let runs = self.range.0;
+            DeadZone { still, runs, end: self.zero_crossing().filter(|end| consistent(*end, still, runs)) }
+        });
+        if steady.ramp && self.hysteresis.is_some() {
+            self.warnings.push(StaticMapWarning::RampLag);
+        }
+        if self.excess > 3.0 {
+            self.warnings.push(StaticMapWarning::Excess { times: self.excess });
+        }
+        if let Some(command) = self.first_not_rising() {
+            self.warnings.push(StaticMapWarning::NotRising { command });
+        }
+    }
+
+    /// The highest command below the lowest level at which the polynomial is zero.
+    fn zero_crossing(&self) -> Option<Estimate> {
+        let at = |u: f64| self.shape.response(&self.parameters, u, None);
+        let grid = |k: usize| self.range.0 * (1.0 - k as f64 / 200.0);
+        // The lowest level itself may be a little below zero by noise.
+        let k = (1..=200).find(|&k| at(grid(k)) <= 0.0)?;
+        let (mut low, mut high) = (grid(k), grid(k - 1));
+        for _ in 0..60 {
+            let middle = 0.5 * (low + high);
+            if at(middle) <= 0.0 { low = middle } else { high = middle }
+        }
+        let u = 0.5 * (low + high);
+        let slope = (at(u + 1e-5) - at(u - 1e-5)) / 2e-5;
+        (slope > 0.0).then(|| Estimate { value: u, std: self.response(u).std / slope, dof: self.dof })
+    }
+}
+
+/// Whether the end of a dead zone is between the commands that bracket it, but for its error.
+fn consistent(end: Estimate, still: f64, runs: f64) -> bool {
+    let (low, high) = end.interval(0.99);
+    high >= still && low <= runs
+}
