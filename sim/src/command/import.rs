@@ -9,12 +9,13 @@ use serde_json::json;
 use super::WrongUse;
 use super::outcome::{JsonOption, Outcome};
 use super::parameters::range;
-use crate::record::import::{ImportOptions, ImportSummary, LogFormat, import};
+use crate::record::import::{ImportOptions, ImportSummary, import};
 
 /// Takes the log of another tool as an experiment
 ///
-/// Shows every column of the log and which of them were taken. Reads: RCbenchmark (Tyto) thrust-stand logs, and the
-/// logs of the AutoQuad ESC32. The format is told from the header.
+/// Shows every column of the log and which of them were taken. Reads: RCbenchmark (Tyto) thrust-stand logs, the logs of
+/// the AutoQuad ESC32, and MATLAB files of named vectors (time, command, thrust or rpm). The format is told from the
+/// content.
 #[derive(Args, Debug)]
 pub struct Import {
     /// The log
@@ -39,8 +40,9 @@ impl Import {
         let mut options = ImportOptions { name: self.name.clone(), ..ImportOptions::default() };
         options.esc_signal_us = self.pulse_us.unwrap_or(options.esc_signal_us);
         let taken = import(&self.file, &options)?;
-        if self.pulse_us.is_some() && taken.summary.format == LogFormat::Esc32 {
-            let message = format!("--pulse-us does not go with `{}`: its command is a duty", self.file.display());
+        if self.pulse_us.is_some() && !taken.summary.pulse_widths {
+            let message =
+                format!("--pulse-us does not go with `{}`: its command is no pulse width", self.file.display());
             return Err(WrongUse::new(message, "leave --pulse-us out").into());
         }
         taken.experiment.write(&self.out)?;
