@@ -41,8 +41,8 @@ pub enum ImportError {
     /// The header is that of no known format.
     #[error("{}, line 1: the header is that of no known log format: {header}", file.display())]
     #[diagnostic(help(
-        "known: RCbenchmark (columns `Time (s)` and `ESC signal (µs)`), AutoQuad ESC32 (columns `Timestamp` and `Duty`) \
-         and MATLAB files of named vectors (`save -v7`); other data can be written as an experiment folder by hand"
+        "known: RCbenchmark (columns `Time (s)` and `ESC signal (µs)`), AutoQuad ESC32 (columns `Timestamp` and `Duty`), \
+         MATLAB files of named vectors (`save -v7`) and PX4 ULog; other data can be written as an experiment folder by hand"
     ))]
     UnknownFormat {
         /// The log.
@@ -169,9 +169,22 @@ pub enum ImportError {
         /// The names that stand for it.
         known: String,
     },
+    /// A flight log without a topic that is needed, or without that motor.
+    #[error("{}: nothing logged for `{signal}` of motor {motor}", file.display())]
+    #[diagnostic(help("needed is {known}; switch that topic on in the logger, or state a motor that is there"))]
+    MissingTopic {
+        /// The log.
+        file: PathBuf,
+        /// The column of the record.
+        signal: &'static str,
+        /// What can stand for it.
+        known: String,
+        /// The motor, from 1.
+        motor: usize,
+    },
     /// A vector that cannot be a column.
     #[error("{}, vector `{name}`: {problem}", file.display())]
-    #[diagnostic(help("save vectors of one length: one number of each per row"))]
+    #[diagnostic(help("all columns need one number per row: save or record the log again"))]
     Vector {
         /// The log.
         file: PathBuf,

@@ -1,6 +1,6 @@
 //! Logs of other tools, taken as an [`Experiment`].
 //!
-//! The format is told from the content. Each format has its file: `rcbenchmark`, `esc32` and `mat`. What
+//! The format is told from the content. Each format has its file: `rcbenchmark`, `esc32`, `mat` and `ulog`. What
 //! was found in a log, what of it was taken and as what, and what was done to the rows and their
 //! times is in the [`ImportSummary`].
 
@@ -12,6 +12,8 @@ mod rcbenchmark;
 mod stamps;
 mod summary;
 mod table;
+mod ulog;
+mod ulog_messages;
 mod vectors;
 
 use std::path::Path;
@@ -30,11 +32,13 @@ pub struct ImportOptions {
     /// Pulse widths in microseconds that mean command 0 and command 1; 1000 and 2000 unless stated.
     /// Used for logs whose command is a pulse width.
     pub esc_signal_us: (f64, f64),
+    /// Which motor to take of a flight log, from 1.
+    pub motor: usize,
 }
 
 impl Default for ImportOptions {
     fn default() -> Self {
-        Self { name: None, esc_signal_us: (1000.0, 2000.0) }
+        Self { name: None, esc_signal_us: (1000.0, 2000.0), motor: 1 }
     }
 }
 
@@ -64,6 +68,7 @@ pub fn import(file: &Path, options: &ImportOptions) -> Result<Import, ImportErro
     let taken = match mat5::header(&bytes) {
         Some(mat5::Header::Level5) => mat::take(file, &bytes, options)?,
         Some(mat5::Header::Hdf5) => return Err(ImportError::Hdf5 { file: file.into() }),
+        None if ulog_messages::is_ulog(&bytes) => ulog::take(file, &bytes, options)?,
         None => take_table(&Table::parse(file, &bytes)?, options)?,
     };
     Ok(taken.into_import(file, options))

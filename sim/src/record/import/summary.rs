@@ -16,6 +16,8 @@ pub enum LogFormat {
     Esc32,
     /// MATLAB file of named vectors, saved with `-v6` or `-v7`.
     Mat,
+    /// Flight log of the PX4 autopilot.
+    Ulog,
 }
 
 /// What was found in a log and what became of it.
