@@ -83,7 +83,8 @@ fn the_summary_says_what_became_of_every_column() {
 
 #[test]
 fn the_range_of_the_esc_signal_can_be_stated() {
-    let options = ImportOptions { name: Some("run 3".into()), esc_signal_us: (1100.0, 1900.0) };
+    let options =
+        ImportOptions { name: Some("run 3".into()), esc_signal_us: (1100.0, 1900.0), ..ImportOptions::default() };
     let Import { experiment, .. } = import(&sample("rcbenchmark.csv"), &options).unwrap();
     assert_eq!(experiment.name, "run 3");
     assert_eq!(experiment.records[0].command[0], 0.125);

@@ -13,8 +13,9 @@ use crate::record::import::{ImportOptions, ImportSummary, LogFormat, import};
 
 /// Takes the log of another tool as an experiment
 ///
-/// Shows every column of the log and which of them were taken. Reads: RCbenchmark (Tyto) thrust-stand logs, and the
-/// logs of the AutoQuad ESC32. The format is told from the header.
+/// Shows every column of the log and which of them were taken. Reads: RCbenchmark (Tyto) thrust-stand logs, the logs of
+/// the AutoQuad ESC32, MATLAB files of named vectors (time, command, thrust or rpm), and PX4 ULog. The format is told from the
+/// content.
 #[derive(Args, Debug)]
 pub struct Import {
     /// The log
@@ -29,6 +30,9 @@ pub struct Import {
     /// Pulse widths in microseconds that mean 0 and 1, where the log's command is a pulse width; 1000..2000 unless given
     #[arg(long, value_name = "LOW..HIGH", value_parser = pulses, allow_hyphen_values = true)]
     pulse_us: Option<(f64, f64)>,
+    /// Which motor to take of a flight log, from 1; the first unless given
+    #[arg(long, value_name = "N")]
+    motor: Option<usize>,
     #[command(flatten)]
     pub(super) json: JsonOption,
 }
@@ -38,9 +42,15 @@ impl Import {
     pub fn run(&self) -> miette::Result<Outcome> {
         let mut options = ImportOptions { name: self.name.clone(), ..ImportOptions::default() };
         options.esc_signal_us = self.pulse_us.unwrap_or(options.esc_signal_us);
+        options.motor = self.motor.unwrap_or(options.motor);
         let taken = import(&self.file, &options)?;
-        if self.pulse_us.is_some() && taken.summary.format == LogFormat::Esc32 {
-            let message = format!("--pulse-us does not go with `{}`: its command is a duty", self.file.display());
+        if self.motor.is_some() && taken.summary.format != LogFormat::Ulog {
+            let message = format!("--motor does not go with `{}`: it is no flight log", self.file.display());
+            return Err(WrongUse::new(message, "leave --motor out").into());
+        }
+        if self.pulse_us.is_some() && !taken.summary.pulse_widths {
+            let message =
+                format!("--pulse-us does not go with `{}`: its command is no pulse width", self.file.display());
             return Err(WrongUse::new(message, "leave --pulse-us out").into());
         }
         taken.experiment.write(&self.out)?;

@@ -41,8 +41,8 @@ pub enum ImportError {
     /// The header is that of no known format.
     #[error("{}, line 1: the header is that of no known log format: {header}", file.display())]
     #[diagnostic(help(
-        "known: RCbenchmark (columns `Time (s)` and `ESC signal (µs)`) and AutoQuad ESC32 (columns `Timestamp` and `Duty`); \
-         other data can be written as an experiment folder by hand"
+        "known: RCbenchmark (columns `Time (s)` and `ESC signal (µs)`), AutoQuad ESC32 (columns `Timestamp` and `Duty`), \
+         MATLAB files of named vectors (`save -v7`) and PX4 ULog; other data can be written as an experiment folder by hand"
     ))]
     UnknownFormat {
         /// The log.
@@ -139,6 +139,94 @@ pub enum ImportError {
         interval_s: f64,
         /// RMS distance of the stamps from it, in seconds.
         residual_rms_s: f64,
+    },
+    /// A binary log that is cut short or damaged.
+    #[error("{}, byte {offset}: {problem}", file.display())]
+    #[diagnostic(help("copy or save the file again: it is cut short or damaged"))]
+    Damaged {
+        /// The log.
+        file: PathBuf,
+        /// Where the part begins that cannot be read.
+        offset: usize,
+        /// What is wrong with it.
+        problem: &'static str,
+    },
+    /// A MATLAB file of version 7.3, which is another format.
+    #[error("{}: a MATLAB file of version 7.3 (HDF5)", file.display())]
+    #[diagnostic(help("save it again in MATLAB with `save(file, '-v7')`"))]
+    Hdf5 {
+        /// The log.
+        file: PathBuf,
+    },
+    /// No vector's name stands for a signal that is needed.
+    #[error("{}: no vector of a known name for `{signal}`", file.display())]
+    #[diagnostic(help("rename the vector; known, whatever the capitals and underscores: {known}"))]
+    MissingSignal {
+        /// The log.
+        file: PathBuf,
+        /// The column of the record.
+        signal: &'static str,
+        /// The names that stand for it.
+        known: String,
+    },
+    /// A flight log without a topic that is needed, or without that motor.
+    #[error("{}: nothing logged for `{signal}` of motor {motor}", file.display())]
+    #[diagnostic(help("needed is {known}; switch that topic on in the logger, or state a motor that is there"))]
+    MissingTopic {
+        /// The log.
+        file: PathBuf,
+        /// The column of the record.
+        signal: &'static str,
+        /// What can stand for it.
+        known: String,
+        /// The motor, from 1.
+        motor: usize,
+    },
+    /// A vector that cannot be a column.
+    #[error("{}, vector `{name}`: {problem}", file.display())]
+    #[diagnostic(help("all columns need one number per row: save or record the log again"))]
+    Vector {
+        /// The log.
+        file: PathBuf,
+        /// The vector.
+        name: String,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// A number of a binary log that cannot be used.
+    #[error("{}, `{name}`, sample {number}: {value}: {problem}", file.display())]
+    #[diagnostic(help("cut the log there and import the parts one by one, or correct the sample"))]
+    Sample {
+        /// The log.
+        file: PathBuf,
+        /// The vector or field.
+        name: String,
+        /// Which sample, the first being 1.
+        number: usize,
+        /// What is there.
+        value: f64,
+        /// What is wrong with it.
+        problem: &'static str,
+    },
+    /// A command of a binary log outside the range that is normalized to 0..1.
+    #[error("{}, `{name}`, sample {number}: {value} is outside {low}..{high}", file.display())]
+    #[diagnostic(help(
+        "state the ESC's range where the command is a pulse width; a vector's unit is told from its name: `command` is \
+         0..1, `command_percent` 0..100, `command_us` a pulse width"
+    ))]
+    SampleOutOfRange {
+        /// The log.
+        file: PathBuf,
+        /// The vector or field.
+        name: String,
+        /// Which sample, the first being 1.
+        number: usize,
+        /// What is there.
+        value: f64,
+        /// What becomes 0.
+        low: f64,
+        /// What becomes 1.
+        high: f64,
     },
     /// The stated range of the ESC signal is no range.
     #[error("the ESC signal's range {low_us}..{high_us} µs is empty or not finite")]

@@ -84,6 +84,7 @@ pub(super) fn take(table: &Table) -> Result<Taken, ImportError> {
                 residual_rms_s: Some(grid.residual_rms_s),
                 residual_max_s: Some(grid.residual_max_s),
             },
+            pulse_widths: false,
             notes: vec![
                 "speed is `RPM` as the ESC computes it, which is right for the rotor only if the number of poles is set in \
                  the ESC"
@@ -94,7 +95,8 @@ pub(super) fn take(table: &Table) -> Result<Taken, ImportError> {
         sample_rate_hz: (grid.rows_missing == 0).then_some(rate_hz),
         time_s: grid.time_s,
         command,
-        rpm,
+        thrust_n: None,
+        rpm: Some(rpm),
         voltage_v,
         current_a,
     })

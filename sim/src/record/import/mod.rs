@@ -1,15 +1,20 @@
 //! Logs of other tools, taken as an [`Experiment`].
 //!
-//! The format is told from the header. Each format has its file: `rcbenchmark` and `esc32`. What
+//! The format is told from the content. Each format has its file: `rcbenchmark`, `esc32`, `mat` and `ulog`. What
 //! was found in a log, what of it was taken and as what, and what was done to the rows and their
 //! times is in the [`ImportSummary`].
 
 mod error;
 mod esc32;
+mod mat;
+mod mat5;
 mod rcbenchmark;
 mod stamps;
 mod summary;
 mod table;
+mod ulog;
+mod ulog_messages;
+mod vectors;
 
 use std::path::Path;
 
@@ -27,18 +32,20 @@ pub struct ImportOptions {
     /// Pulse widths in microseconds that mean command 0 and command 1; 1000 and 2000 unless stated.
     /// Used for logs whose command is a pulse width.
     pub esc_signal_us: (f64, f64),
+    /// Which motor to take of a flight log, from 1.
+    pub motor: usize,
 }
 
 impl Default for ImportOptions {
     fn default() -> Self {
-        Self { name: None, esc_signal_us: (1000.0, 2000.0) }
+        Self { name: None, esc_signal_us: (1000.0, 2000.0), motor: 1 }
     }
 }
 
 /// A log, taken.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Import {
-    /// One staircase record, response in revolutions per minute.
+    /// One staircase record, response in revolutions per minute unless the log has thrust.
     pub experiment: Experiment,
     /// What was done to get it.
     pub summary: ImportSummary,
@@ -47,29 +54,32 @@ pub struct Import {
 /// Rows under which a log is no recording.
 const MIN_ROWS: usize = 100;
 
-/// Takes a log whose format is told from its header.
+/// Takes a log whose format is told from its content.
 ///
 /// # Errors
 /// [`ImportError`]: unreadable file, unknown header, missing column, text in a number column, command
-/// outside its range, time that runs backwards, too few rows.
+/// outside its range, time that runs backwards, too few rows, a damaged binary file.
 pub fn import(file: &Path, options: &ImportOptions) -> Result<Import, ImportError> {
     let (low_us, high_us) = options.esc_signal_us;
     if !(low_us.is_finite() && high_us.is_finite() && low_us < high_us) {
         return Err(ImportError::SignalRange { low_us, high_us });
     }
-    let table = Table::read(file)?;
-    let taken = match detect(&table)? {
-        LogFormat::RcBenchmark => rcbenchmark::take(&table, options)?,
-        LogFormat::Esc32 => esc32::take(&table)?,
+    let bytes = std::fs::read(file).map_err(|source| ImportError::Read { file: file.into(), source })?;
+    let taken = match mat5::header(&bytes) {
+        Some(mat5::Header::Level5) => mat::take(file, &bytes, options)?,
+        Some(mat5::Header::Hdf5) => return Err(ImportError::Hdf5 { file: file.into() }),
+        None if ulog_messages::is_ulog(&bytes) => ulog::take(file, &bytes, options)?,
+        None => take_table(&Table::parse(file, &bytes)?, options)?,
     };
     Ok(taken.into_import(file, options))
 }
 
-fn detect(table: &Table) -> Result<LogFormat, ImportError> {
+/// Takes a log of text, whose format is told from its header.
+fn take_table(table: &Table, options: &ImportOptions) -> Result<Taken, ImportError> {
     if table.find(esc32::TIME).is_some() && table.find(esc32::COMMAND).is_some() {
-        Ok(LogFormat::Esc32)
+        esc32::take(table)
     } else if table.find(rcbenchmark::TIME).is_some() && table.find(rcbenchmark::COMMAND).is_some() {
-        Ok(LogFormat::RcBenchmark)
+        rcbenchmark::take(table, options)
     } else {
         let header = table.header.join(",");
         Err(ImportError::UnknownFormat { file: table.file.clone(), header: header.chars().take(120).collect() })
@@ -80,7 +90,9 @@ fn detect(table: &Table) -> Result<LogFormat, ImportError> {
 struct Taken {
     time_s: Vec<f64>,
     command: Vec<f64>,
-    rpm: Vec<f64>,
+    /// Thrust; the response where there is one.
+    thrust_n: Option<Vec<f64>>,
+    rpm: Option<Vec<f64>>,
     voltage_v: Option<Vec<f64>>,
     current_a: Option<Vec<f64>>,
     /// Rows per second where evenly spaced without a gap.
@@ -93,6 +105,7 @@ impl Taken {
         let stem = file.file_stem().map_or_else(|| "log".into(), |s| s.to_string_lossy().into_owned());
         let low = self.command.iter().copied().fold(f64::INFINITY, f64::min);
         let high = self.command.iter().copied().fold(0.0, f64::max);
+        let output = if self.thrust_n.is_some() { Output::ThrustN } else { Output::Rpm };
         let record = Record {
             file: "staircase.csv".into(),
             nominal: (low + high) / 2.0,
@@ -104,8 +117,8 @@ impl Taken {
             role: None,
             time_s: self.time_s,
             command: self.command,
-            thrust_n: None,
-            rpm: Some(self.rpm),
+            thrust_n: self.thrust_n,
+            rpm: self.rpm,
             esc_command: None,
             voltage_v: self.voltage_v,
             current_a: self.current_a,
@@ -113,7 +126,7 @@ impl Taken {
         Import {
             experiment: Experiment {
                 name: options.name.clone().unwrap_or(stem),
-                output: Output::Rpm,
+                output,
                 sample_rate_hz: self.sample_rate_hz,
                 esc_frame_hz: None,
                 command_rate_hz: None,

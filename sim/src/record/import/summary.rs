@@ -14,6 +14,10 @@ pub enum LogFormat {
     RcBenchmark,
     /// The AutoQuad ESC32's own telemetry log.
     Esc32,
+    /// MATLAB file of named vectors, saved with `-v6` or `-v7`.
+    Mat,
+    /// Flight log of the PX4 autopilot.
+    Ulog,
 }
 
 /// What was found in a log and what became of it.
@@ -27,12 +31,15 @@ pub struct ImportSummary {
     pub rows_read: usize,
     /// Rows in the record.
     pub rows_taken: usize,
-    /// Every column of the header, in its order.
+    /// Every column of the log, in its order.
     pub columns: Vec<ColumnUse>,
     /// Rows that were left out.
     pub dropped: Vec<DroppedRows>,
     /// How the times of the rows were found.
     pub timing: Timing,
+    /// Whether the command was a pulse width, so that the stated range of the ESC signal was used.
+    #[serde(skip)]
+    pub pulse_widths: bool,
     /// What a reader of the record has to know.
     pub notes: Vec<String>,
 }

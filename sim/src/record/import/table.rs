@@ -27,13 +27,9 @@ pub(super) struct Column<'a> {
 }
 
 impl Table {
-    /// Reads all of `file`. A byte-order mark is skipped, rows may be shorter or longer than the
-    /// header (both formats end lines with stray commas), lines without any value are left out.
-    pub(super) fn read(file: &Path) -> Result<Self, ImportError> {
-        let bytes = std::fs::read(file).map_err(|source| ImportError::Read { file: file.into(), source })?;
-        Self::parse(file, &bytes)
-    }
-
+    /// Reads all of `bytes`, which are `file`'s. A byte-order mark is skipped, rows may be shorter or
+    /// longer than the header (both formats end lines with stray commas), lines without any value are
+    /// left out.
     pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<Self, ImportError> {
         let located = |source| ImportError::Csv { file: file.into(), source };
         let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);

@@ -1,0 +1,232 @@
+//! MATLAB files (`save -v6` and `save -v7`): named vectors, one per signal.
+//!
+//! Names say what a vector is and in which unit: `time_ms`, `command_percent`, `thrust_gf`. The table
+//! of names is [`SPELLINGS`]; capitals and underscores do not matter, except in names of one letter
+//! (`t` is the time, `T` may be a torque). Nothing is told from the size of the numbers.
+
+use std::f64::consts::PI;
+use std::path::Path;
+
+use super::mat5::{self, Variable};
+use super::summary::{ColumnUse, DroppedRows};
+use super::vectors::{normalized, stamps_kept};
+use super::{ImportError, ImportOptions, ImportSummary, LogFormat, MIN_ROWS, Taken};
+
+/// Newtons per gram-force.
+const N_PER_GF: f64 = 9.80665e-3;
+
+/// A signal, and the column that it becomes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Signal {
+    Time,
+    Command,
+    Thrust,
+    Speed,
+    Voltage,
+    Current,
+}
+
+impl Signal {
+    fn column(self) -> &'static str {
+        match self {
+            Self::Time => "time_s",
+            Self::Command => "command",
+            Self::Thrust => "thrust_n",
+            Self::Speed => "rpm",
+            Self::Voltage => "voltage_v",
+            Self::Current => "current_a",
+        }
+    }
+}
+
+/// How a vector's numbers become those of the column.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Scale {
+    Factor(f64),
+    /// The stated range of pulse widths becomes 0..1.
+    Pulse,
+}
+
+/// Names, in small letters without underscores; the first of a signal's that is there is taken.
+const SPELLINGS: &[(Signal, Scale, &[&str])] = &[
+    (Signal::Time, Scale::Factor(1.0), &["time", "t", "times", "ts", "timesec", "tsec", "seconds"]),
+    (Signal::Time, Scale::Factor(1e-3), &["timems", "tms"]),
+    (Signal::Time, Scale::Factor(1e-6), &["timeus", "tus"]),
+    (Signal::Command, Scale::Factor(1.0), &["command", "cmd", "u", "throttle", "motorcommand", "throttlecommand"]),
+    (Signal::Command, Scale::Factor(0.01), &["commandpercent", "cmdpercent", "throttlepercent", "throttlepct"]),
+    (Signal::Command, Scale::Pulse, &["commandus", "cmdus", "throttleus", "pwmus", "pulseus", "escus", "pwm"]),
+    (Signal::Thrust, Scale::Factor(1.0), &["thrust", "thrustn", "force", "forcen"]),
+    (Signal::Thrust, Scale::Factor(N_PER_GF), &["thrustgf", "thrustg"]),
+    (Signal::Thrust, Scale::Factor(1e3 * N_PER_GF), &["thrustkgf", "thrustkg"]),
+    (Signal::Speed, Scale::Factor(1.0), &["rpm", "speedrpm", "motorrpm", "rotorrpm"]),
+    (Signal::Speed, Scale::Factor(30.0 / PI), &["omega", "omegarads", "speedrads"]),
+    (Signal::Speed, Scale::Factor(60.0), &["rps", "speedhz"]),
+    (Signal::Voltage, Scale::Factor(1.0), &["voltage", "voltagev", "volts", "vbat", "batteryvoltage", "supplyvoltage"]),
+    (Signal::Current, Scale::Factor(1.0), &["current", "currenta", "amps", "ibat", "batterycurrent", "supplycurrent"]),
+];
+
+/// The place of `name` in [`SPELLINGS`] (smaller is taken first), and what it stands for.
+fn meaning(name: &str) -> Option<(usize, Signal, Scale)> {
+    let plain =
+        if name.len() == 1 { name.to_string() } else { name.to_lowercase().chars().filter(|&c| c != '_').collect() };
+    let all = SPELLINGS.iter().flat_map(|(signal, scale, names)| names.iter().map(move |n| (*signal, *scale, *n)));
+    all.enumerate().find(|(_, (_, _, n))| *n == plain).map(|(place, (signal, scale, _))| (place, signal, scale))
+}
+
+/// A vector that is taken.
+struct Source {
+    place: usize,
+    /// Its place in the list of columns.
+    column: usize,
+    signal: Signal,
+    scale: Scale,
+    name: String,
+    values: Vec<f64>,
+}
+
+pub(super) fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, ImportError> {
+    let variables = mat5::read(bytes, |name| meaning(name).is_some()).map_err(|damage| ImportError::Damaged {
+        file: file.into(),
+        offset: damage.offset,
+        problem: damage.problem,
+    })?;
+    let mut columns: Vec<ColumnUse> = Vec::new();
+    let mut sources: Vec<Source> = Vec::new();
+    for variable in variables {
+        let Variable { name, dimensions, values } = variable;
+        let column = columns.len();
+        let mut note = String::from("no known name");
+        if let Some((place, signal, scale)) = meaning(&name) {
+            note = match values {
+                Some(values) if dimensions.iter().filter(|&&d| d != 1).count() <= 1 => {
+                    sources.push(Source { place, column, signal, scale, name: name.clone(), values });
+                    format!("another vector was taken as {}", signal.column())
+                }
+                Some(_) => String::from("a matrix, not a vector"),
+                None => String::from("not real full numbers"),
+            };
+        }
+        columns.push(ColumnUse { name, taken_as: None, note });
+    }
+    sources.sort_by_key(|s| s.place);
+    let mut pick = |signal: Signal| {
+        let at = sources.iter().position(|s| s.signal == signal)?;
+        Some(sources.remove(at))
+    };
+    let need = |source: Option<Source>, signal: Signal| {
+        source.ok_or_else(|| ImportError::MissingSignal {
+            file: file.into(),
+            signal: signal.column(),
+            known: spellings(signal),
+        })
+    };
+    let time = need(pick(Signal::Time), Signal::Time)?;
+    let command = need(pick(Signal::Command), Signal::Command)?;
+    let (thrust, speed) = (pick(Signal::Thrust), pick(Signal::Speed));
+    if thrust.is_none() && speed.is_none() {
+        return Err(ImportError::MissingSignal {
+            file: file.into(),
+            signal: "thrust_n or rpm",
+            known: format!("{}, {}", spellings(Signal::Thrust), spellings(Signal::Speed)),
+        });
+    }
+    let supply = [pick(Signal::Voltage), pick(Signal::Current)];
+    let rows_read = time.values.len();
+    for source in [Some(&command), thrust.as_ref(), speed.as_ref()].into_iter().flatten() {
+        if source.values.len() != rows_read {
+            let problem = format!("{} numbers, but `{}` has {rows_read}", source.values.len(), time.name);
+            return Err(ImportError::Vector { file: file.into(), name: source.name.clone(), problem });
+        }
+    }
+    let needed = [Some(&time), Some(&command), thrust.as_ref(), speed.as_ref()];
+    let whole = |&row: &usize| needed.iter().flatten().all(|source| !source.values[row].is_nan());
+    let rows: Vec<usize> = (0..rows_read).filter(whole).collect();
+    let mut dropped = Vec::new();
+    if rows.len() < rows_read {
+        let reason = String::from("NaN in the time, the command or the response");
+        dropped.push(DroppedRows { rows: rows_read - rows.len(), reason });
+    }
+    if rows.len() < MIN_ROWS {
+        return Err(ImportError::TooFewRows { file: file.into(), rows: rows.len(), needed: MIN_ROWS });
+    }
+
+    let mut column_of = |source: &Source| -> Result<Vec<f64>, ImportError> {
+        let entry = &mut columns[source.column];
+        entry.taken_as = Some(source.signal.column().into());
+        let mut values = Vec::with_capacity(rows.len());
+        for &row in &rows {
+            let value = source.values[row];
+            if !value.is_finite() {
+                return Err(sample(file, &source.name, row, value, "not finite"));
+            }
+            values.push(value);
+        }
+        entry.note = match source.scale {
+            Scale::Pulse => {
+                let (low, high) = options.esc_signal_us;
+                format!("{low}..{high} µs become 0..1, stated and not measured")
+            }
+            Scale::Factor(1.0) => String::from("as it stands"),
+            Scale::Factor(factor) => format!("times {factor}"),
+        };
+        if let Scale::Factor(factor) = source.scale {
+            values.iter_mut().for_each(|v| *v *= factor);
+        }
+        Ok(values)
+    };
+    let time_s = column_of(&time)?;
+    let drive = column_of(&command)?;
+    let thrust_n = thrust.as_ref().map(&mut column_of).transpose()?;
+    let rpm = speed.as_ref().map(&mut column_of).transpose()?;
+    let range = if command.scale == Scale::Pulse { options.esc_signal_us } else { (0.0, 1.0) };
+    let drive = normalized(file, &command.name, &rows, drive, range)?;
+    let (time_s, sample_rate_hz, timing) = stamps_kept(file, &time.name, &rows, time_s)?;
+    columns[time.column].note.push_str(", from the first row taken");
+
+    let [voltage_v, current_a] = supply.map(|source| {
+        let source = source?;
+        let filled = source.values.len() == rows_read && rows.iter().all(|&row| source.values[row].is_finite());
+        let entry = &mut columns[source.column];
+        if !filled {
+            entry.note = format!("not a finite number in each of {} rows", rows.len());
+            return None;
+        }
+        entry.taken_as = Some(source.signal.column().into());
+        entry.note = String::from("as it stands");
+        Some(rows.iter().map(|&row| source.values[row]).collect())
+    });
+    let mut notes = Vec::new();
+    if thrust_n.is_some() && rpm.is_some() {
+        notes.push(String::from("thrust and speed are both there: the experiment's response is the thrust"));
+    }
+    Ok(Taken {
+        summary: ImportSummary {
+            file: file.into(),
+            format: LogFormat::Mat,
+            rows_read,
+            rows_taken: rows.len(),
+            columns,
+            dropped,
+            timing,
+            pulse_widths: command.scale == Scale::Pulse,
+            notes,
+        },
+        time_s,
+        command: drive,
+        thrust_n,
+        rpm,
+        voltage_v,
+        current_a,
+        sample_rate_hz,
+    })
+}
+
+fn sample(file: &Path, name: &str, row: usize, value: f64, problem: &'static str) -> ImportError {
+    ImportError::Sample { file: file.into(), name: name.into(), number: row + 1, value, problem }
+}
+
+/// The names that stand for `signal`, for a message.
+fn spellings(signal: Signal) -> String {
+    let names = SPELLINGS.iter().filter(|(s, ..)| *s == signal).flat_map(|(_, _, names)| names.iter());
+    names.map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", ")
+}

@@ -1,0 +1,222 @@
+//! The MAT-file format, level 5 (MathWorks, *MAT-File Format*): a header of 128 bytes, then elements
+//! of a tag and data. `save -v7` puts each variable into an element of zlib data.
+//!
+//! Only full real numeric arrays are read; of all others the name and the size are told. A length is
+//! believed only as far as the bytes behind it go, so memory stays within a multiple of the file.
+
+use std::io::Read;
+
+use flate2::read::ZlibDecoder;
+
+/// Bytes in front of the first element.
+const HEADER: usize = 128;
+/// Bytes of one inflated variable: 64 million doubles. Deflate packs up to 1032 bytes in one, so a
+/// small file could ask for much more than any log needs.
+const MAX_INFLATED: u64 = 512 << 20;
+
+const COMPRESSED: u32 = 15;
+const MATRIX: u32 = 14;
+const INT8: u32 = 1;
+const INT32: u32 = 5;
+const UINT32: u32 = 6;
+/// Set in the array flags of complex numbers.
+const COMPLEX: u32 = 0x0800;
+
+/// What the file's first 128 bytes say.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Header {
+    /// Level 5, read here.
+    Level5,
+    /// `save -v7.3`: HDF5 behind a similar header.
+    Hdf5,
+}
+
+/// A variable of the file.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Variable {
+    pub(super) name: String,
+    pub(super) dimensions: Vec<usize>,
+    /// The numbers, columns first; `None` where it was not wanted or is no full real numeric array.
+    pub(super) values: Option<Vec<f64>>,
+}
+
+/// What is wrong with the file, and the byte of it where that shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Damage {
+    pub(super) offset: usize,
+    pub(super) problem: &'static str,
+}
+
+/// Whether `bytes` begin as a MAT-file of level 5 or later; `None`: something else.
+pub(super) fn header(bytes: &[u8]) -> Option<Header> {
+    match bytes.get(124..HEADER)? {
+        [0x00, 0x01, b'I', b'M'] | [0x01, 0x00, b'M', b'I'] => Some(Header::Level5),
+        [0x00, 0x02, b'I', b'M'] | [0x02, 0x00, b'M', b'I'] => Some(Header::Hdf5),
+        _ => None,
+    }
+}
+
+/// All variables of a file of level 5, with the numbers of those whose name is `wanted`.
+pub(super) fn read(bytes: &[u8], wanted: impl Fn(&str) -> bool) -> Result<Vec<Variable>, Damage> {
+    let order = if bytes.get(126) == Some(&b'M') { Order::Big } else { Order::Little };
+    let mut elements = Elements { bytes, at: HEADER.min(bytes.len()), order };
+    let mut variables = Vec::new();
+    while let Some(element) = elements.next_top()? {
+        let within = |damage: Damage| Damage { offset: element.offset, ..damage };
+        let variable = match element.kind {
+            MATRIX => matrix(element.data, order, &wanted).map_err(within)?,
+            COMPRESSED => {
+                let inflated = inflate(element.data).map_err(|problem| Damage { offset: element.offset, problem })?;
+                let mut inner = Elements { bytes: &inflated, at: 0, order };
+                let inner = inner.next().map_err(within)?;
+                if inner.kind != MATRIX {
+                    continue;
+                }
+                matrix(inner.data, order, &wanted).map_err(within)?
+            }
+            _ => continue,
+        };
+        // Nameless ones are MATLAB's own (the workspace of function handles).
+        variables.extend(variable.filter(|v| !v.name.is_empty()));
+    }
+    Ok(variables)
+}
+
+fn inflate(data: &[u8]) -> Result<Vec<u8>, &'static str> {
+    let mut inflated = Vec::new();
+    match ZlibDecoder::new(data).take(MAX_INFLATED + 1).read_to_end(&mut inflated) {
+        Ok(length) if length as u64 > MAX_INFLATED => Err("a compressed variable of more than 512 MiB"),
+        Ok(_) => Ok(inflated),
+        Err(_) => Err("compressed data are damaged"),
+    }
+}
+
+#[derive(Clone, Copy)]
+enum Order {
+    Little,
+    Big,
+}
+
+impl Order {
+    fn word(self, bytes: [u8; 4]) -> u32 {
+        match self {
+            Self::Little => u32::from_le_bytes(bytes),
+            Self::Big => u32::from_be_bytes(bytes),
+        }
+    }
+}
+
+/// One element: its type, its data, and where its tag is.
+struct Element<'a> {
+    kind: u32,
+    data: &'a [u8],
+    offset: usize,
+}
+
+/// Elements one after the other.
+struct Elements<'a> {
+    bytes: &'a [u8],
+    at: usize,
+    order: Order,
+}
+
+impl<'a> Elements<'a> {
+    /// The next element of the file; `None` at its end.
+    fn next_top(&mut self) -> Result<Option<Element<'a>>, Damage> {
+        if self.at >= self.bytes.len() {
+            return Ok(None);
+        }
+        self.next().map(Some)
+    }
+
+    fn next(&mut self) -> Result<Element<'a>, Damage> {
+        let offset = self.at;
+        let cut = Damage { offset, problem: "the file ends within a variable" };
+        let rest = self.bytes.get(offset..).unwrap_or_default();
+        let (&tag, rest) = rest.split_first_chunk::<4>().ok_or(cut)?;
+        let (&second, rest) = rest.split_first_chunk::<4>().ok_or(cut)?;
+        let first = self.order.word(tag);
+        // Four bytes of data or fewer sit in the tag, their count in the upper half of its first word.
+        if first >> 16 != 0 {
+            let length = (first >> 16) as usize;
+            let start = offset + 4;
+            let data = self.bytes.get(start..start + length).filter(|_| length <= 4);
+            self.at = offset + 8;
+            return Ok(Element { kind: first & 0xffff, data: data.ok_or(cut)?, offset });
+        }
+        let length = self.order.word(second) as usize;
+        let data = rest.get(..length).ok_or(cut)?;
+        // Data are padded to 8 bytes, except compressed ones; the last padding may be missing.
+        let padding = if first == COMPRESSED { 0 } else { length.wrapping_neg() % 8 };
+        self.at = offset + 8 + length + padding;
+        Ok(Element { kind: first, data, offset })
+    }
+
+    fn expect(&mut self, kind: u32, problem: &'static str) -> Result<&'a [u8], Damage> {
+        let element = self.next()?;
+        if element.kind == kind { Ok(element.data) } else { Err(Damage { offset: element.offset, problem }) }
+    }
+}
+
+/// A matrix element's variable; `None` for an empty element.
+fn matrix(data: &[u8], order: Order, wanted: impl Fn(&str) -> bool) -> Result<Option<Variable>, Damage> {
+    if data.is_empty() {
+        return Ok(None);
+    }
+    let mut parts = Elements { bytes: data, at: 0, order };
+    let flags = parts.expect(UINT32, "a variable without flags")?;
+    let flags = flags.first_chunk::<4>().map(|word| order.word(*word));
+    let flags = flags.ok_or(Damage { offset: 0, problem: "a variable without flags" })?;
+    let class = flags & 0xff;
+    // Opaque objects have no dimensions.
+    if class == 17 {
+        return Ok(None);
+    }
+    let sizes = parts.expect(INT32, "a variable without dimensions")?;
+    let dimensions: Vec<usize> = sizes.as_chunks::<4>().0.iter().map(|word| order.word(*word) as usize).collect();
+    let name = parts.expect(INT8, "a variable without a name")?;
+    let name = String::from_utf8_lossy(name).into_owned();
+    // 6 to 15: double, single and the integers.
+    if !(6..=15).contains(&class) || flags & COMPLEX != 0 || !wanted(&name) {
+        return Ok(Some(Variable { name, dimensions, values: None }));
+    }
+    let numbers = parts.next()?;
+    let problem = Damage { offset: 0, problem: "the numbers of a variable do not have its size" };
+    let count = dimensions.iter().try_fold(1_usize, |n, &d| n.checked_mul(d)).ok_or(problem)?;
+    let values = numeric(numbers.kind, numbers.data, order)
+        .ok_or(Damage { offset: 0, problem: "numbers of an unknown type" })?;
+    if values.len() != count {
+        return Err(problem);
+    }
+    Ok(Some(Variable { name, dimensions, values: Some(values) }))
+}
+
+/// The numbers as doubles; `None` for an unknown type. MATLAB stores whole numbers in the shortest
+/// type that holds them, whatever the array's class.
+fn numeric(kind: u32, data: &[u8], order: Order) -> Option<Vec<f64>> {
+    macro_rules! read {
+        ($type:ty) => {
+            data.as_chunks::<{ size_of::<$type>() }>()
+                .0
+                .iter()
+                .map(|bytes| match order {
+                    Order::Little => <$type>::from_le_bytes(*bytes) as f64,
+                    Order::Big => <$type>::from_be_bytes(*bytes) as f64,
+                })
+                .collect()
+        };
+    }
+    Some(match kind {
+        1 => read!(i8),
+        2 => read!(u8),
+        3 => read!(i16),
+        4 => read!(u16),
+        5 => read!(i32),
+        6 => read!(u32),
+        7 => read!(f32),
+        9 => read!(f64),
+        12 => read!(i64),
+        13 => read!(u64),
+        _ => return None,
+    })
+}

@@ -1,0 +1,220 @@
+//! Logs of the PX4 autopilot: one motor's command and the speed that its ESC reports.
+//!
+//! - The command is `actuator_motors.control`, which is 0..1 and numbered by motor; where that is not
+//!   logged, `actuator_outputs.output`, a pulse width numbered by output channel.
+//! - The response is `esc_status.esc[].esc_rpm`. Each report has its own stamp, which is kept; a status
+//!   that repeats an ESC's last report, because another ESC answered, is left out.
+//! - The two topics have their own rates: the command is held to the response's stamps.
+
+use std::path::Path;
+
+use super::summary::{ColumnUse, DroppedRows};
+use super::ulog_messages::{Log, Place, Topic};
+use super::vectors::{normalized, stamps_kept};
+use super::{ImportError, ImportOptions, ImportSummary, LogFormat, MIN_ROWS, Taken};
+
+const MOTORS: &str = "actuator_motors";
+const OUTPUTS: &str = "actuator_outputs";
+const STATUS: &str = "esc_status";
+/// `esc_report.actuator_function` of motor 1 is one more.
+const MOTOR_FUNCTION: f64 = 100.0;
+/// ESCs in one `esc_status`.
+const ESCS: usize = 8;
+
+pub(super) fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, ImportError> {
+    let log = Log::read(bytes, &[MOTORS, OUTPUTS, STATUS]).map_err(|damage| ImportError::Damaged {
+        file: file.into(),
+        offset: damage.offset,
+        problem: damage.problem,
+    })?;
+    let missing = |signal: &'static str, known: &str| ImportError::MissingTopic {
+        file: file.into(),
+        signal,
+        known: known.into(),
+        motor: options.motor,
+    };
+    let mut notes = Vec::new();
+    let motor = options.motor.checked_sub(1).ok_or_else(|| missing("command", "motors are numbered from 1"))?;
+
+    let commands = [(MOTORS, "control", (0.0, 1.0)), (OUTPUTS, "output", options.esc_signal_us)];
+    let found = commands.into_iter().find_map(|(name, field, range)| {
+        let topic = log.topic(name)?;
+        Some((topic, field, range, log.place(name, field, motor, None)?, log.place(name, "timestamp", 0, None)?))
+    });
+    let (topic, field, range, place, stamp) =
+        found.ok_or_else(|| missing("command", "`actuator_motors.control` or `actuator_outputs.output`"))?;
+    let command_name = format!("{}.{field}[{motor}]", topic.name);
+    let command = samples(file, &command_name, topic, place, stamp)?;
+    let pulse_widths = topic.name == OUTPUTS;
+    if pulse_widths {
+        notes.push(format!(
+            "the command is output channel {} of instance {}, which is motor {} only if the airframe is wired so",
+            options.motor, topic.instance, options.motor
+        ));
+    }
+
+    let status = log.topic(STATUS).ok_or_else(|| missing("rpm", "`esc_status.esc[].esc_rpm`"))?;
+    let report = |esc: usize, name: &str| log.place(STATUS, "esc", esc, Some(name));
+    let esc = esc_of(status, motor, report, &mut notes);
+    let speed_place = report(esc, "esc_rpm").ok_or_else(|| missing("rpm", "`esc_status.esc[].esc_rpm`"))?;
+    let own_stamp = report(esc, "timestamp").ok_or_else(|| missing("time_s", "`esc_status.esc[].timestamp`"))?;
+    let speed_name = format!("{STATUS}.esc[{esc}].esc_rpm");
+    let response = samples(file, &speed_name, status, speed_place, own_stamp)?;
+
+    let rows_read = response.len();
+    let Held { rows, command: held, dropped } = hold(&command, &response);
+    if rows.len() < MIN_ROWS {
+        return Err(ImportError::TooFewRows { file: file.into(), rows: rows.len(), needed: MIN_ROWS });
+    }
+    let held = normalized(file, &command_name, &rows, held, range)?;
+    let stamps = rows.iter().map(|&row| response[row].0 * 1e-6).collect();
+    let (time_s, sample_rate_hz, timing) = stamps_kept(file, &format!("{STATUS}.esc[{esc}].timestamp"), &rows, stamps)?;
+    let rpm = rows.iter().map(|&row| response[row].1.abs()).collect();
+
+    let mut columns = vec![
+        column(format!("{STATUS}.esc[{esc}].timestamp"), Some("time_s"), "microseconds, from the first row taken"),
+        column(
+            command_name,
+            Some("command"),
+            &format!("{}..{} become 0..1; held to the response's stamps", range.0, range.1),
+        ),
+        column(speed_name, Some("rpm"), "magnitude, as the ESC reports it"),
+    ];
+    let mut optional = |name: &str, taken_as: &str| {
+        let place = report(esc, name)?;
+        let values: Option<Vec<f64>> = rows.iter().map(|&row| place.read(status.rows[row])).collect();
+        let values = values.filter(|v| v.iter().all(|x| x.is_finite()) && v.iter().any(|&x| x != 0.0));
+        let (taken_as, note) =
+            if values.is_some() { (Some(taken_as), "as it stands") } else { (None, "the ESC does not report it") };
+        columns.push(column(format!("{STATUS}.esc[{esc}].{name}"), taken_as, note));
+        values
+    };
+    let voltage_v = optional("esc_voltage", "voltage_v");
+    let current_a = optional("esc_current", "current_a");
+    for other in &log.topics {
+        let taken = other.name == STATUS && other.instance == status.instance
+            || other.name == topic.name && other.instance == topic.instance;
+        if !taken {
+            columns.push(column(format!("{}[{}]", other.name, other.instance), None, "no part of an experiment"));
+        }
+    }
+    if log.cut {
+        notes.push("the log ends within a message, as when power is cut; all whole messages were read".into());
+    }
+    if log.dropouts > 0 {
+        notes.push(format!("the logger lost data {} time(s): a command may be held too long there", log.dropouts));
+    }
+    Ok(Taken {
+        summary: ImportSummary {
+            file: file.into(),
+            format: LogFormat::Ulog,
+            rows_read,
+            rows_taken: rows.len(),
+            columns,
+            dropped,
+            timing,
+            pulse_widths,
+            notes,
+        },
+        time_s,
+        command: held,
+        thrust_n: None,
+        rpm: Some(rpm),
+        voltage_v,
+        current_a,
+        sample_rate_hz,
+    })
+}
+
+fn column(name: String, taken_as: Option<&str>, note: &str) -> ColumnUse {
+    ColumnUse { name, taken_as: taken_as.map(String::from), note: note.into() }
+}
+
+/// Which ESC drives `motor` (from 0): the one that says so, or that of the same place.
+fn esc_of<'a>(
+    status: &Topic<'_>,
+    motor: usize,
+    report: impl Fn(usize, &str) -> Option<Place<'a>>,
+    notes: &mut Vec<String>,
+) -> usize {
+    let function = MOTOR_FUNCTION + (motor + 1) as f64;
+    let says_so = |&esc: &usize| {
+        let place = report(esc, "actuator_function");
+        place.is_some_and(|p| status.rows.iter().any(|row| p.read(row) == Some(function)))
+    };
+    (0..ESCS).find(says_so).unwrap_or_else(|| {
+        notes.push(format!("no ESC says that it drives motor {}: taken is the one of that place", motor + 1));
+        motor
+    })
+}
+
+/// Stamps in microseconds and numbers of a topic.
+fn samples(
+    file: &Path,
+    name: &str,
+    topic: &Topic<'_>,
+    place: Place<'_>,
+    stamp: Place<'_>,
+) -> Result<Vec<(f64, f64)>, ImportError> {
+    let sample = |row: &&[u8]| Some((stamp.read(row)?, place.read(row)?));
+    let all: Option<Vec<_>> = topic.rows.iter().map(sample).collect();
+    all.ok_or_else(|| ImportError::Vector {
+        file: file.into(),
+        name: name.into(),
+        problem: "a message is shorter than its format".into(),
+    })
+}
+
+/// The rows of the response that have a command, and that command.
+struct Held {
+    rows: Vec<usize>,
+    command: Vec<f64>,
+    dropped: Vec<DroppedRows>,
+}
+
+/// Holds the last command to each stamp of the response. After the last command it is held for the
+/// longest interval between commands, and no longer. A command of NaN is none: PX4 writes it for a
+/// motor that is switched off.
+fn hold(command: &[(f64, f64)], response: &[(f64, f64)]) -> Held {
+    let longest = command.windows(2).map(|w| w[1].0 - w[0].0).fold(0.0, f64::max);
+    let end = command.last().map_or(f64::NEG_INFINITY, |last| last.0 + longest);
+    let mut held = Held { rows: Vec::new(), command: Vec::new(), dropped: Vec::new() };
+    let (mut early, mut late, mut off, mut same, mut none) = (0, 0, 0, 0, 0);
+    let mut next = 0;
+    let mut before = f64::NAN;
+    for (row, &(stamp, speed)) in response.iter().enumerate() {
+        while command.get(next).is_some_and(|c| c.0 <= stamp) {
+            next += 1;
+        }
+        // A stamp of zero is that of an ESC that has not reported yet.
+        if stamp == 0.0 || !speed.is_finite() {
+            none += 1;
+        } else if stamp == before {
+            same += 1;
+        } else if next == 0 {
+            early += 1;
+        } else if stamp > end {
+            late += 1;
+        } else if command[next - 1].1.is_nan() {
+            off += 1;
+        } else {
+            held.rows.push(row);
+            held.command.push(command[next - 1].1);
+        }
+        before = stamp;
+    }
+    let reasons = [
+        (none, "the ESC had not reported yet"),
+        (same, "the same report as in the row before"),
+        (early, "no command yet"),
+        (late, "no command any more"),
+        (off, "the motor is switched off (command NaN)"),
+    ];
+    held.dropped.extend(
+        reasons
+            .into_iter()
+            .filter(|(rows, _)| *rows > 0)
+            .map(|(rows, reason)| DroppedRows { rows, reason: reason.into() }),
+    );
+    held
+}

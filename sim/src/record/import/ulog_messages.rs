@@ -1,0 +1,213 @@
+//! The ULog container (PX4, *ULog File Format*): a header, then messages of a length, a type and data.
+//! Formats name the fields of a topic, subscriptions give a topic a number, data carry that number.
+//!
+//! A log often ends within a message, because the battery went: what is whole is taken, and said so.
+//! Nested types are followed one level deep, which `esc_status` needs.
+
+use std::collections::HashMap;
+
+use super::mat5::Damage;
+
+const MAGIC: &[u8] = b"ULog\x01\x12\x35";
+const HEADER: usize = 16;
+/// The one incompatible flag that is known: data were appended after the log was closed.
+const DATA_APPENDED: u8 = 1;
+
+/// Whether `bytes` begin as a ULog.
+pub(super) fn is_ulog(bytes: &[u8]) -> bool {
+    bytes.starts_with(MAGIC)
+}
+
+/// A log, as far as it is needed.
+pub(super) struct Log<'a> {
+    formats: HashMap<&'a str, Vec<Field<'a>>>,
+    pub(super) topics: Vec<Topic<'a>>,
+    /// Gaps that the logger itself wrote down.
+    pub(super) dropouts: usize,
+    /// Whether it ends within a message.
+    pub(super) cut: bool,
+}
+
+/// One instance of a logged topic.
+pub(super) struct Topic<'a> {
+    pub(super) name: &'a str,
+    pub(super) instance: u8,
+    /// The messages' data, without their number.
+    pub(super) rows: Vec<&'a [u8]>,
+}
+
+/// A field of a format: `float[16] output`.
+struct Field<'a> {
+    kind: &'a str,
+    count: usize,
+    name: &'a str,
+}
+
+/// Where a number is in a topic's data, and its type.
+#[derive(Clone, Copy)]
+pub(super) struct Place<'a> {
+    kind: &'a str,
+    offset: usize,
+}
+
+impl Place<'_> {
+    /// The number; `None` where the message is too short.
+    pub(super) fn read(self, row: &[u8]) -> Option<f64> {
+        let data = row.get(self.offset..)?;
+        macro_rules! number {
+            ($type:ty) => {
+                <$type>::from_le_bytes(*data.first_chunk()?) as f64
+            };
+        }
+        Some(match self.kind {
+            "int8_t" => number!(i8),
+            "uint8_t" | "bool" | "char" => number!(u8),
+            "int16_t" => number!(i16),
+            "uint16_t" => number!(u16),
+            "int32_t" => number!(i32),
+            "uint32_t" => number!(u32),
+            "int64_t" => number!(i64),
+            "uint64_t" => number!(u64),
+            "float" => number!(f32),
+            "double" => number!(f64),
+            _ => return None,
+        })
+    }
+}
+
+fn width(kind: &str) -> Option<usize> {
+    Some(match kind {
+        "int8_t" | "uint8_t" | "bool" | "char" => 1,
+        "int16_t" | "uint16_t" => 2,
+        "int32_t" | "uint32_t" | "float" => 4,
+        "int64_t" | "uint64_t" | "double" => 8,
+        _ => return None,
+    })
+}
+
+impl<'a> Log<'a> {
+    /// Reads the messages of the topics that are `wanted`; of others the name alone is kept.
+    pub(super) fn read(bytes: &'a [u8], wanted: &[&str]) -> Result<Self, Damage> {
+        let mut log = Self { formats: HashMap::new(), topics: Vec::new(), dropouts: 0, cut: false };
+        let mut numbers: HashMap<u16, usize> = HashMap::new();
+        // Where parts begin that were appended later: a message before may be cut short there.
+        let mut starts = appended(bytes)?;
+        starts.push(bytes.len());
+        let mut at = HEADER.min(bytes.len());
+        for end in starts {
+            while let Some(([low, high, kind], rest)) = bytes.get(at..end).and_then(|b| b.split_first_chunk::<3>()) {
+                let Some(data) = rest.get(..usize::from(u16::from_le_bytes([*low, *high]))) else {
+                    break;
+                };
+                log.message(*kind, data, wanted, &mut numbers).map_err(|problem| Damage { offset: at, problem })?;
+                at += 3 + data.len();
+            }
+            log.cut |= at < end && end == bytes.len();
+            at = at.max(end);
+        }
+        Ok(log)
+    }
+
+    fn message(
+        &mut self,
+        kind: u8,
+        data: &'a [u8],
+        wanted: &[&str],
+        numbers: &mut HashMap<u16, usize>,
+    ) -> Result<(), &'static str> {
+        match kind {
+            b'F' => {
+                let (name, fields) = format(data).ok_or("a message format that cannot be read")?;
+                self.formats.insert(name, fields);
+            }
+            b'A' => {
+                let ([instance, low, high], name) =
+                    data.split_first_chunk::<3>().ok_or("a subscription that is too short")?;
+                let name = str::from_utf8(name).map_err(|_| "a subscription whose topic is no text")?;
+                numbers.insert(u16::from_le_bytes([*low, *high]), self.topics.len());
+                self.topics.push(Topic { name, instance: *instance, rows: Vec::new() });
+            }
+            b'D' => {
+                let (number, row) = data.split_first_chunk::<2>().ok_or("data of no topic")?;
+                // Data without a subscription belong to what was lost.
+                let topic = numbers.get(&u16::from_le_bytes(*number)).map(|&at| &mut self.topics[at]);
+                if let Some(topic) = topic.filter(|t| wanted.contains(&t.name)) {
+                    topic.rows.push(row);
+                }
+            }
+            b'O' => self.dropouts += 1,
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// The instance of `name` with the lowest number that has data.
+    pub(super) fn topic(&self, name: &str) -> Option<&Topic<'a>> {
+        self.topics.iter().filter(|t| t.name == name && !t.rows.is_empty()).min_by_key(|t| t.instance)
+    }
+
+    /// Where `field[index]` of `topic` is, or `field[index].inner`; `None`: there is none.
+    pub(super) fn place(&self, topic: &str, field: &str, index: usize, inner: Option<&str>) -> Option<Place<'a>> {
+        let mut offset = 0_usize;
+        for part in self.formats.get(topic)? {
+            let size = self.size(part.kind)?;
+            if part.name == field && index < part.count {
+                let start = size.checked_mul(index)?.checked_add(offset)?;
+                return match inner {
+                    None => width(part.kind).map(|_| Place { kind: part.kind, offset: start }),
+                    Some(inner) => self.inner(part.kind, inner, start),
+                };
+            }
+            offset = offset.checked_add(size.checked_mul(part.count)?)?;
+        }
+        None
+    }
+
+    fn inner(&self, format: &str, field: &str, mut offset: usize) -> Option<Place<'a>> {
+        for part in self.formats.get(format)? {
+            if part.name == field {
+                return Some(Place { kind: part.kind, offset });
+            }
+            offset = offset.checked_add(width(part.kind)?.checked_mul(part.count)?)?;
+        }
+        None
+    }
+
+    /// Bytes of a type: a number's, or those of a format of numbers.
+    fn size(&self, kind: &str) -> Option<usize> {
+        width(kind).or_else(|| {
+            let parts = self.formats.get(kind)?.iter();
+            parts.map(|p| width(p.kind)?.checked_mul(p.count)).try_fold(0_usize, |sum, size| sum.checked_add(size?))
+        })
+    }
+}
+
+/// `topic:float[16] output;uint8_t x;`
+fn format(data: &[u8]) -> Option<(&str, Vec<Field<'_>>)> {
+    let (name, fields) = str::from_utf8(data).ok()?.split_once(':')?;
+    let fields = fields.split(';').filter(|f| !f.is_empty()).map(|field| {
+        let (kind, name) = field.split_once(' ')?;
+        let (kind, count) = match kind.split_once('[') {
+            Some((kind, count)) => (kind, count.strip_suffix(']')?.parse().ok()?),
+            None => (kind, 1),
+        };
+        Some(Field { kind, count, name })
+    });
+    Some((name, fields.collect::<Option<_>>()?))
+}
+
+/// Where appended parts begin, from the flags that follow the header.
+fn appended(bytes: &[u8]) -> Result<Vec<usize>, Damage> {
+    let Some(message) = bytes.get(HEADER..HEADER + 43).filter(|m| m[2] == b'B') else {
+        return Ok(Vec::new());
+    };
+    let (incompatible, offsets) = (&message[11..19], &message[19..43]);
+    if incompatible[0] & !DATA_APPENDED != 0 || incompatible[1..].iter().any(|&b| b != 0) {
+        return Err(Damage { offset: HEADER, problem: "flags of a newer ULog, which cannot be read" });
+    }
+    let starts = offsets.as_chunks::<8>().0.iter().map(|o| u64::from_le_bytes(*o));
+    let mut starts: Vec<usize> = starts.filter_map(|o| usize::try_from(o).ok()).collect();
+    starts.retain(|&o| o > HEADER && o < bytes.len());
+    starts.sort_unstable();
+    Ok(starts)
+}

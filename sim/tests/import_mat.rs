@@ -1,0 +1,322 @@
+//! MATLAB files of named vectors: what is taken of them and what is refused.
+
+use std::fs;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use flate2::{Compression, write::ZlibEncoder};
+use miette::Diagnostic;
+use proptest::prelude::*;
+use rotorlead_sim::record::Output;
+use rotorlead_sim::record::import::{Import, ImportError, ImportOptions, LogFormat, import};
+
+/// Rows of the sample.
+const ROWS: usize = 400;
+
+fn sample() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/vectors.mat")
+}
+
+/// Numbers as they are stored.
+enum Stored {
+    F64(Vec<f64>),
+    F32(Vec<f32>),
+    U8(Vec<u8>),
+    I16(Vec<i16>),
+}
+
+/// Writes MAT-files of level 5, in either byte order.
+struct Writer {
+    bytes: Vec<u8>,
+    big: bool,
+}
+
+impl Writer {
+    fn new(big: bool) -> Self {
+        let mut bytes = b"MATLAB 5.0 MAT-file, made up".to_vec();
+        bytes.resize(124, b' ');
+        bytes.extend(if big { [1, 0, b'M', b'I'] } else { [0, 1, b'I', b'M'] });
+        Self { bytes, big }
+    }
+
+    fn word(&self, value: u32) -> [u8; 4] {
+        if self.big { value.to_be_bytes() } else { value.to_le_bytes() }
+    }
+
+    fn element(&self, kind: u32, data: &[u8]) -> Vec<u8> {
+        let length = data.len() as u32;
+        let mut element = Vec::new();
+        if (1..=4).contains(&length) {
+            element.extend(self.word(length << 16 | kind));
+        } else {
+            element.extend(self.word(kind));
+            element.extend(self.word(length));
+        }
+        element.extend(data);
+        element.resize(element.len().next_multiple_of(8), 0);
+        element
+    }
+
+    fn matrix(&self, class: u32, name: &str, dimensions: [u32; 2], numbers: &Stored) -> Vec<u8> {
+        macro_rules! stored {
+            ($values:expr) => {
+                $values.iter().flat_map(|v| if self.big { v.to_be_bytes() } else { v.to_le_bytes() }).collect()
+            };
+        }
+        let (kind, data): (u32, Vec<u8>) = match numbers {
+            Stored::F64(values) => (9, stored!(values)),
+            Stored::F32(values) => (7, stored!(values)),
+            Stored::U8(values) => (2, values.clone()),
+            Stored::I16(values) => (3, stored!(values)),
+        };
+        let mut parts = self.element(6, &[self.word(class), self.word(0)].concat());
+        parts.extend(self.element(5, &dimensions.map(|d| self.word(d)).concat()));
+        parts.extend(self.element(1, name.as_bytes()));
+        parts.extend(self.element(kind, &data));
+        self.element(14, &parts)
+    }
+
+    /// A column vector of doubles, whatever the type in which it is stored.
+    fn vector(&mut self, name: &str, numbers: &Stored, compressed: bool) -> &mut Self {
+        let length = match numbers {
+            Stored::F64(v) => v.len(),
+            Stored::F32(v) => v.len(),
+            Stored::U8(v) => v.len(),
+            Stored::I16(v) => v.len(),
+        };
+        let class = if matches!(numbers, Stored::F32(_)) { 7 } else { 6 };
+        let matrix = self.matrix(class, name, [length as u32, 1], numbers);
+        self.push(matrix, compressed)
+    }
+
+    fn push(&mut self, element: Vec<u8>, compressed: bool) -> &mut Self {
+        if !compressed {
+            self.bytes.extend(element);
+            return self;
+        }
+        let mut encoder = ZlibEncoder::new(Vec::new(), Compression::default());
+        encoder.write_all(&element).unwrap();
+        let packed = encoder.finish().unwrap();
+        self.bytes.extend([self.word(15), self.word(packed.len() as u32)].concat());
+        self.bytes.extend(packed);
+        self
+    }
+
+    fn doubles(&mut self, name: &str, values: impl IntoIterator<Item = f64>) -> &mut Self {
+        self.vector(name, &Stored::F64(values.into_iter().collect()), true)
+    }
+
+    fn import(&self) -> Result<Import, ImportError> {
+        imported(&self.bytes)
+    }
+}
+
+fn imported(bytes: &[u8]) -> Result<Import, ImportError> {
+    let folder = tempfile::tempdir().unwrap();
+    // The name says nothing of the format.
+    let file = folder.path().join("log.csv");
+    fs::write(&file, bytes).unwrap();
+    import(&file, &ImportOptions::default())
+}
+
+/// The message, which has to name the file, and the remedy, which has to be there.
+fn message(result: Result<Import, ImportError>) -> String {
+    let error = result.unwrap_err();
+    let help = error.help().expect("every error has a remedy").to_string();
+    let message = error.to_string();
+    assert!(message.contains("log.csv"), "{message}");
+    format!("{message} | {help}")
+}
+
+fn time(row: usize) -> f64 {
+    row as f64 / 512.0
+}
+
+fn percent(row: usize) -> u8 {
+    [20, 25, 30, 25][row / 100]
+}
+
+fn rpm(row: usize) -> i16 {
+    (5000 + (row * row) % 1777) as i16
+}
+
+/// The sample: every way of storing that a wanted vector can have.
+fn sample_bytes(big: bool) -> Vec<u8> {
+    let mut log = Writer::new(big);
+    let rows = || 0..ROWS;
+    let text = log.matrix(4, "remark", [1, 4], &Stored::U8(b"made".to_vec()));
+    log.push(text, true)
+        .vector("Time_s", &Stored::F64(rows().map(time).collect()), true)
+        .vector("V_bat", &Stored::F32(rows().map(|k| 16.0 - k as f32 / 1024.0).collect()), true)
+        .vector("current", &Stored::F64(vec![2.5; ROWS - 1]), false)
+        .vector("T", &Stored::U8(vec![7; 3]), false)
+        .vector("Throttle_percent", &Stored::U8(rows().map(percent).collect()), false)
+        .vector("motor_rpm", &Stored::I16(rows().map(rpm).collect()), true);
+    log.bytes
+}
+
+#[test]
+#[ignore = "writes the sample"]
+fn write_the_sample() {
+    fs::write(sample(), sample_bytes(false)).unwrap();
+}
+
+fn check_numbers(experiment: &rotorlead_sim::record::Experiment) {
+    let record = &experiment.records[0];
+    let rows = || 0..ROWS;
+    assert_eq!(experiment.output, Output::Rpm);
+    assert_eq!(experiment.sample_rate_hz, Some(512.0));
+    assert_eq!(record.time_s, rows().map(time).collect::<Vec<_>>());
+    assert_eq!(record.command, rows().map(|k| f64::from(percent(k)) * 0.01).collect::<Vec<_>>());
+    assert_eq!(record.rpm.as_deref().unwrap(), rows().map(|k| f64::from(rpm(k))).collect::<Vec<_>>());
+    let volts = rows().map(|k| f64::from(16.0 - k as f32 / 1024.0)).collect::<Vec<_>>();
+    assert_eq!(record.voltage_v.as_deref().unwrap(), volts);
+    assert_eq!((record.current_a.as_ref(), record.thrust_n.as_ref()), (None, None));
+}
+
+#[test]
+fn the_sample_is_taken_number_by_number() {
+    let Import { experiment, summary } = import(&sample(), &ImportOptions::default()).unwrap();
+    assert_eq!((summary.format, summary.rows_read, summary.rows_taken), (LogFormat::Mat, ROWS, ROWS));
+    assert_eq!(experiment.name, "vectors");
+    check_numbers(&experiment);
+    let uses: Vec<_> = summary.columns.iter().map(|c| (c.name.as_str(), c.taken_as.as_deref())).collect();
+    let expected = [
+        ("remark", None),
+        ("Time_s", Some("time_s")),
+        ("V_bat", Some("voltage_v")),
+        ("current", None),
+        ("T", None),
+        ("Throttle_percent", Some("command")),
+        ("motor_rpm", Some("rpm")),
+    ];
+    assert_eq!(uses, expected);
+    assert!(summary.columns[3].note.contains("not a finite number in each of 400 rows"));
+}
+
+#[test]
+fn either_byte_order_gives_the_same_numbers() {
+    check_numbers(&imported(&sample_bytes(true)).unwrap().experiment);
+}
+
+#[test]
+fn thrust_goes_before_speed_and_units_come_from_the_names() {
+    let rows = || 0..120;
+    let mut log = Writer::new(false);
+    log.doubles("t_ms", rows().map(|k| 100.0 + 2.0 * f64::from(k)))
+        .doubles("pwm", rows().map(|k| if k < 60 { 1250.0 } else { 1500.0 }))
+        .doubles("thrust_gf", rows().map(|k| 100.0 + f64::from(k)))
+        .doubles("omega", rows().map(|_| std::f64::consts::PI));
+    let Import { experiment, summary } = log.import().unwrap();
+    let record = &experiment.records[0];
+    assert_eq!(experiment.output, Output::ThrustN);
+    assert!((record.time_s[119] - 0.238).abs() < 1e-15);
+    assert_eq!((record.command[0], record.command[119]), (0.25, 0.5));
+    assert_eq!(record.thrust_n.as_ref().unwrap()[0], 100.0 * 9.80665e-3);
+    assert!((record.rpm.as_ref().unwrap()[0] - 30.0).abs() < 1e-13);
+    assert!(summary.pulse_widths && summary.notes[0].contains("response is the thrust"));
+}
+
+/// A log of 120 rows with one number changed.
+fn with(name: &str, row: usize, value: f64) -> Result<Import, ImportError> {
+    let mut log = Writer::new(false);
+    for (vector, scale) in [("time", 0.01), ("command", 0.005), ("rpm", 50.0)] {
+        let number = |k: usize| if (vector, k) == (name, row) { value } else { scale * k as f64 };
+        log.doubles(vector, (0..120).map(number));
+    }
+    log.import()
+}
+
+#[test]
+fn rows_of_nan_are_left_out_and_told() {
+    for name in ["time", "command", "rpm"] {
+        let Import { experiment, summary } = with(name, 50, f64::NAN).unwrap();
+        assert_eq!((summary.rows_read, summary.rows_taken, summary.dropped[0].rows), (120, 119, 1));
+        assert_eq!(experiment.records[0].rpm.as_ref().unwrap()[50], 2550.0);
+        assert_eq!(experiment.sample_rate_hz, None, "a gap is no even grid");
+    }
+}
+
+#[test]
+fn bad_numbers_are_named() {
+    let text = message(with("rpm", 50, f64::INFINITY));
+    assert!(text.contains("`rpm`, sample 51: inf: not finite"), "{text}");
+    let text = message(with("time", 50, 0.49));
+    assert!(text.contains("`time`, sample 51: 0.49: time does not increase"), "{text}");
+    let text = message(with("command", 50, 1250.0));
+    assert!(text.contains("`command`, sample 51: 1250 is outside 0..1") && text.contains("command_us"), "{text}");
+}
+
+#[test]
+fn missing_short_and_unequal_vectors_are_refused() {
+    let rows = |n: u32| (0..n).map(|k| 1e-3 * f64::from(k));
+    let mut log = Writer::new(false);
+    assert!(message(log.import()).contains("`time_s`"));
+    log.doubles("t", rows(120));
+    assert!(message(log.import()).contains("known name for `command`"));
+    log.doubles("u", rows(120));
+    assert!(message(log.import()).contains("`thrust_n or rpm`"));
+    log.doubles("rpm", rows(119));
+    assert!(message(log.import()).contains("vector `rpm`: 119 numbers, but `t` has 120"));
+    let mut log = Writer::new(false);
+    log.doubles("t", rows(99)).doubles("u", rows(99)).doubles("rpm", rows(99));
+    assert!(message(log.import()).contains("99 usable row(s)"));
+}
+
+#[test]
+fn version_7_3_is_told_to_be_saved_again() {
+    let mut bytes = sample_bytes(false);
+    bytes[125] = 2;
+    assert!(message(imported(&bytes)).contains("-v7"));
+}
+
+#[test]
+fn a_file_cut_anywhere_is_refused() {
+    let bytes = fs::read(sample()).unwrap();
+    assert!(bytes.len() < 20_000);
+    for length in 0..bytes.len() {
+        message(imported(&bytes[..length]));
+    }
+}
+
+#[test]
+fn lengths_beyond_the_file_cost_no_memory() {
+    // Dimensions whose product does not fit, and an element said to be of 4 GB.
+    let mut log = Writer::new(false);
+    let huge = log.matrix(6, "time", [u32::MAX, u32::MAX], &Stored::F64(vec![0.0; 4]));
+    log.push(huge, true);
+    assert!(message(log.import()).contains("do not have its size"));
+    let mut log = Writer::new(false);
+    log.bytes.extend([[14, 0, 0, 0], [0xff; 4]].concat());
+    assert!(message(log.import()).contains("byte 128: the file ends within a variable"));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(2000))]
+
+    /// Changed bytes give an experiment of equal columns or an error with a remedy, and never a panic.
+    #[test]
+    fn damaged_files_are_taken_or_refused(
+        changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
+        cut in prop::option::of(any::<prop::sample::Index>()),
+        big in any::<bool>(),
+    ) {
+        let mut bytes = sample_bytes(big);
+        for (at, byte) in changes {
+            let at = at.index(bytes.len());
+            bytes[at] = byte;
+        }
+        if let Some(cut) = cut {
+            bytes.truncate(cut.index(bytes.len()));
+        }
+        match imported(&bytes) {
+            Ok(Import { experiment, .. }) => {
+                let record = &experiment.records[0];
+                prop_assert!(record.time_s.is_sorted_by(|a, b| a < b));
+                prop_assert_eq!(record.time_s.len(), record.command.len());
+                prop_assert!(record.command.iter().all(|c| (0.0..=1.0).contains(c)));
+            }
+            Err(error) => prop_assert!(error.help().is_some()),
+        }
+    }
+}
