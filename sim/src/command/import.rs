@@ -49,8 +49,10 @@ impl Import {
             return Err(WrongUse::new(message, "leave --motor out").into());
         }
         if self.pulse_us.is_some() && !taken.summary.pulse_widths {
-            let message =
-                format!("--pulse-us does not go with `{}`: its command is no pulse width", self.file.display());
+            let message = format!(
+                "--pulse-us does not go with `{}`: its command is a duty already, no pulse width",
+                self.file.display()
+            );
             return Err(WrongUse::new(message, "leave --pulse-us out").into());
         }
         taken.experiment.write(&self.out)?;
