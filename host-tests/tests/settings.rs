@@ -4,11 +4,13 @@ use host_tests::flash::Flash;
 use host_tests::fuzz::{fuzz_settings, slot};
 use host_tests::{OMEGA_G_RAD_S, cases, paper_design};
 use proptest::prelude::*;
+use rotorlead::capture::Timing;
 use rotorlead::design::LeadDesign;
 use rotorlead::settings::{
-    Key, Origin, Place, Problem, Pulse, PulseProtocol, SaveError, Settings, SettingsError, Store, Validated, Warning,
+    Key, Origin, Place, Problem, Pulse, PulseProtocol, SLOWEST_TIMER_HZ, SaveError, Settings, SettingsError, Store,
+    Validated, Warning,
 };
-use rotorlead::throttle::Command;
+use rotorlead::throttle::{Command, PulseScale};
 
 /// Four slots a sector: a save in four erases.
 const SECTOR: usize = 2048;
@@ -302,5 +304,28 @@ proptest! {
             *index.get_mut(&mut bytes) = byte;
         }
         fuzz_settings(&bytes);
+    }
+}
+
+/// The controller starts with the defaults where nothing else suits its clock, so these must.
+#[test]
+fn the_defaults_suit_every_timer_that_the_controller_uses() {
+    let settings = Validated::default();
+    let channels = rotorlead::controller::coefficients(&settings)
+        .ok()
+        .and_then(|coefficients| rotorlead::controller::channels(&settings, coefficients));
+    assert!(channels.is_some());
+    let frame_hz = u32::from(settings.output.frame_hz);
+    let mut timer_hz = SLOWEST_TIMER_HZ;
+    loop {
+        Timing::new(settings.input.protocol(), timer_hz, settings.loop_rate_hz).unwrap();
+        PulseScale::new(settings.input.protocol(), timer_hz).unwrap();
+        // The smallest divider with which a frame fits 16 bits.
+        let counter_hz = timer_hz / timer_hz.div_ceil(frame_hz << 16);
+        let scale = PulseScale::new(settings.output.protocol(), counter_hz).unwrap();
+        assert!(scale.high_ticks() < counter_hz / frame_hz, "{timer_hz}");
+        // Steps of 0.1 % up to the fastest that there can be.
+        let Some(next) = timer_hz.checked_add(timer_hz / 1000) else { break };
+        timer_hz = next;
     }
 }

@@ -1,14 +1,16 @@
 //! Logs of other tools: what is taken of them and what is refused.
 
-use std::fs;
-use std::path::{Path, PathBuf};
+mod importing;
 
-use miette::Diagnostic;
+use std::fs;
+use std::path::Path;
+
+use importing::{imported, message, sample};
 use rotorlead_sim::record::import::{Import, ImportError, ImportOptions, LogFormat, import};
 use rotorlead_sim::record::{Excitation, Output};
 
-fn sample(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(name)
+fn written(text: &str) -> Result<Import, ImportError> {
+    imported(text.as_bytes(), &ImportOptions::default())
 }
 
 fn taken(name: &str) -> Import {
@@ -22,22 +24,6 @@ fn edited(name: &str, line: usize, from: &str, to: &str) -> Result<Import, Impor
     assert!(lines[line - 1].contains(from), "{}", lines[line - 1]);
     lines[line - 1] = lines[line - 1].replacen(from, to, 1);
     written(&lines.join("\n"))
-}
-
-fn written(text: &str) -> Result<Import, ImportError> {
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("log.csv");
-    fs::write(&file, text).unwrap();
-    import(&file, &ImportOptions::default())
-}
-
-/// The message, which has to name the file, and the remedy, which has to be there.
-fn message(result: Result<Import, ImportError>) -> String {
-    let error = result.unwrap_err();
-    let help = error.help().expect("every error has a remedy").to_string();
-    let message = error.to_string();
-    assert!(message.contains("log.csv"), "{message}");
-    format!("{message} | {help}")
 }
 
 #[test]

@@ -1,21 +1,28 @@
 //! MATLAB files of named vectors: what is taken of them and what is refused.
 
+mod importing;
+
 use std::fs;
 use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use flate2::{Compression, write::ZlibEncoder};
-use miette::Diagnostic;
+use importing::message;
+use miette::Diagnostic as _;
 use proptest::prelude::*;
 use rotorlead_sim::record::Output;
 use rotorlead_sim::record::import::{Import, ImportError, ImportOptions, LogFormat, import};
 
+fn sample() -> PathBuf {
+    importing::sample("vectors.mat")
+}
+
+fn imported(bytes: &[u8]) -> Result<Import, ImportError> {
+    importing::imported(bytes, &ImportOptions::default())
+}
+
 /// Rows of the sample.
 const ROWS: usize = 400;
-
-fn sample() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/vectors.mat")
-}
 
 /// Numbers as they are stored.
 enum Stored {
@@ -109,23 +116,6 @@ impl Writer {
     fn import(&self) -> Result<Import, ImportError> {
         imported(&self.bytes)
     }
-}
-
-fn imported(bytes: &[u8]) -> Result<Import, ImportError> {
-    let folder = tempfile::tempdir().unwrap();
-    // The name says nothing of the format.
-    let file = folder.path().join("log.csv");
-    fs::write(&file, bytes).unwrap();
-    import(&file, &ImportOptions::default())
-}
-
-/// The message, which has to name the file, and the remedy, which has to be there.
-fn message(result: Result<Import, ImportError>) -> String {
-    let error = result.unwrap_err();
-    let help = error.help().expect("every error has a remedy").to_string();
-    let message = error.to_string();
-    assert!(message.contains("log.csv"), "{message}");
-    format!("{message} | {help}")
 }
 
 fn time(row: usize) -> f64 {

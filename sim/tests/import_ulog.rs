@@ -1,12 +1,23 @@
 //! PX4 ULog: what is taken of it and what is refused.
 
-use std::fs;
-use std::path::{Path, PathBuf};
+mod importing;
 
-use miette::Diagnostic;
+use std::fs;
+use std::path::PathBuf;
+
+use importing::message as refusal;
+use miette::Diagnostic as _;
 use proptest::prelude::*;
 use rotorlead_sim::record::Output;
 use rotorlead_sim::record::import::{Import, ImportError, ImportOptions, LogFormat, import};
+
+fn sample() -> PathBuf {
+    importing::sample("esc_status.ulg")
+}
+
+fn imported(bytes: &[u8], motor: usize) -> Result<Import, ImportError> {
+    importing::imported(bytes, &ImportOptions { motor, ..ImportOptions::default() })
+}
 
 /// Status messages of the sample; every fourth repeats the report before.
 const STATUSES: u64 = 160;
@@ -16,10 +27,6 @@ const COMMANDS: u64 = 90;
 const REPORT: &str = "esc_report:uint64_t timestamp;uint32_t esc_errorcount;int32_t esc_rpm;float esc_voltage;\
                       float esc_current;uint8_t actuator_function;uint8_t[3] _padding0;";
 const STATUS: &str = "esc_status:uint64_t timestamp;uint16_t counter;uint8_t[6] _padding0;esc_report[2] esc;";
-
-fn sample() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/esc_status.ulg")
-}
 
 fn message(log: &mut Vec<u8>, kind: u8, parts: &[&[u8]]) {
     let data = parts.concat();
@@ -84,22 +91,6 @@ fn sample_bytes(motors: bool) -> Vec<u8> {
         }
     }
     log
-}
-
-fn imported(bytes: &[u8], motor: usize) -> Result<Import, ImportError> {
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("log.csv");
-    fs::write(&file, bytes).unwrap();
-    import(&file, &ImportOptions { motor, ..ImportOptions::default() })
-}
-
-/// The message and the remedy.
-fn refusal(result: Result<Import, ImportError>) -> String {
-    let error = result.unwrap_err();
-    let help = error.help().expect("every error has a remedy").to_string();
-    let message = error.to_string();
-    assert!(message.contains("log.csv"), "{message}");
-    format!("{message} | {help}")
 }
 
 #[test]

@@ -26,6 +26,9 @@ pub use validate::{
 /// Motors of one controller.
 pub const MOTORS: usize = 4;
 
+/// Slowest capture and pulse timer that the default settings suit; any faster one that a `u32` holds suits them, too.
+pub const SLOWEST_TIMER_HZ: u32 = 1_000_000;
+
 /// Time without a [`KeepAlive`](crate::link::Request::KeepAlive) after which an excitation ramps down, milliseconds.
 pub const DEAD_MAN_MS: u32 = 200;
 

@@ -48,8 +48,8 @@ fn main() -> ExitCode {
             print!("{HELP}");
             return ExitCode::SUCCESS;
         }
-        [command, ..] => {
-            eprintln!("error: no such command or option: {command}\n\n{HELP}");
+        unknown => {
+            eprintln!("error: no such command: {}\n\n{HELP}", unknown.join(" "));
             return ExitCode::from(2);
         }
     };
