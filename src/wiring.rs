@@ -200,6 +200,7 @@ pub fn start(
         Some(found) => (loaded.settings, loaded.origin, found),
         None => {
             let settings = Validated::default();
+            // A test of the host runs through every clock that `clocks::measure` may give.
             let found = usable(&settings).expect("the defaults suit every clock of the board");
             (settings, Origin::DefaultsBad, found)
         }

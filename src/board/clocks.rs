@@ -15,6 +15,7 @@
 use cortex_m::peripheral::SYST;
 use cortex_m::peripheral::syst::SystClkSource;
 use rotorlead::link::Clock;
+use rotorlead::settings::SLOWEST_TIMER_HZ;
 use stm32f4xx_hal::pac::{RCC, TIM2};
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::rcc::{Config, Enable, Rcc, Reset};
@@ -158,9 +159,10 @@ pub fn measure(source: Source, tim2: &TIM2, syst: &mut SYST, rcc: &mut Rcc) -> C
     let measured_hz = (timer_ticks * u64::from(core_hz)).checked_div(core_ticks).unwrap_or(0);
     let promised = u64::from(promised_hz);
     let timer_as_promised = measured_hz.abs_diff(promised) <= promised / TOLERANCE;
-    // A timer that stands still, or races beyond all measure, cannot be used whatever one believes.
+    // A timer that stands still, or races beyond all measure, cannot be used whatever one believes. What is used suits
+    // the default settings.
     let timer_hz = match u32::try_from(measured_hz) {
-        Ok(hz) if !timer_as_promised && hz > 0 => hz,
+        Ok(hz) if !timer_as_promised && hz >= SLOWEST_TIMER_HZ => hz,
         _ => promised_hz,
     };
     ClockReport { source, core_hz, timer_hz, timer_as_promised }

@@ -142,7 +142,11 @@ impl Motor {
     fn resume(&mut self) {
         if let Feed::Paused(source) = self.feed {
             self.feed = match source {
-                Source::Pulse => Feed::Pulse,
+                Source::Pulse => {
+                    // It may have been an ending injection that was paused.
+                    self.channel.set_enabled(self.compensates);
+                    Feed::Pulse
+                }
                 Source::Inject => Feed::Inject,
             };
         }

@@ -21,7 +21,7 @@ Usage: cargo xtask COMMAND
   emulate  [PORT] runs that image in QEMU, with its link on a TCP port
   flash    flashes that image with a debug probe, and shows its log
   test     every test there is: formatting, lints, documentation, host tests, and the controller's image: its build, its checks,
-           its tests in QEMU
+           its tests in QEMU, its instruction counts
   bench    measures filters and the simulated stand side by side, in one run;
            with --firmware [--json FILE] instructions on the controller's core, in QEMU
   help     prints this

@@ -1,7 +1,7 @@
 //! Every test there is.
 
 use crate::run::{Result, cargo, run};
-use crate::{firmware, setup};
+use crate::{bench, firmware, setup};
 
 /// Formatting, lints, documentation, host tests, and what the image for the controller shows of itself.
 pub fn all() -> Result {
@@ -11,5 +11,6 @@ pub fn all() -> Result {
     run(&mut cargo(&["clippy", "--workspace", "--all-targets", "--locked", "--", "-D", "warnings"]))?;
     run(&mut cargo(&["test", "--workspace", "--locked"]))?;
     run(cargo(&["doc", "--workspace", "--no-deps", "--locked"]).env("RUSTDOCFLAGS", "-D warnings"))?;
-    firmware::test()
+    firmware::test()?;
+    bench::firmware(None)
 }
