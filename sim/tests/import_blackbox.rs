@@ -125,8 +125,15 @@ fn tag4(out: &mut Vec<u8>, v: [i32; 4]) {
     let mut nibbles = Vec::new();
     let mut tag = 0;
     for (k, &value) in v.iter().enumerate() {
-        let (code, count) =
-            if value == 0 { (0, 0) } else if fits(value, 4) { (1, 1) } else if fits(value, 8) { (2, 2) } else { (3, 4) };
+        let (code, count) = if value == 0 {
+            (0, 0)
+        } else if fits(value, 4) {
+            (1, 1)
+        } else if fits(value, 8) {
+            (2, 2)
+        } else {
+            (3, 4)
+        };
         tag |= code << (2 * k);
         nibbles.extend((0..count).rev().map(|n| (value >> (4 * n)) as u8 & 0xf));
     }
@@ -333,12 +340,12 @@ fn pulses_are_scaled_by_the_stated_range() {
 
 #[test]
 fn a_damaged_frame_costs_the_frames_up_to_the_next_that_stands_alone() {
-    // Frame 70: its first byte is lost. Frames 96 and later are whole again.
+    // The first byte of frame 70 is lost: 69 is not followed by a frame. Frames 96 and later are whole again.
     let mut log = flight(header(&FIELDS, REVISION, 6), &FIELDS, 70);
     log.extend(&encoded(70, &FIELDS)[1..]);
     (71..FRAMES).for_each(|k| log.extend(encoded(k, &FIELDS)));
     let taken = imported(&closed(log), 3).unwrap();
-    let whole: Vec<u32> = (STOPPED..70).chain(96..FRAMES).collect();
+    let whole: Vec<u32> = (STOPPED..69).chain(96..FRAMES).collect();
     check_frames(&taken, 3, &whole);
     let notes = taken.summary.notes.join("; ");
     assert!(notes.contains("damaged in 1 place(s)") && notes.contains("25 frame(s)"), "{notes}");
@@ -359,7 +366,8 @@ fn frames_behind_damage_are_right_or_left_out() {
         let rpm = record.rpm.as_ref().unwrap();
         for (row, time) in record.time_s.iter().enumerate() {
             let place = all.time_s.iter().position(|t| t == time);
-            let same = place.is_some_and(|k| all.command[k] == record.command[row] && all.rpm.as_ref().unwrap()[k] == rpm[row]);
+            let same = place
+                .is_some_and(|k| all.command[k] == record.command[row] && all.rpm.as_ref().unwrap()[k] == rpm[row]);
             right += usize::from(same);
             wrong += usize::from(!same);
         }

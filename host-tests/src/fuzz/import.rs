@@ -10,12 +10,12 @@ use rotorlead_sim::record::import::{Import, ImportOptions, import_bytes};
 /// What messages have to call the log.
 const FILE: &str = "fuzzed.log";
 
-/// Memory that an import may take at a time, beside the log: for a row of two bytes, which is the shortest of all
-/// formats, the columns of numbers and the text cells that it may become; and once more where a list grows. Compressed
-/// data may inflate as far as `rotorlead_sim` lets it.
+/// Memory that an import may take at a time, beside the log. Most is taken by compressed data: a byte of the file may
+/// inflate to 64 one-byte numbers, each of which becomes doubles in the vector, in the column and as its time, and the
+/// place of its row; and lists take twice as much while they grow. Other formats take up to 400 bytes for a row of two.
 #[must_use]
 pub fn import_memory_bound(length: usize) -> usize {
-    (1 << 20) + 1024 * length
+    (4 << 20) + 64 * 32 * length
 }
 
 /// Bytes as a log of any format, which is told from them.
@@ -46,49 +46,63 @@ fn check(bytes: &[u8]) {
     }
 }
 
-fn with_prefix(prefix: &[u8], bytes: &[u8]) {
-    check(&[prefix, bytes].concat());
-}
-
-/// Bytes as they are, and as the rows of a stand's log.
-pub fn fuzz_import_rcbenchmark(bytes: &[u8]) {
-    check(bytes);
-    with_prefix("Time (s),ESC signal (µs),Motor Electrical Speed (RPM),Thrust (N)\n".as_bytes(), bytes);
-}
-
-/// Bytes as they are, and as the rows of an ESC's telemetry.
-pub fn fuzz_import_esc32(bytes: &[u8]) {
-    check(bytes);
-    with_prefix(b"Timestamp,Duty,RPM\n", bytes);
-}
-
-/// Bytes as they are, as the elements of a MATLAB file in either byte order, and as one compressed element.
-pub fn fuzz_import_mat(bytes: &[u8]) {
-    check(bytes);
-    for order in [[0, 1, b'I', b'M'], [1, 0, b'M', b'I']] {
-        let mut file = vec![b' '; 124];
-        file.extend(order);
-        file.extend(bytes);
-        check(&file);
-        // The fastest level: what matters is what comes out again.
-        let mut encoder = ZlibEncoder::new(Vec::new(), Compression::fast());
-        encoder.write_all(bytes).and_then(|()| encoder.try_finish()).expect("memory takes all");
-        let packed = encoder.finish().expect("memory takes all");
-        file.truncate(128);
-        let word = |value: u32| if order[0] == 0 { value.to_le_bytes() } else { value.to_be_bytes() };
-        file.extend([word(15), word(packed.len() as u32)].concat());
-        file.extend(packed);
-        check(&file);
+/// The first byte says whether the others are a log as they are or what comes behind `prefix`.
+fn check_behind(prefix: &[u8], data: &[u8]) {
+    match data {
+        [form, bytes @ ..] if form % 2 == 1 => check(&[prefix, bytes].concat()),
+        [_, bytes @ ..] => check(bytes),
+        [] => check(&[]),
     }
 }
 
-/// Bytes as they are, and as the messages of a ULog.
-pub fn fuzz_import_ulog(bytes: &[u8]) {
-    check(bytes);
-    with_prefix(b"ULog\x01\x12\x35\x01\0\0\0\0\0\0\0\0", bytes);
+const RCBENCHMARK: &[u8] = "Time (s),ESC signal (µs),Motor Electrical Speed (RPM),Thrust (N)\n".as_bytes();
+const ESC32: &[u8] = b"Timestamp,Duty,RPM\n";
+const ULOG: &[u8] = b"ULog\x01\x12\x35\x01\0\0\0\0\0\0\0\0";
+
+/// Behind a byte that chooses: any log, or the rows of a stand's.
+pub fn fuzz_import_rcbenchmark(data: &[u8]) {
+    check_behind(RCBENCHMARK, data);
 }
 
-/// Bytes as they are.
-pub fn fuzz_import_blackbox(bytes: &[u8]) {
-    check(bytes);
+/// Behind a byte that chooses: any log, or the rows of an ESC's telemetry.
+pub fn fuzz_import_esc32(data: &[u8]) {
+    check_behind(ESC32, data);
+}
+
+/// Behind a byte that chooses: any log, or the messages of a ULog.
+pub fn fuzz_import_ulog(data: &[u8]) {
+    check_behind(ULOG, data);
+}
+
+/// Behind a byte that chooses: any log, the elements of a MATLAB file in either byte order, or what is in one compressed
+/// element of it.
+pub fn fuzz_import_mat(data: &[u8]) {
+    let Some((form, bytes)) = data.split_first() else { return };
+    let (big, compressed) = (form & 1 != 0, form & 2 != 0);
+    if form & 4 != 0 {
+        return check(bytes);
+    }
+    let mut file = vec![b' '; 124];
+    file.extend(if big { [1, 0, b'M', b'I'] } else { [0, 1, b'I', b'M'] });
+    if compressed {
+        // The fastest level: what matters is what comes out again.
+        let packed = packed(bytes, Compression::fast());
+        let word = |value: u32| if big { value.to_be_bytes() } else { value.to_le_bytes() };
+        file.extend([word(15), word(packed.len() as u32)].concat());
+        file.extend(packed);
+    } else {
+        file.extend(bytes);
+    }
+    check(&file);
+}
+
+fn packed(bytes: &[u8], level: Compression) -> Vec<u8> {
+    let mut encoder = ZlibEncoder::new(Vec::new(), level);
+    encoder.write_all(bytes).expect("memory takes all");
+    encoder.finish().expect("memory takes all")
+}
+
+/// Behind a byte that chooses: any log, or a blackbox behind its first two lines.
+pub fn fuzz_import_blackbox(data: &[u8]) {
+    check_behind(b"H Product:Blackbox flight data recorder by Nicholas Sherlock\nH Data version:2\n", data);
 }

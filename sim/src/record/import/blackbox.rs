@@ -20,12 +20,7 @@ const FEATURE_3D: i64 = 1 << 12;
 /// Volts in a unit of `vbatLatest`.
 const VOLTS: f64 = 0.01;
 
-pub(super) fn take(
-    file: &Path,
-    bytes: &[u8],
-    logs: &[&[u8]],
-    options: &ImportOptions,
-) -> Result<Taken, ImportError> {
+pub(super) fn take(file: &Path, bytes: &[u8], logs: &[&[u8]], options: &ImportOptions) -> Result<Taken, ImportError> {
     let mut notes = Vec::new();
     let number = chosen(file, logs, options, &mut notes)?;
     // Where the log begins in the file; garbage may lie in front of the first.
@@ -110,12 +105,7 @@ pub(super) fn take(
 }
 
 /// The place of the log to take: the one that was asked for, or the longest.
-fn chosen(
-    file: &Path,
-    logs: &[&[u8]],
-    options: &ImportOptions,
-    notes: &mut Vec<String>,
-) -> Result<usize, ImportError> {
+fn chosen(file: &Path, logs: &[&[u8]], options: &ImportOptions, notes: &mut Vec<String>) -> Result<usize, ImportError> {
     if let Some(log) = options.log {
         let place = log.checked_sub(1).filter(|&place| place < logs.len());
         return place.ok_or_else(|| ImportError::NoSuchLog { file: file.into(), log, logs: logs.len() });

@@ -128,7 +128,8 @@ impl<'a> Log<'a> {
             at += 2 + end + 1;
         }
         let damage = |problem| Damage { offset: at, problem };
-        if at == bytes.len() {
+        // A single byte may be the beginning of the next header.
+        if bytes.len() - at < 2 {
             return Err(damage("the log ends within its headers"));
         }
         if headers.get("Data version") != Some(&"2") {
@@ -167,9 +168,8 @@ impl<'a> Log<'a> {
         };
         let intra = fields('I').ok_or(unreadable)?;
         let inter = fields('P').ok_or(unreadable)?;
-        let alone = |(predictor, _): &(Predictor, Encoding)| {
-            matches!(predictor, Predictor::Constant(_) | Predictor::Field(_))
-        };
+        let alone =
+            |(predictor, _): &(Predictor, Encoding)| matches!(predictor, Predictor::Constant(_) | Predictor::Field(_));
         if !intra.iter().all(alone) {
             return Err(unreadable);
         }
@@ -193,8 +193,7 @@ impl<'a> Log<'a> {
 
     /// The main frames, in their order of time.
     pub(super) fn rows<const N: usize>(&self, wanted: [Option<usize>; N]) -> Rows<N> {
-        let mut rows =
-            Rows { rows: Vec::new(), damaged: 0, first_damage: 0, lost: 0, pauses: 0, closed: false };
+        let mut rows = Rows { rows: Vec::new(), damaged: 0, first_damage: 0, lost: 0, pauses: 0, closed: false };
         let mut history = History::default();
         let mut at = 0;
         while at < self.frames.len() {
