@@ -406,7 +406,7 @@ fn a_log_cut_anywhere_gives_its_whole_frames_or_an_error() {
     let all = imported(&log, 1).unwrap().experiment.records.remove(0);
     let start = header(&FIELDS, REVISION, 6).len();
     let mut taken = 0;
-    for length in 0..log.len() {
+    for length in (0..start).chain((start..log.len()).step_by(7)) {
         let cut = imported(&log[..length], 1);
         match cut {
             Ok(cut) => {
@@ -424,7 +424,7 @@ fn a_log_cut_anywhere_gives_its_whole_frames_or_an_error() {
             Err(error) => assert!(error.help().is_some()),
         }
     }
-    assert!(taken > 2000, "{taken}");
+    assert!(taken > 700, "{taken}");
     // Behind a cut, the storage is as it was erased.
     let erased = [&log[..start + 6000], &[0xff; 4096]].concat();
     let taken = imported(&erased, 1).unwrap();

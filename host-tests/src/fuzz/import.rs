@@ -106,3 +106,112 @@ fn packed(bytes: &[u8], level: Compression) -> Vec<u8> {
 pub fn fuzz_import_blackbox(data: &[u8]) {
     check_behind(b"H Product:Blackbox flight data recorder by Nicholas Sherlock\nH Data version:2\n", data);
 }
+
+/// A sample of `rotorlead_sim`.
+macro_rules! sample {
+    ($name:literal) => {
+        include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/tests/data/", $name))
+    };
+}
+
+/// The first `count` lines.
+fn lines(text: &[u8], count: usize) -> Vec<u8> {
+    text.split_inclusive(|&byte| byte == b'\n').take(count).flatten().copied().collect()
+}
+
+fn behind(form: u8, parts: &[&[u8]]) -> Vec<u8> {
+    [&[form], &parts.concat()[..]].concat()
+}
+
+/// Bytes to start [`fuzz_import_rcbenchmark`] from: the sample's beginning, and bare rows.
+#[must_use]
+pub fn import_rcbenchmark_corpus() -> Vec<(&'static str, Vec<u8>)> {
+    let row = |k: usize| format!("{}.{:03},{},{},\n", k / 143, k * 7 % 1000, 1200 + k, 5000 + k);
+    let rows: String = (0..110).map(row).collect();
+    vec![
+        ("sample", behind(0, &[&lines(sample!("rcbenchmark.csv"), 130)])),
+        ("rows", behind(1, &[rows.as_bytes()])),
+        ("shortest_rows", behind(1, &["1\n".repeat(600).as_bytes()])),
+    ]
+}
+
+/// Bytes to start [`fuzz_import_esc32`] from: the sample's beginning, bare rows, and stamps centuries apart.
+#[must_use]
+pub fn import_esc32_corpus() -> Vec<(&'static str, Vec<u8>)> {
+    let row = |k: usize| format!("2019-11-07 23:45:{}:{:03},15,{}\n", 10 + k / 100, k * 10 % 1000, 5000 + k);
+    let rows: String = (0..110).map(row).collect();
+    let far = |k: usize| format!("{:04}-01-01 00:00:00:{:09},1,1\n", if k < 60 { 1 } else { 9000 + k }, k);
+    let far: String = (0..110).map(far).collect();
+    vec![
+        ("sample", behind(0, &[&lines(sample!("esc32.csv"), 112)])),
+        ("rows", behind(1, &[rows.as_bytes()])),
+        ("centuries", behind(1, &[far.as_bytes()])),
+    ]
+}
+
+/// Bytes to start [`fuzz_import_ulog`] from: the sample, its messages, and the shortest messages.
+#[must_use]
+pub fn import_ulog_corpus() -> Vec<(&'static str, Vec<u8>)> {
+    let log = sample!("esc_status.ulg");
+    let mut short = b"\x16\0Factuator_motors:int8_t x;".to_vec();
+    short.extend(b"\x0c\0A\0\0\0esc_status".iter().chain(&b"\x02\0D\0\0".repeat(400)));
+    vec![
+        ("sample", behind(0, &[log])),
+        ("messages", behind(1, &[&log[ULOG.len()..12_000]])),
+        ("shortest_messages", behind(1, &[&short])),
+    ]
+}
+
+/// Bytes to start [`fuzz_import_mat`] from: the sample, vectors of bytes, one to be packed, and packed ones of which the
+/// last is a thousand times its length.
+#[must_use]
+pub fn import_mat_corpus() -> Vec<(&'static str, Vec<u8>)> {
+    let log = sample!("vectors.mat");
+    let element = |kind: u32, data: &[u8]| {
+        let mut element = [kind.to_le_bytes(), (data.len() as u32).to_le_bytes()].concat();
+        element.extend(data);
+        element.resize(element.len().next_multiple_of(8), 0);
+        element
+    };
+    let vector = |name: &str, numbers: &[u8]| {
+        let size = [(numbers.len() as u32).to_le_bytes(), 1_u32.to_le_bytes()].concat();
+        let flags = [9, 0, 0, 0, 0, 0, 0, 0];
+        let parts = [element(6, &flags), element(5, &size), element(1, name.as_bytes()), element(2, numbers)];
+        element(14, &parts.concat())
+    };
+    let zip = |data: &[u8]| {
+        let packed = packed(data, Compression::best());
+        [&15_u32.to_le_bytes(), &(packed.len() as u32).to_le_bytes(), &packed[..]].concat()
+    };
+    let numbers: Vec<u8> = (0..110).collect();
+    let vectors = [vector("t", &numbers), vector("u", &[1; 110]), vector("rpm", &numbers)];
+    vec![
+        ("sample", behind(4, &[log])),
+        ("elements", behind(0, &[&log[128..]])),
+        ("bytes", behind(0, &[&vectors.concat()])),
+        ("to_be_packed", behind(2, &[&vectors[0]])),
+        ("packed", behind(0, &[&vectors.each_ref().map(|v| zip(v)).concat()])),
+        ("bomb", behind(0, &[&zip(&vector("t", &vec![0; 1 << 20]))])),
+        ("bomb_of_no_interest", behind(0, &[&zip(&vector("x", &vec![0; 1 << 20])), &vectors.concat()])),
+    ]
+}
+
+/// Bytes to start [`fuzz_import_blackbox`] from: the sample's first log and the beginning of its second, and frames of
+/// one byte.
+///
+/// # Panics
+/// When the sample has no second log.
+#[must_use]
+pub fn import_blackbox_corpus() -> Vec<(&'static str, Vec<u8>)> {
+    let file = sample!("blackbox.bbl");
+    let second = (1..file.len()).find(|&at| file[at..].starts_with(b"H Product")).expect("two logs are in the sample");
+    let headers = "H Field I name:time,motor[0],eRPM[0]\nH Field I predictor:0,0,0\nH Field I encoding:1,1,1\n\
+                   H Field P predictor:2,1,1\nH Field P encoding:9,9,9\nH motor_poles:14\nH motor_pwm_protocol:6\n\
+                   H Firmware revision:Betaflight 4.5.0 (x) Y\nI\x01\x50\x20P";
+    let frames = [headers.as_bytes(), &b"I\x02\x50\x20"[..], &b"P".repeat(400)].concat();
+    vec![
+        ("sample", behind(0, &[&file[..second + 3500]])),
+        ("frames", behind(1, &[&lines(&file[second..], 30)[80..], &file[second + 1300..second + 4000]])),
+        ("shortest_frames", behind(1, &[&frames])),
+    ]
+}

@@ -74,7 +74,7 @@ fn lost_rows(stamps: &[f64], interval: f64) -> Vec<usize> {
         return lost;
     }
     let late = |k: usize| stamps[k] - interval * k as f64;
-    let mut before = 0;
+    let mut before = 0usize;
     let mut from = 0;
     for k in 1..n {
         if stamps[k] - stamps[k - 1] > GAP_INTERVALS * interval {
