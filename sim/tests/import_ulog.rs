@@ -190,14 +190,35 @@ fn a_log_cut_anywhere_gives_its_whole_messages_or_an_error() {
 #[test]
 fn missing_topics_and_damaged_definitions_are_named() {
     let bytes = sample_bytes(true);
-    let text = refusal(imported(&bytes[..59], 1));
-    assert!(text.contains("`command` of motor 1"), "{text}");
+    // Cut within the header, behind it, within the definitions and behind them.
+    for length in [8, 15, 16, 30, 59, 100, 400] {
+        let text = refusal(imported(&bytes[..length], 1));
+        assert!(text.contains(&format!("byte {length}: the log ends before anything was logged")), "{text}");
+        assert!(text.contains("it is cut short or damaged"), "{text}");
+    }
     let mut newer = bytes.clone();
     newer[16 + 3 + 8] = 2;
     assert!(refusal(imported(&newer, 1)).contains("byte 16: flags of a newer ULog"));
     let mut damaged = bytes;
     damaged[59 + 3] = 0xff;
     assert!(refusal(imported(&damaged, 1)).contains("byte 59: a message format"));
+}
+
+/// Two formats of 64000 bytes: 16000 fields that are 9000 fields each.
+#[test]
+fn formats_within_formats_are_measured_in_no_time() {
+    let mut log = b"ULog\x01\x12\x35\x01".to_vec();
+    log.extend([0; 8]);
+    message(&mut log, b'F', &[b"x:", "bool a;".repeat(9000).as_bytes()]);
+    message(&mut log, b'F', &[b"esc_status:", "x a;".repeat(16_000).as_bytes()]);
+    message(&mut log, b'F', &[b"actuator_motors:uint64_t timestamp;float[4] control;"]);
+    message(&mut log, b'A', &[&[0, 0, 0], b"actuator_motors"]);
+    message(&mut log, b'A', &[&[0, 1, 0], b"esc_status"]);
+    message(&mut log, b'D', &[&[0; 26]]);
+    message(&mut log, b'D', &[&[1, 0], &[0; 30]]);
+    let start = std::time::Instant::now();
+    assert!(refusal(imported(&log, 1)).contains("`rpm` of motor 1"));
+    assert!(start.elapsed().as_secs() < 10, "{:?}", start.elapsed());
 }
 
 #[test]

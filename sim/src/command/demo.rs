@@ -12,7 +12,7 @@ use serde_json::json;
 use super::bandwidth::RESAMPLES;
 use super::design::describe;
 use super::identify::periodic_model;
-use super::outcome::{JsonOption, Outcome};
+use super::outcome::{JsonOption, Outcome, wrapped};
 use super::simulate::simulate;
 use crate::bench::{Plan, Prediction};
 use crate::design::{BandwidthPoint, Chain, DesignOptions, bandwidths, compensator_file, design};
@@ -261,21 +261,4 @@ fn text(
     writeln!(out, "\nBode plot: {}", figure.display())?;
     writeln!(out, "Model and compensator: {}", folder.display())?;
     Ok(out)
-}
-
-/// Breaks a sentence into lines of at most `width` characters; all but the first begin with `indent`.
-fn wrapped(sentence: &str, width: usize, indent: &str) -> String {
-    let mut lines = vec![String::new()];
-    for word in sentence.split_whitespace() {
-        let length = lines[lines.len() - 1].len();
-        if length > 0 && length + 1 + word.len() > width {
-            lines.push(String::new());
-        }
-        let last = lines.len() - 1;
-        if !lines[last].is_empty() {
-            lines[last].push(' ');
-        }
-        lines[last].push_str(word);
-    }
-    lines.join(&format!("\n{indent}"))
 }

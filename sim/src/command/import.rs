@@ -7,15 +7,15 @@ use clap::Args;
 use serde_json::json;
 
 use super::WrongUse;
-use super::outcome::{JsonOption, Outcome};
+use super::outcome::{JsonOption, Outcome, wrapped};
 use super::parameters::range;
 use crate::record::import::{ImportOptions, ImportSummary, LogFormat, import};
 
 /// Takes the log of another tool as an experiment
 ///
 /// Shows every column of the log and which of them were taken. Reads: RCbenchmark (Tyto) thrust-stand logs, the logs of
-/// the AutoQuad ESC32, MATLAB files of named vectors (time, command, thrust or rpm), and PX4 ULog. The format is told from the
-/// content.
+/// the AutoQuad ESC32, MATLAB files of named vectors (time, command, thrust or rpm), PX4 ULog, and Betaflight blackbox. The
+/// format is told from the content.
 #[derive(Args, Debug)]
 pub struct Import {
     /// The log
@@ -33,6 +33,9 @@ pub struct Import {
     /// Which motor to take of a flight log, from 1; the first unless given
     #[arg(long, value_name = "N")]
     motor: Option<usize>,
+    /// Which log to take of a blackbox file that has several, from 1; the longest unless given
+    #[arg(long, value_name = "N")]
+    log: Option<usize>,
     #[command(flatten)]
     pub(super) json: JsonOption,
 }
@@ -40,13 +43,18 @@ pub struct Import {
 impl Import {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
-        let mut options = ImportOptions { name: self.name.clone(), ..ImportOptions::default() };
+        let mut options = ImportOptions { name: self.name.clone(), log: self.log, ..ImportOptions::default() };
         options.esc_signal_us = self.pulse_us.unwrap_or(options.esc_signal_us);
         options.motor = self.motor.unwrap_or(options.motor);
         let taken = import(&self.file, &options)?;
-        if self.motor.is_some() && taken.summary.format != LogFormat::Ulog {
+        let format = taken.summary.format;
+        if self.motor.is_some() && !matches!(format, LogFormat::Ulog | LogFormat::Blackbox) {
             let message = format!("--motor does not go with `{}`: it is no flight log", self.file.display());
             return Err(WrongUse::new(message, "leave --motor out").into());
+        }
+        if self.log.is_some() && format != LogFormat::Blackbox {
+            let message = format!("--log does not go with `{}`: it is no blackbox file", self.file.display());
+            return Err(WrongUse::new(message, "leave --log out").into());
         }
         if self.pulse_us.is_some() && !taken.summary.pulse_widths {
             let message = format!(
@@ -62,6 +70,9 @@ impl Import {
     }
 }
 
+/// Columns of a terminal that sentences keep to.
+const WIDTH: usize = 80;
+
 fn describe(summary: &ImportSummary) -> String {
     let mut text = String::new();
     let mut say = |line: String| {
@@ -71,10 +82,13 @@ fn describe(summary: &ImportSummary) -> String {
     say(format!("{}: {} of {} rows taken", summary.file.display(), summary.rows_taken, summary.rows_read));
     for dropped in &summary.dropped {
         let rows = if dropped.rows == 1 { "row" } else { "rows" };
-        say(format!("  {} {rows} left out: {}", dropped.rows, dropped.reason));
+        say(format!(
+            "  {}",
+            wrapped(&format!("{} {rows} left out: {}", dropped.rows, dropped.reason), WIDTH - 4, "    ")
+        ));
     }
     let timing = &summary.timing;
-    say(format!("  {:.1} rows/s; {}", timing.rate_hz, timing.method));
+    say(format!("  {}", wrapped(&format!("{:.1} rows/s; {}", timing.rate_hz, timing.method), WIDTH - 4, "    ")));
     if let (Some(rms), Some(max)) = (timing.residual_rms_s, timing.residual_max_s) {
         say(format!("  stamps are off the even grid by {:.1} ms RMS, {:.1} ms at most", 1e3 * rms, 1e3 * max));
     }
@@ -87,7 +101,7 @@ fn describe(summary: &ImportSummary) -> String {
         say(format!("  {:<31} {taken:<13} {}", column.name, column.note));
     }
     for note in &summary.notes {
-        say(format!("\nnote: {note}"));
+        say(format!("\nnote: {}", wrapped(note, WIDTH - 6, "      ")));
     }
     text
 }

@@ -66,3 +66,20 @@ fn print(text: String) -> miette::Result<()> {
         printed => printed.into_diagnostic().wrap_err("cannot write to standard output"),
     }
 }
+
+/// Breaks a sentence into lines of at most `width` characters; all but the first begin with `indent`.
+pub(super) fn wrapped(sentence: &str, width: usize, indent: &str) -> String {
+    let mut lines = vec![String::new()];
+    for word in sentence.split_whitespace() {
+        let length = lines[lines.len() - 1].len();
+        if length > 0 && length + 1 + word.len() > width {
+            lines.push(String::new());
+        }
+        let last = lines.len() - 1;
+        if !lines[last].is_empty() {
+            lines[last].push(' ');
+        }
+        lines[last].push_str(word);
+    }
+    lines.join(&format!("\n{indent}"))
+}

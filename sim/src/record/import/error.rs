@@ -42,7 +42,7 @@ pub enum ImportError {
     #[error("{}, line 1: the header is that of no known log format: {header}", file.display())]
     #[diagnostic(help(
         "known: RCbenchmark (columns `Time (s)` and `ESC signal (µs)`), AutoQuad ESC32 (columns `Timestamp` and `Duty`), \
-         MATLAB files of named vectors (`save -v7`) and PX4 ULog; other data can be written as an experiment folder by hand"
+         MATLAB files of named vectors (`save -v7`), PX4 ULog and Betaflight blackbox; other data can be written as an experiment folder by hand"
     ))]
     UnknownFormat {
         /// The log.
@@ -181,6 +181,30 @@ pub enum ImportError {
         known: String,
         /// The motor, from 1.
         motor: usize,
+    },
+    /// A flight log whose headers do not say what a number of it means, or say what cannot be taken.
+    #[error("{}, header `{header}`: {problem}", file.display())]
+    #[diagnostic(help("{remedy}"))]
+    Header {
+        /// The log.
+        file: PathBuf,
+        /// The header.
+        header: &'static str,
+        /// What is wrong with it.
+        problem: String,
+        /// What to do about it.
+        remedy: &'static str,
+    },
+    /// A log of that number, in a file that has fewer.
+    #[error("{}: there is no log {log} in it, but {logs}", file.display())]
+    #[diagnostic(help("logs are numbered from 1, in the order of the file"))]
+    NoSuchLog {
+        /// The file.
+        file: PathBuf,
+        /// The log that was asked for.
+        log: usize,
+        /// How many there are.
+        logs: usize,
     },
     /// A vector that cannot be a column.
     #[error("{}, vector `{name}`: {problem}", file.display())]

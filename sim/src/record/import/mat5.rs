@@ -10,9 +10,14 @@ use flate2::read::ZlibDecoder;
 
 /// Bytes in front of the first element.
 const HEADER: usize = 128;
-/// Bytes of one inflated variable: 64 million doubles. Deflate packs up to 1032 bytes in one, so a
-/// small file could ask for much more than any log needs.
-const MAX_INFLATED: u64 = 512 << 20;
+/// What the variables that are taken may inflate to, in lengths of the file, beside [`INFLATED_ANYWAY`]. Deflate packs up
+/// to 1032 bytes in one, but a time that increases keeps a byte or so of each row, and a row is a number or two of 8 bytes
+/// for each of six signals.
+const INFLATED_PER_BYTE: usize = 64;
+/// What they may inflate to in any file.
+const INFLATED_ANYWAY: usize = 1 << 16;
+/// Bytes that hold a variable's name: the tags, the dimensions, and 63 letters.
+const NAMED_WITHIN: usize = 1 << 12;
 
 const COMPRESSED: u32 = 15;
 const MATRIX: u32 = 14;
@@ -61,18 +66,32 @@ pub(super) fn read(bytes: &[u8], wanted: impl Fn(&str) -> bool) -> Result<Vec<Va
     let order = if bytes.get(126) == Some(&b'M') { Order::Big } else { Order::Little };
     let mut elements = Elements { bytes, at: HEADER.min(bytes.len()), order };
     let mut variables = Vec::new();
+    let mut budget = INFLATED_ANYWAY.saturating_add(bytes.len().saturating_mul(INFLATED_PER_BYTE));
     while let Some(element) = elements.next_top()? {
         let within = |damage: Damage| Damage { offset: element.offset, ..damage };
         let variable = match element.kind {
             MATRIX => matrix(element.data, order, &wanted).map_err(within)?,
             COMPRESSED => {
-                let inflated = inflate(element.data).map_err(|problem| Damage { offset: element.offset, problem })?;
-                let mut inner = Elements { bytes: &inflated, at: 0, order };
-                let inner = inner.next().map_err(within)?;
-                if inner.kind != MATRIX {
+                let inflated =
+                    |limit| inflate(element.data, limit).map_err(|problem| within(Damage { offset: 0, problem }));
+                // A variable that is not wanted may be large: its name is in its beginning.
+                let head = inflated(NAMED_WITHIN)?;
+                if head.first_chunk().map(|kind| order.word(*kind)).is_some_and(|kind| kind != MATRIX) {
                     continue;
                 }
-                matrix(inner.data, order, &wanted).map_err(within)?
+                let named = matrix(head.get(8..).unwrap_or_default(), order, |_| false).map_err(within)?;
+                match named {
+                    Some(variable) if wanted(&variable.name) => {
+                        let whole = inflated(budget + 1)?;
+                        let large =
+                            Damage { offset: element.offset, problem: "it inflates to more than any recording" };
+                        budget = budget.checked_sub(whole.len()).ok_or(large)?;
+                        let mut inner = Elements { bytes: &whole, at: 0, order };
+                        let inner = inner.next().map_err(within)?;
+                        matrix(inner.data, order, &wanted).map_err(within)?
+                    }
+                    named => named,
+                }
             }
             _ => continue,
         };
@@ -82,10 +101,10 @@ pub(super) fn read(bytes: &[u8], wanted: impl Fn(&str) -> bool) -> Result<Vec<Va
     Ok(variables)
 }
 
-fn inflate(data: &[u8]) -> Result<Vec<u8>, &'static str> {
+/// The first `limit` bytes, or all.
+fn inflate(data: &[u8], limit: usize) -> Result<Vec<u8>, &'static str> {
     let mut inflated = Vec::new();
-    match ZlibDecoder::new(data).take(MAX_INFLATED + 1).read_to_end(&mut inflated) {
-        Ok(length) if length as u64 > MAX_INFLATED => Err("a compressed variable of more than 512 MiB"),
+    match ZlibDecoder::new(data).take(limit as u64).read_to_end(&mut inflated) {
         Ok(_) => Ok(inflated),
         Err(_) => Err("compressed data are damaged"),
     }

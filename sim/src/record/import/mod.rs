@@ -1,9 +1,11 @@
 //! Logs of other tools, taken as an [`Experiment`].
 //!
-//! The format is told from the content. Each format has its file: `rcbenchmark`, `esc32`, `mat` and `ulog`. What
-//! was found in a log, what of it was taken and as what, and what was done to the rows and their
+//! The format is told from the content. Each format has its file: `rcbenchmark`, `esc32`, `mat`, `ulog` and
+//! `blackbox`. What was found in a log, what of it was taken and as what, and what was done to the rows and their
 //! times is in the [`ImportSummary`].
 
+mod blackbox;
+mod blackbox_frames;
 mod error;
 mod esc32;
 mod mat;
@@ -34,11 +36,13 @@ pub struct ImportOptions {
     pub esc_signal_us: (f64, f64),
     /// Which motor to take of a flight log, from 1.
     pub motor: usize,
+    /// Which log to take of a file that has several, from 1; the longest where absent.
+    pub log: Option<usize>,
 }
 
 impl Default for ImportOptions {
     fn default() -> Self {
-        Self { name: None, esc_signal_us: (1000.0, 2000.0), motor: 1 }
+        Self { name: None, esc_signal_us: (1000.0, 2000.0), motor: 1, log: None }
     }
 }
 
@@ -60,16 +64,29 @@ const MIN_ROWS: usize = 100;
 /// [`ImportError`]: unreadable file, unknown header, missing column, text in a number column, command
 /// outside its range, time that runs backwards, too few rows, a damaged binary file.
 pub fn import(file: &Path, options: &ImportOptions) -> Result<Import, ImportError> {
+    let bytes = std::fs::read(file).map_err(|source| ImportError::Read { file: file.into(), source })?;
+    import_bytes(file, &bytes, options)
+}
+
+/// [`import`] of a log that is in memory. `file` is what messages call it.
+///
+/// Memory stays within a fixed multiple of the log's length, whatever the log says of itself.
+///
+/// # Errors
+/// As [`import`].
+pub fn import_bytes(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Import, ImportError> {
     let (low_us, high_us) = options.esc_signal_us;
     if !(low_us.is_finite() && high_us.is_finite() && low_us < high_us) {
         return Err(ImportError::SignalRange { low_us, high_us });
     }
-    let bytes = std::fs::read(file).map_err(|source| ImportError::Read { file: file.into(), source })?;
-    let taken = match mat5::header(&bytes) {
-        Some(mat5::Header::Level5) => mat::take(file, &bytes, options)?,
+    let taken = match mat5::header(bytes) {
+        Some(mat5::Header::Level5) => mat::take(file, bytes, options)?,
         Some(mat5::Header::Hdf5) => return Err(ImportError::Hdf5 { file: file.into() }),
-        None if ulog_messages::is_ulog(&bytes) => ulog::take(file, &bytes, options)?,
-        None => take_table(&Table::parse(file, &bytes)?, options)?,
+        None if ulog_messages::is_ulog(bytes) => ulog::take(file, bytes, options)?,
+        None => match &blackbox_frames::logs(bytes)[..] {
+            [] => take_table(&Table::parse(file, bytes)?, options)?,
+            logs => blackbox::take(file, bytes, logs, options)?,
+        },
     };
     Ok(taken.into_import(file, options))
 }

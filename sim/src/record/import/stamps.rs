@@ -74,7 +74,7 @@ fn lost_rows(stamps: &[f64], interval: f64) -> Vec<usize> {
         return lost;
     }
     let late = |k: usize| stamps[k] - interval * k as f64;
-    let mut before = 0;
+    let mut before = 0usize;
     let mut from = 0;
     for k in 1..n {
         if stamps[k] - stamps[k - 1] > GAP_INTERVALS * interval {
@@ -83,7 +83,8 @@ fn lost_rows(stamps: &[f64], interval: f64) -> Vec<usize> {
             let tail = (k..(k + GAP_WINDOW).min(n)).map(late).fold(f64::INFINITY, f64::min);
             let rows = ((tail - head) / interval).round();
             if rows >= 1.0 {
-                before += rows as usize;
+                // Stamps of different ages may be farther apart than rows can be counted.
+                before = before.saturating_add(rows as usize).min(u32::MAX as usize);
                 from = k;
             }
         }

@@ -18,6 +18,8 @@ pub enum LogFormat {
     Mat,
     /// Flight log of the PX4 autopilot.
     Ulog,
+    /// Flight log of Betaflight.
+    Blackbox,
 }
 
 /// What was found in a log and what became of it.

@@ -27,6 +27,13 @@ pub(super) fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result
         offset: damage.offset,
         problem: damage.problem,
     })?;
+    if !log.logged {
+        return Err(ImportError::Damaged {
+            file: file.into(),
+            offset: bytes.len(),
+            problem: "the log ends before anything was logged",
+        });
+    }
     let missing = |signal: &'static str, known: &str| ImportError::MissingTopic {
         file: file.into(),
         signal,

@@ -26,6 +26,8 @@ pub(super) struct Log<'a> {
     pub(super) dropouts: usize,
     /// Whether it ends within a message.
     pub(super) cut: bool,
+    /// Whether anything was logged behind the definitions.
+    pub(super) logged: bool,
 }
 
 /// One instance of a logged topic.
@@ -88,7 +90,7 @@ fn width(kind: &str) -> Option<usize> {
 impl<'a> Log<'a> {
     /// Reads the messages of the topics that are `wanted`; of others the name alone is kept.
     pub(super) fn read(bytes: &'a [u8], wanted: &[&str]) -> Result<Self, Damage> {
-        let mut log = Self { formats: HashMap::new(), topics: Vec::new(), dropouts: 0, cut: false };
+        let mut log = Self { formats: HashMap::new(), topics: Vec::new(), dropouts: 0, cut: false, logged: false };
         let mut numbers: HashMap<u16, usize> = HashMap::new();
         // Where parts begin that were appended later: a message before may be cut short there.
         let mut starts = appended(bytes)?;
@@ -128,6 +130,7 @@ impl<'a> Log<'a> {
                 self.topics.push(Topic { name, instance: *instance, rows: Vec::new() });
             }
             b'D' => {
+                self.logged = true;
                 let (number, row) = data.split_first_chunk::<2>().ok_or("data of no topic")?;
                 // Data without a subscription belong to what was lost.
                 let topic = numbers.get(&u16::from_le_bytes(*number)).map(|&at| &mut self.topics[at]);
@@ -149,8 +152,10 @@ impl<'a> Log<'a> {
     /// Where `field[index]` of `topic` is, or `field[index].inner`; `None`: there is none.
     pub(super) fn place(&self, topic: &str, field: &str, index: usize, inner: Option<&str>) -> Option<Place<'a>> {
         let mut offset = 0_usize;
+        // Each type is measured once: a format may have thousands of fields of another such.
+        let mut sizes = HashMap::new();
         for part in self.formats.get(topic)? {
-            let size = self.size(part.kind)?;
+            let size = (*sizes.entry(part.kind).or_insert_with(|| self.size(part.kind)))?;
             if part.name == field && index < part.count {
                 let start = size.checked_mul(index)?.checked_add(offset)?;
                 return match inner {

@@ -1,0 +1,217 @@
+//! Any bytes as the log of another tool.
+
+use std::io::Write as _;
+use std::path::Path;
+
+use flate2::{Compression, write::ZlibEncoder};
+use miette::Diagnostic as _;
+use rotorlead_sim::record::import::{Import, ImportOptions, import_bytes};
+
+/// What messages have to call the log.
+const FILE: &str = "fuzzed.log";
+
+/// Memory that an import may take at a time, beside the log. Most is taken by compressed data: a byte of the file may
+/// inflate to 64 one-byte numbers, each of which becomes doubles in the vector, in the column and as its time, and the
+/// place of its row; and lists take twice as much while they grow. Other formats take up to 400 bytes for a row of two.
+#[must_use]
+pub fn import_memory_bound(length: usize) -> usize {
+    (4 << 20) + 64 * 32 * length
+}
+
+/// Bytes as a log of any format, which is told from them.
+///
+/// # Panics
+/// When the importer does, or takes what no experiment is, or refuses without saying why, where and what to do.
+fn check(bytes: &[u8]) {
+    let options = ImportOptions::default();
+    match import_bytes(Path::new(FILE), bytes, &options) {
+        Ok(Import { experiment, summary }) => {
+            let [record] = &experiment.records[..] else { panic!("{} records", experiment.records.len()) };
+            assert!(record.time_s.is_sorted_by(|a, b| a < b), "time does not increase");
+            assert!(record.command.iter().all(|c| (0.0..=1.0).contains(c)), "a command outside 0..1");
+            assert!(record.thrust_n.is_some() || record.rpm.is_some(), "no response");
+            let optional = [&record.thrust_n, &record.rpm, &record.voltage_v, &record.current_a];
+            let columns = [&record.time_s, &record.command].into_iter().chain(optional.into_iter().flatten());
+            for column in columns {
+                assert_eq!(column.len(), summary.rows_taken, "columns of different lengths");
+                assert!(column.iter().all(|x| x.is_finite()), "not a number");
+            }
+            let dropped: usize = summary.dropped.iter().map(|d| d.rows).sum();
+            assert_eq!(summary.rows_taken + dropped, summary.rows_read, "rows vanished");
+        }
+        Err(error) => {
+            assert!(error.to_string().contains(FILE), "{error}");
+            assert!(error.help().is_some(), "{error}: no remedy");
+        }
+    }
+}
+
+/// The first byte says whether the others are a log as they are or what comes behind `prefix`.
+fn check_behind(prefix: &[u8], data: &[u8]) {
+    match data {
+        [form, bytes @ ..] if form % 2 == 1 => check(&[prefix, bytes].concat()),
+        [_, bytes @ ..] => check(bytes),
+        [] => check(&[]),
+    }
+}
+
+const RCBENCHMARK: &[u8] = "Time (s),ESC signal (µs),Motor Electrical Speed (RPM),Thrust (N)\n".as_bytes();
+const ESC32: &[u8] = b"Timestamp,Duty,RPM\n";
+const ULOG: &[u8] = b"ULog\x01\x12\x35\x01\0\0\0\0\0\0\0\0";
+
+/// Behind a byte that chooses: any log, or the rows of a stand's.
+pub fn fuzz_import_rcbenchmark(data: &[u8]) {
+    check_behind(RCBENCHMARK, data);
+}
+
+/// Behind a byte that chooses: any log, or the rows of an ESC's telemetry.
+pub fn fuzz_import_esc32(data: &[u8]) {
+    check_behind(ESC32, data);
+}
+
+/// Behind a byte that chooses: any log, or the messages of a ULog.
+pub fn fuzz_import_ulog(data: &[u8]) {
+    check_behind(ULOG, data);
+}
+
+/// Behind a byte that chooses: any log, the elements of a MATLAB file in either byte order, or what is in one compressed
+/// element of it.
+pub fn fuzz_import_mat(data: &[u8]) {
+    let Some((form, bytes)) = data.split_first() else { return };
+    let (big, compressed) = (form & 1 != 0, form & 2 != 0);
+    if form & 4 != 0 {
+        return check(bytes);
+    }
+    let mut file = vec![b' '; 124];
+    file.extend(if big { [1, 0, b'M', b'I'] } else { [0, 1, b'I', b'M'] });
+    if compressed {
+        // The fastest level: what matters is what comes out again.
+        let packed = packed(bytes, Compression::fast());
+        let word = |value: u32| if big { value.to_be_bytes() } else { value.to_le_bytes() };
+        file.extend([word(15), word(packed.len() as u32)].concat());
+        file.extend(packed);
+    } else {
+        file.extend(bytes);
+    }
+    check(&file);
+}
+
+fn packed(bytes: &[u8], level: Compression) -> Vec<u8> {
+    let mut encoder = ZlibEncoder::new(Vec::new(), level);
+    encoder.write_all(bytes).expect("memory takes all");
+    encoder.finish().expect("memory takes all")
+}
+
+/// Behind a byte that chooses: any log, or a blackbox behind its first two lines.
+pub fn fuzz_import_blackbox(data: &[u8]) {
+    check_behind(b"H Product:Blackbox flight data recorder by Nicholas Sherlock\nH Data version:2\n", data);
+}
+
+/// A sample of `rotorlead_sim`.
+macro_rules! sample {
+    ($name:literal) => {
+        include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/tests/data/", $name))
+    };
+}
+
+/// The first `count` lines.
+fn lines(text: &[u8], count: usize) -> Vec<u8> {
+    text.split_inclusive(|&byte| byte == b'\n').take(count).flatten().copied().collect()
+}
+
+fn behind(form: u8, parts: &[&[u8]]) -> Vec<u8> {
+    [&[form], &parts.concat()[..]].concat()
+}
+
+/// Bytes to start [`fuzz_import_rcbenchmark`] from: the sample's beginning, and bare rows.
+#[must_use]
+pub fn import_rcbenchmark_corpus() -> Vec<(&'static str, Vec<u8>)> {
+    let row = |k: usize| format!("{}.{:03},{},{},\n", k / 143, k * 7 % 1000, 1200 + k, 5000 + k);
+    let rows: String = (0..110).map(row).collect();
+    vec![
+        ("sample", behind(0, &[&lines(sample!("rcbenchmark.csv"), 130)])),
+        ("rows", behind(1, &[rows.as_bytes()])),
+        ("shortest_rows", behind(1, &["1\n".repeat(600).as_bytes()])),
+    ]
+}
+
+/// Bytes to start [`fuzz_import_esc32`] from: the sample's beginning, bare rows, and stamps centuries apart.
+#[must_use]
+pub fn import_esc32_corpus() -> Vec<(&'static str, Vec<u8>)> {
+    let row = |k: usize| format!("2019-11-07 23:45:{}:{:03},15,{}\n", 10 + k / 100, k * 10 % 1000, 5000 + k);
+    let rows: String = (0..110).map(row).collect();
+    let far = |k: usize| format!("{:04}-01-01 00:00:00:{:09},1,1\n", if k < 60 { 1 } else { 9000 + k }, k);
+    let far: String = (0..110).map(far).collect();
+    vec![
+        ("sample", behind(0, &[&lines(sample!("esc32.csv"), 112)])),
+        ("rows", behind(1, &[rows.as_bytes()])),
+        ("centuries", behind(1, &[far.as_bytes()])),
+    ]
+}
+
+/// Bytes to start [`fuzz_import_ulog`] from: the sample, its messages, and the shortest messages.
+#[must_use]
+pub fn import_ulog_corpus() -> Vec<(&'static str, Vec<u8>)> {
+    let log = sample!("esc_status.ulg");
+    let mut short = b"\x16\0Factuator_motors:int8_t x;".to_vec();
+    short.extend(b"\x0c\0A\0\0\0esc_status".iter().chain(&b"\x02\0D\0\0".repeat(400)));
+    vec![
+        ("sample", behind(0, &[log])),
+        ("messages", behind(1, &[&log[ULOG.len()..12_000]])),
+        ("shortest_messages", behind(1, &[&short])),
+    ]
+}
+
+/// Bytes to start [`fuzz_import_mat`] from: the sample, vectors of bytes, one to be packed, and packed ones of which the
+/// last is a thousand times its length.
+#[must_use]
+pub fn import_mat_corpus() -> Vec<(&'static str, Vec<u8>)> {
+    let log = sample!("vectors.mat");
+    let element = |kind: u32, data: &[u8]| {
+        let mut element = [kind.to_le_bytes(), (data.len() as u32).to_le_bytes()].concat();
+        element.extend(data);
+        element.resize(element.len().next_multiple_of(8), 0);
+        element
+    };
+    let vector = |name: &str, numbers: &[u8]| {
+        let size = [(numbers.len() as u32).to_le_bytes(), 1_u32.to_le_bytes()].concat();
+        let flags = [9, 0, 0, 0, 0, 0, 0, 0];
+        let parts = [element(6, &flags), element(5, &size), element(1, name.as_bytes()), element(2, numbers)];
+        element(14, &parts.concat())
+    };
+    let zip = |data: &[u8]| {
+        let packed = packed(data, Compression::best());
+        [&15_u32.to_le_bytes(), &(packed.len() as u32).to_le_bytes(), &packed[..]].concat()
+    };
+    let numbers: Vec<u8> = (0..110).collect();
+    let vectors = [vector("t", &numbers), vector("u", &[1; 110]), vector("rpm", &numbers)];
+    vec![
+        ("sample", behind(4, &[log])),
+        ("elements", behind(0, &[&log[128..]])),
+        ("bytes", behind(0, &[&vectors.concat()])),
+        ("to_be_packed", behind(2, &[&vectors[0]])),
+        ("packed", behind(0, &[&vectors.each_ref().map(|v| zip(v)).concat()])),
+        ("bomb", behind(0, &[&zip(&vector("t", &vec![0; 1 << 20]))])),
+        ("bomb_of_no_interest", behind(0, &[&zip(&vector("x", &vec![0; 1 << 20])), &vectors.concat()])),
+    ]
+}
+
+/// Bytes to start [`fuzz_import_blackbox`] from: the sample's first log and the beginning of its second, and frames of
+/// one byte.
+///
+/// # Panics
+/// When the sample has no second log.
+#[must_use]
+pub fn import_blackbox_corpus() -> Vec<(&'static str, Vec<u8>)> {
+    let file = sample!("blackbox.bbl");
+    let second = (1..file.len()).find(|&at| file[at..].starts_with(b"H Product")).expect("two logs are in the sample");
+    let headers = "H Field I name:time,motor[0],eRPM[0]\nH Field I predictor:0,0,0\nH Field I encoding:1,1,1\n\
+                   H Field P predictor:2,1,1\nH Field P encoding:9,9,9\nH motor_poles:14\nH motor_pwm_protocol:6\n\
+                   H Firmware revision:Betaflight 4.5.0 (x) Y\nI\x01\x50\x20P";
+    let frames = [headers.as_bytes(), &b"I\x02\x50\x20"[..], &b"P".repeat(400)].concat();
+    vec![
+        ("sample", behind(0, &[&file[..second + 3500]])),
+        ("frames", behind(1, &[&lines(&file[second..], 30)[80..], &file[second + 1300..second + 4000]])),
+        ("shortest_frames", behind(1, &[&frames])),
+    ]
+}

@@ -1,0 +1,212 @@
+//! Blackbox logs of Betaflight: one motor's command and the speed that its ESC reports over bidirectional DSHOT.
+//!
+//! - The command is `motor[]`. With DSHOT its numbers 48 to 2047 are the ESC's whole range (0 stops the motor, 1 to 47 are
+//!   orders); otherwise it is a pulse width. `motorOutput` is no range of the ESC: it is where Betaflight idles.
+//! - The response is `eRPM[]` (Betaflight 4.5 and later) in hundreds of electrical revolutions per minute:
+//!   `rpm = 100 eRPM / (motor_poles / 2)`.
+//! - A file holds a log per flight. The longest is taken unless another is asked for.
+
+use std::path::Path;
+
+use super::blackbox_frames::{Log, Rows};
+use super::summary::{ColumnUse, DroppedRows};
+use super::vectors::{normalized, stamps_kept};
+use super::{ImportError, ImportOptions, ImportSummary, LogFormat, MIN_ROWS, Taken};
+
+/// DSHOT numbers of no and of full throttle.
+const DSHOT: (f64, f64) = (48.0, 2047.0);
+/// Bit of `features` that says that motors turn both ways.
+const FEATURE_3D: i64 = 1 << 12;
+/// Volts in a unit of `vbatLatest`.
+const VOLTS: f64 = 0.01;
+
+pub(super) fn take(file: &Path, bytes: &[u8], logs: &[&[u8]], options: &ImportOptions) -> Result<Taken, ImportError> {
+    let mut notes = Vec::new();
+    let number = chosen(file, logs, options, &mut notes)?;
+    // Where the log begins in the file; garbage may lie in front of the first.
+    let offset = bytes.len() - logs[number..].iter().map(|log| log.len()).sum::<usize>();
+    let damaged = |at: usize, problem| ImportError::Damaged { file: file.into(), offset: offset + at, problem };
+    let log = Log::read(logs[number]).map_err(|damage| damaged(damage.offset, damage.problem))?;
+    let missing = |signal: &'static str, known: &str| ImportError::MissingTopic {
+        file: file.into(),
+        signal,
+        known: known.into(),
+        motor: options.motor,
+    };
+    check_firmware(file, &log)?;
+    let motor = options.motor.checked_sub(1).ok_or_else(|| missing("command", "motors are numbered from 1"))?;
+    let (command_name, speed_name) = (format!("motor[{motor}]"), format!("eRPM[{motor}]"));
+    let command = log.field(&command_name).ok_or_else(|| missing("command", "the field `motor[]`"))?;
+    let speed = log.field(&speed_name).ok_or_else(|| {
+        missing("rpm", "the field `eRPM[]`, which Betaflight logs from version 4.5 on with bidirectional DSHOT")
+    })?;
+    let poles = poles(file, &log)?;
+    let (range, pulse_widths) = match dshot(file, &log)? {
+        true => (DSHOT, false),
+        false => (options.esc_signal_us, true),
+    };
+
+    let frames = log.rows([Some(command), Some(speed), log.field("vbatLatest")]);
+    let taken = usable(&frames, pulse_widths);
+    let rows = taken.rows;
+    if frames.lost > frames.rows.len() {
+        return Err(damaged(frames.first_damage, "from here on, more frames are damaged than whole"));
+    }
+    if rows.len() < MIN_ROWS {
+        return Err(ImportError::TooFewRows { file: file.into(), rows: rows.len(), needed: MIN_ROWS });
+    }
+    let column = |k: usize| rows.iter().map(|&row| f64::from(frames.rows[row].1[k])).collect::<Vec<_>>();
+    let drive = normalized(file, &command_name, &rows, column(0), range)?;
+    let rpm: Vec<f64> = column(1).into_iter().map(|erpm| erpm * 200.0 / poles).collect();
+    if rpm.iter().all(|&rpm| rpm == 0.0) {
+        notes.push(format!("`{speed_name}` is zero throughout: the motor never turned, or its ESC does not report"));
+    }
+    // Counted from the first row, as doubles would lose microseconds of none.
+    let stamps = rows.iter().map(|&row| (frames.rows[row].0 - frames.rows[rows[0]].0) as f64 * 1e-6).collect();
+    let (time_s, sample_rate_hz, timing) = stamps_kept(file, "time", &rows, stamps)?;
+    let voltage = column(2);
+    let voltage_v = (log.field("vbatLatest").is_some() && voltage.iter().any(|&v| v != 0.0))
+        .then(|| voltage.into_iter().map(|v| v * VOLTS).collect());
+    notes.extend(what_is_lost(&frames));
+
+    let use_of = |name: &&str| {
+        let (taken_as, note) = match *name {
+            "time" => (Some("time_s"), String::from("microseconds, from the first row taken")),
+            name if name == command_name => (Some("command"), format!("{}..{} become 0..1", range.0, range.1)),
+            name if name == speed_name => (Some("rpm"), format!("times 100, by {} pairs of poles", poles / 2.0)),
+            "vbatLatest" if voltage_v.is_some() => (Some("voltage_v"), format!("times {VOLTS}")),
+            "vbatLatest" => (None, String::from("zero throughout")),
+            "amperageLatest" => (None, String::from("the current of all motors")),
+            name if name.starts_with("motor[") || name.starts_with("eRPM[") => (None, String::from("another motor")),
+            _ => (None, String::from("no part of an experiment")),
+        };
+        ColumnUse { name: (*name).into(), taken_as: taken_as.map(String::from), note }
+    };
+    Ok(Taken {
+        summary: ImportSummary {
+            file: file.into(),
+            format: LogFormat::Blackbox,
+            rows_read: frames.rows.len(),
+            rows_taken: rows.len(),
+            columns: log.names.iter().map(use_of).collect(),
+            dropped: taken.dropped,
+            timing,
+            pulse_widths,
+            notes,
+        },
+        time_s,
+        command: drive,
+        thrust_n: None,
+        rpm: Some(rpm),
+        voltage_v,
+        current_a: None,
+        sample_rate_hz,
+    })
+}
+
+/// The place of the log to take: the one that was asked for, or the longest.
+fn chosen(file: &Path, logs: &[&[u8]], options: &ImportOptions, notes: &mut Vec<String>) -> Result<usize, ImportError> {
+    if let Some(log) = options.log {
+        let place = log.checked_sub(1).filter(|&place| place < logs.len());
+        return place.ok_or_else(|| ImportError::NoSuchLog { file: file.into(), log, logs: logs.len() });
+    }
+    let longest = logs.iter().map(|log| log.len()).max();
+    let place = logs.iter().position(|log| Some(log.len()) == longest).unwrap_or(0);
+    if logs.len() > 1 {
+        notes.push(format!("{} logs are in the file: taken is number {}, the longest", logs.len(), place + 1));
+    }
+    Ok(place)
+}
+
+/// Others write the same container with other units.
+fn check_firmware(file: &Path, log: &Log<'_>) -> Result<(), ImportError> {
+    let header = "Firmware revision";
+    let firmware = log.header(header).unwrap_or("none");
+    if firmware.starts_with("Betaflight ") {
+        return Ok(());
+    }
+    Err(ImportError::Header {
+        file: file.into(),
+        header,
+        problem: format!("`{}` is not Betaflight", firmware.chars().take(40).collect::<String>()),
+        remedy: "the units of other firmware are not known here: export the log as a table and write an experiment folder",
+    })
+}
+
+fn poles(file: &Path, log: &Log<'_>) -> Result<f64, ImportError> {
+    let header = "motor_poles";
+    let poles = log.header(header).and_then(|text| text.parse().ok());
+    poles.filter(|poles: &u8| *poles >= 2).map(f64::from).ok_or_else(|| ImportError::Header {
+        file: file.into(),
+        header,
+        problem: String::from("no number of poles"),
+        remedy: "without it electrical speed is no speed: log with a Betaflight that writes it",
+    })
+}
+
+/// Whether commands are DSHOT numbers.
+fn dshot(file: &Path, log: &Log<'_>) -> Result<bool, ImportError> {
+    let features = log.header("features").and_then(|text| text.parse::<i64>().ok()).unwrap_or(0);
+    if features & FEATURE_3D != 0 {
+        return Err(ImportError::Header {
+            file: file.into(),
+            header: "features",
+            problem: String::from("the motors turn both ways (3D)"),
+            remedy: "log with 3D switched off: half of the ESC's range is the other direction",
+        });
+    }
+    let header = "motor_pwm_protocol";
+    match log.header(header).and_then(|text| text.parse::<u8>().ok()) {
+        Some(5..=8) => Ok(true),
+        Some(0..=3) => Ok(false),
+        _ => Err(ImportError::Header {
+            file: file.into(),
+            header,
+            problem: String::from("neither DSHOT nor pulses"),
+            remedy: "known are 0 to 3 (PWM, OneShot, MultiShot) and 5 to 8 (DSHOT, ProShot)",
+        }),
+    }
+}
+
+/// Rows to take, by their place.
+struct Usable {
+    rows: Vec<usize>,
+    dropped: Vec<DroppedRows>,
+}
+
+/// Leaves out rows in which the motor has no command, and what can only be damage.
+fn usable(frames: &Rows<3>, pulse_widths: bool) -> Usable {
+    let (mut stopped, mut wrong) = (0, 0);
+    let mut rows = Vec::new();
+    for (row, (_, [command, erpm, _])) in frames.rows.iter().enumerate() {
+        if *erpm < 0 || !pulse_widths && !(0..=2047).contains(command) {
+            wrong += 1;
+        } else if !pulse_widths && *command < 48 {
+            stopped += 1;
+        } else {
+            rows.push(row);
+        }
+    }
+    let reasons =
+        [(stopped, "the motor is stopped (DSHOT below 48)"), (wrong, "no DSHOT number, or a negative speed: damage")];
+    let reasons = reasons.into_iter().filter(|(rows, _)| *rows > 0);
+    Usable { rows, dropped: reasons.map(|(rows, reason)| DroppedRows { rows, reason: reason.into() }).collect() }
+}
+
+/// What the record has gaps for, in words.
+fn what_is_lost(frames: &Rows<3>) -> Vec<String> {
+    let mut notes = Vec::new();
+    if frames.damaged + frames.lost > 0 {
+        notes.push(format!(
+            "the log is damaged in {} place(s), and {} frame(s) that hang on them are lost: the record has gaps there",
+            frames.damaged, frames.lost
+        ));
+    }
+    if frames.pauses > 0 {
+        notes.push(format!("logging paused {} time(s): the record has gaps there", frames.pauses));
+    }
+    if !frames.closed {
+        notes.push("the log was not closed, as when power is cut: all whole frames were read".into());
+    }
+    notes
+}
