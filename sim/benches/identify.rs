@@ -106,7 +106,7 @@ fn measure(folder: &Path) -> miette::Result<()> {
             lap_s
         }
     };
-    let (experiment, long) = Experiment::read_leaving(folder, LONG_FILE)?;
+    let (mut experiment, long) = Experiment::read_leaving(folder, LONG_FILE)?;
     let mut rows: usize = experiment.records.iter().map(|record| record.time_s.len()).sum();
     let counts = long.par_iter().map(|record| record.for_each_block(|_| {})).collect::<Vec<_>>();
     for count in counts {
@@ -122,15 +122,14 @@ fn measure(folder: &Path) -> miette::Result<()> {
     for (record, spectrum) in long.iter().zip(long_spectra) {
         transformed.push((record.header.clone(), spectrum?));
     }
-    for (record, spectrum) in experiment.records.iter().zip(short_spectra) {
-        let header = Record { time_s: vec![], command: vec![], thrust_n: None, ..record.clone() };
-        transformed.push((header, spectrum?));
+    // The experiment is left without them, so that nothing is transformed twice.
+    for (record, spectrum) in std::mem::take(&mut experiment.records).into_iter().zip(short_spectra) {
+        transformed.push((record, spectrum?));
     }
     let both_s = lap();
     let spectra_s = if long.is_empty() { both_s } else { both_s - read_s };
 
-    let from_spectra = Experiment { records: vec![], ..experiment };
-    identify_periodic(&from_spectra, &PeriodicOptions { long: &transformed, ..PeriodicOptions::default() })?;
+    identify_periodic(&experiment, &PeriodicOptions { long: &transformed, ..PeriodicOptions::default() })?;
     let fit_s = lap();
     let stages = serde_json::json!({ "rows": rows, "read_s": read_s, "spectra_s": spectra_s, "fit_s": fit_s });
     println!("{stages}");

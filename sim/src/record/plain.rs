@@ -51,7 +51,7 @@ mod tests {
         let mut values = [Vec::new()];
         let text = format!("{cell}\n");
         let read = read(text.as_bytes(), &[Column::VoltageV], CommandKind::Duty, &[None], &mut values);
-        read.then(|| values[0][0])
+        values[0].first().copied().filter(|_| read)
     }
 
     proptest! {
@@ -76,7 +76,7 @@ mod tests {
     #[test]
     fn all_else_is_left_to_another_reader() {
         for cell in ["", " 1", "1 ", "\"1\"", "1,", "1,2", "nan", "inf", "1e999", "0x10", "1e", "1;", "\t1", "é"] {
-            assert_eq!(parsed(cell).filter(|_| !cell.is_empty()), None, "{cell:?}");
+            assert_eq!(parsed(cell), None, "{cell:?}");
         }
     }
 }

@@ -12,7 +12,7 @@ use crate::run::{Result, cargo, command, output, root, run};
 /// Rows of a period of the records: 10 s at 5 kHz.
 const PERIOD_ROWS: usize = 50_000;
 /// Runs of each program, of which the quickest counts: what the code can do, not what else the machine does.
-const RUNS: usize = 5;
+const RUNS: usize = 3;
 /// Above so many rows a program is run once.
 const MANY_ROWS: usize = 5_000_000;
 /// Time constants of both that differ by more than this are not those of the same work.
@@ -94,8 +94,19 @@ struct Programs {
 
 impl Programs {
     fn build() -> Result<Self> {
-        let rotorlead = executable(&["build", "--release", "--package", "rotorlead-sim", "--bin", "rotorlead"])?;
-        let stages = executable(&["bench", "--no-run", "--package", "rotorlead-sim", "--bench", "identify"])?;
+        // A benchmark is built with the programs of its package.
+        let arguments = ["bench", "--no-run", "--package", "rotorlead-sim", "--bench", "identify", "--locked"];
+        let mut build = cargo(&arguments);
+        build.args(["--message-format", "json-render-diagnostics"]).stderr(Stdio::inherit());
+        let built = build.output().map_err(|error| format!("cargo: {error}"))?;
+        let messages = String::from_utf8_lossy(&built.stdout);
+        let messages: Vec<Value> = messages.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
+        let executable = |name: &str| {
+            let of_name = messages.iter().filter(|message| message["target"]["name"] == name);
+            let path = of_name.filter_map(|message| message["executable"].as_str()).next_back();
+            path.map(PathBuf::from).ok_or_else(|| format!("cargo {} built no {name}", arguments.join(" ")))
+        };
+        let (rotorlead, stages) = (executable("rotorlead")?, executable("identify")?);
         // The name on the way, or another one: an environment with NumPy may have its own.
         let python = std::env::var("PYTHON").unwrap_or_else(|_| String::from("python3"));
         let python = output(&mut command(&python, &["--version"])).map(|_| python);
@@ -173,23 +184,6 @@ impl Programs {
         let found = stages["time_constants_s"].as_array().map(Vec::as_slice).unwrap_or_default();
         let time_constants_s = found.iter().filter_map(Value::as_f64).collect();
         Ok(Row { program: format!("NumPy/SciPy, read by {reader}"), set, cost, stages, time_constants_s })
-    }
-}
-
-/// Builds, and says where the program is.
-fn executable(arguments: &[&str]) -> Result<PathBuf> {
-    let mut build = cargo(arguments);
-    build.args(["--locked", "--message-format", "json-render-diagnostics"]).stderr(Stdio::inherit());
-    let built = build.output().map_err(|error| format!("cargo: {error}"))?;
-    let messages = String::from_utf8_lossy(&built.stdout);
-    let found = messages
-        .lines()
-        .filter_map(|line| serde_json::from_str::<Value>(line).ok())
-        .filter_map(|message| message["executable"].as_str().map(PathBuf::from))
-        .next_back();
-    match found {
-        Some(path) if built.status.success() => Ok(path),
-        _ => Err(format!("cargo {} built no program", arguments.join(" "))),
     }
 }
 

@@ -8,7 +8,7 @@ use super::frame::Frame;
 use super::{Spectrum, SpectrumOptions, rate_of};
 use crate::files::FileError;
 use crate::identify::IdentifyError;
-use crate::record::{Experiment, LongRecord, RowCount};
+use crate::record::{Experiment, LongRecord, LongRows, RowCount};
 
 /// Why there is no spectrum of a long record.
 #[derive(Debug, Error, Diagnostic)]
@@ -38,40 +38,54 @@ impl Spectrum {
         options: &SpectrumOptions,
     ) -> Result<Self, LongRecordError> {
         let header = &record.header;
-        let frame_of = |count: &RowCount| {
-            let rate_hz = rate_of(experiment.sample_rate_hz, count.rows, count.first_s, count.last_s);
-            Frame::new(header, rate_hz, count.rows)
-        };
-        // Lines may be miscounted; an error must not come from that.
         let mut count = record.row_count_by_lines()?;
-        if frame_of(&count).is_err() {
-            count = record.for_each_block(|_| {})?;
-        }
         let mut keep = None;
         loop {
-            let frame = frame_of(&count)?;
-            let mut band = Band::new(frame, options, keep);
-            let mut farthest = (0, 0.0);
-            let found = record.for_each_block(|rows| {
-                for (row, time_s) in (rows.rows_before..).zip(rows.time_s) {
-                    let off_by = ((time_s - count.first_s) * frame.row_rate_hz - row as f64).abs();
-                    if off_by > farthest.1 {
-                        farthest = (row, off_by);
-                    }
+            let rate_hz = rate_of(experiment.sample_rate_hz, count.rows, count.first_s, count.last_s);
+            // Without a frame the rows are read all the same: the lines may be miscounted, and what is wrong with the
+            // rows comes before what is wrong with the period.
+            let frame = Frame::new(header, rate_hz, count.rows);
+            let mut band = frame.as_ref().ok().map(|frame| Band::new(*frame, options, keep));
+            let found = read_even(record, &count, rate_hz, |rows| {
+                if let Some(band) = &mut band {
+                    band.add(rows);
                 }
-                band.add(rows);
             })?;
             if found != count {
                 count = found;
                 continue;
             }
-            super::check_even(farthest, &header.file)?;
-            match band.finish() {
-                Ok(periods) => return Ok(frame.spectrum(&periods, options, &header.file)?),
-                Err(bins) => keep = Some(bins),
+            let frame = frame?;
+            match band.map(Band::finish) {
+                Some(Ok(periods)) => return Ok(frame.spectrum(&periods, options, &header.file)?),
+                Some(Err(bins)) => keep = Some(bins),
+                None => {}
             }
         }
     }
+}
+
+/// Gives all rows to `each`, and refuses uneven ones where there are as many as `count` says.
+fn read_even(
+    record: &LongRecord,
+    count: &RowCount,
+    rate_hz: f64,
+    mut each: impl FnMut(LongRows<'_>),
+) -> Result<RowCount, LongRecordError> {
+    let mut farthest = (0, 0.0);
+    let found = record.for_each_block(|rows| {
+        for (row, time_s) in (rows.rows_before..).zip(rows.time_s) {
+            let off_by = ((time_s - count.first_s) * rate_hz - row as f64).abs();
+            if off_by > farthest.1 {
+                farthest = (row, off_by);
+            }
+        }
+        each(rows);
+    })?;
+    if found == *count {
+        super::check_even(farthest, &record.header.file)?;
+    }
+    Ok(found)
 }
 
 #[cfg(test)]
@@ -93,12 +107,21 @@ mod tests {
 
     /// A lag of 0.1 s that starts from rest behind a multisine, for so many rows.
     fn multisine(rows: usize) -> Record {
+        multisine_of(rows, |_, _| 1.0)
+    }
+
+    /// The same with lines of another amplitude, by row and number of the harmonic.
+    fn multisine_of(rows: usize, amplitude: impl Fn(usize, u8) -> f64) -> Record {
         let mut rng = ChaCha8Rng::seed_from_u64(7);
         let mut state = 0.0;
         let (mut command, mut thrust_n) = (Vec::new(), Vec::new());
         for row in 0..rows {
             let t = row as f64 / RATE_HZ;
-            let sum: f64 = (0..20).map(|k| f64::from(2 * k + 1)).map(|n| (TAU * n * t / PERIOD_S + n * n).sin()).sum();
+            let line = |n: u8| {
+                let harmonic = f64::from(n);
+                amplitude(row, n) * (TAU * harmonic * t / PERIOD_S + harmonic * harmonic).sin()
+            };
+            let sum: f64 = (1..40).step_by(2).map(line).sum();
             thrust_n.push(10.0 * state + 0.01 * noise(&mut rng).re);
             command.push(0.5 + 0.01 * sum);
             state += (command[row] - state) * (1.0 - (-1.0 / (RATE_HZ * 0.1)).exp());
@@ -172,13 +195,9 @@ mod tests {
 
     #[test]
     fn a_first_period_that_goes_less_far_up_than_the_others_hides_nothing() {
-        // So small a part of many periods that they still count as periodic.
-        let mut record = multisine(60 * PERIOD);
-        for row in 0..PERIOD {
-            let n = 39.0;
-            let t = row as f64 / RATE_HZ;
-            record.command[row] -= 0.01 * (TAU * n * t / PERIOD_S + n * n).sin();
-        }
+        // Of so many periods it is so small a part that they still count as periodic.
+        let top = |row, n| if n < 39 { 1.0 } else { 0.3 * f64::from(u8::from(row >= PERIOD)) };
+        let record = multisine_of(60 * PERIOD, top);
         let found = agree(record, true, |csv| csv);
         assert!(found.as_ref().is_ok_and(|s| s.lines.iter().any(|l| l.harmonic == 39)), "{found:?}");
     }

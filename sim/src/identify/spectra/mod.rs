@@ -201,7 +201,7 @@ pub(super) fn row_rate_hz(record: &Record, stated_hz: Option<f64>) -> Result<f64
 
 /// Rows per second: as stated, or as the times of the first and the last of `rows` rows, two or more, say.
 fn rate_of(stated_hz: Option<f64>, rows: usize, first_s: f64, last_s: f64) -> f64 {
-    stated_hz.unwrap_or((rows - 1) as f64 / (last_s - first_s))
+    stated_hz.unwrap_or(rows.saturating_sub(1) as f64 / (last_s - first_s))
 }
 
 /// Refuses rows of which the farthest from an even spacing, `(row, off_by)`, is farther than a tenth of a row.

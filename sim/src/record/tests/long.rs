@@ -105,7 +105,8 @@ fn the_rows_are_those_of_a_record_in_memory() {
 fn lines_that_are_no_rows_are_miscounted_but_not_misread() {
     let plain = csv();
     let blank = with_row(&plain, 70_000, "\n0.5,70,0.5,1");
-    let long = Folder::new(&blank).long();
+    let folder = Folder::new(&blank);
+    let long = folder.long();
     assert_eq!(long.row_count_by_lines().unwrap().rows, ROWS + 1);
     assert_eq!(collected(&long).unwrap().1.rows, ROWS);
 }
@@ -149,7 +150,7 @@ fn times_that_contradict_the_stated_rate_are_shown() {
     let folder = Folder::new(&late);
     let place = format!("u050.csv:{}:5", line(120_000));
     assert_report(folder.short().unwrap_err(), &[&place]);
-    let parts = [place.as_str(), "row 120001", "0.000600", "`sample_rate_hz` of experiment.toml, 1000"];
+    let parts = [place.as_str(), "row 120001", "0.0005999", "`sample_rate_hz` of experiment.toml, 1000"];
     assert_report(collected(&folder.long()).unwrap_err(), &parts);
     let near = Folder::new(with_row(&plain, 120_000, "0.5,120.00004,0.5,1"));
     assert!(near.short().is_ok() && collected(&near.long()).is_ok());
