@@ -58,8 +58,9 @@ fn make(folder: &Path, records: usize, periods: usize) -> miette::Result<()> {
     );
     for (nominal, gain, tau_s) in POINTS.iter().take(records) {
         model += &format!("[[point]]\nnominal = {nominal}\ngain = {gain}\ntime_constant_s = {tau_s}\n");
-        plan +=
-            &format!("[[record]]\nnominal = {nominal}\nexcitation = \"multisine\"\namplitude = 0.05\nperiods = 1\n");
+        plan += &format!(
+            "[[record]]\nnominal = {nominal}\nexcitation = \"multisine\"\namplitude = 0.05\nlines = 150\nperiods = 1\n"
+        );
     }
     let model: Model = toml::from_str(&model).expect("the text above is a model");
     let plan: Plan = toml::from_str(&plan).expect("the text above is a plan");
