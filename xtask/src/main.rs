@@ -22,8 +22,10 @@ Usage: cargo xtask COMMAND
   flash    flashes that image with a debug probe, and shows its log
   test     every test there is: formatting, lints, documentation, host tests, and the controller's image: its build, its checks,
            its tests in QEMU, its instruction counts
-  bench    measures filters and the simulated stand side by side, in one run;
-           with --firmware [--json FILE] instructions on the controller's core, in QEMU
+  bench    measures filters, the simulated stand and identification side by side, in one run;
+           with --firmware [--json FILE] instructions on the controller's core, in QEMU;
+           with --identify [--largest] [--json FILE] identification alone, from CSV files to a model, beside NumPy and SciPy
+           where PYTHON (python3 if not set) has them; --largest goes to 10^8 rows: minutes, and 5 GB in target/
   help     prints this
 ";
 
@@ -44,6 +46,10 @@ fn main() -> ExitCode {
         ["bench"] => bench::all(),
         ["bench", "--firmware"] => bench::firmware(None),
         ["bench", "--firmware", "--json", file] => bench::firmware(Some(file)),
+        ["bench", "--identify"] => bench::identify(false, None),
+        ["bench", "--identify", "--json", file] => bench::identify(false, Some(file)),
+        ["bench", "--identify", "--largest"] => bench::identify(true, None),
+        ["bench", "--identify", "--largest", "--json", file] => bench::identify(true, Some(file)),
         ["help" | "--help" | "-h"] | [] => {
             print!("{HELP}");
             return ExitCode::SUCCESS;

@@ -62,7 +62,7 @@ impl Demo {
         let plan = Plan { seed: self.seed, ..Plan::paper(&actuators) };
         let stand = simulate(&plan, &actuators, None)?;
         let found = identify_periodic(&stand, &PeriodicOptions::default())?;
-        let model = periodic_model(&stand, &found);
+        let model = periodic_model(&stand, &[], &found);
         let design = design(&model, &DesignOptions::default())?;
 
         let compensated_plan = plan.clone().compensated("compensator.toml");

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use miette::{Diagnostic, IntoDiagnostic as _, WrapErr as _};
+use rayon::iter::{IntoParallelRefIterator as _, ParallelIterator as _};
 use serde_json::{Value, json};
 use thiserror::Error;
 
@@ -15,14 +16,17 @@ use super::{WrongUse, identify_laws, identify_map, progress};
 use crate::files::check_writable;
 use crate::identify::stand::StandModel;
 use crate::identify::steps::{StaircaseFit, fit_staircase};
-use crate::identify::{FirstOrderOptions, PeriodicIdentification, PeriodicOptions, identify_periodic};
+use crate::identify::{
+    FirstOrderOptions, LongRecordError, PeriodicIdentification, PeriodicOptions, Spectrum, identify_periodic,
+};
 use crate::plant::{Model, Point, Provenance};
-use crate::record::{Excitation, Experiment, Output, Record, Role};
+use crate::record::{Excitation, Experiment, LongRecord, Output, Record, Role};
 use crate::report::{distortion_json, distortion_table, with_std};
 
 /// Finds the lag at each level from the records of an experiment
 ///
-/// Multisine records are fitted in the frequency domain, one lag per nominal command, and judged on square waves.
+/// Multisine records are fitted in the frequency domain, one lag per nominal command, and judged on square waves. They may
+/// be of any length: one whose file is longer than 32 MiB is taken period by period as it is read, with the same result.
 /// Without any, a step or staircase record is fitted in time, one lag per level and direction.
 #[derive(Args, Debug)]
 pub struct Identify {
@@ -99,7 +103,7 @@ impl Identify {
         if self.stand {
             return identify_stand::run(&self.experiment, &self.out, &self.of_stand);
         }
-        let Aligned { experiment, text: mut aligned_text, warnings: align_warnings, json: alignments } =
+        let Aligned { experiment, long, text: mut aligned_text, warnings: align_warnings, json: alignments } =
             self.align.read(&self.experiment)?;
         check_writable(&self.out)?;
         let delay_level = match self.delay {
@@ -109,8 +113,9 @@ impl Identify {
         };
         let stand = self.stand_model.as_deref().map(StandModel::read).transpose()?;
         let bar = progress::spinner("identifying");
-        let mut identified = identify(&experiment, delay_level, stand.as_ref())
-            .wrap_err_with(|| format!("nothing was identified from `{}`", self.experiment.display()))?;
+        let nothing = || format!("nothing was identified from `{}`", self.experiment.display());
+        let long = transform(&experiment, &long).wrap_err_with(nothing)?;
+        let mut identified = identify(&experiment, &long, delay_level, stand.as_ref()).wrap_err_with(nothing)?;
         let laws = identify_laws::compare(&experiment, &mut identified);
         let static_map = identify_map::add(&experiment, &mut identified);
         bar.finish_and_clear();
@@ -157,18 +162,36 @@ fn point_json(point: &Point) -> Value {
     })
 }
 
-/// Identifies by what records there are.
-pub fn identify(experiment: &Experiment, delay_level: f64, stand: Option<&StandModel>) -> miette::Result<Identified> {
+/// The spectra of records that stay on disk, side by side.
+fn transform(experiment: &Experiment, long: &[LongRecord]) -> Result<Vec<(Record, Spectrum)>, LongRecordError> {
+    let options = PeriodicOptions::default().spectrum;
+    let spectra: Vec<_> = long
+        .par_iter()
+        .map(|record| Ok((record.header.clone(), Spectrum::of_long(experiment, record, &options)?)))
+        .collect();
+    // The error is that of the first faulty record, whichever is found first.
+    spectra.into_iter().collect()
+}
+
+/// Identifies by what records there are; `long` are those that stay on disk.
+pub fn identify(
+    experiment: &Experiment,
+    long: &[(Record, Spectrum)],
+    delay_level: f64,
+    stand: Option<&StandModel>,
+) -> miette::Result<Identified> {
     let may_fit = |record: &&Record| record.role != Some(Role::Validate);
-    if experiment.records.iter().filter(may_fit).any(|record| record.excitation == Excitation::Multisine) {
+    let mut records = experiment.records.iter().chain(long.iter().map(|(record, _)| record));
+    if records.by_ref().filter(may_fit).any(|record| record.excitation == Excitation::Multisine) {
         let options = PeriodicOptions {
             fit: FirstOrderOptions { delay_level, ..FirstOrderOptions::default() },
             stand,
+            long,
             ..PeriodicOptions::default()
         };
         let found = identify_periodic(experiment, &options)?;
         return Ok(Identified {
-            model: periodic_model(experiment, &found),
+            model: periodic_model(experiment, long, &found),
             text: periodic_table(experiment.output, &found) + &distortion_table(&found),
             warnings: periodic_warnings(&found),
             detail: Value::Null,
@@ -227,14 +250,19 @@ fn nothing(experiment: &Experiment) -> NothingToIdentify {
 }
 
 /// The model of a periodic identification.
-pub fn periodic_model(experiment: &Experiment, found: &PeriodicIdentification) -> Model {
+pub fn periodic_model(experiment: &Experiment, long: &[(Record, Spectrum)], found: &PeriodicIdentification) -> Model {
     Model {
         format: 1,
         points: found.points(),
         static_map: None,
         effects: Vec::new(),
         provenance: Some(Provenance {
-            records: experiment.records.iter().map(|record| record.file.clone()).collect(),
+            records: experiment
+                .records
+                .iter()
+                .chain(long.iter().map(|(record, _)| record))
+                .map(|record| record.file.clone())
+                .collect(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             output: experiment.output,
             command_rate_hz: experiment.command_rate_hz,

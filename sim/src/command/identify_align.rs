@@ -12,7 +12,7 @@ use crate::identify::Estimate;
 use crate::identify::alignment::{
     Alignment, AlignmentOptions, CommandLog, Merged, MergedRows, ResponseLog, align, merge,
 };
-use crate::record::{Experiment, Output, Record, read_command_log};
+use crate::record::{Experiment, LONG_FILE, LongRecord, Output, Record, read_command_log};
 
 /// How logs are merged.
 #[derive(Args, Debug)]
@@ -35,6 +35,8 @@ pub struct AlignOptions {
 /// An experiment with one clock.
 pub struct Aligned {
     pub experiment: Experiment,
+    /// Records whose rows stay on disk; none where logs were merged.
+    pub long: Vec<LongRecord>,
     /// What was found, in words; empty where nothing was to be aligned.
     pub text: String,
     pub warnings: Vec<String>,
@@ -45,8 +47,8 @@ impl AlignOptions {
     /// Reads the experiment, and merges its command logs where there are any.
     pub fn read(&self, folder: &Path) -> miette::Result<Aligned> {
         if self.align.is_empty() {
-            let experiment = Experiment::read(folder)?;
-            return Ok(Aligned { experiment, text: String::new(), warnings: Vec::new(), json: Value::Null });
+            let (experiment, long) = Experiment::read_leaving(folder, LONG_FILE)?;
+            return Ok(Aligned { experiment, long, text: String::new(), warnings: Vec::new(), json: Value::Null });
         }
         let mut experiment = Experiment::read_responses(folder)?;
         let (logs, records) = (self.align.len(), experiment.records.len());
@@ -76,7 +78,7 @@ impl AlignOptions {
             writeln!(text, "merged records written to {}", merged.display()).expect("a string takes all");
         }
         text.push('\n');
-        Ok(Aligned { experiment, text, warnings, json: Value::Array(found) })
+        Ok(Aligned { experiment, long: Vec::new(), text, warnings, json: Value::Array(found) })
     }
 
     fn merge(&self, record: &Record, path: &Path, output: Output) -> miette::Result<(Alignment, Merged)> {

@@ -1,13 +1,12 @@
 //! What can be wrong with a file.
 
+use miette::{Diagnostic, NamedSource, SourceSpan};
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-
-use miette::{Diagnostic, NamedSource, SourceSpan};
 use thiserror::Error;
 
 use super::Fault;
+use super::excerpt::Excerpt;
 
 /// What is wrong with a file that was to be read or written: its name, the place and the remedy.
 #[derive(Debug, Error, Diagnostic)]
@@ -123,7 +122,7 @@ pub struct Located {
     pub help: String,
     /// The file's name and text.
     #[source_code]
-    pub source_code: NamedSource<Arc<String>>,
+    pub source_code: NamedSource<Excerpt>,
     /// The place, in bytes of the text.
     #[label("{label}")]
     pub span: SourceSpan,

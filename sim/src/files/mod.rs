@@ -1,14 +1,17 @@
 //! Reading and writing files: text with located errors, output that is complete or absent.
 //!
 //! Reading ([`TextFile`], [`TomlFile`]) keeps the text, so that whatever is wrong with it, now or
-//! when its values are checked later, is shown where it stands. Writing ([`write_file`],
+//! when its values are checked later, is shown where it stands. Of a file that is too long to keep, `TextBlocks` gives
+//! one part after the other, which know their line numbers. Writing ([`write_file`],
 //! [`OutputFolder`]) happens beside the destination and is renamed when it is complete: a run that
 //! fails half way leaves nothing that could be taken for a result.
 //!
 //! A rule on values is written once, as a function that returns a [`Fault`]: reading shows the
 //! fault in the file's text, writing refuses with it before anything is written.
 
+mod blocks;
 mod error;
+mod excerpt;
 mod fault;
 mod folder;
 mod text;
@@ -18,7 +21,9 @@ mod write;
 #[cfg(test)]
 pub(crate) mod testing;
 
+pub(crate) use blocks::TextBlocks;
 pub use error::{FileError, Located};
+pub use excerpt::Excerpt;
 pub use fault::{Fault, Place};
 pub use folder::{OutputFolder, is_plain_name};
 pub use text::TextFile;

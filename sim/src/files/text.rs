@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use miette::NamedSource;
 
-use super::{FileError, Located};
+use super::{Excerpt, FileError, Located};
 
 const BYTE_ORDER_MARK: char = '\u{feff}';
 
@@ -17,6 +17,8 @@ const BYTE_ORDER_MARK: char = '\u{feff}';
 pub struct TextFile {
     path: PathBuf,
     text: Arc<String>,
+    /// Lines of the file before this part of it.
+    lines_before: usize,
 }
 
 impl TextFile {
@@ -28,21 +30,21 @@ impl TextFile {
         if path.is_dir() {
             return Err(FileError::NotAFile { path: path.to_owned() });
         }
-        let bytes = fs::read(path).map_err(|source| match source.kind() {
-            io::ErrorKind::NotFound => FileError::Missing {
-                path: path.to_owned(),
-                remedy: "check the path; relative paths start at the current folder",
-            },
-            _ => FileError::Io { action: "read", path: path.to_owned(), source },
-        })?;
-        let mut text = String::from_utf8(bytes).map_err(|error| not_utf8(path, &error))?;
-        if text.starts_with(BYTE_ORDER_MARK) {
-            text.drain(..BYTE_ORDER_MARK.len_utf8());
-        }
-        if text.trim().is_empty() {
+        let bytes = fs::read(path).map_err(|source| cannot_read(path, source))?;
+        let file = Self::part(path, bytes, 0, 0)?;
+        if file.text.trim().is_empty() {
             return Err(FileError::Empty { path: path.to_owned() });
         }
-        Ok(Self { path: path.to_owned(), text: Arc::new(text) })
+        Ok(file)
+    }
+
+    /// The part of a file that follows so many bytes and lines.
+    pub(super) fn part(path: &Path, bytes: Vec<u8>, bytes_before: u64, lines_before: usize) -> Result<Self, FileError> {
+        let mut text = String::from_utf8(bytes).map_err(|error| not_utf8(path, &error, bytes_before, lines_before))?;
+        if bytes_before == 0 && text.starts_with(BYTE_ORDER_MARK) {
+            text.drain(..BYTE_ORDER_MARK.len_utf8());
+        }
+        Ok(Self { path: path.to_owned(), text: Arc::new(text), lines_before })
     }
 
     /// The path as it was given to [`TextFile::read`].
@@ -57,11 +59,11 @@ impl TextFile {
         &self.text
     }
 
-    /// The line, counted from one, in which byte `offset` of the text stands.
+    /// The line of the file, counted from one, in which byte `offset` of the text stands.
     #[must_use]
     pub fn line(&self, offset: usize) -> usize {
         let before = &self.text.as_bytes()[..offset.min(self.text.len())];
-        1 + before.iter().filter(|byte| **byte == b'\n').count()
+        1 + self.lines_before + before.iter().filter(|byte| **byte == b'\n').count()
     }
 
     /// An error that shows the bytes `span` of the text.
@@ -73,18 +75,28 @@ impl TextFile {
         label: impl Into<String>,
         help: impl Into<String>,
     ) -> FileError {
-        located(&self.path, Arc::clone(&self.text), span, message.into(), label.into(), help.into())
+        located(
+            &self.path,
+            Excerpt::new(Arc::clone(&self.text), self.lines_before),
+            span,
+            message.into(),
+            label.into(),
+            help.into(),
+        )
     }
 }
 
-fn located(
-    path: &Path,
-    text: Arc<String>,
-    span: Range<usize>,
-    message: String,
-    label: String,
-    help: String,
-) -> FileError {
+pub(super) fn cannot_read(path: &Path, source: io::Error) -> FileError {
+    match source.kind() {
+        io::ErrorKind::NotFound => FileError::Missing {
+            path: path.to_owned(),
+            remedy: "check the path; relative paths start at the current folder",
+        },
+        _ => FileError::Io { action: "read", path: path.to_owned(), source },
+    }
+}
+
+fn located(path: &Path, text: Excerpt, span: Range<usize>, message: String, label: String, help: String) -> FileError {
     FileError::Located(Box::new(Located {
         message,
         label,
@@ -95,14 +107,14 @@ fn located(
 }
 
 /// Shows the first byte that is not UTF-8. Before it the lossy text equals the file.
-fn not_utf8(path: &Path, error: &std::string::FromUtf8Error) -> FileError {
-    let utf16 = matches!(error.as_bytes(), [0xff, 0xfe, ..] | [0xfe, 0xff, ..]);
+fn not_utf8(path: &Path, error: &std::string::FromUtf8Error, bytes_before: u64, lines_before: usize) -> FileError {
+    let utf16 = bytes_before == 0 && matches!(error.as_bytes(), [0xff, 0xfe, ..] | [0xfe, 0xff, ..]);
     let at = error.utf8_error().valid_up_to();
     located(
         path,
-        Arc::new(String::from_utf8_lossy(error.as_bytes()).into_owned()),
+        Excerpt::new(Arc::new(String::from_utf8_lossy(error.as_bytes()).into_owned()), lines_before),
         at..at + char::REPLACEMENT_CHARACTER.len_utf8(),
-        format!("byte {at} is not UTF-8"),
+        format!("byte {} is not UTF-8", bytes_before + at as u64),
         "here".to_owned(),
         if utf16 {
             "the file looks like UTF-16: save it as UTF-8".to_owned()

@@ -42,7 +42,8 @@ pub use periodic::{
 };
 pub use simulation::{align, run_actuator};
 pub use spectra::{
-    DisturbanceSign, DisturbedLine, Line, NoiseSource, RemovedSinusoid, Spectrum, SpectrumOptions, UnexcitedLine,
+    DisturbanceSign, DisturbedLine, Line, LongRecordError, NoiseSource, RemovedSinusoid, Spectrum, SpectrumOptions,
+    UnexcitedLine,
 };
 pub use transient::TransientTest;
 pub use validate::{Domain, RecordValidation, validate};

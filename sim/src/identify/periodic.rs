@@ -7,6 +7,7 @@
 use std::f64::consts::TAU;
 
 use num_complex::Complex64;
+use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
 
 use super::stand::StandModel;
 use super::{
@@ -36,6 +37,9 @@ pub struct PeriodicOptions<'a> {
     pub compensator: Option<&'a dyn Fn(f64) -> Complex64>,
     /// The stand that the thrust passed on its way to the sensor; it is divided out.
     pub stand: Option<&'a StandModel>,
+    /// Multisine records that are not in the experiment since their rows are not in memory, with their spectra
+    /// ([`Spectrum::of_long`]).
+    pub long: &'a [(Record, Spectrum)],
 }
 
 impl Default for PeriodicOptions<'_> {
@@ -46,6 +50,7 @@ impl Default for PeriodicOptions<'_> {
             smoothing_half_width: 4,
             compensator: None,
             stand: None,
+            long: &[],
         }
     }
 }
@@ -259,18 +264,35 @@ pub fn identify_periodic(
     experiment: &Experiment,
     options: &PeriodicOptions<'_>,
 ) -> Result<PeriodicIdentification, IdentifyError> {
-    let mut records: Vec<&Record> = experiment
+    let mut records: Vec<(&Record, Option<&Spectrum>)> = experiment
         .records
         .iter()
         .filter(|r| matches!(r.excitation, Excitation::Multisine | Excitation::Square))
+        .map(|record| (record, None))
+        .chain(options.long.iter().map(|(record, spectrum)| (record, Some(spectrum))))
         .collect();
-    records.sort_by(|a, b| a.nominal.total_cmp(&b.nominal));
+    records.sort_by(|(a, _), (b, _)| a.nominal.total_cmp(&b.nominal));
+    let spectrum_options = &options.spectrum;
+    let spectra: Vec<_> = records
+        .into_par_iter()
+        .map(|(record, spectrum)| {
+            let spectrum = match spectrum {
+                None if record.excitation == Excitation::Multisine => {
+                    Some(Spectrum::of(experiment, record, spectrum_options)?)
+                }
+                spectrum => spectrum.cloned(),
+            };
+            Ok((record, spectrum))
+        })
+        .collect();
+    // The error is that of the first faulty record, whichever is found first.
+    let mut spectra = spectra.into_iter().collect::<Result<Vec<(&Record, Option<Spectrum>)>, IdentifyError>>()?;
     let mut nominals = Vec::new();
     let mut warnings = Vec::new();
-    for group in records.chunk_by(|a, b| b.nominal - a.nominal < SAME_NOMINAL) {
+    for group in spectra.chunk_by_mut(|(a, _), (b, _)| b.nominal - a.nominal < SAME_NOMINAL) {
         match identify_nominal(experiment, group, options)? {
             Some(found) => nominals.push(found),
-            None => warnings.push(IdentifyWarning::NothingToFit { nominal: group[0].nominal }),
+            None => warnings.push(IdentifyWarning::NothingToFit { nominal: group[0].0.nominal }),
         }
     }
     if nominals.is_empty() {
@@ -299,15 +321,15 @@ impl Transformed<'_> {
 
 fn identify_nominal(
     experiment: &Experiment,
-    group: &[&Record],
+    group: &mut [(&Record, Option<Spectrum>)],
     options: &PeriodicOptions<'_>,
 ) -> Result<Option<NominalIdentification>, IdentifyError> {
-    let nominal = group[0].nominal;
+    let nominal = group[0].0.nominal;
     let mut warnings = Vec::new();
     let transformed = group
-        .iter()
-        .filter(|record| record.excitation == Excitation::Multisine)
-        .map(|record| transform(experiment, record, options, &mut warnings))
+        .iter_mut()
+        .filter_map(|(record, spectrum)| Some((*record, spectrum.take()?)))
+        .map(|(record, spectrum)| behind_holds(experiment, record, spectrum, options, &mut warnings))
         .collect::<Result<Vec<_>, _>>()?;
 
     let may_fit = |t: &Transformed<'_>, compensated: bool| {
@@ -351,6 +373,7 @@ fn identify_nominal(
     let robust = RobustResponse::of(&fitted);
     let squares = group
         .iter()
+        .map(|(record, _)| *record)
         .filter(|record| record.excitation == Excitation::Square && !record.compensated)
         .map(|record| run_square(experiment, record, &fit))
         .collect::<Result<Vec<_>, _>>()?;
@@ -366,13 +389,14 @@ fn identify_nominal(
     }))
 }
 
-fn transform<'a>(
+/// The lines of a record's spectrum as the fit takes them, and what there is to say of it.
+fn behind_holds<'a>(
     experiment: &Experiment,
     record: &'a Record,
+    spectrum: Spectrum,
     options: &PeriodicOptions<'_>,
     warnings: &mut Vec<IdentifyWarning>,
 ) -> Result<Transformed<'a>, IdentifyError> {
-    let spectrum = Spectrum::of(experiment, record, &options.spectrum)?;
     let holds = holds_of(experiment, spectrum.row_rate_hz)?;
     let file = || record.file.clone();
     if spectrum.rows_left_out > 0 {

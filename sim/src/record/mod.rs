@@ -9,7 +9,9 @@ mod column;
 mod error;
 mod experiment;
 pub mod import;
+mod long;
 mod manifest;
+mod plain;
 mod read;
 mod sampling;
 mod table;
@@ -20,5 +22,6 @@ mod tests;
 
 pub use error::RecordError;
 pub use experiment::{Excitation, Experiment, Output, Record, Role};
+pub use long::{LONG_FILE, LongRecord, LongRows, RowCount};
 pub use read::{CommandFile, read_command_log};
 pub use sampling::{GRID_TOLERANCE, PERIOD_TOLERANCE, Periods};

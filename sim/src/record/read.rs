@@ -2,10 +2,12 @@
 
 use std::path::Path;
 
+use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
+
 use super::column::Column;
 use super::manifest::{CommandKind, Entry, MANIFEST, Manifest, place};
 use super::table::Table;
-use super::{Experiment, Record};
+use super::{Excitation, Experiment, LongRecord, Record};
 use crate::files::{FileError, Place, TextFile, TomlFile};
 
 impl Experiment {
@@ -19,6 +21,18 @@ impl Experiment {
     /// error shows the file and the place in it, and says what to do.
     pub fn read(folder: &Path) -> Result<Self, FileError> {
         Self::read_kind(folder, CommandKind::Duty, true)
+    }
+
+    /// As [`Self::read`], but leaves multisine records whose file is longer than `longest` bytes ([`LONG_FILE`]) on disk:
+    /// their rows are not read, and the records are not in the experiment but beside it, in the order of the manifest.
+    /// [`Spectrum::of_long`](crate::identify::Spectrum::of_long) takes them block by block.
+    ///
+    /// [`LONG_FILE`]: super::LONG_FILE
+    ///
+    /// # Errors
+    /// As [`Self::read`]; what is wrong with the rows that were not read shows when they are.
+    pub fn read_leaving(folder: &Path, longest: u64) -> Result<(Self, Vec<LongRecord>), FileError> {
+        Self::read_all(folder, CommandKind::Duty, true, longest)
     }
 
     /// Reads the folder of an experiment on a stand without a motor: `command = "force_n"`, and the column `command` is the
@@ -44,6 +58,15 @@ impl Experiment {
     }
 
     fn read_kind(folder: &Path, kind: CommandKind, with_command: bool) -> Result<Self, FileError> {
+        Self::read_all(folder, kind, with_command, u64::MAX).map(|(experiment, _)| experiment)
+    }
+
+    fn read_all(
+        folder: &Path,
+        kind: CommandKind,
+        with_command: bool,
+        longest: u64,
+    ) -> Result<(Self, Vec<LongRecord>), FileError> {
         let path = manifest_path(folder)?;
         let (manifest, file): (Manifest, _) = TomlFile::read(&path)?;
         manifest.check().map_err(|fault| file.show(&fault))?;
@@ -71,11 +94,25 @@ impl Experiment {
             command_rate_hz: manifest.command_rate_hz,
             records: Vec::new(),
         };
-        for entry in manifest.records {
-            let record = experiment.read_record(folder, entry, kind, with_command)?;
-            experiment.records.push(record);
-        }
-        Ok(experiment)
+        let is_long = |entry: &Entry| {
+            let length = folder.join(&entry.file).metadata().map_or(0, |file| file.len());
+            entry.excitation == Excitation::Multisine && length > longest
+        };
+        let (long, short): (Vec<_>, Vec<_>) = manifest.records.into_iter().partition(is_long);
+        let long = long
+            .into_iter()
+            .map(|entry| LongRecord {
+                path: folder.join(&entry.file),
+                header: entry.into_record(),
+                output: experiment.output,
+                stated_hz: experiment.sample_rate_hz,
+            })
+            .collect();
+        // Side by side; the error is that of the first faulty record, whichever is found first.
+        let records: Vec<_> =
+            short.into_par_iter().map(|entry| experiment.read_record(folder, entry, kind, with_command)).collect();
+        experiment.records = records.into_iter().collect::<Result<_, _>>()?;
+        Ok((experiment, long))
     }
 
     fn read_record(

@@ -3,11 +3,12 @@
 use std::ops::Range;
 
 use csv::StringRecord;
+use memchr::memchr_iter;
 
-use super::Record;
 use super::column::{Column, LEAST_ROWS, Refusal, TOO_FEW_ROWS};
 use super::manifest::CommandKind;
 use super::sampling::Grid;
+use super::{Record, plain};
 use crate::files::{FileError, TextFile};
 
 /// How much of a cell an error quotes, characters: an unclosed quote makes a cell of a whole file.
@@ -16,38 +17,16 @@ const QUOTED: usize = 40;
 /// The columns of a CSV file, with the text to show errors in.
 pub(super) struct Table {
     text: TextFile,
-    columns: Vec<Column>,
-    values: Vec<Vec<f64>>,
+    cells: Cells,
 }
 
 impl Table {
     /// Reads all columns, of which those `needed` have to be there; `kind` says what the command is.
     pub(super) fn read(text: TextFile, needed: &[Column], kind: CommandKind) -> Result<Self, FileError> {
-        let mut reader = reader(&text);
-        let mut row = StringRecord::new();
-        next(&mut reader, &mut row);
-        let columns = header(&text, &row, needed)?;
-        let mut values: Vec<Vec<f64>> = columns.iter().map(|_| Vec::new()).collect();
-        while next(&mut reader, &mut row) {
-            if row.len() != columns.len() {
-                return Err(uneven_row(&text, &row, columns.len()));
-            }
-            let cells = row.iter().zip(&columns).zip(&mut values);
-            for (index, ((cell, column), values)) in cells.enumerate() {
-                let value = number(cell)
-                    .and_then(|value| column.accept(kind, values.last().copied(), value))
-                    .map_err(|refusal| refused(&text, &row, index, *column, &refusal))?;
-                values.push(value);
-            }
-        }
-        let rows = values.first().map_or(0, Vec::len);
-        if rows < LEAST_ROWS {
-            let end = text.text().trim_end().len();
-            let message = format!("too few rows of numbers: {rows}");
-            let last_line = text.text()[..end].rfind('\n').map_or(0, |newline| newline + 1);
-            return Err(text.complaint(last_line..end, message, "the file ends here", TOO_FEW_ROWS));
-        }
-        Ok(Self { text, columns, values })
+        let mut cells = Cells::default();
+        cells.read(&text, needed, kind)?;
+        cells.check_rows(&text)?;
+        Ok(Self { text, cells })
     }
 
     /// Refuses rows that the stated rate contradicts.
@@ -65,27 +44,17 @@ impl Table {
                 (error.row().unwrap_or(1), format!("{error}; `sample_rate_hz` of experiment.toml says {stated_hz}"))
             }
         };
-        let index = self.columns.iter().position(|column| *column == Column::TimeS);
-        let mut reader = reader(&self.text);
-        let mut cells = StringRecord::new();
-        for _ in 0..=row {
-            next(&mut reader, &mut cells);
-        }
-        let span = cell_span(&self.text, &cells, index.unwrap_or(0));
-        let help = "correct `sample_rate_hz` or the times; \
-                    remove `sample_rate_hz` where the times are right";
-        Err(self.text.complaint(span, message, "here", help))
+        Err(self.cells.wrong_time(&self.text, row, message))
     }
 
     /// Takes a column out; empty where it is not there.
     pub(super) fn take(&mut self, column: Column) -> Vec<f64> {
-        let index = self.columns.iter().position(|c| *c == column);
-        index.map(|index| std::mem::take(&mut self.values[index])).unwrap_or_default()
+        self.cells.index(column).map(|index| std::mem::take(&mut self.cells.values[index])).unwrap_or_default()
     }
 
     /// Moves the columns into `record`.
     pub(super) fn fill(&mut self, record: &mut Record) {
-        for (column, values) in self.columns.iter().zip(&mut self.values) {
+        for (column, values) in self.cells.columns.iter().zip(&mut self.cells.values) {
             let values = std::mem::take(values);
             match column {
                 Column::TimeS => record.time_s = values,
@@ -96,6 +65,116 @@ impl Table {
                 Column::VoltageV => record.voltage_v = Some(values),
                 Column::CurrentA => record.current_a = Some(values),
             }
+        }
+    }
+}
+
+/// The numbers of a CSV file, all of them or those of one part after the other.
+#[derive(Default)]
+pub(super) struct Cells {
+    /// The columns in the order of the file; none before its header is read.
+    columns: Vec<Column>,
+    /// Their values.
+    values: Vec<Vec<f64>>,
+    /// What stood last in each column before these.
+    before: Vec<Option<f64>>,
+    /// Rows before these.
+    rows_before: usize,
+}
+
+impl Cells {
+    /// Reads the rows of `text` in place of those of the part before it. The first part begins with the header.
+    ///
+    /// Rows of plain numbers are read as such ([`plain`]); where anything else stands in the text, a CSV reader takes it
+    /// from its start, and says what is wrong.
+    pub(super) fn read(&mut self, text: &TextFile, needed: &[Column], kind: CommandKind) -> Result<(), FileError> {
+        let mut reader = reader(text);
+        let mut row = StringRecord::new();
+        let mut start = 0;
+        if self.columns.is_empty() {
+            next(&mut reader, &mut row);
+            start = reader.position().byte() as usize;
+            self.columns = header(text, &row, needed)?;
+            self.values = vec![Vec::new(); self.columns.len()];
+            self.before = vec![None; self.columns.len()];
+        }
+        self.forget();
+        let lines = memchr_iter(b'\n', &text.text().as_bytes()[start..]).count();
+        for values in &mut self.values {
+            values.reserve_exact(lines + 1);
+        }
+        if plain::read(&text.text().as_bytes()[start..], &self.columns, kind, &self.before, &mut self.values) {
+            return Ok(());
+        }
+        self.values.iter_mut().for_each(Vec::clear);
+        while next(&mut reader, &mut row) {
+            if row.len() != self.columns.len() {
+                return Err(uneven_row(text, &row, self.columns.len()));
+            }
+            let cells = row.iter().zip(&self.columns).zip(self.values.iter_mut().zip(&self.before));
+            for (index, ((cell, column), (values, before))) in cells.enumerate() {
+                let value = number(cell)
+                    .and_then(|value| column.accept(kind, values.last().copied().or(*before), value))
+                    .map_err(|refusal| refused(text, &row, index, *column, &refusal))?;
+                values.push(value);
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses a file that has ended after fewer rows than a record needs; `text` is its last part.
+    pub(super) fn check_rows(&self, text: &TextFile) -> Result<(), FileError> {
+        let rows = self.rows_before + self.rows();
+        if rows >= LEAST_ROWS {
+            return Ok(());
+        }
+        let end = text.text().trim_end().len();
+        let message = format!("too few rows of numbers: {rows}");
+        let last_line = text.text()[..end].rfind('\n').map_or(0, |newline| newline + 1);
+        Err(text.complaint(last_line..end, message, "the file ends here", TOO_FEW_ROWS))
+    }
+
+    /// The values of a column; `None` where it is not there.
+    pub(super) fn column(&self, column: Column) -> Option<&[f64]> {
+        self.index(column).map(|index| self.values[index].as_slice())
+    }
+
+    /// Where a column stands in a row, from zero; `None` where it is not there.
+    pub(super) fn index(&self, column: Column) -> Option<usize> {
+        self.columns.iter().position(|c| *c == column)
+    }
+
+    /// An error at the time of row `row`, counted from one over the whole file, which `text` holds; its header is row zero.
+    pub(super) fn wrong_time(&self, text: &TextFile, row: usize, message: String) -> FileError {
+        let index = self.index(Column::TimeS);
+        let mut reader = reader(text);
+        let mut cells = StringRecord::new();
+        // A part after the first has no header.
+        for _ in usize::from(self.rows_before > 0)..=row - self.rows_before {
+            next(&mut reader, &mut cells);
+        }
+        let span = cell_span(text, &cells, index.unwrap_or(0));
+        let help = "correct `sample_rate_hz` or the times; \
+                    remove `sample_rate_hz` where the times are right";
+        text.complaint(span, message, "here", help)
+    }
+
+    /// How many rows there are in this part.
+    pub(super) fn rows(&self) -> usize {
+        self.values.first().map_or(0, Vec::len)
+    }
+
+    /// How many rows there are in the parts before.
+    pub(super) fn rows_before(&self) -> usize {
+        self.rows_before
+    }
+
+    /// Empties the columns, and remembers what stood last in them.
+    fn forget(&mut self) {
+        self.rows_before += self.rows();
+        for (values, before) in self.values.iter_mut().zip(&mut self.before) {
+            *before = values.last().copied().or(*before);
+            values.clear();
         }
     }
 }

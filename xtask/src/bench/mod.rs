@@ -4,7 +4,9 @@ mod application;
 mod cycles;
 mod debugger;
 mod filters;
+mod host;
 mod inputs;
+mod process;
 mod report;
 mod trace;
 
@@ -14,10 +16,13 @@ use crate::image::Image;
 use crate::run::{Result, cargo, run};
 use crate::{firmware, setup};
 
-/// The filter beside its peers, and the simulated stand.
+pub use host::identify;
+
+/// The filter beside its peers, the simulated stand, and identification beside its peers.
 pub fn all() -> Result {
     run(&mut cargo(&["bench", "--package", "host-tests", "--bench", "filter", "--locked"]))?;
-    run(&mut cargo(&["bench", "--package", "rotorlead-sim", "--bench", "plant", "--locked"]))
+    run(&mut cargo(&["bench", "--package", "rotorlead-sim", "--bench", "plant", "--locked"]))?;
+    identify(false, None)
 }
 
 /// Instructions of the filter beside its peers' and of the application's interrupts, on the controller's core.

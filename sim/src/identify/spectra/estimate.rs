@@ -12,7 +12,8 @@ const ROUNDING: f64 = 1e-10;
 /// Sinusoids of their own frequency that are looked for in a record.
 const MOST_SINUSOIDS: usize = 4;
 
-/// Fourier coefficients by period and bin; bin 0 is the mean, the last bin is not used.
+/// Fourier coefficients by period and bin; bin 0 is the mean, the last bin is not used. Bins more than [`noise_bins`] above
+/// the highest excited one may be left out.
 pub(in crate::identify) struct Periods {
     /// Distance of two bins, `2 pi / period`.
     pub bin_rad_s: f64,
@@ -55,8 +56,7 @@ pub(in crate::identify) fn estimate(
     check_periodic(&command, file)?;
 
     let count = periods.response.len();
-    let width = 2 * options.pool_half_width + 1;
-    let quiet = noise::from_unexcited(&periods.response[count - 1], &excited, width);
+    let quiet = noise::from_unexcited(&periods.response[count - 1], &excited, noise_bins(options));
     let response = at(&periods.response, &excited);
     let transient = transient::test(&response, quiet.as_ref(), options.transient_level);
     let command = &command[transient.dropped..];
@@ -199,9 +199,14 @@ fn mean(periods: &[Vec<Complex64>]) -> Vec<Complex64> {
     (0..bins).map(|k| periods.iter().map(|p| p[k]).sum::<Complex64>() / count).collect()
 }
 
+/// How many bins tell the noise at a line of a single period: none of them is farther above the highest line.
+pub(super) fn noise_bins(options: &SpectrumOptions) -> usize {
+    2 * options.pool_half_width + 1
+}
+
 /// Bins of the command above the threshold; none when the command does not move. A command of 0..1
 /// that moves by less than 1e-9 is taken as constant: that is rounding, not excitation.
-fn excited_bins(command: &[Complex64], threshold: f64) -> Vec<usize> {
+pub(super) fn excited_bins(command: &[Complex64], threshold: f64) -> Vec<usize> {
     let inner = 1..command.len().saturating_sub(1);
     let peak = inner.clone().map(|k| command[k].norm()).fold(0.0, f64::max);
     if peak.is_nan() || peak <= 1e-9 {

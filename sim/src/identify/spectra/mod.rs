@@ -7,16 +7,20 @@
 //! the excitation's are subtracted, and lines on which a disturbance is left are left out. The bins between the excited ones are kept too: what repeats there is no
 //! linear response ([`super::Distortion`]).
 
+mod band;
 pub(super) mod estimate;
-
-use std::f64::consts::TAU;
+mod frame;
+mod long;
+mod transform;
 
 use num_complex::Complex64;
-use realfft::RealFftPlanner;
 
 use super::{IdentifyError, TransientTest};
-use crate::record::{Experiment, Output, Record};
-use estimate::{Estimated, Periods, estimate};
+use crate::record::{Experiment, LongRows, Output, Record};
+use band::Band;
+use frame::Frame;
+pub use long::LongRecordError;
+pub(super) use transform::transform;
 
 /// How spectra are taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -181,21 +185,31 @@ pub(super) fn row_rate_hz(record: &Record, stated_hz: Option<f64>) -> Result<f64
     let (Some(&first), Some(&last)) = (record.time_s.first(), record.time_s.last()) else {
         return Err(IdentifyError::TooShort { file: record.file.clone(), rows: 0, period_rows: 2 });
     };
-    let steps = record.time_s.len() - 1;
-    if steps == 0 {
+    if record.time_s.len() == 1 {
         return Err(IdentifyError::TooShort { file: record.file.clone(), rows: 1, period_rows: 2 });
     }
-    let rate = stated_hz.unwrap_or(steps as f64 / (last - first));
+    let rate = rate_of(stated_hz, record.time_s.len(), first, last);
     let worst = record
         .time_s
         .iter()
         .enumerate()
         .map(|(row, t)| (row, ((t - first) * rate - row as f64).abs()))
         .fold((0, 0.0), |a, b| if b.1 > a.1 || b.1.is_nan() { b } else { a });
-    if worst.1.is_nan() || worst.1 > 0.1 {
-        return Err(IdentifyError::UnevenRows { file: record.file.clone(), row: worst.0, off_by: worst.1 });
-    }
+    check_even(worst, &record.file)?;
     Ok(rate)
+}
+
+/// Rows per second: as stated, or as the times of the first and the last of `rows` rows, two or more, say.
+fn rate_of(stated_hz: Option<f64>, rows: usize, first_s: f64, last_s: f64) -> f64 {
+    stated_hz.unwrap_or(rows.saturating_sub(1) as f64 / (last_s - first_s))
+}
+
+/// Refuses rows of which the farthest from an even spacing, `(row, off_by)`, is farther than a tenth of a row.
+fn check_even((row, off_by): (usize, f64), file: &str) -> Result<(), IdentifyError> {
+    if off_by.is_nan() || off_by > 0.1 {
+        return Err(IdentifyError::UnevenRows { file: file.to_owned(), row, off_by });
+    }
+    Ok(())
 }
 
 /// Period in seconds and in rows.
@@ -222,61 +236,24 @@ impl Spectrum {
     /// [`IdentifyError`] when the record has no period, no response, uneven rows, less than a
     /// period, a constant or non-periodic command, or no way to know its noise.
     pub fn of(experiment: &Experiment, record: &Record, options: &SpectrumOptions) -> Result<Self, IdentifyError> {
-        let file = || record.file.clone();
         let response = response_of(record, experiment.output)?;
         let row_rate_hz = row_rate_hz(record, experiment.sample_rate_hz)?;
-        let (period_s, length) = period(record, row_rate_hz)?;
-        let periods = response.len() / length;
-        if periods == 0 {
-            return Err(IdentifyError::TooShort { file: file(), rows: response.len(), period_rows: length });
-        }
-        let rows_left_out = response.len() - periods * length;
-
-        let columns = |column: &[f64]| transform(&column[rows_left_out..], length);
-        let bins = Periods {
-            bin_rad_s: TAU * row_rate_hz / length as f64,
-            command: columns(&record.command),
-            response: columns(response),
-            esc_command: record
-                .esc_command
-                .as_deref()
-                .filter(|column| column.len() == record.time_s.len())
-                .map(columns),
+        let frame = Frame::new(record, row_rate_hz, response.len())?;
+        let rows = LongRows {
+            rows_before: 0,
+            time_s: &record.time_s,
+            command: &record.command,
+            response,
+            esc_command: record.esc_command.as_deref().filter(|column| column.len() == record.time_s.len()),
         };
-        let Estimated { lines, unexcited, disturbed, removed, transient, periods_used, noise } =
-            estimate(&bins, options, &record.file)?;
-        Ok(Self {
-            file: file(),
-            row_rate_hz,
-            period_s,
-            periods,
-            periods_used,
-            rows_left_out,
-            transient,
-            noise,
-            lines,
-            unexcited,
-            disturbed,
-            removed,
-        })
-    }
-}
-
-/// Spectra of the consecutive periods of `samples`, amplitudes of `e^(j w t)` times two.
-pub(super) fn transform(samples: &[f64], length: usize) -> Vec<Vec<Complex64>> {
-    let fft = RealFftPlanner::<f64>::new().plan_fft_forward(length);
-    let mut scratch = fft.make_scratch_vec();
-    let mut input = fft.make_input_vec();
-    samples
-        .chunks_exact(length)
-        .map(|period| {
-            input.copy_from_slice(period);
-            let mut spectrum = fft.make_output_vec();
-            fft.process_with_scratch(&mut input, &mut spectrum, &mut scratch).expect("all buffers are the plan's own");
-            for bin in &mut spectrum {
-                *bin *= 2.0 / length as f64;
+        let mut keep = None;
+        loop {
+            let mut band = Band::new(frame, options, keep);
+            band.add(rows);
+            match band.finish() {
+                Ok(periods) => return frame.spectrum(&periods, options, &record.file),
+                Err(bins) => keep = Some(bins),
             }
-            spectrum
-        })
-        .collect()
+        }
+    }
 }

@@ -92,7 +92,6 @@ fn ramp(record: &Record, output: Output, lag_s: f64) -> Option<SteadyPoints> {
     if record.command.len() != raw.len() || raw.len() < ROWS_PER_BIN || !raw.iter().all(|y| y.is_finite()) {
         return None;
     }
-    let (clean, _) = without_spikes(raw);
     let command = &record.command;
     let moves: Vec<f64> = command.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let moving = moves.iter().filter(|step| **step != 0.0).count();
@@ -101,6 +100,7 @@ fn ramp(record: &Record, output: Output, lag_s: f64) -> Option<SteadyPoints> {
     if (moving as f64) < MOVING * moves.len() as f64 || reversals > REVERSALS {
         return None;
     }
+    let (clean, _) = without_spikes(raw);
     let low = command.iter().copied().fold(f64::INFINITY, f64::min);
     let high = command.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let width = (high - low) / BINS as f64;

@@ -55,8 +55,36 @@ impl Plateau {
 
     /// Whether it is long enough to settle.
     pub(in crate::identify) fn is_long(&self, time_s: &[f64]) -> bool {
-        self.rows.len() >= MIN_PLATEAU_ROWS && time_s[self.rows.end - 1] - time_s[self.rows.start] >= MIN_PLATEAU_S
+        is_long(&self.rows, time_s)
     }
+}
+
+/// Where the stretches of constant command begin, and the end of the last one.
+fn changes(command: &[f64]) -> impl Iterator<Item = usize> {
+    let mut start = 0;
+    (0..=command.len()).filter(move |&k| {
+        let changes = k == command.len() || (command[k] - command[start]).abs() > SAME_LEVEL;
+        if changes {
+            start = k;
+        }
+        k == 0 || changes
+    })
+}
+
+/// How many stretches of constant command there are: all, and those that are long enough to settle.
+pub(super) fn count(time_s: &[f64], command: &[f64]) -> (usize, usize) {
+    let mut counts = (0, 0);
+    let mut start = 0;
+    for end in changes(command).skip(1) {
+        counts.0 += 1;
+        counts.1 += usize::from(is_long(&(start..end), time_s));
+        start = end;
+    }
+    counts
+}
+
+fn is_long(rows: &Range<usize>, time_s: &[f64]) -> bool {
+    rows.len() >= MIN_PLATEAU_ROWS && time_s[rows.end - 1] - time_s[rows.start] >= MIN_PLATEAU_S
 }
 
 /// All stretches of constant command, long or short, in order.
@@ -68,13 +96,11 @@ impl Plateau {
 pub(super) fn find(time_s: &[f64], command: &[f64], y: &[f64], output: Output) -> Vec<Plateau> {
     let mut plateaus = Vec::new();
     let mut start = 0;
-    for k in 1..=command.len() {
-        if k == command.len() || (command[k] - command[start]).abs() > SAME_LEVEL {
-            let direction =
-                (start > 0).then(|| if command[start] > command[start - 1] { Direction::Up } else { Direction::Down });
-            plateaus.push(measured(start..k, command[start], direction, y));
-            start = k;
-        }
+    for end in changes(command).skip(1) {
+        let direction =
+            (start > 0).then(|| if command[start] > command[start - 1] { Direction::Up } else { Direction::Down });
+        plateaus.push(measured(start..end, command[start], direction, y));
+        start = end;
     }
     let long = |p: &Plateau| p.is_long(time_s);
     let fastest = plateaus.iter().filter(|p| long(p)).map(|p| p.mean).fold(0.0, f64::max);

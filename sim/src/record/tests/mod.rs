@@ -1,5 +1,6 @@
 //! What is refused, with the report that a user sees, and what comes back unchanged.
 
+mod long;
 mod manifest;
 mod round_trip;
 mod sampling;
