@@ -86,7 +86,7 @@ fn show(found: &[RecordValidation]) {
 fn the_true_model_explains_all_that_has_no_noise() {
     let found = validate(&experiment(0.0), &motor()).unwrap();
     show(&found);
-    let domains: Vec<Domain> = found.iter().map(|v| v.domain).collect();
+    let domains: Vec<Domain> = found.iter().map(RecordValidation::domain).collect();
     assert_eq!(domains, [Domain::Frequency, Domain::Time, Domain::Time, Domain::Time]);
     assert_eq!(found[0].role, Some(Role::Validate));
     // In frequency the images beyond the sixteenth are left out; in time nothing is.
@@ -117,7 +117,7 @@ fn with_noise_the_true_model_reaches_the_ceiling_and_the_ceiling_is_that_of_the_
         for (v, clean) in found.iter().zip(&silent.records) {
             let ceiling = v.ceiling_percent.unwrap();
             assert!((v.fit_percent - ceiling).abs() < 0.15, "{v:?}");
-            if v.domain == Domain::Time {
+            if v.domain() == Domain::Time {
                 let y = clean.thrust_n.as_ref().unwrap();
                 let mean = y.iter().sum::<f64>() / y.len() as f64;
                 let spread = y.iter().map(|y| (y - mean).powi(2)).sum::<f64>() / y.len() as f64;
@@ -184,7 +184,7 @@ fn a_chirp_is_run_around_its_nominal_command_and_anything_else_over_the_range() 
     experiment.records[1].excitation = Excitation::Free;
     let found = validate(&experiment, &motor()).unwrap();
     show(&found);
-    assert!(found.iter().all(|v| v.domain == Domain::Time && v.ceiling_percent.is_none()));
+    assert!(found.iter().all(|v| v.domain() == Domain::Time && v.ceiling_percent.is_none()));
     // Between its rows the loop plays four more samples of the multisine.
     assert!((99.0..99.99).contains(&found[0].fit_percent));
     assert!(found[1].fit_percent > 99.999);

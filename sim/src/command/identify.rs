@@ -234,7 +234,7 @@ pub fn periodic_model(experiment: &Experiment, found: &PeriodicIdentification) -
         static_map: None,
         effects: Vec::new(),
         provenance: Some(Provenance {
-            records: experiment.records.iter().map(|record| record.file.clone()).collect(),
+            records: found.fitted_files().map(str::to_owned).collect(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             output: experiment.output,
             command_rate_hz: experiment.command_rate_hz,

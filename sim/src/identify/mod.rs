@@ -45,4 +45,6 @@ pub use spectra::{
     DisturbanceSign, DisturbedLine, Line, NoiseSource, RemovedSinusoid, Spectrum, SpectrumOptions, UnexcitedLine,
 };
 pub use transient::TransientTest;
-pub use validate::{Domain, RecordValidation, validate};
+pub use validate::{
+    ComparedLines, ComparedRow, Comparison, Domain, FitBesideCeiling, LeftOver, RecordValidation, TableRow, table_2, validate,
+};

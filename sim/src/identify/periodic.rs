@@ -65,6 +65,12 @@ impl PeriodicIdentification {
     pub fn points(&self) -> Vec<Point> {
         self.nominals.iter().map(NominalIdentification::point).collect()
     }
+
+    /// The files of the records that lags were fitted to; all others are held out.
+    pub fn fitted_files(&self) -> impl Iterator<Item = &str> {
+        let responses = self.nominals.iter().flat_map(|nominal| &nominal.responses);
+        responses.filter(|response| response.used_in_fit).map(|response| response.spectrum.file.as_str())
+    }
 }
 
 /// What was identified at one nominal command.
