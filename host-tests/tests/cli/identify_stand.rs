@@ -73,3 +73,15 @@ fn a_force_is_no_duty_and_a_duty_no_force() {
     stand.refuses("identify stand --out a.toml --order 8", 2, &["--stand"]);
     stand.refuses("identify --stand hammer --out a.toml --stand-model b.toml", 2, &["--stand-model"]);
 }
+
+#[test]
+fn an_order_that_the_lines_do_not_determine_is_refused_with_the_one_that_they_do() {
+    let stand = hammer();
+    for order in [4, 16] {
+        let arguments = format!("identify --stand hammer --out a.toml --order {order}");
+        let parts = [&format!("{order} poles leave"), "2 leave 0.", "--order 2"];
+        stand.refuses(&arguments, 1, &parts);
+    }
+    let chosen = stand.json("identify --stand hammer --out a.toml");
+    assert_eq!(chosen["poles"].as_array().unwrap().len(), 1, "{chosen:#}");
+}

@@ -10,7 +10,7 @@ use thiserror::Error;
 
 use super::identify_align::{AlignOptions, Aligned};
 use super::identify_stand::{self, StandArguments};
-use super::outcome::{JsonOption, Outcome};
+use super::outcome::{JsonOption, Outcome, warning_lines};
 use super::{WrongUse, identify_laws, identify_map, progress};
 use crate::files::check_writable;
 use crate::identify::stand::StandModel;
@@ -123,7 +123,7 @@ impl Identify {
             text.push('\n');
         }
         for warning in &identified.warnings {
-            writeln!(text, "warning: {warning}").into_diagnostic()?;
+            text.push_str(&warning_lines(warning));
         }
         writeln!(text, "\nWritten to {}", self.out.display()).into_diagnostic()?;
         let json = json!({
@@ -169,7 +169,7 @@ pub fn identify(experiment: &Experiment, delay_level: f64, stand: Option<&StandM
         let found = identify_periodic(experiment, &options)?;
         return Ok(Identified {
             model: periodic_model(experiment, &found),
-            text: periodic_table(experiment.output, &found) + &distortion_table(&found),
+            text: periodic_table(experiment.output, &found) + &held_out(experiment, &found) + &distortion_table(&found),
             warnings: periodic_warnings(&found),
             detail: Value::Null,
             distortion: distortion_json(&found),
@@ -246,6 +246,24 @@ pub fn periodic_model(experiment: &Experiment, found: &PeriodicIdentification) -
 fn periodic_warnings(found: &PeriodicIdentification) -> Vec<String> {
     let all = found.warnings.iter().chain(found.nominals.iter().flat_map(|nominal| &nominal.warnings));
     all.map(ToString::to_string).collect()
+}
+
+/// Which records the % fit is of.
+fn held_out(experiment: &Experiment, found: &PeriodicIdentification) -> String {
+    let judged = |excitation: Excitation, role: Option<Role>| {
+        let records = experiment.records.iter();
+        records.filter(|record| record.excitation == excitation && (role.is_none() || record.role == role)).count()
+    };
+    let squares = judged(Excitation::Square, None);
+    let multisines = judged(Excitation::Multisine, Some(Role::Validate));
+    let fitted = found.fitted_files().count();
+    let by_frequency =
+        if multisines > 0 { "multisines with role = \"validate\"" } else { "the fitted records themselves" };
+    let mut text = format!("  Fitted: {fitted} multisines. % fit, freq. is of {by_frequency}");
+    if squares > 0 {
+        text.push_str(";\n  that of squares is of records that are always held out");
+    }
+    text + ".\n"
 }
 
 fn percent(value: Option<f64>) -> String {

@@ -55,9 +55,8 @@ pub fn validation_by_nominal(records: &[RecordValidation]) -> String {
     if rows.is_empty() {
         return String::new();
     }
-    let mut text = String::from(
-        "\n           frequency domain      square wave\n  u_nom     % fit  ceiling     % fit  ceiling\n",
-    );
+    let mut text =
+        String::from("\n           frequency domain      square wave\n  u_nom     % fit  ceiling     % fit  ceiling\n");
     for row in rows {
         let [(frequency, frequency_ceiling), (square, square_ceiling)] = cells(&row);
         let line = format!(
@@ -95,16 +94,16 @@ pub fn verdict(records: &[RecordValidation]) -> String {
     }
     let least = judged.iter().filter_map(|record| record.left_over).map(|left| left.p_value).fold(1.0, f64::min);
     if wrong.is_empty() {
-        let of = if judged.len() == 1 { "it" } else { "the likeliest of them" };
+        let of = if judged.len() == 1 { "p" } else { "least p" };
         let sentence = format!(
-            "Nothing above the ceiling: on {} the model leaves no more than noise ({of}: p = {}).\n",
+            "Nothing above the ceiling: the model leaves no more than noise on\n{} ({of} = {}).\n",
             counted(judged.len(), judged.len()),
             probability(least)
         );
         text.push_str(&sentence);
     } else {
         let sentence = format!(
-            "The model leaves more than noise on {}, at {:.0} % over all of them:\n",
+            "The model leaves more than noise on {} (level {:.0} % over all):\n",
             counted(wrong.len(), judged.len()),
             100.0 * LEVEL
         );
@@ -186,7 +185,8 @@ fn excitation(excitation: Excitation) -> &'static str {
 pub fn validation_csv(records: &[RecordValidation]) -> Vec<(String, String)> {
     let mut files = vec![(String::from("table_2.csv"), table_csv(&table_2(records)))];
     for record in records {
-        let stem = Path::new(&record.file).file_stem().map_or(record.file.as_str().into(), |stem| stem.to_string_lossy());
+        let stem =
+            Path::new(&record.file).file_stem().map_or(record.file.as_str().into(), |stem| stem.to_string_lossy());
         files.push(match &record.comparison {
             Comparison::Frequency(lines) => (format!("fig_6_{stem}.csv"), lines_csv(lines)),
             Comparison::Time(rows) => (format!("fig_7_{stem}.csv"), rows_csv(rows)),

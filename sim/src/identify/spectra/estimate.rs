@@ -56,15 +56,27 @@ pub(in crate::identify) fn estimate(
 
     let count = periods.response.len();
     let width = 2 * options.pool_half_width + 1;
-    let quiet = noise::from_unexcited(&periods.response[count - 1], &excited, width);
-    let response = at(&periods.response, &excited);
-    let transient = transient::test(&response, quiet.as_ref(), options.transient_level);
-    let command = &command[transient.dropped..];
     // All bins of the band. One below the lowest line belongs to it too: with odd lines from the first on it is empty.
     let first_bin = lowest.saturating_sub(1).max(1);
-    let mut band: Vec<Vec<Complex64>> =
-        periods.response[transient.dropped..].iter().map(|period| period[first_bin..=highest].to_vec()).collect();
-    let removed = remove_sinusoids(&mut band, first_bin, periods.bin_rad_s);
+    let band_of = |from: usize| -> Vec<Vec<Complex64>> {
+        periods.response[from..].iter().map(|period| period[first_bin..=highest].to_vec()).collect()
+    };
+    // Before the test for a transient: hum turns from period to period too, and of two periods the first would go for it.
+    let mut band = band_of(0);
+    let mut removed = remove_sinusoids(&mut band, first_bin, periods.bin_rad_s);
+    let mut last = periods.response[count - 1].clone();
+    last[first_bin..=highest].copy_from_slice(&band[count - 1]);
+    let quiet = noise::from_unexcited(&last, &excited, width);
+    let response = at(&band, &excited.iter().map(|bin| bin - first_bin).collect::<Vec<_>>());
+    let transient = transient::test(&response, quiet.as_ref(), options.transient_level);
+    let command = &command[transient.dropped..];
+    if transient.is_present() && count - transient.dropped > 1 {
+        // What the transient took part in is found again without it.
+        band = band_of(transient.dropped);
+        removed = remove_sinusoids(&mut band, first_bin, periods.bin_rad_s);
+    } else {
+        band.drain(..transient.dropped);
+    }
     let in_band = |bins: &[usize]| at(&band, &bins.iter().map(|bin| bin - first_bin).collect::<Vec<_>>());
     let response = in_band(&excited);
     let periods_used = response.len();

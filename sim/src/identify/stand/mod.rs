@@ -132,6 +132,7 @@ pub fn identify_stand(experiment: &Experiment, options: &StandOptions) -> Result
 pub fn fit_stand(response: FrequencyResponse, options: &StandOptions) -> Result<StandIdentification, IdentifyError> {
     let parametric = ParametricOptions { unstable: UnstablePoles::Reflect, ..ParametricOptions::default() };
     let selection = select_order(&response, options.poles.clone(), false, &|_| Complex64::ONE, &parametric)?;
+    check_order(&selection.fit, &response, options, &parametric)?;
     let fit = selection.fit;
     let top_rad_s = response.lines.last().map_or(0.0, |line| line.omega_rad_s);
     let mut warnings = Vec::new();
@@ -152,4 +153,30 @@ pub fn fit_stand(response: FrequencyResponse, options: &StandOptions) -> Result<
         fit,
         warnings,
     })
+}
+
+/// Refuses an order that was asked for and fits worse than a lower one.
+///
+/// A structure with more poles can do all that one with fewer can. Where the search ends with more left than of the best
+/// lower order, the lines do not determine the additional poles: near-cancelling pairs leave it in a valley without
+/// floor, and the numbers that it ends at mean nothing.
+fn check_order(
+    fit: &ParametricFit,
+    response: &FrequencyResponse,
+    options: &StandOptions,
+    parametric: &ParametricOptions,
+) -> Result<(), IdentifyError> {
+    let poles = *options.poles.start();
+    let is_chosen = options.poles.end() > options.poles.start();
+    if is_chosen || poles < 2 || fit.residual.power_p_value >= MODEL_LEVEL {
+        return Ok(());
+    }
+    let Ok(lower) = select_order(response, 1..=poles - 1, false, &|_| Complex64::ONE, parametric) else {
+        return Ok(());
+    };
+    let (left, fewer_left) = (fit.residual.reduced_chi_square, lower.fit.residual.reduced_chi_square);
+    if left > fewer_left {
+        return Err(StandError::OrderTooHigh { poles, left, fewer: lower.fit.structure.poles, fewer_left }.into());
+    }
+    Ok(())
 }
