@@ -265,7 +265,7 @@ fn noisy(noise: &Noise, seed: u64) -> Experiment {
 fn the_true_model_is_called_wrong_as_seldom_as_the_level_says_and_a_wrong_one_always() {
     let repeats = 40;
     let mut wrong = motor();
-    wrong.points.iter_mut().for_each(|p| p.time_constant_s *= 1.1);
+    wrong.points.iter_mut().for_each(|p| p.time_constant_s *= 1.5);
     for (color, pole) in [(Color::White, None), (Color::Ar1, Some(0.8))] {
         let noise = Noise { sigma_n: SIGMA_N, color, pole, ..Noise::default() };
         let mut alarms = [0; 4];
@@ -275,7 +275,12 @@ fn the_true_model_is_called_wrong_as_seldom_as_the_level_says_and_a_wrong_one_al
                 alarms[k] += u32::from(found.left_over.unwrap().p_value < 0.05);
             }
             for found in validate(&experiment, &wrong).unwrap() {
-                assert!(found.left_over.unwrap().p_value < 1e-3, "{seed} {color:?} {} {:?}", found.file, found.left_over);
+                assert!(
+                    found.left_over.unwrap().p_value < 1e-3,
+                    "{seed} {color:?} {} {:?}",
+                    found.file,
+                    found.left_over
+                );
                 assert!(found.model_error_percent().unwrap() > 0.5, "{}", found.file);
             }
         }

@@ -414,8 +414,12 @@ fn the_numbers_behind_the_figures_are_those_of_the_table() {
         stand.read(file).lines().skip(1).map(numbers).collect()
     };
     let table = rows("figures/table_2.csv");
-    let cells =
-        [(multisine, "fit_percent"), (multisine, "ceiling_percent"), (square, "fit_percent"), (square, "ceiling_percent")];
+    let cells = [
+        (multisine, "fit_percent"),
+        (multisine, "ceiling_percent"),
+        (square, "fit_percent"),
+        (square, "ceiling_percent"),
+    ];
     assert_eq!(table[0][1..], cells.map(|(record, key)| number(record, key)));
     // Fig. 7 gives the % fit of the square wave.
     let fig_7 = rows("figures/fig_7_u050_square.csv");

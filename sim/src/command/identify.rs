@@ -256,10 +256,10 @@ fn held_out(experiment: &Experiment, found: &PeriodicIdentification) -> String {
     };
     let squares = judged(Excitation::Square, None);
     let multisines = judged(Excitation::Multisine, Some(Role::Validate));
-    let fitted = found.fitted_files().count();
+    let (fitted, all) = (found.fitted_files().count(), experiment.records.len());
     let by_frequency =
         if multisines > 0 { "multisines with role = \"validate\"" } else { "the fitted records themselves" };
-    let mut text = format!("  Fitted: {fitted} multisines. % fit, freq. is of {by_frequency}");
+    let mut text = format!("  Fitted: {fitted} of {all} records. % fit, freq. is of {by_frequency}");
     if squares > 0 {
         text.push_str(";\n  that of squares is of records that are always held out");
     }

@@ -219,11 +219,14 @@ impl Spectrum {
     /// Rows beyond whole periods are left out at the start, where the transient is.
     ///
     /// # Errors
-    /// [`IdentifyError`] when the record has no period, no response, uneven rows, less than a
+    /// [`IdentifyError`] when the record has no period, no response or a constant one, uneven rows, less than a
     /// period, a constant or non-periodic command, or no way to know its noise.
     pub fn of(experiment: &Experiment, record: &Record, options: &SpectrumOptions) -> Result<Self, IdentifyError> {
         let file = || record.file.clone();
         let response = response_of(record, experiment.output)?;
+        if response.windows(2).all(|pair| pair[0] == pair[1]) {
+            return Err(IdentifyError::ConstantResponse { file: file() });
+        }
         let row_rate_hz = row_rate_hz(record, experiment.sample_rate_hz)?;
         let (period_s, length) = period(record, row_rate_hz)?;
         let periods = response.len() / length;
