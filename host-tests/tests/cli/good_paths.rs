@@ -420,7 +420,9 @@ fn the_numbers_behind_the_figures_are_those_of_the_table() {
         (square, "fit_percent"),
         (square, "ceiling_percent"),
     ];
-    assert_eq!(table[0][1..], cells.map(|(record, key)| number(record, key)));
+    for (cell, (record, key)) in table[0][1..].iter().zip(cells) {
+        near(*cell, number(record, key), 1e-12);
+    }
     // Fig. 7 gives the % fit of the square wave.
     let fig_7 = rows("figures/fig_7_u050_square.csv");
     assert_eq!(fig_7.len(), 4000);
@@ -457,7 +459,9 @@ fn a_wrong_model_is_called_wrong_and_by_how_much() {
     for part in ["The model does not say what it was fitted to", "leaves more than noise on 2 records", "is off by"] {
         assert!(text.contains(part), "no `{part}` in:\n{text}");
     }
-    assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
+    // A row of the table is as long as the name of its file.
+    let mut sentences = text.lines().filter(|line| !line.ends_with(".csv"));
+    assert!(sentences.all(|line| line.chars().count() <= 80), "{text}");
 }
 
 #[test]

@@ -2,7 +2,6 @@
 
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
-use std::path::Path;
 
 use crate::identify::{ComparedLines, ComparedRow, Comparison, FitBesideCeiling, RecordValidation, TableRow, table_2};
 use crate::record::Excitation;
@@ -185,8 +184,8 @@ fn excitation(excitation: Excitation) -> &'static str {
 pub fn validation_csv(records: &[RecordValidation]) -> Vec<(String, String)> {
     let mut files = vec![(String::from("table_2.csv"), table_csv(&table_2(records)))];
     for record in records {
-        let stem =
-            Path::new(&record.file).file_stem().map_or(record.file.as_str().into(), |stem| stem.to_string_lossy());
+        // Names of records differ, and so do these.
+        let stem = record.file.strip_suffix(".csv").unwrap_or(&record.file);
         files.push(match &record.comparison {
             Comparison::Frequency(lines) => (format!("fig_6_{stem}.csv"), lines_csv(lines)),
             Comparison::Time(rows) => (format!("fig_7_{stem}.csv"), rows_csv(rows)),

@@ -61,21 +61,22 @@ pub(in crate::identify) fn estimate(
     let band_of = |from: usize| -> Vec<Vec<Complex64>> {
         periods.response[from..].iter().map(|period| period[first_bin..=highest].to_vec()).collect()
     };
-    // Before the test for a transient: hum turns from period to period too, and of two periods the first would go for it.
+    // Hum turns from period to period too. Of two periods the test for a transient would drop the first for it, and what
+    // turned would be lost: there it is taken out before. Of more, two are left that show it.
+    let two = count == 2;
     let mut band = band_of(0);
-    let mut removed = remove_sinusoids(&mut band, first_bin, periods.bin_rad_s);
+    let mut removed = if two { remove_sinusoids(&mut band, first_bin, periods.bin_rad_s) } else { Vec::new() };
     let mut last = periods.response[count - 1].clone();
     last[first_bin..=highest].copy_from_slice(&band[count - 1]);
     let quiet = noise::from_unexcited(&last, &excited, width);
     let response = at(&band, &excited.iter().map(|bin| bin - first_bin).collect::<Vec<_>>());
     let transient = transient::test(&response, quiet.as_ref(), options.transient_level);
     let command = &command[transient.dropped..];
-    if transient.is_present() && count - transient.dropped > 1 {
-        // What the transient took part in is found again without it.
+    if two {
+        band.drain(..transient.dropped);
+    } else {
         band = band_of(transient.dropped);
         removed = remove_sinusoids(&mut band, first_bin, periods.bin_rad_s);
-    } else {
-        band.drain(..transient.dropped);
     }
     let in_band = |bins: &[usize]| at(&band, &bins.iter().map(|bin| bin - first_bin).collect::<Vec<_>>());
     let response = in_band(&excited);

@@ -3,8 +3,8 @@
 //! A record of whole periods has no leakage: the DFT of one period holds the response to each line
 //! of the excitation in one bin, `X_k = (2 / N) sum x_n e^(-2 pi j k n / N)`. The mean over periods
 //! estimates it, the spread over periods gives the noise ([`super::noise`] pools it over neighbors),
-//! sinusoids that are none of the excitation's are subtracted, first periods that carry a transient are left out
-//! ([`super::transient`]), and lines on which a disturbance is left are left out. The bins between the excited ones are kept
+//! first periods that carry a transient are left out ([`super::transient`]), sinusoids that are none of the excitation's
+//! are subtracted (of two periods before that test), and lines on which a disturbance is left are left out. The bins between the excited ones are kept
 //! too: what repeats there is no linear response ([`super::Distortion`]).
 
 pub(super) mod estimate;

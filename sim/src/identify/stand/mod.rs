@@ -16,7 +16,7 @@ use std::ops::RangeInclusive;
 
 use num_complex::Complex64;
 
-use super::parametric::{OrderScore, ParametricFit, ParametricOptions, UnstablePoles, select_order};
+use super::parametric::{OrderScore, ParametricFit, ParametricOptions, Root, UnstablePoles, select_order};
 use super::{Estimate, FrequencyResponse, IdentifyError};
 use crate::record::Experiment;
 pub use error::StandError;
@@ -77,6 +77,16 @@ pub enum StandWarning {
         reduced_chi_square: f64,
         /// Its tail probability.
         p_value: f64,
+    },
+    /// Poles that zeros take away again.
+    #[error(
+        "{count} of {poles} poles (pairs count once) have a zero where they are, within its error: they cancel and mean nothing; leave --order out, or ask for fewer"
+    )]
+    Cancels {
+        /// How many, a pair as one.
+        count: usize,
+        /// Of how many.
+        poles: usize,
     },
     /// The static value is not in the band.
     #[error("the static gain, {gain:.3}, is not 1 within its error: calibrate the force against the sensor")]
@@ -140,6 +150,10 @@ pub fn fit_stand(response: FrequencyResponse, options: &StandOptions) -> Result<
         let (reduced_chi_square, p_value) = (fit.residual.reduced_chi_square, fit.residual.power_p_value);
         warnings.push(StandWarning::ModelTooSimple { reduced_chi_square, p_value });
     }
+    let count = fit.poles.iter().filter(|pole| fit.zeros.iter().any(|zero| coincide(pole, zero))).count();
+    if count > 0 {
+        warnings.push(StandWarning::Cancels { count, poles: fit.poles.len() });
+    }
     // A hammer's calibration is good to some percent.
     if fit.gain.excludes(1.0) && (fit.gain.value - 1.0).abs() > 0.05 {
         warnings.push(StandWarning::Gain { gain: fit.gain.value });
@@ -153,6 +167,15 @@ pub fn fit_stand(response: FrequencyResponse, options: &StandOptions) -> Result<
         fit,
         warnings,
     })
+}
+
+/// Whether a pole and a zero are one within the errors of their distance, two standard ones.
+fn coincide(pole: &Root, zero: &Root) -> bool {
+    let near = |a: Estimate, b: Estimate| (a.value - b.value).abs() < 2.0 * a.std.hypot(b.std);
+    // A real root's damping is one or minus one, exactly.
+    let same_damping =
+        if pole.is_pair() { near(pole.damping, zero.damping) } else { pole.damping.value == zero.damping.value };
+    pole.is_pair() == zero.is_pair() && near(pole.frequency_rad_s, zero.frequency_rad_s) && same_damping
 }
 
 /// Refuses an order that was asked for and fits worse than a lower one.
