@@ -55,10 +55,11 @@ impl FeedbackTest {
         let (dy, _) = deviations(response, length, periods);
         let mut v: Vec<f64> = dy.iter().zip(answer(&du, row_s, lag)).map(|(dy, through)| dy - through).collect();
         // All rows are without a gap.
-        let run = vec![0..du.len()];
+        let whole = 0..du.len();
+        let run = std::slice::from_ref(&whole);
         for series in [&mut du, &mut v] {
-            let color = autoregression(series, &run);
-            whiten(series, &run, &color);
+            let color = autoregression(series, run);
+            whiten(series, run, &color);
         }
         let scale = du.iter().map(|d| d * d).sum::<f64>() * v.iter().map(|v| v * v).sum::<f64>();
         let lags = LAGS.min(length);
