@@ -35,26 +35,24 @@ fn spectrum(hum: Option<(f64, f64)>, periods: u32, warm_up_periods: u32, seed: u
 /// frequencies. All others are found with two periods already, and are not taken for a transient.
 #[test]
 fn hum_is_subtracted_wherever_it_turns_and_costs_no_period() {
-    {
-        let periods = 2;
-        let mut dropped = 0;
-        for k in 0..30 {
-            // 10 s: so many tenths of a turn from period to period.
-            let turn = [0.1, 0.2, 0.35, 0.5, 0.65, 0.9][k % 6];
-            let hum_hz = 8.0 + 0.5 * k as f64 + 0.1 * turn;
-            let found = spectrum(Some((hum_hz, 0.02)), periods, 1, k as u64 + 1);
-            let removed: Vec<f64> = found.removed.iter().map(|s| s.omega_rad_s / TAU).collect();
-            assert!(removed.iter().any(|hz| (hz - hum_hz).abs() < 0.01), "{periods} {hum_hz} {removed:?}");
-            // The noise of a bin, from what of the hum the mean over periods leaves.
-            let still = (0..periods).map(|p| Complex64::cis(TAU * turn * f64::from(p))).sum::<Complex64>();
-            let turning = 1.0 - (still / f64::from(periods)).norm_sqr();
-            let std = 0.02 * (4.0 / 2000.0_f64).sqrt() / (f64::from(periods) * turning).sqrt();
-            assert!((found.removed[0].amplitude - 0.02).abs() < 5.0 * std, "{periods} {turn} {:?}", found.removed);
-            dropped += found.transient.dropped;
-        }
-        // 30 at 0.05: 1.5 expected; 8 or more in one of 6000 (binomial).
-        assert!(dropped < 8, "{periods}: {dropped}");
+    let periods = 2;
+    let mut dropped = 0;
+    for k in 0..30 {
+        // 10 s: so many tenths of a turn from period to period.
+        let turn = [0.1, 0.2, 0.35, 0.5, 0.65, 0.9][k % 6];
+        let hum_hz = 8.0 + 0.5 * k as f64 + 0.1 * turn;
+        let found = spectrum(Some((hum_hz, 0.02)), periods, 1, k as u64 + 1);
+        let removed: Vec<f64> = found.removed.iter().map(|s| s.omega_rad_s / TAU).collect();
+        assert!(removed.iter().any(|hz| (hz - hum_hz).abs() < 0.01), "{periods} {hum_hz} {removed:?}");
+        // The noise of a bin, from what of the hum the mean over periods leaves.
+        let still = (0..periods).map(|p| Complex64::cis(TAU * turn * f64::from(p))).sum::<Complex64>();
+        let turning = 1.0 - (still / f64::from(periods)).norm_sqr();
+        let std = 0.02 * (4.0 / 2000.0_f64).sqrt() / (f64::from(periods) * turning).sqrt();
+        assert!((found.removed[0].amplitude - 0.02).abs() < 5.0 * std, "{periods} {turn} {:?}", found.removed);
+        dropped += found.transient.dropped;
     }
+    // 30 at 0.05: 1.5 expected; 8 or more in one of 6000 (binomial).
+    assert!(dropped < 8, "{periods}: {dropped}");
 }
 
 #[test]

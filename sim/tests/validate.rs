@@ -256,7 +256,7 @@ fn what_does_not_go_together_is_refused_with_its_remedy() {
 fn noisy(noise: &Noise, seed: u64) -> Experiment {
     let mut plan = plan(0.0);
     plan.sample_rate_hz = 200;
-    plan.noise = noise.clone();
+    plan.noise = *noise;
     plan.seed = seed;
     run(&plan, &motor(), None, &|_| {}).unwrap()
 }
