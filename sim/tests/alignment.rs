@@ -386,7 +386,11 @@ fn what_cannot_be_told_is_refused() {
         assert!(refused || matches!(error, AlignmentError::ConstantResponse { .. }), "{rows}: {error:?}");
     }
     assert!(matches!(
-        align(&good.command(), &good.response(), &AlignmentOptions { within_s: Some(1e-4), max_skew: 0.0 }),
+        align(
+            &good.command(),
+            &good.response(),
+            &AlignmentOptions { within_s: Some(1e-4), max_skew: 0.0, ..AlignmentOptions::default() }
+        ),
         Err(AlignmentError::NoOverlap { .. })
     ));
 }

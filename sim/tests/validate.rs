@@ -4,8 +4,8 @@ use std::f64::consts::TAU;
 
 use rotorlead::design::{LeadDesign, LeadParameters};
 use rotorlead_sim::bench::{Plan, PlannedRecord, run};
-use rotorlead_sim::identify::{Domain, IdentifyError, RecordValidation, validate};
-use rotorlead_sim::plant::{Effect, Lag, Model, Noise, Point, Provenance, StaticMap, hold_response};
+use rotorlead_sim::identify::{Comparison, Domain, IdentifyError, RecordValidation, table_2, validate};
+use rotorlead_sim::plant::{Color, Effect, Lag, Model, Noise, Point, Provenance, StaticMap, hold_response};
 use rotorlead_sim::record::{Excitation, Experiment, Output, Role};
 
 /// Noise of the stand, newtons.
@@ -86,7 +86,7 @@ fn show(found: &[RecordValidation]) {
 fn the_true_model_explains_all_that_has_no_noise() {
     let found = validate(&experiment(0.0), &motor()).unwrap();
     show(&found);
-    let domains: Vec<Domain> = found.iter().map(|v| v.domain).collect();
+    let domains: Vec<Domain> = found.iter().map(RecordValidation::domain).collect();
     assert_eq!(domains, [Domain::Frequency, Domain::Time, Domain::Time, Domain::Time]);
     assert_eq!(found[0].role, Some(Role::Validate));
     // In frequency the images beyond the sixteenth are left out; in time nothing is.
@@ -117,7 +117,7 @@ fn with_noise_the_true_model_reaches_the_ceiling_and_the_ceiling_is_that_of_the_
         for (v, clean) in found.iter().zip(&silent.records) {
             let ceiling = v.ceiling_percent.unwrap();
             assert!((v.fit_percent - ceiling).abs() < 0.15, "{v:?}");
-            if v.domain == Domain::Time {
+            if v.domain() == Domain::Time {
                 let y = clean.thrust_n.as_ref().unwrap();
                 let mean = y.iter().sum::<f64>() / y.len() as f64;
                 let spread = y.iter().map(|y| (y - mean).powi(2)).sum::<f64>() / y.len() as f64;
@@ -184,7 +184,7 @@ fn a_chirp_is_run_around_its_nominal_command_and_anything_else_over_the_range() 
     experiment.records[1].excitation = Excitation::Free;
     let found = validate(&experiment, &motor()).unwrap();
     show(&found);
-    assert!(found.iter().all(|v| v.domain == Domain::Time && v.ceiling_percent.is_none()));
+    assert!(found.iter().all(|v| v.domain() == Domain::Time && v.ceiling_percent.is_none()));
     // Between its rows the loop plays four more samples of the multisine.
     assert!((99.0..99.99).contains(&found[0].fit_percent));
     assert!(found[1].fit_percent > 99.999);
@@ -250,4 +250,80 @@ fn what_does_not_go_together_is_refused_with_its_remedy() {
         let error = validate(&idle, &motor()).unwrap_err();
         assert_eq!(error, IdentifyError::ConstantCommand { file: "u050_multisine.csv".into() });
     }
+}
+
+/// The motor's records with fresh noise.
+fn noisy(noise: &Noise, seed: u64) -> Experiment {
+    let mut plan = plan(0.0);
+    plan.sample_rate_hz = 200;
+    plan.noise = *noise;
+    plan.seed = seed;
+    run(&plan, &motor(), None, &|_| {}).unwrap()
+}
+
+#[test]
+fn the_true_model_is_called_wrong_as_seldom_as_the_level_says_and_a_wrong_one_always() {
+    let repeats = 40;
+    let mut wrong = motor();
+    wrong.points.iter_mut().for_each(|p| p.time_constant_s *= 1.5);
+    for (color, pole) in [(Color::White, None), (Color::Ar1, Some(0.8))] {
+        let noise = Noise { sigma_n: SIGMA_N, color, pole, ..Noise::default() };
+        let mut alarms = [0; 4];
+        for seed in 1..=repeats {
+            let experiment = noisy(&noise, seed);
+            for (k, found) in validate(&experiment, &motor()).unwrap().iter().enumerate() {
+                alarms[k] += u32::from(found.left_over.unwrap().p_value < 0.05);
+            }
+            for found in validate(&experiment, &wrong).unwrap() {
+                assert!(
+                    found.left_over.unwrap().p_value < 1e-3,
+                    "{seed} {color:?} {} {:?}",
+                    found.file,
+                    found.left_over
+                );
+                assert!(found.model_error_percent().unwrap() > 0.5, "{}", found.file);
+            }
+        }
+        println!("{color:?}: {alarms:?} of {repeats}");
+        // 40 at 0.05: 2 expected; 9 or more in one of 5000 (binomial).
+        assert!(alarms.iter().all(|&alarms| alarms < 9), "{color:?}: {alarms:?}");
+    }
+}
+
+#[test]
+fn what_was_compared_and_the_papers_table_go_with_the_fit() {
+    let experiment = experiment(SIGMA_N);
+    let mut model = motor();
+    model.provenance = Some(Provenance {
+        records: vec!["u050_multisine.csv".into()],
+        version: "0".into(),
+        output: Output::ThrustN,
+        command_rate_hz: None,
+        esc_frame_hz: None,
+    });
+    let found = validate(&experiment, &model).unwrap();
+    let fitted: Vec<Option<bool>> = found.iter().map(|v| v.fitted).collect();
+    assert_eq!(fitted, [Some(true), Some(false), Some(false), Some(false)]);
+    assert!(validate(&experiment, &motor()).unwrap().iter().all(|v| v.fitted.is_none()));
+
+    let Comparison::Frequency(lines) = &found[0].comparison else { panic!("{}", found[0].file) };
+    assert_eq!((lines.raw.len(), lines.smoothed.lines.len(), lines.model.len()), (150, 150, 150));
+    let lag = motor().at(0.5).unwrap();
+    for (line, model) in lines.smoothed.lines.iter().zip(&lines.model) {
+        assert!((lag.frequency_response(line.omega_rad_s) - model).norm() < 1e-9);
+        assert!((line.response - model).norm() < 6.0 * line.variance.sqrt(), "{line:?}");
+    }
+    for v in &found[1..] {
+        let Comparison::Time(rows) = &v.comparison else { panic!("{}", v.file) };
+        let mean = rows.iter().map(|row| row.measured).sum::<f64>() / rows.len() as f64;
+        let spread: f64 = rows.iter().map(|row| (row.measured - mean).powi(2)).sum();
+        let left: f64 = rows.iter().map(|row| (row.measured - row.model).powi(2)).sum();
+        assert!((100.0 * (1.0 - (left / spread).sqrt()) - v.fit_percent).abs() < 1e-9);
+    }
+
+    let table = table_2(&found);
+    assert_eq!(table.len(), 1, "the step and the staircase are no part of it: {table:?}");
+    let (frequency, square) = (table[0].frequency.unwrap(), table[0].square.unwrap());
+    assert_eq!((frequency.fit_percent, frequency.ceiling_percent), (found[0].fit_percent, found[0].ceiling_percent));
+    assert_eq!((square.fit_percent, square.ceiling_percent), (found[1].fit_percent, found[1].ceiling_percent));
 }

@@ -398,3 +398,104 @@ fn a_response_log_without_commands_is_refused_unless_it_is_aligned() {
     stand.write("command.csv", "time_s,command\n0,0.3\n1,0.3\n9,0.3\n");
     stand.refuses("identify imported --align command.csv --out found.toml", 1, &["command never changes"]);
 }
+
+#[test]
+fn the_numbers_behind_the_figures_are_those_of_the_table() {
+    let stand = simulated();
+    stand.run("identify sim --out found.toml");
+    let text = stand.run("validate sim --model found.toml --figures figures --json v.json");
+    assert!(text.contains("Nothing above the ceiling") && text.contains("1 of 2 records were held out"), "{text}");
+    let json: Value = serde_json::from_str(&stand.read("v.json")).unwrap();
+    let (multisine, square) = (&json["records"][0], &json["records"][1]);
+    assert_eq!((&multisine["held_out"], &square["held_out"]), (&Value::Bool(false), &Value::Bool(true)));
+
+    let rows = |file: &str| -> Vec<Vec<f64>> {
+        let numbers = |line: &str| line.split(',').map(|cell| cell.parse().unwrap()).collect();
+        stand.read(file).lines().skip(1).map(numbers).collect()
+    };
+    let table = rows("figures/table_2.csv");
+    let cells = [
+        (multisine, "fit_percent"),
+        (multisine, "ceiling_percent"),
+        (square, "fit_percent"),
+        (square, "ceiling_percent"),
+    ];
+    for (cell, (record, key)) in table[0][1..].iter().zip(cells) {
+        near(*cell, number(record, key), 1e-12);
+    }
+    // Fig. 7 gives the % fit of the square wave.
+    let fig_7 = rows("figures/fig_7_u050_square.csv");
+    assert_eq!(fig_7.len(), 4000);
+    let mean = fig_7.iter().map(|row| row[1]).sum::<f64>() / 4000.0;
+    let spread: f64 = fig_7.iter().map(|row| (row[1] - mean).powi(2)).sum();
+    let left: f64 = fig_7.iter().map(|row| row[3].powi(2)).sum();
+    assert!((100.0 * (1.0 - (left / spread).sqrt()) - number(square, "fit_percent")).abs() < 1e-9);
+    assert!(fig_7.iter().all(|row| (row[1] - row[2] - row[3]).abs() < 1e-12));
+    // Fig. 6: the model is the lag itself, and the band of 95 % holds it at most of the 150 lines.
+    let fig_6 = rows("figures/fig_6_u050_multisine.csv");
+    assert_eq!(fig_6.len(), 150);
+    let model: toml::Value = toml::from_str(&stand.read("found.toml")).unwrap();
+    let point = |key: &str| model["point"][0][key].as_float().unwrap();
+    for row in &fig_6 {
+        let x = std::f64::consts::TAU * row[0] * point("time_constant_s");
+        near(row[9], point("gain") / (1.0 + x * x).sqrt(), 1e-9);
+        assert!(row[4] < row[3] && row[3] < row[5] && row[7] < row[6] && row[6] < row[8], "{row:?}");
+    }
+    let held = fig_6.iter().filter(|row| (row[4]..=row[5]).contains(&row[9])).count();
+    // Smoothed errors hang together over nine lines: some 30 of them are independent.
+    assert!((110..=150).contains(&held), "{held}");
+
+    // A second run replaces the files; a file in the folder's place is refused before the work.
+    stand.run("validate sim --model found.toml --figures figures");
+    stand.refuses("validate sim --model found.toml --figures plan.toml", 1, &["plan.toml"]);
+}
+
+#[test]
+fn a_wrong_model_is_called_wrong_and_by_how_much() {
+    let stand = simulated();
+    stand.run("identify sim --out found.toml");
+    stand.edit("model.toml", "time_constant_s = 0.06", "time_constant_s = 0.07");
+    let text = stand.run("validate sim --model model.toml");
+    for part in ["The model does not say what it was fitted to", "leaves more than noise on 2 records", "is off by"] {
+        assert!(text.contains(part), "no `{part}` in:\n{text}");
+    }
+    // A row of the table is as long as the name of its file.
+    let mut sentences = text.lines().filter(|line| !line.ends_with(".csv"));
+    assert!(sentences.all(|line| line.chars().count() <= 80), "{text}");
+}
+
+#[test]
+fn repeating_logs_of_far_clocks_are_aligned_where_it_is_said_that_they_start_together() {
+    let stand = Stand::new();
+    stand.edit("plan.toml", "periods = 2", "periods = 3");
+    stand.run("simulate --model model.toml --plan plan.toml --out apart");
+    let table = stand.read("apart/u050_multisine.csv");
+    let (mut commands, mut responses) = (String::from("time_s,command\n"), String::from("time_s,thrust_n\n"));
+    for line in table.lines().skip(1) {
+        let cells: Vec<&str> = line.split(',').collect();
+        let t: f64 = cells[0].parse().unwrap();
+        commands.push_str(&format!("{},{}\n", t + 7000.0, cells[1]));
+        responses.push_str(&format!("{},{}\n", t + 0.012, cells[2]));
+    }
+    let manifest = stand.read("apart/experiment.toml");
+    let second = manifest.rfind("[[record]]").unwrap();
+    stand.write("apart/experiment.toml", manifest[..second].replace("sample_rate_hz", "# sample_rate_hz"));
+    stand.write("apart/u050_multisine.csv", responses);
+    stand.write("command.csv", commands);
+    let identify = "identify apart --align command.csv --out found.toml";
+    stand.refuses(identify, 1, &["explain the logs equally well", "--align-near start"]);
+    stand.refuses(&format!("{identify} --align-near start"), 2, &["--align-within"]);
+    stand.refuses(&format!("{identify} --align-near soon --align-within 2"), 2, &["`start`"]);
+    for near in ["start", "-7000"] {
+        let found = stand.json(&format!("{identify} --align-near {near} --align-within 2"));
+        // 12 ms, and half a row and half a frame of the ESC.
+        let delay_s = number(&found["alignment"][0], "delay_s");
+        assert!((delay_s + 6999.988).abs() < 0.003, "{delay_s}");
+        near_point(&found);
+    }
+}
+
+#[track_caller]
+fn near_point(found: &Value) {
+    near(number(&found["points"][0], "time_constant_s"), 0.06, 0.03);
+}

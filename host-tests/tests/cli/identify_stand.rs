@@ -73,3 +73,13 @@ fn a_force_is_no_duty_and_a_duty_no_force() {
     stand.refuses("identify stand --out a.toml --order 8", 2, &["--stand"]);
     stand.refuses("identify --stand hammer --out a.toml --stand-model b.toml", 2, &["--stand-model"]);
 }
+
+#[test]
+fn poles_that_zeros_cancel_are_named_and_the_chosen_order_has_none() {
+    let stand = hammer();
+    let text = stand.run("identify --stand hammer --out a.toml --order 16");
+    assert!(text.contains("have a zero where they"), "{text}");
+    let chosen = stand.json("identify --stand hammer --out a.toml");
+    assert_eq!(chosen["poles"].as_array().unwrap().len(), 1, "{chosen:#}");
+    assert_eq!(chosen["warnings"].as_array().unwrap().len(), 0, "{chosen:#}");
+}

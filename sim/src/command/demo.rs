@@ -11,18 +11,21 @@ use serde_json::json;
 
 use super::bandwidth::RESAMPLES;
 use super::design::describe;
+use super::figures::{FiguresOption, check_folder, make_folder};
 use super::identify::periodic_model;
 use super::outcome::{JsonOption, Outcome, wrapped};
 use super::simulate::simulate;
+use super::validate::record_json;
 use crate::bench::{Plan, Prediction};
 use crate::design::{BandwidthPoint, Chain, DesignOptions, bandwidths, compensator_file, design};
-use crate::files::{FileError, check_writable, write_file};
+use crate::files::write_file;
 use crate::identify::{
-    Bandwidth, EtfeBandwidth, PeriodicIdentification, PeriodicOptions, bandwidth_of, identify_periodic,
+    Bandwidth, EtfeBandwidth, PeriodicIdentification, PeriodicOptions, RecordValidation, bandwidth_of,
+    identify_periodic, table_2, validate,
 };
 use crate::plant::Model;
 use crate::report::paper::{CONTRADICTIONS, PAPER, PaperRow, table_1};
-use crate::report::{Curve, Mark, bandwidth_cell, bode, rad_s};
+use crate::report::{Curve, Mark, bandwidth_cell, bode, cells, rad_s, verdict};
 
 /// Nominal commands in the Bode plot: one in the middle, where compensation helps by half, and the fastest.
 const DRAWN: [f64; 2] = [0.50, 0.65];
@@ -43,6 +46,8 @@ pub struct Demo {
     #[arg(long, default_value = "1", value_parser = clap::value_parser!(u64).range(..1 << 63), allow_negative_numbers = true)]
     seed: u64,
     #[command(flatten)]
+    figures: FiguresOption,
+    #[command(flatten)]
     pub(super) json: JsonOption,
 }
 
@@ -58,11 +63,13 @@ impl Demo {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
         check_folder(&self.out)?;
+        self.figures.check()?;
         let actuators = table_1();
         let plan = Plan { seed: self.seed, ..Plan::paper(&actuators) };
         let stand = simulate(&plan, &actuators, None)?;
         let found = identify_periodic(&stand, &PeriodicOptions::default())?;
-        let model = periodic_model(&stand, &[], &found);
+        let model = periodic_model(&stand, &found);
+        let validated = validate(&stand, &model)?;
         let design = design(&model, &DesignOptions::default())?;
 
         let compensated_plan = plan.clone().compensated("compensator.toml");
@@ -74,15 +81,17 @@ impl Demo {
         let simulated = bandwidths(&actuators, Chain::Continuous(papers_design.lead()));
 
         let figure = self.out.join("bode.svg");
-        let failed = |source| FileError::Io { action: "create", path: self.out.clone(), source };
-        std::fs::create_dir_all(&self.out).map_err(failed)?;
+        make_folder(&self.out)?;
         model.write(&self.out.join("model.toml"))?;
         compensator_file(&design).write(&self.out.join("compensator.toml"))?;
         write_file(&figure, bode_plot(&design, &found, &compensated)?.as_bytes())?;
 
-        let text = text(&model, &design, &simulated, &measured, &self.out, &figure).into_diagnostic()?;
+        let written = self.figures.write(&validated)?;
+        let text =
+            text(&model, &validated, &design, &simulated, &measured, &self.out, &figure).into_diagnostic()? + &written;
         let json = json!({
             "points": model.points,
+            "validation": validated.iter().map(record_json).collect::<Vec<_>>(),
             "compensator": compensator_file(&design),
             "bandwidth": PAPER.iter().zip(&simulated).zip(&measured).map(|((paper, simulated), measured)| json!({
                 "nominal": paper.nominal,
@@ -99,17 +108,6 @@ impl Demo {
             "bode": figure,
         });
         Ok(Outcome { text, json })
-    }
-}
-
-/// Refuses a folder that cannot be made, before the work.
-fn check_folder(path: &Path) -> Result<(), FileError> {
-    if path.is_dir() {
-        Ok(())
-    } else if path.exists() {
-        Err(FileError::NotAFolder { path: path.to_owned(), remedy: "give the path of a folder" })
-    } else {
-        check_writable(path)
     }
 }
 
@@ -176,6 +174,7 @@ fn cell(bandwidth: Bandwidth) -> String {
 
 fn text(
     model: &Model,
+    validated: &[RecordValidation],
     design: &LeadDesign,
     simulated: &[BandwidthPoint],
     measured: &[Measured],
@@ -204,22 +203,19 @@ fn text(
         )?;
     }
 
-    writeln!(out, "\nValidation, % fit (the paper's Table 2)\n")?;
-    writeln!(out, "           frequency domain    square wave")?;
-    writeln!(out, "  u_nom    paper    here       paper    here")?;
-    for (paper, point) in rows() {
-        let here = |percent: Option<f64>| percent.map_or_else(|| "-".to_owned(), |percent| format!("{percent:.2}"));
+    writeln!(out, "\nValidation, % fit, and what noise would leave to a perfect model (the paper's Table 2)\n")?;
+    writeln!(out, "           frequency domain            square wave, held out")?;
+    writeln!(out, "  u_nom    paper    here  ceiling     paper    here  ceiling")?;
+    for (paper, row) in PAPER.iter().zip(table_2(validated)) {
+        let [(frequency, frequency_ceiling), (square, square_ceiling)] = cells(&row);
         writeln!(
             out,
-            "  {:<5.2}  {:>7.2} {:>7}     {:>7.2} {:>7}",
-            paper.nominal,
-            paper.fit_frequency_percent,
-            here(point.fit_frequency_percent),
-            paper.fit_square_percent,
-            here(point.fit_square_percent),
+            "  {:<5.2}  {:>7.2} {frequency:>7}  {frequency_ceiling:>7}   {:>7.2} {square:>7}  {square_ceiling:>7}",
+            paper.nominal, paper.fit_frequency_percent, paper.fit_square_percent,
         )?;
     }
-    writeln!(out, "  A real actuator is more than one lag; these are not, and only noise is left over.")?;
+    write!(out, "{}", verdict(validated))?;
+    writeln!(out, "A real actuator is more than one lag; these are not. The paper prints no ceiling.")?;
 
     writeln!(out, "\nCompensator\n\n{}", describe(design, model))?;
 

@@ -11,7 +11,7 @@ use thiserror::Error;
 
 use super::identify_align::{AlignOptions, Aligned};
 use super::identify_stand::{self, StandArguments};
-use super::outcome::{JsonOption, Outcome};
+use super::outcome::{JsonOption, Outcome, warning_lines};
 use super::{WrongUse, identify_laws, identify_map, progress};
 use crate::files::check_writable;
 use crate::identify::stand::StandModel;
@@ -128,7 +128,7 @@ impl Identify {
             text.push('\n');
         }
         for warning in &identified.warnings {
-            writeln!(text, "warning: {warning}").into_diagnostic()?;
+            text.push_str(&warning_lines(warning));
         }
         writeln!(text, "\nWritten to {}", self.out.display()).into_diagnostic()?;
         let json = json!({
@@ -191,8 +191,8 @@ pub fn identify(
         };
         let found = identify_periodic(experiment, &options)?;
         return Ok(Identified {
-            model: periodic_model(experiment, long, &found),
-            text: periodic_table(experiment.output, &found) + &distortion_table(&found),
+            model: periodic_model(experiment, &found),
+            text: periodic_table(experiment.output, &found) + &held_out(experiment, &found) + &distortion_table(&found),
             warnings: periodic_warnings(&found),
             detail: Value::Null,
             distortion: distortion_json(&found),
@@ -250,19 +250,14 @@ fn nothing(experiment: &Experiment) -> NothingToIdentify {
 }
 
 /// The model of a periodic identification.
-pub fn periodic_model(experiment: &Experiment, long: &[(Record, Spectrum)], found: &PeriodicIdentification) -> Model {
+pub fn periodic_model(experiment: &Experiment, found: &PeriodicIdentification) -> Model {
     Model {
         format: 1,
         points: found.points(),
         static_map: None,
         effects: Vec::new(),
         provenance: Some(Provenance {
-            records: experiment
-                .records
-                .iter()
-                .chain(long.iter().map(|(record, _)| record))
-                .map(|record| record.file.clone())
-                .collect(),
+            records: found.fitted_files().map(str::to_owned).collect(),
             version: env!("CARGO_PKG_VERSION").to_owned(),
             output: experiment.output,
             command_rate_hz: experiment.command_rate_hz,
@@ -274,6 +269,24 @@ pub fn periodic_model(experiment: &Experiment, long: &[(Record, Spectrum)], foun
 fn periodic_warnings(found: &PeriodicIdentification) -> Vec<String> {
     let all = found.warnings.iter().chain(found.nominals.iter().flat_map(|nominal| &nominal.warnings));
     all.map(ToString::to_string).collect()
+}
+
+/// Which records the % fit is of.
+fn held_out(experiment: &Experiment, found: &PeriodicIdentification) -> String {
+    let judged = |excitation: Excitation, role: Option<Role>| {
+        let records = experiment.records.iter();
+        records.filter(|record| record.excitation == excitation && (role.is_none() || record.role == role)).count()
+    };
+    let squares = judged(Excitation::Square, None);
+    let multisines = judged(Excitation::Multisine, Some(Role::Validate));
+    let (fitted, all) = (found.fitted_files().count(), experiment.records.len());
+    let by_frequency =
+        if multisines > 0 { "multisines with role = \"validate\"" } else { "the fitted records themselves" };
+    let mut text = format!("  Fitted: {fitted} of {all} records. % fit, freq. is of {by_frequency}");
+    if squares > 0 {
+        text.push_str(";\n  that of squares is of records that are always held out");
+    }
+    text + ".\n"
 }
 
 fn percent(value: Option<f64>) -> String {

@@ -21,7 +21,11 @@ pub struct AlignOptions {
     /// their order. The records then need no column `command`
     #[arg(long, value_name = "LOG")]
     align: Vec<PathBuf>,
-    /// Greatest delay between the logs that is searched, seconds either way; without it, any
+    /// Where the delay is expected: the response's clock less the command's, in seconds, or `start` where the first rows of
+    /// both logs are of the same moment, give or take --align-within. 0 unless given
+    #[arg(long, value_name = "SECONDS|start", requires = "align_within", value_parser = near, allow_hyphen_values = true)]
+    align_near: Option<Near>,
+    /// Greatest distance of the delay from --align-near that is searched, seconds either way; without it, any
     #[arg(long, value_name = "SECONDS", requires = "align", value_parser = positive)]
     align_within: Option<f64>,
     /// The actuator's own dead time in seconds, where it is known from elsewhere: so much of the delay stays
@@ -30,6 +34,15 @@ pub struct AlignOptions {
     /// Where to write the merged experiment, which is made
     #[arg(long, value_name = "DIR", requires = "align")]
     merged: Option<PathBuf>,
+}
+
+/// Where a delay is expected.
+#[derive(Clone, Copy, Debug)]
+enum Near {
+    /// At so many seconds.
+    Delay(f64),
+    /// Where the first rows of both logs coincide.
+    Start,
 }
 
 /// An experiment with one clock.
@@ -87,7 +100,12 @@ impl AlignOptions {
         let command = CommandLog { name: &name, time_s: &file.time_s, command: &file.command };
         let response = record.response(output).unwrap_or_default();
         let response = ResponseLog { name: &record.file, time_s: &record.time_s, response };
-        let options = AlignmentOptions { within_s: self.align_within, ..AlignmentOptions::default() };
+        let near_s = match (self.align_near, record.time_s.first(), file.time_s.first()) {
+            (Some(Near::Delay(near_s)), ..) => near_s,
+            (Some(Near::Start), Some(response_s), Some(command_s)) => response_s - command_s,
+            _ => 0.0,
+        };
+        let options = AlignmentOptions { near_s, within_s: self.align_within, ..AlignmentOptions::default() };
         let rows = if record.excitation.is_periodic() { MergedRows::OfCommand } else { MergedRows::OfResponse };
         let aligned = align(&command, &response, &options)
             .and_then(|alignment| Ok((merge(&command, &response, &alignment, rows, self.dead_time)?, alignment)));
@@ -164,6 +182,14 @@ fn to_json(record: &Record, found: &Alignment, merged: &Merged) -> Value {
         "merged_rows": merged.time_s.len(),
         "left_out": merged.left_out,
     })
+}
+
+fn near(text: &str) -> Result<Near, String> {
+    match text.parse::<f64>() {
+        _ if text == "start" => Ok(Near::Start),
+        Ok(seconds) if seconds.is_finite() => Ok(Near::Delay(seconds)),
+        _ => Err(String::from("a number of seconds, or `start`")),
+    }
 }
 
 fn positive(text: &str) -> Result<f64, String> {

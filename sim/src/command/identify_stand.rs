@@ -8,7 +8,7 @@ use clap::Args;
 use miette::{IntoDiagnostic as _, WrapErr as _};
 use serde_json::{Value, json};
 
-use super::outcome::Outcome;
+use super::outcome::{Outcome, warning_lines};
 use super::progress;
 use crate::files::check_writable;
 use crate::identify::parametric::Root;
@@ -49,7 +49,7 @@ pub fn run(folder: &Path, out: &Path, arguments: &StandArguments) -> miette::Res
         text.push('\n');
     }
     for warning in &stand.warnings {
-        writeln!(text, "warning: {warning}").into_diagnostic()?;
+        text.push_str(&warning_lines(&warning.to_string()));
     }
     writeln!(text, "\nWritten to {}", out.display()).into_diagnostic()?;
     Ok(Outcome { text, json: to_json(&stand) })

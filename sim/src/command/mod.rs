@@ -6,6 +6,7 @@ mod demo;
 mod design;
 mod device;
 mod excite;
+mod figures;
 mod identify;
 mod identify_align;
 mod identify_laws;

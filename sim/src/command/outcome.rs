@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use miette::{IntoDiagnostic as _, WrapErr as _};
 use serde_json::Value;
+use textwrap::{WordSeparator, WordSplitter};
 
 use super::WrongUse;
 use crate::files::{check_writable, write_file};
@@ -56,6 +57,16 @@ impl JsonOption {
     fn file(&self) -> Option<&Path> {
         self.json.as_deref().filter(|file| *file != Path::new("-"))
     }
+}
+
+/// A warning as it is printed: no wider than a terminal of 80 columns, words and paths whole.
+pub fn warning_lines(warning: &str) -> String {
+    let options = textwrap::Options::new(80)
+        .subsequent_indent("  ")
+        .break_words(false)
+        .word_splitter(WordSplitter::NoHyphenation)
+        .word_separator(WordSeparator::AsciiSpace);
+    textwrap::fill(&format!("warning: {warning}"), options) + "\n"
 }
 
 /// Prints `text`. A reader that has seen enough, such as `head`, is no failure.

@@ -1,17 +1,18 @@
 //! `rotorlead validate`
 
-use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use clap::Args;
-use miette::{IntoDiagnostic as _, WrapErr as _};
-use serde_json::json;
+use miette::WrapErr as _;
+use serde_json::{Value, json};
 
+use super::figures::FiguresOption;
 use super::outcome::{JsonOption, Outcome};
 use super::progress;
 use crate::identify::{Domain, RecordValidation, validate};
 use crate::plant::Model;
-use crate::record::{Excitation, Experiment, Role};
+use crate::record::Experiment;
+use crate::report::{validation_by_nominal, validation_table, verdict};
 
 /// Says how well a model explains each record of an experiment
 ///
@@ -26,12 +27,15 @@ pub struct Validate {
     #[arg(long, value_name = "FILE")]
     model: PathBuf,
     #[command(flatten)]
+    figures: FiguresOption,
+    #[command(flatten)]
     pub(super) json: JsonOption,
 }
 
 impl Validate {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
+        self.figures.check()?;
         let model = Model::read(&self.model)?;
         let experiment = Experiment::read(&self.experiment)?;
         let bar = progress::spinner("validating");
@@ -39,59 +43,31 @@ impl Validate {
             format!("`{}` was not compared with `{}`", self.experiment.display(), self.model.display())
         })?;
         bar.finish_and_clear();
-
-        let mut text = String::from("  u_nom   excitation   role       compared in    % fit   ceiling   record\n");
-        for record in &records {
-            writeln!(
-                text,
-                "  {:<5.3}   {:<10}   {:<8}   {:<11} {:>8.2}   {:>7}   {}{}",
-                record.nominal,
-                excitation(record.excitation),
-                role(record.role),
-                domain(record.domain),
-                record.fit_percent,
-                record.ceiling_percent.map_or_else(|| String::from("-"), |ceiling| format!("{ceiling:.2}")),
-                record.file,
-                if record.compensated { " (compensated)" } else { "" },
-            )
-            .into_diagnostic()?;
-        }
-        let json = json!({ "records": records.iter().map(|record: &RecordValidation| json!({
-            "file": record.file,
-            "nominal": record.nominal,
-            "excitation": record.excitation,
-            "compensated": record.compensated,
-            "role": record.role,
-            "domain": domain(record.domain),
-            "fit_percent": record.fit_percent,
-            "ceiling_percent": record.ceiling_percent,
-        })).collect::<Vec<_>>() });
+        let written = self.figures.write(&records)?;
+        let text = validation_table(&records) + &validation_by_nominal(&records) + "\n" + &verdict(&records) + &written;
+        let json = json!({ "records": records.iter().map(record_json).collect::<Vec<_>>() });
         Ok(Outcome { text, json })
     }
 }
 
-fn excitation(excitation: Excitation) -> &'static str {
-    match excitation {
-        Excitation::Multisine => "multisine",
-        Excitation::Square => "square",
-        Excitation::Step => "step",
-        Excitation::Staircase => "staircase",
-        Excitation::Chirp => "chirp",
-        Excitation::Free => "free",
-    }
-}
-
-fn role(role: Option<Role>) -> &'static str {
-    match role {
-        Some(Role::Fit) => "fit",
-        Some(Role::Validate) => "validate",
-        None => "-",
-    }
-}
-
-fn domain(domain: Domain) -> &'static str {
-    match domain {
-        Domain::Frequency => "frequency",
-        Domain::Time => "time",
-    }
+/// One record for programs.
+pub(super) fn record_json(record: &RecordValidation) -> Value {
+    json!({
+        "file": record.file,
+        "nominal": record.nominal,
+        "excitation": record.excitation,
+        "compensated": record.compensated,
+        "role": record.role,
+        "held_out": record.fitted.map(|fitted| !fitted),
+        "domain": match record.domain() {
+            Domain::Frequency => "frequency",
+            Domain::Time => "time",
+        },
+        "fit_percent": record.fit_percent,
+        "ceiling_percent": record.ceiling_percent,
+        // Infinity, of a record without noise, is null.
+        "left_over_noise": record.left_over.map(|left| left.power_ratio),
+        "left_over_p_value": record.left_over.map(|left| left.p_value),
+        "model_error_percent": record.model_error_percent(),
+    })
 }

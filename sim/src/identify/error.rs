@@ -98,7 +98,10 @@ pub enum IdentifyError {
     },
     /// The command differs from period to period.
     #[error("{file}: the command differs from period to period by {percent:.1} % (RMS)")]
-    #[diagnostic(help("correct period_s in experiment.toml, or record the excitation without gaps"))]
+    #[diagnostic(help(
+        "correct period_s in experiment.toml, or record the excitation without gaps. If a controller acts on the response, \
+         open that loop: it answers the noise, and the motor cannot be told from it"
+    ))]
     NotPeriodic {
         /// The record.
         file: String,

@@ -6,6 +6,7 @@ mod distortion;
 mod error;
 mod estimate;
 mod etfe;
+mod feedback;
 mod first_order;
 mod fit_percent;
 mod frequency_response;
@@ -15,6 +16,7 @@ mod measured;
 mod noise;
 pub mod parametric;
 mod periodic;
+mod saturation;
 mod simulation;
 mod spectra;
 pub mod stand;
@@ -46,4 +48,7 @@ pub use spectra::{
     UnexcitedLine,
 };
 pub use transient::TransientTest;
-pub use validate::{Domain, RecordValidation, validate};
+pub use validate::{
+    ComparedLines, ComparedRow, Comparison, Domain, FitBesideCeiling, LeftOver, RecordValidation, TableRow, table_2,
+    validate,
+};

@@ -9,6 +9,8 @@ use std::f64::consts::TAU;
 use num_complex::Complex64;
 use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
 
+use super::feedback::FeedbackTest;
+use super::saturation::{self, Limit};
 use super::stand::StandModel;
 use super::{
     Distortion, Etfe, FirstOrderFit, FirstOrderOptions, FitLine, HoldChain, IdentifyError, NoiseSource, RobustResponse,
@@ -69,6 +71,12 @@ impl PeriodicIdentification {
     #[must_use]
     pub fn points(&self) -> Vec<Point> {
         self.nominals.iter().map(NominalIdentification::point).collect()
+    }
+
+    /// The files of the records that lags were fitted to; all others are held out.
+    pub fn fitted_files(&self) -> impl Iterator<Item = &str> {
+        let responses = self.nominals.iter().flat_map(|nominal| &nominal.responses);
+        responses.filter(|response| response.used_in_fit).map(|response| response.spectrum.file.as_str())
     }
 }
 
@@ -242,6 +250,44 @@ pub enum IdentifyWarning {
         /// Where the usable range ends.
         usable_hz: f64,
     },
+    /// A column stands on a limit.
+    #[error(
+        "{file}: {rows} rows of {column} stand exactly on {at}: it ran into a limit there, which no linear model has; lower the amplitude, or widen the range"
+    )]
+    Saturated {
+        /// The record.
+        file: String,
+        /// The column.
+        column: &'static str,
+        /// How many rows.
+        rows: usize,
+        /// The limit, in the column's unit.
+        at: f64,
+    },
+    /// The command follows the noise of the response.
+    #[error(
+        "{file}: the command changes from period to period, by {scatter_percent:.2} % of its RMS, and follows the response's noise (p = {p_value:.0e}): a controller acts on the response, which biases gain and lag toward its inverse; open the loop"
+    )]
+    ClosedLoop {
+        /// The record.
+        file: String,
+        /// RMS of what of the command does not repeat, over that of what does, percent.
+        scatter_percent: f64,
+        /// Tail probability without a loop.
+        p_value: f64,
+    },
+    /// No line shows the static gain.
+    #[error(
+        "u_nom {nominal}: the lowest line, {lowest_hz:.2} Hz, is above the pole at {pole_hz:.2} Hz: the static gain is not seen, only its ratio to the time constant; record longer periods"
+    )]
+    PeriodTooShort {
+        /// The nominal command.
+        nominal: f64,
+        /// The lowest line.
+        lowest_hz: f64,
+        /// The pole that was found.
+        pole_hz: f64,
+    },
     /// The compensator of a compensated record is not known.
     #[error("{file}: its compensator's response is unknown, so it is neither smoothed nor fitted; record esc_command")]
     CompensatorUnknown {
@@ -348,6 +394,14 @@ fn identify_nominal(
             warnings.push(IdentifyWarning::BeyondStand { nominal, count, lines: lines.len(), usable_hz });
         }
     }
+    for t in &transformed {
+        warnings.extend(suspicions(t, experiment, &fit));
+    }
+    let lowest_rad_s = lines.iter().map(|line| line.omega_rad_s).fold(f64::INFINITY, f64::min);
+    if lowest_rad_s * fit.time_constant_s.value > 1.0 {
+        let (lowest_hz, pole_hz) = (lowest_rad_s / TAU, 1.0 / (TAU * fit.time_constant_s.value));
+        warnings.push(IdentifyWarning::PeriodTooShort { nominal, lowest_hz, pole_hz });
+    }
     if fit.model_p_value < MODEL_LEVEL {
         warnings.push(IdentifyWarning::ModelTooSimple { nominal, reduced_chi_square: fit.reduced_chi_square });
     }
@@ -452,6 +506,31 @@ fn behind_holds<'a>(
     };
     let lines = spectrum.lines.iter().map(|line| on_stand(FitLine::new(line, &holds))).collect();
     Ok(Transformed { record, spectrum, lines, filter })
+}
+
+/// What makes a record unfit for a linear, open-loop model, and shows in its rows.
+fn suspicions(transformed: &Transformed<'_>, experiment: &Experiment, fit: &FirstOrderFit) -> Vec<IdentifyWarning> {
+    let Transformed { record, spectrum, .. } = transformed;
+    let file = || record.file.clone();
+    let response = record.response(experiment.output).unwrap_or_default();
+    let esc_command = record.esc_command.as_deref().unwrap_or_default();
+    let columns = [(spectra::column(experiment.output), response), ("esc_command", esc_command)];
+    let mut found: Vec<IdentifyWarning> = columns
+        .into_iter()
+        .flat_map(|(column, values)| saturation::limits(values).into_iter().map(move |limit| (column, limit)))
+        .map(|(column, Limit { at, rows })| IdentifyWarning::Saturated { file: file(), column, rows, at })
+        .collect();
+    let length = (spectrum.period_s * spectrum.row_rate_hz).round() as usize;
+    let first = spectrum.rows_left_out + length * spectrum.transient.dropped;
+    let command = if record.compensated { esc_command } else { &record.command };
+    if let (Some(command), Some(response)) = (command.get(first..), response.get(first..))
+        && let Some(test) = FeedbackTest::of(command, response, length, 1.0 / spectrum.row_rate_hz, &fit.lag())
+        && test.p_value < MODEL_LEVEL
+    {
+        let FeedbackTest { scatter_percent, p_value } = test;
+        found.push(IdentifyWarning::ClosedLoop { file: file(), scatter_percent, p_value });
+    }
+    found
 }
 
 fn holds_of(experiment: &Experiment, row_rate_hz: f64) -> Result<HoldChain, IdentifyError> {

@@ -102,7 +102,8 @@ pub(super) fn candidates(
             let here = correlation[shift];
             let (before, after) = (correlation[(shift + length - 1) % length], correlation[(shift + 1) % length]);
             let delay_s = delay_of(shift);
-            let allowed = options.within_s.is_none_or(|within_s| delay_s.abs() <= within_s + cell_s + APART_S);
+            let allowed =
+                options.within_s.is_none_or(|within_s| (delay_s - options.near_s).abs() <= within_s + cell_s + APART_S);
             if here > 0.0 && here >= before && here > after && allowed {
                 found.push(Candidate { delay_s, skew, correlation: here });
             }

@@ -15,7 +15,7 @@ const ROWS_PER_COEFFICIENT: usize = 20;
 ///
 /// Yule-Walker's equations by Levinson's recursion; the order has the least `n ln(variance) + order ln(n)` (BIC, which
 /// finds the order, where AIC would err on the high side).
-pub(super) fn autoregression(residuals: &[f64], runs: &[Range<usize>]) -> Vec<f64> {
+pub(in crate::identify) fn autoregression(residuals: &[f64], runs: &[Range<usize>]) -> Vec<f64> {
     let rows: usize = runs.iter().map(Range::len).sum();
     let most = MOST.min(rows / ROWS_PER_COEFFICIENT);
     let covariance: Vec<f64> = (0..=most)
@@ -57,7 +57,7 @@ pub(super) fn autoregression(residuals: &[f64], runs: &[Range<usize>]) -> Vec<f6
 
 /// Replaces rows by what the autoregression does not foretell of them. The first rows of each run, for which it has too
 /// few to look back on, become zero.
-pub(super) fn whiten(values: &mut [f64], runs: &[Range<usize>], coefficients: &[f64]) {
+pub(in crate::identify) fn whiten(values: &mut [f64], runs: &[Range<usize>], coefficients: &[f64]) {
     if coefficients.is_empty() {
         return;
     }

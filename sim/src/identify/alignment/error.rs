@@ -39,11 +39,16 @@ pub enum AlignmentError {
         needed: usize,
     },
     /// No shift lies within the limit on the delay.
-    #[error("no delay within {within_s} s lets the two logs overlap")]
-    #[diagnostic(help("their clocks start at different times: allow a larger delay, or none at all for no limit"))]
+    #[error("no delay within {within_s} s of {near_s:.3} s lets the two logs overlap")]
+    #[diagnostic(help(
+        "their clocks start at different times: say where the delay is (--align-near), allow a larger --align-within, or \
+         leave both out"
+    ))]
     NoOverlap {
         /// The limit, seconds.
         within_s: f64,
+        /// Where the delay was expected, seconds.
+        near_s: f64,
     },
     /// The response does not follow the command.
     #[error("{log}: the response does not follow this command, whatever the delay")]
@@ -55,7 +60,9 @@ pub enum AlignmentError {
     /// Two delays explain the logs alike.
     #[error("delays of {first_s:.3} s and {second_s:.3} s explain the logs equally well")]
     #[diagnostic(help(
-        "the command repeats: limit the delay to less than its period, or let both logs begin before the excitation does"
+        "the command repeats, and the logs alone do not tell one period from the next. Where both were started together, \
+         give --align-near start with --align-within SECONDS, less than half a period; where the difference of the clocks \
+         is known, give it to --align-near. Else record again, both logs from before the excitation on"
     ))]
     Ambiguous {
         /// The better one, seconds.

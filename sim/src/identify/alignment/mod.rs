@@ -39,13 +39,18 @@ use super::Estimate;
 use super::fit_percent::fit_percent;
 use super::least_squares::{Limits, Residuals as _, Solution, minimize};
 use coarse::Candidate;
-use color::{autoregression, rows_left};
+pub(super) use color::autoregression;
+use color::rows_left;
+pub(super) use color::whiten;
 use problem::{DELAY, GAIN, LAG, MOST_POWERS, Problem};
 
 /// Where to search.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AlignmentOptions {
-    /// Greatest delay, forward or back, seconds; `None`: any at which half of the shorter log is in common.
+    /// Where the delay is expected, seconds of the response's clock less the command's: 0 for clocks that agree.
+    pub near_s: f64,
+    /// Greatest distance of the delay from `near_s`, either way, seconds; `None`: any at which half of the shorter log is
+    /// in common.
     pub within_s: Option<f64>,
     /// Greatest difference of the clocks' rates, relative; 0 when both logs have one clock.
     pub max_skew: f64,
@@ -54,7 +59,7 @@ pub struct AlignmentOptions {
 impl Default for AlignmentOptions {
     /// Any delay, and 5000 ppm, more than any oscillator is off by.
     fn default() -> Self {
-        Self { within_s: None, max_skew: 5e-3 }
+        Self { near_s: 0.0, within_s: None, max_skew: 5e-3 }
     }
 }
 
@@ -150,7 +155,7 @@ pub fn align(
     let candidates = coarse::candidates(command, response, options);
     if candidates.is_empty() {
         return Err(match options.within_s {
-            Some(within_s) => AlignmentError::NoOverlap { within_s },
+            Some(within_s) => AlignmentError::NoOverlap { within_s, near_s: options.near_s },
             None => AlignmentError::NotRelated { log: response.name.into() },
         });
     }
@@ -377,8 +382,9 @@ fn judged(
     if delay_s.std.is_nan() || delay_s.std > VAGUE_S {
         return Err(AlignmentError::Undetermined { log: log(), std_s: delay_s.std });
     }
-    if let Some(within_s) = options.within_s.filter(|&within_s| delay_s.value.abs() > within_s) {
-        return Err(AlignmentError::NoOverlap { within_s });
+    let near_s = options.near_s;
+    if let Some(within_s) = options.within_s.filter(|&within_s| (delay_s.value - near_s).abs() > within_s) {
+        return Err(AlignmentError::NoOverlap { within_s, near_s });
     }
     let skew = problem.skew.then(|| estimate(problem.skew_index()));
     if let Some(skew) = skew.filter(|skew| skew.value.abs() > options.max_skew) {

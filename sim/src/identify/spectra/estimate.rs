@@ -56,15 +56,28 @@ pub(in crate::identify) fn estimate(
     check_periodic(&command, file)?;
 
     let count = periods.response.len();
-    let quiet = noise::from_unexcited(&periods.response[count - 1], &excited, noise_bins(options));
-    let response = at(&periods.response, &excited);
-    let transient = transient::test(&response, quiet.as_ref(), options.transient_level);
-    let command = &command[transient.dropped..];
     // All bins of the band. One below the lowest line belongs to it too: with odd lines from the first on it is empty.
     let first_bin = lowest.saturating_sub(1).max(1);
-    let mut band: Vec<Vec<Complex64>> =
-        periods.response[transient.dropped..].iter().map(|period| period[first_bin..=highest].to_vec()).collect();
-    let removed = remove_sinusoids(&mut band, first_bin, periods.bin_rad_s);
+    let band_of = |from: usize| -> Vec<Vec<Complex64>> {
+        periods.response[from..].iter().map(|period| period[first_bin..=highest].to_vec()).collect()
+    };
+    // Hum turns from period to period too. Of two periods the test for a transient would drop the first for it, and what
+    // turned would be lost: there it is taken out before. Of more, two are left that show it.
+    let two = count == 2;
+    let mut band = band_of(0);
+    let mut removed = if two { remove_sinusoids(&mut band, first_bin, periods.bin_rad_s) } else { Vec::new() };
+    let mut last = periods.response[count - 1].clone();
+    last[first_bin..=highest].copy_from_slice(&band[count - 1]);
+    let quiet = noise::from_unexcited(&last, &excited, noise_bins(options));
+    let response = at(&band, &excited.iter().map(|bin| bin - first_bin).collect::<Vec<_>>());
+    let transient = transient::test(&response, quiet.as_ref(), options.transient_level);
+    let command = &command[transient.dropped..];
+    if two {
+        band.drain(..transient.dropped);
+    } else {
+        band = band_of(transient.dropped);
+        removed = remove_sinusoids(&mut band, first_bin, periods.bin_rad_s);
+    }
     let in_band = |bins: &[usize]| at(&band, &bins.iter().map(|bin| bin - first_bin).collect::<Vec<_>>());
     let response = in_band(&excited);
     let periods_used = response.len();

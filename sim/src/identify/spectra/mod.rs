@@ -3,9 +3,9 @@
 //! A record of whole periods has no leakage: the DFT of one period holds the response to each line
 //! of the excitation in one bin, `X_k = (2 / N) sum x_n e^(-2 pi j k n / N)`. The mean over periods
 //! estimates it, the spread over periods gives the noise ([`super::noise`] pools it over neighbors),
-//! first periods that carry a transient are left out ([`super::transient`]), sinusoids that are none of
-//! the excitation's are subtracted, and lines on which a disturbance is left are left out. The bins between the excited ones are kept too: what repeats there is no
-//! linear response ([`super::Distortion`]).
+//! first periods that carry a transient are left out ([`super::transient`]), sinusoids that are none of the excitation's
+//! are subtracted (of two periods before that test), and lines on which a disturbance is left are left out. The bins between the excited ones are kept
+//! too: what repeats there is no linear response ([`super::Distortion`]).
 
 mod band;
 pub(super) mod estimate;
@@ -233,10 +233,13 @@ impl Spectrum {
     /// Rows beyond whole periods are left out at the start, where the transient is.
     ///
     /// # Errors
-    /// [`IdentifyError`] when the record has no period, no response, uneven rows, less than a
+    /// [`IdentifyError`] when the record has no period, no response or a constant one, uneven rows, less than a
     /// period, a constant or non-periodic command, or no way to know its noise.
     pub fn of(experiment: &Experiment, record: &Record, options: &SpectrumOptions) -> Result<Self, IdentifyError> {
         let response = response_of(record, experiment.output)?;
+        if response.windows(2).all(|pair| pair[0] == pair[1]) {
+            return Err(IdentifyError::ConstantResponse { file: record.file.clone() });
+        }
         let row_rate_hz = row_rate_hz(record, experiment.sample_rate_hz)?;
         let frame = Frame::new(record, row_rate_hz, response.len())?;
         let rows = LongRows {

@@ -42,6 +42,24 @@ pub enum StandError {
         /// The line.
         frequency_hz: f64,
     },
+    /// More poles than the lines determine.
+    #[error(
+        "{poles} poles leave {left:.3e} times the noise power, {fewer} leave {fewer_left:.2}: the lines do not determine {poles}"
+    )]
+    #[diagnostic(help(
+        "leave --order out, and as many poles as predict best are taken, or give --order {fewer}. What is asked beyond \
+         cancels against zeros and has no meaning"
+    ))]
+    OrderTooHigh {
+        /// Poles asked for.
+        poles: usize,
+        /// Chi-square of their residual over its expectation.
+        left: f64,
+        /// Poles of the best fit with fewer.
+        fewer: usize,
+        /// The same of its residual.
+        fewer_left: f64,
+    },
     /// Two windows that are none.
     #[error("the band {low_hz} to {high_hz} Hz is none below half of the row rate, {half_rate_hz} Hz")]
     #[diagnostic(help("choose a band above zero and below half of the row rate"))]

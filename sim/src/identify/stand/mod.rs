@@ -16,7 +16,7 @@ use std::ops::RangeInclusive;
 
 use num_complex::Complex64;
 
-use super::parametric::{OrderScore, ParametricFit, ParametricOptions, UnstablePoles, select_order};
+use super::parametric::{OrderScore, ParametricFit, ParametricOptions, Root, UnstablePoles, select_order};
 use super::{Estimate, FrequencyResponse, IdentifyError};
 use crate::record::Experiment;
 pub use error::StandError;
@@ -78,6 +78,16 @@ pub enum StandWarning {
         /// Its tail probability.
         p_value: f64,
     },
+    /// Poles that zeros take away again.
+    #[error(
+        "{count} of {poles} poles (pairs count once) have a zero where they are, within its error: they cancel and mean nothing; leave --order out, or ask for fewer"
+    )]
+    Cancels {
+        /// How many, a pair as one.
+        count: usize,
+        /// Of how many.
+        poles: usize,
+    },
     /// The static value is not in the band.
     #[error("the static gain, {gain:.3}, is not 1 within its error: calibrate the force against the sensor")]
     Gain {
@@ -132,12 +142,17 @@ pub fn identify_stand(experiment: &Experiment, options: &StandOptions) -> Result
 pub fn fit_stand(response: FrequencyResponse, options: &StandOptions) -> Result<StandIdentification, IdentifyError> {
     let parametric = ParametricOptions { unstable: UnstablePoles::Reflect, ..ParametricOptions::default() };
     let selection = select_order(&response, options.poles.clone(), false, &|_| Complex64::ONE, &parametric)?;
+    check_order(&selection.fit, &response, options, &parametric)?;
     let fit = selection.fit;
     let top_rad_s = response.lines.last().map_or(0.0, |line| line.omega_rad_s);
     let mut warnings = Vec::new();
     if fit.residual.power_p_value < MODEL_LEVEL {
         let (reduced_chi_square, p_value) = (fit.residual.reduced_chi_square, fit.residual.power_p_value);
         warnings.push(StandWarning::ModelTooSimple { reduced_chi_square, p_value });
+    }
+    let count = fit.poles.iter().filter(|pole| fit.zeros.iter().any(|zero| coincide(pole, zero))).count();
+    if count > 0 {
+        warnings.push(StandWarning::Cancels { count, poles: fit.poles.len() });
     }
     // A hammer's calibration is good to some percent.
     if fit.gain.excludes(1.0) && (fit.gain.value - 1.0).abs() > 0.05 {
@@ -152,4 +167,39 @@ pub fn fit_stand(response: FrequencyResponse, options: &StandOptions) -> Result<
         fit,
         warnings,
     })
+}
+
+/// Whether a pole and a zero are one within the errors of their distance, two standard ones.
+fn coincide(pole: &Root, zero: &Root) -> bool {
+    let near = |a: Estimate, b: Estimate| (a.value - b.value).abs() < 2.0 * a.std.hypot(b.std);
+    // A real root's damping is one or minus one, exactly.
+    let same_damping =
+        if pole.is_pair() { near(pole.damping, zero.damping) } else { pole.damping.value == zero.damping.value };
+    pole.is_pair() == zero.is_pair() && near(pole.frequency_rad_s, zero.frequency_rad_s) && same_damping
+}
+
+/// Refuses an order that was asked for and fits worse than a lower one.
+///
+/// A structure with more poles can do all that one with fewer can. Where the search ends with more left than of the best
+/// lower order, the lines do not determine the additional poles: near-cancelling pairs leave it in a valley without
+/// floor, and the numbers that it ends at mean nothing.
+fn check_order(
+    fit: &ParametricFit,
+    response: &FrequencyResponse,
+    options: &StandOptions,
+    parametric: &ParametricOptions,
+) -> Result<(), IdentifyError> {
+    let poles = *options.poles.start();
+    let is_chosen = options.poles.end() > options.poles.start();
+    if is_chosen || poles < 2 || fit.residual.power_p_value >= MODEL_LEVEL {
+        return Ok(());
+    }
+    let Ok(lower) = select_order(response, 1..=poles - 1, false, &|_| Complex64::ONE, parametric) else {
+        return Ok(());
+    };
+    let (left, fewer_left) = (fit.residual.reduced_chi_square, lower.fit.residual.reduced_chi_square);
+    if left > fewer_left {
+        return Err(StandError::OrderTooHigh { poles, left, fewer: lower.fit.structure.poles, fewer_left }.into());
+    }
+    Ok(())
 }

@@ -130,6 +130,7 @@ pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>)
     let kept = |k: usize| !spike[rows.start + k];
     let mut warnings = warnings(record, &rows, &spike[rows.clone()], &levels, &lag);
     warnings.extend(gaps(record, &rows, &plateaus));
+    warnings.extend(not_settled(record, &plateaus, &levels));
     Ok(StaircaseFit {
         record: record.file.clone(),
         output,
@@ -260,6 +261,31 @@ fn gaps(record: &Record, rows: &Range<usize>, plateaus: &[Plateau]) -> Option<St
     let begins = |p: &&Plateau| p.rows.start > rows.start && after.binary_search(&(p.rows.start - rows.start)).is_ok();
     let steps = plateaus.iter().filter(begins).count();
     (!after.is_empty()).then_some(StepsWarning::Gaps { count: after.len(), longest_s, steps })
+}
+
+/// A level is as good as settled after this many time constants: e^-5, 0.7 %, is left.
+const SETTLED_TIME_CONSTANTS: f64 = 5.0;
+
+/// Plateaus that are left before the response settles, as their levels' time constants say.
+fn not_settled(record: &Record, plateaus: &[Plateau], levels: &[Level]) -> Option<StepsWarning> {
+    let time_constant_s = |plateau: &Plateau| {
+        let level = levels.iter().find(|level| (level.command - plateau.command).abs() <= SAME_LEVEL)?;
+        Some(level.time_constant_s()?.value)
+    };
+    let mut slowest_s = 0.0_f64;
+    let (mut count, mut least) = (0, f64::INFINITY);
+    // The first one begins where it has settled.
+    for plateau in plateaus.iter().skip(1) {
+        let Some(tau_s) = time_constant_s(plateau) else { continue };
+        let held = (record.time_s[plateau.rows.end - 1] - record.time_s[plateau.rows.start]) / tau_s;
+        slowest_s = slowest_s.max(tau_s);
+        if held < SETTLED_TIME_CONSTANTS {
+            count += 1;
+            least = least.min(held);
+        }
+    }
+    let needed_s = SETTLED_TIME_CONSTANTS * slowest_s;
+    (count > 0).then_some(StepsWarning::NotSettled { count, of: plateaus.len() - 1, least, needed_s })
 }
 
 /// Levels whose time constant is far from those of the two levels on each side.

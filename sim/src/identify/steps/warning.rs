@@ -31,6 +31,17 @@ pub enum StepsWarning {
         /// Steps that began in one, left out.
         steps: usize,
     },
+    /// Levels that are left before the response settles.
+    NotSettled {
+        /// How many.
+        count: usize,
+        /// Of how many.
+        of: usize,
+        /// Time constants for which the shortest is held.
+        least: f64,
+        /// How long each should be held, seconds.
+        needed_s: f64,
+    },
     /// A level whose steady response is not above that of the level below.
     NotRising {
         /// The level.
@@ -97,6 +108,12 @@ impl fmt::Display for StepsWarning {
                 write!(
                     f,
                     "{count} gaps in the log, the longest {longest_s:.3} s: nothing was interpolated through them, and {steps} steps that began in one were left out"
+                )
+            }
+            Self::NotSettled { count, of, least, needed_s } => {
+                write!(
+                    f,
+                    "{count} of {of} levels are left before the response settles, the shortest after {least:.1} time constants: level and time constant cannot be told apart. Hold each for {needed_s:.1} s or longer"
                 )
             }
             Self::NotRising { command } => {
