@@ -4,7 +4,7 @@ use num_complex::Complex64;
 use rotorlead::design::{LeadDesign, LeadParameters};
 
 use crate::identify::{Bandwidth, bandwidth_of};
-use crate::plant::{Model, Point, hold_response};
+use crate::plant::{ActiveEffect, Model, OperatingPoint, Point, hold_response};
 
 /// Highest frequency that is searched for a bandwidth, rad/s; far above what a propeller follows.
 const SEARCHED_UP_TO_RAD_S: f64 = 1e4;
@@ -36,12 +36,23 @@ pub struct BandwidthPoint {
 
 /// The smallest frequencies at which the response at each point of `model` is 3 dB under its static value.
 ///
-/// A delay does not change them, and is left out.
+/// A delay does not change them, and is left out, and so are the model's effects.
 #[must_use]
 pub fn bandwidths(model: &Model, chain: Chain) -> Vec<BandwidthPoint> {
+    bandwidths_with(model, &[], chain)
+}
+
+/// [`bandwidths`] of small signals with the linearized `effects`. Those without a frequency response
+/// ([`Linearity::Absent`](crate::plant::effect::Linearity::Absent)) are left out.
+#[must_use]
+pub fn bandwidths_with(model: &Model, effects: &[ActiveEffect], chain: Chain) -> Vec<BandwidthPoint> {
     let limit = chain.limit_rad_s();
     let at = |point: &Point| {
-        let actuator = |omega: f64| lag(point, omega) * chain.holds(omega);
+        let around = OperatingPoint { nominal: point.nominal, lag: point.lag(), response: 0.0 };
+        let actuator = |omega: f64| {
+            let plain = lag(point, omega) * chain.holds(omega);
+            effects.iter().fold(plain, |response, effect| response * effect.response(&around, omega))
+        };
         BandwidthPoint {
             nominal: point.nominal,
             uncompensated: bandwidth_of(actuator, limit),

@@ -6,6 +6,7 @@
 //! | record | plant | rows | free |
 //! |---|---|---|---|
 //! | multisine | linear around `nominal` | lines of the whole periods | nothing |
+//! | multisine, with effects | simulated around `nominal` | its lines | nothing |
 //! | square, step, chirp | linear around `nominal` | all | offset and initial state ([`align`]) |
 //! | staircase | following the level | from the first settled level to where the motor stops | an offset, without a static map |
 //! | free | following the level | all | an offset, without a static map |
@@ -16,6 +17,7 @@
 
 use num_complex::Complex64;
 
+use super::effects::{Rates, line_of, simulated_period};
 use super::fit_percent::{percent_when_left, spread};
 use super::steps::Run;
 use super::{FitLine, HoldChain, IdentifyError, Spectrum, SpectrumOptions, align, fit_percent, run_actuator, spectra};
@@ -104,10 +106,14 @@ impl Judge<'_> {
     }
 
     fn in_frequency(&self) -> Result<Score, IdentifyError> {
-        let lag = OperatingCurve::around(self.model, self.record.nominal).map_err(|e| self.refused(e))?.lag;
+        let lag =
+            OperatingCurve::around_without_effects(self.model, self.record.nominal).map_err(|e| self.refused(e))?.lag;
         let spectrum = Spectrum::of(self.experiment, self.record, &SpectrumOptions::default())?;
         let holds =
             HoldChain::new(spectrum.row_rate_hz, self.experiment.command_rate_hz, self.experiment.esc_frame_hz)?;
+        if !self.model.effects.is_empty() {
+            return self.with_effects(&spectrum);
+        }
         let (mut measured, mut expected, mut noise) = (Vec::new(), Vec::new(), 0.0);
         for line in &spectrum.lines {
             let filter = if self.record.compensated {
@@ -124,12 +130,31 @@ impl Judge<'_> {
         Ok((percent, Some(percent_when_left(noise, spread(&measured)))))
     }
 
+    /// Effects may have no frequency response: the record is simulated, and its lines are the expected ones.
+    fn with_effects(&self, spectrum: &Spectrum) -> Result<Score, IdentifyError> {
+        let record = self.record;
+        let (_, length) = spectra::period(record, spectrum.row_rate_hz)?;
+        let actuator = self.actuator(Law::LinearAround(record.nominal))?;
+        let rates = Rates { row_hz: spectrum.row_rate_hz, command_hz: self.experiment.command_rate_hz };
+        let simulated =
+            simulated_period(actuator, self.command()?, length, spectrum.periods, spectrum.periods_used, rates)
+                .map_err(|e| self.refused(e))?;
+        let measured: Vec<Complex64> = spectrum.lines.iter().map(|line| line.response).collect();
+        let expected: Vec<Complex64> = spectrum.lines.iter().map(|line| line_of(&simulated, line.harmonic)).collect();
+        let noise = spectrum.lines.iter().map(|line| line.variance).sum();
+        let percent = fit_percent(&measured, &expected).ok_or_else(|| self.constant_response())?;
+        Ok((percent, Some(percent_when_left(noise, spread(&measured)))))
+    }
+
     fn around_nominal(&self) -> Result<Score, IdentifyError> {
         let record = self.record;
         let measured = spectra::response_of(record, self.experiment.output)?;
         let command = self.command()?;
         let nominal = record.nominal;
-        let tau_s = OperatingCurve::around(self.model, nominal).map_err(|e| self.refused(e))?.lag.time_constant_s;
+        let tau_s = OperatingCurve::around_without_effects(self.model, nominal)
+            .map_err(|e| self.refused(e))?
+            .lag
+            .time_constant_s;
         let mut actuator = self.actuator(Law::LinearAround(nominal))?;
         let model = run_actuator(&mut actuator, &record.time_s, command, 0);
         let simulated = align(&record.time_s, measured, &model, tau_s);
@@ -162,7 +187,7 @@ impl Judge<'_> {
             simulated.iter_mut().for_each(|m| *m += offset);
         }
         let percent = fit_percent(&measured, &simulated).ok_or_else(|| self.constant_response())?;
-        let curve = OperatingCurve::new(self.model).map_err(|e| self.refused(e))?;
+        let curve = OperatingCurve::without_effects(self.model).map_err(|e| self.refused(e))?;
         let time_constant_s = |command: f64| curve.clamped_at(command).lag.time_constant_s;
         let variance = run.and_then(|run| settled_variance(&run, &record.time_s, time_constant_s));
         Ok((percent, variance.map(|variance| percent_when_left(variance * measured.len() as f64, spread(&measured)))))

@@ -239,7 +239,9 @@ impl Actuator {
     #[must_use]
     pub fn speed(&self) -> f64 {
         match &self.rotor {
-            Rotor::Exact { lag, nominal, .. } => nominal.nominal + (lag.response() - nominal.response) / nominal.lag.gain,
+            Rotor::Exact { lag, nominal, .. } => {
+                nominal.nominal + (lag.response() - nominal.response) / nominal.lag.gain
+            }
             Rotor::Integrated(rotor) => rotor.speed(),
         }
     }

@@ -48,12 +48,7 @@ pub struct Trace {
 /// # Errors
 /// [`PlantError::Setting`] for a drive without commands or with a time per command missing, and for a period that is not
 /// above 0.
-pub fn simulate(
-    actuator: &mut Actuator,
-    drive: Drive,
-    start: Start,
-    rows_s: &[f64],
-) -> Result<Trace, PlantError> {
+pub fn simulate(actuator: &mut Actuator, drive: Drive, start: Start, rows_s: &[f64]) -> Result<Trace, PlantError> {
     let count = drive.time_s.len();
     if count == 0 || drive.command.len() != count {
         let value = drive.command.len() as f64;
@@ -64,7 +59,11 @@ pub fn simulate(
         Start::Rest(command) => actuator.settle(command),
         Start::Periodic { period_s, periods } => {
             if !(period_s.is_finite() && period_s > 0.0) {
-                return Err(PlantError::Setting { parameter: "period_s", value: period_s, limit: "finite and above 0" });
+                return Err(PlantError::Setting {
+                    parameter: "period_s",
+                    value: period_s,
+                    limit: "finite and above 0",
+                });
             }
             let length = drive.time_s.partition_point(|time_s| time_s - zero_s < period_s * (1.0 - 1e-12));
             let period = Drive { time_s: &drive.time_s[..length], command: &drive.command[..length] };

@@ -91,13 +91,17 @@ pub(crate) fn after_command_stages(effects: &[ActiveEffect], command: &[f64]) ->
     levels
 }
 
-/// Fundamental of the output over that of the input for a sine of that amplitude around 0.5 and 4 s, in the second of two
-/// periods, through the effects between command and rotor.
+/// Period of the sine of [`fundamental`], seconds: slow enough that rows of 1 ms are no part of the answer.
+pub(crate) const SINE_S: usize = 20;
+
+/// Fundamental of the output over that of the input for a sine of that amplitude around 0.5, in the last of 30 periods,
+/// through the effects between command and rotor.
 pub(crate) fn fundamental(effects: &[ActiveEffect], amplitude: f64) -> Complex64 {
-    let turn = |row: usize| TAU * row as f64 / 4000.0;
-    let command: Vec<f64> = (0..8000).map(|row| 0.5 + amplitude * turn(row).sin()).collect();
+    let period = SINE_S * 1000;
+    let turn = |row: usize| TAU * (row % period) as f64 / period as f64;
+    let command: Vec<f64> = (0..30 * period).map(|row| 0.5 + amplitude * turn(row).sin()).collect();
     let line = |x: &[f64]| {
-        x.iter().enumerate().skip(4000).map(|(row, x)| (x - 0.5) * Complex64::cis(-turn(row))).sum::<Complex64>()
+        x.iter().enumerate().skip(29 * period).map(|(row, x)| (x - 0.5) * Complex64::cis(-turn(row))).sum::<Complex64>()
     };
     line(&after_command_stages(effects, &command)) / line(&command)
 }

@@ -97,7 +97,8 @@ impl Catalog {
             let (from, to) = parameter.possible;
             let place = place.key(parameter.name);
             // A null value that is infinite is a way to say "none".
-            if !(from..=to).contains(&value) || (value.is_infinite() && value != parameter.null) {
+            let none = value.is_infinite() && value == parameter.null;
+            if !(none || (value.is_finite() && (from..=to).contains(&value))) {
                 let range = match (from.is_finite(), to.is_finite()) {
                     (true, true) => format!("from {from} to {to}"),
                     (true, false) => format!("{from} or more, and finite"),

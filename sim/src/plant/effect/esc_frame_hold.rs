@@ -15,7 +15,7 @@ pub static KIND: Kind = Kind {
     parameters: &[
         Parameter::fitted("frame_hz", "Hz", "how often a command is taken over")
             .null(f64::INFINITY)
-            .possible(0.5, f64::INFINITY)
+            .possible(0.5, 1e6)
             .log(20.0, 2000.0, &[50.0, 100.0, 200.0, 400.0]),
         Parameter::fitted("phase", "", "the part of a frame from the first command to the first frame")
             .possible(0.0, 1.0)

@@ -84,7 +84,7 @@ pub struct Parameter {
     /// The value at which the effect is not there; a limit at infinity is infinite. Where another parameter makes it vanish
     /// (a time constant of something of size 0), NaN.
     pub null: f64,
-    /// Smallest and largest possible value. What is outside is refused.
+    /// Smallest and largest possible value. What is outside is refused, but for an infinite null value.
     pub possible: (f64, f64),
     /// From and to where to search for it.
     pub plausible: (f64, f64),
