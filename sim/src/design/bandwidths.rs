@@ -93,3 +93,45 @@ impl Chain<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plant::testing::table_1;
+    use crate::plant::{Catalog, Effect};
+
+    #[test]
+    fn effects_with_a_frequency_response_move_the_bandwidth_and_others_do_not() {
+        let lead = LeadParameters { omega_z_rad_s: 14.13, omega_f_rad_s: 94.2, damping: 0.707 };
+        let chain = Chain::Continuous(&lead);
+        let plain = bandwidths(&table_1(), chain);
+        let with = |kind: &str, parameters: &[(&str, f64)]| {
+            let parameters = parameters.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect();
+            let effect = Effect { kind: kind.to_owned(), parameters, std: Default::default() };
+            let effects = Catalog::standard().of_model(&Model { effects: vec![effect], ..table_1() }).unwrap();
+            bandwidths_with(&table_1(), &effects, chain)
+        };
+        for (kind, parameters) in [
+            ("transport_delay", ("delay_s", 0.01)),
+            ("backlash", ("half_width", 0.01)),
+            ("slew_limit", ("rate_per_s", 1.0)),
+        ] {
+            for (a, b) in with(kind, &[parameters]).iter().zip(&plain) {
+                let apart = |a: Bandwidth, b: Bandwidth| (a.rad_s().unwrap() / b.rad_s().unwrap() - 1.0).abs();
+                assert!(apart(a.uncompensated, b.uncompensated) < 1e-12, "{kind}");
+                assert!(apart(a.compensated, b.compensated) < 1e-12, "{kind}");
+            }
+        }
+        // Two lags: (1 + a x)(1 + b x) = 10^0.3 with x the square of the bandwidth.
+        for (point, found) in table_1().points.iter().zip(with("second_pole", &[("time_constant_s", 0.03)])) {
+            let (a, b) = (point.time_constant_s.powi(2), 0.03_f64.powi(2));
+            let x = (((a + b).powi(2) + 4.0 * a * b * (10f64.powf(0.3) - 1.0)).sqrt() - (a + b)) / (2.0 * a * b);
+            assert!((found.uncompensated.rad_s().unwrap() / x.sqrt() - 1.0).abs() < 1e-12);
+        }
+        // A time constant that is wrong by half: the bandwidth of a lag goes by its inverse.
+        for (a, b) in with("parameter_error", &[("gain_error", 0.2), ("time_constant_error", -0.5)]).iter().zip(&plain)
+        {
+            assert!((a.uncompensated.rad_s().unwrap() / b.uncompensated.rad_s().unwrap() - 2.0).abs() < 1e-12);
+        }
+    }
+}

@@ -34,11 +34,7 @@ pub struct Actuator {
 /// The lag in its two forms.
 enum Rotor {
     /// In closed form.
-    Exact {
-        lag: FirstOrder,
-        /// What one unit of command is in the response.
-        nominal: OperatingPoint,
-    },
+    Exact(FirstOrder),
     /// In steps.
     Integrated(IntegratedRotor),
 }
@@ -137,8 +133,7 @@ impl Actuator {
         let exact = links.terms.is_empty() && !(ramps && matches!(base, RotorBase::Level(_)));
         let tau_s = base.at(start).lag.time_constant_s;
         let rotor = if exact {
-            let nominal = base.at(base.anchor(start));
-            Rotor::Exact { lag: FirstOrder::on(base, start), nominal }
+            Rotor::Exact(FirstOrder::on(base, start))
         } else {
             Rotor::Integrated(IntegratedRotor::new(base, links.terms)?)
         };
@@ -200,7 +195,7 @@ impl Actuator {
             }
             match &mut self.rotor {
                 // The plain chain, which is most of what is simulated.
-                Rotor::Exact { lag, .. } if piece.slope_per_s == 0.0 && self.after.is_empty() => {
+                Rotor::Exact(lag) if piece.slope_per_s == 0.0 && self.after.is_empty() => {
                     lag.advance(piece.level, piece.until_s - self.time_s);
                     self.output = lag.response();
                 }
@@ -239,9 +234,7 @@ impl Actuator {
     #[must_use]
     pub fn speed(&self) -> f64 {
         match &self.rotor {
-            Rotor::Exact { lag, nominal, .. } => {
-                nominal.nominal + (lag.response() - nominal.response) / nominal.lag.gain
-            }
+            Rotor::Exact(lag) => lag.speed(),
             Rotor::Integrated(rotor) => rotor.speed(),
         }
     }
@@ -250,7 +243,7 @@ impl Actuator {
     #[must_use]
     pub fn supply(&self) -> Option<Supply> {
         match &self.rotor {
-            Rotor::Exact { .. } => None,
+            Rotor::Exact(_) => None,
             Rotor::Integrated(rotor) => rotor.supply(),
         }
     }
@@ -281,28 +274,28 @@ impl Links {
 impl Rotor {
     fn settle(&mut self, level: f64) {
         match self {
-            Self::Exact { lag, .. } => lag.settle(level),
+            Self::Exact(lag) => lag.settle(level),
             Self::Integrated(rotor) => rotor.settle(level),
         }
     }
 
     fn response(&self) -> f64 {
         match self {
-            Self::Exact { lag, .. } => lag.response(),
+            Self::Exact(lag) => lag.response(),
             Self::Integrated(rotor) => rotor.response(),
         }
     }
 
     fn steps(&self, level: f64, duration_s: f64) -> usize {
         match self {
-            Self::Exact { .. } => 1,
+            Self::Exact(_) => 1,
             Self::Integrated(rotor) => rotor.steps(level, duration_s),
         }
     }
 
     fn advance(&mut self, from_s: f64, piece: Segment, duration_s: f64) -> super::Interval {
         match self {
-            Self::Exact { lag, .. } => {
+            Self::Exact(lag) => {
                 let (start, start_slope) = (lag.response(), lag.slope_per_s(piece.level));
                 if piece.slope_per_s == 0.0 {
                     lag.advance(piece.level, duration_s);

@@ -112,6 +112,24 @@ impl FirstOrder {
         (self.target - self.response) * self.rate_per_s
     }
 
+    /// The command that would keep the response of the moment. On the plant that follows the level the static map has to rise
+    /// for that; where the gain is 0, it is the command of the moment.
+    pub(super) fn speed(&self) -> f64 {
+        match &self.law {
+            Law::Linear(point) if point.lag.gain == 0.0 => self.command,
+            Law::Linear(point) => point.nominal + (self.response - point.response) / point.lag.gain,
+            Law::Level(curve) => {
+                let (mut low, mut high) = (-1.0, 2.0);
+                for _ in 0..50 {
+                    let middle = 0.5 * (low + high);
+                    let below = curve.steady_response(middle) < self.response;
+                    if below { low = middle } else { high = middle }
+                }
+                0.5 * (low + high)
+            }
+        }
+    }
+
     /// The response of the moment: newtons or revolutions per minute, as the model has it.
     #[inline]
     #[must_use]
@@ -193,6 +211,20 @@ mod tests {
         plant.advance(0.5, 0.125);
         // Half way: the gain's integral is 0.25 (8 + 16) / 2 = 3, and the time constant 0.125 s.
         assert!((plant.response() - (3.0 + (up - 3.0) * (-1.0_f64).exp())).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_speed_is_the_command_that_would_keep_the_response() {
+        let two = model(&[(0.25, 8.0, 0.2, 0.0), (0.75, 24.0, 0.05, 0.0)]);
+        let mut level = FirstOrder::over_range(&two, 0.3).unwrap();
+        let mut linear = FirstOrder::around(&two, 0.3).unwrap();
+        assert!((level.speed() - 0.3).abs() < 1e-12 && (linear.speed() - 0.3).abs() < 1e-12);
+        level.advance(0.7, 0.02);
+        linear.advance(0.7, 0.02);
+        let curve = OperatingCurve::new(&two).unwrap();
+        assert!((curve.steady_response(level.speed()) - level.response()).abs() < 1e-12);
+        let tau = two.at(0.3).unwrap().time_constant_s;
+        assert!((linear.speed() - 0.7 + 0.4 * (-0.02 / tau).exp()).abs() < 1e-12);
     }
 
     #[test]
