@@ -1,8 +1,5 @@
 //! The lines that a model with effects gives a periodic record: it is simulated, as effects may have no frequency response.
 
-use std::f64::consts::TAU;
-
-use num_complex::Complex64;
 use realfft::RealFftPlanner;
 
 use crate::plant::{Actuator, Drive, PlantError, Start, simulate};
@@ -18,14 +15,13 @@ pub(super) struct Rates {
     pub command_hz: Option<f64>,
 }
 
-/// One period of the noise-free response at the rows, mean over the last `used` of `periods` periods. The command at the rows
-/// of the first period, of `length` rows, is what repeats.
-pub(super) fn simulated_period(
+/// The noise-free response at the rows of `periods` periods, from periodic steady state. The command at the rows of the first
+/// period, of `length` rows, is what repeats.
+pub(super) fn simulated_periods(
     mut actuator: Actuator,
     command: &[f64],
     length: usize,
     periods: usize,
-    used: usize,
     rates: Rates,
 ) -> Result<Vec<f64>, PlantError> {
     // A loop of a whole multiple of the rows' rate has commands between them: the lines of the period say which.
@@ -37,24 +33,7 @@ pub(super) fn simulated_period(
     let command: Vec<f64> = period.iter().copied().cycle().take(commands).collect();
     let rows_s: Vec<f64> = (0..rows).map(|row| row as f64 / rates.row_hz).collect();
     let start = Start::Periodic { period_s: length as f64 / rates.row_hz, periods: WARM_UP_PERIODS };
-    let response = simulate(&mut actuator, Drive { time_s: &time_s, command: &command }, start, &rows_s)?.response;
-    let mut mean = vec![0.0; length];
-    for period in response.chunks_exact(length).skip(periods - used.clamp(1, periods)) {
-        mean.iter_mut().zip(period).for_each(|(sum, y)| *sum += y / used.clamp(1, periods) as f64);
-    }
-    Ok(mean)
-}
-
-/// Complex amplitude at a harmonic of the period, `(2 / N) sum x_n e^(-2 pi j k n / N)`, as of a measured line.
-pub(super) fn line_of(period: &[f64], harmonic: u32) -> Complex64 {
-    let length = period.len();
-    let sum: Complex64 = period
-        .iter()
-        .enumerate()
-        // The remainder keeps the angle small, and its digits.
-        .map(|(row, y)| y * Complex64::cis(-TAU * ((row * harmonic as usize) % length) as f64 / length as f64))
-        .sum();
-    sum * (2.0 / length as f64)
+    Ok(simulate(&mut actuator, Drive { time_s: &time_s, command: &command }, start, &rows_s)?.response)
 }
 
 /// `period` with `factor` values for each of its own, by its Fourier series.
@@ -81,6 +60,8 @@ fn upsampled(period: &[f64], factor: usize) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::TAU;
+
     use super::*;
 
     #[test]
@@ -91,7 +72,6 @@ mod tests {
             for (tick, value) in upsampled(&rows, 5).iter().enumerate() {
                 assert!((value - at(tick as f64 / (5 * length) as f64)).abs() < 1e-14);
             }
-            assert!((line_of(&rows, 7) + 0.05).norm() < 1e-14);
         }
     }
 }

@@ -17,12 +17,12 @@
 
 use num_complex::Complex64;
 
-use super::effects::{Rates, line_of, simulated_period};
+use super::effects::{Rates, simulated_periods};
 use super::fit_percent::{percent_when_left, spread};
 use super::steps::Run;
 use super::{FitLine, HoldChain, IdentifyError, Spectrum, SpectrumOptions, align, fit_percent, run_actuator, spectra};
 use crate::plant::{Actuator, EscTiming, Law, Model, OperatingCurve, PlantError};
-use crate::record::{Excitation, Experiment, Record, Role};
+use crate::record::{Excitation, Experiment, Output, Record, Role};
 
 /// A level has settled after this many time constants: e^-7 of the step, a thousandth, is left.
 const SETTLED_TIME_CONSTANTS: f64 = 7.0;
@@ -136,11 +136,26 @@ impl Judge<'_> {
         let (_, length) = spectra::period(record, spectrum.row_rate_hz)?;
         let actuator = self.actuator(Law::LinearAround(record.nominal))?;
         let rates = Rates { row_hz: spectrum.row_rate_hz, command_hz: self.experiment.command_rate_hz };
-        let simulated =
-            simulated_period(actuator, self.command()?, length, spectrum.periods, spectrum.periods_used, rates)
-                .map_err(|e| self.refused(e))?;
-        let measured: Vec<Complex64> = spectrum.lines.iter().map(|line| line.response).collect();
-        let expected: Vec<Complex64> = spectrum.lines.iter().map(|line| line_of(&simulated, line.harmonic)).collect();
+        let response = simulated_periods(actuator, self.command()?, length, spectrum.periods, rates)
+            .map_err(|e| self.refused(e))?;
+        // Through the same estimate, which takes drift out of both alike.
+        let mut simulated = record.clone();
+        let rows = response.len();
+        for column in [&mut simulated.time_s, &mut simulated.command] {
+            column.truncate(rows);
+        }
+        if let Some(esc_command) = &mut simulated.esc_command {
+            esc_command.truncate(rows);
+        }
+        match self.experiment.output {
+            Output::ThrustN => simulated.thrust_n = Some(response),
+            Output::Rpm => simulated.rpm = Some(response),
+        }
+        let simulated = Spectrum::of(self.experiment, &simulated, &SpectrumOptions::default())?;
+        let of =
+            |harmonic: u32| simulated.lines.iter().find(|line| line.harmonic == harmonic).map(|line| line.response);
+        let both = spectrum.lines.iter().filter_map(|line| Some((line.response, of(line.harmonic)?)));
+        let (measured, expected): (Vec<Complex64>, Vec<Complex64>) = both.unzip();
         let noise = spectrum.lines.iter().map(|line| line.variance).sum();
         let percent = fit_percent(&measured, &expected).ok_or_else(|| self.constant_response())?;
         Ok((percent, Some(percent_when_left(noise, spread(&measured)))))
