@@ -28,7 +28,8 @@ pub(super) fn simulated_periods(
     let factor = rates.command_hz.map_or(1.0, |command_hz| (command_hz / rates.row_hz).round()).max(1.0) as usize;
     let period = if factor > 1 { upsampled(&command[..length], factor) } else { command[..length].to_vec() };
     let command_hz = rates.row_hz * factor as f64;
-    let (commands, rows) = (period.len() * periods, length * periods);
+    // One period more than there are rows: a slow logger takes its last rows behind the last period.
+    let (commands, rows) = (period.len() * (periods + 1), length * periods);
     let time_s: Vec<f64> = (0..commands).map(|tick| tick as f64 / command_hz).collect();
     let command: Vec<f64> = period.iter().copied().cycle().take(commands).collect();
     let rows_s: Vec<f64> = (0..rows).map(|row| row as f64 / rates.row_hz).collect();
