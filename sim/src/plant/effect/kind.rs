@@ -28,13 +28,16 @@ pub struct Kind {
     /// What [`Kind::response`] means.
     pub linearity: Linearity,
     /// Refuses values that do not go together, each in its own range; gives the parameter that is wrong and why.
-    pub check: fn(&[f64]) -> Result<(), (usize, &'static str)>,
+    pub check: fn(&[f64]) -> Checked,
     /// The link of the chain. [`Part::Nothing`] for null values, so that these change no digit.
     pub part: fn(&[f64], &RotorBase) -> Part,
     /// By what it multiplies the response of the lag around a nominal command, at a frequency in rad/s; 1 where
     /// [`Linearity::Absent`].
     pub response: fn(&[f64], &OperatingPoint, f64) -> Complex64,
 }
+
+/// Whether values go together: if not, the place of the parameter that is wrong among all, and what it is not.
+pub type Checked = Result<(), (usize, &'static str)>;
 
 /// Where in the chain an effect acts. The known frames of the ESC come between `Command` and `Line`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -140,7 +143,7 @@ impl Kind {
     }
 
     /// For [`Kind::check`] of kinds whose parameters have nothing to do with each other.
-    pub(crate) fn any(_: &[f64]) -> Result<(), (usize, &'static str)> {
+    pub(crate) fn any(_: &[f64]) -> Checked {
         Ok(())
     }
 

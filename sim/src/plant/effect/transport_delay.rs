@@ -56,7 +56,7 @@ mod tests {
     fn a_step_begins_later_by_any_part_of_a_row_and_after_a_ramp_too() {
         for delay_s in [3e-5, 0.001, 0.012_34] {
             let late = active(&KIND, &[delay_s]);
-            for (row, y) in step(0.1, 0.3, &[late.clone()]).iter().enumerate() {
+            for (row, y) in step(0.1, 0.3, std::slice::from_ref(&late)).iter().enumerate() {
                 let t = (row as f64 * 1e-3 - delay_s).max(0.0);
                 assert!((y - (1.0 - (-t / 0.1).exp())).abs() < 1e-12);
             }
