@@ -229,9 +229,9 @@ fn what_does_not_go_together_is_refused_with_its_remedy() {
     assert_eq!(error, IdentifyError::OtherOutput { model: "rpm", experiment: "thrust_n" });
 
     let mut slewing = motor();
-    slewing.effects.push(Effect { kind: "slew".into(), parameters: [].into(), std: [].into() });
+    slewing.effects.push(Effect { kind: "gremlin".into(), parameters: [].into(), std: [].into() });
     let error = validate(&experiment, &slewing).unwrap_err();
-    assert!(error.to_string().contains("slew") && help(&error).contains("[[effect]]"), "{error}");
+    assert!(error.to_string().contains("gremlin") && help(&error).contains("`slew_limit`"), "{error}");
 
     for record in compensated(0.0).records {
         let file = record.file.clone();
@@ -326,4 +326,36 @@ fn what_was_compared_and_the_papers_table_go_with_the_fit() {
     let (frequency, square) = (table[0].frequency.unwrap(), table[0].square.unwrap());
     assert_eq!((frequency.fit_percent, frequency.ceiling_percent), (found[0].fit_percent, found[0].ceiling_percent));
     assert_eq!((square.fit_percent, square.ceiling_percent), (found[1].fit_percent, found[1].ceiling_percent));
+}
+
+#[test]
+fn a_model_with_its_effects_explains_what_its_lag_alone_does_not() {
+    for (kind, parameters, step_percent) in [
+        ("slew_limit", &[("rate_per_s", 0.15)][..], 99.9),
+        ("backlash", &[("half_width", 0.015)], 99.9),
+        ("transport_delay", &[("delay_s", 0.021)], 99.9),
+        ("asymmetric_lag", &[("ratio", 1.8)], 99.9),
+        ("quadratic_thrust", &[("curvature_per_duty", 4.0)], 99.9),
+        ("second_pole", &[("time_constant_s", 0.02)], 99.9),
+        ("supply_sag", &[("polarization_drop", 0.12), ("polarization_s", 0.5)], 99.9),
+        ("gain_drift", &[("drift", -0.1), ("time_s", 10.0)], 99.9),
+        ("clock_skew", &[("skew_ppm", 2000.0)], 99.9),
+    ] {
+        let mut model = motor();
+        let parameters = parameters.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect();
+        model.effects = vec![Effect { kind: kind.into(), parameters, std: [].into() }];
+        let mut plan = plan(0.0);
+        // A staircase follows the level; around its points an effect is another.
+        plan.records.truncate(3);
+        let experiment = run(&plan, &model, None, &|_| {}).unwrap();
+        let (with, without) = (validate(&experiment, &model).unwrap(), validate(&experiment, &motor()).unwrap());
+        println!("{kind}");
+        show(&with);
+        show(&without);
+        // Rows of 1 ms, and the lines of a command that the ticks between them are filled in from.
+        assert!(with[0].fit_percent > 99.9, "{kind}: {}", with[0].fit_percent);
+        assert!(with[2].fit_percent > step_percent, "{kind}: {}", with[2].fit_percent);
+        assert!((0..3).any(|r| without[r].fit_percent < 99.5), "{kind}");
+        assert!((0..3).all(|r| without[r].fit_percent < with[r].fit_percent + 0.05), "{kind}");
+    }
 }

@@ -32,7 +32,8 @@ pub struct Progress {
 /// A row at time `t` has the command that takes effect at `t` (before and, in a compensated record, after the
 /// compensator) and the response at `t`, which that command has not yet changed. Multisines, square waves and single
 /// steps run on the plant that is linear around the record's nominal command, staircases on the one that follows the
-/// level; see [`FirstOrder`](crate::plant::FirstOrder).
+/// level; see [`FirstOrder`](crate::plant::FirstOrder). The effects of the model are in it, and a supply whose voltage the
+/// model says has its columns.
 ///
 /// The result depends on the arguments alone: each record has its own stream of noise, by the plan's seed and its place
 /// in the plan.
@@ -267,23 +268,41 @@ impl Job<'_> {
         let mut actuator = Actuator::new(self.model, law, timing)?;
         let rows = ticks / ticks_per_row;
         let column = || Vec::with_capacity(rows);
-        let (mut time_s, mut command, mut esc_command, mut response) = (column(), column(), column(), column());
-        for (tick, &sample) in samples.iter().cycle().take(warm_up_ticks + ticks).enumerate() {
-            let to_esc = filter(sample);
-            if let Some(recorded) = tick.checked_sub(*warm_up_ticks)
-                && recorded % ticks_per_row == 0
-            {
-                time_s.push((recorded / ticks_per_row) as f64 / sample_rate_hz);
-                command.push(sample.to_f64());
-                esc_command.push(to_esc.to_f64());
-                response.push(actuator.response());
+        let (mut time_s, mut command, mut esc_command) = (column(), column(), column());
+        let mut seen = Seen { rows, response: column(), voltage_v: Vec::new(), current_a: Vec::new() };
+        let recorded = *warm_up_ticks..warm_up_ticks + ticks;
+        // A logger whose clock is slow takes its last rows after the last recorded tick: a period goes on, a level stays.
+        let after = self.signal.period_s.map_or(samples.len() - 1, |_| 0);
+        let sample_of = |tick: usize| match tick < recorded.end {
+            true => samples[tick % samples.len()],
+            false => samples[after.max(tick % samples.len())],
+        };
+        let mut tick = 0;
+        while tick < recorded.end || seen.response.len() < rows {
+            let to_esc = filter(sample_of(tick));
+            if tick == recorded.start {
+                actuator.start_record();
             }
-            actuator.advance(to_esc.to_f64(), (tick + 1) as f64 / loop_rate_hz);
-            if (tick + 1) % samples.len() == 0 {
+            if recorded.contains(&tick) && (tick - recorded.start) % ticks_per_row == 0 {
+                time_s.push(((tick - recorded.start) / ticks_per_row) as f64 / sample_rate_hz);
+                command.push(sample_of(tick).to_f64());
+                esc_command.push(to_esc.to_f64());
+                if !actuator.has_own_clock() {
+                    seen.take(&actuator);
+                }
+            }
+            let end_s = (tick + 1) as f64 / loop_rate_hz;
+            if actuator.has_own_clock() && tick >= recorded.start {
+                seen.take_until(end_s, sample_rate_hz, &mut actuator, to_esc.to_f64());
+            }
+            actuator.advance(to_esc.to_f64(), end_s);
+            tick += 1;
+            if tick <= recorded.end && tick % samples.len() == 0 {
                 report(samples.len());
             }
         }
 
+        let Seen { response, voltage_v, current_a, .. } = seen;
         let (thrust_n, rpm) = match self.output {
             Output::ThrustN => (Some(response), None),
             Output::Rpm => (None, Some(response)),
@@ -302,8 +321,39 @@ impl Job<'_> {
             thrust_n,
             rpm,
             esc_command: self.compensator.map(|_| esc_command),
-            voltage_v: None,
-            current_a: None,
+            voltage_v: (!voltage_v.is_empty()).then_some(voltage_v),
+            current_a: (!current_a.is_empty()).then_some(current_a),
         })
+    }
+}
+
+/// What the logger has seen so far.
+struct Seen {
+    /// How many rows it is to take.
+    rows: usize,
+    response: Vec<f64>,
+    voltage_v: Vec<f64>,
+    current_a: Vec<f64>,
+}
+
+impl Seen {
+    fn take(&mut self, actuator: &Actuator) {
+        self.response.push(actuator.response());
+        if let Some(supply) = actuator.supply() {
+            self.voltage_v.push(supply.voltage_v);
+            self.current_a.push(supply.current_a);
+        }
+    }
+
+    /// Takes the rows that the logger's own clock puts before `end_s`, while the command stays.
+    fn take_until(&mut self, end_s: f64, sample_rate_hz: f64, actuator: &mut Actuator, command: f64) {
+        while self.response.len() < self.rows {
+            let moment_s = actuator.moment_of_row(self.response.len() as f64 / sample_rate_hz);
+            if moment_s >= end_s {
+                return;
+            }
+            actuator.advance(command, moment_s);
+            self.take(actuator);
+        }
     }
 }

@@ -10,7 +10,7 @@ use rotorlead::design::{LeadDesign, LeadParameters};
 
 use super::*;
 use crate::plant::testing::{model, table_1};
-use crate::plant::{Color, Model, Noise, Provenance};
+use crate::plant::{Actuator, Color, Drive, Effect, EscTiming, Law, Model, Noise, Provenance, Start, simulate};
 use crate::record::{Excitation, Experiment, Output, Record};
 
 /// How far the mean response is from what rows at every tick find.
@@ -302,4 +302,94 @@ fn files_are_named_by_level_and_excitation() {
             "u100_staircase.csv"
         ]
     );
+}
+
+/// `table_1` with one effect.
+fn with_effect(kind: &str, parameters: &[(&str, f64)]) -> Model {
+    let mut model = table_1();
+    let parameters = parameters.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect();
+    model.effects = vec![Effect { kind: kind.to_owned(), parameters, std: Default::default() }];
+    model
+}
+
+#[test]
+fn effects_of_the_model_are_in_the_records_on_the_loggers_own_clock_too() {
+    let step = PlannedRecord { amplitude: Some(0.1), hold_s: Some(2.0), ..bare(Excitation::Step) };
+    let square =
+        PlannedRecord { amplitude: Some(0.05), half_period_s: Some(0.5), periods: Some(3), ..bare(Excitation::Square) };
+    for (kind, parameters) in [
+        ("slew_limit", &[("rate_per_s", 0.4)][..]),
+        ("inflow_lead", &[("lead_ratio", 1.8), ("time_constant_s", 0.008)]),
+        ("gain_drift", &[("drift", -0.1), ("time_s", 2.0)]),
+        ("clock_skew", &[("skew_ppm", 2000.0)]),
+        ("clock_skew", &[("skew_ppm", -2000.0)]),
+    ] {
+        let model = with_effect(kind, parameters);
+        for record in [&step, &square] {
+            let plan = plan_of(record.clone());
+            let (seen, plain) = (quick(&plan, &model, None), quick(&plan, &table_1(), None));
+            let (seen, plain) = (&seen.records[0], &plain.records[0]);
+            assert_eq!((&seen.time_s, &seen.command), (&plain.time_s, &plain.command));
+            assert_ne!(seen.thrust_n, plain.thrust_n, "{kind}");
+
+            // The same chain on commands at the rows: there are no others in these records.
+            let timing = EscTiming { frame_hz: plan.esc_frame_hz, frame_phase: 0.0 };
+            let mut actuator = Actuator::new(&model, Law::LinearAround(0.5), timing).unwrap();
+            let start = match seen.period_s {
+                Some(period_s) => Start::Periodic { period_s, periods: 1 },
+                None => Start::Rest(0.5),
+            };
+            // A period goes on behind the record's end, where a slow clock looks.
+            let mut drive = (seen.time_s.clone(), seen.command.clone());
+            if let Some(period_s) = seen.period_s {
+                drive.0.push(3.0 * period_s);
+                drive.1.push(seen.command[0]);
+            }
+            let drive = Drive { time_s: &drive.0, command: &drive.1 };
+            let expected = simulate(&mut actuator, drive, start, &seen.time_s).unwrap().response;
+            for (row, (a, b)) in seen.thrust_n.iter().flatten().zip(&expected).enumerate() {
+                assert!((a - b).abs() < 1e-9, "{kind}, row {row}: {a} for {b}");
+            }
+        }
+    }
+}
+
+#[test]
+fn a_supply_whose_voltage_is_known_has_its_columns() {
+    let step = PlannedRecord { amplitude: Some(0.1), hold_s: Some(1.0), ..bare(Excitation::Step) };
+    let parameters = [("polarization_drop", 0.1), ("polarization_s", 0.5)];
+    let known = [&parameters[..], &[("open_circuit_v", 16.0), ("hover_current_a", 8.0)]].concat();
+    let record = quick(&plan_of(step.clone()), &with_effect("supply_sag", &known), None).records.remove(0);
+    let (voltage_v, current_a) = (record.voltage_v.unwrap(), record.current_a.unwrap());
+    assert_eq!((voltage_v.len(), current_a.len()), (2000, 2000));
+    assert!((voltage_v[0] - 14.4).abs() < 1e-9 && voltage_v[1999] < voltage_v[1100] && current_a[1999] > 8.0);
+    let record = quick(&plan_of(step), &with_effect("supply_sag", &parameters), None).records.remove(0);
+    assert_eq!((record.voltage_v, record.current_a), (None, None));
+}
+
+#[test]
+fn a_filter_in_front_meets_the_effects_tick_by_tick() {
+    // The compensator asks for 628 times the step per second; the limit turns that into a ramp.
+    let step = PlannedRecord { amplitude: Some(0.02), hold_s: Some(0.5), ..bare(Excitation::Step) };
+    let mut plan = plan_of(step);
+    plan.compensator = Some("compensator.toml".into());
+    plan.esc_frame_hz = None;
+    let record =
+        quick(&plan, &with_effect("slew_limit", &[("rate_per_s", 0.3)]), Some(&paper_lead())).records.remove(0);
+    let esc_command = record.esc_command.unwrap();
+    let peak = esc_command.iter().fold(0.0_f64, |peak, u| peak.max(*u));
+    assert!(peak > 0.56, "{peak}");
+    // Up to the moment at which the ramp meets the falling command, the response is that of a ramp of 0.3 per second.
+    let (tau, gain) = (1.0 / 9.2889, 10.1718);
+    let thrust_n = record.thrust_n.unwrap();
+    for row in 500..600 {
+        let t = (row - 500) as f64 * 1e-3;
+        let exact = thrust_n[0] + gain * 0.3 * (t - tau * (1.0 - (-t / tau).exp()));
+        assert!((thrust_n[row] - exact).abs() < 1e-9, "row {row}: {} for {exact}", thrust_n[row]);
+        if esc_command[row + 1] < 0.5 + 0.3 * (t + 2e-3) {
+            assert!(row > 520, "{row}");
+            return;
+        }
+    }
+    panic!("the ramp never meets the command");
 }

@@ -1,5 +1,6 @@
 //! `rotorlead bandwidth`
 
+use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -10,9 +11,10 @@ use serde_json::json;
 use super::outcome::{JsonOption, Outcome};
 use super::parameters::{DesignArguments, positive};
 use super::progress;
-use crate::design::{Chain, bandwidths, read_compensator};
+use crate::design::{Chain, bandwidths_with, read_compensator};
 use crate::identify::{IdentifyError, MeasuredBandwidth, PeriodicOptions, identify_periodic};
-use crate::plant::Model;
+use crate::plant::effect::Linearity;
+use crate::plant::{ActiveEffect, Model};
 use crate::record::Experiment;
 use crate::report::{bandwidth_json, bandwidth_table, measured_json, measured_table};
 
@@ -55,8 +57,9 @@ impl Bandwidth {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
         let model = Model::read(&self.model)?;
+        let effects = ActiveEffect::of_model(&model)?;
         let points = match &self.lead {
-            Some(lead) => bandwidths(&model, Chain::Continuous(lead)),
+            Some(lead) => bandwidths_with(&model, &effects, Chain::Continuous(lead)),
             None => {
                 let design = match &self.compensator {
                     Some(file) => read_compensator(file)?,
@@ -64,8 +67,9 @@ impl Bandwidth {
                 };
                 let identified = model.provenance.as_ref().and_then(|provenance| provenance.esc_frame_hz);
                 let esc_frame_hz = self.esc_frame.or(identified);
-                bandwidths(
+                bandwidths_with(
                     &model,
+                    &effects,
                     if self.sampled {
                         Chain::Sampled { design: &design, esc_frame_hz }
                     } else {
@@ -75,7 +79,12 @@ impl Bandwidth {
             }
         };
         let mut text = bandwidth_table(&points);
+        text.push_str(&counted_effects(&effects));
         let mut json = json!({ "points": bandwidth_json(&points) });
+        if !effects.is_empty() {
+            let left_out = effects.iter().map(ActiveEffect::kind).filter(|kind| kind.linearity == Linearity::Absent);
+            json["left_out"] = left_out.map(|kind| kind.id).collect();
+        }
         if !self.records.is_empty() {
             let measured = self.measure()?;
             text.push('\n');
@@ -99,6 +108,24 @@ impl Bandwidth {
         }
         Ok(measured)
     }
+}
+
+/// What of the model's effects is in the bandwidths; nothing for a model without any.
+fn counted_effects(effects: &[ActiveEffect]) -> String {
+    let ids = |counted: &dyn Fn(Linearity) -> bool| -> Vec<&str> {
+        effects.iter().map(ActiveEffect::kind).filter(|kind| counted(kind.linearity)).map(|kind| kind.id).collect()
+    };
+    let mut text = String::new();
+    for (ids, said) in [
+        (ids(&|l| matches!(l, Linearity::Exact | Linearity::Mean)), "Counted"),
+        (ids(&|l| l == Linearity::SmallSignal), "Counted for small deviations from u_nom only"),
+        (ids(&|l| l == Linearity::Absent), "Left out, since it has no frequency response"),
+    ] {
+        if !ids.is_empty() {
+            writeln!(text, "  {said}: {}", ids.join(", ")).expect("a string takes all");
+        }
+    }
+    text
 }
 
 fn lead(text: &str) -> Result<LeadParameters, String> {

@@ -4,6 +4,6 @@ mod bandwidths;
 mod error;
 mod lead;
 
-pub use bandwidths::{BandwidthPoint, Chain, bandwidths};
+pub use bandwidths::{BandwidthPoint, Chain, bandwidths, bandwidths_with};
 pub use error::CompensatorError;
 pub use lead::{DesignOptions, compensator_file, design, read_compensator};

@@ -3,6 +3,7 @@
 pub mod alignment;
 mod bandwidth;
 mod distortion;
+mod effects;
 mod error;
 mod estimate;
 mod etfe;

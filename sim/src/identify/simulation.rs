@@ -1,6 +1,6 @@
 //! A simulated actuator on a recorded command, beside what was recorded.
 
-use crate::plant::Actuator;
+use crate::plant::{Actuator, Drive, PlantError, Start, simulate};
 
 /// Response at the rows of `actuator` to the recorded `command` (0..1, one value per row of `time_s`, seconds,
 /// increasing), put to rest at the command of row `at_rest` (one of the rows) when it gets there.
@@ -9,10 +9,14 @@ use crate::plant::Actuator;
 /// the first row. Rows before `at_rest` have no meaning.
 #[must_use]
 pub fn run_actuator(actuator: &mut Actuator, time_s: &[f64], command: &[f64], at_rest: usize) -> Vec<f64> {
+    if actuator.has_own_clock() {
+        return run_on_own_clock(actuator, time_s, command, at_rest).unwrap_or_default();
+    }
     let mut response = Vec::with_capacity(command.len());
     for (row, &level) in command.iter().enumerate() {
         if row == at_rest {
             actuator.settle(level);
+            actuator.start_record();
         }
         response.push(actuator.response());
         if let Some(next) = time_s.get(row + 1) {
@@ -20,6 +24,20 @@ pub fn run_actuator(actuator: &mut Actuator, time_s: &[f64], command: &[f64], at
         }
     }
     response
+}
+
+/// The rows of a logger with a clock of its own, from rest on; before it there is the level of rest.
+fn run_on_own_clock(
+    actuator: &mut Actuator,
+    time_s: &[f64],
+    command: &[f64],
+    at_rest: usize,
+) -> Result<Vec<f64>, PlantError> {
+    let drive = Drive { time_s: &time_s[at_rest..], command: &command[at_rest..] };
+    let seen = simulate(actuator, drive, Start::Rest(command[at_rest]), drive.time_s)?.response;
+    let mut response = vec![seen[0]; at_rest];
+    response.extend(seen);
+    Ok(response)
 }
 
 /// `model` moved onto `measured` by what a validation may not judge: a static offset and the state

@@ -1,15 +1,42 @@
 //! The whole simulated actuator: the chain from the command to the response.
 
-use super::{CommandStage, EscFrame, FirstOrder, Model, OperatingCurve, OperatingPoint, PlantError, TransportDelay};
+use super::effect::{ActiveEffect, Part, Site};
+use super::rotor::IntegratedRotor;
+use super::{
+    CommandStage, EscFrame, FirstOrder, Model, OperatingCurve, OperatingPoint, PlantError, ResponseStage, RotorBase,
+    RotorTerm, Segment, Supply, TransportDelay,
+};
 
-/// A simulated actuator: command -> stages in order -> rotor lag.
+/// A response that later stages have to follow is cut into pieces of this part of the time in which it bends: the cubic
+/// through the ends of a piece is then off by less than `0.1^4 / 384`, 3e-7, of it.
+const PIECE_PART: f64 = 0.1;
+
+/// A simulated actuator: command -> stages in order -> rotor -> stages in order.
 ///
-/// Physical order of the stages, of which this has the last two now: clip, quantize, dead band, backlash, slew, frame
-/// hold, delay. What acts on the response (noise) is added by whoever logs it.
+/// Physical order of the chain: clip, quantize, dead band, backlash, slew, frame hold, delay; supply, static map, rotor lag;
+/// inflow, stand, logger. What a model says nothing of is not there. Noise is added by whoever logs the response.
+///
+/// A chain of linear links is exact: commands are straight in pieces, and so each piece has a closed form. Where the rotor
+/// itself is changed it is integrated (fourth order, in steps of a tenth of its time constant at most).
 pub struct Actuator {
     stages: Vec<Box<dyn CommandStage>>,
-    rotor: FirstOrder,
+    rotor: Rotor,
+    after: Vec<Box<dyn ResponseStage>>,
+    /// Longest piece that the stages after the rotor can take.
+    longest_s: f64,
+    /// What the last of them gave.
+    output: f64,
     time_s: f64,
+    record_start_s: f64,
+    clock: f64,
+}
+
+/// The lag in its two forms.
+enum Rotor {
+    /// In closed form.
+    Exact(FirstOrder),
+    /// In steps.
+    Integrated(IntegratedRotor),
 }
 
 /// How the actuator takes over commands.
@@ -31,17 +58,19 @@ pub enum Law {
 }
 
 impl Actuator {
-    /// The actuator that `model` describes, at rest at the command that `law` names, at time 0.
+    /// The actuator that `model` describes, with its effects, at rest at the command that `law` names, at time 0.
     ///
     /// # Errors
     /// [`PlantError`] when the model, the frame rate or its phase are impossible, or when the model has no points
     /// around the nominal command.
     pub fn new(model: &Model, law: Law, timing: EscTiming) -> Result<Self, PlantError> {
+        let effects = ActiveEffect::of_model(model)?;
         match law {
-            Law::LinearAround(nominal) => Self::linear(OperatingCurve::around(model, nominal)?, timing),
+            Law::LinearAround(nominal) => {
+                Self::with_effects(OperatingCurve::around_without_effects(model, nominal)?, &effects, timing)
+            }
             Law::FollowingLevel(command) => {
-                let delay_s = OperatingCurve::new(model)?.clamped_at(command).lag.delay_s;
-                Self::chain(FirstOrder::over_range(model, command)?, command, delay_s, timing)
+                Self::following_level(OperatingCurve::without_effects(model)?, command, &effects, timing)
             }
         }
     }
@@ -52,41 +81,144 @@ impl Actuator {
     /// # Errors
     /// [`PlantError`] when the delay, the frame rate or its phase are impossible.
     pub fn linear(point: OperatingPoint, timing: EscTiming) -> Result<Self, PlantError> {
-        Self::chain(FirstOrder::linear(point), point.nominal, point.lag.delay_s, timing)
+        Self::with_effects(point, &[], timing)
     }
 
-    fn chain(rotor: FirstOrder, start: f64, delay_s: f64, timing: EscTiming) -> Result<Self, PlantError> {
-        let mut stages: Vec<Box<dyn CommandStage>> = Vec::new();
-        if let Some(frame_hz) = timing.frame_hz {
-            stages.push(Box::new(EscFrame::new(frame_hz, timing.frame_phase)?));
-        }
-        if delay_s > 0.0 {
-            stages.push(Box::new(TransportDelay::new(delay_s)?));
-        }
-        let mut actuator = Self { stages, rotor, time_s: 0.0 };
+    /// [`Actuator::linear`] with effects, which come in the order of the catalog ([`Catalog::sort`](super::Catalog::sort)).
+    ///
+    /// # Errors
+    /// Those of [`Actuator::linear`], and [`PlantError::RotorEffects`].
+    pub fn with_effects(
+        point: OperatingPoint,
+        effects: &[ActiveEffect],
+        timing: EscTiming,
+    ) -> Result<Self, PlantError> {
+        Self::chain(RotorBase::Linear(point), point.nominal, point.lag.delay_s, effects, timing)
+    }
+
+    /// The actuator whose gain and time constant are those of the level, at rest at `command`, with effects in the order of
+    /// the catalog. Its dead time is that at `command`.
+    ///
+    /// # Errors
+    /// Those of [`Actuator::with_effects`].
+    pub fn following_level(
+        curve: OperatingCurve,
+        command: f64,
+        effects: &[ActiveEffect],
+        timing: EscTiming,
+    ) -> Result<Self, PlantError> {
+        let delay_s = curve.clamped_at(command).lag.delay_s;
+        Self::chain(RotorBase::Level(curve), command, delay_s, effects, timing)
+    }
+
+    fn chain(
+        mut base: RotorBase,
+        start: f64,
+        delay_s: f64,
+        effects: &[ActiveEffect],
+        timing: EscTiming,
+    ) -> Result<Self, PlantError> {
+        let mut links = Links::default();
+        let frame = timing.frame_hz.map(|frame_hz| EscFrame::new(frame_hz, timing.frame_phase)).transpose()?;
+        let delay = (delay_s > 0.0).then(|| TransportDelay::new(delay_s)).transpose()?;
+        // Frames and dead time of the base come ahead of the first effect behind them.
+        let ahead = effects.iter().take_while(|effect| effect.kind().site <= Site::Command).count();
+        let (before, behind) = effects.split_at(ahead);
+        before.iter().for_each(|effect| links.add(effect.part(&base), &mut base));
+        links.stages.extend(frame.map(|frame| Box::new(frame) as Box<dyn CommandStage>));
+        links.stages.extend(delay.map(|delay| Box::new(delay) as Box<dyn CommandStage>));
+        behind.iter().for_each(|effect| links.add(effect.part(&base), &mut base));
+
+        let ramps = links.stages.iter().any(|stage| stage.makes_ramps());
+        let exact = links.terms.is_empty() && !(ramps && matches!(base, RotorBase::Level(_)));
+        let tau_s = base.at(start).lag.time_constant_s;
+        let rotor = if exact {
+            Rotor::Exact(FirstOrder::on(base, start))
+        } else {
+            Rotor::Integrated(IntegratedRotor::new(base, links.terms)?)
+        };
+        let followed = links.after.iter().rev().skip(1).map(|stage| stage.time_scale_s());
+        let bends_s = followed.fold(if links.after.is_empty() { f64::INFINITY } else { tau_s }, f64::min);
+        let mut actuator = Self {
+            stages: links.stages,
+            rotor,
+            after: links.after,
+            longest_s: PIECE_PART * bends_s,
+            output: 0.0,
+            time_s: 0.0,
+            record_start_s: 0.0,
+            clock: 1.0 + links.skew,
+        };
         actuator.settle(start);
         Ok(actuator)
     }
 
     /// Puts everything at rest: the command has been `command` for ever. The clock goes on.
     pub fn settle(&mut self, command: f64) {
-        for stage in &mut self.stages {
-            stage.settle(command);
-        }
-        self.rotor.settle(command);
+        // What a clip or a grid makes of the command is what the links behind it rest at.
+        let level = self.stages.iter_mut().fold(command, |level, stage| stage.settle(level));
+        self.rotor.settle(level);
+        self.output = self.after.iter_mut().fold(self.rotor.response(), |output, stage| stage.settle(output));
+    }
+
+    /// Sets the clock before anything happens, for a run that is to begin before time 0, seconds.
+    pub fn begin_at(&mut self, time_s: f64) {
+        self.time_s = time_s;
+    }
+
+    /// A record begins now: its first row is taken at this moment. Drift counts from here, and so does the logger's clock.
+    pub fn start_record(&mut self) {
+        self.record_start_s = self.time_s;
+        self.after.iter_mut().for_each(|stage| stage.start_record(self.time_s));
+    }
+
+    /// When a row is taken that the logger stamps `row_s`, seconds from the record's first row. On one clock it is
+    /// `start + row_s`.
+    #[must_use]
+    pub fn moment_of_row(&self, row_s: f64) -> f64 {
+        if self.clock == 1.0 { self.record_start_s + row_s } else { self.record_start_s + row_s * self.clock }
+    }
+
+    /// Whether rows are taken by another clock than the commands'.
+    #[must_use]
+    pub fn has_own_clock(&self) -> bool {
+        self.clock != 1.0
     }
 
     /// Holds `command` (0..1) from now until `until_s`.
     #[inline]
     pub fn advance(&mut self, command: f64, until_s: f64) {
         while self.time_s < until_s {
-            let (mut level, mut end_s) = (command, until_s);
+            let mut piece = Segment::constant(command, until_s);
             for stage in &mut self.stages {
-                let segment = stage.advance(self.time_s, end_s, level);
-                (level, end_s) = (segment.level, segment.until_s);
+                piece = stage.advance(self.time_s, piece);
             }
-            self.rotor.advance(level, end_s - self.time_s);
-            self.time_s = end_s;
+            match &mut self.rotor {
+                // The plain chain, which is most of what is simulated.
+                Rotor::Exact(lag) if piece.slope_per_s == 0.0 && self.after.is_empty() => {
+                    lag.advance(piece.level, piece.until_s - self.time_s);
+                    self.output = lag.response();
+                }
+                _ => self.follow(piece),
+            }
+            self.time_s = piece.until_s;
+        }
+    }
+
+    /// A piece of the command, in as many pieces as rotor and stages behind it need.
+    fn follow(&mut self, piece: Segment) {
+        let duration_s = piece.until_s - self.time_s;
+        let for_stages = (duration_s / self.longest_s).ceil().clamp(1.0, 1e6) as usize;
+        let count = for_stages.max(self.rotor.steps(piece.level, duration_s));
+        let step_s = duration_s / count as f64;
+        for index in 0..count {
+            let since_s = index as f64 * step_s;
+            let part = Segment { level: piece.level + piece.slope_per_s * since_s, ..piece };
+            let mut interval = self.rotor.advance(self.time_s + since_s, part, step_s);
+            for stage in &mut self.after {
+                interval = stage.advance(&interval);
+            }
+            self.output = interval.end;
         }
     }
 
@@ -94,7 +226,87 @@ impl Actuator {
     #[inline]
     #[must_use]
     pub fn response(&self) -> f64 {
-        self.rotor.response()
+        self.output
+    }
+
+    /// The rotor's speed as the command that would keep it there: what a speed sensor shows, up to its unit. Sensors and
+    /// stand do not come between.
+    #[must_use]
+    pub fn speed(&self) -> f64 {
+        match &self.rotor {
+            Rotor::Exact(lag) => lag.speed(),
+            Rotor::Integrated(rotor) => rotor.speed(),
+        }
+    }
+
+    /// Voltage and current, where an effect says them.
+    #[must_use]
+    pub fn supply(&self) -> Option<Supply> {
+        match &self.rotor {
+            Rotor::Exact(_) => None,
+            Rotor::Integrated(rotor) => rotor.supply(),
+        }
+    }
+}
+
+/// The links that effects are, sorted by where they act.
+#[derive(Default)]
+struct Links {
+    stages: Vec<Box<dyn CommandStage>>,
+    terms: Vec<Box<dyn RotorTerm>>,
+    after: Vec<Box<dyn ResponseStage>>,
+    skew: f64,
+}
+
+impl Links {
+    fn add(&mut self, part: Part, base: &mut RotorBase) {
+        match part {
+            Part::Nothing => {}
+            Part::Base { gain, time_constant } => base.scale(gain, time_constant),
+            Part::Command(stage) => self.stages.push(stage),
+            Part::Rotor(term) => self.terms.push(term),
+            Part::Response(stage) => self.after.push(stage),
+            Part::Clock { skew } => self.skew += skew,
+        }
+    }
+}
+
+impl Rotor {
+    fn settle(&mut self, level: f64) {
+        match self {
+            Self::Exact(lag) => lag.settle(level),
+            Self::Integrated(rotor) => rotor.settle(level),
+        }
+    }
+
+    fn response(&self) -> f64 {
+        match self {
+            Self::Exact(lag) => lag.response(),
+            Self::Integrated(rotor) => rotor.response(),
+        }
+    }
+
+    fn steps(&self, level: f64, duration_s: f64) -> usize {
+        match self {
+            Self::Exact(_) => 1,
+            Self::Integrated(rotor) => rotor.steps(level, duration_s),
+        }
+    }
+
+    fn advance(&mut self, from_s: f64, piece: Segment, duration_s: f64) -> super::Interval {
+        match self {
+            Self::Exact(lag) => {
+                let (start, start_slope) = (lag.response(), lag.slope_per_s(piece.level));
+                if piece.slope_per_s == 0.0 {
+                    lag.advance(piece.level, duration_s);
+                } else {
+                    lag.advance_ramp(piece.level, piece.slope_per_s, duration_s);
+                }
+                let end_slope = lag.slope_per_s(piece.level + piece.slope_per_s * duration_s);
+                super::Interval { from_s, duration_s, start, start_slope, end: lag.response(), end_slope }
+            }
+            Self::Integrated(rotor) => rotor.advance(from_s, piece, duration_s),
+        }
     }
 }
 

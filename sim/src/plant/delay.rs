@@ -9,10 +9,28 @@ use super::{CommandStage, PlantError, Segment};
 #[derive(Clone, Debug)]
 pub struct TransportDelay {
     delay_s: f64,
-    /// Changes that are under way: when they come out, and to which level.
-    under_way: VecDeque<(f64, f64)>,
-    last_in: f64,
-    out: f64,
+    /// Changes that are under way.
+    under_way: VecDeque<Change>,
+    last_in: Change,
+    out: Change,
+}
+
+/// From a moment on, a level that moves at a speed.
+#[derive(Clone, Copy, Debug)]
+struct Change {
+    /// When the input has it (`last_in`), or when it comes out.
+    at_s: f64,
+    level: f64,
+    slope_per_s: f64,
+}
+
+impl Change {
+    const ZERO: Self = Self { at_s: 0.0, level: 0.0, slope_per_s: 0.0 };
+
+    fn level_at(&self, time_s: f64) -> f64 {
+        // A level that stays is to come out as it went in, bit for bit.
+        if self.slope_per_s == 0.0 { self.level } else { self.level + self.slope_per_s * (time_s - self.at_s) }
+    }
 }
 
 impl TransportDelay {
@@ -22,31 +40,40 @@ impl TransportDelay {
     /// [`PlantError::Setting`] when `delay_s` is negative or not finite.
     pub fn new(delay_s: f64) -> Result<Self, PlantError> {
         checked("delay_s", delay_s, "finite and not negative", delay_s.is_finite() && delay_s >= 0.0)?;
-        Ok(Self { delay_s, under_way: VecDeque::new(), last_in: 0.0, out: 0.0 })
+        Ok(Self { delay_s, under_way: VecDeque::new(), last_in: Change::ZERO, out: Change::ZERO })
     }
 }
 
 impl CommandStage for TransportDelay {
-    fn settle(&mut self, level: f64) {
+    fn settle(&mut self, level: f64) -> f64 {
         self.under_way.clear();
-        self.last_in = level;
-        self.out = level;
+        self.last_in = Change { level, ..Change::ZERO };
+        self.out = self.last_in;
+        level
     }
 
     #[inline]
-    fn advance(&mut self, from_s: f64, until_s: f64, input: f64) -> Segment {
-        if input != self.last_in {
-            self.last_in = input;
-            self.under_way.push_back((from_s + self.delay_s, input));
+    fn advance(&mut self, from_s: f64, input: Segment) -> Segment {
+        let Segment { level, slope_per_s, until_s } = input;
+        if slope_per_s != self.last_in.slope_per_s || level != self.last_in.level_at(from_s) {
+            self.last_in = Change { at_s: from_s, level, slope_per_s };
+            self.under_way.push_back(Change { at_s: from_s + self.delay_s, level, slope_per_s });
         }
-        while let Some(&(due_s, level)) = self.under_way.front() {
-            if due_s > from_s {
-                return Segment { level: self.out, until_s: until_s.min(due_s) };
+        while let Some(&change) = self.under_way.front() {
+            if change.at_s > from_s {
+                return self.output(from_s, until_s.min(change.at_s));
             }
-            self.out = level;
+            self.out = change;
             self.under_way.pop_front();
         }
-        Segment { level: self.out, until_s }
+        self.output(from_s, until_s)
+    }
+}
+
+impl TransportDelay {
+    #[inline]
+    fn output(&self, from_s: f64, until_s: f64) -> Segment {
+        Segment { level: self.out.level_at(from_s), slope_per_s: self.out.slope_per_s, until_s }
     }
 }
 
@@ -64,7 +91,7 @@ mod tests {
                 let (mut from, until) = (f64::from(tick), f64::from(tick + 1));
                 while from < until {
                     // Changes at every third second only: an unchanged input is no event.
-                    let piece = stage.advance(from, until, f64::from(tick / 3));
+                    let piece = stage.advance(from, Segment::constant(f64::from(tick / 3), until));
                     assert!(piece.until_s > from && piece.until_s <= until);
                     if piece.level != level {
                         level = piece.level;

@@ -17,12 +17,32 @@ pub enum PlantError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Range(#[from] ModelError),
-    /// The model names an effect that cannot be simulated.
-    #[error("the model has an effect of kind \"{kind}\", which this version does not simulate")]
-    #[diagnostic(help("remove the [[effect]] from the model file to simulate the lag without it"))]
-    UnknownEffect {
+    /// What was asked for is computed of the lag alone, and the model has an effect beside it.
+    #[error("the model has the effect `{kind}`, and this is computed of its lag alone")]
+    #[diagnostic(help("simulate the model, or remove its [[effect]]"))]
+    EffectLeftOut {
         /// The kind that the model names.
         kind: String,
+    },
+    /// An effect has another number of values than its kind has parameters.
+    #[error("`{kind}` has {needed} parameters, and {given} values are given")]
+    #[diagnostic(help("give one value per parameter, optional ones too"))]
+    EffectValues {
+        /// The kind.
+        kind: &'static str,
+        /// How many values there are.
+        given: usize,
+        /// How many there have to be.
+        needed: usize,
+    },
+    /// More effects act on the rotor than can be integrated together.
+    #[error("{count} effects act on the rotor; {most} can be simulated together")]
+    #[diagnostic(help("remove effects of the same kind from the model"))]
+    RotorEffects {
+        /// How many there are.
+        count: usize,
+        /// How many there may be.
+        most: usize,
     },
     /// A setting of a stage or of the noise is outside what it can be.
     #[error("{parameter} = {value} must be {limit}")]

@@ -39,20 +39,27 @@ impl EscFrame {
 }
 
 impl CommandStage for EscFrame {
-    fn settle(&mut self, level: f64) {
+    fn settle(&mut self, level: f64) -> f64 {
         self.held = level;
+        level
     }
 
     #[inline]
-    fn advance(&mut self, from_s: f64, until_s: f64, input: f64) -> Segment {
+    fn advance(&mut self, from_s: f64, input: Segment) -> Segment {
+        let until_s = input.until_s;
+        if from_s < 0.0 && self.next == 0.0 {
+            // A run that begins before time 0: its first frame is the next one from here.
+            self.next = (from_s * self.frame_hz - self.phase - SAME_MOMENT_FRAMES).ceil();
+            self.next_s = (self.next + self.phase) / self.frame_hz;
+        }
         if from_s + self.same_moment_s >= self.next_s {
-            self.held = input;
+            self.held = input.level;
             self.next += 1.0;
             self.next_s = (self.next + self.phase) / self.frame_hz;
         }
         // A frame that starts with the next piece takes over that piece's command.
         let frame_is_later = self.next_s + self.same_moment_s >= until_s;
-        Segment { level: self.held, until_s: if frame_is_later { until_s } else { self.next_s } }
+        Segment::constant(self.held, if frame_is_later { until_s } else { self.next_s })
     }
 }
 
@@ -68,7 +75,7 @@ mod tests {
         for tick in 0..loop_hz as u32 {
             let (mut from, until) = (f64::from(tick) / loop_hz, f64::from(tick + 1) / loop_hz);
             while from < until {
-                let piece = stage.advance(from, until, input(tick));
+                let piece = stage.advance(from, Segment::constant(input(tick), until));
                 assert!(piece.until_s > from && piece.until_s <= until);
                 if piece.level != level {
                     level = piece.level;

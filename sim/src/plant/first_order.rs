@@ -1,6 +1,6 @@
 //! The rotor with its propeller as a first-order lag.
 
-use super::{Model, OperatingCurve, OperatingPoint, PlantError};
+use super::{Model, OperatingCurve, OperatingPoint, PlantError, RotorBase};
 
 /// The first-order plant `time_constant dy/dt = steady(u) - y` (paper, eq. (1)), propagated exactly.
 ///
@@ -56,6 +56,14 @@ impl FirstOrder {
         Ok(Self::at_rest(Law::Level(OperatingCurve::new(model)?), command))
     }
 
+    /// The plant of `base`, at rest at `command`.
+    pub(super) fn on(base: RotorBase, command: f64) -> Self {
+        match base {
+            RotorBase::Linear(point) => Self::at_rest(Law::Linear(point), command),
+            RotorBase::Level(curve) => Self::at_rest(Law::Level(curve), command),
+        }
+    }
+
     fn at_rest(law: Law, command: f64) -> Self {
         let mut plant = Self { law, command, target: 0.0, rate_per_s: 0.0, response: 0.0 };
         plant.settle(command);
@@ -76,6 +84,50 @@ impl FirstOrder {
         }
         // expm1 keeps the digits that 1 - e^-x would lose for steps that are short beside the time constant.
         self.response -= (self.target - self.response) * (-duration_s * self.rate_per_s).exp_m1();
+    }
+
+    /// Lets `duration_s` pass with a command that starts at `level` and moves by `slope_per_s`. Exact on the linear plant:
+    /// `y(d) = steady(d) - m tau + (y(0) - steady(0) + m tau) e^(-d / tau)` with `m` the slope of the steady response.
+    /// The plant that follows the level has no such solution; it takes the level at the middle of the duration.
+    pub(super) fn advance_ramp(&mut self, level: f64, slope_per_s: f64, duration_s: f64) {
+        match &self.law {
+            Law::Linear(point) => {
+                let ramp = point.lag.gain * slope_per_s;
+                let lag = ramp * point.lag.time_constant_s;
+                self.take(level);
+                let begin = self.target - lag;
+                self.response -= (begin - self.response) * (-duration_s * self.rate_per_s).exp_m1();
+                self.response += ramp * duration_s;
+                self.take(level + slope_per_s * duration_s);
+            }
+            Law::Level(_) => self.advance(level + 0.5 * slope_per_s * duration_s, duration_s),
+        }
+    }
+
+    /// How fast the response moves, per second, with the command `command`.
+    pub(super) fn slope_per_s(&mut self, command: f64) -> f64 {
+        if command != self.command {
+            self.take(command);
+        }
+        (self.target - self.response) * self.rate_per_s
+    }
+
+    /// The command that would keep the response of the moment. On the plant that follows the level the static map has to rise
+    /// for that; where the gain is 0, it is the command of the moment.
+    pub(super) fn speed(&self) -> f64 {
+        match &self.law {
+            Law::Linear(point) if point.lag.gain == 0.0 => self.command,
+            Law::Linear(point) => point.nominal + (self.response - point.response) / point.lag.gain,
+            Law::Level(curve) => {
+                let (mut low, mut high) = (-1.0, 2.0);
+                for _ in 0..50 {
+                    let middle = 0.5 * (low + high);
+                    let below = curve.steady_response(middle) < self.response;
+                    if below { low = middle } else { high = middle }
+                }
+                0.5 * (low + high)
+            }
+        }
     }
 
     /// The response of the moment: newtons or revolutions per minute, as the model has it.
@@ -135,6 +187,20 @@ mod tests {
     }
 
     #[test]
+    fn a_ramp_follows_the_analytic_response_to_1e_12() {
+        for duration_s in [1e-4, 1e-3, 0.05, 2.0] {
+            let mut plant = FirstOrder::around(&table_1(), 0.5).unwrap();
+            let (start, tau_s, slope) = (plant.response(), 1.0 / 9.2889, 10.1718 * 0.25);
+            plant.advance_ramp(0.5, 0.25, duration_s);
+            let expected = start + slope * (duration_s - tau_s * (1.0 - (-duration_s / tau_s).exp()));
+            assert!((plant.response() - expected).abs() < 1e-12);
+            // At its end the response moves as the command that it lags behind.
+            let moves = slope * (1.0 - (-duration_s / tau_s).exp());
+            assert!((plant.slope_per_s(0.5 + 0.25 * duration_s) - moves).abs() < 1e-11);
+        }
+    }
+
+    #[test]
     fn over_the_range_gain_and_time_constant_are_those_of_the_level() {
         let two = model(&[(0.25, 8.0, 0.2, 0.0), (0.75, 24.0, 0.05, 0.0)]);
         let mut plant = FirstOrder::over_range(&two, 0.25).unwrap();
@@ -145,6 +211,20 @@ mod tests {
         plant.advance(0.5, 0.125);
         // Half way: the gain's integral is 0.25 (8 + 16) / 2 = 3, and the time constant 0.125 s.
         assert!((plant.response() - (3.0 + (up - 3.0) * (-1.0_f64).exp())).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_speed_is_the_command_that_would_keep_the_response() {
+        let two = model(&[(0.25, 8.0, 0.2, 0.0), (0.75, 24.0, 0.05, 0.0)]);
+        let mut level = FirstOrder::over_range(&two, 0.3).unwrap();
+        let mut linear = FirstOrder::around(&two, 0.3).unwrap();
+        assert!((level.speed() - 0.3).abs() < 1e-12 && (linear.speed() - 0.3).abs() < 1e-12);
+        level.advance(0.7, 0.02);
+        linear.advance(0.7, 0.02);
+        let curve = OperatingCurve::new(&two).unwrap();
+        assert!((curve.steady_response(level.speed()) - level.response()).abs() < 1e-12);
+        let tau = two.at(0.3).unwrap().time_constant_s;
+        assert!((linear.speed() - 0.7 + 0.4 * (-0.02 / tau).exp()).abs() < 1e-12);
     }
 
     #[test]

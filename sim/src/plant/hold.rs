@@ -69,7 +69,7 @@ pub fn hold_response_at_phase(
 }
 
 /// `(1 - e^(-j omega d)) / (j omega d)`: the hold of a sample for `duration_s`.
-fn zero_order_hold(duration_s: f64, omega_rad_s: f64) -> Complex<f64> {
+pub(super) fn zero_order_hold(duration_s: f64, omega_rad_s: f64) -> Complex<f64> {
     let half = 0.5 * omega_rad_s * duration_s;
     let sinc = if half == 0.0 { 1.0 } else { half.sin() / half };
     Complex::from_polar(sinc, -half)

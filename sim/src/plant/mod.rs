@@ -1,13 +1,17 @@
 //! Simulated actuators, and the files that describe one and its compensator.
 //!
 //! A simulated actuator is a chain in physical order. What acts on the command is a [`CommandStage`]; then comes
-//! the rotor, [`FirstOrder`]; what the sensor adds is [`SensorNoise`]. [`Actuator`] runs the chain.
+//! the rotor, [`FirstOrder`] or, with effects on it ([`RotorTerm`]), one that is integrated; then what lies between rotor and
+//! logger ([`ResponseStage`]); what the sensor adds is [`SensorNoise`]. [`Actuator`] runs the chain, tick by tick;
+//! [`simulate`] runs it over a record. The kinds of effects are in [`effect`], one file each.
 
 mod actuator;
 mod compensator_file;
 mod delay;
+pub mod effect;
 mod error;
 mod esc_frame;
+mod filter;
 mod first_order;
 mod hold;
 mod model;
@@ -15,6 +19,8 @@ mod model_check;
 mod model_file;
 mod noise;
 mod operating;
+mod rotor;
+mod simulate;
 mod stage;
 
 #[cfg(test)]
@@ -23,13 +29,17 @@ pub(crate) mod testing;
 pub use actuator::{Actuator, EscTiming, Law};
 pub use compensator_file::{CoefficientFormat, CompensatorFile, SignalFormat, StoredCoefficients};
 pub use delay::TransportDelay;
+pub use effect::{ActiveEffect, Catalog, LinearChain};
 pub use error::PlantError;
 pub use esc_frame::EscFrame;
 pub(crate) use esc_frame::SAME_MOMENT_FRAMES;
+pub use filter::{Interval, ResponseStage};
 pub use first_order::FirstOrder;
 pub(crate) use hold::frames_per_pattern;
 pub use hold::{hold_response, hold_response_at_phase};
 pub use model::{Effect, Lag, MapPolynomial, Model, ModelError, Point, Provenance, StaticMap};
 pub use noise::{Color, Noise, SensorNoise};
 pub use operating::{OperatingCurve, OperatingPoint};
+pub use rotor::{Motion, RotorBase, RotorTerm, Supply};
+pub use simulate::{Drive, Start, Trace, simulate};
 pub use stage::{CommandStage, Segment};

@@ -1,6 +1,6 @@
 //! The rules for a model's numbers, whether they come from a file or go to one.
 
-use super::{Effect, MapPolynomial, Model, Point, Provenance, StaticMap};
+use super::{Catalog, Effect, MapPolynomial, Model, Point, Provenance, StaticMap};
 use crate::files::{Fault, Place};
 
 impl Model {
@@ -9,7 +9,7 @@ impl Model {
     /// # Errors
     /// A fault that names the first number that breaks a rule. The model has one point or more;
     /// nominal commands are in 0..1 and increase; gains are finite; time constants are above zero;
-    /// delays and standard errors are not below zero; a static map has as many responses as
+    /// delays and standard errors are not below zero; effects are in the [`Catalog`] with its parameters; a static map has as many responses as
     /// commands, two or more, the commands in 0..1 and increasing; rates are above zero.
     pub fn check(&self) -> Result<(), Fault> {
         let root = Place::root();
@@ -29,7 +29,9 @@ impl Model {
             map.check(&root.key("static_map"))?;
         }
         for (index, effect) in self.effects.iter().enumerate() {
-            effect.check(&root.key("effect").item(index))?;
+            let place = root.key("effect").item(index);
+            effect.check(&place)?;
+            Catalog::standard().resolve(effect, &place)?;
         }
         match &self.provenance {
             Some(provenance) => provenance.check(&root.key("provenance")),

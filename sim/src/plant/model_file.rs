@@ -29,11 +29,14 @@ impl Model {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
     use proptest::prelude::*;
 
     use super::*;
     use crate::files::testing::{Scratch, assert_report};
-    use crate::plant::{Effect, Point, Provenance, StaticMap};
+    use crate::plant::effect::Parameter;
+    use crate::plant::{Catalog, Effect, Point, Provenance, StaticMap};
     use crate::record::Output;
 
     const MODEL: &str = r#"format = 1
@@ -55,8 +58,8 @@ command = [0.0, 0.5]
 response = [0, 3.5]
 [[effect]]
 kind = "backlash"
-parameters = { width = 0.01 }
-std = { width = 0.001 }
+parameters = { half_width = 0.01 }
+std = { half_width = 0.001 }
 [provenance]
 records = ["u050.csv"]
 version = "0.1.0"
@@ -82,7 +85,7 @@ command_rate_hz = 5000
         assert_eq!(model.points[0].delay_s, 0.0);
         assert_eq!(model.points[1].gain_std, Some(0.1));
         assert_eq!(model.static_map.unwrap().response, [0.0, 3.5]);
-        assert_eq!(model.effects[0].parameters["width"], 0.01);
+        assert_eq!(model.effects[0].parameters["half_width"], 0.01);
         assert_eq!(model.provenance.unwrap().output, Output::ThrustN);
     }
 
@@ -135,9 +138,9 @@ command_rate_hz = 5000
             ("[0.0, 0.5]", "[0.5]", "16:11", "two commands"),
             ("[0, 3.5]", "[0]", "17:12", "1 responses for 2 commands"),
             ("[0, 3.5]", "[0, nan]", "17:16", "a finite number"),
-            ("width = 0.01 ", "width = nan ", "20:24", "a finite number"),
-            ("width = 0.001", "width = -1", "21:17", "0 or more"),
-            ("width = 0.001", "breadth = 1", "21:19", "correct the name"),
+            ("half_width = 0.01 ", "half_width = nan ", "20:29", "a finite number"),
+            ("half_width = 0.001", "half_width = -1", "21:22", "0 or more"),
+            ("half_width = 0.001", "breadth = 1", "21:19", "correct the name"),
             ("hz = 5000", "hz = 0", "26:19", "above 0"),
         ] {
             refuses(from, to, &[&format!("model.toml:{place}]"), rule, "help: "]);
@@ -190,14 +193,21 @@ command_rate_hz = 5000
         fn any_model()(
             mut points in prop::collection::vec(any_point(), 1..8),
             response in prop::option::of(prop::array::uniform2(prop::num::f64::NORMAL)),
-            kind in any::<String>(),
-            parameters in prop::collection::btree_map(any::<String>(), prop::num::f64::NORMAL, 0..3),
+            kind in prop::sample::select(Catalog::standard().kinds().collect::<Vec<_>>()),
+            shares in prop::collection::vec(0.0..1.0, 8),
             version in any::<String>(),
             first in 0.0..0.1,
         ) -> Model {
             for (index, point) in points.iter_mut().enumerate() {
                 point.nominal = first + index as f64 * 0.1;
             }
+            let parameters: BTreeMap<String, f64> = kind
+                .fitted()
+                .zip(shares)
+                .map(|((_, Parameter { name, plausible: (low, high), .. }), share)| {
+                    ((*name).to_owned(), low + share * (high - low))
+                })
+                .collect();
             let std = parameters.keys().take(1).map(|name| (name.clone(), 0.5)).collect();
             Model {
                 format: 1,
@@ -207,7 +217,7 @@ command_rate_hz = 5000
                     response: response.to_vec(),
                     polynomial: None,
                 }),
-                effects: vec![Effect { kind, parameters, std }],
+                effects: vec![Effect { kind: kind.id.to_owned(), parameters, std }],
                 provenance: Some(Provenance {
                     records: vec![version.clone()],
                     version,

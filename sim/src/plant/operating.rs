@@ -50,12 +50,21 @@ impl OperatingCurve {
     ///
     /// # Errors
     /// [`PlantError`] when [`Model::check`] refuses the model, or when it has effects: to leave one out in silence
-    /// would simulate another actuator.
+    /// would be another actuator. [`OperatingCurve::without_effects`] does so openly.
     pub fn new(model: &Model) -> Result<Self, PlantError> {
-        model.check().map_err(PlantError::Model)?;
-        if let Some(effect) = model.effects.first() {
-            return Err(PlantError::UnknownEffect { kind: effect.kind.clone() });
+        let curve = Self::without_effects(model)?;
+        match model.effects.first() {
+            Some(effect) => Err(PlantError::EffectLeftOut { kind: effect.kind.clone() }),
+            None => Ok(curve),
         }
+    }
+
+    /// Checks the model and takes over its points, and not its effects.
+    ///
+    /// # Errors
+    /// [`PlantError`] when [`Model::check`] refuses the model.
+    pub fn without_effects(model: &Model) -> Result<Self, PlantError> {
+        model.check().map_err(PlantError::Model)?;
         let statics = match &model.static_map {
             Some(map) => Static::Map(map.clone()),
             None => Static::Integral(integrated_gain(&model.points)),
@@ -68,8 +77,38 @@ impl OperatingCurve {
     /// # Errors
     /// [`PlantError`] as for [`OperatingCurve::new`], or when `nominal` is not between the model's points.
     pub fn around(model: &Model, nominal: f64) -> Result<OperatingPoint, PlantError> {
-        let curve = Self::new(model)?;
-        Ok(OperatingPoint { nominal, lag: model.at(nominal)?, response: curve.steady_response(nominal) })
+        Self::new(model)?.of_model(model, nominal)
+    }
+
+    /// [`OperatingCurve::around`] for a model whose effects are counted elsewhere.
+    ///
+    /// # Errors
+    /// [`PlantError`] when the model is impossible, or `nominal` is not between its points.
+    pub fn around_without_effects(model: &Model, nominal: f64) -> Result<OperatingPoint, PlantError> {
+        Self::without_effects(model)?.of_model(model, nominal)
+    }
+
+    fn of_model(&self, model: &Model, nominal: f64) -> Result<OperatingPoint, PlantError> {
+        Ok(OperatingPoint { nominal, lag: model.at(nominal)?, response: self.steady_response(nominal) })
+    }
+
+    /// Multiplies gains and steady responses, and time constants.
+    pub(super) fn scale(&mut self, gain: f64, time_constant: f64) {
+        for point in &mut self.points {
+            point.gain *= gain;
+            point.time_constant_s *= time_constant;
+        }
+        let responses = match &mut self.statics {
+            Static::Map(map) => &mut map.response,
+            Static::Integral(up_to) => up_to,
+        };
+        responses.iter_mut().for_each(|response| *response *= gain);
+    }
+
+    /// The commands from the first point to the last.
+    #[must_use]
+    pub fn range(&self) -> (f64, f64) {
+        (self.points[0].nominal, self.points[self.points.len() - 1].nominal)
     }
 
     /// The model at `command`, with the end values of gain, time constant and delay where that is beyond the points.
@@ -198,8 +237,13 @@ mod tests {
         assert!(matches!(OperatingCurve::new(&model(&[])), Err(PlantError::Model(_))));
         assert!(matches!(OperatingCurve::new(&model(&[(0.5, 1.0, 0.0, 0.0)])), Err(PlantError::Model(_))));
         let mut other = table_1();
-        other.effects.push(Effect { kind: "backlash".into(), parameters: Default::default(), std: Default::default() });
-        assert_eq!(OperatingCurve::new(&other), Err(PlantError::UnknownEffect { kind: "backlash".into() }));
+        other.effects.push(Effect {
+            kind: "backlash".into(),
+            parameters: [("half_width".to_owned(), 0.01)].into(),
+            std: Default::default(),
+        });
+        assert_eq!(OperatingCurve::new(&other), Err(PlantError::EffectLeftOut { kind: "backlash".into() }));
+        assert_eq!(OperatingCurve::without_effects(&other), OperatingCurve::new(&table_1()));
     }
 
     #[test]

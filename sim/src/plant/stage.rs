@@ -1,27 +1,68 @@
 //! What every link between the command and the rotor has in common.
 
-/// A level that holds until a time.
+/// A level that moves in a straight line, or not at all, until a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Segment {
-    /// The level, as a command 0..1.
+    /// The level at its begin, as a command 0..1.
     pub level: f64,
+    /// How fast it moves, command per second: 0 but behind a limit of the slew rate.
+    pub slope_per_s: f64,
     /// Up to when it holds, seconds.
     pub until_s: f64,
 }
 
-/// One link between command and rotor. It takes a command that is constant in pieces and gives one.
-///
-/// The caller asks for one piece at a time: "the input is `input` from `from_s` to `until_s`; what is the output at
-/// `from_s`, and how long does it stay so?" The next question starts where the answer ended, with the same input or
-/// another. So changes fall where they belong, between the ticks of the control loop too, and stages chain without
-/// buffers: the piece that one gives is the question to the next.
-pub trait CommandStage {
-    /// Puts the stage in the state it has when its input has been `level` for ever.
-    fn settle(&mut self, level: f64);
+impl Segment {
+    /// A level that stays.
+    #[must_use]
+    pub fn constant(level: f64, until_s: f64) -> Self {
+        Self { level, slope_per_s: 0.0, until_s }
+    }
+}
 
-    /// The output from `from_s` on, and until when it holds: later than `from_s`, not later than `until_s`.
+/// One link between command and rotor. It takes a command that is straight in pieces and gives one.
+///
+/// The caller asks for one piece at a time: "the input is this piece, which begins at `from_s`; what is the output at
+/// `from_s`, how fast does it move, and how long does that stay so?" The next question comes from where the answer ended, or
+/// from before that when a later stage cut the piece shorter, with the same input or another. So changes fall where they
+/// belong, between the ticks of the control loop too, and stages chain without buffers: the piece that one gives is the
+/// question to the next.
+pub trait CommandStage: Send {
+    /// Puts the stage in the state it has when its input has been `level` for ever; gives its output then.
+    fn settle(&mut self, level: f64) -> f64;
+
+    /// The output from `from_s` on, and until when it holds: later than `from_s`, not later than `input.until_s`.
     ///
-    /// The input is `input` over the whole of `from_s..until_s`, seconds, with `from_s < until_s`. `from_s` is where
-    /// the last answer ended.
-    fn advance(&mut self, from_s: f64, until_s: f64, input: f64) -> Segment;
+    /// `from_s` is before `input.until_s`, and never before the `from_s` of the last question.
+    fn advance(&mut self, from_s: f64, input: Segment) -> Segment;
+
+    /// Whether the output may move between its changes: then the rotor behind it is not that of a level.
+    fn makes_ramps(&self) -> bool {
+        false
+    }
+}
+
+/// A stage that puts a level to another one at once, whatever the time: what all of clip, quantize, dead band and play do.
+pub(super) struct Levels<F> {
+    next: F,
+    out: f64,
+}
+
+impl<F: FnMut(f64, f64) -> f64 + Send> Levels<F> {
+    /// `next` gives the output for the output until now and the input. At rest the output until now is the input.
+    pub(super) fn new(next: F) -> Self {
+        Self { next, out: 0.0 }
+    }
+}
+
+impl<F: FnMut(f64, f64) -> f64 + Send> CommandStage for Levels<F> {
+    fn settle(&mut self, level: f64) -> f64 {
+        self.out = (self.next)(level, level);
+        self.out
+    }
+
+    #[inline]
+    fn advance(&mut self, _: f64, input: Segment) -> Segment {
+        self.out = (self.next)(self.out, input.level);
+        Segment::constant(self.out, input.until_s)
+    }
 }

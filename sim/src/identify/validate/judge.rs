@@ -5,6 +5,7 @@ use num_complex::Complex64;
 use super::left_over::LeftOver;
 use super::noise::{LevelNoise, PeriodNoise};
 use super::{ComparedLines, ComparedRow, Comparison, RecordValidation};
+use crate::identify::effects::{Rates, simulated_periods};
 use crate::identify::fit_percent::{fit_percent, percent_when_left, spread};
 use crate::identify::steps::Run;
 use crate::identify::{
@@ -12,7 +13,7 @@ use crate::identify::{
     run_actuator, spectra,
 };
 use crate::plant::{Actuator, EscTiming, Law, Model, OperatingCurve, PlantError};
-use crate::record::{Excitation, Experiment, Record};
+use crate::record::{Excitation, Experiment, Output, Record};
 
 /// Half width of the Hann window of what is drawn, lines: as in identification.
 const SMOOTHING_HALF_WIDTH: usize = 4;
@@ -55,22 +56,29 @@ impl Judge<'_> {
     }
 
     fn in_frequency(&self) -> Result<Score, IdentifyError> {
-        let lag = OperatingCurve::around(self.model, self.record.nominal).map_err(|e| self.refused(e))?.lag;
-        let spectrum = Spectrum::of(self.experiment, self.record, &SpectrumOptions::default())?;
+        let lag =
+            OperatingCurve::around_without_effects(self.model, self.record.nominal).map_err(|e| self.refused(e))?.lag;
+        let mut spectrum = Spectrum::of(self.experiment, self.record, &SpectrumOptions::default())?;
         let holds =
             HoldChain::new(spectrum.row_rate_hz, self.experiment.command_rate_hz, self.experiment.esc_frame_hz)?;
-        let (mut measured, mut expected, mut without_holds) = (Vec::new(), Vec::new(), Vec::new());
-        for line in &spectrum.lines {
-            let filter = if self.record.compensated {
-                line.esc_command.ok_or_else(|| self.no_esc_command())? / line.command
-            } else {
-                Complex64::ONE
-            };
-            without_holds.push(filter * lag.frequency_response(line.omega_rad_s));
-            let line = FitLine::new(line, &holds).behind(filter);
-            expected.push(line.seen(|omega_rad_s| lag.frequency_response(omega_rad_s)));
-            measured.push(line.response);
+        let (mut expected, mut without_holds) = (Vec::new(), Vec::new());
+        if self.model.effects.is_empty() {
+            for line in &spectrum.lines {
+                let filter = if self.record.compensated {
+                    line.esc_command.ok_or_else(|| self.no_esc_command())? / line.command
+                } else {
+                    Complex64::ONE
+                };
+                without_holds.push(filter * lag.frequency_response(line.omega_rad_s));
+                let line = FitLine::new(line, &holds).behind(filter);
+                expected.push(line.seen(|omega_rad_s| lag.frequency_response(omega_rad_s)));
+            }
+        } else {
+            expected = self.simulated_lines(&mut spectrum)?;
+            // What a simulation shows has the holds in it, and they cannot be taken out again.
+            without_holds.clone_from(&expected);
         }
+        let measured: Vec<Complex64> = spectrum.lines.iter().map(crate::identify::Line::ratio).collect();
         // Both the noise of the response over the command and the fit count each line alike.
         let noise = spectrum.lines.iter().map(crate::identify::Line::ratio_variance).sum();
         let percent = fit_percent(&measured, &expected).ok_or_else(|| self.constant_response())?;
@@ -82,12 +90,43 @@ impl Judge<'_> {
         })
     }
 
+    /// Response over command at the lines of a record. Effects may have no frequency response, so the record is simulated;
+    /// lines that are not in both are taken out of `spectrum`.
+    fn simulated_lines(&self, spectrum: &mut Spectrum) -> Result<Vec<Complex64>, IdentifyError> {
+        let record = self.record;
+        let (_, length) = spectra::period(record, spectrum.row_rate_hz)?;
+        let actuator = self.actuator(Law::LinearAround(record.nominal))?;
+        let rates = Rates { row_hz: spectrum.row_rate_hz, command_hz: self.experiment.command_rate_hz };
+        let response = simulated_periods(actuator, self.command()?, length, spectrum.periods, rates)
+            .map_err(|e| self.refused(e))?;
+        // Through the same estimate, which takes drift out of both alike.
+        let mut simulated = record.clone();
+        let rows = response.len();
+        for column in [&mut simulated.time_s, &mut simulated.command] {
+            column.truncate(rows);
+        }
+        if let Some(esc_command) = &mut simulated.esc_command {
+            esc_command.truncate(rows);
+        }
+        match self.experiment.output {
+            Output::ThrustN => simulated.thrust_n = Some(response),
+            Output::Rpm => simulated.rpm = Some(response),
+        }
+        let simulated = Spectrum::of(self.experiment, &simulated, &SpectrumOptions::default())?;
+        let of = |harmonic: u32| simulated.lines.iter().find(|line| line.harmonic == harmonic);
+        spectrum.lines.retain(|line| of(line.harmonic).is_some());
+        Ok(spectrum.lines.iter().filter_map(|line| Some(of(line.harmonic)?.response / line.command)).collect())
+    }
+
     fn around_nominal(&self) -> Result<Score, IdentifyError> {
         let record = self.record;
         let measured = spectra::response_of(record, self.experiment.output)?;
         let command = self.command()?;
         let nominal = record.nominal;
-        let tau_s = OperatingCurve::around(self.model, nominal).map_err(|e| self.refused(e))?.lag.time_constant_s;
+        let tau_s = OperatingCurve::around_without_effects(self.model, nominal)
+            .map_err(|e| self.refused(e))?
+            .lag
+            .time_constant_s;
         let mut actuator = self.actuator(Law::LinearAround(nominal))?;
         let model = run_actuator(&mut actuator, &record.time_s, command, 0);
         let simulated = align(&record.time_s, measured, &model, tau_s);
@@ -136,7 +175,7 @@ impl Judge<'_> {
             simulated.iter_mut().for_each(|m| *m += offset);
         }
         let percent = fit_percent(&measured, &simulated).ok_or_else(|| self.constant_response())?;
-        let curve = OperatingCurve::new(self.model).map_err(|e| self.refused(e))?;
+        let curve = OperatingCurve::without_effects(self.model).map_err(|e| self.refused(e))?;
         let time_constant_s = |command: f64| curve.clamped_at(command).lag.time_constant_s;
         let noise = run.as_ref().and_then(|run| LevelNoise::of(run, &record.time_s, time_constant_s));
         let left_over = run.as_ref().zip(noise.as_ref()).and_then(|(run, noise)| {

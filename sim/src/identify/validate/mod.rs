@@ -6,6 +6,7 @@
 //! | record | plant | rows | free |
 //! |---|---|---|---|
 //! | multisine | linear around `nominal` | lines of the whole periods | nothing |
+//! | multisine, with effects | simulated around `nominal` | its lines | nothing |
 //! | square, step, chirp | linear around `nominal` | all | offset and initial state ([`super::align`]) |
 //! | staircase | following the level | from the first settled level to where the motor stops | an offset, without a static map |
 //! | free | following the level | all | an offset, without a static map |

@@ -1,0 +1,155 @@
+//! The linear filters between rotor and logger, exact for inputs that are cubic in pieces.
+
+use num_complex::Complex64;
+
+/// Times that differ by less than this part count as the same where a filter keeps its exponentials: what rounding makes of
+/// evenly spaced rows.
+const SAME_DURATION: f64 = 1e-10;
+
+/// What a signal does over a time: its value and slope at both ends. Between them it is taken as the cubic through these
+/// (Hermite), off by at most `d^4 / 384` of its fourth derivative over the duration `d`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Interval {
+    /// When it begins, seconds.
+    pub from_s: f64,
+    /// How long it is, seconds, above 0.
+    pub duration_s: f64,
+    /// Value at the begin, response units.
+    pub start: f64,
+    /// Slope just after the begin, per second.
+    pub start_slope: f64,
+    /// Value at the end.
+    pub end: f64,
+    /// Slope just before the end, per second.
+    pub end_slope: f64,
+}
+
+/// One link behind the rotor: it takes the response as it is and gives what the next link sees.
+pub trait ResponseStage: Send {
+    /// Puts the stage in the state it has when its input has been `level` for ever; gives its output then.
+    fn settle(&mut self, level: f64) -> f64;
+
+    /// The output over the same time. The next question begins where this one ended.
+    fn advance(&mut self, input: &Interval) -> Interval;
+
+    /// The shortest time in which the output bends, seconds: what a later stage needs to know to follow it.
+    fn time_scale_s(&self) -> f64 {
+        f64::INFINITY
+    }
+
+    /// The record's first row is at `at_s`.
+    fn start_record(&mut self, _at_s: f64) {}
+}
+
+/// `dw/dt = pole w + input`, propagated exactly for a cubic input.
+///
+/// With `z = pole d` and the input `sum c_k theta^k`, `theta = t / d`:
+/// `w(d) = e^z w(0) + d sum_k k! c_k phi_(k+1)(z)`, where `phi_0 = e^z` and `phi_(k+1) = (phi_k - 1 / k!) / z`
+/// (Hochbruck & Ostermann, *Exponential integrators*, Acta Numerica 2010, eq. (2.11)).
+#[derive(Clone, Debug)]
+pub(super) struct Mode {
+    pole: Complex64,
+    state: Complex64,
+    duration_s: f64,
+    phi: [Complex64; 5],
+}
+
+impl Mode {
+    /// A pole in rad/s, not at 0.
+    pub(super) fn new(pole: Complex64) -> Self {
+        Self { pole, state: Complex64::ZERO, duration_s: -1.0, phi: [Complex64::ONE; 5] }
+    }
+
+    /// At rest with an input that has been `level` for ever: `-level / pole`.
+    pub(super) fn settle(&mut self, level: f64) {
+        self.state = -level / self.pole;
+    }
+
+    pub(super) fn state(&self) -> Complex64 {
+        self.state
+    }
+
+    #[inline]
+    pub(super) fn advance(&mut self, input: &Interval) {
+        let d = input.duration_s;
+        if (d - self.duration_s).abs() > SAME_DURATION * d {
+            self.duration_s = d;
+            self.phi = phi(self.pole * d);
+        }
+        let rise = input.end - input.start;
+        let (begin, end) = (input.start_slope * d, input.end_slope * d);
+        let (c2, c3) = (3.0 * rise - 2.0 * begin - end, begin + end - 2.0 * rise);
+        let forced =
+            self.phi[1] * input.start + self.phi[2] * begin + self.phi[3] * (2.0 * c2) + self.phi[4] * (6.0 * c3);
+        self.state = self.phi[0] * self.state + forced * d;
+    }
+}
+
+/// `phi_0` to `phi_4` at `z`.
+fn phi(z: Complex64) -> [Complex64; 5] {
+    const FACTORIALS: [f64; 4] = [1.0, 1.0, 2.0, 6.0];
+    let mut phi = [Complex64::ONE; 5];
+    if z.norm_sqr() > 1.0 {
+        phi[0] = z.exp();
+        for k in 0..4 {
+            phi[k + 1] = (phi[k] - 1.0 / FACTORIALS[k]) / z;
+        }
+    } else {
+        // phi_4 by its series, where the recursion upward loses digits: sum z^n / (n + 4)!. 1 / 20! is below 1e-18.
+        let mut sum = Complex64::ONE;
+        for n in (5..=20).rev() {
+            sum = sum * z / f64::from(n) + 1.0;
+        }
+        phi[4] = sum / 24.0;
+        for k in (0..4).rev() {
+            phi[k] = phi[k + 1] * z + 1.0 / FACTORIALS[k];
+        }
+    }
+    phi
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cubic_comes_out_as_the_analytic_solution_says() {
+        // w = particular solution of w' = p w + t^3 plus e^(p t) times the rest.
+        for pole in [Complex64::new(-3.0, 0.0), Complex64::new(-0.1, 8.0), Complex64::new(-400.0, 100.0)] {
+            let mut mode = Mode::new(pole);
+            mode.settle(0.0);
+            let particular = |t: f64| {
+                let p = pole;
+                -(Complex64::from(t.powi(3)) / p
+                    + 3.0 * t * t / (p * p)
+                    + 6.0 * t / (p * p * p)
+                    + 6.0 / (p * p * p * p))
+            };
+            let mut t = 0.0;
+            for d in [0.1, 0.003, 1e-5, 0.3, 0.02] {
+                let input = Interval {
+                    from_s: t,
+                    duration_s: d,
+                    start: t.powi(3),
+                    start_slope: 3.0 * t * t,
+                    end: (t + d).powi(3),
+                    end_slope: 3.0 * (t + d).powi(2),
+                };
+                mode.advance(&input);
+                t += d;
+                let exact = particular(t) - particular(0.0) * (pole * t).exp();
+                assert!((mode.state() - exact).norm() < 1e-14, "{pole} at {t}: {} for {exact}", mode.state());
+            }
+        }
+    }
+
+    #[test]
+    fn both_ways_to_the_phi_functions_agree_where_they_meet() {
+        for angle in 0..16 {
+            let z = Complex64::from_polar(1.0, f64::from(angle) * 0.4);
+            for (a, b) in phi(z * 0.999_999).iter().zip(phi(z * 1.000_001)) {
+                assert!((a - b).norm() < 1e-5 && (a - b).norm() > 1e-9, "{z}: {a} {b}");
+            }
+        }
+    }
+}

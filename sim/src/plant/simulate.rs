@@ -1,0 +1,122 @@
+//! A chain over a whole record.
+
+use super::{Actuator, PlantError};
+
+/// Commands and the moments at which they take effect.
+#[derive(Clone, Copy, Debug)]
+pub struct Drive<'a> {
+    /// When each command takes effect, seconds, increasing. The first is where the clock of the rows starts too.
+    pub time_s: &'a [f64],
+    /// The commands, 0..1; each holds until the next, the last one for ever.
+    pub command: &'a [f64],
+}
+
+/// What was before the first command.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Start {
+    /// Rest: the given command has been there for ever.
+    Rest(f64),
+    /// The drive is one or more periods, the first of which has run some times before, beginning at rest at its mean command.
+    Periodic {
+        /// The period, seconds.
+        period_s: f64,
+        /// How often.
+        periods: u32,
+    },
+}
+
+/// What the rows of a record show, without noise.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Trace {
+    /// The response: newtons or revolutions per minute, as the model has it.
+    pub response: Vec<f64>,
+    /// The speed, as the command that would keep it; affine to revolutions per minute.
+    pub speed: Vec<f64>,
+    /// Volts, where an effect of the supply says the voltage without load; else empty.
+    pub voltage_v: Vec<f64>,
+    /// Amperes; with `voltage_v`.
+    pub current_a: Vec<f64>,
+}
+
+/// Runs `actuator`, which is new, on `drive` and gives what a logger sees at `rows_s` (increasing, on the clock of the drive:
+/// a record's own `time_s` where each row has a command). The ESC's frames count from the first command.
+///
+/// A row at the moment of a change sees the response that the change has not yet moved. Rows of a logger whose clock is
+/// another one ([`clock_skew`](super::effect)) are taken when that clock says so; before the first command there is the
+/// start.
+///
+/// # Errors
+/// [`PlantError::Setting`] for a drive without commands or with a time per command missing, and for a period that is not
+/// above 0.
+pub fn simulate(actuator: &mut Actuator, drive: Drive, start: Start, rows_s: &[f64]) -> Result<Trace, PlantError> {
+    let count = drive.time_s.len();
+    if count == 0 || drive.command.len() != count {
+        let value = drive.command.len() as f64;
+        return Err(PlantError::Setting { parameter: "commands", value, limit: "one per time, and at least one" });
+    }
+    let zero_s = drive.time_s[0];
+    match start {
+        Start::Rest(command) => actuator.settle(command),
+        Start::Periodic { period_s, periods } => {
+            if !(period_s.is_finite() && period_s > 0.0) {
+                return Err(PlantError::Setting {
+                    parameter: "period_s",
+                    value: period_s,
+                    limit: "finite and above 0",
+                });
+            }
+            let length = drive.time_s.partition_point(|time_s| time_s - zero_s < period_s * (1.0 - 1e-12));
+            let period = Drive { time_s: &drive.time_s[..length], command: &drive.command[..length] };
+            actuator.settle(mean(period, period_s));
+            for repeat in (1..=periods).rev() {
+                let shift_s = -f64::from(repeat) * period_s;
+                if repeat == periods {
+                    actuator.begin_at(shift_s);
+                }
+                for (index, &command) in period.command.iter().enumerate() {
+                    let until_s = period.time_s.get(index + 1).map_or(period_s, |time_s| time_s - zero_s);
+                    actuator.advance(command, until_s + shift_s);
+                }
+            }
+        }
+    }
+    actuator.begin_at(0.0);
+    actuator.start_record();
+
+    let mut trace = Trace::default();
+    trace.response.reserve(rows_s.len());
+    trace.speed.reserve(rows_s.len());
+    let mut next = 0;
+    let mut command = drive.command[0];
+    for &row_s in rows_s {
+        let moment_s = actuator.moment_of_row(row_s - zero_s);
+        // Commands that begin at or before the row; that at the row itself moves nothing yet.
+        while next < count && drive.time_s[next] - zero_s <= moment_s {
+            actuator.advance(command, drive.time_s[next] - zero_s);
+            command = drive.command[next];
+            next += 1;
+        }
+        actuator.advance(command, moment_s);
+        trace.take(actuator);
+    }
+    Ok(trace)
+}
+
+impl Trace {
+    fn take(&mut self, actuator: &Actuator) {
+        self.response.push(actuator.response());
+        self.speed.push(actuator.speed());
+        if let Some(supply) = actuator.supply() {
+            self.voltage_v.push(supply.voltage_v);
+            self.current_a.push(supply.current_a);
+        }
+    }
+}
+
+/// Mean command over a period.
+fn mean(period: Drive, period_s: f64) -> f64 {
+    let zero_s = period.time_s[0];
+    let end_s = |index: usize| period.time_s.get(index + 1).map_or(period_s, |time_s| time_s - zero_s);
+    let weighted = period.time_s.iter().zip(period.command).enumerate();
+    weighted.map(|(index, (time_s, command))| command * (end_s(index) - (time_s - zero_s))).sum::<f64>() / period_s
+}
