@@ -187,3 +187,201 @@ pub fn read_at(signal: &[f64], step_s: f64, times_s: impl Iterator<Item = f64>) 
         })
         .collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
+
+    use super::super::path::{Timing, means, pieces};
+    use super::*;
+
+    const POINT: Point = Point { nominal: 0.5, gain_n: 10.0, time_constant_s: 0.1, rest_n: 2.5 };
+
+    fn run(commands: &[f64], setup: &Setup, step_s: f64) -> Signals {
+        let steps = (commands.len() as f64 * 1e-3 / step_s).round() as usize;
+        let pieces = pieces(commands, 0.5, setup, &Timing { frame_phase: 0.3, ..Timing::exact(commands.len(), 1e-3) });
+        Chain { point: POINT, hover_n: 2.5, setup, step_s }.run(&means(&pieces, step_s, steps))
+    }
+
+    fn force(commands: &[f64], setup: &Setup) -> Vec<f64> {
+        let force = run(commands, setup, 5e-5).force_n;
+        read_at(&force, 5e-5, (0..commands.len()).map(|row| row as f64 * 1e-3))
+    }
+
+    fn step(rows: usize, to: f64) -> Vec<f64> {
+        vec![to; rows]
+    }
+
+    /// Gain and phase of the force at a frequency, from whole periods after a settled second.
+    fn response(setup: &Setup, hz: f64, size: f64) -> (f64, f64) {
+        let commands: Vec<f64> =
+            (0..6000).map(|row| 0.5 + size * (TAU * hz * f64::from(row) * 1e-3).sin()).collect();
+        let out = force(&commands, setup);
+        let (mut re, mut im, mut re_in, mut im_in) = (0.0, 0.0, 0.0, 0.0);
+        for row in 2000..6000 {
+            let (sin, cos) = (TAU * hz * row as f64 * 1e-3).sin_cos();
+            (re, im) = (re + out[row] * sin, im + out[row] * cos);
+            (re_in, im_in) = (re_in + commands[row] * sin, im_in + commands[row] * cos);
+        }
+        (f64::hypot(re, im) / f64::hypot(re_in, im_in), im.atan2(re) - im_in.atan2(re_in))
+    }
+
+    #[test]
+    fn with_nothing_set_it_is_the_first_order_lag() {
+        let out = force(&step(500, 0.55), &Setup::default());
+        for (row, value) in out.iter().enumerate() {
+            let expected = 2.5 + 0.5 * (1.0 - (-(row as f64) * 1e-3 / 0.1).exp());
+            assert!((value - expected).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn null_parameters_give_the_plain_chain() {
+        let commands: Vec<f64> = (0..2000).map(|row| 0.5 + 0.05 * (f64::from(row) * 0.03).sin()).collect();
+        let plain = force(&commands, &Setup::default());
+        let null = Setup {
+            upper: 1.0,
+            slope_per_s: 1e9,
+            sag_depth: 1e-12,
+            drift_change: 1e-12,
+            ratio: 1.0 + 1e-12,
+            exponent: 1e-12,
+            curvature: 0.0,
+            lead_s: 0.01,
+            lag_s: 0.01,
+            pole_s: 1e-9,
+            stand_hz: 30.0,
+            stand_damping: 0.05,
+            participation: 1e-12,
+            ..Setup::default()
+        };
+        let out = force(&commands, &null);
+        let off = out.iter().zip(&plain).fold(0.0_f64, |off, (a, b)| off.max((a - b).abs()));
+        assert!(off < 1e-6, "{off}");
+    }
+
+    #[test]
+    fn halving_the_step_quarters_the_difference() {
+        let commands: Vec<f64> = (0..3000)
+            .map(|row| 0.5 + 0.03 * (f64::from(row) * 0.05).sin() + if row % 500 < 250 { 0.02 } else { -0.02 })
+            .collect();
+        for setup in [
+            Setup { exponent: 1.2, ..Setup::default() },
+            Setup { ratio: 1.7, delay_s: 1.23e-3, ..Setup::default() },
+            Setup { sag_depth: 0.15, sag_time_s: 0.3, sag_resistance: 0.05, ..Setup::default() },
+            Setup { drift_change: -0.1, drift_time_s: 10.0, ..Setup::default() },
+            Setup { pole_s: 5e-3, lead_s: 0.02, lag_s: 0.01, ..Setup::default() },
+            Setup { stand_hz: 40.0, stand_damping: 0.05, participation: 0.5, ..Setup::default() },
+            Setup { frame_hz: 173.0, slope_per_s: 3.0, delay_s: 2.3e-3, ..Setup::default() },
+        ] {
+            let at = |step_s: f64| {
+                let force = run(&commands, &setup, step_s).force_n;
+                read_at(&force, step_s, (0..commands.len()).map(|row| row as f64 * 1e-3))
+            };
+            let off = |a: &[f64], b: &[f64]| {
+                (a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / a.len() as f64).sqrt()
+            };
+            let (coarse, middle, fine) = (at(2e-4), at(1e-4), at(5e-5));
+            let (first, second) = (off(&coarse, &middle), off(&middle, &fine));
+            // Where events fall between grid points the error depends on where, so the ratio is not exactly 4, and
+            // below 1e-5 of the swing, which no case's noise shows, it does not matter.
+            assert!(second < (first / 2.5).max(1e-5), "{setup:?}: {first:e} then {second:e}");
+            // One part in ten thousand of the swing, 1 N: a twentieth of the smallest noise.
+            assert!(second < 1e-4, "{setup:?}: {second:e}");
+        }
+    }
+
+    #[test]
+    fn a_second_pole_and_an_inflow_have_their_transfer_functions() {
+        let w = TAU * 5.0;
+        let plain = response(&Setup::default(), 5.0, 0.02);
+        let pole = response(&Setup { pole_s: 0.01, ..Setup::default() }, 5.0, 0.02);
+        assert!((pole.0 / plain.0 - 1.0 / f64::hypot(1.0, 0.01 * w)).abs() < 1e-4);
+        assert!((pole.1 - plain.1 + (0.01 * w).atan()).abs() < 1e-4);
+        let inflow = response(&Setup { lead_s: 0.02, lag_s: 0.01, ..Setup::default() }, 5.0, 0.02);
+        assert!((inflow.0 / plain.0 - f64::hypot(1.0, 0.02 * w) / f64::hypot(1.0, 0.01 * w)).abs() < 1e-4);
+        assert!((inflow.1 - plain.1 - (0.02 * w).atan() + (0.01 * w).atan()).abs() < 1e-4);
+    }
+
+    #[test]
+    fn a_delay_turns_the_phase_alone() {
+        let (plain, late) =
+            (response(&Setup::default(), 5.0, 0.02), response(&Setup { delay_s: 7.3e-3, ..Setup::default() }, 5.0, 0.02));
+        let (gain, turn) = (late.0 / plain.0, late.1 - plain.1 + TAU * 5.0 * 7.3e-3);
+        // The images of the rows' hold fold back onto 5 Hz: each 1/200 by the hold and 1/200 by the lag, two of each.
+        assert!((gain - 1.0).abs() < 2e-4 && turn.abs() < 2e-4, "{gain} {turn}");
+    }
+
+    #[test]
+    fn a_mode_has_its_participation_at_its_frequency() {
+        let (hz, zeta, g) = (20.0, 0.05, 0.4);
+        let plain = response(&Setup::default(), hz, 0.02);
+        let setup = Setup { stand_hz: hz, stand_damping: zeta, participation: g, ..Setup::default() };
+        let mode = response(&setup, hz, 0.02);
+        // At resonance the mode is g / (2 zeta j): (1 - g) - j g / (2 zeta).
+        let gain = mode.0 / plain.0;
+        // The mode takes the folded images of the rows' hold away: 2 / 49^2 of the plain gain.
+        assert!((gain / f64::hypot(1.0 - g, g / 2.0 / zeta) - 1.0).abs() < 1.5e-3, "{gain}");
+    }
+
+    #[test]
+    fn an_asymmetric_lag_rises_and_falls_with_its_two_time_constants() {
+        let setup = Setup { ratio: 1.69, ..Setup::default() };
+        let rest = |to: f64, tau: f64| {
+            let out = force(&step(300, to), &setup);
+            let end = 2.5 + 10.0 * (to - 0.5);
+            assert!(((out[200] - end) / (2.5 - end) - (-0.2_f64 / tau).exp()).abs() < 1e-9);
+        };
+        rest(0.55, 0.1 / 1.3);
+        rest(0.45, 0.1 * 1.3);
+    }
+
+    #[test]
+    fn an_operating_point_lag_is_faster_where_the_speed_is_higher() {
+        let setup = Setup { exponent: 1.0, ..Setup::default() };
+        // Around the end of a step the lag is the one of the speed there: tau (2.5 / 3)^(1/2).
+        let out = force(&step(1000, 0.55), &setup);
+        let rate = ((3.0 - out[400]) / (3.0 - out[500])).ln() / 0.1;
+        assert!((rate * 0.1 * (2.5_f64 / 3.0).sqrt() - 1.0).abs() < 0.01, "{rate}");
+    }
+
+    #[test]
+    fn a_curved_map_ends_on_its_curve() {
+        let out = force(&step(3000, 0.55), &Setup { curvature: 4.0, ..Setup::default() });
+        assert!((out[2999] - (2.5 + 10.0 * (0.05 + 4.0 * 0.0025))).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_drift_ends_with_its_change_and_reaches_two_thirds_of_it_in_its_time() {
+        let setup = Setup { drift_change: -0.1, drift_time_s: 1.0, ..Setup::default() };
+        let out = force(&step(12_000, 0.5), &setup);
+        assert!((out[11_999] / 2.5 - 0.9).abs() < 1e-5);
+        // The rotor's lag delays by a tenth of a second.
+        assert!((out[1_100] / 2.5 - (1.0 - 0.1 * (1.0 - (-1.0_f64).exp()))).abs() < 1e-3);
+    }
+
+    #[test]
+    fn a_sag_is_at_rest_at_the_nominal_command_and_takes_its_depth_at_hover() {
+        let setup = Setup { sag_depth: 0.1, sag_time_s: 0.5, ..Setup::default() };
+        let out = force(&step(2000, 0.5), &setup);
+        assert!(out.iter().all(|value| (value - 2.5).abs() < 1e-9));
+        // Once settled at 0.55 the voltage solves v = (1 - depth i(T)) / (1 - depth), T = 2.5 + 10 (0.55 v - 0.5).
+        let out = force(&step(20_000, 0.55), &setup);
+        let mut thrust: f64 = 3.0;
+        for _ in 0..200 {
+            let voltage = (1.0 - 0.1 * (thrust / 2.5).powf(1.5)) / 0.9;
+            thrust = 2.5 + 10.0 * (0.55 * voltage - 0.5);
+        }
+        assert!((out[19_999] - thrust).abs() < 1e-6, "{} {thrust}", out[19_999]);
+        assert!(thrust < 2.9);
+    }
+
+    #[test]
+    fn a_logger_reads_between_grid_points() {
+        let wave: Vec<f64> = (0..1001).map(|index| (f64::from(index) * 0.02).sin()).collect();
+        let times: Vec<f64> = (0..900).map(|row| 5.5 + f64::from(row) * 1.0007).collect();
+        for (value, time) in read_at(&wave, 1.0, times.iter().copied()).iter().zip(&times) {
+            assert!((value - (time * 0.02).sin()).abs() < 1e-6, "{value} at {time}");
+        }
+    }
+}
