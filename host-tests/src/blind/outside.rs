@@ -212,8 +212,9 @@ mod tests {
     #[test]
     fn every_sort_leaves_more_than_the_largest_noise_somewhere() {
         let point = Point { nominal: 0.55, gain_n: 10.0, time_constant_s: 0.1, rest_n: 2.5 };
-        // Half a newton up and down in a second.
-        let plain: Vec<f64> = (0..60_000).map(|index| 2.5 + 0.5 * (TAU * f64::from(index) * 5e-4).sin()).collect();
+        // 0.4 N up and down in a second, and 0.15 N six times in one.
+        let wave = |time_s: f64| 0.4 * (TAU * time_s).sin() + 0.15 * (TAU * 6.0 * time_s).sin();
+        let plain: Vec<f64> = (0..60_000).map(|index| 2.5 + wave(f64::from(index) * 5e-4)).collect();
         for sort in Sort::TUNE.into_iter().chain(Sort::REPORT) {
             let mut rng = ChaCha8Rng::seed_from_u64(3);
             for _ in 0..4 {
