@@ -2,6 +2,7 @@
 
 mod apt;
 mod bench;
+mod blind;
 mod emulator;
 mod firmware;
 mod image;
@@ -24,6 +25,9 @@ Usage: cargo xtask COMMAND
            its tests in QEMU, its instruction counts
   bench    measures filters and the simulated stand side by side, in one run;
            with --firmware [--json FILE] instructions on the controller's core, in QEMU
+  blind    [--set tune|report] [--kinds A,B] [--seeds N] [--jobs N] [--keep DIR] [--rivals family|all] [--only-ceilings]
+           asks `rotorlead diagnose` about cases whose truth it does not see, and scores the answers; the whole report set
+           against all rivals writes docs/confusion.md
   help     prints this
 ";
 
@@ -41,6 +45,7 @@ fn main() -> ExitCode {
         },
         ["flash"] => firmware::flash(),
         ["test"] => test::all(),
+        ["blind", options @ ..] => blind::run_cases(options),
         ["bench"] => bench::all(),
         ["bench", "--firmware"] => bench::firmware(None),
         ["bench", "--firmware", "--json", file] => bench::firmware(Some(file)),

@@ -32,7 +32,8 @@ struct Options {
     page: Option<PathBuf>,
     is_whole: bool,
     seeds: u64,
-    scratch: Option<tempfile::TempDir>,
+    /// Goes away with the options.
+    _scratch: Option<tempfile::TempDir>,
 }
 
 fn main() -> ExitCode {
@@ -104,7 +105,7 @@ fn read(arguments: &[String]) -> Result<Options, String> {
     let cache = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/blind-ceilings");
     let keep = keep.is_some();
     let plan = Plan { set, cases: cases(seeds, &only), jobs, rivals, tool, folder, keep, cache };
-    Ok(Options { plan, page, is_whole, seeds, scratch })
+    Ok(Options { plan, page, is_whole, seeds, _scratch: scratch })
 }
 
 fn class(name: &str) -> Result<Class, String> {
@@ -118,9 +119,8 @@ fn judge(options: &Options) -> Result<(), String> {
     let scored = run(&options.plan, &|done, total| {
         let spent_s = start.elapsed().as_secs_f64();
         let left_s = spent_s / done as f64 * (total - done) as f64;
-        eprintln!("{done}/{total} cases, {:.0} s, about {:.0} s left", spent_s, left_s);
+        eprintln!("{done}/{total} cases, {spent_s:.0} s, about {left_s:.0} s left");
     })?;
-    drop(&options.scratch);
     if options.plan.tool.is_none() {
         print_ceilings(&scored);
         return Ok(());
@@ -134,7 +134,9 @@ fn judge(options: &Options) -> Result<(), String> {
     let text = page(&scored, options.plan.set, &about);
     println!("{text}");
     match &options.page {
-        Some(path) if options.is_whole => std::fs::write(path, text).map_err(|error| format!("{}: {error}", path.display())),
+        Some(path) if options.is_whole => {
+            std::fs::write(path, text).map_err(|error| format!("{}: {error}", path.display()))
+        }
         Some(path) => {
             eprintln!("{} stays as it is: this was not the whole report set against all rivals", path.display());
             Ok(())
@@ -150,7 +152,9 @@ fn print_ceilings(scored: &[Scored]) {
             .truth
             .effects
             .iter()
-            .flat_map(|hidden| hidden.parameters.iter().map(|(name, value)| format!("{}.{name} {value:.4}", hidden.kind)))
+            .flat_map(|hidden| {
+                hidden.parameters.iter().map(|(name, value)| format!("{}.{name} {value:.4}", hidden.kind))
+            })
             .collect();
         let rivals: Vec<String> = ceiling.rivals.iter().map(|(name, off)| format!("{name} {off:.1}")).collect();
         let word = match (case.truth.is_invisible(), ceiling.is_told()) {

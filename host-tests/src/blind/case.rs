@@ -193,19 +193,7 @@ impl Case {
         let resistance_share = rng.random_range(0.0..0.5);
         let has_more_columns = rng.random_bool(0.5);
         let runs = draw_runs(motor.points.len(), &motor, rng);
-        Self {
-            class,
-            number,
-            seed,
-            motor,
-            effects,
-            outside,
-            resistance_share,
-            noise,
-            given,
-            has_more_columns,
-            runs,
-        }
+        Self { class, number, seed, motor, effects, outside, resistance_share, noise, given, has_more_columns, runs }
     }
 
     /// The chain with what is hidden in it.
@@ -231,9 +219,8 @@ impl Case {
         if let Some(outside) = self.outside.filter(|outside| !outside.is_in_the_logger()) {
             outside.apply(&mut signals.force_n, STEP_S, &point, swing_n, rng);
         }
-        let times: Vec<f64> = logger_times(&setup)
-            .map(|time_s| time_s + rng.random_range(-LOGGER_JITTER_S..LOGGER_JITTER_S))
-            .collect();
+        let times: Vec<f64> =
+            logger_times(&setup).map(|time_s| time_s + rng.random_range(-LOGGER_JITTER_S..LOGGER_JITTER_S)).collect();
         let read = |signal: &[f64]| read_at(signal, STEP_S, times.iter().copied());
         let mut thrust_n = read(&signals.force_n);
         for (value, noise) in thrust_n.iter_mut().zip(self.noise.sample(ROWS, rng)) {
@@ -251,8 +238,7 @@ impl Case {
         };
         let rotor = read(&signals.rotor_n);
         let rest_v = SUPPLY_V * (1.0 - (setup.sag_depth + setup.sag_resistance) * (self.rest_current(run.point) - 1.0));
-        let voltage: Vec<f64> =
-            if signals.voltage.is_empty() { vec![1.0; ROWS] } else { read(&signals.voltage) };
+        let voltage: Vec<f64> = if signals.voltage.is_empty() { vec![1.0; ROWS] } else { read(&signals.voltage) };
         Columns {
             thrust_n,
             rpm: rotor

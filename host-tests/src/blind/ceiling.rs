@@ -14,6 +14,8 @@ pub const MARGIN: f64 = 5.0;
 /// Which rivals are fitted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rivals {
+    /// None: what can be told stays unknown.
+    None,
     /// Those that are known to be confused with the truth.
     Family,
     /// Every kind.
@@ -55,6 +57,9 @@ impl Ceiling {
 /// as well as new numbers do. Of a pair, each of the two alone is a rival.
 #[must_use]
 pub fn ceiling(case: &Case, columns: &[Columns], which: Rivals) -> Option<Ceiling> {
+    if which == Rivals::None {
+        return None;
+    }
     let mut fitter = Fitter::new(case, columns);
     match case.class {
         Class::Empty | Class::Outside => None,
@@ -77,15 +82,14 @@ pub fn ceiling(case: &Case, columns: &[Columns], which: Rivals) -> Option<Ceilin
             let truth = fitter.best(kinds, None).log_likelihood;
             let nothing = fitter.best(&[], frozen.as_ref()).log_likelihood - truth;
             let rivals: Vec<Kind> = match which {
+                Rivals::None => Vec::new(),
                 Rivals::Family => kind.confused_with().to_vec(),
                 Rivals::All => Kind::ALL.to_vec(),
             };
             let rivals = rivals
                 .into_iter()
                 .filter(|rival| *rival != kind && *rival != Kind::ParameterError)
-                .map(|rival| {
-                    (rival.name().to_owned(), fitter.best(&[rival], frozen.as_ref()).log_likelihood - truth)
-                })
+                .map(|rival| (rival.name().to_owned(), fitter.best(&[rival], frozen.as_ref()).log_likelihood - truth))
                 .collect();
             Some(Ceiling { nothing, rivals })
         }

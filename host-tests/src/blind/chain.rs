@@ -72,7 +72,8 @@ impl Chain<'_> {
     fn midpoint(&self, means: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let (setup, point, step_s) = (self.setup, &self.point, self.step_s);
         let supplied = setup.sag_depth != 0.0 || setup.sag_resistance != 0.0;
-        let current = |thrust: f64| if supplied { (thrust.max(0.0) / self.hover_n).powf(CURRENT_EXPONENT) } else { 0.0 };
+        let current =
+            |thrust: f64| if supplied { (thrust.max(0.0) / self.hover_n).powf(CURRENT_EXPONENT) } else { 0.0 };
         let rest_current = current(point.rest_n);
         let raw_voltage = |slow: f64, current: f64| 1.0 - setup.sag_depth * slow - setup.sag_resistance * current;
         let rest_voltage = raw_voltage(rest_current, rest_current);
@@ -179,8 +180,12 @@ pub fn read_at(signal: &[f64], step_s: f64, times_s: impl Iterator<Item = f64>) 
             if part == 0.0 {
                 return signal[index.min(last)];
             }
-            let [a, b, c, d] =
-                [signal[index.saturating_sub(1)], signal[index], signal[(index + 1).min(last)], signal[(index + 2).min(last)]];
+            let [a, b, c, d] = [
+                signal[index.saturating_sub(1)],
+                signal[index],
+                signal[(index + 1).min(last)],
+                signal[(index + 2).min(last)],
+            ];
             let (left, right) = ((c - a) / 2.0, (d - b) / 2.0);
             let rise = c - b;
             b + part * (left + part * (3.0 * rise - 2.0 * left - right + part * (left + right - 2.0 * rise)))
@@ -214,8 +219,7 @@ mod tests {
 
     /// Gain and phase of the force at a frequency, from whole periods after a settled second.
     fn response(setup: &Setup, hz: f64, size: f64) -> (f64, f64) {
-        let commands: Vec<f64> =
-            (0..6000).map(|row| 0.5 + size * (TAU * hz * f64::from(row) * 1e-3).sin()).collect();
+        let commands: Vec<f64> = (0..6000).map(|row| 0.5 + size * (TAU * hz * f64::from(row) * 1e-3).sin()).collect();
         let out = force(&commands, setup);
         let (mut re, mut im, mut re_in, mut im_in) = (0.0, 0.0, 0.0, 0.0);
         for row in 2000..6000 {
@@ -305,8 +309,10 @@ mod tests {
 
     #[test]
     fn a_delay_turns_the_phase_alone() {
-        let (plain, late) =
-            (response(&Setup::default(), 5.0, 0.02), response(&Setup { delay_s: 7.3e-3, ..Setup::default() }, 5.0, 0.02));
+        let (plain, late) = (
+            response(&Setup::default(), 5.0, 0.02),
+            response(&Setup { delay_s: 7.3e-3, ..Setup::default() }, 5.0, 0.02),
+        );
         let (gain, turn) = (late.0 / plain.0, late.1 - plain.1 + TAU * 5.0 * 7.3e-3);
         // The images of the rows' hold fold back onto 5 Hz: each 1/200 by the hold and 1/200 by the lag, two of each.
         assert!((gain - 1.0).abs() < 2e-4 && turn.abs() < 2e-4, "{gain} {turn}");

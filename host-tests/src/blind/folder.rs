@@ -176,11 +176,8 @@ fn table(commands: &[f64], columns: &Columns) -> String {
     for (row, command) in commands.iter().enumerate() {
         let _ = write!(text, "{:.3},{command:.9},{:.6}", row as f64 / ROWS_HZ, columns.thrust_n[row]);
         if more {
-            let _ = write!(
-                text,
-                ",{:.2},{:.4},{:.4}",
-                columns.rpm[row], columns.voltage_v[row], columns.current_a[row]
-            );
+            let _ =
+                write!(text, ",{:.2},{:.4},{:.4}", columns.rpm[row], columns.voltage_v[row], columns.current_a[row]);
         }
         text.push('\n');
     }

@@ -146,9 +146,9 @@ impl Kind {
     #[must_use]
     pub fn parameters(self) -> &'static [Parameter] {
         match self {
-            ParameterError => const {
-                &[Parameter::linear("gain_error", -0.25, 0.25), Parameter::linear("time_constant_error", -0.4, 0.6)]
-            },
+            ParameterError => {
+                const { &[Parameter::linear("gain_error", -0.25, 0.25), Parameter::linear("time_constant_error", -0.4, 0.6)] }
+            }
             TransportDelay => const { &[Parameter::log("delay_s", 0.03e-3, 25e-3)] },
             EscFrameHold => const { &[Parameter::log("frame_hz", 40.0, 600.0)] },
             DeadBand => const { &[Parameter::log("width", 0.002, 0.01)] },
@@ -161,17 +161,21 @@ impl Kind {
             QuadraticThrust => const { &[Parameter::linear("curvature_per_duty", 1.0, 6.0)] },
             SecondPole => const { &[Parameter::log("time_constant_s", 0.1e-3, 30e-3)] },
             InflowLead => const { &[Parameter::log("lead_s", 3.9e-3, 37.5e-3), Parameter::log("lag_s", 3e-3, 15e-3)] },
-            SupplySag => const { &[Parameter::linear("depth", 0.05, 0.15), Parameter::log("time_constant_s", 0.3, 3.0)] },
-            GainDrift => const {
-                &[Parameter::linear("change", 0.03, 0.15), Parameter::log("time_constant_s", 10.0, 60.0)]
-            },
-            StandResonance => const {
-                &[
-                    Parameter::log("frequency_hz", 12.0, 85.0),
-                    Parameter::log("damping", 0.02, 0.1),
-                    Parameter::log("participation", 0.1, 1.3),
-                ]
-            },
+            SupplySag => {
+                const { &[Parameter::linear("depth", 0.05, 0.15), Parameter::log("time_constant_s", 0.3, 3.0)] }
+            }
+            GainDrift => {
+                const { &[Parameter::linear("change", 0.03, 0.15), Parameter::log("time_constant_s", 10.0, 60.0)] }
+            }
+            StandResonance => {
+                const {
+                    &[
+                        Parameter::log("frequency_hz", 12.0, 85.0),
+                        Parameter::log("damping", 0.02, 0.1),
+                        Parameter::log("participation", 0.1, 1.3),
+                    ]
+                }
+            }
             ClockSkew => const { &[unsigned(Parameter::log("skew_ppm", 10.0, 2000.0))] },
         }
     }

@@ -65,10 +65,8 @@ impl Mode {
         let late = self.late_s * slope;
         let off = [self.state[0] - from + late, self.state[1] - slope];
         let [first, second] = self.transition;
-        self.state = [
-            to - late + first[0] * off[0] + first[1] * off[1],
-            slope + second[0] * off[0] + second[1] * off[1],
-        ];
+        self.state =
+            [to - late + first[0] * off[0] + first[1] * off[1], slope + second[0] * off[0] + second[1] * off[1]];
         self.state[0]
     }
 }
@@ -100,8 +98,8 @@ mod tests {
         let damped = w * f64::sqrt(1.0 - damping * damping);
         for step in 1..4000 {
             let t = f64::from(step) * step_s;
-            let expected = 1.0
-                - (-damping * w * t).exp() * ((damped * t).cos() + damping * w / damped * (damped * t).sin());
+            let expected =
+                1.0 - (-damping * w * t).exp() * ((damped * t).cos() + damping * w / damped * (damped * t).sin());
             assert!((mode.step(1.0, 1.0) - expected).abs() < 1e-9);
         }
     }

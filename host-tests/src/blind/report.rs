@@ -92,7 +92,9 @@ fn parameters(cases: &[Scored]) -> String {
         entry.0.push(interval.holds());
         entry.1 += interval.off;
     }
-    let mut text = String::from("| kind | parameter | within its interval | mean deviation in standard deviations |\n|---|---|---|---|\n");
+    let mut text = String::from(
+        "| kind | parameter | within its interval | mean deviation in standard deviations |\n|---|---|---|---|\n",
+    );
     for ((kind, parameter), (holds, sum)) in by_name {
         let mean = sum / holds.len() as f64;
         let _ = writeln!(text, "| {kind} | {parameter} | {} | {mean:.2} |", Share::count(holds));
@@ -101,7 +103,8 @@ fn parameters(cases: &[Scored]) -> String {
 }
 
 fn wrong(cases: &[Scored]) -> String {
-    let mut text = String::from("| hidden | number | shows | first name | why there is no answer |\n|---|---|---|---|---|\n");
+    let mut text =
+        String::from("| hidden | number | shows | first name | why there is no answer |\n|---|---|---|---|---|\n");
     for case in cases.iter().filter(|case| case.has_wrong_name() || case.answer.is_err()) {
         let hidden: Vec<&str> = case.truth.effects.iter().map(|hidden| hidden.kind.as_str()).collect();
         let hidden = match (&case.truth.outside, hidden.is_empty()) {

@@ -141,7 +141,7 @@ fn ask(tool: &Path, paths: &Paths, answer: &Path) -> Result<Result<Diagnosis, St
 
 /// The ceiling from the cache, or computed and put there. Its key is the data.
 fn cached_ceiling(plan: &Plan, case: &Case, columns: &[Columns]) -> Result<Option<Ceiling>, String> {
-    if matches!(case.class, Class::Empty | Class::Outside) {
+    if matches!(case.class, Class::Empty | Class::Outside) || plan.rivals == Rivals::None {
         return Ok(None);
     }
     // FNV-1a.
@@ -150,6 +150,7 @@ fn cached_ceiling(plan: &Plan, case: &Case, columns: &[Columns]) -> Result<Optio
         hash = (hash ^ value.to_bits()).wrapping_mul(0x0100_0000_01b3);
     }
     let rivals = match plan.rivals {
+        Rivals::None => "none",
         Rivals::Family => "family",
         Rivals::All => "all",
     };
@@ -206,8 +207,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let tool = folder.path().join("tool.sh");
         let json = super::super::diagnosis::tests::naming("agrees", &[]);
-        fs::write(&tool, format!("#!/bin/sh\ntest \"$1\" = diagnose -a -f \"$2/experiment.toml\" || exit 3\necho '{json}'\n"))
-            .unwrap();
+        fs::write(
+            &tool,
+            format!("#!/bin/sh\ntest \"$1\" = diagnose -a -f \"$2/experiment.toml\" || exit 3\necho '{json}'\n"),
+        )
+        .unwrap();
         fs::set_permissions(&tool, fs::Permissions::from_mode(0o755)).unwrap();
         let scored = run(&plan(folder.path(), Some(tool.clone())), &|_, _| {}).unwrap();
         assert!(scored[0].names_nothing() && scored[0].truth.class == "nothing");

@@ -76,9 +76,9 @@ impl Scored {
     /// Some name is neither hidden nor has a hidden one among its alternatives.
     #[must_use]
     pub fn has_wrong_name(&self) -> bool {
-        self.names().iter().any(|named| {
-            !self.is_hidden(&named.kind) && !named.alternatives.iter().any(|name| self.is_hidden(name))
-        })
+        self.names()
+            .iter()
+            .any(|named| !self.is_hidden(&named.kind) && !named.alternatives.iter().any(|name| self.is_hidden(name)))
     }
 
     /// No name is given.
@@ -173,8 +173,7 @@ pub(super) mod tests {
         assert!(!alternative.first_is_right() && alternative.first_or_alternative() && !alternative.has_wrong_name());
         let wrong = single(Kind::Backlash, &naming("named", &[(Kind::DeadBand, &["slew_limit"])]));
         assert!(!wrong.first_or_alternative() && wrong.has_wrong_name() && wrong.first() == "dead_band");
-        let extra =
-            single(Kind::Backlash, &naming("named", &[(Kind::Backlash, &[]), (Kind::GainDrift, &[])]));
+        let extra = single(Kind::Backlash, &naming("named", &[(Kind::Backlash, &[]), (Kind::GainDrift, &[])]));
         assert!(extra.first_is_right() && extra.has_wrong_name());
     }
 

@@ -115,6 +115,21 @@ impl Setup {
         setup
     }
 
+    /// The part that the command's way to the rotor depends on; the rest at null.
+    #[must_use]
+    pub fn path(&self) -> Self {
+        Self {
+            upper: self.upper,
+            step: self.step,
+            dead_band: self.dead_band,
+            half_play: self.half_play,
+            slope_per_s: self.slope_per_s,
+            frame_hz: self.frame_hz,
+            delay_s: self.delay_s,
+            ..Self::default()
+        }
+    }
+
     /// Whether the rotor's lag is a fixed first-order lag on a fixed map, which has an exact step.
     #[must_use]
     pub(super) fn is_plain_rotor(&self) -> bool {

@@ -17,7 +17,8 @@ pub struct Share {
 impl Share {
     /// Counts.
     pub fn count(hits: impl IntoIterator<Item = bool>) -> Self {
-        hits.into_iter().fold(Self::default(), |share, hit| Self { hits: share.hits + usize::from(hit), of: share.of + 1 })
+        hits.into_iter()
+            .fold(Self::default(), |share, hit| Self { hits: share.hits + usize::from(hit), of: share.of + 1 })
     }
 
     /// The part, 0..1; `None` of none.
@@ -121,16 +122,8 @@ pub fn figures(cases: &[Scored]) -> Vec<Figure> {
             least(0.9),
         ),
         figure("all cases: a wrong name", Share::count(cases.iter().map(Scored::has_wrong_name)), None),
-        figure(
-            "singles that show: a wrong name",
-            Share::count(visible.iter().map(|case| case.has_wrong_name())),
-            None,
-        ),
-        figure(
-            "singles that show: no name",
-            Share::count(visible.iter().map(|case| case.names_nothing())),
-            None,
-        ),
+        figure("singles that show: a wrong name", Share::count(visible.iter().map(|case| case.has_wrong_name())), None),
+        figure("singles that show: no name", Share::count(visible.iter().map(|case| case.names_nothing())), None),
         figure(
             "singles that do not show: a wrong name",
             Share::count(invisible.iter().map(|case| case.has_wrong_name())),
@@ -154,7 +147,10 @@ pub fn ceilings(cases: &[Scored]) -> Vec<Figure> {
     vec![
         figure("singles that show at all", Share::count(singles.iter().map(|ceiling| ceiling.is_visible()))),
         figure("of these, can be told from every rival", Share::count(shows.iter().map(|ceiling| ceiling.is_told()))),
-        figure("of these, the likelihood prefers the truth", Share::count(shows.iter().map(|ceiling| ceiling.prefers_truth()))),
+        figure(
+            "of these, the likelihood prefers the truth",
+            Share::count(shows.iter().map(|ceiling| ceiling.prefers_truth())),
+        ),
         figure("pairs of which both show", Share::count(pairs.map(|case| !case.truth.is_invisible()))),
     ]
 }
