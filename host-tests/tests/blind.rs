@@ -1,7 +1,5 @@
 //! Blind cases: their folders are what the commands take, and a small fixed part of them is judged.
 
-use std::path::PathBuf;
-
 use assert_cmd::Command;
 use host_tests::blind::case::{Case, Class, Columns, Set};
 use host_tests::blind::ceiling::Rivals;
@@ -75,7 +73,7 @@ fn a_fixed_part_of_the_cases_is_named_right() {
         cases,
         jobs: 2,
         rivals: Rivals::None,
-        tool: Some(PathBuf::from(assert_cmd::cargo::cargo_bin("rotorlead"))),
+        tool: Some(assert_cmd::cargo::cargo_bin("rotorlead")),
         folder: folder.path().to_owned(),
         keep: false,
         cache: folder.path().join("cache"),

@@ -271,13 +271,12 @@ impl<'a> Fitter<'a> {
             for (row, left) in &columns {
                 slope[*row] += dot(left, &state.residual[record]);
                 for (column, right) in columns.iter().filter(|(column, _)| column >= row) {
-                    matrix[*row][*column] += dot(left, right);
+                    let product = dot(left, right);
+                    matrix[*row][*column] += product;
+                    if column > row {
+                        matrix[*column][*row] += product;
+                    }
                 }
-            }
-        }
-        for row in 0..size {
-            for column in 0..row {
-                matrix[row][column] = matrix[column][row];
             }
         }
         Some((matrix, slope))
