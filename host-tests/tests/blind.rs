@@ -87,3 +87,23 @@ fn a_fixed_part_of_the_cases_is_named_right() {
         }
     }
 }
+
+/// The page must have the parts and rows that `cargo xtask blind` writes today. Its digits are those of the day it was made.
+#[test]
+#[ignore = "there is no page yet: `cargo xtask blind --set report --rivals all` writes it"]
+fn the_page_is_current_in_shape() {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/confusion.md");
+    let text = std::fs::read_to_string(&path).unwrap();
+    let shape = |text: &str| {
+        let first_cells = text.lines().filter(|line| line.starts_with("##") || line.starts_with('|'));
+        let cells: Vec<String> = first_cells
+            .take_while(|line| *line != "## Parameters")
+            .map(|line| line.trim_start_matches('|').split('|').next().unwrap_or_default().trim().to_owned())
+            .collect();
+        cells
+    };
+    assert_eq!(shape(&text), shape(&host_tests::blind::report::page(&[], Set::Report, "a test")));
+    for part in host_tests::blind::report::PARTS {
+        assert!(text.contains(part), "{part}");
+    }
+}
