@@ -2,6 +2,7 @@
 
 mod apt;
 mod bench;
+mod blind;
 mod emulator;
 mod firmware;
 mod image;
@@ -26,6 +27,9 @@ Usage: cargo xtask COMMAND
            with --firmware [--json FILE] instructions on the controller's core, in QEMU;
            with --identify [--largest] [--json FILE] identification alone, from CSV files to a model, beside NumPy and SciPy
            where PYTHON (python3 if not set) has them; --largest goes to 10^8 rows: minutes, and 5 GB in target/
+  blind    [--set tune|report] [--kinds A,B] [--seeds N] [--jobs N] [--keep DIR] [--rivals family|all] [--only-ceilings]
+           asks `rotorlead diagnose` about cases whose truth it does not see, and scores the answers; the whole report set
+           against all rivals writes docs/confusion.md
   help     prints this
 ";
 
@@ -43,6 +47,7 @@ fn main() -> ExitCode {
         },
         ["flash"] => firmware::flash(),
         ["test"] => test::all(),
+        ["blind", options @ ..] => blind::run_cases(options),
         ["bench"] => bench::all(),
         ["bench", "--firmware"] => bench::firmware(None),
         ["bench", "--firmware", "--json", file] => bench::firmware(Some(file)),

@@ -1,0 +1,232 @@
+//! A case as files: the experiment's folder for the tool, and the truth elsewhere for the scorer.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::case::{Case, Class, Columns, Given};
+use super::ceiling::{Ceiling, stale};
+use super::excitation::{Drive, PERIOD_S, ROWS_HZ};
+use super::kind::Kind;
+use super::motor::Motor;
+
+/// What the scorer knows of a case.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Truth {
+    /// A kind's name, `nothing`, `pair` or `outside`.
+    pub class: String,
+    /// Number within the class.
+    pub number: u64,
+    /// The hidden effects.
+    pub effects: Vec<Hidden>,
+    /// The sort of a hidden effect outside the catalog.
+    pub outside: Option<String>,
+    /// Whether the experiment's folder has the columns rpm, voltage and current.
+    pub more_columns: bool,
+    /// `none`, `right` or `stale`.
+    pub model: String,
+    /// Standard deviation of the noise over the swing that an amplitude of 0.05 has.
+    pub noise_level: f64,
+    /// What can be told, where it was computed.
+    pub ceiling: Option<Ceiling>,
+}
+
+/// A hidden effect.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Hidden {
+    /// Its kind's name.
+    pub kind: String,
+    /// Its parameters by name.
+    pub parameters: Vec<(String, f64)>,
+}
+
+impl Truth {
+    /// The truth of a case.
+    #[must_use]
+    pub fn of(case: &Case, ceiling: Option<Ceiling>) -> Self {
+        let gain = case.motor.points.iter().map(|point| point.gain_n).sum::<f64>() / case.motor.points.len() as f64;
+        let colored: f64 = case.noise.colored.iter().map(|(sigma, _)| sigma * sigma).sum();
+        let power = case.noise.white_n.powi(2) + colored + case.noise.hum_n.powi(2);
+        Self {
+            class: case.class.name().to_owned(),
+            number: case.number,
+            effects: case
+                .effects
+                .iter()
+                .map(|effect| Hidden {
+                    kind: effect.kind.name().to_owned(),
+                    parameters: effect
+                        .kind
+                        .parameters()
+                        .iter()
+                        .zip(&effect.values)
+                        .map(|(parameter, value)| (parameter.name.to_owned(), *value))
+                        .collect(),
+                })
+                .collect(),
+            outside: case.outside.map(|outside| outside.sort.name().to_owned()),
+            more_columns: case.has_more_columns,
+            model: match case.given {
+                Given::Nothing => "none",
+                Given::Right => "right",
+                Given::Stale(_) => "stale",
+            }
+            .to_owned(),
+            noise_level: power.sqrt() / (0.1 * gain),
+            ceiling,
+        }
+    }
+
+    /// Whether the effect leaves too little in the data to be seen, as far as is known.
+    #[must_use]
+    pub fn is_invisible(&self) -> bool {
+        let Some(ceiling) = &self.ceiling else { return false };
+        if self.class == Class::Pair.name() {
+            // Either of the two is as good as none when the other alone explains nearly as much.
+            return !ceiling.is_told();
+        }
+        !ceiling.is_visible()
+    }
+
+    /// Whether the truth can be told from every rival; `None` where that is unknown.
+    #[must_use]
+    pub fn is_told(&self) -> Option<bool> {
+        self.ceiling.as_ref().map(Ceiling::is_told)
+    }
+
+    /// The kind of a single case.
+    #[must_use]
+    pub fn single(&self) -> Option<Kind> {
+        Kind::named(&self.class)
+    }
+}
+
+/// Where a case's files are.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Paths {
+    /// The experiment's folder. Its name says nothing.
+    pub experiment: PathBuf,
+    /// The model for the tool, beside the experiment; not every case has one.
+    pub model: Option<PathBuf>,
+}
+
+/// Writes the experiment of a case into a folder of its own under `root`, and its model if it has one.
+///
+/// # Errors
+/// When a file cannot be written.
+pub fn write(case: &Case, columns: &[Columns], root: &Path) -> io::Result<Paths> {
+    // The seed's number would give away the class: it is mixed (a round of SplitMix64).
+    let mut name = case.seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    name = (name ^ (name >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    name = (name ^ (name >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    let experiment = root.join(format!("case_{:016x}", name ^ (name >> 31)));
+    fs::create_dir_all(&experiment)?;
+    fs::write(experiment.join("experiment.toml"), manifest(case))?;
+    for (run, columns) in case.runs.iter().zip(columns) {
+        fs::write(experiment.join(&run.file), table(&run.commands, columns))?;
+    }
+    let model = match &case.given {
+        Given::Nothing => None,
+        Given::Right => Some(case.motor.clone()),
+        Given::Stale(errors) => Some(stale(&case.motor, errors)),
+    };
+    let model = match model {
+        None => None,
+        Some(motor) => {
+            let path = experiment.join("model.toml");
+            fs::write(&path, model_file(&motor))?;
+            Some(path)
+        }
+    };
+    Ok(Paths { experiment, model })
+}
+
+fn manifest(case: &Case) -> String {
+    let mut text = format!(
+        "format = 1\nname = \"stand run\"\ncommand = \"duty\"\noutput = \"thrust_n\"\nsample_rate_hz = {ROWS_HZ}\n"
+    );
+    for run in &case.runs {
+        let excitation = match run.drive {
+            Drive::Multisine => "multisine",
+            Drive::Square => "square",
+        };
+        // Writing to a string cannot fail.
+        let _ = write!(
+            text,
+            "\n[[record]]\nfile = \"{}\"\nnominal = {:.2}\nexcitation = \"{excitation}\"\nperiod_s = {PERIOD_S:.1}\n\
+             amplitude = {}\n",
+            run.file, case.motor.points[run.point].nominal, run.amplitude,
+        );
+        match run.held_out {
+            Some(true) => text.push_str("role = \"validate\"\n"),
+            Some(false) => text.push_str("role = \"fit\"\n"),
+            None => {}
+        }
+    }
+    text
+}
+
+fn table(commands: &[f64], columns: &Columns) -> String {
+    let mut text = String::with_capacity(commands.len() * 48);
+    let more = !columns.rpm.is_empty();
+    text.push_str(if more { "time_s,command,thrust_n,rpm,voltage_v,current_a\n" } else { "time_s,command,thrust_n\n" });
+    for (row, command) in commands.iter().enumerate() {
+        let _ = write!(text, "{:.3},{command:.9},{:.6}", row as f64 / ROWS_HZ, columns.thrust_n[row]);
+        if more {
+            let _ =
+                write!(text, ",{:.2},{:.4},{:.4}", columns.rpm[row], columns.voltage_v[row], columns.current_a[row]);
+        }
+        text.push('\n');
+    }
+    text
+}
+
+fn model_file(motor: &Motor) -> String {
+    let mut text = String::from("format = 1\n");
+    for point in &motor.points {
+        let _ = write!(
+            text,
+            "\n[[point]]\nnominal = {:.2}\ngain = {:.6}\ntime_constant_s = {:.6}\n",
+            point.nominal, point.gain_n, point.time_constant_s
+        );
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::case::Set;
+    use super::*;
+
+    #[test]
+    fn the_folder_holds_what_the_manifest_names_and_nothing_of_the_truth() {
+        let case = Case::draw(Set::Tune, Class::Single(Kind::Backlash), 0);
+        let columns: Vec<Columns> = (0..case.runs.len()).map(|index| case.record(index)).collect();
+        let root = tempfile::tempdir().unwrap();
+        let paths = write(&case, &columns, root.path()).unwrap();
+        let manifest = fs::read_to_string(paths.experiment.join("experiment.toml")).unwrap();
+        assert_eq!(manifest.matches("[[record]]").count(), 12);
+        for run in &case.runs {
+            assert!(manifest.contains(&run.file));
+            let table = fs::read_to_string(paths.experiment.join(&run.file)).unwrap();
+            assert_eq!(table.lines().count(), 30_001);
+        }
+        assert!(!manifest.contains("backlash") && !paths.experiment.to_string_lossy().contains("backlash"));
+        let files = fs::read_dir(&paths.experiment).unwrap().count();
+        assert_eq!(files, 13 + usize::from(paths.model.is_some()));
+    }
+
+    #[test]
+    fn the_truth_survives_its_file() {
+        let case = Case::draw(Set::Tune, Class::Pair, 0);
+        let ceiling = Ceiling { nothing: -12.5, rivals: vec![("backlash".to_owned(), -3.25)] };
+        let truth = Truth::of(&case, Some(ceiling));
+        let again: Truth = serde_json::from_str(&serde_json::to_string(&truth).unwrap()).unwrap();
+        assert_eq!(again, truth);
+        assert!(truth.is_invisible() && truth.effects.len() == 2);
+        assert!((0.0019..0.055).contains(&truth.noise_level), "{}", truth.noise_level);
+    }
+}

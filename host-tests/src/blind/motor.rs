@@ -1,0 +1,56 @@
+//! The motor under everything: a gain and a lag at each nominal command.
+
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, LogNormal};
+
+use crate::TABLE_1;
+
+/// One operating point: thrust `rest_n` at rest, and small deviations by `gain_n / (time_constant_s s + 1)`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Point {
+    /// Command, 0..1.
+    pub nominal: f64,
+    /// Newtons per unit of command.
+    pub gain_n: f64,
+    /// Seconds.
+    pub time_constant_s: f64,
+    /// Newtons at rest at `nominal`.
+    pub rest_n: f64,
+}
+
+/// The points of one motor, in increasing order.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Motor {
+    /// Six of them, 0.40 to 0.65.
+    pub points: Vec<Point>,
+}
+
+impl Motor {
+    /// A motor after the paper's Table 1: the whole motor up to 20 % stronger and slower or weaker and faster, and each
+    /// point 4 % off by itself. The thrust at rest is what a square law of the command gives at 0.40 with that gain,
+    /// `gain * 0.40 / 2`, and the integral of the gain from there.
+    ///
+    /// # Panics
+    /// Never: the spreads are fixed.
+    #[must_use]
+    pub fn draw(rng: &mut ChaCha8Rng) -> Self {
+        let (strength, slowness): (f64, f64) = (rng.random_range(0.8..1.2), rng.random_range(0.8..1.2));
+        let jitter = LogNormal::new(0.0, 0.04).expect("a positive spread");
+        let mut points: Vec<Point> = Vec::new();
+        for (nominal, gain, pole) in TABLE_1 {
+            let gain_n = gain * strength * jitter.sample(rng);
+            let rest_n = points.last().map_or(gain_n * nominal / 2.0, |last| {
+                last.rest_n + (last.gain_n + gain_n) / 2.0 * (nominal - last.nominal)
+            });
+            points.push(Point { nominal, gain_n, time_constant_s: slowness / pole * jitter.sample(rng), rest_n });
+        }
+        Self { points }
+    }
+
+    /// Thrust at rest at a command of 0.50, which counts as hover.
+    #[must_use]
+    pub fn hover_n(&self) -> f64 {
+        self.points[2].rest_n
+    }
+}

@@ -1,0 +1,146 @@
+//! The figures as a page of Markdown.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
+
+use super::case::{Class, Set};
+use super::kind::Kind;
+use super::score::Scored;
+use super::tally::{Figure, Share, ceilings, confusion, figures, intervals};
+
+/// Names of the page's parts, in order: by these a test sees whether the page is current in shape.
+pub const PARTS: [&str; 5] =
+    ["## Figures", "## What can be told at all", "## Confusion matrix", "## Parameters", "## Wrong names"];
+
+/// The page. `about` says by which command and version it was made.
+#[must_use]
+pub fn page(cases: &[Scored], set: Set, about: &str) -> String {
+    // Writing to a string cannot fail, here and below.
+    let mut text = String::from("# What the diagnosis gets right\n\n");
+    let _ = write!(
+        text,
+        "Made by {about} from the `{}` set: {} cases. The `tune` set is for making the method, the `report` set for this \
+         page; they share no seed and no sort of effect outside the catalog. The data come from code that shares nothing \
+         with the simulator. Intervals are Wilson's, of 95 %.\n\n",
+        set.name(),
+        cases.len(),
+    );
+    let _ = writeln!(text, "{}\n\n{}", PARTS[0], table(&figures(cases)));
+    let _ = write!(
+        text,
+        "{}\n\nAn effect shows when the generator's own model, fitted together with gains and time constants, is better \
+         than these alone by 5 in log likelihood on the thrust. It can be told when it is better than every rival by \
+         that.\n\n{}\n",
+        PARTS[1],
+        table(&ceilings(cases)),
+    );
+    let _ = write!(
+        text,
+        "{}\n\nRows: what is hidden (single cases that show). Columns: the first name.\n\n{}\n",
+        PARTS[2],
+        matrix(cases)
+    );
+    let _ = writeln!(text, "{}\n\n{}", PARTS[3], parameters(cases));
+    let _ = writeln!(text, "{}\n\n{}", PARTS[4], wrong(cases));
+    text
+}
+
+fn table(figures: &[Figure]) -> String {
+    let mut text = String::from("| what | count | required | holds |\n|---|---|---|---|\n");
+    for figure in figures {
+        let required = match figure.required {
+            None => String::new(),
+            Some((low, high)) if high >= 1.0 => format!(">= {:.1} %", 100.0 * low),
+            Some((low, high)) => format!("{:.0} to {:.0} %", 100.0 * low, 100.0 * high),
+        };
+        let holds = match figure.holds() {
+            None => "",
+            Some(true) => "yes",
+            Some(false) => "no",
+        };
+        let _ = writeln!(text, "| {} | {} | {required} | {holds} |", figure.what, figure.share);
+    }
+    text
+}
+
+fn matrix(cases: &[Scored]) -> String {
+    let counts = confusion(cases);
+    let rows: Vec<&str> =
+        Kind::ALL.iter().map(|kind| kind.name()).chain([Class::Empty.name(), Class::Outside.name()]).collect();
+    let mut columns: Vec<String> = Kind::ALL.iter().map(|kind| kind.name().to_owned()).collect();
+    // Kinds of the tool's own that no case hides come after those that cases do.
+    let known: BTreeSet<&str> = columns.iter().map(String::as_str).chain(["agrees", "unknown", "error"]).collect();
+    let own: BTreeSet<String> =
+        counts.keys().map(|(_, name)| name.clone()).filter(|name| !known.contains(name.as_str())).collect();
+    columns.extend(own);
+    columns.extend(["agrees", "unknown", "error"].map(str::to_owned));
+    let mut text = format!("| hidden | {} |\n|---|{}\n", columns.join(" | "), "---|".repeat(columns.len()));
+    for row in rows {
+        let cells: Vec<String> = columns
+            .iter()
+            .map(|column| counts.get(&(row.to_owned(), column.clone())).map_or(String::new(), ToString::to_string))
+            .collect();
+        let _ = writeln!(text, "| {row} | {} |", cells.join(" | "));
+    }
+    text
+}
+
+fn parameters(cases: &[Scored]) -> String {
+    let mut by_name: BTreeMap<(String, String), (Vec<bool>, f64)> = BTreeMap::new();
+    for interval in intervals(cases) {
+        let entry = by_name.entry((interval.kind.clone(), interval.parameter.clone())).or_default();
+        entry.0.push(interval.holds());
+        entry.1 += interval.off;
+    }
+    let mut text = String::from(
+        "| kind | parameter | within its interval | mean deviation in standard deviations |\n|---|---|---|---|\n",
+    );
+    for ((kind, parameter), (holds, sum)) in by_name {
+        let mean = sum / holds.len() as f64;
+        let _ = writeln!(text, "| {kind} | {parameter} | {} | {mean:.2} |", Share::count(holds));
+    }
+    text
+}
+
+fn wrong(cases: &[Scored]) -> String {
+    let mut text =
+        String::from("| hidden | number | shows | first name | why there is no answer |\n|---|---|---|---|---|\n");
+    for case in cases.iter().filter(|case| case.has_wrong_name() || case.answer.is_err()) {
+        let hidden: Vec<&str> = case.truth.effects.iter().map(|hidden| hidden.kind.as_str()).collect();
+        let hidden = match (&case.truth.outside, hidden.is_empty()) {
+            (Some(sort), _) => sort.clone(),
+            (None, true) => case.truth.class.clone(),
+            (None, false) => hidden.join(" + "),
+        };
+        let shows = if case.truth.is_invisible() { "no" } else { "yes" };
+        let error = case.answer.as_ref().err().map_or("", String::as_str).replace(['|', '\n'], " ");
+        let _ = writeln!(text, "| {hidden} | {} | {shows} | {} | {error} |", case.truth.number, case.first());
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::diagnosis::tests::naming;
+    use super::super::score::tests::scored;
+    use super::*;
+
+    #[test]
+    fn the_page_has_its_parts_and_counts() {
+        let wrong = naming("named", &[(Kind::EscFrameHold, &[])]);
+        let cases = [
+            scored("transport_delay", &[Kind::TransportDelay], -100.0, -50.0, &wrong),
+            scored("nothing", &[], 0.0, 0.0, "nonsense"),
+        ];
+        let page = page(&cases, Set::Tune, "a test");
+        let mut from = 0;
+        for part in PARTS {
+            from += page[from..].find(part).unwrap_or_else(|| panic!("{part} is missing or out of order"));
+        }
+        assert!(page.contains("| 0/1 = 0 % (0 to 79) | >= 95.0 % | no |"), "{page}");
+        assert!(page.contains("| transport_delay | 0 | yes | esc_frame_hold |"), "{page}");
+        let heads = page.lines().find(|line| line.starts_with("| hidden | parameter_error")).unwrap();
+        let row = page.lines().find(|line| line.starts_with("| transport_delay |  |")).unwrap();
+        assert_eq!(heads.matches('|').count(), row.matches('|').count());
+    }
+}

@@ -1,0 +1,227 @@
+//! Makes cases, asks the tool, and scores: several at a time.
+
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+use super::case::{Case, Class, Columns, Set};
+use super::ceiling::{Ceiling, Rivals, ceiling};
+use super::diagnosis::Diagnosis;
+use super::folder::{self, Paths, Truth};
+use super::kind::Kind;
+use super::score::Scored;
+
+/// How long the tool may take over a case before it counts as no answer.
+const LIMIT: Duration = Duration::from_secs(300);
+/// Goes up when the fits change, so that no stale ceiling is believed.
+const CEILING_VERSION: u32 = 2;
+
+/// What to run.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// Which seeds.
+    pub set: Set,
+    /// The cases: class and number.
+    pub cases: Vec<(Class, u64)>,
+    /// Cases at a time.
+    pub jobs: usize,
+    /// Which rivals decide what can be told.
+    pub rivals: Rivals,
+    /// The tool; without one only the ceilings are computed, and every answer is an error.
+    pub tool: Option<PathBuf>,
+    /// Where folders and truths are written; they stay there if `keep`.
+    pub folder: PathBuf,
+    /// Whether the experiments' folders stay.
+    pub keep: bool,
+    /// Where ceilings are kept from run to run.
+    pub cache: PathBuf,
+}
+
+/// The cases for `seeds` of each kind: four times as many empty ones, twice as many outside the catalog, and three times
+/// as many pairs, of which a part does not show. Only the classes in `only`, if it names any.
+#[must_use]
+pub fn cases(seeds: u64, only: &[Class]) -> Vec<(Class, u64)> {
+    let singles = Kind::ALL.into_iter().map(|kind| (Class::Single(kind), seeds));
+    let others = [(Class::Empty, 4 * seeds), (Class::Pair, 3 * seeds), (Class::Outside, 2 * seeds)];
+    singles
+        .chain(others)
+        .filter(|(class, _)| only.is_empty() || only.contains(class))
+        .flat_map(|(class, count)| (0..count).map(move |number| (class, number)))
+        .collect()
+}
+
+/// Runs the plan and gives the scored cases in its order. `progress` hears how many of how many are done.
+///
+/// # Errors
+/// When a file cannot be written or the tool cannot be started: the first such error in words.
+pub fn run(plan: &Plan, progress: &(dyn Fn(usize, usize) + Sync)) -> Result<Vec<Scored>, String> {
+    let total = plan.cases.len();
+    let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let results: Mutex<Vec<(usize, Result<Scored, String>)>> = Mutex::new(Vec::with_capacity(total));
+    std::thread::scope(|scope| {
+        for _ in 0..plan.jobs.max(1) {
+            scope.spawn(|| {
+                loop {
+                    let index = next.fetch_add(1, Ordering::Relaxed);
+                    let Some((class, number)) = plan.cases.get(index) else { return };
+                    let result = one(plan, *class, *number);
+                    let failed = result.is_err();
+                    results.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push((index, result));
+                    progress(done.fetch_add(1, Ordering::Relaxed) + 1, total);
+                    if failed {
+                        // The others stop as well.
+                        next.store(total, Ordering::Relaxed);
+                    }
+                }
+            });
+        }
+    });
+    let mut results = results.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
+    results.sort_by_key(|(index, _)| *index);
+    results.into_iter().map(|(_, result)| result).collect()
+}
+
+fn one(plan: &Plan, class: Class, number: u64) -> Result<Scored, String> {
+    let case = Case::draw(plan.set, class, number);
+    let columns: Vec<Columns> = (0..case.runs.len()).map(|index| case.record(index)).collect();
+    let ceiling = cached_ceiling(plan, &case, &columns)?;
+    let truth = Truth::of(&case, ceiling);
+    let Some(tool) = &plan.tool else { return Ok(Scored { truth, answer: Err("the tool was not run".to_owned()) }) };
+    let paths = folder::write(&case, &columns, &plan.folder.join("cases"))
+        .map_err(|error| format!("{}: {error}", plan.folder.display()))?;
+    let name = paths.experiment.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let answer_path = plan.folder.join("answers").join(format!("{name}.json"));
+    let answer = ask(tool, &paths, &answer_path)?;
+    let text = serde_json::to_string_pretty(&truth).map_err(|error| error.to_string())?;
+    write(&plan.folder.join("truth").join(format!("{name}.json")), &text)?;
+    if !plan.keep {
+        fs::remove_dir_all(&paths.experiment).map_err(|error| format!("{}: {error}", paths.experiment.display()))?;
+    }
+    Ok(Scored { truth, answer })
+}
+
+/// The tool's answer on a case. The outer error is one of this machine, the inner one the tool's.
+fn ask(tool: &Path, paths: &Paths, answer: &Path) -> Result<Result<Diagnosis, String>, String> {
+    let outer = |error: std::io::Error| format!("{}: {error}", tool.display());
+    write(answer, "")?;
+    let errors = answer.with_extension("stderr");
+    let mut command = Command::new(tool);
+    command.arg("diagnose").arg(&paths.experiment).args(["--json", "-"]);
+    if let Some(model) = &paths.model {
+        command.arg("--model").arg(model);
+    }
+    // To files, which no amount of output blocks.
+    command.stdin(Stdio::null()).stdout(File::create(answer).map_err(outer)?);
+    command.stderr(File::create(&errors).map_err(outer)?);
+    let mut child = command.spawn().map_err(outer)?;
+    let start = Instant::now();
+    let status = loop {
+        match child.try_wait().map_err(outer)? {
+            Some(status) => break status,
+            None if start.elapsed() > LIMIT => {
+                // It may have ended by itself meanwhile.
+                let _ = child.kill();
+                let _ = child.wait();
+                return Ok(Err(format!("no answer within {} s", LIMIT.as_secs())));
+            }
+            None => std::thread::sleep(Duration::from_millis(50)),
+        }
+    };
+    if !status.success() {
+        let said = fs::read_to_string(&errors).unwrap_or_default();
+        let first = said.lines().map(str::trim).find(|line| !line.is_empty()).unwrap_or("without a word").to_owned();
+        return Ok(Err(format!("{status}: {first}")));
+    }
+    let json = fs::read_to_string(answer).map_err(outer)?;
+    Ok(Diagnosis::parse(&json))
+}
+
+/// The ceiling from the cache, or computed and put there. Its key is the data.
+fn cached_ceiling(plan: &Plan, case: &Case, columns: &[Columns]) -> Result<Option<Ceiling>, String> {
+    if matches!(case.class, Class::Empty | Class::Outside) || plan.rivals == Rivals::None {
+        return Ok(None);
+    }
+    // FNV-1a.
+    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
+    for value in columns.iter().flat_map(|columns| &columns.thrust_n) {
+        hash = (hash ^ value.to_bits()).wrapping_mul(0x0100_0000_01b3);
+    }
+    let rivals = match plan.rivals {
+        Rivals::None => "none",
+        Rivals::Family => "family",
+        Rivals::All => "all",
+    };
+    let name = format!("{}_{}_{hash:016x}_{rivals}_{CEILING_VERSION}.json", case.class.name(), case.number);
+    let path = plan.cache.join(name);
+    if let Some(known) = fs::read_to_string(&path).ok().and_then(|text| serde_json::from_str(&text).ok()) {
+        return Ok(Some(known));
+    }
+    let computed = ceiling(case, columns, plan.rivals);
+    if let Some(ceiling) = &computed {
+        write(&path, &serde_json::to_string(ceiling).map_err(|error| error.to_string())?)?;
+    }
+    Ok(computed)
+}
+
+fn write(path: &Path, text: &str) -> Result<(), String> {
+    let error = |error: std::io::Error| format!("{}: {error}", path.display());
+    if let Some(folder) = path.parent() {
+        fs::create_dir_all(folder).map_err(error)?;
+    }
+    fs::write(path, text).map_err(error)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn plan(folder: &Path, tool: Option<PathBuf>) -> Plan {
+        Plan {
+            set: Set::Tune,
+            cases: vec![(Class::Empty, 0), (Class::Outside, 1)],
+            jobs: 2,
+            rivals: Rivals::Family,
+            tool,
+            folder: folder.to_owned(),
+            keep: false,
+            cache: folder.join("cache"),
+        }
+    }
+
+    #[test]
+    fn ten_seeds_are_as_many_cases_as_asked_for() {
+        let all = cases(10, &[]);
+        let count = |class: Class| all.iter().filter(|(one, _)| *one == class).count();
+        assert_eq!((count(Class::Empty), count(Class::Outside), count(Class::Pair)), (40, 20, 30));
+        assert!(Kind::ALL.into_iter().all(|kind| count(Class::Single(kind)) == 10));
+        assert_eq!(cases(3, &[Class::Empty]).len(), 12);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_tool_is_asked_and_its_answer_scored() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let tool = folder.path().join("tool.sh");
+        let json = super::super::diagnosis::tests::naming("agrees", &[]);
+        fs::write(
+            &tool,
+            format!("#!/bin/sh\ntest \"$1\" = diagnose -a -f \"$2/experiment.toml\" || exit 3\necho '{json}'\n"),
+        )
+        .unwrap();
+        fs::set_permissions(&tool, fs::Permissions::from_mode(0o755)).unwrap();
+        let scored = run(&plan(folder.path(), Some(tool.clone())), &|_, _| {}).unwrap();
+        assert!(scored[0].names_nothing() && scored[0].truth.class == "nothing");
+        assert!(!scored[1].admits() && scored[1].first() == "agrees");
+        assert_eq!(fs::read_dir(folder.path().join("cases")).unwrap().count(), 0);
+        assert_eq!(fs::read_dir(folder.path().join("truth")).unwrap().count(), 2);
+
+        fs::write(&tool, "#!/bin/sh\necho 'no such command' >&2\nexit 2\n").unwrap();
+        let scored = run(&plan(folder.path(), Some(tool)), &|_, _| {}).unwrap();
+        assert!(scored[0].answer.as_ref().unwrap_err().contains("no such command"));
+        assert!(run(&plan(folder.path(), Some(folder.path().join("nothing"))), &|_, _| {}).is_err());
+    }
+}

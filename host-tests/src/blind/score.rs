@@ -1,0 +1,230 @@
+//! One answer against the truth.
+
+use super::diagnosis::{Diagnosis, Named, Verdict};
+use super::folder::{Hidden, Truth};
+use super::kind::Kind;
+
+/// A case and what became of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scored {
+    /// The truth.
+    pub truth: Truth,
+    /// The answer; the error in words when there is none that can be read.
+    pub answer: Result<Diagnosis, String>,
+}
+
+/// A parameter whose interval can be compared with the truth.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Interval {
+    /// Kind's name.
+    pub kind: String,
+    /// Parameter's name.
+    pub parameter: String,
+    /// How far the value is from the truth, in standard deviations.
+    pub off: f64,
+}
+
+impl Interval {
+    /// Within 1.96 standard deviations.
+    #[must_use]
+    pub fn holds(&self) -> bool {
+        self.off.abs() <= 1.96
+    }
+}
+
+impl Scored {
+    fn names(&self) -> &[Named] {
+        self.answer.as_ref().map_or(&[], |answer| &answer.effects)
+    }
+
+    /// What the table calls the answer: the first name, or `agrees`, `unknown`, `error`.
+    #[must_use]
+    pub fn first(&self) -> &str {
+        match &self.answer {
+            Err(_) => "error",
+            Ok(answer) => match (answer.verdict, answer.effects.first()) {
+                (_, Some(effect)) => &effect.kind,
+                (Verdict::Agrees, None) => "agrees",
+                (_, None) => "unknown",
+            },
+        }
+    }
+
+    fn is_hidden(&self, name: &str) -> bool {
+        self.truth.effects.iter().any(|hidden| hidden.kind == name)
+    }
+
+    /// The first name is a hidden effect's.
+    #[must_use]
+    pub fn first_is_right(&self) -> bool {
+        self.names().first().is_some_and(|named| self.is_hidden(&named.kind))
+    }
+
+    /// The first name is right, or the truth stands among its alternatives.
+    #[must_use]
+    pub fn first_or_alternative(&self) -> bool {
+        let alternative = |named: &Named| named.alternatives.iter().any(|name| self.is_hidden(name));
+        self.names().first().is_some_and(|named| self.is_hidden(&named.kind) || alternative(named))
+    }
+
+    /// Both effects of a pair, and everything hidden in general, are named.
+    #[must_use]
+    pub fn all_named(&self) -> bool {
+        self.truth.effects.iter().all(|hidden| self.names().iter().any(|named| named.kind == hidden.kind))
+    }
+
+    /// Some name is neither hidden nor has a hidden one among its alternatives.
+    #[must_use]
+    pub fn has_wrong_name(&self) -> bool {
+        self.names()
+            .iter()
+            .any(|named| !self.is_hidden(&named.kind) && !named.alternatives.iter().any(|name| self.is_hidden(name)))
+    }
+
+    /// No name is given.
+    #[must_use]
+    pub fn names_nothing(&self) -> bool {
+        self.answer.is_ok() && self.names().is_empty()
+    }
+
+    /// `unknown`, or `partly_named` without a wrong name.
+    #[must_use]
+    pub fn admits(&self) -> bool {
+        let Ok(answer) = &self.answer else { return false };
+        match answer.verdict {
+            Verdict::Unknown => true,
+            Verdict::PartlyNamed => !self.has_wrong_name(),
+            Verdict::Agrees | Verdict::Named => false,
+        }
+    }
+
+    /// The gap that is left is at most 1.1 times what noise leaves.
+    #[must_use]
+    pub fn gap_is_closed(&self) -> bool {
+        self.answer.as_ref().is_ok_and(|answer| answer.gap.after <= 1.1 * answer.gap.noise_floor)
+    }
+
+    /// Every parameter of a hidden effect that is named by its own name. Wrong parameters are scored by name alone.
+    #[must_use]
+    pub fn intervals(&self) -> Vec<Interval> {
+        let of = |hidden: &Hidden| {
+            let named = self.names().iter().find(|named| named.kind == hidden.kind)?;
+            let kind = Kind::named(&hidden.kind).filter(|kind| *kind != Kind::ParameterError)?;
+            Some(
+                kind.parameters()
+                    .iter()
+                    .zip(&hidden.parameters)
+                    .filter_map(|(parameter, (name, truth))| {
+                        let value = named.parameters.get(name)?;
+                        let (found, truth) =
+                            if parameter.unsigned { (value.value.abs(), truth.abs()) } else { (value.value, *truth) };
+                        let off = (found - truth) / value.std?;
+                        Some(Interval { kind: hidden.kind.clone(), parameter: name.clone(), off })
+                    })
+                    .collect::<Vec<_>>(),
+            )
+        };
+        self.truth.effects.iter().filter_map(of).flatten().collect()
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::super::ceiling::Ceiling;
+    use super::super::diagnosis::tests::naming;
+    use super::*;
+
+    /// A case of `class` with these kinds hidden at the middle of their ranges.
+    pub(in super::super) fn scored(class: &str, hidden: &[Kind], nothing: f64, rival: f64, json: &str) -> Scored {
+        let effects = hidden
+            .iter()
+            .map(|kind| Hidden {
+                kind: kind.name().to_owned(),
+                parameters: kind
+                    .parameters()
+                    .iter()
+                    .map(|parameter| (parameter.name.to_owned(), parameter.at(0.5)))
+                    .collect(),
+            })
+            .collect();
+        let ceiling = (!hidden.is_empty()).then(|| Ceiling { nothing, rivals: vec![("slew_limit".to_owned(), rival)] });
+        let truth = Truth {
+            class: class.to_owned(),
+            number: 0,
+            effects,
+            outside: (class == "outside").then(|| "echo".to_owned()),
+            more_columns: false,
+            model: "none".to_owned(),
+            noise_level: 0.01,
+            ceiling,
+        };
+        Scored { truth, answer: Diagnosis::parse(json) }
+    }
+
+    fn single(hidden: Kind, json: &str) -> Scored {
+        scored(hidden.name(), &[hidden], -100.0, -50.0, json)
+    }
+
+    #[test]
+    fn a_right_name_an_alternative_and_a_wrong_name_are_told_apart() {
+        let right = single(Kind::Backlash, &naming("named", &[(Kind::Backlash, &[])]));
+        assert!(right.first_is_right() && right.first_or_alternative() && !right.has_wrong_name());
+        let alternative = single(Kind::Backlash, &naming("named", &[(Kind::DeadBand, &["backlash"])]));
+        assert!(!alternative.first_is_right() && alternative.first_or_alternative() && !alternative.has_wrong_name());
+        let wrong = single(Kind::Backlash, &naming("named", &[(Kind::DeadBand, &["slew_limit"])]));
+        assert!(!wrong.first_or_alternative() && wrong.has_wrong_name() && wrong.first() == "dead_band");
+        let extra = single(Kind::Backlash, &naming("named", &[(Kind::Backlash, &[]), (Kind::GainDrift, &[])]));
+        assert!(extra.first_is_right() && extra.has_wrong_name());
+    }
+
+    #[test]
+    fn no_answer_is_no_silence() {
+        let error = single(Kind::Backlash, "out of memory");
+        assert!(error.first() == "error" && !error.names_nothing() && !error.admits() && !error.gap_is_closed());
+    }
+
+    #[test]
+    fn only_admitting_ignorance_is_right_outside_the_catalog() {
+        let outside = |json: &str| scored("outside", &[], 0.0, 0.0, json);
+        assert!(outside(&naming("unknown", &[])).admits());
+        assert!(!outside(&naming("agrees", &[])).admits());
+        assert!(!outside(&naming("partly_named", &[(Kind::GainDrift, &[])])).admits());
+        assert!(!outside(&naming("named", &[(Kind::GainDrift, &[])])).admits());
+    }
+
+    #[test]
+    fn a_pair_needs_both_names_in_any_order() {
+        let hidden = [Kind::Backlash, Kind::SecondPole];
+        let pair = |json: &str| scored("pair", &hidden, -100.0, -50.0, json);
+        let both = pair(&naming("named", &[(Kind::SecondPole, &[]), (Kind::Backlash, &[])]));
+        assert!(both.all_named() && both.first_is_right() && !both.has_wrong_name());
+        assert_eq!(both.intervals().len(), 2);
+        assert!(!pair(&naming("partly_named", &[(Kind::SecondPole, &[])])).all_named());
+    }
+
+    #[test]
+    fn an_interval_is_two_standard_deviations_wide() {
+        let mut right = single(Kind::TransportDelay, &naming("named", &[(Kind::TransportDelay, &[])]));
+        assert!(right.intervals()[0].holds() && right.intervals()[0].off.abs() < 1e-9);
+        // The made-up standard deviation is a tenth of the value.
+        right.truth.effects[0].parameters[0].1 *= 0.81;
+        assert!(right.intervals()[0].holds());
+        right.truth.effects[0].parameters[0].1 *= 0.98;
+        assert!(!right.intervals()[0].holds());
+    }
+
+    #[test]
+    fn the_sign_of_a_clock_is_not_compared() {
+        let mut right = single(Kind::ClockSkew, &naming("named", &[(Kind::ClockSkew, &[])]));
+        right.truth.effects[0].parameters[0].1 *= -1.0;
+        assert!(right.intervals()[0].holds());
+    }
+
+    #[test]
+    fn a_gap_is_closed_within_a_tenth_of_the_noise_floor() {
+        let mut right = single(Kind::Backlash, &naming("named", &[(Kind::Backlash, &[])]));
+        assert!(right.gap_is_closed());
+        right.answer.as_mut().unwrap().gap.after = 0.1046;
+        assert!(!right.gap_is_closed());
+    }
+}

@@ -1,0 +1,227 @@
+//! The figures of many scored cases, against what is required.
+
+use std::collections::BTreeMap;
+
+use super::case::Class;
+use super::score::{Interval, Scored};
+
+/// So many of so many.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Share {
+    /// How many have it.
+    pub hits: usize,
+    /// Of how many.
+    pub of: usize,
+}
+
+impl Share {
+    /// Counts.
+    pub fn count(hits: impl IntoIterator<Item = bool>) -> Self {
+        hits.into_iter()
+            .fold(Self::default(), |share, hit| Self { hits: share.hits + usize::from(hit), of: share.of + 1 })
+    }
+
+    /// The part, 0..1; `None` of none.
+    #[must_use]
+    pub fn part(self) -> Option<f64> {
+        (self.of > 0).then(|| self.hits as f64 / self.of as f64)
+    }
+
+    /// Wilson's interval of 95 %: between what parts the true one lies. The whole range of none.
+    #[must_use]
+    pub fn interval(self) -> (f64, f64) {
+        let Some(part) = self.part() else { return (0.0, 1.0) };
+        let (n, z) = (self.of as f64, 1.96);
+        let middle = part + z * z / (2.0 * n);
+        let half = z * (part * (1.0 - part) / n + z * z / (4.0 * n * n)).sqrt();
+        let scale = 1.0 + z * z / n;
+        (((middle - half) / scale).max(0.0), ((middle + half) / scale).min(1.0))
+    }
+}
+
+impl std::fmt::Display for Share {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (low, high) = self.interval();
+        match self.part() {
+            None => write!(f, "none"),
+            Some(part) => write!(
+                f,
+                "{}/{} = {:.0} % ({:.0} to {:.0})",
+                self.hits,
+                self.of,
+                100.0 * part,
+                100.0 * low,
+                100.0 * high
+            ),
+        }
+    }
+}
+
+/// One figure and what it has to be.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Figure {
+    /// What is counted.
+    pub what: &'static str,
+    /// The count.
+    pub share: Share,
+    /// Lowest and highest part that is required, where one is.
+    pub required: Option<(f64, f64)>,
+}
+
+impl Figure {
+    /// Whether it is as required; a figure of no case is not judged.
+    #[must_use]
+    pub fn holds(&self) -> Option<bool> {
+        let ((low, high), part) = (self.required?, self.share.part()?);
+        Some((low..=high).contains(&part))
+    }
+}
+
+/// All figures, in the order of the report.
+#[must_use]
+pub fn figures(cases: &[Scored]) -> Vec<Figure> {
+    let single = |case: &&Scored| case.truth.single().is_some();
+    let visible: Vec<&Scored> = cases.iter().filter(single).filter(|case| !case.truth.is_invisible()).collect();
+    let invisible: Vec<&Scored> = cases.iter().filter(single).filter(|case| case.truth.is_invisible()).collect();
+    let (told, untold): (Vec<&Scored>, Vec<&Scored>) =
+        visible.iter().copied().partition(|case| case.truth.is_told() != Some(false));
+    let of = |class: Class| cases.iter().filter(move |case| case.truth.class == class.name());
+    let pairs: Vec<&Scored> = of(Class::Pair).filter(|case| !case.truth.is_invisible()).collect();
+    let least = |low: f64| Some((low, 1.0));
+    let figure = |what, share, required| Figure { what, share, required };
+    vec![
+        figure(
+            "singles that can be told: the first name is right",
+            Share::count(told.iter().map(|case| case.first_is_right())),
+            least(0.95),
+        ),
+        figure(
+            "singles that cannot: the truth is the first name or an alternative",
+            Share::count(untold.iter().map(|case| case.first_or_alternative())),
+            least(1.0),
+        ),
+        figure(
+            "nothing hidden: no name",
+            Share::count(of(Class::Empty).map(Scored::names_nothing)),
+            least(39.0 / 40.0),
+        ),
+        figure(
+            "outside the catalog: unknown, or partly named without a wrong name",
+            Share::count(of(Class::Outside).map(Scored::admits)),
+            least(0.9),
+        ),
+        figure("pairs that show: both names", Share::count(pairs.iter().map(|case| case.all_named())), least(0.8)),
+        figure(
+            "parameters within 1.96 standard deviations",
+            Share::count(intervals(cases).iter().map(Interval::holds)),
+            Some((0.90, 0.99)),
+        ),
+        figure(
+            "singles that show: the gap left is at most 1.1 of the noise floor",
+            Share::count(visible.iter().map(|case| case.gap_is_closed())),
+            least(0.9),
+        ),
+        figure("all cases: a wrong name", Share::count(cases.iter().map(Scored::has_wrong_name)), None),
+        figure("singles that show: a wrong name", Share::count(visible.iter().map(|case| case.has_wrong_name())), None),
+        figure("singles that show: no name", Share::count(visible.iter().map(|case| case.names_nothing())), None),
+        figure(
+            "singles that do not show: a wrong name",
+            Share::count(invisible.iter().map(|case| case.has_wrong_name())),
+            None,
+        ),
+        figure("answers that cannot be read", Share::count(cases.iter().map(|case| case.answer.is_err())), None),
+    ]
+}
+
+/// What can be reached: how often the generator's own likelihood does what is asked for.
+#[must_use]
+pub fn ceilings(cases: &[Scored]) -> Vec<Figure> {
+    let singles: Vec<_> = cases
+        .iter()
+        .filter(|case| case.truth.single().is_some())
+        .filter_map(|case| case.truth.ceiling.as_ref())
+        .collect();
+    let shows: Vec<_> = singles.iter().filter(|ceiling| ceiling.is_visible()).collect();
+    let pairs = cases.iter().filter(|case| case.truth.class == Class::Pair.name());
+    let figure = |what, share| Figure { what, share, required: None };
+    vec![
+        figure("singles that show at all", Share::count(singles.iter().map(|ceiling| ceiling.is_visible()))),
+        figure("of these, can be told from every rival", Share::count(shows.iter().map(|ceiling| ceiling.is_told()))),
+        figure(
+            "of these, the likelihood prefers the truth",
+            Share::count(shows.iter().map(|ceiling| ceiling.prefers_truth())),
+        ),
+        figure("pairs of which both show", Share::count(pairs.map(|case| !case.truth.is_invisible()))),
+    ]
+}
+
+/// The intervals of effects that show.
+#[must_use]
+pub fn intervals(cases: &[Scored]) -> Vec<Interval> {
+    cases.iter().filter(|case| !case.truth.is_invisible()).flat_map(Scored::intervals).collect()
+}
+
+/// How many cases of each class got each first name.
+#[must_use]
+pub fn confusion(cases: &[Scored]) -> BTreeMap<(String, String), usize> {
+    let mut counts = BTreeMap::new();
+    for case in cases.iter().filter(|case| case.truth.class != Class::Pair.name() && !case.truth.is_invisible()) {
+        *counts.entry((case.truth.class.clone(), case.first().to_owned())).or_insert(0) += 1;
+    }
+    counts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::diagnosis::tests::naming;
+    use super::super::kind::Kind;
+    use super::super::score::tests::scored;
+    use super::*;
+
+    fn figure(cases: &[Scored], start: &str) -> Figure {
+        figures(cases).into_iter().find(|figure| figure.what.starts_with(start)).unwrap()
+    }
+
+    #[test]
+    fn wilsons_interval_is_the_textbooks() {
+        // Brown, Cai and DasGupta (2001), for 0 and 10 of 10: 1 / (1 + z^2 / n).
+        let (low, high) = Share { hits: 10, of: 10 }.interval();
+        assert!((low - 10.0 / (10.0 + 1.96 * 1.96)).abs() < 1e-12 && high == 1.0);
+        let (low, high) = Share { hits: 95, of: 100 }.interval();
+        assert!((low - 0.8882).abs() < 1e-3 && (high - 0.9785).abs() < 1e-3);
+        assert_eq!(Share::default().interval(), (0.0, 1.0));
+    }
+
+    #[test]
+    fn cases_count_where_they_belong() {
+        let delay = [Kind::TransportDelay];
+        let right = naming("named", &[(Kind::TransportDelay, &[])]);
+        let alternative = naming("named", &[(Kind::EscFrameHold, &["transport_delay"])]);
+        let wrong = naming("named", &[(Kind::EscFrameHold, &[])]);
+        let cases = [
+            scored("transport_delay", &delay, -100.0, -50.0, &right),
+            scored("transport_delay", &delay, -100.0, -50.0, &alternative),
+            scored("transport_delay", &delay, -100.0, -1.0, &alternative),
+            scored("transport_delay", &delay, -1.0, -1.0, &wrong),
+            scored("nothing", &[], 0.0, 0.0, &naming("agrees", &[])),
+            scored("outside", &[], 0.0, 0.0, &wrong),
+        ];
+        assert_eq!(figure(&cases, "singles that can be told").share, Share { hits: 1, of: 2 });
+        assert_eq!(figure(&cases, "singles that cannot").share, Share { hits: 1, of: 1 });
+        assert_eq!(figure(&cases, "nothing hidden").holds(), Some(true));
+        assert_eq!(figure(&cases, "outside").holds(), Some(false));
+        assert_eq!(figure(&cases, "pairs").holds(), None);
+        assert_eq!(figure(&cases, "all cases: a wrong").share, Share { hits: 2, of: 6 });
+        assert_eq!(figure(&cases, "singles that do not show").share, Share { hits: 1, of: 1 });
+        assert_eq!(confusion(&cases)[&("transport_delay".to_owned(), "esc_frame_hold".to_owned())], 2);
+        assert_eq!(ceilings(&cases)[0].share, Share { hits: 3, of: 4 });
+        assert_eq!(ceilings(&cases)[1].share, Share { hits: 2, of: 3 });
+    }
+
+    #[test]
+    fn too_many_good_intervals_are_a_fault_too() {
+        let right = naming("named", &[(Kind::TransportDelay, &[])]);
+        let cases = [scored("transport_delay", &[Kind::TransportDelay], -100.0, -50.0, &right)];
+        assert_eq!(figure(&cases, "parameters").holds(), Some(false));
+    }
+}

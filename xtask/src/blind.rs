@@ -1,0 +1,24 @@
+//! The blind cases: builds the tool and the judge, and lets the one judge the other.
+
+use crate::run::{Result, cargo, root, run};
+
+/// Where the whole report set's page goes.
+const PAGE: &str = "docs/confusion.md";
+
+/// Runs the blind cases with these options of the judge's.
+pub fn run_cases(options: &[&str]) -> Result {
+    let judges = !options.contains(&"--only-ceilings");
+    if judges {
+        run(&mut cargo(&["build", "--release", "--package", "rotorlead-sim", "--bin", "rotorlead", "--locked"]))?;
+    }
+    let mut judge = cargo(&["run", "--release", "--package", "host-tests", "--bin", "blind", "--locked", "--"]);
+    judge.args(options);
+    if judges {
+        // Cargo puts it where the environment or its configuration says.
+        let target =
+            std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), |folder| root().join(folder));
+        let tool = target.join("release").join(format!("rotorlead{}", std::env::consts::EXE_SUFFIX));
+        judge.arg("--tool").arg(tool).arg("--page").arg(root().join(PAGE));
+    }
+    run(&mut judge)
+}
