@@ -16,9 +16,12 @@ fn used(work: impl FnOnce()) -> usize {
     MEMORY.peak_usage().saturating_sub(before)
 }
 
+/// Name, entry point and corpus.
+type Fuzzer = (&'static str, fn(&[u8]), Vec<(&'static str, Vec<u8>)>);
+
 #[test]
 fn memory_is_bounded_by_the_length_of_the_log() {
-    let fuzzers: [(&str, fn(&[u8]), Vec<(&str, Vec<u8>)>); 5] = [
+    let fuzzers: [Fuzzer; 5] = [
         ("import_blackbox", fuzz_import_blackbox, import_blackbox_corpus()),
         ("import_esc32", fuzz_import_esc32, import_esc32_corpus()),
         ("import_mat", fuzz_import_mat, import_mat_corpus()),

@@ -6,6 +6,7 @@
 pub mod bench;
 pub mod command;
 pub mod design;
+pub mod diagnose;
 pub mod files;
 pub mod identify;
 pub mod plant;

@@ -5,6 +5,7 @@ mod bandwidth;
 mod demo;
 mod design;
 mod device;
+mod diagnose;
 mod excite;
 mod figures;
 mod identify;
@@ -54,6 +55,7 @@ enum Command {
     Validate(validate::Validate),
     Design(design::Design),
     Bandwidth(bandwidth::Bandwidth),
+    Diagnose(diagnose::Diagnose),
     Device(device::Device),
 }
 
@@ -72,6 +74,7 @@ impl Arguments {
             Command::Validate(command) => say(&command.json, None, || command.run()),
             Command::Design(command) => say(&command.json, Some(&command.out), || command.run()),
             Command::Bandwidth(command) => say(&command.json, None, || command.run()),
+            Command::Diagnose(command) => say(&command.json, command.out_model.as_deref(), || command.run()),
             Command::Device(command) => command.say(),
         }
     }

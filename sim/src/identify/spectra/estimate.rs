@@ -11,6 +11,10 @@ const ROUNDING: f64 = 1e-10;
 
 /// Sinusoids of their own frequency that are looked for in a record.
 const MOST_SINUSOIDS: usize = 4;
+/// A sinusoid of two periods takes what a line knows of its noise up to this many bins away.
+const TAKEN_BINS: f64 = 1.0;
+/// Lines to either side that say it instead.
+const REFILL_LINES: usize = 5;
 
 /// Fourier coefficients by period and bin; bin 0 is the mean, the last bin is not used. Bins more than [`noise_bins`] above
 /// the highest excited one may be left out.
@@ -91,9 +95,12 @@ pub(in crate::identify) fn estimate(
     };
     let noise = if periods_used > 1 {
         // What of a period neither the mean response nor the command's own deviation explains.
-        let sample = sample_variance(periods_used, excited.len(), |p, k| {
+        let mut sample = sample_variance(periods_used, excited.len(), |p, k| {
             response[p][k] - mean_response[k] - ratio[k] * (command[p][k] - mean_command[k])
         });
+        if two {
+            removed.iter().for_each(|s| refill(&mut sample, &excited, s.omega_rad_s / periods.bin_rad_s));
+        }
         let pooled = pool(&sample, &excited);
         LineNoise {
             variance: of_mean(&pooled.variance, periods_used),
@@ -200,6 +207,22 @@ fn at(periods: &[Vec<Complex64>], bins: &[usize]) -> Vec<Vec<Complex64>> {
 /// Variance of one period from `residual(period, line)` around the mean over `periods`.
 fn sample_variance(periods: usize, lines: usize, residual: impl Fn(usize, usize) -> Complex64) -> Vec<f64> {
     (0..lines).map(|k| (0..periods).map(|p| residual(p, k).norm_sqr()).sum::<f64>() / (periods - 1) as f64).collect()
+}
+
+/// Two periods differ by one number per bin, and a sinusoid that was fitted at `bin` has used up what the line next to it
+/// knew of the noise: its neighbors say it instead.
+fn refill(sample: &mut [f64], excited: &[usize], bin: f64) {
+    let distance = |k: usize| (excited[k] as f64 - bin).abs();
+    let Some(nearest) = (0..excited.len()).min_by(|a, b| distance(*a).total_cmp(&distance(*b))) else { return };
+    if distance(nearest) > TAKEN_BINS {
+        return;
+    }
+    let around =
+        (nearest.saturating_sub(REFILL_LINES)..sample.len().min(nearest + REFILL_LINES + 1)).filter(|k| *k != nearest);
+    let (sum, count) = around.fold((0.0, 0), |(sum, count), k| (sum + sample[k], count + 1));
+    if count > 0 {
+        sample[nearest] = sum / f64::from(count);
+    }
 }
 
 fn of_mean(variance: &[f64], periods: usize) -> Vec<f64> {

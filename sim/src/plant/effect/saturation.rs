@@ -19,7 +19,7 @@ pub static KIND: Kind = Kind {
         ),
         Parameter::fitted("min", "duty", "the smallest command that has an effect")
             .possible(0.0, 1.0)
-            .linear(0.0, 0.6, &[0.05, 0.2, 0.4])
+            .linear(0.0, 0.6, &[0.2])
             .optional(0.0),
     ],
     signature: "Flat tops of the response. Gain falls and harmonics grow with amplitude, but only where the command passes the \

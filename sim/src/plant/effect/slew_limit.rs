@@ -38,9 +38,6 @@ pub static KIND: Kind = Kind {
     response: Kind::unity,
 };
 
-/// Moments closer than this are one.
-const SAME_MOMENT_S: f64 = 1e-12;
-
 /// Exact: the moment at which it catches up with the command ends a piece.
 struct SlewLimit {
     rate_per_s: f64,
@@ -111,10 +108,10 @@ mod tests {
     #[test]
     fn catching_up_with_a_slope_takes_a_number_of_pieces_that_rounding_does_not_multiply() {
         let mut slew = SlewLimit { rate_per_s: 0.5, at_s: 0.0, level: 0.0, slope_per_s: 0.0 };
-        let (mut time_s, mut pieces) = (0.0, 0);
+        let (mut time_s, mut pieces) = (0.0_f64, 0);
         for row in 1..=1000 {
             let until_s = f64::from(row) * 1e-3;
-            let level = 0.5 + 0.05 * (40.0 * time_s).sin();
+            let level = 0.5 + 0.05 * f64::sin(40.0 * time_s);
             while time_s < until_s {
                 time_s = slew.advance(time_s, Segment { level, slope_per_s: 0.0, until_s }).until_s;
                 pieces += 1;

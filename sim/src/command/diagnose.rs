@@ -1,0 +1,189 @@
+//! `rotorlead diagnose`
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use clap::Args;
+use miette::{IntoDiagnostic as _, WrapErr as _};
+use serde_json::{Value, json};
+
+use super::outcome::{JsonOption, Outcome};
+use super::progress;
+use crate::diagnose::{Axis, Diagnosis, Location, Options, Verdict, diagnose};
+use crate::files::check_writable;
+use crate::plant::{Catalog, Model};
+use crate::record::Experiment;
+use crate::report::with_std;
+
+/// Finds where simulation and measurement disagree, names the effect that is missing, and shows the gap shrink
+///
+/// The base is the first-order lag at each nominal command: the given model's, or the one that the records show. Effects
+/// are fitted to a part of the records, or to those that are not marked `validate`, and confirmed on the rest.
+#[derive(Args, Debug)]
+pub struct Diagnose {
+    /// The experiment's folder
+    #[arg(value_name = "DIR")]
+    experiment: PathBuf,
+    /// The model to be judged; unless given, the lags that the records show
+    #[arg(long, value_name = "FILE")]
+    model: Option<PathBuf>,
+    /// Where the model with the effects that were found goes
+    #[arg(long, value_name = "FILE")]
+    pub(super) out_model: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) json: JsonOption,
+}
+
+impl Diagnose {
+    /// Runs the command.
+    pub fn run(&self) -> miette::Result<Outcome> {
+        let model = self.model.as_deref().map(Model::read).transpose()?;
+        let experiment = Experiment::read(&self.experiment)?;
+        if let Some(out) = &self.out_model {
+            check_writable(out)?;
+        }
+        let catalog = Catalog::standard();
+        let bar = progress::spinner("diagnosing");
+        let tick = || bar.tick();
+        let options = Options { model: model.as_ref(), catalog: &catalog, progress: &tick };
+        let found = diagnose(&experiment, &options)
+            .map_err(miette::Report::from)
+            .wrap_err_with(|| format!("nothing was diagnosed from `{}`", self.experiment.display()))?;
+        bar.finish_and_clear();
+        let mut text = words(&found);
+        if let Some(out) = &self.out_model {
+            found.model.write(out)?;
+            writeln!(text, "\nWritten to {}", out.display()).into_diagnostic()?;
+        }
+        Ok(Outcome { text, json: values(&found) })
+    }
+}
+
+fn verdict(found: &Diagnosis) -> String {
+    let names = || found.effects.iter().map(|effect| effect.kind.title).collect::<Vec<_>>().join(", and ");
+    match found.verdict {
+        Verdict::Agrees => "Model and measurement agree: what is left is noise.".to_owned(),
+        Verdict::Named => format!("Missing in the model: {}.", names()),
+        Verdict::PartlyNamed => format!("Missing in the model: {}. Something else is left over, unexplained.", names()),
+        Verdict::Unknown => "Model and measurement disagree, and nothing that is known explains how.".to_owned(),
+    }
+}
+
+fn words(found: &Diagnosis) -> String {
+    let mut text = format!("{}\n", verdict(found));
+    let mut line = |line: String| {
+        text.push_str(&line);
+        text.push('\n');
+    };
+    if found.verdict != Verdict::Agrees {
+        line("\nWhere the misfit of the first model lies, in percent of it:".to_owned());
+        for axis in [
+            Axis::Frequency,
+            Axis::Nominal,
+            Axis::Amplitude,
+            Axis::Direction,
+            Axis::Time,
+            Axis::Harmonics,
+            Axis::Excitation,
+        ] {
+            let mut parts: Vec<&Location> = found.locations.iter().filter(|part| part.axis == axis).collect();
+            parts.sort_by(|a, b| b.share.total_cmp(&a.share));
+            let shown = parts.iter().take(3).filter(|part| part.share >= 0.01).map(|part| place(part));
+            let shown = shown.collect::<Vec<_>>().join(", ");
+            if !shown.is_empty() {
+                line(format!("  {:<11} {shown}", axis.name()));
+            }
+        }
+    }
+    for effect in &found.effects {
+        line(format!(
+            "\n{} ({})\n  gap {:.2} % without it, {:.2} % with it; log likelihood {:+.0}",
+            effect.kind.id,
+            effect.kind.title,
+            100.0 * effect.gap_before,
+            100.0 * effect.gap_after,
+            effect.evidence
+        ));
+        for (parameter, estimate) in &effect.parameters {
+            let value = with_std(estimate.value, Some(estimate.std), 1.0, 4);
+            line(format!("  {:<22} {value} {}", parameter.name, parameter.unit));
+        }
+        if !effect.alternatives.is_empty() {
+            let others: Vec<&str> = effect.alternatives.iter().map(|kind| kind.id).collect();
+            line(format!("  the records cannot tell it from {}", others.join(", ")));
+        }
+    }
+    let on = if found.held_out { "what was held out" } else { "what was fitted: nothing was held out" };
+    line(format!(
+        "\nGap on {on}, RMS over that of the response:\n  {:.2} % before, {:.2} % after, {:.2} % noise",
+        100.0 * found.gap.before,
+        100.0 * found.gap.after,
+        100.0 * found.gap.noise_floor
+    ));
+    if let Some(next) = found.next_experiment() {
+        line(format!("\nNext: {next}"));
+    }
+    text
+}
+
+fn place(part: &Location) -> String {
+    let (low, high) = part.range;
+    let where_it_is = match part.axis {
+        Axis::Frequency => format!("{low:.2} to {high:.2} Hz"),
+        Axis::Nominal => format!("{low}"),
+        Axis::Amplitude if low == high => format!("{low:.3}"),
+        Axis::Amplitude => format!("{low:.3} to {high:.3}"),
+        Axis::Direction => (if low > 0.0 { "rising" } else { "falling" }).to_owned(),
+        Axis::Time => format!("{low:.0} to {high:.0} s"),
+        Axis::Harmonics if low < 2.0 => "excited lines".to_owned(),
+        Axis::Harmonics if low < 3.0 => "even lines".to_owned(),
+        Axis::Harmonics => "odd lines".to_owned(),
+        Axis::Excitation if low < 2.0 => "multisine".to_owned(),
+        Axis::Excitation => "square".to_owned(),
+    };
+    format!("{where_it_is}: {:.0}", 100.0 * part.share)
+}
+
+fn values(found: &Diagnosis) -> Value {
+    let finite = |value: f64| if value.is_finite() { json!(value) } else { Value::Null };
+    json!({
+        "verdict": found.verdict.name(),
+        "where": found.locations.iter().map(|part| json!({
+            "axis": part.axis.name(),
+            "range": [part.range.0, part.range.1],
+            "share": part.share,
+            "significance": part.significance,
+        })).collect::<Vec<_>>(),
+        "effects": found.effects.iter().map(|effect| json!({
+            "kind": effect.kind.id,
+            "parameters": effect.parameters.iter().map(|(parameter, estimate)| {
+                let value = json!({ "value": estimate.value, "std": finite(estimate.std), "unit": parameter.unit });
+                (parameter.name.to_owned(), value)
+            }).collect::<serde_json::Map<_, _>>(),
+            "gap_before": effect.gap_before,
+            "gap_after": effect.gap_after,
+            "evidence": effect.evidence,
+            "alternatives": effect.alternatives.iter().map(|kind| kind.id).collect::<Vec<_>>(),
+        })).collect::<Vec<_>>(),
+        "gap": { "before": found.gap.before, "after": found.gap.after, "noise_floor": found.gap.noise_floor },
+        "records": found.records.iter().map(|record| json!({
+            "file": record.file,
+            "nominal": record.nominal,
+            "before": record.gap.before,
+            "after": record.gap.after,
+            "noise_floor": record.gap.noise_floor,
+        })).collect::<Vec<_>>(),
+        "held_out": found.held_out,
+        "excess": {
+            "before": { "sum": found.excess.0.sum, "expected": found.excess.0.expected },
+            "after": { "sum": found.excess.1.sum, "expected": found.excess.1.expected },
+        },
+        "tried": found.tried.iter().map(|tried| json!({
+            "kind": tried.kind.id,
+            "fitted_gain": tried.fitted_gain,
+            "held_out_gain": finite(tried.held_out_gain),
+            "worth": finite(tried.worth),
+        })).collect::<Vec<_>>(),
+        "next_experiment": found.next_experiment(),
+    })
+}

@@ -1,0 +1,299 @@
+//! Explain: which effects of the catalog the misfit asks for.
+//!
+//! Every kind is tried at its starts, with the lags moved along to first order; the promising ones are fitted jointly with
+//! the lags on the fitted stretches. What a kind is worth is its gain of log likelihood there, less one per parameter
+//! (Akaike 1974), plus its gain on the held-out stretches, where parameters cannot help themselves. Effects are added one
+//! at a time; each is then tried again in the presence of the others, exchanged where another kind serves better there, and
+//! dropped where the others make it redundant.
+
+use std::cmp::Ordering;
+
+use super::fit::{Fit, MOST_STEPS, Tangent, fit, fit_in, misfit};
+use super::hypothesis::{Candidate, Hypothesis};
+use super::trial::{Purpose, Trials};
+use crate::identify::align;
+use crate::plant::Catalog;
+use crate::plant::effect::Kind;
+
+/// Most effects that are named.
+const MOST_EFFECTS: usize = 3;
+/// An effect is named for at least this worth: with 17 kinds to choose from, and two values each, noise alone gives as much
+/// once in thousands of experiments.
+const LEAST_WORTH: f64 = 10.0;
+/// Kinds within this of the best are told apart by chance only.
+const ALIKE: f64 = 5.0;
+/// How many kinds are fitted after the screening, and from which share of the best gain on.
+const MOST_FITTED: usize = 7;
+const PROMISING: f64 = 0.2;
+/// Starts that are followed of one kind.
+const MOST_STARTS: usize = 2;
+/// Steps after which the kinds are compared; after these so many go on, and all that are close.
+const FIRST_STEPS: usize = 3;
+/// How often the screening halves the distance to the neighbors of the best start.
+const CLOSER_LOOKS: usize = 3;
+const MOST_FINISHED: usize = 3;
+
+/// A kind with what it would be worth.
+#[derive(Clone, Debug)]
+pub(super) struct Tried {
+    /// The kind.
+    pub kind: &'static Kind,
+    /// The fit with it; its effect is the last one.
+    pub fit: Fit,
+    /// Gain of log likelihood over what is fitted.
+    pub fitted_gain: f64,
+    /// Gain of log likelihood over what is held out.
+    pub held_out_gain: f64,
+    /// Numbers it has.
+    pub parameters: usize,
+}
+
+impl Tried {
+    /// What it is worth, in units of log likelihood.
+    pub fn worth(&self) -> f64 {
+        self.fitted_gain - self.parameters as f64 + self.held_out_gain
+    }
+}
+
+/// The most valuable first.
+fn by_worth(a: &Tried, b: &Tried) -> Ordering {
+    b.worth().total_cmp(&a.worth())
+}
+
+/// An effect that was found.
+#[derive(Clone, Debug)]
+pub(super) struct Found {
+    /// The kind.
+    pub kind: &'static Kind,
+    /// What it is worth beside the others that were found.
+    pub worth: f64,
+    /// Others that would do as well in its place.
+    pub alternatives: Vec<&'static Kind>,
+}
+
+/// What was found, with the fit of all of it.
+#[derive(Clone, Debug)]
+pub(super) struct Explanation {
+    /// The lags alone.
+    pub before: Fit,
+    /// With the effects, in the order of `found`.
+    pub after: Fit,
+    /// The effects, the most valuable first.
+    pub found: Vec<Found>,
+    /// What was tried beside the lags alone, best first.
+    pub tried: Vec<Tried>,
+}
+
+/// Everything that may be tried, and on what.
+pub(super) struct Search<'a> {
+    /// The records.
+    pub trials: Trials,
+    /// The kinds.
+    pub catalog: &'a Catalog,
+    /// Told whenever a step is done.
+    pub progress: &'a dyn Fn(),
+}
+
+impl Search<'_> {
+    /// Takes the noise from what `fit` leaves and fits it again with that. Twice, since weights and fit depend on each other.
+    fn settle(&mut self, start: &Hypothesis, lags: bool) -> Option<Fit> {
+        let mut hypothesis = start.clone();
+        for _ in 0..2 {
+            self.weigh(&hypothesis);
+            hypothesis = fit(&self.trials, &hypothesis, lags)?.hypothesis;
+        }
+        self.weigh(&hypothesis);
+        fit(&self.trials, &hypothesis, lags)
+    }
+
+    fn weigh(&mut self, hypothesis: &Hypothesis) {
+        let all = self.trials.clone();
+        for trial in &mut self.trials.trials {
+            let rows = trial.end_of(None);
+            if let Ok(simulated) = hypothesis.simulate(&all, trial, rows) {
+                let measured = &trial.measured[..rows];
+                // The state from which the record starts is no noise.
+                let tau_s = hypothesis.base[trial.point].time_constant_s;
+                let aligned = align(&trial.time_s[..rows], measured, &simulated, tau_s);
+                let left: Vec<f64> = measured.iter().zip(&aligned).map(|(y, model)| y - model).collect();
+                trial.weigh(&left);
+            }
+        }
+    }
+
+    /// Kinds that improve on `from`, best first.
+    fn tries(&self, from: &Fit, exclude: &[&'static Kind]) -> Vec<Tried> {
+        let Some(tangent) = from.tangent(&self.trials) else { return Vec::new() };
+        let kinds = self.catalog.kinds().filter(|kind| kind.id != "parameter_error" && !exclude.contains(kind));
+        let mut screened: Vec<(f64, Hypothesis, &'static Kind)> = Vec::new();
+        for kind in kinds {
+            screened.extend(self.screen(&tangent, from, kind));
+            (self.progress)();
+        }
+        screened.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let best = screened.first().map_or(0.0, |best| from.misfit - best.0);
+        let mut kinds: Vec<&'static Kind> = Vec::new();
+        let mut tried: Vec<Tried> = Vec::new();
+        let mut starts = [0; 64];
+        for (left, start, kind) in screened {
+            let place = kinds.iter().position(|other| *other == kind);
+            let gain = from.misfit - left;
+            // What promises less than half of what has to be there is not worth a search.
+            if gain < LEAST_WORTH || (gain < PROMISING * best && place.is_none() && kinds.len() >= 3) {
+                continue;
+            }
+            let place = match place {
+                Some(place) => place,
+                None if kinds.len() < MOST_FITTED => {
+                    kinds.push(kind);
+                    kinds.len() - 1
+                }
+                None => continue,
+            };
+            if starts[place] >= MOST_STARTS {
+                continue;
+            }
+            starts[place] += 1;
+            let Some(found) = self.attempt(from, &start, kind, FIRST_STEPS) else { continue };
+            match tried.iter_mut().find(|other| other.kind == kind) {
+                Some(other) if found.fitted_gain > other.fitted_gain => *other = found,
+                Some(_) => {}
+                None => tried.push(found),
+            }
+            (self.progress)();
+        }
+        tried.sort_by(by_worth);
+        let best = tried.first().map_or(0.0, Tried::worth);
+        for (place, tried) in tried.iter_mut().enumerate() {
+            if place < MOST_FINISHED || best - tried.worth() < MOST_FINISHED as f64 * ALIKE {
+                let start = tried.fit.hypothesis.clone();
+                if let Some(finished) = self.attempt(from, &start, tried.kind, MOST_STEPS) {
+                    *tried = finished;
+                }
+                (self.progress)();
+            }
+        }
+        tried.sort_by(by_worth);
+        tried
+    }
+
+    /// Starts of a kind with what they would leave. Around the best of a single value it looks closer: a limit is felt only
+    /// where the commands are.
+    fn screen(&self, tangent: &Tangent, from: &Fit, kind: &'static Kind) -> Vec<(f64, Hypothesis, &'static Kind)> {
+        let judge = |start: &Candidate| tangent.judge(&self.trials, &from.hypothesis.with(start.clone()));
+        let mut judged: Vec<(f64, Candidate, Hypothesis)> = Vec::new();
+        for start in Candidate::starts(kind) {
+            if let Some((left, moved)) = judge(&start) {
+                judged.push((left, start, moved));
+            }
+        }
+        if Candidate::searched(kind).count() == 1 {
+            for _ in 0..CLOSER_LOOKS {
+                for between in Candidate::around_best(&judged) {
+                    if let Some((left, moved)) = judge(&between) {
+                        judged.push((left, between, moved));
+                    }
+                }
+            }
+        }
+        judged.into_iter().map(|(left, _, moved)| (left, moved, kind)).collect()
+    }
+
+    fn attempt(&self, from: &Fit, start: &Hypothesis, kind: &'static Kind, most_steps: usize) -> Option<Tried> {
+        let fit = fit_in(&self.trials, start, true, most_steps)?;
+        let parameters = Candidate::searched(kind).count();
+        let fitted_gain = 0.5 * (from.misfit - fit.misfit);
+        let held_out_gain = self.held_out_gain(&from.hypothesis, &fit.hypothesis);
+        Some(Tried { kind, fit, fitted_gain, held_out_gain, parameters })
+    }
+
+    /// By how much the log likelihood of what is held out grows.
+    fn held_out_gain(&self, from: &Hypothesis, to: &Hypothesis) -> f64 {
+        let left = |hypothesis| misfit(&self.trials, hypothesis, Purpose::HeldOut);
+        match (left(from), left(to)) {
+            (Some(from), Some(to)) => 0.5 * (from - to),
+            _ => f64::NEG_INFINITY,
+        }
+    }
+
+    /// Finds the effects.
+    pub fn explain(&mut self, base: &Hypothesis) -> Option<Explanation> {
+        let before = self.settle(base, true)?;
+        let mut current = before.clone();
+        let mut effects: Vec<Tried> = Vec::new();
+        let mut first_tried = Vec::new();
+        while effects.len() < MOST_EFFECTS {
+            let named: Vec<&'static Kind> = effects.iter().map(|effect| effect.kind).collect();
+            let tried = self.tries(&current, &named);
+            if effects.is_empty() {
+                first_tried.clone_from(&tried);
+            }
+            let Some(best) = tried.into_iter().next().filter(|best| best.worth() >= LEAST_WORTH) else { break };
+            let start = best.fit.hypothesis.clone();
+            effects.push(best);
+            current = self.settle(&start, true)?;
+        }
+        let (after, found) = match &effects[..] {
+            // Nothing beside which it could look different.
+            [_] => {
+                let others = first_tried.iter().skip(1);
+                let alike = |other: &&Tried| first_tried[0].worth() - other.worth() < ALIKE;
+                let alternatives = others.filter(alike).map(|other| other.kind).collect();
+                let found = Found { kind: first_tried[0].kind, worth: first_tried[0].worth(), alternatives };
+                (current, vec![found])
+            }
+            _ => self.review(current)?,
+        };
+        Some(Explanation { before, after, found, tried: first_tried })
+    }
+
+    /// Tries each effect again beside the others: drops it, exchanges it, or keeps it with what would do as well.
+    fn review(&mut self, mut current: Fit) -> Option<(Fit, Vec<Found>)> {
+        let mut found: Vec<Option<Found>> = vec![None; current.hypothesis.effects.len()];
+        let mut effect = 0;
+        let mut exchanges = 0;
+        while effect < current.hypothesis.effects.len() {
+            let kind = current.hypothesis.effects[effect].kind;
+            let rest = fit(&self.trials, &current.hypothesis.without(effect), true)?;
+            let others: Vec<&'static Kind> = rest.hypothesis.effects.iter().map(|other| other.kind).collect();
+            let mut tried = self.tries(&rest, &others);
+            // The fit that it has may be better than what the search from the rest finds.
+            if let Some(own) = self.attempt(&rest, &current.hypothesis, kind, MOST_STEPS) {
+                tried.retain(|other| other.kind != kind || other.worth() > own.worth());
+                if !tried.iter().any(|other| other.kind == kind) {
+                    tried.push(own);
+                }
+                tried.sort_by(by_worth);
+            }
+            let best = tried.first()?;
+            if best.worth() < LEAST_WORTH {
+                current = rest;
+                found.remove(effect);
+                continue;
+            }
+            if best.kind != kind && exchanges < MOST_EFFECTS {
+                exchanges += 1;
+                current = self.settle(&best.fit.hypothesis.clone(), true)?;
+                // The new one is the last; all are judged beside it.
+                found = vec![None; current.hypothesis.effects.len()];
+                effect = 0;
+                continue;
+            }
+            let alternatives = tried
+                .iter()
+                .skip(1)
+                .filter(|other| best.worth() - other.worth() < ALIKE)
+                .map(|other| other.kind)
+                .collect();
+            found[effect] = Some(Found { kind, worth: best.worth(), alternatives });
+            effect += 1;
+        }
+        let mut order: Vec<usize> = (0..found.len()).collect();
+        let worth = |effect: usize| found[effect].as_ref().map_or(0.0, |found| found.worth);
+        order.sort_by(|a, b| worth(*b).total_cmp(&worth(*a)));
+        let mut sorted = current.hypothesis.clone();
+        sorted.effects = order.iter().map(|&effect| current.hypothesis.effects[effect].clone()).collect();
+        let after = fit(&self.trials, &sorted, true)?;
+        Some((after, order.into_iter().filter_map(|effect| found[effect].clone()).collect()))
+    }
+}

@@ -1,0 +1,94 @@
+//! Confirm: how far simulation and measurement are apart on what was held out, before and after, and how far noise alone
+//! would keep them apart.
+
+use super::hypothesis::Hypothesis;
+use super::trial::{Purpose, Trial, Trials};
+use crate::identify::align;
+
+/// Gap on held-out stretches, `RMS(y - yhat) / RMS(y - mean y)`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Gap {
+    /// Of the model as it was.
+    pub before: f64,
+    /// Of the improved one.
+    pub after: f64,
+    /// What the noise of the records leaves to a perfect one.
+    pub noise_floor: f64,
+}
+
+/// The gap of one record.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RecordGap {
+    /// The record.
+    pub file: String,
+    /// Its nominal command.
+    pub nominal: f64,
+    /// The gap.
+    pub gap: Gap,
+}
+
+/// Sums of squares, to be divided at the end.
+#[derive(Clone, Copy, Default)]
+struct Squares {
+    before: f64,
+    after: f64,
+    noise: f64,
+    response: f64,
+}
+
+impl Squares {
+    fn add(&mut self, other: Self) {
+        self.before += other.before;
+        self.after += other.after;
+        self.noise += other.noise;
+        self.response += other.response;
+    }
+
+    fn gap(self) -> Gap {
+        let part = |sum: f64| (sum / self.response).sqrt();
+        Gap { before: part(self.before), after: part(self.after), noise_floor: part(self.noise) }
+    }
+}
+
+/// Gap in total and record by record; on what was fitted where nothing is held out, which the flag says.
+pub(super) fn gaps(trials: &Trials, before: &Hypothesis, after: &Hypothesis) -> (Gap, Vec<RecordGap>, bool) {
+    let held_out = trials.trials.iter().any(|trial| trial.end_of(Some(Purpose::HeldOut)) > 0);
+    let purpose = if held_out { Purpose::HeldOut } else { Purpose::Fit };
+    let mut total = Squares::default();
+    let mut records = Vec::new();
+    for trial in trials.trials.iter().filter(|trial| trial.end_of(Some(purpose)) > 0) {
+        let Some(squares) = squares(trials, trial, before, after, purpose) else { continue };
+        total.add(squares);
+        records.push(RecordGap { file: trial.file.clone(), nominal: trial.nominal, gap: squares.gap() });
+    }
+    (total.gap(), records, held_out)
+}
+
+fn squares(
+    trials: &Trials,
+    trial: &Trial,
+    before: &Hypothesis,
+    after: &Hypothesis,
+    purpose: Purpose,
+) -> Option<Squares> {
+    let rows = trial.end_of(Some(purpose));
+    let simulated = [before, after].map(|hypothesis| hypothesis.simulate(trials, trial, rows));
+    let mut squares = Squares::default();
+    for stretch in trial.stretches.iter().filter(|stretch| stretch.purpose == purpose) {
+        let rows = stretch.rows.clone();
+        let (time_s, measured) = (&trial.time_s[rows.clone()], &trial.measured[rows.clone()]);
+        let left = |model: &[f64]| {
+            // A sensor's zero and the state at the begin are no part of what a model says.
+            let tau_s = before.base[trial.point].time_constant_s;
+            let aligned = align(time_s, measured, &model[rows.clone()], tau_s);
+            aligned.iter().zip(measured).map(|(model, y)| (y - model).powi(2)).sum::<f64>()
+        };
+        let [before, after] = &simulated;
+        squares.before += left(before.as_ref().ok()?);
+        squares.after += left(after.as_ref().ok()?);
+        let mean = measured.iter().sum::<f64>() / measured.len() as f64;
+        squares.response += measured.iter().map(|y| (y - mean).powi(2)).sum::<f64>();
+        squares.noise += stretch.whitening.row_variance() * measured.len() as f64;
+    }
+    Some(squares)
+}

@@ -1,0 +1,249 @@
+//! A model that may be the true one: lags, a misalignment of the clocks, and effects, as numbers that can be fitted.
+
+use super::trial::{Trial, Trials};
+use crate::plant::effect::{Kind, Parameter, Scale, Use};
+use crate::plant::{
+    ActiveEffect, Actuator, Catalog, Drive, EscTiming, Lag, OperatingPoint, PlantError, Start, simulate,
+};
+
+/// How far a value may leave its plausible range in a search, in widths of the range.
+const BEYOND: f64 = 0.5;
+
+/// Pieces of the plausible range of a single value.
+const GRID: u32 = 12;
+
+/// The lag at one nominal command.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct BasePoint {
+    /// Response units per unit of command.
+    pub gain: f64,
+    /// Seconds.
+    pub time_constant_s: f64,
+    /// Seconds; not fitted.
+    pub delay_s: f64,
+}
+
+/// Lags, alignment and effects with their values.
+#[derive(Clone, Debug)]
+pub(super) struct Hypothesis {
+    /// One per nominal command.
+    pub base: Vec<BasePoint>,
+    /// By how much the response is late beyond the rest, seconds: rows are not stamped more finely than they are apart.
+    pub late_s: f64,
+    /// The effects, in the order in which they were found.
+    pub effects: Vec<Candidate>,
+}
+
+/// An effect with its values.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Candidate {
+    /// What it is.
+    pub kind: &'static Kind,
+    /// All its values.
+    pub values: Vec<f64>,
+}
+
+/// What one coordinate of a search is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Coordinate {
+    /// Logarithm of the gain at a nominal command.
+    Gain(usize),
+    /// Logarithm of the time constant at a nominal command.
+    TimeConstant(usize),
+    /// The misalignment.
+    Late,
+    /// A value of an effect.
+    Effect {
+        /// Which effect.
+        effect: usize,
+        /// Which of its values.
+        value: usize,
+    },
+}
+
+impl Candidate {
+    /// Places of the values that a search may change.
+    pub fn searched(kind: &'static Kind) -> impl Iterator<Item = (usize, &'static Parameter)> {
+        let is_searched = |parameter: &Parameter| match parameter.usage {
+            Use::Fitted => true,
+            // An optional one with several starts has to be right for the rest to fit at all.
+            Use::Optional(_) => parameter.starts.len() > 1,
+        };
+        kind.parameters.iter().enumerate().filter(move |(_, parameter)| is_searched(parameter))
+    }
+
+    /// Every combination of starts; of a single value its whole plausible range as well, since a limit that no command reaches
+    /// does not say which way to go.
+    pub fn starts(kind: &'static Kind) -> Vec<Self> {
+        let mut all = vec![kind.null()];
+        let searched: Vec<_> = Self::searched(kind).collect();
+        if let [(index, parameter)] = searched[..] {
+            let (low, high) = parameter.plausible;
+            let (low, high) = (to_coordinate(parameter, low), to_coordinate(parameter, high));
+            let grid =
+                (0..=GRID).map(|k| from_coordinate(parameter, low + (high - low) * f64::from(k) / f64::from(GRID)));
+            let with = |start: f64| {
+                let mut values = all[0].clone();
+                values[index] = start;
+                Self { kind, values }
+            };
+            let starts = grid.chain(parameter.starts.iter().copied()).map(with);
+            return starts.filter(|start| (kind.check)(&start.values).is_ok()).collect();
+        }
+        for (index, parameter) in searched {
+            let with = |values: &Vec<f64>, start: f64| {
+                let mut values = values.clone();
+                values[index] = start;
+                values
+            };
+            all = all.iter().flat_map(|values| parameter.starts.iter().map(|&start| with(values, start))).collect();
+        }
+        all.into_iter()
+            .map(|values| Self { kind, values })
+            .filter(|start| (kind.check)(&start.values).is_ok())
+            .collect()
+    }
+}
+
+impl Candidate {
+    /// Half way from the best of some starts of a single value to its neighbors on either side.
+    pub fn around_best<T>(judged: &[(f64, Self, T)]) -> Vec<Self> {
+        let best = judged.iter().min_by(|a, b| a.0.total_cmp(&b.0));
+        let Some(((_, best, _), (index, parameter))) =
+            best.zip(best.and_then(|best| Self::searched(best.1.kind).next()))
+        else {
+            return Vec::new();
+        };
+        let at = |candidate: &Self| to_coordinate(parameter, candidate.values[index]);
+        let here = at(best);
+        let others = || judged.iter().map(|(_, other, _)| at(other));
+        let below = others().filter(|other| *other < here).fold(f64::NEG_INFINITY, f64::max);
+        let above = others().filter(|other| *other > here).fold(f64::INFINITY, f64::min);
+        let between = [below, above].into_iter().filter(|other| other.is_finite()).map(|other| {
+            let mut values = best.values.clone();
+            values[index] = from_coordinate(parameter, 0.5 * (here + other));
+            Self { kind: best.kind, values }
+        });
+        between.filter(|start| (start.kind.check)(&start.values).is_ok()).collect()
+    }
+}
+
+/// A value as a coordinate in which a unit step is a fair step.
+fn to_coordinate(parameter: &Parameter, value: f64) -> f64 {
+    match parameter.scale {
+        Scale::Log => value.ln(),
+        Scale::Linear => value / (parameter.plausible.1 - parameter.plausible.0),
+    }
+}
+
+fn from_coordinate(parameter: &Parameter, coordinate: f64) -> f64 {
+    match parameter.scale {
+        Scale::Log => coordinate.exp(),
+        Scale::Linear => coordinate * (parameter.plausible.1 - parameter.plausible.0),
+    }
+}
+
+/// How fast the value moves with its coordinate.
+pub(super) fn slope(parameter: &Parameter, value: f64) -> f64 {
+    match parameter.scale {
+        Scale::Log => value,
+        Scale::Linear => parameter.plausible.1 - parameter.plausible.0,
+    }
+}
+
+impl Hypothesis {
+    /// Lags only.
+    pub fn of_lags(base: Vec<BasePoint>) -> Self {
+        Self { base, late_s: 0.0, effects: Vec::new() }
+    }
+
+    /// With one more effect.
+    pub fn with(&self, candidate: Candidate) -> Self {
+        let mut more = self.clone();
+        more.effects.push(candidate);
+        more
+    }
+
+    /// Without one of its effects.
+    pub fn without(&self, effect: usize) -> Self {
+        let mut fewer = self.clone();
+        fewer.effects.remove(effect);
+        fewer
+    }
+
+    /// What a search changes; the lags only where `lags` says so.
+    pub fn coordinates(&self, lags: bool) -> Vec<Coordinate> {
+        let mut all = Vec::new();
+        if lags {
+            for point in 0..self.base.len() {
+                all.extend([Coordinate::Gain(point), Coordinate::TimeConstant(point)]);
+            }
+        }
+        all.push(Coordinate::Late);
+        for (effect, candidate) in self.effects.iter().enumerate() {
+            all.extend(Candidate::searched(candidate.kind).map(|(value, _)| Coordinate::Effect { effect, value }));
+        }
+        all
+    }
+
+    /// The value of a coordinate.
+    pub fn get(&self, coordinate: Coordinate) -> f64 {
+        match coordinate {
+            Coordinate::Gain(point) => self.base[point].gain.abs().ln(),
+            Coordinate::TimeConstant(point) => self.base[point].time_constant_s.ln(),
+            Coordinate::Late => self.late_s,
+            Coordinate::Effect { effect, value } => {
+                let candidate = &self.effects[effect];
+                to_coordinate(&candidate.kind.parameters[value], candidate.values[value])
+            }
+        }
+    }
+
+    /// Sets it, as far as it goes.
+    pub fn set(&mut self, coordinate: Coordinate, to: f64) {
+        match coordinate {
+            Coordinate::Gain(point) => {
+                let gain = &mut self.base[point].gain;
+                *gain = to.exp().copysign(*gain);
+            }
+            Coordinate::TimeConstant(point) => self.base[point].time_constant_s = to.exp().clamp(1e-4, 100.0),
+            Coordinate::Late => self.late_s = to,
+            Coordinate::Effect { effect, value } => {
+                let candidate = &mut self.effects[effect];
+                let parameter = &candidate.kind.parameters[value];
+                let (low, high) = parameter.plausible;
+                let (low, high) = (to_coordinate(parameter, low), to_coordinate(parameter, high));
+                let room = BEYOND * (high - low);
+                let (least, most) = parameter.possible;
+                let before = candidate.values[value];
+                candidate.values[value] =
+                    from_coordinate(parameter, to.clamp(low - room, high + room)).clamp(least, most);
+                if (candidate.kind.check)(&candidate.values).is_err() {
+                    candidate.values[value] = before;
+                }
+            }
+        }
+    }
+
+    /// The response at the first `rows` rows of a record.
+    ///
+    /// # Errors
+    /// [`PlantError`] for values that no actuator has.
+    pub fn simulate(&self, trials: &Trials, trial: &Trial, rows: usize) -> Result<Vec<f64>, PlantError> {
+        let base = &self.base[trial.point];
+        let lag = Lag { gain: base.gain, time_constant_s: base.time_constant_s, delay_s: base.delay_s };
+        let response = trial.mean_response - base.gain * (trial.mean_command - trial.nominal);
+        let point = OperatingPoint { nominal: trial.nominal, lag, response };
+        let mut effects = Vec::with_capacity(self.effects.len());
+        for candidate in &self.effects {
+            effects.push(ActiveEffect::new(candidate.kind, candidate.values.clone())?);
+        }
+        Catalog::standard().sort(&mut effects);
+        let timing = EscTiming { frame_hz: trials.esc_frame_hz, frame_phase: 0.0 };
+        let mut actuator = Actuator::with_effects(point, &effects, timing)?;
+        let told = ((rows - 1) * trial.told_per_row + 1).min(trial.told_s.len());
+        let drive = Drive { time_s: &trial.told_s[..told], command: &trial.told[..told] };
+        let stamps: Vec<f64> = trial.time_s[..rows].iter().map(|time_s| time_s - self.late_s).collect();
+        Ok(simulate(&mut actuator, drive, Start::Rest(trial.nominal), &stamps)?.response)
+    }
+}

@@ -1,0 +1,251 @@
+//! Locate: where the misfit lies, and whether it is more than noise.
+//!
+//! On the lines that a period has there is signal, misfit and noise; `sum |z|^2` of the white residual over `n` lines is a
+//! chi-square of `2 n` where only noise is left. What is more than `2 n` is the misfit, and is shared out along each axis.
+
+use super::fit::residual;
+use super::hypothesis::Hypothesis;
+use super::trial::{Purpose, Stretch, Trial, Trials};
+use super::whitening::Whitening;
+use crate::record::Excitation;
+
+/// Lines are compared up to this multiple of the highest excited frequency: what a nonlinearity adds lies there too.
+const BEYOND_EXCITED: f64 = 2.0;
+/// Bands of a decade in the report.
+const BANDS_PER_DECADE: f64 = 3.0;
+/// Records whose amplitudes differ by less than this factor count as one amplitude.
+const SAME_AMPLITUDE: f64 = 1.1;
+/// The noise density is a mean over this many lines, so its own error adds to that of a sum over many.
+const DENSITY_LINES: f64 = 48.0;
+
+/// Along what a misfit is shared out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Axis {
+    /// Hertz.
+    Frequency,
+    /// Nominal command.
+    Nominal,
+    /// Largest deviation of the command.
+    Amplitude,
+    /// -1 while the response falls, 1 while it rises.
+    Direction,
+    /// Seconds from the begin of a record.
+    Time,
+    /// 1 for excited lines, 2 for even ones, 3 for odd ones that are not excited.
+    Harmonics,
+    /// 1 for multisine records, 2 for square waves.
+    Excitation,
+}
+
+impl Axis {
+    /// Its name in files.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Frequency => "frequency",
+            Self::Nominal => "nominal",
+            Self::Amplitude => "amplitude",
+            Self::Direction => "direction",
+            Self::Time => "time",
+            Self::Harmonics => "harmonics",
+            Self::Excitation => "excitation",
+        }
+    }
+}
+
+/// A part of an axis with its share of the misfit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Location {
+    /// Along what.
+    pub axis: Axis,
+    /// From and to, in the axis' unit.
+    pub range: (f64, f64),
+    /// Share of the misfit over the noise, 0..1. They sum up to 1 over an axis.
+    pub share: f64,
+    /// By how many standard deviations of the noise's own chi-square the misfit exceeds it.
+    pub significance: f64,
+}
+
+/// How much is left, and how much noise would leave.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Excess {
+    /// Sum of squares of the white residual.
+    pub sum: f64,
+    /// What noise leaves on average: two per line.
+    pub expected: f64,
+}
+
+impl Excess {
+    fn add(&mut self, other: Self) {
+        self.sum += other.sum;
+        self.expected += other.expected;
+    }
+
+    /// What is more than noise.
+    #[must_use]
+    pub fn over(&self) -> f64 {
+        self.sum - self.expected
+    }
+
+    /// The same in standard deviations.
+    #[must_use]
+    pub fn significance(&self) -> f64 {
+        if self.expected == 0.0 {
+            return 0.0;
+        }
+        // 2 n for the chi-square of n degrees of freedom, as much again for the density's own error where it rests on few.
+        let variance = 2.0 * self.expected * (1.0 + self.expected / (self.expected + DENSITY_LINES));
+        self.over() / variance.sqrt()
+    }
+}
+
+/// What is left on one line.
+struct Line {
+    hz: f64,
+    excited: bool,
+    even: bool,
+    excess: Excess,
+}
+
+/// The lines of a period with what a hypothesis leaves on them.
+fn lines(trials: &Trials, trial: &Trial, hypothesis: &Hypothesis, purpose: Purpose) -> Vec<Line> {
+    let Some(white) = residual(trials, trial, hypothesis, purpose) else { return Vec::new() };
+    let told: Vec<f64> = trial.told.iter().step_by(trial.told_per_row).take(trial.period_rows).copied().collect();
+    let command = Whitening::unit(trial.period_rows).spectrum(&told);
+    let strongest = command.iter().skip(1).map(|line| line.norm()).fold(0.0, f64::max);
+    let period_hz = trial.rate_hz / trial.period_rows as f64;
+    let mut from = 0;
+    let mut all = Vec::new();
+    for stretch in trial.stretches.iter().filter(|stretch| stretch.purpose == purpose) {
+        let count = stretch.whitening.lines();
+        for (index, z) in white[from..from + count].iter().enumerate() {
+            let line = index + 1;
+            let harmonic = line / stretch.periods;
+            let hz = harmonic as f64 * period_hz;
+            if line % stretch.periods == 0 && hz <= BEYOND_EXCITED * trial.highest_hz {
+                let excited = command.get(harmonic).is_some_and(|command| command.norm() > 1e-3 * strongest);
+                let excess = Excess { sum: z.norm_sqr(), expected: 2.0 };
+                all.push(Line { hz, excited, even: harmonic % 2 == 0, excess });
+            }
+        }
+        from += count;
+    }
+    all
+}
+
+/// What a hypothesis leaves on the lines of all records.
+pub(super) fn excess(trials: &Trials, hypothesis: &Hypothesis, purpose: Purpose) -> Excess {
+    let mut total = Excess::default();
+    for trial in &trials.trials {
+        lines(trials, trial, hypothesis, purpose).into_iter().for_each(|line| total.add(line.excess));
+    }
+    total
+}
+
+/// Parts of one axis.
+#[derive(Default)]
+struct Parts(Vec<((f64, f64), Excess)>);
+
+impl Parts {
+    fn add(&mut self, range: (f64, f64), excess: Excess) {
+        match self.0.iter_mut().find(|(other, _)| *other == range) {
+            Some((_, part)) => part.add(excess),
+            None => self.0.push((range, excess)),
+        }
+    }
+
+    fn locations(mut self, axis: Axis) -> Vec<Location> {
+        self.0.sort_by(|a, b| a.0.0.total_cmp(&b.0.0));
+        let total: f64 = self.0.iter().map(|(_, part)| part.over().max(0.0)).sum();
+        let share = |part: &Excess| if total > 0.0 { part.over().max(0.0) / total } else { 0.0 };
+        let located = self.0.iter().map(|(range, part)| Location {
+            axis,
+            range: *range,
+            share: share(part),
+            significance: part.significance(),
+        });
+        if total > 0.0 { located.collect() } else { Vec::new() }
+    }
+}
+
+fn band(hz: f64) -> (f64, f64) {
+    let index = (hz.log10() * BANDS_PER_DECADE + 1e-9).floor();
+    let edge = |index: f64| 10_f64.powf(index / BANDS_PER_DECADE);
+    (edge(index), edge(index + 1.0))
+}
+
+fn amplitude_group(amplitudes: &[f64], amplitude: f64) -> (f64, f64) {
+    let alike = amplitudes.iter().filter(|other| (*other / amplitude).ln().abs() < SAME_AMPLITUDE.ln());
+    alike.fold((amplitude, amplitude), |(low, high), other| (low.min(*other), high.max(*other)))
+}
+
+/// Shares the misfit of what is fitted out along every axis.
+pub(super) fn locate(trials: &Trials, hypothesis: &Hypothesis) -> Vec<Location> {
+    let (mut frequency, mut nominal, mut amplitude) = (Parts::default(), Parts::default(), Parts::default());
+    let (mut harmonics, mut excitation) = (Parts::default(), Parts::default());
+    let (mut direction, mut time) = (Parts::default(), Parts::default());
+    let amplitudes: Vec<f64> = trials.trials.iter().map(|trial| trial.amplitude).collect();
+    for trial in &trials.trials {
+        let kind = if trial.excitation == Excitation::Multisine { 1.0 } else { 2.0 };
+        for line in lines(trials, trial, hypothesis, Purpose::Fit) {
+            let sort = match (line.excited, line.even) {
+                (true, _) => 1.0,
+                (false, true) => 2.0,
+                (false, false) => 3.0,
+            };
+            harmonics.add((sort, sort), line.excess);
+            frequency.add(band(line.hz), line.excess);
+            nominal.add((trial.nominal, trial.nominal), line.excess);
+            amplitude.add(amplitude_group(&amplitudes, trial.amplitude), line.excess);
+            excitation.add((kind, kind), line.excess);
+        }
+        for stretch in trial.stretches.iter().filter(|stretch| stretch.purpose == Purpose::Fit) {
+            in_time(trials, trial, stretch, hypothesis, &mut time, &mut direction);
+        }
+    }
+    let mut all = Vec::new();
+    for (axis, parts) in [
+        (Axis::Frequency, frequency),
+        (Axis::Nominal, nominal),
+        (Axis::Amplitude, amplitude),
+        (Axis::Direction, direction),
+        (Axis::Time, time),
+        (Axis::Harmonics, harmonics),
+        (Axis::Excitation, excitation),
+    ] {
+        all.extend(parts.locations(axis));
+    }
+    all
+}
+
+/// Period by period, and while the response rises or falls.
+fn in_time(
+    trials: &Trials,
+    trial: &Trial,
+    stretch: &Stretch,
+    hypothesis: &Hypothesis,
+    time: &mut Parts,
+    direction: &mut Parts,
+) {
+    let Ok(simulated) = hypothesis.simulate(trials, trial, stretch.rows.end) else { return };
+    let rows = stretch.rows.clone();
+    let mut left: Vec<f64> =
+        trial.measured[rows.clone()].iter().zip(&simulated[rows.clone()]).map(|(y, model)| y - model).collect();
+    let mean = left.iter().sum::<f64>() / left.len() as f64;
+    left.iter_mut().for_each(|left| *left -= mean);
+    let variance = stretch.whitening.row_variance();
+    if variance <= 0.0 {
+        return;
+    }
+    for (index, left) in left.iter().enumerate() {
+        let row = rows.start + index;
+        let period = row / trial.period_rows;
+        let excess = Excess { sum: left * left / variance, expected: 1.0 };
+        let period_s = trial.period_rows as f64 / trial.rate_hz;
+        time.add((period as f64 * period_s, (period + 1) as f64 * period_s), excess);
+        if row > 0 {
+            let sign = (simulated[row] - simulated[row - 1]).signum();
+            direction.add((sign, sign), excess);
+        }
+    }
+}

@@ -1,0 +1,364 @@
+//! Where simulation and measurement disagree, which effect is missing, and how much smaller the gap becomes with it.
+//!
+//! Four steps, a file each: [`locate`] shares the misfit out over frequency, nominal command, amplitude and more;
+//! [`explain`] finds the effects of the catalog that the misfit asks for; the improved [`Model`] has them; [`gap`] compares
+//! both models with what was held out. All of it rests on white residuals ([`whitening`]): where only noise is left, their
+//! sum of squares is a chi-square.
+
+mod error;
+mod explain;
+mod fit;
+mod gap;
+mod hypothesis;
+mod locate;
+mod trial;
+mod whitening;
+
+use std::collections::BTreeMap;
+
+pub use error::DiagnoseError;
+pub use gap::{Gap, RecordGap};
+pub use locate::{Axis, Excess, Location};
+
+use explain::{Explanation, Search};
+use hypothesis::{BasePoint, Candidate, Coordinate, Hypothesis};
+use trial::{Purpose, Trials};
+
+use crate::identify::{Estimate, PeriodicOptions, identify_periodic};
+use crate::plant::effect::Kind;
+use crate::plant::{Catalog, Effect, Lag, Model, Point};
+use crate::record::{Experiment, Role};
+
+/// A misfit of fewer standard deviations than this is no misfit.
+const SIGNIFICANT: f64 = 5.0;
+/// Wrong numbers of a given model count as an effect from this gain of log likelihood on, over one per number.
+const LEAST_WORTH_OF_NUMBERS: f64 = 10.0;
+/// Beside another effect they have to be this wrong, too: what exactly the lag is in its presence is a matter of definition.
+const LEAST_ERROR_BESIDE: f64 = 0.08;
+
+/// Effects that leave no more than this share of the misfit are the whole story.
+const WHOLE: f64 = 0.05;
+/// Those that leave more than this share are no story at all.
+const NONE: f64 = 0.4;
+
+/// What is to be said.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// There is no gap beyond noise.
+    Agrees,
+    /// The effects explain the gap.
+    Named,
+    /// The effects explain much of it, and something is left that nothing explains.
+    PartlyNamed,
+    /// There is a gap, and nothing in the catalog explains it.
+    Unknown,
+}
+
+impl Verdict {
+    /// Its name in files.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Agrees => "agrees",
+            Self::Named => "named",
+            Self::PartlyNamed => "partly_named",
+            Self::Unknown => "unknown",
+        }
+    }
+}
+
+/// An effect that is named.
+#[derive(Clone, Debug)]
+pub struct NamedEffect {
+    /// What it is.
+    pub kind: &'static Kind,
+    /// Its parameters in the order of the kind's; those that were not searched are left out.
+    pub parameters: Vec<(&'static crate::plant::effect::Parameter, Estimate)>,
+    /// Gain of log likelihood that it is worth beside the others.
+    pub evidence: f64,
+    /// Kinds that the data cannot tell from it.
+    pub alternatives: Vec<&'static Kind>,
+    /// Gap without it and with it, the others present.
+    pub gap_before: f64,
+    /// Gap with it.
+    pub gap_after: f64,
+}
+
+/// A kind that was tried alone.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TriedKind {
+    /// What it is.
+    pub kind: &'static Kind,
+    /// Gain of log likelihood over what was fitted.
+    pub fitted_gain: f64,
+    /// The same over what was held out.
+    pub held_out_gain: f64,
+    /// What it is worth: both, less one per parameter.
+    pub worth: f64,
+}
+
+/// All that was found.
+#[derive(Clone, Debug)]
+pub struct Diagnosis {
+    /// In a word.
+    pub verdict: Verdict,
+    /// Where the misfit of the first model lies.
+    pub locations: Vec<Location>,
+    /// The effects, the most valuable first.
+    pub effects: Vec<NamedEffect>,
+    /// What was tried alone, best first.
+    pub tried: Vec<TriedKind>,
+    /// The gap on what was held out.
+    pub gap: Gap,
+    /// The same record by record.
+    pub records: Vec<RecordGap>,
+    /// Whether anything was held out; otherwise the gaps are those of what was fitted.
+    pub held_out: bool,
+    /// What is left over noise, before and after.
+    pub excess: (Excess, Excess),
+    /// The improved model.
+    pub model: Model,
+}
+
+impl Diagnosis {
+    /// The experiment that would say more, in words; `None` where nothing is open.
+    #[must_use]
+    pub fn next_experiment(&self) -> Option<String> {
+        if self.verdict == Verdict::Unknown {
+            return Some(
+                "Repeat the records at half and at twice the amplitude, log the speed, the voltage and the current too, and \
+                 let each record go on for twice as long: what stays, grows or vanishes says where to look."
+                    .to_owned(),
+            );
+        }
+        let open = self.effects.iter().find(|effect| !effect.alternatives.is_empty())?;
+        let advice = open.alternatives.iter().find_map(|other| {
+            let of = |kind: &Kind, with: &Kind| {
+                kind.confusions.iter().find(|confusion| confusion.with == with.id).map(|confusion| confusion.experiment)
+            };
+            of(open.kind, other).or_else(|| of(other, open.kind))
+        });
+        Some(advice.map_or_else(
+            || {
+                format!(
+                    "To tell {} from {}: repeat the records at twice the amplitude.",
+                    open.kind.title, open.alternatives[0].title
+                )
+            },
+            str::to_owned,
+        ))
+    }
+}
+
+/// How it is done.
+#[derive(Clone, Copy)]
+pub struct Options<'a> {
+    /// The model to be judged; without one, the lags that `identify` finds.
+    pub model: Option<&'a Model>,
+    /// The kinds that may be named.
+    pub catalog: &'a Catalog,
+    /// Told whenever a step is done.
+    pub progress: &'a dyn Fn(),
+}
+
+/// Diagnoses an experiment.
+///
+/// # Errors
+/// [`DiagnoseError`].
+pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis, DiagnoseError> {
+    let trials = Trials::new(experiment)?;
+    trials.check_fitted(experiment)?;
+    let base = first_model(experiment, &trials, options.model)?;
+    let mut search = Search { trials, catalog: options.catalog, progress: options.progress };
+    let Explanation { mut before, mut after, found, tried } =
+        search.explain(&Hypothesis::of_lags(base.clone())).ok_or(DiagnoseError::NoFit { what: "a first-order lag" })?;
+    // Weighed by the noise that the best explanation leaves.
+    let trials = &search.trials;
+    let no_fit = DiagnoseError::NoFit { what: "the given lags" };
+    let mut wrong = None;
+    if options.model.is_some() {
+        let given = Hypothesis { base: base.clone(), ..after.hypothesis.clone() };
+        let with_effects = fit::fit(trials, &given, false).ok_or(no_fit.clone())?;
+        wrong = wrong_numbers(&base, &with_effects, &after);
+        if wrong.is_none() && found.is_empty() {
+            after = with_effects;
+        }
+        before = fit::fit(trials, &Hypothesis::of_lags(base), false).ok_or(no_fit)?;
+    }
+    let excess = |hypothesis| locate::excess(trials, hypothesis, Purpose::Fit);
+    let (excess_before, excess_after) = (excess(&before.hypothesis), excess(&after.hypothesis));
+    let left = (excess_after.over() / excess_before.over()).max(0.0);
+    let nothing_found = found.is_empty() && wrong.is_none();
+    let verdict = match (nothing_found, excess_after.significance() > SIGNIFICANT) {
+        (true, false) => Verdict::Agrees,
+        (true, true) => Verdict::Unknown,
+        (false, false) => Verdict::Named,
+        (false, true) if left < WHOLE => Verdict::Named,
+        (false, true) if left < NONE => Verdict::PartlyNamed,
+        (false, true) => Verdict::Unknown,
+    };
+    let found = if verdict == Verdict::Unknown {
+        after = before.clone();
+        wrong = None;
+        Vec::new()
+    } else {
+        found
+    };
+    let (gap, records, held_out) = gap::gaps(trials, &before.hypothesis, &after.hypothesis);
+    let mut effects = Vec::new();
+    for (index, found) in found.into_iter().enumerate() {
+        let without = after.hypothesis.without(index);
+        let without = fit::fit(trials, &without, true).map_or(without, |fit| fit.hypothesis);
+        let (alone, _, _) = gap::gaps(trials, &without, &after.hypothesis);
+        effects.push(NamedEffect {
+            kind: found.kind,
+            parameters: estimates(&after, index),
+            evidence: found.worth,
+            alternatives: found.alternatives,
+            gap_before: alone.before,
+            gap_after: alone.after,
+        });
+    }
+    let model = improved(options.model, trials, &after, &effects);
+    if let Some((evidence, parameters, given)) = wrong
+        && let Some(kind) = options.catalog.find("parameter_error")
+    {
+        let (alone, _, _) = gap::gaps(trials, &given, &after.hypothesis);
+        let parameters = kind.parameters.iter().zip(parameters).collect();
+        let (gap_before, gap_after) = (alone.before, alone.after);
+        effects.push(NamedEffect { kind, parameters, evidence, alternatives: Vec::new(), gap_before, gap_after });
+        effects.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+    }
+    Ok(Diagnosis {
+        verdict,
+        locations: locate::locate(trials, &before.hypothesis),
+        tried: tried
+            .iter()
+            .map(|tried| TriedKind {
+                kind: tried.kind,
+                fitted_gain: tried.fitted_gain,
+                held_out_gain: tried.held_out_gain,
+                worth: tried.worth(),
+            })
+            .collect(),
+        model,
+        effects,
+        gap,
+        records,
+        held_out,
+        excess: (excess_before, excess_after),
+    })
+}
+
+/// Whether a given model's numbers are wrong: by how much the log likelihood grows with others, the mean relative errors of
+/// gain and time constant, and what was compared. `given` has the model's lags, `refitted` the best ones, both with the
+/// effects that were found.
+fn wrong_numbers(
+    base: &[BasePoint],
+    given: &fit::Fit,
+    refitted: &fit::Fit,
+) -> Option<(f64, [Estimate; 2], Hypothesis)> {
+    let numbers = 2 * base.len();
+    let worth = 0.5 * (given.misfit - refitted.misfit) - numbers as f64;
+    let ratio = |number: fn(&BasePoint) -> f64, coordinate: fn(usize) -> Coordinate| {
+        let of_points = base.iter().zip(&refitted.hypothesis.base).enumerate().map(|(point, (given, found))| {
+            let std = refitted.std(coordinate(point)).unwrap_or(f64::INFINITY);
+            (number(found) / number(given) - 1.0, std.powi(-2).max(1e-30))
+        });
+        let (sum, weight) =
+            of_points.fold((0.0, 0.0), |(sum, total), (error, weight)| (sum + error * weight, total + weight));
+        Estimate::normal(sum / weight, weight.sqrt().recip())
+    };
+    let gain = ratio(|point| point.gain, Coordinate::Gain);
+    let time_constant = ratio(|point| point.time_constant_s, Coordinate::TimeConstant);
+    let beside = !refitted.hypothesis.effects.is_empty();
+    let large = gain.value.abs().max(time_constant.value.abs()) > LEAST_ERROR_BESIDE;
+    let is_wrong = worth > LEAST_WORTH_OF_NUMBERS && (large || !beside);
+    is_wrong.then(|| (worth, [gain, time_constant], given.hypothesis.clone()))
+}
+
+/// The lags to begin with: the given model's, or those that the records show.
+fn first_model(
+    experiment: &Experiment,
+    trials: &Trials,
+    model: Option<&Model>,
+) -> Result<Vec<BasePoint>, DiagnoseError> {
+    let of_lag = |lag: Lag| BasePoint { gain: lag.gain, time_constant_s: lag.time_constant_s, delay_s: lag.delay_s };
+    if let Some(model) = model {
+        return trials.nominals.iter().map(|nominal| Ok(of_lag(model.at(*nominal)?))).collect();
+    }
+    let identified = identify_periodic(experiment, &PeriodicOptions::default())?;
+    let points = identified.points();
+    let nearest = |nominal: f64| {
+        let distance = |point: &&Point| (point.nominal - nominal).abs();
+        points.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))
+    };
+    let base = trials.nominals.iter().map(|nominal| {
+        let point = nearest(*nominal).ok_or(DiagnoseError::NoFit { what: "a first-order lag" })?;
+        // A delay is an effect, and has to be found.
+        Ok(BasePoint { delay_s: 0.0, ..of_lag(point.lag()) })
+    });
+    base.collect()
+}
+
+/// The values of an effect with their standard errors.
+fn estimates(fit: &fit::Fit, effect: usize) -> Vec<(&'static crate::plant::effect::Parameter, Estimate)> {
+    let candidate = &fit.hypothesis.effects[effect];
+    let searched = Candidate::searched(candidate.kind);
+    let estimate = |(value, parameter): (usize, &'static crate::plant::effect::Parameter)| {
+        let slope = hypothesis::slope(parameter, candidate.values[value]);
+        let std = fit.std(Coordinate::Effect { effect, value }).unwrap_or(f64::INFINITY);
+        (parameter, Estimate::normal(candidate.values[value], std * slope.abs()))
+    };
+    searched.map(estimate).collect()
+}
+
+/// The model with the lags and effects of a fit.
+fn improved(model: Option<&Model>, trials: &Trials, fit: &fit::Fit, effects: &[NamedEffect]) -> Model {
+    let points = trials.nominals.iter().zip(&fit.hypothesis.base).enumerate().map(|(index, (nominal, base))| {
+        let lag = Lag { gain: base.gain, time_constant_s: base.time_constant_s, delay_s: base.delay_s };
+        let mut point = Point::new(*nominal, lag);
+        point.gain_std = fit.std(Coordinate::Gain(index)).map(|std| std * base.gain.abs());
+        point.time_constant_s_std = fit.std(Coordinate::TimeConstant(index)).map(|std| std * base.time_constant_s);
+        point
+    });
+    let effects = effects.iter().zip(&fit.hypothesis.effects).map(|(named, candidate)| Effect {
+        kind: named.kind.id.to_owned(),
+        parameters: named
+            .kind
+            .parameters
+            .iter()
+            .zip(&candidate.values)
+            .map(|(parameter, value)| (parameter.name.to_owned(), *value))
+            .collect(),
+        std: named
+            .parameters
+            .iter()
+            .filter(|(_, estimate)| estimate.std.is_finite())
+            .map(|(parameter, estimate)| (parameter.name.to_owned(), estimate.std))
+            .collect::<BTreeMap<_, _>>(),
+    });
+    Model {
+        format: 1,
+        points: points.collect(),
+        static_map: model.and_then(|model| model.static_map.clone()),
+        effects: effects.collect(),
+        provenance: None,
+    }
+}
+
+impl Trials {
+    /// Every nominal command needs something to fit.
+    fn check_fitted(&self, experiment: &Experiment) -> Result<(), DiagnoseError> {
+        if experiment.records.iter().all(|record| record.role == Some(Role::Validate)) {
+            return Err(DiagnoseError::NothingToFit { experiment: experiment.name.clone() });
+        }
+        for (point, nominal) in self.nominals.iter().enumerate() {
+            let is_fitted = |trial: &trial::Trial| trial.point == point && trial.end_of(Some(Purpose::Fit)) > 0;
+            if !self.trials.iter().any(is_fitted) {
+                return Err(DiagnoseError::NominalWithoutFit { nominal: *nominal });
+            }
+        }
+        Ok(())
+    }
+}

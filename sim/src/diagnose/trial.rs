@@ -1,0 +1,226 @@
+//! A record as the diagnosis compares it: what drove the actuator, what was measured, what is fitted and what is held out.
+
+use std::ops::Range;
+
+use super::DiagnoseError;
+use super::whitening::{NoiseDensity, Whitening};
+use crate::record::{Excitation, Experiment, Record, Role};
+
+/// Commands closer than this are the same nominal command; a 12-bit command is 2.4e-4.
+const SAME_NOMINAL: f64 = 1e-6;
+/// Of the periods of a record without a role these many of three are fitted, the rest is held out.
+const FITTED_THIRDS: usize = 2;
+
+/// What a stretch of a record is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Purpose {
+    /// Parameters are fitted to it.
+    Fit,
+    /// It is kept out of every fit.
+    HeldOut,
+}
+
+/// Whole periods of a record.
+#[derive(Clone, Debug)]
+pub(super) struct Stretch {
+    /// What it is for.
+    pub purpose: Purpose,
+    /// Its rows.
+    pub rows: Range<usize>,
+    /// Periods in it.
+    pub periods: usize,
+    /// What makes its residual white.
+    pub whitening: Whitening,
+}
+
+/// One record, prepared.
+#[derive(Clone, Debug)]
+pub(super) struct Trial {
+    /// The record's file.
+    pub file: String,
+    /// Which of the nominal commands.
+    pub point: usize,
+    /// The nominal command, 0..1.
+    pub nominal: f64,
+    /// What drove it.
+    pub excitation: Excitation,
+    /// Largest deviation of the command from its mean.
+    pub amplitude: f64,
+    /// Rows, seconds.
+    pub time_s: Vec<f64>,
+    /// When the ESC was told something, seconds; several times a row where the command was updated faster than logged.
+    pub told_s: Vec<f64>,
+    /// What it was told.
+    pub told: Vec<f64>,
+    /// How many times a row.
+    pub told_per_row: usize,
+    /// The response.
+    pub measured: Vec<f64>,
+    /// Mean command and response over the whole periods.
+    pub mean_command: f64,
+    /// Mean response over the whole periods.
+    pub mean_response: f64,
+    /// Rows per second.
+    pub rate_hz: f64,
+    /// Rows of a period.
+    pub period_rows: usize,
+    /// Highest frequency that is excited, hertz.
+    pub highest_hz: f64,
+    /// What is fitted and what is held out, in the order of time.
+    pub stretches: Vec<Stretch>,
+}
+
+/// All that is compared.
+#[derive(Clone, Debug)]
+pub(super) struct Trials {
+    /// The nominal commands, increasing.
+    pub nominals: Vec<f64>,
+    /// The records.
+    pub trials: Vec<Trial>,
+    /// Rate of the ESC's frames, where the experiment says it.
+    pub esc_frame_hz: Option<f64>,
+}
+
+impl Trials {
+    /// Prepares the periodic records of an experiment.
+    ///
+    /// # Errors
+    /// [`DiagnoseError`] where no record can be compared, or one is not what it says it is.
+    pub fn new(experiment: &Experiment) -> Result<Self, DiagnoseError> {
+        let records: Vec<&Record> =
+            experiment.records.iter().filter(|record| record.excitation.is_periodic()).collect();
+        let mut nominals: Vec<f64> = Vec::new();
+        for record in &records {
+            if !nominals.iter().any(|nominal| (nominal - record.nominal).abs() < SAME_NOMINAL) {
+                nominals.push(record.nominal);
+            }
+        }
+        nominals.sort_by(f64::total_cmp);
+        let mut trials = Vec::new();
+        for record in &records {
+            let point = nominals.iter().position(|nominal| (nominal - record.nominal).abs() < SAME_NOMINAL);
+            trials.push(Trial::new(experiment, record, point.unwrap_or_default())?);
+        }
+        // Where the experiment itself keeps records back, these are what is held out.
+        let kept_back = records.iter().any(|record| record.role == Some(Role::Validate));
+        for (trial, record) in trials.iter_mut().zip(&records) {
+            trial.split(record.role, kept_back);
+        }
+        if trials.is_empty() {
+            return Err(DiagnoseError::NothingPeriodic { experiment: experiment.name.clone() });
+        }
+        Ok(Self { nominals, trials, esc_frame_hz: experiment.esc_frame_hz })
+    }
+}
+
+impl Trial {
+    fn new(experiment: &Experiment, record: &Record, point: usize) -> Result<Self, DiagnoseError> {
+        let file = || record.file.clone();
+        let measured = record.response(experiment.output).ok_or_else(|| DiagnoseError::NoResponse { file: file() })?;
+        let command = if record.compensated {
+            record.esc_command.as_ref().ok_or_else(|| DiagnoseError::NoEscCommand { file: file() })?
+        } else {
+            &record.command
+        };
+        let rate_hz = record.sample_rate_hz()?;
+        let periods = record.periods()?;
+        let rows = periods.samples * periods.count;
+        let mean = |values: &[f64]| values[..rows].iter().sum::<f64>() / rows as f64;
+        let (mean_command, mean_response) = (mean(command), mean(measured));
+        let amplitude = command[..rows].iter().fold(0.0_f64, |most, u| most.max((u - mean_command).abs()));
+        if command[..rows].iter().all(|u| *u == command[0]) {
+            return Err(DiagnoseError::ConstantCommand { file: file() });
+        }
+        if measured[..rows].iter().all(|y| *y == measured[0]) {
+            return Err(DiagnoseError::ConstantResponse { file: file() });
+        }
+        let mut trial = Self {
+            file: file(),
+            point,
+            nominal: record.nominal,
+            excitation: record.excitation,
+            amplitude,
+            time_s: record.time_s.clone(),
+            told_s: record.time_s.clone(),
+            told: command.clone(),
+            told_per_row: 1,
+            measured: measured.to_vec(),
+            mean_command,
+            mean_response,
+            rate_hz,
+            period_rows: periods.samples,
+            highest_hz: 0.0,
+            stretches: Vec::new(),
+        };
+        let lines = Whitening::unit(periods.samples).spectrum(&command[..periods.samples]);
+        let most = lines.iter().skip(1).map(|line| line.norm()).fold(0.0, f64::max);
+        let highest = lines.iter().rposition(|line| line.norm() > 0.1 * most).unwrap_or(1);
+        trial.highest_hz = highest as f64 * rate_hz / periods.samples as f64;
+        if record.excitation == Excitation::Multisine
+            && let Some(command_rate_hz) = experiment.command_rate_hz
+        {
+            trial.tell_between_rows((command_rate_hz / rate_hz).round() as usize);
+        }
+        Ok(trial)
+    }
+
+    /// A command that moved between rows: a sum of sinusoids far below the row rate is straight from row to row.
+    fn tell_between_rows(&mut self, per_row: usize) {
+        if per_row < 2 {
+            return;
+        }
+        let between = |values: &[f64]| -> Vec<f64> {
+            let steps = |pair: &[f64]| {
+                let (from, to) = (pair[0], pair[1]);
+                (0..per_row).map(move |step| from + (to - from) * step as f64 / per_row as f64).collect::<Vec<_>>()
+            };
+            values.windows(2).flat_map(steps).chain(values.last().copied()).collect()
+        };
+        self.told_s = between(&self.told_s);
+        self.told = between(&self.told);
+        self.told_per_row = per_row;
+    }
+
+    /// Whole periods in the record.
+    pub fn periods(&self) -> usize {
+        self.time_s.len() / self.period_rows
+    }
+
+    fn split(&mut self, role: Option<Role>, kept_back: bool) {
+        let periods = self.periods();
+        let fitted = match role {
+            Some(Role::Fit) => periods,
+            Some(Role::Validate) => 0,
+            None if kept_back => periods,
+            None => (periods * FITTED_THIRDS).div_ceil(3),
+        };
+        let mut stretches = Vec::new();
+        for (purpose, range) in [(Purpose::Fit, 0..fitted), (Purpose::HeldOut, fitted..periods)] {
+            if !range.is_empty() {
+                let rows = range.start * self.period_rows..range.end * self.period_rows;
+                let whitening = Whitening::unit(rows.len());
+                stretches.push(Stretch { purpose, rows, periods: range.len(), whitening });
+            }
+        }
+        self.stretches = stretches;
+    }
+
+    /// Takes the noise from a residual of the whole record: from what does not repeat where it is fitted, or anywhere where
+    /// less than two periods are.
+    pub fn weigh(&mut self, residual: &[f64]) {
+        let all = 0..self.periods() * self.period_rows;
+        let fitted = self.stretches.iter().find(|stretch| stretch.periods > 1).map(|stretch| stretch.rows.clone());
+        let rows = fitted.unwrap_or(all);
+        let periods = rows.len() / self.period_rows;
+        let Some(density) = NoiseDensity::between_harmonics(&residual[rows], periods, self.rate_hz) else { return };
+        for stretch in &mut self.stretches {
+            stretch.whitening.set_noise(&density, self.rate_hz);
+        }
+    }
+
+    /// Up to which row something is compared for this purpose.
+    pub fn end_of(&self, purpose: Option<Purpose>) -> usize {
+        let compared = self.stretches.iter().filter(|stretch| purpose.is_none_or(|wanted| stretch.purpose == wanted));
+        compared.map(|stretch| stretch.rows.end).max().unwrap_or(0)
+    }
+}

@@ -1,0 +1,139 @@
+//! What makes a residual white: its spectrum over that of the noise.
+//!
+//! A residual of `N` rows has the spectrum `R_k = sum r_n e^(-2 pi j k n / N)`. Where the noise has the density `S(f)` per
+//! row, `E |R_k|^2 = N S(f_k)`, and the real and imaginary parts of `R_k / sqrt(N S / 2)` are independent with variance 1
+//! (Whittle 1953; Pintelon & Schoukens, sec. 16.17). Sums of their squares are then minus twice the log likelihood.
+//!
+//! The density comes from the records themselves: over several periods what repeats lies on every `P`-th line, and between
+//! these lines there is only noise.
+
+use std::fmt;
+use std::sync::Arc;
+
+use num_complex::Complex64;
+use realfft::{RealFftPlanner, RealToComplex};
+
+/// Least number of lines in a band of the noise density. Their mean is then known to 20 %.
+const LEAST_LINES: usize = 24;
+/// Bands of an octave.
+const BANDS_PER_OCTAVE: f64 = 12.0;
+/// Share of the row rate up to which residuals are compared: above, a logger's own filter acts.
+const HIGHEST_PART: f64 = 0.45;
+
+/// Density of the noise over frequency: the variance of a row if it were white.
+#[derive(Clone, Debug)]
+pub(super) struct NoiseDensity {
+    /// Logarithms of frequency in hertz and of density, by increasing frequency.
+    bands: Vec<(f64, f64)>,
+}
+
+impl NoiseDensity {
+    /// From a residual over whole periods: from the lines between the harmonics; from every other line where there is one
+    /// period only. `None` where there is nothing to take it from.
+    pub fn between_harmonics(residual: &[f64], periods: usize, rate_hz: f64) -> Option<Self> {
+        let rows = residual.len();
+        let spectrum = Whitening::unit(rows).spectrum(residual);
+        let step_hz = rate_hz / rows as f64;
+        // With one period the even lines: a multisine of odd lines leaves them to noise and even distortion.
+        let is_noise = |line: usize| if periods > 1 { !line.is_multiple_of(periods) } else { line.is_multiple_of(2) };
+        let mut bands = Vec::new();
+        let (mut power, mut log_hz, mut count, mut first_hz) = (0.0, 0.0, 0_usize, 0.0);
+        for (line, value) in spectrum.iter().enumerate().skip(1).filter(|(line, _)| is_noise(*line)) {
+            let hz = line as f64 * step_hz;
+            if count == 0 {
+                first_hz = hz;
+            }
+            power += value.norm_sqr() / rows as f64;
+            log_hz += hz.ln();
+            count += 1;
+            if count >= LEAST_LINES && hz >= first_hz * (1.0 / BANDS_PER_OCTAVE).exp2() {
+                bands.push((log_hz / count as f64, (power / count as f64).ln()));
+                (power, log_hz, count) = (0.0, 0.0, 0);
+            }
+        }
+        bands.retain(|(_, density)| density.is_finite());
+        (!bands.is_empty()).then_some(Self { bands })
+    }
+
+    /// Density at a frequency: linear between the bands on both logarithms, and level beyond them.
+    fn at(&self, hz: f64) -> f64 {
+        let log_hz = hz.ln();
+        let above = self.bands.partition_point(|(band, _)| *band < log_hz);
+        let density = match (above.checked_sub(1).map(|index| self.bands[index]), self.bands.get(above).copied()) {
+            (Some((low, from)), Some((high, to))) => from + (to - from) * (log_hz - low) / (high - low),
+            (Some((_, density)), None) | (None, Some((_, density))) => density,
+            (None, None) => 0.0,
+        };
+        density.exp()
+    }
+}
+
+/// The transform of so many rows with the weights of its lines.
+#[derive(Clone)]
+pub(super) struct Whitening {
+    transform: Arc<dyn RealToComplex<f64>>,
+    /// One over the standard deviation of either part of a line; 0 for lines that are not compared.
+    weights: Vec<f64>,
+    /// Variance of a row by the noise of all lines but the mean.
+    variance: f64,
+}
+
+impl Whitening {
+    /// For noise that is not known yet.
+    pub fn unit(rows: usize) -> Self {
+        let transform = RealFftPlanner::new().plan_fft_forward(rows);
+        Self { transform, weights: vec![1.0; rows / 2 + 1], variance: 0.0 }
+    }
+
+    /// Weighs by a density.
+    pub fn set_noise(&mut self, density: &NoiseDensity, rate_hz: f64) {
+        let rows = self.transform.len() as f64;
+        let last = (HIGHEST_PART * rows) as usize;
+        // A line and its mirror image carry 2 |R|^2 / N^2, and E |R|^2 = N S.
+        let hz = |line: usize| line as f64 * rate_hz / rows;
+        self.variance = (1..self.weights.len()).map(|line| 2.0 * density.at(hz(line)) / rows).sum();
+        for (line, weight) in self.weights.iter_mut().enumerate() {
+            // The mean is not compared: a sensor's zero says nothing.
+            *weight = if line == 0 || line > last { 0.0 } else { (0.5 * rows * density.at(hz(line))).sqrt().recip() };
+        }
+    }
+
+    /// Lines of the spectrum that are compared, from the first to the last.
+    pub fn lines(&self) -> usize {
+        self.weights.iter().rposition(|weight| *weight > 0.0).unwrap_or(0)
+    }
+
+    /// Variance of a row by the noise.
+    pub fn row_variance(&self) -> f64 {
+        self.variance
+    }
+
+    /// The spectrum of so many rows.
+    pub fn spectrum(&self, rows: &[f64]) -> Vec<Complex64> {
+        let mut input = rows.to_vec();
+        let mut spectrum = self.transform.make_output_vec();
+        // The lengths are the transform's own.
+        if self.transform.process(&mut input, &mut spectrum).is_err() {
+            spectrum.fill(Complex64::ZERO);
+        }
+        spectrum
+    }
+
+    /// The white residual, a complex number for each line from 1 on; either part has variance 1 where only noise is left.
+    pub fn apply(&self, residual: &[f64]) -> Vec<Complex64> {
+        let lines = self.lines();
+        let mut spectrum = self.spectrum(residual);
+        spectrum.truncate(lines + 1);
+        spectrum.drain(..1);
+        for (line, weight) in spectrum.iter_mut().zip(&self.weights[1..]) {
+            *line *= *weight;
+        }
+        spectrum
+    }
+}
+
+impl fmt::Debug for Whitening {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "Whitening of {} rows", self.transform.len())
+    }
+}

@@ -1,0 +1,117 @@
+//! The diagnosis on simulated actuators. That the chain is the diagnosis' own makes these tests of its bookkeeping, not of
+//! its judgment.
+
+use rotorlead_sim::bench::{Plan, PlannedRecord, run};
+use rotorlead_sim::diagnose::{Axis, DiagnoseError, Diagnosis, Options, Verdict, diagnose};
+use rotorlead_sim::plant::{Catalog, Effect, Lag, Model, Noise, Point};
+use rotorlead_sim::record::{Excitation, Experiment};
+
+fn motor(effect: Option<(&str, &[(&str, f64)])>) -> Model {
+    let point = |nominal, gain, time_constant_s| Point::new(nominal, Lag { gain, time_constant_s, delay_s: 0.0 });
+    let effect = effect.map(|(kind, parameters)| Effect {
+        kind: kind.to_owned(),
+        parameters: parameters.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect(),
+        std: [].into(),
+    });
+    Model {
+        format: 1,
+        points: vec![point(0.4, 10.0, 0.16), point(0.6, 13.5, 0.085)],
+        static_map: None,
+        effects: effect.into_iter().collect(),
+        provenance: None,
+    }
+}
+
+/// Two nominal commands, a multisine and a square wave at each, 200 rows a second.
+fn experiment(model: &Model, seed: u64) -> Experiment {
+    let mut plan = Plan::paper(model);
+    (plan.loop_rate_hz, plan.sample_rate_hz, plan.esc_frame_hz, plan.seed) = (200, 200, None, seed);
+    plan.noise = Noise { sigma_n: 0.01, ..Noise::default() };
+    plan.records.clear();
+    for nominal in [0.4, 0.6] {
+        let record = PlannedRecord { amplitude: Some(0.05), ..PlannedRecord::new(nominal, Excitation::Multisine) };
+        let multisine = PlannedRecord { lines: Some(150), realization: Some(1), periods: Some(3), ..record.clone() };
+        let square =
+            PlannedRecord { excitation: Excitation::Square, half_period_s: Some(5.0), periods: Some(3), ..record };
+        plan.records.extend([multisine, square]);
+    }
+    run(&plan, model, None, &|_| {}).unwrap()
+}
+
+fn diagnosed(experiment: &Experiment, model: Option<&Model>) -> Diagnosis {
+    let catalog = Catalog::standard();
+    diagnose(experiment, &Options { model, catalog: &catalog, progress: &|| {} }).unwrap()
+}
+
+#[test]
+fn a_lag_and_noise_agree_with_a_lag() {
+    for seed in 1..=3 {
+        let found = diagnosed(&experiment(&motor(None), seed), None);
+        assert_eq!(found.verdict, Verdict::Agrees, "{seed}: {:?}", found.effects);
+        assert!(found.held_out && (found.gap.after / found.gap.noise_floor - 1.0).abs() < 0.05, "{:?}", found.gap);
+        assert_eq!(found.next_experiment(), None);
+    }
+}
+
+#[test]
+fn what_is_hidden_is_named_with_its_values_and_the_gap_shrinks_to_the_noise() {
+    for (kind, parameters) in [
+        ("transport_delay", &[("delay_s", 0.02)][..]),
+        ("second_pole", &[("time_constant_s", 0.015)]),
+        ("saturation", &[("max", 0.62)]),
+        ("backlash", &[("half_width", 0.008)]),
+    ] {
+        let found = diagnosed(&experiment(&motor(Some((kind, parameters))), 5), None);
+        assert_eq!(found.verdict, Verdict::Named, "{kind}: {:?} {:?}", found.effects, found.excess);
+        assert_eq!(found.effects.len(), 1, "{kind}: {:?}", found.effects);
+        let effect = &found.effects[0];
+        assert!(
+            effect.kind.id == kind || effect.alternatives.iter().any(|other| other.id == kind),
+            "{kind}: {effect:?}"
+        );
+        assert!(found.gap.after < 1.05 * found.gap.noise_floor, "{kind}: {:?}", found.gap);
+        if effect.kind.id == kind {
+            let (name, truth) = parameters[0];
+            let (_, estimate) = effect.parameters.iter().find(|(parameter, _)| parameter.name == name).unwrap();
+            let off = (estimate.value - truth).abs();
+            assert!(off < 4.0 * estimate.std + 1e-3 * truth.abs(), "{kind}: {} +- {}", estimate.value, estimate.std);
+        }
+        for axis in [Axis::Frequency, Axis::Nominal, Axis::Harmonics, Axis::Time, Axis::Direction] {
+            let total: f64 = found.locations.iter().filter(|part| part.axis == axis).map(|part| part.share).sum();
+            assert!((total - 1.0).abs() < 1e-9, "{kind} {axis:?}: {total}");
+        }
+    }
+}
+
+#[test]
+fn a_model_with_wrong_numbers_has_wrong_numbers_and_nothing_else() {
+    let experiment = experiment(&motor(None), 7);
+    let mut stale = motor(None);
+    for point in &mut stale.points {
+        point.gain /= 1.1;
+        point.time_constant_s /= 0.8;
+    }
+    let found = diagnosed(&experiment, Some(&stale));
+    assert_eq!(found.verdict, Verdict::Named);
+    let kinds: Vec<&str> = found.effects.iter().map(|effect| effect.kind.id).collect();
+    assert_eq!(kinds, ["parameter_error"]);
+    let [gain, time_constant] = [0, 1].map(|index| found.effects[0].parameters[index].1);
+    assert!((gain.value - 0.1).abs() < 4.0 * gain.std, "{gain:?}");
+    assert!((time_constant.value + 0.2).abs() < 4.0 * time_constant.std, "{time_constant:?}");
+    // The improved model has the right numbers themselves.
+    assert!((found.model.points[0].gain / 10.0 - 1.0).abs() < 0.01 && found.model.effects.is_empty());
+    assert_eq!(diagnosed(&experiment, Some(&motor(None))).verdict, Verdict::Agrees);
+}
+
+#[test]
+fn what_cannot_be_compared_is_refused_by_name() {
+    let mut constant = experiment(&motor(None), 1);
+    constant.records[1].command.fill(0.4);
+    let catalog = Catalog::standard();
+    let options = Options { model: None, catalog: &catalog, progress: &|| {} };
+    assert!(matches!(diagnose(&constant, &options), Err(DiagnoseError::ConstantCommand { .. })));
+    let mut elsewhere = motor(None);
+    elsewhere.points.remove(1);
+    let options = Options { model: Some(&elsewhere), ..options };
+    assert!(matches!(diagnose(&experiment(&motor(None), 1), &options), Err(DiagnoseError::Model(_))));
+}
