@@ -60,6 +60,7 @@ fn what_is_hidden_is_named_with_its_values_and_the_gap_shrinks_to_the_noise() {
         ("second_pole", &[("time_constant_s", 0.015)]),
         ("saturation", &[("max", 0.62)]),
         ("backlash", &[("half_width", 0.008)]),
+        ("gain_drift", &[("drift", -0.06), ("time_s", 20.0)]),
     ] {
         let found = diagnosed(&experiment(&motor(Some((kind, parameters))), 5), None);
         assert_eq!(found.verdict, Verdict::Named, "{kind}: {:?} {:?}", found.effects, found.excess);

@@ -401,7 +401,7 @@ fn kind_starts(kind: Kind) -> Vec<Effect> {
         Kind::TransportDelay | Kind::SecondPole => [0.2, 0.5, 0.8].map(|part| of(&[part])).to_vec(),
         Kind::AsymmetricLag => vec![with(&[1.05]), with(&[1.5])],
         Kind::OperatingPointLag | Kind::QuadraticThrust => vec![with(&[0.1]), of(&[0.5])],
-        Kind::InflowLead => vec![with(&[8e-3, 5e-3]), with(&[20e-3, 10e-3]), with(&[6e-3, 8e-3])],
+        Kind::InflowLead => vec![with(&[1.6, 5e-3]), with(&[2.0, 10e-3]), with(&[0.75, 8e-3])],
         Kind::SupplySag => vec![with(&[0.05, 0.4]), with(&[0.05, 2.0])],
         Kind::GainDrift => vec![with(&[0.02, 12.0]), with(&[0.02, 40.0])],
         Kind::StandResonance => (0..7).map(|index| of(&[f64::from(index) / 6.0, 0.5, 0.3])).collect(),

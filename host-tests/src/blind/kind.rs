@@ -154,19 +154,19 @@ impl Kind {
             DeadBand => const { &[Parameter::log("width", 0.002, 0.01)] },
             Backlash => const { &[Parameter::log("half_width", 0.003, 0.02)] },
             CommandQuantization => const { &[Parameter::log("step", 1.0 / 2048.0, 1.0 / 64.0)] },
-            Saturation => const { &[Parameter::linear("upper", 0.6, 1.0)] },
+            Saturation => const { &[Parameter::linear("max", 0.6, 1.0)] },
             SlewLimit => const { &[Parameter::log("rate_per_s", 0.25, 160.0)] },
             AsymmetricLag => const { &[Parameter::linear("ratio", 1.3, 2.0)] },
             OperatingPointLag => const { &[Parameter::linear("exponent", 0.5, 1.5)] },
             QuadraticThrust => const { &[Parameter::linear("curvature_per_duty", 1.0, 6.0)] },
             SecondPole => const { &[Parameter::log("time_constant_s", 0.1e-3, 30e-3)] },
-            InflowLead => const { &[Parameter::log("lead_s", 3.9e-3, 37.5e-3), Parameter::log("lag_s", 3e-3, 15e-3)] },
+            InflowLead => {
+                const { &[Parameter::linear("lead_ratio", 1.3, 2.5), Parameter::log("time_constant_s", 3e-3, 15e-3)] }
+            }
             SupplySag => {
-                const { &[Parameter::linear("depth", 0.05, 0.15), Parameter::log("time_constant_s", 0.3, 3.0)] }
+                const { &[Parameter::linear("polarization_drop", 0.05, 0.15), Parameter::log("polarization_s", 0.3, 3.0)] }
             }
-            GainDrift => {
-                const { &[Parameter::linear("change", 0.03, 0.15), Parameter::log("time_constant_s", 10.0, 60.0)] }
-            }
+            GainDrift => const { &[Parameter::linear("drift", 0.03, 0.15), Parameter::log("time_s", 10.0, 60.0)] },
             StandResonance => {
                 const {
                     &[
@@ -182,8 +182,8 @@ impl Kind {
 
     /// An effect of this kind with random parameters over the plausible range.
     ///
-    /// Five draws are not uniform over each range by itself. A quantizer has a whole number of steps in 0..1. The lead
-    /// of an inflow is its lag times a ratio of 1.3 to 2.5. A drift falls four times in five and else rises; a clock
+    /// Four draws are not uniform over each range. A quantizer has a whole number of steps in 0..1.
+    /// A drift falls four times in five and else rises; a clock
     /// is as often fast as slow. Of the limits four in five lie below 0.72, where a command of 0.65 +- 0.05 can reach
     /// them at all.
     #[must_use]
@@ -194,7 +194,6 @@ impl Kind {
         match self {
             CommandQuantization => values[0] = 1.0 / (1.0 / values[0]).round(),
             Saturation if chance < 0.8 => values[0] = rng.random_range(0.6..0.72),
-            InflowLead => values[0] = values[1] * rng.random_range(1.3..2.5),
             GainDrift if chance < 0.8 => values[0] = -values[0],
             ClockSkew if chance < 0.5 => values[0] = -values[0],
             _ => {}

@@ -100,7 +100,7 @@ impl Setup {
                 Kind::OperatingPointLag => setup.exponent = value(0),
                 Kind::QuadraticThrust => setup.curvature = value(0),
                 Kind::SecondPole => setup.pole_s = value(0),
-                Kind::InflowLead => (setup.lead_s, setup.lag_s) = (value(0), value(1)),
+                Kind::InflowLead => (setup.lead_s, setup.lag_s) = (value(0) * value(1), value(1)),
                 Kind::SupplySag => {
                     (setup.sag_depth, setup.sag_time_s) = (value(0), value(1));
                     setup.sag_resistance = resistance_share * value(0);

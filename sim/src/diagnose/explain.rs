@@ -25,6 +25,8 @@ const ALIKE: f64 = 5.0;
 /// How many kinds are fitted after the screening, and from which share of the best gain on.
 const MOST_FITTED: usize = 7;
 const PROMISING: f64 = 0.2;
+/// Share of the least worth that the screening has to promise.
+const PROMISED: f64 = 0.7;
 /// Starts that are followed of one kind.
 const MOST_STARTS: usize = 2;
 /// Steps after which the kinds are compared; after these so many go on, and all that are close.
@@ -138,8 +140,8 @@ impl Search<'_> {
         for (left, start, kind) in screened {
             let place = kinds.iter().position(|other| *other == kind);
             let gain = from.misfit - left;
-            // What promises less than half of what has to be there is not worth a search.
-            if gain < LEAST_WORTH || (gain < PROMISING * best && place.is_none() && kinds.len() >= 3) {
+            // What promises much less than has to be there is not worth a search; a gain of log likelihood is half of this.
+            if gain < 2.0 * PROMISED * LEAST_WORTH || (gain < PROMISING * best && place.is_none() && kinds.len() >= 3) {
                 continue;
             }
             let place = match place {
@@ -180,7 +182,15 @@ impl Search<'_> {
     /// Starts of a kind with what they would leave. Around the best of a single value it looks closer: a limit is felt only
     /// where the commands are.
     fn screen(&self, tangent: &Tangent, from: &Fit, kind: &'static Kind) -> Vec<(f64, Hypothesis, &'static Kind)> {
-        let judge = |start: &Candidate| tangent.judge(&self.trials, &from.hypothesis.with(start.clone()));
+        // Where the alignment has taken over much of a delay, a start that brings its own is judged without it too: so far the
+        // tangent does not hold.
+        let aligned = Hypothesis { late_s: 0.0, ..from.hypothesis.clone() };
+        let judge = |start: &Candidate| {
+            let with = tangent.judge(&self.trials, &from.hypothesis.with(start.clone()));
+            let without =
+                from.is_late(&self.trials).then(|| tangent.judge(&self.trials, &aligned.with(start.clone()))).flatten();
+            [with, without].into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0))
+        };
         let mut judged: Vec<(f64, Candidate, Hypothesis)> = Vec::new();
         for start in Candidate::starts(kind) {
             if let Some((left, moved)) = judge(&start) {

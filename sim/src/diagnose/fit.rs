@@ -35,19 +35,12 @@ pub(super) struct Fit {
 pub(super) struct Tangent {
     coordinates: Vec<Coordinate>,
     records: Vec<RecordTangent>,
-    inverse: DMatrix<f64>,
+    matrix: DMatrix<f64>,
 }
 
 /// White columns of one record with the places of their coordinates.
 struct RecordTangent {
     columns: Vec<(usize, Vec<Complex64>)>,
-}
-
-/// Sum of squares with the normal equations.
-struct Normal {
-    sum: f64,
-    matrix: DMatrix<f64>,
-    gradient: DVector<f64>,
 }
 
 fn dot(a: &[Complex64], b: &[Complex64]) -> f64 {
@@ -143,81 +136,61 @@ fn columns(
     Some(all)
 }
 
-fn normal(trials: &Trials, hypothesis: &Hypothesis, coordinates: &[Coordinate]) -> Option<Normal> {
-    let count = coordinates.len();
-    let parts: Option<Vec<_>> = trials
-        .trials
-        .par_iter()
-        .filter(|trial| trial.end_of(Some(Purpose::Fit)) > 0)
-        .map(|trial| {
-            let at = residual(trials, trial, hypothesis, Purpose::Fit)?;
-            let columns = columns(trials, trial, hypothesis, coordinates, &at)?;
-            let products: Vec<(usize, usize, f64)> =
-                columns.iter().flat_map(|(i, a)| columns.iter().map(move |(j, b)| (*i, *j, dot(a, b)))).collect();
-            let slopes: Vec<(usize, f64)> = columns.iter().map(|(i, a)| (*i, dot(a, &at))).collect();
-            Some((dot(&at, &at), products, slopes))
-        })
-        .collect();
-    let mut normal = Normal { sum: 0.0, matrix: DMatrix::zeros(count, count), gradient: DVector::zeros(count) };
-    for (sum, products, slopes) in parts? {
-        normal.sum += sum;
-        products.into_iter().for_each(|(i, j, product)| normal.matrix[(i, j)] += product);
-        slopes.into_iter().for_each(|(i, slope)| normal.gradient[i] += slope);
-    }
-    let std = late_std(trials);
-    normal.sum += (hypothesis.late_s / std).powi(2);
-    if let Some(late) = coordinates.iter().position(|coordinate| *coordinate == Coordinate::Late) {
-        normal.matrix[(late, late)] += std.powi(-2);
-        normal.gradient[late] += hypothesis.late_s * std.powi(-2);
-    }
-    Some(normal)
-}
-
 /// Searches the values of `start` that fit best; the lags only where `lags` says so. `None` where `start` is impossible.
 pub(super) fn fit(trials: &Trials, start: &Hypothesis, lags: bool) -> Option<Fit> {
     fit_in(trials, start, lags, MOST_STEPS)
 }
 
 /// The same in so many steps at most.
+///
+/// Derivatives cost several simulations, a step along them one: they serve for more steps as long as these gain at least half
+/// of what they promise.
 pub(super) fn fit_in(trials: &Trials, start: &Hypothesis, lags: bool, most_steps: usize) -> Option<Fit> {
-    let coordinates = start.coordinates(lags);
     let mut at = start.clone();
-    let mut here = normal(trials, &at, &coordinates)?;
-    let mut damping = 1e-3;
+    let mut tangent = Tangent::at(trials, &at, at.coordinates(lags))?;
+    let (mut sum, mut gradient) = tangent.slope(trials, &at)?;
+    let (mut damping, mut is_fresh) = (1e-3, true);
     for _ in 0..most_steps {
-        let Some(step) = damped_step(&here, damping) else { break };
-        let mut moved = at.clone();
-        for (&coordinate, step) in coordinates.iter().zip(step.iter()) {
-            moved.set(coordinate, at.get(coordinate) + step);
-        }
-        let sum = misfit(trials, &moved, Purpose::Fit).unwrap_or(f64::INFINITY);
-        let gain = here.sum - sum;
-        if gain > 0.0 {
+        let Some(step) = damped_step(&tangent.matrix, &gradient, damping) else { break };
+        let moved = tangent.moved(&at, &step);
+        let there = tangent.slope(trials, &moved);
+        let gain = there.as_ref().map_or(f64::NEG_INFINITY, |there| sum - there.0);
+        let promised = -(2.0 * gradient.dot(&step) + step.dot(&(&tangent.matrix * &step)));
+        if gain > 0.0
+            && let Some(there) = there
+        {
             at = moved;
+            (sum, gradient) = there;
             damping = (damping * 0.2_f64).max(1e-9);
-            here = normal(trials, &at, &coordinates)?;
-            if gain < ENOUGH {
+            if gain < ENOUGH && is_fresh {
                 break;
             }
-        } else {
+            is_fresh = false;
+            if gain >= 0.5 * promised && gain >= ENOUGH {
+                continue;
+            }
+        } else if is_fresh {
             damping *= 10.0;
-            if damping > 1e3 {
+            if damping > 1e3 || promised < ENOUGH {
                 break;
             }
+            continue;
         }
+        tangent = Tangent::at(trials, &at, tangent.coordinates)?;
+        (sum, gradient) = tangent.slope(trials, &at)?;
+        is_fresh = true;
     }
-    let covariance = inverse(&here.matrix);
-    Some(Fit { hypothesis: at, misfit: here.sum, coordinates, covariance })
+    Some(Fit { hypothesis: at, misfit: sum, covariance: inverse(&tangent.matrix), coordinates: tangent.coordinates })
 }
 
-fn damped_step(normal: &Normal, damping: f64) -> Option<DVector<f64>> {
-    let mut matrix = normal.matrix.clone();
-    let largest = matrix.diagonal().max();
-    for i in 0..matrix.nrows() {
+fn damped_step(matrix: &DMatrix<f64>, gradient: &DVector<f64>, damping: f64) -> Option<DVector<f64>> {
+    let mut damped = matrix.clone();
+    let largest = damped.diagonal().max();
+    for i in 0..damped.nrows() {
         // A value without any effect stays where it is.
-        matrix[(i, i)] += damping * matrix[(i, i)].max(1e-12 * largest);
+        damped[(i, i)] += damping * matrix[(i, i)].max(1e-12 * largest);
     }
-    Some(-Cholesky::new(matrix)?.solve(&normal.gradient))
+    Some(-Cholesky::new(damped)?.solve(gradient))
 }
 
 /// Inverse with rows and columns scaled to a unit diagonal; what has no effect at all keeps a large variance.
@@ -240,8 +213,19 @@ impl Fit {
         (variance >= 0.0).then(|| variance.sqrt())
     }
 
+    /// Whether its alignment is off by more than the rows leave open.
+    pub fn is_late(&self, trials: &Trials) -> bool {
+        self.hypothesis.late_s.abs() > 2.0 * late_std(trials)
+    }
+
     /// Derivatives around it. `None` where they are not defined.
     pub fn tangent(&self, trials: &Trials) -> Option<Tangent> {
+        Tangent::at(trials, &self.hypothesis, self.coordinates.clone())
+    }
+}
+
+impl Tangent {
+    fn at(trials: &Trials, hypothesis: &Hypothesis, coordinates: Vec<Coordinate>) -> Option<Self> {
         let records: Option<Vec<RecordTangent>> = trials
             .trials
             .par_iter()
@@ -249,14 +233,13 @@ impl Fit {
                 if trial.end_of(Some(Purpose::Fit)) == 0 {
                     return Some(RecordTangent { columns: Vec::new() });
                 }
-                let at = residual(trials, trial, &self.hypothesis, Purpose::Fit)?;
-                let columns = columns(trials, trial, &self.hypothesis, &self.coordinates, &at)?;
+                let at = residual(trials, trial, hypothesis, Purpose::Fit)?;
+                let columns = columns(trials, trial, hypothesis, &coordinates, &at)?;
                 Some(RecordTangent { columns })
             })
             .collect();
-        let count = self.coordinates.len();
-        let mut matrix = DMatrix::zeros(count, count);
         let records = records?;
+        let mut matrix = DMatrix::zeros(coordinates.len(), coordinates.len());
         for record in &records {
             for (i, a) in &record.columns {
                 for (j, b) in &record.columns {
@@ -264,17 +247,14 @@ impl Fit {
                 }
             }
         }
-        if let Some(late) = self.coordinates.iter().position(|coordinate| *coordinate == Coordinate::Late) {
+        if let Some(late) = coordinates.iter().position(|coordinate| *coordinate == Coordinate::Late) {
             matrix[(late, late)] += late_std(trials).powi(-2);
         }
-        Some(Tangent { coordinates: self.coordinates.clone(), records, inverse: inverse(&matrix)? })
+        Some(Self { coordinates, records, matrix })
     }
-}
 
-impl Tangent {
-    /// The sum of squares that `hypothesis` would leave after a fit of all that the tangent knows, to first order, and the
-    /// hypothesis moved there.
-    pub fn judge(&self, trials: &Trials, hypothesis: &Hypothesis) -> Option<(f64, Hypothesis)> {
+    /// Sum of squares at `hypothesis`, and half its derivatives by the columns of the tangent.
+    fn slope(&self, trials: &Trials, hypothesis: &Hypothesis) -> Option<(f64, DVector<f64>)> {
         let parts: Option<Vec<_>> = trials
             .trials
             .par_iter()
@@ -287,23 +267,32 @@ impl Tangent {
             })
             .collect();
         let mut gradient = DVector::zeros(self.coordinates.len());
-        let mut sum = 0.0;
+        let mut sum = (hypothesis.late_s / late_std(trials)).powi(2);
+        if let Some(late) = self.coordinates.iter().position(|coordinate| *coordinate == Coordinate::Late) {
+            gradient[late] = hypothesis.late_s * late_std(trials).powi(-2);
+        }
         for (part, slopes) in parts? {
             sum += part;
             slopes.into_iter().for_each(|(i, slope)| gradient[i] += slope);
         }
-        let std = late_std(trials);
-        sum += (hypothesis.late_s / std).powi(2);
-        if let Some(late) = self.coordinates.iter().position(|coordinate| *coordinate == Coordinate::Late) {
-            gradient[late] += hypothesis.late_s * std.powi(-2);
-        }
-        let step = -(&self.inverse * &gradient);
-        let mut moved = hypothesis.clone();
+        sum.is_finite().then_some((sum, gradient))
+    }
+
+    fn moved(&self, from: &Hypothesis, step: &DVector<f64>) -> Hypothesis {
+        let mut moved = from.clone();
         for (&coordinate, step) in self.coordinates.iter().zip(step.iter()) {
-            // The tangent holds nearby only.
-            moved.set(coordinate, hypothesis.get(coordinate) + step.clamp(-0.5, 0.5));
+            moved.set(coordinate, from.get(coordinate) + step);
         }
+        moved
+    }
+
+    /// The sum of squares that `hypothesis` would leave after a fit of all that the tangent knows, to first order, and the
+    /// hypothesis moved there.
+    pub fn judge(&self, trials: &Trials, hypothesis: &Hypothesis) -> Option<(f64, Hypothesis)> {
+        let (sum, gradient) = self.slope(trials, hypothesis)?;
+        let step = damped_step(&self.matrix, &gradient, 1e-9)?;
         let left = sum + gradient.dot(&step);
-        left.is_finite().then_some((left, moved))
+        // The tangent holds nearby only.
+        Some((left, self.moved(hypothesis, &step.map(|step| step.clamp(-0.5, 0.5)))))
     }
 }

@@ -1,7 +1,7 @@
 //! A model that may be the true one: lags, a misalignment of the clocks, and effects, as numbers that can be fitted.
 
 use super::trial::{Trial, Trials};
-use crate::plant::effect::{Kind, Parameter, Scale, Use};
+use crate::plant::effect::{Kind, Linearity, Parameter, Scale, Site, Use};
 use crate::plant::{
     ActiveEffect, Actuator, Catalog, Drive, EscTiming, Lag, OperatingPoint, PlantError, Start, simulate,
 };
@@ -231,8 +231,29 @@ impl Hypothesis {
     /// [`PlantError`] for values that no actuator has.
     pub fn simulate(&self, trials: &Trials, trial: &Trial, rows: usize) -> Result<Vec<f64>, PlantError> {
         let base = &self.base[trial.point];
+        let steady = trial.mean_response - base.gain * (trial.mean_command - trial.nominal);
+        let response = self.simulate_around(trials, trial, rows, steady)?;
+        let drifts =
+            |candidate: &Candidate| candidate.kind.site >= Site::Air && candidate.kind.linearity == Linearity::Absent;
+        if !self.effects.iter().any(drifts) {
+            return Ok(response);
+        }
+        // What changes with time changes the steady response too, of which only the mean was measured.
+        let mean = |values: &[f64]| values[..rows].iter().sum::<f64>() / rows as f64;
+        let moved = mean(&trial.measured) - mean(&response);
+        self.simulate_around(trials, trial, rows, steady + moved)
+    }
+
+    /// The same with the steady response at the nominal command.
+    fn simulate_around(
+        &self,
+        trials: &Trials,
+        trial: &Trial,
+        rows: usize,
+        response: f64,
+    ) -> Result<Vec<f64>, PlantError> {
+        let base = &self.base[trial.point];
         let lag = Lag { gain: base.gain, time_constant_s: base.time_constant_s, delay_s: base.delay_s };
-        let response = trial.mean_response - base.gain * (trial.mean_command - trial.nominal);
         let point = OperatingPoint { nominal: trial.nominal, lag, response };
         let mut effects = Vec::with_capacity(self.effects.len());
         for candidate in &self.effects {
