@@ -1,8 +1,8 @@
 //! Where simulation and measurement disagree, which effect is missing, and how much smaller the gap becomes with it.
 //!
-//! Four steps, a file each: [`locate`] shares the misfit out over frequency, nominal command, amplitude and more;
-//! [`explain`] finds the effects of the catalog that the misfit asks for; the improved [`Model`] has them; [`gap`] compares
-//! both models with what was held out. All of it rests on white residuals ([`whitening`]): where only noise is left, their
+//! Four steps, a file each: `locate` shares the misfit out over frequency, nominal command, amplitude and more;
+//! `explain` finds the effects of the catalog that the misfit asks for; the improved [`Model`] has them; `gap` compares
+//! both models with what was held out. All of it rests on white residuals (`whitening`): where only noise is left, their
 //! sum of squares is a chi-square.
 
 mod error;
