@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use host_tests::emulator::{Machine, PATIENCE, PortWrite, Start, image, panicking_image};
+use host_tests::emulator::{HostLate, Machine, PATIENCE, PortWrite, Start, image, keeping_up, panicking_image};
 use host_tests::flash::Flash;
 use host_tests::{TABLE_1, multisine};
 use rotorlead::channel::{Channel, Excitation, ExcitationRequest, Input};
@@ -39,15 +39,32 @@ fn width(machine: &mut Machine, command: Command) -> u32 {
     PulseScale::new(output.protocol(), timer_hz / divider).unwrap().to_ticks(command)
 }
 
+/// Whether motor 0 still follows the host.
+fn is_injected(machine: &mut Machine) -> Result<(), HostLate> {
+    match machine.link.info().motors[0] {
+        ChannelState::Injected => Ok(()),
+        ChannelState::Holding | ChannelState::Lost => Err(HostLate),
+        other => panic!("{other:?}"),
+    }
+}
+
 /// Motor 0 armed by the host, at `level`.
-fn arm(machine: &mut Machine, level: f64) -> u32 {
+fn arm(machine: &mut Machine, level: f64) -> Result<u32, HostLate> {
     machine.link.take_over();
     let commands: Vec<Command> =
         (0..300).map(|n| Command::saturating_from_f64(if n < 10 { 0.0 } else { level })).collect();
-    let outputs = machine.link.inject(0, &commands);
-    assert_eq!(machine.link.info().motors[0], ChannelState::Injected);
+    let outputs = machine.link.inject(0, &commands)?;
     assert_eq!(outputs.last(), Some(&Command::saturating_from_f64(level).to_bits()), "settled");
-    commands.len() as u32
+    is_injected(machine)?;
+    Ok(commands.len() as u32)
+}
+
+/// A controller whose motor 0 is armed by the host, at `level`.
+fn armed(start: &Start, level: f64) -> Machine {
+    keeping_up(|| {
+        let mut machine = Machine::boot(start);
+        arm(&mut machine, level).map(|_| machine)
+    })
 }
 
 /// Asks until it is so.
@@ -83,31 +100,33 @@ fn the_image_boots_on_the_clock_that_runs_and_answers() {
 #[ignore = "needs the image and the emulator: cargo xtask test"]
 fn injected_commands_come_out_as_on_the_host_and_stand_in_the_compare_register() {
     let image = image();
-    let mut machine = Machine::boot(&Start::new(&image));
     let settings = Validated::default();
-    machine.link.take_over();
-    let mut channel = reference(&settings);
     let (u_nom, ..) = TABLE_1[2];
     let commands: Vec<Command> = [0.0; 10]
         .into_iter()
         .chain(multisine(u_nom, 0.05, 5000.0).into_iter().take(5000))
         .map(Command::saturating_from_f64)
         .collect();
-    let outputs = machine.link.inject(0, &commands);
-    assert_eq!(outputs, run(&mut channel, &commands));
-    let last = Command::saturating_from_bits(*outputs.last().unwrap());
-    // The time stands still while the register is read, for a host that is silent loses the motor.
-    machine.monitor.stop();
-    let register = machine.monitor.word(OUTPUT_1);
-    machine.monitor.go_on();
-    assert_eq!(register, width(&mut machine, last));
+    keeping_up(|| {
+        let mut machine = Machine::boot(&Start::new(&image));
+        machine.link.take_over();
+        let outputs = machine.link.inject(0, &commands)?;
+        assert_eq!(outputs, run(&mut reference(&settings), &commands));
+        let last = Command::saturating_from_bits(*outputs.last().unwrap());
+        // The time stands still while the register is read, for a host that is silent loses the motor.
+        machine.monitor.stop();
+        let register = machine.monitor.word(OUTPUT_1);
+        machine.monitor.go_on();
+        is_injected(&mut machine)?;
+        assert_eq!(register, width(&mut machine, last));
+        Ok(())
+    });
 }
 
 #[test]
 #[ignore = "needs the image and the emulator: cargo xtask test"]
 fn the_controller_designs_the_same_filter_as_the_host() {
     let image = image();
-    let mut machine = Machine::boot(&Start::new(&image));
     for (omega_z_rad_s, omega_f_rad_s, damping, loop_rate_hz) in
         [(14.1275, 94.2, 0.7, 5000), (12.0, 60.0, 0.6, 4000), (9.123, 31.7, 1.1, 1000), (45.0, 250.0, 0.9, 10_000)]
     {
@@ -115,19 +134,22 @@ fn the_controller_designs_the_same_filter_as_the_host() {
         settings.lead.omega_z_rad_s = omega_z_rad_s;
         settings.lead.omega_f_rad_s = omega_f_rad_s;
         settings.lead.damping = damping;
-        let taken = machine.link.ask(&Request::SetSettings(settings.clone()));
-        let settings = settings.validate().unwrap();
-        assert_eq!(taken, Message::SettingsTaken(settings.warnings()), "{settings:?}");
-        machine.link.take_over();
+        let valid = settings.clone().validate().unwrap();
         // A step excites every coefficient; 27 bits of it must come out the same for 1500 ticks.
         let commands: Vec<Command> = (0..1500)
             .map(|n| Command::saturating_from_f64([0.0, 0.4, 0.45][usize::from(n > 3) + usize::from(n > 200)]))
             .collect();
-        assert_eq!(machine.link.inject(0, &commands), run(&mut reference(&settings), &commands), "{settings:?}");
-        // Back at rest, so that the next settings are taken.
-        machine.link.inject(commands.len() as u32, &[Command::ZERO]);
+        let outputs = keeping_up(|| {
+            let mut machine = Machine::boot(&Start::new(&image));
+            let taken = machine.link.ask(&Request::SetSettings(settings.clone()));
+            assert_eq!(taken, Message::SettingsTaken(valid.warnings()), "{settings:?}");
+            machine.link.take_over();
+            machine.link.inject(0, &commands)
+        });
+        assert_eq!(outputs, run(&mut reference(&valid), &commands), "{settings:?}");
     }
     // What the host's design refuses, the controller's does.
+    let mut machine = Machine::boot(&Start::new(&image));
     let mut settings = Settings::default();
     settings.lead.omega_z_rad_s = 3.0;
     assert!(coefficients(&settings.clone().validate().unwrap()).is_err());
@@ -138,7 +160,6 @@ fn the_controller_designs_the_same_filter_as_the_host() {
 #[ignore = "needs the image and the emulator: cargo xtask test"]
 fn the_excitation_is_the_host_generators_bit_for_bit() {
     let image = image();
-    let mut machine = Machine::boot(&Start::new(&image));
     let settings = Validated::default();
     let (nominal, amplitude) = (Command::saturating_from_f64(0.5), Command::saturating_from_f64(0.05));
     let request = ExciteRequest {
@@ -148,8 +169,14 @@ fn the_excitation_is_the_host_generators_bit_for_bit() {
         amplitude: amplitude.to_bits(),
         periods: 2,
     };
-    let records = excite(&mut machine, &request, true);
-    assert_eq!(machine.link.faults().dead_man, 0);
+    let records = keeping_up(|| {
+        let mut machine = Machine::boot(&Start::new(&image));
+        let records = excite(&mut machine, &request, true);
+        match machine.link.faults().dead_man {
+            0 => Ok(records),
+            _ => Err(HostLate),
+        }
+    });
 
     let limits = channel_settings(&settings, 0);
     let checked = ExcitationRequest {
@@ -190,6 +217,9 @@ fn the_excitation_is_the_host_generators_bit_for_bit() {
     }
 }
 
+/// Requests on their way to a controller that answers some 2700 of them in a second.
+const STORE: i32 = 2000;
+
 /// One in so many ticks is recorded: what the emulated line carries.
 const DIVISOR: u16 = 7;
 
@@ -204,7 +234,7 @@ fn excite(machine: &mut Machine, request: &ExciteRequest, stays: bool) -> Vec<Re
     // A store of them is on its way at all times: the emulated time does not wait for a host that is held up.
     let mut under_way = 0;
     loop {
-        while running && stays && !ended && under_way < 64 {
+        while running && stays && !ended && under_way < STORE {
             machine.link.send(&Request::KeepAlive);
             under_way += 1;
         }
@@ -292,10 +322,14 @@ fn a_flood_of_garbage_is_counted_and_changes_neither_settings_nor_outputs() {
 #[ignore = "needs the image and the emulator: cargo xtask test"]
 fn a_host_that_vanishes_during_an_injection_loses_the_motor_which_stops() {
     let image = image();
-    let mut machine = Machine::boot(&Start::new(&image));
-    let first = arm(&mut machine, 0.5);
-    let saved = machine.link.ask(&Request::SaveSettings);
-    assert_eq!(saved, Message::Refused(Refusal::NotDisarmed { motor: 0 }));
+    let (mut machine, first) = keeping_up(|| {
+        let mut machine = Machine::boot(&Start::new(&image));
+        let first = arm(&mut machine, 0.5)?;
+        let saved = machine.link.ask(&Request::SaveSettings);
+        is_injected(&mut machine)?;
+        assert_eq!(saved, Message::Refused(Refusal::NotDisarmed { motor: 0 }));
+        Ok((machine, first))
+    });
     wait("the loss", || machine.link.info().motors[0] == ChannelState::Lost);
     let stop = width(&mut machine, Command::ZERO);
     assert_eq!(machine.monitor.word(OUTPUT_1), stop);
@@ -308,8 +342,7 @@ fn a_host_that_vanishes_during_an_injection_loses_the_motor_which_stops() {
 #[ignore = "needs the image and the emulator: cargo xtask test"]
 fn a_reset_while_armed_comes_back_with_stop_pulses() {
     let image = image();
-    let mut machine = Machine::boot(&Start::new(&image));
-    arm(&mut machine, 0.6);
+    let mut machine = armed(&Start::new(&image), 0.6);
     machine.monitor.reset();
     machine.link.wait_for_start();
     let info = machine.link.info();
@@ -335,8 +368,7 @@ fn outputs_were_forced_low(writes: &[PortWrite]) -> bool {
 fn a_fault_of_the_core_forces_the_outputs_low_and_is_reported_after_the_reset() {
     let image = image();
     let start = Start { trace: true, debugger: true, ..Start::new(&image) };
-    let mut machine = Machine::boot(&start);
-    arm(&mut machine, 0.6);
+    let mut machine = armed(&start, 0.6);
     let mark = machine.trace.mark();
     let debugger = machine.debugger.as_mut().unwrap();
     debugger.halt();

@@ -3,6 +3,7 @@
 
 use rotorlead_sim::bench::{Plan, PlannedRecord, run};
 use rotorlead_sim::diagnose::{Axis, DiagnoseError, Diagnosis, Options, Verdict, diagnose};
+use rotorlead_sim::identify::IdentifyError;
 use rotorlead_sim::plant::{Catalog, Effect, Lag, Model, Noise, Point};
 use rotorlead_sim::record::{Excitation, Experiment};
 
@@ -110,9 +111,16 @@ fn what_cannot_be_compared_is_refused_by_name() {
     constant.records[1].command.fill(0.4);
     let catalog = Catalog::standard();
     let options = Options { model: None, catalog: &catalog, progress: &|| {} };
-    assert!(matches!(diagnose(&constant, &options), Err(DiagnoseError::ConstantCommand { .. })));
+    assert!(matches!(
+        diagnose(&constant, &options),
+        Err(DiagnoseError::Identify(IdentifyError::ConstantCommand { .. }))
+    ));
     let mut elsewhere = motor(None);
     elsewhere.points.remove(1);
     let options = Options { model: Some(&elsewhere), ..options };
     assert!(matches!(diagnose(&experiment(&motor(None), 1), &options), Err(DiagnoseError::Model(_))));
+    let delayed = motor(Some(("transport_delay", &[("delay_s", 0.01)])));
+    let options = Options { model: Some(&delayed), ..options };
+    let refused = diagnose(&experiment(&motor(None), 1), &options);
+    assert!(matches!(refused, Err(DiagnoseError::ModelHasEffects { .. })));
 }

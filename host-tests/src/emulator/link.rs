@@ -5,12 +5,12 @@ use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
 use rotorlead::link::{
-    FRAME_BYTES, Faults, INJECT_SAMPLES, INJECT_WINDOW, Info, InjectRequest, Message, Receiver, Request, Series,
-    Source, Tagged, encode,
+    FRAME_BYTES, Faults, INJECT_SAMPLES, INJECT_WINDOW, Info, InjectRequest, Message, Receiver, Refusal, Request,
+    Series, Source, Tagged, encode,
 };
 use rotorlead::throttle::Command;
 
-use super::PATIENCE;
+use super::{HostLate, PATIENCE};
 
 /// The connection, with what was received of the next message.
 pub struct Link {
@@ -123,9 +123,12 @@ impl Link {
 
     /// What commands come to for motor 0, of which `first` were sent since it was taken over.
     ///
+    /// # Errors
+    /// [`HostLate`].
+    ///
     /// # Panics
-    /// When one is refused or lost.
-    pub fn inject(&mut self, first: u32, commands: &[Command]) -> Vec<i32> {
+    /// When one is refused otherwise or lost.
+    pub fn inject(&mut self, first: u32, commands: &[Command]) -> Result<Vec<i32>, HostLate> {
         let mut outputs = Vec::with_capacity(commands.len());
         let mut blocks = commands.chunks(INJECT_SAMPLES);
         let mut next = first;
@@ -146,9 +149,10 @@ impl Link {
                     outputs.extend_from_slice(injected.outputs.as_slice());
                     under_way -= 1;
                 }
+                Message::Refused(Refusal::NotInjecting) => return Err(HostLate),
                 other => panic!("{other:?}"),
             }
         }
-        outputs
+        Ok(outputs)
     }
 }

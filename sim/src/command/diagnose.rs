@@ -18,7 +18,8 @@ use crate::report::with_std;
 /// Finds where simulation and measurement disagree, names the effect that is missing, and shows the gap shrink
 ///
 /// The base is the first-order lag at each nominal command: the given model's, or the one that the records show. Effects
-/// are fitted to a part of the records, or to those that are not marked `validate`, and confirmed on the rest.
+/// are fitted to a part of the records, or to those that are not marked `validate`; the rest, to which no number is fitted,
+/// helps to choose among them and shows the gap. Only records that repeat are compared.
 #[derive(Args, Debug)]
 pub struct Diagnose {
     /// The experiment's folder
@@ -120,6 +121,9 @@ fn words(found: &Diagnosis) -> String {
         100.0 * found.gap.after,
         100.0 * found.gap.noise_floor
     ));
+    if !found.left_out.is_empty() {
+        line(format!("\nNot compared, since they do not repeat: {}", found.left_out.join(", ")));
+    }
     if let Some(next) = found.next_experiment() {
         line(format!("\nNext: {next}"));
     }
@@ -173,6 +177,7 @@ fn values(found: &Diagnosis) -> Value {
             "after": record.gap.after,
             "noise_floor": record.gap.noise_floor,
         })).collect::<Vec<_>>(),
+        "not_compared": found.left_out,
         "held_out": found.held_out,
         "excess": {
             "before": { "sum": found.excess.0.sum, "expected": found.excess.0.expected },

@@ -19,13 +19,6 @@ pub enum DiagnoseError {
         /// The experiment's name.
         experiment: String,
     },
-    /// Nothing may be fitted.
-    #[error("{experiment}: every record has role = \"validate\", so nothing may be fitted")]
-    #[diagnostic(help("give at least one record per nominal command role = \"fit\" in experiment.toml"))]
-    NothingToFit {
-        /// The experiment's name.
-        experiment: String,
-    },
     /// A nominal command has no record that may be fitted.
     #[error("nominal command {nominal}: every record has role = \"validate\"")]
     #[diagnostic(help("give one of its records role = \"fit\" in experiment.toml, or take them out"))]
@@ -33,33 +26,14 @@ pub enum DiagnoseError {
         /// The nominal command.
         nominal: f64,
     },
-    /// The record has not got the response column.
-    #[error("{file}: the response column is missing")]
-    #[diagnostic(help("record this column, or change `output` in experiment.toml"))]
-    NoResponse {
-        /// The record.
-        file: String,
-    },
-    /// A compensated record that does not say what the ESC was told.
-    #[error("{file}: a compensated record without an esc_command column")]
-    #[diagnostic(help("record the command behind the compensator as esc_command: it is what the actuator follows"))]
-    NoEscCommand {
-        /// The record.
-        file: String,
-    },
-    /// The command does not move.
-    #[error("{file}: the command is constant")]
-    #[diagnostic(help("nothing can be compared: excite the actuator, for instance with a multisine"))]
-    ConstantCommand {
-        /// The record.
-        file: String,
-    },
-    /// The response does not move.
-    #[error("{file}: the response is constant")]
-    #[diagnostic(help("check the sensor's connection, and that the motor was running"))]
-    ConstantResponse {
-        /// The record.
-        file: String,
+    /// The given model has effects already.
+    #[error("the model has `{kind}` as an effect, and is to be judged as a lag")]
+    #[diagnostic(help(
+        "take its [[effect]] tables out, or leave --model out: effects are found anew from the records"
+    ))]
+    ModelHasEffects {
+        /// The first of them.
+        kind: String,
     },
     /// A record is not what it says.
     #[error(transparent)]

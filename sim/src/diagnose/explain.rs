@@ -134,11 +134,10 @@ impl Search<'_> {
         }
         screened.sort_by(|a, b| a.0.total_cmp(&b.0));
         let best = screened.first().map_or(0.0, |best| from.misfit - best.0);
-        let mut kinds: Vec<&'static Kind> = Vec::new();
+        let mut kinds: Vec<(&'static Kind, usize)> = Vec::new();
         let mut tried: Vec<Tried> = Vec::new();
-        let mut starts = [0; 64];
         for (left, start, kind) in screened {
-            let place = kinds.iter().position(|other| *other == kind);
+            let place = kinds.iter().position(|(other, _)| *other == kind);
             let gain = from.misfit - left;
             // What promises much less than has to be there is not worth a search; a gain of log likelihood is half of this.
             if gain < 2.0 * PROMISED * LEAST_WORTH || (gain < PROMISING * best && place.is_none() && kinds.len() >= 3) {
@@ -147,15 +146,16 @@ impl Search<'_> {
             let place = match place {
                 Some(place) => place,
                 None if kinds.len() < MOST_FITTED => {
-                    kinds.push(kind);
+                    kinds.push((kind, 0));
                     kinds.len() - 1
                 }
                 None => continue,
             };
-            if starts[place] >= MOST_STARTS {
+            let followed = &mut kinds[place].1;
+            if *followed >= MOST_STARTS {
                 continue;
             }
-            starts[place] += 1;
+            *followed += 1;
             let Some(found) = self.attempt(from, &start, kind, FIRST_STEPS) else { continue };
             match tried.iter_mut().find(|other| other.kind == kind) {
                 Some(other) if found.fitted_gain > other.fitted_gain => *other = found,

@@ -24,10 +24,10 @@ use explain::{Explanation, Search};
 use hypothesis::{BasePoint, Candidate, Coordinate, Hypothesis};
 use trial::{Purpose, Trials};
 
-use crate::identify::{Estimate, PeriodicOptions, identify_periodic};
+use crate::identify::{Estimate, PeriodicOptions, identify_periodic, same_output};
 use crate::plant::effect::Kind;
 use crate::plant::{Catalog, Effect, Lag, Model, Point};
-use crate::record::{Experiment, Role};
+use crate::record::Experiment;
 
 /// A misfit of fewer standard deviations than this is no misfit.
 const SIGNIFICANT: f64 = 5.0;
@@ -108,10 +108,12 @@ pub struct Diagnosis {
     pub effects: Vec<NamedEffect>,
     /// What was tried alone, best first.
     pub tried: Vec<TriedKind>,
-    /// The gap on what was held out.
+    /// The gap on what was held out. No number was fitted to it; which kinds are named rests on it too.
     pub gap: Gap,
     /// The same record by record.
     pub records: Vec<RecordGap>,
+    /// Files of records that were not compared, since they do not repeat.
+    pub left_out: Vec<String>,
     /// Whether anything was held out; otherwise the gaps are those of what was fitted.
     pub held_out: bool,
     /// What is left over noise, before and after.
@@ -167,7 +169,7 @@ pub struct Options<'a> {
 /// [`DiagnoseError`].
 pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis, DiagnoseError> {
     let trials = Trials::new(experiment)?;
-    trials.check_fitted(experiment)?;
+    trials.check_fitted()?;
     let base = first_model(experiment, &trials, options.model)?;
     let mut search = Search { trials, catalog: options.catalog, progress: options.progress };
     let Explanation { mut before, mut after, found, tried } =
@@ -245,6 +247,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         effects,
         gap,
         records,
+        left_out: trials.left_out.clone(),
         held_out,
         excess: (excess_before, excess_after),
     })
@@ -285,6 +288,10 @@ fn first_model(
 ) -> Result<Vec<BasePoint>, DiagnoseError> {
     let of_lag = |lag: Lag| BasePoint { gain: lag.gain, time_constant_s: lag.time_constant_s, delay_s: lag.delay_s };
     if let Some(model) = model {
+        same_output(experiment, model)?;
+        if let Some(effect) = model.effects.first() {
+            return Err(DiagnoseError::ModelHasEffects { kind: effect.kind.clone() });
+        }
         return trials.nominals.iter().map(|nominal| Ok(of_lag(model.at(*nominal)?))).collect();
     }
     let identified = identify_periodic(experiment, &PeriodicOptions::default())?;
@@ -349,10 +356,7 @@ fn improved(model: Option<&Model>, trials: &Trials, fit: &fit::Fit, effects: &[N
 
 impl Trials {
     /// Every nominal command needs something to fit.
-    fn check_fitted(&self, experiment: &Experiment) -> Result<(), DiagnoseError> {
-        if experiment.records.iter().all(|record| record.role == Some(Role::Validate)) {
-            return Err(DiagnoseError::NothingToFit { experiment: experiment.name.clone() });
-        }
+    fn check_fitted(&self) -> Result<(), DiagnoseError> {
         for (point, nominal) in self.nominals.iter().enumerate() {
             let is_fitted = |trial: &trial::Trial| trial.point == point && trial.end_of(Some(Purpose::Fit)) > 0;
             if !self.trials.iter().any(is_fitted) {

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use super::DiagnoseError;
 use super::whitening::{NoiseDensity, Whitening};
+use crate::identify::{IdentifyError, response_of, upsampled};
 use crate::record::{Excitation, Experiment, Record, Role};
 
 /// Commands closer than this are the same nominal command; a 12-bit command is 2.4e-4.
@@ -77,6 +78,8 @@ pub(super) struct Trials {
     pub nominals: Vec<f64>,
     /// The records.
     pub trials: Vec<Trial>,
+    /// Files of those that do not repeat, which are not compared.
+    pub left_out: Vec<String>,
     /// Rate of the ESC's frames, where the experiment says it.
     pub esc_frame_hz: Option<f64>,
 }
@@ -109,16 +112,18 @@ impl Trials {
         if trials.is_empty() {
             return Err(DiagnoseError::NothingPeriodic { experiment: experiment.name.clone() });
         }
-        Ok(Self { nominals, trials, esc_frame_hz: experiment.esc_frame_hz })
+        let others = experiment.records.iter().filter(|record| !record.excitation.is_periodic());
+        let left_out = others.map(|record| record.file.clone()).collect();
+        Ok(Self { nominals, trials, left_out, esc_frame_hz: experiment.esc_frame_hz })
     }
 }
 
 impl Trial {
     fn new(experiment: &Experiment, record: &Record, point: usize) -> Result<Self, DiagnoseError> {
         let file = || record.file.clone();
-        let measured = record.response(experiment.output).ok_or_else(|| DiagnoseError::NoResponse { file: file() })?;
+        let measured = response_of(record, experiment.output)?;
         let command = if record.compensated {
-            record.esc_command.as_ref().ok_or_else(|| DiagnoseError::NoEscCommand { file: file() })?
+            record.esc_command.as_ref().ok_or_else(|| IdentifyError::NoEscCommand { file: file() })?
         } else {
             &record.command
         };
@@ -129,10 +134,10 @@ impl Trial {
         let (mean_command, mean_response) = (mean(command), mean(measured));
         let amplitude = command[..rows].iter().fold(0.0_f64, |most, u| most.max((u - mean_command).abs()));
         if command[..rows].iter().all(|u| *u == command[0]) {
-            return Err(DiagnoseError::ConstantCommand { file: file() });
+            return Err(IdentifyError::ConstantCommand { file: file() }.into());
         }
         if measured[..rows].iter().all(|y| *y == measured[0]) {
-            return Err(DiagnoseError::ConstantResponse { file: file() });
+            return Err(IdentifyError::ConstantResponse { file: file() }.into());
         }
         let mut trial = Self {
             file: file(),
@@ -164,20 +169,16 @@ impl Trial {
         Ok(trial)
     }
 
-    /// A command that moved between rows: a sum of sinusoids far below the row rate is straight from row to row.
+    /// A command that moved between rows: the lines of its period say how.
     fn tell_between_rows(&mut self, per_row: usize) {
         if per_row < 2 {
             return;
         }
-        let between = |values: &[f64]| -> Vec<f64> {
-            let steps = |pair: &[f64]| {
-                let (from, to) = (pair[0], pair[1]);
-                (0..per_row).map(move |step| from + (to - from) * step as f64 / per_row as f64).collect::<Vec<_>>()
-            };
-            values.windows(2).flat_map(steps).chain(values.last().copied()).collect()
-        };
-        self.told_s = between(&self.told_s);
-        self.told = between(&self.told);
+        let period = upsampled(&self.told[..self.period_rows], per_row);
+        let count = self.time_s.len() * per_row;
+        let (begin_s, rate_hz) = (self.time_s[0], self.rate_hz * per_row as f64);
+        self.told = period.iter().copied().cycle().take(count).collect();
+        self.told_s = (0..count).map(|tick| begin_s + tick as f64 / rate_hz).collect();
         self.told_per_row = per_row;
     }
 

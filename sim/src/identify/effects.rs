@@ -38,7 +38,7 @@ pub(super) fn simulated_periods(
 }
 
 /// `period` with `factor` values for each of its own, by its Fourier series.
-fn upsampled(period: &[f64], factor: usize) -> Vec<f64> {
+pub(crate) fn upsampled(period: &[f64], factor: usize) -> Vec<f64> {
     let mut planner = RealFftPlanner::new();
     let forward = planner.plan_fft_forward(period.len());
     let mut lines = forward.make_output_vec();

@@ -31,6 +31,7 @@ mod validate;
 
 pub use bandwidth::{Bandwidth, EtfeBandwidth, StaticValue, THREE_DB, bandwidth_of, bandwidth_of_etfe};
 pub use distortion::{Distortion, DistortionLevel, RobustResponse, STRONG_DISTORTION_DB};
+pub(crate) use effects::upsampled;
 pub use error::IdentifyError;
 pub use estimate::Estimate;
 pub use etfe::{Etfe, ResponsePoint};
@@ -44,11 +45,13 @@ pub use periodic::{
     identify_periodic,
 };
 pub use simulation::{align, run_actuator};
+pub(crate) use spectra::response_of;
 pub use spectra::{
     DisturbanceSign, DisturbedLine, Line, LongRecordError, NoiseSource, RemovedSinusoid, Spectrum, SpectrumOptions,
     UnexcitedLine,
 };
 pub use transient::TransientTest;
+pub(crate) use validate::same_output;
 pub use validate::{
     ComparedLines, ComparedRow, Comparison, Domain, FitBesideCeiling, LeftOver, RecordValidation, TableRow, table_2,
     validate,

@@ -74,14 +74,7 @@ pub fn identify(largest: bool, json: Option<&str>) -> Result {
         std::fs::remove_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     }
     let report = report?;
-    match json {
-        Some("-") => println!("{:#}", report.json()),
-        Some(file) => {
-            print!("{report}");
-            std::fs::write(file, format!("{:#}\n", report.json())).map_err(|error| format!("{file}: {error}"))?;
-        }
-        None => print!("{report}"),
-    }
+    super::say(&report, &report.json(), json)?;
     report.check()
 }
 

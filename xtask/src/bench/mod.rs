@@ -28,17 +28,23 @@ pub fn all() -> Result {
 /// Instructions of the filter beside its peers' and of the application's interrupts, on the controller's core.
 pub fn firmware(json: Option<&str>) -> Result {
     let report = measure()?;
-    print!("{report}");
-    match json {
-        Some("-") => println!("{:#}", report.json()),
-        Some(file) => {
-            std::fs::write(file, format!("{:#}\n", report.json())).map_err(|error| format!("{file}: {error}"))?;
-        }
-        None => {}
-    }
+    say(&report, &report.json(), json)?;
     // The figures must hold what is said of them.
     let missed = report.missed();
     if missed.is_empty() { Ok(()) } else { Err(missed.join("\n")) }
+}
+
+/// Prints a table, and writes its numbers to a file; with `-` these go to standard output and nothing else does.
+fn say(table: &impl std::fmt::Display, numbers: &serde_json::Value, json: Option<&str>) -> Result {
+    if json != Some("-") {
+        print!("{table}");
+    }
+    match json {
+        Some("-") => println!("{numbers:#}"),
+        Some(file) => std::fs::write(file, format!("{numbers:#}\n")).map_err(|error| format!("{file}: {error}"))?,
+        None => {}
+    }
+    Ok(())
 }
 
 fn measure() -> Result<report::Report> {

@@ -143,7 +143,7 @@ fn remedy(refusal: &Refusal) -> &'static str {
         Refusal::TooLong { .. } => "play fewer periods, or raise excitation.max_duration_s",
         Refusal::Exciting => "wait until it has ended, or stop it with `rotorlead device stop`",
         Refusal::NotInjecting | Refusal::OutOfSequence { .. } | Refusal::WindowFull => {
-            "start again: the line lost a frame, or another program uses it"
+            "start again: the line lost a frame, this program was held up for a second, or another one uses the line"
         }
         Refusal::Divisor => "give a divisor from 1 to 5000",
     }

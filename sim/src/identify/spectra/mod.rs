@@ -168,7 +168,7 @@ pub(super) fn column(output: Output) -> &'static str {
 }
 
 /// A record's response column, checked to be as long as its time and command.
-pub(super) fn response_of(record: &Record, output: Output) -> Result<&[f64], IdentifyError> {
+pub(crate) fn response_of(record: &Record, output: Output) -> Result<&[f64], IdentifyError> {
     let rows = record.time_s.len();
     record
         .response(output)

@@ -128,11 +128,17 @@ pub struct ComparedRow {
 /// record's nominal command is outside the model's points, [`IdentifyError::Plant`] when the model cannot be simulated,
 /// [`IdentifyError::NoEscCommand`] for a compensated record without that column, and what is wrong with a record itself.
 pub fn validate(experiment: &Experiment, model: &Model) -> Result<Vec<RecordValidation>, IdentifyError> {
-    if let Some(provenance) = &model.provenance
-        && provenance.output != experiment.output
-    {
-        let (model, experiment) = (spectra::column(provenance.output), spectra::column(experiment.output));
-        return Err(IdentifyError::OtherOutput { model, experiment });
-    }
+    same_output(experiment, model)?;
     experiment.records.iter().map(|record| Judge { experiment, model, record }.validation()).collect()
+}
+
+/// Refuses a model that was identified on the other response.
+pub(crate) fn same_output(experiment: &Experiment, model: &Model) -> Result<(), IdentifyError> {
+    match &model.provenance {
+        Some(provenance) if provenance.output != experiment.output => {
+            let (model, experiment) = (spectra::column(provenance.output), spectra::column(experiment.output));
+            Err(IdentifyError::OtherOutput { model, experiment })
+        }
+        _ => Ok(()),
+    }
 }
