@@ -11,7 +11,7 @@ use std::cmp::Ordering;
 use super::fit::{Fit, MOST_STEPS, Tangent, fit, fit_in, misfit};
 use super::hypothesis::{Candidate, Hypothesis};
 use super::trial::{Purpose, Trials};
-use crate::identify::align;
+use crate::identify::offset_and_start;
 use crate::plant::Catalog;
 use crate::plant::effect::Kind;
 
@@ -97,7 +97,8 @@ pub(super) struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// Takes the noise from what `fit` leaves and fits it again with that. Twice, since weights and fit depend on each other.
+    /// Takes the noise and the state at the begin from what `fit` leaves and fits it again with that. Twice, since they and
+    /// the fit depend on each other.
     fn settle(&mut self, start: &Hypothesis, lags: bool) -> Option<Fit> {
         let mut hypothesis = start.clone();
         for _ in 0..2 {
@@ -116,9 +117,13 @@ impl Search<'_> {
                 let measured = &trial.measured[..rows];
                 // The state from which the record starts is no noise.
                 let tau_s = hypothesis.base[trial.point].time_constant_s;
-                let aligned = align(&trial.time_s[..rows], measured, &simulated, tau_s);
-                let left: Vec<f64> = measured.iter().zip(&aligned).map(|(y, model)| y - model).collect();
+                let time_s = &trial.time_s[..rows];
+                let (offset, start) = offset_and_start(time_s, measured, &simulated, tau_s);
+                let decay = |time: &f64| (-(time - time_s[0]) / tau_s).exp();
+                let moved = simulated.iter().zip(time_s).map(|(model, time)| model + offset + start * decay(time));
+                let left: Vec<f64> = measured.iter().zip(moved).map(|(y, model)| y - model).collect();
                 trial.weigh(&left);
+                trial.off_by += start;
             }
         }
     }

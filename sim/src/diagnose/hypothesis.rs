@@ -3,7 +3,7 @@
 use super::trial::{Trial, Trials};
 use crate::plant::effect::{Kind, Linearity, Parameter, Scale, Site, Use};
 use crate::plant::{
-    ActiveEffect, Actuator, Catalog, Drive, EscTiming, Lag, OperatingPoint, PlantError, Start, simulate,
+    ActiveEffect, Actuator, Catalog, Drive, EscTiming, Lag, OperatingPoint, PlantError, Start, simulate_response,
 };
 
 /// How far a value may leave its plausible range in a search, in widths of the range.
@@ -265,6 +265,7 @@ impl Hypothesis {
         let told = ((rows - 1) * trial.told_per_row + 1).min(trial.told_s.len());
         let drive = Drive { time_s: &trial.told_s[..told], command: &trial.told[..told] };
         let stamps: Vec<f64> = trial.time_s[..rows].iter().map(|time_s| time_s - self.late_s).collect();
-        Ok(simulate(&mut actuator, drive, Start::Rest(trial.nominal), &stamps)?.response)
+        let start = Start::OnTheWay { command: trial.nominal, off_by: trial.off_by };
+        simulate_response(&mut actuator, drive, start, &stamps)
     }
 }

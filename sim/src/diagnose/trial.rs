@@ -61,6 +61,8 @@ pub(super) struct Trial {
     pub mean_command: f64,
     /// Mean response over the whole periods.
     pub mean_response: f64,
+    /// How far the response was from rest at the nominal command when the record began.
+    pub off_by: f64,
     /// Rows per second.
     pub rate_hz: f64,
     /// Rows of a period.
@@ -152,6 +154,7 @@ impl Trial {
             measured: measured.to_vec(),
             mean_command,
             mean_response,
+            off_by: 0.0,
             rate_hz,
             period_rows: periods.samples,
             highest_hz: 0.0,

@@ -2,7 +2,7 @@
 
 use realfft::RealFftPlanner;
 
-use crate::plant::{Actuator, Drive, PlantError, Start, simulate};
+use crate::plant::{Actuator, Drive, PlantError, Start, simulate_response};
 
 /// Periods that run before the record, from rest.
 const WARM_UP_PERIODS: u32 = 2;
@@ -34,7 +34,7 @@ pub(super) fn simulated_periods(
     let command: Vec<f64> = period.iter().copied().cycle().take(commands).collect();
     let rows_s: Vec<f64> = (0..rows).map(|row| row as f64 / rates.row_hz).collect();
     let start = Start::Periodic { period_s: length as f64 / rates.row_hz, periods: WARM_UP_PERIODS };
-    Ok(simulate(&mut actuator, Drive { time_s: &time_s, command: &command }, start, &rows_s)?.response)
+    simulate_response(&mut actuator, Drive { time_s: &time_s, command: &command }, start, &rows_s)
 }
 
 /// `period` with `factor` values for each of its own, by its Fourier series.

@@ -44,6 +44,7 @@ pub use periodic::{
     IdentifyWarning, NominalIdentification, PeriodicIdentification, PeriodicOptions, RecordResponse, SquareValidation,
     identify_periodic,
 };
+pub(crate) use simulation::offset_and_start;
 pub use simulation::{align, run_actuator};
 pub(crate) use spectra::response_of;
 pub use spectra::{

@@ -1,6 +1,6 @@
 //! A simulated actuator on a recorded command, beside what was recorded.
 
-use crate::plant::{Actuator, Drive, PlantError, Start, simulate};
+use crate::plant::{Actuator, Drive, PlantError, Start, simulate_response};
 
 /// Response at the rows of `actuator` to the recorded `command` (0..1, one value per row of `time_s`, seconds,
 /// increasing), put to rest at the command of row `at_rest` (one of the rows) when it gets there.
@@ -34,7 +34,7 @@ fn run_on_own_clock(
     at_rest: usize,
 ) -> Result<Vec<f64>, PlantError> {
     let drive = Drive { time_s: &time_s[at_rest..], command: &command[at_rest..] };
-    let seen = simulate(actuator, drive, Start::Rest(command[at_rest]), drive.time_s)?.response;
+    let seen = simulate_response(actuator, drive, Start::Rest(command[at_rest]), drive.time_s)?;
     let mut response = vec![seen[0]; at_rest];
     response.extend(seen);
     Ok(response)
@@ -44,6 +44,14 @@ fn run_on_own_clock(
 /// from which the record starts, `a + b e^(-t / tau)`, both by least squares.
 #[must_use]
 pub fn align(time_s: &[f64], measured: &[f64], model: &[f64], time_constant_s: f64) -> Vec<f64> {
+    let n = measured.len().min(model.len()).min(time_s.len());
+    let decay = |row: usize| (-(time_s[row] - time_s[0]) / time_constant_s).exp();
+    let (offset, start) = offset_and_start(time_s, measured, model, time_constant_s);
+    (0..n).map(|row| model[row] + offset + start * decay(row)).collect()
+}
+
+/// The `a` and `b` of [`align`].
+pub(crate) fn offset_and_start(time_s: &[f64], measured: &[f64], model: &[f64], time_constant_s: f64) -> (f64, f64) {
     let n = measured.len().min(model.len()).min(time_s.len());
     let decay = |row: usize| (-(time_s[row] - time_s[0]) / time_constant_s).exp();
     let (mut s1, mut s2, mut r0, mut r1) = (0.0, 0.0, 0.0, 0.0);
@@ -56,12 +64,11 @@ pub fn align(time_s: &[f64], measured: &[f64], model: &[f64], time_constant_s: f
     }
     let determinant = n as f64 * s2 - s1 * s1;
     // Singular when the record is much shorter than the lag: then only an offset can be told.
-    let (offset, start) = if determinant > 1e-9 * n as f64 * s2 {
+    if determinant > 1e-9 * n as f64 * s2 {
         ((s2 * r0 - s1 * r1) / determinant, (n as f64 * r1 - s1 * r0) / determinant)
     } else {
         (r0 / n.max(1) as f64, 0.0)
-    };
-    (0..n).map(|row| model[row] + offset + start * decay(row)).collect()
+    }
 }
 
 #[cfg(test)]

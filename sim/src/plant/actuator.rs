@@ -161,9 +161,25 @@ impl Actuator {
         self.output = self.after.iter_mut().fold(self.rotor.response(), |output, stage| stage.settle(output));
     }
 
+    /// Moves the rotor away from where it is by `by`, in units of the response. What lies behind it stays.
+    pub(super) fn displace(&mut self, by: f64) {
+        match &mut self.rotor {
+            Rotor::Exact(lag) => lag.displace(by),
+            Rotor::Integrated(rotor) => rotor.displace(by),
+        }
+        if self.after.is_empty() {
+            self.output = self.rotor.response();
+        }
+    }
+
     /// Sets the clock before anything happens, for a run that is to begin before time 0, seconds.
     pub fn begin_at(&mut self, time_s: f64) {
         self.time_s = time_s;
+    }
+
+    /// The time of the moment, seconds.
+    pub(super) fn now_s(&self) -> f64 {
+        self.time_s
     }
 
     /// A record begins now: its first row is taken at this moment. Drift counts from here, and so does the logger's clock.
@@ -202,6 +218,34 @@ impl Actuator {
                 _ => self.follow(piece),
             }
             self.time_s = piece.until_s;
+        }
+    }
+
+    /// Holds `command` until `until_s` and reads the response at `moments` on the way: after now, increasing, none after
+    /// `until_s`. An integrated rotor with nothing behind it is not stopped for them.
+    pub(super) fn advance_reading(&mut self, command: f64, until_s: f64, moments: &[f64], read: &mut Vec<f64>) {
+        match &mut self.rotor {
+            Rotor::Integrated(rotor) if self.after.is_empty() => {
+                let mut rest = moments;
+                while self.time_s < until_s {
+                    let mut piece = Segment::constant(command, until_s);
+                    for stage in &mut self.stages {
+                        piece = stage.advance(self.time_s, piece);
+                    }
+                    let (here, later) = rest.split_at(rest.partition_point(|moment_s| *moment_s <= piece.until_s));
+                    rest = later;
+                    rotor.advance_reading(self.time_s, piece, here, read);
+                    self.time_s = piece.until_s;
+                }
+                self.output = rotor.response();
+            }
+            _ => {
+                for &moment_s in moments {
+                    self.advance(command, moment_s);
+                    read.push(self.output);
+                }
+                self.advance(command, until_s);
+            }
         }
     }
 

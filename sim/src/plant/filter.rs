@@ -5,6 +5,8 @@ use num_complex::Complex64;
 /// Times that differ by less than this part count as the same where a filter keeps its exponentials: what rounding makes of
 /// evenly spaced rows.
 const SAME_DURATION: f64 = 1e-10;
+/// Durations whose exponentials are kept: rows that are taken between commands cut the time in two lengths by turns.
+const KEPT: usize = 2;
 
 /// What a signal does over a time: its value and slope at both ends. Between them it is taken as the cubic through these
 /// (Hermite), off by at most `d^4 / 384` of its fourth derivative over the duration `d`.
@@ -22,6 +24,17 @@ pub struct Interval {
     pub end: f64,
     /// Slope just before the end, per second.
     pub end_slope: f64,
+}
+
+impl Interval {
+    /// The value at a moment within, by that cubic.
+    #[must_use]
+    pub fn at(&self, moment_s: f64) -> f64 {
+        let part = (moment_s - self.from_s) / self.duration_s;
+        let left = 1.0 - part;
+        let ends = self.start * (left * left * (1.0 + 2.0 * part)) + self.end * (part * part * (3.0 - 2.0 * part));
+        ends + self.duration_s * part * left * (self.start_slope * left - self.end_slope * part)
+    }
 }
 
 /// One link behind the rotor: it takes the response as it is and gives what the next link sees.
@@ -50,14 +63,14 @@ pub trait ResponseStage: Send {
 pub(super) struct Mode {
     pole: Complex64,
     state: Complex64,
-    duration_s: f64,
-    phi: [Complex64; 5],
+    /// The last durations with the functions of each, the latest first.
+    kept: [(f64, [Complex64; 5]); KEPT],
 }
 
 impl Mode {
     /// A pole in rad/s, not at 0.
     pub(super) fn new(pole: Complex64) -> Self {
-        Self { pole, state: Complex64::ZERO, duration_s: -1.0, phi: [Complex64::ONE; 5] }
+        Self { pole, state: Complex64::ZERO, kept: [(-1.0, [Complex64::ONE; 5]); KEPT] }
     }
 
     /// At rest with an input that has been `level` for ever: `-level / pole`.
@@ -72,16 +85,21 @@ impl Mode {
     #[inline]
     pub(super) fn advance(&mut self, input: &Interval) {
         let d = input.duration_s;
-        if (d - self.duration_s).abs() > SAME_DURATION * d {
-            self.duration_s = d;
-            self.phi = phi(self.pole * d);
+        let is_same = |kept: &(f64, [Complex64; 5])| (d - kept.0).abs() <= SAME_DURATION * d;
+        match self.kept.iter().position(is_same) {
+            Some(0) => {}
+            Some(place) => self.kept.swap(0, place),
+            None => {
+                self.kept.rotate_right(1);
+                self.kept[0] = (d, phi(self.pole * d));
+            }
         }
+        let phi = &self.kept[0].1;
         let rise = input.end - input.start;
         let (begin, end) = (input.start_slope * d, input.end_slope * d);
         let (c2, c3) = (3.0 * rise - 2.0 * begin - end, begin + end - 2.0 * rise);
-        let forced =
-            self.phi[1] * input.start + self.phi[2] * begin + self.phi[3] * (2.0 * c2) + self.phi[4] * (6.0 * c3);
-        self.state = self.phi[0] * self.state + forced * d;
+        let forced = phi[1] * input.start + phi[2] * begin + phi[3] * (2.0 * c2) + phi[4] * (6.0 * c3);
+        self.state = phi[0] * self.state + forced * d;
     }
 }
 
@@ -140,6 +158,23 @@ mod tests {
                 let exact = particular(t) - particular(0.0) * (pole * t).exp();
                 assert!((mode.state() - exact).norm() < 1e-14, "{pole} at {t}: {} for {exact}", mode.state());
             }
+        }
+    }
+
+    #[test]
+    fn an_interval_is_the_cubic_that_it_was_taken_from() {
+        let cubic = |t: f64| 2.0 - t + 3.0 * t * t - 4.0 * t * t * t;
+        let slope = |t: f64| -1.0 + 6.0 * t - 12.0 * t * t;
+        let interval = Interval {
+            from_s: 0.2,
+            duration_s: 0.5,
+            start: cubic(0.2),
+            start_slope: slope(0.2),
+            end: cubic(0.7),
+            end_slope: slope(0.7),
+        };
+        for t in [0.2, 0.25, 0.4, 0.69, 0.7] {
+            assert!((interval.at(t) - cubic(t)).abs() < 1e-14, "{t}");
         }
     }
 

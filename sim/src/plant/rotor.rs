@@ -160,6 +160,15 @@ impl IntegratedRotor {
         self.state[1] = self.target(&motion);
     }
 
+    /// Moves the lagged response by `by`, and the speed along with it.
+    pub(super) fn displace(&mut self, by: f64) {
+        let gain = self.base.at(self.state[0]).lag.gain;
+        if gain != 0.0 {
+            self.state[0] += by / gain;
+        }
+        self.state[1] += by;
+    }
+
     pub(super) fn response(&self) -> f64 {
         self.output(&self.state)
     }
@@ -183,10 +192,43 @@ impl IntegratedRotor {
 
     /// Lets `duration_s` pass, at most what [`IntegratedRotor::steps`] allows, with the command that begins as `piece` does.
     pub(super) fn advance(&mut self, from_s: f64, piece: Segment, duration_s: f64) -> Interval {
+        let (start, start_slope) = self.value_and_slope(piece.level);
+        self.step(piece, duration_s);
+        let (end, end_slope) = self.value_and_slope(self.drive);
+        Interval { from_s, duration_s, start, start_slope, end, end_slope }
+    }
+
+    /// Lets `piece` pass, which begins at `from_s`, and reads the response at `moments` within it, increasing.
+    pub(super) fn advance_reading(&mut self, from_s: f64, piece: Segment, moments: &[f64], read: &mut Vec<f64>) {
+        let duration_s = piece.until_s - from_s;
+        let count = self.steps(piece.level, duration_s);
+        let step_s = duration_s / count as f64;
+        let mut rest = moments;
+        for index in 0..count {
+            let begin_s = from_s + index as f64 * step_s;
+            let end_s = if index + 1 == count { piece.until_s } else { begin_s + step_s };
+            let part = Segment { level: piece.level + piece.slope_per_s * (begin_s - from_s), ..piece };
+            let (here, later) = rest.split_at(rest.partition_point(|moment_s| *moment_s <= end_s));
+            rest = later;
+            match here {
+                [] => self.step(part, step_s),
+                [only] if *only == end_s => {
+                    self.step(part, step_s);
+                    read.push(self.response());
+                }
+                // Between the ends of a step the response is the cubic through them, as good as the step itself.
+                _ => {
+                    let interval = self.advance(begin_s, part, step_s);
+                    read.extend(here.iter().map(|moment_s| interval.at(*moment_s)));
+                }
+            }
+        }
+    }
+
+    fn step(&mut self, piece: Segment, duration_s: f64) {
         let command = |part: f64| piece.level + piece.slope_per_s * (part * duration_s);
-        let (start, before) = (self.state, self.output(&self.state));
+        let start = self.state;
         let k1 = self.derivative(&start, command(0.0));
-        let start_slope = self.output_slope(&start, &k1);
         let k2 = self.derivative(&along(&start, &k1, 0.5 * duration_s), command(0.5));
         let k3 = self.derivative(&along(&start, &k2, 0.5 * duration_s), command(0.5));
         let k4 = self.derivative(&along(&start, &k3, duration_s), command(1.0));
@@ -195,8 +237,11 @@ impl IntegratedRotor {
             self.state[index] = start[index] + duration_s * slope;
         }
         self.drive = command(1.0);
-        let end_slope = self.output_slope(&self.state, &self.derivative(&self.state, self.drive));
-        Interval { from_s, duration_s, start: before, start_slope, end: self.response(), end_slope }
+    }
+
+    /// The response of the moment, and how fast it moves with the command `command`.
+    fn value_and_slope(&self, command: f64) -> (f64, f64) {
+        (self.response(), self.output_slope(&self.state, &self.derivative(&self.state, command)))
     }
 
     fn motion(&self, command: f64, speed: f64) -> Motion {

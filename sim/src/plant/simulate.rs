@@ -16,6 +16,13 @@ pub struct Drive<'a> {
 pub enum Start {
     /// Rest: the given command has been there for ever.
     Rest(f64),
+    /// The same, but for a rotor on its way: its response is off by so much from that at rest.
+    OnTheWay {
+        /// The command that has been there for ever.
+        command: f64,
+        /// How far the rotor is from its rest there, in units of the response.
+        off_by: f64,
+    },
     /// The drive is one or more periods, the first of which has run some times before, beginning at rest at its mean command.
     Periodic {
         /// The period, seconds.
@@ -49,6 +56,63 @@ pub struct Trace {
 /// [`PlantError::Setting`] for a drive without commands or with a time per command missing, and for a period that is not
 /// above 0.
 pub fn simulate(actuator: &mut Actuator, drive: Drive, start: Start, rows_s: &[f64]) -> Result<Trace, PlantError> {
+    begin(actuator, drive, start)?;
+    let (count, zero_s) = (drive.time_s.len(), drive.time_s[0]);
+    let mut trace = Trace::default();
+    trace.response.reserve(rows_s.len());
+    trace.speed.reserve(rows_s.len());
+    let mut next = 0;
+    let mut command = drive.command[0];
+    for &row_s in rows_s {
+        let moment_s = actuator.moment_of_row(row_s - zero_s);
+        // Commands that begin at or before the row; that at the row itself moves nothing yet.
+        while next < count && drive.time_s[next] - zero_s <= moment_s {
+            actuator.advance(command, drive.time_s[next] - zero_s);
+            command = drive.command[next];
+            next += 1;
+        }
+        actuator.advance(command, moment_s);
+        trace.take(actuator);
+    }
+    Ok(trace)
+}
+
+/// [`simulate`] for the response alone. What is integrated in steps need not stop at every row, and goes over many of them
+/// at a time where the command stays; the response in between is off by less than the steps are.
+///
+/// # Errors
+/// Those of [`simulate`].
+pub fn simulate_response(
+    actuator: &mut Actuator,
+    drive: Drive,
+    start: Start,
+    rows_s: &[f64],
+) -> Result<Vec<f64>, PlantError> {
+    begin(actuator, drive, start)?;
+    let (count, zero_s) = (drive.time_s.len(), drive.time_s[0]);
+    let moments: Vec<f64> = rows_s.iter().map(|row_s| actuator.moment_of_row(row_s - zero_s)).collect();
+    let now_s = actuator.now_s();
+    let early = moments.partition_point(|moment_s| *moment_s <= now_s);
+    let mut response = Vec::with_capacity(rows_s.len());
+    response.resize(early, actuator.response());
+    let mut next = 0;
+    while response.len() < moments.len() {
+        let command = drive.command[next];
+        let changes = |other: &f64| *other != command;
+        let until = drive.command[next..].iter().position(changes).map_or(count, |stay| next + stay);
+        let rest = &moments[response.len()..];
+        let until_s = drive.time_s.get(until).map_or(f64::INFINITY, |time_s| time_s - zero_s);
+        let rows = rest.partition_point(|moment_s| *moment_s <= until_s);
+        // After the last command it goes on to the last row.
+        let end_s = if rows < rest.len() { until_s } else { rest[rest.len() - 1] };
+        actuator.advance_reading(command, end_s, &rest[..rows], &mut response);
+        next = until;
+    }
+    Ok(response)
+}
+
+/// Brings an actuator to the begin of a record.
+fn begin(actuator: &mut Actuator, drive: Drive, start: Start) -> Result<(), PlantError> {
     let count = drive.time_s.len();
     if count == 0 || drive.command.len() != count {
         let value = drive.command.len() as f64;
@@ -57,6 +121,10 @@ pub fn simulate(actuator: &mut Actuator, drive: Drive, start: Start, rows_s: &[f
     let zero_s = drive.time_s[0];
     match start {
         Start::Rest(command) => actuator.settle(command),
+        Start::OnTheWay { command, off_by } => {
+            actuator.settle(command);
+            actuator.displace(off_by);
+        }
         Start::Periodic { period_s, periods } => {
             if !(period_s.is_finite() && period_s > 0.0) {
                 return Err(PlantError::Setting {
@@ -82,24 +150,7 @@ pub fn simulate(actuator: &mut Actuator, drive: Drive, start: Start, rows_s: &[f
     }
     actuator.begin_at(0.0);
     actuator.start_record();
-
-    let mut trace = Trace::default();
-    trace.response.reserve(rows_s.len());
-    trace.speed.reserve(rows_s.len());
-    let mut next = 0;
-    let mut command = drive.command[0];
-    for &row_s in rows_s {
-        let moment_s = actuator.moment_of_row(row_s - zero_s);
-        // Commands that begin at or before the row; that at the row itself moves nothing yet.
-        while next < count && drive.time_s[next] - zero_s <= moment_s {
-            actuator.advance(command, drive.time_s[next] - zero_s);
-            command = drive.command[next];
-            next += 1;
-        }
-        actuator.advance(command, moment_s);
-        trace.take(actuator);
-    }
-    Ok(trace)
+    Ok(())
 }
 
 impl Trace {
