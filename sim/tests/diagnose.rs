@@ -62,6 +62,11 @@ fn what_is_hidden_is_named_with_its_values_and_the_gap_shrinks_to_the_noise() {
         ("saturation", &[("max", 0.62)]),
         ("backlash", &[("half_width", 0.008)]),
         ("gain_drift", &[("drift", -0.06), ("time_s", 20.0)]),
+        // A narrow valley among others.
+        ("command_quantization", &[("step", 0.0107)]),
+        ("dead_band", &[("width", 0.0063)]),
+        // What a record begins with is not at rest, and goes back at its own pace.
+        ("asymmetric_lag", &[("ratio", 1.5)]),
     ] {
         let found = diagnosed(&experiment(&motor(Some((kind, parameters))), 5), None);
         assert_eq!(found.verdict, Verdict::Named, "{kind}: {:?} {:?}", found.effects, found.excess);

@@ -9,8 +9,9 @@
 use std::cmp::Ordering;
 
 use super::fit::{Fit, MOST_STEPS, Tangent, fit, fit_in, misfit};
-use super::hypothesis::{Candidate, Hypothesis};
-use super::trial::{Purpose, Trials};
+use super::hypothesis::{Candidate, GRID, Hypothesis};
+use super::scan::Scan;
+use super::trial::{Before, Purpose, Trial, Trials};
 use crate::identify::offset_and_start;
 use crate::plant::Catalog;
 use crate::plant::effect::Kind;
@@ -34,6 +35,10 @@ const FIRST_STEPS: usize = 3;
 /// How often the screening halves the distance to the neighbors of the best start.
 const CLOSER_LOOKS: usize = 3;
 const MOST_FINISHED: usize = 3;
+/// How often the screening looks around in a narrow valley, in how many steps to either side, and how much nearer each time.
+const VALLEY_LOOKS: i32 = 5;
+const VALLEY_STEPS: u32 = 4;
+const VALLEY_NARROWING: f64 = 0.25;
 
 /// A kind with what it would be worth.
 #[derive(Clone, Debug)]
@@ -55,6 +60,18 @@ impl Tried {
     pub fn worth(&self) -> f64 {
         self.fitted_gain - self.parameters as f64 + self.held_out_gain
     }
+}
+
+/// The decay at the begin of a record that `hypothesis` leaves, and what it leaves beside that and an offset.
+fn aligned(all: &Trials, trial: &Trial, hypothesis: &Hypothesis) -> Option<(f64, Vec<f64>)> {
+    let rows = trial.end_of(None);
+    let simulated = hypothesis.simulate(all, trial, rows).ok()?;
+    let (time_s, measured) = (&trial.time_s[..rows], &trial.measured[..rows]);
+    let tau_s = hypothesis.base[trial.point].time_constant_s;
+    let (offset, start) = offset_and_start(time_s, measured, &simulated, tau_s);
+    let decay = |time: &f64| (-(time - time_s[0]) / tau_s).exp();
+    let moved = simulated.iter().zip(time_s).map(|(model, time)| model + offset + start * decay(time));
+    Some((start, measured.iter().zip(moved).map(|(y, model)| y - model).collect()))
 }
 
 /// The most valuable first.
@@ -97,8 +114,7 @@ pub(super) struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// Takes the noise and the state at the begin from what `fit` leaves and fits it again with that. Twice, since they and
-    /// the fit depend on each other.
+    /// Takes the noise from what `fit` leaves and fits it again with that. Twice, since weights and fit depend on each other.
     fn settle(&mut self, start: &Hypothesis, lags: bool) -> Option<Fit> {
         let mut hypothesis = start.clone();
         for _ in 0..2 {
@@ -112,29 +128,32 @@ impl Search<'_> {
     fn weigh(&mut self, hypothesis: &Hypothesis) {
         let all = self.trials.clone();
         for trial in &mut self.trials.trials {
-            let rows = trial.end_of(None);
-            if let Ok(simulated) = hypothesis.simulate(&all, trial, rows) {
-                let measured = &trial.measured[..rows];
-                // The state from which the record starts is no noise.
-                let tau_s = hypothesis.base[trial.point].time_constant_s;
-                let time_s = &trial.time_s[..rows];
-                let (offset, start) = offset_and_start(time_s, measured, &simulated, tau_s);
-                let decay = |time: &f64| (-(time - time_s[0]) / tau_s).exp();
-                let moved = simulated.iter().zip(time_s).map(|(model, time)| model + offset + start * decay(time));
-                let left: Vec<f64> = measured.iter().zip(moved).map(|(y, model)| y - model).collect();
+            if let Some((_, left)) = aligned(&all, trial, hypothesis) {
                 trial.weigh(&left);
-                trial.off_by += start;
             }
+        }
+    }
+
+    /// Finds out what was before each record: that which leaves less of a decay at its begin.
+    fn tell_what_was_before(&mut self, hypothesis: &Hypothesis) {
+        let all = self.trials.clone();
+        for trial in &mut self.trials.trials {
+            let decays = [Before::Rest, Before::Periods].map(|before| {
+                trial.before = before;
+                aligned(&all, trial, hypothesis).map_or(f64::INFINITY, |(decay, _)| decay.abs())
+            });
+            trial.before = if decays[1] < decays[0] { Before::Periods } else { Before::Rest };
         }
     }
 
     /// Kinds that improve on `from`, best first.
     fn tries(&self, from: &Fit, exclude: &[&'static Kind]) -> Vec<Tried> {
         let Some(tangent) = from.tangent(&self.trials) else { return Vec::new() };
+        let Some(scan) = Scan::new(&self.trials, from) else { return Vec::new() };
         let kinds = self.catalog.kinds().filter(|kind| kind.id != "parameter_error" && !exclude.contains(kind));
         let mut screened: Vec<(f64, Hypothesis, &'static Kind)> = Vec::new();
         for kind in kinds {
-            screened.extend(self.screen(&tangent, from, kind));
+            screened.extend(self.screen(&tangent, &scan, from, kind));
             (self.progress)();
         }
         screened.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -186,7 +205,13 @@ impl Search<'_> {
 
     /// Starts of a kind with what they would leave. Around the best of a single value it looks closer: a limit is felt only
     /// where the commands are.
-    fn screen(&self, tangent: &Tangent, from: &Fit, kind: &'static Kind) -> Vec<(f64, Hypothesis, &'static Kind)> {
+    fn screen(
+        &self,
+        tangent: &Tangent,
+        scan: &Scan,
+        from: &Fit,
+        kind: &'static Kind,
+    ) -> Vec<(f64, Hypothesis, &'static Kind)> {
         // Where the alignment has taken over much of a delay, a start that brings its own is judged without it too: so far the
         // tangent does not hold.
         let aligned = Hypothesis { late_s: 0.0, ..from.hypothesis.clone() };
@@ -197,18 +222,24 @@ impl Search<'_> {
             [with, without].into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0))
         };
         let mut judged: Vec<(f64, Candidate, Hypothesis)> = Vec::new();
-        for start in Candidate::starts(kind) {
-            if let Some((left, moved)) = judge(&start) {
-                judged.push((left, start, moved));
+        let look = |judged: &mut Vec<(f64, Candidate, Hypothesis)>, starts: Vec<Candidate>| {
+            let looked = starts.into_iter().filter_map(|start| judge(&start).map(|(left, moved)| (left, start, moved)));
+            judged.extend(looked);
+            judged.sort_by(|a, b| a.0.total_cmp(&b.0));
+        };
+        look(&mut judged, Candidate::starts(kind));
+        let valleys = scan.valleys(kind, GRID);
+        if !valleys.is_empty() {
+            look(&mut judged, valleys);
+            // Down into the lowest.
+            for round in 0..VALLEY_LOOKS {
+                let Some(best) = judged.first().map(|best| best.1.clone()) else { break };
+                look(&mut judged, best.around(VALLEY_NARROWING.powi(round), VALLEY_STEPS));
             }
-        }
-        if Candidate::searched(kind).count() == 1 {
+        } else if Candidate::searched(kind).count() == 1 {
             for _ in 0..CLOSER_LOOKS {
-                for between in Candidate::around_best(&judged) {
-                    if let Some((left, moved)) = judge(&between) {
-                        judged.push((left, between, moved));
-                    }
-                }
+                let between = Candidate::around_best(&judged);
+                look(&mut judged, between);
             }
         }
         judged.into_iter().map(|(left, _, moved)| (left, moved, kind)).collect()
@@ -233,6 +264,7 @@ impl Search<'_> {
 
     /// Finds the effects.
     pub fn explain(&mut self, base: &Hypothesis) -> Option<Explanation> {
+        self.tell_what_was_before(base);
         let before = self.settle(base, true)?;
         let mut current = before.clone();
         let mut effects: Vec<Tried> = Vec::new();

@@ -17,6 +17,10 @@ const ENOUGH: f64 = 0.05;
 /// Steps for derivatives, in coordinates.
 const SMOOTH_STEP: f64 = 1e-4;
 const EFFECT_STEP: f64 = 2e-3;
+/// From where to where a profile of the misfit is followed, in coordinates, and how much farther each time.
+const NEAREST: f64 = 1e-6;
+const FARTHEST: f64 = 0.1;
+const FARTHER: f64 = 1.4;
 
 /// A hypothesis fitted to the records.
 #[derive(Clone, Debug)]
@@ -211,6 +215,28 @@ impl Fit {
         let place = self.coordinates.iter().position(|other| *other == coordinate)?;
         let variance = self.covariance.as_ref()?[(place, place)];
         (variance >= 0.0).then(|| variance.sqrt())
+    }
+
+    /// Standard deviation of a coordinate on which the response depends in jumps, so that derivatives say nothing: how far it
+    /// may go before the misfit has grown by 1 on the side where that takes longer, the lags following to first order.
+    pub fn profiled_std(&self, trials: &Trials, coordinate: Coordinate) -> Option<f64> {
+        let others = self.coordinates.iter().copied().filter(|other| *other != coordinate).collect();
+        let tangent = Tangent::at(trials, &self.hypothesis, others)?;
+        let (least, _) = tangent.judge(trials, &self.hypothesis)?;
+        let here = self.hypothesis.get(coordinate);
+        let reaches = |side: f64| {
+            let mut distance = NEAREST;
+            while distance < FARTHEST {
+                let mut moved = self.hypothesis.clone();
+                moved.set(coordinate, here + side * distance);
+                if tangent.judge(trials, &moved).is_none_or(|(left, _)| left > least + 1.0) {
+                    break;
+                }
+                distance *= FARTHER;
+            }
+            distance
+        };
+        Some(reaches(-1.0).max(reaches(1.0)))
     }
 
     /// Whether its alignment is off by more than the rows leave open.

@@ -1,6 +1,6 @@
 //! A model that may be the true one: lags, a misalignment of the clocks, and effects, as numbers that can be fitted.
 
-use super::trial::{Trial, Trials};
+use super::trial::{Before, Trial, Trials};
 use crate::plant::effect::{Kind, Linearity, Parameter, Scale, Site, Use};
 use crate::plant::{
     ActiveEffect, Actuator, Catalog, Drive, EscTiming, Lag, OperatingPoint, PlantError, Start, simulate_response,
@@ -9,8 +9,11 @@ use crate::plant::{
 /// How far a value may leave its plausible range in a search, in widths of the range.
 const BEYOND: f64 = 0.5;
 
-/// Pieces of the plausible range of a single value.
-const GRID: u32 = 12;
+/// Time constants after which what was before is forgotten: to 1 / 20 000.
+const LEAD: f64 = 10.0;
+
+/// Most pieces of the plausible range of a single value that are tried on all records.
+pub(super) const GRID: u32 = 12;
 
 /// The lag at one nominal command.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,17 +81,14 @@ impl Candidate {
         let mut all = vec![kind.null()];
         let searched: Vec<_> = Self::searched(kind).collect();
         if let [(index, parameter)] = searched[..] {
-            let (low, high) = parameter.plausible;
-            let (low, high) = (to_coordinate(parameter, low), to_coordinate(parameter, high));
-            let grid =
-                (0..=GRID).map(|k| from_coordinate(parameter, low + (high - low) * f64::from(k) / f64::from(GRID)));
-            let with = |start: f64| {
+            let mut starts = Self::grid(kind, GRID.min(parameter.pieces));
+            starts.extend(parameter.starts.iter().map(|&start| {
                 let mut values = all[0].clone();
                 values[index] = start;
                 Self { kind, values }
-            };
-            let starts = grid.chain(parameter.starts.iter().copied()).map(with);
-            return starts.filter(|start| (kind.check)(&start.values).is_ok()).collect();
+            }));
+            starts.retain(|start| (kind.check)(&start.values).is_ok());
+            return starts;
         }
         for (index, parameter) in searched {
             let with = |values: &Vec<f64>, start: f64| {
@@ -106,6 +106,37 @@ impl Candidate {
 }
 
 impl Candidate {
+    /// The plausible range of a single value from end to end, in so many pieces. Empty for several values.
+    pub fn grid(kind: &'static Kind, pieces: u32) -> Vec<Self> {
+        let searched: Vec<_> = Self::searched(kind).collect();
+        let [(index, parameter)] = searched[..] else { return Vec::new() };
+        let (low, high) = parameter.plausible;
+        let (low, high) = (to_coordinate(parameter, low), to_coordinate(parameter, high));
+        let at = |k: u32| {
+            let mut values = kind.null();
+            values[index] = from_coordinate(parameter, low + (high - low) * f64::from(k) / f64::from(pieces));
+            Self { kind, values }
+        };
+        (0..=pieces).map(at).filter(|candidate| (kind.check)(&candidate.values).is_ok()).collect()
+    }
+
+    /// Around it on both sides: `share` of a piece of its single value's range away, in so many steps. Empty for several values.
+    pub fn around(&self, share: f64, steps: u32) -> Vec<Self> {
+        let searched: Vec<_> = Self::searched(self.kind).collect();
+        let [(index, parameter)] = searched[..] else { return Vec::new() };
+        let (low, high) = parameter.plausible;
+        let piece = (to_coordinate(parameter, high) - to_coordinate(parameter, low)) / f64::from(parameter.pieces);
+        let here = to_coordinate(parameter, self.values[index]);
+        let at = |offset: f64| {
+            let mut values = self.values.clone();
+            values[index] = from_coordinate(parameter, here + offset * piece);
+            Self { kind: self.kind, values }
+        };
+        let offsets = (1..=steps).map(|step| share * f64::from(step) / f64::from(steps));
+        let around = offsets.flat_map(|offset| [at(-offset), at(offset)]);
+        around.filter(|candidate| (candidate.kind.check)(&candidate.values).is_ok()).collect()
+    }
+
     /// Half way from the best of some starts of a single value to its neighbors on either side.
     pub fn around_best<T>(judged: &[(f64, Self, T)]) -> Vec<Self> {
         let best = judged.iter().min_by(|a, b| a.0.total_cmp(&b.0));
@@ -265,7 +296,13 @@ impl Hypothesis {
         let told = ((rows - 1) * trial.told_per_row + 1).min(trial.told_s.len());
         let drive = Drive { time_s: &trial.told_s[..told], command: &trial.told[..told] };
         let stamps: Vec<f64> = trial.time_s[..rows].iter().map(|time_s| time_s - self.late_s).collect();
-        let start = Start::OnTheWay { command: trial.nominal, off_by: trial.off_by };
+        let start = match trial.before {
+            Before::Rest => Start::Rest(trial.nominal),
+            Before::Periods => {
+                let period_s = trial.period_rows as f64 / trial.rate_hz;
+                Start::Running { period_s, lead_s: LEAD * base.time_constant_s }
+            }
+        };
         simulate_response(&mut actuator, drive, start, &stamps)
     }
 }

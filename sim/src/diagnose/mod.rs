@@ -11,6 +11,7 @@ mod fit;
 mod gap;
 mod hypothesis;
 mod locate;
+mod scan;
 mod trial;
 mod whitening;
 
@@ -214,7 +215,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         let (alone, _, _) = gap::gaps(trials, &without, &after.hypothesis);
         effects.push(NamedEffect {
             kind: found.kind,
-            parameters: estimates(&after, index),
+            parameters: estimates(trials, &after, index),
             evidence: found.worth,
             alternatives: found.alternatives,
             gap_before: alone.before,
@@ -309,13 +310,20 @@ fn first_model(
 }
 
 /// The values of an effect with their standard errors.
-fn estimates(fit: &fit::Fit, effect: usize) -> Vec<(&'static crate::plant::effect::Parameter, Estimate)> {
+fn estimates(
+    trials: &Trials,
+    fit: &fit::Fit,
+    effect: usize,
+) -> Vec<(&'static crate::plant::effect::Parameter, Estimate)> {
     let candidate = &fit.hypothesis.effects[effect];
     let searched = Candidate::searched(candidate.kind);
     let estimate = |(value, parameter): (usize, &'static crate::plant::effect::Parameter)| {
         let slope = hypothesis::slope(parameter, candidate.values[value]);
-        let std = fit.std(Coordinate::Effect { effect, value }).unwrap_or(f64::INFINITY);
-        (parameter, Estimate::normal(candidate.values[value], std * slope.abs()))
+        let coordinate = Coordinate::Effect { effect, value };
+        let by_derivative = fit.std(coordinate);
+        let std =
+            if parameter.pieces > hypothesis::GRID { fit.profiled_std(trials, coordinate) } else { by_derivative };
+        (parameter, Estimate::normal(candidate.values[value], std.unwrap_or(f64::INFINITY) * slope.abs()))
     };
     searched.map(estimate).collect()
 }

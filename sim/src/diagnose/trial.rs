@@ -21,6 +21,15 @@ pub enum Purpose {
     HeldOut,
 }
 
+/// What was before a record.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Before {
+    /// The nominal command, for long.
+    Rest,
+    /// The same periods.
+    Periods,
+}
+
 /// Whole periods of a record.
 #[derive(Clone, Debug)]
 pub(super) struct Stretch {
@@ -61,8 +70,8 @@ pub(super) struct Trial {
     pub mean_command: f64,
     /// Mean response over the whole periods.
     pub mean_response: f64,
-    /// How far the response was from rest at the nominal command when the record began.
-    pub off_by: f64,
+    /// What was before the record.
+    pub before: Before,
     /// Rows per second.
     pub rate_hz: f64,
     /// Rows of a period.
@@ -154,7 +163,7 @@ impl Trial {
             measured: measured.to_vec(),
             mean_command,
             mean_response,
-            off_by: 0.0,
+            before: Before::Rest,
             rate_hz,
             period_rows: periods.samples,
             highest_hz: 0.0,

@@ -161,17 +161,6 @@ impl Actuator {
         self.output = self.after.iter_mut().fold(self.rotor.response(), |output, stage| stage.settle(output));
     }
 
-    /// Moves the rotor away from where it is by `by`, in units of the response. What lies behind it stays.
-    pub(super) fn displace(&mut self, by: f64) {
-        match &mut self.rotor {
-            Rotor::Exact(lag) => lag.displace(by),
-            Rotor::Integrated(rotor) => rotor.displace(by),
-        }
-        if self.after.is_empty() {
-            self.output = self.rotor.response();
-        }
-    }
-
     /// Sets the clock before anything happens, for a run that is to begin before time 0, seconds.
     pub fn begin_at(&mut self, time_s: f64) {
         self.time_s = time_s;

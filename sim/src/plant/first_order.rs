@@ -76,11 +76,6 @@ impl FirstOrder {
         self.response = self.target;
     }
 
-    /// Moves the response away from where it is.
-    pub(super) fn displace(&mut self, by: f64) {
-        self.response += by;
-    }
-
     /// Lets `duration_s` (not negative) pass with a constant `command`.
     #[inline]
     pub fn advance(&mut self, command: f64, duration_s: f64) {

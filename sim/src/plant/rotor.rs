@@ -160,15 +160,6 @@ impl IntegratedRotor {
         self.state[1] = self.target(&motion);
     }
 
-    /// Moves the lagged response by `by`, and the speed along with it.
-    pub(super) fn displace(&mut self, by: f64) {
-        let gain = self.base.at(self.state[0]).lag.gain;
-        if gain != 0.0 {
-            self.state[0] += by / gain;
-        }
-        self.state[1] += by;
-    }
-
     pub(super) fn response(&self) -> f64 {
         self.output(&self.state)
     }

@@ -16,12 +16,13 @@ pub struct Drive<'a> {
 pub enum Start {
     /// Rest: the given command has been there for ever.
     Rest(f64),
-    /// The same, but for a rotor on its way: its response is off by so much from that at rest.
-    OnTheWay {
-        /// The command that has been there for ever.
-        command: f64,
-        /// How far the rotor is from its rest there, in units of the response.
-        off_by: f64,
+    /// The drive is one or more periods, and the end of one has just run, beginning at rest at its mean command: enough for
+    /// what forgets faster than that.
+    Running {
+        /// The period, seconds.
+        period_s: f64,
+        /// How much of its end, seconds, at most all of it.
+        lead_s: f64,
     },
     /// The drive is one or more periods, the first of which has run some times before, beginning at rest at its mean command.
     Periodic {
@@ -118,34 +119,21 @@ fn begin(actuator: &mut Actuator, drive: Drive, start: Start) -> Result<(), Plan
         let value = drive.command.len() as f64;
         return Err(PlantError::Setting { parameter: "commands", value, limit: "one per time, and at least one" });
     }
-    let zero_s = drive.time_s[0];
     match start {
         Start::Rest(command) => actuator.settle(command),
-        Start::OnTheWay { command, off_by } => {
-            actuator.settle(command);
-            actuator.displace(off_by);
-        }
         Start::Periodic { period_s, periods } => {
-            if !(period_s.is_finite() && period_s > 0.0) {
-                return Err(PlantError::Setting {
-                    parameter: "period_s",
-                    value: period_s,
-                    limit: "finite and above 0",
-                });
-            }
-            let length = drive.time_s.partition_point(|time_s| time_s - zero_s < period_s * (1.0 - 1e-12));
-            let period = Drive { time_s: &drive.time_s[..length], command: &drive.command[..length] };
+            let period = one_period(drive, period_s)?;
             actuator.settle(mean(period, period_s));
+            actuator.begin_at(-f64::from(periods) * period_s);
             for repeat in (1..=periods).rev() {
-                let shift_s = -f64::from(repeat) * period_s;
-                if repeat == periods {
-                    actuator.begin_at(shift_s);
-                }
-                for (index, &command) in period.command.iter().enumerate() {
-                    let until_s = period.time_s.get(index + 1).map_or(period_s, |time_s| time_s - zero_s);
-                    actuator.advance(command, until_s + shift_s);
-                }
+                run_in(actuator, period, period_s, -f64::from(repeat) * period_s);
             }
+        }
+        Start::Running { period_s, lead_s } => {
+            let period = one_period(drive, period_s)?;
+            actuator.settle(mean(period, period_s));
+            actuator.begin_at(-lead_s.clamp(0.0, period_s));
+            run_in(actuator, period, period_s, -period_s);
         }
     }
     actuator.begin_at(0.0);
@@ -161,6 +149,22 @@ impl Trace {
             self.voltage_v.push(supply.voltage_v);
             self.current_a.push(supply.current_a);
         }
+    }
+}
+
+fn one_period(drive: Drive, period_s: f64) -> Result<Drive, PlantError> {
+    if !(period_s.is_finite() && period_s > 0.0) {
+        return Err(PlantError::Setting { parameter: "period_s", value: period_s, limit: "finite and above 0" });
+    }
+    let length = drive.time_s.partition_point(|time_s| time_s - drive.time_s[0] < period_s * (1.0 - 1e-12));
+    Ok(Drive { time_s: &drive.time_s[..length], command: &drive.command[..length] })
+}
+
+/// Lets a period that begins at `begin_s` pass, or what of it is still to come.
+fn run_in(actuator: &mut Actuator, period: Drive, period_s: f64, begin_s: f64) {
+    for (index, &command) in period.command.iter().enumerate() {
+        let until_s = period.time_s.get(index + 1).map_or(period_s, |time_s| time_s - period.time_s[0]);
+        actuator.advance(command, until_s + begin_s);
     }
 }
 

@@ -11,7 +11,9 @@ pub static KIND: Kind = Kind {
     equation: "v = step round(u / step)",
     parameters: &[Parameter::fitted("step", "duty", "the distance between commands that are told apart")
         .possible(0.0, 0.5)
-        .log(1.0 / 4096.0, 1.0 / 32.0, &[1.0 / 1024.0, 1.0 / 256.0, 1.0 / 128.0, 1.0 / 64.0])],
+        .log(1.0 / 4096.0, 1.0 / 32.0, &[1.0 / 1024.0, 1.0 / 256.0, 1.0 / 128.0, 1.0 / 64.0])
+        // The 60th step from 0 moves by a sixth of its height when all become larger by 0.3 %.
+        .jumping(1600)],
     signature: "Stairs on a slow ramp, at the same commands upward and downward. The error is at most half a step at every \
                 frequency and amplitude, spread over all lines; it is the same in every period of a periodic command.",
     confusions: &[

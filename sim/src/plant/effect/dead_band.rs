@@ -11,7 +11,9 @@ pub static KIND: Kind = Kind {
     equation: "v_k = u_k where |u_k - v_(k-1)| >= width, else v_(k-1)",
     parameters: &[Parameter::fitted("width", "duty", "the smallest change of the command that is taken over")
         .possible(0.0, 0.5)
-        .log(0.0005, 0.04, &[0.001, 0.003, 0.01])],
+        .log(0.0005, 0.04, &[0.001, 0.003, 0.01])
+        // The command of a period of slow sinusoids travels some ten widths: in 1 % steps they add up to a tenth of one.
+        .jumping(440)],
     signature: "Small amplitudes lose gain, and below the width there is no response at all. Stairs on a slow ramp, that begin \
                 where the command turned; half a width of lag on average, independent of speed.",
     confusions: &[

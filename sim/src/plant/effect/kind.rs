@@ -95,6 +95,8 @@ pub struct Parameter {
     pub scale: Scale,
     /// Where searches start.
     pub starts: &'static [f64],
+    /// Into how many pieces the plausible range has to be cut for the response to move smoothly within each.
+    pub pieces: u32,
     /// Whether data has to say it.
     pub usage: Use,
 }
@@ -180,6 +182,7 @@ impl Parameter {
             plausible: (0.0, 1.0),
             scale: Scale::Linear,
             starts: &[],
+            pieces: 12,
             usage: Use::Fitted,
         }
     }
@@ -207,6 +210,13 @@ impl Parameter {
     pub(crate) const fn log(mut self, from: f64, to: f64, starts: &'static [f64]) -> Self {
         self.scale = Scale::Log;
         self.linear(from, to, starts)
+    }
+
+    /// With a response that jumps about as the value moves, so that it is smooth only within one of so many pieces of the
+    /// range.
+    pub(crate) const fn jumping(mut self, pieces: u32) -> Self {
+        self.pieces = pieces;
+        self
     }
 
     /// May be absent, and then is `default`.
