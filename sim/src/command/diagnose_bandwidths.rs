@@ -29,16 +29,16 @@ pub struct BandwidthArguments {
     #[arg(long, value_name = "FILE", requires = "model")]
     bandwidths: Option<PathBuf>,
     /// The compensator with which the bandwidths were measured; the one that `rotorlead design` makes of the model unless given
-    #[arg(long, value_name = "FILE", requires = "bandwidths")]
+    #[arg(long, value_name = "FILE", conflicts_with = "experiment")]
     compensator: Option<PathBuf>,
     /// The column that numbers are fitted to; the other one is held out, and only predicted
-    #[arg(long, value_name = "COLUMN", requires = "bandwidths", default_value = "uncompensated")]
+    #[arg(long, value_name = "COLUMN", conflicts_with = "experiment", default_value = "uncompensated")]
     fit: FittedColumn,
     /// Standard error of a measured bandwidth, as a part of it, where it is known, as in 0.02
-    #[arg(long, value_name = "PART", requires = "bandwidths", value_parser = positive, allow_negative_numbers = true)]
+    #[arg(long, value_name = "PART", conflicts_with = "experiment", value_parser = positive, allow_negative_numbers = true)]
     accuracy: Option<f64>,
     /// Take this explanation, by its name in the list, in place of the one that the rules choose
-    #[arg(long, value_name = "EXPLANATION", requires = "bandwidths")]
+    #[arg(long, value_name = "EXPLANATION", conflicts_with = "experiment")]
     take: Option<String>,
 }
 
@@ -113,8 +113,15 @@ fn words(found: &BandwidthDiagnosis) -> String {
     }
     if !found.ruled_out.is_empty() {
         line("\nNo explanation:".to_owned());
+        let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();
         for one in &found.ruled_out {
-            line(format!("  {:<21} {}", one.kind.id, one.reason));
+            match reasons.iter_mut().find(|(reason, _)| *reason == one.reason) {
+                Some((_, kinds)) => kinds.push(one.kind.id),
+                None => reasons.push((&one.reason, vec![one.kind.id])),
+            }
+        }
+        for (reason, kinds) in reasons {
+            line(format!("  {}", wrapped(&format!("{reason}: {}", kinds.join(", ")), WIDTH - 2, "    ")));
         }
     }
     if let Some(one) = found.named() {
@@ -149,21 +156,21 @@ fn words(found: &BandwidthDiagnosis) -> String {
 
 fn verdict(found: &BandwidthDiagnosis) -> String {
     let title = |one: &Explanation| match one.reach {
-        Reach::All => format!("{}, by the same at every u_nom", one.kind.title),
-        Reach::Each => format!("{}, by another number at each u_nom", one.kind.title),
+        Reach::All => format!("{}, the same at every u_nom", one.kind.title),
+        Reach::Each => format!("{}, another at each u_nom", one.kind.title),
     };
     let open = || {
         let others = found.alternatives().len();
-        if others == 0 { String::new() } else { " It is not the only explanation: see below.".to_owned() }
+        if others == 0 { "" } else { " The fitted column alone allows others, too." }
     };
     match (found.verdict, found.named()) {
         (Verdict::Agrees, None) => match found.accuracy {
             Some(_) => "Model and measurement agree: what is left is no more than the stated error.".to_owned(),
             None => "Model and measurement agree to a percent.".to_owned(),
         },
-        (Verdict::Named, Some(one)) => format!("Missing in the model: {}.{}", title(one), open()),
+        (Verdict::Named, Some(one)) => format!("The gap is explained by: {}.{}", title(one), open()),
         (Verdict::PartlyNamed, Some(one)) => {
-            format!("Missing in the model: {}. Something else is left over, unexplained.{}", title(one), open())
+            format!("Much of the gap is explained by: {}. The rest is not.{}", title(one), open())
         }
         (_, Some(one)) => format!("Taken as asked for, although the bandwidths do not call for it: {}.", title(one)),
         (_, None) => {

@@ -9,11 +9,13 @@ use crate::identify::{Limits, Residuals, Solution, minimize};
 use crate::plant::effect::{Kind, Linearity, Parameter};
 
 /// Starts that are searched on from, the best of all.
-const SEARCHES: usize = 3;
+const SEARCHES: usize = 2;
+/// When a search ends: a bandwidth is known to four digits at best.
+const LIMITS: Limits = Limits { iterations: 30, decrease: 1e-9 };
 /// Steps between which a bandwidth is looked for over a parameter's range.
-const STEPS: u32 = 48;
+const STEPS: u32 = 24;
 /// Halvings of the step that has it.
-const HALVINGS: u32 = 48;
+const HALVINGS: u32 = 40;
 /// `|ln(measured / predicted)|` of a number that reproduces a bandwidth.
 const REPRODUCED: f64 = 1e-6;
 /// What leaves more than this part of the sum of squares does not bring the model nearer.
@@ -96,7 +98,7 @@ impl Explanation {
 pub struct RuledOut {
     /// What it is.
     pub kind: &'static Kind,
-    /// Why, as the end of a sentence that begins with it.
+    /// Why.
     pub reason: String,
 }
 
@@ -104,16 +106,16 @@ pub struct RuledOut {
 pub(super) fn explanations(case: &Case, judge: &Judge, kind: &'static Kind) -> Result<Vec<Explanation>, RuledOut> {
     let no = |reason: &str| Err(RuledOut { kind, reason: reason.to_owned() });
     if case.has(kind) {
-        return no("is in the model already");
+        return no("in the model already");
     }
     if kind.linearity == Linearity::Absent {
-        return no("has no frequency response, so bandwidths say nothing of it");
+        return no("no frequency response, so bandwidths say nothing of it");
     }
     let dials = dials(case, kind);
     let Some(size) = dials.first() else {
         return no(match kind.linearity {
-            Linearity::SmallSignal => "leaves small deviations from u_nom alone",
-            _ => "leaves the magnitude alone, and a bandwidth is one of magnitude",
+            Linearity::SmallSignal => "small deviations from u_nom are left alone",
+            _ => "the magnitude is left alone, and with it every bandwidth",
         });
     };
     let all = for_all(case, judge, kind, &dials);
@@ -122,7 +124,7 @@ pub(super) fn explanations(case: &Case, judge: &Judge, kind: &'static Kind) -> R
     let left = |found: &Explanation| found.fitted_rms.powi(2) * judge.count as f64 / judge.before;
     let all = all.filter(|found| each.is_some() || left(found) < NO_NEARER);
     let found: Vec<Explanation> = all.into_iter().chain(each).collect();
-    if found.is_empty() { no("has no value that brings the model nearer to the measurement") } else { Ok(found) }
+    if found.is_empty() { no("no value brings the model nearer to the measurement") } else { Ok(found) }
 }
 
 /// `ln(predicted / measured)` over the fitted column, as a function of coordinates.
@@ -200,7 +202,7 @@ fn for_all(case: &Case, judge: &Judge, kind: &'static Kind, dials: &[Dial]) -> O
     let mut starts: Vec<(f64, Vec<f64>)> =
         misfit.starts().into_iter().map(|start| (misfit.sum(&start), start)).collect();
     starts.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let solutions = starts.iter().take(SEARCHES).filter_map(|(_, start)| minimize(&misfit, start, Limits::default()));
+    let solutions = starts.iter().take(SEARCHES).filter_map(|(_, start)| minimize(&misfit, start, LIMITS));
     let best = solutions.min_by(|a, b| a.sum_of_squares.total_cmp(&b.sum_of_squares))?;
     let values = misfit.values(&best.parameters);
     let parameters = dials.iter().enumerate().map(|(index, dial)| {

@@ -19,6 +19,7 @@ pub use table::{BandwidthRow, BandwidthTable, Column};
 
 use case::Case;
 use judge::Judge;
+use rayon::prelude::*;
 use rotorlead::design::LeadParameters;
 
 use super::{DiagnoseError, NONE, Verdict, WHOLE};
@@ -114,8 +115,10 @@ pub fn diagnose_bandwidths(
 
     let (mut explanations, mut ruled_out) = (Vec::new(), Vec::new());
     if !agrees || options.take.is_some() {
-        for kind in kinds(options.catalog) {
-            match explanation::explanations(&case, &judge, kind) {
+        let kinds = kinds(options.catalog);
+        let found: Vec<_> = kinds.par_iter().map(|kind| explanation::explanations(&case, &judge, kind)).collect();
+        for found in found {
+            match found {
                 Ok(found) => explanations.extend(found),
                 Err(reason) => ruled_out.push(reason),
             }

@@ -22,7 +22,9 @@ pub(super) fn next_experiment(case: &Case, explanations: &[Explanation]) -> Opti
     let held_out = case.fitted.other();
     let apart: Vec<f64> = (0..case.rows.len())
         .map(|row| {
-            let logarithms = left.iter().filter_map(|one| one.predicted_rad_s[row][held_out as usize].map(f64::ln));
+            // With more numbers than data an explanation predicts almost anything: it says nothing of where to look.
+            let firm = left.iter().filter(|one| one.numbers <= case.fitted_rows().count());
+            let logarithms = firm.filter_map(|one| one.predicted_rad_s[row][held_out as usize].map(f64::ln));
             let (low, high) = logarithms.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), y| (l.min(y), h.max(y)));
             if high > low { high - low } else { 0.0 }
         })
@@ -48,8 +50,12 @@ pub(super) fn next_experiment(case: &Case, explanations: &[Explanation]) -> Opti
         LOWEST_LINE * slow / TAU,
         HIGHEST_LINE * fast / TAU,
     );
-    let mut kinds: Vec<&'static Kind> = left.iter().map(|one| one.kind).collect();
-    kinds.dedup();
+    let mut kinds: Vec<&'static Kind> = Vec::new();
+    for one in &left {
+        if !kinds.contains(&one.kind) {
+            kinds.push(one.kind);
+        }
+    }
     for (index, kind) in kinds.iter().enumerate() {
         for other in &kinds[..index] {
             if let Some(experiment) = advice(kind, other).or_else(|| advice(other, kind)) {
