@@ -40,7 +40,10 @@ fn the_gap_of_the_papers_table_shrinks_on_the_column_that_was_held_out() {
     stand.run("design --model paper.toml --out c.toml");
     let found = stand.json(&format!("{DIAGNOSE} --compensator c.toml --out-model improved.toml"));
     assert_eq!(found["verdict"], "partly_named");
-    assert_eq!((&found["held_out"], &found["fitted_column"]), (&Value::from(true), &Value::from("uncompensated_rad_s")));
+    assert_eq!(
+        (&found["held_out"], &found["fitted_column"]),
+        (&Value::from(true), &Value::from("uncompensated_rad_s"))
+    );
     assert!((number(&found["gap"]["before"]) - 0.679).abs() < 5e-4, "{}", found["gap"]);
     assert!(number(&found["gap"]["after"]) <= 0.31, "{}", found["gap"]);
     let effect = &found["effects"][0];
@@ -79,7 +82,10 @@ fn every_explanation_that_can_be_written_is_and_the_others_are_refused() {
     stand.run("bandwidth --model sag.toml");
     for (name, parts) in [
         ("supply_sag_at_each", ["`supply_sag_at_each` cannot be written as a model", "one size", "--take"]),
-        ("low_frequency_gain", ["`low_frequency_gain` cannot be written", "which effect of the catalog", "--out-model"]),
+        (
+            "low_frequency_gain",
+            ["`low_frequency_gain` cannot be written", "which effect of the catalog", "--out-model"],
+        ),
         ("backlash", ["no explanation of these bandwidths is called `backlash`", "`parameter_error`", "there are"]),
     ] {
         stand.refuses(&format!("{DIAGNOSE} --take {name} --out-model out.toml"), 1, &parts);
