@@ -167,6 +167,7 @@ fn wrong_time_constants_without_a_common_part_are_found_at_each_nominal_command(
     alone.rows.iter_mut().for_each(|row| row.measured_rad_s[1] = None);
     let found = diagnosed(&alone);
     assert_eq!((found.verdict, found.held_out, found.named().is_none()), (Verdict::Unknown, false, true));
+    assert!(found.next_experiment.unwrap().contains("multisines"));
 }
 
 #[test]

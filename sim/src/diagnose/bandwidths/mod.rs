@@ -88,7 +88,7 @@ pub struct BandwidthDiagnosis {
     pub fitted_gap: BandwidthGap,
     /// The known relative standard error.
     pub accuracy: Option<f64>,
-    /// The experiment that would separate the explanations.
+    /// The experiment that would separate the explanations; `None` where model and measurement agree.
     pub next_experiment: Option<String>,
     /// The model as it was given.
     base: Model,
@@ -162,7 +162,7 @@ pub fn diagnose_bandwidths(
     Ok(BandwidthDiagnosis {
         verdict,
         parts: parts.collect(),
-        next_experiment: next::next_experiment(&case, &explanations),
+        next_experiment: (!agrees).then(|| next::next_experiment(&case, &explanations)),
         table: table.clone(),
         fitted: options.fitted,
         explanations,

@@ -14,10 +14,13 @@ const HIGHEST_LINE: f64 = 2.0;
 const WORTH_RECORDS: f64 = 0.5;
 
 /// In words: where the explanations that are left disagree the most, what to record there, and what each of them would show.
-pub(super) fn next_experiment(case: &Case, explanations: &[Explanation]) -> Option<String> {
+pub(super) fn next_experiment(case: &Case, explanations: &[Explanation]) -> String {
     let left: Vec<&Explanation> = explanations.iter().filter(|one| one.standing != Standing::Worse).collect();
     if left.len() < 2 {
-        return None;
+        return "Record periodic multisines at these nominal commands, without and with the compensator, four periods or more, with \
+                speed and voltage logged, and give their folder to `rotorlead diagnose`: they have a noise of their own, and \
+                phases, which a table lacks."
+            .to_owned();
     }
     let held_out = case.fitted.other();
     let apart: Vec<f64> = (0..case.rows.len())
@@ -63,7 +66,7 @@ pub(super) fn next_experiment(case: &Case, explanations: &[Explanation]) -> Opti
             }
         }
     }
-    Some(words)
+    words
 }
 
 fn advice(kind: &Kind, with: &Kind) -> Option<&'static str> {
