@@ -86,3 +86,9 @@ fn the_page_on_identification_shows_what_its_commands_print() {
 fn the_page_on_failures_shows_what_its_commands_print() {
     assert!(run("when-identification-fails.md") >= 15);
 }
+
+#[cfg(unix)]
+#[test]
+fn the_page_on_diagnosis_from_bandwidths_shows_what_its_commands_print() {
+    assert!(run("diagnosis-from-bandwidths.md") >= 3);
+}

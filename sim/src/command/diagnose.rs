@@ -7,8 +7,9 @@ use clap::Args;
 use miette::{IntoDiagnostic as _, WrapErr as _};
 use serde_json::{Value, json};
 
+use super::diagnose_bandwidths::BandwidthArguments;
 use super::outcome::{JsonOption, Outcome};
-use super::progress;
+use super::{WrongUse, progress};
 use crate::diagnose::{Axis, Diagnosis, Location, Options, Verdict, diagnose};
 use crate::files::check_writable;
 use crate::plant::{Catalog, Model};
@@ -23,14 +24,16 @@ use crate::report::with_std;
 #[derive(Args, Debug)]
 pub struct Diagnose {
     /// The experiment's folder
-    #[arg(value_name = "DIR")]
-    experiment: PathBuf,
+    #[arg(value_name = "DIR", required_unless_present = "bandwidths", conflicts_with = "bandwidths")]
+    experiment: Option<PathBuf>,
     /// The model to be judged; unless given, the lags that the records show
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
     /// Where the model with the effects that were found goes
     #[arg(long, value_name = "FILE")]
     pub(super) out_model: Option<PathBuf>,
+    #[command(flatten)]
+    table: BandwidthArguments,
     #[command(flatten)]
     pub(super) json: JsonOption,
 }
@@ -39,7 +42,14 @@ impl Diagnose {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
         let model = self.model.as_deref().map(Model::read).transpose()?;
-        let experiment = Experiment::read(&self.experiment)?;
+        if let (Some(table), Some(model), Some(file)) = (self.table.table(), &model, &self.model) {
+            return self.table.run(table, model, file, self.out_model.as_deref());
+        }
+        // One of the two is required.
+        let Some(folder) = &self.experiment else {
+            return Err(WrongUse::new("there is nothing to diagnose", "give an experiment's folder").into());
+        };
+        let experiment = Experiment::read(folder)?;
         if let Some(out) = &self.out_model {
             check_writable(out)?;
         }
@@ -49,7 +59,7 @@ impl Diagnose {
         let options = Options { model: model.as_ref(), catalog: &catalog, progress: &tick };
         let found = diagnose(&experiment, &options)
             .map_err(miette::Report::from)
-            .wrap_err_with(|| format!("nothing was diagnosed from `{}`", self.experiment.display()))?;
+            .wrap_err_with(|| format!("nothing was diagnosed from `{}`", folder.display()))?;
         bar.finish_and_clear();
         let mut text = words(&found);
         if let Some(out) = &self.out_model {

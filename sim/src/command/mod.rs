@@ -6,6 +6,7 @@ mod demo;
 mod design;
 mod device;
 mod diagnose;
+mod diagnose_bandwidths;
 mod excite;
 mod figures;
 mod identify;

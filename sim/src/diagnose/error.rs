@@ -35,6 +35,35 @@ pub enum DiagnoseError {
         /// The first of them.
         kind: String,
     },
+    /// A model that lets everything pass has no bandwidth.
+    #[error("the model has no {column} bandwidth at u_nom {nominal}: nothing is 3 dB down up to {limit_rad_s} rad/s")]
+    #[diagnostic(help("check the time constants of the model's points: they are in seconds"))]
+    NoBandwidth {
+        /// The nominal command.
+        nominal: f64,
+        /// Which bandwidth.
+        column: &'static str,
+        /// How far it was searched.
+        limit_rad_s: f64,
+    },
+    /// There is no explanation of that name.
+    #[error("no explanation of these bandwidths is called `{name}`")]
+    #[diagnostic(help("{}", if known.is_empty() { "none was found".to_owned() } else { format!("there are {known}") }))]
+    NoSuchExplanation {
+        /// The name.
+        name: String,
+        /// Those that there are.
+        known: String,
+    },
+    /// A model has no form for an explanation.
+    #[error("`{explanation}` cannot be written as a model: {reason}")]
+    #[diagnostic(help("leave --out-model out, or take another explanation with --take"))]
+    NotInAModel {
+        /// Its name.
+        explanation: String,
+        /// Why.
+        reason: &'static str,
+    },
     /// A record is not what it says.
     #[error(transparent)]
     #[diagnostic(transparent)]

@@ -39,6 +39,7 @@ pub use first_order::{FirstOrderFit, FirstOrderOptions, FitLine, fit_first_order
 pub use fit_percent::{Sample, fit_percent};
 pub use frequency_response::{FrequencyResponse, LocalPolynomial, LocalPolynomialOptions, ResponseLine};
 pub use hold::{HoldChain, Image};
+pub(crate) use least_squares::{Limits, Residuals, Solution, minimize};
 pub use measured::MeasuredBandwidth;
 pub use periodic::{
     IdentifyWarning, NominalIdentification, PeriodicIdentification, PeriodicOptions, RecordResponse, SquareValidation,

@@ -25,3 +25,4 @@ pub use experiment::{Excitation, Experiment, Output, Record, Role};
 pub use long::{LONG_FILE, LongRecord, LongRows, RowCount};
 pub use read::{CommandFile, read_command_log};
 pub use sampling::{GRID_TOLERANCE, PERIOD_TOLERANCE, Periods};
+pub(crate) use table::{cell_span, next, quoted, reader, row_span};

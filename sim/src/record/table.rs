@@ -179,7 +179,8 @@ impl Cells {
     }
 }
 
-fn reader(text: &TextFile) -> csv::Reader<&[u8]> {
+/// Rows of any length, the header among them.
+pub(crate) fn reader(text: &TextFile) -> csv::Reader<&[u8]> {
     csv::ReaderBuilder::new()
         .has_headers(false)
         .flexible(true) // Rows of another length get an error of our own, with its place.
@@ -187,7 +188,7 @@ fn reader(text: &TextFile) -> csv::Reader<&[u8]> {
 }
 
 /// Reads the next row; false at the end.
-fn next(reader: &mut csv::Reader<&[u8]>, row: &mut StringRecord) -> bool {
+pub(crate) fn next(reader: &mut csv::Reader<&[u8]>, row: &mut StringRecord) -> bool {
     reader.read_record(row).expect("rows of any length, of UTF-8 text in memory, cannot fail")
 }
 
@@ -276,11 +277,12 @@ fn refused(text: &TextFile, row: &StringRecord, index: usize, column: Column, re
 }
 
 /// Where a whole row stands in the text.
-fn row_span(text: &TextFile, row: &StringRecord) -> Range<usize> {
+pub(crate) fn row_span(text: &TextFile, row: &StringRecord) -> Range<usize> {
     cell_span(text, row, 0).start..cell_span(text, row, row.len().saturating_sub(1)).end
 }
 
-fn quoted(cell: &str) -> String {
+/// A cell as an error quotes it.
+pub(crate) fn quoted(cell: &str) -> String {
     match cell.char_indices().nth(QUOTED) {
         Some((end, _)) => format!("{}…", &cell[..end]),
         None => cell.to_owned(),
@@ -289,7 +291,7 @@ fn quoted(cell: &str) -> String {
 
 /// Where cell `index` of `row` stands in the text. A row's position is where the reader began to
 /// look for it, which may be the end of the line before.
-fn cell_span(text: &TextFile, row: &StringRecord, index: usize) -> Range<usize> {
+pub(crate) fn cell_span(text: &TextFile, row: &StringRecord, index: usize) -> Range<usize> {
     let from = row.position().map_or(0, |position| position.byte() as usize);
     let text = text.text();
     let rest = &text[from.min(text.len())..];
