@@ -41,12 +41,14 @@ pub fn truth() -> TransferFunction {
 
 /// 600 lines of 0.5 Hz, ten blows whose mean has a noise 40 dB below the root mean square of the response.
 fn draw(truth: &TransferFunction, seed: u64) -> FrequencyResponse {
-    let lines: Vec<f64> = (2..=600).map(|k| TAU * 0.5 * f64::from(k)).collect();
-    let response: Vec<Complex64> = lines.iter().map(|w| truth.response(*w)).collect();
-    let power = response.iter().map(Complex64::norm_sqr).sum::<f64>() / lines.len() as f64;
-    let count = lines.len();
+    let bin_rad_s = TAU * 0.5;
+    let harmonics: Vec<u32> = (2..=600).collect();
+    let response: Vec<Complex64> = harmonics.iter().map(|k| truth.response(bin_rad_s * f64::from(*k))).collect();
+    let count = harmonics.len();
+    let power = response.iter().map(Complex64::norm_sqr).sum::<f64>() / count as f64;
     let std = vec![0.01 * (10.0 * power).sqrt(); count];
-    Synthesis { truth: response, lines, std, hum: vec![Complex64::ZERO; count], periods: 10 }.draw(seed)
+    let hum = vec![Complex64::ZERO; count];
+    Synthesis { truth: response, bin_rad_s, harmonics, std, hum, periods: 10 }.draw(seed)
 }
 
 /// How far the found root nearest to `root` is away, as a share of it.

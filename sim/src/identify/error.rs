@@ -31,6 +31,15 @@ pub enum IdentifyError {
         /// What it may be.
         range: &'static str,
     },
+    /// Periods that cannot be averaged.
+    #[error("{periods} periods of {lines} lines cannot be averaged")]
+    #[diagnostic(help("give two periods or more, each with one number per harmonic, harmonics increasing"))]
+    Periods {
+        /// Periods given.
+        periods: usize,
+        /// Harmonics given.
+        lines: usize,
+    },
     /// A periodic record does not say its period.
     #[error("{file}: a periodic record without a period")]
     #[diagnostic(help("add period_s to this record in experiment.toml"))]

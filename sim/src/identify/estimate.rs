@@ -28,12 +28,14 @@ impl Estimate {
         (self.value - reach, self.value + reach)
     }
 
-    /// The same for a positive value whose logarithm was fitted, such as a time constant: it is the logarithm whose
-    /// error the standard error, relative to the value, describes.
+    /// The same for a value whose sign is sure and whose standard error grows with it, such as a time constant, a
+    /// corner frequency or a damping ratio: the error of the logarithm is closer to Student's t, and the interval misses the
+    /// truth as often above as below. The two intervals differ in the square of the relative standard error.
     #[must_use]
     pub fn interval_of_logarithm(&self, probability: f64) -> (f64, f64) {
-        let factor = (self.reach(probability) / self.value).exp();
-        (self.value / factor, self.value * factor)
+        let factor = (self.reach(probability) / self.value.abs()).exp();
+        let (near, far) = (self.value / factor, self.value * factor);
+        (near.min(far), near.max(far))
     }
 
     /// Whether its 95 % interval leaves `value` out.
@@ -65,6 +67,7 @@ mod tests {
         let (low, high) = Estimate::normal(0.1, 0.02).interval_of_logarithm(0.95);
         assert!((low * high - 0.01).abs() < 1e-15);
         assert!(((high / low).ln() - 2.0 * 1.959_964 * 0.2).abs() < 1e-6);
+        assert_eq!(Estimate::normal(-0.1, 0.02).interval_of_logarithm(0.95), (-high, -low));
     }
 
     #[test]

@@ -13,7 +13,8 @@ mod tests;
 
 use num_complex::Complex64;
 
-use super::{Line, Spectrum};
+use super::spectra::estimate::{mean, of_mean, sample_variance};
+use super::{IdentifyError, Line, Spectrum, noise};
 pub(super) use curve::off_the_curve;
 pub use local_polynomial::{LocalPolynomial, LocalPolynomialOptions};
 
@@ -58,6 +59,44 @@ impl FrequencyResponse {
             degrees_of_freedom: lines.first().map_or(0.0, |line| 0.5 * line.dof),
             periods,
         }
+    }
+
+    /// Mean and noise of the responses over command that several periods show: `periods[p][k]` is that of period `p` at the
+    /// multiple `harmonics[k]` of `bin_rad_s`, harmonics increasing.
+    ///
+    /// Noise variances are pooled over `pool_half_width` lines to either side along the noise's own slope. Lines that scatter
+    /// far more than their neighbors are left out, as [`Spectrum`] leaves them out.
+    ///
+    /// # Errors
+    /// [`IdentifyError::Periods`] when there are fewer than two periods, or one has not as many numbers as there are harmonics,
+    /// or the harmonics do not increase.
+    pub fn of_periods(
+        bin_rad_s: f64,
+        harmonics: &[u32],
+        periods: &[Vec<Complex64>],
+        pool_half_width: usize,
+    ) -> Result<Self, IdentifyError> {
+        let count = periods.len();
+        let lines = harmonics.len();
+        let increase = harmonics.windows(2).all(|pair| pair[0] < pair[1]);
+        if count < 2 || lines == 0 || !increase || periods.iter().any(|period| period.len() != lines) {
+            return Err(IdentifyError::Periods { periods: count, lines });
+        }
+        let response = mean(periods);
+        let sample = sample_variance(count, lines, |p, k| periods[p][k] - response[k]);
+        let bins: Vec<usize> = harmonics.iter().map(|&harmonic| harmonic as usize).collect();
+        let pooled = noise::pool(&sample, &bins, (count - 1) as f64, pool_half_width, 0.0);
+        let variance = of_mean(&pooled.variance, count);
+        let line = |k: usize| ResponseLine {
+            omega_rad_s: bin_rad_s * f64::from(harmonics[k]),
+            response: response[k],
+            variance: variance[k],
+        };
+        Ok(Self {
+            lines: (0..lines).filter(|&k| !pooled.stands_out[k]).map(line).collect(),
+            degrees_of_freedom: (pooled.neighbors * (count - 1)) as f64,
+            periods: count,
+        })
     }
 
     /// The response with a known factor (argument in rad/s) taken out, for instance the holds or a stand.

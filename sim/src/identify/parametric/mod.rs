@@ -129,7 +129,7 @@ impl ParametricFit {
     }
 
     /// Undamped frequency in rad/s and damping ratio of a second-order denominator, which are defined for real poles
-    /// too; `None` for other orders.
+    /// too; `None` for other orders. For their intervals use [`Estimate::interval_of_logarithm`].
     #[must_use]
     pub fn second_order(&self) -> Option<(Estimate, Estimate)> {
         let (section, at) = self.sections.placed_poles().next()?;

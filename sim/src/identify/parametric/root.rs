@@ -12,10 +12,11 @@ use crate::identify::Estimate;
 pub struct Root {
     /// The root in rad/s; of a pair, the one in the upper half plane.
     pub value: Complex64,
-    /// Magnitude of the root in rad/s: a pair's undamped frequency, a real root's corner frequency.
+    /// Magnitude of the root in rad/s: a pair's undamped frequency, a real root's corner frequency. For its interval use
+    /// [`Estimate::interval_of_logarithm`].
     pub frequency_rad_s: Estimate,
     /// Damping ratio `-Re / |root|`: below one in magnitude for pairs, exactly one or minus one for real roots. Negative
-    /// in the right half plane.
+    /// in the right half plane. For a pair's interval use [`Estimate::interval_of_logarithm`].
     pub damping: Estimate,
 }
 
@@ -26,7 +27,8 @@ impl Root {
         self.value.im != 0.0
     }
 
-    /// Time constant of a real root in seconds; `None` of a pair. Negative in the right half plane.
+    /// Time constant of a real root in seconds; `None` of a pair. Negative in the right half plane. For its interval use
+    /// [`Estimate::interval_of_logarithm`].
     #[must_use]
     pub fn time_constant_s(&self) -> Option<Estimate> {
         let Estimate { value, std, dof } = self.frequency_rad_s;

@@ -205,7 +205,11 @@ fn at(periods: &[Vec<Complex64>], bins: &[usize]) -> Vec<Vec<Complex64>> {
 }
 
 /// Variance of one period from `residual(period, line)` around the mean over `periods`.
-fn sample_variance(periods: usize, lines: usize, residual: impl Fn(usize, usize) -> Complex64) -> Vec<f64> {
+pub(in crate::identify) fn sample_variance(
+    periods: usize,
+    lines: usize,
+    residual: impl Fn(usize, usize) -> Complex64,
+) -> Vec<f64> {
     (0..lines).map(|k| (0..periods).map(|p| residual(p, k).norm_sqr()).sum::<f64>() / (periods - 1) as f64).collect()
 }
 
@@ -225,11 +229,11 @@ fn refill(sample: &mut [f64], excited: &[usize], bin: f64) {
     }
 }
 
-fn of_mean(variance: &[f64], periods: usize) -> Vec<f64> {
+pub(in crate::identify) fn of_mean(variance: &[f64], periods: usize) -> Vec<f64> {
     variance.iter().map(|v| v / periods as f64).collect()
 }
 
-fn mean(periods: &[Vec<Complex64>]) -> Vec<Complex64> {
+pub(in crate::identify) fn mean(periods: &[Vec<Complex64>]) -> Vec<Complex64> {
     let count = periods.len() as f64;
     let bins = periods.first().map_or(0, Vec::len);
     (0..bins).map(|k| periods.iter().map(|p| p[k]).sum::<Complex64>() / count).collect()
