@@ -85,6 +85,25 @@ fn the_response_alone_is_that_of_the_whole_trace() {
 }
 
 #[test]
+fn what_runs_before_a_record_is_forgotten_after_some_time_constants() {
+    // 2 s of noise on end; the time constant is 0.1 s.
+    let told_s: Vec<f64> = (0..400_u32).map(|tick| f64::from(tick) * 0.01).collect();
+    let command: Vec<f64> = (0..400_u32).map(|tick| 0.5 + 0.1 * (f64::from(tick % 200) * 1.7).sin()).collect();
+    let drive = Drive { time_s: &told_s, command: &command };
+    let run = |start: Start| simulate_response(&mut actuator(&[]), drive, start, &told_s).unwrap();
+    let for_long = run(Start::Periodic { period_s: 2.0, periods: 3 });
+    let apart = |other: &[f64]| for_long.iter().zip(other).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    let (short, whole) = (1.0, 2.0);
+    // It began up to 1 from where it would have been, and forgets by e^-10 and e^-20.
+    assert!(apart(&run(Start::Running { period_s: 2.0, lead_s: short })) < (-10.0_f64).exp());
+    assert!(apart(&run(Start::Running { period_s: 2.0, lead_s: whole })) < (-20.0_f64).exp());
+    assert!(apart(&run(Start::Rest(0.5))) > 0.01);
+    let too_short =
+        simulate_response(&mut actuator(&[]), drive, Start::Running { period_s: 0.0, lead_s: 1.0 }, &told_s);
+    assert!(too_short.is_err());
+}
+
+#[test]
 fn the_catalog_has_the_kinds_in_the_order_of_the_chain_and_every_kind_says_all() {
     let catalog = Catalog::standard();
     assert_eq!(catalog.kinds().count(), 17);
