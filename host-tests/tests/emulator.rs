@@ -217,7 +217,7 @@ fn the_excitation_is_the_host_generators_bit_for_bit() {
     }
 }
 
-/// Requests on their way to a controller that answers some 2700 of them in a second.
+/// Requests on their way: the controller works on these while the host is held up.
 const STORE: i32 = 2000;
 
 /// One in so many ticks is recorded: what the emulated line carries.

@@ -218,7 +218,8 @@ impl Fit {
     }
 
     /// Standard deviation of a coordinate on which the response depends in jumps, so that derivatives say nothing: how far it
-    /// may go before the misfit has grown by 1 on the side where that takes longer, the lags following to first order.
+    /// may go before the misfit has grown by 1 on the side where that takes longer, the lags following to first order. `None`
+    /// where it has not grown so far within [`FARTHEST`].
     pub fn profiled_std(&self, trials: &Trials, coordinate: Coordinate) -> Option<f64> {
         let others = self.coordinates.iter().copied().filter(|other| *other != coordinate).collect();
         let tangent = Tangent::at(trials, &self.hypothesis, others)?;
@@ -236,7 +237,7 @@ impl Fit {
             }
             distance
         };
-        Some(reaches(-1.0).max(reaches(1.0)))
+        Some(reaches(-1.0).max(reaches(1.0))).filter(|reached| *reached < FARTHEST)
     }
 
     /// Whether its alignment is off by more than the rows leave open.
