@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use super::diagnose_bandwidths::BandwidthArguments;
 use super::outcome::{JsonOption, Outcome};
 use super::{WrongUse, progress};
-use crate::diagnose::{Axis, Diagnosis, Location, Options, Verdict, diagnose};
+use crate::diagnose::{Axis, Diagnosis, Gap, Location, Options, Verdict, diagnose};
 use crate::files::check_writable;
 use crate::plant::{Catalog, Model};
 use crate::record::Experiment;
@@ -20,7 +20,8 @@ use crate::report::with_std;
 ///
 /// The base is the first-order lag at each nominal command: the given model's, or the one that the records show. Effects
 /// are fitted to a part of the records, or to those that are not marked `validate`; the rest, to which no number is fitted,
-/// helps to choose among them and shows the gap. Only records that repeat are compared.
+/// helps to choose among them and shows the gap. Staircases and other records that do not repeat are compared from where the
+/// motor runs steadily; of them whole steps are held out.
 #[derive(Args, Debug)]
 pub struct Diagnose {
     /// The experiment's folder
@@ -131,8 +132,20 @@ fn words(found: &Diagnosis) -> String {
         100.0 * found.gap.after,
         100.0 * found.gap.noise_floor
     ));
-    if !found.left_out.is_empty() {
-        line(format!("\nNot compared, since they do not repeat: {}", found.left_out.join(", ")));
+    for split in &found.splits {
+        let Gap { before, after, noise_floor } = split.gap;
+        let percents = format!("{:.2} % before, {:.2} % after, {:.2} % noise", 100.0 * before, 100.0 * after, 100.0 * noise_floor);
+        line(format!("  {:<24} {percents}", split.split));
+    }
+    if !found.splits.is_empty() {
+        let Gap { before, after, .. } = found.fitted;
+        line(format!("On all steps, which are fitted: {:.2} % before, {:.2} % after", 100.0 * before, 100.0 * after));
+    }
+    for cut in found.cut.iter().filter(|cut| !cut.is_empty()) {
+        line(format!("\nRows not compared of {cut}"));
+    }
+    for out in &found.left_out {
+        line(format!("\nNot compared: {}: {}", out.file, out.reason));
     }
     if let Some(next) = found.next_experiment() {
         line(format!("\nNext: {next}"));
@@ -144,7 +157,8 @@ fn place(part: &Location) -> String {
     let (low, high) = part.range;
     let where_it_is = match part.axis {
         Axis::Frequency => format!("{low:.2} to {high:.2} Hz"),
-        Axis::Nominal => format!("{low}"),
+        Axis::Nominal if low == high => format!("{low}"),
+        Axis::Nominal => format!("{low:.2} to {high:.2}"),
         Axis::Amplitude if low == high => format!("{low:.3}"),
         Axis::Amplitude => format!("{low:.3} to {high:.3}"),
         Axis::Direction => (if low > 0.0 { "rising" } else { "falling" }).to_owned(),
@@ -152,8 +166,9 @@ fn place(part: &Location) -> String {
         Axis::Harmonics if low < 2.0 => "excited lines".to_owned(),
         Axis::Harmonics if low < 3.0 => "even lines".to_owned(),
         Axis::Harmonics => "odd lines".to_owned(),
-        Axis::Excitation if low < 2.0 => "multisine".to_owned(),
-        Axis::Excitation => "square".to_owned(),
+        Axis::Excitation => ["multisine", "square", "step", "staircase", "chirp", "free"]
+            .get((low as usize).saturating_sub(1))
+            .map_or_else(String::new, |name| (*name).to_owned()),
     };
     format!("{where_it_is}: {:.0}", 100.0 * part.share)
 }
@@ -187,7 +202,22 @@ fn values(found: &Diagnosis) -> Value {
             "after": record.gap.after,
             "noise_floor": record.gap.noise_floor,
         })).collect::<Vec<_>>(),
-        "not_compared": found.left_out,
+        "splits": found.splits.iter().map(|split| json!({
+            "split": split.split,
+            "before": split.gap.before,
+            "after": split.gap.after,
+            "noise_floor": split.gap.noise_floor,
+        })).collect::<Vec<_>>(),
+        "fitted": { "before": found.fitted.before, "after": found.fitted.after, "noise_floor": found.fitted.noise_floor },
+        "rows_cut": found.cut.iter().map(|cut| json!({
+            "file": cut.file,
+            "rows": cut.rows,
+            "start": cut.start,
+            "end": cut.end,
+            "spikes": cut.spikes,
+            "after_gaps": cut.after_gaps,
+        })).collect::<Vec<_>>(),
+        "not_compared": found.left_out.iter().map(|out| &out.file).collect::<Vec<_>>(),
         "held_out": found.held_out,
         "excess": {
             "before": { "sum": found.excess.0.sum, "expected": found.excess.0.expected },

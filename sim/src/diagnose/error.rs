@@ -4,18 +4,20 @@ use miette::Diagnostic;
 use thiserror::Error;
 
 use crate::identify::IdentifyError;
+use crate::identify::steps::StepsError;
 use crate::plant::{ModelError, PlantError};
 use crate::record::RecordError;
 
 /// Data or a model from which no diagnosis follows.
 #[derive(Clone, Debug, PartialEq, Error, Diagnostic)]
 pub enum DiagnoseError {
-    /// No record that repeats.
-    #[error("{experiment}: no record of `excitation` multisine or square")]
+    /// No record that can be compared.
+    #[error("{experiment}: no record can be compared")]
     #[diagnostic(help(
-        "record one (`rotorlead excite` designs a multisine), or correct `excitation` in experiment.toml"
+        "record a multisine (`rotorlead excite` designs one), or hold each level of a staircase for at least a second, above the \
+         command at which the motor starts"
     ))]
-    NothingPeriodic {
+    NothingToCompare {
         /// The experiment's name.
         experiment: String,
     },
@@ -64,6 +66,10 @@ pub enum DiagnoseError {
         /// Why.
         reason: &'static str,
     },
+    /// A record of steps has none.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Steps(#[from] StepsError),
     /// A record is not what it says.
     #[error(transparent)]
     #[diagnostic(transparent)]

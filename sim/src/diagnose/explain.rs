@@ -10,6 +10,7 @@ use std::cmp::Ordering;
 
 use super::fit::{Fit, MOST_STEPS, Tangent, fit, fit_in, misfit};
 use super::hypothesis::{Candidate, GRID, Hypothesis};
+use super::log::Folds;
 use super::scan::Scan;
 use super::trial::{Before, Purpose, Trial, Trials};
 use crate::identify::offset_and_start;
@@ -18,6 +19,7 @@ use crate::plant::effect::Kind;
 
 /// Most effects that are named.
 const MOST_EFFECTS: usize = 3;
+const MOST_EFFECTS_OF_LOGS: usize = 4;
 /// An effect is named for at least this worth: with 17 kinds to choose from, and two values each, noise alone gives as much
 /// once in thousands of experiments.
 const LEAST_WORTH: f64 = 10.0;
@@ -64,6 +66,11 @@ impl Tried {
 
 /// The decay at the begin of a record that `hypothesis` leaves, and what it leaves beside that and an offset.
 fn aligned(all: &Trials, trial: &Trial, hypothesis: &Hypothesis) -> Option<(f64, Vec<f64>)> {
+    if let Some(log) = &trial.log {
+        let difference = hypothesis.difference(all, trial)?;
+        let free = log.free(&difference, &trial.time_s, hypothesis.base[trial.point].time_constant_s);
+        return Some((0.0, difference.iter().zip(free).map(|(left, free)| left - free).collect()));
+    }
     let rows = trial.end_of(None);
     let simulated = hypothesis.simulate(all, trial, rows).ok()?;
     let (time_s, measured) = (&trial.time_s[..rows], &trial.measured[..rows]);
@@ -150,6 +157,7 @@ impl Search<'_> {
     fn tries(&self, from: &Fit, exclude: &[&'static Kind]) -> Vec<Tried> {
         let Some(tangent) = from.tangent(&self.trials) else { return Vec::new() };
         let Some(scan) = Scan::new(&self.trials, from) else { return Vec::new() };
+        let folds = Folds::of(&self.trials, from);
         let kinds = self.catalog.kinds().filter(|kind| kind.id != "parameter_error" && !exclude.contains(kind));
         let mut screened: Vec<(f64, Hypothesis, &'static Kind)> = Vec::new();
         for kind in kinds {
@@ -180,7 +188,7 @@ impl Search<'_> {
                 continue;
             }
             *followed += 1;
-            let Some(found) = self.attempt(from, &start, kind, FIRST_STEPS) else { continue };
+            let Some(found) = self.attempt(from, None, &start, kind, FIRST_STEPS) else { continue };
             match tried.iter_mut().find(|other| other.kind == kind) {
                 Some(other) if found.fitted_gain > other.fitted_gain => *other = found,
                 Some(_) => {}
@@ -193,7 +201,7 @@ impl Search<'_> {
         for (place, tried) in tried.iter_mut().enumerate() {
             if place < MOST_FINISHED || best - tried.worth() < MOST_FINISHED as f64 * ALIKE {
                 let start = tried.fit.hypothesis.clone();
-                if let Some(finished) = self.attempt(from, &start, tried.kind, MOST_STEPS) {
+                if let Some(finished) = self.attempt(from, Some(&folds), &start, tried.kind, MOST_STEPS) {
                     *tried = finished;
                 }
                 (self.progress)();
@@ -245,11 +253,22 @@ impl Search<'_> {
         judged.into_iter().map(|(left, _, moved)| (left, moved, kind)).collect()
     }
 
-    fn attempt(&self, from: &Fit, start: &Hypothesis, kind: &'static Kind, most_steps: usize) -> Option<Tried> {
+    /// `folds` are the splits of records of which no part is held out for good; left out where a rough value will do.
+    fn attempt(
+        &self,
+        from: &Fit,
+        folds: Option<&Folds>,
+        start: &Hypothesis,
+        kind: &'static Kind,
+        most_steps: usize,
+    ) -> Option<Tried> {
         let fit = fit_in(&self.trials, start, true, most_steps)?;
         let parameters = Candidate::searched(kind).count();
-        let fitted_gain = 0.5 * (from.misfit - fit.misfit);
-        let held_out_gain = self.held_out_gain(&from.hypothesis, &fit.hypothesis);
+        let (fitted_gain, held_out_gain) =
+            folds.and_then(|folds| folds.gains(&fit.hypothesis)).unwrap_or_else(|| {
+                let held_out_gain = self.held_out_gain(&from.hypothesis, &fit.hypothesis);
+                (0.5 * (from.misfit - fit.misfit), held_out_gain)
+            });
         Some(Tried { kind, fit, fitted_gain, held_out_gain, parameters })
     }
 
@@ -262,6 +281,11 @@ impl Search<'_> {
         }
     }
 
+    /// A staircase goes through the whole range of a motor, where more shows than around one command.
+    fn most_effects(&self) -> usize {
+        if self.trials.trials.iter().any(|trial| trial.log.is_some()) { MOST_EFFECTS_OF_LOGS } else { MOST_EFFECTS }
+    }
+
     /// Finds the effects.
     pub fn explain(&mut self, base: &Hypothesis) -> Option<Explanation> {
         self.tell_what_was_before(base);
@@ -269,7 +293,7 @@ impl Search<'_> {
         let mut current = before.clone();
         let mut effects: Vec<Tried> = Vec::new();
         let mut first_tried = Vec::new();
-        while effects.len() < MOST_EFFECTS {
+        while effects.len() < self.most_effects() {
             let named: Vec<&'static Kind> = effects.iter().map(|effect| effect.kind).collect();
             let tried = self.tries(&current, &named);
             if effects.is_empty() {
@@ -305,7 +329,8 @@ impl Search<'_> {
             let others: Vec<&'static Kind> = rest.hypothesis.effects.iter().map(|other| other.kind).collect();
             let mut tried = self.tries(&rest, &others);
             // The fit that it has may be better than what the search from the rest finds.
-            if let Some(own) = self.attempt(&rest, &current.hypothesis, kind, MOST_STEPS) {
+            let folds = Folds::of(&self.trials, &rest);
+            if let Some(own) = self.attempt(&rest, Some(&folds), &current.hypothesis, kind, MOST_STEPS) {
                 tried.retain(|other| other.kind != kind || other.worth() > own.worth());
                 if !tried.iter().any(|other| other.kind == kind) {
                     tried.push(own);
@@ -318,7 +343,7 @@ impl Search<'_> {
                 found.remove(effect);
                 continue;
             }
-            if best.kind != kind && exchanges < MOST_EFFECTS {
+            if best.kind != kind && exchanges < self.most_effects() {
                 exchanges += 1;
                 current = self.settle(&best.fit.hypothesis.clone(), true)?;
                 // The new one is the last; all are judged beside it.

@@ -59,6 +59,11 @@ pub(super) fn residual(
     hypothesis: &Hypothesis,
     purpose: Purpose,
 ) -> Option<Vec<Complex64>> {
+    if let Some(log) = &trial.log {
+        let tau_s = hypothesis.base[trial.point].time_constant_s;
+        let white = log.white(purpose, &hypothesis.difference(trials, trial)?, &trial.time_s, tau_s);
+        return Some(white.into_iter().map(Complex64::from).collect());
+    }
     let rows = trial.end_of(Some(purpose));
     let simulated = hypothesis.simulate(trials, trial, rows).ok()?;
     let difference: Vec<f64> = trial.measured.iter().zip(&simulated).map(|(y, model)| y - model).collect();
@@ -84,6 +89,19 @@ fn whiten(trial: &Trial, hypothesis: &Hypothesis, purpose: Purpose, difference: 
         all.append(&mut white);
     }
     all
+}
+
+/// What a search pays for values away from where the effects are not: weight and distance of each coordinate that is tied.
+/// Only on a part of the records, which may not determine all of them.
+fn ties(trials: &Trials, hypothesis: &Hypothesis, coordinates: &[Coordinate]) -> Vec<(usize, f64, f64)> {
+    if !trials.is_part {
+        return Vec::new();
+    }
+    let tie = |(place, coordinate): (usize, &Coordinate)| {
+        let (null, std) = hypothesis.tie(*coordinate)?;
+        Some((place, std.powi(-2), hypothesis.get(*coordinate) - null))
+    };
+    coordinates.iter().enumerate().filter_map(tie).collect()
 }
 
 /// How far the rows of the records leave the alignment open: they are stamped no more finely than they are apart, and a
@@ -277,6 +295,9 @@ impl Tangent {
         if let Some(late) = coordinates.iter().position(|coordinate| *coordinate == Coordinate::Late) {
             matrix[(late, late)] += late_std(trials).powi(-2);
         }
+        for (place, weight, _) in ties(trials, hypothesis, &coordinates) {
+            matrix[(place, place)] += weight;
+        }
         Some(Self { coordinates, records, matrix })
     }
 
@@ -297,6 +318,10 @@ impl Tangent {
         let mut sum = (hypothesis.late_s / late_std(trials)).powi(2);
         if let Some(late) = self.coordinates.iter().position(|coordinate| *coordinate == Coordinate::Late) {
             gradient[late] = hypothesis.late_s * late_std(trials).powi(-2);
+        }
+        for (place, weight, away) in ties(trials, hypothesis, &self.coordinates) {
+            sum += weight * away * away;
+            gradient[place] += weight * away;
         }
         for (part, slopes) in parts? {
             sum += part;

@@ -2,6 +2,7 @@
 //! would keep them apart.
 
 use super::hypothesis::Hypothesis;
+use super::log::{self, SplitGap, log_squares};
 use super::trial::{Purpose, Trial, Trials};
 use crate::identify::align;
 
@@ -29,31 +30,63 @@ pub struct RecordGap {
 
 /// Sums of squares, to be divided at the end.
 #[derive(Clone, Copy, Default)]
-struct Squares {
-    before: f64,
-    after: f64,
-    noise: f64,
-    response: f64,
+pub(super) struct Squares {
+    pub before: f64,
+    pub after: f64,
+    pub noise: f64,
+    pub response: f64,
 }
 
 impl Squares {
-    fn add(&mut self, other: Self) {
+    pub fn add(&mut self, other: Self) {
         self.before += other.before;
         self.after += other.after;
         self.noise += other.noise;
         self.response += other.response;
     }
 
-    fn gap(self) -> Gap {
+    pub fn is_any(&self) -> bool {
+        self.response > 0.0
+    }
+
+    pub fn gap(self) -> Gap {
         let part = |sum: f64| (sum / self.response).sqrt();
         Gap { before: part(self.before), after: part(self.after), noise_floor: part(self.noise) }
     }
 }
 
-/// Gap in total and record by record; on what was fitted where nothing is held out, which the flag says.
-pub(super) fn gaps(trials: &Trials, before: &Hypothesis, after: &Hypothesis) -> (Gap, Vec<RecordGap>, bool) {
+/// All gaps between two models and the records.
+pub(super) struct Gaps {
+    /// In total.
+    pub total: Gap,
+    /// Record by record.
+    pub records: Vec<RecordGap>,
+    /// Split by split, where records are split more than one way.
+    pub splits: Vec<SplitGap>,
+    /// Whether anything is held out.
+    pub held_out: bool,
+}
+
+/// Gaps on what is held out; on what was fitted where nothing is. Where a split is not for good each model is fitted anew to
+/// what is left, the first one only where `refitted` says so.
+pub(super) fn gaps(trials: &Trials, before: &Hypothesis, after: &Hypothesis, refitted: bool) -> Gaps {
+    let (total, records, splits) = log::gaps(trials, before, after, refitted);
+    if !splits.is_empty() {
+        return Gaps { total, records, splits, held_out: true };
+    }
     let held_out = trials.trials.iter().any(|trial| trial.end_of(Some(Purpose::HeldOut)) > 0);
     let purpose = if held_out { Purpose::HeldOut } else { Purpose::Fit };
+    let (total, records) = of(trials, before, after, purpose);
+    Gaps { total, records, splits, held_out }
+}
+
+/// Gap in total and record by record on what is there for a purpose.
+pub(super) fn of(
+    trials: &Trials,
+    before: &Hypothesis,
+    after: &Hypothesis,
+    purpose: Purpose,
+) -> (Gap, Vec<RecordGap>) {
     let mut total = Squares::default();
     let mut records = Vec::new();
     for trial in trials.trials.iter().filter(|trial| trial.end_of(Some(purpose)) > 0) {
@@ -61,16 +94,19 @@ pub(super) fn gaps(trials: &Trials, before: &Hypothesis, after: &Hypothesis) -> 
         total.add(squares);
         records.push(RecordGap { file: trial.file.clone(), nominal: trial.nominal, gap: squares.gap() });
     }
-    (total.gap(), records, held_out)
+    (total.gap(), records)
 }
 
-fn squares(
+pub(super) fn squares(
     trials: &Trials,
     trial: &Trial,
     before: &Hypothesis,
     after: &Hypothesis,
     purpose: Purpose,
 ) -> Option<Squares> {
+    if trial.log.is_some() {
+        return log_squares(trials, trial, before, after, purpose);
+    }
     let rows = trial.end_of(Some(purpose));
     let simulated = [before, after].map(|hypothesis| hypothesis.simulate(trials, trial, rows));
     let mut squares = Squares::default();

@@ -256,6 +256,24 @@ impl Hypothesis {
         }
     }
 
+    /// Where a coordinate of an effect is when the effect is not there, and half its plausible range; `None` where there is no
+    /// such place.
+    pub fn tie(&self, coordinate: Coordinate) -> Option<(f64, f64)> {
+        let Coordinate::Effect { effect, value } = coordinate else { return None };
+        let parameter = &self.effects[effect].kind.parameters[value];
+        let (low, high) = parameter.plausible;
+        let half = 0.5 * (to_coordinate(parameter, high) - to_coordinate(parameter, low));
+        let null = to_coordinate(parameter, parameter.null);
+        null.is_finite().then_some((null, half))
+    }
+
+    /// What was measured less the response, over a whole record. `None` for values that no actuator has.
+    pub fn difference(&self, trials: &Trials, trial: &Trial) -> Option<Vec<f64>> {
+        let simulated = self.simulate(trials, trial, trial.time_s.len()).ok()?;
+        let difference: Vec<f64> = trial.measured.iter().zip(&simulated).map(|(y, model)| y - model).collect();
+        difference.iter().all(|left| left.is_finite()).then_some(difference)
+    }
+
     /// The response at the first `rows` rows of a record.
     ///
     /// # Errors
@@ -292,11 +310,22 @@ impl Hypothesis {
         }
         Catalog::standard().sort(&mut effects);
         let timing = EscTiming { frame_hz: trials.esc_frame_hz, frame_phase: 0.0 };
-        let mut actuator = Actuator::with_effects(point, &effects, timing)?;
+        let mut actuator = match trials.curve_of(trial) {
+            Some((curve, given)) => {
+                // The numbers of the level, all off by the part by which those at the nominal command are.
+                let off = |found: f64, given: f64| found / given - 1.0;
+                let errors = vec![off(base.gain, given.gain), off(base.time_constant_s, given.time_constant_s)];
+                let mut all = vec![ActiveEffect::new(parameter_error()?, errors)?];
+                all.append(&mut effects);
+                Actuator::following_level(curve.clone(), trial.told[0], &all, timing)?
+            }
+            None => Actuator::with_effects(point, &effects, timing)?,
+        };
         let told = ((rows - 1) * trial.told_per_row + 1).min(trial.told_s.len());
         let drive = Drive { time_s: &trial.told_s[..told], command: &trial.told[..told] };
         let stamps: Vec<f64> = trial.time_s[..rows].iter().map(|time_s| time_s - self.late_s).collect();
         let start = match trial.before {
+            _ if trial.log.is_some() => Start::Rest(trial.told[0]),
             Before::Rest => Start::Rest(trial.nominal),
             Before::Periods => {
                 let period_s = trial.period_rows as f64 / trial.rate_hz;
@@ -305,4 +334,14 @@ impl Hypothesis {
         };
         simulate_response(&mut actuator, drive, start, &stamps)
     }
+}
+
+/// The kind that stands for other numbers of the lag.
+fn parameter_error() -> Result<&'static Kind, PlantError> {
+    let standard = Catalog::standard();
+    standard.find("parameter_error").ok_or(PlantError::Setting {
+        parameter: "kinds with other numbers of the lag",
+        value: 0.0,
+        limit: "one",
+    })
 }

@@ -5,6 +5,7 @@
 
 use super::fit::residual;
 use super::hypothesis::Hypothesis;
+use super::log;
 use super::trial::{Purpose, Stretch, Trial, Trials};
 use super::whitening::Whitening;
 use crate::record::Excitation;
@@ -23,17 +24,17 @@ const DENSITY_LINES: f64 = 48.0;
 pub enum Axis {
     /// Hertz.
     Frequency,
-    /// Nominal command.
+    /// Nominal command; the level of the moment in records that do not repeat.
     Nominal,
-    /// Largest deviation of the command.
+    /// Largest deviation of the command; the size of the last step in records that do not repeat.
     Amplitude,
-    /// -1 while the response falls, 1 while it rises.
+    /// -1 while the response falls, 1 while it rises; after steps down and up in records that do not repeat.
     Direction,
     /// Seconds from the begin of a record.
     Time,
     /// 1 for excited lines, 2 for even ones, 3 for odd ones that are not excited.
     Harmonics,
-    /// 1 for multisine records, 2 for square waves.
+    /// 1 for multisine records, 2 for square waves, 3 for steps, 4 for staircases, 5 for chirps, 6 for others.
     Excitation,
 }
 
@@ -76,7 +77,7 @@ pub struct Excess {
 }
 
 impl Excess {
-    fn add(&mut self, other: Self) {
+    pub(super) fn add(&mut self, other: Self) {
         self.sum += other.sum;
         self.expected += other.expected;
     }
@@ -137,6 +138,10 @@ fn lines(trials: &Trials, trial: &Trial, hypothesis: &Hypothesis, purpose: Purpo
 pub(super) fn excess(trials: &Trials, hypothesis: &Hypothesis, purpose: Purpose) -> Excess {
     let mut total = Excess::default();
     for trial in &trials.trials {
+        if trial.log.is_some() {
+            total.add(log::excess(trials, trial, hypothesis, purpose).unwrap_or_default());
+            continue;
+        }
         lines(trials, trial, hypothesis, purpose).into_iter().for_each(|line| total.add(line.excess));
     }
     total
@@ -144,10 +149,20 @@ pub(super) fn excess(trials: &Trials, hypothesis: &Hypothesis, purpose: Purpose)
 
 /// Parts of one axis.
 #[derive(Default)]
-struct Parts(Vec<((f64, f64), Excess)>);
+pub(super) struct Parts(Vec<((f64, f64), Excess)>);
+
+/// The axes on which a record that does not repeat lies.
+#[derive(Default)]
+pub(super) struct LogParts {
+    pub nominal: Parts,
+    pub amplitude: Parts,
+    pub direction: Parts,
+    pub time: Parts,
+    pub excitation: Parts,
+}
 
 impl Parts {
-    fn add(&mut self, range: (f64, f64), excess: Excess) {
+    pub(super) fn add(&mut self, range: (f64, f64), excess: Excess) {
         match self.0.iter_mut().find(|(other, _)| *other == range) {
             Some((_, part)) => part.add(excess),
             None => self.0.push((range, excess)),
@@ -181,11 +196,12 @@ fn amplitude_group(amplitudes: &[f64], amplitude: f64) -> (f64, f64) {
 
 /// Shares the misfit of what is fitted out along every axis.
 pub(super) fn locate(trials: &Trials, hypothesis: &Hypothesis) -> Vec<Location> {
-    let (mut frequency, mut nominal, mut amplitude) = (Parts::default(), Parts::default(), Parts::default());
-    let (mut harmonics, mut excitation) = (Parts::default(), Parts::default());
-    let (mut direction, mut time) = (Parts::default(), Parts::default());
+    let (mut frequency, mut harmonics) = (Parts::default(), Parts::default());
+    let mut of_logs = LogParts::default();
+    trials.trials.iter().for_each(|trial| log::add(trials, trial, hypothesis, &mut of_logs));
+    let LogParts { mut nominal, mut amplitude, mut direction, mut time, mut excitation } = of_logs;
     let amplitudes: Vec<f64> = trials.trials.iter().map(|trial| trial.amplitude).collect();
-    for trial in &trials.trials {
+    for trial in trials.trials.iter().filter(|trial| trial.log.is_none()) {
         let kind = if trial.excitation == Excitation::Multisine { 1.0 } else { 2.0 };
         for line in lines(trials, trial, hypothesis, Purpose::Fit) {
             let sort = match (line.excited, line.even) {

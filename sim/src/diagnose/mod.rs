@@ -12,6 +12,7 @@ mod fit;
 mod gap;
 mod hypothesis;
 mod locate;
+mod log;
 mod scan;
 mod trial;
 mod whitening;
@@ -21,6 +22,8 @@ use std::collections::BTreeMap;
 pub use error::DiagnoseError;
 pub use gap::{Gap, RecordGap};
 pub use locate::{Axis, Excess, Location};
+pub use log::{CutRows, SplitGap};
+pub use trial::LeftOut;
 
 use explain::{Explanation, Search};
 use hypothesis::{BasePoint, Candidate, Coordinate, Hypothesis};
@@ -28,7 +31,7 @@ use trial::{Purpose, Trials};
 
 use crate::identify::{Estimate, PeriodicOptions, identify_periodic, same_output};
 use crate::plant::effect::Kind;
-use crate::plant::{Catalog, Effect, Lag, Model, Point};
+use crate::plant::{Catalog, Effect, Lag, Model, OperatingCurve, Point};
 use crate::record::Experiment;
 
 /// A misfit of fewer standard deviations than this is no misfit.
@@ -114,8 +117,14 @@ pub struct Diagnosis {
     pub gap: Gap,
     /// The same record by record.
     pub records: Vec<RecordGap>,
-    /// Files of records that were not compared, since they do not repeat.
-    pub left_out: Vec<String>,
+    /// The same on what each split of records that do not repeat holds out, both models fitted anew to the rest of it.
+    pub splits: Vec<SplitGap>,
+    /// The gap on what the models were fitted to.
+    pub fitted: Gap,
+    /// What was not compared of records that do not repeat.
+    pub cut: Vec<CutRows>,
+    /// Records that were not compared.
+    pub left_out: Vec<LeftOut>,
     /// Whether anything was held out; otherwise the gaps are those of what was fitted.
     pub held_out: bool,
     /// What is left over noise, before and after.
@@ -170,8 +179,9 @@ pub struct Options<'a> {
 /// # Errors
 /// [`DiagnoseError`].
 pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis, DiagnoseError> {
-    let trials = Trials::new(experiment)?;
+    let mut trials = Trials::new(experiment)?;
     trials.check_fitted()?;
+    trials.curve = options.model.map(|model| trials.curve_through(model)).transpose()?.flatten();
     let base = first_model(experiment, &trials, options.model)?;
     let mut search = Search { trials, catalog: options.catalog, progress: options.progress };
     let Explanation { mut before, mut after, found, tried } =
@@ -208,12 +218,14 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     } else {
         found
     };
-    let (gap, records, held_out) = gap::gaps(trials, &before.hypothesis, &after.hypothesis);
+    let refitted = options.model.is_none();
+    let gap::Gaps { total: gap, records, splits, held_out } =
+        gap::gaps(trials, &before.hypothesis, &after.hypothesis, refitted);
     let mut effects = Vec::new();
     for (index, found) in found.into_iter().enumerate() {
         let without = after.hypothesis.without(index);
         let without = fit::fit(trials, &without, true).map_or(without, |fit| fit.hypothesis);
-        let (alone, _, _) = gap::gaps(trials, &without, &after.hypothesis);
+        let alone = gap::gaps(trials, &without, &after.hypothesis, true).total;
         effects.push(NamedEffect {
             kind: found.kind,
             parameters: estimates(trials, &after, index),
@@ -227,7 +239,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     if let Some((evidence, parameters, given)) = wrong
         && let Some(kind) = options.catalog.find("parameter_error")
     {
-        let (alone, _, _) = gap::gaps(trials, &given, &after.hypothesis);
+        let alone = gap::gaps(trials, &given, &after.hypothesis, false).total;
         let parameters = kind.parameters.iter().zip(parameters).collect();
         let (gap_before, gap_after) = (alone.before, alone.after);
         effects.push(NamedEffect { kind, parameters, evidence, alternatives: Vec::new(), gap_before, gap_after });
@@ -249,6 +261,9 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         effects,
         gap,
         records,
+        splits,
+        fitted: gap::of(trials, &before.hypothesis, &after.hypothesis, Purpose::Fit).0,
+        cut: trials.trials.iter().filter_map(|trial| Some(trial.log.as_ref()?.cut.clone())).collect(),
         left_out: trials.left_out.clone(),
         held_out,
         excess: (excess_before, excess_after),
@@ -296,14 +311,23 @@ fn first_model(
         }
         return trials.nominals.iter().map(|nominal| Ok(of_lag(model.at(*nominal)?))).collect();
     }
-    let identified = identify_periodic(experiment, &PeriodicOptions::default())?;
-    let points = identified.points();
+    let is_periodic = |trial: &trial::Trial| trial.log.is_none();
+    let points = if trials.trials.iter().any(is_periodic) {
+        identify_periodic(experiment, &PeriodicOptions::default())?.points()
+    } else {
+        Vec::new()
+    };
     let nearest = |nominal: f64| {
         let distance = |point: &&Point| (point.nominal - nominal).abs();
         points.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))
     };
-    let base = trials.nominals.iter().map(|nominal| {
-        let point = nearest(*nominal).ok_or(DiagnoseError::NoFit { what: "a first-order lag" })?;
+    let base = trials.nominals.iter().enumerate().map(|(index, nominal)| {
+        let no_fit = DiagnoseError::NoFit { what: "a first-order lag" };
+        let here = || trials.trials.iter().filter(|trial| trial.point == index);
+        if !here().any(is_periodic) {
+            return here().find_map(log::first_lag).ok_or(no_fit);
+        }
+        let point = nearest(*nominal).ok_or(no_fit)?;
         // A delay is an effect, and has to be found.
         Ok(BasePoint { delay_s: 0.0, ..of_lag(point.lag()) })
     });
@@ -354,16 +378,39 @@ fn improved(model: Option<&Model>, trials: &Trials, fit: &fit::Fit, effects: &[N
             .map(|(parameter, estimate)| (parameter.name.to_owned(), estimate.std))
             .collect::<BTreeMap<_, _>>(),
     });
-    Model {
-        format: 1,
-        points: points.collect(),
-        static_map: model.and_then(|model| model.static_map.clone()),
-        effects: effects.collect(),
-        provenance: None,
-    }
+    let (points, static_map) = match (model, &trials.curve) {
+        (Some(model), Some((_, given))) => scaled(model, &fit.hypothesis.base[0], given[0]),
+        _ => (points.collect(), model.and_then(|model| model.static_map.clone())),
+    };
+    Model { format: 1, points, static_map, effects: effects.collect(), provenance: None }
+}
+
+/// The points and the map of a model over many levels, all off by as much as the numbers at one command.
+fn scaled(model: &Model, found: &BasePoint, given: Lag) -> (Vec<Point>, Option<crate::plant::StaticMap>) {
+    let (gain, slower) = (found.gain / given.gain, found.time_constant_s / given.time_constant_s);
+    let point = |point: &Point| {
+        let lag = Lag { gain: point.gain * gain, time_constant_s: point.time_constant_s * slower, delay_s: point.delay_s };
+        Point::new(point.nominal, lag)
+    };
+    let map = model.static_map.as_ref().map(|map| crate::plant::StaticMap {
+        response: map.response.iter().map(|response| response * gain).collect(),
+        polynomial: None,
+        command: map.command.clone(),
+    });
+    (model.points.iter().map(point).collect(), map)
 }
 
 impl Trials {
+    /// The curve of a model that says more than one level, for records that go through many.
+    fn curve_through(&self, model: &Model) -> Result<Option<(OperatingCurve, Vec<Lag>)>, DiagnoseError> {
+        if model.points.len() < 2 && model.static_map.is_none() {
+            return Ok(None);
+        }
+        let curve = OperatingCurve::without_effects(model)?;
+        let given = self.nominals.iter().map(|nominal| model.at(*nominal)).collect::<Result<_, _>>()?;
+        Ok(Some((curve, given)))
+    }
+
     /// Every nominal command needs something to fit.
     fn check_fitted(&self) -> Result<(), DiagnoseError> {
         for (point, nominal) in self.nominals.iter().enumerate() {

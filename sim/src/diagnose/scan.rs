@@ -42,6 +42,10 @@ impl<'a> Scan<'a> {
         if pieces <= coarse {
             return Vec::new();
         }
+        // A log stands on few levels: there are no valleys but these.
+        if self.trials.trials.iter().any(|trial| trial.log.is_some()) {
+            return Vec::new();
+        }
         let candidates = Candidate::grid(kind, pieces);
         let left: Vec<f64> = candidates
             .par_iter()

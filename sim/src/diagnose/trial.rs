@@ -3,8 +3,10 @@
 use std::ops::Range;
 
 use super::DiagnoseError;
+use super::log::{Log, Prepared, prepare};
 use super::whitening::{NoiseDensity, Whitening};
 use crate::identify::{IdentifyError, response_of, upsampled};
+use crate::plant::{Lag, OperatingCurve};
 use crate::record::{Excitation, Experiment, Record, Role};
 
 /// Commands closer than this are the same nominal command; a 12-bit command is 2.4e-4.
@@ -78,8 +80,19 @@ pub(super) struct Trial {
     pub period_rows: usize,
     /// Highest frequency that is excited, hertz.
     pub highest_hz: f64,
-    /// What is fitted and what is held out, in the order of time.
+    /// What is fitted and what is held out, in the order of time; empty for a record that does not repeat.
     pub stretches: Vec<Stretch>,
+    /// What a record that does not repeat has in their place.
+    pub log: Option<Log>,
+}
+
+/// A record that is not compared.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct LeftOut {
+    /// Its file.
+    pub file: String,
+    /// Why.
+    pub reason: &'static str,
 }
 
 /// All that is compared.
@@ -89,43 +102,66 @@ pub(super) struct Trials {
     pub nominals: Vec<f64>,
     /// The records.
     pub trials: Vec<Trial>,
-    /// Files of those that do not repeat, which are not compared.
-    pub left_out: Vec<String>,
+    /// Those that are not compared.
+    pub left_out: Vec<LeftOut>,
+    /// A model over a range of levels, which staircases and the like follow, with the numbers at each nominal command.
+    pub curve: Option<(OperatingCurve, Vec<Lag>)>,
+    /// Whether it is a part, which may not determine all that is searched: values are then tied to where the effect is not.
+    pub is_part: bool,
     /// Rate of the ESC's frames, where the experiment says it.
     pub esc_frame_hz: Option<f64>,
 }
 
 impl Trials {
-    /// Prepares the periodic records of an experiment.
+    /// Prepares the records of an experiment.
     ///
     /// # Errors
     /// [`DiagnoseError`] where no record can be compared, or one is not what it says it is.
     pub fn new(experiment: &Experiment) -> Result<Self, DiagnoseError> {
-        let records: Vec<&Record> =
-            experiment.records.iter().filter(|record| record.excitation.is_periodic()).collect();
+        let mut left_out = Vec::new();
+        let mut records: Vec<(&Record, Option<Prepared>)> = Vec::new();
+        for record in &experiment.records {
+            let prepared = if record.excitation.is_periodic() { None } else { prepare(record, experiment.output)? };
+            if record.excitation.is_periodic() || prepared.is_some() {
+                records.push((record, prepared));
+            } else {
+                let reason = "the motor runs steadily on no two plateaus in a row";
+                left_out.push(LeftOut { file: record.file.clone(), reason });
+            }
+        }
         let mut nominals: Vec<f64> = Vec::new();
-        for record in &records {
+        for (record, _) in &records {
             if !nominals.iter().any(|nominal| (nominal - record.nominal).abs() < SAME_NOMINAL) {
                 nominals.push(record.nominal);
             }
         }
         nominals.sort_by(f64::total_cmp);
-        let mut trials = Vec::new();
-        for record in &records {
-            let point = nominals.iter().position(|nominal| (nominal - record.nominal).abs() < SAME_NOMINAL);
-            trials.push(Trial::new(experiment, record, point.unwrap_or_default())?);
-        }
         // Where the experiment itself keeps records back, these are what is held out.
-        let kept_back = records.iter().any(|record| record.role == Some(Role::Validate));
-        for (trial, record) in trials.iter_mut().zip(&records) {
+        let kept_back = records.iter().any(|(record, _)| record.role == Some(Role::Validate));
+        let mut trials = Vec::new();
+        for (record, prepared) in records {
+            let point = nominals.iter().position(|nominal| (nominal - record.nominal).abs() < SAME_NOMINAL);
+            let point = point.unwrap_or_default();
+            let mut trial = match prepared {
+                Some(prepared) => Trial::of_log(record, prepared, point)?,
+                None => Trial::new(experiment, record, point)?,
+            };
             trial.split(record.role, kept_back);
+            trials.push(trial);
         }
         if trials.is_empty() {
-            return Err(DiagnoseError::NothingPeriodic { experiment: experiment.name.clone() });
+            return Err(DiagnoseError::NothingToCompare { experiment: experiment.name.clone() });
         }
-        let others = experiment.records.iter().filter(|record| !record.excitation.is_periodic());
-        let left_out = others.map(|record| record.file.clone()).collect();
-        Ok(Self { nominals, trials, left_out, esc_frame_hz: experiment.esc_frame_hz })
+        Ok(Self { nominals, trials, left_out, curve: None, is_part: false, esc_frame_hz: experiment.esc_frame_hz })
+    }
+}
+
+impl Trials {
+    /// The curve that a record over many levels follows, with its numbers at the record's nominal command.
+    pub fn curve_of(&self, trial: &Trial) -> Option<(&OperatingCurve, Lag)> {
+        let (curve, given) = self.curve.as_ref()?;
+        let is_wide = trial.log.is_some() && matches!(trial.excitation, Excitation::Staircase | Excitation::Free);
+        is_wide.then(|| (curve, given[trial.point]))
     }
 }
 
@@ -133,11 +169,7 @@ impl Trial {
     fn new(experiment: &Experiment, record: &Record, point: usize) -> Result<Self, DiagnoseError> {
         let file = || record.file.clone();
         let measured = response_of(record, experiment.output)?;
-        let command = if record.compensated {
-            record.esc_command.as_ref().ok_or_else(|| IdentifyError::NoEscCommand { file: file() })?
-        } else {
-            &record.command
-        };
+        let command = told(record)?;
         let rate_hz = record.sample_rate_hz()?;
         let periods = record.periods()?;
         let rows = periods.samples * periods.count;
@@ -158,7 +190,7 @@ impl Trial {
             amplitude,
             time_s: record.time_s.clone(),
             told_s: record.time_s.clone(),
-            told: command.clone(),
+            told: command.to_vec(),
             told_per_row: 1,
             measured: measured.to_vec(),
             mean_command,
@@ -168,6 +200,7 @@ impl Trial {
             period_rows: periods.samples,
             highest_hz: 0.0,
             stretches: Vec::new(),
+            log: None,
         };
         let lines = Whitening::unit(periods.samples).spectrum(&command[..periods.samples]);
         let most = lines.iter().skip(1).map(|line| line.norm()).fold(0.0, f64::max);
@@ -179,6 +212,38 @@ impl Trial {
             trial.tell_between_rows((command_rate_hz / rate_hz).round() as usize);
         }
         Ok(trial)
+    }
+
+    /// A record that does not repeat.
+    fn of_log(record: &Record, prepared: Prepared, point: usize) -> Result<Self, DiagnoseError> {
+        let Prepared { from, measured, log } = prepared;
+        let rows = from..from + measured.len();
+        let command = &told(record)?[rows.clone()];
+        let time_s = record.time_s[rows].to_vec();
+        let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+        let (mean_command, mean_response) = (mean(command), mean(&measured));
+        let mut intervals: Vec<f64> = time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        intervals.sort_by(f64::total_cmp);
+        Ok(Self {
+            file: record.file.clone(),
+            point,
+            nominal: record.nominal,
+            excitation: record.excitation,
+            amplitude: command.iter().fold(0.0_f64, |most, u| most.max((u - mean_command).abs())),
+            told_s: time_s.clone(),
+            told: command.to_vec(),
+            told_per_row: 1,
+            mean_command,
+            mean_response,
+            before: Before::Rest,
+            rate_hz: intervals[intervals.len() / 2].recip(),
+            period_rows: time_s.len(),
+            highest_hz: 0.0,
+            stretches: Vec::new(),
+            time_s,
+            measured,
+            log: Some(log),
+        })
     }
 
     /// A command that moved between rows: the lines of its period say how.
@@ -200,6 +265,12 @@ impl Trial {
     }
 
     fn split(&mut self, role: Option<Role>, kept_back: bool) {
+        if let Some(log) = &mut self.log {
+            log.has_role = kept_back || role.is_some();
+            let purpose = if role == Some(Role::Validate) { Purpose::HeldOut } else { Purpose::Fit };
+            log.assign(&self.time_s, |_| purpose);
+            return;
+        }
         let periods = self.periods();
         let fitted = match role {
             Some(Role::Fit) => periods,
@@ -221,6 +292,11 @@ impl Trial {
     /// Takes the noise from a residual of the whole record: from what does not repeat where it is fitted, or anywhere where
     /// less than two periods are.
     pub fn weigh(&mut self, residual: &[f64]) {
+        if let Some(log) = &mut self.log {
+            let simulated: Vec<f64> = self.measured.iter().zip(residual).map(|(y, left)| y - left).collect();
+            log.weigh(&self.time_s, residual, &simulated);
+            return;
+        }
         let all = 0..self.periods() * self.period_rows;
         let fitted = self.stretches.iter().find(|stretch| stretch.periods > 1).map(|stretch| stretch.rows.clone());
         let rows = fitted.unwrap_or(all);
@@ -233,7 +309,20 @@ impl Trial {
 
     /// Up to which row something is compared for this purpose.
     pub fn end_of(&self, purpose: Option<Purpose>) -> usize {
+        if let Some(log) = &self.log {
+            return if purpose.is_none_or(|purpose| log.has(purpose)) { self.time_s.len() } else { 0 };
+        }
         let compared = self.stretches.iter().filter(|stretch| purpose.is_none_or(|wanted| stretch.purpose == wanted));
         compared.map(|stretch| stretch.rows.end).max().unwrap_or(0)
+    }
+}
+
+/// What the ESC was told at each row.
+fn told(record: &Record) -> Result<&[f64], IdentifyError> {
+    if record.compensated {
+        let file = || record.file.clone();
+        record.esc_command.as_deref().ok_or_else(|| IdentifyError::NoEscCommand { file: file() })
+    } else {
+        Ok(&record.command)
     }
 }

@@ -46,12 +46,13 @@ use super::fit_percent::fit_percent;
 use super::{Estimate, spectra};
 use crate::record::{Output, Record};
 use fit::{FittedStep, LagFit};
-pub(super) use plateaus::Plateau;
-pub(super) use plateaus::{SAME_LEVEL, mean_and_std};
+pub(crate) use plateaus::{Plateau, SAME_LEVEL, mean_and_std};
 use problem::Data;
+pub(crate) use problem::rows_after_gaps;
 use response::{Stretch, simulate};
-pub(super) use run::{Run, plateaus_of};
-pub(super) use spikes::without_spikes;
+pub(crate) use run::Run;
+pub(super) use run::plateaus_of;
+pub(crate) use spikes::without_spikes;
 
 /// A lag toward a static map, as a staircase shows it.
 #[derive(Clone, Debug, PartialEq)]

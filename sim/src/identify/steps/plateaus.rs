@@ -9,7 +9,7 @@ const MIN_PLATEAU_S: f64 = 0.25;
 /// Fewest rows that count as a plateau.
 const MIN_PLATEAU_ROWS: usize = 20;
 /// Commands closer than this are the same level.
-pub(in crate::identify) const SAME_LEVEL: f64 = 1e-6;
+pub(crate) const SAME_LEVEL: f64 = 1e-6;
 /// A running motor's settled speed varies by less than this share of its mean.
 const STEADY_SHARE: f64 = 0.05;
 /// Or by less than this many times what is usual in the record.
@@ -31,30 +31,30 @@ pub enum Direction {
 
 /// A stretch of constant command and what the response settles to.
 #[derive(Clone, Debug, PartialEq)]
-pub(in crate::identify) struct Plateau {
+pub(crate) struct Plateau {
     /// Its rows; the first is the one on which the command changes.
-    pub(in crate::identify) rows: Range<usize>,
-    pub(in crate::identify) command: f64,
+    pub(crate) rows: Range<usize>,
+    pub(crate) command: f64,
     /// `None` for a plateau that begins the record.
-    pub(in crate::identify) direction: Option<Direction>,
+    pub(crate) direction: Option<Direction>,
     /// Mean of the response over the settled rows.
-    pub(in crate::identify) mean: f64,
+    pub(crate) mean: f64,
     /// Standard deviation of the response over the settled rows.
-    pub(in crate::identify) std: f64,
+    pub(crate) std: f64,
     /// Standard error of `mean`, from the scatter of the means of batches: it includes slow drift.
-    pub(in crate::identify) mean_std: f64,
+    pub(crate) mean_std: f64,
     /// Whether the motor runs steadily on it.
-    pub(in crate::identify) running: bool,
+    pub(crate) running: bool,
 }
 
 impl Plateau {
     /// The rows taken as settled: the second half.
-    pub(in crate::identify) fn settled(&self) -> Range<usize> {
+    pub(crate) fn settled(&self) -> Range<usize> {
         self.rows.start + self.rows.len() / 2..self.rows.end
     }
 
     /// Whether it is long enough to settle.
-    pub(in crate::identify) fn is_long(&self, time_s: &[f64]) -> bool {
+    pub(crate) fn is_long(&self, time_s: &[f64]) -> bool {
         is_long(&self.rows, time_s)
     }
 }
@@ -133,7 +133,7 @@ fn measured(rows: Range<usize>, command: f64, direction: Option<Direction>, y: &
 }
 
 /// Mean and standard deviation (n - 1); the latter is zero for fewer than two values.
-pub(in crate::identify) fn mean_and_std(values: &[f64]) -> (f64, f64) {
+pub(crate) fn mean_and_std(values: &[f64]) -> (f64, f64) {
     let n = values.len() as f64;
     if values.is_empty() {
         return (0.0, 0.0);

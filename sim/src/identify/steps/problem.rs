@@ -41,7 +41,7 @@ pub(super) fn usable(before: &Plateau, to: &Plateau) -> bool {
 const GAP_INTERVALS: f64 = 2.5;
 
 /// Rows that come after a gap of the log, and the longest such interval in seconds.
-pub(super) fn rows_after_gaps(time_s: &[f64]) -> (Vec<usize>, f64) {
+pub(crate) fn rows_after_gaps(time_s: &[f64]) -> (Vec<usize>, f64) {
     let intervals: Vec<f64> = time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let mut sorted = intervals.clone();
     if sorted.is_empty() {

@@ -8,17 +8,17 @@ use crate::record::{Output, Record};
 
 /// The longest run of plateaus on which the motor runs steadily; start-up and stopping are cut off.
 #[derive(Clone, Debug)]
-pub(in crate::identify) struct Run {
+pub(crate) struct Run {
     /// The response of the whole record, spikes replaced.
-    pub(in crate::identify) clean: Vec<f64>,
+    pub(crate) clean: Vec<f64>,
     /// Which rows of the record are spikes.
-    pub(in crate::identify) spike: Vec<bool>,
+    pub(crate) spike: Vec<bool>,
     /// Two plateaus or more.
-    pub(in crate::identify) plateaus: Vec<Plateau>,
+    pub(crate) plateaus: Vec<Plateau>,
 }
 
 /// All stretches of constant command of a record, running or not; `clean` is its response without spikes.
-pub(in crate::identify) fn plateaus_of(record: &Record, output: Output, clean: &[f64]) -> Vec<Plateau> {
+pub(crate) fn plateaus_of(record: &Record, output: Output, clean: &[f64]) -> Vec<Plateau> {
     plateaus::find(&record.time_s, &record.command, clean, output)
 }
 
@@ -28,7 +28,7 @@ impl Run {
     /// # Errors
     /// [`StepsError`] without a response, without a change of the command, or without two plateaus in a row on which
     /// the motor runs steadily.
-    pub(in crate::identify) fn of(record: &Record, output: Output) -> Result<Self, StepsError> {
+    pub(crate) fn of(record: &Record, output: Output) -> Result<Self, StepsError> {
         let response = checked_response(record, output)?;
         let not_running = || StepsError::NotRunning { record: record.file.clone() };
         // By the command alone, which is soon told: most records have no plateaus.
@@ -49,7 +49,7 @@ impl Run {
     }
 
     /// Its rows in the record.
-    pub(in crate::identify) fn rows(&self) -> Range<usize> {
+    pub(crate) fn rows(&self) -> Range<usize> {
         self.plateaus[0].rows.start..self.plateaus[self.plateaus.len() - 1].rows.end
     }
 }

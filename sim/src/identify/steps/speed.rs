@@ -130,7 +130,7 @@ impl Split {
     }
 
     /// Whether the rows of a plateau are fitted.
-    fn fits(self, plateau: &Plateau, level: usize) -> bool {
+    pub(crate) fn fits(self, plateau: &Plateau, level: usize) -> bool {
         let up = plateau.direction != Some(Direction::Down);
         match self {
             Self::UpToDown => up,

@@ -14,7 +14,7 @@ const SHARE: f64 = 0.05;
 /// Hampel's filter: the standard deviation is 1.4826 times the median of all distances from the running
 /// median (Pearson 2002, Outliers in process modeling and identification), so the spikes themselves do
 /// not widen it.
-pub(in crate::identify) fn without_spikes(y: &[f64]) -> (Vec<f64>, Vec<bool>) {
+pub(crate) fn without_spikes(y: &[f64]) -> (Vec<f64>, Vec<bool>) {
     let n = y.len();
     let center: Vec<f64> = (0..n)
         .map(|k| {

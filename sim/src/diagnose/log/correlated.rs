@@ -1,0 +1,195 @@
+//! What makes the residual of uneven rows white, where model errors and noise are correlated in time.
+//!
+//! The residual is taken as the sum of two parts:
+//!
+//! ```text
+//! r(t_k) = x(t_k) + e_k
+//! dx = -x/tau dt + sqrt(2 sigma^2 / tau) dW       what a model misses for longer than a row (Ornstein and Uhlenbeck 1930)
+//! var e_k = w^2 + (j dy/dt)^2                     noise of a row, and moments that are known to `j` only
+//! ```
+//!
+//! The innovations of its Kalman filter, each over its standard deviation, are white, and minus half the sum of their squares is
+//! the log likelihood but for a constant (Schweppe 1965). The step from row to row is exact for any interval, so nothing is
+//! resampled, and rows that are left out make one longer interval. The filter is linear in the residual: its gains depend on
+//! the times alone and are computed once.
+//!
+//! `sigma`, `tau`, `w` and `j` are those of greatest likelihood for the residual of the best explanation so far. A static map
+//! that is wrong by the same on each of 40 plateaus then counts about as 40 observations, not as 15 000 rows.
+
+/// The noise and error that a residual is taken to have.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::diagnose) struct Correlation {
+    /// Standard deviation of the slow part, response units.
+    pub sigma: f64,
+    /// Its correlation time, seconds.
+    pub tau_s: f64,
+    /// Standard deviation of a row's own noise.
+    pub white: f64,
+    /// Standard deviation of a row's moment, seconds.
+    pub jitter_s: f64,
+}
+
+/// Correlation times are searched from and to these, seconds.
+const TAU_RANGE_S: (f64, f64) = (0.02, 30.0);
+/// How fine the search becomes, in logarithms.
+const FINEST: f64 = 0.1;
+/// A part below this share of the white noise is none.
+const LEAST_SHARE: f64 = 1e-3;
+
+impl Correlation {
+    /// White noise of a standard deviation.
+    pub fn white(std: f64) -> Self {
+        Self { sigma: 0.0, tau_s: 1.0, white: std, jitter_s: 0.0 }
+    }
+
+    /// That of greatest likelihood for a residual at rows, with the slope of the response there, per second; `floor` is the
+    /// least noise of a row that is believed.
+    pub fn of(time_s: &[f64], residual: &[f64], slope: &[f64], floor: f64) -> Self {
+        let spread = (residual.iter().map(|r| r * r).sum::<f64>() / residual.len().max(1) as f64).sqrt().max(floor);
+        let steepest = slope.iter().fold(0.0_f64, |most, slope| most.max(slope.abs()));
+        // Logarithms of the slow part over the white one, of the correlation time, and of the jitter's part at the steepest.
+        let of = |p: [f64; 3], white: f64| Self {
+            sigma: white * p[0].exp(),
+            tau_s: p[1].exp(),
+            white,
+            jitter_s: if steepest > 0.0 { white * p[2].exp() / steepest } else { 0.0 },
+        };
+        let judge = |p: [f64; 3]| {
+            let filter = Filter::new(of(p, 1.0), time_s, slope);
+            let white = filter.apply(residual);
+            let sum: f64 = white.iter().map(|z| z * z).sum();
+            let n = residual.len() as f64;
+            (n * (sum / n).max(f64::MIN_POSITIVE).ln() + filter.log_variances(), (sum / n).sqrt())
+        };
+        let (low, high) = (LEAST_SHARE.ln(), (1e4_f64).ln());
+        let mut at = [0.0, 0.0, 1.0];
+        let mut best = judge(at);
+        let mut step = 1.6;
+        while step > FINEST {
+            let mut moved = false;
+            for (index, sign) in [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0), (2, 1.0), (2, -1.0)] {
+                let mut there = at;
+                let range = if index == 1 { (TAU_RANGE_S.0.ln(), TAU_RANGE_S.1.ln()) } else { (low, high) };
+                there[index] = (at[index] + sign * step).clamp(range.0, range.1);
+                if there == at {
+                    continue;
+                }
+                let judged = judge(there);
+                if judged.0 < best.0 {
+                    (at, best, moved) = (there, judged, true);
+                }
+            }
+            if !moved {
+                step *= 0.5;
+            }
+        }
+        let white = best.1.clamp(floor, spread);
+        of(at, white)
+    }
+}
+
+/// The Kalman filter of a correlation at given rows.
+#[derive(Clone, Debug, Default)]
+pub(in crate::diagnose) struct Filter {
+    /// By how much the slow part has decayed since the row before, its gain there, and one over the innovation's standard
+    /// deviation.
+    steps: Vec<(f64, f64, f64)>,
+}
+
+impl Filter {
+    /// At rows, increasing, with the slope of the response there.
+    pub fn new(correlation: Correlation, time_s: &[f64], slope: &[f64]) -> Self {
+        let stationary = correlation.sigma.powi(2);
+        let mut variance = stationary;
+        let mut before_s = time_s.first().copied().unwrap_or(0.0);
+        let step = |(&time_s, &slope): (&f64, &f64)| {
+            let decay = (-(time_s - before_s) / correlation.tau_s).exp();
+            before_s = time_s;
+            let predicted = stationary + decay * decay * (variance - stationary);
+            let own = correlation.white.powi(2) + (correlation.jitter_s * slope).powi(2);
+            let innovation = predicted + own;
+            let gain = predicted / innovation;
+            variance = own * gain;
+            (decay, gain, innovation.sqrt().recip())
+        };
+        Self { steps: time_s.iter().zip(slope).map(step).collect() }
+    }
+
+    /// White values of a residual at the rows.
+    pub fn apply(&self, residual: &[f64]) -> Vec<f64> {
+        let mut slow = 0.0;
+        let white = |(&(decay, gain, weight), r): (&(f64, f64, f64), &f64)| {
+            slow *= decay;
+            let innovation = r - slow;
+            slow += gain * innovation;
+            innovation * weight
+        };
+        self.steps.iter().zip(residual).map(white).collect()
+    }
+
+    /// Sum of the logarithms of the innovations' variances.
+    fn log_variances(&self) -> f64 {
+        self.steps.iter().map(|(_, _, weight)| -2.0 * weight.ln()).sum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{Rng as _, SeedableRng as _};
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::{Distribution as _, StandardNormal};
+
+    use super::*;
+
+    /// Rows 4 to 16 ms apart.
+    fn uneven(count: usize, random: &mut ChaCha8Rng) -> Vec<f64> {
+        let mut now_s = 0.0;
+        let next = |_| {
+            now_s += random.random_range(0.004..0.016);
+            now_s
+        };
+        (0..count).map(next).collect()
+    }
+
+    fn normal(random: &mut ChaCha8Rng) -> f64 {
+        StandardNormal.sample(random)
+    }
+
+    #[test]
+    fn innovations_of_such_a_residual_are_white_and_its_numbers_are_found() {
+        let mut random = ChaCha8Rng::seed_from_u64(3);
+        let time_s = uneven(8000, &mut random);
+        let truth = Correlation { sigma: 3.0, tau_s: 0.5, white: 1.0, jitter_s: 0.0 };
+        let (mut slow, mut before_s) = (truth.sigma * normal(&mut random), time_s[0]);
+        let residual: Vec<f64> = time_s
+            .iter()
+            .map(|&t| {
+                let decay = (-(t - before_s) / truth.tau_s).exp();
+                before_s = t;
+                slow = decay * slow + truth.sigma * (1.0 - decay * decay).sqrt() * normal(&mut random);
+                slow + truth.white * normal(&mut random)
+            })
+            .collect();
+        let none = vec![0.0; time_s.len()];
+        let white = Filter::new(truth, &time_s, &none).apply(&residual);
+        let n = white.len() as f64;
+        let at = |lag: usize| white.iter().zip(&white[lag..]).map(|(a, b)| a * b).sum::<f64>() / n;
+        assert!((at(0) - 1.0).abs() < 5.0 * (2.0 / n).sqrt(), "{}", at(0));
+        for lag in 1..6 {
+            assert!(at(lag).abs() < 5.0 / n.sqrt(), "{lag}: {}", at(lag));
+        }
+        let found = Correlation::of(&time_s, &residual, &none, 1e-6);
+        assert!((found.sigma / truth.sigma).ln().abs() < 0.35 && (found.tau_s / truth.tau_s).ln().abs() < 0.5, "{found:?}");
+        assert!((found.white / truth.white).ln().abs() < 0.1, "{found:?}");
+    }
+
+    #[test]
+    fn an_offset_that_stays_counts_as_one_observation_not_as_many() {
+        let mut random = ChaCha8Rng::seed_from_u64(4);
+        let time_s = uneven(1000, &mut random);
+        let none = vec![0.0; time_s.len()];
+        let slow = Correlation { sigma: 1.0, tau_s: 1e3, white: 0.01, jitter_s: 0.0 };
+        let information: f64 = Filter::new(slow, &time_s, &none).apply(&vec![1.0; 1000]).iter().map(|z| z * z).sum();
+        assert!((0.9..1.2).contains(&information), "{information}");
+    }
+}

@@ -1,0 +1,89 @@
+//! How far model and log are apart on steps that were held out.
+
+use rayon::prelude::*;
+
+use crate::diagnose::fit::fit_in;
+use crate::diagnose::gap::{Gap, RecordGap, Squares, squares};
+use crate::diagnose::hypothesis::Hypothesis;
+use crate::diagnose::trial::{Purpose, Trial, Trials};
+
+/// Steps of a search on a part of the steps.
+const STEPS: usize = 6;
+
+/// The gap on what a split holds out.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SplitGap {
+    /// What was fitted and what is judged, in words.
+    pub split: &'static str,
+    /// The gap.
+    pub gap: Gap,
+}
+
+/// Gap in total, record by record and split by split, each model fitted anew to the fitted part of each split; the first one
+/// only where `refitted` says so.
+pub(in crate::diagnose) fn gaps(
+    trials: &Trials,
+    before: &Hypothesis,
+    after: &Hypothesis,
+    refitted: bool,
+) -> (Gap, Vec<RecordGap>, Vec<SplitGap>) {
+    let folds = trials.folds();
+    let judged: Vec<(&'static str, Vec<(usize, Squares)>)> = folds
+        .par_iter()
+        .map(|(words, fold)| {
+            let fitted = |hypothesis: &Hypothesis, search: bool| match search {
+                true => fit_in(fold, hypothesis, true, STEPS).map_or_else(|| hypothesis.clone(), |fit| fit.hypothesis),
+                false => hypothesis.clone(),
+            };
+            let (before, after) = (fitted(before, refitted), fitted(after, true));
+            let held_out = fold.trials.iter().enumerate().filter(|(_, trial)| trial.end_of(Some(Purpose::HeldOut)) > 0);
+            let judged = held_out
+                .filter_map(|(place, trial)| Some((place, squares(fold, trial, &before, &after, Purpose::HeldOut)?)));
+            (*words, judged.collect())
+        })
+        .collect();
+    let mut total = Squares::default();
+    let mut records = vec![Squares::default(); trials.trials.len()];
+    let mut splits = Vec::new();
+    for (split, parts) in judged {
+        let mut sum = Squares::default();
+        for (place, part) in parts {
+            records[place].add(part);
+            sum.add(part);
+        }
+        total.add(sum);
+        splits.push(SplitGap { split, gap: sum.gap() });
+    }
+    let judged = trials.trials.iter().zip(&records).filter(|(_, squares)| squares.is_any());
+    let records = judged.map(|(trial, squares)| RecordGap {
+        file: trial.file.clone(),
+        nominal: trial.nominal,
+        gap: squares.gap(),
+    });
+    (total.gap(), records.collect(), splits)
+}
+
+/// Squares of one log over the rows of a purpose.
+pub(in crate::diagnose) fn log_squares(
+    trials: &Trials,
+    trial: &Trial,
+    before: &Hypothesis,
+    after: &Hypothesis,
+    purpose: Purpose,
+) -> Option<Squares> {
+    let log = trial.log.as_ref()?;
+    let left = |hypothesis: &Hypothesis| {
+        let difference = hypothesis.difference(trials, trial)?;
+        let tau_s = hypothesis.base[trial.point].time_constant_s;
+        let free = log.free(&difference, &trial.time_s, tau_s);
+        Some(log.rows(purpose).map(|(row, _)| (difference[row] - free[row]).powi(2)).sum::<f64>())
+    };
+    let rows: Vec<(usize, f64)> = log.rows(purpose).map(|(row, group)| (row, group.noise)).collect();
+    let mean = rows.iter().map(|(row, _)| trial.measured[*row]).sum::<f64>() / rows.len() as f64;
+    Some(Squares {
+        before: left(before)?,
+        after: left(after)?,
+        noise: rows.iter().map(|(_, noise)| noise * noise).sum(),
+        response: rows.iter().map(|(row, _)| (trial.measured[*row] - mean).powi(2)).sum(),
+    })
+}

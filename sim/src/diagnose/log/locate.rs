@@ -1,0 +1,76 @@
+//! Where the misfit of a log lies.
+//!
+//! The square of each row's residual over the variance of the noise there is 1 on average where only noise is left. Rows of
+//! correlated noise count as fewer.
+
+use crate::diagnose::hypothesis::Hypothesis;
+use crate::diagnose::locate::{Excess, LogParts};
+use crate::diagnose::trial::{Purpose, Trial, Trials};
+use crate::record::Excitation;
+
+/// Parts of the time of a record.
+const TIMES: f64 = 10.0;
+/// Levels are put together to this many ranges.
+const LEVELS: f64 = 5.0;
+
+/// What a row leaves, with its excess.
+fn rows<'a>(
+    trials: &Trials,
+    trial: &'a Trial,
+    hypothesis: &Hypothesis,
+    purpose: Purpose,
+) -> Option<Vec<(usize, &'a super::Group, f64)>> {
+    let log = trial.log.as_ref()?;
+    let difference = hypothesis.difference(trials, trial)?;
+    let free = log.free(&difference, &trial.time_s, hypothesis.base[trial.point].time_constant_s);
+    Some(log.rows(purpose).map(|(row, group)| (row, group, difference[row] - free[row])).collect())
+}
+
+/// What a hypothesis leaves of a log.
+pub(in crate::diagnose) fn excess(
+    trials: &Trials,
+    trial: &Trial,
+    hypothesis: &Hypothesis,
+    purpose: Purpose,
+) -> Option<Excess> {
+    let per_sample = trial.log.as_ref()?.rows_per_sample;
+    let rows = rows(trials, trial, hypothesis, purpose)?;
+    let sum = rows.iter().map(|(_, group, left)| (left / group.noise).powi(2)).sum::<f64>();
+    Some(Excess { sum: sum / per_sample, expected: rows.len() as f64 / per_sample })
+}
+
+/// Shares the misfit of a log out.
+pub(in crate::diagnose) fn add(trials: &Trials, trial: &Trial, hypothesis: &Hypothesis, parts: &mut LogParts) {
+    let Some(rows) = rows(trials, trial, hypothesis, Purpose::Fit) else { return };
+    let Some(log) = &trial.log else { return };
+    let unit = log.rows_per_sample.recip();
+    let kind = match trial.excitation {
+        Excitation::Multisine => 1.0,
+        Excitation::Square => 2.0,
+        Excitation::Step => 3.0,
+        Excitation::Staircase => 4.0,
+        Excitation::Chirp => 5.0,
+        Excitation::Free => 6.0,
+    };
+    let (begin_s, end_s) = (trial.time_s[0], trial.time_s[trial.time_s.len() - 1]);
+    let length_s = end_s - begin_s;
+    let commands = || log.groups.iter().map(|group| group.command);
+    let (low, high) = (commands().fold(f64::INFINITY, f64::min), commands().fold(f64::NEG_INFINITY, f64::max));
+    let bin = |value: f64, low: f64, high: f64, count: f64| {
+        let width = (high - low) / count;
+        let index = if width > 0.0 { ((value - low) / width).floor().clamp(0.0, count - 1.0) } else { 0.0 };
+        (low + index * width, low + (index + 1.0) * width)
+    };
+    for (row, group, left) in rows {
+        let excess = Excess { sum: unit * (left / group.noise).powi(2), expected: unit };
+        parts.time.add(bin(trial.time_s[row] - begin_s, 0.0, length_s, TIMES), excess);
+        parts.nominal.add(bin(group.command, low, high, LEVELS), excess);
+        parts.excitation.add((kind, kind), excess);
+        if group.step != 0.0 {
+            parts.direction.add((group.step.signum(), group.step.signum()), excess);
+            // Steps of a staircase are alike or much larger: whole hundredths of the command.
+            let size = (100.0 * group.step.abs()).round() / 100.0;
+            parts.amplitude.add((size, size), excess);
+        }
+    }
+}

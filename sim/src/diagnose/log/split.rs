@@ -1,0 +1,119 @@
+//! What is held out of logs, written down before anything is fitted.
+//!
+//! | split | fitted on | judged on |
+//! |---|---|---|
+//! | up to down | plateaus after steps up | plateaus after steps down |
+//! | down to up | the other way round | |
+//! | even to odd | every other level, from the lowest on | the other levels |
+//! | odd to even | the other way round | |
+//!
+//! They are those of [`SPLITS`]. A record with too few plateaus to be cut goes by its first step and by its place in the
+//! experiment; one without plateaus by every other tenth of it, in the last two splits only. Where the experiment itself keeps
+//! records back, it is these, and nothing else is split.
+//!
+//! A kind's gains are the means over the splits, each with its own fit. What a split does not determine (unequal lags, on
+//! steps up alone) stays near the value at which the effect is not there, by a weak tie: half the plausible range.
+
+use rayon::prelude::*;
+
+use super::Group;
+use crate::diagnose::fit::{Fit, fit_in, misfit};
+use crate::diagnose::hypothesis::Hypothesis;
+use crate::diagnose::trial::{Purpose, Trials};
+use crate::identify::steps::{SPLITS, Split};
+
+/// Steps of a search on a part of the steps, from what was found on all of them.
+const STEPS: usize = 4;
+/// Groups that a record has to have to be cut, and that each side of a split has to have.
+const CUT_FROM: usize = 4;
+const LEAST_GROUPS: usize = 2;
+
+/// The splits of an experiment, each with a fit of what is to be improved on.
+pub(in crate::diagnose) struct Folds {
+    folds: Vec<(Trials, Fit)>,
+}
+
+impl Folds {
+    /// Empty where nothing has to be split.
+    pub fn of(trials: &Trials, from: &Fit) -> Self {
+        let folds = trials.folds().into_par_iter();
+        let fitted = folds.filter_map(|(_, fold)| {
+            let fit = fit_in(&fold, &from.hypothesis, true, STEPS)?;
+            Some((fold, fit))
+        });
+        Self { folds: fitted.collect() }
+    }
+
+    /// Mean gain of log likelihood over what is fitted and over what is held out; `None` where nothing is split.
+    pub fn gains(&self, to: &Hypothesis) -> Option<(f64, f64)> {
+        let gains: Vec<(f64, f64)> = self
+            .folds
+            .par_iter()
+            .map(|(fold, from)| {
+                let held_out = |hypothesis| misfit(fold, hypothesis, Purpose::HeldOut);
+                let fitted = fit_in(fold, to, true, STEPS)?;
+                let held_out = held_out(&from.hypothesis)? - held_out(&fitted.hypothesis)?;
+                Some((0.5 * (from.misfit - fitted.misfit), 0.5 * held_out))
+            })
+            .map(|gains| gains.unwrap_or((0.0, f64::NEG_INFINITY)))
+            .collect();
+        let count = gains.len() as f64;
+        let sum = gains.iter().fold((0.0, 0.0), |sum, gains| (sum.0 + gains.0, sum.1 + gains.1));
+        (!gains.is_empty()).then_some((sum.0 / count, sum.1 / count))
+    }
+}
+
+impl Trials {
+    /// The splits that the records are long enough for, in words and as records with other purposes. Empty where there are no
+    /// logs, or the experiment says itself what is held out.
+    pub fn folds(&self) -> Vec<(&'static str, Self)> {
+        let split_up = self.trials.iter().any(|trial| trial.log.as_ref().is_some_and(|log| !log.has_role));
+        if !split_up {
+            return Vec::new();
+        }
+        SPLITS.into_iter().filter_map(|split| self.fold(split).map(|fold| (split.words(), fold))).collect()
+    }
+
+    fn fold(&self, split: Split) -> Option<Self> {
+        let mut fold = Self { is_part: true, ..self.clone() };
+        let (mut fitted, mut held_out) = (0, 0);
+        for (place, trial) in fold.trials.iter_mut().enumerate() {
+            let Some(log) = trial.log.as_mut().filter(|log| !log.has_role) else { continue };
+            if log.groups.len() < CUT_FROM {
+                let is_fitted = whole(split, &log.groups, place);
+                log.assign(&trial.time_s, |_| purpose(is_fitted));
+            } else {
+                log.assign(&trial.time_s, |group| purpose(part(split, group)));
+            }
+            fitted += log.groups.iter().filter(|group| group.purpose == Purpose::Fit).count();
+            held_out += log.groups.iter().filter(|group| group.purpose == Purpose::HeldOut).count();
+        }
+        (fitted >= LEAST_GROUPS && held_out >= LEAST_GROUPS).then_some(fold)
+    }
+}
+
+fn purpose(is_fitted: bool) -> Purpose {
+    if is_fitted { Purpose::Fit } else { Purpose::HeldOut }
+}
+
+/// Whether a group is fitted.
+fn part(split: Split, group: &Group) -> bool {
+    match (&group.plateau, split) {
+        (Some(plateau), _) => split.fits(plateau, group.rank),
+        (None, Split::EvenToOdd) => group.rank.is_multiple_of(2),
+        (None, Split::OddToEven) => !group.rank.is_multiple_of(2),
+        // A block has no direction: all of it is fitted.
+        (None, Split::UpToDown | Split::DownToUp) => true,
+    }
+}
+
+/// Whether a record that is not cut is fitted.
+fn whole(split: Split, groups: &[Group], place: usize) -> bool {
+    let up = groups.iter().find(|group| group.step != 0.0).is_none_or(|group| group.step > 0.0);
+    match split {
+        Split::UpToDown => up,
+        Split::DownToUp => !up,
+        Split::EvenToOdd => place.is_multiple_of(2),
+        Split::OddToEven => !place.is_multiple_of(2),
+    }
+}
