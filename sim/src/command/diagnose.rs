@@ -141,6 +141,10 @@ fn words(found: &Diagnosis) -> String {
         let Gap { before, after, .. } = found.fitted;
         line(format!("On all steps, which are fitted: {:.2} % before, {:.2} % after", 100.0 * before, 100.0 * after));
     }
+    if !found.columns.is_empty() {
+        let columns: Vec<&str> = found.columns.iter().map(|column| column.name()).collect();
+        line(format!("\nBeside the response, compared too: {}", columns.join(", ")));
+    }
     for cut in found.cut.iter().filter(|cut| !cut.is_empty()) {
         line(format!("\nRows not compared of {cut}"));
     }
@@ -209,6 +213,7 @@ fn values(found: &Diagnosis) -> Value {
             "noise_floor": split.gap.noise_floor,
         })).collect::<Vec<_>>(),
         "fitted": { "before": found.fitted.before, "after": found.fitted.after, "noise_floor": found.fitted.noise_floor },
+        "columns": found.columns.iter().map(|column| column.name()).collect::<Vec<_>>(),
         "rows_cut": found.cut.iter().map(|cut| json!({
             "file": cut.file,
             "rows": cut.rows,

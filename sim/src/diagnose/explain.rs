@@ -138,6 +138,11 @@ impl Search<'_> {
             if let Some((_, left)) = aligned(&all, trial, hypothesis) {
                 trial.weigh(&left);
             }
+            if !trial.channels.is_empty()
+                && let Some(trace) = hypothesis.trace(&all, trial)
+            {
+                trial.weigh_channels(&trace);
+            }
         }
     }
 
@@ -159,6 +164,7 @@ impl Search<'_> {
         let Some(scan) = Scan::new(&self.trials, from) else { return Vec::new() };
         let folds = Folds::of(&self.trials, from);
         let kinds = self.catalog.kinds().filter(|kind| kind.id != "parameter_error" && !exclude.contains(kind));
+        let kinds = kinds.filter(|kind| self.trials.can_show(kind));
         let mut screened: Vec<(f64, Hypothesis, &'static Kind)> = Vec::new();
         for kind in kinds {
             screened.extend(self.screen(&tangent, &scan, from, kind));
@@ -265,7 +271,7 @@ impl Search<'_> {
         let fit = fit_in(&self.trials, start, true, most_steps)?;
         let parameters = Candidate::searched(kind).count();
         let (fitted_gain, held_out_gain) =
-            folds.and_then(|folds| folds.gains(&fit.hypothesis)).unwrap_or_else(|| {
+            folds.and_then(|folds| folds.gains(&fit.hypothesis, kind)).unwrap_or_else(|| {
                 let held_out_gain = self.held_out_gain(&from.hypothesis, &fit.hypothesis);
                 (0.5 * (from.misfit - fit.misfit), held_out_gain)
             });
@@ -299,6 +305,7 @@ impl Search<'_> {
             if effects.is_empty() {
                 first_tried.clone_from(&tried);
             }
+            for t in &tried { eprintln!("DEBUG {} fitted {:.1} held {:.1} p {} misfit {:.0} {:?}", t.kind.id, t.fitted_gain, t.held_out_gain, t.parameters, t.fit.misfit, t.fit.hypothesis.effects.last().map(|e| e.values.clone())); }
             let Some(best) = tried.into_iter().next().filter(|best| best.worth() >= LEAST_WORTH) else { break };
             let start = best.fit.hypothesis.clone();
             effects.push(best);

@@ -62,12 +62,25 @@ pub(super) fn residual(
     if let Some(log) = &trial.log {
         let tau_s = hypothesis.base[trial.point].time_constant_s;
         let white = log.white(purpose, &hypothesis.difference(trials, trial)?, &trial.time_s, tau_s);
-        return Some(white.into_iter().map(Complex64::from).collect());
+        let mut white: Vec<Complex64> = white.into_iter().map(Complex64::from).collect();
+        white.append(&mut beside(trials, trial, hypothesis, purpose)?);
+        return Some(white);
     }
     let rows = trial.end_of(Some(purpose));
     let simulated = hypothesis.simulate(trials, trial, rows).ok()?;
     let difference: Vec<f64> = trial.measured.iter().zip(&simulated).map(|(y, model)| y - model).collect();
-    Some(whiten(trial, hypothesis, purpose, &difference))
+    let mut white = whiten(trial, hypothesis, purpose, &difference);
+    white.append(&mut beside(trials, trial, hypothesis, purpose)?);
+    Some(white)
+}
+
+/// The white residual of what was measured beside the response.
+fn beside(trials: &Trials, trial: &Trial, hypothesis: &Hypothesis, purpose: Purpose) -> Option<Vec<Complex64>> {
+    if trial.channels.is_empty() {
+        return Some(Vec::new());
+    }
+    let trace = hypothesis.trace(trials, trial)?;
+    Some(trial.channels.iter().flat_map(|channel| channel.white(trial, purpose, &trace)).collect())
 }
 
 fn whiten(trial: &Trial, hypothesis: &Hypothesis, purpose: Purpose, difference: &[f64]) -> Vec<Complex64> {

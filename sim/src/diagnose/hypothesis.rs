@@ -1,9 +1,11 @@
 //! A model that may be the true one: lags, a misalignment of the clocks, and effects, as numbers that can be fitted.
 
+use super::channel::Column;
 use super::trial::{Before, Trial, Trials};
 use crate::plant::effect::{Kind, Linearity, Parameter, Scale, Site, Use};
 use crate::plant::{
-    ActiveEffect, Actuator, Catalog, Drive, EscTiming, Lag, OperatingPoint, PlantError, Start, simulate_response,
+    ActiveEffect, Actuator, Catalog, Drive, EscTiming, Lag, OperatingPoint, PlantError, Start, Trace, simulate,
+    simulate_response,
 };
 
 /// How far a value may leave its plausible range in a search, in widths of the range.
@@ -75,6 +77,17 @@ impl Candidate {
         kind.parameters.iter().enumerate().filter(move |(_, parameter)| is_searched(parameter))
     }
 
+    /// Where searches of a value start. One that has a sign may have the other one: speed is bent the other way than thrust.
+    fn both_ways(parameter: &Parameter) -> Vec<f64> {
+        let mut starts = parameter.starts.to_vec();
+        let is_one_sided = parameter.scale == Scale::Linear && parameter.starts.iter().all(|start| *start > 0.0);
+        if is_one_sided && parameter.null == 0.0 && parameter.plausible.0 < 0.0 {
+            let others = parameter.starts.iter().flat_map(|start| [-start, -0.4 * start]);
+            starts.extend(others.filter(|start| *start >= parameter.plausible.0));
+        }
+        starts
+    }
+
     /// Every combination of starts; of a single value its whole plausible range as well, since a limit that no command reaches
     /// does not say which way to go.
     pub fn starts(kind: &'static Kind) -> Vec<Self> {
@@ -96,7 +109,8 @@ impl Candidate {
                 values[index] = start;
                 values
             };
-            all = all.iter().flat_map(|values| parameter.starts.iter().map(|&start| with(values, start))).collect();
+            let starts = Self::both_ways(parameter);
+            all = all.iter().flat_map(|values| starts.iter().map(|&start| with(values, start))).collect();
         }
         all.into_iter()
             .map(|values| Self { kind, values })
@@ -293,6 +307,28 @@ impl Hypothesis {
         self.simulate_around(trials, trial, rows, steady + moved)
     }
 
+    /// The speed and the voltage over a record, where it has columns to compare them with; the rest stays empty. `None` for values
+    /// that no actuator has.
+    pub fn trace(&self, trials: &Trials, trial: &Trial) -> Option<Trace> {
+        let wants = |column| trial.channels.iter().any(|channel| channel.column == column);
+        let supplied = self.effects.iter().any(|effect| open_circuit(effect.kind).is_some());
+        if !(wants(Column::Speed) || (wants(Column::Voltage) && supplied)) {
+            return Some(Trace::default());
+        }
+        let base = &self.base[trial.point];
+        let steady = trial.mean_response - base.gain * (trial.mean_command - trial.nominal);
+        let mut known = self.clone();
+        for effect in &mut known.effects {
+            // The voltage over that without load, which is free.
+            if let Some(place) = open_circuit(effect.kind) {
+                effect.values[place] = 1.0;
+            }
+        }
+        let (mut actuator, start, stamps) = known.actuator(trials, trial, trial.time_s.len(), steady).ok()?;
+        let drive = Drive { time_s: &trial.told_s, command: &trial.told };
+        simulate(&mut actuator, drive, start, &stamps).ok()
+    }
+
     /// The same with the steady response at the nominal command.
     fn simulate_around(
         &self,
@@ -301,6 +337,20 @@ impl Hypothesis {
         rows: usize,
         response: f64,
     ) -> Result<Vec<f64>, PlantError> {
+        let (mut actuator, start, stamps) = self.actuator(trials, trial, rows, response)?;
+        let told = ((rows - 1) * trial.told_per_row + 1).min(trial.told_s.len());
+        let drive = Drive { time_s: &trial.told_s[..told], command: &trial.told[..told] };
+        simulate_response(&mut actuator, drive, start, &stamps)
+    }
+
+    /// The actuator, what was before a record, and the moments of its rows.
+    fn actuator(
+        &self,
+        trials: &Trials,
+        trial: &Trial,
+        rows: usize,
+        response: f64,
+    ) -> Result<(Actuator, Start, Vec<f64>), PlantError> {
         let base = &self.base[trial.point];
         let lag = Lag { gain: base.gain, time_constant_s: base.time_constant_s, delay_s: base.delay_s };
         let point = OperatingPoint { nominal: trial.nominal, lag, response };
@@ -310,7 +360,7 @@ impl Hypothesis {
         }
         Catalog::standard().sort(&mut effects);
         let timing = EscTiming { frame_hz: trials.esc_frame_hz, frame_phase: 0.0 };
-        let mut actuator = match trials.curve_of(trial) {
+        let actuator = match trials.curve_of(trial) {
             Some((curve, given)) => {
                 // The numbers of the level, all off by the part by which those at the nominal command are.
                 let off = |found: f64, given: f64| found / given - 1.0;
@@ -321,8 +371,6 @@ impl Hypothesis {
             }
             None => Actuator::with_effects(point, &effects, timing)?,
         };
-        let told = ((rows - 1) * trial.told_per_row + 1).min(trial.told_s.len());
-        let drive = Drive { time_s: &trial.told_s[..told], command: &trial.told[..told] };
         let stamps: Vec<f64> = trial.time_s[..rows].iter().map(|time_s| time_s - self.late_s).collect();
         let start = match trial.before {
             _ if trial.log.is_some() => Start::Rest(trial.told[0]),
@@ -332,8 +380,13 @@ impl Hypothesis {
                 Start::Running { period_s, lead_s: LEAD * base.time_constant_s }
             }
         };
-        simulate_response(&mut actuator, drive, start, &stamps)
+        Ok((actuator, start, stamps))
     }
+}
+
+/// The place of the voltage without load among the values of a kind that says one.
+fn open_circuit(kind: &Kind) -> Option<usize> {
+    kind.parameters.iter().position(|parameter| parameter.name == "open_circuit_v")
 }
 
 /// The kind that stands for other numbers of the lag.

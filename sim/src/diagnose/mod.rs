@@ -6,6 +6,7 @@
 //! sum of squares is a chi-square.
 
 pub mod bandwidths;
+mod channel;
 mod error;
 mod explain;
 mod fit;
@@ -19,6 +20,7 @@ mod whitening;
 
 use std::collections::BTreeMap;
 
+pub use channel::Column;
 pub use error::DiagnoseError;
 pub use gap::{Gap, RecordGap};
 pub use locate::{Axis, Excess, Location};
@@ -123,6 +125,8 @@ pub struct Diagnosis {
     pub fitted: Gap,
     /// What was not compared of records that do not repeat.
     pub cut: Vec<CutRows>,
+    /// Columns beside the response that had a say.
+    pub columns: Vec<Column>,
     /// Records that were not compared.
     pub left_out: Vec<LeftOut>,
     /// Whether anything was held out; otherwise the gaps are those of what was fitted.
@@ -264,6 +268,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         splits,
         fitted: gap::of(trials, &before.hypothesis, &after.hypothesis, Purpose::Fit).0,
         cut: trials.trials.iter().filter_map(|trial| Some(trial.log.as_ref()?.cut.clone())).collect(),
+        columns: columns(trials),
         left_out: trials.left_out.clone(),
         held_out,
         excess: (excess_before, excess_after),
@@ -351,6 +356,12 @@ fn estimates(
         (parameter, Estimate::normal(candidate.values[value], std.unwrap_or(f64::INFINITY) * slope.abs()))
     };
     searched.map(estimate).collect()
+}
+
+/// Columns beside the response in any record.
+fn columns(trials: &Trials) -> Vec<Column> {
+    let any = |column: &Column| trials.trials.iter().any(|trial| trial.channels.iter().any(|c| c.column == *column));
+    [Column::Speed, Column::Voltage].into_iter().filter(any).collect()
 }
 
 /// The model with the lags and effects of a fit.

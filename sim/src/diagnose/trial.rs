@@ -3,11 +3,14 @@
 use std::ops::Range;
 
 use super::DiagnoseError;
+use super::channel::{Channel, channels};
+use super::hypothesis::GRID;
 use super::log::{Log, Prepared, prepare};
 use super::whitening::{NoiseDensity, Whitening};
 use crate::identify::{IdentifyError, response_of, upsampled};
-use crate::plant::{Lag, OperatingCurve};
-use crate::record::{Excitation, Experiment, Record, Role};
+use crate::plant::effect::Kind;
+use crate::plant::{Lag, OperatingCurve, Trace};
+use crate::record::{Excitation, Experiment, Output, Record, Role};
 
 /// Commands closer than this are the same nominal command; a 12-bit command is 2.4e-4.
 const SAME_NOMINAL: f64 = 1e-6;
@@ -84,6 +87,8 @@ pub(super) struct Trial {
     pub stretches: Vec<Stretch>,
     /// What a record that does not repeat has in their place.
     pub log: Option<Log>,
+    /// What was measured beside the response.
+    pub channels: Vec<Channel>,
 }
 
 /// A record that is not compared.
@@ -143,7 +148,7 @@ impl Trials {
             let point = nominals.iter().position(|nominal| (nominal - record.nominal).abs() < SAME_NOMINAL);
             let point = point.unwrap_or_default();
             let mut trial = match prepared {
-                Some(prepared) => Trial::of_log(record, prepared, point)?,
+                Some(prepared) => Trial::of_log(record, experiment.output, prepared, point)?,
                 None => Trial::new(experiment, record, point)?,
             };
             trial.split(record.role, kept_back);
@@ -157,6 +162,14 @@ impl Trials {
 }
 
 impl Trials {
+    /// Whether the records can show a kind. One whose response jumps about as its value moves puts the few levels of a
+    /// staircase anywhere as its value is turned: it would explain whatever the levels are off by.
+    pub fn can_show(&self, kind: &Kind) -> bool {
+        let jumps = kind.parameters.iter().any(|parameter| parameter.pieces > GRID);
+        let moves = |trial: &Trial| trial.log.as_ref().is_none_or(|log| !log.begins_settled);
+        !jumps || self.trials.iter().any(moves)
+    }
+
     /// The curve that a record over many levels follows, with its numbers at the record's nominal command.
     pub fn curve_of(&self, trial: &Trial) -> Option<(&OperatingCurve, Lag)> {
         let (curve, given) = self.curve.as_ref()?;
@@ -201,6 +214,7 @@ impl Trial {
             highest_hz: 0.0,
             stretches: Vec::new(),
             log: None,
+            channels: channels(record, experiment.output, 0..record.time_s.len()),
         };
         let lines = Whitening::unit(periods.samples).spectrum(&command[..periods.samples]);
         let most = lines.iter().skip(1).map(|line| line.norm()).fold(0.0, f64::max);
@@ -215,11 +229,11 @@ impl Trial {
     }
 
     /// A record that does not repeat.
-    fn of_log(record: &Record, prepared: Prepared, point: usize) -> Result<Self, DiagnoseError> {
+    fn of_log(record: &Record, output: Output, prepared: Prepared, point: usize) -> Result<Self, DiagnoseError> {
         let Prepared { from, measured, log } = prepared;
         let rows = from..from + measured.len();
         let command = &told(record)?[rows.clone()];
-        let time_s = record.time_s[rows].to_vec();
+        let time_s = record.time_s[rows.clone()].to_vec();
         let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
         let (mean_command, mean_response) = (mean(command), mean(&measured));
         let mut intervals: Vec<f64> = time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
@@ -243,6 +257,7 @@ impl Trial {
             time_s,
             measured,
             log: Some(log),
+            channels: channels(record, output, rows),
         })
     }
 
@@ -269,6 +284,7 @@ impl Trial {
             log.has_role = kept_back || role.is_some();
             let purpose = if role == Some(Role::Validate) { Purpose::HeldOut } else { Purpose::Fit };
             log.assign(&self.time_s, |_| purpose);
+            self.assign_channels();
             return;
         }
         let periods = self.periods();
@@ -289,12 +305,26 @@ impl Trial {
         self.stretches = stretches;
     }
 
+    /// Makes the channels' filters anew for what the rows are for.
+    pub fn assign_channels(&mut self) {
+        let mut channels = std::mem::take(&mut self.channels);
+        channels.iter_mut().for_each(|channel| channel.assign(self));
+        self.channels = channels;
+    }
+
+    /// Takes the noise of the channels from what a model leaves of them.
+    pub fn weigh_channels(&mut self, trace: &Trace) {
+        let mut channels = std::mem::take(&mut self.channels);
+        channels.iter_mut().for_each(|channel| channel.weigh(self, trace));
+        self.channels = channels;
+    }
+
     /// Takes the noise from a residual of the whole record: from what does not repeat where it is fitted, or anywhere where
     /// less than two periods are.
     pub fn weigh(&mut self, residual: &[f64]) {
         if let Some(log) = &mut self.log {
             let simulated: Vec<f64> = self.measured.iter().zip(residual).map(|(y, left)| y - left).collect();
-            log.weigh(&self.time_s, residual, &simulated);
+            log.weigh(&self.time_s, residual, &simulated, self.rate_hz.recip());
             return;
         }
         let all = 0..self.periods() * self.period_rows;

@@ -32,8 +32,8 @@ pub(in crate::diagnose) struct Correlation {
 /// Correlation times are searched from and to these, seconds.
 const TAU_RANGE_S: (f64, f64) = (0.02, 30.0);
 /// How fine the search becomes, in logarithms.
-const FINEST: f64 = 0.1;
-/// A part below this share of the white noise is none.
+const FINEST: f64 = 0.06;
+/// A part below this share of the residual, or of the most that it may be, is none.
 const LEAST_SHARE: f64 = 1e-3;
 
 impl Correlation {
@@ -43,39 +43,39 @@ impl Correlation {
     }
 
     /// That of greatest likelihood for a residual at rows, with the slope of the response there, per second; `floor` is the
-    /// least noise of a row that is believed.
-    pub fn of(time_s: &[f64], residual: &[f64], slope: &[f64], floor: f64) -> Self {
-        let spread = (residual.iter().map(|r| r * r).sum::<f64>() / residual.len().max(1) as f64).sqrt().max(floor);
-        let steepest = slope.iter().fold(0.0_f64, |most, slope| most.max(slope.abs()));
-        // Logarithms of the slow part over the white one, of the correlation time, and of the jitter's part at the steepest.
-        let of = |p: [f64; 3], white: f64| Self {
-            sigma: white * p[0].exp(),
-            tau_s: p[1].exp(),
-            white,
-            jitter_s: if steepest > 0.0 { white * p[2].exp() / steepest } else { 0.0 },
+    /// least noise of a row that is believed, `jitter_s` the most that moments may be off.
+    pub fn of(time_s: &[f64], residual: &[f64], slope: &[f64], floor: f64, jitter_s: f64) -> Self {
+        let n = residual.len().max(1) as f64;
+        let spread = (residual.iter().map(|r| r * r).sum::<f64>() / n).sqrt().max(floor);
+        // Everything in logarithms; the jitter as a share of the most.
+        let of = |p: [f64; 4]| {
+            let [sigma, tau_s, white, share] = p.map(f64::exp);
+            Self { sigma, tau_s, white, jitter_s: share * jitter_s }
         };
-        let judge = |p: [f64; 3]| {
-            let filter = Filter::new(of(p, 1.0), time_s, slope);
-            let white = filter.apply(residual);
-            let sum: f64 = white.iter().map(|z| z * z).sum();
-            let n = residual.len() as f64;
-            (n * (sum / n).max(f64::MIN_POSITIVE).ln() + filter.log_variances(), (sum / n).sqrt())
+        let judge = |p: [f64; 4]| {
+            let filter = Filter::new(of(p), time_s, slope);
+            filter.apply(residual).iter().map(|z| z * z).sum::<f64>() + filter.log_variances()
         };
-        let (low, high) = (LEAST_SHARE.ln(), (1e4_f64).ln());
-        let mut at = [0.0, 0.0, 1.0];
+        let ranges = [
+            (LEAST_SHARE * spread, 10.0 * spread),
+            TAU_RANGE_S,
+            (floor, 2.0 * spread),
+            (LEAST_SHARE, if jitter_s > 0.0 { 1.0 } else { LEAST_SHARE }),
+        ];
+        let ranges = ranges.map(|(from, to)| (from.ln(), to.ln()));
+        let mut at = [spread.ln(), 0.0, (0.2 * spread).max(floor).ln(), 0.3_f64.ln().min(ranges[3].1)];
         let mut best = judge(at);
         let mut step = 1.6;
         while step > FINEST {
             let mut moved = false;
-            for (index, sign) in [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0), (2, 1.0), (2, -1.0)] {
+            for (index, sign) in (0..at.len()).flat_map(|index| [(index, 1.0), (index, -1.0)]) {
                 let mut there = at;
-                let range = if index == 1 { (TAU_RANGE_S.0.ln(), TAU_RANGE_S.1.ln()) } else { (low, high) };
-                there[index] = (at[index] + sign * step).clamp(range.0, range.1);
+                there[index] = (at[index] + sign * step).clamp(ranges[index].0, ranges[index].1);
                 if there == at {
                     continue;
                 }
                 let judged = judge(there);
-                if judged.0 < best.0 {
+                if judged < best {
                     (at, best, moved) = (there, judged, true);
                 }
             }
@@ -83,8 +83,7 @@ impl Correlation {
                 step *= 0.5;
             }
         }
-        let white = best.1.clamp(floor, spread);
-        of(at, white)
+        of(at)
     }
 }
 
@@ -178,7 +177,7 @@ mod tests {
         for lag in 1..6 {
             assert!(at(lag).abs() < 5.0 / n.sqrt(), "{lag}: {}", at(lag));
         }
-        let found = Correlation::of(&time_s, &residual, &none, 1e-6);
+        let found = Correlation::of(&time_s, &residual, &none, 1e-6, 0.0);
         assert!((found.sigma / truth.sigma).ln().abs() < 0.35 && (found.tau_s / truth.tau_s).ln().abs() < 0.5, "{found:?}");
         assert!((found.white / truth.white).ln().abs() < 0.1, "{found:?}");
     }

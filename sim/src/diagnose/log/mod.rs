@@ -29,7 +29,7 @@ pub(super) use start::first_lag;
 
 use super::trial::Purpose;
 use crate::identify::steps::Plateau;
-use correlated::{Correlation, Filter};
+pub(super) use correlated::{Correlation, Filter};
 
 /// A stretch of rows that is fitted or held out as a whole: a plateau with the step that leads to it, or a tenth of a record
 /// without plateaus.
@@ -50,6 +50,11 @@ pub(super) struct Group {
     /// What it is for.
     pub purpose: Purpose,
 }
+
+/// Moments are known to so many rows: stamps are no finer, and commands wait for a frame.
+const JITTER_ROWS: f64 = 1.0;
+/// Noise of a row is at least this share of the scatter of the quietest plateau, most of which may be slow.
+const LEAST_WHITE: f64 = 0.03;
 
 /// What a record that does not repeat has beside the rest of a trial.
 #[derive(Clone, Debug)]
@@ -128,8 +133,8 @@ impl Log {
         (self.fitted, self.held_out) = (subset(Purpose::Fit), subset(Purpose::HeldOut));
     }
 
-    /// Takes the correlation from a residual of all rows. `simulated` is what it is the residual of.
-    pub fn weigh(&mut self, time_s: &[f64], residual: &[f64], simulated: &[f64]) {
+    /// Takes the correlation from a residual of all rows, `row_s` apart as a rule. `simulated` is what it is the residual of.
+    pub fn weigh(&mut self, time_s: &[f64], residual: &[f64], simulated: &[f64], row_s: f64) {
         let last = time_s.len() - 1;
         let slope = |row: usize| {
             let (from, to) = (row.saturating_sub(1), (row + 1).min(last));
@@ -138,9 +143,10 @@ impl Log {
         self.slope = (0..=last).map(slope).collect();
         let purpose = if self.has(Purpose::Fit) { Purpose::Fit } else { Purpose::HeldOut };
         let subset = self.subset(purpose);
-        let floor = self.groups.iter().map(|group| group.noise).fold(f64::INFINITY, f64::min);
+        let floor = LEAST_WHITE * self.groups.iter().map(|group| group.noise).fold(f64::INFINITY, f64::min);
         let (time, residual, slope) = (subset.take(time_s), subset.take(residual), subset.take(&self.slope));
-        self.correlation = Correlation::of(&time, &residual, &slope, floor);
+        self.correlation = Correlation::of(&time, &residual, &slope, floor, JITTER_ROWS * row_s);
+        eprintln!("DEBUG {:?} rms {:.1} per_sample {:.1}", self.correlation, (residual.iter().map(|r| r * r).sum::<f64>() / residual.len() as f64).sqrt(), self.rows_per_sample);
         self.set_filters(time_s);
     }
 

@@ -21,9 +21,10 @@ use crate::diagnose::fit::{Fit, fit_in, misfit};
 use crate::diagnose::hypothesis::Hypothesis;
 use crate::diagnose::trial::{Purpose, Trials};
 use crate::identify::steps::{SPLITS, Split};
+use crate::plant::effect::Kind;
 
 /// Steps of a search on a part of the steps, from what was found on all of them.
-const STEPS: usize = 4;
+const STEPS: usize = 8;
 /// Groups that a record has to have to be cut, and that each side of a split has to have.
 const CUT_FROM: usize = 4;
 const LEAST_GROUPS: usize = 2;
@@ -44,14 +45,20 @@ impl Folds {
         Self { folds: fitted.collect() }
     }
 
-    /// Mean gain of log likelihood over what is fitted and over what is held out; `None` where nothing is split.
-    pub fn gains(&self, to: &Hypothesis) -> Option<(f64, f64)> {
+    /// Mean gain of log likelihood by the effect of `kind` in `to`, over what is fitted and over what is held out; `None` where
+    /// nothing is split.
+    pub fn gains(&self, to: &Hypothesis, kind: &'static Kind) -> Option<(f64, f64)> {
+        let candidate = to.effects.iter().find(|effect| effect.kind == kind)?;
         let gains: Vec<(f64, f64)> = self
             .folds
             .par_iter()
             .map(|(fold, from)| {
                 let held_out = |hypothesis| misfit(fold, hypothesis, Purpose::HeldOut);
-                let fitted = fit_in(fold, to, true, STEPS)?;
+                // From what fits this part without it, or from what fits all with it: whichever is nearer.
+                let starts = [from.hypothesis.with(candidate.clone()), to.clone()];
+                let left = |start: &Hypothesis| misfit(fold, start, Purpose::Fit).unwrap_or(f64::INFINITY);
+                let start = starts.iter().min_by(|a, b| left(a).total_cmp(&left(b)))?;
+                let fitted = fit_in(fold, start, true, STEPS)?;
                 let held_out = held_out(&from.hypothesis)? - held_out(&fitted.hypothesis)?;
                 Some((0.5 * (from.misfit - fitted.misfit), 0.5 * held_out))
             })
@@ -85,8 +92,10 @@ impl Trials {
             } else {
                 log.assign(&trial.time_s, |group| purpose(part(split, group)));
             }
+            let log = &*log;
             fitted += log.groups.iter().filter(|group| group.purpose == Purpose::Fit).count();
             held_out += log.groups.iter().filter(|group| group.purpose == Purpose::HeldOut).count();
+            trial.assign_channels();
         }
         (fitted >= LEAST_GROUPS && held_out >= LEAST_GROUPS).then_some(fold)
     }

@@ -1,0 +1,173 @@
+//! What a record shows beside the response: the speed, and the voltage of the supply.
+//!
+//! They separate what the response alone cannot. A second pole of the sensor, a lead of the inflow and a mode of the stand are in
+//! the thrust and not in the speed; a sag of the supply is in the voltage, a drift of the gain is not. So each column that is
+//! there adds its own white residual to that of the response:
+//!
+//! | column | model | free |
+//! |---|---|---|
+//! | `rpm` beside `thrust_n` | the simulated speed, which is affine to revolutions | offset and slope |
+//! | `voltage_v` | the supply's voltage over that without load: 1 without an effect on the supply | the voltage without load |
+//!
+//! What is free is projected out, so a column says nothing of the gain of the response, and a model without a supply is not to
+//! blame for the level of its voltage. The current is not used: no effect says it without the voltage.
+
+use num_complex::Complex64;
+
+use super::log::{Correlation, Filter};
+use super::trial::{Purpose, Trial};
+use super::whitening::{NoiseDensity, Whitening};
+use crate::plant::Trace;
+use crate::record::{Output, Record};
+
+/// Which column.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Column {
+    /// Revolutions per minute, beside the thrust.
+    Speed,
+    /// Volts.
+    Voltage,
+}
+
+impl Column {
+    /// Its name in files.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Speed => "rpm",
+            Self::Voltage => "voltage_v",
+        }
+    }
+}
+
+/// A column with what makes its residual white.
+#[derive(Clone, Debug)]
+pub(super) struct Channel {
+    /// Which column.
+    pub column: Column,
+    measured: Vec<f64>,
+    /// Of each stretch of a record that repeats.
+    stretches: Vec<Whitening>,
+    /// Of a record that does not.
+    correlation: Correlation,
+    fitted: Filter,
+    held_out: Filter,
+}
+
+/// The columns of a record, from a row on, that it has beside the response. One that never changes says nothing.
+pub(super) fn channels(record: &Record, output: Output, rows: std::ops::Range<usize>) -> Vec<Channel> {
+    let speed = record.rpm.as_deref().filter(|_| output == Output::ThrustN).map(|values| (Column::Speed, values));
+    let voltage = record.voltage_v.as_deref().map(|values| (Column::Voltage, values));
+    let there = [speed, voltage].into_iter().flatten().filter_map(|(column, values)| {
+        let measured = values.get(rows.clone())?.to_vec();
+        let moves = measured.iter().any(|value| *value != measured[0]) && measured.iter().all(|value| value.is_finite());
+        moves.then(|| Channel {
+            column,
+            measured,
+            stretches: Vec::new(),
+            correlation: Correlation::white(1.0),
+            fitted: Filter::default(),
+            held_out: Filter::default(),
+        })
+    });
+    there.collect()
+}
+
+fn dot(a: &[Complex64], b: &[Complex64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a.re * b.re + a.im * b.im).sum()
+}
+
+impl Channel {
+    /// What the model says, up to what is free: columns of which any sum may be what was measured.
+    fn predicted(&self, trace: &Trace) -> Vec<Vec<f64>> {
+        let rows = self.measured.len();
+        match self.column {
+            Column::Speed => vec![vec![1.0; rows], trace.speed.clone()],
+            Column::Voltage if trace.voltage_v.is_empty() => vec![vec![1.0; rows]],
+            Column::Voltage => vec![trace.voltage_v.clone()],
+        }
+    }
+
+    /// The white values of a purpose.
+    fn whitened(&self, trial: &Trial, purpose: Purpose, values: &[f64]) -> Vec<Complex64> {
+        if let Some(log) = &trial.log {
+            let filter = if purpose == Purpose::Fit { &self.fitted } else { &self.held_out };
+            let taken: Vec<f64> = log.rows(purpose).map(|(row, _)| values[row]).collect();
+            return filter.apply(&taken).into_iter().map(Complex64::from).collect();
+        }
+        let stretches = trial.stretches.iter().zip(&self.stretches).filter(|(stretch, _)| stretch.purpose == purpose);
+        stretches.flat_map(|(stretch, whitening)| whitening.apply(&values[stretch.rows.clone()])).collect()
+    }
+
+    /// The sum of the columns that comes nearest, by the rows that are fitted where there are such.
+    fn nearest(&self, trial: &Trial, trace: &Trace) -> Vec<f64> {
+        let purpose = if trial.end_of(Some(Purpose::Fit)) > 0 { Purpose::Fit } else { Purpose::HeldOut };
+        let columns = self.predicted(trace);
+        let white: Vec<Vec<Complex64>> = columns.iter().map(|column| self.whitened(trial, purpose, column)).collect();
+        let measured = self.whitened(trial, purpose, &self.measured);
+        let (first, right) = (dot(&white[0], &white[0]), dot(&white[0], &measured));
+        let factors = match white.get(1) {
+            None => vec![if first > 0.0 { right / first } else { 0.0 }],
+            Some(other) => {
+                let (both, second, own) = (dot(&white[0], other), dot(other, other), dot(other, &measured));
+                let determinant = first * second - both * both;
+                if determinant > 1e-12 * first * second {
+                    vec![(second * right - both * own) / determinant, (first * own - both * right) / determinant]
+                } else {
+                    // A spectrum leaves the mean out, so an offset has no column there.
+                    vec![0.0, if second > 0.0 { own / second } else { 0.0 }]
+                }
+            }
+        };
+        let sum = |row: usize| columns.iter().zip(&factors).map(|(column, factor)| factor * column[row]).sum();
+        (0..self.measured.len()).map(sum).collect()
+    }
+
+    /// The white residual of a purpose.
+    pub fn white(&self, trial: &Trial, purpose: Purpose, trace: &Trace) -> Vec<Complex64> {
+        let nearest = self.nearest(trial, trace);
+        let left: Vec<f64> = self.measured.iter().zip(nearest).map(|(measured, model)| measured - model).collect();
+        self.whitened(trial, purpose, &left)
+    }
+
+    /// Makes its filters anew for what the trial's groups are for.
+    pub fn assign(&mut self, trial: &Trial) {
+        let Some(log) = &trial.log else { return };
+        let filter = |purpose| {
+            let times: Vec<f64> = log.rows(purpose).map(|(row, _)| trial.time_s[row]).collect();
+            Filter::new(self.correlation, &times, &vec![0.0; times.len()])
+        };
+        (self.fitted, self.held_out) = (filter(Purpose::Fit), filter(Purpose::HeldOut));
+    }
+
+    /// Takes the noise from what a model leaves.
+    pub fn weigh(&mut self, trial: &Trial, trace: &Trace) {
+        let model = self.nearest(trial, trace);
+        let left: Vec<f64> = self.measured.iter().zip(&model).map(|(measured, model)| measured - model).collect();
+        if let Some(log) = &trial.log {
+            let purpose = if log.has(Purpose::Fit) { Purpose::Fit } else { Purpose::HeldOut };
+            let rows: Vec<usize> = log.rows(purpose).map(|(row, _)| row).collect();
+            let of = |values: &[f64]| rows.iter().map(|&row| values[row]).collect::<Vec<f64>>();
+            let left = of(&left);
+            let mean = left.iter().sum::<f64>() / left.len().max(1) as f64;
+            let left: Vec<f64> = left.iter().map(|left| left - mean).collect();
+            let spread = (left.iter().map(|left| left * left).sum::<f64>() / left.len().max(1) as f64).sqrt();
+            self.correlation =
+                Correlation::of(&of(&trial.time_s), &left, &vec![0.0; left.len()], 1e-4 * spread.max(1e-12), 0.0);
+            self.assign(trial);
+            return;
+        }
+        let long = trial.stretches.iter().find(|stretch| stretch.periods > 1).map(|stretch| stretch.rows.clone());
+        let rows = long.unwrap_or(0..trial.periods() * trial.period_rows);
+        let periods = rows.len() / trial.period_rows;
+        let density = NoiseDensity::between_harmonics(&left[rows], periods, trial.rate_hz);
+        let whitening = |rows: usize| {
+            let mut whitening = Whitening::unit(rows);
+            if let Some(density) = &density {
+                whitening.set_noise(density, trial.rate_hz);
+            }
+            whitening
+        };
+        self.stretches = trial.stretches.iter().map(|stretch| whitening(stretch.rows.len())).collect();
+    }
+}
