@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 use super::diagnose_bandwidths::BandwidthArguments;
 use super::outcome::{JsonOption, Outcome};
 use super::{WrongUse, progress};
-use crate::diagnose::{Axis, Diagnosis, Gap, Location, Options, Verdict, diagnose};
+use crate::diagnose::{Axis, Diagnosis, Gap, Location, Options, Verdict, diagnose, fill_in_esc_commands};
 use crate::files::check_writable;
 use crate::plant::{Catalog, Model};
 use crate::record::Experiment;
@@ -50,7 +50,8 @@ impl Diagnose {
         let Some(folder) = &self.experiment else {
             return Err(WrongUse::new("there is nothing to diagnose", "give an experiment's folder").into());
         };
-        let experiment = Experiment::read(folder)?;
+        let mut experiment = Experiment::read(folder)?;
+        fill_in_esc_commands(&mut experiment, folder)?;
         if let Some(out) = &self.out_model {
             check_writable(out)?;
         }

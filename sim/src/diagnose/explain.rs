@@ -20,6 +20,8 @@ use crate::plant::effect::Kind;
 /// Most effects that are named.
 const MOST_EFFECTS: usize = 3;
 const MOST_EFFECTS_OF_LOGS: usize = 4;
+/// Steps of a search on logs, whose misfit is of models and not of noise: the last digits mean nothing.
+const MOST_STEPS_OF_LOGS: usize = 12;
 /// An effect is named for at least this worth: with 17 kinds to choose from, and two values each, noise alone gives as much
 /// once in thousands of experiments.
 const LEAST_WORTH: f64 = 10.0;
@@ -79,6 +81,12 @@ fn aligned(all: &Trials, trial: &Trial, hypothesis: &Hypothesis) -> Option<(f64,
     let decay = |time: &f64| (-(time - time_s[0]) / tau_s).exp();
     let moved = simulated.iter().zip(time_s).map(|(model, time)| model + offset + start * decay(time));
     Some((start, measured.iter().zip(moved).map(|(y, model)| y - model).collect()))
+}
+
+/// Kinds that are as good as the first.
+fn alike(tried: &[Tried]) -> Vec<&'static Kind> {
+    let others = tried.iter().skip(1);
+    others.filter(|other| tried[0].worth() - other.worth() < ALIKE).map(|other| other.kind).collect()
 }
 
 /// The most valuable first.
@@ -205,13 +213,19 @@ impl Search<'_> {
         tried.sort_by(by_worth);
         let best = tried.first().map_or(0.0, Tried::worth);
         for (place, tried) in tried.iter_mut().enumerate() {
-            if place < MOST_FINISHED || best - tried.worth() < MOST_FINISHED as f64 * ALIKE {
+            // Of logs every step is a search on each split too.
+            let is_close = !self.has_logs() && best - tried.worth() < MOST_FINISHED as f64 * ALIKE;
+            if place < MOST_FINISHED || is_close {
                 let start = tried.fit.hypothesis.clone();
-                if let Some(finished) = self.attempt(from, Some(&folds), &start, tried.kind, MOST_STEPS) {
+                if let Some(finished) = self.attempt(from, Some(&folds), &start, tried.kind, self.most_steps()) {
                     *tried = finished;
                 }
                 (self.progress)();
             }
+        }
+        if self.has_logs() {
+            // What was not finished was not judged by what is held out.
+            tried.truncate(MOST_FINISHED);
         }
         tried.sort_by(by_worth);
         tried
@@ -289,7 +303,15 @@ impl Search<'_> {
 
     /// A staircase goes through the whole range of a motor, where more shows than around one command.
     fn most_effects(&self) -> usize {
-        if self.trials.trials.iter().any(|trial| trial.log.is_some()) { MOST_EFFECTS_OF_LOGS } else { MOST_EFFECTS }
+        if self.has_logs() { MOST_EFFECTS_OF_LOGS } else { MOST_EFFECTS }
+    }
+
+    fn most_steps(&self) -> usize {
+        if self.has_logs() { MOST_STEPS_OF_LOGS } else { MOST_STEPS }
+    }
+
+    fn has_logs(&self) -> bool {
+        self.trials.trials.iter().any(|trial| trial.log.is_some())
     }
 
     /// Finds the effects.
@@ -299,6 +321,7 @@ impl Search<'_> {
         let mut current = before.clone();
         let mut effects: Vec<Tried> = Vec::new();
         let mut first_tried = Vec::new();
+        let mut alternatives: Vec<Vec<&'static Kind>> = Vec::new();
         while effects.len() < self.most_effects() {
             let named: Vec<&'static Kind> = effects.iter().map(|effect| effect.kind).collect();
             let tried = self.tries(&current, &named);
@@ -306,6 +329,7 @@ impl Search<'_> {
                 first_tried.clone_from(&tried);
             }
             for t in &tried { eprintln!("DEBUG {} fitted {:.1} held {:.1} p {} misfit {:.0} {:?}", t.kind.id, t.fitted_gain, t.held_out_gain, t.parameters, t.fit.misfit, t.fit.hypothesis.effects.last().map(|e| e.values.clone())); }
+            alternatives.push(alike(&tried));
             let Some(best) = tried.into_iter().next().filter(|best| best.worth() >= LEAST_WORTH) else { break };
             let start = best.fit.hypothesis.clone();
             effects.push(best);
@@ -314,15 +338,53 @@ impl Search<'_> {
         let (after, found) = match &effects[..] {
             // Nothing beside which it could look different.
             [_] => {
-                let others = first_tried.iter().skip(1);
-                let alike = |other: &&Tried| first_tried[0].worth() - other.worth() < ALIKE;
-                let alternatives = others.filter(alike).map(|other| other.kind).collect();
+                let alternatives = alike(&first_tried);
                 let found = Found { kind: first_tried[0].kind, worth: first_tried[0].worth(), alternatives };
                 (current, vec![found])
             }
+            _ if self.has_logs() => self.eliminate(current, &effects, &alternatives)?,
             _ => self.review(current)?,
         };
         Some(Explanation { before, after, found, tried: first_tried })
+    }
+
+    /// Drops one after the other what the others make redundant: on logs each look is many searches, so nothing is exchanged. What
+    /// would have done as well is taken from when each was found.
+    fn eliminate(
+        &mut self,
+        mut current: Fit,
+        effects: &[Tried],
+        alternatives: &[Vec<&'static Kind>],
+    ) -> Option<(Fit, Vec<Found>)> {
+        loop {
+            let mut worths: Vec<f64> = Vec::new();
+            for effect in 0..current.hypothesis.effects.len() {
+                let kind = current.hypothesis.effects[effect].kind;
+                let rest = fit_in(&self.trials, &current.hypothesis.without(effect), true, MOST_STEPS_OF_LOGS)?;
+                let folds = Folds::of(&self.trials, &rest);
+                let own = self.attempt(&rest, Some(&folds), &current.hypothesis, kind, FIRST_STEPS);
+                worths.push(own.map_or(f64::NEG_INFINITY, |own| own.worth()));
+                (self.progress)();
+            }
+            let least = (0..worths.len()).min_by(|a, b| worths[*a].total_cmp(&worths[*b]));
+            if let Some(least) = least.filter(|least| worths[*least] < LEAST_WORTH) {
+                current = self.settle(&current.hypothesis.without(least), true)?;
+                continue;
+            }
+            let mut order: Vec<usize> = (0..worths.len()).collect();
+            order.sort_by(|a, b| worths[*b].total_cmp(&worths[*a]));
+            let mut sorted = current.hypothesis.clone();
+            sorted.effects = order.iter().map(|&effect| current.hypothesis.effects[effect].clone()).collect();
+            let named: Vec<&'static Kind> = sorted.effects.iter().map(|effect| effect.kind).collect();
+            let found = order.iter().zip(&named).map(|(&effect, &kind)| {
+                let when = effects.iter().position(|tried| tried.kind == kind);
+                let others = when.and_then(|when| alternatives.get(when)).into_iter().flatten();
+                let others = others.filter(|other| !named.contains(other)).copied().collect();
+                Found { kind, worth: worths[effect], alternatives: others }
+            });
+            let found = found.collect();
+            return Some((fit(&self.trials, &sorted, true)?, found));
+        }
     }
 
     /// Tries each effect again beside the others: drops it, exchanges it, or keeps it with what would do as well.

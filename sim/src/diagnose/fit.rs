@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use super::hypothesis::{Coordinate, Hypothesis};
 use super::trial::{Purpose, Trial, Trials};
+use crate::plant::Trace;
 
 /// Most steps of a search.
 pub(super) const MOST_STEPS: usize = 25;
@@ -61,26 +62,23 @@ pub(super) fn residual(
 ) -> Option<Vec<Complex64>> {
     if let Some(log) = &trial.log {
         let tau_s = hypothesis.base[trial.point].time_constant_s;
-        let white = log.white(purpose, &hypothesis.difference(trials, trial)?, &trial.time_s, tau_s);
-        let mut white: Vec<Complex64> = white.into_iter().map(Complex64::from).collect();
-        white.append(&mut beside(trials, trial, hypothesis, purpose)?);
-        return Some(white);
+        let (difference, trace) = hypothesis.seen(trials, trial)?;
+        let white = log.white(purpose, &difference, &trial.time_s, tau_s).into_iter().map(Complex64::from);
+        return Some(white.chain(beside(trial, purpose, &trace)).collect());
     }
     let rows = trial.end_of(Some(purpose));
     let simulated = hypothesis.simulate(trials, trial, rows).ok()?;
     let difference: Vec<f64> = trial.measured.iter().zip(&simulated).map(|(y, model)| y - model).collect();
     let mut white = whiten(trial, hypothesis, purpose, &difference);
-    white.append(&mut beside(trials, trial, hypothesis, purpose)?);
+    if !trial.channels.is_empty() {
+        white.extend(beside(trial, purpose, &hypothesis.trace(trials, trial)?));
+    }
     Some(white)
 }
 
 /// The white residual of what was measured beside the response.
-fn beside(trials: &Trials, trial: &Trial, hypothesis: &Hypothesis, purpose: Purpose) -> Option<Vec<Complex64>> {
-    if trial.channels.is_empty() {
-        return Some(Vec::new());
-    }
-    let trace = hypothesis.trace(trials, trial)?;
-    Some(trial.channels.iter().flat_map(|channel| channel.white(trial, purpose, &trace)).collect())
+fn beside(trial: &Trial, purpose: Purpose, trace: &Trace) -> Vec<Complex64> {
+    trial.channels.iter().flat_map(|channel| channel.white(trial, purpose, trace)).collect()
 }
 
 fn whiten(trial: &Trial, hypothesis: &Hypothesis, purpose: Purpose, difference: &[f64]) -> Vec<Complex64> {

@@ -288,6 +288,24 @@ impl Hypothesis {
         difference.iter().all(|left| left.is_finite()).then_some(difference)
     }
 
+    /// [`Self::difference`] and [`Self::trace`] in one run where one will do.
+    pub fn seen(&self, trials: &Trials, trial: &Trial) -> Option<(Vec<f64>, Trace)> {
+        let trace = self.trace(trials, trial)?;
+        let difference = if trace.response.is_empty() || self.drifts() {
+            self.difference(trials, trial)?
+        } else {
+            trial.measured.iter().zip(&trace.response).map(|(y, model)| y - model).collect()
+        };
+        Some((difference, trace))
+    }
+
+    /// Whether the steady response changes with time.
+    fn drifts(&self) -> bool {
+        let drifts =
+            |candidate: &Candidate| candidate.kind.site >= Site::Air && candidate.kind.linearity == Linearity::Absent;
+        self.effects.iter().any(drifts)
+    }
+
     /// The response at the first `rows` rows of a record.
     ///
     /// # Errors
@@ -296,9 +314,7 @@ impl Hypothesis {
         let base = &self.base[trial.point];
         let steady = trial.mean_response - base.gain * (trial.mean_command - trial.nominal);
         let response = self.simulate_around(trials, trial, rows, steady)?;
-        let drifts =
-            |candidate: &Candidate| candidate.kind.site >= Site::Air && candidate.kind.linearity == Linearity::Absent;
-        if !self.effects.iter().any(drifts) {
+        if !self.drifts() {
             return Ok(response);
         }
         // What changes with time changes the steady response too, of which only the mean was measured.

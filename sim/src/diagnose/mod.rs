@@ -7,6 +7,7 @@
 
 pub mod bandwidths;
 mod channel;
+mod compensated;
 mod error;
 mod explain;
 mod fit;
@@ -21,6 +22,7 @@ mod whitening;
 use std::collections::BTreeMap;
 
 pub use channel::Column;
+pub use compensated::fill_in_esc_commands;
 pub use error::DiagnoseError;
 pub use gap::{Gap, RecordGap};
 pub use locate::{Axis, Excess, Location};

@@ -25,7 +25,7 @@ pub mod static_map;
 mod statistics;
 pub mod steps;
 #[cfg(test)]
-mod testing;
+pub(crate) mod testing;
 mod transient;
 mod validate;
 

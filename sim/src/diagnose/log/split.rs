@@ -24,7 +24,7 @@ use crate::identify::steps::{SPLITS, Split};
 use crate::plant::effect::Kind;
 
 /// Steps of a search on a part of the steps, from what was found on all of them.
-const STEPS: usize = 8;
+const STEPS: usize = 5;
 /// Groups that a record has to have to be cut, and that each side of a split has to have.
 const CUT_FROM: usize = 4;
 const LEAST_GROUPS: usize = 2;
@@ -59,6 +59,10 @@ impl Folds {
                 let left = |start: &Hypothesis| misfit(fold, start, Purpose::Fit).unwrap_or(f64::INFINITY);
                 let start = starts.iter().min_by(|a, b| left(a).total_cmp(&left(b)))?;
                 let fitted = fit_in(fold, start, true, STEPS)?;
+                // Without the effect is among what is searched with it: a search that ends above has found nothing.
+                if fitted.misfit >= from.misfit {
+                    return Some((0.0, 0.0));
+                }
                 let held_out = held_out(&from.hypothesis)? - held_out(&fitted.hypothesis)?;
                 Some((0.5 * (from.misfit - fitted.misfit), 0.5 * held_out))
             })

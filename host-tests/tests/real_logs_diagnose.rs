@@ -1,0 +1,100 @@
+//! The diagnosis on logs of real motors, from one first-order lag to named effects.
+//!
+//! The logs are not in this repository. They are looked for in `$ROTORLEAD_DATA`, else in `shared/data` beside
+//! the workspace; without them these tests fail where `CI` is set, and say elsewhere that they were skipped.
+
+use std::path::{Path, PathBuf};
+
+use rotorlead_sim::diagnose::{Diagnosis, Options, Verdict, diagnose};
+use rotorlead_sim::identify::steps::{LawComparison, compare_laws};
+use rotorlead_sim::plant::Catalog;
+use rotorlead_sim::record::import::{ImportOptions, import};
+
+fn diagnosed(name: &str) -> Option<(Diagnosis, LawComparison)> {
+    let folder = std::env::var_os("ROTORLEAD_DATA")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"), PathBuf::from);
+    let file = folder.join("alspitz_esc_test").join(name);
+    if !file.exists() {
+        let message = format!("{} is not there", file.display());
+        assert!(std::env::var_os("CI").is_none(), "{message}");
+        eprintln!("skipped: {message}");
+        return None;
+    }
+    let log = import(&file, &ImportOptions::default()).unwrap().experiment;
+    let catalog = Catalog::standard();
+    let found = diagnose(&log, &Options { model: None, catalog: &catalog, progress: &|| {} }).unwrap();
+    let laws = compare_laws(&log.records[0], log.output).unwrap();
+    print(name, &found, &laws);
+    Some((found, laws))
+}
+
+fn print(name: &str, found: &Diagnosis, laws: &LawComparison) {
+    let percent = |gap: f64| 100.0 * (1.0 - gap);
+    println!(
+        "{name}: {}, fit {:.2} % before, {:.2} % after, {:.2} % at most; {}",
+        found.verdict.name(),
+        percent(found.fitted.before),
+        percent(found.fitted.after),
+        percent(found.fitted.noise_floor),
+        found.cut[0]
+    );
+    for effect in &found.effects {
+        print!("  {} {:+.0}", effect.kind.id, effect.evidence);
+        for (parameter, estimate) in &effect.parameters {
+            print!(", {} {:.4} +- {:.4}", parameter.name, estimate.value, estimate.std);
+        }
+        println!("; or {:?}", effect.alternatives);
+    }
+    for (split, law) in found.splits.iter().zip(&laws.held_out) {
+        println!(
+            "  {}: {:.2} % before, {:.2} % after, {:.2} % at most; one lag with a map {:.2} %, speed-dependent {:.2} %",
+            split.split,
+            percent(split.gap.before),
+            percent(split.gap.after),
+            percent(split.gap.noise_floor),
+            law.one_lag_percent,
+            law.speed_dependent_percent
+        );
+    }
+}
+
+/// What holds of every log. `by_hand` is the % fit that was reached by hand.
+fn check(found: &Diagnosis, laws: &LawComparison, by_hand: f64) {
+    assert!(matches!(found.verdict, Verdict::Named | Verdict::PartlyNamed), "{:?}", found.verdict);
+    assert!(100.0 * (1.0 - found.fitted.after) > by_hand, "{:?}", found.fitted);
+    // More than noise is left: up and down settle 1 to 3 % apart, which no map of the command alone has.
+    assert!(found.excess.1.significance() > 5.0 && found.fitted.after > found.fitted.noise_floor, "{:?}", found.excess);
+    assert_eq!(found.splits.len(), 4);
+    for (split, law) in found.splits.iter().zip(&laws.held_out) {
+        assert_eq!(split.split, law.split.words());
+        assert!(split.gap.after < split.gap.before, "{split:?}");
+        assert!(100.0 * (1.0 - split.gap.after) > law.one_lag_percent, "{split:?} {law:?}");
+    }
+    // The improved model can be simulated.
+    found.model.check().unwrap();
+    assert!(rotorlead_sim::plant::effect::ActiveEffect::of_model(&found.model).unwrap().len() <= found.effects.len());
+}
+
+#[test]
+fn rcbenchmark_log() {
+    let Some((found, laws)) = diagnosed("Log_2019-11-09_181347.csv") else { return };
+    check(&found, &laws, 94.0);
+    // The erratic start, the stop, and the probe's spikes.
+    assert_eq!((found.cut[0].start, found.cut[0].end, found.cut[0].spikes), (2018, 1108, 26));
+    let delay = found.effects.iter().find(|effect| effect.kind.id == "transport_delay").unwrap();
+    assert!((0.020..0.040).contains(&delay.parameters[0].1.value), "{delay:?}");
+}
+
+#[test]
+fn esc32_log_f60() {
+    let Some((found, laws)) = diagnosed("esc32v3_f60-1.csv") else { return };
+    check(&found, &laws, 94.0);
+    assert!(found.effects.iter().all(|effect| effect.kind.id != "transport_delay"), "it has none");
+}
+
+#[test]
+fn esc32_log_f40() {
+    let Some((found, laws)) = diagnosed("f40_steps_5-2.csv") else { return };
+    check(&found, &laws, 94.0);
+    assert!(found.effects.iter().all(|effect| effect.kind.id != "transport_delay"), "it has none");
+}
