@@ -133,10 +133,7 @@ impl Channel {
     /// Makes its filters anew for what the trial's groups are for.
     pub fn assign(&mut self, trial: &Trial) {
         let Some(log) = &trial.log else { return };
-        let filter = |purpose| {
-            let times: Vec<f64> = log.rows(purpose).map(|(row, _)| trial.time_s[row]).collect();
-            Filter::new(self.correlation, &times, &vec![0.0; times.len()])
-        };
+        let filter = |purpose| Filter::new(self.correlation, &log.seen(purpose, &trial.time_s, false));
         (self.fitted, self.held_out) = (filter(Purpose::Fit), filter(Purpose::HeldOut));
     }
 
@@ -152,8 +149,8 @@ impl Channel {
             let mean = left.iter().sum::<f64>() / left.len().max(1) as f64;
             let left: Vec<f64> = left.iter().map(|left| left - mean).collect();
             let spread = (left.iter().map(|left| left * left).sum::<f64>() / left.len().max(1) as f64).sqrt();
-            self.correlation =
-                Correlation::of(&of(&trial.time_s), &left, &vec![0.0; left.len()], 1e-4 * spread.max(1e-12), 0.0);
+            let seen = log.seen(purpose, &trial.time_s, false);
+            self.correlation = Correlation::of(&seen, &left, 1e-4 * spread.max(1e-12), 0.0);
             self.assign(trial);
             return;
         }

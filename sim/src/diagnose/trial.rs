@@ -324,7 +324,7 @@ impl Trial {
     pub fn weigh(&mut self, residual: &[f64]) {
         if let Some(log) = &mut self.log {
             let simulated: Vec<f64> = self.measured.iter().zip(residual).map(|(y, left)| y - left).collect();
-            log.weigh(&self.time_s, residual, &simulated, self.rate_hz.recip());
+            log.weigh(&self.time_s, residual, &simulated);
             return;
         }
         let all = 0..self.periods() * self.period_rows;

@@ -5,15 +5,19 @@
 //! ```text
 //! r(t_k) = x(t_k) + e_k
 //! dx = -x/tau dt + sqrt(2 sigma^2 / tau) dW       what a model misses for longer than a row (Ornstein and Uhlenbeck 1930)
-//! var e_k = w^2 + (j dy/dt)^2                     noise of a row, and moments that are known to `j` only
+//! var e_k = w^2 + (j dy/dt)^2                     noise of a row, and what a model misses while the response moves
 //! ```
+//!
+//! A static map is off by one thing before a change of the command and by another after it: there `x` forgets a part of what it
+//! was, as in a time `v tau` (`v` at most 5, which forgets all). While the response moves, a model is off in proportion to its
+//! slope, as if moments were known to `j` only.
 //!
 //! The innovations of its Kalman filter, each over its standard deviation, are white, and minus half the sum of their squares is
 //! the log likelihood but for a constant (Schweppe 1965). The step from row to row is exact for any interval, so nothing is
 //! resampled, and rows that are left out make one longer interval. The filter is linear in the residual: its gains depend on
 //! the times alone and are computed once.
 //!
-//! `sigma`, `tau`, `w` and `j` are those of greatest likelihood for the residual of the best explanation so far. A static map
+//! `sigma`, `tau`, `v`, `w` and `j` are those of greatest likelihood for the residual of the best explanation so far. A static map
 //! that is wrong by the same on each of 40 plateaus then counts about as 40 observations, not as 15 000 rows.
 
 /// The noise and error that a residual is taken to have.
@@ -23,6 +27,8 @@ pub(in crate::diagnose) struct Correlation {
     pub sigma: f64,
     /// Its correlation time, seconds.
     pub tau_s: f64,
+    /// What it forgets where the command changes, in correlation times.
+    pub forgets: f64,
     /// Standard deviation of a row's own noise.
     pub white: f64,
     /// Standard deviation of a row's moment, seconds.
@@ -30,7 +36,9 @@ pub(in crate::diagnose) struct Correlation {
 }
 
 /// Correlation times are searched from and to these, seconds.
-const TAU_RANGE_S: (f64, f64) = (0.02, 30.0);
+const TAU_RANGE_S: (f64, f64) = (0.02, 300.0);
+/// The same of what is forgotten where the command changes.
+const FORGETS_RANGE: (f64, f64) = (0.01, 5.0);
 /// How fine the search becomes, in logarithms.
 const FINEST: f64 = 0.06;
 /// A part below this share of the residual, or of the most that it may be, is none.
@@ -39,21 +47,21 @@ const LEAST_SHARE: f64 = 1e-3;
 impl Correlation {
     /// White noise of a standard deviation.
     pub fn white(std: f64) -> Self {
-        Self { sigma: 0.0, tau_s: 1.0, white: std, jitter_s: 0.0 }
+        Self { sigma: 0.0, tau_s: 1.0, forgets: 0.0, white: std, jitter_s: 0.0 }
     }
 
-    /// That of greatest likelihood for a residual at rows, with the slope of the response there, per second; `floor` is the
-    /// least noise of a row that is believed, `jitter_s` the most that moments may be off.
-    pub fn of(time_s: &[f64], residual: &[f64], slope: &[f64], floor: f64, jitter_s: f64) -> Self {
+    /// That of greatest likelihood for a residual at rows; `floor` is the least noise of a row that is believed, `jitter_s` the
+    /// most that moments may be off.
+    pub fn of(rows: &Rows, residual: &[f64], floor: f64, jitter_s: f64) -> Self {
         let n = residual.len().max(1) as f64;
         let spread = (residual.iter().map(|r| r * r).sum::<f64>() / n).sqrt().max(floor);
         // Everything in logarithms; the jitter as a share of the most.
-        let of = |p: [f64; 4]| {
-            let [sigma, tau_s, white, share] = p.map(f64::exp);
-            Self { sigma, tau_s, white, jitter_s: share * jitter_s }
+        let of = |p: [f64; 5]| {
+            let [sigma, tau_s, white, share, forgets] = p.map(f64::exp);
+            Self { sigma, tau_s, forgets, white, jitter_s: share * jitter_s }
         };
-        let judge = |p: [f64; 4]| {
-            let filter = Filter::new(of(p), time_s, slope);
+        let judge = |p: [f64; 5]| {
+            let filter = Filter::new(of(p), rows);
             filter.apply(residual).iter().map(|z| z * z).sum::<f64>() + filter.log_variances()
         };
         let ranges = [
@@ -61,9 +69,10 @@ impl Correlation {
             TAU_RANGE_S,
             (floor, 2.0 * spread),
             (LEAST_SHARE, if jitter_s > 0.0 { 1.0 } else { LEAST_SHARE }),
+            FORGETS_RANGE,
         ];
         let ranges = ranges.map(|(from, to)| (from.ln(), to.ln()));
-        let mut at = [spread.ln(), 0.0, (0.2 * spread).max(floor).ln(), 0.3_f64.ln().min(ranges[3].1)];
+        let mut at = [spread.ln(), 1.0, (0.2 * spread).max(floor).ln(), 0.2_f64.ln().min(ranges[3].1), 0.0];
         let mut best = judge(at);
         let mut step = 1.6;
         while step > FINEST {
@@ -87,6 +96,17 @@ impl Correlation {
     }
 }
 
+/// What a filter has to know of the rows.
+#[derive(Clone, Debug, Default)]
+pub(in crate::diagnose) struct Rows {
+    /// When, seconds, increasing.
+    pub time_s: Vec<f64>,
+    /// Slope of the response there, per second.
+    pub slope: Vec<f64>,
+    /// Whether the command changed since the row before.
+    pub changed: Vec<bool>,
+}
+
 /// The Kalman filter of a correlation at given rows.
 #[derive(Clone, Debug, Default)]
 pub(in crate::diagnose) struct Filter {
@@ -96,13 +116,14 @@ pub(in crate::diagnose) struct Filter {
 }
 
 impl Filter {
-    /// At rows, increasing, with the slope of the response there.
-    pub fn new(correlation: Correlation, time_s: &[f64], slope: &[f64]) -> Self {
+    /// At rows.
+    pub fn new(correlation: Correlation, rows: &Rows) -> Self {
         let stationary = correlation.sigma.powi(2);
         let mut variance = stationary;
-        let mut before_s = time_s.first().copied().unwrap_or(0.0);
-        let step = |(&time_s, &slope): (&f64, &f64)| {
-            let decay = (-(time_s - before_s) / correlation.tau_s).exp();
+        let mut before_s = rows.time_s.first().copied().unwrap_or(0.0);
+        let step = |((&time_s, &slope), &changed): ((&f64, &f64), &bool)| {
+            let forgets = if changed { correlation.forgets } else { 0.0 };
+            let decay = (-(time_s - before_s) / correlation.tau_s - forgets).exp();
             before_s = time_s;
             let predicted = stationary + decay * decay * (variance - stationary);
             let own = correlation.white.powi(2) + (correlation.jitter_s * slope).powi(2);
@@ -111,7 +132,7 @@ impl Filter {
             variance = own * gain;
             (decay, gain, innovation.sqrt().recip())
         };
-        Self { steps: time_s.iter().zip(slope).map(step).collect() }
+        Self { steps: rows.time_s.iter().zip(&rows.slope).zip(&rows.changed).map(step).collect() }
     }
 
     /// White values of a residual at the rows.
@@ -150,6 +171,11 @@ mod tests {
         (0..count).map(next).collect()
     }
 
+    fn rows(time_s: Vec<f64>) -> Rows {
+        let count = time_s.len();
+        Rows { time_s, slope: vec![0.0; count], changed: vec![false; count] }
+    }
+
     fn normal(random: &mut ChaCha8Rng) -> f64 {
         StandardNormal.sample(random)
     }
@@ -158,7 +184,7 @@ mod tests {
     fn innovations_of_such_a_residual_are_white_and_its_numbers_are_found() {
         let mut random = ChaCha8Rng::seed_from_u64(3);
         let time_s = uneven(8000, &mut random);
-        let truth = Correlation { sigma: 3.0, tau_s: 0.5, white: 1.0, jitter_s: 0.0 };
+        let truth = Correlation { sigma: 3.0, tau_s: 0.5, forgets: 0.0, white: 1.0, jitter_s: 0.0 };
         let (mut slow, mut before_s) = (truth.sigma * normal(&mut random), time_s[0]);
         let residual: Vec<f64> = time_s
             .iter()
@@ -169,15 +195,15 @@ mod tests {
                 slow + truth.white * normal(&mut random)
             })
             .collect();
-        let none = vec![0.0; time_s.len()];
-        let white = Filter::new(truth, &time_s, &none).apply(&residual);
+        let rows = rows(time_s);
+        let white = Filter::new(truth, &rows).apply(&residual);
         let n = white.len() as f64;
         let at = |lag: usize| white.iter().zip(&white[lag..]).map(|(a, b)| a * b).sum::<f64>() / n;
         assert!((at(0) - 1.0).abs() < 5.0 * (2.0 / n).sqrt(), "{}", at(0));
         for lag in 1..6 {
             assert!(at(lag).abs() < 5.0 / n.sqrt(), "{lag}: {}", at(lag));
         }
-        let found = Correlation::of(&time_s, &residual, &none, 1e-6, 0.0);
+        let found = Correlation::of(&rows, &residual, 1e-6, 0.0);
         assert!((found.sigma / truth.sigma).ln().abs() < 0.35 && (found.tau_s / truth.tau_s).ln().abs() < 0.5, "{found:?}");
         assert!((found.white / truth.white).ln().abs() < 0.1, "{found:?}");
     }
@@ -186,9 +212,12 @@ mod tests {
     fn an_offset_that_stays_counts_as_one_observation_not_as_many() {
         let mut random = ChaCha8Rng::seed_from_u64(4);
         let time_s = uneven(1000, &mut random);
-        let none = vec![0.0; time_s.len()];
-        let slow = Correlation { sigma: 1.0, tau_s: 1e3, white: 0.01, jitter_s: 0.0 };
-        let information: f64 = Filter::new(slow, &time_s, &none).apply(&vec![1.0; 1000]).iter().map(|z| z * z).sum();
-        assert!((0.9..1.2).contains(&information), "{information}");
+        let mut rows = rows(time_s);
+        let slow = Correlation { sigma: 1.0, tau_s: 1e3, forgets: 5.0, white: 0.01, jitter_s: 0.0 };
+        let information = |rows: &Rows| Filter::new(slow, rows).apply(&vec![1.0; 1000]).iter().map(|z| z * z).sum::<f64>();
+        assert!((0.9..1.2).contains(&information(&rows)), "{}", information(&rows));
+        // On three plateaus as three.
+        (rows.changed[300], rows.changed[700]) = (true, true);
+        assert!((2.7..3.3).contains(&information(&rows)), "{}", information(&rows));
     }
 }

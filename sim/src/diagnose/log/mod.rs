@@ -29,7 +29,7 @@ pub(super) use start::first_lag;
 
 use super::trial::Purpose;
 use crate::identify::steps::Plateau;
-pub(super) use correlated::{Correlation, Filter};
+pub(super) use correlated::{Correlation, Filter, Rows};
 
 /// A stretch of rows that is fitted or held out as a whole: a plateau with the step that leads to it, or a tenth of a record
 /// without plateaus.
@@ -51,8 +51,8 @@ pub(super) struct Group {
     pub purpose: Purpose,
 }
 
-/// Moments are known to so many rows: stamps are no finer, and commands wait for a frame.
-const JITTER_ROWS: f64 = 1.0;
+/// While the response moves, a model is off by no more than it moves in this time, seconds.
+const MOST_JITTER_S: f64 = 0.1;
 /// Noise of a row is at least this share of the scatter of the quietest plateau, most of which may be slow.
 const LEAST_WHITE: f64 = 0.03;
 
@@ -123,18 +123,31 @@ impl Log {
         self.set_filters(time_s);
     }
 
+    /// What a filter has to know of the rows of a purpose; as if the response rested where `moves` does not say otherwise.
+    pub fn seen(&self, purpose: Purpose, time_s: &[f64], moves: bool) -> Rows {
+        let mut rows = Rows::default();
+        let mut before = None;
+        for (row, group) in self.rows(purpose) {
+            rows.time_s.push(time_s[row]);
+            rows.slope.push(if moves { self.slope[row] } else { 0.0 });
+            let begin = group.rows.start;
+            rows.changed.push(self.begins_settled && before.is_some_and(|before| before != begin));
+            before = Some(begin);
+        }
+        rows
+    }
+
     fn set_filters(&mut self, time_s: &[f64]) {
         let subset = |purpose| {
             let rows: Vec<usize> = self.rows(purpose).map(|(row, _)| row).collect();
-            let of = |values: &[f64]| rows.iter().map(|&row| values[row]).collect::<Vec<f64>>();
-            let filter = Filter::new(self.correlation, &of(time_s), &of(&self.slope));
+            let filter = Filter::new(self.correlation, &self.seen(purpose, time_s, true));
             Subset { rows, filter }
         };
         (self.fitted, self.held_out) = (subset(Purpose::Fit), subset(Purpose::HeldOut));
     }
 
-    /// Takes the correlation from a residual of all rows, `row_s` apart as a rule. `simulated` is what it is the residual of.
-    pub fn weigh(&mut self, time_s: &[f64], residual: &[f64], simulated: &[f64], row_s: f64) {
+    /// Takes the correlation from a residual of all rows. `simulated` is what it is the residual of.
+    pub fn weigh(&mut self, time_s: &[f64], residual: &[f64], simulated: &[f64]) {
         let last = time_s.len() - 1;
         let slope = |row: usize| {
             let (from, to) = (row.saturating_sub(1), (row + 1).min(last));
@@ -144,8 +157,8 @@ impl Log {
         let purpose = if self.has(Purpose::Fit) { Purpose::Fit } else { Purpose::HeldOut };
         let subset = self.subset(purpose);
         let floor = LEAST_WHITE * self.groups.iter().map(|group| group.noise).fold(f64::INFINITY, f64::min);
-        let (time, residual, slope) = (subset.take(time_s), subset.take(residual), subset.take(&self.slope));
-        self.correlation = Correlation::of(&time, &residual, &slope, floor, JITTER_ROWS * row_s);
+        let residual = subset.take(residual);
+        self.correlation = Correlation::of(&self.seen(purpose, time_s, true), &residual, floor, MOST_JITTER_S);
         eprintln!("DEBUG {:?} rms {:.1} per_sample {:.1}", self.correlation, (residual.iter().map(|r| r * r).sum::<f64>() / residual.len() as f64).sqrt(), self.rows_per_sample);
         self.set_filters(time_s);
     }
