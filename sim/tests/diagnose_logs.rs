@@ -124,7 +124,10 @@ fn a_lag_and_noise_agree_with_a_lag_and_what_was_cut_is_said() {
         assert_eq!(found.splits.len(), 4);
         assert_eq!((found.cut[0].start, found.cut[0].end), (60, 0));
         let point = &found.model.points[0];
-        assert!((point.gain / 12.0 - 1.0).abs() < 0.01 && (point.time_constant_s / 0.06 - 1.0).abs() < 0.03, "{point:?}");
+        assert!(
+            (point.gain / 12.0 - 1.0).abs() < 0.01 && (point.time_constant_s / 0.06 - 1.0).abs() < 0.03,
+            "{point:?}"
+        );
     }
 }
 

@@ -135,7 +135,8 @@ fn words(found: &Diagnosis) -> String {
     ));
     for split in &found.splits {
         let Gap { before, after, noise_floor } = split.gap;
-        let percents = format!("{:.2} % before, {:.2} % after, {:.2} % noise", 100.0 * before, 100.0 * after, 100.0 * noise_floor);
+        let percents =
+            format!("{:.2} % before, {:.2} % after, {:.2} % noise", 100.0 * before, 100.0 * after, 100.0 * noise_floor);
         line(format!("  {:<24} {percents}", split.split));
     }
     if !found.splits.is_empty() {

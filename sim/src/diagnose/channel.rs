@@ -60,7 +60,8 @@ pub(super) fn channels(record: &Record, output: Output, rows: std::ops::Range<us
     let voltage = record.voltage_v.as_deref().map(|values| (Column::Voltage, values));
     let there = [speed, voltage].into_iter().flatten().filter_map(|(column, values)| {
         let measured = values.get(rows.clone())?.to_vec();
-        let moves = measured.iter().any(|value| *value != measured[0]) && measured.iter().all(|value| value.is_finite());
+        let moves =
+            measured.iter().any(|value| *value != measured[0]) && measured.iter().all(|value| value.is_finite());
         moves.then(|| Channel {
             column,
             measured,

@@ -17,7 +17,8 @@ use crate::record::{Experiment, Record};
 /// [`FileError`] where a compensator's file cannot be read, or another program wrote it.
 pub fn fill_in_esc_commands(experiment: &mut Experiment, folder: &Path) -> Result<(), FileError> {
     for record in &mut experiment.records {
-        let Some(name) = record.compensator.clone().filter(|_| record.compensated && record.esc_command.is_none()) else {
+        let Some(name) = record.compensator.clone().filter(|_| record.compensated && record.esc_command.is_none())
+        else {
             continue;
         };
         let design = read_compensator(&folder.join(name))?;

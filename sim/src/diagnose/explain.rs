@@ -328,7 +328,6 @@ impl Search<'_> {
             if effects.is_empty() {
                 first_tried.clone_from(&tried);
             }
-            for t in &tried { eprintln!("DEBUG {} fitted {:.1} held {:.1} p {} misfit {:.0} {:?}", t.kind.id, t.fitted_gain, t.held_out_gain, t.parameters, t.fit.misfit, t.fit.hypothesis.effects.last().map(|e| e.values.clone())); }
             alternatives.push(alike(&tried));
             let Some(best) = tried.into_iter().next().filter(|best| best.worth() >= LEAST_WORTH) else { break };
             let start = best.fit.hypothesis.clone();

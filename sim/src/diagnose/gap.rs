@@ -81,12 +81,7 @@ pub(super) fn gaps(trials: &Trials, before: &Hypothesis, after: &Hypothesis, ref
 }
 
 /// Gap in total and record by record on what is there for a purpose.
-pub(super) fn of(
-    trials: &Trials,
-    before: &Hypothesis,
-    after: &Hypothesis,
-    purpose: Purpose,
-) -> (Gap, Vec<RecordGap>) {
+pub(super) fn of(trials: &Trials, before: &Hypothesis, after: &Hypothesis, purpose: Purpose) -> (Gap, Vec<RecordGap>) {
     let mut total = Squares::default();
     let mut records = Vec::new();
     for trial in trials.trials.iter().filter(|trial| trial.end_of(Some(purpose)) > 0) {

@@ -402,7 +402,8 @@ fn improved(model: Option<&Model>, trials: &Trials, fit: &fit::Fit, effects: &[N
 fn scaled(model: &Model, found: &BasePoint, given: Lag) -> (Vec<Point>, Option<crate::plant::StaticMap>) {
     let (gain, slower) = (found.gain / given.gain, found.time_constant_s / given.time_constant_s);
     let point = |point: &Point| {
-        let lag = Lag { gain: point.gain * gain, time_constant_s: point.time_constant_s * slower, delay_s: point.delay_s };
+        let lag =
+            Lag { gain: point.gain * gain, time_constant_s: point.time_constant_s * slower, delay_s: point.delay_s };
         Point::new(point.nominal, lag)
     };
     let map = model.static_map.as_ref().map(|map| crate::plant::StaticMap {

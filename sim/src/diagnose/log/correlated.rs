@@ -204,7 +204,10 @@ mod tests {
             assert!(at(lag).abs() < 5.0 / n.sqrt(), "{lag}: {}", at(lag));
         }
         let found = Correlation::of(&rows, &residual, 1e-6, 0.0);
-        assert!((found.sigma / truth.sigma).ln().abs() < 0.35 && (found.tau_s / truth.tau_s).ln().abs() < 0.5, "{found:?}");
+        assert!(
+            (found.sigma / truth.sigma).ln().abs() < 0.35 && (found.tau_s / truth.tau_s).ln().abs() < 0.5,
+            "{found:?}"
+        );
         assert!((found.white / truth.white).ln().abs() < 0.1, "{found:?}");
     }
 
@@ -214,7 +217,8 @@ mod tests {
         let time_s = uneven(1000, &mut random);
         let mut rows = rows(time_s);
         let slow = Correlation { sigma: 1.0, tau_s: 1e3, forgets: 5.0, white: 0.01, jitter_s: 0.0 };
-        let information = |rows: &Rows| Filter::new(slow, rows).apply(&vec![1.0; 1000]).iter().map(|z| z * z).sum::<f64>();
+        let information =
+            |rows: &Rows| Filter::new(slow, rows).apply(&vec![1.0; 1000]).iter().map(|z| z * z).sum::<f64>();
         assert!((0.9..1.2).contains(&information(&rows)), "{}", information(&rows));
         // On three plateaus as three.
         (rows.changed[300], rows.changed[700]) = (true, true);

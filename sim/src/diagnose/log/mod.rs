@@ -159,7 +159,6 @@ impl Log {
         let floor = LEAST_WHITE * self.groups.iter().map(|group| group.noise).fold(f64::INFINITY, f64::min);
         let residual = subset.take(residual);
         self.correlation = Correlation::of(&self.seen(purpose, time_s, true), &residual, floor, MOST_JITTER_S);
-        eprintln!("DEBUG {:?} rms {:.1} per_sample {:.1}", self.correlation, (residual.iter().map(|r| r * r).sum::<f64>() / residual.len() as f64).sqrt(), self.rows_per_sample);
         self.set_filters(time_s);
     }
 
