@@ -8,7 +8,7 @@
 
 use std::cmp::Ordering;
 
-use super::fit::{Fit, MOST_STEPS, Tangent, fit, fit_in, misfit};
+use super::fit::{Fit, MOST_STEPS, Screening, fit, fit_in, misfit};
 use super::hypothesis::{Candidate, GRID, Hypothesis};
 use super::scan::Scan;
 use super::trial::{Before, Purpose, Trial, Trials};
@@ -148,12 +148,12 @@ impl Search<'_> {
 
     /// Kinds that improve on `from`, best first.
     fn tries(&self, from: &Fit, exclude: &[&'static Kind]) -> Vec<Tried> {
-        let Some(tangent) = from.tangent(&self.trials) else { return Vec::new() };
+        let Some(screening) = Screening::new(&self.trials, from) else { return Vec::new() };
         let Some(scan) = Scan::new(&self.trials, from) else { return Vec::new() };
         let kinds = self.catalog.kinds().filter(|kind| kind.id != "parameter_error" && !exclude.contains(kind));
         let mut screened: Vec<(f64, Hypothesis, &'static Kind)> = Vec::new();
         for kind in kinds {
-            screened.extend(self.screen(&tangent, &scan, from, kind));
+            screened.extend(self.screen(&screening, &scan, from, kind));
             (self.progress)();
         }
         screened.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -207,18 +207,17 @@ impl Search<'_> {
     /// where the commands are.
     fn screen(
         &self,
-        tangent: &Tangent,
+        screening: &Screening,
         scan: &Scan,
         from: &Fit,
         kind: &'static Kind,
     ) -> Vec<(f64, Hypothesis, &'static Kind)> {
         // Where the alignment has taken over much of a delay, a start that brings its own is judged without it too: so far the
         // tangent does not hold.
-        let aligned = Hypothesis { late_s: 0.0, ..from.hypothesis.clone() };
+        let is_late = from.is_late(&self.trials);
         let judge = |start: &Candidate| {
-            let with = tangent.judge(&self.trials, &from.hypothesis.with(start.clone()));
-            let without =
-                from.is_late(&self.trials).then(|| tangent.judge(&self.trials, &aligned.with(start.clone()))).flatten();
+            let with = screening.judge(&self.trials, start, false);
+            let without = is_late.then(|| screening.judge(&self.trials, start, true)).flatten();
             [with, without].into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0))
         };
         let mut judged: Vec<(f64, Candidate, Hypothesis)> = Vec::new();
@@ -227,10 +226,10 @@ impl Search<'_> {
             judged.extend(looked);
             judged.sort_by(|a, b| a.0.total_cmp(&b.0));
         };
-        look(&mut judged, Candidate::starts(kind));
         let valleys = scan.valleys(kind, GRID);
-        if !valleys.is_empty() {
-            look(&mut judged, valleys);
+        let is_jumping = !valleys.is_empty();
+        look(&mut judged, if is_jumping { valleys } else { Candidate::starts(kind) });
+        if is_jumping {
             // Down into the lowest.
             for round in 0..VALLEY_LOOKS {
                 let Some(best) = judged.first().map(|best| best.1.clone()) else { break };

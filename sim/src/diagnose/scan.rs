@@ -1,10 +1,10 @@
 //! A kind whose response jumps about as its value moves has a narrow valley around the right one, and others elsewhere: a
-//! coarse grid steps over it. One record, and the first-order lags of its nominal command, are enough to see where it may
-//! be.
+//! coarse grid steps over it. One period of one record, and the first-order lags of its nominal command, are enough to see
+//! where it may be.
 
 use rayon::prelude::*;
 
-use super::fit::{Fit, Tangent};
+use super::fit::{Fit, Screening};
 use super::hypothesis::Candidate;
 use super::trial::{Purpose, Trial, Trials};
 use crate::plant::effect::Kind;
@@ -15,9 +15,8 @@ const VALLEYS: usize = 6;
 
 /// A record for scans, with what the lags would do to it.
 pub(super) struct Scan<'a> {
-    from: &'a Fit,
     trials: Trials,
-    tangent: Tangent,
+    screening: Screening<'a>,
 }
 
 impl<'a> Scan<'a> {
@@ -31,9 +30,9 @@ impl<'a> Scan<'a> {
             let (a, b) = (order(a), order(b));
             a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
         })?;
-        let trials = Trials { trials: vec![trial.clone()], ..all.clone() };
-        let tangent = from.tangent(&trials)?;
-        Some(Self { from, trials, tangent })
+        let trials = Trials { trials: vec![trial.with_one_period_fitted()], ..all.clone() };
+        let screening = Screening::new(&trials, from)?;
+        Some(Self { trials, screening })
     }
 
     /// The lowest valleys of a kind over the plausible range of its value. Empty for kinds without such.
@@ -46,7 +45,7 @@ impl<'a> Scan<'a> {
         let left: Vec<f64> = candidates
             .par_iter()
             .map(|candidate| {
-                let judged = self.tangent.judge(&self.trials, &self.from.hypothesis.with(candidate.clone()));
+                let judged = self.screening.judge(&self.trials, candidate, false);
                 judged.map_or(f64::INFINITY, |(left, _)| left)
             })
             .collect();

@@ -231,6 +231,17 @@ impl Trial {
         }
     }
 
+    /// The same with one period to fit instead of several, and nothing held out.
+    pub fn with_one_period_fitted(&self) -> Self {
+        let mut shorter = self.clone();
+        shorter.stretches.retain(|stretch| stretch.purpose == Purpose::Fit);
+        for stretch in shorter.stretches.iter_mut().filter(|stretch| stretch.periods > 1) {
+            let rows = stretch.rows.start..stretch.rows.start + self.period_rows;
+            *stretch = Stretch { rows, periods: 1, whitening: stretch.whitening.shortened(stretch.periods), ..*stretch };
+        }
+        shorter
+    }
+
     /// Up to which row something is compared for this purpose.
     pub fn end_of(&self, purpose: Option<Purpose>) -> usize {
         let compared = self.stretches.iter().filter(|stretch| purpose.is_none_or(|wanted| stretch.purpose == wanted));

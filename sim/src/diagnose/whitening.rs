@@ -7,6 +7,7 @@
 //! The density comes from the records themselves: over several periods what repeats lies on every `P`-th line, and between
 //! these lines there is only noise.
 
+use std::f64::consts::TAU;
 use std::fmt;
 use std::sync::Arc;
 
@@ -76,13 +77,16 @@ pub(super) struct Whitening {
     weights: Vec<f64>,
     /// Variance of a row by the noise of all lines but the mean.
     variance: f64,
+    /// One turn of the circle in steps of a line, clockwise, as far as lines are compared.
+    turns: Arc<[Complex64]>,
 }
 
 impl Whitening {
     /// For noise that is not known yet.
     pub fn unit(rows: usize) -> Self {
         let transform = RealFftPlanner::new().plan_fft_forward(rows);
-        Self { transform, weights: vec![1.0; rows / 2 + 1], variance: 0.0 }
+        let turns = (0..=rows / 2).map(|line| Complex64::cis(-TAU * line as f64 / rows as f64)).collect();
+        Self { transform, weights: vec![1.0; rows / 2 + 1], variance: 0.0, turns }
     }
 
     /// Weighs by a density.
@@ -96,6 +100,16 @@ impl Whitening {
             // The mean is not compared: a sensor's zero says nothing.
             *weight = if line == 0 || line > last { 0.0 } else { (0.5 * rows * density.at(hz(line))).sqrt().recip() };
         }
+    }
+
+    /// For one of so many parts of the rows, in the same noise: the density of a line is that of the line at its frequency,
+    /// and the weight grows with the root of one over the length.
+    pub fn shortened(&self, parts: usize) -> Self {
+        let mut shorter = Self::unit(self.transform.len() / parts);
+        let longer = self.weights.iter().step_by(parts).map(|weight| weight * (parts as f64).sqrt());
+        shorter.weights.iter_mut().zip(longer).for_each(|(weight, longer)| *weight = longer);
+        shorter.variance = self.variance;
+        shorter
     }
 
     /// Lines of the spectrum that are compared, from the first to the last.
@@ -129,6 +143,16 @@ impl Whitening {
             *line *= *weight;
         }
         spectrum
+    }
+}
+
+impl Whitening {
+    /// [`Whitening::apply`] for a decay by `ratio` from row to row, from 1 on: a geometric series.
+    pub fn apply_to_decay(&self, ratio: f64) -> Vec<Complex64> {
+        let lines = self.lines();
+        let all = 1.0 - ratio.powi(self.transform.len() as i32);
+        let turns_and_weights = self.turns.iter().zip(&self.weights).take(lines + 1).skip(1);
+        turns_and_weights.map(|(turn, weight)| all * weight / (1.0 - ratio * turn)).collect()
     }
 }
 
