@@ -14,8 +14,16 @@ use super::lag::{Lag, Mode};
 use super::motor::Point;
 use super::setup::Setup;
 
-/// What the current does with the thrust: power goes with its power of 1.5, and current is power over voltage.
-const CURRENT_EXPONENT: f64 = 1.5;
+/// What the current does with the speed: a propeller's power goes with its cube, and current is power over voltage.
+const CURRENT_EXPONENT: i32 = 3;
+/// The command, and with it the speed, at which a supply's drops are stated.
+const HOVER: f64 = 0.5;
+
+/// The current at a speed, relative to that at hover.
+#[must_use]
+pub fn relative_current(speed: f64) -> f64 {
+    (speed.max(0.0) / HOVER).powi(CURRENT_EXPONENT)
+}
 
 /// The signals on the grid, from time zero on, one more than there are steps.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -33,8 +41,6 @@ pub struct Signals {
 pub struct Chain<'a> {
     /// The point.
     pub point: Point,
-    /// Thrust at hover, where the supply's drop is stated.
-    pub hover_n: f64,
     /// The effects.
     pub setup: &'a Setup,
     /// Seconds of a step.
@@ -72,8 +78,7 @@ impl Chain<'_> {
     fn midpoint(&self, means: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let (setup, point, step_s) = (self.setup, &self.point, self.step_s);
         let supplied = setup.sag_depth != 0.0 || setup.sag_resistance != 0.0;
-        let current =
-            |thrust: f64| if supplied { (thrust.max(0.0) / self.hover_n).powf(CURRENT_EXPONENT) } else { 0.0 };
+        let current = |thrust: f64| if supplied { relative_current(point.speed(thrust)) } else { 0.0 };
         let rest_current = current(point.rest_n);
         let raw_voltage = |slow: f64, current: f64| 1.0 - setup.sag_depth * slow - setup.sag_resistance * current;
         let rest_voltage = raw_voltage(rest_current, rest_current);
@@ -81,8 +86,8 @@ impl Chain<'_> {
         let lag = |thrust: f64, target: f64| {
             let mut tau = point.time_constant_s * if target >= thrust { faster } else { slower };
             if setup.exponent != 0.0 {
-                // Speed goes with the root of the thrust. A rotor that nearly stands does not become infinitely slow.
-                tau *= (thrust / point.rest_n).max(0.01).powf(-setup.exponent / 2.0);
+                // A rotor that nearly stands does not become infinitely slow.
+                tau *= (point.speed(thrust) / point.nominal).max(0.1).powf(-setup.exponent);
             }
             tau
         };
@@ -205,7 +210,7 @@ mod tests {
     fn run(commands: &[f64], setup: &Setup, step_s: f64) -> Signals {
         let steps = (commands.len() as f64 * 1e-3 / step_s).round() as usize;
         let pieces = pieces(commands, 0.5, setup, &Timing { frame_phase: 0.3, ..Timing::exact(commands.len(), 1e-3) });
-        Chain { point: POINT, hover_n: 2.5, setup, step_s }.run(&means(&pieces, step_s, steps))
+        Chain { point: POINT, setup, step_s }.run(&means(&pieces, step_s, steps))
     }
 
     fn force(commands: &[f64], setup: &Setup) -> Vec<f64> {

@@ -8,6 +8,7 @@
 
 use std::cmp::Ordering;
 
+use super::frames;
 use super::fit::{Fit, MOST_STEPS, Screening, fit, fit_in, misfit};
 use super::hypothesis::{Candidate, GRID, Hypothesis};
 use super::scan::Scan;
@@ -134,6 +135,18 @@ impl Search<'_> {
         }
     }
 
+    /// Takes mains hum out of all records.
+    fn take_hum_out(&mut self, base: &Hypothesis) -> Option<()> {
+        let lags = fit(&self.trials, base, true)?.hypothesis;
+        let all = self.trials.clone();
+        for trial in &mut self.trials.trials {
+            if let Some((_, left)) = aligned(&all, trial, &lags) {
+                trial.take_hum_out(&left);
+            }
+        }
+        Some(())
+    }
+
     /// Finds out what was before each record: that which leaves less of a decay at its begin.
     fn tell_what_was_before(&mut self, hypothesis: &Hypothesis) {
         let all = self.trials.clone();
@@ -247,9 +260,21 @@ impl Search<'_> {
     fn attempt(&self, from: &Fit, start: &Hypothesis, kind: &'static Kind, most_steps: usize) -> Option<Tried> {
         let fit = fit_in(&self.trials, start, true, most_steps)?;
         let parameters = Candidate::searched(kind).count();
+        let mean = self.tried(from, fit, kind, parameters);
+        let effect = mean.fit.hypothesis.effects.iter().position(|effect| effect.kind == kind && effect.has_frames());
+        let framed = effect.and_then(|effect| {
+            let (framed, _) = frames::find(&self.trials, &mean.fit, effect)?;
+            let fit = fit_in(&self.trials, &framed, true, most_steps)?;
+            // A phase for each record, beside the rate.
+            Some(self.tried(from, fit, kind, parameters + self.trials.trials.len()))
+        });
+        Some(framed.filter(|framed| framed.worth() > mean.worth()).unwrap_or(mean))
+    }
+
+    fn tried(&self, from: &Fit, fit: Fit, kind: &'static Kind, parameters: usize) -> Tried {
         let fitted_gain = 0.5 * (from.misfit - fit.misfit);
         let held_out_gain = self.held_out_gain(&from.hypothesis, &fit.hypothesis);
-        Some(Tried { kind, fit, fitted_gain, held_out_gain, parameters })
+        Tried { kind, fit, fitted_gain, held_out_gain, parameters }
     }
 
     /// By how much the log likelihood of what is held out grows.
@@ -264,6 +289,7 @@ impl Search<'_> {
     /// Finds the effects.
     pub fn explain(&mut self, base: &Hypothesis) -> Option<Explanation> {
         self.tell_what_was_before(base);
+        self.take_hum_out(base)?;
         let before = self.settle(base, true)?;
         let mut current = before.clone();
         let mut effects: Vec<Tried> = Vec::new();

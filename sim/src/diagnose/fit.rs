@@ -83,11 +83,14 @@ fn whiten(trial: &Trial, hypothesis: &Hypothesis, purpose: Purpose, difference: 
     all
 }
 
-/// How far the rows of the records leave the alignment open: they are stamped no more finely than they are apart, and a
-/// uniform error of one row has this standard deviation.
+/// Part of a row by which the stamps of a record may be off in the mean.
+const STAMPS_OFF: f64 = 0.005;
+
+/// How far the rows of the records leave the alignment open. A command takes effect at its row and the response is that of
+/// its row's moment, so what is left is a logger's own jitter, whose mean over a record is small.
 fn late_std(trials: &Trials) -> f64 {
     let rows_s = trials.trials.iter().map(|trial| trial.rate_hz.recip()).fold(0.0, f64::max);
-    rows_s / 12_f64.sqrt()
+    STAMPS_OFF * rows_s
 }
 
 /// Sum of squares over what is for `purpose`. `None` where the hypothesis is impossible.

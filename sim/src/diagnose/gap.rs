@@ -77,18 +77,20 @@ fn squares(
     for stretch in trial.stretches.iter().filter(|stretch| stretch.purpose == purpose) {
         let rows = stretch.rows.clone();
         let (time_s, measured) = (&trial.time_s[rows.clone()], &trial.measured[rows.clone()]);
+        // Hum was taken out of what is fitted; it is noise all the same.
+        let hum: f64 = trial.hum.get(rows.clone()).unwrap_or_default().iter().map(|hum| hum * hum).sum();
         let left = |model: &[f64]| {
             // A sensor's zero and the state at the begin are no part of what a model says.
             let tau_s = before.base[trial.point].time_constant_s;
             let aligned = align(time_s, measured, &model[rows.clone()], tau_s);
-            aligned.iter().zip(measured).map(|(model, y)| (y - model).powi(2)).sum::<f64>()
+            aligned.iter().zip(measured).map(|(model, y)| (y - model).powi(2)).sum::<f64>() + hum
         };
         let [before, after] = &simulated;
         squares.before += left(before.as_ref().ok()?);
         squares.after += left(after.as_ref().ok()?);
         let mean = measured.iter().sum::<f64>() / measured.len() as f64;
         squares.response += measured.iter().map(|y| (y - mean).powi(2)).sum::<f64>();
-        squares.noise += stretch.whitening.row_variance() * measured.len() as f64;
+        squares.noise += stretch.whitening.row_variance() * measured.len() as f64 + hum;
     }
     Some(squares)
 }

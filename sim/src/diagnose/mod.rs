@@ -9,7 +9,9 @@ pub mod bandwidths;
 mod error;
 mod explain;
 mod fit;
+mod frames;
 mod gap;
+mod hum;
 mod hypothesis;
 mod locate;
 mod scan;
@@ -297,17 +299,31 @@ fn first_model(
         return trials.nominals.iter().map(|nominal| Ok(of_lag(model.at(*nominal)?))).collect();
     }
     let identified = identify_periodic(experiment, &PeriodicOptions::default())?;
-    let points = identified.points();
-    let nearest = |nominal: f64| {
-        let distance = |point: &&Point| (point.nominal - nominal).abs();
-        points.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))
-    };
+    let found: Vec<(f64, Lag)> = identified.points().iter().map(|point| (point.nominal, point.lag())).collect();
+    let usual = usual_lag(&found).ok_or(DiagnoseError::NoFit { what: "a first-order lag" })?;
     let base = trials.nominals.iter().map(|nominal| {
-        let point = nearest(*nominal).ok_or(DiagnoseError::NoFit { what: "a first-order lag" })?;
+        let distance = |found: &&(f64, Lag)| (found.0 - nominal).abs();
+        let near = found.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).map_or(usual, |(_, lag)| *lag);
+        let is_unusual = |part: f64| !(1.0 / UNUSUAL..=UNUSUAL).contains(&part);
+        let off = is_unusual(near.gain / usual.gain) || is_unusual(near.time_constant_s / usual.time_constant_s);
         // A delay is an effect, and has to be found.
-        Ok(BasePoint { delay_s: 0.0, ..of_lag(point.lag()) })
+        BasePoint { delay_s: 0.0, ..of_lag(if off { usual } else { near }) }
     });
-    base.collect()
+    Ok(base.collect())
+}
+
+/// A lag whose numbers differ by more than this factor from the usual ones is no place to begin: an effect has spoiled it.
+const UNUSUAL: f64 = 3.0;
+
+/// The medians over all nominal commands.
+fn usual_lag(found: &[(f64, Lag)]) -> Option<Lag> {
+    let median = |number: fn(&Lag) -> f64| {
+        let mut numbers: Vec<f64> = found.iter().map(|(_, lag)| number(lag)).collect();
+        numbers.sort_by(f64::total_cmp);
+        numbers.get(numbers.len() / 2).copied()
+    };
+    let (gain, time_constant_s) = (median(|lag| lag.gain)?, median(|lag| lag.time_constant_s)?);
+    (gain != 0.0 && time_constant_s > 0.0).then_some(Lag { gain, time_constant_s, delay_s: 0.0 })
 }
 
 /// The values of an effect with their standard errors.

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::DiagnoseError;
+use super::{DiagnoseError, hum};
 use super::whitening::{NoiseDensity, Whitening};
 use crate::identify::{IdentifyError, response_of, upsampled};
 use crate::record::{Excitation, Experiment, Record, Role};
@@ -48,6 +48,8 @@ pub(super) struct Stretch {
 pub(super) struct Trial {
     /// The record's file.
     pub file: String,
+    /// Its place among the records.
+    pub place: usize,
     /// Which of the nominal commands.
     pub point: usize,
     /// The nominal command, 0..1.
@@ -72,6 +74,8 @@ pub(super) struct Trial {
     pub mean_response: f64,
     /// What was before the record.
     pub before: Before,
+    /// Mains hum, which is no part of `measured` any more; empty where there is none.
+    pub hum: Vec<f64>,
     /// Rows per second.
     pub rate_hz: f64,
     /// Rows of a period.
@@ -117,7 +121,8 @@ impl Trials {
         }
         // Where the experiment itself keeps records back, these are what is held out.
         let kept_back = records.iter().any(|record| record.role == Some(Role::Validate));
-        for (trial, record) in trials.iter_mut().zip(&records) {
+        for (place, (trial, record)) in trials.iter_mut().zip(&records).enumerate() {
+            trial.place = place;
             trial.split(record.role, kept_back);
         }
         if trials.is_empty() {
@@ -152,6 +157,7 @@ impl Trial {
         }
         let mut trial = Self {
             file: file(),
+            place: 0,
             point,
             nominal: record.nominal,
             excitation: record.excitation,
@@ -164,6 +170,7 @@ impl Trial {
             mean_command,
             mean_response,
             before: Before::Rest,
+            hum: Vec::new(),
             rate_hz,
             period_rows: periods.samples,
             highest_hz: 0.0,
@@ -218,13 +225,17 @@ impl Trial {
         self.stretches = stretches;
     }
 
-    /// Takes the noise from a residual of the whole record: from what does not repeat where it is fitted, or anywhere where
-    /// less than two periods are.
+    /// Takes mains hum out of the measurement: what of it a residual of the whole record shows.
+    pub fn take_hum_out(&mut self, residual: &[f64]) {
+        let hum = hum::find(residual, self.rate_hz);
+        self.measured.iter_mut().zip(&hum).for_each(|(measured, hum)| *measured -= hum);
+        self.hum = hum;
+    }
+
+    /// Takes the noise from a residual of the whole record: from what of it does not repeat.
     pub fn weigh(&mut self, residual: &[f64]) {
-        let all = 0..self.periods() * self.period_rows;
-        let fitted = self.stretches.iter().find(|stretch| stretch.periods > 1).map(|stretch| stretch.rows.clone());
-        let rows = fitted.unwrap_or(all);
-        let periods = rows.len() / self.period_rows;
+        let rows = 0..self.periods() * self.period_rows;
+        let periods = self.periods();
         let Some(density) = NoiseDensity::between_harmonics(&residual[rows], periods, self.rate_hz) else { return };
         for stretch in &mut self.stretches {
             stretch.whitening.set_noise(&density, self.rate_hz);

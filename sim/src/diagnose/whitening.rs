@@ -14,17 +14,15 @@ use std::sync::Arc;
 use num_complex::Complex64;
 use realfft::{RealFftPlanner, RealToComplex};
 
-/// Least number of lines in a band of the noise density. Their mean is then known to 20 %.
-const LEAST_LINES: usize = 24;
-/// Bands of an octave.
-const BANDS_PER_OCTAVE: f64 = 12.0;
+use crate::identify::noise;
+
 /// Share of the row rate up to which residuals are compared: above, a logger's own filter acts.
 const HIGHEST_PART: f64 = 0.45;
 
 /// Density of the noise over frequency: the variance of a row if it were white.
 #[derive(Clone, Debug)]
 pub(super) struct NoiseDensity {
-    /// Logarithms of frequency in hertz and of density, by increasing frequency.
+    /// Logarithms of frequency in hertz and of density, by increasing frequency, at the lines where there is only noise.
     bands: Vec<(f64, f64)>,
 }
 
@@ -34,29 +32,22 @@ impl NoiseDensity {
     pub fn between_harmonics(residual: &[f64], periods: usize, rate_hz: f64) -> Option<Self> {
         let rows = residual.len();
         let spectrum = Whitening::unit(rows).spectrum(residual);
-        let step_hz = rate_hz / rows as f64;
         // With one period the even lines: a multisine of odd lines leaves them to noise and even distortion.
         let is_noise = |line: usize| if periods > 1 { !line.is_multiple_of(periods) } else { line.is_multiple_of(2) };
-        let mut bands = Vec::new();
-        let (mut power, mut log_hz, mut count, mut first_hz) = (0.0, 0.0, 0_usize, 0.0);
-        for (line, value) in spectrum.iter().enumerate().skip(1).filter(|(line, _)| is_noise(*line)) {
-            let hz = line as f64 * step_hz;
-            if count == 0 {
-                first_hz = hz;
-            }
-            power += value.norm_sqr() / rows as f64;
-            log_hz += hz.ln();
-            count += 1;
-            if count >= LEAST_LINES && hz >= first_hz * (1.0 / BANDS_PER_OCTAVE).exp2() {
-                bands.push((log_hz / count as f64, (power / count as f64).ln()));
-                (power, log_hz, count) = (0.0, 0.0, 0);
-            }
+        let lines: Vec<usize> = (1..spectrum.len()).filter(|line| is_noise(*line)).collect();
+        let power: Vec<f64> = lines.iter().map(|line| spectrum[*line].norm_sqr() / rows as f64).collect();
+        if lines.len() < 2 {
+            return None;
         }
+        let density = noise::density(&power, &lines);
+        let hz = |line: usize| line as f64 * rate_hz / rows as f64;
+        let mut bands: Vec<(f64, f64)> =
+            lines.iter().zip(density).map(|(line, density)| (hz(*line).ln(), density.ln())).collect();
         bands.retain(|(_, density)| density.is_finite());
         (!bands.is_empty()).then_some(Self { bands })
     }
 
-    /// Density at a frequency: linear between the bands on both logarithms, and level beyond them.
+    /// Density at a frequency: linear between the lines on both logarithms, and level beyond them.
     fn at(&self, hz: f64) -> f64 {
         let log_hz = hz.ln();
         let above = self.bands.partition_point(|(band, _)| *band < log_hz);
@@ -120,6 +111,11 @@ impl Whitening {
     /// Variance of a row by the noise.
     pub fn row_variance(&self) -> f64 {
         self.variance
+    }
+
+    /// One over the standard deviation of either part of each line, the mean first.
+    pub fn weights(&self) -> &[f64] {
+        &self.weights
     }
 
     /// The spectrum of so many rows.

@@ -14,7 +14,7 @@ mod frequency_response;
 mod hold;
 mod least_squares;
 mod measured;
-mod noise;
+pub(crate) mod noise;
 pub mod parametric;
 mod periodic;
 mod saturation;

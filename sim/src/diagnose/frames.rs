@@ -1,0 +1,189 @@
+//! Frames of an ESC that nothing ties to the rows: how often they come, and where they lie in each record.
+//!
+//! A change `du_n` of the command at `t_n` waits for the next frame, by `d_n` of up to one frame `T`. The mean over where the
+//! frames may lie is a wait of `T / 2`, and what the true frames do beyond is, to first order in the wait,
+//!
+//! ```text
+//! dy(t) = -sum_n du_n h(t - t_n) (d_n - T/2),    d_n - T/2 = -(T/pi) sum_k sin(2 pi k (phi - f t_n)) / k
+//! ```
+//!
+//! with `h` the impulse response of the lag behind a delay of `T / 2`, `f = 1 / T` and `phi` the part of a frame from the first
+//! command to the first frame. The inner product of a residual with the first term of the sawtooth is the Fourier transform of
+//! `du_n g_n` at `f`, `g` being the residual run backward through `h`; so one transform per record shows all rates at once,
+//! and its angle the phase. Records are summed up by how much each would gain.
+
+use std::f64::consts::{PI, TAU};
+
+use num_complex::Complex64;
+use rustfft::FftPlanner;
+
+use super::fit::{Fit, residual};
+use super::hypothesis::Hypothesis;
+use super::trial::{Purpose, Stretch, Trial, Trials};
+use crate::plant::effect::Kind;
+
+/// Place of the phase among the values of the kind.
+pub(super) const PHASE: usize = 1;
+/// Places in a frame over which the mean is taken: it leaves every third harmonic of the sawtooth.
+pub(super) const MEAN_OVER: u32 = 3;
+/// The rate is looked for within this factor of the one that half a frame of delay tells.
+const NEAR: f64 = 1.5;
+/// Rates per line of a record's transform.
+const FINER: usize = 4;
+/// The sum of squares that a rate has to gain beyond two per record: chance gains that once in thousands of experiments.
+const LEAST_GAIN: f64 = 30.0;
+
+/// Whether a kind has frames.
+pub(super) fn has_frames(kind: &Kind) -> bool {
+    kind.id == "esc_frame_hold"
+}
+
+/// What the rows of a record say of frames of every rate.
+struct Spectrum {
+    place: usize,
+    is_fitted: bool,
+    rate_hz: f64,
+    /// Transform of `du_n g_n`, from rate 0 on, in steps of `rate_hz / product.len()`.
+    product: Vec<Complex64>,
+    /// Sum of squares of the white `h * (du e^(-2 pi j f t))`, in the same steps.
+    power: Vec<f64>,
+    /// Seconds from the first command to the first row of the transform.
+    begin_s: f64,
+}
+
+/// The hypothesis of `fit` with the rate and the phases of the frames of its `effect`, and the standard deviation of the rate's
+/// logarithm. `None` where the records do not show them.
+pub(super) fn find(trials: &Trials, fit: &Fit, effect: usize) -> Option<(Hypothesis, f64)> {
+    let about_hz = fit.hypothesis.effects[effect].values[0];
+    if !about_hz.is_finite() {
+        return None;
+    }
+    let spectra: Vec<Spectrum> =
+        trials.trials.iter().filter_map(|trial| Spectrum::of(trials, trial, &fit.hypothesis, 0.5 / about_hz)).collect();
+    let fitted = || spectra.iter().filter(|spectrum| spectrum.is_fitted);
+    let records = fitted().count();
+    let step_hz = fitted().map(|spectrum| spectrum.rate_hz / spectrum.product.len() as f64).fold(f64::INFINITY, f64::min);
+    let nyquist_hz = fitted().map(|spectrum| 0.5 * spectrum.rate_hz).fold(f64::INFINITY, f64::min);
+    if records == 0 || !step_hz.is_finite() {
+        return None;
+    }
+    let gain = |hz: f64| fitted().map(|spectrum| spectrum.gain(hz)).sum::<f64>();
+    let (low, high) = (about_hz / NEAR, (about_hz * NEAR).min(nyquist_hz));
+    let steps = ((high - low) / step_hz).max(0.0) as u32;
+    let at = |step: u32| low + f64::from(step) * step_hz;
+    let (mut best_hz, mut best) = (0..steps).map(|step| (at(step), gain(at(step)))).max_by(|a, b| a.1.total_cmp(&b.1))?;
+    if best - 2.0 * (records as f64) < LEAST_GAIN {
+        return None;
+    }
+    // The top of the parabola through the best and its neighbors; its curvature says how well the rate is known.
+    let (below, above) = (gain(best_hz - step_hz), gain(best_hz + step_hz));
+    let curvature = (below - 2.0 * best + above) / (step_hz * step_hz);
+    if curvature < 0.0 {
+        best_hz -= 0.5 * (above - below) / step_hz / curvature;
+        best = gain(best_hz);
+    }
+    debug_assert!(best.is_finite());
+    let std_hz = (2.0 / -curvature).sqrt();
+    let mut hypothesis = fit.hypothesis.clone();
+    let frames = &mut hypothesis.effects[effect];
+    frames.values[0] = best_hz;
+    frames.phases = vec![0.0; trials.trials.len()];
+    for spectrum in &spectra {
+        frames.phases[spectrum.place] = spectrum.phase(best_hz);
+    }
+    std_hz.is_finite().then(|| (hypothesis, std_hz / best_hz))
+}
+
+impl Spectrum {
+    /// Of a record's fitted rows, or else of those held out: where the frames lie is a matter of the record.
+    fn of(trials: &Trials, trial: &Trial, hypothesis: &Hypothesis, delay_s: f64) -> Option<Self> {
+        let purpose = trial.stretches.first()?.purpose;
+        let stretch = trial.stretches.iter().find(|stretch| stretch.purpose == purpose)?;
+        let white = residual(trials, trial, hypothesis, purpose)?;
+        let rows = stretch.rows.len();
+        let lag = &hypothesis.base[trial.point];
+        // Response to a unit impulse of command, by line: of a row's length, so that it sums up.
+        let through = |line: usize| {
+            let omega = TAU * line as f64 * trial.rate_hz / rows as f64;
+            lag.gain * Complex64::cis(-omega * delay_s) / Complex64::new(1.0, omega * lag.time_constant_s)
+        };
+        let weights = stretch.whitening.weights();
+        // The rate of rows turns an impulse into its samples.
+        let weighted = |line: usize| through(line) * (weights[line] * trial.rate_hz);
+        let mut backward = vec![Complex64::ZERO; rows];
+        let mut power = vec![Complex64::ZERO; rows];
+        for (index, z) in white.iter().enumerate().take(rows / 2) {
+            let line = index + 1;
+            let filter = weighted(line);
+            backward[line] = filter.conj() * z;
+            backward[rows - line] = backward[line].conj();
+            power[line] = Complex64::from(filter.norm_sqr());
+            power[rows - line] = power[line];
+        }
+        let mut planner = FftPlanner::new();
+        planner.plan_fft_inverse(rows).process(&mut backward);
+        planner.plan_fft_inverse(rows).process(&mut power);
+        let changes = changes(trial, stretch);
+        let length = FINER * rows;
+        let mut product = vec![Complex64::ZERO; length];
+        for ((product, change), backward) in product.iter_mut().zip(&changes).zip(&backward) {
+            // The backward run counts every line twice, once mirrored.
+            *product = Complex64::from(0.5 * change * backward.re);
+        }
+        planner.plan_fft_forward(length).process(&mut product);
+        // Power at a rate: transform over the lags of the changes' and the filter's autocorrelations.
+        let mut spectrum: Vec<Complex64> = changes.iter().map(|change| Complex64::from(*change)).collect();
+        planner.plan_fft_forward(rows).process(&mut spectrum);
+        spectrum.iter_mut().for_each(|line| *line = Complex64::from(line.norm_sqr() / rows as f64));
+        planner.plan_fft_inverse(rows).process(&mut spectrum);
+        spectrum.iter_mut().zip(&power).for_each(|(lags, filter)| *lags *= filter.re / 2.0);
+        planner.plan_fft_forward(rows).process(&mut spectrum);
+        Some(Self {
+            place: trial.place,
+            is_fitted: purpose == Purpose::Fit,
+            rate_hz: trial.rate_hz,
+            product,
+            power: spectrum.iter().map(|line| line.re.max(0.0)).collect(),
+            begin_s: stretch.rows.start as f64 / trial.rate_hz,
+        })
+    }
+
+    fn product_at(&self, hz: f64) -> Complex64 {
+        let place = hz / self.rate_hz * self.product.len() as f64;
+        // Between lines of the padded transform it is nearly straight, once the turn of the rows' middle is taken out.
+        let middle = 0.5 * (self.product.len() / FINER) as f64 / self.rate_hz;
+        let turned = |index: usize| {
+            let line_hz = index as f64 * self.rate_hz / self.product.len() as f64;
+            self.product[index.min(self.product.len() - 1)] * Complex64::cis(TAU * line_hz * middle)
+        };
+        let (below, part) = (place.floor() as usize, place.fract());
+        (turned(below) * (1.0 - part) + turned(below + 1) * part) * Complex64::cis(-TAU * hz * middle)
+    }
+
+    fn power_at(&self, hz: f64) -> f64 {
+        let place = (hz / self.rate_hz * self.power.len() as f64).round() as usize;
+        self.power[place.min(self.power.len() - 1)]
+    }
+
+    /// By how much frames of this rate would lower the sum of squares, wherever they lie.
+    fn gain(&self, hz: f64) -> f64 {
+        let size = 1.0 / (PI * hz);
+        2.0 * size * self.product_at(hz).norm() - 0.5 * size * size * self.power_at(hz)
+    }
+
+    /// The part of a frame from the first command to the first frame.
+    fn phase(&self, hz: f64) -> f64 {
+        // Im(e^(2 pi j phi) C) is largest where the angle is a quarter turn; the transform begins later than the record.
+        let turns = 0.25 - self.product_at(hz).arg() / TAU + hz * self.begin_s;
+        turns.rem_euclid(1.0)
+    }
+}
+
+/// Changes of the command at each row of a stretch.
+fn changes(trial: &Trial, stretch: &Stretch) -> Vec<f64> {
+    let told = |row: usize| trial.told[row * trial.told_per_row];
+    let first = stretch.rows.start;
+    let before = if first > 0 { told(first - 1) } else { trial.nominal };
+    let rows = stretch.rows.clone();
+    rows.map(|row| told(row) - if row == first { before } else { told(row - 1) }).collect()
+}
