@@ -8,8 +8,8 @@
 
 use std::cmp::Ordering;
 
-use super::frames;
 use super::fit::{Fit, MOST_STEPS, Screening, fit, fit_in, misfit};
+use super::frames;
 use super::hypothesis::{Candidate, GRID, Hypothesis};
 use super::scan::Scan;
 use super::trial::{Before, Purpose, Trial, Trials};
@@ -261,10 +261,13 @@ impl Search<'_> {
         let fit = fit_in(&self.trials, start, true, most_steps)?;
         let parameters = Candidate::searched(kind).count();
         let mean = self.tried(from, fit, kind, parameters);
-        let effect = mean.fit.hypothesis.effects.iter().position(|effect| effect.kind == kind && effect.has_frames());
+        // Where the frames lie is looked for once their rate is about known.
+        let anywhere = |effect: &Candidate| effect.kind == kind && effect.has_frames() && effect.phases.is_empty();
+        let effect = mean.fit.hypothesis.effects.iter().position(anywhere).filter(|_| most_steps == MOST_STEPS);
         let framed = effect.and_then(|effect| {
-            let (framed, _) = frames::find(&self.trials, &mean.fit, effect)?;
+            let framed = frames::find(&self.trials, &mean.fit, effect)?;
             let fit = fit_in(&self.trials, &framed, true, most_steps)?;
+            let fit = fit_in(&self.trials, &frames::polish(&self.trials, &fit, effect)?, true, most_steps)?;
             // A phase for each record, beside the rate.
             Some(self.tried(from, fit, kind, parameters + self.trials.trials.len()))
         });

@@ -10,24 +10,33 @@
 //! with `h` the impulse response of the lag behind a delay of `T / 2`, `f = 1 / T` and `phi` the part of a frame from the first
 //! command to the first frame. The inner product of a residual with the first term of the sawtooth is the Fourier transform of
 //! `du_n g_n` at `f`, `g` being the residual run backward through `h`; so one transform per record shows all rates at once,
-//! and its angle the phase. Records are summed up by how much each would gain.
+//! and its angle the phase. Records with many changes are summed up by how much each would gain; all of
+//! them, with all of the sawtooth, decide around the best.
 
 use std::f64::consts::{PI, TAU};
 
 use num_complex::Complex64;
+use rayon::prelude::*;
 use rustfft::FftPlanner;
 
-use super::fit::{Fit, residual};
-use super::hypothesis::Hypothesis;
+use super::fit::{Fit, misfit, residual};
+use super::hypothesis::{Candidate, Hypothesis};
 use super::trial::{Purpose, Stretch, Trial, Trials};
+use crate::plant::Catalog;
 use crate::plant::effect::Kind;
 
 /// Place of the phase among the values of the kind.
 pub(super) const PHASE: usize = 1;
-/// Places in a frame over which the mean is taken: it leaves every third harmonic of the sawtooth.
-pub(super) const MEAN_OVER: u32 = 3;
 /// The rate is looked for within this factor of the one that half a frame of delay tells.
 const NEAR: f64 = 1.5;
+/// Offsets at which a phase is tried once more.
+const PHASE_OFFSETS: [f64; 9] = [0.0, -0.05, 0.05, -0.12, 0.12, -0.22, 0.22, -0.37, 0.37];
+/// How far around the best of these a parabola is laid, twice.
+const PHASE_WIDTHS: [f64; 2] = [0.025, 0.01];
+/// How often a known rate is polished, with half the width each time.
+const POLISHES: usize = 3;
+/// Where all of the sawtooth is tried, in standard deviations of the rate by its first term.
+const WIDTHS: [f64; 5] = [-2.0, -1.0, 0.0, 1.0, 2.0];
 /// Rates per line of a record's transform.
 const FINER: usize = 4;
 /// The sum of squares that a rate has to gain beyond two per record: chance gains that once in thousands of experiments.
@@ -38,10 +47,21 @@ pub(super) fn has_frames(kind: &Kind) -> bool {
     kind.id == "esc_frame_hold"
 }
 
+/// Two delays whose mean is what frames of this rate do where they may lie anywhere: a wait that is uniform over a frame. The
+/// points are Gauss's, right up to the third power of frequency over rate.
+pub(super) fn mean_waits(frame_hz: f64) -> Option<[Candidate; 2]> {
+    let delay = Catalog::standard().find("transport_delay")?;
+    let to_side = 1.0 / 12.0_f64.sqrt();
+    let frame_s = if frame_hz.is_finite() { 1.0 / frame_hz } else { 0.0 };
+    Some([0.5 - to_side, 0.5 + to_side].map(|part| Candidate::new(delay, vec![part * frame_s])))
+}
+
 /// What the rows of a record say of frames of every rate.
 struct Spectrum {
     place: usize,
     is_fitted: bool,
+    /// How often the command changes.
+    changes: usize,
     rate_hz: f64,
     /// Transform of `du_n g_n`, from rate 0 on, in steps of `rate_hz / product.len()`.
     product: Vec<Complex64>,
@@ -51,47 +71,123 @@ struct Spectrum {
     begin_s: f64,
 }
 
-/// The hypothesis of `fit` with the rate and the phases of the frames of its `effect`, and the standard deviation of the rate's
-/// logarithm. `None` where the records do not show them.
-pub(super) fn find(trials: &Trials, fit: &Fit, effect: usize) -> Option<(Hypothesis, f64)> {
+/// The hypothesis of `fit` with the rate and the phases of the frames of its `effect`. `None` where the records do not show
+/// them.
+pub(super) fn find(trials: &Trials, fit: &Fit, effect: usize) -> Option<Hypothesis> {
     let about_hz = fit.hypothesis.effects[effect].values[0];
     if !about_hz.is_finite() {
         return None;
     }
     let spectra: Vec<Spectrum> =
         trials.trials.iter().filter_map(|trial| Spectrum::of(trials, trial, &fit.hypothesis, 0.5 / about_hz)).collect();
+    // The few changes of a square wave fit frames of many rates; a multisine's many fit one.
     let fitted = || spectra.iter().filter(|spectrum| spectrum.is_fitted);
-    let records = fitted().count();
-    let step_hz = fitted().map(|spectrum| spectrum.rate_hz / spectrum.product.len() as f64).fold(f64::INFINITY, f64::min);
-    let nyquist_hz = fitted().map(|spectrum| 0.5 * spectrum.rate_hz).fold(f64::INFINITY, f64::min);
-    if records == 0 || !step_hz.is_finite() {
-        return None;
-    }
-    let gain = |hz: f64| fitted().map(|spectrum| spectrum.gain(hz)).sum::<f64>();
+    let most = fitted().map(|spectrum| spectrum.changes).max()?;
+    let telling: Vec<&Spectrum> = fitted().filter(|spectrum| 2 * spectrum.changes > most).collect();
+    let step_hz =
+        telling.iter().map(|spectrum| spectrum.rate_hz / spectrum.product.len() as f64).fold(f64::INFINITY, f64::min);
+    let nyquist_hz = telling.iter().map(|spectrum| 0.5 * spectrum.rate_hz).fold(f64::INFINITY, f64::min);
+    let gain = |hz: f64| telling.iter().map(|spectrum| spectrum.gain(hz)).sum::<f64>();
     let (low, high) = (about_hz / NEAR, (about_hz * NEAR).min(nyquist_hz));
     let steps = ((high - low) / step_hz).max(0.0) as u32;
     let at = |step: u32| low + f64::from(step) * step_hz;
-    let (mut best_hz, mut best) = (0..steps).map(|step| (at(step), gain(at(step)))).max_by(|a, b| a.1.total_cmp(&b.1))?;
-    if best - 2.0 * (records as f64) < LEAST_GAIN {
+    let (near_hz, best) = (0..steps).map(|step| (at(step), gain(at(step)))).max_by(|a, b| a.1.total_cmp(&b.1))?;
+    if best - 2.0 * (telling.len() as f64) < LEAST_GAIN {
         return None;
     }
-    // The top of the parabola through the best and its neighbors; its curvature says how well the rate is known.
-    let (below, above) = (gain(best_hz - step_hz), gain(best_hz + step_hz));
-    let curvature = (below - 2.0 * best + above) / (step_hz * step_hz);
-    if curvature < 0.0 {
-        best_hz -= 0.5 * (above - below) / step_hz / curvature;
-        best = gain(best_hz);
+    // Now with all of the sawtooth: over a few of the peak's widths, then the top of the parabola through the best.
+    let curvature = (gain(near_hz - step_hz) - 2.0 * best + gain(near_hz + step_hz)) / (step_hz * step_hz);
+    let width_hz = (2.0 / -curvature).sqrt();
+    if !width_hz.is_finite() {
+        return None;
     }
-    debug_assert!(best.is_finite());
-    let std_hz = (2.0 / -curvature).sqrt();
+    let judge = |hz: f64| {
+        let hypothesis = placed(trials, fit, effect, &spectra, hz);
+        misfit(trials, &hypothesis, Purpose::Fit).map(|left| (left, hz, hypothesis))
+    };
+    let mut judged: Vec<_> = WIDTHS.iter().filter_map(|widths| judge(near_hz + widths * width_hz)).collect();
+    judged.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (best, best_hz) = judged.first().map(|best| (best.0, best.1))?;
+    let (below, above) = (judge(best_hz - 0.5 * width_hz)?, judge(best_hz + 0.5 * width_hz)?);
+    let bend = (below.0 - 2.0 * best + above.0) / (0.25 * width_hz * width_hz);
+    let std_hz = if bend > 0.0 { (2.0 / bend).sqrt() } else { width_hz };
+    let top_hz = best_hz - if bend > 0.0 { 0.5 * (above.0 - below.0) / width_hz / bend } else { 0.0 };
+    judged.extend([below, above]);
+    judged.extend(judge(top_hz.clamp(best_hz - width_hz, best_hz + width_hz)));
+    let (_, hz, mut hypothesis) = judged.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
+    hypothesis.effects[effect].rate_std = std_hz / hz;
+    Some(hypothesis)
+}
+
+/// The rate and the phases once more, beside what `fit` has found with them.
+pub(super) fn polish(trials: &Trials, fit: &Fit, effect: usize) -> Option<Hypothesis> {
+    let known = &fit.hypothesis.effects[effect];
+    let (near_hz, mut width_hz) = (known.values[0], 2.0 * known.rate_std * known.values[0]);
+    let judge = |hz: f64| {
+        let mut hypothesis = fit.hypothesis.clone();
+        let frames = &mut hypothesis.effects[effect];
+        frames.values[0] = hz;
+        // What is in the middle of a record stays there.
+        for (trial, phase) in trials.trials.iter().zip(&mut frames.phases) {
+            let rows =
+                trial.stretches.first().map_or(0.0, |stretch| 0.5 * (stretch.rows.start + stretch.rows.end) as f64);
+            *phase += (hz - near_hz) * rows / trial.rate_hz;
+        }
+        let phases = trials.trials.par_iter().map(|trial| refined(trials, trial, hypothesis.clone(), effect, &[0.0]));
+        let phases = phases.collect();
+        hypothesis.effects[effect].phases = phases;
+        misfit(trials, &hypothesis, Purpose::Fit).map(|left| (left, hz, hypothesis))
+    };
+    let mut best = judge(near_hz)?;
+    for _ in 0..POLISHES {
+        let (below, above) = (judge(best.1 - width_hz)?, judge(best.1 + width_hz)?);
+        let bend = below.0 - 2.0 * best.0 + above.0;
+        let top = if bend > 0.0 { (0.5 * (below.0 - above.0) / bend).clamp(-1.0, 1.0) } else { 0.0 };
+        let rate_std = if bend > 0.0 { (2.0 / bend).sqrt() * width_hz / best.1 } else { known.rate_std };
+        let top = judge(best.1 + width_hz * top)?;
+        let candidates = [best, below, above, top];
+        best = candidates.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
+        best.2.effects[effect].rate_std = rate_std;
+        width_hz *= 0.5;
+    }
+    Some(best.2)
+}
+
+/// With frames of this rate, in each record where its rows leave least.
+fn placed(trials: &Trials, fit: &Fit, effect: usize, spectra: &[Spectrum], hz: f64) -> Hypothesis {
     let mut hypothesis = fit.hypothesis.clone();
-    let frames = &mut hypothesis.effects[effect];
-    frames.values[0] = best_hz;
-    frames.phases = vec![0.0; trials.trials.len()];
-    for spectrum in &spectra {
-        frames.phases[spectrum.place] = spectrum.phase(best_hz);
+    hypothesis.effects[effect].values[0] = hz;
+    hypothesis.effects[effect].phases = vec![0.0; trials.trials.len()];
+    for spectrum in spectra {
+        hypothesis.effects[effect].phases[spectrum.place] = spectrum.phase(hz);
     }
-    std_hz.is_finite().then(|| (hypothesis, std_hz / best_hz))
+    let phase = |trial: &Trial| refined(trials, trial, hypothesis.clone(), effect, &PHASE_OFFSETS);
+    let phases: Vec<f64> = trials.trials.par_iter().map(phase).collect();
+    hypothesis.effects[effect].phases = phases;
+    hypothesis
+}
+
+/// The phase of one record near that of `hypothesis` where its rows leave least: the first term of the sawtooth is not all
+/// of it.
+fn refined(trials: &Trials, trial: &Trial, mut hypothesis: Hypothesis, effect: usize, offsets: &[f64]) -> f64 {
+    let begin = hypothesis.effects[effect].phases[trial.place];
+    let Some(purpose) = trial.stretches.first().map(|stretch| stretch.purpose) else { return begin };
+    let mut left_at = |phase: f64| {
+        hypothesis.effects[effect].phases[trial.place] = phase.rem_euclid(1.0);
+        let white = residual(trials, trial, &hypothesis, purpose);
+        white.map_or(f64::INFINITY, |white| white.iter().map(Complex64::norm_sqr).sum::<f64>())
+    };
+    let least =
+        |at: Vec<(f64, f64)>| at.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, begin));
+    let (mut left, mut phase) = least(offsets.iter().map(|offset| (left_at(begin + offset), begin + offset)).collect());
+    for width in PHASE_WIDTHS {
+        let (below, above) = (left_at(phase - width), left_at(phase + width));
+        let bend = below - 2.0 * left + above;
+        let top = if bend > 0.0 { (0.5 * (below - above) / bend).clamp(-1.0, 1.0) } else { 0.0 };
+        let top = phase + width * top;
+        (left, phase) = least(vec![(left, phase), (below, phase - width), (above, phase + width), (left_at(top), top)]);
+    }
+    phase.rem_euclid(1.0)
 }
 
 impl Spectrum {
@@ -141,6 +237,7 @@ impl Spectrum {
         Some(Self {
             place: trial.place,
             is_fitted: purpose == Purpose::Fit,
+            changes: changes.iter().filter(|change| **change != 0.0).count(),
             rate_hz: trial.rate_hz,
             product,
             power: spectrum.iter().map(|line| line.re.max(0.0)).collect(),

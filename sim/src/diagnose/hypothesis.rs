@@ -48,6 +48,8 @@ pub(super) struct Candidate {
     /// Of frames: the part of a frame from the first command of each record to its first frame, by the record's place. Empty
     /// where it is not known.
     pub phases: Vec<f64>,
+    /// With phases, the standard deviation of the rate's logarithm.
+    pub rate_std: f64,
 }
 
 /// What one coordinate of a search is.
@@ -71,7 +73,7 @@ pub(super) enum Coordinate {
 impl Candidate {
     /// An effect whose frames, if it has any, may lie anywhere.
     pub fn new(kind: &'static Kind, values: Vec<f64>) -> Self {
-        Self { kind, values, phases: Vec::new() }
+        Self { kind, values, phases: Vec::new(), rate_std: f64::INFINITY }
     }
 
     /// Whether it has frames.
@@ -278,15 +280,17 @@ impl Hypothesis {
     /// # Errors
     /// [`PlantError`] for values that no actuator has.
     pub fn simulate(&self, trials: &Trials, trial: &Trial, rows: usize) -> Result<Vec<f64>, PlantError> {
-        let Some(effect) = self.effects.iter().position(|effect| effect.has_frames() && effect.phases.is_empty()) else {
+        let anywhere = self.effects.iter().position(|effect| effect.has_frames() && effect.phases.is_empty());
+        let waits = anywhere.and_then(|effect| frames::mean_waits(self.effects[effect].values[0]));
+        let Some((effect, waits)) = anywhere.zip(waits) else {
             return self.simulate_known(trials, trial, rows);
         };
         let mut mean = vec![0.0; rows];
-        for part in 0..frames::MEAN_OVER {
-            let mut at = self.clone();
-            at.effects[effect].phases = vec![(f64::from(part) + 0.5) / f64::from(frames::MEAN_OVER); trials.trials.len()];
-            let response = at.simulate_known(trials, trial, rows)?;
-            mean.iter_mut().zip(&response).for_each(|(mean, y)| *mean += y / f64::from(frames::MEAN_OVER));
+        for wait in waits {
+            let mut late = self.clone();
+            late.effects[effect] = wait;
+            let response = late.simulate_known(trials, trial, rows)?;
+            mean.iter_mut().zip(&response).for_each(|(mean, y)| *mean += 0.5 * y);
         }
         Ok(mean)
     }

@@ -337,9 +337,13 @@ fn estimates(
     let estimate = |(value, parameter): (usize, &'static crate::plant::effect::Parameter)| {
         let slope = hypothesis::slope(parameter, candidate.values[value]);
         let coordinate = Coordinate::Effect { effect, value };
-        let by_derivative = fit.std(coordinate);
-        let std =
-            if parameter.pieces > hypothesis::GRID { fit.profiled_std(trials, coordinate) } else { by_derivative };
+        let std = if !candidate.phases.is_empty() {
+            Some(candidate.rate_std)
+        } else if parameter.pieces > hypothesis::GRID {
+            fit.profiled_std(trials, coordinate)
+        } else {
+            fit.std(coordinate)
+        };
         (parameter, Estimate::normal(candidate.values[value], std.unwrap_or(f64::INFINITY) * slope.abs()))
     };
     searched.map(estimate).collect()
