@@ -9,10 +9,10 @@
 use std::cmp::Ordering;
 
 use super::fit::{Fit, MOST_STEPS, Screening, fit, fit_in, misfit};
-use super::frames;
 use super::hypothesis::{Candidate, GRID, Hypothesis};
 use super::scan::Scan;
 use super::trial::{Before, Purpose, Trial, Trials};
+use super::{frames, grid};
 use crate::identify::offset_and_start;
 use crate::plant::Catalog;
 use crate::plant::effect::Kind;
@@ -213,6 +213,14 @@ impl Search<'_> {
             }
         }
         tried.sort_by(by_worth);
+        // A hold whose frames do not show is, by all that is known, a delay.
+        let hidden = |tried: &Tried| tried.fit.hypothesis.effects.last().is_some_and(Candidate::is_hidden_hold);
+        if let Some(delay) = tried.iter().position(|tried| tried.kind.id == "transport_delay")
+            && tried.first().is_some_and(hidden)
+            && tried[0].worth() - tried[delay].worth() < ALIKE
+        {
+            tried[..=delay].rotate_right(1);
+        }
         tried
     }
 
@@ -239,7 +247,8 @@ impl Search<'_> {
             judged.extend(looked);
             judged.sort_by(|a, b| a.0.total_cmp(&b.0));
         };
-        let valleys = scan.valleys(kind, GRID);
+        let valleys =
+            if grid::is_grid(kind) { grid::steps(&self.trials, from, kind) } else { scan.valleys(kind, GRID) };
         let is_jumping = !valleys.is_empty();
         look(&mut judged, if is_jumping { valleys } else { Candidate::starts(kind) });
         if is_jumping {

@@ -19,6 +19,7 @@ use num_complex::Complex64;
 use rayon::prelude::*;
 use rustfft::FftPlanner;
 
+use super::backward::{Backward, told};
 use super::fit::{Fit, misfit, residual};
 use super::hypothesis::{Candidate, Hypothesis};
 use super::trial::{Purpose, Stretch, Trial, Trials};
@@ -36,7 +37,13 @@ const PHASE_WIDTHS: [f64; 2] = [0.025, 0.01];
 /// How often a known rate is polished, with half the width each time.
 const POLISHES: usize = 3;
 /// Where all of the sawtooth is tried, in standard deviations of the rate by its first term.
-const WIDTHS: [f64; 5] = [-2.0, -1.0, 0.0, 1.0, 2.0];
+const WIDTHS: [f64; 4] = [-2.0, -1.0, 1.0, 2.0];
+/// Peaks that are tried so.
+const PEAKS: usize = 5;
+/// A record with no more changes of the command than this has them far between.
+const FEW: usize = 64;
+/// Phases at which frames are tried where changes are few.
+const EDGE_PHASES: u32 = 24;
 /// Rates per line of a record's transform.
 const FINER: usize = 4;
 /// The sum of squares that a rate has to gain beyond two per record: chance gains that once in thousands of experiments.
@@ -60,8 +67,8 @@ pub(super) fn mean_waits(frame_hz: f64) -> Option<[Candidate; 2]> {
 struct Spectrum {
     place: usize,
     is_fitted: bool,
-    /// How often the command changes.
-    changes: usize,
+    /// Changes of the command, where they are few and far between; else empty.
+    edges: Vec<Edge>,
     rate_hz: f64,
     /// Transform of `du_n g_n`, from rate 0 on, in steps of `rate_hz / product.len()`.
     product: Vec<Complex64>,
@@ -80,32 +87,39 @@ pub(super) fn find(trials: &Trials, fit: &Fit, effect: usize) -> Option<Hypothes
     }
     let spectra: Vec<Spectrum> =
         trials.trials.iter().filter_map(|trial| Spectrum::of(trials, trial, &fit.hypothesis, 0.5 / about_hz)).collect();
-    // The few changes of a square wave fit frames of many rates; a multisine's many fit one.
+    // The few changes of a square wave fit frames of many rates, a multisine's many fit one: together they tell.
     let fitted = || spectra.iter().filter(|spectrum| spectrum.is_fitted);
-    let most = fitted().map(|spectrum| spectrum.changes).max()?;
-    let telling: Vec<&Spectrum> = fitted().filter(|spectrum| 2 * spectrum.changes > most).collect();
+    let records = fitted().count();
     let step_hz =
-        telling.iter().map(|spectrum| spectrum.rate_hz / spectrum.product.len() as f64).fold(f64::INFINITY, f64::min);
-    let nyquist_hz = telling.iter().map(|spectrum| 0.5 * spectrum.rate_hz).fold(f64::INFINITY, f64::min);
-    let gain = |hz: f64| telling.iter().map(|spectrum| spectrum.gain(hz)).sum::<f64>();
+        fitted().map(|spectrum| spectrum.rate_hz / spectrum.product.len() as f64).fold(f64::INFINITY, f64::min);
+    let nyquist_hz = fitted().map(|spectrum| 0.5 * spectrum.rate_hz).fold(f64::INFINITY, f64::min);
+    let gain = |hz: f64| fitted().map(|spectrum| spectrum.gain(hz)).sum::<f64>();
     let (low, high) = (about_hz / NEAR, (about_hz * NEAR).min(nyquist_hz));
     let steps = ((high - low) / step_hz).max(0.0) as u32;
     let at = |step: u32| low + f64::from(step) * step_hz;
-    let (near_hz, best) = (0..steps).map(|step| (at(step), gain(at(step)))).max_by(|a, b| a.1.total_cmp(&b.1))?;
-    if best - 2.0 * (telling.len() as f64) < LEAST_GAIN {
+    let gains: Vec<f64> = (0..steps).into_par_iter().map(|step| gain(at(step))).collect();
+    let is_peak = |step: &usize| {
+        let beside = |other: Option<&f64>| other.is_none_or(|other| *other <= gains[*step]);
+        beside(step.checked_sub(1).and_then(|below| gains.get(below))) && beside(gains.get(step + 1))
+    };
+    let mut peaks: Vec<usize> = (0..gains.len()).filter(is_peak).collect();
+    peaks.sort_by(|a, b| gains[*b].total_cmp(&gains[*a]));
+    peaks.truncate(PEAKS);
+    if gains[*peaks.first()?] - 2.0 * (records as f64) < LEAST_GAIN {
         return None;
     }
-    // Now with all of the sawtooth: over a few of the peak's widths, then the top of the parabola through the best.
-    let curvature = (gain(near_hz - step_hz) - 2.0 * best + gain(near_hz + step_hz)) / (step_hz * step_hz);
-    let width_hz = (2.0 / -curvature).sqrt();
-    if !width_hz.is_finite() {
-        return None;
-    }
+    // Now with all of the sawtooth and the whole chain: the peaks, and then a few of the best one's widths.
     let judge = |hz: f64| {
         let hypothesis = placed(trials, fit, effect, &spectra, hz);
         misfit(trials, &hypothesis, Purpose::Fit).map(|left| (left, hz, hypothesis))
     };
+    let peaks = peaks.into_iter().filter_map(|peak| judge(at(peak as u32)));
+    let peak = peaks.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let near_hz = peak.1;
+    let curvature = (gain(near_hz - step_hz) - 2.0 * gain(near_hz) + gain(near_hz + step_hz)) / (step_hz * step_hz);
+    let width_hz = if curvature < 0.0 { (2.0 / -curvature).sqrt().min(step_hz) } else { step_hz };
     let mut judged: Vec<_> = WIDTHS.iter().filter_map(|widths| judge(near_hz + widths * width_hz)).collect();
+    judged.push(peak);
     judged.sort_by(|a, b| a.0.total_cmp(&b.0));
     let (best, best_hz) = judged.first().map(|best| (best.0, best.1))?;
     let (below, above) = (judge(best_hz - 0.5 * width_hz)?, judge(best_hz + 0.5 * width_hz)?);
@@ -190,58 +204,52 @@ fn refined(trials: &Trials, trial: &Trial, mut hypothesis: Hypothesis, effect: u
     phase.rem_euclid(1.0)
 }
 
+/// A change of the command that stands alone.
+struct Edge {
+    /// Seconds from the first row of the transform.
+    at_s: f64,
+    /// Inner product of the residual with the white response to a unit of wait less.
+    product: f64,
+    /// Sum of squares of that response.
+    power: f64,
+}
+
 impl Spectrum {
     /// Of a record's fitted rows, or else of those held out: where the frames lie is a matter of the record.
     fn of(trials: &Trials, trial: &Trial, hypothesis: &Hypothesis, delay_s: f64) -> Option<Self> {
-        let purpose = trial.stretches.first()?.purpose;
-        let stretch = trial.stretches.iter().find(|stretch| stretch.purpose == purpose)?;
-        let white = residual(trials, trial, hypothesis, purpose)?;
+        let backward = Backward::of(trials, trial, hypothesis, delay_s)?;
+        let stretch = backward.stretch;
         let rows = stretch.rows.len();
-        let lag = &hypothesis.base[trial.point];
-        // Response to a unit impulse of command, by line: of a row's length, so that it sums up.
-        let through = |line: usize| {
-            let omega = TAU * line as f64 * trial.rate_hz / rows as f64;
-            lag.gain * Complex64::cis(-omega * delay_s) / Complex64::new(1.0, omega * lag.time_constant_s)
-        };
-        let weights = stretch.whitening.weights();
-        // The rate of rows turns an impulse into its samples.
-        let weighted = |line: usize| through(line) * (weights[line] * trial.rate_hz);
-        let mut backward = vec![Complex64::ZERO; rows];
-        let mut power = vec![Complex64::ZERO; rows];
-        for (index, z) in white.iter().enumerate().take(rows / 2) {
-            let line = index + 1;
-            let filter = weighted(line);
-            backward[line] = filter.conj() * z;
-            backward[rows - line] = backward[line].conj();
-            power[line] = Complex64::from(filter.norm_sqr());
-            power[rows - line] = power[line];
-        }
-        let mut planner = FftPlanner::new();
-        planner.plan_fft_inverse(rows).process(&mut backward);
-        planner.plan_fft_inverse(rows).process(&mut power);
         let changes = changes(trial, stretch);
-        let length = FINER * rows;
-        let mut product = vec![Complex64::ZERO; length];
-        for ((product, change), backward) in product.iter_mut().zip(&changes).zip(&backward) {
-            // The backward run counts every line twice, once mirrored.
-            *product = Complex64::from(0.5 * change * backward.re);
+        let mut planner = FftPlanner::new();
+        let mut product = vec![Complex64::ZERO; FINER * rows];
+        for ((product, change), g) in product.iter_mut().zip(&changes).zip(&backward.g) {
+            *product = Complex64::from(change * g);
         }
-        planner.plan_fft_forward(length).process(&mut product);
+        planner.plan_fft_forward(product.len()).process(&mut product);
         // Power at a rate: transform over the lags of the changes' and the filter's autocorrelations.
         let mut spectrum: Vec<Complex64> = changes.iter().map(|change| Complex64::from(*change)).collect();
         planner.plan_fft_forward(rows).process(&mut spectrum);
         spectrum.iter_mut().for_each(|line| *line = Complex64::from(line.norm_sqr() / rows as f64));
         planner.plan_fft_inverse(rows).process(&mut spectrum);
-        spectrum.iter_mut().zip(&power).for_each(|(lags, filter)| *lags *= filter.re / 2.0);
+        spectrum.iter_mut().zip(&backward.lags).for_each(|(lags, filter)| *lags *= *filter);
         planner.plan_fft_forward(rows).process(&mut spectrum);
+        let told = changes.iter().enumerate().filter(|(_, change)| **change != 0.0);
+        let edges: Vec<Edge> = told
+            .map(|(row, change)| Edge {
+                at_s: row as f64 / trial.rate_hz,
+                product: change * backward.g[row],
+                power: change * change * backward.lags[0],
+            })
+            .collect();
         Some(Self {
             place: trial.place,
-            is_fitted: purpose == Purpose::Fit,
-            changes: changes.iter().filter(|change| **change != 0.0).count(),
+            is_fitted: backward.is_fitted(),
             rate_hz: trial.rate_hz,
             product,
             power: spectrum.iter().map(|line| line.re.max(0.0)).collect(),
             begin_s: stretch.rows.start as f64 / trial.rate_hz,
+            edges: if edges.len() <= FEW { edges } else { Vec::new() },
         })
     }
 
@@ -264,23 +272,40 @@ impl Spectrum {
 
     /// By how much frames of this rate would lower the sum of squares, wherever they lie.
     fn gain(&self, hz: f64) -> f64 {
+        if !self.edges.is_empty() {
+            return (0..EDGE_PHASES).map(|phase| self.edge_gain(hz, phase)).fold(f64::NEG_INFINITY, f64::max);
+        }
         let size = 1.0 / (PI * hz);
         2.0 * size * self.product_at(hz).norm() - 0.5 * size * size * self.power_at(hz)
     }
 
+    /// The same by all of the sawtooth, with the first frame at one of so many phases.
+    fn edge_gain(&self, hz: f64, phase: u32) -> f64 {
+        let of = |edge: &Edge| {
+            // The wait for the next frame beyond the mean one.
+            let frames = f64::from(phase) / f64::from(EDGE_PHASES) - hz * edge.at_s;
+            let beyond_s = (frames - frames.floor() - 0.5) / hz;
+            -2.0 * beyond_s * edge.product - beyond_s * beyond_s * edge.power
+        };
+        self.edges.iter().map(of).sum()
+    }
+
     /// The part of a frame from the first command to the first frame.
     fn phase(&self, hz: f64) -> f64 {
-        // Im(e^(2 pi j phi) C) is largest where the angle is a quarter turn; the transform begins later than the record.
-        let turns = 0.25 - self.product_at(hz).arg() / TAU + hz * self.begin_s;
-        turns.rem_euclid(1.0)
+        let gain = |phase: &u32| self.edge_gain(hz, *phase);
+        let of_edges = (0..EDGE_PHASES).max_by(|a, b| gain(a).total_cmp(&gain(b)));
+        let turns = match of_edges.filter(|_| !self.edges.is_empty()) {
+            Some(phase) => f64::from(phase) / f64::from(EDGE_PHASES),
+            // Im(e^(2 pi j phi) C) is largest where the angle is a quarter turn.
+            None => 0.25 - self.product_at(hz).arg() / TAU,
+        };
+        // The transform begins later than the record.
+        (turns + hz * self.begin_s).rem_euclid(1.0)
     }
 }
 
 /// Changes of the command at each row of a stretch.
 fn changes(trial: &Trial, stretch: &Stretch) -> Vec<f64> {
-    let told = |row: usize| trial.told[row * trial.told_per_row];
-    let first = stretch.rows.start;
-    let before = if first > 0 { told(first - 1) } else { trial.nominal };
-    let rows = stretch.rows.clone();
-    rows.map(|row| told(row) - if row == first { before } else { told(row - 1) }).collect()
+    let (mut before, told) = told(trial, stretch);
+    told.into_iter().map(|told| told - std::mem::replace(&mut before, told)).collect()
 }

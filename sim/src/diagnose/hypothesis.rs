@@ -81,6 +81,11 @@ impl Candidate {
         frames::has_frames(self.kind)
     }
 
+    /// Whether it has frames that may lie anywhere.
+    pub fn is_hidden_hold(&self) -> bool {
+        self.has_frames() && self.phases.is_empty()
+    }
+
     /// Places of the values that a search may change.
     pub fn searched(kind: &'static Kind) -> impl Iterator<Item = (usize, &'static Parameter)> {
         let is_searched = |parameter: &Parameter| match parameter.usage {
@@ -280,7 +285,7 @@ impl Hypothesis {
     /// # Errors
     /// [`PlantError`] for values that no actuator has.
     pub fn simulate(&self, trials: &Trials, trial: &Trial, rows: usize) -> Result<Vec<f64>, PlantError> {
-        let anywhere = self.effects.iter().position(|effect| effect.has_frames() && effect.phases.is_empty());
+        let anywhere = self.effects.iter().position(Candidate::is_hidden_hold);
         let waits = anywhere.and_then(|effect| frames::mean_waits(self.effects[effect].values[0]));
         let Some((effect, waits)) = anywhere.zip(waits) else {
             return self.simulate_known(trials, trial, rows);

@@ -5,12 +5,14 @@
 //! both models with what was held out. All of it rests on white residuals (`whitening`): where only noise is left, their
 //! sum of squares is a chi-square.
 
+mod backward;
 pub mod bandwidths;
 mod error;
 mod explain;
 mod fit;
 mod frames;
 mod gap;
+mod grid;
 mod hum;
 mod hypothesis;
 mod locate;
