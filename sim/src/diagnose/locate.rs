@@ -33,7 +33,7 @@ pub enum Axis {
     Time,
     /// 1 for excited lines, 2 for even ones, 3 for odd ones that are not excited.
     Harmonics,
-    /// 1 for multisine records, 2 for square waves.
+    /// 1 for multisine records, 2 for square waves, 3 for triangles.
     Excitation,
 }
 
@@ -186,7 +186,11 @@ pub(super) fn locate(trials: &Trials, hypothesis: &Hypothesis) -> Vec<Location> 
     let (mut direction, mut time) = (Parts::default(), Parts::default());
     let amplitudes: Vec<f64> = trials.trials.iter().map(|trial| trial.amplitude).collect();
     for trial in &trials.trials {
-        let kind = if trial.excitation == Excitation::Multisine { 1.0 } else { 2.0 };
+        let kind = match trial.excitation {
+            Excitation::Multisine => 1.0,
+            Excitation::Triangle => 3.0,
+            _ => 2.0,
+        };
         for line in lines(trials, trial, hypothesis, Purpose::Fit) {
             let sort = match (line.excited, line.even) {
                 (true, _) => 1.0,
