@@ -8,6 +8,7 @@ use miette::{IntoDiagnostic as _, WrapErr as _};
 use serde_json::{Value, json};
 
 use super::diagnose_bandwidths::BandwidthArguments;
+use super::figures::{check_folder, make_folder};
 use super::outcome::{JsonOption, Outcome, wrapped};
 use super::redesign::RedesignArguments;
 use super::{WrongUse, progress};
@@ -15,7 +16,7 @@ use crate::diagnose::{Axis, Diagnosis, Location, Options, Verdict, diagnose};
 use crate::files::{check_writable, write_file};
 use crate::plant::{Catalog, Model};
 use crate::record::Experiment;
-use crate::report::with_std;
+use crate::report::{diagnosis_figures, with_std};
 
 /// Width of what is said.
 const WIDTH: usize = 100;
@@ -39,6 +40,10 @@ pub struct Diagnose {
     /// Where the plan of the experiment that would say more goes, for `rotorlead simulate` and for a controller
     #[arg(long, value_name = "FILE", requires = "experiment")]
     out_plan: Option<PathBuf>,
+    /// Also draw where the gap lies, what explains it and how far it shrinks: SVG, and the numbers as CSV, in this folder, which
+    /// is made where it is not there
+    #[arg(long, value_name = "DIR", requires = "experiment")]
+    figures: Option<PathBuf>,
     #[command(flatten)]
     table: BandwidthArguments,
     #[command(flatten)]
@@ -70,6 +75,9 @@ impl Diagnose {
         if let Some(out) = &self.out_plan {
             check_writable(out)?;
         }
+        if let Some(figures) = &self.figures {
+            check_folder(figures)?;
+        }
         let catalog = Catalog::standard();
         let bar = progress::spinner("diagnosing");
         let tick = || bar.tick();
@@ -85,6 +93,16 @@ impl Diagnose {
         }
         if let Some(out) = &self.out_plan {
             text.push_str(&write_plan(&found, out)?);
+        }
+        if let Some(folder) = &self.figures {
+            make_folder(folder)?;
+            let figures = diagnosis_figures(&found)?;
+            for figure in &figures {
+                write_file(&folder.join(figure.name).with_extension("svg"), figure.svg.as_bytes())?;
+                write_file(&folder.join(figure.name).with_extension("csv"), figure.csv.as_bytes())?;
+            }
+            let names: Vec<&str> = figures.iter().map(|figure| figure.name).collect();
+            writeln!(text, "\nFigures in {}: {}", folder.display(), names.join(", ")).into_diagnostic()?;
         }
         let mut json = values(&found);
         if let Some(redesigned) = self.redesign.run(&found, experiment.esc_frame_hz)? {

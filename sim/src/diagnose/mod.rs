@@ -20,8 +20,8 @@ mod whitening;
 use std::collections::BTreeMap;
 
 pub use error::DiagnoseError;
-pub use gap::{Gap, RecordGap};
-pub use locate::{Axis, Excess, Location};
+pub use gap::{Gap, RecordGap, Residual};
+pub use locate::{Axis, Excess, Location, MapCell};
 pub use next::{Conditions, NextExperiment};
 
 use explain::{Explanation, Search};
@@ -124,6 +124,10 @@ pub struct Diagnosis {
     pub excess: (Excess, Excess),
     /// The improved model.
     pub model: Model,
+    /// What is left over frequency and nominal command, before and after.
+    pub map: Vec<MapCell>,
+    /// What is left of one record, before and after.
+    pub residual: Option<Residual>,
     /// How the records were taken.
     pub conditions: Conditions,
 }
@@ -222,9 +226,11 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         model,
         effects,
         gap,
-        records,
         left_out: trials.left_out.clone(),
         conditions: Conditions::of(experiment, trials),
+        map: locate::map(trials, &before.hypothesis, &after.hypothesis),
+        residual: gap::residual(trials, &records, &before.hypothesis, &after.hypothesis, held_out),
+        records,
         held_out,
         excess: (excess_before, excess_after),
     })

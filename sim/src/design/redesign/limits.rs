@@ -87,8 +87,7 @@ impl Bound {
         };
         let asked = |omega: f64| self.asked(amplitude * lead(omega).norm(), omega);
         let highest = omegas().chain([bandwidth_rad_s]).map(asked).fold(0.0, f64::max);
-        let needed =
-            |omega: f64| FRAC_PI_4 * self.asked(THREE_DB * amplitude * (actuator(0.0) / actuator(omega)).norm(), omega);
+        let needed = |omega: f64| self.asked(THREE_DB * amplitude * (actuator(0.0) / actuator(omega)).norm(), omega);
         // It grows with the frequency; far above all bandwidths it is passed by any bound that is one.
         let (mut low, mut high) = (0.0, 1e6);
         while high - low > 1e-9 * high {
