@@ -184,8 +184,8 @@ fn refusal(point: &RedesignPoint, limit: &Limit) -> String {
     let reachable = limit.reachable_rad_s;
     format!(
         "u_nom {nominal:.3}: from {from:.1} rad/s on the compensated command would {what}. The {promised} rad/s that the lead \
-         promises hold for amplitudes up to {largest:.4}; at {:.3} the chain reaches {reached}, and no filter can make it more \
-         than {reachable:.1}. Without one it is {alone} for small deviations.",
+         promises hold for amplitudes up to {largest:.4}; at {:.3} the chain reaches {reached}, and no filter can make it much \
+         more than {reachable:.1}. Without one it is {alone} for small deviations.",
         point.amplitude
     )
 }

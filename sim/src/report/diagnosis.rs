@@ -150,7 +150,13 @@ fn candidates(found: &Diagnosis) -> Option<Drawing<Figure>> {
         return None;
     }
     let shown: Vec<_> = tried.into_iter().filter(|tried| tried.worth > 1.0).take(MOST_KINDS).collect();
-    let axis = Frequency(1.0..best.max(10.0) * 3.0);
+    let end = best.max(10.0) * 3.0;
+    let axis = Frequency(1.0..end);
+    // Over many decades there is room for their names alone.
+    let label = |value: &f64| {
+        let is_named = end < 1e3 || (value.log10() - value.log10().round()).abs() < 1e-9;
+        if is_named { format!("{value}") } else { String::new() }
+    };
     let draw = |root: &Area| -> Drawing<()> {
         let body = root.titled("Effects tried alone", ("sans-serif", 20))?;
         let mut chart = ChartBuilder::on(&body)
@@ -164,6 +170,7 @@ fn candidates(found: &Diagnosis) -> Option<Drawing<Figure>> {
             .disable_y_mesh()
             .light_line_style(WHITE)
             .x_desc("gain of log likelihood, fitted and held out, less one per parameter")
+            .x_label_formatter(&label)
             .y_labels(0)
             .draw()?;
         let bars = shown.iter().enumerate().map(|(row, tried)| {
@@ -214,6 +221,7 @@ fn gaps(found: &Diagnosis) -> Option<Drawing<Figure>> {
             .disable_y_mesh()
             .light_line_style(WHITE)
             .x_desc("RMS of the residual over that of the response, percent")
+            .x_label_formatter(&|percent| format!("{percent}"))
             .y_labels(0)
             .draw()?;
         for (row, record) in records.iter().enumerate() {
@@ -270,6 +278,9 @@ fn residual(found: &Diagnosis) -> Option<Drawing<Figure>> {
             .light_line_style(WHITE)
             .x_desc("time in the record, s")
             .y_desc(format!("measured less simulated, {unit}"))
+            // Without the sign of a zero.
+            .x_label_formatter(&|time_s| format!("{}", (1e6 * time_s).round() / 1e6 + 0.0))
+            .y_label_formatter(&|left| format!("{}", (1e6 * left).round() / 1e6 + 0.0))
             .draw()?;
         let band = [(from, -2.0 * left.noise_std), (to, 2.0 * left.noise_std)];
         chart
