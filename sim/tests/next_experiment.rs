@@ -76,13 +76,15 @@ fn what_is_proposed_runs_on_the_same_actuator_and_names_what_is_hidden() {
         let found = diagnosed(&experiment(&hidden));
         assert_eq!(found.effects[0].kind.id, kind, "{:?}", found.effects);
         let next = proposed(&found, rival);
-        let plan = read_back(&next);
+        let mut plan = read_back(&next);
         for excitation in excitations {
             assert!(plan.records.iter().any(|record| record.excitation == *excitation), "{kind}: {plan:?}");
         }
         // The controller plays the multisines itself; of the others it says so.
         let amplitudes = next.device.iter().filter(|line| line.contains("excite")).count();
         assert!(amplitudes >= 1 && next.device.iter().any(|line| line.contains("does not play")), "{:?}", next.device);
+        // One of the two nominal commands is enough, and quick.
+        plan.records.retain(|record| record.nominal == 0.6);
         let again = diagnosed(&run(&plan, &hidden, None, &|_| {}).unwrap());
         assert_eq!(again.verdict, Verdict::Named, "{kind}: {:?}", again.effects);
         let names: Vec<&str> = again.effects.iter().map(|effect| effect.kind.id).collect();

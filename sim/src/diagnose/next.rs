@@ -340,15 +340,10 @@ fn on_a_device(plan: &Plan, needs: &str) -> Vec<String> {
     if !needs.is_empty() {
         lines.push(needs.to_owned());
     }
-    let divisor = plan.loop_rate_hz / plan.sample_rate_hz;
+    // Of the controller's own ticks: what is simulated may have another loop.
+    let divisor = (LOOP_RATE_HZ / plan.sample_rate_hz).max(1);
     let common = "rotorlead device --port PORT";
     let sensor = "--out DIR --newtons-per-count N --zero-count COUNT";
-    if plan.loop_rate_hz != LOOP_RATE_HZ {
-        lines.push(format!(
-            "A controller at {LOOP_RATE_HZ} Hz takes one row in {} ticks for the rows of this plan: --divisor.",
-            LOOP_RATE_HZ / plan.sample_rate_hz
-        ));
-    }
     // Multisines of one size are one command; the order of the records stays.
     let mut group: Option<(&PlannedRecord, Vec<String>)> = None;
     let say = |(record, nominals): (&PlannedRecord, Vec<String>)| {

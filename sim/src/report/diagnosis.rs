@@ -272,7 +272,7 @@ fn residual(found: &Diagnosis) -> Option<Drawing<Figure>> {
             .margin_right(20)
             .x_label_area_size(42)
             .y_label_area_size(70)
-            .build_cartesian_2d(from..to, -1.35 * most..1.35 * most)?;
+            .build_cartesian_2d(from..to, -1.1 * most..1.7 * most)?;
         chart
             .configure_mesh()
             .light_line_style(WHITE)
@@ -287,12 +287,12 @@ fn residual(found: &Diagnosis) -> Option<Drawing<Figure>> {
             .draw_series([Rectangle::new(band, BLACK.mix(0.15).filled())])?
             .label("noise, two standard deviations")
             .legend(|(x, y)| Rectangle::new([(x, y - 5), (x + 18, y + 5)], BLACK.mix(0.15).filled()));
-        for (label, values, color) in
-            [("first model", &left.before, COLORS[1]), ("improved model", &left.after, COLORS[0])]
+        for (label, values, color, width) in
+            [("first model", &left.before, COLORS[1], 3), ("improved model", &left.after, COLORS[0], 1)]
         {
             let points = left.time_s.iter().copied().zip(values.iter().copied());
             chart
-                .draw_series(LineSeries::new(points, color.stroke_width(1)))?
+                .draw_series(LineSeries::new(points, color.stroke_width(width)))?
                 .label(label)
                 .legend(move |(x, y)| PathElement::new(vec![(x, y), (x + 18, y)], color.stroke_width(2)));
         }
