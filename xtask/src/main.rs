@@ -3,6 +3,7 @@
 mod apt;
 mod bench;
 mod blind;
+mod docs;
 mod emulator;
 mod firmware;
 mod image;
@@ -27,9 +28,11 @@ Usage: cargo xtask COMMAND
            with --firmware [--json FILE] instructions on the controller's core, in QEMU;
            with --identify [--largest] [--json FILE] identification alone, from CSV files to a model, beside NumPy and SciPy
            where PYTHON (python3 if not set) has them; --largest goes to 10^8 rows: minutes, and 5 GB in target/
+           with --diagnose [--json FILE] a diagnosis with the whole catalog, and how its time grows with the rows
   blind    [--set tune|report] [--kinds A,B] [--seeds N] [--jobs N] [--keep DIR] [--rivals family|all] [--only-ceilings]
            asks `rotorlead diagnose` about cases whose truth it does not see, and scores the answers; the whole report set
            against all rivals writes docs/confusion.md
+  docs     writes the catalog of effects into docs/diagnosis.md
   help     prints this
 ";
 
@@ -47,6 +50,7 @@ fn main() -> ExitCode {
         },
         ["flash"] => firmware::flash(),
         ["test"] => test::all(),
+        ["docs"] => docs::write(),
         ["blind", options @ ..] => blind::run_cases(options),
         ["bench"] => bench::all(),
         ["bench", "--firmware"] => bench::firmware(None),
@@ -55,6 +59,9 @@ fn main() -> ExitCode {
         ["bench", "--identify", "--json", file] => bench::identify(false, Some(file)),
         ["bench", "--identify", "--largest"] => bench::identify(true, None),
         ["bench", "--identify", "--largest", "--json", file] => bench::identify(true, Some(file)),
+
+        ["bench", "--diagnose"] => bench::diagnose(None),
+        ["bench", "--diagnose", "--json", file] => bench::diagnose(Some(file)),
         ["help" | "--help" | "-h"] | [] => {
             print!("{HELP}");
             return ExitCode::SUCCESS;

@@ -18,6 +18,7 @@ mod import;
 mod outcome;
 mod parameters;
 mod progress;
+mod redesign;
 mod simulate;
 mod validate;
 mod wrong_use;

@@ -27,6 +27,62 @@ pub struct RecordGap {
     pub gap: Gap,
 }
 
+/// What is left of the record that the first model explains worst, over one period, in means of so many rows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Residual {
+    /// The record.
+    pub file: String,
+    /// Rows of a mean.
+    pub rows: usize,
+    /// Middle of each, seconds.
+    pub time_s: Vec<f64>,
+    /// Measured less simulated by the first model, response units.
+    pub before: Vec<f64>,
+    /// The same by the improved one.
+    pub after: Vec<f64>,
+    /// Standard deviation of such a mean if the noise were white.
+    pub noise_std: f64,
+}
+
+/// Most means of a [`Residual`].
+const MOST_MEANS: usize = 500;
+
+/// [`Residual`] of the first period of what is compared; `None` where nothing can be simulated.
+pub(super) fn residual(
+    trials: &Trials,
+    records: &[RecordGap],
+    before: &Hypothesis,
+    after: &Hypothesis,
+    held_out: bool,
+) -> Option<Residual> {
+    let over = |record: &&RecordGap| record.gap.before / record.gap.noise_floor.max(1e-12);
+    let worst = records.iter().max_by(|a, b| over(a).total_cmp(&over(b)))?;
+    let trial = trials.trials.iter().find(|trial| trial.file == worst.file)?;
+    let purpose = if held_out { Purpose::HeldOut } else { Purpose::Fit };
+    let stretch = trial.stretches.iter().find(|stretch| stretch.purpose == purpose)?;
+    let rows = stretch.rows.clone();
+    let (time_s, measured) = (&trial.time_s[rows.clone()], &trial.measured[rows.clone()]);
+    let period = trial.period_rows.min(rows.len());
+    let width = period.div_ceil(MOST_MEANS);
+    let means = |values: &[f64]| -> Vec<f64> {
+        values[..period].chunks_exact(width).map(|chunk| chunk.iter().sum::<f64>() / width as f64).collect()
+    };
+    let left = |hypothesis: &Hypothesis| -> Option<Vec<f64>> {
+        let simulated = hypothesis.simulate(trials, trial, rows.end).ok()?;
+        let tau_s = before.base[trial.point].time_constant_s;
+        let aligned = align(time_s, measured, &simulated[rows.clone()], tau_s);
+        Some(means(&measured.iter().zip(aligned).map(|(y, model)| y - model).collect::<Vec<_>>()))
+    };
+    Some(Residual {
+        file: trial.file.clone(),
+        rows: width,
+        time_s: means(time_s),
+        before: left(before)?,
+        after: left(after)?,
+        noise_std: (stretch.whitening.row_variance() / width as f64).sqrt(),
+    })
+}
+
 /// Sums of squares, to be divided at the end.
 #[derive(Clone, Copy, Default)]
 struct Squares {

@@ -16,6 +16,7 @@ mod grid;
 mod hum;
 mod hypothesis;
 mod locate;
+mod next;
 mod scan;
 mod trial;
 mod whitening;
@@ -23,8 +24,9 @@ mod whitening;
 use std::collections::BTreeMap;
 
 pub use error::DiagnoseError;
-pub use gap::{Gap, RecordGap};
-pub use locate::{Axis, Excess, Location};
+pub use gap::{Gap, RecordGap, Residual};
+pub use locate::{Axis, Excess, Location, MapCell};
+pub use next::{Conditions, NextExperiment};
 
 use explain::{Explanation, Search};
 use hypothesis::{BasePoint, Candidate, Coordinate, Hypothesis};
@@ -126,36 +128,12 @@ pub struct Diagnosis {
     pub excess: (Excess, Excess),
     /// The improved model.
     pub model: Model,
-}
-
-impl Diagnosis {
-    /// The experiment that would say more, in words; `None` where nothing is open.
-    #[must_use]
-    pub fn next_experiment(&self) -> Option<String> {
-        if self.verdict == Verdict::Unknown {
-            return Some(
-                "Repeat the records at half and at twice the amplitude, log the speed, the voltage and the current too, and \
-                 let each record go on for twice as long: what stays, grows or vanishes says where to look."
-                    .to_owned(),
-            );
-        }
-        let open = self.effects.iter().find(|effect| !effect.alternatives.is_empty())?;
-        let advice = open.alternatives.iter().find_map(|other| {
-            let of = |kind: &Kind, with: &Kind| {
-                kind.confusions.iter().find(|confusion| confusion.with == with.id).map(|confusion| confusion.experiment)
-            };
-            of(open.kind, other).or_else(|| of(other, open.kind))
-        });
-        Some(advice.map_or_else(
-            || {
-                format!(
-                    "To tell {} from {}: repeat the records at twice the amplitude.",
-                    open.kind.title, open.alternatives[0].title
-                )
-            },
-            str::to_owned,
-        ))
-    }
+    /// What is left over frequency and nominal command, before and after.
+    pub map: Vec<MapCell>,
+    /// What is left of one record, before and after.
+    pub residual: Option<Residual>,
+    /// How the records were taken.
+    pub conditions: Conditions,
 }
 
 /// How it is done.
@@ -252,8 +230,11 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         model,
         effects,
         gap,
-        records,
         left_out: trials.left_out.clone(),
+        conditions: Conditions::of(experiment, trials),
+        map: locate::map(trials, &before.hypothesis, &after.hypothesis),
+        residual: gap::residual(trials, &records, &before.hypothesis, &after.hypothesis, held_out),
+        records,
         held_out,
         excess: (excess_before, excess_after),
     })

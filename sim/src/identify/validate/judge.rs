@@ -38,7 +38,9 @@ impl Judge<'_> {
         let record = self.record;
         let score = match record.excitation {
             Excitation::Multisine => self.in_frequency()?,
-            Excitation::Square | Excitation::Step | Excitation::Chirp => self.around_nominal()?,
+            Excitation::Square | Excitation::Triangle | Excitation::Step | Excitation::Chirp => {
+                self.around_nominal()?
+            }
             Excitation::Staircase | Excitation::Free => self.over_range()?,
         };
         Ok(RecordValidation {
@@ -134,7 +136,7 @@ impl Judge<'_> {
         let residual: Vec<f64> = measured.iter().zip(&simulated).map(|(y, m)| y - m).collect();
         let rows = measured.len() as f64;
         let (noise, left_over) = match record.excitation {
-            Excitation::Square => {
+            Excitation::Square | Excitation::Triangle => {
                 let row_rate_hz = spectra::row_rate_hz(record, self.experiment.sample_rate_hz)?;
                 let (_, length) = spectra::period(record, row_rate_hz)?;
                 let noise = PeriodNoise::of(&residual, length);
