@@ -21,6 +21,8 @@ const BINS: usize = 1 << 17;
 /// The commands of the bins, from and width: limits of what an actuator is told.
 const FROM: f64 = -1.0;
 const WIDTH: f64 = 3.0;
+/// A command that changes less often than this does not go over a grid.
+const FEWEST_CHANGES: usize = 100;
 /// Steps that are looked at more closely.
 const STEPS: usize = 10;
 
@@ -37,8 +39,13 @@ pub(super) fn steps(trials: &Trials, fit: &Fit, kind: &'static Kind) -> Vec<Cand
         .par_iter()
         .filter_map(|trial| {
             let backward = Backward::of(trials, trial, &fit.hypothesis, 0.0).filter(Backward::is_fitted)?;
+            let told = told(trial, backward.stretch).1;
+            // The few levels of a square wave suit every other grid.
+            if told.windows(2).filter(|pair| pair[0] != pair[1]).count() < FEWEST_CHANGES {
+                return None;
+            }
             let mut bins = vec![0.0; BINS];
-            for (told, g) in told(trial, backward.stretch).1.iter().zip(&backward.g) {
+            for (told, g) in told.iter().zip(&backward.g) {
                 let bin = ((told - FROM) / WIDTH * BINS as f64) as usize;
                 // An impulse of a row's length.
                 bins[bin.min(BINS - 1)] += g / trial.rate_hz;
