@@ -91,7 +91,9 @@ impl Chain<'_> {
             }
             tau
         };
-        let drift = |time_s: f64| setup.drift_change * (1.0 - (-time_s / setup.drift_time_s).exp());
+        // The change is that of the first time constant.
+        let reach = setup.drift_change / (1.0 - (-1.0_f64).exp());
+        let drift = |time_s: f64| reach * (1.0 - (-time_s / setup.drift_time_s).exp());
         let drifts = setup.drift_change != 0.0;
         let varies = setup.exponent != 0.0 || setup.ratio != 1.0;
         let fixed = ((-step_s / 2.0 / point.time_constant_s).exp(), (-step_s / point.time_constant_s).exp());
@@ -363,12 +365,13 @@ mod tests {
     }
 
     #[test]
-    fn a_drift_ends_with_its_change_and_reaches_two_thirds_of_it_in_its_time() {
+    fn a_drift_has_its_change_after_its_time_and_goes_on_by_half_as_much_again() {
         let setup = Setup { drift_change: -0.1, drift_time_s: 1.0, ..Setup::default() };
         let out = force(&step(12_000, 0.5), &setup);
-        assert!((out[11_999] / 2.5 - 0.9).abs() < 1e-5);
+        let whole = 0.1 / (1.0 - (-1.0_f64).exp());
+        assert!((out[11_999] / 2.5 - (1.0 - whole)).abs() < 2e-5);
         // The rotor's lag delays by a tenth of a second.
-        assert!((out[1_100] / 2.5 - (1.0 - 0.1 * (1.0 - (-1.0_f64).exp()))).abs() < 1e-3);
+        assert!((out[1_100] / 2.5 - 0.9).abs() < 2e-3);
     }
 
     #[test]
@@ -376,11 +379,12 @@ mod tests {
         let setup = Setup { sag_depth: 0.1, sag_time_s: 0.5, ..Setup::default() };
         let out = force(&step(2000, 0.5), &setup);
         assert!(out.iter().all(|value| (value - 2.5).abs() < 1e-9));
-        // Once settled at 0.55 the voltage solves v = (1 - depth i(T)) / (1 - depth), T = 2.5 + 10 (0.55 v - 0.5).
+        // Once settled at 0.55 the voltage solves v = (1 - depth i) / (1 - depth), i = (speed / 0.5)^3 with the speed 0.55 v.
         let out = force(&step(20_000, 0.55), &setup);
         let mut thrust: f64 = 3.0;
         for _ in 0..200 {
-            let voltage = (1.0 - 0.1 * (thrust / 2.5).powf(1.5)) / 0.9;
+            let speed = 0.5 + (thrust - 2.5) / 10.0;
+            let voltage = (1.0 - 0.1 * (speed / 0.5).powi(3)) / 0.9;
             thrust = 2.5 + 10.0 * (0.55 * voltage - 0.5);
         }
         assert!((out[19_999] - thrust).abs() < 1e-6, "{} {thrust}", out[19_999]);

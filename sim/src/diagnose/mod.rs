@@ -166,8 +166,11 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         let given = Hypothesis { base: base.clone(), ..after.hypothesis.clone() };
         let with_effects = fit::fit(trials, &given, false).ok_or(no_fit.clone())?;
         wrong = wrong_numbers(&base, &with_effects, &after);
-        if wrong.is_none() && found.is_empty() {
-            after = with_effects;
+        let worth = worth_of_numbers(&base, &with_effects, &after);
+        if wrong.is_none() && (found.is_empty() || worth < 0.0) {
+            // Numbers that the records do not improve on stay; how well they are known is another matter.
+            after =
+                if found.is_empty() { with_effects } else { fit::Fit { hypothesis: with_effects.hypothesis, ..after } };
         }
         before = fit::fit(trials, &Hypothesis::of_lags(base), false).ok_or(no_fit)?;
     }
@@ -240,6 +243,11 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     })
 }
 
+/// By how much the log likelihood grows with other numbers than the given ones, over one per number.
+fn worth_of_numbers(base: &[BasePoint], given: &fit::Fit, refitted: &fit::Fit) -> f64 {
+    0.5 * (given.misfit - refitted.misfit) - (2 * base.len()) as f64
+}
+
 /// Whether a given model's numbers are wrong: by how much the log likelihood grows with others, the mean relative errors of
 /// gain and time constant, and what was compared. `given` has the model's lags, `refitted` the best ones, both with the
 /// effects that were found.
@@ -248,8 +256,7 @@ fn wrong_numbers(
     given: &fit::Fit,
     refitted: &fit::Fit,
 ) -> Option<(f64, [Estimate; 2], Hypothesis)> {
-    let numbers = 2 * base.len();
-    let worth = 0.5 * (given.misfit - refitted.misfit) - numbers as f64;
+    let worth = worth_of_numbers(base, given, refitted);
     let ratio = |number: fn(&BasePoint) -> f64, coordinate: fn(usize) -> Coordinate| {
         let of_points = base.iter().zip(&refitted.hypothesis.base).enumerate().map(|(point, (given, found))| {
             let std = refitted.std(coordinate(point)).unwrap_or(f64::INFINITY);
