@@ -191,3 +191,34 @@ fn the_optical_speed_stands_in_for_an_electrical_one_that_is_not_there() {
     let message = message(with_speeds("", ""));
     assert!(message.contains("column `Motor Electrical Speed (RPM)`: empty"), "{message}");
 }
+
+#[test]
+fn a_log_whose_command_never_changes_says_so() {
+    for (name, column) in [("rcbenchmark.csv", 1), ("esc32.csv", 1)] {
+        let text = fs::read_to_string(sample(name)).unwrap();
+        let mut lines = text.lines();
+        let header = lines.next().unwrap();
+        let command = header.split(',').position(|cell| cell.trim() == "ESC signal (µs)" || cell.trim() == "Duty");
+        let command = command.unwrap_or(column);
+        let mut first = None;
+        let constant: Vec<String> = lines
+            .map(|line| {
+                let mut cells: Vec<&str> = line.split(',').collect();
+                if let Some(cell) = cells.get_mut(command).filter(|cell| !cell.is_empty()) {
+                    *cell = first.get_or_insert(*cell);
+                }
+                cells.join(",")
+            })
+            .collect();
+        let error = written(&format!("{header}\n{}", constant.join("\n"))).unwrap_err();
+        assert!(matches!(error, ImportError::ConstantCommand { .. }), "{name}: {error}");
+        assert!(error.to_string().contains("nothing can be identified"), "{error}");
+    }
+}
+
+#[test]
+fn an_empty_file_is_called_empty() {
+    for text in ["", "\n\n  \n"] {
+        assert!(matches!(written(text), Err(ImportError::Empty { .. })));
+    }
+}

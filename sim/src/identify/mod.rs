@@ -45,7 +45,7 @@ pub use periodic::{
     IdentifyWarning, NominalIdentification, PeriodicIdentification, PeriodicOptions, RecordResponse, SquareValidation,
     identify_periodic,
 };
-pub(crate) use simulation::offset_and_start;
+pub(crate) use simulation::{offset_and_start, start_of};
 pub use simulation::{align, run_actuator};
 pub(crate) use spectra::response_of;
 pub use spectra::{

@@ -4,6 +4,7 @@
 //! all their lines at once ([`fit_first_order`]), each record's ETFE is smoothed relative to that
 //! lag, and the lag is compared with the frequency response and run on the square waves.
 
+mod doubts;
 mod found;
 mod transformed;
 mod warning;
@@ -15,7 +16,7 @@ use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
 
 use super::stand::StandModel;
 use super::{
-    Distortion, Etfe, FirstOrderFit, FirstOrderOptions, FitLine, IdentifyError, RobustResponse, Spectrum,
+    Distortion, Estimate, Etfe, FirstOrderFit, FirstOrderOptions, FitLine, IdentifyError, RobustResponse, Spectrum,
     SpectrumOptions, align, fit_first_order, fit_percent, run_actuator, spectra,
 };
 use crate::plant::{Actuator, EscTiming, OperatingPoint};
@@ -70,7 +71,8 @@ impl Default for PeriodicOptions<'_> {
 /// `fit_square_percent`. Other excitations are not touched.
 ///
 /// # Errors
-/// [`IdentifyError::NoFitRecord`] without a record to fit; whatever [`Spectrum::of`] and
+/// [`IdentifyError::NoFitRecord`] without a record to fit, [`IdentifyError::GainMayBeZero`] when no response follows its
+/// command; whatever [`Spectrum::of`] and
 /// [`fit_first_order`] find wrong.
 pub fn identify_periodic(
     experiment: &Experiment,
@@ -101,23 +103,41 @@ pub fn identify_periodic(
     let mut spectra = spectra.into_iter().collect::<Result<Vec<(&Record, Option<Spectrum>)>, IdentifyError>>()?;
     let mut nominals = Vec::new();
     let mut warnings = Vec::new();
+    let mut refused = None;
     for group in spectra.chunk_by_mut(|(a, _), (b, _)| b.nominal - a.nominal < SAME_NOMINAL) {
         match identify_nominal(experiment, group, options)? {
-            Some(found) => nominals.push(found),
-            None => warnings.push(IdentifyWarning::NothingToFit { nominal: group[0].0.nominal }),
+            Found::Lag(found) => nominals.push(*found),
+            Found::NothingToFit => warnings.push(IdentifyWarning::NothingToFit { nominal: group[0].0.nominal }),
+            Found::NoGain { gain, doubts } => {
+                let nominal = group[0].0.nominal;
+                warnings.extend(doubts);
+                warnings.push(IdentifyWarning::GainMayBeZero { nominal, gain: gain.value, std: gain.std });
+                refused.get_or_insert(IdentifyError::GainMayBeZero { nominal, gain: gain.value, std: gain.std });
+            }
         }
     }
     if nominals.is_empty() {
-        return Err(IdentifyError::NoFitRecord { name: experiment.name.clone() });
+        return Err(refused.unwrap_or_else(|| IdentifyError::NoFitRecord { name: experiment.name.clone() }));
     }
     Ok(PeriodicIdentification { nominals, warnings })
+}
+
+/// What comes out at one nominal command.
+enum Found {
+    Lag(Box<NominalIdentification>),
+    NothingToFit,
+    /// A response that may as well be none of this command, and what speaks against its records.
+    NoGain {
+        gain: Estimate,
+        doubts: Vec<IdentifyWarning>,
+    },
 }
 
 fn identify_nominal(
     experiment: &Experiment,
     group: &mut [(&Record, Option<Spectrum>)],
     options: &PeriodicOptions<'_>,
-) -> Result<Option<NominalIdentification>, IdentifyError> {
+) -> Result<Found, IdentifyError> {
     let nominal = group[0].0.nominal;
     let mut warnings = Vec::new();
     let transformed = group
@@ -133,7 +153,7 @@ fn identify_nominal(
     let is_fitted = |t: &Transformed<'_>| may_fit(t, fit_compensated);
     let lines: Vec<FitLine> = transformed.iter().filter(|t| is_fitted(t)).flat_map(Transformed::fit_lines).collect();
     if lines.is_empty() {
-        return Ok(None);
+        return Ok(Found::NothingToFit);
     }
     let fit = fit_first_order(&lines, &options.fit)?;
     if let Some(usable_hz) = options.stand.and_then(|stand| stand.usable_hz) {
@@ -150,9 +170,10 @@ fn identify_nominal(
         let (lowest_hz, pole_hz) = (lowest_rad_s / TAU, 1.0 / (TAU * fit.time_constant_s.value));
         warnings.push(IdentifyWarning::PeriodTooShort { nominal, lowest_hz, pole_hz });
     }
-    if fit.model_p_value < MODEL_LEVEL {
-        warnings.push(IdentifyWarning::ModelTooSimple { nominal, reduced_chi_square: fit.reduced_chi_square });
+    if doubts::may_be_zero(fit.gain) {
+        return Ok(Found::NoGain { gain: fit.gain, doubts: warnings });
     }
+    warnings.extend(doubts::of_fit(nominal, &fit, &lines, &options.fit));
 
     let validation: Vec<FitLine> = transformed
         .iter()
@@ -179,7 +200,7 @@ fn identify_nominal(
         .filter(|record| record.excitation == Excitation::Square && !record.compensated)
         .map(|record| run_square(experiment, record, &fit))
         .collect::<Result<Vec<_>, _>>()?;
-    Ok(Some(NominalIdentification {
+    Ok(Found::Lag(Box::new(NominalIdentification {
         nominal,
         fit_frequency_percent: fit_percent(&measured, &model),
         fit,
@@ -188,7 +209,7 @@ fn identify_nominal(
         responses,
         squares,
         warnings,
-    }))
+    })))
 }
 
 fn respond(
