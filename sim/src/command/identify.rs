@@ -11,14 +11,15 @@ use thiserror::Error;
 
 use super::identify_align::{AlignOptions, Aligned};
 use super::identify_stand::{self, StandArguments};
-use super::identify_tables::{held_out, periodic_table, point_json, staircase_json, staircase_table};
+use super::identify_tables::{fitted_chirps, held_out, periodic_table, point_json, staircase_json, staircase_table};
 use super::outcome::{JsonOption, Outcome, warning_lines};
 use super::{WrongUse, identify_laws, identify_map, progress};
 use crate::files::check_writable;
 use crate::identify::stand::StandModel;
 use crate::identify::steps::fit_staircase;
 use crate::identify::{
-    FirstOrderOptions, LongRecordError, PeriodicIdentification, PeriodicOptions, Spectrum, identify_periodic,
+    ChirpIdentification, FirstOrderOptions, LongRecordError, PeriodicIdentification, PeriodicOptions, Spectrum,
+    identify_chirps, identify_periodic, is_chirp_to_fit,
 };
 use crate::plant::{Model, Provenance};
 use crate::record::{Excitation, Experiment, LongRecord, Record, Role};
@@ -28,7 +29,8 @@ use crate::report::{distortion_json, distortion_table};
 ///
 /// Multisine records are fitted in the frequency domain, one lag per nominal command, and judged on square waves. They may
 /// be of any length: one whose file is longer than 32 MiB is taken period by period as it is read, with the same result.
-/// Without any, a step or staircase record is fitted in time, one lag per level and direction.
+/// Without any, a step or staircase record is fitted in time, one lag per level and direction; without those too, chirps are
+/// fitted in the frequency domain, one lag per nominal command.
 #[derive(Args, Debug)]
 pub struct Identify {
     /// The experiment's folder
@@ -68,7 +70,7 @@ enum Delay {
 /// Why there is nothing to identify.
 #[derive(Debug, Error, Diagnostic)]
 pub(super) enum NothingToIdentify {
-    #[error("{experiment}: no record of `excitation` multisine, step or staircase that may be fitted")]
+    #[error("{experiment}: no record of `excitation` multisine, step, staircase or chirp that may be fitted")]
     #[diagnostic(help(
         "record one (`rotorlead excite` designs a multisine), or correct `excitation` and `role` in experiment.toml"
     ))]
@@ -181,6 +183,11 @@ pub fn identify(
             distortion: distortion_json(&found),
         });
     }
+    let is_steps = |record: &Record| matches!(record.excitation, Excitation::Step | Excitation::Staircase);
+    let may_fit_steps = experiment.records.iter().filter(may_fit).any(is_steps);
+    if !may_fit_steps && experiment.records.iter().any(is_chirp_to_fit) {
+        return of_chirps(experiment, delay_level, stand);
+    }
     let record = step_record(experiment)?;
     if stand.is_some() {
         return Err(WrongUse::new(
@@ -197,6 +204,18 @@ pub fn identify(
         detail: staircase_json(&fit),
         distortion: Value::Null,
     })
+}
+
+/// Identifies from chirps.
+fn of_chirps(experiment: &Experiment, delay_level: f64, stand: Option<&StandModel>) -> miette::Result<Identified> {
+    let options = FirstOrderOptions { delay_level, ..FirstOrderOptions::default() };
+    let ChirpIdentification { lags, files } = identify_chirps(experiment, &options, stand)?;
+    let mut model = periodic_model(experiment, &lags);
+    let text = periodic_table(experiment.output, &lags) + &fitted_chirps(&files);
+    if let Some(provenance) = &mut model.provenance {
+        provenance.records = files;
+    }
+    Ok(Identified { model, text, warnings: periodic_warnings(&lags), detail: Value::Null, distortion: Value::Null })
 }
 
 /// The one step or staircase record that is to be fitted.
@@ -252,7 +271,8 @@ pub fn periodic_model(experiment: &Experiment, found: &PeriodicIdentification) -
 /// The records that a lag might be fitted to by another way, and are not: multisines were, or `fitted` was. Squares are
 /// for validation.
 fn left_out(experiment: &Experiment, fitted: Option<&Record>) -> Vec<String> {
-    let reason = fitted.map_or_else(|| String::from("multisine records come first"), |r| format!("{} is fitted", r.file));
+    let reason =
+        fitted.map_or_else(|| String::from("multisine records come first"), |r| format!("{} is fitted", r.file));
     let others = experiment.records.iter().filter(|record| fitted.is_none_or(|fitted| fitted.file != record.file));
     let may_fit = others.filter(|record| record.role != Some(Role::Validate));
     let sentence = |record: &Record| {

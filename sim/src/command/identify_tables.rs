@@ -26,6 +26,11 @@ pub(super) fn held_out(experiment: &Experiment, found: &PeriodicIdentification) 
     text + ".\n"
 }
 
+/// What lags from chirps are fitted to.
+pub(super) fn fitted_chirps(files: &[String]) -> String {
+    format!("  Fitted by the local polynomial method: {}. % fit is of these records.\n", files.join(", "))
+}
+
 fn percent(value: Option<f64>) -> String {
     value.map_or_else(|| String::from("-"), |value| format!("{value:.2}"))
 }

@@ -327,11 +327,7 @@ impl Tangent {
         self.follow(hypothesis, self.slope(trials, hypothesis)?)
     }
 
-    fn follow(
-        &self,
-        hypothesis: &Hypothesis,
-        (sum, gradient): (f64, DVector<f64>),
-    ) -> Option<(f64, Hypothesis)> {
+    fn follow(&self, hypothesis: &Hypothesis, (sum, gradient): (f64, DVector<f64>)) -> Option<(f64, Hypothesis)> {
         let step = damped_step(&self.matrix, &gradient, 1e-9)?;
         let left = sum + gradient.dot(&step);
         // The tangent holds nearby only.

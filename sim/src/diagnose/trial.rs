@@ -237,7 +237,8 @@ impl Trial {
         shorter.stretches.retain(|stretch| stretch.purpose == Purpose::Fit);
         for stretch in shorter.stretches.iter_mut().filter(|stretch| stretch.periods > 1) {
             let rows = stretch.rows.start..stretch.rows.start + self.period_rows;
-            *stretch = Stretch { rows, periods: 1, whitening: stretch.whitening.shortened(stretch.periods), ..*stretch };
+            *stretch =
+                Stretch { rows, periods: 1, whitening: stretch.whitening.shortened(stretch.periods), ..*stretch };
         }
         shorter
     }

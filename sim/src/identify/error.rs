@@ -71,7 +71,9 @@ pub enum IdentifyError {
     },
     /// The period is not a whole number of rows.
     #[error("{file}: a period of {} s is {} rows, not a whole number of four or more", plain(*period_s), plain(*rows))]
-    #[diagnostic(help("correct period_s or sample_rate_hz, or record at a rate that divides the period"))]
+    #[diagnostic(help(
+        "correct period_s or sample_rate_hz, or record at a rate that divides the period; `time_s` is in seconds, not milliseconds"
+    ))]
     PeriodRows {
         /// The record.
         file: String,
@@ -110,7 +112,9 @@ pub enum IdentifyError {
         period_s: f64,
     },
     /// A response that may as well be none of the command.
-    #[error("u_nom {nominal}: the gain is {gain:.3} +- {std:.3} and may as well be zero: the response does not follow the command")]
+    #[error(
+        "u_nom {nominal}: the gain is {gain:.3} +- {std:.3} and may as well be zero: the response does not follow the command{signs}"
+    )]
     #[diagnostic(help(
         "check that command and response are of one run, and that the sensor was connected; where they are, raise the \
          amplitude or record more periods"
@@ -122,6 +126,8 @@ pub enum IdentifyError {
         gain: f64,
         /// Its standard error.
         std: f64,
+        /// What else speaks against the records, a sentence each; may be empty.
+        signs: String,
     },
     /// The response does not move.
     #[error("{file}: the response is constant")]

@@ -7,7 +7,7 @@ use super::{IdentifyWarning, MODEL_LEVEL};
 use crate::identify::saturation::Limit;
 use crate::identify::statistics::f_upper_tail;
 use crate::identify::steps::{MAX_RELATIVE_STD, without_spikes};
-use crate::identify::{Estimate, FirstOrderFit, FirstOrderOptions, FitLine, Spectrum, fit_first_order};
+use crate::identify::{Estimate, FirstOrderFit, FirstOrderOptions, FitLine, IdentifyError, Spectrum, fit_first_order};
 use crate::record::Record;
 
 /// A reading is a jump when it is off its neighbors by this share of the range in which nearly all readings are. A motor
@@ -18,8 +18,10 @@ const OUTSIDE: f64 = 0.01;
 
 /// A sensor has stopped when it reads the same for so many rows in a row...
 const FROZEN_ROWS: usize = 50;
-/// ...and so many times as long as it usually does.
+/// ...so many times as long as it usually does...
 const FROZEN_TIMES_USUAL: usize = 20;
+/// ...and for one in so many rows of the record. Play in a linkage is shorter.
+const FROZEN_ONE_IN: usize = 200;
 
 /// A mean command further than this from `nominal` is another operating point.
 const SAME_OPERATING_POINT: f64 = 0.01;
@@ -32,8 +34,8 @@ const LONGEST_DELAY_S: f64 = 1.0;
 /// A dead time explains it when it leaves at most this share of what the fit leaves.
 const EXPLAINS: f64 = 0.5;
 
-/// What the rows of a record say against it; `limits` are those that its response stands on.
-pub(super) fn of_rows(record: &Record, response: &[f64], limits: &[Limit], spectrum: &Spectrum) -> Vec<IdentifyWarning> {
+/// What the response's rows say against it; `limits` are those that it stands on.
+pub(in crate::identify) fn of_rows(record: &Record, response: &[f64], limits: &[Limit]) -> Vec<IdentifyWarning> {
     let file = || record.file.clone();
     let mut found = Vec::new();
     let spikes = jumps(response);
@@ -45,12 +47,19 @@ pub(super) fn of_rows(record: &Record, response: &[f64], limits: &[Limit], spect
         let from_s = record.time_s.get(first).copied().unwrap_or_default();
         found.push(IdentifyWarning::Frozen { file: file(), rows, from_s });
     }
+    found
+}
+
+/// Whether a record is around another command than it says, by its whole periods.
+pub(super) fn other_nominal(record: &Record, spectrum: &Spectrum) -> Option<IdentifyWarning> {
     let whole = record.command.get(spectrum.rows_left_out..).unwrap_or_default();
     let mean = whole.iter().sum::<f64>() / whole.len() as f64;
-    if (mean - record.nominal).abs() > SAME_OPERATING_POINT {
-        found.push(IdentifyWarning::OtherNominal { file: file(), nominal: record.nominal, mean });
-    }
-    found
+    let file = record.file.clone();
+    ((mean - record.nominal).abs() > SAME_OPERATING_POINT).then(|| IdentifyWarning::OtherNominal {
+        file,
+        nominal: record.nominal,
+        mean,
+    })
 }
 
 /// Rows whose reading jumps away and comes back.
@@ -58,13 +67,18 @@ fn jumps(response: &[f64]) -> Vec<usize> {
     if response.is_empty() {
         return Vec::new();
     }
-    let (clean, spike) = without_spikes(response);
-    let outside = (OUTSIDE * clean.len() as f64) as usize;
-    let mut sorted = clean.clone();
+    let outside = (OUTSIDE * response.len() as f64) as usize;
+    let mut sorted = response.to_vec();
     let last = sorted.len() - 1 - outside;
     let low = *sorted.select_nth_unstable_by(outside, f64::total_cmp).1;
     let high = *sorted.select_nth_unstable_by(last, f64::total_cmp).1;
     let least = JUMP_SHARE * (high - low);
+    // The neighbors are the four to either side: a reading that is so far off them is a quarter of that off one of them, or
+    // off the one before. Most records end here.
+    if response.windows(2).all(|pair| (pair[1] - pair[0]).abs() < 0.25 * least) {
+        return Vec::new();
+    }
+    let (clean, spike) = without_spikes(response);
     (0..clean.len()).filter(|&row| spike[row] && (response[row] - clean[row]).abs() > least).collect()
 }
 
@@ -82,29 +96,40 @@ fn frozen(response: &[f64], limits: &[Limit]) -> Option<(usize, usize)> {
     }
     let middle = lengths.len() / 2;
     let usual = if lengths.is_empty() { 0 } else { *lengths.select_nth_unstable(middle).1 };
-    (longest.1 >= FROZEN_ROWS.max(FROZEN_TIMES_USUAL * usual)).then_some(longest)
+    (longest.1 >= FROZEN_ROWS.max(FROZEN_TIMES_USUAL * usual).max(response.len() / FROZEN_ONE_IN)).then_some(longest)
 }
 
 /// Whether the gain may as well be zero: then the response does not follow the command, and the lag means nothing.
-pub(super) fn may_be_zero(gain: Estimate) -> bool {
+pub(in crate::identify) fn may_be_zero(gain: Estimate) -> bool {
     let (low, high) = gain.interval(1.0 - MODEL_LEVEL);
     !(low > 0.0 || high < 0.0)
 }
 
-/// What a fit says against itself.
-pub(super) fn of_fit(
+/// The error for a gain that may be zero, with what `doubts` say of the rows.
+pub(in crate::identify) fn refusal(nominal: f64, gain: Estimate, doubts: &[IdentifyWarning]) -> IdentifyError {
+    let of_rows = |doubt: &&IdentifyWarning| {
+        matches!(
+            doubt,
+            IdentifyWarning::Jumps { .. } | IdentifyWarning::Frozen { .. } | IdentifyWarning::Saturated { .. }
+        )
+    };
+    let signs = doubts.iter().filter(of_rows).map(|doubt| format!(". {doubt}")).collect();
+    IdentifyError::GainMayBeZero { nominal, gain: gain.value, std: gain.std, signs }
+}
+
+/// What a fit says against itself; `limit_s` is the longest dead time that was looked for at first.
+pub(in crate::identify) fn of_fit(
     nominal: f64,
     fit: &FirstOrderFit,
     lines: &[FitLine],
-    options: &FirstOrderOptions,
+    limit_s: f64,
 ) -> Vec<IdentifyWarning> {
     let mut found = Vec::new();
+    if let Some(delay) = fit.delay_s.filter(|delay| delay.value > limit_s) {
+        found.push(IdentifyWarning::DelayBeyondSearch { nominal, delay_s: delay.value, limit_s });
+    }
     if fit.model_p_value < MODEL_LEVEL {
-        let reduced_chi_square = fit.reduced_chi_square;
-        found.push(match longer_delay(fit, lines, options) {
-            Some(delay_s) => IdentifyWarning::DelayBeyondSearch { nominal, delay_s, limit_s: options.max_delay_s },
-            None => IdentifyWarning::ModelTooSimple { nominal, reduced_chi_square },
-        });
+        found.push(IdentifyWarning::ModelTooSimple { nominal, reduced_chi_square: fit.reduced_chi_square });
     }
     if too_little_left(fit, lines) < MODEL_LEVEL {
         let reduced_chi_square = fit.reduced_chi_square;
@@ -122,16 +147,20 @@ pub(super) fn of_fit(
     found
 }
 
-/// A dead time beyond those that are looked for that explains what the fit does not.
-fn longer_delay(fit: &FirstOrderFit, lines: &[FitLine], options: &FirstOrderOptions) -> Option<f64> {
-    if options.delay_level == 0.0 {
+/// The fit with a dead time beyond those that are looked for, where that explains what no shorter one does: with a wrong
+/// dead time gain and lag are wrong too.
+pub(in crate::identify) fn with_longer_delay(
+    fit: &FirstOrderFit,
+    lines: &[FitLine],
+    options: &FirstOrderOptions,
+) -> Option<FirstOrderFit> {
+    if fit.model_p_value >= MODEL_LEVEL || options.delay_level == 0.0 {
         return None;
     }
     let wide = FirstOrderOptions { max_delay_s: LONGEST_DELAY_S, ..*options };
     let other = fit_first_order(lines, &wide).ok()?;
-    let delay_s = other.delay_s?.value;
-    let explains = other.reduced_chi_square < EXPLAINS * fit.reduced_chi_square;
-    (explains && delay_s > options.max_delay_s).then_some(delay_s)
+    let is_longer = other.delay_s.is_some_and(|delay| delay.value > options.max_delay_s);
+    (is_longer && other.reduced_chi_square < EXPLAINS * fit.reduced_chi_square).then_some(other)
 }
 
 /// How likely noise as large as that between the periods leaves as little as the fit does. The counterpart of
@@ -187,7 +216,8 @@ mod tests {
             y[1235] -= 2.0;
             assert_eq!(jumps(&y), [1234, 1235]);
         }
-        let noise_alone: Vec<f64> = wave(1e-6).iter().enumerate().map(|(k, y)| y - 5.0 - (7e-3 * k as f64).sin()).collect();
+        let noise_alone: Vec<f64> =
+            wave(1e-6).iter().enumerate().map(|(k, y)| y - 5.0 - (7e-3 * k as f64).sin()).collect();
         assert_eq!(jumps(&noise_alone), [0_usize; 0]);
         let few_rows_per_wave: Vec<f64> = (0..400).map(|k| (0.9 * f64::from(k)).sin()).collect();
         assert_eq!(jumps(&few_rows_per_wave), [0_usize; 0]);

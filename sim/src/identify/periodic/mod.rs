@@ -4,7 +4,7 @@
 //! all their lines at once ([`fit_first_order`]), each record's ETFE is smoothed relative to that
 //! lag, and the lag is compared with the frequency response and run on the square waves.
 
-mod doubts;
+pub(super) mod doubts;
 mod found;
 mod transformed;
 mod warning;
@@ -26,7 +26,7 @@ use transformed::{Transformed, behind_holds, suspicions};
 pub use warning::IdentifyWarning;
 
 /// Nominal commands closer than this are the same; a 12-bit command is 2.4e-4.
-const SAME_NOMINAL: f64 = 1e-6;
+pub(super) const SAME_NOMINAL: f64 = 1e-6;
 
 /// Below this tail probability the residual says that a first-order lag is not the whole truth.
 const MODEL_LEVEL: f64 = 1e-3;
@@ -110,9 +110,9 @@ pub fn identify_periodic(
             Found::NothingToFit => warnings.push(IdentifyWarning::NothingToFit { nominal: group[0].0.nominal }),
             Found::NoGain { gain, doubts } => {
                 let nominal = group[0].0.nominal;
+                refused.get_or_insert_with(|| doubts::refusal(nominal, gain, &doubts));
                 warnings.extend(doubts);
                 warnings.push(IdentifyWarning::GainMayBeZero { nominal, gain: gain.value, std: gain.std });
-                refused.get_or_insert(IdentifyError::GainMayBeZero { nominal, gain: gain.value, std: gain.std });
             }
         }
     }
@@ -156,6 +156,7 @@ fn identify_nominal(
         return Ok(Found::NothingToFit);
     }
     let fit = fit_first_order(&lines, &options.fit)?;
+    let fit = doubts::with_longer_delay(&fit, &lines, &options.fit).unwrap_or(fit);
     if let Some(usable_hz) = options.stand.and_then(|stand| stand.usable_hz) {
         let count = lines.iter().filter(|line| line.omega_rad_s > TAU * usable_hz).count();
         if count > 0 {
@@ -173,7 +174,7 @@ fn identify_nominal(
     if doubts::may_be_zero(fit.gain) {
         return Ok(Found::NoGain { gain: fit.gain, doubts: warnings });
     }
-    warnings.extend(doubts::of_fit(nominal, &fit, &lines, &options.fit));
+    warnings.extend(doubts::of_fit(nominal, &fit, &lines, options.fit.max_delay_s));
 
     let validation: Vec<FitLine> = transformed
         .iter()

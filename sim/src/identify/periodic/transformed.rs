@@ -124,15 +124,17 @@ pub(super) fn suspicions(
     let file = || record.file.clone();
     let response = record.response(experiment.output).unwrap_or_default();
     let esc_command = record.esc_command.as_deref().unwrap_or_default();
-    let columns = [(spectra::column(experiment.output), response), ("esc_command", esc_command)];
-    let mut found: Vec<IdentifyWarning> = columns
-        .into_iter()
-        .flat_map(|(column, values)| saturation::limits(values).into_iter().map(move |limit| (column, limit)))
+    let limits = saturation::limits(response);
+    let of_response = limits.iter().map(|limit| (spectra::column(experiment.output), *limit));
+    let of_command = saturation::limits(esc_command).into_iter().map(|limit| ("esc_command", limit));
+    let mut found: Vec<IdentifyWarning> = of_response
+        .chain(of_command)
         .map(|(column, Limit { at, rows })| IdentifyWarning::Saturated { file: file(), column, rows, at })
         .collect();
     // A record that stays on disk has no rows here.
     if !response.is_empty() {
-        found.extend(doubts::of_rows(record, response, &saturation::limits(response), spectrum));
+        found.extend(doubts::of_rows(record, response, &limits));
+        found.extend(doubts::other_nominal(record, spectrum));
     }
     let length = (spectrum.period_s * spectrum.row_rate_hz).round() as usize;
     let first = spectrum.rows_left_out + length * spectrum.transient.dropped;

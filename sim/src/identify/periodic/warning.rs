@@ -12,7 +12,9 @@ pub enum IdentifyWarning {
         nominal: f64,
     },
     /// The first period, or more, was dropped.
-    #[error("{file}: a transient in the first {dropped} of {periods} periods (p = {p_value:.1e}), which are left out; let the motor run in for a period before recording")]
+    #[error(
+        "{file}: a transient in the first {dropped} of {periods} periods (p = {p_value:.1e}), which are left out; let the motor run in for a period before recording"
+    )]
     TransientDropped {
         /// The record.
         file: String,
@@ -62,7 +64,9 @@ pub enum IdentifyWarning {
         last_hz: f64,
     },
     /// The noise is known from unexcited lines only.
-    #[error("{file}: one period is left; the noise is taken from unexcited lines, with any even-order distortion; record four periods or more")]
+    #[error(
+        "{file}: one period is left; the noise is taken from unexcited lines, with any even-order distortion; record four periods or more"
+    )]
     NoiseFromUnexcitedLines {
         /// The record.
         file: String,
@@ -79,7 +83,7 @@ pub enum IdentifyWarning {
     },
     /// A dead time that is longer than those looked for.
     #[error(
-        "u_nom {nominal}: a dead time of {:.0} ms explains the response, and none beyond {:.0} ms is taken for a motor's: gain and lag are wrong. Move the response by it, or merge the two logs with --align, and identify again",
+        "u_nom {nominal}: a dead time of {:.0} ms explains the response, and none beyond {:.0} ms is a motor's: it is that of the log, or of two clocks. Move the response by it, or merge two logs with --align, and identify again",
         1e3 * delay_s, 1e3 * limit_s
     )]
     DelayBeyondSearch {

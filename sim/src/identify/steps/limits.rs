@@ -32,8 +32,12 @@ fn upper(plateaus: &mut [Plateau], y: &[f64], sign: f64) -> Option<Limit> {
     };
     let rows = |p: &Plateau| y[p.rows.clone()].iter().filter(|&&value| value == at).count();
     let shares: Vec<f64> = plateaus.iter().map(share).collect();
-    let mut usual: Vec<f64> =
-        plateaus.iter().zip(&shares).filter(|(_, share)| **share == 0.0).map(|(p, _)| commonest(&y[p.settled()])).collect();
+    let mut usual: Vec<f64> = plateaus
+        .iter()
+        .zip(&shares)
+        .filter(|(_, share)| **share == 0.0)
+        .map(|(p, _)| commonest(&y[p.settled()]))
+        .collect();
     usual.sort_by(f64::total_cmp);
     let usual = usual.get(usual.len() / 2).copied();
     let settles = |k: usize| shares[k] >= MOST;

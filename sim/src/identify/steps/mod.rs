@@ -124,8 +124,7 @@ pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>)
     let mut simulated = vec![0.0; rows.len()];
     let common = stretches(&record.time_s, &plateaus, &lag, |_, plateau| {
         // A limit is no level of the motor, but all that is known there.
-        let level =
-            if plateau.limited { plateau.mean } else { map_response(&levels, main_direction, plateau.command) };
+        let level = if plateau.limited { plateau.mean } else { map_response(&levels, main_direction, plateau.command) };
         (level, lag.delay_s.value)
     });
     let mut own_levels = simulated.clone();

@@ -139,7 +139,11 @@ impl fmt::Display for StepsWarning {
             }
             Self::Limited { rows, at, commands: (low, high) } => {
                 write!(f, "{rows} rows of the response stand exactly on {at}, at ")?;
-                if low == high { write!(f, "command {low:.3}")? } else { write!(f, "commands {low:.3} to {high:.3}")? }
+                if low == high {
+                    write!(f, "command {low:.3}")?
+                } else {
+                    write!(f, "commands {low:.3} to {high:.3}")?
+                }
                 write!(
                     f,
                     ": it ran into a limit. These levels, and the steps to and from them, were left out. Widen the range of sensor and logger, or record levels within it"

@@ -85,7 +85,10 @@ impl LevelNoise {
         for plateau in &run.plateaus {
             let rows = plateau.settled();
             let waited_s = time_s[rows.start] - time_s[plateau.rows.start];
-            if plateau.limited || rows.len() < FEWEST_ROWS || waited_s < SETTLED_TIME_CONSTANTS * time_constant_s(plateau.command) {
+            if plateau.limited
+                || rows.len() < FEWEST_ROWS
+                || waited_s < SETTLED_TIME_CONSTANTS * time_constant_s(plateau.command)
+            {
                 continue;
             }
             let scatter = plateau.std * plateau.std * rows.len() as f64;
