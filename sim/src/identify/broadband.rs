@@ -76,7 +76,7 @@ fn identify_nominal(
     if doubts::may_be_zero(fit.gain) {
         return Err(doubts::refusal(nominal, fit.gain, &warnings));
     }
-    warnings.extend(doubts::of_fit(nominal, &fit, &lines, options.max_delay_s));
+    warnings.extend(doubts::of_fit(nominal, &fit, options.max_delay_s));
     let measured: Vec<_> = lines.iter().map(|line| line.response).collect();
     let model: Vec<_> = lines.iter().map(|line| fit.response_at(line)).collect();
     Ok(NominalIdentification {

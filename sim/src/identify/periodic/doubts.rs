@@ -118,22 +118,13 @@ pub(in crate::identify) fn refusal(nominal: f64, gain: Estimate, doubts: &[Ident
 }
 
 /// What a fit says against itself; `limit_s` is the longest dead time that was looked for at first.
-pub(in crate::identify) fn of_fit(
-    nominal: f64,
-    fit: &FirstOrderFit,
-    lines: &[FitLine],
-    limit_s: f64,
-) -> Vec<IdentifyWarning> {
+pub(in crate::identify) fn of_fit(nominal: f64, fit: &FirstOrderFit, limit_s: f64) -> Vec<IdentifyWarning> {
     let mut found = Vec::new();
     if let Some(delay) = fit.delay_s.filter(|delay| delay.value > limit_s) {
         found.push(IdentifyWarning::DelayBeyondSearch { nominal, delay_s: delay.value, limit_s });
     }
     if fit.model_p_value < MODEL_LEVEL {
         found.push(IdentifyWarning::ModelTooSimple { nominal, reduced_chi_square: fit.reduced_chi_square });
-    }
-    if too_little_left(fit, lines) < MODEL_LEVEL {
-        let reduced_chi_square = fit.reduced_chi_square;
-        found.push(IdentifyWarning::NoiseTooLarge { nominal, reduced_chi_square });
     }
     if fit.gain.value < 0.0 {
         found.push(IdentifyWarning::NegativeGain { nominal, gain: fit.gain.value });
@@ -163,8 +154,15 @@ pub(in crate::identify) fn with_longer_delay(
     (is_longer && other.reduced_chi_square < EXPLAINS * fit.reduced_chi_square).then_some(other)
 }
 
-/// How likely noise as large as that between the periods leaves as little as the fit does. The counterpart of
-/// [`FirstOrderFit::model_p_value`]; one where there is no noise to speak of.
+/// Whether the fit leaves less than noise as large as what differs between the periods would.
+pub(super) fn noise_too_large(nominal: f64, fit: &FirstOrderFit, lines: &[FitLine]) -> Option<IdentifyWarning> {
+    let reduced_chi_square = fit.reduced_chi_square;
+    (too_little_left(fit, lines) < MODEL_LEVEL)
+        .then_some(IdentifyWarning::NoiseTooLarge { nominal, reduced_chi_square })
+}
+
+/// How likely such noise leaves as little as the fit does. The counterpart of [`FirstOrderFit::model_p_value`]; one where
+/// there is no noise to speak of.
 fn too_little_left(fit: &FirstOrderFit, lines: &[FitLine]) -> f64 {
     let largest = lines.iter().map(|line| line.response.norm()).fold(0.0, f64::max);
     if lines.iter().all(|line| line.variance.sqrt() < ROUNDING * largest) {

@@ -16,8 +16,8 @@ use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
 
 use super::stand::StandModel;
 use super::{
-    Distortion, Estimate, Etfe, FirstOrderFit, FirstOrderOptions, FitLine, IdentifyError, RobustResponse, Spectrum,
-    SpectrumOptions, align, fit_first_order, fit_percent, run_actuator, spectra,
+    Distortion, Estimate, Etfe, FirstOrderFit, FirstOrderOptions, FitLine, IdentifyError, NoiseSource, RobustResponse,
+    Spectrum, SpectrumOptions, align, fit_first_order, fit_percent, run_actuator, spectra,
 };
 use crate::plant::{Actuator, EscTiming, OperatingPoint};
 use crate::record::{Excitation, Experiment, Record, Role};
@@ -174,7 +174,12 @@ fn identify_nominal(
     if doubts::may_be_zero(fit.gain) {
         return Ok(Found::NoGain { gain: fit.gain, doubts: warnings });
     }
-    warnings.extend(doubts::of_fit(nominal, &fit, &lines, options.fit.max_delay_s));
+    warnings.extend(doubts::of_fit(nominal, &fit, options.fit.max_delay_s));
+    // Noise that is taken from unexcited lines has even-order distortion in it, which is much to a good fit.
+    let between = |t: &Transformed<'_>| t.spectrum.noise == NoiseSource::BetweenPeriods;
+    if transformed.iter().filter(|t| is_fitted(t)).all(between) {
+        warnings.extend(doubts::noise_too_large(nominal, &fit, &lines));
+    }
 
     let validation: Vec<FitLine> = transformed
         .iter()

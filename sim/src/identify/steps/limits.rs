@@ -19,6 +19,12 @@ const MOST: f64 = 0.5;
 
 /// The limits that the response of these plateaus stands on, the upper one first; marks the plateaus that do.
 pub(super) fn mark(plateaus: &mut [Plateau], y: &[f64]) -> Vec<Limit> {
+    let mut rows = plateaus.iter().flat_map(|plateau| plateau.rows.clone());
+    let first = rows.next().map(|row| y[row]);
+    // A response that never moves is no limit's doing.
+    if rows.all(|row| Some(y[row]) == first) {
+        return Vec::new();
+    }
     [1.0, -1.0].into_iter().filter_map(|sign| upper(plateaus, y, sign)).collect()
 }
 

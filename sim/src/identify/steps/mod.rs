@@ -271,7 +271,7 @@ fn warnings_of_fit(levels: &[Level], lag: &LagFit) -> Vec<StepsWarning> {
     if kappa.excludes(0.0) {
         warnings.push(StepsWarning::Curved { curvature: kappa.value, std: kappa.std });
     }
-    if lag.delay_s.value < 0.0 {
+    if lag.delay_s.value < 0.0 && lag.delay_s.excludes(0.0) {
         warnings.push(StepsWarning::NegativeDelay { delay_s: lag.delay_s.value });
     }
     warnings
