@@ -79,7 +79,7 @@ fn a_lag_is_found_within_its_intervals_though_the_record_begins_unsettled() {
         let truth =
             [(lag.fit.gain, GAIN), (lag.fit.time_constant_s, TIME_CONSTANT_S), (delay_s, ROW_S * DELAY_ROWS as f64)];
         for (k, (estimate, truth)) in truth.into_iter().enumerate() {
-            assert!(estimate.std < 0.03 * truth, "{estimate:?} {truth}");
+            assert!(estimate.std < 0.05 * truth, "{estimate:?} {truth}");
             assert!((estimate.value - truth).abs() < 4.5 * estimate.std, "{estimate:?} {truth}");
             held[k] += u32::from(!estimate.excludes(truth));
         }

@@ -148,6 +148,18 @@ fn a_gain_that_drifts_to_a_third_is_no_noise() {
 }
 
 #[test]
+fn a_thrust_that_drifts_to_a_third_is_no_start() {
+    let mut experiment = good(1);
+    let rows = 4.0 * PERIOD_ROWS as f64;
+    let drifts = |(row, y): (usize, &mut f64)| *y = (*y + 5.0) * (1.0 - row as f64 / rows * 2.0 / 3.0);
+    thrust(&mut experiment).iter_mut().enumerate().for_each(drifts);
+    let (_, warnings) = found(&experiment);
+    let named =
+        |w: &IdentifyWarning| matches!(w, IdentifyWarning::Drifts { .. } | IdentifyWarning::NoiseTooLarge { .. });
+    assert!(warnings.iter().any(named), "{warnings:?}");
+}
+
+#[test]
 fn a_sign_and_a_nominal_that_are_wrong_are_named() {
     let mut experiment = good(1);
     thrust(&mut experiment).iter_mut().for_each(|y| *y = -*y);

@@ -55,6 +55,10 @@ pub(super) fn behind_holds<'a>(
                 periods: spectrum.periods,
                 p_value,
             });
+            // A start is over within one period; of two or three no more can be dropped.
+            if spectrum.transient.dropped > 1 && spectrum.transient.dropped == spectrum.periods / 2 {
+                warnings.push(IdentifyWarning::Drifts { file: file() });
+            }
         }
         Some(_) => {}
     }

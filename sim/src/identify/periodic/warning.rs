@@ -25,6 +25,14 @@ pub enum IdentifyWarning {
         /// Tail probability without transient.
         p_value: f64,
     },
+    /// Half of the periods were dropped, as many as there may be.
+    #[error(
+        "{file}: half of its periods differ from those after them: that is a drift of motor, supply or sensor rather than a start, and gain and lag are those of the last periods; let it warm up, and record again"
+    )]
+    Drifts {
+        /// The record.
+        file: String,
+    },
     /// Nothing to compare the first period with.
     #[error("{file}: no other period to test the first for a transient; let the motor run in before recording")]
     TransientUntested {
