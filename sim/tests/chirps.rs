@@ -84,9 +84,10 @@ fn a_lag_is_found_within_its_intervals_though_the_record_begins_unsettled() {
             held[k] += u32::from(!estimate.excludes(truth));
         }
         assert!(lag.warnings.is_empty(), "{:?}", lag.warnings);
-        assert!(lag.fit_frequency_percent.unwrap() > 90.0);
     }
     println!("{held:?} of {repeats}");
+    let quiet = identified(&chirp(0.001, 1)).unwrap().lags.nominals[0].fit_frequency_percent.unwrap();
+    assert!(quiet > 95.0, "{quiet}");
     // 40 at 0.95: fewer than 33 in one of 3000 (binomial).
     assert!(held.iter().all(|&held| held >= 33), "{held:?}");
 }

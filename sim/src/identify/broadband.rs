@@ -20,6 +20,10 @@ use crate::record::{Excitation, Experiment, Record, Role};
 /// The highest line that is used, as a share of the row rate: above, the sensor's own filter shows.
 const HIGHEST_OF_ROW_RATE: f64 = 0.45;
 
+/// Lines with more than this many times the usual noise are beyond the chirp: they would weigh nothing in the fit, and be
+/// all of its % fit.
+const LEAST_EXCITED: f64 = 100.0;
+
 /// Lags from chirps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ChirpIdentification {
@@ -116,7 +120,11 @@ fn lines_of(
             None => line,
         }
     };
-    Ok(found.lines.iter().skip(options.half_width).step_by(width).map(line).collect())
+    let lines: Vec<FitLine> = found.lines.iter().skip(options.half_width).step_by(width).map(line).collect();
+    let mut variances: Vec<f64> = lines.iter().map(|line| line.variance).collect();
+    variances.sort_by(f64::total_cmp);
+    let most = LEAST_EXCITED * variances.get(variances.len() / 2).copied().unwrap_or_default();
+    Ok(lines.into_iter().filter(|line| line.variance <= most).collect())
 }
 
 /// What makes a record unfit for a linear model, and shows in its rows.

@@ -54,12 +54,8 @@ pub(in crate::identify) fn of_rows(record: &Record, response: &[f64], limits: &[
 pub(super) fn other_nominal(record: &Record, spectrum: &Spectrum) -> Option<IdentifyWarning> {
     let whole = record.command.get(spectrum.rows_left_out..).unwrap_or_default();
     let mean = whole.iter().sum::<f64>() / whole.len() as f64;
-    let file = record.file.clone();
-    ((mean - record.nominal).abs() > SAME_OPERATING_POINT).then(|| IdentifyWarning::OtherNominal {
-        file,
-        nominal: record.nominal,
-        mean,
-    })
+    let other = IdentifyWarning::OtherNominal { file: record.file.clone(), nominal: record.nominal, mean };
+    ((mean - record.nominal).abs() > SAME_OPERATING_POINT).then_some(other)
 }
 
 /// Rows whose reading jumps away and comes back.
