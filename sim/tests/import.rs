@@ -153,7 +153,7 @@ fn empty_short_and_missing_files_are_refused() {
     assert!(message(written(header)).contains("0 usable row(s)"));
     let one = format!("{header}\n2019-11-07 18:45:58:868,0,0,0,0,0,0\n");
     assert!(message(written(&one)).contains("1 usable row(s)"));
-    assert!(message(written("")).contains("known log format"));
+    assert!(message(written("")).contains("the file is empty"));
     let error = import(Path::new("/nowhere/log.csv"), &ImportOptions::default());
     assert!(message(error).contains("cannot be read"));
     let bytes = [b"Timestamp,Duty,RPM\n".as_slice(), &[0xff, 0xfe, b',', b'1', b',', b'2', b'\n']].concat();
@@ -190,4 +190,35 @@ fn the_optical_speed_stands_in_for_an_electrical_one_that_is_not_there() {
     assert!(still.experiment.records[0].rpm.as_ref().unwrap().iter().all(|&v| v == 0.0));
     let message = message(with_speeds("", ""));
     assert!(message.contains("column `Motor Electrical Speed (RPM)`: empty"), "{message}");
+}
+
+#[test]
+fn a_log_whose_command_never_changes_says_so() {
+    for (name, column) in [("rcbenchmark.csv", 1), ("esc32.csv", 1)] {
+        let text = fs::read_to_string(sample(name)).unwrap();
+        let mut lines = text.lines();
+        let header = lines.next().unwrap();
+        let command = header.split(',').position(|cell| cell.trim() == "ESC signal (µs)" || cell.trim() == "Duty");
+        let command = command.unwrap_or(column);
+        let mut first = None;
+        let constant: Vec<String> = lines
+            .map(|line| {
+                let mut cells: Vec<&str> = line.split(',').collect();
+                if let Some(cell) = cells.get_mut(command).filter(|cell| !cell.is_empty()) {
+                    *cell = first.get_or_insert(*cell);
+                }
+                cells.join(",")
+            })
+            .collect();
+        let error = written(&format!("{header}\n{}", constant.join("\n"))).unwrap_err();
+        assert!(matches!(error, ImportError::ConstantCommand { .. }), "{name}: {error}");
+        assert!(error.to_string().contains("nothing can be identified"), "{error}");
+    }
+}
+
+#[test]
+fn an_empty_file_is_called_empty() {
+    for text in ["", "\n\n  \n"] {
+        assert!(matches!(written(text), Err(ImportError::Empty { .. })));
+    }
 }

@@ -432,3 +432,64 @@ fn a_motor_of_one_lag_is_given_no_drag() {
         assert!((split.one_lag_percent - split.speed_dependent_percent).abs() < 0.3, "{split:?}");
     }
 }
+
+/// The largest reading of a sensor, revolutions per minute: between those of commands 0.60 and 0.65.
+const END_OF_SCALE: f64 = 12_700.0;
+
+fn clipped(seed: u64) -> Record {
+    let mut record = staircase(&MOTOR, &BENCH, seed);
+    record.rpm.as_mut().unwrap().iter_mut().for_each(|rpm| *rpm = rpm.min(END_OF_SCALE));
+    record
+}
+
+#[test]
+fn levels_on_a_limit_are_left_out_and_named() {
+    for seed in 1..=8 {
+        let fit = fitted(&clipped(seed));
+        assert!(fit.levels.iter().all(|level| level.command < 0.65), "{:?}", fit.levels);
+        assert_eq!(fit.levels.len(), 9, "those below are all there");
+        for (tau, truth) in time_constants(&fit, &MOTOR) {
+            assert!((tau.value / truth - 1.0).abs() < 0.15, "{tau:?} {truth}");
+        }
+        let limited = fit.warnings.iter().find(|w| matches!(w, StepsWarning::Limited { .. })).unwrap();
+        let StepsWarning::Limited { at, commands, rows } = *limited else { unreachable!() };
+        assert_eq!((at, commands), (END_OF_SCALE, (0.65, 0.90)));
+        assert!(rows > 1500, "{rows}");
+        assert!(limited.to_string().contains("exactly on 12700, at commands 0.650 to 0.900"), "{limited}");
+        let model = fit.to_model("test").unwrap();
+        assert!(model.points.iter().all(|point| point.nominal < 0.65));
+        assert!(model.static_map.unwrap().command.iter().all(|&command| command < 0.65));
+    }
+    let laws = compare_laws(&clipped(1), Output::Rpm).unwrap();
+    let free = compare_laws(&staircase(&MOTOR, &BENCH, 1), Output::Rpm).unwrap();
+    let (limited_s, free_s) = (laws.one_lag.time_constant_s.value, free.one_lag.time_constant_s.value);
+    assert!((limited_s / free_s - 1.0).abs() < 0.2, "{limited_s} {free_s}");
+}
+
+#[test]
+fn a_coarse_sensor_stands_on_no_limit() {
+    for (resolution, noise_std) in [(1.0, 25.0), (50.0, 25.0), (50.0, 5.0), (200.0, 25.0), (50.0, 0.001)] {
+        let mut record = staircase(&MOTOR, &Bench { noise_std, ..BENCH }, 3);
+        record.rpm.as_mut().unwrap().iter_mut().for_each(|rpm| *rpm = (*rpm / resolution).round() * resolution);
+        let fit = fitted(&record);
+        let limited = fit.warnings.iter().find(|w| matches!(w, StepsWarning::Limited { .. }));
+        assert_eq!(limited, None, "{resolution} {noise_std}");
+    }
+}
+
+#[test]
+fn a_record_of_which_every_step_is_on_a_limit_says_so() {
+    let mut record = staircase(&MOTOR, &BENCH, 1);
+    record.rpm.as_mut().unwrap().iter_mut().for_each(|rpm| *rpm = rpm.min(7000.0));
+    let error = fit_staircase(&record, Output::Rpm, None).unwrap_err();
+    assert_eq!(error, StepsError::AtLimit { record: "staircase.csv".into(), at: 7000.0 });
+}
+
+#[test]
+fn a_response_that_is_a_deviation_is_refused_and_not_called_unsteady() {
+    let mut record = staircase(&MOTOR, &BENCH, 1);
+    record.rpm.as_mut().unwrap().iter_mut().for_each(|rpm| *rpm -= map(0.5));
+    let error = fit_staircase(&record, Output::Rpm, None).unwrap_err();
+    assert!(matches!(error, StepsError::BelowZero { command: 0.20, .. }), "{error}");
+    assert!(error.to_string().contains("follows the command below zero"), "{error}");
+}

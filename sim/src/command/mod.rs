@@ -1,4 +1,4 @@
-//! The command line: one file per command, which reads what it is given, calls one room of this crate, and says what
+//! The command line: one file per command, which reads what it is given, calls one module of this crate, and says what
 //! came out, for people and as JSON.
 
 mod bandwidth;
@@ -14,6 +14,7 @@ mod identify_align;
 mod identify_laws;
 mod identify_map;
 mod identify_stand;
+mod identify_tables;
 mod import;
 mod outcome;
 mod parameters;

@@ -1,5 +1,7 @@
 //! From the Fourier coefficients of each period to lines with their noise.
 
+use std::f64::consts::TAU;
+
 use num_complex::Complex64;
 
 use super::{DisturbanceSign, DisturbedLine, Line, NoiseSource, RemovedSinusoid, SpectrumOptions, UnexcitedLine};
@@ -54,7 +56,7 @@ pub(in crate::identify) fn estimate(
 ) -> Result<Estimated, IdentifyError> {
     let excited = excited_bins(&mean(&periods.command), options.line_threshold);
     let Some((&lowest, &highest)) = excited.first().zip(excited.last()) else {
-        return Err(IdentifyError::ConstantCommand { file: file.to_owned() });
+        return Err(nothing_excited(periods, file));
     };
     let command = at(&periods.command, &excited);
     check_periodic(&command, file)?;
@@ -155,6 +157,15 @@ pub(in crate::identify) fn estimate(
         Vec::new()
     };
     Ok(Estimated { lines, unexcited, disturbed, removed, transient, periods_used, noise: noise.source })
+}
+
+/// Why the mean command has no line: it does not move, or what it does cancels over periods that are none.
+fn nothing_excited(periods: &Periods, file: &str) -> IdentifyError {
+    let file = file.to_owned();
+    match periods.command.iter().all(|period| excited_bins(period, 1.0).is_empty()) {
+        true => IdentifyError::ConstantCommand { file },
+        false => IdentifyError::NothingRepeats { file, period_s: TAU / periods.bin_rad_s },
+    }
 }
 
 /// The lines at `bins`, which are not excited, whose noise `pool` knows; disturbed ones are left out.

@@ -157,7 +157,7 @@ impl LawFit {
 pub fn compare_laws(record: &Record, output: Output) -> Result<LawComparison, StepsError> {
     let run = Run::of(record, output)?;
     let bench = Bench::of(record, &run);
-    let all = vec![true; run.plateaus.len()];
+    let all = bench.shows.clone();
     let not_converged = || StepsError::NotConverged { record: record.file.clone(), iterations: LIMITS.iterations };
     let (one_lag, _) = bench.fit(LagLaw::OneLag, &all, false).ok_or_else(not_converged)?;
     let (speed_dependent, _) = bench.fit(LagLaw::SpeedDependent, &all, false).ok_or_else(not_converged)?;
@@ -179,7 +179,7 @@ const MAP: usize = 2;
 const DRAG: usize = 5;
 /// Mean and standard deviation of what is known of the share of drag beforehand.
 const DRAG_KNOWN: (f64, f64) = (0.5, 0.29);
-/// See the other fit of this room: rows that a change passes leave a search zigzagging.
+/// As in the fit of single steps: rows that a change passes leave a search zigzagging.
 const LIMITS: Limits = Limits { iterations: 200, decrease: 1e-7 };
 /// Delays beyond this are not searched, seconds.
 const MAX_DELAY_S: f64 = 0.3;
@@ -191,7 +191,10 @@ struct Bench<'a> {
     time_s: &'a [f64],
     y: &'a [f64],
     spike: &'a [bool],
-    plateaus: &'a [Plateau],
+    /// The first one from its settled rows on: what comes before may still be on its way there.
+    plateaus: Vec<Plateau>,
+    /// Whether the motor's own response shows on a plateau.
+    shows: Vec<bool>,
     /// Rank of each plateau's command among the levels.
     level: Vec<usize>,
     low: f64,
@@ -208,12 +211,15 @@ impl<'a> Bench<'a> {
             }
         }
         levels.sort_by(f64::total_cmp);
+        let mut plateaus = run.plateaus.clone();
+        plateaus[0].rows.start = plateaus[0].settled().start;
         let rank = |p: &Plateau| levels.partition_point(|&l| l < p.command - SAME_LEVEL);
         Self {
             time_s: &record.time_s,
             y: &run.clean,
             spike: &run.spike,
-            plateaus: &run.plateaus,
+            plateaus,
+            shows: (0..run.plateaus.len()).map(|k| run.shows(k)).collect(),
             level: run.plateaus.iter().map(rank).collect(),
             low: levels[0],
             high: levels[levels.len() - 1],
@@ -382,8 +388,9 @@ impl<'a> Bench<'a> {
 
     /// Both laws on a split; `None` where one part has fewer than two plateaus.
     fn held_out(&self, split: Split) -> Option<HeldOut> {
-        let used: Vec<bool> = self.plateaus.iter().zip(&self.level).map(|(p, &level)| split.fits(p, level)).collect();
-        let judged: Vec<bool> = used.iter().map(|used| !used).collect();
+        let fits: Vec<bool> = self.plateaus.iter().zip(&self.level).map(|(p, &level)| split.fits(p, level)).collect();
+        let used: Vec<bool> = fits.iter().zip(&self.shows).map(|(&fits, &shows)| fits && shows).collect();
+        let judged: Vec<bool> = fits.iter().zip(&self.shows).map(|(&fits, &shows)| !fits && shows).collect();
         if used.iter().filter(|&&u| u).count() < 2 || judged.iter().filter(|&&u| u).count() < 2 {
             return None;
         }
