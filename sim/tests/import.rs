@@ -6,6 +6,8 @@ use std::fs;
 use std::path::Path;
 
 use importing::{imported, message, sample};
+use miette::Diagnostic as _;
+use proptest::prelude::*;
 use rotorlead_sim::record::import::{Import, ImportError, ImportOptions, LogFormat, import};
 use rotorlead_sim::record::{Excitation, Output};
 
@@ -220,5 +222,56 @@ fn a_log_whose_command_never_changes_says_so() {
 fn an_empty_file_is_called_empty() {
     for text in ["", "\n\n  \n"] {
         assert!(matches!(written(text), Err(ImportError::Empty { .. })));
+    }
+}
+
+/// What of a changed log an import may be.
+fn taken_or_refused(bytes: &[u8]) -> Result<(), TestCaseError> {
+    match imported(bytes, &ImportOptions::default()) {
+        Ok(Import { experiment, summary }) => {
+            let record = &experiment.records[0];
+            prop_assert!(record.time_s.is_sorted_by(|a, b| a < b));
+            prop_assert_eq!(record.time_s.len(), record.command.len());
+            prop_assert_eq!(record.time_s.len(), record.rpm.as_ref().or(record.thrust_n.as_ref()).unwrap().len());
+            prop_assert!(record.command.iter().all(|c| (0.0..=1.0).contains(c)));
+            let dropped: usize = summary.dropped.iter().map(|d| d.rows).sum();
+            prop_assert_eq!(summary.rows_taken + dropped, summary.rows_read);
+        }
+        Err(error) => prop_assert!(error.help().is_some()),
+    }
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(1000))]
+
+    /// Changed bytes, lost rows and cells of any text give an experiment of equal columns or an error with a remedy, and never a
+    /// panic.
+    #[test]
+    fn damaged_logs_of_text_are_taken_or_refused(
+        esc32 in any::<bool>(),
+        changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 0..6),
+        rows in prop::collection::vec(any::<prop::sample::Index>(), 0..4),
+        cells in prop::collection::vec((any::<prop::sample::Index>(), 0_usize..8, "[-+0-9.eEnaif:, \"]{0,24}"), 0..4),
+    ) {
+        let name = if esc32 { "esc32.csv" } else { "rcbenchmark.csv" };
+        let text = fs::read_to_string(sample(name)).unwrap();
+        let mut lines: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
+        for (line, cell, text) in &cells {
+            let line = &mut lines[line.index(200)];
+            let cell = cell % line.len();
+            line[cell] = text;
+        }
+        for row in rows {
+            let row = row.index(lines.len());
+            lines.remove(row);
+        }
+        let lines: Vec<String> = lines.iter().map(|cells| cells.join(",")).collect();
+        let mut bytes = lines.join("\n").into_bytes();
+        for (at, byte) in changes {
+            let at = at.index(bytes.len());
+            bytes[at] = byte;
+        }
+        taken_or_refused(&bytes)?;
     }
 }

@@ -10,6 +10,7 @@ mod image;
 mod readme;
 mod run;
 mod setup;
+mod statistics;
 mod test;
 
 use std::process::ExitCode;
@@ -24,6 +25,9 @@ Usage: cargo xtask COMMAND
   flash    flashes that image with a debug probe, and shows its log
   test     every test there is: formatting, lints, documentation, host tests, and the controller's image: its build, its checks,
            its tests in QEMU, its instruction counts
+  statistics
+           decides at full count what is claimed of estimates: coverage, spread, bias, orders; some hours. REPEATS and CASE
+           make it shorter
   bench    measures filters, the simulated stand and identification side by side, in one run;
            with --firmware [--json FILE] instructions on the controller's core, in QEMU;
            with --identify [--largest] [--json FILE] identification alone, from CSV files to a model, beside NumPy and SciPy
@@ -52,6 +56,7 @@ fn main() -> ExitCode {
         ["test"] => test::all(),
         ["docs"] => docs::write(),
         ["blind", options @ ..] => blind::run_cases(options),
+        ["statistics"] => statistics::all(),
         ["bench"] => bench::all(),
         ["bench", "--firmware"] => bench::firmware(None),
         ["bench", "--firmware", "--json", file] => bench::firmware(Some(file)),

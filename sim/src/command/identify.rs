@@ -13,7 +13,7 @@ use super::identify_align::{AlignOptions, Aligned};
 use super::identify_stand::{self, StandArguments};
 use super::identify_tables::{fitted_chirps, held_out, periodic_table, point_json, staircase_json, staircase_table};
 use super::outcome::{JsonOption, Outcome, warning_lines};
-use super::{WrongUse, identify_laws, identify_map, progress};
+use super::{WrongUse, identify_intervals, identify_laws, identify_map, progress};
 use crate::files::check_writable;
 use crate::identify::stand::StandModel;
 use crate::identify::steps::fit_staircase;
@@ -98,6 +98,8 @@ pub struct Identified {
     pub detail: Value,
     /// Noise and nonlinear distortion by nominal command, for programs; null where records cannot tell.
     pub distortion: Value,
+    /// Intervals by nominal command, for programs; null for steps.
+    pub intervals: Value,
 }
 
 impl Identify {
@@ -139,6 +141,7 @@ impl Identify {
             "warnings": identified.warnings,
             "detail": identified.detail,
             "distortion": identified.distortion,
+            "intervals": identified.intervals,
             "alignment": alignments,
             "static_map": static_map,
             "laws": laws,
@@ -181,6 +184,7 @@ pub fn identify(
             warnings: [periodic_warnings(&found), left_out(experiment, None)].concat(),
             detail: Value::Null,
             distortion: distortion_json(&found),
+            intervals: identify_intervals::intervals_json(&found),
         });
     }
     let is_steps = |record: &Record| matches!(record.excitation, Excitation::Step | Excitation::Staircase);
@@ -203,6 +207,7 @@ pub fn identify(
         warnings: fit.warnings.iter().map(ToString::to_string).chain(left_out(experiment, Some(record))).collect(),
         detail: staircase_json(&fit),
         distortion: Value::Null,
+        intervals: Value::Null,
     })
 }
 
@@ -215,7 +220,14 @@ fn of_chirps(experiment: &Experiment, delay_level: f64, stand: Option<&StandMode
     if let Some(provenance) = &mut model.provenance {
         provenance.records = files;
     }
-    Ok(Identified { model, text, warnings: periodic_warnings(&lags), detail: Value::Null, distortion: Value::Null })
+    Ok(Identified {
+        model,
+        text,
+        warnings: periodic_warnings(&lags),
+        detail: Value::Null,
+        distortion: Value::Null,
+        intervals: identify_intervals::intervals_json(&lags),
+    })
 }
 
 /// The one step or staircase record that is to be fitted.
@@ -280,6 +292,7 @@ fn left_out(experiment: &Experiment, fitted: Option<&Record>) -> Vec<String> {
             Excitation::Multisine | Excitation::Square => return None,
             Excitation::Step => ("a step", "; its levels are in the static map"),
             Excitation::Staircase => ("a staircase", "; its levels are in the static map"),
+            Excitation::Triangle => ("a triangle", ""),
             Excitation::Chirp => ("a chirp", ""),
             Excitation::Free => ("`free`", ""),
         };

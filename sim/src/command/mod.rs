@@ -11,6 +11,7 @@ mod excite;
 mod figures;
 mod identify;
 mod identify_align;
+mod identify_intervals;
 mod identify_laws;
 mod identify_map;
 mod identify_stand;

@@ -113,6 +113,8 @@ fn lines_of(
             response: line.response,
             variance: line.variance,
             dof: 2.0 * found.degrees_of_freedom,
+            // One line per window, with the noise of that window alone.
+            pooled: 1.0,
             images: holds.images(line.omega_rad_s),
         };
         match stand {

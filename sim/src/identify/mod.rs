@@ -28,6 +28,7 @@ pub mod steps;
 #[cfg(test)]
 mod testing;
 mod transient;
+mod uncertainty;
 mod validate;
 
 pub use bandwidth::{Bandwidth, EtfeBandwidth, StaticValue, THREE_DB, bandwidth_of, bandwidth_of_etfe};

@@ -43,6 +43,7 @@ pub(in crate::identify) struct Estimated {
 struct LineNoise {
     variance: Vec<f64>,
     dof: f64,
+    pooled: usize,
     stands_out: Vec<bool>,
     source: NoiseSource,
 }
@@ -107,6 +108,7 @@ pub(in crate::identify) fn estimate(
         LineNoise {
             variance: of_mean(&pooled.variance, periods_used),
             dof: 2.0 * (pooled.neighbors * (periods_used - 1)) as f64,
+            pooled: pooled.neighbors,
             stands_out: pooled.stands_out,
             source: NoiseSource::BetweenPeriods,
         }
@@ -115,6 +117,7 @@ pub(in crate::identify) fn estimate(
         LineNoise {
             variance,
             dof: 2.0 * bins as f64,
+            pooled: bins,
             stands_out: vec![false; excited.len()],
             source: NoiseSource::UnexcitedLines,
         }
@@ -146,6 +149,7 @@ pub(in crate::identify) fn estimate(
                 response: mean_response[k],
                 variance: noise.variance[k],
                 dof: noise.dof,
+                pooled: noise.pooled,
             }),
         }
     }

@@ -11,7 +11,7 @@
 //! 4. levels get their static response, slope and time constants (`levels`);
 //! 5. the whole run is simulated and compared (here).
 //!
-//! Beside it, [`compare_laws`] asks whether one lag will do or its time constant depends on the speed (`speed`).
+//! Beside it, [`compare_laws`] asks whether one lag will do or its time constant depends on the speed (`law`, `splits`).
 //!
 //! # Which law for large steps
 //! Small steps up have one time constant each. A large step down crosses many levels, and three laws are at
@@ -24,6 +24,7 @@
 
 mod error;
 mod fit;
+mod law;
 mod levels;
 mod limits;
 mod model;
@@ -31,17 +32,18 @@ mod plateaus;
 mod problem;
 mod response;
 mod run;
-mod speed;
 mod spikes;
+mod splits;
 mod uncertainty;
 mod warning;
 
 use std::ops::Range;
 
 pub use error::StepsError;
+pub use law::{LagLaw, LawFit};
 pub use levels::{Branch, Level};
 pub use plateaus::Direction;
-pub use speed::{HeldOut, LagLaw, LawComparison, LawFit, SPLITS, Split, compare_laws};
+pub use splits::{HeldOut, LawComparison, SPLITS, Split, compare_laws};
 pub use warning::{LeftOut, StepsWarning};
 
 use super::fit_percent::fit_percent;
