@@ -501,8 +501,8 @@ fn a_response_that_is_a_deviation_is_refused_and_not_called_unsteady() {
 /// How many of `seeds` intervals of the one lag's delay and time constant hold the truth, on steps up and down again.
 fn held_by_one_lag(plateaus: usize, seeds: u64) -> [u64; 2] {
     let motor = Motor { delay_s: 0.012, up: |_| 0.1, down: |_| 0.1 };
-    let top = plateaus.div_ceil(2);
-    let levels: Vec<f64> = (0..plateaus).map(|k| 0.2 + 0.7 * k.min(2 * top - 1 - k) as f64 / top as f64).collect();
+    let top = plateaus / 2;
+    let levels: Vec<f64> = (0..plateaus).map(|k| 0.2 + 0.7 * k.min(2 * top - k) as f64 / top as f64).collect();
     let mut held = [0; 2];
     for seed in 0..seeds {
         let fit = compare_laws(&staircase_of(&levels, &motor, &BENCH, seed), Output::Rpm).unwrap().one_lag;

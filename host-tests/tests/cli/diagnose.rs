@@ -48,7 +48,7 @@ fn an_actuator_with_a_slew_limit_is_not_sped_up_and_it_is_said_why() {
     for part in [
         "Missing in the model: slew-rate limit.",
         "Redesign: refused at an amplitude of 0.05.",
-        "change faster than the 0.600 duty/s",
+        "change faster than the 0.5",
         "no filter can make it",
         "Nothing is written to c.toml",
     ] {

@@ -75,7 +75,7 @@ fn run(page: &str) -> usize {
             }
             let found = printed(command, folder.path());
             if is_update {
-                let said = |lines: &[String]| [&[line.clone()], lines].concat().join("\n") + "\n";
+                let said = |lines: &[String]| [std::slice::from_ref(line), lines].concat().join("\n") + "\n";
                 updated = updated.replacen(&said(&expected), &said(&found), 1);
             } else {
                 assert_eq!(found, expected, "{page}: `{command}` now prints\n{}\n", found.join("\n"));

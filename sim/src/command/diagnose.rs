@@ -56,6 +56,13 @@ impl Diagnose {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
         self.redesign.check()?;
+        if self.table.table().is_some() && self.redesign.is_given() {
+            return Err(WrongUse::new(
+                "a redesign rests on an actuator's records, and a table of bandwidths has none",
+                "leave --redesign out, or diagnose an experiment's folder: rotorlead diagnose DIR --redesign",
+            )
+            .into());
+        }
         let model = self.model.as_deref().map(Model::read).transpose()?;
         if let (Some(table), Some(model), Some(file)) = (self.table.table(), &model, &self.model) {
             return self.table.run(table, model, file, self.out_model.as_deref());

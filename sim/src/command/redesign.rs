@@ -60,6 +60,11 @@ impl RedesignArguments {
         Ok(self.out_compensator.as_deref().map_or(Ok(()), check_writable)?)
     }
 
+    /// Whether a redesign is asked for.
+    pub fn is_given(&self) -> bool {
+        self.redesign
+    }
+
     /// Designs for the model that was found, where that is asked for. `esc_frame_hz` is that of the experiment.
     pub fn run(&self, found: &Diagnosis, esc_frame_hz: Option<f64>) -> Result<Option<Redesigned>, FileError> {
         if !self.redesign {

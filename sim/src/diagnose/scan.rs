@@ -20,12 +20,14 @@ pub(super) struct Scan<'a> {
 }
 
 impl<'a> Scan<'a> {
-    /// On the multisine of the middle nominal command that is fitted; there the command goes through most levels. `None`
+    /// On the largest multisine near the middle nominal command that is fitted; there the command goes through most levels. `None`
     /// where nothing is.
     pub fn new(all: &Trials, from: &'a Fit) -> Option<Self> {
         let is_fitted = |trial: &&Trial| trial.end_of(Some(Purpose::Fit)) > 0;
         let middle = 0.5 * (all.nominals.first()? + all.nominals.last()?);
-        let order = |trial: &&Trial| (trial.excitation != Excitation::Multisine, (trial.nominal - middle).abs());
+        let order = |trial: &&Trial| {
+            (trial.excitation != Excitation::Multisine, (trial.nominal - middle).abs() - trial.amplitude)
+        };
         let trial = all.trials.iter().filter(is_fitted).min_by(|a, b| {
             let (a, b) = (order(a), order(b));
             a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))

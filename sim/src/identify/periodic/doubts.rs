@@ -78,6 +78,9 @@ fn jumps(response: &[f64]) -> Vec<usize> {
     (0..clean.len()).filter(|&row| spike[row] && (response[row] - clean[row]).abs() > least).collect()
 }
 
+/// A sensor that has stopped stands still for this many times as long as it ever does else.
+const FROZEN_TIMES_NEXT: usize = 3;
+
 /// The longest stretch of equal readings, its first row and how many rows, where the sensor has stopped.
 fn frozen(response: &[f64], limits: &[Limit]) -> Option<(usize, usize)> {
     let mut lengths = Vec::new();
@@ -90,9 +93,12 @@ fn frozen(response: &[f64], limits: &[Limit]) -> Option<(usize, usize)> {
         }
         first += run.len();
     }
-    let middle = lengths.len() / 2;
-    let usual = if lengths.is_empty() { 0 } else { *lengths.select_nth_unstable(middle).1 };
-    (longest.1 >= FROZEN_ROWS.max(FROZEN_TIMES_USUAL * usual).max(response.len() / FROZEN_ONE_IN)).then_some(longest)
+    lengths.sort_unstable();
+    let usual = lengths.get(lengths.len() / 2).copied().unwrap_or(0);
+    // A coarse sensor stands still at every turn of the response, and so more than once.
+    let next = lengths.iter().rev().nth(1).copied().unwrap_or(0);
+    let least = FROZEN_ROWS.max(FROZEN_TIMES_USUAL * usual).max(response.len() / FROZEN_ONE_IN);
+    (longest.1 >= least.max(FROZEN_TIMES_NEXT * next)).then_some(longest)
 }
 
 /// Whether the gain may as well be zero: then the response does not follow the command, and the lag means nothing.

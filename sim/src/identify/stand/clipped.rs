@@ -5,7 +5,7 @@
 
 /// Rows in a row on the same extreme value.
 const FEWEST_ROWS: usize = 3;
-/// A cut peak falls by at least this share of its height next to its flat part.
+/// A cut peak falls by at least this share of its height within two rows of its flat part.
 const STEEP: f64 = 0.02;
 
 /// The value at which `column` was cut off, and for how many rows in a row.
@@ -21,8 +21,9 @@ pub(super) fn peak(column: &[f64]) -> Option<(f64, usize)> {
     let mut longest = 0;
     for run in column.chunk_by(|a, b| a == b) {
         let end = start + run.len();
+        // The row next to the flat part may be barely below it.
         let falls = |neighbor: Option<&f64>| neighbor.is_some_and(|y| (extreme - y).abs() > STEEP * height);
-        if run[0] == extreme && (falls(start.checked_sub(1).map(|at| &column[at])) || falls(column.get(end))) {
+        if run[0] == extreme && (falls(start.checked_sub(2).map(|at| &column[at])) || falls(column.get(end + 1))) {
             longest = longest.max(run.len());
         }
         start = end;

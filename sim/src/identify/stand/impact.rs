@@ -223,8 +223,8 @@ mod tests {
                 .collect();
             mean += left_over(&[Complex64::ONE; 13], &y, 6) / f64::from(runs);
         }
-        // `noise` has a power of two; eight degrees of freedom scatter by 0.35, so the mean by 0.0056 of it.
-        assert!((mean / 2.0 - 1.0).abs() < 0.03, "{mean}");
+        // `noise` has a power of one; eight degrees of freedom scatter by 0.35, so the mean by 0.0056 of it.
+        assert!((mean - 1.0).abs() < 0.03, "{mean}");
     }
 
     #[test]

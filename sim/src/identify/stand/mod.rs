@@ -85,7 +85,7 @@ pub enum StandWarning {
     },
     /// Roots that the lines say nothing of.
     #[error(
-        "{count} of the poles and zeros (pairs count once) are beyond {limit_hz:.0} Hz, far above the highest line: they change nothing there and are left out"
+        "{count} of the poles (pairs count once) are beyond {limit_hz:.0} Hz, far above the highest line: they change nothing there and are left out; ask for fewer with --order"
     )]
     FarAbove {
         /// How many, a pair as one.
@@ -218,7 +218,8 @@ pub fn fit_stand(response: FrequencyResponse, options: &StandOptions) -> Result<
         warnings.push(StandWarning::ModelTooSimple { reduced_chi_square, p_value });
     }
     let (near, near_zeros) = (within(&fit.poles, top_rad_s), || within(&fit.zeros, top_rad_s));
-    let far = fit.poles.len() + fit.zeros.len() - near.clone().count() - near_zeros().count();
+    // A zero up there is what the numerator has beyond those that there are.
+    let far = fit.poles.len() - near.clone().count();
     if far > 0 {
         warnings.push(StandWarning::FarAbove { count: far, limit_hz: FAR_ABOVE * top_rad_s / TAU });
     }
