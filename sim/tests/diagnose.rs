@@ -64,6 +64,8 @@ fn what_is_hidden_is_named_with_its_values_and_the_gap_shrinks_to_the_noise() {
         ("gain_drift", &[("drift", -0.06), ("time_s", 20.0)]),
         // A narrow valley among others.
         ("command_quantization", &[("step", 0.0107)]),
+        ("command_quantization", &[("step", 1.0 / 183.2)]),
+        ("esc_frame_hold", &[("frame_hz", 43.7)]),
         ("dead_band", &[("width", 0.0063)]),
         // What a record begins with is not at rest, and goes back at its own pace.
         ("asymmetric_lag", &[("ratio", 1.5)]),
