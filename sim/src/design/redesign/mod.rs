@@ -1,7 +1,7 @@
 //! A compensator for an actuator with effects: what it promises, what the whole chain makes of that, and whether it is to be
 //! used.
 //!
-//! The design is that of [`design`](super::design), from the lags alone: a lead hides lags. What the effects make of it is
+//! The design is that of [`design`], from the lags alone: a lead hides lags. What the effects make of it is
 //! predicted twice, by the linearized chain ([`bandwidths_with`], small deviations) and by sinusoids of a given amplitude
 //! through the controller's own filter and the simulated actuator. Where an actuator is bounded in its command or in the
 //! rate of it, and the lead would ask for more than that below the bandwidth that it promises, the lead is refused.
