@@ -1,46 +1,15 @@
 //! The experiment that is proposed: a plan that the bench runs on the same hidden actuator, and that the diagnosis takes.
 
+mod two_levels;
+
 use rotorlead_sim::bench::{Plan, PlannedRecord, run};
-use rotorlead_sim::diagnose::{Diagnosis, NextExperiment, Options, Verdict, diagnose};
-use rotorlead_sim::plant::{Catalog, Effect, Lag, Model, Noise, Point};
-use rotorlead_sim::record::{Excitation, Experiment};
+use rotorlead_sim::diagnose::{Diagnosis, NextExperiment, Verdict};
+use rotorlead_sim::plant::Catalog;
+use rotorlead_sim::record::Excitation;
+use two_levels::{diagnosed, experiment, motor};
 
-fn motor(effect: Option<(&str, &[(&str, f64)])>) -> Model {
-    let point = |nominal, gain, time_constant_s| Point::new(nominal, Lag { gain, time_constant_s, delay_s: 0.0 });
-    let effect = effect.map(|(kind, parameters)| Effect {
-        kind: kind.to_owned(),
-        parameters: parameters.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect(),
-        std: [].into(),
-    });
-    Model {
-        format: 1,
-        points: vec![point(0.4, 10.0, 0.16), point(0.6, 13.5, 0.085)],
-        static_map: None,
-        effects: effect.into_iter().collect(),
-        provenance: None,
-    }
-}
-
-/// Two nominal commands, a multisine and a square wave at each, 200 rows a second.
-fn experiment(model: &Model) -> Experiment {
-    let mut plan = Plan::paper(model);
-    (plan.loop_rate_hz, plan.sample_rate_hz, plan.esc_frame_hz, plan.seed) = (200, 200, None, 5);
-    plan.noise = Noise { sigma_n: 0.01, ..Noise::default() };
-    plan.records.clear();
-    for nominal in [0.4, 0.6] {
-        let record = PlannedRecord { amplitude: Some(0.05), ..PlannedRecord::new(nominal, Excitation::Multisine) };
-        let multisine = PlannedRecord { lines: Some(150), realization: Some(1), periods: Some(3), ..record.clone() };
-        let square =
-            PlannedRecord { excitation: Excitation::Square, half_period_s: Some(5.0), periods: Some(3), ..record };
-        plan.records.extend([multisine, square]);
-    }
-    run(&plan, model, None, &|_| {}).unwrap()
-}
-
-fn diagnosed(experiment: &Experiment) -> Diagnosis {
-    let catalog = Catalog::standard();
-    diagnose(experiment, &Options { model: None, catalog: &catalog, progress: &|| {} }).unwrap()
-}
+/// Of the noise.
+const SEED: u64 = 5;
 
 /// What is proposed where `kind` was found on `model`, and `rival` cannot be told from it.
 fn proposed(found: &Diagnosis, rival: &str) -> NextExperiment {
@@ -79,7 +48,7 @@ fn what_is_proposed_for_a_dead_band_names_it() {
 
 fn proposal_names(kind: &str, parameters: &[(&str, f64)], rival: &str, excitations: &[Excitation]) {
     let hidden = motor(Some((kind, parameters)));
-    let found = diagnosed(&experiment(&hidden));
+    let found = diagnosed(&experiment(&hidden, SEED), None);
     assert_eq!(found.effects[0].kind.id, kind, "{:?}", found.effects);
     let next = proposed(&found, rival);
     let mut plan = read_back(&next);
@@ -91,7 +60,7 @@ fn proposal_names(kind: &str, parameters: &[(&str, f64)], rival: &str, excitatio
     assert!(amplitudes >= 1 && next.device.iter().any(|line| line.contains("does not play")), "{:?}", next.device);
     // One of the two nominal commands is enough, and quick.
     plan.records.retain(|record| record.nominal == 0.6);
-    let again = diagnosed(&run(&plan, &hidden, None, &|_| {}).unwrap());
+    let again = diagnosed(&run(&plan, &hidden, None, &|_| {}).unwrap(), None);
     assert_eq!(again.verdict, Verdict::Named, "{kind}: {:?}", again.effects);
     let names: Vec<&str> = again.effects.iter().map(|effect| effect.kind.id).collect();
     assert_eq!(names, [kind], "{:?}", again.effects);
@@ -101,7 +70,7 @@ fn proposal_names(kind: &str, parameters: &[(&str, f64)], rival: &str, excitatio
 #[test]
 fn each_pair_of_likes_has_a_plan_of_its_own() {
     let hidden = motor(Some(("dead_band", &[("width", 0.0063)])));
-    let mut found = diagnosed(&experiment(&hidden));
+    let mut found = diagnosed(&experiment(&hidden, SEED), None);
     let catalog = Catalog::standard();
     let kind = |id: &str| catalog.find(id).unwrap();
     let mut plan = |one: &str, other: &str| {

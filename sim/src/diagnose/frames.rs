@@ -122,10 +122,11 @@ pub(super) fn find(trials: &Trials, fit: &Fit, effect: usize) -> Option<Hypothes
     judged.push(peak);
     judged.sort_by(|a, b| a.0.total_cmp(&b.0));
     let (best, best_hz) = judged.first().map(|best| (best.0, best.1))?;
-    let (below, above) = (judge(best_hz - 0.5 * width_hz)?, judge(best_hz + 0.5 * width_hz)?);
-    let bend = (below.0 - 2.0 * best + above.0) / (0.25 * width_hz * width_hz);
+    let beside_hz = 0.5 * width_hz;
+    let (below, above) = (judge(best_hz - beside_hz)?, judge(best_hz + beside_hz)?);
+    let bend = (below.0 - 2.0 * best + above.0) / (beside_hz * beside_hz);
     let std_hz = if bend > 0.0 { (2.0 / bend).sqrt() } else { width_hz };
-    let top_hz = best_hz - if bend > 0.0 { 0.5 * (above.0 - below.0) / width_hz / bend } else { 0.0 };
+    let top_hz = best_hz - if bend > 0.0 { 0.5 * (above.0 - below.0) / beside_hz / bend } else { 0.0 };
     judged.extend([below, above]);
     judged.extend(judge(top_hz.clamp(best_hz - width_hz, best_hz + width_hz)));
     let (_, hz, mut hypothesis) = judged.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;

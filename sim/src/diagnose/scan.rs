@@ -20,8 +20,8 @@ pub(super) struct Scan<'a> {
 }
 
 impl<'a> Scan<'a> {
-    /// On the largest multisine near the middle nominal command that is fitted; there the command goes through most levels. `None`
-    /// where nothing is.
+    /// On the largest multisine near the middle nominal command that is fitted; there the command goes through most levels.
+    /// `None` where nothing is.
     pub fn new(all: &Trials, from: &'a Fit) -> Option<Self> {
         let is_fitted = |trial: &&Trial| trial.end_of(Some(Purpose::Fit)) > 0;
         let middle = 0.5 * (all.nominals.first()? + all.nominals.last()?);

@@ -227,7 +227,7 @@ impl Trial {
 
     /// Takes mains hum out of the measurement: what of it a residual of the whole record shows.
     pub fn take_hum_out(&mut self, residual: &[f64]) {
-        let hum = hum::find(residual, self.rate_hz);
+        let hum = hum::find(residual, self.rate_hz, self.highest_hz);
         self.measured.iter_mut().zip(&hum).for_each(|(measured, hum)| *measured -= hum);
         self.hum = hum;
     }
