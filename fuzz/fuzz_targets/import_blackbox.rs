@@ -1,7 +1,7 @@
 //! See `host_tests::fuzz::fuzz_import_blackbox`; and that memory is bounded by the file.
 #![no_main]
 
-use host_tests::fuzz::{fuzz_import_blackbox, import_memory_bound};
+use host_tests::fuzz::{FuzzedFormat, fuzz_import_blackbox};
 use peak_alloc::PeakAlloc;
 
 #[global_allocator]
@@ -12,5 +12,5 @@ libfuzzer_sys::fuzz_target!(|data: &[u8]| {
     MEMORY.reset_peak_usage();
     fuzz_import_blackbox(data);
     let used = MEMORY.peak_usage().saturating_sub(before);
-    assert!(used <= import_memory_bound(data.len()), "{used} bytes for a log of {}", data.len());
+    assert!(used <= FuzzedFormat::Blackbox.memory_bound(data.len()), "{used} bytes for a log of {}", data.len());
 });

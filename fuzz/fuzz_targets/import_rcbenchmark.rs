@@ -1,7 +1,7 @@
 //! See `host_tests::fuzz::fuzz_import_rcbenchmark`; and that memory is bounded by the file.
 #![no_main]
 
-use host_tests::fuzz::{fuzz_import_rcbenchmark, import_memory_bound};
+use host_tests::fuzz::{FuzzedFormat, fuzz_import_rcbenchmark};
 use peak_alloc::PeakAlloc;
 
 #[global_allocator]
@@ -12,5 +12,5 @@ libfuzzer_sys::fuzz_target!(|data: &[u8]| {
     MEMORY.reset_peak_usage();
     fuzz_import_rcbenchmark(data);
     let used = MEMORY.peak_usage().saturating_sub(before);
-    assert!(used <= import_memory_bound(data.len()), "{used} bytes for a log of {}", data.len());
+    assert!(used <= FuzzedFormat::RcBenchmark.memory_bound(data.len()), "{used} bytes for a log of {}", data.len());
 });

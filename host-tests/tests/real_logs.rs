@@ -189,7 +189,7 @@ fn esc32_log_f40() {
     assert_eq!(it.model.points.last().unwrap().nominal, 1.0, "here full duty is the fastest");
 }
 
-/// Both laws on all steps and on steps that they have not seen; the splits are those of the room's `SPLITS`.
+/// Both laws on all steps and on steps that they have not seen; the splits are `steps::SPLITS`.
 ///
 /// What is missing is the static map's more than the lag's: with the levels as measured, at most two fifths of it are left.
 /// `log` is what docs/identification.md calls it; its table is of these numbers.

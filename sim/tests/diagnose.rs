@@ -1,48 +1,12 @@
 //! The diagnosis on simulated actuators. That the chain is the diagnosis' own makes these tests of its bookkeeping, not of
 //! its judgment.
 
-use rotorlead_sim::bench::{Plan, PlannedRecord, run};
-use rotorlead_sim::diagnose::{Axis, DiagnoseError, Diagnosis, Options, Verdict, diagnose};
+mod two_levels;
+
+use rotorlead_sim::diagnose::{Axis, DiagnoseError, Options, Verdict, diagnose};
 use rotorlead_sim::identify::IdentifyError;
-use rotorlead_sim::plant::{Catalog, Effect, Lag, Model, Noise, Point};
-use rotorlead_sim::record::{Excitation, Experiment};
-
-fn motor(effect: Option<(&str, &[(&str, f64)])>) -> Model {
-    let point = |nominal, gain, time_constant_s| Point::new(nominal, Lag { gain, time_constant_s, delay_s: 0.0 });
-    let effect = effect.map(|(kind, parameters)| Effect {
-        kind: kind.to_owned(),
-        parameters: parameters.iter().map(|(name, value)| ((*name).to_owned(), *value)).collect(),
-        std: [].into(),
-    });
-    Model {
-        format: 1,
-        points: vec![point(0.4, 10.0, 0.16), point(0.6, 13.5, 0.085)],
-        static_map: None,
-        effects: effect.into_iter().collect(),
-        provenance: None,
-    }
-}
-
-/// Two nominal commands, a multisine and a square wave at each, 200 rows a second.
-fn experiment(model: &Model, seed: u64) -> Experiment {
-    let mut plan = Plan::paper(model);
-    (plan.loop_rate_hz, plan.sample_rate_hz, plan.esc_frame_hz, plan.seed) = (200, 200, None, seed);
-    plan.noise = Noise { sigma_n: 0.01, ..Noise::default() };
-    plan.records.clear();
-    for nominal in [0.4, 0.6] {
-        let record = PlannedRecord { amplitude: Some(0.05), ..PlannedRecord::new(nominal, Excitation::Multisine) };
-        let multisine = PlannedRecord { lines: Some(150), realization: Some(1), periods: Some(3), ..record.clone() };
-        let square =
-            PlannedRecord { excitation: Excitation::Square, half_period_s: Some(5.0), periods: Some(3), ..record };
-        plan.records.extend([multisine, square]);
-    }
-    run(&plan, model, None, &|_| {}).unwrap()
-}
-
-fn diagnosed(experiment: &Experiment, model: Option<&Model>) -> Diagnosis {
-    let catalog = Catalog::standard();
-    diagnose(experiment, &Options { model, catalog: &catalog, progress: &|| {} }).unwrap()
-}
+use rotorlead_sim::plant::Catalog;
+use two_levels::{diagnosed, experiment, motor};
 
 #[test]
 fn a_lag_and_noise_agree_with_a_lag() {
@@ -64,6 +28,8 @@ fn what_is_hidden_is_named_with_its_values_and_the_gap_shrinks_to_the_noise() {
         ("gain_drift", &[("drift", -0.06), ("time_s", 20.0)]),
         // A narrow valley among others.
         ("command_quantization", &[("step", 0.0107)]),
+        ("command_quantization", &[("step", 1.0 / 183.2)]),
+        ("esc_frame_hold", &[("frame_hz", 43.7)]),
         ("dead_band", &[("width", 0.0063)]),
         // What a record begins with is not at rest, and goes back at its own pace.
         ("asymmetric_lag", &[("ratio", 1.5)]),

@@ -6,6 +6,8 @@ use std::fs;
 use std::path::Path;
 
 use importing::{imported, message, sample};
+use miette::Diagnostic as _;
+use proptest::prelude::*;
 use rotorlead_sim::record::import::{Import, ImportError, ImportOptions, LogFormat, import};
 use rotorlead_sim::record::{Excitation, Output};
 
@@ -153,7 +155,7 @@ fn empty_short_and_missing_files_are_refused() {
     assert!(message(written(header)).contains("0 usable row(s)"));
     let one = format!("{header}\n2019-11-07 18:45:58:868,0,0,0,0,0,0\n");
     assert!(message(written(&one)).contains("1 usable row(s)"));
-    assert!(message(written("")).contains("known log format"));
+    assert!(message(written("")).contains("the file is empty"));
     let error = import(Path::new("/nowhere/log.csv"), &ImportOptions::default());
     assert!(message(error).contains("cannot be read"));
     let bytes = [b"Timestamp,Duty,RPM\n".as_slice(), &[0xff, 0xfe, b',', b'1', b',', b'2', b'\n']].concat();
@@ -190,4 +192,86 @@ fn the_optical_speed_stands_in_for_an_electrical_one_that_is_not_there() {
     assert!(still.experiment.records[0].rpm.as_ref().unwrap().iter().all(|&v| v == 0.0));
     let message = message(with_speeds("", ""));
     assert!(message.contains("column `Motor Electrical Speed (RPM)`: empty"), "{message}");
+}
+
+#[test]
+fn a_log_whose_command_never_changes_says_so() {
+    for (name, column) in [("rcbenchmark.csv", 1), ("esc32.csv", 1)] {
+        let text = fs::read_to_string(sample(name)).unwrap();
+        let mut lines = text.lines();
+        let header = lines.next().unwrap();
+        let command = header.split(',').position(|cell| cell.trim() == "ESC signal (µs)" || cell.trim() == "Duty");
+        let command = command.unwrap_or(column);
+        let mut first = None;
+        let constant: Vec<String> = lines
+            .map(|line| {
+                let mut cells: Vec<&str> = line.split(',').collect();
+                if let Some(cell) = cells.get_mut(command).filter(|cell| !cell.is_empty()) {
+                    *cell = first.get_or_insert(*cell);
+                }
+                cells.join(",")
+            })
+            .collect();
+        let error = written(&format!("{header}\n{}", constant.join("\n"))).unwrap_err();
+        assert!(matches!(error, ImportError::ConstantCommand { .. }), "{name}: {error}");
+        assert!(error.to_string().contains("nothing can be identified"), "{error}");
+    }
+}
+
+#[test]
+fn an_empty_file_is_called_empty() {
+    for text in ["", "\n\n  \n"] {
+        assert!(matches!(written(text), Err(ImportError::Empty { .. })));
+    }
+}
+
+/// What of a changed log an import may be.
+fn taken_or_refused(bytes: &[u8]) -> Result<(), TestCaseError> {
+    match imported(bytes, &ImportOptions::default()) {
+        Ok(Import { experiment, summary }) => {
+            let record = &experiment.records[0];
+            prop_assert!(record.time_s.is_sorted_by(|a, b| a < b));
+            prop_assert_eq!(record.time_s.len(), record.command.len());
+            prop_assert_eq!(record.time_s.len(), record.rpm.as_ref().or(record.thrust_n.as_ref()).unwrap().len());
+            prop_assert!(record.command.iter().all(|c| (0.0..=1.0).contains(c)));
+            let dropped: usize = summary.dropped.iter().map(|d| d.rows).sum();
+            prop_assert_eq!(summary.rows_taken + dropped, summary.rows_read);
+        }
+        Err(error) => prop_assert!(error.help().is_some()),
+    }
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(1000))]
+
+    /// Changed bytes, lost rows and cells of any text give an experiment of equal columns or an error with a remedy, and never a
+    /// panic.
+    #[test]
+    fn damaged_logs_of_text_are_taken_or_refused(
+        esc32 in any::<bool>(),
+        changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 0..6),
+        rows in prop::collection::vec(any::<prop::sample::Index>(), 0..4),
+        cells in prop::collection::vec((any::<prop::sample::Index>(), 0_usize..8, "[-+0-9.eEnaif:, \"]{0,24}"), 0..4),
+    ) {
+        let name = if esc32 { "esc32.csv" } else { "rcbenchmark.csv" };
+        let text = fs::read_to_string(sample(name)).unwrap();
+        let mut lines: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
+        for (line, cell, text) in &cells {
+            let line = &mut lines[line.index(200)];
+            let cell = cell % line.len();
+            line[cell] = text;
+        }
+        for row in rows {
+            let row = row.index(lines.len());
+            lines.remove(row);
+        }
+        let lines: Vec<String> = lines.iter().map(|cells| cells.join(",")).collect();
+        let mut bytes = lines.join("\n").into_bytes();
+        for (at, byte) in changes {
+            let at = at.index(bytes.len());
+            bytes[at] = byte;
+        }
+        taken_or_refused(&bytes)?;
+    }
 }

@@ -290,6 +290,52 @@ fn the_true_model_is_called_wrong_as_seldom_as_the_level_says_and_a_wrong_one_al
     }
 }
 
+/// A staircase whose first level is left, and whose first rows are cut off so that the response is still on its way.
+fn cut_start(noise: &Noise, seed: u64, after_s: f64) -> Experiment {
+    let mut plan = plan(0.0);
+    plan.sample_rate_hz = 200;
+    plan.noise = *noise;
+    plan.seed = seed;
+    plan.records.drain(..3);
+    plan.records[0].levels = Some(vec![0.7, 0.4, 0.5, 0.6, 0.7, 0.6, 0.45]);
+    let mut experiment = run(&plan, &motor(), None, &|_| {}).unwrap();
+    let record = &mut experiment.records[0];
+    let cut = ((3.0 + after_s) * 200.0).round() as usize;
+    for column in [&mut record.time_s, &mut record.command, record.thrust_n.as_mut().unwrap()] {
+        column.drain(..cut);
+    }
+    experiment
+}
+
+#[test]
+fn the_true_model_is_not_called_wrong_for_what_came_before_the_record() {
+    let repeats = 40;
+    for (color, pole) in [(Color::White, None), (Color::Ar1, Some(0.8))] {
+        let noise = Noise { sigma_n: SIGMA_N, color, pole, ..Noise::default() };
+        for after_s in [0.05, 0.3, 0.6] {
+            let p_value = |seed| {
+                let found = validate(&cut_start(&noise, seed, after_s), &motor()).unwrap();
+                found[0].left_over.unwrap().p_value
+            };
+            let alarms = (1..=repeats).filter(|&seed| p_value(seed) < 0.05).count();
+            println!("{color:?}, cut {after_s} s after the step: {alarms} of {repeats}");
+            // 40 at 0.05: 2 expected; 9 or more in one of 5000 (binomial).
+            assert!(alarms < 9, "{color:?} {after_s}: {alarms}");
+        }
+    }
+}
+
+#[test]
+fn levels_on_a_sensors_limit_are_not_judged() {
+    let mut experiment = noisy(&Noise { sigma_n: SIGMA_N, ..Noise::default() }, 1);
+    experiment.records.drain(..3);
+    let thrust = experiment.records[0].thrust_n.as_mut().unwrap();
+    // Between the levels of 0.6 and 0.7.
+    thrust.iter_mut().for_each(|thrust| *thrust = thrust.min(5.4));
+    let found = validate(&experiment, &motor()).unwrap();
+    assert!(found[0].left_over.unwrap().p_value > 1e-3, "{:?}", found[0].left_over);
+}
+
 #[test]
 fn what_was_compared_and_the_papers_table_go_with_the_fit() {
     let experiment = experiment(SIGMA_N);

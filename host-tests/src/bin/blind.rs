@@ -13,7 +13,7 @@ use host_tests::blind::score::Scored;
 
 const HELP: &str = "\
 Usage: blind [--tool PROGRAM | --only-ceilings] [--set tune|report] [--kinds A,B] [--seeds N] [--jobs N] [--keep DIR]
-             [--rivals family|all] [--page FILE]
+             [--rivals none|family|all] [--page FILE]
 
   --tool PROGRAM    the program to judge
   --only-ceilings   judges no program, but prints the log likelihoods of all rivals less that of the truth
@@ -23,7 +23,8 @@ Usage: blind [--tool PROGRAM | --only-ceilings] [--set tune|report] [--kinds A,B
                     catalog, three times as many pairs
   --jobs N          cases at a time, 2 by default
   --keep DIR        leaves experiments, truths and answers there
-  --rivals WHICH    what an effect must be told from: those known to be confused with it (default), or all
+  --rivals WHICH    what an effect must be told from: those known to be confused with it (default), all, or
+                    none: then what can be told at all stays unknown
   --page FILE       writes the page there when the whole report set was run with 10 seeds or more, against all rivals
 ";
 
@@ -85,9 +86,10 @@ fn read(arguments: &[String]) -> Result<Options, String> {
             "--page" => page = Some(PathBuf::from(value)),
             "--rivals" => {
                 rivals = match value.as_str() {
+                    "none" => Rivals::None,
                     "family" => Rivals::Family,
                     "all" => Rivals::All,
-                    _ => return Err(format!("--rivals: {value} is neither family nor all")),
+                    _ => return Err(format!("--rivals: {value} is none of none, family and all")),
                 }
             }
             _ => return Err(format!("there is no option {name}")),

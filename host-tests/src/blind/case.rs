@@ -5,7 +5,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use super::chain::{Chain, Signals, read_at};
+use super::chain::{Chain, Signals, read_at, relative_current};
 use super::excitation::{Drive, ROWS, ROWS_HZ, commands};
 use super::kind::{Effect, Kind};
 use super::motor::Motor;
@@ -213,7 +213,7 @@ impl Case {
         // A little more than the rows, for a logger that is late.
         let steps = (ROWS as f64 / ROWS_HZ / STEP_S) as usize + 2_000;
         let pieces = pieces(&run.commands, point.nominal, &setup, &run.timing);
-        let chain = Chain { point, hover_n: self.motor.hover_n(), setup: &setup, step_s: STEP_S };
+        let chain = Chain { point, setup: &setup, step_s: STEP_S };
         let mut signals: Signals = chain.run(&means(&pieces, STEP_S, steps));
         let swing_n = 2.0 * AMPLITUDE * point.gain_n;
         if let Some(outside) = self.outside.filter(|outside| !outside.is_in_the_logger()) {
@@ -248,7 +248,7 @@ impl Case {
                 .collect(),
             current_a: rotor
                 .iter()
-                .map(|thrust| HOVER_A * (thrust.max(0.0) / self.motor.hover_n()).powf(1.5))
+                .map(|thrust| HOVER_A * relative_current(point.speed(*thrust)))
                 .map(|current| noisy(current, 0.05))
                 .collect(),
             voltage_v: voltage.iter().map(|ratio| noisy(rest_v * ratio, 0.01)).collect(),
@@ -257,7 +257,7 @@ impl Case {
 
     /// The current at rest at a point, relative to hover.
     fn rest_current(&self, point: usize) -> f64 {
-        (self.motor.points[point].rest_n / self.motor.hover_n()).powf(1.5)
+        relative_current(self.motor.points[point].nominal)
     }
 }
 

@@ -14,8 +14,16 @@ use super::lag::{Lag, Mode};
 use super::motor::Point;
 use super::setup::Setup;
 
-/// What the current does with the thrust: power goes with its power of 1.5, and current is power over voltage.
-const CURRENT_EXPONENT: f64 = 1.5;
+/// What the current does with the speed: a propeller's power goes with its cube, and current is power over voltage.
+const CURRENT_EXPONENT: i32 = 3;
+/// The command, and with it the speed, at which a supply's drops are stated.
+const HOVER: f64 = 0.5;
+
+/// The current at a speed, relative to that at hover.
+#[must_use]
+pub fn relative_current(speed: f64) -> f64 {
+    (speed.max(0.0) / HOVER).powi(CURRENT_EXPONENT)
+}
 
 /// The signals on the grid, from time zero on, one more than there are steps.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -33,8 +41,6 @@ pub struct Signals {
 pub struct Chain<'a> {
     /// The point.
     pub point: Point,
-    /// Thrust at hover, where the supply's drop is stated.
-    pub hover_n: f64,
     /// The effects.
     pub setup: &'a Setup,
     /// Seconds of a step.
@@ -72,8 +78,7 @@ impl Chain<'_> {
     fn midpoint(&self, means: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let (setup, point, step_s) = (self.setup, &self.point, self.step_s);
         let supplied = setup.sag_depth != 0.0 || setup.sag_resistance != 0.0;
-        let current =
-            |thrust: f64| if supplied { (thrust.max(0.0) / self.hover_n).powf(CURRENT_EXPONENT) } else { 0.0 };
+        let current = |thrust: f64| if supplied { relative_current(point.speed(thrust)) } else { 0.0 };
         let rest_current = current(point.rest_n);
         let raw_voltage = |slow: f64, current: f64| 1.0 - setup.sag_depth * slow - setup.sag_resistance * current;
         let rest_voltage = raw_voltage(rest_current, rest_current);
@@ -81,12 +86,14 @@ impl Chain<'_> {
         let lag = |thrust: f64, target: f64| {
             let mut tau = point.time_constant_s * if target >= thrust { faster } else { slower };
             if setup.exponent != 0.0 {
-                // Speed goes with the root of the thrust. A rotor that nearly stands does not become infinitely slow.
-                tau *= (thrust / point.rest_n).max(0.01).powf(-setup.exponent / 2.0);
+                // A rotor that nearly stands does not become infinitely slow.
+                tau *= (point.speed(thrust) / point.nominal).max(0.1).powf(-setup.exponent);
             }
             tau
         };
-        let drift = |time_s: f64| setup.drift_change * (1.0 - (-time_s / setup.drift_time_s).exp());
+        // The change is that of the first time constant.
+        let reach = setup.drift_change / (1.0 - (-1.0_f64).exp());
+        let drift = |time_s: f64| reach * (1.0 - (-time_s / setup.drift_time_s).exp());
         let drifts = setup.drift_change != 0.0;
         let varies = setup.exponent != 0.0 || setup.ratio != 1.0;
         let fixed = ((-step_s / 2.0 / point.time_constant_s).exp(), (-step_s / point.time_constant_s).exp());
@@ -205,7 +212,7 @@ mod tests {
     fn run(commands: &[f64], setup: &Setup, step_s: f64) -> Signals {
         let steps = (commands.len() as f64 * 1e-3 / step_s).round() as usize;
         let pieces = pieces(commands, 0.5, setup, &Timing { frame_phase: 0.3, ..Timing::exact(commands.len(), 1e-3) });
-        Chain { point: POINT, hover_n: 2.5, setup, step_s }.run(&means(&pieces, step_s, steps))
+        Chain { point: POINT, setup, step_s }.run(&means(&pieces, step_s, steps))
     }
 
     fn force(commands: &[f64], setup: &Setup) -> Vec<f64> {
@@ -358,12 +365,13 @@ mod tests {
     }
 
     #[test]
-    fn a_drift_ends_with_its_change_and_reaches_two_thirds_of_it_in_its_time() {
+    fn a_drift_has_its_change_after_its_time_and_goes_on_by_half_as_much_again() {
         let setup = Setup { drift_change: -0.1, drift_time_s: 1.0, ..Setup::default() };
         let out = force(&step(12_000, 0.5), &setup);
-        assert!((out[11_999] / 2.5 - 0.9).abs() < 1e-5);
+        let whole = 0.1 / (1.0 - (-1.0_f64).exp());
+        assert!((out[11_999] / 2.5 - (1.0 - whole)).abs() < 2e-5);
         // The rotor's lag delays by a tenth of a second.
-        assert!((out[1_100] / 2.5 - (1.0 - 0.1 * (1.0 - (-1.0_f64).exp()))).abs() < 1e-3);
+        assert!((out[1_100] / 2.5 - 0.9).abs() < 2e-3);
     }
 
     #[test]
@@ -371,11 +379,12 @@ mod tests {
         let setup = Setup { sag_depth: 0.1, sag_time_s: 0.5, ..Setup::default() };
         let out = force(&step(2000, 0.5), &setup);
         assert!(out.iter().all(|value| (value - 2.5).abs() < 1e-9));
-        // Once settled at 0.55 the voltage solves v = (1 - depth i(T)) / (1 - depth), T = 2.5 + 10 (0.55 v - 0.5).
+        // Once settled at 0.55 the voltage solves v = (1 - depth i) / (1 - depth), i = (speed / 0.5)^3 with the speed 0.55 v.
         let out = force(&step(20_000, 0.55), &setup);
         let mut thrust: f64 = 3.0;
         for _ in 0..200 {
-            let voltage = (1.0 - 0.1 * (thrust / 2.5).powf(1.5)) / 0.9;
+            let speed = 0.5 + (thrust - 2.5) / 10.0;
+            let voltage = (1.0 - 0.1 * (speed / 0.5).powi(3)) / 0.9;
             thrust = 2.5 + 10.0 * (0.55 * voltage - 0.5);
         }
         assert!((out[19_999] - thrust).abs() < 1e-6, "{} {thrust}", out[19_999]);

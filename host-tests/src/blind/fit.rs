@@ -178,7 +178,7 @@ impl<'a> Fitter<'a> {
         };
         let forces = self.case.runs.iter().zip(&driven.means).map(|(run, means)| {
             let point = motor.points[run.point];
-            let chain = Chain { point, hover_n: motor.hover_n(), setup: &setup, step_s };
+            let chain = Chain { point, setup: &setup, step_s };
             read_at(&chain.run(means).force_n, step_s, logger_times(&setup))
         });
         let forces = forces.collect();

@@ -19,6 +19,14 @@ pub struct Point {
     pub rest_n: f64,
 }
 
+impl Point {
+    /// The rotor's speed at a thrust, as the command that would keep it.
+    #[must_use]
+    pub fn speed(&self, thrust_n: f64) -> f64 {
+        self.nominal + (thrust_n - self.rest_n) / self.gain_n
+    }
+}
+
 /// The points of one motor, in increasing order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Motor {
@@ -46,11 +54,5 @@ impl Motor {
             points.push(Point { nominal, gain_n, time_constant_s: slowness / pole * jitter.sample(rng), rest_n });
         }
         Self { points }
-    }
-
-    /// Thrust at rest at a command of 0.50, which counts as hover.
-    #[must_use]
-    pub fn hover_n(&self) -> f64 {
-        self.points[2].rest_n
     }
 }

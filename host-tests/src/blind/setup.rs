@@ -27,7 +27,7 @@ pub struct Setup {
     pub sag_resistance: f64,
     /// `c` of `K (d + c d^2)`, per unit of command.
     pub curvature: f64,
-    /// Relative change of the thrust in the end.
+    /// Relative change of the thrust in the drift's first time constant.
     pub drift_change: f64,
     /// Time constant of the drift in seconds.
     pub drift_time_s: f64,

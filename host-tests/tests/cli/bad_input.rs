@@ -266,7 +266,7 @@ fn what_is_no_log_is_refused() {
     let header = fs::read_to_string(format!("{LOGS}/esc32.csv")).unwrap();
     let header = header.lines().next().unwrap();
     for (content, parts) in [
-        (&b""[..], &["known log format"][..]),
+        (&b""[..], &["the file is empty", "export the log again"][..]),
         (b"a,b,c\n1,2,3\n", &["line 1", "a,b,c", "RCbenchmark", "ESC32"]),
         (header.as_bytes(), &["0 usable row(s)", "recording"]),
         (b"\x7fELF\x02\x01\x00\xff\xfe\x80garbage", &["UTF-8", "export the log again"]),

@@ -129,7 +129,7 @@ fn what_is_no_table_of_bandwidths_is_shown_at_its_place() {
 fn options_that_do_not_go_together_are_wrong_use() {
     let stand = with_table();
     for (arguments, parts) in [
-        ("diagnose", &["<DIR>"][..]),
+        ("diagnose", &["rotorlead diagnose DIR", "--bandwidths TABLE --model MODEL"][..]),
         ("diagnose --bandwidths table.csv", &["--model"]),
         ("diagnose stand --bandwidths table.csv --model paper.toml", &["cannot be used with", "--bandwidths"]),
         ("diagnose stand --compensator c.toml", &["cannot be used with", "--compensator"]),

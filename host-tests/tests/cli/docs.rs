@@ -2,7 +2,10 @@
 //!
 //! A page's fenced blocks are taken in order. One that follows a line of only a file's name in backquotes and a colon becomes
 //! that file; the lines of a `console` block that begin with `$ ` are run by a shell, and what they print has to be what
-//! stands below them, blanks at the ends of lines aside.
+//! stands below them, blanks at the ends of lines aside. A figure that a page shows, `figures/A-B.svg`, is the one that its
+//! commands draw as `A-figures/B.svg`, up to the digits.
+//!
+//! With `ROTORLEAD_UPDATE_PAGES=1` in the environment outputs and figures are written into the pages instead.
 
 use std::path::Path;
 use std::process::Command as Process;
@@ -49,8 +52,11 @@ fn printed(command: &str, folder: &Path) -> Vec<String> {
 
 /// Runs a page; gives the number of its commands.
 fn run(page: &str) -> usize {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs").join(page);
+    let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs");
+    let path = docs.join(page);
     let text = std::fs::read_to_string(&path).unwrap();
+    let is_update = std::env::var_os("ROTORLEAD_UPDATE_PAGES").is_some();
+    let mut updated = text.clone();
     let folder = tempfile::tempdir().unwrap();
     let mut commands = 0;
     for block in blocks(&text) {
@@ -68,9 +74,30 @@ fn run(page: &str) -> usize {
                 expected.push(line.clone());
             }
             let found = printed(command, folder.path());
-            assert_eq!(found, expected, "{page}: `{command}` now prints\n{}\n", found.join("\n"));
+            if is_update {
+                let said = |lines: &[String]| [std::slice::from_ref(line), lines].concat().join("\n") + "\n";
+                updated = updated.replacen(&said(&expected), &said(&found), 1);
+            } else {
+                assert_eq!(found, expected, "{page}: `{command}` now prints\n{}\n", found.join("\n"));
+            }
             commands += 1;
         }
+    }
+    for link in text.split("](figures/").skip(1) {
+        let name = link.split(')').next().unwrap();
+        let (case, figure) = name.split_once('-').unwrap_or_else(|| panic!("{page}: {name}"));
+        let drawn = std::fs::read_to_string(folder.path().join(format!("{case}-figures")).join(figure)).unwrap();
+        let shown = docs.join("figures").join(name);
+        if is_update {
+            std::fs::create_dir_all(docs.join("figures")).unwrap();
+            std::fs::write(&shown, &drawn).unwrap();
+        }
+        let shown = std::fs::read_to_string(&shown).unwrap_or_else(|error| panic!("{}: {error}", shown.display()));
+        let texts = |svg: &str| svg.matches("<text").count();
+        assert_eq!(texts(&shown), texts(&drawn), "{page}: {name} is another figure now");
+    }
+    if is_update {
+        std::fs::write(&path, updated).unwrap();
     }
     commands
 }
@@ -91,4 +118,10 @@ fn the_page_on_failures_shows_what_its_commands_print() {
 #[test]
 fn the_page_on_diagnosis_from_bandwidths_shows_what_its_commands_print() {
     assert!(run("diagnosis-from-bandwidths.md") >= 3);
+}
+
+#[cfg(unix)]
+#[test]
+fn the_page_on_diagnosis_shows_what_its_commands_print() {
+    assert!(run("diagnosis.md") >= 8);
 }

@@ -92,6 +92,14 @@ fn the_json_of_identify_has_the_keys_that_programs_rely_on() {
     ] {
         assert!(number(&points[0], key).is_finite());
     }
+    let (point, intervals) = (&points[0], &found["intervals"][0]);
+    for key in ["gain", "time_constant_s"] {
+        let (low, high) = (number(&intervals[key], "low"), number(&intervals[key], "high"));
+        let reach = 0.5 * (high - low) / number(point, &format!("{key}_std"));
+        // Student's t: 1.96 and more.
+        assert!((low..high).contains(&number(point, key)) && (1.959..2.3).contains(&reach), "{key}: {intervals}");
+        assert!(number(&intervals[key], "degrees_of_freedom") >= 11.0, "{key}: {intervals}");
+    }
     // What a step record does not show is null, not absent.
     let found = Stand::new();
     found.run(&format!("import {LOGS}/esc32.csv --out imported"));

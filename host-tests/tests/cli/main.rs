@@ -1,6 +1,7 @@
 //! The command line as a user meets it: the real program, its exit status, its words and its files.
 
 mod bad_input;
+mod diagnose;
 mod diagnose_bandwidths;
 mod docs;
 mod garbage;

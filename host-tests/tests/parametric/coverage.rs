@@ -9,6 +9,7 @@ use rotorlead_sim::identify::Estimate;
 use rotorlead_sim::identify::parametric::{ParametricFit, ParametricOptions, Structure, fit_parametric};
 
 use crate::synthesis::Synthesis;
+use crate::tally::{Found, Pooled, Tally, first_seed, repeats, study_all};
 
 /// Period of the excitation.
 const PERIOD_S: f64 = 10.0;
@@ -66,7 +67,7 @@ impl Plant {
     }
 
     /// The estimates and their 95 % intervals.
-    fn estimates(self, fit: &ParametricFit) -> Option<Vec<(Estimate, (f64, f64))>> {
+    fn estimates(self, fit: &ParametricFit) -> Option<Vec<Found>> {
         let plain = |estimate: Estimate| (estimate, estimate.interval(0.95));
         let positive = |estimate: Estimate| (estimate, estimate.interval_of_logarithm(0.95));
         let tau = || fit.poles.first().and_then(|pole| pole.time_constant_s());
@@ -185,116 +186,36 @@ impl Case {
     }
 }
 
-/// What the repeats show of one parameter.
-#[derive(Debug)]
-struct Shown {
-    coverage: f64,
-    spread_over_bound: f64,
-    bias_over_std: f64,
-}
-
-/// Repeats of one case: each parameter, how many fits failed, how often each residual test rejects at 5 %.
-fn study(case: &Case, repeats: u64) -> (Vec<Shown>, u64, [f64; 3]) {
+/// Repeats of one case.
+fn study(case: &Case, repeats: u64) -> Tally {
     let synthesis = case.synthesis();
-    let truth = case.plant.truth();
     let bound = case.plant.bound(&synthesis.variances());
     let options = ParametricOptions { max_delay_s: 0.05, ..ParametricOptions::default() };
-    let n = truth.len();
-    let (mut covered, mut sum, mut squares) = (vec![0u64; n], vec![0.0; n], vec![0.0; n]);
-    let (mut failed, mut rejected) = (0, [0u64; 3]);
+    let mut tally = Tally::new(format!("{case:?}"), case.plant.truth(), bound);
     for seed in 0..repeats {
-        let response = synthesis.draw(seed);
-        let estimates = fit_parametric(&response, case.plant.structure(), &|_| Complex64::ONE, &options)
-            .ok()
-            .and_then(|fit| Some((case.plant.estimates(&fit)?, fit.residual)));
-        let Some((estimates, residual)) = estimates else {
-            failed += 1;
-            continue;
-        };
-        for j in 0..n {
-            let (estimate, (low, high)) = estimates[j];
-            covered[j] += u64::from((low..=high).contains(&truth[j]));
-            let error = estimate.value - truth[j];
-            sum[j] += error;
-            squares[j] += error * error;
-        }
-        let p_values = [residual.power_p_value, residual.whiteness_p_value, residual.input_independence_p_value];
-        for (rejected, p) in rejected.iter_mut().zip(p_values) {
-            *rejected += u64::from(p < 0.05);
-        }
+        let response = synthesis.draw(first_seed(case) + seed);
+        let fit = fit_parametric(&response, case.plant.structure(), &|_| Complex64::ONE, &options);
+        tally.add(fit.ok().and_then(|fit| case.plant.estimates(&fit)));
     }
-    let count = (repeats - failed) as f64;
-    let shown = (0..n)
-        .map(|j| {
-            let mean = sum[j] / count;
-            let std = (squares[j] / count - mean * mean).sqrt();
-            Shown {
-                coverage: 100.0 * covered[j] as f64 / count,
-                spread_over_bound: std / bound[j],
-                bias_over_std: mean / std,
-            }
-        })
-        .collect();
-    (shown, failed, rejected.map(|r| 100.0 * r as f64 / count))
+    tally
 }
 
 #[test]
-#[ignore = "48 cases of 20 000 repeats, some minutes: run it when the estimator changes"]
+#[ignore = "48 cases of 20 000 repeats, some minutes: `cargo xtask statistics`"]
 fn coverage_efficiency_and_bias_are_those_claimed_at_full_count() {
-    let repeats = std::env::var("REPEATS").ok().and_then(|r| r.parse().ok()).unwrap_or(20_000);
-    let only = std::env::var("CASE").unwrap_or_default();
-    let cases: Vec<Case> = Case::all().filter(|case| format!("{case:?}").contains(&only)).collect();
-    let worst = std::sync::Mutex::new([100.0f64, 0.0, 0.0, 0.0, 0.0]);
-    let next = std::sync::atomic::AtomicUsize::new(0);
-    std::thread::scope(|scope| {
-        for _ in 0..2 {
-            scope.spawn(|| {
-                while let Some(case) = cases.get(next.fetch_add(1, std::sync::atomic::Ordering::Relaxed)) {
-                    let began = std::time::Instant::now();
-                    let (shown, failed, rejected) = study(case, repeats);
-                    let each = began.elapsed() / repeats as u32;
-                    println!("{case:?} failed {failed} rejected {rejected:.2?} %, {each:?} each");
-                    for (shown, truth) in shown.iter().zip(case.plant.truth()) {
-                        println!(
-                            "    {truth:>7}: coverage {:6.2} spread/bound {:.4} bias/std {:+.3}",
-                            shown.coverage, shown.spread_over_bound, shown.bias_over_std
-                        );
-                        let mut worst = worst.lock().unwrap();
-                        worst[0] = worst[0].min(shown.coverage);
-                        worst[1] = worst[1].max(shown.coverage);
-                        worst[2] = worst[2].max(shown.spread_over_bound);
-                        worst[3] = worst[3].max(shown.bias_over_std.abs());
-                        worst[4] = worst[4].max(failed as f64 / repeats as f64);
-                    }
-                }
-            });
-        }
-    });
-    let [least, most, spread, bias, failed] = worst.into_inner().unwrap();
-    println!("coverage {least:.2} to {most:.2} %, spread/bound {spread:.4}, bias/std {bias:.3}, failed {failed}");
-    assert!(least >= 94.0 && most <= 96.0 && spread <= 1.05 && bias < 0.1 && failed == 0.0);
+    let cases: Vec<Case> = Case::all().collect();
+    let repeats = repeats(20_000);
+    Pooled::decide(&study_all(&cases, |case| study(case, repeats)));
 }
 
-/// Nine cases of 500 repeats, 24 parameters with three checks each. Chance alone leaves a normal variable's range of 4.4
-/// standard deviations once in 90 000, so an estimator that just keeps its claims fails here once in 1200.
+/// Nine cases, 24 parameters.
 #[test]
 fn coverage_efficiency_and_bias_are_those_claimed() {
-    const REPEATS: u64 = 500;
-    const REACH: f64 = 4.4;
-    let count = REPEATS as f64;
-    for plant in Plant::ALL {
-        for (noise, snr_db, periods) in [(Noise::Colored, 0.0, 4), (Noise::Steep, 0.0, 4), (Noise::White, 20.0, 14)] {
-            let case = Case { plant, noise, snr_db, periods };
-            let (shown, failed, _) = study(&case, REPEATS);
-            assert_eq!(failed, 0, "{case:?}");
-            for shown in shown {
-                let by_chance = 100.0 * REACH * (0.06 * 0.94 / count).sqrt();
-                assert!((shown.coverage - 95.0).abs() < 1.0 + by_chance, "{case:?} {shown:?}");
-                assert!(shown.spread_over_bound < 1.05 * (1.0 + REACH / (2.0 * count).sqrt()), "{case:?} {shown:?}");
-                assert!(shown.bias_over_std.abs() < 0.1 + REACH / count.sqrt(), "{case:?} {shown:?}");
-            }
-        }
-    }
+    let noises = [(Noise::Colored, 0.0, 4), (Noise::Steep, 0.0, 4), (Noise::White, 20.0, 14)];
+    let cases = Plant::ALL.into_iter().flat_map(|plant| {
+        noises.into_iter().map(move |(noise, snr_db, periods)| Case { plant, noise, snr_db, periods })
+    });
+    Pooled::check(&cases.map(|case| study(&case, 500)).collect::<Vec<_>>());
 }
 
 /// 31 delays, 16 draws each. Of 496 intervals that hold the truth with a probability of 0.94, fewer than 446 do so once in

@@ -74,7 +74,7 @@ pub struct Plan {
 /// | excitation | keys |
 /// |---|---|
 /// | `multisine` | `amplitude`, `lines`, `realization`, `periods`, `warm_up_periods` |
-/// | `square` | `amplitude`, `half_period_s`, `periods`, `warm_up_periods` |
+/// | `square`, `triangle` | `amplitude`, `half_period_s`, `periods`, `warm_up_periods` |
 /// | `step` | `amplitude`, `hold_s` |
 /// | `staircase` | `levels`, `hold_s` |
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -82,7 +82,7 @@ pub struct Plan {
 pub struct PlannedRecord {
     /// The command around which it runs, 0..1.
     pub nominal: f64,
-    /// `multisine`, `square`, `step` or `staircase`.
+    /// `multisine`, `square`, `triangle`, `step` or `staircase`.
     pub excitation: Excitation,
     /// Peak deviation of the command from `nominal`, above 0. A step may also go down, by a negative one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -95,7 +95,8 @@ pub struct PlannedRecord {
     /// chooses the phases; records that differ in it alone show what a change of phases does.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub realization: Option<u32>,
-    /// Half the period of a square wave, seconds; its first half is the high one.
+    /// Half the period of a square wave or a triangle, seconds. The first half of a square wave is the high one; a triangle
+    /// begins at `nominal` and rises.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub half_period_s: Option<f64>,
     /// Periods that are recorded, 1 or more.
@@ -384,6 +385,16 @@ hold_s = 2.5
             ("half_period_s = 5", "half_period_s = -5", ["`record` 2, `half_period_s`", "above 0"]),
             ("amplitude = -0.1", "amplitude = 0", ["`record` 3, `amplitude`", "step"]),
             ("hold_s = 2\n", "hold_s = 1e9\n", ["`record` 3, `hold_s`", "may last"]),
+            (
+                "excitation = \"square\"",
+                "excitation = \"triangle\"\nlines = 150",
+                ["`record` 2, `lines`", "half_period_s"],
+            ),
+            (
+                "excitation = \"square\"\namplitude = 0.05",
+                "excitation = \"triangle\"\namplitude = 0.6",
+                ["`record` 2", "0..1"],
+            ),
             ("levels = [0.4, 0.5, 0.6]", "levels = []", ["`record` 4, `levels`", "give the levels"]),
             ("levels = [0.4, 0.5, 0.6]", "levels = [0.4, 1.5]", ["`record` 4, `levels` 2", "1.5"]),
             ("excitation = \"step\"", "excitation = \"chirp\"", ["`record` 3, `excitation`", "staircase"]),

@@ -221,6 +221,7 @@ pub(crate) fn file_stem(nominal: f64, excitation: Excitation) -> String {
     let excitation = match excitation {
         Excitation::Multisine => "multisine",
         Excitation::Square => "square",
+        Excitation::Triangle => "triangle",
         Excitation::Step => "step",
         Excitation::Staircase => "staircase",
         Excitation::Chirp => "chirp",

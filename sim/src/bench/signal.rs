@@ -65,6 +65,11 @@ impl Signal {
                 let levels = [nominal + amplitude, nominal - amplitude];
                 (nominal, hold(&levels, half_rows), amplitude, Some(repetition))
             }
+            Shape::Triangle { amplitude, half_rows, repetition } => {
+                let ticks = 2 * half_rows * ticks_per_row;
+                let wave = |tick: usize| level(nominal + amplitude * triangle(tick as f64 / ticks as f64));
+                (nominal, (0..ticks).map(wave).collect(), amplitude, Some(repetition))
+            }
             Shape::Step { amplitude, hold_rows } => {
                 (nominal, hold(&[nominal, nominal + amplitude], hold_rows), amplitude.abs(), None)
             }
@@ -89,6 +94,15 @@ impl Signal {
     }
 }
 
+/// A triangle of peak 1 at a part of its period, 0..1: from 0 up to 1, down to -1 and back.
+fn triangle(part: f64) -> f64 {
+    match part {
+        p if p < 0.25 => 4.0 * p,
+        p if p < 0.75 => 2.0 - 4.0 * p,
+        p => 4.0 * p - 4.0,
+    }
+}
+
 /// How often a periodic record plays its period.
 struct Repetition {
     periods: usize,
@@ -110,6 +124,11 @@ enum Shape<'a> {
         repetition: Repetition,
     },
     Square {
+        amplitude: f64,
+        half_rows: usize,
+        repetition: Repetition,
+    },
+    Triangle {
         amplitude: f64,
         half_rows: usize,
         repetition: Repetition,
@@ -153,7 +172,7 @@ impl<'a> Shape<'a> {
                     })?;
                 Ok(Self::Multisine { amplitude, multisine, repetition })
             }
-            Excitation::Square => {
+            Excitation::Square | Excitation::Triangle => {
                 keys.only(&["amplitude", "half_period_s", "periods", "warm_up_periods"])?;
                 let amplitude = keys.amplitude()?;
                 keys.level("amplitude", record.nominal + amplitude)?;
@@ -161,7 +180,10 @@ impl<'a> Shape<'a> {
                 let half_s = keys.needed("half_period_s", record.half_period_s)?;
                 let half_rows = keys.whole_rows("half_period_s", half_s)?;
                 let repetition = keys.repetition(2.0 * half_s, "half_period_s")?;
-                Ok(Self::Square { amplitude, half_rows, repetition })
+                Ok(match record.excitation {
+                    Excitation::Triangle => Self::Triangle { amplitude, half_rows, repetition },
+                    _ => Self::Square { amplitude, half_rows, repetition },
+                })
             }
             Excitation::Step => {
                 keys.only(&["amplitude", "hold_s"])?;
@@ -192,7 +214,7 @@ impl<'a> Shape<'a> {
             }
             Excitation::Chirp | Excitation::Free => Err(place
                 .key("excitation")
-                .fault("the bench does not play this", "use multisine, square, step or staircase")),
+                .fault("the bench does not play this", "use multisine, square, triangle, step or staircase")),
         }
     }
 }

@@ -393,3 +393,25 @@ fn a_filter_in_front_meets_the_effects_tick_by_tick() {
     }
     panic!("the ramp never meets the command");
 }
+
+#[test]
+fn a_triangle_rises_from_its_nominal_command_and_turns_at_its_amplitude() {
+    let triangle = PlannedRecord {
+        amplitude: Some(0.1),
+        half_period_s: Some(2.0),
+        periods: Some(2),
+        ..bare(Excitation::Triangle)
+    };
+    let record = quick(&plan_of(triangle), &table_1(), None).records.remove(0);
+    assert_eq!((record.file.as_str(), record.period_s, record.amplitude), ("u050_triangle.csv", Some(4.0), Some(0.1)));
+    assert_eq!(record.command.len(), 8000);
+    for (row, command) in record.command.iter().enumerate() {
+        let quarters = (row % 4000) as f64 / 1000.0;
+        let expected = match quarters {
+            q if q <= 1.0 => q,
+            q if q <= 3.0 => 2.0 - q,
+            q => q - 4.0,
+        };
+        assert!((command - (0.5 + 0.1 * expected)).abs() < 1e-8, "row {row}: {command}");
+    }
+}

@@ -1,20 +1,25 @@
 //! `rotorlead diagnose`
 
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use miette::{IntoDiagnostic as _, WrapErr as _};
 use serde_json::{Value, json};
 
 use super::diagnose_bandwidths::BandwidthArguments;
-use super::outcome::{JsonOption, Outcome};
+use super::figures::{check_folder, make_folder};
+use super::outcome::{JsonOption, Outcome, wrapped};
+use super::redesign::RedesignArguments;
 use super::{WrongUse, progress};
 use crate::diagnose::{Axis, Diagnosis, Gap, Location, Options, Verdict, diagnose, fill_in_esc_commands};
-use crate::files::check_writable;
+use crate::files::{check_writable, write_file};
 use crate::plant::{Catalog, Model};
 use crate::record::Experiment;
-use crate::report::with_std;
+use crate::report::{diagnosis_figures, with_std};
+
+/// Width of what is said.
+const WIDTH: usize = 100;
 
 /// Finds where simulation and measurement disagree, names the effect that is missing, and shows the gap shrink
 ///
@@ -25,7 +30,7 @@ use crate::report::with_std;
 #[derive(Args, Debug)]
 pub struct Diagnose {
     /// The experiment's folder
-    #[arg(value_name = "DIR", required_unless_present = "bandwidths", conflicts_with = "bandwidths")]
+    #[arg(value_name = "DIR", conflicts_with = "bandwidths")]
     experiment: Option<PathBuf>,
     /// The model to be judged; unless given, the lags that the records show
     #[arg(long, value_name = "FILE")]
@@ -33,8 +38,17 @@ pub struct Diagnose {
     /// Where the model with the effects that were found goes
     #[arg(long, value_name = "FILE")]
     pub(super) out_model: Option<PathBuf>,
+    /// Where the plan of the experiment that would say more goes, for `rotorlead simulate` and for a controller
+    #[arg(long, value_name = "FILE", requires = "experiment")]
+    out_plan: Option<PathBuf>,
+    /// Also draw where the gap lies, what explains it and how far it shrinks: SVG, and the numbers as CSV, in this folder, which
+    /// is made where it is not there
+    #[arg(long, value_name = "DIR", requires = "experiment")]
+    figures: Option<PathBuf>,
     #[command(flatten)]
     table: BandwidthArguments,
+    #[command(flatten)]
+    redesign: RedesignArguments,
     #[command(flatten)]
     pub(super) json: JsonOption,
 }
@@ -42,18 +56,36 @@ pub struct Diagnose {
 impl Diagnose {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
+        self.redesign.check()?;
+        if self.table.table().is_some() && self.redesign.is_given() {
+            return Err(WrongUse::new(
+                "a redesign rests on an actuator's records, and a table of bandwidths has none",
+                "leave --redesign out, or diagnose an experiment's folder: rotorlead diagnose DIR --redesign",
+            )
+            .into());
+        }
         let model = self.model.as_deref().map(Model::read).transpose()?;
         if let (Some(table), Some(model), Some(file)) = (self.table.table(), &model, &self.model) {
             return self.table.run(table, model, file, self.out_model.as_deref());
         }
-        // One of the two is required.
         let Some(folder) = &self.experiment else {
-            return Err(WrongUse::new("there is nothing to diagnose", "give an experiment's folder").into());
+            return Err(WrongUse::new(
+                "there is nothing to diagnose",
+                "give an experiment's folder, `rotorlead diagnose DIR`, or a table of bandwidths with the model that it is \
+                 held against, `rotorlead diagnose --bandwidths TABLE --model MODEL`",
+            )
+            .into());
         };
         let mut experiment = Experiment::read(folder)?;
         fill_in_esc_commands(&mut experiment, folder)?;
         if let Some(out) = &self.out_model {
             check_writable(out)?;
+        }
+        if let Some(out) = &self.out_plan {
+            check_writable(out)?;
+        }
+        if let Some(figures) = &self.figures {
+            check_folder(figures)?;
         }
         let catalog = Catalog::standard();
         let bar = progress::spinner("diagnosing");
@@ -68,8 +100,35 @@ impl Diagnose {
             found.model.write(out)?;
             writeln!(text, "\nWritten to {}", out.display()).into_diagnostic()?;
         }
-        Ok(Outcome { text, json: values(&found) })
+        if let Some(out) = &self.out_plan {
+            text.push_str(&write_plan(&found, out)?);
+        }
+        if let Some(folder) = &self.figures {
+            make_folder(folder)?;
+            let figures = diagnosis_figures(&found)?;
+            for figure in &figures {
+                write_file(&folder.join(figure.name).with_extension("svg"), figure.svg.as_bytes())?;
+                write_file(&folder.join(figure.name).with_extension("csv"), figure.csv.as_bytes())?;
+            }
+            let names: Vec<&str> = figures.iter().map(|figure| figure.name).collect();
+            writeln!(text, "\nFigures in {}: {}", folder.display(), names.join(", ")).into_diagnostic()?;
+        }
+        let mut json = values(&found);
+        if let Some(redesigned) = self.redesign.run(&found, experiment.esc_frame_hz)? {
+            text.push_str(&redesigned.text);
+            json["redesign"] = redesigned.json;
+        }
+        Ok(Outcome { text, json })
     }
+}
+
+/// Writes the plan of the next experiment where there is one, and says so.
+fn write_plan(found: &Diagnosis, out: &Path) -> miette::Result<String> {
+    let Some(next) = found.next_experiment() else {
+        return Ok(format!("\nNothing is open: no plan is written to {}\n", out.display()));
+    };
+    write_file(out, next.file().into_diagnostic()?.as_bytes())?;
+    Ok(format!("Its plan, {} records, is written to {}\n", next.plan.records.len(), out.display()))
 }
 
 fn verdict(found: &Diagnosis) -> String {
@@ -154,7 +213,7 @@ fn words(found: &Diagnosis) -> String {
         line(format!("\nNot compared: {}: {}", out.file, out.reason));
     }
     if let Some(next) = found.next_experiment() {
-        line(format!("\nNext: {next}"));
+        line(format!("\nNext: {}", wrapped(&next.words, WIDTH - 6, "  ")));
     }
     text
 }
@@ -172,7 +231,7 @@ fn place(part: &Location) -> String {
         Axis::Harmonics if low < 2.0 => "excited lines".to_owned(),
         Axis::Harmonics if low < 3.0 => "even lines".to_owned(),
         Axis::Harmonics => "odd lines".to_owned(),
-        Axis::Excitation => ["multisine", "square", "step", "staircase", "chirp", "free"]
+        Axis::Excitation => ["multisine", "square", "triangle", "step", "staircase", "chirp", "free"]
             .get((low as usize).saturating_sub(1))
             .map_or_else(String::new, |name| (*name).to_owned()),
     };
@@ -236,6 +295,6 @@ fn values(found: &Diagnosis) -> Value {
             "held_out_gain": finite(tried.held_out_gain),
             "worth": finite(tried.worth),
         })).collect::<Vec<_>>(),
-        "next_experiment": found.next_experiment(),
+        "next_experiment": found.next_experiment().map(|next| next.words),
     })
 }

@@ -11,23 +11,26 @@ use thiserror::Error;
 
 use super::identify_align::{AlignOptions, Aligned};
 use super::identify_stand::{self, StandArguments};
+use super::identify_tables::{fitted_chirps, held_out, periodic_table, point_json, staircase_json, staircase_table};
 use super::outcome::{JsonOption, Outcome, warning_lines};
-use super::{WrongUse, identify_laws, identify_map, progress};
+use super::{WrongUse, identify_intervals, identify_laws, identify_map, progress};
 use crate::files::check_writable;
 use crate::identify::stand::StandModel;
-use crate::identify::steps::{StaircaseFit, fit_staircase};
+use crate::identify::steps::fit_staircase;
 use crate::identify::{
-    FirstOrderOptions, LongRecordError, PeriodicIdentification, PeriodicOptions, Spectrum, identify_periodic,
+    ChirpIdentification, FirstOrderOptions, LongRecordError, PeriodicIdentification, PeriodicOptions, Spectrum,
+    identify_chirps, identify_periodic, is_chirp_to_fit,
 };
-use crate::plant::{Model, Point, Provenance};
-use crate::record::{Excitation, Experiment, LongRecord, Output, Record, Role};
-use crate::report::{distortion_json, distortion_table, with_std};
+use crate::plant::{Model, Provenance};
+use crate::record::{Excitation, Experiment, LongRecord, Record, Role};
+use crate::report::{distortion_json, distortion_table};
 
 /// Finds the lag at each level from the records of an experiment
 ///
 /// Multisine records are fitted in the frequency domain, one lag per nominal command, and judged on square waves. They may
 /// be of any length: one whose file is longer than 32 MiB is taken period by period as it is read, with the same result.
-/// Without any, a step or staircase record is fitted in time, one lag per level and direction.
+/// Without any, a step or staircase record is fitted in time, one lag per level and direction; without those too, chirps are
+/// fitted in the frequency domain, one lag per nominal command.
 #[derive(Args, Debug)]
 pub struct Identify {
     /// The experiment's folder
@@ -67,7 +70,7 @@ enum Delay {
 /// Why there is nothing to identify.
 #[derive(Debug, Error, Diagnostic)]
 pub(super) enum NothingToIdentify {
-    #[error("{experiment}: no record of `excitation` multisine, step or staircase that may be fitted")]
+    #[error("{experiment}: no record of `excitation` multisine, step, staircase or chirp that may be fitted")]
     #[diagnostic(help(
         "record one (`rotorlead excite` designs a multisine), or correct `excitation` and `role` in experiment.toml"
     ))]
@@ -95,6 +98,8 @@ pub struct Identified {
     pub detail: Value,
     /// Noise and nonlinear distortion by nominal command, for programs; null where records cannot tell.
     pub distortion: Value,
+    /// Intervals by nominal command, for programs; null for steps.
+    pub intervals: Value,
 }
 
 impl Identify {
@@ -136,30 +141,13 @@ impl Identify {
             "warnings": identified.warnings,
             "detail": identified.detail,
             "distortion": identified.distortion,
+            "intervals": identified.intervals,
             "alignment": alignments,
             "static_map": static_map,
             "laws": laws,
         });
         Ok(Outcome { text, json })
     }
-}
-
-/// One point with every key of the contract: what is not known is null, not absent.
-fn point_json(point: &Point) -> Value {
-    json!({
-        "nominal": point.nominal,
-        "gain": point.gain,
-        "gain_std": point.gain_std,
-        "time_constant_s": point.time_constant_s,
-        "time_constant_s_std": point.time_constant_s_std,
-        "delay_s": point.delay_s,
-        "delay_s_std": point.delay_s_std,
-        "time_constant_up_s": point.time_constant_up_s,
-        "time_constant_down_s": point.time_constant_down_s,
-        "fit_frequency_percent": point.fit_frequency_percent,
-        "fit_square_percent": point.fit_square_percent,
-        "fit_step_percent": point.fit_step_percent,
-    })
 }
 
 /// The spectra of records that stay on disk, side by side.
@@ -193,10 +181,16 @@ pub fn identify(
         return Ok(Identified {
             model: periodic_model(experiment, &found),
             text: periodic_table(experiment.output, &found) + &held_out(experiment, &found) + &distortion_table(&found),
-            warnings: periodic_warnings(&found),
+            warnings: [periodic_warnings(&found), left_out(experiment, None)].concat(),
             detail: Value::Null,
             distortion: distortion_json(&found),
+            intervals: identify_intervals::intervals_json(&found),
         });
+    }
+    let is_steps = |record: &Record| matches!(record.excitation, Excitation::Step | Excitation::Staircase);
+    let may_fit_steps = experiment.records.iter().filter(may_fit).any(is_steps);
+    if !may_fit_steps && experiment.records.iter().any(is_chirp_to_fit) {
+        return of_chirps(experiment, delay_level, stand);
     }
     let record = step_record(experiment)?;
     if stand.is_some() {
@@ -210,9 +204,29 @@ pub fn identify(
     Ok(Identified {
         model: fit.to_model(env!("CARGO_PKG_VERSION"))?,
         text: staircase_table(&fit),
-        warnings: fit.warnings.iter().map(ToString::to_string).collect(),
+        warnings: fit.warnings.iter().map(ToString::to_string).chain(left_out(experiment, Some(record))).collect(),
         detail: staircase_json(&fit),
         distortion: Value::Null,
+        intervals: Value::Null,
+    })
+}
+
+/// Identifies from chirps.
+fn of_chirps(experiment: &Experiment, delay_level: f64, stand: Option<&StandModel>) -> miette::Result<Identified> {
+    let options = FirstOrderOptions { delay_level, ..FirstOrderOptions::default() };
+    let ChirpIdentification { lags, files } = identify_chirps(experiment, &options, stand)?;
+    let mut model = periodic_model(experiment, &lags);
+    let text = periodic_table(experiment.output, &lags) + &fitted_chirps(&files);
+    if let Some(provenance) = &mut model.provenance {
+        provenance.records = files;
+    }
+    Ok(Identified {
+        model,
+        text,
+        warnings: periodic_warnings(&lags),
+        detail: Value::Null,
+        distortion: Value::Null,
+        intervals: identify_intervals::intervals_json(&lags),
     })
 }
 
@@ -266,122 +280,31 @@ pub fn periodic_model(experiment: &Experiment, found: &PeriodicIdentification) -
     }
 }
 
+/// The records that a lag might be fitted to by another way, and are not: multisines were, or `fitted` was. Squares are
+/// for validation.
+fn left_out(experiment: &Experiment, fitted: Option<&Record>) -> Vec<String> {
+    let reason =
+        fitted.map_or_else(|| String::from("multisine records come first"), |r| format!("{} is fitted", r.file));
+    let others = experiment.records.iter().filter(|record| fitted.is_none_or(|fitted| fitted.file != record.file));
+    let may_fit = others.filter(|record| record.role != Some(Role::Validate));
+    let sentence = |record: &Record| {
+        let (what, levels) = match record.excitation {
+            Excitation::Multisine | Excitation::Square => return None,
+            Excitation::Step => ("a step", "; its levels are in the static map"),
+            Excitation::Staircase => ("a staircase", "; its levels are in the static map"),
+            Excitation::Triangle => ("a triangle", ""),
+            Excitation::Chirp => ("a chirp", ""),
+            Excitation::Free => ("`free`", ""),
+        };
+        Some(format!(
+            "{} is {what}, and no lag is fitted to it: {reason}{levels}. Identify it in a folder of its own, or give it role = \"validate\"",
+            record.file
+        ))
+    };
+    may_fit.filter_map(sentence).collect()
+}
+
 fn periodic_warnings(found: &PeriodicIdentification) -> Vec<String> {
     let all = found.warnings.iter().chain(found.nominals.iter().flat_map(|nominal| &nominal.warnings));
     all.map(ToString::to_string).collect()
-}
-
-/// Which records the % fit is of.
-fn held_out(experiment: &Experiment, found: &PeriodicIdentification) -> String {
-    let judged = |excitation: Excitation, role: Option<Role>| {
-        let records = experiment.records.iter();
-        records.filter(|record| record.excitation == excitation && (role.is_none() || record.role == role)).count()
-    };
-    let squares = judged(Excitation::Square, None);
-    let multisines = judged(Excitation::Multisine, Some(Role::Validate));
-    let (fitted, all) = (found.fitted_files().count(), experiment.records.len());
-    let by_frequency =
-        if multisines > 0 { "multisines with role = \"validate\"" } else { "the fitted records themselves" };
-    let mut text = format!("  Fitted: {fitted} of {all} records. % fit, freq. is of {by_frequency}");
-    if squares > 0 {
-        text.push_str(";\n  that of squares is of records that are always held out");
-    }
-    text + ".\n"
-}
-
-fn percent(value: Option<f64>) -> String {
-    value.map_or_else(|| String::from("-"), |value| format!("{value:.2}"))
-}
-
-pub(super) fn unit(output: Output) -> &'static str {
-    match output {
-        Output::ThrustN => "N",
-        Output::Rpm => "rpm",
-    }
-}
-
-fn periodic_table(output: Output, found: &PeriodicIdentification) -> String {
-    let mut text = format!(
-        "  u_nom {:>18} {:>15} {:>13} {:>7} {:>7} {:>6}\n  {:>70} {:>6}\n",
-        format!("gain ({})", unit(output)),
-        "tau (ms)",
-        "delay (ms)",
-        "% fit,",
-        "% fit,",
-        "chi2",
-        "freq.  square",
-        "/dof",
-    );
-    for (nominal, point) in found.nominals.iter().zip(found.points()) {
-        let line = format!(
-            "  {:<5.3} {:>18} {:>15} {:>13} {:>7} {:>7} {:>6.2}\n",
-            point.nominal,
-            with_std(point.gain, point.gain_std, 1.0, 4),
-            with_std(point.time_constant_s, point.time_constant_s_std, 1e3, 2),
-            point.delay_s_std.map_or_else(|| String::from("-"), |std| with_std(point.delay_s, Some(std), 1e3, 2)),
-            percent(point.fit_frequency_percent),
-            percent(point.fit_square_percent),
-            nominal.fit.reduced_chi_square,
-        );
-        text.push_str(&line);
-    }
-    text.push_str("  tau is the time constant; +- is one standard error, of the noise alone.\n");
-    text
-}
-
-fn staircase_table(fit: &StaircaseFit) -> String {
-    let mut text = format!(
-        "{}: % fit {:.1} of one lag toward one static map\n\
-         ({:.1} with readings that were set aside)\n\
-         delay {} ms as logged\n\n  level {:>14} {:>20} {:>7} {:>20} {:>7}\n",
-        fit.record,
-        fit.fit_percent,
-        fit.fit_percent_with_spikes,
-        with_std(fit.delay_s.value, Some(fit.delay_s.std), 1e3, 1),
-        format!("gain ({})", unit(fit.output)),
-        "tau up (ms)",
-        "% fit",
-        "tau down (ms)",
-        "% fit",
-    );
-    for level in &fit.levels {
-        let branch = |branch: &Option<crate::identify::steps::Branch>| {
-            let tau = branch.and_then(|branch| branch.time_constant_s);
-            let fit = branch.and_then(|branch| branch.fit_percent);
-            let tau = tau.map_or_else(|| String::from("-"), |tau| with_std(tau.value, Some(tau.std), 1e3, 1));
-            (tau, fit.map_or_else(|| String::from("-"), |fit| format!("{fit:.1}")))
-        };
-        let ((up, up_fit), (down, down_fit)) = (branch(&level.up), branch(&level.down));
-        let gain = level.gain.map_or_else(|| String::from("-"), |gain| format!("{:.0}", gain.value));
-        let line = format!("  {:<5.3} {gain:>14} {up:>20} {up_fit:>7} {down:>20} {down_fit:>7}\n", level.command);
-        text.push_str(&line);
-    }
-    text
-}
-
-fn staircase_json(fit: &StaircaseFit) -> Value {
-    let branch = |branch: &Option<crate::identify::steps::Branch>| {
-        branch.map(|branch| {
-            json!({
-                "response": branch.mean.value,
-                "response_std": branch.mean.std,
-                "time_constant_s": branch.time_constant_s.map(|tau| tau.value),
-                "time_constant_s_std": branch.time_constant_s.map(|tau| tau.std),
-                "fit_percent": branch.fit_percent,
-            })
-        })
-    };
-    json!({
-        "record": fit.record,
-        "delay_s": fit.delay_s.value,
-        "delay_s_std": fit.delay_s.std,
-        "fit_percent": fit.fit_percent,
-        "fit_percent_with_spikes": fit.fit_percent_with_spikes,
-        "levels": fit.levels.iter().map(|level| json!({
-            "command": level.command,
-            "gain": level.gain.map(|gain| gain.value),
-            "up": branch(&level.up),
-            "down": branch(&level.down),
-        })).collect::<Vec<_>>(),
-    })
 }

@@ -2,7 +2,8 @@
 
 use serde_json::{Value, json};
 
-use super::identify::{Identified, unit};
+use super::identify::Identified;
+use super::identify_tables::unit;
 use crate::identify::Estimate;
 use crate::identify::static_map::{Limit, StaticMapFit, SteadyPoints, fit_static_map};
 use crate::plant::{MapPolynomial, StaticMap};

@@ -77,7 +77,7 @@ fn table(stand: &StandIdentification) -> String {
         "(rad/s)",
         "damping",
     );
-    for (kind, roots) in [("pole", &fit.poles), ("zero", &fit.zeros)] {
+    for (kind, roots) in [("pole", stand.poles().collect::<Vec<_>>()), ("zero", stand.zeros().collect())] {
         for root in roots {
             let frequency = root.frequency_rad_s;
             let frequency_hz = with_std(frequency.value, Some(frequency.std), 1.0 / TAU, 3);
@@ -102,7 +102,7 @@ fn table(stand: &StandIdentification) -> String {
 }
 
 fn to_json(stand: &StandIdentification) -> Value {
-    let roots = |roots: &[Root]| {
+    let roots = |roots: &mut dyn Iterator<Item = &Root>| {
         let entry = |root: &Root| {
             json!({
                 "frequency_hz": root.frequency_rad_s.value / TAU,
@@ -113,15 +113,15 @@ fn to_json(stand: &StandIdentification) -> Value {
                 "imaginary_rad_s": root.value.im,
             })
         };
-        roots.iter().map(entry).collect::<Vec<_>>()
+        roots.map(entry).collect::<Vec<_>>()
     };
     let fit = &stand.fit;
     json!({
         "records": stand.records,
         "gain": fit.gain.value,
         "gain_std": fit.gain.std,
-        "poles": roots(&fit.poles),
-        "zeros": roots(&fit.zeros),
+        "poles": roots(&mut stand.poles()),
+        "zeros": roots(&mut stand.zeros()),
         "usable_hz": stand.usable_hz.map(|usable| usable.value),
         "usable_hz_std": stand.usable_hz.map(|usable| usable.std),
         "top_hz": stand.top_hz,

@@ -1,4 +1,4 @@
-//! The command line: one file per command, which reads what it is given, calls one room of this crate, and says what
+//! The command line: one file per command, which reads what it is given, calls one module of this crate, and says what
 //! came out, for people and as JSON.
 
 mod bandwidth;
@@ -11,13 +11,16 @@ mod excite;
 mod figures;
 mod identify;
 mod identify_align;
+mod identify_intervals;
 mod identify_laws;
 mod identify_map;
 mod identify_stand;
+mod identify_tables;
 mod import;
 mod outcome;
 mod parameters;
 mod progress;
+mod redesign;
 mod simulate;
 mod validate;
 mod wrong_use;

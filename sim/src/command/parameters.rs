@@ -34,8 +34,13 @@ impl DesignArguments {
             .wrap_err_with(|| format!("`{}` gives no compensator", file.display()))
     }
 
+    /// Whether any was given.
+    pub fn is_given(&self) -> bool {
+        self.omega_g.or(self.damping).or(self.loop_rate).or(self.prewarp).is_some()
+    }
+
     /// What was given, and the paper's values for the rest.
-    fn options(&self) -> DesignOptions {
+    pub fn options(&self) -> DesignOptions {
         let default = DesignOptions::default();
         DesignOptions {
             omega_g_rad_s: self.omega_g.unwrap_or(default.omega_g_rad_s),

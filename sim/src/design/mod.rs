@@ -3,6 +3,7 @@
 mod bandwidths;
 mod error;
 mod lead;
+pub mod redesign;
 
 pub use bandwidths::{BandwidthPoint, Chain, bandwidths, bandwidths_with};
 pub use error::CompensatorError;

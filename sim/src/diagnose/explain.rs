@@ -8,11 +8,12 @@
 
 use std::cmp::Ordering;
 
-use super::fit::{Fit, MOST_STEPS, Tangent, fit, fit_in, misfit};
+use super::fit::{Fit, MOST_STEPS, Screening, fit, fit_in, misfit};
 use super::hypothesis::{Candidate, GRID, Hypothesis};
 use super::log::Folds;
 use super::scan::Scan;
 use super::trial::{Before, Purpose, Trial, Trials};
+use super::{frames, grid};
 use crate::identify::offset_and_start;
 use crate::plant::Catalog;
 use crate::plant::effect::Kind;
@@ -154,6 +155,18 @@ impl Search<'_> {
         }
     }
 
+    /// Takes mains hum out of all records.
+    fn take_hum_out(&mut self, base: &Hypothesis) -> Option<()> {
+        let lags = fit(&self.trials, base, true)?.hypothesis;
+        let all = self.trials.clone();
+        for trial in &mut self.trials.trials {
+            if let Some((_, left)) = aligned(&all, trial, &lags) {
+                trial.take_hum_out(&left);
+            }
+        }
+        Some(())
+    }
+
     /// Finds out what was before each record: that which leaves less of a decay at its begin.
     fn tell_what_was_before(&mut self, hypothesis: &Hypothesis) {
         let all = self.trials.clone();
@@ -168,14 +181,14 @@ impl Search<'_> {
 
     /// Kinds that improve on `from`, best first.
     fn tries(&self, from: &Fit, exclude: &[&'static Kind]) -> Vec<Tried> {
-        let Some(tangent) = from.tangent(&self.trials) else { return Vec::new() };
+        let Some(screening) = Screening::new(&self.trials, from) else { return Vec::new() };
         let Some(scan) = Scan::new(&self.trials, from) else { return Vec::new() };
         let folds = Folds::of(&self.trials, from);
         let kinds = self.catalog.kinds().filter(|kind| kind.id != "parameter_error" && !exclude.contains(kind));
         let kinds = kinds.filter(|kind| self.trials.can_show(kind));
         let mut screened: Vec<(f64, Hypothesis, &'static Kind)> = Vec::new();
         for kind in kinds {
-            screened.extend(self.screen(&tangent, &scan, from, kind));
+            screened.extend(self.screen(&screening, &scan, from, kind));
             (self.progress)();
         }
         screened.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -228,6 +241,14 @@ impl Search<'_> {
             tried.truncate(MOST_FINISHED);
         }
         tried.sort_by(by_worth);
+        // A hold whose frames do not show is, by all that is known, a delay.
+        let hidden = |tried: &Tried| tried.fit.hypothesis.effects.last().is_some_and(Candidate::is_hidden_hold);
+        if let Some(delay) = tried.iter().position(|tried| tried.kind.id == "transport_delay")
+            && tried.first().is_some_and(hidden)
+            && tried[0].worth() - tried[delay].worth() < ALIKE
+        {
+            tried[..=delay].rotate_right(1);
+        }
         tried
     }
 
@@ -235,18 +256,17 @@ impl Search<'_> {
     /// where the commands are.
     fn screen(
         &self,
-        tangent: &Tangent,
+        screening: &Screening,
         scan: &Scan,
         from: &Fit,
         kind: &'static Kind,
     ) -> Vec<(f64, Hypothesis, &'static Kind)> {
         // Where the alignment has taken over much of a delay, a start that brings its own is judged without it too: so far the
         // tangent does not hold.
-        let aligned = Hypothesis { late_s: 0.0, ..from.hypothesis.clone() };
+        let is_late = from.is_late(&self.trials);
         let judge = |start: &Candidate| {
-            let with = tangent.judge(&self.trials, &from.hypothesis.with(start.clone()));
-            let without =
-                from.is_late(&self.trials).then(|| tangent.judge(&self.trials, &aligned.with(start.clone()))).flatten();
+            let with = screening.judge(&self.trials, start, false);
+            let without = is_late.then(|| screening.judge(&self.trials, start, true)).flatten();
             [with, without].into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0))
         };
         let mut judged: Vec<(f64, Candidate, Hypothesis)> = Vec::new();
@@ -255,10 +275,11 @@ impl Search<'_> {
             judged.extend(looked);
             judged.sort_by(|a, b| a.0.total_cmp(&b.0));
         };
-        look(&mut judged, Candidate::starts(kind));
-        let valleys = scan.valleys(kind, GRID);
-        if !valleys.is_empty() {
-            look(&mut judged, valleys);
+        let valleys =
+            if grid::is_grid(kind) { grid::steps(&self.trials, from, kind) } else { scan.valleys(kind, GRID) };
+        let is_jumping = !valleys.is_empty();
+        look(&mut judged, if is_jumping { valleys } else { Candidate::starts(kind) });
+        if is_jumping {
             // Down into the lowest.
             for round in 0..VALLEY_LOOKS {
                 let Some(best) = judged.first().map(|best| best.1.clone()) else { break };
@@ -284,12 +305,27 @@ impl Search<'_> {
     ) -> Option<Tried> {
         let fit = fit_in(&self.trials, start, true, most_steps)?;
         let parameters = Candidate::searched(kind).count();
+        let mean = self.tried(from, folds, fit, kind, parameters);
+        // Where the frames lie is looked for once their rate is about known.
+        let anywhere = |effect: &Candidate| effect.kind == kind && effect.has_frames() && effect.phases.is_empty();
+        let effect = mean.fit.hypothesis.effects.iter().position(anywhere).filter(|_| most_steps == MOST_STEPS);
+        let framed = effect.and_then(|effect| {
+            let framed = frames::find(&self.trials, &mean.fit, effect)?;
+            let fit = fit_in(&self.trials, &framed, true, most_steps)?;
+            let fit = fit_in(&self.trials, &frames::polish(&self.trials, &fit, effect)?, true, most_steps)?;
+            // A phase for each record, beside the rate.
+            Some(self.tried(from, folds, fit, kind, parameters + self.trials.trials.len()))
+        });
+        Some(framed.filter(|framed| framed.worth() > mean.worth()).unwrap_or(mean))
+    }
+
+    fn tried(&self, from: &Fit, folds: Option<&Folds>, fit: Fit, kind: &'static Kind, parameters: usize) -> Tried {
         let (fitted_gain, held_out_gain) =
             folds.and_then(|folds| folds.gains(&fit.hypothesis, kind)).unwrap_or_else(|| {
                 let held_out_gain = self.held_out_gain(&from.hypothesis, &fit.hypothesis);
                 (0.5 * (from.misfit - fit.misfit), held_out_gain)
             });
-        Some(Tried { kind, fit, fitted_gain, held_out_gain, parameters })
+        Tried { kind, fit, fitted_gain, held_out_gain, parameters }
     }
 
     /// By how much the log likelihood of what is held out grows.
@@ -317,6 +353,7 @@ impl Search<'_> {
     /// Finds the effects.
     pub fn explain(&mut self, base: &Hypothesis) -> Option<Explanation> {
         self.tell_what_was_before(base);
+        self.take_hum_out(base)?;
         let before = self.settle(base, true)?;
         let mut current = before.clone();
         let mut effects: Vec<Tried> = Vec::new();

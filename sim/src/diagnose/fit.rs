@@ -7,9 +7,10 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 use num_complex::Complex64;
 use rayon::prelude::*;
 
-use super::hypothesis::{Coordinate, Hypothesis};
+use super::hypothesis::{Candidate, Coordinate, Hypothesis};
 use super::trial::{Purpose, Trial, Trials};
 use crate::plant::Trace;
+use crate::plant::effect::Site;
 
 /// Most steps of a search.
 pub(super) const MOST_STEPS: usize = 25;
@@ -87,11 +88,7 @@ fn whiten(trial: &Trial, hypothesis: &Hypothesis, purpose: Purpose, difference: 
         let mut white = stretch.whitening.apply(&difference[stretch.rows.clone()]);
         if stretch.rows.start == 0 {
             let tau_s = hypothesis.base[trial.point].time_constant_s;
-            let decay: Vec<f64> = trial.time_s[stretch.rows.clone()]
-                .iter()
-                .map(|time_s| (-(time_s - trial.time_s[0]) / tau_s).exp())
-                .collect();
-            let decay = stretch.whitening.apply(&decay);
+            let decay = stretch.whitening.apply_to_decay((-1.0 / (trial.rate_hz * tau_s)).exp());
             let share = dot(&decay, &white) / dot(&decay, &decay);
             if share.is_finite() {
                 white.iter_mut().zip(&decay).for_each(|(white, decay)| *white -= decay * share);
@@ -115,11 +112,18 @@ fn ties(trials: &Trials, hypothesis: &Hypothesis, coordinates: &[Coordinate]) ->
     coordinates.iter().enumerate().filter_map(tie).collect()
 }
 
-/// How far the rows of the records leave the alignment open: they are stamped no more finely than they are apart, and a
-/// uniform error of one row has this standard deviation.
+/// Part of a row by which the stamps of a record may be off in the mean.
+const STAMPS_OFF: f64 = 0.005;
+
+/// How far the rows of the records leave the alignment open. A command takes effect at its row and the response is that of
+/// its row's moment, so what is left is a logger's own jitter, whose mean over a record is small. Of a log nobody knows where
+/// in its interval a row was taken: a uniform error of one row has this standard deviation.
 fn late_std(trials: &Trials) -> f64 {
-    let rows_s = trials.trials.iter().map(|trial| trial.rate_hz.recip()).fold(0.0, f64::max);
-    rows_s / 12_f64.sqrt()
+    let longest = |part: f64, are_logs: bool| {
+        let there = trials.trials.iter().filter(|trial| trial.log.is_some() == are_logs);
+        there.map(|trial| part / trial.rate_hz).reduce(f64::max)
+    };
+    longest(STAMPS_OFF, false).or_else(|| longest(12_f64.sqrt().recip(), true)).unwrap_or(f64::INFINITY)
 }
 
 /// Sum of squares over what is for `purpose`. `None` where the hypothesis is impossible.
@@ -314,13 +318,24 @@ impl Tangent {
 
     /// Sum of squares at `hypothesis`, and half its derivatives by the columns of the tangent.
     fn slope(&self, trials: &Trials, hypothesis: &Hypothesis) -> Option<(f64, DVector<f64>)> {
+        self.slope_of(trials, hypothesis, |_, trial| residual(trials, trial, hypothesis, Purpose::Fit))
+    }
+
+    /// The same of white residuals by the place of their record.
+    fn slope_of(
+        &self,
+        trials: &Trials,
+        hypothesis: &Hypothesis,
+        white: impl Fn(usize, &Trial) -> Option<Vec<Complex64>> + Sync,
+    ) -> Option<(f64, DVector<f64>)> {
         let parts: Option<Vec<_>> = trials
             .trials
             .par_iter()
             .zip(&self.records)
-            .filter(|(trial, _)| trial.end_of(Some(Purpose::Fit)) > 0)
-            .map(|(trial, record)| {
-                let at = residual(trials, trial, hypothesis, Purpose::Fit)?;
+            .enumerate()
+            .filter(|(_, (trial, _))| trial.end_of(Some(Purpose::Fit)) > 0)
+            .map(|(place, (trial, record))| {
+                let at = white(place, trial)?;
                 let slopes: Vec<(usize, f64)> = record.columns.iter().map(|(i, a)| (*i, dot(a, &at))).collect();
                 Some((dot(&at, &at), slopes))
             })
@@ -352,10 +367,68 @@ impl Tangent {
     /// The sum of squares that `hypothesis` would leave after a fit of all that the tangent knows, to first order, and the
     /// hypothesis moved there.
     pub fn judge(&self, trials: &Trials, hypothesis: &Hypothesis) -> Option<(f64, Hypothesis)> {
-        let (sum, gradient) = self.slope(trials, hypothesis)?;
+        self.follow(hypothesis, self.slope(trials, hypothesis)?)
+    }
+
+    fn follow(&self, hypothesis: &Hypothesis, (sum, gradient): (f64, DVector<f64>)) -> Option<(f64, Hypothesis)> {
         let step = damped_step(&self.matrix, &gradient, 1e-9)?;
         let left = sum + gradient.dot(&step);
         // The tangent holds nearby only.
         Some((left, self.moved(hypothesis, &step.map(|step| step.clamp(-0.5, 0.5)))))
+    }
+}
+
+/// Judges candidates beside a fit by what they would change.
+///
+/// Where the fit has effects that make the rotor one that is integrated, a candidate's change is taken from the chain
+/// without these and added to what the fit leaves: right to first order, which is all that the tangent is, and as quick as
+/// beside no effect.
+pub(super) struct Screening<'a> {
+    from: &'a Fit,
+    tangent: Tangent,
+    /// The chain that changes are taken from, and by record what the fit leaves less what that chain leaves; empty where it
+    /// is the fit's own.
+    quick: Hypothesis,
+    offsets: Vec<Vec<Complex64>>,
+}
+
+impl<'a> Screening<'a> {
+    /// Beside `from`. `None` where its derivatives are not defined.
+    pub fn new(trials: &Trials, from: &'a Fit) -> Option<Self> {
+        let tangent = from.tangent(trials)?;
+        let mut quick = from.hypothesis.clone();
+        quick.effects.retain(|candidate| !matches!(candidate.kind.site, Site::Supply | Site::Map | Site::Rotor));
+        let mut offsets = Vec::new();
+        if quick.effects.len() < from.hypothesis.effects.len() {
+            let offset = |trial: &Trial| {
+                if trial.end_of(Some(Purpose::Fit)) == 0 {
+                    return Some(Vec::new());
+                }
+                let mut left = residual(trials, trial, &from.hypothesis, Purpose::Fit)?;
+                let without = residual(trials, trial, &quick, Purpose::Fit)?;
+                left.iter_mut().zip(&without).for_each(|(left, without)| *left -= without);
+                Some(left)
+            };
+            offsets = trials.trials.par_iter().map(offset).collect::<Option<_>>()?;
+        }
+        Some(Self { from, tangent, quick, offsets })
+    }
+
+    /// The sum of squares that is left with one more effect, and all of it moved there. With the misalignment of the fit, or
+    /// without any.
+    pub fn judge(&self, trials: &Trials, candidate: &Candidate, aligned: bool) -> Option<(f64, Hypothesis)> {
+        let mut with = self.from.hypothesis.with(candidate.clone());
+        let mut quick = self.quick.with(candidate.clone());
+        if aligned {
+            (with.late_s, quick.late_s) = (0.0, 0.0);
+        }
+        let slope = self.tangent.slope_of(trials, &with, |place, trial| {
+            let mut left = residual(trials, trial, &quick, Purpose::Fit)?;
+            if let Some(offset) = self.offsets.get(place) {
+                left.iter_mut().zip(offset).for_each(|(left, offset)| *left += offset);
+            }
+            Some(left)
+        })?;
+        self.tangent.follow(&with, slope)
     }
 }

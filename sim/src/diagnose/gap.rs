@@ -28,6 +28,62 @@ pub struct RecordGap {
     pub gap: Gap,
 }
 
+/// What is left of the record that the first model explains worst, over one period, in means of so many rows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Residual {
+    /// The record.
+    pub file: String,
+    /// Rows of a mean.
+    pub rows: usize,
+    /// Middle of each, seconds.
+    pub time_s: Vec<f64>,
+    /// Measured less simulated by the first model, response units.
+    pub before: Vec<f64>,
+    /// The same by the improved one.
+    pub after: Vec<f64>,
+    /// Standard deviation of such a mean if the noise were white.
+    pub noise_std: f64,
+}
+
+/// Most means of a [`Residual`].
+const MOST_MEANS: usize = 500;
+
+/// [`Residual`] of the first period of what is compared; `None` where nothing can be simulated.
+pub(super) fn residual(
+    trials: &Trials,
+    records: &[RecordGap],
+    before: &Hypothesis,
+    after: &Hypothesis,
+    held_out: bool,
+) -> Option<Residual> {
+    let over = |record: &&RecordGap| record.gap.before / record.gap.noise_floor.max(1e-12);
+    let worst = records.iter().max_by(|a, b| over(a).total_cmp(&over(b)))?;
+    let trial = trials.trials.iter().find(|trial| trial.file == worst.file)?;
+    let purpose = if held_out { Purpose::HeldOut } else { Purpose::Fit };
+    let stretch = trial.stretches.iter().find(|stretch| stretch.purpose == purpose)?;
+    let rows = stretch.rows.clone();
+    let (time_s, measured) = (&trial.time_s[rows.clone()], &trial.measured[rows.clone()]);
+    let period = trial.period_rows.min(rows.len());
+    let width = period.div_ceil(MOST_MEANS);
+    let means = |values: &[f64]| -> Vec<f64> {
+        values[..period].chunks_exact(width).map(|chunk| chunk.iter().sum::<f64>() / width as f64).collect()
+    };
+    let left = |hypothesis: &Hypothesis| -> Option<Vec<f64>> {
+        let simulated = hypothesis.simulate(trials, trial, rows.end).ok()?;
+        let tau_s = before.base[trial.point].time_constant_s;
+        let aligned = align(time_s, measured, &simulated[rows.clone()], tau_s);
+        Some(means(&measured.iter().zip(aligned).map(|(y, model)| y - model).collect::<Vec<_>>()))
+    };
+    Some(Residual {
+        file: trial.file.clone(),
+        rows: width,
+        time_s: means(time_s),
+        before: left(before)?,
+        after: left(after)?,
+        noise_std: (stretch.whitening.row_variance() / width as f64).sqrt(),
+    })
+}
+
 /// Sums of squares, to be divided at the end.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Squares {
@@ -108,18 +164,20 @@ pub(super) fn squares(
     for stretch in trial.stretches.iter().filter(|stretch| stretch.purpose == purpose) {
         let rows = stretch.rows.clone();
         let (time_s, measured) = (&trial.time_s[rows.clone()], &trial.measured[rows.clone()]);
+        // Hum was taken out of what is fitted; it is noise all the same.
+        let hum: f64 = trial.hum.get(rows.clone()).unwrap_or_default().iter().map(|hum| hum * hum).sum();
         let left = |model: &[f64]| {
             // A sensor's zero and the state at the begin are no part of what a model says.
             let tau_s = before.base[trial.point].time_constant_s;
             let aligned = align(time_s, measured, &model[rows.clone()], tau_s);
-            aligned.iter().zip(measured).map(|(model, y)| (y - model).powi(2)).sum::<f64>()
+            aligned.iter().zip(measured).map(|(model, y)| (y - model).powi(2)).sum::<f64>() + hum
         };
         let [before, after] = &simulated;
         squares.before += left(before.as_ref().ok()?);
         squares.after += left(after.as_ref().ok()?);
         let mean = measured.iter().sum::<f64>() / measured.len() as f64;
         squares.response += measured.iter().map(|y| (y - mean).powi(2)).sum::<f64>();
-        squares.noise += stretch.whitening.row_variance() * measured.len() as f64;
+        squares.noise += stretch.whitening.row_variance() * measured.len() as f64 + hum;
     }
     Some(squares)
 }

@@ -1,6 +1,7 @@
 //! A model that may be the true one: lags, a misalignment of the clocks, and effects, as numbers that can be fitted.
 
 use super::channel::Column;
+use super::frames;
 use super::trial::{Before, Trial, Trials};
 use crate::plant::effect::{Kind, Linearity, Parameter, Scale, Site, Use};
 use crate::plant::{
@@ -46,6 +47,11 @@ pub(super) struct Candidate {
     pub kind: &'static Kind,
     /// All its values.
     pub values: Vec<f64>,
+    /// Of frames: the part of a frame from the first command of each record to its first frame, by the record's place. Empty
+    /// where it is not known.
+    pub phases: Vec<f64>,
+    /// With phases, the standard deviation of the rate's logarithm.
+    pub rate_std: f64,
 }
 
 /// What one coordinate of a search is.
@@ -67,6 +73,21 @@ pub(super) enum Coordinate {
 }
 
 impl Candidate {
+    /// An effect whose frames, if it has any, may lie anywhere.
+    pub fn new(kind: &'static Kind, values: Vec<f64>) -> Self {
+        Self { kind, values, phases: Vec::new(), rate_std: f64::INFINITY }
+    }
+
+    /// Whether it has frames.
+    pub fn has_frames(&self) -> bool {
+        frames::has_frames(self.kind)
+    }
+
+    /// Whether it has frames that may lie anywhere.
+    pub fn is_hidden_hold(&self) -> bool {
+        self.has_frames() && self.phases.is_empty()
+    }
+
     /// Places of the values that a search may change.
     pub fn searched(kind: &'static Kind) -> impl Iterator<Item = (usize, &'static Parameter)> {
         let is_searched = |parameter: &Parameter| match parameter.usage {
@@ -98,7 +119,7 @@ impl Candidate {
             starts.extend(parameter.starts.iter().map(|&start| {
                 let mut values = all[0].clone();
                 values[index] = start;
-                Self { kind, values }
+                Self::new(kind, values)
             }));
             starts.retain(|start| (kind.check)(&start.values).is_ok());
             return starts;
@@ -113,7 +134,7 @@ impl Candidate {
             all = all.iter().flat_map(|values| starts.iter().map(|&start| with(values, start))).collect();
         }
         all.into_iter()
-            .map(|values| Self { kind, values })
+            .map(|values| Self::new(kind, values))
             .filter(|start| (kind.check)(&start.values).is_ok())
             .collect()
     }
@@ -129,7 +150,7 @@ impl Candidate {
         let at = |k: u32| {
             let mut values = kind.null();
             values[index] = from_coordinate(parameter, low + (high - low) * f64::from(k) / f64::from(pieces));
-            Self { kind, values }
+            Self::new(kind, values)
         };
         (0..=pieces).map(at).filter(|candidate| (kind.check)(&candidate.values).is_ok()).collect()
     }
@@ -144,7 +165,7 @@ impl Candidate {
         let at = |offset: f64| {
             let mut values = self.values.clone();
             values[index] = from_coordinate(parameter, here + offset * piece);
-            Self { kind: self.kind, values }
+            Self::new(self.kind, values)
         };
         let offsets = (1..=steps).map(|step| share * f64::from(step) / f64::from(steps));
         let around = offsets.flat_map(|offset| [at(-offset), at(offset)]);
@@ -167,7 +188,7 @@ impl Candidate {
         let between = [below, above].into_iter().filter(|other| other.is_finite()).map(|other| {
             let mut values = best.values.clone();
             values[index] = from_coordinate(parameter, 0.5 * (here + other));
-            Self { kind: best.kind, values }
+            Self::new(best.kind, values)
         });
         between.filter(|start| (start.kind.check)(&start.values).is_ok()).collect()
     }
@@ -226,7 +247,10 @@ impl Hypothesis {
         }
         all.push(Coordinate::Late);
         for (effect, candidate) in self.effects.iter().enumerate() {
-            all.extend(Candidate::searched(candidate.kind).map(|(value, _)| Coordinate::Effect { effect, value }));
+            // With known phases the rate of frames is, too: hundreds of frames have to stay where they are.
+            if candidate.phases.is_empty() {
+                all.extend(Candidate::searched(candidate.kind).map(|(value, _)| Coordinate::Effect { effect, value }));
+            }
         }
         all
     }
@@ -306,11 +330,27 @@ impl Hypothesis {
         self.effects.iter().any(drifts)
     }
 
-    /// The response at the first `rows` rows of a record.
+    /// The response at the first `rows` rows of a record. Where frames may lie anywhere, it is the mean over where they may.
     ///
     /// # Errors
     /// [`PlantError`] for values that no actuator has.
     pub fn simulate(&self, trials: &Trials, trial: &Trial, rows: usize) -> Result<Vec<f64>, PlantError> {
+        let anywhere = self.effects.iter().position(Candidate::is_hidden_hold);
+        let waits = anywhere.and_then(|effect| frames::mean_waits(self.effects[effect].values[0]));
+        let Some((effect, waits)) = anywhere.zip(waits) else {
+            return self.simulate_known(trials, trial, rows);
+        };
+        let mut mean = vec![0.0; rows];
+        for wait in waits {
+            let mut late = self.clone();
+            late.effects[effect] = wait;
+            let response = late.simulate_known(trials, trial, rows)?;
+            mean.iter_mut().zip(&response).for_each(|(mean, y)| *mean += 0.5 * y);
+        }
+        Ok(mean)
+    }
+
+    fn simulate_known(&self, trials: &Trials, trial: &Trial, rows: usize) -> Result<Vec<f64>, PlantError> {
         let base = &self.base[trial.point];
         let steady = trial.mean_response - base.gain * (trial.mean_command - trial.nominal);
         let response = self.simulate_around(trials, trial, rows, steady)?;
@@ -372,7 +412,11 @@ impl Hypothesis {
         let point = OperatingPoint { nominal: trial.nominal, lag, response };
         let mut effects = Vec::with_capacity(self.effects.len());
         for candidate in &self.effects {
-            effects.push(ActiveEffect::new(candidate.kind, candidate.values.clone())?);
+            let mut values = candidate.values.clone();
+            if let Some(phase) = candidate.phases.get(trial.place) {
+                values[frames::PHASE] = *phase;
+            }
+            effects.push(ActiveEffect::new(candidate.kind, values)?);
         }
         Catalog::standard().sort(&mut effects);
         let timing = EscTiming { frame_hz: trials.esc_frame_hz, frame_phase: 0.0 };

@@ -34,7 +34,7 @@ pub enum Axis {
     Time,
     /// 1 for excited lines, 2 for even ones, 3 for odd ones that are not excited.
     Harmonics,
-    /// 1 for multisine records, 2 for square waves, 3 for steps, 4 for staircases, 5 for chirps, 6 for others.
+    /// 1 for multisine records, 2 for square waves, 3 for triangles, 4 for steps, 5 for staircases, 6 for chirps, 7 for others.
     Excitation,
 }
 
@@ -147,6 +147,44 @@ pub(super) fn excess(trials: &Trials, hypothesis: &Hypothesis, purpose: Purpose)
     total
 }
 
+/// What is left in a band of frequencies at a nominal command.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MapCell {
+    /// The nominal command.
+    pub nominal: f64,
+    /// From and to, hertz.
+    pub band_hz: (f64, f64),
+    /// By the first model.
+    pub before: Excess,
+    /// By the improved one.
+    pub after: Excess,
+}
+
+/// What is left of what is fitted over frequency and nominal command, by increasing nominal command and frequency.
+pub(super) fn map(trials: &Trials, before: &Hypothesis, after: &Hypothesis) -> Vec<MapCell> {
+    let mut cells: Vec<MapCell> = Vec::new();
+    for trial in &trials.trials {
+        let left = [before, after].map(|hypothesis| lines(trials, trial, hypothesis, Purpose::Fit));
+        for (line, improved) in left[0].iter().zip(&left[1]) {
+            let (nominal, band_hz) = (trial.nominal, band(line.hz));
+            let place = cells.iter().position(|cell| (cell.nominal, cell.band_hz) == (nominal, band_hz));
+            let cell = match place {
+                Some(place) => &mut cells[place],
+                None => {
+                    let nothing = Excess::default();
+                    cells.push(MapCell { nominal, band_hz, before: nothing, after: nothing });
+                    let last = cells.len() - 1;
+                    &mut cells[last]
+                }
+            };
+            cell.before.add(line.excess);
+            cell.after.add(improved.excess);
+        }
+    }
+    cells.sort_by(|a, b| a.nominal.total_cmp(&b.nominal).then(a.band_hz.0.total_cmp(&b.band_hz.0)));
+    cells
+}
+
 /// Parts of one axis.
 #[derive(Default)]
 pub(super) struct Parts(Vec<((f64, f64), Excess)>);
@@ -194,6 +232,19 @@ fn amplitude_group(amplitudes: &[f64], amplitude: f64) -> (f64, f64) {
     alike.fold((amplitude, amplitude), |(low, high), other| (low.min(*other), high.max(*other)))
 }
 
+/// Place of an excitation on its axis.
+pub(super) fn excitation_number(excitation: Excitation) -> f64 {
+    match excitation {
+        Excitation::Multisine => 1.0,
+        Excitation::Square => 2.0,
+        Excitation::Triangle => 3.0,
+        Excitation::Step => 4.0,
+        Excitation::Staircase => 5.0,
+        Excitation::Chirp => 6.0,
+        Excitation::Free => 7.0,
+    }
+}
+
 /// Shares the misfit of what is fitted out along every axis.
 pub(super) fn locate(trials: &Trials, hypothesis: &Hypothesis) -> Vec<Location> {
     let (mut frequency, mut harmonics) = (Parts::default(), Parts::default());
@@ -202,7 +253,7 @@ pub(super) fn locate(trials: &Trials, hypothesis: &Hypothesis) -> Vec<Location> 
     let LogParts { mut nominal, mut amplitude, mut direction, mut time, mut excitation } = of_logs;
     let amplitudes: Vec<f64> = trials.trials.iter().map(|trial| trial.amplitude).collect();
     for trial in trials.trials.iter().filter(|trial| trial.log.is_none()) {
-        let kind = if trial.excitation == Excitation::Multisine { 1.0 } else { 2.0 };
+        let kind = excitation_number(trial.excitation);
         for line in lines(trials, trial, hypothesis, Purpose::Fit) {
             let sort = match (line.excited, line.even) {
                 (true, _) => 1.0,

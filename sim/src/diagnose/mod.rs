@@ -5,16 +5,21 @@
 //! both models with what was held out. All of it rests on white residuals (`whitening`): where only noise is left, their
 //! sum of squares is a chi-square.
 
+mod backward;
 pub mod bandwidths;
 mod channel;
 mod compensated;
 mod error;
 mod explain;
 mod fit;
+mod frames;
 mod gap;
+mod grid;
+mod hum;
 mod hypothesis;
 mod locate;
 mod log;
+mod next;
 mod scan;
 mod trial;
 mod whitening;
@@ -24,9 +29,10 @@ use std::collections::BTreeMap;
 pub use channel::Column;
 pub use compensated::fill_in_esc_commands;
 pub use error::DiagnoseError;
-pub use gap::{Gap, RecordGap};
-pub use locate::{Axis, Excess, Location};
+pub use gap::{Gap, RecordGap, Residual};
+pub use locate::{Axis, Excess, Location, MapCell};
 pub use log::{CutRows, SplitGap};
+pub use next::{Conditions, NextExperiment};
 pub use trial::LeftOut;
 
 use explain::{Explanation, Search};
@@ -137,36 +143,12 @@ pub struct Diagnosis {
     pub excess: (Excess, Excess),
     /// The improved model.
     pub model: Model,
-}
-
-impl Diagnosis {
-    /// The experiment that would say more, in words; `None` where nothing is open.
-    #[must_use]
-    pub fn next_experiment(&self) -> Option<String> {
-        if self.verdict == Verdict::Unknown {
-            return Some(
-                "Repeat the records at half and at twice the amplitude, log the speed, the voltage and the current too, and \
-                 let each record go on for twice as long: what stays, grows or vanishes says where to look."
-                    .to_owned(),
-            );
-        }
-        let open = self.effects.iter().find(|effect| !effect.alternatives.is_empty())?;
-        let advice = open.alternatives.iter().find_map(|other| {
-            let of = |kind: &Kind, with: &Kind| {
-                kind.confusions.iter().find(|confusion| confusion.with == with.id).map(|confusion| confusion.experiment)
-            };
-            of(open.kind, other).or_else(|| of(other, open.kind))
-        });
-        Some(advice.map_or_else(
-            || {
-                format!(
-                    "To tell {} from {}: repeat the records at twice the amplitude.",
-                    open.kind.title, open.alternatives[0].title
-                )
-            },
-            str::to_owned,
-        ))
-    }
+    /// What is left over frequency and nominal command, before and after.
+    pub map: Vec<MapCell>,
+    /// What is left of one record, before and after.
+    pub residual: Option<Residual>,
+    /// How the records were taken.
+    pub conditions: Conditions,
 }
 
 /// How it is done.
@@ -200,8 +182,11 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         let given = Hypothesis { base: base.clone(), ..after.hypothesis.clone() };
         let with_effects = fit::fit(trials, &given, false).ok_or(no_fit.clone())?;
         wrong = wrong_numbers(&base, &with_effects, &after);
-        if wrong.is_none() && found.is_empty() {
-            after = with_effects;
+        let worth = worth_of_numbers(&base, &with_effects, &after);
+        if wrong.is_none() && (found.is_empty() || worth < 0.0) {
+            // Numbers that the records do not improve on stay; how well they are known is another matter.
+            after =
+                if found.is_empty() { with_effects } else { fit::Fit { hypothesis: with_effects.hypothesis, ..after } };
         }
         before = fit::fit(trials, &Hypothesis::of_lags(base), false).ok_or(no_fit)?;
     }
@@ -266,15 +251,23 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         model,
         effects,
         gap,
-        records,
         splits,
         fitted: gap::of(trials, &before.hypothesis, &after.hypothesis, Purpose::Fit).0,
         cut: trials.trials.iter().filter_map(|trial| Some(trial.log.as_ref()?.cut.clone())).collect(),
         columns: columns(trials),
         left_out: trials.left_out.clone(),
+        conditions: Conditions::of(experiment, trials),
+        map: locate::map(trials, &before.hypothesis, &after.hypothesis),
+        residual: gap::residual(trials, &records, &before.hypothesis, &after.hypothesis, held_out),
+        records,
         held_out,
         excess: (excess_before, excess_after),
     })
+}
+
+/// By how much the log likelihood grows with other numbers than the given ones, over one per number.
+fn worth_of_numbers(base: &[BasePoint], given: &fit::Fit, refitted: &fit::Fit) -> f64 {
+    0.5 * (given.misfit - refitted.misfit) - (2 * base.len()) as f64
 }
 
 /// Whether a given model's numbers are wrong: by how much the log likelihood grows with others, the mean relative errors of
@@ -285,8 +278,7 @@ fn wrong_numbers(
     given: &fit::Fit,
     refitted: &fit::Fit,
 ) -> Option<(f64, [Estimate; 2], Hypothesis)> {
-    let numbers = 2 * base.len();
-    let worth = 0.5 * (given.misfit - refitted.misfit) - numbers as f64;
+    let worth = worth_of_numbers(base, given, refitted);
     let ratio = |number: fn(&BasePoint) -> f64, coordinate: fn(usize) -> Coordinate| {
         let of_points = base.iter().zip(&refitted.hypothesis.base).enumerate().map(|(point, (given, found))| {
             let std = refitted.std(coordinate(point)).unwrap_or(f64::INFINITY);
@@ -319,26 +311,38 @@ fn first_model(
         return trials.nominals.iter().map(|nominal| Ok(of_lag(model.at(*nominal)?))).collect();
     }
     let is_periodic = |trial: &trial::Trial| trial.log.is_none();
-    let points = if trials.trials.iter().any(is_periodic) {
-        identify_periodic(experiment, &PeriodicOptions::default())?.points()
-    } else {
-        Vec::new()
-    };
-    let nearest = |nominal: f64| {
-        let distance = |point: &&Point| (point.nominal - nominal).abs();
-        points.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))
-    };
-    let base = trials.nominals.iter().enumerate().map(|(index, nominal)| {
-        let no_fit = DiagnoseError::NoFit { what: "a first-order lag" };
-        let here = || trials.trials.iter().filter(|trial| trial.point == index);
-        if !here().any(is_periodic) {
-            return here().find_map(log::first_lag).ok_or(no_fit);
-        }
-        let point = nearest(*nominal).ok_or(no_fit)?;
+    let mut found: Vec<(f64, Lag)> = Vec::new();
+    if trials.trials.iter().any(is_periodic) {
+        let identified = identify_periodic(experiment, &PeriodicOptions::default())?;
+        found.extend(identified.points().iter().map(|point| (point.nominal, point.lag())));
+    }
+    for trial in trials.trials.iter().filter(|trial| !is_periodic(trial)) {
+        found.extend(log::first_lag(trial).map(|lag| (trial.nominal, lag)));
+    }
+    let usual = usual_lag(&found).ok_or(DiagnoseError::NoFit { what: "a first-order lag" })?;
+    let base = trials.nominals.iter().map(|nominal| {
+        let distance = |found: &&(f64, Lag)| (found.0 - nominal).abs();
+        let near = found.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).map_or(usual, |(_, lag)| *lag);
+        let is_unusual = |part: f64| !(1.0 / UNUSUAL..=UNUSUAL).contains(&part);
+        let off = is_unusual(near.gain / usual.gain) || is_unusual(near.time_constant_s / usual.time_constant_s);
         // A delay is an effect, and has to be found.
-        Ok(BasePoint { delay_s: 0.0, ..of_lag(point.lag()) })
+        BasePoint { delay_s: 0.0, ..of_lag(if off { usual } else { near }) }
     });
-    base.collect()
+    Ok(base.collect())
+}
+
+/// A lag whose numbers differ by more than this factor from the usual ones is no place to begin: an effect has spoiled it.
+const UNUSUAL: f64 = 3.0;
+
+/// The medians over all nominal commands.
+fn usual_lag(found: &[(f64, Lag)]) -> Option<Lag> {
+    let median = |number: fn(&Lag) -> f64| {
+        let mut numbers: Vec<f64> = found.iter().map(|(_, lag)| number(lag)).collect();
+        numbers.sort_by(f64::total_cmp);
+        numbers.get(numbers.len() / 2).copied()
+    };
+    let (gain, time_constant_s) = (median(|lag| lag.gain)?, median(|lag| lag.time_constant_s)?);
+    (gain != 0.0 && time_constant_s > 0.0).then_some(Lag { gain, time_constant_s, delay_s: 0.0 })
 }
 
 /// The values of an effect with their standard errors.
@@ -352,9 +356,13 @@ fn estimates(
     let estimate = |(value, parameter): (usize, &'static crate::plant::effect::Parameter)| {
         let slope = hypothesis::slope(parameter, candidate.values[value]);
         let coordinate = Coordinate::Effect { effect, value };
-        let by_derivative = fit.std(coordinate);
-        let std =
-            if parameter.pieces > hypothesis::GRID { fit.profiled_std(trials, coordinate) } else { by_derivative };
+        let std = if !candidate.phases.is_empty() {
+            Some(candidate.rate_std)
+        } else if parameter.pieces > hypothesis::GRID {
+            fit.profiled_std(trials, coordinate)
+        } else {
+            fit.std(coordinate)
+        };
         (parameter, Estimate::normal(candidate.values[value], std.unwrap_or(f64::INFINITY) * slope.abs()))
     };
     searched.map(estimate).collect()

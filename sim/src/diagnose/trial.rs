@@ -2,11 +2,11 @@
 
 use std::ops::Range;
 
-use super::DiagnoseError;
 use super::channel::{Channel, channels};
 use super::hypothesis::GRID;
 use super::log::{Log, Prepared, prepare};
 use super::whitening::{NoiseDensity, Whitening};
+use super::{DiagnoseError, hum};
 use crate::identify::{IdentifyError, response_of, upsampled};
 use crate::plant::effect::Kind;
 use crate::plant::{Lag, OperatingCurve, Trace};
@@ -53,6 +53,8 @@ pub(super) struct Stretch {
 pub(super) struct Trial {
     /// The record's file.
     pub file: String,
+    /// Its place among the records.
+    pub place: usize,
     /// Which of the nominal commands.
     pub point: usize,
     /// The nominal command, 0..1.
@@ -77,6 +79,8 @@ pub(super) struct Trial {
     pub mean_response: f64,
     /// What was before the record.
     pub before: Before,
+    /// Mains hum, which is no part of `measured` any more; empty where there is none.
+    pub hum: Vec<f64>,
     /// Rows per second.
     pub rate_hz: f64,
     /// Rows of a period.
@@ -144,13 +148,14 @@ impl Trials {
         // Where the experiment itself keeps records back, these are what is held out.
         let kept_back = records.iter().any(|(record, _)| record.role == Some(Role::Validate));
         let mut trials = Vec::new();
-        for (record, prepared) in records {
+        for (place, (record, prepared)) in records.into_iter().enumerate() {
             let point = nominals.iter().position(|nominal| (nominal - record.nominal).abs() < SAME_NOMINAL);
             let point = point.unwrap_or_default();
             let mut trial = match prepared {
                 Some(prepared) => Trial::of_log(record, experiment.output, prepared, point)?,
                 None => Trial::new(experiment, record, point)?,
             };
+            trial.place = place;
             trial.split(record.role, kept_back);
             trials.push(trial);
         }
@@ -197,6 +202,7 @@ impl Trial {
         }
         let mut trial = Self {
             file: file(),
+            place: 0,
             point,
             nominal: record.nominal,
             excitation: record.excitation,
@@ -209,6 +215,7 @@ impl Trial {
             mean_command,
             mean_response,
             before: Before::Rest,
+            hum: Vec::new(),
             rate_hz,
             period_rows: periods.samples,
             highest_hz: 0.0,
@@ -240,6 +247,7 @@ impl Trial {
         intervals.sort_by(f64::total_cmp);
         Ok(Self {
             file: record.file.clone(),
+            place: 0,
             point,
             nominal: record.nominal,
             excitation: record.excitation,
@@ -250,6 +258,7 @@ impl Trial {
             mean_command,
             mean_response,
             before: Before::Rest,
+            hum: Vec::new(),
             rate_hz: intervals[intervals.len() / 2].recip(),
             period_rows: time_s.len(),
             highest_hz: 0.0,
@@ -319,22 +328,41 @@ impl Trial {
         self.channels = channels;
     }
 
-    /// Takes the noise from a residual of the whole record: from what does not repeat where it is fitted, or anywhere where
-    /// less than two periods are.
+    /// Takes mains hum out of the measurement: what of it a residual of the whole record shows.
+    pub fn take_hum_out(&mut self, residual: &[f64]) {
+        if self.log.is_some() {
+            return;
+        }
+        let hum = hum::find(residual, self.rate_hz, self.highest_hz);
+        self.measured.iter_mut().zip(&hum).for_each(|(measured, hum)| *measured -= hum);
+        self.hum = hum;
+    }
+
+    /// Takes the noise from a residual of the whole record: from what of it does not repeat.
     pub fn weigh(&mut self, residual: &[f64]) {
         if let Some(log) = &mut self.log {
             let simulated: Vec<f64> = self.measured.iter().zip(residual).map(|(y, left)| y - left).collect();
             log.weigh(&self.time_s, residual, &simulated);
             return;
         }
-        let all = 0..self.periods() * self.period_rows;
-        let fitted = self.stretches.iter().find(|stretch| stretch.periods > 1).map(|stretch| stretch.rows.clone());
-        let rows = fitted.unwrap_or(all);
-        let periods = rows.len() / self.period_rows;
+        let rows = 0..self.periods() * self.period_rows;
+        let periods = self.periods();
         let Some(density) = NoiseDensity::between_harmonics(&residual[rows], periods, self.rate_hz) else { return };
         for stretch in &mut self.stretches {
             stretch.whitening.set_noise(&density, self.rate_hz);
         }
+    }
+
+    /// The same with one period to fit instead of several, and nothing held out.
+    pub fn with_one_period_fitted(&self) -> Self {
+        let mut shorter = self.clone();
+        shorter.stretches.retain(|stretch| stretch.purpose == Purpose::Fit);
+        for stretch in shorter.stretches.iter_mut().filter(|stretch| stretch.periods > 1) {
+            let rows = stretch.rows.start..stretch.rows.start + self.period_rows;
+            *stretch =
+                Stretch { rows, periods: 1, whitening: stretch.whitening.shortened(stretch.periods), ..*stretch };
+        }
+        shorter
     }
 
     /// Up to which row something is compared for this purpose.

@@ -7,23 +7,22 @@
 //! The density comes from the records themselves: over several periods what repeats lies on every `P`-th line, and between
 //! these lines there is only noise.
 
+use std::f64::consts::TAU;
 use std::fmt;
 use std::sync::Arc;
 
 use num_complex::Complex64;
 use realfft::{RealFftPlanner, RealToComplex};
 
-/// Least number of lines in a band of the noise density. Their mean is then known to 20 %.
-const LEAST_LINES: usize = 24;
-/// Bands of an octave.
-const BANDS_PER_OCTAVE: f64 = 12.0;
+use crate::identify::noise;
+
 /// Share of the row rate up to which residuals are compared: above, a logger's own filter acts.
 const HIGHEST_PART: f64 = 0.45;
 
 /// Density of the noise over frequency: the variance of a row if it were white.
 #[derive(Clone, Debug)]
 pub(super) struct NoiseDensity {
-    /// Logarithms of frequency in hertz and of density, by increasing frequency.
+    /// Logarithms of frequency in hertz and of density, by increasing frequency, at the lines where there is only noise.
     bands: Vec<(f64, f64)>,
 }
 
@@ -33,29 +32,22 @@ impl NoiseDensity {
     pub fn between_harmonics(residual: &[f64], periods: usize, rate_hz: f64) -> Option<Self> {
         let rows = residual.len();
         let spectrum = Whitening::unit(rows).spectrum(residual);
-        let step_hz = rate_hz / rows as f64;
         // With one period the even lines: a multisine of odd lines leaves them to noise and even distortion.
         let is_noise = |line: usize| if periods > 1 { !line.is_multiple_of(periods) } else { line.is_multiple_of(2) };
-        let mut bands = Vec::new();
-        let (mut power, mut log_hz, mut count, mut first_hz) = (0.0, 0.0, 0_usize, 0.0);
-        for (line, value) in spectrum.iter().enumerate().skip(1).filter(|(line, _)| is_noise(*line)) {
-            let hz = line as f64 * step_hz;
-            if count == 0 {
-                first_hz = hz;
-            }
-            power += value.norm_sqr() / rows as f64;
-            log_hz += hz.ln();
-            count += 1;
-            if count >= LEAST_LINES && hz >= first_hz * (1.0 / BANDS_PER_OCTAVE).exp2() {
-                bands.push((log_hz / count as f64, (power / count as f64).ln()));
-                (power, log_hz, count) = (0.0, 0.0, 0);
-            }
+        let lines: Vec<usize> = (1..spectrum.len()).filter(|line| is_noise(*line)).collect();
+        let power: Vec<f64> = lines.iter().map(|line| spectrum[*line].norm_sqr() / rows as f64).collect();
+        if lines.len() < 2 {
+            return None;
         }
+        let density = noise::density(&power, &lines);
+        let hz = |line: usize| line as f64 * rate_hz / rows as f64;
+        let mut bands: Vec<(f64, f64)> =
+            lines.iter().zip(density).map(|(line, density)| (hz(*line).ln(), density.ln())).collect();
         bands.retain(|(_, density)| density.is_finite());
         (!bands.is_empty()).then_some(Self { bands })
     }
 
-    /// Density at a frequency: linear between the bands on both logarithms, and level beyond them.
+    /// Density at a frequency: linear between the lines on both logarithms, and level beyond them.
     fn at(&self, hz: f64) -> f64 {
         let log_hz = hz.ln();
         let above = self.bands.partition_point(|(band, _)| *band < log_hz);
@@ -76,13 +68,16 @@ pub(super) struct Whitening {
     weights: Vec<f64>,
     /// Variance of a row by the noise of all lines but the mean.
     variance: f64,
+    /// One turn of the circle in steps of a line, clockwise, as far as lines are compared.
+    turns: Arc<[Complex64]>,
 }
 
 impl Whitening {
     /// For noise that is not known yet.
     pub fn unit(rows: usize) -> Self {
         let transform = RealFftPlanner::new().plan_fft_forward(rows);
-        Self { transform, weights: vec![1.0; rows / 2 + 1], variance: 0.0 }
+        let turns = (0..=rows / 2).map(|line| Complex64::cis(-TAU * line as f64 / rows as f64)).collect();
+        Self { transform, weights: vec![1.0; rows / 2 + 1], variance: 0.0, turns }
     }
 
     /// Weighs by a density.
@@ -98,6 +93,16 @@ impl Whitening {
         }
     }
 
+    /// For one of so many parts of the rows, in the same noise: the density of a line is that of the line at its frequency,
+    /// and the weight grows with the root of one over the length.
+    pub fn shortened(&self, parts: usize) -> Self {
+        let mut shorter = Self::unit(self.transform.len() / parts);
+        let longer = self.weights.iter().step_by(parts).map(|weight| weight * (parts as f64).sqrt());
+        shorter.weights.iter_mut().zip(longer).for_each(|(weight, longer)| *weight = longer);
+        shorter.variance = self.variance;
+        shorter
+    }
+
     /// Lines of the spectrum that are compared, from the first to the last.
     pub fn lines(&self) -> usize {
         self.weights.iter().rposition(|weight| *weight > 0.0).unwrap_or(0)
@@ -106,6 +111,11 @@ impl Whitening {
     /// Variance of a row by the noise.
     pub fn row_variance(&self) -> f64 {
         self.variance
+    }
+
+    /// One over the standard deviation of either part of each line, the mean first.
+    pub fn weights(&self) -> &[f64] {
+        &self.weights
     }
 
     /// The spectrum of so many rows.
@@ -129,6 +139,16 @@ impl Whitening {
             *line *= *weight;
         }
         spectrum
+    }
+}
+
+impl Whitening {
+    /// [`Whitening::apply`] for a decay by `ratio` from row to row, from 1 on: a geometric series.
+    pub fn apply_to_decay(&self, ratio: f64) -> Vec<Complex64> {
+        let lines = self.lines();
+        let all = 1.0 - ratio.powi(self.transform.len() as i32);
+        let turns_and_weights = self.turns.iter().zip(&self.weights).take(lines + 1).skip(1);
+        turns_and_weights.map(|(turn, weight)| all * weight / (1.0 - ratio * turn)).collect()
     }
 }
 

@@ -70,8 +70,10 @@ pub enum IdentifyError {
         off_by: f64,
     },
     /// The period is not a whole number of rows.
-    #[error("{file}: a period of {period_s} s is {rows} rows, not a whole number")]
-    #[diagnostic(help("correct period_s or sample_rate_hz, or record at a rate that divides the period"))]
+    #[error("{file}: a period of {} s is {} rows, not a whole number of four or more", plain(*period_s), plain(*rows))]
+    #[diagnostic(help(
+        "correct period_s or sample_rate_hz, or record at a rate that divides the period; `time_s` is in seconds, not milliseconds"
+    ))]
     PeriodRows {
         /// The record.
         file: String,
@@ -97,6 +99,35 @@ pub enum IdentifyError {
     ConstantCommand {
         /// The record.
         file: String,
+    },
+    /// The command changes, and nothing of it repeats with the period.
+    #[error("{file}: the command changes, but nothing of it repeats every {} s", plain(*period_s))]
+    #[diagnostic(help(
+        "correct period_s in experiment.toml; where it is right, check that `time_s` is in seconds, not milliseconds"
+    ))]
+    NothingRepeats {
+        /// The record.
+        file: String,
+        /// The period in seconds.
+        period_s: f64,
+    },
+    /// A response that may as well be none of the command.
+    #[error(
+        "u_nom {nominal}: the gain is {gain:.3} +- {std:.3} and may as well be zero: the response does not follow the command{signs}"
+    )]
+    #[diagnostic(help(
+        "check that command and response are of one run, and that the sensor was connected; where they are, raise the \
+         amplitude or record more periods"
+    ))]
+    GainMayBeZero {
+        /// The nominal command.
+        nominal: f64,
+        /// The gain, response units per unit of command.
+        gain: f64,
+        /// Its standard error.
+        std: f64,
+        /// What else speaks against the records, a sentence each; may be empty.
+        signs: String,
     },
     /// The response does not move.
     #[error("{file}: the response is constant")]
@@ -188,4 +219,9 @@ pub enum IdentifyError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Stand(#[from] StandError),
+}
+
+/// A number as it was written, unless that is a long row of zeros.
+fn plain(value: f64) -> String {
+    if value == 0.0 || (1e-4..1e7).contains(&value.abs()) { format!("{value}") } else { format!("{value:e}") }
 }

@@ -2,6 +2,7 @@
 
 pub mod alignment;
 mod bandwidth;
+mod broadband;
 mod distortion;
 mod effects;
 mod error;
@@ -14,7 +15,7 @@ mod frequency_response;
 mod hold;
 mod least_squares;
 mod measured;
-mod noise;
+pub(crate) mod noise;
 pub mod parametric;
 mod periodic;
 mod saturation;
@@ -27,9 +28,11 @@ pub mod steps;
 #[cfg(test)]
 pub(crate) mod testing;
 mod transient;
+mod uncertainty;
 mod validate;
 
 pub use bandwidth::{Bandwidth, EtfeBandwidth, StaticValue, THREE_DB, bandwidth_of, bandwidth_of_etfe};
+pub use broadband::{ChirpIdentification, identify_chirps, is_chirp_to_fit};
 pub use distortion::{Distortion, DistortionLevel, RobustResponse, STRONG_DISTORTION_DB};
 pub(crate) use effects::upsampled;
 pub use error::IdentifyError;
@@ -45,8 +48,8 @@ pub use periodic::{
     IdentifyWarning, NominalIdentification, PeriodicIdentification, PeriodicOptions, RecordResponse, SquareValidation,
     identify_periodic,
 };
-pub(crate) use simulation::offset_and_start;
 pub use simulation::{align, run_actuator};
+pub(crate) use simulation::{offset_and_start, start_of};
 pub(crate) use spectra::response_of;
 pub use spectra::{
     DisturbanceSign, DisturbedLine, Line, LongRecordError, NoiseSource, RemovedSinusoid, Spectrum, SpectrumOptions,

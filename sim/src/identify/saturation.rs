@@ -6,9 +6,9 @@
 //! resolution `q` goes with `sqrt(q)`, and in the one below with `sqrt(2 q) - sqrt(q)`: 2.4 times less.
 
 /// Rows on a limit; fewer are chance.
-const FEWEST_ROWS: usize = 10;
+pub(super) const FEWEST_ROWS: usize = 10;
 /// How many times as often as the next value the limit comes up.
-const TIMES_THE_NEXT: usize = 5;
+pub(super) const TIMES_THE_NEXT: usize = 5;
 
 /// A limit that a column stands on.
 #[derive(Clone, Copy, Debug, PartialEq)]

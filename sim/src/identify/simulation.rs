@@ -71,6 +71,17 @@ pub(crate) fn offset_and_start(time_s: &[f64], measured: &[f64], model: &[f64], 
     }
 }
 
+/// The `b` of [`align`] when there is no offset.
+pub(crate) fn start_of(time_s: &[f64], measured: &[f64], model: &[f64], time_constant_s: f64) -> f64 {
+    let (mut power, mut product) = (0.0, 0.0);
+    for ((t_s, y), m) in time_s.iter().zip(measured).zip(model) {
+        let decay = (-(t_s - time_s[0]) / time_constant_s).exp();
+        power += decay * decay;
+        product += (y - m) * decay;
+    }
+    if power > 0.0 { product / power } else { 0.0 }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

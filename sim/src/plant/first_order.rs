@@ -19,11 +19,36 @@ use super::{Model, OperatingCurve, OperatingPoint, PlantError, RotorBase};
 #[derive(Clone, Debug)]
 pub struct FirstOrder {
     law: Law,
-    /// The command that `target` and `rate_per_s` belong to.
+    /// The command that `target` belongs to, and the rate where it follows the level.
     command: f64,
     target: f64,
     rate_per_s: f64,
     response: f64,
+    kept: Decay,
+}
+
+/// `e^-x - 1` for the last `x = duration / time constant`. Evenly spaced rows differ by rounding only, for which the slope
+/// at the kept one is exact.
+#[derive(Clone, Copy, Debug)]
+struct Decay {
+    exponent: f64,
+    less_one: f64,
+}
+
+/// Exponents this near are the same but for rounding; what the slope leaves out is half its square.
+const SAME_EXPONENT: f64 = 1e-9;
+
+impl Decay {
+    #[inline]
+    fn over(&mut self, exponent: f64) -> f64 {
+        let off = exponent - self.exponent;
+        if off.abs() > SAME_EXPONENT * self.exponent {
+            // expm1 keeps the digits that 1 - e^-x would lose for steps that are short beside the time constant.
+            *self = Self { exponent, less_one: (-exponent).exp_m1() };
+            return self.less_one;
+        }
+        self.less_one - off * (1.0 + self.less_one)
+    }
 }
 
 #[derive(Clone, Debug)]
@@ -65,7 +90,12 @@ impl FirstOrder {
     }
 
     fn at_rest(law: Law, command: f64) -> Self {
-        let mut plant = Self { law, command, target: 0.0, rate_per_s: 0.0, response: 0.0 };
+        let kept = Decay { exponent: 0.0, less_one: 0.0 };
+        let rate_per_s = match &law {
+            Law::Linear(point) => 1.0 / point.lag.time_constant_s,
+            Law::Level(_) => 0.0,
+        };
+        let mut plant = Self { law, command, target: 0.0, rate_per_s, response: 0.0, kept };
         plant.settle(command);
         plant
     }
@@ -82,8 +112,7 @@ impl FirstOrder {
         if command != self.command {
             self.take(command);
         }
-        // expm1 keeps the digits that 1 - e^-x would lose for steps that are short beside the time constant.
-        self.response -= (self.target - self.response) * (-duration_s * self.rate_per_s).exp_m1();
+        self.response -= (self.target - self.response) * self.kept.over(duration_s * self.rate_per_s);
     }
 
     /// Lets `duration_s` pass with a command that starts at `level` and moves by `slope_per_s`. Exact on the linear plant:
@@ -96,7 +125,7 @@ impl FirstOrder {
                 let lag = ramp * point.lag.time_constant_s;
                 self.take(level);
                 let begin = self.target - lag;
-                self.response -= (begin - self.response) * (-duration_s * self.rate_per_s).exp_m1();
+                self.response -= (begin - self.response) * self.kept.over(duration_s * self.rate_per_s);
                 self.response += ramp * duration_s;
                 self.take(level + slope_per_s * duration_s);
             }
@@ -143,7 +172,6 @@ impl FirstOrder {
         match &self.law {
             Law::Linear(point) => {
                 self.target = point.response + point.lag.gain * (command - point.nominal);
-                self.rate_per_s = 1.0 / point.lag.time_constant_s;
             }
             Law::Level(curve) => {
                 let point = curve.clamped_at(command);

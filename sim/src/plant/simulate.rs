@@ -103,7 +103,7 @@ pub fn simulate_response(
         let until = drive.command[next..].iter().position(changes).map_or(count, |stay| next + stay);
         let rest = &moments[response.len()..];
         let until_s = drive.time_s.get(until).map_or(f64::INFINITY, |time_s| time_s - zero_s);
-        let rows = rest.partition_point(|moment_s| *moment_s <= until_s);
+        let rows = rest.iter().position(|moment_s| *moment_s > until_s).unwrap_or(rest.len());
         // After the last command it goes on to the last row.
         let end_s = if rows < rest.len() { until_s } else { rest[rest.len() - 1] };
         actuator.advance_reading(command, end_s, &rest[..rows], &mut response);

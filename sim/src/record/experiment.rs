@@ -40,6 +40,8 @@ pub enum Excitation {
     Multisine,
     /// A periodic square wave around `nominal`.
     Square,
+    /// A periodic triangle around `nominal`.
+    Triangle,
     /// One step.
     Step,
     /// Several plateaus, one after the other.
@@ -54,7 +56,7 @@ impl Excitation {
     /// Whether it repeats, so that its record has a period.
     #[must_use]
     pub fn is_periodic(self) -> bool {
-        matches!(self, Self::Multisine | Self::Square)
+        matches!(self, Self::Multisine | Self::Square | Self::Triangle)
     }
 }
 

@@ -10,7 +10,7 @@ use thiserror::Error;
 /// Size of the picture in pixels.
 const SIZE: (u32, u32) = (900, 720);
 /// Colors that stay apart for most color-blind eyes (Okabe and Ito's palette, without its yellow).
-const COLORS: [RGBColor; 7] = [
+pub(super) const COLORS: [RGBColor; 7] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
     RGBColor(0, 158, 115),
@@ -56,7 +56,7 @@ pub enum BodeError {
 
 /// A logarithmic axis with a key point at each decade's 1, 2 and 5.
 #[derive(Clone)]
-struct Frequency(std::ops::Range<f64>);
+pub(super) struct Frequency(pub(super) std::ops::Range<f64>);
 
 impl Ranged for Frequency {
     type ValueType = f64;

@@ -2,6 +2,8 @@
 
 mod bandwidths;
 mod bode;
+mod catalog;
+mod diagnosis;
 mod distortion;
 mod number;
 pub mod paper;
@@ -9,6 +11,8 @@ mod validation;
 
 pub use bandwidths::{bandwidth_cell, bandwidth_json, bandwidth_table, measured_json, measured_table, rad_s};
 pub use bode::{BodeError, Curve, Mark, bode};
+pub use catalog::{catalog_markdown, with_catalog};
+pub use diagnosis::{Figure, diagnosis_figures};
 pub use distortion::{distortion_json, distortion_table};
 pub use number::with_std;
 pub use validation::{cells, validation_by_nominal, validation_csv, validation_table, verdict};

@@ -172,6 +172,7 @@ fn excitation(excitation: Excitation) -> &'static str {
     match excitation {
         Excitation::Multisine => "multisine",
         Excitation::Square => "square",
+        Excitation::Triangle => "triangle",
         Excitation::Step => "step",
         Excitation::Staircase => "staircase",
         Excitation::Chirp => "chirp",

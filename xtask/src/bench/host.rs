@@ -17,6 +17,10 @@ const RUNS: usize = 3;
 const MANY_ROWS: usize = 5_000_000;
 /// Time constants of both that differ by more than this are not those of the same work.
 const SAME_TIME_CONSTANT: f64 = 0.01;
+/// No run of `rotorlead` may take more memory, MiB, however large its files.
+const MOST_MIB: f64 = 200.0;
+/// From one size to the next time may grow with this power of the rows at most: linear, with room for what else the machine does.
+const STEEPEST: f64 = 1.1;
 /// The peer, and how it may read CSV.
 const PEER: &str = "sim/benches/peers/identify.py";
 const READERS: [(&str, &str); 2] = [("numpy", "numpy, scipy"), ("pandas", "numpy, scipy, pandas")];
@@ -220,8 +224,21 @@ impl Report {
         json!({ "rows": rows.collect::<Vec<_>>(), "slopes": self.slopes(), "missing": self.missing })
     }
 
-    /// What is compared must be the same work.
+    /// What is compared must be the same work, and cost no more than is claimed.
     fn check(&self) -> Result {
+        self.check_work()?;
+        for row in self.rows.iter().filter(|row| row.program.starts_with("rotorlead")) {
+            if let Some(mib) = row.cost.peak_mib.filter(|mib| *mib > MOST_MIB) {
+                return Err(format!("{}: {mib:.0} MiB for {} rows, above {MOST_MIB}", row.program, row.set.rows()));
+            }
+        }
+        match self.slopes().into_iter().find(|slope| *slope > STEEPEST) {
+            Some(slope) => Err(format!("time grows as rows^{slope:.2}, above {STEEPEST}: not linear")),
+            None => Ok(()),
+        }
+    }
+
+    fn check_work(&self) -> Result {
         for row in &self.rows {
             let ours = self.rows.iter().find(|ours| ours.set.rows() == row.set.rows());
             let ours = ours.map_or(&[][..], |ours| &ours.time_constants_s);
@@ -274,5 +291,36 @@ impl fmt::Display for Report {
         }
         let slopes: Vec<String> = self.slopes().iter().map(|slope| format!("{slope:.2}")).collect();
         writeln!(f, "\ntime ~ rows^s; from each size to the next s = {}", slopes.join(", "))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `rotorlead` on the first sizes, with these times and this memory of each.
+    fn report(wall_s: &[f64], peak_mib: f64) -> Report {
+        let row = |(set, wall_s): (&Set, &f64)| Row {
+            program: String::from("rotorlead"),
+            set: *set,
+            cost: Cost { wall_s: *wall_s, peak_mib: Some(peak_mib), ..Cost::default() },
+            stages: Value::Null,
+            time_constants_s: vec![0.1; set.records],
+        };
+        Report { rows: SIZES.iter().zip(wall_s).map(row).collect(), missing: Vec::new() }
+    }
+
+    #[test]
+    fn memory_and_growth_are_held() {
+        assert_eq!(report(&[0.03, 0.14, 0.81, 8.0], 56.0).check(), Ok(()));
+        assert!(report(&[0.03, 0.14, 0.81, 8.0], 201.0).check().unwrap_err().contains("201 MiB"));
+        assert!(report(&[0.03, 0.14, 2.0], 56.0).check().unwrap_err().contains("rows^1.15"));
+    }
+
+    #[test]
+    fn other_time_constants_are_other_work() {
+        let mut report = report(&[0.03, 0.14], 56.0);
+        report.rows.push(Row { time_constants_s: vec![0.1, 0.12], ..report.rows[1].clone() });
+        assert!(report.check().unwrap_err().contains("other time constants"));
     }
 }

@@ -3,6 +3,7 @@
 mod application;
 mod cycles;
 mod debugger;
+mod diagnose;
 mod filters;
 mod host;
 mod inputs;
@@ -16,6 +17,7 @@ use crate::image::Image;
 use crate::run::{Result, cargo, run};
 use crate::{firmware, setup};
 
+pub use diagnose::diagnose;
 pub use host::identify;
 
 /// The filter beside its peers, the simulated stand, and identification beside its peers.

@@ -52,13 +52,13 @@ pub(super) struct Record {
     #[arg(long, value_enum, default_value_t = Played::Free)]
     excitation: Played,
     /// Command around which the motor is run, 0..1; the mean of what is recorded unless given
-    #[arg(long, value_name = "U", value_parser = fraction, required_if_eq_any([("excitation", "multisine"), ("excitation", "square")]))]
+    #[arg(long, value_name = "U", value_parser = fraction, required_if_eq_any([("excitation", "multisine"), ("excitation", "square"), ("excitation", "triangle")]))]
     nominal: Option<f64>,
     /// Peak deviation of the command from it; the largest that is recorded unless given
     #[arg(long, value_name = "U", value_parser = positive)]
     amplitude: Option<f64>,
-    /// Period of a multisine or a square wave
-    #[arg(long, value_name = "S", value_parser = positive, required_if_eq_any([("excitation", "multisine"), ("excitation", "square")]))]
+    /// Period of a multisine, a square wave or a triangle
+    #[arg(long, value_name = "S", value_parser = positive, required_if_eq_any([("excitation", "multisine"), ("excitation", "square"), ("excitation", "triangle")]))]
     period_s: Option<f64>,
     /// What the record is for; the tools choose unless given
     #[arg(long, value_enum)]
@@ -74,6 +74,8 @@ enum Played {
     Multisine,
     /// A periodic square wave around --nominal
     Square,
+    /// A periodic triangle around --nominal
+    Triangle,
     /// One step
     Step,
     /// Several plateaus, one after the other
@@ -142,6 +144,7 @@ impl Record {
         match self.excitation {
             Played::Multisine => Excitation::Multisine,
             Played::Square => Excitation::Square,
+            Played::Triangle => Excitation::Triangle,
             Played::Step => Excitation::Step,
             Played::Staircase => Excitation::Staircase,
             Played::Free => Excitation::Free,

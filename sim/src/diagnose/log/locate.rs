@@ -4,9 +4,8 @@
 //! correlated noise count as fewer.
 
 use crate::diagnose::hypothesis::Hypothesis;
-use crate::diagnose::locate::{Excess, LogParts};
+use crate::diagnose::locate::{Excess, LogParts, excitation_number};
 use crate::diagnose::trial::{Purpose, Trial, Trials};
-use crate::record::Excitation;
 
 /// Parts of the time of a record.
 const TIMES: f64 = 10.0;
@@ -44,14 +43,7 @@ pub(in crate::diagnose) fn add(trials: &Trials, trial: &Trial, hypothesis: &Hypo
     let Some(rows) = rows(trials, trial, hypothesis, Purpose::Fit) else { return };
     let Some(log) = &trial.log else { return };
     let unit = log.rows_per_sample.recip();
-    let kind = match trial.excitation {
-        Excitation::Multisine => 1.0,
-        Excitation::Square => 2.0,
-        Excitation::Step => 3.0,
-        Excitation::Staircase => 4.0,
-        Excitation::Chirp => 5.0,
-        Excitation::Free => 6.0,
-    };
+    let kind = excitation_number(trial.excitation);
     let (begin_s, end_s) = (trial.time_s[0], trial.time_s[trial.time_s.len() - 1]);
     let length_s = end_s - begin_s;
     let commands = || log.groups.iter().map(|group| group.command);

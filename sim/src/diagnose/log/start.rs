@@ -1,6 +1,5 @@
 //! The lag to begin with.
 
-use crate::diagnose::hypothesis::BasePoint;
 use crate::diagnose::trial::Trial;
 use crate::plant::{Actuator, Drive, EscTiming, Lag, OperatingPoint, Start, simulate_response};
 
@@ -10,11 +9,11 @@ const TO_S: f64 = 4.0;
 const FACTOR: f64 = 1.5;
 
 /// The lag with offset that fits a log best, rows independent: good enough to begin a search with.
-pub(in crate::diagnose) fn first_lag(trial: &Trial) -> Option<BasePoint> {
+pub(in crate::diagnose) fn first_lag(trial: &Trial) -> Option<Lag> {
     let log = trial.log.as_ref()?;
     let rows: Vec<usize> = (0..trial.time_s.len()).filter(|&row| log.kept[row]).collect();
     let mean = |values: &[f64]| rows.iter().map(|&row| values[row]).sum::<f64>() / rows.len() as f64;
-    let mut best: Option<(f64, BasePoint)> = None;
+    let mut best: Option<(f64, Lag)> = None;
     let mut time_constant_s = FROM_S;
     while time_constant_s < TO_S {
         let lag = Lag { gain: 1.0, time_constant_s, delay_s: 0.0 };
@@ -32,9 +31,9 @@ pub(in crate::diagnose) fn first_lag(trial: &Trial) -> Option<BasePoint> {
         }
         let left = yy - xy * xy / xx;
         if xx > 0.0 && xy != 0.0 && best.as_ref().is_none_or(|best| left < best.0) {
-            best = Some((left, BasePoint { gain: xy / xx, time_constant_s, delay_s: 0.0 }));
+            best = Some((left, Lag { gain: xy / xx, time_constant_s, delay_s: 0.0 }));
         }
         time_constant_s *= FACTOR;
     }
-    best.map(|(_, point)| point)
+    best.map(|(_, lag)| lag)
 }

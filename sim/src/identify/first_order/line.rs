@@ -15,6 +15,8 @@ pub struct FitLine {
     pub variance: f64,
     /// Degrees of freedom of `variance`.
     pub dof: f64,
+    /// How many neighbors share what is known of `variance`.
+    pub pooled: f64,
     /// Which frequencies the actuator sees on this line, with what weight: holds and known filter.
     pub images: Vec<Image>,
 }
@@ -28,6 +30,7 @@ impl FitLine {
             response: line.ratio(),
             variance: line.ratio_variance(),
             dof: line.dof,
+            pooled: line.pooled as f64,
             images: holds.images(line.omega_rad_s),
         }
     }

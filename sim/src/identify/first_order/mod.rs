@@ -9,13 +9,13 @@
 //! with `H_n`, `w_n` the images of line `k` ([`super::HoldChain::images`]) and `F_k` a known filter
 //! in front of the actuator. Noise at the lines of a periodic record is circular complex normal and
 //! independent, so the likelihood is largest where `sum |G_k - G_k(theta)|^2 / s_k^2` is smallest
-//! (Pintelon & Schoukens, 2012, section 9.11), and the covariance is `inv(2 Re(J^H S^-1 J))`. It is
-//! enlarged by `v / (v - 2)`, since variances `s_k^2` with `v` degrees of freedom stand in for
-//! the true ones.
+//! (Pintelon & Schoukens, 2012, section 9.11), and the covariance is `inv(2 Re(J^H S^-1 J))`,
+//! enlarged since sample variances `s_k^2` stand in for the true ones (`identify::uncertainty`, as for rational transfer
+//! functions; those have no images, and so a search of their own).
 //!
 //! The dead time starts at zero. It is kept in the model when it is positive and the likelihood
 //! ratio rejects zero at the stated level: the cost's decrease, in units of its expectation, against
-//! F(1, v).
+//! F(1, v), with `v` those of the dead time's own error.
 
 mod line;
 mod misfit;
@@ -25,11 +25,12 @@ use num_complex::Complex64;
 
 use super::least_squares::Solution;
 use super::statistics::f_upper_tail;
+use super::uncertainty::{NoiseKnowledge, Uncertainty};
 use super::{Estimate, IdentifyError};
 use crate::plant::Lag;
 pub use line::FitLine;
 use misfit::{lag_of, search};
-use start::{start, start_with_delay};
+use start::start;
 
 /// How the fit is done.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -113,33 +114,28 @@ pub fn fit_first_order(lines: &[FitLine], options: &FirstOrderOptions) -> Result
         return Err(IdentifyError::TooFewLines { lines: lines.len(), parameters: 3 });
     }
     let lines = &with_usable_variances(lines)?;
-    let noise_dof = lines.iter().map(|line| line.dof).fold(f64::INFINITY, f64::min);
-    // Expectation of 1 / s^2 over 1 / sigma^2 (chi-square's inverse); it has none below two.
-    let inflation = if noise_dof > 2.5 { 1.0 / (1.0 - 2.0 / noise_dof) } else { 5.0 };
+    let noise = NoiseKnowledge::of_lines(lines);
 
     // A long dead time leaves the plain lag without an optimum, so its failure is not yet an end.
     let plain = start(lines, 0.0).and_then(|start| search(lines, &start, false));
     let (best, delay_p_value) = if options.delay_level > 0.0 {
-        let delayed = start_with_delay(lines, options.max_delay_s).and_then(|start| search(lines, &start, true));
-        choose(plain, delayed, options.delay_level, |gain| f_upper_tail(gain / inflation, 1.0, noise_dof))?
+        let delayed = start(lines, options.max_delay_s).and_then(|start| search(lines, &start, true));
+        choose(plain, delayed, options.delay_level, |gain, delayed| {
+            let (inflation, dof) = uncertainty_of(delayed, noise).map_or((1.0, 1.0), |u| u.inflation_of_parameter(2));
+            f_upper_tail(gain / inflation, 1.0, dof)
+        })?
     } else {
         (plain?, None)
     };
 
     let has_delay = best.parameters.len() > 2;
-    let covariance = best
-        .unit_covariance
-        .as_ref()
-        .ok_or(IdentifyError::NoFit { reason: "the lines do not tell gain and lag apart" })?
-        * inflation;
-    let estimate =
-        |i: usize| Estimate { value: best.parameters[i], std: covariance[(i, i)].max(0.0).sqrt(), dof: noise_dof };
+    let uncertainty = uncertainty_of(&best, noise)
+        .ok_or(IdentifyError::NoFit { reason: "the lines do not tell gain and lag apart" })?;
+    let estimate = |i: usize| uncertainty.of_parameter(best.parameters[i], i);
+    let covariance = uncertainty.covariance();
     let chi_square = best.sum_of_squares;
     let residual_dof = 2.0 * lines.len() as f64 - if has_delay { 3.0 } else { 2.0 };
-    let reduced_chi_square = chi_square / residual_dof / inflation;
-    // Pooling moves noise between neighbors but keeps its sum, so the residual is compared with
-    // all of the noise's degrees of freedom, not with one window's.
-    let windows = (2.0 * lines.len() as f64 / noise_dof).max(1.0);
+    let reduced_chi_square = chi_square / residual_dof / noise.residual_inflation();
     Ok(FirstOrderFit {
         gain: estimate(0),
         time_constant_s: estimate(1),
@@ -149,17 +145,22 @@ pub fn fit_first_order(lines: &[FitLine], options: &FirstOrderOptions) -> Result
         chi_square,
         residual_dof,
         reduced_chi_square,
-        model_p_value: f_upper_tail(reduced_chi_square, residual_dof, windows * noise_dof),
+        model_p_value: f_upper_tail(reduced_chi_square, residual_dof, noise.total_dof(lines.len())),
     })
 }
 
-/// The delayed lag where it has a positive dead time and `tail` of the decrease of chi-square is below the
+/// The parameters' uncertainty; `None` where the lines do not tell them apart.
+fn uncertainty_of(solution: &Solution, noise: NoiseKnowledge) -> Option<Uncertainty> {
+    Some(Uncertainty::new(solution.unit_covariance.clone()?, solution.jacobian.clone(), noise))
+}
+
+/// The delayed lag where it has a positive dead time and `tail` of the decrease of chi-square to it is below the
 /// level; the plain one otherwise. Also that tail probability.
 fn choose(
     plain: Result<Solution, IdentifyError>,
     delayed: Result<Solution, IdentifyError>,
     level: f64,
-    tail: impl Fn(f64) -> f64,
+    tail: impl Fn(f64, &Solution) -> f64,
 ) -> Result<(Solution, Option<f64>), IdentifyError> {
     let is_delay = |solution: &Solution| lag_of(&solution.parameters).delay_s > 0.0;
     match (plain, delayed) {
@@ -167,7 +168,8 @@ fn choose(
         (Err(_), Ok(delayed)) if is_delay(&delayed) => Ok((delayed, Some(0.0))),
         (Err(error), _) => Err(error),
         (Ok(plain), Ok(delayed)) => {
-            let p = if is_delay(&delayed) { tail(plain.sum_of_squares - delayed.sum_of_squares) } else { 1.0 };
+            let gain = plain.sum_of_squares - delayed.sum_of_squares;
+            let p = if is_delay(&delayed) { tail(gain, &delayed) } else { 1.0 };
             Ok((if p < level { delayed } else { plain }, Some(p)))
         }
     }
@@ -208,8 +210,8 @@ mod testing {
             .map(|k| {
                 let omega_rad_s = std::f64::consts::TAU * (0.1 + 0.2 * f64::from(k));
                 let images = chain.images(omega_rad_s);
-                let mut line =
-                    FitLine { omega_rad_s, response: Complex64::ZERO, variance: std * std, dof: f64::INFINITY, images };
+                let (variance, dof, pooled) = (std * std, f64::INFINITY, 1.0);
+                let mut line = FitLine { omega_rad_s, response: Complex64::ZERO, variance, dof, pooled, images };
                 let n = Complex64::new(normal(), normal()) * std / 2f64.sqrt();
                 line.response = line.seen(|omega| truth.frequency_response(omega)) + n;
                 line

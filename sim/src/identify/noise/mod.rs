@@ -53,6 +53,23 @@ pub(super) fn pool(sample: &[f64], bins: &[usize], dof: f64, half_width: usize, 
     Pooled { variance, neighbors: width, stands_out }
 }
 
+/// The shift of [`density`]'s shape: every line rests on itself and what the spline makes of the next ones.
+const DENSITY_SHIFT_LINES: f64 = 2.0;
+
+/// The smooth density of noise at lines at `bins` (increasing) of one spectrum, from their powers. Lines that stand out do
+/// not count.
+///
+/// The spline follows the mean of a logarithm, which is below the logarithm of the mean by the same everywhere; the mean
+/// ratio to the shape makes up for that.
+pub(crate) fn density(power: &[f64], bins: &[usize]) -> Vec<f64> {
+    let stands_out = disturbed::find(&ratios(power, &shape::of(power, bins, 1.0, |_| true)), 1.0);
+    let shape = shape::shifted(power, bins, 1.0, DENSITY_SHIFT_LINES, |k| !stands_out[k]);
+    let calm = (0..power.len()).filter(|&k| !stands_out[k]);
+    let (sum, count) = calm.fold((0.0, 0.0), |(sum, count), k| (sum + power[k] / shape[k], count + 1.0));
+    let mean = if count > 0.0 { sum / count } else { 1.0 };
+    shape.into_iter().map(|shape| shape * mean).collect()
+}
+
 /// Averages `values` over the nearest `2 half_width + 1` neighbors, where no smooth shape is known.
 pub(super) fn moving_mean(values: &[f64], half_width: usize) -> Vec<f64> {
     let width = (2 * half_width + 1).min(values.len());

@@ -30,13 +30,24 @@ const STIFFNESS_STEPS: u32 = 16;
 /// The shape at each of `bins` from the `sample` variances, of `dof` complex degrees of freedom each, of the lines that
 /// `counts`.
 pub(super) fn of(sample: &[f64], bins: &[usize], dof: f64, counts: impl Fn(usize) -> bool) -> Vec<f64> {
+    shifted(sample, bins, dof, SHIFT_LINES, counts)
+}
+
+/// The same with another shift `b`, in mean distances of two lines.
+pub(super) fn shifted(
+    sample: &[f64],
+    bins: &[usize],
+    dof: f64,
+    shift_lines: f64,
+    counts: impl Fn(usize) -> bool,
+) -> Vec<f64> {
     let flat = || vec![1.0; sample.len()];
     // A line without any noise has no logarithm; it says nothing of the shape.
     let used: Vec<usize> = (0..sample.len()).filter(|&k| counts(k) && sample[k] > 0.0).collect();
     if used.len() < FEWEST_LINES {
         return flat();
     }
-    let splines = Splines::over(bins);
+    let splines = Splines::over(bins, shift_lines);
     let count = splines.count;
     let (mut normal, mut moments) = (DMatrix::zeros(count, count), DVector::zeros(count));
     // Around the mean, so that rounding does not depend on the unit of the noise.
@@ -96,9 +107,9 @@ struct Splines {
 
 impl Splines {
     /// Over two or more increasing `bins`.
-    fn over(bins: &[usize]) -> Self {
+    fn over(bins: &[usize], shift_lines: f64) -> Self {
         let (first, last) = (bins[0] as f64, bins[bins.len() - 1] as f64);
-        let shift = SHIFT_LINES * (last - first) / (bins.len() - 1) as f64;
+        let shift = shift_lines * (last - first) / (bins.len() - 1) as f64;
         let low = (first + shift).ln();
         let range = (last + shift).ln() - low;
         let intervals = (range / KNOT_DISTANCE).ceil().max(1.0);
@@ -143,7 +154,7 @@ mod tests {
     #[test]
     fn the_splines_sum_to_one_and_trigamma_agrees_with_the_tables() {
         let bins: Vec<usize> = (0..150).map(|k| 4 * k + 1).collect();
-        let splines = Splines::over(&bins);
+        let splines = Splines::over(&bins, SHIFT_LINES);
         for bin in bins {
             let (first, values) = splines.at(bin);
             assert!(first + 4 <= splines.count);

@@ -7,7 +7,7 @@
 //! with `H` known (holds, a filter, a stand), `A` and `B` polynomials with constant term one, in continuous time. The
 //! input is known, and the noise of the lines is circular complex normal and independent. The likelihood is then largest
 //! where `sum |G_k - G(j w_k)|^2 / sigma_k^2` is smallest (Pintelon & Schoukens, *System Identification*, 2nd ed., 2012,
-//! section 9.11), with sample variances in place of `sigma_k^2` (section 12.3 and `uncertainty`).
+//! section 9.11), with sample variances in place of `sigma_k^2` (section 12.3 and `identify::uncertainty`).
 //!
 //! The search starts from a consistent linear estimate (`start`) and moves sections of first and second order
 //! (`sections`), so that it holds at order twelve and over several decades.
@@ -26,14 +26,13 @@ mod structure;
 #[cfg(test)]
 mod tests;
 mod transfer_function;
-mod uncertainty;
 
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
 
 use self::data::Data;
 use self::sections::Sections;
-use self::uncertainty::{NoiseKnowledge, Uncertainty};
+use super::uncertainty::{NoiseKnowledge, Uncertainty};
 use super::{Estimate, FrequencyResponse};
 pub use error::ParametricError;
 pub use order::{OrderScore, OrderSelection, select_order};
@@ -187,11 +186,7 @@ fn fit(
     })?;
     let uncertainty = Uncertainty::new(unit, solution.jacobian, noise);
     let parameters = solution.parameters;
-    let of_parameter = |index: usize| {
-        let mut gradient = DVector::zeros(parameters.len());
-        gradient[index] = 1.0;
-        uncertainty.estimate(parameters[index], &gradient)
-    };
+    let of_parameter = |index: usize| uncertainty.of_parameter(parameters[index], index);
     let by_frequency = |mut roots: Vec<Root>| {
         roots.sort_by(|a, b| a.frequency_rad_s.value.total_cmp(&b.frequency_rad_s.value));
         roots

@@ -17,9 +17,9 @@ use std::ops::RangeInclusive;
 use num_complex::Complex64;
 
 use super::data::Data;
-use super::uncertainty::NoiseKnowledge;
 use super::{MOST_POLES, ParametricError, ParametricFit, ParametricOptions, Structure, fit, search};
 use crate::identify::FrequencyResponse;
+use crate::identify::uncertainty::NoiseKnowledge;
 
 /// How well a structure predicts lines that it was not fitted to.
 #[derive(Clone, Copy, Debug, PartialEq)]

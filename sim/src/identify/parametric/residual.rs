@@ -14,9 +14,9 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use num_complex::Complex64;
 
 use super::data::Data;
-use super::uncertainty::NoiseKnowledge;
 use crate::identify::least_squares::Solution;
 use crate::identify::statistics::f_upper_tail;
+use crate::identify::uncertainty::NoiseKnowledge;
 
 /// Neighbors of the whiteness test, and lags of the independence test.
 const LAGS: usize = 10;

@@ -4,8 +4,8 @@ use nalgebra::DVector;
 use num_complex::Complex64;
 
 use super::sections::{Placed, Section};
-use super::uncertainty::Uncertainty;
 use crate::identify::Estimate;
+use crate::identify::uncertainty::Uncertainty;
 
 /// A real pole or zero, or a complex pair of them.
 #[derive(Clone, Copy, Debug, PartialEq)]

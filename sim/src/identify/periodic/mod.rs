@@ -4,6 +4,7 @@
 //! all their lines at once ([`fit_first_order`]), each record's ETFE is smoothed relative to that
 //! lag, and the lag is compared with the frequency response and run on the square waves.
 
+pub(super) mod doubts;
 mod found;
 mod transformed;
 mod warning;
@@ -15,8 +16,8 @@ use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
 
 use super::stand::StandModel;
 use super::{
-    Distortion, Etfe, FirstOrderFit, FirstOrderOptions, FitLine, IdentifyError, RobustResponse, Spectrum,
-    SpectrumOptions, align, fit_first_order, fit_percent, run_actuator, spectra,
+    Distortion, Estimate, Etfe, FirstOrderFit, FirstOrderOptions, FitLine, IdentifyError, NoiseSource, RobustResponse,
+    Spectrum, SpectrumOptions, align, fit_first_order, fit_percent, run_actuator, spectra,
 };
 use crate::plant::{Actuator, EscTiming, OperatingPoint};
 use crate::record::{Excitation, Experiment, Record, Role};
@@ -25,7 +26,7 @@ use transformed::{Transformed, behind_holds, suspicions};
 pub use warning::IdentifyWarning;
 
 /// Nominal commands closer than this are the same; a 12-bit command is 2.4e-4.
-const SAME_NOMINAL: f64 = 1e-6;
+pub(super) const SAME_NOMINAL: f64 = 1e-6;
 
 /// Below this tail probability the residual says that a first-order lag is not the whole truth.
 const MODEL_LEVEL: f64 = 1e-3;
@@ -70,7 +71,8 @@ impl Default for PeriodicOptions<'_> {
 /// `fit_square_percent`. Other excitations are not touched.
 ///
 /// # Errors
-/// [`IdentifyError::NoFitRecord`] without a record to fit; whatever [`Spectrum::of`] and
+/// [`IdentifyError::NoFitRecord`] without a record to fit, [`IdentifyError::GainMayBeZero`] when no response follows its
+/// command; whatever [`Spectrum::of`] and
 /// [`fit_first_order`] find wrong.
 pub fn identify_periodic(
     experiment: &Experiment,
@@ -101,23 +103,41 @@ pub fn identify_periodic(
     let mut spectra = spectra.into_iter().collect::<Result<Vec<(&Record, Option<Spectrum>)>, IdentifyError>>()?;
     let mut nominals = Vec::new();
     let mut warnings = Vec::new();
+    let mut refused = None;
     for group in spectra.chunk_by_mut(|(a, _), (b, _)| b.nominal - a.nominal < SAME_NOMINAL) {
         match identify_nominal(experiment, group, options)? {
-            Some(found) => nominals.push(found),
-            None => warnings.push(IdentifyWarning::NothingToFit { nominal: group[0].0.nominal }),
+            Found::Lag(found) => nominals.push(*found),
+            Found::NothingToFit => warnings.push(IdentifyWarning::NothingToFit { nominal: group[0].0.nominal }),
+            Found::NoGain { gain, doubts } => {
+                let nominal = group[0].0.nominal;
+                refused.get_or_insert_with(|| doubts::refusal(nominal, gain, &doubts));
+                warnings.extend(doubts);
+                warnings.push(IdentifyWarning::GainMayBeZero { nominal, gain: gain.value, std: gain.std });
+            }
         }
     }
     if nominals.is_empty() {
-        return Err(IdentifyError::NoFitRecord { name: experiment.name.clone() });
+        return Err(refused.unwrap_or_else(|| IdentifyError::NoFitRecord { name: experiment.name.clone() }));
     }
     Ok(PeriodicIdentification { nominals, warnings })
+}
+
+/// What comes out at one nominal command.
+enum Found {
+    Lag(Box<NominalIdentification>),
+    NothingToFit,
+    /// A response that may as well be none of this command, and what speaks against its records.
+    NoGain {
+        gain: Estimate,
+        doubts: Vec<IdentifyWarning>,
+    },
 }
 
 fn identify_nominal(
     experiment: &Experiment,
     group: &mut [(&Record, Option<Spectrum>)],
     options: &PeriodicOptions<'_>,
-) -> Result<Option<NominalIdentification>, IdentifyError> {
+) -> Result<Found, IdentifyError> {
     let nominal = group[0].0.nominal;
     let mut warnings = Vec::new();
     let transformed = group
@@ -133,9 +153,10 @@ fn identify_nominal(
     let is_fitted = |t: &Transformed<'_>| may_fit(t, fit_compensated);
     let lines: Vec<FitLine> = transformed.iter().filter(|t| is_fitted(t)).flat_map(Transformed::fit_lines).collect();
     if lines.is_empty() {
-        return Ok(None);
+        return Ok(Found::NothingToFit);
     }
     let fit = fit_first_order(&lines, &options.fit)?;
+    let fit = doubts::with_longer_delay(&fit, &lines, &options.fit).unwrap_or(fit);
     if let Some(usable_hz) = options.stand.and_then(|stand| stand.usable_hz) {
         let count = lines.iter().filter(|line| line.omega_rad_s > TAU * usable_hz).count();
         if count > 0 {
@@ -150,8 +171,14 @@ fn identify_nominal(
         let (lowest_hz, pole_hz) = (lowest_rad_s / TAU, 1.0 / (TAU * fit.time_constant_s.value));
         warnings.push(IdentifyWarning::PeriodTooShort { nominal, lowest_hz, pole_hz });
     }
-    if fit.model_p_value < MODEL_LEVEL {
-        warnings.push(IdentifyWarning::ModelTooSimple { nominal, reduced_chi_square: fit.reduced_chi_square });
+    if doubts::may_be_zero(fit.gain) {
+        return Ok(Found::NoGain { gain: fit.gain, doubts: warnings });
+    }
+    warnings.extend(doubts::of_fit(nominal, &fit, options.fit.max_delay_s));
+    // Noise that is taken from unexcited lines has even-order distortion in it, which is much to a good fit.
+    let between = |t: &Transformed<'_>| t.spectrum.noise == NoiseSource::BetweenPeriods;
+    if transformed.iter().filter(|t| is_fitted(t)).all(between) {
+        warnings.extend(doubts::noise_too_large(nominal, &fit, &lines));
     }
 
     let validation: Vec<FitLine> = transformed
@@ -179,7 +206,7 @@ fn identify_nominal(
         .filter(|record| record.excitation == Excitation::Square && !record.compensated)
         .map(|record| run_square(experiment, record, &fit))
         .collect::<Result<Vec<_>, _>>()?;
-    Ok(Some(NominalIdentification {
+    Ok(Found::Lag(Box::new(NominalIdentification {
         nominal,
         fit_frequency_percent: fit_percent(&measured, &model),
         fit,
@@ -188,7 +215,7 @@ fn identify_nominal(
         responses,
         squares,
         warnings,
-    }))
+    })))
 }
 
 fn respond(

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use num_complex::Complex64;
 
-use super::{IdentifyWarning, MODEL_LEVEL, PeriodicOptions};
+use super::{IdentifyWarning, MODEL_LEVEL, PeriodicOptions, doubts};
 use crate::identify::feedback::FeedbackTest;
 use crate::identify::saturation::{self, Limit};
 use crate::identify::{FirstOrderFit, FitLine, HoldChain, IdentifyError, NoiseSource, Spectrum, spectra};
@@ -38,6 +38,11 @@ pub(super) fn behind_holds<'a>(
 ) -> Result<Transformed<'a>, IdentifyError> {
     let holds = holds_of(experiment, spectrum.row_rate_hz)?;
     let file = || record.file.clone();
+    if let Some(shorter) = repeats(&spectrum) {
+        let period_s = spectrum.period_s;
+        let repeats_s = period_s / f64::from(shorter);
+        warnings.push(IdentifyWarning::PeriodTooLong { file: file(), period_s, repeats_s });
+    }
     if spectrum.rows_left_out > 0 {
         warnings.push(IdentifyWarning::RowsLeftOut { file: file(), rows: spectrum.rows_left_out });
     }
@@ -50,6 +55,10 @@ pub(super) fn behind_holds<'a>(
                 periods: spectrum.periods,
                 p_value,
             });
+            // A start is over within one period; of two or three no more can be dropped.
+            if spectrum.transient.dropped > 1 && spectrum.transient.dropped == spectrum.periods / 2 {
+                warnings.push(IdentifyWarning::Drifts { file: file() });
+            }
         }
         Some(_) => {}
     }
@@ -93,6 +102,22 @@ pub(super) fn behind_holds<'a>(
     Ok(Transformed { record, spectrum, lines, filter })
 }
 
+/// How often the command repeats within what is stated as its period; `None` for once.
+fn repeats(spectrum: &Spectrum) -> Option<u32> {
+    let harmonics = spectrum.lines.iter().map(|line| line.harmonic);
+    let all = harmonics.chain(spectrum.disturbed.iter().map(|line| line.harmonic));
+    let common = all.fold(0, greatest_common_divisor);
+    (common > 1).then_some(common)
+}
+
+fn greatest_common_divisor(a: u32, b: u32) -> u32 {
+    let (mut a, mut b) = (a, b);
+    while b > 0 {
+        (a, b) = (b, a % b);
+    }
+    a
+}
+
 /// What makes a record unfit for a linear, open-loop model, and shows in its rows.
 pub(super) fn suspicions(
     transformed: &Transformed<'_>,
@@ -103,12 +128,18 @@ pub(super) fn suspicions(
     let file = || record.file.clone();
     let response = record.response(experiment.output).unwrap_or_default();
     let esc_command = record.esc_command.as_deref().unwrap_or_default();
-    let columns = [(spectra::column(experiment.output), response), ("esc_command", esc_command)];
-    let mut found: Vec<IdentifyWarning> = columns
-        .into_iter()
-        .flat_map(|(column, values)| saturation::limits(values).into_iter().map(move |limit| (column, limit)))
+    let limits = saturation::limits(response);
+    let of_response = limits.iter().map(|limit| (spectra::column(experiment.output), *limit));
+    let of_command = saturation::limits(esc_command).into_iter().map(|limit| ("esc_command", limit));
+    let mut found: Vec<IdentifyWarning> = of_response
+        .chain(of_command)
         .map(|(column, Limit { at, rows })| IdentifyWarning::Saturated { file: file(), column, rows, at })
         .collect();
+    // A record that stays on disk has no rows here.
+    if !response.is_empty() {
+        found.extend(doubts::of_rows(record, response, &limits));
+        found.extend(doubts::other_nominal(record, spectrum));
+    }
     let length = (spectrum.period_s * spectrum.row_rate_hz).round() as usize;
     let first = spectrum.rows_left_out + length * spectrum.transient.dropped;
     let command = if record.compensated { esc_command } else { &record.command };

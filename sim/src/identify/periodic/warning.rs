@@ -6,13 +6,15 @@ use crate::identify::STRONG_DISTORTION_DB;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum IdentifyWarning {
     /// No multisine record to fit at this nominal command.
-    #[error("u_nom {nominal}: no multisine record to fit on; its other records are left out")]
+    #[error("u_nom {nominal}: no multisine record to fit on; its other records are left out; give one role = \"fit\"")]
     NothingToFit {
         /// The nominal command.
         nominal: f64,
     },
     /// The first period, or more, was dropped.
-    #[error("{file}: a transient in the first {dropped} of {periods} periods (p = {p_value:.1e}), which are left out")]
+    #[error(
+        "{file}: a transient in the first {dropped} of {periods} periods (p = {p_value:.1e}), which are left out; let the motor run in for a period before recording"
+    )]
     TransientDropped {
         /// The record.
         file: String,
@@ -22,6 +24,14 @@ pub enum IdentifyWarning {
         periods: usize,
         /// Tail probability without transient.
         p_value: f64,
+    },
+    /// Half of the periods were dropped, as many as there may be.
+    #[error(
+        "{file}: half of its periods differ from those after them: that is a drift of motor, supply or sensor rather than a start, and gain and lag are those of the last periods; let it warm up, and record again"
+    )]
+    Drifts {
+        /// The record.
+        file: String,
     },
     /// Nothing to compare the first period with.
     #[error("{file}: no other period to test the first for a transient; let the motor run in before recording")]
@@ -62,20 +72,128 @@ pub enum IdentifyWarning {
         last_hz: f64,
     },
     /// The noise is known from unexcited lines only.
-    #[error("{file}: one period is left; the noise is taken from unexcited lines, with any even-order distortion")]
+    #[error(
+        "{file}: one period is left; the noise is taken from unexcited lines, with any even-order distortion; record four periods or more"
+    )]
     NoiseFromUnexcitedLines {
         /// The record.
         file: String,
     },
     /// The lag does not explain the response to within its noise.
     #[error(
-        "u_nom {nominal}: a first-order lag leaves {reduced_chi_square:.1} times the noise power; the standard errors cover noise only"
+        "u_nom {nominal}: a first-order lag leaves {reduced_chi_square:.1} times the noise power; the standard errors cover noise only. Lower the amplitude; give the stand with --stand-model; `rotorlead diagnose` looks for what is missing"
     )]
     ModelTooSimple {
         /// The nominal command.
         nominal: f64,
         /// Chi-square of the residual per degree of freedom.
         reduced_chi_square: f64,
+    },
+    /// A dead time that is longer than those looked for.
+    #[error(
+        "u_nom {nominal}: a dead time of {:.0} ms explains the response, and none beyond {:.0} ms is a motor's: it is that of the log, or of two clocks. Move the response by it, or merge two logs with --align, and identify again",
+        1e3 * delay_s, 1e3 * limit_s
+    )]
+    DelayBeyondSearch {
+        /// The nominal command.
+        nominal: f64,
+        /// The dead time, seconds.
+        delay_s: f64,
+        /// The longest that is looked for, seconds.
+        limit_s: f64,
+    },
+    /// The lag explains the response far better than its noise allows.
+    #[error(
+        "u_nom {nominal}: a first-order lag leaves only {reduced_chi_square:.2} times the noise power: what differs between the periods is no noise (a gain that drifts, a reading that jumps, a sensor that stops), and gain and lag may be wrong by more than their errors. Compare the periods, and record again"
+    )]
+    NoiseTooLarge {
+        /// The nominal command.
+        nominal: f64,
+        /// Chi-square of the residual per degree of freedom.
+        reduced_chi_square: f64,
+    },
+    /// A response that may as well be none of this command.
+    #[error(
+        "u_nom {nominal}: the gain is {gain:.3} +- {std:.3} and may as well be zero, so there is no point here: the response does not follow the command. Check that both are of one run and that the sensor was connected; else raise the amplitude or record more periods"
+    )]
+    GainMayBeZero {
+        /// The nominal command.
+        nominal: f64,
+        /// The gain, response units per unit of command.
+        gain: f64,
+        /// Its standard error.
+        std: f64,
+    },
+    /// A response that falls where the command rises.
+    #[error(
+        "u_nom {nominal}: the gain is {gain:.3}: the response falls where the command rises. Turn the sensor's sign, or find the logs that belong together"
+    )]
+    NegativeGain {
+        /// The nominal command.
+        nominal: f64,
+        /// The gain, response units per unit of command.
+        gain: f64,
+    },
+    /// A number that the record hardly determines.
+    #[error(
+        "u_nom {nominal}: the {what} is known to {:.0} % only, too little to design with; raise the amplitude or record more periods",
+        100.0 * relative_std
+    )]
+    Uncertain {
+        /// The nominal command.
+        nominal: f64,
+        /// Which number.
+        what: &'static str,
+        /// Its relative standard error.
+        relative_std: f64,
+    },
+    /// Readings that no motor can have made.
+    #[error(
+        "{file}: {rows} readings jump away and back, the first at {at_s:.3} s, and are in the fit; take them out of the record or replace them by their neighbors', and look at the sensor's cable"
+    )]
+    Jumps {
+        /// The record.
+        file: String,
+        /// How many.
+        rows: usize,
+        /// The time of the first, seconds.
+        at_s: f64,
+    },
+    /// A sensor that stopped.
+    #[error(
+        "{file}: the response reads the same for {rows} rows from {from_s:.3} s on: the sensor or the log had stopped, and those rows are in the fit; cut the record there, or record again"
+    )]
+    Frozen {
+        /// The record.
+        file: String,
+        /// How many rows.
+        rows: usize,
+        /// The time of the first, seconds.
+        from_s: f64,
+    },
+    /// A record around another command than it says.
+    #[error(
+        "{file}: `nominal` is {nominal}, and the mean command is {mean:.3}: the model would have this motor at the wrong command; correct `nominal` in experiment.toml"
+    )]
+    OtherNominal {
+        /// The record.
+        file: String,
+        /// The nominal command.
+        nominal: f64,
+        /// The mean command over the whole periods.
+        mean: f64,
+    },
+    /// A period that is several.
+    #[error(
+        "{file}: the command repeats every {repeats_s} s and `period_s` is {period_s}: fewer periods are left to know the noise from, and distortion cannot be told from it; correct `period_s` in experiment.toml"
+    )]
+    PeriodTooLong {
+        /// The record.
+        file: String,
+        /// The period as stated, seconds.
+        period_s: f64,
+        /// After how long the command repeats, seconds.
+        repeats_s: f64,
     },
     /// A linear model hides a strong nonlinearity.
     #[error(

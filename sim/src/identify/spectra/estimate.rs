@@ -1,5 +1,7 @@
 //! From the Fourier coefficients of each period to lines with their noise.
 
+use std::f64::consts::TAU;
+
 use num_complex::Complex64;
 
 use super::{DisturbanceSign, DisturbedLine, Line, NoiseSource, RemovedSinusoid, SpectrumOptions, UnexcitedLine};
@@ -41,6 +43,7 @@ pub(in crate::identify) struct Estimated {
 struct LineNoise {
     variance: Vec<f64>,
     dof: f64,
+    pooled: usize,
     stands_out: Vec<bool>,
     source: NoiseSource,
 }
@@ -54,7 +57,7 @@ pub(in crate::identify) fn estimate(
 ) -> Result<Estimated, IdentifyError> {
     let excited = excited_bins(&mean(&periods.command), options.line_threshold);
     let Some((&lowest, &highest)) = excited.first().zip(excited.last()) else {
-        return Err(IdentifyError::ConstantCommand { file: file.to_owned() });
+        return Err(nothing_excited(periods, file));
     };
     let command = at(&periods.command, &excited);
     check_periodic(&command, file)?;
@@ -105,6 +108,7 @@ pub(in crate::identify) fn estimate(
         LineNoise {
             variance: of_mean(&pooled.variance, periods_used),
             dof: 2.0 * (pooled.neighbors * (periods_used - 1)) as f64,
+            pooled: pooled.neighbors,
             stands_out: pooled.stands_out,
             source: NoiseSource::BetweenPeriods,
         }
@@ -113,6 +117,7 @@ pub(in crate::identify) fn estimate(
         LineNoise {
             variance,
             dof: 2.0 * bins as f64,
+            pooled: bins,
             stands_out: vec![false; excited.len()],
             source: NoiseSource::UnexcitedLines,
         }
@@ -144,6 +149,7 @@ pub(in crate::identify) fn estimate(
                 response: mean_response[k],
                 variance: noise.variance[k],
                 dof: noise.dof,
+                pooled: noise.pooled,
             }),
         }
     }
@@ -155,6 +161,15 @@ pub(in crate::identify) fn estimate(
         Vec::new()
     };
     Ok(Estimated { lines, unexcited, disturbed, removed, transient, periods_used, noise: noise.source })
+}
+
+/// Why the mean command has no line: it does not move, or what it does cancels over periods that are none.
+fn nothing_excited(periods: &Periods, file: &str) -> IdentifyError {
+    let file = file.to_owned();
+    match periods.command.iter().all(|period| excited_bins(period, 1.0).is_empty()) {
+        true => IdentifyError::ConstantCommand { file },
+        false => IdentifyError::NothingRepeats { file, period_s: TAU / periods.bin_rad_s },
+    }
 }
 
 /// The lines at `bins`, which are not excited, whose noise `pool` knows; disturbed ones are left out.

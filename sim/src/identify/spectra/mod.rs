@@ -60,6 +60,8 @@ pub struct Line {
     pub variance: f64,
     /// Degrees of freedom of `variance` (real: two per complex sample).
     pub dof: f64,
+    /// How many lines, or bins between them, `variance` is pooled over: so many neighbors share what they know of it.
+    pub pooled: usize,
 }
 
 impl Line {

@@ -42,6 +42,17 @@ pub enum StandError {
         /// The line.
         frequency_hz: f64,
     },
+    /// A response without a static gain.
+    #[error("the response does not follow the force: its static gain is {gain:.2e} +- {std:.1e}, which may be zero")]
+    #[diagnostic(help(
+        "look whether the sensor is connected, and whether `command` and the response are those of the same blows"
+    ))]
+    NoResponse {
+        /// The static gain.
+        gain: f64,
+        /// Its standard error.
+        std: f64,
+    },
     /// More poles than the lines determine.
     #[error(
         "{poles} poles leave {left:.3e} times the noise power, {fewer} leave {fewer_left:.2}: the lines do not determine {poles}"
@@ -60,7 +71,7 @@ pub enum StandError {
         /// The same of its residual.
         fewer_left: f64,
     },
-    /// Two windows that are none.
+    /// A band that does not lie within the lines.
     #[error("the band {low_hz} to {high_hz} Hz is none below half of the row rate, {half_rate_hz} Hz")]
     #[diagnostic(help("choose a band above zero and below half of the row rate"))]
     Band {

@@ -5,6 +5,7 @@
 //! passes 50 Hz and is described by a transfer function of order eight. It is identified from blows, a shaker's chirp or noise, or a
 //! multisine, put in where the motor sits: the column `command` is then the force in newtons.
 
+mod clipped;
 mod error;
 mod impact;
 mod model;
@@ -68,6 +69,30 @@ pub enum StandWarning {
         /// The record.
         file: String,
     },
+    /// A column was cut off at its peak.
+    #[error(
+        "{file}: {column} stands at {at} for {rows} rows in a row at its peak: it was cut off, and the response is not a linear stand's; hit less hard, or set the sensor to a wider range"
+    )]
+    Clipped {
+        /// The record.
+        file: String,
+        /// The column.
+        column: &'static str,
+        /// The value.
+        at: f64,
+        /// Rows in a row on it.
+        rows: usize,
+    },
+    /// Roots that the lines say nothing of.
+    #[error(
+        "{count} of the poles (pairs count once) are beyond {limit_hz:.0} Hz, far above the highest line: they change nothing there and are left out; ask for fewer with --order"
+    )]
+    FarAbove {
+        /// How many, a pair as one.
+        count: usize,
+        /// Where that begins, hertz.
+        limit_hz: f64,
+    },
     /// The model does not explain the lines to within their noise.
     #[error(
         "the transfer function leaves {reduced_chi_square:.2} times the noise power (p = {p_value:.1e}); the standard errors cover noise only"
@@ -96,25 +121,52 @@ pub enum StandWarning {
     },
 }
 
+/// Roots at more than this many times the highest line change the response there by less than a percent, and the lines say
+/// nothing of where they are.
+const FAR_ABOVE: f64 = 100.0;
+
+/// How sure it has to be that the static gain is not zero: an unrelated response passes once in so many.
+const SURE: f64 = 1.0 - 1e-5;
+
 /// Below this tail probability the residual says that the transfer function is not the whole truth.
 const MODEL_LEVEL: f64 = 1e-3;
 
 impl StandIdentification {
+    /// Poles that the lines say something of, by frequency, a pair as one.
+    pub fn poles(&self) -> impl Iterator<Item = &Root> {
+        within(&self.fit.poles, TAU * self.top_hz)
+    }
+
+    /// Zeros that the lines say something of, by frequency, a pair as one.
+    pub fn zeros(&self) -> impl Iterator<Item = &Root> {
+        within(&self.fit.zeros, TAU * self.top_hz)
+    }
+
     /// The stand as its file has it.
     #[must_use]
     pub fn model(&self) -> StandModel {
         StandModel {
             format: 1,
             gain: self.fit.gain.value,
-            gain_std: Some(self.fit.gain.std),
+            gain_std: known(self.fit.gain.std),
             usable_hz: self.usable_hz.map(|usable| usable.value),
-            usable_hz_std: self.usable_hz.map(|usable| usable.std),
+            usable_hz_std: self.usable_hz.and_then(|usable| known(usable.std)),
             top_hz: self.top_hz,
-            poles: self.fit.poles.iter().map(StandRoot::of).collect(),
-            zeros: self.fit.zeros.iter().map(StandRoot::of).collect(),
+            poles: self.poles().map(StandRoot::of).collect(),
+            zeros: self.zeros().map(StandRoot::of).collect(),
             records: self.records.clone(),
         }
     }
+}
+
+/// Those of `roots` that are not far above `top_rad_s`.
+fn within(roots: &[Root], top_rad_s: f64) -> impl Iterator<Item = &Root> + Clone {
+    roots.iter().filter(move |root| root.frequency_rad_s.value <= FAR_ABOVE * top_rad_s)
+}
+
+/// A standard error, where it is one.
+fn known(std: f64) -> Option<f64> {
+    std.is_finite().then_some(std)
 }
 
 /// Identifies a stand from an experiment whose command is a force ([`Experiment::read_force`]).
@@ -128,9 +180,20 @@ pub fn identify_stand(experiment: &Experiment, options: &StandOptions) -> Result
     let measured = response::of(experiment, options.band_hz)?;
     let identified = fit_stand(measured.response, options)?;
     let ringing = measured.ringing.into_iter().map(|file| StandWarning::StillRings { file });
+    let clipped = measured.records.iter().flat_map(|file| {
+        let records = experiment.records.iter().filter(move |record| record.file == *file);
+        records.flat_map(|record| {
+            let response = record.response(experiment.output).unwrap_or_default();
+            let columns = [("the force", record.command.as_slice()), ("the response", response)];
+            columns.into_iter().filter_map(|(column, values)| {
+                let (at, rows) = clipped::peak(values)?;
+                Some(StandWarning::Clipped { file: record.file.clone(), column, at, rows })
+            })
+        })
+    });
     Ok(StandIdentification {
+        warnings: clipped.chain(ringing).chain(identified.warnings).collect(),
         records: measured.records,
-        warnings: ringing.chain(identified.warnings).collect(),
         ..identified
     })
 }
@@ -138,19 +201,29 @@ pub fn identify_stand(experiment: &Experiment, options: &StandOptions) -> Result
 /// Identifies a stand from its frequency response.
 ///
 /// # Errors
-/// Those of [`select_order`].
+/// Those of [`select_order`]; [`StandError::NoResponse`] where the static gain may be zero.
 pub fn fit_stand(response: FrequencyResponse, options: &StandOptions) -> Result<StandIdentification, IdentifyError> {
     let parametric = ParametricOptions { unstable: UnstablePoles::Reflect, ..ParametricOptions::default() };
     let selection = select_order(&response, options.poles.clone(), false, &|_| Complex64::ONE, &parametric)?;
     check_order(&selection.fit, &response, options, &parametric)?;
     let fit = selection.fit;
+    let (low, high) = fit.gain.interval(SURE);
+    if !(low > 0.0 || high < 0.0) {
+        return Err(StandError::NoResponse { gain: fit.gain.value, std: fit.gain.std }.into());
+    }
     let top_rad_s = response.lines.last().map_or(0.0, |line| line.omega_rad_s);
     let mut warnings = Vec::new();
     if fit.residual.power_p_value < MODEL_LEVEL {
         let (reduced_chi_square, p_value) = (fit.residual.reduced_chi_square, fit.residual.power_p_value);
         warnings.push(StandWarning::ModelTooSimple { reduced_chi_square, p_value });
     }
-    let count = fit.poles.iter().filter(|pole| fit.zeros.iter().any(|zero| coincide(pole, zero))).count();
+    let (near, near_zeros) = (within(&fit.poles, top_rad_s), || within(&fit.zeros, top_rad_s));
+    // A zero up there is what the numerator has beyond those that there are.
+    let far = fit.poles.len() - near.clone().count();
+    if far > 0 {
+        warnings.push(StandWarning::FarAbove { count: far, limit_hz: FAR_ABOVE * top_rad_s / TAU });
+    }
+    let count = near.filter(|pole| near_zeros().any(|zero| coincide(pole, zero))).count();
     if count > 0 {
         warnings.push(StandWarning::Cancels { count, poles: fit.poles.len() });
     }

@@ -22,6 +22,12 @@ pub(super) fn of(experiment: &Experiment, band_hz: (f64, f64)) -> Result<Measure
     };
     let records: Vec<&Record> = experiment.records.iter().filter(usable).collect();
     let first = *records.first().ok_or_else(|| StandError::NoRecord { name: experiment.name.clone() })?;
+    for record in &records {
+        let response = spectra::response_of(record, experiment.output)?;
+        if response.windows(2).all(|pair| pair[0] == pair[1]) {
+            return Err(IdentifyError::ConstantResponse { file: record.file.clone() });
+        }
+    }
     let rate_hz = spectra::row_rate_hz(first, experiment.sample_rate_hz)?;
     let band_hz = (band_hz.0, band_hz.1.min(0.45 * rate_hz));
     let blows: Vec<&Record> =

@@ -36,6 +36,29 @@ pub enum StepsError {
         /// The record.
         record: String,
     },
+    /// The response has another zero than a motor that stands still.
+    #[error("{record}: the response is {response:.3} at command {command:.3}, and follows the command below zero")]
+    #[diagnostic(help(
+        "steps are fitted as a lag toward a static map, which begins at zero: take the tare off the sensor, or turn its \
+         sign. A simulated response counts from the model's first point where the model has no [static_map]: give it one"
+    ))]
+    BelowZero {
+        /// The record.
+        record: String,
+        /// The command at which it is lowest.
+        command: f64,
+        /// The response there.
+        response: f64,
+    },
+    /// Every step begins or ends on a limit.
+    #[error("{record}: every step of the response begins or ends on a limit, {at}")]
+    #[diagnostic(help("widen the range of sensor and logger, or record levels within it"))]
+    AtLimit {
+        /// The record.
+        record: String,
+        /// The limit, response units.
+        at: f64,
+    },
     /// Every step is smaller than the noise or goes the wrong way.
     #[error("{record}: no step stands out of the noise in the direction of its command")]
     #[diagnostic(help("use larger steps; 5 % of full command is usual"))]

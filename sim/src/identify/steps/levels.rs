@@ -66,7 +66,11 @@ impl Level {
 /// The levels by increasing command, and the direction in which more of them were seen: the *main*
 /// branch, on which slopes are taken. Up and down differ by a few percent (temperature, voltage), as much
 /// as a tenth of the difference between neighbors, so a slope across branches would be wrong by that.
+///
+/// A level on which the response stands on a limit is none.
 pub(super) fn levels(plateaus: &[Plateau], groups: &[Group]) -> (Vec<Level>, Direction) {
+    let free: Vec<Plateau> = plateaus.iter().filter(|plateau| !plateau.limited).cloned().collect();
+    let plateaus = &free;
     let mut levels: Vec<Level> = Vec::new();
     for plateau in plateaus {
         if !levels.iter().any(|l| (l.command - plateau.command).abs() <= SAME_LEVEL) {

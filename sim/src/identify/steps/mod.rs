@@ -4,13 +4,14 @@
 //!
 //! 1. readings that no rotor can have made are set aside (`spikes`);
 //! 2. plateaus are found, and of them the longest run on which the motor runs steadily; start-up and
-//!    stopping are cut off by that rule (`plateaus`, `run`);
+//!    stopping are cut off by that rule (`plateaus`, `run`), and levels on which the response stands on a limit are
+//!    marked (`limits`);
 //! 3. one lag is fitted to all steps at once (`problem` and `fit`), in closed form (`response`), with
 //!    standard errors that know the noise's color (`uncertainty`);
 //! 4. levels get their static response, slope and time constants (`levels`);
 //! 5. the whole run is simulated and compared (here).
 //!
-//! Beside it, [`compare_laws`] asks whether one lag will do or its time constant depends on the speed (`speed`).
+//! Beside it, [`compare_laws`] asks whether one lag will do or its time constant depends on the speed (`law`, `splits`).
 //!
 //! # Which law for large steps
 //! Small steps up have one time constant each. A large step down crosses many levels, and three laws are at
@@ -23,24 +24,27 @@
 
 mod error;
 mod fit;
+mod law;
 mod levels;
+mod limits;
 mod model;
 mod plateaus;
 mod problem;
 mod response;
 mod run;
-mod speed;
 mod spikes;
+mod splits;
 mod uncertainty;
 mod warning;
 
 use std::ops::Range;
 
 pub use error::StepsError;
+pub use law::{LagLaw, LawFit};
 pub use levels::{Branch, Level};
 pub use plateaus::Direction;
-pub use speed::{HeldOut, LagLaw, LawComparison, LawFit, SPLITS, Split, compare_laws};
-pub use warning::StepsWarning;
+pub use splits::{HeldOut, LawComparison, SPLITS, Split, compare_laws};
+pub use warning::{LeftOut, StepsWarning};
 
 use super::fit_percent::fit_percent;
 use super::{Estimate, spectra};
@@ -81,7 +85,7 @@ pub struct StaircaseFit {
     /// `100 (1 - ||y - yhat|| / ||y - mean(y)||)` of the run, simulated from its first row on with one
     /// static map, one delay and one time constant per level and direction.
     pub fit_percent: f64,
-    /// The same over all rows of the run, spikes included.
+    /// The same with spikes.
     pub fit_percent_with_spikes: f64,
     /// The same without spikes, when every plateau has its own level and every step its own onset: what the
     /// lag alone fails to explain.
@@ -93,7 +97,7 @@ pub struct StaircaseFit {
 }
 
 /// Relative standard error above which a time constant is no basis for a design.
-const MAX_RELATIVE_STD: f64 = 0.35;
+pub(super) const MAX_RELATIVE_STD: f64 = 0.35;
 
 /// Fits a lag toward a static map to a staircase.
 ///
@@ -107,17 +111,23 @@ pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>)
     let raw = checked_response(record, output)?;
     let run = Run::of(record, output)?;
     let rows = run.rows();
-    let Run { clean: y, spike, plateaus } = run;
+    let shown = run.rows_that_show();
+    let mut warnings = warnings_of_run(record, &run);
+    let Run { clean: y, spike, plateaus, limits, .. } = run;
 
     let data = Data { name: &record.file, time_s: &record.time_s, y: &y, spike: &spike };
     let frame_s = esc_frame_hz.filter(|&hz| hz > 0.0).map_or(0.0, |hz| 1.0 / hz);
-    let lag = fit::fit(&data, &plateaus, frame_s)?;
+    let lag = fit::fit(&data, &plateaus, frame_s).map_err(|error| match (error, limits.first()) {
+        (StepsError::NoUsableStep { record }, Some(limit)) => StepsError::AtLimit { record, at: limit.at },
+        (error, _) => error,
+    })?;
     let (levels, main_direction) = levels::levels(&plateaus, &lag.groups);
 
     let time_s = &record.time_s[rows.clone()];
     let mut simulated = vec![0.0; rows.len()];
     let common = stretches(&record.time_s, &plateaus, &lag, |_, plateau| {
-        let level = map_response(&levels, main_direction, plateau.command);
+        // A limit is no level of the motor, but all that is known there.
+        let level = if plateau.limited { plateau.mean } else { map_response(&levels, main_direction, plateau.command) };
         (level, lag.delay_s.value)
     });
     let mut own_levels = simulated.clone();
@@ -128,15 +138,15 @@ pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>)
     // percentages say so too.
     let _ = simulate(&common, lag.curvature.value, time_s, &mut simulated);
     let _ = simulate(&own, lag.curvature.value, time_s, &mut own_levels);
-    let kept = |k: usize| !spike[rows.start + k];
-    let mut warnings = warnings(record, &rows, &spike[rows.clone()], &levels, &lag);
+    let kept = |k: usize| shown[k] && !spike[rows.start + k];
+    warnings.extend(warnings_of_fit(&levels, &lag));
     warnings.extend(gaps(record, &rows, &plateaus));
     warnings.extend(not_settled(record, &plateaus, &levels));
     Ok(StaircaseFit {
         record: record.file.clone(),
         output,
         fit_percent: percent(&y[rows.clone()], &simulated, kept),
-        fit_percent_with_spikes: percent(&raw[rows.clone()], &simulated, |_| true),
+        fit_percent_with_spikes: percent(&raw[rows.clone()], &simulated, |k| shown[k]),
         fit_percent_own_levels: percent(&y[rows.clone()], &own_levels, kept),
         delay_s: Estimate { value: lag.delay_s.value - 0.5 * frame_s, ..lag.delay_s },
         onset_std_s: lag.onset_std_s,
@@ -207,19 +217,33 @@ const ODD_FACTOR: f64 = 1.5;
 /// worth a word.
 const ASYMMETRY_FACTOR: f64 = 1.2;
 
-fn warnings(record: &Record, rows: &Range<usize>, spike: &[bool], levels: &[Level], lag: &LagFit) -> Vec<StepsWarning> {
+/// What is odd about the rows.
+fn warnings_of_run(record: &Record, run: &Run) -> Vec<StepsWarning> {
     let mut warnings = Vec::new();
-    let spikes = spike.iter().filter(|&&s| s).count();
+    let (rows, reason) = (run.rows(), run.left_out);
+    let spikes = run.spike[rows.clone()].iter().filter(|&&s| s).count();
     if rows.start > 0 {
         let until_s = record.time_s[rows.start];
-        warnings.push(StepsWarning::StartLeftOut { until_s });
+        warnings.push(StepsWarning::StartLeftOut { until_s, reason });
     }
     if let Some(&from_s) = record.time_s.get(rows.end) {
-        warnings.push(StepsWarning::EndLeftOut { from_s });
+        warnings.push(StepsWarning::EndLeftOut { from_s, reason });
     }
     if spikes > 0 {
         warnings.push(StepsWarning::Spikes { rows: spikes });
     }
+    for limit in &run.limits {
+        let stands = |p: &&Plateau| p.limited && run.clean[p.rows.clone()].contains(&limit.at);
+        let commands = run.plateaus.iter().filter(stands).map(|p| p.command);
+        let (low, high) = commands.fold((1.0_f64, 0.0_f64), |(low, high), u| (low.min(u), high.max(u)));
+        warnings.push(StepsWarning::Limited { rows: limit.rows, at: limit.at, commands: (low, high) });
+    }
+    warnings
+}
+
+/// What is odd about the levels and the lag.
+fn warnings_of_fit(levels: &[Level], lag: &LagFit) -> Vec<StepsWarning> {
+    let mut warnings = Vec::new();
     for level in levels {
         let command = level.command;
         if level.gain.is_none() {
@@ -250,7 +274,7 @@ fn warnings(record: &Record, rows: &Range<usize>, spike: &[bool], levels: &[Leve
     if kappa.excludes(0.0) {
         warnings.push(StepsWarning::Curved { curvature: kappa.value, std: kappa.std });
     }
-    if lag.delay_s.value < 0.0 {
+    if lag.delay_s.value < 0.0 && lag.delay_s.excludes(0.0) {
         warnings.push(StepsWarning::NegativeDelay { delay_s: lag.delay_s.value });
     }
     warnings

@@ -17,6 +17,10 @@ const STEADY_TIMES_USUAL: f64 = 4.0;
 /// A running motor turns at least at this share of its fastest plateau. Commutation without a sensor
 /// works from a few percent of full speed.
 const RUNNING_SPEED_SHARE: f64 = 0.05;
+/// A response that follows the command below zero changes there by this share of its largest value...
+const FOLLOWS_SHARE: f64 = 0.05;
+/// ...and by this many standard errors.
+const FOLLOWS_TIMES_STD: f64 = 6.0;
 /// Batches whose means tell how well a plateau's mean is known.
 const BATCHES: usize = 5;
 
@@ -27,6 +31,17 @@ pub enum Direction {
     Up,
     /// From a higher command.
     Down,
+}
+
+/// What the response does on a plateau.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(in crate::identify) enum State {
+    /// The motor runs steadily.
+    Running,
+    /// The response is steady, and not above that of a motor that stands still.
+    NotAboveZero,
+    /// It is not steady, or the plateau is too short to tell.
+    NotSteady,
 }
 
 /// A stretch of constant command and what the response settles to.
@@ -43,8 +58,9 @@ pub(crate) struct Plateau {
     pub(crate) std: f64,
     /// Standard error of `mean`, from the scatter of the means of batches: it includes slow drift.
     pub(crate) mean_std: f64,
-    /// Whether the motor runs steadily on it.
-    pub(crate) running: bool,
+    pub(in crate::identify) state: State,
+    /// Whether the response stands on a limit there ([`super::limits`]): it is then no response of the motor.
+    pub(crate) limited: bool,
 }
 
 impl Plateau {
@@ -89,7 +105,7 @@ fn is_long(rows: &Range<usize>, time_s: &[f64]) -> bool {
 
 /// All stretches of constant command, long or short, in order.
 ///
-/// A plateau is *running* when it is long enough to settle, its settled mean is above a share of the
+/// A plateau is [`State::Running`] when it is long enough to settle, its settled mean is above a share of the
 /// fastest one's, and its settled scatter is small: below a share of its mean or near what is usual in
 /// this record. That leaves out standstill, the jumps of a start without a sensor, and a motor that
 /// fell out of step.
@@ -104,24 +120,56 @@ pub(super) fn find(time_s: &[f64], command: &[f64], y: &[f64], output: Output) -
     }
     let long = |p: &Plateau| p.is_long(time_s);
     let fastest = plateaus.iter().filter(|p| long(p)).map(|p| p.mean).fold(0.0, f64::max);
-    let floor = fastest
-        * match output {
-            Output::Rpm => RUNNING_SPEED_SHARE,
-            // Thrust goes with the square of the speed.
-            Output::ThrustN => RUNNING_SPEED_SHARE * RUNNING_SPEED_SHARE,
-        };
+    let floor = standing_share(output) * fastest;
     let mut scatter: Vec<f64> = plateaus.iter().filter(|p| long(p) && p.mean > floor).map(|p| p.std).collect();
     scatter.sort_by(f64::total_cmp);
     let usual = scatter.get(scatter.len() / 2).copied().unwrap_or(0.0);
     for p in &mut plateaus {
         let bound = (STEADY_SHARE * p.mean).max(STEADY_TIMES_USUAL * usual);
-        p.running = long(p) && p.mean > floor && p.std <= bound;
+        p.state = match long(p) && p.std <= bound {
+            true if p.mean > floor => State::Running,
+            true => State::NotAboveZero,
+            false => State::NotSteady,
+        };
     }
     plateaus
 }
 
+/// Below this share of the fastest plateau's response a motor does not run.
+fn standing_share(output: Output) -> f64 {
+    match output {
+        Output::Rpm => RUNNING_SPEED_SHARE,
+        // Thrust goes with the square of the speed.
+        Output::ThrustN => RUNNING_SPEED_SHARE * RUNNING_SPEED_SHARE,
+    }
+}
+
+/// The lowest plateau of a response that is not counted from its own zero: one that follows the command where a motor
+/// that stands still would read the same at every command.
+pub(super) fn below_zero(plateaus: &[Plateau]) -> Option<&Plateau> {
+    let largest = plateaus.iter().filter(|p| p.state != State::NotSteady).map(|p| p.mean.abs()).fold(0.0, f64::max);
+    let standing = || plateaus.iter().filter(|p| p.state == State::NotAboveZero);
+    let lowest = standing().min_by(|a, b| a.mean.total_cmp(&b.mean))?;
+    let follows = |p: &Plateau| {
+        let apart = p.mean - lowest.mean;
+        p.command != lowest.command
+            && apart > FOLLOWS_SHARE * largest
+            && apart > FOLLOWS_TIMES_STD * p.mean_std.hypot(lowest.mean_std)
+    };
+    (lowest.mean < 0.0 && standing().any(follows)).then_some(lowest)
+}
+
 fn measured(rows: Range<usize>, command: f64, direction: Option<Direction>, y: &[f64]) -> Plateau {
-    let mut plateau = Plateau { rows, command, direction, mean: 0.0, std: 0.0, mean_std: 0.0, running: false };
+    let mut plateau = Plateau {
+        rows,
+        command,
+        direction,
+        mean: 0.0,
+        std: 0.0,
+        mean_std: 0.0,
+        state: State::NotSteady,
+        limited: false,
+    };
     let settled = &y[plateau.settled()];
     (plateau.mean, plateau.std) = mean_and_std(settled);
     let size = settled.len() / BATCHES;
@@ -149,7 +197,7 @@ pub(super) fn longest_run(plateaus: &[Plateau]) -> Range<usize> {
     let mut best = 0..0;
     let mut start = 0;
     for k in 0..=plateaus.len() {
-        if k == plateaus.len() || !plateaus[k].running {
+        if k == plateaus.len() || plateaus[k].state != State::Running {
             if k - start > best.len() {
                 best = start..k;
             }

@@ -6,6 +6,7 @@ use nalgebra::DMatrix;
 
 use super::plateaus::{Direction, Plateau, SAME_LEVEL, mean_and_std};
 use super::response::{Stretch, value};
+use super::run::shows;
 use crate::identify::least_squares::Residuals;
 
 /// What is fitted: the record, free of spikes.
@@ -201,7 +202,7 @@ pub(super) fn steps_of(data: &Data<'_>, plateaus: &[Plateau]) -> (Vec<Step>, Vec
     let (after_gaps, _) = rows_after_gaps(data.time_s);
     for (k, pair) in plateaus.windows(2).enumerate() {
         let [before, to] = pair else { continue };
-        let (true, Some(direction)) = (usable(before, to), to.direction) else {
+        let (true, Some(direction)) = (usable(before, to) && shows(plateaus, k + 1), to.direction) else {
             continue;
         };
         // Nobody knows when in the gap the command changed.

@@ -4,6 +4,26 @@ use std::fmt;
 
 use super::plateaus::Direction;
 
+/// Why part of a record is left out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LeftOut {
+    /// The motor does not run steadily.
+    NotSteady,
+    /// The response is steady and not above zero.
+    NotAboveZero,
+}
+
+impl LeftOut {
+    fn words(self) -> &'static str {
+        match self {
+            Self::NotSteady => "the motor does not run steadily there",
+            Self::NotAboveZero => {
+                "the response is not above zero there. A motor that stands still is left out rightly; if it turns, correct the sensor's zero"
+            }
+        }
+    }
+}
+
 /// Something odd in a staircase.
 #[derive(Clone, Debug, PartialEq)]
 pub enum StepsWarning {
@@ -16,11 +36,24 @@ pub enum StepsWarning {
     StartLeftOut {
         /// Until when, seconds.
         until_s: f64,
+        /// Why.
+        reason: LeftOut,
     },
     /// Part of the record after the motor last ran steadily was left out.
     EndLeftOut {
         /// From when, seconds.
         from_s: f64,
+        /// Why.
+        reason: LeftOut,
+    },
+    /// The response stands on a limit.
+    Limited {
+        /// How many rows.
+        rows: usize,
+        /// The limit, response units.
+        at: f64,
+        /// The lowest and the highest command at which it does.
+        commands: (f64, f64),
     },
     /// The log has gaps.
     Gaps {
@@ -98,11 +131,23 @@ impl fmt::Display for StepsWarning {
                     "{rows} readings jump away and back; they were left out. Look at the speed probe if there are many"
                 )
             }
-            Self::StartLeftOut { until_s } => {
-                write!(f, "everything before {until_s:.2} s was left out: the motor did not run steadily yet")
+            Self::StartLeftOut { until_s, reason } => {
+                write!(f, "everything before {until_s:.2} s was left out: {}", reason.words())
             }
-            Self::EndLeftOut { from_s } => {
-                write!(f, "everything from {from_s:.2} s was left out: the motor did not run steadily any more")
+            Self::EndLeftOut { from_s, reason } => {
+                write!(f, "everything from {from_s:.2} s was left out: {}", reason.words())
+            }
+            Self::Limited { rows, at, commands: (low, high) } => {
+                write!(f, "{rows} rows of the response stand exactly on {at}, at ")?;
+                if low == high {
+                    write!(f, "command {low:.3}")?
+                } else {
+                    write!(f, "commands {low:.3} to {high:.3}")?
+                }
+                write!(
+                    f,
+                    ": it ran into a limit. These levels, and the steps to and from them, were left out. Widen the range of sensor and logger, or record levels within it"
+                )
             }
             Self::Gaps { count, longest_s, steps } => {
                 write!(

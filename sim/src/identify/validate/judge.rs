@@ -10,7 +10,7 @@ use crate::identify::fit_percent::{fit_percent, percent_when_left, spread};
 use crate::identify::steps::Run;
 use crate::identify::{
     Etfe, FitLine, FrequencyResponse, HoldChain, IdentifyError, ResponseLine, Spectrum, SpectrumOptions, align,
-    run_actuator, spectra,
+    offset_and_start, run_actuator, spectra, start_of,
 };
 use crate::plant::{Actuator, EscTiming, Law, Model, OperatingCurve, PlantError};
 use crate::record::{Excitation, Experiment, Output, Record};
@@ -38,7 +38,9 @@ impl Judge<'_> {
         let record = self.record;
         let score = match record.excitation {
             Excitation::Multisine => self.in_frequency()?,
-            Excitation::Square | Excitation::Step | Excitation::Chirp => self.around_nominal()?,
+            Excitation::Square | Excitation::Triangle | Excitation::Step | Excitation::Chirp => {
+                self.around_nominal()?
+            }
             Excitation::Staircase | Excitation::Free => self.over_range()?,
         };
         Ok(RecordValidation {
@@ -134,7 +136,7 @@ impl Judge<'_> {
         let residual: Vec<f64> = measured.iter().zip(&simulated).map(|(y, m)| y - m).collect();
         let rows = measured.len() as f64;
         let (noise, left_over) = match record.excitation {
-            Excitation::Square => {
+            Excitation::Square | Excitation::Triangle => {
                 let row_rate_hz = spectra::row_rate_hz(record, self.experiment.sample_rate_hz)?;
                 let (_, length) = spectra::period(record, row_rate_hz)?;
                 let noise = PeriodNoise::of(&residual, length);
@@ -144,7 +146,7 @@ impl Judge<'_> {
                 let noise = Run::of(record, self.experiment.output)
                     .ok()
                     .and_then(|run| LevelNoise::of(&run, &record.time_s, |_| tau_s));
-                let left_over = noise.as_ref().and_then(|noise| noise.left_over(&residual, 0));
+                let left_over = noise.as_ref().and_then(|noise| noise.left_over(residual.iter().copied().enumerate()));
                 (noise.map(|noise| noise.variance * rows), left_over)
             }
             _ => (None, None),
@@ -163,24 +165,30 @@ impl Judge<'_> {
         let command = self.command()?;
         let run = (record.excitation == Excitation::Staircase).then(|| Run::of(record, output)).transpose()?;
         let rows = run.as_ref().map_or(0..raw.len(), |run| run.rows());
-        let kept: Vec<usize> = rows.clone().filter(|&row| run.as_ref().is_none_or(|run| !run.spike[row])).collect();
+        let shown = run.as_ref().map(Run::rows_that_show);
+        let shows = |row: usize| shown.as_ref().is_none_or(|shown| shown[row - rows.start]);
+        let is_spike = |row: usize| run.as_ref().is_some_and(|run| run.spike[row]);
+        let kept: Vec<usize> = rows.clone().filter(|&row| shows(row) && !is_spike(row)).collect();
         let mut actuator = self.actuator(Law::FollowingLevel(command[rows.start]))?;
         let model = run_actuator(&mut actuator, &record.time_s, command, rows.start);
         let of_kept = |values: &[f64]| kept.iter().map(|&row| values[row]).collect::<Vec<f64>>();
         let (time_s, measured, mut simulated) = (of_kept(&record.time_s), of_kept(raw), of_kept(&model));
-        let mut offset = 0.0;
-        if self.model.static_map.is_none() {
-            // The integral of the gain has no zero of its own.
-            offset = measured.iter().zip(&simulated).map(|(y, m)| y - m).sum::<f64>() / measured.len() as f64;
-            simulated.iter_mut().for_each(|m| *m += offset);
-        }
-        let percent = fit_percent(&measured, &simulated).ok_or_else(|| self.constant_response())?;
         let curve = OperatingCurve::without_effects(self.model).map_err(|e| self.refused(e))?;
         let time_constant_s = |command: f64| curve.clamped_at(command).lag.time_constant_s;
+        // The record may begin before the response has settled, and a model must not be judged by what came before.
+        let tau_s = time_constant_s(command[rows.start]);
+        let (offset, start) = match self.model.static_map {
+            Some(_) => (0.0, start_of(&time_s, &measured, &simulated, tau_s)),
+            // The integral of the gain has no zero of its own.
+            None => offset_and_start(&time_s, &measured, &simulated, tau_s),
+        };
+        let free = |t_s: f64| offset + start * (-(t_s - time_s[0]) / tau_s).exp();
+        simulated.iter_mut().zip(&time_s).for_each(|(m, &t_s)| *m += free(t_s));
+        let percent = fit_percent(&measured, &simulated).ok_or_else(|| self.constant_response())?;
         let noise = run.as_ref().and_then(|run| LevelNoise::of(run, &record.time_s, time_constant_s));
         let left_over = run.as_ref().zip(noise.as_ref()).and_then(|(run, noise)| {
-            let residual: Vec<f64> = rows.clone().map(|row| run.clean[row] - model[row] - offset).collect();
-            noise.left_over(&residual, rows.start)
+            let left = |row: usize| run.clean[row] - model[row] - free(record.time_s[row]);
+            noise.left_over(rows.clone().filter(|&row| shows(row)).map(|row| (row, left(row))))
         });
         let left = noise.map(|noise| noise.variance * measured.len() as f64);
         Ok(Score {

@@ -85,7 +85,10 @@ impl LevelNoise {
         for plateau in &run.plateaus {
             let rows = plateau.settled();
             let waited_s = time_s[rows.start] - time_s[plateau.rows.start];
-            if rows.len() < FEWEST_ROWS || waited_s < SETTLED_TIME_CONSTANTS * time_constant_s(plateau.command) {
+            if plateau.limited
+                || rows.len() < FEWEST_ROWS
+                || waited_s < SETTLED_TIME_CONSTANTS * time_constant_s(plateau.command)
+            {
                 continue;
             }
             let scatter = plateau.std * plateau.std * rows.len() as f64;
@@ -100,12 +103,12 @@ impl LevelNoise {
         (rows > 0).then(|| Self { variance: sum / rows as f64, dof, settled })
     }
 
-    /// The residual of the rows from `first` on, beside the noise: those on which the levels were not measured, so that
+    /// The residual of rows of the record, beside the noise: of those on which the levels were not measured, so that
     /// the two are independent. `None` where there are none.
-    pub(super) fn left_over(&self, residual: &[f64], first: usize) -> Option<LeftOver> {
+    pub(super) fn left_over(&self, residual: impl Iterator<Item = (usize, f64)>) -> Option<LeftOver> {
         let is_settled = |row: usize| self.settled.iter().any(|rows| rows.contains(&row));
         let (mut sum, mut rows) = (0.0, 0.0);
-        for (_, residual) in residual.iter().enumerate().filter(|(k, _)| !is_settled(first + k)) {
+        for (_, residual) in residual.filter(|&(row, _)| !is_settled(row)) {
             sum += residual * residual;
             rows += 1.0;
         }

@@ -12,7 +12,8 @@ pub static KIND: Kind = Kind {
     parameters: &[Parameter::fitted("ratio", "", "time constant downward over that upward")
         .null(1.0)
         .possible(0.02, 50.0)
-        .log(0.4, 3.0, &[0.7, 1.3, 1.8])],
+        .log(0.4, 3.0, &[0.7, 1.3, 1.8])
+            .smooth()],
     signature: "Rising and falling steps have different time constants, the same ones at every amplitude. Even lines in \
                 proportion to the amplitude, and a shift of the mean.",
     confusions: &[

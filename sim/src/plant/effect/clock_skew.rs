@@ -11,7 +11,8 @@ pub static KIND: Kind = Kind {
                which the commands keep to",
     parameters: &[Parameter::fitted("skew_ppm", "ppm", "how much slower the logger's clock is than the controller's")
         .possible(-1e5, 1e5)
-        .linear(-3000.0, 3000.0, &[-300.0, 300.0])],
+        .linear(-3000.0, 3000.0, &[-300.0, 300.0])
+            .smooth()],
     signature: "A phase that grows with frequency and with the time in the record: late periods lead (or lag) early ones in \
                 proportion to the frequency.",
     confusions: &[Confusion {

@@ -19,7 +19,7 @@ pub static KIND: Kind = Kind {
             .log(20.0, 2000.0, &[50.0, 100.0, 200.0, 400.0]),
         Parameter::fitted("phase", "", "the part of a frame from the first command to the first frame")
             .possible(0.0, 1.0)
-            .linear(0.0, 1.0, &[0.0, 0.5])
+            .linear(0.0, 1.0, &[0.0])
             .optional(0.0),
     ],
     signature: "Half a frame of delay, a droop of sin(x)/x with x = pi f / frame_hz, and images of every line at multiples of \

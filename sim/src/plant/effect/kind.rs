@@ -219,6 +219,11 @@ impl Parameter {
         self
     }
 
+    /// With a response that moves smoothly over large parts of the range.
+    pub(crate) const fn smooth(self) -> Self {
+        self.jumping(4)
+    }
+
     /// May be absent, and then is `default`.
     pub(crate) const fn optional(mut self, default: f64) -> Self {
         self.usage = Use::Optional(default);

@@ -15,7 +15,8 @@ pub static KIND: Kind = Kind {
                command (the command in the model's range, for a model that spans one)",
     parameters: &[Parameter::fitted("exponent", "", "power of the speed in one over the time constant")
         .possible(-5.0, 5.0)
-        .linear(0.0, 2.5, &[0.5, 1.0])],
+        .linear(0.0, 2.5, &[0.5, 1.0])
+            .smooth()],
     signature: "The pole moves with the nominal command and within a step: steps up begin slowly, steps down fast, and both by \
                 more the larger they are. Even lines that grow with the square of the amplitude.",
     confusions: &[

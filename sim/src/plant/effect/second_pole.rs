@@ -14,7 +14,8 @@ pub static KIND: Kind = Kind {
     equation: "1 / (time_constant_s s + 1)",
     parameters: &[Parameter::fitted("time_constant_s", "s", "time constant of the second lag")
         .possible(0.0, 10.0)
-        .log(1e-4, 0.04, &[3e-4, 1e-3, 3e-3, 0.01, 0.03])],
+        .log(1e-4, 0.04, &[3e-4, 1e-3, 3e-3, 0.01, 0.03])
+            .smooth()],
     signature: "Above 1 / (2 pi time_constant_s) the response rolls off by 20 dB per decade more and lags by up to 90 degrees \
                 more, the same at every nominal command and amplitude. Steps begin with a curve instead of a corner.",
     confusions: &[

@@ -28,12 +28,12 @@ pub static KIND: Kind = Kind {
             .log(0.15, 10.0, &[0.3, 1.0, 3.0]),
         Parameter::fitted("resistive_drop", "", "the part of the voltage that is lost at once at a speed of 0.5")
             .possible(0.0, 0.5)
-            .linear(0.0, 0.2, &[0.05])
+            .linear(0.0, 0.2, &[0.0, 0.04])
             .optional(0.0),
-        Parameter::fitted("current_exponent", "", "how the current grows with the speed; 2 is a propeller's torque")
+        Parameter::fitted("current_exponent", "", "how the current grows with the speed; 3 is a propeller's power")
             .possible(0.5, 4.0)
-            .linear(1.0, 3.0, &[2.0])
-            .optional(2.0),
+            .linear(1.0, 4.0, &[3.0])
+            .optional(3.0),
         Parameter::fitted("open_circuit_v", "V", "voltage without load; 0 where it is not known")
             .possible(0.0, 1000.0)
             .linear(3.0, 60.0, &[16.0])
@@ -60,7 +60,8 @@ pub static KIND: Kind = Kind {
     ],
     sources: &[
         "Plett, Battery Management Systems, vol. 1, 2015, ch. 2: series resistance and one RC pair (Thevenin model)",
-        "the mean voltage at the motor is duty times supply voltage; 5 to 15 % of sag at hover, 0.3 to 3 s",
+        "the mean voltage at the motor is duty times supply voltage, so a supply gives the power of the propeller, the cube of \
+         its speed, by its voltage; 5 to 15 % of sag at hover, 0.3 to 3 s",
     ],
     linearity: Linearity::SmallSignal,
     check: Kind::any,
@@ -108,7 +109,7 @@ impl SupplySag {
     /// Current over that at hover.
     fn current(&self, speed: f64) -> f64 {
         let relative = speed.max(0.0) / HOVER;
-        if self.exponent == 2.0 { relative * relative } else { relative.powf(self.exponent) }
+        if self.exponent == 3.0 { relative * relative * relative } else { relative.powf(self.exponent) }
     }
 
     /// Voltage over that of the open circuit.

@@ -11,11 +11,10 @@ pub static KIND: Kind = Kind {
     title: "transport delay",
     site: Site::Line,
     equation: "v(t) = u(t - delay_s); e^(-s delay_s)",
-    parameters: &[Parameter::fitted("delay_s", "s", "how much later the command arrives").possible(0.0, 2.0).log(
-        2e-5,
-        0.04,
-        &[3e-4, 1e-3, 3e-3, 0.01, 0.025],
-    )],
+    parameters: &[Parameter::fitted("delay_s", "s", "how much later the command arrives")
+        .possible(0.0, 2.0)
+        .log(2e-5, 0.04, &[3e-4, 1e-3, 3e-3, 0.01, 0.025])
+        .smooth()],
     signature: "The magnitude is untouched at every frequency; the phase lags in proportion to the frequency, the same at every \
                 nominal command and amplitude. Steps begin late.",
     confusions: &[

@@ -4,6 +4,11 @@
 //! - One layout for all versions: what a log holds is told from its headers, never from the firmware's version.
 //! - Frames carry no checksum. A frame counts when a next one, or the end, follows right behind it, and its time moves
 //!   on plausibly. After damage all `P` frames are left out up to the next `I` frame.
+//!
+//! Why not a crate: `blackbox-log` 0.4.3 (MIT or Apache-2.0) reads this container too, but refuses the logs of all firmware other
+//! than Betaflight 4.2 to 4.5 and INAV 5 and 6, and so those of the Betaflight releases since. After damage it goes on at any
+//! frame, so that `P` frames may be added to frames from before the damage; it has no test of time, and tells neither how much was
+//! lost nor where. All of that a measurement has to know.
 
 use std::collections::HashMap;
 

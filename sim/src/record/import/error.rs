@@ -38,6 +38,26 @@ pub enum ImportError {
         /// Rows that are needed.
         needed: usize,
     },
+    /// There is nothing in the file.
+    #[error("{}: the file is empty", file.display())]
+    #[diagnostic(help("copy or export the log again"))]
+    Empty {
+        /// The log.
+        file: PathBuf,
+    },
+    /// The command never changes.
+    #[error("{}: the command is {command} in all of the {rows} rows taken, so nothing can be identified from it", file.display())]
+    #[diagnostic(help(
+        "record again with levels or an excitation; where the log does have them, it may be cut short or hold another run"
+    ))]
+    ConstantCommand {
+        /// The log.
+        file: PathBuf,
+        /// The command, 0..1.
+        command: f64,
+        /// Rows taken.
+        rows: usize,
+    },
     /// The header is that of no known format.
     #[error("{}, line 1: the header is that of no known log format: {header}", file.display())]
     #[diagnostic(help(

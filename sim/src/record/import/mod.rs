@@ -62,7 +62,7 @@ const MIN_ROWS: usize = 100;
 ///
 /// # Errors
 /// [`ImportError`]: unreadable file, unknown header, missing column, text in a number column, command
-/// outside its range, time that runs backwards, too few rows, a damaged binary file.
+/// outside its range or constant, time that runs backwards, too few rows, a damaged binary file.
 pub fn import(file: &Path, options: &ImportOptions) -> Result<Import, ImportError> {
     let bytes = std::fs::read(file).map_err(|source| ImportError::Read { file: file.into(), source })?;
     import_bytes(file, &bytes, options)
@@ -75,6 +75,9 @@ pub fn import(file: &Path, options: &ImportOptions) -> Result<Import, ImportErro
 /// # Errors
 /// As [`import`].
 pub fn import_bytes(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Import, ImportError> {
+    if bytes.iter().all(u8::is_ascii_whitespace) {
+        return Err(ImportError::Empty { file: file.into() });
+    }
     let (low_us, high_us) = options.esc_signal_us;
     if !(low_us.is_finite() && high_us.is_finite() && low_us < high_us) {
         return Err(ImportError::SignalRange { low_us, high_us });
@@ -88,7 +91,7 @@ pub fn import_bytes(file: &Path, bytes: &[u8], options: &ImportOptions) -> Resul
             logs => blackbox::take(file, bytes, logs, options)?,
         },
     };
-    Ok(taken.into_import(file, options))
+    taken.into_import(file, options)
 }
 
 /// Takes a log of text, whose format is told from its header.
@@ -118,10 +121,14 @@ struct Taken {
 }
 
 impl Taken {
-    fn into_import(self, file: &Path, options: &ImportOptions) -> Import {
+    fn into_import(self, file: &Path, options: &ImportOptions) -> Result<Import, ImportError> {
         let stem = file.file_stem().map_or_else(|| "log".into(), |s| s.to_string_lossy().into_owned());
         let low = self.command.iter().copied().fold(f64::INFINITY, f64::min);
         let high = self.command.iter().copied().fold(0.0, f64::max);
+        // A folder of it could not be written: a record says how far its command moves.
+        if high <= low {
+            return Err(ImportError::ConstantCommand { file: file.into(), command: high, rows: self.command.len() });
+        }
         let output = if self.thrust_n.is_some() { Output::ThrustN } else { Output::Rpm };
         let record = Record {
             file: "staircase.csv".into(),
@@ -140,7 +147,7 @@ impl Taken {
             voltage_v: self.voltage_v,
             current_a: self.current_a,
         };
-        Import {
+        Ok(Import {
             experiment: Experiment {
                 name: options.name.clone().unwrap_or(stem),
                 output,
@@ -150,6 +157,6 @@ impl Taken {
                 records: vec![record],
             },
             summary: self.summary,
-        }
+        })
     }
 }

@@ -36,6 +36,7 @@ fn any_record() -> impl Strategy<Value = Record> {
     let excitation = prop::sample::select(vec![
         Excitation::Multisine,
         Excitation::Square,
+        Excitation::Triangle,
         Excitation::Step,
         Excitation::Staircase,
         Excitation::Chirp,

@@ -1,4 +1,4 @@
-//! A lag whose time constant depends on the speed, beside one that does not, and how both do on steps that they have not seen.
+//! A lag whose time constant depends on the speed, and one that does not.
 //!
 //! # Equations
 //! A motor against the propeller's drag has `dw/dt = a u - b w - c w^2 - e`. With the steady response `W(u)` put in place
@@ -17,27 +17,22 @@
 //! short. `k` is tied to its physical range by the mean and the standard deviation
 //! of a uniform density over it, 0.5 +- 0.29, since steps in one direction or on a few levels say little of it. The tie is weighed against residuals in units of
 //! `sqrt(sum_plateaus (sum r)^2 / rows)`, their standard deviation if they were white with the same sums: what the map misses is
-//! then no evidence for or against drag.
+//! then no evidence for or against drag. Few plateaus have as many sums as the fit has parameters, and so none left: the unit is
+//! never below the noise of the rows, `s sqrt(1 + 2 sum_l rho_l)` with its correlation `rho_l` from row to row.
 //!
-//! # Splits
-//! [`SPLITS`], fixed before anything was fitted: rows belong to the step that they follow, up to the next one.
-//!
-//! | split | fitted on | judged on |
-//! |---|---|---|
-//! | up to down | rows after steps up | rows after steps down |
-//! | down to up | rows after steps down | rows after steps up |
-//! | even to odd | rows on every other level, from the lowest on | the other levels |
-//! | odd to even | the other levels | every other level, from the lowest on |
+//! Intervals need two plateaus more than there are parameters. With fewer, nothing tells what the map misses from what the
+//! parameters have taken, and errors are infinite.
 
 use nalgebra::{DMatrix, DVector};
 
-use super::plateaus::{Direction, Plateau, SAME_LEVEL, mean_and_std};
+use super::Run;
+use super::plateaus::{Plateau, SAME_LEVEL};
 use super::response::{Stretch, value};
-use super::{Run, StepsError};
+use super::uncertainty::correlation;
 use crate::identify::Estimate;
 use crate::identify::fit_percent::{percent_when_left, spread};
 use crate::identify::least_squares::{Limits, Residuals, Solution, minimize};
-use crate::record::{Output, Record};
+use crate::record::Record;
 
 /// Which law the lag follows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,40 +43,6 @@ pub enum LagLaw {
     SpeedDependent,
 }
 
-/// A way of cutting a record in two.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Split {
-    /// Fitted on steps up, judged on steps down.
-    UpToDown,
-    /// Fitted on steps down, judged on steps up.
-    DownToUp,
-    /// Fitted on every other level from the lowest on, judged on the others.
-    EvenToOdd,
-    /// The other way round.
-    OddToEven,
-}
-
-/// All of them.
-pub const SPLITS: [Split; 4] = [Split::UpToDown, Split::DownToUp, Split::EvenToOdd, Split::OddToEven];
-
-/// Both laws on one split.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct HeldOut {
-    /// The split.
-    pub split: Split,
-    /// % fit of the one lag on the rows that it has not seen.
-    pub one_lag_percent: f64,
-    /// % fit of the lag that depends on the speed.
-    pub speed_dependent_percent: f64,
-    /// What a perfect model would score there: noise about the plateaus' means is then left.
-    pub ceiling_percent: f64,
-    /// What the one lag would score had it the mean of every plateau, those that it has not seen included: what is missing
-    /// to the ceiling is the dynamics', the rest is the static map's.
-    pub one_lag_on_measured_levels_percent: f64,
-    /// The same of the lag that depends on the speed.
-    pub speed_dependent_on_measured_levels_percent: f64,
-}
-
 /// A fitted law.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LawFit {
@@ -89,7 +50,9 @@ pub struct LawFit {
     pub law: LagLaw,
     /// `W` in powers of the command, from the constant on, response units.
     pub map: [f64; 3],
-    /// Delay as logged, seconds.
+    /// Plateaus that it was fitted to.
+    pub plateaus: usize,
+    /// Delay as logged, seconds; this and all other errors are infinite with too few plateaus ([`Self::fewest_plateaus`]).
     pub delay_s: Estimate,
     /// Time constant at [`Self::reference`], seconds; use [`Estimate::interval_of_logarithm`].
     pub time_constant_s: Estimate,
@@ -101,47 +64,22 @@ pub struct LawFit {
     pub fit_percent: f64,
 }
 
-/// Both laws on a record.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LawComparison {
-    /// The one lag, fitted to all steps.
-    pub one_lag: LawFit,
-    /// The lag that depends on the speed, fitted to all steps.
-    pub speed_dependent: LawFit,
-    /// What a perfect model would score on all steps.
-    pub ceiling_percent: f64,
-    /// Both on steps that they have not seen; splits that a record has too few steps for are not there.
-    pub held_out: Vec<HeldOut>,
-    /// RMS over the levels that were reached from both sides of the difference between the two means, relative to the mean
-    /// of both; `None` without any. No function of the command has both.
-    pub up_down_difference: Option<f64>,
-}
-
-impl Split {
-    /// What it is fitted on and judged on, in words.
-    #[must_use]
-    pub fn words(self) -> &'static str {
-        match self {
-            Self::UpToDown => "steps up -> steps down",
-            Self::DownToUp => "steps down -> steps up",
-            Self::EvenToOdd => "even -> odd levels",
-            Self::OddToEven => "odd -> even levels",
-        }
-    }
-
-    /// Whether the rows of a plateau are fitted.
-    pub(crate) fn fits(self, plateau: &Plateau, level: usize) -> bool {
-        let up = plateau.direction != Some(Direction::Down);
-        match self {
-            Self::UpToDown => up,
-            Self::DownToUp => !up,
-            Self::EvenToOdd => level.is_multiple_of(2),
-            Self::OddToEven => !level.is_multiple_of(2),
-        }
-    }
-}
-
 impl LawFit {
+    /// How many plateaus it takes for intervals.
+    #[must_use]
+    pub fn fewest_plateaus(&self) -> usize {
+        match self.law {
+            LagLaw::OneLag => DRAG + SPARE,
+            LagLaw::SpeedDependent => DRAG + 1 + SPARE,
+        }
+    }
+
+    /// Whether there are enough of them.
+    #[must_use]
+    pub fn has_intervals(&self) -> bool {
+        self.plateaus >= self.fewest_plateaus()
+    }
+
     /// Time constant of small motions about a steady response, seconds.
     #[must_use]
     pub fn time_constant_at(&self, response: f64) -> f64 {
@@ -150,57 +88,41 @@ impl LawFit {
     }
 }
 
-/// Fits both laws to all steps of a record, and to each part of each split.
-///
-/// # Errors
-/// [`StepsError`] when the motor runs steadily on no two plateaus in a row, or the fit to all steps does not converge.
-pub fn compare_laws(record: &Record, output: Output) -> Result<LawComparison, StepsError> {
-    let run = Run::of(record, output)?;
-    let bench = Bench::of(record, &run);
-    let all = vec![true; run.plateaus.len()];
-    let not_converged = || StepsError::NotConverged { record: record.file.clone(), iterations: LIMITS.iterations };
-    let (one_lag, _) = bench.fit(LagLaw::OneLag, &all, false).ok_or_else(not_converged)?;
-    let (speed_dependent, _) = bench.fit(LagLaw::SpeedDependent, &all, false).ok_or_else(not_converged)?;
-    let held_out = SPLITS.into_iter().filter_map(|split| bench.held_out(split)).collect();
-    Ok(LawComparison {
-        one_lag,
-        speed_dependent,
-        ceiling_percent: bench.ceiling(&all),
-        held_out,
-        up_down_difference: bench.up_down_difference(),
-    })
-}
-
 /// Indices of the parameters: delay, logarithm of the rate at the highest level, the map at the lowest, middle and highest
 /// command in units of the highest level, and the share of drag.
 const DELAY: usize = 0;
 const RATE: usize = 1;
 const MAP: usize = 2;
 const DRAG: usize = 5;
+/// Plateaus beyond the number of parameters that intervals need.
+const SPARE: usize = 2;
 /// Mean and standard deviation of what is known of the share of drag beforehand.
 const DRAG_KNOWN: (f64, f64) = (0.5, 0.29);
-/// See the other fit of this room: rows that a change passes leave a search zigzagging.
-const LIMITS: Limits = Limits { iterations: 200, decrease: 1e-7 };
+/// As in the fit of single steps: rows that a change passes leave a search zigzagging.
+pub(super) const LIMITS: Limits = Limits { iterations: 200, decrease: 1e-7 };
 /// Delays beyond this are not searched, seconds.
 const MAX_DELAY_S: f64 = 0.3;
 /// Delays and time constants to begin with, seconds.
 const STARTS_S: [(f64, f64); 3] = [(0.0, 0.035), (0.025, 0.035), (0.005, 0.09)];
 
 /// A run with what the fits need of it.
-struct Bench<'a> {
+pub(super) struct Bench<'a> {
     time_s: &'a [f64],
     y: &'a [f64],
     spike: &'a [bool],
-    plateaus: &'a [Plateau],
+    /// The first one from its settled rows on: what comes before may still be on its way there.
+    pub(super) plateaus: Vec<Plateau>,
+    /// Whether the motor's own response shows on a plateau.
+    pub(super) shows: Vec<bool>,
     /// Rank of each plateau's command among the levels.
-    level: Vec<usize>,
+    pub(super) level: Vec<usize>,
     low: f64,
     high: f64,
     reference: f64,
 }
 
 impl<'a> Bench<'a> {
-    fn of(record: &'a Record, run: &'a Run) -> Self {
+    pub(super) fn of(record: &'a Record, run: &'a Run) -> Self {
         let mut levels: Vec<f64> = Vec::new();
         for plateau in &run.plateaus {
             if levels.iter().all(|l| (l - plateau.command).abs() > SAME_LEVEL) {
@@ -208,12 +130,15 @@ impl<'a> Bench<'a> {
             }
         }
         levels.sort_by(f64::total_cmp);
+        let mut plateaus = run.plateaus.clone();
+        plateaus[0].rows.start = plateaus[0].settled().start;
         let rank = |p: &Plateau| levels.partition_point(|&l| l < p.command - SAME_LEVEL);
         Self {
             time_s: &record.time_s,
             y: &run.clean,
             spike: &run.spike,
-            plateaus: &run.plateaus,
+            plateaus,
+            shows: (0..run.plateaus.len()).map(|k| run.shows(k)).collect(),
             level: run.plateaus.iter().map(rank).collect(),
             low: levels[0],
             high: levels[levels.len() - 1],
@@ -276,7 +201,7 @@ impl<'a> Bench<'a> {
     }
 
     /// Fits a law to the plateaus that are `used`.
-    fn fit(&self, law: LagLaw, used: &[bool], measured: bool) -> Option<(LawFit, Vec<f64>)> {
+    pub(super) fn fit(&self, law: LagLaw, used: &[bool], measured: bool) -> Option<(LawFit, Vec<f64>)> {
         // The one lag first: what it misses is what the other's prior is weighed against.
         let rough = Problem { bench: self, law: LagLaw::OneLag, used, measured, scale: 0.01 * self.reference };
         let mut best: Option<Solution> = None;
@@ -291,14 +216,15 @@ impl<'a> Bench<'a> {
         }
         let rough_solution = best?;
         let scale = rough.scale * self.scatter_of_sums(&rough_solution.residuals, used);
-        let problem = Problem { law, scale: scale.max(1e-9 * self.reference), ..rough };
+        let problem = Problem { law, scale: scale.max(self.row_noise(used)).max(1e-9 * self.reference), ..rough };
         let mut start = rough_solution.parameters;
         if law == LagLaw::SpeedDependent {
             start.push(DRAG_KNOWN.0);
         }
         let solution = minimize(&problem, &start, LIMITS)?;
         let p = &solution.parameters;
-        let dof = (used.iter().filter(|&&u| u).count() as f64 - p.len() as f64).max(1.0);
+        let plateaus = used.iter().filter(|&&u| u).count();
+        let dof = (plateaus as f64 - p.len() as f64).max(1.0);
         let covariance = self.covariance(&solution, used);
         let estimate = |k: usize| {
             let std = covariance.as_ref().map_or(f64::INFINITY, |c| c[(k, k)].max(0.0).sqrt());
@@ -308,6 +234,7 @@ impl<'a> Bench<'a> {
         let tau_s = (-rate.value).exp();
         let fit = LawFit {
             law,
+            plateaus,
             map: self.powers(&p[MAP..MAP + 3]),
             delay_s: estimate(DELAY),
             time_constant_s: Estimate { value: tau_s, std: tau_s * rate.std, dof },
@@ -318,13 +245,13 @@ impl<'a> Bench<'a> {
         Some((fit, solution.parameters))
     }
 
-    /// The sandwich; as if residuals were white in units of their sums where there are too few plateaus for it.
+    /// The sandwich; `None` where there are too few plateaus for it.
     fn covariance(&self, solution: &Solution, used: &[bool]) -> Option<DMatrix<f64>> {
         let unit = solution.unit_covariance.as_ref()?;
         let parameters = solution.parameters.len();
         let plateaus = used.iter().filter(|&&used| used).count();
-        if plateaus < parameters + 2 {
-            return Some(unit.clone());
+        if plateaus < parameters + SPARE {
+            return None;
         }
         let mut filling = DMatrix::zeros(parameters, parameters);
         let mut at = 0;
@@ -355,7 +282,18 @@ impl<'a> Bench<'a> {
         (squares / rows.max(1) as f64).sqrt()
     }
 
-    fn percent(&self, law: LagLaw, p: &[f64], measured: bool, judged: &[bool]) -> f64 {
+    /// The same of the noise alone, from the settled rows of each plateau.
+    fn row_noise(&self, used: &[bool]) -> f64 {
+        let (mut squares, mut rows) = (0.0, 0);
+        for (plateau, _) in self.plateaus.iter().zip(used).filter(|(_, used)| **used) {
+            squares += plateau.std.powi(2) * plateau.rows.len() as f64;
+            rows += plateau.rows.len();
+        }
+        let color = 2.0 * correlation(self.y, &self.plateaus).iter().sum::<f64>() - 1.0;
+        (squares / rows.max(1) as f64 * color.max(1.0)).sqrt()
+    }
+
+    pub(super) fn percent(&self, law: LagLaw, p: &[f64], measured: bool, judged: &[bool]) -> f64 {
         let mut simulated = vec![0.0; self.length()];
         if !self.simulate(law, p, measured, &mut simulated) {
             return f64::NEG_INFINITY;
@@ -370,7 +308,7 @@ impl<'a> Bench<'a> {
         percent_when_left(left, spread(&kept))
     }
 
-    fn ceiling(&self, judged: &[bool]) -> f64 {
+    pub(super) fn ceiling(&self, judged: &[bool]) -> f64 {
         let mut kept = Vec::new();
         let mut left = 0.0;
         for (row, k) in self.rows().filter(|&(row, k)| judged[k] && !self.spike[row]) {
@@ -378,39 +316,6 @@ impl<'a> Bench<'a> {
             left += self.plateaus[k].std.powi(2);
         }
         percent_when_left(left, spread(&kept))
-    }
-
-    /// Both laws on a split; `None` where one part has fewer than two plateaus.
-    fn held_out(&self, split: Split) -> Option<HeldOut> {
-        let used: Vec<bool> = self.plateaus.iter().zip(&self.level).map(|(p, &level)| split.fits(p, level)).collect();
-        let judged: Vec<bool> = used.iter().map(|used| !used).collect();
-        if used.iter().filter(|&&u| u).count() < 2 || judged.iter().filter(|&&u| u).count() < 2 {
-            return None;
-        }
-        let score = |law, measured| {
-            let (_, p) = self.fit(law, &used, measured)?;
-            Some(self.percent(law, &p, measured, &judged))
-        };
-        Some(HeldOut {
-            split,
-            one_lag_percent: score(LagLaw::OneLag, false)?,
-            speed_dependent_percent: score(LagLaw::SpeedDependent, false)?,
-            ceiling_percent: self.ceiling(&judged),
-            one_lag_on_measured_levels_percent: score(LagLaw::OneLag, true)?,
-            speed_dependent_on_measured_levels_percent: score(LagLaw::SpeedDependent, true)?,
-        })
-    }
-
-    fn up_down_difference(&self) -> Option<f64> {
-        let mut squares = Vec::new();
-        for down in self.plateaus.iter().filter(|p| p.direction == Some(Direction::Down)) {
-            let same =
-                |p: &&Plateau| p.direction != Some(Direction::Down) && (p.command - down.command).abs() <= SAME_LEVEL;
-            if let Some(up) = self.plateaus.iter().find(same) {
-                squares.push(((up.mean - down.mean) / (0.5 * (up.mean + down.mean))).powi(2));
-            }
-        }
-        (!squares.is_empty()).then(|| mean_and_std(&squares).0.sqrt())
     }
 }
 

@@ -15,7 +15,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::identify::{Estimate, FrequencyResponse};
+use super::{Estimate, FitLine, FrequencyResponse};
 
 /// What is known of the noise variances.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,6 +32,14 @@ impl NoiseKnowledge {
         // Without periods the degrees of freedom come from neighbors, two lines' worth of them at least.
         let own = response.periods.saturating_sub(1).max(1) as f64;
         Self { dof, pooled: if dof.is_finite() { (dof / own).max(1.0) } else { 1.0 } }
+    }
+
+    /// That of the least known of `lines`, one or more. Below three, weights from samples have no finite variance: three are
+    /// then taken for it.
+    pub(super) fn of_lines(lines: &[FitLine]) -> Self {
+        let dof = lines.iter().map(|line| 0.5 * line.dof).fold(f64::INFINITY, f64::min);
+        let pooled = lines.iter().map(|line| line.pooled).fold(1.0, f64::max);
+        Self { dof: dof.max(3.0), pooled }
     }
 
     /// By how much the squared residual is too large on average.
@@ -80,8 +88,26 @@ impl Uncertainty {
     pub(super) fn estimate(&self, value: f64, gradient: &DVector<f64>) -> Estimate {
         let direction = &self.unit * gradient;
         let variance = gradient.dot(&direction);
+        let (inflation, dof) = self.inflation_along(&direction);
+        Estimate { value, std: (variance * inflation).max(0.0).sqrt(), dof }
+    }
+
+    /// The parameter at this place.
+    pub(super) fn of_parameter(&self, value: f64, place: usize) -> Estimate {
+        let mut gradient = DVector::zeros(self.unit.nrows());
+        gradient[place] = 1.0;
+        self.estimate(value, &gradient)
+    }
+
+    /// Variance inflation and degrees of freedom of the parameter at this place.
+    pub(super) fn inflation_of_parameter(&self, place: usize) -> (f64, f64) {
+        self.inflation_along(&self.unit.column(place).into_owned())
+    }
+
+    /// The same of a quantity whose gradient, times `unit`, is `direction`.
+    fn inflation_along(&self, direction: &DVector<f64>) -> (f64, f64) {
         // What each line contributes to the variance; the effective number of lines follows from its spread.
-        let by_part = &self.jacobian * &direction;
+        let by_part = &self.jacobian * direction;
         let (mut sum, mut squares) = (0.0, 0.0);
         for parts in by_part.as_slice().chunks_exact(2) {
             let share = parts[0] * parts[0] + parts[1] * parts[1];
@@ -89,8 +115,7 @@ impl Uncertainty {
             squares += share * share;
         }
         let lines = if squares > 0.0 { sum * sum / squares } else { 1.0 };
-        let (inflation, dof) = self.noise.of_quantity(lines);
-        Estimate { value, std: (variance * inflation).max(0.0).sqrt(), dof }
+        self.noise.of_quantity(lines)
     }
 
     /// Covariance of the parameters, with the inflation of quantities that draw on all lines.

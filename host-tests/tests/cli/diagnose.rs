@@ -1,0 +1,127 @@
+//! `rotorlead diagnose` with what follows from it: the compensator anew, the next experiment, figures.
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::Value;
+
+use crate::stand::program;
+
+const POINTS: &str = "format = 1\n[[point]]\nnominal = 0.5\ngain = 10.1718\ntime_constant_s = 0.1076554\n\
+                      [[point]]\nnominal = 0.65\ngain = 16.1063\ntime_constant_s = 0.0707839\n";
+
+/// Runs the program in `folder`; gives what it prints.
+fn run(folder: &Path, arguments: &str) -> String {
+    let output = program().current_dir(folder).args(arguments.split(' ')).output().unwrap();
+    assert!(output.status.success(), "{arguments}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// An experiment on an actuator with this `[[effect]]`.
+fn stand(folder: &Path, effect: &str) {
+    let mut plan = "format = 1\nname = \"stand\"\nseed = 3\nloop_rate_hz = 200\nsample_rate_hz = 200\n".to_owned();
+    plan += "[noise]\nsigma_n = 0.01\n";
+    for nominal in ["0.5", "0.65"] {
+        plan += &format!(
+            "[[record]]\nnominal = {nominal}\nexcitation = \"multisine\"\namplitude = 0.05\nlines = 150\nperiods = 3\n\
+             [[record]]\nnominal = {nominal}\nexcitation = \"square\"\namplitude = 0.05\nhalf_period_s = 5\nperiods = 3\n"
+        );
+    }
+    fs::write(folder.join("plan.toml"), plan).unwrap();
+    fs::write(folder.join("model.toml"), format!("{POINTS}{effect}")).unwrap();
+    run(folder, "simulate --model model.toml --plan plan.toml --out stand");
+}
+
+fn json(folder: &Path, file: &str) -> Value {
+    serde_json::from_str(&fs::read_to_string(folder.join(file)).unwrap()).unwrap()
+}
+
+#[test]
+fn an_actuator_with_a_slew_limit_is_not_sped_up_and_it_is_said_why() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    stand(folder, "[[effect]]\nkind = \"slew_limit\"\n[effect.parameters]\nrate_per_s = 0.6\n");
+    let said = run(
+        folder,
+        "diagnose stand --redesign --out-compensator c.toml --out-plan next.toml --figures figures --json out.json",
+    );
+    for part in [
+        "Missing in the model: slew-rate limit.",
+        "Redesign: refused at an amplitude of 0.05.",
+        "change faster than the 0.5",
+        "no filter can make it",
+        "Nothing is written to c.toml",
+    ] {
+        assert!(said.contains(part), "no \"{part}\" in\n{said}");
+    }
+    assert!(!folder.join("c.toml").exists());
+    let found = json(folder, "out.json");
+    assert_eq!(found["redesign"]["verdict"], "refused");
+    let point = &found["redesign"]["points"][1];
+    let limit = &point["limits"][0];
+    let number = |value: &Value| value.as_f64().unwrap_or_else(|| panic!("{value} in {found:#}"));
+    assert_eq!(limit["kind"], "slew_limit");
+    // Where 0.05 omega |C(j omega)| passes the rate that was hidden; before the lead does anything this is 0.6 / 0.05.
+    assert!((8.0..12.0).contains(&number(&limit["passed_from_rad_s"])), "{limit}");
+    assert!(number(&point["chain_rad_s"]) < 0.2 * number(&point["compensated_rad_s"]), "{point}");
+    // A lead that is small enough for the limit is designed, and written.
+    let said = run(folder, "diagnose stand --redesign --at-amplitude 0.001 --out-compensator c.toml");
+    assert!(said.contains("Redesign: zero 14.1") && said.contains("Written to c.toml"), "{said}");
+    assert!(folder.join("c.toml").is_file());
+    // The figures have names, units and no empty picture.
+    for (figure, words) in [
+        ("where", &["frequency, Hz", "u_nom", "0.65"][..]),
+        ("candidates", &["slew_limit (named)", "log likelihood"]),
+        ("gap", &["u065_multisine.csv", "percent", "noise alone"]),
+        ("residual", &["time in the record, s", "measured less simulated, N"]),
+    ] {
+        let svg = fs::read_to_string(folder.join("figures").join(format!("{figure}.svg"))).unwrap();
+        for word in words {
+            assert!(svg.contains(word), "{figure}: no {word}");
+        }
+        let csv = fs::read_to_string(folder.join("figures").join(format!("{figure}.csv"))).unwrap();
+        let columns = csv.lines().next().unwrap().split(',').count();
+        assert!(csv.lines().count() > 1 && csv.lines().all(|line| line.split(',').count() == columns), "{csv}");
+    }
+}
+
+#[test]
+fn where_nothing_is_missing_the_redesign_is_what_design_and_bandwidth_give() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    stand(folder, "");
+    let said = run(
+        folder,
+        "diagnose stand --redesign --out-model m.toml --out-compensator c.toml --out-plan next.toml --json out.json",
+    );
+    assert!(said.contains("Nothing is open: no plan is written"), "{said}");
+    run(folder, "design --model m.toml --out d.toml");
+    assert_eq!(fs::read(folder.join("c.toml")).unwrap(), fs::read(folder.join("d.toml")).unwrap());
+    run(folder, "bandwidth --model m.toml --json bandwidth.json");
+    let redesign = json(folder, "out.json")["redesign"].take();
+    let points = json(folder, "bandwidth.json")["points"].take();
+    for (ours, theirs) in redesign["points"].as_array().unwrap().iter().zip(points.as_array().unwrap()) {
+        for key in ["nominal", "uncompensated_rad_s", "compensated_rad_s"] {
+            let [a, b] = [ours, theirs].map(|point| point[key].as_f64().unwrap());
+            assert!((a / b - 1.0).abs() < 1e-12, "{key}: {a} and {b}");
+        }
+    }
+    assert_eq!(points.as_array().unwrap().len(), 2);
+}
+
+#[test]
+fn options_that_lack_what_they_are_about_are_wrong_use() {
+    for (arguments, words) in [
+        ("diagnose", &["rotorlead diagnose DIR", "--bandwidths TABLE --model MODEL"][..]),
+        ("diagnose stand --omega-g 100", &["add --redesign"]),
+        ("diagnose stand --out-compensator c.toml", &["--redesign"]),
+        ("diagnose --bandwidths t.csv --model m.toml --redesign", &["DIR"]),
+    ] {
+        let output = program().args(arguments.split(' ')).output().unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{arguments}: {said}");
+        for word in words {
+            assert!(said.contains(word), "{arguments}: no {word} in\n{said}");
+        }
+    }
+}

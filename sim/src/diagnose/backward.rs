@@ -1,0 +1,72 @@
+//! A residual run backward through the lag: what each moment of the command had to do with it.
+//!
+//! With the white residual `z` and the filter `F` from command to white response, the inner product of `z` with the white
+//! response to any signal `x` is `sum x_n g_n`, where `g` is the inverse transform of `conj(F) z`. Signals that are functions of
+//! time or of the command then have their products in one transform.
+
+use std::f64::consts::TAU;
+
+use num_complex::Complex64;
+use rustfft::FftPlanner;
+
+use super::fit::residual;
+use super::hypothesis::Hypothesis;
+use super::trial::{Purpose, Stretch, Trial, Trials};
+
+/// The residual of one record, run backward.
+pub(super) struct Backward<'a> {
+    /// The stretch that it is of: what is fitted, or else what is held out.
+    pub stretch: &'a Stretch,
+    /// `g`, by row of the stretch, for a signal that is an impulse at each row: of unit area times its number, command times
+    /// seconds.
+    pub g: Vec<f64>,
+    /// Inner products of the white responses to two such impulses, by the rows between them.
+    pub lags: Vec<f64>,
+}
+
+impl<'a> Backward<'a> {
+    /// Through the lag of the record behind a delay.
+    pub fn of(trials: &Trials, trial: &'a Trial, hypothesis: &Hypothesis, delay_s: f64) -> Option<Self> {
+        let purpose = trial.stretches.first()?.purpose;
+        let stretch = trial.stretches.iter().find(|stretch| stretch.purpose == purpose)?;
+        let white = residual(trials, trial, hypothesis, purpose)?;
+        let rows = stretch.rows.len();
+        let lag = &hypothesis.base[trial.point];
+        let weights = stretch.whitening.weights();
+        // The rate of rows turns an impulse of unit area into its samples.
+        let filter = |line: usize| {
+            let omega = TAU * line as f64 * trial.rate_hz / rows as f64;
+            let response = Complex64::cis(-omega * delay_s) / Complex64::new(1.0, omega * lag.time_constant_s);
+            response * (lag.gain * weights[line] * trial.rate_hz)
+        };
+        let mut g = vec![Complex64::ZERO; rows];
+        let mut lags = vec![Complex64::ZERO; rows];
+        for (index, z) in white.iter().enumerate().take(rows / 2) {
+            let line = index + 1;
+            let filter = filter(line);
+            // Half to either side of the mirror.
+            g[line] = 0.5 * filter.conj() * z;
+            g[rows - line] = g[line].conj();
+            lags[line] = Complex64::from(0.5 * filter.norm_sqr());
+            lags[rows - line] = lags[line];
+        }
+        let inverse = FftPlanner::new().plan_fft_inverse(rows);
+        inverse.process(&mut g);
+        inverse.process(&mut lags);
+        let real = |all: Vec<Complex64>| all.into_iter().map(|value| value.re).collect();
+        Some(Self { stretch, g: real(g), lags: real(lags) })
+    }
+
+    /// Whether it is of what is fitted.
+    pub fn is_fitted(&self) -> bool {
+        self.stretch.purpose == Purpose::Fit
+    }
+}
+
+/// The command told at each row of a stretch, and before the first.
+pub(super) fn told(trial: &Trial, stretch: &Stretch) -> (f64, Vec<f64>) {
+    let at = |row: usize| trial.told[row * trial.told_per_row];
+    let first = stretch.rows.start;
+    let before = if first > 0 { at(first - 1) } else { trial.nominal };
+    (before, stretch.rows.clone().map(at).collect())
+}

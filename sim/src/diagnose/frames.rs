@@ -1,0 +1,312 @@
+//! Frames of an ESC that nothing ties to the rows: how often they come, and where they lie in each record.
+//!
+//! A change `du_n` of the command at `t_n` waits for the next frame, by `d_n` of up to one frame `T`. The mean over where the
+//! frames may lie is a wait of `T / 2`, and what the true frames do beyond is, to first order in the wait,
+//!
+//! ```text
+//! dy(t) = -sum_n du_n h(t - t_n) (d_n - T/2),    d_n - T/2 = -(T/pi) sum_k sin(2 pi k (phi - f t_n)) / k
+//! ```
+//!
+//! with `h` the impulse response of the lag behind a delay of `T / 2`, `f = 1 / T` and `phi` the part of a frame from the first
+//! command to the first frame. The inner product of a residual with the first term of the sawtooth is the Fourier transform of
+//! `du_n g_n` at `f`, `g` being the residual run backward through `h`; so one transform per record shows all rates at once,
+//! and its angle the phase. Records with many changes are summed up by how much each would gain; all of
+//! them, with all of the sawtooth, decide around the best.
+
+use std::f64::consts::{PI, TAU};
+
+use num_complex::Complex64;
+use rayon::prelude::*;
+use rustfft::FftPlanner;
+
+use super::backward::{Backward, told};
+use super::fit::{Fit, misfit, residual};
+use super::hypothesis::{Candidate, Hypothesis};
+use super::trial::{Purpose, Stretch, Trial, Trials};
+use crate::plant::Catalog;
+use crate::plant::effect::Kind;
+
+/// Place of the phase among the values of the kind.
+pub(super) const PHASE: usize = 1;
+/// The rate is looked for within this factor of the one that half a frame of delay tells.
+const NEAR: f64 = 1.5;
+/// Offsets at which a phase is tried once more.
+const PHASE_OFFSETS: [f64; 9] = [0.0, -0.05, 0.05, -0.12, 0.12, -0.22, 0.22, -0.37, 0.37];
+/// How far around the best of these a parabola is laid, twice.
+const PHASE_WIDTHS: [f64; 2] = [0.025, 0.01];
+/// How often a known rate is polished, with half the width each time.
+const POLISHES: usize = 3;
+/// Where all of the sawtooth is tried, in standard deviations of the rate by its first term.
+const WIDTHS: [f64; 4] = [-2.0, -1.0, 1.0, 2.0];
+/// Peaks that are tried so.
+const PEAKS: usize = 5;
+/// A record with no more changes of the command than this has them far between.
+const FEW: usize = 64;
+/// Phases at which frames are tried where changes are few.
+const EDGE_PHASES: u32 = 24;
+/// Rates per line of a record's transform.
+const FINER: usize = 4;
+/// The sum of squares that a rate has to gain beyond two per record: chance gains that once in thousands of experiments.
+const LEAST_GAIN: f64 = 30.0;
+
+/// Whether a kind has frames.
+pub(super) fn has_frames(kind: &Kind) -> bool {
+    kind.id == "esc_frame_hold"
+}
+
+/// Two delays whose mean is what frames of this rate do where they may lie anywhere: a wait that is uniform over a frame. The
+/// points are Gauss's, right up to the third power of frequency over rate.
+pub(super) fn mean_waits(frame_hz: f64) -> Option<[Candidate; 2]> {
+    let delay = Catalog::standard().find("transport_delay")?;
+    let to_side = 1.0 / 12.0_f64.sqrt();
+    let frame_s = if frame_hz.is_finite() { 1.0 / frame_hz } else { 0.0 };
+    Some([0.5 - to_side, 0.5 + to_side].map(|part| Candidate::new(delay, vec![part * frame_s])))
+}
+
+/// What the rows of a record say of frames of every rate.
+struct Spectrum {
+    place: usize,
+    is_fitted: bool,
+    /// Changes of the command, where they are few and far between; else empty.
+    edges: Vec<Edge>,
+    rate_hz: f64,
+    /// Transform of `du_n g_n`, from rate 0 on, in steps of `rate_hz / product.len()`.
+    product: Vec<Complex64>,
+    /// Sum of squares of the white `h * (du e^(-2 pi j f t))`, in the same steps.
+    power: Vec<f64>,
+    /// Seconds from the first command to the first row of the transform.
+    begin_s: f64,
+}
+
+/// The hypothesis of `fit` with the rate and the phases of the frames of its `effect`. `None` where the records do not show
+/// them.
+pub(super) fn find(trials: &Trials, fit: &Fit, effect: usize) -> Option<Hypothesis> {
+    let about_hz = fit.hypothesis.effects[effect].values[0];
+    if !about_hz.is_finite() {
+        return None;
+    }
+    let spectra: Vec<Spectrum> =
+        trials.trials.iter().filter_map(|trial| Spectrum::of(trials, trial, &fit.hypothesis, 0.5 / about_hz)).collect();
+    // The few changes of a square wave fit frames of many rates, a multisine's many fit one: together they tell.
+    let fitted = || spectra.iter().filter(|spectrum| spectrum.is_fitted);
+    let records = fitted().count();
+    let step_hz =
+        fitted().map(|spectrum| spectrum.rate_hz / spectrum.product.len() as f64).fold(f64::INFINITY, f64::min);
+    let nyquist_hz = fitted().map(|spectrum| 0.5 * spectrum.rate_hz).fold(f64::INFINITY, f64::min);
+    let gain = |hz: f64| fitted().map(|spectrum| spectrum.gain(hz)).sum::<f64>();
+    let (low, high) = (about_hz / NEAR, (about_hz * NEAR).min(nyquist_hz));
+    let steps = ((high - low) / step_hz).max(0.0) as u32;
+    let at = |step: u32| low + f64::from(step) * step_hz;
+    let gains: Vec<f64> = (0..steps).into_par_iter().map(|step| gain(at(step))).collect();
+    let is_peak = |step: &usize| {
+        let beside = |other: Option<&f64>| other.is_none_or(|other| *other <= gains[*step]);
+        beside(step.checked_sub(1).and_then(|below| gains.get(below))) && beside(gains.get(step + 1))
+    };
+    let mut peaks: Vec<usize> = (0..gains.len()).filter(is_peak).collect();
+    peaks.sort_by(|a, b| gains[*b].total_cmp(&gains[*a]));
+    peaks.truncate(PEAKS);
+    if gains[*peaks.first()?] - 2.0 * (records as f64) < LEAST_GAIN {
+        return None;
+    }
+    // Now with all of the sawtooth and the whole chain: the peaks, and then a few of the best one's widths.
+    let judge = |hz: f64| {
+        let hypothesis = placed(trials, fit, effect, &spectra, hz);
+        misfit(trials, &hypothesis, Purpose::Fit).map(|left| (left, hz, hypothesis))
+    };
+    let peaks = peaks.into_iter().filter_map(|peak| judge(at(peak as u32)));
+    let peak = peaks.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let near_hz = peak.1;
+    let curvature = (gain(near_hz - step_hz) - 2.0 * gain(near_hz) + gain(near_hz + step_hz)) / (step_hz * step_hz);
+    let width_hz = if curvature < 0.0 { (2.0 / -curvature).sqrt().min(step_hz) } else { step_hz };
+    let mut judged: Vec<_> = WIDTHS.iter().filter_map(|widths| judge(near_hz + widths * width_hz)).collect();
+    judged.push(peak);
+    judged.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (best, best_hz) = judged.first().map(|best| (best.0, best.1))?;
+    let beside_hz = 0.5 * width_hz;
+    let (below, above) = (judge(best_hz - beside_hz)?, judge(best_hz + beside_hz)?);
+    let bend = (below.0 - 2.0 * best + above.0) / (beside_hz * beside_hz);
+    let std_hz = if bend > 0.0 { (2.0 / bend).sqrt() } else { width_hz };
+    let top_hz = best_hz - if bend > 0.0 { 0.5 * (above.0 - below.0) / beside_hz / bend } else { 0.0 };
+    judged.extend([below, above]);
+    judged.extend(judge(top_hz.clamp(best_hz - width_hz, best_hz + width_hz)));
+    let (_, hz, mut hypothesis) = judged.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
+    hypothesis.effects[effect].rate_std = std_hz / hz;
+    Some(hypothesis)
+}
+
+/// The rate and the phases once more, beside what `fit` has found with them.
+pub(super) fn polish(trials: &Trials, fit: &Fit, effect: usize) -> Option<Hypothesis> {
+    let known = &fit.hypothesis.effects[effect];
+    let (near_hz, mut width_hz) = (known.values[0], 2.0 * known.rate_std * known.values[0]);
+    let judge = |hz: f64| {
+        let mut hypothesis = fit.hypothesis.clone();
+        let frames = &mut hypothesis.effects[effect];
+        frames.values[0] = hz;
+        // What is in the middle of a record stays there.
+        for (trial, phase) in trials.trials.iter().zip(&mut frames.phases) {
+            let rows =
+                trial.stretches.first().map_or(0.0, |stretch| 0.5 * (stretch.rows.start + stretch.rows.end) as f64);
+            *phase += (hz - near_hz) * rows / trial.rate_hz;
+        }
+        let phases = trials.trials.par_iter().map(|trial| refined(trials, trial, hypothesis.clone(), effect, &[0.0]));
+        let phases = phases.collect();
+        hypothesis.effects[effect].phases = phases;
+        misfit(trials, &hypothesis, Purpose::Fit).map(|left| (left, hz, hypothesis))
+    };
+    let mut best = judge(near_hz)?;
+    for _ in 0..POLISHES {
+        let (below, above) = (judge(best.1 - width_hz)?, judge(best.1 + width_hz)?);
+        let bend = below.0 - 2.0 * best.0 + above.0;
+        let top = if bend > 0.0 { (0.5 * (below.0 - above.0) / bend).clamp(-1.0, 1.0) } else { 0.0 };
+        let rate_std = if bend > 0.0 { (2.0 / bend).sqrt() * width_hz / best.1 } else { known.rate_std };
+        let top = judge(best.1 + width_hz * top)?;
+        let candidates = [best, below, above, top];
+        best = candidates.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
+        best.2.effects[effect].rate_std = rate_std;
+        width_hz *= 0.5;
+    }
+    Some(best.2)
+}
+
+/// With frames of this rate, in each record where its rows leave least.
+fn placed(trials: &Trials, fit: &Fit, effect: usize, spectra: &[Spectrum], hz: f64) -> Hypothesis {
+    let mut hypothesis = fit.hypothesis.clone();
+    hypothesis.effects[effect].values[0] = hz;
+    hypothesis.effects[effect].phases = vec![0.0; trials.trials.len()];
+    for spectrum in spectra {
+        hypothesis.effects[effect].phases[spectrum.place] = spectrum.phase(hz);
+    }
+    let phase = |trial: &Trial| refined(trials, trial, hypothesis.clone(), effect, &PHASE_OFFSETS);
+    let phases: Vec<f64> = trials.trials.par_iter().map(phase).collect();
+    hypothesis.effects[effect].phases = phases;
+    hypothesis
+}
+
+/// The phase of one record near that of `hypothesis` where its rows leave least: the first term of the sawtooth is not all
+/// of it.
+fn refined(trials: &Trials, trial: &Trial, mut hypothesis: Hypothesis, effect: usize, offsets: &[f64]) -> f64 {
+    let begin = hypothesis.effects[effect].phases[trial.place];
+    let Some(purpose) = trial.stretches.first().map(|stretch| stretch.purpose) else { return begin };
+    let mut left_at = |phase: f64| {
+        hypothesis.effects[effect].phases[trial.place] = phase.rem_euclid(1.0);
+        let white = residual(trials, trial, &hypothesis, purpose);
+        white.map_or(f64::INFINITY, |white| white.iter().map(Complex64::norm_sqr).sum::<f64>())
+    };
+    let least =
+        |at: Vec<(f64, f64)>| at.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, begin));
+    let (mut left, mut phase) = least(offsets.iter().map(|offset| (left_at(begin + offset), begin + offset)).collect());
+    for width in PHASE_WIDTHS {
+        let (below, above) = (left_at(phase - width), left_at(phase + width));
+        let bend = below - 2.0 * left + above;
+        let top = if bend > 0.0 { (0.5 * (below - above) / bend).clamp(-1.0, 1.0) } else { 0.0 };
+        let top = phase + width * top;
+        (left, phase) = least(vec![(left, phase), (below, phase - width), (above, phase + width), (left_at(top), top)]);
+    }
+    phase.rem_euclid(1.0)
+}
+
+/// A change of the command that stands alone.
+struct Edge {
+    /// Seconds from the first row of the transform.
+    at_s: f64,
+    /// Inner product of the residual with the white response to a unit of wait less.
+    product: f64,
+    /// Sum of squares of that response.
+    power: f64,
+}
+
+impl Spectrum {
+    /// Of a record's fitted rows, or else of those held out: where the frames lie is a matter of the record.
+    fn of(trials: &Trials, trial: &Trial, hypothesis: &Hypothesis, delay_s: f64) -> Option<Self> {
+        let backward = Backward::of(trials, trial, hypothesis, delay_s)?;
+        let stretch = backward.stretch;
+        let rows = stretch.rows.len();
+        let changes = changes(trial, stretch);
+        let mut planner = FftPlanner::new();
+        let mut product = vec![Complex64::ZERO; FINER * rows];
+        for ((product, change), g) in product.iter_mut().zip(&changes).zip(&backward.g) {
+            *product = Complex64::from(change * g);
+        }
+        planner.plan_fft_forward(product.len()).process(&mut product);
+        // Power at a rate: transform over the lags of the changes' and the filter's autocorrelations.
+        let mut spectrum: Vec<Complex64> = changes.iter().map(|change| Complex64::from(*change)).collect();
+        planner.plan_fft_forward(rows).process(&mut spectrum);
+        spectrum.iter_mut().for_each(|line| *line = Complex64::from(line.norm_sqr() / rows as f64));
+        planner.plan_fft_inverse(rows).process(&mut spectrum);
+        spectrum.iter_mut().zip(&backward.lags).for_each(|(lags, filter)| *lags *= *filter);
+        planner.plan_fft_forward(rows).process(&mut spectrum);
+        let told = changes.iter().enumerate().filter(|(_, change)| **change != 0.0);
+        let edges: Vec<Edge> = told
+            .map(|(row, change)| Edge {
+                at_s: row as f64 / trial.rate_hz,
+                product: change * backward.g[row],
+                power: change * change * backward.lags[0],
+            })
+            .collect();
+        Some(Self {
+            place: trial.place,
+            is_fitted: backward.is_fitted(),
+            rate_hz: trial.rate_hz,
+            product,
+            power: spectrum.iter().map(|line| line.re.max(0.0)).collect(),
+            begin_s: stretch.rows.start as f64 / trial.rate_hz,
+            edges: if edges.len() <= FEW { edges } else { Vec::new() },
+        })
+    }
+
+    fn product_at(&self, hz: f64) -> Complex64 {
+        let place = hz / self.rate_hz * self.product.len() as f64;
+        // Between lines of the padded transform it is nearly straight, once the turn of the rows' middle is taken out.
+        let middle = 0.5 * (self.product.len() / FINER) as f64 / self.rate_hz;
+        let turned = |index: usize| {
+            let line_hz = index as f64 * self.rate_hz / self.product.len() as f64;
+            self.product[index.min(self.product.len() - 1)] * Complex64::cis(TAU * line_hz * middle)
+        };
+        let (below, part) = (place.floor() as usize, place.fract());
+        (turned(below) * (1.0 - part) + turned(below + 1) * part) * Complex64::cis(-TAU * hz * middle)
+    }
+
+    fn power_at(&self, hz: f64) -> f64 {
+        let place = (hz / self.rate_hz * self.power.len() as f64).round() as usize;
+        self.power[place.min(self.power.len() - 1)]
+    }
+
+    /// By how much frames of this rate would lower the sum of squares, wherever they lie.
+    fn gain(&self, hz: f64) -> f64 {
+        if !self.edges.is_empty() {
+            return (0..EDGE_PHASES).map(|phase| self.edge_gain(hz, phase)).fold(f64::NEG_INFINITY, f64::max);
+        }
+        let size = 1.0 / (PI * hz);
+        2.0 * size * self.product_at(hz).norm() - 0.5 * size * size * self.power_at(hz)
+    }
+
+    /// The same by all of the sawtooth, with the first frame at one of so many phases.
+    fn edge_gain(&self, hz: f64, phase: u32) -> f64 {
+        let of = |edge: &Edge| {
+            // The wait for the next frame beyond the mean one.
+            let frames = f64::from(phase) / f64::from(EDGE_PHASES) - hz * edge.at_s;
+            let beyond_s = (frames - frames.floor() - 0.5) / hz;
+            -2.0 * beyond_s * edge.product - beyond_s * beyond_s * edge.power
+        };
+        self.edges.iter().map(of).sum()
+    }
+
+    /// The part of a frame from the first command to the first frame.
+    fn phase(&self, hz: f64) -> f64 {
+        let gain = |phase: &u32| self.edge_gain(hz, *phase);
+        let of_edges = (0..EDGE_PHASES).max_by(|a, b| gain(a).total_cmp(&gain(b)));
+        let turns = match of_edges.filter(|_| !self.edges.is_empty()) {
+            Some(phase) => f64::from(phase) / f64::from(EDGE_PHASES),
+            // Im(e^(2 pi j phi) C) is largest where the angle is a quarter turn.
+            None => 0.25 - self.product_at(hz).arg() / TAU,
+        };
+        // The transform begins later than the record.
+        (turns + hz * self.begin_s).rem_euclid(1.0)
+    }
+}
+
+/// Changes of the command at each row of a stretch.
+fn changes(trial: &Trial, stretch: &Stretch) -> Vec<f64> {
+    let (mut before, told) = told(trial, stretch);
+    told.into_iter().map(|told| told - std::mem::replace(&mut before, told)).collect()
+}

@@ -1,0 +1,83 @@
+//! Grids of commands: which steps a residual speaks of, all at once.
+//!
+//! Rounding to a grid of step `q` adds to the command `-(q/pi) sum_k (-1)^(k+1) sin(2 pi k u / q) / k`, a function of the command
+//! alone. The inner product of a residual with the first term is `sum_n g_n sin(2 pi u_n / q)`, so with the products `g` gathered
+//! by command one transform shows all steps.
+
+use std::f64::consts::PI;
+
+use num_complex::Complex64;
+use rayon::prelude::*;
+use rustfft::FftPlanner;
+
+use super::backward::{Backward, told};
+use super::fit::Fit;
+use super::hypothesis::Candidate;
+use super::trial::Trials;
+use crate::plant::effect::Kind;
+
+/// Commands that are told apart, of the range 0..1 and as much again below and above: a tenth of the finest step.
+const BINS: usize = 1 << 17;
+/// The commands of the bins, from and width: limits of what an actuator is told.
+const FROM: f64 = -1.0;
+const WIDTH: f64 = 3.0;
+/// A command that changes less often than this does not go over a grid.
+const FEWEST_CHANGES: usize = 100;
+/// Steps that are looked at more closely.
+const STEPS: usize = 10;
+
+/// Whether a kind is a grid.
+pub(super) fn is_grid(kind: &Kind) -> bool {
+    kind.id == "command_quantization"
+}
+
+/// Steps that the residual of `fit` speaks of, the loudest first.
+pub(super) fn steps(trials: &Trials, fit: &Fit, kind: &'static Kind) -> Vec<Candidate> {
+    let Some((place, parameter)) = Candidate::searched(kind).next() else { return Vec::new() };
+    let gathered: Vec<(Vec<f64>, f64)> = trials
+        .trials
+        .par_iter()
+        .filter_map(|trial| {
+            let backward = Backward::of(trials, trial, &fit.hypothesis, 0.0).filter(Backward::is_fitted)?;
+            let told = told(trial, backward.stretch).1;
+            // The few levels of a square wave suit every other grid.
+            if told.windows(2).filter(|pair| pair[0] != pair[1]).count() < FEWEST_CHANGES {
+                return None;
+            }
+            let mut bins = vec![0.0; BINS];
+            for (told, g) in told.iter().zip(&backward.g) {
+                let bin = ((told - FROM) / WIDTH * BINS as f64) as usize;
+                // An impulse of a row's length.
+                bins[bin.min(BINS - 1)] += g / trial.rate_hz;
+            }
+            // Of a sinusoid in time whose power is spread evenly over the lines.
+            let power = 0.5 * backward.lags[0] / trial.rate_hz.powi(2) * backward.g.len() as f64;
+            Some((bins, power))
+        })
+        .collect();
+    let mut spectrum = vec![Complex64::ZERO; BINS];
+    for (bins, _) in &gathered {
+        spectrum.iter_mut().zip(bins).for_each(|(sum, bin)| *sum += bin);
+    }
+    let power: f64 = gathered.iter().map(|(_, power)| power).sum();
+    FftPlanner::new().plan_fft_forward(BINS).process(&mut spectrum);
+    let (least, most) = parameter.plausible;
+    // Line l has l steps over the width of the bins.
+    let lines = (WIDTH / most) as usize..(WIDTH / least) as usize;
+    let gain = |line: usize| {
+        let steps_per_unit = line as f64 / WIDTH;
+        // The bins begin below 0, and a bin's commands are on average in its middle.
+        let turned = spectrum[line] * Complex64::cis(-2.0 * PI * steps_per_unit * (FROM + 0.5 * WIDTH / BINS as f64));
+        let size = 1.0 / (PI * steps_per_unit);
+        // The transform has e^(-j x): its imaginary part is minus the product with the sine.
+        2.0 * size * turned.im - size * size * power
+    };
+    let mut gains: Vec<(f64, usize)> = lines.map(|line| (gain(line), line)).collect();
+    gains.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let candidate = |(_, line): &(f64, usize)| {
+        let mut values = kind.null();
+        values[place] = WIDTH / *line as f64;
+        Candidate::new(kind, values)
+    };
+    gains.iter().take(STEPS).map(candidate).filter(|candidate| (kind.check)(&candidate.values).is_ok()).collect()
+}

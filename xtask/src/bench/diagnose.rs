@@ -1,0 +1,179 @@
+//! `rotorlead diagnose` on whole experiments: what a case costs, and how that grows with the rows.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use serde_json::{Value, json};
+
+use super::process::{Cost, measure};
+use crate::run::{Result, cargo, root, run};
+
+/// Rows per second, and rows of a period of 10 s.
+const RATE_HZ: usize = 1000;
+const PERIOD_ROWS: usize = 10 * RATE_HZ;
+/// Runs of each case, of which the quickest counts; more rows than these are run once.
+const RUNS: usize = 3;
+const MANY_ROWS: usize = 500_000;
+/// Periods of a record: 12 records of three have 360 000 rows.
+const PERIODS: [usize; 3] = [3, 9, 30];
+
+/// The paper's points.
+const POINTS: [(f64, f64, f64); 6] = [
+    (0.40, 9.9955, 0.1593422),
+    (0.45, 10.4556, 0.1360100),
+    (0.50, 10.1718, 0.1076554),
+    (0.55, 10.9196, 0.1008776),
+    (0.60, 13.4519, 0.0851506),
+    (0.65, 16.1063, 0.0707839),
+];
+
+/// What is hidden in the actuator, as tables of a model.
+const HIDDEN: [(&str, &str); 3] = [
+    ("nothing", ""),
+    ("one effect", "[[effect]]\nkind = \"second_pole\"\n[effect.parameters]\ntime_constant_s = 0.012\n"),
+    (
+        "two effects",
+        "[[effect]]\nkind = \"dead_band\"\n[effect.parameters]\nwidth = 0.006\n\
+         [[effect]]\nkind = \"asymmetric_lag\"\n[effect.parameters]\nratio = 1.5\n",
+    ),
+];
+/// The case with which the rows grow.
+const GROWING: usize = 1;
+
+/// One case.
+#[derive(Clone, Debug)]
+struct Row {
+    hidden: &'static str,
+    rows: usize,
+    cost: Cost,
+    /// What was said, and what was named.
+    verdict: String,
+    named: Vec<String>,
+}
+
+/// All that was measured.
+#[derive(Debug)]
+struct Report(Vec<Row>);
+
+/// Measures, prints and writes.
+pub fn diagnose(json: Option<&str>) -> Result {
+    run(&mut cargo(&["build", "--release", "--package", "rotorlead-sim", "--bin", "rotorlead", "--locked"]))?;
+    let target =
+        std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), |folder| root().join(folder));
+    let tool = target.join("release").join(format!("rotorlead{}", std::env::consts::EXE_SUFFIX));
+    let folder = target.join("bench-diagnose");
+    let removed = || match std::fs::remove_dir_all(&folder) {
+        Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(format!("{}: {error}", folder.display())),
+        _ => Ok(()),
+    };
+    removed()?;
+    let report = measure_all(&tool, &folder);
+    // The files are large: they go whatever happened.
+    removed()?;
+    let report = Report(report?);
+    super::say(&report, &report.json(), json)
+}
+
+fn measure_all(tool: &Path, folder: &Path) -> Result<Vec<Row>> {
+    std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    let cases = (0..HIDDEN.len()).map(|hidden| (hidden, PERIODS[0]));
+    let growing = PERIODS[1..].iter().map(|periods| (GROWING, *periods));
+    cases.chain(growing).map(|(hidden, periods)| one(tool, folder, HIDDEN[hidden], periods)).collect()
+}
+
+fn one(tool: &Path, folder: &Path, (hidden, effects): (&'static str, &'static str), periods: usize) -> Result<Row> {
+    let rows = 2 * POINTS.len() * periods * PERIOD_ROWS;
+    let mut model = String::from("format = 1\n");
+    let mut plan = format!(
+        "format = 1\nname = \"speed\"\nseed = 1\nloop_rate_hz = {RATE_HZ}\nsample_rate_hz = {RATE_HZ}\n[noise]\nsigma_n = 0.02\n"
+    );
+    for (nominal, gain, tau_s) in POINTS {
+        model += &format!("[[point]]\nnominal = {nominal}\ngain = {gain}\ntime_constant_s = {tau_s}\n");
+        plan += &format!(
+            "[[record]]\nnominal = {nominal}\nexcitation = \"multisine\"\namplitude = 0.05\nlines = 150\nperiods = {periods}\n\
+             [[record]]\nnominal = {nominal}\nexcitation = \"square\"\namplitude = 0.05\nhalf_period_s = 5\nperiods = {periods}\n"
+        );
+    }
+    let write = |name: &str, text: &str| -> Result<PathBuf> {
+        let path = folder.join(name);
+        std::fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))?;
+        Ok(path)
+    };
+    let (model, plan) = (write("model.toml", &(model + effects))?, write("plan.toml", &plan)?);
+    let data = folder.join(format!("{}_{periods}", hidden.replace(' ', "_")));
+    let mut simulate = Command::new(tool);
+    simulate.arg("simulate").arg("--model").arg(model).arg("--plan").arg(plan).arg("--out").arg(&data);
+    run(simulate.stdout(Stdio::null()))?;
+    let mut quickest: Option<Cost> = None;
+    for _ in 0..if rows > MANY_ROWS { 1 } else { RUNS } {
+        let cost = measure(Command::new(tool).arg("diagnose").arg(&data).args(["--json", "-"]).stderr(Stdio::null()))?;
+        if quickest.as_ref().is_none_or(|best| cost.wall_s < best.wall_s) {
+            quickest = Some(cost);
+        }
+    }
+    std::fs::remove_dir_all(&data).map_err(|error| format!("{}: {error}", data.display()))?;
+    let cost = quickest.ok_or("nothing was run")?;
+    let found: Value = serde_json::from_str(&cost.output).map_err(|error| format!("rotorlead diagnose: {error}"))?;
+    let kinds = found["effects"].as_array().map(Vec::as_slice).unwrap_or_default().iter();
+    let named = kinds.filter_map(|effect| effect["kind"].as_str().map(str::to_owned)).collect();
+    let verdict = found["verdict"].as_str().unwrap_or_default().to_owned();
+    Ok(Row { hidden, rows, cost, verdict, named })
+}
+
+impl Report {
+    /// Rows, and wall time per row over that of the smallest size, of the case that grows.
+    fn growth(&self) -> Vec<(usize, f64)> {
+        let rows: Vec<&Row> = self.0.iter().filter(|row| row.hidden == HIDDEN[GROWING].0).collect();
+        let per_row = |row: &Row| row.cost.wall_s / row.rows as f64;
+        rows.iter().map(|row| (row.rows, per_row(row) / per_row(rows[0]))).collect()
+    }
+
+    fn json(&self) -> Value {
+        let rows = self.0.iter().map(|row| {
+            json!({
+                "hidden": row.hidden,
+                "rows": row.rows,
+                "wall_s": row.cost.wall_s,
+                "cpu_s": row.cost.cpu_s,
+                "peak_mib": row.cost.peak_mib,
+                "verdict": row.verdict,
+                "named": row.named,
+            })
+        });
+        let growth = self.growth().into_iter().map(|(rows, ratio)| json!({ "rows": rows, "time_per_row": ratio }));
+        json!({ "rows": rows.collect::<Vec<_>>(), "growth": growth.collect::<Vec<_>>() })
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        writeln!(f, "From CSV files to a diagnosis, the whole catalog, 12 records, {cores} cores")?;
+        writeln!(f, "(the quickest of {RUNS} runs; of more than {MANY_ROWS} rows one run)\n")?;
+        writeln!(
+            f,
+            "{:>9} {:<12} {:>8} {:>8} {:>9}  {:<13} named",
+            "rows", "hidden", "wall s", "cpu s", "peak MiB", "verdict"
+        )?;
+        let or_dash = |value: Option<f64>, digits: usize| {
+            value.map_or_else(|| String::from("-"), |value| format!("{value:.digits$}"))
+        };
+        for row in &self.0 {
+            writeln!(
+                f,
+                "{:>9} {:<12} {:>8.2} {:>8} {:>9}  {:<13} {}",
+                row.rows,
+                row.hidden,
+                row.cost.wall_s,
+                or_dash(row.cost.cpu_s, 1),
+                or_dash(row.cost.peak_mib, 0),
+                row.verdict,
+                row.named.join(", ")
+            )?;
+        }
+        let growth: Vec<String> =
+            self.growth().iter().map(|(rows, ratio)| format!("{ratio:.2} at {rows} rows")).collect();
+        writeln!(f, "\ntime per row over that of the smallest: {}", growth.join(", "))
+    }
+}

@@ -1,0 +1,29 @@
+//! The statistical claims at full count.
+
+use crate::run::{Result, cargo, run};
+
+/// Package, its target, and what the names of its tests contain: tests that are not run by default since they take from a minute to
+/// an hour, and that decide by counting what the documentation claims.
+const CLAIMS: [(&str, &[&str], &str); 7] = [
+    ("host-tests", &["--test", "parametric"], "full_count"),
+    ("host-tests", &["--test", "parametric"], "order_8_is_chosen"),
+    ("host-tests", &["--test", "frequency_response"], ""),
+    ("rotorlead-sim", &["--test", "alignment"], ""),
+    ("rotorlead-sim", &["--test", "static_map"], ""),
+    ("rotorlead-sim", &["--test", "steps"], "full_count"),
+    ("rotorlead-sim", &["--lib"], "frequency_response::"),
+];
+
+/// Runs all of them in release with what they print, the rest too where one fails.
+pub fn all() -> Result {
+    let mut failed = Vec::new();
+    for (package, target, name) in CLAIMS {
+        let mut test = cargo(&["test", "--release", "--locked", "--package", package]);
+        test.args(target).args(["--", "--ignored", "--nocapture", "--test-threads", "1"]);
+        if !name.is_empty() {
+            test.arg(name);
+        }
+        failed.extend(run(&mut test).err().map(|error| format!("{package} {} {name}: {error}", target.join(" "))));
+    }
+    if failed.is_empty() { Ok(()) } else { Err(failed.join("\n")) }
+}
