@@ -6,15 +6,16 @@
 //!
 //! | column | model | free |
 //! |---|---|---|
-//! | `rpm` beside `thrust_n` | the simulated speed, which is affine to revolutions | offset and slope |
+//! | `rpm` beside `thrust_n` | the simulated speed | a parabola of it: thrust is the square of the revolutions, more or less |
 //! | `voltage_v` | the supply's voltage over that without load: 1 without an effect on the supply | the voltage without load |
 //!
 //! What is free is projected out, so a column says nothing of the gain of the response, and a model without a supply is not to
 //! blame for the level of its voltage. The current is not used: no effect says it without the voltage.
 
+use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
 
-use super::log::{Correlation, Filter};
+use super::log::{Errors, Filter};
 use super::trial::{Purpose, Trial};
 use super::whitening::{NoiseDensity, Whitening};
 use crate::plant::Trace;
@@ -49,7 +50,7 @@ pub(super) struct Channel {
     /// Of each stretch of a record that repeats.
     stretches: Vec<Whitening>,
     /// Of a record that does not.
-    correlation: Correlation,
+    errors: Errors,
     fitted: Filter,
     held_out: Filter,
 }
@@ -66,7 +67,7 @@ pub(super) fn channels(record: &Record, output: Output, rows: std::ops::Range<us
             column,
             measured,
             stretches: Vec::new(),
-            correlation: Correlation::white(1.0),
+            errors: Errors::default(),
             fitted: Filter::default(),
             held_out: Filter::default(),
         })
@@ -83,7 +84,12 @@ impl Channel {
     fn predicted(&self, trace: &Trace) -> Vec<Vec<f64>> {
         let rows = self.measured.len();
         match self.column {
-            Column::Speed => vec![vec![1.0; rows], trace.speed.clone()],
+            Column::Speed => {
+                let mean = trace.speed.iter().sum::<f64>() / rows.max(1) as f64;
+                let deviation: Vec<f64> = trace.speed.iter().map(|speed| speed - mean).collect();
+                let squares = deviation.iter().map(|deviation| deviation * deviation).collect();
+                vec![vec![1.0; rows], deviation, squares]
+            }
             Column::Voltage if trace.voltage_v.is_empty() => vec![vec![1.0; rows]],
             Column::Voltage => vec![trace.voltage_v.clone()],
         }
@@ -91,10 +97,8 @@ impl Channel {
 
     /// The white values of a purpose.
     fn whitened(&self, trial: &Trial, purpose: Purpose, values: &[f64]) -> Vec<Complex64> {
-        if let Some(log) = &trial.log {
-            let filter = if purpose == Purpose::Fit { &self.fitted } else { &self.held_out };
-            let taken: Vec<f64> = log.rows(purpose).map(|(row, _)| values[row]).collect();
-            return filter.apply(&taken).into_iter().map(Complex64::from).collect();
+        if trial.log.is_some() {
+            return self.of(purpose).apply(values).into_iter().map(Complex64::from).collect();
         }
         let stretches = trial.stretches.iter().zip(&self.stretches).filter(|(stretch, _)| stretch.purpose == purpose);
         stretches.flat_map(|(stretch, whitening)| whitening.apply(&values[stretch.rows.clone()])).collect()
@@ -106,55 +110,55 @@ impl Channel {
         let columns = self.predicted(trace);
         let white: Vec<Vec<Complex64>> = columns.iter().map(|column| self.whitened(trial, purpose, column)).collect();
         let measured = self.whitened(trial, purpose, &self.measured);
-        let (first, right) = (dot(&white[0], &white[0]), dot(&white[0], &measured));
-        let factors = match white.get(1) {
-            None => vec![if first > 0.0 { right / first } else { 0.0 }],
-            Some(other) => {
-                let (both, second, own) = (dot(&white[0], other), dot(other, other), dot(other, &measured));
-                let determinant = first * second - both * both;
-                if determinant > 1e-12 * first * second {
-                    vec![(second * right - both * own) / determinant, (first * own - both * right) / determinant]
-                } else {
-                    // A spectrum leaves the mean out, so an offset has no column there.
-                    vec![0.0, if second > 0.0 { own / second } else { 0.0 }]
-                }
-            }
-        };
+        // Each column over its length: those of a record that does not move, or of which a spectrum leaves the mean out, say
+        // nothing.
+        let lengths: Vec<f64> = white.iter().map(|column| dot(column, column).sqrt()).collect();
+        let scale = |index: usize| if lengths[index] > 0.0 { lengths[index].recip() } else { 0.0 };
+        let count = columns.len();
+        let matrix = DMatrix::from_fn(count, count, |i, j| dot(&white[i], &white[j]) * scale(i) * scale(j));
+        let right = DVector::from_fn(count, |i, _| dot(&white[i], &measured) * scale(i));
+        let solution = matrix.svd(true, true).solve(&right, 1e-9).unwrap_or_else(|_| DVector::zeros(count));
+        let factors: Vec<f64> = solution.iter().enumerate().map(|(index, factor)| factor * scale(index)).collect();
         let sum = |row: usize| columns.iter().zip(&factors).map(|(column, factor)| factor * column[row]).sum();
         (0..self.measured.len()).map(sum).collect()
     }
 
     /// The white residual of a purpose.
     pub fn white(&self, trial: &Trial, purpose: Purpose, trace: &Trace) -> Vec<Complex64> {
+        self.whitened(trial, purpose, &self.left(trial, trace))
+    }
+
+    fn of(&self, purpose: Purpose) -> &Filter {
+        if purpose == Purpose::Fit { &self.fitted } else { &self.held_out }
+    }
+
+    /// Of a record that does not repeat, minus twice the log likelihood over the rows of a purpose, with the errors that are left
+    /// there.
+    pub fn surprise(&self, trial: &Trial, purpose: Purpose, trace: &Trace) -> f64 {
+        self.of(purpose).surprise(&self.left(trial, trace))
+    }
+
+    fn left(&self, trial: &Trial, trace: &Trace) -> Vec<f64> {
         let nearest = self.nearest(trial, trace);
-        let left: Vec<f64> = self.measured.iter().zip(nearest).map(|(measured, model)| measured - model).collect();
-        self.whitened(trial, purpose, &left)
+        self.measured.iter().zip(nearest).map(|(measured, model)| measured - model).collect()
     }
 
     /// Makes its filters anew for what the trial's groups are for.
     pub fn assign(&mut self, trial: &Trial) {
         let Some(log) = &trial.log else { return };
-        let filter = |purpose| Filter::new(self.correlation, &log.seen(purpose, &trial.time_s, false));
+        let filter = |purpose| log.filter(self.errors, purpose, false);
         (self.fitted, self.held_out) = (filter(Purpose::Fit), filter(Purpose::HeldOut));
     }
 
     /// Takes the noise from what a model leaves.
     pub fn weigh(&mut self, trial: &Trial, trace: &Trace) {
-        let model = self.nearest(trial, trace);
-        let left: Vec<f64> = self.measured.iter().zip(&model).map(|(measured, model)| measured - model).collect();
         if let Some(log) = &trial.log {
-            let purpose = if log.has(Purpose::Fit) { Purpose::Fit } else { Purpose::HeldOut };
-            let rows: Vec<usize> = log.rows(purpose).map(|(row, _)| row).collect();
-            let of = |values: &[f64]| rows.iter().map(|&row| values[row]).collect::<Vec<f64>>();
-            let left = of(&left);
-            let mean = left.iter().sum::<f64>() / left.len().max(1) as f64;
-            let left: Vec<f64> = left.iter().map(|left| left - mean).collect();
-            let spread = (left.iter().map(|left| left * left).sum::<f64>() / left.len().max(1) as f64).sqrt();
-            let seen = log.seen(purpose, &trial.time_s, false);
-            self.correlation = Correlation::of(&seen, &left, 1e-4 * spread.max(1e-12), 0.0);
+            self.assign(trial);
+            self.errors = self.of(log.known_by()).errors_of(&self.left(trial, trace));
             self.assign(trial);
             return;
         }
+        let left = self.left(trial, trace);
         let long = trial.stretches.iter().find(|stretch| stretch.periods > 1).map(|stretch| stretch.rows.clone());
         let rows = long.unwrap_or(0..trial.periods() * trial.period_rows);
         let periods = rows.len() / trial.period_rows;

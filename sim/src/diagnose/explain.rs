@@ -10,7 +10,6 @@ use std::cmp::Ordering;
 
 use super::fit::{Fit, MOST_STEPS, Screening, fit, fit_in, misfit};
 use super::hypothesis::{Candidate, GRID, Hypothesis};
-use super::log::Folds;
 use super::scan::Scan;
 use super::trial::{Before, Purpose, Trial, Trials};
 use super::{frames, grid};
@@ -20,14 +19,11 @@ use crate::plant::effect::Kind;
 
 /// Most effects that are named.
 const MOST_EFFECTS: usize = 3;
-const MOST_EFFECTS_OF_LOGS: usize = 4;
-/// Steps of a search on logs, whose misfit is of models and not of noise: the last digits mean nothing.
-const MOST_STEPS_OF_LOGS: usize = 12;
 /// An effect is named for at least this worth: with 17 kinds to choose from, and two values each, noise alone gives as much
 /// once in thousands of experiments.
-const LEAST_WORTH: f64 = 10.0;
+pub(super) const LEAST_WORTH: f64 = 10.0;
 /// Kinds within this of the best are told apart by chance only.
-const ALIKE: f64 = 5.0;
+pub(super) const ALIKE: f64 = 5.0;
 /// How many kinds are fitted after the screening, and from which share of the best gain on.
 const MOST_FITTED: usize = 7;
 const PROMISING: f64 = 0.2;
@@ -36,7 +32,7 @@ const PROMISED: f64 = 0.7;
 /// Starts that are followed of one kind.
 const MOST_STARTS: usize = 2;
 /// Steps after which the kinds are compared; after these so many go on, and all that are close.
-const FIRST_STEPS: usize = 3;
+pub(super) const FIRST_STEPS: usize = 3;
 /// How often the screening halves the distance to the neighbors of the best start.
 const CLOSER_LOOKS: usize = 3;
 const MOST_FINISHED: usize = 3;
@@ -69,11 +65,6 @@ impl Tried {
 
 /// The decay at the begin of a record that `hypothesis` leaves, and what it leaves beside that and an offset.
 fn aligned(all: &Trials, trial: &Trial, hypothesis: &Hypothesis) -> Option<(f64, Vec<f64>)> {
-    if let Some(log) = &trial.log {
-        let difference = hypothesis.difference(all, trial)?;
-        let free = log.free(&difference, &trial.time_s, hypothesis.base[trial.point].time_constant_s);
-        return Some((0.0, difference.iter().zip(free).map(|(left, free)| left - free).collect()));
-    }
     let rows = trial.end_of(None);
     let simulated = hypothesis.simulate(all, trial, rows).ok()?;
     let (time_s, measured) = (&trial.time_s[..rows], &trial.measured[..rows]);
@@ -84,14 +75,8 @@ fn aligned(all: &Trials, trial: &Trial, hypothesis: &Hypothesis) -> Option<(f64,
     Some((start, measured.iter().zip(moved).map(|(y, model)| y - model).collect()))
 }
 
-/// Kinds that are as good as the first.
-fn alike(tried: &[Tried]) -> Vec<&'static Kind> {
-    let others = tried.iter().skip(1);
-    others.filter(|other| tried[0].worth() - other.worth() < ALIKE).map(|other| other.kind).collect()
-}
-
 /// The most valuable first.
-fn by_worth(a: &Tried, b: &Tried) -> Ordering {
+pub(super) fn by_worth(a: &Tried, b: &Tried) -> Ordering {
     b.worth().total_cmp(&a.worth())
 }
 
@@ -131,7 +116,7 @@ pub(super) struct Search<'a> {
 
 impl Search<'_> {
     /// Takes the noise from what `fit` leaves and fits it again with that. Twice, since weights and fit depend on each other.
-    fn settle(&mut self, start: &Hypothesis, lags: bool) -> Option<Fit> {
+    pub fn settle(&mut self, start: &Hypothesis, lags: bool) -> Option<Fit> {
         let mut hypothesis = start.clone();
         for _ in 0..2 {
             self.weigh(&hypothesis);
@@ -144,22 +129,21 @@ impl Search<'_> {
     fn weigh(&mut self, hypothesis: &Hypothesis) {
         let all = self.trials.clone();
         for trial in &mut self.trials.trials {
-            if let Some((_, left)) = aligned(&all, trial, hypothesis) {
+            if trial.log.is_none()
+                && let Some((_, left)) = aligned(&all, trial, hypothesis)
+            {
                 trial.weigh(&left);
             }
-            if !trial.channels.is_empty()
-                && let Some(trace) = hypothesis.trace(&all, trial)
-            {
-                trial.weigh_channels(&trace);
-            }
+            // Impossible hypotheses never get here.
+            let _ = trial.weigh_by(&all, hypothesis);
         }
     }
 
     /// Takes mains hum out of all records.
-    fn take_hum_out(&mut self, base: &Hypothesis) -> Option<()> {
+    pub fn take_hum_out(&mut self, base: &Hypothesis) -> Option<()> {
         let lags = fit(&self.trials, base, true)?.hypothesis;
         let all = self.trials.clone();
-        for trial in &mut self.trials.trials {
+        for trial in self.trials.trials.iter_mut().filter(|trial| trial.log.is_none()) {
             if let Some((_, left)) = aligned(&all, trial, &lags) {
                 trial.take_hum_out(&left);
             }
@@ -168,9 +152,9 @@ impl Search<'_> {
     }
 
     /// Finds out what was before each record: that which leaves less of a decay at its begin.
-    fn tell_what_was_before(&mut self, hypothesis: &Hypothesis) {
+    pub fn tell_what_was_before(&mut self, hypothesis: &Hypothesis) {
         let all = self.trials.clone();
-        for trial in &mut self.trials.trials {
+        for trial in self.trials.trials.iter_mut().filter(|trial| trial.log.is_none()) {
             let decays = [Before::Rest, Before::Periods].map(|before| {
                 trial.before = before;
                 aligned(&all, trial, hypothesis).map_or(f64::INFINITY, |(decay, _)| decay.abs())
@@ -183,9 +167,7 @@ impl Search<'_> {
     fn tries(&self, from: &Fit, exclude: &[&'static Kind]) -> Vec<Tried> {
         let Some(screening) = Screening::new(&self.trials, from) else { return Vec::new() };
         let Some(scan) = Scan::new(&self.trials, from) else { return Vec::new() };
-        let folds = Folds::of(&self.trials, from);
         let kinds = self.catalog.kinds().filter(|kind| kind.id != "parameter_error" && !exclude.contains(kind));
-        let kinds = kinds.filter(|kind| self.trials.can_show(kind));
         let mut screened: Vec<(f64, Hypothesis, &'static Kind)> = Vec::new();
         for kind in kinds {
             screened.extend(self.screen(&screening, &scan, from, kind));
@@ -215,7 +197,7 @@ impl Search<'_> {
                 continue;
             }
             *followed += 1;
-            let Some(found) = self.attempt(from, None, &start, kind, FIRST_STEPS) else { continue };
+            let Some(found) = self.attempt(from, &start, kind, FIRST_STEPS) else { continue };
             match tried.iter_mut().find(|other| other.kind == kind) {
                 Some(other) if found.fitted_gain > other.fitted_gain => *other = found,
                 Some(_) => {}
@@ -226,19 +208,13 @@ impl Search<'_> {
         tried.sort_by(by_worth);
         let best = tried.first().map_or(0.0, Tried::worth);
         for (place, tried) in tried.iter_mut().enumerate() {
-            // Of logs every step is a search on each split too.
-            let is_close = !self.has_logs() && best - tried.worth() < MOST_FINISHED as f64 * ALIKE;
-            if place < MOST_FINISHED || is_close {
+            if place < MOST_FINISHED || best - tried.worth() < MOST_FINISHED as f64 * ALIKE {
                 let start = tried.fit.hypothesis.clone();
-                if let Some(finished) = self.attempt(from, Some(&folds), &start, tried.kind, self.most_steps()) {
+                if let Some(finished) = self.attempt(from, &start, tried.kind, MOST_STEPS) {
                     *tried = finished;
                 }
                 (self.progress)();
             }
-        }
-        if self.has_logs() {
-            // What was not finished was not judged by what is held out.
-            tried.truncate(MOST_FINISHED);
         }
         tried.sort_by(by_worth);
         // A hold whose frames do not show is, by all that is known, a delay.
@@ -254,7 +230,7 @@ impl Search<'_> {
 
     /// Starts of a kind with what they would leave. Around the best of a single value it looks closer: a limit is felt only
     /// where the commands are.
-    fn screen(
+    pub fn screen(
         &self,
         screening: &Screening,
         scan: &Scan,
@@ -278,7 +254,7 @@ impl Search<'_> {
         let valleys =
             if grid::is_grid(kind) { grid::steps(&self.trials, from, kind) } else { scan.valleys(kind, GRID) };
         let is_jumping = !valleys.is_empty();
-        look(&mut judged, if is_jumping { valleys } else { Candidate::starts(kind) });
+        look(&mut judged, if is_jumping { valleys } else { Candidate::starts(kind, self.trials.has_logs()) });
         if is_jumping {
             // Down into the lowest.
             for round in 0..VALLEY_LOOKS {
@@ -294,18 +270,10 @@ impl Search<'_> {
         judged.into_iter().map(|(left, _, moved)| (left, moved, kind)).collect()
     }
 
-    /// `folds` are the splits of records of which no part is held out for good; left out where a rough value will do.
-    fn attempt(
-        &self,
-        from: &Fit,
-        folds: Option<&Folds>,
-        start: &Hypothesis,
-        kind: &'static Kind,
-        most_steps: usize,
-    ) -> Option<Tried> {
+    fn attempt(&self, from: &Fit, start: &Hypothesis, kind: &'static Kind, most_steps: usize) -> Option<Tried> {
         let fit = fit_in(&self.trials, start, true, most_steps)?;
         let parameters = Candidate::searched(kind).count();
-        let mean = self.tried(from, folds, fit, kind, parameters);
+        let mean = self.tried(from, fit, kind, parameters);
         // Where the frames lie is looked for once their rate is about known.
         let anywhere = |effect: &Candidate| effect.kind == kind && effect.has_frames() && effect.phases.is_empty();
         let effect = mean.fit.hypothesis.effects.iter().position(anywhere).filter(|_| most_steps == MOST_STEPS);
@@ -314,17 +282,14 @@ impl Search<'_> {
             let fit = fit_in(&self.trials, &framed, true, most_steps)?;
             let fit = fit_in(&self.trials, &frames::polish(&self.trials, &fit, effect)?, true, most_steps)?;
             // A phase for each record, beside the rate.
-            Some(self.tried(from, folds, fit, kind, parameters + self.trials.trials.len()))
+            Some(self.tried(from, fit, kind, parameters + self.trials.trials.len()))
         });
         Some(framed.filter(|framed| framed.worth() > mean.worth()).unwrap_or(mean))
     }
 
-    fn tried(&self, from: &Fit, folds: Option<&Folds>, fit: Fit, kind: &'static Kind, parameters: usize) -> Tried {
-        let (fitted_gain, held_out_gain) =
-            folds.and_then(|folds| folds.gains(&fit.hypothesis, kind)).unwrap_or_else(|| {
-                let held_out_gain = self.held_out_gain(&from.hypothesis, &fit.hypothesis);
-                (0.5 * (from.misfit - fit.misfit), held_out_gain)
-            });
+    fn tried(&self, from: &Fit, fit: Fit, kind: &'static Kind, parameters: usize) -> Tried {
+        let fitted_gain = 0.5 * (from.misfit - fit.misfit);
+        let held_out_gain = self.held_out_gain(&from.hypothesis, &fit.hypothesis);
         Tried { kind, fit, fitted_gain, held_out_gain, parameters }
     }
 
@@ -337,35 +302,23 @@ impl Search<'_> {
         }
     }
 
-    /// A staircase goes through the whole range of a motor, where more shows than around one command.
-    fn most_effects(&self) -> usize {
-        if self.has_logs() { MOST_EFFECTS_OF_LOGS } else { MOST_EFFECTS }
-    }
-
-    fn most_steps(&self) -> usize {
-        if self.has_logs() { MOST_STEPS_OF_LOGS } else { MOST_STEPS }
-    }
-
-    fn has_logs(&self) -> bool {
-        self.trials.trials.iter().any(|trial| trial.log.is_some())
-    }
-
     /// Finds the effects.
     pub fn explain(&mut self, base: &Hypothesis) -> Option<Explanation> {
+        if self.trials.trials.iter().any(|trial| trial.log.is_some()) {
+            return self.explain_logs(base);
+        }
         self.tell_what_was_before(base);
         self.take_hum_out(base)?;
         let before = self.settle(base, true)?;
         let mut current = before.clone();
         let mut effects: Vec<Tried> = Vec::new();
         let mut first_tried = Vec::new();
-        let mut alternatives: Vec<Vec<&'static Kind>> = Vec::new();
-        while effects.len() < self.most_effects() {
+        while effects.len() < MOST_EFFECTS {
             let named: Vec<&'static Kind> = effects.iter().map(|effect| effect.kind).collect();
             let tried = self.tries(&current, &named);
             if effects.is_empty() {
                 first_tried.clone_from(&tried);
             }
-            alternatives.push(alike(&tried));
             let Some(best) = tried.into_iter().next().filter(|best| best.worth() >= LEAST_WORTH) else { break };
             let start = best.fit.hypothesis.clone();
             effects.push(best);
@@ -374,53 +327,15 @@ impl Search<'_> {
         let (after, found) = match &effects[..] {
             // Nothing beside which it could look different.
             [_] => {
-                let alternatives = alike(&first_tried);
+                let others = first_tried.iter().skip(1);
+                let alike = |other: &&Tried| first_tried[0].worth() - other.worth() < ALIKE;
+                let alternatives = others.filter(alike).map(|other| other.kind).collect();
                 let found = Found { kind: first_tried[0].kind, worth: first_tried[0].worth(), alternatives };
                 (current, vec![found])
             }
-            _ if self.has_logs() => self.eliminate(current, &effects, &alternatives)?,
             _ => self.review(current)?,
         };
         Some(Explanation { before, after, found, tried: first_tried })
-    }
-
-    /// Drops one after the other what the others make redundant: on logs each look is many searches, so nothing is exchanged. What
-    /// would have done as well is taken from when each was found.
-    fn eliminate(
-        &mut self,
-        mut current: Fit,
-        effects: &[Tried],
-        alternatives: &[Vec<&'static Kind>],
-    ) -> Option<(Fit, Vec<Found>)> {
-        loop {
-            let mut worths: Vec<f64> = Vec::new();
-            for effect in 0..current.hypothesis.effects.len() {
-                let kind = current.hypothesis.effects[effect].kind;
-                let rest = fit_in(&self.trials, &current.hypothesis.without(effect), true, MOST_STEPS_OF_LOGS)?;
-                let folds = Folds::of(&self.trials, &rest);
-                let own = self.attempt(&rest, Some(&folds), &current.hypothesis, kind, FIRST_STEPS);
-                worths.push(own.map_or(f64::NEG_INFINITY, |own| own.worth()));
-                (self.progress)();
-            }
-            let least = (0..worths.len()).min_by(|a, b| worths[*a].total_cmp(&worths[*b]));
-            if let Some(least) = least.filter(|least| worths[*least] < LEAST_WORTH) {
-                current = self.settle(&current.hypothesis.without(least), true)?;
-                continue;
-            }
-            let mut order: Vec<usize> = (0..worths.len()).collect();
-            order.sort_by(|a, b| worths[*b].total_cmp(&worths[*a]));
-            let mut sorted = current.hypothesis.clone();
-            sorted.effects = order.iter().map(|&effect| current.hypothesis.effects[effect].clone()).collect();
-            let named: Vec<&'static Kind> = sorted.effects.iter().map(|effect| effect.kind).collect();
-            let found = order.iter().zip(&named).map(|(&effect, &kind)| {
-                let when = effects.iter().position(|tried| tried.kind == kind);
-                let others = when.and_then(|when| alternatives.get(when)).into_iter().flatten();
-                let others = others.filter(|other| !named.contains(other)).copied().collect();
-                Found { kind, worth: worths[effect], alternatives: others }
-            });
-            let found = found.collect();
-            return Some((fit(&self.trials, &sorted, true)?, found));
-        }
     }
 
     /// Tries each effect again beside the others: drops it, exchanges it, or keeps it with what would do as well.
@@ -434,8 +349,7 @@ impl Search<'_> {
             let others: Vec<&'static Kind> = rest.hypothesis.effects.iter().map(|other| other.kind).collect();
             let mut tried = self.tries(&rest, &others);
             // The fit that it has may be better than what the search from the rest finds.
-            let folds = Folds::of(&self.trials, &rest);
-            if let Some(own) = self.attempt(&rest, Some(&folds), &current.hypothesis, kind, MOST_STEPS) {
+            if let Some(own) = self.attempt(&rest, &current.hypothesis, kind, MOST_STEPS) {
                 tried.retain(|other| other.kind != kind || other.worth() > own.worth());
                 if !tried.iter().any(|other| other.kind == kind) {
                     tried.push(own);
@@ -448,7 +362,7 @@ impl Search<'_> {
                 found.remove(effect);
                 continue;
             }
-            if best.kind != kind && exchanges < self.most_effects() {
+            if best.kind != kind && exchanges < MOST_EFFECTS {
                 exchanges += 1;
                 current = self.settle(&best.fit.hypothesis.clone(), true)?;
                 // The new one is the last; all are judged beside it.

@@ -138,6 +138,24 @@ pub(super) fn misfit(trials: &Trials, hypothesis: &Hypothesis, purpose: Purpose)
     sum.is_finite().then_some(sum)
 }
 
+/// Minus twice the log likelihood of what is for `purpose`, but for a constant: [`misfit`], and of records that do not repeat that
+/// with the errors that they are left with.
+pub(super) fn surprise(trials: &Trials, hypothesis: &Hypothesis, purpose: Purpose) -> Option<f64> {
+    let of_trial = |trial: &Trial| {
+        let Some(log) = &trial.log else {
+            return residual(trials, trial, hypothesis, purpose).map(|white| dot(&white, &white));
+        };
+        let (difference, trace) = hypothesis.seen(trials, trial)?;
+        let tau_s = hypothesis.base[trial.point].time_constant_s;
+        let channels: f64 = trial.channels.iter().map(|channel| channel.surprise(trial, purpose, &trace)).sum();
+        Some(log.surprise(purpose, &difference, &trial.time_s, tau_s) + channels)
+    };
+    let compared = trials.trials.par_iter().filter(|trial| trial.end_of(Some(purpose)) > 0);
+    let parts: Option<Vec<f64>> = compared.map(of_trial).collect();
+    let sum = parts?.iter().sum::<f64>() + (hypothesis.late_s / late_std(trials)).powi(2);
+    sum.is_finite().then_some(sum)
+}
+
 /// Columns of the derivatives of one record's residual, with the places of their coordinates.
 fn columns(
     trials: &Trials,

@@ -109,9 +109,9 @@ impl Candidate {
         starts
     }
 
-    /// Every combination of starts; of a single value its whole plausible range as well, since a limit that no command reaches
+    /// Every combination of starts, of either sign where `both_ways` says so; of a single value its whole plausible range as well, since a limit that no command reaches
     /// does not say which way to go.
-    pub fn starts(kind: &'static Kind) -> Vec<Self> {
+    pub fn starts(kind: &'static Kind, both_ways: bool) -> Vec<Self> {
         let mut all = vec![kind.null()];
         let searched: Vec<_> = Self::searched(kind).collect();
         if let [(index, parameter)] = searched[..] {
@@ -130,7 +130,7 @@ impl Candidate {
                 values[index] = start;
                 values
             };
-            let starts = Self::both_ways(parameter);
+            let starts = if both_ways { Self::both_ways(parameter) } else { parameter.starts.to_vec() };
             all = all.iter().flat_map(|values| starts.iter().map(|&start| with(values, start))).collect();
         }
         all.into_iter()
@@ -312,7 +312,7 @@ impl Hypothesis {
         difference.iter().all(|left| left.is_finite()).then_some(difference)
     }
 
-    /// [`Self::difference`] and [`Self::trace`] in one run where one will do.
+    /// [`Self::difference`] and [`Self::trace`] in one run where one will do, at the rows that are looked at.
     pub fn seen(&self, trials: &Trials, trial: &Trial) -> Option<(Vec<f64>, Trace)> {
         let trace = self.trace(trials, trial)?;
         let difference = if trace.response.is_empty() || self.drifts() {
@@ -382,7 +382,22 @@ impl Hypothesis {
         }
         let (mut actuator, start, stamps) = known.actuator(trials, trial, trial.time_s.len(), steady).ok()?;
         let drive = Drive { time_s: &trial.told_s, command: &trial.told };
-        simulate(&mut actuator, drive, start, &stamps).ok()
+        let Some(log) = &trial.log else { return simulate(&mut actuator, drive, start, &stamps).ok() };
+        // Only what is looked at; 0 elsewhere.
+        let rows: Vec<usize> = (0..stamps.len()).filter(|&row| log.searched[row]).collect();
+        let seen: Vec<f64> = rows.iter().map(|&row| stamps[row]).collect();
+        let trace = simulate(&mut actuator, drive, start, &seen).ok()?;
+        let spread = |values: &[f64]| {
+            let mut all = vec![0.0; if values.is_empty() { 0 } else { stamps.len() }];
+            rows.iter().zip(values).for_each(|(&row, value)| all[row] = *value);
+            all
+        };
+        Some(Trace {
+            response: spread(&trace.response),
+            speed: spread(&trace.speed),
+            voltage_v: spread(&trace.voltage_v),
+            current_a: spread(&trace.current_a),
+        })
     }
 
     /// The same with the steady response at the nominal command.

@@ -7,7 +7,7 @@
 
 use std::fmt::Write as _;
 
-use super::trial::Trials;
+use super::trial::{Trial, Trials};
 use super::{Diagnosis, Verdict};
 use crate::bench::{Plan, PlannedRecord};
 use crate::plant::Noise;
@@ -71,7 +71,6 @@ impl Conditions {
         let mut amplitudes: Vec<f64> = trials.trials.iter().map(|trial| trial.amplitude).collect();
         amplitudes.sort_by(f64::total_cmp);
         let most = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, f64::max);
-        let variances = trials.trials.iter().flat_map(|trial| &trial.stretches);
         Self {
             output: experiment.output,
             nominals: trials.nominals.clone(),
@@ -80,7 +79,7 @@ impl Conditions {
             command_rate_hz: experiment.command_rate_hz,
             esc_frame_hz: trials.esc_frame_hz,
             periods: trials.trials.iter().map(|trial| trial.periods() as u32).max().unwrap_or(1),
-            noise_std: most(&mut variances.map(|stretch| stretch.whitening.row_variance())).sqrt(),
+            noise_std: most(&mut trials.trials.iter().map(Trial::noise_std)),
         }
     }
 

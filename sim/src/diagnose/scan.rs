@@ -44,7 +44,7 @@ impl<'a> Scan<'a> {
             return Vec::new();
         }
         // A log stands on few levels: there are no valleys but these.
-        if self.trials.trials.iter().any(|trial| trial.log.is_some()) {
+        if self.trials.has_logs() {
             return Vec::new();
         }
         let candidates = Candidate::grid(kind, pieces);

@@ -3,12 +3,11 @@
 use std::ops::Range;
 
 use super::channel::{Channel, channels};
-use super::hypothesis::GRID;
+use super::hypothesis::Hypothesis;
 use super::log::{Log, Prepared, prepare};
 use super::whitening::{NoiseDensity, Whitening};
 use super::{DiagnoseError, hum};
 use crate::identify::{IdentifyError, response_of, upsampled};
-use crate::plant::effect::Kind;
 use crate::plant::{Lag, OperatingCurve, Trace};
 use crate::record::{Excitation, Experiment, Output, Record, Role};
 
@@ -119,6 +118,8 @@ pub(super) struct Trials {
     pub is_part: bool,
     /// Rate of the ESC's frames, where the experiment says it.
     pub esc_frame_hz: Option<f64>,
+    /// What the response is.
+    pub output: Output,
 }
 
 impl Trials {
@@ -162,19 +163,11 @@ impl Trials {
         if trials.is_empty() {
             return Err(DiagnoseError::NothingToCompare { experiment: experiment.name.clone() });
         }
-        Ok(Self { nominals, trials, left_out, curve: None, is_part: false, esc_frame_hz: experiment.esc_frame_hz })
+        Ok(Self { nominals, trials, left_out, curve: None, is_part: false, esc_frame_hz: experiment.esc_frame_hz, output: experiment.output })
     }
 }
 
 impl Trials {
-    /// Whether the records can show a kind. One whose response jumps about as its value moves puts the few levels of a
-    /// staircase anywhere as its value is turned: it would explain whatever the levels are off by.
-    pub fn can_show(&self, kind: &Kind) -> bool {
-        let jumps = kind.parameters.iter().any(|parameter| parameter.pieces > GRID);
-        let moves = |trial: &Trial| trial.log.as_ref().is_none_or(|log| !log.begins_settled);
-        !jumps || self.trials.iter().any(moves)
-    }
-
     /// The curve that a record over many levels follows, with its numbers at the record's nominal command.
     pub fn curve_of(&self, trial: &Trial) -> Option<(&OperatingCurve, Lag)> {
         let (curve, given) = self.curve.as_ref()?;
@@ -243,6 +236,8 @@ impl Trial {
         let time_s = record.time_s[rows.clone()].to_vec();
         let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
         let (mean_command, mean_response) = (mean(command), mean(&measured));
+        // A command that stays need not be told again.
+        let changes: Vec<usize> = (0..command.len()).filter(|&row| row == 0 || command[row] != command[row - 1]).collect();
         let mut intervals: Vec<f64> = time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
         intervals.sort_by(f64::total_cmp);
         Ok(Self {
@@ -251,9 +246,9 @@ impl Trial {
             point,
             nominal: record.nominal,
             excitation: record.excitation,
-            amplitude: command.iter().fold(0.0_f64, |most, u| most.max((u - mean_command).abs())),
-            told_s: time_s.clone(),
-            told: command.to_vec(),
+            amplitude: log.amplitude(command),
+            told_s: changes.iter().map(|&row| time_s[row]).collect(),
+            told: changes.iter().map(|&row| command[row]).collect(),
             told_per_row: 1,
             mean_command,
             mean_response,
@@ -292,7 +287,7 @@ impl Trial {
         if let Some(log) = &mut self.log {
             log.has_role = kept_back || role.is_some();
             let purpose = if role == Some(Role::Validate) { Purpose::HeldOut } else { Purpose::Fit };
-            log.assign(&self.time_s, |_| purpose);
+            log.assign(|_| purpose);
             self.assign_channels();
             return;
         }
@@ -321,6 +316,22 @@ impl Trial {
         self.channels = channels;
     }
 
+    /// Takes noise and errors of a record that does not repeat, and of the columns beside the response, from what a hypothesis
+    /// leaves of them.
+    pub fn weigh_by(&mut self, all: &Trials, hypothesis: &Hypothesis) -> Option<()> {
+        if let Some(log) = &self.log {
+            let difference = hypothesis.difference(all, self)?;
+            let free = log.free(&difference, &self.time_s, hypothesis.base[self.point].time_constant_s);
+            let left: Vec<f64> = difference.iter().zip(free).map(|(left, free)| left - free).collect();
+            self.weigh(&left);
+        }
+        if !self.channels.is_empty() {
+            let trace = hypothesis.trace(all, self)?;
+            self.weigh_channels(&trace);
+        }
+        Some(())
+    }
+
     /// Takes the noise of the channels from what a model leaves of them.
     pub fn weigh_channels(&mut self, trace: &Trace) {
         let mut channels = std::mem::take(&mut self.channels);
@@ -330,9 +341,6 @@ impl Trial {
 
     /// Takes mains hum out of the measurement: what of it a residual of the whole record shows.
     pub fn take_hum_out(&mut self, residual: &[f64]) {
-        if self.log.is_some() {
-            return;
-        }
         let hum = hum::find(residual, self.rate_hz, self.highest_hz);
         self.measured.iter_mut().zip(&hum).for_each(|(measured, hum)| *measured -= hum);
         self.hum = hum;
@@ -342,7 +350,7 @@ impl Trial {
     pub fn weigh(&mut self, residual: &[f64]) {
         if let Some(log) = &mut self.log {
             let simulated: Vec<f64> = self.measured.iter().zip(residual).map(|(y, left)| y - left).collect();
-            log.weigh(&self.time_s, residual, &simulated);
+            log.weigh(residual, &simulated);
             return;
         }
         let rows = 0..self.periods() * self.period_rows;
@@ -363,6 +371,13 @@ impl Trial {
                 Stretch { rows, periods: 1, whitening: stretch.whitening.shortened(stretch.periods), ..*stretch };
         }
         shorter
+    }
+
+    /// Standard deviation of the noise of a row, the largest of the stretches; of settled rows where there are none.
+    pub fn noise_std(&self) -> f64 {
+        let of_stretches = self.stretches.iter().map(|stretch| stretch.whitening.row_variance().sqrt());
+        let of_groups = self.log.iter().flat_map(|log| &log.groups).map(|group| group.noise);
+        of_stretches.chain(of_groups).fold(0.0, f64::max)
     }
 
     /// Up to which row something is compared for this purpose.

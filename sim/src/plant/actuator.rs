@@ -242,7 +242,7 @@ impl Actuator {
     fn follow(&mut self, piece: Segment) {
         let duration_s = piece.until_s - self.time_s;
         let for_stages = (duration_s / self.longest_s).ceil().clamp(1.0, 1e6) as usize;
-        let count = for_stages.max(self.rotor.steps(piece.level, duration_s));
+        let count = for_stages.max(self.rotor.steps(piece, duration_s));
         let step_s = duration_s / count as f64;
         for index in 0..count {
             let since_s = index as f64 * step_s;
@@ -319,10 +319,10 @@ impl Rotor {
         }
     }
 
-    fn steps(&self, level: f64, duration_s: f64) -> usize {
+    fn steps(&self, piece: Segment, duration_s: f64) -> usize {
         match self {
             Self::Exact(_) => 1,
-            Self::Integrated(rotor) => rotor.steps(level, duration_s),
+            Self::Integrated(rotor) => rotor.steps(piece, duration_s),
         }
     }
 

@@ -6,6 +6,11 @@ use super::{Interval, OperatingCurve, OperatingPoint, PlantError, Segment};
 /// `0.1^5 / 120`, 1e-7 of the way to the steady response, per step.
 const STEP_PART: f64 = 0.1;
 
+/// This near its steady state, as a command, the rotor is all but settled: there a step may be longer, as long as it errs no
+/// more than a step of [`STEP_PART`] does here, up to [`SETTLED_PART`], well within what the method is stable for.
+const SETTLED: f64 = 1e-4;
+const SETTLED_PART: f64 = 0.8;
+
 /// Effects that the rotor may have, each with a state of its own.
 const MOST_TERMS: usize = 4;
 const STATES: usize = 2 + MOST_TERMS;
@@ -173,12 +178,28 @@ impl IntegratedRotor {
         self.terms.iter().zip(&self.state[2..]).find_map(|(term, &own)| term.measured(own, &motion))
     }
 
-    /// Into how many steps a piece of `duration_s` is cut that begins with the command `level`.
-    pub(super) fn steps(&self, level: f64, duration_s: f64) -> usize {
-        let mut motion = self.motion(level, self.state[0]);
+    /// Into how many steps a piece of `duration_s` is cut that begins as `piece` does.
+    pub(super) fn steps(&self, piece: Segment, duration_s: f64) -> usize {
+        let mut motion = self.motion(piece.level, self.state[0]);
         self.terms.iter().for_each(|term| term.pace(&mut motion));
         // A command at which the rotor is infinitely fast is no number of steps; a model with it is refused before.
-        ((duration_s * motion.rate_per_s / STEP_PART).ceil() as usize).clamp(1, 100_000)
+        let time_constants = duration_s * motion.rate_per_s;
+        let part = if time_constants > STEP_PART { self.step_part(piece, motion.rate_per_s) } else { STEP_PART };
+        ((time_constants / part).ceil() as usize).clamp(1, 100_000)
+    }
+
+    /// The part of the time constant that a step may take from here on. An error of the method goes with the fifth power of it
+    /// and with the way that is left.
+    fn step_part(&self, piece: Segment, rate_per_s: f64) -> f64 {
+        if piece.slope_per_s != 0.0 {
+            return STEP_PART;
+        }
+        let slopes = self.derivative(&self.state, piece.level);
+        let gain = self.base.at(piece.level).lag.gain.abs();
+        let own = slopes[2..].iter().fold(0.0_f64, |most, slope| most.max(slope.abs()));
+        let left = slopes[0].abs().max(slopes[1].abs() / gain.max(f64::MIN_POSITIVE)).max(own) / rate_per_s;
+        // What is not a number is far from settled.
+        if left < SETTLED { (STEP_PART * (SETTLED / left).powf(0.2)).min(SETTLED_PART) } else { STEP_PART }
     }
 
     /// Lets `duration_s` pass, at most what [`IntegratedRotor::steps`] allows, with the command that begins as `piece` does.
@@ -191,14 +212,14 @@ impl IntegratedRotor {
 
     /// Lets `piece` pass, which begins at `from_s`, and reads the response at `moments` within it, increasing.
     pub(super) fn advance_reading(&mut self, from_s: f64, piece: Segment, moments: &[f64], read: &mut Vec<f64>) {
-        let duration_s = piece.until_s - from_s;
-        let count = self.steps(piece.level, duration_s);
-        let step_s = duration_s / count as f64;
+        let mut begin_s = from_s;
         let mut rest = moments;
-        for index in 0..count {
-            let begin_s = from_s + index as f64 * step_s;
-            let end_s = if index + 1 == count { piece.until_s } else { begin_s + step_s };
+        while begin_s < piece.until_s {
+            let left_s = piece.until_s - begin_s;
             let part = Segment { level: piece.level + piece.slope_per_s * (begin_s - from_s), ..piece };
+            let count = self.steps(part, left_s);
+            let end_s = if count == 1 { piece.until_s } else { begin_s + left_s / count as f64 };
+            let step_s = end_s - begin_s;
             let (here, later) = rest.split_at(rest.partition_point(|moment_s| *moment_s <= end_s));
             rest = later;
             match here {
@@ -213,6 +234,7 @@ impl IntegratedRotor {
                     read.extend(here.iter().map(|moment_s| interval.at(*moment_s)));
                 }
             }
+            begin_s = end_s;
         }
     }
 

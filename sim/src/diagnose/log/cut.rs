@@ -2,8 +2,8 @@
 
 use std::fmt;
 
-use super::correlated::{Correlation, Filter};
-use super::{Group, Log, Subset};
+use super::errors::{Errors, Filter, Part, rows_of};
+use super::{Group, Log};
 use crate::diagnose::DiagnoseError;
 use crate::diagnose::trial::Purpose;
 use crate::identify::IdentifyError;
@@ -19,6 +19,8 @@ const AFTER_GAP_S: f64 = 0.5;
 const PARABOLA_ROWS: usize = 9;
 /// Noise below this share of the response's range is taken for this.
 const LEAST_NOISE: f64 = 1e-5;
+/// Where a plateau has settled, one row of so many is searched on: they all say the same.
+const SPARSE: usize = 8;
 /// Rows over which the correlation of the noise is summed.
 const NOISE_LAGS: usize = 60;
 
@@ -37,13 +39,15 @@ pub struct CutRows {
     pub spikes: usize,
     /// Rows after gaps of the logger in which the command changed.
     pub after_gaps: usize,
+    /// Rows on which the response stands on a limit of its scale, or comes back from one.
+    pub limited: usize,
 }
 
 impl CutRows {
     /// Whether anything was cut.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.start + self.end + self.spikes + self.after_gaps == 0
+        self.start + self.end + self.spikes + self.after_gaps + self.limited == 0
     }
 }
 
@@ -54,6 +58,7 @@ impl fmt::Display for CutRows {
             (self.end, "after it stops"),
             (self.spikes, "that are spikes"),
             (self.after_gaps, "after gaps of the logger in which the command changed"),
+            (self.limited, "on which the response stands on a limit of its scale"),
         ];
         let said = parts.iter().filter(|(rows, _)| *rows > 0).map(|(rows, what)| format!("{rows} {what}"));
         let said = said.collect::<Vec<_>>().join(", ");
@@ -106,6 +111,11 @@ fn of_run(record: &Record, run: Run) -> Prepared {
     let measured = run.clean[rows.clone()].to_vec();
     let mut kept: Vec<bool> = run.spike[rows.clone()].iter().map(|spike| !spike).collect();
     let spikes = kept.iter().filter(|kept| !**kept).count();
+    let mut limited = 0;
+    for (kept, shows) in kept.iter_mut().zip(run.rows_that_show()) {
+        limited += usize::from(*kept && !shows);
+        *kept &= shows;
+    }
     let mut levels: Vec<f64> = run.plateaus.iter().map(|plateau| plateau.command).collect();
     levels.sort_by(f64::total_cmp);
     levels.dedup_by(|a, b| (*a - *b).abs() <= SAME_LEVEL);
@@ -142,9 +152,10 @@ fn of_run(record: &Record, run: Run) -> Prepared {
         end: record.time_s.len() - rows.end,
         spikes,
         after_gaps,
+        limited,
     };
     let rows_per_sample = rows_per_sample(&measured, &groups);
-    let log = log(groups, kept, cut, true, rows_per_sample, time_s);
+    let log = log(groups, kept, cut, true, rows_per_sample);
     Prepared { from: rows.start, measured, log }
 }
 
@@ -171,8 +182,8 @@ fn of_whole(record: &Record, response: &[f64]) -> Prepared {
         Group { rows, command, step: 0.0, plateau: None, rank: block, noise, purpose: Purpose::Fit }
     });
     let groups = groups.collect();
-    let cut = CutRows { file: record.file.clone(), rows: count, start: 0, end: 0, spikes, after_gaps };
-    let log = log(groups, kept, cut, false, 1.0, time_s);
+    let cut = CutRows { file: record.file.clone(), rows: count, start: 0, end: 0, spikes, after_gaps, limited: 0 };
+    let log = log(groups, kept, cut, false, 1.0);
     Prepared { from: 0, measured, log }
 }
 
@@ -182,22 +193,42 @@ fn log(
     cut: CutRows,
     begins_settled: bool,
     rows_per_sample: f64,
-    time_s: &[f64],
 ) -> Log {
-    let noise = groups.iter().map(|group| group.noise * group.noise).sum::<f64>() / groups.len() as f64;
+    let parts = |(index, group): (usize, &Group)| {
+        let settled = |group: &Group| {
+            group.plateau.as_ref().map_or_else(Vec::new, |plateau| rows_of(plateau.settled(), &kept, SPARSE))
+        };
+        let begin = group.plateau.as_ref().map_or(group.rows.end, |plateau| plateau.settled().start);
+        let before = index.checked_sub(1).map(|before| settled(&groups[before]));
+        // Of the plateau that a record begins with nothing moves.
+        let moving = if before.is_none() && group.plateau.is_some() { group.rows.start } else { begin };
+        let moving = rows_of(group.rows.start..moving, &kept, 1);
+        Part {
+            settled: settled(group),
+            before: before.unwrap_or_default(),
+            moving: moving.into_iter().map(|row| (row, 0.0)).collect(),
+            size: 1.0,
+        }
+    };
+    let parts: Vec<Part> = groups.iter().enumerate().map(parts).collect();
+    let mut searched = vec![false; kept.len()];
+    for part in &parts {
+        part.settled.iter().chain(part.moving.iter().map(|(row, _)| row)).for_each(|row| searched[*row] = true);
+    }
     let mut log = Log {
+        searched,
+        parts,
         kept,
         cut,
         begins_settled,
         has_role: false,
         rows_per_sample,
-        correlation: Correlation::white(noise.sqrt()),
-        slope: vec![0.0; time_s.len()],
-        fitted: Subset { rows: Vec::new(), filter: Filter::default() },
-        held_out: Subset::default(),
+        errors: Errors::default(),
+        fitted: Filter::default(),
+        held_out: Filter::default(),
         groups,
     };
-    log.set_filters(time_s);
+    log.set_filters();
     log
 }
 

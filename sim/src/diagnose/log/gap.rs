@@ -8,7 +8,7 @@ use crate::diagnose::hypothesis::Hypothesis;
 use crate::diagnose::trial::{Purpose, Trial, Trials};
 
 /// Steps of a search on a part of the steps.
-const STEPS: usize = 6;
+const STEPS: usize = 4;
 
 /// The gap on what a split holds out.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,14 +28,18 @@ pub(in crate::diagnose) fn gaps(
     refitted: bool,
 ) -> (Gap, Vec<RecordGap>, Vec<SplitGap>) {
     let folds = trials.folds();
+    // Each with the errors that it leaves itself.
+    let own = if folds.is_empty() { None } else { trials.weighed_by(before) };
+    let own = own.map_or_else(|| folds.clone(), |trials| trials.folds());
     let judged: Vec<(&'static str, Vec<(usize, Squares)>)> = folds
         .par_iter()
-        .map(|(words, fold)| {
-            let fitted = |hypothesis: &Hypothesis, search: bool| match search {
-                true => fit_in(fold, hypothesis, true, STEPS).map_or_else(|| hypothesis.clone(), |fit| fit.hypothesis),
-                false => hypothesis.clone(),
+        .zip(&own)
+        .map(|((words, fold), (_, own))| {
+            let fitted = |fold: &Trials, hypothesis: &Hypothesis| {
+                fit_in(fold, hypothesis, true, STEPS).map_or_else(|| hypothesis.clone(), |fit| fit.hypothesis)
             };
-            let (before, after) = (fitted(before, refitted), fitted(after, true));
+            let before = if refitted { fitted(own, before) } else { before.clone() };
+            let after = fitted(fold, after);
             let held_out = fold.trials.iter().enumerate().filter(|(_, trial)| trial.end_of(Some(Purpose::HeldOut)) > 0);
             let judged = held_out
                 .filter_map(|(place, trial)| Some((place, squares(fold, trial, &before, &after, Purpose::HeldOut)?)));

@@ -4,16 +4,16 @@
 //! the same all over a plateau. So
 //!
 //! - start-up, standstill, spikes and what follows a gap of the logger are cut out (`cut`);
-//! - the residual is made white with an error that is correlated in time (`correlated`), so that what is missed by the same for
-//!   long counts once;
+//! - levels and what happens between them are compared separately, each level as one number (`errors`);
 //! - what is held out is whole steps, by splits that are written down beforehand (`split`);
 //! - whether anything is left to explain is judged by the scatter of settled rows about their own mean, which no model of the
 //!   command can explain, and not by the error that the models leave.
 
-mod correlated;
 mod cut;
+mod errors;
 mod gap;
 mod locate;
+mod search;
 mod split;
 mod start;
 
@@ -24,12 +24,12 @@ pub(super) use cut::{Prepared, prepare};
 pub use gap::SplitGap;
 pub(super) use gap::{gaps, log_squares};
 pub(super) use locate::{add, excess};
-pub(super) use split::Folds;
 pub(super) use start::first_lag;
 
 use super::trial::Purpose;
 use crate::identify::steps::Plateau;
-pub(super) use correlated::{Correlation, Filter, Rows};
+pub(super) use errors::{Errors, Filter};
+use errors::Part;
 
 /// A stretch of rows that is fitted or held out as a whole: a plateau with the step that leads to it, or a tenth of a record
 /// without plateaus.
@@ -51,10 +51,8 @@ pub(super) struct Group {
     pub purpose: Purpose,
 }
 
-/// While the response moves, a model is off by no more than it moves in this time, seconds.
-const MOST_JITTER_S: f64 = 0.1;
-/// Noise of a row is at least this share of the scatter of the quietest plateau, most of which may be slow.
-const LEAST_WHITE: f64 = 0.03;
+/// A step smaller than this many standard deviations of the noise counts as one of this size.
+const LEAST_STEP: f64 = 10.0;
 
 /// What a record that does not repeat has beside the rest of a trial.
 #[derive(Clone, Debug)]
@@ -63,6 +61,8 @@ pub(super) struct Log {
     pub groups: Vec<Group>,
     /// Whether each row is compared.
     pub kept: Vec<bool>,
+    /// Whether a search looks at it: most of those that are compared, and few of those that have settled.
+    pub searched: Vec<bool>,
     /// What was cut out.
     pub cut: CutRows,
     /// Whether it begins settled on a level.
@@ -71,42 +71,30 @@ pub(super) struct Log {
     pub has_role: bool,
     /// Rows of noise that are worth one independent row.
     pub rows_per_sample: f64,
-    /// What its residual is taken to be.
-    correlation: Correlation,
-    /// Slope of the simulated response at each row, per second.
-    slope: Vec<f64>,
-    fitted: Subset,
-    held_out: Subset,
-}
-
-/// The rows of a purpose, with what makes them white.
-#[derive(Clone, Debug, Default)]
-struct Subset {
-    rows: Vec<usize>,
-    filter: Filter,
-}
-
-impl Subset {
-    fn take(&self, values: &[f64]) -> Vec<f64> {
-        self.rows.iter().map(|&row| values[row]).collect()
-    }
-
-    fn white(&self, values: &[f64]) -> Vec<f64> {
-        self.filter.apply(&self.take(values))
-    }
+    /// What of each group is compared.
+    parts: Vec<Part>,
+    /// How much a model of the response is off.
+    errors: Errors,
+    fitted: Filter,
+    held_out: Filter,
 }
 
 impl Log {
-    /// Whether it has rows for this purpose.
-    pub fn has(&self, purpose: Purpose) -> bool {
-        !self.subset(purpose).rows.is_empty()
+    /// Deviation of the command about a level that the log stands for: half its smallest step, or half of what the command goes
+    /// through where there are no plateaus.
+    pub fn amplitude(&self, command: &[f64]) -> f64 {
+        let steps = self.groups.iter().map(|group| group.step.abs()).filter(|step| *step > 0.0);
+        let range = || {
+            let (low, high) =
+                command.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), u| (low.min(*u), high.max(*u)));
+            high - low
+        };
+        0.5 * steps.reduce(f64::min).unwrap_or_else(range)
     }
 
-    fn subset(&self, purpose: Purpose) -> &Subset {
-        match purpose {
-            Purpose::Fit => &self.fitted,
-            Purpose::HeldOut => &self.held_out,
-        }
+    /// Whether it has rows for this purpose.
+    pub fn has(&self, purpose: Purpose) -> bool {
+        self.rows(purpose).next().is_some()
     }
 
     /// Rows that are compared for a purpose, with their groups.
@@ -116,50 +104,48 @@ impl Log {
     }
 
     /// Says anew what each group is for.
-    pub fn assign(&mut self, time_s: &[f64], purpose: impl Fn(&Group) -> Purpose) {
+    pub fn assign(&mut self, purpose: impl Fn(&Group) -> Purpose) {
         for group in &mut self.groups {
             group.purpose = purpose(group);
         }
-        self.set_filters(time_s);
+        self.set_filters();
     }
 
-    /// What a filter has to know of the rows of a purpose; as if the response rested where `moves` does not say otherwise.
-    pub fn seen(&self, purpose: Purpose, time_s: &[f64], moves: bool) -> Rows {
-        let mut rows = Rows::default();
-        let mut before = None;
-        for (row, group) in self.rows(purpose) {
-            rows.time_s.push(time_s[row]);
-            rows.slope.push(if moves { self.slope[row] } else { 0.0 });
-            let begin = group.rows.start;
-            rows.changed.push(self.begins_settled && before.is_some_and(|before| before != begin));
-            before = Some(begin);
+    /// What is compared for a purpose of a column with these errors; `relative` where the size of the step counts.
+    pub fn filter(&self, errors: Errors, purpose: Purpose, relative: bool) -> Filter {
+        let groups = self.groups.iter().zip(&self.parts).filter(|(group, _)| group.purpose == purpose);
+        Filter::new(errors, groups.map(|(_, part)| part.clone()), relative)
+    }
+
+    fn set_filters(&mut self) {
+        let filter = |purpose| self.filter(self.errors, purpose, true);
+        (self.fitted, self.held_out) = (filter(Purpose::Fit), filter(Purpose::HeldOut));
+    }
+
+    fn of(&self, purpose: Purpose) -> &Filter {
+        if purpose == Purpose::Fit { &self.fitted } else { &self.held_out }
+    }
+
+    /// The purpose whose rows say what is free: that which is fitted where there is such.
+    pub fn known_by(&self) -> Purpose {
+        if self.has(Purpose::Fit) { Purpose::Fit } else { Purpose::HeldOut }
+    }
+
+    /// Takes the errors from a residual of all rows. `simulated` is what it is the residual of.
+    pub fn weigh(&mut self, residual: &[f64], simulated: &[f64]) {
+        for (part, group) in self.parts.iter_mut().zip(&self.groups) {
+            part.follow(simulated, LEAST_STEP * group.noise);
         }
-        rows
+        self.set_filters();
+        self.errors = self.of(self.known_by()).errors_of(residual);
+        self.set_filters();
     }
 
-    fn set_filters(&mut self, time_s: &[f64]) {
-        let subset = |purpose| {
-            let rows: Vec<usize> = self.rows(purpose).map(|(row, _)| row).collect();
-            let filter = Filter::new(self.correlation, &self.seen(purpose, time_s, true));
-            Subset { rows, filter }
-        };
-        (self.fitted, self.held_out) = (subset(Purpose::Fit), subset(Purpose::HeldOut));
-    }
-
-    /// Takes the correlation from a residual of all rows. `simulated` is what it is the residual of.
-    pub fn weigh(&mut self, time_s: &[f64], residual: &[f64], simulated: &[f64]) {
-        let last = time_s.len() - 1;
-        let slope = |row: usize| {
-            let (from, to) = (row.saturating_sub(1), (row + 1).min(last));
-            (simulated[to] - simulated[from]) / (time_s[to] - time_s[from])
-        };
-        self.slope = (0..=last).map(slope).collect();
-        let purpose = if self.has(Purpose::Fit) { Purpose::Fit } else { Purpose::HeldOut };
-        let subset = self.subset(purpose);
-        let floor = LEAST_WHITE * self.groups.iter().map(|group| group.noise).fold(f64::INFINITY, f64::min);
-        let residual = subset.take(residual);
-        self.correlation = Correlation::of(&self.seen(purpose, time_s, true), &residual, floor, MOST_JITTER_S);
-        self.set_filters(time_s);
+    /// Minus twice the log likelihood of a difference over the rows of a purpose, with the errors that it has itself.
+    pub fn surprise(&self, purpose: Purpose, difference: &[f64], time_s: &[f64], tau_s: f64) -> f64 {
+        let free = self.free(difference, time_s, tau_s);
+        let left: Vec<f64> = difference.iter().zip(free).map(|(difference, free)| difference - free).collect();
+        self.of(purpose).surprise(&left)
     }
 
     /// The white residual of the rows of a purpose. What a sensor's zero, and the state from which a record starts that does
@@ -167,17 +153,17 @@ impl Log {
     pub fn white(&self, purpose: Purpose, difference: &[f64], time_s: &[f64], tau_s: f64) -> Vec<f64> {
         let free = self.free(difference, time_s, tau_s);
         let left: Vec<f64> = difference.iter().zip(free).map(|(difference, free)| difference - free).collect();
-        self.subset(purpose).white(&left)
+        self.of(purpose).apply(&left)
     }
 
     /// What of a difference is offset and start, at each row.
     pub fn free(&self, difference: &[f64], time_s: &[f64], tau_s: f64) -> Vec<f64> {
-        let rows = if self.has(Purpose::Fit) { &self.fitted } else { &self.held_out };
+        let filter = self.of(self.known_by());
         let ones = vec![1.0; time_s.len()];
         let begin_s = time_s.first().copied().unwrap_or_default();
         let decay_at = |time_s: &f64| if self.begins_settled { 0.0 } else { (-(time_s - begin_s) / tau_s).exp() };
         let decay: Vec<f64> = time_s.iter().map(decay_at).collect();
-        let (a, b, r) = (rows.white(&ones), rows.white(&decay), rows.white(difference));
+        let (a, b, r) = (filter.apply(&ones), filter.apply(&decay), filter.apply(difference));
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let (aa, ab, bb, ar, br) = (dot(&a, &a), dot(&a, &b), dot(&b, &b), dot(&a, &r), dot(&b, &r));
         let determinant = aa * bb - ab * ab;

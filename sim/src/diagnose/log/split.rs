@@ -11,66 +11,57 @@
 //! experiment; one without plateaus by every other tenth of it, in the last two splits only. Where the experiment itself keeps
 //! records back, it is these, and nothing else is split.
 //!
-//! A kind's gains are the means over the splits, each with its own fit. What a split does not determine (unequal lags, on
+//! A kind's gain is the mean over the splits, each with its own fit. What a split does not determine (unequal lags, on
 //! steps up alone) stays near the value at which the effect is not there, by a weak tie: half the plausible range.
 
 use rayon::prelude::*;
 
 use super::Group;
-use crate::diagnose::fit::{Fit, fit_in, misfit};
+use crate::diagnose::fit::{Fit, fit_in, surprise};
 use crate::diagnose::hypothesis::Hypothesis;
 use crate::diagnose::trial::{Purpose, Trials};
 use crate::identify::steps::{SPLITS, Split};
-use crate::plant::effect::Kind;
 
 /// Steps of a search on a part of the steps, from what was found on all of them.
-const STEPS: usize = 5;
+const STEPS: usize = 3;
 /// Groups that a record has to have to be cut, and that each side of a split has to have.
 const CUT_FROM: usize = 4;
 const LEAST_GROUPS: usize = 2;
 
-/// The splits of an experiment, each with a fit of what is to be improved on.
+/// The splits of an experiment, each with minus twice the log likelihood of what it holds out by what is to be improved on.
 pub(in crate::diagnose) struct Folds {
-    folds: Vec<(Trials, Fit)>,
+    folds: Vec<(&'static str, f64)>,
 }
 
 impl Folds {
     /// Empty where nothing has to be split.
     pub fn of(trials: &Trials, from: &Fit) -> Self {
         let folds = trials.folds().into_par_iter();
-        let fitted = folds.filter_map(|(_, fold)| {
+        let fitted = folds.filter_map(|(split, fold)| {
             let fit = fit_in(&fold, &from.hypothesis, true, STEPS)?;
-            Some((fold, fit))
+            Some((split, surprise(&fold, &fit.hypothesis, Purpose::HeldOut)?))
         });
         Self { folds: fitted.collect() }
     }
 
-    /// Mean gain of log likelihood by the effect of `kind` in `to`, over what is fitted and over what is held out; `None` where
-    /// nothing is split.
-    pub fn gains(&self, to: &Hypothesis, kind: &'static Kind) -> Option<(f64, f64)> {
-        let candidate = to.effects.iter().find(|effect| effect.kind == kind)?;
-        let gains: Vec<(f64, f64)> = self
+    /// Mean gain of log likelihood over what is held out by `hypothesis`, with the errors that `trials` has; `None` where nothing
+    /// is split.
+    pub fn gain(&self, trials: &Trials, hypothesis: &Hypothesis) -> Option<f64> {
+        let folds = trials.folds();
+        let gains: Vec<f64> = self
             .folds
             .par_iter()
-            .map(|(fold, from)| {
-                let held_out = |hypothesis| misfit(fold, hypothesis, Purpose::HeldOut);
-                // From what fits this part without it, or from what fits all with it: whichever is nearer.
-                let starts = [from.hypothesis.with(candidate.clone()), to.clone()];
-                let left = |start: &Hypothesis| misfit(fold, start, Purpose::Fit).unwrap_or(f64::INFINITY);
-                let start = starts.iter().min_by(|a, b| left(a).total_cmp(&left(b)))?;
-                let fitted = fit_in(fold, start, true, STEPS)?;
-                // Without the effect is among what is searched with it: a search that ends above has found nothing.
-                if fitted.misfit >= from.misfit {
-                    return Some((0.0, 0.0));
-                }
-                let held_out = held_out(&from.hypothesis)? - held_out(&fitted.hypothesis)?;
-                Some((0.5 * (from.misfit - fitted.misfit), 0.5 * held_out))
+            .map(|(split, before)| {
+                let (_, fold) = folds.iter().find(|(other, _)| other == split)?;
+                let fitted = fit_in(fold, hypothesis, true, STEPS)?;
+                Some(0.5 * (before - surprise(fold, &fitted.hypothesis, Purpose::HeldOut)?))
             })
-            .map(|gains| gains.unwrap_or((0.0, f64::NEG_INFINITY)))
+            .map(|gain| gain.unwrap_or(f64::NEG_INFINITY))
             .collect();
-        let count = gains.len() as f64;
-        let sum = gains.iter().fold((0.0, 0.0), |sum, gains| (sum.0 + gains.0, sum.1 + gains.1));
-        (!gains.is_empty()).then_some((sum.0 / count, sum.1 / count))
+        if std::env::var_os("ROTORLEAD_TRACE").is_some() {
+            eprintln!("      splits {gains:.1?}");
+        }
+        (!gains.is_empty()).then(|| gains.iter().sum::<f64>() / gains.len() as f64)
     }
 }
 
@@ -92,9 +83,9 @@ impl Trials {
             let Some(log) = trial.log.as_mut().filter(|log| !log.has_role) else { continue };
             if log.groups.len() < CUT_FROM {
                 let is_fitted = whole(split, &log.groups, place);
-                log.assign(&trial.time_s, |_| purpose(is_fitted));
+                log.assign(|_| purpose(is_fitted));
             } else {
-                log.assign(&trial.time_s, |group| purpose(part(split, group)));
+                log.assign(|group| purpose(part(split, group)));
             }
             let log = &*log;
             fitted += log.groups.iter().filter(|group| group.purpose == Purpose::Fit).count();

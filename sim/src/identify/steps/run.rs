@@ -70,7 +70,7 @@ impl Run {
     }
 
     /// Whether that is so of each row of [`Self::rows`].
-    pub(in crate::identify) fn rows_that_show(&self) -> Vec<bool> {
+    pub(crate) fn rows_that_show(&self) -> Vec<bool> {
         let rows_of = |(k, p): (usize, &Plateau)| std::iter::repeat_n(self.shows(k), p.rows.len());
         self.plateaus.iter().enumerate().flat_map(rows_of).collect()
     }

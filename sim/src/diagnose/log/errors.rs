@@ -1,0 +1,176 @@
+//! What of a log is compared, and how much it is off.
+//!
+//! What a model misses of a log is mostly its own error, not noise: a static map is off by the same for as long as a level is
+//! held, and thousands of rows then say one thing. So each plateau is compared in two ways:
+//!
+//! ```text
+//! level      the mean of what is left of the settled rows: one number
+//! moving     what is left of the rows before, less what the levels are off by:
+//!            r(t) - (1 - p) level_before - p level,   p the part of the way that the response has gone
+//! ```
+//!
+//! over the size of the step, since a model of the motion is off in proportion to it. Levels say what the static map is, the rest
+//! says how the motor moves, and neither stands in the other's way. What moves counts as [`PER_STEP`] independent numbers a step.
+//!
+//! How large both errors are is not known beforehand, and is estimated from what is left. With variances that are estimated minus
+//! twice the greatest log likelihood is `n log(mean square)`, summed up over both, but for a constant (Seber & Wild, Nonlinear
+//! Regression, 1989, sec. 2.2).
+
+use std::ops::Range;
+
+/// Independent numbers that the motion after a step is worth: about how late and how fast.
+pub(super) const PER_STEP: f64 = 3.0;
+/// The same of a tenth of a record without plateaus.
+const PER_BLOCK: f64 = 20.0;
+/// Mean squares below this are this; relative to what they are of.
+const LEAST: f64 = 1e-20;
+
+/// Standard deviations of the errors.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::diagnose) struct Errors {
+    /// Of a level.
+    pub level: f64,
+    /// Of an independent number of the motion, over the size of the step.
+    pub moving: f64,
+}
+
+impl Default for Errors {
+    fn default() -> Self {
+        Self { level: 1.0, moving: 1.0 }
+    }
+}
+
+/// What of a group is compared.
+#[derive(Clone, Debug, Default)]
+pub(in crate::diagnose) struct Part {
+    /// Settled rows, without those that are not compared; empty without a level.
+    pub settled: Vec<usize>,
+    /// The same of the plateau before.
+    pub before: Vec<usize>,
+    /// Rows before these, with the part of the way that the response has gone.
+    pub moving: Vec<(usize, f64)>,
+    /// Size of the step that leads there.
+    pub size: f64,
+}
+
+impl Part {
+    /// Sets the way that a simulated response goes.
+    pub fn follow(&mut self, simulated: &[f64], least_size: f64) {
+        if self.settled.is_empty() {
+            self.size = 1.0;
+            return;
+        }
+        let (from, to) = (mean(simulated, &self.before), mean(simulated, &self.settled));
+        self.size = (to - from).abs().max(least_size);
+        for (row, part) in &mut self.moving {
+            let way = (simulated[*row] - from) / (to - from);
+            *part = if way.is_finite() { way.clamp(0.0, 1.0) } else { 1.0 };
+        }
+    }
+
+    fn independent(&self) -> f64 {
+        match (self.moving.is_empty(), self.settled.is_empty()) {
+            (true, _) => 0.0,
+            (false, true) => PER_BLOCK,
+            (false, false) => PER_STEP,
+        }
+    }
+}
+
+fn mean(values: &[f64], rows: &[usize]) -> f64 {
+    rows.iter().map(|&row| values[row]).sum::<f64>() / rows.len().max(1) as f64
+}
+
+/// The parts of one purpose with their errors.
+#[derive(Clone, Debug, Default)]
+pub(in crate::diagnose) struct Filter {
+    parts: Vec<Part>,
+    errors: Errors,
+}
+
+impl Filter {
+    /// `relative` where the size of the step counts.
+    pub fn new(errors: Errors, parts: impl Iterator<Item = Part>, relative: bool) -> Self {
+        let sized = parts.map(|part| if relative { part } else { Part { size: 1.0, ..part } });
+        Self { parts: sized.collect(), errors }
+    }
+
+    /// All that is compared of values at each row of a record, over the standard deviations.
+    pub fn apply(&self, values: &[f64]) -> Vec<f64> {
+        let count = self.parts.iter().map(|part| 1 + part.moving.len()).sum();
+        let mut all = Vec::with_capacity(count);
+        for part in &self.parts {
+            let level = mean(values, &part.settled);
+            let before = mean(values, &part.before);
+            if !part.settled.is_empty() {
+                all.push(level / self.errors.level);
+            }
+            let scale = (part.independent() / part.moving.len() as f64).sqrt() / (self.errors.moving * part.size);
+            all.extend(part.moving.iter().map(|(row, way)| scale * (values[*row] - (1.0 - way) * before - way * level)));
+        }
+        all
+    }
+
+    /// How many independent numbers levels and motion are, and the mean squares of both.
+    fn mean_squares(&self, values: &[f64]) -> [(f64, f64); 2] {
+        let unit = Self { errors: Errors::default(), parts: self.parts.clone() };
+        let mut white = unit.apply(values).into_iter();
+        let (mut level, mut moving) = ((0.0, 0.0), (0.0, 0.0));
+        for part in &self.parts {
+            if !part.settled.is_empty() {
+                level = (level.0 + 1.0, level.1 + white.next().map_or(0.0, |left| left * left));
+            }
+            let squares: f64 = white.by_ref().take(part.moving.len()).map(|left| left * left).sum();
+            moving = (moving.0 + part.independent(), moving.1 + squares);
+        }
+        [level, moving].map(|(count, sum)| (count, if count > 0.0 { (sum / count).max(LEAST) } else { 1.0 }))
+    }
+
+    /// The errors that values have.
+    pub fn errors_of(&self, values: &[f64]) -> Errors {
+        let [level, moving] = self.mean_squares(values).map(|(_, square)| square.sqrt());
+        Errors { level, moving }
+    }
+
+    /// Minus twice the log likelihood of values with the errors that they have, but for a constant.
+    pub fn surprise(&self, values: &[f64]) -> f64 {
+        self.mean_squares(values).iter().map(|(count, square)| count * square.ln()).sum()
+    }
+}
+
+/// The rows of a range that are compared, one of so many.
+pub(super) fn rows_of(range: Range<usize>, kept: &[bool], sparse: usize) -> Vec<usize> {
+    range.filter(|row| row.is_multiple_of(sparse) && kept[*row]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two plateaus of ten rows, and the way between them in five.
+    fn filter() -> Filter {
+        let moving = (10..15).map(|row| (row, 0.0)).collect();
+        let mut part = Part { settled: (15..20).collect(), before: (0..10).collect(), moving, size: 1.0 };
+        let simulated: Vec<f64> = (0..20).map(|row| f64::from((row - 9).clamp(0, 5)) * 0.2).collect();
+        part.follow(&simulated, 1e-3);
+        Filter::new(Errors { level: 0.5, moving: 1.0 }, std::iter::once(part), true)
+    }
+
+    #[test]
+    fn a_level_that_is_off_is_one_number_and_no_motion() {
+        let off: Vec<f64> = (0..20).map(|row| 0.1 + 0.2 * f64::from((row - 9).clamp(0, 5)) * 0.2).collect();
+        let white = filter().apply(&off);
+        assert_eq!(white.len(), 6);
+        assert!((white[0] - 0.3 / 0.5).abs() < 1e-12, "{white:?}");
+        assert!(white[1..].iter().all(|left| left.abs() < 1e-12), "{white:?}");
+    }
+
+    #[test]
+    fn the_motion_counts_as_so_many_numbers_however_many_rows_it_has() {
+        let mut off = vec![0.0; 20];
+        off[10..15].fill(0.1);
+        let sum: f64 = filter().apply(&off).iter().map(|left| left * left).sum();
+        assert!((sum - PER_STEP * 0.01).abs() < 1e-12, "{sum}");
+        assert!((filter().errors_of(&off).moving - 0.1).abs() < 1e-12);
+    }
+}
