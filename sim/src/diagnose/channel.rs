@@ -1,4 +1,4 @@
-//! What a record shows beside the response: the speed, and the voltage of the supply.
+//! What a record that does not repeat shows beside the response: the speed, and the voltage of the supply.
 //!
 //! They separate what the response alone cannot. A second pole of the sensor, a lead of the inflow and a mode of the stand are in
 //! the thrust and not in the speed; a sag of the supply is in the voltage, a drift of the gain is not. So each column that is
@@ -11,13 +11,13 @@
 //!
 //! What is free is projected out, so a column says nothing of the gain of the response, and a model without a supply is not to
 //! blame for the level of its voltage. The current is not used: no effect says it without the voltage.
+//!
+//! In records that repeat these columns have no say.
 
 use nalgebra::{DMatrix, DVector};
-use num_complex::Complex64;
 
 use super::log::{Errors, Filter};
 use super::trial::{Purpose, Trial};
-use super::whitening::{NoiseDensity, Whitening};
 use crate::plant::Trace;
 use crate::record::{Output, Record};
 
@@ -47,9 +47,6 @@ pub(super) struct Channel {
     /// Which column.
     pub column: Column,
     measured: Vec<f64>,
-    /// Of each stretch of a record that repeats.
-    stretches: Vec<Whitening>,
-    /// Of a record that does not.
     errors: Errors,
     fitted: Filter,
     held_out: Filter,
@@ -66,7 +63,6 @@ pub(super) fn channels(record: &Record, output: Output, rows: std::ops::Range<us
         moves.then(|| Channel {
             column,
             measured,
-            stretches: Vec::new(),
             errors: Errors::default(),
             fitted: Filter::default(),
             held_out: Filter::default(),
@@ -75,8 +71,8 @@ pub(super) fn channels(record: &Record, output: Output, rows: std::ops::Range<us
     there.collect()
 }
 
-fn dot(a: &[Complex64], b: &[Complex64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a.re * b.re + a.im * b.im).sum()
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 impl Channel {
@@ -95,23 +91,13 @@ impl Channel {
         }
     }
 
-    /// The white values of a purpose.
-    fn whitened(&self, trial: &Trial, purpose: Purpose, values: &[f64]) -> Vec<Complex64> {
-        if trial.log.is_some() {
-            return self.of(purpose).apply(values).into_iter().map(Complex64::from).collect();
-        }
-        let stretches = trial.stretches.iter().zip(&self.stretches).filter(|(stretch, _)| stretch.purpose == purpose);
-        stretches.flat_map(|(stretch, whitening)| whitening.apply(&values[stretch.rows.clone()])).collect()
-    }
-
     /// The sum of the columns that comes nearest, by the rows that are fitted where there are such.
     fn nearest(&self, trial: &Trial, trace: &Trace) -> Vec<f64> {
         let purpose = if trial.end_of(Some(Purpose::Fit)) > 0 { Purpose::Fit } else { Purpose::HeldOut };
         let columns = self.predicted(trace);
-        let white: Vec<Vec<Complex64>> = columns.iter().map(|column| self.whitened(trial, purpose, column)).collect();
-        let measured = self.whitened(trial, purpose, &self.measured);
-        // Each column over its length: those of a record that does not move, or of which a spectrum leaves the mean out, say
-        // nothing.
+        let white: Vec<Vec<f64>> = columns.iter().map(|column| self.of(purpose).apply(column)).collect();
+        let measured = self.of(purpose).apply(&self.measured);
+        // Each column over its length, since they differ by orders of magnitude; one that never moves says nothing.
         let lengths: Vec<f64> = white.iter().map(|column| dot(column, column).sqrt()).collect();
         let scale = |index: usize| if lengths[index] > 0.0 { lengths[index].recip() } else { 0.0 };
         let count = columns.len();
@@ -124,16 +110,15 @@ impl Channel {
     }
 
     /// The white residual of a purpose.
-    pub fn white(&self, trial: &Trial, purpose: Purpose, trace: &Trace) -> Vec<Complex64> {
-        self.whitened(trial, purpose, &self.left(trial, trace))
+    pub fn white(&self, trial: &Trial, purpose: Purpose, trace: &Trace) -> Vec<f64> {
+        self.of(purpose).apply(&self.left(trial, trace))
     }
 
     fn of(&self, purpose: Purpose) -> &Filter {
         if purpose == Purpose::Fit { &self.fitted } else { &self.held_out }
     }
 
-    /// Of a record that does not repeat, minus twice the log likelihood over the rows of a purpose, with the errors that are left
-    /// there.
+    /// Minus twice the log likelihood over the rows of a purpose, with the errors that are left there.
     pub fn surprise(&self, trial: &Trial, purpose: Purpose, trace: &Trace) -> f64 {
         self.of(purpose).surprise(&self.left(trial, trace))
     }
@@ -150,26 +135,11 @@ impl Channel {
         (self.fitted, self.held_out) = (filter(Purpose::Fit), filter(Purpose::HeldOut));
     }
 
-    /// Takes the noise from what a model leaves.
+    /// Takes the errors from what a model leaves.
     pub fn weigh(&mut self, trial: &Trial, trace: &Trace) {
-        if let Some(log) = &trial.log {
-            self.assign(trial);
-            self.errors = self.of(log.known_by()).errors_of(&self.left(trial, trace));
-            self.assign(trial);
-            return;
-        }
-        let left = self.left(trial, trace);
-        let long = trial.stretches.iter().find(|stretch| stretch.periods > 1).map(|stretch| stretch.rows.clone());
-        let rows = long.unwrap_or(0..trial.periods() * trial.period_rows);
-        let periods = rows.len() / trial.period_rows;
-        let density = NoiseDensity::between_harmonics(&left[rows], periods, trial.rate_hz);
-        let whitening = |rows: usize| {
-            let mut whitening = Whitening::unit(rows);
-            if let Some(density) = &density {
-                whitening.set_noise(density, trial.rate_hz);
-            }
-            whitening
-        };
-        self.stretches = trial.stretches.iter().map(|stretch| whitening(stretch.rows.len())).collect();
+        let Some(log) = &trial.log else { return };
+        self.assign(trial);
+        self.errors = self.of(log.known_by()).errors_of(&self.left(trial, trace));
+        self.assign(trial);
     }
 }

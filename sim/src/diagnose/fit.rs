@@ -9,7 +9,6 @@ use rayon::prelude::*;
 
 use super::hypothesis::{Candidate, Coordinate, Hypothesis};
 use super::trial::{Purpose, Trial, Trials};
-use crate::plant::Trace;
 use crate::plant::effect::Site;
 
 /// Most steps of a search.
@@ -64,22 +63,14 @@ pub(super) fn residual(
     if let Some(log) = &trial.log {
         let tau_s = hypothesis.base[trial.point].time_constant_s;
         let (difference, trace) = hypothesis.seen(trials, trial)?;
-        let white = log.white(purpose, &difference, &trial.time_s, tau_s).into_iter().map(Complex64::from);
-        return Some(white.chain(beside(trial, purpose, &trace)).collect());
+        let white = log.white(purpose, &difference, &trial.time_s, tau_s);
+        let beside = trial.channels.iter().flat_map(|channel| channel.white(trial, purpose, &trace));
+        return Some(white.into_iter().chain(beside).map(Complex64::from).collect());
     }
     let rows = trial.end_of(Some(purpose));
     let simulated = hypothesis.simulate(trials, trial, rows).ok()?;
     let difference: Vec<f64> = trial.measured.iter().zip(&simulated).map(|(y, model)| y - model).collect();
-    let mut white = whiten(trial, hypothesis, purpose, &difference);
-    if !trial.channels.is_empty() {
-        white.extend(beside(trial, purpose, &hypothesis.trace(trials, trial)?));
-    }
-    Some(white)
-}
-
-/// The white residual of what was measured beside the response.
-fn beside(trial: &Trial, purpose: Purpose, trace: &Trace) -> Vec<Complex64> {
-    trial.channels.iter().flat_map(|channel| channel.white(trial, purpose, trace)).collect()
+    Some(whiten(trial, hypothesis, purpose, &difference))
 }
 
 fn whiten(trial: &Trial, hypothesis: &Hypothesis, purpose: Purpose, difference: &[f64]) -> Vec<Complex64> {

@@ -90,7 +90,7 @@ pub(super) struct Trial {
     pub stretches: Vec<Stretch>,
     /// What a record that does not repeat has in their place.
     pub log: Option<Log>,
-    /// What was measured beside the response.
+    /// What was measured beside the response of a record that does not repeat. Those that repeat are told apart by their lines.
     pub channels: Vec<Channel>,
 }
 
@@ -214,7 +214,7 @@ impl Trial {
             highest_hz: 0.0,
             stretches: Vec::new(),
             log: None,
-            channels: channels(record, experiment.output, 0..record.time_s.len()),
+            channels: Vec::new(),
         };
         let lines = Whitening::unit(periods.samples).spectrum(&command[..periods.samples]);
         let most = lines.iter().skip(1).map(|line| line.norm()).fold(0.0, f64::max);

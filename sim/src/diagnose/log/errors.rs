@@ -49,19 +49,19 @@ pub(in crate::diagnose) struct Part {
     pub before: Vec<usize>,
     /// Rows before these, with the part of the way that the response has gone.
     pub moving: Vec<(usize, f64)>,
-    /// Size of the step that leads there.
+    /// Size of the step that leads there, as measured.
     pub size: f64,
 }
 
 impl Part {
+    /// How far a response goes.
+    pub fn step_of(&self, response: &[f64]) -> f64 {
+        (mean(response, &self.settled) - mean(response, &self.before)).abs()
+    }
+
     /// Sets the way that a simulated response goes.
-    pub fn follow(&mut self, simulated: &[f64], least_size: f64) {
-        if self.settled.is_empty() {
-            self.size = 1.0;
-            return;
-        }
+    pub fn follow(&mut self, simulated: &[f64]) {
         let (from, to) = (mean(simulated, &self.before), mean(simulated, &self.settled));
-        self.size = (to - from).abs().max(least_size);
         for (row, part) in &mut self.moving {
             let way = (simulated[*row] - from) / (to - from);
             *part = if way.is_finite() { way.clamp(0.0, 1.0) } else { 1.0 };
@@ -138,6 +138,20 @@ impl Filter {
     }
 }
 
+/// Steps smaller than this part of the usual one count as one of this size: of a step that is hardly one no motion is seen.
+const LEAST_SIZE: f64 = 0.5;
+
+/// Sets the sizes of steps from the response that was measured.
+pub(super) fn set_sizes(parts: &mut [Part], measured: &[f64]) {
+    let is_step = |part: &Part| !part.settled.is_empty() && !part.before.is_empty();
+    let mut sizes: Vec<f64> = parts.iter().filter(|part| is_step(part)).map(|part| part.step_of(measured)).collect();
+    sizes.sort_by(f64::total_cmp);
+    let Some(usual) = sizes.get(sizes.len() / 2).copied().filter(|usual| *usual > 0.0) else { return };
+    for part in parts.iter_mut().filter(|part| is_step(part)) {
+        part.size = part.step_of(measured).max(LEAST_SIZE * usual);
+    }
+}
+
 /// The rows of a range that are compared, one of so many.
 pub(super) fn rows_of(range: Range<usize>, kept: &[bool], sparse: usize) -> Vec<usize> {
     range.filter(|row| row.is_multiple_of(sparse) && kept[*row]).collect()
@@ -152,7 +166,7 @@ mod tests {
         let moving = (10..15).map(|row| (row, 0.0)).collect();
         let mut part = Part { settled: (15..20).collect(), before: (0..10).collect(), moving, size: 1.0 };
         let simulated: Vec<f64> = (0..20).map(|row| f64::from((row - 9).clamp(0, 5)) * 0.2).collect();
-        part.follow(&simulated, 1e-3);
+        part.follow(&simulated);
         Filter::new(Errors { level: 0.5, moving: 1.0 }, std::iter::once(part), true)
     }
 

@@ -51,9 +51,6 @@ pub(super) struct Group {
     pub purpose: Purpose,
 }
 
-/// A step smaller than this many standard deviations of the noise counts as one of this size.
-const LEAST_STEP: f64 = 10.0;
-
 /// What a record that does not repeat has beside the rest of a trial.
 #[derive(Clone, Debug)]
 pub(super) struct Log {
@@ -133,9 +130,7 @@ impl Log {
 
     /// Takes the errors from a residual of all rows. `simulated` is what it is the residual of.
     pub fn weigh(&mut self, residual: &[f64], simulated: &[f64]) {
-        for (part, group) in self.parts.iter_mut().zip(&self.groups) {
-            part.follow(simulated, LEAST_STEP * group.noise);
-        }
+        self.parts.iter_mut().for_each(|part| part.follow(simulated));
         self.set_filters();
         self.errors = self.of(self.known_by()).errors_of(residual);
         self.set_filters();

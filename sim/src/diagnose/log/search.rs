@@ -4,7 +4,7 @@
 //! error, whose size is not known beforehand and shrinks as effects are found. So each explanation is judged by the errors that it
 //! leaves itself (`errors`): a generalized likelihood ratio, on all steps and on what the splits hold out.
 //!
-//! Each look at a log is slow beside one at a periodic record, so few kinds are followed: those that promise most to first order.
+//! Staircases show fewer kinds than periodic records do, each from its best start.
 
 use super::split::Folds;
 use crate::diagnose::explain::{ALIKE, Explanation, FIRST_STEPS, Found, LEAST_WORTH, Search, Tried, by_worth};
@@ -17,8 +17,7 @@ use crate::record::Output;
 
 /// Most effects that are named: a staircase goes through the whole range of a motor, where more shows than around one command.
 const MOST_EFFECTS: usize = 5;
-/// How many kinds are fitted after the screening, and how many of these are finished and judged by what is held out.
-const MOST_FITTED: usize = 5;
+/// How many kinds are finished and judged by what is held out, after a few steps of a search of each.
 const MOST_FINISHED: usize = 3;
 /// Steps of a search that finishes: the misfit is of models and not of noise, so the last digits mean nothing.
 const LAST_STEPS: usize = 8;
@@ -115,14 +114,10 @@ impl Search<'_> {
             screened.extend(self.screen(&screening, &scan, from, kind).into_iter().next());
             (self.progress)();
         }
-        screened.sort_by(|a, b| a.0.total_cmp(&b.0));
         let Some(before) = self.judged(from) else { return Vec::new() };
         let mut followed: Vec<(Judged, &'static Kind)> = Vec::new();
-        for (left, start, kind) in screened.into_iter().take(MOST_FITTED) {
+        for (_, start, kind) in screened {
             let fit = fit_in(&self.trials, &start, true, FIRST_STEPS);
-            if std::env::var_os("ROTORLEAD_TRACE").is_some() {
-                eprintln!("    screened {} {:.1} fitted {:?}", kind.id, 0.5 * (from.misfit - left), fit.as_ref().map(|f| 0.5 * (from.misfit - f.misfit)));
-            }
             followed.extend(fit.and_then(|fit| Judged::of(&self.trials, &fit, FIRST_STEPS)).map(|judged| (judged, kind)));
             (self.progress)();
         }
@@ -132,9 +127,6 @@ impl Search<'_> {
             let judged = Judged::of(&judged.trials, &judged.fit, LAST_STEPS)?;
             (self.progress)();
             let tried = tried(&before, &folds, judged, kind);
-            if std::env::var_os("ROTORLEAD_TRACE").is_some() {
-                eprintln!("  tried {} fitted {:.1} held out {:.1} {:?}", kind.id, tried.fitted_gain, tried.held_out_gain, tried.fit.hypothesis.effects.iter().map(|e| (e.kind.id, e.values.clone())).collect::<Vec<_>>());
-            }
             Some(tried)
         });
         let mut all: Vec<Tried> = finished.collect();
@@ -169,9 +161,6 @@ impl Search<'_> {
                     others.iter().filter(|kind| is_free(kind)).copied().collect()
                 });
                 found.push(Found { kind: candidate.kind, worth, alternatives });
-                if std::env::var_os("ROTORLEAD_TRACE").is_some() {
-                    eprintln!("  beside the rest {} {:.1}", candidate.kind.id, worth);
-                }
                 (self.progress)();
             }
             let least = (0..found.len()).min_by(|a, b| found[*a].worth.total_cmp(&found[*b].worth));

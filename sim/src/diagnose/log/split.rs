@@ -58,9 +58,6 @@ impl Folds {
             })
             .map(|gain| gain.unwrap_or(f64::NEG_INFINITY))
             .collect();
-        if std::env::var_os("ROTORLEAD_TRACE").is_some() {
-            eprintln!("      splits {gains:.1?}");
-        }
         (!gains.is_empty()).then(|| gains.iter().sum::<f64>() / gains.len() as f64)
     }
 }
