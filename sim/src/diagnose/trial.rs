@@ -163,7 +163,15 @@ impl Trials {
         if trials.is_empty() {
             return Err(DiagnoseError::NothingToCompare { experiment: experiment.name.clone() });
         }
-        Ok(Self { nominals, trials, left_out, curve: None, is_part: false, esc_frame_hz: experiment.esc_frame_hz, output: experiment.output })
+        Ok(Self {
+            nominals,
+            trials,
+            left_out,
+            curve: None,
+            is_part: false,
+            esc_frame_hz: experiment.esc_frame_hz,
+            output: experiment.output,
+        })
     }
 }
 
@@ -237,7 +245,8 @@ impl Trial {
         let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
         let (mean_command, mean_response) = (mean(command), mean(&measured));
         // A command that stays need not be told again.
-        let changes: Vec<usize> = (0..command.len()).filter(|&row| row == 0 || command[row] != command[row - 1]).collect();
+        let changes: Vec<usize> =
+            (0..command.len()).filter(|&row| row == 0 || command[row] != command[row - 1]).collect();
         let mut intervals: Vec<f64> = time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
         intervals.sort_by(f64::total_cmp);
         Ok(Self {

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::errors::{Errors, Filter, Part, rows_of, set_sizes};
+use super::errors::{Errors, Filter, Part, measure, rows_of};
 use super::{Group, Log};
 use crate::diagnose::DiagnoseError;
 use crate::diagnose::trial::Purpose;
@@ -155,7 +155,7 @@ fn of_run(record: &Record, run: Run) -> Prepared {
         limited,
     };
     let rows_per_sample = rows_per_sample(&measured, &groups);
-    let log = log(groups, kept, cut, true, rows_per_sample, &measured);
+    let log = log(groups, kept, cut, true, rows_per_sample, time_s, &measured);
     Prepared { from: rows.start, measured, log }
 }
 
@@ -183,7 +183,7 @@ fn of_whole(record: &Record, response: &[f64]) -> Prepared {
     });
     let groups = groups.collect();
     let cut = CutRows { file: record.file.clone(), rows: count, start: 0, end: 0, spikes, after_gaps, limited: 0 };
-    let log = log(groups, kept, cut, false, 1.0, &measured);
+    let log = log(groups, kept, cut, false, 1.0, time_s, &measured);
     Prepared { from: 0, measured, log }
 }
 
@@ -193,6 +193,7 @@ fn log(
     cut: CutRows,
     begins_settled: bool,
     rows_per_sample: f64,
+    time_s: &[f64],
     measured: &[f64],
 ) -> Log {
     let parts = |(index, group): (usize, &Group)| {
@@ -212,7 +213,7 @@ fn log(
         }
     };
     let mut parts: Vec<Part> = groups.iter().enumerate().map(parts).collect();
-    set_sizes(&mut parts, measured);
+    measure(&mut parts, time_s, measured);
     let mut searched = vec![false; kept.len()];
     for part in &parts {
         part.settled.iter().chain(part.moving.iter().map(|(row, _)| row)).for_each(|row| searched[*row] = true);

@@ -5,7 +5,7 @@
 //!
 //! ```text
 //! level      the mean of what is left of the settled rows: one number
-//! moving     what is left of the rows before, less what the levels are off by:
+//! moving     what is left of the rows after a step, less what the levels are off by:
 //!            r(t) - (1 - p) level_before - p level,   p the part of the way that the response has gone
 //! ```
 //!
@@ -47,7 +47,7 @@ pub(in crate::diagnose) struct Part {
     pub settled: Vec<usize>,
     /// The same of the plateau before.
     pub before: Vec<usize>,
-    /// Rows before these, with the part of the way that the response has gone.
+    /// Rows after the step, with the part of the way that the response has gone.
     pub moving: Vec<(usize, f64)>,
     /// Size of the step that leads there, as measured.
     pub size: f64,
@@ -106,7 +106,9 @@ impl Filter {
                 all.push(level / self.errors.level);
             }
             let scale = (part.independent() / part.moving.len() as f64).sqrt() / (self.errors.moving * part.size);
-            all.extend(part.moving.iter().map(|(row, way)| scale * (values[*row] - (1.0 - way) * before - way * level)));
+            all.extend(
+                part.moving.iter().map(|(row, way)| scale * (values[*row] - (1.0 - way) * before - way * level)),
+            );
         }
         all
     }
@@ -141,14 +143,35 @@ impl Filter {
 /// Steps smaller than this part of the usual one count as one of this size: of a step that is hardly one no motion is seen.
 const LEAST_SIZE: f64 = 0.5;
 
-/// Sets the sizes of steps from the response that was measured.
-pub(super) fn set_sizes(parts: &mut [Part], measured: &[f64]) {
-    let is_step = |part: &Part| !part.settled.is_empty() && !part.before.is_empty();
-    let mut sizes: Vec<f64> = parts.iter().filter(|part| is_step(part)).map(|part| part.step_of(measured)).collect();
-    sizes.sort_by(f64::total_cmp);
-    let Some(usual) = sizes.get(sizes.len() / 2).copied().filter(|usual| *usual > 0.0) else { return };
-    for part in parts.iter_mut().filter(|part| is_step(part)) {
+/// Of a plateau so many times the time are compared in which the response goes most of the usual step; later it hardly moves, and
+/// there are many such rows.
+const MOVES_FOR: f64 = 6.0;
+/// Most of the step: of a lag after its time constant.
+const MOST_OF_THE_WAY: f64 = 0.63;
+
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
+}
+
+/// Sets the sizes of steps, and for how long they are compared, from the response that was measured.
+pub(super) fn measure(parts: &mut [Part], time_s: &[f64], measured: &[f64]) {
+    let is_step = |part: &&Part| !part.settled.is_empty() && !part.before.is_empty();
+    let sizes = parts.iter().filter(is_step).map(|part| part.step_of(measured)).collect();
+    let Some(usual) = median(sizes).filter(|usual| *usual > 0.0) else { return };
+    let since = |part: &Part, row: usize| part.moving.first().map_or(0.0, |(first, _)| time_s[row] - time_s[*first]);
+    let most_of_the_way = |part: &Part| {
+        let (before, most) = (mean(measured, &part.before), MOST_OF_THE_WAY * part.step_of(measured));
+        let there = part.moving.iter().find(|(row, _)| (measured[*row] - before).abs() > most);
+        there.map(|(row, _)| since(part, *row))
+    };
+    let large = parts.iter().filter(is_step).filter(|part| part.step_of(measured) >= LEAST_SIZE * usual);
+    let moves_for_s = median(large.filter_map(most_of_the_way).collect()).map(|time_s| MOVES_FOR * time_s);
+    for part in parts.iter_mut().filter(|part| is_step(&&**part)) {
         part.size = part.step_of(measured).max(LEAST_SIZE * usual);
+        let Some(moves_for_s) = moves_for_s.filter(|time_s| *time_s > 0.0) else { continue };
+        let moves = part.moving.iter().take_while(|(row, _)| since(part, *row) <= moves_for_s).count();
+        part.moving.truncate(moves);
     }
 }
 

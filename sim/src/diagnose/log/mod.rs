@@ -28,8 +28,8 @@ pub(super) use start::first_lag;
 
 use super::trial::Purpose;
 use crate::identify::steps::Plateau;
-pub(super) use errors::{Errors, Filter};
 use errors::Part;
+pub(super) use errors::{Errors, Filter};
 
 /// A stretch of rows that is fitted or held out as a whole: a plateau with the step that leads to it, or a tenth of a record
 /// without plateaus.

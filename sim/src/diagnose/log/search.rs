@@ -41,7 +41,8 @@ impl Trials {
     fn can_show(&self, kind: &Kind) -> bool {
         let is = |kinds: &[&str]| kinds.contains(&kind.id);
         // One whose response jumps about as its value moves puts the few levels of a staircase anywhere as its value is turned.
-        let only_shifts = is(&SHIFT_LEVELS) || is(&HIDDEN) || kind.parameters.iter().any(|parameter| parameter.pieces > GRID);
+        let only_shifts =
+            is(&SHIFT_LEVELS) || is(&HIDDEN) || kind.parameters.iter().any(|parameter| parameter.pieces > GRID);
         let any_moves = self.trials.iter().any(|trial| trial.log.as_ref().is_none_or(|log| !log.begins_settled));
         let any_repeats = self.trials.iter().any(|trial| trial.log.is_none());
         (any_moves || !only_shifts)
@@ -118,7 +119,8 @@ impl Search<'_> {
         let mut followed: Vec<(Judged, &'static Kind)> = Vec::new();
         for (_, start, kind) in screened {
             let fit = fit_in(&self.trials, &start, true, FIRST_STEPS);
-            followed.extend(fit.and_then(|fit| Judged::of(&self.trials, &fit, FIRST_STEPS)).map(|judged| (judged, kind)));
+            followed
+                .extend(fit.and_then(|fit| Judged::of(&self.trials, &fit, FIRST_STEPS)).map(|judged| (judged, kind)));
             (self.progress)();
         }
         followed.sort_by(|a, b| a.0.surprise.total_cmp(&b.0.surprise));
@@ -157,9 +159,8 @@ impl Search<'_> {
                 let worth = tried(&rest, &folds, with, candidate.kind).worth();
                 let others = alternatives.iter().find(|(kind, _)| *kind == candidate.kind);
                 let is_free = |kind: &&Kind| current.hypothesis.effects.iter().all(|effect| effect.kind != *kind);
-                let alternatives = others.map_or_else(Vec::new, |(_, others)| {
-                    others.iter().filter(|kind| is_free(kind)).copied().collect()
-                });
+                let alternatives = others
+                    .map_or_else(Vec::new, |(_, others)| others.iter().filter(|kind| is_free(kind)).copied().collect());
                 found.push(Found { kind: candidate.kind, worth, alternatives });
                 (self.progress)();
             }
