@@ -95,3 +95,39 @@ fn what_cannot_be_compared_is_refused_by_name() {
     let refused = diagnose(&experiment(&motor(None), 1), &options);
     assert!(matches!(refused, Err(DiagnoseError::ModelHasEffects { .. })));
 }
+
+/// A motor that loses step now and then does so at other times in each period: nothing that repeats shows it.
+#[test]
+fn what_comes_and_goes_is_not_taken_for_noise() {
+    let model = motor(None);
+    let mut experiment = experiment(&model, 5);
+    let steady = diagnosed(&experiment, Some(&model));
+    assert_eq!(steady.verdict, Verdict::Agrees);
+    assert!(steady.steadiness.is_noise(), "{:?}", steady.steadiness);
+    for (place, record) in experiment.records.iter_mut().enumerate() {
+        let thrust = record.thrust_n.as_mut().unwrap();
+        // 0.2 s of a loss that decays, three times a record, at odd times.
+        for event in 0..3 {
+            let from = 731 + 1511 * event + 97 * place;
+            let force = thrust[from];
+            for (row, value) in thrust[from..].iter_mut().take(200).enumerate() {
+                *value -= 0.3 * force * (-(row as f64) / 40.0).exp();
+            }
+        }
+    }
+    let found = diagnosed(&experiment, Some(&model));
+    assert_eq!(found.verdict, Verdict::Unknown, "{:?}", found.effects);
+    assert!(found.effects.is_empty() && found.steadiness.significance > 20.0, "{:?}", found.steadiness);
+}
+
+/// A delay of 60 ms is none that digital commands and ESCs have.
+#[test]
+fn what_is_like_an_effect_but_larger_than_any_is_not_named() {
+    let catalog = Catalog::standard();
+    let kind = catalog.find("transport_delay").unwrap();
+    let beyond = 1.5 * kind.parameters[0].plausible.1;
+    let found =
+        diagnosed(&experiment(&motor(Some(("transport_delay", &[("delay_s", beyond)]))), 6), Some(&motor(None)));
+    assert_eq!(found.verdict, Verdict::Unknown, "{:?}", found.effects);
+    assert_eq!(found.tried[0].kind.id, "transport_delay");
+}

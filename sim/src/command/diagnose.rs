@@ -143,6 +143,13 @@ fn verdict(found: &Diagnosis) -> String {
 
 fn words(found: &Diagnosis) -> String {
     let mut text = format!("{}\n", verdict(found));
+    if !found.steadiness.is_noise() {
+        let _ = writeln!(
+            text,
+            "What does not repeat from period to period is no steady noise: its power changes by {:.0} % in time.",
+            100.0 * found.steadiness.spread
+        );
+    }
     let mut line = |line: String| {
         text.push_str(&line);
         text.push('\n');
@@ -289,6 +296,7 @@ fn values(found: &Diagnosis) -> Value {
             "before": { "sum": found.excess.0.sum, "expected": found.excess.0.expected },
             "after": { "sum": found.excess.1.sum, "expected": found.excess.1.expected },
         },
+        "steadiness": { "spread": found.steadiness.spread, "significance": found.steadiness.significance },
         "tried": found.tried.iter().map(|tried| json!({
             "kind": tried.kind.id,
             "fitted_gain": tried.fitted_gain,

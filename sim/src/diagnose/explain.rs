@@ -10,6 +10,7 @@ use std::cmp::Ordering;
 
 use super::fit::{Fit, MOST_STEPS, Screening, fit, fit_in, misfit};
 use super::hypothesis::{Candidate, GRID, Hypothesis};
+use super::locate::excess;
 use super::scan::Scan;
 use super::trial::{Before, Purpose, Trial, Trials};
 use super::{frames, grid};
@@ -19,6 +20,9 @@ use crate::plant::effect::Kind;
 
 /// Most effects that are named.
 const MOST_EFFECTS: usize = 3;
+/// So many effects that leave more than this part of the misfit are no explanation, and none is looked for.
+const ENOUGH_EFFECTS: usize = 2;
+const HOPELESS: f64 = 0.15;
 /// An effect is named for at least this worth: with 17 kinds to choose from, and two values each, noise alone gives as much
 /// once in thousands of experiments.
 pub(super) const LEAST_WORTH: f64 = 10.0;
@@ -57,6 +61,11 @@ pub(super) struct Tried {
 }
 
 impl Tried {
+    /// Whether no value lies farther from where the effect vanishes than any actuator of its kind is plausible to have it.
+    fn is_plausible(&self) -> bool {
+        self.fit.hypothesis.effects.last().is_none_or(Candidate::is_plausible)
+    }
+
     /// What it is worth, in units of log likelihood.
     pub fn worth(&self) -> f64 {
         self.fitted_gain - self.parameters as f64 + self.held_out_gain
@@ -64,7 +73,7 @@ impl Tried {
 }
 
 /// The decay at the begin of a record that `hypothesis` leaves, and what it leaves beside that and an offset.
-fn aligned(all: &Trials, trial: &Trial, hypothesis: &Hypothesis) -> Option<(f64, Vec<f64>)> {
+pub(super) fn aligned(all: &Trials, trial: &Trial, hypothesis: &Hypothesis) -> Option<(f64, Vec<f64>)> {
     let rows = trial.end_of(None);
     let simulated = hypothesis.simulate(all, trial, rows).ok()?;
     let (time_s, measured) = (&trial.time_s[..rows], &trial.measured[..rows]);
@@ -319,10 +328,23 @@ impl Search<'_> {
             if effects.is_empty() {
                 first_tried.clone_from(&tried);
             }
-            let Some(best) = tried.into_iter().next().filter(|best| best.worth() >= LEAST_WORTH) else { break };
+            // Something like an effect, but larger than it can be, is none of the catalog.
+            let best = tried.into_iter().next().filter(|best| best.worth() >= LEAST_WORTH && best.is_plausible());
+            let Some(best) = best else { break };
             let start = best.fit.hypothesis.clone();
             effects.push(best);
             current = self.settle(&start, true)?;
+            let left = |fit: &Fit| excess(&self.trials, &fit.hypothesis, Purpose::Fit).over();
+            if std::env::var("DBG").is_ok() {
+                eprintln!(
+                    "DBG {:?} left {:.3}",
+                    effects.iter().map(|e| e.kind.id).collect::<Vec<_>>(),
+                    left(&current) / left(&before)
+                );
+            }
+            if effects.len() >= ENOUGH_EFFECTS && left(&current) > HOPELESS * left(&before) {
+                return Some(Explanation { after: before.clone(), before, found: Vec::new(), tried: first_tried });
+            }
         }
         let (after, found) = match &effects[..] {
             // Nothing beside which it could look different.
@@ -356,12 +378,11 @@ impl Search<'_> {
                 }
                 tried.sort_by(by_worth);
             }
-            let best = tried.first()?;
-            if best.worth() < LEAST_WORTH {
+            let Some(best) = tried.first().filter(|best| best.worth() >= LEAST_WORTH && best.is_plausible()) else {
                 current = rest;
                 found.remove(effect);
                 continue;
-            }
+            };
             if best.kind != kind && exchanges < MOST_EFFECTS {
                 exchanges += 1;
                 current = self.settle(&best.fit.hypothesis.clone(), true)?;

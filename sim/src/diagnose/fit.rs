@@ -3,7 +3,7 @@
 //! Each record's residual depends on its own lag and on the effects, so derivatives are taken record by record and summed
 //! up into the normal equations: memory does not grow with the number of records. The step is Levenberg's and Marquardt's.
 
-use nalgebra::{Cholesky, DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector, Matrix2, Vector2};
 use num_complex::Complex64;
 use rayon::prelude::*;
 
@@ -252,6 +252,17 @@ fn inverse(matrix: &DMatrix<f64>) -> Option<DMatrix<f64>> {
 }
 
 impl Fit {
+    /// Squared length of a change of two coordinates in their standard errors and correlation. `None` where they were not
+    /// searched.
+    pub fn distance(&self, coordinates: [Coordinate; 2], off: [f64; 2]) -> Option<f64> {
+        let covariance = self.covariance.as_ref()?;
+        let [i, j] = coordinates.map(|one| self.coordinates.iter().position(|other| *other == one));
+        let (i, j) = (i?, j?);
+        let block = Matrix2::new(covariance[(i, i)], covariance[(i, j)], covariance[(j, i)], covariance[(j, j)]);
+        let off = Vector2::from(off);
+        Some(off.dot(&(block.try_inverse()? * off)))
+    }
+
     /// Standard deviation of a coordinate, by the noise.
     pub fn std(&self, coordinate: Coordinate) -> Option<f64> {
         let place = self.coordinates.iter().position(|other| *other == coordinate)?;

@@ -88,6 +88,18 @@ impl Candidate {
         self.has_frames() && self.phases.is_empty()
     }
 
+    /// Whether no value lies beyond its plausible range, seen from where the effect vanishes.
+    pub fn is_plausible(&self) -> bool {
+        let beyond = |(index, parameter): (usize, &Parameter)| {
+            let (value, (low, high)) = (self.values[index], parameter.plausible);
+            // Of a value without such a place both ends count; no number is larger or smaller than it.
+            let above = value > high && !(parameter.null >= high);
+            let below = value < low && !(parameter.null <= low);
+            above || below
+        };
+        !Self::searched(self.kind).any(beyond)
+    }
+
     /// Places of the values that a search may change.
     pub fn searched(kind: &'static Kind) -> impl Iterator<Item = (usize, &'static Parameter)> {
         let is_searched = |parameter: &Parameter| match parameter.usage {

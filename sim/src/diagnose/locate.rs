@@ -11,7 +11,7 @@ use super::whitening::Whitening;
 use crate::record::Excitation;
 
 /// Lines are compared up to this multiple of the highest excited frequency: what a nonlinearity adds lies there too.
-const BEYOND_EXCITED: f64 = 2.0;
+pub(super) const BEYOND_EXCITED: f64 = 2.0;
 /// Bands of a decade in the report.
 const BANDS_PER_DECADE: f64 = 3.0;
 /// Records whose amplitudes differ by less than this factor count as one amplitude.

@@ -21,7 +21,9 @@ mod locate;
 mod log;
 mod next;
 mod scan;
+mod steadiness;
 mod trial;
+mod verdict;
 mod whitening;
 
 use std::collections::BTreeMap;
@@ -33,54 +35,27 @@ pub use gap::{Gap, RecordGap, Residual};
 pub use locate::{Axis, Excess, Location, MapCell};
 pub use log::{CutRows, SplitGap};
 pub use next::{Conditions, NextExperiment};
+pub use steadiness::Steadiness;
 pub use trial::LeftOut;
+pub use verdict::Verdict;
 
 use explain::{Explanation, Search};
 use hypothesis::{BasePoint, Candidate, Coordinate, Hypothesis};
 use trial::{Purpose, Trials};
+use verdict::Grounds;
 
 use crate::identify::{Estimate, PeriodicOptions, identify_periodic, same_output};
 use crate::plant::effect::Kind;
 use crate::plant::{Catalog, Effect, Lag, Model, OperatingCurve, Point};
 use crate::record::Experiment;
 
-/// A misfit of fewer standard deviations than this is no misfit.
-const SIGNIFICANT: f64 = 5.0;
 /// Wrong numbers of a given model count as an effect from this gain of log likelihood on, over one per number.
 const LEAST_WORTH_OF_NUMBERS: f64 = 10.0;
+/// A lag is another one than the given where its squared distance in standard errors is more than this: for two numbers noise
+/// alone exceeds it once in 100 times.
+const IMPROVED: f64 = 9.2;
 /// Beside another effect they have to be this wrong, too: what exactly the lag is in its presence is a matter of definition.
 const LEAST_ERROR_BESIDE: f64 = 0.08;
-
-/// Effects that leave no more than this share of the misfit are the whole story.
-const WHOLE: f64 = 0.05;
-/// Those that leave more than this share are no story at all.
-const NONE: f64 = 0.4;
-
-/// What is to be said.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Verdict {
-    /// There is no gap beyond noise.
-    Agrees,
-    /// The effects explain the gap.
-    Named,
-    /// The effects explain much of it, and something is left that nothing explains.
-    PartlyNamed,
-    /// There is a gap, and nothing in the catalog explains it.
-    Unknown,
-}
-
-impl Verdict {
-    /// Its name in files.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Agrees => "agrees",
-            Self::Named => "named",
-            Self::PartlyNamed => "partly_named",
-            Self::Unknown => "unknown",
-        }
-    }
-}
 
 /// An effect that is named.
 #[derive(Clone, Debug)]
@@ -141,6 +116,8 @@ pub struct Diagnosis {
     pub held_out: bool,
     /// What is left over noise, before and after.
     pub excess: (Excess, Excess),
+    /// Whether what is left is steady, as noise is.
+    pub steadiness: Steadiness,
     /// The improved model.
     pub model: Model,
     /// What is left over frequency and nominal command, before and after.
@@ -182,26 +159,26 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         let given = Hypothesis { base: base.clone(), ..after.hypothesis.clone() };
         let with_effects = fit::fit(trials, &given, false).ok_or(no_fit.clone())?;
         wrong = wrong_numbers(&base, &with_effects, &after);
-        let worth = worth_of_numbers(&base, &with_effects, &after);
-        if wrong.is_none() && (found.is_empty() || worth < 0.0) {
-            // Numbers that the records do not improve on stay; how well they are known is another matter.
-            after =
-                if found.is_empty() { with_effects } else { fit::Fit { hypothesis: with_effects.hypothesis, ..after } };
+        if found.is_empty() && wrong.is_none() {
+            after = with_effects;
+        } else if wrong.is_none() {
+            after = keep_given(trials, &base, after).ok_or(no_fit.clone())?;
         }
         before = fit::fit(trials, &Hypothesis::of_lags(base), false).ok_or(no_fit)?;
     }
     let excess = |hypothesis| locate::excess(trials, hypothesis, Purpose::Fit);
     let (excess_before, excess_after) = (excess(&before.hypothesis), excess(&after.hypothesis));
-    let left = (excess_after.over() / excess_before.over()).max(0.0);
-    let nothing_found = found.is_empty() && wrong.is_none();
-    let verdict = match (nothing_found, excess_after.significance() > SIGNIFICANT) {
-        (true, false) => Verdict::Agrees,
-        (true, true) => Verdict::Unknown,
-        (false, false) => Verdict::Named,
-        (false, true) if left < WHOLE => Verdict::Named,
-        (false, true) if left < NONE => Verdict::PartlyNamed,
-        (false, true) => Verdict::Unknown,
+    let steadiness = steadiness::steadiness(trials, &after.hypothesis);
+    let refitted = options.model.is_none();
+    let gap = gap::gaps(trials, &before.hypothesis, &after.hypothesis, refitted).total;
+    let grounds = Grounds {
+        found: !found.is_empty() || wrong.is_some(),
+        excess: (excess_before, excess_after),
+        gap,
+        steadiness,
+        has_logs: trials.has_logs(),
     };
+    let verdict = grounds.verdict();
     let found = if verdict == Verdict::Unknown {
         after = before.clone();
         wrong = None;
@@ -209,7 +186,6 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     } else {
         found
     };
-    let refitted = options.model.is_none();
     let gap::Gaps { total: gap, records, splits, held_out } =
         gap::gaps(trials, &before.hypothesis, &after.hypothesis, refitted);
     let mut effects = Vec::new();
@@ -262,12 +238,23 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         records,
         held_out,
         excess: (excess_before, excess_after),
+        steadiness,
     })
 }
 
-/// By how much the log likelihood grows with other numbers than the given ones, over one per number.
-fn worth_of_numbers(base: &[BasePoint], given: &fit::Fit, refitted: &fit::Fit) -> f64 {
-    0.5 * (given.misfit - refitted.misfit) - (2 * base.len()) as f64
+/// `refitted` with the given lag wherever the records do not improve on it: a lag fitted to few of them would be worse on the
+/// others. How well it is known is another matter, and stays as it is.
+fn keep_given(trials: &Trials, given: &[BasePoint], refitted: fit::Fit) -> Option<fit::Fit> {
+    let mut kept = refitted.hypothesis.clone();
+    for (point, (found, given)) in kept.base.iter_mut().zip(given).enumerate() {
+        let off = [(found.gain / given.gain).ln(), (found.time_constant_s / given.time_constant_s).ln()];
+        let distance = refitted.distance([Coordinate::Gain(point), Coordinate::TimeConstant(point)], off);
+        if distance.is_none_or(|distance| distance < IMPROVED) {
+            *found = *given;
+        }
+    }
+    let hypothesis = fit::fit(trials, &kept, false)?.hypothesis;
+    Some(fit::Fit { hypothesis, ..refitted })
 }
 
 /// Whether a given model's numbers are wrong: by how much the log likelihood grows with others, the mean relative errors of
@@ -278,7 +265,7 @@ fn wrong_numbers(
     given: &fit::Fit,
     refitted: &fit::Fit,
 ) -> Option<(f64, [Estimate; 2], Hypothesis)> {
-    let worth = worth_of_numbers(base, given, refitted);
+    let worth = 0.5 * (given.misfit - refitted.misfit) - (2 * base.len()) as f64;
     let ratio = |number: fn(&BasePoint) -> f64, coordinate: fn(usize) -> Coordinate| {
         let of_points = base.iter().zip(&refitted.hypothesis.base).enumerate().map(|(point, (given, found))| {
             let std = refitted.std(coordinate(point)).unwrap_or(f64::INFINITY);

@@ -218,6 +218,12 @@ impl Diagnosis {
     /// The experiment that would say more; `None` where nothing is open.
     #[must_use]
     pub fn next_experiment(&self) -> Option<NextExperiment> {
+        if !self.steadiness.is_noise() {
+            let words = "Log the speed, the voltage and the current too, and repeat the records as they are: what comes and goes \
+                         in the speed as well is the motor's or the ESC's, else the stand's or the logger's. Look for rows that \
+                         repeat and for steps that the motor loses.";
+            return Some(self.planned(&UNKNOWN, "unsteady", words.to_owned(), None));
+        }
         if self.verdict == Verdict::Unknown {
             let words = "Repeat the records at half and at twice the amplitude, log the speed, the voltage and the current too, \
                          and let each record go on for twice as long: what stays, grows or vanishes says where to look.";

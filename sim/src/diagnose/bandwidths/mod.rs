@@ -22,9 +22,14 @@ use judge::Judge;
 use rayon::prelude::*;
 use rotorlead::design::LeadParameters;
 
-use super::{DiagnoseError, NONE, Verdict, WHOLE};
+use super::{DiagnoseError, Verdict};
 use crate::plant::effect::Kind;
 use crate::plant::{Catalog, Model};
+
+/// Effects that leave no more than this share of the misfit are the whole story.
+const WHOLE: f64 = 0.05;
+/// Those that leave more than this share are no story at all.
+const NONE: f64 = 0.4;
 
 /// How it is done.
 #[derive(Clone, Copy, Debug)]

@@ -96,6 +96,9 @@ impl Search<'_> {
             if alternatives.is_empty() {
                 first_tried.clone_from(&tried);
             }
+            // Something like an effect, but larger than it can be, is none of the catalog.
+            let plausible = |tried: &&Tried| tried.fit.hypothesis.effects.last().is_none_or(Candidate::is_plausible);
+            let tried: Vec<&Tried> = tried.iter().filter(plausible).collect();
             let Some(best) = tried.first().filter(|best| best.worth() >= LEAST_WORTH) else { break };
             let alike = tried.iter().skip(1).filter(|other| best.worth() - other.worth() < ALIKE);
             alternatives.push((best.kind, alike.map(|other| other.kind).collect()));

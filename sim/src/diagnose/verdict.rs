@@ -1,0 +1,150 @@
+//! What is to be said of it all, in a word.
+
+use super::gap::Gap;
+use super::locate::Excess;
+use super::steadiness::Steadiness;
+
+/// A misfit of fewer standard deviations than this is no misfit.
+const SIGNIFICANT: f64 = 5.0;
+/// What is left is the noise, its density being an estimate, where it is no more than this times it in power.
+const NOISE: f64 = 1.05;
+/// Where more than noise is left, effects that leave more than this share of the misfit are no story at all, be it on what
+/// was fitted or on what was held out.
+const NONE: f64 = 0.1;
+/// Where it is noise, a gap wider than this times the noise floor must not be more than this share of what it was.
+const WIDE: f64 = 1.1;
+const HALF: f64 = 0.5;
+/// [`NONE`] for records that do not repeat: levels of the whole range, over minutes, are off for more reasons than have a name.
+const NONE_OF_LOGS: f64 = 0.5;
+
+/// What is to be said.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// There is no gap beyond noise.
+    Agrees,
+    /// The effects explain the gap.
+    Named,
+    /// The effects explain much of it, and something is left that nothing explains.
+    PartlyNamed,
+    /// There is a gap, and nothing in the catalog explains it.
+    Unknown,
+}
+
+impl Verdict {
+    /// Its name in files.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Agrees => "agrees",
+            Self::Named => "named",
+            Self::PartlyNamed => "partly_named",
+            Self::Unknown => "unknown",
+        }
+    }
+}
+
+/// What the verdict rests on.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Grounds {
+    /// Whether any effect was found, or wrong numbers.
+    pub found: bool,
+    /// What is left over noise on the lines of what was fitted, before and after.
+    pub excess: (Excess, Excess),
+    /// The gap on what was held out.
+    pub gap: Gap,
+    /// Whether what does not repeat can be noise.
+    pub steadiness: Steadiness,
+    /// Whether there are records that do not repeat.
+    pub has_logs: bool,
+}
+
+impl Grounds {
+    /// The verdict. A wrong name is worse than none: effects that the held-out gap does not confirm are not named.
+    pub fn verdict(&self) -> Verdict {
+        let (before, after) = self.excess;
+        let is_noise = after.significance() < SIGNIFICANT || after.sum < NOISE * after.expected;
+        let is_steady = self.steadiness.is_noise();
+        if !self.found {
+            return if is_noise && is_steady { Verdict::Agrees } else { Verdict::Unknown };
+        }
+        let part = after.over() / before.over();
+        let is_story = if is_noise {
+            self.gap.after < WIDE * self.gap.noise_floor || self.left() < HALF
+        } else {
+            let none = if self.has_logs { NONE_OF_LOGS } else { NONE };
+            part < none && self.left() < none
+        };
+        let is_story = is_story && (is_steady || self.outweighs_bursts());
+        match (is_story, is_noise && is_steady) {
+            (true, true) => Verdict::Named,
+            (true, false) => Verdict::PartlyNamed,
+            (false, _) => Verdict::Unknown,
+        }
+    }
+
+    /// Share of the power of the held-out gap over the noise that is left.
+    fn left(&self) -> f64 {
+        let Gap { before, after, noise_floor } = self.gap.squared();
+        (after - noise_floor).max(0.0) / (before - noise_floor).max(f64::MIN_POSITIVE)
+    }
+
+    fn outweighs_bursts(&self) -> bool {
+        let Gap { before, after, noise_floor } = self.gap.squared();
+        before - after > self.steadiness.spread.min(1.0) * noise_floor
+    }
+}
+
+impl Gap {
+    fn squared(self) -> Self {
+        let Self { before, after, noise_floor } = self;
+        Self { before: before * before, after: after * after, noise_floor: noise_floor * noise_floor }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grounds() -> Grounds {
+        Grounds {
+            found: true,
+            excess: (Excess { sum: 90_000.0, expected: 7000.0 }, Excess { sum: 7100.0, expected: 7000.0 }),
+            gap: Gap { before: 0.3, after: 0.1, noise_floor: 0.1 },
+            steadiness: Steadiness::default(),
+            has_logs: false,
+        }
+    }
+
+    #[test]
+    fn what_leaves_noise_is_the_whole_story() {
+        assert_eq!(grounds().verdict(), Verdict::Named);
+        assert_eq!(Grounds { found: false, ..grounds() }.verdict(), Verdict::Agrees);
+    }
+
+    #[test]
+    fn what_leaves_more_is_a_part_of_it_or_none() {
+        let left = |sum: f64| Grounds { excess: (grounds().excess.0, Excess { sum, expected: 7000.0 }), ..grounds() };
+        assert_eq!(left(9000.0).verdict(), Verdict::PartlyNamed);
+        assert_eq!(left(40_000.0).verdict(), Verdict::Unknown);
+        assert_eq!(Grounds { found: false, ..left(9000.0) }.verdict(), Verdict::Unknown);
+    }
+
+    #[test]
+    fn names_that_what_was_held_out_does_not_bear_out_are_not_given() {
+        let gap = |after: f64| Grounds { gap: Gap { after, ..grounds().gap }, ..grounds() };
+        assert_eq!(gap(0.15).verdict(), Verdict::Named);
+        assert_eq!(gap(0.28).verdict(), Verdict::Unknown);
+        assert_eq!(gap(0.4).verdict(), Verdict::Unknown);
+    }
+
+    #[test]
+    fn bursts_are_no_noise() {
+        let steadiness = Steadiness { spread: 1.5, significance: 40.0 };
+        assert_eq!(Grounds { steadiness, ..grounds() }.verdict(), Verdict::PartlyNamed);
+        assert_eq!(Grounds { steadiness, found: false, ..grounds() }.verdict(), Verdict::Unknown);
+        let gap = Gap { before: 0.11, ..grounds().gap };
+        assert_eq!(Grounds { steadiness, gap, ..grounds() }.verdict(), Verdict::Unknown);
+        let small = Steadiness { spread: 0.05, significance: 40.0 };
+        assert_eq!(Grounds { steadiness: small, ..grounds() }.verdict(), Verdict::Named);
+    }
+}
