@@ -19,8 +19,8 @@ const AFTER_GAP_S: f64 = 0.5;
 const PARABOLA_ROWS: usize = 9;
 /// Noise below this share of the response's range is taken for this.
 const LEAST_NOISE: f64 = 1e-5;
-/// Where a plateau has settled, one row of so many is searched on: they all say the same.
-const SPARSE: usize = 8;
+/// Where a plateau has settled, about so many of its rows are searched on: they all say the same.
+const SETTLED_ROWS: usize = 60;
 /// Rows over which the correlation of the noise is summed.
 const NOISE_LAGS: usize = 60;
 
@@ -198,7 +198,9 @@ fn log(
 ) -> Log {
     let parts = |(index, group): (usize, &Group)| {
         let settled = |group: &Group| {
-            group.plateau.as_ref().map_or_else(Vec::new, |plateau| rows_of(plateau.settled(), &kept, SPARSE))
+            group.plateau.as_ref().map_or_else(Vec::new, |plateau| {
+                rows_of(plateau.settled(), &kept, (plateau.settled().len() / SETTLED_ROWS).max(1))
+            })
         };
         let begin = group.plateau.as_ref().map_or(group.rows.end, |plateau| plateau.settled().start);
         let before = index.checked_sub(1).map(|before| settled(&groups[before]));
