@@ -306,15 +306,15 @@ impl Hypothesis {
         }
     }
 
-    /// Where a coordinate of an effect is when the effect is not there, and half its plausible range; `None` where there is no
+    /// Where a coordinate of an effect is when the effect is not there, and twice its plausible range; `None` where there is no
     /// such place.
     pub fn tie(&self, coordinate: Coordinate) -> Option<(f64, f64)> {
         let Coordinate::Effect { effect, value } = coordinate else { return None };
         let parameter = &self.effects[effect].kind.parameters[value];
         let (low, high) = parameter.plausible;
-        let half = 0.5 * (to_coordinate(parameter, high) - to_coordinate(parameter, low));
+        let wide = 2.0 * (to_coordinate(parameter, high) - to_coordinate(parameter, low));
         let null = to_coordinate(parameter, parameter.null);
-        null.is_finite().then_some((null, half))
+        null.is_finite().then_some((null, wide))
     }
 
     /// What was measured less the response, over a whole record. `None` for values that no actuator has.

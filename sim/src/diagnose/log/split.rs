@@ -12,7 +12,7 @@
 //! records back, it is these, and nothing else is split.
 //!
 //! A kind's gain is the mean over the splits, each with its own fit. What a split does not determine (unequal lags, on
-//! steps up alone) stays near the value at which the effect is not there, by a weak tie: half the plausible range.
+//! steps up alone) stays near the value at which the effect is not there, by a weak tie: twice the plausible range.
 
 use rayon::prelude::*;
 
