@@ -126,7 +126,8 @@ fn what_is_like_an_effect_but_larger_than_any_is_not_named() {
     let catalog = Catalog::standard();
     let kind = catalog.find("transport_delay").unwrap();
     let beyond = 1.5 * kind.parameters[0].plausible.1;
-    let found = diagnosed(&experiment(&motor(Some(("transport_delay", &[("delay_s", beyond)]))), 6), Some(&motor(None)));
+    let found =
+        diagnosed(&experiment(&motor(Some(("transport_delay", &[("delay_s", beyond)]))), 6), Some(&motor(None)));
     assert_eq!(found.verdict, Verdict::Unknown, "{:?}", found.effects);
     assert_eq!(found.tried[0].kind.id, "transport_delay");
 }

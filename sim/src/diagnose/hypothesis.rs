@@ -349,7 +349,7 @@ impl Hypothesis {
         Catalog::standard().sort(&mut effects);
         let timing = EscTiming { frame_hz: trials.esc_frame_hz, frame_phase: 0.0 };
         let mut actuator = Actuator::with_effects(point, &effects, timing)?;
-        let told = ((rows - 1) * trial.told_per_row + 1).min(trial.told_s.len());
+        let told = (rows.saturating_sub(1) * trial.told_per_row + 1).min(trial.told_s.len());
         let drive = Drive { time_s: &trial.told_s[..told], command: &trial.told[..told] };
         let stamps: Vec<f64> = trial.time_s[..rows].iter().map(|time_s| time_s - self.late_s).collect();
         let start = match trial.before {
