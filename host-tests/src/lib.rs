@@ -1,6 +1,5 @@
 //! What the tests share: the paper's numbers, random designs, and the compensator computed a second way.
 
-pub mod blind;
 pub mod emulator;
 pub mod flash;
 pub mod fuzz;

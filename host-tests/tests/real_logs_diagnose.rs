@@ -76,7 +76,7 @@ fn check(found: &Diagnosis, laws: &LawComparison, by_hand: f64) {
 }
 
 #[test]
-#[ignore = "minutes per log, and its numbers are still open: `cargo test -p host-tests --test real_logs_diagnose -- --ignored --nocapture`"]
+#[ignore = "what is named and how well the models fit is still open: `cargo test -p host-tests --test real_logs_diagnose -- --ignored --nocapture`"]
 fn rcbenchmark_log() {
     let Some((found, laws)) = diagnosed("Log_2019-11-09_181347.csv") else { return };
     check(&found, &laws, 94.0);
@@ -87,7 +87,7 @@ fn rcbenchmark_log() {
 }
 
 #[test]
-#[ignore = "minutes per log, and its numbers are still open: `cargo test -p host-tests --test real_logs_diagnose -- --ignored --nocapture`"]
+#[ignore = "what is named and how well the models fit is still open: `cargo test -p host-tests --test real_logs_diagnose -- --ignored --nocapture`"]
 fn esc32_log_f60() {
     let Some((found, laws)) = diagnosed("esc32v3_f60-1.csv") else { return };
     check(&found, &laws, 94.0);
@@ -95,7 +95,7 @@ fn esc32_log_f60() {
 }
 
 #[test]
-#[ignore = "minutes per log, and its numbers are still open: `cargo test -p host-tests --test real_logs_diagnose -- --ignored --nocapture`"]
+#[ignore = "what is named and how well the models fit is still open: `cargo test -p host-tests --test real_logs_diagnose -- --ignored --nocapture`"]
 fn esc32_log_f40() {
     let Some((found, laws)) = diagnosed("f40_steps_5-2.csv") else { return };
     check(&found, &laws, 94.0);

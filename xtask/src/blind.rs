@@ -11,7 +11,7 @@ pub fn run_cases(options: &[&str]) -> Result {
     if judges {
         run(&mut cargo(&["build", "--release", "--package", "rotorlead-sim", "--bin", "rotorlead", "--locked"]))?;
     }
-    let mut judge = cargo(&["run", "--release", "--package", "host-tests", "--bin", "blind", "--locked", "--"]);
+    let mut judge = cargo(&["run", "--release", "--package", "blind-cases", "--locked", "--"]);
     judge.args(options);
     if judges {
         // Cargo puts it where the environment or its configuration says.

@@ -421,7 +421,7 @@ impl Hypothesis {
         response: f64,
     ) -> Result<Vec<f64>, PlantError> {
         let (mut actuator, start, stamps) = self.actuator(trials, trial, rows, response)?;
-        let told = ((rows - 1) * trial.told_per_row + 1).min(trial.told_s.len());
+        let told = (rows.saturating_sub(1) * trial.told_per_row + 1).min(trial.told_s.len());
         let drive = Drive { time_s: &trial.told_s[..told], command: &trial.told[..told] };
         simulate_response(&mut actuator, drive, start, &stamps)
     }

@@ -110,6 +110,9 @@ struct Line {
 
 /// The lines of a period with what a hypothesis leaves on them.
 fn lines(trials: &Trials, trial: &Trial, hypothesis: &Hypothesis, purpose: Purpose) -> Vec<Line> {
+    if trial.end_of(Some(purpose)) == 0 {
+        return Vec::new();
+    }
     let Some(white) = residual(trials, trial, hypothesis, purpose) else { return Vec::new() };
     let told: Vec<f64> = trial.told.iter().step_by(trial.told_per_row).take(trial.period_rows).copied().collect();
     let command = Whitening::unit(trial.period_rows).spectrum(&told);

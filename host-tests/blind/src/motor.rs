@@ -4,7 +4,15 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, LogNormal};
 
-use crate::TABLE_1;
+/// The paper's Table 1: nominal command, gain in newtons per unit of command, pole in rad/s.
+const TABLE_1: [(f64, f64, f64); 6] = [
+    (0.40, 9.9955, 6.2758),
+    (0.45, 10.4556, 7.3524),
+    (0.50, 10.1718, 9.2889),
+    (0.55, 10.9196, 9.9130),
+    (0.60, 13.4519, 11.7439),
+    (0.65, 16.1063, 14.1275),
+];
 
 /// One operating point: thrust `rest_n` at rest, and small deviations by `gain_n / (time_constant_s s + 1)`.
 #[derive(Clone, Copy, Debug, PartialEq)]

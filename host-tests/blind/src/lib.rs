@@ -1,5 +1,5 @@
 //! Blind cases for the diagnosis: data with a hidden effect, made by code that shares nothing with the simulator under
-//! test, and the score of what the diagnosis says of them.
+//! test (it is no dependency of this crate), and the score of what the diagnosis says of them.
 //!
 //! - A **case** ([`case`]) is drawn from one seed: a motor after the paper's Table 1 ([`motor`]), what is hidden in it
 //!   ([`kind`], [`outside`]), noise ([`noise`]), and the paper's twelve records of 30 s at 1 kHz ([`excitation`]). Its noise

@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
-use host_tests::blind::case::{Class, Set};
-use host_tests::blind::ceiling::Rivals;
-use host_tests::blind::kind::Kind;
-use host_tests::blind::report::page;
-use host_tests::blind::run::{Plan, cases, run};
-use host_tests::blind::score::Scored;
+use blind_cases::case::{Class, Set};
+use blind_cases::ceiling::Rivals;
+use blind_cases::kind::Kind;
+use blind_cases::report::page;
+use blind_cases::run::{Plan, cases, run};
+use blind_cases::score::Scored;
 
 const HELP: &str = "\
 Usage: blind [--tool PROGRAM | --only-ceilings] [--set tune|report] [--kinds A,B] [--seeds N] [--jobs N] [--keep DIR]
@@ -104,7 +104,7 @@ fn read(arguments: &[String]) -> Result<Options, String> {
         None => Some(tempfile::tempdir().map_err(|error| format!("no folder for the cases: {error}"))?),
     };
     let folder = scratch.as_ref().map_or_else(|| keep.clone().unwrap_or_default(), |scratch| scratch.path().to_owned());
-    let cache = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/blind-ceilings");
+    let cache = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target/blind-ceilings");
     let keep = keep.is_some();
     let plan = Plan { set, cases: cases(seeds, &only), jobs, rivals, tool, folder, keep, cache };
     Ok(Options { plan, page, is_whole, seeds, _scratch: scratch })
