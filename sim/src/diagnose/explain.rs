@@ -335,13 +335,6 @@ impl Search<'_> {
             effects.push(best);
             current = self.settle(&start, true)?;
             let left = |fit: &Fit| excess(&self.trials, &fit.hypothesis, Purpose::Fit).over();
-            if std::env::var("DBG").is_ok() {
-                eprintln!(
-                    "DBG {:?} left {:.3}",
-                    effects.iter().map(|e| e.kind.id).collect::<Vec<_>>(),
-                    left(&current) / left(&before)
-                );
-            }
             if effects.len() >= ENOUGH_EFFECTS && left(&current) > HOPELESS * left(&before) {
                 return Some(Explanation { after: before.clone(), before, found: Vec::new(), tried: first_tried });
             }
