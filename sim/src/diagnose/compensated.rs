@@ -73,7 +73,10 @@ mod tests {
         let told = experiment.records[0].esc_command.clone().unwrap();
         assert!(told[..100].iter().all(|u| (u - 0.4).abs() < 1e-6), "{told:?}");
         // It leads, and comes to rest at the command.
-        assert!(told[100..120].iter().fold(0.0_f64, |most, u| most.max(*u)) > 0.6);
+        let most = told[100..120].iter().fold(0.0_f64, |most, u| most.max(*u));
+        // A row's mean comes near the largest of its ticks, and does not pass it.
+        let peak = 0.4 + 0.05 * lead.check().step_peak;
+        assert!(most < peak && most - 0.4 > 0.9 * (peak - 0.4), "{most} {peak}");
         assert!((told[399] - 0.45).abs() < 1e-4, "{}", told[399]);
         experiment.records[0].esc_command = None;
         experiment.records[0].compensator = Some("other.toml".into());

@@ -7,14 +7,16 @@ use nalgebra::{Cholesky, DMatrix, DVector, Matrix2, Vector2};
 use num_complex::Complex64;
 use rayon::prelude::*;
 
-use super::hypothesis::{Candidate, Coordinate, Hypothesis};
+use super::hypothesis::{Candidate, Coordinate, Hypothesis, slope};
 use super::trial::{Purpose, Trial, Trials};
-use crate::plant::effect::Site;
+use crate::plant::effect::{Site, Use};
 
 /// Most steps of a search.
 pub(super) const MOST_STEPS: usize = 25;
 /// A search ends where a step gains less than this in the sum of squares: a twentieth of what one parameter gains by chance.
 const ENOUGH: f64 = 0.05;
+/// Standard deviations of an interval of 95 %.
+const TWO_SIDED: f64 = 1.96;
 /// Steps for derivatives, in coordinates.
 const SMOOTH_STEP: f64 = 1e-4;
 const EFFECT_STEP: f64 = 2e-3;
@@ -261,6 +263,18 @@ impl Fit {
         let block = Matrix2::new(covariance[(i, i)], covariance[(i, j)], covariance[(j, i)], covariance[(j, j)]);
         let off = Vector2::from(off);
         Some(off.dot(&(block.try_inverse()? * off)))
+    }
+
+    /// Whether the interval of 95 % of each value of an effect excludes the value at which the effect vanishes.
+    pub fn excludes_absence(&self, effect: usize) -> bool {
+        let candidate = &self.hypothesis.effects[effect];
+        Candidate::searched(candidate.kind)
+            .filter(|(_, parameter)| parameter.null.is_finite() && parameter.usage == Use::Fitted)
+            .all(|(value, parameter)| {
+                let std = self.std(Coordinate::Effect { effect, value }).unwrap_or(f64::INFINITY);
+                let std = std * slope(parameter, candidate.values[value]).abs();
+                (candidate.values[value] - parameter.null).abs() > TWO_SIDED * std
+            })
     }
 
     /// Standard deviation of a coordinate, by the noise.

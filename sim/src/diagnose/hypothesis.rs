@@ -92,9 +92,10 @@ impl Candidate {
     pub fn is_plausible(&self) -> bool {
         let beyond = |(index, parameter): (usize, &Parameter)| {
             let (value, (low, high)) = (self.values[index], parameter.plausible);
-            // Of a value without such a place both ends count; no number is larger or smaller than it.
-            let above = value > high && !(parameter.null >= high);
-            let below = value < low && !(parameter.null <= low);
+            // Of a value without such a place, whose null is no number, both ends count.
+            let vanishes_above = parameter.null >= high;
+            let vanishes_below = parameter.null <= low;
+            let (above, below) = (value > high && !vanishes_above, value < low && !vanishes_below);
             above || below
         };
         !Self::searched(self.kind).any(beyond)

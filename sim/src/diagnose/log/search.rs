@@ -96,9 +96,14 @@ impl Search<'_> {
             if alternatives.is_empty() {
                 first_tried.clone_from(&tried);
             }
-            // Something like an effect, but larger than it can be, is none of the catalog.
-            let plausible = |tried: &&Tried| tried.fit.hypothesis.effects.last().is_none_or(Candidate::is_plausible);
-            let tried: Vec<&Tried> = tried.iter().filter(plausible).collect();
+            // Something like an effect, but larger than it can be, is none of the catalog; nor is one that may as well not be
+            // there.
+            let is_one = |tried: &&Tried| {
+                let hypothesis = &tried.fit.hypothesis;
+                let last = hypothesis.effects.len() - 1;
+                hypothesis.effects[last].is_plausible() && tried.fit.excludes_absence(last)
+            };
+            let tried: Vec<&Tried> = tried.iter().filter(is_one).collect();
             let Some(best) = tried.first().filter(|best| best.worth() >= LEAST_WORTH) else { break };
             let alike = tried.iter().skip(1).filter(|other| best.worth() - other.worth() < ALIKE);
             alternatives.push((best.kind, alike.map(|other| other.kind).collect()));
