@@ -7,9 +7,30 @@ pub mod line;
 pub mod rig;
 pub mod stand_in;
 
+use std::path::{Path, PathBuf};
+
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use rotorlead::design::{LeadDesign, LeadParameters};
+
+/// A log of a real motor. The logs are not in this repository: they are looked for in `$ROTORLEAD_DATA`, else in `shared/data`
+/// beside the workspace. Without them this is `None`, and says that the test is skipped.
+///
+/// # Panics
+/// Where `CI` is set and the log is missing.
+#[must_use]
+pub fn real_log(name: &str) -> Option<PathBuf> {
+    let folder = std::env::var_os("ROTORLEAD_DATA")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"), PathBuf::from);
+    let file = folder.join("alspitz_esc_test").join(name);
+    if !file.exists() {
+        let message = format!("{} is not there", file.display());
+        assert!(std::env::var_os("CI").is_none(), "{message}");
+        eprintln!("skipped: {message}");
+        return None;
+    }
+    Some(file)
+}
 
 /// The paper's Table 1: nominal command, gain in newtons per unit of command, pole `omega_s = 1 / tau_s` in rad/s.
 pub const TABLE_1: [(f64, f64, f64); 6] = [

@@ -1,10 +1,8 @@
 //! Logs of real motors, from log to model.
 //!
-//! The logs are not in this repository. They are looked for in `$ROTORLEAD_DATA`, else in `shared/data` beside
-//! the workspace; without them these tests fail where `CI` is set, and say elsewhere that they were skipped.
+//! Where the logs are looked for, and what happens without them, is said at [`real_log`].
 
-use std::path::{Path, PathBuf};
-
+use host_tests::real_log;
 use rotorlead_sim::design::{Chain, DesignOptions, bandwidths, design};
 use rotorlead_sim::identify::alignment::{AlignmentOptions, CommandLog, ResponseLog, align};
 use rotorlead_sim::identify::static_map::{Limit, StaticMapFit, SteadyPoints, fit_static_map};
@@ -22,16 +20,7 @@ struct Identified {
 }
 
 fn identified(name: &str) -> Option<Identified> {
-    let folder = std::env::var_os("ROTORLEAD_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"), PathBuf::from);
-    let file = folder.join("alspitz_esc_test").join(name);
-    if !file.exists() {
-        let message = format!("{} is not there", file.display());
-        assert!(std::env::var_os("CI").is_none(), "{message}");
-        eprintln!("skipped: {message}");
-        return None;
-    }
-    let log = import(&file, &ImportOptions::default()).unwrap();
+    let log = import(&real_log(name)?, &ImportOptions::default()).unwrap();
     let fit = fit_staircase(&log.experiment.records[0], log.experiment.output, log.experiment.esc_frame_hz).unwrap();
     let model = fit.to_model("test").unwrap();
     print(name, &fit);

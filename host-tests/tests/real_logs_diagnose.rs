@@ -1,31 +1,20 @@
 //! The diagnosis on logs of real motors, from one first-order lag to named effects.
 //!
-//! The logs are not in this repository. They are looked for in `$ROTORLEAD_DATA`, else in `shared/data` beside
-//! the workspace; without them these tests fail where `CI` is set, and say elsewhere that they were skipped.
+//! Where the logs are looked for, and what happens without them, is said at [`real_log`].
 
-use std::path::{Path, PathBuf};
-
+use host_tests::real_log;
 use rotorlead_sim::diagnose::{Diagnosis, Options, Verdict, diagnose};
 use rotorlead_sim::identify::steps::{LawComparison, compare_laws};
 use rotorlead_sim::plant::Catalog;
+use rotorlead_sim::plant::effect::ActiveEffect;
 use rotorlead_sim::record::import::{ImportOptions, import};
 
-fn diagnosed(name: &str) -> Option<(Diagnosis, LawComparison)> {
-    let folder = std::env::var_os("ROTORLEAD_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"), PathBuf::from);
-    let file = folder.join("alspitz_esc_test").join(name);
-    if !file.exists() {
-        let message = format!("{} is not there", file.display());
-        assert!(std::env::var_os("CI").is_none(), "{message}");
-        eprintln!("skipped: {message}");
-        return None;
-    }
-    let log = import(&file, &ImportOptions::default()).unwrap().experiment;
+fn diagnosed(name: &str) -> Option<Diagnosis> {
+    let log = import(&real_log(name)?, &ImportOptions::default()).unwrap().experiment;
     let catalog = Catalog::standard();
     let found = diagnose(&log, &Options { model: None, catalog: &catalog, progress: &|| {} }).unwrap();
-    let laws = compare_laws(&log.records[0], log.output).unwrap();
-    print(name, &found, &laws);
-    Some((found, laws))
+    print(name, &found, &compare_laws(&log.records[0], log.output).unwrap());
+    Some(found)
 }
 
 fn print(name: &str, found: &Diagnosis, laws: &LawComparison) {
@@ -70,13 +59,13 @@ fn check(found: &Diagnosis, least_percent: f64) {
     }
     // The improved model can be simulated.
     found.model.check().unwrap();
-    assert!(rotorlead_sim::plant::effect::ActiveEffect::of_model(&found.model).unwrap().len() <= found.effects.len());
+    assert!(ActiveEffect::of_model(&found.model).unwrap().len() <= found.effects.len());
 }
 
 /// A static map, a lag and a delay fitted by hand reach 89 %.
 #[test]
 fn rcbenchmark_log() {
-    let Some((found, _)) = diagnosed("Log_2019-11-09_181347.csv") else { return };
+    let Some(found) = diagnosed("Log_2019-11-09_181347.csv") else { return };
     check(&found, 94.0);
     // The erratic start, the stop, and the probe's spikes.
     assert_eq!((found.cut[0].start, found.cut[0].end, found.cut[0].spikes), (2018, 1108, 26));
@@ -87,7 +76,7 @@ fn rcbenchmark_log() {
 
 #[test]
 fn esc32_log_f60() {
-    let Some((found, _)) = diagnosed("esc32v3_f60-1.csv") else { return };
+    let Some(found) = diagnosed("esc32v3_f60-1.csv") else { return };
     check(&found, 94.0);
     assert!(found.effects.iter().all(|effect| effect.kind.id != "transport_delay"), "it has none");
     assert!(found.effects.iter().any(|effect| effect.kind.id == "quadratic_thrust"), "{:?}", found.effects);
@@ -96,7 +85,7 @@ fn esc32_log_f60() {
 #[test]
 #[ignore = "the verdict is `unknown` so far: what is found on the upward steps does not hold on the others"]
 fn esc32_log_f40() {
-    let Some((found, _)) = diagnosed("f40_steps_5-2.csv") else { return };
+    let Some(found) = diagnosed("f40_steps_5-2.csv") else { return };
     check(&found, 94.0);
     assert!(found.effects.iter().all(|effect| effect.kind.id != "transport_delay"), "it has none");
 }

@@ -96,6 +96,18 @@ fn what_cannot_be_compared_is_refused_by_name() {
     assert!(matches!(refused, Err(DiagnoseError::ModelHasEffects { .. })));
 }
 
+/// The lags are the given ones to the last digit, and not what some records make of them.
+#[test]
+fn a_given_lag_stays_where_the_records_do_not_improve_on_it() {
+    let model = motor(None);
+    let found = diagnosed(&experiment(&motor(Some(("transport_delay", &[("delay_s", 0.02)]))), 5), Some(&model));
+    assert_eq!(found.effects.iter().map(|effect| effect.kind.id).collect::<Vec<_>>(), ["transport_delay"]);
+    for (improved, given) in found.model.points.iter().zip(&model.points) {
+        assert_eq!((improved.gain, improved.time_constant_s), (given.gain, given.time_constant_s));
+        assert!(improved.gain_std.unwrap() > 0.0);
+    }
+}
+
 /// A motor that loses step now and then does so at other times in each period: nothing that repeats shows it.
 #[test]
 fn what_comes_and_goes_is_not_taken_for_noise() {

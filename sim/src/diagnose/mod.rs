@@ -167,27 +167,27 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         before = fit::fit(trials, &Hypothesis::of_lags(base), false).ok_or(no_fit)?;
     }
     let excess = |hypothesis| locate::excess(trials, hypothesis, Purpose::Fit);
-    let (excess_before, excess_after) = (excess(&before.hypothesis), excess(&after.hypothesis));
+    let (excess_before, mut excess_after) = (excess(&before.hypothesis), excess(&after.hypothesis));
     let steadiness = steadiness::steadiness(trials, &after.hypothesis);
     let refitted = options.model.is_none();
-    let gap = gap::gaps(trials, &before.hypothesis, &after.hypothesis, refitted).total;
+    let mut gaps = gap::gaps(trials, &before.hypothesis, &after.hypothesis, refitted);
     let grounds = Grounds {
         found: !found.is_empty() || wrong.is_some(),
         excess: (excess_before, excess_after),
-        gap,
+        gap: gaps.total,
         steadiness,
         has_logs: trials.has_logs(),
     };
     let verdict = grounds.verdict();
     let found = if verdict == Verdict::Unknown {
-        after = before.clone();
+        (after, excess_after) = (before.clone(), excess_before);
+        gaps = gap::gaps(trials, &before.hypothesis, &after.hypothesis, refitted);
         wrong = None;
         Vec::new()
     } else {
         found
     };
-    let gap::Gaps { total: gap, records, splits, held_out } =
-        gap::gaps(trials, &before.hypothesis, &after.hypothesis, refitted);
+    let gap::Gaps { total: gap, records, splits, held_out } = gaps;
     let mut effects = Vec::new();
     for (index, found) in found.into_iter().enumerate() {
         let without = after.hypothesis.without(index);

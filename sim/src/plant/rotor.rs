@@ -7,9 +7,10 @@ use super::{Interval, OperatingCurve, OperatingPoint, PlantError, Segment};
 const STEP_PART: f64 = 0.1;
 
 /// This near its steady state, as a command, the rotor is all but settled: there a step may be longer, as long as it errs no
-/// more than a step of [`STEP_PART`] does here, up to [`SETTLED_PART`], well within what the method is stable for.
+/// more than a step of [`STEP_PART`] does here, up to [`SETTLED_PART`]: the method is stable for 2.8 time constants, so an effect's
+/// own state may be five times as fast as the rotor.
 const SETTLED: f64 = 1e-4;
-const SETTLED_PART: f64 = 0.8;
+const SETTLED_PART: f64 = 0.5;
 
 /// Effects that the rotor may have, each with a state of its own.
 const MOST_TERMS: usize = 4;

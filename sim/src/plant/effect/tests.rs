@@ -84,6 +84,32 @@ fn the_response_alone_is_that_of_the_whole_trace() {
     }
 }
 
+/// Where the rotor has all but settled its steps are longer, and a step of the command finds it as it would have been.
+#[test]
+fn levels_that_are_held_for_long_are_left_as_exactly_as_short_ones() {
+    let told_s = [0.0, 3.0, 6.5, 9.0];
+    let command = [0.5, 0.75, 0.4, 0.6];
+    let drive = Drive { time_s: &told_s, command: &command };
+    let rows: Vec<f64> = (0..1200_u32).map(|row| f64::from(row) * 0.01).collect();
+    let apart = |effect: ActiveEffect| {
+        let effects = [effect];
+        let trace = simulate(&mut actuator(&effects), drive, Start::Rest(0.5), &rows).unwrap();
+        let alone = simulate_response(&mut actuator(&effects), drive, Start::Rest(0.5), &rows).unwrap();
+        trace.response.iter().zip(&alone).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+    };
+    for kind in Catalog::standard().kinds() {
+        let worst = apart(typical(kind));
+        assert!(worst < 1e-5, "{}: {worst}", kind.id);
+    }
+    // A supply five times as fast as the rotor: steps of half its time constant, and of two and a half where all is settled.
+    let sag = Catalog::standard().find("supply_sag").unwrap();
+    let index = sag.parameters.iter().position(|parameter| parameter.name == "polarization_s").unwrap();
+    let mut values = typical(sag).values().to_vec();
+    values[index] = 0.02;
+    let worst = apart(ActiveEffect::new(sag, values).unwrap());
+    assert!(worst < 1e-4, "fast supply: {worst}");
+}
+
 #[test]
 fn what_runs_before_a_record_is_forgotten_after_some_time_constants() {
     // 2 s of noise on end; the time constant is 0.1 s.
