@@ -5,18 +5,22 @@ use std::path::PathBuf;
 
 use clap::Args;
 use miette::WrapErr as _;
-use rotorlead::design::LeadParameters;
+use rotorlead::design::{LeadDesign, LeadParameters};
 use serde_json::json;
 
 use super::outcome::{JsonOption, Outcome};
 use super::parameters::{DesignArguments, positive};
-use super::progress;
+use super::report_option::ReportOption;
+use super::{progress, report_pages};
 use crate::design::{Chain, bandwidths_with, read_compensator};
-use crate::identify::{IdentifyError, MeasuredBandwidth, PeriodicOptions, identify_periodic};
+use crate::identify::{IdentifyError, MeasuredBandwidth, PeriodicIdentification, PeriodicOptions, identify_periodic};
 use crate::plant::effect::Linearity;
 use crate::plant::{ActiveEffect, Model};
 use crate::record::Experiment;
-use crate::report::{bandwidth_json, bandwidth_table, measured_json, measured_table};
+use crate::report::{
+    Fact, Report, Tone, Verdict, bandwidth_json, bandwidth_section, bandwidth_table, measured_json, measured_response,
+    measured_table, simulated_response, simulation_and_experiment,
+};
 
 /// Bootstrap draws behind the interval of a measured bandwidth.
 pub const RESAMPLES: usize = 1000;
@@ -50,34 +54,31 @@ pub struct Bandwidth {
     #[command(flatten)]
     parameters: DesignArguments,
     #[command(flatten)]
+    report: ReportOption,
+    #[command(flatten)]
     pub(super) json: JsonOption,
 }
 
 impl Bandwidth {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
+        self.report.check(None)?;
         let model = Model::read(&self.model)?;
         let effects = ActiveEffect::of_model(&model)?;
-        let points = match &self.lead {
-            Some(lead) => bandwidths_with(&model, &effects, Chain::Continuous(lead)),
-            None => {
-                let design = match &self.compensator {
-                    Some(file) => read_compensator(file)?,
-                    None => self.parameters.design(&model, &self.model)?,
-                };
-                let identified = model.provenance.as_ref().and_then(|provenance| provenance.esc_frame_hz);
-                let esc_frame_hz = self.esc_frame.or(identified);
-                bandwidths_with(
-                    &model,
-                    &effects,
-                    if self.sampled {
-                        Chain::Sampled { design: &design, esc_frame_hz }
-                    } else {
-                        Chain::Continuous(design.lead())
-                    },
-                )
-            }
+        let design = match (&self.lead, &self.compensator) {
+            (Some(_), _) => None,
+            (None, Some(file)) => Some(read_compensator(file)?),
+            (None, None) => Some(self.parameters.design(&model, &self.model)?),
         };
+        let identified = model.provenance.as_ref().and_then(|provenance| provenance.esc_frame_hz);
+        let esc_frame_hz = self.esc_frame.or(identified);
+        let lead =
+            design.as_ref().map(LeadDesign::lead).or(self.lead.as_ref()).expect("one is designed where none is given");
+        let chain = match &design {
+            Some(design) if self.sampled => Chain::Sampled { design, esc_frame_hz },
+            _ => Chain::Continuous(lead),
+        };
+        let points = bandwidths_with(&model, &effects, chain);
         let mut text = bandwidth_table(&points);
         text.push_str(&counted_effects(&effects));
         let mut json = json!({ "points": bandwidth_json(&points) });
@@ -85,28 +86,57 @@ impl Bandwidth {
             let left_out = effects.iter().map(ActiveEffect::kind).filter(|kind| kind.linearity == Linearity::Absent);
             json["left_out"] = left_out.map(|kind| kind.id).collect();
         }
+        let (mut measured, mut found) = (Vec::new(), Vec::new());
         if !self.records.is_empty() {
-            let measured = self.measure()?;
+            (measured, found) = self.measure()?;
             text.push('\n');
             text.push_str(&measured_table(&measured));
             json["measured"] = measured_json(&measured);
         }
+        text.push_str(&self.report.write(|| {
+            let mut section = bandwidth_section(&points, &measured);
+            section.figures.push(simulated_response(&model, lead));
+            // Without and with compensator may be in different folders.
+            let nominals = found.into_iter().flat_map(|found| found.nominals).collect();
+            let all = PeriodicIdentification { nominals, warnings: Vec::new() };
+            section.figures.extend(measured_response(&all, &all));
+            section.figures.extend(design.as_ref().and_then(|design| simulation_and_experiment(&all, &all, design)));
+            let mut facts = vec![report_pages::file("Model", &self.model)];
+            let lead = format!(
+                "zero {:.4} rad/s, poles {:.4} rad/s, damping {:.4}",
+                lead.omega_z_rad_s, lead.omega_f_rad_s, lead.damping
+            );
+            facts.push(
+                self.compensator
+                    .as_deref()
+                    .map_or(Fact::new("Compensator", lead), |file| report_pages::file("Compensator", file)),
+            );
+            facts.extend(self.records.iter().map(|folder| report_pages::file("Records", folder)));
+            facts.push(report_pages::version());
+            let verdict = Verdict::new(Tone::Plain, report_pages::faster(&points));
+            let title = format!("Bandwidths of {}", self.model.display());
+            Report { facts, sections: vec![section], ..report_pages::report("Bandwidth", title, verdict) }
+        })?);
         Ok(Outcome { text, json })
     }
 
-    /// The bandwidths that the records show.
-    fn measure(&self) -> miette::Result<Vec<MeasuredBandwidth>> {
-        let mut measured = Vec::new();
+    /// The bandwidths that the records show, and the responses behind them.
+    fn measure(&self) -> miette::Result<(Vec<MeasuredBandwidth>, Vec<PeriodicIdentification>)> {
+        let (mut measured, mut all) = (Vec::new(), Vec::new());
         for folder in &self.records {
             let experiment = Experiment::read(folder)?;
             let bar = progress::spinner("measuring");
             let of = || -> Result<_, IdentifyError> {
-                identify_periodic(&experiment, &PeriodicOptions::default())?.bandwidths(RESAMPLES, SEED)
+                let found = identify_periodic(&experiment, &PeriodicOptions::default())?;
+                Ok((found.bandwidths(RESAMPLES, SEED)?, found))
             };
-            measured.extend(of().map_err(miette::Report::from).wrap_err_with(|| format!("`{}`", folder.display()))?);
+            let (bandwidths, found) =
+                of().map_err(miette::Report::from).wrap_err_with(|| format!("`{}`", folder.display()))?;
+            measured.extend(bandwidths);
+            all.push(found);
             bar.finish_and_clear();
         }
-        Ok(measured)
+        Ok((measured, all))
     }
 }
 

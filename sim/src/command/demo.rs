@@ -11,21 +11,26 @@ use serde_json::json;
 
 use super::bandwidth::RESAMPLES;
 use super::design::describe;
-use super::figures::{FiguresOption, check_folder, make_folder};
 use super::identify::periodic_model;
 use super::outcome::{JsonOption, Outcome, wrapped};
+use super::report_option::{ReportOption, check_folder, make_folder};
+use super::report_pages;
 use super::simulate::simulate;
 use super::validate::record_json;
 use crate::bench::{Plan, Prediction};
 use crate::design::{BandwidthPoint, Chain, DesignOptions, bandwidths, compensator_file, design};
 use crate::files::write_file;
 use crate::identify::{
-    Bandwidth, EtfeBandwidth, PeriodicIdentification, PeriodicOptions, RecordValidation, bandwidth_of,
-    identify_periodic, table_2, validate,
+    Bandwidth, EtfeBandwidth, MeasuredBandwidth, NominalIdentification, PeriodicIdentification, PeriodicOptions,
+    RecordValidation, bandwidth_of, identify_periodic, table_2, validate,
 };
 use crate::plant::Model;
 use crate::report::paper::{CONTRADICTIONS, PAPER, PaperRow, table_1};
-use crate::report::{Curve, Mark, bandwidth_cell, bode, cells, rad_s, verdict};
+use crate::report::{
+    Color, Curve, Figure, Identification, Mark, Report, Tone, Verdict, bandwidth_cell, bandwidth_section, bode, cells,
+    design_section, excitation_section, identification_section, measured_response, rad_s, simulation_and_experiment,
+    validation_section, verdict,
+};
 
 /// Nominal commands in the Bode plot: one in the middle, where compensation helps by half, and the fastest.
 const DRAWN: [f64; 2] = [0.50, 0.65];
@@ -46,7 +51,7 @@ pub struct Demo {
     #[arg(long, default_value = "1", value_parser = clap::value_parser!(u64).range(..1 << 63), allow_negative_numbers = true)]
     seed: u64,
     #[command(flatten)]
-    figures: FiguresOption,
+    report: ReportOption,
     #[command(flatten)]
     pub(super) json: JsonOption,
 }
@@ -63,7 +68,7 @@ impl Demo {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
         check_folder(&self.out)?;
-        self.figures.check()?;
+        self.report.check(None)?;
         let actuators = table_1();
         let plan = Plan { seed: self.seed, ..Plan::paper(&actuators) };
         let stand = simulate(&plan, &actuators, None)?;
@@ -75,7 +80,10 @@ impl Demo {
         let compensated_plan = plan.clone().compensated("compensator.toml");
         let compensated_stand = simulate(&compensated_plan, &actuators, Some(&design))?;
         let compensated = identify_periodic(&compensated_stand, &PeriodicOptions::default())?;
-        let measured = measured(&actuators, &compensated_plan, &design, &found, &compensated, self.seed)?;
+        let [before, after] = [&found, &compensated].map(|found| found.bandwidths(RESAMPLES, self.seed));
+        let (before, after) = (before?, after?);
+        let measured = measured(&actuators, &compensated_plan, &design, &before, &after)?;
+        let of_records = [before, after].concat();
         // The paper's own simulation: the lags of Table 1 and the compensator that they give.
         let papers_design = crate::design::design(&actuators, &DesignOptions::default())?;
         let simulated = bandwidths(&actuators, Chain::Continuous(papers_design.lead()));
@@ -84,9 +92,26 @@ impl Demo {
         make_folder(&self.out)?;
         model.write(&self.out.join("model.toml"))?;
         compensator_file(&design).write(&self.out.join("compensator.toml"))?;
-        write_file(&figure, bode_plot(&design, &found, &compensated)?.as_bytes())?;
+        write_file(&figure, bode_plot(&design, &found, &compensated).svg()?.as_bytes())?;
 
-        let written = self.figures.write(&validated)?;
+        let written = self.report.write(|| {
+            let identification =
+                Identification { output: stand.output, model: &model, found: Some(&found), static_map: None };
+            let mut bandwidth = bandwidth_section(&simulated, &of_records);
+            bandwidth.figures.extend(measured_response(&found, &compensated));
+            bandwidth.figures.extend(simulation_and_experiment(&found, &compensated, &design));
+            let sections = vec![
+                identification_section(&identification),
+                excitation_section(&stand),
+                validation_section(&validated, stand.output),
+                design_section(&design, &model),
+                bandwidth,
+            ];
+            let verdict = Verdict::new(Tone::Plain, report_pages::faster(&simulated));
+            let facts = report_pages::records(&stand, &self.out);
+            let title = "The paper's method on simulated actuators";
+            Report { facts, sections, ..report_pages::report("Demonstration", title, verdict) }
+        })?;
         let text =
             text(&model, &validated, &design, &simulated, &measured, &self.out, &figure).into_diagnostic()? + &written;
         let json = json!({
@@ -116,15 +141,12 @@ fn measured(
     actuators: &Model,
     plan: &Plan,
     design: &LeadDesign,
-    uncompensated: &PeriodicIdentification,
-    compensated: &PeriodicIdentification,
-    seed: u64,
+    before: &[MeasuredBandwidth],
+    after: &[MeasuredBandwidth],
 ) -> miette::Result<Vec<Measured>> {
-    let before = uncompensated.bandwidths(RESAMPLES, seed)?;
-    let after = compensated.bandwidths(RESAMPLES, seed)?;
     before
         .iter()
-        .zip(&after)
+        .zip(after)
         .map(|(before, after)| {
             let prediction = Prediction::new(plan, actuators, after.nominal, Some(design))?;
             Ok(Measured {
@@ -137,34 +159,31 @@ fn measured(
 }
 
 /// Models as lines and ETFEs as dots, both over the static gain.
-fn bode_plot(
-    design: &LeadDesign,
-    found: &PeriodicIdentification,
-    compensated: &PeriodicIdentification,
-) -> miette::Result<String> {
+fn bode_plot(design: &LeadDesign, found: &PeriodicIdentification, compensated: &PeriodicIdentification) -> Figure {
     let mut curves = Vec::new();
     let drawn = |nominal: f64| DRAWN.iter().any(|drawn| (drawn - nominal).abs() < 1e-9);
     let pairs = found.nominals.iter().zip(&compensated.nominals).filter(|(before, _)| drawn(before.nominal));
     for (index, (before, after)) in pairs.enumerate() {
         let gain = before.fit.gain.value;
-        let line = |response: &dyn Fn(f64) -> Complex64| {
-            let frequencies = (0..=200).map(|i| 0.6 * (DRAWN_UP_TO_RAD_S / 0.6_f64).powf(f64::from(i) / 200.0));
-            frequencies.map(|omega| (omega, response(omega) / gain)).collect::<Vec<_>>()
-        };
-        let dots = |found: &crate::identify::NominalIdentification| {
-            let points = found.responses[0].actuator.smoothed();
-            points.iter().map(|point| (point.omega_rad_s, point.response / gain)).collect::<Vec<_>>()
-        };
-        let lag = |omega: f64| before.fit.response(omega);
-        let label = |what: &str| format!("u_nom {:.2} {what}", before.nominal);
-        let mut add = |what: &str, mark, color, points| curves.push(Curve { label: label(what), mark, color, points });
-        add("lag, model", Mark::Line, 2 * index, line(&lag));
-        add("lag, measured", Mark::Dots, 2 * index, dots(before));
+        let lag = |omega: f64| before.fit.response(omega) / gain;
         let led = |omega: f64| lag(omega) * design.response(omega);
-        add("compensated, model", Mark::Line, 2 * index + 1, line(&led));
-        add("compensated, measured", Mark::Dots, 2 * index + 1, dots(after));
+        let mut add = |what: &str, color: usize, model: &dyn Fn(f64) -> Complex64, measured: &NominalIdentification| {
+            let (name, color) = (format!("u_nom {:.2} {what}", before.nominal), Color::nth(color));
+            let ends = (0.6, DRAWN_UP_TO_RAD_S);
+            curves.push(Curve::of_model(format!("{name}, model"), Mark::Line, color, ends, model));
+            let points = measured.responses[0].actuator.smoothed();
+            let dots = Curve::measured(format!("{name}, measured"), Mark::Dots, color, points, gain);
+            curves.push(Curve { bands: Vec::new(), ..dots });
+        };
+        add("lag", 2 * index, &lag, before);
+        add("compensated", 2 * index + 1, &led, after);
     }
-    Ok(bode("Actuator without and with compensator, over its static gain; the line is -3 dB", &curves, Some(-3.0))?)
+    Figure::new(
+        "bode",
+        "Actuator without and with compensator, over its static gain",
+        "",
+        bode(&curves, "dB over the static gain", &[("-3 dB", -3.0)]),
+    )
 }
 
 /// A bandwidth in a column.

@@ -9,10 +9,12 @@ use serde_json::json;
 
 use super::outcome::{JsonOption, Outcome};
 use super::parameters::DesignArguments;
+use super::report_option::ReportOption;
+use super::report_pages;
 use crate::design::{Chain, bandwidths, compensator_file};
 use crate::files::check_writable;
 use crate::plant::{Model, Point};
-use crate::report::{bandwidth_json, bandwidth_table};
+use crate::report::{Report, bandwidth_json, bandwidth_section, bandwidth_table, design_section};
 
 /// Designs one compensator for all points of a model
 ///
@@ -29,6 +31,8 @@ pub struct Design {
     #[command(flatten)]
     parameters: DesignArguments,
     #[command(flatten)]
+    report: ReportOption,
+    #[command(flatten)]
     pub(super) json: JsonOption,
 }
 
@@ -37,6 +41,7 @@ impl Design {
     pub fn run(&self) -> miette::Result<Outcome> {
         let model = Model::read(&self.model)?;
         check_writable(&self.out)?;
+        self.report.check(Some(&self.out))?;
         let design = self.parameters.design(&model, &self.model)?;
         compensator_file(&design).write(&self.out)?;
 
@@ -47,6 +52,20 @@ impl Design {
             writeln!(text, "{warning}\n").expect("a string takes all");
         }
         writeln!(text, "Written to {}", self.out.display()).expect("a string takes all");
+        text.push_str(&self.report.write(|| {
+            let warnings: Vec<String> = uncertain_zero(&model).into_iter().collect();
+            let verdict = report_pages::designed(&design, &points, warnings.len());
+            Report {
+                facts: vec![
+                    report_pages::file("Model", &self.model),
+                    report_pages::file("Compensator", &self.out),
+                    report_pages::version(),
+                ],
+                warnings: warnings.iter().map(|warning| warning.trim_start_matches("warning: ").to_owned()).collect(),
+                sections: vec![design_section(&design, &model), bandwidth_section(&points, &[])],
+                ..report_pages::report("Design", format!("Compensator for {}", self.model.display()), verdict)
+            }
+        })?);
         let check = design.check();
         let json = json!({
             "zero_rad_s": design.lead().omega_z_rad_s,

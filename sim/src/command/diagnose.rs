@@ -8,15 +8,16 @@ use miette::{IntoDiagnostic as _, WrapErr as _};
 use serde_json::{Value, json};
 
 use super::diagnose_bandwidths::BandwidthArguments;
-use super::figures::{check_folder, make_folder};
 use super::outcome::{JsonOption, Outcome, wrapped};
 use super::redesign::RedesignArguments;
-use super::{WrongUse, progress};
+use super::report_option::ReportOption;
+use super::{WrongUse, progress, report_pages};
 use crate::diagnose::{Axis, Diagnosis, Gap, Location, Options, Verdict, diagnose, fill_in_esc_commands};
 use crate::files::{check_writable, write_file};
 use crate::plant::{Catalog, Model};
 use crate::record::Experiment;
-use crate::report::{diagnosis_figures, with_std};
+use crate::report::Verdict as Headline;
+use crate::report::{Report, Section, diagnosis_section, diagnosis_tone, with_std};
 
 /// Width of what is said.
 const WIDTH: usize = 100;
@@ -41,10 +42,8 @@ pub struct Diagnose {
     /// Where the plan of the experiment that would say more goes, for `rotorlead simulate` and for a controller
     #[arg(long, value_name = "FILE", requires = "experiment")]
     out_plan: Option<PathBuf>,
-    /// Also draw where the gap lies, what explains it and how far it shrinks: SVG, and the numbers as CSV, in this folder, which
-    /// is made where it is not there
-    #[arg(long, value_name = "DIR", requires = "experiment")]
-    figures: Option<PathBuf>,
+    #[command(flatten)]
+    report: ReportOption,
     #[command(flatten)]
     table: BandwidthArguments,
     #[command(flatten)]
@@ -66,7 +65,7 @@ impl Diagnose {
         }
         let model = self.model.as_deref().map(Model::read).transpose()?;
         if let (Some(table), Some(model), Some(file)) = (self.table.table(), &model, &self.model) {
-            return self.table.run(table, model, file, self.out_model.as_deref());
+            return self.table.run(table, model, file, self.out_model.as_deref(), &self.report);
         }
         let Some(folder) = &self.experiment else {
             return Err(WrongUse::new(
@@ -84,9 +83,7 @@ impl Diagnose {
         if let Some(out) = &self.out_plan {
             check_writable(out)?;
         }
-        if let Some(figures) = &self.figures {
-            check_folder(figures)?;
-        }
+        self.report.check(self.out_model.as_deref())?;
         let catalog = Catalog::standard();
         let bar = progress::spinner("diagnosing");
         let tick = || bar.tick();
@@ -103,21 +100,28 @@ impl Diagnose {
         if let Some(out) = &self.out_plan {
             text.push_str(&write_plan(&found, out)?);
         }
-        if let Some(folder) = &self.figures {
-            make_folder(folder)?;
-            let figures = diagnosis_figures(&found)?;
-            for figure in &figures {
-                write_file(&folder.join(figure.name).with_extension("svg"), figure.svg.as_bytes())?;
-                write_file(&folder.join(figure.name).with_extension("csv"), figure.csv.as_bytes())?;
-            }
-            let names: Vec<&str> = figures.iter().map(|figure| figure.name).collect();
-            writeln!(text, "\nFigures in {}: {}", folder.display(), names.join(", ")).into_diagnostic()?;
-        }
         let mut json = values(&found);
+        let mut redesign_text = String::new();
         if let Some(redesigned) = self.redesign.run(&found, experiment.esc_frame_hz)? {
             text.push_str(&redesigned.text);
             json["redesign"] = redesigned.json;
+            redesign_text = redesigned.text;
         }
+        text.push_str(&self.report.write(|| {
+            let given = self.model.as_deref().map(|model| report_pages::file("Model that was judged", model));
+            let mut sections = vec![diagnosis_section(&found, &verdict(&found))];
+            if !redesign_text.is_empty() {
+                let lines =
+                    redesign_text.split("\n\n").map(|part| part.trim().to_owned()).filter(|part| !part.is_empty());
+                sections.push(Section { text: lines.collect(), ..Section::new("redesign", "Redesign") });
+            }
+            let headline = Headline::new(diagnosis_tone(found.verdict), verdict(&found));
+            Report {
+                facts: [report_pages::records(&experiment, folder), given.into_iter().collect()].concat(),
+                sections,
+                ..report_pages::report("Diagnosis", format!("Diagnosis of {}", experiment.name), headline)
+            }
+        })?);
         Ok(Outcome { text, json })
     }
 }
@@ -131,7 +135,7 @@ fn write_plan(found: &Diagnosis, out: &Path) -> miette::Result<String> {
     Ok(format!("Its plan, {} records, is written to {}\n", next.plan.records.len(), out.display()))
 }
 
-fn verdict(found: &Diagnosis) -> String {
+pub(super) fn verdict(found: &Diagnosis) -> String {
     let names = || found.effects.iter().map(|effect| effect.kind.title).collect::<Vec<_>>().join(", and ");
     match found.verdict {
         Verdict::Agrees => "Model and measurement agree: what is left is noise.".to_owned(),

@@ -9,6 +9,8 @@ use serde_json::{Value, json};
 
 use super::outcome::{Outcome, wrapped};
 use super::parameters::positive;
+use super::report_option::ReportOption;
+use super::report_pages;
 use crate::design::{DesignOptions, design, read_compensator};
 use crate::diagnose::Verdict;
 use crate::diagnose::bandwidths::{
@@ -16,7 +18,8 @@ use crate::diagnose::bandwidths::{
 };
 use crate::files::check_writable;
 use crate::plant::{Catalog, Model, Provenance};
-use crate::report::with_std;
+use crate::report::Verdict as Headline;
+use crate::report::{Report, bandwidth_diagnosis_section, diagnosis_tone, with_std};
 
 /// Width of what is said.
 const WIDTH: usize = 100;
@@ -56,7 +59,15 @@ impl BandwidthArguments {
     }
 
     /// Diagnoses `table`; `model` was read from `model_file`.
-    pub fn run(&self, table: &Path, model: &Model, model_file: &Path, out: Option<&Path>) -> miette::Result<Outcome> {
+    pub fn run(
+        &self,
+        table: &Path,
+        model: &Model,
+        model_file: &Path,
+        out: Option<&Path>,
+        report: &ReportOption,
+    ) -> miette::Result<Outcome> {
+        report.check(out)?;
         let fitted = match self.fit {
             FittedColumn::Uncompensated => Column::Uncompensated,
             FittedColumn::Compensated => Column::Compensated,
@@ -86,6 +97,17 @@ impl BandwidthArguments {
             extended.write(out)?;
             let _ = writeln!(text, "\nWritten to {}", out.display());
         }
+        text.push_str(&report.write(|| {
+            let said = verdict(&found);
+            let headline = Headline::new(diagnosis_tone(found.verdict), said.clone());
+            let compensator = self.compensator.as_deref().map(|file| report_pages::file("Compensator", file));
+            let facts = vec![report_pages::file("Bandwidths", table), report_pages::file("Model", model_file)];
+            Report {
+                facts: facts.into_iter().chain(compensator).chain([report_pages::version()]).collect(),
+                sections: vec![bandwidth_diagnosis_section(&found, &said)],
+                ..report_pages::report("Diagnosis", format!("Diagnosis of {}", table.display()), headline)
+            }
+        })?);
         Ok(Outcome { text, json: values(&found) })
     }
 }

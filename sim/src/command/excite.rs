@@ -10,9 +10,11 @@ use serde_json::json;
 use super::WrongUse;
 use super::outcome::{JsonOption, Outcome};
 use super::parameters::{fraction, positive, range};
-use super::progress;
+use super::report_option::ReportOption;
+use super::{progress, report_pages};
 use crate::bench::multisine::{DetectionRecipe, DetectionSet, LineSet, Multisine, MultisineError, Search, optimize};
 use crate::files::{check_writable, write_file};
+use crate::report::{Fact, Report, Section, Tone, Verdict, excitation};
 
 /// The longest period, in samples: more than an hour at 5 kHz is a slip of the decimal point.
 const MOST_SAMPLES: f64 = 2e7;
@@ -62,6 +64,8 @@ pub struct Excite {
     #[arg(long, value_name = "FILE")]
     pub(super) out: Option<PathBuf>,
     #[command(flatten)]
+    report: ReportOption,
+    #[command(flatten)]
     pub(super) json: JsonOption,
 }
 
@@ -78,6 +82,7 @@ impl Excite {
             )
             .into());
         }
+        self.report.check(self.out.as_deref())?;
         let samples = self.samples(self.band.1)?;
         let files = self.files();
         for file in &files {
@@ -135,7 +140,39 @@ impl Excite {
                 .map(|(signal, crest_factor)| json!({"phases_rad": signal.phases_rad(), "crest_factor": crest_factor}))
                 .collect();
         }
+        text.push_str(&self.report.write(|| self.page(&signals, samples, line_amplitude, crest_factor))?);
         Ok(Outcome { text, json })
+    }
+
+    /// The report: every signal over time, and its lines.
+    fn page(&self, signals: &[Multisine], samples: usize, line_amplitude: f64, crest_factor: f64) -> Report {
+        let figure = |(index, signal): (usize, &Multisine)| {
+            let period: Vec<f64> =
+                signal.waveform(samples).iter().map(|value| self.nominal + line_amplitude * value).collect();
+            let number = if signals.len() > 1 { format!("_{}", index + 1) } else { String::new() };
+            excitation(
+                format!("fig_4_excitation{number}"),
+                &format!("the multisine{}", number.replace('_', " ")),
+                &period,
+                self.rate,
+            )
+        };
+        let section = Section {
+            figures: signals.iter().enumerate().filter_map(figure).collect(),
+            ..Section::new("excitation", "Excitation")
+        };
+        let headline = format!("A multisine with a crest factor of {crest_factor:.3}.");
+        let (low, high) = self.band;
+        Report {
+            facts: vec![
+                Fact::new("Band", format!("{low} to {high} Hz")),
+                Fact::new("Period", format!("{} s at {} Hz", self.period, self.rate)),
+                Fact::new("Command", format!("{} ± {}, duty", self.nominal, self.amplitude)),
+                report_pages::version(),
+            ],
+            sections: vec![section],
+            ..report_pages::report("Excitation", "Excitation", Verdict::new(Tone::Plain, headline))
+        }
     }
 
     /// The multisine of low crest factor, its peak, and no skipped line.

@@ -13,9 +13,11 @@ use super::identify_align::{AlignOptions, Aligned};
 use super::identify_stand::{self, StandArguments};
 use super::identify_tables::{fitted_chirps, held_out, periodic_table, point_json, staircase_json, staircase_table};
 use super::outcome::{JsonOption, Outcome, warning_lines};
-use super::{WrongUse, identify_intervals, identify_laws, identify_map, progress};
+use super::report_option::ReportOption;
+use super::{WrongUse, identify_intervals, identify_laws, identify_map, progress, report_pages};
 use crate::files::check_writable;
 use crate::identify::stand::StandModel;
+use crate::identify::static_map::{StaticMapFit, SteadyPoints};
 use crate::identify::steps::fit_staircase;
 use crate::identify::{
     ChirpIdentification, FirstOrderOptions, LongRecordError, PeriodicIdentification, PeriodicOptions, Spectrum,
@@ -23,7 +25,9 @@ use crate::identify::{
 };
 use crate::plant::{Model, Provenance};
 use crate::record::{Excitation, Experiment, LongRecord, Record, Role};
-use crate::report::{distortion_json, distortion_table};
+use crate::report::{
+    Identification, Report, Section, distortion_json, distortion_table, excitation_section, identification_section,
+};
 
 /// Finds the lag at each level from the records of an experiment
 ///
@@ -52,6 +56,8 @@ pub struct Identify {
     stand_model: Option<PathBuf>,
     #[command(flatten)]
     align: AlignOptions,
+    #[command(flatten)]
+    report: ReportOption,
     #[command(flatten)]
     pub(super) json: JsonOption,
 }
@@ -100,17 +106,22 @@ pub struct Identified {
     pub distortion: Value,
     /// Intervals by nominal command, for programs; null for steps.
     pub intervals: Value,
+    /// The frequency responses behind the lags; `None` for steps.
+    pub found: Option<PeriodicIdentification>,
+    /// The static map with what it was fitted to, where records show one.
+    pub static_map: Option<(SteadyPoints, StaticMapFit)>,
 }
 
 impl Identify {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
         if self.stand {
-            return identify_stand::run(&self.experiment, &self.out, &self.of_stand);
+            return identify_stand::run(&self.experiment, &self.out, &self.of_stand, &self.report);
         }
         let Aligned { experiment, long, text: mut aligned_text, warnings: align_warnings, json: alignments } =
             self.align.read(&self.experiment)?;
         check_writable(&self.out)?;
+        self.report.check(Some(&self.out))?;
         let delay_level = match self.delay {
             Delay::Auto => FirstOrderOptions::default().delay_level,
             Delay::None => 0.0,
@@ -136,6 +147,21 @@ impl Identify {
             text.push_str(&warning_lines(warning));
         }
         writeln!(text, "\nWritten to {}", self.out.display()).into_diagnostic()?;
+        text.push_str(&self.report.write(|| {
+            let verdict = report_pages::identified(&identified.model, identified.warnings.len());
+            let stand = self.stand_model.as_deref().map(|stand| report_pages::file("Stand, divided out", stand));
+            let written = report_pages::file("Model", &self.out);
+            Report {
+                facts: [
+                    report_pages::records(&experiment, &self.experiment),
+                    stand.into_iter().chain([written]).collect(),
+                ]
+                .concat(),
+                warnings: identified.warnings.clone(),
+                sections: identified.sections(&experiment),
+                ..report_pages::report("Identification", format!("Identification of {}", experiment.name), verdict)
+            }
+        })?);
         let json = json!({
             "points": identified.model.points.iter().map(point_json).collect::<Vec<_>>(),
             "warnings": identified.warnings,
@@ -150,8 +176,21 @@ impl Identify {
     }
 }
 
+impl Identified {
+    /// The parts of a report: what was played, and what came out.
+    pub fn sections(&self, experiment: &Experiment) -> Vec<Section> {
+        let identification = Identification {
+            output: experiment.output,
+            model: &self.model,
+            found: self.found.as_ref(),
+            static_map: self.static_map.as_ref().map(|(points, fit)| (points, fit)),
+        };
+        vec![identification_section(&identification), excitation_section(experiment)]
+    }
+}
+
 /// The spectra of records that stay on disk, side by side.
-fn transform(experiment: &Experiment, long: &[LongRecord]) -> Result<Vec<(Record, Spectrum)>, LongRecordError> {
+pub fn transform(experiment: &Experiment, long: &[LongRecord]) -> Result<Vec<(Record, Spectrum)>, LongRecordError> {
     let options = PeriodicOptions::default().spectrum;
     let spectra: Vec<_> = long
         .par_iter()
@@ -185,6 +224,8 @@ pub fn identify(
             detail: Value::Null,
             distortion: distortion_json(&found),
             intervals: identify_intervals::intervals_json(&found),
+            found: Some(found),
+            static_map: None,
         });
     }
     let is_steps = |record: &Record| matches!(record.excitation, Excitation::Step | Excitation::Staircase);
@@ -208,6 +249,8 @@ pub fn identify(
         detail: staircase_json(&fit),
         distortion: Value::Null,
         intervals: Value::Null,
+        found: None,
+        static_map: None,
     })
 }
 
@@ -227,6 +270,8 @@ fn of_chirps(experiment: &Experiment, delay_level: f64, stand: Option<&StandMode
         detail: Value::Null,
         distortion: Value::Null,
         intervals: identify_intervals::intervals_json(&lags),
+        found: Some(lags),
+        static_map: None,
     })
 }
 

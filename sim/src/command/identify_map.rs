@@ -3,14 +3,14 @@
 use serde_json::{Value, json};
 
 use super::identify::Identified;
-use super::identify_tables::unit;
 use crate::identify::Estimate;
 use crate::identify::static_map::{Limit, StaticMapFit, SteadyPoints, fit_static_map};
 use crate::plant::{MapPolynomial, StaticMap};
 use crate::record::{Experiment, Output, Role};
+use crate::report::unit;
 
 /// Fits the static map to all records that may be fitted and are not compensated, and puts it in the model. Null, and
-/// nothing said, where they show fewer than four levels.
+/// nothing said, where they show fewer than four levels. What it was fitted to is kept for figures.
 pub fn add(experiment: &Experiment, identified: &mut Identified) -> Value {
     let lag_s = median(identified.model.points.iter().map(|point| point.time_constant_s + point.delay_s).collect());
     let mut all = SteadyPoints { running: Vec::new(), still: None, ramp: false };
@@ -28,7 +28,9 @@ pub fn add(experiment: &Experiment, identified: &mut Identified) -> Value {
     map.polynomial = Some(polynomial);
     identified.text.push_str(&describe(&fit, experiment.output));
     identified.warnings.extend(fit.warnings.iter().map(ToString::to_string));
-    to_json(&fit)
+    let json = to_json(&fit);
+    identified.static_map = Some((all, fit));
+    json
 }
 
 fn median(mut values: Vec<f64>) -> Option<f64> {

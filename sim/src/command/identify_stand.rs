@@ -9,12 +9,13 @@ use miette::{IntoDiagnostic as _, WrapErr as _};
 use serde_json::{Value, json};
 
 use super::outcome::{Outcome, warning_lines};
-use super::progress;
+use super::report_option::ReportOption;
+use super::{progress, report_pages};
 use crate::files::check_writable;
 use crate::identify::parametric::Root;
 use crate::identify::stand::{StandIdentification, StandOptions, identify_stand};
 use crate::record::Experiment;
-use crate::report::with_std;
+use crate::report::{Report, Tone, Verdict, stand_section, with_std};
 
 /// What only a stand needs.
 #[derive(Args, Debug)]
@@ -28,9 +29,10 @@ pub struct StandArguments {
 }
 
 /// Identifies the stand of the experiment in `folder` and writes it to `out`.
-pub fn run(folder: &Path, out: &Path, arguments: &StandArguments) -> miette::Result<Outcome> {
+pub fn run(folder: &Path, out: &Path, arguments: &StandArguments, report: &ReportOption) -> miette::Result<Outcome> {
     let experiment = Experiment::read_force(folder)?;
     check_writable(out)?;
+    report.check(Some(out))?;
     let mut options = StandOptions::default();
     if let Some(order) = arguments.order {
         options.poles = usize::from(order)..=usize::from(order);
@@ -52,6 +54,19 @@ pub fn run(folder: &Path, out: &Path, arguments: &StandArguments) -> miette::Res
         text.push_str(&warning_lines(&warning.to_string()));
     }
     writeln!(text, "\nWritten to {}", out.display()).into_diagnostic()?;
+    text.push_str(&report.write(|| {
+        let usable = match stand.usable_hz {
+            Some(usable) => format!("The stand can be used up to {:.1} Hz.", usable.value),
+            None => format!("The stand can be used up to {:.1} Hz at least.", stand.top_hz),
+        };
+        let tone = if stand.warnings.is_empty() { Tone::Good } else { Tone::Attention };
+        Report {
+            facts: [report_pages::records(&experiment, folder), vec![report_pages::file("Stand model", out)]].concat(),
+            warnings: stand.warnings.iter().map(ToString::to_string).collect(),
+            sections: vec![stand_section(&stand)],
+            ..report_pages::report("Stand", format!("Stand of {}", experiment.name), Verdict::new(tone, usable))
+        }
+    })?);
     Ok(Outcome { text, json: to_json(&stand) })
 }
 

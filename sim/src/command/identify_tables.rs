@@ -6,7 +6,7 @@ use crate::identify::PeriodicIdentification;
 use crate::identify::steps::{Branch, StaircaseFit};
 use crate::plant::Point;
 use crate::record::{Excitation, Experiment, Output, Role};
-use crate::report::with_std;
+use crate::report::{unit, with_std};
 
 /// Which records the % fit is of.
 pub(super) fn held_out(experiment: &Experiment, found: &PeriodicIdentification) -> String {
@@ -33,14 +33,6 @@ pub(super) fn fitted_chirps(files: &[String]) -> String {
 
 fn percent(value: Option<f64>) -> String {
     value.map_or_else(|| String::from("-"), |value| format!("{value:.2}"))
-}
-
-/// The unit of a gain.
-pub(super) fn unit(output: Output) -> &'static str {
-    match output {
-        Output::ThrustN => "N",
-        Output::Rpm => "rpm",
-    }
 }
 
 /// The lag at each nominal command.

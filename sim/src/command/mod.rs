@@ -8,7 +8,6 @@ mod device;
 mod diagnose;
 mod diagnose_bandwidths;
 mod excite;
-mod figures;
 mod identify;
 mod identify_align;
 mod identify_intervals;
@@ -21,6 +20,9 @@ mod outcome;
 mod parameters;
 mod progress;
 mod redesign;
+mod report;
+mod report_option;
+mod report_pages;
 mod simulate;
 mod validate;
 mod wrong_use;
@@ -60,6 +62,7 @@ enum Command {
     Design(design::Design),
     Bandwidth(bandwidth::Bandwidth),
     Diagnose(diagnose::Diagnose),
+    Report(report::ReportCommand),
     Device(device::Device),
 }
 
@@ -79,6 +82,7 @@ impl Arguments {
             Command::Design(command) => say(&command.json, Some(&command.out), || command.run()),
             Command::Bandwidth(command) => say(&command.json, None, || command.run()),
             Command::Diagnose(command) => say(&command.json, command.out_model.as_deref(), || command.run()),
+            Command::Report(command) => say(&command.json, Some(&command.out), || command.run()),
             Command::Device(command) => command.say(),
         }
     }

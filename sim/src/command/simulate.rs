@@ -9,12 +9,14 @@ use rotorlead::design::LeadDesign;
 use serde_json::json;
 
 use super::outcome::{JsonOption, Outcome};
-use super::progress;
+use super::report_option::ReportOption;
+use super::{progress, report_pages};
 use crate::bench::{Plan, run};
 use crate::design::{compensator_file, read_compensator};
 use crate::files::{OutputFolder, Place, TomlFile};
 use crate::plant::Model;
 use crate::record::{Excitation, Experiment};
+use crate::report::{Fact, Report, Tone, Verdict, simulation_section};
 
 /// Runs an experiment on a simulated actuator, through the controller's own code
 ///
@@ -37,12 +39,15 @@ pub struct Simulate {
     #[arg(long, value_name = "DIR")]
     pub(super) out: PathBuf,
     #[command(flatten)]
+    report: ReportOption,
+    #[command(flatten)]
     pub(super) json: JsonOption,
 }
 
 impl Simulate {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
+        self.report.check(Some(&self.out))?;
         let model = Model::read(&self.model)?;
         let mut plan = match &self.plan {
             Some(file) => read_plan(file, &model)?,
@@ -78,6 +83,16 @@ impl Simulate {
             writeln!(text, "  {}  {} rows", record.file, record.time_s.len()).expect("a string takes all");
         }
         writeln!(text, "Written to {}", self.out.display()).expect("a string takes all");
+        text.push_str(&self.report.write(|| {
+            let headline = format!("{} records were simulated, {rows} rows.", experiment.records.len());
+            let facts = report_pages::records(&experiment, &self.out);
+            let seed = Fact::new("Seed of the noise", plan.seed.to_string());
+            Report {
+                facts: [facts, vec![report_pages::file("Model", &self.model), seed]].concat(),
+                sections: vec![simulation_section(&experiment)],
+                ..report_pages::report("Simulation", experiment.name.clone(), Verdict::new(Tone::Plain, headline))
+            }
+        })?);
         let json = json!({
             "name": experiment.name,
             "seed": plan.seed,

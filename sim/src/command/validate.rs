@@ -6,13 +6,13 @@ use clap::Args;
 use miette::WrapErr as _;
 use serde_json::{Value, json};
 
-use super::figures::FiguresOption;
 use super::outcome::{JsonOption, Outcome};
-use super::progress;
+use super::report_option::ReportOption;
+use super::{progress, report_pages};
 use crate::identify::{Domain, RecordValidation, validate};
 use crate::plant::Model;
 use crate::record::Experiment;
-use crate::report::{validation_by_nominal, validation_table, verdict};
+use crate::report::{Report, validation_by_nominal, validation_section, validation_table, verdict};
 
 /// Says how well a model explains each record of an experiment
 ///
@@ -27,7 +27,7 @@ pub struct Validate {
     #[arg(long, value_name = "FILE")]
     model: PathBuf,
     #[command(flatten)]
-    figures: FiguresOption,
+    report: ReportOption,
     #[command(flatten)]
     pub(super) json: JsonOption,
 }
@@ -35,7 +35,7 @@ pub struct Validate {
 impl Validate {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
-        self.figures.check()?;
+        self.report.check(None)?;
         let model = Model::read(&self.model)?;
         let experiment = Experiment::read(&self.experiment)?;
         let bar = progress::spinner("validating");
@@ -43,7 +43,19 @@ impl Validate {
             format!("`{}` was not compared with `{}`", self.experiment.display(), self.model.display())
         })?;
         bar.finish_and_clear();
-        let written = self.figures.write(&records)?;
+        let written = self.report.write(|| Report {
+            facts: [
+                report_pages::records(&experiment, &self.experiment),
+                vec![report_pages::file("Model", &self.model)],
+            ]
+            .concat(),
+            sections: vec![validation_section(&records, experiment.output)],
+            ..report_pages::report(
+                "Validation",
+                format!("Validation on {}", experiment.name),
+                report_pages::validated(&records),
+            )
+        })?;
         let text = validation_table(&records) + &validation_by_nominal(&records) + "\n" + &verdict(&records) + &written;
         let json = json!({ "records": records.iter().map(record_json).collect::<Vec<_>>() });
         Ok(Outcome { text, json })

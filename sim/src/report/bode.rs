@@ -1,242 +1,179 @@
-//! Bode plots as SVG.
+//! Bode plots: magnitude over phase.
 
-use miette::Diagnostic;
 use num_complex::Complex64;
-use plotters::coord::Shift;
-use plotters::coord::ranged1d::{DefaultFormatting, KeyPointHint, Ranged};
-use plotters::prelude::*;
-use thiserror::Error;
 
-/// Size of the picture in pixels.
-const SIZE: (u32, u32) = (900, 720);
-/// Colors that stay apart for most color-blind eyes (Okabe and Ito's palette, without its yellow).
-pub(super) const COLORS: [RGBColor; 7] = [
-    RGBColor(0, 114, 178),
-    RGBColor(213, 94, 0),
-    RGBColor(0, 158, 115),
-    RGBColor(204, 121, 167),
-    RGBColor(86, 180, 233),
-    RGBColor(230, 159, 0),
-    RGBColor(0, 0, 0),
-];
+use super::figure::{Axis, Color, Mark, Panel, Series};
+use crate::identify::{FrequencyResponse, ResponsePoint};
 
-/// How a curve is drawn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Mark {
-    /// A model: a line.
-    Line,
-    /// A measurement: a dot at each frequency.
-    Dots,
-}
+/// Probability that a band holds the truth, at each line.
+pub(super) const BAND: f64 = 0.95;
+/// Standard errors to either side of such a band, where the error's variance is known well.
+const REACH: f64 = 1.96;
 
 /// One response.
 #[derive(Clone, Debug)]
 pub struct Curve {
+    /// What it is.
+    pub name: String,
     /// What the legend says.
-    pub label: String,
-    /// Line or dots.
+    pub group: String,
+    /// How it is drawn.
     pub mark: Mark,
-    /// Index of the color; a model and what was measured of it share theirs.
-    pub color: usize,
+    /// A model and what was measured of it share theirs.
+    pub color: Color,
     /// Frequency in rad/s and response, by increasing frequency.
     pub points: Vec<(f64, Complex64)>,
+    /// Bands of magnitude and of phase in radians, one a point; empty for none.
+    pub bands: Vec<Band>,
 }
 
-/// Why there is no picture.
-#[derive(Debug, Error, Diagnostic)]
-pub enum BodeError {
-    /// No curve has a point above 0 rad/s with a finite response.
-    #[error("there is nothing to draw: no curve has a point at a positive frequency")]
-    #[diagnostic(help("give records or models with at least one frequency above zero"))]
-    Empty,
-    /// The drawing library failed.
-    #[error("the figure cannot be drawn: {0}")]
-    Drawing(String),
+/// From where to where a response may be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Band {
+    /// Magnitude.
+    pub magnitude: (f64, f64),
+    /// Phase, radians.
+    pub phase_rad: (f64, f64),
 }
 
-/// A logarithmic axis with a key point at each decade's 1, 2 and 5.
-#[derive(Clone)]
-pub(super) struct Frequency(pub(super) std::ops::Range<f64>);
-
-impl Ranged for Frequency {
-    type ValueType = f64;
-    type FormatOption = DefaultFormatting;
-
-    fn map(&self, value: &f64, (low, high): (i32, i32)) -> i32 {
-        let part = (value / self.0.start).ln() / (self.0.end / self.0.start).ln();
-        low + (part * f64::from(high - low)).round() as i32
+impl Curve {
+    /// A curve without bands.
+    #[must_use]
+    pub fn new(name: impl Into<String>, mark: Mark, color: Color, points: Vec<(f64, Complex64)>) -> Self {
+        let name = name.into();
+        Self { group: name.clone(), name, mark, color, points, bands: Vec::new() }
     }
 
-    fn key_points<Hint: KeyPointHint>(&self, _: Hint) -> Vec<f64> {
-        let first = self.0.start.log10().floor() as i32;
-        let last = self.0.end.log10().ceil() as i32;
-        (first..=last)
-            .flat_map(|decade| [1.0, 2.0, 5.0].map(|step| step * 10.0_f64.powi(decade)))
-            .filter(|value| (self.0.start..=self.0.end).contains(value))
-            .collect()
+    /// Together with others in the legend.
+    #[must_use]
+    pub fn under(self, group: &str) -> Self {
+        Self { group: group.to_owned(), ..self }
     }
 
-    fn range(&self) -> std::ops::Range<f64> {
-        self.0.clone()
-    }
-}
-
-/// Draws magnitude and phase of `curves` over frequency, and a line at `level_db` where one is given, as SVG text.
-///
-/// Phases are unwrapped along each curve. Points that are not finite, or not at a positive frequency, are left out.
-///
-/// # Errors
-/// When nothing can be drawn.
-pub fn bode(title: &str, curves: &[Curve], level_db: Option<f64>) -> Result<String, BodeError> {
-    let traces: Vec<Trace> = curves.iter().map(Trace::new).collect();
-    let all = || traces.iter().flat_map(|trace| trace.points.iter());
-    let frequencies = bounds(all().map(|point| point.0)).ok_or(BodeError::Empty)?;
-    let magnitudes = bounds(all().map(|point| point.1).chain(level_db)).ok_or(BodeError::Empty)?;
-    let phases = bounds(all().map(|point| point.2)).ok_or(BodeError::Empty)?;
-
-    let mut svg = String::new();
-    {
-        let root = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
-        draw(&root, title, &traces, level_db, (frequencies, padded(magnitudes), padded(phases)))
-            .map_err(|error| BodeError::Drawing(error.to_string()))?;
-    }
-    Ok(svg)
-}
-
-/// A curve as it is drawn: frequency in rad/s, magnitude in dB, phase in degrees.
-struct Trace<'a> {
-    curve: &'a Curve,
-    points: Vec<(f64, f64, f64)>,
-}
-
-impl<'a> Trace<'a> {
-    fn new(curve: &'a Curve) -> Self {
-        let mut last = 0.0;
-        let points = curve
-            .points
-            .iter()
-            .filter(|(omega, value)| *omega > 0.0 && omega.is_finite() && value.norm().is_normal())
-            .map(|(omega, value)| {
-                let phase = value.arg().to_degrees();
-                last = phase - 360.0 * ((phase - last) / 360.0).round();
-                (*omega, 20.0 * value.norm().log10(), last)
-            })
-            .collect();
-        Self { curve, points }
+    /// A model at `count` frequencies, evenly by their logarithm.
+    #[must_use]
+    pub fn of_model(
+        name: impl Into<String>,
+        mark: Mark,
+        color: Color,
+        (from, to): (f64, f64),
+        response: impl Fn(f64) -> Complex64,
+    ) -> Self {
+        let frequencies = (0..=COUNT).map(|i| from * (to / from).powf(f64::from(i) / f64::from(COUNT)));
+        Self::new(name, mark, color, frequencies.map(|omega| (omega, response(omega))).collect())
     }
 
-    fn color(&self) -> RGBColor {
-        COLORS[self.curve.color % COLORS.len()]
-    }
-}
-
-type Bounds = (f64, f64);
-
-/// Smallest and largest of the values; `None` of none.
-fn bounds(values: impl Iterator<Item = f64>) -> Option<Bounds> {
-    values.fold(None, |bounds, value| {
-        let (low, high) = bounds.unwrap_or((value, value));
-        Some((value.min(low), value.max(high)))
-    })
-}
-
-/// Room around the values, at least a tenth of what they span and one unit.
-fn padded((low, high): Bounds) -> std::ops::Range<f64> {
-    let room = 0.08 * (high - low) + 1.0;
-    low - room..high + room
-}
-
-type Drawing<T> = Result<T, Box<dyn std::error::Error>>;
-
-fn draw(
-    root: &DrawingArea<SVGBackend<'_>, Shift>,
-    title: &str,
-    traces: &[Trace],
-    level_db: Option<f64>,
-    (frequencies, magnitudes, phases): (Bounds, std::ops::Range<f64>, std::ops::Range<f64>),
-) -> Drawing<()> {
-    root.fill(&WHITE)?;
-    let body = root.titled(title, ("sans-serif", 20))?;
-    let (upper, lower) = body.split_vertically(body.dim_in_pixel().1 * 57 / 100);
-    let frequencies = Frequency(frequencies.0 / 1.05..frequencies.1 * 1.05);
-
-    let mut chart = ChartBuilder::on(&upper)
-        .margin(8)
-        .x_label_area_size(8)
-        .y_label_area_size(60)
-        .build_cartesian_2d(frequencies.clone(), magnitudes)?;
-    chart
-        .configure_mesh()
-        .y_desc("magnitude, dB")
-        .x_label_formatter(&|_| String::new())
-        .light_line_style(WHITE)
-        .draw()?;
-    if let Some(level) = level_db {
-        let ends = [(frequencies.0.start, level), (frequencies.0.end, level)];
-        chart.draw_series(LineSeries::new(ends, BLACK.mix(0.5)))?;
-    }
-    for trace in traces {
-        let color = trace.color();
-        let points = trace.points.iter().map(|&(omega, db, _)| (omega, db));
-        let series = match trace.curve.mark {
-            Mark::Line => chart.draw_series(LineSeries::new(points, color.stroke_width(2)))?,
-            Mark::Dots => chart.draw_series(points.map(|point| Circle::new(point, 2, color.mix(0.6).filled())))?,
+    /// What was measured, over `scale`, with its bands.
+    #[must_use]
+    pub fn measured(name: impl Into<String>, mark: Mark, color: Color, points: &[ResponsePoint], scale: f64) -> Self {
+        let band = |point: &ResponsePoint| {
+            let reach = REACH * point.magnitude_std();
+            let magnitude = point.response.norm();
+            let share = reach / magnitude;
+            let phase = if share < 1.0 { share.asin() } else { std::f64::consts::PI };
+            Band {
+                magnitude: ((magnitude - reach).max(0.0) / scale.abs(), (magnitude + reach) / scale.abs()),
+                phase_rad: ((point.response / scale).arg() - phase, (point.response / scale).arg() + phase),
+            }
         };
-        let mark = trace.curve.mark;
-        series.label(&trace.curve.label).legend(move |(x, y)| match mark {
-            Mark::Line => PathElement::new(vec![(x, y), (x + 18, y)], color.stroke_width(2)).into_dyn(),
-            Mark::Dots => Circle::new((x + 9, y), 3, color.mix(0.6).filled()).into_dyn(),
+        let bands = points.iter().map(band).collect();
+        let points = points.iter().map(|point| (point.omega_rad_s, point.response / scale)).collect();
+        Self { bands, ..Self::new(name, mark, color, points) }
+    }
+
+    /// A frequency response with its bands.
+    #[must_use]
+    pub fn estimated(name: impl Into<String>, mark: Mark, color: Color, response: &FrequencyResponse) -> Self {
+        let bands = response.lines.iter().map(|line| Band {
+            magnitude: response.magnitude_interval(line, BAND),
+            phase_rad: response.phase_interval_rad(line, BAND),
         });
+        let points = response.lines.iter().map(|line| (line.omega_rad_s, line.response)).collect();
+        Self { bands: bands.collect(), ..Self::new(name, mark, color, points) }
     }
-    chart
-        .configure_series_labels()
-        .position(SeriesLabelPosition::LowerLeft)
-        .background_style(WHITE.mix(0.8))
-        .label_font(("sans-serif", 13))
-        .draw()?;
 
-    let mut chart = ChartBuilder::on(&lower)
-        .margin(8)
-        .x_label_area_size(40)
-        .y_label_area_size(60)
-        .build_cartesian_2d(frequencies, phases)?;
-    chart.configure_mesh().y_desc("phase, degrees").x_desc("frequency, rad/s").light_line_style(WHITE).draw()?;
-    for trace in traces {
-        let color = trace.color();
-        let points = trace.points.iter().map(|&(omega, _, phase)| (omega, phase));
-        match trace.curve.mark {
-            Mark::Line => chart.draw_series(LineSeries::new(points, color.stroke_width(2)))?,
-            Mark::Dots => chart.draw_series(points.map(|point| Circle::new(point, 2, color.mix(0.6).filled())))?,
-        };
+    fn series(&self, points: Vec<(f64, f64)>, band: Vec<(f64, f64)>) -> Series {
+        Series::new(self.name.clone(), self.color, self.mark, points).under(&self.group).with_band(band)
     }
-    root.present()?;
-    Ok(())
+
+    /// In decibels.
+    fn magnitude(&self) -> Series {
+        let points = self.points.iter().map(|(omega, value)| (*omega, decibels(value.norm())));
+        let band = self.bands.iter().map(|band| (decibels(band.magnitude.0), decibels(band.magnitude.1)));
+        self.series(points.collect(), band.collect())
+    }
+
+    /// In degrees, unwrapped.
+    fn phase(&self) -> Series {
+        let mut last = 0.0;
+        let mut points = Vec::new();
+        let mut band = Vec::new();
+        for (index, (omega, value)) in self.points.iter().enumerate() {
+            if *omega <= 0.0 || !value.norm().is_normal() {
+                points.push((*omega, f64::NAN));
+                band.push((f64::NAN, f64::NAN));
+                continue;
+            }
+            let wrapped = value.arg().to_degrees();
+            let turns = -360.0 * ((wrapped - last) / 360.0).round();
+            last = wrapped + turns;
+            points.push((*omega, last));
+            if let Some(Band { phase_rad: (low, high), .. }) = self.bands.get(index) {
+                band.push((low.to_degrees() + turns, high.to_degrees() + turns));
+            }
+        }
+        self.series(points, if self.bands.is_empty() { Vec::new() } else { band })
+    }
+}
+
+/// Frequencies of a model's curve.
+const COUNT: u32 = 240;
+
+fn decibels(magnitude: f64) -> f64 {
+    20.0 * magnitude.log10()
+}
+
+/// Magnitude over phase. `unit` is that of the magnitude; a broken line is drawn at each of `levels`.
+#[must_use]
+pub fn bode(curves: &[Curve], unit: &str, levels: &[(&str, f64)]) -> Vec<Panel> {
+    let ends = curves.iter().flat_map(|curve| &curve.points).map(|point| point.0).filter(|omega| *omega > 0.0);
+    let (low, high) = ends.fold((f64::INFINITY, 0.0_f64), |(low, high), omega| (low.min(omega), high.max(omega)));
+    let level = |(name, level): &(&str, f64)| {
+        Series::new(*name, Color::Gray, Mark::Dashes, vec![(low, *level), (high, *level)])
+    };
+    let magnitudes = curves.iter().map(Curve::magnitude).chain(levels.iter().map(level)).collect();
+    let phases = curves.iter().map(Curve::phase).collect();
+    let phase = Panel::new(Axis::frequency(), Axis::linear("phase", "degrees"), phases);
+    vec![Panel::new(Axis::frequency(), Axis::linear("magnitude", unit), magnitudes), Panel { height: 290, ..phase }]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn lag(label: &str, mark: Mark) -> Curve {
-        let points =
-            (0..100).map(|i| 0.5 * 1.06_f64.powi(i)).map(|omega| (omega, 1.0 / Complex64::new(1.0, omega / 10.0)));
-        Curve { label: label.to_owned(), mark, color: 0, points: points.collect() }
+    #[test]
+    fn phases_go_on_where_the_angle_turns_over() {
+        // Five lags: the phase falls to -450 degrees.
+        let lag = |omega: f64| (1.0 / Complex64::new(1.0, omega)).powi(5);
+        let curve = Curve::of_model("five", Mark::Line, Color::Blue, (0.01, 1000.0), lag);
+        let phase = curve.phase();
+        let (_, last) = phase.points[phase.points.len() - 1];
+        assert!((-450.0..-445.0).contains(&last), "{last}");
+        assert!(phase.points.windows(2).all(|pair| (pair[0].1 - pair[1].1).abs() < 30.0));
+        let (_, magnitude) = curve.magnitude().points[0];
+        assert!(magnitude.abs() < 0.01, "{magnitude}");
     }
 
     #[test]
-    fn a_figure_holds_both_panels_and_the_legend() {
-        let svg = bode("lag", &[lag("a model", Mark::Line), lag("a measurement", Mark::Dots)], Some(-3.0)).unwrap();
-        for text in ["a model", "a measurement", "magnitude, dB", "phase, degrees", "frequency, rad/s", "</svg>"] {
-            assert!(svg.contains(text), "{text}");
+    fn a_band_is_on_the_turn_of_its_point() {
+        let response = Complex64::from_polar(2.0, 3.0);
+        let points = vec![(1.0, Complex64::from_polar(2.0, 3.0)), (2.0, Complex64::from_polar(2.0, -3.0))];
+        let band = |phase: f64| Band { magnitude: (1.0, 3.0), phase_rad: (phase - 0.1, phase + 0.1) };
+        let curve = Curve { bands: vec![band(3.0), band(-3.0)], ..Curve::new("", Mark::Dots, Color::Blue, points) };
+        let phase = curve.phase();
+        for (point, band) in phase.points.iter().zip(&phase.band) {
+            assert!(((band.0 + band.1) / 2.0 - point.1).abs() < 1e-9);
         }
-        assert!(svg.matches("<circle").count() >= 200, "one dot for each point and panel");
-    }
-
-    #[test]
-    fn nothing_to_draw_is_an_error_and_not_a_picture() {
-        assert!(matches!(bode("none", &[], None), Err(BodeError::Empty)));
-        let bad =
-            Curve { points: vec![(0.0, Complex64::ONE), (1.0, Complex64::new(f64::NAN, 0.0))], ..lag("", Mark::Line) };
-        assert!(matches!(bode("none", &[bad], None), Err(BodeError::Empty)));
+        assert!(phase.points[1].1 > 180.0, "{:?} {response}", phase.points);
     }
 }

@@ -4,7 +4,12 @@ use std::f64::consts::TAU;
 use std::fmt::Write as _;
 
 use crate::identify::{ComparedLines, ComparedRow, Comparison, FitBesideCeiling, RecordValidation, TableRow, table_2};
-use crate::record::Excitation;
+use crate::record::Output;
+
+use super::figure::Figure;
+use super::html::{Cell, Column, Table};
+use super::sections::excitation_name as excitation;
+use super::{etfe, time_response};
 
 /// Probability that a true model is called wrong on any of the records.
 const LEVEL: f64 = 0.01;
@@ -75,17 +80,26 @@ pub fn cells(row: &TableRow) -> [(String, String); 2] {
     })
 }
 
+/// Whether the record shows, at a level that holds over `tested` records, that the model is wrong by an amount worth a word.
+fn shows_error(record: &RecordValidation, tested: f64) -> bool {
+    record.left_over.is_some_and(|left| left.p_value * tested < LEVEL)
+        && record.model_error_percent().is_some_and(|error| error >= SMALLEST_ERROR_PERCENT)
+}
+
+/// Whether any record shows the model to be wrong; `None` where no record shows its noise.
+#[must_use]
+pub fn is_wrong(records: &[RecordValidation]) -> Option<bool> {
+    let tested = records.iter().filter(|record| record.left_over.is_some()).count();
+    (tested > 0).then(|| records.iter().any(|record| shows_error(record, tested as f64)))
+}
+
 /// What the records say of the model, in sentences: which were held out, and whether it leaves more than noise.
 #[must_use]
 pub fn verdict(records: &[RecordValidation]) -> String {
     let mut text = held_out(records);
     let judged: Vec<&RecordValidation> = records.iter().filter(|record| record.left_over.is_some()).collect();
     let tested = judged.len() as f64;
-    let is_wrong = |record: &&&RecordValidation| {
-        record.left_over.is_some_and(|left| left.p_value * tested < LEVEL)
-            && record.model_error_percent().is_some_and(|error| error >= SMALLEST_ERROR_PERCENT)
-    };
-    let wrong: Vec<&&RecordValidation> = judged.iter().filter(is_wrong).collect();
+    let wrong: Vec<&&RecordValidation> = judged.iter().filter(|record| shows_error(record, tested)).collect();
     let silent = records.len() - judged.len();
     if judged.is_empty() {
         text.push_str("No record shows its noise: whether the model leaves more than that cannot be said.\n");
@@ -167,47 +181,50 @@ fn percent(value: Option<f64>) -> String {
     value.map_or_else(|| String::from("-"), |value| format!("{value:.2}"))
 }
 
-/// What an excitation is called.
-fn excitation(excitation: Excitation) -> &'static str {
-    match excitation {
-        Excitation::Multisine => "multisine",
-        Excitation::Square => "square",
-        Excitation::Triangle => "triangle",
-        Excitation::Step => "step",
-        Excitation::Staircase => "staircase",
-        Excitation::Chirp => "chirp",
-        Excitation::Free => "free",
-    }
-}
-
-/// The numbers behind Table 2, Fig. 6 (of each multisine) and Fig. 7 (of each other record): file names and CSV.
+/// Record and model side by side: the paper's Fig. 6 of a multisine, and its Fig. 7 of any other.
 #[must_use]
-pub fn validation_csv(records: &[RecordValidation]) -> Vec<(String, String)> {
-    let mut files = vec![(String::from("table_2.csv"), table_csv(&table_2(records)))];
-    for record in records {
-        // Names of records differ, and so do these.
-        let stem = record.file.strip_suffix(".csv").unwrap_or(&record.file);
-        files.push(match &record.comparison {
-            Comparison::Frequency(lines) => (format!("fig_6_{stem}.csv"), lines_csv(lines)),
-            Comparison::Time(rows) => (format!("fig_7_{stem}.csv"), rows_csv(rows)),
-        });
+pub(super) fn figures_of(record: &RecordValidation, output: Output) -> Figure {
+    // Names of records differ, and so do these.
+    let stem = record.file.strip_suffix(".csv").unwrap_or(&record.file);
+    let fit = record.ceiling_percent.map_or_else(String::new, |ceiling| format!(" of {ceiling:.2}"));
+    let title = format!("{}: fit {:.2}{fit} %", record.file, record.fit_percent);
+    match &record.comparison {
+        Comparison::Frequency(lines) => {
+            let figure = etfe::compared(format!("fig_6_{stem}"), title, lines, output);
+            Figure { numbers: Some(lines_csv(lines)), ..figure }
+        }
+        Comparison::Time(rows) => {
+            let figure = time_response::compared(format!("fig_7_{stem}"), title, rows, output);
+            Figure { numbers: Some(rows_csv(rows)), ..figure }
+        }
     }
-    files
 }
 
-fn table_csv(rows: &[TableRow]) -> String {
-    let mut csv = String::from(
-        "u_nom,fit_frequency_percent,ceiling_frequency_percent,fit_square_percent,ceiling_square_percent\n",
-    );
-    let cell = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
-    for row in rows {
+/// By nominal command, as the paper's Table 2; `None` without multisines and squares.
+pub(super) fn table_by_nominal(records: &[RecordValidation]) -> Option<Table> {
+    let row = |row: &TableRow| {
         let pair = |found: Option<FitBesideCeiling>| {
-            let (fit, ceiling) = (found.map(|found| found.fit_percent), found.and_then(|found| found.ceiling_percent));
-            format!("{},{}", cell(fit), cell(ceiling))
+            let ceiling = found.and_then(|found| found.ceiling_percent);
+            [Cell::optional(found.map(|found| found.fit_percent), 2), Cell::optional(ceiling, 2)]
         };
-        writeln!(csv, "{},{},{}", row.nominal, pair(row.frequency), pair(row.square)).expect("a string takes all");
-    }
-    csv
+        let mut cells = vec![Cell::number(row.nominal, 3)];
+        cells.extend(pair(row.frequency));
+        cells.extend(pair(row.square));
+        cells
+    };
+    let rows: Vec<_> = table_2(records).iter().map(row).collect();
+    (!rows.is_empty()).then(|| Table {
+        name: "table_2".to_owned(),
+        caption: "Fit by nominal command".to_owned(),
+        columns: vec![
+            Column::new("u_nom", "u_nom", "duty"),
+            Column::new("fit_frequency_percent", "in frequency", "%"),
+            Column::new("ceiling_frequency_percent", "ceiling", "%"),
+            Column::new("fit_square_percent", "on squares", "%"),
+            Column::new("ceiling_square_percent", "ceiling", "%"),
+        ],
+        rows,
+    })
 }
 
 fn lines_csv(compared: &ComparedLines) -> String {

@@ -1,0 +1,101 @@
+//! What the reports of single commands say at their top, and of what parts they are made.
+
+use std::path::Path;
+
+use rotorlead::design::LeadDesign;
+
+use super::report_option::this_command;
+use crate::design::BandwidthPoint;
+use crate::identify::RecordValidation;
+use crate::plant::Model;
+use crate::record::Experiment;
+use crate::report::{Fact, Report, Tone, Verdict, experiment_facts, is_wrong};
+
+/// A report without parts.
+pub fn report(kind: &str, title: impl Into<String>, verdict: Verdict) -> Report {
+    Report {
+        kind: kind.to_owned(),
+        title: title.into(),
+        verdict,
+        facts: Vec::new(),
+        warnings: Vec::new(),
+        sections: Vec::new(),
+        commands: vec![this_command()],
+    }
+}
+
+/// A fact about a file.
+pub fn file(name: &str, path: &Path) -> Fact {
+    Fact::new(name, path.display().to_string())
+}
+
+/// The version, for reports that rest on no records.
+pub fn version() -> Fact {
+    Fact::new("Version", format!("Rotorlead {}", env!("CARGO_PKG_VERSION")))
+}
+
+/// Facts about an experiment that was read from `folder`.
+pub fn records(experiment: &Experiment, folder: &Path) -> Vec<Fact> {
+    experiment_facts(experiment, &folder.display().to_string())
+}
+
+/// What was identified, in a sentence.
+pub fn identified(model: &Model, warnings: usize) -> Verdict {
+    let (low, high) = ends(model.points.iter().map(|point| point.time_constant_s));
+    let lags = if model.points.len() == 1 { "One lag".to_owned() } else { format!("{} lags", model.points.len()) };
+    let span = if model.points.len() == 1 {
+        format!("its time constant is {:.1} ms, a pole at {:.2} rad/s", 1e3 * low, 1.0 / low)
+    } else {
+        format!(
+            "time constants from {:.1} to {:.1} ms, poles from {:.2} to {:.2} rad/s",
+            1e3 * low,
+            1e3 * high,
+            1.0 / high,
+            1.0 / low
+        )
+    };
+    let headline = format!("{lags} identified: {span}.");
+    match warnings {
+        0 => Verdict::new(Tone::Good, headline).with(vec!["Nothing in the records speaks against it.".to_owned()]),
+        1 => Verdict::new(Tone::Attention, headline)
+            .with(vec!["There is a warning: read it before the model is used.".to_owned()]),
+        count => Verdict::new(Tone::Attention, headline)
+            .with(vec![format!("There are {count} warnings: read them before the model is used.")]),
+    }
+}
+
+/// Whether a model holds, in a sentence.
+pub fn validated(records: &[RecordValidation]) -> Verdict {
+    match is_wrong(records) {
+        None => Verdict::new(Tone::Plain, "Whether the model is right cannot be said: no record shows its noise."),
+        Some(false) => Verdict::new(Tone::Good, "The model leaves no more than noise."),
+        Some(true) => Verdict::new(Tone::Attention, "The model leaves more than noise.")
+            .with(vec!["What it lacks, `rotorlead diagnose` can tell.".to_owned()]),
+    }
+}
+
+/// What a compensator does to the bandwidths, in a sentence.
+pub fn faster(points: &[BandwidthPoint]) -> String {
+    let before = ends(points.iter().filter_map(|point| point.uncompensated.rad_s()));
+    let after = ends(points.iter().filter_map(|point| point.compensated.rad_s()));
+    if !(before.0.is_finite() && after.0.is_finite()) {
+        return "The bandwidth is beyond what was searched.".to_owned();
+    }
+    let span =
+        |(low, high): (f64, f64)| if high > low { format!("{low:.1} to {high:.1}") } else { format!("{low:.1}") };
+    format!("Predicted bandwidth: {} rad/s without, {} rad/s with the compensator.", span(before), span(after))
+}
+
+/// What a design gave, in sentences.
+pub fn designed(design: &LeadDesign, points: &[BandwidthPoint], warnings: usize) -> Verdict {
+    let tone = if warnings == 0 { Tone::Good } else { Tone::Attention };
+    let room = format!(
+        "A step of the command becomes up to {:.2} times as large: leave room for it, or the command is clipped.",
+        design.check().step_peak
+    );
+    Verdict::new(tone, faster(points)).with(vec![room])
+}
+
+fn ends(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)))
+}

@@ -1,0 +1,296 @@
+//! A figure as SVG, on white.
+
+mod along;
+mod legend;
+
+use plotters::coord::Shift;
+use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
+
+use along::Along;
+
+use super::extent::Extent;
+use super::{Axis, Figure, FigureError, HeatMap, Mark, Panel, Scale, Series};
+
+/// Width in pixels.
+const WIDTH: u32 = 900;
+/// Height of the title.
+const TITLE: u32 = 36;
+/// Font sizes, and the mean width of a letter as a part of its size.
+const TITLE_FONT: u32 = 19;
+const FONT: u32 = 13;
+const LETTER: f64 = 0.56;
+/// Room for the numbers left of an axis, and for its lower and upper labels.
+const LEFT: u32 = 74;
+const BELOW: u32 = 46;
+const ABOVE: u32 = 42;
+/// Room for a color scale.
+const SCALE: u32 = 150;
+/// Most room for names.
+const MOST_NAMES: u32 = 280;
+/// How much a band covers.
+const BAND: f64 = 0.22;
+
+type Drawing<T> = Result<T, Box<dyn std::error::Error>>;
+type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
+type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<Along, Along>>;
+
+impl Figure {
+    /// The picture as SVG text, 900 pixels wide.
+    ///
+    /// # Errors
+    /// When nothing can be drawn.
+    pub fn svg(&self) -> Result<String, FigureError> {
+        let extents = self.panels.iter().enumerate().map(|(index, panel)| {
+            panel.extent().ok_or_else(|| FigureError::Empty { name: self.name.clone(), panel: index + 1 })
+        });
+        let extents = extents.collect::<Result<Vec<Extent>, _>>()?;
+        self.draw(&extents).map_err(|error| FigureError::Drawing { name: self.name.clone(), reason: error.to_string() })
+    }
+
+    fn draw(&self, extents: &[Extent]) -> Drawing<String> {
+        let legend = legend::Legend::of(self, WIDTH);
+        let height = TITLE + legend.height() + self.panels.iter().map(|panel| panel.height).sum::<u32>();
+        let mut svg = String::new();
+        {
+            let root = SVGBackend::with_string(&mut svg, (WIDTH, height)).into_drawing_area();
+            root.fill(&WHITE)?;
+            let style = ("sans-serif", TITLE_FONT).into_text_style(&root).pos(Pos::new(HPos::Center, VPos::Center));
+            root.draw(&Text::new(self.title.clone(), (WIDTH as i32 / 2, TITLE as i32 / 2), style))?;
+            legend.draw(&root, TITLE as i32)?;
+            let (_, mut rest) = root.split_vertically(TITLE + legend.height());
+            for (panel, extent) in self.panels.iter().zip(extents) {
+                let (area, below) = rest.split_vertically(panel.height);
+                panel.draw(&area, extent)?;
+                rest = below;
+            }
+            root.present()?;
+        }
+        Ok(svg)
+    }
+}
+
+impl Panel {
+    fn draw(&self, area: &Area, extent: &Extent) -> Drawing<()> {
+        let left = match &self.y.scale {
+            Scale::Names(names) => {
+                let longest = names.iter().map(|name| text_width(name)).max().unwrap_or(0);
+                (longest + 24 + label_room(&self.y)).clamp(LEFT, MOST_NAMES)
+            }
+            _ => LEFT,
+        };
+        let right = if self.map.is_some() { SCALE } else { 26 };
+        let above = if self.x.beside.is_some() { ABOVE } else { 0 };
+        let x = Along::new(&self.x, extent.x, 10, false);
+        let y = Along::new(&self.y, extent.y, (self.height / 50) as usize, matches!(self.y.scale, Scale::Names(_)));
+        let beside = self.x.beside.as_ref().map(|beside| {
+            let axis = Axis { beside: None, range: None, ..self.x.clone() };
+            Along::new(&axis, (extent.x.0 * beside.factor, extent.x.1 * beside.factor), 10, false)
+        });
+        let mut builder = ChartBuilder::on(area);
+        builder
+            .margin_left(8)
+            .margin_right(right)
+            .margin_top(6)
+            .margin_bottom(4)
+            .x_label_area_size(BELOW)
+            .y_label_area_size(left)
+            .top_x_label_area_size(above);
+        if !self.title.is_empty() {
+            builder.caption(&self.title, ("sans-serif", FONT + 2));
+        }
+        let mut chart = builder.build_cartesian_2d(x.clone(), y.clone())?;
+        let mut mesh = chart.configure_mesh();
+        mesh.max_light_lines(0)
+            .bold_line_style(BLACK.mix(0.13))
+            .axis_desc_style(("sans-serif", FONT))
+            .label_style(("sans-serif", FONT - 1))
+            .x_desc(self.x.title())
+            .y_desc(self.y.title());
+        let (x_name, y_name) = (|value: &f64| x.name(*value), |value: &f64| y.name(*value));
+        mesh.x_label_formatter(&x_name).y_label_formatter(&y_name);
+        if self.map.is_some() {
+            mesh.disable_mesh();
+        } else if matches!(self.y.scale, Scale::Names(_)) {
+            mesh.disable_y_mesh();
+        }
+        mesh.draw()?;
+        if let Some(map) = &self.map {
+            let cells = map.cells.iter().map(|cell| {
+                let corners = [(cell.x.0, cell.row as f64 - 0.47), (cell.x.1, cell.row as f64 + 0.47)];
+                Rectangle::new(corners, rgb(map.color(cell.value)).filled())
+            });
+            chart.draw_series(cells)?;
+            draw_scale(map, area)?;
+        }
+        for series in &self.series {
+            series.draw(self, extent, &mut chart, area)?;
+        }
+        if let (Some(beside), Some(along)) = (&self.x.beside, beside) {
+            let name = |value: &f64| along.name(*value);
+            let mut chart = chart.set_secondary_coord(along.clone(), y.clone());
+            chart
+                .configure_secondary_axes()
+                .axis_desc_style(("sans-serif", FONT))
+                .label_style(("sans-serif", FONT - 1))
+                .x_desc(beside.title())
+                .x_label_formatter(&name)
+                .y_labels(0)
+                .draw()?;
+        }
+        Ok(())
+    }
+}
+
+impl Series {
+    fn draw(&self, panel: &Panel, extent: &Extent, chart: &mut Chart, area: &Area) -> Drawing<()> {
+        let color = rgb(self.color.rgb());
+        let inside = |(x, y): (f64, f64)| (x.clamp(extent.x.0, extent.x.1), y.clamp(extent.y.0, extent.y.1));
+        if !self.band.is_empty() {
+            let drawn = || self.points.iter().zip(&self.band).filter(|(point, _)| panel.is_drawn(point));
+            let end = |value: f64, instead: f64| if panel.y.has(value) { value } else { instead };
+            let low = drawn().map(|(point, band)| inside((point.0, end(band.0, extent.y.0))));
+            let high = drawn().rev().map(|(point, band)| inside((point.0, end(band.1, extent.y.1))));
+            chart.draw_series([Polygon::new(low.chain(high).collect::<Vec<_>>(), color.mix(BAND))])?;
+        }
+        // A line breaks where a point is missing.
+        let runs: Vec<Vec<(f64, f64)>> = self
+            .points
+            .split(|point| !panel.is_drawn(point))
+            .map(|run| run.iter().map(|point| inside(*point)).collect())
+            .collect();
+        let points = || runs.iter().flatten().copied();
+        let near = |point: (f64, f64), (dx, dy): (i32, i32)| {
+            let (x, y) = chart.backend_coord(&point);
+            (x + dx, y + dy)
+        };
+        match self.mark {
+            Mark::Line => {
+                for run in runs {
+                    chart.draw_series([PathElement::new(run, color.stroke_width(2))])?;
+                }
+            }
+            Mark::Dashes => {
+                for run in runs {
+                    chart.draw_series(DashedLineSeries::new(run, 7, 5, color.stroke_width(2)))?;
+                }
+            }
+            Mark::Dots => {
+                chart.draw_series(points().map(|point| Circle::new(point, 2, color.mix(0.6).filled())))?;
+            }
+            Mark::Discs => {
+                chart.draw_series(points().map(|point| Circle::new(point, 5, color.filled())))?;
+            }
+            Mark::Crosses => {
+                chart.draw_series(points().map(|point| Cross::new(point, 5, color.stroke_width(2))))?;
+            }
+            Mark::Rings => {
+                chart.draw_series(points().map(|point| Circle::new(point, 5, color.stroke_width(2))))?;
+            }
+            Mark::Ticks => {
+                let ends = points().map(|point| [near(point, (0, -9)), near(point, (0, 9))]).collect::<Vec<_>>();
+                for ends in ends {
+                    // The backend counts from the corner of the whole picture, an area from its own.
+                    let (left, top) = area.get_base_pixel();
+                    let own = ends.map(|(x, y)| (x - left, y - top)).to_vec();
+                    area.draw(&PathElement::new(own, color.stroke_width(3)))?;
+                }
+            }
+            Mark::Bars => {
+                let bar = |(x, y): (f64, f64)| [(extent.x.0, y - 0.32), (x, y + 0.32)];
+                chart.draw_series(points().map(|point| Rectangle::new(bar(point), color.filled())))?;
+            }
+        }
+        if self.mark == Mark::Bars {
+            for (point, note) in self.points.iter().zip(&self.notes).filter(|(point, _)| panel.is_drawn(point)) {
+                let (x, y) = chart.backend_coord(&inside(*point));
+                let (left, top) = area.get_base_pixel();
+                words(area, note, (x - left + 6, y - top), HPos::Left)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The scale of a map, at the right.
+fn draw_scale(map: &HeatMap, area: &Area) -> Drawing<()> {
+    let (width, height) = area.dim_in_pixel();
+    let tall = (height as i32 - 110).clamp(60, 200);
+    let (left, top) = (width as i32 - SCALE as i32 + 28, 34 + (height as i32 - BELOW as i32 - 34 - tall).max(0) / 2);
+    let (low, high) = map.range;
+    for step in 0..tall {
+        let value = low * (high / low).powf(1.0 - f64::from(step) / f64::from(tall));
+        let corners = [(left, top + step), (left + 18, top + step + 1)];
+        area.draw(&Rectangle::new(corners, rgb(map.color(value)).filled()))?;
+    }
+    for (value, name) in map.named() {
+        let y = top + ((1.0 - map.part(value)) * f64::from(tall)) as i32;
+        words(area, &name, (left + 26, y), HPos::Left)?;
+    }
+    for (line, label) in map.label.split(", ").enumerate() {
+        words(area, label, (left - 12, top - 34 + 15 * line as i32), HPos::Left)?;
+    }
+    Ok(())
+}
+
+fn words(area: &Area, text: &str, at: (i32, i32), anchor: HPos) -> Drawing<()> {
+    let style = ("sans-serif", FONT - 1).into_text_style(area).pos(Pos::new(anchor, VPos::Center));
+    Ok(area.draw(&Text::new(text.to_owned(), at, style))?)
+}
+
+fn rgb([red, green, blue]: [u8; 3]) -> RGBColor {
+    RGBColor(red, green, blue)
+}
+
+/// About how wide a text is, pixels.
+fn text_width(text: &str) -> u32 {
+    (text.chars().count() as f64 * LETTER * f64::from(FONT)) as u32
+}
+
+/// Room for the label beside the numbers or names of an axis.
+fn label_room(axis: &Axis) -> u32 {
+    if axis.title().is_empty() { 0 } else { 22 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lag(name: &str, mark: Mark) -> Series {
+        let points =
+            (0..100).map(|i| 0.5 * 1.06_f64.powi(i)).map(|omega| (omega, -10.0 * (1.0 + omega * omega).log10()));
+        Series::new(name, super::super::Color::Blue, mark, points.collect())
+    }
+
+    fn figure(series: Vec<Series>) -> Figure {
+        let panel = Panel::new(Axis::frequency(), Axis::linear("magnitude", "dB"), series);
+        Figure::new("lag", "A lag", "", vec![panel])
+    }
+
+    #[test]
+    fn a_picture_holds_its_words_and_a_dot_for_each_point() {
+        let svg = figure(vec![lag("a model", Mark::Line), lag("a measurement", Mark::Dots)]).svg().unwrap();
+        for text in
+            ["A lag", "a model", "a measurement", "magnitude, dB", "frequency, rad/s", "frequency, Hz", "</svg>"]
+        {
+            assert!(svg.contains(text), "{text}");
+        }
+        assert!(svg.matches("<circle").count() >= 100, "one dot for each point");
+    }
+
+    #[test]
+    fn nothing_to_draw_is_an_error_and_not_a_picture() {
+        assert!(matches!(figure(vec![]).svg(), Err(FigureError::Empty { panel: 1, .. })));
+        let bad = Series { points: vec![(0.0, 1.0), (1.0, f64::NAN)], ..lag("", Mark::Line) };
+        assert!(matches!(figure(vec![bad]).svg(), Err(FigureError::Empty { .. })));
+    }
+
+    #[test]
+    fn a_bitmap_is_twice_as_wide_and_not_empty() {
+        let png = figure(vec![lag("a model", Mark::Line)]).png().unwrap();
+        assert_eq!(&png[1..4], b"PNG");
+        assert_eq!(u32::from_be_bytes([png[16], png[17], png[18], png[19]]), 2 * WIDTH);
+        // Words are drawn: without its font the picture is some kilobytes smaller.
+        assert!(png.len() > 20_000, "{}", png.len());
+    }
+}

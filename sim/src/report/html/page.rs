@@ -1,0 +1,158 @@
+//! The HTML itself: a template, filled in. Whatever comes from data is escaped by it.
+
+use askama::Template;
+
+use super::swatch::swatch;
+use super::{Fact, Report, Section, Table, Verdict};
+use crate::report::figure::interactive::library;
+use crate::report::figure::{Figure, FigureError};
+
+/// How the page looks, and what it does.
+const STYLE: &str = include_str!("../../../templates/report.css");
+const SCRIPT: &str = include_str!("../../../templates/report.js");
+
+/// What stands over the commands.
+const AGAIN: &str = "In the folder where this was run, with the same version. The same input gives the same file.";
+
+#[derive(Template)]
+#[template(path = "report.html")]
+struct Page<'a> {
+    report: Drawn<'a>,
+    version: &'static str,
+    style: &'static str,
+    script: &'static str,
+    again: &'static str,
+    license: String,
+    library: String,
+    has_figures: bool,
+}
+
+/// A report whose figures are drawn.
+struct Drawn<'a> {
+    kind: &'a str,
+    title: &'a str,
+    verdict: &'a Verdict,
+    facts: &'a [Fact],
+    warnings: &'a [String],
+    sections: Vec<DrawnSection<'a>>,
+    commands: &'a [String],
+}
+
+struct DrawnSection<'a> {
+    name: &'a str,
+    title: &'a str,
+    text: &'a [String],
+    tables: &'a [Table],
+    figures: Vec<DrawnFigure<'a>>,
+}
+
+impl<'a> DrawnSection<'a> {
+    fn new(section: &'a Section) -> Result<Self, FigureError> {
+        let figures = section.figures.iter().map(DrawnFigure::new).collect::<Result<Vec<_>, _>>()?;
+        Ok(Self { name: &section.name, title: &section.title, text: &section.text, tables: &section.tables, figures })
+    }
+}
+
+struct DrawnFigure<'a> {
+    figure: &'a Figure,
+    plots: Vec<DrawnPanel<'a>>,
+    svg: String,
+}
+
+struct DrawnPanel<'a> {
+    title: &'a str,
+    x: String,
+    height: u32,
+    json: String,
+}
+
+struct Entry<'a> {
+    name: &'a str,
+    swatch: String,
+}
+
+impl<'a> DrawnFigure<'a> {
+    fn new(figure: &'a Figure) -> Result<Self, FigureError> {
+        let panels = figure.panels.iter().zip(figure.plots()?);
+        let plot = |(panel, json): (&'a crate::report::figure::Panel, String)| DrawnPanel {
+            title: &panel.title,
+            x: panel.x.title(),
+            height: panel.height,
+            json,
+        };
+        Ok(Self { figure, plots: panels.map(plot).collect(), svg: figure.svg()? })
+    }
+
+    fn name(&self) -> &str {
+        &self.figure.name
+    }
+
+    fn title(&self) -> &str {
+        &self.figure.title
+    }
+
+    fn caption(&self) -> &str {
+        &self.figure.caption
+    }
+
+    fn svg(&self) -> &str {
+        &self.svg
+    }
+
+    fn plots(&self) -> &[DrawnPanel<'a>] {
+        &self.plots
+    }
+
+    fn legend(&self) -> Vec<Entry<'a>> {
+        self.figure.legend().into_iter().map(|series| Entry { name: &series.group, swatch: swatch(series) }).collect()
+    }
+}
+
+impl Report {
+    /// The whole file.
+    ///
+    /// # Errors
+    /// When a figure cannot be drawn.
+    pub fn html(&self) -> Result<String, FigureError> {
+        let sections = self.sections.iter().map(DrawnSection::new).collect::<Result<Vec<_>, _>>()?;
+        let has_figures = self.sections.iter().any(|section| !section.figures.is_empty());
+        let page = Page {
+            report: Drawn {
+                kind: &self.kind,
+                title: &self.title,
+                verdict: &self.verdict,
+                facts: &self.facts,
+                warnings: &self.warnings,
+                sections,
+                commands: &self.commands,
+            },
+            version: env!("CARGO_PKG_VERSION"),
+            style: STYLE,
+            script: SCRIPT,
+            again: AGAIN,
+            license: LICENSE.to_owned(),
+            library: if has_figures { library() } else { String::new() },
+            has_figures,
+        };
+        page.render().map_err(|error| FigureError::Drawing { name: self.title.clone(), reason: error.to_string() })
+    }
+}
+
+/// The license of plotly.js.
+const LICENSE: &str = "\
+The MIT License (MIT)
+
+Copyright (c) 2016-2025 Plotly Technologies Inc.
+
+Permission is hereby granted, free of charge, to any person obtaining a copy of this software and associated documentation \
+files (the \"Software\"), to deal in the Software without restriction, including without limitation the rights to use, copy, \
+modify, merge, publish, distribute, sublicense, and/or sell copies of the Software, and to permit persons to whom the Software \
+is furnished to do so, subject to the following conditions:
+
+The above copyright notice and this permission notice shall be included in all copies or substantial portions of the Software.
+
+THE SOFTWARE IS PROVIDED \"AS IS\", WITHOUT WARRANTY OF ANY KIND, EXPRESS OR IMPLIED, INCLUDING BUT NOT LIMITED TO THE \
+WARRANTIES OF MERCHANTABILITY, FITNESS FOR A PARTICULAR PURPOSE AND NONINFRINGEMENT. IN NO EVENT SHALL THE AUTHORS OR COPYRIGHT \
+HOLDERS BE LIABLE FOR ANY CLAIM, DAMAGES OR OTHER LIABILITY, WHETHER IN AN ACTION OF CONTRACT, TORT OR OTHERWISE, ARISING FROM, \
+OUT OF OR IN CONNECTION WITH THE SOFTWARE OR THE USE OR OTHER DEALINGS IN THE SOFTWARE.
+";

@@ -1,0 +1,99 @@
+//! What a diagnosis found.
+
+use super::estimate;
+use crate::diagnose::{Diagnosis, NamedEffect, TriedKind, Verdict};
+use crate::report::diagnosis::diagnosis_figures;
+use crate::report::html::{Cell, Column, Section, Table, Tone};
+
+/// How good the news of a verdict are.
+#[must_use]
+pub fn diagnosis_tone(verdict: Verdict) -> Tone {
+    match verdict {
+        Verdict::Agrees => Tone::Good,
+        Verdict::Named => Tone::Plain,
+        Verdict::PartlyNamed => Tone::Attention,
+        Verdict::Unknown => Tone::Bad,
+    }
+}
+
+/// Effects, gaps and candidates. `verdict` is the diagnosis in a sentence.
+#[must_use]
+pub fn diagnosis_section(found: &Diagnosis, verdict: &str) -> Section {
+    let percent = |value: f64| format!("{:.2} %", 100.0 * value);
+    let on = if found.held_out { "what was held out" } else { "what was fitted, since nothing was held out" };
+    let mut text = vec![
+        verdict.to_owned(),
+        format!(
+            "The gap on {on}, RMS of the residual over that of the response: {} before, {} after; noise alone leaves {}.",
+            percent(found.gap.before),
+            percent(found.gap.after),
+            percent(found.gap.noise_floor)
+        ),
+    ];
+    for out in &found.left_out {
+        text.push(format!("Not compared: {}: {}", out.file, out.reason));
+    }
+    if let Some(next) = found.next_experiment() {
+        text.push(format!("Next experiment: {}", next.words));
+    }
+    let mut tables = Vec::new();
+    if !found.effects.is_empty() {
+        tables.push(effects(&found.effects));
+    }
+    if !found.tried.is_empty() {
+        tables.push(tried(&found.tried));
+    }
+    let figures = diagnosis_figures(found);
+    Section { text, tables, figures, ..Section::new("diagnosis", "Diagnosis") }
+}
+
+fn effects(effects: &[NamedEffect]) -> Table {
+    let row = |effect: &NamedEffect| {
+        let parameters = effect.parameters.iter().map(|(parameter, value)| {
+            let value = estimate(value.value, Some(value.std), 1.0, 4).text;
+            format!("{} {value} {}", parameter.name, parameter.unit).trim().to_owned()
+        });
+        let others: Vec<&str> = effect.alternatives.iter().map(|kind| kind.id).collect();
+        vec![
+            Cell::text(effect.kind.id),
+            Cell::text(effect.kind.title),
+            Cell::text(parameters.collect::<Vec<_>>().join("; ")),
+            Cell::number(100.0 * effect.gap_before, 2),
+            Cell::number(100.0 * effect.gap_after, 2),
+            Cell::number(effect.evidence, 0),
+            Cell::text(if others.is_empty() { "-".to_owned() } else { others.join(", ") }),
+        ]
+    };
+    Table {
+        name: "effects".to_owned(),
+        caption: "Effects that the model lacks".to_owned(),
+        columns: vec![
+            Column::new("kind", "effect", ""),
+            Column::new("title", "what it is", ""),
+            Column::new("parameters", "parameters", ""),
+            Column::new("gap_without_percent", "gap without", "%"),
+            Column::new("gap_with_percent", "gap with", "%"),
+            Column::new("evidence", "evidence", "log likelihood"),
+            Column::new("alternatives", "cannot be told from", ""),
+        ],
+        rows: effects.iter().map(row).collect(),
+    }
+}
+
+fn tried(tried: &[TriedKind]) -> Table {
+    let row = |tried: &TriedKind| {
+        let finite = |value: f64| Cell::optional(Some(value).filter(|value| value.is_finite()), 1);
+        vec![Cell::text(tried.kind.id), finite(tried.worth), finite(tried.fitted_gain), finite(tried.held_out_gain)]
+    };
+    Table {
+        name: "tried".to_owned(),
+        caption: "Kinds tried alone: log likelihood gained".to_owned(),
+        columns: vec![
+            Column::new("kind", "kind", ""),
+            Column::new("worth", "evidence", "both, less one per parameter"),
+            Column::new("fitted_gain", "on what was fitted", ""),
+            Column::new("held_out_gain", "on what was held out", ""),
+        ],
+        rows: tried.iter().map(row).collect(),
+    }
+}

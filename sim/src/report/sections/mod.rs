@@ -1,0 +1,28 @@
+//! The parts of a report: one for each thing that is done, so that a report of a whole experiment is made of the same.
+
+mod bandwidth;
+mod bandwidth_diagnosis;
+mod design;
+mod diagnosis;
+mod experiment;
+mod identification;
+mod stand;
+mod validation;
+
+pub use bandwidth::bandwidth_section;
+pub use bandwidth_diagnosis::bandwidth_diagnosis_section;
+pub use design::design_section;
+pub use diagnosis::{diagnosis_section, diagnosis_tone};
+pub(super) use experiment::name as excitation_name;
+pub use experiment::{excitation_section, experiment_facts, simulation_section};
+pub use identification::{Identification, identification_section};
+pub use stand::stand_section;
+pub use validation::validation_section;
+
+use super::html::Cell;
+use super::number::with_std;
+
+/// A value with its standard error, both times `scale`.
+fn estimate(value: f64, std: Option<f64>, scale: f64, digits: usize) -> Cell {
+    Cell::shown(scale * value, with_std(value, std, scale, digits).replace("+-", "±"))
+}

@@ -1,0 +1,68 @@
+"use strict";
+(() => {
+  // Narrow screens have room for fewer numbers along an axis, and for their names in less width.
+  const fit = (layout, width) => {
+    if (width < 520) {
+      layout.font = { ...layout.font, size: 11 };
+      layout.margin = { ...layout.margin, l: 46, r: 10 };
+      for (const axis of [layout.xaxis, layout.xaxis2]) if (axis && !axis.tickvals) axis.nticks = 5;
+    }
+    if (matchMedia("(pointer: coarse)").matches) layout.dragmode = false;
+    return layout;
+  };
+  const axes = (plot) => [plot.layout.xaxis.range.slice(), plot.layout.yaxis.range.slice()];
+  const along = (plot, x) => {
+    const update = { "xaxis.range": x.slice() };
+    // The second axis reads the same places in another unit.
+    if (plot.layout.xaxis2) update["xaxis2.range"] = x.map((end) => end + plot.secondBeyond);
+    return update;
+  };
+  const apart = (a, b) => Math.abs(a[0] - b[0]) + Math.abs(a[1] - b[1]) > 1e-9 * Math.abs(a[1] - a[0]);
+
+  for (const figure of document.querySelectorAll("figure")) {
+    const plots = [...figure.querySelectorAll(".plot")];
+    const first = new Map();
+    let busy = false;
+    for (const plot of plots) {
+      const spec = JSON.parse(plot.querySelector("script").textContent);
+      plot.textContent = "";
+      Plotly.newPlot(plot, spec.data, fit(spec.layout, plot.clientWidth), spec.config);
+      first.set(plot, axes(plot));
+      if (plot.layout.xaxis2) plot.secondBeyond = plot.layout.xaxis2.range[0] - plot.layout.xaxis.range[0];
+      plot.on("plotly_relayout", () => {
+        if (busy) return;
+        busy = true;
+        const x = plot.layout.xaxis.range;
+        const others = plots.filter((other) => other.dataset.x === plot.dataset.x);
+        Promise.all(others.map((other) => {
+          const second = other.layout.xaxis2;
+          const off = apart(x, other.layout.xaxis.range) || (second && apart(along(other, x)["xaxis2.range"], second.range));
+          return off ? Plotly.relayout(other, along(other, x)) : null;
+        })).finally(() => { busy = false; });
+      });
+    }
+    for (const button of figure.querySelectorAll("button.series")) {
+      button.addEventListener("click", () => {
+        const shown = button.getAttribute("aria-pressed") !== "true";
+        button.setAttribute("aria-pressed", String(shown));
+        for (const plot of plots) {
+          const traces = plot.data.flatMap((trace, index) => (trace.legendgroup === button.dataset.series ? [index] : []));
+          if (traces.length) Plotly.restyle(plot, { visible: shown }, traces);
+        }
+      });
+    }
+    figure.querySelector("button.reset").addEventListener("click", () => {
+      for (const plot of plots) {
+        const [x, y] = first.get(plot);
+        Plotly.relayout(plot, { ...along(plot, x), "yaxis.range": y });
+      }
+    });
+    const touch = figure.querySelector("button.touch");
+    touch.addEventListener("click", () => {
+      const zooms = touch.getAttribute("aria-pressed") !== "true";
+      touch.setAttribute("aria-pressed", String(zooms));
+      for (const plot of plots) Plotly.relayout(plot, { dragmode: zooms ? "zoom" : false });
+    });
+  }
+  document.documentElement.dataset.drawn = "true";
+})();
