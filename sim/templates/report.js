@@ -1,11 +1,34 @@
 "use strict";
 (() => {
+  // Along a logarithmic axis 1, 2 and 5 of each decade are named, or the ones alone, or what suits a close view.
+  const steps = (range, narrow) => {
+    const decades = Math.abs(range[1] - range[0]);
+    return decades < 0.7 ? undefined : decades > (narrow ? 1.6 : 4) ? 1 : "D2";
+  };
+  // A title in as many lines as it needs along so many pixels.
+  const broken = (text, pixels, size) => {
+    const most = Math.max(12, Math.floor(pixels / (0.56 * size)));
+    const lines = [""];
+    for (const word of text.split(" ")) {
+      const last = lines[lines.length - 1];
+      if (last && last.length + 1 + word.length > most) lines.push(word);
+      else lines[lines.length - 1] = last ? `${last} ${word}` : word;
+    }
+    return lines.join("<br>");
+  };
   // Narrow screens have room for fewer numbers along an axis, and for their names in less width.
   const fit = (layout, width) => {
+    for (const axis of [layout.xaxis, layout.xaxis2, layout.yaxis]) {
+      if (axis && axis.type === "log") axis.dtick = steps(axis.range, width < 520);
+    }
     if (width < 520) {
       layout.font = { ...layout.font, size: 11 };
       layout.margin = { ...layout.margin, l: 46, r: 10 };
-      for (const axis of [layout.xaxis, layout.xaxis2]) if (axis && !axis.tickvals) axis.nticks = 5;
+      for (const axis of [layout.xaxis, layout.xaxis2]) if (axis && axis.type === "linear" && !axis.tickvals) axis.nticks = 5;
+    }
+    const { l, r, t, b } = layout.margin;
+    for (const [axis, pixels] of [[layout.xaxis, width - l - r], [layout.xaxis2, width - l - r], [layout.yaxis, layout.height - t - b]]) {
+      if (axis && axis.title) axis.title.text = broken(axis.title.text, 0.95 * pixels, layout.font.size + 2);
     }
     if (matchMedia("(pointer: coarse)").matches) layout.dragmode = false;
     return layout;
@@ -13,6 +36,10 @@
   const axes = (plot) => [plot.layout.xaxis.range.slice(), plot.layout.yaxis.range.slice()];
   const along = (plot, x) => {
     const update = { "xaxis.range": x.slice() };
+    if (plot.layout.xaxis.type === "log") {
+      update["xaxis.dtick"] = steps(x, plot.clientWidth < 520) ?? null;
+      if (plot.layout.xaxis2) update["xaxis2.dtick"] = update["xaxis.dtick"];
+    }
     // The second axis reads the same places in another unit.
     if (plot.layout.xaxis2) update["xaxis2.range"] = x.map((end) => end + plot.secondBeyond);
     return update;

@@ -1,4 +1,4 @@
-//! Installs what a Rust toolchain may lack: formatter, lints, the controller's target, and the emulator.
+//! Installs what a Rust toolchain may lack: formatter, lints, the controller's target, the emulator, and a browser.
 
 use std::path::Path;
 use std::process::Command;
@@ -16,6 +16,10 @@ const DEBIAN_PACKAGES: [&str; 4] = ["rustc-web", "cargo-web", "rust-web-src", "l
 /// Where that compiler and its library's source are.
 const DEBIAN_FOLDER: &str = "/usr/bin";
 const DEBIAN_SOURCE: &str = "lib/rustlib/src/rust/library/core/Cargo.toml";
+
+/// Debian's package of Chromium, and the names under which it or its like may be there.
+const BROWSER_PACKAGE: &str = "chromium";
+const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome-stable", "google-chrome"];
 
 /// Who builds for the controller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,7 +71,8 @@ impl Toolchain {
 pub fn all() -> Result {
     components()?;
     target()?;
-    emulator()
+    emulator()?;
+    browser()
 }
 
 /// rustfmt and clippy.
@@ -113,6 +118,20 @@ pub fn emulator() -> Result {
     match emulator::version() {
         Some(version) if version >= emulator::OLDEST => Ok(()),
         _ => Err(format!("{} is installed, but does not run as {}", emulator::PACKAGE, emulator::PROGRAM)),
+    }
+}
+
+/// Chromium, in which the reports are opened.
+pub fn browser() -> Result {
+    let is_there = || BROWSERS.iter().any(|program| output(&mut command(program, &["--version"])).is_some());
+    if is_there() {
+        return Ok(());
+    }
+    apt::install(&[BROWSER_PACKAGE])?;
+    if is_there() {
+        Ok(())
+    } else {
+        Err(format!("{BROWSER_PACKAGE} is installed, but does not run as {}", BROWSERS[0]))
     }
 }
 

@@ -7,6 +7,10 @@ use crate::{bench, firmware, setup};
 pub fn all() -> Result {
     setup::components()?;
     setup::target()?;
+    if let Err(error) = setup::browser() {
+        // The test that needs it says so too, and fails where nobody reads along.
+        eprintln!("xtask: {error}\nxtask: without it reports are not opened in a browser");
+    }
     run(&mut cargo(&["fmt", "--all", "--check"]))?;
     run(&mut cargo(&["clippy", "--workspace", "--all-targets", "--locked", "--", "-D", "warnings"]))?;
     run(&mut cargo(&["test", "--workspace", "--locked"]))?;

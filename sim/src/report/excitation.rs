@@ -52,7 +52,7 @@ pub fn excitation(name: String, of: &str, period: &[f64], rate_hz: f64) -> Optio
             height: 290,
             ..Panel::new(
                 Axis::frequency(),
-                Axis::linear("amplitude of a line", "duty"),
+                Axis::linear("amplitude of a line", "duty").within(0.0, 1.15 * strongest),
                 vec![Series::new("lines", Color::Vermilion, Mark::Dots, lines)],
             )
         },

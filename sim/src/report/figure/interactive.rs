@@ -4,7 +4,7 @@
 
 use plotly::common::{
     ColorBar, ColorScale, ColorScaleElement, DashType, Fill, Font, HoverInfo, Label, Line, Marker, MarkerSymbol, Mode,
-    Orientation, ThicknessMode, Title,
+    Orientation, ThicknessMode,
 };
 use plotly::configuration::DisplayModeBar;
 use plotly::layout::{Axis as PlotAxis, AxisRange, AxisType, DragMode, HoverMode, Margin, TicksDirection};
@@ -256,7 +256,6 @@ impl HeatMap {
             .outline_width(0)
             .tick_vals(parts)
             .tick_text(names)
-            .title(Title::with_text(self.label.replace(", ", ",<br>")))
     }
 }
 

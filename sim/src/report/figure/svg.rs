@@ -10,6 +10,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use along::Along;
 
 use super::extent::Extent;
+use super::ticks::ticks;
 use super::{Axis, Figure, FigureError, HeatMap, Mark, Panel, Scale, Series};
 
 /// Width in pixels.
@@ -24,6 +25,8 @@ const LETTER: f64 = 0.56;
 const LEFT: u32 = 74;
 const BELOW: u32 = 46;
 const ABOVE: u32 = 42;
+/// Room for the title of a panel.
+const CAPTION: u32 = 22;
 /// Room for a color scale.
 const SCALE: u32 = 150;
 /// Most room for names.
@@ -83,22 +86,10 @@ impl Panel {
         let above = if self.x.beside.is_some() { ABOVE } else { 0 };
         let x = Along::new(&self.x, extent.x, 10, false);
         let y = Along::new(&self.y, extent.y, (self.height / 50) as usize, matches!(self.y.scale, Scale::Names(_)));
-        let beside = self.x.beside.as_ref().map(|beside| {
-            let axis = Axis { beside: None, range: None, ..self.x.clone() };
-            Along::new(&axis, (extent.x.0 * beside.factor, extent.x.1 * beside.factor), 10, false)
-        });
         let mut builder = ChartBuilder::on(area);
-        builder
-            .margin_left(8)
-            .margin_right(right)
-            .margin_top(6)
-            .margin_bottom(4)
-            .x_label_area_size(BELOW)
-            .y_label_area_size(left)
-            .top_x_label_area_size(above);
-        if !self.title.is_empty() {
-            builder.caption(&self.title, ("sans-serif", FONT + 2));
-        }
+        builder.margin_left(8).margin_right(right).margin_bottom(4).x_label_area_size(BELOW).y_label_area_size(left);
+        let caption = if self.title.is_empty() { 0 } else { CAPTION };
+        builder.margin_top(6 + above + caption);
         let mut chart = builder.build_cartesian_2d(x.clone(), y.clone())?;
         let mut mesh = chart.configure_mesh();
         mesh.max_light_lines(0)
@@ -126,19 +117,30 @@ impl Panel {
         for series in &self.series {
             series.draw(self, extent, &mut chart, area)?;
         }
-        if let (Some(beside), Some(along)) = (&self.x.beside, beside) {
-            let name = |value: &f64| along.name(*value);
-            let mut chart = chart.set_secondary_coord(along.clone(), y.clone());
-            chart
-                .configure_secondary_axes()
-                .axis_desc_style(("sans-serif", FONT))
-                .label_style(("sans-serif", FONT - 1))
-                .x_desc(beside.title())
-                .x_label_formatter(&name)
-                .y_labels(0)
-                .draw()?;
+        if caption > 0 {
+            let style = ("sans-serif", FONT + 2).into_text_style(area).pos(Pos::new(HPos::Center, VPos::Center));
+            let middle = (left as i32 + area.dim_in_pixel().0 as i32 - right as i32) / 2;
+            area.draw(&Text::new(self.title.clone(), (middle, CAPTION as i32 / 2), style))?;
         }
-        Ok(())
+        self.draw_beside(extent, &chart, area)
+    }
+
+    /// The second reading of the axis, above the panel.
+    fn draw_beside(&self, extent: &Extent, chart: &Chart, area: &Area) -> Drawing<()> {
+        let Some(beside) = &self.x.beside else { return Ok(()) };
+        let ends = (extent.x.0 * beside.factor, extent.x.1 * beside.factor);
+        let (left, top) = area.get_base_pixel();
+        let place = |x: f64| {
+            let (x, y) = chart.backend_coord(&(x, chart.y_range().end));
+            (x - left, y - top)
+        };
+        for (value, name) in ticks(&self.x.scale, ends, 10) {
+            let (x, y) = place(value / beside.factor);
+            area.draw(&PathElement::new(vec![(x, y), (x, y - 5)], BLACK.stroke_width(1)))?;
+            words(area, &name, (x, y - 13), HPos::Center)?;
+        }
+        let ((from, y), (to, _)) = (place(extent.x.0), place(extent.x.1));
+        words(area, &beside.title(), ((from + to) / 2, y - 31), HPos::Center)
     }
 }
 

@@ -1,0 +1,148 @@
+// What a page must be like; `faults()` lists what it is not, one sentence each.
+const tolerance = 1.5;
+const name = (element) => `${element.tagName.toLowerCase()} "${(element.textContent || "").trim().slice(0, 40)}"`;
+const isShown = (element) => {
+  const box = element.getBoundingClientRect();
+  return box.width > 0 && box.height > 0 && getComputedStyle(element).visibility !== "hidden";
+};
+const overlap = (a, b) =>
+  Math.min(a.right, b.right) - Math.max(a.left, b.left) > tolerance &&
+  Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > tolerance;
+const within = (inner, outer) =>
+  inner.left >= outer.left - tolerance && inner.right <= outer.right + tolerance &&
+  inner.top >= outer.top - tolerance && inner.bottom <= outer.bottom + tolerance;
+
+const pageFaults = () => {
+  const found = [];
+  const wide = document.documentElement.scrollWidth;
+  if (wide > innerWidth) found.push(`the page scrolls sideways: ${wide} pixels in ${innerWidth}`);
+  for (const element of document.querySelectorAll("h1,h2,h3,p,dt,dd,li,caption,figcaption,button,summary,pre,figure")) {
+    if (!isShown(element) || element.closest(".table")) continue;
+    const box = element.getBoundingClientRect();
+    if (box.left < -tolerance || box.right > innerWidth + tolerance) found.push(`${name(element)} leaves the page`);
+    if (element.scrollWidth > element.clientWidth + tolerance && element.clientWidth > 0) found.push(`${name(element)} is cut`);
+  }
+  for (const table of document.querySelectorAll(".table")) {
+    const scrolls = getComputedStyle(table).overflowX;
+    if (scrolls !== "auto") found.push(`a table that is too wide cannot be scrolled: ${scrolls}`);
+    for (const cell of table.querySelectorAll("th,td")) {
+      if (cell.scrollWidth > cell.clientWidth + tolerance) found.push(`${name(cell)} is cut`);
+    }
+  }
+  return found;
+};
+
+// Numbers of curves, bars and maps that are drawn.
+const drawn = (plot) =>
+  plot.querySelectorAll(
+    ".scatterlayer .js-line, .scatterlayer .point, .scatterlayer .js-fill, .barlayer .point, .heatmaplayer image",
+  ).length;
+
+const plotFaults = (plot, figure) => {
+  const found = [];
+  const where = `figure ${figure.id}, plot ${[...figure.querySelectorAll(".plot")].indexOf(plot) + 1}`;
+  if (drawn(plot) === 0) found.push(`${where}: nothing is drawn`);
+  for (const axis of ["xtitle", "ytitle"]) {
+    const title = plot.querySelector(`.${axis}`);
+    const isNamed = axis === "ytitle" && plot.layout.yaxis.tickvals;
+    if (!isNamed && !(title && title.textContent.trim())) found.push(`${where}: no ${axis}`);
+  }
+  const outer = plot.getBoundingClientRect();
+  const texts = [...plot.querySelectorAll("svg text")].filter((text) => text.textContent.trim() && isShown(text));
+  if (texts.length < 4) found.push(`${where}: the axes have no numbers`);
+  const boxes = texts.map((text) => [text, text.getBoundingClientRect()]);
+  for (const [text, box] of boxes) {
+    if (!within(box, outer)) found.push(`${where}: ${name(text)} is cut off`);
+  }
+  boxes.forEach(([text, box], index) => {
+    for (const [other, second] of boxes.slice(index + 1)) {
+      if (overlap(box, second)) found.push(`${where}: ${name(text)} and ${name(other)} overlap`);
+    }
+  });
+  return found;
+};
+
+const faults = () => {
+  const found = pageFaults();
+  for (const figure of document.querySelectorAll("figure")) {
+    const parts = [...figure.querySelectorAll("h3,.legend button,.panel,.plot,figcaption")].filter(isShown);
+    const boxes = parts.map((part) => [part, part.getBoundingClientRect()]);
+    boxes.forEach(([part, box], index) => {
+      for (const [other, second] of boxes.slice(index + 1)) {
+        if (overlap(box, second)) found.push(`figure ${figure.id}: ${name(part)} and ${name(other)} overlap`);
+      }
+    });
+    const plots = [...figure.querySelectorAll(".plot")];
+    if (plots.length === 0) found.push(`figure ${figure.id}: no plot`);
+    for (const plot of plots) found.push(...plotFaults(plot, figure));
+    if (isShown(figure.querySelector(".still"))) found.push(`figure ${figure.id}: the printed picture is on the screen`);
+  }
+  return found;
+};
+
+// Switches every series off and on again with the mouse's event; lists those that stay, or do not come back.
+const toggleFaults = () => {
+  const found = [];
+  let buttons = 0;
+  for (const figure of document.querySelectorAll("figure")) {
+    const plots = [...figure.querySelectorAll(".plot")];
+    const count = () => plots.reduce((sum, plot) => sum + drawn(plot), 0);
+    for (const button of figure.querySelectorAll("button.series")) {
+      buttons += 1;
+      const before = count();
+      button.click();
+      const without = count();
+      if (button.getAttribute("aria-pressed") !== "false") found.push(`${figure.id}: ${name(button)} does not say that it is off`);
+      if (without >= before) found.push(`${figure.id}: ${name(button)} takes nothing away, ${before} to ${without}`);
+      button.click();
+      if (count() !== before) found.push(`${figure.id}: ${name(button)} does not come back`);
+    }
+  }
+  return { found, buttons };
+};
+
+// The place of one point of each figure on the screen, with the figure scrolled into view; null for a map or a bar.
+const pointOf = (index) => {
+  const figure = document.querySelectorAll("figure")[index];
+  const plot = figure.querySelector(".plot");
+  const trace = plot.data.findIndex((trace) => trace.hoverinfo !== "skip" && trace.x && trace.x.length > 0);
+  const { x, y, type } = plot.data[trace];
+  plot.scrollIntoView({ block: "center", behavior: "instant" });
+  const full = plot._fullLayout;
+  const box = plot.getBoundingClientRect();
+  const middle = type === "heatmap" ? 0 : Math.floor(x.length / 2);
+  const at = (axis, value) => axis._offset + axis.c2p(axis.d2c ? axis.d2c(value) : value);
+  const across = type === "heatmap" ? Math.sqrt(x[0] * x[1]) : type === "bar" ? x[middle] * 0.999 : x[middle];
+  const up = type === "heatmap" ? (y[0] + y[1]) / 2 : y[middle];
+  return { x: box.left + at(full.xaxis, across), y: box.top + at(full.yaxis, up), name: figure.id };
+};
+const said = (index) => {
+  const texts = document.querySelectorAll("figure")[index].querySelectorAll(".hoverlayer text");
+  return [...texts].map((text) => text.textContent).join(" | ");
+};
+
+// Zooms one plot and lists the plots of its figure that do not follow, or do not return.
+const zoomFaults = async () => {
+  const found = [];
+  const rest = () => new Promise((done) => setTimeout(done, 120));
+  for (const figure of document.querySelectorAll("figure")) {
+    const plots = [...figure.querySelectorAll(".plot")];
+    const first = plots.map((plot) => plot.layout.xaxis.range.slice());
+    const [low, high] = first[0];
+    const near = [low + 0.3 * (high - low), low + 0.6 * (high - low)];
+    await Plotly.relayout(plots[0], { "xaxis.range": near });
+    await rest();
+    for (const plot of plots.filter((plot) => plot.dataset.x === plots[0].dataset.x)) {
+      if (Math.abs(plot.layout.xaxis.range[0] - near[0]) > 1e-6) found.push(`${figure.id}: a plot does not follow`);
+      const second = plot.layout.xaxis2;
+      const off = second && second.range[1] - second.range[0] - (near[1] - near[0]);
+      if (Math.abs(off || 0) > 1e-6) found.push(`${figure.id}: the second axis does not follow`);
+    }
+    figure.querySelector("button.reset").click();
+    await rest();
+    plots.forEach((plot, index) => {
+      if (Math.abs(plot.layout.xaxis.range[1] - first[index][1]) > 1e-6) found.push(`${figure.id}: a plot does not return`);
+    });
+  }
+  return found;
+};
