@@ -26,7 +26,10 @@
       layout.margin = { ...layout.margin, l: 46, r: 10 };
       for (const axis of [layout.xaxis, layout.xaxis2]) if (axis && axis.type === "linear" && !axis.tickvals) axis.nticks = 5;
     }
-    const { l, r, t, b } = layout.margin;
+    const { r, t, b } = layout.margin;
+    // Names along an axis take their room from what is drawn.
+    const names = (layout.yaxis.ticktext || []).map((name) => name.length);
+    const l = Math.max(layout.margin.l, 0.6 * layout.font.size * Math.max(0, ...names) + 24);
     for (const [axis, pixels] of [[layout.xaxis, width - l - r], [layout.xaxis2, width - l - r], [layout.yaxis, layout.height - t - b]]) {
       if (axis && axis.title) axis.title.text = broken(axis.title.text, 0.95 * pixels, layout.font.size + 2);
     }

@@ -120,7 +120,7 @@ fn gaps(found: &Diagnosis) -> Option<Figure> {
         Series::new("first model", Color::Vermilion, Mark::Discs, points(|gap| gap.before)),
         Series::new("improved model", Color::Blue, Mark::Discs, points(|gap| gap.after)),
     ];
-    let axis = Axis::log("gap: RMS of the residual over that of the response", "percent").within(0.7 * low, 1.4 * high);
+    let axis = Axis::log("gap, RMS of the residual over the response", "percent").within(0.7 * low, 1.4 * high);
     let names = Axis::names("", records.iter().map(|record| record.file.clone()).collect());
     let panel = Panel { height: (records.len() as u32 * LINE + AROUND).max(160), ..Panel::new(axis, names, series) };
     let on = if found.held_out { "held out" } else { "fitted: nothing was held out" };
