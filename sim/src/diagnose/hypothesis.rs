@@ -6,7 +6,7 @@ use super::trial::{Before, Trial, Trials};
 use crate::plant::effect::{Kind, Linearity, Parameter, Scale, Site, Use};
 use crate::plant::{
     ActiveEffect, Actuator, Catalog, Drive, EscTiming, Lag, OperatingPoint, PlantError, Start, Trace, simulate,
-    simulate_response,
+    simulate_periodic_response, simulate_response,
 };
 
 /// How far a value may leave its plausible range in a search, in widths of the range.
@@ -424,7 +424,10 @@ impl Hypothesis {
         let (mut actuator, start, stamps) = self.actuator(trials, trial, rows, response)?;
         let told = (rows.saturating_sub(1) * trial.told_per_row + 1).min(trial.told_s.len());
         let drive = Drive { time_s: &trial.told_s[..told], command: &trial.told[..told] };
-        simulate_response(&mut actuator, drive, start, &stamps)
+        if !trial.repeats {
+            return simulate_response(&mut actuator, drive, start, &stamps);
+        }
+        simulate_periodic_response(&mut actuator, drive, start, &stamps, trial.period_rows)
     }
 
     /// The actuator, what was before a record, and the moments of its rows.

@@ -1,6 +1,7 @@
 //! The whole simulated actuator: the chain from the command to the response.
 
 use super::effect::{ActiveEffect, Part, Site};
+use super::filter::FORGOTTEN;
 use super::rotor::IntegratedRotor;
 use super::{
     CommandStage, EscFrame, FirstOrder, Model, OperatingCurve, OperatingPoint, PlantError, ResponseStage, RotorBase,
@@ -190,6 +191,17 @@ impl Actuator {
         self.clock != 1.0
     }
 
+    /// How long after its begin the response repeats where the command does, every `period_s`, and rows are stamped by the
+    /// commands' clock; `None` where it is not known to.
+    pub(super) fn repeats_after_s(&self, period_s: f64) -> Option<f64> {
+        if self.has_own_clock() {
+            return None;
+        }
+        let stages = self.stages.iter().map(|stage| stage.repeats_after_s(period_s));
+        let after = self.after.iter().map(|stage| stage.repeats_after_s());
+        stages.chain([self.rotor.repeats_after_s()]).chain(after).sum()
+    }
+
     /// Holds `command` (0..1) from now until `until_s`.
     #[inline]
     pub fn advance(&mut self, command: f64, until_s: f64) {
@@ -316,6 +328,13 @@ impl Rotor {
         match self {
             Self::Exact(lag) => lag.response(),
             Self::Integrated(rotor) => rotor.response(),
+        }
+    }
+
+    fn repeats_after_s(&self) -> Option<f64> {
+        match self {
+            Self::Exact(lag) => lag.time_constant_s().map(|tau_s| FORGOTTEN * tau_s),
+            Self::Integrated(rotor) => rotor.repeats_after_s(),
         }
     }
 

@@ -68,6 +68,10 @@ impl CommandStage for TransportDelay {
         }
         self.output(from_s, until_s)
     }
+
+    fn repeats_after_s(&self, _: f64) -> Option<f64> {
+        Some(self.delay_s)
+    }
 }
 
 impl TransportDelay {

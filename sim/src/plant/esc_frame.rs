@@ -61,6 +61,11 @@ impl CommandStage for EscFrame {
         let frame_is_later = self.next_s + self.same_moment_s >= until_s;
         Segment::constant(self.held, if frame_is_later { until_s } else { self.next_s })
     }
+
+    fn repeats_after_s(&self, period_s: f64) -> Option<f64> {
+        let frames = self.frame_hz * period_s;
+        ((frames - frames.round()).abs() < SAME_MOMENT_FRAMES).then(|| self.frame_hz.recip())
+    }
 }
 
 #[cfg(test)]

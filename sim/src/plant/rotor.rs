@@ -1,5 +1,6 @@
 //! The rotor where it is no linear lag: one that is integrated in steps.
 
+use super::filter::FORGOTTEN;
 use super::{Interval, OperatingCurve, OperatingPoint, PlantError, Segment};
 
 /// A step is at most this part of the time constant of its moment. The classical Runge-Kutta method then errs by less than
@@ -11,6 +12,9 @@ const STEP_PART: f64 = 0.1;
 /// own state may be five times as fast as the rotor.
 const SETTLED: f64 = 1e-4;
 const SETTLED_PART: f64 = 0.5;
+
+/// So much slower than its base at most an effect makes the rotor for long, as far as what it forgets is concerned.
+const MOST_SLOWED: f64 = 2.0;
 
 /// Effects that the rotor may have, each with a state of its own.
 const MOST_TERMS: usize = 4;
@@ -122,6 +126,11 @@ pub trait RotorTerm: Send {
     /// Sets `motion.rate_per_s`.
     fn pace(&self, _motion: &mut Motion) {}
 
+    /// How long after its begin the effect's own state repeats where all else does, seconds.
+    fn repeats_after_s(&self) -> f64 {
+        0.0
+    }
+
     /// What the effect knows of the supply.
     fn measured(&self, _own: f64, _motion: &Motion) -> Option<Supply> {
         None
@@ -168,6 +177,13 @@ impl IntegratedRotor {
 
     pub(super) fn response(&self) -> f64 {
         self.output(&self.state)
+    }
+
+    /// How long after its begin the response repeats where the command does, seconds; `None` for a rotor of many levels.
+    pub(super) fn repeats_after_s(&self) -> Option<f64> {
+        let RotorBase::Linear(point) = &self.base else { return None };
+        let own = self.terms.iter().map(|term| term.repeats_after_s()).sum::<f64>();
+        Some(MOST_SLOWED * FORGOTTEN * point.lag.time_constant_s + own)
     }
 
     pub(super) fn speed(&self) -> f64 {

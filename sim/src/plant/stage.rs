@@ -35,6 +35,9 @@ pub trait CommandStage: Send {
     /// `from_s` is before `input.until_s`, and never before the `from_s` of the last question.
     fn advance(&mut self, from_s: f64, input: Segment) -> Segment;
 
+    /// How long after its begin the output repeats where the input does, every `period_s`; `None`: never.
+    fn repeats_after_s(&self, period_s: f64) -> Option<f64>;
+
     /// Whether the output may move between its changes: then the rotor behind it is not that of a level.
     fn makes_ramps(&self) -> bool {
         false
@@ -45,12 +48,18 @@ pub trait CommandStage: Send {
 pub(super) struct Levels<F> {
     next: F,
     out: f64,
+    remembers: bool,
 }
 
 impl<F: FnMut(f64, f64) -> f64 + Send> Levels<F> {
-    /// `next` gives the output for the output until now and the input. At rest the output until now is the input.
+    /// `next` gives the output for the input alone; its first argument says nothing.
     pub(super) fn new(next: F) -> Self {
-        Self { next, out: 0.0 }
+        Self { next, out: 0.0, remembers: false }
+    }
+
+    /// `next` gives the output for the output until now and the input. At rest the output until now is the input.
+    pub(super) fn with_memory(next: F) -> Self {
+        Self { next, out: 0.0, remembers: true }
     }
 }
 
@@ -64,5 +73,10 @@ impl<F: FnMut(f64, f64) -> f64 + Send> CommandStage for Levels<F> {
     fn advance(&mut self, _: f64, input: Segment) -> Segment {
         self.out = (self.next)(self.out, input.level);
         Segment::constant(self.out, input.until_s)
+    }
+
+    fn repeats_after_s(&self, period_s: f64) -> Option<f64> {
+        // What it holds is that of the last turning points, which have all come once more after a period.
+        Some(if self.remembers { period_s } else { 0.0 })
     }
 }

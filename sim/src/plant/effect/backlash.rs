@@ -31,7 +31,7 @@ pub static KIND: Kind = Kind {
     part: |values, _| match values[0] {
         0.0 => Part::Nothing,
         half_width => {
-            Part::command(Levels::new(move |held: f64, input: f64| held.clamp(input - half_width, input + half_width)))
+            Part::command(Levels::with_memory(move |held: f64, input: f64| held.clamp(input - half_width, input + half_width)))
         }
     },
     response: Kind::unity,

@@ -84,6 +84,10 @@ impl ResponseStage for GainDrift {
         }
     }
 
+    fn repeats_after_s(&self) -> Option<f64> {
+        None
+    }
+
     fn start_record(&mut self, at_s: f64) {
         self.start_s = at_s;
     }

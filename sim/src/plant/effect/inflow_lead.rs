@@ -3,7 +3,7 @@
 use num_complex::Complex64;
 
 use super::{Confusion, Kind, Linearity, Parameter, Part, Site};
-use crate::plant::filter::Mode;
+use crate::plant::filter::{FORGOTTEN, Mode};
 use crate::plant::{Interval, ResponseStage};
 
 /// A lead from speed to thrust.
@@ -93,6 +93,10 @@ impl ResponseStage for InflowLead {
         self.mode.advance(input);
         let (end, end_slope) = self.output(input.end, input.end_slope);
         Interval { start, start_slope, end, end_slope, ..*input }
+    }
+
+    fn repeats_after_s(&self) -> Option<f64> {
+        Some(FORGOTTEN * self.time_constant_s)
     }
 
     fn time_scale_s(&self) -> f64 {

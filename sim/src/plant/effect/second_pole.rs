@@ -3,7 +3,7 @@
 use num_complex::Complex64;
 
 use super::{Confusion, Kind, Linearity, Parameter, Part, Site};
-use crate::plant::filter::Mode;
+use crate::plant::filter::{FORGOTTEN, Mode};
 use crate::plant::{Interval, ResponseStage};
 
 /// The motor's electrical lag, or a filter of the sensor.
@@ -73,6 +73,10 @@ impl ResponseStage for Lowpass {
             end_slope: (input.end - end) / self.time_constant_s,
             ..*input
         }
+    }
+
+    fn repeats_after_s(&self) -> Option<f64> {
+        Some(FORGOTTEN * self.time_constant_s)
     }
 
     fn time_scale_s(&self) -> f64 {

@@ -78,6 +78,11 @@ impl CommandStage for SlewLimit {
         Segment { level: self.level, slope_per_s: self.slope_per_s, until_s }
     }
 
+    fn repeats_after_s(&self, period_s: f64) -> Option<f64> {
+        // It has caught up with the command somewhere in a period, or goes to and fro by the same way in each.
+        Some(period_s)
+    }
+
     fn makes_ramps(&self) -> bool {
         true
     }

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use num_complex::Complex64;
 
 use super::{Confusion, Kind, Linearity, Parameter, Part, Site};
-use crate::plant::filter::Mode;
+use crate::plant::filter::{FORGOTTEN, Mode};
 use crate::plant::{Interval, ResponseStage};
 
 /// One structural mode between thrust and sensor.
@@ -91,6 +91,10 @@ impl ResponseStage for Resonance {
         self.mode.advance(input);
         let (end, end_slope) = self.output(input.end, input.end_slope);
         Interval { start, start_slope, end, end_slope, ..*input }
+    }
+
+    fn repeats_after_s(&self) -> Option<f64> {
+        Some(FORGOTTEN / -self.pole.re)
     }
 
     fn time_scale_s(&self) -> f64 {

@@ -3,6 +3,7 @@
 use num_complex::Complex64;
 
 use super::{Confusion, Kind, Linearity, Parameter, Part, Site};
+use crate::plant::filter::FORGOTTEN;
 use crate::plant::{Motion, RotorBase, RotorTerm, Supply};
 
 /// The speed, as a command, at which the drops are counted.
@@ -139,6 +140,10 @@ impl RotorTerm for SupplySag {
         let current = self.current(motion.speed);
         motion.drive *= self.part(current, own) / self.nominal_part;
         (self.slow * current - own) / self.slow_s
+    }
+
+    fn repeats_after_s(&self) -> f64 {
+        FORGOTTEN * self.slow_s
     }
 
     fn measured(&self, own: f64, motion: &Motion) -> Option<Supply> {

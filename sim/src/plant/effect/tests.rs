@@ -10,7 +10,7 @@ use crate::files::Place;
 use crate::plant::testing::{active, actuator, model, point, seen_response, step};
 use crate::plant::{
     Actuator, Drive, Effect, EscTiming, Interval, Law, OperatingPoint, ResponseStage, Start, simulate,
-    simulate_response,
+    simulate_periodic_response, simulate_response,
 };
 
 /// Values between the ends of the plausible ranges, by shares 0..1.
@@ -80,6 +80,33 @@ fn the_response_alone_is_that_of_the_whole_trace() {
             let worst = trace.response.iter().zip(&alone).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             // The response swings by 3; what moves its pace within a step costs most.
             assert!(worst < 1e-5, "{kind:?}, late by {late_s} s: {worst}");
+        }
+    }
+}
+
+#[test]
+fn what_repeats_is_the_same_whether_run_again_or_not() {
+    // Four periods of 8 s at 100 rows a second, after rest and after more of the same.
+    let period = 800;
+    let rows: Vec<f64> = (0..4 * period).map(|row| row as f64 * 0.01).collect();
+    let level = |row: usize| 0.5 + 0.08 * ((row % period / 20) as f64 * 2.4).sin();
+    let command: Vec<f64> = (0..rows.len()).map(level).collect();
+    let drive = Drive { time_s: &rows, command: &command };
+    let alone = std::iter::once(Vec::new());
+    for effects in alone.chain(Catalog::standard().kinds().map(|kind| vec![typical(kind)])) {
+        for start in [Start::Rest(0.5), Start::Running { period_s: 8.0, lead_s: 1.0 }] {
+            for late_s in [0.0, 0.003, -0.004] {
+                let stamps: Vec<f64> = rows.iter().map(|time_s| time_s - late_s).collect();
+                let run = simulate_response(&mut actuator(&effects), drive, start, &stamps).unwrap();
+                let once = simulate_periodic_response(&mut actuator(&effects), drive, start, &stamps, period).unwrap();
+                let worst = run.iter().zip(&once).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+                assert_eq!(once.len(), run.len());
+                assert!(
+                    worst < 3e-6,
+                    "{:?}, {start:?}, {late_s} s late: {worst}",
+                    effects.first().map(ActiveEffect::kind)
+                );
+            }
         }
     }
 }
@@ -418,6 +445,10 @@ struct Squaring(f64);
 impl ResponseStage for Squaring {
     fn settle(&mut self, level: f64) -> f64 {
         level + self.0 * level * level.abs()
+    }
+
+    fn repeats_after_s(&self) -> Option<f64> {
+        Some(0.0)
     }
 
     fn advance(&mut self, i: &Interval) -> Interval {
