@@ -4,12 +4,27 @@
 use serde::{Deserialize, Serialize};
 
 use super::case::{Case, Class, Columns, Given};
-use super::fit::Fitter;
-use super::kind::Kind;
+use super::fit::{Fit, Fitter};
+use super::kind::{Effect, Kind};
 use super::motor::Motor;
 
 /// How much better, in log likelihood, the truth must be than a rival to be told from it.
 pub const MARGIN: f64 = 5.0;
+
+/// What a rival wins at most over the truth by fitting the noise of records afresh, in log likelihood.
+///
+/// A right model with `n` parameters wins half a chi-squared number of `n` degrees of freedom (Wilks), and a wrong one
+/// loses its misfit from that. A rival has at most 12 base parameters and 3 of its own; half of a chi-squared number of
+/// 15 is 7.5 in the mean and above 25 once in 80 000. Where the likelihood has jumps, the best of some hundred
+/// independent places wins about the logarithm of their number more, 5 or 6, which leaves it once in a few hundred;
+/// [`HOPELESS`] has room for that.
+pub const OVERFIT: f64 = 25.0;
+
+/// A rival that is below this, all of [`OVERFIT`] granted, is not fitted any further.
+pub const HOPELESS: f64 = -20.0;
+
+/// How many points have their records fitted before all have.
+const STAGES: [usize; 2] = [1, 3];
 
 /// Which rivals are fitted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,13 +37,43 @@ pub enum Rivals {
     All,
 }
 
-/// Log likelihoods of a case, less that of the truth's own fit: below zero is worse.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+/// Log likelihood of a rival less that of the truth's own fit, on all records: below zero is worse.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Difference {
+    /// The rival was fitted to all records.
+    Fitted(f64),
+    /// The rival was fitted to some of the records and is at most this good on all of them (see [`ceiling`]). Only
+    /// stated where it is worse than the margin by far.
+    AtMost(f64),
+}
+
+impl Difference {
+    /// The highest that it can be.
+    #[must_use]
+    pub fn highest(self) -> f64 {
+        match self {
+            Self::Fitted(value) | Self::AtMost(value) => value,
+        }
+    }
+}
+
+impl std::fmt::Display for Difference {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Fitted(value) => write!(f, "{value:.1}"),
+            Self::AtMost(value) => write!(f, "< {value:.1}"),
+        }
+    }
+}
+
+/// What is known of a case's rivals.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Ceiling {
-    /// With the base parameters alone.
+    /// Log likelihood with the base parameters alone, less that of the truth's own fit.
     pub nothing: f64,
     /// With each rival, by name.
-    pub rivals: Vec<(String, f64)>,
+    pub rivals: Vec<(String, Difference)>,
 }
 
 impl Ceiling {
@@ -41,13 +86,13 @@ impl Ceiling {
     /// Whether the truth beats every rival by the margin.
     #[must_use]
     pub fn is_told(&self) -> bool {
-        self.is_visible() && self.rivals.iter().all(|(_, difference)| *difference <= -MARGIN)
+        self.is_visible() && self.rivals.iter().all(|(_, difference)| difference.highest() <= -MARGIN)
     }
 
     /// Whether the likelihood would choose the truth: it beats every rival at all.
     #[must_use]
     pub fn prefers_truth(&self) -> bool {
-        self.nothing < 0.0 && self.rivals.iter().all(|(_, difference)| *difference < 0.0)
+        self.nothing < 0.0 && self.rivals.iter().all(|(_, difference)| difference.highest() < 0.0)
     }
 }
 
@@ -55,45 +100,92 @@ impl Ceiling {
 ///
 /// Where the model given to the tool is stale, its numbers are the truth's rival: with them held, no other kind may do
 /// as well as new numbers do. Of a pair, each of the two alone is a rival.
+///
+/// Most rivals lose by hundreds, and a few records show it. The log likelihood is a sum over records, so for any of
+/// them, `S`, and the others, `R`, a rival's best fit to all is at most its best to `S` plus its best to `R`. With `t`
+/// the truth's fit to all records,
+///
+/// ```text
+/// L(rival) - L(t)  <=  [max L_S(rival) - L_S(t)] + [max L_R(rival) - L_R(t)].
+/// ```
+///
+/// The first bracket is computed. The second is what a model that is not the truth wins over the truth where it may
+/// fit the noise of `R` afresh, and that is bounded by [`OVERFIT`]. When the sum is below [`HOPELESS`], it is all that
+/// is said of the rival; else more records are fitted, and in the end all.
 #[must_use]
 pub fn ceiling(case: &Case, columns: &[Columns], which: Rivals) -> Option<Ceiling> {
     if which == Rivals::None {
         return None;
     }
-    let mut fitter = Fitter::new(case, columns);
-    match case.class {
-        Class::Empty | Class::Outside => None,
+    let frozen = match &case.given {
+        Given::Stale(errors) => Some(stale(&case.motor, errors)),
+        Given::Nothing | Given::Right => None,
+    };
+    let (kinds, rivals): (Vec<Kind>, Vec<Kind>) = match case.class {
+        Class::Empty | Class::Outside => return None,
         Class::Pair => {
             let kinds: Vec<Kind> = case.effects.iter().map(|effect| effect.kind).collect();
-            let truth = fitter.best(&kinds, None).log_likelihood;
-            let nothing = fitter.best(&[], None).log_likelihood - truth;
-            let rivals = kinds
-                .iter()
-                .map(|kind| (kind.name().to_owned(), fitter.best(&[*kind], None).log_likelihood - truth))
-                .collect();
-            Some(Ceiling { nothing, rivals })
+            (kinds.clone(), kinds)
         }
         Class::Single(kind) => {
-            let frozen = match &case.given {
-                Given::Stale(errors) => Some(stale(&case.motor, errors)),
-                Given::Nothing | Given::Right => None,
+            let rivals = match which {
+                Rivals::None => &[],
+                Rivals::Family => kind.confused_with(),
+                Rivals::All => &Kind::ALL[..],
             };
-            let kinds: &[Kind] = if kind == Kind::ParameterError { &[] } else { &[kind] };
-            let truth = fitter.best(kinds, None).log_likelihood;
-            let nothing = fitter.best(&[], frozen.as_ref()).log_likelihood - truth;
-            let rivals: Vec<Kind> = match which {
-                Rivals::None => Vec::new(),
-                Rivals::Family => kind.confused_with().to_vec(),
-                Rivals::All => Kind::ALL.to_vec(),
-            };
-            let rivals = rivals
-                .into_iter()
-                .filter(|rival| *rival != kind && *rival != Kind::ParameterError)
-                .map(|rival| (rival.name().to_owned(), fitter.best(&[rival], frozen.as_ref()).log_likelihood - truth))
-                .collect();
-            Some(Ceiling { nothing, rivals })
+            let others = |rival: &Kind| *rival != kind && *rival != Kind::ParameterError;
+            let rivals = rivals.iter().copied().filter(others).collect();
+            (if kind == Kind::ParameterError { Vec::new() } else { vec![kind] }, rivals)
         }
+    };
+    let mut fitter = Fitter::new(case, columns);
+    let truth = fitter.best(&kinds, None, None);
+    let nothing = fitter.best(&[], frozen.as_ref(), None);
+    let stages = stages(case, &truth, &nothing);
+    let rivals = rivals
+        .into_iter()
+        .map(|rival| (rival.name().to_owned(), difference(&mut fitter, &truth, rival, frozen.as_ref(), &stages)))
+        .collect();
+    Some(Ceiling { nothing: nothing.log_likelihood - truth.log_likelihood, rivals })
+}
+
+/// Growing sets of records, those of the points first where the truth is most in want of its effect: of one point, of
+/// three, all.
+fn stages(case: &Case, truth: &Fit, nothing: &Fit) -> Vec<Vec<usize>> {
+    let mut wants = vec![0.0; case.motor.points.len()];
+    for (record, run) in case.runs.iter().enumerate() {
+        wants[run.point] += truth.by_record[record] - nothing.by_record[record];
     }
+    let mut points: Vec<usize> = (0..wants.len()).collect();
+    points.sort_by(|a, b| wants[*b].total_cmp(&wants[*a]));
+    let of =
+        |points: &[usize]| (0..case.runs.len()).filter(|record| points.contains(&case.runs[*record].point)).collect();
+    let mut stages: Vec<Vec<usize>> =
+        STAGES.iter().filter(|count| **count < points.len()).map(|count| of(&points[..*count])).collect();
+    stages.push((0..case.runs.len()).collect());
+    stages
+}
+
+/// Fits a rival to one stage after the other, until it is hopeless.
+fn difference(
+    fitter: &mut Fitter<'_>,
+    truth: &Fit,
+    rival: Kind,
+    frozen: Option<&Motor>,
+    stages: &[Vec<usize>],
+) -> Difference {
+    let mut before: Option<Vec<Effect>> = None;
+    let mut off = f64::INFINITY;
+    for records in stages {
+        fitter.choose(records);
+        let fit = fitter.best(&[rival], frozen, before.as_deref());
+        off = fit.log_likelihood - records.iter().map(|record| truth.by_record[*record]).sum::<f64>();
+        if records.len() < truth.by_record.len() && off + OVERFIT < HOPELESS {
+            return Difference::AtMost(off + OVERFIT);
+        }
+        before = Some(fit.effects);
+    }
+    Difference::Fitted(off)
 }
 
 /// The motor as the stale model has it.
@@ -112,7 +204,7 @@ mod tests {
     use super::*;
 
     fn ceiling(nothing: f64, rival: f64) -> Ceiling {
-        Ceiling { nothing, rivals: vec![("dead_band".to_owned(), rival)] }
+        Ceiling { nothing, rivals: vec![("dead_band".to_owned(), Difference::Fitted(rival))] }
     }
 
     #[test]

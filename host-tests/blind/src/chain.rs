@@ -52,8 +52,15 @@ impl Chain<'_> {
     #[must_use]
     pub fn run(&self, means: &[f64]) -> Signals {
         let (rotor_n, voltage) = if self.setup.is_plain_rotor() { self.plain(means) } else { self.midpoint(means) };
-        let force_n = self.downstream(&rotor_n);
+        let force_n = self.downstream(rotor_n.clone());
         Signals { rotor_n, voltage, force_n }
+    }
+
+    /// The force alone.
+    #[must_use]
+    pub fn force(&self, means: &[f64]) -> Vec<f64> {
+        let (rotor_n, _) = if self.setup.is_plain_rotor() { self.plain(means) } else { self.midpoint(means) };
+        self.downstream(rotor_n)
     }
 
     /// The thrust that a command has in the end, at relative voltage 1 and without drift.
@@ -127,9 +134,9 @@ impl Chain<'_> {
         (out, voltage)
     }
 
-    fn downstream(&self, rotor_n: &[f64]) -> Vec<f64> {
+    fn downstream(&self, rotor_n: Vec<f64>) -> Vec<f64> {
         let setup = self.setup;
-        let mut force = rotor_n.to_vec();
+        let mut force = rotor_n;
         let rest = self.point.rest_n;
         if setup.lag_s > 0.0 && setup.lead_s != setup.lag_s {
             let through = setup.lead_s / setup.lag_s;

@@ -158,7 +158,7 @@ fn print_ceilings(scored: &[Scored]) {
                 hidden.parameters.iter().map(|(name, value)| format!("{}.{name} {value:.4}", hidden.kind))
             })
             .collect();
-        let rivals: Vec<String> = ceiling.rivals.iter().map(|(name, off)| format!("{name} {off:.1}")).collect();
+        let rivals: Vec<String> = ceiling.rivals.iter().map(|(name, off)| format!("{name} {off}")).collect();
         let word = match (case.truth.is_invisible(), ceiling.is_told()) {
             (true, _) => "does not show",
             (false, true) => "told",

@@ -130,6 +130,20 @@ impl Setup {
         }
     }
 
+    /// Whether a chain whose commands change with the rows has the same force at the rows with any step that divides
+    /// them: no change between rows, the plain lag, and nothing behind it.
+    #[must_use]
+    pub fn is_exact_by_rows(&self) -> bool {
+        self.is_plain_rotor()
+            && self.slope_per_s == f64::INFINITY
+            && self.frame_hz == f64::INFINITY
+            && self.delay_s == 0.0
+            && self.lead_s == self.lag_s
+            && self.pole_s == 0.0
+            && self.participation == 0.0
+            && self.skew_ppm == 0.0
+    }
+
     /// Whether the rotor's lag is a fixed first-order lag on a fixed map, which has an exact step.
     #[must_use]
     pub(super) fn is_plain_rotor(&self) -> bool {
