@@ -23,9 +23,6 @@ pub const OVERFIT: f64 = 25.0;
 /// A rival that is below this, all of [`OVERFIT`] granted, is not fitted any further.
 pub const HOPELESS: f64 = -20.0;
 
-/// How many points have their records fitted before all have.
-const STAGES: [usize; 2] = [1, 3];
-
 /// Which rivals are fitted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rivals {
@@ -117,10 +114,6 @@ pub fn ceiling(case: &Case, columns: &[Columns], which: Rivals) -> Option<Ceilin
     if which == Rivals::None {
         return None;
     }
-    let frozen = match &case.given {
-        Given::Stale(errors) => Some(stale(&case.motor, errors)),
-        Given::Nothing | Given::Right => None,
-    };
     let (kinds, rivals): (Vec<Kind>, Vec<Kind>) = match case.class {
         Class::Empty | Class::Outside => return None,
         Class::Pair => {
@@ -138,54 +131,91 @@ pub fn ceiling(case: &Case, columns: &[Columns], which: Rivals) -> Option<Ceilin
             (if kind == Kind::ParameterError { Vec::new() } else { vec![kind] }, rivals)
         }
     };
-    let mut fitter = Fitter::new(case, columns);
-    let truth = fitter.best(&kinds, None, None);
+    Some(against(&mut Fitter::new(case, columns), case, &kinds, &rivals))
+}
+
+/// The ceiling of a case that hides `kinds`, against these rivals.
+fn against(fitter: &mut Fitter<'_>, case: &Case, kinds: &[Kind], rivals: &[Kind]) -> Ceiling {
+    let frozen = held(case);
+    let truth = fitter.best(kinds, None, None);
     let nothing = fitter.best(&[], frozen.as_ref(), None);
-    let stages = stages(case, &truth, &nothing);
+    let samples = samples(case, &truth, &nothing);
     let rivals = rivals
-        .into_iter()
-        .map(|rival| (rival.name().to_owned(), difference(&mut fitter, &truth, rival, frozen.as_ref(), &stages)))
+        .iter()
+        .map(|rival| (rival.name().to_owned(), difference(fitter, &truth, *rival, frozen.as_ref(), &samples)))
         .collect();
-    Some(Ceiling { nothing: nothing.log_likelihood - truth.log_likelihood, rivals })
+    Ceiling { nothing: nothing.log_likelihood - truth.log_likelihood, rivals }
 }
 
-/// Growing sets of records, those of the points first where the truth is most in want of its effect: of one point, of
-/// three, all.
-fn stages(case: &Case, truth: &Fit, nothing: &Fit) -> Vec<Vec<usize>> {
-    let mut wants = vec![0.0; case.motor.points.len()];
-    for (record, run) in case.runs.iter().enumerate() {
-        wants[run.point] += truth.by_record[record] - nothing.by_record[record];
+/// The base parameters that rivals have to live with, where the model given to the tool is stale.
+fn held(case: &Case) -> Option<Motor> {
+    match &case.given {
+        Given::Stale(errors) => Some(stale(&case.motor, errors)),
+        Given::Nothing | Given::Right => None,
     }
-    let mut points: Vec<usize> = (0..wants.len()).collect();
-    points.sort_by(|a, b| wants[*b].total_cmp(&wants[*a]));
-    let of =
-        |points: &[usize]| (0..case.runs.len()).filter(|record| points.contains(&case.runs[*record].point)).collect();
-    let mut stages: Vec<Vec<usize>> =
-        STAGES.iter().filter(|count| **count < points.len()).map(|count| of(&points[..*count])).collect();
-    stages.push((0..case.runs.len()).collect());
-    stages
 }
 
-/// Fits a rival to one stage after the other, until it is hopeless.
+/// Some records of a case.
+struct Sample {
+    /// By their place in the case, in increasing order.
+    records: Vec<usize>,
+    /// Log likelihood of the base parameters alone less that of the truth, in these.
+    nothing: f64,
+}
+
+/// Growing sets of records, those first where the truth is most in want of its effect: one record, all of one point, of
+/// two, of three.
+fn samples(case: &Case, truth: &Fit, nothing: &Fit) -> Vec<Sample> {
+    let off: Vec<f64> =
+        nothing.by_record.iter().zip(&truth.by_record).map(|(nothing, truth)| nothing - truth).collect();
+    let of_point = |point: usize| (0..off.len()).filter(move |record| case.runs[*record].point == point);
+    let mut points: Vec<(usize, f64)> =
+        (0..case.motor.points.len()).map(|point| (point, of_point(point).map(|record| off[record]).sum())).collect();
+    points.sort_by(|a, b| a.1.total_cmp(&b.1));
+    let first = of_point(points[0].0).min_by(|a, b| off[*a].total_cmp(&off[*b])).into_iter().collect();
+    let sets = (1..=3).map(|count| {
+        let mut records: Vec<usize> = points[..count].iter().flat_map(|(point, _)| of_point(*point)).collect();
+        records.sort_unstable();
+        records
+    });
+    std::iter::once(first)
+        .chain(sets)
+        .map(|records: Vec<usize>| Sample { nothing: records.iter().map(|record| off[*record]).sum(), records })
+        .collect()
+}
+
+/// Fits a rival to one sample after the other until it is hopeless, and else to all records.
 fn difference(
     fitter: &mut Fitter<'_>,
     truth: &Fit,
     rival: Kind,
     frozen: Option<&Motor>,
-    stages: &[Vec<usize>],
+    samples: &[Sample],
 ) -> Difference {
     let mut before: Option<Vec<Effect>> = None;
-    let mut off = f64::INFINITY;
-    for records in stages {
+    let mut off = |records: &[usize]| {
         fitter.choose(records);
         let fit = fitter.best(&[rival], frozen, before.as_deref());
-        off = fit.log_likelihood - records.iter().map(|record| truth.by_record[*record]).sum::<f64>();
-        if records.len() < truth.by_record.len() && off + OVERFIT < HOPELESS {
+        before = Some(fit.effects);
+        fit.log_likelihood - records.iter().map(|record| truth.by_record[*record]).sum::<f64>()
+    };
+    // What part of the want the rival leaves, as far as whole points tell: a multisine and a square wave want different
+    // things. A sample that cannot be expected to make it hopeless is passed over.
+    let mut left = 1.0;
+    for sample in samples {
+        if left * sample.nothing + OVERFIT >= HOPELESS {
+            continue;
+        }
+        let off = off(&sample.records);
+        if off + OVERFIT < HOPELESS {
             return Difference::AtMost(off + OVERFIT);
         }
-        before = Some(fit.effects);
+        if sample.records.len() > 1 {
+            left = off / sample.nothing;
+        }
     }
-    Difference::Fitted(off)
+    let all: Vec<usize> = (0..truth.by_record.len()).collect();
+    Difference::Fitted(off(&all))
 }
 
 /// The motor as the stale model has it.
@@ -201,6 +231,7 @@ pub fn stale(motor: &Motor, errors: &[(f64, f64)]) -> Motor {
 
 #[cfg(test)]
 mod tests {
+    use super::super::case::Set;
     use super::*;
 
     fn ceiling(nothing: f64, rival: f64) -> Ceiling {
@@ -213,5 +244,44 @@ mod tests {
         assert!(!ceiling(-50.0, -4.9).is_told() && ceiling(-50.0, -4.9).prefers_truth());
         assert!(!ceiling(-4.9, -50.0).is_visible() && !ceiling(-4.9, -50.0).is_told());
         assert!(!ceiling(-50.0, 0.1).prefers_truth());
+    }
+
+    #[test]
+    fn a_bound_counts_as_the_value_that_it_is_below() {
+        let mut known = ceiling(-50.0, -4.9);
+        known.rivals.push(("backlash".to_owned(), Difference::AtMost(-120.25)));
+        assert!(!known.is_told() && known.prefers_truth());
+        known.rivals.remove(0);
+        assert!(known.is_told() && known.prefers_truth());
+        let json = serde_json::to_string(&known).unwrap();
+        assert_eq!(json, r#"{"nothing":-50.0,"rivals":[["backlash",{"at_most":-120.25}]]}"#);
+        assert_eq!(known.rivals[0].1.to_string(), "< -120.2");
+    }
+
+    /// Of those rivals that were given up, all are worse on all records than their bounds say.
+    fn bounds_hold(kind: Kind, kinds: &[Kind], rivals: &[Kind]) {
+        let case = Case::draw(Set::Tune, Class::Single(kind), 0);
+        let columns: Vec<Columns> = (0..case.runs.len()).map(|index| case.record(index)).collect();
+        let fitter = &mut Fitter::new(&case, &columns);
+        let ceiling = against(fitter, &case, kinds, rivals);
+        let all: Vec<usize> = (0..case.runs.len()).collect();
+        fitter.choose(&all);
+        let truth = fitter.best(kinds, None, None).log_likelihood;
+        for (rival, (name, difference)) in rivals.iter().zip(&ceiling.rivals) {
+            let Difference::AtMost(bound) = *difference else { panic!("{name} was fitted to all records") };
+            let fitted = fitter.best(&[*rival], held(&case).as_ref(), None).log_likelihood - truth;
+            assert!(fitted < bound && bound < HOPELESS, "{name}: {fitted} is not below {bound}");
+        }
+        assert!(ceiling.is_told());
+    }
+
+    #[test]
+    fn a_hopeless_rival_is_worse_than_its_bound() {
+        bounds_hold(Kind::DeadBand, &[Kind::DeadBand], &[Kind::CommandQuantization, Kind::TransportDelay]);
+    }
+
+    #[test]
+    fn a_hopeless_rival_with_stale_base_parameters_is_worse_than_its_bound() {
+        bounds_hold(Kind::ParameterError, &[], &[Kind::InflowLead, Kind::QuadraticThrust]);
     }
 }

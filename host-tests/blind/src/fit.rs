@@ -11,6 +11,13 @@ use super::parameters::{free_parameters, is_jagged, kind_starts, shifted};
 use super::setup::Setup;
 use super::solve::solve;
 
+/// A gain of log likelihood that is not worth a step.
+const LITTLE: f64 = 0.01;
+/// A promise of a gain that is not worth a try.
+const HARDLY: f64 = 0.001;
+/// Levenberg's damping to begin with.
+const FIRST_DAMPING: f64 = 1e-4;
+
 /// Fits kinds to the data of a case.
 pub struct Fitter<'a> {
     likelihood: Likelihood<'a>,
@@ -57,14 +64,14 @@ impl<'a> Fitter<'a> {
         starts.extend(before.map(<[Effect]>::to_vec));
         let base = frozen.unwrap_or(&case.motor).clone();
         let mut screened: Vec<State> =
-            starts.into_iter().map(|effects| self.refine(base.clone(), effects, 1, frozen.is_some(), true)).collect();
+            starts.into_iter().map(|effects| self.settled(base.clone(), effects, frozen.is_some(), f64::MIN)).collect();
         screened.sort_by(|a, b| b.log_likelihood.total_cmp(&a.log_likelihood));
         screened.truncate(2);
         let mut best: Option<State> = None;
         for start in screened {
-            let mut state = self.refine(start.motor, start.effects, 12, frozen.is_some(), false);
+            let mut state = self.refined(start.motor, start.effects, frozen.is_some());
             if kinds.iter().any(|kind| is_jagged(*kind)) {
-                state = self.search(state, frozen.is_some());
+                state = self.searched(state, frozen.is_some());
             }
             if best.as_ref().is_none_or(|best| state.log_likelihood > best.log_likelihood) {
                 best = Some(state);
@@ -80,41 +87,66 @@ impl<'a> Fitter<'a> {
         self.likelihood.evaluate(case.motor.clone(), case.effects.clone(), true).log_likelihood
     }
 
-    /// Damped Gauss-Newton steps until they gain less than 0.01. With `base_only` the effects stay as they are.
-    fn refine(&mut self, motor: Motor, effects: Vec<Effect>, limit: usize, frozen: bool, base_only: bool) -> State {
+    /// Damped Gauss-Newton steps until they gain less than [`LITTLE`].
+    fn refined(&mut self, motor: Motor, effects: Vec<Effect>, frozen: bool) -> State {
         let mut state = self.likelihood.evaluate(motor, effects, frozen);
-        let mut damping = 1e-4;
-        for _ in 0..limit {
-            let mut free = if base_only { Vec::new() } else { free_parameters(&state.effects) };
+        let mut damping = FIRST_DAMPING;
+        for _ in 0..12 {
+            let mut free = free_parameters(&state.effects);
             free.retain(|(index, _)| !is_jagged(state.effects[*index].kind));
-            let normal = self.likelihood.normal_equations(&state, &free, frozen, shifted);
-            let Some(Normal { matrix, slope }) = normal else { return state };
-            let mut gained = 0.0;
-            for _ in 0..5 {
-                let mut damped = matrix.clone();
-                for (index, row) in damped.iter_mut().enumerate() {
-                    row[index] = row[index] * (1.0 + damping) + 1e-9;
-                }
-                let Some(step) = solve(damped, slope.clone()) else { break };
-                let (motor, effects) = moved(&state, &free, &step, frozen);
-                let trial = self.likelihood.evaluate(motor, effects, frozen);
-                if trial.log_likelihood > state.log_likelihood {
-                    gained = trial.log_likelihood - state.log_likelihood;
-                    state = trial;
-                    damping = (damping / 10.0_f64).max(1e-9);
-                    break;
-                }
-                damping = (damping * 30.0).max(1e-3);
-            }
-            if gained < 0.01 {
+            let Some(better) = self.improved(&state, &free, frozen, &mut damping, HARDLY) else { break };
+            let gained = better.log_likelihood - state.log_likelihood;
+            state = better;
+            if gained < LITTLE {
                 break;
             }
         }
         state
     }
 
+    /// These effects after one step of the base parameters, which gets them near their best. The step is spared where
+    /// thrice what it promises would leave the likelihood below `floor`.
+    fn settled(&mut self, motor: Motor, effects: Vec<Effect>, frozen: bool, floor: f64) -> State {
+        let state = self.likelihood.evaluate(motor, effects, frozen);
+        let worth = f64::max(HARDLY, (floor - state.log_likelihood) / 3.0);
+        self.improved(&state, &[], frozen, &mut { FIRST_DAMPING }, worth).unwrap_or(state)
+    }
+
+    /// The state after one damped Gauss-Newton step of the base parameters and the `free` ones. `None` when no step is
+    /// better, or the equations promise less than it is `worth`.
+    fn improved(
+        &mut self,
+        state: &State,
+        free: &[(usize, usize)],
+        frozen: bool,
+        damping: &mut f64,
+        worth: f64,
+    ) -> Option<State> {
+        let Normal { matrix, slope } = self.likelihood.normal_equations(state, free, frozen, shifted)?;
+        for _ in 0..5 {
+            let mut damped = matrix.clone();
+            for (index, row) in damped.iter_mut().enumerate() {
+                row[index] = row[index] * (1.0 + *damping) + 1e-9;
+            }
+            let step = solve(damped, slope.clone())?;
+            // What a step without damping gains where the model is straight.
+            let promised: f64 = step.iter().zip(&slope).map(|(step, slope)| step * slope).sum();
+            if *damping <= 1e-3 && promised < worth {
+                return None;
+            }
+            let (motor, effects) = moved(state, free, &step, frozen);
+            let trial = self.likelihood.evaluate(motor, effects, frozen);
+            if trial.log_likelihood > state.log_likelihood {
+                *damping = (*damping / 10.0).max(1e-9);
+                return Some(trial);
+            }
+            *damping = (*damping * 30.0).max(1e-3);
+        }
+        None
+    }
+
     /// Parameters in which the likelihood is no smooth function: a pattern search down to steps of half a percent.
-    fn search(&mut self, state: State, frozen: bool) -> State {
+    fn searched(&mut self, state: State, frozen: bool) -> State {
         let mut state = state;
         let mut jagged = free_parameters(&state.effects);
         jagged.retain(|(index, _)| is_jagged(state.effects[*index].kind));
@@ -124,7 +156,7 @@ impl<'a> Fitter<'a> {
                 let mut moved = false;
                 for part in [-reach, reach] {
                     let effects = shifted(&state.effects, (index, parameter), part);
-                    let trial = self.refine(state.motor.clone(), effects, 1, frozen, true);
+                    let trial = self.settled(state.motor.clone(), effects, frozen, state.log_likelihood);
                     if trial.log_likelihood > state.log_likelihood {
                         state = trial;
                         moved = true;
@@ -199,8 +231,18 @@ mod tests {
 
     #[test]
     fn the_step_of_fits_costs_less_than_a_unit_at_the_smallest_noise() {
-        let kinds =
-            [Kind::SlewLimit, Kind::EscFrameHold, Kind::OperatingPointLag, Kind::ClockSkew, Kind::StandResonance];
+        let kinds = [
+            Kind::SlewLimit,
+            Kind::EscFrameHold,
+            Kind::AsymmetricLag,
+            Kind::OperatingPointLag,
+            Kind::SupplySag,
+            Kind::GainDrift,
+            Kind::ClockSkew,
+            Kind::StandResonance,
+            Kind::InflowLead,
+            Kind::Backlash,
+        ];
         for kind in kinds {
             let mut case = Case::draw(Set::Tune, Class::Single(kind), 0);
             // 0.2 % of the weakest motor's swing.
@@ -209,6 +251,9 @@ mod tests {
             let coarse = Fitter::new(&case, &columns).at_truth();
             let fine = Fitter::with_step(&case, &columns, |_| 50e-6).at_truth();
             assert!((coarse - fine).abs() < 1.0, "{}: {}", kind.name(), coarse - fine);
+            if case.setup().changes_with_rows_only() {
+                assert!((coarse - fine).abs() < 0.15, "{}: {}", kind.name(), coarse - fine);
+            }
         }
     }
 

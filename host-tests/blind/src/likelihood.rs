@@ -19,13 +19,14 @@ const RELATIVE: f64 = 1e-4;
 /// Step of the chain in fits, in seconds.
 ///
 /// Half a row. A logger that reads between grid points sees where the grid rounds corners off, and gets a quarter.
-/// Where commands change with the rows only and nothing but the plain lag follows them, a step of a row is exact.
+/// Where commands change with the rows only and nothing follows the rotor, a step of a row is exact for the plain lag,
+/// and a tenth of a unit away at most for the others.
 #[must_use]
 pub fn fit_step_s(setup: &Setup) -> f64 {
     let row_s = 1.0 / ROWS_HZ;
     if setup.skew_ppm != 0.0 {
         row_s / 4.0
-    } else if setup.is_exact_by_rows() {
+    } else if setup.changes_with_rows_only() {
         row_s
     } else {
         row_s / 2.0

@@ -130,12 +130,11 @@ impl Setup {
         }
     }
 
-    /// Whether a chain whose commands change with the rows has the same force at the rows with any step that divides
-    /// them: no change between rows, the plain lag, and nothing behind it.
+    /// Whether commands that change with the rows only also reach the rotor so, and the rotor's own thrust is what the
+    /// logger reads, at the rows.
     #[must_use]
-    pub fn is_exact_by_rows(&self) -> bool {
-        self.is_plain_rotor()
-            && self.slope_per_s == f64::INFINITY
+    pub(super) fn changes_with_rows_only(&self) -> bool {
+        self.slope_per_s == f64::INFINITY
             && self.frame_hz == f64::INFINITY
             && self.delay_s == 0.0
             && self.lead_s == self.lag_s
