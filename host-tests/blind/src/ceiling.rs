@@ -284,4 +284,48 @@ mod tests {
     fn a_hopeless_rival_with_stale_base_parameters_is_worse_than_its_bound() {
         bounds_hold(Kind::ParameterError, &[], &[Kind::InflowLead, Kind::QuadraticThrust]);
     }
+
+    /// Giving rivals up spares time and nothing else. `cargo test -p blind-cases --lib -- --ignored --nocapture` prints
+    /// the figures, in some minutes.
+    #[test]
+    #[ignore = "fits every rival of 17 cases to all records"]
+    fn giving_rivals_up_changes_no_answer() {
+        let all = Kind::ALL;
+        for kind in all {
+            let case = Case::draw(Set::Tune, Class::Single(kind), 1);
+            let columns: Vec<Columns> = (0..case.runs.len()).map(|index| case.record(index)).collect();
+            let quick = super::ceiling(&case, &columns, Rivals::All).unwrap();
+            let fitter = &mut Fitter::new(&case, &columns);
+            let hidden = [kind];
+            let truth = fitter.best(if kind == Kind::ParameterError { &[] } else { &hidden }, None, None);
+            let mut full = Ceiling { nothing: quick.nothing, rivals: Vec::new() };
+            let (mut bounds, mut closest) = (0, (f64::MIN, f64::MIN));
+            for (name, difference) in &quick.rivals {
+                let rival = Kind::named(name).unwrap();
+                let fitted = super::difference(fitter, &truth, rival, held(&case).as_ref(), &[]);
+                match *difference {
+                    Difference::AtMost(bound) => {
+                        bounds += 1;
+                        assert!(fitted.highest() < bound, "{} {name}: {fitted} and {difference}", kind.name());
+                    }
+                    Difference::Fitted(value) => closest = (closest.0.max(value), closest.1.max(fitted.highest())),
+                }
+                full.rivals.push((name.clone(), fitted));
+            }
+            println!(
+                "{}: {bounds} bounds of {}, told {} {}, prefers the truth {} {}, closest rival fitted {:.2} {:.2}",
+                kind.name(),
+                quick.rivals.len(),
+                quick.is_told(),
+                full.is_told(),
+                quick.prefers_truth(),
+                full.prefers_truth(),
+                closest.0,
+                closest.1
+            );
+            assert_eq!((quick.is_told(), quick.prefers_truth()), (full.is_told(), full.prefers_truth()));
+            // A fit to some records is one more start of the fit to all.
+            assert!(closest.0 > closest.1 - 0.1, "{}: {} and {}", kind.name(), closest.0, closest.1);
+        }
+    }
 }
