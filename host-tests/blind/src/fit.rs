@@ -122,7 +122,7 @@ impl<'a> Fitter<'a> {
         damping: &mut f64,
         worth: f64,
     ) -> Option<State> {
-        let Normal { matrix, slope } = self.likelihood.normal_equations(state, free, frozen, shifted)?;
+        let Normal { matrix, slope } = self.likelihood.normal_equations(state, free, frozen)?;
         for _ in 0..5 {
             let mut damped = matrix.clone();
             for (index, row) in damped.iter_mut().enumerate() {

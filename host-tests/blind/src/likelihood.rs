@@ -9,6 +9,7 @@ use super::chain::{Chain, read_at};
 use super::excitation::{ROWS, ROWS_HZ};
 use super::kind::{Effect, Kind};
 use super::motor::Motor;
+use super::parameters::shifted;
 use super::path::{Timing, means, pieces};
 use super::setup::Setup;
 use super::whiten::Spectrum;
@@ -77,7 +78,7 @@ pub(super) struct State {
 }
 
 /// Normal equations of the smallest squares, in the logarithms of the gains, then of the time constants, then in the
-/// free parameters' own scale.
+/// free parameters' own scale (see [`shifted`]).
 pub(super) struct Normal {
     pub matrix: Vec<Vec<f64>>,
     pub slope: Vec<f64>,
@@ -229,15 +230,8 @@ impl<'a> Likelihood<'a> {
         changed.into_iter().map(|changed| changed.bins).collect()
     }
 
-    /// The normal equations at a state; `changed` gives the effects with a free parameter moved by so much. `None` when
-    /// nothing is free.
-    pub(super) fn normal_equations(
-        &mut self,
-        state: &State,
-        free: &[(usize, usize)],
-        frozen: bool,
-        changed: fn(&[Effect], (usize, usize), f64) -> Vec<Effect>,
-    ) -> Option<Normal> {
+    /// The normal equations at a state; `None` when nothing is free.
+    pub(super) fn normal_equations(&mut self, state: &State, free: &[(usize, usize)], frozen: bool) -> Option<Normal> {
         let points = state.motor.points.len();
         // Parameters of all points are moved at once: each record sees its own point's alone.
         let mut computed: Vec<Vec<Vec<f64>>> = Vec::new();
@@ -253,7 +247,7 @@ impl<'a> Likelihood<'a> {
             computed.push(self.derivative(state, &motor, &state.effects));
         }
         for at in free {
-            computed.push(self.derivative(state, &state.motor, &changed(&state.effects, *at, RELATIVE)));
+            computed.push(self.derivative(state, &state.motor, &shifted(&state.effects, *at, RELATIVE)));
         }
         let by_point = if frozen { 0 } else { 2 };
         let size = by_point * points + free.len();
