@@ -199,6 +199,7 @@ fn model_file(motor: &Motor) -> String {
 #[cfg(test)]
 mod tests {
     use super::super::case::Set;
+    use super::super::ceiling::Difference;
     use super::*;
 
     #[test]
@@ -222,7 +223,9 @@ mod tests {
     #[test]
     fn the_truth_survives_its_file() {
         let case = Case::draw(Set::Tune, Class::Pair, 0);
-        let ceiling = Ceiling { nothing: -12.5, rivals: vec![("backlash".to_owned(), -3.25)] };
+        let rivals = [("backlash", Difference::Fitted(-3.25)), ("dead_band", Difference::AtMost(-120.5))];
+        let rivals = rivals.map(|(name, difference)| (name.to_owned(), difference)).to_vec();
+        let ceiling = Ceiling { nothing: -12.5, rivals };
         let truth = Truth::of(&case, Some(ceiling));
         let again: Truth = serde_json::from_str(&serde_json::to_string(&truth).unwrap()).unwrap();
         assert_eq!(again, truth);

@@ -16,7 +16,8 @@ Usage: blind [--tool PROGRAM | --only-ceilings] [--set tune|report] [--kinds A,B
              [--rivals none|family|all] [--page FILE]
 
   --tool PROGRAM    the program to judge
-  --only-ceilings   judges no program, but prints the log likelihoods of all rivals less that of the truth
+  --only-ceilings   judges no program, but prints the log likelihoods of all rivals less that of the truth; with a `<`
+                    those that a few records bound far from it
   --set SET         tune (default) or report
   --kinds A,B       only these kinds; also `nothing`, `pair`, `outside`
   --seeds N         cases of each kind, 10 by default; four times as many with nothing hidden, twice as many outside the
@@ -158,7 +159,7 @@ fn print_ceilings(scored: &[Scored]) {
                 hidden.parameters.iter().map(|(name, value)| format!("{}.{name} {value:.4}", hidden.kind))
             })
             .collect();
-        let rivals: Vec<String> = ceiling.rivals.iter().map(|(name, off)| format!("{name} {off:.1}")).collect();
+        let rivals: Vec<String> = ceiling.rivals.iter().map(|(name, off)| format!("{name} {off}")).collect();
         let word = match (case.truth.is_invisible(), ceiling.is_told()) {
             (true, _) => "does not show",
             (false, true) => "told",
