@@ -5,15 +5,12 @@ use super::frames;
 use super::trial::{Before, Trial, Trials};
 use crate::plant::effect::{Kind, Linearity, Parameter, Scale, Site, Use};
 use crate::plant::{
-    ActiveEffect, Actuator, Catalog, Drive, EscTiming, Lag, OperatingPoint, PlantError, Start, Trace, simulate,
+    ActiveEffect, Actuator, Catalog, Drive, EscTiming, Lag, Memory, OperatingPoint, PlantError, Start, Trace, simulate,
     simulate_periodic_response, simulate_response,
 };
 
 /// How far a value may leave its plausible range in a search, in widths of the range.
 const BEYOND: f64 = 0.5;
-
-/// Time constants after which what was before is forgotten: to 1 / 20 000.
-const LEAD: f64 = 10.0;
 
 /// Most pieces of the plausible range of a single value that are tried on all records.
 pub(super) const GRID: u32 = 12;
@@ -468,7 +465,11 @@ impl Hypothesis {
             Before::Rest => Start::Rest(trial.nominal),
             Before::Periods => {
                 let period_s = trial.period_rows as f64 / trial.rate_hz;
-                Start::Running { period_s, lead_s: LEAD * base.time_constant_s }
+                let lead_s = match actuator.memory() {
+                    Memory::Seconds(memory_s) => memory_s.min(period_s),
+                    Memory::TurningPoints | Memory::Lasting => period_s,
+                };
+                Start::Running { period_s, lead_s }
             }
         };
         Ok((actuator, start, stamps))

@@ -4,8 +4,8 @@ use super::effect::{ActiveEffect, Part, Site};
 use super::filter::FORGOTTEN;
 use super::rotor::IntegratedRotor;
 use super::{
-    CommandStage, EscFrame, FirstOrder, Model, OperatingCurve, OperatingPoint, PlantError, ResponseStage, RotorBase,
-    RotorTerm, Segment, Supply, TransportDelay,
+    CommandStage, EscFrame, FirstOrder, Memory, Model, OperatingCurve, OperatingPoint, PlantError, ResponseStage,
+    RotorBase, RotorTerm, Segment, Supply, TransportDelay,
 };
 
 /// A response that later stages have to follow is cut into pieces of this part of the time in which it bends: the cubic
@@ -191,15 +191,25 @@ impl Actuator {
         self.clock != 1.0
     }
 
+    /// For how long what was shows in the response.
+    pub fn memory(&self) -> Memory {
+        let stages = self.stages.iter().map(|stage| stage.memory());
+        let after = self.after.iter().map(|stage| stage.memory());
+        stages.chain(after).fold(self.rotor.memory(), Memory::and)
+    }
+
     /// How long after its begin the response repeats where the command does, every `period_s`, and rows are stamped by the
     /// commands' clock; `None` where it is not known to.
     pub(super) fn repeats_after_s(&self, period_s: f64) -> Option<f64> {
-        if self.has_own_clock() {
-            return None;
+        let changes = self.stages.iter().any(|stage| stage.changes_after(period_s))
+            || self.after.iter().any(|stage| stage.changes())
+            || self.has_own_clock();
+        match self.memory() {
+            _ if changes => None,
+            Memory::Seconds(memory_s) => Some(memory_s),
+            Memory::TurningPoints => Some(period_s),
+            Memory::Lasting => None,
         }
-        let stages = self.stages.iter().map(|stage| stage.repeats_after_s(period_s));
-        let after = self.after.iter().map(|stage| stage.repeats_after_s());
-        stages.chain([self.rotor.repeats_after_s()]).chain(after).sum()
     }
 
     /// Holds `command` (0..1) from now until `until_s`.
@@ -331,10 +341,13 @@ impl Rotor {
         }
     }
 
-    fn repeats_after_s(&self) -> Option<f64> {
+    fn memory(&self) -> Memory {
         match self {
-            Self::Exact(lag) => lag.time_constant_s().map(|tau_s| FORGOTTEN * tau_s),
-            Self::Integrated(rotor) => rotor.repeats_after_s(),
+            // One of many levels may be slow at any of them.
+            Self::Exact(lag) => {
+                lag.time_constant_s().map_or(Memory::Lasting, |tau_s| Memory::Seconds(FORGOTTEN * tau_s))
+            }
+            Self::Integrated(rotor) => rotor.memory(),
         }
     }
 

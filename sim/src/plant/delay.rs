@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use super::error::checked;
-use super::{CommandStage, PlantError, Segment};
+use super::{CommandStage, Memory, PlantError, Segment};
 
 /// A transport delay `e^(-s delay)` of any length, exact: every change of the input comes out `delay_s` later.
 #[derive(Clone, Debug)]
@@ -69,8 +69,8 @@ impl CommandStage for TransportDelay {
         self.output(from_s, until_s)
     }
 
-    fn repeats_after_s(&self, _: f64) -> Option<f64> {
-        Some(self.delay_s)
+    fn memory(&self) -> Memory {
+        Memory::Seconds(self.delay_s)
     }
 }
 

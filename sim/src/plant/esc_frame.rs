@@ -1,7 +1,7 @@
 //! The ESC takes over a new command once per frame.
 
 use super::error::checked;
-use super::{CommandStage, PlantError, Segment};
+use super::{CommandStage, Memory, PlantError, Segment};
 
 /// Times nearer than this part of a frame are the same moment.
 pub(crate) const SAME_MOMENT_FRAMES: f64 = 1e-9;
@@ -62,9 +62,13 @@ impl CommandStage for EscFrame {
         Segment::constant(self.held, if frame_is_later { until_s } else { self.next_s })
     }
 
-    fn repeats_after_s(&self, period_s: f64) -> Option<f64> {
+    fn memory(&self) -> Memory {
+        Memory::Seconds(self.frame_hz.recip())
+    }
+
+    fn changes_after(&self, period_s: f64) -> bool {
         let frames = self.frame_hz * period_s;
-        ((frames - frames.round()).abs() < SAME_MOMENT_FRAMES).then(|| self.frame_hz.recip())
+        (frames - frames.round()).abs() > SAME_MOMENT_FRAMES
     }
 }
 

@@ -2,6 +2,8 @@
 
 use num_complex::Complex64;
 
+use super::Memory;
+
 /// Times that differ by less than this part count as the same where a filter keeps its exponentials: what rounding makes of
 /// evenly spaced rows.
 const SAME_DURATION: f64 = 1e-10;
@@ -53,8 +55,13 @@ pub trait ResponseStage: Send {
         f64::INFINITY
     }
 
-    /// How long after its begin the output repeats where the input does; `None`: never.
-    fn repeats_after_s(&self) -> Option<f64>;
+    /// For how long what was shows in its output.
+    fn memory(&self) -> Memory;
+
+    /// Whether the output for the same input is another one later, memory aside.
+    fn changes(&self) -> bool {
+        false
+    }
 
     /// The record's first row is at `at_s`.
     fn start_record(&mut self, _at_s: f64) {}

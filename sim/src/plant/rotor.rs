@@ -1,7 +1,7 @@
 //! The rotor where it is no linear lag: one that is integrated in steps.
 
 use super::filter::FORGOTTEN;
-use super::{Interval, OperatingCurve, OperatingPoint, PlantError, Segment};
+use super::{Interval, Memory, OperatingCurve, OperatingPoint, PlantError, Segment};
 
 /// A step is at most this part of the time constant of its moment. The classical Runge-Kutta method then errs by less than
 /// `0.1^5 / 120`, 1e-7 of the way to the steady response, per step.
@@ -126,8 +126,8 @@ pub trait RotorTerm: Send {
     /// Sets `motion.rate_per_s`.
     fn pace(&self, _motion: &mut Motion) {}
 
-    /// How long after its begin the effect's own state repeats where all else does, seconds.
-    fn repeats_after_s(&self) -> f64 {
+    /// For how long what was shows in the effect's own state, seconds.
+    fn memory_s(&self) -> f64 {
         0.0
     }
 
@@ -179,11 +179,11 @@ impl IntegratedRotor {
         self.output(&self.state)
     }
 
-    /// How long after its begin the response repeats where the command does, seconds; `None` for a rotor of many levels.
-    pub(super) fn repeats_after_s(&self) -> Option<f64> {
-        let RotorBase::Linear(point) = &self.base else { return None };
-        let own = self.terms.iter().map(|term| term.repeats_after_s()).sum::<f64>();
-        Some(MOST_SLOWED * FORGOTTEN * point.lag.time_constant_s + own)
+    pub(super) fn memory(&self) -> Memory {
+        // One of many levels may be slow at any of them.
+        let RotorBase::Linear(point) = &self.base else { return Memory::Lasting };
+        let own = self.terms.iter().map(|term| term.memory_s()).sum::<f64>();
+        Memory::Seconds(MOST_SLOWED * FORGOTTEN * point.lag.time_constant_s + own)
     }
 
     pub(super) fn speed(&self) -> f64 {

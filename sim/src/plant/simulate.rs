@@ -135,7 +135,6 @@ pub fn simulate_periodic_response(
     let Some(after_s) = actuator.repeats_after_s(period_s).map(|after_s| after_s - lead_s) else {
         return simulate_response(actuator, drive, start, rows_s);
     };
-    // Rows that are taken before the first command belong to what is not known.
     let from_s = drive.time_s.first().map_or(0.0, |first_s| first_s + after_s.max(0.0));
     let once = (rows_s.partition_point(|row_s| *row_s <= from_s) + period_rows).min(all);
     let mut response = simulate_response(actuator, drive, start, &rows_s[..once])?;

@@ -1,7 +1,7 @@
 //! Play between command and effect.
 
 use super::{Confusion, Kind, Linearity, Parameter, Part, Site};
-use crate::plant::stage::Levels;
+use crate::plant::stage::{Levels, Memory};
 
 /// The output moves only where the command pushes it.
 pub static KIND: Kind = Kind {
@@ -31,7 +31,7 @@ pub static KIND: Kind = Kind {
     part: |values, _| match values[0] {
         0.0 => Part::Nothing,
         half_width => {
-            Part::command(Levels::with_memory(move |held: f64, input: f64| held.clamp(input - half_width, input + half_width)))
+            Part::command(Levels::new(Memory::TurningPoints, move |held: f64, input: f64| held.clamp(input - half_width, input + half_width)))
         }
     },
     response: Kind::unity,

@@ -1,7 +1,7 @@
 //! The command is rounded to a grid.
 
 use super::{Confusion, Kind, Linearity, Parameter, Part, Site};
-use crate::plant::stage::Levels;
+use crate::plant::stage::{Levels, Memory};
 
 /// Rounds the command to whole steps, as a protocol or a timer does.
 pub static KIND: Kind = Kind {
@@ -35,7 +35,7 @@ pub static KIND: Kind = Kind {
     check: Kind::any,
     part: |values, _| match values[0] {
         0.0 => Part::Nothing,
-        step => Part::command(Levels::new(move |_, input: f64| step * (input / step).round())),
+        step => Part::command(Levels::new(Memory::Seconds(0.0), move |_, input: f64| step * (input / step).round())),
     },
     response: Kind::unity,
 };

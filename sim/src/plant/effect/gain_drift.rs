@@ -1,7 +1,7 @@
 //! Thrust changes slowly with time.
 
 use super::{Confusion, Kind, Linearity, Parameter, Part, Site};
-use crate::plant::{Interval, ResponseStage};
+use crate::plant::{Interval, Memory, ResponseStage};
 
 /// Heating, or the state of charge.
 pub static KIND: Kind = Kind {
@@ -84,8 +84,12 @@ impl ResponseStage for GainDrift {
         }
     }
 
-    fn repeats_after_s(&self) -> Option<f64> {
-        None
+    fn memory(&self) -> Memory {
+        Memory::Seconds(0.0)
+    }
+
+    fn changes(&self) -> bool {
+        true
     }
 
     fn start_record(&mut self, at_s: f64) {

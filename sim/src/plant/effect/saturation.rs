@@ -3,7 +3,7 @@
 use num_complex::Complex64;
 
 use super::{Confusion, Kind, Linearity, Parameter, Part, Site};
-use crate::plant::stage::Levels;
+use crate::plant::stage::{Levels, Memory};
 
 /// Clips the command, as a limit of current or power does.
 pub static KIND: Kind = Kind {
@@ -45,7 +45,7 @@ pub static KIND: Kind = Kind {
         let (max, min) = (values[0], values[1]);
         match (max, min) {
             (1.0, 0.0) => Part::Nothing,
-            _ => Part::command(Levels::new(move |_, input: f64| input.clamp(min, max))),
+            _ => Part::command(Levels::new(Memory::Seconds(0.0), move |_, input: f64| input.clamp(min, max))),
         }
     },
     response: |values, point, _| {

@@ -4,7 +4,7 @@ use num_complex::Complex64;
 
 use super::{Confusion, Kind, Linearity, Parameter, Part, Site};
 use crate::plant::filter::{FORGOTTEN, Mode};
-use crate::plant::{Interval, ResponseStage};
+use crate::plant::{Interval, Memory, ResponseStage};
 
 /// The motor's electrical lag, or a filter of the sensor.
 pub static KIND: Kind = Kind {
@@ -75,8 +75,8 @@ impl ResponseStage for Lowpass {
         }
     }
 
-    fn repeats_after_s(&self) -> Option<f64> {
-        Some(FORGOTTEN * self.time_constant_s)
+    fn memory(&self) -> Memory {
+        Memory::Seconds(FORGOTTEN * self.time_constant_s)
     }
 
     fn time_scale_s(&self) -> f64 {

@@ -1,7 +1,7 @@
 //! The command can change only so fast.
 
 use super::{Confusion, Kind, Linearity, Parameter, Part, Site};
-use crate::plant::{CommandStage, Segment};
+use crate::plant::{CommandStage, Memory, Segment};
 
 /// Follows the command at no more than a rate, the same up and down.
 pub static KIND: Kind = Kind {
@@ -78,9 +78,9 @@ impl CommandStage for SlewLimit {
         Segment { level: self.level, slope_per_s: self.slope_per_s, until_s }
     }
 
-    fn repeats_after_s(&self, period_s: f64) -> Option<f64> {
-        // It has caught up with the command somewhere in a period, or goes to and fro by the same way in each.
-        Some(period_s)
+    fn memory(&self) -> Memory {
+        // It has met the command somewhere in a period, or goes to and fro by the same way in each.
+        Memory::TurningPoints
     }
 
     fn makes_ramps(&self) -> bool {

@@ -6,7 +6,7 @@ use num_complex::Complex64;
 
 use super::{Confusion, Kind, Linearity, Parameter, Part, Site};
 use crate::plant::filter::{FORGOTTEN, Mode};
-use crate::plant::{Interval, ResponseStage};
+use crate::plant::{Interval, Memory, ResponseStage};
 
 /// One structural mode between thrust and sensor.
 pub static KIND: Kind = Kind {
@@ -93,8 +93,8 @@ impl ResponseStage for Resonance {
         Interval { start, start_slope, end, end_slope, ..*input }
     }
 
-    fn repeats_after_s(&self) -> Option<f64> {
-        Some(FORGOTTEN / -self.pole.re)
+    fn memory(&self) -> Memory {
+        Memory::Seconds(FORGOTTEN / -self.pole.re)
     }
 
     fn time_scale_s(&self) -> f64 {

@@ -142,7 +142,7 @@ impl RotorTerm for SupplySag {
         (self.slow * current - own) / self.slow_s
     }
 
-    fn repeats_after_s(&self) -> f64 {
+    fn memory_s(&self) -> f64 {
         FORGOTTEN * self.slow_s
     }
 

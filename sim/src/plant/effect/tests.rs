@@ -9,7 +9,7 @@ use super::*;
 use crate::files::Place;
 use crate::plant::testing::{active, actuator, model, point, seen_response, step};
 use crate::plant::{
-    Actuator, Drive, Effect, EscTiming, Interval, Law, OperatingPoint, ResponseStage, Start, simulate,
+    Actuator, Drive, Effect, EscTiming, Interval, Law, Memory, OperatingPoint, ResponseStage, Start, simulate,
     simulate_periodic_response, simulate_response,
 };
 
@@ -447,8 +447,8 @@ impl ResponseStage for Squaring {
         level + self.0 * level * level.abs()
     }
 
-    fn repeats_after_s(&self) -> Option<f64> {
-        Some(0.0)
+    fn memory(&self) -> Memory {
+        Memory::Seconds(0.0)
     }
 
     fn advance(&mut self, i: &Interval) -> Interval {
