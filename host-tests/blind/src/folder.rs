@@ -113,16 +113,21 @@ pub struct Paths {
     pub model: Option<PathBuf>,
 }
 
+/// What a case's files are called. The seed's number would give away the class: it is mixed (a round of SplitMix64).
+#[must_use]
+pub fn name(case: &Case) -> String {
+    let mut name = case.seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    name = (name ^ (name >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    name = (name ^ (name >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    format!("case_{:016x}", name ^ (name >> 31))
+}
+
 /// Writes the experiment of a case into a folder of its own under `root`, and its model if it has one.
 ///
 /// # Errors
 /// When a file cannot be written.
 pub fn write(case: &Case, columns: &[Columns], root: &Path) -> io::Result<Paths> {
-    // The seed's number would give away the class: it is mixed (a round of SplitMix64).
-    let mut name = case.seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    name = (name ^ (name >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    name = (name ^ (name >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    let experiment = root.join(format!("case_{:016x}", name ^ (name >> 31)));
+    let experiment = root.join(name(case));
     fs::create_dir_all(&experiment)?;
     fs::write(experiment.join("experiment.toml"), manifest(case))?;
     for (run, columns) in case.runs.iter().zip(columns) {
