@@ -20,10 +20,6 @@ const TWO_SIDED: f64 = 1.96;
 /// Steps for derivatives, in coordinates.
 const SMOOTH_STEP: f64 = 1e-4;
 const EFFECT_STEP: f64 = 2e-3;
-/// From where to where a profile of the misfit is followed, in coordinates, and how much farther each time.
-const NEAREST: f64 = 1e-6;
-const FARTHEST: f64 = 0.1;
-const FARTHER: f64 = 1.4;
 
 /// A hypothesis fitted to the records.
 #[derive(Clone, Debug)]
@@ -194,8 +190,18 @@ pub(super) fn fit(trials: &Trials, start: &Hypothesis, lags: bool) -> Option<Fit
 /// Derivatives cost several simulations, a step along them one: they serve for more steps as long as these gain at least half
 /// of what they promise.
 pub(super) fn fit_in(trials: &Trials, start: &Hypothesis, lags: bool, most_steps: usize) -> Option<Fit> {
+    fit_of(trials, start, start.coordinates(lags), most_steps)
+}
+
+/// The same of these coordinates alone.
+pub(super) fn fit_of(
+    trials: &Trials,
+    start: &Hypothesis,
+    coordinates: Vec<Coordinate>,
+    most_steps: usize,
+) -> Option<Fit> {
     let mut at = start.clone();
-    let mut tangent = Tangent::at(trials, &at, at.coordinates(lags))?;
+    let mut tangent = Tangent::at(trials, &at, coordinates)?;
     let (mut sum, mut gradient) = tangent.slope(trials, &at)?;
     let (mut damping, mut is_fresh) = (1e-3, true);
     for _ in 0..most_steps {
@@ -284,29 +290,6 @@ impl Fit {
         (variance >= 0.0).then(|| variance.sqrt())
     }
 
-    /// Standard deviation of a coordinate on which the response depends in jumps, so that derivatives say nothing: how far it
-    /// may go before the misfit has grown by 1 on the side where that takes longer, the lags following to first order. `None`
-    /// where it has not grown so far within [`FARTHEST`].
-    pub fn profiled_std(&self, trials: &Trials, coordinate: Coordinate) -> Option<f64> {
-        let others = self.coordinates.iter().copied().filter(|other| *other != coordinate).collect();
-        let tangent = Tangent::at(trials, &self.hypothesis, others)?;
-        let (least, _) = tangent.judge(trials, &self.hypothesis)?;
-        let here = self.hypothesis.get(coordinate);
-        let reaches = |side: f64| {
-            let mut distance = NEAREST;
-            while distance < FARTHEST {
-                let mut moved = self.hypothesis.clone();
-                moved.set(coordinate, here + side * distance);
-                if tangent.judge(trials, &moved).is_none_or(|(left, _)| left > least + 1.0) {
-                    break;
-                }
-                distance *= FARTHER;
-            }
-            distance
-        };
-        Some(reaches(-1.0).max(reaches(1.0))).filter(|reached| *reached < FARTHEST)
-    }
-
     /// Whether its alignment is off by more than the rows leave open.
     pub fn is_late(&self, trials: &Trials) -> bool {
         self.hypothesis.late_s.abs() > 2.0 * late_std(trials)
@@ -319,7 +302,8 @@ impl Fit {
 }
 
 impl Tangent {
-    fn at(trials: &Trials, hypothesis: &Hypothesis, coordinates: Vec<Coordinate>) -> Option<Self> {
+    /// By these coordinates. `None` where they are not defined.
+    pub fn at(trials: &Trials, hypothesis: &Hypothesis, coordinates: Vec<Coordinate>) -> Option<Self> {
         let records: Option<Vec<RecordTangent>> = trials
             .trials
             .par_iter()

@@ -47,8 +47,8 @@ pub(super) struct Candidate {
     /// Of frames: the part of a frame from the first command of each record to its first frame, by the record's place. Empty
     /// where it is not known.
     pub phases: Vec<f64>,
-    /// With phases, the standard deviation of the rate's logarithm.
-    pub rate_std: f64,
+    /// Standard deviation of the coordinate of its single value where a profile of the misfit says it; else infinite.
+    pub profiled_std: f64,
 }
 
 /// What one coordinate of a search is.
@@ -72,7 +72,12 @@ pub(super) enum Coordinate {
 impl Candidate {
     /// An effect whose frames, if it has any, may lie anywhere.
     pub fn new(kind: &'static Kind, values: Vec<f64>) -> Self {
-        Self { kind, values, phases: Vec::new(), rate_std: f64::INFINITY }
+        Self { kind, values, phases: Vec::new(), profiled_std: f64::INFINITY }
+    }
+
+    /// Whether the response depends in jumps on its single value.
+    pub fn jumps(&self) -> bool {
+        Self::searched(self.kind).any(|(_, parameter)| parameter.pieces > GRID)
     }
 
     /// Whether it has frames.
@@ -257,8 +262,9 @@ impl Hypothesis {
         }
         all.push(Coordinate::Late);
         for (effect, candidate) in self.effects.iter().enumerate() {
-            // With known phases the rate of frames is, too: hundreds of frames have to stay where they are.
-            if candidate.phases.is_empty() {
+            // With known phases the rate of frames is, too: hundreds of frames have to stay where they are. And derivatives say
+            // nothing of what the response depends on in jumps.
+            if candidate.phases.is_empty() && !candidate.jumps() {
                 all.extend(Candidate::searched(candidate.kind).map(|(value, _)| Coordinate::Effect { effect, value }));
             }
         }
@@ -367,10 +373,16 @@ impl Hypothesis {
         if !self.drifts() {
             return Ok(response);
         }
-        // What changes with time changes the steady response too, of which only the mean was measured.
+        // What changes with time changes the steady response too, of which only the mean was measured. The response moves in
+        // proportion to the steady one, so two of them tell for which the mean is right.
         let mean = |values: &[f64]| values[..rows].iter().sum::<f64>() / rows as f64;
-        let moved = mean(&trial.measured) - mean(&response);
-        self.simulate_around(trials, trial, rows, steady + moved)
+        let off = mean(&trial.measured) - mean(&response);
+        let moved = self.simulate_around(trials, trial, rows, steady + off)?;
+        let rise = mean(&moved) - mean(&response);
+        if rise == 0.0 {
+            return Ok(response);
+        }
+        Ok(response.iter().zip(&moved).map(|(response, moved)| response + (moved - response) * (off / rise)).collect())
     }
 
     /// The speed and the voltage over a record, where it has columns to compare them with; the rest stays empty. `None` for values
