@@ -334,10 +334,7 @@ fn usual_lag(found: &[(f64, Lag)]) -> Option<Lag> {
 }
 
 /// The values of an effect with their standard errors.
-fn estimates(
-    fit: &fit::Fit,
-    effect: usize,
-) -> Vec<(&'static crate::plant::effect::Parameter, Estimate)> {
+fn estimates(fit: &fit::Fit, effect: usize) -> Vec<(&'static crate::plant::effect::Parameter, Estimate)> {
     let candidate = &fit.hypothesis.effects[effect];
     let searched = Candidate::searched(candidate.kind);
     let estimate = |(value, parameter): (usize, &'static crate::plant::effect::Parameter)| {
