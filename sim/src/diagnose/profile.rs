@@ -195,7 +195,9 @@ mod tests {
             let misfit = |at: f64| Some(7000.0 + ((at - 1.0) / std).powi(2));
             let profile = Profile::draw(1.0 + 0.3 * std, misfit).unwrap();
             assert!((profile.best().0 - 1.0).abs() < 0.3 * std);
-            assert!((profile.std().unwrap() / std - 1.0).abs() < 0.1, "{:?} for {std}", profile.std());
+            assert!((profile.spread().unwrap() / std - 1.0).abs() < 0.1, "{:?} for {std}", profile.spread());
+            // A walk that rises as far as the parabola is a quarter less sure.
+            assert!((profile.std().unwrap() / std - 1.25).abs() < 0.1, "{:?} for {std}", profile.std());
         }
     }
 
