@@ -10,6 +10,19 @@
 //! ```
 //!
 //! which is the curvature's standard error where `S` is a parabola.
+//!
+//! Where the steps are many and small, few points of the profile see all of them. Each command that changes sides adds its own part
+//! `d` to the mean of `S`, and a random one of the variance `4 d` by the noise: on either side `S` is a random walk upward. With `u` the
+//! mean of `S`, the place of the least is that of the largest of `W(u) - |u| / 2`, `W` a Wiener process on both sides, whose variance
+//! is 26 (Yao, Approximating the distribution of the maximum likelihood estimate of the change-point, Annals of Statistics 15,
+//! 1987). Seen from its least, which it does not go below, `S` first rises by `c` where `u` is `c - 4` on average: the mean time
+//! that a walk of drift 1 and variance 4 takes that is conditioned to stay above 0, `c coth(c / 4) - 4`. So
+//!
+//! ```text
+//! std = sqrt(26) / (c - 4) (x_c(right) + x_c(left)) / 2
+//! ```
+//!
+//! with `x_c` how far that is. For `c = 24` a parabola gives 1.25 of the curvature's standard error. The larger of the two counts.
 
 use super::fit::{Fit, MOST_STEPS, Tangent, fit_of};
 use super::frames;
@@ -27,6 +40,10 @@ const IN_A_ROW: usize = 3;
 const FILLED: usize = 120;
 /// The ends of a profile lie below this part of its top, or it says nothing.
 const OPEN: f64 = 0.1;
+/// Variance of the place where `W(u) - |u| / 2` is largest, and how much sooner than on average a walk has risen that is seen from
+/// its least.
+const YAO: f64 = 26.0;
+const SOONER: f64 = 4.0;
 
 /// The misfit along one coordinate.
 struct Profile {
@@ -80,8 +97,35 @@ impl Profile {
         intervals.max_by(|a, b| holds(a).total_cmp(&holds(b))).unwrap_or_default()
     }
 
-    /// Root of the mean square distance from the best. `None` where the profile has not come down at its ends.
+    /// How well the best is known. `None` where the profile has not come down at its ends.
     fn std(&self) -> Option<f64> {
+        Some(self.spread()?.max(self.by_rise()?))
+    }
+
+    /// By how far the misfit has to go to rise by [`LOST`].
+    fn by_rise(&self) -> Option<f64> {
+        let (best, least) = self.best();
+        let place = self.points.iter().position(|point| point.0 == best)?;
+        let rise = |points: &mut dyn Iterator<Item = &(f64, f64)>| {
+            let mut before = (best, least);
+            for point in points {
+                if point.1 > least + LOST {
+                    let part = (least + LOST - before.1) / (point.1 - before.1);
+                    return Some((before.0 + part * (point.0 - before.0) - best).abs());
+                }
+                before = *point;
+            }
+            None
+        };
+        let right = rise(&mut self.points[place..].iter());
+        let left = rise(&mut self.points[..place].iter().rev());
+        // Where one side does not rise so far, the other one says it.
+        let sides: Vec<f64> = [left, right].into_iter().flatten().collect();
+        (!sides.is_empty()).then(|| YAO.sqrt() / (LOST - SOONER) * sides.iter().sum::<f64>() / sides.len() as f64)
+    }
+
+    /// Root of the mean square distance from the best. `None` where the profile has not come down at its ends.
+    fn spread(&self) -> Option<f64> {
         let best = self.best().0;
         if [*self.points.first()?, *self.points.last()?].into_iter().any(|end| self.likelihood(end) > OPEN) {
             return None;
@@ -151,7 +195,9 @@ mod tests {
             let misfit = |at: f64| Some(7000.0 + ((at - 1.0) / std).powi(2));
             let profile = Profile::draw(1.0 + 0.3 * std, misfit).unwrap();
             assert!((profile.best().0 - 1.0).abs() < 0.3 * std);
-            assert!((profile.std().unwrap() / std - 1.0).abs() < 0.1, "{:?} for {std}", profile.std());
+            assert!((profile.spread().unwrap() / std - 1.0).abs() < 0.1, "{:?} for {std}", profile.spread());
+            // A walk that rises as far as the parabola is a quarter less sure.
+            assert!((profile.std().unwrap() / std - 1.25).abs() < 0.1, "{:?} for {std}", profile.std());
         }
     }
 
@@ -165,8 +211,8 @@ mod tests {
         let profile = Profile {
             points: (-200..=1200).map(|k| f64::from(k) * 1e-6).map(|at| (at, misfit(at).unwrap())).collect(),
         };
-        let std = profile.std().unwrap();
-        assert!((std / (0.5e-6_f64).sqrt() - 1.0).abs() < 0.01, "{std}");
+        let spread = profile.spread().unwrap();
+        assert!((spread / (0.5e-6_f64).sqrt() - 1.0).abs() < 0.01, "{spread}");
     }
 
     #[test]
