@@ -11,6 +11,8 @@
 //!
 //! over the size of the step, since a model of the motion is off in proportion to it. Levels say what the static map is, the rest
 //! says how the motor moves, and neither stands in the other's way. What moves counts as [`PER_STEP`] independent numbers a step.
+//! Where the plateau before a step is held out and the one after it is fitted, the row on which the command changes stands for the
+//! former: it belongs to the latter, and the response is still on the level before.
 //!
 //! How large both errors are is not known beforehand, and is estimated from what is left. With variances that are estimated minus
 //! twice the greatest log likelihood is `n log(mean square)`, summed up over both, but for a constant (Seber & Wild, Nonlinear
@@ -51,9 +53,22 @@ pub(in crate::diagnose) struct Part {
     pub moving: Vec<(usize, f64)>,
     /// Size of the step that leads there, as measured.
     pub size: f64,
+    /// Whether `before` is the row at the change alone: the plateau before is kept for something else.
+    pub enters: bool,
 }
 
 impl Part {
+    /// As one whose plateau before is kept out: on the row on which the command changes, which is `first`, the response is still
+    /// on the level before, and that row says by how much that is off.
+    pub fn entered(self, first: usize) -> Self {
+        let is_step = !self.settled.is_empty() && !self.before.is_empty();
+        if is_step && self.moving.first().is_some_and(|(row, _)| *row == first) {
+            Self { before: vec![first], enters: true, ..self }
+        } else {
+            self
+        }
+    }
+
     /// How far a response goes.
     pub fn step_of(&self, response: &[f64]) -> f64 {
         (mean(response, &self.settled) - mean(response, &self.before)).abs()
@@ -97,13 +112,16 @@ impl Filter {
 
     /// All that is compared of values at each row of a record, over the standard deviations.
     pub fn apply(&self, values: &[f64]) -> Vec<f64> {
-        let count = self.parts.iter().map(|part| 1 + part.moving.len()).sum();
+        let count = self.parts.iter().map(|part| 2 + part.moving.len()).sum();
         let mut all = Vec::with_capacity(count);
         for part in &self.parts {
             let level = mean(values, &part.settled);
             let before = mean(values, &part.before);
             if !part.settled.is_empty() {
                 all.push(level / self.errors.level);
+            }
+            if part.enters {
+                all.push(before / self.errors.level);
             }
             let scale = (part.independent() / part.moving.len() as f64).sqrt() / (self.errors.moving * part.size);
             all.extend(
@@ -119,8 +137,8 @@ impl Filter {
         let mut white = unit.apply(values).into_iter();
         let (mut level, mut moving) = ((0.0, 0.0), (0.0, 0.0));
         for part in &self.parts {
-            if !part.settled.is_empty() {
-                level = (level.0 + 1.0, level.1 + white.next().map_or(0.0, |left| left * left));
+            for left in white.by_ref().take(usize::from(!part.settled.is_empty()) + usize::from(part.enters)) {
+                level = (level.0 + 1.0, level.1 + left * left);
             }
             let squares: f64 = white.by_ref().take(part.moving.len()).map(|left| left * left).sum();
             moving = (moving.0 + part.independent(), moving.1 + squares);
@@ -187,7 +205,8 @@ mod tests {
     /// Two plateaus of ten rows, and the way between them in five.
     fn filter() -> Filter {
         let moving = (10..15).map(|row| (row, 0.0)).collect();
-        let mut part = Part { settled: (15..20).collect(), before: (0..10).collect(), moving, size: 1.0 };
+        let mut part =
+            Part { settled: (15..20).collect(), before: (0..10).collect(), moving, size: 1.0, enters: false };
         let simulated: Vec<f64> = (0..20).map(|row| f64::from((row - 9).clamp(0, 5)) * 0.2).collect();
         part.follow(&simulated);
         Filter::new(Errors { level: 0.5, moving: 1.0 }, std::iter::once(part), true)
@@ -200,6 +219,21 @@ mod tests {
         assert_eq!(white.len(), 6);
         assert!((white[0] - 0.3 / 0.5).abs() < 1e-12, "{white:?}");
         assert!(white[1..].iter().all(|left| left.abs() < 1e-12), "{white:?}");
+    }
+
+    #[test]
+    fn where_the_plateau_before_is_kept_out_its_level_is_that_of_the_row_at_the_change() {
+        let Filter { parts, errors } = filter();
+        let part = parts[0].clone().entered(10);
+        assert!(part.enters && !parts[0].clone().entered(9).enters);
+        let entered = Filter::new(errors, std::iter::once(part), true);
+        // Whatever the rows before say.
+        let mut off = vec![0.3; 20];
+        off[..10].fill(f64::NAN);
+        let white = entered.apply(&off);
+        assert!((white[0] - 0.6).abs() < 1e-12 && (white[1] - 0.6).abs() < 1e-12 && white.len() == 7, "{white:?}");
+        assert!(white[2..].iter().all(|left| left.abs() < 1e-12), "{white:?}");
+        assert!((entered.errors_of(&off).level - 0.3).abs() < 1e-12);
     }
 
     #[test]

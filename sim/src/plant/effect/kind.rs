@@ -27,6 +27,8 @@ pub struct Kind {
     pub sources: &'static [&'static str],
     /// What [`Kind::response`] means.
     pub linearity: Linearity,
+    /// Which records it shows in.
+    pub shows: Shows,
     /// Refuses values that do not go together, each in its own range; gives the parameter that is wrong and why.
     pub check: fn(&[f64]) -> Checked,
     /// The link of the chain. [`Part::Nothing`] for null values, so that these change no digit.
@@ -73,6 +75,23 @@ pub enum Linearity {
     SmallSignal,
     /// It has none that the amplitude or time would not change.
     Absent,
+}
+
+/// Which records a kind shows in, if its values are large enough. In others it is not looked for: there it would be the name of
+/// whatever else is the matter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shows {
+    /// All that excite it.
+    Anywhere,
+    /// Not those of a command that goes from one settled level to the next in steps larger than the effect. These only settle
+    /// somewhat elsewhere, for which there are many reasons, or somewhat later, which is a delay.
+    BetweenLevels,
+    /// Those of the force on a stand, and not of the speed.
+    InForce,
+    /// Those in which command and response have each its own clock. The rows of a log that does not repeat are stamped by one.
+    BetweenClocks,
+    /// Those that go through levels of many loads. Around one level another kind looks the same.
+    OverLevels,
 }
 
 /// One parameter of a kind.
