@@ -54,10 +54,16 @@ impl Trial {
     }
 }
 
-/// Whether a kind is about settled levels alone. It is what an engineer looks at first, as levels are soon read off: a map that is
-/// off passes for whatever else moves levels, and each of these has to be worth something beside it.
-fn is_static(kind: &Kind) -> bool {
-    kind.site == Site::Map
+/// How dull an explanation a kind is, the dullest first: a map that is not straight, as levels are soon read off, and a response that
+/// is late as a whole, as a logger's may well be. Both pass for whatever else moves levels or slows the motor, so they come first
+/// where they are worth it, and each of the others has to be worth something beside them. They are dropped where one makes them
+/// redundant.
+fn dullness(kind: &Kind) -> usize {
+    match kind.site {
+        Site::Map => 0,
+        Site::Line => 1,
+        _ => 2,
+    }
 }
 
 /// A kind that was added, with those that would have done as well.
@@ -132,9 +138,8 @@ impl Search<'_> {
             };
             let tried: Vec<&Tried> = tried.iter().filter(is_one).collect();
             let is_worth_it = |tried: &&&Tried| tried.worth() >= LEAST_WORTH;
-            let is_static = |tried: &&&Tried| is_static(tried.kind);
-            let best = tried.iter().filter(is_worth_it).find(is_static).or(tried.first().filter(is_worth_it));
-            let Some(best) = best else { break };
+            // The first of those that are as dull is worth most.
+            let Some(best) = tried.iter().filter(is_worth_it).min_by_key(|tried| dullness(tried.kind)) else { break };
             let is_alike = |other: &&&Tried| other.kind != best.kind && (best.worth() - other.worth()).abs() < ALIKE;
             let alternatives = tried.iter().filter(is_alike).map(|other| other.kind).collect();
             named.push(Named { kind: best.kind, alternatives });
@@ -163,7 +168,7 @@ impl Search<'_> {
         }
         followed.sort_by(|a, b| a.0.surprise.total_cmp(&b.0.surprise));
         let folds = Folds::of(&before.trials, from);
-        let promising = |(place, (_, kind)): &(usize, (Judged, &Kind))| *place < MOST_FINISHED || is_static(kind);
+        let promising = |(place, (_, kind)): &(usize, (Judged, &Kind))| *place < MOST_FINISHED || dullness(kind) < 2;
         let finished = followed.into_iter().enumerate().filter(promising).filter_map(|(_, (judged, kind))| {
             let judged = Judged::of(&judged.trials, &judged.fit, LAST_STEPS)?;
             (self.progress)();

@@ -27,7 +27,7 @@ pub struct Kind {
     pub sources: &'static [&'static str],
     /// What [`Kind::response`] means.
     pub linearity: Linearity,
-    /// Which records it shows in.
+    /// Which logs it shows in.
     pub shows: Shows,
     /// Refuses values that do not go together, each in its own range; gives the parameter that is wrong and why.
     pub check: fn(&[f64]) -> Checked,
@@ -77,8 +77,9 @@ pub enum Linearity {
     Absent,
 }
 
-/// Which records a kind shows in, if its values are large enough. In others it is not looked for: there it would be the name of
-/// whatever else is the matter.
+/// Which records a kind shows in, if its values are large enough. Staircases and other logs that do not repeat show less than periods
+/// around one command, and more. Where a kind does not show it is not looked for: it would be the name of whatever else is the
+/// matter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shows {
     /// All that excite it.
@@ -86,11 +87,11 @@ pub enum Shows {
     /// Not those of a command that goes from one settled level to the next in steps larger than the effect. These only settle
     /// somewhat elsewhere, for which there are many reasons, or somewhat later, which is a delay.
     BetweenLevels,
-    /// Those of the force on a stand, and not of the speed.
+    /// Not logs of the speed: it is in the force on the stand.
     InForce,
-    /// Those in which command and response have each its own clock. The rows of a log that does not repeat are stamped by one.
+    /// Not logs that do not repeat: it takes two clocks, and one stamps their rows.
     BetweenClocks,
-    /// Those that go through levels of many loads. Around one level another kind looks the same.
+    /// Logs that go through levels of many loads alone. Around one level another kind looks the same.
     OverLevels,
 }
 
