@@ -79,7 +79,7 @@ fn check((found, laws): &(Diagnosis, LawComparison), names: &[&str], least_perce
 #[test]
 fn rcbenchmark_log() {
     let Some(found) = diagnosed("Log_2019-11-09_181347.csv") else { return };
-    check(&found, &["quadratic_thrust", "transport_delay", "supply_sag", "winding_heating"], 97.0, &[]);
+    check(&found, &["quadratic_thrust", "supply_sag", "transport_delay"], 95.5, &[]);
     let found = found.0;
     // The erratic start, the stop, and the probe's spikes.
     assert_eq!((found.cut[0].start, found.cut[0].end, found.cut[0].spikes), (2018, 1108, 26));
@@ -93,7 +93,7 @@ fn esc32_log_f60() {
     check(&found, &["quadratic_thrust", "winding_heating"], 95.5, &[]);
 }
 
-/// On even to odd levels a quarter of a percent of what is not explained is left over either way: a tie.
+/// From even to odd levels it is a tie: 97.25 % against 97.27 %.
 #[test]
 fn esc32_log_f40() {
     let Some(found) = diagnosed("f40_steps_5-2.csv") else { return };

@@ -137,7 +137,7 @@ impl Search<'_> {
                 hypothesis.effects[last].is_plausible() && tried.fit.excludes_absence(last)
             };
             let tried: Vec<&Tried> = tried.iter().filter(is_one).collect();
-            let is_worth_it = |tried: &&&Tried| tried.worth() >= LEAST_WORTH;
+            let is_worth_it = |tried: &&&Tried| is_worth_it(tried);
             // The first of those that are as dull is worth most.
             let Some(best) = tried.iter().filter(is_worth_it).min_by_key(|tried| dullness(tried.kind)) else { break };
             let is_alike = |other: &&&Tried| other.kind != best.kind && (best.worth() - other.worth()).abs() < ALIKE;
@@ -191,23 +191,23 @@ impl Search<'_> {
         let mut redundant = Vec::new();
         loop {
             let now = self.judged(&current)?;
-            let mut found: Vec<Found> = Vec::new();
+            let (mut found, mut told) = (Vec::new(), Vec::new());
             for (effect, candidate) in current.hypothesis.effects.iter().enumerate() {
                 let rest = fit_in(&self.trials, &current.hypothesis.without(effect), true, LAST_STEPS)?;
                 let rest = Judged::of(&self.trials, &rest, FIRST_STEPS)?;
                 let folds = Folds::of(&rest.trials, &rest.fit);
                 let with = Judged { trials: now.trials.clone(), fit: now.fit.clone(), ..now };
-                let worth = tried(&rest, &folds, with, candidate.kind).worth();
+                let tried = tried(&rest, &folds, with, candidate.kind);
                 let named = named.iter().find(|named| named.kind == candidate.kind);
                 let is_free = |kind: &&Kind| current.hypothesis.effects.iter().all(|effect| effect.kind != *kind);
                 let alternatives = named.map_or_else(Vec::new, |named| {
                     named.alternatives.iter().filter(|kind| is_free(kind)).copied().collect()
                 });
-                found.push(Found { kind: candidate.kind, worth, alternatives });
+                found.push(Found { kind: candidate.kind, worth: tried.worth(), alternatives });
+                told.push(is_worth_it(&tried) && current.excludes_absence(effect));
                 (self.progress)();
             }
-            let is_told = |effect: usize| current.excludes_absence(effect) && found[effect].worth >= LEAST_WORTH;
-            let untold = (0..found.len()).filter(|effect| !is_told(*effect));
+            let untold = (0..found.len()).filter(|effect| !told[*effect]);
             let Some(least) = untold.min_by(|a, b| found[*a].worth.total_cmp(&found[*b].worth)) else {
                 return Some((current, found, redundant));
             };
@@ -215,6 +215,11 @@ impl Search<'_> {
             current = self.settle(&current.hypothesis.without(least), true)?;
         }
     }
+}
+
+/// Whether an effect is worth a name, and what was held out bears it out.
+fn is_worth_it(tried: &Tried) -> bool {
+    tried.worth() >= LEAST_WORTH && tried.held_out_gain >= 0.0
 }
 
 /// What the last effect of a judged explanation is worth.
