@@ -212,7 +212,7 @@ fn log(
             before: before.unwrap_or_default(),
             moving: moving.into_iter().map(|row| (row, 0.0)).collect(),
             size: 1.0,
-            enters: false,
+            enters: None,
         }
     };
     let mut parts: Vec<Part> = groups.iter().enumerate().map(parts).collect();

@@ -53,20 +53,17 @@ pub(in crate::diagnose) struct Part {
     pub moving: Vec<(usize, f64)>,
     /// Size of the step that leads there, as measured.
     pub size: f64,
-    /// Whether `before` is the row at the change alone: the plateau before is kept for something else.
-    pub enters: bool,
+    /// The row on which the command changes, and the standard deviation of its noise, where it stands for the level before.
+    pub enters: Option<(usize, f64)>,
 }
 
 impl Part {
-    /// As one whose plateau before is kept out: on the row on which the command changes, which is `first`, the response is still
+    /// As one whose plateau before is held out: on the row on which the command changes, which is `first`, the response is still
     /// on the level before, and that row says by how much that is off.
-    pub fn entered(self, first: usize) -> Self {
+    pub fn entered(self, first: usize, noise: f64) -> Self {
         let is_step = !self.settled.is_empty() && !self.before.is_empty();
-        if is_step && self.moving.first().is_some_and(|(row, _)| *row == first) {
-            Self { before: vec![first], enters: true, ..self }
-        } else {
-            self
-        }
+        let is_kept = self.moving.first().is_some_and(|(row, _)| *row == first);
+        Self { enters: (is_step && is_kept).then_some((first, noise)), ..self }
     }
 
     /// How far a response goes.
@@ -120,8 +117,8 @@ impl Filter {
             if !part.settled.is_empty() {
                 all.push(level / self.errors.level);
             }
-            if part.enters {
-                all.push(before / self.errors.level);
+            if let Some((row, noise)) = part.enters {
+                all.push(values[row] / self.errors.level.hypot(noise));
             }
             let scale = (part.independent() / part.moving.len() as f64).sqrt() / (self.errors.moving * part.size);
             all.extend(
@@ -137,9 +134,11 @@ impl Filter {
         let mut white = unit.apply(values).into_iter();
         let (mut level, mut moving) = ((0.0, 0.0), (0.0, 0.0));
         for part in &self.parts {
-            for left in white.by_ref().take(usize::from(!part.settled.is_empty()) + usize::from(part.enters)) {
-                level = (level.0 + 1.0, level.1 + left * left);
+            if !part.settled.is_empty() {
+                level = (level.0 + 1.0, level.1 + white.next().map_or(0.0, |left| left * left));
             }
+            // A row is off by its noise, too, and says little of how far levels are off.
+            let _ = part.enters.and_then(|_| white.next());
             let squares: f64 = white.by_ref().take(part.moving.len()).map(|left| left * left).sum();
             moving = (moving.0 + part.independent(), moving.1 + squares);
         }
@@ -205,8 +204,7 @@ mod tests {
     /// Two plateaus of ten rows, and the way between them in five.
     fn filter() -> Filter {
         let moving = (10..15).map(|row| (row, 0.0)).collect();
-        let mut part =
-            Part { settled: (15..20).collect(), before: (0..10).collect(), moving, size: 1.0, enters: false };
+        let mut part = Part { settled: (15..20).collect(), before: (0..10).collect(), moving, size: 1.0, enters: None };
         let simulated: Vec<f64> = (0..20).map(|row| f64::from((row - 9).clamp(0, 5)) * 0.2).collect();
         part.follow(&simulated);
         Filter::new(Errors { level: 0.5, moving: 1.0 }, std::iter::once(part), true)
@@ -222,17 +220,16 @@ mod tests {
     }
 
     #[test]
-    fn where_the_plateau_before_is_kept_out_its_level_is_that_of_the_row_at_the_change() {
+    fn where_the_plateau_before_is_held_out_the_row_at_the_change_stands_for_its_level() {
         let Filter { parts, errors } = filter();
-        let part = parts[0].clone().entered(10);
-        assert!(part.enters && !parts[0].clone().entered(9).enters);
+        let part = parts[0].clone().entered(10, 1.2);
+        assert!(parts[0].clone().entered(9, 1.2).enters.is_none());
         let entered = Filter::new(errors, std::iter::once(part), true);
-        // Whatever the rows before say.
         let mut off = vec![0.3; 20];
-        off[..10].fill(f64::NAN);
+        off[10] = 2.6;
         let white = entered.apply(&off);
-        assert!((white[0] - 0.6).abs() < 1e-12 && (white[1] - 0.6).abs() < 1e-12 && white.len() == 7, "{white:?}");
-        assert!(white[2..].iter().all(|left| left.abs() < 1e-12), "{white:?}");
+        // Over the error of a level and the noise of a row: the root of 0.25 + 1.44.
+        assert!((white[0] - 0.6).abs() < 1e-12 && (white[1] - 2.0).abs() < 1e-12 && white.len() == 7, "{white:?}");
         assert!((entered.errors_of(&off).level - 0.3).abs() < 1e-12);
     }
 

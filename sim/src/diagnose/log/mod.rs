@@ -114,7 +114,8 @@ impl Log {
         let part = |(place, (group, part)): (usize, (&Group, &Part))| {
             let is_kept_out = |before: usize| self.groups[before].purpose == Purpose::HeldOut;
             let enters = purpose == Purpose::Fit && place.checked_sub(1).is_some_and(is_kept_out);
-            if enters { part.clone().entered(group.rows.start) } else { part.clone() }
+            // The noise is that of the response.
+            if enters && relative { part.clone().entered(group.rows.start, group.noise) } else { part.clone() }
         };
         Filter::new(errors, parts.map(part), relative)
     }
