@@ -6,6 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, StandardNormal};
 use rotorlead_sim::diagnose::{Axis, Column, DiagnoseError, Diagnosis, Options, Verdict, diagnose};
 use rotorlead_sim::identify::IdentifyError;
+use rotorlead_sim::plant::effect::Kind;
 use rotorlead_sim::plant::{
     Actuator, Catalog, Drive, Effect, EscTiming, Lag, Law, Model, Point, Start, StaticMap, Trace, simulate,
 };
@@ -139,7 +140,7 @@ fn check_named(kind: &str, parameters: &[(&str, f64)]) {
     assert_eq!(found.effects.len(), 1, "{kind}: {:?}", found.effects);
     let effect = &found.effects[0];
     assert!(effect.kind.id == kind || effect.alternatives.iter().any(|other| other.id == kind), "{kind}: {effect:?}");
-    assert!(found.gap.after < 1.1 * found.gap.noise_floor, "{kind}: {:?}", found.gap);
+    assert!(found.gap.after < 1.1 * found.gap.noise_floor, "{kind}: {:?} {:?}", found.gap, found.splits);
     for split in &found.splits {
         assert!(split.gap.after < split.gap.before, "{kind}: {split:?}");
     }
@@ -193,8 +194,20 @@ fn the_voltage_tells_a_sag_of_the_supply() {
 #[test]
 fn windings_that_heat_are_named_and_the_voltage_tells_them_from_a_sag() {
     let heating = [("heat_drop", 0.02), ("heat_s", 1.5)];
-    check_named("winding_heating", &heating);
+    let is_it = |kind: &Kind| kind.id == "winding_heating";
+    let alone = diagnosed(&motor(&[("winding_heating", &heating)]), 5, &[]);
+    assert_eq!((alone.verdict, alone.effects.len()), (Verdict::Named, 1), "{:?}", alone.effects);
+    let named = &alone.effects[0];
+    assert!(is_it(named.kind) || named.alternatives.iter().any(|kind| is_it(kind)), "{named:?}");
     let found = diagnosed(&motor(&[("winding_heating", &heating)]), 9, &[Column::Voltage]);
+    for (parameter, estimate) in &found.effects[0].parameters {
+        let truth = heating.iter().find(|(name, _)| *name == parameter.name).unwrap().1;
+        assert!((estimate.value - truth).abs() < 4.0 * estimate.std, "{} {estimate:?}", parameter.name);
+    }
+    // Five levels that are reached from above say least of how long the heat takes.
+    for split in &found.splits {
+        assert!(split.gap.after < 0.5 * split.gap.before, "{split:?}");
+    }
     let kinds: Vec<&str> = found.effects.iter().map(|effect| effect.kind.id).collect();
     assert_eq!((found.verdict, &kinds[..]), (Verdict::Named, &["winding_heating"][..]), "{:?}", found.effects);
     assert!(found.effects[0].alternatives.is_empty(), "{:?}", found.effects);

@@ -212,6 +212,7 @@ fn log(
             before: before.unwrap_or_default(),
             moving: moving.into_iter().map(|row| (row, 0.0)).collect(),
             size: 1.0,
+            left: 0.0,
             enters: None,
         }
     };

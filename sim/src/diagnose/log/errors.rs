@@ -53,7 +53,9 @@ pub(in crate::diagnose) struct Part {
     pub moving: Vec<(usize, f64)>,
     /// Size of the step that leads there, as measured.
     pub size: f64,
-    /// The row on which the command changes, and the standard deviation of its noise, where it stands for the level before.
+    /// By how much the response may have left the level before on the row on which the command changes: a standard deviation.
+    pub left: f64,
+    /// That row, and its standard deviation, where it stands for the level before.
     pub enters: Option<(usize, f64)>,
 }
 
@@ -63,7 +65,7 @@ impl Part {
     pub fn entered(self, first: usize, noise: f64) -> Self {
         let is_step = !self.settled.is_empty() && !self.before.is_empty();
         let is_kept = self.moving.first().is_some_and(|(row, _)| *row == first);
-        Self { enters: (is_step && is_kept).then_some((first, noise)), ..self }
+        Self { enters: (is_step && is_kept).then_some((first, noise.hypot(self.left))), ..self }
     }
 
     /// How far a response goes.
@@ -183,11 +185,14 @@ pub(super) fn measure(parts: &mut [Part], time_s: &[f64], measured: &[f64]) {
         there.map(|(row, _)| since(part, *row))
     };
     let large = parts.iter().filter(is_step).filter(|part| part.step_of(measured) >= LEAST_SIZE * usual);
-    let moves_for_s = median(large.filter_map(most_of_the_way).collect()).map(|time_s| MOVES_FOR * time_s);
+    let rise_s = median(large.filter_map(most_of_the_way).collect()).filter(|time_s| *time_s > 0.0);
     for part in parts.iter_mut().filter(|part| is_step(&&**part)) {
         part.size = part.step_of(measured).max(LEAST_SIZE * usual);
-        let Some(moves_for_s) = moves_for_s.filter(|time_s| *time_s > 0.0) else { continue };
-        let moves = part.moving.iter().take_while(|(row, _)| since(part, *row) <= moves_for_s).count();
+        let Some(rise_s) = rise_s else { continue };
+        // Nobody knows where in its interval a row was taken: a uniform error of one row has this standard deviation.
+        let interval_s = part.moving.first().map_or(0.0, |(first, _)| time_s[*first] - time_s[first.saturating_sub(1)]);
+        part.left = part.step_of(measured) * (interval_s / 12_f64.sqrt() / rise_s).min(1.0);
+        let moves = part.moving.iter().take_while(|(row, _)| since(part, *row) <= MOVES_FOR * rise_s).count();
         part.moving.truncate(moves);
     }
 }
@@ -204,7 +209,8 @@ mod tests {
     /// Two plateaus of ten rows, and the way between them in five.
     fn filter() -> Filter {
         let moving = (10..15).map(|row| (row, 0.0)).collect();
-        let mut part = Part { settled: (15..20).collect(), before: (0..10).collect(), moving, size: 1.0, enters: None };
+        let mut part =
+            Part { settled: (15..20).collect(), before: (0..10).collect(), moving, size: 1.0, left: 0.0, enters: None };
         let simulated: Vec<f64> = (0..20).map(|row| f64::from((row - 9).clamp(0, 5)) * 0.2).collect();
         part.follow(&simulated);
         Filter::new(Errors { level: 0.5, moving: 1.0 }, std::iter::once(part), true)
