@@ -93,7 +93,7 @@ fn esc32_log_f60() {
     check(&found, &["quadratic_thrust", "winding_heating"], 95.5, &[]);
 }
 
-/// From even to odd levels it is a tie: 97.25 % against 97.27 %.
+/// From even to odd levels it is a tie: 97.23 % against 97.27 %.
 #[test]
 fn esc32_log_f40() {
     let Some(found) = diagnosed("f40_steps_5-2.csv") else { return };
