@@ -17,7 +17,7 @@ use super::trial::{Before, Purpose, Trial, Trials};
 use super::{frames, grid};
 use crate::identify::offset_and_start;
 use crate::plant::Catalog;
-use crate::plant::effect::Kind;
+use crate::plant::effect::{Kind, Shows};
 
 /// Most effects that are named.
 const MOST_EFFECTS: usize = 3;
@@ -200,7 +200,7 @@ impl Search<'_> {
         let Some(scan) = Scan::new(&self.trials, from) else { return Vec::new() };
         let kinds = self.catalog.kinds().filter(|kind| kind.id != "parameter_error" && !exclude.contains(kind));
         let mut screened: Vec<(f64, Hypothesis, &'static Kind)> = Vec::new();
-        for kind in kinds {
+        for kind in kinds.filter(|kind| kind.shows != Shows::OverLevels) {
             screened.extend(self.screen(&screening, &scan, from, kind));
             (self.progress)();
         }

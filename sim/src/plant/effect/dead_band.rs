@@ -1,6 +1,6 @@
 //! Small changes of the command are ignored.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
 use crate::plant::stage::{Levels, Memory};
 
 /// Keeps the last command until the new one differs from it by the width.
@@ -31,6 +31,7 @@ pub static KIND: Kind = Kind {
         "input filters of ESCs ignore jitter of some microseconds of pulse width: 0.002 to 0.01",
     ],
     linearity: Linearity::Absent,
+    shows: Shows::BetweenLevels,
     check: Kind::any,
     part: |values, _| match values[0] {
         0.0 => Part::Nothing,

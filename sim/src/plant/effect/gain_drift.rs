@@ -2,7 +2,7 @@
 
 use num_complex::Complex64;
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
 use crate::plant::filter::{FORGOTTEN, Mode};
 use crate::plant::{Interval, Memory, ResponseStage, RotorBase};
 
@@ -31,12 +31,18 @@ pub static KIND: Kind = Kind {
                          commands: drift keeps to the clock, sag to the command.",
         },
         Confusion {
+            with: "winding_heating",
+            experiment: "Hold a low level for long before and after a high one: drift keeps to the clock, heat comes with the load \
+                         and goes with it.",
+        },
+        Confusion {
             with: "parameter_error",
             experiment: "Compare the first and the last period: a wrong gain is wrong in both alike.",
         },
     ],
     sources: &["magnets and windings lose 3 to 15 % while they heat over 10 to 60 s; strain gauges drift alike"],
     linearity: Linearity::Absent,
+    shows: Shows::Anywhere,
     check: Kind::any,
     part: |values, base| match values[0] {
         0.0 => Part::Nothing,

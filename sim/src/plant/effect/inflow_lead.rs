@@ -2,7 +2,7 @@
 
 use num_complex::Complex64;
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
 use crate::plant::filter::{FORGOTTEN, Mode};
 use crate::plant::{Interval, Memory, ResponseStage};
 
@@ -49,6 +49,7 @@ pub static KIND: Kind = Kind {
         "Leishman, Principles of Helicopter Aerodynamics, ch. 10: dynamic inflow",
     ],
     linearity: Linearity::Exact,
+    shows: Shows::InForce,
     check: Kind::any,
     part: |values, _| match values[0] {
         1.0 => Part::Nothing,

@@ -2,7 +2,7 @@
 
 use num_complex::Complex64;
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
 use crate::plant::stage::{Levels, Memory};
 
 /// Clips the command, as a limit of current or power does.
@@ -40,6 +40,7 @@ pub static KIND: Kind = Kind {
         "current limits of hobby ESCs: 60 to 100 % of full throttle",
     ],
     linearity: Linearity::SmallSignal,
+    shows: Shows::Anywhere,
     check: |values| if values[1] < values[0] { Ok(()) } else { Err((1, "is not below `max`")) },
     part: |values, _| {
         let (max, min) = (values[0], values[1]);

@@ -1,6 +1,6 @@
 //! The command can change only so fast.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
 use crate::plant::{CommandStage, Memory, Segment};
 
 /// Follows the command at no more than a rate, the same up and down.
@@ -30,6 +30,7 @@ pub static KIND: Kind = Kind {
         "ramp settings of ESCs: 0.025 to 16 % per millisecond",
     ],
     linearity: Linearity::SmallSignal,
+    shows: Shows::Anywhere,
     check: Kind::any,
     part: |values, _| match values[0] {
         f64::INFINITY => Part::Nothing,

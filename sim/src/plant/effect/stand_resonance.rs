@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use num_complex::Complex64;
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
 use crate::plant::filter::{FORGOTTEN, Mode};
 use crate::plant::{Interval, Memory, ResponseStage};
 
@@ -42,6 +42,7 @@ pub static KIND: Kind = Kind {
         "thrust stands ring at 12 to 85 Hz with damping of 0.02 to 0.1",
     ],
     linearity: Linearity::Exact,
+    shows: Shows::InForce,
     check: Kind::any,
     part: |values, _| match values[0] {
         0.0 => Part::Nothing,

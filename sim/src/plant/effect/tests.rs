@@ -159,10 +159,10 @@ fn what_runs_before_a_record_is_forgotten_after_some_time_constants() {
 #[test]
 fn the_catalog_has_the_kinds_in_the_order_of_the_chain_and_every_kind_says_all() {
     let catalog = Catalog::standard();
-    assert_eq!(catalog.kinds().count(), 17);
+    assert_eq!(catalog.kinds().count(), 18);
     assert!(catalog.kinds().zip(catalog.kinds().skip(1)).all(|(a, b)| a.site <= b.site));
     let ids: HashSet<_> = catalog.kinds().map(|kind| kind.id).collect();
-    assert_eq!(ids.len(), 17);
+    assert_eq!(ids.len(), 18);
     for kind in catalog.kinds() {
         for text in [kind.title, kind.equation, kind.signature] {
             assert!(!text.is_empty(), "{kind:?}");
@@ -204,6 +204,8 @@ fn the_plausible_ranges_hold_the_typical_numbers() {
         ("inflow_lead", "lead_ratio", 1.3, 2.5),
         ("supply_sag", "polarization_drop", 0.05, 0.15),
         ("supply_sag", "polarization_s", 0.3, 3.0),
+        ("winding_heating", "heat_drop", 0.003, 0.03),
+        ("winding_heating", "heat_s", 2.0, 20.0),
         ("gain_drift", "drift", -0.15, 0.15),
         ("gain_drift", "time_s", 10.0, 60.0),
         ("stand_resonance", "frequency_hz", 12.0, 85.0),
@@ -278,6 +280,7 @@ fn small_signals_see_the_linearized_effect() {
     for (kind, values) in [
         (&supply_sag::KIND, vec![0.12, 0.8]),
         (&supply_sag::KIND, vec![0.05, 0.8, 0.1, 1.5]),
+        (&winding_heating::KIND, vec![0.03, 0.8]),
         (&operating_point_lag::KIND, vec![1.0]),
         (&quadratic_thrust::KIND, vec![4.0]),
         (&quadratic_thrust::KIND, vec![4.0, 1.0]),
@@ -435,6 +438,7 @@ static SQUARING: Kind = Kind {
     confusions: &[Confusion { with: "saturation", experiment: "turn the sensor" }],
     sources: &["none"],
     linearity: Linearity::SmallSignal,
+    shows: Shows::Anywhere,
     check: Kind::any,
     part: |values, _| if values[0] == 0.0 { Part::Nothing } else { Part::response(Squaring(values[0])) },
     response: Kind::unity,
@@ -464,9 +468,9 @@ impl ResponseStage for Squaring {
 }
 
 #[test]
-fn an_eighteenth_kind_is_one_static_and_one_line() {
+fn one_more_kind_is_one_static_and_one_line() {
     let catalog = Catalog::standard().with(&SQUARING);
-    assert_eq!((catalog.kinds().count(), catalog.kinds().last()), (18, Some(&SQUARING)));
+    assert_eq!((catalog.kinds().count(), catalog.kinds().last()), (19, Some(&SQUARING)));
     let mut one = model(&[(0.5, 10.0, 0.1, 0.0)]);
     one.effects =
         vec![active(&SQUARING, &[0.5]).to_effect(&[]), active(&transport_delay::KIND, &[0.01]).to_effect(&[])];
@@ -495,6 +499,7 @@ fn the_response_is_smooth_in_parameters_that_move_events() {
         (&second_pole::KIND, vec![0.006]),
         (&inflow_lead::KIND, vec![1.7, 0.007]),
         (&supply_sag::KIND, vec![0.1, 0.7]),
+        (&winding_heating::KIND, vec![0.02, 2.0]),
         (&operating_point_lag::KIND, vec![0.9]),
         (&asymmetric_lag::KIND, vec![1.5]),
         (&quadratic_thrust::KIND, vec![3.0]),
@@ -526,7 +531,7 @@ proptest! {
     fn the_response_is_finite_whatever_the_command(
         shares in prop::collection::vec(0.0..=1.0, 12),
         others in prop::collection::vec(0.0..=1.0, 12),
-        pick in 0_usize..17,
+        pick in 0_usize..18,
         seed in any::<u64>(),
     ) {
         let catalog = Catalog::standard();
