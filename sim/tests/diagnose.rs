@@ -104,7 +104,6 @@ fn a_given_lag_stays_where_the_records_do_not_improve_on_it() {
     assert_eq!(found.effects.iter().map(|effect| effect.kind.id).collect::<Vec<_>>(), ["transport_delay"]);
     for (improved, given) in found.model.points.iter().zip(&model.points) {
         assert_eq!((improved.gain, improved.time_constant_s), (given.gain, given.time_constant_s));
-        assert!(improved.gain_std.unwrap() > 0.0);
     }
 }
 

@@ -52,8 +52,15 @@ impl Chain<'_> {
     #[must_use]
     pub fn run(&self, means: &[f64]) -> Signals {
         let (rotor_n, voltage) = if self.setup.is_plain_rotor() { self.plain(means) } else { self.midpoint(means) };
-        let force_n = self.downstream(&rotor_n);
+        let force_n = self.downstream(rotor_n.clone());
         Signals { rotor_n, voltage, force_n }
+    }
+
+    /// The force alone.
+    #[must_use]
+    pub fn force(&self, means: &[f64]) -> Vec<f64> {
+        let (rotor_n, _) = if self.setup.is_plain_rotor() { self.plain(means) } else { self.midpoint(means) };
+        self.downstream(rotor_n)
     }
 
     /// The thrust that a command has in the end, at relative voltage 1 and without drift.
@@ -84,19 +91,23 @@ impl Chain<'_> {
         let rest_voltage = raw_voltage(rest_current, rest_current);
         let (slower, faster) = (setup.ratio.sqrt(), 1.0 / setup.ratio.sqrt());
         let lag = |thrust: f64, target: f64| {
-            let mut tau = point.time_constant_s * if target >= thrust { faster } else { slower };
-            if setup.exponent != 0.0 {
-                // A rotor that nearly stands does not become infinitely slow.
-                tau *= (point.speed(thrust) / point.nominal).max(0.1).powf(-setup.exponent);
-            }
-            tau
+            let tau = point.time_constant_s * if target >= thrust { faster } else { slower };
+            // A rotor that nearly stands does not become infinitely slow.
+            tau * (point.speed(thrust) / point.nominal).max(0.1).powf(-setup.exponent)
         };
         // The change is that of the first time constant.
         let reach = setup.drift_change / (1.0 - (-1.0_f64).exp());
         let drift = |time_s: f64| reach * (1.0 - (-time_s / setup.drift_time_s).exp());
         let drifts = setup.drift_change != 0.0;
-        let varies = setup.exponent != 0.0 || setup.ratio != 1.0;
-        let fixed = ((-step_s / 2.0 / point.time_constant_s).exp(), (-step_s / point.time_constant_s).exp());
+        // What stays of a deviation after half a step and a whole one, for a time constant.
+        let decays = |tau: f64| ((-step_s / 2.0 / tau).exp(), (-step_s / tau).exp());
+        let (rising, falling) = (decays(point.time_constant_s * faster), decays(point.time_constant_s * slower));
+        let decay = |thrust: f64, target: f64| {
+            if setup.exponent != 0.0 {
+                return decays(lag(thrust, target));
+            }
+            if target >= thrust { rising } else { falling }
+        };
         let (mut thrust, mut slow) = (point.rest_n, rest_current);
         let mut out = Vec::with_capacity(means.len() + 1);
         let mut voltage = Vec::with_capacity(if supplied { means.len() + 1 } else { 0 });
@@ -112,12 +123,10 @@ impl Chain<'_> {
                 gain * self.target_n(mean * ratio)
             };
             let first = target(thrust, slow);
-            let half_decay = if varies { (-step_s / 2.0 / lag(thrust, first)).exp() } else { fixed.0 };
-            let middle = first + (thrust - first) * half_decay;
+            let middle = first + (thrust - first) * decay(thrust, first).0;
             let middle_slow = if supplied { blend(current(thrust), slow, slow_half) } else { 0.0 };
             let second = target(middle, middle_slow);
-            let decay = if varies { (-step_s / lag(middle, second)).exp() } else { fixed.1 };
-            thrust = second + (thrust - second) * decay;
+            thrust = second + (thrust - second) * decay(middle, second).1;
             out.push(thrust);
             if supplied {
                 slow = blend(current(middle), slow, slow_half * slow_half);
@@ -127,9 +136,9 @@ impl Chain<'_> {
         (out, voltage)
     }
 
-    fn downstream(&self, rotor_n: &[f64]) -> Vec<f64> {
+    fn downstream(&self, rotor_n: Vec<f64>) -> Vec<f64> {
         let setup = self.setup;
-        let mut force = rotor_n.to_vec();
+        let mut force = rotor_n;
         let rest = self.point.rest_n;
         if setup.lag_s > 0.0 && setup.lead_s != setup.lag_s {
             let through = setup.lead_s / setup.lag_s;

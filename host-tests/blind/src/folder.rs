@@ -113,16 +113,21 @@ pub struct Paths {
     pub model: Option<PathBuf>,
 }
 
+/// What a case's files are called. The seed's number would give away the class: it is mixed (a round of SplitMix64).
+#[must_use]
+pub fn name(case: &Case) -> String {
+    let mut name = case.seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    name = (name ^ (name >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    name = (name ^ (name >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    format!("case_{:016x}", name ^ (name >> 31))
+}
+
 /// Writes the experiment of a case into a folder of its own under `root`, and its model if it has one.
 ///
 /// # Errors
 /// When a file cannot be written.
 pub fn write(case: &Case, columns: &[Columns], root: &Path) -> io::Result<Paths> {
-    // The seed's number would give away the class: it is mixed (a round of SplitMix64).
-    let mut name = case.seed.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    name = (name ^ (name >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    name = (name ^ (name >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    let experiment = root.join(format!("case_{:016x}", name ^ (name >> 31)));
+    let experiment = root.join(name(case));
     fs::create_dir_all(&experiment)?;
     fs::write(experiment.join("experiment.toml"), manifest(case))?;
     for (run, columns) in case.runs.iter().zip(columns) {
@@ -199,6 +204,7 @@ fn model_file(motor: &Motor) -> String {
 #[cfg(test)]
 mod tests {
     use super::super::case::Set;
+    use super::super::ceiling::Difference;
     use super::*;
 
     #[test]
@@ -222,7 +228,9 @@ mod tests {
     #[test]
     fn the_truth_survives_its_file() {
         let case = Case::draw(Set::Tune, Class::Pair, 0);
-        let ceiling = Ceiling { nothing: -12.5, rivals: vec![("backlash".to_owned(), -3.25)] };
+        let rivals = [("backlash", Difference::Fitted(-3.25)), ("dead_band", Difference::AtMost(-120.5))];
+        let rivals = rivals.map(|(name, difference)| (name.to_owned(), difference)).to_vec();
+        let ceiling = Ceiling { nothing: -12.5, rivals };
         let truth = Truth::of(&case, Some(ceiling));
         let again: Truth = serde_json::from_str(&serde_json::to_string(&truth).unwrap()).unwrap();
         assert_eq!(again, truth);

@@ -9,7 +9,7 @@
 //!   late, and the logger reads up to 20 us early or late; as both are as often early as late, they are no delay.
 //! - A **folder** ([`folder`]) has what the tool reads. File names and the order of records are random, and the truth is
 //!   in another folder.
-//! - The **ceiling** ([`ceiling`], [`fit`], [`whiten`], [`solve`]) says what can be told of a case at all.
+//! - The **ceiling** ([`ceiling`], [`fit`], [`likelihood`], [`whiten`], [`solve`]) says what can be told of a case at all.
 //! - The **score** ([`diagnosis`], [`score`], [`tally`], [`report`], [`run`]) compares answers with truths.
 //!
 //! Seeds: a case's seed is made of its set (`tune` for making the method, `report` for publishing), its class and its
@@ -28,9 +28,11 @@ pub mod fit;
 pub mod folder;
 pub mod kind;
 pub mod lag;
+pub mod likelihood;
 pub mod motor;
 pub mod noise;
 pub mod outside;
+mod parameters;
 pub mod path;
 pub mod report;
 pub mod run;

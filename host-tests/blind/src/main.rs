@@ -16,13 +16,14 @@ Usage: blind [--tool PROGRAM | --only-ceilings] [--set tune|report] [--kinds A,B
              [--rivals none|family|all] [--page FILE]
 
   --tool PROGRAM    the program to judge
-  --only-ceilings   judges no program, but prints the log likelihoods of all rivals less that of the truth
+  --only-ceilings   judges no program, but prints the log likelihoods of all rivals less that of the truth; with a `<`
+                    those that a few records bound far from it
   --set SET         tune (default) or report
   --kinds A,B       only these kinds; also `nothing`, `pair`, `outside`
   --seeds N         cases of each kind, 10 by default; four times as many with nothing hidden, twice as many outside the
                     catalog, three times as many pairs
   --jobs N          cases at a time, 2 by default
-  --keep DIR        leaves experiments, truths and answers there
+  --keep DIR        leaves experiments, truths and answers there; what the same program has answered before is not asked again
   --rivals WHICH    what an effect must be told from: those known to be confused with it (default), all, or
                     none: then what can be told at all stays unknown
   --page FILE       writes the page there when the whole report set was run with 10 seeds or more, against all rivals
@@ -158,7 +159,7 @@ fn print_ceilings(scored: &[Scored]) {
                 hidden.parameters.iter().map(|(name, value)| format!("{}.{name} {value:.4}", hidden.kind))
             })
             .collect();
-        let rivals: Vec<String> = ceiling.rivals.iter().map(|(name, off)| format!("{name} {off:.1}")).collect();
+        let rivals: Vec<String> = ceiling.rivals.iter().map(|(name, off)| format!("{name} {off}")).collect();
         let word = match (case.truth.is_invisible(), ceiling.is_told()) {
             (true, _) => "does not show",
             (false, true) => "told",

@@ -72,7 +72,8 @@ pub fn pieces(commands: &[f64], nominal: f64, setup: &Setup, timing: &Timing) ->
 
 /// The first piece is the rest before time zero.
 fn slewed(values: &[f64], rest: f64, slope_per_s: f64, times_s: &[f64]) -> Vec<Piece> {
-    let mut pieces = vec![Piece { start_s: f64::NEG_INFINITY, value: rest, slope_per_s: 0.0 }];
+    let mut pieces = Vec::with_capacity(values.len() + 1);
+    pieces.push(Piece { start_s: f64::NEG_INFINITY, value: rest, slope_per_s: 0.0 });
     let mut now = rest;
     for (index, (value, start_s)) in values.iter().zip(times_s).enumerate() {
         let until_s = times_s.get(index + 1).copied().unwrap_or(f64::INFINITY);

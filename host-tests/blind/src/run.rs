@@ -17,7 +17,7 @@ use super::score::Scored;
 /// How long the tool may take over a case before it counts as no answer.
 const LIMIT: Duration = Duration::from_secs(300);
 /// Goes up when the fits change, so that no stale ceiling is believed.
-const CEILING_VERSION: u32 = 2;
+const CEILING_VERSION: u32 = 3;
 
 /// What to run.
 #[derive(Clone, Debug)]
@@ -34,7 +34,7 @@ pub struct Plan {
     pub tool: Option<PathBuf>,
     /// Where folders and truths are written; they stay there if `keep`.
     pub folder: PathBuf,
-    /// Whether the experiments' folders stay.
+    /// Whether the experiments' folders stay. Then answers that are there are not asked for again.
     pub keep: bool,
     /// Where ceilings are kept from run to run.
     pub cache: PathBuf,
@@ -56,8 +56,10 @@ pub fn cases(seeds: u64, only: &[Class]) -> Vec<(Class, u64)> {
 /// Runs the plan and gives the scored cases in its order. `progress` hears how many of how many are done.
 ///
 /// # Errors
-/// When a file cannot be written or the tool cannot be started: the first such error in words.
+/// When a file cannot be written, the tool cannot be started, or the folder has another tool's answers: the first such error
+/// in words.
 pub fn run(plan: &Plan, progress: &(dyn Fn(usize, usize) + Sync)) -> Result<Vec<Scored>, String> {
+    claim(plan)?;
     let total = plan.cases.len();
     let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let results: Mutex<Vec<(usize, Result<Scored, String>)>> = Mutex::new(Vec::with_capacity(total));
@@ -84,19 +86,49 @@ pub fn run(plan: &Plan, progress: &(dyn Fn(usize, usize) + Sync)) -> Result<Vec<
     results.into_iter().map(|(_, result)| result).collect()
 }
 
+/// Answers are those of one tool: writes down which, or finds it written.
+fn claim(plan: &Plan) -> Result<(), String> {
+    let Some(tool) = plan.tool.as_ref().filter(|_| plan.keep) else { return Ok(()) };
+    let bytes = fs::read(tool).map_err(|error| format!("{}: {error}", tool.display()))?;
+    let print = format!("{:016x}\n", fingerprint(bytes));
+    let path = plan.folder.join("tool");
+    match fs::read_to_string(&path) {
+        Ok(known) if known != print => {
+            Err(format!("{} has the answers of another program: choose another folder", plan.folder.display()))
+        }
+        Ok(_) => Ok(()),
+        Err(_) => write(&path, &print),
+    }
+}
+
+/// FNV-1a.
+fn fingerprint(bytes: impl IntoIterator<Item = u8>) -> u64 {
+    bytes
+        .into_iter()
+        .fold(0xcbf2_9ce4_8422_2325, |hash: u64, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
+}
+
 fn one(plan: &Plan, class: Class, number: u64) -> Result<Scored, String> {
     let case = Case::draw(plan.set, class, number);
     let columns: Vec<Columns> = (0..case.runs.len()).map(|index| case.record(index)).collect();
     let ceiling = cached_ceiling(plan, &case, &columns)?;
     let truth = Truth::of(&case, ceiling);
     let Some(tool) = &plan.tool else { return Ok(Scored { truth, answer: Err("the tool was not run".to_owned()) }) };
+    let name = folder::name(&case);
+    let truth_path = plan.folder.join("truth").join(format!("{name}.json"));
+    let answer_path = plan.folder.join("answers").join(format!("{name}.json"));
+    let text = serde_json::to_string_pretty(&truth).map_err(|error| error.to_string())?;
+    if plan.keep && truth_path.exists() {
+        // What was broken off is no answer, and what failed may do so again.
+        if let Some(answer) = fs::read_to_string(&answer_path).ok().and_then(|json| Diagnosis::parse(&json).ok()) {
+            write(&truth_path, &text)?;
+            return Ok(Scored { truth, answer: Ok(answer) });
+        }
+    }
     let paths = folder::write(&case, &columns, &plan.folder.join("cases"))
         .map_err(|error| format!("{}: {error}", plan.folder.display()))?;
-    let name = paths.experiment.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    let answer_path = plan.folder.join("answers").join(format!("{name}.json"));
     let answer = ask(tool, &paths, &answer_path)?;
-    let text = serde_json::to_string_pretty(&truth).map_err(|error| error.to_string())?;
-    write(&plan.folder.join("truth").join(format!("{name}.json")), &text)?;
+    write(&truth_path, &text)?;
     if !plan.keep {
         fs::remove_dir_all(&paths.experiment).map_err(|error| format!("{}: {error}", paths.experiment.display()))?;
     }
@@ -223,5 +255,29 @@ mod tests {
         let scored = run(&plan(folder.path(), Some(tool)), &|_, _| {}).unwrap();
         assert!(scored[0].answer.as_ref().unwrap_err().contains("no such command"));
         assert!(run(&plan(folder.path(), Some(folder.path().join("nothing"))), &|_, _| {}).is_err());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_run_that_was_broken_off_goes_on_with_the_same_tool_only() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let (tool, asked) = (folder.path().join("tool.sh"), folder.path().join("asked"));
+        let json = super::super::diagnosis::tests::naming("agrees", &[]);
+        let script = format!("#!/bin/sh\necho \"$2\" >> '{}'\necho '{json}'\n", asked.display());
+        fs::write(&tool, &script).unwrap();
+        fs::set_permissions(&tool, fs::Permissions::from_mode(0o755)).unwrap();
+        let plan = Plan { keep: true, ..plan(folder.path(), Some(tool.clone())) };
+        let times = || fs::read_to_string(&asked).unwrap().lines().count();
+        let first = run(&plan, &|_, _| {}).unwrap();
+        assert_eq!(times(), 2);
+        // One answer was broken off.
+        let answer = fs::read_dir(folder.path().join("answers")).unwrap().flatten().map(|entry| entry.path());
+        let answer = answer.into_iter().find(|path| path.extension().is_some_and(|end| end == "json")).unwrap();
+        fs::write(&answer, &json[..json.len() / 2]).unwrap();
+        assert_eq!(run(&plan, &|_, _| {}).unwrap(), first);
+        assert_eq!(times(), 3);
+        fs::write(&tool, format!("{script}# another one\n")).unwrap();
+        assert!(run(&plan, &|_, _| {}).unwrap_err().contains("another program"));
     }
 }

@@ -130,7 +130,7 @@ impl Scored {
 
 #[cfg(test)]
 pub(super) mod tests {
-    use super::super::ceiling::Ceiling;
+    use super::super::ceiling::{Ceiling, Difference};
     use super::super::diagnosis::tests::naming;
     use super::*;
 
@@ -147,7 +147,8 @@ pub(super) mod tests {
                     .collect(),
             })
             .collect();
-        let ceiling = (!hidden.is_empty()).then(|| Ceiling { nothing, rivals: vec![("slew_limit".to_owned(), rival)] });
+        let ceiling = (!hidden.is_empty())
+            .then(|| Ceiling { nothing, rivals: vec![("slew_limit".to_owned(), Difference::Fitted(rival))] });
         let truth = Truth {
             class: class.to_owned(),
             number: 0,

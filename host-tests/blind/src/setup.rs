@@ -130,6 +130,19 @@ impl Setup {
         }
     }
 
+    /// Whether commands that change with the rows only also reach the rotor so, and the rotor's own thrust is what the
+    /// logger reads, at the rows.
+    #[must_use]
+    pub(super) fn changes_with_rows_only(&self) -> bool {
+        self.slope_per_s == f64::INFINITY
+            && self.frame_hz == f64::INFINITY
+            && self.delay_s == 0.0
+            && self.lead_s == self.lag_s
+            && self.pole_s == 0.0
+            && self.participation == 0.0
+            && self.skew_ppm == 0.0
+    }
+
     /// Whether the rotor's lag is a fixed first-order lag on a fixed map, which has an exact step.
     #[must_use]
     pub(super) fn is_plain_rotor(&self) -> bool {

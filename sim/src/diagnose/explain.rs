@@ -11,12 +11,13 @@ use std::cmp::Ordering;
 use super::fit::{Fit, MOST_STEPS, Screening, fit, fit_in, misfit};
 use super::hypothesis::{Candidate, GRID, Hypothesis};
 use super::locate::excess;
+use super::profile::settle_jumps;
 use super::scan::Scan;
 use super::trial::{Before, Purpose, Trial, Trials};
 use super::{frames, grid};
 use crate::identify::offset_and_start;
 use crate::plant::Catalog;
-use crate::plant::effect::Kind;
+use crate::plant::effect::{Kind, Shows};
 
 /// Most effects that are named.
 const MOST_EFFECTS: usize = 3;
@@ -37,6 +38,10 @@ const PROMISED: f64 = 0.7;
 const MOST_STARTS: usize = 2;
 /// Steps after which the kinds are compared; after these so many go on, and all that are close.
 pub(super) const FIRST_STEPS: usize = 3;
+/// A decay at the begin of a record that is more than this part of the response's swing, and this many times the one that the
+/// record would have otherwise, says that it was taken in another way than the rest.
+const DECAYS: f64 = 0.2;
+const OTHER_DECAY: f64 = 3.0;
 /// How often the screening halves the distance to the neighbors of the best start.
 const CLOSER_LOOKS: usize = 3;
 const MOST_FINISHED: usize = 3;
@@ -160,15 +165,32 @@ impl Search<'_> {
         Some(())
     }
 
-    /// Finds out what was before each record: that which leaves less of a decay at its begin.
+    /// Finds out what was before the records: that which leaves less of a decay at their begins. Noise leaves some too, and records
+    /// of one experiment are taken in one way: only a decay that is large beside the response makes one an exception.
     pub fn tell_what_was_before(&mut self, hypothesis: &Hypothesis) {
+        const EITHER: [Before; 2] = [Before::Rest, Before::Periods];
         let all = self.trials.clone();
-        for trial in self.trials.trials.iter_mut().filter(|trial| trial.log.is_none()) {
-            let decays = [Before::Rest, Before::Periods].map(|before| {
+        let decays_of = |trial: &mut Trial| {
+            let swing = hypothesis.base[trial.point].gain.abs() * trial.amplitude;
+            EITHER.map(|before| {
                 trial.before = before;
-                aligned(&all, trial, hypothesis).map_or(f64::INFINITY, |(decay, _)| decay.abs())
-            });
-            trial.before = if decays[1] < decays[0] { Before::Periods } else { Before::Rest };
+                aligned(&all, trial, hypothesis).map_or(f64::INFINITY, |(decay, _)| decay.abs() / swing)
+            })
+        };
+        let periodic = || 0..all.trials.len();
+        let decays: Vec<Option<[f64; 2]>> = periodic()
+            .map(|place| {
+                let trial = &mut self.trials.trials[place];
+                trial.log.is_none().then(|| decays_of(trial))
+            })
+            .collect();
+        let squares = |way: usize| decays.iter().flatten().map(|decays| decays[way] * decays[way]).sum::<f64>();
+        let usual = usize::from(squares(1) < squares(0));
+        for (trial, decays) in self.trials.trials.iter_mut().zip(&decays) {
+            let Some(decays) = decays else { continue };
+            let (own, other) = (decays[usual], decays[1 - usual]);
+            let is_other = own > DECAYS && own > OTHER_DECAY * other;
+            trial.before = EITHER[if is_other { 1 - usual } else { usual }];
         }
     }
 
@@ -178,7 +200,7 @@ impl Search<'_> {
         let Some(scan) = Scan::new(&self.trials, from) else { return Vec::new() };
         let kinds = self.catalog.kinds().filter(|kind| kind.id != "parameter_error" && !exclude.contains(kind));
         let mut screened: Vec<(f64, Hypothesis, &'static Kind)> = Vec::new();
-        for kind in kinds {
+        for kind in kinds.filter(|kind| kind.shows != Shows::OverLevels) {
             screened.extend(self.screen(&screening, &scan, from, kind));
             (self.progress)();
         }
@@ -350,6 +372,7 @@ impl Search<'_> {
             }
             _ => self.review(current)?,
         };
+        let after = settle_jumps(&self.trials, after)?;
         Some(Explanation { before, after, found, tried: first_tried })
     }
 

@@ -20,10 +20,11 @@ const TWO_SIDED: f64 = 1.96;
 /// Steps for derivatives, in coordinates.
 const SMOOTH_STEP: f64 = 1e-4;
 const EFFECT_STEP: f64 = 2e-3;
-/// From where to where a profile of the misfit is followed, in coordinates, and how much farther each time.
-const NEAREST: f64 = 1e-6;
-const FARTHEST: f64 = 0.1;
-const FARTHER: f64 = 1.4;
+/// That of effects in the end: where many commands come to a limit or leave it, a derivative over a longer way is another one.
+const FINE_STEP: f64 = 1e-4;
+/// How far it is looked around for a better place where the misfit has kinks, in coordinates, and how often.
+const LOOKS: [f64; 5] = [0.03, 0.01, 3e-3, 1e-3, 3e-4];
+const MOST_LOOKS: usize = 8;
 
 /// A hypothesis fitted to the records.
 #[derive(Clone, Debug)]
@@ -154,7 +155,7 @@ fn columns(
     trials: &Trials,
     trial: &Trial,
     hypothesis: &Hypothesis,
-    coordinates: &[Coordinate],
+    (coordinates, effect_step): (&[Coordinate], f64),
     at: &[Complex64],
 ) -> Option<Vec<(usize, Vec<Complex64>)>> {
     let concerns = |coordinate: &Coordinate| match coordinate {
@@ -164,7 +165,7 @@ fn columns(
     let mut all = Vec::new();
     for (place, &coordinate) in coordinates.iter().enumerate().filter(|(_, coordinate)| concerns(coordinate)) {
         let step = match coordinate {
-            Coordinate::Effect { .. } => EFFECT_STEP,
+            Coordinate::Effect { .. } => effect_step,
             Coordinate::Late => SMOOTH_STEP * hypothesis.base[trial.point].time_constant_s,
             _ => SMOOTH_STEP,
         };
@@ -194,8 +195,75 @@ pub(super) fn fit(trials: &Trials, start: &Hypothesis, lags: bool) -> Option<Fit
 /// Derivatives cost several simulations, a step along them one: they serve for more steps as long as these gain at least half
 /// of what they promise.
 pub(super) fn fit_in(trials: &Trials, start: &Hypothesis, lags: bool, most_steps: usize) -> Option<Fit> {
+    fit_of(trials, start, start.coordinates(lags), most_steps)
+}
+
+/// The same of these coordinates alone.
+pub(super) fn fit_of(
+    trials: &Trials,
+    start: &Hypothesis,
+    coordinates: Vec<Coordinate>,
+    most_steps: usize,
+) -> Option<Fit> {
+    let has_effects = coordinates.iter().any(|coordinate| matches!(coordinate, Coordinate::Effect { .. }));
+    let mut found = descend(trials, start, coordinates, EFFECT_STEP, most_steps)?;
+    if has_effects && most_steps >= MOST_STEPS {
+        found = descend(trials, &found.at, found.tangent.coordinates, FINE_STEP, most_steps)?;
+        for _ in 0..MOST_LOOKS {
+            let Some(at) = look_around(trials, &found) else { break };
+            let other = descend(trials, &at, found.tangent.coordinates.clone(), FINE_STEP, most_steps)?;
+            // It was judged to first order only.
+            if other.sum >= found.sum {
+                break;
+            }
+            found = other;
+        }
+    }
+    let Descent { at, sum, tangent } = found;
+    Some(Fit { hypothesis: at, misfit: sum, covariance: inverse(&tangent.matrix), coordinates: tangent.coordinates })
+}
+
+/// A better place beside a search's end along a value that acts on the command: where levels of the command come to a limit
+/// or leave it the misfit has kinks, at which a search by derivatives ends. All else follows to first order. `None` where
+/// there is none.
+fn look_around(trials: &Trials, found: &Descent) -> Option<Hypothesis> {
+    let acts_on_command = |coordinate: &&Coordinate| match coordinate {
+        Coordinate::Effect { effect, .. } => found.at.effects[*effect].kind.site <= Site::Command,
+        _ => false,
+    };
+    let mut best: Option<(f64, Hypothesis)> = None;
+    for &coordinate in found.tangent.coordinates.iter().filter(acts_on_command) {
+        let others = found.tangent.coordinates.iter().copied().filter(|other| *other != coordinate).collect();
+        let tangent = Tangent::at(trials, &found.at, others)?;
+        let here = found.at.get(coordinate);
+        for distance in LOOKS.into_iter().flat_map(|distance| [-distance, distance]) {
+            let mut moved = found.at.clone();
+            moved.set(coordinate, here + distance);
+            let Some((left, there)) = tangent.judge(trials, &moved) else { continue };
+            if left < best.as_ref().map_or(found.sum - ENOUGH, |best| best.0) {
+                best = Some((left, there));
+            }
+        }
+    }
+    best.map(|(_, there)| there)
+}
+
+/// Where a search ended.
+struct Descent {
+    at: Hypothesis,
+    sum: f64,
+    tangent: Tangent,
+}
+
+fn descend(
+    trials: &Trials,
+    start: &Hypothesis,
+    coordinates: Vec<Coordinate>,
+    effect_step: f64,
+    most_steps: usize,
+) -> Option<Descent> {
     let mut at = start.clone();
-    let mut tangent = Tangent::at(trials, &at, at.coordinates(lags))?;
+    let mut tangent = Tangent::with_step(trials, &at, coordinates, effect_step)?;
     let (mut sum, mut gradient) = tangent.slope(trials, &at)?;
     let (mut damping, mut is_fresh) = (1e-3, true);
     for _ in 0..most_steps {
@@ -224,11 +292,11 @@ pub(super) fn fit_in(trials: &Trials, start: &Hypothesis, lags: bool, most_steps
             }
             continue;
         }
-        tangent = Tangent::at(trials, &at, tangent.coordinates)?;
+        tangent = Tangent::with_step(trials, &at, tangent.coordinates, effect_step)?;
         (sum, gradient) = tangent.slope(trials, &at)?;
         is_fresh = true;
     }
-    Some(Fit { hypothesis: at, misfit: sum, covariance: inverse(&tangent.matrix), coordinates: tangent.coordinates })
+    Some(Descent { at, sum, tangent })
 }
 
 fn damped_step(matrix: &DMatrix<f64>, gradient: &DVector<f64>, damping: f64) -> Option<DVector<f64>> {
@@ -284,29 +352,6 @@ impl Fit {
         (variance >= 0.0).then(|| variance.sqrt())
     }
 
-    /// Standard deviation of a coordinate on which the response depends in jumps, so that derivatives say nothing: how far it
-    /// may go before the misfit has grown by 1 on the side where that takes longer, the lags following to first order. `None`
-    /// where it has not grown so far within [`FARTHEST`].
-    pub fn profiled_std(&self, trials: &Trials, coordinate: Coordinate) -> Option<f64> {
-        let others = self.coordinates.iter().copied().filter(|other| *other != coordinate).collect();
-        let tangent = Tangent::at(trials, &self.hypothesis, others)?;
-        let (least, _) = tangent.judge(trials, &self.hypothesis)?;
-        let here = self.hypothesis.get(coordinate);
-        let reaches = |side: f64| {
-            let mut distance = NEAREST;
-            while distance < FARTHEST {
-                let mut moved = self.hypothesis.clone();
-                moved.set(coordinate, here + side * distance);
-                if tangent.judge(trials, &moved).is_none_or(|(left, _)| left > least + 1.0) {
-                    break;
-                }
-                distance *= FARTHER;
-            }
-            distance
-        };
-        Some(reaches(-1.0).max(reaches(1.0))).filter(|reached| *reached < FARTHEST)
-    }
-
     /// Whether its alignment is off by more than the rows leave open.
     pub fn is_late(&self, trials: &Trials) -> bool {
         self.hypothesis.late_s.abs() > 2.0 * late_std(trials)
@@ -319,7 +364,17 @@ impl Fit {
 }
 
 impl Tangent {
-    fn at(trials: &Trials, hypothesis: &Hypothesis, coordinates: Vec<Coordinate>) -> Option<Self> {
+    /// By these coordinates. `None` where they are not defined.
+    pub fn at(trials: &Trials, hypothesis: &Hypothesis, coordinates: Vec<Coordinate>) -> Option<Self> {
+        Self::with_step(trials, hypothesis, coordinates, EFFECT_STEP)
+    }
+
+    fn with_step(
+        trials: &Trials,
+        hypothesis: &Hypothesis,
+        coordinates: Vec<Coordinate>,
+        effect_step: f64,
+    ) -> Option<Self> {
         let records: Option<Vec<RecordTangent>> = trials
             .trials
             .par_iter()
@@ -328,7 +383,7 @@ impl Tangent {
                     return Some(RecordTangent { columns: Vec::new() });
                 }
                 let at = residual(trials, trial, hypothesis, Purpose::Fit)?;
-                let columns = columns(trials, trial, hypothesis, &coordinates, &at)?;
+                let columns = columns(trials, trial, hypothesis, (&coordinates, effect_step), &at)?;
                 Some(RecordTangent { columns })
             })
             .collect();

@@ -15,6 +15,7 @@
 
 use std::f64::consts::{PI, TAU};
 
+use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
 use rayon::prelude::*;
 use rustfft::FftPlanner;
@@ -32,8 +33,8 @@ pub(super) const PHASE: usize = 1;
 const NEAR: f64 = 1.5;
 /// Offsets at which a phase is tried once more.
 const PHASE_OFFSETS: [f64; 9] = [0.0, -0.05, 0.05, -0.12, 0.12, -0.22, 0.22, -0.37, 0.37];
-/// How far around the best of these a parabola is laid, twice.
-const PHASE_WIDTHS: [f64; 2] = [0.025, 0.01];
+/// How far around the best of these a parabola is laid, each time nearer.
+const PHASE_WIDTHS: [f64; 3] = [0.025, 0.01, 0.004];
 /// How often a known rate is polished, with half the width each time.
 const POLISHES: usize = 3;
 /// Where all of the sawtooth is tried, in standard deviations of the rate by its first term.
@@ -44,6 +45,10 @@ const PEAKS: usize = 5;
 const FEW: usize = 64;
 /// Phases at which frames are tried where changes are few.
 const EDGE_PHASES: u32 = 24;
+/// A profile over rates goes to where the misfit has grown by this much, in so many doublings of its width, and has so many pieces.
+const WIDE_ENOUGH: f64 = 60.0;
+const MOST_WIDENINGS: usize = 10;
+const RATES: u32 = 14;
 /// Rates per line of a record's transform.
 const FINER: usize = 4;
 /// The sum of squares that a rate has to gain beyond two per record: chance gains that once in thousands of experiments.
@@ -130,27 +135,16 @@ pub(super) fn find(trials: &Trials, fit: &Fit, effect: usize) -> Option<Hypothes
     judged.extend([below, above]);
     judged.extend(judge(top_hz.clamp(best_hz - width_hz, best_hz + width_hz)));
     let (_, hz, mut hypothesis) = judged.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
-    hypothesis.effects[effect].rate_std = std_hz / hz;
+    hypothesis.effects[effect].profiled_std = std_hz / hz;
     Some(hypothesis)
 }
 
 /// The rate and the phases once more, beside what `fit` has found with them.
 pub(super) fn polish(trials: &Trials, fit: &Fit, effect: usize) -> Option<Hypothesis> {
     let known = &fit.hypothesis.effects[effect];
-    let (near_hz, mut width_hz) = (known.values[0], 2.0 * known.rate_std * known.values[0]);
+    let (near_hz, mut width_hz) = (known.values[0], 2.0 * known.profiled_std * known.values[0]);
     let judge = |hz: f64| {
-        let mut hypothesis = fit.hypothesis.clone();
-        let frames = &mut hypothesis.effects[effect];
-        frames.values[0] = hz;
-        // What is in the middle of a record stays there.
-        for (trial, phase) in trials.trials.iter().zip(&mut frames.phases) {
-            let rows =
-                trial.stretches.first().map_or(0.0, |stretch| 0.5 * (stretch.rows.start + stretch.rows.end) as f64);
-            *phase += (hz - near_hz) * rows / trial.rate_hz;
-        }
-        let phases = trials.trials.par_iter().map(|trial| refined(trials, trial, hypothesis.clone(), effect, &[0.0]));
-        let phases = phases.collect();
-        hypothesis.effects[effect].phases = phases;
+        let hypothesis = at_rate(trials, &fit.hypothesis, effect, hz);
         misfit(trials, &hypothesis, Purpose::Fit).map(|left| (left, hz, hypothesis))
     };
     let mut best = judge(near_hz)?;
@@ -158,14 +152,78 @@ pub(super) fn polish(trials: &Trials, fit: &Fit, effect: usize) -> Option<Hypoth
         let (below, above) = (judge(best.1 - width_hz)?, judge(best.1 + width_hz)?);
         let bend = below.0 - 2.0 * best.0 + above.0;
         let top = if bend > 0.0 { (0.5 * (below.0 - above.0) / bend).clamp(-1.0, 1.0) } else { 0.0 };
-        let rate_std = if bend > 0.0 { (2.0 / bend).sqrt() * width_hz / best.1 } else { known.rate_std };
+        let rate_std = if bend > 0.0 { (2.0 / bend).sqrt() * width_hz / best.1 } else { known.profiled_std };
         let top = judge(best.1 + width_hz * top)?;
         let candidates = [best, below, above, top];
         best = candidates.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
-        best.2.effects[effect].rate_std = rate_std;
+        best.2.effects[effect].profiled_std = rate_std;
         width_hz *= 0.5;
     }
     Some(best.2)
+}
+
+/// `known` with the rate that the records agree on, and how well they do.
+///
+/// Command by command changes from one frame to the next as the rate moves, so the misfit is jagged. But over a range in which it
+/// grows by much more than that, each record's is a parabola `b_r x + c_r x^2` of the rate's offset `x`, and all of them together are
+/// least at `x = -sum b / (2 sum c)`. By noise alone `1 / sum c` is the variance of that. A controller whose commands come early
+/// and late adds to it, differently in each record: the variance is not less than that by what the records, which have their
+/// phases to themselves, differ by (`sum g_r^2 / (2 sum c)^2`, `g_r` the slope of each at `x`; White 1982).
+pub(super) fn settle_rate(trials: &Trials, known: &Hypothesis, effect: usize) -> Option<Hypothesis> {
+    let near = &known.effects[effect];
+    let hz = near.values[0];
+    let judge = |offset_hz: f64| -> Option<Vec<f64>> {
+        let hypothesis = at_rate(trials, known, effect, hz + offset_hz);
+        let fitted = trials.trials.par_iter().filter(|trial| trial.end_of(Some(Purpose::Fit)) > 0);
+        let left = |trial: &Trial| residual(trials, trial, &hypothesis, Purpose::Fit);
+        fitted.map(|trial| Some(left(trial)?.iter().map(Complex64::norm_sqr).sum::<f64>())).collect()
+    };
+    let here: f64 = judge(0.0)?.iter().sum();
+    let mut width_hz = near.profiled_std.min(1e-4) * hz;
+    for _ in 0..MOST_WIDENINGS {
+        let sides = [-width_hz, width_hz].map(|offset_hz| judge(offset_hz).map(|left| left.iter().sum::<f64>()));
+        if sides.iter().all(|left| left.is_none_or(|left| left > here + WIDE_ENOUGH)) {
+            break;
+        }
+        width_hz *= 2.0;
+    }
+    let half = f64::from(RATES / 2);
+    // Offsets in widths.
+    let offsets: Vec<f64> = (0..=RATES).map(|place| (f64::from(place) - half) / half).collect();
+    let left: Vec<Vec<f64>> = offsets.iter().map(|offset| judge(offset * width_hz)).collect::<Option<_>>()?;
+    let design = DMatrix::from_fn(offsets.len(), 3, |row, power| offsets[row].powi(power as i32));
+    let inverse = (design.transpose() * &design).try_inverse()? * design.transpose();
+    let records = left.first()?.len();
+    let parabolas: Vec<DVector<f64>> =
+        (0..records).map(|record| &inverse * DVector::from_fn(offsets.len(), |row, _| left[row][record])).collect();
+    let sum = |power: usize| parabolas.iter().map(|parabola| parabola[power]).sum::<f64>();
+    let bend = sum(2);
+    if bend <= 0.0 {
+        return Some(known.clone());
+    }
+    let best = (-0.5 * sum(1) / bend).clamp(-1.0, 1.0);
+    let slopes: f64 = parabolas.iter().map(|parabola| (parabola[1] + 2.0 * parabola[2] * best).powi(2)).sum();
+    let few = records as f64 / (records as f64 - 1.0).max(1.0);
+    let variance = bend.recip().max(few * slopes / (2.0 * bend).powi(2));
+    let mut settled = at_rate(trials, known, effect, hz + best * width_hz);
+    settled.effects[effect].profiled_std = variance.sqrt() * width_hz / hz;
+    Some(settled)
+}
+
+/// `known` with frames of a rate near its own, where the rows of each record leave least.
+pub(super) fn at_rate(trials: &Trials, known: &Hypothesis, effect: usize, hz: f64) -> Hypothesis {
+    let mut hypothesis = known.clone();
+    let frames = &mut hypothesis.effects[effect];
+    let near_hz = std::mem::replace(&mut frames.values[0], hz);
+    // What is in the middle of a record stays there.
+    for (trial, phase) in trials.trials.iter().zip(&mut frames.phases) {
+        let rows = trial.stretches.first().map_or(0.0, |stretch| 0.5 * (stretch.rows.start + stretch.rows.end) as f64);
+        *phase += (hz - near_hz) * rows / trial.rate_hz;
+    }
+    let phases = trials.trials.par_iter().map(|trial| refined(trials, trial, hypothesis.clone(), effect, &[0.0]));
+    let phases = phases.collect();
+    hypothesis.effects[effect].phases = phases;
+    hypothesis
 }
 
 /// With frames of this rate, in each record where its rows leave least.

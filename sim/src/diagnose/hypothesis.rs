@@ -5,15 +5,12 @@ use super::frames;
 use super::trial::{Before, Trial, Trials};
 use crate::plant::effect::{Kind, Linearity, Parameter, Scale, Site, Use};
 use crate::plant::{
-    ActiveEffect, Actuator, Catalog, Drive, EscTiming, Lag, OperatingPoint, PlantError, Start, Trace, simulate,
-    simulate_response,
+    ActiveEffect, Actuator, Catalog, Drive, EscTiming, Lag, Memory, OperatingPoint, PlantError, Start, Trace, simulate,
+    simulate_periodic_response, simulate_response,
 };
 
 /// How far a value may leave its plausible range in a search, in widths of the range.
 const BEYOND: f64 = 0.5;
-
-/// Time constants after which what was before is forgotten: to 1 / 20 000.
-const LEAD: f64 = 10.0;
 
 /// Most pieces of the plausible range of a single value that are tried on all records.
 pub(super) const GRID: u32 = 12;
@@ -50,8 +47,8 @@ pub(super) struct Candidate {
     /// Of frames: the part of a frame from the first command of each record to its first frame, by the record's place. Empty
     /// where it is not known.
     pub phases: Vec<f64>,
-    /// With phases, the standard deviation of the rate's logarithm.
-    pub rate_std: f64,
+    /// Standard deviation of the coordinate of its single value where a profile of the misfit says it; else infinite.
+    pub profiled_std: f64,
 }
 
 /// What one coordinate of a search is.
@@ -75,7 +72,12 @@ pub(super) enum Coordinate {
 impl Candidate {
     /// An effect whose frames, if it has any, may lie anywhere.
     pub fn new(kind: &'static Kind, values: Vec<f64>) -> Self {
-        Self { kind, values, phases: Vec::new(), rate_std: f64::INFINITY }
+        Self { kind, values, phases: Vec::new(), profiled_std: f64::INFINITY }
+    }
+
+    /// Whether the response depends in jumps on its single value.
+    pub fn jumps(&self) -> bool {
+        Self::searched(self.kind).any(|(_, parameter)| parameter.pieces > GRID)
     }
 
     /// Whether it has frames.
@@ -260,8 +262,9 @@ impl Hypothesis {
         }
         all.push(Coordinate::Late);
         for (effect, candidate) in self.effects.iter().enumerate() {
-            // With known phases the rate of frames is, too: hundreds of frames have to stay where they are.
-            if candidate.phases.is_empty() {
+            // With known phases the rate of frames is, too: hundreds of frames have to stay where they are. And derivatives say
+            // nothing of what the response depends on in jumps.
+            if candidate.phases.is_empty() && !candidate.jumps() {
                 all.extend(Candidate::searched(candidate.kind).map(|(value, _)| Coordinate::Effect { effect, value }));
             }
         }
@@ -370,10 +373,16 @@ impl Hypothesis {
         if !self.drifts() {
             return Ok(response);
         }
-        // What changes with time changes the steady response too, of which only the mean was measured.
+        // What changes with time changes the steady response too, of which only the mean was measured. The response moves in
+        // proportion to the steady one, so two of them tell for which the mean is right.
         let mean = |values: &[f64]| values[..rows].iter().sum::<f64>() / rows as f64;
-        let moved = mean(&trial.measured) - mean(&response);
-        self.simulate_around(trials, trial, rows, steady + moved)
+        let off = mean(&trial.measured) - mean(&response);
+        let moved = self.simulate_around(trials, trial, rows, steady + off)?;
+        let rise = mean(&moved) - mean(&response);
+        if rise == 0.0 {
+            return Ok(response);
+        }
+        Ok(response.iter().zip(&moved).map(|(response, moved)| response + (moved - response) * (off / rise)).collect())
     }
 
     /// The speed and the voltage over a record, where it has columns to compare them with; the rest stays empty. `None` for values
@@ -424,7 +433,10 @@ impl Hypothesis {
         let (mut actuator, start, stamps) = self.actuator(trials, trial, rows, response)?;
         let told = (rows.saturating_sub(1) * trial.told_per_row + 1).min(trial.told_s.len());
         let drive = Drive { time_s: &trial.told_s[..told], command: &trial.told[..told] };
-        simulate_response(&mut actuator, drive, start, &stamps)
+        if !trial.repeats {
+            return simulate_response(&mut actuator, drive, start, &stamps);
+        }
+        simulate_periodic_response(&mut actuator, drive, start, &stamps, trial.period_rows)
     }
 
     /// The actuator, what was before a record, and the moments of its rows.
@@ -465,7 +477,11 @@ impl Hypothesis {
             Before::Rest => Start::Rest(trial.nominal),
             Before::Periods => {
                 let period_s = trial.period_rows as f64 / trial.rate_hz;
-                Start::Running { period_s, lead_s: LEAD * base.time_constant_s }
+                let lead_s = match actuator.memory() {
+                    Memory::Seconds(memory_s) => memory_s.min(period_s),
+                    Memory::TurningPoints | Memory::Lasting => period_s,
+                };
+                Start::Running { period_s, lead_s }
             }
         };
         Ok((actuator, start, stamps))

@@ -20,6 +20,7 @@ mod hypothesis;
 mod locate;
 mod log;
 mod next;
+mod profile;
 mod scan;
 mod steadiness;
 mod trial;
@@ -195,7 +196,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         let alone = gap::gaps(trials, &without, &after.hypothesis, true).total;
         effects.push(NamedEffect {
             kind: found.kind,
-            parameters: estimates(trials, &after, index),
+            parameters: estimates(&after, index),
             evidence: found.worth,
             alternatives: found.alternatives,
             gap_before: alone.before,
@@ -333,20 +334,14 @@ fn usual_lag(found: &[(f64, Lag)]) -> Option<Lag> {
 }
 
 /// The values of an effect with their standard errors.
-fn estimates(
-    trials: &Trials,
-    fit: &fit::Fit,
-    effect: usize,
-) -> Vec<(&'static crate::plant::effect::Parameter, Estimate)> {
+fn estimates(fit: &fit::Fit, effect: usize) -> Vec<(&'static crate::plant::effect::Parameter, Estimate)> {
     let candidate = &fit.hypothesis.effects[effect];
     let searched = Candidate::searched(candidate.kind);
     let estimate = |(value, parameter): (usize, &'static crate::plant::effect::Parameter)| {
         let slope = hypothesis::slope(parameter, candidate.values[value]);
         let coordinate = Coordinate::Effect { effect, value };
-        let std = if !candidate.phases.is_empty() {
-            Some(candidate.rate_std)
-        } else if parameter.pieces > hypothesis::GRID {
-            fit.profiled_std(trials, coordinate)
+        let std = if candidate.jumps() || !candidate.phases.is_empty() {
+            Some(candidate.profiled_std)
         } else {
             fit.std(coordinate)
         };

@@ -162,7 +162,7 @@ const RECIPES: &[Recipe] = &[
         ..NOTHING
     },
     Recipe {
-        kinds: &["supply_sag", "gain_drift", "inflow_lead", "parameter_error"],
+        kinds: &["supply_sag", "winding_heating", "gain_drift", "inflow_lead", "parameter_error"],
         is_fast: true,
         squares: &[1.0],
         square_half_s: 20.0,

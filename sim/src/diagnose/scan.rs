@@ -10,31 +10,42 @@ use super::trial::{Purpose, Trial, Trials};
 use crate::plant::effect::Kind;
 use crate::record::Excitation;
 
-/// Valleys that are looked at on all records.
+/// Valleys of each record that are looked at on all records.
 const VALLEYS: usize = 6;
 
-/// A record for scans, with what the lags would do to it.
+/// Records for scans, with what the lags would do to each.
 pub(super) struct Scan<'a> {
-    trials: Trials,
-    screening: Screening<'a>,
+    records: Vec<(Trials, Screening<'a>)>,
 }
 
 impl<'a> Scan<'a> {
-    /// On the largest multisine near the middle nominal command that is fitted; there the command goes through most levels.
-    /// `None` where nothing is.
+    /// On the largest record of each excitation near the middle nominal command that is fitted; there the command goes through
+    /// most levels. Multisines and triangles go through many, and each has valleys that the other does not show; the two levels
+    /// of a square wave count where there is nothing else. `None` where nothing is.
     pub fn new(all: &Trials, from: &'a Fit) -> Option<Self> {
         let is_fitted = |trial: &&Trial| trial.end_of(Some(Purpose::Fit)) > 0;
         let middle = 0.5 * (all.nominals.first()? + all.nominals.last()?);
-        let order = |trial: &&Trial| {
-            (trial.excitation != Excitation::Multisine, (trial.nominal - middle).abs() - trial.amplitude)
+        let off = |trial: &Trial| (trial.nominal - middle).abs() - trial.amplitude;
+        let largest = |is_one: &dyn Fn(Excitation) -> bool| {
+            let those = all.trials.iter().filter(is_fitted).filter(|trial| is_one(trial.excitation));
+            those.min_by(|a, b| off(a).total_cmp(&off(b)))
         };
-        let trial = all.trials.iter().filter(is_fitted).min_by(|a, b| {
-            let (a, b) = (order(a), order(b));
-            a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
-        })?;
-        let trials = Trials { trials: vec![trial.with_one_period_fitted()], ..all.clone() };
-        let screening = Screening::new(&trials, from)?;
-        Some(Self { trials, screening })
+        let mut chosen: Vec<&Trial> = [Excitation::Multisine, Excitation::Triangle]
+            .into_iter()
+            .filter_map(|excitation| largest(&|other| other == excitation))
+            .collect();
+        if chosen.is_empty() {
+            chosen.extend(largest(&|_| true));
+        }
+        let records: Option<Vec<_>> = chosen
+            .into_iter()
+            .map(|trial| {
+                let trials = Trials { trials: vec![trial.with_one_period_fitted()], ..all.clone() };
+                let screening = Screening::new(&trials, from)?;
+                Some((trials, screening))
+            })
+            .collect();
+        records.filter(|records| !records.is_empty()).map(|records| Self { records })
     }
 
     /// The lowest valleys of a kind over the plausible range of its value. Empty for kinds without such.
@@ -43,22 +54,20 @@ impl<'a> Scan<'a> {
         if pieces <= coarse {
             return Vec::new();
         }
-        // A log stands on few levels: there are no valleys but these.
-        if self.trials.has_logs() {
-            return Vec::new();
-        }
         let candidates = Candidate::grid(kind, pieces);
-        let left: Vec<f64> = candidates
-            .par_iter()
-            .map(|candidate| {
-                let judged = self.screening.judge(&self.trials, candidate, false);
-                judged.map_or(f64::INFINITY, |(left, _)| left)
-            })
-            .collect();
-        let at = |place: usize| left.get(place).copied().unwrap_or(f64::INFINITY);
-        let is_valley = |place: &usize| at(*place) <= at(place.wrapping_sub(1)) && at(*place) < at(place + 1);
-        let mut valleys: Vec<usize> = (0..left.len()).filter(is_valley).collect();
-        valleys.sort_by(|a, b| at(*a).total_cmp(&at(*b)));
-        valleys.into_iter().take(VALLEYS).map(|place| candidates[place].clone()).collect()
+        let mut found: Vec<Candidate> = Vec::new();
+        // A log stands on few levels: there are no valleys but these.
+        for (trials, screening) in self.records.iter().filter(|(trials, _)| !trials.has_logs()) {
+            let left: Vec<f64> = candidates
+                .par_iter()
+                .map(|candidate| screening.judge(trials, candidate, false).map_or(f64::INFINITY, |(left, _)| left))
+                .collect();
+            let at = |place: usize| left.get(place).copied().unwrap_or(f64::INFINITY);
+            let is_valley = |place: &usize| at(*place) <= at(place.wrapping_sub(1)) && at(*place) < at(place + 1);
+            let mut valleys: Vec<usize> = (0..left.len()).filter(is_valley).collect();
+            valleys.sort_by(|a, b| at(*a).total_cmp(&at(*b)));
+            found.extend(valleys.into_iter().take(VALLEYS).map(|place| candidates[place].clone()));
+        }
+        found
     }
 }

@@ -13,6 +13,8 @@ use crate::record::{Excitation, Experiment, Output, Record, Role};
 
 /// Commands closer than this are the same nominal command; a 12-bit command is 2.4e-4.
 const SAME_NOMINAL: f64 = 1e-6;
+/// Rows nearer to each other than this part of the time between two are taken at the same moment.
+const SAME_ROW: f64 = 1e-3;
 /// Of the periods of a record without a role these many of three are fitted, the rest is held out.
 const FITTED_THIRDS: usize = 2;
 
@@ -84,6 +86,8 @@ pub(super) struct Trial {
     pub rate_hz: f64,
     /// Rows of a period.
     pub period_rows: usize,
+    /// Whether commands and rows are the same in every period, so that a simulation of one may do for the others.
+    pub repeats: bool,
     /// Highest frequency that is excited, hertz.
     pub highest_hz: f64,
     /// What is fitted and what is held out, in the order of time; empty for a record that does not repeat.
@@ -219,6 +223,7 @@ impl Trial {
             hum: Vec::new(),
             rate_hz,
             period_rows: periods.samples,
+            repeats: repeats(command, &record.time_s, periods.samples),
             highest_hz: 0.0,
             stretches: Vec::new(),
             log: None,
@@ -265,6 +270,7 @@ impl Trial {
             hum: Vec::new(),
             rate_hz: intervals[intervals.len() / 2].recip(),
             period_rows: time_s.len(),
+            repeats: false,
             highest_hz: 0.0,
             stretches: Vec::new(),
             time_s,
@@ -397,6 +403,17 @@ impl Trial {
         let compared = self.stretches.iter().filter(|stretch| purpose.is_none_or(|wanted| stretch.purpose == wanted));
         compared.map(|stretch| stretch.rows.end).max().unwrap_or(0)
     }
+}
+
+/// Whether each period has the commands of the first, at the same times but for [`SAME_ROW`].
+fn repeats(command: &[f64], time_s: &[f64], period_rows: usize) -> bool {
+    let rows = time_s.len();
+    let Some(period_s) = time_s.get(period_rows).map(|end_s| end_s - time_s[0]) else { return false };
+    let off_s = SAME_ROW * period_s / period_rows as f64;
+    (period_rows..rows).all(|row| {
+        let before = row - period_rows;
+        command[row] == command[before] && (time_s[row] - time_s[before] - period_s).abs() <= off_s
+    })
 }
 
 /// What the ESC was told at each row.

@@ -14,7 +14,9 @@ const NONE: f64 = 0.1;
 /// Where it is noise, a gap wider than this times the noise floor must not be more than this share of what it was.
 const WIDE: f64 = 1.1;
 const HALF: f64 = 0.5;
-/// [`NONE`] for records that do not repeat: levels of the whole range, over minutes, are off for more reasons than have a name.
+/// [`NONE`] for records that do not repeat: levels of the whole range, over minutes, are off for more reasons than have a name, and
+/// effects are a story there from where they explain more of the power of the gap than they leave. What keeps wrong names out is
+/// their worth; `how_often_something_is_named_where_levels_are_off` counts them.
 const NONE_OF_LOGS: f64 = 0.5;
 
 /// What is to be said.

@@ -1,10 +1,11 @@
 //! The whole simulated actuator: the chain from the command to the response.
 
 use super::effect::{ActiveEffect, Part, Site};
+use super::filter::FORGOTTEN;
 use super::rotor::IntegratedRotor;
 use super::{
-    CommandStage, EscFrame, FirstOrder, Model, OperatingCurve, OperatingPoint, PlantError, ResponseStage, RotorBase,
-    RotorTerm, Segment, Supply, TransportDelay,
+    CommandStage, EscFrame, FirstOrder, Memory, Model, OperatingCurve, OperatingPoint, PlantError, ResponseStage,
+    RotorBase, RotorTerm, Segment, Supply, TransportDelay,
 };
 
 /// A response that later stages have to follow is cut into pieces of this part of the time in which it bends: the cubic
@@ -190,6 +191,27 @@ impl Actuator {
         self.clock != 1.0
     }
 
+    /// For how long what was shows in the response.
+    pub fn memory(&self) -> Memory {
+        let stages = self.stages.iter().map(|stage| stage.memory());
+        let after = self.after.iter().map(|stage| stage.memory());
+        stages.chain(after).fold(self.rotor.memory(), Memory::and)
+    }
+
+    /// How long after its begin the response repeats where the command does, every `period_s`, and rows are stamped by the
+    /// commands' clock; `None` where it is not known to.
+    pub(super) fn repeats_after_s(&self, period_s: f64) -> Option<f64> {
+        let changes = self.stages.iter().any(|stage| stage.changes_after(period_s))
+            || self.after.iter().any(|stage| stage.changes())
+            || self.has_own_clock();
+        match self.memory() {
+            _ if changes => None,
+            Memory::Seconds(memory_s) => Some(memory_s),
+            Memory::TurningPoints => Some(period_s),
+            Memory::Lasting => None,
+        }
+    }
+
     /// Holds `command` (0..1) from now until `until_s`.
     #[inline]
     pub fn advance(&mut self, command: f64, until_s: f64) {
@@ -316,6 +338,16 @@ impl Rotor {
         match self {
             Self::Exact(lag) => lag.response(),
             Self::Integrated(rotor) => rotor.response(),
+        }
+    }
+
+    fn memory(&self) -> Memory {
+        match self {
+            // One of many levels may be slow at any of them.
+            Self::Exact(lag) => {
+                lag.time_constant_s().map_or(Memory::Lasting, |tau_s| Memory::Seconds(FORGOTTEN * tau_s))
+            }
+            Self::Integrated(rotor) => rotor.memory(),
         }
     }
 

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use super::error::checked;
-use super::{CommandStage, PlantError, Segment};
+use super::{CommandStage, Memory, PlantError, Segment};
 
 /// A transport delay `e^(-s delay)` of any length, exact: every change of the input comes out `delay_s` later.
 #[derive(Clone, Debug)]
@@ -67,6 +67,10 @@ impl CommandStage for TransportDelay {
             self.under_way.pop_front();
         }
         self.output(from_s, until_s)
+    }
+
+    fn memory(&self) -> Memory {
+        Memory::Seconds(self.delay_s)
     }
 }
 

@@ -1,7 +1,7 @@
 //! The ESC takes over a new command once per frame.
 
 use super::error::checked;
-use super::{CommandStage, PlantError, Segment};
+use super::{CommandStage, Memory, PlantError, Segment};
 
 /// Times nearer than this part of a frame are the same moment.
 pub(crate) const SAME_MOMENT_FRAMES: f64 = 1e-9;
@@ -60,6 +60,15 @@ impl CommandStage for EscFrame {
         // A frame that starts with the next piece takes over that piece's command.
         let frame_is_later = self.next_s + self.same_moment_s >= until_s;
         Segment::constant(self.held, if frame_is_later { until_s } else { self.next_s })
+    }
+
+    fn memory(&self) -> Memory {
+        Memory::Seconds(self.frame_hz.recip())
+    }
+
+    fn changes_after(&self, period_s: f64) -> bool {
+        let frames = self.frame_hz * period_s;
+        (frames - frames.round()).abs() > SAME_MOMENT_FRAMES
     }
 }
 

@@ -2,11 +2,16 @@
 
 use num_complex::Complex64;
 
+use super::Memory;
+
 /// Times that differ by less than this part count as the same where a filter keeps its exponentials: what rounding makes of
 /// evenly spaced rows.
 const SAME_DURATION: f64 = 1e-10;
-/// Durations whose exponentials are kept: rows that are taken between commands cut the time in two lengths by turns.
-const KEPT: usize = 2;
+/// After so many time constants nothing is left of what was before: 3e-7.
+pub(super) const FORGOTTEN: f64 = 15.0;
+/// Durations whose exponentials are kept: commands, their coming out of a delay, and rows taken between them cut the time in
+/// three lengths by turns.
+const KEPT: usize = 3;
 
 /// What a signal does over a time: its value and slope at both ends. Between them it is taken as the cubic through these
 /// (Hermite), off by at most `d^4 / 384` of its fourth derivative over the duration `d`.
@@ -48,6 +53,14 @@ pub trait ResponseStage: Send {
     /// The shortest time in which the output bends, seconds: what a later stage needs to know to follow it.
     fn time_scale_s(&self) -> f64 {
         f64::INFINITY
+    }
+
+    /// For how long what was shows in its output.
+    fn memory(&self) -> Memory;
+
+    /// Whether the output for the same input is another one later, memory aside.
+    fn changes(&self) -> bool {
+        false
     }
 
     /// The record's first row is at `at_s`.

@@ -141,6 +141,14 @@ impl FirstOrder {
         (self.target - self.response) * self.rate_per_s
     }
 
+    /// Seconds, where it is the same at every level.
+    pub(super) fn time_constant_s(&self) -> Option<f64> {
+        match &self.law {
+            Law::Linear(point) => Some(point.lag.time_constant_s),
+            Law::Level(_) => None,
+        }
+    }
+
     /// The command that would keep the response of the moment. On the plant that follows the level the static map has to rise
     /// for that; where the gain is 0, it is the command of the moment.
     pub(super) fn speed(&self) -> f64 {

@@ -41,5 +41,5 @@ pub use model::{Effect, Lag, MapPolynomial, Model, ModelError, Point, Provenance
 pub use noise::{Color, Noise, SensorNoise};
 pub use operating::{OperatingCurve, OperatingPoint};
 pub use rotor::{Motion, RotorBase, RotorTerm, Supply};
-pub use simulate::{Drive, Start, Trace, simulate, simulate_response};
-pub use stage::{CommandStage, Segment};
+pub use simulate::{Drive, Start, Trace, simulate, simulate_periodic_response, simulate_response};
+pub use stage::{CommandStage, Memory, Segment};

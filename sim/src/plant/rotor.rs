@@ -1,6 +1,7 @@
 //! The rotor where it is no linear lag: one that is integrated in steps.
 
-use super::{Interval, OperatingCurve, OperatingPoint, PlantError, Segment};
+use super::filter::FORGOTTEN;
+use super::{Interval, Memory, OperatingCurve, OperatingPoint, PlantError, Segment};
 
 /// A step is at most this part of the time constant of its moment. The classical Runge-Kutta method then errs by less than
 /// `0.1^5 / 120`, 1e-7 of the way to the steady response, per step.
@@ -11,6 +12,9 @@ const STEP_PART: f64 = 0.1;
 /// own state may be five times as fast as the rotor.
 const SETTLED: f64 = 1e-4;
 const SETTLED_PART: f64 = 0.5;
+
+/// So much slower than its base at most an effect makes the rotor for long, as far as what it forgets is concerned.
+const MOST_SLOWED: f64 = 2.0;
 
 /// Effects that the rotor may have, each with a state of its own.
 const MOST_TERMS: usize = 4;
@@ -122,6 +126,11 @@ pub trait RotorTerm: Send {
     /// Sets `motion.rate_per_s`.
     fn pace(&self, _motion: &mut Motion) {}
 
+    /// For how long what was shows in the effect's own state, seconds.
+    fn memory_s(&self) -> f64 {
+        0.0
+    }
+
     /// What the effect knows of the supply.
     fn measured(&self, _own: f64, _motion: &Motion) -> Option<Supply> {
         None
@@ -168,6 +177,13 @@ impl IntegratedRotor {
 
     pub(super) fn response(&self) -> f64 {
         self.output(&self.state)
+    }
+
+    pub(super) fn memory(&self) -> Memory {
+        // One of many levels may be slow at any of them.
+        let RotorBase::Linear(point) = &self.base else { return Memory::Lasting };
+        let own = self.terms.iter().map(|term| term.memory_s()).sum::<f64>();
+        Memory::Seconds(MOST_SLOWED * FORGOTTEN * point.lag.time_constant_s + own)
     }
 
     pub(super) fn speed(&self) -> f64 {

@@ -112,6 +112,39 @@ pub fn simulate_response(
     Ok(response)
 }
 
+/// [`simulate_response`] where the drive is whole periods of `period_rows` rows: what repeats by then is not run again.
+///
+/// # Errors
+/// Those of [`simulate`].
+pub fn simulate_periodic_response(
+    actuator: &mut Actuator,
+    drive: Drive,
+    start: Start,
+    rows_s: &[f64],
+    period_rows: usize,
+) -> Result<Vec<f64>, PlantError> {
+    let all = rows_s.len();
+    let Some(period_s) = rows_s.get(period_rows).map(|row_s| row_s - rows_s[0]) else {
+        return simulate_response(actuator, drive, start, rows_s);
+    };
+    let lead_s = match start {
+        Start::Rest(_) => 0.0,
+        Start::Running { lead_s, .. } => lead_s,
+        Start::Periodic { periods, .. } => f64::from(periods) * period_s,
+    };
+    let Some(after_s) = actuator.repeats_after_s(period_s).map(|after_s| after_s - lead_s) else {
+        return simulate_response(actuator, drive, start, rows_s);
+    };
+    let from_s = drive.time_s.first().map_or(0.0, |first_s| first_s + after_s.max(0.0));
+    let once = (rows_s.partition_point(|row_s| *row_s <= from_s) + period_rows).min(all);
+    let mut response = simulate_response(actuator, drive, start, &rows_s[..once])?;
+    response.reserve(all - once);
+    for row in once..all {
+        response.push(response[row - period_rows]);
+    }
+    Ok(response)
+}
+
 /// Brings an actuator to the begin of a record.
 fn begin(actuator: &mut Actuator, drive: Drive, start: Start) -> Result<(), PlantError> {
     let count = drive.time_s.len();

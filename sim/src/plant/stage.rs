@@ -19,6 +19,29 @@ impl Segment {
     }
 }
 
+/// For how long what a link was given shows in what it gives.
+#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
+pub enum Memory {
+    /// After so many seconds nothing is left, or less than 1e-6 of it.
+    Seconds(f64),
+    /// It knows the last turning points: what came before a whole period is forgotten.
+    TurningPoints,
+    /// The begin may show for ever.
+    Lasting,
+}
+
+impl Memory {
+    /// That of two links, one behind the other.
+    #[must_use]
+    pub fn and(self, other: Self) -> Self {
+        match (self, other) {
+            (Self::Seconds(one), Self::Seconds(other)) => Self::Seconds(one + other),
+            _ if self > other => self,
+            _ => other,
+        }
+    }
+}
+
 /// One link between command and rotor. It takes a command that is straight in pieces and gives one.
 ///
 /// The caller asks for one piece at a time: "the input is this piece, which begins at `from_s`; what is the output at
@@ -35,6 +58,14 @@ pub trait CommandStage: Send {
     /// `from_s` is before `input.until_s`, and never before the `from_s` of the last question.
     fn advance(&mut self, from_s: f64, input: Segment) -> Segment;
 
+    /// For how long what was shows in its output.
+    fn memory(&self) -> Memory;
+
+    /// Whether the output for the same input is another one `period_s` later, memory aside.
+    fn changes_after(&self, _period_s: f64) -> bool {
+        false
+    }
+
     /// Whether the output may move between its changes: then the rotor behind it is not that of a level.
     fn makes_ramps(&self) -> bool {
         false
@@ -45,12 +76,13 @@ pub trait CommandStage: Send {
 pub(super) struct Levels<F> {
     next: F,
     out: f64,
+    memory: Memory,
 }
 
 impl<F: FnMut(f64, f64) -> f64 + Send> Levels<F> {
     /// `next` gives the output for the output until now and the input. At rest the output until now is the input.
-    pub(super) fn new(next: F) -> Self {
-        Self { next, out: 0.0 }
+    pub(super) fn new(memory: Memory, next: F) -> Self {
+        Self { next, out: 0.0, memory }
     }
 }
 
@@ -64,5 +96,9 @@ impl<F: FnMut(f64, f64) -> f64 + Send> CommandStage for Levels<F> {
     fn advance(&mut self, _: f64, input: Segment) -> Segment {
         self.out = (self.next)(self.out, input.level);
         Segment::constant(self.out, input.until_s)
+    }
+
+    fn memory(&self) -> Memory {
+        self.memory
     }
 }

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use crate::plant::Catalog;
-use crate::plant::effect::{Kind, Linearity, Parameter, Scale, Site, Use};
+use crate::plant::effect::{Kind, Linearity, Parameter, Scale, Shows, Site, Use};
 
 /// Marks between which the catalog stands in a page.
 const BEGIN: &str = "<!-- catalog: `cargo xtask docs` writes what follows -->\n";
@@ -36,6 +36,7 @@ fn describe(text: &mut String, kind: &Kind) {
     }
     line(format!("\n{}\n", kind.signature));
     line(format!("Frequency response: {}.\n", response(kind.linearity)));
+    line(format!("{}\n", shows(kind.shows)));
     for confusion in kind.confusions {
         line(format!("- or `{}`? {}", confusion.with, confusion.experiment));
     }
@@ -82,6 +83,16 @@ fn response(linearity: Linearity) -> &'static str {
         Linearity::Mean => "that of its mean; the images of the sampler are left out",
         Linearity::SmallSignal => "that of small deviations from the nominal command",
         Linearity::Absent => "none that amplitude or time would not change",
+    }
+}
+
+fn shows(shows: Shows) -> &'static str {
+    match shows {
+        Shows::Anywhere => "Any record may show it.",
+        Shows::BetweenLevels => "Steps from one settled level to the next do not show it.",
+        Shows::InForce => "Logs of the speed do not show it.",
+        Shows::BetweenClocks => "Logs that do not repeat, whose rows are stamped by one clock, do not show it.",
+        Shows::OverLevels => "Only logs that go through many levels show it.",
     }
 }
 

@@ -61,6 +61,11 @@ pub(super) fn remark(effect: &ActiveEffect, design: &LeadDesign) -> Option<Strin
                          value with the sag in it."
                 .to_owned()
         }
+        "winding_heating" => {
+            "The windings heat within seconds, below the band of the filter. A lead does not cool them: after a high load thrust is \
+             lower, and the flight controller has to ask for more."
+                .to_owned()
+        }
         "second_pole" => format!(
             "A second lag of {:.1} ms is counted. Where it is the sensor's or the logger's, the motor is faster than said here: \
              log the speed too.",

@@ -23,7 +23,7 @@ use rayon::prelude::*;
 use rotorlead::design::LeadParameters;
 
 use super::{DiagnoseError, Verdict};
-use crate::plant::effect::Kind;
+use crate::plant::effect::{Kind, Shows};
 use crate::plant::{Catalog, Model};
 
 /// Effects that leave no more than this share of the misfit are the whole story.
@@ -212,9 +212,10 @@ impl BandwidthDiagnosis {
     }
 }
 
-/// The catalog, and behind the numbers of the lag what is as dull: another static gain.
+/// What of the catalog shows around single commands, and behind the numbers of the lag what is as dull: another static gain.
 fn kinds(catalog: &Catalog) -> Vec<&'static Kind> {
-    let mut kinds: Vec<&'static Kind> = catalog.kinds().collect();
+    let shown = |kind: &&Kind| kind.shows != Shows::OverLevels;
+    let mut kinds: Vec<&'static Kind> = catalog.kinds().filter(shown).collect();
     let place = kinds.partition_point(|kind| kind.site == crate::plant::effect::Site::Base);
     kinds.insert(place, &low_frequency_gain::KIND);
     kinds

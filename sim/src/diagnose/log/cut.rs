@@ -212,6 +212,8 @@ fn log(
             before: before.unwrap_or_default(),
             moving: moving.into_iter().map(|row| (row, 0.0)).collect(),
             size: 1.0,
+            left: 0.0,
+            enters: None,
         }
     };
     let mut parts: Vec<Part> = groups.iter().enumerate().map(parts).collect();

@@ -11,6 +11,8 @@
 //!
 //! over the size of the step, since a model of the motion is off in proportion to it. Levels say what the static map is, the rest
 //! says how the motor moves, and neither stands in the other's way. What moves counts as [`PER_STEP`] independent numbers a step.
+//! Where the plateau before a step is held out and the one after it is fitted, the row on which the command changes stands for the
+//! former: it belongs to the latter, and the response is still on the level before.
 //!
 //! How large both errors are is not known beforehand, and is estimated from what is left. With variances that are estimated minus
 //! twice the greatest log likelihood is `n log(mean square)`, summed up over both, but for a constant (Seber & Wild, Nonlinear
@@ -51,9 +53,21 @@ pub(in crate::diagnose) struct Part {
     pub moving: Vec<(usize, f64)>,
     /// Size of the step that leads there, as measured.
     pub size: f64,
+    /// By how much the response may have left the level before on the row on which the command changes: a standard deviation.
+    pub left: f64,
+    /// That row, and its standard deviation, where it stands for the level before.
+    pub enters: Option<(usize, f64)>,
 }
 
 impl Part {
+    /// As one whose plateau before is held out: on the row on which the command changes, which is `first`, the response is still
+    /// on the level before, and that row says by how much that is off.
+    pub fn entered(self, first: usize, noise: f64) -> Self {
+        let is_step = !self.settled.is_empty() && !self.before.is_empty();
+        let is_kept = self.moving.first().is_some_and(|(row, _)| *row == first);
+        Self { enters: (is_step && is_kept).then_some((first, noise.hypot(self.left))), ..self }
+    }
+
     /// How far a response goes.
     pub fn step_of(&self, response: &[f64]) -> f64 {
         (mean(response, &self.settled) - mean(response, &self.before)).abs()
@@ -97,13 +111,16 @@ impl Filter {
 
     /// All that is compared of values at each row of a record, over the standard deviations.
     pub fn apply(&self, values: &[f64]) -> Vec<f64> {
-        let count = self.parts.iter().map(|part| 1 + part.moving.len()).sum();
+        let count = self.parts.iter().map(|part| 2 + part.moving.len()).sum();
         let mut all = Vec::with_capacity(count);
         for part in &self.parts {
             let level = mean(values, &part.settled);
             let before = mean(values, &part.before);
             if !part.settled.is_empty() {
                 all.push(level / self.errors.level);
+            }
+            if let Some((row, noise)) = part.enters {
+                all.push(values[row] / self.errors.level.hypot(noise));
             }
             let scale = (part.independent() / part.moving.len() as f64).sqrt() / (self.errors.moving * part.size);
             all.extend(
@@ -122,6 +139,8 @@ impl Filter {
             if !part.settled.is_empty() {
                 level = (level.0 + 1.0, level.1 + white.next().map_or(0.0, |left| left * left));
             }
+            // A row is off by its noise, too, and says little of how far levels are off.
+            let _ = part.enters.and_then(|_| white.next());
             let squares: f64 = white.by_ref().take(part.moving.len()).map(|left| left * left).sum();
             moving = (moving.0 + part.independent(), moving.1 + squares);
         }
@@ -166,11 +185,14 @@ pub(super) fn measure(parts: &mut [Part], time_s: &[f64], measured: &[f64]) {
         there.map(|(row, _)| since(part, *row))
     };
     let large = parts.iter().filter(is_step).filter(|part| part.step_of(measured) >= LEAST_SIZE * usual);
-    let moves_for_s = median(large.filter_map(most_of_the_way).collect()).map(|time_s| MOVES_FOR * time_s);
+    let rise_s = median(large.filter_map(most_of_the_way).collect()).filter(|time_s| *time_s > 0.0);
     for part in parts.iter_mut().filter(|part| is_step(&&**part)) {
         part.size = part.step_of(measured).max(LEAST_SIZE * usual);
-        let Some(moves_for_s) = moves_for_s.filter(|time_s| *time_s > 0.0) else { continue };
-        let moves = part.moving.iter().take_while(|(row, _)| since(part, *row) <= moves_for_s).count();
+        let Some(rise_s) = rise_s else { continue };
+        // Nobody knows where in its interval a row was taken: a uniform error of one row has this standard deviation.
+        let interval_s = part.moving.first().map_or(0.0, |(first, _)| time_s[*first] - time_s[first.saturating_sub(1)]);
+        part.left = part.step_of(measured) * (interval_s / 12_f64.sqrt() / rise_s).min(1.0);
+        let moves = part.moving.iter().take_while(|(row, _)| since(part, *row) <= MOVES_FOR * rise_s).count();
         part.moving.truncate(moves);
     }
 }
@@ -187,7 +209,8 @@ mod tests {
     /// Two plateaus of ten rows, and the way between them in five.
     fn filter() -> Filter {
         let moving = (10..15).map(|row| (row, 0.0)).collect();
-        let mut part = Part { settled: (15..20).collect(), before: (0..10).collect(), moving, size: 1.0 };
+        let mut part =
+            Part { settled: (15..20).collect(), before: (0..10).collect(), moving, size: 1.0, left: 0.0, enters: None };
         let simulated: Vec<f64> = (0..20).map(|row| f64::from((row - 9).clamp(0, 5)) * 0.2).collect();
         part.follow(&simulated);
         Filter::new(Errors { level: 0.5, moving: 1.0 }, std::iter::once(part), true)
@@ -200,6 +223,20 @@ mod tests {
         assert_eq!(white.len(), 6);
         assert!((white[0] - 0.3 / 0.5).abs() < 1e-12, "{white:?}");
         assert!(white[1..].iter().all(|left| left.abs() < 1e-12), "{white:?}");
+    }
+
+    #[test]
+    fn where_the_plateau_before_is_held_out_the_row_at_the_change_stands_for_its_level() {
+        let Filter { parts, errors } = filter();
+        let part = parts[0].clone().entered(10, 1.2);
+        assert!(parts[0].clone().entered(9, 1.2).enters.is_none());
+        let entered = Filter::new(errors, std::iter::once(part), true);
+        let mut off = vec![0.3; 20];
+        off[10] = 2.6;
+        let white = entered.apply(&off);
+        // Over the error of a level and the noise of a row: the root of 0.25 + 1.44.
+        assert!((white[0] - 0.6).abs() < 1e-12 && (white[1] - 2.0).abs() < 1e-12 && white.len() == 7, "{white:?}");
+        assert!((entered.errors_of(&off).level - 0.3).abs() < 1e-12);
     }
 
     #[test]

@@ -110,8 +110,14 @@ impl Log {
 
     /// What is compared for a purpose of a column with these errors; `relative` where the size of the step counts.
     pub fn filter(&self, errors: Errors, purpose: Purpose, relative: bool) -> Filter {
-        let groups = self.groups.iter().zip(&self.parts).filter(|(group, _)| group.purpose == purpose);
-        Filter::new(errors, groups.map(|(_, part)| part.clone()), relative)
+        let parts = self.groups.iter().zip(&self.parts).enumerate().filter(|(_, (group, _))| group.purpose == purpose);
+        let part = |(place, (group, part)): (usize, (&Group, &Part))| {
+            let is_kept_out = |before: usize| self.groups[before].purpose == Purpose::HeldOut;
+            let enters = purpose == Purpose::Fit && place.checked_sub(1).is_some_and(is_kept_out);
+            // The noise is that of the response.
+            if enters && relative { part.clone().entered(group.rows.start, group.noise) } else { part.clone() }
+        };
+        Filter::new(errors, parts.map(part), relative)
     }
 
     fn set_filters(&mut self) {

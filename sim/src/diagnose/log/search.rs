@@ -9,10 +9,10 @@
 use super::split::Folds;
 use crate::diagnose::explain::{ALIKE, Explanation, FIRST_STEPS, Found, LEAST_WORTH, Search, Tried, by_worth};
 use crate::diagnose::fit::{Fit, Screening, fit_in, surprise};
-use crate::diagnose::hypothesis::{Candidate, GRID, Hypothesis};
+use crate::diagnose::hypothesis::{Candidate, Hypothesis};
 use crate::diagnose::scan::Scan;
-use crate::diagnose::trial::{Purpose, Trials};
-use crate::plant::effect::Kind;
+use crate::diagnose::trial::{Purpose, Trial, Trials};
+use crate::plant::effect::{Kind, Shows, Site};
 use crate::record::Output;
 
 /// Most effects that are named: a staircase goes through the whole range of a motor, where more shows than around one command.
@@ -21,16 +21,6 @@ const MOST_EFFECTS: usize = 5;
 const MOST_FINISHED: usize = 3;
 /// Steps of a search that finishes: the misfit is of models and not of noise, so the last digits mean nothing.
 const LAST_STEPS: usize = 8;
-/// Kinds whose only trace on levels that are reached in steps larger than they are is where these settle. A static map is off
-/// there for many reasons, all of which they would explain.
-const SHIFT_LEVELS: [&str; 3] = ["dead_band", "backlash", "command_quantization"];
-/// A hold of frames that steps, seconds apart, are not tied to is a delay by all that they show.
-const HIDDEN: [&str; 1] = ["esc_frame_hold"];
-/// Kinds that the force on a stand shows and the speed does not.
-const IN_FORCE_ONLY: [&str; 2] = ["inflow_lead", "stand_resonance"];
-/// Kinds that it takes two clocks for: command and response of a log are stamped by one.
-const OF_TWO_CLOCKS: [&str; 1] = ["clock_skew"];
-
 impl Trials {
     /// Whether any record does not repeat.
     pub fn has_logs(&self) -> bool {
@@ -39,15 +29,13 @@ impl Trials {
 
     /// Whether the records can show a kind.
     fn can_show(&self, kind: &Kind) -> bool {
-        let is = |kinds: &[&str]| kinds.contains(&kind.id);
-        // One whose response jumps about as its value moves puts the few levels of a staircase anywhere as its value is turned.
-        let only_shifts =
-            is(&SHIFT_LEVELS) || is(&HIDDEN) || kind.parameters.iter().any(|parameter| parameter.pieces > GRID);
-        let any_moves = self.trials.iter().any(|trial| trial.log.as_ref().is_none_or(|log| !log.begins_settled));
-        let any_repeats = self.trials.iter().any(|trial| trial.log.is_none());
-        (any_moves || !only_shifts)
-            && (any_repeats || !is(&OF_TWO_CLOCKS))
-            && (self.output == Output::ThrustN || !is(&IN_FORCE_ONLY))
+        let any_repeats = || self.trials.iter().any(|trial| trial.log.is_none());
+        match kind.shows {
+            Shows::Anywhere | Shows::OverLevels => true,
+            Shows::BetweenLevels => self.trials.iter().any(|trial| !trial.goes_from_level_to_level()),
+            Shows::BetweenClocks => any_repeats(),
+            Shows::InForce => self.output == Output::ThrustN,
+        }
     }
 
     /// With the errors that a hypothesis leaves.
@@ -58,6 +46,30 @@ impl Trials {
         }
         Some(weighed)
     }
+}
+
+impl Trial {
+    fn goes_from_level_to_level(&self) -> bool {
+        self.log.as_ref().is_some_and(|log| log.begins_settled)
+    }
+}
+
+/// How dull an explanation a kind is, the dullest first: a map that is not straight, as levels are soon read off, and a response that
+/// is late as a whole, as a logger's may well be. Both pass for whatever else moves levels or slows the motor, so they come first
+/// where they are worth it, and each of the others has to be worth something beside them. They are dropped where one makes them
+/// redundant.
+fn dullness(kind: &Kind) -> usize {
+    match kind.site {
+        Site::Map => 0,
+        Site::Line => 1,
+        _ => 2,
+    }
+}
+
+/// A kind that was added, with those that would have done as well.
+struct Named {
+    kind: &'static Kind,
+    alternatives: Vec<&'static Kind>,
 }
 
 /// An explanation with the errors that it leaves.
@@ -88,14 +100,35 @@ impl Search<'_> {
         }
         let before = self.settle(base, true)?;
         let mut current = before.clone();
-        let mut first_tried = Vec::new();
-        let mut alternatives: Vec<(&'static Kind, Vec<&'static Kind>)> = Vec::new();
-        while alternatives.len() < MOST_EFFECTS {
-            let named: Vec<&'static Kind> = alternatives.iter().map(|(kind, _)| *kind).collect();
-            let tried = self.tries_on_logs(&current, &named);
-            if alternatives.is_empty() {
-                first_tried.clone_from(&tried);
+        let mut first_tried = None;
+        let mut named: Vec<Named> = Vec::new();
+        let mut dropped: Vec<&'static Kind> = Vec::new();
+        loop {
+            current = self.extend(current, &mut named, &dropped, &mut first_tried)?;
+            let (after, found, redundant) = self.eliminate(current, &named)?;
+            if redundant.is_empty() {
+                return Some(Explanation { before, after, found, tried: first_tried.unwrap_or_default() });
             }
+            // What stood in the place of others is gone, and does not come back: the search ends.
+            named.retain(|named| !redundant.contains(&named.kind));
+            dropped.extend(redundant);
+            current = after;
+        }
+    }
+
+    /// Adds effects to `current` one at a time as long as any is worth it.
+    fn extend(
+        &mut self,
+        mut current: Fit,
+        named: &mut Vec<Named>,
+        dropped: &[&'static Kind],
+        first_tried: &mut Option<Vec<Tried>>,
+    ) -> Option<Fit> {
+        while named.len() < MOST_EFFECTS {
+            let exclude: Vec<&'static Kind> =
+                named.iter().map(|named| named.kind).chain(dropped.iter().copied()).collect();
+            let tried = self.tries_on_logs(&current, &exclude);
+            first_tried.get_or_insert_with(|| tried.clone());
             // Something like an effect, but larger than it can be, is none of the catalog; nor is one that may as well not be
             // there.
             let is_one = |tried: &&Tried| {
@@ -104,20 +137,22 @@ impl Search<'_> {
                 hypothesis.effects[last].is_plausible() && tried.fit.excludes_absence(last)
             };
             let tried: Vec<&Tried> = tried.iter().filter(is_one).collect();
-            let Some(best) = tried.first().filter(|best| best.worth() >= LEAST_WORTH) else { break };
-            let alike = tried.iter().skip(1).filter(|other| best.worth() - other.worth() < ALIKE);
-            alternatives.push((best.kind, alike.map(|other| other.kind).collect()));
+            let is_worth_it = |tried: &&&Tried| is_worth_it(tried);
+            // The first of those that are as dull is worth most.
+            let Some(best) = tried.iter().filter(is_worth_it).min_by_key(|tried| dullness(tried.kind)) else { break };
+            let is_alike = |other: &&&Tried| other.kind != best.kind && (best.worth() - other.worth()).abs() < ALIKE;
+            let alternatives = tried.iter().filter(is_alike).map(|other| other.kind).collect();
+            named.push(Named { kind: best.kind, alternatives });
             current = self.settle(&best.fit.hypothesis.clone(), true)?;
         }
-        let (after, found) = self.eliminate(current, &alternatives)?;
-        Some(Explanation { before, after, found, tried: first_tried })
+        Some(current)
     }
 
     /// Kinds that improve on `from`, best first.
-    fn tries_on_logs(&self, from: &Fit, named: &[&'static Kind]) -> Vec<Tried> {
+    fn tries_on_logs(&self, from: &Fit, exclude: &[&'static Kind]) -> Vec<Tried> {
         let Some(screening) = Screening::new(&self.trials, from) else { return Vec::new() };
         let Some(scan) = Scan::new(&self.trials, from) else { return Vec::new() };
-        let kinds = self.catalog.kinds().filter(|kind| kind.id != "parameter_error" && !named.contains(kind));
+        let kinds = self.catalog.kinds().filter(|kind| kind.id != "parameter_error" && !exclude.contains(kind));
         let mut screened: Vec<(f64, Hypothesis, &'static Kind)> = Vec::new();
         for kind in kinds.filter(|kind| self.trials.can_show(kind)) {
             screened.extend(self.screen(&screening, &scan, from, kind).into_iter().next());
@@ -133,7 +168,8 @@ impl Search<'_> {
         }
         followed.sort_by(|a, b| a.0.surprise.total_cmp(&b.0.surprise));
         let folds = Folds::of(&before.trials, from);
-        let finished = followed.into_iter().take(MOST_FINISHED).filter_map(|(judged, kind)| {
+        let promising = |(place, (_, kind)): &(usize, (Judged, &Kind))| *place < MOST_FINISHED || dullness(kind) < 2;
+        let finished = followed.into_iter().enumerate().filter(promising).filter_map(|(_, (judged, kind))| {
             let judged = Judged::of(&judged.trials, &judged.fit, LAST_STEPS)?;
             (self.progress)();
             let tried = tried(&before, &folds, judged, kind);
@@ -149,38 +185,41 @@ impl Search<'_> {
         Some(Judged { trials: self.trials.clone(), fit: fit.clone(), surprise })
     }
 
-    /// Drops one after the other what the others make redundant. Nothing is exchanged, and what would have done as well is taken
-    /// from when each was found.
-    fn eliminate(
-        &mut self,
-        mut current: Fit,
-        alternatives: &[(&'static Kind, Vec<&'static Kind>)],
-    ) -> Option<(Fit, Vec<Found>)> {
+    /// Drops one after the other what the others make redundant, or what may as well not be there beside them. Nothing is
+    /// exchanged, and what would have done as well is taken from when each was found.
+    fn eliminate(&mut self, mut current: Fit, named: &[Named]) -> Option<(Fit, Vec<Found>, Vec<&'static Kind>)> {
+        let mut redundant = Vec::new();
         loop {
             let now = self.judged(&current)?;
-            let mut found: Vec<Found> = Vec::new();
+            let (mut found, mut told) = (Vec::new(), Vec::new());
             for (effect, candidate) in current.hypothesis.effects.iter().enumerate() {
                 let rest = fit_in(&self.trials, &current.hypothesis.without(effect), true, LAST_STEPS)?;
                 let rest = Judged::of(&self.trials, &rest, FIRST_STEPS)?;
                 let folds = Folds::of(&rest.trials, &rest.fit);
                 let with = Judged { trials: now.trials.clone(), fit: now.fit.clone(), ..now };
-                let worth = tried(&rest, &folds, with, candidate.kind).worth();
-                let others = alternatives.iter().find(|(kind, _)| *kind == candidate.kind);
+                let tried = tried(&rest, &folds, with, candidate.kind);
+                let named = named.iter().find(|named| named.kind == candidate.kind);
                 let is_free = |kind: &&Kind| current.hypothesis.effects.iter().all(|effect| effect.kind != *kind);
-                let alternatives = others
-                    .map_or_else(Vec::new, |(_, others)| others.iter().filter(|kind| is_free(kind)).copied().collect());
-                found.push(Found { kind: candidate.kind, worth, alternatives });
+                let alternatives = named.map_or_else(Vec::new, |named| {
+                    named.alternatives.iter().filter(|kind| is_free(kind)).copied().collect()
+                });
+                found.push(Found { kind: candidate.kind, worth: tried.worth(), alternatives });
+                told.push(is_worth_it(&tried) && current.excludes_absence(effect));
                 (self.progress)();
             }
-            let least = (0..found.len()).min_by(|a, b| found[*a].worth.total_cmp(&found[*b].worth));
-            match least {
-                Some(least) if found[least].worth < LEAST_WORTH => {
-                    current = self.settle(&current.hypothesis.without(least), true)?;
-                }
-                _ => return Some((current, found)),
-            }
+            let untold = (0..found.len()).filter(|effect| !told[*effect]);
+            let Some(least) = untold.min_by(|a, b| found[*a].worth.total_cmp(&found[*b].worth)) else {
+                return Some((current, found, redundant));
+            };
+            redundant.push(found[least].kind);
+            current = self.settle(&current.hypothesis.without(least), true)?;
         }
     }
+}
+
+/// Whether an effect is worth a name, and what was held out bears it out.
+fn is_worth_it(tried: &Tried) -> bool {
+    tried.worth() >= LEAST_WORTH && tried.held_out_gain >= 0.0
 }
 
 /// What the last effect of a judged explanation is worth.

@@ -1,6 +1,6 @@
 //! Speeding up and slowing down take different times.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
 use crate::plant::{Motion, RotorTerm};
 
 /// Two time constants, one for each direction.
@@ -13,7 +13,7 @@ pub static KIND: Kind = Kind {
         .null(1.0)
         .possible(0.02, 50.0)
         .log(0.4, 3.0, &[0.7, 1.3, 1.8])
-            .smooth()],
+        .smooth()],
     signature: "Rising and falling steps have different time constants, the same ones at every amplitude. Even lines in \
                 proportion to the amplitude, and a shift of the mean.",
     confusions: &[
@@ -31,6 +31,7 @@ pub static KIND: Kind = Kind {
         "Pintelon & Schoukens, System Identification, 2nd ed., ch. 4: even nonlinearities at even lines",
     ],
     linearity: Linearity::Absent,
+    shows: Shows::Anywhere,
     check: Kind::any,
     part: |values, _| match values[0] {
         1.0 => Part::Nothing,

@@ -1,7 +1,7 @@
 //! Play between command and effect.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Site};
-use crate::plant::stage::Levels;
+use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
+use crate::plant::stage::{Levels, Memory};
 
 /// The output moves only where the command pushes it.
 pub static KIND: Kind = Kind {
@@ -27,11 +27,12 @@ pub static KIND: Kind = Kind {
     ],
     sources: &["Gelb & Vander Velde, Multiple-Input Describing Functions and Nonlinear System Design, 1968, sec. 2.3"],
     linearity: Linearity::Absent,
+    shows: Shows::BetweenLevels,
     check: Kind::any,
     part: |values, _| match values[0] {
         0.0 => Part::Nothing,
         half_width => {
-            Part::command(Levels::new(move |held: f64, input: f64| held.clamp(input - half_width, input + half_width)))
+            Part::command(Levels::new(Memory::TurningPoints, move |held: f64, input: f64| held.clamp(input - half_width, input + half_width)))
         }
     },
     response: Kind::unity,

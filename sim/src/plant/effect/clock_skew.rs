@@ -1,6 +1,6 @@
 //! Two clocks.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
 
 /// The logger's clock runs differently from the controller's.
 pub static KIND: Kind = Kind {
@@ -12,7 +12,7 @@ pub static KIND: Kind = Kind {
     parameters: &[Parameter::fitted("skew_ppm", "ppm", "how much slower the logger's clock is than the controller's")
         .possible(-1e5, 1e5)
         .linear(-3000.0, 3000.0, &[-300.0, 300.0])
-            .smooth()],
+        .smooth()],
     signature: "A phase that grows with frequency and with the time in the record: late periods lead (or lag) early ones in \
                 proportion to the frequency.",
     confusions: &[Confusion {
@@ -21,6 +21,7 @@ pub static KIND: Kind = Kind {
     }],
     sources: &["crystals differ by 10 to 100 ppm, ceramic resonators and RC oscillators by up to 2000"],
     linearity: Linearity::Absent,
+    shows: Shows::BetweenClocks,
     check: Kind::any,
     part: |values, _| match values[0] {
         0.0 => Part::Nothing,

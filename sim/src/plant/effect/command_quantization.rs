@@ -1,7 +1,7 @@
 //! The command is rounded to a grid.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Site};
-use crate::plant::stage::Levels;
+use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
+use crate::plant::stage::{Levels, Memory};
 
 /// Rounds the command to whole steps, as a protocol or a timer does.
 pub static KIND: Kind = Kind {
@@ -32,10 +32,11 @@ pub static KIND: Kind = Kind {
         "PWM at 1 us of 1000 us is 1/1000; DShot has 1/2000; 8-bit links have 1/256 and fewer",
     ],
     linearity: Linearity::Absent,
+    shows: Shows::BetweenLevels,
     check: Kind::any,
     part: |values, _| match values[0] {
         0.0 => Part::Nothing,
-        step => Part::command(Levels::new(move |_, input: f64| step * (input / step).round())),
+        step => Part::command(Levels::new(Memory::Seconds(0.0), move |_, input: f64| step * (input / step).round())),
     },
     response: Kind::unity,
 };

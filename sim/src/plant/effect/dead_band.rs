@@ -1,7 +1,7 @@
 //! Small changes of the command are ignored.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Site};
-use crate::plant::stage::Levels;
+use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
+use crate::plant::stage::{Levels, Memory};
 
 /// Keeps the last command until the new one differs from it by the width.
 pub static KIND: Kind = Kind {
@@ -31,10 +31,13 @@ pub static KIND: Kind = Kind {
         "input filters of ESCs ignore jitter of some microseconds of pulse width: 0.002 to 0.01",
     ],
     linearity: Linearity::Absent,
+    shows: Shows::BetweenLevels,
     check: Kind::any,
     part: |values, _| match values[0] {
         0.0 => Part::Nothing,
         width => Part::command(Levels::new(
+            // Each stair begins where the last one ended.
+            Memory::Lasting, 
             move |held: f64, input: f64| if (input - held).abs() >= width { input } else { held },
         )),
     },

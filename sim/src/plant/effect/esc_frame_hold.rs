@@ -2,7 +2,7 @@
 
 use num_complex::Complex64;
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
 use crate::plant::EscFrame;
 use crate::plant::hold::zero_order_hold;
 
@@ -34,6 +34,7 @@ pub static KIND: Kind = Kind {
         "Charla, Yao & Voyles: 600 Hz; analog PWM at 50 to 490 Hz",
     ],
     linearity: Linearity::Mean,
+    shows: Shows::BetweenLevels,
     check: Kind::any,
     part: |values, _| match EscFrame::new(values[0], values[1].rem_euclid(1.0)) {
         Ok(frame) => Part::command(frame),

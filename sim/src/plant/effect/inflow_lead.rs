@@ -2,9 +2,9 @@
 
 use num_complex::Complex64;
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Site};
-use crate::plant::filter::Mode;
-use crate::plant::{Interval, ResponseStage};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
+use crate::plant::filter::{FORGOTTEN, Mode};
+use crate::plant::{Interval, Memory, ResponseStage};
 
 /// A lead from speed to thrust.
 pub static KIND: Kind = Kind {
@@ -49,6 +49,7 @@ pub static KIND: Kind = Kind {
         "Leishman, Principles of Helicopter Aerodynamics, ch. 10: dynamic inflow",
     ],
     linearity: Linearity::Exact,
+    shows: Shows::InForce,
     check: Kind::any,
     part: |values, _| match values[0] {
         1.0 => Part::Nothing,
@@ -93,6 +94,10 @@ impl ResponseStage for InflowLead {
         self.mode.advance(input);
         let (end, end_slope) = self.output(input.end, input.end_slope);
         Interval { start, start_slope, end, end_slope, ..*input }
+    }
+
+    fn memory(&self) -> Memory {
+        Memory::Seconds(FORGOTTEN * self.time_constant_s)
     }
 
     fn time_scale_s(&self) -> f64 {

@@ -27,6 +27,8 @@ pub struct Kind {
     pub sources: &'static [&'static str],
     /// What [`Kind::response`] means.
     pub linearity: Linearity,
+    /// Which logs it shows in.
+    pub shows: Shows,
     /// Refuses values that do not go together, each in its own range; gives the parameter that is wrong and why.
     pub check: fn(&[f64]) -> Checked,
     /// The link of the chain. [`Part::Nothing`] for null values, so that these change no digit.
@@ -73,6 +75,24 @@ pub enum Linearity {
     SmallSignal,
     /// It has none that the amplitude or time would not change.
     Absent,
+}
+
+/// Which records a kind shows in, if its values are large enough. Staircases and other logs that do not repeat show less than periods
+/// around one command, and more. Where a kind does not show it is not looked for: it would be the name of whatever else is the
+/// matter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shows {
+    /// All that excite it.
+    Anywhere,
+    /// Not those of a command that goes from one settled level to the next in steps larger than the effect. These only settle
+    /// somewhat elsewhere, for which there are many reasons, or somewhat later, which is a delay.
+    BetweenLevels,
+    /// Not logs of the speed: it is in the force on the stand.
+    InForce,
+    /// Not logs that do not repeat: it takes two clocks, and one stamps their rows.
+    BetweenClocks,
+    /// Logs that go through levels of many loads alone. Around one level another kind looks the same.
+    OverLevels,
 }
 
 /// One parameter of a kind.

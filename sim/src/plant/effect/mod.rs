@@ -12,7 +12,7 @@ mod part;
 
 pub use active::{ActiveEffect, LinearChain};
 pub use catalog::Catalog;
-pub use kind::{Checked, Confusion, Kind, Linearity, Parameter, Scale, Site, Use};
+pub use kind::{Checked, Confusion, Kind, Linearity, Parameter, Scale, Shows, Site, Use};
 pub use part::Part;
 
 /// The modules of the kinds, and all of them in the order of the chain.
@@ -34,6 +34,7 @@ kinds! {
     esc_frame_hold
     transport_delay
     supply_sag
+    winding_heating
     quadratic_thrust
     asymmetric_lag
     operating_point_lag

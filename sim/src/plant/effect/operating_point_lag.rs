@@ -1,6 +1,6 @@
 //! The time constant is that of the speed of the moment.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
 use crate::plant::{Motion, RotorTerm};
 
 /// Speeds below a tenth, or above ten times, of that of the model's numbers count as these.
@@ -16,7 +16,7 @@ pub static KIND: Kind = Kind {
     parameters: &[Parameter::fitted("exponent", "", "power of the speed in one over the time constant")
         .possible(-5.0, 5.0)
         .linear(0.0, 2.5, &[0.5, 1.0])
-            .smooth()],
+        .smooth()],
     signature: "The pole moves with the nominal command and within a step: steps up begin slowly, steps down fast, and both by \
                 more the larger they are. Even lines that grow with the square of the amplitude.",
     confusions: &[
@@ -35,6 +35,7 @@ pub static KIND: Kind = Kind {
         "Table 1 of Charla, Yao & Voyles: the pole rises from 6.3 to 14.1 rad/s as u_nom goes from 0.40 to 0.65",
     ],
     linearity: Linearity::SmallSignal,
+    shows: Shows::Anywhere,
     check: Kind::any,
     part: |values, _| match values[0] {
         0.0 => Part::Nothing,

@@ -1,6 +1,6 @@
 //! Curvature of steady thrust against command.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
 use crate::plant::RotorTerm;
 
 /// A parabola in place of the straight line.
@@ -41,6 +41,7 @@ pub static KIND: Kind = Kind {
         "Pintelon & Schoukens, System Identification, 2nd ed., ch. 4: even nonlinearities at even lines",
     ],
     linearity: Linearity::SmallSignal,
+    shows: Shows::Anywhere,
     check: Kind::any,
     part: |values, _| match values[0] {
         0.0 => Part::Nothing,

@@ -2,8 +2,8 @@
 
 use num_complex::Complex64;
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Site};
-use crate::plant::stage::Levels;
+use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
+use crate::plant::stage::{Levels, Memory};
 
 /// Clips the command, as a limit of current or power does.
 pub static KIND: Kind = Kind {
@@ -40,12 +40,13 @@ pub static KIND: Kind = Kind {
         "current limits of hobby ESCs: 60 to 100 % of full throttle",
     ],
     linearity: Linearity::SmallSignal,
+    shows: Shows::Anywhere,
     check: |values| if values[1] < values[0] { Ok(()) } else { Err((1, "is not below `max`")) },
     part: |values, _| {
         let (max, min) = (values[0], values[1]);
         match (max, min) {
             (1.0, 0.0) => Part::Nothing,
-            _ => Part::command(Levels::new(move |_, input: f64| input.clamp(min, max))),
+            _ => Part::command(Levels::new(Memory::Seconds(0.0), move |_, input: f64| input.clamp(min, max))),
         }
     },
     response: |values, point, _| {

@@ -2,9 +2,9 @@
 
 use num_complex::Complex64;
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Site};
-use crate::plant::filter::Mode;
-use crate::plant::{Interval, ResponseStage};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
+use crate::plant::filter::{FORGOTTEN, Mode};
+use crate::plant::{Interval, Memory, ResponseStage};
 
 /// The motor's electrical lag, or a filter of the sensor.
 pub static KIND: Kind = Kind {
@@ -15,7 +15,7 @@ pub static KIND: Kind = Kind {
     parameters: &[Parameter::fitted("time_constant_s", "s", "time constant of the second lag")
         .possible(0.0, 10.0)
         .log(1e-4, 0.04, &[3e-4, 1e-3, 3e-3, 0.01, 0.03])
-            .smooth()],
+        .smooth()],
     signature: "Above 1 / (2 pi time_constant_s) the response rolls off by 20 dB per decade more and lags by up to 90 degrees \
                 more, the same at every nominal command and amplitude. Steps begin with a curve instead of a corner.",
     confusions: &[
@@ -34,6 +34,7 @@ pub static KIND: Kind = Kind {
         "Franklin, Powell & Emami-Naeini, Feedback Control of Dynamic Systems, ch. 3",
     ],
     linearity: Linearity::Exact,
+    shows: Shows::Anywhere,
     check: Kind::any,
     part: |values, _| match values[0] {
         0.0 => Part::Nothing,
@@ -73,6 +74,10 @@ impl ResponseStage for Lowpass {
             end_slope: (input.end - end) / self.time_constant_s,
             ..*input
         }
+    }
+
+    fn memory(&self) -> Memory {
+        Memory::Seconds(FORGOTTEN * self.time_constant_s)
     }
 
     fn time_scale_s(&self) -> f64 {

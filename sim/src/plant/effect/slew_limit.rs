@@ -1,7 +1,7 @@
 //! The command can change only so fast.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Site};
-use crate::plant::{CommandStage, Segment};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
+use crate::plant::{CommandStage, Memory, Segment};
 
 /// Follows the command at no more than a rate, the same up and down.
 pub static KIND: Kind = Kind {
@@ -30,6 +30,7 @@ pub static KIND: Kind = Kind {
         "ramp settings of ESCs: 0.025 to 16 % per millisecond",
     ],
     linearity: Linearity::SmallSignal,
+    shows: Shows::Anywhere,
     check: Kind::any,
     part: |values, _| match values[0] {
         f64::INFINITY => Part::Nothing,
@@ -76,6 +77,11 @@ impl CommandStage for SlewLimit {
         // Later than `from_s`, since more is left than rounding.
         let until_s = input.until_s.min(meets_s);
         Segment { level: self.level, slope_per_s: self.slope_per_s, until_s }
+    }
+
+    fn memory(&self) -> Memory {
+        // It has met the command somewhere in a period, or goes to and fro by the same way in each.
+        Memory::TurningPoints
     }
 
     fn makes_ramps(&self) -> bool {

@@ -4,9 +4,9 @@ use std::f64::consts::TAU;
 
 use num_complex::Complex64;
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Site};
-use crate::plant::filter::Mode;
-use crate::plant::{Interval, ResponseStage};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
+use crate::plant::filter::{FORGOTTEN, Mode};
+use crate::plant::{Interval, Memory, ResponseStage};
 
 /// One structural mode between thrust and sensor.
 pub static KIND: Kind = Kind {
@@ -42,6 +42,7 @@ pub static KIND: Kind = Kind {
         "thrust stands ring at 12 to 85 Hz with damping of 0.02 to 0.1",
     ],
     linearity: Linearity::Exact,
+    shows: Shows::InForce,
     check: Kind::any,
     part: |values, _| match values[0] {
         0.0 => Part::Nothing,
@@ -91,6 +92,10 @@ impl ResponseStage for Resonance {
         self.mode.advance(input);
         let (end, end_slope) = self.output(input.end, input.end_slope);
         Interval { start, start_slope, end, end_slope, ..*input }
+    }
+
+    fn memory(&self) -> Memory {
+        Memory::Seconds(FORGOTTEN / -self.pole.re)
     }
 
     fn time_scale_s(&self) -> f64 {

@@ -2,7 +2,8 @@
 
 use num_complex::Complex64;
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
+use crate::plant::filter::FORGOTTEN;
 use crate::plant::{Motion, RotorBase, RotorTerm, Supply};
 
 /// The speed, as a command, at which the drops are counted.
@@ -56,6 +57,10 @@ pub static KIND: Kind = Kind {
             experiment: "Excite from 0.05 Hz: the step of the gain lies below a few hertz for sag, above ten for inflow. A bench \
                          supply in place of the battery removes sag.",
         },
+        Confusion {
+            with: "winding_heating",
+            experiment: "Log the voltage: it falls with a sag, and not where the windings heat.",
+        },
         Confusion { with: "parameter_error", experiment: "Log the voltage: a wrong gain leaves it alone." },
     ],
     sources: &[
@@ -64,6 +69,7 @@ pub static KIND: Kind = Kind {
          its speed, by its voltage; 5 to 15 % of sag at hover, 0.3 to 3 s",
     ],
     linearity: Linearity::SmallSignal,
+    shows: Shows::Anywhere,
     check: Kind::any,
     part: |values, base| match (values[0], values[2]) {
         // A supply that is stiff still has a voltage to show.
@@ -118,20 +124,24 @@ impl SupplySag {
     }
 }
 
+/// The steady speed where a part of the drive is lost that grows with the speed, and `nominal_part` of it is left where the model
+/// holds.
+pub(super) fn speed_at_rest(drive: f64, nominal_part: f64, part: impl Fn(f64) -> f64) -> f64 {
+    // The drive falls with the speed, so there is one speed at which both are equal.
+    let (mut low, mut high) = (0.0, drive.max(0.0) / nominal_part);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if drive * part(middle) / nominal_part > middle { low = middle } else { high = middle }
+    }
+    0.5 * (low + high)
+}
+
 impl RotorTerm for SupplySag {
     fn at_rest(&self, motion: &mut Motion) -> f64 {
-        let drive = motion.drive;
-        let driven = |speed: f64| {
+        motion.drive = speed_at_rest(motion.drive, self.nominal_part, |speed| {
             let current = self.current(speed);
-            drive * self.part(current, self.slow * current) / self.nominal_part
-        };
-        // The drive falls with the speed, so there is one speed at which both are equal.
-        let (mut low, mut high) = (0.0, drive.max(0.0) / self.nominal_part);
-        for _ in 0..60 {
-            let middle = 0.5 * (low + high);
-            if driven(middle) > middle { low = middle } else { high = middle }
-        }
-        motion.drive = 0.5 * (low + high);
+            self.part(current, self.slow * current)
+        });
         self.slow * self.current(motion.drive)
     }
 
@@ -139,6 +149,10 @@ impl RotorTerm for SupplySag {
         let current = self.current(motion.speed);
         motion.drive *= self.part(current, own) / self.nominal_part;
         (self.slow * current - own) / self.slow_s
+    }
+
+    fn memory_s(&self) -> f64 {
+        FORGOTTEN * self.slow_s
     }
 
     fn measured(&self, own: f64, motion: &Motion) -> Option<Supply> {

@@ -9,8 +9,8 @@ use super::*;
 use crate::files::Place;
 use crate::plant::testing::{active, actuator, model, point, seen_response, step};
 use crate::plant::{
-    Actuator, Drive, Effect, EscTiming, Interval, Law, OperatingPoint, ResponseStage, Start, simulate,
-    simulate_response,
+    Actuator, Drive, Effect, EscTiming, Interval, Law, Memory, OperatingPoint, ResponseStage, Start, simulate,
+    simulate_periodic_response, simulate_response,
 };
 
 /// Values between the ends of the plausible ranges, by shares 0..1.
@@ -84,6 +84,33 @@ fn the_response_alone_is_that_of_the_whole_trace() {
     }
 }
 
+#[test]
+fn what_repeats_is_the_same_whether_run_again_or_not() {
+    // Four periods of 8 s at 100 rows a second, after rest and after more of the same.
+    let period = 800;
+    let rows: Vec<f64> = (0..4 * period).map(|row| row as f64 * 0.01).collect();
+    let level = |row: usize| 0.5 + 0.08 * ((row % period / 20) as f64 * 2.4).sin();
+    let command: Vec<f64> = (0..rows.len()).map(level).collect();
+    let drive = Drive { time_s: &rows, command: &command };
+    let alone = std::iter::once(Vec::new());
+    for effects in alone.chain(Catalog::standard().kinds().map(|kind| vec![typical(kind)])) {
+        for start in [Start::Rest(0.5), Start::Running { period_s: 8.0, lead_s: 1.0 }] {
+            for late_s in [0.0, 0.003, -0.004] {
+                let stamps: Vec<f64> = rows.iter().map(|time_s| time_s - late_s).collect();
+                let run = simulate_response(&mut actuator(&effects), drive, start, &stamps).unwrap();
+                let once = simulate_periodic_response(&mut actuator(&effects), drive, start, &stamps, period).unwrap();
+                let worst = run.iter().zip(&once).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+                assert_eq!(once.len(), run.len());
+                assert!(
+                    worst < 3e-6,
+                    "{:?}, {start:?}, {late_s} s late: {worst}",
+                    effects.first().map(ActiveEffect::kind)
+                );
+            }
+        }
+    }
+}
+
 /// Where the rotor has all but settled its steps are longer, and a step of the command finds it as it would have been.
 #[test]
 fn levels_that_are_held_for_long_are_left_as_exactly_as_short_ones() {
@@ -132,10 +159,10 @@ fn what_runs_before_a_record_is_forgotten_after_some_time_constants() {
 #[test]
 fn the_catalog_has_the_kinds_in_the_order_of_the_chain_and_every_kind_says_all() {
     let catalog = Catalog::standard();
-    assert_eq!(catalog.kinds().count(), 17);
+    assert_eq!(catalog.kinds().count(), 18);
     assert!(catalog.kinds().zip(catalog.kinds().skip(1)).all(|(a, b)| a.site <= b.site));
     let ids: HashSet<_> = catalog.kinds().map(|kind| kind.id).collect();
-    assert_eq!(ids.len(), 17);
+    assert_eq!(ids.len(), 18);
     for kind in catalog.kinds() {
         for text in [kind.title, kind.equation, kind.signature] {
             assert!(!text.is_empty(), "{kind:?}");
@@ -177,6 +204,8 @@ fn the_plausible_ranges_hold_the_typical_numbers() {
         ("inflow_lead", "lead_ratio", 1.3, 2.5),
         ("supply_sag", "polarization_drop", 0.05, 0.15),
         ("supply_sag", "polarization_s", 0.3, 3.0),
+        ("winding_heating", "heat_drop", 0.003, 0.03),
+        ("winding_heating", "heat_s", 2.0, 20.0),
         ("gain_drift", "drift", -0.15, 0.15),
         ("gain_drift", "time_s", 10.0, 60.0),
         ("stand_resonance", "frequency_hz", 12.0, 85.0),
@@ -251,6 +280,7 @@ fn small_signals_see_the_linearized_effect() {
     for (kind, values) in [
         (&supply_sag::KIND, vec![0.12, 0.8]),
         (&supply_sag::KIND, vec![0.05, 0.8, 0.1, 1.5]),
+        (&winding_heating::KIND, vec![0.03, 0.8]),
         (&operating_point_lag::KIND, vec![1.0]),
         (&quadratic_thrust::KIND, vec![4.0]),
         (&quadratic_thrust::KIND, vec![4.0, 1.0]),
@@ -408,6 +438,7 @@ static SQUARING: Kind = Kind {
     confusions: &[Confusion { with: "saturation", experiment: "turn the sensor" }],
     sources: &["none"],
     linearity: Linearity::SmallSignal,
+    shows: Shows::Anywhere,
     check: Kind::any,
     part: |values, _| if values[0] == 0.0 { Part::Nothing } else { Part::response(Squaring(values[0])) },
     response: Kind::unity,
@@ -418,6 +449,10 @@ struct Squaring(f64);
 impl ResponseStage for Squaring {
     fn settle(&mut self, level: f64) -> f64 {
         level + self.0 * level * level.abs()
+    }
+
+    fn memory(&self) -> Memory {
+        Memory::Seconds(0.0)
     }
 
     fn advance(&mut self, i: &Interval) -> Interval {
@@ -433,9 +468,9 @@ impl ResponseStage for Squaring {
 }
 
 #[test]
-fn an_eighteenth_kind_is_one_static_and_one_line() {
+fn one_more_kind_is_one_static_and_one_line() {
     let catalog = Catalog::standard().with(&SQUARING);
-    assert_eq!((catalog.kinds().count(), catalog.kinds().last()), (18, Some(&SQUARING)));
+    assert_eq!((catalog.kinds().count(), catalog.kinds().last()), (19, Some(&SQUARING)));
     let mut one = model(&[(0.5, 10.0, 0.1, 0.0)]);
     one.effects =
         vec![active(&SQUARING, &[0.5]).to_effect(&[]), active(&transport_delay::KIND, &[0.01]).to_effect(&[])];
@@ -464,6 +499,7 @@ fn the_response_is_smooth_in_parameters_that_move_events() {
         (&second_pole::KIND, vec![0.006]),
         (&inflow_lead::KIND, vec![1.7, 0.007]),
         (&supply_sag::KIND, vec![0.1, 0.7]),
+        (&winding_heating::KIND, vec![0.02, 2.0]),
         (&operating_point_lag::KIND, vec![0.9]),
         (&asymmetric_lag::KIND, vec![1.5]),
         (&quadratic_thrust::KIND, vec![3.0]),
@@ -495,7 +531,7 @@ proptest! {
     fn the_response_is_finite_whatever_the_command(
         shares in prop::collection::vec(0.0..=1.0, 12),
         others in prop::collection::vec(0.0..=1.0, 12),
-        pick in 0_usize..17,
+        pick in 0_usize..18,
         seed in any::<u64>(),
     ) {
         let catalog = Catalog::standard();

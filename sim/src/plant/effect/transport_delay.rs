@@ -2,7 +2,7 @@
 
 use num_complex::Complex64;
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
 use crate::plant::TransportDelay;
 
 /// A delay beyond that of the model's points.
@@ -37,6 +37,7 @@ pub static KIND: Kind = Kind {
         "a digital command takes 0.03 ms; loggers that stamp on arrival add 5 to 25 ms",
     ],
     linearity: Linearity::Exact,
+    shows: Shows::Anywhere,
     check: Kind::any,
     part: |values, _| match TransportDelay::new(values[0]) {
         Ok(delay) if values[0] > 0.0 => Part::command(delay),
