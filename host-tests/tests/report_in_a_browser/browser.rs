@@ -77,7 +77,7 @@ impl Chromium {
         call::<Emulation::SetEmulatedMedia>(&tab, features);
         tab.navigate_to(&url).unwrap();
         let start = Instant::now();
-        while page.evaluate::<Value>("document.documentElement.dataset.drawn || null") != "true" {
+        while page.evaluate::<Value>("document.documentElement?.dataset.drawn ?? null") != "true" {
             assert!(start.elapsed() < DRAWN_WITHIN, "{url} is not drawn: {:?}", page.complaints());
             std::thread::sleep(Duration::from_millis(50));
         }
