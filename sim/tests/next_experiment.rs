@@ -119,7 +119,8 @@ fn of_two_likes_the_proposed_experiment_names_the_right_one() {
     let drift = [("drift", -0.06), ("time_s", 15.0)];
     let inflow = [("lead_ratio", 1.5), ("time_constant_s", 0.012)];
     let wrong = [("gain_error", 0.1), ("time_constant_error", -0.15)];
-    let pairs: [(&str, &[(&str, f64)], &[&str]); 13] = [
+    type Hidden<'a> = (&'a str, &'a [(&'a str, f64)], &'a [&'a str]);
+    let pairs: [Hidden; 13] = [
         ("transport_delay", &[("delay_s", 0.004)], &["esc_frame_hold", "second_pole"]),
         ("second_pole", &[("time_constant_s", 0.01)], &["transport_delay"]),
         ("dead_band", &[("width", 0.0063)], &["backlash"]),
