@@ -382,7 +382,9 @@ fn improved(model: Option<&Model>, trials: &Trials, fit: &fit::Fit, effects: &[N
             .collect::<BTreeMap<_, _>>(),
     });
     let (points, static_map) = match (model, &trials.curve) {
-        (Some(model), Some((_, given))) => scaled(model, &fit.hypothesis.base[0], given[0]),
+        (Some(model), Some((_, given))) if trials.trials.iter().any(|trial| trials.curve_of(trial).is_some()) => {
+            scaled(model, &fit.hypothesis.base[0], given[0])
+        }
         _ => (points.collect(), model.and_then(|model| model.static_map.clone())),
     };
     Model { format: 1, points, static_map, effects: effects.collect(), provenance: None }
