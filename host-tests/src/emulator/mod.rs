@@ -9,6 +9,7 @@ mod trace;
 use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicU16, Ordering};
 use std::time::{Duration, Instant};
 
 pub use debugger::Debugger;
@@ -71,6 +72,9 @@ impl<'a> Start<'a> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HostLate;
 
+/// Somebody else takes a port that was free that often only if something else is wrong.
+const MOST_PORTS: usize = 5;
+
 /// A host is late that often only if something else is wrong.
 const MOST_ATTEMPTS: usize = 6;
 
@@ -120,18 +124,15 @@ impl Machine {
     /// When QEMU is not there, or the controller does not answer.
     #[must_use]
     pub fn serve(image: &Path) -> (Served, String) {
-        let address = format!("127.0.0.1:{}", free_port());
-        let mut qemu = command(image);
-        qemu.args(["-serial", &format!("tcp:{address},server=on,wait=off,nodelay=on")]);
-        let served = Served(run(&mut qemu));
-        let start = Instant::now();
-        let stream = loop {
-            match TcpStream::connect(&address) {
-                Ok(stream) => break stream,
-                Err(error) => assert!(start.elapsed() < PATIENCE, "QEMU does not listen: {error}"),
-            }
-            std::thread::sleep(Duration::from_millis(50));
-        };
+        let (served, stream, address) = (0..MOST_PORTS)
+            .find_map(|_| {
+                let address = format!("127.0.0.1:{}", free_port());
+                let mut qemu = command(image);
+                qemu.args(["-serial", &format!("tcp:{address},server=on,wait=off,nodelay=on")]);
+                let mut served = Served(run(&mut qemu));
+                served.listens(&address).map(|stream| (served, stream, address))
+            })
+            .expect("a port that QEMU can listen at");
         // When this connection ends, QEMU takes the next one.
         Link::new(stream).wait_for_start();
         (served, format!("tcp:{address}"))
@@ -179,6 +180,23 @@ impl Drop for Machine {
 
 /// An emulator that another program talks to. Ends with its value.
 pub struct Served(Child);
+
+impl Served {
+    /// The connection to its link; `None` where it has ended, as it does when somebody else has the port by now.
+    fn listens(&mut self, address: &str) -> Option<TcpStream> {
+        let start = Instant::now();
+        loop {
+            if self.0.try_wait().expect("a process of ours").is_some() {
+                return None;
+            }
+            match TcpStream::connect(address) {
+                Ok(stream) => return Some(stream),
+                Err(error) => assert!(start.elapsed() < PATIENCE, "QEMU does not listen: {error}"),
+            }
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+}
 
 impl Drop for Served {
     fn drop(&mut self) {
@@ -254,7 +272,19 @@ impl Listener {
     }
 }
 
+/// Each call of this process gets another port that is free now. They lie below those that systems give out to connections
+/// (Linux from 32768 on): a connection that is being tried could get the very port that it is tried at, and connect to itself.
 fn free_port() -> u16 {
-    let listener = TcpListener::bind("127.0.0.1:0").expect("a port of this machine");
-    listener.local_addr().expect("the port's address").port()
+    static GIVEN: AtomicU16 = AtomicU16::new(0);
+    const FIRST: u16 = 20_000;
+    const COUNT: u16 = 10_000;
+    // Processes that run at the same time begin elsewhere.
+    let begin = (std::process::id() % u32::from(COUNT)) as u16;
+    for _ in 0..COUNT {
+        let port = FIRST + (begin + GIVEN.fetch_add(1, Ordering::Relaxed) % COUNT) % COUNT;
+        if TcpListener::bind(("127.0.0.1", port)).is_ok() {
+            return port;
+        }
+    }
+    panic!("no port is free from {FIRST} on")
 }

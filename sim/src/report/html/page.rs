@@ -142,7 +142,7 @@ impl Report {
 const LICENSE: &str = "\
 The MIT License (MIT)
 
-Copyright (c) 2016-2025 Plotly Technologies Inc.
+Copyright 2012-2025, Plotly, Inc. All rights reserved.
 
 Permission is hereby granted, free of charge, to any person obtaining a copy of this software and associated documentation \
 files (the \"Software\"), to deal in the Software without restriction, including without limitation the rights to use, copy, \
