@@ -32,6 +32,20 @@ pub fn real_log(name: &str) -> Option<PathBuf> {
     Some(file)
 }
 
+/// A plan of two nominal commands with a multisine and a square wave at each, 200 rows a second, in noise.
+#[must_use]
+pub fn stand_plan() -> String {
+    let mut plan = "format = 1\nname = \"stand\"\nseed = 3\nloop_rate_hz = 200\nsample_rate_hz = 200\n".to_owned();
+    plan += "[noise]\nsigma_n = 0.01\n";
+    for nominal in ["0.5", "0.65"] {
+        plan += &format!(
+            "[[record]]\nnominal = {nominal}\nexcitation = \"multisine\"\namplitude = 0.05\nlines = 150\nperiods = 3\n\
+             [[record]]\nnominal = {nominal}\nexcitation = \"square\"\namplitude = 0.05\nhalf_period_s = 5\nperiods = 3\n"
+        );
+    }
+    plan
+}
+
 /// The paper's Table 1: nominal command, gain in newtons per unit of command, pole `omega_s = 1 / tau_s` in rad/s.
 pub const TABLE_1: [(f64, f64, f64); 6] = [
     (0.40, 9.9955, 6.2758),

@@ -19,15 +19,7 @@ fn run(folder: &Path, arguments: &str) -> String {
 
 /// An experiment on an actuator with this `[[effect]]`.
 fn stand(folder: &Path, effect: &str) {
-    let mut plan = "format = 1\nname = \"stand\"\nseed = 3\nloop_rate_hz = 200\nsample_rate_hz = 200\n".to_owned();
-    plan += "[noise]\nsigma_n = 0.01\n";
-    for nominal in ["0.5", "0.65"] {
-        plan += &format!(
-            "[[record]]\nnominal = {nominal}\nexcitation = \"multisine\"\namplitude = 0.05\nlines = 150\nperiods = 3\n\
-             [[record]]\nnominal = {nominal}\nexcitation = \"square\"\namplitude = 0.05\nhalf_period_s = 5\nperiods = 3\n"
-        );
-    }
-    fs::write(folder.join("plan.toml"), plan).unwrap();
+    fs::write(folder.join("plan.toml"), host_tests::stand_plan()).unwrap();
     fs::write(folder.join("model.toml"), format!("{POINTS}{effect}")).unwrap();
     run(folder, "simulate --model model.toml --plan plan.toml --out stand");
 }

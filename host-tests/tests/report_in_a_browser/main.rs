@@ -38,15 +38,7 @@ fn run(folder: &Path, arguments: &str) {
 
 /// Reports of every kind in `folder`.
 fn reports(folder: &Path) -> Vec<PathBuf> {
-    let mut plan = "format = 1\nname = \"stand\"\nseed = 3\nloop_rate_hz = 200\nsample_rate_hz = 200\n".to_owned();
-    plan += "[noise]\nsigma_n = 0.01\n";
-    for nominal in ["0.5", "0.65"] {
-        plan += &format!(
-            "[[record]]\nnominal = {nominal}\nexcitation = \"multisine\"\namplitude = 0.05\nlines = 150\nperiods = 3\n\
-             [[record]]\nnominal = {nominal}\nexcitation = \"square\"\namplitude = 0.05\nhalf_period_s = 5\nperiods = 3\n"
-        );
-    }
-    fs::write(folder.join("plan.toml"), plan).unwrap();
+    fs::write(folder.join("plan.toml"), host_tests::stand_plan()).unwrap();
     fs::write(folder.join("model.toml"), MODEL).unwrap();
     fs::write(folder.join("limited.toml"), format!("{MODEL}{EFFECT}")).unwrap();
     fs::write(folder.join("bandwidths.csv"), BANDWIDTHS).unwrap();

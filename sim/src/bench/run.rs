@@ -218,16 +218,7 @@ pub(crate) fn file_stem(nominal: f64, excitation: Excitation) -> String {
     } else {
         format!("{:05.0}", nominal * 1e4)
     };
-    let excitation = match excitation {
-        Excitation::Multisine => "multisine",
-        Excitation::Square => "square",
-        Excitation::Triangle => "triangle",
-        Excitation::Step => "step",
-        Excitation::Staircase => "staircase",
-        Excitation::Chirp => "chirp",
-        Excitation::Free => "free",
-    };
-    format!("u{nominal}_{excitation}")
+    format!("u{nominal}_{}", excitation.name())
 }
 
 /// One record that is to be run.

@@ -54,7 +54,7 @@ pub struct Bandwidth {
     #[command(flatten)]
     parameters: DesignArguments,
     #[command(flatten)]
-    report: ReportOption,
+    pub(super) report: ReportOption,
     #[command(flatten)]
     pub(super) json: JsonOption,
 }

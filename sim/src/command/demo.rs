@@ -51,7 +51,7 @@ pub struct Demo {
     #[arg(long, default_value = "1", value_parser = clap::value_parser!(u64).range(..1 << 63), allow_negative_numbers = true)]
     seed: u64,
     #[command(flatten)]
-    report: ReportOption,
+    pub(super) report: ReportOption,
     #[command(flatten)]
     pub(super) json: JsonOption,
 }

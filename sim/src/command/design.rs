@@ -31,7 +31,7 @@ pub struct Design {
     #[command(flatten)]
     parameters: DesignArguments,
     #[command(flatten)]
-    report: ReportOption,
+    pub(super) report: ReportOption,
     #[command(flatten)]
     pub(super) json: JsonOption,
 }

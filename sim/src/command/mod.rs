@@ -32,6 +32,7 @@ use std::path::Path;
 use clap::{Parser, Subcommand};
 
 use self::outcome::{JsonOption, Outcome};
+use self::report_option::ReportOption;
 pub use self::wrong_use::WrongUse;
 
 /// Identifies the lag of a motor with its propeller from thrust-stand records, designs the lead compensator that
@@ -73,24 +74,38 @@ impl Arguments {
     /// A report for a person: what is wrong, where, and what to do. A [`WrongUse`] where options do not go together.
     pub fn run(self) -> miette::Result<()> {
         match self.command {
-            Command::Demo(command) => say(&command.json, Some(&command.out), || command.run()),
-            Command::Excite(command) => say(&command.json, command.out.as_deref(), || command.run()),
-            Command::Simulate(command) => say(&command.json, Some(&command.out), || command.run()),
-            Command::Import(command) => say(&command.json, Some(&command.out), || command.run()),
-            Command::Identify(command) => say(&command.json, Some(&command.out), || command.run()),
-            Command::Validate(command) => say(&command.json, None, || command.run()),
-            Command::Design(command) => say(&command.json, Some(&command.out), || command.run()),
-            Command::Bandwidth(command) => say(&command.json, None, || command.run()),
-            Command::Diagnose(command) => say(&command.json, command.out_model.as_deref(), || command.run()),
-            Command::Report(command) => say(&command.json, Some(&command.out), || command.run()),
+            Command::Demo(command) => say(&command.json, Some(&command.out), Some(&command.report), || command.run()),
+            Command::Excite(command) => {
+                say(&command.json, command.out.as_deref(), Some(&command.report), || command.run())
+            }
+            Command::Simulate(command) => {
+                say(&command.json, Some(&command.out), Some(&command.report), || command.run())
+            }
+            Command::Import(command) => say(&command.json, Some(&command.out), None, || command.run()),
+            Command::Identify(command) => {
+                say(&command.json, Some(&command.out), Some(&command.report), || command.run())
+            }
+            Command::Validate(command) => say(&command.json, None, Some(&command.report), || command.run()),
+            Command::Design(command) => say(&command.json, Some(&command.out), Some(&command.report), || command.run()),
+            Command::Bandwidth(command) => say(&command.json, None, Some(&command.report), || command.run()),
+            Command::Diagnose(command) => {
+                say(&command.json, command.out_model.as_deref(), Some(&command.report), || command.run())
+            }
+            Command::Report(command) => say(&command.json, Some(&command.out), None, || command.run()),
             Command::Device(command) => command.say(),
         }
     }
 }
 
 /// Runs a command, whose own output goes to `out`, and says what came out.
-fn say(json: &JsonOption, out: Option<&Path>, run: impl FnOnce() -> miette::Result<Outcome>) -> miette::Result<()> {
+fn say(
+    json: &JsonOption,
+    out: Option<&Path>,
+    report: Option<&ReportOption>,
+    run: impl FnOnce() -> miette::Result<Outcome>,
+) -> miette::Result<()> {
     json.check(out)?;
+    report.map_or(Ok(()), |report| report.check_apart(json))?;
     json.say(run()?)
 }
 

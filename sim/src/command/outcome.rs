@@ -54,7 +54,7 @@ impl JsonOption {
     }
 
     /// The file, where it is not standard output.
-    fn file(&self) -> Option<&Path> {
+    pub(super) fn file(&self) -> Option<&Path> {
         self.json.as_deref().filter(|file| *file != Path::new("-"))
     }
 }

@@ -131,8 +131,7 @@ impl Parts {
             fill_in_esc_commands(&mut experiment, folder).map_err(|error| said(&error.into()))?;
             let catalog = Catalog::standard();
             let tick = || bar.tick();
-            let base = given.filter(|model| model.effects.is_empty());
-            diagnose(&experiment, &Options { model: base, catalog: &catalog, progress: &tick })
+            diagnose(&experiment, &Options { model: given, catalog: &catalog, progress: &tick })
                 .map_err(|error| said(&error.into()))
         });
         bar.finish_and_clear();
@@ -193,7 +192,12 @@ impl Parts {
             verdicts.push(report_pages::identified(&self.model, warnings));
         }
         if let Ok(records) = &self.validated {
-            verdicts.push(report_pages::validated(records));
+            let mut validated = report_pages::validated(records);
+            if matches!(self.diagnosed, Some(Ok(_))) {
+                // It need not be sent for: it is here.
+                validated.sentences.clear();
+            }
+            verdicts.push(validated);
         }
         if let Ok((design, points)) = &self.designed {
             verdicts.push(report_pages::designed(design, points, 0));

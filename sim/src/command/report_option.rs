@@ -8,6 +8,7 @@ use miette::IntoDiagnostic as _;
 use rayon::iter::{IntoParallelRefIterator as _, ParallelIterator as _};
 
 use super::WrongUse;
+use super::outcome::JsonOption;
 use crate::files::{FileError, check_writable, write_file};
 use crate::report::{Figure, FigureError, Report};
 
@@ -44,6 +45,18 @@ impl ReportOption {
             check_writable(report)?;
         }
         Ok(self.figures.check()?)
+    }
+
+    /// Refuses one file for the report and the JSON.
+    pub fn check_apart(&self, json: &JsonOption) -> miette::Result<()> {
+        match json.file() {
+            Some(file) if self.report.as_deref() == Some(file) => Err(WrongUse::new(
+                format!("--json and --report are both `{}`", file.display()),
+                "give them different files: one would overwrite the other",
+            )
+            .into()),
+            _ => Ok(()),
+        }
     }
 
     /// Writes what was asked for, and says where it is. The report is made only where it is.

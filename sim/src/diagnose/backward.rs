@@ -9,8 +9,8 @@ use std::f64::consts::TAU;
 use num_complex::Complex64;
 use rustfft::FftPlanner;
 
-use super::fit::residual;
 use super::hypothesis::Hypothesis;
+use super::residual::residual;
 use super::trial::{Purpose, Stretch, Trial, Trials};
 
 /// The residual of one record, run backward.

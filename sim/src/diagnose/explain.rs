@@ -8,11 +8,13 @@
 
 use std::cmp::Ordering;
 
-use super::fit::{Fit, MOST_STEPS, Screening, fit, fit_in, misfit};
+use super::fit::{Fit, MOST_STEPS, fit, fit_in};
 use super::hypothesis::{Candidate, GRID, Hypothesis};
 use super::locate::excess;
 use super::profile::settle_jumps;
+use super::residual::misfit;
 use super::scan::Scan;
+use super::screening::Screening;
 use super::trial::{Before, Purpose, Trial, Trials};
 use super::{frames, grid};
 use crate::identify::offset_and_start;

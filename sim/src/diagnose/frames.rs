@@ -21,8 +21,9 @@ use rayon::prelude::*;
 use rustfft::FftPlanner;
 
 use super::backward::{Backward, told};
-use super::fit::{Fit, misfit, residual};
+use super::fit::Fit;
 use super::hypothesis::{Candidate, Hypothesis};
+use super::residual::{misfit, residual};
 use super::trial::{Purpose, Stretch, Trial, Trials};
 use crate::plant::Catalog;
 use crate::plant::effect::Kind;

@@ -479,7 +479,7 @@ impl Hypothesis {
                 let period_s = trial.period_rows as f64 / trial.rate_hz;
                 let lead_s = match actuator.memory() {
                     Memory::Seconds(memory_s) => memory_s.min(period_s),
-                    Memory::TurningPoints | Memory::Lasting => period_s,
+                    Memory::TurningPoints(_) | Memory::Lasting => period_s,
                 };
                 Start::Running { period_s, lead_s }
             }

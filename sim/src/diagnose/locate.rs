@@ -3,9 +3,9 @@
 //! On the lines that a period has there is signal, misfit and noise; `sum |z|^2` of the white residual over `n` lines is a
 //! chi-square of `2 n` where only noise is left. What is more than `2 n` is the misfit, and is shared out along each axis.
 
-use super::fit::residual;
 use super::hypothesis::Hypothesis;
 use super::log;
+use super::residual::residual;
 use super::trial::{Purpose, Stretch, Trial, Trials};
 use super::whitening::Whitening;
 use crate::record::Excitation;

@@ -24,9 +24,10 @@
 //!
 //! with `x_c` how far that is. For `c = 24` a parabola gives 1.25 of the curvature's standard error. The larger of the two counts.
 
-use super::fit::{Fit, MOST_STEPS, Tangent, fit_of};
+use super::fit::{Fit, MOST_STEPS, fit_of};
 use super::frames;
 use super::hypothesis::{Candidate, Coordinate, Hypothesis};
+use super::tangent::Tangent;
 use super::trial::Trials;
 
 /// How near the best value the profile begins, in coordinates, how far it goes, and by which factor in a step.

@@ -4,8 +4,9 @@
 
 use rayon::prelude::*;
 
-use super::fit::{Fit, Screening};
+use super::fit::Fit;
 use super::hypothesis::Candidate;
+use super::screening::Screening;
 use super::trial::{Purpose, Trial, Trials};
 use crate::plant::effect::Kind;
 use crate::record::Excitation;

@@ -207,7 +207,7 @@ impl Actuator {
         match self.memory() {
             _ if changes => None,
             Memory::Seconds(memory_s) => Some(memory_s),
-            Memory::TurningPoints => Some(period_s),
+            Memory::TurningPoints(memory_s) => Some(period_s + memory_s),
             Memory::Lasting => None,
         }
     }

@@ -20,12 +20,12 @@ impl Segment {
 }
 
 /// For how long what a link was given shows in what it gives.
-#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Memory {
     /// After so many seconds nothing is left, or less than 1e-6 of it.
     Seconds(f64),
-    /// It knows the last turning points: what came before a whole period is forgotten.
-    TurningPoints,
+    /// It knows the last turning points: what came before a whole period, and so many seconds, is forgotten.
+    TurningPoints(f64),
     /// The begin may show for ever.
     Lasting,
 }
@@ -35,9 +35,12 @@ impl Memory {
     #[must_use]
     pub fn and(self, other: Self) -> Self {
         match (self, other) {
+            (Self::Lasting, _) | (_, Self::Lasting) => Self::Lasting,
             (Self::Seconds(one), Self::Seconds(other)) => Self::Seconds(one + other),
-            _ if self > other => self,
-            _ => other,
+            // After one period all of them are what they are in every other.
+            (Self::Seconds(one) | Self::TurningPoints(one), Self::Seconds(other) | Self::TurningPoints(other)) => {
+                Self::TurningPoints(one + other)
+            }
         }
     }
 }

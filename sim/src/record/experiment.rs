@@ -58,6 +58,20 @@ impl Excitation {
     pub fn is_periodic(self) -> bool {
         matches!(self, Self::Multisine | Self::Square | Self::Triangle)
     }
+
+    /// What files and tables call it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Multisine => "multisine",
+            Self::Square => "square",
+            Self::Triangle => "triangle",
+            Self::Step => "step",
+            Self::Staircase => "staircase",
+            Self::Chirp => "chirp",
+            Self::Free => "free",
+        }
+    }
 }
 
 /// What a record is used for.

@@ -8,7 +8,6 @@ use crate::record::Output;
 
 use super::figure::Figure;
 use super::html::{Cell, Column, Table};
-use super::sections::excitation_name as excitation;
 use super::{etfe, time_response};
 
 /// Probability that a true model is called wrong on any of the records.
@@ -33,7 +32,7 @@ pub fn validation_table(records: &[RecordValidation]) -> String {
         let line = format!(
             "  {:<5.3}  {:<10}  {:<8} {:>7.2}  {:>7}  {:>9} {:>9}   {}{}\n",
             record.nominal,
-            excitation(record.excitation),
+            record.excitation.name(),
             match record.fitted {
                 Some(true) => "no",
                 Some(false) => "yes",
@@ -167,7 +166,7 @@ fn equals(p_value: f64) -> String {
 }
 
 /// A tail probability in few characters.
-fn probability(p_value: f64) -> String {
+pub(super) fn probability(p_value: f64) -> String {
     if p_value < 1e-99 {
         String::from("< 1e-99")
     } else if p_value < 1e-3 {

@@ -8,9 +8,11 @@
 
 use super::split::Folds;
 use crate::diagnose::explain::{ALIKE, Explanation, FIRST_STEPS, Found, LEAST_WORTH, Search, Tried, by_worth};
-use crate::diagnose::fit::{Fit, Screening, fit_in, surprise};
+use crate::diagnose::fit::{Fit, fit_in};
 use crate::diagnose::hypothesis::{Candidate, Hypothesis};
+use crate::diagnose::residual::surprise;
 use crate::diagnose::scan::Scan;
+use crate::diagnose::screening::Screening;
 use crate::diagnose::trial::{Purpose, Trial, Trials};
 use crate::plant::effect::{Kind, Shows, Site};
 use crate::record::Output;

@@ -17,8 +17,9 @@
 use rayon::prelude::*;
 
 use super::Group;
-use crate::diagnose::fit::{Fit, fit_in, surprise};
+use crate::diagnose::fit::{Fit, fit_in};
 use crate::diagnose::hypothesis::Hypothesis;
+use crate::diagnose::residual::surprise;
 use crate::diagnose::trial::{Purpose, Trials};
 use crate::identify::steps::{SPLITS, Split};
 

@@ -32,7 +32,7 @@ pub static KIND: Kind = Kind {
     part: |values, _| match values[0] {
         0.0 => Part::Nothing,
         half_width => {
-            Part::command(Levels::new(Memory::TurningPoints, move |held: f64, input: f64| held.clamp(input - half_width, input + half_width)))
+            Part::command(Levels::new(Memory::TurningPoints(0.0), move |held: f64, input: f64| held.clamp(input - half_width, input + half_width)))
         }
     },
     response: Kind::unity,

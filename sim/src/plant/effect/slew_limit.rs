@@ -81,7 +81,7 @@ impl CommandStage for SlewLimit {
 
     fn memory(&self) -> Memory {
         // It has met the command somewhere in a period, or goes to and fro by the same way in each.
-        Memory::TurningPoints
+        Memory::TurningPoints(0.0)
     }
 
     fn makes_ramps(&self) -> bool {

@@ -6,8 +6,8 @@ use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
 use crate::plant::filter::FORGOTTEN;
 use crate::plant::{Motion, RotorBase, RotorTerm, Supply};
 
-/// The speed, as a command, at which the drops are counted.
-const HOVER: f64 = 0.5;
+/// The speed, as a command, at which losses of the drive are counted.
+pub(super) const HOVER: f64 = 0.5;
 /// An ESC stops before its supply is down to this part of its voltage.
 const LEAST_PART: f64 = 0.1;
 

@@ -2,13 +2,11 @@
 
 use num_complex::Complex64;
 
-use super::supply_sag::speed_at_rest;
+use super::supply_sag::{HOVER, speed_at_rest};
 use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
 use crate::plant::filter::FORGOTTEN;
 use crate::plant::{Motion, RotorBase, RotorTerm};
 
-/// The speed, as a command, at which the loss is counted.
-const HOVER: f64 = 0.5;
 /// A motor that has lost so much of its drive has burnt.
 const LEAST_PART: f64 = 0.1;
 

@@ -35,7 +35,7 @@ fn records(experiment: &Experiment) -> Table {
         vec![
             Cell::text(record.file.clone()),
             Cell::number(record.nominal, 3),
-            Cell::text(name(record.excitation)),
+            Cell::text(record.excitation.name()),
             Cell::text(match record.role {
                 Some(Role::Fit) => "fit",
                 Some(Role::Validate) => "validate",
@@ -114,17 +114,4 @@ fn over_time(experiment: &Experiment, record: &Record) -> Option<Figure> {
     let stem = record.file.strip_suffix(".csv").unwrap_or(&record.file);
     let caption = if each > 1 { format!("Drawn are means of {each} rows.") } else { String::new() };
     Some(Figure::new(format!("record_{stem}"), record.file.clone(), &caption, panels))
-}
-
-/// What an excitation is called.
-pub(in crate::report) fn name(excitation: Excitation) -> &'static str {
-    match excitation {
-        Excitation::Multisine => "multisine",
-        Excitation::Square => "square",
-        Excitation::Triangle => "triangle",
-        Excitation::Step => "step",
-        Excitation::Staircase => "staircase",
-        Excitation::Chirp => "chirp",
-        Excitation::Free => "free",
-    }
 }

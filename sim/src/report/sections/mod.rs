@@ -13,7 +13,6 @@ pub use bandwidth::bandwidth_section;
 pub use bandwidth_diagnosis::bandwidth_diagnosis_section;
 pub use design::design_section;
 pub use diagnosis::{diagnosis_section, diagnosis_tone};
-pub(super) use experiment::name as excitation_name;
 pub use experiment::{excitation_section, experiment_facts, simulation_section};
 pub use identification::{Identification, identification_section};
 pub use stand::stand_section;

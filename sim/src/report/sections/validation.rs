@@ -3,17 +3,31 @@
 use crate::identify::{Comparison, RecordValidation};
 use crate::record::Output;
 use crate::report::html::{Cell, Column, Section, Table};
-use crate::report::validation::{figures_of, table_by_nominal, verdict};
+use crate::report::validation::{figures_of, probability, table_by_nominal, verdict};
 
 /// The scores, and the figures of every record.
 #[must_use]
 pub fn validation_section(records: &[RecordValidation], output: Output) -> Section {
-    let text = verdict(records).replace('\n', " ").replace("  ", " ").trim().to_owned();
+    // For a terminal lines are broken, and go on further to the right; here each sentence and each record is a paragraph.
+    let mut text: Vec<String> = Vec::new();
+    for line in verdict(records).lines() {
+        match text.last_mut() {
+            Some(last)
+                if line.starts_with("    ")
+                    || !(last.ends_with('.') || last.ends_with(':') || line.starts_with("  ")) =>
+            {
+                last.push(' ');
+                last.push_str(line.trim());
+            }
+            _ => text.push(line.trim().to_owned()),
+        }
+    }
     let figures = records.iter().map(|record| figures_of(record, output)).collect();
     let mut tables = vec![scores(records)];
     tables.extend(table_by_nominal(records));
     let ceiling = "The ceiling is what a perfect model would score, given the noise of the record.".to_owned();
-    Section { text: vec![text, ceiling], tables, figures, ..Section::new("validation", "Validation") }
+    text.push(ceiling);
+    Section { text, tables, figures, ..Section::new("validation", "Validation") }
 }
 
 fn scores(records: &[RecordValidation]) -> Table {
@@ -26,7 +40,7 @@ fn scores(records: &[RecordValidation]) -> Table {
         vec![
             Cell::text(record.file.clone()),
             Cell::number(record.nominal, 3),
-            Cell::text(super::experiment::name(record.excitation)),
+            Cell::text(record.excitation.name()),
             Cell::text(match record.fitted {
                 Some(true) => "no",
                 Some(false) => "yes",
@@ -36,7 +50,7 @@ fn scores(records: &[RecordValidation]) -> Table {
             Cell::number(record.fit_percent, 2),
             Cell::optional(record.ceiling_percent, 2),
             Cell::optional(left.map(|left| left.power_ratio), 2),
-            left.map_or_else(|| Cell::text("-"), |left| Cell::shown(left.p_value, format!("{:.2e}", left.p_value))),
+            left.map_or_else(|| Cell::text("-"), |left| Cell::shown(left.p_value, probability(left.p_value))),
             Cell::optional(record.model_error_percent(), 2),
         ]
     };
