@@ -1,9 +1,17 @@
 "use strict";
 (() => {
-  // Along a logarithmic axis 1, 2 and 5 of each decade are named, or the ones alone, or what suits a close view.
-  const steps = (range, narrow) => {
-    const decades = Math.abs(range[1] - range[0]);
-    return decades < 0.7 ? undefined : decades > (narrow ? 1.6 : 4) ? 1 : "D2";
+  // Along a logarithmic axis 1, 2 and 5 of each decade are named in full, or the ones alone, or what suits a close view.
+  const ticks = (range, narrow) => {
+    const [low, high] = [Math.min(...range), Math.max(...range)];
+    if (high - low < 0.7 || high - low > (narrow ? 1.6 : 4)) return { tickmode: "auto", dtick: high - low < 0.7 ? null : 1 };
+    const tickvals = [];
+    for (let decade = Math.floor(low); decade <= high; decade += 1) {
+      for (const part of [1, 2, 5]) {
+        const at = decade + Math.log10(part);
+        if (at >= low - 1e-9 && at <= high + 1e-9) tickvals.push(Number(`${part}e${decade}`));
+      }
+    }
+    return { tickmode: "array", tickvals, ticktext: tickvals.map(String) };
   };
   // A title in as many lines as it needs along so many pixels.
   const broken = (text, pixels, size) => {
@@ -19,7 +27,7 @@
   // Narrow screens have room for fewer numbers along an axis, and for their names in less width.
   const fit = (layout, width) => {
     for (const axis of [layout.xaxis, layout.xaxis2, layout.yaxis]) {
-      if (axis && axis.type === "log") axis.dtick = steps(axis.range, width < 520);
+      if (axis && axis.type === "log") Object.assign(axis, ticks(axis.range, width < 520));
     }
     if (width < 520) {
       layout.font = { ...layout.font, size: 11 };
@@ -37,16 +45,18 @@
     return layout;
   };
   const axes = (plot) => [plot.layout.xaxis.range.slice(), plot.layout.yaxis.range.slice()];
-  const along = (plot, x) => {
-    const update = { "xaxis.range": x.slice() };
-    if (plot.layout.xaxis.type === "log") {
-      update["xaxis.dtick"] = steps(x, plot.clientWidth < 520) ?? null;
-      if (plot.layout.xaxis2) update["xaxis2.dtick"] = update["xaxis.dtick"];
+  const shown = (plot, name, range) => {
+    const update = { [`${name}.range`]: range.slice() };
+    if (plot.layout[name].type === "log") {
+      for (const [key, value] of Object.entries(ticks(range, plot.clientWidth < 520))) update[`${name}.${key}`] = value;
     }
-    // The second axis reads the same places in another unit.
-    if (plot.layout.xaxis2) update["xaxis2.range"] = x.map((end) => end + plot.secondBeyond);
     return update;
   };
+  const along = (plot, x) => ({
+    ...shown(plot, "xaxis", x),
+    // The second axis reads the same places in another unit.
+    ...(plot.layout.xaxis2 ? shown(plot, "xaxis2", x.map((end) => end + plot.secondBeyond)) : {}),
+  });
   const apart = (a, b) => Math.abs(a[0] - b[0]) + Math.abs(a[1] - b[1]) > 1e-9 * Math.abs(a[1] - a[0]);
 
   for (const figure of document.querySelectorAll("figure")) {
@@ -59,6 +69,12 @@
       Plotly.newPlot(plot, spec.data, fit(spec.layout, plot.clientWidth), spec.config);
       first.set(plot, axes(plot));
       if (plot.layout.xaxis2) plot.secondBeyond = plot.layout.xaxis2.range[0] - plot.layout.xaxis.range[0];
+    }
+    // One above the other, what is at the same place of an axis stands at the same place of the page.
+    const room = (side) => Math.max(...plots.map((plot) => plot._fullLayout._size[side]));
+    const margins = { "margin.l": room("l"), "margin.r": room("r") };
+    for (const plot of plots) {
+      if (plots.length > 1) Plotly.relayout(plot, margins);
       plot.on("plotly_relayout", () => {
         if (busy) return;
         busy = true;

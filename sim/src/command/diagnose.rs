@@ -215,7 +215,7 @@ fn words(found: &Diagnosis) -> String {
     }
     if !found.columns.is_empty() {
         let columns: Vec<&str> = found.columns.iter().map(|column| column.name()).collect();
-        line(format!("\nBeside the response, compared too: {}", columns.join(", ")));
+        line(format!("\nBeside the response, compared too where it says more: {}", columns.join(", ")));
     }
     for cut in found.cut.iter().filter(|cut| !cut.is_empty()) {
         line(format!("\nRows not compared of {cut}"));

@@ -171,7 +171,8 @@ fn words(found: &BandwidthDiagnosis) -> String {
         found.gap.before, after
     ));
     if let Some(next) = &found.next_experiment {
-        line(format!("\nNext: {}", wrapped(next, WIDTH - 6, "  ")));
+        let lines: Vec<String> = next.lines().map(|one| wrapped(one, WIDTH - 6, "  ")).collect();
+        line(format!("\nNext: {}", lines.join("\n  ")));
     }
     text
 }

@@ -12,7 +12,7 @@
 //! What is free is projected out, so a column says nothing of the gain of the response, and a model without a supply is not to
 //! blame for the level of its voltage. The current is not used: no effect says it without the voltage.
 //!
-//! In records that repeat these columns have no say.
+//! In records that repeat they are [heard](super::witness) where the response alone cannot tell.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -39,6 +39,20 @@ impl Column {
             Self::Voltage => "voltage_v",
         }
     }
+
+    /// What the model says over so many rows, up to what is free: columns of which any sum may be what was measured.
+    pub(super) fn predicted(self, trace: &Trace, rows: usize) -> Vec<Vec<f64>> {
+        match self {
+            Self::Speed => {
+                let mean = trace.speed.iter().sum::<f64>() / rows.max(1) as f64;
+                let deviation: Vec<f64> = trace.speed.iter().map(|speed| speed - mean).collect();
+                let squares = deviation.iter().map(|deviation| deviation * deviation).collect();
+                vec![vec![1.0; rows], deviation, squares]
+            }
+            Self::Voltage if trace.voltage_v.is_empty() => vec![vec![1.0; rows]],
+            Self::Voltage => vec![trace.voltage_v.clone()],
+        }
+    }
 }
 
 /// A column with what makes its residual white.
@@ -52,23 +66,29 @@ pub(super) struct Channel {
     held_out: Filter,
 }
 
-/// The columns of a record, from a row on, that it has beside the response. One that never changes says nothing.
-pub(super) fn channels(record: &Record, output: Output, rows: std::ops::Range<usize>) -> Vec<Channel> {
+/// The columns that a record has beside the response, over these rows. One that never changes says nothing.
+pub(super) fn columns(record: &Record, output: Output, rows: std::ops::Range<usize>) -> Vec<(Column, Vec<f64>)> {
     let speed = record.rpm.as_deref().filter(|_| output == Output::ThrustN).map(|values| (Column::Speed, values));
     let voltage = record.voltage_v.as_deref().map(|values| (Column::Voltage, values));
     let there = [speed, voltage].into_iter().flatten().filter_map(|(column, values)| {
         let measured = values.get(rows.clone())?.to_vec();
         let moves =
             measured.iter().any(|value| *value != measured[0]) && measured.iter().all(|value| value.is_finite());
-        moves.then(|| Channel {
-            column,
-            measured,
-            errors: Errors::default(),
-            fitted: Filter::default(),
-            held_out: Filter::default(),
-        })
+        moves.then_some((column, measured))
     });
     there.collect()
+}
+
+/// The columns of a record that does not repeat.
+pub(super) fn channels(record: &Record, output: Output, rows: std::ops::Range<usize>) -> Vec<Channel> {
+    let channel = |(column, measured)| Channel {
+        column,
+        measured,
+        errors: Errors::default(),
+        fitted: Filter::default(),
+        held_out: Filter::default(),
+    };
+    columns(record, output, rows).into_iter().map(channel).collect()
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
@@ -76,25 +96,10 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 }
 
 impl Channel {
-    /// What the model says, up to what is free: columns of which any sum may be what was measured.
-    fn predicted(&self, trace: &Trace) -> Vec<Vec<f64>> {
-        let rows = self.measured.len();
-        match self.column {
-            Column::Speed => {
-                let mean = trace.speed.iter().sum::<f64>() / rows.max(1) as f64;
-                let deviation: Vec<f64> = trace.speed.iter().map(|speed| speed - mean).collect();
-                let squares = deviation.iter().map(|deviation| deviation * deviation).collect();
-                vec![vec![1.0; rows], deviation, squares]
-            }
-            Column::Voltage if trace.voltage_v.is_empty() => vec![vec![1.0; rows]],
-            Column::Voltage => vec![trace.voltage_v.clone()],
-        }
-    }
-
     /// The sum of the columns that comes nearest, by the rows that are fitted where there are such.
     fn nearest(&self, trial: &Trial, trace: &Trace) -> Vec<f64> {
         let purpose = if trial.end_of(Some(Purpose::Fit)) > 0 { Purpose::Fit } else { Purpose::HeldOut };
-        let columns = self.predicted(trace);
+        let columns = self.column.predicted(trace, self.measured.len());
         let white: Vec<Vec<f64>> = columns.iter().map(|column| self.of(purpose).apply(column)).collect();
         let measured = self.of(purpose).apply(&self.measured);
         // Each column over its length, since they differ by orders of magnitude; one that never moves says nothing.

@@ -16,7 +16,7 @@ use super::residual::misfit;
 use super::scan::Scan;
 use super::screening::Screening;
 use super::trial::{Before, Purpose, Trial, Trials};
-use super::{frames, grid};
+use super::{frames, grid, witness};
 use crate::identify::offset_and_start;
 use crate::plant::Catalog;
 use crate::plant::effect::{Kind, Shows};
@@ -65,6 +65,8 @@ pub(super) struct Tried {
     pub held_out_gain: f64,
     /// Numbers it has.
     pub parameters: usize,
+    /// What the columns beside the response say for it, over the best of those between which they were asked; 0 or less.
+    pub witnessed: f64,
 }
 
 impl Tried {
@@ -75,7 +77,7 @@ impl Tried {
 
     /// What it is worth, in units of log likelihood.
     pub fn worth(&self) -> f64 {
-        self.fitted_gain - self.parameters as f64 + self.held_out_gain
+        self.fitted_gain - self.parameters as f64 + self.held_out_gain + self.witnessed
     }
 }
 
@@ -249,7 +251,7 @@ impl Search<'_> {
                 (self.progress)();
             }
         }
-        tried.sort_by(by_worth);
+        self.hear(&mut tried);
         // A hold whose frames do not show is, by all that is known, a delay.
         let hidden = |tried: &Tried| tried.fit.hypothesis.effects.last().is_some_and(Candidate::is_hidden_hold);
         if let Some(delay) = tried.iter().position(|tried| tried.kind.id == "transport_delay")
@@ -259,6 +261,17 @@ impl Search<'_> {
             tried[..=delay].rotate_right(1);
         }
         tried
+    }
+
+    /// Lets the columns beside the response speak where kinds, the best first, are within chance of the best.
+    fn hear(&self, tried: &mut [Tried]) {
+        tried.iter_mut().for_each(|tried| tried.witnessed = 0.0);
+        tried.sort_by(by_worth);
+        let alike = tried.iter().take_while(|other| tried[0].worth() - other.worth() < ALIKE).count();
+        let hypotheses: Vec<&Hypothesis> = tried[..alike].iter().map(|tried| &tried.fit.hypothesis).collect();
+        let Some(gains) = (alike > 1).then(|| witness::heard(&self.trials, &hypotheses)).flatten() else { return };
+        tried[..alike].iter_mut().zip(gains).for_each(|(tried, gain)| tried.witnessed = gain);
+        tried.sort_by(by_worth);
     }
 
     /// Starts of a kind with what they would leave. Around the best of a single value it looks closer: a limit is felt only
@@ -323,7 +336,7 @@ impl Search<'_> {
     fn tried(&self, from: &Fit, fit: Fit, kind: &'static Kind, parameters: usize) -> Tried {
         let fitted_gain = 0.5 * (from.misfit - fit.misfit);
         let held_out_gain = self.held_out_gain(&from.hypothesis, &fit.hypothesis);
-        Tried { kind, fit, fitted_gain, held_out_gain, parameters }
+        Tried { kind, fit, fitted_gain, held_out_gain, parameters, witnessed: 0.0 }
     }
 
     /// By how much the log likelihood of what is held out grows.
@@ -394,7 +407,7 @@ impl Search<'_> {
                 if !tried.iter().any(|other| other.kind == kind) {
                     tried.push(own);
                 }
-                tried.sort_by(by_worth);
+                self.hear(&mut tried);
             }
             let Some(best) = tried.first().filter(|best| best.worth() >= LEAST_WORTH && best.is_plausible()) else {
                 current = rest;

@@ -25,6 +25,7 @@ use super::fit::Fit;
 use super::hypothesis::{Candidate, Hypothesis};
 use super::residual::{misfit, residual};
 use super::trial::{Purpose, Stretch, Trial, Trials};
+use crate::identify::statistics::t_quantile;
 use crate::plant::Catalog;
 use crate::plant::effect::Kind;
 
@@ -169,7 +170,8 @@ pub(super) fn polish(trials: &Trials, fit: &Fit, effect: usize) -> Option<Hypoth
 /// grows by much more than that, each record's is a parabola `b_r x + c_r x^2` of the rate's offset `x`, and all of them together are
 /// least at `x = -sum b / (2 sum c)`. By noise alone `1 / sum c` is the variance of that. A controller whose commands come early
 /// and late adds to it, differently in each record: the variance is not less than that by what the records, which have their
-/// phases to themselves, differ by (`sum g_r^2 / (2 sum c)^2`, `g_r` the slope of each at `x`; White 1982).
+/// phases to themselves, differ by (`sum g_r^2 / (2 sum c)^2`, `g_r` the slope of each at `x`; White 1982). Of few records that is itself
+/// known badly: as wide as Student's t is, so that 1.96 of it are the interval of 95 %.
 pub(super) fn settle_rate(trials: &Trials, known: &Hypothesis, effect: usize) -> Option<Hypothesis> {
     let near = &known.effects[effect];
     let hz = near.values[0];
@@ -204,8 +206,9 @@ pub(super) fn settle_rate(trials: &Trials, known: &Hypothesis, effect: usize) ->
     }
     let best = (-0.5 * sum(1) / bend).clamp(-1.0, 1.0);
     let slopes: f64 = parabolas.iter().map(|parabola| (parabola[1] + 2.0 * parabola[2] * best).powi(2)).sum();
-    let few = records as f64 / (records as f64 - 1.0).max(1.0);
-    let variance = bend.recip().max(few * slopes / (2.0 * bend).powi(2));
+    let free = (records as f64 - 1.0).max(1.0);
+    let wide = t_quantile(0.975, free) / t_quantile(0.975, f64::INFINITY);
+    let variance = bend.recip().max(wide * wide * records as f64 / free * slopes / (2.0 * bend).powi(2));
     let mut settled = at_rate(trials, known, effect, hz + best * width_hz);
     settled.effects[effect].profiled_std = variance.sqrt() * width_hz / hz;
     Some(settled)

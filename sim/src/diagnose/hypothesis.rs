@@ -351,19 +351,26 @@ impl Hypothesis {
     /// # Errors
     /// [`PlantError`] for values that no actuator has.
     pub fn simulate(&self, trials: &Trials, trial: &Trial, rows: usize) -> Result<Vec<f64>, PlantError> {
-        let anywhere = self.effects.iter().position(Candidate::is_hidden_hold);
-        let waits = anywhere.and_then(|effect| frames::mean_waits(self.effects[effect].values[0]));
-        let Some((effect, waits)) = anywhere.zip(waits) else {
+        let Some(waits) = self.waits() else {
             return self.simulate_known(trials, trial, rows);
         };
         let mut mean = vec![0.0; rows];
-        for wait in waits {
-            let mut late = self.clone();
-            late.effects[effect] = wait;
+        for late in waits {
             let response = late.simulate_known(trials, trial, rows)?;
             mean.iter_mut().zip(&response).for_each(|(mean, y)| *mean += 0.5 * y);
         }
         Ok(mean)
+    }
+
+    /// Where frames may lie anywhere: two without them whose mean is what they do.
+    fn waits(&self) -> Option<[Self; 2]> {
+        let effect = self.effects.iter().position(Candidate::is_hidden_hold)?;
+        let waits = frames::mean_waits(self.effects[effect].values[0])?;
+        Some(waits.map(|wait| {
+            let mut late = self.clone();
+            late.effects[effect] = wait;
+            late
+        }))
     }
 
     fn simulate_known(&self, trials: &Trials, trial: &Trial, rows: usize) -> Result<Vec<f64>, PlantError> {
@@ -388,7 +395,12 @@ impl Hypothesis {
     /// The speed and the voltage over a record, where it has columns to compare them with; the rest stays empty. `None` for values
     /// that no actuator has.
     pub fn trace(&self, trials: &Trials, trial: &Trial) -> Option<Trace> {
-        let wants = |column| trial.channels.iter().any(|channel| channel.column == column);
+        if let Some(waits) = self.waits() {
+            let [mut mean, other] = [waits[0].trace(trials, trial)?, waits[1].trace(trials, trial)?];
+            mean.speed.iter_mut().zip(&other.speed).for_each(|(mean, speed)| *mean = 0.5 * (*mean + speed));
+            return Some(mean);
+        }
+        let wants = |column| trial.columns().any(|there| there == column);
         let supplied = self.effects.iter().any(|effect| open_circuit(effect.kind).is_some());
         if !(wants(Column::Speed) || (wants(Column::Voltage) && supplied)) {
             return Some(Trace::default());

@@ -29,6 +29,7 @@ mod tangent;
 mod trial;
 mod verdict;
 mod whitening;
+mod witness;
 
 use std::collections::BTreeMap;
 
@@ -355,7 +356,7 @@ fn estimates(fit: &fit::Fit, effect: usize) -> Vec<(&'static crate::plant::effec
 
 /// Columns beside the response in any record.
 fn columns(trials: &Trials) -> Vec<Column> {
-    let any = |column: &Column| trials.trials.iter().any(|trial| trial.channels.iter().any(|c| c.column == *column));
+    let any = |column: &Column| trials.trials.iter().any(|trial| trial.columns().any(|there| there == *column));
     [Column::Speed, Column::Voltage].into_iter().filter(any).collect()
 }
 

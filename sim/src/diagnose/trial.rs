@@ -2,10 +2,11 @@
 
 use std::ops::Range;
 
-use super::channel::{Channel, channels};
+use super::channel::{Channel, Column, channels};
 use super::hypothesis::Hypothesis;
 use super::log::{Log, Prepared, prepare};
 use super::whitening::{NoiseDensity, Whitening};
+use super::witness::{Witness, witnesses};
 use super::{DiagnoseError, hum};
 use crate::identify::{IdentifyError, response_of, upsampled};
 use crate::plant::{Lag, OperatingCurve, Trace};
@@ -94,8 +95,10 @@ pub(super) struct Trial {
     pub stretches: Vec<Stretch>,
     /// What a record that does not repeat has in their place.
     pub log: Option<Log>,
-    /// What was measured beside the response of a record that does not repeat. Those that repeat are told apart by their lines.
+    /// What was measured beside the response of a record that does not repeat.
     pub channels: Vec<Channel>,
+    /// The same of one that repeats.
+    pub witnesses: Vec<Witness>,
 }
 
 /// A record that is not compared.
@@ -228,6 +231,7 @@ impl Trial {
             stretches: Vec::new(),
             log: None,
             channels: Vec::new(),
+            witnesses: witnesses(record, experiment.output, periods.samples, rate_hz),
         };
         let lines = Whitening::unit(periods.samples).spectrum(&command[..periods.samples]);
         let most = lines.iter().skip(1).map(|line| line.norm()).fold(0.0, f64::max);
@@ -277,6 +281,7 @@ impl Trial {
             measured,
             log: Some(log),
             channels: channels(record, output, rows),
+            witnesses: Vec::new(),
         })
     }
 
@@ -386,6 +391,11 @@ impl Trial {
                 Stretch { rows, periods: 1, whitening: stretch.whitening.shortened(stretch.periods), ..*stretch };
         }
         shorter
+    }
+
+    /// Which columns it has beside the response.
+    pub fn columns(&self) -> impl Iterator<Item = Column> {
+        self.channels.iter().map(|channel| channel.column).chain(self.witnesses.iter().map(|witness| witness.column))
     }
 
     /// Standard deviation of the noise of a row, the largest of the stretches; of settled rows where there are none.

@@ -103,6 +103,11 @@ impl Whitening {
         shorter
     }
 
+    /// Rows of what is transformed.
+    pub fn rows(&self) -> usize {
+        self.transform.len()
+    }
+
     /// Lines of the spectrum that are compared, from the first to the last.
     pub fn lines(&self) -> usize {
         self.weights.iter().rposition(|weight| *weight > 0.0).unwrap_or(0)

@@ -23,7 +23,7 @@ mod simulation;
 mod spectra;
 pub mod stand;
 pub mod static_map;
-mod statistics;
+pub(crate) mod statistics;
 pub mod steps;
 #[cfg(test)]
 pub(crate) mod testing;

@@ -4,7 +4,7 @@ use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
 use statrs::function::beta::checked_beta_reg;
 
 /// Quantile of Student's t; of the normal distribution for infinite degrees of freedom.
-pub(super) fn t_quantile(probability: f64, dof: f64) -> f64 {
+pub(crate) fn t_quantile(probability: f64, dof: f64) -> f64 {
     if dof > 1e4 {
         // The quantiles agree to 1e-4; the library's t loses digits to cancellation up there.
         Normal::standard().inverse_cdf(probability)

@@ -44,7 +44,7 @@ pub fn excitation(name: String, of: &str, period: &[f64], rate_hz: f64) -> Optio
             height: 260,
             ..Panel::new(
                 Axis::linear("time in the period", "s"),
-                Axis::linear("command", "duty, 0 to 1"),
+                Axis::linear("command", "duty"),
                 vec![Series::new("command", Color::Blue, Mark::Line, over_time)],
             )
         },

@@ -43,7 +43,7 @@ pub fn static_map(points: &SteadyPoints, fit: &StaticMapFit, output: Output) -> 
     }
     let (what, unit) = quantity(output);
     let axis = Axis::linear(&format!("steady {what}"), unit);
-    let panel = Panel { height: 380, ..Panel::new(Axis::linear("command", "duty, 0 to 1"), axis, series) };
+    let panel = Panel { height: 380, ..Panel::new(Axis::linear("command", "duty"), axis, series) };
     Figure::new(
         "fig_2_static_map",
         "Static map",

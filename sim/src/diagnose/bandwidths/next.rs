@@ -13,7 +13,8 @@ const HIGHEST_LINE: f64 = 2.0;
 /// Nominal commands where the explanations are apart by this part of the furthest are worth records.
 const WORTH_RECORDS: f64 = 0.5;
 
-/// In words: where the explanations that are left disagree the most, what to record there, and what each of them would show.
+/// In words: where the explanations that are left disagree the most and what to record there, and on a line for each pair of them
+/// what would tell the one from the other.
 pub(super) fn next_experiment(case: &Case, explanations: &[Explanation]) -> String {
     let left: Vec<&Explanation> = explanations.iter().filter(|one| one.standing != Standing::Worse).collect();
     if left.len() < 2 {
@@ -62,7 +63,7 @@ pub(super) fn next_experiment(case: &Case, explanations: &[Explanation]) -> Stri
     for (index, kind) in kinds.iter().enumerate() {
         for other in &kinds[..index] {
             if let Some(experiment) = advice(kind, other).or_else(|| advice(other, kind)) {
-                words.push_str(&format!(" {} or {}: {experiment}", other.id, kind.id));
+                words.push_str(&format!("\n{} or {}: {experiment}", other.id, kind.id));
             }
         }
     }

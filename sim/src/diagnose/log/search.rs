@@ -228,5 +228,12 @@ fn is_worth_it(tried: &Tried) -> bool {
 fn tried(before: &Judged, folds: &Folds, with: Judged, kind: &'static Kind) -> Tried {
     let fitted_gain = 0.5 * (before.surprise - with.surprise);
     let held_out_gain = folds.gain(&with.trials, &with.fit.hypothesis).unwrap_or(0.0);
-    Tried { kind, fit: with.fit, fitted_gain, held_out_gain, parameters: Candidate::searched(kind).count() }
+    Tried {
+        kind,
+        fit: with.fit,
+        fitted_gain,
+        held_out_gain,
+        parameters: Candidate::searched(kind).count(),
+        witnessed: 0.0,
+    }
 }

@@ -192,7 +192,7 @@ impl Axis {
     /// The nominal command.
     #[must_use]
     pub fn nominal() -> Self {
-        Self::linear("nominal command u_nom", "duty, 0 to 1")
+        Self::linear("nominal command u_nom", "duty")
     }
 
     /// With fixed ends.

@@ -1,4 +1,4 @@
-//! The HTML itself: a template, filled in. Whatever comes from data is escaped by it.
+//! The HTML itself: a template, filled in. Whatever comes from data is escaped, by it or by `words`.
 
 use askama::Template;
 
@@ -108,6 +108,21 @@ impl<'a> DrawnFigure<'a> {
     }
 }
 
+/// A sentence as HTML: escaped, and what stands between two backticks as code.
+fn words(sentence: &str) -> String {
+    let escaped = sentence.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
+    let mut parts = escaped.split('`');
+    let mut html = parts.next().unwrap_or_default().to_owned();
+    while let Some(code) = parts.next() {
+        match parts.next() {
+            Some(after) => html.push_str(&format!("<code>{code}</code>{after}")),
+            // The last one is alone.
+            None => html.push_str(&format!("`{code}")),
+        }
+    }
+    html
+}
+
 impl Report {
     /// The whole file.
     ///
@@ -156,3 +171,15 @@ WARRANTIES OF MERCHANTABILITY, FITNESS FOR A PARTICULAR PURPOSE AND NONINFRINGEM
 HOLDERS BE LIABLE FOR ANY CLAIM, DAMAGES OR OTHER LIABILITY, WHETHER IN AN ACTION OF CONTRACT, TORT OR OTHERWISE, ARISING FROM, \
 OUT OF OR IN CONNECTION WITH THE SOFTWARE OR THE USE OR OTHER DEALINGS IN THE SOFTWARE.
 ";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn commands_within_a_sentence_are_set_as_code_and_nothing_is_markup() {
+        assert_eq!(words("`a < b` and `c`: 1 > 0"), "<code>a &lt; b</code> and <code>c</code>: 1 &gt; 0");
+        assert_eq!(words("a ` alone & <b>"), "a ` alone &amp; &lt;b&gt;");
+        assert_eq!(words(""), "");
+    }
+}

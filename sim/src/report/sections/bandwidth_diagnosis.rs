@@ -16,7 +16,7 @@ pub fn bandwidth_diagnosis_section(found: &BandwidthDiagnosis, verdict: &str) ->
         found.gap.before
     ));
     if let Some(next) = &found.next_experiment {
-        text.push(format!("Next experiment: {next}"));
+        text.extend(format!("Next experiment: {next}").lines().map(str::to_owned));
     }
     let mut tables = vec![rows(found)];
     if !found.explanations.is_empty() {

@@ -101,7 +101,7 @@ fn over_time(experiment: &Experiment, record: &Record) -> Option<Figure> {
     }
     let (what, unit) = quantity(experiment.output);
     let panels = vec![
-        Panel { height: 220, ..Panel::new(time(), Axis::linear("command", "duty, 0 to 1"), commands) },
+        Panel { height: 220, ..Panel::new(time(), Axis::linear("command", "duty"), commands) },
         Panel {
             height: 260,
             ..Panel::new(

@@ -1,0 +1,168 @@
+//! What records that repeat have beside the response, heard where the response alone cannot tell two kinds.
+//!
+//! The speed and the voltage come with sensors of their own, whose faults would be named where they are fitted like the response.
+//! So they have no say in what the response tells. Of kinds that it leaves within chance of each other, each column is
+//! compared with what they make of it, on the lines that a period has, over the noise that is between these lines. The kind
+//! that leaves least sets how well a column can be known: with `Q` of `n` numbers left by the best, a kind that leaves
+//! `Q'` is worth `(Q - Q') / (2 max(1, Q / n))` less (quasi-likelihood; McCullagh and Nelder, Generalized Linear Models, 1989, ch. 9).
+
+use nalgebra::{DMatrix, DVector};
+use num_complex::Complex64;
+use rayon::prelude::*;
+
+use super::channel::{Column, columns};
+use super::hypothesis::Hypothesis;
+use super::residual::dot;
+use super::trial::{Trial, Trials};
+use super::whitening::{NoiseDensity, Whitening};
+use crate::plant::Trace;
+use crate::record::{Output, Record};
+
+/// From so many periods on the first one, in which what is slow comes to rest, is left out.
+const SETTLED: usize = 3;
+
+/// A column of a record that repeats.
+#[derive(Clone, Debug)]
+pub(super) struct Witness {
+    /// Which one.
+    pub column: Column,
+    from: usize,
+    periods: usize,
+    mean: f64,
+    /// The white lines of a period.
+    measured: Vec<Complex64>,
+    whitening: Whitening,
+}
+
+/// What a column has left, and of how many numbers.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Left {
+    squares: f64,
+    numbers: f64,
+}
+
+/// The columns of a record over its whole periods. One period says nothing of the noise.
+pub(super) fn witnesses(record: &Record, output: Output, period_rows: usize, rate_hz: f64) -> Vec<Witness> {
+    let all = record.time_s.len() / period_rows;
+    let from = if all >= SETTLED { period_rows } else { 0 };
+    let periods = all - from / period_rows;
+    if periods < 2 {
+        return Vec::new();
+    }
+    let rows = from..from + periods * period_rows;
+    let witness = |(column, values): (Column, Vec<f64>)| {
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        let deviation: Vec<f64> = values.iter().map(|value| value - mean).collect();
+        let mut whitening = Whitening::unit(values.len());
+        whitening.set_noise(&NoiseDensity::between_harmonics(&deviation, periods, rate_hz)?, rate_hz);
+        let mut witness = Witness { column, from, periods, mean, measured: Vec::new(), whitening };
+        witness.measured = witness.lines(&deviation);
+        witness.measured.iter().all(|line| line.is_finite()).then_some(witness)
+    };
+    columns(record, output, rows).into_iter().filter_map(witness).collect()
+}
+
+impl Witness {
+    /// The white lines that a period has.
+    fn lines(&self, rows: &[f64]) -> Vec<Complex64> {
+        let white = self.whitening.apply(rows);
+        white.into_iter().skip(self.periods - 1).step_by(self.periods).collect()
+    }
+
+    /// What the model leaves of it: of the speed no parabola of what it says, of the voltage no multiple of it.
+    fn left(&self, trace: &Trace) -> Option<Left> {
+        let rows = self.from..self.from + self.whitening.rows();
+        let cut = |values: &[f64]| values.get(rows.clone()).map(<[f64]>::to_vec);
+        let supplied = !trace.voltage_v.is_empty();
+        let cut = Trace {
+            speed: cut(&trace.speed)?,
+            voltage_v: if supplied { cut(&trace.voltage_v)? } else { Vec::new() },
+            ..Trace::default()
+        };
+        let model = self.column.predicted(&cut, rows.len());
+        let lines: Vec<Vec<Complex64>> = model.iter().map(|column| self.lines(column)).collect();
+        let factors = match self.column {
+            // Its mean says how high it is.
+            Column::Voltage => {
+                model.iter().map(|column| self.mean * column.len() as f64 / column.iter().sum::<f64>()).collect()
+            }
+            Column::Speed => nearest(&lines, &self.measured)?,
+        };
+        let mut left = self.measured.clone();
+        for (line, factor) in lines.iter().zip(&factors) {
+            left.iter_mut().zip(line).for_each(|(left, model)| *left -= model * factor);
+        }
+        let free = if self.column == Column::Speed { factors.len() } else { 0 };
+        Some(Left { squares: dot(&left, &left), numbers: (2 * left.len()).saturating_sub(free) as f64 })
+    }
+}
+
+/// The factors of the sum of these columns that comes nearest. One that never moves has no lines but rounding, and none.
+fn nearest(columns: &[Vec<Complex64>], measured: &[Complex64]) -> Option<Vec<f64>> {
+    let lengths: Vec<f64> = columns.iter().map(|column| dot(column, column).sqrt()).collect();
+    let moves: Vec<usize> = (0..columns.len()).filter(|&index| lengths[index] > 1e-6).collect();
+    let mut factors = vec![0.0; columns.len()];
+    if moves.is_empty() {
+        return Some(factors);
+    }
+    let over = |i: usize, other: &[Complex64]| dot(&columns[moves[i]], other) / lengths[moves[i]];
+    let cosine = |i: usize, j: usize| over(i, &columns[moves[j]]) / lengths[moves[j]];
+    let right = DVector::from_fn(moves.len(), |i, _| over(i, measured));
+    let solution = DMatrix::from_fn(moves.len(), moves.len(), cosine).svd(true, true).solve(&right, 1e-9).ok()?;
+    moves.iter().zip(solution.iter()).for_each(|(&index, factor)| factors[index] = factor / lengths[index]);
+    Some(factors)
+}
+
+/// What each hypothesis is worth by the columns, less than the best of them. `None` where there are no columns.
+pub(super) fn heard(trials: &Trials, hypotheses: &[&Hypothesis]) -> Option<Vec<f64>> {
+    if trials.trials.iter().all(|trial| trial.witnesses.is_empty()) {
+        return None;
+    }
+    let left: Option<Vec<Left>> = hypotheses.iter().map(|hypothesis| left(trials, hypothesis)).collect();
+    Some(gains(&left?))
+}
+
+/// What each is worth by what the columns have left with it, the best 0.
+fn gains(left: &[Left]) -> Vec<f64> {
+    let least = left.iter().copied().min_by(|a, b| a.squares.total_cmp(&b.squares)).unwrap_or_default();
+    let known = (least.squares / least.numbers.max(1.0)).max(1.0);
+    left.iter().map(|left| 0.5 * (least.squares - left.squares) / known).collect()
+}
+
+fn left(trials: &Trials, hypothesis: &Hypothesis) -> Option<Left> {
+    let of_trial = |trial: &Trial| {
+        let trace = hypothesis.trace(trials, trial)?;
+        let all: Option<Vec<Left>> = trial.witnesses.iter().map(|witness| witness.left(&trace)).collect();
+        all
+    };
+    let heard = trials.trials.par_iter().filter(|trial| !trial.witnesses.is_empty());
+    let all: Option<Vec<Vec<Left>>> = heard.map(of_trial).collect();
+    Some(all?.into_iter().flatten().fold(Left::default(), |sum, one| Left {
+        squares: sum.squares + one.squares,
+        numbers: sum.numbers + one.numbers,
+    }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_column_that_never_moves_has_no_part_in_the_sum() {
+        let line = |re: f64, im: f64| Complex64::new(re, im);
+        let still = vec![line(0.0, 0.0), line(1e-9, 0.0)];
+        let moving = vec![line(1.0, 1.0), line(0.0, -2.0)];
+        let measured: Vec<Complex64> = moving.iter().map(|line| 3.0 * line).collect();
+        let factors = nearest(&[still.clone(), moving], &measured).unwrap();
+        assert!(factors[0] == 0.0 && (factors[1] - 3.0).abs() < 1e-12, "{factors:?}");
+        assert_eq!(nearest(&[still], &measured), Some(vec![0.0]));
+    }
+
+    #[test]
+    fn what_the_best_leaves_over_the_noise_makes_the_others_no_more_certain() {
+        let left = |squares| Left { squares, numbers: 100.0 };
+        assert_eq!(gains(&[left(100.0), left(120.0)]), [0.0, -10.0]);
+        // Nobody explains the column: a tenth more is little.
+        assert_eq!(gains(&[left(1100.0), left(1000.0)]), [-5.0, 0.0]);
+    }
+}

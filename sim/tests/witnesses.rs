@@ -1,0 +1,71 @@
+//! The speed and the voltage of records that repeat, where the thrust alone cannot tell.
+
+mod two_levels;
+
+use rand::SeedableRng as _;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution as _, Normal};
+use rotorlead_sim::diagnose::{Column, Diagnosis, Verdict};
+use rotorlead_sim::plant::{Actuator, Drive, EscTiming, Law, Model, Start, simulate};
+use rotorlead_sim::record::Experiment;
+use two_levels::{diagnosed, experiment, motor};
+
+/// Of the noise of a speed, and of a speed at full command.
+const NOISE_RPM: f64 = 5.0;
+const FULL_RPM: f64 = 9_000.0;
+
+/// With the speed of the rotor in every record, as a counter of revolutions has it: thrust is its square, more or less; and with
+/// the voltage of a stiff supply.
+fn with_speed(model: &Model, mut experiment: Experiment) -> Experiment {
+    let mut random = ChaCha8Rng::seed_from_u64(11);
+    let noise = Normal::new(0.0, NOISE_RPM).unwrap();
+    for record in &mut experiment.records {
+        let mut actuator = Actuator::new(model, Law::LinearAround(record.nominal), EscTiming::default()).unwrap();
+        let drive = Drive { time_s: &record.time_s, command: &record.command };
+        let trace = simulate(&mut actuator, drive, Start::Rest(record.nominal), &record.time_s).unwrap();
+        let rpm = trace.speed.iter().map(|speed| FULL_RPM * speed.sqrt() + noise.sample(&mut random));
+        record.rpm = Some(rpm.collect());
+        record.voltage_v = Some(record.time_s.iter().map(|_| 16.0 + 1e-3 * noise.sample(&mut random)).collect());
+    }
+    experiment
+}
+
+fn names(found: &Diagnosis) -> (&'static str, Vec<&'static str>) {
+    assert_eq!((found.verdict, found.effects.len()), (Verdict::Named, 1), "{:?}", found.effects);
+    (found.effects[0].kind.id, found.effects[0].alternatives.iter().map(|kind| kind.id).collect())
+}
+
+#[test]
+fn the_speed_tells_a_late_command_from_a_slow_sensor() {
+    let late = ("transport_delay", "delay_s", ["second_pole", "esc_frame_hold"]);
+    let slow = ("second_pole", "time_constant_s", ["transport_delay", "esc_frame_hold"]);
+    for (kind, name, likes) in [late, slow] {
+        let hidden = motor(Some((kind, &[(name, 0.001)])));
+        let thrust = experiment(&hidden, 5);
+        let (first, others) = names(&diagnosed(&thrust, None));
+        let mut all = [&[first][..], &others].concat();
+        all.sort_unstable();
+        let mut any = [&[kind][..], &likes].concat();
+        any.sort_unstable();
+        assert_eq!(all, any, "{kind}: a millisecond of thrust at 200 rows a second tells none of them");
+
+        let found = diagnosed(&with_speed(&hidden, thrust), None);
+        assert_eq!(found.columns, [Column::Speed, Column::Voltage]);
+        // Frames are before the rotor as a delay is, and the speed is late with both.
+        let left: &[&str] = if kind == "transport_delay" { &["esc_frame_hold"] } else { &[] };
+        assert_eq!(names(&found), (kind, left.to_vec()));
+    }
+}
+
+#[test]
+fn a_speed_that_is_nothing_but_noise_tells_nothing() {
+    let hidden = motor(Some(("second_pole", &[("time_constant_s", 0.001)])));
+    let mut deaf = with_speed(&hidden, experiment(&hidden, 5));
+    let noise = Normal::new(6_000.0, 300.0).unwrap();
+    let mut random = ChaCha8Rng::seed_from_u64(12);
+    for record in &mut deaf.records {
+        record.rpm = Some(record.time_s.iter().map(|_| noise.sample(&mut random)).collect());
+    }
+    let (_, others) = names(&diagnosed(&deaf, None));
+    assert_eq!(others.len(), 2, "{others:?}");
+}
