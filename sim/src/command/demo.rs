@@ -27,9 +27,9 @@ use crate::identify::{
 use crate::plant::Model;
 use crate::report::paper::{CONTRADICTIONS, PAPER, PaperRow, table_1};
 use crate::report::{
-    Color, Curve, Figure, Identification, Mark, Report, Tone, Verdict, bandwidth_cell, bandwidth_section, bode, cells,
-    design_section, excitation_section, identification_section, measured_response, rad_s, simulation_and_experiment,
-    validation_section, verdict,
+    Color, Curve, Figure, FigureKind, Identification, Mark, Report, Tone, Verdict, bandwidth_cell, bandwidth_section,
+    bode, cells, design_section, excitation_section, identification_section, measured_response, rad_s,
+    simulation_and_experiment, validation_section, verdict,
 };
 
 /// Nominal commands in the Bode plot: one in the middle, where compensation helps by half, and the fastest.
@@ -179,7 +179,7 @@ fn bode_plot(design: &LeadDesign, found: &PeriodicIdentification, compensated: &
         add("compensated", 2 * index + 1, &led, after);
     }
     Figure::new(
-        "bode",
+        FigureKind::Demonstration,
         "Actuator without and with compensator, over its static gain",
         "",
         bode(&curves, "dB over the static gain", &[("-3 dB", -3.0)]),

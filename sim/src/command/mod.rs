@@ -8,6 +8,7 @@ mod device;
 mod diagnose;
 mod diagnose_bandwidths;
 mod excite;
+mod help_pages;
 mod identify;
 mod identify_align;
 mod identify_intervals;
@@ -31,6 +32,7 @@ use std::path::Path;
 
 use clap::{Parser, Subcommand};
 
+pub use self::help_pages::{HelpPage, help_pages};
 use self::outcome::{JsonOption, Outcome};
 use self::report_option::ReportOption;
 pub use self::wrong_use::WrongUse;

@@ -266,7 +266,7 @@ mod tests {
 
     fn figure(series: Vec<Series>) -> Figure {
         let panel = Panel::new(Axis::frequency(), Axis::linear("magnitude", "dB"), series);
-        Figure::new("lag", "A lag", "", vec![panel])
+        Figure::new(super::super::FigureKind::Responses, "A lag", "", vec![panel])
     }
 
     #[test]
