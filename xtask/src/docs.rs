@@ -2,12 +2,15 @@
 
 use crate::run::{Result, cargo, run};
 
-/// Where the pages are.
-const FOLDER: &str = "docs";
-
-/// Writes the catalog of effects and the pages of the commands, then what the commands in all pages print, and their figures.
+/// Writes the catalog of effects, the pages of the commands, what the commands in all pages print, and their figures: the
+/// tests that compare them write them instead.
 pub fn write() -> Result {
-    run(&mut cargo(&["run", "--quiet", "--package", "rotorlead-sim", "--example", "pages", "--locked", "--", FOLDER]))?;
-    let pages = ["test", "--quiet", "--package", "host-tests", "--test", "cli", "--locked", "--", "docs::"];
-    run(cargo(&pages).env("ROTORLEAD_UPDATE_PAGES", "1"))
+    let written = |package: &str, test: &str, filter: &str| {
+        let arguments = ["test", "--quiet", "--package", package, "--test", test, "--locked", "--", filter];
+        run(cargo(&arguments).env("ROTORLEAD_UPDATE_PAGES", "1"))
+    };
+    written("rotorlead-sim", "pages", "")?;
+    // The program whose output is shown.
+    run(&mut cargo(&["build", "--package", "rotorlead-sim", "--bin", "rotorlead", "--locked"]))?;
+    written("host-tests", "cli", "docs::")
 }

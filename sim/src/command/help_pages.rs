@@ -2,10 +2,10 @@
 
 use std::fmt::Write as _;
 
-use clap::{Arg, Command, CommandFactory as _};
+use clap::{Arg, Command};
 use textwrap::{Options, WordSeparator, WordSplitter};
 
-use super::Arguments;
+use super::command_line;
 
 /// One page of help.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -25,7 +25,7 @@ const MARK: &str = "<!-- `cargo xtask docs` writes this page from the help of th
 /// or an option that is added is on its page.
 #[must_use]
 pub fn help_pages() -> Vec<HelpPage> {
-    let mut program = Arguments::command();
+    let mut program = command_line();
     // Fills in what clap adds by itself: usage, and options that hold for every command.
     program.build();
     let mut index = format!("{MARK}# Commands\n\n");
@@ -158,7 +158,7 @@ mod tests {
     #[test]
     fn every_command_has_a_page_with_every_option() {
         let pages = help_pages();
-        let mut program = Arguments::command();
+        let mut program = command_line();
         program.build();
         assert_eq!(pages.len(), 1 + shown(&program).count());
         for command in shown(&program) {

@@ -78,7 +78,7 @@ fn explanations(found: &BandwidthDiagnosis) -> Option<Figure> {
         ),
     ];
     series.retain(|series| !series.points.is_empty());
-    let axis = Axis::log("RMS of ln(measured / predicted)", "1");
+    let axis = Axis::log("RMS of ln(measured / predicted)", "dimensionless");
     let panel =
         Panel { height: names.len() as u32 * LINE + AROUND, ..Panel::new(axis, Axis::names("", names), series) };
     Some(Figure::new(

@@ -53,7 +53,7 @@ pub fn simulated(model: &Model, lead: &LeadParameters) -> Figure {
     });
     Figure::new(
         FigureKind::SimulatedResponse,
-        "Response of the model over its static gain, without and with the compensator",
+        "Response of the model over its static gain: broken without, full with the compensator",
         "Broken lines are without, full lines with the compensator. The bandwidth is where a curve first passes -3 dB. A curve that \
          runs along that line has a bandwidth that a tenth of a decibel moves far. Dead times are left out.",
         bode(&curves.collect::<Vec<_>>(), "dB over the static gain", &levels()),
@@ -81,7 +81,7 @@ pub fn measured(plain: &PeriodicIdentification, compensated: &PeriodicIdentifica
     (!curves.is_empty()).then(|| {
         Figure::new(
             FigureKind::MeasuredResponse,
-            "Measured response over the static gain, without and with the compensator",
+            "Measured response over the static gain: broken without, full with the compensator",
             "Broken lines are without, full lines with the compensator and their 95 % band. Where a full line stays above its broken \
              one, the actuator has become faster.",
             bode(&curves, "dB over the static gain", &levels()),
@@ -112,7 +112,7 @@ pub fn simulation_and_experiment(
     (!curves.is_empty()).then(|| {
         Figure::new(
             FigureKind::SimulationAndExperiment,
-            "Compensated response: simulated and measured",
+            "Compensated response: dots measured, lines simulated",
             "Dots are measured, with their 95 % band; lines are the identified lag behind the compensator. Where they part, the \
              actuator is more than a lag: `rotorlead diagnose` says what is missing.",
             bode(&curves, "dB over the static gain", &levels()),

@@ -24,7 +24,7 @@ pub fn responses(found: &PeriodicIdentification, output: Output) -> Option<Figur
     (!curves.is_empty()).then(|| {
         Figure::new(
             FigureKind::Responses,
-            "Frequency responses and the lags fitted to them",
+            "Frequency responses: dots measured, lines the lags fitted to them",
             "Dots are the smoothed response over command at the excited lines, without the holds of loop and ESC; the shade is \
              their 95 % band. Lines are the fitted lags. A lag falls by 20 dB per decade beyond its pole, and its phase \
              ends at -90 degrees; a dead time bends the phase further down.",

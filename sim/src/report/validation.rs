@@ -183,8 +183,8 @@ fn percent(value: Option<f64>) -> String {
 /// Record and model side by side: the paper's Fig. 6 of a multisine, and its Fig. 7 of any other.
 #[must_use]
 pub(super) fn figures_of(record: &RecordValidation, output: Output) -> Figure {
-    let fit = record.ceiling_percent.map_or_else(String::new, |ceiling| format!(" of {ceiling:.2}"));
-    let title = format!("{}: fit {:.2}{fit} %", record.file, record.fit_percent);
+    let ceiling = record.ceiling_percent.map_or_else(String::new, |ceiling| format!(", ceiling {ceiling:.2} %"));
+    let title = format!("{}: fit {:.2} %{ceiling}", record.file, record.fit_percent);
     match &record.comparison {
         Comparison::Frequency(lines) => {
             let figure = etfe::compared(title, lines, output).of(&record.file);

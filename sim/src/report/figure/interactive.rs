@@ -79,7 +79,9 @@ impl Axis {
     fn plotted(&self, (low, high): (f64, f64), factor: f64) -> PlotAxis {
         let axis = PlotAxis::new().auto_margin(true).zero_line(false).tick_angle(0.0).ticks(TicksDirection::Outside);
         match &self.scale {
-            Scale::Linear => axis.range(AxisRange::new(low * factor, high * factor)).type_(AxisType::Linear).n_ticks(9),
+            Scale::Linear | Scale::Degrees => {
+                axis.range(AxisRange::new(low * factor, high * factor)).type_(AxisType::Linear).n_ticks(9)
+            }
             Scale::Log => {
                 let [low, high] = [low * factor, high * factor].map(f64::log10);
                 axis.range(AxisRange::new(low, high)).type_(AxisType::Log)

@@ -67,6 +67,8 @@ pub struct Axis {
 pub enum Scale {
     /// Evenly.
     Linear,
+    /// Evenly, in degrees: parts of a turn are named.
+    Degrees,
     /// By their logarithm; values are above zero.
     Log,
     /// Value 0 is the first name.
@@ -176,6 +178,12 @@ impl Axis {
     #[must_use]
     pub fn log(label: &str, unit: &str) -> Self {
         Self { scale: Scale::Log, ..Self::linear(label, unit) }
+    }
+
+    /// A phase.
+    #[must_use]
+    pub fn phase() -> Self {
+        Self { scale: Scale::Degrees, ..Self::linear("phase", "degrees") }
     }
 
     /// A list.
