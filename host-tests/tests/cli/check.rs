@@ -190,7 +190,7 @@ fn what_experiment_toml_says_is_held_against_the_rows() {
             &["0.45", "mean command is 0.500", "correct"][..],
         ),
         ("amplitude = 0.05", "amplitude = 0.2", "warning", "command", &["`amplitude` is 0.2", "0.05", "correct"]),
-        ("period_s = 10.0", "period_s = 7.0", "error", "periods", &["7 s", "correct period_s"]),
+        ("period_s = 10.0", "period_s = 7.0", "error", "periods", &["period", "correct period_s"]),
         ("period_s = 10.0", "period_s = 10.0013", "error", "periods", &["not a whole number", "correct period_s"]),
     ] {
         let stand = good();

@@ -72,11 +72,8 @@ fn what_kind_was_meant_is_offered() {
     for (kind, meant) in [("backlsh", "backlash"), ("transport-delay", "transport_delay"), ("slew_limt", "slew_limit")]
     {
         stand.write("model.toml", format!("{good}[[effect]]\nkind = \"{kind}\"\nparameters = {{}}\n"));
-        stand.refuses(
-            "design --model model.toml --out c.toml",
-            1,
-            &["model.toml:11:8", kind, &format!("did you mean `{meant}`?")],
-        );
+        let arguments = "simulate --model model.toml --plan plan.toml --out sim";
+        stand.refuses(arguments, 1, &["model.toml:11:8", &format!("did you mean `{meant}`?")]);
     }
     stand.write("model.toml", good);
     stand.edit("plan.toml", "\"multisine\"", "\"multsine\"");

@@ -13,7 +13,7 @@ use super::outcome::{JsonOption, Outcome, paragraph};
 use super::progress;
 use crate::identify::check::{Finding, Findings, RecordDoubt, Severity, Topic, of_lag, of_record};
 use crate::identify::stand::{StandOptions, identify_stand};
-use crate::identify::{FirstOrderOptions, IdentifyError};
+use crate::identify::{FirstOrderOptions, IdentifyError, IdentifyWarning};
 use crate::record::{Excitation, Experiment, Inspection, Role, Unreadable};
 
 /// Says what is wrong with an experiment's folder, before anything is made of it
@@ -152,7 +152,7 @@ fn rehearse(experiment: &Experiment, is_part: bool, findings: &mut Findings) {
         }
         let report = match identify(&rest, &[], delay_level, None) {
             Ok(identified) => {
-                warn(&rest, &identified, findings);
+                warn(&rest, &identified, is_part, findings);
                 findings.extend(rest.records.iter().filter_map(|record| of_lag(record, &identified.model.points)));
                 return;
             }
@@ -179,14 +179,16 @@ fn has_multisine_to_fit(experiment: &Experiment) -> bool {
     experiment.records.iter().any(|record| is_one(record.excitation, record.role))
 }
 
-/// The warnings of an identification that would succeed.
-fn warn(experiment: &Experiment, identified: &Identified, findings: &mut Findings) {
+/// The warnings of an identification that would succeed; where it `is_part`, not that a level has nothing to fit.
+fn warn(experiment: &Experiment, identified: &Identified, is_part: bool, findings: &mut Findings) {
     let found = identified.found.iter();
     let typed: Vec<_> = found
         .flat_map(|found| found.warnings.iter().chain(found.nominals.iter().flat_map(|lag| &lag.warnings)))
         .collect();
     for warning in &typed {
-        findings.warn(warning);
+        if !is_part || !matches!(warning, IdentifyWarning::NothingToFit { .. }) {
+            findings.warn(warning);
+        }
     }
     let said: Vec<String> = typed.iter().map(ToString::to_string).collect();
     let fitted = if identified.found.is_none() { step_record(experiment).ok() } else { None };

@@ -21,7 +21,7 @@ pub enum Exit {
 pub(super) const STATUS: &str = "\
 Exit status:
   0    done
-  1    failed: data, a file or the controller stood in the way, and the report says what to do
+  1    failed: the report on standard error says what is wrong, and what to do
   2    wrong use of the command line
   130  interrupted by Ctrl-C; nothing half-written is left";
 

@@ -157,3 +157,14 @@ pub enum RecordDoubt {
         file: String,
     },
 }
+
+impl RecordDoubt {
+    /// The row concerned, from one, where it is about one.
+    #[must_use]
+    pub fn row(&self) -> Option<usize> {
+        match self {
+            Self::Gaps { row, .. } | Self::CommandUnit { row, .. } => Some(*row),
+            _ => None,
+        }
+    }
+}

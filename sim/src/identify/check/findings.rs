@@ -35,12 +35,8 @@ impl Findings {
     /// Takes in what an identification warned of, unless the rows have shown it already.
     pub fn warn(&mut self, warning: &IdentifyWarning) {
         let (file, topic) = (warning.file(), warning.topic());
-        let is_known = match topic {
-            // Of a nominal command, where the rows speak of its records.
-            Topic::Sign => self.0.iter().any(|finding| finding.topic == topic),
-            Topic::Saturation | Topic::Command => self.0.iter().any(|finding| finding.is_of(file, topic)),
-            _ => false,
-        };
+        // A gain is of a nominal command, where the rows speak of its records.
+        let is_known = topic == Topic::Sign && self.0.iter().any(|finding| finding.topic == topic);
         if !is_known {
             self.push(Finding {
                 severity: Severity::Warning,

@@ -45,7 +45,7 @@ pub fn of_record(experiment: &Experiment, record: &Record, is_force: bool) -> Ve
     let wrong_command = of_command(record).filter(|_| !is_force);
     if !is_force {
         if let Some(doubt) = &wrong_command {
-            add(Topic::CommandUnit, None, doubt);
+            add(Topic::CommandUnit, doubt.row(), doubt);
         } else {
             command(record, &mut add);
         }
@@ -110,7 +110,8 @@ fn sampling(record: &Record, is_in_seconds: bool, add: &mut impl FnMut(Topic, Op
     let needs_every_row = matches!(record.excitation, Excitation::Multisine | Excitation::Chirp);
     if let Some(&longest) = gaps.iter().max_by(|a, b| interval(**a).total_cmp(&interval(**b))) {
         let (row, longest_s) = (longest + 1, interval(longest));
-        add(Topic::Sampling, Some(row), &RecordDoubt::Gaps { file: file(), count: gaps.len(), row, longest_s });
+        let doubt = RecordDoubt::Gaps { file: file(), count: gaps.len(), row, longest_s };
+        add(Topic::Sampling, doubt.row(), &doubt);
     } else if needs_every_row && let Err(uneven) = record.sample_rate_hz() {
         add(Topic::Sampling, uneven.row(), &uneven);
     }
