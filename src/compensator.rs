@@ -14,6 +14,29 @@ use crate::throttle::{Command, Throttle};
 /// - **Bypass** gives the input, clamped. The section does not run meanwhile; when it is switched in again it starts at
 ///   rest at the last input, so that how long it was out does not matter. What it lacks of the past dies out with its
 ///   own poles: with a time constant of 15 ms for the paper's.
+///
+/// # Examples
+///
+/// A step of the command by 0.1, answered by the paper's compensator:
+///
+/// ```
+/// use rotorlead::compensator::Compensator;
+/// use rotorlead::design::{LeadDesign, LeadParameters};
+/// use rotorlead::throttle::Command;
+///
+/// // Poles of the identified motors, and the highest frequency that is to be amplified, rad/s.
+/// let lead = LeadParameters::from_poles(&[6.2758, 9.2889, 14.1275], 628.32)?;
+/// let design = LeadDesign::new(lead, 5000.0, None)?;
+///
+/// let mut compensator = Compensator::new(*design.coefficients(), Command::ZERO, Command::ONE);
+/// compensator.reset(Command::saturating_from_f64(0.4));
+/// let peak = (0..5000).map(|_| compensator.update(Command::saturating_from_f64(0.5)).to_f64()).fold(0.0, f64::max);
+///
+/// // It overshoots the step 3.4 times, as its design says, and settles on it within a second.
+/// assert!((peak - (0.4 + 0.1 * design.check().step_peak)).abs() < 1e-4, "{peak}");
+/// assert!((compensator.output().to_f64() - 0.5).abs() < 1e-8);
+/// # Ok::<(), rotorlead::design::DesignError>(())
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Compensator {
     coefficients: Coefficients,

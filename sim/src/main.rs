@@ -3,21 +3,24 @@
 use std::io::{IsTerminal as _, Write as _, stderr};
 use std::process::ExitCode;
 
-use clap::Parser;
 use miette::{MietteHandler, MietteHandlerOpts};
-use rotorlead_sim::command::{Arguments, WrongUse};
+use rotorlead_sim::command::{Arguments, Exit};
+use rotorlead_sim::files::remove_unfinished;
 use textwrap::{WordSeparator, WordSplitter};
 
 fn main() -> ExitCode {
     miette::set_hook(Box::new(|_| Box::new(reports()))).expect("nothing has set another one before");
-    match Arguments::parse().run() {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(report) => {
-            // Nobody is left to be told when standard error is closed.
-            let _ = writeln!(stderr(), "{report:?}");
-            if report.is::<WrongUse>() { ExitCode::from(2) } else { ExitCode::FAILURE }
-        }
+    // Where no handler can be set, Ctrl-C ends the program as it does any other.
+    let _ = ctrlc::set_handler(|| {
+        remove_unfinished();
+        std::process::exit(Exit::Interrupted.status().into());
+    });
+    let result = Arguments::of_command_line().run();
+    if let Err(report) = &result {
+        // Nobody is left to be told when standard error is closed.
+        let _ = writeln!(stderr(), "{report:?}");
     }
+    Exit::of(&result).into()
 }
 
 /// Reports as wide as the terminal, and unwrapped where there is none: what goes to a file is searched by lines.

@@ -36,51 +36,116 @@ Usage: cargo xtask COMMAND
   blind    [--set tune|report] [--kinds A,B] [--seeds N] [--jobs N] [--keep DIR] [--rivals family|all] [--only-ceilings]
            asks `rotorlead diagnose` about cases whose truth it does not see, and scores the answers; the whole report set
            against all rivals writes docs/confusion.md
-  docs     writes the catalog of effects into docs/diagnosis.md
+  docs     writes the pages under docs anew: the catalog of effects, the help of the commands, what the commands that the pages
+           show print, and the figures that they draw
   help     prints this
 ";
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
-    let result = match arguments.as_slice() {
-        ["setup"] => setup::all(),
-        ["build"] => firmware::build().map(drop),
-        ["build", "--update-readme"] => firmware::build().and_then(readme::update),
-        ["emulate"] => firmware::emulate(emulator::DEFAULT_PORT),
-        ["emulate", port] => match port.parse() {
-            Ok(port) => firmware::emulate(port),
-            Err(_) => Err(format!("{port} is not a TCP port")),
-        },
-        ["flash"] => firmware::flash(),
-        ["test"] => test::all(),
-        ["docs"] => docs::write(),
-        ["blind", options @ ..] => blind::run_cases(options),
-        ["statistics"] => statistics::all(),
-        ["bench"] => bench::all(),
-        ["bench", "--firmware"] => bench::firmware(None),
-        ["bench", "--firmware", "--json", file] => bench::firmware(Some(file)),
-        ["bench", "--identify"] => bench::identify(false, None),
-        ["bench", "--identify", "--json", file] => bench::identify(false, Some(file)),
-        ["bench", "--identify", "--largest"] => bench::identify(true, None),
-        ["bench", "--identify", "--largest", "--json", file] => bench::identify(true, Some(file)),
-
-        ["bench", "--diagnose"] => bench::diagnose(None),
-        ["bench", "--diagnose", "--json", file] => bench::diagnose(Some(file)),
-        ["help" | "--help" | "-h"] | [] => {
-            print!("{HELP}");
-            return ExitCode::SUCCESS;
-        }
-        unknown => {
-            eprintln!("error: no such command: {}\n\n{HELP}", unknown.join(" "));
-            return ExitCode::from(2);
-        }
+    let Some(task) = task(&arguments) else {
+        eprintln!("error: no such command: {}\n\n{HELP}", arguments.join(" "));
+        return ExitCode::from(2);
     };
-    match result {
+    match task() {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {error}");
             ExitCode::FAILURE
         }
+    }
+}
+
+/// Something to be done, with its arguments.
+type Task<'a> = Box<dyn FnOnce() -> run::Result + 'a>;
+
+/// What the arguments ask for; `None` where they ask for nothing that there is.
+fn task<'a>(arguments: &'a [&'a str]) -> Option<Task<'a>> {
+    Some(match arguments {
+        ["setup"] => Box::new(setup::all),
+        ["build"] => Box::new(|| firmware::build().map(drop)),
+        ["build", "--update-readme"] => Box::new(|| firmware::build().and_then(readme::update)),
+        ["emulate"] => Box::new(|| firmware::emulate(emulator::DEFAULT_PORT)),
+        ["emulate", port] => Box::new(|| {
+            let port = port.parse().map_err(|_| format!("{port} is not a TCP port"))?;
+            firmware::emulate(port)
+        }),
+        ["flash"] => Box::new(firmware::flash),
+        ["test"] => Box::new(test::all),
+        ["docs"] => Box::new(docs::write),
+        ["blind", options @ ..] => Box::new(|| blind::run_cases(options)),
+        ["statistics"] => Box::new(statistics::all),
+        ["bench"] => Box::new(bench::all),
+        ["bench", "--firmware"] => Box::new(|| bench::firmware(None)),
+        ["bench", "--firmware", "--json", file] => Box::new(|| bench::firmware(Some(file))),
+        ["bench", "--identify"] => Box::new(|| bench::identify(false, None)),
+        ["bench", "--identify", "--json", file] => Box::new(|| bench::identify(false, Some(file))),
+        ["bench", "--identify", "--largest"] => Box::new(|| bench::identify(true, None)),
+        ["bench", "--identify", "--largest", "--json", file] => Box::new(|| bench::identify(true, Some(file))),
+        ["bench", "--diagnose"] => Box::new(|| bench::diagnose(None)),
+        ["bench", "--diagnose", "--json", file] => Box::new(|| bench::diagnose(Some(file))),
+        ["help" | "--help" | "-h"] | [] => Box::new(|| {
+            print!("{HELP}");
+            Ok(())
+        }),
+        _ => return None,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::{Path, PathBuf};
+
+    /// The README and every page under `docs`.
+    fn pages() -> Vec<PathBuf> {
+        let root = super::run::root();
+        let mut pages = vec![root.join("README.md")];
+        let mut folders = vec![root.join("docs")];
+        while let Some(folder) = folders.pop() {
+            for entry in std::fs::read_dir(folder).unwrap() {
+                let path = entry.unwrap().path();
+                if path.is_dir() {
+                    folders.push(path);
+                } else if path.extension().is_some_and(|end| end == "md") {
+                    pages.push(path);
+                }
+            }
+        }
+        pages
+    }
+
+    /// Each `cargo xtask ...` of a page, in a block of commands or between backquotes, without a comment behind it.
+    fn named(page: &Path) -> Vec<String> {
+        let text = std::fs::read_to_string(page).unwrap();
+        let mut found = Vec::new();
+        let mut is_block = false;
+        for line in text.lines() {
+            if line.starts_with("```") {
+                is_block = !is_block;
+                continue;
+            }
+            let parts: Vec<&str> = if is_block {
+                vec![line.trim_start_matches("$ ")]
+            } else {
+                line.split('`').skip(1).step_by(2).collect()
+            };
+            let tasks = parts.into_iter().filter_map(|part| part.strip_prefix("cargo xtask "));
+            found.extend(tasks.map(|task| task.split('#').next().unwrap_or_default().trim().to_owned()));
+        }
+        found
+    }
+
+    #[test]
+    fn every_task_that_a_page_names_exists() {
+        let mut count = 0;
+        for page in pages() {
+            for line in named(&page) {
+                let arguments: Vec<&str> = line.split_whitespace().collect();
+                assert!(super::task(&arguments).is_some(), "{}: `cargo xtask {line}`", page.display());
+                count += 1;
+            }
+        }
+        assert!(count >= 10, "only {count} tasks are named");
     }
 }

@@ -1,16 +1,43 @@
-//! The commands of the pages under `docs` do what the pages say.
+//! The commands of the README and of the pages under `docs` do what the pages say.
 //!
-//! A page's fenced blocks are taken in order. One that follows a line of only a file's name in backquotes and a colon becomes
-//! that file; the lines of a `console` block that begin with `$ ` are run by a shell, and what they print has to be what
-//! stands below them, blanks at the ends of lines aside. A figure that a page shows, `figures/A-B.svg`, is the one that its
-//! commands draw as `A-figures/B.svg`, up to the digits.
+//! A page's fenced blocks are taken in order, in a folder of the page's own. A block that follows a line of only a file's
+//! name in backquotes and a colon becomes that file. The lines of a `console` block that begin with `$ ` are run by a shell,
+//! and what they print has to be what stands below them, blanks at the ends of lines aside. The lines of an `sh` block are
+//! run, and have to succeed. Where its first line is one of [`NOT_HERE`], which a reader understands as well, they are not
+//! run: of those the arguments are parsed. A figure that a page shows, `figures/A-B.svg`, is the one that its commands draw
+//! as `A-figures/B.svg` or `A-out/B.svg`, up to the digits; or one that a page before it in [`PAGES`] draws.
+//!
+//! What stands between backquotes in the text and begins with `rotorlead ` names commands and options that exist.
 //!
 //! With `ROTORLEAD_UPDATE_PAGES=1` in the environment outputs and figures are written into the pages instead.
 
-use std::path::Path;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
 use std::process::Command as Process;
 
+use clap::{CommandFactory as _, Parser as _};
+use rotorlead_sim::command::Arguments;
+use rotorlead_sim::report::FigureKind;
+
 use crate::stand::program;
+
+/// First lines of blocks whose commands no test can run.
+const NOT_HERE: [&str; 4] =
+    ["# needs the controller", "# needs the emulator", "# needs the network, once", "# takes long"];
+
+/// The pages with commands, from the root of the sources, and how many commands each has at least. The README comes with
+/// the log that its reader has.
+const PAGES: [(&str, usize, Option<(&str, &str)>); 9] = [
+    ("README.md", 8, Some(("log.csv", "sim/tests/data/rcbenchmark.csv"))),
+    ("docs/tutorial.md", 30, None),
+    ("docs/figures.md", 12, None),
+    ("docs/identification.md", 4, None),
+    ("docs/when-identification-fails.md", 15, None),
+    ("docs/diagnosis-from-bandwidths.md", 3, None),
+    ("docs/diagnosis.md", 8, None),
+    ("docs/firmware.md", 4, None),
+    ("docs/wiring.md", 2, None),
+];
 
 /// One fenced block, and the file's name on the line before it.
 struct Block {
@@ -34,8 +61,12 @@ fn blocks(page: &str) -> Vec<Block> {
     blocks
 }
 
-/// What a command prints, on either stream, without blanks at the ends of lines.
-fn printed(command: &str, folder: &Path) -> Vec<String> {
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+/// What a command prints, on either stream, without blanks at the ends of lines, and whether it succeeds.
+fn printed(command: &str, folder: &Path) -> (Vec<String>, bool) {
     let program = program();
     let program = Path::new(program.get_program());
     let path = std::env::var("PATH").unwrap_or_default();
@@ -47,81 +78,329 @@ fn printed(command: &str, folder: &Path) -> Vec<String> {
         .output()
         .unwrap();
     let text = String::from_utf8(output.stdout).unwrap() + &String::from_utf8(output.stderr).unwrap();
-    text.trim_end().lines().map(|line| line.trim_end().to_owned()).collect()
+    (text.trim_end().lines().map(|line| line.trim_end().to_owned()).collect(), output.status.success())
+}
+
+/// The program as it is called from the sources is the program.
+fn as_installed(command: &str) -> String {
+    command.replace("cargo run --release -- ", "rotorlead ")
+}
+
+/// Commands of a block, each of which may go on in the next line behind a backslash.
+fn commands(lines: &[String]) -> Vec<String> {
+    let joined = lines.join("\n").replace("\\\n", " ");
+    joined.lines().filter(|line| !line.is_empty() && !line.starts_with('#')).map(str::to_owned).collect()
+}
+
+/// Asserts that a command that is not run here could be.
+fn parse(page: &str, command: &str) {
+    let command = command.split(" #").next().unwrap();
+    let words = shlex::split(command).unwrap_or_else(|| panic!("{page}: `{command}` has an open quote"));
+    let names: Vec<&str> = words.iter().map(String::as_str).collect();
+    match names.as_slice() {
+        ["rotorlead", ..] => {
+            if let Err(error) = Arguments::try_parse_from(&words) {
+                assert!(!error.use_stderr(), "{page}: `{command}`:\n{error}");
+            }
+        }
+        ["cargo", "install", "--path", path, ..] => {
+            assert!(root().join(path).join("Cargo.toml").is_file(), "{page}: `{command}`");
+        }
+        ["cargo", "install", _, "--locked"] => {}
+        // That these exist is asserted beside them, in `xtask`.
+        ["cargo", "xtask", _, ..] => {}
+        _ => panic!("{page}: nobody knows whether `{command}` is right"),
+    }
 }
 
 /// Runs a page; gives the number of its commands.
-fn run(page: &str) -> usize {
-    let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs");
-    let path = docs.join(page);
+fn run(page: &str, brought: Option<(&str, &str)>) -> usize {
+    let path = root().join(page);
     let text = std::fs::read_to_string(&path).unwrap();
     let is_update = std::env::var_os("ROTORLEAD_UPDATE_PAGES").is_some();
     let mut updated = text.clone();
     let folder = tempfile::tempdir().unwrap();
-    let mut commands = 0;
+    if let Some((name, source)) = brought {
+        std::fs::copy(root().join(source), folder.path().join(name)).unwrap();
+    }
+    let mut count = 0;
     for block in blocks(&text) {
-        if let Some(file) = block.file {
-            std::fs::write(folder.path().join(file), block.lines.join("\n") + "\n").unwrap();
+        if let Some(file) = &block.file {
+            let file = folder.path().join(file);
+            std::fs::create_dir_all(file.parent().unwrap()).unwrap();
+            std::fs::write(file, block.lines.join("\n") + "\n").unwrap();
         }
-        if block.language != "console" {
-            continue;
-        }
-        let mut lines = block.lines.iter().peekable();
-        while let Some(line) = lines.next() {
-            let command = line.strip_prefix("$ ").unwrap_or_else(|| panic!("{page}: `{line}` is no command"));
-            let mut expected = Vec::new();
-            while let Some(line) = lines.next_if(|line| !line.starts_with("$ ")) {
-                expected.push(line.clone());
+        match block.language.as_str() {
+            "console" => count += compare(page, &block, folder.path(), is_update, &mut updated),
+            "sh" => {
+                let is_here = !block.lines.first().is_some_and(|first| NOT_HERE.contains(&first.as_str()));
+                for command in commands(&block.lines) {
+                    if is_here {
+                        assert!(!command.starts_with("cargo xtask "), "{page}: `{command}` is not marked");
+                        let (printed, is_success) = printed(&as_installed(&command), folder.path());
+                        assert!(is_success, "{page}: `{command}` fails:\n{}\n", printed.join("\n"));
+                    } else {
+                        parse(page, &command);
+                    }
+                    count += 1;
+                }
             }
-            let found = printed(command, folder.path());
-            if is_update {
-                let said = |lines: &[String]| [std::slice::from_ref(line), lines].concat().join("\n") + "\n";
-                updated = updated.replacen(&said(&expected), &said(&found), 1);
-            } else {
-                assert_eq!(found, expected, "{page}: `{command}` now prints\n{}\n", found.join("\n"));
-            }
-            commands += 1;
+            "" | "text" | "toml" | "csv" => {}
+            other => panic!("{page}: a block of `{other}` would be neither run nor compared"),
         }
     }
-    for link in text.split("](figures/").skip(1) {
-        let name = link.split(')').next().unwrap();
+    for (image, name) in figures(&text) {
         let (case, figure) = name.split_once('-').unwrap_or_else(|| panic!("{page}: {name}"));
-        let drawn = std::fs::read_to_string(folder.path().join(format!("{case}-figures")).join(figure)).unwrap();
-        let shown = docs.join("figures").join(name);
+        let folders = ["figures", "out"].map(|kind| folder.path().join(format!("{case}-{kind}")));
+        let Some(drawn) = folders.iter().find(|folder| folder.is_dir()) else {
+            let first = PAGES
+                .iter()
+                .map(|(page, ..)| *page)
+                .find(|page| figures(&read(page)).iter().any(|(_, one)| *one == name));
+            assert!(first != Some(page), "{page} has no command that draws {name}");
+            continue;
+        };
+        let drawn = drawn.join(figure);
+        let drawn = std::fs::read_to_string(&drawn).unwrap_or_else(|error| panic!("{}: {error}", drawn.display()));
+        let shown = path.parent().unwrap().join(image);
         if is_update {
-            std::fs::create_dir_all(docs.join("figures")).unwrap();
+            std::fs::create_dir_all(shown.parent().unwrap()).unwrap();
             std::fs::write(&shown, &drawn).unwrap();
         }
         let shown = std::fs::read_to_string(&shown).unwrap_or_else(|error| panic!("{}: {error}", shown.display()));
-        let texts = |svg: &str| svg.matches("<text").count();
-        assert_eq!(texts(&shown), texts(&drawn), "{page}: {name} is another figure now");
+        assert_eq!(words(&shown), words(&drawn), "{page}: {name} is another figure now: `cargo xtask docs`");
     }
     if is_update {
         std::fs::write(&path, updated).unwrap();
     }
-    commands
+    count
+}
+
+/// Runs the commands of a `console` block, and compares or replaces what they print; gives their number.
+fn compare(page: &str, block: &Block, folder: &Path, is_update: bool, updated: &mut String) -> usize {
+    let mut count = 0;
+    let mut lines = block.lines.iter().peekable();
+    while let Some(line) = lines.next() {
+        let command = line.strip_prefix("$ ").unwrap_or_else(|| panic!("{page}: `{line}` is no command"));
+        let mut expected = Vec::new();
+        while let Some(line) = lines.next_if(|line| !line.starts_with("$ ")) {
+            expected.push(line.clone());
+        }
+        let (found, _) = printed(command, folder);
+        if is_update {
+            let said = |lines: &[String]| [std::slice::from_ref(line), lines].concat().join("\n") + "\n";
+            *updated = updated.replacen(&said(&expected), &said(&found), 1);
+        } else {
+            assert_eq!(found, expected, "{page}: `{command}` now prints\n{}\n", found.join("\n"));
+        }
+        count += 1;
+    }
+    count
+}
+
+/// The pictures of a page: the link, and the file's name.
+fn figures(page: &str) -> Vec<(String, String)> {
+    let links = page.split("](").skip(1).map(|rest| rest.split(')').next().unwrap());
+    let pictures = links.filter(|link| link.ends_with(".svg"));
+    pictures.map(|link| (link.to_owned(), link.rsplit('/').next().unwrap().to_owned())).collect()
+}
+
+/// What a picture says in words; numbers are left out.
+fn words(svg: &str) -> Vec<String> {
+    let texts = svg.split("<text").skip(1).filter_map(|rest| rest.split('>').nth(1)?.split('<').next());
+    let said = texts.map(|text| text.trim().to_owned());
+    said.filter(|text| text.parse::<f64>().is_err())
+        .map(|text| text.replace(|c: char| c.is_ascii_digit(), "0"))
+        .collect()
+}
+
+/// Every page under `docs`, and the README, from the root of the sources.
+fn all_pages() -> BTreeSet<String> {
+    let markdown = |folder: &str| -> Vec<String> {
+        let entries = std::fs::read_dir(root().join(folder)).unwrap();
+        let names = entries.map(|entry| format!("{folder}/{}", entry.unwrap().file_name().to_str().unwrap()));
+        names.filter(|name| name.ends_with(".md")).collect()
+    };
+    let pages = [markdown("docs"), markdown("docs/commands"), vec!["README.md".to_owned()]];
+    pages.concat().into_iter().collect()
+}
+
+fn read(page: &str) -> String {
+    std::fs::read_to_string(root().join(page)).unwrap_or_else(|error| panic!("{page}: {error}"))
+}
+
+#[track_caller]
+fn holds(page: &str) {
+    let (_, least, brought) = PAGES.iter().find(|(name, ..)| *name == page).unwrap();
+    let count = run(page, *brought);
+    assert!(count >= *least, "{page} has {count} commands only");
+}
+
+#[cfg(unix)]
+#[test]
+fn the_readme_shows_what_its_commands_do() {
+    holds("README.md");
+}
+
+#[cfg(unix)]
+#[test]
+fn the_tutorial_shows_what_its_commands_print() {
+    holds("docs/tutorial.md");
+}
+
+#[cfg(unix)]
+#[test]
+fn the_page_on_figures_shows_what_its_commands_draw() {
+    holds("docs/figures.md");
 }
 
 #[cfg(unix)]
 #[test]
 fn the_page_on_identification_shows_what_its_commands_print() {
-    assert!(run("identification.md") >= 4);
+    holds("docs/identification.md");
 }
 
 #[cfg(unix)]
 #[test]
 fn the_page_on_failures_shows_what_its_commands_print() {
-    assert!(run("when-identification-fails.md") >= 15);
+    holds("docs/when-identification-fails.md");
 }
 
 #[cfg(unix)]
 #[test]
 fn the_page_on_diagnosis_from_bandwidths_shows_what_its_commands_print() {
-    assert!(run("diagnosis-from-bandwidths.md") >= 3);
+    holds("docs/diagnosis-from-bandwidths.md");
 }
 
 #[cfg(unix)]
 #[test]
 fn the_page_on_diagnosis_shows_what_its_commands_print() {
-    assert!(run("diagnosis.md") >= 8);
+    holds("docs/diagnosis.md");
+}
+
+#[cfg(unix)]
+#[test]
+fn the_pages_on_the_controller_name_commands_that_there_are() {
+    holds("docs/firmware.md");
+    holds("docs/wiring.md");
+}
+
+#[test]
+fn a_page_with_commands_is_among_those_that_are_run() {
+    let has_commands = |page: &String| {
+        let found = blocks(&read(page));
+        found.iter().any(|block| !["", "text", "toml", "csv"].contains(&block.language.as_str()))
+    };
+    let found: BTreeSet<String> = all_pages().into_iter().filter(has_commands).collect();
+    let run: BTreeSet<String> = PAGES.iter().map(|(page, ..)| (*page).to_owned()).collect();
+    assert_eq!(found, run);
+}
+
+#[test]
+fn what_the_text_names_are_commands_and_options_that_exist() {
+    let mut program = Arguments::command();
+    program.build();
+    let mut count = 0;
+    for page in all_pages() {
+        for span in in_backquotes(&read(&page)) {
+            let Some(arguments) = span.strip_prefix("rotorlead ") else { continue };
+            let mut command = &program;
+            for word in arguments.split_whitespace() {
+                if let Some(option) = word.strip_prefix("--") {
+                    let option = option.split('=').next().unwrap();
+                    let mut known = command.get_arguments().chain(program.get_arguments());
+                    let device = program.find_subcommand("device").unwrap();
+                    let is_known = known.any(|one| one.get_long() == Some(option))
+                        || device.get_arguments().any(|one| one.get_long() == Some(option))
+                        || ["help", "version"].contains(&option);
+                    assert!(is_known, "{page}: `{span}` has an option `--{option}`, and there is none");
+                } else if let Some(found) = command.find_subcommand(word) {
+                    command = found;
+                }
+            }
+            let first = arguments.split_whitespace().next().unwrap();
+            let is_command = first.starts_with('-') || program.find_subcommand(first).is_some();
+            assert!(is_command, "{page}: `{span}` is no command");
+            count += 1;
+        }
+    }
+    assert!(count >= 40, "only {count} are named");
+}
+
+/// What stands between backquotes outside of blocks, on one line or more.
+fn in_backquotes(page: &str) -> Vec<String> {
+    let mut text = String::new();
+    let mut is_block = false;
+    for line in page.lines() {
+        if line.starts_with("```") {
+            is_block = !is_block;
+        } else if !is_block {
+            text.push_str(line);
+            text.push('\n');
+        }
+    }
+    let spans = text.split('`').skip(1).step_by(2);
+    spans.map(|span| span.split_whitespace().collect::<Vec<_>>().join(" ")).collect()
+}
+
+#[test]
+fn every_link_of_a_page_leads_somewhere() {
+    for page in all_pages() {
+        let folder = root().join(&page).parent().unwrap().to_owned();
+        for link in read(&page).split("](").skip(1) {
+            let link = link.split(')').next().unwrap();
+            if link.contains("://") {
+                continue;
+            }
+            let (file, section) = link.split_once('#').unwrap_or((link, ""));
+            let file = if file.is_empty() { root().join(&page) } else { folder.join(file) };
+            assert!(file.exists(), "{page} links to `{link}`");
+            if !section.is_empty() {
+                let text = std::fs::read_to_string(file).unwrap();
+                assert!(anchors(&text).contains(section), "{page} links to `{link}`: {:?}", anchors(&text));
+            }
+        }
+    }
+}
+
+/// The names under which sections are linked to.
+fn anchors(page: &str) -> BTreeSet<String> {
+    let mut is_block = false;
+    let mut found = BTreeSet::new();
+    for line in page.lines() {
+        if line.starts_with("```") {
+            is_block = !is_block;
+        }
+        if !is_block && line.starts_with('#') {
+            let words = line.trim_start_matches('#').trim().to_lowercase();
+            let kept = words.chars().filter(|c| c.is_alphanumeric() || " -_".contains(*c));
+            found.insert(kept.collect::<String>().replace(' ', "-"));
+        }
+    }
+    found
+}
+
+#[test]
+fn every_figure_that_can_be_drawn_is_explained_with_a_picture() {
+    let page = read("docs/figures.md");
+    let sections: Vec<&str> = page.split("\n## ").skip(1).collect();
+    for kind in FigureKind::ALL {
+        let heading = format!("`{}`", kind.id());
+        let section = sections.iter().find(|section| section.lines().next().unwrap().contains(&heading));
+        let section = section.unwrap_or_else(|| panic!("docs/figures.md has no section with {heading} in its heading"));
+        let picture = format!("-{}", kind.id());
+        assert!(figures(section).iter().any(|(_, name)| name.contains(&picture)), "{heading} has no picture");
+        for part in ["**Axes.**", "**Good.**", "**Bad.**", "**Then.**"] {
+            assert!(section.contains(part), "{heading} does not say: {part}");
+        }
+    }
+}
+
+#[test]
+fn the_index_leads_to_every_page() {
+    let index = read("docs/README.md");
+    for page in all_pages().iter().filter_map(|page| page.strip_prefix("docs/")) {
+        let is_linked = index.contains(&format!("]({page})")) || page == "README.md";
+        assert!(is_linked || page.starts_with("commands/") && page != "commands/README.md", "no link to {page}");
+    }
 }

@@ -1,11 +1,15 @@
 //! The command line as a user meets it: the real program, its exit status, its words and its files.
 
 mod bad_input;
+mod check;
 mod diagnose;
 mod diagnose_bandwidths;
 mod docs;
 mod garbage;
 mod good_paths;
 mod identify_stand;
+mod interrupted;
+mod new;
 mod output;
 mod stand;
+mod terminal;

@@ -18,6 +18,7 @@ pub use plan::{Plan, PlannedRecord};
 pub use predict::Prediction;
 pub(crate) use run::file_stem;
 pub use run::{Progress, add_noise, run, run_on, run_through};
+pub use signal::first_period;
 
 #[cfg(test)]
 mod tests;

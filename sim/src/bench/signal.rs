@@ -94,6 +94,17 @@ impl Signal {
     }
 }
 
+/// One period of a plan's first record, the commands of its ticks, 0..1; the whole record where nothing repeats.
+///
+/// # Errors
+/// Those of [`Plan::check`].
+pub fn first_period(plan: &Plan) -> Result<Vec<f64>, Fault> {
+    plan.check()?;
+    let Some(record) = plan.records.first() else { return Ok(Vec::new()) };
+    let signal = Signal::new(plan, record, &Place::root().key("record").item(0))?;
+    Ok(signal.samples.into_iter().map(Command::to_f64).collect())
+}
+
 /// A triangle of peak 1 at a part of its period, 0..1: from 0 up to 1, down to -1 and back.
 fn triangle(part: f64) -> f64 {
     match part {

@@ -27,9 +27,9 @@ use crate::identify::{
 use crate::plant::Model;
 use crate::report::paper::{CONTRADICTIONS, PAPER, PaperRow, table_1};
 use crate::report::{
-    Color, Curve, Figure, Identification, Mark, Report, Tone, Verdict, bandwidth_cell, bandwidth_section, bode, cells,
-    design_section, excitation_section, identification_section, measured_response, rad_s, simulation_and_experiment,
-    validation_section, verdict,
+    Color, Curve, Figure, FigureKind, Identification, Mark, Report, Tone, Verdict, bandwidth_cell, bandwidth_section,
+    bode, cells, design_section, excitation_section, identification_section, measured_response, rad_s,
+    simulation_and_experiment, validation_section, verdict,
 };
 
 /// Nominal commands in the Bode plot: one in the middle, where compensation helps by half, and the fastest.
@@ -168,19 +168,19 @@ fn bode_plot(design: &LeadDesign, found: &PeriodicIdentification, compensated: &
         let lag = |omega: f64| before.fit.response(omega) / gain;
         let led = |omega: f64| lag(omega) * design.response(omega);
         let mut add = |what: &str, color: usize, model: &dyn Fn(f64) -> Complex64, measured: &NominalIdentification| {
-            let (name, color) = (format!("u_nom {:.2} {what}", before.nominal), Color::nth(color));
+            let (name, color) = (format!("u_nom {:.2}, {what}", before.nominal), Color::nth(color));
             let ends = (0.6, DRAWN_UP_TO_RAD_S);
-            curves.push(Curve::of_model(format!("{name}, model"), Mark::Line, color, ends, model));
+            curves.push(Curve::of_model(format!("{name}, model"), Mark::Line, color, ends, model).under(&name));
             let points = measured.responses[0].actuator.smoothed();
             let dots = Curve::measured(format!("{name}, measured"), Mark::Dots, color, points, gain);
-            curves.push(Curve { bands: Vec::new(), ..dots });
+            curves.push(Curve { bands: Vec::new(), ..dots.under(&name) });
         };
-        add("lag", 2 * index, &lag, before);
-        add("compensated", 2 * index + 1, &led, after);
+        add("without", 2 * index, &lag, before);
+        add("with compensator", 2 * index + 1, &led, after);
     }
     Figure::new(
-        "bode",
-        "Actuator without and with compensator, over its static gain",
+        FigureKind::Demonstration,
+        "Actuator over its static gain: dots measured, lines modeled",
         "",
         bode(&curves, "dB over the static gain", &[("-3 dB", -3.0)]),
     )

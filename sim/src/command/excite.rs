@@ -150,12 +150,8 @@ impl Excite {
             let period: Vec<f64> =
                 signal.waveform(samples).iter().map(|value| self.nominal + line_amplitude * value).collect();
             let number = if signals.len() > 1 { format!("_{}", index + 1) } else { String::new() };
-            excitation(
-                format!("fig_4_excitation{number}"),
-                &format!("the multisine{}", number.replace('_', " ")),
-                &period,
-                self.rate,
-            )
+            let of = format!("the multisine{}", number.replace('_', " "));
+            Some(excitation(&of, &period, self.rate)?.of(&format!("excitation{number}")))
         };
         let section = Section {
             figures: signals.iter().enumerate().filter_map(figure).collect(),

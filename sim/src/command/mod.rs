@@ -2,12 +2,16 @@
 //! came out, for people and as JSON.
 
 mod bandwidth;
+mod check;
+mod completions;
 mod demo;
 mod design;
 mod device;
 mod diagnose;
 mod diagnose_bandwidths;
 mod excite;
+mod exit;
+mod help_pages;
 mod identify;
 mod identify_align;
 mod identify_intervals;
@@ -16,6 +20,8 @@ mod identify_map;
 mod identify_stand;
 mod identify_tables;
 mod import;
+mod man;
+mod new;
 mod outcome;
 mod parameters;
 mod progress;
@@ -29,8 +35,10 @@ mod wrong_use;
 
 use std::path::Path;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 
+pub use self::exit::Exit;
+pub use self::help_pages::{HelpPage, help_pages};
 use self::outcome::{JsonOption, Outcome};
 use self::report_option::ReportOption;
 pub use self::wrong_use::WrongUse;
@@ -40,6 +48,9 @@ pub use self::wrong_use::WrongUse;
 #[derive(Debug, Parser)]
 #[command(name = "rotorlead", version, max_term_width = 100, after_help = AFTER_HELP)]
 pub struct Arguments {
+    /// Print nothing but errors and JSON: no tables, no progress
+    #[arg(long, short, global = true)]
+    quiet: bool,
     #[command(subcommand)]
     command: Command,
 }
@@ -47,17 +58,22 @@ pub struct Arguments {
 const AFTER_HELP: &str = "\
 From a log to a compensator:
   rotorlead import   LOG --out stand           a log of a thrust stand becomes an experiment
+  rotorlead check    stand                     what is wrong with it, if anything
   rotorlead identify stand --out model.toml    the lag at each level
   rotorlead design   --model model.toml --out compensator.toml
+
+With a stand and no log yet, `rotorlead new DIR` makes a folder to begin with.
 
 Exit status: 0 done, 1 failed, 2 wrong use.";
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    New(new::New),
     Demo(demo::Demo),
     Excite(excite::Excite),
     Simulate(simulate::Simulate),
     Import(import::Import),
+    Check(check::Check),
     Identify(identify::Identify),
     Validate(validate::Validate),
     Design(design::Design),
@@ -65,34 +81,55 @@ enum Command {
     Diagnose(diagnose::Diagnose),
     Report(report::ReportCommand),
     Device(device::Device),
+    Completions(completions::Completions),
+    Man(man::Man),
 }
 
 impl Arguments {
+    /// What the command line says. Wrong use, `--help` and `--version` end the program here.
+    #[must_use]
+    pub fn of_command_line() -> Self {
+        let matches = command_line().get_matches();
+        Self::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
+    }
+
     /// Runs the command that was asked for and prints what it says.
     ///
     /// # Errors
     /// A report for a person: what is wrong, where, and what to do. A [`WrongUse`] where options do not go together.
     pub fn run(self) -> miette::Result<()> {
-        match self.command {
-            Command::Demo(command) => say(&command.json, Some(&command.out), Some(&command.report), || command.run()),
+        if self.quiet {
+            progress::hide();
+        }
+        let say = |json: &JsonOption, out, report, run: &dyn Fn() -> miette::Result<Outcome>| {
+            say(json, out, report, run, self.quiet)
+        };
+        match &self.command {
+            Command::New(command) => say(&command.json, Some(&command.folder), None, &|| command.run()),
+            Command::Check(command) => command.say(self.quiet),
+            Command::Demo(command) => say(&command.json, Some(&command.out), Some(&command.report), &|| command.run()),
             Command::Excite(command) => {
-                say(&command.json, command.out.as_deref(), Some(&command.report), || command.run())
+                say(&command.json, command.out.as_deref(), Some(&command.report), &|| command.run())
             }
             Command::Simulate(command) => {
-                say(&command.json, Some(&command.out), Some(&command.report), || command.run())
+                say(&command.json, Some(&command.out), Some(&command.report), &|| command.run())
             }
-            Command::Import(command) => say(&command.json, Some(&command.out), None, || command.run()),
+            Command::Import(command) => say(&command.json, Some(&command.out), None, &|| command.run()),
             Command::Identify(command) => {
-                say(&command.json, Some(&command.out), Some(&command.report), || command.run())
+                say(&command.json, Some(&command.out), Some(&command.report), &|| command.run())
             }
-            Command::Validate(command) => say(&command.json, None, Some(&command.report), || command.run()),
-            Command::Design(command) => say(&command.json, Some(&command.out), Some(&command.report), || command.run()),
-            Command::Bandwidth(command) => say(&command.json, None, Some(&command.report), || command.run()),
+            Command::Validate(command) => say(&command.json, None, Some(&command.report), &|| command.run()),
+            Command::Design(command) => {
+                say(&command.json, Some(&command.out), Some(&command.report), &|| command.run())
+            }
+            Command::Bandwidth(command) => say(&command.json, None, Some(&command.report), &|| command.run()),
             Command::Diagnose(command) => {
-                say(&command.json, command.out_model.as_deref(), Some(&command.report), || command.run())
+                say(&command.json, command.out_model.as_deref(), Some(&command.report), &|| command.run())
             }
-            Command::Report(command) => say(&command.json, Some(&command.out), None, || command.run()),
-            Command::Device(command) => command.say(),
+            Command::Report(command) => say(&command.json, Some(&command.out), None, &|| command.run()),
+            Command::Device(command) => command.say(self.quiet),
+            Command::Completions(command) => command.run(),
+            Command::Man(command) => command.run(),
         }
     }
 }
@@ -102,19 +139,26 @@ fn say(
     json: &JsonOption,
     out: Option<&Path>,
     report: Option<&ReportOption>,
-    run: impl FnOnce() -> miette::Result<Outcome>,
+    run: &dyn Fn() -> miette::Result<Outcome>,
+    quiet: bool,
 ) -> miette::Result<()> {
     json.check(out)?;
     report.map_or(Ok(()), |report| report.check_apart(json))?;
-    json.say(run()?)
+    json.say(run()?, quiet)
+}
+
+/// The command line with its commands; the long help of each says how it ends.
+fn command_line() -> clap::Command {
+    fn with_exit_status(command: clap::Command) -> clap::Command {
+        command.after_long_help(exit::STATUS).mut_subcommands(with_exit_status)
+    }
+    Arguments::command().mut_subcommands(with_exit_status)
 }
 
 #[cfg(test)]
 mod tests {
-    use clap::CommandFactory;
-
     #[test]
     fn the_command_line_is_consistent() {
-        super::Arguments::command().debug_assert();
+        super::command_line().debug_assert();
     }
 }

@@ -44,13 +44,19 @@ impl JsonOption {
         }
     }
 
-    /// Prints the outcome, or writes it, or both.
-    pub fn say(&self, outcome: Outcome) -> miette::Result<()> {
+    /// Prints the outcome, or writes it, or both; `quiet` leaves the words out.
+    pub fn say(&self, outcome: Outcome, quiet: bool) -> miette::Result<()> {
         let json = || format!("{:#}\n", outcome.json);
         if let Some(file) = self.file() {
             write_file(file, json().as_bytes())?;
         }
-        print(if self.json.is_some() && self.file().is_none() { json() } else { outcome.text })
+        if self.json.is_some() && self.file().is_none() {
+            print(&json())
+        } else if quiet {
+            Ok(())
+        } else {
+            print(&outcome.text)
+        }
     }
 
     /// The file, where it is not standard output.
@@ -59,20 +65,31 @@ impl JsonOption {
     }
 }
 
-/// A warning as it is printed: no wider than a terminal of 80 columns, words and paths whole.
+/// A warning as it is printed.
 pub fn warning_lines(warning: &str) -> String {
+    paragraph(&format!("warning: {warning}"), "  ")
+}
+
+/// Text no wider than a terminal of 80 columns, words and paths whole; all lines but the first begin with `indent`. Ends with
+/// a line break.
+pub fn paragraph(text: &str, indent: &str) -> String {
     let options = textwrap::Options::new(80)
-        .subsequent_indent("  ")
+        .subsequent_indent(indent)
         .break_words(false)
         .word_splitter(WordSplitter::NoHyphenation)
         .word_separator(WordSeparator::AsciiSpace);
-    textwrap::fill(&format!("warning: {warning}"), options) + "\n"
+    textwrap::fill(text, options) + "\n"
 }
 
 /// Prints `text`. A reader that has seen enough, such as `head`, is no failure.
-fn print(text: String) -> miette::Result<()> {
+fn print(text: &str) -> miette::Result<()> {
+    print_bytes(text.as_bytes())
+}
+
+/// [`print`] of any bytes.
+pub(super) fn print_bytes(bytes: &[u8]) -> miette::Result<()> {
     let mut stdout = io::stdout().lock();
-    match stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush()) {
+    match stdout.write_all(bytes).and_then(|()| stdout.flush()) {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
         printed => printed.into_diagnostic().wrap_err("cannot write to standard output"),
     }

@@ -148,6 +148,36 @@ pub struct Options<'a> {
 ///
 /// # Errors
 /// [`DiagnoseError`].
+///
+/// # Examples
+///
+/// An ESC that follows its command at 0.6 of the range per second at most:
+///
+/// ```
+/// use rotorlead_sim::bench::{Plan, run};
+/// use rotorlead_sim::diagnose::{Options, diagnose};
+/// use rotorlead_sim::plant::{Catalog, Model};
+///
+/// let actuator: Model = toml::from_str(
+///     r#"
+///     format = 1
+///     [[point]]
+///     nominal = 0.5
+///     gain = 10.0
+///     time_constant_s = 0.1
+///     [[effect]]
+///     kind = "slew_limit"
+///     parameters = { rate_per_s = 0.6 }
+///     "#,
+/// )?;
+/// let plan = Plan { loop_rate_hz: 200, sample_rate_hz: 200, esc_frame_hz: None, ..Plan::paper(&actuator) };
+/// let records = run(&plan, &actuator, None, &|_| ())?;
+///
+/// let found = diagnose(&records, &Options { model: None, catalog: &Catalog::standard(), progress: &|| () })?;
+/// assert_eq!(found.effects[0].kind.id, "slew_limit");
+/// assert!(found.gap.after < 0.5 * found.gap.before);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis, DiagnoseError> {
     let mut trials = Trials::new(experiment)?;
     trials.check_fitted()?;

@@ -1,6 +1,6 @@
 //! What can be wrong with a file.
 
-use miette::{Diagnostic, NamedSource, SourceSpan};
+use miette::{Diagnostic, NamedSource, SourceCode as _, SourceSpan};
 use std::io;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
@@ -106,6 +106,21 @@ impl FileError {
     #[must_use]
     pub fn refused(path: &Path, fault: Fault) -> Self {
         Self::Refused { path: path.to_owned(), fault: Box::new(fault) }
+    }
+
+    /// Line and column of the place in the file, both from one, where the complaint is about one.
+    #[must_use]
+    pub fn line_and_column(&self) -> Option<(usize, usize)> {
+        let Self::Located(located) = self else { return None };
+        let place = located.source_code.read_span(&located.span, 0, 0).ok()?;
+        Some((place.line() + 1, place.column() + 1))
+    }
+
+    /// The path of the file that the complaint is about a place in, as it was given.
+    #[must_use]
+    pub fn file_name(&self) -> Option<&str> {
+        let Self::Located(located) = self else { return None };
+        Some(located.source_code.name())
     }
 }
 

@@ -7,12 +7,13 @@ use std::path::{Component, Path, PathBuf};
 use tempfile::TempDir;
 
 use super::FileError;
+use super::interrupt::unless_interrupted;
 use super::write::{existing_parent, parent, sync_folder, temporary};
 
 /// A folder under construction: built beside its destination, renamed to it by
 /// [`OutputFolder::commit`], removed when dropped before.
 ///
-/// A process that is killed leaves a hidden folder `.NAME.*.part` beside the destination, which may
+/// An interrupted process removes it ([`remove_unfinished`](super::remove_unfinished)). One that is killed leaves a hidden folder `.NAME.*.part` beside the destination, which may
 /// be removed.
 #[derive(Debug)]
 pub struct OutputFolder {
@@ -79,10 +80,12 @@ impl OutputFolder {
         sync_folder(self.building());
         // An empty folder there gives way, here and not at the start: until now nothing is final.
         // One that has been filled this very moment is refused by the system.
-        if self.destination.is_dir() {
-            fs::remove_dir(&self.destination).map_err(failed("replace", &self.destination))?;
-        }
-        fs::rename(self.building(), &self.destination).map_err(failed("create", &self.destination))?;
+        unless_interrupted(|| {
+            if self.destination.is_dir() {
+                fs::remove_dir(&self.destination).map_err(failed("replace", &self.destination))?;
+            }
+            fs::rename(self.building(), &self.destination).map_err(failed("create", &self.destination))
+        })?;
         let _ = self.building.keep(); // It has moved: there is nothing to remove under its old name.
         sync_folder(parent(&self.destination));
         Ok(())
@@ -112,8 +115,10 @@ fn refuse_in_use(destination: &Path) -> Result<(), FileError> {
 }
 
 fn write_through(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    fs::create_dir_all(parent(path))?;
-    let mut file = File::create_new(path)?;
+    let mut file = unless_interrupted(|| {
+        fs::create_dir_all(parent(path))?;
+        File::create_new(path)
+    })?;
     file.write_all(bytes)?;
     file.sync_all()
 }

@@ -6,6 +6,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use super::FileError;
+use super::interrupt::{make_unfinished, unless_interrupted};
 
 /// Writes `bytes` to `path`: beside it first, then renamed over it once they are on the disk.
 ///
@@ -54,7 +55,7 @@ fn replace(target: &Path, bytes: &[u8]) -> io::Result<()> {
     let mut file = temporary(target, 0o666, |builder| builder.tempfile_in(parent(target)))?;
     file.write_all(bytes)?;
     file.as_file().sync_all()?;
-    file.persist(target).map_err(|error| error.error)?;
+    unless_interrupted(|| file.persist(target).map_err(|error| error.error))?;
     sync_folder(parent(target));
     Ok(())
 }
@@ -80,7 +81,7 @@ pub(super) fn existing_parent(path: &Path) -> Result<(), FileError> {
 /// Makes a file or folder for what will be renamed to `target`: its name is hidden, and
 /// recognizable if the power fails. `mode` is what the umask is applied to; without it a temporary
 /// file would be its owner's alone, also after the rename.
-pub(super) fn temporary<T>(
+pub(super) fn temporary<T: AsRef<Path>>(
     target: &Path,
     mode: u32,
     make: impl FnOnce(&tempfile::Builder<'_, '_>) -> io::Result<T>,
@@ -94,7 +95,7 @@ pub(super) fn temporary<T>(
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(mode));
     #[cfg(not(unix))]
     let _ = mode;
-    make(&builder)
+    make_unfinished(|| make(&builder))
 }
 
 /// Makes a rename in `folder` last through a power failure, where the system can do that.

@@ -3,6 +3,7 @@
 use miette::Diagnostic;
 use thiserror::Error;
 
+use super::check::Topic;
 use super::parametric::ParametricError;
 use super::stand::StandError;
 use super::steps::StepsError;
@@ -219,6 +220,59 @@ pub enum IdentifyError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Stand(#[from] StandError),
+}
+
+impl IdentifyError {
+    /// The record concerned, where it is one.
+    #[must_use]
+    pub fn file(&self) -> Option<&str> {
+        match self {
+            Self::NoPeriod { file }
+            | Self::NoResponse { file, .. }
+            | Self::UnevenRows { file, .. }
+            | Self::PeriodRows { file, .. }
+            | Self::TooShort { file, .. }
+            | Self::ConstantCommand { file }
+            | Self::NothingRepeats { file, .. }
+            | Self::ConstantResponse { file }
+            | Self::NotPeriodic { file, .. }
+            | Self::NoNoise { file }
+            | Self::NotInModel { file, .. }
+            | Self::NoEscCommand { file } => Some(file),
+            Self::Steps(error) => Some(error.record()),
+            _ => None,
+        }
+    }
+
+    /// The row concerned, from one, where it is one.
+    #[must_use]
+    pub fn row(&self) -> Option<usize> {
+        match self {
+            Self::UnevenRows { row, .. } => Some(row + 1),
+            _ => None,
+        }
+    }
+
+    /// What it is about, and the findings of the same record that would have the same cause.
+    pub(super) fn topic_and_causes(&self) -> (Topic, &'static [Topic]) {
+        match self {
+            Self::UnevenRows { .. } => (Topic::Sampling, &[Topic::Sampling]),
+            Self::NoPeriod { .. } => (Topic::Periods, &[]),
+            Self::PeriodRows { .. }
+            | Self::TooShort { .. }
+            | Self::NothingRepeats { .. }
+            | Self::NotPeriodic { .. } => (Topic::Periods, &[Topic::TimeUnit]),
+            Self::NoNoise { .. } => (Topic::Periods, &[Topic::Periods]),
+            Self::ConstantCommand { .. } | Self::Steps(StepsError::ConstantCommand { .. }) => {
+                (Topic::Command, &[Topic::Command])
+            }
+            Self::NoResponse { .. } | Self::ConstantResponse { .. } => (Topic::Response, &[Topic::Response]),
+            Self::Steps(StepsError::NoUsableStep { .. } | StepsError::BelowZero { .. }) => {
+                (Topic::Identification, &[Topic::Sign])
+            }
+            _ => (Topic::Identification, &[]),
+        }
+    }
 }
 
 /// A number as it was written, unless that is a long row of zeros.

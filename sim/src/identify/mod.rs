@@ -3,6 +3,7 @@
 pub mod alignment;
 mod bandwidth;
 mod broadband;
+pub mod check;
 mod distortion;
 mod effects;
 mod error;

@@ -78,43 +78,54 @@ impl Manifest {
         }
     }
 
-    /// The rules that the types do not express.
+    /// The rules that the types do not express: the first that is broken.
     pub(super) fn check(&self) -> Result<(), Fault> {
+        self.faults().into_iter().next().map_or(Ok(()), |(_, fault)| Err(fault))
+    }
+
+    /// Everything that [`Self::check`] would refuse, with the index of its record where it is one record's.
+    pub(super) fn faults(&self) -> Vec<(Option<usize>, Fault)> {
         let root = Place::root();
+        let mut faults = Vec::new();
         for (key, rate) in [
             ("sample_rate_hz", self.sample_rate_hz),
             ("esc_frame_hz", self.esc_frame_hz),
             ("command_rate_hz", self.command_rate_hz),
         ] {
-            if let Some(rate) = rate {
-                root.key(key).positive(rate)?;
+            if let Some(Err(fault)) = rate.map(|rate| root.key(key).positive(rate)) {
+                faults.push((None, fault));
             }
         }
         if let (Some(command), Some(sample)) = (self.command_rate_hz, self.sample_rate_hz)
             && command < sample
         {
-            return Err(root.key("command_rate_hz").fault(
+            let fault = root.key("command_rate_hz").fault(
                 format!("{command} Hz is slower than the rows, {sample} Hz"),
                 "remove it: the rows show every change of the command by themselves",
-            ));
+            );
+            faults.push((None, fault));
         }
         if self.records.is_empty() {
-            return Err(root.key("record").fault(
+            let fault = root.key("record").fault(
                 "the experiment has no record",
                 "add a [[record]] with file, nominal and excitation for each CSV file",
-            ));
+            );
+            faults.push((None, fault));
         }
         let mut files = BTreeSet::new();
         for (index, entry) in self.records.iter().enumerate() {
-            entry.check(&place(index))?;
+            if let Err(fault) = entry.check(&place(index)) {
+                faults.push((Some(index), fault));
+            }
             if !files.insert(&entry.file) {
-                return Err(place(index).key("file").fault(
+                let fault = place(index).key("file").fault(
                     format!("`{}` is named twice", entry.file),
                     "remove one of the two: the same data would count double",
-                ));
+                );
+                faults.push((Some(index), fault));
             }
         }
-        Ok(())
+        faults
     }
 }
 

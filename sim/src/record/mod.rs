@@ -9,6 +9,7 @@ mod column;
 mod error;
 mod experiment;
 pub mod import;
+mod inspect;
 mod long;
 mod manifest;
 mod plain;
@@ -22,6 +23,7 @@ mod tests;
 
 pub use error::RecordError;
 pub use experiment::{Excitation, Experiment, Output, Record, Role};
+pub use inspect::{Inspection, Unreadable};
 pub use long::{LONG_FILE, LongRecord, LongRows, RowCount};
 pub use read::{CommandFile, read_command_log};
 pub use sampling::{GRID_TOLERANCE, PERIOD_TOLERANCE, Periods};

@@ -115,7 +115,7 @@ impl Experiment {
         Ok((experiment, long))
     }
 
-    fn read_record(
+    pub(super) fn read_record(
         &self,
         folder: &Path,
         entry: Entry,
@@ -155,7 +155,7 @@ pub fn read_command_log(path: &Path) -> Result<CommandFile, FileError> {
     Ok(CommandFile { time_s: table.take(Column::TimeS), command: table.take(Column::Command) })
 }
 
-fn manifest_path(folder: &Path) -> Result<std::path::PathBuf, FileError> {
+pub(super) fn manifest_path(folder: &Path) -> Result<std::path::PathBuf, FileError> {
     if folder.is_file() {
         return Err(FileError::NotAFolder {
             path: folder.to_owned(),
@@ -178,7 +178,7 @@ fn manifest_path(folder: &Path) -> Result<std::path::PathBuf, FileError> {
 }
 
 /// Shows a file that is named but not there where it is named.
-fn check_files(folder: &Path, index: usize, entry: &Entry, file: &TomlFile) -> Result<(), FileError> {
+pub(super) fn check_files(folder: &Path, index: usize, entry: &Entry, file: &TomlFile) -> Result<(), FileError> {
     let named = [("file", Some(&entry.file)), ("compensator", entry.compensator.as_ref())];
     for (key, name) in named {
         if let Some(path) = name.map(|name| folder.join(name))

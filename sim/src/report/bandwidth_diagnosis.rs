@@ -1,6 +1,6 @@
 //! What a diagnosis of a table of bandwidths found, as figures.
 
-use super::figure::{Axis, Color, Figure, Mark, Panel, Series};
+use super::figure::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
 use crate::diagnose::bandwidths::{BandwidthDiagnosis, Column, Explanation, Standing};
 
 /// Height of a line of a table of bars or dots, and of what is around them.
@@ -38,7 +38,7 @@ fn bandwidths(found: &BandwidthDiagnosis) -> Figure {
         }
     };
     Figure::new(
-        "bandwidths",
+        FigureKind::Bandwidths,
         "Measured and simulated bandwidths",
         "The explanation is calibrated on one column alone. Where it meets the other one as well, it explains; where it only \
          follows the fitted one, it merely has enough numbers.",
@@ -78,11 +78,11 @@ fn explanations(found: &BandwidthDiagnosis) -> Option<Figure> {
         ),
     ];
     series.retain(|series| !series.points.is_empty());
-    let axis = Axis::log("RMS of ln(measured / predicted)", "");
+    let axis = Axis::log("RMS of ln(measured / predicted)", "dimensionless");
     let panel =
         Panel { height: names.len() as u32 * LINE + AROUND, ..Panel::new(axis, Axis::names("", names), series) };
     Some(Figure::new(
-        "explanations",
+        FigureKind::Explanations,
         "Explanations side by side",
         "Left is better. The ring shows what an explanation was calibrated on, the dot what it then predicts; only the dot is \
          evidence.",

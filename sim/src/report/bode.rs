@@ -143,7 +143,7 @@ pub fn bode(curves: &[Curve], unit: &str, levels: &[(&str, f64)]) -> Vec<Panel> 
     };
     let magnitudes = curves.iter().map(Curve::magnitude).chain(levels.iter().map(level)).collect();
     let phases = curves.iter().map(Curve::phase).collect();
-    let phase = Panel::new(Axis::frequency(), Axis::linear("phase", "degrees"), phases);
+    let phase = Panel::new(Axis::frequency(), Axis::phase(), phases);
     vec![Panel::new(Axis::frequency(), Axis::linear("magnitude", unit), magnitudes), Panel { height: 290, ..phase }]
 }
 

@@ -4,7 +4,7 @@ use num_complex::Complex64;
 use rotorlead::design::{LeadDesign, LeadParameters};
 
 use super::bode::{Curve, bode};
-use super::figure::{Axis, Color, Figure, Mark, Panel, Series};
+use super::figure::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
 use crate::design::BandwidthPoint;
 use crate::identify::{Bandwidth, MeasuredBandwidth, NominalIdentification, PeriodicIdentification, THREE_DB};
 use crate::plant::Model;
@@ -35,7 +35,7 @@ pub fn compensator(design: &LeadDesign) -> Figure {
         lead.omega_g_rad_s(),
         design.check().step_peak
     );
-    Figure::new("fig_9_compensator", "Compensator", &caption, bode(&[continuous, sampled], "dB", &[]))
+    Figure::new(FigureKind::Compensator, "Compensator", &caption, bode(&[continuous, sampled], "dB", &[]))
 }
 
 /// The model's lags over their static gain, without and with the compensator.
@@ -52,8 +52,8 @@ pub fn simulated(model: &Model, lead: &LeadParameters) -> Figure {
         ]
     });
     Figure::new(
-        "fig_8_simulated_response",
-        "Response of the model over its static gain, without and with the compensator",
+        FigureKind::SimulatedResponse,
+        "Response of the model over its static gain: broken without, full with the compensator",
         "Broken lines are without, full lines with the compensator. The bandwidth is where a curve first passes -3 dB. A curve that \
          runs along that line has a bandwidth that a tenth of a decibel moves far. Dead times are left out.",
         bode(&curves.collect::<Vec<_>>(), "dB over the static gain", &levels()),
@@ -80,8 +80,8 @@ pub fn measured(plain: &PeriodicIdentification, compensated: &PeriodicIdentifica
     }
     (!curves.is_empty()).then(|| {
         Figure::new(
-            "fig_10_measured_response",
-            "Measured response over the static gain, without and with the compensator",
+            FigureKind::MeasuredResponse,
+            "Measured response over the static gain: broken without, full with the compensator",
             "Broken lines are without, full lines with the compensator and their 95 % band. Where a full line stays above its broken \
              one, the actuator has become faster.",
             bode(&curves, "dB over the static gain", &levels()),
@@ -111,8 +111,8 @@ pub fn simulation_and_experiment(
     }
     (!curves.is_empty()).then(|| {
         Figure::new(
-            "fig_12_simulation_and_experiment",
-            "Compensated response: simulated and measured",
+            FigureKind::SimulationAndExperiment,
+            "Compensated response: dots measured, lines simulated",
             "Dots are measured, with their 95 % band; lines are the identified lag behind the compensator. Where they part, the \
              actuator is more than a lag: `rotorlead diagnose` says what is missing.",
             bode(&curves, "dB over the static gain", &levels()),
@@ -163,7 +163,7 @@ pub fn bandwidths(points: &[BandwidthPoint], measured: &[MeasuredBandwidth]) -> 
     series.retain(|series| !series.points.is_empty());
     let panel = Panel::new(Axis::nominal(), Axis::log("bandwidth", "rad/s"), series);
     Figure::new(
-        "fig_11_bandwidth",
+        FigureKind::Bandwidth,
         "Bandwidth against nominal command",
         "The compensator's zero is at the fastest pole: slower levels gain less, and those slower than 3 dB below it gain little.",
         vec![Panel { height: 360, ..panel }],

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 
-use super::figure::{Axis, Cell, Color, Figure, HeatMap, Mark, Panel, Series};
+use super::figure::{Axis, Cell, Color, Figure, FigureKind, HeatMap, Mark, Panel, Series};
 use super::unit::unit;
 use crate::diagnose::{Diagnosis, Excess, MapCell};
 
@@ -60,7 +60,10 @@ fn where_(found: &Diagnosis) -> Option<Figure> {
     }
     let caption = "A light map is a model that leaves no more than noise. Dark columns are frequencies, dark rows are nominal commands \
                    at which the model is wrong.";
-    Some(Figure { numbers: Some(csv), ..Figure::new("where", "Misfit over noise, in power", caption, panels) })
+    Some(Figure {
+        numbers: Some(csv),
+        ..Figure::new(FigureKind::Where, "Misfit over noise, in power", caption, panels)
+    })
 }
 
 /// What each kind is worth, tried alone.
@@ -92,7 +95,10 @@ fn candidates(found: &Diagnosis) -> Option<Figure> {
         Panel { height: shown.len() as u32 * LINE + AROUND, ..Panel::new(axis, Axis::names("", names), series) };
     let caption = "Each kind of effect is fitted alone; what it gains counts on fitted and held-out records. Several long bars are effects \
                    that look alike in these records: the search then asks what the best of them leaves to the others.";
-    Some(Figure { numbers: Some(csv), ..Figure::new("candidates", "Effects tried alone", caption, vec![panel]) })
+    Some(Figure {
+        numbers: Some(csv),
+        ..Figure::new(FigureKind::Candidates, "Effects tried alone", caption, vec![panel])
+    })
 }
 
 /// The gap of each record, beside what noise alone leaves.
@@ -126,7 +132,7 @@ fn gaps(found: &Diagnosis) -> Option<Figure> {
     let on = if found.held_out { "held out" } else { "fitted: nothing was held out" };
     let caption = "A model that explains all brings its dot to the noise.";
     let title = format!("Gap of each record ({on})");
-    Some(Figure { numbers: Some(csv), ..Figure::new("gap", title, caption, vec![panel]) })
+    Some(Figure { numbers: Some(csv), ..Figure::new(FigureKind::Gap, title, caption, vec![panel]) })
 }
 
 /// What is left of one record over a period.
@@ -154,5 +160,5 @@ fn residual(found: &Diagnosis) -> Option<Figure> {
         left.rows
     );
     let title = format!("What is left of {}", left.file);
-    Some(Figure { numbers: Some(csv), ..Figure::new("residual", title, &caption, vec![panel]) })
+    Some(Figure { numbers: Some(csv), ..Figure::new(FigureKind::Residual, title, &caption, vec![panel]) })
 }

@@ -1,7 +1,7 @@
 //! Frequency responses that were measured, with what was fitted to them: the paper's Figs. 5 and 6.
 
 use super::bode::{Curve, bode};
-use super::figure::{Color, Figure, Mark};
+use super::figure::{Color, Figure, FigureKind, Mark};
 use super::unit::gain_decibels;
 use crate::identify::{ComparedLines, NominalIdentification, PeriodicIdentification};
 use crate::record::Output;
@@ -23,8 +23,8 @@ pub fn responses(found: &PeriodicIdentification, output: Output) -> Option<Figur
     let curves: Vec<Curve> = found.nominals.iter().enumerate().filter_map(of_nominal).flatten().collect();
     (!curves.is_empty()).then(|| {
         Figure::new(
-            "fig_5_responses",
-            "Frequency responses and the lags fitted to them",
+            FigureKind::Responses,
+            "Frequency responses: dots measured, lines the lags fitted to them",
             "Dots are the smoothed response over command at the excited lines, without the holds of loop and ESC; the shade is \
              their 95 % band. Lines are the fitted lags. A lag falls by 20 dB per decade beyond its pole, and its phase \
              ends at -90 degrees; a dead time bends the phase further down.",
@@ -33,9 +33,9 @@ pub fn responses(found: &PeriodicIdentification, output: Output) -> Option<Figur
     })
 }
 
-/// One record beside the model. `name` is the file's.
+/// One record beside the model.
 #[must_use]
-pub fn compared(name: String, title: String, lines: &ComparedLines, output: Output) -> Figure {
+pub fn compared(title: String, lines: &ComparedLines, output: Output) -> Figure {
     let smoothed = Curve::estimated("measured, smoothed, 95 % band", Mark::Line, Color::Blue, &lines.smoothed);
     let frequencies = || lines.smoothed.lines.iter().map(|line| line.omega_rad_s);
     let raw = frequencies().zip(lines.raw.iter().copied()).collect();
@@ -46,7 +46,7 @@ pub fn compared(name: String, title: String, lines: &ComparedLines, output: Outp
         Curve::new("model", Mark::Dashes, Color::Vermilion, model),
     ];
     Figure::new(
-        name,
+        FigureKind::FrequencyValidation,
         title,
         "Where the broken line leaves the shade at many neighboring lines, the model is wrong there by more than the noise.",
         bode(&curves, &gain_decibels(output), &[]),

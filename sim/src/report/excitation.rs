@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use rustfft::FftPlanner;
 use rustfft::num_complex::Complex64;
 
-use super::figure::{Axis, Color, Figure, Mark, Panel, Series};
+use super::figure::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
 use crate::record::{Excitation, Record};
 
 /// Points of the curve over time.
@@ -24,7 +24,7 @@ pub fn crest_factor(command: &[f64]) -> f64 {
 
 /// One period over time, and the amplitudes of its lines. `None` for a constant command.
 #[must_use]
-pub fn excitation(name: String, of: &str, period: &[f64], rate_hz: f64) -> Option<Figure> {
+pub fn excitation(of: &str, period: &[f64], rate_hz: f64) -> Option<Figure> {
     let count = period.len();
     let crest_factor = crest_factor(period);
     if count < 4 || !crest_factor.is_finite() {
@@ -61,7 +61,12 @@ pub fn excitation(name: String, of: &str, period: &[f64], rate_hz: f64) -> Optio
         "One period of {of}, and its {kept} lines. Crest factor {crest_factor:.3}: the peak over the root mean square; the lower it \
          is, the more power there is for the same peak."
     );
-    Some(Figure::new(name, format!("Excitation of {of}, crest factor {crest_factor:.2}"), &caption, panels))
+    Some(Figure::new(
+        FigureKind::Excitation,
+        format!("Excitation of {of}, crest factor {crest_factor:.2}"),
+        &caption,
+        panels,
+    ))
 }
 
 /// One period of a multisine record; `None` for others, and where there is no whole period.
@@ -72,8 +77,7 @@ pub fn excitation_of(record: &Record) -> Option<Figure> {
     let rate_hz = (record.time_s.len() - 1) as f64 / (last - first);
     let rows = (period_s * rate_hz).round() as usize;
     let period = record.command.get(..rows)?;
-    let stem = record.file.strip_suffix(".csv").unwrap_or(&record.file);
-    excitation(format!("fig_4_{stem}"), &record.file, period, rate_hz)
+    Some(excitation(&record.file, period, rate_hz)?.of(&record.file))
 }
 
 #[cfg(test)]
@@ -84,11 +88,11 @@ mod tests {
     fn a_sinusoid_has_its_crest_factor_and_one_line() {
         let period: Vec<f64> = (0..1000).map(|k| 0.5 + 0.05 * (TAU * 3.0 * f64::from(k) / 1000.0).sin()).collect();
         assert!((crest_factor(&period) - 2f64.sqrt()).abs() < 1e-3);
-        let figure = excitation("e".to_owned(), "e.csv", &period, 100.0).unwrap();
+        let figure = excitation("e.csv", &period, 100.0).unwrap();
         let lines = &figure.panels[1].series[0].points;
         assert_eq!(lines.len(), 1);
         // Three periods in ten seconds.
         assert!((lines[0].0 - TAU * 0.3).abs() < 1e-9 && (lines[0].1 - 0.05).abs() < 1e-9, "{lines:?}");
-        assert!(excitation("e".to_owned(), "e.csv", &[0.5; 100], 100.0).is_none());
+        assert!(excitation("e.csv", &[0.5; 100], 100.0).is_none());
     }
 }

@@ -26,7 +26,7 @@ pub use catalog::{catalog_markdown, with_catalog};
 pub use compensation::{measured as measured_response, simulated as simulated_response, simulation_and_experiment};
 pub use distortion::{distortion_json, distortion_table};
 pub use excitation::{crest_factor, excitation};
-pub use figure::{Axis, Beside, Color, Figure, FigureError, HeatMap, Mark, Panel, Scale, Series};
+pub use figure::{Axis, Beside, Color, Figure, FigureError, FigureKind, HeatMap, Mark, Panel, Scale, Series};
 pub use html::{Cell, Column, Fact, Report, Section, Table, Tone, Verdict};
 pub use number::with_std;
 pub use sections::{

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::bode::{Curve, bode};
-use super::figure::{Axis, Color, Figure, Mark, Panel, Series};
+use super::figure::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
 use crate::identify::parametric::Root;
 use crate::identify::stand::StandIdentification;
 
@@ -40,7 +40,7 @@ fn response(stand: &StandIdentification) -> Figure {
         "Thrust that the sensor shows over the force put in: {usable}. Beyond it the stand changes what it is to measure, unless it \
          is divided out (`rotorlead identify --stand-model`)."
     );
-    Figure::new("fig_3_stand_response", "Frequency response of the stand", &caption, panels)
+    Figure::new(FigureKind::StandResponse, "Frequency response of the stand", &caption, panels)
 }
 
 fn pole_zero_map(stand: &StandIdentification) -> Figure {
@@ -70,7 +70,7 @@ fn pole_zero_map(stand: &StandIdentification) -> Figure {
     drawn.retain(|series| !series.points.is_empty());
     let panel = Panel::new(Axis::linear("real part", "rad/s"), Axis::linear("imaginary part", "rad/s"), drawn);
     Figure::new(
-        "fig_3_pole_zero_map",
+        FigureKind::PoleZeroMap,
         "Poles and zeros of the stand",
         "A pole near the limit rings; its height is its frequency. Zeros right of the limit make the sensor first show the \
          wrong direction: no filter can undo them.",

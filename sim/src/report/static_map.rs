@@ -1,6 +1,6 @@
 //! Response over command at rest: the paper's Fig. 2.
 
-use super::figure::{Axis, Color, Figure, Mark, Panel, Series};
+use super::figure::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
 use super::unit::quantity;
 use crate::identify::static_map::{Limit, StaticMapFit, SteadyPoint, SteadyPoints};
 use crate::identify::steps::Direction;
@@ -45,7 +45,7 @@ pub fn static_map(points: &SteadyPoints, fit: &StaticMapFit, output: Output) -> 
     let axis = Axis::linear(&format!("steady {what}"), unit);
     let panel = Panel { height: 380, ..Panel::new(Axis::linear("command", "duty"), axis, series) };
     Figure::new(
-        "fig_2_static_map",
+        FigureKind::StaticMap,
         "Static map",
         "The slope is the static gain: where the curve bends, the gain depends on the nominal command.",
         vec![panel],

@@ -1,6 +1,6 @@
 //! Responses over time beside the model's: the paper's Fig. 7.
 
-use super::figure::{Axis, Color, Figure, Mark, Panel, Series};
+use super::figure::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
 use super::unit::quantity;
 use crate::identify::ComparedRow;
 use crate::record::Output;
@@ -10,7 +10,7 @@ const MOST: usize = 1500;
 
 /// One record beside the model, and what is left.
 #[must_use]
-pub fn compared(name: String, title: String, rows: &[ComparedRow], output: Output) -> Figure {
+pub fn compared(title: String, rows: &[ComparedRow], output: Output) -> Figure {
     let each = rows.len().div_ceil(MOST).max(1);
     let mean = |value: fn(&ComparedRow) -> f64| -> Vec<(f64, f64)> {
         let of = |rows: &[ComparedRow], value: fn(&ComparedRow) -> f64| {
@@ -33,5 +33,5 @@ pub fn compared(name: String, title: String, rows: &[ComparedRow], output: Outpu
     let caption = format!(
         "A residual that looks alike after every step is the model's error; what looks different every time is noise.{means}"
     );
-    Figure::new(name, title, &caption, panels)
+    Figure::new(FigureKind::TimeValidation, title, &caption, panels)
 }

@@ -183,17 +183,15 @@ fn percent(value: Option<f64>) -> String {
 /// Record and model side by side: the paper's Fig. 6 of a multisine, and its Fig. 7 of any other.
 #[must_use]
 pub(super) fn figures_of(record: &RecordValidation, output: Output) -> Figure {
-    // Names of records differ, and so do these.
-    let stem = record.file.strip_suffix(".csv").unwrap_or(&record.file);
-    let fit = record.ceiling_percent.map_or_else(String::new, |ceiling| format!(" of {ceiling:.2}"));
-    let title = format!("{}: fit {:.2}{fit} %", record.file, record.fit_percent);
+    let ceiling = record.ceiling_percent.map_or_else(String::new, |ceiling| format!(", ceiling {ceiling:.2} %"));
+    let title = format!("{}: fit {:.2} %{ceiling}", record.file, record.fit_percent);
     match &record.comparison {
         Comparison::Frequency(lines) => {
-            let figure = etfe::compared(format!("fig_6_{stem}"), title, lines, output);
+            let figure = etfe::compared(title, lines, output).of(&record.file);
             Figure { numbers: Some(lines_csv(lines)), ..figure }
         }
         Comparison::Time(rows) => {
-            let figure = time_response::compared(format!("fig_7_{stem}"), title, rows, output);
+            let figure = time_response::compared(title, rows, output).of(&record.file);
             Figure { numbers: Some(rows_csv(rows)), ..figure }
         }
     }

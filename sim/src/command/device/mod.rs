@@ -82,10 +82,10 @@ impl Action {
 impl Device {
     /// Runs the command and says what came out. Outputs that are not the host's are said, and fail the command all the
     /// same.
-    pub fn say(&self) -> miette::Result<()> {
+    pub fn say(&self, quiet: bool) -> miette::Result<()> {
         self.json.check(self.action.out())?;
         let (outcome, verdict) = self.run()?;
-        self.json.say(outcome)?;
+        self.json.say(outcome, quiet)?;
         verdict
     }
 

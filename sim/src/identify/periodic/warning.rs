@@ -1,6 +1,7 @@
 //! What an identification from periodic records has to say beside its numbers.
 
 use crate::identify::STRONG_DISTORTION_DB;
+use crate::identify::check::Topic;
 
 /// What a user should know about an identification that succeeded.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -263,4 +264,46 @@ pub enum IdentifyWarning {
         /// The record.
         file: String,
     },
+}
+
+impl IdentifyWarning {
+    /// The record concerned; `None` where it is a nominal command.
+    #[must_use]
+    pub fn file(&self) -> Option<&str> {
+        match self {
+            Self::TransientDropped { file, .. }
+            | Self::Drifts { file }
+            | Self::TransientUntested { file }
+            | Self::RowsLeftOut { file, .. }
+            | Self::SinusoidRemoved { file, .. }
+            | Self::LinesDisturbed { file, .. }
+            | Self::NoiseFromUnexcitedLines { file }
+            | Self::Jumps { file, .. }
+            | Self::Frozen { file, .. }
+            | Self::OtherNominal { file, .. }
+            | Self::PeriodTooLong { file, .. }
+            | Self::Saturated { file, .. }
+            | Self::ClosedLoop { file, .. }
+            | Self::CompensatorUnknown { file } => Some(file),
+            _ => None,
+        }
+    }
+
+    /// What it is about.
+    #[must_use]
+    pub fn topic(&self) -> Topic {
+        match self {
+            Self::TransientDropped { .. }
+            | Self::TransientUntested { .. }
+            | Self::RowsLeftOut { .. }
+            | Self::NoiseFromUnexcitedLines { .. }
+            | Self::PeriodTooLong { .. }
+            | Self::PeriodTooShort { .. } => Topic::Periods,
+            Self::Jumps { .. } | Self::Frozen { .. } | Self::Drifts { .. } => Topic::Response,
+            Self::OtherNominal { .. } => Topic::Command,
+            Self::Saturated { .. } => Topic::Saturation,
+            Self::NegativeGain { .. } => Topic::Sign,
+            _ => Topic::Identification,
+        }
+    }
 }

@@ -83,3 +83,21 @@ pub enum StepsError {
         record: String,
     },
 }
+
+impl StepsError {
+    /// The record concerned.
+    #[must_use]
+    pub fn record(&self) -> &str {
+        match self {
+            Self::NoResponse { record, .. }
+            | Self::Malformed { record }
+            | Self::ConstantCommand { record }
+            | Self::NotRunning { record }
+            | Self::BelowZero { record, .. }
+            | Self::AtLimit { record, .. }
+            | Self::NoUsableStep { record }
+            | Self::NotConverged { record, .. }
+            | Self::NoUsableLevel { record } => record,
+        }
+    }
+}

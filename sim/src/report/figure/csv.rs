@@ -50,14 +50,14 @@ fn quoted(field: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use crate::report::figure::{Axis, Color, Figure, Mark, Panel, Series};
+    use crate::report::figure::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
 
     #[test]
     fn every_point_has_a_line_of_as_many_fields() {
         let series = Series::new("model, as given", Color::Blue, Mark::Line, vec![(1.0, -3.5), (2.0, f64::NAN)])
             .with_band(vec![(-4.0, -3.0), (0.0, 1.0)]);
         let panel = Panel::new(Axis::frequency(), Axis::linear("magnitude", "dB"), vec![series]);
-        let csv = Figure::new("one", "One", "", vec![panel]).csv();
+        let csv = Figure::new(FigureKind::Gap, "One", "", vec![panel]).csv();
         let mut reader = csv::ReaderBuilder::new().from_reader(csv.as_bytes());
         let rows: Vec<csv::StringRecord> = reader.records().map(Result::unwrap).collect();
         assert_eq!(rows.len(), 2);

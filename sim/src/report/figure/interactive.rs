@@ -79,7 +79,9 @@ impl Axis {
     fn plotted(&self, (low, high): (f64, f64), factor: f64) -> PlotAxis {
         let axis = PlotAxis::new().auto_margin(true).zero_line(false).tick_angle(0.0).ticks(TicksDirection::Outside);
         match &self.scale {
-            Scale::Linear => axis.range(AxisRange::new(low * factor, high * factor)).type_(AxisType::Linear).n_ticks(9),
+            Scale::Linear | Scale::Degrees => {
+                axis.range(AxisRange::new(low * factor, high * factor)).type_(AxisType::Linear).n_ticks(9)
+            }
             Scale::Log => {
                 let [low, high] = [low * factor, high * factor].map(f64::log10);
                 axis.range(AxisRange::new(low, high)).type_(AxisType::Log)
@@ -290,7 +292,7 @@ const END: &str = "</script>";
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::figure::Color;
+    use crate::report::figure::{Color, FigureKind};
 
     #[test]
     fn the_library_comes_whole_with_its_license_and_nothing_else() {
@@ -304,7 +306,7 @@ mod tests {
     fn a_plot_has_its_numbers_its_labels_and_no_markup() {
         let series = Series::new("</script>", Color::Blue, Mark::Line, vec![(1.0, -3.0), (2.0, f64::NAN)]);
         let panel = Panel::new(Axis::frequency(), Axis::linear("magnitude", "dB"), vec![series]);
-        let plots = Figure::new("one", "One", "", vec![panel]).plots().unwrap();
+        let plots = Figure::new(FigureKind::Gap, "One", "", vec![panel]).plots().unwrap();
         assert!(!plots[0].contains('<'));
         let plot: serde_json::Value = serde_json::from_str(&plots[0]).unwrap();
         assert_eq!(plot["data"][0]["y"], serde_json::json!([-3.0, null]));

@@ -5,6 +5,7 @@ mod csv;
 mod error;
 mod extent;
 pub(super) mod interactive;
+mod kind;
 mod png;
 mod svg;
 mod ticks;
@@ -12,6 +13,7 @@ mod ticks;
 use std::f64::consts::TAU;
 
 pub use error::FigureError;
+pub use kind::FigureKind;
 
 /// Panels above each other under one title.
 #[derive(Clone, Debug, PartialEq)]
@@ -65,6 +67,8 @@ pub struct Axis {
 pub enum Scale {
     /// Evenly.
     Linear,
+    /// Evenly, in degrees: parts of a turn are named.
+    Degrees,
     /// By their logarithm; values are above zero.
     Log,
     /// Value 0 is the first name.
@@ -174,6 +178,12 @@ impl Axis {
     #[must_use]
     pub fn log(label: &str, unit: &str) -> Self {
         Self { scale: Scale::Log, ..Self::linear(label, unit) }
+    }
+
+    /// A phase.
+    #[must_use]
+    pub fn phase() -> Self {
+        Self { scale: Scale::Degrees, ..Self::linear("phase", "degrees") }
     }
 
     /// A list.
@@ -314,8 +324,16 @@ impl Panel {
 impl Figure {
     /// A figure of these panels.
     #[must_use]
-    pub fn new(name: impl Into<String>, title: impl Into<String>, caption: &str, panels: Vec<Panel>) -> Self {
-        Self { name: name.into(), title: title.into(), caption: caption.to_owned(), panels, numbers: None }
+    pub fn new(kind: FigureKind, title: impl Into<String>, caption: &str, panels: Vec<Panel>) -> Self {
+        let name = kind.id().to_owned();
+        Self { name, title: title.into(), caption: caption.to_owned(), panels, numbers: None }
+    }
+
+    /// The one of several of its kind that is of this record: its file's name, of which an end `.csv` is left out.
+    #[must_use]
+    pub fn of(self, file: &str) -> Self {
+        let stem = file.strip_suffix(".csv").unwrap_or(file);
+        Self { name: format!("{}_{stem}", self.name), ..self }
     }
 
     /// The first series of each group, in the order in which they are drawn.

@@ -13,24 +13,32 @@ use super::extent::Extent;
 use super::ticks::ticks;
 use super::{Axis, Figure, FigureError, HeatMap, Mark, Panel, Scale, Series};
 
-/// Width in pixels.
-const WIDTH: u32 = 900;
+/// Units of the drawing per pixel: the drawing library rounds to whole ones, and curves would get steps of a pixel.
+const PX: u32 = 8;
+/// Width.
+const WIDTH: u32 = 900 * PX;
 /// Height of the title.
-const TITLE: u32 = 36;
+const TITLE: u32 = 36 * PX;
 /// Font sizes, and the mean width of a letter as a part of its size.
-const TITLE_FONT: u32 = 19;
-const FONT: u32 = 13;
+const TITLE_FONT: u32 = 19 * PX;
+const FONT: u32 = 13 * PX;
+const SMALL_FONT: u32 = 12 * PX;
 const LETTER: f64 = 0.56;
+/// Width of thin lines, and of those that are data.
+const THIN: u32 = PX;
+const THICK: u32 = 2 * PX;
 /// Room for the numbers left of an axis, and for its lower and upper labels.
-const LEFT: u32 = 74;
-const BELOW: u32 = 46;
-const ABOVE: u32 = 42;
+const LEFT: u32 = 74 * PX;
+const BELOW: u32 = 46 * PX;
+const ABOVE: u32 = 42 * PX;
+/// Length of the marks at an axis.
+const TICK: u32 = 5 * PX;
 /// Room for the title of a panel.
-const CAPTION: u32 = 22;
+const CAPTION: u32 = 22 * PX;
 /// Room for a color scale.
-const SCALE: u32 = 150;
+const SCALE: u32 = 150 * PX;
 /// Most room for names.
-const MOST_NAMES: u32 = 280;
+const MOST_NAMES: u32 = 280 * PX;
 /// How much a band covers.
 const BAND: f64 = 0.22;
 
@@ -53,7 +61,7 @@ impl Figure {
 
     fn draw(&self, extents: &[Extent]) -> Drawing<String> {
         let legend = legend::Legend::of(self, WIDTH);
-        let height = TITLE + legend.height() + self.panels.iter().map(|panel| panel.height).sum::<u32>();
+        let height = TITLE + legend.height() + PX * self.panels.iter().map(|panel| panel.height).sum::<u32>();
         let mut svg = String::new();
         {
             let root = SVGBackend::with_string(&mut svg, (WIDTH, height)).into_drawing_area();
@@ -63,13 +71,15 @@ impl Figure {
             legend.draw(&root, TITLE as i32)?;
             let (_, mut rest) = root.split_vertically(TITLE + legend.height());
             for (panel, extent) in self.panels.iter().zip(extents) {
-                let (area, below) = rest.split_vertically(panel.height);
+                let (area, below) = rest.split_vertically(PX * panel.height);
                 panel.draw(&area, extent)?;
                 rest = below;
             }
             root.present()?;
         }
-        Ok(svg)
+        let [wide, high] = [WIDTH, height].map(|length| (length, length / PX));
+        let size = |width: u32, height: u32| format!("<svg width=\"{width}\" height=\"{height}\"");
+        Ok(svg.replacen(&size(wide.0, high.0), &size(wide.1, high.1), 1))
     }
 }
 
@@ -78,24 +88,31 @@ impl Panel {
         let left = match &self.y.scale {
             Scale::Names(names) => {
                 let longest = names.iter().map(|name| text_width(name)).max().unwrap_or(0);
-                (longest + 24 + label_room(&self.y)).clamp(LEFT, MOST_NAMES)
+                (longest + 24 * PX + label_room(&self.y)).clamp(LEFT, MOST_NAMES)
             }
             _ => LEFT,
         };
-        let right = if self.map.is_some() { SCALE } else { 26 };
+        let right = if self.map.is_some() { SCALE } else { 26 * PX };
         let above = if self.x.beside.is_some() { ABOVE } else { 0 };
         let x = Along::new(&self.x, extent.x, 10, false);
         let y = Along::new(&self.y, extent.y, (self.height / 50) as usize, matches!(self.y.scale, Scale::Names(_)));
         let mut builder = ChartBuilder::on(area);
-        builder.margin_left(8).margin_right(right).margin_bottom(4).x_label_area_size(BELOW).y_label_area_size(left);
+        builder
+            .margin_left(8 * PX)
+            .margin_right(right)
+            .margin_bottom(4 * PX)
+            .x_label_area_size(BELOW)
+            .y_label_area_size(left);
         let caption = if self.title.is_empty() { 0 } else { CAPTION };
-        builder.margin_top(6 + above + caption);
+        builder.margin_top(6 * PX + above + caption);
         let mut chart = builder.build_cartesian_2d(x.clone(), y.clone())?;
         let mut mesh = chart.configure_mesh();
         mesh.max_light_lines(0)
-            .bold_line_style(BLACK.mix(0.13))
+            .set_all_tick_mark_size(TICK)
+            .axis_style(BLACK.stroke_width(THIN))
+            .bold_line_style(BLACK.mix(0.13).stroke_width(THIN))
             .axis_desc_style(("sans-serif", FONT))
-            .label_style(("sans-serif", FONT - 1))
+            .label_style(("sans-serif", SMALL_FONT))
             .x_desc(self.x.title())
             .y_desc(self.y.title());
         let (x_name, y_name) = (|value: &f64| x.name(*value), |value: &f64| y.name(*value));
@@ -118,7 +135,7 @@ impl Panel {
             series.draw(self, extent, &mut chart, area)?;
         }
         if caption > 0 {
-            let style = ("sans-serif", FONT + 2).into_text_style(area).pos(Pos::new(HPos::Center, VPos::Center));
+            let style = ("sans-serif", FONT + 2 * PX).into_text_style(area).pos(Pos::new(HPos::Center, VPos::Center));
             let middle = (left as i32 + area.dim_in_pixel().0 as i32 - right as i32) / 2;
             area.draw(&Text::new(self.title.clone(), (middle, CAPTION as i32 / 2), style))?;
         }
@@ -130,17 +147,16 @@ impl Panel {
         let Some(beside) = &self.x.beside else { return Ok(()) };
         let ends = (extent.x.0 * beside.factor, extent.x.1 * beside.factor);
         let (left, top) = area.get_base_pixel();
-        let place = |x: f64| {
-            let (x, y) = chart.backend_coord(&(x, chart.y_range().end));
-            (x - left, y - top)
-        };
+        // Of a list the first name is at the top, so that the top is not where the values end.
+        let above = chart.plotting_area().get_pixel_range().1.start - top;
+        let place = |x: f64| (chart.backend_coord(&(x, chart.y_range().end)).0 - left, above);
         for (value, name) in ticks(&self.x.scale, ends, 10) {
             let (x, y) = place(value / beside.factor);
-            area.draw(&PathElement::new(vec![(x, y), (x, y - 5)], BLACK.stroke_width(1)))?;
-            words(area, &name, (x, y - 13), HPos::Center)?;
+            area.draw(&PathElement::new(vec![(x, y), (x, y - TICK as i32)], BLACK.stroke_width(THIN)))?;
+            words(area, &name, (x, y - 13 * PX as i32), HPos::Center)?;
         }
         let ((from, y), (to, _)) = (place(extent.x.0), place(extent.x.1));
-        words(area, &beside.title(), ((from + to) / 2, y - 31), HPos::Center)
+        words(area, &beside.title(), ((from + to) / 2, y - 31 * PX as i32), HPos::Center)
     }
 }
 
@@ -169,33 +185,35 @@ impl Series {
         match self.mark {
             Mark::Line => {
                 for run in runs {
-                    chart.draw_series([PathElement::new(run, color.stroke_width(2))])?;
+                    chart.draw_series([PathElement::new(run, color.stroke_width(THICK))])?;
                 }
             }
             Mark::Dashes => {
                 for run in runs {
-                    chart.draw_series(DashedLineSeries::new(run, 7, 5, color.stroke_width(2)))?;
+                    chart.draw_series(DashedLineSeries::new(run, 7 * PX, 5 * PX, color.stroke_width(THICK)))?;
                 }
             }
             Mark::Dots => {
-                chart.draw_series(points().map(|point| Circle::new(point, 2, color.mix(0.6).filled())))?;
+                chart.draw_series(points().map(|point| Circle::new(point, 2 * PX, color.mix(0.6).filled())))?;
             }
             Mark::Discs => {
-                chart.draw_series(points().map(|point| Circle::new(point, 5, color.filled())))?;
+                chart.draw_series(points().map(|point| Circle::new(point, 5 * PX, color.filled())))?;
             }
             Mark::Crosses => {
-                chart.draw_series(points().map(|point| Cross::new(point, 5, color.stroke_width(2))))?;
+                chart.draw_series(points().map(|point| Cross::new(point, 5 * PX, color.stroke_width(THICK))))?;
             }
             Mark::Rings => {
-                chart.draw_series(points().map(|point| Circle::new(point, 5, color.stroke_width(2))))?;
+                chart.draw_series(points().map(|point| Circle::new(point, 5 * PX, color.stroke_width(THICK))))?;
             }
             Mark::Ticks => {
-                let ends = points().map(|point| [near(point, (0, -9)), near(point, (0, 9))]).collect::<Vec<_>>();
+                let ends = points()
+                    .map(|point| [near(point, (0, -9 * PX as i32)), near(point, (0, 9 * PX as i32))])
+                    .collect::<Vec<_>>();
                 for ends in ends {
                     // The backend counts from the corner of the whole picture, an area from its own.
                     let (left, top) = area.get_base_pixel();
                     let own = ends.map(|(x, y)| (x - left, y - top)).to_vec();
-                    area.draw(&PathElement::new(own, color.stroke_width(3)))?;
+                    area.draw(&PathElement::new(own, color.stroke_width(3 * PX)))?;
                 }
             }
             Mark::Bars => {
@@ -207,7 +225,7 @@ impl Series {
             for (point, note) in self.points.iter().zip(&self.notes).filter(|(point, _)| panel.is_drawn(point)) {
                 let (x, y) = chart.backend_coord(&inside(*point));
                 let (left, top) = area.get_base_pixel();
-                words(area, note, (x - left + 6, y - top), HPos::Left)?;
+                words(area, note, (x - left + 6 * PX as i32, y - top), HPos::Left)?;
             }
         }
         Ok(())
@@ -216,27 +234,29 @@ impl Series {
 
 /// The scale of a map, at the right.
 fn draw_scale(map: &HeatMap, area: &Area) -> Drawing<()> {
+    const ONE: i32 = PX as i32;
     let (width, height) = area.dim_in_pixel();
-    let tall = (height as i32 - 110).clamp(60, 200);
-    let (left, top) = (width as i32 - SCALE as i32 + 28, 34 + (height as i32 - BELOW as i32 - 34 - tall).max(0) / 2);
+    let below = BELOW as i32 + 34 * ONE;
+    let tall = (height as i32 - 110 * ONE).clamp(60 * ONE, 200 * ONE);
+    let (left, top) = (width as i32 - SCALE as i32 + 28 * ONE, 34 * ONE + (height as i32 - below - tall).max(0) / 2);
     let (low, high) = map.range;
-    for step in 0..tall {
+    for step in (0..tall).step_by(PX as usize) {
         let value = low * (high / low).powf(1.0 - f64::from(step) / f64::from(tall));
-        let corners = [(left, top + step), (left + 18, top + step + 1)];
+        let corners = [(left, top + step), (left + 18 * ONE, top + step + ONE)];
         area.draw(&Rectangle::new(corners, rgb(map.color(value)).filled()))?;
     }
     for (value, name) in map.named() {
         let y = top + ((1.0 - map.part(value)) * f64::from(tall)) as i32;
-        words(area, &name, (left + 26, y), HPos::Left)?;
+        words(area, &name, (left + 26 * ONE, y), HPos::Left)?;
     }
     for (line, label) in map.label.split(", ").enumerate() {
-        words(area, label, (left - 12, top - 34 + 15 * line as i32), HPos::Left)?;
+        words(area, label, (left - 12 * ONE, top + (15 * line as i32 - 34) * ONE), HPos::Left)?;
     }
     Ok(())
 }
 
 fn words(area: &Area, text: &str, at: (i32, i32), anchor: HPos) -> Drawing<()> {
-    let style = ("sans-serif", FONT - 1).into_text_style(area).pos(Pos::new(anchor, VPos::Center));
+    let style = ("sans-serif", SMALL_FONT).into_text_style(area).pos(Pos::new(anchor, VPos::Center));
     Ok(area.draw(&Text::new(text.to_owned(), at, style))?)
 }
 
@@ -244,14 +264,14 @@ fn rgb([red, green, blue]: [u8; 3]) -> RGBColor {
     RGBColor(red, green, blue)
 }
 
-/// About how wide a text is, pixels.
+/// About how wide a text is.
 fn text_width(text: &str) -> u32 {
     (text.chars().count() as f64 * LETTER * f64::from(FONT)) as u32
 }
 
 /// Room for the label beside the numbers or names of an axis.
 fn label_room(axis: &Axis) -> u32 {
-    if axis.title().is_empty() { 0 } else { 22 }
+    if axis.title().is_empty() { 0 } else { 22 * PX }
 }
 
 #[cfg(test)]
@@ -266,7 +286,7 @@ mod tests {
 
     fn figure(series: Vec<Series>) -> Figure {
         let panel = Panel::new(Axis::frequency(), Axis::linear("magnitude", "dB"), series);
-        Figure::new("lag", "A lag", "", vec![panel])
+        Figure::new(super::super::FigureKind::Responses, "A lag", "", vec![panel])
     }
 
     #[test]
@@ -291,7 +311,7 @@ mod tests {
     fn a_bitmap_is_twice_as_wide_and_not_empty() {
         let png = figure(vec![lag("a model", Mark::Line)]).png().unwrap();
         assert_eq!(&png[1..4], b"PNG");
-        assert_eq!(u32::from_be_bytes([png[16], png[17], png[18], png[19]]), 2 * WIDTH);
+        assert_eq!(u32::from_be_bytes([png[16], png[17], png[18], png[19]]), 2 * 900);
         // Words are drawn: without its font the picture is some kilobytes smaller.
         assert!(png.len() > 20_000, "{}", png.len());
     }

@@ -6,6 +6,7 @@ use super::Scale;
 pub(super) fn ticks(scale: &Scale, (low, high): (f64, f64), count: usize) -> Vec<(f64, String)> {
     match scale {
         Scale::Linear => linear(low, high, count),
+        Scale::Degrees => degrees(low, high, count),
         Scale::Log => log(low, high, count),
         Scale::Names(names) => names.iter().enumerate().map(|(row, name)| (row as f64, name.clone())).collect(),
     }
@@ -18,12 +19,28 @@ fn linear(low: f64, high: f64, count: usize) -> Vec<(f64, String)> {
     }
     let power = rough.log10().floor();
     let unit = 10.0_f64.powf(power);
-    let step = [1.0, 2.0, 5.0, 10.0].map(|factor| factor * unit).into_iter().find(|step| *step >= rough);
-    let step = step.unwrap_or(10.0 * unit);
+    let steps = [0.2, 0.5, 1.0, 2.0, 5.0, 10.0].map(|factor| factor * unit);
+    let named = |step: f64| (high / step).floor() - (low / step).ceil() + 1.0;
+    let wide_enough = steps.iter().position(|step| *step >= rough).unwrap_or(steps.len() - 1);
+    // One value alone says nothing of the scale.
+    let step =
+        steps[..=wide_enough].iter().copied().rev().find(|step| named(*step) >= 3.0).unwrap_or(steps[wide_enough]);
     let digits = usize::try_from(-(step.log10() + 1e-9).floor() as i64).unwrap_or(0).min(12);
     let (first, last) = ((low / step).ceil() as i64, (high / step).floor() as i64);
     // Plus zero turns a zero's minus into none.
     (first..=last).map(|k| k as f64 * step + 0.0).map(|value| (value, format!("{value:.digits$}"))).collect()
+}
+
+/// Steps of parts of a turn while there are some in the span; less is read like any other quantity.
+fn degrees(low: f64, high: f64, count: usize) -> Vec<(f64, String)> {
+    let rough = (high - low) / count.max(2) as f64;
+    match [15.0, 30.0, 45.0, 90.0, 180.0, 360.0].into_iter().find(|step| *step >= rough) {
+        Some(step) if high - low >= 3.0 * step => {
+            let (first, last) = ((low / step).ceil() as i64, (high / step).floor() as i64);
+            (first..=last).map(|k| k as f64 * step + 0.0).map(|value| (value, format!("{value:.0}"))).collect()
+        }
+        _ => linear(low, high, count),
+    }
 }
 
 fn log(low: f64, high: f64, count: usize) -> Vec<(f64, String)> {
@@ -57,6 +74,15 @@ mod tests {
         assert_eq!(names(&linear(0.38, 0.67, 6)), ["0.40", "0.45", "0.50", "0.55", "0.60", "0.65"]);
         assert_eq!(names(&linear(-42.0, 3.0, 6)), ["-40", "-30", "-20", "-10", "0"]);
         assert!(linear(1.0, 1.0, 6).is_empty());
+        // Steps of 0.05 would name zero alone.
+        assert_eq!(names(&linear(-0.048, 0.046, 2)), ["-0.04", "-0.02", "0.00", "0.02", "0.04"]);
+    }
+
+    #[test]
+    fn degrees_go_by_parts_of_a_turn_while_there_are_some() {
+        assert_eq!(names(&degrees(-100.0, 5.0, 5)), ["-90", "-60", "-30", "0"]);
+        assert_eq!(names(&degrees(-460.0, 5.0, 6)), ["-450", "-360", "-270", "-180", "-90", "0"]);
+        assert_eq!(names(&degrees(-2.0, 1.0, 5)), ["-2", "-1", "0", "1"]);
     }
 
     #[test]

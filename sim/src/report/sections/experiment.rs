@@ -2,7 +2,7 @@
 
 use crate::record::{Excitation, Experiment, Record, Role};
 use crate::report::excitation::{crest_factor, excitation_of};
-use crate::report::figure::{Axis, Color, Figure, Mark, Panel, Series};
+use crate::report::figure::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
 use crate::report::html::{Cell, Column, Fact, Section, Table};
 use crate::report::unit::quantity;
 
@@ -111,7 +111,6 @@ fn over_time(experiment: &Experiment, record: &Record) -> Option<Figure> {
             )
         },
     ];
-    let stem = record.file.strip_suffix(".csv").unwrap_or(&record.file);
     let caption = if each > 1 { format!("Drawn are means of {each} rows.") } else { String::new() };
-    Some(Figure::new(format!("record_{stem}"), record.file.clone(), &caption, panels))
+    Some(Figure::new(FigureKind::Record, record.file.clone(), &caption, panels).of(&record.file))
 }

@@ -6,7 +6,7 @@ use crate::identify::static_map::{StaticMapFit, SteadyPoints};
 use crate::plant::{Model, Point};
 use crate::record::Output;
 use crate::report::etfe::responses;
-use crate::report::figure::{Axis, Color, Figure, Mark, Panel, Series};
+use crate::report::figure::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
 use crate::report::html::{Cell, Column, Section, Table};
 use crate::report::static_map::static_map;
 use crate::report::unit::unit;
@@ -102,7 +102,7 @@ fn directions(model: &Model) -> Option<Figure> {
     series.retain(|series| !series.points.is_empty());
     (!series.is_empty()).then(|| {
         Figure::new(
-            "time_constants",
+            FigureKind::TimeConstants,
             "Time constants upward and downward",
             "An actuator that slows down later than it speeds up is not one lag: `rotorlead diagnose` weighs that.",
             vec![Panel::new(Axis::nominal(), Axis::linear("time constant", "ms"), series)],

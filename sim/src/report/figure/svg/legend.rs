@@ -3,12 +3,14 @@
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
-use super::{Area, BAND, Drawing, Figure, Mark, Series, rgb, text_width, words};
+use super::{Area, BAND, Drawing, Figure, Mark, PX, Series, THICK, rgb, text_width, words};
 
-const ROW: u32 = 22;
-const SWATCH: i32 = 22;
-const GAP: u32 = 46;
-const MARGIN: u32 = 30;
+const ONE: i32 = PX as i32;
+const ROW: u32 = 22 * PX;
+const SWATCH: i32 = 22 * ONE;
+/// Between a name and the next swatch.
+const GAP: u32 = 30 * PX;
+const MARGIN: u32 = 30 * PX;
 
 /// Each entry with the place of its left end.
 pub(super) struct Legend<'a> {
@@ -29,7 +31,7 @@ impl<'a> Legend<'a> {
                     (x, row) = (MARGIN, row + 1);
                 }
                 entries.push((series, x, row));
-                x += wide + GAP - 16;
+                x += wide + GAP;
             }
         }
         let rows = if entries.is_empty() { 0 } else { row + 1 };
@@ -37,14 +39,14 @@ impl<'a> Legend<'a> {
     }
 
     pub(super) fn height(&self) -> u32 {
-        if self.rows == 0 { 0 } else { ROW * self.rows + 6 }
+        if self.rows == 0 { 0 } else { ROW * self.rows + 6 * PX }
     }
 
     pub(super) fn draw(&self, area: &Area, top: i32) -> Drawing<()> {
         for (series, x, row) in &self.entries {
             let (x, y) = (*x as i32, top + (ROW * row + ROW / 2) as i32);
             swatch(area, series, (x, y))?;
-            words(area, &series.group, (x + SWATCH + 4, y), HPos::Left)?;
+            words(area, &series.group, (x + SWATCH + 4 * ONE, y), HPos::Left)?;
         }
         Ok(())
     }
@@ -55,21 +57,24 @@ fn swatch(area: &Area, series: &Series, (x, y): (i32, i32)) -> Drawing<()> {
     let color = rgb(series.color.rgb());
     let (middle, end) = (x + SWATCH / 2, x + SWATCH);
     if !series.band.is_empty() {
-        area.draw(&Rectangle::new([(x, y - 6), (end, y + 6)], color.mix(BAND).filled()))?;
+        area.draw(&Rectangle::new([(x, y - 6 * ONE), (end, y + 6 * ONE)], color.mix(BAND).filled()))?;
     }
     match series.mark {
-        Mark::Line => area.draw(&PathElement::new(vec![(x, y), (end, y)], color.stroke_width(2)))?,
+        Mark::Line => area.draw(&PathElement::new(vec![(x, y), (end, y)], color.stroke_width(THICK)))?,
         Mark::Dashes => {
-            for from in [x, x + 9, x + 18] {
-                area.draw(&PathElement::new(vec![(from, y), (from + 5, y)], color.stroke_width(2)))?;
+            for from in [x, x + 9 * ONE, x + 18 * ONE] {
+                area.draw(&PathElement::new(vec![(from, y), (from + 4 * ONE, y)], color.stroke_width(THICK)))?;
             }
         }
-        Mark::Dots => area.draw(&Circle::new((middle, y), 3, color.mix(0.6).filled()))?,
-        Mark::Discs => area.draw(&Circle::new((middle, y), 5, color.filled()))?,
-        Mark::Crosses => area.draw(&Cross::new((middle, y), 5, color.stroke_width(2)))?,
-        Mark::Rings => area.draw(&Circle::new((middle, y), 5, color.stroke_width(2)))?,
-        Mark::Ticks => area.draw(&PathElement::new(vec![(middle, y - 8), (middle, y + 8)], color.stroke_width(3)))?,
-        Mark::Bars => area.draw(&Rectangle::new([(x + 3, y - 6), (end - 3, y + 6)], color.filled()))?,
+        Mark::Dots => area.draw(&Circle::new((middle, y), 3 * ONE, color.mix(0.6).filled()))?,
+        Mark::Discs => area.draw(&Circle::new((middle, y), 5 * ONE, color.filled()))?,
+        Mark::Crosses => area.draw(&Cross::new((middle, y), 5 * ONE, color.stroke_width(THICK)))?,
+        Mark::Rings => area.draw(&Circle::new((middle, y), 5 * ONE, color.stroke_width(THICK)))?,
+        Mark::Ticks => area
+            .draw(&PathElement::new(vec![(middle, y - 8 * ONE), (middle, y + 8 * ONE)], color.stroke_width(3 * PX)))?,
+        Mark::Bars => {
+            area.draw(&Rectangle::new([(x + 3 * ONE, y - 6 * ONE), (end - 3 * ONE, y + 6 * ONE)], color.filled()))?
+        }
     }
     Ok(())
 }

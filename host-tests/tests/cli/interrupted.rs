@@ -1,0 +1,163 @@
+//! Ctrl-C, a full disk, a reader that is gone: no part of a file stays, and the exit status says what happened.
+
+use std::fs;
+use std::io::Read as _;
+use std::process::{Child, Command as Process, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use crate::stand::Stand;
+
+/// The program with these arguments in the stand's folder, for what `assert_cmd` has no means for.
+fn process(stand: &Stand, arguments: &str) -> Process {
+    let mut process = Process::new(stand.command("").get_program());
+    process.current_dir(stand.path(".")).args(arguments.split_whitespace());
+    process.stdout(Stdio::null()).stderr(Stdio::piped());
+    process
+}
+
+/// A stand whose plan takes long to run.
+fn long_plan() -> Stand {
+    let stand = Stand::new();
+    let mut plan = String::from("format = 1\nname = \"long\"\nseed = 1\n");
+    for _ in 0..4 {
+        plan += "[[record]]\nnominal = 0.5\nexcitation = \"multisine\"\namplitude = 0.05\nlines = 150\nperiods = 390\n";
+    }
+    stand.write("plan.toml", plan);
+    stand
+}
+
+/// The unfinished folder beside the destination, as soon as there is one and `is_so` of it.
+fn unfinished(stand: &Stand, child: &mut Child, is_so: impl Fn(&std::path::Path) -> bool) {
+    let since = Instant::now();
+    loop {
+        let mut names = fs::read_dir(stand.path(".")).unwrap().map(|entry| entry.unwrap().path());
+        if names.any(|path| path.to_string_lossy().ends_with(".part") && is_so(&path)) {
+            return;
+        }
+        assert!(child.try_wait().unwrap().is_none(), "it ended before it could be interrupted");
+        assert!(since.elapsed() < Duration::from_secs(100), "there is no unfinished folder");
+        sleep(Duration::from_millis(5));
+    }
+}
+
+/// Interrupts the program as Ctrl-C does.
+#[cfg(unix)]
+fn interrupt(child: &Child) {
+    assert!(Process::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_in_the_middle_leaves_nothing() {
+    // While it simulates, and while it writes what it simulated.
+    for is_writing in [false, true] {
+        let stand = long_plan();
+        let before = stand.everything();
+        let arguments = "simulate --model model.toml --plan plan.toml --out sim";
+        let mut child = process(&stand, arguments).spawn().unwrap();
+        unfinished(&stand, &mut child, |path| !is_writing || path.join("experiment.toml").exists());
+        if is_writing {
+            sleep(Duration::from_millis(200));
+        }
+        interrupt(&child);
+        let status = child.wait().unwrap();
+        assert_eq!(status.code(), Some(130), "{status}");
+        let left: Vec<_> = stand.everything().into_iter().map(|(path, _)| path).collect();
+        assert_eq!(left, before.iter().map(|(path, _)| path.clone()).collect::<Vec<_>>());
+    }
+}
+
+/// Runs the program where no file may be longer than so many blocks of 512 bytes, which ends a write as a full disk does.
+#[cfg(unix)]
+fn with_little_room(stand: &Stand, blocks: u32, arguments: &str) -> (Option<i32>, String) {
+    let program = stand.command("").get_program().to_owned();
+    let output = Process::new("sh")
+        .args(["-c", &format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$0\" {arguments}")])
+        .arg(program)
+        .current_dir(stand.path("."))
+        .output()
+        .unwrap();
+    (output.status.code(), String::from_utf8(output.stderr).unwrap())
+}
+
+#[cfg(unix)]
+#[test]
+fn a_file_for_which_there_is_no_room_is_named_and_no_part_of_it_stays() {
+    let stand = Stand::new();
+    stand.run("simulate --model model.toml --plan plan.toml --out sim");
+    let log = concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/tests/data/esc32.csv");
+    for (arguments, name) in [
+        ("simulate --model model.toml --plan plan.toml --out full", "full/u050_multisine.csv"),
+        (&format!("import {log} --out full")[..], "full/"),
+        ("new full", "full/"),
+        ("excite --band 0.1..2 --rate 1000 --starts 1 --out full.csv", "full.csv"),
+        ("identify sim --out found.toml --report full.html", "full.html"),
+        ("bandwidth --model model.toml --report full.html", "full.html"),
+        ("man --out full", "full/rotorlead"),
+    ] {
+        let before: Vec<_> = stand.everything();
+        let (status, report) = with_little_room(&stand, 4, arguments);
+        assert_eq!(status, Some(1), "`{arguments}`: {report}");
+        for part in ["cannot write", name, "free space"] {
+            assert!(report.contains(part), "no `{part}` in what `{arguments}` says: {report}");
+        }
+        // What was complete before the room ran out stays; no part of a file does.
+        for (path, content) in stand.everything() {
+            let name = path.to_string_lossy();
+            let is_whole = content.is_none_or(|content| content.len() < 2048) && !name.ends_with(".part");
+            assert!(is_whole || before.iter().any(|(known, _)| *known == path), "`{arguments}` leaves {name}");
+        }
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_device_is_named() {
+    let stand = Stand::new();
+    stand.run("simulate --model model.toml --plan plan.toml --out sim");
+    for arguments in [
+        "bandwidth --model model.toml --json /dev/full",
+        "check sim --json /dev/full",
+        "validate sim --model model.toml --report /dev/full",
+        "design --model model.toml --out /dev/full",
+        "excite --band 0.1..2 --rate 100 --starts 1 --out /dev/full",
+    ] {
+        stand.refuses(arguments, 1, &["cannot write `/dev/full`", "No space left", "free space"]);
+    }
+    for arguments in ["check sim", "new first", "completions bash", "man", "excite --band 0.1..2 --rate 100 --starts 1"]
+    {
+        let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+        let output = process(&stand, arguments).stdout(full).output().unwrap();
+        let report = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(1), "{arguments}: {report}");
+        assert!(report.contains("cannot write to standard output"), "{arguments}: {report}");
+    }
+}
+
+#[test]
+fn a_closed_pipe_is_no_failure_of_any_command() {
+    let stand = Stand::new();
+    stand.run("simulate --model model.toml --plan plan.toml --out sim");
+    for arguments in [
+        "excite --band 0.1..2 --rate 100 --starts 1",
+        "check sim",
+        "check sim --json -",
+        "validate sim --model model.toml",
+        "design --model model.toml --out c.toml",
+        "diagnose sim",
+        "report sim --out r.html",
+        "new first",
+        "completions zsh",
+        "man",
+        "identify --help",
+    ] {
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        let mut child = process(&stand, arguments).stdout(writer).spawn().unwrap();
+        let mut report = String::new();
+        child.stderr.take().unwrap().read_to_string(&mut report).unwrap();
+        assert_eq!(child.wait().unwrap().code(), Some(0), "{arguments}: {report}");
+        assert!(!report.contains("panicked"), "{arguments}: {report}");
+    }
+}

@@ -1,0 +1,50 @@
+//! How the program ends.
+
+use std::process::ExitCode;
+
+use super::WrongUse;
+
+/// The exit status, for scripts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Exit {
+    /// What was asked for is done. A reader of the output that stops early, such as `head`, is no failure.
+    Done = 0,
+    /// Data, a file or the controller stood in the way; the report on standard error says what to do.
+    Failed = 1,
+    /// The command line was wrong. This is what `clap` uses too.
+    WrongUse = 2,
+    /// Ctrl-C: 128 and the number of the signal, as shells have it.
+    Interrupted = 130,
+}
+
+/// What the long help of every command says of it.
+pub(super) const STATUS: &str = "\
+Exit status:
+  0    done
+  1    failed: the report on standard error says what is wrong, and what to do
+  2    wrong use of the command line
+  130  interrupted by Ctrl-C; nothing half-written is left";
+
+impl Exit {
+    /// What a run comes to.
+    #[must_use]
+    pub fn of(result: &miette::Result<()>) -> Self {
+        match result {
+            Ok(()) => Self::Done,
+            Err(report) if report.is::<WrongUse>() => Self::WrongUse,
+            Err(_) => Self::Failed,
+        }
+    }
+
+    /// The number.
+    #[must_use]
+    pub fn status(self) -> u8 {
+        self as u8
+    }
+}
+
+impl From<Exit> for ExitCode {
+    fn from(exit: Exit) -> Self {
+        Self::from(exit.status())
+    }
+}

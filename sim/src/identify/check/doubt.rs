@@ -1,0 +1,170 @@
+//! What the rows of a record say against it before anything is fitted to them.
+
+use miette::Diagnostic;
+use thiserror::Error;
+
+use super::units::{CommandUnit, ResponseUnit};
+
+/// A sign that a record is not what its folder says, or gives little.
+#[derive(Clone, Debug, PartialEq, Error, Diagnostic)]
+pub enum RecordDoubt {
+    /// Rows are missing.
+    #[error(
+        "{file}: {count} {} among its rows, the longest of {longest_s:.3} s before row {row}",
+        if *count == 1 { "gap" } else { "gaps" }
+    )]
+    #[diagnostic(help(
+        "cut the record at its gaps, or record again: nothing is filled in. A multisine or a chirp needs every row; steps are \
+         fitted around gaps"
+    ))]
+    Gaps {
+        /// The record.
+        file: String,
+        /// How many.
+        count: usize,
+        /// The row after the longest, from one.
+        row: usize,
+        /// Its length, seconds.
+        longest_s: f64,
+    },
+    /// Rows that are too slow for any motor.
+    #[error("{file}: {rate_hz:.1} rows a second are too few for a motor's lag, which is over in 0.02 to 0.2 s")]
+    #[diagnostic(help("record 100 rows a second or more; 1000 are usual"))]
+    SlowRows {
+        /// The record.
+        file: String,
+        /// Rows per second.
+        rate_hz: f64,
+    },
+    /// Rows that are too slow for the lag that was found.
+    #[error("{file}: {rate_hz:.0} rows a second are {rows_per_lag:.1} in one time constant of {time_constant_s:.3} s")]
+    #[diagnostic(help("record {needed_hz:.0} rows a second or more: five in a time constant at least"))]
+    FewRowsPerLag {
+        /// The record.
+        file: String,
+        /// Rows per second.
+        rate_hz: f64,
+        /// The time constant that was found, seconds.
+        time_constant_s: f64,
+        /// Rows in it.
+        rows_per_lag: f64,
+        /// The least rate, hertz.
+        needed_hz: f64,
+    },
+    /// Times that are not in seconds.
+    #[error("{file}: the rows are {interval} apart in `time_s`, {reason}: the times are in {unit}, not in seconds")]
+    #[diagnostic(help("divide `time_s` by {factor}"))]
+    TimeUnit {
+        /// The record.
+        file: String,
+        /// Usual difference of the times, in their own unit.
+        interval: f64,
+        /// What shows it.
+        reason: String,
+        /// Their unit, as it seems.
+        unit: &'static str,
+        /// Of how many a second consists.
+        factor: f64,
+    },
+    /// A command that is no duty.
+    #[error("{file}, row {row}: `command` runs from {low} to {high}, {}", unit.words())]
+    #[diagnostic(help("{}", unit.remedy()))]
+    CommandUnit {
+        /// The record.
+        file: String,
+        /// The first row with a value outside 0 to 1, from one.
+        row: usize,
+        /// The lowest.
+        low: f64,
+        /// The highest.
+        high: f64,
+        /// The unit, as it seems.
+        unit: CommandUnit,
+    },
+    /// A response in another unit than its column says.
+    #[error("{file}: {evidence}: `{}` seems to be in {}", unit.column(), unit.words())]
+    #[diagnostic(help("{}", unit.remedy()))]
+    ResponseUnit {
+        /// The record.
+        file: String,
+        /// What shows it.
+        evidence: String,
+        /// The unit, as it seems.
+        unit: ResponseUnit,
+    },
+    /// A response that falls where the command rises.
+    #[error("{file}: `{column}` falls where the command rises (correlation {correlation:.2})")]
+    #[diagnostic(help(
+        "turn the sensor's sign: multiply the column by -1. Where the sign is right, command and response are of different runs"
+    ))]
+    ReversedSign {
+        /// The record.
+        file: String,
+        /// The response's column.
+        column: &'static str,
+        /// Of the command behind a short lag with the response.
+        correlation: f64,
+    },
+    /// A command that was cut off.
+    #[error("{file}: {rows} rows of `command` stand exactly on {at}: the excitation was cut off there")]
+    #[diagnostic(help("lower the amplitude, or move `nominal` away from the limit, and record again"))]
+    CommandCutOff {
+        /// The record.
+        file: String,
+        /// How many.
+        rows: usize,
+        /// The limit.
+        at: f64,
+    },
+    /// Few periods.
+    #[error("{file}: {periods} whole {}", if *periods == 1 { "period" } else { "periods" })]
+    #[diagnostic(help(
+        "record four or more: the noise is known from what differs between them, and the first often carries a transient"
+    ))]
+    FewPeriods {
+        /// The record.
+        file: String,
+        /// How many.
+        periods: usize,
+    },
+    /// Another level than stated.
+    #[error("{file}: `nominal` is {nominal}, and the mean command is {mean:.3}")]
+    #[diagnostic(help("correct `nominal` in experiment.toml: the motor is taken to run around it"))]
+    OtherNominal {
+        /// The record.
+        file: String,
+        /// As stated.
+        nominal: f64,
+        /// As it is over whole periods.
+        mean: f64,
+    },
+    /// Another amplitude than stated.
+    #[error("{file}: `amplitude` is {stated}, and the command goes {found:.4} to either side")]
+    #[diagnostic(help("correct `amplitude` in experiment.toml, or look for what scaled the command"))]
+    OtherAmplitude {
+        /// The record.
+        file: String,
+        /// As stated.
+        stated: f64,
+        /// As it is.
+        found: f64,
+    },
+    /// A file that no record names.
+    #[error("{file} is in the folder, and no record names it")]
+    #[diagnostic(help("add a [[record]] for it in experiment.toml, or move it elsewhere"))]
+    Unnamed {
+        /// The file.
+        file: String,
+    },
+}
+
+impl RecordDoubt {
+    /// The row concerned, from one, where it is about one.
+    #[must_use]
+    pub fn row(&self) -> Option<usize> {
+        match self {
+            Self::Gaps { row, .. } | Self::CommandUnit { row, .. } => Some(*row),
+            _ => None,
+        }
+    }
+}

@@ -1,0 +1,122 @@
+//! What is drawn at all.
+
+/// Every figure that this crate draws is of one of these kinds. `docs/figures.md` says of each how to read it, and a test
+/// asks it for every one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FigureKind {
+    /// Response over command at rest: the paper's Fig. 2.
+    StaticMap,
+    /// Frequency response of the stand: the paper's Fig. 3.
+    StandResponse,
+    /// Poles and zeros of the stand: the paper's Fig. 3.
+    PoleZeroMap,
+    /// What was played, and its spectrum: the paper's Fig. 4.
+    Excitation,
+    /// All frequency responses and the lags fitted to them: the paper's Fig. 5.
+    Responses,
+    /// One periodic record beside the model: the paper's Fig. 6.
+    FrequencyValidation,
+    /// One record over time beside the model: the paper's Fig. 7.
+    TimeValidation,
+    /// The model without and with the compensator: the paper's Fig. 8.
+    SimulatedResponse,
+    /// The compensator: the paper's Fig. 9.
+    Compensator,
+    /// What was measured without and with the compensator: the paper's Fig. 10.
+    MeasuredResponse,
+    /// Bandwidth against nominal command: the paper's Fig. 11.
+    Bandwidth,
+    /// The compensated response, simulated and measured: the paper's Fig. 12.
+    SimulationAndExperiment,
+    /// Two levels of the demonstration, models and measurements together.
+    Demonstration,
+    /// Command and response of a record.
+    Record,
+    /// Time constants upward and downward.
+    TimeConstants,
+    /// Where a model is wrong.
+    Where,
+    /// What each effect, tried alone, explains.
+    Candidates,
+    /// How far each record is from the models.
+    Gap,
+    /// What is left of one record.
+    Residual,
+    /// A table of bandwidths beside the models.
+    Bandwidths,
+    /// What explains a table of bandwidths.
+    Explanations,
+}
+
+impl FigureKind {
+    /// All of them, in the order of the work.
+    pub const ALL: [Self; 21] = [
+        Self::Record,
+        Self::Excitation,
+        Self::StaticMap,
+        Self::TimeConstants,
+        Self::StandResponse,
+        Self::PoleZeroMap,
+        Self::Responses,
+        Self::FrequencyValidation,
+        Self::TimeValidation,
+        Self::SimulatedResponse,
+        Self::Compensator,
+        Self::MeasuredResponse,
+        Self::Bandwidth,
+        Self::SimulationAndExperiment,
+        Self::Demonstration,
+        Self::Where,
+        Self::Candidates,
+        Self::Gap,
+        Self::Residual,
+        Self::Bandwidths,
+        Self::Explanations,
+    ];
+
+    /// How the names of its files begin.
+    #[must_use]
+    pub fn id(self) -> &'static str {
+        match self {
+            Self::StaticMap => "fig_2_static_map",
+            Self::StandResponse => "fig_3_stand_response",
+            Self::PoleZeroMap => "fig_3_pole_zero_map",
+            Self::Excitation => "fig_4",
+            Self::Responses => "fig_5_responses",
+            Self::FrequencyValidation => "fig_6",
+            Self::TimeValidation => "fig_7",
+            Self::SimulatedResponse => "fig_8_simulated_response",
+            Self::Compensator => "fig_9_compensator",
+            Self::MeasuredResponse => "fig_10_measured_response",
+            Self::Bandwidth => "fig_11_bandwidth",
+            Self::SimulationAndExperiment => "fig_12_simulation_and_experiment",
+            Self::Demonstration => "bode",
+            Self::Record => "record",
+            Self::TimeConstants => "time_constants",
+            Self::Where => "where",
+            Self::Candidates => "candidates",
+            Self::Gap => "gap",
+            Self::Residual => "residual",
+            Self::Bandwidths => "bandwidths",
+            Self::Explanations => "explanations",
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::FigureKind;
+
+    #[test]
+    fn every_kind_is_listed_once_under_a_name_of_its_own() {
+        // `ALL` has every kind: they are numbered without gaps, and none is there twice.
+        let mut numbers = FigureKind::ALL.map(|kind| kind as usize);
+        numbers.sort_unstable();
+        assert_eq!(numbers.to_vec(), (0..FigureKind::ALL.len()).collect::<Vec<_>>());
+        assert_eq!(FigureKind::Explanations as usize + 1, FigureKind::ALL.len(), "the last one is listed");
+        let mut ids = FigureKind::ALL.map(FigureKind::id).to_vec();
+        ids.sort_unstable();
+        ids.dedup();
+        assert_eq!(ids.len(), FigureKind::ALL.len());
+    }
+}
