@@ -140,6 +140,7 @@ fn a_wrong_sample_rate_is_told() {
     stand.edit("good/experiment.toml", "sample_rate_hz = 200.0", "sample_rate_hz = 250.0");
     let (found, status) = findings(&stand, "good");
     assert_eq!(status, 1);
+    assert!(found.iter().all(|finding| finding["topic"] == "sampling"), "{found:#?}");
     for file in ["u050_multisine.csv", "u050_square.csv", "u065_multisine.csv", "u065_square.csv"] {
         let is_one = |finding: &&Value| finding["file"] == file && finding["message"].to_string().contains("250");
         assert!(found.iter().any(|finding| is_one(&finding)), "{file} is not named: {found:#?}");
@@ -259,6 +260,13 @@ fn all_that_is_wrong_is_said_in_one_go_and_errors_first() {
     assert!(text.ends_with("good: 4 records; 3 errors, 2 warnings\n"), "{text}");
     assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
     assert!(report(&assert).contains("`good` has 3 errors"), "{}", report(&assert));
+    // Whoever wants errors only gets them.
+    let assert = stand.command("check good --quiet").assert().code(1).stdout("");
+    let said = report(&assert);
+    for part in ["percent", "u050_square.csv:", "u065_square.csv", "`good` has 3 errors"] {
+        assert!(said.contains(part), "no `{part}` in {said}");
+    }
+    assert!(!said.contains("whole periods"), "a warning is no error: {said}");
 }
 
 #[test]

@@ -330,7 +330,7 @@ fn a_design_on_a_badly_known_pole_says_so_and_where() {
         let json = stand.json("design --model model.toml --out c.toml");
         assert_eq!(json["warnings"].as_array().unwrap().len(), warnings, "{json:#}");
         let text = stand.run("design --model model.toml --out c.toml");
-        assert!(text.contains("at u_nom 0.600 +- "), "{text}");
+        assert!(text.contains("u_nom 0.600 +- "), "{text}");
         assert_eq!(text.contains("warning: the zero stands on the pole at u_nom 0.600"), warnings == 1, "{text}");
     }
 }

@@ -20,8 +20,8 @@ fn process(stand: &Stand, arguments: &str) -> Process {
 fn long_plan() -> Stand {
     let stand = Stand::new();
     let mut plan = String::from("format = 1\nname = \"long\"\nseed = 1\n");
-    for _ in 0..4 {
-        plan += "[[record]]\nnominal = 0.5\nexcitation = \"multisine\"\namplitude = 0.05\nlines = 150\nperiods = 390\n";
+    for _ in 0..2 {
+        plan += "[[record]]\nnominal = 0.5\nexcitation = \"multisine\"\namplitude = 0.05\nlines = 150\nperiods = 200\n";
     }
     stand.write("plan.toml", plan);
     stand

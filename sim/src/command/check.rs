@@ -33,11 +33,13 @@ pub struct Check {
 
 /// What fails the command although its findings are said.
 #[derive(Debug, Error, Diagnostic)]
-#[error("`{}` has {}: it cannot be identified as it is", folder.display(), counted(*errors, "error"))]
+#[error("{list}`{}` has {}: it cannot be identified as it is", folder.display(), counted(*errors, "error"))]
 #[diagnostic(help("correct what is listed as an error, and check again"))]
 struct Faulty {
     folder: PathBuf,
     errors: usize,
+    /// The errors, where they are said nowhere else.
+    list: String,
 }
 
 impl Check {
@@ -50,23 +52,21 @@ impl Check {
         bar.finish_and_clear();
         let errors = findings.iter().filter(|finding| finding.severity == Severity::Error).count();
         self.json.say(self.outcome(&inspection, &findings, errors), quiet)?;
-        if errors > 0 { Err(Faulty { folder: self.experiment.clone(), errors }.into()) } else { Ok(()) }
+        if errors == 0 {
+            return Ok(());
+        }
+        // Errors are said even to those who want nothing else.
+        let is_error = |finding: &&Finding| quiet && finding.severity == Severity::Error;
+        let list = findings.iter().filter(is_error).map(words).collect();
+        Err(Faulty { folder: self.experiment.clone(), errors, list }.into())
     }
 
     fn outcome(&self, inspection: &Inspection, findings: &[Finding], errors: usize) -> Outcome {
         let warnings = findings.len() - errors;
-        let folder = self.experiment.display();
-        let records = inspection.experiment.as_ref().map_or(0, |experiment| experiment.records.len());
-        let unread: BTreeSet<_> = inspection.unreadable.iter().filter_map(|fault| fault.file.as_deref()).collect();
-        let records = records + unread.len();
-        let mut text = String::new();
-        for finding in findings {
-            let severity = if finding.severity == Severity::Error { "error" } else { "warning" };
-            text += &paragraph(&format!("{severity}: {}", finding.message), "  ");
-            if let Some(remedy) = &finding.remedy {
-                text += &paragraph(&format!("  help: {remedy}"), "    ");
-            }
-        }
+        let unread = inspection.unreadable.iter().filter_map(|fault| fault.file.as_deref());
+        let unread: BTreeSet<_> = unread.collect();
+        let records = inspection.experiment.as_ref().map(|experiment| experiment.records.len() + unread.len());
+        let mut text: String = findings.iter().map(words).collect();
         if !findings.is_empty() {
             text.push('\n');
         }
@@ -75,7 +75,8 @@ impl Check {
             (0, _) => format!("{}, no error", counted(warnings, "warning")),
             _ => format!("{}, {}", counted(errors, "error"), counted(warnings, "warning")),
         };
-        text += &paragraph(&format!("{folder}: {}; {verdict}", counted(records, "record")), "  ");
+        let records_read = records.map(|records| counted(records, "record") + "; ").unwrap_or_default();
+        text += &paragraph(&format!("{}: {records_read}{verdict}", self.experiment.display()), "  ");
         let json = json!({
             "records": records,
             "errors": errors,
@@ -84,6 +85,14 @@ impl Check {
         });
         Outcome { text, json }
     }
+}
+
+/// A finding for people.
+fn words(finding: &Finding) -> String {
+    let severity = if finding.severity == Severity::Error { "error" } else { "warning" };
+    let message = paragraph(&format!("{severity}: {}", finding.message), "  ");
+    let remedy = finding.remedy.as_ref().map(|remedy| paragraph(&format!("  help: {remedy}"), "    "));
+    message + &remedy.unwrap_or_default()
 }
 
 /// "1 error", "2 errors".
@@ -125,10 +134,11 @@ fn unreadable(fault: &Unreadable, inspection: &Inspection) -> Vec<Finding> {
     let is_duty = |command: &f64| (0.0..=1.0).contains(command);
     let is_command = fault.rows.as_ref().is_some_and(|rows| !rows.command.iter().all(is_duty));
     let cause = if is_command { Topic::CommandUnit } else { Topic::TimeUnit };
+    let topic = if fault.rows.is_some() && !is_command { Topic::Sampling } else { Topic::Files };
     match found.iter_mut().find(|finding| finding.topic == cause) {
         Some(cause) => cause.severity = Severity::Error,
         None => {
-            let mut finding = Finding::new(Severity::Error, Topic::Files, file, &fault.error);
+            let mut finding = Finding::new(Severity::Error, topic, file, &fault.error);
             if let Some((line, column)) = fault.error.line_and_column() {
                 let place = fault.error.file_name().unwrap_or_default();
                 finding.message = format!("{place}:{line}:{column}: {}", finding.message);

@@ -7,7 +7,7 @@ use clap::Args;
 use rotorlead::design::LeadDesign;
 use serde_json::json;
 
-use super::outcome::{JsonOption, Outcome};
+use super::outcome::{JsonOption, Outcome, paragraph};
 use super::parameters::DesignArguments;
 use super::report_option::ReportOption;
 use super::report_pages;
@@ -49,7 +49,7 @@ impl Design {
         let mut text = describe(&design, &model);
         writeln!(text, "\nPredicted bandwidth\n\n{}", bandwidth_table(&points)).expect("a string takes all");
         if let Some(warning) = uncertain_zero(&model) {
-            writeln!(text, "{warning}\n").expect("a string takes all");
+            writeln!(text, "{}", paragraph(&warning, "  ")).expect("a string takes all");
         }
         writeln!(text, "Written to {}", self.out.display()).expect("a string takes all");
         text.push_str(&self.report.write(|| {
@@ -114,7 +114,7 @@ fn uncertain_zero(model: &Model) -> Option<String> {
 pub fn describe(design: &LeadDesign, model: &Model) -> String {
     let origin = fastest(model).map_or_else(String::new, |point| {
         let std = relative_std(point).map_or_else(String::new, |part| format!(" +- {:.1} %", 100.0 * part));
-        format!(", at u_nom {:.3}{std}", point.nominal)
+        format!(", u_nom {:.3}{std}", point.nominal)
     });
     let (lead, check) = (design.lead(), design.check());
     let wf2 = lead.omega_f_rad_s.powi(2);

@@ -72,6 +72,8 @@ impl Import {
 
 /// Columns of a terminal that sentences keep to.
 const WIDTH: usize = 80;
+/// Characters of a column's name beyond which the rest of its line is no longer aligned.
+const LONGEST_NAME: usize = 31;
 
 fn describe(summary: &ImportSummary) -> String {
     let mut text = String::new();
@@ -95,10 +97,14 @@ fn describe(summary: &ImportSummary) -> String {
     if timing.rows_missing + timing.rows_reordered > 0 {
         say(format!("  {} rows missing, {} reordered", timing.rows_missing, timing.rows_reordered));
     }
-    say(String::from("\n  column                          taken as      remark"));
+    let longest = summary.columns.iter().map(|column| column.name.chars().count()).max().unwrap_or(0);
+    let width = longest.clamp("column".len(), LONGEST_NAME);
+    say(format!("\n  {:<width$}  {:<11}  remark", "column", "taken as"));
     for column in &summary.columns {
         let taken = column.taken_as.as_deref().unwrap_or("-");
-        say(format!("  {:<31} {taken:<13} {}", column.name, column.note));
+        let before = format!("  {:<width$}  {taken:<11}  ", column.name);
+        let indent = " ".repeat(width + 17);
+        say(before + &wrapped(&column.note, WIDTH - indent.len(), &indent));
     }
     for note in &summary.notes {
         say(format!("\nnote: {}", wrapped(note, WIDTH - 6, "      ")));

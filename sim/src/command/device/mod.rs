@@ -15,7 +15,7 @@ use rotorlead::design::LeadDesign;
 use rotorlead::settings::Settings;
 use serde_json::{Value, json};
 
-use super::outcome::{JsonOption, Outcome};
+use super::outcome::{JsonOption, Outcome, warning_lines};
 use super::parameters::positive;
 use crate::bench::device::{self, DEFAULT_BAUD, Session};
 
@@ -173,7 +173,7 @@ fn set(session: &mut Session, key: &str, value: &str) -> miette::Result<Outcome>
     let warnings: Vec<String> = session.set_settings(&settings)?.iter().map(|warning| warning.to_string()).collect();
     let mut text = format!("{key} = {value}, until the power goes; `rotorlead device save` stores it\n");
     for warning in &warnings {
-        writeln!(text, "warning: {warning}").into_diagnostic()?;
+        text.push_str(&warning_lines(warning));
     }
     Ok(Outcome { text, json: json!({ "key": key, "value": value, "warnings": warnings }) })
 }

@@ -67,7 +67,7 @@ pub enum RecordDoubt {
         factor: f64,
     },
     /// A command that is no duty.
-    #[error("{file}, row {row}: `command` runs from {low} to {high}, {}", unit.words())]
+    #[error("{file}, row {row}: `command` runs from {low:.3} to {high:.3}, {}", unit.words())]
     #[diagnostic(help("{}", unit.remedy()))]
     CommandUnit {
         /// The record.

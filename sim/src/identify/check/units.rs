@@ -64,19 +64,19 @@ impl CommandUnit {
         }
     }
 
-    /// The unit in which a command could run from `low` to `high`; `None` where none is likely.
-    fn of(low: f64, high: f64) -> Option<Self> {
-        if high <= 1.0 || low < 0.0 {
-            None
-        } else if low >= 0.5 && high <= 2.5 {
-            Some(Self::Milliseconds)
-        } else if high <= 100.0 {
-            Some(Self::Percent)
-        } else if low >= 500.0 && high <= 2500.0 {
-            Some(Self::Microseconds)
-        } else {
-            (high <= 2047.0).then_some(Self::Dshot)
-        }
+    /// Every unit, with what it reads from and to, and what it reads at a duty of 0 and of 1.
+    const READINGS: [(Self, [f64; 2], [f64; 2]); 4] = [
+        (Self::Percent, [0.0, 100.0], [0.0, 100.0]),
+        (Self::Milliseconds, [0.5, 2.5], [1.0, 2.0]),
+        (Self::Microseconds, [500.0, 2500.0], [1000.0, 2000.0]),
+        (Self::Dshot, [0.0, 2047.0], [48.0, 2047.0]),
+    ];
+
+    /// The unit in which a command that runs from `low` to `high` is nearest to its nominal duty; `None` where it fits in none.
+    fn of(low: f64, high: f64, nominal: f64) -> Option<Self> {
+        let fits = Self::READINGS.into_iter().filter(|(_, [least, most], _)| low >= *least && high <= *most);
+        let off = |[zero, one]: [f64; 2]| ((low + high) / 2.0 - zero) / (one - zero) - nominal;
+        fits.min_by(|a, b| off(a.2).abs().total_cmp(&off(b.2).abs())).map(|(unit, ..)| unit)
     }
 }
 
@@ -124,7 +124,7 @@ impl ResponseUnit {
 pub(super) fn of_command(record: &Record) -> Option<RecordDoubt> {
     let row = record.command.iter().position(|command| !(0.0..=1.0).contains(command))?;
     let (low, high) = extent(&record.command);
-    let unit = CommandUnit::of(low, high)?;
+    let unit = CommandUnit::of(low, high, record.nominal)?;
     Some(RecordDoubt::CommandUnit { file: record.file.clone(), row: row + 1, low, high, unit })
 }
 
@@ -235,16 +235,19 @@ mod tests {
 
     #[test]
     fn a_command_outside_its_range_is_told_by_its_numbers() {
-        for (low, high, unit) in [
-            (40.0, 60.0, Some(CommandUnit::Percent)),
-            (0.0, 100.0, Some(CommandUnit::Percent)),
-            (1.45, 1.55, Some(CommandUnit::Milliseconds)),
-            (1000.0, 1900.0, Some(CommandUnit::Microseconds)),
-            (48.0, 1047.0, Some(CommandUnit::Dshot)),
-            (0.0, 65535.0, None),
-            (-0.5, 0.5, None),
+        for (low, high, nominal, unit) in [
+            (40.0, 60.0, 0.5, Some(CommandUnit::Percent)),
+            (0.0, 100.0, 0.5, Some(CommandUnit::Percent)),
+            (0.0, 2.0, 0.01, Some(CommandUnit::Percent)),
+            (1.45, 1.55, 0.5, Some(CommandUnit::Milliseconds)),
+            (1000.0, 1900.0, 0.45, Some(CommandUnit::Microseconds)),
+            (1450.0, 1550.0, 0.5, Some(CommandUnit::Microseconds)),
+            (948.0, 1147.0, 0.5, Some(CommandUnit::Dshot)),
+            (48.0, 1047.0, 0.25, Some(CommandUnit::Dshot)),
+            (0.0, 65535.0, 0.5, None),
+            (-0.5, 1.5, 0.5, None),
         ] {
-            assert_eq!(CommandUnit::of(low, high), unit, "{low}..{high}");
+            assert_eq!(CommandUnit::of(low, high, nominal), unit, "{low}..{high}");
         }
     }
 
