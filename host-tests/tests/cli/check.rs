@@ -169,6 +169,11 @@ fn a_clipped_response_and_a_clipped_command_are_told() {
     let stand = good();
     change(&stand, "good/u050_multisine.csv", |_, [t, u, y]| Some([t, u.min(0.53), y]));
     finds(&stand, "warning", "saturation", "u050_multisine.csv", &["command", "0.53", "cut off"]);
+    for clipped in [|y: f64| y.min(0.4), |y: f64| y.max(-0.4)] {
+        let stand = good();
+        change(&stand, "good/u050_square.csv", |_, [t, u, y]| Some([t, u, clipped(y)]));
+        finds(&stand, "warning", "saturation", "u050_square.csv", &["thrust_n", "0.4", "limit"]);
+    }
 }
 
 #[test]

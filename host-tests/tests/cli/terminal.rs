@@ -112,6 +112,28 @@ fn one_file_for_two_outputs_is_refused() {
 }
 
 #[test]
+fn what_is_read_is_not_written_over() {
+    let stand = Stand::new();
+    stand.run("simulate --model model.toml --plan plan.toml --out sim");
+    let before = stand.everything();
+    for arguments in [
+        "report sim --out sim/u050_square.csv",
+        "check sim --json sim/u050_square.csv",
+        "identify sim --out sim/experiment.toml",
+        "diagnose sim --out-model ./sim/../sim/u050_multisine.csv",
+        "validate sim --model model.toml --report model.toml",
+        "design --model model.toml --out model.toml",
+        "simulate --model model.toml --plan plan.toml --out other --json plan.toml",
+    ] {
+        stand.refuses(arguments, 2, &["written over", "name another file"]);
+    }
+    assert_eq!(stand.everything(), before);
+    // A model beside the records is none of them, and may be made again.
+    stand.run("identify sim --out sim/model.toml");
+    stand.run("identify sim --out sim/model.toml");
+}
+
+#[test]
 fn one_wrong_input_of_each_command_that_has_no_test_of_its_own_is_named() {
     let stand = Stand::new();
     stand.run("simulate --model model.toml --plan plan.toml --out sim");

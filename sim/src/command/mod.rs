@@ -30,6 +30,7 @@ mod report;
 mod report_option;
 mod report_pages;
 mod simulate;
+mod spared;
 mod validate;
 mod wrong_use;
 
@@ -64,7 +65,7 @@ From a log to a compensator:
 
 With a stand and no log yet, `rotorlead new DIR` makes a folder to begin with.
 
-Exit status: 0 done, 1 failed, 2 wrong use.";
+Exit status: 0 done, 1 failed, 2 wrong use, 130 interrupted.";
 
 #[derive(Debug, Subcommand)]
 enum Command {
@@ -90,6 +91,9 @@ impl Arguments {
     #[must_use]
     pub fn of_command_line() -> Self {
         let matches = command_line().get_matches();
+        if let Some(overwritten) = spared::overwritten(&matches) {
+            command_line().error(clap::error::ErrorKind::ValueValidation, overwritten).exit();
+        }
         Self::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
     }
 

@@ -24,7 +24,7 @@ const REHEARSAL: [&str; 6] = [
     "rotorlead identify rehearsal --out rehearsed.toml",
     "rotorlead validate rehearsal --model rehearsed.toml",
     "rotorlead design --model rehearsed.toml --out rehearsed-compensator.toml",
-    "rotorlead bandwidth --model rehearsed.toml",
+    "rotorlead bandwidth --model rehearsed.toml --compensator rehearsed-compensator.toml",
 ];
 
 /// Makes the excitation of another level.

@@ -175,7 +175,7 @@ impl Parts {
         Report {
             facts: [report_pages::records(experiment, &command.experiment), judged.into_iter().collect()].concat(),
             sections,
-            commands: commands(&command.experiment, given),
+            commands: commands(&command.experiment, given, self.designed.is_ok()),
             verdict: self.verdict(warnings.len()),
             warnings,
             ..report_pages::report("Experiment", experiment.name.clone(), Verdict::new(Tone::Plain, ""))
@@ -191,16 +191,15 @@ impl Parts {
         if self.identified.is_ok() {
             verdicts.push(report_pages::identified(&self.model, warnings));
         }
-        if let Ok(records) = &self.validated {
-            let mut validated = report_pages::validated(records);
-            if matches!(self.diagnosed, Some(Ok(_))) {
-                // It need not be sent for: it is here.
-                validated.sentences.clear();
-            }
-            verdicts.push(validated);
+        // A diagnosis has compared the same records more closely.
+        if let Ok(records) = &self.validated
+            && !matches!(self.diagnosed, Some(Ok(_)))
+        {
+            verdicts.push(report_pages::validated(records));
         }
-        if let Ok((design, points)) = &self.designed {
-            verdicts.push(report_pages::designed(design, points, 0));
+        match &self.designed {
+            Ok((design, points)) => verdicts.push(report_pages::designed(design, points, 0)),
+            Err(reason) => verdicts.push(Verdict::new(Tone::Attention, format!("No compensator: {reason}."))),
         }
         let tone = verdicts.iter().map(|verdict| verdict.tone).max().unwrap_or(Tone::Plain);
         let said = verdicts.into_iter().flat_map(|verdict| std::iter::once(verdict.headline).chain(verdict.sentences));
@@ -244,7 +243,7 @@ fn left_out(name: &str, title: &str, reason: &str) -> Section {
 }
 
 /// The report again, and each part by itself.
-fn commands(folder: &Path, given: Option<&Path>) -> Vec<String> {
+fn commands(folder: &Path, given: Option<&Path>, is_designed: bool) -> Vec<String> {
     let quoted = |path: &Path| {
         let path = path.display().to_string();
         shlex::try_quote(&path).map_or_else(|_| path.clone(), std::borrow::Cow::into_owned)
@@ -255,8 +254,10 @@ fn commands(folder: &Path, given: Option<&Path>) -> Vec<String> {
         commands.push(format!("rotorlead identify {folder} --out {model}"));
     }
     commands.push(format!("rotorlead validate {folder} --model {model}"));
-    commands.push(format!("rotorlead design --model {model} --out compensator.toml"));
-    commands.push(format!("rotorlead bandwidth --model {model} --records {folder}"));
+    if is_designed {
+        commands.push(format!("rotorlead design --model {model} --out compensator.toml"));
+        commands.push(format!("rotorlead bandwidth --model {model} --records {folder}"));
+    }
     commands.push(if given.is_some() {
         format!("rotorlead diagnose {folder} --model {model}")
     } else {

@@ -154,14 +154,22 @@ fn command(record: &Record, add: &mut impl FnMut(Topic, Option<usize>, &dyn Diag
 
 /// What the rows of the response say where no fit looks at them.
 fn unfitted(record: &Record, response: &[f64], column: &'static str) -> Vec<IdentifyWarning> {
+    let saturated = |Limit { at, rows }| IdentifyWarning::Saturated { file: record.file.clone(), column, rows, at };
     match record.excitation {
-        Excitation::Square | Excitation::Triangle => doubts::of_rows(record, response, &[]),
-        Excitation::Free => saturation::limits(response)
-            .into_iter()
-            // A motor that stands still reads zero.
-            .filter(|limit| limit.at != 0.0)
-            .map(|Limit { at, rows }| IdentifyWarning::Saturated { file: record.file.clone(), column, rows, at })
-            .collect(),
+        Excitation::Square | Excitation::Triangle => {
+            // A sensor of few steps without noise stands still on the plateau at either end; one that is cut off, at one.
+            let limits = match &saturation::limits(response)[..] {
+                [one] => vec![*one],
+                _ => Vec::new(),
+            };
+            let mut found = doubts::of_rows(record, response, &limits);
+            found.extend(limits.into_iter().map(saturated));
+            found
+        }
+        // A motor that stands still reads zero.
+        Excitation::Free => {
+            saturation::limits(response).into_iter().filter(|limit| limit.at != 0.0).map(saturated).collect()
+        }
         _ => Vec::new(),
     }
 }
