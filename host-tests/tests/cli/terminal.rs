@@ -200,6 +200,12 @@ fn what_is_printed_fits_80_columns() {
         "format = 1\n[[point]]\nnominal = 0.5\ngain = 10.2\ntime_constant_s = 0.11\n\
          [[point]]\nnominal = 0.65\ngain = 16.1\ntime_constant_s = 0.07\n",
     );
+    let limited = "[[effect]]\nkind = \"slew_limit\"\n[effect.parameters]\nrate_per_s = 0.6\n";
+    stand.write("limited.toml", stand.read("actuators.toml") + limited);
+    stand.write(
+        "table.csv",
+        "u_nom,uncompensated_rad_s,compensated_rad_s\n0.5,11.8,69.0\n0.55,13.1,80.2\n0.65,14.8,97.2\n",
+    );
     let logs = concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/tests/data");
     let mut too_wide = Vec::new();
     for arguments in [
@@ -217,6 +223,9 @@ fn what_is_printed_fits_80_columns() {
         "bandwidth --model found.toml --records led",
         "diagnose sim --model actuators.toml",
         "diagnose sim --redesign --out-model better.toml",
+        "simulate --model limited.toml --plan plan.toml --out slow",
+        "diagnose slow --redesign --out-plan next.toml",
+        "diagnose --bandwidths table.csv --model actuators.toml",
         "report sim --out report.html",
         "identify stand --out step.toml",
         "validate stand --model model.toml",

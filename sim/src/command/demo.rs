@@ -14,9 +14,9 @@ use super::design::describe;
 use super::identify::periodic_model;
 use super::outcome::{JsonOption, Outcome, wrapped};
 use super::report_option::{ReportOption, check_folder, make_folder};
-use super::report_pages;
 use super::simulate::simulate;
 use super::validate::record_json;
+use super::{progress, report_pages};
 use crate::bench::{Plan, Prediction};
 use crate::design::{BandwidthPoint, Chain, DesignOptions, bandwidths, compensator_file, design};
 use crate::files::write_file;
@@ -72,16 +72,20 @@ impl Demo {
         let actuators = table_1();
         let plan = Plan { seed: self.seed, ..Plan::paper(&actuators) };
         let stand = simulate(&plan, &actuators, None)?;
+        let bar = progress::spinner("identifying");
         let found = identify_periodic(&stand, &PeriodicOptions::default())?;
         let model = periodic_model(&stand, &found);
         let validated = validate(&stand, &model)?;
         let design = design(&model, &DesignOptions::default())?;
+        bar.finish_and_clear();
 
         let compensated_plan = plan.clone().compensated("compensator.toml");
         let compensated_stand = simulate(&compensated_plan, &actuators, Some(&design))?;
+        let bar = progress::spinner("measuring");
         let compensated = identify_periodic(&compensated_stand, &PeriodicOptions::default())?;
         let [before, after] = [&found, &compensated].map(|found| found.bandwidths(RESAMPLES, self.seed));
         let (before, after) = (before?, after?);
+        bar.finish_and_clear();
         let measured = measured(&actuators, &compensated_plan, &design, &before, &after)?;
         let of_records = [before, after].concat();
         // The paper's own simulation: the lags of Table 1 and the compensator that they give.

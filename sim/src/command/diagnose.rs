@@ -19,8 +19,10 @@ use crate::record::Experiment;
 use crate::report::Verdict as Headline;
 use crate::report::{Report, Section, diagnosis_section, diagnosis_tone, with_std};
 
+/// Steps of a search that finds one effect: each kind is screened and some are fitted, twice.
+pub(super) const STEPS: u64 = 60;
 /// Width of what is said.
-const WIDTH: usize = 100;
+const WIDTH: usize = 80;
 
 /// Finds where simulation and measurement disagree, names the effect that is missing, and shows the gap shrink
 ///
@@ -85,8 +87,8 @@ impl Diagnose {
         }
         self.report.check(self.out_model.as_deref())?;
         let catalog = Catalog::standard();
-        let bar = progress::spinner("diagnosing");
-        let tick = || bar.tick();
+        let bar = progress::estimate("diagnosing", STEPS);
+        let tick = || progress::step(&bar);
         let options = Options { model: model.as_ref(), catalog: &catalog, progress: &tick };
         let found = diagnose(&experiment, &options)
             .map_err(miette::Report::from)

@@ -22,7 +22,7 @@ use crate::report::Verdict as Headline;
 use crate::report::{Report, bandwidth_diagnosis_section, diagnosis_tone, with_std};
 
 /// Width of what is said.
-const WIDTH: usize = 100;
+const WIDTH: usize = 80;
 
 /// A table of bandwidths in place of records.
 #[derive(Args, Debug)]

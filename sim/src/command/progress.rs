@@ -32,6 +32,21 @@ pub fn bar(what: &'static str, steps: u64) -> ProgressBar {
     start(ProgressBar::with_draw_target(Some(steps), target()).with_style(style), what)
 }
 
+/// A bar for work whose number of steps depends on what comes out, with about so many. Each is told by [`step`].
+pub fn estimate(what: &'static str, steps: u64) -> ProgressBar {
+    let style = ProgressStyle::with_template("{msg} {wide_bar} about {eta} left")
+        .unwrap_or_else(|_| ProgressStyle::default_bar());
+    start(ProgressBar::with_draw_target(Some(steps), target()).with_style(style), what)
+}
+
+/// One more step of [`estimate`]. Where there are more than was thought, a quarter is left to do.
+pub fn step(bar: &ProgressBar) {
+    bar.inc(1);
+    if 5 * bar.position() > 4 * bar.length().unwrap_or_default() {
+        bar.set_length(bar.position() + bar.position().div_ceil(4));
+    }
+}
+
 fn start(bar: ProgressBar, what: &'static str) -> ProgressBar {
     bar.set_message(what);
     bar.enable_steady_tick(Duration::from_millis(200));

@@ -20,7 +20,7 @@ use crate::identify::Bandwidth;
 use crate::report::{bandwidth_cell, rad_s};
 
 /// Width of what is said.
-const WIDTH: usize = 100;
+const WIDTH: usize = 80;
 
 /// What is asked of a redesign.
 #[derive(Args, Debug)]

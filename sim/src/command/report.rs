@@ -98,7 +98,7 @@ struct Parts {
 
 impl Parts {
     fn of(experiment: &Experiment, folder: &Path, given: Option<&Model>, with_diagnosis: bool) -> miette::Result<Self> {
-        let bar = progress::spinner("identifying");
+        let bar = progress::estimate("identifying", super::diagnose::STEPS);
         let long: &[LongRecord] = &[];
         let identified = transform(experiment, long)
             .map_err(miette::Report::from)
@@ -130,7 +130,7 @@ impl Parts {
             let mut experiment = experiment.clone();
             fill_in_esc_commands(&mut experiment, folder).map_err(|error| said(&error.into()))?;
             let catalog = Catalog::standard();
-            let tick = || bar.tick();
+            let tick = || progress::step(&bar);
             diagnose(&experiment, &Options { model: given, catalog: &catalog, progress: &tick })
                 .map_err(|error| said(&error.into()))
         });
