@@ -132,7 +132,8 @@ C(s) = ({linear:.2} s + {wf2:.2}) / (s^2 + {friction:.2} s + {wf2:.2})
   gains little where the pole is slower than {:.4} rad/s
 
 Discrete at {} Hz (Tustin{})
-  coefficients, 2^-32      k {}  c {}  g0 {}  g1 {}
+  coefficients, 2^-32      k {}  c {}
+                           g0 {}  g1 {}
   deviation by rounding    {:.1e} dB at most, at {:.0} rad/s
   pole radii               {:.8}  {:.8}
   L1 gain                  {:.3}: a command in [0, 1] stays in [{:.2}, {:.2}]
