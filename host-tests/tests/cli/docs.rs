@@ -134,18 +134,19 @@ fn run(page: &str, brought: Option<(&str, &str)>) -> usize {
             "console" => count += compare(page, &block, folder.path(), is_update, &mut updated),
             "sh" => {
                 let is_here = !block.lines.first().is_some_and(|first| NOT_HERE.contains(&first.as_str()));
-                for command in commands(&block.lines) {
-                    if is_here {
-                        assert!(!command.starts_with("cargo xtask "), "{page}: `{command}` is not marked");
-                        let (printed, is_success) = printed(&as_installed(&command), folder.path());
-                        assert!(is_success, "{page}: `{command}` fails:\n{}\n", printed.join("\n"));
-                    } else {
-                        parse(page, &command);
-                    }
-                    count += 1;
+                let commands = commands(&block.lines);
+                count += commands.len();
+                if is_here {
+                    let task = commands.iter().find(|command| command.starts_with("cargo xtask "));
+                    assert!(task.is_none(), "{page}: `{}` is not marked", task.unwrap());
+                    let script = format!("set -e\n{}", as_installed(&block.lines.join("\n")));
+                    let (printed, is_success) = printed(&script, folder.path());
+                    assert!(is_success, "{page}: these fail:{script}\n{}\n", printed.join("\n"));
+                } else {
+                    commands.iter().for_each(|command| parse(page, command));
                 }
             }
-            "" | "text" | "toml" | "csv" => {}
+            "" | "text" | "toml" | "csv" | "awk" => {}
             other => panic!("{page}: a block of `{other}` would be neither run nor compared"),
         }
     }
@@ -289,7 +290,7 @@ fn the_pages_on_the_controller_name_commands_that_there_are() {
 fn a_page_with_commands_is_among_those_that_are_run() {
     let has_commands = |page: &String| {
         let found = blocks(&read(page));
-        found.iter().any(|block| !["", "text", "toml", "csv"].contains(&block.language.as_str()))
+        found.iter().any(|block| !["", "text", "toml", "csv", "awk"].contains(&block.language.as_str()))
     };
     let found: BTreeSet<String> = all_pages().into_iter().filter(has_commands).collect();
     let run: BTreeSet<String> = PAGES.iter().map(|(page, ..)| (*page).to_owned()).collect();
