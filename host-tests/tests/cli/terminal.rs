@@ -35,7 +35,9 @@ fn every_command_has_help_with_its_exit_status() {
         ] {
             assert!(help.contains(part), "no `{part}` in the help of {command}:\n{help}");
         }
-        assert!(help.lines().all(|line| line.chars().count() <= 100), "too wide:\n{help}");
+        // The line of usage is not broken.
+        let mut lines = help.lines().filter(|line| !line.starts_with("Usage:"));
+        assert!(lines.all(|line| line.chars().count() <= 100), "too wide:\n{help}");
         let short = stand.run(&format!("{command} -h"));
         assert!(short.len() < help.len(), "{command}");
     }
