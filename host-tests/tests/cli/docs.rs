@@ -1,7 +1,7 @@
 //! The commands of the README and of the pages under `docs` do what the pages say.
 //!
 //! A page's fenced blocks are taken in order, in a folder of the page's own. A block that follows a line of only a file's
-//! name in backquotes and a colon becomes that file. The lines of a `console` block that begin with `$ ` are run by a shell,
+//! name in backquotes and a colon becomes that file and nothing else. The lines of a `console` block that begin with `$ ` are run by a shell,
 //! and what they print has to be what stands below them, blanks at the ends of lines aside. The lines of an `sh` block are
 //! run, and have to succeed. Where its first line is one of [`NOT_HERE`], which a reader understands as well, they are not
 //! run: of those the arguments are parsed. A figure that a page shows, `figures/A-B.svg`, is the one that its commands draw
@@ -129,6 +129,7 @@ fn run(page: &str, brought: Option<(&str, &str)>) -> usize {
             let file = folder.path().join(file);
             std::fs::create_dir_all(file.parent().unwrap()).unwrap();
             std::fs::write(file, block.lines.join("\n") + "\n").unwrap();
+            continue;
         }
         match block.language.as_str() {
             "console" => count += compare(page, &block, folder.path(), is_update, &mut updated),
@@ -141,12 +142,12 @@ fn run(page: &str, brought: Option<(&str, &str)>) -> usize {
                     assert!(task.is_none(), "{page}: `{}` is not marked", task.unwrap());
                     let script = format!("set -e\n{}", as_installed(&block.lines.join("\n")));
                     let (printed, is_success) = printed(&script, folder.path());
-                    assert!(is_success, "{page}: these fail:{script}\n{}\n", printed.join("\n"));
+                    assert!(is_success, "{page}: these fail: {script}\n{}\n", printed.join("\n"));
                 } else {
                     commands.iter().for_each(|command| parse(page, command));
                 }
             }
-            "" | "text" | "toml" | "csv" | "awk" => {}
+            "" | "text" | "toml" | "csv" => {}
             other => panic!("{page}: a block of `{other}` would be neither run nor compared"),
         }
     }
@@ -290,7 +291,7 @@ fn the_pages_on_the_controller_name_commands_that_there_are() {
 fn a_page_with_commands_is_among_those_that_are_run() {
     let has_commands = |page: &String| {
         let found = blocks(&read(page));
-        found.iter().any(|block| !["", "text", "toml", "csv", "awk"].contains(&block.language.as_str()))
+        found.iter().any(|block| block.file.is_none() && ["sh", "console"].contains(&block.language.as_str()))
     };
     let found: BTreeSet<String> = all_pages().into_iter().filter(has_commands).collect();
     let run: BTreeSet<String> = PAGES.iter().map(|(page, ..)| (*page).to_owned()).collect();
