@@ -42,7 +42,7 @@ pub fn measured_table(measured: &[MeasuredBandwidth]) -> String {
         text.push_str(&format!("  {nominal:<5.3}   {with:<11} {value:>12}   {interval:<15}   {file}\n"));
     }
     text.push_str(
-        "  Where a compensated response runs almost level near -3 dB, 0.1 dB moves its\n  bandwidth by a tenth.\n",
+        "  Where a compensated response runs almost level near -3 dB,\n  0.1 dB moves its bandwidth by a tenth.\n",
     );
     text
 }
