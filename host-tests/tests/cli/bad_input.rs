@@ -286,7 +286,7 @@ fn a_destination_that_is_in_the_way_or_nowhere_is_refused() {
         let into = |out: &str| format!("{arguments} --out {out}");
         stand.refuses(&into("stand"), 1, &["`stand` exists and is not empty", "give another folder"]);
         stand.refuses(&into("no/where"), 1, &["`no/where`", "there is no folder `no`", "create that folder first"]);
-        stand.refuses(&into("model.toml"), 1, &["`model.toml` is not a folder"]);
+        stand.refuses(&into("plan.toml"), 1, &["`plan.toml` is not a folder"]);
         stand.refuses(&into("."), 1, &["`.`", "name of a new folder"]);
     }
     for arguments in ["identify stand", "design --model model.toml", "excite --band 0.1..2 --rate 100"] {

@@ -118,7 +118,7 @@ fn words(found: &BandwidthDiagnosis) -> String {
         text.push_str(line.trim_end());
         text.push('\n');
     };
-    line("\nMeasured over simulated bandwidth, and where the gap lies (squares of the logarithm, percent):".to_owned());
+    line("\nMeasured over simulated bandwidth, and the part of the gap that lies there\n(of the squares of the logarithm):".to_owned());
     line("  u_nom   uncompensated         compensated".to_owned());
     for (row, parts) in found.table.rows.iter().zip(&found.parts) {
         let cells = parts.map(|part| match part.ratio {
