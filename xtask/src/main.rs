@@ -67,24 +67,24 @@ fn task<'a>(arguments: &'a [&'a str]) -> Option<Task<'a>> {
         ["build"] => Box::new(|| firmware::build().map(drop)),
         ["build", "--update-readme"] => Box::new(|| firmware::build().and_then(readme::update)),
         ["emulate"] => Box::new(|| firmware::emulate(emulator::DEFAULT_PORT)),
-        ["emulate", port] => Box::new(|| {
+        ["emulate", port] => Box::new(move || {
             let port = port.parse().map_err(|_| format!("{port} is not a TCP port"))?;
             firmware::emulate(port)
         }),
         ["flash"] => Box::new(firmware::flash),
         ["test"] => Box::new(test::all),
         ["docs"] => Box::new(docs::write),
-        ["blind", options @ ..] => Box::new(|| blind::run_cases(options)),
+        ["blind", options @ ..] => Box::new(move || blind::run_cases(options)),
         ["statistics"] => Box::new(statistics::all),
         ["bench"] => Box::new(bench::all),
         ["bench", "--firmware"] => Box::new(|| bench::firmware(None)),
-        ["bench", "--firmware", "--json", file] => Box::new(|| bench::firmware(Some(file))),
+        ["bench", "--firmware", "--json", file] => Box::new(move || bench::firmware(Some(file))),
         ["bench", "--identify"] => Box::new(|| bench::identify(false, None)),
-        ["bench", "--identify", "--json", file] => Box::new(|| bench::identify(false, Some(file))),
+        ["bench", "--identify", "--json", file] => Box::new(move || bench::identify(false, Some(file))),
         ["bench", "--identify", "--largest"] => Box::new(|| bench::identify(true, None)),
-        ["bench", "--identify", "--largest", "--json", file] => Box::new(|| bench::identify(true, Some(file))),
+        ["bench", "--identify", "--largest", "--json", file] => Box::new(move || bench::identify(true, Some(file))),
         ["bench", "--diagnose"] => Box::new(|| bench::diagnose(None)),
-        ["bench", "--diagnose", "--json", file] => Box::new(|| bench::diagnose(Some(file))),
+        ["bench", "--diagnose", "--json", file] => Box::new(move || bench::diagnose(Some(file))),
         ["help" | "--help" | "-h"] | [] => Box::new(|| {
             print!("{HELP}");
             Ok(())

@@ -25,18 +25,31 @@ use crate::stand::program;
 const NOT_HERE: [&str; 4] =
     ["# needs the controller", "# needs the emulator", "# needs the network, once", "# takes long"];
 
-/// The pages with commands, from the root of the sources, and how many commands each has at least. The README comes with
-/// the log that its reader has.
-const PAGES: [(&str, usize, Option<(&str, &str)>); 9] = [
-    ("README.md", 8, Some(("log.csv", "sim/tests/data/rcbenchmark.csv"))),
-    ("docs/tutorial.md", 30, None),
-    ("docs/figures.md", 12, None),
-    ("docs/identification.md", 4, None),
-    ("docs/when-identification-fails.md", 15, None),
-    ("docs/diagnosis-from-bandwidths.md", 3, None),
-    ("docs/diagnosis.md", 8, None),
-    ("docs/firmware.md", 4, None),
-    ("docs/wiring.md", 2, None),
+/// A page with commands.
+struct Page {
+    /// From the root of the sources.
+    file: &'static str,
+    /// How many commands it has at least.
+    commands: usize,
+    /// What its reader has already: a file's name, and what it is here.
+    brought: Option<(&'static str, &'static str)>,
+}
+
+const fn page(file: &'static str, commands: usize) -> Page {
+    Page { file, commands, brought: None }
+}
+
+/// Every page with commands.
+const PAGES: [Page; 9] = [
+    Page { brought: Some(("log.csv", "sim/tests/data/rcbenchmark.csv")), ..page("README.md", 8) },
+    page("docs/tutorial.md", 30),
+    page("docs/figures.md", 12),
+    page("docs/identification.md", 4),
+    page("docs/when-identification-fails.md", 15),
+    page("docs/diagnosis-from-bandwidths.md", 3),
+    page("docs/diagnosis.md", 8),
+    page("docs/firmware.md", 4),
+    page("docs/wiring.md", 2),
 ];
 
 /// One fenced block, and the file's name on the line before it.
@@ -157,7 +170,7 @@ fn run(page: &str, brought: Option<(&str, &str)>) -> usize {
         let Some(drawn) = folders.iter().find(|folder| folder.is_dir()) else {
             let first = PAGES
                 .iter()
-                .map(|(page, ..)| *page)
+                .map(|page| page.file)
                 .find(|page| figures(&read(page)).iter().any(|(_, one)| *one == name));
             assert!(first != Some(page), "{page} has no command that draws {name}");
             continue;
@@ -232,10 +245,10 @@ fn read(page: &str) -> String {
 }
 
 #[track_caller]
-fn holds(page: &str) {
-    let (_, least, brought) = PAGES.iter().find(|(name, ..)| *name == page).unwrap();
-    let count = run(page, *brought);
-    assert!(count >= *least, "{page} has {count} commands only");
+fn holds(file: &str) {
+    let page = PAGES.iter().find(|page| page.file == file).unwrap();
+    let count = run(file, page.brought);
+    assert!(count >= page.commands, "{file} has {count} commands only");
 }
 
 #[cfg(unix)]
@@ -294,7 +307,7 @@ fn a_page_with_commands_is_among_those_that_are_run() {
         found.iter().any(|block| block.file.is_none() && ["sh", "console"].contains(&block.language.as_str()))
     };
     let found: BTreeSet<String> = all_pages().into_iter().filter(has_commands).collect();
-    let run: BTreeSet<String> = PAGES.iter().map(|(page, ..)| (*page).to_owned()).collect();
+    let run: BTreeSet<String> = PAGES.iter().map(|page| page.file.to_owned()).collect();
     assert_eq!(found, run);
 }
 

@@ -6,7 +6,9 @@ use rotorlead::design::{LeadDesign, LeadParameters};
 use super::bode::{Curve, bode};
 use super::figure::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
 use crate::design::BandwidthPoint;
-use crate::identify::{Bandwidth, MeasuredBandwidth, NominalIdentification, PeriodicIdentification, THREE_DB};
+use crate::identify::{
+    Bandwidth, MeasuredBandwidth, NominalIdentification, PeriodicIdentification, RecordResponse, THREE_DB,
+};
 use crate::plant::Model;
 
 /// The lowest frequency of a model's curve, rad/s: that of the paper's excitation.
@@ -64,8 +66,7 @@ pub fn simulated(model: &Model, lead: &LeadParameters) -> Figure {
 #[must_use]
 pub fn measured(plain: &PeriodicIdentification, compensated: &PeriodicIdentification) -> Option<Figure> {
     let mut curves = Vec::new();
-    for (index, with) in compensated.nominals.iter().enumerate() {
-        let Some(after) = with.responses.iter().find(|response| response.compensated) else { continue };
+    for (index, (with, after)) in with_compensator(compensated).enumerate() {
         let without = same(plain, with.nominal);
         let gain = without.unwrap_or(with).fit.gain.value;
         let (group, color) = (format!("u_nom {}", with.nominal), Color::nth(index));
@@ -97,8 +98,7 @@ pub fn simulation_and_experiment(
     design: &LeadDesign,
 ) -> Option<Figure> {
     let mut curves = Vec::new();
-    for (index, with) in compensated.nominals.iter().enumerate() {
-        let Some(after) = with.responses.iter().find(|response| response.compensated) else { continue };
+    for (index, (with, after)) in with_compensator(compensated).enumerate() {
         let fit = &same(plain, with.nominal).unwrap_or(with).fit;
         let gain = fit.gain.value;
         let (group, color) = (format!("u_nom {}", with.nominal), Color::nth(index));
@@ -118,6 +118,11 @@ pub fn simulation_and_experiment(
             bode(&curves, "dB over the static gain", &levels()),
         )
     })
+}
+
+/// The nominal commands that have a compensated record, with its response.
+fn with_compensator(found: &PeriodicIdentification) -> impl Iterator<Item = (&NominalIdentification, &RecordResponse)> {
+    found.nominals.iter().filter_map(|one| Some((one, one.responses.iter().find(|response| response.compensated)?)))
 }
 
 fn same(found: &PeriodicIdentification, nominal: f64) -> Option<&NominalIdentification> {
