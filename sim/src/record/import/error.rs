@@ -62,7 +62,8 @@ pub enum ImportError {
     #[error("{}, line 1: the header is that of no known log format: {header}", file.display())]
     #[diagnostic(help(
         "known: RCbenchmark (columns `Time (s)` and `ESC signal (µs)`), AutoQuad ESC32 (columns `Timestamp` and `Duty`), \
-         MATLAB files of named vectors (`save -v7`), PX4 ULog and Betaflight blackbox; other data can be written as an experiment folder by hand"
+         MATLAB files of named vectors (`save -v7`), PX4 ULog and Betaflight blackbox. Other data need no import: \
+         `rotorlead new` writes an experiment.toml, and CSV files with the columns time_s, command and thrust_n go beside it"
     ))]
     UnknownFormat {
         /// The log.
