@@ -3,7 +3,8 @@
   // Along a logarithmic axis 1, 2 and 5 of each decade are named in full, or the ones alone, or what suits a close view.
   const ticks = (range, narrow) => {
     const [low, high] = [Math.min(...range), Math.max(...range)];
-    if (high - low < 0.7 || high - low > (narrow ? 1.6 : 4)) return { tickmode: "auto", dtick: high - low < 0.7 ? null : 1 };
+    if (high - low < 0.7) return { tickmode: "auto" };
+    if (high - low > (narrow ? 1.6 : 4)) return { tickmode: "linear", tick0: 0, dtick: 1 };
     const tickvals = [];
     for (let decade = Math.floor(low); decade <= high; decade += 1) {
       for (const part of [1, 2, 5]) {
