@@ -16,7 +16,7 @@ use super::residual::misfit;
 use super::scan::Scan;
 use super::screening::Screening;
 use super::trial::{Before, Purpose, Trial, Trials};
-use super::{frames, grid, witness};
+use super::{frames, grid, resonance, witness};
 use crate::identify::offset_and_start;
 use crate::plant::Catalog;
 use crate::plant::effect::{Kind, Shows};
@@ -300,7 +300,9 @@ impl Search<'_> {
         let valleys =
             if grid::is_grid(kind) { grid::steps(&self.trials, from, kind) } else { scan.valleys(kind, GRID) };
         let is_jumping = !valleys.is_empty();
-        look(&mut judged, if is_jumping { valleys } else { Candidate::starts(kind, self.trials.has_logs()) });
+        let modes = if resonance::is_mode(kind) { resonance::modes(&self.trials, from, kind) } else { Vec::new() };
+        let starts = [valleys, modes].into_iter().find(|starts| !starts.is_empty());
+        look(&mut judged, starts.unwrap_or_else(|| Candidate::starts(kind, self.trials.has_logs())));
         if is_jumping {
             // Down into the lowest.
             for round in 0..VALLEY_LOOKS {

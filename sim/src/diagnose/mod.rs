@@ -22,6 +22,7 @@ mod log;
 mod next;
 mod profile;
 mod residual;
+mod resonance;
 mod scan;
 mod screening;
 mod steadiness;
