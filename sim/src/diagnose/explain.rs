@@ -16,7 +16,7 @@ use super::residual::misfit;
 use super::scan::Scan;
 use super::screening::Screening;
 use super::trial::{Before, Purpose, Trial, Trials};
-use super::{frames, grid, resonance, witness};
+use super::{collapsed, frames, grid, resonance, witness};
 use crate::identify::offset_and_start;
 use crate::plant::Catalog;
 use crate::plant::effect::{Kind, Shows};
@@ -200,13 +200,16 @@ impl Search<'_> {
 
     /// Kinds that improve on `from`, best first.
     fn tries(&self, from: &Fit, exclude: &[&'static Kind]) -> Vec<Tried> {
-        let Some(screening) = Screening::new(&self.trials, from) else { return Vec::new() };
-        let Some(scan) = Scan::new(&self.trials, from) else { return Vec::new() };
-        let kinds = self.catalog.kinds().filter(|kind| kind.id != "parameter_error" && !exclude.contains(kind));
+        let lifted = collapsed::lifted(&self.trials, from);
         let mut screened: Vec<(f64, Hypothesis, &'static Kind)> = Vec::new();
-        for kind in kinds.filter(|kind| kind.shows != Shows::OverLevels) {
-            screened.extend(self.screen(&screening, &scan, from, kind));
-            (self.progress)();
+        for near in std::iter::once(from).chain(&lifted) {
+            let Some(screening) = Screening::new(&self.trials, near) else { continue };
+            let Some(scan) = Scan::new(&self.trials, near) else { continue };
+            let kinds = self.catalog.kinds().filter(|kind| kind.id != "parameter_error" && !exclude.contains(kind));
+            for kind in kinds.filter(|kind| kind.shows != Shows::OverLevels) {
+                screened.extend(self.screen(&screening, &scan, near, kind));
+                (self.progress)();
+            }
         }
         screened.sort_by(|a, b| a.0.total_cmp(&b.0));
         let best = screened.first().map_or(0.0, |best| from.misfit - best.0);

@@ -12,6 +12,9 @@ use crate::plant::{
 /// How far a value may leave its plausible range in a search, in widths of the range.
 const BEYOND: f64 = 0.5;
 
+/// Gain of a lag that does not respond: its logarithm is searched.
+const LEAST_GAIN: f64 = 1e-9;
+
 /// Most pieces of the plausible range of a single value that are tried on all records.
 pub(super) const GRID: u32 = 12;
 
@@ -289,7 +292,7 @@ impl Hypothesis {
         match coordinate {
             Coordinate::Gain(point) => {
                 let gain = &mut self.base[point].gain;
-                *gain = to.exp().copysign(*gain);
+                *gain = to.exp().max(LEAST_GAIN).copysign(*gain);
             }
             Coordinate::TimeConstant(point) => self.base[point].time_constant_s = to.exp().clamp(1e-4, 100.0),
             Coordinate::Late => self.late_s = to,

@@ -8,6 +8,7 @@
 mod backward;
 pub mod bandwidths;
 mod channel;
+mod collapsed;
 mod compensated;
 mod error;
 mod explain;
@@ -314,8 +315,10 @@ fn wrong_numbers(
     let gain = ratio(|point| point.gain, Coordinate::Gain);
     let time_constant = ratio(|point| point.time_constant_s, Coordinate::TimeConstant);
     let beside = !refitted.hypothesis.effects.is_empty();
-    let large = gain.value.abs().max(time_constant.value.abs()) > LEAST_ERROR_BESIDE;
-    let is_wrong = worth > LEAST_WORTH_OF_NUMBERS && (large || !beside);
+    // What is not known cannot be wrong.
+    let error = |estimate: &Estimate| if estimate.excludes(0.0) { estimate.value.abs() } else { 0.0 };
+    let largest = error(&gain).max(error(&time_constant));
+    let is_wrong = worth > LEAST_WORTH_OF_NUMBERS && largest > if beside { LEAST_ERROR_BESIDE } else { 0.0 };
     is_wrong.then(|| (worth, [gain, time_constant], given.hypothesis.clone()))
 }
 
