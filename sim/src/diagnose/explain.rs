@@ -1,8 +1,8 @@
 //! Explain: which effects of the catalog the misfit asks for.
 //!
 //! Every kind is tried at its starts, with the lags moved along to first order; the promising ones are fitted jointly with
-//! the lags on the fitted stretches. What a kind is worth is its gain of log likelihood there, less one per parameter
-//! (Akaike 1974), plus its gain on the held-out stretches, where parameters cannot help themselves. Effects are added one
+//! the lags on the fitted stretches. What a kind is worth is its gain of log likelihood there, less what the search would gain
+//! by chance ([`price`]), plus its gain on the held-out stretches, where parameters cannot help themselves. Effects are added one
 //! at a time; each is then tried again in the presence of the others, exchanged where another kind serves better there, and
 //! dropped where the others make it redundant.
 
@@ -19,7 +19,7 @@ use super::trial::{Before, Purpose, Trial, Trials};
 use super::{collapsed, frames, grid, resonance, witness};
 use crate::identify::offset_and_start;
 use crate::plant::Catalog;
-use crate::plant::effect::{Kind, Shows};
+use crate::plant::effect::{Kind, Parameter, Shows};
 
 /// Most effects that are named.
 const MOST_EFFECTS: usize = 3;
@@ -63,8 +63,8 @@ pub(super) struct Tried {
     pub fitted_gain: f64,
     /// Gain of log likelihood over what is held out.
     pub held_out_gain: f64,
-    /// Numbers it has.
-    pub parameters: usize,
+    /// What the search itself would gain by chance: see [`price`].
+    pub price: f64,
     /// What the columns beside the response say for it, over the best of those between which they were asked; 0 or less.
     pub witnessed: f64,
 }
@@ -77,7 +77,7 @@ impl Tried {
 
     /// What it is worth, in units of log likelihood.
     pub fn worth(&self) -> f64 {
-        self.fitted_gain - self.parameters as f64 + self.held_out_gain + self.witnessed
+        self.fitted_gain - self.price + self.held_out_gain + self.witnessed
     }
 }
 
@@ -91,6 +91,17 @@ pub(super) fn aligned(all: &Trials, trial: &Trial, hypothesis: &Hypothesis) -> O
     let decay = |time: &f64| (-(time - time_s[0]) / tau_s).exp();
     let moved = simulated.iter().zip(time_s).map(|(model, time)| model + offset + start * decay(time));
     Some((start, measured.iter().zip(moved).map(|(y, model)| y - model).collect()))
+}
+
+/// What a search for a kind would gain on average where there is nothing: one for each number that it moves (Akaike 1974). Where
+/// the response jumps about as the value moves, each of many places is a trial of its own, and the best of `n` trials has `ln n`
+/// more (the tail of the log likelihood's gain by chance is exponential).
+pub(super) fn price(kind: &'static Kind) -> f64 {
+    let of_value = |parameter: &Parameter| {
+        let places = if grid::is_grid(kind) { grid::lines(parameter).len() as u32 } else { parameter.pieces };
+        1.0 + if parameter.pieces > GRID { f64::from(places).ln() } else { 0.0 }
+    };
+    Candidate::searched(kind).map(|(_, parameter)| of_value(parameter)).sum()
 }
 
 /// The most valuable first.
@@ -323,8 +334,7 @@ impl Search<'_> {
 
     fn attempt(&self, from: &Fit, start: &Hypothesis, kind: &'static Kind, most_steps: usize) -> Option<Tried> {
         let fit = fit_in(&self.trials, start, true, most_steps)?;
-        let parameters = Candidate::searched(kind).count();
-        let mean = self.tried(from, fit, kind, parameters);
+        let mean = self.tried(from, fit, kind, price(kind));
         // Where the frames lie is looked for once their rate is about known.
         let anywhere = |effect: &Candidate| effect.kind == kind && effect.has_frames() && effect.phases.is_empty();
         let effect = mean.fit.hypothesis.effects.iter().position(anywhere).filter(|_| most_steps == MOST_STEPS);
@@ -333,15 +343,15 @@ impl Search<'_> {
             let fit = fit_in(&self.trials, &framed, true, most_steps)?;
             let fit = fit_in(&self.trials, &frames::polish(&self.trials, &fit, effect)?, true, most_steps)?;
             // A phase for each record, beside the rate.
-            Some(self.tried(from, fit, kind, parameters + self.trials.trials.len()))
+            Some(self.tried(from, fit, kind, price(kind) + self.trials.trials.len() as f64))
         });
         Some(framed.filter(|framed| framed.worth() > mean.worth()).unwrap_or(mean))
     }
 
-    fn tried(&self, from: &Fit, fit: Fit, kind: &'static Kind, parameters: usize) -> Tried {
+    fn tried(&self, from: &Fit, fit: Fit, kind: &'static Kind, price: f64) -> Tried {
         let fitted_gain = 0.5 * (from.misfit - fit.misfit);
         let held_out_gain = self.held_out_gain(&from.hypothesis, &fit.hypothesis);
-        Tried { kind, fit, fitted_gain, held_out_gain, parameters, witnessed: 0.0 }
+        Tried { kind, fit, fitted_gain, held_out_gain, price, witnessed: 0.0 }
     }
 
     /// By how much the log likelihood of what is held out grows.

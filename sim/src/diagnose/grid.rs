@@ -5,6 +5,7 @@
 //! by command one transform shows all steps.
 
 use std::f64::consts::PI;
+use std::ops::Range;
 
 use num_complex::Complex64;
 use rayon::prelude::*;
@@ -14,7 +15,7 @@ use super::backward::{Backward, told};
 use super::fit::Fit;
 use super::hypothesis::Candidate;
 use super::trial::Trials;
-use crate::plant::effect::Kind;
+use crate::plant::effect::{Kind, Parameter};
 
 /// Commands that are told apart, of the range 0..1 and as much again below and above: a tenth of the finest step.
 const BINS: usize = 1 << 17;
@@ -29,6 +30,12 @@ const STEPS: usize = 10;
 /// Whether a kind is a grid.
 pub(super) fn is_grid(kind: &Kind) -> bool {
     kind.id == "command_quantization"
+}
+
+/// The lines of the transform that are looked at: line `l` has `l` steps over the width of the bins.
+pub(super) fn lines(parameter: &Parameter) -> Range<usize> {
+    let (least, most) = parameter.plausible;
+    (WIDTH / most) as usize..(WIDTH / least) as usize
 }
 
 /// Steps that the residual of `fit` speaks of, the loudest first.
@@ -61,9 +68,6 @@ pub(super) fn steps(trials: &Trials, fit: &Fit, kind: &'static Kind) -> Vec<Cand
     }
     let power: f64 = gathered.iter().map(|(_, power)| power).sum();
     FftPlanner::new().plan_fft_forward(BINS).process(&mut spectrum);
-    let (least, most) = parameter.plausible;
-    // Line l has l steps over the width of the bins.
-    let lines = (WIDTH / most) as usize..(WIDTH / least) as usize;
     let gain = |line: usize| {
         let steps_per_unit = line as f64 / WIDTH;
         // The bins begin below 0, and a bin's commands are on average in its middle.
@@ -72,7 +76,7 @@ pub(super) fn steps(trials: &Trials, fit: &Fit, kind: &'static Kind) -> Vec<Cand
         // The transform has e^(-j x): its imaginary part is minus the product with the sine.
         2.0 * size * turned.im - size * size * power
     };
-    let mut gains: Vec<(f64, usize)> = lines.map(|line| (gain(line), line)).collect();
+    let mut gains: Vec<(f64, usize)> = lines(parameter).map(|line| (gain(line), line)).collect();
     gains.sort_by(|a, b| b.0.total_cmp(&a.0));
     let candidate = |(_, line): &(f64, usize)| {
         let mut values = kind.null();

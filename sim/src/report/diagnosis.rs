@@ -90,7 +90,7 @@ fn candidates(found: &Diagnosis) -> Option<Figure> {
     };
     let mut series = vec![bars("named", Color::Vermilion, true), bars("tried", Color::Blue, false)];
     series.retain(|series| !series.points.is_empty());
-    let axis = Axis::log("evidence", "log likelihood gained, less one per parameter").within(1.0, 3.0 * best.max(10.0));
+    let axis = Axis::log("evidence", "log likelihood gained beyond chance").within(1.0, 3.0 * best.max(10.0));
     let panel =
         Panel { height: shown.len() as u32 * LINE + AROUND, ..Panel::new(axis, Axis::names("", names), series) };
     let caption = "Each kind of effect is fitted alone; what it gains counts on fitted and held-out records. Several long bars are effects \

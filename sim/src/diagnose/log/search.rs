@@ -7,9 +7,9 @@
 //! Staircases show fewer kinds than periodic records do, each from its best start.
 
 use super::split::Folds;
-use crate::diagnose::explain::{ALIKE, Explanation, FIRST_STEPS, Found, LEAST_WORTH, Search, Tried, by_worth};
+use crate::diagnose::explain::{ALIKE, Explanation, FIRST_STEPS, Found, LEAST_WORTH, Search, Tried, by_worth, price};
 use crate::diagnose::fit::{Fit, fit_in};
-use crate::diagnose::hypothesis::{Candidate, Hypothesis};
+use crate::diagnose::hypothesis::Hypothesis;
 use crate::diagnose::residual::surprise;
 use crate::diagnose::scan::Scan;
 use crate::diagnose::screening::Screening;
@@ -228,12 +228,5 @@ fn is_worth_it(tried: &Tried) -> bool {
 fn tried(before: &Judged, folds: &Folds, with: Judged, kind: &'static Kind) -> Tried {
     let fitted_gain = 0.5 * (before.surprise - with.surprise);
     let held_out_gain = folds.gain(&with.trials, &with.fit.hypothesis).unwrap_or(0.0);
-    Tried {
-        kind,
-        fit: with.fit,
-        fitted_gain,
-        held_out_gain,
-        parameters: Candidate::searched(kind).count(),
-        witnessed: 0.0,
-    }
+    Tried { kind, fit: with.fit, fitted_gain, held_out_gain, price: price(kind), witnessed: 0.0 }
 }
