@@ -2,9 +2,9 @@
 
 mod importing;
 
-use importing::{imported, message};
+use importing::{imported, message, sample};
 use proptest::prelude::*;
-use rotorlead_sim::record::import::{Import, ImportError, ImportOptions, LogFormat};
+use rotorlead_sim::record::import::{Import, ImportError, ImportOptions, LogFormat, import};
 use rotorlead_sim::record::{Excitation, Output, Record};
 
 const ROWS: usize = 400;
@@ -47,7 +47,7 @@ fn units_in_the_header_are_converted() {
     let record = &experiment.records[0];
     assert_eq!(record.file, "log.csv");
     assert_eq!((record.excitation, record.period_s), (Excitation::Staircase, None));
-    assert_eq!((record.nominal, record.amplitude), (0.5, Some(0.5 * (0.6 - 0.4))));
+    assert_eq!((record.nominal, record.amplitude), (0.5, Some(0.1)));
     assert_eq!((record.time_s[0], record.time_s[1], record.time_s[399]), (0.0, 0.005, 1.995));
     assert_eq!((record.command[0], record.command[150]), (0.4, 0.5));
     assert!((record.thrust_n.as_ref().unwrap()[2] - 101.0 * 0.009_806_65).abs() < 1e-12);
@@ -55,7 +55,11 @@ fn units_in_the_header_are_converted() {
     let note = |name: &str| summary.columns.iter().find(|column| column.name == name).unwrap().note.clone();
     assert_eq!(note("pwm_us"), "1000..2000 µs become 0..1, stated and not measured");
     assert_eq!(note("thrust_g"), "in gf, times 0.00980665");
-    assert!(summary.notes.iter().any(|note| note.contains("nominal 0.500 (middle of its range)")), "{:?}", summary.notes);
+    assert!(
+        summary.notes.iter().any(|note| note.contains("nominal 0.500 (middle of its range)")),
+        "{:?}",
+        summary.notes
+    );
 }
 
 #[test]
@@ -127,6 +131,16 @@ fn columns_without_a_name_are_called_by_their_place() {
     let found = imported(rows.as_bytes(), &options(&columns)).unwrap();
     assert_eq!(found.experiment.records[0].time_s, record(&table(HEADER)).time_s);
     assert!(found.summary.notes.iter().any(|note| note.contains("no header")), "{:?}", found.summary.notes);
+}
+
+/// Its rows overtake each other, which that format's reader knows and a plain table's does not.
+#[test]
+fn a_known_log_whose_columns_are_stated_is_a_plain_table() {
+    let log = sample("rcbenchmark.csv");
+    let known = import(&log, &options(&[])).unwrap();
+    assert_eq!(known.summary.format, LogFormat::RcBenchmark);
+    let error = import(&log, &options(&["rpm=Motor Electrical Speed (RPM)"])).unwrap_err();
+    assert!(matches!(error, ImportError::TimeRunsBack { .. }), "{error}");
 }
 
 #[test]
@@ -223,8 +237,7 @@ fn multisine(periods: f64, nominal_us: f64) -> String {
 #[test]
 fn the_nominal_command_is_the_mean_of_whole_periods_or_the_middle_of_the_range() {
     let described = |text: &str, excitation, period_s, nominal| {
-        let options =
-            ImportOptions { excitation: Some(excitation), period_s, nominal, ..ImportOptions::default() };
+        let options = ImportOptions { excitation: Some(excitation), period_s, nominal, ..ImportOptions::default() };
         let Import { experiment, summary } = imported(text.as_bytes(), &options).unwrap();
         let record = &experiment.records[0];
         (record.nominal, record.amplitude.unwrap(), record.period_s, summary.notes.last().unwrap().clone())
@@ -260,8 +273,9 @@ proptest! {
         let mut lines: Vec<Vec<String>> =
             numbers().iter().take(200).map(|row| row.iter().map(f64::to_string).collect()).collect();
         for (line, cell, text) in cells {
-            lines[line].resize(lines[line].len().max(cell + 1), String::new());
-            lines[line][cell] = text;
+            let line = &mut lines[line];
+            line.resize(line.len().max(cell + 1), String::new());
+            line[cell] = text;
         }
         let lines: Vec<String> = lines.iter().map(|cells| cells.join(&separator.to_string())).collect();
         let mut bytes = format!("{header}\n{}", lines.join("\n")).into_bytes();

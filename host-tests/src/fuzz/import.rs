@@ -50,11 +50,8 @@ impl FuzzedFormat {
 /// When the importer does, or takes what no experiment is, or refuses without saying why, where and what to do.
 fn check(bytes: &[u8]) {
     // What a plain table does not say. A period has rows to find, and a mean.
-    let options = ImportOptions {
-        excitation: Some(Excitation::Multisine),
-        period_s: Some(0.1),
-        ..ImportOptions::default()
-    };
+    let options =
+        ImportOptions { excitation: Some(Excitation::Multisine), period_s: Some(0.1), ..ImportOptions::default() };
     match import_bytes(Path::new(FILE), bytes, &options) {
         Ok(Import { experiment, summary }) => {
             let [record] = &experiment.records[..] else { panic!("{} records", experiment.records.len()) };

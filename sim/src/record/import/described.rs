@@ -5,6 +5,8 @@ use crate::record::Excitation;
 
 /// Commands are told apart to this: a microsecond of a pulse width from 1000 to 2000.
 const COMMAND_STEP: f64 = 1e-3;
+/// Digits beyond this are those of the arithmetic.
+const DIGITS: f64 = 1e6;
 /// A level half way between two is the upper one, also where noise has it a little below.
 const BELOW_HALF: f64 = 0.1;
 
@@ -63,6 +65,7 @@ impl Taken {
             Excitation::Step => (f64::max(high - nominal, nominal - low), "how far it steps"),
             _ => ((high - low) / 2.0, "half of its range"),
         };
+        let found = Some((found * DIGITS).round() / DIGITS).filter(|rounded| *rounded > 0.0).unwrap_or(found);
         let (amplitude, extent) = options.amplitude.map_or((found, extent), |amplitude| (amplitude, "as stated"));
         let period = period_s.map(|period_s| format!(" with a period of {period_s} s")).unwrap_or_default();
         let note =
@@ -91,7 +94,7 @@ impl Taken {
                 (rounded(middle), String::from("middle of its range"))
             }
             (Excitation::Step, _) => (self.command[0], String::from("before the step")),
-            _ => (middle, String::from("middle of its range")),
+            _ => ((middle * DIGITS).round() / DIGITS, String::from("middle of its range")),
         }
     }
 }

@@ -117,9 +117,13 @@ impl Question {
     }
 }
 
-/// `--column` as it is typed.
+/// `--column` as it is typed in a shell.
 pub(super) fn option(quantity: Quantity, header: &str, unit: &str) -> String {
     let value = format!("{}={header}:{unit}", quantity.name());
+    let is_plain = |c: char| c.is_alphanumeric() || "=:_-+./,".contains(c);
+    if value.chars().all(is_plain) {
+        return format!("--column {value}");
+    }
     // What cannot be quoted, a null byte, cannot be typed either.
     let quoted = shlex::try_quote(&value).map(std::borrow::Cow::into_owned);
     format!("--column {}", quoted.unwrap_or(value))
