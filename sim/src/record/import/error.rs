@@ -82,23 +82,15 @@ pub enum ImportError {
         line: usize,
     },
     /// A plain table whose names do not say what is what.
-    #[error("{}{place}: {problem}", file.display())]
-    #[diagnostic(help(
-        "the columns are {columns}. Nothing is guessed: say which is what, and in which unit, with `{options}` ({units})"
-    ))]
+    #[error("{}{problem}", file.display())]
+    #[diagnostic(help("{remedy}"))]
     UnclearColumns {
         /// The log.
         file: PathBuf,
-        /// Where the names are: `, line 1`, or nothing.
-        place: String,
-        /// What is not told.
+        /// What is not told, behind the line of the names where there is one.
         problem: String,
-        /// All columns.
-        columns: String,
-        /// What would tell it.
-        options: String,
-        /// Units that may be given.
-        units: String,
+        /// All columns, and the options that would tell it.
+        remedy: String,
     },
     /// A column is stated that is not there.
     #[error("{}: there is no column `{column}`", file.display())]

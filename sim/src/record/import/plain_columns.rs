@@ -182,16 +182,18 @@ fn own_command(plain: &PlainTable, index: usize, quantity: Quantity) -> Option<U
 
 /// The error that asks all questions at once.
 fn ask(plain: &PlainTable, questions: &[Question]) -> ImportError {
-    let join = |parts: Vec<&str>, with: &str| parts.join(with);
-    let units =
-        questions.iter().map(|question| format!("{} in {}", question.quantity.name(), question.quantity.units()));
+    let joined = |of: &dyn Fn(&Question) -> String, with: &str| questions.iter().map(of).collect::<Vec<_>>().join(with);
+    let place = plain.header_line.map(|line| format!(", line {line}")).unwrap_or_default();
+    let unit = |question: &Question| format!("{} in {}", question.quantity.name(), question.quantity.units());
     ImportError::UnclearColumns {
         file: plain.table.file.clone(),
-        place: plain.header_line.map(|line| format!(", line {line}")).unwrap_or_default(),
-        problem: join(questions.iter().map(|question| question.asks.as_str()).collect(), "; "),
-        columns: listed(plain),
-        options: join(questions.iter().map(|question| question.option.as_str()).collect(), " "),
-        units: units.collect::<Vec<_>>().join("; "),
+        problem: format!("{place}: {}", joined(&|question| question.asks.clone(), "; ")),
+        remedy: format!(
+            "the columns are {}. Nothing is guessed: say which is what, and in which unit, with `{}` ({})",
+            listed(plain),
+            joined(&|question| question.option.clone(), " "),
+            joined(&unit, "; ")
+        ),
     }
 }
 
