@@ -12,11 +12,12 @@ type Corpus = Vec<(&'static str, Vec<u8>)>;
 type Fuzzer = (&'static str, fn(&[u8]), fn() -> Corpus);
 
 /// Name, entry point, and the made part of the corpus. The stored one has what libFuzzer found beside it.
-const FUZZERS: [Fuzzer; 8] = [
+const FUZZERS: [Fuzzer; 9] = [
     ("capture", fuzz_capture, capture_corpus),
     ("import_blackbox", fuzz_import_blackbox, import_blackbox_corpus),
     ("import_esc32", fuzz_import_esc32, import_esc32_corpus),
     ("import_mat", fuzz_import_mat, import_mat_corpus),
+    ("import_plain", fuzz_import_plain, import_plain_corpus),
     ("import_rcbenchmark", fuzz_import_rcbenchmark, import_rcbenchmark_corpus),
     ("import_ulog", fuzz_import_ulog, import_ulog_corpus),
     ("link", fuzz_link, link_corpus),

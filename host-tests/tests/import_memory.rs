@@ -21,10 +21,11 @@ type Fuzzer = (&'static str, FuzzedFormat, fn(&[u8]), Vec<(&'static str, Vec<u8>
 
 #[test]
 fn memory_is_bounded_by_the_length_of_the_log() {
-    let fuzzers: [Fuzzer; 5] = [
+    let fuzzers: [Fuzzer; 6] = [
         ("import_blackbox", FuzzedFormat::Blackbox, fuzz_import_blackbox, import_blackbox_corpus()),
         ("import_esc32", FuzzedFormat::Esc32, fuzz_import_esc32, import_esc32_corpus()),
         ("import_mat", FuzzedFormat::Mat, fuzz_import_mat, import_mat_corpus()),
+        ("import_plain", FuzzedFormat::Plain, fuzz_import_plain, import_plain_corpus()),
         ("import_rcbenchmark", FuzzedFormat::RcBenchmark, fuzz_import_rcbenchmark, import_rcbenchmark_corpus()),
         ("import_ulog", FuzzedFormat::Ulog, fuzz_import_ulog, import_ulog_corpus()),
     ];

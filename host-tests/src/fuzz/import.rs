@@ -5,6 +5,7 @@ use std::path::Path;
 
 use flate2::{Compression, write::ZlibEncoder};
 use miette::Diagnostic as _;
+use rotorlead_sim::record::Excitation;
 use rotorlead_sim::record::import::{Import, ImportOptions, import_bytes};
 
 /// What messages have to call the log.
@@ -19,6 +20,8 @@ pub enum FuzzedFormat {
     Esc32,
     /// Of MATLAB.
     Mat,
+    /// A plain table.
+    Plain,
     /// Of a thrust stand.
     RcBenchmark,
     /// Of PX4.
@@ -35,7 +38,7 @@ impl FuzzedFormat {
     pub fn memory_bound(self, length: usize) -> usize {
         let per_byte = match self {
             Self::Mat => 64 * 32,
-            Self::Blackbox | Self::Esc32 | Self::RcBenchmark | Self::Ulog => 200,
+            Self::Blackbox | Self::Esc32 | Self::Plain | Self::RcBenchmark | Self::Ulog => 200,
         };
         (4 << 20) + per_byte * length
     }
@@ -46,12 +49,16 @@ impl FuzzedFormat {
 /// # Panics
 /// When the importer does, or takes what no experiment is, or refuses without saying why, where and what to do.
 fn check(bytes: &[u8]) {
-    let options = ImportOptions::default();
+    // What a plain table does not say. A period has rows to find, and a mean.
+    let options =
+        ImportOptions { excitation: Some(Excitation::Multisine), period_s: Some(0.1), ..ImportOptions::default() };
     match import_bytes(Path::new(FILE), bytes, &options) {
         Ok(Import { experiment, summary }) => {
             let [record] = &experiment.records[..] else { panic!("{} records", experiment.records.len()) };
             assert!(record.time_s.is_sorted_by(|a, b| a < b), "time does not increase");
             assert!(record.command.iter().all(|c| (0.0..=1.0).contains(c)), "a command outside 0..1");
+            assert!((0.0..=1.0).contains(&record.nominal), "a nominal command outside 0..1");
+            assert!(record.amplitude.is_some_and(|a| a > 0.0 && a <= 1.0), "an amplitude outside 0..1");
             assert!(record.thrust_n.is_some() || record.rpm.is_some(), "no response");
             let optional = [&record.thrust_n, &record.rpm, &record.voltage_v, &record.current_a];
             let columns = [&record.time_s, &record.command].into_iter().chain(optional.into_iter().flatten());
@@ -79,12 +86,18 @@ fn check_behind(prefix: &[u8], data: &[u8]) {
 }
 
 const RCBENCHMARK: &[u8] = "Time (s),ESC signal (µs),Motor Electrical Speed (RPM),Thrust (N)\n".as_bytes();
+const PLAIN: &[u8] = b"# logger\ntime_ms;pwm_us;thrust [g];rpm;Voltage (V)\n";
 const ESC32: &[u8] = b"Timestamp,Duty,RPM\n";
 const ULOG: &[u8] = b"ULog\x01\x12\x35\x01\0\0\0\0\0\0\0\0";
 
 /// Behind a byte that chooses: any log, or the rows of a stand's.
 pub fn fuzz_import_rcbenchmark(data: &[u8]) {
     check_behind(RCBENCHMARK, data);
+}
+
+/// Behind a byte that chooses: any log, or the rows of a table with semicolons.
+pub fn fuzz_import_plain(data: &[u8]) {
+    check_behind(PLAIN, data);
 }
 
 /// Behind a byte that chooses: any log, or the rows of an ESC's telemetry.
@@ -155,6 +168,25 @@ pub fn import_rcbenchmark_corpus() -> Vec<(&'static str, Vec<u8>)> {
         ("sample", behind(0, &[&lines(sample!("rcbenchmark.csv"), 130)])),
         ("rows", behind(1, &[rows.as_bytes()])),
         ("shortest_rows", behind(1, &["1\n".repeat(600).as_bytes()])),
+    ]
+}
+
+/// Bytes to start [`fuzz_import_plain`] from: rows with decimal commas, a table with lines above it and below its names, one
+/// with tabs and repeated stamps, and the shortest rows.
+#[must_use]
+pub fn import_plain_corpus() -> Vec<(&'static str, Vec<u8>)> {
+    let row = |k: usize| format!("{};{};{},5;{};15,{}\n", 5 * k, 1400 + k % 50, 300 + k, 5000 + k, k % 10);
+    let rows: String = (0..110).map(row).collect();
+    let row = |k: usize| format!("{}.{:02},{},{}\n", k / 100, k % 100, k % 70, k % 9);
+    let units: String = (0..110).map(row).collect();
+    let units = format!("blue motor\n\n% 10 inch\ntime,throttle,thrust\n(s),[%],kgf\n{units}");
+    let row = |k: usize| format!("{}\t{}\t{}\t\n", k / 2 * 2, k % 3, 100 + k);
+    let tabs: String = (0..220).map(row).collect();
+    vec![
+        ("rows", behind(1, &[rows.as_bytes()])),
+        ("units", behind(0, &[units.as_bytes()])),
+        ("tabs", behind(0, &[b"t_us\tduty (%)\trpm\n", tabs.as_bytes()])),
+        ("shortest_rows", behind(1, &["1;1\n".repeat(600).as_bytes()])),
     ]
 }
 

@@ -248,7 +248,13 @@ fn a_damaged_log_is_refused_at_its_line_and_column() {
         ("esc32.csv", 100, "23:45:59", "23:45:58", &["line 100", "backwards", "two logs"]),
         ("rcbenchmark.csv", 30, ",5000,", ",fast,", &["line 30, column `Motor Electrical Speed (RPM)`: `fast`"]),
         ("rcbenchmark.csv", 60, ",1200,", ",,", &["line 60, column `ESC signal (µs)`: empty", "delete the row"]),
-        ("rcbenchmark.csv", 1, "ESC signal", "Signal", &["line 1", "no known log format", "RCbenchmark", "ESC32"]),
+        (
+            "rcbenchmark.csv",
+            1,
+            "ESC signal",
+            "Signal",
+            &["line 1: no column is known to be the command", "command=HEADER:UNIT"],
+        ),
     ] {
         let stand = Stand::new();
         let text = fs::read_to_string(format!("{LOGS}/{log}")).unwrap();
@@ -267,7 +273,11 @@ fn what_is_no_log_is_refused() {
     let header = header.lines().next().unwrap();
     for (content, parts) in [
         (&b""[..], &["the file is empty", "export the log again"][..]),
-        (b"a,b,c\n1,2,3\n", &["line 1", "a,b,c", "RCbenchmark", "ESC32"]),
+        (
+            b"a,b,c\n1,2,3\n",
+            &["line 1: no column is known to be the time", "`a`, `b`, `c`", "--column time=HEADER:UNIT"],
+        ),
+        (b"nothing\nbut words\n", &["no line of it has two numbers", "nothing", "RCbenchmark", "ESC32"]),
         (header.as_bytes(), &["0 usable row(s)", "recording"]),
         (b"\x7fELF\x02\x01\x00\xff\xfe\x80garbage", &["UTF-8", "export the log again"]),
     ] {

@@ -59,8 +59,8 @@ fn a_simulated_stand_is_identified_compensated_and_predicted() {
 fn a_log_is_imported_identified_compensated_and_predicted() {
     for (log, time_constant_s, nominal) in [("rcbenchmark.csv", 0.040, 0.3), ("esc32.csv", 0.035, 0.2)] {
         let stand = Stand::new();
-        let summary = stand.json(&format!("import {LOGS}/{log} --out imported"));
-        assert!(number(&summary, "rows_taken") > 100.0);
+        let found = stand.json(&format!("import {LOGS}/{log} --out imported"));
+        assert!(number(&found["logs"][0], "rows_taken") > 100.0);
         let found = stand.json("identify imported --out found.toml");
         let point = &found["points"][0];
         assert_eq!(number(point, "nominal"), nominal);
@@ -357,7 +357,7 @@ fn the_bandwidth_rises_on_compensated_records_as_predicted() {
 fn recorded_apart() -> Stand {
     let stand = Stand::new();
     stand.run(&format!("import {LOGS}/rcbenchmark.csv --out imported"));
-    let table = stand.read("imported/staircase.csv");
+    let table = stand.read("imported/rcbenchmark.csv");
     let header: Vec<&str> = table.lines().next().unwrap().split(',').collect();
     let column = |name: &str| header.iter().position(|cell| *cell == name).unwrap();
     let (time, command, rpm) = (column("time_s"), column("command"), column("rpm"));
@@ -369,7 +369,7 @@ fn recorded_apart() -> Stand {
         responses.push_str(&format!("{},{}\n", t * 1.0003 + 0.8, cells[rpm]));
     }
     stand.write("command.csv", commands);
-    stand.write("imported/staircase.csv", responses);
+    stand.write("imported/rcbenchmark.csv", responses);
     stand
 }
 
@@ -398,7 +398,7 @@ fn logs_that_were_recorded_apart_are_merged() {
 #[test]
 fn a_response_log_without_commands_is_refused_unless_it_is_aligned() {
     let stand = recorded_apart();
-    stand.refuses("identify imported --out found.toml", 1, &["column `command` is missing", "staircase.csv"]);
+    stand.refuses("identify imported --out found.toml", 1, &["column `command` is missing", "rcbenchmark.csv"]);
     let twice = "identify imported --align command.csv --align command.csv --out found.toml";
     stand.refuses(twice, 2, &["--align is given 2 times", "one command log per record"]);
     stand.refuses("identify imported --align nowhere.csv --out found.toml", 1, &["nowhere.csv"]);

@@ -8,6 +8,7 @@ mod docs;
 mod garbage;
 mod good_paths;
 mod identify_stand;
+mod import;
 mod interrupted;
 mod new;
 mod output;

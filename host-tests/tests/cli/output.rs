@@ -3,9 +3,21 @@
 use std::io::Read as _;
 use std::process::{Command as Process, Stdio};
 
+use clap::CommandFactory as _;
+use rotorlead_sim::command::Arguments;
+
 use crate::stand::{Stand, program, report};
 
-const COMMANDS: [&str; 8] = ["demo", "excite", "simulate", "import", "identify", "validate", "design", "bandwidth"];
+/// Commands without `--json`: what they print is a script or a page.
+const WITHOUT_JSON: [&str; 2] = ["completions", "man"];
+
+/// Every command that the program has.
+fn commands() -> Vec<String> {
+    let program = Arguments::command();
+    let names: Vec<String> = program.get_subcommands().map(|command| command.get_name().to_owned()).collect();
+    assert!(names.len() >= 15, "{names:?}");
+    names
+}
 
 /// Text without the line breaks and indents of its layout.
 fn flowing(text: &str) -> String {
@@ -25,7 +37,7 @@ fn a_report_is_not_colored_and_keeps_paths_and_sentences_whole_when_piped() {
 
 #[test]
 fn every_command_refuses_an_unknown_option_as_wrong_use() {
-    for command in COMMANDS {
+    for command in commands() {
         Stand::new().refuses(&format!("{command} --no-such-option"), 2, &["--no-such-option", "--help"]);
     }
     Stand::new().refuses("", 2, &["Usage: rotorlead"]);
@@ -37,11 +49,12 @@ fn help_says_what_every_command_does() {
     let stand = Stand::new();
     let overview = stand.run("--help");
     assert!(overview.contains("Exit status: 0 done, 1 failed, 2 wrong use, 130 interrupted."));
-    for command in COMMANDS {
+    for command in commands() {
         let help = stand.run(&format!("{command} --help"));
         let purpose = flowing(help.split("\n\n").next().unwrap());
         assert!(flowing(&overview).contains(&purpose), "`{purpose}` is not in:\n{overview}");
-        assert!(help.contains("--json <FILE>"), "{help}");
+        let has_json = help.contains("--json <FILE>");
+        assert_eq!(has_json, !WITHOUT_JSON.contains(&command.as_str()), "{help}");
         assert!(help.lines().all(|line| line.chars().count() <= 100), "too wide:\n{help}");
     }
 }

@@ -236,6 +236,7 @@ fn what_is_printed_fits_80_columns() {
         &format!("import {logs}/blackbox.bbl --out bb"),
         &format!("import {logs}/esc_status.ulg --out ulog"),
         &format!("import {logs}/vectors.mat --out mat"),
+        "import stand/step.csv --excitation step --out plain",
         "identify rc --out rc.toml",
         "identify esc --out esc.toml",
         "check rc",

@@ -123,7 +123,7 @@ pub fn check_folder(path: &Path) -> Result<(), FileError> {
     if path.is_dir() {
         Ok(())
     } else if path.exists() {
-        Err(FileError::NotAFolder { path: path.to_owned(), remedy: "give the path of a folder" })
+        Err(FileError::NotAFolder { path: path.to_owned(), remedy: "give the path of a folder".into() })
     } else {
         check_writable(path)
     }

@@ -1,6 +1,7 @@
 //! What can be wrong with a file.
 
 use miette::{Diagnostic, NamedSource, SourceCode as _, SourceSpan};
+use std::borrow::Cow;
 use std::io;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
@@ -45,7 +46,7 @@ pub enum FileError {
         /// The path as it was given.
         path: PathBuf,
         /// What to do about it.
-        remedy: &'static str,
+        remedy: Cow<'static, str>,
     },
     /// A folder was given where a file is to be written.
     #[error("`{}` is a folder, not a file", path.display())]

@@ -108,7 +108,7 @@ fn refuse_in_use(destination: &Path) -> Result<(), FileError> {
         Ok(false) => Err(in_use),
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
         Err(error) if error.kind() == io::ErrorKind::NotADirectory => {
-            Err(FileError::NotAFolder { path: destination.to_owned(), remedy: "give the path of a new folder" })
+            Err(FileError::NotAFolder { path: destination.to_owned(), remedy: "give the path of a new folder".into() })
         }
         Err(error) => Err(failed("read", destination)(error)),
     }

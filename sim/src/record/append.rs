@@ -54,6 +54,17 @@ impl Experiment {
         }
     }
 
+    /// This experiment with the rates of the one in `folder`: its records are to be added there, and say of themselves when
+    /// their rows are. That they do not contradict a rate is checked when they are added.
+    ///
+    /// # Errors
+    /// When `folder` holds no experiment that can be read.
+    pub fn with_rates_of(self, folder: &Path) -> Result<Self, FileError> {
+        let (there, _): (Manifest, _) = TomlFile::read(&folder.join(MANIFEST))?;
+        let Manifest { sample_rate_hz, esc_frame_hz, command_rate_hz, .. } = there;
+        Ok(Self { sample_rate_hz, esc_frame_hz, command_rate_hz, ..self })
+    }
+
     /// Adds this experiment's records to the one in `folder`: their CSV files first, then one new `experiment.toml` in
     /// place of the old one, whose text stays as it is and is only added to. Whatever fails, the experiment is the old
     /// one or the new one.

@@ -53,6 +53,10 @@ pub enum Excitation {
 }
 
 impl Excitation {
+    /// Every one.
+    pub const ALL: [Self; 7] =
+        [Self::Multisine, Self::Square, Self::Triangle, Self::Step, Self::Staircase, Self::Chirp, Self::Free];
+
     /// Whether it repeats, so that its record has a period.
     #[must_use]
     pub fn is_periodic(self) -> bool {

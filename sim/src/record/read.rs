@@ -157,10 +157,11 @@ pub fn read_command_log(path: &Path) -> Result<CommandFile, FileError> {
 
 pub(super) fn manifest_path(folder: &Path) -> Result<std::path::PathBuf, FileError> {
     if folder.is_file() {
-        return Err(FileError::NotAFolder {
-            path: folder.to_owned(),
-            remedy: "give the folder that holds experiment.toml",
-        });
+        let mut remedy = String::from("give the folder that holds experiment.toml");
+        if folder.extension().is_none_or(|end| end != "toml") {
+            remedy += &format!("; `rotorlead import {} --out DIR` makes one from a log", folder.display());
+        }
+        return Err(FileError::NotAFolder { path: folder.to_owned(), remedy: remedy.into() });
     }
     let path = folder.join(MANIFEST);
     if path.exists() {

@@ -58,18 +58,69 @@ pub enum ImportError {
         /// Rows taken.
         rows: usize,
     },
-    /// The header is that of no known format.
-    #[error("{}, line 1: the header is that of no known log format: {header}", file.display())]
+    /// There are no rows of numbers.
+    #[error("{}: no known log format, and no table: no line of it has two numbers. It begins with: {header}", file.display())]
     #[diagnostic(help(
-        "known: RCbenchmark (columns `Time (s)` and `ESC signal (µs)`), AutoQuad ESC32 (columns `Timestamp` and `Duty`), \
-         MATLAB files of named vectors (`save -v7`), PX4 ULog and Betaflight blackbox. Other data need no import: \
-         `rotorlead new` writes an experiment.toml, and CSV files with the columns time_s, command and thrust_n go beside it"
+        "known: tables of numbers separated by commas, semicolons or tabs; RCbenchmark, AutoQuad ESC32, MATLAB files of \
+         named vectors (`save -v7`), PX4 ULog and Betaflight blackbox. Export the log again as one of them"
     ))]
     UnknownFormat {
         /// The log.
         file: PathBuf,
         /// The start of its first line.
         header: String,
+    },
+    /// Text in another encoding.
+    #[error("{}, line {line}: not UTF-8 text, nor a binary log that is known", file.display())]
+    #[diagnostic(help(
+        "export the log again as UTF-8 text; RCbenchmark, ESC32, MATLAB, ULog and blackbox are taken too"
+    ))]
+    NotUtf8 {
+        /// The log.
+        file: PathBuf,
+        /// Line, from 1.
+        line: usize,
+    },
+    /// A plain table whose names do not say what is what.
+    #[error("{}{problem}", file.display())]
+    #[diagnostic(help("{remedy}"))]
+    UnclearColumns {
+        /// The log.
+        file: PathBuf,
+        /// What is not told, behind the line of the names where there is one.
+        problem: String,
+        /// All columns, and the options that would tell it.
+        remedy: String,
+    },
+    /// A column is stated that is not there.
+    #[error("{}: there is no column `{column}`", file.display())]
+    #[diagnostic(help("the columns are {columns}: give one of these to --column, capitals and blanks as they are"))]
+    NoSuchColumn {
+        /// The log.
+        file: PathBuf,
+        /// The column.
+        column: String,
+        /// All columns.
+        columns: String,
+    },
+    /// A column is stated of which there are two.
+    #[error("{}: two columns are called `{column}`", file.display())]
+    #[diagnostic(help("rename one of them in the header"))]
+    SameName {
+        /// The log.
+        file: PathBuf,
+        /// Their name.
+        column: String,
+    },
+    /// A plain table does not say what drove its command.
+    #[error("{}: the log does not say what drove the command", file.display())]
+    #[diagnostic(help(
+        "say it: `--excitation multisine`, `square` or `triangle`, each with `--period-s SECONDS`; `staircase` (levels held \
+         one after the other), `step` (one), `chirp`, or `free` for anything else"
+    ))]
+    NoExcitation {
+        /// The log.
+        file: PathBuf,
     },
     /// A column that the format always has is missing.
     #[error("{}, line 1: column `{column}` is missing", file.display())]
@@ -106,7 +157,10 @@ pub enum ImportError {
     },
     /// A command outside the range that is normalized to 0..1.
     #[error("{}, line {line}, column `{column}`: {value} is outside {low}..{high}", file.display())]
-    #[diagnostic(help("state the ESC's range (zero and full command) when importing"))]
+    #[diagnostic(help(
+        "where the command is a pulse width, state the ESC's range (zero and full command) with --pulse-us; else its unit is \
+         another than its column says"
+    ))]
     OutOfRange {
         /// The log.
         file: PathBuf,

@@ -1,16 +1,22 @@
 //! Logs of other tools, taken as an [`Experiment`].
 //!
-//! The format is told from the content. Each format has its file: `rcbenchmark`, `esc32`, `mat`, `ulog` and
-//! `blackbox`. What was found in a log, what of it was taken and as what, and what was done to the rows and their
+//! The format is told from the content. Each format has its file: `rcbenchmark`, `esc32`, `mat`, `ulog`, `blackbox`, and
+//! `plain` for any other table. What was found in a log, what of it was taken and as what, and what was done to the rows and their
 //! times is in the [`ImportSummary`].
 
 mod blackbox;
 mod blackbox_frames;
+mod described;
 mod error;
 mod esc32;
 mod mat;
 mod mat5;
+mod plain;
+mod plain_columns;
+mod plain_layout;
+mod quantity;
 mod rcbenchmark;
+mod rows;
 mod stamps;
 mod summary;
 mod table;
@@ -21,9 +27,12 @@ mod vectors;
 use std::path::Path;
 
 pub use error::ImportError;
+pub use quantity::{ColumnChoice, Quantity, Unit};
 pub use summary::{ColumnUse, DroppedRows, ImportSummary, LogFormat, Timing};
 
 use super::{Excitation, Experiment, Output, Record};
+use described::Described;
+use plain_layout::PlainTable;
 use table::Table;
 
 /// What a log does not say of itself.
@@ -38,18 +47,41 @@ pub struct ImportOptions {
     pub motor: usize,
     /// Which log to take of a file that has several, from 1; the longest where absent.
     pub log: Option<usize>,
+    /// Which column of a plain table is what, where its names do not say it; at most one for a quantity.
+    pub columns: Vec<ColumnChoice>,
+    /// The part to take, in seconds from the first row: from the first of the two on, and before the second.
+    pub seconds: Option<(f64, f64)>,
+    /// What drove the command. A plain table needs it; other logs are staircases where absent.
+    pub excitation: Option<Excitation>,
+    /// The period of an excitation that has one, seconds.
+    pub period_s: Option<f64>,
+    /// The command around which it was run, 0..1; found from the rows where absent.
+    pub nominal: Option<f64>,
+    /// Peak deviation of the command, 0..1; found from the rows where absent.
+    pub amplitude: Option<f64>,
 }
 
 impl Default for ImportOptions {
     fn default() -> Self {
-        Self { name: None, esc_signal_us: (1000.0, 2000.0), motor: 1, log: None }
+        Self {
+            name: None,
+            esc_signal_us: (1000.0, 2000.0),
+            motor: 1,
+            log: None,
+            columns: Vec::new(),
+            seconds: None,
+            excitation: None,
+            period_s: None,
+            nominal: None,
+            amplitude: None,
+        }
     }
 }
 
 /// A log, taken.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Import {
-    /// One staircase record, response in revolutions per minute unless the log has thrust.
+    /// One record, response in revolutions per minute unless the log has thrust.
     pub experiment: Experiment,
     /// What was done to get it.
     pub summary: ImportSummary,
@@ -61,7 +93,7 @@ const MIN_ROWS: usize = 100;
 /// Takes a log whose format is told from its content.
 ///
 /// # Errors
-/// [`ImportError`]: unreadable file, unknown header, missing column, text in a number column, command
+/// [`ImportError`]: unreadable file, unknown format, missing or unclear column, text in a number column, command
 /// outside its range or constant, time that runs backwards, too few rows, a damaged binary file.
 pub fn import(file: &Path, options: &ImportOptions) -> Result<Import, ImportError> {
     let bytes = std::fs::read(file).map_err(|source| ImportError::Read { file: file.into(), source })?;
@@ -87,22 +119,23 @@ pub fn import_bytes(file: &Path, bytes: &[u8], options: &ImportOptions) -> Resul
         Some(mat5::Header::Hdf5) => return Err(ImportError::Hdf5 { file: file.into() }),
         None if ulog_messages::is_ulog(bytes) => ulog::take(file, bytes, options)?,
         None => match &blackbox_frames::logs(bytes)[..] {
-            [] => take_table(&Table::parse(file, bytes)?, options)?,
+            [] => take_table(file, bytes, options)?,
             logs => blackbox::take(file, bytes, logs, options)?,
         },
     };
     taken.into_import(file, options)
 }
 
-/// Takes a log of text, whose format is told from its header.
-fn take_table(table: &Table, options: &ImportOptions) -> Result<Taken, ImportError> {
-    if table.find(esc32::TIME).is_some() && table.find(esc32::COMMAND).is_some() {
-        esc32::take(table)
-    } else if table.find(rcbenchmark::TIME).is_some() && table.find(rcbenchmark::COMMAND).is_some() {
-        rcbenchmark::take(table, options)
+/// Takes a log of text, whose format is told from its header. A table whose columns are stated is a plain one.
+fn take_table(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, ImportError> {
+    let header = Table::parse_header(file, bytes).unwrap_or_default();
+    let has = |names: [&str; 2]| names.iter().all(|name| header.iter().any(|column| column == name));
+    if options.columns.is_empty() && has([esc32::TIME, esc32::COMMAND]) {
+        esc32::take(&Table::parse(file, bytes)?)
+    } else if options.columns.is_empty() && has([rcbenchmark::TIME, rcbenchmark::COMMAND]) {
+        rcbenchmark::take(&Table::parse(file, bytes)?, options)
     } else {
-        let header = table.header.join(",");
-        Err(ImportError::UnknownFormat { file: table.file.clone(), header: header.chars().take(120).collect() })
+        plain::take(PlainTable::parse(file, bytes)?, options)
     }
 }
 
@@ -121,21 +154,22 @@ struct Taken {
 }
 
 impl Taken {
-    fn into_import(self, file: &Path, options: &ImportOptions) -> Result<Import, ImportError> {
-        let stem = file.file_stem().map_or_else(|| "log".into(), |s| s.to_string_lossy().into_owned());
-        let low = self.command.iter().copied().fold(f64::INFINITY, f64::min);
-        let high = self.command.iter().copied().fold(0.0, f64::max);
-        // A folder of it could not be written: a record says how far its command moves.
-        if high <= low {
-            return Err(ImportError::ConstantCommand { file: file.into(), command: high, rows: self.command.len() });
+    fn into_import(mut self, file: &Path, options: &ImportOptions) -> Result<Import, ImportError> {
+        self.cut(options);
+        if self.time_s.len() < MIN_ROWS && options.seconds.is_some() {
+            return Err(ImportError::TooFewRows { file: file.into(), rows: self.time_s.len(), needed: MIN_ROWS });
         }
+        let stem = file.file_stem().map_or_else(|| "log".into(), |s| s.to_string_lossy().into_owned());
+        let usual = (self.summary.format != LogFormat::Plain).then_some(Excitation::Staircase);
+        let Described { excitation, period_s, nominal, amplitude, note } = self.described(options, usual)?;
+        self.summary.notes.extend(note);
         let output = if self.thrust_n.is_some() { Output::ThrustN } else { Output::Rpm };
         let record = Record {
-            file: "staircase.csv".into(),
-            nominal: (low + high) / 2.0,
-            excitation: Excitation::Staircase,
-            period_s: None,
-            amplitude: Some((high - low) / 2.0),
+            file: record_file(&stem, options),
+            nominal,
+            excitation,
+            period_s,
+            amplitude: Some(amplitude),
             compensated: false,
             compensator: None,
             role: None,
@@ -159,4 +193,12 @@ impl Taken {
             summary: self.summary,
         })
     }
+}
+
+/// What a record is called: as its log, and from which second on where that is stated.
+fn record_file(stem: &str, options: &ImportOptions) -> String {
+    let part = options.seconds.map(|(from_s, _)| format!("_{from_s}s")).unwrap_or_default();
+    // What not every system allows in a name.
+    let stem: String = stem.chars().map(|c| if ['\\', ':', '/'].contains(&c) { '_' } else { c }).collect();
+    format!("{stem}{part}.csv")
 }

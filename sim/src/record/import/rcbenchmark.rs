@@ -11,6 +11,7 @@
 //!   50 ms cannot be seen through readings 140 ms apart, so such a column is not taken: one that does
 //!   not fill every row never is.
 
+use super::rows::{normalized, rows_under_command};
 use super::stamps::median;
 use super::summary::ColumnList;
 use super::table::{Column, Table};
@@ -43,7 +44,7 @@ pub(super) fn take(table: &Table, options: &ImportOptions) -> Result<Taken, Impo
         return Err(ImportError::TooFewRows { file: table.file.clone(), rows: rows.len(), needed: MIN_ROWS });
     }
 
-    let command = normalized(table, signal, &rows, options)?;
+    let command = normalized(table, signal, &rows, options.esc_signal_us)?;
     let (low, high) = options.esc_signal_us;
     columns.taken(time, "time_s", "seconds, from the first row taken");
     columns.taken(signal, "command", format!("{low}..{high} µs become 0..1, stated and not measured"));
@@ -119,28 +120,6 @@ fn partly(filled: usize, rows: usize) -> String {
     format!("filled in {filled} of {rows} rows")
 }
 
-/// The rows from the first to the last that has a command; one without between them is an error.
-fn rows_under_command(
-    table: &Table,
-    signal: Column<'_>,
-    dropped: &mut Vec<DroppedRows>,
-) -> Result<Vec<usize>, ImportError> {
-    let has = |row: &usize| !signal.text(*row).is_empty();
-    let all = 0..table.rows.len();
-    let first = all.clone().find(has).unwrap_or(all.end);
-    let end = all.clone().rev().find(has).map_or(first, |row| row + 1);
-    for (rows, reason) in [(first, "no command yet"), (all.end - end, "no command any more")] {
-        if rows > 0 {
-            dropped.push(DroppedRows { rows, reason: reason.into() });
-        }
-    }
-    let rows: Vec<usize> = (first..end).collect();
-    for &row in &rows {
-        signal.required(row)?;
-    }
-    Ok(rows)
-}
-
 struct Ordered {
     rows: Vec<usize>,
     time_s: Vec<f64>,
@@ -177,32 +156,6 @@ fn in_order_of_time(table: &Table, time: Column<'_>, rows: &[usize]) -> Result<O
         reordered,
         repeated: before - stamped.len(),
     })
-}
-
-/// Pulse widths as commands 0..1.
-fn normalized(
-    table: &Table,
-    signal: Column<'_>,
-    rows: &[usize],
-    options: &ImportOptions,
-) -> Result<Vec<f64>, ImportError> {
-    let (low, high) = options.esc_signal_us;
-    rows.iter()
-        .map(|&row| {
-            let value = signal.required(row)?;
-            if value < low || value > high {
-                return Err(ImportError::OutOfRange {
-                    file: table.file.clone(),
-                    line: signal.line(row),
-                    column: signal.name().into(),
-                    value,
-                    low,
-                    high,
-                });
-            }
-            Ok((value - low) / (high - low))
-        })
-        .collect()
 }
 
 /// The speed column: the electrical one, or the optical one where the electrical one is not there or

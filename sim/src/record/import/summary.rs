@@ -20,6 +20,8 @@ pub enum LogFormat {
     Ulog,
     /// Flight log of Betaflight.
     Blackbox,
+    /// Any table of numbers with a header, as text.
+    Plain,
 }
 
 /// What was found in a log and what became of it.

@@ -11,6 +11,8 @@ pub(super) struct Table {
     pub(super) file: PathBuf,
     pub(super) header: Vec<String>,
     pub(super) rows: Vec<Row>,
+    /// Whether a comma in a number is its decimal mark; otherwise it makes it none.
+    pub(super) decimal_comma: bool,
 }
 
 /// One line of the log.
@@ -31,19 +33,34 @@ impl Table {
     /// longer than the header (both formats end lines with stray commas), lines without any value are
     /// left out.
     pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<Self, ImportError> {
-        let located = |source| ImportError::Csv { file: file.into(), source };
-        let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-        let mut reader = csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(bytes);
-        let header: Vec<String> = reader.headers().map_err(located)?.iter().map(String::from).collect();
-        let mut rows = Vec::new();
-        for cells in reader.records() {
-            let cells = cells.map_err(located)?;
-            if cells.iter().any(|cell| !cell.is_empty()) {
-                let line = cells.position().map_or(0, csv::Position::line);
-                rows.push(Row { line, cells });
-            }
-        }
-        Ok(Self { file: file.into(), header, rows })
+        let mut reader = reader(bytes);
+        let header = header(file, &mut reader)?;
+        Ok(Self { file: file.into(), header, rows: rows(file, &mut reader, 0)?, decimal_comma: false })
+    }
+
+    /// The header that [`Self::parse`] reads.
+    pub(super) fn parse_header(file: &Path, bytes: &[u8]) -> Result<Vec<String>, ImportError> {
+        header(file, &mut reader(bytes))
+    }
+
+    /// Reads `bytes`, which are `file`'s from the line after `lines_before` on and have no header: that is `header`. Lines
+    /// that begin with `#` are left out, like those without any value.
+    pub(super) fn parse_rows(
+        file: &Path,
+        header: Vec<String>,
+        bytes: &[u8],
+        separator: u8,
+        lines_before: u64,
+    ) -> Result<Self, ImportError> {
+        let mut reader = csv::ReaderBuilder::new()
+            .delimiter(separator)
+            .has_headers(false)
+            .comment(Some(b'#'))
+            .flexible(true)
+            .trim(csv::Trim::All)
+            .from_reader(bytes);
+        let rows = rows(file, &mut reader, lines_before)?;
+        Ok(Self { file: file.into(), header, rows, decimal_comma: false })
     }
 
     /// The column of that name, if there is one.
@@ -58,7 +75,41 @@ impl Table {
     }
 }
 
+/// A reader of all of a log.
+fn reader(bytes: &[u8]) -> csv::Reader<&[u8]> {
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(bytes)
+}
+
+fn header(file: &Path, reader: &mut csv::Reader<&[u8]>) -> Result<Vec<String>, ImportError> {
+    let header = reader.headers().map_err(|source| ImportError::Csv { file: file.into(), source })?;
+    Ok(header.iter().map(String::from).collect())
+}
+
+/// The rows that have a value, of a reader that begins after `lines_before`.
+fn rows(file: &Path, reader: &mut csv::Reader<&[u8]>, lines_before: u64) -> Result<Vec<Row>, ImportError> {
+    let mut rows = Vec::new();
+    for cells in reader.records() {
+        let cells = cells.map_err(|source| ImportError::Csv { file: file.into(), source })?;
+        if cells.iter().any(|cell| !cell.is_empty()) {
+            let line = lines_before + cells.position().map_or(0, csv::Position::line);
+            rows.push(Row { line, cells });
+        }
+    }
+    Ok(rows)
+}
+
 impl<'a> Column<'a> {
+    /// The column at `index` of the header.
+    pub(super) fn at(table: &'a Table, index: usize) -> Self {
+        Self { table, index }
+    }
+
+    /// Its place in the header.
+    pub(super) fn index(self) -> usize {
+        self.index
+    }
+
     pub(super) fn name(self) -> &'a str {
         &self.table.header[self.index]
     }
@@ -79,7 +130,11 @@ impl<'a> Column<'a> {
         if text.is_empty() {
             return Ok(None);
         }
-        match text.parse::<f64>() {
+        let parsed = match text.split_once(',') {
+            Some((whole, fraction)) if self.table.decimal_comma => format!("{whole}.{fraction}").parse::<f64>(),
+            _ => text.parse::<f64>(),
+        };
+        match parsed {
             Ok(value) if value.is_finite() => Ok(Some(value)),
             _ => Err(ImportError::NotANumber {
                 file: self.table.file.clone(),

@@ -1,0 +1,203 @@
+//! From the CSV of any logger to an experiment, as a newcomer would.
+
+use std::fs;
+
+use rotorlead_sim::record::{Excitation, Experiment};
+
+use crate::stand::Stand;
+
+/// What a stand session leaves: the records of `simulate` in milliseconds, pulse widths and gram-force, in `logs`.
+fn session() -> Stand {
+    let stand = Stand::new();
+    stand.run("simulate --model model.toml --plan plan.toml --out sim");
+    fs::create_dir(stand.path("logs")).unwrap();
+    let experiment = Experiment::read(&stand.path("sim")).unwrap();
+    for record in &experiment.records {
+        let thrust = record.thrust_n.as_ref().unwrap();
+        let rows = record.time_s.iter().zip(&record.command).zip(thrust);
+        let rows: String = rows
+            .map(|((t, u), f)| format!("{:.3},{:.3},{:.2}\n", 1e3 * t, 1000.0 + 1000.0 * u, f / 0.009_806_65))
+            .collect();
+        stand.write(&format!("logs/{}", record.file), format!("Time (ms),ESC signal (us),Thrust [g]\n{rows}"));
+    }
+    stand
+}
+
+const MULTISINE: &str = "import logs/u050_multisine.csv --excitation multisine --period-s 10 --out bench";
+const SQUARE: &str = "import logs/u050_square.csv --excitation square --period-s 2 --append --out bench";
+
+#[test]
+fn records_in_other_units_become_the_experiment_that_they_were() {
+    let stand = session();
+    let text = stand.run(MULTISINE);
+    for part in ["Thrust [g]", "in gf, times 0.00980665", "nominal 0.500 (mean of 2 whole periods)", "Written to bench"]
+    {
+        assert!(text.contains(part), "no `{part}` in\n{text}");
+    }
+    let text = stand.run(SQUARE);
+    assert!(text.ends_with("\nAdded to bench\n"), "{text}");
+    let simulated = Experiment::read(&stand.path("sim")).unwrap();
+    let imported = Experiment::read(&stand.path("bench")).unwrap();
+    assert_eq!(imported.output, simulated.output);
+    assert_eq!(imported.records.len(), 2);
+    for (expected, found) in simulated.records.iter().zip(&imported.records) {
+        assert_eq!(
+            (&found.file, found.nominal, found.excitation),
+            (&expected.file, expected.nominal, expected.excitation)
+        );
+        assert_eq!(found.period_s, expected.period_s);
+        let amplitude = (found.amplitude.unwrap(), expected.amplitude.unwrap());
+        assert!((amplitude.0 / amplitude.1 - 1.0).abs() < 0.1, "{amplitude:?}");
+        let near = |found: &[f64], expected: &[f64], rounding: f64| {
+            assert_eq!(found.len(), expected.len());
+            for (found, expected) in found.iter().zip(expected) {
+                assert!((found - expected).abs() <= 1.001 * rounding, "{found} for {expected}");
+            }
+        };
+        let start = expected.time_s[0];
+        let since_start: Vec<f64> = expected.time_s.iter().map(|time| time - start).collect();
+        near(&found.time_s, &since_start, 1e-6);
+        near(&found.command, &expected.command, 5e-7);
+        near(found.thrust_n.as_ref().unwrap(), expected.thrust_n.as_ref().unwrap(), 5e-3 * 0.009_806_65);
+    }
+    // And it leads to the same motor.
+    let point = |folder: &str| {
+        let found = stand.json(&format!("identify {folder} --out {folder}.toml"))["points"][0].clone();
+        ["gain", "time_constant_s"]
+            .map(|key| (found[key].as_f64().unwrap(), found[format!("{key}_std")].as_f64().unwrap()))
+    };
+    for ((expected, std), (found, _)) in point("sim").into_iter().zip(point("bench")) {
+        assert!((found - expected).abs() < 0.5 * std, "{found} for {expected} +- {std}");
+    }
+    assert_eq!(stand.run("check bench"), stand.run("check sim").replace("sim:", "bench:"));
+}
+
+#[test]
+fn several_logs_of_one_kind_are_taken_at_once() {
+    let stand = session();
+    fs::copy(stand.path("logs/u050_multisine.csv"), stand.path("logs/again.csv")).unwrap();
+    let files = "logs/u050_multisine.csv logs/again.csv";
+    let found = stand.json(&format!("import {files} --excitation multisine --period-s 10 --name two --out bench"));
+    assert_eq!(found["logs"].as_array().unwrap().len(), 2);
+    assert_eq!(found["logs"][1]["format"], "plain");
+    let experiment = Experiment::read(&stand.path("bench")).unwrap();
+    assert_eq!(experiment.name, "two");
+    let files: Vec<&str> = experiment.records.iter().map(|record| record.file.as_str()).collect();
+    assert_eq!(files, ["u050_multisine.csv", "again.csv"]);
+    assert!(experiment.records.iter().all(|record| record.excitation == Excitation::Multisine));
+}
+
+#[test]
+fn parts_of_one_log_become_records_of_one_experiment() {
+    let stand = session();
+    let rest = "--excitation square --period-s 2 --append --out bench";
+    stand.run(&format!("import logs/u050_square.csv --seconds 0..2 {rest}"));
+    stand.run(&format!("import logs/u050_square.csv --seconds 2..4 {rest}"));
+    let experiment = Experiment::read(&stand.path("bench")).unwrap();
+    let files: Vec<&str> = experiment.records.iter().map(|record| record.file.as_str()).collect();
+    assert_eq!(files, ["u050_square_0s.csv", "u050_square_2s.csv"]);
+    assert!(experiment.records.iter().all(|record| record.time_s.len() == 2000 && record.time_s[0] == 0.0));
+}
+
+#[test]
+fn the_error_of_a_table_without_units_gives_the_line_that_works() {
+    let stand = session();
+    let header = "Time (ms),ESC signal (us),Thrust [g]";
+    stand.edit("logs/u050_square.csv", header, "t,esc,load cell");
+    let import = "import logs/u050_square.csv --excitation square --period-s 2 --out bench";
+    stand.refuses(
+        import,
+        1,
+        &[
+            "logs/u050_square.csv, line 1: `t` is the time without a unit; `esc` is the command without a unit; no column",
+            "the columns are `t`, `esc`, `load cell`",
+            "--column time=t:UNIT --column command=esc:UNIT --column thrust=HEADER:UNIT",
+            "thrust in N, gf",
+        ],
+    );
+    let mut command = stand.command(import);
+    command.args(["--column", "time=t:ms", "--column", "command=esc:us", "--column", "thrust=load cell:gf"]);
+    command.assert().code(0);
+    assert_eq!(Experiment::read(&stand.path("bench")).unwrap().records[0].nominal, 0.5);
+}
+
+#[test]
+fn a_reversed_sign_is_mentioned_and_turned_by_the_option_that_is_said() {
+    let stand = session();
+    let log = stand.read("logs/u050_square.csv");
+    let turned: String = log.lines().map(|line| line.replacen(",-", ",", 1)).collect::<Vec<_>>().join("\n");
+    let (header, rows) = turned.split_once('\n').unwrap();
+    let rows: String = rows
+        .lines()
+        .map(|row| {
+            let (front, thrust) = row.rsplit_once(',').unwrap();
+            format!("{front},-{thrust}\n")
+        })
+        .collect();
+    stand.write("turned.csv", format!("{}\n{rows}", header.replace("Thrust [g]", "thrust_g")));
+    let import = "import turned.csv --excitation square --period-s 2";
+    let text = stand.run(&format!("{import} --out wrong")).split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(text.contains("turn its sign by `--column thrust=thrust_g:-gf`"), "{text}");
+    let text = stand.run(&format!("{import} --column thrust=thrust_g:-gf --out right"));
+    assert!(text.contains("sign turned") && !text.contains("below zero"), "{text}");
+    let thrust = |folder: &str| Experiment::read(&stand.path(folder)).unwrap().records[0].thrust_n.clone().unwrap();
+    assert!(thrust("wrong").iter().zip(thrust("right")).all(|(wrong, right)| *wrong == -right));
+}
+
+#[test]
+fn what_import_cannot_know_or_do_is_refused() {
+    let stand = session();
+    let log = "logs/u050_square.csv";
+    for (arguments, status, parts) in [
+        (format!("{log} --out bench"), 1, &["does not say what drove the command", "--excitation multisine"][..]),
+        (format!("{log} --excitation square --out bench"), 2, &["--excitation square needs --period-s"]),
+        (
+            format!("{log} --excitation step --period-s 2 --out bench"),
+            2,
+            &["--period-s goes with --excitation multisine"],
+        ),
+        (
+            format!("{log} --excitation sine --out bench"),
+            2,
+            &["multisine, square, triangle, step, staircase, chirp, free"],
+        ),
+        (format!("{log} --column time=t:gf --out bench"), 2, &["`gf` is no unit of time: s, ms or us"]),
+        (format!("{log} --column time=a:s --column time=b:s --out bench"), 2, &["says twice which column is the time"]),
+        (format!("{log} --column time=a:s --column rpm=a:rpm --out bench"), 2, &["`a` is both the time and the rpm"]),
+        (format!("{log} --column rpm=speed:rpm --out bench"), 1, &["there is no column `speed`", "`Thrust [g]`"]),
+        (format!("{log} --nominal 1.2 --out bench"), 2, &["0 to 1"]),
+        (format!("{log} --amplitude 0 --out bench"), 2, &["above 0"]),
+        (format!("{log} --seconds 4..2 --out bench"), 2, &["LOW below HIGH"]),
+        (format!("{log} --seconds 100..200 --excitation free --out bench"), 1, &["0 usable row(s)"]),
+        (format!("{log} {log} --excitation free --out bench"), 1, &["two records would be called `u050_square.csv`"]),
+        (format!("{log} --excitation free --out stand"), 1, &["`stand` exists and is not empty", "--append adds"]),
+        (format!("{log} --excitation free --out logs"), 1, &["`logs` exists and is not empty", "give another folder"]),
+        (format!("{log} --excitation free --append --out logs"), 1, &["`logs` exists and is not empty"]),
+        (format!("{log} --excitation free --append --name x --out stand"), 2, &["--append", "--name"]),
+    ] {
+        stand.refuses(&format!("import {arguments}"), status, parts);
+    }
+    stand.run(SQUARE);
+    stand.refuses(SQUARE, 1, &["u050_square.csv"]);
+    let mat = concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/tests/data/vectors.mat");
+    let import = format!("import {mat} --column time=t:s --out other");
+    stand.refuses(&import, 2, &["--column does not go with", "vectors.mat", "leave --column out"]);
+}
+
+#[test]
+fn a_log_that_is_given_for_a_folder_leads_to_import() {
+    let stand = session();
+    for command in ["identify", "validate --model model.toml", "report", "diagnose"] {
+        let out = if command == "identify" { " --out m.toml" } else { "" };
+        let out = if command == "report" { " --out r.html" } else { out };
+        stand.refuses(
+            &format!("{command} logs/u050_square.csv{out}"),
+            1,
+            &["`logs/u050_square.csv` is not a folder", "`rotorlead import logs/u050_square.csv --out DIR`"],
+        );
+    }
+    let assert = stand.command("check logs/u050_square.csv").assert().code(1);
+    let said = String::from_utf8(assert.get_output().stdout.clone()).unwrap();
+    let said = said.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(said.contains("`rotorlead import logs/u050_square.csv --out DIR` makes one from a log"), "{said}");
+}

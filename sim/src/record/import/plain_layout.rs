@@ -1,0 +1,146 @@
+//! Where the numbers of a plain table begin, what separates them, and what stands above them.
+
+use std::path::Path;
+
+use csv::StringRecord;
+
+use super::ImportError;
+use super::quantity::Unit;
+use super::table::Table;
+
+/// Separators, the likeliest first: a comma may be a decimal mark, a semicolon may stand in a remark.
+const SEPARATORS: [u8; 3] = [b'\t', b';', b','];
+/// What a line of remarks begins with.
+const REMARK: [&str; 3] = ["#", "%", "//"];
+/// Numbers in a line from which on it is one of the table: a time and something that was measured then.
+const LEAST_NUMBERS: usize = 2;
+
+/// A plain table, with what its header says.
+pub(super) struct PlainTable {
+    pub(super) table: Table,
+    pub(super) separator: u8,
+    /// Units from a line of their own below the names, column by column.
+    pub(super) units: Vec<String>,
+    /// The line of the names, from 1; `None` where there is none, and columns are called `#1`, `#2` and so on.
+    pub(super) header_line: Option<usize>,
+    /// What a reader of the record has to know.
+    pub(super) notes: Vec<String>,
+}
+
+impl PlainTable {
+    /// Reads `bytes`, which are `file`'s.
+    pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<Self, ImportError> {
+        let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+        let text = std::str::from_utf8(bytes).map_err(|error| {
+            let line = bytes[..error.valid_up_to()].iter().filter(|byte| **byte == b'\n').count() + 1;
+            ImportError::NotUtf8 { file: file.into(), line }
+        })?;
+        let Some(first) = FirstRow::find(text) else {
+            let header = text.lines().find(|line| !line.trim().is_empty()).unwrap_or_default();
+            return Err(ImportError::UnknownFormat {
+                file: file.into(),
+                header: header.trim().chars().take(120).collect(),
+            });
+        };
+        let mut above: Vec<(usize, &str)> = text
+            .lines()
+            .take(first.line)
+            .enumerate()
+            .filter(|(_, line)| !line.trim().is_empty())
+            .map(|(index, line)| (index + 1, line))
+            .collect();
+        let mut last_above = || {
+            let (line, text) = *above.last()?;
+            let cells = cells(without_remark(text), first.separator);
+            (cells.len() >= first.cells).then(|| {
+                above.pop();
+                (line, cells)
+            })
+        };
+        let mut named = last_above();
+        let mut units = Vec::new();
+        if let Some((_, below)) = &named
+            && below.iter().filter(|cell| Unit::is_any(bare(cell))).count() >= LEAST_NUMBERS
+            && let Some(above) = last_above()
+        {
+            units = below.iter().map(|cell| bare(cell).to_owned()).collect();
+            named = Some(above);
+        }
+        let mut notes = Vec::new();
+        if !above.is_empty() {
+            let lines = if above.len() == 1 { "line" } else { "lines" };
+            notes.push(format!("{} {lines} above the header left out", above.len()));
+        }
+        let (header_line, header) = match named {
+            Some((line, names)) => (Some(line), names),
+            None => {
+                notes.push(String::from("there is no header: columns are called by their place, #1 and so on"));
+                (None, (1..=first.cells).map(|place| format!("#{place}")).collect())
+            }
+        };
+        let rows = &bytes[first.offset..];
+        let table = Table::parse_rows(file, header, rows, first.separator, first.line as u64)?;
+        Ok(Self { table, separator: first.separator, units, header_line, notes })
+    }
+}
+
+/// The first line that is numbers.
+struct FirstRow {
+    separator: u8,
+    /// Lines before it.
+    line: usize,
+    /// Bytes before it.
+    offset: usize,
+    /// Its cells, empty ones at the end apart.
+    cells: usize,
+}
+
+impl FirstRow {
+    fn find(text: &str) -> Option<Self> {
+        let mut offset = 0;
+        for (line, content) in text.split_inclusive('\n').enumerate() {
+            for separator in SEPARATORS.into_iter().filter(|separator| content.as_bytes().contains(separator)) {
+                let cells = cells(content, separator);
+                if cells.iter().filter(|cell| is_number(cell, separator)).count() >= LEAST_NUMBERS {
+                    return Some(Self { separator, line, offset, cells: cells.len() });
+                }
+            }
+            offset += content.len();
+        }
+        None
+    }
+}
+
+/// The cells of one line, empty ones at the end apart.
+fn cells(line: &str, separator: u8) -> Vec<String> {
+    let mut reader = csv::ReaderBuilder::new()
+        .delimiter(separator)
+        .has_headers(false)
+        .flexible(true)
+        .trim(csv::Trim::All)
+        .from_reader(line.as_bytes());
+    let mut record = StringRecord::new();
+    // Of a line of text nothing can fail but its end.
+    let is_read = reader.read_record(&mut record).unwrap_or(false);
+    let mut cells: Vec<String> = if is_read { record.iter().map(str::to_owned).collect() } else { Vec::new() };
+    let filled = cells.iter().rposition(|cell| !cell.is_empty()).map_or(0, |last| last + 1);
+    cells.truncate(filled);
+    cells
+}
+
+fn is_number(cell: &str, separator: u8) -> bool {
+    let parsed = if separator == b',' { cell.parse() } else { cell.replacen(',', ".", 1).parse() };
+    parsed.is_ok_and(f64::is_finite)
+}
+
+/// A line of names without the mark of a remark in front of it.
+fn without_remark(line: &str) -> &str {
+    // A separator in front stands behind a column without a name.
+    let line = line.trim_start_matches(' ');
+    REMARK.iter().find_map(|mark| line.strip_prefix(mark)).unwrap_or(line)
+}
+
+/// A unit without its brackets.
+fn bare(cell: &str) -> &str {
+    cell.trim().trim_start_matches(['(', '[']).trim_end_matches([')', ']']).trim()
+}

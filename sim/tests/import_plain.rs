@@ -1,0 +1,299 @@
+//! Plain tables: any logger's columns, units, separators and lines above the header.
+
+mod importing;
+
+use importing::{imported, message, sample};
+use proptest::prelude::*;
+use rotorlead_sim::record::import::{Import, ImportError, ImportOptions, LogFormat, import};
+use rotorlead_sim::record::{Excitation, Output, Record};
+
+const ROWS: usize = 400;
+
+/// Row by row: time in milliseconds, pulse width in microseconds, thrust in gram-force.
+fn numbers() -> Vec<[f64; 3]> {
+    let level = |row: usize| [1400.0, 1500.0, 1600.0, 1500.0][row / 100];
+    (0..ROWS).map(|row| [5.0 * row as f64, level(row), 100.0 + 0.5 * row as f64]).collect()
+}
+
+/// [`numbers`] behind `header`.
+fn table(header: &str) -> String {
+    let rows: String = numbers().iter().map(|[t, u, f]| format!("{t},{u},{f}\n")).collect();
+    format!("{header}\n{rows}")
+}
+
+const HEADER: &str = "time_ms,pwm_us,thrust_g";
+
+fn options(columns: &[&str]) -> ImportOptions {
+    ImportOptions {
+        columns: columns.iter().map(|column| column.parse().unwrap()).collect(),
+        excitation: Some(Excitation::Staircase),
+        ..ImportOptions::default()
+    }
+}
+
+fn taken(text: &str) -> Result<Import, ImportError> {
+    imported(text.as_bytes(), &options(&[]))
+}
+
+fn record(text: &str) -> Record {
+    taken(text).unwrap().experiment.records.remove(0)
+}
+
+#[test]
+fn units_in_the_header_are_converted() {
+    let Import { experiment, summary } = taken(&table(HEADER)).unwrap();
+    assert_eq!((summary.format, summary.rows_read, summary.rows_taken), (LogFormat::Plain, ROWS, ROWS));
+    assert_eq!((experiment.output, experiment.sample_rate_hz), (Output::ThrustN, None));
+    let record = &experiment.records[0];
+    assert_eq!(record.file, "log.csv");
+    assert_eq!((record.excitation, record.period_s), (Excitation::Staircase, None));
+    assert_eq!((record.nominal, record.amplitude), (0.5, Some(0.1)));
+    assert_eq!((record.time_s[0], record.time_s[1], record.time_s[399]), (0.0, 0.005, 1.995));
+    assert_eq!((record.command[0], record.command[150]), (0.4, 0.5));
+    assert!((record.thrust_n.as_ref().unwrap()[2] - 101.0 * 0.009_806_65).abs() < 1e-12);
+    assert!((summary.timing.rate_hz - 200.0).abs() < 1e-9);
+    let note = |name: &str| summary.columns.iter().find(|column| column.name == name).unwrap().note.clone();
+    assert_eq!(note("pwm_us"), "1000..2000 µs become 0..1, stated and not measured");
+    assert_eq!(note("thrust_g"), "in gf, times 0.00980665");
+    assert!(
+        summary.notes.iter().any(|note| note.contains("nominal 0.500 (middle of its range)")),
+        "{:?}",
+        summary.notes
+    );
+}
+
+#[test]
+fn every_unit_comes_to_the_same_record() {
+    let expected = record(&table(HEADER));
+    for (header, scale) in [
+        ("Time (s),Throttle (%),Thrust [N]", [1e-3, 0.1, 0.009_806_65]),
+        ("t_us,cmd (0..1),thrust_kgf", [1e3, 1e-3, 1e-3]),
+        ("timestamp_ms,duty_percent,thrust (lbf)", [1.0, 0.1, 0.009_806_65 / 4.448_221_615_260_5]),
+    ] {
+        let offset = if header.contains("pwm") { 0.0 } else { 1000.0 };
+        let rows: String = numbers()
+            .iter()
+            .map(|[t, u, f]| format!("{},{},{}\n", t * scale[0], (u - offset) * scale[1], f * scale[2]))
+            .collect();
+        let found = record(&format!("{header}\n{rows}"));
+        let close = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9);
+        assert!(close(&found.time_s, &expected.time_s), "{header}");
+        assert!(close(&found.command, &expected.command), "{header}");
+        assert!(close(found.thrust_n.as_ref().unwrap(), expected.thrust_n.as_ref().unwrap()), "{header}");
+    }
+}
+
+#[test]
+fn separators_and_decimal_commas_are_told_from_the_rows() {
+    let expected = record(&table(HEADER));
+    let english = table(HEADER);
+    for text in [
+        english.replace('.', ";").replace(',', "\t").replace(';', "."),
+        english.replace(',', ";"),
+        english.replace(',', ";").replace('.', ","),
+        english.replace(',', "\t").replace('.', ","),
+        english.replace('\n', "\r\n"),
+        format!("\u{feff}{english}"),
+    ] {
+        let found = record(&text);
+        assert_eq!((&found.time_s, &found.thrust_n), (&expected.time_s, &expected.thrust_n), "{}", &text[..60]);
+    }
+    let mixed = english.replace(',', ";").replacen("0;1400;100\n", "0;1400;100,25\n", 1);
+    let message = message(taken(&mixed));
+    assert!(message.contains("line 2, column `thrust_g`: `100,25` is not a finite number"), "{message}");
+}
+
+#[test]
+fn lines_above_the_header_and_a_line_of_units_are_read_over() {
+    let expected = record(&table(HEADER));
+    let rows = table("").trim_start().to_owned();
+    for above in [
+        "# logger 3.1, 2024-11-07\n\ntime_ms,pwm_us,thrust_g\n",
+        "logger\nblue motor, 10 inch\ntime_ms,pwm_us,thrust_g\n",
+        "# time_ms,pwm_us,thrust_g\n",
+        "time,throttle,thrust\nms,us,g\n",
+        "Time,ESC,Thrust\n[ms],[us],[gf]\n",
+    ] {
+        let found = record(&format!("{above}{rows}"));
+        assert_eq!((found.time_s, found.thrust_n), (expected.time_s.clone(), expected.thrust_n.clone()), "{above}");
+    }
+    let bad = format!("# one\n# two\n{}", table(HEADER).replacen("10,1400", "ten,1400", 1));
+    let message = message(taken(&bad));
+    assert!(message.contains("log.csv, line 6, column `time_ms`: `ten`"), "{message}");
+}
+
+#[test]
+fn columns_without_a_name_are_called_by_their_place() {
+    let rows = table("").trim_start().to_owned();
+    let message = message(imported(rows.as_bytes(), &options(&[])));
+    assert!(message.contains("`#1`, `#2`, `#3`"), "{message}");
+    let columns = ["time=#1:ms", "command=#2:us", "thrust=#3:g"];
+    let found = imported(rows.as_bytes(), &options(&columns)).unwrap();
+    assert_eq!(found.experiment.records[0].time_s, record(&table(HEADER)).time_s);
+    assert!(found.summary.notes.iter().any(|note| note.contains("no header")), "{:?}", found.summary.notes);
+}
+
+/// Its rows overtake each other, which that format's reader knows and a plain table's does not.
+#[test]
+fn a_known_log_whose_columns_are_stated_is_a_plain_table() {
+    let log = sample("rcbenchmark.csv");
+    let known = import(&log, &options(&[])).unwrap();
+    assert_eq!(known.summary.format, LogFormat::RcBenchmark);
+    let error = import(&log, &options(&["rpm=Motor Electrical Speed (RPM)"])).unwrap_err();
+    assert!(matches!(error, ImportError::TimeRunsBack { .. }), "{error}");
+}
+
+#[test]
+fn a_sign_is_mentioned_and_turned_when_asked() {
+    let text = table(HEADER);
+    let columns = ["thrust=thrust_g:-gf"];
+    let Import { experiment, summary } = imported(text.as_bytes(), &options(&columns)).unwrap();
+    let thrust = experiment.records[0].thrust_n.clone().unwrap();
+    assert!(thrust.iter().all(|thrust| *thrust < 0.0));
+    assert!(summary.columns[2].note.contains("sign turned"));
+    let note = summary.notes.iter().find(|note| note.contains("below zero in 400 of 400 rows")).unwrap();
+    assert!(note.contains("`--column thrust=thrust_g:gf`"), "{note}");
+}
+
+#[test]
+fn repeated_stamps_are_left_out_and_counted_and_time_that_runs_back_is_refused() {
+    let text = table(HEADER).replacen("\n15,", "\n10,", 1).replacen("\n500,", "\n495,", 1);
+    let Import { experiment, summary } = taken(&text).unwrap();
+    assert_eq!((summary.rows_read, summary.rows_taken), (ROWS, ROWS - 2));
+    assert_eq!(summary.dropped[0].rows, 2);
+    assert_eq!(summary.dropped[0].reason, "same time stamp as the row before");
+    assert_eq!(experiment.records[0].time_s[2..4], [0.01, 0.02]);
+    let message = message(taken(&table(HEADER).replacen("\n15,", "\n1,", 1)));
+    assert!(message.contains("line 5, column `time_ms`: time runs backwards by 0.009 s"), "{message}");
+}
+
+#[test]
+fn what_a_cell_may_not_be_is_said_with_line_and_column() {
+    for (from, to, part) in [
+        ("\n10,1400,", "\n10,fast,", "line 4, column `pwm_us`: `fast` is not a finite number"),
+        ("\n10,1400,", "\n10,NaN,", "line 4, column `pwm_us`: `NaN`"),
+        ("\n10,1400,", "\n10,2400,", "line 4, column `pwm_us`: 2400 is outside 1000..2000"),
+        ("\n10,1400,", "\n10,,", "line 4, column `pwm_us`: empty"),
+        ("\n10,1400,101\n", "\n10,1400\n", "line 4, column `thrust_g`: empty"),
+        ("\n10,1400,101\n", "\n10,1400,1e308\n", "line 4, column `thrust_g`: `1e308`"),
+    ] {
+        // A kilogram-force is the unit that makes a number larger.
+        let header = if to.contains("1e308") { "time_ms,pwm_us,thrust_g" } else { HEADER };
+        let text = table(header).replacen(from, to, 1);
+        assert_ne!(text, table(header));
+        let result = if to.contains("1e308") {
+            imported(text.as_bytes(), &options(&["thrust=thrust_g:kgf"]))
+        } else {
+            taken(&text)
+        };
+        let message = message(result);
+        assert!(message.contains(part), "{message}");
+    }
+}
+
+#[test]
+fn a_table_that_is_none_or_says_too_little_is_refused() {
+    for (text, parts) in [
+        (HEADER.to_owned(), ["no line of it has two numbers", "time_ms"]),
+        (String::from("just words\nand more\n"), ["no table", "just words"]),
+        (table(HEADER).lines().take(50).collect::<Vec<_>>().join("\n"), ["49 usable row(s)", "100"]),
+        (table("t,esc_us,gf"), ["line 1: `t` is the time without a unit", "--column thrust=HEADER:UNIT"]),
+        (table(HEADER).replace(",1400,", ",1500,").replace(",1600,", ",1500,"), ["the command is 0.5 in all", "400"]),
+    ] {
+        let message = message(taken(&text));
+        assert!(parts.iter().all(|part| message.contains(part)), "{message}");
+    }
+    let message = message(imported(table(HEADER).as_bytes(), &ImportOptions::default()));
+    assert!(message.contains("does not say what drove the command") && message.contains("--period-s"), "{message}");
+    let bytes = [table(HEADER).as_bytes(), b"2000,1500,\xb5\n"].concat();
+    let message = self::message(imported(&bytes, &options(&[])));
+    assert!(message.contains("line 402: not UTF-8 text"), "{message}");
+}
+
+#[test]
+fn a_part_of_a_log_is_a_record_of_its_own() {
+    let options = ImportOptions { seconds: Some((0.5, 1.5)), ..options(&[]) };
+    let Import { experiment, summary } = imported(table(HEADER).as_bytes(), &options).unwrap();
+    let record = &experiment.records[0];
+    assert_eq!((record.time_s.len(), record.time_s[0], record.command[0], record.command[199]), (200, 0.0, 0.5, 0.6));
+    assert_eq!(record.file, "log_0.5s.csv");
+    assert_eq!((summary.rows_taken, summary.dropped[0].rows), (200, 200));
+    let options = ImportOptions { seconds: Some((1.9, 3.0)), ..options };
+    let message = message(imported(table(HEADER).as_bytes(), &options));
+    assert!(message.contains("20 usable row(s)"), "{message}");
+}
+
+/// A multisine of three lines in whole microseconds, in `periods` periods of 2 s.
+fn multisine(periods: f64, nominal_us: f64) -> String {
+    let row = |row: usize| {
+        let phase = std::f64::consts::PI * row as f64 / 200.0;
+        let wave = (phase).sin() + (3.0 * phase + 1.0).sin() + (7.0 * phase + 2.0).cos();
+        format!("{},{:.0},{}\n", 5 * row, nominal_us + 17.0 * wave, 300 + row % 3)
+    };
+    let rows: String = (0..(400.0 * periods) as usize).map(row).collect();
+    format!("{HEADER}\n{rows}")
+}
+
+#[test]
+fn the_nominal_command_is_the_mean_of_whole_periods_or_the_middle_of_the_range() {
+    let described = |text: &str, excitation, period_s, nominal| {
+        let options = ImportOptions { excitation: Some(excitation), period_s, nominal, ..ImportOptions::default() };
+        let Import { experiment, summary } = imported(text.as_bytes(), &options).unwrap();
+        let record = &experiment.records[0];
+        (record.nominal, record.amplitude.unwrap(), record.period_s, summary.notes.last().unwrap().clone())
+    };
+    for periods in [3.0, 3.5] {
+        let (nominal, amplitude, period_s, note) =
+            described(&multisine(periods, 1400.0), Excitation::Multisine, Some(2.0), None);
+        assert_eq!((nominal, period_s), (0.4, Some(2.0)), "{periods}");
+        assert!((0.03..0.051).contains(&amplitude), "{amplitude}");
+        assert!(note.contains("multisine with a period of 2 s, nominal 0.400 (mean of 3 whole periods)"), "{note}");
+    }
+    let (nominal, .., note) = described(&multisine(0.9, 1400.0), Excitation::Multisine, Some(2.0), None);
+    assert!((nominal - 0.4).abs() < 0.02 && note.contains("middle of its range"), "{nominal}: {note}");
+    let square = multisine(2.0, 1400.0).replace(",13", ",1350.").replace(",14", ",1450.");
+    assert_eq!(described(&square, Excitation::Square, Some(2.0), Some(0.41)).0, 0.41);
+    // A step starts at its nominal command.
+    let step = table(HEADER).replace(",1600,", ",1500,");
+    let (nominal, amplitude, ..) = described(&step, Excitation::Step, None, None);
+    assert_eq!((nominal, (amplitude * 1e3).round()), (0.4, 100.0));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(500))]
+
+    /// Changed bytes and cells of any text give an experiment of equal columns or an error with a remedy, and never a panic.
+    #[test]
+    fn damaged_tables_are_taken_or_refused(
+        header in prop::sample::select(vec![HEADER, "Time (s);Throttle (%);Thrust [N]", "t\tu\tv", "time_s,command,rpm"]),
+        changes in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 0..6),
+        cells in prop::collection::vec((0_usize..120, 0_usize..4, "[-+0-9.eEnaif:, ;\t\"#]{0,24}"), 0..4),
+    ) {
+        let separator = header.chars().find(|c| [',', ';', '\t'].contains(c)).unwrap();
+        let mut lines: Vec<Vec<String>> =
+            numbers().iter().take(200).map(|row| row.iter().map(f64::to_string).collect()).collect();
+        for (line, cell, text) in cells {
+            let line = &mut lines[line];
+            line.resize(line.len().max(cell + 1), String::new());
+            line[cell] = text;
+        }
+        let lines: Vec<String> = lines.iter().map(|cells| cells.join(&separator.to_string())).collect();
+        let mut bytes = format!("{header}\n{}", lines.join("\n")).into_bytes();
+        for (at, byte) in changes {
+            let at = at.index(bytes.len());
+            bytes[at] = byte;
+        }
+        match imported(&bytes, &options(&[])) {
+            Ok(Import { experiment, summary }) => {
+                let record = &experiment.records[0];
+                prop_assert!(record.time_s.is_sorted_by(|a, b| a < b));
+                prop_assert_eq!(record.time_s.len(), record.command.len());
+                prop_assert_eq!(record.time_s.len(), record.rpm.as_ref().or(record.thrust_n.as_ref()).unwrap().len());
+                prop_assert!(record.command.iter().all(|c| (0.0..=1.0).contains(c)));
+                let dropped: usize = summary.dropped.iter().map(|d| d.rows).sum();
+                prop_assert_eq!(summary.rows_taken + dropped, summary.rows_read);
+            }
+            Err(error) => prop_assert!(miette::Diagnostic::help(&error).is_some()),
+        }
+    }
+}
