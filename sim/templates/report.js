@@ -14,20 +14,26 @@
     }
     return { tickmode: "array", tickvals, ticktext: tickvals.map(String) };
   };
-  // A title in as many lines as it needs along so many pixels.
+  // A title in as many lines as it needs along so many pixels, about equally long.
   const broken = (text, pixels, size) => {
-    const most = Math.max(12, Math.floor(pixels / (0.56 * size)));
-    const lines = [""];
-    for (const word of text.split(" ")) {
-      const last = lines[lines.length - 1];
-      if (last && last.length + 1 + word.length > most) lines.push(word);
-      else lines[lines.length - 1] = last ? `${last} ${word}` : word;
-    }
-    return lines.join("<br>");
+    const within = (most) => {
+      const lines = [""];
+      for (const word of text.split(" ")) {
+        const last = lines[lines.length - 1];
+        if (last && last.length + 1 + word.length > most) lines.push(word);
+        else lines[lines.length - 1] = last ? `${last} ${word}` : word;
+      }
+      return lines;
+    };
+    let most = Math.max(12, Math.floor(pixels / (0.56 * size)));
+    const { length } = within(most);
+    while (most > 1 && within(most - 1).length === length) most -= 1;
+    return within(most).join("<br>");
   };
   // Narrow screens have room for fewer numbers along an axis, and for their names in less width.
   const fit = (layout, width) => {
     for (const axis of [layout.xaxis, layout.xaxis2, layout.yaxis]) {
+      if (axis) axis.exponentformat = "none";
       if (axis && axis.type === "log") Object.assign(axis, ticks(axis.range, width < 520));
     }
     if (width < 520) {
@@ -42,6 +48,8 @@
     for (const [axis, pixels] of [[layout.xaxis, width - l - r], [layout.xaxis2, width - l - r], [layout.yaxis, layout.height - t - b]]) {
       if (axis && axis.title) axis.title.text = broken(axis.title.text, 0.95 * pixels, layout.font.size + 2);
     }
+    // Room between an upright name and the numbers.
+    if (layout.yaxis.title) layout.yaxis.title.standoff = 8;
     if (matchMedia("(pointer: coarse)").matches) layout.dragmode = false;
     return layout;
   };
