@@ -4,7 +4,7 @@
   const ticks = (range, narrow) => {
     const [low, high] = [Math.min(...range), Math.max(...range)];
     if (high - low < 0.7) return { tickmode: "auto" };
-    if (high - low > (narrow ? 1.6 : 4)) return { tickmode: "linear", tick0: 0, dtick: 1 };
+    if (high - low > (narrow ? 1.6 : 4)) return { tickmode: "linear", tick0: 0, dtick: narrow && high - low > 4 ? 2 : 1 };
     const tickvals = [];
     for (let decade = Math.floor(low); decade <= high; decade += 1) {
       for (const part of [1, 2, 5]) {
@@ -32,6 +32,8 @@
   };
   // Narrow screens have room for fewer numbers along an axis, and for their names in less width.
   const fit = (layout, width) => {
+    // Numbers without letters and without a sign between thousands.
+    layout.separators = ".";
     for (const axis of [layout.xaxis, layout.xaxis2, layout.yaxis]) {
       if (axis) axis.exponentformat = "none";
       if (axis && axis.type === "log") Object.assign(axis, ticks(axis.range, width < 520));

@@ -222,7 +222,7 @@ fn a_wrong_compensator_is_shown() {
         ("damping", "nan", &["`damping`", "above 0"]),
         ("damping", "\"1\"", &["a text in quotes where a number"]),
         ("damping", "9.0", &["no filter can be made of these parameters", "damping", "rotorlead design"]),
-        ("k", "1.5", &["expected i32"]),
+        ("k", "1.5", &["`k`: a number with decimals where a whole number"]),
         ("k", "1\nq = 2", &["unknown field `q`", "remove `q`"]),
         ("signal_format", "\"f32\"", &["`f32`", "`q2.29`"]),
     ] {

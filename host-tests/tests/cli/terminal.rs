@@ -312,6 +312,11 @@ mod pseudo {
         let (text, status) = shown(&stand, &format!("{simulate} a"), &[]);
         assert_eq!(status, Some(0), "{text}");
         assert!(text.contains("simulating") && text.contains("left"), "no progress in {text:?}");
+        for arguments in ["identify a --out found.toml", "check a", "validate a --model model.toml"] {
+            let (text, status) = shown(&stand, arguments, &[]);
+            assert_eq!(status, Some(0), "{text}");
+            assert!(text.contains("left"), "no time left in what `{arguments}` shows: {text:?}");
+        }
         let (text, status) = shown(&stand, &format!("{simulate} b --quiet"), &[]);
         assert_eq!((text.as_str(), status), ("", Some(0)));
     }

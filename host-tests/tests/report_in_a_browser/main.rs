@@ -28,8 +28,8 @@ const NARROW: u32 = 390;
 fn every_report_is_whole_in_a_browser_and_every_kind_of_figure_can_be_used() {
     let Some(chromium) = Chromium::start() else { return };
     let folder = tempfile::tempdir().unwrap();
-    let screenshots = std::env::var_os("ROTORLEAD_SCREENSHOTS").map(PathBuf::from);
-    let mut used = BTreeSet::new();
+    let screenshots = screenshots();
+    let (mut used, mut faults) = (BTreeSet::new(), Vec::new());
     for file in reports::write(folder.path()) {
         let stem = file.file_stem().unwrap().to_string_lossy().into_owned();
         for (width, scheme) in [(WIDE, "light"), (NARROW, "light"), (WIDE, "dark")] {
@@ -39,8 +39,8 @@ fn every_report_is_whole_in_a_browser_and_every_kind_of_figure_can_be_used() {
                 page.screenshot(&folder.join(format!("{stem}-{width}-{scheme}.png")));
             }
             let place = format!("{stem} at {width} pixels, {scheme}");
-            let faults: Vec<String> = page.evaluate("faults()");
-            assert!(faults.is_empty(), "{place}:\n{}", faults.join("\n"));
+            let found: Vec<String> = page.evaluate("faults()");
+            faults.extend(found.iter().map(|fault| format!("{place}: {fault}")));
             if scheme == "dark" {
                 is_dark(&page, &place);
             }
@@ -52,9 +52,15 @@ fn every_report_is_whole_in_a_browser_and_every_kind_of_figure_can_be_used() {
             assert!(page.complaints().is_empty(), "{place}: {:#?}", page.complaints());
         }
     }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
     for (kind, width) in FigureKind::ALL.iter().flat_map(|kind| [WIDE, NARROW].map(|width| (kind, width))) {
         assert!(used.contains(&(kind.id(), width)), "no report shows {kind:?} at {width} pixels");
     }
+}
+
+/// Where pictures of the pages are wanted.
+fn screenshots() -> Option<PathBuf> {
+    std::env::var_os("ROTORLEAD_SCREENSHOTS").map(PathBuf::from)
 }
 
 /// The kinds of a page's figures, in its order.
@@ -116,6 +122,7 @@ fn is_dark(page: &OpenPage, place: &str) {
 fn a_report_can_be_printed() {
     let Some(chromium) = Chromium::start() else { return };
     let folder = tempfile::tempdir().unwrap();
+    let screenshots = screenshots();
     fs::write(folder.path().join("plan.toml"), host_tests::stand_plan()).unwrap();
     fs::write(folder.path().join("model.toml"), MODEL).unwrap();
     run(folder.path(), "simulate --model model.toml --plan plan.toml --out stand");
@@ -126,8 +133,8 @@ fn a_report_can_be_printed() {
         page.run(CHECKS);
         let pictures: usize = page.evaluate("document.querySelectorAll('figure').length");
         let pdf = page.print();
-        if let Some(folder) = std::env::var_os("ROTORLEAD_SCREENSHOTS") {
-            fs::write(PathBuf::from(folder).join(format!("report-{scheme}.pdf")), &pdf.bytes).unwrap();
+        if let Some(folder) = &screenshots {
+            fs::write(folder.join(format!("report-{scheme}.pdf")), &pdf.bytes).unwrap();
         }
         // Two or three pictures go on a sheet; words and tables take some more.
         assert!((2..=pictures + 6).contains(&pdf.sheets), "{} sheets for {pictures} figures", pdf.sheets);
@@ -136,6 +143,9 @@ fn a_report_can_be_printed() {
         page.as_printed();
         let faults: Vec<String> = page.evaluate(&format!("printFaults({})", SHEET.0));
         assert!(faults.is_empty(), "{scheme}:\n{}", faults.join("\n"));
+        if let Some(folder) = &screenshots {
+            page.screenshot(&folder.join(format!("report-printed-{scheme}.png")));
+        }
         let paper: String = page.evaluate("getComputedStyle(document.body).backgroundColor");
         assert_eq!(paper, "rgb(255, 255, 255)", "{scheme}");
     }
