@@ -30,6 +30,14 @@
     while (most > 1 && within(most - 1).length === length) most -= 1;
     return within(most).join("<br>");
   };
+  // A long name in two lines, broken at the space or underscore that is nearest to its middle.
+  const folded = (name) => {
+    const places = [...name].flatMap((letter, index) => (letter === " " || letter === "_" ? [index + 1] : []));
+    if (name.length <= 18 || places.length === 0) return name;
+    const off = (place) => Math.abs(place - name.length / 2);
+    const at = places.reduce((best, place) => (off(place) < off(best) ? place : best));
+    return `${name.slice(0, at)}<br>${name.slice(at)}`;
+  };
   // Narrow screens have room for fewer numbers along an axis, and for their names in less width.
   const fit = (layout, width) => {
     // Numbers without letters and without a sign between thousands.
@@ -43,9 +51,14 @@
       layout.margin = { ...layout.margin, l: 46, r: 10 };
       for (const axis of [layout.xaxis, layout.xaxis2]) if (axis && axis.type === "linear" && !axis.tickvals) axis.nticks = 5;
     }
+    if (width < 520 && layout.yaxis.ticktext) {
+      const { ticktext } = layout.yaxis;
+      layout.yaxis.ticktext = ticktext.map(folded);
+      if (layout.yaxis.ticktext.some((name, index) => name !== ticktext[index])) layout.height += 14 * ticktext.length;
+    }
     const { r, t, b } = layout.margin;
     // Names along an axis take their room from what is drawn.
-    const names = (layout.yaxis.ticktext || []).map((name) => name.length);
+    const names = (layout.yaxis.ticktext || []).flatMap((name) => name.split("<br>")).map((line) => line.length);
     const l = Math.max(layout.margin.l, 0.6 * layout.font.size * Math.max(0, ...names) + 24);
     for (const [axis, pixels] of [[layout.xaxis, width - l - r], [layout.xaxis2, width - l - r], [layout.yaxis, layout.height - t - b]]) {
       if (axis && axis.title) axis.title.text = broken(axis.title.text, 0.95 * pixels, layout.font.size + 2);
@@ -77,7 +90,9 @@
     for (const plot of plots) {
       const spec = JSON.parse(plot.querySelector("script").textContent);
       plot.textContent = "";
-      Plotly.newPlot(plot, spec.data, fit(spec.layout, plot.clientWidth), spec.config);
+      const layout = fit(spec.layout, plot.clientWidth);
+      plot.style.height = `${layout.height}px`;
+      Plotly.newPlot(plot, spec.data, layout, spec.config);
       first.set(plot, axes(plot));
       if (plot.layout.xaxis2) plot.secondBeyond = plot.layout.xaxis2.range[0] - plot.layout.xaxis.range[0];
     }
