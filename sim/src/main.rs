@@ -10,17 +10,36 @@ use textwrap::{WordSeparator, WordSplitter};
 
 fn main() -> ExitCode {
     miette::set_hook(Box::new(|_| Box::new(reports()))).expect("nothing has set another one before");
-    // Where no handler can be set, Ctrl-C ends the program as it does any other.
-    let _ = ctrlc::set_handler(|| {
-        remove_unfinished();
-        std::process::exit(Exit::Interrupted.status().into());
-    });
-    let result = Arguments::of_command_line().run();
+    clean_up_when_interrupted();
+    let result = Arguments::of_command_line().and_then(Arguments::run);
     if let Err(report) = &result {
         // Nobody is left to be told when standard error is closed.
         let _ = writeln!(stderr(), "{report:?}");
     }
     Exit::of(&result).into()
+}
+
+/// Has Ctrl-C and SIGTERM remove what is unfinished. Where no handler can be set, they end the program as they do any other.
+#[cfg(unix)]
+fn clean_up_when_interrupted() {
+    use signal_hook::consts::{SIGINT, SIGTERM};
+    let Ok(mut signals) = signal_hook::iterator::Signals::new([SIGINT, SIGTERM]) else { return };
+    let wait = move || match signals.forever().next() {
+        Some(SIGTERM) => end(Exit::Terminated),
+        _ => end(Exit::Interrupted),
+    };
+    let _ = std::thread::Builder::new().spawn(wait);
+}
+
+/// Has Ctrl-C remove what is unfinished. Where no handler can be set, it ends the program as it does any other.
+#[cfg(not(unix))]
+fn clean_up_when_interrupted() {
+    let _ = ctrlc::set_handler(|| end(Exit::Interrupted));
+}
+
+fn end(exit: Exit) -> ! {
+    remove_unfinished();
+    std::process::exit(exit.status().into())
 }
 
 /// Reports as wide as the terminal, and unwrapped where there is none: what goes to a file is searched by lines.

@@ -4,7 +4,7 @@
   const ticks = (range, narrow) => {
     const [low, high] = [Math.min(...range), Math.max(...range)];
     if (high - low < 0.7) return { tickmode: "auto" };
-    if (high - low > (narrow ? 1.6 : 4)) return { tickmode: "linear", tick0: 0, dtick: 1 };
+    if (high - low > (narrow ? 1.6 : 4)) return { tickmode: "linear", tick0: 0, dtick: narrow && high - low > 4 ? 2 : 1 };
     const tickvals = [];
     for (let decade = Math.floor(low); decade <= high; decade += 1) {
       for (const part of [1, 2, 5]) {
@@ -14,20 +14,36 @@
     }
     return { tickmode: "array", tickvals, ticktext: tickvals.map(String) };
   };
-  // A title in as many lines as it needs along so many pixels.
+  // A title in as many lines as it needs along so many pixels, about equally long.
   const broken = (text, pixels, size) => {
-    const most = Math.max(12, Math.floor(pixels / (0.56 * size)));
-    const lines = [""];
-    for (const word of text.split(" ")) {
-      const last = lines[lines.length - 1];
-      if (last && last.length + 1 + word.length > most) lines.push(word);
-      else lines[lines.length - 1] = last ? `${last} ${word}` : word;
-    }
-    return lines.join("<br>");
+    const within = (most) => {
+      const lines = [""];
+      for (const word of text.split(" ")) {
+        const last = lines[lines.length - 1];
+        if (last && last.length + 1 + word.length > most) lines.push(word);
+        else lines[lines.length - 1] = last ? `${last} ${word}` : word;
+      }
+      return lines;
+    };
+    let most = Math.max(12, Math.floor(pixels / (0.56 * size)));
+    const { length } = within(most);
+    while (most > 1 && within(most - 1).length === length) most -= 1;
+    return within(most).join("<br>");
+  };
+  // A long name in two lines, broken at the space or underscore that is nearest to its middle.
+  const folded = (name) => {
+    const places = [...name].flatMap((letter, index) => (letter === " " || letter === "_" ? [index + 1] : []));
+    if (name.length <= 18 || places.length === 0) return name;
+    const off = (place) => Math.abs(place - name.length / 2);
+    const at = places.reduce((best, place) => (off(place) < off(best) ? place : best));
+    return `${name.slice(0, at)}<br>${name.slice(at)}`;
   };
   // Narrow screens have room for fewer numbers along an axis, and for their names in less width.
   const fit = (layout, width) => {
+    // Numbers without letters and without a sign between thousands.
+    layout.separators = ".";
     for (const axis of [layout.xaxis, layout.xaxis2, layout.yaxis]) {
+      if (axis) axis.exponentformat = "none";
       if (axis && axis.type === "log") Object.assign(axis, ticks(axis.range, width < 520));
     }
     if (width < 520) {
@@ -35,13 +51,20 @@
       layout.margin = { ...layout.margin, l: 46, r: 10 };
       for (const axis of [layout.xaxis, layout.xaxis2]) if (axis && axis.type === "linear" && !axis.tickvals) axis.nticks = 5;
     }
+    if (width < 520 && layout.yaxis.ticktext) {
+      const { ticktext } = layout.yaxis;
+      layout.yaxis.ticktext = ticktext.map(folded);
+      if (layout.yaxis.ticktext.some((name, index) => name !== ticktext[index])) layout.height += 14 * ticktext.length;
+    }
     const { r, t, b } = layout.margin;
     // Names along an axis take their room from what is drawn.
-    const names = (layout.yaxis.ticktext || []).map((name) => name.length);
+    const names = (layout.yaxis.ticktext || []).flatMap((name) => name.split("<br>")).map((line) => line.length);
     const l = Math.max(layout.margin.l, 0.6 * layout.font.size * Math.max(0, ...names) + 24);
     for (const [axis, pixels] of [[layout.xaxis, width - l - r], [layout.xaxis2, width - l - r], [layout.yaxis, layout.height - t - b]]) {
       if (axis && axis.title) axis.title.text = broken(axis.title.text, 0.95 * pixels, layout.font.size + 2);
     }
+    // Room between an upright name and the numbers.
+    if (layout.yaxis.title) layout.yaxis.title.standoff = 8;
     if (matchMedia("(pointer: coarse)").matches) layout.dragmode = false;
     return layout;
   };
@@ -67,7 +90,9 @@
     for (const plot of plots) {
       const spec = JSON.parse(plot.querySelector("script").textContent);
       plot.textContent = "";
-      Plotly.newPlot(plot, spec.data, fit(spec.layout, plot.clientWidth), spec.config);
+      const layout = fit(spec.layout, plot.clientWidth);
+      plot.style.height = `${layout.height}px`;
+      Plotly.newPlot(plot, spec.data, layout, spec.config);
       first.set(plot, axes(plot));
       if (plot.layout.xaxis2) plot.secondBeyond = plot.layout.xaxis2.range[0] - plot.layout.xaxis.range[0];
     }

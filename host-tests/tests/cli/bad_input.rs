@@ -132,7 +132,11 @@ fn a_period_that_is_not_whole_is_refused() {
 fn a_wrong_key_of_an_experiment_is_shown() {
     for (from, to, parts) in [
         ("output", "outptu", &["experiment.toml:4:1", "unknown field `outptu`", "did you mean `output`?"][..]),
-        ("nominal = 0.4", "nominal = \"0.4\"", &["experiment.toml:7:11", "invalid type", "numbers without quotes"]),
+        (
+            "nominal = 0.4",
+            "nominal = \"0.4\"",
+            &["experiment.toml:7:11", "`nominal`: a text in quotes where a number", "without quotes"],
+        ),
         ("nominal = 0.4", "nominal = nan", &["experiment.toml:7:11", "`nominal`"]),
         ("nominal = 0.4", "nominal = 1.4", &["experiment.toml:7:11", "`nominal`", "0 to 1"]),
         ("name = \"step\"\n", "", &["experiment.toml", "missing field `name`", "add `name`"]),
@@ -154,7 +158,11 @@ fn a_wrong_key_of_an_experiment_is_shown() {
 fn a_wrong_key_of_a_model_is_shown_by_every_command_that_reads_one() {
     for (from, to, parts) in [
         ("gain = 6.2", "gian = 6.2", &["model.toml:4:1", "unknown field `gian`", "did you mean `gain`?"][..]),
-        ("gain = 6.2", "gain = \"6.2\"", &["model.toml:4:8", "invalid type", "numbers without quotes"]),
+        (
+            "gain = 6.2",
+            "gain = \"6.2\"",
+            &["model.toml:4:8", "`gain`: a text in quotes where a number", "without quotes"],
+        ),
         ("gain = 6.2", "gain = inf", &["model.toml:4:8", "`point` 1, `gain`", "finite"]),
         ("gain = 6.2\n", "", &["model.toml", "missing field `gain`", "add `gain`"]),
         ("= 0.08", "= 0", &["model.toml:5:19", "`point` 1, `time_constant_s`", "above 0"]),
@@ -162,7 +170,7 @@ fn a_wrong_key_of_a_model_is_shown_by_every_command_that_reads_one() {
         ("= 0.08", "= nan", &["model.toml:5:19", "`point` 1, `time_constant_s`", "above 0"]),
         ("nominal = 0.4", "nominal = 0.6", &["model.toml:7:11", "`point` 2, `nominal`"]),
         (MODEL, "format = 1\n", &["model.toml", "the model has no point", "rotorlead identify"]),
-        (MODEL, "format = 1\npoint = 3\n", &["model.toml:2:9", "invalid type"]),
+        (MODEL, "format = 1\npoint = 3\n", &["model.toml:2:9", "`point`: a whole number where a list"]),
         (MODEL, " \n", &["`model.toml` is empty"]),
         ("format = 1", "format = 7", &["model.toml:1:10", "layout 7"]),
         ("gain = 6.2", "gain = = 6.2", &["model.toml:4:8", "TOML is `key = value`"]),
@@ -179,7 +187,7 @@ fn a_wrong_key_of_a_model_is_shown_by_every_command_that_reads_one() {
 fn a_wrong_plan_is_shown() {
     for (from, to, parts) in [
         ("seed = 1", "sede = 1", &["plan.toml:3:1", "unknown field `sede`", "did you mean `seed`?"][..]),
-        ("seed = 1", "seed = \"one\"", &["plan.toml:3:8", "invalid type"]),
+        ("seed = 1", "seed = \"one\"", &["plan.toml:3:8", "`seed`: a text in quotes where a whole number"]),
         ("seed = 1", "seed = 1\nsample_rate_hz = 999", &["plan.toml:4:18", "does not divide loop_rate_hz", "divisor"]),
         ("nominal = 0.5", "nominal = 0.9", &["plan.toml:8:11", "`record` 1, `nominal`", "from 0.4 to 0.5", "identify"]),
         ("nominal = 0.5", "nominal = nan", &["plan.toml:8:11", "`record` 1, `nominal`"]),
@@ -212,9 +220,9 @@ fn a_wrong_compensator_is_shown() {
         ("loop_rate_hz", "4000.0", &["is stored, but the parameters give"]),
         ("zero_rad_s", "9e9", &["`zero_rad_s`", "zero below its poles"]),
         ("damping", "nan", &["`damping`", "above 0"]),
-        ("damping", "\"1\"", &["invalid type"]),
+        ("damping", "\"1\"", &["a text in quotes where a number"]),
         ("damping", "9.0", &["no filter can be made of these parameters", "damping", "rotorlead design"]),
-        ("k", "1.5", &["expected i32"]),
+        ("k", "1.5", &["`k`: a number with decimals where a whole number"]),
         ("k", "1\nq = 2", &["unknown field `q`", "remove `q`"]),
         ("signal_format", "\"f32\"", &["`f32`", "`q2.29`"]),
     ] {

@@ -10,14 +10,8 @@ const LOGS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/tests/data");
 
 /// Two levels with a multisine and a square wave each, as `good`.
 fn good() -> Stand {
-    let stand = Stand::new();
-    stand.write("plan.toml", host_tests::stand_plan());
-    stand.write(
-        "model.toml",
-        "format = 1\n[[point]]\nnominal = 0.5\ngain = 10.2\ntime_constant_s = 0.11\n\
-         [[point]]\nnominal = 0.65\ngain = 16.1\ntime_constant_s = 0.07\n",
-    );
-    stand.run("simulate --model model.toml --plan plan.toml --out good");
+    let stand = Stand::of_two_levels();
+    stand.run("simulate --model actuators.toml --plan plan.toml --out good");
     stand
 }
 
@@ -98,6 +92,29 @@ fn times_in_milliseconds_or_microseconds_are_told() {
 }
 
 #[test]
+fn swapped_columns_are_no_percent() {
+    let stand = good();
+    change(&stand, "good/u050_multisine.csv", |_, [t, u, y]| Some([t, y, u]));
+    let parts = ["columns seem to be swapped", "swap the names `command` and `thrust_n`"];
+    finds(&stand, "error", "command_unit", "u050_multisine.csv", &parts);
+    let (found, _) = findings(&stand, "good");
+    assert!(!found.iter().any(|finding| finding["message"].to_string().contains("percent")), "{found:#?}");
+}
+
+#[test]
+fn a_sensor_that_repeats_its_readings_is_told() {
+    for file in ["u050_multisine.csv", "u050_square.csv"] {
+        let stand = good();
+        let mut held = 0.0;
+        change(&stand, &format!("good/{file}"), |row, [t, u, y]| {
+            held = if row % 4 == 0 { y } else { held };
+            Some([t, u, held])
+        });
+        finds(&stand, "warning", "response", file, &["every 4 rows", "50 readings a second", "10.0 ms", "faster rate"]);
+    }
+}
+
+#[test]
 fn a_thrust_in_grams_or_kilograms_is_told() {
     for (scale, unit, remedy) in [(1e3 / 9.80665, "grams-force", "0.00980665"), (1.0 / 9.80665, "kilograms", "9.80665")]
     {
@@ -124,6 +141,13 @@ fn missing_rows_are_told_with_the_row() {
     finds(&stand, "error", "sampling", "u050_multisine.csv", &["gap", "row 1000", "cut the record"]);
     let (found, _) = findings(&stand, "good");
     assert_eq!(found[0]["row"], 1000, "{found:#?}");
+    // Where a rate is stated the same is said, once.
+    let stand = good();
+    change(&stand, "good/u050_multisine.csv", |row, cells| (!(1000..1040).contains(&row)).then_some(cells));
+    finds(&stand, "error", "sampling", "u050_multisine.csv", &["one gap", "row 1001", "cut the record"]);
+    let (found, _) = findings(&stand, "good");
+    let of_rows: Vec<_> = found.iter().filter(|finding| finding["topic"] == "sampling").collect();
+    assert_eq!(of_rows.len(), 1, "{found:#?}");
 }
 
 #[test]
@@ -142,7 +166,11 @@ fn a_wrong_sample_rate_is_told() {
     assert_eq!(status, 1);
     assert!(found.iter().all(|finding| finding["topic"] == "sampling"), "{found:#?}");
     for file in ["u050_multisine.csv", "u050_square.csv", "u065_multisine.csv", "u065_square.csv"] {
-        let is_one = |finding: &&Value| finding["file"] == file && finding["message"].to_string().contains("250");
+        let is_one = |finding: &&Value| {
+            let said = format!("{} {}", finding["message"], finding["remedy"]);
+            let parts = ["experiment.toml:5:18: ", "come at 200 Hz, not at 250", "write `sample_rate_hz = 200`"];
+            finding["file"] == file && parts.iter().all(|part| said.contains(part))
+        };
         assert!(found.iter().any(|finding| is_one(&finding)), "{file} is not named: {found:#?}");
     }
 }
@@ -231,6 +259,20 @@ fn a_file_that_is_missing_and_one_that_no_record_names_are_told() {
     std::fs::rename(stand.path("good/u050_square.csv"), stand.path("good/square.csv")).unwrap();
     finds(&stand, "error", "files", "u050_square.csv", &["experiment.toml:", "does not exist", "correct the name"]);
     finds(&stand, "warning", "files", "square.csv", &["no record names it", "[[record]]"]);
+}
+
+#[test]
+fn a_folder_in_which_nothing_is_recorded_says_so_once() {
+    let stand = good();
+    for file in ["u050_multisine.csv", "u050_square.csv", "u065_multisine.csv", "u065_square.csv"] {
+        std::fs::remove_file(stand.path(&format!("good/{file}"))).unwrap();
+    }
+    let (found, status) = findings(&stand, "good");
+    assert_eq!((found.len(), status), (1, 1), "{found:#?}");
+    for part in ["nothing is recorded yet", "u050_multisine.csv", "u065_square.csv", "record each on the stand"] {
+        let said = format!("{} {}", found[0]["message"], found[0]["remedy"]);
+        assert!(said.contains(part), "no `{part}` in {said}");
+    }
 }
 
 #[test]

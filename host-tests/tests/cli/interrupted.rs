@@ -41,17 +41,21 @@ fn unfinished(stand: &Stand, child: &mut Child, is_so: impl Fn(&std::path::Path)
     }
 }
 
-/// Interrupts the program as Ctrl-C does.
+/// What ends the program: Ctrl-C, and what `kill` sends; with the exit status that says so.
 #[cfg(unix)]
-fn interrupt(child: &Child) {
-    assert!(Process::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+const SIGNALS: [(&str, i32); 2] = [("-INT", 130), ("-TERM", 143)];
+
+#[cfg(unix)]
+fn send(signal: &str, child: &Child) {
+    // One that has ended takes no signal.
+    let _ = Process::new("kill").args([signal, &child.id().to_string()]).stderr(Stdio::null()).status().unwrap();
 }
 
 #[cfg(unix)]
 #[test]
-fn ctrl_c_in_the_middle_leaves_nothing() {
+fn a_signal_in_the_middle_leaves_nothing() {
     // While it simulates, and while it writes what it simulated.
-    for is_writing in [false, true] {
+    for (is_writing, (signal, code)) in [false, true].into_iter().flat_map(|is| SIGNALS.map(|signal| (is, signal))) {
         let stand = long_plan();
         let before = stand.everything();
         let arguments = "simulate --model model.toml --plan plan.toml --out sim";
@@ -60,12 +64,78 @@ fn ctrl_c_in_the_middle_leaves_nothing() {
         if is_writing {
             sleep(Duration::from_millis(200));
         }
-        interrupt(&child);
+        send(signal, &child);
         let status = child.wait().unwrap();
-        assert_eq!(status.code(), Some(130), "{status}");
+        assert_eq!(status.code(), Some(code), "{status}");
         let left: Vec<_> = stand.everything().into_iter().map(|(path, _)| path).collect();
         assert_eq!(left, before.iter().map(|(path, _)| path.clone()).collect::<Vec<_>>());
     }
+}
+
+/// Each command that writes is ended at many times of its run. What it leaves is, byte for byte, what a whole run writes, or
+/// nothing.
+#[cfg(unix)]
+#[test]
+fn a_signal_at_any_time_leaves_whole_files_and_no_others() {
+    let stand = Stand::new();
+    stand.run("simulate --model model.toml --plan plan.toml --out sim");
+    stand.write("long.csv", long_log());
+    for (arguments, times) in [
+        ("import long.csv --out imported", 6),
+        ("identify sim --out found.toml --report found.html --figures found", 6),
+        ("validate sim --model model.toml --report judged.html --json judged.json", 4),
+        ("report sim --out report.html", 4),
+        ("diagnose sim --redesign --out-model better.toml --out-plan next.toml --report better.html", 4),
+        ("design --model model.toml --out compensator.toml --report design.html", 4),
+        ("excite --band 0.1..30 --rate 1000 --starts 4 --out period.csv --report period.html", 4),
+        ("new first", 4),
+        ("demo --out demo --report demo.html", 3),
+    ] {
+        let before = stand.everything();
+        let start = Instant::now();
+        stand.run(arguments);
+        let (took, whole) = (start.elapsed(), stand.everything());
+        assert!(whole.len() > before.len(), "`{arguments}` writes nothing");
+        clear(&before, &whole);
+        let mut ended_early = 0;
+        for (time, (signal, code)) in (0..times).flat_map(|time| SIGNALS.map(|signal| (time, signal))) {
+            let mut child = process(&stand, arguments).spawn().unwrap();
+            sleep(took * (2 * time + 1) / (2 * times));
+            send(signal, &child);
+            let status = child.wait().unwrap();
+            // At the very start nothing is watched over yet, and there is nothing to leave.
+            assert!(matches!(status.code(), None | Some(0)) || status.code() == Some(code), "`{arguments}`: {status}");
+            ended_early += usize::from(status.code() == Some(code));
+            let left = stand.everything();
+            for (path, content) in &left {
+                let is_whole = whole.iter().any(|(known, whole)| known == path && whole == content);
+                assert!(is_whole, "`{arguments}` with {signal} leaves {}", path.display());
+            }
+            clear(&before, &left);
+        }
+        assert!(ended_early > 0 || took < Duration::from_secs(1), "`{arguments}` was never ended early");
+    }
+}
+
+/// Removes what was not there before.
+#[cfg(unix)]
+fn clear(before: &[(std::path::PathBuf, Option<Vec<u8>>)], after: &[(std::path::PathBuf, Option<Vec<u8>>)]) {
+    for (path, content) in after.iter().filter(|(path, _)| before.iter().all(|(known, _)| known != path)) {
+        // What is in a folder goes with it.
+        let _ = if content.is_none() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
+    }
+}
+
+/// A log of another tool that takes a while to import.
+#[cfg(unix)]
+fn long_log() -> String {
+    let short = fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/tests/data/rcbenchmark.csv")).unwrap();
+    let mut log = short.lines().next().unwrap().to_owned() + "\n";
+    for row in 0..200_000 {
+        let (time_s, pulse_us) = (f64::from(row) / 1000.0, 1200 + 200 * (row / 2000 % 2));
+        log += &format!("{time_s:.6},{pulse_us},,500.000,15.5000,1.000,5000,,0.05,,\n");
+    }
+    log
 }
 
 /// Runs the program where no file may be longer than so many blocks of 512 bytes, which ends a write as a full disk does.
@@ -125,8 +195,18 @@ fn a_full_device_is_named() {
     ] {
         stand.refuses(arguments, 1, &["cannot write `/dev/full`", "No space left", "free space"]);
     }
-    for arguments in ["check sim", "new first", "completions bash", "man", "excite --band 0.1..2 --rate 100 --starts 1"]
-    {
+    stand.refuses("new first --json /dev/full", 1, &["cannot write `/dev/full`", "No space left", "free space"]);
+    for arguments in [
+        "check sim",
+        "new second",
+        "completions bash",
+        "man",
+        "excite --band 0.1..2 --rate 100 --starts 1",
+        "--help",
+        "identify --help",
+        "new -h",
+        "--version",
+    ] {
         let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
         let output = process(&stand, arguments).stdout(full).output().unwrap();
         let report = String::from_utf8(output.stderr).unwrap();

@@ -48,6 +48,19 @@ periods = 2
 role = \"validate\"
 ";
 
+/// Two actuators, for the plan of `host_tests::stand_plan`.
+pub const ACTUATORS: &str = "\
+format = 1
+[[point]]
+nominal = 0.5
+gain = 10.2
+time_constant_s = 0.11
+[[point]]
+nominal = 0.65
+gain = 16.1
+time_constant_s = 0.07
+";
+
 /// One step from 0.4 to 0.5, at 100 rows per second.
 pub const STEP: &str = "\
 format = 1
@@ -72,6 +85,14 @@ impl Stand {
         stand.write("plan.toml", PLAN);
         stand.write("stand/experiment.toml", STEP);
         stand.write("stand/step.csv", step_csv());
+        stand
+    }
+
+    /// As [`Self::new`], with two levels in `plan.toml`, a multisine and a square wave each, and `actuators.toml` for them.
+    pub fn of_two_levels() -> Self {
+        let stand = Self::new();
+        stand.write("plan.toml", host_tests::stand_plan());
+        stand.write("actuators.toml", ACTUATORS);
         stand
     }
 

@@ -32,6 +32,7 @@ fn every_command_has_help_with_its_exit_status() {
             "  1    failed",
             "  2    wrong use",
             "  130  interrupted",
+            "  143  ended by SIGTERM",
         ] {
             assert!(help.contains(part), "no `{part}` in the help of {command}:\n{help}");
         }
@@ -195,13 +196,7 @@ fn the_manual_has_a_page_for_every_command() {
 /// No line that is printed is wider than a terminal of 80 columns, the names of files aside.
 #[test]
 fn what_is_printed_fits_80_columns() {
-    let stand = Stand::new();
-    stand.write("plan.toml", host_tests::stand_plan());
-    stand.write(
-        "actuators.toml",
-        "format = 1\n[[point]]\nnominal = 0.5\ngain = 10.2\ntime_constant_s = 0.11\n\
-         [[point]]\nnominal = 0.65\ngain = 16.1\ntime_constant_s = 0.07\n",
-    );
+    let stand = Stand::of_two_levels();
     let limited = "[[effect]]\nkind = \"slew_limit\"\n[effect.parameters]\nrate_per_s = 0.6\n";
     stand.write("limited.toml", stand.read("actuators.toml") + limited);
     stand.write(
@@ -318,6 +313,11 @@ mod pseudo {
         let (text, status) = shown(&stand, &format!("{simulate} a"), &[]);
         assert_eq!(status, Some(0), "{text}");
         assert!(text.contains("simulating") && text.contains("left"), "no progress in {text:?}");
+        for arguments in ["identify a --out found.toml", "check a", "validate a --model model.toml"] {
+            let (text, status) = shown(&stand, arguments, &[]);
+            assert_eq!(status, Some(0), "{text}");
+            assert!(text.contains("left"), "no time left in what `{arguments}` shows: {text:?}");
+        }
         let (text, status) = shown(&stand, &format!("{simulate} b --quiet"), &[]);
         assert_eq!((text.as_str(), status), ("", Some(0)));
     }

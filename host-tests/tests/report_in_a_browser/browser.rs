@@ -9,6 +9,7 @@ use headless_chrome::browser::default_executable;
 use headless_chrome::browser::tab::point::Point;
 use headless_chrome::protocol::cdp::types::{Event, Method};
 use headless_chrome::protocol::cdp::{Emulation, Network, Page};
+use headless_chrome::types::PrintToPdfOptions;
 use headless_chrome::{Browser, LaunchOptions, Tab};
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
@@ -17,6 +18,11 @@ use serde_json::{Value, json};
 const DRAWN_WITHIN: Duration = Duration::from_secs(60);
 /// Height of a window, pixels.
 const HEIGHT: u32 = 900;
+/// What of a sheet of A4 is printed on, pixels of 1/96 inch.
+pub const SHEET: (u32, u32) = (717, 1046);
+/// Its size and margins, inches.
+const A4: (f64, f64) = (8.27, 11.69);
+const MARGIN: f64 = 0.4;
 /// Beside those that the library gives anyway.
 const FLAGS: [&str; 4] = ["--disable-quic", "--disable-component-update", "--hide-scrollbars", "--mute-audio"];
 
@@ -71,10 +77,9 @@ impl Chromium {
             }
         }))
         .unwrap();
-        let page = OpenPage { tab: Arc::clone(&tab), complaints };
+        let page = OpenPage { tab: Arc::clone(&tab), complaints, scheme: scheme.to_owned() };
         page.resize(width, HEIGHT);
-        let features = json!({ "features": [{ "name": "prefers-color-scheme", "value": scheme }] });
-        call::<Emulation::SetEmulatedMedia>(&tab, features);
+        page.emulate("", scheme);
         tab.navigate_to(&url).unwrap();
         let start = Instant::now();
         while page.evaluate::<Value>("document.documentElement?.dataset.drawn ?? null") != "true" {
@@ -109,6 +114,15 @@ fn call<M: Method + serde::Serialize + DeserializeOwned + std::fmt::Debug>(tab: 
 pub struct OpenPage {
     tab: Arc<Tab>,
     complaints: Arc<Mutex<Vec<String>>>,
+    scheme: String,
+}
+
+/// What a page is on paper.
+pub struct Printed {
+    /// The file.
+    pub bytes: Vec<u8>,
+    /// How many sheets.
+    pub sheets: usize,
 }
 
 impl OpenPage {
@@ -147,6 +161,37 @@ impl OpenPage {
         let png = self.tab.capture_screenshot(Page::CaptureScreenshotFormatOption::Png, None, None, true).unwrap();
         std::fs::write(file, png).unwrap();
         self.resize(width, HEIGHT);
+    }
+
+    /// The page as it is printed.
+    pub fn print(&self) -> Printed {
+        let options = PrintToPdfOptions {
+            paper_width: Some(A4.0),
+            paper_height: Some(A4.1),
+            margin_top: Some(MARGIN),
+            margin_bottom: Some(MARGIN),
+            margin_left: Some(MARGIN),
+            margin_right: Some(MARGIN),
+            ..PrintToPdfOptions::default()
+        };
+        let bytes = self.tab.print_to_pdf(Some(options)).unwrap();
+        assert!(bytes.starts_with(b"%PDF-"), "this is no PDF file");
+        // Of its objects only streams are compressed.
+        let is_sheet = |at: &usize| bytes[*at..].starts_with(b"/Type /Page") && bytes[*at + 11] != b's';
+        let sheets = (0..bytes.len() - 12).filter(is_sheet).count();
+        Printed { bytes, sheets }
+    }
+
+    /// Lays the page out as for a sheet of paper, until it is closed.
+    pub fn as_printed(&self) {
+        self.resize(SHEET.0, SHEET.1);
+        self.emulate("print", &self.scheme);
+        std::thread::sleep(Duration::from_millis(200));
+    }
+
+    fn emulate(&self, media: &str, scheme: &str) {
+        let features = json!([{ "name": "prefers-color-scheme", "value": scheme }]);
+        call::<Emulation::SetEmulatedMedia>(&self.tab, json!({ "media": media, "features": features }));
     }
 
     fn resize(&self, width: u32, height: u32) {

@@ -80,30 +80,33 @@ const faults = () => {
   return found;
 };
 
-// Switches every series off and on again with the mouse's event; lists those that stay, or do not come back.
-const toggleFaults = () => {
+const figureAt = (index) => document.querySelectorAll("figure")[index];
+
+// Switches every series of a figure off and on again with the mouse's event; lists those that stay, or do not come back.
+const toggleFaults = (index) => {
   const found = [];
-  let buttons = 0;
-  for (const figure of document.querySelectorAll("figure")) {
-    const plots = [...figure.querySelectorAll(".plot")];
-    const count = () => plots.reduce((sum, plot) => sum + drawn(plot), 0);
-    for (const button of figure.querySelectorAll("button.series")) {
-      buttons += 1;
-      const before = count();
-      button.click();
-      const without = count();
-      if (button.getAttribute("aria-pressed") !== "false") found.push(`${figure.id}: ${name(button)} does not say that it is off`);
-      if (without >= before) found.push(`${figure.id}: ${name(button)} takes nothing away, ${before} to ${without}`);
-      button.click();
-      if (count() !== before) found.push(`${figure.id}: ${name(button)} does not come back`);
-    }
+  const figure = figureAt(index);
+  const plots = [...figure.querySelectorAll(".plot")];
+  const count = () => plots.reduce((sum, plot) => sum + drawn(plot), 0);
+  const buttons = figure.querySelectorAll("button.series");
+  // A map is all that its figure has.
+  const isMap = plots.some((plot) => plot.data.some((trace) => trace.type === "heatmap"));
+  if (buttons.length === 0 && !isMap) found.push(`${figure.id}: no series can be switched off`);
+  for (const button of buttons) {
+    const before = count();
+    button.click();
+    const without = count();
+    if (button.getAttribute("aria-pressed") !== "false") found.push(`${figure.id}: ${name(button)} does not say that it is off`);
+    if (without >= before) found.push(`${figure.id}: ${name(button)} takes nothing away, ${before} to ${without}`);
+    button.click();
+    if (count() !== before) found.push(`${figure.id}: ${name(button)} does not come back`);
   }
-  return { found, buttons };
+  return found;
 };
 
-// The place of one point of each figure on the screen, with the figure scrolled into view; null for a map or a bar.
+// The place of one point of a figure on the screen, with the figure scrolled into view.
 const pointOf = (index) => {
-  const figure = document.querySelectorAll("figure")[index];
+  const figure = figureAt(index);
   const plot = figure.querySelector(".plot");
   const trace = plot.data.findIndex((trace) => trace.hoverinfo !== "skip" && trace.x && trace.x.length > 0);
   const { x, y, type } = plot.data[trace];
@@ -117,32 +120,58 @@ const pointOf = (index) => {
   return { x: box.left + at(full.xaxis, across), y: box.top + at(full.yaxis, up), name: figure.id };
 };
 const said = (index) => {
-  const texts = document.querySelectorAll("figure")[index].querySelectorAll(".hoverlayer text");
+  const texts = figureAt(index).querySelectorAll(".hoverlayer text");
   return [...texts].map((text) => text.textContent).join(" | ");
 };
 
 // Zooms one plot and lists the plots of its figure that do not follow, or do not return.
-const zoomFaults = async () => {
+const zoomFaults = async (index) => {
   const found = [];
   const rest = () => new Promise((done) => setTimeout(done, 120));
+  const figure = figureAt(index);
+  const plots = [...figure.querySelectorAll(".plot")];
+  const first = plots.map((plot) => plot.layout.xaxis.range.slice());
+  const [low, high] = first[0];
+  const near = [low + 0.3 * (high - low), low + 0.6 * (high - low)];
+  await Plotly.relayout(plots[0], { "xaxis.range": near });
+  await rest();
+  for (const plot of plots.filter((plot) => plot.dataset.x === plots[0].dataset.x)) {
+    if (Math.abs(plot.layout.xaxis.range[0] - near[0]) > 1e-6) found.push(`${figure.id}: a plot does not follow`);
+    const second = plot.layout.xaxis2;
+    const off = second && second.range[1] - second.range[0] - (near[1] - near[0]);
+    if (Math.abs(off || 0) > 1e-6) found.push(`${figure.id}: the second axis does not follow`);
+  }
+  figure.querySelector("button.reset").click();
+  await rest();
+  plots.forEach((plot, index) => {
+    if (Math.abs(plot.layout.xaxis.range[1] - first[index][1]) > 1e-6) found.push(`${figure.id}: a plot does not return`);
+  });
+  return found;
+};
+
+// What a page that is to be printed must be like, as it is laid out for a sheet so many pixels wide.
+const printFaults = (width) => {
+  const found = [];
+  const wide = document.documentElement.scrollWidth;
+  if (wide > width) found.push(`the page is ${wide} pixels wide, the sheet ${width}`);
+  for (const element of document.querySelectorAll("h1,h2,h3,p,dt,dd,li,caption,th,td,pre,figure,figcaption,.still svg")) {
+    const box = element.getBoundingClientRect();
+    if (box.width > 0 && (box.left < -tolerance || box.right > width + tolerance)) found.push(`${name(element)} leaves the sheet`);
+  }
+  const needed = [...document.querySelectorAll("h1, h2, .verdict p, table, figcaption, dt, .warnings li")];
+  for (const element of needed) {
+    if (element.textContent.trim() && !isShown(element)) found.push(`${name(element)} is not printed`);
+  }
   for (const figure of document.querySelectorAll("figure")) {
-    const plots = [...figure.querySelectorAll(".plot")];
-    const first = plots.map((plot) => plot.layout.xaxis.range.slice());
-    const [low, high] = first[0];
-    const near = [low + 0.3 * (high - low), low + 0.6 * (high - low)];
-    await Plotly.relayout(plots[0], { "xaxis.range": near });
-    await rest();
-    for (const plot of plots.filter((plot) => plot.dataset.x === plots[0].dataset.x)) {
-      if (Math.abs(plot.layout.xaxis.range[0] - near[0]) > 1e-6) found.push(`${figure.id}: a plot does not follow`);
-      const second = plot.layout.xaxis2;
-      const off = second && second.range[1] - second.range[0] - (near[1] - near[0]);
-      if (Math.abs(off || 0) > 1e-6) found.push(`${figure.id}: the second axis does not follow`);
-    }
-    figure.querySelector("button.reset").click();
-    await rest();
-    plots.forEach((plot, index) => {
-      if (Math.abs(plot.layout.xaxis.range[1] - first[index][1]) > 1e-6) found.push(`${figure.id}: a plot does not return`);
-    });
+    const still = figure.querySelector(".still svg");
+    if (!isShown(still)) found.push(`figure ${figure.id} has no picture`);
+    const flowing = (element) => element.textContent.replace(/\s+/g, "");
+    if (!flowing(still).includes(flowing(figure.querySelector("h3")))) found.push(`figure ${figure.id}: the picture has no title`);
+    if (still.querySelectorAll("text").length < 8) found.push(`figure ${figure.id}: the axes have no numbers`);
+    if (still.querySelectorAll("path,polyline,circle,line,rect").length < 5) found.push(`figure ${figure.id}: the picture is empty`);
+  }
+  for (const useless of document.querySelectorAll(".plot, button, nav")) {
+    if (isShown(useless)) found.push(`${name(useless)} is printed`);
   }
   return found;
 };

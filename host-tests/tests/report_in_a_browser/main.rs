@@ -4,89 +4,74 @@
 //! With `ROTORLEAD_SCREENSHOTS=DIR` in the environment every page is also written there as PNG.
 
 mod browser;
+mod reports;
 
+use std::collections::BTreeSet;
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
+use rotorlead_sim::report::FigureKind;
 use serde::Deserialize;
 
-use browser::{Chromium, OpenPage};
+use browser::{Chromium, OpenPage, SHEET};
+use reports::{MODEL, run};
 
 const CHECKS: &str = include_str!("checks.js");
 /// Widths of a window, pixels.
-const WIDTHS: [u32; 2] = [1280, 390];
+const WIDE: u32 = 1280;
+const NARROW: u32 = 390;
 
-/// An actuator with a slew limit that its first model does not have, so that a diagnosis has something to find.
-const MODEL: &str = "format = 1\n[[point]]\nnominal = 0.5\ngain = 10.1718\ntime_constant_s = 0.1076554\n\
-                     [[point]]\nnominal = 0.65\ngain = 16.1063\ntime_constant_s = 0.0707839\n";
-const EFFECT: &str = "[[effect]]\nkind = \"slew_limit\"\n[effect.parameters]\nrate_per_s = 0.6\n";
-
-/// The paper's measured bandwidths at three levels.
-const BANDWIDTHS: &str = "u_nom,uncompensated_rad_s,compensated_rad_s\n0.4,7.6139,10.5564\n0.5,11.7689,68.9652\n\
-                          0.65,14.7953,97.1847\n";
-
-fn run(folder: &Path, arguments: &str) {
-    let output = Command::new(assert_cmd::cargo::cargo_bin("rotorlead"))
-        .current_dir(folder)
-        .args(arguments.split(' '))
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "{arguments}: {}", String::from_utf8_lossy(&output.stderr));
-}
-
-/// Reports of every kind in `folder`.
-fn reports(folder: &Path) -> Vec<PathBuf> {
-    fs::write(folder.join("plan.toml"), host_tests::stand_plan()).unwrap();
-    fs::write(folder.join("model.toml"), MODEL).unwrap();
-    fs::write(folder.join("limited.toml"), format!("{MODEL}{EFFECT}")).unwrap();
-    fs::write(folder.join("bandwidths.csv"), BANDWIDTHS).unwrap();
-    let low = "[[point]]\nnominal = 0.4\ngain = 9.9955\ntime_constant_s = 0.15934\n";
-    fs::write(folder.join("three.toml"), MODEL.replacen("[[point]]", &format!("{low}[[point]]"), 1)).unwrap();
-    run(folder, "simulate --model limited.toml --plan plan.toml --out stand --report simulate.html");
-    run(folder, "report stand --out report.html");
-    run(folder, "design --model model.toml --loop-rate 200 --omega-g 100 --out compensator.toml --report design.html");
-    run(folder, "simulate --model model.toml --plan plan.toml --compensator compensator.toml --out faster");
-    run(
-        folder,
-        "bandwidth --model model.toml --compensator compensator.toml --records stand --records faster --report bandwidth.html",
-    );
-    run(folder, "diagnose --bandwidths bandwidths.csv --model three.toml --report bandwidths.html");
-    ["report", "simulate", "design", "bandwidth", "bandwidths"].map(|name| folder.join(format!("{name}.html"))).to_vec()
-}
-
+/// Every report at both widths by day, and by night once: all in it is there, and can be read. What can be done with a figure is done
+/// with the first of its kind.
 #[test]
-fn a_report_is_whole_in_a_browser_at_every_width_by_day_and_by_night() {
+fn every_report_is_whole_in_a_browser_and_every_kind_of_figure_can_be_used() {
     let Some(chromium) = Chromium::start() else { return };
     let folder = tempfile::tempdir().unwrap();
-    let screenshots = std::env::var_os("ROTORLEAD_SCREENSHOTS").map(PathBuf::from);
-    for file in reports(folder.path()) {
-        for (width, scheme) in WIDTHS.into_iter().flat_map(|width| ["light", "dark"].map(|scheme| (width, scheme))) {
+    let screenshots = screenshots();
+    let (mut used, mut faults) = (BTreeSet::new(), Vec::new());
+    for file in reports::write(folder.path()) {
+        let stem = file.file_stem().unwrap().to_string_lossy().into_owned();
+        for (width, scheme) in [(WIDE, "light"), (NARROW, "light"), (WIDE, "dark")] {
             let page = chromium.open(&file, width, scheme);
             page.run(CHECKS);
-            let stem = file.file_stem().unwrap().to_string_lossy().into_owned();
             if let Some(folder) = &screenshots {
                 page.screenshot(&folder.join(format!("{stem}-{width}-{scheme}.png")));
             }
             let place = format!("{stem} at {width} pixels, {scheme}");
-            let faults: Vec<String> = page.evaluate("faults()");
-            assert!(faults.is_empty(), "{place}:\n{}", faults.join("\n"));
-            // What can be done with it is the same by day and by night.
-            if scheme == "light" {
-                can_be_used(&page, &place);
-            } else {
+            let found: Vec<String> = page.evaluate("faults()");
+            faults.extend(found.iter().map(|fault| format!("{place}: {fault}")));
+            if scheme == "dark" {
                 is_dark(&page, &place);
+            }
+            for (index, kind) in kinds(&page).into_iter().enumerate() {
+                if scheme == "light" && used.insert((kind.id(), width)) {
+                    can_be_used(&page, index, &place);
+                }
             }
             assert!(page.complaints().is_empty(), "{place}: {:#?}", page.complaints());
         }
     }
+    assert!(faults.is_empty(), "{}", faults.join("\n"));
+    for (kind, width) in FigureKind::ALL.iter().flat_map(|kind| [WIDE, NARROW].map(|width| (kind, width))) {
+        assert!(used.contains(&(kind.id(), width)), "no report shows {kind:?} at {width} pixels");
+    }
 }
 
-#[derive(Deserialize)]
-struct Toggled {
-    found: Vec<String>,
-    buttons: usize,
+/// Where pictures of the pages are wanted.
+fn screenshots() -> Option<PathBuf> {
+    std::env::var_os("ROTORLEAD_SCREENSHOTS").map(PathBuf::from)
+}
+
+/// The kinds of a page's figures, in its order.
+fn kinds(page: &OpenPage) -> Vec<FigureKind> {
+    let ids: Vec<String> = page.evaluate("[...document.querySelectorAll('figure')].map((figure) => figure.id)");
+    let kind = |id: &String| {
+        let is_of = |kind: &FigureKind| id == kind.id() || id.starts_with(&format!("{}_", kind.id()));
+        FigureKind::ALL.into_iter().find(is_of).unwrap_or_else(|| panic!("{id} is of no kind"))
+    };
+    assert!(!ids.is_empty(), "a report without a figure");
+    ids.iter().map(kind).collect()
 }
 
 #[derive(Deserialize)]
@@ -96,30 +81,23 @@ struct Spot {
     name: String,
 }
 
-/// Series can be switched off and on, values read where the mouse is, and axes zoomed and reset.
-fn can_be_used(page: &OpenPage, place: &str) {
-    let toggled: Toggled = page.evaluate("toggleFaults()");
-    assert!(toggled.found.is_empty(), "{place}:\n{}", toggled.found.join("\n"));
-    let figures: usize = page.evaluate("document.querySelectorAll('figure').length");
-    assert!(figures >= 1 && toggled.buttons >= 2, "{place}: {figures} figures, {} buttons", toggled.buttons);
-    for index in 0..figures {
-        let spot: Spot = page.evaluate(&format!("pointOf({index})"));
-        page.point_at(spot.x, spot.y);
-        let start = Instant::now();
-        let said = loop {
-            let said: String = page.evaluate(&format!("said({index})"));
-            if !said.is_empty() || start.elapsed() > Duration::from_secs(5) {
-                break said;
-            }
-            std::thread::sleep(Duration::from_millis(50));
-        };
-        assert!(
-            said.chars().any(|c| c.is_ascii_digit()),
-            "{place}: {}: \"{said}\" is all that hovering says",
-            spot.name
-        );
-    }
-    let zoomed: Vec<String> = page.evaluate("zoomFaults()");
+/// Series of a figure can be switched off and on, values read where the mouse is, and axes zoomed and reset.
+fn can_be_used(page: &OpenPage, index: usize, place: &str) {
+    let toggled: Vec<String> = page.evaluate(&format!("toggleFaults({index})"));
+    assert!(toggled.is_empty(), "{place}:\n{}", toggled.join("\n"));
+    let spot: Spot = page.evaluate(&format!("pointOf({index})"));
+    page.point_at(spot.x, spot.y);
+    let start = Instant::now();
+    let said = loop {
+        let said: String = page.evaluate(&format!("said({index})"));
+        if !said.is_empty() || start.elapsed() > Duration::from_secs(5) {
+            break said;
+        }
+        std::thread::sleep(Duration::from_millis(50));
+    };
+    let has_number = said.chars().any(|c| c.is_ascii_digit());
+    assert!(has_number, "{place}: {}: \"{said}\" is all that hovering says", spot.name);
+    let zoomed: Vec<String> = page.evaluate(&format!("zoomFaults({index})"));
     assert!(zoomed.is_empty(), "{place}:\n{}", zoomed.join("\n"));
 }
 
@@ -137,6 +115,40 @@ fn is_dark(page: &OpenPage, place: &str) {
         numbers.iter().take(3).sum::<f64>() / 765.0
     };
     assert!(lightness(&colors[0]) < 0.2 && lightness(&colors[1]) > 0.7, "{place}: {colors:?}");
+}
+
+/// What a page is on paper: its pictures instead of what a pointer would use, and no sheet more than it takes.
+#[test]
+fn a_report_can_be_printed() {
+    let Some(chromium) = Chromium::start() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let screenshots = screenshots();
+    fs::write(folder.path().join("plan.toml"), host_tests::stand_plan()).unwrap();
+    fs::write(folder.path().join("model.toml"), MODEL).unwrap();
+    run(folder.path(), "simulate --model model.toml --plan plan.toml --out stand");
+    run(folder.path(), "report stand --no-diagnosis --out report.html");
+    // What a dark screen shows is printed on white paper.
+    for scheme in ["light", "dark"] {
+        let page = chromium.open(&folder.path().join("report.html"), WIDE, scheme);
+        page.run(CHECKS);
+        let pictures: usize = page.evaluate("document.querySelectorAll('figure').length");
+        let pdf = page.print();
+        if let Some(folder) = &screenshots {
+            fs::write(folder.join(format!("report-{scheme}.pdf")), &pdf.bytes).unwrap();
+        }
+        // Two or three pictures go on a sheet; words and tables take some more.
+        assert!((2..=pictures + 6).contains(&pdf.sheets), "{} sheets for {pictures} figures", pdf.sheets);
+        assert!(pictures >= 6, "{pictures} figures");
+
+        page.as_printed();
+        let faults: Vec<String> = page.evaluate(&format!("printFaults({})", SHEET.0));
+        assert!(faults.is_empty(), "{scheme}:\n{}", faults.join("\n"));
+        if let Some(folder) = &screenshots {
+            page.screenshot(&folder.join(format!("report-printed-{scheme}.png")));
+        }
+        let paper: String = page.evaluate("getComputedStyle(document.body).backgroundColor");
+        assert_eq!(paper, "rgb(255, 255, 255)", "{scheme}");
+    }
 }
 
 #[test]

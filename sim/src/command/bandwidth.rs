@@ -124,17 +124,16 @@ impl Bandwidth {
     fn measure(&self) -> miette::Result<(Vec<MeasuredBandwidth>, Vec<PeriodicIdentification>)> {
         let (mut measured, mut all) = (Vec::new(), Vec::new());
         for folder in &self.records {
-            let experiment = Experiment::read(folder)?;
-            let bar = progress::spinner("measuring");
-            let of = || -> Result<_, IdentifyError> {
-                let found = identify_periodic(&experiment, &PeriodicOptions::default())?;
-                Ok((found.bandwidths(RESAMPLES, SEED)?, found))
-            };
-            let (bandwidths, found) =
-                of().map_err(miette::Report::from).wrap_err_with(|| format!("`{}`", folder.display()))?;
+            let (bandwidths, found) = progress::of_files("measuring", &[folder], || -> miette::Result<_> {
+                let experiment = Experiment::read(folder)?;
+                let of = || -> Result<_, IdentifyError> {
+                    let found = identify_periodic(&experiment, &PeriodicOptions::default())?;
+                    Ok((found.bandwidths(RESAMPLES, SEED)?, found))
+                };
+                of().map_err(miette::Report::from).wrap_err_with(|| format!("`{}`", folder.display()))
+            })?;
             measured.extend(bandwidths);
             all.push(found);
-            bar.finish_and_clear();
         }
         Ok((measured, all))
     }

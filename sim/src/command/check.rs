@@ -18,10 +18,14 @@ use crate::record::{Excitation, Experiment, Inspection, Role, Unreadable};
 
 /// Says what is wrong with an experiment's folder, before anything is made of it
 ///
-/// Looks at every record for rows that are missing, uneven or too slow, columns in another unit than their name says,
-/// a response of the wrong sign, limits that a column ran into, periods that are too few or none, and all else that
-/// `rotorlead identify` would refuse or warn of; and says all of it at once, each with what to do. Nothing is written.
-/// An error is what an identification refuses; after a warning it goes on, with numbers that may be worth less.
+/// Looks at every record for rows that are missing, uneven or too slow, a sensor that is slower than its rows, columns
+/// that are swapped or in another unit than their name says, a response of the wrong sign, limits that a column ran
+/// into, periods that are too few or none, and all else that `rotorlead identify` would refuse or warn of; and says all
+/// of it at once, each with what to do. Nothing is written. An error is what an identification refuses; after a warning
+/// it goes on, with numbers that may be worth less.
+///
+/// What a motor could have done is not seen: a thrust in pounds-force (4.4 times too small) is told from newtons only
+/// for a small motor, or by voltage and current; a calibration that is off by less than that is not told at all.
 #[derive(Args, Debug)]
 pub struct Check {
     /// The experiment's folder
@@ -46,10 +50,11 @@ impl Check {
     /// Runs the command and says what was found; fails where there is an error among it.
     pub fn say(&self, quiet: bool) -> miette::Result<()> {
         self.json.check(None)?;
-        let bar = progress::spinner("checking");
-        let inspection = Experiment::inspect(&self.experiment);
-        let findings = findings(&inspection);
-        bar.finish_and_clear();
+        let (inspection, findings) = progress::of_files("checking", &[&self.experiment], || {
+            let inspection = Experiment::inspect(&self.experiment);
+            let findings = findings(&inspection);
+            (inspection, findings)
+        });
         let errors = findings.iter().filter(|finding| finding.severity == Severity::Error).count();
         self.json.say(self.outcome(&inspection, &findings, errors), quiet)?;
         if errors == 0 {
@@ -103,6 +108,10 @@ fn counted(count: usize, what: &str) -> String {
 /// Everything that is wrong, errors first.
 fn findings(inspection: &Inspection) -> Vec<Finding> {
     let mut findings = Findings::default();
+    if let Some(files) = inspection.not_recorded() {
+        let doubt = RecordDoubt::NotRecorded { count: files.len(), files: files.join(", ") };
+        return vec![Finding::new(Severity::Error, Topic::Files, None, &doubt)];
+    }
     for fault in &inspection.unreadable {
         findings.extend(unreadable(fault, inspection));
     }
@@ -133,9 +142,15 @@ fn unreadable(fault: &Unreadable, inspection: &Inspection) -> Vec<Finding> {
     // A command outside 0 to 1 is refused first; a rate that contradicts the times only then.
     let is_duty = |command: &f64| (0.0..=1.0).contains(command);
     let is_command = fault.rows.as_ref().is_some_and(|rows| !rows.command.iter().all(is_duty));
-    let cause = if is_command { Topic::CommandUnit } else { Topic::TimeUnit };
+    // Rows that a finding is about are the ones that the stated rate contradicts.
+    let is_cause = |finding: &&mut Finding| match finding.topic {
+        Topic::CommandUnit => is_command,
+        Topic::TimeUnit => !is_command,
+        Topic::Sampling => !is_command && finding.row.is_some(),
+        _ => false,
+    };
     let topic = if fault.rows.is_some() && !is_command { Topic::Sampling } else { Topic::Files };
-    match found.iter_mut().find(|finding| finding.topic == cause) {
+    match found.iter_mut().find(is_cause) {
         Some(cause) => cause.severity = Severity::Error,
         None => {
             let mut finding = Finding::new(Severity::Error, topic, file, &fault.error);

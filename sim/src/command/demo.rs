@@ -96,7 +96,8 @@ impl Demo {
         make_folder(&self.out)?;
         model.write(&self.out.join("model.toml"))?;
         compensator_file(&design).write(&self.out.join("compensator.toml"))?;
-        write_file(&figure, bode_plot(&design, &found, &compensated).svg()?.as_bytes())?;
+        let drawn = bode_plot(&design, &found, &compensated);
+        write_file(&figure, drawn.svg()?.as_bytes())?;
 
         let written = self.report.write(|| {
             let identification =
@@ -104,6 +105,7 @@ impl Demo {
             let mut bandwidth = bandwidth_section(&simulated, &of_records);
             bandwidth.figures.extend(measured_response(&found, &compensated));
             bandwidth.figures.extend(simulation_and_experiment(&found, &compensated, &design));
+            bandwidth.figures.push(drawn);
             let sections = vec![
                 identification_section(&identification),
                 excitation_section(&stand),
@@ -185,7 +187,8 @@ fn bode_plot(design: &LeadDesign, found: &PeriodicIdentification, compensated: &
     Figure::new(
         FigureKind::Demonstration,
         "Actuator over its static gain: dots measured, lines modeled",
-        "",
+        "The slowest level and a fast one, each without and with the compensator. The actuators are simulated lags, so that dots lie \
+         on their lines.",
         bode(&curves, "dB over the static gain", &[("-3 dB", -3.0)]),
     )
 }

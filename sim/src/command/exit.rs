@@ -13,8 +13,10 @@ pub enum Exit {
     Failed = 1,
     /// The command line was wrong. This is what `clap` uses too.
     WrongUse = 2,
-    /// Ctrl-C: 128 and the number of the signal, as shells have it.
+    /// Ctrl-C (SIGINT): 128 and the number of the signal, as shells have it.
     Interrupted = 130,
+    /// A request to end, such as `kill`, a batch system's time limit or a shutdown makes (SIGTERM): likewise.
+    Terminated = 143,
 }
 
 /// What the long help of every command says of it.
@@ -23,7 +25,8 @@ Exit status:
   0    done
   1    failed: the report on standard error says what is wrong, and what to do
   2    wrong use of the command line
-  130  interrupted by Ctrl-C; nothing half-written is left";
+  130  interrupted by Ctrl-C; nothing half-written is left
+  143  ended by SIGTERM, as `kill` sends it; nothing half-written is left";
 
 impl Exit {
     /// What a run comes to.

@@ -118,8 +118,6 @@ impl Identify {
         if self.stand {
             return identify_stand::run(&self.experiment, &self.out, &self.of_stand, &self.report);
         }
-        let Aligned { experiment, long, text: mut aligned_text, warnings: align_warnings, json: alignments } =
-            self.align.read(&self.experiment)?;
         check_writable(&self.out)?;
         self.report.check(Some(&self.out))?;
         let delay_level = match self.delay {
@@ -128,13 +126,18 @@ impl Identify {
             Delay::Fit => 1.0,
         };
         let stand = self.stand_model.as_deref().map(StandModel::read).transpose()?;
-        let bar = progress::spinner("identifying");
         let nothing = || format!("nothing was identified from `{}`", self.experiment.display());
-        let long = transform(&experiment, &long).wrap_err_with(nothing)?;
-        let mut identified = identify(&experiment, &long, delay_level, stand.as_ref()).wrap_err_with(nothing)?;
-        let laws = identify_laws::compare(&experiment, &mut identified);
-        let static_map = identify_map::add(&experiment, &mut identified);
-        bar.finish_and_clear();
+        let (aligned, mut identified, laws, static_map) =
+            progress::of_files("identifying", &[&self.experiment], || -> miette::Result<_> {
+                let aligned = self.align.read(&self.experiment)?;
+                let long = transform(&aligned.experiment, &aligned.long).wrap_err_with(nothing)?;
+                let mut identified =
+                    identify(&aligned.experiment, &long, delay_level, stand.as_ref()).wrap_err_with(nothing)?;
+                let laws = identify_laws::compare(&aligned.experiment, &mut identified);
+                let static_map = identify_map::add(&aligned.experiment, &mut identified);
+                Ok((aligned, identified, laws, static_map))
+            })?;
+        let Aligned { experiment, text: mut aligned_text, warnings: align_warnings, json: alignments, .. } = aligned;
         identified.model.write(&self.out)?;
 
         identified.warnings.splice(0..0, align_warnings);

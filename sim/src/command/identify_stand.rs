@@ -30,7 +30,6 @@ pub struct StandArguments {
 
 /// Identifies the stand of the experiment in `folder` and writes it to `out`.
 pub fn run(folder: &Path, out: &Path, arguments: &StandArguments, report: &ReportOption) -> miette::Result<Outcome> {
-    let experiment = Experiment::read_force(folder)?;
     check_writable(out)?;
     report.check(Some(out))?;
     let mut options = StandOptions::default();
@@ -40,10 +39,12 @@ pub fn run(folder: &Path, out: &Path, arguments: &StandArguments, report: &Repor
     if let Some(top_hz) = arguments.top {
         options.band_hz.1 = top_hz;
     }
-    let bar = progress::spinner("identifying");
-    let stand = identify_stand(&experiment, &options)
-        .wrap_err_with(|| format!("no stand was identified from `{}`", folder.display()))?;
-    bar.finish_and_clear();
+    let (experiment, stand) = progress::of_files("identifying", &[folder], || -> miette::Result<_> {
+        let experiment = Experiment::read_force(folder)?;
+        let stand = identify_stand(&experiment, &options)
+            .wrap_err_with(|| format!("no stand was identified from `{}`", folder.display()))?;
+        Ok((experiment, stand))
+    })?;
     stand.model().write(out)?;
 
     let mut text = table(&stand);

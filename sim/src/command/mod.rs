@@ -34,6 +34,7 @@ mod spared;
 mod validate;
 mod wrong_use;
 
+use std::io::{Write as _, stdout};
 use std::path::Path;
 
 use clap::{CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
@@ -65,7 +66,7 @@ From a log to a compensator:
 
 With a stand and no log yet, `rotorlead new DIR` makes a folder to begin with.
 
-Exit status: 0 done, 1 failed, 2 wrong use, 130 interrupted.";
+Exit status: 0 done, 1 failed, 2 wrong use, 130 interrupted, 143 terminated.";
 
 #[derive(Debug, Subcommand)]
 enum Command {
@@ -88,13 +89,22 @@ enum Command {
 
 impl Arguments {
     /// What the command line says. Wrong use, `--help` and `--version` end the program here.
-    #[must_use]
-    pub fn of_command_line() -> Self {
-        let matches = command_line().get_matches();
+    ///
+    /// # Errors
+    /// When help or version were asked for and cannot be printed.
+    pub fn of_command_line() -> miette::Result<Self> {
+        let matches = match command_line().try_get_matches() {
+            Ok(matches) => matches,
+            Err(asked) if !asked.use_stderr() => {
+                outcome::printed(asked.print().and_then(|()| stdout().flush()))?;
+                std::process::exit(Exit::Done.status().into());
+            }
+            Err(wrong) => wrong.exit(),
+        };
         if let Some(overwritten) = spared::overwritten(&matches) {
             command_line().error(clap::error::ErrorKind::ValueValidation, overwritten).exit();
         }
-        Self::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
+        Ok(Self::from_arg_matches(&matches).unwrap_or_else(|error| error.exit()))
     }
 
     /// Runs the command that was asked for and prints what it says.
@@ -109,7 +119,7 @@ impl Arguments {
             say(json, out, report, run, self.quiet)
         };
         match &self.command {
-            Command::New(command) => say(&command.json, Some(&command.folder), None, &|| command.run()),
+            Command::New(command) => command.say(self.quiet),
             Command::Check(command) => command.say(self.quiet),
             Command::Demo(command) => say(&command.json, Some(&command.out), Some(&command.report), &|| command.run()),
             Command::Excite(command) => {

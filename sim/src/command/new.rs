@@ -53,8 +53,15 @@ pub struct New {
 }
 
 impl New {
-    /// Runs the command.
-    pub fn run(&self) -> miette::Result<Outcome> {
+    /// Runs the command and says what came out.
+    pub fn say(&self, quiet: bool) -> miette::Result<()> {
+        self.json.check(Some(&self.folder))?;
+        let (folder, outcome) = self.made()?;
+        self.json.say_of(folder, outcome, quiet)
+    }
+
+    /// The folder, which lacks but its name, and what is said of it.
+    fn made(&self) -> miette::Result<(OutputFolder, Outcome)> {
         let plan: Plan = toml::from_str(PLAN).into_diagnostic()?;
         let readme = README
             .replace("{rehearsal}", &REHEARSAL.join("\n"))
@@ -73,7 +80,6 @@ impl New {
         for (name, _, content) in files {
             folder.write(name, content.as_bytes())?;
         }
-        folder.commit()?;
 
         let mut text = String::new();
         for (name, purpose, _) in files {
@@ -87,7 +93,7 @@ impl New {
             "files": files.map(|(name, ..)| name),
             "commands": REHEARSAL,
         });
-        Ok(Outcome { text, json })
+        Ok((folder, Outcome { text, json }))
     }
 }
 

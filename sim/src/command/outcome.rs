@@ -9,7 +9,7 @@ use serde_json::Value;
 use textwrap::{WordSeparator, WordSplitter};
 
 use super::WrongUse;
-use crate::files::{check_writable, write_file};
+use crate::files::{OutputFolder, check_writable, write_file};
 
 /// What came out of a command.
 #[derive(Debug)]
@@ -18,6 +18,12 @@ pub struct Outcome {
     pub text: String,
     /// The same for programs.
     pub json: Value,
+}
+
+impl Outcome {
+    fn json_text(&self) -> String {
+        format!("{:#}\n", self.json)
+    }
 }
 
 /// Where the JSON goes.
@@ -46,12 +52,30 @@ impl JsonOption {
 
     /// Prints the outcome, or writes it, or both; `quiet` leaves the words out.
     pub fn say(&self, outcome: Outcome, quiet: bool) -> miette::Result<()> {
-        let json = || format!("{:#}\n", outcome.json);
-        if let Some(file) = self.file() {
-            write_file(file, json().as_bytes())?;
+        self.write(&outcome)?;
+        self.print(&outcome, quiet)
+    }
+
+    /// As [`Self::say`], of a folder that lacks but its name: where the JSON cannot be written, no folder is made.
+    pub fn say_of(&self, folder: OutputFolder, outcome: Outcome, quiet: bool) -> miette::Result<()> {
+        let is_inside = self.file().is_some_and(|file| file.starts_with(folder.destination()));
+        if is_inside {
+            folder.commit()?;
+            self.write(&outcome)?;
+        } else {
+            self.write(&outcome)?;
+            folder.commit()?;
         }
+        self.print(&outcome, quiet)
+    }
+
+    fn write(&self, outcome: &Outcome) -> miette::Result<()> {
+        self.file().map_or(Ok(()), |file| Ok(write_file(file, outcome.json_text().as_bytes())?))
+    }
+
+    fn print(&self, outcome: &Outcome, quiet: bool) -> miette::Result<()> {
         if self.json.is_some() && self.file().is_none() {
-            print(&json())
+            print(&outcome.json_text())
         } else if quiet {
             Ok(())
         } else {
@@ -89,7 +113,12 @@ fn print(text: &str) -> miette::Result<()> {
 /// [`print`] of any bytes.
 pub(super) fn print_bytes(bytes: &[u8]) -> miette::Result<()> {
     let mut stdout = io::stdout().lock();
-    match stdout.write_all(bytes).and_then(|()| stdout.flush()) {
+    printed(stdout.write_all(bytes).and_then(|()| stdout.flush()))
+}
+
+/// What came of printing: a reader that has seen enough is no failure.
+pub(super) fn printed(result: io::Result<()>) -> miette::Result<()> {
+    match result {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
         printed => printed.into_diagnostic().wrap_err("cannot write to standard output"),
     }

@@ -37,12 +37,13 @@ impl Validate {
     pub fn run(&self) -> miette::Result<Outcome> {
         self.report.check(None)?;
         let model = Model::read(&self.model)?;
-        let experiment = Experiment::read(&self.experiment)?;
-        let bar = progress::spinner("validating");
-        let records = validate(&experiment, &model).map_err(miette::Report::from).wrap_err_with(|| {
-            format!("`{}` was not compared with `{}`", self.experiment.display(), self.model.display())
+        let (experiment, records) = progress::of_files("validating", &[&self.experiment], || -> miette::Result<_> {
+            let experiment = Experiment::read(&self.experiment)?;
+            let records = validate(&experiment, &model).map_err(miette::Report::from).wrap_err_with(|| {
+                format!("`{}` was not compared with `{}`", self.experiment.display(), self.model.display())
+            })?;
+            Ok((experiment, records))
         })?;
-        bar.finish_and_clear();
         let written = self.report.write(|| Report {
             facts: [
                 report_pages::records(&experiment, &self.experiment),

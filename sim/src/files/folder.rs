@@ -13,8 +13,8 @@ use super::write::{existing_parent, parent, sync_folder, temporary};
 /// A folder under construction: built beside its destination, renamed to it by
 /// [`OutputFolder::commit`], removed when dropped before.
 ///
-/// An interrupted process removes it ([`remove_unfinished`](super::remove_unfinished)). One that is killed leaves a hidden folder `.NAME.*.part` beside the destination, which may
-/// be removed.
+/// An interrupted process removes it ([`remove_unfinished`](super::remove_unfinished)). One that is killed leaves a hidden
+/// folder `.NAME.*.part` beside the destination, which may be removed.
 #[derive(Debug)]
 pub struct OutputFolder {
     building: TempDir,

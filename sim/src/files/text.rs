@@ -5,12 +5,22 @@ use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use miette::NamedSource;
 
 use super::{Excerpt, FileError, Located};
 
 const BYTE_ORDER_MARK: char = '\u{feff}';
+
+/// Bytes of text that were read by now.
+static READ: AtomicU64 = AtomicU64::new(0);
+
+/// How many bytes of text files this process has read by now: what a bar shows while files are read.
+#[must_use]
+pub fn bytes_read() -> u64 {
+    READ.load(Ordering::Relaxed)
+}
 
 /// The text of a file and the name under which it was asked for. Clones share the text.
 #[derive(Clone, Debug)]
@@ -40,6 +50,7 @@ impl TextFile {
 
     /// The part of a file that follows so many bytes and lines.
     pub(super) fn part(path: &Path, bytes: Vec<u8>, bytes_before: u64, lines_before: usize) -> Result<Self, FileError> {
+        READ.fetch_add(bytes.len() as u64, Ordering::Relaxed);
         let mut text = String::from_utf8(bytes).map_err(|error| not_utf8(path, &error, bytes_before, lines_before))?;
         if bytes_before == 0 && text.starts_with(BYTE_ORDER_MARK) {
             text.drain(..BYTE_ORDER_MARK.len_utf8());

@@ -64,6 +64,12 @@ impl TomlFile {
     fn refused(&self, error: &toml::de::Error) -> FileError {
         let span = error.span().unwrap_or(0..0);
         let message = error.message();
+        if let Some(kinds) = WrongKind::of(message) {
+            let root = DeTable::parse(self.text.text()).ok().map(|root| DeValue::Table(root.into_inner()));
+            let place = root.and_then(|root| place_of(&root, &span, Place::root())).unwrap_or_default();
+            let fault = place.fault(format!("{} where {} is needed", kinds.found, kinds.needed), kinds.remedy);
+            return self.text.complaint(span, fault.to_string(), "here", fault.help);
+        }
         self.text.complaint(span, message, "here", remedy(message))
     }
 
@@ -84,6 +90,76 @@ impl TomlFile {
             value = next.get_ref();
         }
         span
+    }
+}
+
+/// The way to the value that stands at `span`.
+fn place_of(value: &DeValue<'_>, span: &Range<usize>, place: Place) -> Option<Place> {
+    let within = |found: Range<usize>, value: &DeValue<'_>, place: Place| {
+        if found == *span { Some(place) } else { place_of(value, span, place) }
+    };
+    match value {
+        DeValue::Table(table) => {
+            table.iter().find_map(|(key, value)| within(value.span(), value.get_ref(), place.key(key.get_ref())))
+        }
+        DeValue::Array(items) => {
+            let mut items = items.iter().enumerate();
+            items.find_map(|(index, value)| within(value.span(), value.get_ref(), place.item(index)))
+        }
+        _ => None,
+    }
+}
+
+/// A value of another kind than its key takes, in words.
+struct WrongKind {
+    /// What stands there.
+    found: String,
+    /// What the key takes.
+    needed: &'static str,
+    remedy: &'static str,
+}
+
+impl WrongKind {
+    /// From what the TOML reader says: `invalid type: string "0.4", expected f64`. `None` for anything else.
+    fn of(message: &str) -> Option<Self> {
+        let (is_type, rest) = match message.strip_prefix("invalid type: ") {
+            Some(rest) => (true, rest),
+            None => (false, message.strip_prefix("invalid value: ")?),
+        };
+        let (found, expected) = rest.rsplit_once(", expected ")?;
+        let (needed, remedy) = match expected {
+            "f64" | "f32" => ("a number", "write a number with a decimal point, without quotes and without its unit"),
+            "u8" | "u16" | "u32" | "u64" | "usize" => {
+                ("a whole number of 0 or more", "write a whole number, without quotes and without a decimal point")
+            }
+            "i8" | "i16" | "i32" | "i64" => {
+                ("a whole number", "write a whole number, without quotes and without a decimal point")
+            }
+            "a boolean" => ("true or false", "write true or false, without quotes"),
+            "a string" => ("a text", "write a text in quotes"),
+            "a sequence" => ("a list", "write a list in brackets, such as [0.4, 0.5]; of tables, [[name]] before each"),
+            "a map" => ("a table", "write a table: a line [name], and a line for each of its keys"),
+            _ if expected.starts_with("struct ") => {
+                ("a table", "write a table: a line [name], and a line for each of its keys")
+            }
+            _ if expected.starts_with("an array of") || expected.starts_with("a tuple") => {
+                ("a list of another length", "write as many numbers in brackets as the page of this file says")
+            }
+            _ => return None,
+        };
+        let kind = found.split([' ', '`']).next().unwrap_or_default();
+        let found = match kind {
+            // A number of the right kind, and out of what the key can hold.
+            "integer" if !is_type => found.trim_start_matches("integer ").replace('`', ""),
+            "integer" => "a whole number".to_owned(),
+            "floating" => "a number with decimals".to_owned(),
+            "boolean" => "true or false".to_owned(),
+            "string" => "a text in quotes".to_owned(),
+            "sequence" => "a list".to_owned(),
+            "map" => "a table".to_owned(),
+            _ => found.to_owned(),
+        };
+        Some(Self { found, needed, remedy })
     }
 }
 
@@ -185,7 +261,16 @@ mod tests {
     #[test]
     fn a_value_of_the_wrong_kind_is_shown() {
         let text = "format = 1\n[[point]]\nnominal = \"0.4\"\n";
-        report(text, &["example.toml:3:11", "expected f64", "numbers without quotes"]);
+        report(
+            text,
+            &["example.toml:3:11", "`point` 1, `nominal`: a text in quotes where a number is needed", "without quotes"],
+        );
+        let text = "format = 1\n[[point]]\nnominal = 1\naxes = [1, true]\n";
+        report(text, &["example.toml:4:12", "`point` 1, `axes` 2: true or false where a number is needed"]);
+        let text = "format = 1\npoint = 3\n";
+        report(text, &["example.toml:2:9", "`point`: a whole number where a list is needed", "[[name]]"]);
+        let text = "format = -1\npoint = []\n";
+        report(text, &["example.toml:1:10", "`format`"]);
     }
 
     #[test]

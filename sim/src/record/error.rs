@@ -10,8 +10,9 @@ use thiserror::Error;
 pub enum RecordError {
     /// The rows are not evenly spaced.
     #[error(
-        "`{file}`, row {row}: {interval_s:.9} s after the row before it; \
-         the rows are {typical_s:.9} s apart otherwise"
+        "`{file}`, row {row}: {} s after the row before it; the rows are {} s apart otherwise",
+        short(*interval_s),
+        short(*typical_s)
     )]
     #[diagnostic(help(
         "cut the record there if rows are missing; \
@@ -28,7 +29,7 @@ pub enum RecordError {
         typical_s: f64,
     },
     /// The rows get slowly denser or sparser along the record.
-    #[error("`{file}`, row {row}: {offset_s:.9} s away from where evenly spaced rows would have it")]
+    #[error("`{file}`, row {row}: {} s away from where evenly spaced rows would have it", short(*offset_s))]
     #[diagnostic(help(
         "the sampling rate changes along the record: resample it, or write the stamps of the sampling clock"
     ))]
@@ -58,8 +59,8 @@ pub enum RecordError {
     },
     /// The period is not a whole number of samples.
     #[error(
-        "`{file}`: its period of {period_s} s is {samples:.4} samples at {rate_hz:.6} Hz, \
-         not a whole number"
+        "`{file}`: its period of {period_s} s is {samples:.4} samples at {} Hz, not a whole number",
+        short(*rate_hz)
     )]
     #[diagnostic(help("correct `period_s` in experiment.toml, or record at a rate of which it is a multiple"))]
     PartialSample {
@@ -94,4 +95,10 @@ impl RecordError {
             _ => None,
         }
     }
+}
+
+/// A number without digits that only arithmetic made.
+pub(super) fn short(value: f64) -> String {
+    // Nine digits tell a rate from any other that a record of minutes can show.
+    format!("{value:.8e}").parse().map_or_else(|_| value.to_string(), |short: f64| short.to_string())
 }

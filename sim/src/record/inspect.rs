@@ -32,6 +32,26 @@ pub struct Unreadable {
     pub error: FileError,
     /// The record as far as it can be read when its command may be any number and its rate any rate.
     pub rows: Option<Box<Record>>,
+    /// Whether the file is there at all.
+    pub is_there: bool,
+}
+
+impl Unreadable {
+    fn new(file: Option<String>, error: FileError) -> Self {
+        Self { file, error, rows: None, is_there: true }
+    }
+}
+
+impl Inspection {
+    /// The files of all records, where none of them is there and no other CSV file either: a folder in which nothing is recorded yet.
+    #[must_use]
+    pub fn not_recorded(&self) -> Option<Vec<&str>> {
+        let is_empty = self.experiment.as_ref().is_some_and(|experiment| experiment.records.is_empty());
+        let is_missing = |fault: &Unreadable| !fault.is_there;
+        let files = self.unreadable.iter().filter_map(|fault| fault.file.as_deref());
+        let is_all = is_empty && self.unnamed.is_empty() && self.unreadable.iter().all(is_missing);
+        (is_all && !self.unreadable.is_empty()).then(|| files.collect())
+    }
 }
 
 impl Experiment {
@@ -42,7 +62,7 @@ impl Experiment {
         let (manifest, file) = match read {
             Ok(read) => read,
             Err(error) => {
-                let unreadable = vec![Unreadable { file: None, error, rows: None }];
+                let unreadable = vec![Unreadable::new(None, error)];
                 return Inspection { experiment: None, is_force: false, unreadable, unnamed: Vec::new() };
             }
         };
@@ -52,7 +72,7 @@ impl Experiment {
         for (index, fault) in manifest.faults() {
             faulty.extend(index);
             let record = index.and_then(|index| manifest.records.get(index)).map(|entry| entry.file.clone());
-            unreadable.push(Unreadable { file: record, error: file.show(&fault), rows: None });
+            unreadable.push(Unreadable::new(record, file.show(&fault)));
         }
         let rate = |rate: Option<f64>| rate.filter(|rate| rate.is_finite() && *rate > 0.0);
         let mut experiment = Self {
@@ -89,13 +109,14 @@ impl Experiment {
     ) -> Result<Record, Unreadable> {
         let file = Some(entry.file.clone());
         if let Err(error) = check_files(folder, index, &entry, manifest) {
-            return Err(Unreadable { file, error, rows: None });
+            let is_there = folder.join(&entry.file).exists();
+            return Err(Unreadable { is_there, ..Unreadable::new(file, error) });
         }
-        self.read_record(folder, entry.clone(), kind, true).map_err(|error| {
+        self.read_record(folder, entry.clone(), kind, true, manifest).map_err(|error| {
             // A force may be any number.
             let any = Self { sample_rate_hz: None, records: Vec::new(), ..self.clone() };
-            let rows = any.read_record(folder, entry, CommandKind::ForceN, true).ok().map(Box::new);
-            Unreadable { file, error, rows }
+            let rows = any.read_record(folder, entry, CommandKind::ForceN, true, manifest).ok().map(Box::new);
+            Unreadable { rows, ..Unreadable::new(file, error) }
         })
     }
 }

@@ -165,9 +165,10 @@ impl LongRecord {
             "row {} is {late_s:.9} s away from where `sample_rate_hz` of experiment.toml, {stated_hz}, has it",
             row + 1
         );
+        let help = "correct `sample_rate_hz` in experiment.toml, or the times of the record where they are wrong";
         let found = self.blocks(|(cells, text), rows| {
             if row < rows.rows_before + rows.time_s.len() {
-                return Err(cells.wrong_time(text, row + 1, message.clone()));
+                return Err(cells.wrong_time(text, row + 1, message.clone(), help.to_owned()));
             }
             Ok(())
         });

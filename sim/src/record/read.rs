@@ -109,8 +109,10 @@ impl Experiment {
             })
             .collect();
         // Side by side; the error is that of the first faulty record, whichever is found first.
-        let records: Vec<_> =
-            short.into_par_iter().map(|entry| experiment.read_record(folder, entry, kind, with_command)).collect();
+        let records: Vec<_> = short
+            .into_par_iter()
+            .map(|entry| experiment.read_record(folder, entry, kind, with_command, &file))
+            .collect();
         experiment.records = records.into_iter().collect::<Result<_, _>>()?;
         Ok((experiment, long))
     }
@@ -121,6 +123,7 @@ impl Experiment {
         entry: Entry,
         kind: CommandKind,
         with_command: bool,
+        manifest: &TomlFile,
     ) -> Result<Record, FileError> {
         let text = TextFile::read(&folder.join(&entry.file))?;
         let response = Column::of(self.output);
@@ -130,7 +133,7 @@ impl Experiment {
         let mut record = entry.into_record();
         table.fill(&mut record);
         if let Some(stated_hz) = self.sample_rate_hz {
-            table.check_rate(&record, stated_hz)?;
+            table.check_rate(&record, stated_hz, manifest)?;
         }
         Ok(record)
     }
@@ -185,9 +188,10 @@ pub(super) fn check_files(folder: &Path, index: usize, entry: &Entry, file: &Tom
         if let Some(path) = name.map(|name| folder.join(name))
             && !path.exists()
         {
-            let fault = place(index)
-                .key(key)
-                .fault(format!("`{}` does not exist", path.display()), "correct the name, or put the file there");
+            let fault = place(index).key(key).fault(
+                format!("`{}` does not exist", path.display()),
+                "correct the name, or put the file there; a record that is not to be made is taken out",
+            );
             return Err(file.show(&fault));
         }
     }

@@ -4,12 +4,14 @@ use std::ops::Range;
 
 use csv::StringRecord;
 use memchr::memchr_iter;
+use miette::Diagnostic as _;
 
 use super::column::{Column, LEAST_ROWS, Refusal, TOO_FEW_ROWS};
+use super::error::short;
 use super::manifest::CommandKind;
 use super::sampling::Grid;
 use super::{Record, plain};
-use crate::files::{FileError, TextFile};
+use crate::files::{FileError, Place, TextFile, TomlFile};
 
 /// How much of a cell an error quotes, characters: an unclosed quote makes a cell of a whole file.
 const QUOTED: usize = 40;
@@ -29,22 +31,29 @@ impl Table {
         Ok(Self { text, cells })
     }
 
-    /// Refuses rows that the stated rate contradicts.
-    pub(super) fn check_rate(&self, record: &Record, stated_hz: f64) -> Result<(), FileError> {
+    /// Refuses rows that the rate stated in `manifest` contradicts: shown there where the rows are even, in the rows otherwise.
+    pub(super) fn check_rate(&self, record: &Record, stated_hz: f64, manifest: &TomlFile) -> Result<(), FileError> {
         let time_s = &record.time_s;
         if Grid::through(time_s, 1.0 / stated_hz).holds(time_s) {
             return Ok(());
         }
-        let (row, message) = match record.sample_rate_hz() {
-            Ok(rate_hz) => (
-                time_s.len(),
-                format!("the rows come at {rate_hz:.6} Hz, `sample_rate_hz` of experiment.toml says {stated_hz}"),
-            ),
-            Err(error) => {
-                (error.row().unwrap_or(1), format!("{error}; `sample_rate_hz` of experiment.toml says {stated_hz}"))
+        let uneven = match record.sample_rate_hz() {
+            Ok(rate_hz) => {
+                let rate_hz = short(rate_hz);
+                let fault = Place::root().key("sample_rate_hz").fault(
+                    format!("the rows of `{}` come at {rate_hz} Hz, not at {stated_hz}", record.file),
+                    format!(
+                        "write `sample_rate_hz = {rate_hz}`, or correct the times of the record where they are wrong"
+                    ),
+                );
+                return Err(manifest.show(&fault));
             }
+            Err(uneven) => uneven,
         };
-        Err(self.cells.wrong_time(&self.text, row, message))
+        let message = format!("{uneven}; `sample_rate_hz` of experiment.toml says {stated_hz}");
+        let help = uneven.help().map(|help| help.to_string()).unwrap_or_default();
+        let help = format!("{help}. Steps need no even rows: without `sample_rate_hz` they are taken as they come");
+        Err(self.cells.wrong_time(&self.text, uneven.row().unwrap_or(1), message, help))
     }
 
     /// Takes a column out; empty where it is not there.
@@ -145,7 +154,7 @@ impl Cells {
     }
 
     /// An error at the time of row `row`, counted from one over the whole file, which `text` holds; its header is row zero.
-    pub(super) fn wrong_time(&self, text: &TextFile, row: usize, message: String) -> FileError {
+    pub(super) fn wrong_time(&self, text: &TextFile, row: usize, message: String, help: String) -> FileError {
         let index = self.index(Column::TimeS);
         let mut reader = reader(text);
         let mut cells = StringRecord::new();
@@ -154,8 +163,6 @@ impl Cells {
             next(&mut reader, &mut cells);
         }
         let span = cell_span(text, &cells, index.unwrap_or(0));
-        let help = "correct `sample_rate_hz` or the times; \
-                    remove `sample_rate_hz` where the times are right";
         text.complaint(span, message, "here", help)
     }
 

@@ -10,12 +10,12 @@ use super::units::{CommandUnit, ResponseUnit};
 pub enum RecordDoubt {
     /// Rows are missing.
     #[error(
-        "{file}: {count} {} among its rows, the longest of {longest_s:.3} s before row {row}",
-        if *count == 1 { "gap" } else { "gaps" }
+        "{file}: {} of {longest_s:.3} s before row {row}",
+        if *count == 1 { String::from("one gap") } else { format!("{count} gaps, the longest") }
     )]
     #[diagnostic(help(
         "cut the record at its gaps, or record again: nothing is filled in. A multisine or a chirp needs every row; steps are \
-         fitted around gaps"
+         fitted around gaps where experiment.toml states no `sample_rate_hz`"
     ))]
     Gaps {
         /// The record.
@@ -149,6 +149,57 @@ pub enum RecordDoubt {
         /// As it is.
         found: f64,
     },
+    /// A sensor that is slower than the rows.
+    #[error(
+        "{file}: `{column}` changes every {} rows only: the sensor gives {readings_hz:.0} readings a second, and each is \
+         repeated", crate::identify::check::decimal(*rows_per_reading)
+    )]
+    #[diagnostic(help(
+        "set the sensor or its logger to a faster rate. Repeated, a reading is {:.1} ms old on average, which is identified as \
+         dead time of the motor; and no lag is seen that is shorter than a few readings", 500.0 / readings_hz
+    ))]
+    Repeats {
+        /// The record.
+        file: String,
+        /// The response's column.
+        column: &'static str,
+        /// Rows from one reading to the next, on average.
+        rows_per_reading: f64,
+        /// Readings per second.
+        readings_hz: f64,
+    },
+    /// Command and response in each other's column.
+    #[error(
+        "{file}, row {row}: `command` runs from {low:.3} to {high:.3} and `{column}` around the nominal {nominal}: the two \
+         columns seem to be swapped"
+    )]
+    #[diagnostic(help("swap the names `command` and `{column}` in the first line of {file}"))]
+    Swapped {
+        /// The record.
+        file: String,
+        /// The first row with a command outside 0 to 1, from one.
+        row: usize,
+        /// The lowest command.
+        low: f64,
+        /// The highest.
+        high: f64,
+        /// The response's column.
+        column: &'static str,
+        /// The stated nominal command.
+        nominal: f64,
+    },
+    /// A folder with a description and no record.
+    #[error("nothing is recorded yet: experiment.toml names {files}, and {}", if *count == 1 { "it is not there" } else { "none of them is there" })]
+    #[diagnostic(help(
+        "record each on the stand and put it into this folder under its name, then check again. What is not to be recorded: take \
+         its [[record]] out"
+    ))]
+    NotRecorded {
+        /// How many.
+        count: usize,
+        /// Their names.
+        files: String,
+    },
     /// A file that no record names.
     #[error("{file} is in the folder, and no record names it")]
     #[diagnostic(help("add a [[record]] for it in experiment.toml, or move it elsewhere"))]
@@ -163,7 +214,7 @@ impl RecordDoubt {
     #[must_use]
     pub fn row(&self) -> Option<usize> {
         match self {
-            Self::Gaps { row, .. } | Self::CommandUnit { row, .. } => Some(*row),
+            Self::Gaps { row, .. } | Self::CommandUnit { row, .. } | Self::Swapped { row, .. } => Some(*row),
             _ => None,
         }
     }

@@ -6,6 +6,7 @@
 mod doubt;
 mod finding;
 mod findings;
+mod repeats;
 mod rows;
 mod units;
 
@@ -14,3 +15,8 @@ pub use finding::{Finding, Severity, Topic};
 pub use findings::Findings;
 pub use rows::{of_lag, of_record};
 pub use units::{CommandUnit, ResponseUnit};
+
+/// Whole numbers without decimals, others with one.
+fn decimal(value: f64) -> String {
+    if (value - value.round()).abs() < 0.05 { format!("{value:.0}") } else { format!("{value:.1}") }
+}

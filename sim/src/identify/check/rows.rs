@@ -2,6 +2,7 @@
 
 use miette::Diagnostic;
 
+use super::repeats::of_repeats;
 use super::units::{of_command, of_response, of_time, usual_interval};
 use super::{Finding, RecordDoubt, Severity, Topic};
 use crate::identify::periodic::doubts;
@@ -42,7 +43,7 @@ pub fn of_record(experiment: &Experiment, record: &Record, is_force: bool) -> Ve
     if record.is_constant() {
         add(Topic::Command, None, &IdentifyError::ConstantCommand { file: file() });
     }
-    let wrong_command = of_command(record).filter(|_| !is_force);
+    let wrong_command = of_command(record, experiment.output).filter(|_| !is_force);
     if !is_force {
         if let Some(doubt) = &wrong_command {
             add(Topic::CommandUnit, doubt.row(), doubt);
@@ -61,6 +62,9 @@ pub fn of_record(experiment: &Experiment, record: &Record, is_force: bool) -> Ve
     if response.windows(2).all(|pair| pair[0] == pair[1]) {
         add(Topic::Response, None, &IdentifyError::ConstantResponse { file: file() });
         return found;
+    }
+    if let Some(doubt) = of_repeats(record, response, column) {
+        add(Topic::Response, None, &doubt);
     }
     // Neither a gain nor a lag is known from numbers in other units.
     let is_known = !is_force && wrong_time.is_none() && wrong_command.is_none();

@@ -1,6 +1,7 @@
 //! Units that are not those of the columns, told by what numbers can be.
 
 use super::RecordDoubt;
+use crate::identify::spectra;
 use crate::record::{Output, Record};
 
 /// Rows that are further apart, in seconds, show no motor.
@@ -13,6 +14,8 @@ const PARTS: [(&str, f64); 3] = [("milliseconds", 1e3), ("microseconds", 1e6), (
 const REPEATS: f64 = 0.05;
 /// ...and does not from this share on.
 const DIFFERS: f64 = 0.2;
+/// A column around the nominal command, so near, is the command: a thrust of less than a newton might be there by chance only.
+const SAME_DUTY: f64 = 0.02;
 /// A rate is the stated one within this share.
 const SAME_RATE: f64 = 0.05;
 
@@ -85,7 +88,7 @@ impl CommandUnit {
 pub enum ResponseUnit {
     /// Grams-force instead of newtons.
     Grams,
-    /// Kilograms-force instead of newtons.
+    /// Kilograms-force or pounds-force instead of newtons.
     Kilograms,
     /// Revolutions per second or radians per second instead of revolutions per minute.
     PerSecond,
@@ -104,7 +107,7 @@ impl ResponseUnit {
     pub(super) fn words(self) -> &'static str {
         match self {
             Self::Grams => "grams-force, not newtons",
-            Self::Kilograms => "kilograms-force, not newtons",
+            Self::Kilograms => "kilograms-force or pounds-force, not newtons",
             Self::PerSecond => "revolutions or radians per second, not revolutions per minute",
             Self::Electrical => "electrical revolutions per minute, not those of the shaft",
         }
@@ -113,19 +116,33 @@ impl ResponseUnit {
     pub(super) fn remedy(self) -> &'static str {
         match self {
             Self::Grams => "multiply `thrust_n` by 0.00980665: a gram-force is so many newtons",
-            Self::Kilograms => "multiply `thrust_n` by 9.80665, unless the motor is as small as that",
+            Self::Kilograms => {
+                "multiply `thrust_n` by 9.80665 where it is in kilograms-force, by 4.44822 where it is in pounds-force, unless the \
+                 motor is as small as that"
+            }
             Self::PerSecond => "multiply `rpm` by 60, or by 9.5493 where it is in rad/s",
             Self::Electrical => "divide `rpm` by the motor's pole pairs: half the number of its magnets",
         }
     }
 }
 
-/// Whether `command` is in a unit other than a duty.
-pub(super) fn of_command(record: &Record) -> Option<RecordDoubt> {
+/// Whether `command` is in a unit other than a duty, or is the response.
+pub(super) fn of_command(record: &Record, output: Output) -> Option<RecordDoubt> {
     let row = record.command.iter().position(|command| !(0.0..=1.0).contains(command))?;
     let (low, high) = extent(&record.command);
+    if record.response(output).is_some_and(|response| is_command(response, record.nominal)) {
+        let (column, nominal) = (spectra::column(output), record.nominal);
+        return Some(RecordDoubt::Swapped { file: record.file.clone(), row: row + 1, low, high, column, nominal });
+    }
     let unit = CommandUnit::of(low, high, record.nominal)?;
     Some(RecordDoubt::CommandUnit { file: record.file.clone(), row: row + 1, low, high, unit })
+}
+
+/// Whether a column that should be the response is a duty around the nominal command, and moves.
+fn is_command(response: &[f64], nominal: f64) -> bool {
+    let (low, high) = extent(response);
+    let mean = response.iter().sum::<f64>() / response.len() as f64;
+    low >= 0.0 && high <= 1.0 && low < high && (mean - nominal).abs() <= SAME_DUTY
 }
 
 /// Whether `time_s` is in a unit other than seconds: by the rate that `experiment.toml` states, by the period after which the

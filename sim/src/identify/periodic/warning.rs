@@ -150,7 +150,12 @@ pub enum IdentifyWarning {
     },
     /// Readings that no motor can have made.
     #[error(
-        "{file}: {rows} readings jump away and back, the first at {at_s:.3} s, and are in the fit; take them out of the record or replace them by their neighbors', and look at the sensor's cable"
+        "{file}: {}, and {} in the fit; replace what jumps by its neighbors', and look at the sensor's cable",
+        match rows {
+            1 => format!("one reading jumps away and back, at {at_s:.3} s"),
+            rows => format!("{rows} readings jump away and back, the first at {at_s:.3} s"),
+        },
+        if *rows == 1 { "is" } else { "are" }
     )]
     Jumps {
         /// The record.

@@ -125,6 +125,9 @@ pub enum StepsWarning {
 impl fmt::Display for StepsWarning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
+            Self::Spikes { rows: 1 } => f.write_str(
+                "one reading jumps away and back; it was left out. Look at the speed probe if there are more",
+            ),
             Self::Spikes { rows } => {
                 write!(
                     f,

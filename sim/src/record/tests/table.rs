@@ -136,12 +136,12 @@ fn rows_that_contradict_the_stated_rate_are_shown() {
     let stated = |rate: f64| edited("[[record]]", &format!("sample_rate_hz = {rate}\n[[record]]"));
     assert!(read(&stated(1000.0), CSV).is_ok());
     let error = read(&stated(500.0), CSV).unwrap_err();
-    let parts = ["u050.csv:4:1", "1000.000000 Hz", "says 500", "correct `sample_rate_hz`"];
+    let parts = ["experiment.toml:5:18", "`u050.csv` come at 1000 Hz, not at 500", "write `sample_rate_hz = 1000`"];
     assert_report(error, &parts);
     let long: String = (0..100).map(|k| format!("{},0,0\n", (k + usize::from(k >= 60)) as f64 / 1000.0)).collect();
     let gap = format!("time_s,command,thrust_n\n{long}");
     let error = read(&stated(1000.0), &gap).unwrap_err();
-    let parts = ["u050.csv:62:1", "row 61", "0.002000000 s after", "remove `sample_rate_hz`"];
+    let parts = ["u050.csv:62:1", "row 61: 0.002 s after", "cut the record", "without `sample_rate_hz`"];
     assert_report(error, &parts);
     assert!(read(MANIFEST, &gap).is_ok(), "uneven rows are no error where no rate is stated");
 }
@@ -152,6 +152,6 @@ fn a_small_error_of_the_stated_rate_is_found_over_a_long_record() {
     let csv = format!("time_s,command,thrust_n\n{rows}");
     let stated = |rate: &str| edited("[[record]]", &format!("sample_rate_hz = {rate}\n[[record]]"));
     let error = read(&stated("142.86"), &csv).unwrap_err();
-    assert_report(error, &["u050.csv:10001:1", "142.857143 Hz", "says 142.86"]);
+    assert_report(error, &["experiment.toml:5:18", "142.857143 Hz, not at 142.86"]);
     assert!(read(&stated("142.857142857"), &csv).is_ok());
 }

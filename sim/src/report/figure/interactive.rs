@@ -13,7 +13,7 @@ use plotly::{Bar, Configuration, Layout, Plot, Scatter, Trace};
 
 use super::extent::Extent;
 use super::ticks::ticks;
-use super::{Axis, Figure, FigureError, HeatMap, Mark, Panel, Scale, Series};
+use super::{Axis, Figure, FigureError, HeatMap, Mark, PALE, Panel, Scale, Series};
 
 /// Significant digits of what is drawn: a screen has no more.
 const DIGITS: usize = 6;
@@ -167,10 +167,12 @@ impl Series {
         traces.push(match self.mark {
             Mark::Line => points.mode(Mode::Lines).line(line(DashType::Solid)),
             Mark::Dashes => points.mode(Mode::Lines).line(line(DashType::Dash)),
-            Mark::Dots => points.mode(Mode::Markers).marker(Marker::new().size(5).color(self.rgba(0.6))),
+            // The opacity of all together: where dots lie on each other they stay paler than a line.
+            Mark::Dots => points.mode(Mode::Markers).marker(Marker::new().size(5).color(self.rgba(1.0))).opacity(PALE),
             Mark::Discs => points.mode(Mode::Markers).marker(marker(MarkerSymbol::Circle, 9, 1.0)),
             Mark::Crosses => points.mode(Mode::Markers).marker(marker(MarkerSymbol::XThinOpen, 9, 1.0)),
-            Mark::Rings => points.mode(Mode::Markers).marker(marker(MarkerSymbol::CircleOpen, 9, 1.0)),
+            // Around a disc at the same place both are seen.
+            Mark::Rings => points.mode(Mode::Markers).marker(marker(MarkerSymbol::CircleOpen, 14, 1.0)),
             Mark::Ticks => points.mode(Mode::Markers).marker(marker(MarkerSymbol::LineNSOpen, 14, 1.0)),
             Mark::Bars => unreachable!("bars are another trace, above"),
         });

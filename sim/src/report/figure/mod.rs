@@ -230,6 +230,9 @@ fn title(label: &str, unit: &str) -> String {
     if unit.is_empty() { label.to_owned() } else { format!("{label}, {unit}") }
 }
 
+/// How much of their color dots have: what was measured is paler than the line that is held against it.
+const PALE: f64 = 0.6;
+
 impl Series {
     /// A series without band and notes.
     #[must_use]

@@ -11,7 +11,7 @@ use along::Along;
 
 use super::extent::Extent;
 use super::ticks::ticks;
-use super::{Axis, Figure, FigureError, HeatMap, Mark, Panel, Scale, Series};
+use super::{Axis, Figure, FigureError, HeatMap, Mark, PALE, Panel, Scale, Series};
 
 /// Units of the drawing per pixel: the drawing library rounds to whole ones, and curves would get steps of a pixel.
 const PX: u32 = 8;
@@ -194,7 +194,7 @@ impl Series {
                 }
             }
             Mark::Dots => {
-                chart.draw_series(points().map(|point| Circle::new(point, 2 * PX, color.mix(0.6).filled())))?;
+                chart.draw_series(points().map(|point| Circle::new(point, 2 * PX, pale(color).filled())))?;
             }
             Mark::Discs => {
                 chart.draw_series(points().map(|point| Circle::new(point, 5 * PX, color.filled())))?;
@@ -203,7 +203,8 @@ impl Series {
                 chart.draw_series(points().map(|point| Cross::new(point, 5 * PX, color.stroke_width(THICK))))?;
             }
             Mark::Rings => {
-                chart.draw_series(points().map(|point| Circle::new(point, 5 * PX, color.stroke_width(THICK))))?;
+                // Around a disc at the same place both are seen.
+                chart.draw_series(points().map(|point| Circle::new(point, 7 * PX, color.stroke_width(THICK))))?;
             }
             Mark::Ticks => {
                 let ends = points()
@@ -262,6 +263,12 @@ fn words(area: &Area, text: &str, at: (i32, i32), anchor: HPos) -> Drawing<()> {
 
 fn rgb([red, green, blue]: [u8; 3]) -> RGBColor {
     RGBColor(red, green, blue)
+}
+
+/// A color on white as [`PALE`] makes it, opaque: where dots lie on each other they stay paler than a line.
+fn pale(RGBColor(red, green, blue): RGBColor) -> RGBColor {
+    let mixed = |part: u8| (255.0 - PALE * (255.0 - f64::from(part))).round() as u8;
+    RGBColor(mixed(red), mixed(green), mixed(blue))
 }
 
 /// About how wide a text is.

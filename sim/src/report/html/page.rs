@@ -108,19 +108,28 @@ impl<'a> DrawnFigure<'a> {
     }
 }
 
-/// A sentence as HTML: escaped, and what stands between two backticks as code.
+/// A sentence as HTML: escaped, what stands between two backticks as code, and options of the command line in one piece.
 fn words(sentence: &str) -> String {
     let escaped = sentence.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
     let mut parts = escaped.split('`');
-    let mut html = parts.next().unwrap_or_default().to_owned();
+    let mut html = whole_options(parts.next().unwrap_or_default());
     while let Some(code) = parts.next() {
         match parts.next() {
-            Some(after) => html.push_str(&format!("<code>{code}</code>{after}")),
+            Some(after) => html.push_str(&format!("<code>{code}</code>{}", whole_options(after))),
             // The last one is alone.
             None => html.push_str(&format!("`{code}")),
         }
     }
     html
+}
+
+/// The hyphens of an option are no places to break it at.
+fn whole_options(text: &str) -> String {
+    let is_option = |word: &str| word.strip_prefix("--").is_some_and(|name| name.starts_with(char::is_alphabetic));
+    let words = text
+        .split(' ')
+        .map(|word| if is_option(word) { format!("<span class=\"option\">{word}</span>") } else { word.to_owned() });
+    words.collect::<Vec<_>>().join(" ")
 }
 
 impl Report {
@@ -180,6 +189,7 @@ mod tests {
     fn commands_within_a_sentence_are_set_as_code_and_nothing_is_markup() {
         assert_eq!(words("`a < b` and `c`: 1 > 0"), "<code>a &lt; b</code> and <code>c</code>: 1 &gt; 0");
         assert_eq!(words("a ` alone & <b>"), "a ` alone &amp; &lt;b&gt;");
+        assert_eq!(words("with --lead and -3 dB"), "with <span class=\"option\">--lead</span> and -3 dB");
         assert_eq!(words(""), "");
     }
 }

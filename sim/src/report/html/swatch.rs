@@ -16,10 +16,10 @@ pub(super) fn swatch(series: &Series) -> String {
     let mark = match series.mark {
         Mark::Line => line("M0 7H24", 2),
         Mark::Dashes => line("M0 7H6M9 7H15M18 7H24", 2),
-        Mark::Dots => format!(r#"<circle cx="12" cy="7" r="3" fill="{color}" opacity=".7"/>"#),
+        Mark::Dots => format!(r#"<circle cx="12" cy="7" r="3" fill="{color}" opacity=".6"/>"#),
         Mark::Discs => format!(r#"<circle cx="12" cy="7" r="5" fill="{color}"/>"#),
         Mark::Crosses => line("M8 3L16 11M16 3L8 11", 2),
-        Mark::Rings => format!(r#"<circle cx="12" cy="7" r="5" fill="none" stroke="{color}" stroke-width="2"/>"#),
+        Mark::Rings => format!(r#"<circle cx="12" cy="7" r="6" fill="none" stroke="{color}" stroke-width="2"/>"#),
         Mark::Ticks => line("M12 0V14", 3),
         Mark::Bars => format!(r#"<rect x="3" y="2" width="18" height="10" fill="{color}"/>"#),
     };

@@ -46,7 +46,7 @@ fn lags(identified: &Identification) -> Table {
         Column::new("u_nom", "u_nom", "duty"),
         Column::new("gain", "gain", unit(identified.output)),
         Column::new("time_constant_ms", "tau", "ms"),
-        Column::new("pole_rad_s", "1 / tau", "rad/s"),
+        Column::new("pole_rad_s", "1/tau", "rad/s"),
         Column::new("delay_ms", "dead time", "ms"),
     ];
     if both_ways {

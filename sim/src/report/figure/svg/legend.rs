@@ -3,7 +3,7 @@
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
-use super::{Area, BAND, Drawing, Figure, Mark, PX, Series, THICK, rgb, text_width, words};
+use super::{Area, BAND, Drawing, Figure, Mark, PX, Series, THICK, pale, rgb, text_width, words};
 
 const ONE: i32 = PX as i32;
 const ROW: u32 = 22 * PX;
@@ -66,10 +66,10 @@ fn swatch(area: &Area, series: &Series, (x, y): (i32, i32)) -> Drawing<()> {
                 area.draw(&PathElement::new(vec![(from, y), (from + 4 * ONE, y)], color.stroke_width(THICK)))?;
             }
         }
-        Mark::Dots => area.draw(&Circle::new((middle, y), 3 * ONE, color.mix(0.6).filled()))?,
+        Mark::Dots => area.draw(&Circle::new((middle, y), 3 * ONE, pale(color).filled()))?,
         Mark::Discs => area.draw(&Circle::new((middle, y), 5 * ONE, color.filled()))?,
         Mark::Crosses => area.draw(&Cross::new((middle, y), 5 * ONE, color.stroke_width(THICK)))?,
-        Mark::Rings => area.draw(&Circle::new((middle, y), 5 * ONE, color.stroke_width(THICK)))?,
+        Mark::Rings => area.draw(&Circle::new((middle, y), 7 * ONE, color.stroke_width(THICK)))?,
         Mark::Ticks => area
             .draw(&PathElement::new(vec![(middle, y - 8 * ONE), (middle, y + 8 * ONE)], color.stroke_width(3 * PX)))?,
         Mark::Bars => {
