@@ -5,12 +5,13 @@ use crate::run::{Result, cargo, run};
 /// Writes the catalog of effects, the pages of the commands, what the commands in all pages print, and their figures: the
 /// tests that compare them write them instead.
 pub fn write() -> Result {
-    let written = |package: &str, test: &str, filter: &str| {
-        let arguments = ["test", "--quiet", "--package", package, "--test", test, "--locked", "--", filter];
+    // Of the whole workspace, as the tests are: of one package alone the crates have other features, and all would be compiled anew.
+    let written = |test: &str, filter: &str| {
+        let arguments = ["test", "--quiet", "--workspace", "--test", test, "--locked", "--", filter];
         run(cargo(&arguments).env("ROTORLEAD_UPDATE_PAGES", "1"))
     };
-    written("rotorlead-sim", "pages", "")?;
+    written("pages", "")?;
     // The program whose output is shown.
-    run(&mut cargo(&["build", "--package", "rotorlead-sim", "--bin", "rotorlead", "--locked"]))?;
-    written("host-tests", "cli", "docs::")
+    run(&mut cargo(&["build", "--workspace", "--bin", "rotorlead", "--locked"]))?;
+    written("cli", "docs::")
 }

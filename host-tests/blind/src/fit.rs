@@ -15,6 +15,8 @@ use super::solve::solve;
 const LITTLE: f64 = 0.01;
 /// A promise of a gain that is not worth a try.
 const HARDLY: f64 = 0.001;
+/// Places in a frame over which a likelihood is averaged.
+const PHASES: u32 = 32;
 /// Levenberg's damping to begin with.
 const FIRST_DAMPING: f64 = 1e-4;
 
@@ -26,7 +28,7 @@ pub struct Fitter<'a> {
 /// A fitted kind.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fit {
-    /// Log likelihood but for a constant that all fits to the same records share.
+    /// Log likelihood but for a constant that all fits to the same records share; with frames the mean over their phases.
     pub log_likelihood: f64,
     /// Its parts by record, in the order in which the records were chosen.
     pub by_record: Vec<f64>,
@@ -78,7 +80,34 @@ impl<'a> Fitter<'a> {
             }
         }
         let best = best.expect("at least one start");
-        Fit { log_likelihood: best.log_likelihood, by_record: best.by_record, motor: best.motor, effects: best.effects }
+        let mut fit = Fit {
+            log_likelihood: best.log_likelihood,
+            by_record: best.by_record,
+            motor: best.motor,
+            effects: best.effects,
+        };
+        if kinds.contains(&Kind::EscFrameHold) {
+            self.average_over_phases(&mut fit);
+        }
+        fit
+    }
+
+    /// Takes the likelihood of a fit with frames as the mean over where the frames of each record lie: the generator draws
+    /// that anew for each, as it draws the noise, and no record says it but by its thrust.
+    fn average_over_phases(&mut self, fit: &mut Fit) {
+        let by_phase: Vec<Vec<f64>> = (0..PHASES)
+            .map(|phase| {
+                self.likelihood.turn_frames(f64::from(phase) / f64::from(PHASES));
+                self.likelihood.evaluate(fit.motor.clone(), fit.effects.clone(), true).by_record
+            })
+            .collect();
+        self.likelihood.turn_frames(0.0);
+        for (place, of_record) in fit.by_record.iter_mut().enumerate() {
+            let highest = by_phase.iter().map(|records| records[place]).fold(f64::NEG_INFINITY, f64::max);
+            let sum: f64 = by_phase.iter().map(|records| (records[place] - highest).exp()).sum();
+            *of_record = highest + (sum / f64::from(PHASES)).ln();
+        }
+        fit.log_likelihood = fit.by_record.iter().sum();
     }
 
     /// The log likelihood of the chain as it was made, with its own parameters.

@@ -97,7 +97,7 @@ impl<'a> Likelihood<'a> {
             weights,
             spectrum,
             step_s,
-            // A fit does not know by how little each command was early or late, but it knows the frames.
+            // A fit does not know by how little each command was early or late. It begins with the frames where they lie.
             timings: case
                 .runs
                 .iter()
@@ -117,6 +117,14 @@ impl<'a> Likelihood<'a> {
     /// From now on only these records count, by their place in the case.
     pub fn choose(&mut self, records: &[usize]) {
         self.chosen = records.to_vec();
+        self.driven = None;
+    }
+
+    /// From now on the frames of each record lie by this part of a frame elsewhere than they did when it was made.
+    pub(super) fn turn_frames(&mut self, part: f64) {
+        for (timing, run) in self.timings.iter_mut().zip(&self.case.runs) {
+            timing.frame_phase = (run.timing.frame_phase + part).fract();
+        }
         self.driven = None;
     }
 
