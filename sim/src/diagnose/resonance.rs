@@ -99,6 +99,9 @@ struct Bands {
     points: Vec<PointBands>,
 }
 
+/// Product of residual and response, and power of the response, of one record by the place of the band.
+type RecordBands = BTreeMap<i64, (Complex64, f64)>;
+
 /// What those at one nominal command say.
 struct PointBands {
     /// Products of residual and response, `conj(y) z`, and powers of the response.
@@ -115,7 +118,7 @@ impl Bands {
     fn gather(trials: &Trials, fit: &Fit) -> Option<Self> {
         let compared = |trial: &&Trial| trial.log.is_none() && trial.end_of(Some(Purpose::Fit)) > 0;
         let those: Vec<&Trial> = trials.trials.iter().filter(compared).collect();
-        let parts: Vec<(usize, BTreeMap<i64, (Complex64, f64)>)> = those
+        let parts: Vec<(usize, RecordBands)> = those
             .into_par_iter()
             .map(|trial| Some((trial.point, of_record(trials, trial, fit)?)))
             .collect::<Option<_>>()?;
@@ -195,10 +198,10 @@ impl PointBands {
 }
 
 /// Products and powers of one record by band.
-fn of_record(trials: &Trials, trial: &Trial, fit: &Fit) -> Option<BTreeMap<i64, (Complex64, f64)>> {
+fn of_record(trials: &Trials, trial: &Trial, fit: &Fit) -> Option<RecordBands> {
     let white = residual(trials, trial, &fit.hypothesis, Purpose::Fit)?;
     let simulated = fit.hypothesis.simulate(trials, trial, trial.end_of(Some(Purpose::Fit))).ok()?;
-    let mut bands: BTreeMap<i64, (Complex64, f64)> = BTreeMap::new();
+    let mut bands = RecordBands::new();
     let mut white = &white[..];
     for stretch in trial.stretches.iter().filter(|stretch| stretch.purpose == Purpose::Fit) {
         // The last period over and over: where a record begins in another state, the jump from its end to its begin would be
