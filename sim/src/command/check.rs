@@ -205,7 +205,7 @@ fn has_multisine_to_fit(experiment: &Experiment) -> bool {
 }
 
 /// The warnings of an identification that would succeed; where it `is_part`, not that a level has nothing to fit.
-fn warn(experiment: &Experiment, identified: &Identified, is_part: bool, findings: &mut Findings) {
+pub(super) fn warn(experiment: &Experiment, identified: &Identified, is_part: bool, findings: &mut Findings) {
     let found = identified.found.iter();
     let typed: Vec<_> = found
         .flat_map(|found| found.warnings.iter().chain(found.nominals.iter().flat_map(|lag| &lag.warnings)))

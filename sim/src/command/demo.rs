@@ -187,7 +187,7 @@ fn bode_plot(design: &LeadDesign, found: &PeriodicIdentification, compensated: &
     Figure::new(
         FigureKind::Demonstration,
         "Actuator over its static gain: dots measured, lines modeled",
-        "The slowest level and a fast one, each without and with the compensator. The actuators are simulated lags, so that dots lie \
+        "Two of the levels, each without and with the compensator. The actuators are simulated lags, so that dots lie \
          on their lines.",
         bode(&curves, "dB over the static gain", &[("-3 dB", -3.0)]),
     )

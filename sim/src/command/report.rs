@@ -7,20 +7,22 @@ use clap::Args;
 use miette::{IntoDiagnostic as _, WrapErr as _};
 use serde_json::{Value, json};
 
+use super::check::warn;
 use super::diagnose::verdict as diagnosed;
 use super::identify::{Identified, identify, transform};
 use super::outcome::{JsonOption, Outcome, wrapped};
 use super::report_option::{FiguresOption, this_command};
 use super::{progress, report_pages};
 use crate::design::{BandwidthPoint, Chain, DesignOptions, bandwidths, design};
-use crate::diagnose::{Diagnosis, Options, diagnose, fill_in_esc_commands};
+use crate::diagnose::{Diagnosis, NamedEffect, Options, diagnose, fill_in_esc_commands};
 use crate::files::{check_writable, write_file};
+use crate::identify::check::{Finding, Findings, Topic, of_record};
 use crate::identify::{FirstOrderOptions, MeasuredBandwidth, RecordValidation, validate};
 use crate::plant::{Catalog, Model};
 use crate::record::{Experiment, LongRecord};
 use crate::report::{
     Report, Section, Tone, Verdict, bandwidth_section, design_section, diagnosis_section, diagnosis_tone,
-    excitation_section, measured_response, simulation_and_experiment, validation_section,
+    excitation_section, measured_response, simulation_and_experiment, validation_section, with_std,
 };
 
 use super::bandwidth::RESAMPLES;
@@ -94,6 +96,37 @@ struct Parts {
     designed: Part<(rotorlead::design::LeadDesign, Vec<BandwidthPoint>)>,
     measured: Vec<MeasuredBandwidth>,
     diagnosed: Option<Part<Diagnosis>>,
+    /// What `rotorlead check` finds in the records.
+    findings: Vec<Finding>,
+}
+
+/// How large each effect is, and what it cannot be told from.
+fn sizes(found: &Diagnosis) -> Vec<String> {
+    let of_effect = |effect: &NamedEffect| {
+        let values = effect.parameters.iter().map(|(parameter, estimate)| {
+            let value = with_std(estimate.value, Some(estimate.std), 1.0, 4);
+            format!("{} {value} {}", parameter.name, parameter.unit).trim_end().to_owned()
+        });
+        let values = values.collect::<Vec<_>>().join(", ");
+        let others: Vec<&str> = effect.alternatives.iter().map(|kind| kind.title).collect();
+        let beside = if others.is_empty() {
+            String::new()
+        } else {
+            format!(" These records cannot tell it from: {}.", others.join(", "))
+        };
+        format!("The {}: {values}.{beside}", effect.kind.title)
+    };
+    found.effects.iter().map(of_effect).collect()
+}
+
+/// Whether a finding makes all numbers of a record others than they say: a unit or a sign.
+fn is_grave(finding: &Finding) -> bool {
+    matches!(finding.topic, Topic::TimeUnit | Topic::CommandUnit | Topic::ResponseUnit | Topic::Sign)
+}
+
+/// A finding with its remedy.
+fn in_words(finding: &Finding) -> String {
+    finding.remedy.as_ref().map_or_else(|| finding.message.clone(), |remedy| format!("{}: {remedy}", finding.message))
 }
 
 impl Parts {
@@ -118,10 +151,20 @@ impl Parts {
         };
         bar.set_message("validating");
         let validated = validate(experiment, &model).map_err(|error| said(&error.into()));
-        let designed = design(&model, &DesignOptions::default()).map_err(|error| said(&error.into())).map(|design| {
-            let points = bandwidths(&model, Chain::Continuous(design.lead()));
-            (design, points)
-        });
+        let mut findings = Findings::default();
+        experiment.records.iter().for_each(|record| findings.extend(of_record(experiment, record, false)));
+        if let Ok(identified) = &identified {
+            warn(experiment, identified, false, &mut findings);
+        }
+        let findings = findings.sorted();
+        let designed = if findings.iter().any(is_grave) {
+            Err("the numbers of the records are in doubt, and a compensator would rest on them".to_owned())
+        } else {
+            design(&model, &DesignOptions::default()).map_err(|error| said(&error.into())).map(|design| {
+                let points = bandwidths(&model, Chain::Continuous(design.lead()));
+                (design, points)
+            })
+        };
         bar.set_message("measuring");
         let found = identified.as_ref().ok().and_then(|identified| identified.found.as_ref());
         let measured = found.and_then(|found| found.bandwidths(RESAMPLES, SEED).ok()).unwrap_or_default();
@@ -136,7 +179,7 @@ impl Parts {
         });
         bar.finish_and_clear();
         let identified = identified.map_err(|error| said(&error));
-        Ok(Self { identified, model, validated, designed, measured, diagnosed })
+        Ok(Self { identified, model, validated, designed, measured, diagnosed, findings })
     }
 
     fn report(&self, command: &ReportCommand, experiment: &Experiment, given: Option<&Path>) -> Report {
@@ -170,7 +213,7 @@ impl Parts {
             Some(Err(reason)) => sections.push(left_out("diagnosis", "Diagnosis", reason)),
             None => {}
         }
-        let warnings = self.identified.as_ref().map_or_else(|_| Vec::new(), |identified| identified.warnings.clone());
+        let warnings: Vec<String> = self.findings.iter().map(in_words).collect();
         let judged = given.map(|file| report_pages::file("Model that was judged", file));
         Report {
             facts: [report_pages::records(experiment, &command.experiment), judged.into_iter().collect()].concat(),
@@ -185,8 +228,13 @@ impl Parts {
     /// The diagnosis first where there is one: whether the model can be relied on. Then what was found on the way.
     fn verdict(&self, warnings: usize) -> Verdict {
         let mut verdicts = Vec::new();
+        // Nothing below is worth more than the records.
+        if let Some(finding) = self.findings.iter().find(|finding| is_grave(finding)) {
+            verdicts
+                .push(Verdict::new(Tone::Bad, format!("Something is wrong with the records: {}.", in_words(finding))));
+        }
         if let Some(Ok(found)) = &self.diagnosed {
-            verdicts.push(Verdict::new(diagnosis_tone(found.verdict), diagnosed(found)));
+            verdicts.push(Verdict::new(diagnosis_tone(found.verdict), diagnosed(found)).with(sizes(found)));
         }
         if self.identified.is_ok() {
             verdicts.push(report_pages::identified(&self.model, warnings));

@@ -11,6 +11,17 @@ pub enum CompensatorError {
     #[error(transparent)]
     #[diagnostic(help("{}", remedy(.0)))]
     Refused(#[from] DesignError),
+    /// The response rises with the command at one point and falls at another.
+    #[error("the gain is {:.4} at {} and {:.4} at {}: one of them has the wrong sign", .first.1, .first.0, .other.1, .other.0)]
+    #[diagnostic(help(
+        "turn the sign of the response in the records around one of these commands (`rotorlead check` says which), and identify again"
+    ))]
+    GainsOfBothSigns {
+        /// Nominal command of a point, and its gain in response units per unit of command.
+        first: (f64, f64),
+        /// The same of a point whose gain has another sign.
+        other: (f64, f64),
+    },
     /// The model's fastest motor is too slow for the bandwidth asked for: the filter's headroom cannot hold the lead.
     #[error("the fastest pole of the model is too slow for the omega_g asked for")]
     #[diagnostic(help("the highest --omega-g that this model allows is {largest_omega_g_rad_s:.1} rad/s"))]

@@ -6,7 +6,7 @@ use rotorlead::design::{DEFAULT_DAMPING, DEFAULT_LOOP_RATE_HZ, DesignError, Lead
 
 use super::CompensatorError;
 use crate::files::FileError;
-use crate::plant::{CoefficientFormat, CompensatorFile, Model, SignalFormat, StoredCoefficients};
+use crate::plant::{CoefficientFormat, CompensatorFile, Model, Point, SignalFormat, StoredCoefficients};
 
 /// What a design is asked for beside the model.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,8 +36,14 @@ impl Default for DesignOptions {
 /// The paper's design, eq. (2) to (9), from the points of `model`: the zero on the fastest pole.
 ///
 /// # Errors
-/// When the model has no points, or the controller refuses the parameters.
+/// When the model has no points or gains of both signs, or the controller refuses the parameters.
 pub fn design(model: &Model, options: &DesignOptions) -> Result<LeadDesign, CompensatorError> {
+    let gain = |point: &Point| (point.nominal, point.gain);
+    if let Some(first) = model.points.first()
+        && let Some(other) = model.points.iter().find(|point| point.gain.signum() != first.gain.signum())
+    {
+        return Err(CompensatorError::GainsOfBothSigns { first: gain(first), other: gain(other) });
+    }
     let poles: Vec<f64> = model.points.iter().map(|point| 1.0 / point.time_constant_s).collect();
     let design = |omega_g_rad_s: f64| {
         let lead = LeadParameters::from_poles(&poles, omega_g_rad_s)?;

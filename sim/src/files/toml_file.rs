@@ -70,7 +70,27 @@ impl TomlFile {
             let fault = place.fault(format!("{} where {} is needed", kinds.found, kinds.needed), kinds.remedy);
             return self.text.complaint(span, fault.to_string(), "here", fault.help);
         }
+        if let Some((found, needed)) = self.other_kind(message) {
+            let message = format!("this is {}, and {} is needed", found.name, needed.name);
+            return self.text.complaint(span, message, "here", format!("give another file: {}", needed.source));
+        }
         self.text.complaint(span, message, "here", remedy(message))
+    }
+
+    /// What the file is and what is needed, where its keys and those that are expected say that these are two things.
+    fn other_kind(&self, message: &str) -> Option<(&'static FileKind, &'static FileKind)> {
+        let own = if message.starts_with("unknown field") {
+            1
+        } else if message.starts_with("missing field") {
+            0
+        } else {
+            return None;
+        };
+        let expected: Vec<&str> = message.split('`').skip(1).step_by(2).skip(own).collect();
+        let root = DeTable::parse(self.text.text()).ok()?;
+        let found = FileKind::of(|key| root.get_ref().contains_key(key))?;
+        let needed = FileKind::of(|key| expected.contains(&key))?;
+        (found.key != needed.key).then_some((found, needed))
     }
 
     fn span(&self, place: &Place) -> Range<usize> {
@@ -90,6 +110,33 @@ impl TomlFile {
             value = next.get_ref();
         }
         span
+    }
+}
+
+/// A kind of file that people have to do with, told by a key that it alone has.
+struct FileKind {
+    key: &'static str,
+    name: &'static str,
+    /// Where such a file comes from.
+    source: &'static str,
+}
+
+impl FileKind {
+    /// In the order in which they are told: a key counts where those before are not there.
+    const ALL: [Self; 4] = [
+        Self { key: "zero_rad_s", name: "a compensator", source: "`rotorlead design` writes a compensator" },
+        Self { key: "point", name: "a model", source: "`rotorlead identify` writes a model" },
+        Self {
+            key: "output",
+            name: "the description of an experiment",
+            source: "it lies in the folder of the records",
+        },
+        Self { key: "record", name: "a plan", source: "`rotorlead new` writes a plan to begin with" },
+    ];
+
+    fn of(has: impl Fn(&str) -> bool) -> Option<&'static Self> {
+        const ALL: &[FileKind] = &FileKind::ALL;
+        ALL.iter().find(|kind| has(kind.key))
     }
 }
 

@@ -133,7 +133,7 @@ fn lines_of(
 fn suspicions(experiment: &Experiment, record: &Record) -> Result<Vec<IdentifyWarning>, IdentifyError> {
     let response = spectra::response_of(record, experiment.output)?;
     let limits = saturation::limits(response);
-    let column = spectra::column(experiment.output);
+    let column = experiment.output.column();
     let saturated =
         |&Limit { at, rows }: &Limit| IdentifyWarning::Saturated { file: record.file.clone(), column, rows, at };
     let mut found: Vec<IdentifyWarning> = limits.iter().map(saturated).collect();

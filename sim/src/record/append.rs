@@ -40,7 +40,7 @@ impl Experiment {
             Err(file.show(&fault))
         };
         if there.output != here.output {
-            return refuse("output", format!("{:?}", there.output), format!("{:?}", here.output));
+            return refuse("output", format!("`{}`", there.output.column()), format!("`{}`", here.output.column()));
         }
         let rates = [
             ("sample_rate_hz", there.sample_rate_hz, here.sample_rate_hz),
@@ -75,9 +75,15 @@ impl Experiment {
     pub fn append_to(&self, folder: &Path) -> Result<(), FileError> {
         self.check_appendable(folder)?;
         let path = folder.join(MANIFEST);
+        let refused = |path: &Path, fault| FileError::refused(path, fault);
+        if let Some(record) = self.records.iter().find(|record| folder.join(&record.file).exists()) {
+            let fault = Place::root()
+                .key("record")
+                .fault("there is such a file in the experiment already", "rename the log: a record is named after it");
+            return Err(refused(&folder.join(&record.file), fault));
+        }
         let addition = to_toml(&Addition { records: self.records.iter().map(Entry::of).collect() });
         let text = format!("{}\n{addition}", TextFile::read(&path)?.text().trim_end_matches('\n').to_owned() + "\n");
-        let refused = |path: &Path, fault| FileError::refused(path, fault);
         // A list of records in one line, `record = [...]`, cannot be added to.
         let manifest: Manifest = toml::from_str(&text).map_err(|error| {
             let help = "write each record of experiment.toml as a [[record]] of its own";
@@ -86,13 +92,11 @@ impl Experiment {
         manifest.check().map_err(|fault| refused(&path, fault))?;
         for record in &self.records {
             self.check_columns(record).map_err(|fault| refused(&folder.join(&record.file), fault))?;
-            for name in [Some(Path::new(&record.file)), record.compensator.as_deref()].into_iter().flatten() {
-                let is_new = name == Path::new(&record.file);
-                if folder.join(name).exists() == is_new {
-                    let what = if is_new { "there is such a file already" } else { "there is no such file" };
-                    let fault = Place::root().key("record").fault(what, "give the record the name of another file");
-                    return Err(refused(&folder.join(name), fault));
-                }
+            if let Some(name) = record.compensator.as_deref().filter(|name| !folder.join(name).exists()) {
+                let fault = Place::root()
+                    .key("record")
+                    .fault("there is no such file", "give the record the name of another file");
+                return Err(refused(&folder.join(name), fault));
             }
         }
         let write = || {

@@ -32,6 +32,17 @@ pub enum Output {
     Rpm,
 }
 
+impl Output {
+    /// Name of its column in files.
+    #[must_use]
+    pub fn column(self) -> &'static str {
+        match self {
+            Self::ThrustN => "thrust_n",
+            Self::Rpm => "rpm",
+        }
+    }
+}
+
 /// What drives a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

@@ -52,7 +52,11 @@ fn where_(found: &Diagnosis) -> Option<Figure> {
             ..Panel::new(Axis::frequency().within(low, high), Axis::names("u_nom", names.clone()), Vec::new())
         }
     };
-    let panels = vec![panel("first model", |cell| cell.before), panel("improved model", |cell| cell.after)];
+    let panels = if is_improved(found) {
+        vec![panel("first model", |cell| cell.before), panel("improved model", |cell| cell.after)]
+    } else {
+        vec![panel("model", |cell| cell.before)]
+    };
     let mut csv = String::from("nominal,from_hz,to_hz,before_over_noise,after_over_noise\n");
     for cell in cells {
         let (from, to) = cell.band_hz;
@@ -64,6 +68,20 @@ fn where_(found: &Diagnosis) -> Option<Figure> {
         numbers: Some(csv),
         ..Figure::new(FigureKind::Where, "Misfit over noise, in power", caption, panels)
     })
+}
+
+/// Whether there is another model than the first. Drawn twice, one would hide itself.
+fn is_improved(found: &Diagnosis) -> bool {
+    !found.effects.is_empty()
+}
+
+/// The series of the first model and of the improved one, where there is one.
+fn of_models(found: &Diagnosis, mark: Mark, before: Vec<(f64, f64)>, after: Vec<(f64, f64)>) -> Vec<Series> {
+    if !is_improved(found) {
+        return vec![Series::new("model", Color::Vermilion, mark, before)];
+    }
+    let improved = Series::new("improved model", Color::Blue, mark, after);
+    vec![Series::new("first model", Color::Vermilion, mark, before), improved]
 }
 
 /// What each kind is worth, tried alone.
@@ -121,15 +139,12 @@ fn gaps(found: &Diagnosis) -> Option<Figure> {
         };
         records.iter().enumerate().map(at).collect()
     };
-    let series = vec![
-        Series::new("noise alone", Color::Gray, Mark::Ticks, points(|gap| gap.noise_floor)),
-        Series::new("first model", Color::Vermilion, Mark::Discs, points(|gap| gap.before)),
-        Series::new("improved model", Color::Blue, Mark::Discs, points(|gap| gap.after)),
-    ];
+    let mut series = vec![Series::new("noise alone", Color::Gray, Mark::Ticks, points(|gap| gap.noise_floor))];
+    series.extend(of_models(found, Mark::Discs, points(|gap| gap.before), points(|gap| gap.after)));
     let axis = Axis::log("gap, RMS of the residual over the response", "percent").within(0.7 * low, 1.4 * high);
     let names = Axis::names("", records.iter().map(|record| record.file.clone()).collect());
     let panel = Panel { height: (records.len() as u32 * LINE + AROUND).max(160), ..Panel::new(axis, names, series) };
-    let on = if found.held_out { "held out" } else { "fitted: nothing was held out" };
+    let on = if found.held_out { "periods or records that were held out" } else { "fitted: nothing was held out" };
     let caption = "A model that explains all brings its dot to the noise.";
     let title = format!("Gap of each record ({on})");
     Some(Figure { numbers: Some(csv), ..Figure::new(FigureKind::Gap, title, caption, vec![panel]) })
@@ -147,11 +162,8 @@ fn residual(found: &Diagnosis) -> Option<Figure> {
     let noise =
         Series::new("noise, two standard deviations", Color::Gray, Mark::Dashes, ends.map(|time| (time, 0.0)).to_vec())
             .with_band(vec![(-2.0 * left.noise_std, 2.0 * left.noise_std); 2]);
-    let series = vec![
-        noise,
-        Series::new("first model", Color::Vermilion, Mark::Line, points(&left.before)),
-        Series::new("improved model", Color::Blue, Mark::Line, points(&left.after)),
-    ];
+    let mut series = vec![noise];
+    series.extend(of_models(found, Mark::Line, points(&left.before), points(&left.after)));
     let axis = Axis::linear("measured less simulated", unit(found.conditions.output));
     let panel = Panel { height: 360, ..Panel::new(Axis::linear("time in the record", "s"), axis, series) };
     let caption = format!(

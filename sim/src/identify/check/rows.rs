@@ -8,7 +8,7 @@ use super::{Finding, RecordDoubt, Severity, Topic};
 use crate::identify::periodic::doubts;
 use crate::identify::saturation::{self, Limit};
 use crate::identify::steps::rows_after_gaps;
-use crate::identify::{IdentifyError, IdentifyWarning, spectra};
+use crate::identify::{IdentifyError, IdentifyWarning};
 use crate::plant::Point;
 use crate::record::{Excitation, Experiment, Record};
 
@@ -58,7 +58,7 @@ pub fn of_record(experiment: &Experiment, record: &Record, is_force: bool) -> Ve
         add(Topic::Periods, None, &RecordDoubt::FewPeriods { file: file(), periods: periods.count });
     }
     let Some(response) = record.response(experiment.output) else { return found };
-    let column = spectra::column(experiment.output);
+    let column = experiment.output.column();
     if response.windows(2).all(|pair| pair[0] == pair[1]) {
         add(Topic::Response, None, &IdentifyError::ConstantResponse { file: file() });
         return found;

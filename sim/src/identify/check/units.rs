@@ -1,7 +1,6 @@
 //! Units that are not those of the columns, told by what numbers can be.
 
 use super::RecordDoubt;
-use crate::identify::spectra;
 use crate::record::{Output, Record};
 
 /// Rows that are further apart, in seconds, show no motor.
@@ -131,7 +130,7 @@ pub(super) fn of_command(record: &Record, output: Output) -> Option<RecordDoubt>
     let row = record.command.iter().position(|command| !(0.0..=1.0).contains(command))?;
     let (low, high) = extent(&record.command);
     if record.response(output).is_some_and(|response| is_command(response, record.nominal)) {
-        let (column, nominal) = (spectra::column(output), record.nominal);
+        let (column, nominal) = (output.column(), record.nominal);
         return Some(RecordDoubt::Swapped { file: record.file.clone(), row: row + 1, low, high, column, nominal });
     }
     let unit = CommandUnit::of(low, high, record.nominal)?;

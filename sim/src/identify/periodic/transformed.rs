@@ -7,7 +7,7 @@ use num_complex::Complex64;
 use super::{IdentifyWarning, MODEL_LEVEL, PeriodicOptions, doubts};
 use crate::identify::feedback::FeedbackTest;
 use crate::identify::saturation::{self, Limit};
-use crate::identify::{FirstOrderFit, FitLine, HoldChain, IdentifyError, NoiseSource, Spectrum, spectra};
+use crate::identify::{FirstOrderFit, FitLine, HoldChain, IdentifyError, NoiseSource, Spectrum};
 use crate::record::{Experiment, Record};
 
 /// A multisine record on its way to a [`super::RecordResponse`].
@@ -129,7 +129,7 @@ pub(super) fn suspicions(
     let response = record.response(experiment.output).unwrap_or_default();
     let esc_command = record.esc_command.as_deref().unwrap_or_default();
     let limits = saturation::limits(response);
-    let of_response = limits.iter().map(|limit| (spectra::column(experiment.output), *limit));
+    let of_response = limits.iter().map(|limit| (experiment.output.column(), *limit));
     let of_command = saturation::limits(esc_command).into_iter().map(|limit| ("esc_command", limit));
     let mut found: Vec<IdentifyWarning> = of_response
         .chain(of_command)

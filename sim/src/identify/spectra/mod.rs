@@ -161,21 +161,13 @@ pub struct Spectrum {
     pub removed: Vec<RemovedSinusoid>,
 }
 
-/// Name of the response's column.
-pub(super) fn column(output: Output) -> &'static str {
-    match output {
-        Output::ThrustN => "thrust_n",
-        Output::Rpm => "rpm",
-    }
-}
-
 /// A record's response column, checked to be as long as its time and command.
 pub(crate) fn response_of(record: &Record, output: Output) -> Result<&[f64], IdentifyError> {
     let rows = record.time_s.len();
     record
         .response(output)
         .filter(|response| response.len() == rows && record.command.len() == rows)
-        .ok_or_else(|| IdentifyError::NoResponse { file: record.file.clone(), column: column(output), rows })
+        .ok_or_else(|| IdentifyError::NoResponse { file: record.file.clone(), column: output.column(), rows })
 }
 
 /// Rows per second of a record: as stated, or as its times say.

@@ -46,8 +46,8 @@ pub use plateaus::Direction;
 pub use splits::{HeldOut, LawComparison, SPLITS, Split, compare_laws};
 pub use warning::{LeftOut, StepsWarning};
 
+use super::Estimate;
 use super::fit_percent::fit_percent;
-use super::{Estimate, spectra};
 use crate::record::{Output, Record};
 use fit::{FittedStep, LagFit};
 pub(crate) use plateaus::{Plateau, SAME_LEVEL, mean_and_std};
@@ -162,7 +162,7 @@ pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>)
 fn checked_response(record: &Record, output: Output) -> Result<&[f64], StepsError> {
     let y = record
         .response(output)
-        .ok_or_else(|| StepsError::NoResponse { record: record.file.clone(), column: spectra::column(output) })?;
+        .ok_or_else(|| StepsError::NoResponse { record: record.file.clone(), column: output.column() })?;
     let columns = [&record.time_s[..], &record.command, y];
     let finite = columns.iter().all(|c| c.iter().all(|v| v.is_finite()));
     let even = columns.iter().all(|c| c.len() == y.len());

@@ -28,7 +28,7 @@ pub use table::{FitBesideCeiling, TableRow, table_2};
 
 use num_complex::Complex64;
 
-use super::{IdentifyError, spectra};
+use super::IdentifyError;
 use crate::plant::Model;
 use crate::record::{Excitation, Experiment, Role};
 use judge::Judge;
@@ -136,7 +136,7 @@ pub fn validate(experiment: &Experiment, model: &Model) -> Result<Vec<RecordVali
 pub(crate) fn same_output(experiment: &Experiment, model: &Model) -> Result<(), IdentifyError> {
     match &model.provenance {
         Some(provenance) if provenance.output != experiment.output => {
-            let (model, experiment) = (spectra::column(provenance.output), spectra::column(experiment.output));
+            let (model, experiment) = (provenance.output.column(), experiment.output.column());
             Err(IdentifyError::OtherOutput { model, experiment })
         }
         _ => Ok(()),
