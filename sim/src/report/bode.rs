@@ -1,5 +1,7 @@
 //! Bode plots: magnitude over phase.
 
+use std::collections::VecDeque;
+
 use num_complex::Complex64;
 
 use super::figure::{Axis, Color, Mark, Panel, Series};
@@ -103,9 +105,11 @@ impl Curve {
         self.series(points.collect(), band.collect())
     }
 
-    /// In degrees, unwrapped.
+    /// In degrees, unwrapped: each point on the turn that is nearest to the mean of those before it. Of a curve that is one point;
+    /// of what was measured several, since noise that is larger than the response would else climb by a turn now and then.
     fn phase(&self) -> Series {
-        let mut last = 0.0;
+        let before = if self.mark == Mark::Line { 1 } else { NEAR };
+        let mut recent: VecDeque<f64> = VecDeque::new();
         let mut points = Vec::new();
         let mut band = Vec::new();
         for (index, (omega, value)) in self.points.iter().enumerate() {
@@ -115,9 +119,13 @@ impl Curve {
                 continue;
             }
             let wrapped = value.arg().to_degrees();
-            let turns = -360.0 * ((wrapped - last) / 360.0).round();
-            last = wrapped + turns;
-            points.push((*omega, last));
+            let mean = recent.iter().sum::<f64>() / recent.len().max(1) as f64;
+            let turns = -360.0 * ((wrapped - mean) / 360.0).round();
+            recent.push_back(wrapped + turns);
+            if recent.len() > before {
+                recent.pop_front();
+            }
+            points.push((*omega, wrapped + turns));
             if let Some(Band { phase_rad: (low, high), .. }) = self.bands.get(index) {
                 band.push((low.to_degrees() + turns, high.to_degrees() + turns));
             }
@@ -126,6 +134,8 @@ impl Curve {
     }
 }
 
+/// Measured points whose mean phase says the turn of the next.
+const NEAR: usize = 9;
 /// Frequencies of a model's curve.
 const COUNT: u32 = 240;
 
@@ -162,6 +172,27 @@ mod tests {
         assert!(phase.points.windows(2).all(|pair| (pair[0].1 - pair[1].1).abs() < 30.0));
         let (_, magnitude) = curve.magnitude().points[0];
         assert!(magnitude.abs() < 0.01, "{magnitude}");
+    }
+
+    #[test]
+    fn measured_phases_in_noise_do_not_climb() {
+        // A lag down to a fiftieth, in noise of a tenth: above, an angle is anywhere.
+        let mut state = 1_u64;
+        let mut uniform = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+        };
+        let points = (1..400).map(|line| {
+            let omega = 0.25 * f64::from(line);
+            (omega, 1.0 / Complex64::new(1.0, 0.5 * omega) + 0.2 * Complex64::new(uniform(), uniform()))
+        });
+        let points: Vec<_> = points.collect();
+        let phase = Curve::new("", Mark::Dots, Color::Blue, points.clone()).phase();
+        let highest = phase.points.iter().map(|(_, phase)| phase.abs()).fold(0.0, f64::max);
+        assert!(highest < 400.0, "{highest}");
+        let line = Curve::new("", Mark::Line, Color::Blue, points).phase();
+        let climbed = line.points.iter().map(|(_, phase)| phase.abs()).fold(0.0, f64::max);
+        assert!(climbed > highest, "line to line it goes to {climbed}, and by several to {highest}");
     }
 
     #[test]
