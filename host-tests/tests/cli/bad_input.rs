@@ -50,6 +50,32 @@ fn a_missing_file_is_named() {
 }
 
 #[test]
+fn another_kind_of_file_is_named_and_no_key_of_it_is_to_be_removed() {
+    let stand = with_compensator();
+    stand.write("plan.toml", PLAN);
+    let model = ["and a model is needed", "`rotorlead identify` writes a model"];
+    let compensator = ["and a compensator is needed", "`rotorlead design` writes a compensator"];
+    let plan = ["and a plan is needed", "`rotorlead new` writes a plan"];
+    for (arguments, is, needed) in [
+        ("design --model c.toml --out x.toml", "this is a compensator", model),
+        ("bandwidth --model plan.toml", "this is a plan", model),
+        ("validate stand --model stand/experiment.toml", "this is the description of an experiment", model),
+        ("simulate --model model.toml --plan model.toml --out sim", "this is a model", plan),
+        ("bandwidth --model model.toml --compensator model.toml", "this is a model", compensator),
+    ] {
+        stand.refuses(arguments, 1, &[is, needed[0], needed[1]]);
+    }
+}
+
+#[test]
+fn gains_of_both_signs_are_not_designed_from() {
+    let stand = Stand::new();
+    let last = MODEL.rfind("gain = ").unwrap() + "gain = ".len();
+    stand.write("model.toml", format!("{}-{}", &MODEL[..last], &MODEL[last..]));
+    stand.refuses("design --model model.toml --out c.toml", 1, &["wrong sign", "turn the sign", "rotorlead check"]);
+}
+
+#[test]
 fn a_folder_is_not_taken_for_a_file_nor_a_file_for_a_folder() {
     let stand = Stand::new();
     stand.refuses("bandwidth --model stand", 1, &["`stand` is a folder, not a file", "name of a file"]);

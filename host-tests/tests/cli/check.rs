@@ -134,6 +134,21 @@ fn a_reversed_sign_is_told_of_fitted_and_of_validation_records() {
 }
 
 #[test]
+fn a_report_on_records_with_a_wrong_unit_or_sign_begins_with_that_and_designs_nothing() {
+    for (scale, said) in [(1e3 / 9.80665, "grams-force"), (-1.0, "falls where the command rises")] {
+        let stand = good();
+        change(&stand, "good/u050_multisine.csv", |_, [t, u, y]| Some([t, u, y * scale]));
+        let json = stand.json("report good --no-diagnosis --out report.html --json -");
+        let verdict = json["verdict"].as_str().unwrap();
+        assert!(verdict.starts_with("Something is wrong with the records") && verdict.contains(said), "{verdict}");
+        assert!(json["left_out"]["compensator"].as_str().unwrap().contains("in doubt"), "{json}");
+        let warnings = json["warnings"].as_array().unwrap();
+        assert!(warnings.iter().any(|warning| warning.as_str().unwrap().contains(said)), "{warnings:?}");
+        assert!(!stand.run("report good --no-diagnosis --out report.html").contains("speaks against"));
+    }
+}
+
+#[test]
 fn missing_rows_are_told_with_the_row() {
     let stand = good();
     change(&stand, "good/u050_multisine.csv", |row, cells| (!(1000..1040).contains(&row) && row != 7).then_some(cells));
