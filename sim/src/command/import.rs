@@ -248,7 +248,8 @@ fn describe(summary: &ImportSummary) -> String {
 
 /// [`range`] of pulse widths, which are above zero.
 fn pulses(text: &str) -> Result<(f64, f64), String> {
-    let widths = range(text).map_err(|_| String::from("write it as LOW..HIGH in microseconds, as in 1000..2000"))?;
+    let widths = range(text)
+        .map_err(|_| String::from("write it as LOW..HIGH in microseconds with LOW below HIGH, as in 1000..2000"))?;
     match widths {
         (low, _) if low < 0.0 => Err(String::from("a pulse is no shorter than 0 microseconds")),
         range => Ok(range),

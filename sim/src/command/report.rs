@@ -230,8 +230,8 @@ impl Parts {
         let mut verdicts = Vec::new();
         // Nothing below is worth more than the records.
         if let Some(finding) = self.findings.iter().find(|finding| is_grave(finding)) {
-            verdicts
-                .push(Verdict::new(Tone::Bad, format!("Something is wrong with the records: {}.", in_words(finding))));
+            let headline = "Something is wrong with the records, and all that follows rests on them.";
+            verdicts.push(Verdict::new(Tone::Bad, headline).with(vec![format!("{}.", in_words(finding))]));
         }
         if let Some(Ok(found)) = &self.diagnosed {
             verdicts.push(Verdict::new(diagnosis_tone(found.verdict), diagnosed(found)).with(sizes(found)));

@@ -86,11 +86,16 @@ impl TomlFile {
         } else {
             return None;
         };
-        let expected: Vec<&str> = message.split('`').skip(1).step_by(2).skip(own).collect();
+        let names: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
+        let (wrong, expected) = names.split_at_checked(own)?;
+        // A slip of the pen makes no other file of it.
+        if wrong.iter().any(|wrong| alike(wrong, expected.iter().copied()).is_some()) {
+            return None;
+        }
         let root = DeTable::parse(self.text.text()).ok()?;
         let found = FileKind::of(|key| root.get_ref().contains_key(key))?;
         let needed = FileKind::of(|key| expected.contains(&key))?;
-        (found.key != needed.key).then_some((found, needed))
+        (found.name != needed.name).then_some((found, needed))
     }
 
     fn span(&self, place: &Place) -> Range<usize> {
@@ -113,30 +118,30 @@ impl TomlFile {
     }
 }
 
-/// A kind of file that people have to do with, told by a key that it alone has.
+/// A kind of file that people have to do with.
 struct FileKind {
-    key: &'static str,
+    /// Keys of which it has one at least.
+    keys: &'static [&'static str],
     name: &'static str,
     /// Where such a file comes from.
     source: &'static str,
 }
 
 impl FileKind {
-    /// In the order in which they are told: a key counts where those before are not there.
-    const ALL: [Self; 4] = [
-        Self { key: "zero_rad_s", name: "a compensator", source: "`rotorlead design` writes a compensator" },
-        Self { key: "point", name: "a model", source: "`rotorlead identify` writes a model" },
+    /// In the order in which they are told: keys count where those before are not there.
+    const ALL: &'static [Self] = &[
+        Self { keys: &["zero_rad_s"], name: "a compensator", source: "`rotorlead design` writes a compensator" },
+        Self { keys: &["point"], name: "a model", source: "`rotorlead identify` writes a model" },
         Self {
-            key: "output",
+            keys: &["output", "command"],
             name: "the description of an experiment",
             source: "it lies in the folder of the records",
         },
-        Self { key: "record", name: "a plan", source: "`rotorlead new` writes a plan to begin with" },
+        Self { keys: &["record"], name: "a plan", source: "`rotorlead new` writes a plan to begin with" },
     ];
 
     fn of(has: impl Fn(&str) -> bool) -> Option<&'static Self> {
-        const ALL: &[FileKind] = &FileKind::ALL;
-        ALL.iter().find(|kind| has(kind.key))
+        Self::ALL.iter().find(|kind| kind.keys.iter().any(|key| has(key)))
     }
 }
 
@@ -226,14 +231,19 @@ pub(crate) fn to_toml<T: Serialize>(value: &T) -> String {
     toml::to_string(value).expect("plain structs of numbers, texts and lists of them are TOML")
 }
 
+/// The known name that is most like a wrong one, if any is.
+fn alike<'a>(wrong: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+    let best = known.map(|known| (strsim::jaro_winkler(wrong, known), known)).max_by(|a, b| a.0.total_cmp(&b.0));
+    best.filter(|(alike, _)| *alike >= ALIKE).map(|(_, known)| known)
+}
+
 /// What to do about a message of the TOML reader.
 fn remedy(message: &str) -> String {
     let mut names = message.split('`').skip(1).step_by(2);
     let name = names.next().unwrap_or_default();
     if message.starts_with("unknown field") || message.starts_with("unknown variant") {
-        let best = names.map(|known| (strsim::jaro_winkler(name, known), known)).max_by(|a, b| a.0.total_cmp(&b.0));
-        match best {
-            Some((alike, known)) if alike >= ALIKE => format!("did you mean `{known}`?"),
+        match alike(name, names) {
+            Some(known) => format!("did you mean `{known}`?"),
             _ if message.starts_with("unknown variant") => {
                 format!("write what is expected instead of `{name}`")
             }
