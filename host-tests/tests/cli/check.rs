@@ -138,7 +138,7 @@ fn a_report_on_records_with_a_wrong_unit_or_sign_begins_with_that_and_designs_no
     for (scale, said) in [(1e3 / 9.80665, "grams-force"), (-1.0, "falls where the command rises")] {
         let stand = good();
         change(&stand, "good/u050_multisine.csv", |_, [t, u, y]| Some([t, u, y * scale]));
-        let json = stand.json("report good --no-diagnosis --out report.html --json -");
+        let json = stand.json("report good --no-diagnosis --out report.html");
         let verdict = json["verdict"].as_str().unwrap();
         assert!(verdict.starts_with("Something is wrong with the records"), "{verdict}");
         assert!(json["sentences"][0].as_str().unwrap().contains(said), "{json}");
