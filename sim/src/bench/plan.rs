@@ -357,7 +357,7 @@ hold_s = 2.5
     fn a_wrong_value_is_refused_with_its_place_and_a_remedy() {
         for (from, to, expected) in [
             ("format = 1", "format = 2", ["format", "layout"]),
-            ("seed = 7", "seed = -7", ["plan.toml", "u64"]),
+            ("seed = 7", "seed = -7", ["plan.toml", "a whole number of 0 or more"]),
             ("seed = 7", "seed = 7\nsede = 8", ["sede", "seed"]),
             ("seed = 7", "seed = 7\nsample_rate_hz = 999", ["sample_rate_hz", "divisor"]),
             ("seed = 7", "seed = 7\nsample_rate_hz = 0", ["sample_rate_hz", "divisor"]),

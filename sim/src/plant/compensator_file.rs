@@ -230,7 +230,7 @@ g1 = -2147483648
         refuses("damping", "dampin", &["compensator.toml:4:1", "did you mean `damping`"]);
         refuses("k = 1\n", "", &["compensator.toml:8:1", "add `k`"]);
         refuses("k = 1", "q = 1", &["compensator.toml:9:1", "`q`", "remove `q`"]);
-        refuses("k = 1", "k = 1.5", &["compensator.toml:9:5", "expected i32"]);
+        refuses("k = 1", "k = 1.5", &["compensator.toml:9:5", "a whole number is needed"]);
         refuses("k = 1", "k = 2147483648", &["compensator.toml:9:5", "2147483648"]);
         refuses("q0.32", "q1.31", &["compensator.toml:6:22", "`q1.31`", "instead of `q1.31`"]);
         refuses("q2.29", "f32", &["compensator.toml:7:17", "`f32`", "`q2.29`", "help: "]);

@@ -179,7 +179,7 @@ mod tests {
             &["esc_frame_hz", "400 Hz", "600 Hz", "another folder"],
         );
         assert_report(other(&|e| e.command_rate_hz = Some(5000.0)), &["command_rate_hz", "none", "5000 Hz"]);
-        assert_report(other(&|e| e.records[0].file = "a.csv".into()), &["a.csv", "twice"]);
+        assert_report(other(&|e| e.records[0].file = "a.csv".into()), &["a.csv", "already", "rename the log"]);
         assert_report(other(&|e| e.records[0].command[1] = f64::NAN), &["b.csv", "command"]);
         fs::write(folder.join("b.csv"), "mine").unwrap();
         assert_report(other(&|_| {}), &["b.csv", "already"]);
