@@ -29,6 +29,9 @@ const HOPELESS: f64 = 0.15;
 /// An effect is named for at least this worth: with 17 kinds to choose from, and two values each, noise alone gives as much
 /// once in thousands of experiments.
 pub(super) const LEAST_WORTH: f64 = 10.0;
+/// Of that, what is fitted has to bring this much by itself. What is held out can gain by accident: where a nominal command was
+/// fitted to little, anything that moves its lag may move it nearer.
+const LEAST_PAID: f64 = 0.5 * LEAST_WORTH;
 /// Kinds within this of the best are told apart by chance only.
 pub(super) const ALIKE: f64 = 5.0;
 /// How many kinds are fitted after the screening, and from which share of the best gain on.
@@ -75,6 +78,16 @@ impl Tried {
         self.fit.hypothesis.effects.last().is_none_or(Candidate::is_plausible)
     }
 
+    /// Something like an effect, but larger than it can be, is none of the catalog.
+    fn may_be_named(&self) -> bool {
+        self.worth() >= LEAST_WORTH && self.is_paid() && self.is_plausible()
+    }
+
+    /// Whether it gains enough on what is fitted, whatever it does for what is held out.
+    pub fn is_paid(&self) -> bool {
+        self.fitted_gain - self.price >= LEAST_PAID
+    }
+
     /// What it is worth, in units of log likelihood.
     pub fn worth(&self) -> f64 {
         self.fitted_gain - self.price + self.held_out_gain + self.witnessed
@@ -104,9 +117,9 @@ pub(super) fn price(kind: &'static Kind) -> f64 {
     Candidate::searched(kind).map(|(_, parameter)| of_value(parameter)).sum()
 }
 
-/// The most valuable first.
+/// The most valuable first, of those that may be named.
 pub(super) fn by_worth(a: &Tried, b: &Tried) -> Ordering {
-    b.worth().total_cmp(&a.worth())
+    b.is_paid().cmp(&a.is_paid()).then(b.worth().total_cmp(&a.worth()))
 }
 
 /// An effect that was found.
@@ -380,8 +393,7 @@ impl Search<'_> {
             if effects.is_empty() {
                 first_tried.clone_from(&tried);
             }
-            // Something like an effect, but larger than it can be, is none of the catalog.
-            let best = tried.into_iter().next().filter(|best| best.worth() >= LEAST_WORTH && best.is_plausible());
+            let best = tried.into_iter().next().filter(Tried::may_be_named);
             let Some(best) = best else { break };
             let start = best.fit.hypothesis.clone();
             effects.push(best);
@@ -395,7 +407,7 @@ impl Search<'_> {
             // Nothing beside which it could look different.
             [_] => {
                 let others = first_tried.iter().skip(1);
-                let alike = |other: &&Tried| first_tried[0].worth() - other.worth() < ALIKE;
+                let alike = |other: &&Tried| other.is_paid() && first_tried[0].worth() - other.worth() < ALIKE;
                 let alternatives = others.filter(alike).map(|other| other.kind).collect();
                 let found = Found { kind: first_tried[0].kind, worth: first_tried[0].worth(), alternatives };
                 (current, vec![found])
@@ -424,7 +436,7 @@ impl Search<'_> {
                 }
                 self.hear(&mut tried);
             }
-            let Some(best) = tried.first().filter(|best| best.worth() >= LEAST_WORTH && best.is_plausible()) else {
+            let Some(best) = tried.first().filter(|best| best.may_be_named()) else {
                 current = rest;
                 found.remove(effect);
                 continue;
@@ -440,7 +452,7 @@ impl Search<'_> {
             let alternatives = tried
                 .iter()
                 .skip(1)
-                .filter(|other| best.worth() - other.worth() < ALIKE)
+                .filter(|other| other.is_paid() && best.worth() - other.worth() < ALIKE)
                 .map(|other| other.kind)
                 .collect();
             found[effect] = Some(Found { kind, worth: best.worth(), alternatives });
