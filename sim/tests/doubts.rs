@@ -119,12 +119,12 @@ fn a_reading_that_jumps_is_named() {
     // At this rate one row is so much that no gain is left: the refusal says why.
     let error = identified(&experiment).unwrap_err().to_string();
     assert!(
-        error.contains("may as well be zero") && error.contains("jump away and back, the first at 25.000 s"),
+        error.contains("may as well be zero") && error.contains("one reading jumps away and back, at 25.000 s"),
         "{error}"
     );
     thrust(&mut experiment)[5000] = 50.0;
     let warning = warned(&experiment, |w| matches!(w, IdentifyWarning::Jumps { rows: 1, .. }));
-    assert!(warning.contains("the first at 25.000 s"), "{warning}");
+    assert!(warning.contains("one reading jumps away and back, at 25.000 s"), "{warning}");
 }
 
 #[test]
