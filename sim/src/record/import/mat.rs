@@ -8,36 +8,10 @@ use std::f64::consts::PI;
 use std::path::Path;
 
 use super::mat5::{self, Variable};
+use super::quantity::{N_PER_GF, Quantity};
 use super::summary::{ColumnUse, DroppedRows};
 use super::vectors::{normalized, stamps_kept};
 use super::{ImportError, ImportOptions, ImportSummary, LogFormat, MIN_ROWS, Taken};
-
-/// Newtons per gram-force.
-const N_PER_GF: f64 = 9.80665e-3;
-
-/// A signal, and the column that it becomes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Signal {
-    Time,
-    Command,
-    Thrust,
-    Speed,
-    Voltage,
-    Current,
-}
-
-impl Signal {
-    fn column(self) -> &'static str {
-        match self {
-            Self::Time => "time_s",
-            Self::Command => "command",
-            Self::Thrust => "thrust_n",
-            Self::Speed => "rpm",
-            Self::Voltage => "voltage_v",
-            Self::Current => "current_a",
-        }
-    }
-}
 
 /// How a vector's numbers become those of the column.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,25 +22,33 @@ enum Scale {
 }
 
 /// Names, in small letters without underscores; the first of a signal's that is there is taken.
-const SPELLINGS: &[(Signal, Scale, &[&str])] = &[
-    (Signal::Time, Scale::Factor(1.0), &["time", "t", "times", "ts", "timesec", "tsec", "seconds"]),
-    (Signal::Time, Scale::Factor(1e-3), &["timems", "tms"]),
-    (Signal::Time, Scale::Factor(1e-6), &["timeus", "tus"]),
-    (Signal::Command, Scale::Factor(1.0), &["command", "cmd", "u", "throttle", "motorcommand", "throttlecommand"]),
-    (Signal::Command, Scale::Factor(0.01), &["commandpercent", "cmdpercent", "throttlepercent", "throttlepct"]),
-    (Signal::Command, Scale::Pulse, &["commandus", "cmdus", "throttleus", "pwmus", "pulseus", "escus", "pwm"]),
-    (Signal::Thrust, Scale::Factor(1.0), &["thrust", "thrustn", "force", "forcen"]),
-    (Signal::Thrust, Scale::Factor(N_PER_GF), &["thrustgf", "thrustg"]),
-    (Signal::Thrust, Scale::Factor(1e3 * N_PER_GF), &["thrustkgf", "thrustkg"]),
-    (Signal::Speed, Scale::Factor(1.0), &["rpm", "speedrpm", "motorrpm", "rotorrpm"]),
-    (Signal::Speed, Scale::Factor(30.0 / PI), &["omega", "omegarads", "speedrads"]),
-    (Signal::Speed, Scale::Factor(60.0), &["rps", "speedhz"]),
-    (Signal::Voltage, Scale::Factor(1.0), &["voltage", "voltagev", "volts", "vbat", "batteryvoltage", "supplyvoltage"]),
-    (Signal::Current, Scale::Factor(1.0), &["current", "currenta", "amps", "ibat", "batterycurrent", "supplycurrent"]),
+const SPELLINGS: &[(Quantity, Scale, &[&str])] = &[
+    (Quantity::Time, Scale::Factor(1.0), &["time", "t", "times", "ts", "timesec", "tsec", "seconds"]),
+    (Quantity::Time, Scale::Factor(1e-3), &["timems", "tms"]),
+    (Quantity::Time, Scale::Factor(1e-6), &["timeus", "tus"]),
+    (Quantity::Command, Scale::Factor(1.0), &["command", "cmd", "u", "throttle", "motorcommand", "throttlecommand"]),
+    (Quantity::Command, Scale::Factor(0.01), &["commandpercent", "cmdpercent", "throttlepercent", "throttlepct"]),
+    (Quantity::Command, Scale::Pulse, &["commandus", "cmdus", "throttleus", "pwmus", "pulseus", "escus", "pwm"]),
+    (Quantity::Thrust, Scale::Factor(1.0), &["thrust", "thrustn", "force", "forcen"]),
+    (Quantity::Thrust, Scale::Factor(N_PER_GF), &["thrustgf", "thrustg"]),
+    (Quantity::Thrust, Scale::Factor(1e3 * N_PER_GF), &["thrustkgf", "thrustkg"]),
+    (Quantity::Speed, Scale::Factor(1.0), &["rpm", "speedrpm", "motorrpm", "rotorrpm"]),
+    (Quantity::Speed, Scale::Factor(30.0 / PI), &["omega", "omegarads", "speedrads"]),
+    (Quantity::Speed, Scale::Factor(60.0), &["rps", "speedhz"]),
+    (
+        Quantity::Voltage,
+        Scale::Factor(1.0),
+        &["voltage", "voltagev", "volts", "vbat", "batteryvoltage", "supplyvoltage"],
+    ),
+    (
+        Quantity::Current,
+        Scale::Factor(1.0),
+        &["current", "currenta", "amps", "ibat", "batterycurrent", "supplycurrent"],
+    ),
 ];
 
 /// The place of `name` in [`SPELLINGS`] (smaller is taken first), and what it stands for.
-fn meaning(name: &str) -> Option<(usize, Signal, Scale)> {
+fn meaning(name: &str) -> Option<(usize, Quantity, Scale)> {
     let plain =
         if name.len() == 1 { name.to_string() } else { name.to_lowercase().chars().filter(|&c| c != '_').collect() };
     let all = SPELLINGS.iter().flat_map(|(signal, scale, names)| names.iter().map(move |n| (*signal, *scale, *n)));
@@ -78,7 +60,7 @@ struct Source {
     place: usize,
     /// Its place in the list of columns.
     column: usize,
-    signal: Signal,
+    signal: Quantity,
     scale: Scale,
     name: String,
     values: Vec<f64>,
@@ -109,28 +91,28 @@ pub(super) fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result
         columns.push(ColumnUse { name, taken_as: None, note });
     }
     sources.sort_by_key(|s| s.place);
-    let mut pick = |signal: Signal| {
+    let mut pick = |signal: Quantity| {
         let at = sources.iter().position(|s| s.signal == signal)?;
         Some(sources.remove(at))
     };
-    let need = |source: Option<Source>, signal: Signal| {
+    let need = |source: Option<Source>, signal: Quantity| {
         source.ok_or_else(|| ImportError::MissingSignal {
             file: file.into(),
             signal: signal.column(),
             known: spellings(signal),
         })
     };
-    let time = need(pick(Signal::Time), Signal::Time)?;
-    let command = need(pick(Signal::Command), Signal::Command)?;
-    let (thrust, speed) = (pick(Signal::Thrust), pick(Signal::Speed));
+    let time = need(pick(Quantity::Time), Quantity::Time)?;
+    let command = need(pick(Quantity::Command), Quantity::Command)?;
+    let (thrust, speed) = (pick(Quantity::Thrust), pick(Quantity::Speed));
     if thrust.is_none() && speed.is_none() {
         return Err(ImportError::MissingSignal {
             file: file.into(),
             signal: "thrust_n or rpm",
-            known: format!("{}, {}", spellings(Signal::Thrust), spellings(Signal::Speed)),
+            known: format!("{}, {}", spellings(Quantity::Thrust), spellings(Quantity::Speed)),
         });
     }
-    let supply = [pick(Signal::Voltage), pick(Signal::Current)];
+    let supply = [pick(Quantity::Voltage), pick(Quantity::Current)];
     let rows_read = time.values.len();
     for source in [Some(&command), thrust.as_ref(), speed.as_ref()].into_iter().flatten() {
         if source.values.len() != rows_read {
@@ -226,7 +208,7 @@ fn sample(file: &Path, name: &str, row: usize, value: f64, problem: &'static str
 }
 
 /// The names that stand for `signal`, for a message.
-fn spellings(signal: Signal) -> String {
+fn spellings(signal: Quantity) -> String {
     let names = SPELLINGS.iter().filter(|(s, ..)| *s == signal).flat_map(|(_, _, names)| names.iter());
     names.map(|n| format!("`{n}`")).collect::<Vec<_>>().join(", ")
 }

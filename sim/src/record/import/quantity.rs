@@ -1,10 +1,10 @@
-//! What a column of a plain table may measure, and in which units.
+//! What a column of a table, or a named vector, may measure, and in which units a table may have it.
 
 use std::f64::consts::PI;
 use std::str::FromStr;
 
 /// Newtons per gram-force.
-const N_PER_GF: f64 = 9.80665e-3;
+pub(super) const N_PER_GF: f64 = 9.80665e-3;
 /// Newtons per pound-force.
 const N_PER_LBF: f64 = 4.448_221_615_260_5;
 
