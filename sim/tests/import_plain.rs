@@ -69,6 +69,7 @@ fn every_unit_comes_to_the_same_record() {
         ("Time (s),Throttle (%),Thrust [N]", [1e-3, 0.1, 0.009_806_65]),
         ("t_us,cmd (0..1),thrust_kgf", [1e3, 1e-3, 1e-3]),
         ("timestamp_ms,duty_percent,thrust (lbf)", [1.0, 0.1, 0.009_806_65 / 4.448_221_615_260_5]),
+        ("timestamp_ms,duty_percent,thrust (oz)", [1.0, 0.1, 0.009_806_65 * 16.0 / 4.448_221_615_260_5]),
     ] {
         let offset = if header.contains("pwm") { 0.0 } else { 1000.0 };
         let rows: String = numbers()
@@ -101,6 +102,23 @@ fn separators_and_decimal_commas_are_told_from_the_rows() {
     let mixed = english.replace(',', ";").replacen("0;1400;100\n", "0;1400;100,25\n", 1);
     let message = message(taken(&mixed));
     assert!(message.contains("line 2, column `thrust_g`: `100,25` is not a finite number"), "{message}");
+}
+
+#[test]
+fn columns_may_be_apart_by_blanks() {
+    let expected = record(&table(HEADER));
+    let apart = |text: &str| text.replace(',', "   ").replace('\n', "  \n    ");
+    for text in [
+        apart(&table(HEADER)),
+        apart(&format!("# logger 3.1, 2024\n{}", table("% time_ms,pwm_us,thrust_g"))),
+        apart(&table("time,throttle,thrust\nms,us,g")),
+    ] {
+        let found = record(&text);
+        assert_eq!((&found.time_s, &found.thrust_n), (&expected.time_s, &expected.thrust_n), "{}", &text[..60]);
+    }
+    // Names of two words would be more columns than there are.
+    let message = message(taken(&apart(&table("Time (ms),ESC (us),Thrust (g)"))));
+    assert!(message.contains("`#1`, `#2`, `#3`"), "{message}");
 }
 
 #[test]
@@ -220,7 +238,7 @@ fn a_part_of_a_log_is_a_record_of_its_own() {
     assert_eq!((summary.rows_taken, summary.dropped[0].rows), (200, 200));
     let options = ImportOptions { seconds: Some((1.9, 3.0)), ..options };
     let message = message(imported(table(HEADER).as_bytes(), &options));
-    assert!(message.contains("20 usable row(s)"), "{message}");
+    assert!(message.contains("20 row(s) from 1.9 to 3 s; the log ends 2.0 s behind its first row"), "{message}");
 }
 
 /// A multisine of three lines in whole microseconds, in `periods` periods of 2 s.

@@ -79,6 +79,34 @@ fn an_actuator_with_a_slew_limit_is_not_sped_up_and_it_is_said_why() {
     }
 }
 
+/// What `report` says of an actuator with this `[[effect]]`, as JSON, and its page.
+fn reported(effect: &str) -> (Value, String) {
+    let folder = tempfile::tempdir().unwrap();
+    stand(folder.path(), effect);
+    run(folder.path(), "report stand --out r.html --json r.json");
+    (json(folder.path(), "r.json"), fs::read_to_string(folder.path().join("r.html")).unwrap())
+}
+
+#[test]
+fn a_report_designs_for_the_model_that_the_diagnosis_has_extended() {
+    let (limited, page) = reported("[[effect]]\nkind = \"slew_limit\"\n[effect.parameters]\nrate_per_s = 0.6\n");
+    let sentences = limited["sentences"].to_string();
+    assert_eq!(limited["verdict"], "Missing in the model: slew-rate limit.");
+    // The lags with the limit are those that were hidden; those without it are twice as slow.
+    assert!(sentences.contains("With that in the model: 2 lags, time constants from 70."), "{sentences}");
+    let why = limited["left_out"]["compensator"].as_str().unwrap();
+    assert!(why.contains("change faster than the 0.5") && why.contains("switch that off in its settings"), "{why}");
+    assert!(page.contains("--out-model improved.toml --redesign --out-compensator compensator.toml"));
+    // That a lag does not suffice is no open question any more.
+    assert!(!page.contains("a first-order lag leaves"), "{}", limited["warnings"]);
+
+    let (second, page) = reported("[[effect]]\nkind = \"second_pole\"\n[effect.parameters]\ntime_constant_s = 0.01\n");
+    let sentences = second["sentences"].to_string();
+    assert!(second["left_out"]["compensator"].is_null(), "{second:#}");
+    assert!(sentences.contains("A second lag of 10.") && sentences.contains("Predicted bandwidth"), "{sentences}");
+    assert!(page.contains("For the model that the diagnosis has extended."));
+}
+
 #[test]
 fn where_nothing_is_missing_the_redesign_is_what_design_and_bandwidth_give() {
     let folder = tempfile::tempdir().unwrap();

@@ -149,7 +149,7 @@ fn what_import_cannot_know_or_do_is_refused() {
     let stand = session();
     let log = "logs/u050_square.csv";
     for (arguments, status, parts) in [
-        (format!("{log} --out bench"), 1, &["does not say what drove the command", "--excitation multisine"][..]),
+        (format!("{log} --out bench"), 2, &["does not say what drove the command", "--excitation multisine"][..]),
         (format!("{log} --excitation square --out bench"), 2, &["--excitation square needs --period-s"]),
         (
             format!("{log} --excitation step --period-s 2 --out bench"),
@@ -168,7 +168,7 @@ fn what_import_cannot_know_or_do_is_refused() {
         (format!("{log} --nominal 1.2 --out bench"), 2, &["0 to 1"]),
         (format!("{log} --amplitude 0 --out bench"), 2, &["above 0"]),
         (format!("{log} --seconds 4..2 --out bench"), 2, &["LOW below HIGH"]),
-        (format!("{log} --seconds 100..200 --excitation free --out bench"), 1, &["0 usable row(s)"]),
+        (format!("{log} --seconds 100..200 --excitation free --out bench"), 1, &["0 row(s) from 100 to 200 s"]),
         (format!("{log} {log} --excitation free --out bench"), 1, &["two records would be called `u050_square.csv`"]),
         (format!("{log} --excitation free --out stand"), 1, &["`stand` exists and is not empty", "--append adds"]),
         (format!("{log} --excitation free --out logs"), 1, &["`logs` exists and is not empty", "give another folder"]),

@@ -25,6 +25,8 @@ const pageFaults = () => {
   for (const table of document.querySelectorAll(".table")) {
     const scrolls = getComputedStyle(table).overflowX;
     if (scrolls !== "auto") found.push(`a table that is too wide cannot be scrolled: ${scrolls}`);
+    const shades = getComputedStyle(table).backgroundImage.split("linear-gradient").length - 1;
+    if (shades !== 4) found.push("a table does not show that there is more of it");
     for (const cell of table.querySelectorAll("th,td")) {
       if (cell.scrollWidth > cell.clientWidth + tolerance) found.push(`${name(cell)} is cut`);
     }

@@ -93,7 +93,7 @@ impl Check {
 }
 
 /// A finding for people.
-fn words(finding: &Finding) -> String {
+pub(super) fn words(finding: &Finding) -> String {
     let severity = if finding.severity == Severity::Error { "error" } else { "warning" };
     let message = paragraph(&format!("{severity}: {}", finding.message), "  ");
     let remedy = finding.remedy.as_ref().map(|remedy| paragraph(&format!("  help: {remedy}"), "    "));

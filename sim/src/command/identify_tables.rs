@@ -35,6 +35,18 @@ fn percent(value: Option<f64>) -> String {
     value.map_or_else(|| String::from("-"), |value| format!("{value:.2}"))
 }
 
+/// Two decimals where there is room for them in six places.
+fn four_digits(value: f64) -> String {
+    let decimals = if value < 99.995 {
+        2
+    } else if value < 9999.5 {
+        1
+    } else {
+        0
+    };
+    if value < 999_999.5 { format!("{value:.decimals$}") } else { format!("{value:.0e}") }
+}
+
 /// The lag at each nominal command.
 pub(super) fn periodic_table(output: Output, found: &PeriodicIdentification) -> String {
     let mut text = format!(
@@ -50,14 +62,14 @@ pub(super) fn periodic_table(output: Output, found: &PeriodicIdentification) -> 
     );
     for (nominal, point) in found.nominals.iter().zip(found.points()) {
         let line = format!(
-            "  {:<5.3} {:>18} {:>15} {:>13} {:>7} {:>7} {:>6.2}\n",
+            "  {:<5.3} {:>18} {:>15} {:>13} {:>7} {:>7} {:>6}\n",
             point.nominal,
             with_std(point.gain, point.gain_std, 1.0, 4),
             with_std(point.time_constant_s, point.time_constant_s_std, 1e3, 2),
             point.delay_s_std.map_or_else(|| String::from("-"), |std| with_std(point.delay_s, Some(std), 1e3, 2)),
             percent(point.fit_frequency_percent),
             percent(point.fit_square_percent),
-            nominal.fit.reduced_chi_square,
+            four_digits(nominal.fit.reduced_chi_square),
         );
         text.push_str(&line);
     }
@@ -140,4 +152,17 @@ pub(super) fn point_json(point: &Point) -> Value {
         "fit_square_percent": point.fit_square_percent,
         "fit_step_percent": point.fit_step_percent,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::four_digits;
+
+    #[test]
+    fn a_large_chi_square_stays_in_its_column() {
+        for (value, shown) in [(1.05, "1.05"), (99.996, "100.0"), (162.52, "162.5"), (23456.7, "23457"), (2.6e7, "3e7")]
+        {
+            assert_eq!(four_digits(value), shown);
+        }
+    }
 }

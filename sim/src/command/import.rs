@@ -5,18 +5,22 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser as _};
-use miette::miette;
+use miette::{Diagnostic as _, miette};
 use serde_json::json;
 
 use super::WrongUse;
+use super::check::words;
 use super::outcome::{JsonOption, Outcome, wrapped};
 use super::parameters::{fraction, positive, range};
-use crate::record::import::{ColumnChoice, Import as Taken, ImportOptions, ImportSummary, LogFormat, import};
+use crate::identify::check::{Finding, of_record};
+use crate::record::import::{
+    ColumnChoice, Import as Taken, ImportError, ImportOptions, ImportSummary, LogFormat, import,
+};
 use crate::record::{Excitation, Experiment};
 
 /// Takes logs of other tools as an experiment
 ///
-/// Reads any table of numbers as text, with commas, semicolons or tabs between its columns; RCbenchmark (Tyto) thrust-stand
+/// Reads any table of numbers as text, with commas, semicolons, tabs or blanks between its columns; RCbenchmark (Tyto) thrust-stand
 /// logs; the logs of the AutoQuad ESC32; MATLAB files of named vectors (time, command, thrust or rpm); PX4 ULog; and Betaflight
 /// blackbox. The format is told from the content. Each log becomes one record. Shows every column of a log and which of
 /// them were taken.
@@ -38,7 +42,7 @@ pub struct Import {
     /// What to call the experiment; the log's file name unless given
     #[arg(long, conflicts_with = "append")]
     name: Option<String>,
-    /// What a column is: QUANTITY is time (UNIT s, ms or us), command (us, percent or duty), thrust (N, gf, kgf or lbf), rpm
+    /// What a column is: QUANTITY is time (UNIT s, ms or us), command (us, percent or duty), thrust (N, gf, kgf, lbf or ozf), rpm
     /// (rpm, rev/s or rad/s), voltage (V, mV) or current (A, mA); as in --column time=t:ms. A minus before the unit turns
     /// the sign: thrust=load:-gf. May be given once for each quantity
     #[arg(long, value_name = "QUANTITY=HEADER:UNIT")]
@@ -83,20 +87,27 @@ impl Import {
         let options = self.options();
         let mut logs = Vec::new();
         for file in &self.files {
-            let log = import(file, &options)?;
+            let log = import(file, &options).map_err(wrong_use_or_log)?;
             self.check_options_of(file, &log.summary)?;
             logs.push(log);
         }
         let (experiment, summaries) = joined(logs)?;
+        // What else may be wrong is for `rotorlead check`, which sees all records together.
+        let of_each = experiment.records.iter().flat_map(|record| of_record(&experiment, record, false));
+        let doubts: Vec<Finding> = of_each.filter(Finding::is_grave).collect();
         if is_added {
             experiment.with_rates_of(&self.out)?.append_to(&self.out)?;
         } else {
             experiment.write(&self.out)?;
         }
         let mut text = summaries.iter().map(describe).collect::<Vec<_>>().join("\n");
+        if !doubts.is_empty() {
+            text.push('\n');
+            doubts.iter().for_each(|doubt| text.push_str(&words(doubt)));
+        }
         let done = if is_added { "Added to" } else { "Written to" };
         writeln!(text, "\n{done} {}", self.out.display()).expect("a string takes all");
-        Ok(Outcome { text, json: json!({ "folder": self.out, "logs": summaries }) })
+        Ok(Outcome { text, json: json!({ "folder": self.out, "logs": summaries, "doubts": doubts }) })
     }
 
     fn options(&self) -> ImportOptions {
@@ -164,6 +175,15 @@ impl Import {
             return refuse("--column", "it is no table of text");
         }
         Ok(())
+    }
+}
+
+/// What only an option can say is missing on the command line, not wrong with the log.
+fn wrong_use_or_log(error: ImportError) -> miette::Report {
+    let remedy = error.help().map(|help| help.to_string()).unwrap_or_default();
+    match error {
+        ImportError::NoExcitation { .. } => WrongUse::new(error.to_string(), remedy).into(),
+        error => error.into(),
     }
 }
 

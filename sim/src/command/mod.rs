@@ -48,7 +48,7 @@ pub use self::wrong_use::WrongUse;
 /// Identifies the lag of a motor with its propeller from thrust-stand records, designs the lead compensator that
 /// speeds it up, and tests the very filter that flies on simulated actuators.
 #[derive(Debug, Parser)]
-#[command(name = "rotorlead", version, max_term_width = 100, after_help = AFTER_HELP)]
+#[command(name = "rotorlead", version, max_term_width = 80, after_help = AFTER_HELP)]
 pub struct Arguments {
     /// Print nothing but errors and JSON: no tables, no progress
     #[arg(long, short, global = true)]

@@ -3,6 +3,8 @@
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
+use anstream::AutoStream;
+use anstyle::{AnsiColor, Style};
 use clap::Args;
 use miette::{IntoDiagnostic as _, WrapErr as _};
 use serde_json::Value;
@@ -75,7 +77,7 @@ impl JsonOption {
 
     fn print(&self, outcome: &Outcome, quiet: bool) -> miette::Result<()> {
         if self.json.is_some() && self.file().is_none() {
-            print(&outcome.json_text())
+            print_bytes(outcome.json_text().as_bytes())
         } else if quiet {
             Ok(())
         } else {
@@ -105,12 +107,38 @@ pub fn paragraph(text: &str, indent: &str) -> String {
     textwrap::fill(text, options) + "\n"
 }
 
-/// Prints `text`. A reader that has seen enough, such as `head`, is no failure.
+/// What a remark begins with, and its color on a terminal.
+const REMARKS: [(&str, AnsiColor); 4] = [
+    ("error:", AnsiColor::Red),
+    ("warning:", AnsiColor::Yellow),
+    ("note:", AnsiColor::Cyan),
+    ("help:", AnsiColor::Cyan),
+];
+
+/// Prints `text`, where there are colors with them. A reader that has seen enough, such as `head`, is no failure.
 fn print(text: &str) -> miette::Result<()> {
-    print_bytes(text.as_bytes())
+    let mut stdout = AutoStream::auto(io::stdout().lock());
+    printed(stdout.write_all(painted(text).as_bytes()).and_then(|()| stdout.flush()))
 }
 
-/// [`print`] of any bytes.
+/// The text with the words in color that remarks begin with.
+fn painted(text: &str) -> String {
+    let line = |line: &str| {
+        let inner = line.trim_start_matches(' ');
+        let indent = &line[..line.len() - inner.len()];
+        let remark = REMARKS.iter().find_map(|(mark, color)| Some((mark, color, inner.strip_prefix(mark)?)));
+        remark.map_or_else(
+            || line.to_owned(),
+            |(mark, color, rest)| {
+                let style = Style::new().fg_color(Some((*color).into())).bold();
+                format!("{indent}{style}{mark}{style:#}{rest}")
+            },
+        )
+    };
+    text.split_inclusive('\n').map(line).collect()
+}
+
+/// Prints bytes as they are.
 pub(super) fn print_bytes(bytes: &[u8]) -> miette::Result<()> {
     let mut stdout = io::stdout().lock();
     printed(stdout.write_all(bytes).and_then(|()| stdout.flush()))
@@ -139,4 +167,18 @@ pub(super) fn wrapped(sentence: &str, width: usize, indent: &str) -> String {
         lines[last].push_str(word);
     }
     lines.join(&format!("\n{indent}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::painted;
+
+    #[test]
+    fn a_remark_is_told_by_its_color_and_nothing_else_is_changed() {
+        let text = "warning: low\n  help: raise it\nsome note: here\n";
+        let found = painted(text);
+        assert!(found.starts_with("\u{1b}[1m\u{1b}[33mwarning:\u{1b}[0m low\n  \u{1b}"), "{found:?}");
+        assert!(found.ends_with("\nsome note: here\n"), "{found:?}");
+        assert_eq!(anstream::adapter::strip_str(&found).to_string(), text);
+    }
 }

@@ -1,17 +1,21 @@
 //! A bar, or a spinner, on standard error for anything that may take more than a second. Nothing is drawn where that is
 //! no terminal.
 
+use std::fmt::Write;
+use std::io::{IsTerminal as _, stderr};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
 use crate::files::bytes_read;
 
 /// How often what is drawn changes.
 const TICK: Duration = Duration::from_millis(200);
+/// How long work goes on before anything is drawn: what is done by then would only flash up.
+const SHORT: Duration = Duration::from_millis(400);
 
 /// Whether nothing is drawn on a terminal either.
 static IS_HIDDEN: AtomicBool = AtomicBool::new(false);
@@ -21,29 +25,39 @@ pub fn hide() {
     IS_HIDDEN.store(true, Ordering::Relaxed);
 }
 
-fn target() -> ProgressDrawTarget {
-    if IS_HIDDEN.load(Ordering::Relaxed) { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() }
+/// Whether there is anybody to draw for.
+fn is_seen() -> bool {
+    !IS_HIDDEN.load(Ordering::Relaxed) && stderr().is_terminal()
+}
+
+/// What is left to do, once something is done that tells how fast it goes.
+fn left(state: &ProgressState, to: &mut dyn Write) {
+    if state.pos() > 0 {
+        let _ = write!(to, "about {:#} left", HumanDuration(state.eta()));
+    }
 }
 
 /// A sign of life for work whose steps are not told, that says `what` and for how long.
 pub fn spinner(what: &'static str) -> ProgressBar {
     let style =
         ProgressStyle::with_template("{spinner} {msg} {elapsed}").unwrap_or_else(|_| ProgressStyle::default_spinner());
-    start(ProgressBar::with_draw_target(None, target()).with_style(style), what)
+    start(ProgressBar::with_draw_target(None, ProgressDrawTarget::hidden()).with_style(style), what)
 }
 
 /// A bar of `steps` steps, that says `what`.
 pub fn bar(what: &'static str, steps: u64) -> ProgressBar {
-    let style = ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} {eta} left")
-        .unwrap_or_else(|_| ProgressStyle::default_bar());
-    start(ProgressBar::with_draw_target(Some(steps), target()).with_style(style), what)
+    start(of_steps(steps, "{msg} {wide_bar} {pos}/{len} {left}"), what)
 }
 
 /// A bar for work whose number of steps depends on what comes out, with about so many. Each is told by [`step`].
 pub fn estimate(what: &'static str, steps: u64) -> ProgressBar {
-    let style = ProgressStyle::with_template("{msg} {wide_bar} about {eta} left")
-        .unwrap_or_else(|_| ProgressStyle::default_bar());
-    start(ProgressBar::with_draw_target(Some(steps), target()).with_style(style), what)
+    start(of_steps(steps, "{msg} {wide_bar} {left}"), what)
+}
+
+fn of_steps(steps: u64, template: &str) -> ProgressBar {
+    let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
+    let style = style.with_key("left", left);
+    ProgressBar::with_draw_target(Some(steps), ProgressDrawTarget::hidden()).with_style(style)
 }
 
 /// One more step of [`estimate`]. Where there are more than was thought, a quarter is left to do.
@@ -63,7 +77,7 @@ fn leave_a_quarter(bar: &ProgressBar) {
 pub fn of_files<T>(what: &'static str, folders: &[&Path], work: impl FnOnce() -> T) -> T {
     let bytes = folders.iter().map(|folder| csv_bytes(folder)).sum::<u64>().max(1);
     let bar = estimate(what, bytes + bytes / 4);
-    if bar.is_hidden() {
+    if !is_seen() {
         return work();
     }
     let (start, before) = (Instant::now(), bytes_read());
@@ -114,6 +128,16 @@ fn csv_bytes(folder: &Path) -> u64 {
 
 fn start(bar: ProgressBar, what: &'static str) -> ProgressBar {
     bar.set_message(what);
-    bar.enable_steady_tick(TICK);
+    if is_seen() {
+        let late = bar.downgrade();
+        // Without this thread the work is done all the same, unseen.
+        let _ = thread::Builder::new().spawn(move || {
+            thread::sleep(SHORT);
+            if let Some(bar) = late.upgrade().filter(|bar| !bar.is_finished()) {
+                bar.set_draw_target(ProgressDrawTarget::stderr());
+                bar.enable_steady_tick(TICK);
+            }
+        });
+    }
     bar
 }

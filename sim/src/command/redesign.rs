@@ -109,7 +109,7 @@ fn not_designed(error: &RedesignError) -> Redesigned {
 }
 
 /// What is to be said beyond the numbers: of the effects, and of what the diagnosis leaves open.
-fn notes(found: &Diagnosis, redesigned: &Redesign) -> Vec<String> {
+pub(super) fn notes(found: &Diagnosis, redesigned: &Redesign) -> Vec<String> {
     let mut notes = redesigned.remarks.clone();
     let others = || found.effects.iter().flat_map(|effect| &effect.alternatives);
     let bounds: Vec<&str> =
@@ -141,10 +141,8 @@ fn words(redesigned: &Redesign, amplitude: f64, notes: &[String]) -> String {
     };
     if redesigned.is_refused() {
         line(&format!("\nRedesign: refused at an amplitude of {amplitude}."));
-        for point in &full.points {
-            if let Some(limit) = point.passed() {
-                line(&format!("  {}", wrapped(&refusal(point, limit), WIDTH - 2, "    ")));
-            }
+        for refusal in refusals(redesigned) {
+            line(&format!("  {}", wrapped(&refusal, WIDTH - 2, "    ")));
         }
         line("\nWhat the refused lead would do:");
     } else {
@@ -173,6 +171,11 @@ fn words(redesigned: &Redesign, amplitude: f64, notes: &[String]) -> String {
         line(&format!("  {}", wrapped(note, WIDTH - 2, "  ")));
     }
     text
+}
+
+/// Why it is refused, at each point where it is.
+pub(super) fn refusals(redesigned: &Redesign) -> Vec<String> {
+    redesigned.full.points.iter().filter_map(|point| Some(refusal(point, point.passed()?))).collect()
 }
 
 fn refusal(point: &RedesignPoint, limit: &Limit) -> String {
@@ -210,10 +213,9 @@ fn table(compensated: &Compensated, amplitude: f64) -> String {
 }
 
 fn values(redesigned: &Redesign, amplitude: f64, notes: &[String], written: bool) -> Value {
-    let refusals = redesigned.full.points.iter().filter_map(|point| Some(refusal(point, point.passed()?)));
     json!({
         "verdict": if redesigned.is_refused() { "refused" } else { "designed" },
-        "reasons": refusals.collect::<Vec<_>>(),
+        "reasons": refusals(redesigned),
         "amplitude": amplitude,
         "compensator": compensator(&redesigned.full),
         "points": points(&redesigned.full),

@@ -36,32 +36,55 @@ pub fn version() -> Fact {
 
 /// Facts about an experiment that was read from `folder`.
 pub fn records(experiment: &Experiment, folder: &Path) -> Vec<Fact> {
-    experiment_facts(experiment, &folder.display().to_string())
+    let mut facts = experiment_facts(experiment, &folder.display().to_string());
+    facts.extend(checksum(experiment, folder).map(|sum| Fact::new("CRC-32 of these files", sum)));
+    facts
+}
+
+/// By which two reports can be told to rest on the same files: of the description and then each record. `None` where they are not
+/// all there, as of records that were never written.
+fn checksum(experiment: &Experiment, folder: &Path) -> Option<String> {
+    let mut sum = crc32fast::Hasher::new();
+    let records = experiment.records.iter().map(|record| record.file.as_str());
+    for file in std::iter::once("experiment.toml").chain(records) {
+        sum.update(&std::fs::read(folder.join(file)).ok()?);
+    }
+    (!experiment.records.is_empty()).then(|| format!("{:08x}", sum.finalize()))
+}
+
+/// The lags of a model, in a phrase.
+pub fn lags(model: &Model) -> String {
+    let (low, high) = ends(model.points.iter().map(|point| point.time_constant_s));
+    if let [_] = model.points.as_slice() {
+        return format!("one lag, time constant {:.1} ms, a pole at {:.2} rad/s", 1e3 * low, 1.0 / low);
+    }
+    format!(
+        "{} lags, time constants from {:.1} to {:.1} ms, poles from {:.2} to {:.2} rad/s",
+        model.points.len(),
+        1e3 * low,
+        1e3 * high,
+        1.0 / high,
+        1.0 / low
+    )
 }
 
 /// What was identified, in a sentence.
 pub fn identified(model: &Model, warnings: usize) -> Verdict {
-    let (low, high) = ends(model.points.iter().map(|point| point.time_constant_s));
-    let lags = if model.points.len() == 1 { "One lag".to_owned() } else { format!("{} lags", model.points.len()) };
-    let span = if model.points.len() == 1 {
-        format!("its time constant is {:.1} ms, a pole at {:.2} rad/s", 1e3 * low, 1.0 / low)
-    } else {
-        format!(
-            "time constants from {:.1} to {:.1} ms, poles from {:.2} to {:.2} rad/s",
-            1e3 * low,
-            1e3 * high,
-            1.0 / high,
-            1.0 / low
-        )
-    };
-    let headline = format!("{lags} identified: {span}.");
-    match warnings {
-        0 => Verdict::new(Tone::Good, headline).with(vec!["Nothing in the records speaks against it.".to_owned()]),
-        1 => Verdict::new(Tone::Attention, headline)
-            .with(vec!["There is a warning: read it before the model is used.".to_owned()]),
-        count => Verdict::new(Tone::Attention, headline)
-            .with(vec![format!("There are {count} warnings: read them before the model is used.")]),
+    let identified = Verdict::new(Tone::Good, format!("Identified: {}.", lags(model)));
+    if warnings == 0 {
+        return identified.with(vec!["Nothing in the records speaks against it.".to_owned()]);
     }
+    warned(identified, warnings)
+}
+
+/// The same verdict where there may be warnings below.
+pub fn warned(verdict: Verdict, warnings: usize) -> Verdict {
+    let said = match warnings {
+        0 => return verdict,
+        1 => "There is a warning: read it before the model is used.".to_owned(),
+        count => format!("There are {count} warnings: read them before the model is used."),
+    };
+    Verdict { tone: verdict.tone.max(Tone::Attention), ..verdict.with(vec![said]) }
 }
 
 /// Whether a model holds, in a sentence.

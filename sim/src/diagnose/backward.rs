@@ -25,9 +25,19 @@ pub(super) struct Backward<'a> {
 }
 
 impl<'a> Backward<'a> {
-    /// Through the lag of the record behind a delay.
+    /// Through the lag of the record behind a delay, of what is fitted or else of what is held out.
     pub fn of(trials: &Trials, trial: &'a Trial, hypothesis: &Hypothesis, delay_s: f64) -> Option<Self> {
-        let purpose = trial.stretches.first()?.purpose;
+        Self::of_purpose(trials, trial, hypothesis, delay_s, trial.stretches.first()?.purpose)
+    }
+
+    /// The same of what is for a purpose. `None` where nothing is.
+    pub fn of_purpose(
+        trials: &Trials,
+        trial: &'a Trial,
+        hypothesis: &Hypothesis,
+        delay_s: f64,
+        purpose: Purpose,
+    ) -> Option<Self> {
         let stretch = trial.stretches.iter().find(|stretch| stretch.purpose == purpose)?;
         let white = residual(trials, trial, hypothesis, purpose)?;
         let rows = stretch.rows.len();

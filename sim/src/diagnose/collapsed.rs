@@ -1,6 +1,6 @@
 //! Nominal commands at which the response has all but vanished.
 //!
-//! Behind a limit that all commands of a record pass, nothing moves, and the lag that fits best there has no gain. From such a
+//! Behind a limit that most commands of a record pass, little moves, and the lag that fits best there has little gain or none. From such a
 //! lag no search finds the limit: without a gain a clip changes nothing. So effects are looked for from a lag with the gain of
 //! the other nominal commands as well.
 
@@ -8,7 +8,7 @@ use super::fit::{Fit, fit_in};
 use super::trial::Trials;
 
 /// A gain that is a smaller part of the others' median than this has collapsed.
-const COLLAPSED: f64 = 0.1;
+const COLLAPSED: f64 = 0.4;
 
 /// `from` with the lags of the nearest nominal command that responds wherever one has collapsed; not fitted. `None` where none
 /// has, or all have.

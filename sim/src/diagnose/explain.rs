@@ -16,7 +16,7 @@ use super::residual::misfit;
 use super::scan::Scan;
 use super::screening::Screening;
 use super::trial::{Before, Purpose, Trial, Trials};
-use super::{collapsed, frames, grid, resonance, witness};
+use super::{clips, collapsed, frames, grid, resonance, waits, witness};
 use crate::identify::offset_and_start;
 use crate::plant::Catalog;
 use crate::plant::effect::{Kind, Parameter, Shows};
@@ -330,6 +330,7 @@ impl Search<'_> {
         let modes = if resonance::is_mode(kind) { resonance::modes(&self.trials, from, kind) } else { Vec::new() };
         let starts = [valleys, modes].into_iter().find(|starts| !starts.is_empty());
         look(&mut judged, starts.unwrap_or_else(|| Candidate::starts(kind, self.trials.has_logs())));
+        look(&mut judged, clips::starts(&self.trials, kind));
         if is_jumping {
             // Down into the lowest.
             for round in 0..VALLEY_LOOKS {
@@ -362,8 +363,12 @@ impl Search<'_> {
     }
 
     fn tried(&self, from: &Fit, fit: Fit, kind: &'static Kind, price: f64) -> Tried {
-        let fitted_gain = 0.5 * (from.misfit - fit.misfit);
-        let held_out_gain = self.held_out_gain(&from.hypothesis, &fit.hypothesis);
+        let waits = |purpose| {
+            let of = |hypothesis| waits::evidence(&self.trials, hypothesis, purpose);
+            of(&fit.hypothesis) - of(&from.hypothesis)
+        };
+        let fitted_gain = 0.5 * (from.misfit - fit.misfit) + waits(Purpose::Fit);
+        let held_out_gain = self.held_out_gain(&from.hypothesis, &fit.hypothesis) + waits(Purpose::HeldOut);
         Tried { kind, fit, fitted_gain, held_out_gain, price, witnessed: 0.0 }
     }
 

@@ -166,12 +166,16 @@ impl Fit {
     /// Squared length of a change of two coordinates in their standard errors and correlation. `None` where they were not
     /// searched.
     pub fn distance(&self, coordinates: [Coordinate; 2], off: [f64; 2]) -> Option<f64> {
+        let off = Vector2::from(off);
+        Some(off.dot(&(self.covariance_of(coordinates)?.try_inverse()? * off)))
+    }
+
+    /// Covariance of two coordinates, whatever the others are. `None` where they were not searched.
+    pub fn covariance_of(&self, coordinates: [Coordinate; 2]) -> Option<Matrix2<f64>> {
         let covariance = self.covariance.as_ref()?;
         let [i, j] = coordinates.map(|one| self.coordinates.iter().position(|other| *other == one));
         let (i, j) = (i?, j?);
-        let block = Matrix2::new(covariance[(i, i)], covariance[(i, j)], covariance[(j, i)], covariance[(j, j)]);
-        let off = Vector2::from(off);
-        Some(off.dot(&(block.try_inverse()? * off)))
+        Some(Matrix2::new(covariance[(i, i)], covariance[(i, j)], covariance[(j, i)], covariance[(j, j)]))
     }
 
     /// Whether the interval of 95 % of each value of an effect excludes the value at which the effect vanishes.

@@ -20,11 +20,12 @@ use num_complex::Complex64;
 use rayon::prelude::*;
 use rustfft::FftPlanner;
 
-use super::backward::{Backward, told};
+use super::backward::Backward;
+use super::edges::{Edge, changes, lone_edges};
 use super::fit::Fit;
 use super::hypothesis::{Candidate, Hypothesis};
 use super::residual::{misfit, residual};
-use super::trial::{Purpose, Stretch, Trial, Trials};
+use super::trial::{Purpose, Trial, Trials};
 use crate::identify::statistics::t_quantile;
 use crate::plant::Catalog;
 use crate::plant::effect::Kind;
@@ -39,12 +40,14 @@ const PHASE_OFFSETS: [f64; 9] = [0.0, -0.05, 0.05, -0.12, 0.12, -0.22, 0.22, -0.
 const PHASE_WIDTHS: [f64; 3] = [0.025, 0.01, 0.004];
 /// How often a known rate is polished, with half the width each time.
 const POLISHES: usize = 3;
+/// Before that it is looked for to either side, in parts of a frame over the length of a record and so many steps: what else was wrong
+/// with the chain may have pulled it away.
+const PULLED: f64 = 0.04;
+const PULLED_STEPS: i32 = 5;
 /// Where all of the sawtooth is tried, in standard deviations of the rate by its first term.
 const WIDTHS: [f64; 4] = [-2.0, -1.0, 1.0, 2.0];
 /// Peaks that are tried so.
 const PEAKS: usize = 5;
-/// A record with no more changes of the command than this has them far between.
-const FEW: usize = 64;
 /// Phases at which frames are tried where changes are few.
 const EDGE_PHASES: u32 = 24;
 /// A profile over rates goes to where the misfit has grown by this much, in so many doublings of its width, and has so many pieces.
@@ -149,7 +152,17 @@ pub(super) fn polish(trials: &Trials, fit: &Fit, effect: usize) -> Option<Hypoth
         let hypothesis = at_rate(trials, &fit.hypothesis, effect, hz);
         misfit(trials, &hypothesis, Purpose::Fit).map(|left| (left, hz, hypothesis))
     };
-    let mut best = judge(near_hz)?;
+    let lengths_s = trials
+        .trials
+        .iter()
+        .flat_map(|trial| trial.stretches.first().map(|stretch| stretch.rows.len() as f64 / trial.rate_hz));
+    let step_hz = PULLED / lengths_s.fold(0.0, f64::max);
+    let pulled = |step: i32| {
+        let hypothesis = moved(trials, &fit.hypothesis, effect, near_hz + f64::from(step) * step_hz);
+        misfit(trials, &hypothesis, Purpose::Fit).map(|left| (left, step))
+    };
+    let pulled = (-PULLED_STEPS..=PULLED_STEPS).filter_map(pulled).min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let mut best = judge(near_hz + f64::from(pulled.1) * step_hz)?;
     for _ in 0..POLISHES {
         let (below, above) = (judge(best.1 - width_hz)?, judge(best.1 + width_hz)?);
         let bend = below.0 - 2.0 * best.0 + above.0;
@@ -214,16 +227,21 @@ pub(super) fn settle_rate(trials: &Trials, known: &Hypothesis, effect: usize) ->
     Some(settled)
 }
 
-/// `known` with frames of a rate near its own, where the rows of each record leave least.
-pub(super) fn at_rate(trials: &Trials, known: &Hypothesis, effect: usize, hz: f64) -> Hypothesis {
+/// `known` with frames of a rate near its own, in the middle of each record where they are.
+fn moved(trials: &Trials, known: &Hypothesis, effect: usize, hz: f64) -> Hypothesis {
     let mut hypothesis = known.clone();
     let frames = &mut hypothesis.effects[effect];
     let near_hz = std::mem::replace(&mut frames.values[0], hz);
-    // What is in the middle of a record stays there.
     for (trial, phase) in trials.trials.iter().zip(&mut frames.phases) {
         let rows = trial.stretches.first().map_or(0.0, |stretch| 0.5 * (stretch.rows.start + stretch.rows.end) as f64);
         *phase += (hz - near_hz) * rows / trial.rate_hz;
     }
+    hypothesis
+}
+
+/// `known` with frames of a rate near its own, where the rows of each record leave least.
+pub(super) fn at_rate(trials: &Trials, known: &Hypothesis, effect: usize, hz: f64) -> Hypothesis {
+    let mut hypothesis = moved(trials, known, effect, hz);
     let phases = trials.trials.par_iter().map(|trial| refined(trials, trial, hypothesis.clone(), effect, &[0.0]));
     let phases = phases.collect();
     hypothesis.effects[effect].phases = phases;
@@ -267,16 +285,6 @@ fn refined(trials: &Trials, trial: &Trial, mut hypothesis: Hypothesis, effect: u
     phase.rem_euclid(1.0)
 }
 
-/// A change of the command that stands alone.
-struct Edge {
-    /// Seconds from the first row of the transform.
-    at_s: f64,
-    /// Inner product of the residual with the white response to a unit of wait less.
-    product: f64,
-    /// Sum of squares of that response.
-    power: f64,
-}
-
 impl Spectrum {
     /// Of a record's fitted rows, or else of those held out: where the frames lie is a matter of the record.
     fn of(trials: &Trials, trial: &Trial, hypothesis: &Hypothesis, delay_s: f64) -> Option<Self> {
@@ -297,14 +305,6 @@ impl Spectrum {
         planner.plan_fft_inverse(rows).process(&mut spectrum);
         spectrum.iter_mut().zip(&backward.lags).for_each(|(lags, filter)| *lags *= *filter);
         planner.plan_fft_forward(rows).process(&mut spectrum);
-        let told = changes.iter().enumerate().filter(|(_, change)| **change != 0.0);
-        let edges: Vec<Edge> = told
-            .map(|(row, change)| Edge {
-                at_s: row as f64 / trial.rate_hz,
-                product: change * backward.g[row],
-                power: change * change * backward.lags[0],
-            })
-            .collect();
         Some(Self {
             place: trial.place,
             is_fitted: backward.is_fitted(),
@@ -312,7 +312,7 @@ impl Spectrum {
             product,
             power: spectrum.iter().map(|line| line.re.max(0.0)).collect(),
             begin_s: stretch.rows.start as f64 / trial.rate_hz,
-            edges: if edges.len() <= FEW { edges } else { Vec::new() },
+            edges: lone_edges(trial, &backward, &changes),
         })
     }
 
@@ -365,10 +365,4 @@ impl Spectrum {
         // The transform begins later than the record.
         (turns + hz * self.begin_s).rem_euclid(1.0)
     }
-}
-
-/// Changes of the command at each row of a stretch.
-fn changes(trial: &Trial, stretch: &Stretch) -> Vec<f64> {
-    let (mut before, told) = told(trial, stretch);
-    told.into_iter().map(|told| told - std::mem::replace(&mut before, told)).collect()
 }

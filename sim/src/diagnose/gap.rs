@@ -1,7 +1,8 @@
 //! Confirm: how far simulation and measurement are apart on what was held out, before and after, and how far noise alone
 //! would keep them apart.
 
-use super::hypothesis::Hypothesis;
+use super::fit::Fit;
+use super::hypothesis::{Coordinate, Hypothesis};
 use super::log::{self, SplitGap, log_squares};
 use super::trial::{Purpose, Trial, Trials};
 use crate::identify::align;
@@ -45,6 +46,8 @@ pub struct Residual {
     pub noise_std: f64,
 }
 
+/// How far a logarithm is moved at most for a standard error: a number that is not known at all is no excuse.
+const FARTHEST_OFF: f64 = 0.2;
 /// Most means of a [`Residual`].
 const MOST_MEANS: usize = 500;
 
@@ -146,6 +149,47 @@ pub(super) fn of(trials: &Trials, before: &Hypothesis, after: &Hypothesis, purpo
         records.push(RecordGap { file: trial.file.clone(), nominal: trial.nominal, gap: squares.gap() });
     }
     (total.gap(), records)
+}
+
+/// Square of the part of the gap on what is for `purpose` that the standard errors of the lags account for: a nominal command that
+/// was fitted to one quiet record is known badly, and shows it on a loud one. 0 for records that do not repeat.
+///
+/// A prediction that is linear in the numbers has the variance `J C J'`, with `C` their covariance: along each of its axes the
+/// record is simulated once more, one standard error away.
+pub(super) fn unsure(trials: &Trials, fit: &Fit, purpose: Purpose) -> f64 {
+    let of_trial = |trial: &Trial| {
+        let rows = trial.end_of(Some(purpose));
+        let here = fit.hypothesis.simulate(trials, trial, rows).ok()?;
+        let coordinates = [Coordinate::Gain(trial.point), Coordinate::TimeConstant(trial.point)];
+        let axes = fit.covariance_of(coordinates)?.symmetric_eigen();
+        let mut sum = 0.0;
+        for (variance, axis) in axes.eigenvalues.iter().zip(axes.eigenvectors.column_iter()) {
+            let mut moved = fit.hypothesis.clone();
+            for (coordinate, part) in coordinates.into_iter().zip(axis.iter()) {
+                let off = (variance.max(0.0).sqrt() * part).clamp(-FARTHEST_OFF, FARTHEST_OFF);
+                moved.set(coordinate, moved.get(coordinate) + off);
+            }
+            let there = moved.simulate(trials, trial, rows).ok()?;
+            for stretch in trial.stretches.iter().filter(|stretch| stretch.purpose == purpose) {
+                sum += scatter(stretch.rows.clone().map(|row| there[row] - here[row]));
+            }
+        }
+        let stretches = trial.stretches.iter().filter(|stretch| stretch.purpose == purpose);
+        let response: f64 =
+            stretches.map(|stretch| scatter(trial.measured[stretch.rows.clone()].iter().copied())).sum();
+        Some((sum, response))
+    };
+    let compared = trials.trials.iter().filter(|trial| trial.log.is_none() && trial.end_of(Some(purpose)) > 0);
+    let (sum, response) =
+        compared.filter_map(of_trial).fold((0.0, 0.0), |(sum, all), (off, response)| (sum + off, all + response));
+    if response > 0.0 { sum / response } else { 0.0 }
+}
+
+/// Sum of squares around the mean.
+fn scatter(values: impl Iterator<Item = f64> + Clone) -> f64 {
+    let (sum, count) = values.clone().fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
+    let mean = if count > 0.0 { sum / count } else { 0.0 };
+    values.map(|value| (value - mean).powi(2)).sum()
 }
 
 pub(super) fn squares(

@@ -8,8 +8,10 @@
 mod backward;
 pub mod bandwidths;
 mod channel;
+mod clips;
 mod collapsed;
 mod compensated;
+mod edges;
 mod error;
 mod explain;
 mod fit;
@@ -30,6 +32,7 @@ mod steadiness;
 mod tangent;
 mod trial;
 mod verdict;
+mod waits;
 mod whitening;
 mod witness;
 
@@ -212,6 +215,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         found: !found.is_empty() || wrong.is_some(),
         excess: (excess_before, excess_after),
         gap: gaps.total,
+        unsure: gap::unsure(trials, &after, if gaps.held_out { Purpose::HeldOut } else { Purpose::Fit }),
         steadiness,
         has_logs: trials.has_logs(),
     };

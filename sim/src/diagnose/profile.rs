@@ -38,6 +38,9 @@ const FARTHER: f64 = 2.0;
 /// A likelihood of `e^(-LOST / 2)` of the largest counts for nothing. A stair may come down again: so many points in a row.
 const LOST: f64 = 24.0;
 const IN_A_ROW: usize = 3;
+/// The value stays where it is unless another one leaves this much less: two standard errors. On a flat bottom any place is as good,
+/// and a command that stands still may lie on either side of a step for all that the rest of them says.
+const MOVES: f64 = 4.0;
 /// Points that are filled in, each in the middle of the interval that may hold most of the likelihood.
 const FILLED: usize = 120;
 /// The ends of a profile lie below this part of its top, or it says nothing.
@@ -174,7 +177,10 @@ fn settle(trials: &Trials, known: &Hypothesis, coordinate: Coordinate, others: &
         tangent.judge(trials, &moved)
     };
     let profile = Profile::draw(known.get(coordinate), |at| followed(at).map(|(left, _)| left))?;
-    let mut best = followed(profile.best().0)?.1;
+    // Not by way of its logarithm, whose rounding may take a command over a step.
+    let (left_here, here) = tangent.judge(trials, known)?;
+    let (at, least) = profile.best();
+    let mut best = if left_here < least + MOVES { here } else { followed(at)?.1 };
     best.effects[effect].profiled_std = profile.std().unwrap_or(f64::INFINITY);
     Some(best)
 }

@@ -14,6 +14,8 @@ const NONE: f64 = 0.1;
 /// Where it is noise, a gap wider than this times the noise floor must not be more than this share of what it was.
 const WIDE: f64 = 1.1;
 const HALF: f64 = 0.5;
+/// Standard errors by which the lags may be off.
+const ERRORS: f64 = 2.0;
 /// [`NONE`] for records that do not repeat: levels of the whole range, over minutes, are off for more reasons than have a name, and
 /// effects are a story there from where they explain more of the power of the gap than they leave. What keeps wrong names out is
 /// their worth; `how_often_something_is_named_where_levels_are_off` counts them.
@@ -54,6 +56,8 @@ pub(super) struct Grounds {
     pub excess: (Excess, Excess),
     /// The gap on what was held out.
     pub gap: Gap,
+    /// Square of the part of that gap which the standard errors of the lags account for.
+    pub unsure: f64,
     /// Whether what does not repeat can be noise.
     pub steadiness: Steadiness,
     /// Whether there are records that do not repeat.
@@ -71,7 +75,8 @@ impl Grounds {
         }
         let part = after.over() / before.over();
         let is_story = if is_noise {
-            self.gap.after < WIDE * self.gap.noise_floor || self.left() < HALF
+            let Gap { after, noise_floor, .. } = self.gap.squared();
+            after < WIDE * WIDE * noise_floor + self.allowed() || self.left() < HALF
         } else {
             let none = if self.has_logs { NONE_OF_LOGS } else { NONE };
             part < none && self.left() < none
@@ -84,10 +89,15 @@ impl Grounds {
         }
     }
 
+    /// Square of the gap that lags may leave that were fitted to little, with nothing else wrong.
+    fn allowed(&self) -> f64 {
+        ERRORS * ERRORS * self.unsure
+    }
+
     /// Share of the power of the held-out gap over the noise that is left.
     fn left(&self) -> f64 {
         let Gap { before, after, noise_floor } = self.gap.squared();
-        (after - noise_floor).max(0.0) / (before - noise_floor).max(f64::MIN_POSITIVE)
+        (after - noise_floor - self.allowed()).max(0.0) / (before - noise_floor).max(f64::MIN_POSITIVE)
     }
 
     fn outweighs_bursts(&self) -> bool {
@@ -112,6 +122,7 @@ mod tests {
             found: true,
             excess: (Excess { sum: 90_000.0, expected: 7000.0 }, Excess { sum: 7100.0, expected: 7000.0 }),
             gap: Gap { before: 0.3, after: 0.1, noise_floor: 0.1 },
+            unsure: 0.0,
             steadiness: Steadiness::default(),
             has_logs: false,
         }

@@ -49,7 +49,7 @@ fn where_(found: &Diagnosis) -> Option<Figure> {
             title: title.to_owned(),
             height: (nominals.len() as u32 * 32 + 130).max(230),
             map: Some(map),
-            ..Panel::new(Axis::frequency().within(low, high), Axis::names("u_nom", names.clone()), Vec::new())
+            ..Panel::new(Axis::frequency().within(low, high), Axis::names("u_nom (duty)", names.clone()), Vec::new())
         }
     };
     let panels = if is_improved(found) {

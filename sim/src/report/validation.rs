@@ -17,12 +17,28 @@ const SMALLEST_ERROR_PERCENT: f64 = 0.1;
 /// Probability that the bands of a figure hold the truth, at each line.
 const BAND: f64 = 0.95;
 
+/// Characters of a record's name that the table has room for in 80 columns.
+const LONGEST_NAME: usize = 18;
+/// What stands behind the name of a compensated record.
+const COMPENSATED: &str = " (c)";
+
+/// A name in so many characters: its middle is what is left out.
+fn shortened(name: &str, most: usize) -> String {
+    let length = name.chars().count();
+    if length <= most {
+        return name.to_owned();
+    }
+    let begin = most / 2;
+    let end = most - begin - 1;
+    name.chars().take(begin).chain(['…']).chain(name.chars().skip(length - end)).collect()
+}
+
 /// One line per record.
 #[must_use]
 pub fn validation_table(records: &[RecordValidation]) -> String {
     let mut text = format!(
-        "  u_nom  excitation  held out   % fit  ceiling  {:>19}   record\n  {:>59}\n",
-        "left, over noise", "power         p"
+        "  u_nom  excitation  held   % fit  ceiling  left, over noise  record\n{:21}out{:>28}{:>8}\n",
+        "", "power", "p"
     );
     for record in records {
         let left = record.left_over.map_or_else(
@@ -30,7 +46,7 @@ pub fn validation_table(records: &[RecordValidation]) -> String {
             |left| (format!("{:.2}", left.power_ratio), probability(left.p_value)),
         );
         let line = format!(
-            "  {:<5.3}  {:<10}  {:<8} {:>7.2}  {:>7}  {:>9} {:>9}   {}{}\n",
+            "  {:<5.3}  {:<10}  {:<4} {:>7.2}  {:>7}  {:>8} {:>7}  {}{}\n",
             record.nominal,
             record.excitation.name(),
             match record.fitted {
@@ -42,12 +58,15 @@ pub fn validation_table(records: &[RecordValidation]) -> String {
             percent(record.ceiling_percent),
             left.0,
             left.1,
-            record.file,
-            if record.compensated { " (compensated)" } else { "" },
+            shortened(&record.file, if record.compensated { LONGEST_NAME - COMPENSATED.len() } else { LONGEST_NAME }),
+            if record.compensated { COMPENSATED } else { "" },
         );
         text.push_str(&line);
     }
     text.push_str("  The ceiling is what a perfect model would score, given the noise.\n");
+    if records.iter().any(|record| record.compensated) {
+        text.push_str("  (c): with the compensator.\n");
+    }
     text
 }
 
@@ -259,4 +278,16 @@ fn rows_csv(rows: &[ComparedRow]) -> String {
         writeln!(csv, "{},{},{},{residual}", row.time_s, row.measured, row.model).expect("a string takes all");
     }
     csv
+}
+
+#[cfg(test)]
+mod tests {
+    use super::shortened;
+
+    #[test]
+    fn a_long_name_keeps_its_ends() {
+        assert_eq!(shortened("u040_multisine.csv", 18), "u040_multisine.csv");
+        assert_eq!(shortened("bench_2024_u040_multisine.csv", 18), "bench_202…sine.csv");
+        assert_eq!(shortened("größere_namen.csv", 9), "größ….csv");
+    }
 }

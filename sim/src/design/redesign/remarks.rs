@@ -29,6 +29,11 @@ pub(super) fn remark(effect: &ActiveEffect, design: &LeadDesign) -> Option<Strin
             value("frame_hz"),
             1e3 / value("frame_hz")
         ),
+        "slew_limit" => format!(
+            "Nothing in front of it makes {:.3} duty/s more. Where it is a ramp or a soft start of the ESC, switch that off in its \
+             settings, and record again.",
+            value("rate_per_s")
+        ),
         "dead_band" => format!(
             "Changes under {:.4} are ignored, with or without the filter. It makes commands up to {peak:.1} times larger, their \
              noise too: what the flight controller sends while hovering passes the band more often.",

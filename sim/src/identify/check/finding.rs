@@ -37,6 +37,8 @@ pub enum Topic {
     Command,
     /// The response: constant, jumping, stopped.
     Response,
+    /// A model that does not explain a response to within its noise.
+    Misfit,
     /// Whatever else an identification has to say.
     Identification,
 }
@@ -76,6 +78,12 @@ impl Finding {
     pub fn at_row(mut self, row: Option<usize>) -> Self {
         self.row = row;
         self
+    }
+
+    /// Whether it makes all numbers of a record others than they say: a unit or a sign.
+    #[must_use]
+    pub fn is_grave(&self) -> bool {
+        matches!(self.topic, Topic::TimeUnit | Topic::CommandUnit | Topic::ResponseUnit | Topic::Sign)
     }
 
     /// Whether it is about the same thing of the same file.

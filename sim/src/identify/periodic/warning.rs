@@ -308,6 +308,7 @@ impl IdentifyWarning {
             Self::OtherNominal { .. } => Topic::Command,
             Self::Saturated { .. } => Topic::Saturation,
             Self::NegativeGain { .. } => Topic::Sign,
+            Self::ModelTooSimple { .. } => Topic::Misfit,
             _ => Topic::Identification,
         }
     }

@@ -1,6 +1,6 @@
 //! What a log does not say of itself: the part of it that is one record, and what drove the command in it.
 
-use super::{DroppedRows, ImportError, ImportOptions, Taken};
+use super::{DroppedRows, ImportError, ImportOptions, MIN_ROWS, Taken};
 use crate::record::Excitation;
 
 /// Commands are told apart to this: a microsecond of a pulse width from 1000 to 2000.
@@ -23,13 +23,18 @@ pub(super) struct Described {
 
 impl Taken {
     /// Leaves out what is not between the stated seconds from the first row.
-    pub(super) fn cut(&mut self, options: &ImportOptions) {
-        let Some((from_s, to_s)) = options.seconds else { return };
+    pub(super) fn cut(&mut self, options: &ImportOptions) -> Result<(), ImportError> {
+        let Some((from_s, to_s)) = options.seconds else { return Ok(()) };
         let first = self.time_s.partition_point(|time| *time < from_s);
         let end = self.time_s.partition_point(|time| *time < to_s).max(first);
         let rows = self.time_s.len() - (end - first);
         if rows == 0 {
-            return;
+            return Ok(());
+        }
+        if end - first < MIN_ROWS {
+            let lasts_s = self.time_s.last().copied().unwrap_or(0.0);
+            let file = self.summary.file.clone();
+            return Err(ImportError::OutsideLog { file, from_s, to_s, rows: end - first, lasts_s });
         }
         let columns = [&mut self.time_s, &mut self.command].into_iter();
         let optional = [&mut self.thrust_n, &mut self.rpm, &mut self.voltage_v, &mut self.current_a];
@@ -42,6 +47,7 @@ impl Taken {
         self.summary.rows_taken = self.time_s.len();
         let reason = format!("before {from_s} s or from {to_s} s on, counted from the first row");
         self.summary.dropped.push(DroppedRows { rows, reason });
+        Ok(())
     }
 
     /// What the command is, as stated and as its rows say. `usual` is what drives logs of this format unless stated.

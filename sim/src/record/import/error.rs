@@ -38,6 +38,21 @@ pub enum ImportError {
         /// Rows that are needed.
         needed: usize,
     },
+    /// The part that was asked for is not in the log.
+    #[error("{}: {rows} row(s) from {from_s} to {to_s} s; the log ends {lasts_s:.1} s behind its first row", file.display())]
+    #[diagnostic(help("give --seconds a part that lies in the log; they are counted from its first row"))]
+    OutsideLog {
+        /// The log.
+        file: PathBuf,
+        /// Where the part begins, seconds.
+        from_s: f64,
+        /// Where it ends, seconds.
+        to_s: f64,
+        /// Rows in it.
+        rows: usize,
+        /// The log's last row, seconds.
+        lasts_s: f64,
+    },
     /// There is nothing in the file.
     #[error("{}: the file is empty", file.display())]
     #[diagnostic(help("copy or export the log again"))]
@@ -61,7 +76,7 @@ pub enum ImportError {
     /// There are no rows of numbers.
     #[error("{}: no known log format, and no table: no line of it has two numbers. It begins with: {header}", file.display())]
     #[diagnostic(help(
-        "known: tables of numbers separated by commas, semicolons or tabs; RCbenchmark, AutoQuad ESC32, MATLAB files of \
+        "known: tables of numbers separated by commas, semicolons, tabs or blanks; RCbenchmark, AutoQuad ESC32, MATLAB files of \
          named vectors (`save -v7`), PX4 ULog and Betaflight blackbox. Export the log again as one of them"
     ))]
     UnknownFormat {

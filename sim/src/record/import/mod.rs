@@ -155,10 +155,7 @@ struct Taken {
 
 impl Taken {
     fn into_import(mut self, file: &Path, options: &ImportOptions) -> Result<Import, ImportError> {
-        self.cut(options);
-        if self.time_s.len() < MIN_ROWS && options.seconds.is_some() {
-            return Err(ImportError::TooFewRows { file: file.into(), rows: self.time_s.len(), needed: MIN_ROWS });
-        }
+        self.cut(options)?;
         let stem = file.file_stem().map_or_else(|| "log".into(), |s| s.to_string_lossy().into_owned());
         let usual = (self.summary.format != LogFormat::Plain).then_some(Excitation::Staircase);
         let Described { excitation, period_s, nominal, amplitude, note } = self.described(options, usual)?;

@@ -1,5 +1,6 @@
 //! Where the numbers of a plain table begin, what separates them, and what stands above them.
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use csv::StringRecord;
@@ -35,13 +36,15 @@ impl PlainTable {
             let line = bytes[..error.valid_up_to()].iter().filter(|byte| **byte == b'\n').count() + 1;
             ImportError::NotUtf8 { file: file.into(), line }
         })?;
-        let Some(first) = FirstRow::find(text) else {
+        let separated = |text| Some((FirstRow::find(text)?, Cow::Borrowed(text)));
+        let Some((first, text)) = separated(text).or_else(|| with_tabs_for_blanks(text)) else {
             let header = text.lines().find(|line| !line.trim().is_empty()).unwrap_or_default();
             return Err(ImportError::UnknownFormat {
                 file: file.into(),
                 header: header.trim().chars().take(120).collect(),
             });
         };
+        let is_by_blanks = matches!(text, Cow::Owned(_));
         let mut above: Vec<(usize, &str)> = text
             .lines()
             .take(first.line)
@@ -52,7 +55,9 @@ impl PlainTable {
         let mut last_above = || {
             let (line, text) = *above.last()?;
             let cells = cells(without_remark(text), first.separator);
-            (cells.len() >= first.cells).then(|| {
+            // Where blanks separate, a name of two words would be two.
+            let is_names = if is_by_blanks { cells.len() == first.cells } else { cells.len() >= first.cells };
+            is_names.then(|| {
                 above.pop();
                 (line, cells)
             })
@@ -78,10 +83,28 @@ impl PlainTable {
                 (None, (1..=first.cells).map(|place| format!("#{place}")).collect())
             }
         };
-        let rows = &bytes[first.offset..];
+        let rows = &text.as_bytes()[first.offset..];
         let table = Table::parse_rows(file, header, rows, first.separator, first.line as u64)?;
         Ok(Self { table, separator: first.separator, units, header_line, notes })
     }
+}
+
+/// The text with a tab for each run of blanks, where that makes a table of it: a line of nothing but numbers.
+fn with_tabs_for_blanks(text: &str) -> Option<(FirstRow, Cow<'_, str>)> {
+    let is_table = |line: &str| {
+        let mut words = line.split_whitespace();
+        line.split_whitespace().nth(LEAST_NUMBERS - 1).is_some() && words.all(|word| is_number(word, b'\t'))
+    };
+    if !text.lines().any(is_table) {
+        return None;
+    }
+    let tabbed = |line: &str| {
+        let names = without_remark(line);
+        let mark = &line[..line.len() - names.len()];
+        format!("{}{}\n", mark.trim_start(), names.split_whitespace().collect::<Vec<_>>().join("\t"))
+    };
+    let text: String = text.lines().map(tabbed).collect();
+    FirstRow::find(&text).map(|first| (first, Cow::Owned(text)))
 }
 
 /// The first line that is numbers.

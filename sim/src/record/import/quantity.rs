@@ -5,6 +5,8 @@ use std::str::FromStr;
 
 /// Newtons per gram-force.
 pub(super) const N_PER_GF: f64 = 9.80665e-3;
+/// Newtons per ounce-force, a sixteenth of a pound-force.
+const N_PER_OZF: f64 = N_PER_LBF / 16.0;
 /// Newtons per pound-force.
 const N_PER_LBF: f64 = 4.448_221_615_260_5;
 
@@ -59,7 +61,7 @@ impl Quantity {
         match self {
             Self::Time => "s, ms or us",
             Self::Command => "us (pulse width), percent or duty (0..1)",
-            Self::Thrust => "N, gf (also g), kgf (also kg) or lbf (also lb)",
+            Self::Thrust => "N, gf (also g), kgf (also kg), lbf (also lb) or ozf (also oz)",
             Self::Speed => "rpm, rev/s or rad/s",
             Self::Voltage => "V or mV",
             Self::Current => "A or mA",
@@ -148,6 +150,7 @@ const UNITS: &[Unit] = &[
     unit(Quantity::Thrust, Scale::Ratio(N_PER_GF, 1.0), &["gf", "g", "gram", "grams"]),
     unit(Quantity::Thrust, Scale::Ratio(1e3 * N_PER_GF, 1.0), &["kgf", "kg"]),
     unit(Quantity::Thrust, Scale::Ratio(N_PER_LBF, 1.0), &["lbf", "lb", "lbs"]),
+    unit(Quantity::Thrust, Scale::Ratio(N_PER_OZF, 1.0), &["ozf", "oz"]),
     unit(Quantity::Speed, Scale::Ratio(1.0, 1.0), &["rpm", "rev/min", "r/min", "1/min"]),
     unit(Quantity::Speed, Scale::Ratio(60.0, 1.0), &["rev/s", "rps", "r/s"]),
     unit(Quantity::Speed, Scale::Ratio(30.0, PI), &["rad/s"]),

@@ -30,6 +30,13 @@ pub fn diagnosis_section(found: &Diagnosis, verdict: &str) -> Section {
             percent(found.gap.noise_floor)
         ),
     ];
+    if found.held_out {
+        text.push(
+            "No number was fitted to what was held out: records that are marked `validate`, or a part of the periods of each. It is \
+             another choice than that of the validation, whose records no lag was fitted to."
+                .to_owned(),
+        );
+    }
     for out in &found.left_out {
         text.push(format!("Not compared: {}: {}", out.file, out.reason));
     }

@@ -39,7 +39,7 @@ fn records(experiment: &Experiment) -> Table {
             Cell::text(match record.role {
                 Some(Role::Fit) => "fit",
                 Some(Role::Validate) => "validate",
-                None => "-",
+                None => "not stated",
             }),
             Cell::text(if record.compensated { "yes" } else { "no" }),
             Cell::number(record.time_s.len() as f64, 0),

@@ -61,6 +61,7 @@ fn lags(identified: &Identification) -> Table {
     let row = |(index, point): (usize, &Point)| {
         let delay = match point.delay_s_std {
             Some(std) => estimate(point.delay_s, Some(std), 1e3, 2),
+            None if point.delay_s == 0.0 => Cell::text("-"),
             None => Cell::number(1e3 * point.delay_s, 2),
         };
         let mut row = vec![

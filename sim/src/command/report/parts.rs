@@ -1,0 +1,148 @@
+//! All that a report computes.
+
+use std::path::Path;
+
+use miette::WrapErr as _;
+use rotorlead::design::LeadDesign;
+
+use crate::command::bandwidth::RESAMPLES;
+use crate::command::check::warn;
+use crate::command::identify::{Identified, identify, transform};
+use crate::command::{diagnose as diagnosis, identify_map, progress, redesign as command};
+use crate::design::redesign::{PAPER_AMPLITUDE, RedesignOptions, redesign};
+use crate::design::{BandwidthPoint, Chain, DesignOptions, bandwidths, design};
+use crate::diagnose::{Diagnosis, Options, Verdict, diagnose, fill_in_esc_commands};
+use crate::identify::check::{Finding, Findings, Topic, of_record};
+use crate::identify::{FirstOrderOptions, MeasuredBandwidth, RecordValidation, validate};
+use crate::plant::{Catalog, Model};
+use crate::record::{Experiment, LongRecord};
+
+/// Where the bootstrap of measured bandwidths starts.
+const SEED: u64 = 1;
+
+/// What came of one part: a result, or why there is none.
+pub(super) type Part<T> = Result<T, String>;
+
+/// All that was computed.
+pub(super) struct Parts {
+    pub identified: Part<Identified>,
+    /// The given model, or the one identified.
+    pub model: Model,
+    pub validated: Part<Vec<RecordValidation>>,
+    pub designed: Part<Designed>,
+    pub measured: Vec<MeasuredBandwidth>,
+    pub diagnosed: Option<Part<Diagnosis>>,
+    /// What `rotorlead check` finds in the records.
+    pub findings: Vec<Finding>,
+}
+
+/// A compensator, and what it was designed for.
+pub(super) struct Designed {
+    pub design: LeadDesign,
+    pub points: Vec<BandwidthPoint>,
+    pub model: Model,
+    /// What is to be known of it beside the numbers.
+    pub remarks: Vec<String>,
+}
+
+/// An error with what to do, as a sentence.
+fn said(error: &miette::Report) -> String {
+    let help = error.help().map(|help| format!(": {help}")).unwrap_or_default();
+    format!("{error}{help}")
+}
+
+impl Parts {
+    /// Computes them. `given` is the model to be judged.
+    pub fn of(
+        experiment: &Experiment,
+        folder: &Path,
+        given: Option<&Model>,
+        with_diagnosis: bool,
+    ) -> miette::Result<Self> {
+        let bar = progress::estimate("identifying", diagnosis::STEPS);
+        let long: &[LongRecord] = &[];
+        let identified = transform(experiment, long)
+            .map_err(miette::Report::from)
+            .and_then(|long| identify(experiment, &long, FirstOrderOptions::default().delay_level, None))
+            .map(|mut identified| {
+                identify_map::add(experiment, &mut identified);
+                identified
+            });
+        let model = match (given, &identified) {
+            (Some(model), _) => model.clone(),
+            (None, Ok(identified)) => identified.model.clone(),
+            (None, Err(_)) => {
+                return identified
+                    .map(|_| unreachable!("it is an error"))
+                    .wrap_err_with(|| format!("nothing was identified from `{}`", folder.display()));
+            }
+        };
+        bar.set_message("validating");
+        let validated = validate(experiment, &model).map_err(|error| said(&error.into()));
+        let mut findings = Findings::default();
+        experiment.records.iter().for_each(|record| findings.extend(of_record(experiment, record, false)));
+        if let Ok(identified) = &identified {
+            warn(experiment, identified, false, &mut findings);
+        }
+        bar.set_message("measuring");
+        let found = identified.as_ref().ok().and_then(|identified| identified.found.as_ref());
+        let measured = found.and_then(|found| found.bandwidths(RESAMPLES, SEED).ok()).unwrap_or_default();
+        let diagnosed = with_diagnosis.then(|| {
+            bar.set_message("diagnosing");
+            let mut experiment = experiment.clone();
+            fill_in_esc_commands(&mut experiment, folder).map_err(|error| said(&error.into()))?;
+            let catalog = Catalog::standard();
+            let tick = || progress::step(&bar);
+            diagnose(&experiment, &Options { model: given, catalog: &catalog, progress: &tick })
+                .map_err(|error| said(&error.into()))
+        });
+        let mut findings = findings.sorted();
+        if let Some(Ok(found)) = &diagnosed
+            && found.verdict != Verdict::Agrees
+        {
+            // That a lag does not suffice, and to ask the diagnosis why, is answered.
+            findings.retain(|finding| finding.topic != Topic::Misfit);
+        }
+        bar.set_message("designing");
+        let designed = if findings.iter().any(Finding::is_grave) {
+            Err("the numbers of the records are in doubt, and a compensator would rest on them".to_owned())
+        } else {
+            match &diagnosed {
+                Some(Ok(found)) if found.verdict != Verdict::Agrees => designed_with_effects(found, experiment),
+                _ => designed(&model),
+            }
+        };
+        bar.finish_and_clear();
+        let identified = identified.map_err(|error| said(&error));
+        Ok(Self { identified, model, validated, designed, measured, diagnosed, findings })
+    }
+
+    /// What a diagnosis found to be missing.
+    pub fn missing(&self) -> Option<&Diagnosis> {
+        self.diagnosed.as_ref()?.as_ref().ok().filter(|found| !found.effects.is_empty())
+    }
+}
+
+/// For a model of lags.
+fn designed(model: &Model) -> Part<Designed> {
+    let design = design(model, &DesignOptions::default()).map_err(|error| said(&error.into()))?;
+    let points = bandwidths(model, Chain::Continuous(design.lead()));
+    Ok(Designed { design, points, model: model.clone(), remarks: Vec::new() })
+}
+
+/// For the model with what was missing in it; none where it would ask for more than the actuator follows.
+fn designed_with_effects(found: &Diagnosis, experiment: &Experiment) -> Part<Designed> {
+    let options = RedesignOptions {
+        design: DesignOptions::default(),
+        amplitude: PAPER_AMPLITUDE,
+        esc_frame_hz: experiment.esc_frame_hz,
+    };
+    let redesigned = redesign(&found.model, &options).map_err(|error| said(&error.into()))?;
+    let remarks = command::notes(found, &redesigned);
+    if let Some(refusal) = command::refusals(&redesigned).last() {
+        let reasons = std::iter::once(refusal).chain(&remarks).map(|reason| reason.trim_end_matches('.'));
+        return Err(reasons.collect::<Vec<_>>().join(". "));
+    }
+    let points = redesigned.full.points.into_iter().map(|point| point.small).collect();
+    Ok(Designed { design: redesigned.full.design, points, model: found.model.clone(), remarks })
+}

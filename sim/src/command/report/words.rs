@@ -1,0 +1,197 @@
+//! What a report says of its parts.
+
+use std::path::Path;
+
+use serde_json::{Value, json};
+
+use super::ReportCommand;
+use super::parts::{Designed, Parts};
+use crate::command::diagnose::verdict as diagnosed;
+use crate::command::identify_tables::point_json;
+use crate::command::report_option::this_command;
+use crate::command::report_pages;
+use crate::diagnose::{Diagnosis, NamedEffect};
+use crate::identify::check::Finding;
+use crate::record::Experiment;
+use crate::report::{
+    Report, Section, Tone, Verdict, bandwidth_section, design_section, diagnosis_section, diagnosis_tone,
+    excitation_section, measured_response, simulation_and_experiment, validation_section, with_std,
+};
+
+impl Parts {
+    /// All of it as one report. `given` is the file of the model that was judged.
+    pub fn report(&self, command: &ReportCommand, experiment: &Experiment, given: Option<&Path>) -> Report {
+        let warnings: Vec<String> = self.findings.iter().map(in_words).collect();
+        let judged = given.map(|file| report_pages::file("Model that was judged", file));
+        Report {
+            facts: [report_pages::records(experiment, &command.experiment), judged.into_iter().collect()].concat(),
+            sections: self.sections(experiment),
+            commands: self.commands(&command.experiment, given),
+            verdict: self.verdict(warnings.len()),
+            warnings,
+            ..report_pages::report("Experiment", experiment.name.clone(), Verdict::new(Tone::Plain, ""))
+        }
+    }
+
+    fn sections(&self, experiment: &Experiment) -> Vec<Section> {
+        let found = self.identified.as_ref().ok().and_then(|identified| identified.found.as_ref());
+        let mut sections = match &self.identified {
+            Ok(identified) => identified.sections(experiment),
+            Err(reason) => {
+                vec![left_out("identification", "Identified lags", reason), excitation_section(experiment)]
+            }
+        };
+        // The records come first.
+        sections.reverse();
+        sections.push(match &self.validated {
+            Ok(records) => validation_section(records, experiment.output),
+            Err(reason) => left_out("validation", "Validation", reason),
+        });
+        match &self.diagnosed {
+            Some(Ok(found)) => sections.push(diagnosis_section(found, &diagnosed(found))),
+            Some(Err(reason)) => sections.push(left_out("diagnosis", "Diagnosis", reason)),
+            None => {}
+        }
+        match &self.designed {
+            Ok(Designed { design, points, model, remarks }) => {
+                let mut compensator = design_section(design, model);
+                if self.missing().is_some() {
+                    compensator.text.insert(0, "For the model that the diagnosis has extended.".to_owned());
+                }
+                compensator.text.extend(remarks.iter().cloned());
+                sections.push(compensator);
+                let mut bandwidth = bandwidth_section(points, &self.measured);
+                if let Some(found) = found {
+                    bandwidth.figures.extend(measured_response(found, found));
+                    bandwidth.figures.extend(simulation_and_experiment(found, found, design));
+                }
+                sections.push(bandwidth);
+            }
+            Err(reason) => sections.push(left_out("compensator", "Compensator", reason)),
+        }
+        sections
+    }
+
+    /// The diagnosis first where there is one: whether the model can be relied on. Then what was found on the way.
+    fn verdict(&self, warnings: usize) -> Verdict {
+        let mut verdicts = Vec::new();
+        // Nothing below is worth more than the records.
+        if let Some(finding) = self.findings.iter().find(|finding| finding.is_grave()) {
+            let headline = "Something is wrong with the records, and all that follows rests on them.";
+            verdicts.push(Verdict::new(Tone::Bad, headline).with(vec![format!("{}.", in_words(finding))]));
+        }
+        if let Some(Ok(found)) = &self.diagnosed {
+            verdicts.push(Verdict::new(diagnosis_tone(found.verdict), diagnosed(found)).with(sizes(found)));
+        }
+        match self.missing() {
+            Some(found) => {
+                let lags = format!("With that in the model: {}.", report_pages::lags(&found.model));
+                verdicts.push(report_pages::warned(Verdict::new(Tone::Plain, lags), warnings));
+            }
+            None if self.identified.is_ok() => verdicts.push(report_pages::identified(&self.model, warnings)),
+            None => {}
+        }
+        // A diagnosis has compared the same records more closely.
+        if let Ok(records) = &self.validated
+            && !matches!(self.diagnosed, Some(Ok(_)))
+        {
+            verdicts.push(report_pages::validated(records));
+        }
+        match &self.designed {
+            Ok(Designed { design, points, remarks, .. }) => {
+                let designed = report_pages::designed(design, points, 0);
+                let said = [designed.sentences.clone(), remarks.clone()].concat();
+                verdicts.push(designed.with(said));
+            }
+            Err(reason) => verdicts.push(Verdict::new(Tone::Attention, format!("No compensator: {reason}."))),
+        }
+        if let Some(Ok(found)) = &self.diagnosed
+            && let Some(next) = found.next_experiment()
+        {
+            verdicts.push(Verdict::new(Tone::Plain, format!("Next: {}", next.words)));
+        }
+        let tone = verdicts.iter().map(|verdict| verdict.tone).max().unwrap_or(Tone::Plain);
+        let said = verdicts.into_iter().flat_map(|verdict| std::iter::once(verdict.headline).chain(verdict.sentences));
+        let mut said = said.collect::<Vec<_>>();
+        if said.is_empty() {
+            said.push("Nothing came of these records with this model.".to_owned());
+        }
+        let sentences = said.split_off(1);
+        let headline = said.remove(0);
+        Verdict { tone, headline, sentences }
+    }
+
+    /// The same for programs.
+    pub fn json(&self, report: &Report) -> Value {
+        let left_out = |part: Option<&String>| part.map_or(Value::Null, |reason| json!(reason));
+        json!({
+            "verdict": report.verdict.headline,
+            "sentences": report.verdict.sentences,
+            "points": self.model.points.iter().map(point_json).collect::<Vec<_>>(),
+            "diagnosis": self.diagnosed.as_ref().and_then(|part| part.as_ref().ok()).map(|found| found.verdict.name()),
+            "warnings": report.warnings,
+            "left_out": {
+                "identification": left_out(self.identified.as_ref().err()),
+                "validation": left_out(self.validated.as_ref().err()),
+                "compensator": left_out(self.designed.as_ref().err()),
+                "diagnosis": left_out(self.diagnosed.as_ref().and_then(|part| part.as_ref().err())),
+            },
+            "figures": report.sections.iter().flat_map(|section| &section.figures).map(|figure| &figure.name).collect::<Vec<_>>(),
+        })
+    }
+
+    /// The report again, and each part by itself.
+    fn commands(&self, folder: &Path, given: Option<&Path>) -> Vec<String> {
+        let quoted = |path: &Path| {
+            let path = path.display().to_string();
+            shlex::try_quote(&path).map_or_else(|_| path.clone(), std::borrow::Cow::into_owned)
+        };
+        let (folder, model) = (quoted(folder), given.map_or_else(|| "model.toml".to_owned(), quoted));
+        let mut commands = vec![this_command()];
+        if given.is_none() {
+            commands.push(format!("rotorlead identify {folder} --out {model}"));
+        }
+        commands.push(format!("rotorlead validate {folder} --model {model}"));
+        let judged = given.map(|_| format!(" --model {model}")).unwrap_or_default();
+        let (extended, compensated) = (" --out-model improved.toml", " --redesign --out-compensator compensator.toml");
+        if self.missing().is_some() {
+            commands.push(format!("rotorlead diagnose {folder}{judged}{extended}{compensated}"));
+            return commands;
+        }
+        commands.push(format!("rotorlead diagnose {folder}{judged}"));
+        if self.designed.is_ok() {
+            commands.push(format!("rotorlead design --model {model} --out compensator.toml"));
+            commands.push(format!("rotorlead bandwidth --model {model} --records {folder}"));
+        }
+        commands
+    }
+}
+
+/// How large each effect is, and what it cannot be told from.
+fn sizes(found: &Diagnosis) -> Vec<String> {
+    let of_effect = |effect: &NamedEffect| {
+        let values = effect.parameters.iter().map(|(parameter, estimate)| {
+            let value = with_std(estimate.value, Some(estimate.std), 1.0, 4);
+            format!("{} {value} {}", parameter.name, parameter.unit).trim_end().to_owned()
+        });
+        let values = values.collect::<Vec<_>>().join(", ");
+        let others: Vec<&str> = effect.alternatives.iter().map(|kind| kind.title).collect();
+        let beside = if others.is_empty() {
+            String::new()
+        } else {
+            format!(" These records cannot tell it from: {}.", others.join(", "))
+        };
+        format!("The {}: {values}.{beside}", effect.kind.title)
+    };
+    found.effects.iter().map(of_effect).collect()
+}
+
+/// A finding with its remedy.
+fn in_words(finding: &Finding) -> String {
+    finding.remedy.as_ref().map_or_else(|| finding.message.clone(), |remedy| format!("{}: {remedy}", finding.message))
+}
+
+/// A part that there is not.
+fn left_out(name: &str, title: &str, reason: &str) -> Section {
+    Section { text: vec![format!("Left out: {reason}.")], ..Section::new(name, title) }
+}

@@ -1,0 +1,67 @@
+//! Frames whose rate the records do not tell: what single changes of the command say of them all the same.
+//!
+//! A delay holds back every change of the command for as long, frames hold back each for another while: `w` beyond half a frame, as
+//! likely to be any `w` from `-T/2` to `T/2`. To first order in `w` the log likelihood of what follows a change grows by
+//! `-p w - P w^2 / 2`, with `p` the inner product of the residual with the response to a unit of wait less and `P` that response's
+//! sum of squares. What the change says for frames over a delay of half a frame is the mean over all waits,
+//!
+//! ```text
+//! ln (1/T) integral from -T/2 to T/2 of exp(-p w - P w^2 / 2) dw
+//! ```
+//!
+//! It falls where the waits are all alike, and rises where they are not. Nothing is fitted for it. Where the frames of the records are
+//! found ([`super::frames`]) the waits are not free any more, and that says more.
+
+use rayon::prelude::*;
+
+use super::backward::Backward;
+use super::edges::{changes, lone_edges};
+use super::hypothesis::{Candidate, Hypothesis};
+use super::trial::{Purpose, Trial, Trials};
+
+/// Waits of which the mean is taken.
+const WAITS: usize = 400;
+
+/// By how much the log likelihood of what is for `purpose` grows where each change waits for a frame of its own. 0 without frames,
+/// and where it is known where they lie.
+pub(super) fn evidence(trials: &Trials, hypothesis: &Hypothesis, purpose: Purpose) -> f64 {
+    let Some(frames) = hypothesis.effects.iter().find(|effect| Candidate::is_hidden_hold(effect)) else { return 0.0 };
+    let frame_s = frames.values[0].recip();
+    if !(frame_s > 0.0 && frame_s.is_finite()) {
+        return 0.0;
+    }
+    let of_trial = |trial: &Trial| {
+        let backward = Backward::of_purpose(trials, trial, hypothesis, 0.5 * frame_s, purpose)?;
+        let edges = lone_edges(trial, &backward, &changes(trial, backward.stretch));
+        Some(edges.iter().map(|edge| mean_over_waits(edge.product, edge.power, frame_s)).sum::<f64>())
+    };
+    trials.trials.par_iter().filter(|trial| trial.log.is_none()).filter_map(of_trial).sum()
+}
+
+/// `ln (1/T) integral exp(-p w - P w^2 / 2) dw` from `-T/2` to `T/2`.
+fn mean_over_waits(product: f64, power: f64, frame_s: f64) -> f64 {
+    let gain = |index: usize| {
+        let wait_s = ((index as f64 + 0.5) / WAITS as f64 - 0.5) * frame_s;
+        -product * wait_s - 0.5 * power * wait_s * wait_s
+    };
+    let most = (0..WAITS).map(gain).fold(f64::NEG_INFINITY, f64::max);
+    most + ((0..WAITS).map(|index| (gain(index) - most).exp()).sum::<f64>() / WAITS as f64).ln()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_change_that_is_not_seen_says_nothing_and_waits_that_are_alike_speak_for_a_delay() {
+        assert!(mean_over_waits(0.0, 0.0, 2e-3).abs() < 1e-12);
+        // Known to a tenth of a frame: the integral of a normal density is sqrt(2 pi) of that.
+        let (frame_s, std_s) = (2e-3, 2e-4_f64);
+        let power = std_s.powi(-2);
+        let alike = mean_over_waits(0.0, power, frame_s);
+        assert!((alike - (std_s * (2.0 * std::f64::consts::PI).sqrt() / frame_s).ln()).abs() < 1e-4, "{alike}");
+        // A wait of four such errors: e^8 times as likely as none, at the same price.
+        let waits = mean_over_waits(-4.0 * std_s * power, power, frame_s);
+        assert!((waits - alike - 8.0).abs() < 1e-3, "{waits}");
+    }
+}
