@@ -8,7 +8,7 @@
 
 use std::cmp::Ordering;
 
-use super::fit::{Fit, MOST_STEPS, fit, fit_in};
+use super::fit::{Fit, fit, fit_in};
 use super::hypothesis::{Candidate, GRID, Hypothesis};
 use super::locate::excess;
 use super::profile::settle_jumps;
@@ -47,6 +47,8 @@ pub(super) const FIRST_STEPS: usize = 3;
 /// record would have otherwise, says that it was taken in another way than the rest.
 const DECAYS: f64 = 0.2;
 const OTHER_DECAY: f64 = 3.0;
+/// Changes that stand alone and say this of frames, in log likelihood, say that there are none.
+const ALL_ALIKE: f64 = -3.0;
 /// How often the screening halves the distance to the neighbors of the best start.
 const CLOSER_LOOKS: usize = 3;
 const MOST_FINISHED: usize = 3;
@@ -259,7 +261,8 @@ impl Search<'_> {
                 continue;
             }
             *followed += 1;
-            let Some(found) = self.attempt(from, &start, kind, FIRST_STEPS) else { continue };
+            let Some(fit) = fit_in(&self.trials, &start, true, FIRST_STEPS) else { continue };
+            let found = self.tried(from, fit, kind, price(kind));
             match tried.iter_mut().find(|other| other.kind == kind) {
                 Some(other) if found.fitted_gain > other.fitted_gain => *other = found,
                 Some(_) => {}
@@ -272,7 +275,7 @@ impl Search<'_> {
         for (place, tried) in tried.iter_mut().enumerate() {
             if place < MOST_FINISHED || best - tried.worth() < MOST_FINISHED as f64 * ALIKE {
                 let start = tried.fit.hypothesis.clone();
-                if let Some(finished) = self.attempt(from, &start, tried.kind, MOST_STEPS) {
+                if let Some(finished) = self.attempt(from, &start, tried.kind, best - tried.worth()) {
                     *tried = finished;
                 }
                 (self.progress)();
@@ -346,16 +349,19 @@ impl Search<'_> {
         judged.into_iter().map(|(left, _, moved)| (left, moved, kind)).collect()
     }
 
-    fn attempt(&self, from: &Fit, start: &Hypothesis, kind: &'static Kind, most_steps: usize) -> Option<Tried> {
-        let fit = fit_in(&self.trials, start, true, most_steps)?;
+    /// A kind searched to the end, which is `behind` the best of all in worth so far.
+    fn attempt(&self, from: &Fit, start: &Hypothesis, kind: &'static Kind, behind: f64) -> Option<Tried> {
+        let fit = fit(&self.trials, start, true)?;
         let mean = self.tried(from, fit, kind, price(kind));
         // Where the frames lie is looked for once their rate is about known.
         let anywhere = |effect: &Candidate| effect.kind == kind && effect.has_frames() && effect.phases.is_empty();
-        let effect = mean.fit.hypothesis.effects.iter().position(anywhere).filter(|_| most_steps == MOST_STEPS);
-        let framed = effect.and_then(|effect| {
-            let framed = frames::find(&self.trials, &mean.fit, effect)?;
-            let fit = fit_in(&self.trials, &framed, true, most_steps)?;
-            let fit = fit_in(&self.trials, &frames::polish(&self.trials, &fit, effect)?, true, most_steps)?;
+        let effect = mean.fit.hypothesis.effects.iter().position(anywhere);
+        // Where single changes wait alike there are no frames to be found.
+        let waits = |_: &usize| waits::evidence(&self.trials, &mean.fit.hypothesis, Purpose::Fit) > ALL_ALIKE;
+        let framed = effect.filter(waits).and_then(|effect| {
+            let framed = frames::find(&self.trials, &mean.fit, effect, behind)?;
+            let framed = self::fit(&self.trials, &framed, true)?;
+            let fit = self::fit(&self.trials, &frames::polish(&self.trials, &framed, effect)?, true)?;
             // A phase for each record, beside the rate.
             Some(self.tried(from, fit, kind, price(kind) + self.trials.trials.len() as f64))
         });
@@ -434,7 +440,7 @@ impl Search<'_> {
             let others: Vec<&'static Kind> = rest.hypothesis.effects.iter().map(|other| other.kind).collect();
             let mut tried = self.tries(&rest, &others);
             // The fit that it has may be better than what the search from the rest finds.
-            if let Some(own) = self.attempt(&rest, &current.hypothesis, kind, MOST_STEPS) {
+            if let Some(own) = self.attempt(&rest, &current.hypothesis, kind, 0.0) {
                 tried.retain(|other| other.kind != kind || other.worth() > own.worth());
                 if !tried.iter().any(|other| other.kind == kind) {
                     tried.push(own);

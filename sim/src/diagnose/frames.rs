@@ -89,8 +89,8 @@ struct Spectrum {
 }
 
 /// The hypothesis of `fit` with the rate and the phases of the frames of its `effect`. `None` where the records do not show
-/// them.
-pub(super) fn find(trials: &Trials, fit: &Fit, effect: usize) -> Option<Hypothesis> {
+/// them, or where all that they may gain is less than what the hypothesis is `behind` another, in log likelihood.
+pub(super) fn find(trials: &Trials, fit: &Fit, effect: usize, behind: f64) -> Option<Hypothesis> {
     let about_hz = fit.hypothesis.effects[effect].values[0];
     if !about_hz.is_finite() {
         return None;
@@ -115,16 +115,20 @@ pub(super) fn find(trials: &Trials, fit: &Fit, effect: usize) -> Option<Hypothes
     let mut peaks: Vec<usize> = (0..gains.len()).filter(is_peak).collect();
     peaks.sort_by(|a, b| gains[*b].total_cmp(&gains[*a]));
     peaks.truncate(PEAKS);
-    if gains[*peaks.first()?] - 2.0 * (records as f64) < LEAST_GAIN {
+    // What is held out may gain as much again.
+    let most = gains[*peaks.first()?];
+    if most - 2.0 * (records as f64) < LEAST_GAIN || most < behind {
         return None;
     }
     // Now with all of the sawtooth and the whole chain: the peaks, and then a few of the best one's widths.
-    let judge = |hz: f64| {
-        let hypothesis = placed(trials, fit, effect, &spectra, hz);
-        misfit(trials, &hypothesis, Purpose::Fit).map(|left| (left, hz, hypothesis))
-    };
-    let peaks = peaks.into_iter().filter_map(|peak| judge(at(peak as u32)));
-    let peak = peaks.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let weighed =
+        |hz: f64, hypothesis: Hypothesis| misfit(trials, &hypothesis, Purpose::Fit).map(|left| (left, hz, hypothesis));
+    let peaks = peaks.into_iter().map(|peak| at(peak as u32));
+    let peaks = peaks.filter_map(|hz| weighed(hz, placed(trials, fit, effect, &spectra, hz, &[0.0])));
+    let (_, peak_hz, _) = peaks.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let peak = weighed(peak_hz, placed(trials, fit, effect, &spectra, peak_hz, &PHASE_OFFSETS))?;
+    let known = peak.2.clone();
+    let judge = |hz: f64| weighed(hz, at_rate(trials, &known, effect, hz));
     let near_hz = peak.1;
     let curvature = (gain(near_hz - step_hz) - 2.0 * gain(near_hz) + gain(near_hz + step_hz)) / (step_hz * step_hz);
     let width_hz = if curvature < 0.0 { (2.0 / -curvature).sqrt().min(step_hz) } else { step_hz };
@@ -248,15 +252,15 @@ pub(super) fn at_rate(trials: &Trials, known: &Hypothesis, effect: usize, hz: f6
     hypothesis
 }
 
-/// With frames of this rate, in each record where its rows leave least.
-fn placed(trials: &Trials, fit: &Fit, effect: usize, spectra: &[Spectrum], hz: f64) -> Hypothesis {
+/// With frames of this rate, in each record where its rows leave least, at these offsets from where its spectrum says.
+fn placed(trials: &Trials, fit: &Fit, effect: usize, spectra: &[Spectrum], hz: f64, offsets: &[f64]) -> Hypothesis {
     let mut hypothesis = fit.hypothesis.clone();
     hypothesis.effects[effect].values[0] = hz;
     hypothesis.effects[effect].phases = vec![0.0; trials.trials.len()];
     for spectrum in spectra {
         hypothesis.effects[effect].phases[spectrum.place] = spectrum.phase(hz);
     }
-    let phase = |trial: &Trial| refined(trials, trial, hypothesis.clone(), effect, &PHASE_OFFSETS);
+    let phase = |trial: &Trial| refined(trials, trial, hypothesis.clone(), effect, offsets);
     let phases: Vec<f64> = trials.trials.par_iter().map(phase).collect();
     hypothesis.effects[effect].phases = phases;
     hypothesis

@@ -236,7 +236,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         let alone = gap::gaps(trials, &without, &after.hypothesis, true).total;
         effects.push(NamedEffect {
             kind: found.kind,
-            parameters: estimates(&after, index),
+            parameters: estimates(trials, &after, index),
             evidence: found.worth,
             alternatives: found.alternatives,
             gap_before: alone.before,
@@ -376,7 +376,11 @@ fn usual_lag(found: &[(f64, Lag)]) -> Option<Lag> {
 }
 
 /// The values of an effect with their standard errors.
-fn estimates(fit: &fit::Fit, effect: usize) -> Vec<(&'static crate::plant::effect::Parameter, Estimate)> {
+fn estimates(
+    trials: &Trials,
+    fit: &fit::Fit,
+    effect: usize,
+) -> Vec<(&'static crate::plant::effect::Parameter, Estimate)> {
     let candidate = &fit.hypothesis.effects[effect];
     let searched = Candidate::searched(candidate.kind);
     let estimate = |(value, parameter): (usize, &'static crate::plant::effect::Parameter)| {
@@ -385,7 +389,7 @@ fn estimates(fit: &fit::Fit, effect: usize) -> Vec<(&'static crate::plant::effec
         let std = if candidate.jumps() || !candidate.phases.is_empty() {
             Some(candidate.profiled_std)
         } else {
-            fit.std(coordinate)
+            fit.std(coordinate).map(|std| waits::with_scatter(trials, &fit.hypothesis, candidate, std))
         };
         (parameter, Estimate::normal(candidate.values[value], std.unwrap_or(f64::INFINITY) * slope.abs()))
     };

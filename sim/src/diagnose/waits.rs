@@ -15,7 +15,7 @@
 use rayon::prelude::*;
 
 use super::backward::Backward;
-use super::edges::{changes, lone_edges};
+use super::edges::{Edge, changes, lone_edges};
 use super::hypothesis::{Candidate, Hypothesis};
 use super::trial::{Purpose, Trial, Trials};
 
@@ -25,15 +25,38 @@ const WAITS: usize = 400;
 /// By how much the log likelihood of what is for `purpose` grows where each change waits for a frame of its own. 0 without frames,
 /// and where it is known where they lie.
 pub(super) fn evidence(trials: &Trials, hypothesis: &Hypothesis, purpose: Purpose) -> f64 {
-    let Some(frames) = hypothesis.effects.iter().find(|effect| Candidate::is_hidden_hold(effect)) else { return 0.0 };
-    let frame_s = frames.values[0].recip();
-    if !(frame_s > 0.0 && frame_s.is_finite()) {
-        return 0.0;
-    }
+    let frames = hypothesis.effects.iter().find(|effect| effect.is_hidden_hold());
+    let Some(frame_s) = frames.and_then(frame_s) else { return 0.0 };
+    of_edges(trials, hypothesis, purpose, frame_s, |edge| mean_over_waits(edge.product, edge.power, frame_s))
+}
+
+/// Standard error of the logarithm of the rate of frames that do not show, where `std` is that of the curvature: what few changes say
+/// of the mean wait scatters by their own waits, of the variance `T^2 / 12`, beside the noise.
+pub(super) fn with_scatter(trials: &Trials, hypothesis: &Hypothesis, frames: &Candidate, std: f64) -> f64 {
+    let Some(frame_s) = frame_s(frames).filter(|_| frames.is_hidden_hold()) else { return std };
+    // The mean wait, half a frame, is the mean of all waits, each weighted by what is known of it.
+    let variance = (0.5 * frame_s * std).powi(2);
+    let squares = of_edges(trials, hypothesis, Purpose::Fit, frame_s, |edge| edge.power * edge.power);
+    let scatter = variance * variance * squares * frame_s * frame_s / 12.0;
+    (variance + scatter).sqrt() / (0.5 * frame_s)
+}
+
+/// Seconds from frame to frame; `None` without frames.
+fn frame_s(frames: &Candidate) -> Option<f64> {
+    Some(frames.values[0].recip()).filter(|frame_s| *frame_s > 0.0 && frame_s.is_finite())
+}
+
+/// A sum over the changes that stand alone.
+fn of_edges(
+    trials: &Trials,
+    hypothesis: &Hypothesis,
+    purpose: Purpose,
+    frame_s: f64,
+    of: impl Fn(&Edge) -> f64 + Sync,
+) -> f64 {
     let of_trial = |trial: &Trial| {
         let backward = Backward::of_purpose(trials, trial, hypothesis, 0.5 * frame_s, purpose)?;
-        let edges = lone_edges(trial, &backward, &changes(trial, backward.stretch));
-        Some(edges.iter().map(|edge| mean_over_waits(edge.product, edge.power, frame_s)).sum::<f64>())
+        Some(lone_edges(trial, &backward, &changes(trial, backward.stretch)).iter().map(&of).sum::<f64>())
     };
     trials.trials.par_iter().filter(|trial| trial.log.is_none()).filter_map(of_trial).sum()
 }
