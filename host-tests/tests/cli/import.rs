@@ -85,6 +85,25 @@ fn several_logs_of_one_kind_are_taken_at_once() {
     let files: Vec<&str> = experiment.records.iter().map(|record| record.file.as_str()).collect();
     assert_eq!(files, ["u050_multisine.csv", "again.csv"]);
     assert!(experiment.records.iter().all(|record| record.excitation == Excitation::Multisine));
+    // Without a name it is the folder's.
+    stand.run("import logs/u050_multisine.csv logs/again.csv --excitation multisine --period-s 10 --out other");
+    assert_eq!(Experiment::read(&stand.path("other")).unwrap().name, "other");
+}
+
+#[test]
+fn numbers_in_another_unit_than_they_are_taken_for_are_doubted_at_once() {
+    let stand = session();
+    let log = stand.read("logs/u050_multisine.csv");
+    let header = log.lines().next().unwrap().to_owned();
+    // The same rows with milliseconds that are called seconds.
+    stand.write("logs/slow.csv", log.replacen(&header, &header.replace("ms", "s"), 1));
+    let import = "import logs/slow.csv --excitation multisine --period-s 10 --out slow";
+    let said = stand.run(import);
+    assert!(said.contains("warning: ") && said.contains("time"), "{said}");
+    let found = stand.json(&import.replace("--out slow", "--out again"));
+    assert_eq!(found["doubts"][0]["topic"], "time_unit", "{found:#}");
+    // As they should be nothing is doubted.
+    assert_eq!(stand.json(MULTISINE)["doubts"].as_array().unwrap().len(), 0);
 }
 
 #[test]

@@ -163,7 +163,12 @@ fn a_file_for_which_there_is_no_room_is_named_and_no_part_of_it_stays() {
         ("new full", "full/"),
         ("excite --band 0.1..2 --rate 1000 --starts 1 --out full.csv", "full.csv"),
         ("identify sim --out found.toml --report full.html", "full.html"),
+        ("validate sim --model model.toml --report full.html", "full.html"),
+        ("design --model model.toml --out c.toml --report full.html", "full.html"),
         ("bandwidth --model model.toml --report full.html", "full.html"),
+        ("diagnose sim --report full.html", "full.html"),
+        ("report sim --out full.html", "full.html"),
+        ("demo --out full", "full/bode.svg"),
         ("man --out full", "full/rotorlead"),
     ] {
         let before: Vec<_> = stand.everything();
@@ -219,12 +224,18 @@ fn a_full_device_is_named() {
 fn a_closed_pipe_is_no_failure_of_any_command() {
     let stand = Stand::new();
     stand.run("simulate --model model.toml --plan plan.toml --out sim");
+    let log = concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/tests/data/esc32.csv");
     for arguments in [
         "excite --band 0.1..2 --rate 100 --starts 1",
         "check sim",
         "check sim --json -",
+        &format!("import {log} --out imported"),
+        "simulate --model model.toml --plan plan.toml --out again",
+        "identify sim --out found.toml",
         "validate sim --model model.toml",
         "design --model model.toml --out c.toml",
+        "bandwidth --model model.toml",
+        "demo --out demo",
         "diagnose sim",
         "report sim --out r.html",
         "new first",

@@ -119,7 +119,9 @@ const pointOf = (index) => {
   const at = (axis, value) => axis._offset + axis.c2p(axis.d2c ? axis.d2c(value) : value);
   const across = type === "heatmap" ? Math.sqrt(x[0] * x[1]) : type === "bar" ? x[middle] * 0.999 : x[middle];
   const up = type === "heatmap" ? (y[0] + y[1]) / 2 : y[middle];
-  return { x: box.left + at(full.xaxis, across), y: box.top + at(full.yaxis, up), name: figure.id };
+  // What has to be read there: a place of the series, or the value of a map.
+  const values = type === "heatmap" ? [plot.data[trace].z[0][0]] : [x[middle], y[middle]];
+  return { x: box.left + at(full.xaxis, across), y: box.top + at(full.yaxis, up), name: figure.id, values };
 };
 const said = (index) => {
   const texts = figureAt(index).querySelectorAll(".hoverlayer text");

@@ -79,6 +79,16 @@ struct Spot {
     x: f64,
     y: f64,
     name: String,
+    values: Vec<Option<f64>>,
+}
+
+/// Whether a sentence has one of the numbers in it, to a fiftieth.
+fn says_one_of(said: &str, values: &[Option<f64>]) -> bool {
+    let said = said.replace('\u{2212}', "-");
+    let is_part = |c: char| c.is_ascii_digit() || matches!(c, '.' | '-' | 'e');
+    let numbers: Vec<f64> = said.split(|c| !is_part(c)).filter_map(|word| word.parse().ok()).collect();
+    let is_near = |number: f64, value: f64| (number - value).abs() <= 0.02 * value.abs().max(1e-6);
+    values.iter().flatten().any(|value| numbers.iter().any(|number| is_near(*number, *value)))
 }
 
 /// Series of a figure can be switched off and on, values read where the mouse is, and axes zoomed and reset.
@@ -95,8 +105,8 @@ fn can_be_used(page: &OpenPage, index: usize, place: &str) {
         }
         std::thread::sleep(Duration::from_millis(50));
     };
-    let has_number = said.chars().any(|c| c.is_ascii_digit());
-    assert!(has_number, "{place}: {}: \"{said}\" is all that hovering says", spot.name);
+    let is_read = says_one_of(&said, &spot.values);
+    assert!(is_read, "{place}: {}: hovering says \"{said}\", where there is {:?}", spot.name, spot.values);
     let zoomed: Vec<String> = page.evaluate(&format!("zoomFaults({index})"));
     assert!(zoomed.is_empty(), "{place}:\n{}", zoomed.join("\n"));
 }

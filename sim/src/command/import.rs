@@ -39,7 +39,7 @@ pub struct Import {
     /// Add to the experiment in DIR, where there is one already
     #[arg(long)]
     append: bool,
-    /// What to call the experiment; the log's file name unless given
+    /// What to call the experiment; unless given, the log's file name, and of several logs the folder's
     #[arg(long, conflicts_with = "append")]
     name: Option<String>,
     /// What a column is: QUANTITY is time (UNIT s, ms or us), command (us, percent or duty), thrust (N, gf, kgf, lbf or ozf), rpm
@@ -91,7 +91,10 @@ impl Import {
             self.check_options_of(file, &log.summary)?;
             logs.push(log);
         }
-        let (experiment, summaries) = joined(logs)?;
+        let (mut experiment, summaries) = joined(logs)?;
+        if let (None, [_, _, ..], Some(folder)) = (&self.name, &summaries[..], self.out.file_name()) {
+            experiment.name = folder.to_string_lossy().into_owned();
+        }
         // What else may be wrong is for `rotorlead check`, which sees all records together.
         let of_each = experiment.records.iter().flat_map(|record| of_record(&experiment, record, false));
         let doubts: Vec<Finding> = of_each.filter(Finding::is_grave).collect();

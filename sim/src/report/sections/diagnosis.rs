@@ -2,8 +2,10 @@
 
 use super::estimate;
 use crate::diagnose::{Diagnosis, NamedEffect, TriedKind, Verdict};
+use crate::plant::Point;
 use crate::report::diagnosis::diagnosis_figures;
 use crate::report::html::{Cell, Column, Section, Table, Tone};
+use crate::report::unit::unit;
 
 /// How good the news of a verdict are.
 #[must_use]
@@ -46,12 +48,36 @@ pub fn diagnosis_section(found: &Diagnosis, verdict: &str) -> Section {
     let mut tables = Vec::new();
     if !found.effects.is_empty() {
         tables.push(effects(&found.effects));
+        tables.push(lags(found));
     }
     if !found.tried.is_empty() {
         tables.push(tried(&found.tried));
     }
     let figures = diagnosis_figures(found);
     Section { text, tables, figures, ..Section::new("diagnosis", "Diagnosis") }
+}
+
+/// The lags with the effects beside them: others than those that a lag alone takes on to imitate them.
+fn lags(found: &Diagnosis) -> Table {
+    let row = |point: &Point| {
+        vec![
+            Cell::number(point.nominal, 3),
+            estimate(point.gain, point.gain_std, 1.0, 4),
+            estimate(point.time_constant_s, point.time_constant_s_std, 1e3, 2),
+            Cell::number(1.0 / point.time_constant_s, 3),
+        ]
+    };
+    Table {
+        name: "improved_lags".to_owned(),
+        caption: "Lags of the improved model".to_owned(),
+        columns: vec![
+            Column::new("u_nom", "u_nom", "duty"),
+            Column::new("gain", "gain", unit(found.conditions.output)),
+            Column::new("time_constant_ms", "tau", "ms"),
+            Column::new("pole_rad_s", "1/tau", "rad/s"),
+        ],
+        rows: found.model.points.iter().map(row).collect(),
+    }
 }
 
 fn effects(effects: &[NamedEffect]) -> Table {

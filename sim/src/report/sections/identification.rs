@@ -56,7 +56,7 @@ fn lags(identified: &Identification) -> Table {
     columns.push(Column::new("fit_frequency_percent", "fit in frequency", "%"));
     columns.push(Column::new("fit_square_percent", "fit on squares", "%"));
     if identified.found.is_some() {
-        columns.push(Column::new("reduced_chi_square", "chi-square per degree of freedom", ""));
+        columns.push(Column::new("reduced_chi_square", "chi-square / dof", ""));
     }
     let row = |(index, point): (usize, &Point)| {
         let delay = match point.delay_s_std {
