@@ -65,7 +65,10 @@ fn help_says_units_and_defaults() {
         ("demo", &["[default: demo-out]", "Seed", "[default: 1]", "0.02 N"][..]),
         ("excite", &["Band in hertz", "0.1..30", "Period in seconds", "[default: 10]", "[default: 5000]", "0..1"]),
         ("simulate", &["the paper's experiment unless given", "instead of the plan's"]),
-        ("import", &["microseconds", "1000..2000 unless given", "the log's file name unless given"]),
+        (
+            "import",
+            &["microseconds", "1000..2000 unless given", "the log's file name, and of several logs the folder's"],
+        ),
         ("identify", &["[default: auto]", "experiment's folder"]),
         ("validate", &["%", "experiment's folder"]),
         ("design", &["<RAD_S>", "rad/s", "<HZ>", "5000 Hz unless given", "1/sqrt(2) unless given"]),

@@ -40,7 +40,7 @@ fn every_command_has_help_with_its_exit_status() {
         let mut lines = help.lines().filter(|line| !line.starts_with("Usage:"));
         assert!(lines.all(|line| line.chars().count() <= 80), "too wide:\n{help}");
         let short = stand.run(&format!("{command} -h"));
-        assert!(short.len() < help.len(), "{command}");
+        assert!(!short.contains("Exit status:"), "{command}");
     }
 }
 
@@ -295,7 +295,7 @@ mod pseudo {
     fn colors_are_on_a_terminal_and_no_color_takes_them_off() {
         let stand = Stand::new();
         for (arguments, status) in
-            [("identify --help", 0), ("bandwidth --model nowhere.toml", 1), ("identify --ouut", 2), ("check stand", 0)]
+            [("identify --help", 0), ("bandwidth --model nowhere.toml", 1), ("identify --ouut", 2), ("check stand", 1)]
         {
             let (text, found) = shown(&stand, arguments, &[]);
             assert_eq!(found, Some(status), "{text}");
@@ -308,7 +308,7 @@ mod pseudo {
     #[test]
     fn long_work_shows_its_progress_with_the_time_left_unless_quiet() {
         let stand = Stand::new();
-        stand.edit("plan.toml", "periods = 2", "periods = 100");
+        stand.edit("plan.toml", "periods = 2", "periods = 400");
         let simulate = "simulate --model model.toml --plan plan.toml --out";
         let (text, status) = shown(&stand, &format!("{simulate} a"), &[]);
         assert_eq!(status, Some(0), "{text}");

@@ -30,7 +30,7 @@ pub(super) fn remark(effect: &ActiveEffect, design: &LeadDesign) -> Option<Strin
             1e3 / value("frame_hz")
         ),
         "slew_limit" => format!(
-            "Nothing in front of it makes {:.3} duty/s more. Where it is a ramp or a soft start of the ESC, switch that off in its \
+            "Nothing in front of it makes it faster than {:.3} duty/s. Where it is a ramp or a soft start of the ESC, switch that off in its \
              settings, and record again.",
             value("rate_per_s")
         ),

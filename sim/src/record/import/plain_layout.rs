@@ -36,7 +36,7 @@ impl PlainTable {
             let line = bytes[..error.valid_up_to()].iter().filter(|byte| **byte == b'\n').count() + 1;
             ImportError::NotUtf8 { file: file.into(), line }
         })?;
-        let separated = |text| Some((FirstRow::find(text)?, Cow::Borrowed(text)));
+        let separated = |text| Some((FirstRow::find(text, LEAST_NUMBERS)?, Cow::Borrowed(text)));
         let Some((first, text)) = separated(text).or_else(|| with_tabs_for_blanks(text)) else {
             let header = text.lines().find(|line| !line.trim().is_empty()).unwrap_or_default();
             return Err(ImportError::UnknownFormat {
@@ -104,7 +104,8 @@ fn with_tabs_for_blanks(text: &str) -> Option<(FirstRow, Cow<'_, str>)> {
         format!("{}{}\n", mark.trim_start(), names.split_whitespace().collect::<Vec<_>>().join("\t"))
     };
     let text: String = text.lines().map(tabbed).collect();
-    FirstRow::find(&text).map(|first| (first, Cow::Owned(text)))
+    // Words of a remark are columns too; a row is all numbers.
+    FirstRow::find(&text, usize::MAX).map(|first| (first, Cow::Owned(text)))
 }
 
 /// The first line that is numbers.
@@ -119,12 +120,14 @@ struct FirstRow {
 }
 
 impl FirstRow {
-    fn find(text: &str) -> Option<Self> {
+    /// A line with so many numbers, or with nothing else where these are fewer; two at least.
+    fn find(text: &str, least: usize) -> Option<Self> {
         let mut offset = 0;
         for (line, content) in text.split_inclusive('\n').enumerate() {
             for separator in SEPARATORS.into_iter().filter(|separator| content.as_bytes().contains(separator)) {
                 let cells = cells(content, separator);
-                if cells.iter().filter(|cell| is_number(cell, separator)).count() >= LEAST_NUMBERS {
+                let numbers = cells.iter().filter(|cell| is_number(cell, separator)).count();
+                if numbers >= LEAST_NUMBERS && numbers >= least.min(cells.len()) {
                     return Some(Self { separator, line, offset, cells: cells.len() });
                 }
             }
