@@ -119,8 +119,8 @@ const pointOf = (index) => {
   const at = (axis, value) => axis._offset + axis.c2p(axis.d2c ? axis.d2c(value) : value);
   const across = type === "heatmap" ? Math.sqrt(x[0] * x[1]) : type === "bar" ? x[middle] * 0.999 : x[middle];
   const up = type === "heatmap" ? (y[0] + y[1]) / 2 : y[middle];
-  // What has to be read there: a place of the series, or the value of a map.
-  const values = type === "heatmap" ? [plot.data[trace].z[0][0]] : [x[middle], y[middle]];
+  // What has to be read there: a place of the series. The values of a map are colors, what it says of them stands in its words.
+  const values = type === "heatmap" ? [] : [x[middle], y[middle]];
   return { x: box.left + at(full.xaxis, across), y: box.top + at(full.yaxis, up), name: figure.id, values };
 };
 const said = (index) => {

@@ -82,13 +82,14 @@ struct Spot {
     values: Vec<Option<f64>>,
 }
 
-/// Whether a sentence has one of the numbers in it, to a fiftieth.
+/// Whether a sentence has one of the numbers in it, to a tenth, since a mouse is no finer; any number where there are none.
 fn says_one_of(said: &str, values: &[Option<f64>]) -> bool {
     let said = said.replace('\u{2212}', "-");
     let is_part = |c: char| c.is_ascii_digit() || matches!(c, '.' | '-' | 'e');
     let numbers: Vec<f64> = said.split(|c| !is_part(c)).filter_map(|word| word.parse().ok()).collect();
-    let is_near = |number: f64, value: f64| (number - value).abs() <= 0.02 * value.abs().max(1e-6);
-    values.iter().flatten().any(|value| numbers.iter().any(|number| is_near(*number, *value)))
+    let is_near = |number: f64, value: f64| (number - value).abs() <= 0.1 * value.abs().max(1e-6);
+    let is_any = values.is_empty() && !numbers.is_empty();
+    is_any || values.iter().flatten().any(|value| numbers.iter().any(|number| is_near(*number, *value)))
 }
 
 /// Series of a figure can be switched off and on, values read where the mouse is, and axes zoomed and reset.
