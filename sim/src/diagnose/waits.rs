@@ -83,8 +83,8 @@ mod tests {
         let power = std_s.powi(-2);
         let alike = mean_over_waits(0.0, power, frame_s);
         assert!((alike - (std_s * (2.0 * std::f64::consts::PI).sqrt() / frame_s).ln()).abs() < 1e-4, "{alike}");
-        // A wait of four such errors: e^8 times as likely as none, at the same price.
-        let waits = mean_over_waits(-4.0 * std_s * power, power, frame_s);
-        assert!((waits - alike - 8.0).abs() < 1e-3, "{waits}");
+        // A wait of two such errors: e^2 times as likely as none, at the same price.
+        let waits = mean_over_waits(-2.0 * std_s * power, power, frame_s);
+        assert!((waits - alike - 2.0).abs() < 2e-3, "{waits}");
     }
 }
