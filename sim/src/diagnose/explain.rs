@@ -11,7 +11,7 @@ use std::cmp::Ordering;
 use super::fit::{Fit, fit, fit_in};
 use super::hypothesis::{Candidate, GRID, Hypothesis};
 use super::locate::excess;
-use super::profile::settle_jumps;
+use super::profile::{MOVES, settle_jumps};
 use super::residual::misfit;
 use super::scan::Scan;
 use super::screening::Screening;
@@ -76,13 +76,18 @@ pub(super) struct Tried {
 
 impl Tried {
     /// Whether no value lies farther from where the effect vanishes than any actuator of its kind is plausible to have it.
-    fn is_plausible(&self) -> bool {
-        self.fit.hypothesis.effects.last().is_none_or(Candidate::is_plausible)
+    pub fn is_plausible(&self) -> bool {
+        self.fit.is_plausible()
+    }
+
+    /// Whether it is worth enough.
+    pub fn is_worth_a_name(&self) -> bool {
+        self.worth() >= LEAST_WORTH && self.is_paid()
     }
 
     /// Something like an effect, but larger than it can be, is none of the catalog.
     fn may_be_named(&self) -> bool {
-        self.worth() >= LEAST_WORTH && self.is_paid() && self.is_plausible()
+        self.is_worth_a_name() && self.is_plausible()
     }
 
     /// Whether it gains enough on what is fitted, whatever it does for what is held out.
@@ -345,13 +350,15 @@ impl Search<'_> {
                 let between = Candidate::around_best(&judged);
                 look(&mut judged, between);
             }
+            let vertex = Candidate::vertex(&judged);
+            look(&mut judged, vertex.into_iter().collect());
         }
         judged.into_iter().map(|(left, _, moved)| (left, moved, kind)).collect()
     }
 
     /// A kind searched to the end, which is `behind` the best of all in worth so far.
     fn attempt(&self, from: &Fit, start: &Hypothesis, kind: &'static Kind, behind: f64) -> Option<Tried> {
-        let fit = fit(&self.trials, start, true)?;
+        let fit = self.whole(fit(&self.trials, start, true)?);
         let mean = self.tried(from, fit, kind, price(kind));
         // Where the frames lie is looked for once their rate is about known.
         let anywhere = |effect: &Candidate| effect.kind == kind && effect.has_frames() && effect.phases.is_empty();
@@ -366,6 +373,18 @@ impl Search<'_> {
             Some(self.tried(from, fit, kind, price(kind) + self.trials.trials.len() as f64))
         });
         Some(framed.filter(|framed| framed.worth() > mean.worth()).unwrap_or(mean))
+    }
+
+    /// `found` with the steps of a grid such that they make a whole range, where that fits as well: what is fitted may not say on
+    /// which side of a step a command lies that is held out.
+    fn whole(&self, found: Fit) -> Fit {
+        let last = found.hypothesis.effects.last().and_then(grid::whole);
+        let whole = last.and_then(|last| {
+            let mut whole = found.hypothesis.clone();
+            *whole.effects.last_mut()? = last;
+            fit(&self.trials, &whole, true)
+        });
+        whole.filter(|whole| whole.misfit < found.misfit + MOVES).unwrap_or(found)
     }
 
     fn tried(&self, from: &Fit, fit: Fit, kind: &'static Kind, price: f64) -> Tried {
@@ -398,33 +417,37 @@ impl Search<'_> {
         let mut current = before.clone();
         let mut effects: Vec<Tried> = Vec::new();
         let mut first_tried = Vec::new();
+        let mut has_to_explain_all = false;
         while effects.len() < MOST_EFFECTS {
             let named: Vec<&'static Kind> = effects.iter().map(|effect| effect.kind).collect();
             let tried = self.tries(&current, &named);
+            dbg_tried("step", &tried); // RLDBG
             if effects.is_empty() {
                 first_tried.clone_from(&tried);
             }
-            let best = tried.into_iter().next().filter(Tried::may_be_named);
-            let Some(best) = best else { break };
-            let start = best.fit.hypothesis.clone();
-            effects.push(best);
-            current = self.settle(&start, true)?;
-            let left = |fit: &Fit| excess(&self.trials, &fit.hypothesis, Purpose::Fit).over();
-            if effects.len() >= ENOUGH_EFFECTS && left(&current) > HOPELESS * left(&before) {
+            let Some(step) = self.next_effect(&tried, effects.is_empty()) else { break };
+            has_to_explain_all |= step.is_detour;
+            effects.push(step.tried);
+            current = step.fit;
+            let left = |fit: &Fit| excess(&self.trials, &fit.hypothesis, Purpose::Fit);
+            let is_hopeless = !left(&current).is_noise() && left(&current).over() > HOPELESS * left(&before).over();
+            if effects.len() >= ENOUGH_EFFECTS && is_hopeless {
                 return Some(Explanation { after: before.clone(), before, found: Vec::new(), tried: first_tried });
             }
         }
         let (after, found) = match &effects[..] {
             // Nothing beside which it could look different.
-            [_] => {
-                let others = first_tried.iter().skip(1);
-                let alike = |other: &&Tried| other.is_paid() && first_tried[0].worth() - other.worth() < ALIKE;
+            [only] => {
+                let others = first_tried.iter().filter(|other| other.kind != only.kind && other.may_be_named());
+                let alike = |other: &&Tried| only.worth() - other.worth() < ALIKE;
                 let alternatives = others.filter(alike).map(|other| other.kind).collect();
-                let found = Found { kind: first_tried[0].kind, worth: first_tried[0].worth(), alternatives };
-                (current, vec![found])
+                (current, vec![Found { kind: only.kind, worth: only.worth(), alternatives }])
             }
             _ => self.review(current)?,
         };
+        if has_to_explain_all && !excess(&self.trials, &after.hypothesis, Purpose::Fit).is_noise() {
+            return Some(Explanation { after: before.clone(), before, found: Vec::new(), tried: first_tried });
+        }
         let after = settle_jumps(&self.trials, after)?;
         Some(Explanation { before, after, found, tried: first_tried })
     }
@@ -447,7 +470,9 @@ impl Search<'_> {
                 }
                 self.hear(&mut tried);
             }
-            let Some(best) = tried.first().filter(|best| best.may_be_named()) else {
+            dbg_tried(&format!("review of {}", kind.id), &tried); // RLDBG
+            let most = tried.first().map_or(0.0, Tried::worth);
+            let Some(best) = tried.iter().find(|best| best.may_be_named() && most - best.worth() < ALIKE) else {
                 current = rest;
                 found.remove(effect);
                 continue;
@@ -460,12 +485,9 @@ impl Search<'_> {
                 effect = 0;
                 continue;
             }
-            let alternatives = tried
-                .iter()
-                .skip(1)
-                .filter(|other| other.is_paid() && best.worth() - other.worth() < ALIKE)
-                .map(|other| other.kind)
-                .collect();
+            let others = tried.iter().filter(|other| other.kind != kind && other.may_be_named());
+            let alternatives =
+                others.filter(|other| best.worth() - other.worth() < ALIKE).map(|other| other.kind).collect();
             found[effect] = Some(Found { kind, worth: best.worth(), alternatives });
             effect += 1;
         }
@@ -478,3 +500,12 @@ impl Search<'_> {
         Some((after, order.into_iter().filter_map(|effect| found[effect].clone()).collect()))
     }
 }
+
+fn dbg_tried(what: &str, tried: &[Tried]) { // RLDBG
+    if std::env::var("RL_DEBUG").is_err() { return; } // RLDBG
+    eprintln!("== {what}"); // RLDBG
+    for t in tried { // RLDBG
+        let e = t.fit.hypothesis.effects.last(); // RLDBG
+        eprintln!("   {} worth {:.1} fitted {:.1} held {:.1} price {:.1} paid {} plausible {} {:?} ph {} late {:.2e}", t.kind.id, t.worth(), t.fitted_gain, t.held_out_gain, t.price, t.is_paid(), t.is_plausible(), e.map(|e| e.values.clone()), e.map_or(0, |e| e.phases.len()), t.fit.hypothesis.late_s); // RLDBG
+    } // RLDBG
+} // RLDBG

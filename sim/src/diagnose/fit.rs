@@ -190,6 +190,16 @@ impl Fit {
             })
     }
 
+    /// Whether no value of its last effect lies beyond its plausible range, seen from where the effect vanishes, by more than
+    /// the value may be off.
+    pub fn is_plausible(&self) -> bool {
+        let Some((effect, candidate)) = self.hypothesis.effects.iter().enumerate().next_back() else { return true };
+        candidate.is_plausible(|value| {
+            let std = self.std(Coordinate::Effect { effect, value }).unwrap_or(0.0);
+            TWO_SIDED * std * slope(&candidate.kind.parameters[value], candidate.values[value]).abs()
+        })
+    }
+
     /// Standard deviation of a coordinate, by the noise.
     pub fn std(&self, coordinate: Coordinate) -> Option<f64> {
         let place = self.coordinates.iter().position(|other| *other == coordinate)?;

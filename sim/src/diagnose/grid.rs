@@ -32,6 +32,15 @@ pub(super) fn is_grid(kind: &Kind) -> bool {
     kind.id == "command_quantization"
 }
 
+/// The grid near `candidate` of which a whole number of steps makes the range of the command, as of any counter. `None` for other
+/// kinds.
+pub(super) fn whole(candidate: &Candidate) -> Option<Candidate> {
+    let (place, _) = Candidate::searched(candidate.kind).next().filter(|_| is_grid(candidate.kind))?;
+    let mut whole = candidate.clone();
+    whole.values[place] = candidate.values[place].recip().round().recip();
+    (candidate.kind.check)(&whole.values).is_ok().then_some(whole)
+}
+
 /// The lines of the transform that are looked at: line `l` has `l` steps over the width of the bins.
 pub(super) fn lines(parameter: &Parameter) -> Range<usize> {
     let (least, most) = parameter.plausible;

@@ -12,6 +12,9 @@ use crate::plant::{
 /// How far a value may leave its plausible range in a search, in widths of the range.
 const BEYOND: f64 = 0.5;
 
+/// Part of its plausible range by which a value may lie beyond it, being an estimate.
+const AT_MOST_OFF: f64 = 0.1;
+
 /// Gain of a lag that does not respond: its logarithm is searched.
 const LEAST_GAIN: f64 = 1e-9;
 
@@ -93,14 +96,16 @@ impl Candidate {
         self.has_frames() && self.phases.is_empty()
     }
 
-    /// Whether no value lies beyond its plausible range, seen from where the effect vanishes.
-    pub fn is_plausible(&self) -> bool {
+    /// Whether no value lies beyond its plausible range, seen from where the effect vanishes, by more than it may be `off`, which
+    /// is asked for by the value's place.
+    pub fn is_plausible(&self, off: impl Fn(usize) -> f64) -> bool {
         let beyond = |(index, parameter): (usize, &Parameter)| {
             let (value, (low, high)) = (self.values[index], parameter.plausible);
             // Of a value without such a place, whose null is no number, both ends count.
             let vanishes_above = parameter.null >= high;
             let vanishes_below = parameter.null <= low;
-            let (above, below) = (value > high && !vanishes_above, value < low && !vanishes_below);
+            let off = off(index).min(AT_MOST_OFF * (high - low));
+            let (above, below) = (value > high + off && !vanishes_above, value < low - off && !vanishes_below);
             above || below
         };
         !Self::searched(self.kind).any(beyond)
@@ -209,6 +214,28 @@ impl Candidate {
             Self::new(best.kind, values)
         });
         between.filter(|start| (start.kind.check)(&start.values).is_ok()).collect()
+    }
+}
+
+impl Candidate {
+    /// Where a parabola through the best of some starts of a single value and its neighbors has its vertex: closer than halving
+    /// comes where the effect is much smaller than the spacing of the starts. `None` where there is none between the neighbors.
+    pub fn vertex<T>(judged: &[(f64, Self, T)]) -> Option<Self> {
+        let best = judged.iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let (index, parameter) = Self::searched(best.1.kind).next()?;
+        let mut points: Vec<(f64, f64)> =
+            judged.iter().map(|(left, other, _)| (to_coordinate(parameter, other.values[index]), *left)).collect();
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        points.dedup_by(|a, b| a.0 == b.0);
+        let place = points.iter().position(|point| point.1 == best.0)?;
+        let [(a, at_a), (b, at_b), (c, at_c)] = *points.get(place.checked_sub(1)?..place + 2)? else { return None };
+        let (before, after) = ((at_b - at_a) / (b - a), (at_c - at_b) / (c - b));
+        let bend = (after - before) / (c - a);
+        let vertex = 0.5 * (a + b) - 0.5 * before / bend;
+        let mut values = best.1.values.clone();
+        values[index] = from_coordinate(parameter, vertex);
+        let is_between = bend > 0.0 && a < vertex && vertex < c;
+        Some(Self::new(best.1.kind, values)).filter(|start| is_between && (start.kind.check)(&start.values).is_ok())
     }
 }
 

@@ -67,6 +67,11 @@ pub struct Location {
     pub significance: f64,
 }
 
+/// A misfit of fewer standard deviations than this is no misfit.
+const SIGNIFICANT: f64 = 5.0;
+/// What is left is the noise, its density being an estimate, where it is no more than this times it in power.
+const NOISE: f64 = 1.05;
+
 /// How much is left, and how much noise would leave.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Excess {
@@ -86,6 +91,12 @@ impl Excess {
     #[must_use]
     pub fn over(&self) -> f64 {
         self.sum - self.expected
+    }
+
+    /// Whether it is no more than noise leaves, whose density is an estimate.
+    #[must_use]
+    pub fn is_noise(&self) -> bool {
+        self.significance() < SIGNIFICANT || self.sum < NOISE * self.expected
     }
 
     /// The same in standard deviations.

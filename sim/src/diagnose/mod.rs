@@ -29,6 +29,7 @@ mod resonance;
 mod scan;
 mod screening;
 mod steadiness;
+mod step;
 mod tangent;
 mod trial;
 mod verdict;

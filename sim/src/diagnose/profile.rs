@@ -33,14 +33,14 @@ use super::trial::Trials;
 
 /// How near the best value the profile begins, in coordinates, how far it goes, and by which factor in a step.
 const NEAREST: f64 = 1e-7;
-const FARTHEST: f64 = 0.1;
+const FARTHEST: f64 = 1.0;
 const FARTHER: f64 = 2.0;
 /// A likelihood of `e^(-LOST / 2)` of the largest counts for nothing. A stair may come down again: so many points in a row.
 const LOST: f64 = 24.0;
 const IN_A_ROW: usize = 3;
 /// The value stays where it is unless another one leaves this much less: two standard errors. On a flat bottom any place is as good,
 /// and a command that stands still may lie on either side of a step for all that the rest of them says.
-const MOVES: f64 = 4.0;
+pub(super) const MOVES: f64 = 4.0;
 /// Points that are filled in, each in the middle of the interval that may hold most of the likelihood.
 const FILLED: usize = 120;
 /// The ends of a profile lie below this part of its top, or it says nothing.

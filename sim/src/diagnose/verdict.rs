@@ -4,10 +4,6 @@ use super::gap::Gap;
 use super::locate::Excess;
 use super::steadiness::Steadiness;
 
-/// A misfit of fewer standard deviations than this is no misfit.
-const SIGNIFICANT: f64 = 5.0;
-/// What is left is the noise, its density being an estimate, where it is no more than this times it in power.
-const NOISE: f64 = 1.05;
 /// Where more than noise is left, effects that leave more than this share of the misfit are no story at all, be it on what
 /// was fitted or on what was held out.
 const NONE: f64 = 0.1;
@@ -68,7 +64,7 @@ impl Grounds {
     /// The verdict. A wrong name is worse than none: effects that the held-out gap does not confirm are not named.
     pub fn verdict(&self) -> Verdict {
         let (before, after) = self.excess;
-        let is_noise = after.significance() < SIGNIFICANT || after.sum < NOISE * after.expected;
+        let is_noise = after.is_noise();
         let is_steady = self.steadiness.is_noise();
         if !self.found {
             return if is_noise && is_steady { Verdict::Agrees } else { Verdict::Unknown };

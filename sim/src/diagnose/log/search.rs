@@ -136,7 +136,7 @@ impl Search<'_> {
             let is_one = |tried: &&Tried| {
                 let hypothesis = &tried.fit.hypothesis;
                 let last = hypothesis.effects.len() - 1;
-                hypothesis.effects[last].is_plausible() && tried.fit.excludes_absence(last)
+                hypothesis.effects[last].is_plausible(|_| 0.0) && tried.fit.excludes_absence(last)
             };
             let tried: Vec<&Tried> = tried.iter().filter(is_one).collect();
             let is_worth_it = |tried: &&&Tried| is_worth_it(tried);
