@@ -15,7 +15,7 @@ use super::kind::Kind;
 use super::score::Scored;
 
 /// How long the tool may take over a case before it counts as no answer.
-const LIMIT: Duration = Duration::from_secs(300);
+const LIMIT: Duration = Duration::from_secs(600);
 /// Goes up when the fits change, so that no stale ceiling is believed.
 const CEILING_VERSION: u32 = 4;
 

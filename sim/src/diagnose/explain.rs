@@ -8,13 +8,14 @@
 
 use std::cmp::Ordering;
 
-use super::fit::{Fit, fit, fit_in};
+use super::fit::{Fit, fit, fit_behind, fit_in};
 use super::hypothesis::{Candidate, GRID, Hypothesis};
 use super::locate::excess;
 use super::profile::{MOVES, settle_jumps};
 use super::residual::misfit;
 use super::scan::Scan;
 use super::screening::Screening;
+use super::steadiness::steadiness;
 use super::trial::{Before, Purpose, Trial, Trials};
 use super::{clips, collapsed, frames, grid, resonance, waits, witness};
 use crate::identify::offset_and_start;
@@ -43,12 +44,16 @@ const PROMISED: f64 = 0.7;
 const MOST_STARTS: usize = 2;
 /// Steps after which the kinds are compared; after these so many go on, and all that are close.
 pub(super) const FIRST_STEPS: usize = 3;
+/// Steps between two estimates of the noise.
+const SETTLING_STEPS: usize = 10;
 /// A decay at the begin of a record that is more than this part of the response's swing, and this many times the one that the
 /// record would have otherwise, says that it was taken in another way than the rest.
 const DECAYS: f64 = 0.2;
 const OTHER_DECAY: f64 = 3.0;
 /// Changes that stand alone and say this of frames, in log likelihood, say that there are none.
 const ALL_ALIKE: f64 = -3.0;
+/// What was worth less than this part of the best is not tried again.
+const AGAIN: f64 = 0.2;
 /// How often the screening halves the distance to the neighbors of the best start.
 const CLOSER_LOOKS: usize = 3;
 const MOST_FINISHED: usize = 3;
@@ -80,9 +85,13 @@ impl Tried {
         self.fit.is_plausible()
     }
 
+    fn may_be_absent(&self) -> bool {
+        self.fit.hypothesis.effects.len().checked_sub(1).is_some_and(|last| self.fit.may_be_absent(last))
+    }
+
     /// Whether it is worth enough.
     pub fn is_worth_a_name(&self) -> bool {
-        self.worth() >= LEAST_WORTH && self.is_paid()
+        self.worth() >= LEAST_WORTH && self.is_paid() && !self.may_be_absent()
     }
 
     /// Something like an effect, but larger than it can be, is none of the catalog.
@@ -161,6 +170,8 @@ pub(super) struct Search<'a> {
     pub catalog: &'a Catalog,
     /// Told whenever a step is done.
     pub progress: &'a dyn Fn(),
+    /// Whether the lags are fitted along.
+    pub lags: bool,
 }
 
 impl Search<'_> {
@@ -169,7 +180,7 @@ impl Search<'_> {
         let mut hypothesis = start.clone();
         for _ in 0..2 {
             self.weigh(&hypothesis);
-            hypothesis = fit(&self.trials, &hypothesis, lags)?.hypothesis;
+            hypothesis = fit_in(&self.trials, &hypothesis, lags, SETTLING_STEPS)?.hypothesis;
         }
         self.weigh(&hypothesis);
         fit(&self.trials, &hypothesis, lags)
@@ -190,7 +201,7 @@ impl Search<'_> {
 
     /// Takes mains hum out of all records.
     pub fn take_hum_out(&mut self, base: &Hypothesis) -> Option<()> {
-        let lags = fit(&self.trials, base, true)?.hypothesis;
+        let lags = fit(&self.trials, base, self.lags)?.hypothesis;
         let all = self.trials.clone();
         for trial in self.trials.trials.iter_mut().filter(|trial| trial.log.is_none()) {
             if let Some((_, left)) = aligned(&all, trial, &lags) {
@@ -231,7 +242,8 @@ impl Search<'_> {
 
     /// Kinds that improve on `from`, best first.
     fn tries(&self, from: &Fit, exclude: &[&'static Kind]) -> Vec<Tried> {
-        let lifted = collapsed::lifted(&self.trials, from);
+        dbg_at("tries"); // RLDBG
+        let lifted = self.lags.then(|| collapsed::lifted(&self.trials, from)).flatten();
         let mut screened: Vec<(f64, Hypothesis, &'static Kind)> = Vec::new();
         for near in std::iter::once(from).chain(&lifted) {
             let Some(screening) = Screening::new(&self.trials, near) else { continue };
@@ -239,9 +251,11 @@ impl Search<'_> {
             let kinds = self.catalog.kinds().filter(|kind| kind.id != "parameter_error" && !exclude.contains(kind));
             for kind in kinds.filter(|kind| kind.shows != Shows::OverLevels) {
                 screened.extend(self.screen(&screening, &scan, near, kind));
+                dbg_at(kind.id); // RLDBG
                 (self.progress)();
             }
         }
+        dbg_at(&format!("screened, late {}", from.is_late(&self.trials))); // RLDBG
         screened.sort_by(|a, b| a.0.total_cmp(&b.0));
         let best = screened.first().map_or(0.0, |best| from.misfit - best.0);
         let mut kinds: Vec<(&'static Kind, usize)> = Vec::new();
@@ -266,8 +280,9 @@ impl Search<'_> {
                 continue;
             }
             *followed += 1;
-            let Some(fit) = fit_in(&self.trials, &start, true, FIRST_STEPS) else { continue };
+            let Some(fit) = fit_in(&self.trials, &start, self.lags, FIRST_STEPS) else { continue };
             let found = self.tried(from, fit, kind, price(kind));
+            dbg_at(&format!("  followed {}", kind.id)); // RLDBG
             match tried.iter_mut().find(|other| other.kind == kind) {
                 Some(other) if found.fitted_gain > other.fitted_gain => *other = found,
                 Some(_) => {}
@@ -283,6 +298,7 @@ impl Search<'_> {
                 if let Some(finished) = self.attempt(from, &start, tried.kind, best - tried.worth()) {
                     *tried = finished;
                 }
+                dbg_at(&format!("  attempted {}", tried.kind.id)); // RLDBG
                 (self.progress)();
             }
         }
@@ -358,7 +374,8 @@ impl Search<'_> {
 
     /// A kind searched to the end, which is `behind` the best of all in worth so far.
     fn attempt(&self, from: &Fit, start: &Hypothesis, kind: &'static Kind, behind: f64) -> Option<Tried> {
-        let fit = self.whole(fit(&self.trials, start, true)?);
+        let fit = self.whole(fit_behind(&self.trials, start, self.lags, behind)?);
+        dbg_at(&format!("    fit {}", kind.id)); // RLDBG
         let mean = self.tried(from, fit, kind, price(kind));
         // Where the frames lie is looked for once their rate is about known.
         let anywhere = |effect: &Candidate| effect.kind == kind && effect.has_frames() && effect.phases.is_empty();
@@ -367,8 +384,8 @@ impl Search<'_> {
         let waits = |_: &usize| waits::evidence(&self.trials, &mean.fit.hypothesis, Purpose::Fit) > ALL_ALIKE;
         let framed = effect.filter(waits).and_then(|effect| {
             let framed = frames::find(&self.trials, &mean.fit, effect, behind)?;
-            let framed = self::fit(&self.trials, &framed, true)?;
-            let fit = self::fit(&self.trials, &frames::polish(&self.trials, &framed, effect)?, true)?;
+            let framed = self::fit(&self.trials, &framed, self.lags)?;
+            let fit = self::fit(&self.trials, &frames::polish(&self.trials, &framed, effect)?, self.lags)?;
             // A phase for each record, beside the rate.
             Some(self.tried(from, fit, kind, price(kind) + self.trials.trials.len() as f64))
         });
@@ -382,7 +399,7 @@ impl Search<'_> {
         let whole = last.and_then(|last| {
             let mut whole = found.hypothesis.clone();
             *whole.effects.last_mut()? = last;
-            fit(&self.trials, &whole, true)
+            fit(&self.trials, &whole, self.lags)
         });
         whole.filter(|whole| whole.misfit < found.misfit + MOVES).unwrap_or(found)
     }
@@ -413,10 +430,10 @@ impl Search<'_> {
         }
         self.tell_what_was_before(base);
         self.take_hum_out(base)?;
-        let before = self.settle(base, true)?;
+        let before = self.settle(base, self.lags)?;
         let mut current = before.clone();
         let mut effects: Vec<Tried> = Vec::new();
-        let mut first_tried = Vec::new();
+        let (mut first_tried, mut last_tried) = (Vec::new(), Vec::new());
         let mut has_to_explain_all = false;
         while effects.len() < MOST_EFFECTS {
             let named: Vec<&'static Kind> = effects.iter().map(|effect| effect.kind).collect();
@@ -425,17 +442,29 @@ impl Search<'_> {
             if effects.is_empty() {
                 first_tried.clone_from(&tried);
             }
+            let left = |fit: &Fit| excess(&self.trials, &fit.hypothesis, Purpose::Fit);
+            let share = |fit: &Fit| if left(fit).is_noise() { 0.0 } else { left(fit).over() / left(&before).over() };
+            // Before the noise is taken from what it leaves, which may be long.
+            let is_hopeless = |tried: &Tried| share(&tried.fit) > 2.0 * HOPELESS;
+            if effects.len() + 1 == ENOUGH_EFFECTS && tried.first().is_some_and(is_hopeless) {
+                return Some(Explanation { after: before.clone(), before, found: Vec::new(), tried: first_tried });
+            }
             let Some(step) = self.next_effect(&tried, effects.is_empty()) else { break };
             has_to_explain_all |= step.is_detour;
+            last_tried = tried;
             effects.push(step.tried);
             current = step.fit;
             let left = |fit: &Fit| excess(&self.trials, &fit.hypothesis, Purpose::Fit);
-            let is_hopeless = !left(&current).is_noise() && left(&current).over() > HOPELESS * left(&before).over();
-            if effects.len() >= ENOUGH_EFFECTS && is_hopeless {
-                return Some(Explanation { after: before.clone(), before, found: Vec::new(), tried: first_tried });
+            if effects.len() >= ENOUGH_EFFECTS {
+                if left(&current).is_noise() {
+                    break;
+                }
+                if left(&current).over() > HOPELESS * left(&before).over() {
+                    return Some(Explanation { after: before.clone(), before, found: Vec::new(), tried: first_tried });
+                }
             }
         }
-        let (after, found) = match &effects[..] {
+        let (after, mut found) = match &effects[..] {
             // Nothing beside which it could look different.
             [only] => {
                 let others = first_tried.iter().filter(|other| other.kind != only.kind && other.may_be_named());
@@ -443,25 +472,53 @@ impl Search<'_> {
                 let alternatives = others.filter(alike).map(|other| other.kind).collect();
                 (current, vec![Found { kind: only.kind, worth: only.worth(), alternatives }])
             }
-            _ => self.review(current)?,
+            _ => self.review(current, last_tried)?,
         };
-        if has_to_explain_all && !excess(&self.trials, &after.hypothesis, Purpose::Fit).is_noise() {
+        let explains_all = |fit: &Fit| {
+            excess(&self.trials, &fit.hypothesis, Purpose::Fit).is_noise()
+                && steadiness(&self.trials, &fit.hypothesis).is_noise()
+        };
+        if has_to_explain_all && !explains_all(&after) {
             return Some(Explanation { after: before.clone(), before, found: Vec::new(), tried: first_tried });
         }
-        let after = settle_jumps(&self.trials, after)?;
+        dbg_at("settle jumps"); // RLDBG
+        let mut after = settle_jumps(&self.trials, after)?;
+        while let Some(absent) = (0..found.len()).find(|effect| after.may_be_absent(*effect)) {
+            after = fit(&self.trials, &after.hypothesis.without(absent), self.lags)?;
+            found.remove(absent);
+        }
+        dbg_at("explained"); // RLDBG
         Some(Explanation { before, after, found, tried: first_tried })
     }
 
-    /// Tries each effect again beside the others: drops it, exchanges it, or keeps it with what would do as well.
-    fn review(&mut self, mut current: Fit) -> Option<(Fit, Vec<Found>)> {
+    /// Kinds that were tried beside `from`, as it was found then, by the noise of now: those that may be the best.
+    fn again(&self, from: &Fit, tried: &[Tried]) -> Vec<Tried> {
+        let best = tried.first().map_or(0.0, Tried::worth);
+        let is_near = |other: &&Tried| other.worth() > AGAIN * best;
+        let near = tried.iter().filter(is_near).take(MOST_FINISHED);
+        let mut again: Vec<Tried> = near
+            .filter_map(|tried| self.attempt(from, &tried.fit.hypothesis, tried.kind, best - tried.worth()))
+            .collect();
+        self.hear(&mut again);
+        again
+    }
+
+    /// Tries each effect again beside the others: drops it, exchanges it, or keeps it with what would do as well. Beside the last
+    /// one nothing has changed since `last_tried`, as long as the others stay.
+    fn review(&mut self, mut current: Fit, last_tried: Vec<Tried>) -> Option<(Fit, Vec<Found>)> {
+        let mut last_tried = Some(last_tried);
         let mut found: Vec<Option<Found>> = vec![None; current.hypothesis.effects.len()];
         let mut effect = 0;
         let mut exchanges = 0;
         while effect < current.hypothesis.effects.len() {
             let kind = current.hypothesis.effects[effect].kind;
-            let rest = fit(&self.trials, &current.hypothesis.without(effect), true)?;
+            let rest = fit(&self.trials, &current.hypothesis.without(effect), self.lags)?;
             let others: Vec<&'static Kind> = rest.hypothesis.effects.iter().map(|other| other.kind).collect();
-            let mut tried = self.tries(&rest, &others);
+            let is_last = effect + 1 == current.hypothesis.effects.len();
+            let mut tried = match last_tried.take_if(|_| is_last) {
+                Some(tried) => self.again(&rest, &tried),
+                None => self.tries(&rest, &others),
+            };
             // The fit that it has may be better than what the search from the rest finds.
             if let Some(own) = self.attempt(&rest, &current.hypothesis, kind, 0.0) {
                 tried.retain(|other| other.kind != kind || other.worth() > own.worth());
@@ -475,11 +532,13 @@ impl Search<'_> {
             let Some(best) = tried.iter().find(|best| best.may_be_named() && most - best.worth() < ALIKE) else {
                 current = rest;
                 found.remove(effect);
+                last_tried = None;
                 continue;
             };
             if best.kind != kind && exchanges < MOST_EFFECTS {
                 exchanges += 1;
-                current = self.settle(&best.fit.hypothesis.clone(), true)?;
+                last_tried = None;
+                current = self.settle(&best.fit.hypothesis.clone(), self.lags)?;
                 // The new one is the last; all are judged beside it.
                 found = vec![None; current.hypothesis.effects.len()];
                 effect = 0;
@@ -496,14 +555,19 @@ impl Search<'_> {
         order.sort_by(|a, b| worth(*b).total_cmp(&worth(*a)));
         let mut sorted = current.hypothesis.clone();
         sorted.effects = order.iter().map(|&effect| current.hypothesis.effects[effect].clone()).collect();
-        let after = fit(&self.trials, &sorted, true)?;
+        let after = fit(&self.trials, &sorted, self.lags)?;
         Some((after, order.into_iter().filter_map(|effect| found[effect].clone()).collect()))
     }
 }
 
+pub(super) fn dbg_at(what: &str) { // RLDBG
+    static T: std::sync::OnceLock<std::time::Instant> = std::sync::OnceLock::new(); // RLDBG
+    if std::env::var("RL_DEBUG").is_err() { return; } // RLDBG
+    eprintln!("{:7.2} {what}", T.get_or_init(std::time::Instant::now).elapsed().as_secs_f64()); // RLDBG
+} // RLDBG
 fn dbg_tried(what: &str, tried: &[Tried]) { // RLDBG
     if std::env::var("RL_DEBUG").is_err() { return; } // RLDBG
-    eprintln!("== {what}"); // RLDBG
+    dbg_at(&format!("== {what}")); // RLDBG
     for t in tried { // RLDBG
         let e = t.fit.hypothesis.effects.last(); // RLDBG
         eprintln!("   {} worth {:.1} fitted {:.1} held {:.1} price {:.1} paid {} plausible {} {:?} ph {} late {:.2e}", t.kind.id, t.worth(), t.fitted_gain, t.held_out_gain, t.price, t.is_paid(), t.is_plausible(), e.map(|e| e.values.clone()), e.map_or(0, |e| e.phases.len()), t.fit.hypothesis.late_s); // RLDBG

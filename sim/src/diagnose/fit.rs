@@ -49,6 +49,12 @@ pub(super) fn fit_in(trials: &Trials, start: &Hypothesis, lags: bool, most_steps
     fit_of(trials, start, start.coordinates(lags), most_steps)
 }
 
+/// [`fit`] for what is `behind` another hypothesis, in log likelihood: given up where at its pace it cannot catch up.
+pub(super) fn fit_behind(trials: &Trials, start: &Hypothesis, lags: bool, behind: f64) -> Option<Fit> {
+    let enough = ENOUGH.max(2.0 * behind / MOST_STEPS as f64);
+    search(trials, start, start.coordinates(lags), Pace { most_steps: MOST_STEPS, enough })
+}
+
 /// The same of these coordinates alone.
 pub(super) fn fit_of(
     trials: &Trials,
@@ -56,13 +62,25 @@ pub(super) fn fit_of(
     coordinates: Vec<Coordinate>,
     most_steps: usize,
 ) -> Option<Fit> {
+    search(trials, start, coordinates, Pace { most_steps, enough: ENOUGH })
+}
+
+/// How long a search goes on.
+#[derive(Clone, Copy)]
+struct Pace {
+    most_steps: usize,
+    /// What a step has to gain in the sum of squares for another one to follow.
+    enough: f64,
+}
+
+fn search(trials: &Trials, start: &Hypothesis, coordinates: Vec<Coordinate>, pace: Pace) -> Option<Fit> {
     let has_effects = coordinates.iter().any(|coordinate| matches!(coordinate, Coordinate::Effect { .. }));
-    let mut found = descend(trials, start, coordinates, EFFECT_STEP, most_steps)?;
-    if has_effects && most_steps >= MOST_STEPS {
-        found = descend(trials, &found.at, found.tangent.coordinates, FINE_STEP, most_steps)?;
+    let mut found = descend(trials, start, coordinates, EFFECT_STEP, pace)?;
+    if has_effects && pace.most_steps >= MOST_STEPS {
+        found = descend(trials, &found.at, found.tangent.coordinates, FINE_STEP, pace)?;
         for _ in 0..MOST_LOOKS {
             let Some(at) = look_around(trials, &found) else { break };
-            let other = descend(trials, &at, found.tangent.coordinates.clone(), FINE_STEP, most_steps)?;
+            let other = descend(trials, &at, found.tangent.coordinates.clone(), FINE_STEP, pace)?;
             // It was judged to first order only.
             if other.sum >= found.sum {
                 break;
@@ -111,7 +129,7 @@ fn descend(
     start: &Hypothesis,
     coordinates: Vec<Coordinate>,
     effect_step: f64,
-    most_steps: usize,
+    Pace { most_steps, enough }: Pace,
 ) -> Option<Descent> {
     let mut at = start.clone();
     let mut tangent = Tangent::with_step(trials, &at, coordinates, effect_step)?;
@@ -129,16 +147,16 @@ fn descend(
             at = moved;
             (sum, gradient) = there;
             damping = (damping * 0.2_f64).max(1e-9);
-            if gain < ENOUGH && is_fresh {
+            if gain < enough && is_fresh {
                 break;
             }
             is_fresh = false;
-            if gain >= 0.5 * promised && gain >= ENOUGH {
+            if gain >= 0.5 * promised && gain >= enough {
                 continue;
             }
         } else if is_fresh {
             damping *= 10.0;
-            if damping > 1e3 || promised < ENOUGH {
+            if damping > 1e3 || promised < enough {
                 break;
             }
             continue;
@@ -188,6 +206,20 @@ impl Fit {
                 let std = std * slope(parameter, candidate.values[value]).abs();
                 (candidate.values[value] - parameter.null).abs() > TWO_SIDED * std
             })
+    }
+
+    /// Whether the interval of 95 % of some value of an effect holds the value at which the effect vanishes: no derivative is
+    /// as small as that where the effect brings what it seems to. Values on which the response depends in jumps are not asked.
+    pub fn may_be_absent(&self, effect: usize) -> bool {
+        let candidate = &self.hypothesis.effects[effect];
+        let values = Candidate::searched(candidate.kind);
+        let mut told = values.filter(|(_, parameter)| parameter.null.is_finite() && parameter.usage == Use::Fitted);
+        told.any(|(value, parameter)| {
+            self.std(Coordinate::Effect { effect, value }).is_some_and(|std| {
+                let std = std * slope(parameter, candidate.values[value]).abs();
+                (candidate.values[value] - parameter.null).abs() <= TWO_SIDED * std
+            })
+        })
     }
 
     /// Whether no value of its last effect lies beyond its plausible range, seen from where the effect vanishes, by more than

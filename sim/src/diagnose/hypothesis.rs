@@ -86,6 +86,11 @@ impl Candidate {
         Self::searched(self.kind).any(|(_, parameter)| parameter.pieces > GRID)
     }
 
+    /// Whether the steady response changes with time.
+    pub fn drifts(&self) -> bool {
+        self.kind.site >= Site::Air && self.kind.linearity == Linearity::Absent
+    }
+
     /// Whether it has frames.
     pub fn has_frames(&self) -> bool {
         frames::has_frames(self.kind)
@@ -371,9 +376,7 @@ impl Hypothesis {
 
     /// Whether the steady response changes with time.
     fn drifts(&self) -> bool {
-        let drifts =
-            |candidate: &Candidate| candidate.kind.site >= Site::Air && candidate.kind.linearity == Linearity::Absent;
-        self.effects.iter().any(drifts)
+        self.effects.iter().any(Candidate::drifts)
     }
 
     /// The response at the first `rows` rows of a record. Where frames may lie anywhere, it is the mean over where they may.

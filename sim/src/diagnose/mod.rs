@@ -17,6 +17,7 @@ mod explain;
 mod fit;
 mod frames;
 mod gap;
+mod given;
 mod grid;
 mod hum;
 mod hypothesis;
@@ -51,6 +52,7 @@ pub use trial::LeftOut;
 pub use verdict::Verdict;
 
 use explain::{Explanation, Search};
+use given::WrongNumbers;
 use hypothesis::{BasePoint, Candidate, Coordinate, Hypothesis};
 use trial::{Purpose, Trials};
 use verdict::Grounds;
@@ -59,14 +61,6 @@ use crate::identify::{Estimate, PeriodicOptions, identify_periodic, same_output}
 use crate::plant::effect::Kind;
 use crate::plant::{Catalog, Effect, Lag, Model, OperatingCurve, Point};
 use crate::record::Experiment;
-
-/// Wrong numbers of a given model count as an effect from this gain of log likelihood on, over one per number.
-const LEAST_WORTH_OF_NUMBERS: f64 = 10.0;
-/// A lag is another one than the given where its squared distance in standard errors is more than this: for two numbers noise
-/// alone exceeds it once in 100 times.
-const IMPROVED: f64 = 9.2;
-/// Beside another effect they have to be this wrong, too: what exactly the lag is in its presence is a matter of definition.
-const LEAST_ERROR_BESIDE: f64 = 0.08;
 
 /// An effect that is named.
 #[derive(Clone, Debug)]
@@ -189,24 +183,17 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     trials.check_fitted()?;
     trials.curve = options.model.map(|model| trials.curve_through(model)).transpose()?.flatten();
     let base = first_model(experiment, &trials, options.model)?;
-    let mut search = Search { trials, catalog: options.catalog, progress: options.progress };
-    let Explanation { mut before, mut after, found, tried } =
+    let untouched = options.model.map(|_| trials.clone());
+    let mut search = Search { trials, catalog: options.catalog, progress: options.progress, lags: true };
+    let explanation =
         search.explain(&Hypothesis::of_lags(base.clone())).ok_or(DiagnoseError::NoFit { what: "a first-order lag" })?;
+    let (Explanation { before, mut after, found, tried }, mut wrong) = match untouched {
+        Some(untouched) => given::compared(&mut search, untouched, &base, explanation)
+            .ok_or(DiagnoseError::NoFit { what: "the given lags" })?,
+        None => (explanation, None),
+    };
     // Weighed by the noise that the best explanation leaves.
     let trials = &search.trials;
-    let no_fit = DiagnoseError::NoFit { what: "the given lags" };
-    let mut wrong = None;
-    if options.model.is_some() {
-        let given = Hypothesis { base: base.clone(), ..after.hypothesis.clone() };
-        let with_effects = fit::fit(trials, &given, false).ok_or(no_fit.clone())?;
-        wrong = wrong_numbers(&base, &with_effects, &after);
-        if found.is_empty() && wrong.is_none() {
-            after = with_effects;
-        } else if wrong.is_none() {
-            after = keep_given(trials, &base, after).ok_or(no_fit.clone())?;
-        }
-        before = fit::fit(trials, &Hypothesis::of_lags(base), false).ok_or(no_fit)?;
-    }
     let excess = |hypothesis| locate::excess(trials, hypothesis, Purpose::Fit);
     let (excess_before, mut excess_after) = (excess(&before.hypothesis), excess(&after.hypothesis));
     let steadiness = steadiness::steadiness(trials, &after.hypothesis);
@@ -245,7 +232,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         });
     }
     let model = improved(options.model, trials, &after, &effects);
-    if let Some((evidence, parameters, given)) = wrong
+    if let Some(WrongNumbers { evidence, parameters, given }) = wrong
         && let Some(kind) = options.catalog.find("parameter_error")
     {
         let alone = gap::gaps(trials, &given, &after.hypothesis, false).total;
@@ -282,49 +269,6 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         excess: (excess_before, excess_after),
         steadiness,
     })
-}
-
-/// `refitted` with the given lag wherever the records do not improve on it: a lag fitted to few of them would be worse on the
-/// others. How well it is known is another matter, and stays as it is.
-fn keep_given(trials: &Trials, given: &[BasePoint], refitted: fit::Fit) -> Option<fit::Fit> {
-    let mut kept = refitted.hypothesis.clone();
-    for (point, (found, given)) in kept.base.iter_mut().zip(given).enumerate() {
-        let off = [(found.gain / given.gain).ln(), (found.time_constant_s / given.time_constant_s).ln()];
-        let distance = refitted.distance([Coordinate::Gain(point), Coordinate::TimeConstant(point)], off);
-        if distance.is_none_or(|distance| distance < IMPROVED) {
-            *found = *given;
-        }
-    }
-    let hypothesis = fit::fit(trials, &kept, false)?.hypothesis;
-    Some(fit::Fit { hypothesis, ..refitted })
-}
-
-/// Whether a given model's numbers are wrong: by how much the log likelihood grows with others, the mean relative errors of
-/// gain and time constant, and what was compared. `given` has the model's lags, `refitted` the best ones, both with the
-/// effects that were found.
-fn wrong_numbers(
-    base: &[BasePoint],
-    given: &fit::Fit,
-    refitted: &fit::Fit,
-) -> Option<(f64, [Estimate; 2], Hypothesis)> {
-    let worth = 0.5 * (given.misfit - refitted.misfit) - (2 * base.len()) as f64;
-    let ratio = |number: fn(&BasePoint) -> f64, coordinate: fn(usize) -> Coordinate| {
-        let of_points = base.iter().zip(&refitted.hypothesis.base).enumerate().map(|(point, (given, found))| {
-            let std = refitted.std(coordinate(point)).unwrap_or(f64::INFINITY);
-            (number(found) / number(given) - 1.0, std.powi(-2).max(1e-30))
-        });
-        let (sum, weight) =
-            of_points.fold((0.0, 0.0), |(sum, total), (error, weight)| (sum + error * weight, total + weight));
-        Estimate::normal(sum / weight, weight.sqrt().recip())
-    };
-    let gain = ratio(|point| point.gain, Coordinate::Gain);
-    let time_constant = ratio(|point| point.time_constant_s, Coordinate::TimeConstant);
-    let beside = !refitted.hypothesis.effects.is_empty();
-    // What is not known cannot be wrong.
-    let error = |estimate: &Estimate| if estimate.excludes(0.0) { estimate.value.abs() } else { 0.0 };
-    let largest = error(&gain).max(error(&time_constant));
-    let is_wrong = worth > LEAST_WORTH_OF_NUMBERS && largest > if beside { LEAST_ERROR_BESIDE } else { 0.0 };
-    is_wrong.then(|| (worth, [gain, time_constant], given.hypothesis.clone()))
 }
 
 /// The lags to begin with: the given model's, or those that the records show.

@@ -12,8 +12,8 @@ use crate::plant::effect::Site;
 
 /// Judges candidates beside a fit by what they would change.
 ///
-/// Where the fit has effects that make the rotor one that is integrated, a candidate's change is taken from the chain
-/// without these and added to what the fit leaves: right to first order, which is all that the tangent is, and as quick as
+/// Where the fit has effects that make the rotor one that is integrated, or the periods differ, a candidate's change is taken from
+/// the chain without these and added to what the fit leaves: right to first order, which is all that the tangent is, and as quick as
 /// beside no effect.
 pub(super) struct Screening<'a> {
     from: &'a Fit,
@@ -24,12 +24,17 @@ pub(super) struct Screening<'a> {
     offsets: Vec<Vec<Complex64>>,
 }
 
+/// Whether a chain with it takes much longer.
+fn is_slow(candidate: &Candidate) -> bool {
+    matches!(candidate.kind.site, Site::Supply | Site::Map | Site::Rotor) || candidate.drifts()
+}
+
 impl<'a> Screening<'a> {
     /// Beside `from`. `None` where its derivatives are not defined.
     pub fn new(trials: &Trials, from: &'a Fit) -> Option<Self> {
         let tangent = from.tangent(trials)?;
         let mut quick = from.hypothesis.clone();
-        quick.effects.retain(|candidate| !matches!(candidate.kind.site, Site::Supply | Site::Map | Site::Rotor));
+        quick.effects.retain(|candidate| !is_slow(candidate));
         let mut offsets = Vec::new();
         if quick.effects.len() < from.hypothesis.effects.len() {
             let offset = |trial: &Trial| {

@@ -29,7 +29,7 @@ impl Search<'_> {
                 continue;
             }
             let weights = self.trials.clone();
-            let fit = self.settle(&tried.fit.hypothesis, true)?;
+            let fit = self.settle(&tried.fit.hypothesis, self.lags)?;
             if fit.is_plausible() {
                 return Some(Step { tried: tried.clone(), fit, is_detour });
             }
