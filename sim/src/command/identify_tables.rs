@@ -36,7 +36,7 @@ fn percent(value: Option<f64>) -> String {
 }
 
 /// Two decimals where there is room for them in six places.
-fn four_digits(value: f64) -> String {
+fn in_six_places(value: f64) -> String {
     let decimals = if value < 99.995 {
         2
     } else if value < 9999.5 {
@@ -69,7 +69,7 @@ pub(super) fn periodic_table(output: Output, found: &PeriodicIdentification) -> 
             point.delay_s_std.map_or_else(|| String::from("-"), |std| with_std(point.delay_s, Some(std), 1e3, 2)),
             percent(point.fit_frequency_percent),
             percent(point.fit_square_percent),
-            four_digits(nominal.fit.reduced_chi_square),
+            in_six_places(nominal.fit.reduced_chi_square),
         );
         text.push_str(&line);
     }
@@ -156,13 +156,13 @@ pub(super) fn point_json(point: &Point) -> Value {
 
 #[cfg(test)]
 mod tests {
-    use super::four_digits;
+    use super::in_six_places;
 
     #[test]
     fn a_large_chi_square_stays_in_its_column() {
         for (value, shown) in [(1.05, "1.05"), (99.996, "100.0"), (162.52, "162.5"), (23456.7, "23457"), (2.6e7, "3e7")]
         {
-            assert_eq!(four_digits(value), shown);
+            assert_eq!(in_six_places(value), shown);
         }
     }
 }

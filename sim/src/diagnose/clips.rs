@@ -14,7 +14,8 @@ const SAME: f64 = 1e-4;
 
 /// Limits a little below the highest commands of the records; none for other kinds.
 pub(super) fn starts(trials: &Trials, kind: &'static Kind) -> Vec<Candidate> {
-    let Some(place) = (kind.id == "saturation").then_some(0).filter(|_| !trials.has_logs()) else { return Vec::new() };
+    let is_limit = kind.id == "saturation" && !trials.has_logs();
+    let Some((place, _)) = Candidate::searched(kind).next().filter(|_| is_limit) else { return Vec::new() };
     let top = |trial: &Trial| (trial.told.iter().copied().fold(f64::NEG_INFINITY, f64::max), trial.amplitude);
     let mut tops: Vec<(f64, f64)> = trials.trials.iter().map(top).collect();
     // The larger amplitude first where tops are the same.

@@ -85,13 +85,9 @@ impl Tried {
         self.fit.is_plausible()
     }
 
-    fn may_be_absent(&self) -> bool {
-        self.fit.hypothesis.effects.len().checked_sub(1).is_some_and(|last| self.fit.may_be_absent(last))
-    }
-
     /// Whether it is worth enough.
     pub fn is_worth_a_name(&self) -> bool {
-        self.worth() >= LEAST_WORTH && self.is_paid() && !self.may_be_absent()
+        self.worth() >= LEAST_WORTH && self.is_paid()
     }
 
     /// Something like an effect, but larger than it can be, is none of the catalog.
@@ -123,14 +119,15 @@ pub(super) fn aligned(all: &Trials, trial: &Trial, hypothesis: &Hypothesis) -> O
 }
 
 /// What a search for a kind would gain on average where there is nothing: one for each number that it moves (Akaike 1974). Where
-/// the response jumps about as the value moves, each of many places is a trial of its own, and the best of `n` trials has `ln n`
+/// the response jumps about as the value moves, or a peak is narrow, each of many places is a trial of its own, and the best of `n` trials has `ln n`
 /// more (the tail of the log likelihood's gain by chance is exponential).
 pub(super) fn price(kind: &'static Kind) -> f64 {
     let of_value = |parameter: &Parameter| {
         let places = if grid::is_grid(kind) { grid::lines(parameter).len() as u32 } else { parameter.pieces };
         1.0 + if parameter.pieces > GRID { f64::from(places).ln() } else { 0.0 }
     };
-    Candidate::searched(kind).map(|(_, parameter)| of_value(parameter)).sum()
+    let of_values: f64 = Candidate::searched(kind).map(|(_, parameter)| of_value(parameter)).sum();
+    of_values + if resonance::is_mode(kind) { (resonance::frequencies(kind) as f64).ln() } else { 0.0 }
 }
 
 /// The most valuable first, of those that may be named.
@@ -242,7 +239,6 @@ impl Search<'_> {
 
     /// Kinds that improve on `from`, best first.
     fn tries(&self, from: &Fit, exclude: &[&'static Kind]) -> Vec<Tried> {
-        dbg_at("tries"); // RLDBG
         let lifted = self.lags.then(|| collapsed::lifted(&self.trials, from)).flatten();
         let mut screened: Vec<(f64, Hypothesis, &'static Kind)> = Vec::new();
         for near in std::iter::once(from).chain(&lifted) {
@@ -251,11 +247,9 @@ impl Search<'_> {
             let kinds = self.catalog.kinds().filter(|kind| kind.id != "parameter_error" && !exclude.contains(kind));
             for kind in kinds.filter(|kind| kind.shows != Shows::OverLevels) {
                 screened.extend(self.screen(&screening, &scan, near, kind));
-                dbg_at(kind.id); // RLDBG
                 (self.progress)();
             }
         }
-        dbg_at(&format!("screened, late {}", from.is_late(&self.trials))); // RLDBG
         screened.sort_by(|a, b| a.0.total_cmp(&b.0));
         let best = screened.first().map_or(0.0, |best| from.misfit - best.0);
         let mut kinds: Vec<(&'static Kind, usize)> = Vec::new();
@@ -282,7 +276,6 @@ impl Search<'_> {
             *followed += 1;
             let Some(fit) = fit_in(&self.trials, &start, self.lags, FIRST_STEPS) else { continue };
             let found = self.tried(from, fit, kind, price(kind));
-            dbg_at(&format!("  followed {}", kind.id)); // RLDBG
             match tried.iter_mut().find(|other| other.kind == kind) {
                 Some(other) if found.fitted_gain > other.fitted_gain => *other = found,
                 Some(_) => {}
@@ -298,7 +291,6 @@ impl Search<'_> {
                 if let Some(finished) = self.attempt(from, &start, tried.kind, best - tried.worth()) {
                     *tried = finished;
                 }
-                dbg_at(&format!("  attempted {}", tried.kind.id)); // RLDBG
                 (self.progress)();
             }
         }
@@ -375,7 +367,6 @@ impl Search<'_> {
     /// A kind searched to the end, which is `behind` the best of all in worth so far.
     fn attempt(&self, from: &Fit, start: &Hypothesis, kind: &'static Kind, behind: f64) -> Option<Tried> {
         let fit = self.whole(fit_behind(&self.trials, start, self.lags, behind)?);
-        dbg_at(&format!("    fit {}", kind.id)); // RLDBG
         let mean = self.tried(from, fit, kind, price(kind));
         // Where the frames lie is looked for once their rate is about known.
         let anywhere = |effect: &Candidate| effect.kind == kind && effect.has_frames() && effect.phases.is_empty();
@@ -438,7 +429,6 @@ impl Search<'_> {
         while effects.len() < MOST_EFFECTS {
             let named: Vec<&'static Kind> = effects.iter().map(|effect| effect.kind).collect();
             let tried = self.tries(&current, &named);
-            dbg_tried("step", &tried); // RLDBG
             if effects.is_empty() {
                 first_tried.clone_from(&tried);
             }
@@ -464,7 +454,7 @@ impl Search<'_> {
                 }
             }
         }
-        let (after, mut found) = match &effects[..] {
+        let (after, found) = match &effects[..] {
             // Nothing beside which it could look different.
             [only] => {
                 let others = first_tried.iter().filter(|other| other.kind != only.kind && other.may_be_named());
@@ -481,13 +471,7 @@ impl Search<'_> {
         if has_to_explain_all && !explains_all(&after) {
             return Some(Explanation { after: before.clone(), before, found: Vec::new(), tried: first_tried });
         }
-        dbg_at("settle jumps"); // RLDBG
-        let mut after = settle_jumps(&self.trials, after)?;
-        while let Some(absent) = (0..found.len()).find(|effect| after.may_be_absent(*effect)) {
-            after = fit(&self.trials, &after.hypothesis.without(absent), self.lags)?;
-            found.remove(absent);
-        }
-        dbg_at("explained"); // RLDBG
+        let after = settle_jumps(&self.trials, after)?;
         Some(Explanation { before, after, found, tried: first_tried })
     }
 
@@ -527,7 +511,6 @@ impl Search<'_> {
                 }
                 self.hear(&mut tried);
             }
-            dbg_tried(&format!("review of {}", kind.id), &tried); // RLDBG
             let most = tried.first().map_or(0.0, Tried::worth);
             let Some(best) = tried.iter().find(|best| best.may_be_named() && most - best.worth() < ALIKE) else {
                 current = rest;
@@ -559,17 +542,3 @@ impl Search<'_> {
         Some((after, order.into_iter().filter_map(|effect| found[effect].clone()).collect()))
     }
 }
-
-pub(super) fn dbg_at(what: &str) { // RLDBG
-    static T: std::sync::OnceLock<std::time::Instant> = std::sync::OnceLock::new(); // RLDBG
-    if std::env::var("RL_DEBUG").is_err() { return; } // RLDBG
-    eprintln!("{:7.2} {what}", T.get_or_init(std::time::Instant::now).elapsed().as_secs_f64()); // RLDBG
-} // RLDBG
-fn dbg_tried(what: &str, tried: &[Tried]) { // RLDBG
-    if std::env::var("RL_DEBUG").is_err() { return; } // RLDBG
-    dbg_at(&format!("== {what}")); // RLDBG
-    for t in tried { // RLDBG
-        let e = t.fit.hypothesis.effects.last(); // RLDBG
-        eprintln!("   {} worth {:.1} fitted {:.1} held {:.1} price {:.1} paid {} plausible {} {:?} ph {} late {:.2e}", t.kind.id, t.worth(), t.fitted_gain, t.held_out_gain, t.price, t.is_paid(), t.is_plausible(), e.map(|e| e.values.clone()), e.map_or(0, |e| e.phases.len()), t.fit.hypothesis.late_s); // RLDBG
-    } // RLDBG
-} // RLDBG

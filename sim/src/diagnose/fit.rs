@@ -208,20 +208,6 @@ impl Fit {
             })
     }
 
-    /// Whether the interval of 95 % of some value of an effect holds the value at which the effect vanishes: no derivative is
-    /// as small as that where the effect brings what it seems to. Values on which the response depends in jumps are not asked.
-    pub fn may_be_absent(&self, effect: usize) -> bool {
-        let candidate = &self.hypothesis.effects[effect];
-        let values = Candidate::searched(candidate.kind);
-        let mut told = values.filter(|(_, parameter)| parameter.null.is_finite() && parameter.usage == Use::Fitted);
-        told.any(|(value, parameter)| {
-            self.std(Coordinate::Effect { effect, value }).is_some_and(|std| {
-                let std = std * slope(parameter, candidate.values[value]).abs();
-                (candidate.values[value] - parameter.null).abs() <= TWO_SIDED * std
-            })
-        })
-    }
-
     /// Whether no value of its last effect lies beyond its plausible range, seen from where the effect vanishes, by more than
     /// the value may be off.
     pub fn is_plausible(&self) -> bool {

@@ -93,11 +93,7 @@ fn keep_given(trials: &Trials, given: &[BasePoint], refitted: Fit) -> Option<Fit
 
 /// Whether a given model's numbers are wrong. `given` has the model's lags, `refitted` the best ones, both with the
 /// effects that were found.
-fn wrong_numbers(
-    base: &[BasePoint],
-    given: &Fit,
-    refitted: &Fit,
-) -> Option<WrongNumbers> {
+fn wrong_numbers(base: &[BasePoint], given: &Fit, refitted: &Fit) -> Option<WrongNumbers> {
     let worth = 0.5 * (given.misfit - refitted.misfit) - (2 * base.len()) as f64;
     let ratio = |number: fn(&BasePoint) -> f64, coordinate: fn(usize) -> Coordinate| {
         let of_points = base.iter().zip(&refitted.hypothesis.base).enumerate().map(|(point, (given, found))| {

@@ -39,6 +39,11 @@ pub(super) fn is_mode(kind: &Kind) -> bool {
     kind.site == Site::Stand && kind.linearity == Linearity::Exact
 }
 
+/// At how many frequencies modes are looked for.
+pub(super) fn frequencies(kind: &Kind) -> usize {
+    PIECES_PER_START * kind.parameters.iter().map(|parameter| parameter.starts.len()).max().unwrap_or(0) + 1
+}
+
 /// The modes that the residual of `fit` speaks of most, the loudest first. Empty where no record repeats.
 pub(super) fn modes(trials: &Trials, fit: &Fit, kind: &'static Kind) -> Vec<Candidate> {
     let searched: Vec<_> = Candidate::searched(kind).collect();

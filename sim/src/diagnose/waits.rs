@@ -19,8 +19,9 @@ use super::edges::{Edge, changes, lone_edges};
 use super::hypothesis::{Candidate, Hypothesis};
 use super::trial::{Purpose, Trial, Trials};
 
-/// Waits of which the mean is taken.
+/// Waits of which the mean is taken, over so many standard errors to either side of the likeliest.
 const WAITS: usize = 400;
+const ERRORS: f64 = 8.0;
 
 /// By how much the log likelihood of what is for `purpose` grows where each change waits for a frame of its own. 0 without frames,
 /// and where it is known where they lie.
@@ -61,14 +62,23 @@ fn of_edges(
     trials.trials.par_iter().filter(|trial| trial.log.is_none()).filter_map(of_trial).sum()
 }
 
-/// `ln (1/T) integral exp(-p w - P w^2 / 2) dw` from `-T/2` to `T/2`.
+/// `ln (1/T) integral exp(-p w - P w^2 / 2) dw` from `-T/2` to `T/2`, over what of it counts.
 fn mean_over_waits(product: f64, power: f64, frame_s: f64) -> f64 {
+    let half_s = 0.5 * frame_s;
+    let likeliest_s = (-product / power).clamp(-half_s, half_s);
+    let (from_s, to_s) = if power > 0.0 {
+        let reach_s = ERRORS / power.sqrt();
+        ((likeliest_s - reach_s).max(-half_s), (likeliest_s + reach_s).min(half_s))
+    } else {
+        (-half_s, half_s)
+    };
+    let step_s = (to_s - from_s) / WAITS as f64;
     let gain = |index: usize| {
-        let wait_s = ((index as f64 + 0.5) / WAITS as f64 - 0.5) * frame_s;
+        let wait_s = from_s + (index as f64 + 0.5) * step_s;
         -product * wait_s - 0.5 * power * wait_s * wait_s
     };
     let most = (0..WAITS).map(gain).fold(f64::NEG_INFINITY, f64::max);
-    most + ((0..WAITS).map(|index| (gain(index) - most).exp()).sum::<f64>() / WAITS as f64).ln()
+    most + ((0..WAITS).map(|index| (gain(index) - most).exp()).sum::<f64>() * step_s / frame_s).ln()
 }
 
 #[cfg(test)]
@@ -83,6 +93,10 @@ mod tests {
         let power = std_s.powi(-2);
         let alike = mean_over_waits(0.0, power, frame_s);
         assert!((alike - (std_s * (2.0 * std::f64::consts::PI).sqrt() / frame_s).ln()).abs() < 1e-4, "{alike}");
+        // Known to a thousandth of a frame.
+        let std_s = 2e-6_f64;
+        let sharp = mean_over_waits(0.0, std_s.powi(-2), frame_s);
+        assert!((sharp - (std_s * (2.0 * std::f64::consts::PI).sqrt() / frame_s).ln()).abs() < 1e-3, "{sharp}");
         // A wait of two such errors: e^2 times as likely as none, at the same price.
         let waits = mean_over_waits(-2.0 * std_s * power, power, frame_s);
         assert!((waits - alike - 2.0).abs() < 2e-3, "{waits}");
