@@ -6,6 +6,7 @@ mod two_levels;
 use rotorlead_sim::diagnose::{Axis, DiagnoseError, Options, Verdict, diagnose};
 use rotorlead_sim::identify::IdentifyError;
 use rotorlead_sim::plant::Catalog;
+use rotorlead_sim::record::{Excitation, Role};
 use two_levels::{diagnosed, experiment, motor};
 
 #[test]
@@ -141,4 +142,32 @@ fn what_is_like_an_effect_but_larger_than_any_is_not_named() {
         diagnosed(&experiment(&motor(Some(("transport_delay", &[("delay_s", beyond)]))), 6), Some(&motor(None)));
     assert_eq!(found.verdict, Verdict::Unknown, "{:?}", found.effects);
     assert_eq!(found.tried[0].kind.id, "transport_delay");
+}
+
+/// Square waves alone say a limit and a smaller gain alike; the multisine that is held out does not, and the given gain is right there.
+#[test]
+fn a_limit_that_only_square_waves_were_fitted_to_is_no_wrong_number() {
+    let given = motor(None);
+    let mut experiment = experiment(&motor(Some(("saturation", &[("max", 0.63)]))), 8);
+    for record in &mut experiment.records {
+        let is_high_multisine = record.nominal > 0.5 && record.excitation == Excitation::Multisine;
+        record.role = Some(if is_high_multisine { Role::Validate } else { Role::Fit });
+    }
+    let found = diagnosed(&experiment, Some(&given));
+    assert_eq!(found.effects.iter().map(|effect| effect.kind.id).collect::<Vec<_>>(), ["saturation"]);
+    let max = found.effects[0].parameters[0].1;
+    assert!((max.value - 0.63).abs() < 4.0 * max.std, "{max:?}");
+    assert!(found.gap.after < 1.1 * found.gap.noise_floor, "{:?}", found.gap);
+}
+
+/// A resonance damped as no stand is does better than a pole or a stiff mode alone, and is neither.
+#[test]
+fn two_effects_that_look_like_a_shape_of_neither_are_found_by_way_of_either() {
+    let mut both = motor(Some(("second_pole", &[("time_constant_s", 0.011)])));
+    let mode = [("frequency_hz", 24.0), ("damping", 0.07), ("participation", 1.2)];
+    both.effects.extend(motor(Some(("stand_resonance", &mode))).effects);
+    let found = diagnosed(&experiment(&both, 9), None);
+    let mut kinds: Vec<&str> = found.effects.iter().map(|effect| effect.kind.id).collect();
+    kinds.sort_unstable();
+    assert_eq!((found.verdict, kinds), (Verdict::Named, vec!["second_pole", "stand_resonance"]));
 }

@@ -151,7 +151,8 @@ fn told_apart(kind: &str, parameters: &[(&str, f64)], rivals: &[&str]) {
     // Other numbers are other only beside given ones.
     let given = (kind == "parameter_error").then(|| motor(None));
     let found = diagnosed(&experiment(&hidden, SEED), given.as_ref());
-    assert_eq!(found.effects[0].kind.id, kind, "{:?}", found.effects);
+    let first = found.effects.first().map(|effect| effect.kind.id);
+    assert_eq!(first, Some(kind), "{:?}: {:?} {:?}", found.verdict, found.effects, found.tried);
     for rival in rivals {
         names_only(&hidden, given.as_ref(), read_back(&proposed(&found, rival)), kind);
     }

@@ -414,6 +414,12 @@ impl Search<'_> {
         }
     }
 
+    /// The part of the misfit of `before` that `fit` leaves; 0 where it leaves no more than noise.
+    fn leaves(&self, fit: &Fit, before: &Fit) -> f64 {
+        let left = |fit: &Fit| excess(&self.trials, &fit.hypothesis, Purpose::Fit);
+        if left(fit).is_noise() { 0.0 } else { left(fit).over() / left(before).over() }
+    }
+
     /// Finds the effects.
     pub fn explain(&mut self, base: &Hypothesis) -> Option<Explanation> {
         if self.trials.trials.iter().any(|trial| trial.log.is_some()) {
@@ -432,11 +438,11 @@ impl Search<'_> {
             if effects.is_empty() {
                 first_tried.clone_from(&tried);
             }
-            let left = |fit: &Fit| excess(&self.trials, &fit.hypothesis, Purpose::Fit);
-            let share = |fit: &Fit| if left(fit).is_noise() { 0.0 } else { left(fit).over() / left(&before).over() };
             // Before the noise is taken from what it leaves, which may be long.
-            let is_hopeless = |tried: &Tried| share(&tried.fit) > 2.0 * HOPELESS;
-            if effects.len() + 1 == ENOUGH_EFFECTS && tried.first().is_some_and(is_hopeless) {
+            let best = tried.iter().find(|tried| tried.is_worth_a_name());
+            if effects.len() + 1 == ENOUGH_EFFECTS
+                && best.is_some_and(|best| self.leaves(&best.fit, &before) > 2.0 * HOPELESS)
+            {
                 return Some(Explanation { after: before.clone(), before, found: Vec::new(), tried: first_tried });
             }
             let Some(step) = self.next_effect(&tried, effects.is_empty()) else { break };
@@ -444,13 +450,18 @@ impl Search<'_> {
             last_tried = tried;
             effects.push(step.tried);
             current = step.fit;
-            let left = |fit: &Fit| excess(&self.trials, &fit.hypothesis, Purpose::Fit);
             if effects.len() >= ENOUGH_EFFECTS {
-                if left(&current).is_noise() {
-                    break;
-                }
-                if left(&current).over() > HOPELESS * left(&before).over() {
-                    return Some(Explanation { after: before.clone(), before, found: Vec::new(), tried: first_tried });
+                match self.leaves(&current, &before) {
+                    0.0 => break,
+                    part if part > HOPELESS => {
+                        return Some(Explanation {
+                            after: before.clone(),
+                            before,
+                            found: Vec::new(),
+                            tried: first_tried,
+                        });
+                    }
+                    _ => {}
                 }
             }
         }

@@ -94,3 +94,21 @@ pub(super) fn steps(trials: &Trials, fit: &Fit, kind: &'static Kind) -> Vec<Cand
     };
     gains.iter().take(STEPS).map(candidate).filter(|candidate| (kind.check)(&candidate.values).is_ok()).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plant::Catalog;
+
+    #[test]
+    fn a_grid_near_that_of_a_counter_has_a_whole_number_of_steps() {
+        let near = |id: &str, value: f64| {
+            let kind = Catalog::standard().find(id).unwrap();
+            let mut candidate = Candidate::new(kind, kind.null());
+            candidate.values[0] = value;
+            whole(&candidate)
+        };
+        assert_eq!(near("command_quantization", 0.011_765).unwrap().values[0], 1.0 / 85.0);
+        assert_eq!(near("dead_band", 0.011_765), None);
+    }
+}

@@ -18,6 +18,11 @@ const AT_MOST_OFF: f64 = 0.1;
 /// Gain of a lag that does not respond: its logarithm is searched.
 const LEAST_GAIN: f64 = 1e-9;
 
+/// Time between rows at which what drifts is seen, seconds: a thousandth of a drift's time constant or so, and off by less than
+/// `1e-6` of it in between. At the begin of a record, for so many time constants of the lag, it is every row.
+const QUIET_S: f64 = 0.02;
+const BEGIN: f64 = 15.0;
+
 /// Most pieces of the plausible range of a single value that are tried on all records.
 pub(super) const GRID: u32 = 12;
 
@@ -417,12 +422,50 @@ impl Hypothesis {
         // proportion to the steady one, so two of them tell for which the mean is right.
         let mean = |values: &[f64]| values[..rows].iter().sum::<f64>() / rows as f64;
         let off = mean(&trial.measured) - mean(&response);
-        let moved = self.simulate_around(trials, trial, rows, steady + off)?;
-        let rise = mean(&moved) - mean(&response);
+        let moved = self.steady_part(trials, trial, &response, (steady, off))?;
+        let rise = mean(&moved);
         if rise == 0.0 {
             return Ok(response);
         }
-        Ok(response.iter().zip(&moved).map(|(response, moved)| response + (moved - response) * (off / rise)).collect())
+        Ok(response.iter().zip(&moved).map(|(response, moved)| response + moved * (off / rise)).collect())
+    }
+
+    /// What is added to the `response` around a steady one where that is larger by `off`.
+    ///
+    /// The command has no part in it unless the level moves the voltage, and it is slow but for the lag's own begin: a quiet
+    /// run says it, at rows far apart.
+    fn steady_part(
+        &self,
+        trials: &Trials,
+        trial: &Trial,
+        response: &[f64],
+        (steady, off): (f64, f64),
+    ) -> Result<Vec<f64>, PlantError> {
+        let rows = response.len();
+        if self.effects.iter().any(|candidate| candidate.kind.site == Site::Supply) {
+            let moved = self.simulate_around(trials, trial, rows, steady + off)?;
+            return Ok(moved.iter().zip(response).map(|(moved, response)| moved - response).collect());
+        }
+        let apart = ((QUIET_S * trial.rate_hz) as usize).max(1);
+        let begin = ((BEGIN * self.base[trial.point].time_constant_s * trial.rate_hz) as usize).min(rows);
+        let seen: Vec<usize> =
+            (0..begin).chain((begin..rows).step_by(apart)).chain(rows.checked_sub(1)).collect::<Vec<_>>();
+        let quiet = |response: f64| {
+            let (mut actuator, start, stamps) = self.actuator(trials, trial, rows, response)?;
+            let seen: Vec<f64> = seen.iter().map(|&row| stamps[row]).collect();
+            let drive = Drive { time_s: &trial.told_s[..1], command: &trial.told[..1] };
+            simulate_response(&mut actuator, drive, start, &seen)
+        };
+        let (with, without) = (quiet(off)?, quiet(0.0)?);
+        let mut part = vec![0.0; rows];
+        for (place, pair) in seen.windows(2).enumerate() {
+            let at = |place: usize| with[place] - without[place];
+            let width = (pair[1] - pair[0]).max(1) as f64;
+            for row in pair[0]..=pair[1] {
+                part[row] = at(place) + (at(place + 1) - at(place)) * (row - pair[0]) as f64 / width;
+            }
+        }
+        Ok(part)
     }
 
     /// The speed and the voltage over a record, where it has columns to compare them with; the rest stays empty. `None` for values
@@ -546,4 +589,34 @@ fn parameter_error() -> Result<&'static Kind, PlantError> {
         value: 0.0,
         limit: "one",
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn skewed(skew_ppm: f64) -> Candidate {
+        let kind = Catalog::standard().find("clock_skew").unwrap();
+        Candidate::new(kind, vec![skew_ppm])
+    }
+
+    #[test]
+    fn a_vertex_is_found_between_starts_that_are_all_worse_than_nothing() {
+        let judged = |skews: &[f64]| -> Vec<(f64, Candidate, ())> {
+            skews.iter().map(|skew| ((skew - 18.0).powi(2), skewed(*skew), ())).collect()
+        };
+        let vertex = Candidate::vertex(&judged(&[-300.0, 0.0, 300.0, -40.0, 41.0])).unwrap();
+        assert!((vertex.values[0] - 18.0).abs() < 1e-9, "{:?}", vertex.values);
+        // The best is at the end: there is nothing between.
+        assert_eq!(Candidate::vertex(&judged(&[0.0, -40.0])), None);
+    }
+
+    #[test]
+    fn a_value_beyond_its_range_is_plausible_by_as_much_as_it_may_be_off() {
+        let most = skewed(0.0).kind.parameters[0].plausible.1;
+        assert!(skewed(most).is_plausible(|_| 0.0) && !skewed(1.01 * most).is_plausible(|_| 0.0));
+        assert!(skewed(1.01 * most).is_plausible(|_| 0.02 * most));
+        // A value that is not known at all is no excuse.
+        assert!(!skewed(1.5 * most).is_plausible(|_| f64::INFINITY));
+    }
 }

@@ -94,9 +94,9 @@ mod tests {
         let alike = mean_over_waits(0.0, power, frame_s);
         assert!((alike - (std_s * (2.0 * std::f64::consts::PI).sqrt() / frame_s).ln()).abs() < 1e-4, "{alike}");
         // Known to a thousandth of a frame.
-        let std_s = 2e-6_f64;
-        let sharp = mean_over_waits(0.0, std_s.powi(-2), frame_s);
-        assert!((sharp - (std_s * (2.0 * std::f64::consts::PI).sqrt() / frame_s).ln()).abs() < 1e-3, "{sharp}");
+        let sharp_s = 2e-6_f64;
+        let sharp = mean_over_waits(0.0, sharp_s.powi(-2), frame_s);
+        assert!((sharp - (sharp_s * (2.0 * std::f64::consts::PI).sqrt() / frame_s).ln()).abs() < 1e-3, "{sharp}");
         // A wait of two such errors: e^2 times as likely as none, at the same price.
         let waits = mean_over_waits(-2.0 * std_s * power, power, frame_s);
         assert!((waits - alike - 2.0).abs() < 2e-3, "{waits}");
