@@ -415,7 +415,7 @@ impl Hypothesis {
         let base = &self.base[trial.point];
         let steady = trial.mean_response - base.gain * (trial.mean_command - trial.nominal);
         let response = self.simulate_around(trials, trial, rows, steady)?;
-        if !self.drifts() {
+        if rows == 0 || !self.drifts() {
             return Ok(response);
         }
         // What changes with time changes the steady response too, of which only the mean was measured. The response moves in
@@ -448,8 +448,8 @@ impl Hypothesis {
         }
         let apart = ((QUIET_S * trial.rate_hz) as usize).max(1);
         let begin = ((BEGIN * self.base[trial.point].time_constant_s * trial.rate_hz) as usize).min(rows);
-        let seen: Vec<usize> =
-            (0..begin).chain((begin..rows).step_by(apart)).chain(rows.checked_sub(1)).collect::<Vec<_>>();
+        let mut seen: Vec<usize> = (0..begin).chain((begin..rows).step_by(apart)).chain(rows.checked_sub(1)).collect();
+        seen.dedup();
         let quiet = |response: f64| {
             let (mut actuator, start, stamps) = self.actuator(trials, trial, rows, response)?;
             let seen: Vec<f64> = seen.iter().map(|&row| stamps[row]).collect();
@@ -457,14 +457,16 @@ impl Hypothesis {
             simulate_response(&mut actuator, drive, start, &seen)
         };
         let (with, without) = (quiet(off)?, quiet(0.0)?);
-        let mut part = vec![0.0; rows];
+        let at = |place: usize| with[place] - without[place];
+        let mut part = Vec::with_capacity(rows);
         for (place, pair) in seen.windows(2).enumerate() {
-            let at = |place: usize| with[place] - without[place];
-            let width = (pair[1] - pair[0]).max(1) as f64;
-            for row in pair[0]..=pair[1] {
-                part[row] = at(place) + (at(place + 1) - at(place)) * (row - pair[0]) as f64 / width;
-            }
+            let width = (pair[1] - pair[0]) as f64;
+            part.extend((pair[0]..pair[1]).map(|row| {
+                let beyond = (row - pair[0]) as f64 / width;
+                at(place) + (at(place + 1) - at(place)) * beyond
+            }));
         }
+        part.resize(rows, at(with.len() - 1));
         Ok(part)
     }
 
