@@ -1,6 +1,6 @@
 //! The host's end of the controller's link.
 
-use std::io::{Read, Write};
+use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
@@ -36,7 +36,14 @@ impl Link {
         let mut last = self.send(&Request::Info);
         loop {
             assert!(start.elapsed() < PATIENCE, "the controller does not start");
-            let read = self.stream.read(&mut byte).is_ok_and(|length| length == 1);
+            let read = match self.stream.read(&mut byte) {
+                Ok(length) => {
+                    assert_eq!(length, 1, "the emulator has closed the link");
+                    true
+                }
+                Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => false,
+                Err(error) => panic!("the emulator's link: {error}"),
+            };
             // The answer to the last question, so that no other one is still to come.
             if read && self.receiver.push(byte[0]).is_some_and(|answer| answer.tag == last) {
                 break;

@@ -9,8 +9,7 @@ mod trace;
 use std::net::{TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::sync::atomic::{AtomicU16, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 pub use debugger::Debugger;
 pub use link::Link;
@@ -72,9 +71,6 @@ impl<'a> Start<'a> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HostLate;
 
-/// Somebody else takes a port that was free that often only if something else is wrong.
-const MOST_PORTS: usize = 5;
-
 /// A host is late that often only if something else is wrong.
 const MOST_ATTEMPTS: usize = 6;
 
@@ -120,19 +116,20 @@ impl Machine {
 
     /// Starts the emulator, waits until the controller answers, and gives the address of its link for another program.
     ///
+    /// QEMU takes a free port of its own and keeps it: one that was tried here before could be in somebody else's hands
+    /// again, or in those of a process that was forked while it was tried.
+    ///
     /// # Panics
     /// When QEMU is not there, or the controller does not answer.
     #[must_use]
     pub fn serve(image: &Path) -> (Served, String) {
-        let (served, stream, address) = (0..MOST_PORTS)
-            .find_map(|_| {
-                let address = format!("127.0.0.1:{}", free_port());
-                let mut qemu = command(image);
-                qemu.args(["-serial", &format!("tcp:{address},server=on,wait=off,nodelay=on")]);
-                let mut served = Served(run(&mut qemu));
-                served.listens(&address).map(|stream| (served, stream, address))
-            })
-            .expect("a port that QEMU can listen at");
+        let mut qemu = command(image);
+        qemu.args(["-serial", "tcp:127.0.0.1:0,server=on,wait=off,nodelay=on"]);
+        let monitor = Listener::new();
+        qemu.args(["-qmp", &format!("tcp:{}", monitor.address)]);
+        let served = Served(run(&mut qemu));
+        let address = Monitor::new(monitor.accept()).listening_address(LINK_SERIAL);
+        let stream = TcpStream::connect(&address).expect("QEMU listens");
         // When this connection ends, QEMU takes the next one.
         Link::new(stream).wait_for_start();
         (served, format!("tcp:{address}"))
@@ -181,23 +178,6 @@ impl Drop for Machine {
 /// An emulator that another program talks to. Ends with its value.
 pub struct Served(Child);
 
-impl Served {
-    /// The connection to its link; `None` where it has ended, as it does when somebody else has the port by now.
-    fn listens(&mut self, address: &str) -> Option<TcpStream> {
-        let start = Instant::now();
-        loop {
-            if self.0.try_wait().expect("a process of ours").is_some() {
-                return None;
-            }
-            match TcpStream::connect(address) {
-                Ok(stream) => return Some(stream),
-                Err(error) => assert!(start.elapsed() < PATIENCE, "QEMU does not listen: {error}"),
-            }
-            std::thread::sleep(Duration::from_millis(50));
-        }
-    }
-}
-
 impl Drop for Served {
     fn drop(&mut self) {
         end(&mut self.0);
@@ -206,6 +186,9 @@ impl Drop for Served {
 
 /// Address of the settings' first sector: memory.x.
 const SETTINGS_ADDRESS: u32 = 0x080C_0000;
+
+/// QEMU's name of the third serial line, the controller's link.
+const LINK_SERIAL: &str = "serial2";
 
 /// QEMU with everything but the lines to it.
 ///
@@ -217,7 +200,7 @@ fn command(image: &Path) -> Command {
     qemu.args(["-M", BOARD, "-nographic", "-monitor", "none", "-icount", "shift=0,sleep=off"])
         .arg("-kernel")
         .arg(image);
-    // The third serial line is USART3.
+    // The third serial line is USART3: `LINK_SERIAL`.
     qemu.args(["-serial", "null", "-serial", "null"]).stdin(Stdio::null()).stdout(Stdio::null());
     qemu
 }
@@ -270,21 +253,4 @@ impl Listener {
         stream.set_read_timeout(Some(PATIENCE)).expect("an open connection");
         stream
     }
-}
-
-/// Each call of this process gets another port that is free now. They lie below those that systems give out to connections
-/// (Linux from 32768 on): a connection that is being tried could get the very port that it is tried at, and connect to itself.
-fn free_port() -> u16 {
-    static GIVEN: AtomicU16 = AtomicU16::new(0);
-    const FIRST: u16 = 20_000;
-    const COUNT: u16 = 10_000;
-    // Processes that run at the same time begin elsewhere.
-    let begin = (std::process::id() % u32::from(COUNT)) as u16;
-    for _ in 0..COUNT {
-        let port = FIRST + (begin + GIVEN.fetch_add(1, Ordering::Relaxed) % COUNT) % COUNT;
-        if TcpListener::bind(("127.0.0.1", port)).is_ok() {
-            return port;
-        }
-    }
-    panic!("no port is free from {FIRST} on")
 }

@@ -41,6 +41,19 @@ impl Monitor {
         word.and_then(|word| u32::from_str_radix(word, 16).ok()).unwrap_or_else(|| panic!("{address:#x}: {said}"))
     }
 
+    /// Host and port at which QEMU listens for a connection to a line.
+    ///
+    /// # Panics
+    /// When it does not.
+    pub fn listening_address(&mut self, line: &str) -> String {
+        let lines = self.execute("query-chardev", Value::Null);
+        let of_line = lines.as_array().and_then(|all| all.iter().find(|one| one["label"] == line));
+        // As in `disconnected:tcp:127.0.0.1:45678,server=on`.
+        let name = of_line.and_then(|one| one["filename"].as_str());
+        let address = name.and_then(|name| name.split_once("tcp:")).and_then(|(_, rest)| rest.split_once(','));
+        address.map(|(address, _)| address.to_owned()).unwrap_or_else(|| panic!("{line}: {lines}"))
+    }
+
     fn execute(&mut self, command: &str, arguments: Value) -> Value {
         let mut request = json!({ "execute": command });
         if !arguments.is_null() {

@@ -3,7 +3,7 @@
 //! A limit above all commands changes nothing, and one below many changes much: between both a grid over the plausible range
 //! finds no slope that leads to a limit that cuts off the last hundredth of a square wave.
 
-use super::hypothesis::Candidate;
+use super::candidate::Candidate;
 use super::trial::{Trial, Trials};
 use crate::plant::effect::Kind;
 

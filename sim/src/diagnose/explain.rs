@@ -8,8 +8,9 @@
 
 use std::cmp::Ordering;
 
+use super::candidate::{Candidate, GRID};
 use super::fit::{Fit, fit, fit_behind, fit_in};
-use super::hypothesis::{Candidate, GRID, Hypothesis};
+use super::hypothesis::Hypothesis;
 use super::locate::excess;
 use super::profile::{MOVES, settle_jumps};
 use super::residual::misfit;
@@ -119,8 +120,8 @@ pub(super) fn aligned(all: &Trials, trial: &Trial, hypothesis: &Hypothesis) -> O
 }
 
 /// What a search for a kind would gain on average where there is nothing: one for each number that it moves (Akaike 1974). Where
-/// the response jumps about as the value moves, or a peak is narrow, each of many places is a trial of its own, and the best of `n` trials has `ln n`
-/// more (the tail of the log likelihood's gain by chance is exponential).
+/// the response jumps about as the value moves, or a peak is narrow, each of many places is a trial of its own, and the best of `n`
+/// trials has `ln n` more (the tail of the log likelihood's gain by chance is exponential).
 pub(super) fn price(kind: &'static Kind) -> f64 {
     let of_value = |parameter: &Parameter| {
         let places = if grid::is_grid(kind) { grid::lines(parameter).len() as u32 } else { parameter.pieces };
@@ -157,6 +158,13 @@ pub(super) struct Explanation {
     pub found: Vec<Found>,
     /// What was tried beside the lags alone, best first.
     pub tried: Vec<Tried>,
+}
+
+impl Explanation {
+    /// That nothing explains what `before` leaves.
+    fn of_nothing(before: Fit, tried: Vec<Tried>) -> Self {
+        Self { after: before.clone(), before, found: Vec::new(), tried }
+    }
 }
 
 /// Everything that may be tried, and on what.
@@ -443,7 +451,7 @@ impl Search<'_> {
             if effects.len() + 1 == ENOUGH_EFFECTS
                 && best.is_some_and(|best| self.leaves(&best.fit, &before) > 2.0 * HOPELESS)
             {
-                return Some(Explanation { after: before.clone(), before, found: Vec::new(), tried: first_tried });
+                return Some(Explanation::of_nothing(before, first_tried));
             }
             let Some(step) = self.next_effect(&tried, effects.is_empty()) else { break };
             has_to_explain_all |= step.is_detour;
@@ -454,12 +462,7 @@ impl Search<'_> {
                 match self.leaves(&current, &before) {
                     0.0 => break,
                     part if part > HOPELESS => {
-                        return Some(Explanation {
-                            after: before.clone(),
-                            before,
-                            found: Vec::new(),
-                            tried: first_tried,
-                        });
+                        return Some(Explanation::of_nothing(before, first_tried));
                     }
                     _ => {}
                 }
@@ -480,7 +483,7 @@ impl Search<'_> {
                 && steadiness(&self.trials, &fit.hypothesis).is_noise()
         };
         if has_to_explain_all && !explains_all(&after) {
-            return Some(Explanation { after: before.clone(), before, found: Vec::new(), tried: first_tried });
+            return Some(Explanation::of_nothing(before, first_tried));
         }
         let after = settle_jumps(&self.trials, after)?;
         Some(Explanation { before, after, found, tried: first_tried })

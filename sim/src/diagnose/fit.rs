@@ -5,7 +5,8 @@
 
 use nalgebra::{Cholesky, DMatrix, Matrix2, Vector2};
 
-use super::hypothesis::{Candidate, Coordinate, Hypothesis, slope};
+use super::candidate::{Candidate, slope};
+use super::hypothesis::{Coordinate, Hypothesis};
 use super::residual::late_std;
 use super::tangent::{EFFECT_STEP, Tangent, damped_step};
 use super::trial::Trials;

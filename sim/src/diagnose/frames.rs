@@ -21,9 +21,10 @@ use rayon::prelude::*;
 use rustfft::FftPlanner;
 
 use super::backward::Backward;
+use super::candidate::Candidate;
 use super::edges::{Edge, changes, lone_edges};
 use super::fit::Fit;
-use super::hypothesis::{Candidate, Hypothesis};
+use super::hypothesis::Hypothesis;
 use super::residual::{misfit, residual};
 use super::trial::{Purpose, Trial, Trials};
 use crate::identify::statistics::t_quantile;

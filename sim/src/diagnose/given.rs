@@ -56,11 +56,12 @@ pub(super) fn compared(
 }
 
 /// Effects beside the `given` lags, where these do better than the `refitted` on what is held out, and the effects make them do better
-/// on all there is. `None` where they do not; the search then stands as it was.
+/// on all there is. `None` where they do not, and for records that do not repeat, whose levels are free; the search then stands as
+/// it was.
 fn beside_given(search: &mut Search, untouched: Trials, given: &Fit, refitted: &Fit) -> Option<Explanation> {
     let half_of = |trials: &Trials, hypothesis: &Hypothesis, purpose| Some(0.5 * misfit(trials, hypothesis, purpose)?);
     let held_out = |fit: &Fit| half_of(&search.trials, &fit.hypothesis, Purpose::HeldOut);
-    if held_out(refitted)? - held_out(given)? < LEAST_WORTH {
+    if search.trials.has_logs() || held_out(refitted)? - held_out(given)? < LEAST_WORTH {
         return None;
     }
     let mut beside = Search { trials: untouched, catalog: search.catalog, progress: search.progress, lags: false };

@@ -12,8 +12,8 @@ use rayon::prelude::*;
 use rustfft::FftPlanner;
 
 use super::backward::{Backward, told};
+use super::candidate::Candidate;
 use super::fit::Fit;
-use super::hypothesis::Candidate;
 use super::trial::Trials;
 use crate::plant::effect::{Kind, Parameter};
 

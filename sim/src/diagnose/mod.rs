@@ -7,6 +7,7 @@
 
 mod backward;
 pub mod bandwidths;
+mod candidate;
 mod channel;
 mod clips;
 mod collapsed;
@@ -51,9 +52,10 @@ pub use steadiness::Steadiness;
 pub use trial::LeftOut;
 pub use verdict::Verdict;
 
+use candidate::Candidate;
 use explain::{Explanation, Search};
 use given::WrongNumbers;
-use hypothesis::{BasePoint, Candidate, Coordinate, Hypothesis};
+use hypothesis::{BasePoint, Coordinate, Hypothesis};
 use trial::{Purpose, Trials};
 use verdict::Grounds;
 
@@ -329,7 +331,7 @@ fn estimates(
     let candidate = &fit.hypothesis.effects[effect];
     let searched = Candidate::searched(candidate.kind);
     let estimate = |(value, parameter): (usize, &'static crate::plant::effect::Parameter)| {
-        let slope = hypothesis::slope(parameter, candidate.values[value]);
+        let slope = candidate::slope(parameter, candidate.values[value]);
         let coordinate = Coordinate::Effect { effect, value };
         let std = if candidate.jumps() || !candidate.phases.is_empty() {
             Some(candidate.profiled_std)

@@ -25,9 +25,10 @@
 //!
 //! with `x_c` how far that is. For `c = 24` a parabola gives 1.38 of the curvature's standard error. The larger of the two counts.
 
+use super::candidate::Candidate;
 use super::fit::{Fit, MOST_STEPS, fit_of};
 use super::frames;
-use super::hypothesis::{Candidate, Coordinate, Hypothesis};
+use super::hypothesis::{Coordinate, Hypothesis};
 use super::tangent::Tangent;
 use super::trial::Trials;
 

@@ -19,8 +19,8 @@ use nalgebra::{Matrix3, Vector3};
 use num_complex::Complex64;
 use rayon::prelude::*;
 
+use super::candidate::Candidate;
 use super::fit::Fit;
-use super::hypothesis::Candidate;
 use super::residual::residual;
 use super::trial::{Purpose, Trial, Trials};
 use crate::plant::effect::{Kind, Linearity, Parameter, Scale, Site};
@@ -40,8 +40,9 @@ pub(super) fn is_mode(kind: &Kind) -> bool {
 }
 
 /// At how many frequencies modes are looked for.
-pub(super) fn frequencies(kind: &Kind) -> usize {
-    PIECES_PER_START * kind.parameters.iter().map(|parameter| parameter.starts.len()).max().unwrap_or(0) + 1
+pub(super) fn frequencies(kind: &'static Kind) -> usize {
+    let shape = Candidate::searched(kind).filter(|(_, parameter)| !parameter.null.is_finite());
+    PIECES_PER_START * shape.map(|(_, parameter)| parameter.starts.len()).max().unwrap_or(0) + 1
 }
 
 /// The modes that the residual of `fit` speaks of most, the loudest first. Empty where no record repeats.

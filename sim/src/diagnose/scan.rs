@@ -4,8 +4,8 @@
 
 use rayon::prelude::*;
 
+use super::candidate::Candidate;
 use super::fit::Fit;
-use super::hypothesis::Candidate;
 use super::screening::Screening;
 use super::trial::{Purpose, Trial, Trials};
 use crate::plant::effect::Kind;

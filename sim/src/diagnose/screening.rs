@@ -3,8 +3,9 @@
 use num_complex::Complex64;
 use rayon::prelude::*;
 
+use super::candidate::Candidate;
 use super::fit::Fit;
-use super::hypothesis::{Candidate, Hypothesis};
+use super::hypothesis::Hypothesis;
 use super::residual::residual;
 use super::tangent::Tangent;
 use super::trial::{Purpose, Trial, Trials};

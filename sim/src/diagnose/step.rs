@@ -29,8 +29,8 @@ impl Search<'_> {
                 continue;
             }
             let weights = self.trials.clone();
-            let fit = self.settle(&tried.fit.hypothesis, self.lags)?;
-            if fit.is_plausible() {
+            let fit = self.settle(&tried.fit.hypothesis, self.lags);
+            if let Some(fit) = fit.filter(Fit::is_plausible) {
                 return Some(Step { tried: tried.clone(), fit, is_detour });
             }
             self.trials = weights;

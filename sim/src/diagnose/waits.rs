@@ -15,8 +15,9 @@
 use rayon::prelude::*;
 
 use super::backward::Backward;
+use super::candidate::Candidate;
 use super::edges::{Edge, changes, lone_edges};
-use super::hypothesis::{Candidate, Hypothesis};
+use super::hypothesis::Hypothesis;
 use super::trial::{Purpose, Trial, Trials};
 
 /// Waits of which the mean is taken, over so many standard errors to either side of the likeliest.
