@@ -85,6 +85,33 @@ fn every_unit_comes_to_the_same_record() {
 }
 
 #[test]
+fn times_off_a_clock_go_on_behind_midnight() {
+    let clock = |ms: f64| {
+        // From a second before midnight on.
+        let ms = (86_399_000.0 + ms) as u64 % 86_400_000;
+        let (s, ms) = (ms / 1000, ms % 1000);
+        format!("{:02}:{:02}:{:02}.{ms:03}", s / 3600, s / 60 % 60, s % 60)
+    };
+    let expected = record(&table(HEADER));
+    for (header, date) in [
+        ("Time,pwm_us,thrust_g", ""),
+        ("Time (hh:mm:ss),pwm_us,thrust_g", ""),
+        ("timestamp,pwm_us,thrust_g", "2026-11-22 "),
+    ] {
+        let rows: String = numbers().iter().map(|[t, u, f]| format!("{date}{},{u},{f}\n", clock(*t))).collect();
+        let found = record(&format!("{header}\n{rows}"));
+        assert_eq!(found.command, expected.command);
+        for (found, expected) in found.time_s.iter().zip(&expected.time_s) {
+            assert!((found - expected).abs() < 1e-9, "{header}: {found} for {expected}");
+        }
+        let wrong = format!("{header}\n{}", rows.replacen("23:59:59.005", "23:59", 1));
+        let parts = ["line 3", "23:59"];
+        let said = message(taken(&wrong));
+        assert!(parts.iter().all(|part| said.contains(part)), "{said}");
+    }
+}
+
+#[test]
 fn separators_and_decimal_commas_are_told_from_the_rows() {
     let expected = record(&table(HEADER));
     let english = table(HEADER);

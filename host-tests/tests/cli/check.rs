@@ -250,6 +250,18 @@ fn what_experiment_toml_says_is_held_against_the_rows() {
 }
 
 #[test]
+fn a_square_wave_of_another_period_than_stated_is_told() {
+    let stand = good();
+    let text = stand.read("good/experiment.toml");
+    let (before, square) = text.split_once("u050_square.csv").unwrap();
+    assert!(square.contains("period_s = 10.0"), "{square}");
+    let square = square.replacen("period_s = 10.0", "period_s = 7.0", 1);
+    stand.write("good/experiment.toml", format!("{before}u050_square.csv{square}"));
+    let parts = ["`period_s` is 7", "every 10", "correct `period_s`"];
+    finds(&stand, "warning", "periods", "u050_square.csv", &parts);
+}
+
+#[test]
 fn a_constant_command_and_a_constant_response_are_told() {
     let stand = good();
     change(&stand, "good/u050_multisine.csv", |_, [t, _, y]| Some([t, 0.5, y]));

@@ -6,7 +6,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::Experiment;
-use super::manifest::{Entry, MANIFEST, Manifest};
+use super::manifest::{Entry, MANIFEST, Manifest, place};
 use super::write::csv_text;
 use crate::files::{FileError, Place, TextFile, TomlFile, to_toml, write_file};
 
@@ -66,12 +66,12 @@ impl Experiment {
     }
 
     /// Adds this experiment's records to the one in `folder`: their CSV files first, then one new `experiment.toml` in
-    /// place of the old one, whose text stays as it is and is only added to. Whatever fails, the experiment is the old
-    /// one or the new one.
+    /// place of the old one, whose text stays as it is and is only added to. A record that is described there already, and
+    /// whose file has not been there, keeps its description. Whatever fails, the experiment is the old one or the new one.
     ///
     /// # Errors
-    /// Those of [`Experiment::check_appendable`] and of [`Experiment::write`]; a file of the same name; a file of a
-    /// compensator that is not there.
+    /// Those of [`Experiment::check_appendable`] and of [`Experiment::write`]; a file of the same name; a description of
+    /// something else; a file of a compensator that is not there.
     pub fn append_to(&self, folder: &Path) -> Result<(), FileError> {
         self.check_appendable(folder)?;
         let path = folder.join(MANIFEST);
@@ -82,14 +82,26 @@ impl Experiment {
                 .fault("there is such a file in the experiment already", "rename the log: a record is named after it");
             return Err(refused(&folder.join(&record.file), fault));
         }
-        let addition = to_toml(&Addition { records: self.records.iter().map(Entry::of).collect() });
-        let text = format!("{}\n{addition}", TextFile::read(&path)?.text().trim_end_matches('\n').to_owned() + "\n");
-        // A list of records in one line, `record = [...]`, cannot be added to.
-        let manifest: Manifest = toml::from_str(&text).map_err(|error| {
-            let help = "write each record of experiment.toml as a [[record]] of its own";
-            refused(&path, Place::root().key("record").fault(error.message().to_owned(), help))
-        })?;
-        manifest.check().map_err(|fault| refused(&path, fault))?;
+        let (there, file): (Manifest, _) = TomlFile::read(&path)?;
+        let mut records = Vec::new();
+        for record in &self.records {
+            match there.records.iter().position(|entry| entry.file == record.file) {
+                Some(index) => {
+                    there.records[index].check_is_of(record, &place(index)).map_err(|fault| file.show(&fault))?;
+                }
+                None => records.push(Entry::of(record)),
+            }
+        }
+        let text =
+            if records.is_empty() { None } else { Some(added(TextFile::read(&path)?.text(), &Addition { records })) };
+        if let Some(text) = &text {
+            // A list of records in one line, `record = [...]`, cannot be added to.
+            let manifest: Manifest = toml::from_str(text).map_err(|error| {
+                let help = "write each record of experiment.toml as a [[record]] of its own";
+                refused(&path, Place::root().key("record").fault(error.message().to_owned(), help))
+            })?;
+            manifest.check().map_err(|fault| refused(&path, fault))?;
+        }
         for record in &self.records {
             self.check_columns(record).map_err(|fault| refused(&folder.join(&record.file), fault))?;
             if let Some(name) = record.compensator.as_deref().filter(|name| !folder.join(name).exists()) {
@@ -103,15 +115,20 @@ impl Experiment {
             for record in &self.records {
                 write_file(&folder.join(&record.file), csv_text(record).as_bytes())?;
             }
-            write_file(&path, text.as_bytes())
+            text.as_ref().map_or(Ok(()), |text| write_file(&path, text.as_bytes()))
         };
         write().inspect_err(|_| {
             for record in &self.records {
-                // They were not there before; one that cannot be removed is not named anywhere.
+                // They were not there before; one that cannot be removed is named nowhere, or as one that is still to come.
                 let _ = fs::remove_file(folder.join(&record.file));
             }
         })
     }
+}
+
+/// The text of `experiment.toml` with records at its end.
+fn added(text: &str, addition: &Addition) -> String {
+    format!("{}\n\n{}", text.trim_end_matches('\n'), to_toml(addition))
 }
 
 #[cfg(test)]
@@ -161,6 +178,37 @@ mod tests {
         assert!(fs::read_to_string(&path).unwrap().starts_with(&noted));
         let read = Experiment::read(&folder).unwrap();
         assert_eq!(read.records, [first.records, second.records].concat());
+    }
+
+    #[test]
+    fn a_record_that_is_described_and_still_to_come_keeps_its_description() {
+        let scratch = Scratch::new();
+        let folder = scratch.path().join("stand");
+        let (first, second) = (experiment("a.csv", 0.4), experiment("b.csv", 0.5));
+        let both = Experiment { records: [first.records.clone(), second.records].concat(), ..first };
+        both.write(&folder).unwrap();
+        let path = folder.join(MANIFEST);
+        let noted = fs::read_to_string(&path).unwrap() + "# the blue motor";
+        fs::write(&path, &noted).unwrap();
+        fs::remove_file(folder.join("b.csv")).unwrap();
+        let other = |change: &dyn Fn(&mut Record)| {
+            let mut other = experiment("b.csv", 0.5);
+            change(&mut other.records[0]);
+            other.append_to(&folder).unwrap_err()
+        };
+        assert_report(other(&|r| r.excitation = Excitation::Staircase), &["staircase", "step", "excitation"]);
+        assert_report(other(&|r| r.nominal = 0.6), &["nominal", "0.5", "0.6"]);
+        assert_report(other(&|r| r.period_s = Some(2.0)), &["period_s", "2 s", "none"]);
+        assert!(!folder.join("b.csv").exists());
+        // A level is not met to the last digit.
+        experiment("b.csv", 0.502).append_to(&folder).unwrap();
+        assert_eq!(fs::read_to_string(&path).unwrap(), noted);
+        let read = Experiment::read(&folder).unwrap();
+        assert_eq!(read.records[1].nominal, 0.5);
+        assert_eq!(read.records[1].command[1], 0.502);
+        let third = Experiment { records: experiment("c.csv", 0.6).records, ..both };
+        third.append_to(&folder).unwrap();
+        assert_eq!(Experiment::read(&folder).unwrap().records.len(), 3);
     }
 
     #[test]

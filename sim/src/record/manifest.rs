@@ -11,6 +11,11 @@ use crate::files::{Fault, Place, is_plain_name};
 /// The file's name in the experiment's folder.
 pub(super) const MANIFEST: &str = "experiment.toml";
 
+/// A record is of the nominal command that is described within this.
+const SAME_NOMINAL: f64 = 0.01;
+/// And its period is the same within this share.
+const SAME_PERIOD: f64 = 1e-9;
+
 /// The file as it is written.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -169,6 +174,32 @@ impl Entry {
                 "set `compensated = true`, or remove `compensator`",
             )),
         }
+    }
+
+    /// Whether it describes `record`, whose file it names: this is where it stands.
+    pub(super) fn check_is_of(&self, record: &Record, place: &Place) -> Result<(), Fault> {
+        let period = |period_s: Option<f64>| period_s.map_or_else(|| String::from("none"), |s| format!("{s} s"));
+        let is_same_period = match (self.period_s, record.period_s) {
+            (Some(here), Some(there)) => (here / there - 1.0).abs() < SAME_PERIOD,
+            (here, there) => here == there,
+        };
+        let differs = if self.excitation != record.excitation {
+            Some(("excitation", self.excitation.name().to_owned(), record.excitation.name().to_owned()))
+        } else if !is_same_period {
+            Some(("period_s", period(self.period_s), period(record.period_s)))
+        } else if (self.nominal - record.nominal).abs() > SAME_NOMINAL {
+            Some(("nominal", self.nominal.to_string(), format!("{:.4}", record.nominal)))
+        } else if self.compensated != record.compensated {
+            Some(("compensated", self.compensated.to_string(), record.compensated.to_string()))
+        } else {
+            None
+        };
+        differs.map_or(Ok(()), |(key, here, there)| {
+            Err(place.key(key).fault(
+                format!("`{}` is described with {here} here, and the record to be added has {there}", self.file),
+                "correct the description, or rename the log: a record is named after it",
+            ))
+        })
     }
 
     /// The record, with the columns still to be filled.

@@ -138,6 +138,17 @@ pub enum RecordDoubt {
         /// As it is over whole periods.
         mean: f64,
     },
+    /// Another period than stated.
+    #[error("{file}: `period_s` is {stated_s}, and the command goes up and down every {found_s:.4} s")]
+    #[diagnostic(help("correct `period_s` in experiment.toml: rows are averaged and compared period by period"))]
+    OtherPeriod {
+        /// The record.
+        file: String,
+        /// As stated, seconds.
+        stated_s: f64,
+        /// As it is, seconds.
+        found_s: f64,
+    },
     /// Another amplitude than stated.
     #[error("{file}: `amplitude` is {stated}, and the command goes {found:.4} to either side")]
     #[diagnostic(help("correct `amplitude` in experiment.toml, or look for what scaled the command"))]

@@ -6,6 +6,7 @@
 mod doubt;
 mod finding;
 mod findings;
+mod period;
 mod repeats;
 mod rows;
 mod units;

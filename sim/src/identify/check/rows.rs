@@ -2,6 +2,7 @@
 
 use miette::Diagnostic;
 
+use super::period::of_period;
 use super::repeats::of_repeats;
 use super::units::{of_command, of_response, of_time, usual_interval};
 use super::{Finding, RecordDoubt, Severity, Topic};
@@ -137,7 +138,9 @@ fn command(record: &Record, add: &mut impl FnMut(Topic, Option<usize>, &dyn Diag
         }
     }
     // A multisine's mean is judged where it is identified.
-    if matches!(record.excitation, Excitation::Square | Excitation::Triangle)
+    if let Some(doubt) = of_period(record) {
+        add(Topic::Periods, None, &doubt);
+    } else if matches!(record.excitation, Excitation::Square | Excitation::Triangle)
         && let Ok(periods) = record.periods()
     {
         let whole = &command[..periods.samples * periods.count];

@@ -12,6 +12,8 @@ use super::summary::ColumnList;
 use super::table::{Column, Table};
 use super::{DroppedRows, ImportError, ImportOptions, ImportSummary, LogFormat, MIN_ROWS, Taken, Timing};
 
+/// Seconds of a day.
+const DAY_S: f64 = 86_400.0;
 /// Share of thrust readings below zero from which on the sign is mentioned.
 const MOSTLY: f64 = 0.5;
 
@@ -46,6 +48,8 @@ pub(super) fn take(mut plain: PlainTable, options: &ImportOptions) -> Result<Tak
     let (low, high) = match picks.command.unit.scale {
         Scale::Pulse => options.esc_signal_us,
         Scale::Ratio(times, over) => (0.0, over / times),
+        // Of a time alone.
+        Scale::Clock => (0.0, 1.0),
     };
     let command = normalized(table, signal, &rows, (low, high))?;
     let stated = if is_pulse { " µs become 0..1, stated and not measured" } else { " become 0..1" };
@@ -115,8 +119,21 @@ fn times(
 ) -> Result<(Vec<usize>, Vec<f64>), ImportError> {
     let mut kept: Vec<usize> = Vec::with_capacity(rows.len());
     let mut stamps: Vec<f64> = Vec::with_capacity(rows.len());
+    let mut days_s = 0.0;
     for &row in &rows {
-        let stamp = time.column.required(row)?;
+        let stamp = match time.unit.scale {
+            Scale::Clock => days_s + time.column.clock_s(row)?,
+            _ => time.column.required(row)?,
+        };
+        // A clock that runs back by more than half a day has passed midnight.
+        let is_past_midnight = |before: &&f64| time.unit.scale == Scale::Clock && **before - stamp > DAY_S / 2.0;
+        let stamp = match stamps.last().filter(is_past_midnight) {
+            Some(_) => {
+                days_s += DAY_S;
+                stamp + DAY_S
+            }
+            None => stamp,
+        };
         match stamps.last() {
             Some(&before) if stamp < before => {
                 return Err(ImportError::TimeRunsBack {
@@ -177,7 +194,7 @@ fn converted(pick: Pick<'_>, value: f64) -> f64 {
     let sign = if pick.is_reversed { -1.0 } else { 1.0 };
     match pick.unit.scale {
         Scale::Ratio(times, over) => sign * value * times / over,
-        Scale::Pulse => sign * value,
+        Scale::Pulse | Scale::Clock => sign * value,
     }
 }
 
@@ -198,7 +215,7 @@ fn finite(table: &Table, pick: Pick<'_>, row: usize, value: f64) -> Result<f64, 
 fn conversion(pick: Pick<'_>) -> String {
     let Unit { name, scale, .. } = pick.unit;
     let factor = match scale {
-        Scale::Ratio(1.0, 1.0) | Scale::Pulse => String::new(),
+        Scale::Ratio(1.0, 1.0) | Scale::Pulse | Scale::Clock => String::new(),
         Scale::Ratio(times, 1.0) => format!(", times {times}"),
         Scale::Ratio(times, over) => format!(", times {}", times / over),
     };

@@ -159,7 +159,8 @@ fn find<'a>(plain: &'a PlainTable, quantity: Quantity, choices: &[ColumnChoice])
     let is_reversed = stated.is_some_and(|choice| choice.is_reversed);
     let written = written(plain, index);
     let named = written.as_deref().and_then(|text| Unit::named(quantity, text));
-    let unit = stated.and_then(|choice| choice.unit).or(named).or_else(|| own_command(plain, index, quantity));
+    let own = || own_command(plain, index, quantity).or_else(|| shown_by_clock(column, quantity));
+    let unit = stated.and_then(|choice| choice.unit).or(named).or_else(own);
     Ok(match unit {
         Some(unit) => Found::Pick(Pick { column, unit, is_reversed }),
         None => {
@@ -178,6 +179,11 @@ fn own_command(plain: &PlainTable, index: usize, quantity: Quantity) -> Option<U
     let has = |name: &str| plain.table.header.iter().any(|column| column == name);
     let is_own = has("time_s") && (has("thrust_n") || has("rpm")) && plain.table.header[index] == "command";
     (is_own && quantity == Quantity::Command).then(|| Unit::named(quantity, "duty")).flatten()
+}
+
+/// A time that is read off a clock says so in every row; numbers say nothing.
+fn shown_by_clock(column: Column<'_>, quantity: Quantity) -> Option<Unit> {
+    (quantity == Quantity::Time && column.shows_a_clock()).then(|| Unit::named(quantity, "clock")).flatten()
 }
 
 /// The error that asks all questions at once.
@@ -356,8 +362,11 @@ mod tests {
         let help = miette::Diagnostic::help(&error).unwrap().to_string();
         let message = error.to_string();
         assert!(message.contains("log.csv, line 1: `t` is the time without a unit; no column is known"), "{message}");
-        for part in ["`t`, `esc_us`, `load`", "--column time=t:UNIT --column thrust=HEADER:UNIT", "time in s, ms or us"]
-        {
+        for part in [
+            "`t`, `esc_us`, `load`",
+            "--column time=t:UNIT --column thrust=HEADER:UNIT",
+            "time in s, ms, us or clock (hh:mm:ss)",
+        ] {
             assert!(help.contains(part), "{help}");
         }
         for (header, parts) in [

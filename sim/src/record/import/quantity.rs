@@ -59,7 +59,7 @@ impl Quantity {
     /// Its units, as messages list them.
     pub(super) fn units(self) -> &'static str {
         match self {
-            Self::Time => "s, ms or us",
+            Self::Time => "s, ms, us or clock (hh:mm:ss)",
             Self::Command => "us (pulse width), percent or duty (0..1)",
             Self::Thrust => "N, gf (also g), kgf (also kg), lbf (also lb) or ozf (also oz)",
             Self::Speed => "rpm, rev/s or rad/s",
@@ -119,6 +119,8 @@ pub(super) enum Scale {
     Ratio(f64, f64),
     /// The stated range of pulse widths becomes 0..1.
     Pulse,
+    /// A reading of the clock, as in `13:07:59.250`, becomes seconds since midnight.
+    Clock,
 }
 
 /// A unit that a column's numbers may have.
@@ -143,6 +145,7 @@ const UNITS: &[Unit] = &[
     unit(Quantity::Time, Scale::Ratio(1.0, 1.0), &["s", "sec", "secs", "second", "seconds"]),
     unit(Quantity::Time, Scale::Ratio(1.0, 1e3), &["ms", "msec", "millisecond", "milliseconds", "millis"]),
     unit(Quantity::Time, Scale::Ratio(1.0, 1e6), MICRO),
+    unit(Quantity::Time, Scale::Clock, &["clock", "hh:mm:ss", "h:m:s", "hh:mm:ss.sss", "hh:mm:ss.ms"]),
     unit(Quantity::Command, Scale::Pulse, MICRO),
     unit(Quantity::Command, Scale::Ratio(1.0, 100.0), &["percent", "%", "pct"]),
     unit(Quantity::Command, Scale::Ratio(1.0, 1.0), &["duty", "0..1", "0-1"]),

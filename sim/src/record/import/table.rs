@@ -145,6 +145,25 @@ impl<'a> Column<'a> {
         }
     }
 
+    /// Whether its first filled cell is a reading of a clock.
+    pub(super) fn shows_a_clock(self) -> bool {
+        let mut filled = (0..self.table.rows.len()).map(|row| self.text(row)).filter(|text| !text.is_empty());
+        filled.next().is_some_and(|text| seconds_since_midnight(text).is_some())
+    }
+
+    /// The reading of the clock in `row`, in seconds since midnight.
+    pub(super) fn clock_s(self, row: usize) -> Result<f64, ImportError> {
+        let text = self.text(row);
+        seconds_since_midnight(text).ok_or_else(|| {
+            let (file, line, column) = (self.table.file.clone(), self.line(row), self.name().into());
+            if text.is_empty() {
+                ImportError::Blank { file, line, column }
+            } else {
+                ImportError::NotANumber { file, line, column, text: text.into() }
+            }
+        })
+    }
+
     /// The number in `row`; an empty cell is an error.
     pub(super) fn required(self, row: usize) -> Result<f64, ImportError> {
         self.number(row)?.ok_or_else(|| ImportError::Blank {
@@ -159,5 +178,51 @@ impl<'a> Column<'a> {
         let cells = rows.iter().map(|&row| self.number(row)).collect::<Result<Vec<_>, _>>()?;
         let filled = cells.iter().flatten().count();
         Ok((cells.into_iter().collect(), filled))
+    }
+}
+
+/// Of `13:07:59.250`, with or without a date in front of it; the fraction may have a comma.
+fn seconds_since_midnight(text: &str) -> Option<f64> {
+    let is_of_date = |c: char| c.is_ascii_digit() || "-/.".contains(c);
+    let time = match text.rsplit_once([' ', 'T']) {
+        Some((date, time)) if date.chars().all(is_of_date) => time,
+        Some(_) => return None,
+        None => text,
+    };
+    let mut parts = time.split(':');
+    let (hours, minutes, seconds) = (parts.next()?, parts.next()?, parts.next()?);
+    let whole = |text: &str, most: u32| {
+        let is_short = (1..=2).contains(&text.len()) && text.bytes().all(|byte| byte.is_ascii_digit());
+        text.parse::<u32>().ok().filter(|value| is_short && *value <= most)
+    };
+    let (hours, minutes) = (whole(hours, 23)?, whole(minutes, 59)?);
+    let is_decimal = seconds.starts_with(|c: char| c.is_ascii_digit());
+    let seconds: f64 = seconds.replacen(',', ".", 1).parse().ok().filter(|s| is_decimal && (0.0..61.0).contains(s))?;
+    parts.next().is_none().then(|| f64::from(3600 * hours + 60 * minutes) + seconds)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_clock_is_read_with_and_without_a_date() {
+        for (text, seconds) in [
+            ("00:00:00", 0.0),
+            ("13:07:59.250", 47_279.25),
+            ("13:07:59,250", 47_279.25),
+            ("9:05:01.5", 32_701.5),
+            ("2026-11-22 23:59:59.999", 86_399.999),
+            ("2026-11-22T01:00:00", 3600.0),
+            ("22.11.2026 01:00:00", 3600.0),
+        ] {
+            let found = seconds_since_midnight(text).unwrap();
+            assert!((found - seconds).abs() < 1e-9, "{text}: {found}");
+        }
+        for text in
+            ["", "12.5", "12:30", "24:00:00", "12:60:00", "12:30:61", "1:2:3:4", "a 12:30:00", "12:30:-1", "12:+3:00"]
+        {
+            assert_eq!(seconds_since_midnight(text), None, "{text}");
+        }
     }
 }
