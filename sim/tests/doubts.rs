@@ -5,6 +5,7 @@ use rand_chacha::ChaCha8Rng;
 use rotorlead_sim::bench::{Plan, PlannedRecord, run};
 use rotorlead_sim::identify::{
     FirstOrderFit, IdentifyError, IdentifyWarning, PeriodicIdentification, PeriodicOptions, identify_periodic,
+    with_advice,
 };
 use rotorlead_sim::plant::{Lag, Model, Noise, Point};
 use rotorlead_sim::record::{Excitation, Experiment};
@@ -58,7 +59,7 @@ fn found(experiment: &Experiment) -> (FirstOrderFit, Vec<IdentifyWarning>) {
 fn warned(experiment: &Experiment, is_it: impl Fn(&IdentifyWarning) -> bool) -> String {
     let (_, warnings) = found(experiment);
     let warning = warnings.iter().find(|warning| is_it(warning));
-    warning.unwrap_or_else(|| panic!("{warnings:?}")).to_string()
+    with_advice(warning.unwrap_or_else(|| panic!("{warnings:?}")))
 }
 
 #[test]
@@ -164,7 +165,7 @@ fn a_sign_and_a_nominal_that_are_wrong_are_named() {
     let mut experiment = good(1);
     thrust(&mut experiment).iter_mut().for_each(|y| *y = -*y);
     let warning = warned(&experiment, |w| matches!(w, IdentifyWarning::NegativeGain { .. }));
-    assert!(warning.contains("Turn the sensor's sign"), "{warning}");
+    assert!(warning.contains("; turn the sensor's sign"), "{warning}");
 
     let mut experiment = good(1);
     experiment.records[0].nominal = 0.9;

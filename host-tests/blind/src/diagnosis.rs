@@ -13,6 +13,9 @@ pub struct Diagnosis {
     pub verdict: Verdict,
     /// The named effects, the most important first.
     pub effects: Vec<Named>,
+    /// What the records lean to, too little to be named. Answers of old have no such list.
+    #[serde(default)]
+    pub suspected: Vec<Suspected>,
     /// The gap on held-out records.
     pub gap: Gap,
 }
@@ -29,6 +32,13 @@ pub enum Verdict {
     PartlyNamed,
     /// Nothing in the catalog explains the gap.
     Unknown,
+}
+
+/// A kind that is not named, and next to be.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+pub struct Suspected {
+    /// Its name.
+    pub kind: String,
 }
 
 /// A named effect.

@@ -1,6 +1,6 @@
 //! One answer against the truth.
 
-use super::diagnosis::{Diagnosis, Named, Verdict};
+use super::diagnosis::{Diagnosis, Named, Suspected, Verdict};
 use super::folder::{Hidden, Truth};
 use super::kind::Kind;
 
@@ -65,6 +65,18 @@ impl Scored {
     pub fn first_or_alternative(&self) -> bool {
         let alternative = |named: &Named| named.alternatives.iter().any(|name| self.is_hidden(name));
         self.names().first().is_some_and(|named| self.is_hidden(&named.kind) || alternative(named))
+    }
+
+    /// The truth is the first name, stands among its alternatives, or is what the records are said to lean to.
+    #[must_use]
+    pub fn first_alternative_or_suspected(&self) -> bool {
+        self.first_or_alternative() || self.suspects().iter().any(|suspected| self.is_hidden(&suspected.kind))
+    }
+
+    /// What the records are said to lean to.
+    #[must_use]
+    pub fn suspects(&self) -> &[Suspected] {
+        self.answer.as_ref().map_or(&[], |answer| &answer.suspected)
     }
 
     /// Both effects of a pair, and everything hidden in general, are named.
@@ -176,6 +188,17 @@ pub(super) mod tests {
         assert!(!wrong.first_or_alternative() && wrong.has_wrong_name() && wrong.first() == "dead_band");
         let extra = single(Kind::Backlash, &naming("named", &[(Kind::Backlash, &[]), (Kind::GainDrift, &[])]));
         assert!(extra.first_is_right() && extra.has_wrong_name());
+    }
+
+    #[test]
+    fn what_is_suspected_is_no_name() {
+        let json = naming("agrees", &[]);
+        let suspecting = json.replacen('{', r#"{"suspected": [{"kind": "slew_limit"}, {"kind": "backlash"}],"#, 1);
+        let right = single(Kind::Backlash, &suspecting);
+        assert!(right.first_alternative_or_suspected() && !right.first_or_alternative());
+        assert!(right.names_nothing() && !right.has_wrong_name());
+        assert!(!single(Kind::DeadBand, &suspecting).first_alternative_or_suspected());
+        assert!(!single(Kind::Backlash, &json).first_alternative_or_suspected());
     }
 
     #[test]

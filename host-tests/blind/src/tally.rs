@@ -101,9 +101,19 @@ pub fn figures(cases: &[Scored]) -> Vec<Figure> {
             least(1.0),
         ),
         figure(
+            "singles that cannot: the same, or what the records are said to lean to",
+            Share::count(untold.iter().map(|case| case.first_alternative_or_suspected())),
+            None,
+        ),
+        figure(
             "nothing hidden: no name",
             Share::count(of(Class::Empty).map(Scored::names_nothing)),
             least(39.0 / 40.0),
+        ),
+        figure(
+            "nothing hidden: the records are said to lean to something",
+            Share::count(of(Class::Empty).map(|case| !case.suspects().is_empty())),
+            None,
         ),
         figure(
             "outside the catalog: unknown, or partly named without a wrong name",

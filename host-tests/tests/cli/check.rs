@@ -41,7 +41,7 @@ fn findings(stand: &Stand, folder: &str) -> (Vec<Value>, i32) {
     (found["findings"].as_array().unwrap().clone(), output.status.code().unwrap())
 }
 
-/// Asserts that `check` finds something of `severity` about `topic` in `file`, which says all of `parts`, and that its exit
+/// Asserts that `check` finds something of `severity` about `topic` in `file`, which says all of `parts` and what to do, and that its exit
 /// status is that of its findings and of `identify`.
 #[track_caller]
 fn finds(stand: &Stand, severity: &str, topic: &str, file: &str, parts: &[&str]) {
@@ -53,6 +53,7 @@ fn finds(stand: &Stand, severity: &str, topic: &str, file: &str, parts: &[&str])
         finding["severity"] == severity
             && finding["topic"] == topic
             && finding["file"] == file
+            && finding["remedy"].is_string()
             && parts.iter().all(|part| said.contains(part))
     };
     assert!(found.iter().any(|finding| is_one(&finding)), "no {severity} about {topic} in {found:#?}");

@@ -13,7 +13,7 @@ use super::outcome::{JsonOption, Outcome, paragraph};
 use super::progress;
 use crate::identify::check::{Finding, Findings, RecordDoubt, Severity, Topic, of_lag, of_record};
 use crate::identify::stand::{StandOptions, identify_stand};
-use crate::identify::{FirstOrderOptions, IdentifyError, IdentifyWarning};
+use crate::identify::{FirstOrderOptions, IdentifyError, IdentifyWarning, with_advice};
 use crate::record::{Excitation, Experiment, Inspection, Role, Unreadable};
 
 /// Says what is wrong with an experiment's folder, before anything is made of it
@@ -215,7 +215,7 @@ pub(super) fn warn(experiment: &Experiment, identified: &Identified, is_part: bo
             findings.warn(warning);
         }
     }
-    let said: Vec<String> = typed.iter().map(ToString::to_string).collect();
+    let said: Vec<String> = typed.iter().map(|warning| with_advice(*warning)).collect();
     let fitted = if identified.found.is_none() { step_record(experiment).ok() } else { None };
     for warning in identified.warnings.iter().filter(|warning| !said.contains(warning)) {
         let named = experiment.records.iter().find(|record| warning.starts_with(&record.file));
@@ -240,14 +240,9 @@ fn rehearse_stand(experiment: &Experiment, findings: &mut Findings) {
         return;
     }
     match identify_stand(experiment, &StandOptions::default()) {
-        Ok(stand) => findings.extend(stand.warnings.iter().map(|warning| Finding {
-            severity: Severity::Warning,
-            topic: Topic::Identification,
-            file: None,
-            row: None,
-            message: warning.to_string(),
-            remedy: None,
-        })),
+        Ok(stand) => findings.extend(
+            stand.warnings.iter().map(|warning| Finding::new(Severity::Warning, Topic::Identification, None, warning)),
+        ),
         Err(error) => findings.refuse(&error),
     }
 }

@@ -198,6 +198,12 @@ fn words(found: &Diagnosis) -> String {
             line(format!("  the records cannot tell it from {}", others.join(", ")));
         }
     }
+    for suspect in &found.suspected {
+        line(format!(
+            "\nToo little to be named: {} ({}); log likelihood {:+.1}",
+            suspect.kind.id, suspect.kind.title, suspect.evidence
+        ));
+    }
     let on = if found.held_out { "what was held out" } else { "what was fitted: nothing was held out" };
     line(format!(
         "\nGap on {on}, RMS over that of the response:\n  {:.2} % before, {:.2} % after, {:.2} % noise",
@@ -271,6 +277,10 @@ fn values(found: &Diagnosis) -> Value {
             "gap_after": effect.gap_after,
             "evidence": effect.evidence,
             "alternatives": effect.alternatives.iter().map(|kind| kind.id).collect::<Vec<_>>(),
+        })).collect::<Vec<_>>(),
+        "suspected": found.suspected.iter().map(|suspect| json!({
+            "kind": suspect.kind.id,
+            "evidence": suspect.evidence,
         })).collect::<Vec<_>>(),
         "gap": { "before": found.gap.before, "after": found.gap.after, "noise_floor": found.gap.noise_floor },
         "records": found.records.iter().map(|record| json!({

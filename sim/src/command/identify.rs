@@ -21,7 +21,7 @@ use crate::identify::static_map::{StaticMapFit, SteadyPoints};
 use crate::identify::steps::fit_staircase;
 use crate::identify::{
     ChirpIdentification, FirstOrderOptions, LongRecordError, PeriodicIdentification, PeriodicOptions, Spectrum,
-    identify_chirps, identify_periodic, is_chirp_to_fit,
+    identify_chirps, identify_periodic, is_chirp_to_fit, with_advice,
 };
 use crate::plant::{Model, Provenance};
 use crate::record::{Excitation, Experiment, LongRecord, Record, Role};
@@ -354,5 +354,5 @@ fn left_out(experiment: &Experiment, fitted: Option<&Record>) -> Vec<String> {
 
 fn periodic_warnings(found: &PeriodicIdentification) -> Vec<String> {
     let all = found.warnings.iter().chain(found.nominals.iter().flat_map(|nominal| &nominal.warnings));
-    all.map(ToString::to_string).collect()
+    all.map(with_advice).collect()
 }

@@ -14,6 +14,7 @@ use super::{progress, report_pages};
 use crate::files::check_writable;
 use crate::identify::parametric::Root;
 use crate::identify::stand::{StandIdentification, StandOptions, identify_stand};
+use crate::identify::with_advice;
 use crate::record::Experiment;
 use crate::report::{Report, Tone, Verdict, stand_section, with_std};
 
@@ -52,7 +53,7 @@ pub fn run(folder: &Path, out: &Path, arguments: &StandArguments, report: &Repor
         text.push('\n');
     }
     for warning in &stand.warnings {
-        text.push_str(&warning_lines(&warning.to_string()));
+        text.push_str(&warning_lines(&with_advice(warning)));
     }
     writeln!(text, "\nWritten to {}", out.display()).into_diagnostic()?;
     text.push_str(&report.write(|| {
@@ -63,7 +64,7 @@ pub fn run(folder: &Path, out: &Path, arguments: &StandArguments, report: &Repor
         let tone = if stand.warnings.is_empty() { Tone::Good } else { Tone::Attention };
         Report {
             facts: [report_pages::records(&experiment, folder), vec![report_pages::file("Stand model", out)]].concat(),
-            warnings: stand.warnings.iter().map(ToString::to_string).collect(),
+            warnings: stand.warnings.iter().map(with_advice).collect(),
             sections: vec![stand_section(&stand)],
             ..report_pages::report("Stand", format!("Stand of {}", experiment.name), Verdict::new(tone, usable))
         }
@@ -152,6 +153,6 @@ fn to_json(stand: &StandIdentification) -> Value {
             "held_out": score.held_out,
             "score": score.score,
         })).collect::<Vec<_>>(),
-        "warnings": stand.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
+        "warnings": stand.warnings.iter().map(with_advice).collect::<Vec<_>>(),
     })
 }

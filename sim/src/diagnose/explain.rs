@@ -17,6 +17,7 @@ use super::residual::misfit;
 use super::scan::Scan;
 use super::screening::Screening;
 use super::steadiness::steadiness;
+use super::suspicion::{self, Suspect};
 use super::trial::{Before, Purpose, Trial, Trials};
 use super::{clips, collapsed, frames, grid, resonance, waits, witness};
 use crate::identify::offset_and_start;
@@ -62,6 +63,9 @@ const MOST_FINISHED: usize = 3;
 const VALLEY_LOOKS: i32 = 5;
 const VALLEY_STEPS: u32 = 4;
 const VALLEY_NARROWING: f64 = 0.25;
+
+/// What a start of a kind would leave of the misfit, and the hypothesis that it leads to.
+pub(super) type Screened = (f64, Hypothesis, &'static Kind);
 
 /// A kind with what it would be worth.
 #[derive(Clone, Debug)]
@@ -158,12 +162,14 @@ pub(super) struct Explanation {
     pub found: Vec<Found>,
     /// What was tried beside the lags alone, best first.
     pub tried: Vec<Tried>,
+    /// What the records lean to beside the lags alone.
+    pub suspected: Vec<Suspect>,
 }
 
 impl Explanation {
     /// That nothing explains what `before` leaves.
-    fn of_nothing(before: Fit, tried: Vec<Tried>) -> Self {
-        Self { after: before.clone(), before, found: Vec::new(), tried }
+    fn of_nothing(before: Fit, tried: Vec<Tried>, suspected: Vec<Suspect>) -> Self {
+        Self { after: before.clone(), before, found: Vec::new(), tried, suspected }
     }
 }
 
@@ -245,10 +251,10 @@ impl Search<'_> {
         }
     }
 
-    /// Kinds that improve on `from`, best first.
-    fn tries(&self, from: &Fit, exclude: &[&'static Kind]) -> Vec<Tried> {
+    /// Starts of all kinds but those to `exclude`, with what they would leave beside `from` as far as the tangent holds, best first.
+    fn screened(&self, from: &Fit, exclude: &[&'static Kind]) -> Vec<Screened> {
         let lifted = self.lags.then(|| collapsed::lifted(&self.trials, from)).flatten();
-        let mut screened: Vec<(f64, Hypothesis, &'static Kind)> = Vec::new();
+        let mut screened = Vec::new();
         for near in std::iter::once(from).chain(&lifted) {
             let Some(screening) = Screening::new(&self.trials, near) else { continue };
             let Some(scan) = Scan::new(&self.trials, near) else { continue };
@@ -258,7 +264,17 @@ impl Search<'_> {
                 (self.progress)();
             }
         }
-        screened.sort_by(|a, b| a.0.total_cmp(&b.0));
+        screened.sort_by(|a: &Screened, b| a.0.total_cmp(&b.0));
+        screened
+    }
+
+    /// Kinds that improve on `from`, best first.
+    fn tries(&self, from: &Fit, exclude: &[&'static Kind]) -> Vec<Tried> {
+        self.tries_of(from, self.screened(from, exclude))
+    }
+
+    /// Kinds that improve on `from` of those that were screened, best first.
+    fn tries_of(&self, from: &Fit, screened: Vec<Screened>) -> Vec<Tried> {
         let best = screened.first().map_or(0.0, |best| from.misfit - best.0);
         let mut kinds: Vec<(&'static Kind, usize)> = Vec::new();
         let mut tried: Vec<Tried> = Vec::new();
@@ -327,13 +343,7 @@ impl Search<'_> {
 
     /// Starts of a kind with what they would leave. Around the best of a single value it looks closer: a limit is felt only
     /// where the commands are.
-    pub fn screen(
-        &self,
-        screening: &Screening,
-        scan: &Scan,
-        from: &Fit,
-        kind: &'static Kind,
-    ) -> Vec<(f64, Hypothesis, &'static Kind)> {
+    pub fn screen(&self, screening: &Screening, scan: &Scan, from: &Fit, kind: &'static Kind) -> Vec<Screened> {
         // Where the alignment has taken over much of a delay, a start that brings its own is judged without it too: so far the
         // tangent does not hold.
         let is_late = from.is_late(&self.trials);
@@ -438,12 +448,15 @@ impl Search<'_> {
         let before = self.settle(base, self.lags)?;
         let mut current = before.clone();
         let mut effects: Vec<Tried> = Vec::new();
-        let (mut first_tried, mut last_tried) = (Vec::new(), Vec::new());
+        let (mut first_tried, mut last_tried, mut suspected) = (Vec::new(), Vec::new(), Vec::new());
         let mut has_to_explain_all = false;
         while effects.len() < MOST_EFFECTS {
             let named: Vec<&'static Kind> = effects.iter().map(|effect| effect.kind).collect();
-            let tried = self.tries(&current, &named);
-            if effects.is_empty() {
+            let screened = self.screened(&current, &named);
+            let promised = effects.is_empty().then(|| suspicion::promised(&current, &screened));
+            let tried = self.tries_of(&current, screened);
+            if let Some(promised) = promised {
+                suspected = suspicion::suspected(promised, &tried);
                 first_tried.clone_from(&tried);
             }
             // Before the noise is taken from what it leaves, which may be long.
@@ -451,7 +464,7 @@ impl Search<'_> {
             if effects.len() + 1 == ENOUGH_EFFECTS
                 && best.is_some_and(|best| self.leaves(&best.fit, &before) > 2.0 * HOPELESS)
             {
-                return Some(Explanation::of_nothing(before, first_tried));
+                return Some(Explanation::of_nothing(before, first_tried, suspected));
             }
             let Some(step) = self.next_effect(&tried, effects.is_empty()) else { break };
             has_to_explain_all |= step.is_detour;
@@ -462,7 +475,7 @@ impl Search<'_> {
                 match self.leaves(&current, &before) {
                     0.0 => break,
                     part if part > HOPELESS => {
-                        return Some(Explanation::of_nothing(before, first_tried));
+                        return Some(Explanation::of_nothing(before, first_tried, suspected));
                     }
                     _ => {}
                 }
@@ -483,10 +496,10 @@ impl Search<'_> {
                 && steadiness(&self.trials, &fit.hypothesis).is_noise()
         };
         if has_to_explain_all && !explains_all(&after) {
-            return Some(Explanation::of_nothing(before, first_tried));
+            return Some(Explanation::of_nothing(before, first_tried, suspected));
         }
         let after = settle_jumps(&self.trials, after)?;
-        Some(Explanation { before, after, found, tried: first_tried })
+        Some(Explanation { before, after, found, tried: first_tried, suspected })
     }
 
     /// Kinds that were tried beside `from`, as it was found then, by the noise of now: those that may be the best.

@@ -32,6 +32,7 @@ mod scan;
 mod screening;
 mod steadiness;
 mod step;
+mod suspicion;
 mod tangent;
 mod trial;
 mod verdict;
@@ -49,6 +50,7 @@ pub use locate::{Axis, Excess, Location, MapCell};
 pub use log::{CutRows, SplitGap};
 pub use next::{Conditions, NextExperiment};
 pub use steadiness::Steadiness;
+pub use suspicion::Suspect;
 pub use trial::LeftOut;
 pub use verdict::Verdict;
 
@@ -105,6 +107,8 @@ pub struct Diagnosis {
     pub effects: Vec<NamedEffect>,
     /// What was tried alone, best first.
     pub tried: Vec<TriedKind>,
+    /// What the records lean to, too little to be named, where they agree with the model.
+    pub suspected: Vec<Suspect>,
     /// The gap on what was held out. No number was fitted to it; which kinds are named rests on it too.
     pub gap: Gap,
     /// The same record by record.
@@ -189,7 +193,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     let mut search = Search { trials, catalog: options.catalog, progress: options.progress, lags: true };
     let explanation =
         search.explain(&Hypothesis::of_lags(base.clone())).ok_or(DiagnoseError::NoFit { what: "a first-order lag" })?;
-    let (Explanation { before, mut after, found, tried }, mut wrong) = match untouched {
+    let (Explanation { before, mut after, found, tried, suspected }, mut wrong) = match untouched {
         Some(untouched) => given::compared(&mut search, untouched, &base, explanation)
             .ok_or(DiagnoseError::NoFit { what: "the given lags" })?,
         None => (explanation, None),
@@ -245,6 +249,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     }
     Ok(Diagnosis {
         verdict,
+        suspected: if verdict == Verdict::Agrees { suspected } else { Vec::new() },
         locations: locate::locate(trials, &before.hypothesis),
         tried: tried
             .iter()

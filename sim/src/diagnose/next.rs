@@ -229,6 +229,16 @@ impl Diagnosis {
                          and let each record go on for twice as long: what stays, grows or vanishes says where to look.";
             return Some(self.planned(&UNKNOWN, "unknown", words.to_owned(), None));
         }
+        if let Some(most) = self.suspected.first() {
+            let times = most.times_longer();
+            let words = format!(
+                "The records lean to {}, too little to name it: record {times} times as many periods. Evidence for what is there \
+                 grows with them, and what was chance does not.",
+                self.suspected_in_words()
+            );
+            let recipe = Recipe { longer: (times, 4 * times), is_reversed: true, ..NOTHING };
+            return Some(self.planned(&recipe, "suspected", words, None));
+        }
         let open = self.effects.iter().find(|effect| !effect.alternatives.is_empty())?;
         let advice = |other: &Kind| {
             let of = |kind: &Kind, with: &Kind| {
@@ -248,6 +258,12 @@ impl Diagnosis {
         let width = open.parameters.iter().find(|(parameter, _)| parameter.unit == "duty");
         let name = format!("{} or {}", open.kind.id, other.id);
         Some(self.planned(recipe, &name, words, width.map(|(_, estimate)| estimate.value)))
+    }
+
+    /// The kinds to which the records lean, as an enumeration.
+    fn suspected_in_words(&self) -> String {
+        let titles: Vec<&str> = self.suspected.iter().map(|suspect| suspect.kind.title).collect();
+        titles.join(", or ")
     }
 
     fn planned(&self, recipe: &Recipe, name: &str, words: String, width: Option<f64>) -> NextExperiment {

@@ -1,5 +1,6 @@
 //! From records to linear models: spectra, frequency responses, fits and bandwidths.
 
+mod advice;
 pub mod alignment;
 mod bandwidth;
 mod broadband;
@@ -32,6 +33,7 @@ mod transient;
 mod uncertainty;
 mod validate;
 
+pub use advice::with_advice;
 pub use bandwidth::{Bandwidth, EtfeBandwidth, StaticValue, THREE_DB, bandwidth_of, bandwidth_of_etfe};
 pub use broadband::{ChirpIdentification, identify_chirps, is_chirp_to_fit};
 pub use distortion::{Distortion, DistortionLevel, RobustResponse, STRONG_DISTORTION_DB};

@@ -109,7 +109,8 @@ impl Search<'_> {
             current = self.extend(current, &mut named, &dropped, &mut first_tried)?;
             let (after, found, redundant) = self.eliminate(current, &named)?;
             if redundant.is_empty() {
-                return Some(Explanation { before, after, found, tried: first_tried.unwrap_or_default() });
+                let tried = first_tried.unwrap_or_default();
+                return Some(Explanation { before, after, found, tried, suspected: Vec::new() });
             }
             // What stood in the place of others is gone, and does not come back: the search ends.
             named.retain(|named| !redundant.contains(&named.kind));

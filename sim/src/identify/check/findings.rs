@@ -38,14 +38,7 @@ impl Findings {
         // A gain is of a nominal command, where the rows speak of its records.
         let is_known = topic == Topic::Sign && self.0.iter().any(|finding| finding.topic == topic);
         if !is_known {
-            self.push(Finding {
-                severity: Severity::Warning,
-                topic,
-                file: file.map(str::to_owned),
-                row: None,
-                message: warning.to_string(),
-                remedy: None,
-            });
+            self.push(Finding::new(Severity::Warning, topic, file, warning));
         }
     }
 

@@ -79,14 +79,7 @@ pub fn of_record(experiment: &Experiment, record: &Record, is_force: bool) -> Ve
         }
     }
     for warning in unfitted(record, response, column) {
-        found.push(Finding {
-            severity: Severity::Warning,
-            topic: warning.topic(),
-            file: Some(file()),
-            row: None,
-            message: warning.to_string(),
-            remedy: None,
-        });
+        found.push(Finding::new(Severity::Warning, warning.topic(), Some(&record.file), &warning));
     }
     found
 }

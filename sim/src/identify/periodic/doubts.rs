@@ -7,7 +7,9 @@ use super::{IdentifyWarning, MODEL_LEVEL};
 use crate::identify::saturation::Limit;
 use crate::identify::statistics::f_upper_tail;
 use crate::identify::steps::{MAX_RELATIVE_STD, without_spikes};
-use crate::identify::{Estimate, FirstOrderFit, FirstOrderOptions, FitLine, IdentifyError, Spectrum, fit_first_order};
+use crate::identify::{
+    Estimate, FirstOrderFit, FirstOrderOptions, FitLine, IdentifyError, Spectrum, fit_first_order, with_advice,
+};
 use crate::record::Record;
 
 /// A reading is a jump when it is off its neighbors by this share of the range in which nearly all readings are. A motor
@@ -115,7 +117,7 @@ pub(in crate::identify) fn refusal(nominal: f64, gain: Estimate, doubts: &[Ident
             IdentifyWarning::Jumps { .. } | IdentifyWarning::Frozen { .. } | IdentifyWarning::Saturated { .. }
         )
     };
-    let signs = doubts.iter().filter(of_rows).map(|doubt| format!(". {doubt}")).collect();
+    let signs = doubts.iter().filter(of_rows).map(|doubt| format!(". {}", with_advice(doubt))).collect();
     IdentifyError::GainMayBeZero { nominal, gain: gain.value, std: gain.std, signs }
 }
 

@@ -1,21 +1,24 @@
 //! What an identification from periodic records has to say beside its numbers.
 
+use miette::Diagnostic;
+use thiserror::Error;
+
 use crate::identify::STRONG_DISTORTION_DB;
 use crate::identify::check::Topic;
 
 /// What a user should know about an identification that succeeded.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, Error, Diagnostic)]
 pub enum IdentifyWarning {
     /// No multisine record to fit at this nominal command.
-    #[error("u_nom {nominal}: no multisine record to fit on; its other records are left out; give one role = \"fit\"")]
+    #[error("u_nom {nominal}: no multisine record to fit on; its other records are left out")]
+    #[diagnostic(help("give one role = \"fit\""))]
     NothingToFit {
         /// The nominal command.
         nominal: f64,
     },
     /// The first period, or more, was dropped.
-    #[error(
-        "{file}: a transient in the first {dropped} of {periods} periods (p = {p_value:.1e}), which are left out; let the motor run in for a period before recording"
-    )]
+    #[error("{file}: a transient in the first {dropped} of {periods} periods (p = {p_value:.1e}), which are left out")]
+    #[diagnostic(help("let the motor run in for a period before recording"))]
     TransientDropped {
         /// The record.
         file: String,
@@ -28,14 +31,16 @@ pub enum IdentifyWarning {
     },
     /// Half of the periods were dropped, as many as there may be.
     #[error(
-        "{file}: half of its periods differ from those after them: that is a drift of motor, supply or sensor rather than a start, and gain and lag are those of the last periods; let it warm up, and record again"
+        "{file}: half of its periods differ from those after them: that is a drift of motor, supply or sensor rather than a start, and gain and lag are those of the last periods"
     )]
+    #[diagnostic(help("let it warm up, and record again"))]
     Drifts {
         /// The record.
         file: String,
     },
     /// Nothing to compare the first period with.
-    #[error("{file}: no other period to test the first for a transient; let the motor run in before recording")]
+    #[error("{file}: no other period to test the first for a transient")]
+    #[diagnostic(help("let the motor run in before recording"))]
     TransientUntested {
         /// The record.
         file: String,
@@ -73,17 +78,19 @@ pub enum IdentifyWarning {
         last_hz: f64,
     },
     /// The noise is known from unexcited lines only.
-    #[error(
-        "{file}: one period is left; the noise is taken from unexcited lines, with any even-order distortion; record four periods or more"
-    )]
+    #[error("{file}: one period is left; the noise is taken from unexcited lines, with any even-order distortion")]
+    #[diagnostic(help("record four periods or more"))]
     NoiseFromUnexcitedLines {
         /// The record.
         file: String,
     },
     /// The lag does not explain the response to within its noise.
     #[error(
-        "u_nom {nominal}: a first-order lag leaves {reduced_chi_square:.1} times the noise power; the standard errors cover noise only. Lower the amplitude; give the stand with --stand-model; `rotorlead diagnose` looks for what is missing"
+        "u_nom {nominal}: a first-order lag leaves {reduced_chi_square:.1} times the noise power; the standard errors cover noise only"
     )]
+    #[diagnostic(help(
+        "lower the amplitude; give the stand with --stand-model; `rotorlead diagnose` looks for what is missing"
+    ))]
     ModelTooSimple {
         /// The nominal command.
         nominal: f64,
@@ -92,9 +99,10 @@ pub enum IdentifyWarning {
     },
     /// A dead time that is longer than those looked for.
     #[error(
-        "u_nom {nominal}: a dead time of {:.0} ms explains the response, and none beyond {:.0} ms is a motor's: it is that of the log, or of two clocks. Move the response by it, or merge two logs with --align, and identify again",
+        "u_nom {nominal}: a dead time of {:.0} ms explains the response, and none beyond {:.0} ms is a motor's: it is that of the log, or of two clocks",
         1e3 * delay_s, 1e3 * limit_s
     )]
+    #[diagnostic(help("move the response by it, or merge two logs with --align, and identify again"))]
     DelayBeyondSearch {
         /// The nominal command.
         nominal: f64,
@@ -105,8 +113,9 @@ pub enum IdentifyWarning {
     },
     /// The lag explains the response far better than its noise allows.
     #[error(
-        "u_nom {nominal}: a first-order lag leaves only {reduced_chi_square:.2} times the noise power: what differs between the periods is no noise (a gain that drifts, a reading that jumps, a sensor that stops), and gain and lag may be wrong by more than their errors. Compare the periods, and record again"
+        "u_nom {nominal}: a first-order lag leaves only {reduced_chi_square:.2} times the noise power: what differs between the periods is no noise (a gain that drifts, a reading that jumps, a sensor that stops), and gain and lag may be wrong by more than their errors"
     )]
+    #[diagnostic(help("compare the periods, and record again"))]
     NoiseTooLarge {
         /// The nominal command.
         nominal: f64,
@@ -115,8 +124,11 @@ pub enum IdentifyWarning {
     },
     /// A response that may as well be none of this command.
     #[error(
-        "u_nom {nominal}: the gain is {gain:.3} +- {std:.3} and may as well be zero, so there is no point here: the response does not follow the command. Check that both are of one run and that the sensor was connected; else raise the amplitude or record more periods"
+        "u_nom {nominal}: the gain is {gain:.3} +- {std:.3} and may as well be zero, so there is no point here: the response does not follow the command"
     )]
+    #[diagnostic(help(
+        "check that both are of one run and that the sensor was connected; else raise the amplitude or record more periods"
+    ))]
     GainMayBeZero {
         /// The nominal command.
         nominal: f64,
@@ -126,9 +138,8 @@ pub enum IdentifyWarning {
         std: f64,
     },
     /// A response that falls where the command rises.
-    #[error(
-        "u_nom {nominal}: the gain is {gain:.3}: the response falls where the command rises. Turn the sensor's sign, or find the logs that belong together"
-    )]
+    #[error("u_nom {nominal}: the gain is {gain:.3}: the response falls where the command rises")]
+    #[diagnostic(help("turn the sensor's sign, or find the logs that belong together"))]
     NegativeGain {
         /// The nominal command.
         nominal: f64,
@@ -137,9 +148,10 @@ pub enum IdentifyWarning {
     },
     /// A number that the record hardly determines.
     #[error(
-        "u_nom {nominal}: the {what} is known to {:.0} % only, too little to design with; raise the amplitude or record more periods",
+        "u_nom {nominal}: the {what} is known to {:.0} % only, too little to design with",
         100.0 * relative_std
     )]
+    #[diagnostic(help("raise the amplitude or record more periods"))]
     Uncertain {
         /// The nominal command.
         nominal: f64,
@@ -150,13 +162,14 @@ pub enum IdentifyWarning {
     },
     /// Readings that no motor can have made.
     #[error(
-        "{file}: {}, and {} in the fit; replace what jumps by its neighbors', and look at the sensor's cable",
+        "{file}: {}, and {} in the fit",
         match rows {
             1 => format!("one reading jumps away and back, at {at_s:.3} s"),
             rows => format!("{rows} readings jump away and back, the first at {at_s:.3} s"),
         },
         if *rows == 1 { "is" } else { "are" }
     )]
+    #[diagnostic(help("replace what jumps by its neighbors', and look at the sensor's cable"))]
     Jumps {
         /// The record.
         file: String,
@@ -167,8 +180,9 @@ pub enum IdentifyWarning {
     },
     /// A sensor that stopped.
     #[error(
-        "{file}: the response reads the same for {rows} rows from {from_s:.3} s on: the sensor or the log had stopped, and those rows are in the fit; cut the record there, or record again"
+        "{file}: the response reads the same for {rows} rows from {from_s:.3} s on: the sensor or the log had stopped, and those rows are in the fit"
     )]
+    #[diagnostic(help("cut the record there, or record again"))]
     Frozen {
         /// The record.
         file: String,
@@ -179,8 +193,9 @@ pub enum IdentifyWarning {
     },
     /// A record around another command than it says.
     #[error(
-        "{file}: `nominal` is {nominal}, and the mean command is {mean:.3}: the model would have this motor at the wrong command; correct `nominal` in experiment.toml"
+        "{file}: `nominal` is {nominal}, and the mean command is {mean:.3}: the model would have this motor at the wrong command"
     )]
+    #[diagnostic(help("correct `nominal` in experiment.toml"))]
     OtherNominal {
         /// The record.
         file: String,
@@ -191,8 +206,9 @@ pub enum IdentifyWarning {
     },
     /// A period that is several.
     #[error(
-        "{file}: the command repeats every {repeats_s} s and `period_s` is {period_s}: fewer periods are left to know the noise from, and distortion cannot be told from it; correct `period_s` in experiment.toml"
+        "{file}: the command repeats every {repeats_s} s and `period_s` is {period_s}: fewer periods are left to know the noise from, and distortion cannot be told from it"
     )]
+    #[diagnostic(help("correct `period_s` in experiment.toml"))]
     PeriodTooLong {
         /// The record.
         file: String,
@@ -227,8 +243,9 @@ pub enum IdentifyWarning {
     },
     /// A column stands on a limit.
     #[error(
-        "{file}: {rows} rows of {column} stand exactly on {at}: it ran into a limit there, which no linear model has; lower the amplitude, or widen the range"
+        "{file}: {rows} rows of {column} stand exactly on {at}: it ran into a limit there, which no linear model has"
     )]
+    #[diagnostic(help("lower the amplitude, or widen the range"))]
     Saturated {
         /// The record.
         file: String,
@@ -241,8 +258,9 @@ pub enum IdentifyWarning {
     },
     /// The command follows the noise of the response.
     #[error(
-        "{file}: the command changes from period to period, by {scatter_percent:.2} % of its RMS, and follows the response's noise (p = {p_value:.0e}): a controller acts on the response, which biases gain and lag toward its inverse; open the loop"
+        "{file}: the command changes from period to period, by {scatter_percent:.2} % of its RMS, and follows the response's noise (p = {p_value:.0e}): a controller acts on the response, which biases gain and lag toward its inverse"
     )]
+    #[diagnostic(help("open the loop"))]
     ClosedLoop {
         /// The record.
         file: String,
@@ -253,8 +271,9 @@ pub enum IdentifyWarning {
     },
     /// No line shows the static gain.
     #[error(
-        "u_nom {nominal}: the lowest line, {lowest_hz:.2} Hz, is above the pole at {pole_hz:.2} Hz: the static gain is not seen, only its ratio to the time constant; record longer periods"
+        "u_nom {nominal}: the lowest line, {lowest_hz:.2} Hz, is above the pole at {pole_hz:.2} Hz: the static gain is not seen, only its ratio to the time constant"
     )]
+    #[diagnostic(help("record longer periods"))]
     PeriodTooShort {
         /// The nominal command.
         nominal: f64,
@@ -264,7 +283,8 @@ pub enum IdentifyWarning {
         pole_hz: f64,
     },
     /// The compensator of a compensated record is not known.
-    #[error("{file}: its compensator's response is unknown, so it is neither smoothed nor fitted; record esc_command")]
+    #[error("{file}: its compensator's response is unknown, so it is neither smoothed nor fitted")]
+    #[diagnostic(help("record esc_command"))]
     CompensatorUnknown {
         /// The record.
         file: String,

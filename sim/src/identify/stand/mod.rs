@@ -59,20 +59,20 @@ pub struct StandIdentification {
 }
 
 /// What a user should know about a stand that was identified.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error, miette::Diagnostic)]
 pub enum StandWarning {
     /// The response had not died away at the end.
-    #[error(
-        "{file}: the stand still rings, or drifts, at the end of the record; record longer, or every pole looks too damped"
-    )]
+    #[error("{file}: the stand still rings, or drifts, at the end of the record")]
+    #[diagnostic(help("record longer, or every pole looks too damped"))]
     StillRings {
         /// The record.
         file: String,
     },
     /// A column was cut off at its peak.
     #[error(
-        "{file}: {column} stands at {at} for {rows} rows in a row at its peak: it was cut off, and the response is not a linear stand's; hit less hard, or set the sensor to a wider range"
+        "{file}: {column} stands at {at} for {rows} rows in a row at its peak: it was cut off, and the response is not a linear stand's"
     )]
+    #[diagnostic(help("hit less hard, or set the sensor to a wider range"))]
     Clipped {
         /// The record.
         file: String,
@@ -85,8 +85,9 @@ pub enum StandWarning {
     },
     /// Roots that the lines say nothing of.
     #[error(
-        "{count} of the poles (pairs count once) are beyond {limit_hz:.0} Hz, far above the highest line: they change nothing there and are left out; ask for fewer with --order"
+        "{count} of the poles (pairs count once) are beyond {limit_hz:.0} Hz, far above the highest line: they change nothing there and are left out"
     )]
+    #[diagnostic(help("ask for fewer with --order"))]
     FarAbove {
         /// How many, a pair as one.
         count: usize,
@@ -105,8 +106,9 @@ pub enum StandWarning {
     },
     /// Poles that zeros take away again.
     #[error(
-        "{count} of {poles} poles (pairs count once) have a zero where they are, within its error: they cancel and mean nothing; leave --order out, or ask for fewer"
+        "{count} of {poles} poles (pairs count once) have a zero where they are, within its error: they cancel and mean nothing"
     )]
+    #[diagnostic(help("leave --order out, or ask for fewer"))]
     Cancels {
         /// How many, a pair as one.
         count: usize,
@@ -114,7 +116,8 @@ pub enum StandWarning {
         poles: usize,
     },
     /// The static value is not in the band.
-    #[error("the static gain, {gain:.3}, is not 1 within its error: calibrate the force against the sensor")]
+    #[error("the static gain, {gain:.3}, is not 1 within its error")]
+    #[diagnostic(help("calibrate the force against the sensor"))]
     Gain {
         /// The static gain.
         gain: f64,

@@ -39,6 +39,10 @@ pub fn diagnosis_section(found: &Diagnosis, verdict: &str) -> Section {
                 .to_owned(),
         );
     }
+    for suspect in &found.suspected {
+        let (kind, evidence) = (suspect.kind, suspect.evidence);
+        text.push(format!("Too little to be named: {} ({}), log likelihood {evidence:+.1}.", kind.id, kind.title));
+    }
     for out in &found.left_out {
         text.push(format!("Not compared: {}: {}", out.file, out.reason));
     }
