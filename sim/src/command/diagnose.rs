@@ -156,6 +156,13 @@ fn words(found: &Diagnosis) -> String {
             100.0 * found.steadiness.spread
         );
     }
+    if !found.timing.is_steady() {
+        let _ = writeln!(
+            text,
+            "Changes of the command that are alike are answered at different delays, {:.1} ms apart (RMS).",
+            1e3 * found.timing.scatter_s
+        );
+    }
     let mut line = |line: String| {
         text.push_str(&line);
         text.push('\n');
@@ -313,6 +320,7 @@ fn values(found: &Diagnosis) -> Value {
             "after": { "sum": found.excess.1.sum, "expected": found.excess.1.expected },
         },
         "steadiness": { "spread": found.steadiness.spread, "significance": found.steadiness.significance },
+        "timing": { "scatter_s": found.timing.scatter_s, "significance": found.timing.significance },
         "tried": found.tried.iter().map(|tried| json!({
             "kind": tried.kind.id,
             "fitted_gain": tried.fitted_gain,

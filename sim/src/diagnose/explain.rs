@@ -398,7 +398,12 @@ impl Search<'_> {
             // A phase for each record, beside the rate.
             Some(self.tried(from, fit, kind, price(kind) + self.trials.trials.len() as f64))
         });
-        Some(framed.filter(|framed| framed.worth() > mean.worth()).unwrap_or(mean))
+        let is_missed = effect.is_some_and(|effect| {
+            frames::are_missed(&self.trials, &mean.fit, effect, framed.as_ref().map(|framed| framed.fit.misfit))
+        });
+        let best = framed.filter(|framed| framed.worth() > mean.worth()).unwrap_or(mean);
+        // What is not there cannot be had at any price.
+        Some(if is_missed { Tried { price: f64::INFINITY, ..best } } else { best })
     }
 
     /// `found` with the steps of a grid such that they make a whole range, where that fits as well: what is fitted may not say on
@@ -470,7 +475,7 @@ impl Search<'_> {
             has_to_explain_all |= step.is_detour;
             last_tried = tried;
             effects.push(step.tried);
-            current = step.fit;
+            current = self.in_frames(step.fit)?;
             if effects.len() >= ENOUGH_EFFECTS {
                 match self.leaves(&current, &before) {
                     0.0 => break,
@@ -500,6 +505,16 @@ impl Search<'_> {
         }
         let after = settle_jumps(&self.trials, after)?;
         Some(Explanation { before, after, found, tried: first_tried, suspected })
+    }
+
+    /// `found` with the frames of its last effect where all records have them. A rate that is off by a part of a frame over a record
+    /// leaves more than a further effect does, which would be looked for in vain.
+    fn in_frames(&mut self, found: Fit) -> Option<Fit> {
+        if found.hypothesis.effects.last().is_none_or(|effect| effect.phases.is_empty()) {
+            return Some(found);
+        }
+        let sharp = settle_jumps(&self.trials, found)?;
+        self.settle(&sharp.hypothesis, self.lags)
     }
 
     /// Kinds that were tried beside `from`, as it was found then, by the noise of now: those that may be the best.

@@ -60,6 +60,13 @@ const FINER: usize = 4;
 /// The sum of squares that a rate has to gain beyond two per record: chance gains that once in thousands of experiments.
 const LEAST_GAIN: f64 = 30.0;
 
+/// Frames that would take more than this from the misfit are seen where they are, and those that were found are other ones, or none,
+/// where they take less than this part of it.
+const SEEN: f64 = 300.0;
+const MISSED: f64 = 0.25;
+/// The golden ratio, less one.
+const GOLDEN: f64 = 0.618_033_988_749_895;
+
 /// Whether a kind has frames.
 pub(super) fn has_frames(kind: &Kind) -> bool {
     kind.id == "esc_frame_hold"
@@ -147,6 +154,30 @@ pub(super) fn find(trials: &Trials, fit: &Fit, effect: usize, behind: f64) -> Op
     let (_, hz, mut hypothesis) = judged.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
     hypothesis.effects[effect].profiled_std = std_hz / hz;
     Some(hypothesis)
+}
+
+/// Whether frames of the rate of `effect`, which lie anywhere in `fit`, would be seen if they were there: the sum of squares by which
+/// the responses to frames differ from the response to their mean is what the misfit would fall by. `found` is the misfit with the
+/// frames that were found.
+pub(super) fn are_missed(trials: &Trials, fit: &Fit, effect: usize, found: Option<f64>) -> bool {
+    let with = anywhere(trials, &fit.hypothesis, effect);
+    let difference = |trial: &Trial| {
+        let white = |hypothesis| residual(trials, trial, hypothesis, Purpose::Fit);
+        let (mean, framed) = (white(&fit.hypothesis)?, white(&with)?);
+        Some(mean.iter().zip(&framed).map(|(mean, framed)| (mean - framed).norm_sqr()).sum::<f64>())
+    };
+    let shown: f64 = trials.trials.par_iter().filter(|trial| trial.log.is_none()).filter_map(difference).sum();
+    let gained = found.map_or(0.0, |found| fit.misfit - found);
+    shown > SEEN && gained < MISSED * shown
+}
+
+/// With frames that begin somewhere else in each record.
+fn anywhere(trials: &Trials, known: &Hypothesis, effect: usize) -> Hypothesis {
+    let mut hypothesis = known.clone();
+    // Multiples of the golden ratio are spread most evenly.
+    hypothesis.effects[effect].phases =
+        (0..trials.trials.len()).map(|record| (record as f64 * GOLDEN).fract()).collect();
+    hypothesis
 }
 
 /// The rate and the phases once more, beside what `fit` has found with them.

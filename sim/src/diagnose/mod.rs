@@ -34,6 +34,7 @@ mod steadiness;
 mod step;
 mod suspicion;
 mod tangent;
+mod timing;
 mod trial;
 mod verdict;
 mod waits;
@@ -51,6 +52,7 @@ pub use log::{CutRows, SplitGap};
 pub use next::{Conditions, NextExperiment};
 pub use steadiness::Steadiness;
 pub use suspicion::Suspect;
+pub use timing::Timing;
 pub use trial::LeftOut;
 pub use verdict::Verdict;
 
@@ -129,6 +131,8 @@ pub struct Diagnosis {
     pub excess: (Excess, Excess),
     /// Whether what is left is steady, as noise is.
     pub steadiness: Steadiness,
+    /// Whether changes of the command that are alike are answered alike in time.
+    pub timing: Timing,
     /// The improved model.
     pub model: Model,
     /// What is left over frequency and nominal command, before and after.
@@ -203,14 +207,17 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     let excess = |hypothesis| locate::excess(trials, hypothesis, Purpose::Fit);
     let (excess_before, mut excess_after) = (excess(&before.hypothesis), excess(&after.hypothesis));
     let steadiness = steadiness::steadiness(trials, &after.hypothesis);
+    let timing = timing::timing(trials, &after.hypothesis);
     let refitted = options.model.is_none();
     let mut gaps = gap::gaps(trials, &before.hypothesis, &after.hypothesis, refitted);
     let grounds = Grounds {
         found: !found.is_empty() || wrong.is_some(),
+        numbers_alone: found.is_empty() && wrong.is_some(),
         excess: (excess_before, excess_after),
         gap: gaps.total,
         unsure: gap::unsure(trials, &after, if gaps.held_out { Purpose::HeldOut } else { Purpose::Fit }),
         steadiness,
+        is_timely: timing.is_steady(),
         has_logs: trials.has_logs(),
     };
     let verdict = grounds.verdict();
@@ -275,6 +282,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         held_out,
         excess: (excess_before, excess_after),
         steadiness,
+        timing,
     })
 }
 

@@ -224,6 +224,11 @@ impl Diagnosis {
                          repeat and for steps that the motor loses.";
             return Some(self.planned(&UNKNOWN, "unsteady", words.to_owned(), None));
         }
+        if !self.timing.is_steady() {
+            let words = "Log when each command is sent and when the ESC takes it over, beside the speed, and repeat the records as \
+                         they are: what waits differently each time sits in front of the motor, in a driver, a bus or a filter.";
+            return Some(self.planned(&UNKNOWN, "untimely", words.to_owned(), None));
+        }
         if self.verdict == Verdict::Unknown {
             let words = "Repeat the records at half and at twice the amplitude, log the speed, the voltage and the current too, \
                          and let each record go on for twice as long: what stays, grows or vanishes says where to look.";

@@ -48,6 +48,8 @@ impl Verdict {
 pub(super) struct Grounds {
     /// Whether any effect was found, or wrong numbers.
     pub found: bool,
+    /// Whether wrong numbers are all that was found.
+    pub numbers_alone: bool,
     /// What is left over noise on the lines of what was fitted, before and after.
     pub excess: (Excess, Excess),
     /// The gap on what was held out.
@@ -56,6 +58,8 @@ pub(super) struct Grounds {
     pub unsure: f64,
     /// Whether what does not repeat can be noise.
     pub steadiness: Steadiness,
+    /// Whether changes of the command that are alike are answered alike in time.
+    pub is_timely: bool,
     /// Whether there are records that do not repeat.
     pub has_logs: bool,
 }
@@ -66,6 +70,10 @@ impl Grounds {
         let (before, after) = self.excess;
         let is_noise = after.is_noise();
         let is_steady = self.steadiness.is_noise();
+        // On average a delay that wanders looks like many kinds.
+        if !self.is_timely {
+            return Verdict::Unknown;
+        }
         if !self.found {
             return if is_noise && is_steady { Verdict::Agrees } else { Verdict::Unknown };
         }
@@ -78,6 +86,8 @@ impl Grounds {
             part < none && self.left() < none
         };
         let is_story = is_story && (is_steady || self.outweighs_bursts());
+        // An effect that nothing explains moves gain and lag too: other numbers that leave more than noise are its shadow.
+        let is_story = is_story && (is_noise && is_steady || !self.numbers_alone);
         match (is_story, is_noise && is_steady) {
             (true, true) => Verdict::Named,
             (true, false) => Verdict::PartlyNamed,
@@ -116,10 +126,12 @@ mod tests {
     fn grounds() -> Grounds {
         Grounds {
             found: true,
+            numbers_alone: false,
             excess: (Excess { sum: 90_000.0, expected: 7000.0 }, Excess { sum: 7100.0, expected: 7000.0 }),
             gap: Gap { before: 0.3, after: 0.1, noise_floor: 0.1 },
             unsure: 0.0,
             steadiness: Steadiness::default(),
+            is_timely: true,
             has_logs: false,
         }
     }
@@ -144,6 +156,23 @@ mod tests {
         assert_eq!(gap(0.15).verdict(), Verdict::Named);
         assert_eq!(gap(0.28).verdict(), Verdict::Unknown);
         assert_eq!(gap(0.4).verdict(), Verdict::Unknown);
+    }
+
+    #[test]
+    fn other_numbers_that_leave_more_than_noise_are_no_story() {
+        let alone = Grounds { numbers_alone: true, ..grounds() };
+        assert_eq!(alone.verdict(), Verdict::Named);
+        let left = (grounds().excess.0, Excess { sum: 9000.0, expected: 7000.0 });
+        assert_eq!(Grounds { excess: left, ..alone }.verdict(), Verdict::Unknown);
+        let steadiness = Steadiness { spread: 0.5, significance: 40.0 };
+        assert_eq!(Grounds { steadiness, ..alone }.verdict(), Verdict::Unknown);
+    }
+
+    #[test]
+    fn a_delay_that_wanders_has_no_name() {
+        for found in [false, true] {
+            assert_eq!(Grounds { is_timely: false, found, ..grounds() }.verdict(), Verdict::Unknown);
+        }
     }
 
     #[test]

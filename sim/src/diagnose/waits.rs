@@ -44,7 +44,7 @@ pub(super) fn with_scatter(trials: &Trials, hypothesis: &Hypothesis, frames: &Ca
 }
 
 /// Seconds from frame to frame; `None` without frames.
-fn frame_s(frames: &Candidate) -> Option<f64> {
+pub(super) fn frame_s(frames: &Candidate) -> Option<f64> {
     Some(frames.values[0].recip()).filter(|frame_s| *frame_s > 0.0 && frame_s.is_finite())
 }
 

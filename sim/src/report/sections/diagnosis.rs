@@ -39,6 +39,12 @@ pub fn diagnosis_section(found: &Diagnosis, verdict: &str) -> Section {
                 .to_owned(),
         );
     }
+    if !found.timing.is_steady() {
+        text.push(format!(
+            "Changes of the command that are alike are answered at different delays, {:.1} ms apart (RMS).",
+            1e3 * found.timing.scatter_s
+        ));
+    }
     for suspect in &found.suspected {
         let (kind, evidence) = (suspect.kind, suspect.evidence);
         text.push(format!("Too little to be named: {} ({}), log likelihood {evidence:+.1}.", kind.id, kind.title));
