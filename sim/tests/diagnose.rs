@@ -171,3 +171,25 @@ fn two_effects_that_look_like_a_shape_of_neither_are_found_by_way_of_either() {
     kinds.sort_unstable();
     assert_eq!((found.verdict, kinds), (Verdict::Named, vec!["second_pole", "stand_resonance"]));
 }
+
+#[test]
+fn a_delay_that_wanders_has_no_name_and_its_spread_is_said() {
+    let mut records = experiment(&motor(None), 4);
+    // From none to 40 ms and back in some seconds, another phase in each record.
+    for (index, record) in records.records.iter_mut().enumerate() {
+        let thrust_n = record.thrust_n.as_ref().unwrap().clone();
+        let late = |time_s: f64| 0.02 * (1.0 + (1.7 * time_s + 2.0 * index as f64).sin());
+        let moved = record.time_s.iter().map(|time_s| {
+            let place = ((time_s - late(*time_s)).max(0.0) * 200.0).min(thrust_n.len() as f64 - 1.001);
+            let (row, part) = (place as usize, place.fract());
+            (1.0 - part) * thrust_n[row] + part * thrust_n[row + 1]
+        });
+        record.thrust_n = Some(moved.collect());
+    }
+    let found = diagnosed(&records, None);
+    assert_eq!(found.verdict, Verdict::Unknown, "{:?}", found.effects);
+    assert!(!found.timing.is_steady(), "{:?}", found.timing);
+    // 14 ms, to first order of waits that are a fifth of the lag, over a few changes of each record.
+    assert!((0.004..0.03).contains(&found.timing.scatter_s), "{:?}", found.timing);
+    assert!(found.next_experiment().unwrap().words.contains("when each command is sent"));
+}

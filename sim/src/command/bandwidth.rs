@@ -18,8 +18,8 @@ use crate::plant::effect::Linearity;
 use crate::plant::{ActiveEffect, Model};
 use crate::record::Experiment;
 use crate::report::{
-    Fact, Report, Tone, Verdict, bandwidth_json, bandwidth_section, bandwidth_table, measured_json, measured_response,
-    measured_table, simulated_response, simulation_and_experiment,
+    Fact, Report, bandwidth_json, bandwidth_section, bandwidth_table, measured_json, measured_response, measured_table,
+    simulated_response, simulation_and_experiment,
 };
 
 /// Bootstrap draws behind the interval of a measured bandwidth.
@@ -113,7 +113,7 @@ impl Bandwidth {
             );
             facts.extend(self.records.iter().map(|folder| report_pages::file("Records", folder)));
             facts.push(report_pages::version());
-            let verdict = Verdict::new(Tone::Plain, report_pages::faster(&points));
+            let verdict = report_pages::faster_as_measured(&points, &measured);
             let title = format!("Bandwidths of {}", self.model.display());
             Report { facts, sections: vec![section], ..report_pages::report("Bandwidth", title, verdict) }
         })?);

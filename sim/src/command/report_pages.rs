@@ -6,7 +6,7 @@ use rotorlead::design::LeadDesign;
 
 use super::report_option::this_command;
 use crate::design::BandwidthPoint;
-use crate::identify::RecordValidation;
+use crate::identify::{MeasuredBandwidth, RecordValidation};
 use crate::plant::Model;
 use crate::record::Experiment;
 use crate::report::{Fact, Report, Tone, Verdict, experiment_facts, is_wrong};
@@ -107,6 +107,47 @@ pub fn faster(points: &[BandwidthPoint]) -> String {
     let span =
         |(low, high): (f64, f64)| if high > low { format!("{low:.1} to {high:.1}") } else { format!("{low:.1}") };
     format!("Predicted bandwidth: {} rad/s without, {} rad/s with the compensator.", span(before), span(after))
+}
+
+/// A measured bandwidth is as predicted within this share, or where its interval holds the prediction.
+const AS_PREDICTED: f64 = 0.1;
+
+/// The same beside what was measured: whether the model says it right.
+pub fn faster_as_measured(points: &[BandwidthPoint], measured: &[MeasuredBandwidth]) -> Verdict {
+    let predicted = Verdict::new(Tone::Plain, faster(points));
+    if measured.is_empty() {
+        return predicted;
+    }
+    let found = |compensated: bool| {
+        let all = measured.iter().filter(|one| one.compensated == compensated);
+        let (low, high) = ends(all.filter_map(|one| one.bandwidth.bandwidth.rad_s()));
+        let with = if compensated { "with" } else { "without" };
+        low.is_finite().then(|| {
+            if high > low { format!("{low:.1} to {high:.1} rad/s {with}") } else { format!("{low:.1} rad/s {with}") }
+        })
+    };
+    let said = [found(false), found(true)].into_iter().flatten().collect::<Vec<_>>().join(", ");
+    let is_other = |one: &MeasuredBandwidth| {
+        let point = points.iter().find(|point| (point.nominal - one.nominal).abs() < 1e-6);
+        let of = |point: &BandwidthPoint| if one.compensated { point.compensated } else { point.uncompensated };
+        let (Some(expected), Some(is)) = (point.and_then(|point| of(point).rad_s()), one.bandwidth.bandwidth.rad_s())
+        else {
+            return false;
+        };
+        let low = one.bandwidth.lower.rad_s().unwrap_or(0.0);
+        let high = one.bandwidth.upper.rad_s().unwrap_or(f64::INFINITY);
+        (is / expected - 1.0).abs() > AS_PREDICTED && !(low..=high).contains(&expected)
+    };
+    let mut sentences = vec![format!("Measured: {said}.")];
+    let others = measured.iter().filter(|one| is_other(one)).count();
+    if others == 0 {
+        return predicted.with(sentences);
+    }
+    let count = measured.len();
+    sentences.push(format!(
+        "{others} of {count} measured bandwidths are not the predicted ones: `rotorlead diagnose` tells what the model lacks."
+    ));
+    Verdict { tone: Tone::Attention, ..predicted.with(sentences) }
 }
 
 /// What a design gave, in sentences.

@@ -30,6 +30,8 @@ const WIDTHS: f64 = 10.0;
 const OTHER_TURN: f64 = 1.37;
 /// Half the period of a triangle, seconds.
 const TRIANGLE_HALF_S: f64 = 10.0;
+/// Periods of a square wave or a triangle.
+const SQUARE_PERIODS: u32 = 3;
 /// Smallest amplitude that is worth a record, and how much two of one nominal command differ.
 const SMALLEST_AMPLITUDE: f64 = 0.002;
 const SAME_AMPLITUDE: f64 = 1.05;
@@ -102,8 +104,9 @@ struct Recipe {
     multisines: &'static [f64],
     /// Square waves of these multiples.
     squares: &'static [f64],
-    /// Half their period, seconds.
+    /// Half their period, seconds, and how many.
     square_half_s: f64,
+    square_periods: u32,
     /// Whether slow triangles belong to it.
     triangles: bool,
     /// Whether multisines go up to 44.9 Hz, and not to 29.9.
@@ -123,6 +126,7 @@ const NOTHING: Recipe = Recipe {
     multisines: &[1.0],
     squares: &[],
     square_half_s: 5.0,
+    square_periods: SQUARE_PERIODS,
     triangles: false,
     is_fast: false,
     longer: (1, 4),
@@ -218,16 +222,16 @@ impl Diagnosis {
     /// The experiment that would say more; `None` where nothing is open.
     #[must_use]
     pub fn next_experiment(&self) -> Option<NextExperiment> {
+        if !self.timing.is_steady() {
+            let words = "Log when each command is sent and when the ESC takes it over, beside the speed, and repeat the records as \
+                         they are: what waits differently each time sits in front of the motor, in a driver, a bus or a filter.";
+            return Some(self.planned(&UNKNOWN, "untimely", words.to_owned(), None));
+        }
         if !self.steadiness.is_noise() {
             let words = "Log the speed, the voltage and the current too, and repeat the records as they are: what comes and goes \
                          in the speed as well is the motor's or the ESC's, else the stand's or the logger's. Look for rows that \
                          repeat and for steps that the motor loses.";
             return Some(self.planned(&UNKNOWN, "unsteady", words.to_owned(), None));
-        }
-        if !self.timing.is_steady() {
-            let words = "Log when each command is sent and when the ESC takes it over, beside the speed, and repeat the records as \
-                         they are: what waits differently each time sits in front of the motor, in a driver, a bus or a filter.";
-            return Some(self.planned(&UNKNOWN, "untimely", words.to_owned(), None));
         }
         if self.verdict == Verdict::Unknown {
             let words = "Repeat the records at half and at twice the amplitude, log the speed, the voltage and the current too, \
@@ -241,7 +245,9 @@ impl Diagnosis {
                  grows with them, and what was chance does not.",
                 self.suspected_in_words()
             );
-            let recipe = Recipe { longer: (times, 4 * times), is_reversed: true, ..NOTHING };
+            let square_periods = SQUARE_PERIODS * times;
+            let recipe =
+                Recipe { squares: &[1.0], square_periods, longer: (times, 4 * times), is_reversed: true, ..NOTHING };
             return Some(self.planned(&recipe, "suspected", words, None));
         }
         let open = self.effects.iter().find(|effect| !effect.alternatives.is_empty())?;
@@ -312,13 +318,13 @@ impl Diagnosis {
                 }
                 for factor in recipe.squares {
                     let half_s = Some(recipe.square_half_s);
-                    add(around, Excitation::Square, factor * conditions.amplitude, half_s, 3);
+                    add(around, Excitation::Square, factor * conditions.amplitude, half_s, recipe.square_periods);
                 }
             }
             if recipe.triangles {
                 let amplitude = conditions.amplitude.max(WIDTHS * width.unwrap_or(0.0)).min(0.2);
                 for factor in [1.0, OTHER_TURN] {
-                    add(nominal, Excitation::Triangle, factor * amplitude, Some(TRIANGLE_HALF_S), 3);
+                    add(nominal, Excitation::Triangle, factor * amplitude, Some(TRIANGLE_HALF_S), SQUARE_PERIODS);
                 }
             }
         }

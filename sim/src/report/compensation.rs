@@ -68,15 +68,17 @@ pub fn measured(plain: &PeriodicIdentification, compensated: &PeriodicIdentifica
     let mut curves = Vec::new();
     for (index, (with, after)) in with_compensator(compensated).enumerate() {
         let without = same(plain, with.nominal);
-        let gain = without.unwrap_or(with).fit.gain.value;
         let (group, color) = (format!("u_nom {}", with.nominal), Color::nth(index));
-        let before = without.and_then(|without| without.responses.iter().find(|response| !response.compensated));
-        if let Some(before) = before {
-            let points = before.actuator.smoothed();
-            let curve = Curve::measured(format!("{group}, without"), Mark::Dashes, color, points, gain).under(&group);
+        let plain_of = |one: &NominalIdentification| {
+            let response = one.responses.iter().find(|response| !response.compensated)?;
+            Some((response.actuator.smoothed().to_vec(), one.fit.gain.value))
+        };
+        if let Some((points, gain)) = without.and_then(plain_of) {
+            let curve = Curve::measured(format!("{group}, without"), Mark::Dashes, color, &points, gain).under(&group);
             curves.push(Curve { bands: Vec::new(), ..curve });
         }
-        let points = after.actuator.smoothed();
+        // Each over the static value that its bandwidth is taken from.
+        let (points, gain) = (after.actuator.smoothed(), with.fit.gain.value);
         curves.push(Curve::measured(format!("{group}, with"), Mark::Line, color, points, gain).under(&group));
     }
     (!curves.is_empty()).then(|| {
@@ -100,13 +102,15 @@ pub fn simulation_and_experiment(
     let mut curves = Vec::new();
     for (index, (with, after)) in with_compensator(compensated).enumerate() {
         let fit = &same(plain, with.nominal).unwrap_or(with).fit;
-        let gain = fit.gain.value;
+        let (gain, measured_gain) = (fit.gain.value, with.fit.gain.value);
         let (group, color) = (format!("u_nom {}", with.nominal), Color::nth(index));
         let points = after.actuator.smoothed();
         let (Some(first), Some(last)) = (points.first(), points.last()) else { continue };
         let ends = (first.omega_rad_s, last.omega_rad_s);
         let simulated = |omega: f64| fit.response(omega) * design.response(omega) / gain;
-        curves.push(Curve::measured(format!("{group}, measured"), Mark::Dots, color, points, gain).under(&group));
+        curves.push(
+            Curve::measured(format!("{group}, measured"), Mark::Dots, color, points, measured_gain).under(&group),
+        );
         curves.push(Curve::of_model(format!("{group}, simulated"), Mark::Line, color, ends, simulated).under(&group));
     }
     (!curves.is_empty()).then(|| {
@@ -170,7 +174,7 @@ pub fn bandwidths(points: &[BandwidthPoint], measured: &[MeasuredBandwidth]) -> 
     Figure::new(
         FigureKind::Bandwidth,
         "Bandwidth against nominal command",
-        "The compensator's zero is at the fastest pole: slower levels gain less, and those slower than 3 dB below it gain little.",
+        "The compensator's zero is at the fastest pole: the slower a level, the sooner it has fallen by 3 dB, and the less it gains.",
         vec![Panel { height: 360, ..panel }],
     )
 }

@@ -63,7 +63,7 @@ pub fn validation_table(records: &[RecordValidation]) -> String {
         );
         text.push_str(&line);
     }
-    text.push_str("  The ceiling is what a perfect model would score, given the noise.\n");
+    text.push_str("  The ceiling is what a perfect model would score on average.\n");
     if records.iter().any(|record| record.compensated) {
         text.push_str("  (c): with the compensator.\n");
     }
@@ -127,7 +127,7 @@ pub fn verdict(records: &[RecordValidation]) -> String {
     if wrong.is_empty() {
         let of = if judged.len() == 1 { "p" } else { "least p" };
         let sentence = format!(
-            "Nothing above the ceiling: the model leaves no more than noise on\n{} ({of} = {}).\n",
+            "As good as can be: the model leaves no more than noise on\n{} ({of} = {}).\n",
             counted(judged.len(), judged.len()),
             probability(least)
         );

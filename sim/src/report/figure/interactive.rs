@@ -156,7 +156,8 @@ impl Series {
         if !self.notes.is_empty() {
             points = points.text_array(self.notes.clone());
         }
-        let line = |dash: DashType| Line::new().color(self.rgba(1.0)).width(2.0).dash(dash);
+        // All points of a curve: left to itself the library leaves out what it takes for straight, and corners are seen.
+        let line = |dash: DashType| Line::new().color(self.rgba(1.0)).width(2.0).dash(dash).simplify(false);
         let marker = |symbol: MarkerSymbol, size: usize, opacity: f64| {
             Marker::new()
                 .symbol(symbol)

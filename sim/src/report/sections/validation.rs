@@ -25,7 +25,8 @@ pub fn validation_section(records: &[RecordValidation], output: Output) -> Secti
     let figures = records.iter().map(|record| figures_of(record, output)).collect();
     let mut tables = vec![scores(records)];
     tables.extend(table_by_nominal(records));
-    let ceiling = "The ceiling is what a perfect model would score, given the noise of the record.".to_owned();
+    let ceiling =
+        "The ceiling is what a perfect model would score on average, given the noise of the record.".to_owned();
     text.push(ceiling);
     Section { text, tables, figures, ..Section::new("validation", "Validation") }
 }
