@@ -13,9 +13,9 @@ pub struct Diagnosis {
     pub verdict: Verdict,
     /// The named effects, the most important first.
     pub effects: Vec<Named>,
-    /// What the records lean to, too little to be named. Answers of old have no such list.
+    /// What the records lean to, too little to be named; `None` of a tool that does not say it.
     #[serde(default)]
-    pub suspected: Vec<Suspected>,
+    pub suspected: Option<Vec<Suspected>>,
     /// The gap on held-out records.
     pub gap: Gap,
 }

@@ -67,16 +67,18 @@ impl Scored {
         self.names().first().is_some_and(|named| self.is_hidden(&named.kind) || alternative(named))
     }
 
-    /// The truth is the first name, stands among its alternatives, or is what the records are said to lean to.
+    /// The truth is the first name, stands among its alternatives, or is what the records are said to lean to; `None` where the tool
+    /// does not say that.
     #[must_use]
-    pub fn first_alternative_or_suspected(&self) -> bool {
-        self.first_or_alternative() || self.suspects().iter().any(|suspected| self.is_hidden(&suspected.kind))
+    pub fn first_alternative_or_suspected(&self) -> Option<bool> {
+        let suspected = self.suspects()?.iter().any(|suspected| self.is_hidden(&suspected.kind));
+        Some(self.first_or_alternative() || suspected)
     }
 
     /// What the records are said to lean to.
     #[must_use]
-    pub fn suspects(&self) -> &[Suspected] {
-        self.answer.as_ref().map_or(&[], |answer| &answer.suspected)
+    pub fn suspects(&self) -> Option<&[Suspected]> {
+        self.answer.as_ref().ok()?.suspected.as_deref()
     }
 
     /// Both effects of a pair, and everything hidden in general, are named.
@@ -195,10 +197,10 @@ pub(super) mod tests {
         let json = naming("agrees", &[]);
         let suspecting = json.replacen('{', r#"{"suspected": [{"kind": "slew_limit"}, {"kind": "backlash"}],"#, 1);
         let right = single(Kind::Backlash, &suspecting);
-        assert!(right.first_alternative_or_suspected() && !right.first_or_alternative());
+        assert_eq!((right.first_alternative_or_suspected(), right.first_or_alternative()), (Some(true), false));
         assert!(right.names_nothing() && !right.has_wrong_name());
-        assert!(!single(Kind::DeadBand, &suspecting).first_alternative_or_suspected());
-        assert!(!single(Kind::Backlash, &json).first_alternative_or_suspected());
+        assert_eq!(single(Kind::DeadBand, &suspecting).first_alternative_or_suspected(), Some(false));
+        assert_eq!(single(Kind::Backlash, &json).first_alternative_or_suspected(), None);
     }
 
     #[test]

@@ -102,7 +102,7 @@ pub fn figures(cases: &[Scored]) -> Vec<Figure> {
         ),
         figure(
             "singles that cannot: the same, or what the records are said to lean to",
-            Share::count(untold.iter().map(|case| case.first_alternative_or_suspected())),
+            Share::count(untold.iter().filter_map(|case| case.first_alternative_or_suspected())),
             None,
         ),
         figure(
@@ -112,7 +112,7 @@ pub fn figures(cases: &[Scored]) -> Vec<Figure> {
         ),
         figure(
             "nothing hidden: the records are said to lean to something",
-            Share::count(of(Class::Empty).map(|case| !case.suspects().is_empty())),
+            Share::count(of(Class::Empty).filter_map(|case| Some(!case.suspects()?.is_empty()))),
             None,
         ),
         figure(
