@@ -41,8 +41,8 @@ fn findings(stand: &Stand, folder: &str) -> (Vec<Value>, i32) {
     (found["findings"].as_array().unwrap().clone(), output.status.code().unwrap())
 }
 
-/// Asserts that `check` finds something of `severity` about `topic` in `file`, which says all of `parts` and what to do, and that its exit
-/// status is that of its findings and of `identify`.
+/// Asserts that `check` finds something of `severity` about `topic` in `file`, which says all of `parts` and what to do, and that
+/// its exit status is that of its findings and of `identify`.
 #[track_caller]
 fn finds(stand: &Stand, severity: &str, topic: &str, file: &str, parts: &[&str]) {
     let (found, status) = findings(stand, "good");

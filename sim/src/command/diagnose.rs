@@ -157,11 +157,7 @@ fn words(found: &Diagnosis) -> String {
         );
     }
     if !found.timing.is_steady() {
-        let _ = writeln!(
-            text,
-            "Changes of the command that are alike are answered at different delays, {:.1} ms apart (RMS).",
-            1e3 * found.timing.scatter_s
-        );
+        let _ = writeln!(text, "{}", found.timing);
     }
     let mut line = |line: String| {
         text.push_str(&line);
@@ -206,10 +202,7 @@ fn words(found: &Diagnosis) -> String {
         }
     }
     for suspect in &found.suspected {
-        line(format!(
-            "\nToo little to be named: {} ({}); log likelihood {:+.1}",
-            suspect.kind.id, suspect.kind.title, suspect.evidence
-        ));
+        line(format!("\n{suspect}"));
     }
     let on = if found.held_out { "what was held out" } else { "what was fitted: nothing was held out" };
     line(format!(

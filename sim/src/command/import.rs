@@ -42,9 +42,9 @@ pub struct Import {
     /// What to call the experiment; unless given, the log's file name, and of several logs the folder's
     #[arg(long, conflicts_with = "append")]
     name: Option<String>,
-    /// What a column is: QUANTITY is time (UNIT s, ms, us or clock: hh:mm:ss), command (us, percent or duty), thrust (N, gf, kgf, lbf or ozf), rpm
-    /// (rpm, rev/s or rad/s), voltage (V, mV) or current (A, mA); as in --column time=t:ms. A minus before the unit turns
-    /// the sign: thrust=load:-gf. May be given once for each quantity
+    /// What a column is: QUANTITY is time (UNIT s, ms, us or clock: hh:mm:ss), command (us, percent or duty), thrust (N, gf, kgf,
+    /// lbf or ozf), rpm (rpm, rev/s or rad/s), voltage (V, mV) or current (A, mA); as in --column time=t:ms. A minus before the
+    /// unit turns the sign: thrust=load:-gf. May be given once for each quantity
     #[arg(long, value_name = "QUANTITY=HEADER:UNIT")]
     column: Vec<ColumnChoice>,
     /// What drove the command; needed for a plain table, staircase for other logs unless given

@@ -6,7 +6,7 @@ use rotorlead::design::LeadDesign;
 
 use super::report_option::this_command;
 use crate::design::BandwidthPoint;
-use crate::identify::{MeasuredBandwidth, RecordValidation};
+use crate::identify::{Bandwidth, EtfeBandwidth, MeasuredBandwidth, RecordValidation};
 use crate::plant::Model;
 use crate::record::Experiment;
 use crate::report::{Fact, Report, Tone, Verdict, experiment_facts, is_wrong};
@@ -104,9 +104,12 @@ pub fn faster(points: &[BandwidthPoint]) -> String {
     if !(before.0.is_finite() && after.0.is_finite()) {
         return "The bandwidth is beyond what was searched.".to_owned();
     }
-    let span =
-        |(low, high): (f64, f64)| if high > low { format!("{low:.1} to {high:.1}") } else { format!("{low:.1}") };
     format!("Predicted bandwidth: {} rad/s without, {} rad/s with the compensator.", span(before), span(after))
+}
+
+/// Both ends in words, or one where they are the same.
+fn span((low, high): (f64, f64)) -> String {
+    if high > low { format!("{low:.1} to {high:.1}") } else { format!("{low:.1}") }
 }
 
 /// A measured bandwidth is as predicted within this share, or where its interval holds the prediction.
@@ -115,39 +118,46 @@ const AS_PREDICTED: f64 = 0.1;
 /// The same beside what was measured: whether the model says it right.
 pub fn faster_as_measured(points: &[BandwidthPoint], measured: &[MeasuredBandwidth]) -> Verdict {
     let predicted = Verdict::new(Tone::Plain, faster(points));
-    if measured.is_empty() {
-        return predicted;
-    }
     let found = |compensated: bool| {
-        let all = measured.iter().filter(|one| one.compensated == compensated);
-        let (low, high) = ends(all.filter_map(|one| one.bandwidth.bandwidth.rad_s()));
-        let with = if compensated { "with" } else { "without" };
-        low.is_finite().then(|| {
-            if high > low { format!("{low:.1} to {high:.1} rad/s {with}") } else { format!("{low:.1} rad/s {with}") }
-        })
+        let all = measured.iter().filter(|one| one.compensated == compensated).map(|one| one.bandwidth.bandwidth);
+        let is_beyond = all.clone().any(|bandwidth| bandwidth.rad_s().is_none());
+        let ends = ends(all.map(least));
+        let (with, beyond) = (if compensated { "with" } else { "without" }, if is_beyond { " and beyond" } else { "" });
+        ends.0.is_finite().then(|| format!("{} rad/s{beyond} {with}", span(ends)))
     };
     let said = [found(false), found(true)].into_iter().flatten().collect::<Vec<_>>().join(", ");
-    let is_other = |one: &MeasuredBandwidth| {
-        let point = points.iter().find(|point| (point.nominal - one.nominal).abs() < 1e-6);
-        let of = |point: &BandwidthPoint| if one.compensated { point.compensated } else { point.uncompensated };
-        let (Some(expected), Some(is)) = (point.and_then(|point| of(point).rad_s()), one.bandwidth.bandwidth.rad_s())
-        else {
-            return false;
-        };
-        let low = one.bandwidth.lower.rad_s().unwrap_or(0.0);
-        let high = one.bandwidth.upper.rad_s().unwrap_or(f64::INFINITY);
-        (is / expected - 1.0).abs() > AS_PREDICTED && !(low..=high).contains(&expected)
-    };
-    let mut sentences = vec![format!("Measured: {said}.")];
-    let others = measured.iter().filter(|one| is_other(one)).count();
-    if others == 0 {
-        return predicted.with(sentences);
+    if said.is_empty() {
+        return predicted;
     }
-    let count = measured.len();
-    sentences.push(format!(
-        "{others} of {count} measured bandwidths are not the predicted ones: `rotorlead diagnose` tells what the model lacks."
-    ));
-    Verdict { tone: Tone::Attention, ..predicted.with(sentences) }
+    let measured_says = vec![format!("Measured: {said}.")];
+    let others = measured.iter().filter(|one| is_other(points, one)).count();
+    if others == 0 {
+        return predicted.with(measured_says);
+    }
+    let advice = format!(
+        "{others} of {} measured bandwidths are not the predicted ones: `rotorlead diagnose` tells what the model lacks.",
+        measured.len()
+    );
+    Verdict { tone: Tone::Attention, ..predicted.with([measured_says, vec![advice]].concat()) }
+}
+
+/// A bandwidth, or what it is beyond.
+fn least(bandwidth: Bandwidth) -> f64 {
+    match bandwidth {
+        Bandwidth::At(omega) | Bandwidth::Beyond(omega) => omega,
+    }
+}
+
+/// Whether a measured bandwidth is not the one that is predicted at its nominal command; one that is not predicted is none.
+fn is_other(points: &[BandwidthPoint], measured: &MeasuredBandwidth) -> bool {
+    let point = points.iter().find(|point| (point.nominal - measured.nominal).abs() < 1e-6);
+    let of = |point: &BandwidthPoint| if measured.compensated { point.compensated } else { point.uncompensated };
+    let Some(expected) = point.and_then(|point| of(point).rad_s()) else { return false };
+    let EtfeBandwidth { bandwidth, lower, upper, .. } = measured.bandwidth;
+    let is_within = least(lower) <= expected && upper.rad_s().is_none_or(|upper| expected <= upper);
+    let off = least(bandwidth) / expected - 1.0;
+    let is_off = if bandwidth.rad_s().is_some() { off.abs() > AS_PREDICTED } else { off > AS_PREDICTED };
+    is_off && !is_within
 }
 
 /// What a design gave, in sentences.
@@ -162,4 +172,41 @@ pub fn designed(design: &LeadDesign, points: &[BandwidthPoint], warnings: usize)
 
 fn ends(values: impl Iterator<Item = f64>) -> (f64, f64) {
     values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const POINT: BandwidthPoint =
+        BandwidthPoint { nominal: 0.5, uncompensated: Bandwidth::At(10.0), compensated: Bandwidth::At(40.0) };
+
+    fn measured(nominal: f64, compensated: bool, bandwidth: Bandwidth, ends: (f64, f64)) -> MeasuredBandwidth {
+        let bandwidth =
+            EtfeBandwidth { bandwidth, static_value: 1.0, lower: Bandwidth::At(ends.0), upper: Bandwidth::At(ends.1) };
+        MeasuredBandwidth { file: "u050.csv".to_owned(), nominal, compensated, bandwidth }
+    }
+
+    #[test]
+    fn a_bandwidth_that_is_measured_to_be_another_is_told() {
+        let as_predicted = [
+            measured(0.5, false, Bandwidth::At(10.8), (10.7, 10.9)),
+            measured(0.5, true, Bandwidth::At(30.0), (25.0, 41.0)),
+            // Of a level that the model has not.
+            measured(0.6, true, Bandwidth::At(5.0), (4.0, 6.0)),
+        ];
+        let verdict = faster_as_measured(&[POINT], &as_predicted);
+        assert_eq!((verdict.tone, verdict.sentences.len()), (Tone::Plain, 1));
+        assert_eq!(verdict.sentences[0], "Measured: 10.8 rad/s without, 5.0 to 30.0 rad/s with.");
+        for other in [
+            measured(0.5, false, Bandwidth::At(6.0), (5.9, 6.1)),
+            measured(0.5, true, Bandwidth::At(50.0), (49.0, 51.0)),
+            measured(0.5, false, Bandwidth::Beyond(180.0), (180.0, 180.0)),
+        ] {
+            let verdict = faster_as_measured(&[POINT], &[as_predicted[0].clone(), other]);
+            assert_eq!(verdict.tone, Tone::Attention, "{:?}", verdict.sentences);
+            assert!(verdict.sentences[1].starts_with("1 of 2 measured"), "{:?}", verdict.sentences);
+        }
+        assert_eq!(faster_as_measured(&[POINT], &[]).sentences, [""; 0]);
+    }
 }

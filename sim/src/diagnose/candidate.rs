@@ -85,8 +85,8 @@ impl Candidate {
         starts
     }
 
-    /// Every combination of starts, of either sign where `both_ways` says so; of a single value its whole plausible range as well, since a limit that no command reaches
-    /// does not say which way to go.
+    /// Every combination of starts, of either sign where `both_ways` says so; of a single value its whole plausible range as well,
+    /// since a limit that no command reaches does not say which way to go.
     pub fn starts(kind: &'static Kind, both_ways: bool) -> Vec<Self> {
         let mut all = vec![kind.null()];
         let searched: Vec<_> = Self::searched(kind).collect();
@@ -168,9 +168,7 @@ impl Candidate {
         });
         between.filter(|start| (start.kind.check)(&start.values).is_ok()).collect()
     }
-}
 
-impl Candidate {
     /// Where a parabola through the best of some starts of a single value and its neighbors has its vertex: closer than halving
     /// comes where the effect is much smaller than the spacing of the starts. `None` where there is none between the neighbors.
     pub fn vertex<T>(judged: &[(f64, Self, T)]) -> Option<Self> {

@@ -6,8 +6,6 @@
 //! at a time; each is then tried again in the presence of the others, exchanged where another kind serves better there, and
 //! dropped where the others make it redundant.
 
-use std::cmp::Ordering;
-
 use super::candidate::{Candidate, GRID};
 use super::fit::{Fit, fit, fit_behind, fit_in};
 use super::hypothesis::Hypothesis;
@@ -19,24 +17,17 @@ use super::screening::Screening;
 use super::steadiness::steadiness;
 use super::suspicion::{self, Suspect};
 use super::trial::{Before, Purpose, Trial, Trials};
+use super::tried::{ALIKE, LEAST_WORTH, Tried, by_worth, price};
 use super::{clips, collapsed, frames, grid, resonance, waits, witness};
 use crate::identify::offset_and_start;
 use crate::plant::Catalog;
-use crate::plant::effect::{Kind, Parameter, Shows};
+use crate::plant::effect::{Kind, Shows};
 
 /// Most effects that are named.
-const MOST_EFFECTS: usize = 3;
+pub(super) const MOST_EFFECTS: usize = 3;
 /// So many effects that leave more than this part of the misfit are no explanation, and none is looked for.
 const ENOUGH_EFFECTS: usize = 2;
 const HOPELESS: f64 = 0.15;
-/// An effect is named for at least this worth: with 17 kinds to choose from, and two values each, noise alone gives as much
-/// once in thousands of experiments.
-pub(super) const LEAST_WORTH: f64 = 10.0;
-/// Of that, what is fitted has to bring this much by itself. What is held out can gain by accident: where a nominal command was
-/// fitted to little, anything that moves its lag may move it nearer.
-const LEAST_PAID: f64 = 0.5 * LEAST_WORTH;
-/// Kinds within this of the best are told apart by chance only.
-pub(super) const ALIKE: f64 = 5.0;
 /// How many kinds are fitted after the screening, and from which share of the best gain on.
 const MOST_FITTED: usize = 7;
 const PROMISING: f64 = 0.2;
@@ -54,11 +45,9 @@ const DECAYS: f64 = 0.2;
 const OTHER_DECAY: f64 = 3.0;
 /// Changes that stand alone and say this of frames, in log likelihood, say that there are none.
 const ALL_ALIKE: f64 = -3.0;
-/// What was worth less than this part of the best is not tried again.
-const AGAIN: f64 = 0.2;
 /// How often the screening halves the distance to the neighbors of the best start.
 const CLOSER_LOOKS: usize = 3;
-const MOST_FINISHED: usize = 3;
+pub(super) const MOST_FINISHED: usize = 3;
 /// How often the screening looks around in a narrow valley, in how many steps to either side, and how much nearer each time.
 const VALLEY_LOOKS: i32 = 5;
 const VALLEY_STEPS: u32 = 4;
@@ -66,50 +55,6 @@ const VALLEY_NARROWING: f64 = 0.25;
 
 /// What a start of a kind would leave of the misfit, and the hypothesis that it leads to.
 pub(super) type Screened = (f64, Hypothesis, &'static Kind);
-
-/// A kind with what it would be worth.
-#[derive(Clone, Debug)]
-pub(super) struct Tried {
-    /// The kind.
-    pub kind: &'static Kind,
-    /// The fit with it; its effect is the last one.
-    pub fit: Fit,
-    /// Gain of log likelihood over what is fitted.
-    pub fitted_gain: f64,
-    /// Gain of log likelihood over what is held out.
-    pub held_out_gain: f64,
-    /// What the search itself would gain by chance: see [`price`].
-    pub price: f64,
-    /// What the columns beside the response say for it, over the best of those between which they were asked; 0 or less.
-    pub witnessed: f64,
-}
-
-impl Tried {
-    /// Whether no value lies farther from where the effect vanishes than any actuator of its kind is plausible to have it.
-    pub fn is_plausible(&self) -> bool {
-        self.fit.is_plausible()
-    }
-
-    /// Whether it is worth enough.
-    pub fn is_worth_a_name(&self) -> bool {
-        self.worth() >= LEAST_WORTH && self.is_paid()
-    }
-
-    /// Something like an effect, but larger than it can be, is none of the catalog.
-    fn may_be_named(&self) -> bool {
-        self.is_worth_a_name() && self.is_plausible()
-    }
-
-    /// Whether it gains enough on what is fitted, whatever it does for what is held out.
-    pub fn is_paid(&self) -> bool {
-        self.fitted_gain - self.price >= LEAST_PAID
-    }
-
-    /// What it is worth, in units of log likelihood.
-    pub fn worth(&self) -> f64 {
-        self.fitted_gain - self.price + self.held_out_gain + self.witnessed
-    }
-}
 
 /// The decay at the begin of a record that `hypothesis` leaves, and what it leaves beside that and an offset.
 pub(super) fn aligned(all: &Trials, trial: &Trial, hypothesis: &Hypothesis) -> Option<(f64, Vec<f64>)> {
@@ -121,23 +66,6 @@ pub(super) fn aligned(all: &Trials, trial: &Trial, hypothesis: &Hypothesis) -> O
     let decay = |time: &f64| (-(time - time_s[0]) / tau_s).exp();
     let moved = simulated.iter().zip(time_s).map(|(model, time)| model + offset + start * decay(time));
     Some((start, measured.iter().zip(moved).map(|(y, model)| y - model).collect()))
-}
-
-/// What a search for a kind would gain on average where there is nothing: one for each number that it moves (Akaike 1974). Where
-/// the response jumps about as the value moves, or a peak is narrow, each of many places is a trial of its own, and the best of `n`
-/// trials has `ln n` more (the tail of the log likelihood's gain by chance is exponential).
-pub(super) fn price(kind: &'static Kind) -> f64 {
-    let of_value = |parameter: &Parameter| {
-        let places = if grid::is_grid(kind) { grid::lines(parameter).len() as u32 } else { parameter.pieces };
-        1.0 + if parameter.pieces > GRID { f64::from(places).ln() } else { 0.0 }
-    };
-    let of_values: f64 = Candidate::searched(kind).map(|(_, parameter)| of_value(parameter)).sum();
-    of_values + if resonance::is_mode(kind) { (resonance::frequencies(kind) as f64).ln() } else { 0.0 }
-}
-
-/// The most valuable first, of those that may be named.
-pub(super) fn by_worth(a: &Tried, b: &Tried) -> Ordering {
-    b.is_paid().cmp(&a.is_paid()).then(b.worth().total_cmp(&a.worth()))
 }
 
 /// An effect that was found.
@@ -171,6 +99,14 @@ impl Explanation {
     fn of_nothing(before: Fit, tried: Vec<Tried>, suspected: Vec<Suspect>) -> Self {
         Self { after: before.clone(), before, found: Vec::new(), tried, suspected }
     }
+}
+
+/// What came of adding effects.
+enum Built {
+    /// A fit with effects, or with none.
+    Explained(Fit, Vec<Found>),
+    /// Too much is left by so many effects.
+    Hopeless,
 }
 
 /// Everything that may be tried, and on what.
@@ -252,7 +188,7 @@ impl Search<'_> {
     }
 
     /// Starts of all kinds but those to `exclude`, with what they would leave beside `from` as far as the tangent holds, best first.
-    fn screened(&self, from: &Fit, exclude: &[&'static Kind]) -> Vec<Screened> {
+    pub fn screened(&self, from: &Fit, exclude: &[&'static Kind]) -> Vec<Screened> {
         let lifted = self.lags.then(|| collapsed::lifted(&self.trials, from)).flatten();
         let mut screened = Vec::new();
         for near in std::iter::once(from).chain(&lifted) {
@@ -269,7 +205,7 @@ impl Search<'_> {
     }
 
     /// Kinds that improve on `from`, best first.
-    fn tries(&self, from: &Fit, exclude: &[&'static Kind]) -> Vec<Tried> {
+    pub fn tries(&self, from: &Fit, exclude: &[&'static Kind]) -> Vec<Tried> {
         self.tries_of(from, self.screened(from, exclude))
     }
 
@@ -331,7 +267,7 @@ impl Search<'_> {
     }
 
     /// Lets the columns beside the response speak where kinds, the best first, are within chance of the best.
-    fn hear(&self, tried: &mut [Tried]) {
+    pub fn hear(&self, tried: &mut [Tried]) {
         tried.iter_mut().for_each(|tried| tried.witnessed = 0.0);
         tried.sort_by(by_worth);
         let alike = tried.iter().take_while(|other| tried[0].worth() - other.worth() < ALIKE).count();
@@ -383,7 +319,7 @@ impl Search<'_> {
     }
 
     /// A kind searched to the end, which is `behind` the best of all in worth so far.
-    fn attempt(&self, from: &Fit, start: &Hypothesis, kind: &'static Kind, behind: f64) -> Option<Tried> {
+    pub fn attempt(&self, from: &Fit, start: &Hypothesis, kind: &'static Kind, behind: f64) -> Option<Tried> {
         let fit = self.whole(fit_behind(&self.trials, start, self.lags, behind)?);
         let mean = self.tried(from, fit, kind, price(kind));
         // Where the frames lie is looked for once their rate is about known.
@@ -451,37 +387,55 @@ impl Search<'_> {
         self.tell_what_was_before(base);
         self.take_hum_out(base)?;
         let before = self.settle(base, self.lags)?;
+        let noise = self.trials.clone();
+        let screened = self.screened(&before, &[]);
+        let promised = suspicion::promised(&before, &screened);
+        let tried = self.tries_of(&before, screened);
+        let suspected = suspicion::suspected(promised, &tried);
+        let (after, found) = match self.one_at_a_time(&before, &tried)? {
+            Built::Explained(after, found) => (after, found),
+            Built::Hopeless => {
+                self.trials.clone_from(&noise);
+                match self.two_at_once(&tried) {
+                    Some(explained) => explained,
+                    None => {
+                        self.trials = noise;
+                        return Some(Explanation::of_nothing(before, tried, suspected));
+                    }
+                }
+            }
+        };
+        let after = settle_jumps(&self.trials, after)?;
+        Some(Explanation { before, after, found, tried, suspected })
+    }
+
+    /// Adds the effect that is worth most, beginning with one of those that were tried beside the lags alone, `first_tried`, until
+    /// nothing is worth a name.
+    fn one_at_a_time(&mut self, before: &Fit, first_tried: &[Tried]) -> Option<Built> {
         let mut current = before.clone();
         let mut effects: Vec<Tried> = Vec::new();
-        let (mut first_tried, mut last_tried, mut suspected) = (Vec::new(), Vec::new(), Vec::new());
+        let mut last_tried = first_tried.to_vec();
         let mut has_to_explain_all = false;
         while effects.len() < MOST_EFFECTS {
-            let named: Vec<&'static Kind> = effects.iter().map(|effect| effect.kind).collect();
-            let screened = self.screened(&current, &named);
-            let promised = effects.is_empty().then(|| suspicion::promised(&current, &screened));
-            let tried = self.tries_of(&current, screened);
-            if let Some(promised) = promised {
-                suspected = suspicion::suspected(promised, &tried);
-                first_tried.clone_from(&tried);
+            if !effects.is_empty() {
+                let named: Vec<&'static Kind> = effects.iter().map(|effect| effect.kind).collect();
+                last_tried = self.tries(&current, &named);
             }
             // Before the noise is taken from what it leaves, which may be long.
-            let best = tried.iter().find(|tried| tried.is_worth_a_name());
+            let best = last_tried.iter().find(|tried| tried.is_worth_a_name());
             if effects.len() + 1 == ENOUGH_EFFECTS
-                && best.is_some_and(|best| self.leaves(&best.fit, &before) > 2.0 * HOPELESS)
+                && best.is_some_and(|best| self.leaves(&best.fit, before) > 2.0 * HOPELESS)
             {
-                return Some(Explanation::of_nothing(before, first_tried, suspected));
+                return Some(Built::Hopeless);
             }
-            let Some(step) = self.next_effect(&tried, effects.is_empty()) else { break };
+            let Some(step) = self.next_effect(&last_tried, effects.is_empty()) else { break };
             has_to_explain_all |= step.is_detour;
-            last_tried = tried;
             effects.push(step.tried);
             current = self.in_frames(step.fit)?;
             if effects.len() >= ENOUGH_EFFECTS {
-                match self.leaves(&current, &before) {
+                match self.leaves(&current, before) {
                     0.0 => break,
-                    part if part > HOPELESS => {
-                        return Some(Explanation::of_nothing(before, first_tried, suspected));
-                    }
+                    part if part > HOPELESS => return Some(Built::Hopeless),
                     _ => {}
                 }
             }
@@ -494,17 +448,16 @@ impl Search<'_> {
                 let alternatives = others.filter(alike).map(|other| other.kind).collect();
                 (current, vec![Found { kind: only.kind, worth: only.worth(), alternatives }])
             }
-            _ => self.review(current, last_tried)?,
+            _ => self.review(current, Some(last_tried))?,
         };
-        let explains_all = |fit: &Fit| {
-            excess(&self.trials, &fit.hypothesis, Purpose::Fit).is_noise()
-                && steadiness(&self.trials, &fit.hypothesis).is_noise()
-        };
-        if has_to_explain_all && !explains_all(&after) {
-            return Some(Explanation::of_nothing(before, first_tried, suspected));
-        }
-        let after = settle_jumps(&self.trials, after)?;
-        Some(Explanation { before, after, found, tried: first_tried, suspected })
+        let is_believed = !has_to_explain_all || self.explains_all(&after);
+        Some(if is_believed { Built::Explained(after, found) } else { Built::Hopeless })
+    }
+
+    /// Whether `fit` leaves nothing but noise.
+    pub fn explains_all(&self, fit: &Fit) -> bool {
+        excess(&self.trials, &fit.hypothesis, Purpose::Fit).is_noise()
+            && steadiness(&self.trials, &fit.hypothesis).is_noise()
     }
 
     /// `found` with the frames of its last effect where all records have them. A rate that is off by a part of a frame over a record
@@ -515,72 +468,5 @@ impl Search<'_> {
         }
         let sharp = settle_jumps(&self.trials, found)?;
         self.settle(&sharp.hypothesis, self.lags)
-    }
-
-    /// Kinds that were tried beside `from`, as it was found then, by the noise of now: those that may be the best.
-    fn again(&self, from: &Fit, tried: &[Tried]) -> Vec<Tried> {
-        let best = tried.first().map_or(0.0, Tried::worth);
-        let is_near = |other: &&Tried| other.worth() > AGAIN * best;
-        let near = tried.iter().filter(is_near).take(MOST_FINISHED);
-        let mut again: Vec<Tried> = near
-            .filter_map(|tried| self.attempt(from, &tried.fit.hypothesis, tried.kind, best - tried.worth()))
-            .collect();
-        self.hear(&mut again);
-        again
-    }
-
-    /// Tries each effect again beside the others: drops it, exchanges it, or keeps it with what would do as well. Beside the last
-    /// one nothing has changed since `last_tried`, as long as the others stay.
-    fn review(&mut self, mut current: Fit, last_tried: Vec<Tried>) -> Option<(Fit, Vec<Found>)> {
-        let mut last_tried = Some(last_tried);
-        let mut found: Vec<Option<Found>> = vec![None; current.hypothesis.effects.len()];
-        let mut effect = 0;
-        let mut exchanges = 0;
-        while effect < current.hypothesis.effects.len() {
-            let kind = current.hypothesis.effects[effect].kind;
-            let rest = fit(&self.trials, &current.hypothesis.without(effect), self.lags)?;
-            let others: Vec<&'static Kind> = rest.hypothesis.effects.iter().map(|other| other.kind).collect();
-            let is_last = effect + 1 == current.hypothesis.effects.len();
-            let mut tried = match last_tried.take_if(|_| is_last) {
-                Some(tried) => self.again(&rest, &tried),
-                None => self.tries(&rest, &others),
-            };
-            // The fit that it has may be better than what the search from the rest finds.
-            if let Some(own) = self.attempt(&rest, &current.hypothesis, kind, 0.0) {
-                tried.retain(|other| other.kind != kind || other.worth() > own.worth());
-                if !tried.iter().any(|other| other.kind == kind) {
-                    tried.push(own);
-                }
-                self.hear(&mut tried);
-            }
-            let most = tried.first().map_or(0.0, Tried::worth);
-            let Some(best) = tried.iter().find(|best| best.may_be_named() && most - best.worth() < ALIKE) else {
-                current = rest;
-                found.remove(effect);
-                last_tried = None;
-                continue;
-            };
-            if best.kind != kind && exchanges < MOST_EFFECTS {
-                exchanges += 1;
-                last_tried = None;
-                current = self.settle(&best.fit.hypothesis.clone(), self.lags)?;
-                // The new one is the last; all are judged beside it.
-                found = vec![None; current.hypothesis.effects.len()];
-                effect = 0;
-                continue;
-            }
-            let others = tried.iter().filter(|other| other.kind != kind && other.may_be_named());
-            let alternatives =
-                others.filter(|other| best.worth() - other.worth() < ALIKE).map(|other| other.kind).collect();
-            found[effect] = Some(Found { kind, worth: best.worth(), alternatives });
-            effect += 1;
-        }
-        let mut order: Vec<usize> = (0..found.len()).collect();
-        let worth = |effect: usize| found[effect].as_ref().map_or(0.0, |found| found.worth);
-        order.sort_by(|a, b| worth(*b).total_cmp(&worth(*a)));
-        let mut sorted = current.hypothesis.clone();
-        sorted.effects = order.iter().map(|&effect| current.hypothesis.effects[effect].clone()).collect();
-        let after = fit(&self.trials, &sorted, self.lags)?;
-        Some((after, order.into_iter().filter_map(|effect| found[effect].clone()).collect()))
     }
 }

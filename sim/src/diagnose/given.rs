@@ -1,10 +1,11 @@
 //! Numbers of a given model: kept where nothing is better, called wrong where others are.
 
-use super::explain::{Explanation, LEAST_WORTH, Search};
+use super::explain::{Explanation, Search};
 use super::fit::{Fit, fit};
 use super::hypothesis::{BasePoint, Coordinate, Hypothesis};
 use super::residual::misfit;
 use super::trial::{Purpose, Trials};
+use super::tried::LEAST_WORTH;
 use crate::identify::Estimate;
 
 /// Wrong numbers of a given model count as an effect from this gain of log likelihood on, over one per number.

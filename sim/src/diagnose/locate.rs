@@ -69,6 +69,8 @@ pub struct Location {
 
 /// A misfit of fewer standard deviations than this is no misfit.
 const SIGNIFICANT: f64 = 5.0;
+/// The same for a story that many others look like.
+const SUSPICIOUS: f64 = 3.5;
 /// What is left is the noise, its density being an estimate, where it is no more than this times it in power.
 const NOISE: f64 = 1.05;
 
@@ -97,6 +99,12 @@ impl Excess {
     #[must_use]
     pub fn is_noise(&self) -> bool {
         self.significance() < SIGNIFICANT || self.sum < NOISE * self.expected
+    }
+
+    /// Whether it is so little more that a story which many others look like may be believed.
+    #[must_use]
+    pub fn is_surely_noise(&self) -> bool {
+        self.significance() < SUSPICIOUS
     }
 
     /// The same in standard deviations.

@@ -5,8 +5,9 @@
 //! with it. And where two effects act, a kind that can take any shape may do better in their place than either of them alone:
 //! the most valuable one of an actuator's values is taken then, and believed if in the end nothing but noise is left.
 
-use super::explain::{ALIKE, Search, Tried};
+use super::explain::Search;
 use super::fit::Fit;
+use super::tried::{ALIKE, Tried};
 
 /// An effect that is taken.
 pub(super) struct Step {

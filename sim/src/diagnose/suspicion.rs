@@ -4,8 +4,11 @@
 //! too often. Where it does the larger part of that, it says where to look, and how much longer: evidence grows in proportion to
 //! the periods that are recorded.
 
-use super::explain::{ALIKE, LEAST_WORTH, Screened, Tried, price};
+use std::fmt;
+
+use super::explain::Screened;
 use super::fit::Fit;
+use super::tried::{ALIKE, LEAST_WORTH, Tried, price};
 use crate::plant::effect::Kind;
 
 /// Gain of log likelihood beyond the price from which on records lean to a kind. For a kind of one value noise alone does so in one
@@ -26,6 +29,13 @@ impl Suspect {
     #[must_use]
     pub fn times_longer(&self) -> u32 {
         (LEAST_WORTH / self.evidence.max(LEAST)).ceil().max(2.0) as u32
+    }
+}
+
+impl fmt::Display for Suspect {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { kind, evidence } = self;
+        write!(f, "Too little to be named: {} ({}), log likelihood {evidence:+.1}.", kind.id, kind.title)
     }
 }
 

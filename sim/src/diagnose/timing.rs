@@ -6,6 +6,8 @@
 //! `-p / P`, give or take `1 / sqrt(P)`. What a hypothesis lacks is the same for all changes of a record that go the same way; of their
 //! differences `sum P (w - mean w)^2` is a chi-square where nothing but noise tells them apart.
 
+use std::fmt;
+
 use super::backward::Backward;
 use super::edges::{Edge, changes, lone_edges};
 use super::hypothesis::Hypothesis;
@@ -20,7 +22,7 @@ const SCATTERED: f64 = 0.02;
 /// How much the waits of changes that are alike differ, beyond what noise makes of them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Timing {
-    /// Their standard deviation, seconds.
+    /// Their standard deviation, seconds: at least, since the residual grows more slowly than in proportion once a wait is long.
     pub scatter_s: f64,
     /// The same over the time constant, the mean of all nominal commands.
     pub part: f64,
@@ -33,6 +35,16 @@ impl Timing {
     #[must_use]
     pub fn is_steady(&self) -> bool {
         self.significance < SIGNIFICANT || self.part < SCATTERED
+    }
+}
+
+impl fmt::Display for Timing {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let scatter_ms = 1e3 * self.scatter_s;
+        write!(
+            f,
+            "Changes of the command that are alike are answered at different delays, at least {scatter_ms:.1} ms apart (RMS)."
+        )
     }
 }
 

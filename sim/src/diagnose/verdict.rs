@@ -87,7 +87,7 @@ impl Grounds {
         };
         let is_story = is_story && (is_steady || self.outweighs_bursts());
         // An effect that nothing explains moves gain and lag too: other numbers that leave more than noise are its shadow.
-        let is_story = is_story && (is_noise && is_steady || !self.numbers_alone);
+        let is_story = is_story && (is_noise && is_steady && after.is_surely_noise() || !self.numbers_alone);
         match (is_story, is_noise && is_steady) {
             (true, true) => Verdict::Named,
             (true, false) => Verdict::PartlyNamed,
@@ -164,6 +164,9 @@ mod tests {
         assert_eq!(alone.verdict(), Verdict::Named);
         let left = (grounds().excess.0, Excess { sum: 9000.0, expected: 7000.0 });
         assert_eq!(Grounds { excess: left, ..alone }.verdict(), Verdict::Unknown);
+        let little = (grounds().excess.0, Excess { sum: 7700.0, expected: 7000.0 });
+        assert_eq!(Grounds { excess: little, ..grounds() }.verdict(), Verdict::Named);
+        assert_eq!(Grounds { excess: little, ..alone }.verdict(), Verdict::Unknown);
         let steadiness = Steadiness { spread: 0.5, significance: 40.0 };
         assert_eq!(Grounds { steadiness, ..alone }.verdict(), Verdict::Unknown);
     }

@@ -116,6 +116,22 @@ impl Mode {
     }
 }
 
+/// Terms of the series of `phi_4` beyond the first, up to 1 and up to [`SHORT`] in size: what follows is below 1e-16 of it, as
+/// `4! / 21!` and `4! SHORT^10 / 14!` are.
+const TERMS: usize = 16;
+const FEW_TERMS: usize = 9;
+const SHORT: f64 = 0.2;
+/// `1 / n` from 5 on: the factor from each of the terms to the next.
+const RECIPROCALS: [f64; TERMS] = {
+    let mut reciprocals = [0.0; TERMS];
+    let mut term = 0;
+    while term < TERMS {
+        reciprocals[term] = 1.0 / (term + 5) as f64;
+        term += 1;
+    }
+    reciprocals
+};
+
 /// `phi_0` to `phi_4` at `z`.
 fn phi(z: Complex64) -> [Complex64; 5] {
     const FACTORIALS: [f64; 4] = [1.0, 1.0, 2.0, 6.0];
@@ -126,11 +142,9 @@ fn phi(z: Complex64) -> [Complex64; 5] {
             phi[k + 1] = (phi[k] - 1.0 / FACTORIALS[k]) / z;
         }
     } else {
-        // phi_4 by its series, where the recursion upward loses digits: sum z^n / (n + 4)!. 1 / 20! is below 1e-18.
-        let mut sum = Complex64::ONE;
-        for n in (5..=20).rev() {
-            sum = sum * z / f64::from(n) + 1.0;
-        }
+        // phi_4 by its series, where the recursion upward loses digits: sum z^n / (n + 4)!.
+        let terms = if z.norm_sqr() > SHORT * SHORT { TERMS } else { FEW_TERMS };
+        let sum = RECIPROCALS[..terms].iter().rev().fold(Complex64::ONE, |sum, of_n| sum * (z * of_n) + 1.0);
         phi[4] = sum / 24.0;
         for k in (0..4).rev() {
             phi[k] = phi[k + 1] * z + 1.0 / FACTORIALS[k];

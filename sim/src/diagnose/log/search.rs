@@ -7,13 +7,14 @@
 //! Staircases show fewer kinds than periodic records do, each from its best start.
 
 use super::split::Folds;
-use crate::diagnose::explain::{ALIKE, Explanation, FIRST_STEPS, Found, LEAST_WORTH, Search, Tried, by_worth, price};
+use crate::diagnose::explain::{Explanation, FIRST_STEPS, Found, Search};
 use crate::diagnose::fit::{Fit, fit_in};
 use crate::diagnose::hypothesis::Hypothesis;
 use crate::diagnose::residual::surprise;
 use crate::diagnose::scan::Scan;
 use crate::diagnose::screening::Screening;
 use crate::diagnose::trial::{Purpose, Trial, Trials};
+use crate::diagnose::tried::{ALIKE, LEAST_WORTH, Tried, by_worth, price};
 use crate::plant::effect::{Kind, Shows, Site};
 use crate::record::Output;
 

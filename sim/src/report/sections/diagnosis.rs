@@ -40,15 +40,9 @@ pub fn diagnosis_section(found: &Diagnosis, verdict: &str) -> Section {
         );
     }
     if !found.timing.is_steady() {
-        text.push(format!(
-            "Changes of the command that are alike are answered at different delays, {:.1} ms apart (RMS).",
-            1e3 * found.timing.scatter_s
-        ));
+        text.push(found.timing.to_string());
     }
-    for suspect in &found.suspected {
-        let (kind, evidence) = (suspect.kind, suspect.evidence);
-        text.push(format!("Too little to be named: {} ({}), log likelihood {evidence:+.1}.", kind.id, kind.title));
-    }
+    text.extend(found.suspected.iter().map(ToString::to_string));
     for out in &found.left_out {
         text.push(format!("Not compared: {}: {}", out.file, out.reason));
     }

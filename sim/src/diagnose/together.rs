@@ -1,0 +1,67 @@
+//! Two effects that are seen together only.
+//!
+//! Where two effects act, the kind that does most in their place alone may be neither of them, and what it leaves leads nowhere.
+//! Then every kind that does a good part alone is a beginning, and what a second one promises beside it decides between them. The
+//! two are believed where they leave nothing but noise: among so many pairs one always does better than the rest.
+
+use super::explain::{FIRST_STEPS, Found, MOST_FINISHED, Search};
+use super::fit::{Fit, fit_in};
+use super::hypothesis::Hypothesis;
+use super::tried::Tried;
+use crate::plant::effect::Kind;
+
+/// Kinds that are worth less than this part of the best alone are no beginnings; the best so many are.
+const BEGINNING: f64 = 0.2;
+const MOST_BEGINNINGS: usize = 4;
+
+/// Two kinds with what they promise to leave of the misfit.
+struct Pair {
+    left: f64,
+    start: Hypothesis,
+    kinds: [&'static Kind; 2],
+}
+
+impl Pair {
+    fn is(&self, kinds: &[&'static Kind; 2]) -> bool {
+        kinds.iter().all(|kind| self.kinds.contains(kind))
+    }
+}
+
+impl Search<'_> {
+    /// The two effects that explain all, of which one is among those that were `tried` beside the lags alone.
+    pub fn two_at_once(&mut self, tried: &[Tried]) -> Option<(Fit, Vec<Found>)> {
+        let noise = self.trials.clone();
+        for pair in self.pairs(tried).into_iter().take(MOST_FINISHED) {
+            self.trials.clone_from(&noise);
+            let both = fit_in(&self.trials, &pair.start, self.lags, FIRST_STEPS)
+                .and_then(|both| self.settle(&both.hypothesis, self.lags))
+                .filter(|both| both.is_plausible() && self.explains_all(both));
+            let Some(both) = both else { continue };
+            let reviewed = self.review(both, None)?;
+            if self.explains_all(&reviewed.0) {
+                return Some(reviewed);
+            }
+        }
+        None
+    }
+
+    /// Pairs of kinds, the most promising first.
+    fn pairs(&self, tried: &[Tried]) -> Vec<Pair> {
+        let best = tried.first().map_or(0.0, Tried::worth);
+        let beginnings = tried.iter().filter(|tried| tried.may_be_named() && tried.worth() > BEGINNING * best);
+        let mut pairs: Vec<Pair> = Vec::new();
+        for first in beginnings.take(MOST_BEGINNINGS) {
+            // The best start of a kind comes first.
+            for (left, start, second) in self.screened(&first.fit, &[first.kind]).into_iter().take(MOST_FINISHED) {
+                let kinds = [first.kind, second];
+                match pairs.iter_mut().find(|pair| pair.is(&kinds)) {
+                    Some(pair) if left < pair.left => *pair = Pair { left, start, kinds },
+                    Some(_) => {}
+                    None => pairs.push(Pair { left, start, kinds }),
+                }
+            }
+        }
+        pairs.sort_by(|a, b| a.left.total_cmp(&b.left));
+        pairs
+    }
+}
