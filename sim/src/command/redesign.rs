@@ -182,7 +182,7 @@ fn refusal(point: &RedesignPoint, limit: &Limit) -> String {
     let nominal = point.small.nominal;
     let what = match limit.kind.id {
         "slew_limit" => format!("change faster than the {:.3} duty/s that are followed", limit.most),
-        _ => format!("go farther than the {:.3} that are left up to the clip", limit.most),
+        _ => format!("go farther than the {:.3} duty that are left up to the clip", limit.most),
     };
     let from = limit.passed_from_rad_s.unwrap_or_default();
     let largest = limit.largest_amplitude;
@@ -192,8 +192,8 @@ fn refusal(point: &RedesignPoint, limit: &Limit) -> String {
     let reachable = limit.reachable_rad_s;
     format!(
         "u_nom {nominal:.3}: from {from:.1} rad/s on the compensated command would {what}. The {promised} rad/s that the lead \
-         promises hold for amplitudes up to {largest:.4}; at {:.3} the chain reaches {reached}, and no filter can make it much \
-         more than {reachable:.1}. Without one it is {alone} for small deviations.",
+         promises hold for amplitudes up to {largest:.4} duty; at {:.3} duty the chain reaches {reached} rad/s, and no \
+         filter can make it much more than {reachable:.1} rad/s. Without one it is {alone} rad/s for small deviations.",
         point.amplitude
     )
 }

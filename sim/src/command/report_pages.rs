@@ -72,7 +72,7 @@ pub fn lags(model: &Model) -> String {
 pub fn identified(model: &Model, warnings: usize) -> Verdict {
     let identified = Verdict::new(Tone::Good, format!("Identified: {}.", lags(model)));
     if warnings == 0 {
-        return identified.with(vec!["Nothing in the records speaks against it.".to_owned()]);
+        return identified.with(vec!["The records gave no warning.".to_owned()]);
     }
     warned(identified, warnings)
 }

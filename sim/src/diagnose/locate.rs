@@ -104,7 +104,7 @@ impl Excess {
     /// Whether it is so little more that a story which many others look like may be believed.
     #[must_use]
     pub fn is_surely_noise(&self) -> bool {
-        self.significance() < SUSPICIOUS
+        self.significance() < SUSPICIOUS || self.sum < NOISE * self.expected
     }
 
     /// The same in standard deviations.

@@ -65,3 +65,54 @@ impl Search<'_> {
         pairs
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::{Plan, run};
+    use crate::diagnose::first_model;
+    use crate::diagnose::trial::Trials;
+    use crate::plant::{Catalog, Model, Noise};
+
+    /// What is found at once in records of a motor with these effects.
+    fn found_at_once(effects: &str) -> (Vec<&'static str>, Option<Vec<&'static str>>) {
+        let motor = "format = 1\npoint = [\n\
+                     { nominal = 0.4, gain = 10.0, time_constant_s = 0.16 },\n\
+                     { nominal = 0.6, gain = 13.5, time_constant_s = 0.085 },\n]\n";
+        let model: Model = toml::from_str(&format!("{motor}{effects}")).unwrap();
+        let noise = Noise { sigma_n: 0.01, ..Noise::default() };
+        let plan =
+            Plan { loop_rate_hz: 200, sample_rate_hz: 200, esc_frame_hz: None, noise, seed: 3, ..Plan::paper(&model) };
+        let records = run(&plan, &model, None, &|_| {}).unwrap();
+        let trials = Trials::new(&records).unwrap();
+        let base = first_model(&records, &trials, None).unwrap();
+        let catalog = Catalog::standard();
+        let mut search = Search { trials, catalog: &catalog, progress: &|| {}, lags: true };
+        let before = search.settle(&Hypothesis::of_lags(base), true).unwrap();
+        let tried = search.tries(&before, &[]);
+        let alone = tried.iter().map(|tried| tried.kind.id).collect();
+        let both = search.two_at_once(&tried).map(|(_, found)| {
+            let mut kinds: Vec<&str> = found.iter().map(|found| found.kind.id).collect();
+            kinds.sort_unstable();
+            kinds
+        });
+        (alone, both)
+    }
+
+    const DELAY: &str = "[[effect]]\nkind = \"transport_delay\"\nparameters = { delay_s = 0.0075 }\n";
+    const AIR: &str =
+        "[[effect]]\nkind = \"inflow_lead\"\nparameters = { lead_ratio = 2.2, time_constant_s = 0.012 }\n";
+    const SLOW: &str = "[[effect]]\nkind = \"asymmetric_lag\"\nparameters = { ratio = 1.6 }\n";
+
+    #[test]
+    fn two_effects_that_look_like_a_third_are_found_by_what_they_promise_together() {
+        let (alone, both) = found_at_once(&[DELAY, AIR].concat());
+        assert_eq!(alone[0], "stand_resonance");
+        assert_eq!(both, Some(vec!["inflow_lead", "transport_delay"]));
+    }
+
+    #[test]
+    fn no_two_effects_are_believed_where_three_act() {
+        assert_eq!(found_at_once(&[DELAY, AIR, SLOW].concat()).1, None);
+    }
+}

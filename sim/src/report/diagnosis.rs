@@ -108,7 +108,8 @@ fn candidates(found: &Diagnosis) -> Option<Figure> {
     };
     let mut series = vec![bars("named", Color::Vermilion, true), bars("tried", Color::Blue, false)];
     series.retain(|series| !series.points.is_empty());
-    let axis = Axis::log("evidence", "log likelihood gained beyond chance").within(1.0, 3.0 * best.max(10.0));
+    // Log likelihoods add up: twice the length is twice the evidence. To the right there is room for the longest bar's number.
+    let axis = Axis::linear("evidence", "log likelihood gained beyond chance").within(0.0, 1.2 * best);
     let panel =
         Panel { height: shown.len() as u32 * LINE + AROUND, ..Panel::new(axis, Axis::names("", names), series) };
     let caption = "Each kind of effect is fitted alone; what it gains counts on fitted and held-out records. Several long bars are effects \

@@ -21,7 +21,7 @@ use crate::report::{
 impl Parts {
     /// All of it as one report. `given` is the file of the model that was judged.
     pub fn report(&self, command: &ReportCommand, experiment: &Experiment, given: Option<&Path>) -> Report {
-        let warnings: Vec<String> = self.findings.iter().map(in_words).collect();
+        let warnings = in_groups(&self.findings);
         let judged = given.map(|file| report_pages::file("Model that was judged", file));
         Report {
             facts: [report_pages::records(experiment, &command.experiment), judged.into_iter().collect()].concat(),
@@ -90,6 +90,11 @@ impl Parts {
             }
             None if self.identified.is_ok() => verdicts.push(report_pages::identified(&self.model, warnings)),
             None => {}
+        }
+        if self.diagnosed.is_none() {
+            let unasked =
+                "Whether more acts than a lag was not asked: leave --no-diagnosis out, and the report says it.";
+            verdicts.push(Verdict::new(Tone::Plain, unasked));
         }
         // A diagnosis has compared the same records more closely.
         if let Ok(records) = &self.validated
@@ -189,6 +194,18 @@ fn sizes(found: &Diagnosis) -> Vec<String> {
 /// A finding with its remedy.
 fn in_words(finding: &Finding) -> String {
     finding.remedy.as_ref().map_or_else(|| finding.message.clone(), |remedy| format!("{}: {remedy}", finding.message))
+}
+
+/// The same, one after the other; those that have one remedy, as of one lack at several nominal commands, have it once.
+fn in_groups(findings: &[Finding]) -> Vec<String> {
+    let is_one = |a: &Finding, b: &Finding| a.topic == b.topic && a.remedy.is_some() && a.remedy == b.remedy;
+    let in_group = |group: &[Finding]| {
+        let messages: Vec<&str> = group.iter().map(|finding| finding.message.as_str()).collect();
+        let remedy = group.first().and_then(|finding| finding.remedy.as_deref());
+        let messages = messages.join("; ");
+        remedy.map_or_else(|| messages.clone(), |remedy| format!("{messages}: {remedy}"))
+    };
+    findings.chunk_by(is_one).map(in_group).collect()
 }
 
 /// A part that there is not.

@@ -46,14 +46,21 @@ fn degrees(low: f64, high: f64, count: usize) -> Vec<(f64, String)> {
 fn log(low: f64, high: f64, count: usize) -> Vec<(f64, String)> {
     let decades = (high / low).log10();
     let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
-    let steps: &[f64] = if 3.0 * decades <= 1.5 * count as f64 { &[1.0, 2.0, 5.0] } else { &[1.0] };
     let every = (decades / count.max(2) as f64).ceil().max(1.0) as i32;
-    let named: Vec<_> = (first..=last)
-        .filter(|decade| decade.rem_euclid(every) == 0)
-        .flat_map(|decade| steps.iter().map(move |step| step * 10.0_f64.powi(decade)))
-        .filter(|value| (low..=high).contains(value))
-        .map(|value| (value, short(value)))
-        .collect();
+    let named = |steps: &[f64]| -> Vec<(f64, String)> {
+        (first..=last)
+            .filter(|decade| decade.rem_euclid(every) == 0)
+            .flat_map(|decade| steps.iter().map(move |step| step * 10.0_f64.powi(decade)))
+            .filter(|value| (low..=high).contains(value))
+            .map(|value| (value, short(value)))
+            .collect()
+    };
+    let fine = named(&[1.0, 2.0, 3.0, 5.0, 7.0]);
+    let named = match 3.0 * decades <= 1.5 * count as f64 {
+        true if fine.len() <= count => fine,
+        true => named(&[1.0, 2.0, 5.0]),
+        false => named(&[1.0]),
+    };
     // Within a part of a decade values are as good as evenly spaced.
     if named.len() < 3 { linear(low, high, count) } else { named }
 }
@@ -90,6 +97,7 @@ mod tests {
     #[test]
     fn decades_have_their_ones_twos_and_fives_while_there_is_room() {
         assert_eq!(names(&log(0.6, 30.0, 8)), ["1", "2", "5", "10", "20"]);
+        assert_eq!(names(&log(6.2, 94.0, 6)), ["7", "10", "20", "30", "50", "70"]);
         assert_eq!(names(&log(0.9, 2e6, 6)), ["1", "100", "10000", "1e6"]);
         assert_eq!(names(&log(6.0, 16.0, 6)), ["6", "8", "10", "12", "14", "16"]);
     }

@@ -43,7 +43,12 @@ pub fn design_section(design: &LeadDesign, model: &Model) -> Section {
             row("damping", Cell::number(lead.damping, 4), "", "of the poles"),
             row("omega_g", Cell::number(lead.omega_g_rad_s(), 2), "rad/s", "amplifies up to here"),
             row("asymptotic peak", Cell::number(lead.asymptotic_peak_db(), 4), "dB", ""),
-            row("gains little below", Cell::number(lead.slowest_helped_rad_s(), 4), "rad/s", "poles slower than this"),
+            row(
+                "gains little below",
+                Cell::number(lead.slowest_helped_rad_s(), 4),
+                "rad/s",
+                "a slower lag has fallen by 3 dB before the zero lifts it",
+            ),
             row("loop rate", Cell::number(design.loop_rate_hz(), 0), "Hz", ""),
             row("k", whole(f64::from(rounded.k())), "2^-32", ""),
             row("c", whole(f64::from(rounded.c())), "2^-32", ""),

@@ -6,8 +6,8 @@ use crate::report::figure::{Axis, Color, Figure, FigureKind, Mark, Panel, Series
 use crate::report::html::{Cell, Column, Fact, Section, Table};
 use crate::report::unit::quantity;
 
-/// Points of a curve.
-const MOST: usize = 1500;
+/// Pieces of which a curve is drawn.
+const MOST: usize = 750;
 
 /// Facts about the records that a run rests on.
 #[must_use]
@@ -90,14 +90,22 @@ pub fn simulation_section(experiment: &Experiment) -> Section {
 fn over_time(experiment: &Experiment, record: &Record) -> Option<Figure> {
     let response = record.response(experiment.output)?;
     let each = record.time_s.len().div_ceil(MOST).max(1);
-    let means = |values: &[f64]| -> Vec<(f64, f64)> {
-        let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
-        record.time_s.chunks(each).zip(values.chunks(each)).map(|(time, values)| (mean(time), mean(values))).collect()
+    // A mean would make a quick excitation smaller than it is.
+    let ends = |(time, values): (&[f64], &[f64])| {
+        let rows = || time.iter().copied().zip(values.iter().copied());
+        let by_value = |a: &(f64, f64), b: &(f64, f64)| a.1.total_cmp(&b.1);
+        let mut ends: Vec<(f64, f64)> = rows().min_by(by_value).into_iter().chain(rows().max_by(by_value)).collect();
+        ends.sort_by(|a, b| a.0.total_cmp(&b.0));
+        ends.dedup();
+        ends
+    };
+    let drawn = |values: &[f64]| -> Vec<(f64, f64)> {
+        record.time_s.chunks(each).zip(values.chunks(each)).flat_map(ends).collect()
     };
     let time = || Axis::linear("time", "s");
-    let mut commands = vec![Series::new("command", Color::Blue, Mark::Line, means(&record.command))];
+    let mut commands = vec![Series::new("command", Color::Blue, Mark::Line, drawn(&record.command))];
     if let Some(esc) = &record.esc_command {
-        commands.push(Series::new("ESC command", Color::Vermilion, Mark::Line, means(esc)));
+        commands.push(Series::new("ESC command", Color::Vermilion, Mark::Line, drawn(esc)));
     }
     let (what, unit) = quantity(experiment.output);
     let panels = vec![
@@ -107,10 +115,11 @@ fn over_time(experiment: &Experiment, record: &Record) -> Option<Figure> {
             ..Panel::new(
                 time(),
                 Axis::linear(what, unit),
-                vec![Series::new(what, Color::Green, Mark::Line, means(response))],
+                vec![Series::new(what, Color::Green, Mark::Line, drawn(response))],
             )
         },
     ];
-    let caption = if each > 1 { format!("Drawn are means of {each} rows.") } else { String::new() };
+    let caption =
+        if each > 1 { format!("Of every {each} rows the lowest and the highest are drawn.") } else { String::new() };
     Some(Figure::new(FigureKind::Record, record.file.clone(), &caption, panels).of(&record.file))
 }

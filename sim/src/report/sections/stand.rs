@@ -27,7 +27,10 @@ pub fn stand_section(stand: &StandIdentification) -> Section {
     });
     let table = Table {
         name: "poles_and_zeros".to_owned(),
-        caption: "Poles and zeros; pairs count once".to_owned(),
+        caption: format!(
+            "Poles and zeros up to {:.1} Hz, as far as the lines say them; pairs count once",
+            stand.top_hz
+        ),
         columns: vec![
             Column::new("kind", "", ""),
             Column::new("frequency_rad_s", "frequency", "rad/s"),
