@@ -69,10 +69,11 @@ impl Search<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::{Plan, run};
+    use crate::bench::{Plan, PlannedRecord, run};
     use crate::diagnose::first_model;
     use crate::diagnose::trial::Trials;
     use crate::plant::{Catalog, Model, Noise};
+    use crate::record::Excitation;
 
     /// What is found at once in records of a motor with these effects.
     fn found_at_once(effects: &str) -> (Vec<&'static str>, Option<Vec<&'static str>>) {
@@ -80,9 +81,19 @@ mod tests {
                      { nominal = 0.4, gain = 10.0, time_constant_s = 0.16 },\n\
                      { nominal = 0.6, gain = 13.5, time_constant_s = 0.085 },\n]\n";
         let model: Model = toml::from_str(&format!("{motor}{effects}")).unwrap();
-        let noise = Noise { sigma_n: 0.01, ..Noise::default() };
-        let plan =
-            Plan { loop_rate_hz: 200, sample_rate_hz: 200, esc_frame_hz: None, noise, seed: 3, ..Plan::paper(&model) };
+        let mut plan = Plan::paper(&model);
+        (plan.loop_rate_hz, plan.sample_rate_hz, plan.esc_frame_hz, plan.seed) = (200, 200, None, 3);
+        plan.noise = Noise { sigma_n: 0.01, ..Noise::default() };
+        plan.records.clear();
+        for nominal in [0.4, 0.6] {
+            let of = |excitation| PlannedRecord {
+                amplitude: Some(0.05),
+                periods: Some(3),
+                ..PlannedRecord::new(nominal, excitation)
+            };
+            plan.records.push(PlannedRecord { lines: Some(150), realization: Some(1), ..of(Excitation::Multisine) });
+            plan.records.push(PlannedRecord { half_period_s: Some(5.0), ..of(Excitation::Square) });
+        }
         let records = run(&plan, &model, None, &|_| {}).unwrap();
         let trials = Trials::new(&records).unwrap();
         let base = first_model(&records, &trials, None).unwrap();
