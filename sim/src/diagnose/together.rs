@@ -37,8 +37,7 @@ impl Search<'_> {
                 .and_then(|both| self.settle(&both.hypothesis, self.lags))
                 .filter(|both| both.is_plausible() && self.explains_all(both));
             let Some(both) = both else { continue };
-            let reviewed = self.review(both, None)?;
-            if self.explains_all(&reviewed.0) {
+            if let Some(reviewed) = self.review(both, None).filter(|(reviewed, _)| self.explains_all(reviewed)) {
                 return Some(reviewed);
             }
         }

@@ -87,7 +87,7 @@ impl Grounds {
         };
         let is_story = is_story && (is_steady || self.outweighs_bursts());
         // An effect that nothing explains moves gain and lag too: other numbers that leave more than noise are its shadow.
-        let is_story = is_story && (is_noise && is_steady && after.is_surely_noise() || !self.numbers_alone);
+        let is_story = is_story && (!self.numbers_alone || is_steady && after.is_surely_noise());
         match (is_story, is_noise && is_steady) {
             (true, true) => Verdict::Named,
             (true, false) => Verdict::PartlyNamed,

@@ -78,7 +78,9 @@ impl Parts {
         // Nothing below is worth more than the records.
         if let Some(finding) = self.findings.iter().find(|finding| finding.is_grave()) {
             let headline = "Something is wrong with the records, and all that follows rests on them.";
-            verdicts.push(Verdict::new(Tone::Bad, headline).with(vec![format!("{}.", in_words(finding))]));
+            verdicts.push(
+                Verdict::new(Tone::Bad, headline).with(vec![format!("{}.", in_words(std::slice::from_ref(finding)))]),
+            );
         }
         if let Some(Ok(found)) = &self.diagnosed {
             verdicts.push(Verdict::new(diagnosis_tone(found.verdict), diagnosed(found)).with(sizes(found)));
@@ -191,24 +193,46 @@ fn sizes(found: &Diagnosis) -> Vec<String> {
     found.effects.iter().map(of_effect).collect()
 }
 
-/// A finding with its remedy.
-fn in_words(finding: &Finding) -> String {
-    finding.remedy.as_ref().map_or_else(|| finding.message.clone(), |remedy| format!("{}: {remedy}", finding.message))
+/// Findings of one remedy, with it.
+fn in_words(alike: &[Finding]) -> String {
+    let messages: Vec<&str> = alike.iter().map(|finding| finding.message.as_str()).collect();
+    let remedy = alike.first().and_then(|finding| finding.remedy.as_deref());
+    [messages.join("; ").as_str()].into_iter().chain(remedy).collect::<Vec<_>>().join(": ")
 }
 
-/// The same, one after the other; those that have one remedy, as of one lack at several nominal commands, have it once.
+/// All of them; those that follow each other with one remedy, as of one lack at several nominal commands, together.
 fn in_groups(findings: &[Finding]) -> Vec<String> {
-    let is_one = |a: &Finding, b: &Finding| a.topic == b.topic && a.remedy.is_some() && a.remedy == b.remedy;
-    let in_group = |group: &[Finding]| {
-        let messages: Vec<&str> = group.iter().map(|finding| finding.message.as_str()).collect();
-        let remedy = group.first().and_then(|finding| finding.remedy.as_deref());
-        let messages = messages.join("; ");
-        remedy.map_or_else(|| messages.clone(), |remedy| format!("{messages}: {remedy}"))
-    };
-    findings.chunk_by(is_one).map(in_group).collect()
+    let is_one = |a: &Finding, b: &Finding| a.remedy.is_some() && a.remedy == b.remedy;
+    findings.chunk_by(is_one).map(in_words).collect()
 }
 
 /// A part that there is not.
 fn left_out(name: &str, title: &str, reason: &str) -> Section {
     Section { text: vec![format!("Left out: {reason}.")], ..Section::new(name, title) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::identify::check::{Severity, Topic};
+
+    #[test]
+    fn findings_that_follow_each_other_with_one_remedy_say_it_once() {
+        let finding = |message: &str, remedy: Option<&str>| Finding {
+            severity: Severity::Warning,
+            topic: Topic::Identification,
+            file: None,
+            row: None,
+            message: message.to_owned(),
+            remedy: remedy.map(str::to_owned),
+        };
+        let findings = [
+            finding("u_nom 0.4: a", Some("record longer")),
+            finding("u_nom 0.5: a", Some("record longer")),
+            finding("b", None),
+            finding("c", None),
+            finding("d", Some("record less")),
+        ];
+        assert_eq!(in_groups(&findings), ["u_nom 0.4: a; u_nom 0.5: a: record longer", "b", "c", "d: record less"]);
+    }
 }

@@ -56,10 +56,12 @@ fn log(low: f64, high: f64, count: usize) -> Vec<(f64, String)> {
             .collect()
     };
     let fine = named(&[1.0, 2.0, 3.0, 5.0, 7.0]);
-    let named = match 3.0 * decades <= 1.5 * count as f64 {
-        true if fine.len() <= count => fine,
-        true => named(&[1.0, 2.0, 5.0]),
-        false => named(&[1.0]),
+    let named = if fine.len() <= count {
+        fine
+    } else if 3.0 * decades <= 1.5 * count as f64 {
+        named(&[1.0, 2.0, 5.0])
+    } else {
+        named(&[1.0])
     };
     // Within a part of a decade values are as good as evenly spaced.
     if named.len() < 3 { linear(low, high, count) } else { named }
@@ -95,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn decades_have_their_ones_twos_and_fives_while_there_is_room() {
+    fn decades_are_parted_as_finely_as_there_is_room() {
         assert_eq!(names(&log(0.6, 30.0, 8)), ["1", "2", "5", "10", "20"]);
         assert_eq!(names(&log(6.2, 94.0, 6)), ["7", "10", "20", "30", "50", "70"]);
         assert_eq!(names(&log(0.9, 2e6, 6)), ["1", "100", "10000", "1e6"]);
