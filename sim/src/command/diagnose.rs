@@ -12,7 +12,9 @@ use super::outcome::{JsonOption, Outcome, wrapped};
 use super::redesign::RedesignArguments;
 use super::report_option::ReportOption;
 use super::{WrongUse, progress, report_pages};
-use crate::diagnose::{Axis, Diagnosis, Gap, Location, Options, Verdict, diagnose, fill_in_esc_commands};
+use crate::diagnose::{
+    Axis, Diagnosis, Gap, Location, Options, RESTS_ON_BEGINS, Verdict, diagnose, fill_in_esc_commands,
+};
 use crate::files::{check_writable, write_file};
 use crate::plant::{Catalog, Model};
 use crate::record::Experiment;
@@ -201,6 +203,9 @@ fn words(found: &Diagnosis) -> String {
             line(format!("  the records cannot tell it from {}", others.join(", ")));
         }
     }
+    if found.rests_on_begins {
+        line(format!("\n{}", wrapped(RESTS_ON_BEGINS, WIDTH, "")));
+    }
     for suspect in &found.suspected {
         line(format!("\n{suspect}"));
     }
@@ -278,6 +283,7 @@ fn values(found: &Diagnosis) -> Value {
             "evidence": effect.evidence,
             "alternatives": effect.alternatives.iter().map(|kind| kind.id).collect::<Vec<_>>(),
         })).collect::<Vec<_>>(),
+        "rests_on_begins": found.rests_on_begins,
         "suspected": found.suspected.iter().map(|suspect| json!({
             "kind": suspect.kind.id,
             "evidence": suspect.evidence,

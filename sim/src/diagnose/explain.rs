@@ -10,15 +10,15 @@ use super::candidate::{Candidate, GRID};
 use super::fit::{Fit, fit, fit_behind, fit_in};
 use super::hypothesis::Hypothesis;
 use super::locate::excess;
+use super::prediction::Near;
 use super::profile::{MOVES, settle_jumps};
-use super::residual::misfit;
 use super::scan::Scan;
 use super::screening::Screening;
 use super::steadiness::steadiness;
 use super::suspicion::{self, Suspect};
 use super::trial::{Before, Purpose, Trial, Trials};
 use super::tried::{ALIKE, LEAST_WORTH, Tried, by_worth, price};
-use super::{clips, collapsed, frames, grid, resonance, waits, witness};
+use super::{clips, collapsed, frames, grid, prediction, resonance, waits, witness};
 use crate::identify::offset_and_start;
 use crate::plant::Catalog;
 use crate::plant::effect::{Kind, Shows};
@@ -102,11 +102,27 @@ impl Explanation {
 }
 
 /// What came of adding effects.
-enum Built {
+pub(super) enum Built {
     /// A fit with effects, or with none.
     Explained(Fit, Vec<Found>),
     /// Too much is left by so many effects, or more than noise by some that were believed on trial.
     Hopeless,
+}
+
+impl Built {
+    /// The fit with effects, or with none; `None` where there was no hope.
+    pub fn explained(self) -> Option<(Fit, Vec<Found>)> {
+        match self {
+            Self::Explained(fit, found) => Some((fit, found)),
+            Self::Hopeless => None,
+        }
+    }
+}
+
+/// What kinds are tried beside, with what it says of what is held out.
+pub(super) struct Beside<'a> {
+    pub fit: &'a Fit,
+    held_out: Option<f64>,
 }
 
 /// Everything that may be tried, and on what.
@@ -212,6 +228,7 @@ impl Search<'_> {
     /// Kinds that improve on `from` of those that were screened, best first.
     fn tries_of(&self, from: &Fit, screened: Vec<Screened>) -> Vec<Tried> {
         let best = screened.first().map_or(0.0, |best| from.misfit - best.0);
+        let beside = self.beside(from);
         let mut kinds: Vec<(&'static Kind, usize)> = Vec::new();
         let mut tried: Vec<Tried> = Vec::new();
         for (left, start, kind) in screened {
@@ -235,7 +252,7 @@ impl Search<'_> {
             }
             *followed += 1;
             let Some(fit) = fit_in(&self.trials, &start, self.lags, FIRST_STEPS) else { continue };
-            let found = self.tried(from, fit, kind, price(kind));
+            let found = self.tried(&beside, (fit, Near::FirstOrder), kind, price(kind));
             match tried.iter_mut().find(|other| other.kind == kind) {
                 Some(other) if found.fitted_gain > other.fitted_gain => *other = found,
                 Some(_) => {}
@@ -248,7 +265,7 @@ impl Search<'_> {
         for (place, tried) in tried.iter_mut().enumerate() {
             if place < MOST_FINISHED || best - tried.worth() < MOST_FINISHED as f64 * ALIKE {
                 let start = tried.fit.hypothesis.clone();
-                if let Some(finished) = self.attempt(from, &start, tried.kind, best - tried.worth()) {
+                if let Some(finished) = self.attempt(&beside, &start, tried.kind, best - tried.worth()) {
                     *tried = finished;
                 }
                 (self.progress)();
@@ -271,8 +288,8 @@ impl Search<'_> {
         tried.iter_mut().for_each(|tried| tried.witnessed = 0.0);
         tried.sort_by(by_worth);
         let alike = tried.iter().take_while(|other| tried[0].worth() - other.worth() < ALIKE).count();
-        let hypotheses: Vec<&Hypothesis> = tried[..alike].iter().map(|tried| &tried.fit.hypothesis).collect();
-        let Some(gains) = (alike > 1).then(|| witness::heard(&self.trials, &hypotheses)).flatten() else { return };
+        let fits: Vec<&Fit> = tried[..alike].iter().map(|tried| &tried.fit).collect();
+        let Some(gains) = (alike > 1).then(|| witness::heard(&self.trials, &fits)).flatten() else { return };
         tried[..alike].iter_mut().zip(gains).for_each(|(tried, gain)| tried.witnessed = gain);
         tried.sort_by(by_worth);
     }
@@ -319,9 +336,9 @@ impl Search<'_> {
     }
 
     /// A kind searched to the end, which is `behind` the best of all in worth so far.
-    pub fn attempt(&self, from: &Fit, start: &Hypothesis, kind: &'static Kind, behind: f64) -> Option<Tried> {
+    pub fn attempt(&self, from: &Beside, start: &Hypothesis, kind: &'static Kind, behind: f64) -> Option<Tried> {
         let fit = self.whole(fit_behind(&self.trials, start, self.lags, behind)?);
-        let mean = self.tried(from, fit, kind, price(kind));
+        let mean = self.tried(from, (fit, Near::Moved), kind, price(kind));
         // Where the frames lie is looked for once their rate is about known.
         let anywhere = |effect: &Candidate| effect.kind == kind && effect.has_frames() && effect.phases.is_empty();
         let effect = mean.fit.hypothesis.effects.iter().position(anywhere);
@@ -332,7 +349,7 @@ impl Search<'_> {
             let framed = self::fit(&self.trials, &framed, self.lags)?;
             let fit = self::fit(&self.trials, &frames::polish(&self.trials, &framed, effect)?, self.lags)?;
             // A phase for each record, beside the rate.
-            Some(self.tried(from, fit, kind, price(kind) + self.trials.trials.len() as f64))
+            Some(self.tried(from, (fit, Near::Moved), kind, price(kind) + self.trials.trials.len() as f64))
         });
         let is_missed = effect.is_some_and(|effect| {
             frames::are_missed(&self.trials, &mean.fit, effect, framed.as_ref().map(|framed| framed.fit.misfit))
@@ -354,20 +371,24 @@ impl Search<'_> {
         whole.filter(|whole| whole.misfit < found.misfit + MOVES).unwrap_or(found)
     }
 
-    fn tried(&self, from: &Fit, fit: Fit, kind: &'static Kind, price: f64) -> Tried {
+    fn tried(&self, from: &Beside, (fit, near): (Fit, Near), kind: &'static Kind, price: f64) -> Tried {
         let waits = |purpose| {
             let of = |hypothesis| waits::evidence(&self.trials, hypothesis, purpose);
-            of(&fit.hypothesis) - of(&from.hypothesis)
+            of(&fit.hypothesis) - of(&from.fit.hypothesis)
         };
-        let fitted_gain = 0.5 * (from.misfit - fit.misfit) + waits(Purpose::Fit);
-        let held_out_gain = self.held_out_gain(&from.hypothesis, &fit.hypothesis) + waits(Purpose::HeldOut);
+        let fitted_gain = 0.5 * (from.fit.misfit - fit.misfit) + waits(Purpose::Fit);
+        let held_out_gain = self.held_out_gain(from, &fit, near) + waits(Purpose::HeldOut);
         Tried { kind, fit, fitted_gain, held_out_gain, price, witnessed: 0.0 }
     }
 
+    /// What kinds are tried beside.
+    pub fn beside<'a>(&self, fit: &'a Fit) -> Beside<'a> {
+        Beside { fit, held_out: prediction::surprise(&self.trials, fit, Near::Moved) }
+    }
+
     /// By how much the log likelihood of what is held out grows.
-    fn held_out_gain(&self, from: &Hypothesis, to: &Hypothesis) -> f64 {
-        let left = |hypothesis| misfit(&self.trials, hypothesis, Purpose::HeldOut);
-        match (left(from), left(to)) {
+    fn held_out_gain(&self, from: &Beside, to: &Fit, near: Near) -> f64 {
+        match (from.held_out, prediction::surprise(&self.trials, to, near)) {
             (Some(from), Some(to)) => 0.5 * (from - to),
             _ => f64::NEG_INFINITY,
         }
@@ -393,6 +414,9 @@ impl Search<'_> {
         let tried = self.tries_of(&before, screened);
         let suspected = suspicion::suspected(promised, &tried);
         let (after, found) = match self.one_at_a_time(&before, &tried)? {
+            Built::Explained(after, found) if found.is_empty() => {
+                self.explain_starts(&before).unwrap_or((after, found))
+            }
             Built::Explained(after, found) => (after, found),
             Built::Hopeless => {
                 self.trials.clone_from(&noise);
@@ -411,7 +435,7 @@ impl Search<'_> {
 
     /// Adds the effect that is worth most, beginning with one of those that were tried beside the lags alone, `first_tried`, until
     /// nothing is worth a name.
-    fn one_at_a_time(&mut self, before: &Fit, first_tried: &[Tried]) -> Option<Built> {
+    pub fn one_at_a_time(&mut self, before: &Fit, first_tried: &[Tried]) -> Option<Built> {
         let mut current = before.clone();
         let mut effects: Vec<Tried> = Vec::new();
         let mut last_tried = first_tried.to_vec();

@@ -33,6 +33,8 @@ pub(super) struct Fit {
     pub misfit: f64,
     /// What was searched.
     pub coordinates: Vec<Coordinate>,
+    /// Products of the derivatives by them: the inverse of their covariance.
+    pub information: DMatrix<f64>,
     /// Covariance of the coordinates.
     pub covariance: Option<DMatrix<f64>>,
 }
@@ -90,7 +92,8 @@ fn search(trials: &Trials, start: &Hypothesis, coordinates: Vec<Coordinate>, pac
         }
     }
     let Descent { at, sum, tangent } = found;
-    Some(Fit { hypothesis: at, misfit: sum, covariance: inverse(&tangent.matrix), coordinates: tangent.coordinates })
+    let Tangent { coordinates, matrix, .. } = tangent;
+    Some(Fit { hypothesis: at, misfit: sum, covariance: inverse(&matrix), information: matrix, coordinates })
 }
 
 /// A better place beside a search's end along a value that acts on the command: where levels of the command come to a limit

@@ -5,7 +5,6 @@ use super::fit::{Fit, fit};
 use super::hypothesis::{BasePoint, Coordinate, Hypothesis};
 use super::residual::misfit;
 use super::trial::{Purpose, Trials};
-use super::tried::LEAST_WORTH;
 use crate::identify::Estimate;
 
 /// Wrong numbers of a given model count as an effect from this gain of log likelihood on, over one per number.
@@ -62,7 +61,7 @@ pub(super) fn compared(
 fn beside_given(search: &mut Search, untouched: Trials, given: &Fit, refitted: &Fit) -> Option<Explanation> {
     let half_of = |trials: &Trials, hypothesis: &Hypothesis, purpose| Some(0.5 * misfit(trials, hypothesis, purpose)?);
     let held_out = |fit: &Fit| half_of(&search.trials, &fit.hypothesis, Purpose::HeldOut);
-    if search.trials.has_logs() || held_out(refitted)? - held_out(given)? < LEAST_WORTH {
+    if search.trials.has_logs() || held_out(refitted)? - held_out(given)? < LEAST_WORTH_OF_NUMBERS {
         return None;
     }
     let mut beside = Search { trials: untouched, catalog: search.catalog, progress: search.progress, lags: false };
@@ -71,7 +70,7 @@ fn beside_given(search: &mut Search, untouched: Trials, given: &Fit, refitted: &
         let parts = [Purpose::Fit, Purpose::HeldOut].map(|purpose| half_of(&beside.trials, hypothesis, purpose));
         Some(parts[0]? + parts[1]?)
     };
-    let is_better = all(&refitted.hypothesis)? - all(&other.after.hypothesis)? >= LEAST_WORTH;
+    let is_better = all(&refitted.hypothesis)? - all(&other.after.hypothesis)? >= LEAST_WORTH_OF_NUMBERS;
     is_better.then(|| {
         search.trials = beside.trials;
         other

@@ -25,16 +25,20 @@ mod hypothesis;
 mod locate;
 mod log;
 mod next;
+mod prediction;
 mod profile;
 mod residual;
 mod resonance;
 mod review;
 mod scan;
 mod screening;
+mod starts;
 mod steadiness;
 mod step;
 mod suspicion;
 mod tangent;
+#[cfg(test)]
+mod testing;
 mod timing;
 mod together;
 mod trial;
@@ -101,6 +105,10 @@ pub struct TriedKind {
     pub worth: f64,
 }
 
+/// What holds where [`Diagnosis::rests_on_begins`].
+pub const RESTS_ON_BEGINS: &str = "Seen in the first moments of the records alone: it holds if before each of them the motor had run at \
+                                   the nominal command for long.";
+
 /// All that was found.
 #[derive(Clone, Debug)]
 pub struct Diagnosis {
@@ -114,6 +122,8 @@ pub struct Diagnosis {
     pub tried: Vec<TriedKind>,
     /// What the records lean to, too little to be named, where they agree with the model.
     pub suspected: Vec<Suspect>,
+    /// Whether the effects rest on how the records begin, too: see [`RESTS_ON_BEGINS`].
+    pub rests_on_begins: bool,
     /// The gap on what was held out. No number was fitted to it; which kinds are named rests on it too.
     pub gap: Gap,
     /// The same record by record.
@@ -260,6 +270,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     Ok(Diagnosis {
         verdict,
         suspected: if verdict == Verdict::Agrees { suspected } else { Vec::new() },
+        rests_on_begins: trials.starts == trial::Starts::AsBefore && verdict != Verdict::Unknown,
         locations: locate::locate(trials, &before.hypothesis),
         tried: tried
             .iter()

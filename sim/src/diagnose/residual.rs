@@ -4,14 +4,14 @@ use num_complex::Complex64;
 use rayon::prelude::*;
 
 use super::hypothesis::Hypothesis;
-use super::trial::{Purpose, Trial, Trials};
+use super::trial::{Purpose, Starts, Stretch, Trial, Trials};
 
 pub(super) fn dot(a: &[Complex64], b: &[Complex64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a.re * b.re + a.im * b.im).sum()
 }
 
-/// The white residual of one record over its stretches of a purpose. The state from which the record starts is not
-/// compared: its decay is projected out.
+/// The white residual of one record over its stretches of a purpose. The state from which the record starts is compared only where
+/// that is asked for ([`Trials::starts`]): else its decay is projected out.
 pub(super) fn residual(
     trials: &Trials,
     trial: &Trial,
@@ -28,16 +28,20 @@ pub(super) fn residual(
     let rows = trial.end_of(Some(purpose));
     let simulated = hypothesis.simulate(trials, trial, rows).ok()?;
     let difference: Vec<f64> = trial.measured.iter().zip(&simulated).map(|(y, model)| y - model).collect();
-    Some(whiten(trial, hypothesis, purpose, &difference))
+    Some(whiten(trial, hypothesis, (purpose, trials.starts), &difference))
 }
 
-fn whiten(trial: &Trial, hypothesis: &Hypothesis, purpose: Purpose, difference: &[f64]) -> Vec<Complex64> {
+fn whiten(
+    trial: &Trial,
+    hypothesis: &Hypothesis,
+    (purpose, starts): (Purpose, Starts),
+    difference: &[f64],
+) -> Vec<Complex64> {
     let mut all = Vec::new();
     for stretch in trial.stretches.iter().filter(|stretch| stretch.purpose == purpose) {
         let mut white = stretch.whitening.apply(&difference[stretch.rows.clone()]);
-        if stretch.rows.start == 0 {
-            let tau_s = hypothesis.base[trial.point].time_constant_s;
-            let decay = stretch.whitening.apply_to_decay((-1.0 / (trial.rate_hz * tau_s)).exp());
+        if stretch.rows.start == 0 && starts == Starts::Free {
+            let decay = decay(trial, hypothesis, stretch);
             let share = dot(&decay, &white) / dot(&decay, &decay);
             if share.is_finite() {
                 white.iter_mut().zip(&decay).for_each(|(white, decay)| *white -= decay * share);
@@ -46,6 +50,23 @@ fn whiten(trial: &Trial, hypothesis: &Hypothesis, purpose: Purpose, difference: 
         all.append(&mut white);
     }
     all
+}
+
+/// A white decay of the lag from 1 on, in response units, at the begin of a stretch.
+fn decay(trial: &Trial, hypothesis: &Hypothesis, stretch: &Stretch) -> Vec<Complex64> {
+    let tau_s = hypothesis.base[trial.point].time_constant_s;
+    stretch.whitening.apply_to_decay((-1.0 / (trial.rate_hz * tau_s)).exp())
+}
+
+/// By how much the response of a record that repeats is off at its begin, and the variance of that by noise.
+pub(super) fn off_at_start(trials: &Trials, trial: &Trial, hypothesis: &Hypothesis) -> Option<(f64, f64)> {
+    let stretch = trial.stretches.iter().find(|stretch| stretch.rows.start == 0)?;
+    let simulated = hypothesis.simulate(trials, trial, stretch.rows.end).ok()?;
+    let difference: Vec<f64> = trial.measured.iter().zip(&simulated).map(|(y, model)| y - model).collect();
+    let white = stretch.whitening.apply(&difference[stretch.rows.clone()]);
+    let decay = decay(trial, hypothesis, stretch);
+    let power = dot(&decay, &decay);
+    (power > 0.0).then(|| (dot(&decay, &white) / power, power.recip()))
 }
 
 /// Part of a row by which the stamps of a record may be off in the mean.

@@ -14,8 +14,9 @@ impl Search<'_> {
         let best = tried.first().map_or(0.0, Tried::worth);
         let is_near = |other: &&Tried| other.worth() > AGAIN * best;
         let near = tried.iter().filter(is_near).take(MOST_FINISHED);
+        let beside = self.beside(from);
         let mut again: Vec<Tried> = near
-            .filter_map(|tried| self.attempt(from, &tried.fit.hypothesis, tried.kind, best - tried.worth()))
+            .filter_map(|tried| self.attempt(&beside, &tried.fit.hypothesis, tried.kind, best - tried.worth()))
             .collect();
         self.hear(&mut again);
         again
@@ -37,7 +38,7 @@ impl Search<'_> {
                 None => self.tries(&rest, &others),
             };
             // The fit that it has may be better than what the search from the rest finds.
-            if let Some(own) = self.attempt(&rest, &current.hypothesis, kind, 0.0) {
+            if let Some(own) = self.attempt(&self.beside(&rest), &current.hypothesis, kind, 0.0) {
                 tried.retain(|other| other.kind != kind || other.worth() > own.worth());
                 if !tried.iter().any(|other| other.kind == kind) {
                     tried.push(own);

@@ -39,13 +39,13 @@ fn ties(trials: &Trials, hypothesis: &Hypothesis, coordinates: &[Coordinate]) ->
     coordinates.iter().enumerate().filter_map(tie).collect()
 }
 
-/// Columns of the derivatives of one record's residual, with the places of their coordinates.
-fn columns(
-    trials: &Trials,
+/// Columns of the derivatives of what `white` makes of one record, `at` with `hypothesis`, with the places of their coordinates.
+pub(super) fn columns(
     trial: &Trial,
     hypothesis: &Hypothesis,
     (coordinates, effect_step): (&[Coordinate], f64),
     at: &[Complex64],
+    white: impl Fn(&Hypothesis) -> Option<Vec<Complex64>>,
 ) -> Option<Vec<(usize, Vec<Complex64>)>> {
     let concerns = |coordinate: &Coordinate| match coordinate {
         Coordinate::Gain(point) | Coordinate::TimeConstant(point) => *point == trial.point,
@@ -67,7 +67,7 @@ fn columns(
         if width == 0.0 {
             continue;
         }
-        let mut column = residual(trials, trial, &moved, Purpose::Fit)?;
+        let mut column = white(&moved)?;
         column.iter_mut().zip(at).for_each(|(moved, at)| *moved = (*moved - at) / width);
         all.push((place, column));
     }
@@ -105,8 +105,8 @@ impl Tangent {
                 if trial.end_of(Some(Purpose::Fit)) == 0 {
                     return Some(RecordTangent { columns: Vec::new() });
                 }
-                let at = residual(trials, trial, hypothesis, Purpose::Fit)?;
-                let columns = columns(trials, trial, hypothesis, (&coordinates, effect_step), &at)?;
+                let white = |hypothesis: &Hypothesis| residual(trials, trial, hypothesis, Purpose::Fit);
+                let columns = columns(trial, hypothesis, (&coordinates, effect_step), &white(hypothesis)?, white)?;
                 Some(RecordTangent { columns })
             })
             .collect();

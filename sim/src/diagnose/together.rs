@@ -68,34 +68,12 @@ impl Search<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bench::{Plan, PlannedRecord, run};
-    use crate::diagnose::first_model;
-    use crate::diagnose::trial::Trials;
-    use crate::plant::{Catalog, Model, Noise};
-    use crate::record::Excitation;
+    use crate::diagnose::testing::{records, trials};
+    use crate::plant::Catalog;
 
     /// What is found at once in records of a motor with these effects.
     fn found_at_once(effects: &str) -> (Vec<&'static str>, Option<Vec<&'static str>>) {
-        let motor = "format = 1\npoint = [\n\
-                     { nominal = 0.4, gain = 10.0, time_constant_s = 0.16 },\n\
-                     { nominal = 0.6, gain = 13.5, time_constant_s = 0.085 },\n]\n";
-        let model: Model = toml::from_str(&format!("{motor}{effects}")).unwrap();
-        let mut plan = Plan::paper(&model);
-        (plan.loop_rate_hz, plan.sample_rate_hz, plan.esc_frame_hz, plan.seed) = (200, 200, None, 3);
-        plan.noise = Noise { sigma_n: 0.01, ..Noise::default() };
-        plan.records.clear();
-        for nominal in [0.4, 0.6] {
-            let of = |excitation| PlannedRecord {
-                amplitude: Some(0.05),
-                periods: Some(3),
-                ..PlannedRecord::new(nominal, excitation)
-            };
-            plan.records.push(PlannedRecord { lines: Some(150), realization: Some(1), ..of(Excitation::Multisine) });
-            plan.records.push(PlannedRecord { half_period_s: Some(5.0), ..of(Excitation::Square) });
-        }
-        let records = run(&plan, &model, None, &|_| {}).unwrap();
-        let trials = Trials::new(&records).unwrap();
-        let base = first_model(&records, &trials, None).unwrap();
+        let (trials, base) = trials(&records(effects, 0.05, 1));
         let catalog = Catalog::standard();
         let mut search = Search { trials, catalog: &catalog, progress: &|| {}, lags: true };
         let before = search.settle(&Hypothesis::of_lags(base), true).unwrap();

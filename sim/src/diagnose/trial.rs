@@ -37,6 +37,15 @@ pub(super) enum Before {
     Periods,
 }
 
+/// Whether the response at the begin of a record is compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Starts {
+    /// It may be anything.
+    Free,
+    /// It is what was before ([`Before`]).
+    AsBefore,
+}
+
 /// Whole periods of a record.
 #[derive(Clone, Debug)]
 pub(super) struct Stretch {
@@ -123,6 +132,8 @@ pub(super) struct Trials {
     pub curve: Option<(OperatingCurve, Vec<Lag>)>,
     /// Whether it is a part, which may not determine all that is searched: values are then tied to where the effect is not.
     pub is_part: bool,
+    /// Whether the response at the begin of each record is compared.
+    pub starts: Starts,
     /// Rate of the ESC's frames, where the experiment says it.
     pub esc_frame_hz: Option<f64>,
     /// What the response is.
@@ -176,6 +187,7 @@ impl Trials {
             left_out,
             curve: None,
             is_part: false,
+            starts: Starts::Free,
             esc_frame_hz: experiment.esc_frame_hz,
             output: experiment.output,
         })

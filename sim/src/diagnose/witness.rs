@@ -6,12 +6,15 @@
 //! that leaves least sets how well a column can be known: with `Q` of `n` numbers left by the best, a kind that leaves
 //! `Q'` is worth `(Q - Q') / (2 max(1, Q / n))` less (quasi-likelihood; McCullagh and Nelder, Generalized Linear Models, 1989, ch. 9).
 
+use std::f64::consts::TAU;
+
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
-use rayon::prelude::*;
 
 use super::channel::{Column, columns};
+use super::fit::Fit;
 use super::hypothesis::Hypothesis;
+use super::prediction::{self, Near};
 use super::residual::dot;
 use super::trial::{Trial, Trials};
 use super::whitening::{NoiseDensity, Whitening};
@@ -20,6 +23,9 @@ use crate::record::{Output, Record};
 
 /// From so many periods on the first one, in which what is slow comes to rest, is left out.
 const SETTLED: usize = 3;
+/// Part of a row by which a column may have been taken at another moment than the response: a standard deviation, anew for each
+/// record. Sensors are read one after the other, and filter by themselves.
+const TAKEN_OFF: f64 = 0.1;
 
 /// A column of a record that repeats.
 #[derive(Clone, Debug)]
@@ -29,16 +35,10 @@ pub(super) struct Witness {
     from: usize,
     periods: usize,
     mean: f64,
+    rate_hz: f64,
     /// The white lines of a period.
     measured: Vec<Complex64>,
     whitening: Whitening,
-}
-
-/// What a column has left, and of how many numbers.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Left {
-    squares: f64,
-    numbers: f64,
 }
 
 /// The columns of a record over its whole periods. One period says nothing of the noise.
@@ -55,7 +55,7 @@ pub(super) fn witnesses(record: &Record, output: Output, period_rows: usize, rat
         let deviation: Vec<f64> = values.iter().map(|value| value - mean).collect();
         let mut whitening = Whitening::unit(values.len());
         whitening.set_noise(&NoiseDensity::between_harmonics(&deviation, periods, rate_hz)?, rate_hz);
-        let mut witness = Witness { column, from, periods, mean, measured: Vec::new(), whitening };
+        let mut witness = Witness { column, from, periods, mean, rate_hz, measured: Vec::new(), whitening };
         witness.measured = witness.lines(&deviation);
         witness.measured.iter().all(|line| line.is_finite()).then_some(witness)
     };
@@ -69,8 +69,8 @@ impl Witness {
         white.into_iter().skip(self.periods - 1).step_by(self.periods).collect()
     }
 
-    /// What the model leaves of it: of the speed no parabola of what it says, of the voltage no multiple of it.
-    fn left(&self, trace: &Trace) -> Option<Left> {
+    /// The white lines that the model leaves of it: of the speed no parabola of what it says, of the voltage no multiple of it.
+    fn left(&self, trace: &Trace) -> Option<Vec<Complex64>> {
         let rows = self.from..self.from + self.whitening.rows();
         let cut = |values: &[f64]| values.get(rows.clone()).map(<[f64]>::to_vec);
         let supplied = !trace.voltage_v.is_empty();
@@ -89,11 +89,28 @@ impl Witness {
             Column::Speed => nearest(&lines, &self.measured)?,
         };
         let mut left = self.measured.clone();
+        let mut said = vec![Complex64::ZERO; left.len()];
         for (line, factor) in lines.iter().zip(&factors) {
-            left.iter_mut().zip(line).for_each(|(left, model)| *left -= model * factor);
+            said.iter_mut().zip(line).for_each(|(said, model)| *said += model * factor);
         }
-        let free = if self.column == Column::Speed { factors.len() } else { 0 };
-        Some(Left { squares: dot(&left, &left), numbers: (2 * left.len()).saturating_sub(free) as f64 })
+        left.iter_mut().zip(&said).for_each(|(left, said)| *left -= said);
+        self.forgive_moment(&mut left, &said);
+        Some(left)
+    }
+
+    /// Shortens what is left along what another moment of the column would make of it, as far as that may be the reason: with `d`
+    /// the derivative by the moment, the covariance of the lines is `1 + d d' off^2`.
+    fn forgive_moment(&self, left: &mut [Complex64], said: &[Complex64]) {
+        let off_s = TAKEN_OFF / self.rate_hz;
+        let rad_per_s = TAU * self.rate_hz * self.periods as f64 / self.whitening.rows() as f64;
+        let by_moment = |(line, said): (usize, &Complex64)| said * Complex64::new(0.0, (line + 1) as f64 * rad_per_s);
+        let derivative: Vec<Complex64> = said.iter().enumerate().map(by_moment).collect();
+        let power = dot(&derivative, &derivative);
+        if power > 0.0 {
+            let keep = (1.0 + off_s * off_s * power).sqrt().recip();
+            let share = (1.0 - keep) * dot(&derivative, left) / power;
+            left.iter_mut().zip(&derivative).for_each(|(left, derivative)| *left -= derivative * share);
+        }
     }
 }
 
@@ -113,34 +130,27 @@ fn nearest(columns: &[Vec<Complex64>], measured: &[Complex64]) -> Option<Vec<f64
     Some(factors)
 }
 
-/// What each hypothesis is worth by the columns, less than the best of them. `None` where there are no columns.
-pub(super) fn heard(trials: &Trials, hypotheses: &[&Hypothesis]) -> Option<Vec<f64>> {
-    if trials.trials.iter().all(|trial| trial.witnesses.is_empty()) {
-        return None;
-    }
-    let left: Option<Vec<Left>> = hypotheses.iter().map(|hypothesis| left(trials, hypothesis)).collect();
-    Some(gains(&left?))
-}
-
-/// What each is worth by what the columns have left with it, the best 0.
-fn gains(left: &[Left]) -> Vec<f64> {
-    let least = left.iter().copied().min_by(|a, b| a.squares.total_cmp(&b.squares)).unwrap_or_default();
-    let known = (least.squares / least.numbers.max(1.0)).max(1.0);
-    left.iter().map(|left| 0.5 * (least.squares - left.squares) / known).collect()
-}
-
-fn left(trials: &Trials, hypothesis: &Hypothesis) -> Option<Left> {
-    let of_trial = |trial: &Trial| {
+/// What each fit is worth by the columns, less than the best of them. `None` where there are no columns.
+///
+/// The numbers of a fit are known as well as the response tells them, and a column may tell them better: see [`prediction`].
+pub(super) fn heard(trials: &Trials, fits: &[&Fit]) -> Option<Vec<f64>> {
+    let heard: Vec<&Trial> = trials.trials.iter().filter(|trial| !trial.witnesses.is_empty()).collect();
+    let numbers: usize = heard.iter().flat_map(|trial| &trial.witnesses).map(|one| 2 * one.measured.len()).sum();
+    let left = |trial: &Trial, hypothesis: &Hypothesis| {
         let trace = hypothesis.trace(trials, trial)?;
-        let all: Option<Vec<Left>> = trial.witnesses.iter().map(|witness| witness.left(&trace)).collect();
-        all
+        let all: Option<Vec<Vec<Complex64>>> = trial.witnesses.iter().map(|witness| witness.left(&trace)).collect();
+        Some(all?.concat())
     };
-    let heard = trials.trials.par_iter().filter(|trial| !trial.witnesses.is_empty());
-    let all: Option<Vec<Vec<Left>>> = heard.map(of_trial).collect();
-    Some(all?.into_iter().flatten().fold(Left::default(), |sum, one| Left {
-        squares: sum.squares + one.squares,
-        numbers: sum.numbers + one.numbers,
-    }))
+    let squares: Option<Vec<f64>> =
+        fits.iter().map(|fit| prediction::surprise_of(&heard, (fit, Near::Moved), left)).collect();
+    (!heard.is_empty()).then(|| Some(gains(&squares?, numbers as f64))).flatten()
+}
+
+/// What each is worth by the squares of `numbers` numbers that the columns have left with it, the best 0.
+fn gains(squares: &[f64], numbers: f64) -> Vec<f64> {
+    let least = squares.iter().copied().fold(f64::INFINITY, f64::min);
+    let known = (least / numbers.max(1.0)).max(1.0);
+    squares.iter().map(|squares| 0.5 * (least - squares) / known).collect()
 }
 
 #[cfg(test)]
@@ -160,9 +170,8 @@ mod tests {
 
     #[test]
     fn what_the_best_leaves_over_the_noise_makes_the_others_no_more_certain() {
-        let left = |squares| Left { squares, numbers: 100.0 };
-        assert_eq!(gains(&[left(100.0), left(120.0)]), [0.0, -10.0]);
+        assert_eq!(gains(&[100.0, 120.0], 100.0), [0.0, -10.0]);
         // Nobody explains the column: a tenth more is little.
-        assert_eq!(gains(&[left(1100.0), left(1000.0)]), [-5.0, 0.0]);
+        assert_eq!(gains(&[1100.0, 1000.0], 100.0), [-5.0, 0.0]);
     }
 }

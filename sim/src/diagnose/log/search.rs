@@ -14,7 +14,7 @@ use crate::diagnose::residual::surprise;
 use crate::diagnose::scan::Scan;
 use crate::diagnose::screening::Screening;
 use crate::diagnose::trial::{Purpose, Trial, Trials};
-use crate::diagnose::tried::{ALIKE, LEAST_WORTH, Tried, by_worth, price};
+use crate::diagnose::tried::{ALIKE, Tried, by_worth, price};
 use crate::plant::effect::{Kind, Shows, Site};
 use crate::record::Output;
 
@@ -24,6 +24,8 @@ const MOST_EFFECTS: usize = 5;
 const MOST_FINISHED: usize = 3;
 /// Steps of a search that finishes: the misfit is of models and not of noise, so the last digits mean nothing.
 const LAST_STEPS: usize = 8;
+/// What an effect is worth at least that is named. More than where periods repeat: what a log leaves is estimated from the log itself.
+const LEAST_WORTH_IN_LOGS: f64 = 10.0;
 impl Trials {
     /// Whether any record does not repeat.
     pub fn has_logs(&self) -> bool {
@@ -223,7 +225,7 @@ impl Search<'_> {
 
 /// Whether an effect is worth a name, and what was held out bears it out.
 fn is_worth_it(tried: &Tried) -> bool {
-    tried.worth() >= LEAST_WORTH && tried.held_out_gain >= 0.0
+    tried.worth() >= LEAST_WORTH_IN_LOGS && tried.held_out_gain >= 0.0
 }
 
 /// What the last effect of a judged explanation is worth.

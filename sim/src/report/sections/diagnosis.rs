@@ -1,7 +1,7 @@
 //! What a diagnosis found.
 
 use super::estimate;
-use crate::diagnose::{Diagnosis, NamedEffect, TriedKind, Verdict};
+use crate::diagnose::{Diagnosis, NamedEffect, RESTS_ON_BEGINS, TriedKind, Verdict};
 use crate::plant::Point;
 use crate::report::diagnosis::diagnosis_figures;
 use crate::report::html::{Cell, Column, Section, Table, Tone};
@@ -41,6 +41,9 @@ pub fn diagnosis_section(found: &Diagnosis, verdict: &str) -> Section {
     }
     if !found.timing.is_steady() {
         text.push(found.timing.to_string());
+    }
+    if found.rests_on_begins {
+        text.push(RESTS_ON_BEGINS.to_owned());
     }
     text.extend(found.suspected.iter().map(ToString::to_string));
     for out in &found.left_out {

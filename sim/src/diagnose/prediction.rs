@@ -1,0 +1,144 @@
+//! What a fit says of what it has not seen, its numbers known no better than they are.
+//!
+//! Where a nominal command was fitted to one quiet record, its lag is off by more than a loud one forgives, and any effect that moves
+//! the lag there wins by accident. With `r` the white residual of what was not seen, `J` its derivatives by the numbers `p` of the fit
+//! and `A` their information, the inverse of their covariance, minus twice the log likelihood of what was not seen is, but for a
+//! constant,
+//!
+//! ```text
+//! min over p of  r(p)'r(p) + (p - p0)' A (p - p0),  + ln det (A + J'J) - ln det A
+//! ```
+//!
+//! (Laplace's method; for a linear model it is the predictive density: Bishop, Pattern Recognition and Machine Learning, sec. 3.3.2
+//! and 4.4). The numbers move as far as they were left open, at the price of having been left open.
+
+use nalgebra::{Cholesky, DMatrix, DVector};
+use num_complex::Complex64;
+use rayon::prelude::*;
+
+use super::fit::Fit;
+use super::hypothesis::Hypothesis;
+use super::residual::{dot, residual};
+use super::tangent::{EFFECT_STEP, columns};
+use super::trial::{Purpose, Trial, Trials};
+
+/// What is known of every number before: that it is right but for a factor of `e`, or its plausible range.
+const INFORMATION_BEFORE: f64 = 1.0;
+/// Steps to where the numbers move end where one promises less than this.
+const ENOUGH: f64 = 1.0;
+
+/// How near it has to be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Near {
+    /// As far as derivatives at the fit say.
+    FirstOrder,
+    /// Where the numbers move to, in a few steps.
+    Moved,
+}
+
+impl Near {
+    fn most_steps(self) -> usize {
+        match self {
+            Self::FirstOrder => 1,
+            Self::Moved => 3,
+        }
+    }
+}
+
+/// What one record adds.
+struct Part {
+    squares: f64,
+    slopes: Vec<(usize, f64)>,
+    products: Vec<(usize, usize, f64)>,
+}
+
+/// Minus twice the log likelihood of what is held out, but for a constant. `None` where the fit is impossible there.
+pub(super) fn surprise(trials: &Trials, fit: &Fit, near: Near) -> Option<f64> {
+    let held_out: Vec<&Trial> = trials.trials.iter().filter(|trial| trial.end_of(Some(Purpose::HeldOut)) > 0).collect();
+    surprise_of(&held_out, (fit, near), |trial, hypothesis| residual(trials, trial, hypothesis, Purpose::HeldOut))
+}
+
+/// The same of what `white` makes of these records.
+pub(super) fn surprise_of(
+    unseen: &[&Trial],
+    (fit, near): (&Fit, Near),
+    white: impl Fn(&Trial, &Hypothesis) -> Option<Vec<Complex64>> + Sync,
+) -> Option<f64> {
+    let count = fit.coordinates.len();
+    let information = DMatrix::identity(count, count) * INFORMATION_BEFORE + &fit.information;
+    let known = Cholesky::new(information.clone())?.ln_determinant();
+    let begin = DVector::from_iterator(count, fit.coordinates.iter().map(|one| fit.hypothesis.get(*one)));
+    let mut best = f64::INFINITY;
+    let mut moved = DVector::zeros(count);
+    for _ in 0..near.most_steps() {
+        let mut hypothesis = fit.hypothesis.clone();
+        for (place, coordinate) in fit.coordinates.iter().enumerate() {
+            hypothesis.set(*coordinate, begin[place] + moved[place]);
+        }
+        let of_trial = |trial: &&Trial| {
+            let at = white(trial, &hypothesis)?;
+            let by = (&fit.coordinates[..], EFFECT_STEP);
+            let columns = columns(trial, &hypothesis, by, &at, |hypothesis| white(trial, hypothesis))?;
+            let slopes = columns.iter().map(|(i, a)| (*i, dot(a, &at))).collect();
+            let products =
+                columns.iter().flat_map(|(i, a)| columns.iter().map(move |(j, b)| (*i, *j, dot(a, b)))).collect();
+            Some(Part { squares: dot(&at, &at), slopes, products })
+        };
+        let parts: Option<Vec<Part>> = unseen.par_iter().map(of_trial).collect();
+        let away = &information * &moved;
+        let (mut squares, mut slope, mut after) = (moved.dot(&away), away, information.clone());
+        for part in parts? {
+            squares += part.squares;
+            part.slopes.into_iter().for_each(|(i, value)| slope[i] += value);
+            part.products.into_iter().for_each(|(i, j, value)| after[(i, j)] += value);
+        }
+        let after = Cholesky::new(after)?;
+        let step = after.solve(&slope);
+        let promised = slope.dot(&step);
+        // A step too far is not taken: what the one before promised is all that is known.
+        if squares > best + ENOUGH {
+            break;
+        }
+        best = squares - promised + after.ln_determinant() - known;
+        if promised < ENOUGH {
+            break;
+        }
+        moved -= step;
+    }
+    best.is_finite().then_some(best)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::diagnose::explain::Search;
+    use crate::diagnose::hypothesis::Hypothesis;
+    use crate::diagnose::residual::misfit;
+    use crate::diagnose::testing::{records, trials};
+    use crate::plant::Catalog;
+    use crate::record::{Excitation, Role};
+
+    #[test]
+    fn a_lag_that_was_fitted_to_a_quiet_record_is_not_held_against_itself_on_a_loud_one() {
+        let mut records = records("", 0.005, 1);
+        for record in &mut records.records {
+            let is_loud = record.excitation == Excitation::Square;
+            record.role = Some(if is_loud { Role::Validate } else { Role::Fit });
+        }
+        let (trials, base) = trials(&records);
+        let catalog = Catalog::standard();
+        let mut search = Search { trials, catalog: &catalog, progress: &|| {}, lags: true };
+        let fit = search.settle(&Hypothesis::of_lags(base), true).unwrap();
+        let trials = &search.trials;
+        let mut truth = fit.hypothesis.clone();
+        for (point, (gain, time_constant_s)) in truth.base.iter_mut().zip([(10.0, 0.16), (13.5, 0.085)]) {
+            (point.gain, point.time_constant_s) = (gain, time_constant_s);
+        }
+        let plain = |hypothesis: &Hypothesis| misfit(trials, hypothesis, Purpose::HeldOut).unwrap();
+        let over_truth = plain(&fit.hypothesis) - plain(&truth);
+        assert!(over_truth > 200.0, "{over_truth}");
+        // Four numbers that were left open by factors of ten or so cost some units each.
+        let predicted = surprise(trials, &fit, Near::Moved).unwrap() - plain(&truth);
+        assert!((0.0..40.0).contains(&predicted), "{predicted}");
+    }
+}
