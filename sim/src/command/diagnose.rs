@@ -113,7 +113,7 @@ impl Diagnose {
         }
         text.push_str(&self.report.write(|| {
             let given = self.model.as_deref().map(|model| report_pages::file("Model that was judged", model));
-            let mut sections = vec![diagnosis_section(&found, &verdict(&found))];
+            let mut sections = vec![diagnosis_section(&found, None)];
             if !redesign_text.is_empty() {
                 let lines =
                     redesign_text.split("\n\n").map(|part| part.trim().to_owned()).filter(|part| !part.is_empty());

@@ -417,6 +417,17 @@ impl Search<'_> {
             Built::Explained(after, found) if found.is_empty() => {
                 self.explain_starts(&before).unwrap_or((after, found))
             }
+            // Two that leave a little may stand in for two others.
+            Built::Explained(after, found) if found.len() >= ENOUGH_EFFECTS && !self.is_surely_noise(&after) => {
+                let own = std::mem::replace(&mut self.trials, noise);
+                match self.two_at_once(&tried).filter(|(others, _)| self.is_surely_noise(others)) {
+                    Some(others) => others,
+                    None => {
+                        self.trials = own;
+                        (after, found)
+                    }
+                }
+            }
             Built::Explained(after, found) => (after, found),
             Built::Hopeless => {
                 self.trials.clone_from(&noise);
@@ -476,6 +487,10 @@ impl Search<'_> {
         };
         let is_believed = !has_to_explain_all || self.explains_all(&after);
         Some(if is_believed { Built::Explained(after, found) } else { Built::Hopeless })
+    }
+
+    fn is_surely_noise(&self, fit: &Fit) -> bool {
+        excess(&self.trials, &fit.hypothesis, Purpose::Fit).is_surely_noise()
     }
 
     /// Whether `fit` leaves nothing but noise.

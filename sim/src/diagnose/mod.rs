@@ -114,6 +114,8 @@ pub const RESTS_ON_BEGINS: &str = "Seen in the first moments of the records alon
 pub struct Diagnosis {
     /// In a word.
     pub verdict: Verdict,
+    /// Whether a given model was judged; else what is before are the lags that fit best.
+    pub is_of_given: bool,
     /// Where the misfit of the first model lies.
     pub locations: Vec<Location>,
     /// The effects, the most valuable first.
@@ -269,6 +271,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     }
     Ok(Diagnosis {
         verdict,
+        is_of_given: options.model.is_some(),
         suspected: if verdict == Verdict::Agrees { suspected } else { Vec::new() },
         rests_on_begins: trials.starts == trial::Starts::AsBefore && verdict != Verdict::Unknown,
         locations: locate::locate(trials, &before.hypothesis),

@@ -116,7 +116,7 @@ pub fn simulation_and_experiment(
     (!curves.is_empty()).then(|| {
         Figure::new(
             FigureKind::SimulationAndExperiment,
-            "Compensated response: dots measured, lines simulated",
+            "Compensated response: dots measured, lines the identified lags with the compensator",
             "Dots are measured, with their 95 % band; lines are the identified lag behind the compensator. Where they part, the \
              actuator is more than a lag: `rotorlead diagnose` says what is missing.",
             bode(&curves, "dB over the static gain", &levels()),

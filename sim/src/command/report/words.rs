@@ -48,7 +48,7 @@ impl Parts {
             Err(reason) => left_out("validation", "Validation", reason),
         });
         match &self.diagnosed {
-            Some(Ok(found)) => sections.push(diagnosis_section(found, &diagnosed(found))),
+            Some(Ok(found)) => sections.push(diagnosis_section(found, Some(&diagnosed(found)))),
             Some(Err(reason)) => sections.push(left_out("diagnosis", "Diagnosis", reason)),
             None => {}
         }

@@ -18,20 +18,19 @@ pub fn diagnosis_tone(verdict: Verdict) -> Tone {
     }
 }
 
-/// Effects, gaps and candidates. `verdict` is the diagnosis in a sentence.
+/// Effects, gaps and candidates. `verdict` is the diagnosis in a sentence, where that is not said elsewhere.
 #[must_use]
-pub fn diagnosis_section(found: &Diagnosis, verdict: &str) -> Section {
+pub fn diagnosis_section(found: &Diagnosis, verdict: Option<&str>) -> Section {
     let percent = |value: f64| format!("{:.2} %", 100.0 * value);
     let on = if found.held_out { "what was held out" } else { "what was fitted, since nothing was held out" };
-    let mut text = vec![
-        verdict.to_owned(),
-        format!(
-            "The gap on {on}, RMS of the residual over that of the response: {} before, {} after; noise alone leaves {}.",
-            percent(found.gap.before),
-            percent(found.gap.after),
-            percent(found.gap.noise_floor)
-        ),
-    ];
+    let before = if found.is_of_given { "the model as it was given" } else { "the lags that fit these records best" };
+    let mut text: Vec<String> = verdict.map(str::to_owned).into_iter().collect();
+    text.push(format!(
+        "The gap on {on}, RMS of the residual over that of the response: {} before, by {before}; {} after; noise alone leaves {}.",
+        percent(found.gap.before),
+        percent(found.gap.after),
+        percent(found.gap.noise_floor)
+    ));
     if found.held_out {
         text.push(
             "No number was fitted to what was held out: records that are marked `validate`, or a part of the periods of each. It is \
