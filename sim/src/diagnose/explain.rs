@@ -7,18 +7,18 @@
 //! dropped where the others make it redundant.
 
 use super::candidate::{Candidate, GRID};
-use super::fit::{Fit, fit, fit_behind, fit_in};
+use super::fit::{Fit, fit, fit_in};
 use super::hypothesis::Hypothesis;
 use super::locate::excess;
 use super::prediction::Near;
-use super::profile::{MOVES, settle_jumps};
+use super::profile::settle_jumps;
 use super::scan::Scan;
 use super::screening::Screening;
 use super::steadiness::steadiness;
 use super::suspicion::{self, Suspect};
 use super::trial::{Before, Purpose, Trial, Trials};
 use super::tried::{ALIKE, LEAST_WORTH, Tried, by_worth, price};
-use super::{clips, collapsed, frames, grid, prediction, resonance, waits, witness};
+use super::{clips, collapsed, grid, resonance, witness};
 use crate::identify::offset_and_start;
 use crate::plant::Catalog;
 use crate::plant::effect::{Kind, Shows};
@@ -43,8 +43,6 @@ const SETTLING_STEPS: usize = 10;
 /// record would have otherwise, says that it was taken in another way than the rest.
 const DECAYS: f64 = 0.2;
 const OTHER_DECAY: f64 = 3.0;
-/// Changes that stand alone and say this of frames, in log likelihood, say that there are none.
-const ALL_ALIKE: f64 = -3.0;
 /// How often the screening halves the distance to the neighbors of the best start.
 const CLOSER_LOOKS: usize = 3;
 pub(super) const MOST_FINISHED: usize = 3;
@@ -117,12 +115,6 @@ impl Built {
             Self::Hopeless => None,
         }
     }
-}
-
-/// What kinds are tried beside, with what it says of what is held out.
-pub(super) struct Beside<'a> {
-    pub fit: &'a Fit,
-    held_out: Option<f64>,
 }
 
 /// Everything that may be tried, and on what.
@@ -333,65 +325,6 @@ impl Search<'_> {
             look(&mut judged, vertex.into_iter().collect());
         }
         judged.into_iter().map(|(left, _, moved)| (left, moved, kind)).collect()
-    }
-
-    /// A kind searched to the end, which is `behind` the best of all in worth so far.
-    pub fn attempt(&self, from: &Beside, start: &Hypothesis, kind: &'static Kind, behind: f64) -> Option<Tried> {
-        let fit = self.whole(fit_behind(&self.trials, start, self.lags, behind)?);
-        let mean = self.tried(from, (fit, Near::Moved), kind, price(kind));
-        // Where the frames lie is looked for once their rate is about known.
-        let anywhere = |effect: &Candidate| effect.kind == kind && effect.has_frames() && effect.phases.is_empty();
-        let effect = mean.fit.hypothesis.effects.iter().position(anywhere);
-        // Where single changes wait alike there are no frames to be found.
-        let waits = |_: &usize| waits::evidence(&self.trials, &mean.fit.hypothesis, Purpose::Fit) > ALL_ALIKE;
-        let framed = effect.filter(waits).and_then(|effect| {
-            let framed = frames::find(&self.trials, &mean.fit, effect, behind)?;
-            let framed = self::fit(&self.trials, &framed, self.lags)?;
-            let fit = self::fit(&self.trials, &frames::polish(&self.trials, &framed, effect)?, self.lags)?;
-            // A phase for each record, beside the rate.
-            Some(self.tried(from, (fit, Near::Moved), kind, price(kind) + self.trials.trials.len() as f64))
-        });
-        let is_missed = effect.is_some_and(|effect| {
-            frames::are_missed(&self.trials, &mean.fit, effect, framed.as_ref().map(|framed| framed.fit.misfit))
-        });
-        let best = framed.filter(|framed| framed.worth() > mean.worth()).unwrap_or(mean);
-        // What is not there cannot be had at any price.
-        Some(if is_missed { Tried { price: f64::INFINITY, ..best } } else { best })
-    }
-
-    /// `found` with the steps of a grid such that they make a whole range, where that fits as well: what is fitted may not say on
-    /// which side of a step a command lies that is held out.
-    fn whole(&self, found: Fit) -> Fit {
-        let last = found.hypothesis.effects.last().and_then(grid::whole);
-        let whole = last.and_then(|last| {
-            let mut whole = found.hypothesis.clone();
-            *whole.effects.last_mut()? = last;
-            fit(&self.trials, &whole, self.lags)
-        });
-        whole.filter(|whole| whole.misfit < found.misfit + MOVES).unwrap_or(found)
-    }
-
-    fn tried(&self, from: &Beside, (fit, near): (Fit, Near), kind: &'static Kind, price: f64) -> Tried {
-        let waits = |purpose| {
-            let of = |hypothesis| waits::evidence(&self.trials, hypothesis, purpose);
-            of(&fit.hypothesis) - of(&from.fit.hypothesis)
-        };
-        let fitted_gain = 0.5 * (from.fit.misfit - fit.misfit) + waits(Purpose::Fit);
-        let held_out_gain = self.held_out_gain(from, &fit, near) + waits(Purpose::HeldOut);
-        Tried { kind, fit, fitted_gain, held_out_gain, price, witnessed: 0.0 }
-    }
-
-    /// What kinds are tried beside.
-    pub fn beside<'a>(&self, fit: &'a Fit) -> Beside<'a> {
-        Beside { fit, held_out: prediction::surprise(&self.trials, fit, Near::Moved) }
-    }
-
-    /// By how much the log likelihood of what is held out grows.
-    fn held_out_gain(&self, from: &Beside, to: &Fit, near: Near) -> f64 {
-        match (from.held_out, prediction::surprise(&self.trials, to, near)) {
-            (Some(from), Some(to)) => 0.5 * (from - to),
-            _ => f64::NEG_INFINITY,
-        }
     }
 
     /// The part of the misfit of `before` that `fit` leaves; 0 where it leaves no more than noise.

@@ -5,6 +5,7 @@
 //! both models with what was held out. All of it rests on white residuals (`whitening`): where only noise is left, their
 //! sum of squares is a chi-square.
 
+mod attempt;
 mod backward;
 pub mod bandwidths;
 mod candidate;
