@@ -106,11 +106,6 @@ pub fn figures(cases: &[Scored]) -> Vec<Figure> {
             None,
         ),
         figure(
-            "singles that cannot: a wrong name",
-            Share::count(untold.iter().map(|case| case.has_wrong_name())),
-            None,
-        ),
-        figure(
             "nothing hidden: no name",
             Share::count(of(Class::Empty).map(Scored::names_nothing)),
             least(39.0 / 40.0),
@@ -165,10 +160,6 @@ pub fn ceilings(cases: &[Scored]) -> Vec<Figure> {
         figure(
             "of these, the likelihood prefers the truth",
             Share::count(shows.iter().map(|ceiling| ceiling.prefers_truth())),
-        ),
-        figure(
-            "of those that cannot be told, the likelihood prefers the truth",
-            Share::count(shows.iter().filter(|ceiling| !ceiling.is_told()).map(|ceiling| ceiling.prefers_truth())),
         ),
         figure("pairs of which both show", Share::count(pairs.map(|case| !case.truth.is_invisible()))),
     ]
