@@ -348,18 +348,14 @@ impl Search<'_> {
         let suspected = suspicion::suspected(promised, &tried);
         let (after, found) = match self.one_at_a_time(&before, &tried)? {
             Built::Explained(after, found) if found.is_empty() => {
-                self.explain_starts(&before).unwrap_or((after, found))
+                self.in_noise_of(noise, |search| search.explain_starts(&before)).unwrap_or((after, found))
             }
             // Two that leave a little may stand in for two others.
             Built::Explained(after, found) if found.len() >= ENOUGH_EFFECTS && !self.is_surely_noise(&after) => {
-                let own = std::mem::replace(&mut self.trials, noise);
-                match self.two_at_once(&tried).filter(|(others, _)| self.is_surely_noise(others)) {
-                    Some(others) => others,
-                    None => {
-                        self.trials = own;
-                        (after, found)
-                    }
-                }
+                let others = self.in_noise_of(noise, |search| {
+                    search.two_at_once(&tried).filter(|(others, _)| search.is_surely_noise(others))
+                });
+                others.unwrap_or((after, found))
             }
             Built::Explained(after, found) => (after, found),
             Built::Hopeless => {
@@ -420,6 +416,17 @@ impl Search<'_> {
         };
         let is_believed = !has_to_explain_all || self.explains_all(&after);
         Some(if is_believed { Built::Explained(after, found) } else { Built::Hopeless })
+    }
+
+    /// Searches in the noise that the lags alone were judged by, which what was tried since may have changed. Where nothing is found
+    /// the records are as they were.
+    fn in_noise_of<T>(&mut self, noise: Trials, search: impl FnOnce(&mut Self) -> Option<T>) -> Option<T> {
+        let own = std::mem::replace(&mut self.trials, noise);
+        let found = search(self);
+        if found.is_none() {
+            self.trials = own;
+        }
+        found
     }
 
     fn is_surely_noise(&self, fit: &Fit) -> bool {

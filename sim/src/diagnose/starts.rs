@@ -66,7 +66,7 @@ fn surprise(off: &[Off]) -> f64 {
 
 impl Search<'_> {
     /// The effects with which all records begin where they should, where they do not with the lags alone, `before`. From then on the
-    /// begins are compared. `None`, and nothing is changed, where there are none.
+    /// begins are compared. `None` where there are none. In the noise that `before` was fitted in.
     pub fn explain_starts(&mut self, before: &Fit) -> Option<(Fit, Vec<Found>)> {
         let off_before = off(&self.trials, &before.hypothesis);
         if are_as_before(&off_before) {
@@ -74,11 +74,7 @@ impl Search<'_> {
         }
         let free = self.trials.clone();
         self.trials.starts = Starts::AsBefore;
-        let found = self.with_starts(&free, before, surprise(&off_before));
-        if found.is_none() {
-            self.trials = free;
-        }
-        found
+        self.with_starts(&free, before, surprise(&off_before))
     }
 
     fn with_starts(&mut self, free: &Trials, before: &Fit, surprise_before: f64) -> Option<(Fit, Vec<Found>)> {

@@ -8,8 +8,8 @@ use super::{grid, resonance};
 use crate::plant::effect::{Kind, Parameter};
 
 /// An effect is named for at least this worth. Noise alone gives a kind of one value as much once in 16 000 experiments (half of a
-/// chi-square of one degree of freedom beyond 8), and one of 17 kinds of one or two values once in some hundreds. Of 120 experiments
-/// that hide nothing the best reached 5.8.
+/// chi-square of one degree of freedom beyond 8), and one of 17 kinds of one or two values once in some hundreds. How often
+/// that is, `cargo xtask blind` counts.
 pub(super) const LEAST_WORTH: f64 = 7.0;
 /// Of that, what is fitted has to bring this much by itself. What is held out can gain by accident: where a nominal command was
 /// fitted to little, anything that moves its lag may move it nearer.
