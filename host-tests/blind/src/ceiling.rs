@@ -71,6 +71,20 @@ pub struct Ceiling {
     pub nothing: f64,
     /// With each rival, by name.
     pub rivals: Vec<(String, Difference)>,
+    /// Of a pair: with one of the two exchanged for another kind.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub exchanges: Vec<Exchange>,
+}
+
+/// A rival of a pair: one of the two stays, the other is exchanged.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Exchange {
+    /// The kind that stays.
+    pub stays: String,
+    /// The kind that takes the other one's place.
+    pub comes: String,
+    /// How good they are together.
+    pub difference: Difference,
 }
 
 impl Ceiling {
@@ -80,23 +94,31 @@ impl Ceiling {
         self.nothing <= -MARGIN
     }
 
+    /// Whether the effect, or either of two, is needed: for a pair the rivals are each of the two alone.
+    #[must_use]
+    pub fn is_needed(&self) -> bool {
+        self.is_visible() && self.rivals.iter().all(|(_, difference)| difference.highest() <= -MARGIN)
+    }
+
     /// Whether the truth beats every rival by the margin.
     #[must_use]
     pub fn is_told(&self) -> bool {
-        self.is_visible() && self.rivals.iter().all(|(_, difference)| difference.highest() <= -MARGIN)
+        self.is_needed() && self.exchanges.iter().all(|exchange| exchange.difference.highest() <= -MARGIN)
     }
 
     /// Whether the likelihood would choose the truth: it beats every rival at all.
     #[must_use]
     pub fn prefers_truth(&self) -> bool {
-        self.nothing < 0.0 && self.rivals.iter().all(|(_, difference)| difference.highest() < 0.0)
+        let exchanges = self.exchanges.iter().map(|exchange| exchange.difference);
+        let rivals = self.rivals.iter().map(|(_, difference)| *difference);
+        self.nothing < 0.0 && rivals.chain(exchanges).all(|difference| difference.highest() < 0.0)
     }
 }
 
 /// The ceiling of a case; of an empty one and of one outside the catalog there is none.
 ///
 /// Where the model given to the tool is stale, its numbers are the truth's rival: with them held, no other kind may do
-/// as well as new numbers do. Of a pair, each of the two alone is a rival.
+/// as well as new numbers do. Of a pair, each of the two alone is a rival, and so is each beside any other kind.
 ///
 /// Most rivals lose by hundreds, and a few records show it. The log likelihood is a sum over records, so for any of
 /// them, `S`, and the others, `R`, a rival's best fit to all is at most its best to `S` plus its best to `R`. With `t`
@@ -114,24 +136,46 @@ pub fn ceiling(case: &Case, columns: &[Columns], which: Rivals) -> Option<Ceilin
     if which == Rivals::None {
         return None;
     }
-    let (kinds, rivals): (Vec<Kind>, Vec<Kind>) = match case.class {
-        Class::Empty | Class::Outside => return None,
-        Class::Pair => {
-            let kinds: Vec<Kind> = case.effects.iter().map(|effect| effect.kind).collect();
-            (kinds.clone(), kinds)
-        }
+    let fitter = &mut Fitter::new(case, columns);
+    match case.class {
+        Class::Empty | Class::Outside => None,
+        Class::Pair => Some(of_pair(fitter, case, which)),
         Class::Single(kind) => {
-            let rivals = match which {
-                Rivals::None => &[],
-                Rivals::Family => kind.confused_with(),
-                Rivals::All => &Kind::ALL[..],
-            };
-            let others = |rival: &Kind| *rival != kind && *rival != Kind::ParameterError;
-            let rivals = rivals.iter().copied().filter(others).collect();
-            (if kind == Kind::ParameterError { Vec::new() } else { vec![kind] }, rivals)
+            let kinds = if kind == Kind::ParameterError { Vec::new() } else { vec![kind] };
+            Some(against(fitter, case, &kinds, &of_kind(kind, which)))
         }
+    }
+}
+
+/// What a kind has to be told from. Wrong numbers are no rival, since all numbers are fitted anew.
+fn of_kind(kind: Kind, which: Rivals) -> Vec<Kind> {
+    let rivals = match which {
+        Rivals::None => &[],
+        Rivals::Family => kind.confused_with(),
+        Rivals::All => &Kind::ALL[..],
     };
-    Some(against(&mut Fitter::new(case, columns), case, &kinds, &rivals))
+    rivals.iter().copied().filter(|rival| *rival != kind && *rival != Kind::ParameterError).collect()
+}
+
+/// The ceiling of two effects: each alone, and each beside what the other may be taken for.
+fn of_pair(fitter: &mut Fitter<'_>, case: &Case, which: Rivals) -> Ceiling {
+    let frozen = held(case);
+    let kinds: Vec<Kind> = case.effects.iter().map(|effect| effect.kind).collect();
+    let all: Vec<usize> = (0..case.runs.len()).collect();
+    let truth = fitter.best(&kinds, None, None);
+    let nothing = fitter.best(&[], frozen.as_ref(), None);
+    let (mut rivals, mut exchanges) = (Vec::new(), Vec::new());
+    for (stays, goes) in [(kinds[0], kinds[1]), (kinds[1], kinds[0])] {
+        fitter.choose(&all);
+        let alone = fitter.best(&[stays], frozen.as_ref(), None);
+        rivals.push((stays.name().to_owned(), Difference::Fitted(alone.log_likelihood - truth.log_likelihood)));
+        let samples = samples(case, &truth, &alone);
+        for comes in of_kind(goes, which).into_iter().filter(|comes| *comes != stays) {
+            let difference = difference(fitter, &truth, &[stays, comes], frozen.as_ref(), &samples);
+            exchanges.push(Exchange { stays: stays.name().to_owned(), comes: comes.name().to_owned(), difference });
+        }
+    }
+    Ceiling { nothing: nothing.log_likelihood - truth.log_likelihood, rivals, exchanges }
 }
 
 /// The ceiling of a case that hides `kinds`, against these rivals.
@@ -142,9 +186,9 @@ fn against(fitter: &mut Fitter<'_>, case: &Case, kinds: &[Kind], rivals: &[Kind]
     let samples = samples(case, &truth, &nothing);
     let rivals = rivals
         .iter()
-        .map(|rival| (rival.name().to_owned(), difference(fitter, &truth, *rival, frozen.as_ref(), &samples)))
+        .map(|rival| (rival.name().to_owned(), difference(fitter, &truth, &[*rival], frozen.as_ref(), &samples)))
         .collect();
-    Ceiling { nothing: nothing.log_likelihood - truth.log_likelihood, rivals }
+    Ceiling { nothing: nothing.log_likelihood - truth.log_likelihood, rivals, exchanges: Vec::new() }
 }
 
 /// The base parameters that rivals have to live with, where the model given to the tool is stale.
@@ -159,7 +203,7 @@ fn held(case: &Case) -> Option<Motor> {
 struct Sample {
     /// By their place in the case, in increasing order.
     records: Vec<usize>,
-    /// Log likelihood of the base parameters alone less that of the truth, in these.
+    /// Log likelihood of the base parameters alone, or of what stays of a pair, less that of the truth, in these.
     nothing: f64,
 }
 
@@ -188,14 +232,14 @@ fn samples(case: &Case, truth: &Fit, nothing: &Fit) -> Vec<Sample> {
 fn difference(
     fitter: &mut Fitter<'_>,
     truth: &Fit,
-    rival: Kind,
+    rival: &[Kind],
     frozen: Option<&Motor>,
     samples: &[Sample],
 ) -> Difference {
     let mut before: Option<Vec<Effect>> = None;
     let mut off = |records: &[usize]| {
         fitter.choose(records);
-        let fit = fitter.best(&[rival], frozen, before.as_deref());
+        let fit = fitter.best(rival, frozen, before.as_deref());
         before = Some(fit.effects);
         fit.log_likelihood - records.iter().map(|record| truth.by_record[*record]).sum::<f64>()
     };
@@ -235,7 +279,7 @@ mod tests {
     use super::*;
 
     fn ceiling(nothing: f64, rival: f64) -> Ceiling {
-        Ceiling { nothing, rivals: vec![("dead_band".to_owned(), Difference::Fitted(rival))] }
+        Ceiling { nothing, rivals: vec![("dead_band".to_owned(), Difference::Fitted(rival))], exchanges: Vec::new() }
     }
 
     #[test]
@@ -256,6 +300,43 @@ mod tests {
         let json = serde_json::to_string(&known).unwrap();
         assert_eq!(json, r#"{"nothing":-50.0,"rivals":[["backlash",{"at_most":-120.25}]]}"#);
         assert_eq!(known.rivals[0].1.to_string(), "< -120.2");
+    }
+
+    #[test]
+    fn a_pair_is_needed_where_neither_alone_does_and_told_where_no_exchange_does() {
+        let exchanged =
+            |difference| Exchange { stays: "dead_band".to_owned(), comes: "backlash".to_owned(), difference };
+        let mut pair = ceiling(-50.0, -20.0);
+        pair.exchanges.push(exchanged(Difference::Fitted(-4.9)));
+        assert!(pair.is_needed() && !pair.is_told() && pair.prefers_truth());
+        pair.exchanges.push(exchanged(Difference::Fitted(0.2)));
+        assert!(pair.is_needed() && !pair.prefers_truth());
+        pair.exchanges = vec![exchanged(Difference::AtMost(-30.0))];
+        assert!(pair.is_told() && pair.prefers_truth());
+        assert_eq!(serde_json::from_str::<Ceiling>(&serde_json::to_string(&pair).unwrap()).unwrap(), pair);
+    }
+
+    #[test]
+    fn a_pair_is_compared_with_each_of_the_two_beside_what_the_other_may_be_taken_for() {
+        let case = Case::draw(Set::Tune, Class::Pair, 0);
+        let columns: Vec<Columns> = (0..case.runs.len()).map(|index| case.record(index)).collect();
+        let found = super::ceiling(&case, &columns, Rivals::Family).unwrap();
+        let kinds: Vec<Kind> = case.effects.iter().map(|effect| effect.kind).collect();
+        let count =
+            |stays: Kind, goes: Kind| of_kind(goes, Rivals::Family).iter().filter(|comes| **comes != stays).count();
+        assert_eq!(found.exchanges.len(), count(kinds[0], kinds[1]) + count(kinds[1], kinds[0]));
+        // Two effects explain at least what one of them does.
+        for exchange in &found.exchanges {
+            let alone = found.rivals.iter().find(|(name, _)| *name == exchange.stays).unwrap().1.highest();
+            if let Difference::Fitted(together) = exchange.difference {
+                assert!(
+                    together > alone - 0.5,
+                    "{} with {}: {together}, alone {alone}",
+                    exchange.stays,
+                    exchange.comes
+                );
+            }
+        }
     }
 
     /// Of those rivals that were given up, all are worse on all records than their bounds say.
@@ -298,11 +379,11 @@ mod tests {
             let fitter = &mut Fitter::new(&case, &columns);
             let hidden = [kind];
             let truth = fitter.best(if kind == Kind::ParameterError { &[] } else { &hidden }, None, None);
-            let mut full = Ceiling { nothing: quick.nothing, rivals: Vec::new() };
+            let mut full = Ceiling { nothing: quick.nothing, rivals: Vec::new(), exchanges: Vec::new() };
             let (mut bounds, mut closest) = (0, (f64::MIN, f64::MIN));
             for (name, difference) in &quick.rivals {
                 let rival = Kind::named(name).unwrap();
-                let fitted = super::difference(fitter, &truth, rival, held(&case).as_ref(), &[]);
+                let fitted = super::difference(fitter, &truth, &[rival], held(&case).as_ref(), &[]);
                 match *difference {
                     Difference::AtMost(bound) => {
                         bounds += 1;

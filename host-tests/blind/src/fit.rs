@@ -56,13 +56,10 @@ impl<'a> Fitter<'a> {
         self.likelihood.choose(records);
     }
 
-    /// The best fit with these kinds from the truth, where they are those of the case, and else from several other
-    /// starts; also from `before`, which may be what was fitted to some of the records.
+    /// The best fit with these kinds, those of the case from the truth and the others from several starts; also from `before`, which may be what was fitted to some of the records.
     pub fn best(&mut self, kinds: &[Kind], frozen: Option<&Motor>, before: Option<&[Effect]>) -> Fit {
         let case = self.likelihood.case();
-        let truth: Vec<Effect> =
-            kinds.iter().filter_map(|kind| case.effects.iter().find(|effect| effect.kind == *kind).cloned()).collect();
-        let mut starts = if truth.len() == kinds.len() { vec![truth] } else { combinations(kinds) };
+        let mut starts = combinations(kinds, &case.effects);
         starts.extend(before.map(<[Effect]>::to_vec));
         let base = frozen.unwrap_or(&case.motor).clone();
         let mut screened: Vec<State> =
@@ -202,13 +199,14 @@ impl<'a> Fitter<'a> {
 }
 
 /// Every combination of a start of each kind.
-fn combinations(kinds: &[Kind]) -> Vec<Vec<Effect>> {
+fn combinations(kinds: &[Kind], truth: &[Effect]) -> Vec<Vec<Effect>> {
     let mut starts = vec![Vec::new()];
     for kind in kinds {
         starts = starts
             .into_iter()
             .flat_map(|start: Vec<Effect>| {
-                kind_starts(*kind).into_iter().map(move |effect| {
+                let known = truth.iter().find(|effect| effect.kind == *kind);
+                known.map_or_else(|| kind_starts(*kind), |known| vec![known.clone()]).into_iter().map(move |effect| {
                     let mut longer = start.clone();
                     longer.push(effect);
                     longer

@@ -86,7 +86,7 @@ impl Truth {
         let Some(ceiling) = &self.ceiling else { return false };
         if self.class == Class::Pair.name() {
             // Either of the two is as good as none when the other alone explains nearly as much.
-            return !ceiling.is_told();
+            return !ceiling.is_needed();
         }
         !ceiling.is_visible()
     }
@@ -230,7 +230,7 @@ mod tests {
         let case = Case::draw(Set::Tune, Class::Pair, 0);
         let rivals = [("backlash", Difference::Fitted(-3.25)), ("dead_band", Difference::AtMost(-120.5))];
         let rivals = rivals.map(|(name, difference)| (name.to_owned(), difference)).to_vec();
-        let ceiling = Ceiling { nothing: -12.5, rivals };
+        let ceiling = Ceiling { nothing: -12.5, rivals, exchanges: Vec::new() };
         let truth = Truth::of(&case, Some(ceiling));
         let again: Truth = serde_json::from_str(&serde_json::to_string(&truth).unwrap()).unwrap();
         assert_eq!(again, truth);

@@ -159,7 +159,10 @@ fn print_ceilings(scored: &[Scored]) {
                 hidden.parameters.iter().map(|(name, value)| format!("{}.{name} {value:.4}", hidden.kind))
             })
             .collect();
-        let rivals: Vec<String> = ceiling.rivals.iter().map(|(name, off)| format!("{name} {off}")).collect();
+        let exchanges = ceiling.exchanges.iter();
+        let exchanges = exchanges.map(|one| format!("{} with {} {}", one.stays, one.comes, one.difference));
+        let alone = ceiling.rivals.iter().map(|(name, off)| format!("{name} {off}"));
+        let rivals: Vec<String> = alone.chain(exchanges).collect();
         let word = match (case.truth.is_invisible(), ceiling.is_told()) {
             (true, _) => "does not show",
             (false, true) => "told",

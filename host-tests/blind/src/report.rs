@@ -30,7 +30,8 @@ pub fn page(cases: &[Scored], set: Set, about: &str) -> String {
         text,
         "{}\n\nAn effect shows when the generator's own model, fitted together with gains and time constants, is better \
          than these alone by 5 in log likelihood on the thrust. It can be told when it is better than every rival by \
-         that.\n\n{}\n",
+         that. Of two effects both show when they are better than either alone by that; they can be told when they are \
+         better by that, too, than either beside any other kind.\n\n{}\n",
         PARTS[1],
         table(&ceilings(cases)),
     );

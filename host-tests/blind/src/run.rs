@@ -186,6 +186,8 @@ fn cached_ceiling(plan: &Plan, case: &Case, columns: &[Columns]) -> Result<Optio
         Rivals::Family => "family",
         Rivals::All => "all",
     };
+    // Those of pairs have known exchanges only since.
+    let rivals = if case.class == Class::Pair { format!("{rivals}_exchanged") } else { rivals.to_owned() };
     let name = format!("{}_{}_{hash:016x}_{rivals}_{CEILING_VERSION}.json", case.class.name(), case.number);
     let path = plan.cache.join(name);
     if let Some(known) = fs::read_to_string(&path).ok().and_then(|text| serde_json::from_str(&text).ok()) {

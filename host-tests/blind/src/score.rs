@@ -87,6 +87,15 @@ impl Scored {
         self.truth.effects.iter().all(|hidden| self.names().iter().any(|named| named.kind == hidden.kind))
     }
 
+    /// Everything hidden is a name or stands among the alternatives of one.
+    #[must_use]
+    pub fn all_named_or_alternatives(&self) -> bool {
+        let says = |named: &Named, hidden: &Hidden| {
+            named.kind == hidden.kind || named.alternatives.iter().any(|name| *name == hidden.kind)
+        };
+        self.truth.effects.iter().all(|hidden| self.names().iter().any(|named| says(named, hidden)))
+    }
+
     /// Some name is neither hidden nor has a hidden one among its alternatives.
     #[must_use]
     pub fn has_wrong_name(&self) -> bool {
@@ -161,8 +170,11 @@ pub(super) mod tests {
                     .collect(),
             })
             .collect();
-        let ceiling = (!hidden.is_empty())
-            .then(|| Ceiling { nothing, rivals: vec![("slew_limit".to_owned(), Difference::Fitted(rival))] });
+        let ceiling = (!hidden.is_empty()).then(|| Ceiling {
+            nothing,
+            rivals: vec![("slew_limit".to_owned(), Difference::Fitted(rival))],
+            exchanges: Vec::new(),
+        });
         let truth = Truth {
             class: class.to_owned(),
             number: 0,
@@ -226,6 +238,9 @@ pub(super) mod tests {
         assert!(both.all_named() && both.first_is_right() && !both.has_wrong_name());
         assert_eq!(both.intervals().len(), 2);
         assert!(!pair(&naming("partly_named", &[(Kind::SecondPole, &[])])).all_named());
+        let left_open = pair(&naming("named", &[(Kind::TransportDelay, &["second_pole"]), (Kind::Backlash, &[])]));
+        assert!(!left_open.all_named() && left_open.all_named_or_alternatives() && !left_open.has_wrong_name());
+        assert!(!pair(&naming("named", &[(Kind::TransportDelay, &["second_pole"])])).all_named_or_alternatives());
     }
 
     #[test]

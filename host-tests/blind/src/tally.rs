@@ -87,6 +87,8 @@ pub fn figures(cases: &[Scored]) -> Vec<Figure> {
         visible.iter().copied().partition(|case| case.truth.is_told() != Some(false));
     let of = |class: Class| cases.iter().filter(move |case| case.truth.class == class.name());
     let pairs: Vec<&Scored> = of(Class::Pair).filter(|case| !case.truth.is_invisible()).collect();
+    let (pairs_told, pairs_untold): (Vec<&Scored>, Vec<&Scored>) =
+        pairs.iter().copied().partition(|case| case.truth.is_told() != Some(false));
     let least = |low: f64| Some((low, 1.0));
     let figure = |what, share, required| Figure { what, share, required };
     vec![
@@ -106,6 +108,11 @@ pub fn figures(cases: &[Scored]) -> Vec<Figure> {
             None,
         ),
         figure(
+            "singles that cannot: a wrong name",
+            Share::count(untold.iter().map(|case| case.has_wrong_name())),
+            None,
+        ),
+        figure(
             "nothing hidden: no name",
             Share::count(of(Class::Empty).map(Scored::names_nothing)),
             least(39.0 / 40.0),
@@ -121,6 +128,12 @@ pub fn figures(cases: &[Scored]) -> Vec<Figure> {
             least(0.9),
         ),
         figure("pairs that show: both names", Share::count(pairs.iter().map(|case| case.all_named())), least(0.8)),
+        figure("of these, can be told: both names", Share::count(pairs_told.iter().map(|case| case.all_named())), None),
+        figure(
+            "of these, cannot: each of the two is a name or an alternative",
+            Share::count(pairs_untold.iter().map(|case| case.all_named_or_alternatives())),
+            None,
+        ),
         figure(
             "parameters within 1.96 standard deviations",
             Share::count(intervals(cases).iter().map(Interval::holds)),
@@ -152,7 +165,10 @@ pub fn ceilings(cases: &[Scored]) -> Vec<Figure> {
         .filter_map(|case| case.truth.ceiling.as_ref())
         .collect();
     let shows: Vec<_> = singles.iter().filter(|ceiling| ceiling.is_visible()).collect();
-    let pairs = cases.iter().filter(|case| case.truth.class == Class::Pair.name());
+    let untold: Vec<_> = shows.iter().filter(|ceiling| !ceiling.is_told()).collect();
+    let pairs: Vec<_> = cases.iter().filter(|case| case.truth.class == Class::Pair.name()).collect();
+    let both: Vec<_> =
+        pairs.iter().filter(|case| !case.truth.is_invisible()).filter_map(|case| case.truth.ceiling.as_ref()).collect();
     let figure = |what, share| Figure { what, share, required: None };
     vec![
         figure("singles that show at all", Share::count(singles.iter().map(|ceiling| ceiling.is_visible()))),
@@ -161,7 +177,23 @@ pub fn ceilings(cases: &[Scored]) -> Vec<Figure> {
             "of these, the likelihood prefers the truth",
             Share::count(shows.iter().map(|ceiling| ceiling.prefers_truth())),
         ),
-        figure("pairs of which both show", Share::count(pairs.map(|case| !case.truth.is_invisible()))),
+        figure(
+            "of those that cannot be told, the likelihood prefers the truth",
+            Share::count(untold.iter().map(|ceiling| ceiling.prefers_truth())),
+        ),
+        figure(
+            "of those that cannot be told, better than nothing by 10",
+            Share::count(untold.iter().map(|ceiling| ceiling.nothing <= -10.0)),
+        ),
+        figure("pairs of which both show", Share::count(pairs.iter().map(|case| !case.truth.is_invisible()))),
+        figure(
+            "of these, can be told from each of the two beside any other kind",
+            Share::count(both.iter().map(|ceiling| ceiling.is_told())),
+        ),
+        figure(
+            "of these, the likelihood prefers the truth",
+            Share::count(both.iter().map(|ceiling| ceiling.prefers_truth())),
+        ),
     ]
 }
 
