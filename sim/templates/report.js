@@ -136,5 +136,14 @@
       for (const plot of plots) Plotly.relayout(plot, { dragmode: zooms ? "zoom" : false });
     });
   }
+  // Tables that are wider than the screen.
+  const listed = () => {
+    for (const holder of document.querySelectorAll(".table")) {
+      holder.classList.remove("listed");
+      holder.classList.toggle("listed", holder.scrollWidth > holder.clientWidth);
+    }
+  };
+  listed();
+  addEventListener("resize", listed);
   document.documentElement.dataset.drawn = "true";
 })();

@@ -87,6 +87,12 @@ fn reported(effect: &str) -> (Value, String) {
     (json(folder.path(), "r.json"), fs::read_to_string(folder.path().join("r.html")).unwrap())
 }
 
+/// The commands that a report ends with, without markup.
+fn commands(page: &str) -> String {
+    let lines = page.split("<pre><code>").nth(1).unwrap().split("</code>").next().unwrap();
+    lines.split('<').map(|part| part.split_once('>').map_or(part, |(_, words)| words)).collect()
+}
+
 #[test]
 fn a_report_designs_for_the_model_that_the_diagnosis_has_extended() {
     let (limited, page) = reported("[[effect]]\nkind = \"slew_limit\"\n[effect.parameters]\nrate_per_s = 0.6\n");
@@ -96,15 +102,79 @@ fn a_report_designs_for_the_model_that_the_diagnosis_has_extended() {
     assert!(sentences.contains("With that in the model: 2 lags, time constants from 70."), "{sentences}");
     let why = limited["left_out"]["compensator"].as_str().unwrap();
     assert!(why.contains("change faster than the 0.5") && why.contains("switch that off in its settings"), "{why}");
-    assert!(page.contains("--out-model improved.toml --redesign --out-compensator compensator.toml"));
+    assert!(commands(&page).contains("--out-model improved.toml --redesign --out-compensator compensator.toml"));
     // That a lag does not suffice is no open question any more.
     assert!(!page.contains("a first-order lag leaves"), "{}", limited["warnings"]);
 
     let (second, page) = reported("[[effect]]\nkind = \"second_pole\"\n[effect.parameters]\ntime_constant_s = 0.01\n");
     let sentences = second["sentences"].to_string();
     assert!(second["left_out"]["compensator"].is_null(), "{second:#}");
-    assert!(sentences.contains("A second lag of 10.") && sentences.contains("Predicted bandwidth"), "{sentences}");
-    assert!(page.contains("For the model that the diagnosis has extended."));
+    assert!(sentences.contains("Predicted bandwidth"), "{sentences}");
+    // What a lead does about it is said once, beside the lead.
+    assert_eq!(page.matches("A second lag of 10.").count(), 1);
+    assert!(
+        !sentences.contains("A second lag of 10.") && page.contains("For the model that the diagnosis has extended.")
+    );
+}
+
+#[test]
+fn a_report_on_a_motor_too_slow_for_the_papers_lead_has_the_most_that_it_allows_and_commands_that_work() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("plan.toml"), host_tests::stand_plan()).unwrap();
+    let slow = POINTS.replace("0.1076554", "0.1593422").replace("0.0707839", "0.12");
+    fs::write(folder.join("slow.toml"), slow).unwrap();
+    run(folder, "simulate --model slow.toml --plan plan.toml --out stand");
+    let said = run(folder, "report stand --no-diagnosis --out report.html --json report.json");
+    assert!(said.contains("Predicted bandwidth") && !said.contains("No compensator"), "{said}");
+    let page = fs::read_to_string(folder.join("report.html")).unwrap();
+    assert!(page.contains("lower than the paper's 628.3"));
+    let commands = commands(&page);
+    let design = commands.lines().find(|line| line.contains(" design ")).unwrap_or_else(|| panic!("{commands}"));
+    assert!(design.contains("--omega-g "), "{design}");
+    for command in commands.lines().skip(1).filter(|line| !line.contains(" diagnose ")) {
+        run(folder, command.strip_prefix("rotorlead ").unwrap());
+    }
+}
+
+/// A curve that only the square waves are large enough for shows in how they begin, if the motor had settled before.
+#[test]
+fn a_name_that_rests_on_how_records_begin_comes_with_the_condition_that_makes_it_true() {
+    const CONDITION: &str = "it holds if before each of them the motor had run at the nominal command for long";
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let mut plan =
+        "format = 1\nname = \"stand\"\nseed = 3\nloop_rate_hz = 200\nsample_rate_hz = 200\n[noise]\nsigma_n = 0.01\n"
+            .to_owned();
+    for nominal in [0.5, 0.65] {
+        let square = format!(
+            "[[record]]\nnominal = {nominal}\nexcitation = \"square\"\namplitude = 0.05\nhalf_period_s = 5\nperiods = 3\n\
+             warm_up_periods = 0\n"
+        );
+        plan += &format!(
+            "[[record]]\nnominal = {nominal}\nexcitation = \"multisine\"\namplitude = 0.005\nlines = 150\nperiods = 3\n\
+             warm_up_periods = 0\nrealization = 1\n{square}{square}"
+        );
+    }
+    fs::write(folder.join("plan.toml"), plan).unwrap();
+    let curved = "[[effect]]\nkind = \"quadratic_thrust\"\nparameters = { curvature_per_duty = 4.0 }\n";
+    fs::write(folder.join("model.toml"), format!("{POINTS}{curved}")).unwrap();
+    run(folder, "simulate --model model.toml --plan plan.toml --out stand");
+    let said = run(folder, "diagnose stand --json out.json --report report.html");
+    let found = json(folder, "out.json");
+    assert_eq!(found["effects"][0]["kind"], "quadratic_thrust", "{said}");
+    assert_eq!(found["rests_on_begins"], true);
+    assert!(said.split_whitespace().collect::<Vec<_>>().join(" ").contains(CONDITION), "{said}");
+    assert!(fs::read_to_string(folder.join("report.html")).unwrap().contains(CONDITION));
+    // Loud multisines show the curve by themselves, and nothing is said of begins.
+    let plan = fs::read_to_string(folder.join("plan.toml")).unwrap().replace("amplitude = 0.005", "amplitude = 0.05");
+    fs::write(folder.join("plan.toml"), plan).unwrap();
+    run(folder, "simulate --model model.toml --plan plan.toml --out loud");
+    let said = run(folder, "diagnose loud --json out.json");
+    let found = json(folder, "out.json");
+    assert_eq!(found["effects"][0]["kind"], "quadratic_thrust", "{said}");
+    assert_eq!(found["rests_on_begins"], false);
+    assert!(!said.contains("Seen in the first moments"), "{said}");
 }
 
 #[test]

@@ -19,7 +19,7 @@ use crate::files::{check_writable, write_file};
 use crate::plant::{Catalog, Model};
 use crate::record::Experiment;
 use crate::report::Verdict as Headline;
-use crate::report::{Report, Section, diagnosis_section, diagnosis_tone, with_std};
+use crate::report::{Report, Section, diagnosis_section, diagnosis_tone, parameter_with_std};
 
 /// Steps of a search that finds one effect: each kind is screened and some are fitted, twice.
 pub(super) const STEPS: u64 = 60;
@@ -195,8 +195,7 @@ fn words(found: &Diagnosis) -> String {
             effect.evidence
         ));
         for (parameter, estimate) in &effect.parameters {
-            let value = with_std(estimate.value, Some(estimate.std), 1.0, 4);
-            line(format!("  {:<22} {value} {}", parameter.name, parameter.unit));
+            line(format!("  {:<22} {}", parameter.name, parameter_with_std(parameter, estimate)));
         }
         if !effect.alternatives.is_empty() {
             let others: Vec<&str> = effect.alternatives.iter().map(|kind| kind.id).collect();
@@ -244,14 +243,17 @@ fn words(found: &Diagnosis) -> String {
 
 fn place(part: &Location) -> String {
     let (low, high) = part.range;
+    let span = |decimals: usize| {
+        let [from, to] = [low, high].map(|end| format!("{end:.decimals$}"));
+        if from == to { from } else { format!("{from} to {to}") }
+    };
     let where_it_is = match part.axis {
-        Axis::Frequency => format!("{low:.2} to {high:.2} Hz"),
+        Axis::Frequency => format!("{} Hz", span(2)),
         Axis::Nominal if low == high => format!("{low}"),
-        Axis::Nominal => format!("{low:.2} to {high:.2}"),
-        Axis::Amplitude if low == high => format!("{low:.3}"),
-        Axis::Amplitude => format!("{low:.3} to {high:.3}"),
+        Axis::Nominal => span(2),
+        Axis::Amplitude => span(3),
         Axis::Direction => (if low > 0.0 { "rising" } else { "falling" }).to_owned(),
-        Axis::Time => format!("{low:.0} to {high:.0} s"),
+        Axis::Time => format!("{} s", span(0)),
         Axis::Harmonics if low < 2.0 => "excited lines".to_owned(),
         Axis::Harmonics if low < 3.0 => "even lines".to_owned(),
         Axis::Harmonics => "odd lines".to_owned(),

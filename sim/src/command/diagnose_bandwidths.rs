@@ -19,7 +19,7 @@ use crate::diagnose::bandwidths::{
 use crate::files::check_writable;
 use crate::plant::{Catalog, Model, Provenance};
 use crate::report::Verdict as Headline;
-use crate::report::{Report, bandwidth_diagnosis_section, diagnosis_tone, with_std};
+use crate::report::{Report, bandwidth_diagnosis_section, diagnosis_tone, parameter_with_std};
 
 /// Width of what is said.
 const WIDTH: usize = 80;
@@ -98,13 +98,12 @@ impl BandwidthArguments {
             let _ = writeln!(text, "\nWritten to {}", out.display());
         }
         text.push_str(&report.write(|| {
-            let said = verdict(&found);
-            let headline = Headline::new(diagnosis_tone(found.verdict), said.clone());
+            let headline = Headline::new(diagnosis_tone(found.verdict), verdict(&found));
             let compensator = self.compensator.as_deref().map(|file| report_pages::file("Compensator", file));
             let facts = vec![report_pages::file("Bandwidths", table), report_pages::file("Model", model_file)];
             Report {
                 facts: facts.into_iter().chain(compensator).chain([report_pages::version()]).collect(),
-                sections: vec![bandwidth_diagnosis_section(&found, &said)],
+                sections: vec![bandwidth_diagnosis_section(&found)],
                 ..report_pages::report("Diagnosis", format!("Diagnosis of {}", table.display()), headline)
             }
         })?);
@@ -149,8 +148,7 @@ fn words(found: &BandwidthDiagnosis) -> String {
     if let Some(one) = found.named() {
         line(format!("\n{} ({})", one.name(), one.kind.title));
         for (parameter, estimate) in &one.parameters {
-            let value = with_std(estimate.value, Some(estimate.std), 1.0, 4);
-            line(format!("  {:<22} {value} {}", parameter.name, parameter.unit));
+            line(format!("  {:<22} {}", parameter.name, parameter_with_std(parameter, estimate)));
         }
         if one.reach == Reach::Each {
             sizes(found, one, &mut line);

@@ -23,7 +23,7 @@ pub enum CompensatorError {
         other: (f64, f64),
     },
     /// The model's fastest motor is too slow for the bandwidth asked for: the filter's headroom cannot hold the lead.
-    #[error("the fastest pole of the model is too slow for the omega_g asked for")]
+    #[error("the fastest pole of the model is too slow for this omega_g")]
     #[diagnostic(help("the highest --omega-g that this model allows is {largest_omega_g_rad_s:.1} rad/s"))]
     TooMuchLead {
         /// What the controller's design says.

@@ -28,7 +28,7 @@ pub use distortion::{distortion_json, distortion_table};
 pub use excitation::{crest_factor, excitation};
 pub use figure::{Axis, Beside, Color, Figure, FigureError, FigureKind, HeatMap, Mark, Panel, Scale, Series};
 pub use html::{Cell, Column, Fact, Report, Section, Table, Tone, Verdict};
-pub use number::with_std;
+pub use number::{parameter_with_std, with_std};
 pub use sections::{
     Identification, bandwidth_diagnosis_section, bandwidth_section, design_section, diagnosis_section, diagnosis_tone,
     excitation_section, experiment_facts, identification_section, simulation_section, stand_section,

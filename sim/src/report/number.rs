@@ -1,5 +1,11 @@
 //! Numbers with their standard errors.
 
+use crate::identify::Estimate;
+use crate::plant::effect::Parameter;
+
+/// The interval that a parameter is looked at in where its bounds may say as much.
+const LEVEL: f64 = 0.95;
+
 /// A value and its standard error, both times `scale`, to the second significant digit of the error; with `digits` decimals
 /// where there is no error to go by.
 #[must_use]
@@ -19,9 +25,32 @@ pub fn with_std(value: f64, std: Option<f64>, scale: f64, digits: usize) -> Stri
     }
 }
 
+/// A parameter of an effect with its standard error and unit; where the data say no more than its bounds do, these.
+#[must_use]
+pub fn parameter_with_std(parameter: &Parameter, estimate: &Estimate) -> String {
+    let ((least, most), (low, high)) = (parameter.possible, estimate.interval(LEVEL));
+    if most.is_finite() && low <= least && high >= most {
+        return format!("not known, {least} to {most} {}", parameter.unit).trim_end().to_owned();
+    }
+    format!("{} {}", with_std(estimate.value, Some(estimate.std), 1.0, 4), parameter.unit).trim_end().to_owned()
+}
+
 #[cfg(test)]
 mod tests {
-    use super::with_std;
+    use super::{Estimate, parameter_with_std, with_std};
+    use crate::plant::Catalog;
+
+    #[test]
+    fn a_parameter_of_which_the_data_say_no_more_than_its_bounds_is_not_known() {
+        let catalog = Catalog::standard();
+        let kind = catalog.find("quadratic_thrust").expect("it is in the catalog");
+        let shown =
+            |index: usize, value, std| parameter_with_std(&kind.parameters[index], &Estimate::normal(value, std));
+        assert_eq!(shown(1, 1.0, 3.1), "not known, 0 to 1");
+        assert_eq!(shown(1, 1.0, 0.31), "1.00 +- 0.31");
+        assert_eq!(shown(0, 1.0, 3.1), "1.0 +- 3.1 1/duty");
+        assert_eq!(shown(0, 1.0, 31.0), "not known, -50 to 50 1/duty");
+    }
 
     #[test]
     fn the_error_has_two_digits_and_the_value_as_many_decimals() {

@@ -10,7 +10,7 @@ use crate::command::check::warn;
 use crate::command::identify::{Identified, identify, transform};
 use crate::command::{diagnose as diagnosis, identify_map, progress, redesign as command};
 use crate::design::redesign::{PAPER_AMPLITUDE, RedesignOptions, redesign};
-use crate::design::{BandwidthPoint, Chain, DesignOptions, bandwidths, design};
+use crate::design::{BandwidthPoint, Chain, CompensatorError, DesignOptions, bandwidths, design};
 use crate::diagnose::{Diagnosis, Options, Verdict, diagnose, fill_in_esc_commands};
 use crate::identify::check::{Finding, Findings, Topic, of_record};
 use crate::identify::{FirstOrderOptions, MeasuredBandwidth, RecordValidation, validate};
@@ -30,6 +30,8 @@ pub(super) struct Parts {
     pub model: Model,
     pub validated: Part<Vec<RecordValidation>>,
     pub designed: Part<Designed>,
+    /// The highest `omega_g` that the model allows, where it is too slow for the paper's, rad/s.
+    pub lowered_omega_g_rad_s: Option<f64>,
     pub measured: Vec<MeasuredBandwidth>,
     pub diagnosed: Option<Part<Diagnosis>>,
     /// What `rotorlead check` finds in the records.
@@ -104,17 +106,26 @@ impl Parts {
             findings.retain(|finding| finding.topic != Topic::Misfit);
         }
         bar.set_message("designing");
+        let target = match &diagnosed {
+            Some(Ok(found)) if found.verdict != Verdict::Agrees => &found.model,
+            _ => &model,
+        };
+        let lowered_omega_g_rad_s = lowered(target);
+        let mut options = DesignOptions::default();
+        options.omega_g_rad_s = lowered_omega_g_rad_s.unwrap_or(options.omega_g_rad_s);
         let designed = if findings.iter().any(Finding::is_grave) {
             Err("the numbers of the records are in doubt, and a compensator would rest on them".to_owned())
         } else {
             match &diagnosed {
-                Some(Ok(found)) if found.verdict != Verdict::Agrees => designed_with_effects(found, experiment),
-                _ => designed(&model),
+                Some(Ok(found)) if found.verdict != Verdict::Agrees => {
+                    designed_with_effects(found, options, experiment)
+                }
+                _ => designed(&model, options),
             }
         };
         bar.finish_and_clear();
         let identified = identified.map_err(|error| said(&error));
-        Ok(Self { identified, model, validated, designed, measured, diagnosed, findings })
+        Ok(Self { identified, model, validated, designed, lowered_omega_g_rad_s, measured, diagnosed, findings })
     }
 
     /// What a diagnosis found to be missing.
@@ -123,20 +134,24 @@ impl Parts {
     }
 }
 
+/// What `omega_g` has to be lowered to where nobody asked for one and the fastest motor is too slow for the paper's.
+fn lowered(model: &Model) -> Option<f64> {
+    match design(model, &DesignOptions::default()) {
+        Err(CompensatorError::TooMuchLead { largest_omega_g_rad_s, .. }) => Some(largest_omega_g_rad_s),
+        _ => None,
+    }
+}
+
 /// For a model of lags.
-fn designed(model: &Model) -> Part<Designed> {
-    let design = design(model, &DesignOptions::default()).map_err(|error| said(&error.into()))?;
+fn designed(model: &Model, options: DesignOptions) -> Part<Designed> {
+    let design = design(model, &options).map_err(|error| said(&error.into()))?;
     let points = bandwidths(model, Chain::Continuous(design.lead()));
     Ok(Designed { design, points, model: model.clone(), remarks: Vec::new() })
 }
 
 /// For the model with what was missing in it; none where it would ask for more than the actuator follows.
-fn designed_with_effects(found: &Diagnosis, experiment: &Experiment) -> Part<Designed> {
-    let options = RedesignOptions {
-        design: DesignOptions::default(),
-        amplitude: PAPER_AMPLITUDE,
-        esc_frame_hz: experiment.esc_frame_hz,
-    };
+fn designed_with_effects(found: &Diagnosis, design: DesignOptions, experiment: &Experiment) -> Part<Designed> {
+    let options = RedesignOptions { design, amplitude: PAPER_AMPLITUDE, esc_frame_hz: experiment.esc_frame_hz };
     let redesigned = redesign(&found.model, &options).map_err(|error| said(&error.into()))?;
     let remarks = command::notes(found, &redesigned);
     if let Some(refusal) = command::refusals(&redesigned).last() {

@@ -10,12 +10,13 @@ use crate::command::diagnose::verdict as diagnosed;
 use crate::command::identify_tables::point_json;
 use crate::command::report_option::this_command;
 use crate::command::report_pages;
+use crate::design::DesignOptions;
 use crate::diagnose::{Diagnosis, NamedEffect};
 use crate::identify::check::Finding;
 use crate::record::Experiment;
 use crate::report::{
     Report, Section, Tone, Verdict, bandwidth_section, design_section, diagnosis_section, diagnosis_tone,
-    excitation_section, measured_response, simulation_and_experiment, validation_section, with_std,
+    excitation_section, measured_response, parameter_with_std, simulation_and_experiment, validation_section,
 };
 
 impl Parts {
@@ -57,6 +58,13 @@ impl Parts {
                 let mut compensator = design_section(design, model);
                 if self.missing().is_some() {
                     compensator.text.insert(0, "For the model that the diagnosis has extended.".to_owned());
+                }
+                if let Some(omega_g) = self.lowered_omega_g_rad_s {
+                    compensator.text.push(format!(
+                        "Its omega_g is {omega_g:.1} rad/s, lower than the paper's {:.1}: the highest at which the controller's \
+                         numbers hold the lead for so slow a motor.",
+                        DesignOptions::default().omega_g_rad_s
+                    ));
                 }
                 compensator.text.extend(remarks.iter().cloned());
                 sections.push(compensator);
@@ -105,11 +113,7 @@ impl Parts {
             verdicts.push(report_pages::validated(records));
         }
         match &self.designed {
-            Ok(Designed { design, points, remarks, .. }) => {
-                let designed = report_pages::designed(design, points, 0);
-                let said = [designed.sentences.clone(), remarks.clone()].concat();
-                verdicts.push(designed.with(said));
-            }
+            Ok(Designed { design, points, .. }) => verdicts.push(report_pages::designed(design, points, 0)),
             Err(reason) => verdicts.push(Verdict::new(Tone::Attention, format!("No compensator: {reason}."))),
         }
         if let Some(Ok(found)) = &self.diagnosed
@@ -160,15 +164,17 @@ impl Parts {
         }
         commands.push(format!("rotorlead validate {folder} --model {model}"));
         let judged = given.map(|_| format!(" --model {model}")).unwrap_or_default();
+        let omega_g = self.lowered_omega_g_rad_s.map(|omega_g| format!(" --omega-g {omega_g:.1}")).unwrap_or_default();
         let (extended, compensated) = (" --out-model improved.toml", " --redesign --out-compensator compensator.toml");
         if self.missing().is_some() {
-            commands.push(format!("rotorlead diagnose {folder}{judged}{extended}{compensated}"));
+            commands.push(format!("rotorlead diagnose {folder}{judged}{extended}{compensated}{omega_g}"));
             return commands;
         }
         commands.push(format!("rotorlead diagnose {folder}{judged}"));
         if self.designed.is_ok() {
-            commands.push(format!("rotorlead design --model {model} --out compensator.toml"));
-            commands.push(format!("rotorlead bandwidth --model {model} --records {folder}"));
+            commands.push(format!("rotorlead design --model {model}{omega_g} --out compensator.toml"));
+            let with = if omega_g.is_empty() { "" } else { " --compensator compensator.toml" };
+            commands.push(format!("rotorlead bandwidth --model {model}{with} --records {folder}"));
         }
         commands
     }
@@ -177,10 +183,10 @@ impl Parts {
 /// How large each effect is, and what it cannot be told from.
 fn sizes(found: &Diagnosis) -> Vec<String> {
     let of_effect = |effect: &NamedEffect| {
-        let values = effect.parameters.iter().map(|(parameter, estimate)| {
-            let value = with_std(estimate.value, Some(estimate.std), 1.0, 4);
-            format!("{} {value} {}", parameter.name, parameter.unit).trim_end().to_owned()
-        });
+        let values = effect
+            .parameters
+            .iter()
+            .map(|(parameter, estimate)| format!("{} {}", parameter.name, parameter_with_std(parameter, estimate)));
         let values = values.collect::<Vec<_>>().join(", ");
         let others: Vec<&str> = effect.alternatives.iter().map(|kind| kind.title).collect();
         let beside = if others.is_empty() {

@@ -19,7 +19,7 @@ pub(super) fn remark(effect: &ActiveEffect, design: &LeadDesign) -> Option<Strin
     Some(match effect.kind().id {
         "transport_delay" => format!(
             "A delay of {:.2} ms stays: a lead cannot see what is to come. It leaves the magnitude alone and costs phase, {:.0} \
-             degrees at the poles of the filter; hence the column of 90 degrees.",
+             degrees at the poles of the filter, which brings the frequency of 90 degrees of lag down.",
             1e3 * value("delay_s"),
             (value("delay_s") * design.lead().omega_f_rad_s).to_degrees()
         ),

@@ -110,7 +110,7 @@ impl<'a> DrawnFigure<'a> {
 
 /// A sentence as HTML: escaped, what stands between two backticks as code, and options of the command line in one piece.
 fn words(sentence: &str) -> String {
-    let escaped = sentence.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
+    let escaped = escaped(sentence).replace("+-", "±");
     let mut parts = escaped.split('`');
     let mut html = whole_options(parts.next().unwrap_or_default());
     while let Some(code) = parts.next() {
@@ -121,6 +121,15 @@ fn words(sentence: &str) -> String {
         }
     }
     html
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+}
+
+/// A command line as HTML.
+fn command_line(command: &str) -> String {
+    whole_options(&escaped(command))
 }
 
 /// The hyphens of an option are no places to break it at.
@@ -190,6 +199,8 @@ mod tests {
         assert_eq!(words("`a < b` and `c`: 1 > 0"), "<code>a &lt; b</code> and <code>c</code>: 1 &gt; 0");
         assert_eq!(words("a ` alone & <b>"), "a ` alone &amp; &lt;b&gt;");
         assert_eq!(words("with --lead and -3 dB"), "with <span class=\"option\">--lead</span> and -3 dB");
+        assert_eq!(words("7.0 +- 0.1"), "7.0 ± 0.1");
         assert_eq!(words(""), "");
+        assert_eq!(command_line("a --b 'c<d'"), "a <span class=\"option\">--b</span> 'c&lt;d'");
     }
 }

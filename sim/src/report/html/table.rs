@@ -39,6 +39,11 @@ impl Column {
     pub fn new(name: &'static str, heading: &str, unit: &str) -> Self {
         Self { name, heading: heading.to_owned(), unit: unit.to_owned() }
     }
+
+    /// Heading and unit, for where they stand beside each cell.
+    pub(super) fn full(&self) -> String {
+        if self.unit.is_empty() { self.heading.clone() } else { format!("{}, {}", self.heading, self.unit) }
+    }
 }
 
 impl Cell {

@@ -4,17 +4,16 @@ use crate::diagnose::bandwidths::{BandwidthDiagnosis, Column as Of, Explanation}
 use crate::report::bandwidth_diagnosis::bandwidth_diagnosis_figures;
 use crate::report::html::{Cell, Column, Section, Table};
 
-/// Ratios, explanations, and what rules the others out. `verdict` is the diagnosis in a sentence.
+/// Ratios, explanations, and what rules the others out.
 #[must_use]
-pub fn bandwidth_diagnosis_section(found: &BandwidthDiagnosis, verdict: &str) -> Section {
-    let mut text = vec![verdict.to_owned()];
+pub fn bandwidth_diagnosis_section(found: &BandwidthDiagnosis) -> Section {
     let after = found.named().map_or(found.gap.before, |_| found.gap.after);
     let on = if found.held_out { found.fitted.other().word() } else { found.fitted.word() };
     let how = if found.held_out { "which no number was fitted to" } else { "which was fitted: nothing was held out" };
-    text.push(format!(
+    let mut text = vec![format!(
         "The gap on the {on} column, {how}: RMS of ln(measured / simulated) {:.3} before, {after:.3} after.",
         found.gap.before
-    ));
+    )];
     if let Some(next) = &found.next_experiment {
         text.extend(format!("Next experiment: {next}").lines().map(str::to_owned));
     }

@@ -5,6 +5,7 @@ use crate::diagnose::{Diagnosis, NamedEffect, RESTS_ON_BEGINS, TriedKind, Verdic
 use crate::plant::Point;
 use crate::report::diagnosis::diagnosis_figures;
 use crate::report::html::{Cell, Column, Section, Table, Tone};
+use crate::report::number::parameter_with_std;
 use crate::report::unit::unit;
 
 /// How good the news of a verdict are.
@@ -32,11 +33,13 @@ pub fn diagnosis_section(found: &Diagnosis, verdict: Option<&str>) -> Section {
         percent(found.gap.noise_floor)
     ));
     if found.held_out {
-        text.push(
-            "No number was fitted to what was held out: records that are marked `validate`, or a part of the periods of each. It is \
-             another choice than that of the validation, whose records no lag was fitted to."
-                .to_owned(),
-        );
+        let which = if found.splits.is_empty() {
+            "records that are marked `validate`, or a part of the periods of each. It is another choice than that of the \
+             validation, whose records no lag was fitted to"
+        } else {
+            "in turn, a part of the steps of each log, both models fitted anew to the others"
+        };
+        text.push(format!("No number was fitted to what was held out: {which}."));
     }
     if !found.timing.is_steady() {
         text.push(found.timing.to_string());
@@ -89,8 +92,7 @@ fn lags(found: &Diagnosis) -> Table {
 fn effects(effects: &[NamedEffect]) -> Table {
     let row = |effect: &NamedEffect| {
         let parameters = effect.parameters.iter().map(|(parameter, value)| {
-            let value = estimate(value.value, Some(value.std), 1.0, 4).text;
-            format!("{} {value} {}", parameter.name, parameter.unit).trim().to_owned()
+            format!("{} {}", parameter.name, parameter_with_std(parameter, value).replace("+-", "±"))
         });
         let others: Vec<&str> = effect.alternatives.iter().map(|kind| kind.id).collect();
         vec![
