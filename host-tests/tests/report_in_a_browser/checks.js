@@ -34,11 +34,13 @@ const pageFaults = () => {
   return found;
 };
 
-// Numbers of curves, bars and maps that are drawn.
-const drawn = (plot) =>
-  plot.querySelectorAll(
-    ".scatterlayer .js-line, .scatterlayer .point, .scatterlayer .js-fill, .barlayer .point, .heatmaplayer image",
-  ).length;
+// Numbers of curves, bars and maps that are drawn; a path without length cannot be seen.
+const drawn = (plot) => {
+  const parts = plot.querySelectorAll(
+    ".scatterlayer .js-line, .scatterlayer .point, .scatterlayer .js-fill, .barlayer .point path, .heatmaplayer image",
+  );
+  return [...parts].filter((part) => !part.getTotalLength || part.getTotalLength() > 0).length;
+};
 
 const plotFaults = (plot, figure) => {
   const found = [];

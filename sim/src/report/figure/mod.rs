@@ -238,6 +238,11 @@ impl Series {
     #[must_use]
     pub fn new(name: impl Into<String>, color: Color, mark: Mark, points: Vec<(f64, f64)>) -> Self {
         let name = name.into();
+        // No line goes through a single point.
+        let mark = match mark {
+            Mark::Line | Mark::Dashes if points.len() == 1 => Mark::Rings,
+            mark => mark,
+        };
         Self { group: name.clone(), name, color, mark, points, band: Vec::new(), notes: Vec::new() }
     }
 
