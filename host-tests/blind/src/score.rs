@@ -90,9 +90,8 @@ impl Scored {
     /// Everything hidden is a name or stands among the alternatives of one.
     #[must_use]
     pub fn all_named_or_alternatives(&self) -> bool {
-        let says = |named: &Named, hidden: &Hidden| {
-            named.kind == hidden.kind || named.alternatives.iter().any(|name| *name == hidden.kind)
-        };
+        let says =
+            |named: &Named, hidden: &Hidden| named.kind == hidden.kind || named.alternatives.contains(&hidden.kind);
         self.truth.effects.iter().all(|hidden| self.names().iter().any(|named| says(named, hidden)))
     }
 
