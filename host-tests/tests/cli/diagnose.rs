@@ -49,6 +49,11 @@ fn an_actuator_with_a_slew_limit_is_not_sped_up_and_it_is_said_why() {
         assert!(words.join(" ").contains(part), "no \"{part}\" in\n{said}");
     }
     assert!(!folder.join("c.toml").exists());
+    let weaker = run(folder, "diagnose stand --redesign --at-amplitude 0.02");
+    assert!(weaker.contains("The strongest lead that stays within the limits"), "{weaker}");
+    for line in said.lines().chain(weaker.lines()) {
+        assert!(line.chars().count() <= 80, "{} columns: {line}", line.chars().count());
+    }
     let found = json(folder, "out.json");
     assert_eq!(found["redesign"]["verdict"], "refused");
     let point = &found["redesign"]["points"][1];

@@ -87,6 +87,10 @@ fn every_explanation_that_can_be_written_is_and_the_others_are_refused() {
             ["`low_frequency_gain` cannot be written", "which effect of the catalog", "--out-model"],
         ),
         ("backlash", ["no explanation of these bandwidths is called `backlash`", "`parameter_error`", "there are"]),
+        (
+            "suply_sag",
+            ["no explanation of these bandwidths is called `suply_sag`", "did you mean `supply_sag`?", "there are"],
+        ),
     ] {
         stand.refuses(&format!("{DIAGNOSE} --take {name} --out-model out.toml"), 1, &parts);
     }
@@ -96,6 +100,7 @@ fn every_explanation_that_can_be_written_is_and_the_others_are_refused() {
 fn what_is_no_table_of_bandwidths_is_shown_at_its_place() {
     for (from, to, parts) in [
         ("u_nom,", "nominal,", &["table.csv:1:1", "column `nominal` is not known", "u_nom"][..]),
+        ("u_nom,", "u_nm,", &["table.csv:1:1", "did you mean `u_nom`?"]),
         (",compensated_rad_s\n", "\n", &["table.csv:1:1", "column `compensated_rad_s` is missing", "left empty"]),
         (",compensated_rad_s\n", ",u_nom\n", &["table.csv:1:27", "column `u_nom` is there twice", "remove one"]),
         ("u_nom,uncompensated_rad_s,compensated_rad_s\n", "", &["table.csv:1:1", "begin the file with a header line"]),

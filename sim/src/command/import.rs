@@ -12,6 +12,7 @@ use super::WrongUse;
 use super::check::words;
 use super::outcome::{JsonOption, Outcome, wrapped};
 use super::parameters::{fraction, positive, range};
+use super::progress;
 use crate::identify::check::{Finding, of_record};
 use crate::record::import::{
     ColumnChoice, Import as Taken, ImportError, ImportOptions, ImportSummary, LogFormat, import,
@@ -86,10 +87,14 @@ impl Import {
         }
         let options = self.options();
         let mut logs = Vec::new();
+        let bytes = |file: &PathBuf| file.metadata().map_or(0, |file| file.len());
+        // To read and to write each take about as long.
+        let bar = progress::estimate("importing", 2 * self.files.iter().map(bytes).sum::<u64>());
         for file in &self.files {
             let log = import(file, &options).map_err(wrong_use_or_log)?;
             self.check_options_of(file, &log.summary)?;
             logs.push(log);
+            bar.inc(bytes(file));
         }
         let (mut experiment, summaries) = joined(logs)?;
         if let (None, [_, _, ..], Some(folder)) = (&self.name, &summaries[..], self.out.file_name()) {
@@ -103,6 +108,7 @@ impl Import {
         } else {
             experiment.write(&self.out)?;
         }
+        bar.finish_and_clear();
         let mut text = summaries.iter().map(describe).collect::<Vec<_>>().join("\n");
         if !doubts.is_empty() {
             text.push('\n');

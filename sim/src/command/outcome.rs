@@ -152,12 +152,13 @@ pub(super) fn printed(result: io::Result<()>) -> miette::Result<()> {
     }
 }
 
-/// Breaks a sentence into lines of at most `width` characters; all but the first begin with `indent`.
+/// Breaks a sentence into lines of at most `width` characters; all but the first begin with `indent`, which counts.
 pub(super) fn wrapped(sentence: &str, width: usize, indent: &str) -> String {
     let mut lines = vec![String::new()];
     for word in sentence.split_whitespace() {
+        let before = if lines.len() > 1 { indent.len() } else { 0 };
         let length = lines[lines.len() - 1].len();
-        if length > 0 && length + 1 + word.len() > width {
+        if length > 0 && before + length + 1 + word.len() > width {
             lines.push(String::new());
         }
         let last = lines.len() - 1;

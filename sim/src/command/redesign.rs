@@ -10,6 +10,7 @@ use serde_json::{Value, json};
 use super::WrongUse;
 use super::outcome::wrapped;
 use super::parameters::{DesignArguments, positive};
+use super::progress;
 use crate::design::compensator_file;
 use crate::design::redesign::{
     Compensated, Limit, PAPER_AMPLITUDE, Redesign, RedesignError, RedesignOptions, RedesignPoint, redesign,
@@ -72,7 +73,10 @@ impl RedesignArguments {
         }
         let amplitude = self.at_amplitude.unwrap_or(PAPER_AMPLITUDE);
         let options = RedesignOptions { design: self.parameters.options(), amplitude, esc_frame_hz };
-        let mut redesigned = match redesign(&found.model, &options) {
+        let bar = progress::spinner("designing");
+        let designed = redesign(&found.model, &options);
+        bar.finish_and_clear();
+        let mut redesigned = match designed {
             Ok(redesigned) => {
                 let notes = notes(found, &redesigned);
                 let written = self.write(&redesigned)?;
@@ -158,11 +162,12 @@ fn words(redesigned: &Redesign, amplitude: f64, notes: &[String]) -> String {
     line(&table(full, amplitude));
     if let Some(weaker) = &redesigned.weaker {
         let lead = weaker.design.lead();
-        line(&format!(
+        let strongest = format!(
             "The strongest lead that stays within the limits at this amplitude: --omega-g {:.1} (poles {:.2} rad/s)",
             (10.0 * lead.omega_g_rad_s()).floor() / 10.0,
             lead.omega_f_rad_s
-        ));
+        );
+        line(&wrapped(&strongest, WIDTH, "  "));
         line(&table(weaker, amplitude));
     } else if redesigned.is_refused() {
         line("No weaker lead is worth having at this amplitude either.");

@@ -9,6 +9,7 @@ use rayon::iter::{IntoParallelRefIterator as _, ParallelIterator as _};
 
 use super::WrongUse;
 use super::outcome::JsonOption;
+use super::progress;
 use crate::files::{FileError, check_writable, write_file};
 use crate::report::{Figure, FigureError, Report};
 
@@ -86,7 +87,14 @@ impl FiguresOption {
         make_folder(folder)?;
         let figures: Vec<&Figure> = report.sections.iter().flat_map(|section| &section.figures).collect();
         // Bitmaps take their time: they are drawn side by side.
-        let drawn: Vec<_> = figures.par_iter().map(|figure| Ok((figure.svg()?, figure.png()?))).collect();
+        let bar = progress::bar("drawing", figures.len() as u64);
+        let draw = |figure: &&Figure| {
+            let drawn = (figure.svg()?, figure.png()?);
+            bar.inc(1);
+            Ok(drawn)
+        };
+        let drawn: Vec<_> = figures.par_iter().map(draw).collect();
+        bar.finish_and_clear();
         for (figure, drawn) in figures.iter().zip(drawn) {
             let (svg, png): (String, Vec<u8>) = drawn.map_err(|error: FigureError| error)?;
             let file = |end: &str| folder.join(format!("{}.{end}", figure.name));

@@ -3,6 +3,7 @@
 use miette::Diagnostic;
 use thiserror::Error;
 
+use crate::files::alike;
 use crate::identify::IdentifyError;
 use crate::identify::steps::StepsError;
 use crate::plant::{ModelError, PlantError};
@@ -50,7 +51,7 @@ pub enum DiagnoseError {
     },
     /// There is no explanation of that name.
     #[error("no explanation of these bandwidths is called `{name}`")]
-    #[diagnostic(help("{}", if known.is_empty() { "none was found".to_owned() } else { format!("there are {known}") }))]
+    #[diagnostic(help("{}", explanations(name, known)))]
     NoSuchExplanation {
         /// The name.
         name: String,
@@ -93,4 +94,14 @@ pub enum DiagnoseError {
         /// Which model.
         what: &'static str,
     },
+}
+
+/// Those that there are, in quotes with commas, the one that may have been meant first.
+fn explanations(name: &str, known: &str) -> String {
+    let names = known.split('`').skip(1).step_by(2);
+    match alike(name, names) {
+        _ if known.is_empty() => "none was found".to_owned(),
+        Some(meant) => format!("did you mean `{meant}`? there are {known}"),
+        None => format!("there are {known}"),
+    }
 }

@@ -29,6 +29,6 @@ pub use fault::{Fault, Place};
 pub use folder::{OutputFolder, is_plain_name};
 pub use interrupt::remove_unfinished;
 pub use text::{TextFile, bytes_read};
-pub(crate) use toml_file::to_toml;
 pub use toml_file::{TomlFile, write_toml};
+pub(crate) use toml_file::{alike, to_toml};
 pub use write::{check_writable, write_file};

@@ -232,7 +232,7 @@ pub(crate) fn to_toml<T: Serialize>(value: &T) -> String {
 }
 
 /// The known name that is most like a wrong one, if any is.
-fn alike<'a>(wrong: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+pub(crate) fn alike<'a>(wrong: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     let best = known.map(|known| (strsim::jaro_winkler(wrong, known), known)).max_by(|a, b| a.0.total_cmp(&b.0));
     best.filter(|(alike, _)| *alike >= ALIKE).map(|(_, known)| known)
 }

@@ -11,7 +11,7 @@ use super::error::short;
 use super::manifest::CommandKind;
 use super::sampling::Grid;
 use super::{Record, plain};
-use crate::files::{FileError, Place, TextFile, TomlFile};
+use crate::files::{FileError, Place, TextFile, TomlFile, alike};
 
 /// How much of a cell an error quotes, characters: an unclosed quote makes a cell of a whole file.
 const QUOTED: usize = 40;
@@ -265,7 +265,8 @@ fn unknown_column(name: &str) -> String {
         return "begin the file with a header line: time_s,command,thrust_n".to_owned();
     }
     let known: Vec<_> = Column::ALL.iter().map(|column| column.name()).collect();
-    format!("rename or remove it; the columns are {}", known.join(", "))
+    let meant = alike(name, known.iter().copied()).map(|known| format!("did you mean `{known}`? ")).unwrap_or_default();
+    format!("{meant}rename or remove it; the columns are {}", known.join(", "))
 }
 
 fn uneven_row(text: &TextFile, row: &StringRecord, columns: usize) -> FileError {

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use csv::StringRecord;
 
-use crate::files::{FileError, TextFile};
+use crate::files::{FileError, TextFile, alike};
 use crate::plant::{Model, ModelError};
 use crate::record::{cell_span, next, quoted, reader, row_span};
 
@@ -136,7 +136,8 @@ fn header(text: &TextFile, cells: &StringRecord) -> Result<[usize; 3], FileError
             let help = if name.parse::<f64>().is_ok() {
                 format!("begin the file with a header line: {HEADER}")
             } else {
-                format!("rename or remove it; the columns are {}", COLUMNS.join(", "))
+                let meant = alike(name, COLUMNS.into_iter()).map(|known| format!("did you mean `{known}`? "));
+                format!("{}rename or remove it; the columns are {}", meant.unwrap_or_default(), COLUMNS.join(", "))
             };
             return Err(complain(text, span(), message, help));
         };

@@ -39,7 +39,7 @@ fn a_column_that_is_there_twice_is_refused() {
 #[test]
 fn an_unknown_column_is_refused() {
     let csv = CSV.replace("thrust_n", "thrust");
-    refuses_csv(&csv, &["u050.csv:1:16", "`thrust` is not known", "voltage_v, current_a"]);
+    refuses_csv(&csv, &["u050.csv:1:16", "`thrust` is not known", "did you mean `thrust_n`?", "voltage_v, current_a"]);
     let csv = CSV.replace("thrust_n", "thrust_n,");
     refuses_csv(&csv, &["u050.csv:1:25", "column 4 has no name", "remove it"]);
 }
