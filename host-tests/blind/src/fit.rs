@@ -56,7 +56,8 @@ impl<'a> Fitter<'a> {
         self.likelihood.choose(records);
     }
 
-    /// The best fit with these kinds, those of the case from the truth and the others from several starts; also from `before`, which may be what was fitted to some of the records.
+    /// The best fit with these kinds, those of the case from the truth and the others from several starts; also from
+    /// `before`, which may be what was fitted to some of the records.
     pub fn best(&mut self, kinds: &[Kind], frozen: Option<&Motor>, before: Option<&[Effect]>) -> Fit {
         let case = self.likelihood.case();
         let mut starts = combinations(kinds, &case.effects);

@@ -186,7 +186,7 @@ fn cached_ceiling(plan: &Plan, case: &Case, columns: &[Columns]) -> Result<Optio
         Rivals::Family => "family",
         Rivals::All => "all",
     };
-    // Those of pairs have known exchanges only since.
+    // A file without this in its name says of a pair what either alone does, and nothing of exchanges.
     let rivals = if case.class == Class::Pair { format!("{rivals}_exchanged") } else { rivals.to_owned() };
     let name = format!("{}_{}_{hash:016x}_{rivals}_{CEILING_VERSION}.json", case.class.name(), case.number);
     let path = plan.cache.join(name);

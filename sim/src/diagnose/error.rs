@@ -56,7 +56,7 @@ pub enum DiagnoseError {
         /// The name.
         name: String,
         /// Those that there are.
-        known: String,
+        known: Vec<String>,
     },
     /// A model has no form for an explanation.
     #[error("`{explanation}` cannot be written as a model: {reason}")]
@@ -96,12 +96,11 @@ pub enum DiagnoseError {
     },
 }
 
-/// Those that there are, in quotes with commas, the one that may have been meant first.
-fn explanations(name: &str, known: &str) -> String {
-    let names = known.split('`').skip(1).step_by(2);
-    match alike(name, names) {
-        _ if known.is_empty() => "none was found".to_owned(),
-        Some(meant) => format!("did you mean `{meant}`? there are {known}"),
-        None => format!("there are {known}"),
+/// Those that there are, the one that may have been meant first.
+fn explanations(name: &str, known: &[String]) -> String {
+    if known.is_empty() {
+        return "none was found".to_owned();
     }
+    let meant = alike(name, known.iter().map(String::as_str)).map(|meant| format!("did you mean `{meant}`? "));
+    format!("{}there are `{}`", meant.unwrap_or_default(), known.join("`, `"))
 }

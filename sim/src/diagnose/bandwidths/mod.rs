@@ -133,7 +133,7 @@ pub fn diagnose_bandwidths(
     explanations.sort_by_key(|one| one.reach == Reach::Each);
     let chosen = choose::choose(&mut explanations, &judge, options.take);
     if let (Some(name), None) = (options.take, chosen) {
-        let known = explanations.iter().map(|one| format!("`{}`", one.name())).collect::<Vec<_>>().join(", ");
+        let known = explanations.iter().map(Explanation::name).collect();
         return Err(DiagnoseError::NoSuchExplanation { name: name.to_owned(), known });
     }
     let chosen_one = chosen.map(|place| &explanations[place]);
