@@ -27,7 +27,7 @@ const HAMMER: &str = "format = 1\nname = \"hammer\"\ncommand = \"force_n\"\noutp
                       [[record]]\nfile = \"blow.csv\"\nnominal = 0\nexcitation = \"free\"\n";
 
 /// What is run, and the report that it writes, if any.
-const RUNS: [(&str, Option<&str>); 15] = [
+const RUNS: [(&str, Option<&str>); 16] = [
     ("simulate --model limited.toml --plan plan.toml --out stand --report simulate.html", Some("simulate")),
     ("report stand --out report.html", Some("report")),
     ("identify stand --out found.toml --report identify.html", Some("identify")),
@@ -43,6 +43,7 @@ const RUNS: [(&str, Option<&str>); 15] = [
         Some("bandwidth"),
     ),
     ("diagnose stand --model model.toml --report diagnose.html", Some("diagnose")),
+    ("diagnose stand --redesign --report redesign.html", Some("redesign")),
     ("diagnose --bandwidths bandwidths.csv --model three.toml --report bandwidths.html", Some("bandwidths")),
     ("excite --band 0.1..30 --rate 200 --starts 1 --out period.csv --report excite.html", Some("excite")),
     ("identify --stand hammer --order 4 --top 150 --out stand.toml --report stand.html", Some("stand")),

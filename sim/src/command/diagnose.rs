@@ -19,7 +19,7 @@ use crate::files::{check_writable, write_file};
 use crate::plant::{Catalog, Model};
 use crate::record::Experiment;
 use crate::report::Verdict as Headline;
-use crate::report::{Report, Section, diagnosis_section, diagnosis_tone, parameter_with_std};
+use crate::report::{Report, diagnosis_section, diagnosis_tone, parameter_with_std};
 
 /// Steps of a search that finds one effect: each kind is screened and some are fitted, twice.
 pub(super) const STEPS: u64 = 60;
@@ -105,24 +105,18 @@ impl Diagnose {
             text.push_str(&write_plan(&found, out)?);
         }
         let mut json = values(&found);
-        let mut redesign_text = String::new();
+        let mut redesign_sections = Vec::new();
         if let Some(redesigned) = self.redesign.run(&found, experiment.esc_frame_hz)? {
             text.push_str(&redesigned.text);
             json["redesign"] = redesigned.json;
-            redesign_text = redesigned.text;
+            redesign_sections = redesigned.sections;
         }
         text.push_str(&self.report.write(|| {
             let given = self.model.as_deref().map(|model| report_pages::file("Model that was judged", model));
-            let mut sections = vec![diagnosis_section(&found, None)];
-            if !redesign_text.is_empty() {
-                let lines =
-                    redesign_text.split("\n\n").map(|part| part.trim().to_owned()).filter(|part| !part.is_empty());
-                sections.push(Section { text: lines.collect(), ..Section::new("redesign", "Redesign") });
-            }
             let headline = Headline::new(diagnosis_tone(found.verdict), verdict(&found));
             Report {
                 facts: [report_pages::records(&experiment, folder), given.into_iter().collect()].concat(),
-                sections,
+                sections: [vec![diagnosis_section(&found, None)], redesign_sections].concat(),
                 ..report_pages::report("Diagnosis", format!("Diagnosis of {}", experiment.name), headline)
             }
         })?);

@@ -18,7 +18,7 @@ use crate::design::redesign::{
 use crate::diagnose::{Diagnosis, Verdict};
 use crate::files::{FileError, check_writable};
 use crate::identify::Bandwidth;
-use crate::report::{bandwidth_cell, rad_s};
+use crate::report::{Section, bandwidth_cell, rad_s, redesign_sections};
 
 /// Width of what is said.
 const WIDTH: usize = 80;
@@ -46,6 +46,8 @@ pub struct Redesigned {
     pub text: String,
     /// For programs.
     pub json: Value,
+    /// For a report.
+    pub sections: Vec<Section>,
 }
 
 impl RedesignArguments {
@@ -83,6 +85,12 @@ impl RedesignArguments {
                 Redesigned {
                     text: words(&redesigned, amplitude, &notes),
                     json: values(&redesigned, amplitude, &notes, written),
+                    sections: redesign_sections(
+                        &redesigned,
+                        &found.model,
+                        amplitude,
+                        said(&redesigned, amplitude, notes),
+                    ),
                 }
             }
             Err(error) => not_designed(&error),
@@ -108,7 +116,8 @@ fn not_designed(error: &RedesignError) -> Redesigned {
     let reason = format!("{error}{help}");
     Redesigned {
         text: format!("\nRedesign: none. {}\n", wrapped(&reason, WIDTH, "  ")),
-        json: json!({ "verdict": "none", "reasons": [reason], "written": false }),
+        json: json!({ "verdict": "none", "reasons": [&reason], "written": false }),
+        sections: vec![Section { text: vec![format!("None. {reason}")], ..Section::new("redesign", "Redesign") }],
     }
 }
 
@@ -160,22 +169,48 @@ fn words(redesigned: &Redesign, amplitude: f64, notes: &[String]) -> String {
         ));
     }
     line(&table(full, amplitude));
+    if redesigned.is_refused() {
+        line(&wrapped(&strongest(redesigned), WIDTH, "  "));
+    }
     if let Some(weaker) = &redesigned.weaker {
-        let lead = weaker.design.lead();
-        let strongest = format!(
-            "The strongest lead that stays within the limits at this amplitude: --omega-g {:.1} (poles {:.2} rad/s)",
-            (10.0 * lead.omega_g_rad_s()).floor() / 10.0,
-            lead.omega_f_rad_s
-        );
-        line(&wrapped(&strongest, WIDTH, "  "));
         line(&table(weaker, amplitude));
-    } else if redesigned.is_refused() {
-        line("No weaker lead is worth having at this amplitude either.");
     }
     for note in notes {
         line(&format!("  {}", wrapped(note, WIDTH - 2, "  ")));
     }
     text
+}
+
+/// The same as sentences for a report, which has the numbers in its tables.
+fn said(redesigned: &Redesign, amplitude: f64, notes: Vec<String>) -> Vec<String> {
+    let mut said = Vec::new();
+    if redesigned.is_refused() {
+        said.push(format!(
+            "The lead is refused at an amplitude of {amplitude} duty; what it would do is shown all the same."
+        ));
+        said.extend(refusals(redesigned));
+        said.push(strongest(redesigned));
+    } else {
+        said.push(format!(
+            "The lead is designed from the improved model. Its bandwidths are predicted for small deviations, and by sinusoids of \
+             {amplitude} duty through the controller's own filter and the simulated actuator."
+        ));
+    }
+    said.extend(notes);
+    said
+}
+
+/// What there is in place of a lead that is refused.
+fn strongest(redesigned: &Redesign) -> String {
+    let Some(weaker) = &redesigned.weaker else {
+        return "No weaker lead is worth having at this amplitude either.".to_owned();
+    };
+    let lead = weaker.design.lead();
+    format!(
+        "The strongest lead that stays within the limits at this amplitude: --omega-g {:.1} (poles {:.2} rad/s)",
+        (10.0 * lead.omega_g_rad_s()).floor() / 10.0,
+        lead.omega_f_rad_s
+    )
 }
 
 /// Why it is refused, at each point where it is.

@@ -31,9 +31,7 @@ impl Search<'_> {
         // Where single changes wait alike there are no frames to be found.
         let waits = |_: &usize| waits::evidence(&self.trials, &mean.fit.hypothesis, Purpose::Fit) > ALL_ALIKE;
         let framed = effect.filter(waits).and_then(|effect| {
-            let framed = frames::find(&self.trials, &mean.fit, effect, behind)?;
-            let framed = self::fit(&self.trials, &framed, self.lags)?;
-            let fit = self::fit(&self.trials, &frames::polish(&self.trials, &framed, effect)?, self.lags)?;
+            let fit = self.framed(&mean.fit, effect, behind)?;
             // A phase for each record, beside the rate.
             Some(self.tried(from, (fit, Near::Moved), kind, price(kind) + self.trials.trials.len() as f64))
         });
@@ -43,6 +41,14 @@ impl Search<'_> {
         let best = framed.filter(|framed| framed.worth() > mean.worth()).unwrap_or(mean);
         // What is not there cannot be had at any price.
         Some(if is_missed { Tried { price: f64::INFINITY, ..best } } else { best })
+    }
+
+    /// `mean` with the rate and the phases of the frames of its `effect`, searched to the end. `None` where the records do not show
+    /// them, or not enough for what it is `behind` another, in log likelihood.
+    pub fn framed(&self, mean: &Fit, effect: usize, behind: f64) -> Option<Fit> {
+        let framed = frames::find(&self.trials, mean, effect, behind)?;
+        let framed = fit(&self.trials, &framed, self.lags)?;
+        fit(&self.trials, &frames::polish(&self.trials, &framed, effect)?, self.lags)
     }
 
     /// `found` with the steps of a grid such that they make a whole range, where that fits as well: what is fitted may not say on

@@ -85,17 +85,19 @@ pub(super) fn surprise_of(
             Some(Part { squares: dot(&at, &at), slopes, products })
         };
         let parts: Option<Vec<Part>> = unseen.par_iter().map(of_trial).collect();
+        // Where the numbers moved to what no actuator has, what the step before promised is all that is known.
+        let Some(parts) = parts else { break };
         let away = &information * &moved;
         let (mut squares, mut slope, mut after) = (moved.dot(&away), away, information.clone());
-        for part in parts? {
+        for part in parts {
             squares += part.squares;
             part.slopes.into_iter().for_each(|(i, value)| slope[i] += value);
             part.products.into_iter().for_each(|(i, j, value)| after[(i, j)] += value);
         }
-        let after = Cholesky::new(after)?;
+        let Some(after) = Cholesky::new(after) else { break };
         let step = after.solve(&slope);
         let promised = slope.dot(&step);
-        // A step too far is not taken: what the one before promised is all that is known.
+        // Nor is a step too far taken.
         if squares > best + ENOUGH {
             break;
         }

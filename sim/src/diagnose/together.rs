@@ -4,6 +4,7 @@
 //! Then every kind that does a good part alone is a beginning, and what a second one promises beside it decides between them. The
 //! two are believed where they leave nothing but noise: among so many pairs one always does better than the rest.
 
+use super::candidate::Candidate;
 use super::explain::{FIRST_STEPS, Found, MOST_FINISHED, Search};
 use super::fit::{Fit, fit_in};
 use super::hypothesis::Hypothesis;
@@ -35,6 +36,7 @@ impl Search<'_> {
             self.trials.clone_from(&noise);
             let both = fit_in(&self.trials, &pair.start, self.lags, FIRST_STEPS)
                 .and_then(|both| self.settle(&both.hypothesis, self.lags))
+                .and_then(|both| self.with_frames(both))
                 .filter(|both| both.is_plausible() && self.explains_all(both));
             let Some(both) = both else { continue };
             if let Some(reviewed) = self.review(both, None).filter(|(reviewed, _)| self.explains_all(reviewed)) {
@@ -42,6 +44,15 @@ impl Search<'_> {
             }
         }
         None
+    }
+
+    /// `both` with the frames of a hold where the records show them: where they are leaves more than what a further effect does.
+    fn with_frames(&mut self, both: Fit) -> Option<Fit> {
+        let hidden = both.hypothesis.effects.iter().position(Candidate::is_hidden_hold);
+        match hidden.and_then(|hold| self.framed(&both, hold, 0.0)) {
+            Some(framed) => self.settle(&framed.hypothesis, self.lags),
+            None => Some(both),
+        }
     }
 
     /// Pairs of kinds, the most promising first.

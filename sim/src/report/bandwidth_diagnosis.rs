@@ -32,10 +32,7 @@ fn bandwidths(found: &BandwidthDiagnosis) -> Figure {
         }
         series.retain(|series| !series.points.is_empty());
         let role = if column == found.fitted { "fitted" } else { "predicted only" };
-        Panel {
-            title: format!("{} ({role})", column.word()),
-            ..Panel::new(Axis::nominal(), Axis::log("bandwidth", "rad/s"), series)
-        }
+        Panel { title: format!("{} ({role})", column.word()), ..Panel::new(Axis::nominal(), Axis::bandwidth(), series) }
     };
     Figure::new(
         FigureKind::Bandwidths,

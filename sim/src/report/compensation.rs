@@ -6,6 +6,7 @@ use rotorlead::design::{LeadDesign, LeadParameters};
 use super::bode::{Curve, bode};
 use super::figure::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
 use crate::design::BandwidthPoint;
+use crate::design::redesign::RedesignPoint;
 use crate::identify::{
     Bandwidth, MeasuredBandwidth, NominalIdentification, PeriodicIdentification, RecordResponse, THREE_DB,
 };
@@ -170,11 +171,27 @@ pub fn bandwidths(points: &[BandwidthPoint], measured: &[MeasuredBandwidth]) -> 
         series.push(Series::new(format!("{name}, 95 % interval"), color, Mark::Line, intervals).under(name));
     }
     series.retain(|series| !series.points.is_empty());
-    let panel = Panel::new(Axis::nominal(), Axis::log("bandwidth", "rad/s"), series);
+    let panel = Panel::new(Axis::nominal(), Axis::bandwidth(), series);
     Figure::new(
         FigureKind::Bandwidth,
         "Bandwidth against nominal command",
         "The compensator's zero is at the fastest pole: the slower a level, the sooner it has fallen by 3 dB, and the less it gains.",
         vec![Panel { height: 360, ..panel }],
     )
+}
+
+/// Bandwidth against nominal command with effects present: of small deviations, and of sinusoids of `amplitude` through the
+/// whole chain.
+#[must_use]
+pub fn redesigned(points: &[RedesignPoint], amplitude: f64) -> Figure {
+    let small: Vec<BandwidthPoint> = points.iter().map(|point| point.small).collect();
+    let mut figure = bandwidths(&small, &[]);
+    let chain = points.iter().filter_map(|point| Some((point.small.nominal, point.chain.magnitude.rad_s()?))).collect();
+    let name = format!("with compensator, sinusoids of {amplitude} duty");
+    figure.panels[0].series.push(Series::new(name, Color::Green, Mark::Dashes, chain));
+    figure.panels[0].series.retain(|series| !series.points.is_empty());
+    figure.caption = "Where the broken line of sinusoids through the whole chain falls below that of small deviations, the actuator's \
+                      limits take what the compensator asks for."
+        .to_owned();
+    figure
 }

@@ -68,7 +68,8 @@ fn pole_zero_map(stand: &StandIdentification) -> Figure {
         series("zeros", Color::Vermilion, Mark::Rings, &zeros),
     ];
     drawn.retain(|series| !series.points.is_empty());
-    let panel = Panel::new(Axis::linear("real part", "rad/s"), Axis::linear("imaginary part", "rad/s"), drawn);
+    let upward = Axis::linear("imaginary part", "rad/s").beside_hertz("frequency");
+    let panel = Panel::new(Axis::linear("real part", "rad/s"), upward, drawn);
     Figure::new(
         FigureKind::PoleZeroMap,
         "Poles and zeros of the stand",

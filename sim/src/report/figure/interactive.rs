@@ -3,8 +3,8 @@
 //! Colors of text and grid are left to the page, which knows whether it is light or dark.
 
 use plotly::common::{
-    ColorBar, ColorScale, ColorScaleElement, DashType, Fill, Font, HoverInfo, Label, Line, Marker, MarkerSymbol, Mode,
-    Orientation, ThicknessMode,
+    AxisSide, ColorBar, ColorScale, ColorScaleElement, DashType, Fill, Font, HoverInfo, Label, Line, Marker,
+    MarkerSymbol, Mode, Orientation, ThicknessMode,
 };
 use plotly::configuration::DisplayModeBar;
 use plotly::layout::{Axis as PlotAxis, AxisRange, AxisType, DragMode, HoverMode, Margin, TicksDirection};
@@ -13,7 +13,7 @@ use plotly::{Bar, Configuration, Layout, Plot, Scatter, Trace};
 
 use super::extent::Extent;
 use super::ticks::ticks;
-use super::{Axis, Figure, FigureError, HeatMap, Mark, PALE, Panel, Scale, Series};
+use super::{Axis, Beside, Figure, FigureError, HeatMap, Mark, PALE, Panel, Scale, Series};
 
 /// Significant digits of what is drawn: a screen has no more.
 const DIGITS: usize = 6;
@@ -50,7 +50,7 @@ impl Panel {
         let mut layout = Layout::new()
             .auto_size(true)
             .height(self.height as usize)
-            .margin(Margin::new().left(62).right(14).top(if self.x.beside.is_some() { 52 } else { 14 }).bottom(48))
+            .margin(self.margin())
             .show_legend(false)
             .hover_mode(HoverMode::Closest)
             .drag_mode(DragMode::Zoom)
@@ -60,12 +60,15 @@ impl Panel {
             .plot_background_color(TRANSPARENT)
             .x_axis(self.x.plotted(extent.x, 1.0).title(self.x.title()))
             .y_axis(self.y.plotted(extent.y, 1.0).title(self.y.title()));
-        if let Some(beside) = &self.x.beside {
-            let axis = self.x.plotted(extent.x, beside.factor).title(beside.title());
-            layout = layout.x_axis2(axis.overlaying("x").side(plotly::common::AxisSide::Top).show_grid(false));
-            // An axis is drawn where something is on it.
-            let nothing = Scatter::new(vec![(extent.x.0 * extent.x.1).sqrt() * beside.factor], vec![f64::NAN]);
-            plot.add_trace(nothing.x_axis("x2").hover_info(HoverInfo::Skip));
+        // An axis is drawn where something is on it.
+        let nothing = |x: f64, y: f64| Scatter::new(vec![x], vec![y]).hover_info(HoverInfo::Skip);
+        if let Some(axis) = self.x.plotted_beside(extent.x) {
+            layout = layout.x_axis2(axis.overlaying("x").side(AxisSide::Top));
+            plot.add_trace(nothing(extent.x.1, f64::NAN).x_axis("x2"));
+        }
+        if let Some(axis) = self.y.plotted_beside(extent.y) {
+            layout = layout.y_axis2(axis.overlaying("y").side(AxisSide::Right));
+            plot.add_trace(nothing(f64::NAN, extent.y.1).y_axis("y2"));
         }
         plot.set_layout(layout);
         plot.set_configuration(
@@ -73,9 +76,33 @@ impl Panel {
         );
         plot
     }
+
+    fn margin(&self) -> Margin {
+        let top = if self.x.beside.is_some() { 52 } else { 14 };
+        let right = if self.y.beside.is_some() { 52 } else { 14 };
+        Margin::new().left(62).right(right).top(top).bottom(48)
+    }
+
+    /// The second reading of each point, where an axis has one.
+    fn read_beside(&self, points: &[(f64, f64)]) -> Option<Vec<f64>> {
+        let read = |beside: &Beside, of: fn(&(f64, f64)) -> f64| {
+            points.iter().map(|point| short(of(point) * beside.factor)).collect()
+        };
+        match (&self.x.beside, &self.y.beside) {
+            (Some(beside), _) => Some(read(beside, |point| point.0)),
+            (None, Some(beside)) => Some(read(beside, |point| point.1)),
+            (None, None) => None,
+        }
+    }
 }
 
 impl Axis {
+    /// Its second reading between these ends of the first.
+    fn plotted_beside(&self, (low, high): (f64, f64)) -> Option<PlotAxis> {
+        let beside = self.beside.as_ref()?;
+        Some(self.plotted((low, high), beside.factor).title(beside.title()).show_grid(false))
+    }
+
     fn plotted(&self, (low, high): (f64, f64), factor: f64) -> PlotAxis {
         let axis = PlotAxis::new().auto_margin(true).zero_line(false).tick_angle(0.0).ticks(TicksDirection::Outside);
         match &self.scale {
@@ -146,12 +173,10 @@ impl Series {
             traces.push(bars.text_position(plotly::common::TextPosition::None));
             return traces;
         }
-        let custom =
-            panel.x.beside.as_ref().map(|beside| x.iter().map(|x| short(x * beside.factor)).collect::<Vec<_>>());
         let mut points =
             Scatter::new(x, y).name(&self.name).legend_group(&self.group).hover_template(reading).hover_label(label);
-        if let Some(custom) = custom {
-            points = points.custom_data(custom);
+        if let Some(beside) = panel.read_beside(&self.points) {
+            points = points.custom_data(beside);
         }
         if !self.notes.is_empty() {
             points = points.text_array(self.notes.clone());

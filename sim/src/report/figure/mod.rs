@@ -58,7 +58,7 @@ pub struct Axis {
     pub scale: Scale,
     /// From where to where, instead of what the numbers span.
     pub range: Option<(f64, f64)>,
-    /// A second reading of the same axis.
+    /// A second reading of the same axis. At most one axis of a panel has one.
     pub beside: Option<Beside>,
 }
 
@@ -195,8 +195,20 @@ impl Axis {
     /// Frequency in rad/s, with hertz beside it.
     #[must_use]
     pub fn frequency() -> Self {
-        let beside = Beside { label: "frequency".to_owned(), unit: "Hz".to_owned(), factor: 1.0 / TAU };
-        Self { beside: Some(beside), ..Self::log("frequency", "rad/s") }
+        Self::log("frequency", "rad/s").beside_hertz("frequency")
+    }
+
+    /// Bandwidth in rad/s, with hertz beside it.
+    #[must_use]
+    pub fn bandwidth() -> Self {
+        Self::log("bandwidth", "rad/s").beside_hertz("bandwidth")
+    }
+
+    /// An axis in rad/s with hertz beside it.
+    #[must_use]
+    pub fn beside_hertz(self, label: &str) -> Self {
+        let beside = Beside { label: label.to_owned(), unit: "Hz".to_owned(), factor: 1.0 / TAU };
+        Self { beside: Some(beside), ..self }
     }
 
     /// The nominal command.

@@ -27,8 +27,9 @@ const LETTER: f64 = 0.56;
 /// Width of thin lines, and of those that are data.
 const THIN: u32 = PX;
 const THICK: u32 = 2 * PX;
-/// Room for the numbers left of an axis, and for its lower and upper labels.
+/// Room for the numbers left and right of a panel, and for the labels below and above.
 const LEFT: u32 = 74 * PX;
+const RIGHT: u32 = 84 * PX;
 const BELOW: u32 = 46 * PX;
 const ABOVE: u32 = 42 * PX;
 /// Length of the marks at an axis.
@@ -92,7 +93,11 @@ impl Panel {
             }
             _ => LEFT,
         };
-        let right = if self.map.is_some() { SCALE } else { 26 * PX };
+        let right = match (&self.map, &self.y.beside) {
+            (Some(_), _) => SCALE,
+            (None, Some(_)) => RIGHT,
+            (None, None) => 26 * PX,
+        };
         let above = if self.x.beside.is_some() { ABOVE } else { 0 };
         let x = Along::new(&self.x, extent.x, 10, false);
         let y = Along::new(&self.y, extent.y, (self.height / 50) as usize, matches!(self.y.scale, Scale::Names(_)));
@@ -139,11 +144,12 @@ impl Panel {
             let middle = (left as i32 + area.dim_in_pixel().0 as i32 - right as i32) / 2;
             area.draw(&Text::new(self.title.clone(), (middle, CAPTION as i32 / 2), style))?;
         }
-        self.draw_beside(extent, &chart, area)
+        self.draw_above(extent, &chart, area)?;
+        self.draw_right(extent, &chart, area)
     }
 
-    /// The second reading of the axis, above the panel.
-    fn draw_beside(&self, extent: &Extent, chart: &Chart, area: &Area) -> Drawing<()> {
+    /// The second reading of the x axis, above the panel.
+    fn draw_above(&self, extent: &Extent, chart: &Chart, area: &Area) -> Drawing<()> {
         let Some(beside) = &self.x.beside else { return Ok(()) };
         let ends = (extent.x.0 * beside.factor, extent.x.1 * beside.factor);
         let (left, top) = area.get_base_pixel();
@@ -157,6 +163,24 @@ impl Panel {
         }
         let ((from, y), (to, _)) = (place(extent.x.0), place(extent.x.1));
         words(area, &beside.title(), ((from + to) / 2, y - 31 * PX as i32), HPos::Center)
+    }
+
+    /// The second reading of the y axis, right of the panel.
+    fn draw_right(&self, extent: &Extent, chart: &Chart, area: &Area) -> Drawing<()> {
+        let Some(beside) = &self.y.beside else { return Ok(()) };
+        let ends = (extent.y.0 * beside.factor, extent.y.1 * beside.factor);
+        let (left, top) = area.get_base_pixel();
+        let right = chart.plotting_area().get_pixel_range().0.end - left;
+        let place = |y: f64| (right, chart.backend_coord(&(chart.x_range().end, y)).1 - top);
+        for (value, name) in ticks(&self.y.scale, ends, (self.height / 50) as usize) {
+            let (x, y) = place(value / beside.factor);
+            area.draw(&PathElement::new(vec![(x, y), (x + TICK as i32, y)], BLACK.stroke_width(THIN)))?;
+            words(area, &name, (x + 8 * PX as i32, y), HPos::Left)?;
+        }
+        let ((x, from), (_, to)) = (place(extent.y.0), place(extent.y.1));
+        let style = ("sans-serif", SMALL_FONT).into_text_style(area).pos(Pos::new(HPos::Center, VPos::Center));
+        let upright = style.transform(FontTransform::Rotate90);
+        Ok(area.draw(&Text::new(beside.title(), (x + 66 * PX as i32, (from + to) / 2), upright))?)
     }
 }
 

@@ -19,7 +19,7 @@ pub fn bandwidth_section(points: &[BandwidthPoint], measured: &[MeasuredBandwidt
     Section { text, tables, figures: vec![bandwidths(points, measured)], ..Section::new("bandwidth", "Bandwidth") }
 }
 
-fn cell(bandwidth: Bandwidth, digits: usize) -> Cell {
+pub(super) fn cell(bandwidth: Bandwidth, digits: usize) -> Cell {
     Cell { text: bandwidth_cell(bandwidth, digits), value: Some(bandwidth.rad_s().unwrap_or(f64::NAN)) }
 }
 

@@ -6,6 +6,7 @@ mod design;
 mod diagnosis;
 mod experiment;
 mod identification;
+mod redesign;
 mod stand;
 mod validation;
 
@@ -15,6 +16,7 @@ pub use design::design_section;
 pub use diagnosis::{diagnosis_section, diagnosis_tone};
 pub use experiment::{excitation_section, experiment_facts, simulation_section};
 pub use identification::{Identification, identification_section};
+pub use redesign::redesign_sections;
 pub use stand::stand_section;
 pub use validation::validation_section;
 
