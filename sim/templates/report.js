@@ -42,13 +42,13 @@
   const fit = (layout, width) => {
     // Numbers without letters and without a sign between thousands.
     layout.separators = ".";
-    for (const axis of [layout.xaxis, layout.xaxis2, layout.yaxis]) {
+    for (const axis of [layout.xaxis, layout.xaxis2, layout.yaxis, layout.yaxis2]) {
       if (axis) axis.exponentformat = "none";
       if (axis && axis.type === "log") Object.assign(axis, ticks(axis.range, width < 520));
     }
     if (width < 520) {
       layout.font = { ...layout.font, size: 11 };
-      layout.margin = { ...layout.margin, l: 46, r: 10 };
+      layout.margin = { ...layout.margin, l: 46, r: layout.yaxis2 ? 46 : 10 };
       for (const axis of [layout.xaxis, layout.xaxis2]) if (axis && axis.type === "linear" && !axis.tickvals) axis.nticks = 5;
     }
     if (width < 520 && layout.yaxis.ticktext) {
@@ -60,11 +60,14 @@
     // Names along an axis take their room from what is drawn.
     const names = (layout.yaxis.ticktext || []).flatMap((name) => name.split("<br>")).map((line) => line.length);
     const l = Math.max(layout.margin.l, 0.6 * layout.font.size * Math.max(0, ...names) + 24);
-    for (const [axis, pixels] of [[layout.xaxis, width - l - r], [layout.xaxis2, width - l - r], [layout.yaxis, layout.height - t - b]]) {
-      if (axis && axis.title) axis.title.text = broken(axis.title.text, 0.95 * pixels, layout.font.size + 2);
+    const [across, upward] = [width - l - r, layout.height - t - b];
+    for (const [name, pixels] of Object.entries({ xaxis: across, xaxis2: across, yaxis: upward, yaxis2: upward })) {
+      const title = layout[name] && layout[name].title;
+      if (!title) continue;
+      title.text = broken(title.text, 0.95 * pixels, layout.font.size + 2);
+      // Room between an upright name and the numbers.
+      if (pixels === upward) title.standoff = 8;
     }
-    // Room between an upright name and the numbers.
-    if (layout.yaxis.title) layout.yaxis.title.standoff = 8;
     if (matchMedia("(pointer: coarse)").matches) layout.dragmode = false;
     return layout;
   };
@@ -76,12 +79,24 @@
     }
     return update;
   };
-  const along = (plot, x) => ({
-    ...shown(plot, "xaxis", x),
-    // The second axis reads the same places in another unit.
-    ...(plot.layout.xaxis2 ? shown(plot, "xaxis2", x.map((end) => end + plot.secondBeyond)) : {}),
+  // A second axis reads the same places in another unit: farther along a logarithmic axis, and times a factor along an even one.
+  const beside = (first, second) => {
+    if (first.type === "log") {
+      const beyond = second.range[0] - first.range[0];
+      return (end) => end + beyond;
+    }
+    const factor = (second.range[1] - second.range[0]) / (first.range[1] - first.range[0]);
+    return (end) => end * factor;
+  };
+  const moved = (plot, name, range) => ({
+    ...shown(plot, name, range),
+    ...(plot.beside[name] ? shown(plot, `${name}2`, range.map(plot.beside[name])) : {}),
   });
   const apart = (a, b) => Math.abs(a[0] - b[0]) + Math.abs(a[1] - b[1]) > 1e-9 * Math.abs(a[1] - a[0]);
+  const isOff = (plot, name, range) => {
+    const second = plot.beside[name] && range.map(plot.beside[name]);
+    return apart(range, plot.layout[name].range) || (second && apart(second, plot.layout[`${name}2`].range));
+  };
 
   for (const figure of document.querySelectorAll("figure")) {
     const plots = [...figure.querySelectorAll(".plot")];
@@ -94,7 +109,11 @@
       plot.style.height = `${layout.height}px`;
       Plotly.newPlot(plot, spec.data, layout, spec.config);
       first.set(plot, axes(plot));
-      if (plot.layout.xaxis2) plot.secondBeyond = plot.layout.xaxis2.range[0] - plot.layout.xaxis.range[0];
+      plot.beside = {};
+      for (const name of ["xaxis", "yaxis"]) {
+        const second = plot.layout[`${name}2`];
+        if (second) plot.beside[name] = beside(plot.layout[name], second);
+      }
     }
     // One above the other, what is at the same place of an axis stands at the same place of the page.
     const room = (side) => Math.max(...plots.map((plot) => plot._fullLayout._size[side]));
@@ -105,11 +124,14 @@
         if (busy) return;
         busy = true;
         const x = plot.layout.xaxis.range;
-        const others = plots.filter((other) => other.dataset.x === plot.dataset.x);
-        Promise.all(others.map((other) => {
-          const second = other.layout.xaxis2;
-          const off = apart(x, other.layout.xaxis.range) || (second && apart(along(other, x)["xaxis2.range"], second.range));
-          return off ? Plotly.relayout(other, along(other, x)) : null;
+        Promise.all(plots.map((other) => {
+          const y = other.layout.yaxis.range;
+          const follows = other.dataset.x === plot.dataset.x && isOff(other, "xaxis", x);
+          const update = {
+            ...(follows ? moved(other, "xaxis", x) : {}),
+            ...(isOff(other, "yaxis", y) ? moved(other, "yaxis", y) : {}),
+          };
+          return Object.keys(update).length ? Plotly.relayout(other, update) : null;
         })).finally(() => { busy = false; });
       });
     }
@@ -126,7 +148,7 @@
     figure.querySelector("button.reset").addEventListener("click", () => {
       for (const plot of plots) {
         const [x, y] = first.get(plot);
-        Plotly.relayout(plot, { ...along(plot, x), "yaxis.range": y });
+        Plotly.relayout(plot, { ...moved(plot, "xaxis", x), ...moved(plot, "yaxis", y) });
       }
     });
     const touch = figure.querySelector("button.touch");

@@ -29,7 +29,7 @@ fn options(amplitude: f64) -> RedesignOptions {
 }
 
 fn redesigned(model: &Model, amplitude: f64) -> Redesign {
-    redesign(model, &options(amplitude)).unwrap()
+    redesign(model, &options(amplitude), &|| ()).unwrap()
 }
 
 fn at(bandwidth: Bandwidth) -> f64 {

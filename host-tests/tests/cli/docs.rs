@@ -5,9 +5,11 @@
 //! and what they print has to be what stands below them, blanks at the ends of lines aside. The lines of an `sh` block are
 //! run, and have to succeed. Where its first line is one of [`NOT_HERE`], which a reader understands as well, they are not
 //! run: of those the arguments are parsed. A figure that a page shows, `figures/A-B.svg`, is the one that its commands draw
-//! as `A-figures/B.svg` or `A-out/B.svg`, up to the digits; or one that a page before it in [`PAGES`] draws.
+//! as `A-figures/B.svg` or `A-out/B.svg`, its words up to their digits and its curves up to two pixels; or one that a page
+//! before it in [`PAGES`] draws.
 //!
-//! What stands between backquotes in the text and begins with `rotorlead ` names commands and options that exist.
+//! What stands between backquotes in the text and begins with `rotorlead ` names commands and options that exist, and its
+//! arguments are parsed.
 //!
 //! With `ROTORLEAD_UPDATE_PAGES=1` in the environment outputs and figures are written into the pages instead.
 
@@ -15,6 +17,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::Command as Process;
 
+use clap::error::ErrorKind;
 use clap::{CommandFactory as _, Parser as _};
 use rotorlead_sim::command::Arguments;
 use rotorlead_sim::report::FigureKind;
@@ -24,6 +27,10 @@ use crate::stand::program;
 /// First lines of blocks whose commands no test can run.
 const NOT_HERE: [&str; 4] =
     ["# needs the controller", "# needs the emulator", "# needs the network, once", "# takes long"];
+
+/// How far a point may move before a picture is another one, in units of a drawing, of which a pixel has eight: what another
+/// machine's last digits do is less than that.
+const APART: f64 = 16.0;
 
 /// A page with commands.
 struct Page {
@@ -184,6 +191,7 @@ fn run(page: &str, brought: Option<(&str, &str)>) -> usize {
         }
         let shown = std::fs::read_to_string(&shown).unwrap_or_else(|error| panic!("{}: {error}", shown.display()));
         assert_eq!(words(&shown), words(&drawn), "{page}: {name} is another figure now: `cargo xtask docs`");
+        assert!(are_alike(&shown, &drawn), "{page}: {name} has other curves now: `cargo xtask docs`");
     }
     if is_update {
         std::fs::write(&path, updated).unwrap();
@@ -227,6 +235,24 @@ fn words(svg: &str) -> Vec<String> {
     said.filter(|text| text.parse::<f64>().is_err())
         .map(|text| text.replace(|c: char| c.is_ascii_digit(), "0"))
         .collect()
+}
+
+/// Whether two pictures are drawn alike: as many numbers, and none farther from its like than [`APART`].
+fn are_alike(shown: &str, drawn: &str) -> bool {
+    let numbers = |svg: &str| -> Vec<f64> {
+        let parts = svg.split(|c: char| !(c.is_ascii_digit() || c == '.' || c == '-'));
+        parts.filter_map(|part| part.parse().ok()).collect()
+    };
+    let (shown, drawn) = (numbers(shown), numbers(drawn));
+    shown.len() == drawn.len() && shown.iter().zip(&drawn).all(|(a, b)| (a - b).abs() <= APART)
+}
+
+#[test]
+fn a_curve_that_moves_by_more_than_two_pixels_is_another_picture() {
+    let curve = |y: f64| format!("<polyline fill=\"none\" points=\"240,376.5 416,{y} \"/>");
+    assert!(are_alike(&curve(376.0), &curve(390.0)));
+    assert!(!are_alike(&curve(376.0), &curve(400.0)));
+    assert!(!are_alike(&curve(376.0), &[curve(376.0), curve(376.0)].concat()));
 }
 
 /// Every page under `docs`, and the README, from the root of the sources.
@@ -332,6 +358,20 @@ fn what_the_text_names_are_commands_and_options_that_exist() {
                 } else if let Some(found) = command.find_subcommand(word) {
                     command = found;
                 }
+            }
+            // What is said with its arguments has to be right as a whole; a mere name may lack what has to be given.
+            let mut words = shlex::split(span.split(" | ").next().unwrap()).unwrap();
+            if words.last().is_some_and(|last| last.starts_with("--")) {
+                words.pop();
+            }
+            if let Err(error) = Arguments::try_parse_from(&words) {
+                let is_name = matches!(
+                    error.kind(),
+                    ErrorKind::MissingRequiredArgument
+                        | ErrorKind::MissingSubcommand
+                        | ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand
+                );
+                assert!(is_name || !error.use_stderr(), "{page}: `{span}`:\n{error}");
             }
             let first = arguments.split_whitespace().next().unwrap();
             let is_command = first.starts_with('-') || program.find_subcommand(first).is_some();

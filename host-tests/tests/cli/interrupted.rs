@@ -85,10 +85,14 @@ fn a_signal_at_any_time_leaves_whole_files_and_no_others() {
         ("identify sim --out found.toml --report found.html --figures found", 6),
         ("validate sim --model model.toml --report judged.html --json judged.json", 4),
         ("report sim --out report.html", 4),
+        ("simulate --model model.toml --plan plan.toml --out again --report again.html --figures again-figures", 3),
+        ("check sim --json checked.json", 3),
+        ("bandwidth --model model.toml --records sim --report wide.html --figures wide --json wide.json", 4),
         ("diagnose sim --redesign --out-model better.toml --out-plan next.toml --report better.html", 4),
         ("design --model model.toml --out compensator.toml --report design.html", 4),
         ("excite --band 0.1..30 --rate 1000 --starts 4 --out period.csv --report period.html", 4),
         ("new first", 4),
+        ("man --out pages", 3),
         ("demo --out demo --report demo.html", 3),
     ] {
         let before = stand.everything();
@@ -166,6 +170,7 @@ fn a_file_for_which_there_is_no_room_is_named_and_no_part_of_it_stays() {
         ("validate sim --model model.toml --report full.html", "full.html"),
         ("design --model model.toml --out c.toml --report full.html", "full.html"),
         ("bandwidth --model model.toml --report full.html", "full.html"),
+        ("bandwidth --model model.toml --figures full", "full/"),
         ("diagnose sim --report full.html", "full.html"),
         ("report sim --out full.html", "full.html"),
         ("demo --out full", "full/bode.svg"),

@@ -147,6 +147,16 @@ const zoomFaults = async (index) => {
     const off = second && second.range[1] - second.range[0] - (near[1] - near[0]);
     if (Math.abs(off || 0) > 1e-6) found.push(`${figure.id}: the second axis does not follow`);
   }
+  // Upward it reads hertz where the first reads rad/s.
+  const inUnits = (axis) => (axis.type === "log" ? axis.range.map((end) => 10 ** end) : axis.range);
+  for (const plot of plots.filter((plot) => plot.layout.yaxis2)) {
+    const [from, to] = plot.layout.yaxis.range;
+    await Plotly.relayout(plot, { "yaxis.range": [from + 0.2 * (to - from), from + 0.7 * (to - from)] });
+    await rest();
+    const [first, second] = [inUnits(plot.layout.yaxis), inUnits(plot.layout.yaxis2)];
+    const isOff = first.some((end, index) => Math.abs(second[index] / end - 1 / (2 * Math.PI)) > 1e-4);
+    if (isOff) found.push(`${figure.id}: the second axis upward does not follow`);
+  }
   figure.querySelector("button.reset").click();
   await rest();
   plots.forEach((plot, index) => {

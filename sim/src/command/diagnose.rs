@@ -105,15 +105,16 @@ impl Diagnose {
             text.push_str(&write_plan(&found, out)?);
         }
         let mut json = values(&found);
-        let mut redesign_sections = Vec::new();
+        let (mut sentences, mut redesign_sections) = (Vec::new(), Vec::new());
         if let Some(redesigned) = self.redesign.run(&found, experiment.esc_frame_hz)? {
             text.push_str(&redesigned.text);
             json["redesign"] = redesigned.json;
+            sentences.push(redesigned.verdict.to_owned());
             redesign_sections = redesigned.sections;
         }
         text.push_str(&self.report.write(|| {
             let given = self.model.as_deref().map(|model| report_pages::file("Model that was judged", model));
-            let headline = Headline::new(diagnosis_tone(found.verdict), verdict(&found));
+            let headline = Headline::new(diagnosis_tone(found.verdict), verdict(&found)).with(sentences);
             Report {
                 facts: [report_pages::records(&experiment, folder), given.into_iter().collect()].concat(),
                 sections: [vec![diagnosis_section(&found, None)], redesign_sections].concat(),

@@ -23,6 +23,9 @@ use crate::report::{Section, bandwidth_cell, rad_s, redesign_sections};
 /// Width of what is said.
 const WIDTH: usize = 80;
 
+const DESIGNED: &str = "A compensator is designed for the improved model.";
+const REFUSED: &str = "The compensator is refused: it would ask for more than the actuator follows.";
+
 /// What is asked of a redesign.
 #[derive(Args, Debug)]
 pub struct RedesignArguments {
@@ -46,6 +49,8 @@ pub struct Redesigned {
     pub text: String,
     /// For programs.
     pub json: Value,
+    /// In a sentence, for the top of a report.
+    pub verdict: &'static str,
     /// For a report.
     pub sections: Vec<Section>,
 }
@@ -75,8 +80,8 @@ impl RedesignArguments {
         }
         let amplitude = self.at_amplitude.unwrap_or(PAPER_AMPLITUDE);
         let options = RedesignOptions { design: self.parameters.options(), amplitude, esc_frame_hz };
-        let bar = progress::spinner("designing");
-        let designed = redesign(&found.model, &options);
+        let bar = progress::estimate("designing", found.model.points.len() as u64);
+        let designed = redesign(&found.model, &options, &|| progress::step(&bar));
         bar.finish_and_clear();
         let mut redesigned = match designed {
             Ok(redesigned) => {
@@ -85,6 +90,7 @@ impl RedesignArguments {
                 Redesigned {
                     text: words(&redesigned, amplitude, &notes),
                     json: values(&redesigned, amplitude, &notes, written),
+                    verdict: if redesigned.is_refused() { REFUSED } else { DESIGNED },
                     sections: redesign_sections(
                         &redesigned,
                         &found.model,
@@ -116,6 +122,7 @@ fn not_designed(error: &RedesignError) -> Redesigned {
     let reason = format!("{error}{help}");
     Redesigned {
         text: format!("\nRedesign: none. {}\n", wrapped(&reason, WIDTH, "  ")),
+        verdict: "No compensator can be designed for the improved model.",
         json: json!({ "verdict": "none", "reasons": [&reason], "written": false }),
         sections: vec![Section { text: vec![format!("None. {reason}")], ..Section::new("redesign", "Redesign") }],
     }

@@ -152,7 +152,7 @@ fn designed(model: &Model, options: DesignOptions) -> Part<Designed> {
 /// For the model with what was missing in it; none where it would ask for more than the actuator follows.
 fn designed_with_effects(found: &Diagnosis, design: DesignOptions, experiment: &Experiment) -> Part<Designed> {
     let options = RedesignOptions { design, amplitude: PAPER_AMPLITUDE, esc_frame_hz: experiment.esc_frame_hz };
-    let redesigned = redesign(&found.model, &options).map_err(|error| said(&error.into()))?;
+    let redesigned = redesign(&found.model, &options, &|| ()).map_err(|error| said(&error.into()))?;
     let remarks = command::notes(found, &redesigned);
     if let Some(refusal) = command::refusals(&redesigned).last() {
         let reasons = std::iter::once(refusal).chain(&remarks).map(|reason| reason.trim_end_matches('.'));

@@ -109,17 +109,18 @@ pub enum RedesignError {
     Plant(#[from] PlantError),
 }
 
-/// Designs for `model` with its effects.
+/// Designs for `model` with its effects. `progress` is told whenever a lead is done at one of the model's points: at each once, and
+/// once more where a weaker lead is looked for.
 ///
 /// # Errors
 /// [`RedesignError`].
-pub fn redesign(model: &Model, options: &RedesignOptions) -> Result<Redesign, RedesignError> {
+pub fn redesign(model: &Model, options: &RedesignOptions, progress: &dyn Fn()) -> Result<Redesign, RedesignError> {
     let effects = ActiveEffect::of_model(model)?;
     let full = design(model, &options.design)?;
     let remarks = effects.iter().filter_map(|effect| remarks::remark(effect, &full)).collect();
     let flown = flown(model, &effects);
-    let full = compensated(&flown, full, options)?;
-    let weaker = if full.is_within_bounds() { None } else { weaker(&flown, options)? };
+    let full = compensated(&flown, full, options, progress)?;
+    let weaker = if full.is_within_bounds() { None } else { weaker(&flown, options, progress)? };
     Ok(Redesign { full, weaker, remarks })
 }
 
@@ -131,12 +132,18 @@ fn flown(model: &Model, effects: &[ActiveEffect]) -> Model {
     flown
 }
 
-fn compensated(model: &Model, design: LeadDesign, options: &RedesignOptions) -> Result<Compensated, PlantError> {
+fn compensated(
+    model: &Model,
+    design: LeadDesign,
+    options: &RedesignOptions,
+    progress: &dyn Fn(),
+) -> Result<Compensated, PlantError> {
     let points = small_with_limits(model, &design, options)?
         .into_iter()
         .zip(&model.points)
         .map(|((small, amplitude, limits), point)| {
             let chain = chain(model, &design, options, point, amplitude, small.compensated)?;
+            progress();
             Ok(RedesignPoint { small, amplitude, chain, limits })
         })
         .collect::<Result<_, PlantError>>()?;
@@ -191,7 +198,7 @@ fn chain(
 }
 
 /// The strongest lead within the bounds, found by halving `omega_g`.
-fn weaker(model: &Model, options: &RedesignOptions) -> Result<Option<Compensated>, PlantError> {
+fn weaker(model: &Model, options: &RedesignOptions, progress: &dyn Fn()) -> Result<Option<Compensated>, PlantError> {
     let with = |omega_g_rad_s: f64| design(model, &DesignOptions { omega_g_rad_s, ..options.design }).ok();
     let is_within = |design: &LeadDesign| -> Result<bool, PlantError> {
         let points = small_with_limits(model, design, options)?;
@@ -213,7 +220,7 @@ fn weaker(model: &Model, options: &RedesignOptions) -> Result<Option<Compensated
         }
     }
     let Some(best) = best else { return Ok(None) };
-    let found = compensated(model, best, options)?;
+    let found = compensated(model, best, options, progress)?;
     let gains = |point: &RedesignPoint| rad_s(point.small.compensated) > LEAST_GAIN * rad_s(point.small.uncompensated);
     Ok(found.points.iter().any(gains).then_some(found))
 }
