@@ -63,6 +63,18 @@ fn an_actuator_with_a_slew_limit_is_not_sped_up_and_it_is_said_why() {
     // Where 0.05 omega |C(j omega)| passes the rate that was hidden; before the lead does anything this is 0.6 / 0.05.
     assert!((8.0..12.0).contains(&number(&limit["passed_from_rad_s"])), "{limit}");
     assert!(number(&point["chain_rad_s"]) < 0.2 * number(&point["compensated_rad_s"]), "{point}");
+    // The report's tables have the same numbers.
+    let table = |name: &str| fs::read_to_string(folder.join("figures").join(name)).unwrap();
+    for (name, value) in [
+        ("limits.csv", &limit["passed_from_rad_s"]),
+        ("limits.csv", &limit["reachable_rad_s"]),
+        ("redesign.csv", &point["compensated_rad_s"]),
+        ("redesign.csv", &point["chain_rad_s"]),
+    ] {
+        let row = table(name).lines().last().unwrap().to_owned();
+        let is_same = |cell: &str| cell.parse::<f64>().is_ok_and(|cell| (cell / number(value) - 1.0).abs() < 1e-12);
+        assert!(row.split(',').any(is_same), "{value} is not in {row} of {name}");
+    }
     // A lead that is small enough for the limit is designed, and written.
     let said = run(folder, "diagnose stand --redesign --at-amplitude 0.001 --out-compensator c.toml");
     assert!(said.contains("Redesign: zero 14.1") && said.contains("Written to c.toml"), "{said}");
@@ -73,6 +85,7 @@ fn an_actuator_with_a_slew_limit_is_not_sped_up_and_it_is_said_why() {
         ("candidates", &["slew_limit (named)", "log likelihood"]),
         ("gap", &["u065_multisine.csv", "percent", "noise alone"]),
         ("residual", &["time in the record, s", "measured less simulated, N"]),
+        ("fig_11_bandwidth", &["bandwidth, rad/s", "bandwidth, Hz", "with compensator, sinusoids of 0.05 duty"]),
     ] {
         let svg = fs::read_to_string(folder.join("figures").join(format!("{figure}.svg"))).unwrap();
         for word in words {

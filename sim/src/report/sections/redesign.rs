@@ -59,7 +59,8 @@ fn limits(points: &[RedesignPoint]) -> Option<Table> {
         vec![
             Cell::number(point.small.nominal, 3),
             Cell::text(limit.kind.id),
-            Cell::shown(limit.most, format!("{:.3} {unit}", limit.most)),
+            Cell::number(limit.most, 3),
+            Cell::text(unit),
             Cell::optional(limit.passed_from_rad_s, 1),
             Cell::number(limit.largest_amplitude, 4),
             Cell::number(limit.reachable_rad_s, 1),
@@ -74,6 +75,7 @@ fn limits(points: &[RedesignPoint]) -> Option<Table> {
             Column::new("u_nom", "u_nom", "duty"),
             Column::new("kind", "limit", ""),
             Column::new("most", "most that is followed", ""),
+            Column::new("unit", "unit", ""),
             Column::new("passed_from_rad_s", "passed from", "rad/s"),
             Column::new("largest_amplitude", "largest amplitude within it", "duty"),
             Column::new("reachable_rad_s", "reachable with any filter", "rad/s"),
