@@ -66,7 +66,7 @@
       if (!title) continue;
       title.text = broken(title.text, 0.95 * pixels, layout.font.size + 2);
       // Room between an upright name and the numbers.
-      if (pixels === upward) title.standoff = 8;
+      if (name.startsWith("yaxis")) title.standoff = 8;
     }
     if (matchMedia("(pointer: coarse)").matches) layout.dragmode = false;
     return layout;

@@ -112,6 +112,8 @@ pub(super) fn surprise_of(
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::{AtomicBool, Ordering};
+
     use super::*;
     use crate::diagnose::explain::Search;
     use crate::diagnose::hypothesis::Hypothesis;
@@ -120,17 +122,49 @@ mod tests {
     use crate::plant::Catalog;
     use crate::record::{Excitation, Role};
 
-    #[test]
-    fn a_lag_that_was_fitted_to_a_quiet_record_is_not_held_against_itself_on_a_loud_one() {
+    /// Lags that were fitted to quiet records, beside loud ones that are held out.
+    fn of_quiet_records() -> (Search<'static>, Fit) {
         let mut records = records("", 0.005, 1);
         for record in &mut records.records {
             let is_loud = record.excitation == Excitation::Square;
             record.role = Some(if is_loud { Role::Validate } else { Role::Fit });
         }
         let (trials, base) = trials(&records);
-        let catalog = Catalog::standard();
-        let mut search = Search { trials, catalog: &catalog, progress: &|| {}, lags: true };
+        let catalog = Box::leak(Box::new(Catalog::standard()));
+        let mut search = Search { trials, catalog, progress: &|| {}, lags: true };
         let fit = search.settle(&Hypothesis::of_lags(base), true).unwrap();
+        (search, fit)
+    }
+
+    #[test]
+    fn what_was_promised_counts_where_the_numbers_cannot_be_followed_farther() {
+        let (search, fit) = of_quiet_records();
+        let trials = &search.trials;
+        let held_out: Vec<&Trial> =
+            trials.trials.iter().filter(|trial| trial.end_of(Some(Purpose::HeldOut)) > 0).collect();
+        let near = |hypothesis: &Hypothesis| {
+            let lags = hypothesis.base.iter().zip(&fit.hypothesis.base);
+            lags.into_iter().all(|(lag, own)| (lag.time_constant_s / own.time_constant_s).ln().abs() < 0.01)
+        };
+        let was_refused = AtomicBool::new(false);
+        let white = |trial: &Trial, hypothesis: &Hypothesis| {
+            if !near(hypothesis) {
+                was_refused.store(true, Ordering::Relaxed);
+                return None;
+            }
+            residual(trials, trial, hypothesis, Purpose::HeldOut)
+        };
+        let promised = surprise(trials, &fit, Near::FirstOrder);
+        assert!(promised.is_some());
+        assert_eq!(surprise_of(&held_out, (&fit, Near::Moved), white), promised);
+        assert!(was_refused.into_inner(), "the numbers have to move");
+        // What cannot be had at the fit itself cannot be predicted at all.
+        assert_eq!(surprise_of(&held_out, (&fit, Near::Moved), |_, _| None), None);
+    }
+
+    #[test]
+    fn a_lag_that_was_fitted_to_a_quiet_record_is_not_held_against_itself_on_a_loud_one() {
+        let (search, fit) = of_quiet_records();
         let trials = &search.trials;
         let mut truth = fit.hypothesis.clone();
         for (point, (gain, time_constant_s)) in truth.base.iter_mut().zip([(10.0, 0.16), (13.5, 0.085)]) {
