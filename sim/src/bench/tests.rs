@@ -348,7 +348,8 @@ fn effects_of_the_model_are_in_the_records_on_the_loggers_own_clock_too() {
             let drive = Drive { time_s: &drive.0, command: &drive.1 };
             let expected = simulate(&mut actuator, drive, start, &seen.time_s).unwrap().response;
             for (row, (a, b)) in seen.thrust_n.iter().flatten().zip(&expected).enumerate() {
-                assert!((a - b).abs() < 1e-9, "{kind}, row {row}: {a} for {b}");
+                // What ran before the record was cut into longer pieces: off by up to 3e-7 of how the response bends.
+                assert!((a - b).abs() < 1e-8, "{kind}, row {row}: {a} for {b}");
             }
         }
     }

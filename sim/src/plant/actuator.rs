@@ -1,11 +1,14 @@
 //! The whole simulated actuator: the chain from the command to the response.
 
+mod passing;
+
 use super::effect::{ActiveEffect, Part, Site};
 use super::filter::FORGOTTEN;
-use super::rotor::IntegratedRotor;
+use super::integrated::IntegratedRotor;
+use super::passage::cut;
 use super::{
-    CommandStage, EscFrame, FirstOrder, Memory, Model, OperatingCurve, OperatingPoint, PlantError, ResponseStage,
-    RotorBase, RotorTerm, Segment, Supply, TransportDelay,
+    CommandStage, EscFrame, FirstOrder, Interval, Memory, Model, OperatingCurve, OperatingPoint, PlantError,
+    ResponseStage, RotorBase, RotorTerm, Segment, Supply, TransportDelay,
 };
 
 /// A response that later stages have to follow is cut into pieces of this part of the time in which it bends: the cubic
@@ -236,48 +239,16 @@ impl Actuator {
         }
     }
 
-    /// Holds `command` until `until_s` and reads the response at `moments` on the way: after now, increasing, none after
-    /// `until_s`. An integrated rotor with nothing behind it is not stopped for them.
-    pub(super) fn advance_reading(&mut self, command: f64, until_s: f64, moments: &[f64], read: &mut Vec<f64>) {
-        match &mut self.rotor {
-            Rotor::Integrated(rotor) if self.after.is_empty() => {
-                let mut rest = moments;
-                while self.time_s < until_s {
-                    let mut piece = Segment::constant(command, until_s);
-                    for stage in &mut self.stages {
-                        piece = stage.advance(self.time_s, piece);
-                    }
-                    let (here, later) = rest.split_at(rest.partition_point(|moment_s| *moment_s <= piece.until_s));
-                    rest = later;
-                    rotor.advance_reading(self.time_s, piece, here, read);
-                    self.time_s = piece.until_s;
-                }
-                self.output = rotor.response();
-            }
-            _ => {
-                for &moment_s in moments {
-                    self.advance(command, moment_s);
-                    read.push(self.output);
-                }
-                self.advance(command, until_s);
-            }
-        }
-    }
-
     /// A piece of the command, in as many pieces as rotor and stages behind it need.
     fn follow(&mut self, piece: Segment) {
-        let duration_s = piece.until_s - self.time_s;
-        let for_stages = (duration_s / self.longest_s).ceil().clamp(1.0, 1e6) as usize;
-        let count = for_stages.max(self.rotor.steps(piece, duration_s));
-        let step_s = duration_s / count as f64;
-        for index in 0..count {
-            let since_s = index as f64 * step_s;
-            let part = Segment { level: piece.level + piece.slope_per_s * since_s, ..piece };
-            let mut interval = self.rotor.advance(self.time_s + since_s, part, step_s);
-            for stage in &mut self.after {
-                interval = stage.advance(&interval);
-            }
-            self.output = interval.end;
+        let span = (self.time_s, piece.until_s - self.time_s);
+        let take = |mut signal: Interval| {
+            self.after.iter_mut().for_each(|stage| stage.advance(&mut signal));
+            self.output = signal.end;
+        };
+        match &mut self.rotor {
+            Rotor::Exact(lag) => cut(lag, self.longest_s, span, piece, take),
+            Rotor::Integrated(rotor) => cut(rotor, self.longest_s, span, piece, take),
         }
     }
 
@@ -352,29 +323,6 @@ impl Rotor {
                 lag.time_constant_s().map_or(Memory::Lasting, |tau_s| Memory::Seconds(FORGOTTEN * tau_s))
             }
             Self::Integrated(rotor) => rotor.memory(),
-        }
-    }
-
-    fn steps(&self, piece: Segment, duration_s: f64) -> usize {
-        match self {
-            Self::Exact(_) => 1,
-            Self::Integrated(rotor) => rotor.steps(piece, duration_s),
-        }
-    }
-
-    fn advance(&mut self, from_s: f64, piece: Segment, duration_s: f64) -> super::Interval {
-        match self {
-            Self::Exact(lag) => {
-                let (start, start_slope) = (lag.response(), lag.slope_per_s(piece.level));
-                if piece.slope_per_s == 0.0 {
-                    lag.advance(piece.level, duration_s);
-                } else {
-                    lag.advance_ramp(piece.level, piece.slope_per_s, duration_s);
-                }
-                let end_slope = lag.slope_per_s(piece.level + piece.slope_per_s * duration_s);
-                super::Interval { from_s, duration_s, start, start_slope, end: lag.response(), end_slope }
-            }
-            Self::Integrated(rotor) => rotor.advance(from_s, piece, duration_s),
         }
     }
 }

@@ -54,19 +54,23 @@ impl CommandStage for TransportDelay {
 
     #[inline]
     fn advance(&mut self, from_s: f64, input: Segment) -> Segment {
-        let Segment { level, slope_per_s, until_s } = input;
-        if slope_per_s != self.last_in.slope_per_s || level != self.last_in.level_at(from_s) {
-            self.last_in = Change { at_s: from_s, level, slope_per_s };
-            self.under_way.push_back(Change { at_s: from_s + self.delay_s, level, slope_per_s });
+        self.put_in(from_s, input);
+        self.output(from_s, input.until_s)
+    }
+
+    /// What comes out does not stop where another level goes in.
+    fn pass(&mut self, from_s: f64, inputs: &[Segment], outputs: &mut Vec<Segment>) {
+        let mut end_s = from_s;
+        for input in inputs {
+            self.put_in(end_s, *input);
+            end_s = input.until_s;
         }
-        while let Some(&change) = self.under_way.front() {
-            if change.at_s > from_s {
-                return self.output(from_s, until_s.min(change.at_s));
-            }
-            self.out = change;
-            self.under_way.pop_front();
+        let mut now_s = from_s;
+        while now_s < end_s {
+            let output = self.output(now_s, end_s);
+            now_s = output.until_s;
+            output.join(outputs);
         }
-        self.output(from_s, until_s)
     }
 
     fn memory(&self) -> Memory {
@@ -76,7 +80,25 @@ impl CommandStage for TransportDelay {
 
 impl TransportDelay {
     #[inline]
-    fn output(&self, from_s: f64, until_s: f64) -> Segment {
+    fn put_in(&mut self, from_s: f64, Segment { level, slope_per_s, .. }: Segment) {
+        if slope_per_s != self.last_in.slope_per_s || level != self.last_in.level_at(from_s) {
+            self.last_in = Change { at_s: from_s, level, slope_per_s };
+            self.under_way.push_back(Change { at_s: from_s + self.delay_s, level, slope_per_s });
+        }
+    }
+
+    /// What comes out from `from_s` on, up to the next change or `until_s`.
+    #[inline]
+    fn output(&mut self, from_s: f64, until_s: f64) -> Segment {
+        let mut until_s = until_s;
+        while let Some(&change) = self.under_way.front() {
+            if change.at_s > from_s {
+                until_s = until_s.min(change.at_s);
+                break;
+            }
+            self.out = change;
+            self.under_way.pop_front();
+        }
         Segment { level: self.out.level_at(from_s), slope_per_s: self.out.slope_per_s, until_s }
     }
 }

@@ -1,5 +1,6 @@
 //! The linear filters between rotor and logger, exact for inputs that are cubic in pieces.
 
+use nalgebra::ComplexField;
 use num_complex::Complex64;
 
 use super::Memory;
@@ -47,8 +48,13 @@ pub trait ResponseStage: Send {
     /// Puts the stage in the state it has when its input has been `level` for ever; gives its output then.
     fn settle(&mut self, level: f64) -> f64;
 
-    /// The output over the same time. The next question begins where this one ended.
-    fn advance(&mut self, input: &Interval) -> Interval;
+    /// Puts the output over the same time in place of the input. The next question begins where this one ended.
+    fn advance(&mut self, signal: &mut Interval);
+
+    /// The same over many intervals in a row. Not to be implemented: it is here to be compiled for each stage by itself.
+    fn pass(&mut self, signals: &mut [Interval]) {
+        signals.iter_mut().for_each(|signal| self.advance(signal));
+    }
 
     /// The shortest time in which the output bends, seconds: what a later stage needs to know to follow it.
     fn time_scale_s(&self) -> f64 {
@@ -67,52 +73,56 @@ pub trait ResponseStage: Send {
     fn start_record(&mut self, _at_s: f64) {}
 }
 
+/// A pole, and the state that belongs to it: a real number, or a complex one that stands for a pair.
+pub(super) trait Root: ComplexField<RealField = f64> + Copy {}
+
+impl Root for f64 {}
+impl Root for Complex64 {}
+
 /// `dw/dt = pole w + input`, propagated exactly for a cubic input.
 ///
 /// With `z = pole d` and the input `sum c_k theta^k`, `theta = t / d`:
 /// `w(d) = e^z w(0) + d sum_k k! c_k phi_(k+1)(z)`, where `phi_0 = e^z` and `phi_(k+1) = (phi_k - 1 / k!) / z`
 /// (Hochbruck & Ostermann, *Exponential integrators*, Acta Numerica 2010, eq. (2.11)).
 #[derive(Clone, Debug)]
-pub(super) struct Mode {
-    pole: Complex64,
-    state: Complex64,
-    /// The last durations with the functions of each, the latest first.
-    kept: [(f64, [Complex64; 5]); KEPT],
+pub(super) struct Mode<T> {
+    pole: T,
+    state: T,
+    /// Durations with the functions of each, and the place of the one that was kept last.
+    kept: [(f64, [T; 5]); KEPT],
+    latest: usize,
 }
 
-impl Mode {
+impl<T: Root> Mode<T> {
     /// A pole in rad/s, not at 0.
-    pub(super) fn new(pole: Complex64) -> Self {
-        Self { pole, state: Complex64::ZERO, kept: [(-1.0, [Complex64::ONE; 5]); KEPT] }
+    pub(super) fn new(pole: T) -> Self {
+        Self { pole, state: T::zero(), kept: [(-1.0, [T::one(); 5]); KEPT], latest: 0 }
     }
 
     /// At rest with an input that has been `level` for ever: `-level / pole`.
     pub(super) fn settle(&mut self, level: f64) {
-        self.state = -level / self.pole;
+        self.state = T::from_real(-level) / self.pole;
     }
 
-    pub(super) fn state(&self) -> Complex64 {
+    pub(super) fn state(&self) -> T {
         self.state
     }
 
     #[inline]
     pub(super) fn advance(&mut self, input: &Interval) {
         let d = input.duration_s;
-        let is_same = |kept: &(f64, [Complex64; 5])| (d - kept.0).abs() <= SAME_DURATION * d;
-        match self.kept.iter().position(is_same) {
-            Some(0) => {}
-            Some(place) => self.kept.swap(0, place),
-            None => {
-                self.kept.rotate_right(1);
-                self.kept[0] = (d, phi(self.pole * d));
-            }
-        }
-        let phi = &self.kept[0].1;
+        let is_same = |kept: &(f64, [T; 5])| (d - kept.0).abs() <= SAME_DURATION * d;
+        let place = self.kept.iter().position(is_same).unwrap_or_else(|| {
+            self.latest = (self.latest + 1) % KEPT;
+            self.kept[self.latest] = (d, phi(self.pole.scale(d)));
+            self.latest
+        });
+        let phi = &self.kept[place].1;
         let rise = input.end - input.start;
         let (begin, end) = (input.start_slope * d, input.end_slope * d);
         let (c2, c3) = (3.0 * rise - 2.0 * begin - end, begin + end - 2.0 * rise);
-        let forced = phi[1] * input.start + phi[2] * begin + phi[3] * (2.0 * c2) + phi[4] * (6.0 * c3);
-        self.state = phi[0] * self.state + forced * d;
+        let forced = phi[1].scale(input.start) + phi[2].scale(begin) + phi[3].scale(2.0 * c2) + phi[4].scale(6.0 * c3);
+        self.state = phi[0] * self.state + forced.scale(d);
     }
 }
 
@@ -133,21 +143,22 @@ const RECIPROCALS: [f64; TERMS] = {
 };
 
 /// `phi_0` to `phi_4` at `z`.
-fn phi(z: Complex64) -> [Complex64; 5] {
+fn phi<T: Root>(z: T) -> [T; 5] {
     const FACTORIALS: [f64; 4] = [1.0, 1.0, 2.0, 6.0];
-    let mut phi = [Complex64::ONE; 5];
-    if z.norm_sqr() > 1.0 {
+    let mut phi = [T::one(); 5];
+    let squared = z.modulus_squared();
+    if squared > 1.0 {
         phi[0] = z.exp();
         for k in 0..4 {
-            phi[k + 1] = (phi[k] - 1.0 / FACTORIALS[k]) / z;
+            phi[k + 1] = (phi[k] - T::from_real(1.0 / FACTORIALS[k])) / z;
         }
     } else {
         // phi_4 by its series, where the recursion upward loses digits: sum z^n / (n + 4)!.
-        let terms = if z.norm_sqr() > SHORT * SHORT { TERMS } else { FEW_TERMS };
-        let sum = RECIPROCALS[..terms].iter().rev().fold(Complex64::ONE, |sum, of_n| sum * (z * of_n) + 1.0);
-        phi[4] = sum / 24.0;
+        let terms = if squared > SHORT * SHORT { TERMS } else { FEW_TERMS };
+        let term = |sum: T, of_n: &f64| sum * z.scale(*of_n) + T::one();
+        phi[4] = RECIPROCALS[..terms].iter().rev().fold(T::one(), term).scale(1.0 / 24.0);
         for k in (0..4).rev() {
-            phi[k] = phi[k + 1] * z + 1.0 / FACTORIALS[k];
+            phi[k] = phi[k + 1] * z + T::from_real(1.0 / FACTORIALS[k]);
         }
     }
     phi

@@ -1,6 +1,7 @@
 //! The rotor with its propeller as a first-order lag.
 
-use super::{Model, OperatingCurve, OperatingPoint, PlantError, RotorBase};
+use super::passage::{Passage, Readings, Rotates, Wanted};
+use super::{Interval, Model, OperatingCurve, OperatingPoint, PlantError, RotorBase, Segment};
 
 /// The first-order plant `time_constant dy/dt = steady(u) - y` (paper, eq. (1)), propagated exactly.
 ///
@@ -37,18 +38,29 @@ struct Decay {
 
 /// Exponents this near are the same but for rounding; what the slope leaves out is half its square.
 const SAME_EXPONENT: f64 = 1e-9;
+/// Up to this exponent six terms of the series are quicker, and exact: the next one is below
+/// `SHORT^6 / 5040`, 2e-16 of the sum.
+const SHORT: f64 = 0.01;
 
 impl Decay {
     #[inline]
     fn over(&mut self, exponent: f64) -> f64 {
         let off = exponent - self.exponent;
-        if off.abs() > SAME_EXPONENT * self.exponent {
-            // expm1 keeps the digits that 1 - e^-x would lose for steps that are short beside the time constant.
-            *self = Self { exponent, less_one: (-exponent).exp_m1() };
-            return self.less_one;
+        if off.abs() <= SAME_EXPONENT * self.exponent {
+            return self.less_one - off * (1.0 + self.less_one);
         }
-        self.less_one - off * (1.0 + self.less_one)
+        // expm1 keeps the digits that 1 - e^-x would lose for steps that are short beside the time constant.
+        let less_one = if exponent < SHORT { short(exponent) } else { (-exponent).exp_m1() };
+        *self = Self { exponent, less_one };
+        less_one
     }
+}
+
+/// `e^-x - 1` for an `x` from 0 up to [`SHORT`].
+#[inline]
+fn short(x: f64) -> f64 {
+    const RECIPROCALS: [f64; 5] = [1.0 / 6.0, 1.0 / 5.0, 1.0 / 4.0, 1.0 / 3.0, 1.0 / 2.0];
+    -x * RECIPROCALS.iter().fold(1.0, |sum, of_n| 1.0 - x * of_n * sum)
 }
 
 #[derive(Clone, Debug)]
@@ -95,7 +107,8 @@ impl FirstOrder {
             Law::Linear(point) => 1.0 / point.lag.time_constant_s,
             Law::Level(_) => 0.0,
         };
-        let mut plant = Self { law, command, target: 0.0, rate_per_s, response: 0.0, kept };
+        // No command is the one of the moment yet.
+        let mut plant = Self { law, command: f64::NAN, target: 0.0, rate_per_s, response: 0.0, kept };
         plant.settle(command);
         plant
     }
@@ -109,36 +122,84 @@ impl FirstOrder {
     /// Lets `duration_s` (not negative) pass with a constant `command`.
     #[inline]
     pub fn advance(&mut self, command: f64, duration_s: f64) {
-        if command != self.command {
-            self.take(command);
-        }
-        self.response -= (self.target - self.response) * self.kept.over(duration_s * self.rate_per_s);
+        self.take(command);
+        self.response = self.after(duration_s);
     }
 
-    /// Lets `duration_s` pass with a command that starts at `level` and moves by `slope_per_s`. Exact on the linear plant:
+    /// The response that the command of the moment leads to in `duration_s`.
+    #[inline]
+    fn after(&mut self, duration_s: f64) -> f64 {
+        self.response - (self.target - self.response) * self.kept.over(duration_s * self.rate_per_s)
+    }
+
+    /// The same with a command that moves by `slope_per_s` from now on. Exact on the linear plant:
     /// `y(d) = steady(d) - m tau + (y(0) - steady(0) + m tau) e^(-d / tau)` with `m` the slope of the steady response.
     /// The plant that follows the level has no such solution; it takes the level at the middle of the duration.
-    pub(super) fn advance_ramp(&mut self, level: f64, slope_per_s: f64, duration_s: f64) {
+    #[inline]
+    fn after_ramp(&mut self, slope_per_s: f64, duration_s: f64) -> f64 {
         match &self.law {
             Law::Linear(point) => {
                 let ramp = point.lag.gain * slope_per_s;
-                let lag = ramp * point.lag.time_constant_s;
-                self.take(level);
-                let begin = self.target - lag;
-                self.response -= (begin - self.response) * self.kept.over(duration_s * self.rate_per_s);
-                self.response += ramp * duration_s;
-                self.take(level + slope_per_s * duration_s);
+                let begin = self.target - ramp * point.lag.time_constant_s;
+                let lagged = self.response - (begin - self.response) * self.kept.over(duration_s * self.rate_per_s);
+                lagged + ramp * duration_s
             }
-            Law::Level(_) => self.advance(level + 0.5 * slope_per_s * duration_s, duration_s),
+            Law::Level(_) => {
+                let command = self.command;
+                self.take(command + 0.5 * slope_per_s * duration_s);
+                let response = self.after(duration_s);
+                self.take(command);
+                response
+            }
         }
     }
 
-    /// How fast the response moves, per second, with the command `command`.
-    pub(super) fn slope_per_s(&mut self, command: f64) -> f64 {
-        if command != self.command {
-            self.take(command);
-        }
+    /// Lets `duration_s` pass with a command that starts at `level` and moves by `slope_per_s`.
+    #[cfg(test)]
+    fn advance_ramp(&mut self, level: f64, slope_per_s: f64, duration_s: f64) {
+        let piece = Segment { level, slope_per_s, until_s: duration_s };
+        self.begin(piece);
+        Rotates::advance(self, &(), piece, (0.0, duration_s));
+    }
+
+    /// How fast the response moves, per second.
+    fn slope_per_s(&self) -> f64 {
         (self.target - self.response) * self.rate_per_s
+    }
+
+    /// Lets many pieces pass.
+    pub(super) fn pass(&mut self, passage: &mut Passage) {
+        match &mut passage.wanted {
+            Wanted::Intervals(intervals) => intervals.take(self, passage.from_s, passage.pieces),
+            Wanted::Readings(readings) => self.read(passage.from_s, passage.pieces, readings),
+        }
+    }
+
+    fn read(&mut self, from_s: f64, pieces: &[Segment], readings: &mut Readings) {
+        let mut now_s = from_s;
+        for piece in pieces {
+            self.take(piece.level);
+            // From one moment to the next, which are as far apart as the ones before.
+            while let Some(moment_s) = readings.before(piece.until_s) {
+                self.go_on(piece.slope_per_s, moment_s - now_s);
+                now_s = moment_s;
+                readings.take(self.response);
+            }
+            self.go_on(piece.slope_per_s, piece.until_s - now_s);
+            now_s = piece.until_s;
+            readings.take_end(piece.until_s, self.response);
+        }
+    }
+
+    /// Lets `duration_s` pass with the command of the moment, which moves by `slope_per_s`.
+    #[inline]
+    fn go_on(&mut self, slope_per_s: f64, duration_s: f64) {
+        if slope_per_s == 0.0 {
+            self.response = self.after(duration_s);
+        } else {
+            self.response = self.after_ramp(slope_per_s, duration_s);
+            self.take(self.command + slope_per_s * duration_s);
+        }
     }
 
     /// Seconds, where it is the same at every level.
@@ -176,6 +237,9 @@ impl FirstOrder {
 
     #[inline]
     fn take(&mut self, command: f64) {
+        if command == self.command {
+            return;
+        }
         self.command = command;
         match &self.law {
             Law::Linear(point) => {
@@ -187,6 +251,27 @@ impl FirstOrder {
                 self.rate_per_s = 1.0 / point.lag.time_constant_s;
             }
         }
+    }
+}
+
+impl Rotates for FirstOrder {
+    type Begin = ();
+
+    #[inline]
+    fn begin(&mut self, piece: Segment) {
+        self.take(piece.level);
+    }
+
+    #[inline]
+    fn steps(&self, _: &(), _: Segment, _: f64) -> usize {
+        1
+    }
+
+    #[inline]
+    fn advance(&mut self, _: &(), piece: Segment, (from_s, duration_s): (f64, f64)) -> Interval {
+        let (start, start_slope) = (self.response, self.slope_per_s());
+        self.go_on(piece.slope_per_s, duration_s);
+        Interval { from_s, duration_s, start, start_slope, end: self.response, end_slope: self.slope_per_s() }
     }
 }
 
@@ -212,6 +297,14 @@ mod tests {
     }
 
     #[test]
+    fn short_steps_are_those_of_the_exponential() {
+        for x in (0..=100).map(|k| f64::from(k) * 1e-4) {
+            let exact = (-x).exp_m1();
+            assert!((short(x) - exact).abs() <= 4e-16 * exact.abs(), "{x}: {:e}", short(x) - exact);
+        }
+    }
+
+    #[test]
     fn one_long_step_equals_many_short_ones() {
         let mut long = FirstOrder::around(&table_1(), 0.5).unwrap();
         let mut short = long.clone();
@@ -232,7 +325,7 @@ mod tests {
             assert!((plant.response() - expected).abs() < 1e-12);
             // At its end the response moves as the command that it lags behind.
             let moves = slope * (1.0 - (-duration_s / tau_s).exp());
-            assert!((plant.slope_per_s(0.5 + 0.25 * duration_s) - moves).abs() < 1e-11);
+            assert!((plant.slope_per_s() - moves).abs() < 1e-11);
         }
     }
 

@@ -1,6 +1,6 @@
 //! A chain over a whole record.
 
-use super::{Actuator, PlantError};
+use super::{Actuator, PlantError, Segment};
 
 /// Commands and the moments at which they take effect.
 #[derive(Clone, Copy, Debug)]
@@ -57,7 +57,7 @@ pub struct Trace {
 /// [`PlantError::Setting`] for a drive without commands or with a time per command missing, and for a period that is not
 /// above 0.
 pub fn simulate(actuator: &mut Actuator, drive: Drive, start: Start, rows_s: &[f64]) -> Result<Trace, PlantError> {
-    begin(actuator, drive, start)?;
+    begin(actuator, (drive, Course::Held), start)?;
     let (count, zero_s) = (drive.time_s.len(), drive.time_s[0]);
     let mut trace = Trace::default();
     trace.response.reserve(rows_s.len());
@@ -78,6 +78,15 @@ pub fn simulate(actuator: &mut Actuator, drive: Drive, start: Start, rows_s: &[f
     Ok(trace)
 }
 
+/// How a command gets from one of a drive to the next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Course {
+    /// It holds.
+    Held,
+    /// In a straight line.
+    Straight,
+}
+
 /// [`simulate`] for the response alone. What is integrated in steps need not stop at every row, and goes over many of them
 /// at a time where the command stays; the response in between is off by less than the steps are.
 ///
@@ -89,27 +98,50 @@ pub fn simulate_response(
     start: Start,
     rows_s: &[f64],
 ) -> Result<Vec<f64>, PlantError> {
-    begin(actuator, drive, start)?;
-    let (count, zero_s) = (drive.time_s.len(), drive.time_s[0]);
+    simulate_course(actuator, (drive, Course::Held), start, rows_s)
+}
+
+/// The same on another course.
+pub(crate) fn simulate_course(
+    actuator: &mut Actuator,
+    (drive, course): (Drive, Course),
+    start: Start,
+    rows_s: &[f64],
+) -> Result<Vec<f64>, PlantError> {
+    begin(actuator, (drive, course), start)?;
+    let zero_s = drive.time_s[0];
     let moments: Vec<f64> = rows_s.iter().map(|row_s| actuator.moment_of_row(row_s - zero_s)).collect();
     let now_s = actuator.now_s();
     let early = moments.partition_point(|moment_s| *moment_s <= now_s);
     let mut response = Vec::with_capacity(rows_s.len());
     response.resize(early, actuator.response());
-    let mut next = 0;
-    while response.len() < moments.len() {
-        let command = drive.command[next];
-        let changes = |other: &f64| *other != command;
-        let until = drive.command[next..].iter().position(changes).map_or(count, |stay| next + stay);
-        let rest = &moments[response.len()..];
-        let until_s = drive.time_s.get(until).map_or(f64::INFINITY, |time_s| time_s - zero_s);
-        let rows = rest.iter().position(|moment_s| *moment_s > until_s).unwrap_or(rest.len());
-        // After the last command it goes on to the last row.
-        let end_s = if rows < rest.len() { until_s } else { rest[rest.len() - 1] };
-        actuator.advance_reading(command, end_s, &rest[..rows], &mut response);
-        next = until;
-    }
+    let Some(&end_s) = moments[early..].last() else { return Ok(response) };
+    // Up to the last row, which may be before the last command, or after it.
+    let begun = drive.time_s.partition_point(|time_s| time_s - zero_s < end_s);
+    let pieces = (0..begun).map(|place| {
+        let piece = piece(drive, course, place, f64::INFINITY);
+        Segment { until_s: piece.until_s.min(end_s), ..piece }
+    });
+    actuator.pass(pieces, &moments[early..], &mut response);
     Ok(response)
+}
+
+/// The piece that begins with a command, on the clock of the drive; the last one ends at `end_s`.
+#[inline]
+fn piece(drive: Drive, course: Course, place: usize, end_s: f64) -> Segment {
+    let zero_s = drive.time_s[0];
+    let level = drive.command[place];
+    let until_s = drive.time_s.get(place + 1).map_or(end_s, |time_s| time_s - zero_s);
+    let slope_per_s = match course {
+        Course::Held => 0.0,
+        // What repeats goes back to its first command.
+        Course::Straight if until_s.is_finite() => {
+            let next = drive.command.get(place + 1).unwrap_or(&drive.command[0]);
+            (next - level) / (until_s - (drive.time_s[place] - zero_s))
+        }
+        Course::Straight => 0.0,
+    };
+    Segment { level, slope_per_s, until_s }
 }
 
 /// [`simulate_response`] where the drive is whole periods of `period_rows` rows: what repeats by then is not run again.
@@ -123,9 +155,20 @@ pub fn simulate_periodic_response(
     rows_s: &[f64],
     period_rows: usize,
 ) -> Result<Vec<f64>, PlantError> {
+    simulate_periodic_course(actuator, (drive, Course::Held), start, rows_s, period_rows)
+}
+
+/// The same on another course.
+pub(crate) fn simulate_periodic_course(
+    actuator: &mut Actuator,
+    (drive, course): (Drive, Course),
+    start: Start,
+    rows_s: &[f64],
+    period_rows: usize,
+) -> Result<Vec<f64>, PlantError> {
     let all = rows_s.len();
     let Some(period_s) = rows_s.get(period_rows).map(|row_s| row_s - rows_s[0]) else {
-        return simulate_response(actuator, drive, start, rows_s);
+        return simulate_course(actuator, (drive, course), start, rows_s);
     };
     let lead_s = match start {
         Start::Rest(_) => 0.0,
@@ -133,11 +176,11 @@ pub fn simulate_periodic_response(
         Start::Periodic { periods, .. } => f64::from(periods) * period_s,
     };
     let Some(after_s) = actuator.repeats_after_s(period_s).map(|after_s| after_s - lead_s) else {
-        return simulate_response(actuator, drive, start, rows_s);
+        return simulate_course(actuator, (drive, course), start, rows_s);
     };
     let from_s = drive.time_s.first().map_or(0.0, |first_s| first_s + after_s.max(0.0));
     let once = (rows_s.partition_point(|row_s| *row_s <= from_s) + period_rows).min(all);
-    let mut response = simulate_response(actuator, drive, start, &rows_s[..once])?;
+    let mut response = simulate_course(actuator, (drive, course), start, &rows_s[..once])?;
     response.reserve(all - once);
     for row in once..all {
         response.push(response[row - period_rows]);
@@ -146,7 +189,7 @@ pub fn simulate_periodic_response(
 }
 
 /// Brings an actuator to the begin of a record.
-fn begin(actuator: &mut Actuator, drive: Drive, start: Start) -> Result<(), PlantError> {
+fn begin(actuator: &mut Actuator, (drive, course): (Drive, Course), start: Start) -> Result<(), PlantError> {
     let count = drive.time_s.len();
     if count == 0 || drive.command.len() != count {
         let value = drive.command.len() as f64;
@@ -159,14 +202,14 @@ fn begin(actuator: &mut Actuator, drive: Drive, start: Start) -> Result<(), Plan
             actuator.settle(mean(period, period_s));
             actuator.begin_at(-f64::from(periods) * period_s);
             for repeat in (1..=periods).rev() {
-                run_in(actuator, period, period_s, -f64::from(repeat) * period_s);
+                run_in(actuator, (period, course), period_s, -f64::from(repeat) * period_s);
             }
         }
         Start::Running { period_s, lead_s } => {
             let period = one_period(drive, period_s)?;
             actuator.settle(mean(period, period_s));
             actuator.begin_at(-lead_s.clamp(0.0, period_s));
-            run_in(actuator, period, period_s, -period_s);
+            run_in(actuator, (period, course), period_s, -period_s);
         }
     }
     actuator.begin_at(0.0);
@@ -194,17 +237,21 @@ fn one_period(drive: Drive, period_s: f64) -> Result<Drive, PlantError> {
 }
 
 /// Lets a period that begins at `begin_s` pass, or what of it is still to come.
-fn run_in(actuator: &mut Actuator, period: Drive, period_s: f64, begin_s: f64) {
-    for (index, &command) in period.command.iter().enumerate() {
-        let until_s = period.time_s.get(index + 1).map_or(period_s, |time_s| time_s - period.time_s[0]);
-        actuator.advance(command, until_s + begin_s);
-    }
+fn run_in(actuator: &mut Actuator, (period, course): (Drive, Course), period_s: f64, begin_s: f64) {
+    let now_s = actuator.now_s();
+    let begun = period.time_s.partition_point(|time_s| time_s - period.time_s[0] + begin_s <= now_s);
+    let pieces = (begun.saturating_sub(1)..period.command.len()).map(|place| {
+        let piece = piece(period, course, place, period_s);
+        let late_s = (now_s - (period.time_s[place] - period.time_s[0] + begin_s)).max(0.0);
+        Segment { level: piece.level + piece.slope_per_s * late_s, until_s: piece.until_s + begin_s, ..piece }
+    });
+    actuator.pass(pieces, &[], &mut Vec::new());
 }
 
 /// Mean command over a period.
 fn mean(period: Drive, period_s: f64) -> f64 {
-    let zero_s = period.time_s[0];
-    let end_s = |index: usize| period.time_s.get(index + 1).map_or(period_s, |time_s| time_s - zero_s);
-    let weighted = period.time_s.iter().zip(period.command).enumerate();
-    weighted.map(|(index, (time_s, command))| command * (end_s(index) - (time_s - zero_s))).sum::<f64>() / period_s
+    let (zero_s, last) = (period.time_s[0], period.time_s.len() - 1);
+    let pairs = period.time_s.windows(2).zip(period.command);
+    let inner: f64 = pairs.map(|(pair, command)| command * (pair[1] - pair[0])).sum();
+    (inner + period.command[last] * (period_s - (period.time_s[last] - zero_s))) / period_s
 }

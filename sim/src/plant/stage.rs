@@ -17,6 +17,17 @@ impl Segment {
     pub fn constant(level: f64, until_s: f64) -> Self {
         Self { level, slope_per_s: 0.0, until_s }
     }
+
+    /// Comes after `others`, as a part of the last one where the level stays.
+    #[inline]
+    pub(super) fn join(self, others: &mut Vec<Self>) {
+        match others.last_mut() {
+            Some(last) if last.level == self.level && last.slope_per_s == 0.0 && self.slope_per_s == 0.0 => {
+                last.until_s = self.until_s;
+            }
+            _ => others.push(self),
+        }
+    }
 }
 
 /// For how long what a link was given shows in what it gives.
@@ -60,6 +71,21 @@ pub trait CommandStage: Send {
     ///
     /// `from_s` is before `input.until_s`, and never before the `from_s` of the last question.
     fn advance(&mut self, from_s: f64, input: Segment) -> Segment;
+
+    /// The outputs for many inputs in a row, the first of which begins at `from_s`: as [`CommandStage::advance`] has them. This
+    /// is here to be compiled for each stage by itself.
+    fn pass(&mut self, from_s: f64, inputs: &[Segment], outputs: &mut Vec<Segment>) {
+        let mut now_s = from_s;
+        for input in inputs {
+            let begin_s = now_s;
+            while now_s < input.until_s {
+                let level = input.level + input.slope_per_s * (now_s - begin_s);
+                let output = self.advance(now_s, Segment { level, ..*input });
+                now_s = output.until_s;
+                output.join(outputs);
+            }
+        }
+    }
 
     /// For how long what was shows in its output.
     fn memory(&self) -> Memory;

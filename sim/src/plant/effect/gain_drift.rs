@@ -1,6 +1,5 @@
 //! Thrust changes slowly with time.
 
-use num_complex::Complex64;
 
 use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
 use crate::plant::filter::{FORGOTTEN, Mode};
@@ -64,7 +63,7 @@ struct GainDrift {
     gain: f64,
     lag_s: f64,
     /// `e / tau`.
-    behind: Mode,
+    behind: Mode<f64>,
 }
 
 /// The gain, how fast it moves, and how fast that changes.
@@ -84,7 +83,7 @@ impl GainDrift {
             start_s: f64::INFINITY,
             gain: 1.0,
             lag_s,
-            behind: Mode::new(Complex64::from(-1.0 / lag_s)),
+            behind: Mode::new(-1.0 / lag_s),
         }
     }
 
@@ -106,30 +105,27 @@ impl ResponseStage for GainDrift {
         level * self.gain
     }
 
-    fn advance(&mut self, input: &Interval) -> Interval {
-        let (start, end) = (self.gain(input.from_s), self.gain(input.from_s + input.duration_s));
+    fn advance(&mut self, signal: &mut Interval) {
+        let (start, end) = (self.gain(signal.from_s), self.gain(signal.from_s + signal.duration_s));
         // e / tau follows d(e / tau)/dt = -(e / tau) / tau + g' z / tau.
         let fed = Interval {
-            start: start.slope * input.start / self.lag_s,
-            start_slope: (start.slope * input.start_slope + start.bend * input.start) / self.lag_s,
-            end: end.slope * input.end / self.lag_s,
-            end_slope: (end.slope * input.end_slope + end.bend * input.end) / self.lag_s,
-            ..*input
+            start: start.slope * signal.start / self.lag_s,
+            start_slope: (start.slope * signal.start_slope + start.bend * signal.start) / self.lag_s,
+            end: end.slope * signal.end / self.lag_s,
+            end_slope: (end.slope * signal.end_slope + end.bend * signal.end) / self.lag_s,
+            ..*signal
         };
-        let before = self.behind.state().re;
+        let before = self.behind.state();
         self.behind.advance(&fed);
-        let after = self.behind.state().re;
+        let after = self.behind.state();
         self.gain = end.value;
         let output = |gain: &Gain, value: f64, behind: f64| gain.value * value - self.lag_s * behind;
         // y' = g' z + g z' - e', and e' = g' z - e / tau.
         let slope = |gain: &Gain, slope: f64, behind: f64| gain.value * slope + behind;
-        Interval {
-            start: output(&start, input.start, before),
-            start_slope: slope(&start, input.start_slope, before),
-            end: output(&end, input.end, after),
-            end_slope: slope(&end, input.end_slope, after),
-            ..*input
-        }
+        signal.start = output(&start, signal.start, before);
+        signal.start_slope = slope(&start, signal.start_slope, before);
+        signal.end = output(&end, signal.end, after);
+        signal.end_slope = slope(&end, signal.end_slope, after);
     }
 
     fn memory(&self) -> Memory {

@@ -54,8 +54,8 @@ pub static KIND: Kind = Kind {
     part: |values, _| match values[0] {
         1.0 => Part::Nothing,
         ratio => {
-            let mode = Mode::new(Complex64::from(-1.0 / values[1]));
-            Part::response(InflowLead { ratio, time_constant_s: values[1], mode })
+            let rate_per_s = 1.0 / values[1];
+            Part::response(InflowLead { ratio, rate_per_s, mode: Mode::new(-rate_per_s) })
         }
     },
     response: |values, _, omega_rad_s| {
@@ -70,14 +70,14 @@ pub static KIND: Kind = Kind {
 /// `ratio u + (1 - ratio) w`, `w` the lagged `u`.
 struct InflowLead {
     ratio: f64,
-    time_constant_s: f64,
-    mode: Mode,
+    rate_per_s: f64,
+    mode: Mode<f64>,
 }
 
 impl InflowLead {
     fn output(&self, input: f64, slope: f64) -> (f64, f64) {
-        let lagged = self.mode.state().re / self.time_constant_s;
-        let lagged_slope = (input - lagged) / self.time_constant_s;
+        let lagged = self.mode.state() * self.rate_per_s;
+        let lagged_slope = (input - lagged) * self.rate_per_s;
         let rest = 1.0 - self.ratio;
         (self.ratio * input + rest * lagged, self.ratio * slope + rest * lagged_slope)
     }
@@ -89,19 +89,19 @@ impl ResponseStage for InflowLead {
         level
     }
 
-    fn advance(&mut self, input: &Interval) -> Interval {
-        let (start, start_slope) = self.output(input.start, input.start_slope);
-        self.mode.advance(input);
-        let (end, end_slope) = self.output(input.end, input.end_slope);
-        Interval { start, start_slope, end, end_slope, ..*input }
+    fn advance(&mut self, signal: &mut Interval) {
+        let (start, start_slope) = self.output(signal.start, signal.start_slope);
+        self.mode.advance(signal);
+        (signal.end, signal.end_slope) = self.output(signal.end, signal.end_slope);
+        (signal.start, signal.start_slope) = (start, start_slope);
     }
 
     fn memory(&self) -> Memory {
-        Memory::Seconds(FORGOTTEN * self.time_constant_s)
+        Memory::Seconds(FORGOTTEN / self.rate_per_s)
     }
 
     fn time_scale_s(&self) -> f64 {
-        self.time_constant_s
+        1.0 / self.rate_per_s
     }
 }
 

@@ -39,21 +39,21 @@ pub static KIND: Kind = Kind {
     part: |values, _| match values[0] {
         0.0 => Part::Nothing,
         time_constant_s => {
-            let mode = Mode::new(Complex64::from(-1.0 / time_constant_s));
-            Part::response(Lowpass { time_constant_s, mode })
+            let rate_per_s = 1.0 / time_constant_s;
+            Part::response(Lowpass { rate_per_s, mode: Mode::new(-rate_per_s) })
         }
     },
     response: |values, _, omega_rad_s| Complex64::new(1.0, omega_rad_s * values[0]).inv(),
 };
 
 struct Lowpass {
-    time_constant_s: f64,
-    mode: Mode,
+    rate_per_s: f64,
+    mode: Mode<f64>,
 }
 
 impl Lowpass {
     fn output(&self) -> f64 {
-        self.mode.state().re / self.time_constant_s
+        self.mode.state() * self.rate_per_s
     }
 }
 
@@ -63,25 +63,21 @@ impl ResponseStage for Lowpass {
         level
     }
 
-    fn advance(&mut self, input: &Interval) -> Interval {
+    fn advance(&mut self, signal: &mut Interval) {
         let start = self.output();
-        self.mode.advance(input);
+        self.mode.advance(signal);
         let end = self.output();
-        Interval {
-            start,
-            start_slope: (input.start - start) / self.time_constant_s,
-            end,
-            end_slope: (input.end - end) / self.time_constant_s,
-            ..*input
-        }
+        signal.start_slope = (signal.start - start) * self.rate_per_s;
+        signal.end_slope = (signal.end - end) * self.rate_per_s;
+        (signal.start, signal.end) = (start, end);
     }
 
     fn memory(&self) -> Memory {
-        Memory::Seconds(FORGOTTEN * self.time_constant_s)
+        Memory::Seconds(FORGOTTEN / self.rate_per_s)
     }
 
     fn time_scale_s(&self) -> f64 {
-        self.time_constant_s
+        1.0 / self.rate_per_s
     }
 }
 

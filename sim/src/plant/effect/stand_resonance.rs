@@ -65,7 +65,7 @@ struct Resonance {
     /// Participation times `w^2 / w_d`.
     swing: f64,
     pole: Complex64,
-    mode: Mode,
+    mode: Mode<Complex64>,
 }
 
 impl Resonance {
@@ -87,11 +87,11 @@ impl ResponseStage for Resonance {
         level
     }
 
-    fn advance(&mut self, input: &Interval) -> Interval {
-        let (start, start_slope) = self.output(input.start, input.start_slope);
-        self.mode.advance(input);
-        let (end, end_slope) = self.output(input.end, input.end_slope);
-        Interval { start, start_slope, end, end_slope, ..*input }
+    fn advance(&mut self, signal: &mut Interval) {
+        let (start, start_slope) = self.output(signal.start, signal.start_slope);
+        self.mode.advance(signal);
+        (signal.end, signal.end_slope) = self.output(signal.end, signal.end_slope);
+        (signal.start, signal.start_slope) = (start, start_slope);
     }
 
     fn memory(&self) -> Memory {

@@ -1,0 +1,65 @@
+//! A command of many pieces at a time.
+
+use super::{Actuator, Rotor};
+use crate::plant::Segment;
+use crate::plant::passage::{Intervals, Passage, Readings, Wanted};
+
+/// Pieces that are passed on at a time: few enough to stay near the processor.
+const AT_ONCE: usize = 512;
+
+impl Actuator {
+    /// Lets the pieces of a command pass, from now to the end of the last, and adds the response at `moments_s` to `read`: after
+    /// now, increasing, none after that end. The same as [`Actuator::advance`] from moment to moment, but for what rounding and
+    /// the steps of an integrated rotor leave, which is not stopped where it is read.
+    pub(in crate::plant) fn pass(
+        &mut self,
+        mut commands: impl Iterator<Item = Segment>,
+        moments_s: &[f64],
+        read: &mut Vec<f64>,
+    ) {
+        let mut rest = moments_s;
+        let (mut pieces, mut passed) = (Vec::with_capacity(AT_ONCE), Vec::with_capacity(AT_ONCE));
+        let mut intervals = Intervals { longest_s: self.longest_s, ..Intervals::default() };
+        loop {
+            pieces.clear();
+            while pieces.len() < AT_ONCE
+                && let Some(piece) = commands.next()
+            {
+                piece.join(&mut pieces);
+            }
+            let Some(last) = pieces.last() else { return };
+            let until_s = last.until_s;
+            let (here, later) = rest.split_at(rest.partition_point(|moment_s| *moment_s <= until_s));
+            rest = later;
+            for stage in &mut self.stages {
+                passed.clear();
+                stage.pass(self.time_s, &pieces, &mut passed);
+                std::mem::swap(&mut pieces, &mut passed);
+            }
+            if self.after.is_empty() {
+                let wanted = Wanted::Readings(Readings { moments_s: here, read });
+                self.turn(Passage { from_s: self.time_s, pieces: &pieces, wanted });
+                self.output = self.rotor.response();
+            } else {
+                here.clone_into(&mut intervals.moments_s);
+                self.turn(Passage { from_s: self.time_s, pieces: &pieces, wanted: Wanted::Intervals(&mut intervals) });
+                self.after.iter_mut().for_each(|stage| stage.pass(&mut intervals.intervals));
+                let before = self.output;
+                let at = |mark: &usize| match mark.checked_sub(1) {
+                    Some(place) => intervals.intervals[place].end,
+                    None => before,
+                };
+                read.extend(intervals.marks.iter().map(at));
+                self.output = intervals.intervals.last().map_or(before, |last| last.end);
+            }
+            self.time_s = until_s;
+        }
+    }
+
+    fn turn(&mut self, mut passage: Passage) {
+        match &mut self.rotor {
+            Rotor::Exact(lag) => lag.pass(&mut passage),
+            Rotor::Integrated(rotor) => rotor.pass(&mut passage),
+        }
+    }
+}
