@@ -49,6 +49,11 @@ impl Candidate {
         self.has_frames() && self.phases.is_empty()
     }
 
+    /// Whether it makes no difference to it how the command gets from one row to the next, but for what all of the lag does to that.
+    pub fn is_even(&self) -> bool {
+        self.kind.site > Site::Command || self.is_hidden_hold()
+    }
+
     /// Whether no value lies beyond its plausible range, seen from where the effect vanishes, by more than it may be `off`, which
     /// is asked for by the value's place.
     pub fn is_plausible(&self, off: impl Fn(usize) -> f64) -> bool {

@@ -6,6 +6,8 @@
 //! at a time; each is then tried again in the presence of the others, exchanged where another kind serves better there, and
 //! dropped where the others make it redundant.
 
+use rayon::prelude::*;
+
 use super::candidate::{Candidate, GRID};
 use super::fit::{Fit, fit, fit_in};
 use super::hypothesis::Hypothesis;
@@ -143,7 +145,7 @@ impl Search<'_> {
 
     fn weigh(&mut self, hypothesis: &Hypothesis) {
         let all = self.trials.clone();
-        for trial in &mut self.trials.trials {
+        self.trials.trials.par_iter_mut().for_each(|trial| {
             if trial.log.is_none()
                 && let Some((_, left)) = aligned(&all, trial, hypothesis)
             {
@@ -151,7 +153,7 @@ impl Search<'_> {
             }
             // Impossible hypotheses never get here.
             let _ = trial.weigh_by(&all, hypothesis);
-        }
+        });
     }
 
     /// Takes mains hum out of all records.
@@ -292,15 +294,16 @@ impl Search<'_> {
         // Where the alignment has taken over much of a delay, a start that brings its own is judged without it too: so far the
         // tangent does not hold.
         let is_late = from.is_late(&self.trials);
+        let trials = &self.trials;
         let judge = |start: &Candidate| {
-            let with = screening.judge(&self.trials, start, false);
-            let without = is_late.then(|| screening.judge(&self.trials, start, true)).flatten();
+            let with = screening.judge(trials, start, false);
+            let without = is_late.then(|| screening.judge(trials, start, true)).flatten();
             [with, without].into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0))
         };
         let mut judged: Vec<(f64, Candidate, Hypothesis)> = Vec::new();
         let look = |judged: &mut Vec<(f64, Candidate, Hypothesis)>, starts: Vec<Candidate>| {
-            let looked = starts.into_iter().filter_map(|start| judge(&start).map(|(left, moved)| (left, start, moved)));
-            judged.extend(looked);
+            let looked = |start: Candidate| judge(&start).map(|(left, moved)| (left, start, moved));
+            judged.par_extend(starts.into_par_iter().filter_map(looked));
             judged.sort_by(|a, b| a.0.total_cmp(&b.0));
         };
         let valleys =

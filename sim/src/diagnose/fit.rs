@@ -137,7 +137,7 @@ fn descend(
 ) -> Option<Descent> {
     let mut at = start.clone();
     let mut tangent = Tangent::with_step(trials, &at, coordinates, effect_step)?;
-    let (mut sum, mut gradient) = tangent.slope(trials, &at)?;
+    let (mut sum, mut gradient) = tangent.slope_here(trials, &at)?;
     let (mut damping, mut is_fresh) = (1e-3, true);
     for _ in 0..most_steps {
         let Some(step) = damped_step(&tangent.matrix, &gradient, damping) else { break };
@@ -166,7 +166,7 @@ fn descend(
             continue;
         }
         tangent = Tangent::with_step(trials, &at, tangent.coordinates, effect_step)?;
-        (sum, gradient) = tangent.slope(trials, &at)?;
+        (sum, gradient) = tangent.slope_here(trials, &at)?;
         is_fresh = true;
     }
     Some(Descent { at, sum, tangent })

@@ -6,8 +6,8 @@ use super::frames;
 use super::trial::{Before, Trial, Trials};
 use crate::plant::effect::{Kind, Site};
 use crate::plant::{
-    ActiveEffect, Actuator, Catalog, Drive, EscTiming, Lag, Memory, OperatingPoint, PlantError, Start, Trace, simulate,
-    simulate_periodic_response, simulate_response,
+    ActiveEffect, Actuator, Catalog, Course, Drive, EscTiming, Lag, Memory, OperatingPoint, PlantError, Start, Trace,
+    simulate, simulate_course, simulate_periodic_course, simulate_response,
 };
 
 /// How far a value may leave its plausible range in a search, in widths of the range.
@@ -41,6 +41,9 @@ pub(super) struct Hypothesis {
     pub late_s: f64,
     /// The effects, in the order in which they were found.
     pub effects: Vec<Candidate>,
+    /// Whether commands that were told between the rows are taken as a straight line from row to row: some times as quick, and good
+    /// enough for what is small beside the response itself. See [`Hypothesis::in_rows`].
+    pub in_rows: bool,
 }
 
 /// What one coordinate of a search is.
@@ -64,7 +67,7 @@ pub(super) enum Coordinate {
 impl Hypothesis {
     /// Lags only.
     pub fn of_lags(base: Vec<BasePoint>) -> Self {
-        Self { base, late_s: 0.0, effects: Vec::new() }
+        Self { base, late_s: 0.0, effects: Vec::new(), in_rows: false }
     }
 
     /// With one more effect.
@@ -72,6 +75,12 @@ impl Hypothesis {
         let mut more = self.clone();
         more.effects.push(candidate);
         more
+    }
+
+    /// The same in rows, where that is quicker and nothing acts on single commands.
+    pub fn in_rows(&self, trial: &Trial) -> Option<Self> {
+        let is_quicker = trial.told_per_row > 1 && self.effects.iter().all(Candidate::is_even);
+        is_quicker.then(|| Self { in_rows: true, ..self.clone() })
     }
 
     /// Without one of its effects.
@@ -169,7 +178,7 @@ impl Hypothesis {
     }
 
     /// Whether the steady response changes with time.
-    fn drifts(&self) -> bool {
+    pub fn drifts(&self) -> bool {
         self.effects.iter().any(Candidate::drifts)
     }
 
@@ -310,12 +319,24 @@ impl Hypothesis {
         response: f64,
     ) -> Result<Vec<f64>, PlantError> {
         let (mut actuator, start, stamps) = self.actuator(trials, trial, rows, response)?;
-        let told = (rows.saturating_sub(1) * trial.told_per_row + 1).min(trial.told_s.len());
-        let drive = Drive { time_s: &trial.told_s[..told], command: &trial.told[..told] };
+        let drive = self.drive(trial, rows);
         if !trial.repeats {
-            return simulate_response(&mut actuator, drive, start, &stamps);
+            return simulate_course(&mut actuator, drive, start, &stamps);
         }
-        simulate_periodic_response(&mut actuator, drive, start, &stamps, trial.period_rows)
+        simulate_periodic_course(&mut actuator, drive, start, &stamps, trial.period_rows)
+    }
+
+    /// What a record was told up to so many rows.
+    fn drive<'a>(&self, trial: &'a Trial, rows: usize) -> (Drive<'a>, Course) {
+        let up_to = |time_s: &'a [f64], command: &'a [f64], last: usize| {
+            let count = (last + 1).min(time_s.len());
+            Drive { time_s: &time_s[..count], command: &command[..count] }
+        };
+        let last = rows.saturating_sub(1);
+        if self.in_rows && trial.told_per_row > 1 {
+            return (up_to(&trial.time_s, &trial.told_in_rows, last), Course::Straight);
+        }
+        (up_to(&trial.told_s, &trial.told, last * trial.told_per_row), Course::Held)
     }
 
     /// The actuator, what was before a record, and the moments of its rows.

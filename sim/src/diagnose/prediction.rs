@@ -18,7 +18,7 @@ use rayon::prelude::*;
 
 use super::fit::Fit;
 use super::hypothesis::Hypothesis;
-use super::residual::{dot, residual};
+use super::residual::{by_gain, dot, residual};
 use super::tangent::{EFFECT_STEP, columns};
 use super::trial::{Purpose, Trial, Trials};
 
@@ -55,14 +55,21 @@ struct Part {
 /// Minus twice the log likelihood of what is held out, but for a constant. `None` where the fit is impossible there.
 pub(super) fn surprise(trials: &Trials, fit: &Fit, near: Near) -> Option<f64> {
     let held_out: Vec<&Trial> = trials.trials.iter().filter(|trial| trial.end_of(Some(Purpose::HeldOut)) > 0).collect();
-    surprise_of(&held_out, (fit, near), |trial, hypothesis| residual(trials, trial, hypothesis, Purpose::HeldOut))
+    let gain = |trial: &Trial, hypothesis: &Hypothesis, at: &[Complex64]| {
+        by_gain(trials, trial, hypothesis, Purpose::HeldOut, at)
+    };
+    let white = |trial: &Trial, hypothesis: &Hypothesis| residual(trials, trial, hypothesis, Purpose::HeldOut);
+    surprise_of(&held_out, (fit, near), (white, gain))
 }
 
-/// The same of what `white` makes of these records.
+/// The same of what `white` makes of these records, the derivative of which by the gain `by_gain` may know.
 pub(super) fn surprise_of(
     unseen: &[&Trial],
     (fit, near): (&Fit, Near),
-    white: impl Fn(&Trial, &Hypothesis) -> Option<Vec<Complex64>> + Sync,
+    (white, by_gain): (
+        impl Fn(&Trial, &Hypothesis) -> Option<Vec<Complex64>> + Sync,
+        impl Fn(&Trial, &Hypothesis, &[Complex64]) -> Option<Vec<Complex64>> + Sync,
+    ),
 ) -> Option<f64> {
     let count = fit.coordinates.len();
     let information = DMatrix::identity(count, count) * INFORMATION_BEFORE + &fit.information;
@@ -78,7 +85,8 @@ pub(super) fn surprise_of(
         let of_trial = |trial: &&Trial| {
             let at = white(trial, &hypothesis)?;
             let by = (&fit.coordinates[..], EFFECT_STEP);
-            let columns = columns(trial, &hypothesis, by, &at, |hypothesis| white(trial, hypothesis))?;
+            let by_gain = || by_gain(trial, &hypothesis, &at);
+            let columns = columns(trial, &hypothesis, by, (&at, by_gain), |hypothesis| white(trial, hypothesis))?;
             let slopes = columns.iter().map(|(i, a)| (*i, dot(a, &at))).collect();
             let products =
                 columns.iter().flat_map(|(i, a)| columns.iter().map(move |(j, b)| (*i, *j, dot(a, b)))).collect();
@@ -146,6 +154,9 @@ mod tests {
             let lags = hypothesis.base.iter().zip(&fit.hypothesis.base);
             lags.into_iter().all(|(lag, own)| (lag.time_constant_s / own.time_constant_s).ln().abs() < 0.01)
         };
+        let gain = |trial: &Trial, hypothesis: &Hypothesis, at: &[Complex64]| {
+            by_gain(trials, trial, hypothesis, Purpose::HeldOut, at)
+        };
         let was_refused = AtomicBool::new(false);
         let white = |trial: &Trial, hypothesis: &Hypothesis| {
             if !near(hypothesis) {
@@ -156,10 +167,10 @@ mod tests {
         };
         let promised = surprise(trials, &fit, Near::FirstOrder);
         assert!(promised.is_some());
-        assert_eq!(surprise_of(&held_out, (&fit, Near::Moved), white), promised);
+        assert_eq!(surprise_of(&held_out, (&fit, Near::Moved), (white, gain)), promised);
         assert!(was_refused.into_inner(), "the numbers have to move");
         // What cannot be had at the fit itself cannot be predicted at all.
-        assert_eq!(surprise_of(&held_out, (&fit, Near::Moved), |_, _| None), None);
+        assert_eq!(surprise_of(&held_out, (&fit, Near::Moved), (|_, _| None, |_, _, _| None)), None);
     }
 
     #[test]

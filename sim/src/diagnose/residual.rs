@@ -31,6 +31,23 @@ pub(super) fn residual(
     Some(whiten(trial, hypothesis, (purpose, trials.starts), &difference))
 }
 
+/// Derivative of [`residual`], which is `at` with `hypothesis`, by the logarithm of the lag's gain. The simulated response is the
+/// mean of the measured one plus the gain times what all else makes of the command; so it is the residual less what the
+/// measurement itself comes to. `None` where the gain has another part in it.
+pub(super) fn by_gain(
+    trials: &Trials,
+    trial: &Trial,
+    hypothesis: &Hypothesis,
+    purpose: Purpose,
+    at: &[Complex64],
+) -> Option<Vec<Complex64>> {
+    if trial.log.is_some() || hypothesis.drifts() {
+        return None;
+    }
+    let measured = whiten(trial, hypothesis, (purpose, trials.starts), &trial.measured);
+    Some(at.iter().zip(measured).map(|(at, measured)| at - measured).collect())
+}
+
 fn whiten(
     trial: &Trial,
     hypothesis: &Hypothesis,

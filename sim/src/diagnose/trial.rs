@@ -82,6 +82,9 @@ pub(super) struct Trial {
     pub told: Vec<f64>,
     /// How many times a row.
     pub told_per_row: usize,
+    /// A command for each row such that the straight line between them comes nearest to what it was told, where that is more than
+    /// one command in each; else empty.
+    pub told_in_rows: Vec<f64>,
     /// The response.
     pub measured: Vec<f64>,
     /// Mean command and response over the whole periods.
@@ -231,6 +234,7 @@ impl Trial {
             told_s: record.time_s.clone(),
             told: command.to_vec(),
             told_per_row: 1,
+            told_in_rows: Vec::new(),
             measured: measured.to_vec(),
             mean_command,
             mean_response,
@@ -280,6 +284,7 @@ impl Trial {
             told_s: changes.iter().map(|&row| time_s[row]).collect(),
             told: changes.iter().map(|&row| command[row]).collect(),
             told_per_row: 1,
+            told_in_rows: Vec::new(),
             mean_command,
             mean_response,
             before: Before::Rest,
@@ -308,6 +313,9 @@ impl Trial {
         self.told = period.iter().copied().cycle().take(count).collect();
         self.told_s = (0..count).map(|tick| begin_s + tick as f64 / rate_hz).collect();
         self.told_per_row = per_row;
+        // A command that is held comes half a tick later than a line through it.
+        let before = |tick: usize| self.told[tick.checked_sub(1).unwrap_or(count - 1)];
+        self.told_in_rows = (0..count).step_by(per_row).map(|tick| 0.5 * (before(tick) + self.told[tick])).collect();
     }
 
     /// Whole periods in the record.

@@ -142,7 +142,7 @@ pub(super) fn heard(trials: &Trials, fits: &[&Fit]) -> Option<Vec<f64>> {
         Some(all?.concat())
     };
     let squares: Option<Vec<f64>> =
-        fits.iter().map(|fit| prediction::surprise_of(&heard, (fit, Near::Moved), left)).collect();
+        fits.iter().map(|fit| prediction::surprise_of(&heard, (fit, Near::Moved), (left, |_, _, _| None))).collect();
     (!heard.is_empty()).then(|| Some(gains(&squares?, numbers as f64))).flatten()
 }
 
