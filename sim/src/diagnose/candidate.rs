@@ -49,7 +49,7 @@ impl Candidate {
         self.has_frames() && self.phases.is_empty()
     }
 
-    /// Whether it makes no difference to it how the command gets from one row to the next, but for what all of the lag does to that.
+    /// Whether it acts on no single command, so that a straight line from row to row serves as well.
     pub fn is_even(&self) -> bool {
         self.kind.site > Site::Command || self.is_hidden_hold()
     }

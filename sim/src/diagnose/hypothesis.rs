@@ -41,8 +41,8 @@ pub(super) struct Hypothesis {
     pub late_s: f64,
     /// The effects, in the order in which they were found.
     pub effects: Vec<Candidate>,
-    /// Whether commands that were told between the rows are taken as a straight line from row to row: some times as quick, and good
-    /// enough for what is small beside the response itself. See [`Hypothesis::in_rows`].
+    /// Whether commands that were told between the rows are taken as a straight line from row to row: several times as quick, and
+    /// good enough for what is small beside the response itself. See [`Hypothesis::in_rows`].
     pub in_rows: bool,
 }
 
@@ -79,7 +79,7 @@ impl Hypothesis {
 
     /// The same in rows, where that is quicker and nothing acts on single commands.
     pub fn in_rows(&self, trial: &Trial) -> Option<Self> {
-        let is_quicker = trial.told_per_row > 1 && self.effects.iter().all(Candidate::is_even);
+        let is_quicker = !trial.told_in_rows.is_empty() && self.effects.iter().all(Candidate::is_even);
         is_quicker.then(|| Self { in_rows: true, ..self.clone() })
     }
 
@@ -333,7 +333,7 @@ impl Hypothesis {
             Drive { time_s: &time_s[..count], command: &command[..count] }
         };
         let last = rows.saturating_sub(1);
-        if self.in_rows && trial.told_per_row > 1 {
+        if self.in_rows && !trial.told_in_rows.is_empty() {
             return (up_to(&trial.time_s, &trial.told_in_rows, last), Course::Straight);
         }
         (up_to(&trial.told_s, &trial.told, last * trial.told_per_row), Course::Held)

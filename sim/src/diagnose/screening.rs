@@ -15,8 +15,8 @@ use crate::plant::effect::Site;
 ///
 /// Where the fit has effects that make the rotor one that is integrated, or the periods differ, a candidate's change is taken from
 /// the chain without these and added to what the fit leaves: right to first order, which is all that the tangent is, and as quick as
-/// beside no effect. Where commands are told between the rows, the change by what does not act on single commands is taken from
-/// their mean over each row, for the same reason.
+/// beside no effect. Where commands are told between the rows and nothing acts on single ones, the change is taken from a straight
+/// line from row to row, for the same reason.
 pub(super) struct Screening<'a> {
     from: &'a Fit,
     tangent: Tangent,
@@ -37,23 +37,19 @@ fn is_slow(candidate: &Candidate) -> bool {
     matches!(candidate.kind.site, Site::Supply | Site::Map | Site::Rotor) || candidate.drifts()
 }
 
-/// White residuals of the records that are fitted, by their place.
-fn residuals(trials: &Trials, hypothesis: &Hypothesis) -> Option<Vec<Vec<Complex64>>> {
-    let of_trial = |trial: &Trial| {
-        let is_fitted = trial.end_of(Some(Purpose::Fit)) > 0;
-        if is_fitted { residual(trials, trial, hypothesis, Purpose::Fit) } else { Some(Vec::new()) }
-    };
-    trials.trials.par_iter().map(of_trial).collect()
-}
-
 impl Chain {
-    /// That of `trials`, beside what the fit leaves of the records.
-    fn new(trials: &Trials, quick: Hypothesis, left: &[Vec<Complex64>]) -> Option<Self> {
-        let mut offsets = residuals(trials, &quick)?;
-        for (offset, left) in offsets.iter_mut().zip(left) {
-            offset.iter_mut().zip(left).for_each(|(offset, left)| *offset = left - *offset);
-        }
-        Some(Self { quick, offsets })
+    /// That of `quick`, where `left` is what the fit leaves of each record.
+    fn new(trials: &Trials, quick: Hypothesis, left: &[&[Complex64]]) -> Option<Self> {
+        let of_record = |(trial, left): (&Trial, &&[Complex64])| {
+            if left.is_empty() {
+                return Some(Vec::new());
+            }
+            let mut offset = residual(trials, trial, &quick, Purpose::Fit)?;
+            offset.iter_mut().zip(*left).for_each(|(offset, left)| *offset = left - *offset);
+            Some(offset)
+        };
+        let offsets: Option<Vec<_>> = trials.trials.par_iter().zip(left).map(of_record).collect();
+        Some(Self { offsets: offsets?, quick })
     }
 }
 
@@ -63,13 +59,13 @@ impl<'a> Screening<'a> {
         let tangent = from.tangent(trials)?;
         let mut quick = from.hypothesis.clone();
         quick.effects.retain(|candidate| !is_slow(candidate));
+        let in_rows = match trials.trials.iter().find_map(|trial| quick.in_rows(trial)) {
+            Some(in_rows) => Some(Chain::new(trials, in_rows, &tangent.left())?),
+            None => None,
+        };
         let is_shorter = quick.effects.len() < from.hypothesis.effects.len();
-        let has_more = trials.trials.iter().any(|trial| trial.told_per_row > 1);
-        let left = if is_shorter || has_more { residuals(trials, &from.hypothesis)? } else { Vec::new() };
-        let in_rows = Hypothesis { in_rows: true, ..quick.clone() };
-        let in_rows = has_more.then(|| Chain::new(trials, in_rows, &left));
-        let in_rows = if let Some(in_rows) = in_rows { Some(in_rows?) } else { None };
-        let own = if is_shorter { Chain::new(trials, quick, &left)? } else { Chain { quick, offsets: Vec::new() } };
+        let own =
+            if is_shorter { Chain::new(trials, quick, &tangent.left())? } else { Chain { quick, offsets: Vec::new() } };
         Some(Self { from, tangent, own, in_rows })
     }
 

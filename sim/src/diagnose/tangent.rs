@@ -142,6 +142,11 @@ impl Tangent {
         Some(Self { coordinates, records, matrix })
     }
 
+    /// The white residual of each record where the tangent was taken; empty of what is not fitted.
+    pub fn left(&self) -> Vec<&[Complex64]> {
+        self.records.iter().map(|record| &record.left[..]).collect()
+    }
+
     /// Sum of squares where the tangent was taken, which is at `hypothesis`, and half its derivatives.
     pub fn slope_here(&self, trials: &Trials, hypothesis: &Hypothesis) -> Option<(f64, DVector<f64>)> {
         self.slope_of(trials, hypothesis, |place, _| Some(self.records[place].left.clone()))

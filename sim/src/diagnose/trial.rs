@@ -1,5 +1,6 @@
 //! A record as the diagnosis compares it: what drove the actuator, what was measured, what is fitted and what is held out.
 
+use std::f64::consts::TAU;
 use std::ops::Range;
 
 use super::channel::{Channel, Column, channels};
@@ -18,6 +19,8 @@ const SAME_NOMINAL: f64 = 1e-6;
 const SAME_ROW: f64 = 1e-3;
 /// Of the periods of a record without a role these many of three are fitted, the rest is held out.
 const FITTED_THIRDS: usize = 2;
+/// A line from row to row stands in for the commands between where it is off by less than this part of any sinusoid.
+const OFF_LINE: f64 = 0.03;
 
 /// What a stretch of a record is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -82,8 +85,8 @@ pub(super) struct Trial {
     pub told: Vec<f64>,
     /// How many times a row.
     pub told_per_row: usize,
-    /// A command for each row such that the straight line between them comes nearest to what it was told, where that is more than
-    /// one command in each; else empty.
+    /// The command half a tick before each row, through which a line from row to row goes where several commands are held between
+    /// two; empty where there is one in each row, or such a line is too far off.
     pub told_in_rows: Vec<f64>,
     /// The response.
     pub measured: Vec<f64>,
@@ -257,6 +260,9 @@ impl Trial {
             && let Some(command_rate_hz) = experiment.command_rate_hz
         {
             trial.tell_between_rows((command_rate_hz / rate_hz).round() as usize);
+            if trial.is_straight(command_rate_hz, experiment.esc_frame_hz.is_some()) {
+                trial.tell_in_rows();
+            }
         }
         Ok(trial)
     }
@@ -313,9 +319,22 @@ impl Trial {
         self.told = period.iter().copied().cycle().take(count).collect();
         self.told_s = (0..count).map(|tick| begin_s + tick as f64 / rate_hz).collect();
         self.told_per_row = per_row;
-        // A command that is held comes half a tick later than a line through it.
-        let before = |tick: usize| self.told[tick.checked_sub(1).unwrap_or(count - 1)];
-        self.told_in_rows = (0..count).step_by(per_row).map(|tick| 0.5 * (before(tick) + self.told[tick])).collect();
+    }
+
+    /// Whether a line from row to row is off by less than [`OFF_LINE`] of the highest sinusoid of the command: by `(w h)^2 / 12`, `h`
+    /// the time between rows; and of frames, which take a command over at any age within a tick, by half a tick.
+    fn is_straight(&self, command_rate_hz: f64, has_frames: bool) -> bool {
+        let turns = |rate_hz: f64| TAU * self.highest_hz / rate_hz;
+        let by_frames = if has_frames { 0.5 * turns(command_rate_hz) } else { 0.0 };
+        self.told_per_row > 1 && turns(self.rate_hz).powi(2) / 12.0 < OFF_LINE && by_frames < OFF_LINE
+    }
+
+    fn tell_in_rows(&mut self) {
+        // A command that is held comes half a tick later than a line through it. The period has run before.
+        let period = self.period_rows * self.told_per_row;
+        let before = |tick: usize| self.told[tick.checked_sub(1).unwrap_or(period - 1)];
+        let rows = (0..self.told.len()).step_by(self.told_per_row);
+        self.told_in_rows = rows.map(|tick| 0.5 * (before(tick) + self.told[tick])).collect();
     }
 
     /// Whole periods in the record.

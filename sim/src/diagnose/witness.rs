@@ -137,6 +137,10 @@ pub(super) fn heard(trials: &Trials, fits: &[&Fit]) -> Option<Vec<f64>> {
     let heard: Vec<&Trial> = trials.trials.iter().filter(|trial| !trial.witnesses.is_empty()).collect();
     let numbers: usize = heard.iter().flat_map(|trial| &trial.witnesses).map(|one| 2 * one.measured.len()).sum();
     let left = |trial: &Trial, hypothesis: &Hypothesis| {
+        // A trace is of all commands.
+        if hypothesis.in_rows {
+            return None;
+        }
         let trace = hypothesis.trace(trials, trial)?;
         let all: Option<Vec<Vec<Complex64>>> = trial.witnesses.iter().map(|witness| witness.left(&trace)).collect();
         Some(all?.concat())

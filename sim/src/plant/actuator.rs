@@ -25,7 +25,7 @@ const LEAST_PIECE_S: f64 = 5e-5;
 /// inflow, stand, logger. What a model says nothing of is not there. Noise is added by whoever logs the response.
 ///
 /// A chain of linear links is exact: commands are straight in pieces, and so each piece has a closed form. Where the rotor
-/// itself is changed it is integrated (fourth order, in steps of a tenth of its time constant at most).
+/// itself is changed it is integrated, to about a millionth in a time constant.
 pub struct Actuator {
     stages: Vec<Box<dyn CommandStage>>,
     rotor: Rotor,

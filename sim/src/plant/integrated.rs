@@ -47,7 +47,8 @@ pub(super) struct Slopes {
     rate_per_s: f64,
 }
 
-/// The rotor with effects, by the classical fourth-order Runge-Kutta method.
+/// The rotor with effects, by the classical fourth-order Runge-Kutta method in steps of [`STEP_PART`] of the time constant at most,
+/// longer ones where all is settled, and by the midpoint rule in those up to [`SHORT_STEP`].
 ///
 /// ```text
 /// dx/dt = rate (drive - x)                                 x: speed, as a command
@@ -330,14 +331,10 @@ impl RotorState {
             let k3 = self.derivative(terms, &self.along(&k2, middle_s, count), command(0.5)).of;
             let k4 = self.derivative(terms, &self.along(&k3, duration_s, count), command(1.0)).of;
             let mean = |k1: f64, k2: f64, k3: f64, k4: f64| (k1 + 2.0 * (k2 + k3) + k4) * (1.0 / 6.0);
-            let mut own = Own::default();
-            for index in 0..count {
-                own[index] = mean(k1.own[index], k2.own[index], k3.own[index], k4.own[index]);
-            }
             State {
                 speed: mean(k1.speed, k2.speed, k3.speed, k4.speed),
                 response: mean(k1.response, k2.response, k3.response, k4.response),
-                own,
+                own: std::array::from_fn(|of| mean(k1.own[of], k2.own[of], k3.own[of], k4.own[of])),
             }
         };
         self.state = self.along(&slopes, duration_s, count);

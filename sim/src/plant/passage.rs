@@ -1,6 +1,6 @@
 //! Many pieces of the command at a time, as the rotor passes them.
 //!
-//! Link by link over many pieces is some times as quick as piece by piece over all links: nothing is asked what it is but once.
+//! Link by link over many pieces is several times as quick as piece by piece over all links: nothing is asked what it is but once.
 
 use super::{Interval, Segment};
 

@@ -119,7 +119,7 @@ pub trait RotorTerm: Send {
     }
 
     /// Lets a rotor pass that has no other effect. Not to be implemented: it is here to be compiled for each effect by itself,
-    /// which is some times as quick as to ask for every part of every step what the effect is.
+    /// which is several times as quick as to ask for every part of every step what the effect is.
     fn pass_alone(&self, rotor: &mut RotorState, passage: &mut Passage) {
         rotor.pass(&Alone(self), passage);
     }

@@ -5,7 +5,7 @@
 pub struct Segment {
     /// The level at its begin, as a command 0..1.
     pub level: f64,
-    /// How fast it moves, command per second: 0 but behind a limit of the slew rate.
+    /// How fast it moves, command per second: 0 but behind a limit of the slew rate, and where the command itself is a line.
     pub slope_per_s: f64,
     /// Up to when it holds, seconds.
     pub until_s: f64,
@@ -61,8 +61,10 @@ impl Memory {
 /// The caller asks for one piece at a time: "the input is this piece, which begins at `from_s`; what is the output at
 /// `from_s`, how fast does it move, and how long does that stay so?" The next question comes from where the answer ended, or
 /// from before that when a later stage cut the piece shorter, with the same input or another. So changes fall where they
-/// belong, between the ticks of the control loop too, and stages chain without buffers: the piece that one gives is the
-/// question to the next.
+/// belong, between the ticks of the control loop too: the piece that one gives is the question to the next. Many pieces go
+/// from stage to stage at a time by [`CommandStage::pass`].
+///
+/// What puts levels to others at once holds that of a piece's begin: it is for commands that hold.
 pub trait CommandStage: Send {
     /// Puts the stage in the state it has when its input has been `level` for ever; gives its output then.
     fn settle(&mut self, level: f64) -> f64;
@@ -73,7 +75,7 @@ pub trait CommandStage: Send {
     fn advance(&mut self, from_s: f64, input: Segment) -> Segment;
 
     /// The outputs for many inputs in a row, the first of which begins at `from_s`: as [`CommandStage::advance`] has them. This
-    /// is here to be compiled for each stage by itself.
+    /// is here to be compiled for each stage by itself; one that knows a quicker way has its own.
     fn pass(&mut self, from_s: f64, inputs: &[Segment], outputs: &mut Vec<Segment>) {
         let mut now_s = from_s;
         for input in inputs {

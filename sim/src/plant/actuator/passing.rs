@@ -4,7 +4,7 @@ use super::{Actuator, Rotor};
 use crate::plant::Segment;
 use crate::plant::passage::{Intervals, Passage, Readings, Wanted};
 
-/// Pieces that are passed on at a time: few enough to stay near the processor.
+/// Pieces that are passed on at a time, and about as many intervals: few enough to stay near the processor.
 const AT_ONCE: usize = 512;
 
 impl Actuator {
@@ -17,15 +17,25 @@ impl Actuator {
         moments_s: &[f64],
         read: &mut Vec<f64>,
     ) {
+        // What lies behind the rotor takes intervals, of which a long piece may have many.
+        let most_s = if self.after.is_empty() { f64::INFINITY } else { AT_ONCE as f64 * self.longest_s };
         let mut rest = moments_s;
+        let mut left_over: Option<Segment> = None;
         let (mut pieces, mut passed) = (Vec::with_capacity(AT_ONCE), Vec::with_capacity(AT_ONCE));
         let mut intervals = Intervals { longest_s: self.longest_s, ..Intervals::default() };
         loop {
             pieces.clear();
+            let (mut begin_s, end_s) = (self.time_s, self.time_s + most_s);
             while pieces.len() < AT_ONCE
-                && let Some(piece) = commands.next()
+                && begin_s < end_s
+                && let Some(piece) = left_over.take().or_else(|| commands.next())
             {
-                piece.join(&mut pieces);
+                if piece.until_s > end_s {
+                    let level = piece.level + piece.slope_per_s * (end_s - begin_s);
+                    left_over = Some(Segment { level, ..piece });
+                }
+                begin_s = piece.until_s.min(end_s);
+                Segment { until_s: begin_s, ..piece }.join(&mut pieces);
             }
             let Some(last) = pieces.last() else { return };
             let until_s = last.until_s;

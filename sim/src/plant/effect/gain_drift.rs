@@ -1,6 +1,5 @@
 //! Thrust changes slowly with time.
 
-
 use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
 use crate::plant::filter::{FORGOTTEN, Mode};
 use crate::plant::{Interval, Memory, ResponseStage, RotorBase};
