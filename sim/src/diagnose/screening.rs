@@ -99,12 +99,13 @@ mod tests {
     #[test]
     fn what_is_judged_in_rows_is_what_all_commands_say() {
         let pole = "[[effect]]\nkind = \"second_pole\"\nparameters = { time_constant_s = 0.012 }\n";
-        let (trials, base) = trials(&records_told(pole, (0.05, 1), 5));
+        let (trials, base) = trials(&records_told(pole, (0.05, 1), (2000, 400)));
         let catalog = Catalog::standard();
         let mut search = Search { trials, catalog: &catalog, progress: &|| {}, lags: true };
         let from = search.settle(&Hypothesis::of_lags(base), true).unwrap();
         let trials = &search.trials;
         let screening = Screening::new(trials, &from).unwrap();
+        assert!(screening.in_rows.is_some());
         let mut judged = 0;
         for kind in catalog.kinds().filter(|kind| kind.id != "parameter_error") {
             let start = Candidate::starts(kind, false)[0].clone();

@@ -13,14 +13,18 @@ const MOTOR: &str = "format = 1\npoint = [\n\
 
 /// Records of a motor with these effects: at either command a multisine of this amplitude, and so many square waves.
 pub(super) fn records(effects: &str, multisine: f64, squares: usize) -> Experiment {
-    records_told(effects, (multisine, squares), 1)
+    records_told(effects, (multisine, squares), (200, 200))
 }
 
-/// The same with so many commands in each row.
-pub(super) fn records_told(effects: &str, (multisine, squares): (f64, usize), per_row: u32) -> Experiment {
+/// The same with so many commands and rows per second.
+pub(super) fn records_told(
+    effects: &str,
+    (multisine, squares): (f64, usize),
+    (loop_rate_hz, sample_rate_hz): (u32, u32),
+) -> Experiment {
     let model: Model = toml::from_str(&format!("{MOTOR}{effects}")).unwrap();
     let mut plan = Plan::paper(&model);
-    (plan.loop_rate_hz, plan.sample_rate_hz, plan.esc_frame_hz, plan.seed) = (200 * per_row, 200, None, 3);
+    (plan.loop_rate_hz, plan.sample_rate_hz, plan.esc_frame_hz, plan.seed) = (loop_rate_hz, sample_rate_hz, None, 3);
     plan.noise = Noise { sigma_n: 0.01, ..Noise::default() };
     plan.records.clear();
     for nominal in [0.4, 0.6] {
