@@ -52,7 +52,8 @@ impl CommandStage for EscFrame {
             self.next = (from_s * self.frame_hz - self.phase - SAME_MOMENT_FRAMES).ceil();
             self.next_s = (self.next + self.phase) / self.frame_hz;
         }
-        if from_s + self.same_moment_s >= self.next_s {
+        // Whoever asks may have been cut short at the frame's own moment, where the next piece is about to begin.
+        if from_s + self.same_moment_s >= self.next_s && self.next_s + self.same_moment_s < until_s {
             self.held = input.level;
             self.next += 1.0;
             self.next_s = (self.next + self.phase) / self.frame_hz;
