@@ -258,8 +258,7 @@ mod tests {
                     let off: Vec<Complex64> = difference.iter().zip(column).map(|(a, b)| a - b).collect();
                     let (off, whole) = (dot(&off, &off).sqrt(), dot(&difference, &difference).sqrt());
                     // A line over rows of 2.5 ms leaves out 2 % of a sinusoid of 30 Hz, and lags that switch where it turns see
-                    // more of that; a gain enters exactly where nothing drifts.
-                    // Where all is clipped there is but rounding.
+                    // more of that; a gain enters exactly where nothing drifts. Where all is clipped there is but rounding.
                     let is_exact = matches!(coordinate, Coordinate::Gain(_)) && !with.drifts();
                     let limit = if is_exact { 1e-3 } else { 0.05 };
                     assert!(off < limit * whole + 0.05, "{} {coordinate:?} of {}: {off}, {whole}", kind.id, trial.file);

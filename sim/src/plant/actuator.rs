@@ -248,7 +248,7 @@ impl Actuator {
         };
         match &mut self.rotor {
             Rotor::Exact(lag) => cut(lag, self.longest_s, span, piece, take),
-            Rotor::Integrated(rotor) => cut(rotor, self.longest_s, span, piece, take),
+            Rotor::Integrated(rotor) => cut(&mut rotor.piecewise(), self.longest_s, span, piece, take),
         }
     }
 

@@ -128,6 +128,31 @@ mod tests {
     }
 
     #[test]
+    fn a_frame_takes_the_command_of_its_moment_though_a_later_stage_cuts_the_one_before_there() {
+        // What comes out of a delay is off by rounding from the tick at which the next command, and a frame, begins.
+        let cut_s = 1e-13;
+        for phase in [0.0, 0.12, 0.36] {
+            let mut stage = EscFrame::new(600.0, phase).unwrap();
+            stage.settle(-1.0);
+            let mut held = Vec::new();
+            for tick in 0..5000_u32 {
+                let until_s = f64::from(tick + 1) / 5000.0;
+                let mut from_s = f64::from(tick) / 5000.0;
+                while from_s < until_s {
+                    let piece = stage.advance(from_s, Segment::constant(f64::from(tick), until_s));
+                    assert!(piece.until_s > from_s && piece.until_s <= until_s);
+                    held.push(piece.level);
+                    from_s = if from_s < until_s - cut_s { piece.until_s.min(until_s - cut_s) } else { piece.until_s };
+                }
+            }
+            held.dedup();
+            let uncut: Vec<f64> = changes(600.0, phase, 5000.0, f64::from).iter().map(|change| change.1).collect();
+            held.retain(|level| *level >= 0.0);
+            assert_eq!(held, uncut, "phase {phase}");
+        }
+    }
+
+    #[test]
     fn several_frames_fit_into_one_tick() {
         let found = changes(8000.0, 0.0, 1000.0, f64::from);
         assert_eq!(found.len(), 1000);

@@ -154,14 +154,6 @@ impl FirstOrder {
         }
     }
 
-    /// Lets `duration_s` pass with a command that starts at `level` and moves by `slope_per_s`.
-    #[cfg(test)]
-    fn advance_ramp(&mut self, level: f64, slope_per_s: f64, duration_s: f64) {
-        let piece = Segment { level, slope_per_s, until_s: duration_s };
-        self.begin(piece);
-        Rotates::advance(self, &(), piece, (0.0, duration_s));
-    }
-
     /// How fast the response moves, per second.
     fn slope_per_s(&self) -> f64 {
         (self.target - self.response) * self.rate_per_s
@@ -320,7 +312,9 @@ mod tests {
         for duration_s in [1e-4, 1e-3, 0.05, 2.0] {
             let mut plant = FirstOrder::around(&table_1(), 0.5).unwrap();
             let (start, tau_s, slope) = (plant.response(), 1.0 / 9.2889, 10.1718 * 0.25);
-            plant.advance_ramp(0.5, 0.25, duration_s);
+            let ramp = Segment { level: 0.5, slope_per_s: 0.25, until_s: duration_s };
+            plant.begin(ramp);
+            Rotates::advance(&mut plant, &(), ramp, (0.0, duration_s));
             let expected = start + slope * (duration_s - tau_s * (1.0 - (-duration_s / tau_s).exp()));
             assert!((plant.response() - expected).abs() < 1e-12);
             // At its end the response moves as the command that it lags behind.
