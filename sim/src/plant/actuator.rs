@@ -205,18 +205,26 @@ impl Actuator {
         stages.chain(after).fold(self.rotor.memory(), Memory::and)
     }
 
-    /// How long after its begin the response repeats where the command does, every `period_s`, and rows are stamped by the
-    /// commands' clock; `None` where it is not known to.
-    pub(super) fn repeats_after_s(&self, period_s: f64) -> Option<f64> {
+    /// How long a command of the past shows that nothing keeps; `None` where the response to a command that repeats every
+    /// `period_s` need not come to repeat, rows being stamped by the commands' clock.
+    pub(super) fn fades_in_s(&self, period_s: f64) -> Option<f64> {
         let changes = self.stages.iter().any(|stage| stage.changes_after(period_s))
             || self.after.iter().any(|stage| stage.changes())
             || self.has_own_clock();
-        match self.memory() {
-            _ if changes => None,
-            Memory::Seconds(memory_s) => Some(memory_s),
-            Memory::TurningPoints(memory_s) => Some(period_s + memory_s),
-            Memory::Lasting => None,
+        let stages = self.stages.iter().map(|stage| stage.memory());
+        let after = self.after.iter().map(|stage| stage.memory());
+        let behind = after.fold(self.rotor.memory(), Memory::and);
+        match behind {
+            Memory::Seconds(behind_s) if !changes => Some(behind_s + stages.map(Memory::fades_in_s).sum::<f64>()),
+            _ => None,
         }
+    }
+
+    /// The levels that stages keep of the past, whatever fades: where these are the same, so is what comes of the same commands.
+    /// `None` where a stage keeps something and does not say what.
+    pub(super) fn kept(&self) -> Option<Vec<f64>> {
+        let keeping = self.stages.iter().filter(|stage| !matches!(stage.memory(), Memory::Seconds(_)));
+        keeping.map(|stage| stage.kept(self.time_s)).collect()
     }
 
     /// Holds `command` (0..1) from now until `until_s`.

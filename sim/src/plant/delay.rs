@@ -31,6 +31,10 @@ impl Change {
         // A level that stays is to come out as it went in, bit for bit.
         if self.slope_per_s == 0.0 { self.level } else { self.level + self.slope_per_s * (time_s - self.at_s) }
     }
+
+    fn piece(&self, from_s: f64, until_s: f64) -> Segment {
+        Segment { level: self.level_at(from_s), slope_per_s: self.slope_per_s, until_s }
+    }
 }
 
 impl TransportDelay {
@@ -66,10 +70,21 @@ impl CommandStage for TransportDelay {
             end_s = input.until_s;
         }
         let mut now_s = from_s;
-        while now_s < end_s {
-            let output = self.output(now_s, end_s);
-            now_s = output.until_s;
-            output.join(outputs);
+        let mut past = 0;
+        for change in &self.under_way {
+            if change.at_s >= end_s {
+                break;
+            }
+            if change.at_s > now_s {
+                self.out.piece(now_s, change.at_s).join(outputs);
+                now_s = change.at_s;
+            }
+            self.out = *change;
+            past += 1;
+        }
+        self.under_way.drain(..past);
+        if now_s < end_s {
+            self.out.piece(now_s, end_s).join(outputs);
         }
     }
 
@@ -99,7 +114,7 @@ impl TransportDelay {
             self.out = change;
             self.under_way.pop_front();
         }
-        Segment { level: self.out.level_at(from_s), slope_per_s: self.out.slope_per_s, until_s }
+        self.out.piece(from_s, until_s)
     }
 }
 

@@ -40,7 +40,7 @@ impl EscFrame {
 
 impl CommandStage for EscFrame {
     fn settle(&mut self, level: f64) -> f64 {
-        self.held = level;
+        (self.held, self.next, self.next_s) = (level, 0.0, self.phase / self.frame_hz);
         level
     }
 

@@ -21,6 +21,7 @@ mod model_file;
 mod noise;
 mod operating;
 mod passage;
+mod pieces;
 mod rotor;
 mod simulate;
 mod stage;

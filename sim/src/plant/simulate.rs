@@ -1,6 +1,12 @@
 //! A chain over a whole record.
 
-use super::{Actuator, PlantError, Segment};
+use super::pieces::Pieces;
+use super::{Actuator, Memory, PlantError};
+
+/// Levels that differ by no more, as commands, are the same but for rounding.
+const SAME_LEVEL: f64 = 1e-9;
+/// The part of a period after which most commands have put what is kept where it would be anyway.
+const SHORTER_LEAD: f64 = 0.125;
 
 /// Commands and the moments at which they take effect.
 #[derive(Clone, Copy, Debug)]
@@ -108,43 +114,11 @@ pub(crate) fn simulate_course(
     start: Start,
     rows_s: &[f64],
 ) -> Result<Vec<f64>, PlantError> {
-    begin(actuator, (drive, course), start)?;
-    let zero_s = drive.time_s[0];
-    let moments: Vec<f64> = rows_s.iter().map(|row_s| actuator.moment_of_row(row_s - zero_s)).collect();
-    let now_s = actuator.now_s();
-    let early = moments.partition_point(|moment_s| *moment_s <= now_s);
-    let mut response = Vec::with_capacity(rows_s.len());
-    response.resize(early, actuator.response());
-    let Some(&end_s) = moments[early..].last() else { return Ok(response) };
-    // Up to the last row, which may be before the last command, or after it.
-    let begun = drive.time_s.partition_point(|time_s| time_s - zero_s < end_s);
-    let pieces = (0..begun).map(|place| {
-        let piece = piece(drive, course, place, f64::INFINITY);
-        Segment { until_s: piece.until_s.min(end_s), ..piece }
-    });
-    actuator.pass(pieces, &moments[early..], &mut response);
-    Ok(response)
-}
-
-/// The piece that begins with a command, on the clock of the drive; the last one ends at `end_s`.
-#[inline]
-fn piece(drive: Drive, course: Course, place: usize, end_s: f64) -> Segment {
-    let zero_s = drive.time_s[0];
-    let level = drive.command[place];
-    let until_s = drive.time_s.get(place + 1).map_or(end_s, |time_s| time_s - zero_s);
-    let slope_per_s = match course {
-        Course::Held => 0.0,
-        // What repeats goes back to its first command.
-        Course::Straight if until_s.is_finite() => {
-            let next = drive.command.get(place + 1).unwrap_or(&drive.command[0]);
-            (next - level) / (until_s - (drive.time_s[place] - zero_s))
-        }
-        Course::Straight => 0.0,
-    };
-    Segment { level, slope_per_s, until_s }
+    Ok(Run::begin(actuator, (drive, course), start, rows_s)?.finished())
 }
 
 /// [`simulate_response`] where the drive is whole periods of `period_rows` rows: what repeats by then is not run again.
+/// What was before a running one is cut short where stages keep the same for it.
 ///
 /// # Errors
 /// Those of [`simulate`].
@@ -166,7 +140,6 @@ pub(crate) fn simulate_periodic_course(
     rows_s: &[f64],
     period_rows: usize,
 ) -> Result<Vec<f64>, PlantError> {
-    let all = rows_s.len();
     let Some(period_s) = rows_s.get(period_rows).map(|row_s| row_s - rows_s[0]) else {
         return simulate_course(actuator, (drive, course), start, rows_s);
     };
@@ -175,17 +148,109 @@ pub(crate) fn simulate_periodic_course(
         Start::Running { lead_s, .. } => lead_s,
         Start::Periodic { periods, .. } => f64::from(periods) * period_s,
     };
-    let Some(after_s) = actuator.repeats_after_s(period_s).map(|after_s| after_s - lead_s) else {
+    let Some(fades_s) = actuator.fades_in_s(period_s) else {
         return simulate_course(actuator, (drive, course), start, rows_s);
     };
-    let from_s = drive.time_s.first().map_or(0.0, |first_s| first_s + after_s.max(0.0));
-    let once = (rows_s.partition_point(|row_s| *row_s <= from_s) + period_rows).min(all);
-    let mut response = simulate_course(actuator, (drive, course), start, &rows_s[..once])?;
-    response.reserve(all - once);
-    for row in once..all {
-        response.push(response[row - period_rows]);
+    let keeps = !matches!(actuator.memory(), Memory::Seconds(_));
+    if keeps && let Start::Running { period_s: of_s, lead_s } = start {
+        // What is kept mostly comes of the last few commands: then the end of the period says the same as all of it.
+        let shorter_s = fades_s + SHORTER_LEAD * of_s;
+        if shorter_s < lead_s {
+            let start = Start::Running { period_s: of_s, lead_s: shorter_s };
+            let mut run = Run::begin(actuator, (drive, course), start, rows_s)?;
+            if run.comes_back(0.0, period_s) == Some(true) {
+                return Ok(run.repeated(0.0, period_rows));
+            }
+        }
     }
-    Ok(response)
+    let mut run = Run::begin(actuator, (drive, course), start, rows_s)?;
+    let after_s =
+        if keeps { run.repeats_after_s(period_s, fades_s, lead_s) } else { Some((fades_s - lead_s).max(0.0)) };
+    Ok(match after_s {
+        Some(after_s) => run.repeated(after_s, period_rows),
+        None => run.finished(),
+    })
+}
+
+/// A drive that has begun.
+struct Run<'a> {
+    actuator: &'a mut Actuator,
+    commands: Pieces<'a>,
+    /// When rows are taken, seconds.
+    moments_s: Vec<f64>,
+    /// The response at those that are past.
+    response: Vec<f64>,
+}
+
+impl<'a> Run<'a> {
+    fn begin(
+        actuator: &'a mut Actuator,
+        (drive, course): (Drive<'a>, Course),
+        start: Start,
+        rows_s: &[f64],
+    ) -> Result<Self, PlantError> {
+        begin(actuator, (drive, course), start)?;
+        let zero_s = drive.time_s[0];
+        let moments_s: Vec<f64> = rows_s.iter().map(|row_s| actuator.moment_of_row(row_s - zero_s)).collect();
+        let now_s = actuator.now_s();
+        let early = moments_s.partition_point(|moment_s| *moment_s <= now_s);
+        let mut response = Vec::with_capacity(rows_s.len());
+        response.resize(early, actuator.response());
+        let commands = Pieces::new(drive, course, (0.0, f64::INFINITY), now_s);
+        Ok(Self { actuator, commands, moments_s, response })
+    }
+
+    /// Goes on up to `until_s`.
+    fn up_to(&mut self, until_s: f64) {
+        let rest = &self.moments_s[self.response.len()..];
+        let due = &rest[..rest.partition_point(|moment_s| *moment_s <= until_s)];
+        self.actuator.pass(&mut self.commands, until_s, due, &mut self.response);
+    }
+
+    /// The response at all rows, the last of which may be before the last command, or after it.
+    fn finished(mut self) -> Vec<f64> {
+        if let Some(&end_s) = self.moments_s.last() {
+            self.up_to(end_s);
+        }
+        self.response
+    }
+
+    /// The same where it repeats from `after_s` on, every `period_rows` rows.
+    fn repeated(mut self, after_s: f64, period_rows: usize) -> Vec<f64> {
+        let all = self.moments_s.len();
+        let once = (self.moments_s.partition_point(|moment_s| *moment_s <= after_s) + period_rows).min(all);
+        self.up_to(self.moments_s[once - 1]);
+        for row in self.response.len()..all {
+            self.response.push(self.response[row - period_rows]);
+        }
+        self.response
+    }
+
+    /// Whether stages keep the same after another `period_s` from `from_s` on, up to which it goes on. `None` where a stage does
+    /// not say what it keeps.
+    fn comes_back(&mut self, from_s: f64, period_s: f64) -> Option<bool> {
+        self.up_to(from_s);
+        let before = self.actuator.kept()?;
+        self.up_to(from_s + period_s);
+        let after = self.actuator.kept()?;
+        Some(before.iter().zip(&after).all(|(before, after)| (before - after).abs() <= SAME_LEVEL))
+    }
+
+    /// How long after its begin the response repeats where the commands do, every `period_s`; from `lead_s` before its begin on
+    /// they did already, and what was before shows for `fades_s`. What stages keep is compared period by period, and the
+    /// actuator goes on as far. `None` where the record ends before that is known.
+    fn repeats_after_s(&mut self, period_s: f64, fades_s: f64, lead_s: f64) -> Option<f64> {
+        let end_s = self.moments_s.last().copied()?;
+        let mut from_s = (fades_s - lead_s).max(0.0);
+        while from_s + period_s + fades_s < end_s {
+            if self.comes_back(from_s, period_s)? {
+                // What is behind the stages follows them.
+                return Some(from_s + fades_s);
+            }
+            from_s += period_s;
+        }
+        None
+    }
 }
 
 /// Brings an actuator to the begin of a record.
@@ -238,14 +303,9 @@ fn one_period(drive: Drive, period_s: f64) -> Result<Drive, PlantError> {
 
 /// Lets a period that begins at `begin_s` pass, or what of it is still to come.
 fn run_in(actuator: &mut Actuator, (period, course): (Drive, Course), period_s: f64, begin_s: f64) {
-    let now_s = actuator.now_s();
-    let begun = period.time_s.partition_point(|time_s| time_s - period.time_s[0] + begin_s <= now_s);
-    let pieces = (begun.saturating_sub(1)..period.command.len()).map(|place| {
-        let piece = piece(period, course, place, period_s);
-        let late_s = (now_s - (period.time_s[place] - period.time_s[0] + begin_s)).max(0.0);
-        Segment { level: piece.level + piece.slope_per_s * late_s, until_s: piece.until_s + begin_s, ..piece }
-    });
-    actuator.pass(pieces, &[], &mut Vec::new());
+    let end_s = begin_s + period_s;
+    let mut commands = Pieces::new(period, course, (begin_s, end_s), actuator.now_s());
+    actuator.pass(&mut commands, end_s, &[], &mut Vec::new());
 }
 
 /// Mean command over a period.
@@ -254,4 +314,34 @@ fn mean(period: Drive, period_s: f64) -> f64 {
     let pairs = period.time_s.windows(2).zip(period.command);
     let inner: f64 = pairs.map(|(pair, command)| command * (pair[1] - pair[0])).sum();
     (inner + period.command[last] * (period_s - (period.time_s[last] - zero_s))) / period_s
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plant::effect::Catalog;
+    use crate::plant::testing::{active, actuator};
+
+    #[test]
+    fn what_stages_keep_tells_when_the_response_repeats() {
+        let time_s: Vec<f64> = (0..3000_u32).map(|row| f64::from(row) * 0.01).collect();
+        let period_s = 10.0;
+        let sine = |time_s: &f64| 0.5 + 0.05 * (std::f64::consts::TAU * 3.0 * time_s / period_s).sin();
+        let command: Vec<f64> = time_s[..1000].iter().map(sine).collect::<Vec<_>>().repeat(3);
+        let drive = (Drive { time_s: &time_s, command: &command }, Course::Held);
+        // The limit of the rate meets the command late in the first period only, so that takes one more.
+        for (kind, value, periods) in [("dead_band", 0.01, 0.0), ("backlash", 0.01, 0.0), ("slew_limit", 0.05, 1.0)] {
+            let effects = [active(Catalog::standard().find(kind).unwrap(), &[value])];
+            let mut actuator = actuator(&effects);
+            let fades_s = actuator.fades_in_s(period_s).unwrap();
+            let mut run = Run::begin(&mut actuator, drive, Start::Rest(0.5), &time_s).unwrap();
+            let repeats_s = run.repeats_after_s(period_s, fades_s, 0.0);
+            assert_eq!(repeats_s, Some(fades_s + periods * period_s + fades_s), "{kind}");
+        }
+        // A limit so slow that it goes on for periods before it goes to and fro by the same way.
+        let mut slow = actuator(&[active(Catalog::standard().find("slew_limit").unwrap(), &[0.002])]);
+        let fades_s = slow.fades_in_s(period_s).unwrap();
+        let mut run = Run::begin(&mut slow, drive, Start::Rest(0.9), &time_s).unwrap();
+        assert_eq!(run.repeats_after_s(period_s, fades_s, 0.0), None);
+    }
 }

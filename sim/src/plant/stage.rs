@@ -28,6 +28,19 @@ impl Segment {
             _ => others.push(self),
         }
     }
+
+    /// The same with many levels that stay.
+    #[inline]
+    pub(super) fn join_all(levels: impl Iterator<Item = Self>, others: &mut Vec<Self>) {
+        let mut last = others.pop();
+        for piece in levels {
+            match &mut last {
+                Some(last) if last.level == piece.level && last.slope_per_s == 0.0 => last.until_s = piece.until_s,
+                _ => others.extend(last.replace(piece)),
+            }
+        }
+        others.extend(last);
+    }
 }
 
 /// For how long what a link was given shows in what it gives.
@@ -42,6 +55,15 @@ pub enum Memory {
 }
 
 impl Memory {
+    /// How long what was shows beside what is kept, seconds.
+    #[must_use]
+    pub fn fades_in_s(self) -> f64 {
+        match self {
+            Self::Seconds(memory_s) | Self::TurningPoints(memory_s) => memory_s,
+            Self::Lasting => 0.0,
+        }
+    }
+
     /// That of two links, one behind the other.
     #[must_use]
     pub fn and(self, other: Self) -> Self {
@@ -92,6 +114,11 @@ pub trait CommandStage: Send {
     /// For how long what was shows in its output.
     fn memory(&self) -> Memory;
 
+    /// The level that is all it keeps of the past, after a time in which the rest fades; `None` where it keeps nothing, or more.
+    fn kept(&self, _now_s: f64) -> Option<f64> {
+        None
+    }
+
     /// Whether the output for the same input is another one `period_s` later, memory aside.
     fn changes_after(&self, _period_s: f64) -> bool {
         false
@@ -129,7 +156,19 @@ impl<F: FnMut(f64, f64) -> f64 + Send> CommandStage for Levels<F> {
         Segment::constant(self.out, input.until_s)
     }
 
+    fn pass(&mut self, _: f64, inputs: &[Segment], outputs: &mut Vec<Segment>) {
+        let held = |input: &Segment| {
+            self.out = (self.next)(self.out, input.level);
+            Segment::constant(self.out, input.until_s)
+        };
+        Segment::join_all(inputs.iter().map(held), outputs);
+    }
+
     fn memory(&self) -> Memory {
         self.memory
+    }
+
+    fn kept(&self, _: f64) -> Option<f64> {
+        Some(self.out)
     }
 }

@@ -1,42 +1,31 @@
 //! A command of many pieces at a time.
 
 use super::{Actuator, Rotor};
-use crate::plant::Segment;
 use crate::plant::passage::{Intervals, Passage, Readings, Wanted};
+use crate::plant::pieces::Pieces;
 
 /// Pieces that are passed on at a time, and about as many intervals: few enough to stay near the processor.
 const AT_ONCE: usize = 512;
 
 impl Actuator {
-    /// Lets the pieces of a command pass, from now to the end of the last, and adds the response at `moments_s` to `read`: after
-    /// now, increasing, none after that end. The same as [`Actuator::advance`] from moment to moment, but for what rounding and
-    /// the steps of an integrated rotor leave, which is not stopped where it is read.
+    /// Lets commands pass up to `until_s`, and adds the response at `moments_s` to `read`: after now, increasing, none after
+    /// `until_s`. The same as [`Actuator::advance`] from moment to moment, but for what rounding and the steps of an integrated
+    /// rotor leave, which is not stopped where it is read.
     pub(in crate::plant) fn pass(
         &mut self,
-        mut commands: impl Iterator<Item = Segment>,
+        commands: &mut Pieces,
+        until_s: f64,
         moments_s: &[f64],
         read: &mut Vec<f64>,
     ) {
         // What lies behind the rotor takes intervals, of which a long piece may have many.
         let most_s = if self.after.is_empty() { f64::INFINITY } else { AT_ONCE as f64 * self.longest_s };
         let mut rest = moments_s;
-        let mut left_over: Option<Segment> = None;
         let (mut pieces, mut passed) = (Vec::with_capacity(AT_ONCE), Vec::with_capacity(AT_ONCE));
         let mut intervals = Intervals { longest_s: self.longest_s, ..Intervals::default() };
         loop {
             pieces.clear();
-            let (mut begin_s, end_s) = (self.time_s, self.time_s + most_s);
-            while pieces.len() < AT_ONCE
-                && begin_s < end_s
-                && let Some(piece) = left_over.take().or_else(|| commands.next())
-            {
-                if piece.until_s > end_s {
-                    let level = piece.level + piece.slope_per_s * (end_s - begin_s);
-                    left_over = Some(Segment { level, ..piece });
-                }
-                begin_s = piece.until_s.min(end_s);
-                Segment { until_s: begin_s, ..piece }.join(&mut pieces);
-            }
+            commands.take(until_s.min(self.time_s + most_s), AT_ONCE, &mut pieces);
             let Some(last) = pieces.last() else { return };
             let until_s = last.until_s;
             let (here, later) = rest.split_at(rest.partition_point(|moment_s| *moment_s <= until_s));

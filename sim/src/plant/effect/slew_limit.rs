@@ -84,6 +84,11 @@ impl CommandStage for SlewLimit {
         Memory::TurningPoints(0.0)
     }
 
+    fn kept(&self, now_s: f64) -> Option<f64> {
+        let since_s = if self.slope_per_s == 0.0 { 0.0 } else { now_s - self.at_s };
+        Some(self.level + self.slope_per_s * since_s)
+    }
+
     fn makes_ramps(&self) -> bool {
         true
     }
