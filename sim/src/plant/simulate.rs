@@ -118,7 +118,7 @@ pub(crate) fn simulate_course(
 }
 
 /// [`simulate_response`] where the drive is whole periods of `period_rows` rows: what repeats by then is not run again.
-/// What was before a running one is cut short where stages keep the same for it.
+/// What was before a running one is cut short where stages that know the last turning points keep the same for it.
 ///
 /// # Errors
 /// Those of [`simulate`].
@@ -151,9 +151,12 @@ pub(crate) fn simulate_periodic_course(
     let Some(fades_s) = actuator.fades_in_s(period_s) else {
         return simulate_course(actuator, (drive, course), start, rows_s);
     };
-    let keeps = !matches!(actuator.memory(), Memory::Seconds(_));
-    if keeps && let Start::Running { period_s: of_s, lead_s } = start {
-        // What is kept mostly comes of the last few commands: then the end of the period says the same as all of it.
+    let memory = actuator.memory();
+    if matches!(memory, Memory::TurningPoints(_))
+        && let Start::Running { period_s: of_s, lead_s } = start
+    {
+        // What is kept mostly comes of the last few commands: then the end of the period says the same as all of it. Not so of
+        // the stairs of a dead band, which may come back to any of several ways.
         let shorter_s = fades_s + SHORTER_LEAD * of_s;
         if shorter_s < lead_s {
             let start = Start::Running { period_s: of_s, lead_s: shorter_s };
@@ -164,8 +167,10 @@ pub(crate) fn simulate_periodic_course(
         }
     }
     let mut run = Run::begin(actuator, (drive, course), start, rows_s)?;
-    let after_s =
-        if keeps { run.repeats_after_s(period_s, fades_s, lead_s) } else { Some((fades_s - lead_s).max(0.0)) };
+    let after_s = match memory {
+        Memory::Seconds(_) => Some((fades_s - lead_s).max(0.0)),
+        Memory::TurningPoints(_) | Memory::Lasting => run.repeats_after_s(period_s, fades_s, lead_s),
+    };
     Ok(match after_s {
         Some(after_s) => run.repeated(after_s, period_rows),
         None => run.finished(),
