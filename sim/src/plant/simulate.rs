@@ -349,4 +349,27 @@ mod tests {
         let mut run = Run::begin(&mut slow, drive, Start::Rest(0.9), &time_s).unwrap();
         assert_eq!(run.repeats_after_s(period_s, fades_s, 0.0), None);
     }
+
+    #[test]
+    fn the_stairs_of_a_dead_band_on_a_triangle_begin_where_all_of_the_period_before_left_them() {
+        // On a slow triangle stairs go to and fro on whatever levels they began with: each of these repeats.
+        let (period_s, rows) = (10.0, 1000);
+        let time_s: Vec<f64> = (0..3 * rows).map(|row| row as f64 * 0.01).collect();
+        let triangle = |row: usize| {
+            let part = (row % rows) as f64 / rows as f64;
+            0.5 + 0.05 * (1.0 - 4.0 * ((part + 0.25) % 1.0 - 0.5).abs())
+        };
+        let command: Vec<f64> = (0..3 * rows).map(triangle).collect();
+        let drive = Drive { time_s: &time_s, command: &command };
+        let effects = [active(Catalog::standard().find("dead_band").unwrap(), &[0.0121])];
+        let after = |lead_s: f64| {
+            simulate_response(&mut actuator(&effects), drive, Start::Running { period_s, lead_s }, &time_s).unwrap()
+        };
+        let start = Start::Running { period_s, lead_s: period_s };
+        let once = simulate_periodic_response(&mut actuator(&effects), drive, start, &time_s, rows).unwrap();
+        let apart = |other: &[f64]| once.iter().zip(other).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        let fades_s = actuator(&effects).fades_in_s(period_s).unwrap();
+        let (whole, short) = (apart(&after(period_s)), apart(&after(fades_s + SHORTER_LEAD * period_s)));
+        assert!(whole < 1e-9 && short > 1e-3, "{whole:e} N, {short:e} N");
+    }
 }
