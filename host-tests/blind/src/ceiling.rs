@@ -34,6 +34,18 @@ pub enum Rivals {
     All,
 }
 
+impl Rivals {
+    /// Its name on the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Family => "family",
+            Self::All => "all",
+        }
+    }
+}
+
 /// Log likelihood of a rival less that of the truth's own fit, on all records: below zero is worse.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

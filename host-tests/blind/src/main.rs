@@ -74,11 +74,10 @@ fn read(arguments: &[String]) -> Result<Options, String> {
         match name.as_str() {
             "--tool" => tool = Some(PathBuf::from(value)),
             "--set" => {
-                set = match value.as_str() {
-                    "tune" => Set::Tune,
-                    "report" => Set::Report,
-                    _ => return Err(format!("--set: {value} is neither tune nor report")),
-                }
+                set = [Set::Tune, Set::Report]
+                    .into_iter()
+                    .find(|set| set.name() == value)
+                    .ok_or_else(|| format!("--set: {value} is neither tune nor report"))?;
             }
             "--kinds" => only = value.split(',').map(class).collect::<Result<_, _>>()?,
             "--seeds" => seeds = number()?,
@@ -86,12 +85,10 @@ fn read(arguments: &[String]) -> Result<Options, String> {
             "--keep" => keep = Some(PathBuf::from(value)),
             "--page" => page = Some(PathBuf::from(value)),
             "--rivals" => {
-                rivals = match value.as_str() {
-                    "none" => Rivals::None,
-                    "family" => Rivals::Family,
-                    "all" => Rivals::All,
-                    _ => return Err(format!("--rivals: {value} is none of none, family and all")),
-                }
+                rivals = [Rivals::None, Rivals::Family, Rivals::All]
+                    .into_iter()
+                    .find(|rivals| rivals.name() == value)
+                    .ok_or_else(|| format!("--rivals: {value} is none of none, family and all"))?;
             }
             _ => return Err(format!("there is no option {name}")),
         }
@@ -129,9 +126,10 @@ fn judge(options: &Options) -> Result<(), String> {
         return Ok(());
     }
     let about = format!(
-        "`cargo xtask blind --set {} --seeds {}` of version {}",
+        "`cargo xtask blind --set {} --seeds {} --rivals {}` of version {}",
         options.plan.set.name(),
         options.seeds,
+        options.plan.rivals.name(),
         env!("CARGO_PKG_VERSION")
     );
     let text = page(&scored, options.plan.set, &about);
