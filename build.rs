@@ -1,4 +1,5 @@
-//! Tells the linker where the controller's memories are. Does nothing on a host.
+//! Tells the linker where the memories of the application's board are. Does nothing on a host, nor for a firmware that takes
+//! the library without the board.
 
 use std::path::PathBuf;
 use std::{env, fs};
@@ -6,7 +7,8 @@ use std::{env, fs};
 fn main() {
     println!("cargo:rerun-if-changed=memory.x");
     println!("cargo:rerun-if-changed=build.rs");
-    if env::var("CARGO_CFG_TARGET_OS").as_deref() != Ok("none") {
+    let is_board = env::var_os("CARGO_FEATURE_STM32F405").is_some();
+    if !is_board || env::var("CARGO_CFG_TARGET_OS").as_deref() != Ok("none") {
         return;
     }
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));

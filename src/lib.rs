@@ -33,11 +33,16 @@ extern crate std;
 pub mod biquad;
 pub mod capture;
 pub mod channel;
+#[cfg(feature = "settings")]
+mod checksum;
 pub mod compensator;
+#[cfg(feature = "controller")]
 pub mod controller;
 pub mod design;
 pub mod esc_output;
 pub mod excitation;
+#[cfg(feature = "link")]
 pub mod link;
+#[cfg(feature = "settings")]
 pub mod settings;
 pub mod throttle;

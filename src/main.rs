@@ -6,8 +6,6 @@
 mod board;
 #[cfg(not(target_os = "none"))]
 mod schema_print;
-#[cfg(target_os = "none")]
-mod wiring;
 
 #[cfg(not(target_os = "none"))]
 fn main() {
@@ -27,7 +25,10 @@ fn main() {
     print!("{}", schema_print::Messages);
 }
 
-/// Tasks and what they share. Priorities: capture 4, control 3, bytes of the link 2, idle 0.
+/// Tasks and what they share. Priorities: supply 6, bytes of the link 5, capture 4, control 3, idle 0.
+///
+/// The bytes come before the pulses: one comes every 10 µs at 1 Mbaud, and the UART holds one more, while an edge that is
+/// stamped by the hardware has 20 µs, and a control tick with an excitation takes longer than either.
 #[cfg(target_os = "none")]
 #[rtic::app(device = stm32f4xx_hal::pac, peripherals = true)]
 mod app {
@@ -35,70 +36,73 @@ mod app {
 
     use defmt_rtt as _;
     use heapless::spsc::{Consumer, Producer, Queue};
-    use rotorlead::controller::{INJECT_QUEUE, RECORD_QUEUE, Server};
+    use rotorlead::controller::{
+        self, BoardHandle, Control, INJECT_QUEUE, Inputs, RECORD_QUEUE, Server, Started, hardware::RequestHardware as _,
+    };
     use rotorlead::link::Sample;
-    use rotorlead::throttle::Command;
+    use rotorlead::settings::{MOTORS, Store};
+    use rotorlead::throttle::{Command, EscCommand};
     use stm32f4xx_hal::pac::Interrupt;
 
+    use crate::board::capture::Capture;
     use crate::board::serial::{RECEIVE_QUEUE, SEND_QUEUE, Serial};
-    use crate::board::settings_flash::SettingsFlash;
-    use crate::board::{Board, Queues};
-    use crate::wiring::{Control, Inputs, Wires, start};
-
-    type CommandQueue = Queue<Command, INJECT_QUEUE>;
+    use crate::board::settings_flash::{COPIES, SettingsFlash};
+    use crate::board::{Board, BoardStatus, ControlParts, PULSES_ARE_EXACT, Queues, postmortem};
 
     /// Set by the idle task whenever it comes round, and cleared by the control task.
-    static IDLE_LIVES: AtomicBool = AtomicBool::new(false);
+    static IDLE_RAN: AtomicBool = AtomicBool::new(false);
 
     #[shared]
     struct Shared {
-        inputs: Inputs,
-        control: Control,
-        serial: Option<Serial>,
+        inputs: Inputs<Capture>,
+        control: Control<ControlParts>,
     }
 
     #[local]
     struct Local {
         server: Server<SettingsFlash>,
-        facts: rotorlead::controller::Facts,
+        status: BoardStatus,
         received: Consumer<'static, u8, RECEIVE_QUEUE>,
         to_send: Producer<'static, u8, SEND_QUEUE>,
+        serial: Option<Serial>,
     }
 
     #[init(local = [
         receive_queue: Queue<u8, RECEIVE_QUEUE> = Queue::new(),
         send_queue: Queue<u8, SEND_QUEUE> = Queue::new(),
-        inject_queues: [CommandQueue; 4] = [const { Queue::new() }; 4],
-        output_queues: [CommandQueue; 4] = [const { Queue::new() }; 4],
+        inject_queues: [Queue<Command, INJECT_QUEUE>; MOTORS] = [const { Queue::new() }; MOTORS],
+        output_queues: [Queue<EscCommand, INJECT_QUEUE>; MOTORS] = [const { Queue::new() }; MOTORS],
         sample_queue: Queue<Sample, RECORD_QUEUE> = Queue::new(),
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
         let (received_in, received) = cx.local.receive_queue.split();
         let (to_send, to_send_out) = cx.local.send_queue.split();
         let queues = Queues { received: received_in, to_send: to_send_out };
-        let board = Board::new(cx.device, cx.core, queues);
-        defmt::info!("started: {}, {}", board.start_reason, board.clocks);
-        let inject = cx.local.inject_queues.each_mut().map(Queue::split);
-        let outputs = cx.local.output_queues.each_mut().map(Queue::split);
-        let parts = start(board, inject, outputs, cx.local.sample_queue.split());
-        defmt::info!("settings: {}", defmt::Debug2Format(&parts.origin));
-        let shared = Shared { inputs: parts.inputs, control: parts.control, serial: parts.serial };
-        (shared, Local { server: Server::new(parts.desk), facts: parts.facts, received, to_send })
+        let Board { capture, control, serial, flash, status } = Board::new(cx.device, cx.core, queues);
+        let facts = status.facts;
+        defmt::info!("started: {}", defmt::Debug2Format(&facts));
+        PULSES_ARE_EXACT.store(facts.clocks.tells_pulses_apart(), Ordering::Relaxed);
+        let queues = controller::Queues {
+            inject: cx.local.inject_queues.each_mut().map(Queue::split),
+            outputs: cx.local.output_queues.each_mut().map(Queue::split),
+            samples: cx.local.sample_queue.split(),
+        };
+        let store = Store::new(flash, COPIES);
+        let Started { inputs, control, handler, origin } =
+            controller::start(capture, control, store, &facts, status.tells_pulses_apart(), queues);
+        defmt::info!("settings: {}", defmt::Debug2Format(&origin));
+        let local = Local { server: Server::new(handler), status, received, to_send, serial };
+        (Shared { inputs, control }, local)
     }
 
     /// Talks to the host, and does whatever takes long.
-    #[idle(
-        shared = [inputs, control, serial],
-        local = [
-            server, facts, received, to_send,
-        ]
-    )]
+    #[idle(shared = [inputs, control], local = [server, status, received, to_send])]
     fn idle(cx: idle::Context) -> ! {
-        let idle::LocalResources { server, facts, received, to_send, .. } = cx.local;
-        let idle::SharedResources { inputs, control, serial, .. } = cx.shared;
-        let mut wires = Wires { inputs, control, serial, facts: *facts };
+        let idle::LocalResources { server, status, received, to_send, .. } = cx.local;
+        let idle::SharedResources { inputs, control, .. } = cx.shared;
+        let mut board = BoardHandle { inputs, control, hardware: status };
         loop {
-            IDLE_LIVES.store(true, Ordering::Relaxed);
+            IDLE_RAN.store(true, Ordering::Relaxed);
             while to_send.ready() {
                 let Some(byte) = server.next_byte() else { break };
                 let _ = to_send.enqueue(byte);
@@ -106,7 +110,21 @@ mod app {
             if to_send.len() > 0 {
                 rtic::pend(Interrupt::USART3);
             }
-            server.turn(|| received.dequeue(), &mut wires);
+            server.poll(|| received.dequeue(), &mut board);
+        }
+    }
+
+    /// The supply falls: outputs low, and a new start.
+    #[task(binds = PVD, priority = 6)]
+    fn supply(_: supply::Context) {
+        postmortem::supply_low()
+    }
+
+    /// One byte of the link each way: 10 µs at 1 Mbaud.
+    #[task(binds = USART3, priority = 5, local = [serial])]
+    fn link_byte(cx: link_byte::Context) {
+        if let Some(serial) = cx.local.serial {
+            serial.exchange();
         }
     }
 
@@ -123,19 +141,10 @@ mod app {
     /// lose a step of time; it is counted and reported as `missed_deadlines`. Two in a row end an excitation. When it is
     /// missed for 20 ms on end the watchdog resets the controller: its pins float, and are pulled down outside.
     #[task(binds = SysTick, priority = 3, shared = [inputs, control])]
-    fn control(cx: control::Context) {
-        (cx.shared.inputs, cx.shared.control).lock(|inputs, control| {
-            control.run(inputs, IDLE_LIVES.swap(false, Ordering::Relaxed));
-        });
-    }
-
-    /// One byte of the link each way: 10 µs at 1 Mbaud.
-    #[task(binds = USART3, priority = 2, shared = [serial])]
-    fn link_byte(mut cx: link_byte::Context) {
-        cx.shared.serial.lock(|serial| {
-            if let Some(serial) = serial {
-                serial.exchange();
-            }
-        });
+    fn control(mut cx: control::Context) {
+        // The captures wait only for this, and not for the filters.
+        let signals = cx.shared.inputs.lock(Inputs::poll);
+        let idle_ran = IDLE_RAN.swap(false, Ordering::Relaxed);
+        cx.shared.control.lock(|control| control.run(signals, idle_ran));
     }
 }

@@ -1,6 +1,6 @@
 //! The normalized command, and its conversion to and from pulse widths.
 //!
-//! Both types count in steps of 2^-29 (Q2.29): 0 is the bottom of the pulse range and 1 its top. A tick of an 84 MHz
+//! All types count in steps of 2^-29 (Q2.29): 0 is the bottom of the pulse range and 1 its top. A tick of an 84 MHz
 //! timer in a 600 Hz frame is 3800 of these steps, so a pulse survives the round trip to the tick.
 
 use core::fmt;
@@ -114,6 +114,54 @@ impl Command {
 }
 
 impl From<Command> for Throttle {
+    fn from(command: Command) -> Self {
+        Self(command.0)
+    }
+}
+
+/// What an ESC gets in a frame: the pulse of a command, or no pulse, where its line stays low. No pulse is below every
+/// command.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(transparent)]
+pub struct EscCommand(i32);
+
+impl EscCommand {
+    /// The line stays low. An ESC takes it for a lost signal, and does not arm.
+    pub const NO_PULSE: Self = Self(-1);
+
+    /// The command, where there is a pulse.
+    #[must_use]
+    pub const fn command(self) -> Option<Command> {
+        if self.0 < 0 { None } else { Some(Command(self.0)) }
+    }
+
+    /// The command in Q2.29, or -1 where there is no pulse.
+    #[must_use]
+    pub const fn to_bits(self) -> i32 {
+        self.0
+    }
+
+    /// From [`Self::to_bits`]: any negative number is no pulse, and one above the range its upper end.
+    #[must_use]
+    pub const fn from_bits(bits: i32) -> Self {
+        if bits < 0 { Self::NO_PULSE } else { Self(Command::saturating_from_bits(bits).0) }
+    }
+}
+
+impl PartialEq<Command> for EscCommand {
+    fn eq(&self, other: &Command) -> bool {
+        *self == Self::from(*other)
+    }
+}
+
+impl PartialOrd<Command> for EscCommand {
+    fn partial_cmp(&self, other: &Command) -> Option<core::cmp::Ordering> {
+        Some(self.cmp(&Self::from(*other)))
+    }
+}
+
+impl From<Command> for EscCommand {
+    #[inline]
     fn from(command: Command) -> Self {
         Self(command.0)
     }
@@ -266,6 +314,13 @@ impl PulseScale {
         // A command has at most 30 bits and the span 29, 32 with the shift.
         let product = command.0.cast_unsigned() as u64 * (self.span_ticks << (32 - FRACTION_BITS)) as u64;
         self.low_ticks + ((product + HALF) >> 32) as u32
+    }
+
+    /// Width of the pulse that an ESC gets, to the nearest tick; 0 where it gets none.
+    #[must_use]
+    #[inline]
+    pub const fn to_width_ticks(&self, output: EscCommand) -> u32 {
+        if output.0 < 0 { 0 } else { self.to_ticks(Command(output.0)) }
     }
 }
 

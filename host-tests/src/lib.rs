@@ -1,5 +1,6 @@
 //! What the tests share: the paper's numbers, random designs, and the compensator computed a second way.
 
+pub mod board;
 pub mod emulator;
 pub mod flash;
 pub mod fuzz;
@@ -11,7 +12,13 @@ use std::path::{Path, PathBuf};
 
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
+use rotorlead::controller;
 use rotorlead::design::{LeadDesign, LeadParameters};
+use rotorlead::settings::{
+    ExcitationLimits, FASTEST_RAW_DUTY_HZ, HIGHEST_STOP, MotorSettings, NoSignal, Pulse, PulseProtocol,
+    SHORTEST_LEVEL_US, Settings, Validated,
+};
+use rotorlead::throttle::Command;
 
 /// A log of a real motor. The logs are not in this repository: they are looked for in `$ROTORLEAD_DATA`, else in `shared/data`
 /// beside the workspace. Without them this is `None`, and says that the test is skipped.
@@ -92,6 +99,71 @@ pub fn any_parameters() -> impl Strategy<Value = (LeadParameters, f64, Option<f6
 /// Accepted designs. Six in ten of [`any_parameters`] are.
 pub fn any_design() -> impl Strategy<Value = LeadDesign> {
     any_parameters().prop_filter_map("refused", |(lead, rate, prewarp)| LeadDesign::new(lead, rate, prewarp).ok())
+}
+
+/// Valid settings over the whole range of each, whose filter can be designed: protocols, rates, levels, times.
+pub fn any_settings() -> impl Strategy<Value = Validated> {
+    let protocol = || {
+        prop_oneof![Just(PulseProtocol::RawDuty), Just(PulseProtocol::StandardPwm), Just(PulseProtocol::OneShot125)]
+    };
+    let pulse = move || {
+        (protocol(), 40..=3703_u16).prop_map(|(protocol, frame_hz)| {
+            let fastest = match protocol {
+                PulseProtocol::RawDuty => FASTEST_RAW_DUTY_HZ,
+                PulseProtocol::StandardPwm => 495,
+                PulseProtocol::OneShot125 => 3703,
+            };
+            Pulse { protocol, frame_hz: 40 + (frame_hz - 40) % (fastest - 39) }
+        })
+    };
+    let motor = || {
+        let levels = proptest::collection::vec(0.0..1.0_f64, 4);
+        (levels, any::<bool>(), 0..=1000_u16).prop_filter_map("levels too close", |(mut levels, compensate, hold_ms)| {
+            levels.sort_by(f64::total_cmp);
+            // Up to where a raw duty has its last edge at the fastest frames.
+            let level = |n: usize| Command::saturating_from_f64(0.0301 + 0.939 * levels[n]).to_bits();
+            let [disarming, arming, idle, max] = [level(0), level(1), level(2), level(3)];
+            let is_ordered = disarming < arming && arming <= idle && idle < max;
+            is_ordered.then_some(MotorSettings { compensate, disarming, arming, idle, max, hold_ms })
+        })
+    };
+    let excitation = (1..=600_u16, 0.0..=1.0_f64, 0.001..=0.25_f64, 0..=3000_u16, 100..=4000_u16).prop_map(
+        |(max_duration_s, max_command, max_amplitude, arm_ms, ramp_ms)| ExcitationLimits {
+            max_duration_s,
+            max_command: Command::saturating_from_f64(max_command).to_bits(),
+            max_amplitude: Command::saturating_from_f64(max_amplitude).to_bits(),
+            arm_ms,
+            ramp_ms,
+        },
+    );
+    let no_signal = prop_oneof![Just(NoSignal::NoPulses), Just(NoSignal::StopPulses)];
+    let motors = [motor(), motor(), motor(), motor()];
+    let rest = (prop_oneof![Just(5000_u32), 1000..=10_000_u32], no_signal, 0..=3000_u16, 0.0..=1.0_f64);
+    (rest, pulse(), pulse(), motors, excitation).prop_filter_map(
+        "no filter",
+        |((loop_rate_hz, no_signal, stop_pulses_ms, stop), input, output, motors, excitation)| {
+            let shortest = f64::from(SHORTEST_LEVEL_US) * 1e-6 * f64::from(output.frame_hz);
+            let stop = match output.protocol {
+                PulseProtocol::RawDuty => {
+                    Command::saturating_from_f64(shortest + (0.03 - shortest) * stop).to_bits().min(HIGHEST_STOP)
+                }
+                PulseProtocol::StandardPwm | PulseProtocol::OneShot125 => 0,
+            };
+            let settings = Settings {
+                loop_rate_hz,
+                input,
+                output,
+                stop,
+                no_signal,
+                stop_pulses_ms,
+                motors,
+                excitation,
+                ..Settings::default()
+            };
+            let settings = settings.validate().ok()?;
+            controller::coefficients(&settings).ok().map(|_| settings)
+        },
+    )
 }
 
 /// The unrounded Tustin image of eq. (3) as a direct-form section in `f64`: the textbook coefficients, computed without

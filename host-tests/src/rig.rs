@@ -1,5 +1,5 @@
-//! A whole controller without its hardware: `Server`, `Desk` and `Tick` of the library, with a flash in memory and a
-//! line that the test holds both ends of. Time is what the test says: one call of [`Rig::tick`] is one control tick.
+//! A whole controller on a board in memory: the library's own start, server, request handler and tick, with a line that the
+//! test holds both ends of. Time is what the test says: one call of [`Rig::tick`] is one control tick.
 
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -7,13 +7,12 @@ use std::rc::Rc;
 use embedded_storage::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use rotorlead::capture::Signal;
 use rotorlead::channel::Channel;
-use rotorlead::controller::{
-    Board, Counts, Desk, DeskQueues, Facts, Motor, MotorQueues, Server, Tick, channels, coefficients,
-};
-use rotorlead::link::{Clock, FRAME_BYTES, Message, Receiver, Refusal, Request, ResetReason, Tagged, encode};
-use rotorlead::settings::{Loaded, MOTORS, Store, Validated};
-use rotorlead::throttle::{Command, PulseScale};
+use rotorlead::controller::{Board, BoardFacts, Counts, Server, Tick};
+use rotorlead::link::{FRAME_BYTES, Message, Receiver, Refusal, Request, Tagged, encode};
+use rotorlead::settings::{MOTORS, Origin, Settings, Store, Validated};
+use rotorlead::throttle::{Command, EscCommand, PulseScale};
 
+use crate::board::{CRYSTAL, TestBoard, facts};
 use crate::flash::{Flash, FlashError};
 use crate::line::TIMER_HZ;
 
@@ -67,57 +66,81 @@ impl NorFlash for SharedFlash {
     }
 }
 
-/// What stands in for the board.
+/// The board, and what a test wants to happen at it.
 pub struct Hardware {
-    /// The control task's state.
-    pub tick: Tick,
-    /// What the board has counted.
-    pub counts: Counts,
-    /// Why it started.
-    pub reset: ResetReason,
+    /// The board.
+    pub board: TestBoard,
     /// What the inputs have in the ticks that fall between the question whether a save may be and its end.
     pub during_save: Vec<[Signal; MOTORS]>,
     /// What the outputs had in these ticks.
-    pub outputs_during_save: Vec<[Command; MOTORS]>,
+    pub outputs_during_save: Vec<[EscCommand; MOTORS]>,
     /// Whether the timers refuse new settings.
     pub refuses: bool,
     /// `flash_stalls`, call by call.
     pub stalls: Vec<bool>,
 }
 
+impl Hardware {
+    /// The control task's state.
+    pub const fn tick_mut(&mut self) -> &mut Tick {
+        self.board.tick_mut()
+    }
+
+    /// One control tick.
+    pub fn run(&mut self, signals: [Signal; MOTORS]) -> [EscCommand; MOTORS] {
+        self.tick_mut().run(signals, || 0)
+    }
+}
+
 impl Board for Hardware {
     fn tick<R>(&mut self, f: impl FnOnce(&mut Tick) -> R) -> R {
-        f(&mut self.tick)
+        self.board.tick(f)
     }
 
     fn reconfigure(&mut self, settings: &Validated, channels: [Channel; MOTORS]) -> Result<(), Refusal> {
         if self.refuses {
             return Err(Refusal::Design);
         }
-        self.tick.reconfigure(channels, scale(settings), settings.loop_rate_hz);
-        Ok(())
+        self.board.reconfigure(settings, channels)
     }
 
     fn flash_stalls(&mut self, stalls: bool) {
         self.stalls.push(stalls);
+        self.board.flash_stalls(stalls);
         if stalls {
-            for signals in &self.during_save {
-                self.outputs_during_save.push(self.tick.run(*signals, || 0));
+            for signals in self.during_save.clone() {
+                let outputs = self.run(signals);
+                self.outputs_during_save.push(outputs);
             }
         }
     }
 
-    fn facts(&mut self) -> Facts {
-        Facts { clock: Clock::Crystal, core_hz: 168_000_000, timer_hz: TIMER_HZ, reset: self.reset }
+    fn facts(&mut self) -> BoardFacts {
+        self.board.facts()
     }
 
     fn counts(&mut self) -> Counts {
-        self.counts
+        self.board.counts()
+    }
+
+    fn is_bench_enabled(&mut self) -> bool {
+        self.board.is_bench_enabled()
     }
 }
 
-fn scale(settings: &Validated) -> PulseScale {
+fn scale(settings: &Settings) -> PulseScale {
     PulseScale::new(settings.input.protocol(), TIMER_HZ).expect("every protocol suits this timer")
+}
+
+/// A flash in which these settings were saved.
+///
+/// # Panics
+/// When a flash without faults takes none.
+#[must_use]
+pub fn saved(settings: &Validated) -> SharedFlash {
+    let flash = SharedFlash::new(Flash::blank());
+    Store::new(flash.clone(), Flash::<SECTOR>::SECTORS).save(settings).expect("a flash without faults");
+    flash
 }
 
 /// See the [module](self).
@@ -135,42 +158,35 @@ pub struct Rig {
 }
 
 impl Rig {
-    /// A controller with a blank flash, right after its start.
+    /// A controller in whose flash somebody has saved the defaults, with the jumper fitted, right after its start.
     #[must_use]
     pub fn new() -> Self {
-        Self::starting_from(&SharedFlash::new(Flash::blank())).0
+        Self::with(Settings::default())
+    }
+
+    /// The same with these settings.
+    ///
+    /// # Panics
+    /// When they are not valid.
+    #[must_use]
+    pub fn with(settings: Settings) -> Self {
+        Self::starting_from(&saved(&settings.validate().expect("valid settings"))).0
     }
 
     /// A controller that starts with what is in `flash`, and what it found there.
-    ///
-    /// # Panics
-    /// Where settings were loaded that make no controller, which is a claim of the settings.
     #[must_use]
-    pub fn starting_from(flash: &SharedFlash) -> (Self, Loaded) {
-        let mut store = Store::new(flash.clone(), Flash::<SECTOR>::SECTORS);
-        let loaded = store.load();
-        let coefficients = coefficients(&loaded.settings).expect("valid settings can be designed");
-        let channels = channels(&loaded.settings, coefficients).expect("valid settings make channels");
-        // Queues live for the rest of the process, as on the board.
-        let (mut injects, mut results) = (Vec::new(), Vec::new());
-        let motors = channels.map(|channel| {
-            let (to_inject, inject) = Box::leak(Box::new(heapless::spsc::Queue::new())).split();
-            let (outputs, from_motor) = Box::leak(Box::new(heapless::spsc::Queue::new())).split();
-            injects.push(to_inject);
-            results.push(from_motor);
-            Motor::new(channel, MotorQueues { inject, outputs })
-        });
-        let (recorded, samples) = Box::leak(Box::new(heapless::spsc::Queue::new())).split();
-        let scale = scale(&loaded.settings);
-        let tick = Tick::new(motors, scale, loaded.settings.loop_rate_hz, recorded);
-        let inject = injects.try_into().unwrap_or_else(|_| unreachable!("one for each motor"));
-        let outputs = results.try_into().unwrap_or_else(|_| unreachable!("one for each motor"));
-        let queues = DeskQueues { inject, outputs, samples };
-        let desk = Desk::new(loaded.settings.clone(), loaded.origin, coefficients, store, queues);
+    pub fn starting_from(flash: &SharedFlash) -> (Self, Origin) {
+        Self::starting_on(flash, facts(CRYSTAL))
+    }
+
+    /// The same on another board.
+    #[must_use]
+    pub fn starting_on(flash: &SharedFlash, facts: BoardFacts) -> (Self, Origin) {
+        let store = Store::new(flash.clone(), Flash::<SECTOR>::SECTORS);
+        let (board, handler, origin) = TestBoard::start(store, facts);
+        let scale = scale(handler.settings());
         let hardware = Hardware {
-            tick,
-            counts: Counts::default(),
-            reset: ResetReason::PowerOn,
+            board,
             during_save: Vec::new(),
             outputs_during_save: Vec::new(),
             refuses: false,
@@ -178,14 +194,14 @@ impl Rig {
         };
         let rig = Self {
             hardware,
-            server: Server::new(desk),
+            server: Server::new(handler),
             receiver: Receiver::new(),
             scale,
             tag: 0,
             to_controller: std::collections::VecDeque::new(),
             inbox: Vec::new(),
         };
-        (rig, loaded)
+        (rig, origin)
     }
 
     /// A pulse that means `command`.
@@ -202,15 +218,15 @@ impl Rig {
     }
 
     /// One control tick with the same at every input.
-    pub fn tick(&mut self, signal: Signal) -> [Command; MOTORS] {
-        self.hardware.tick.run([signal; MOTORS], || 0)
+    pub fn tick(&mut self, signal: Signal) -> [EscCommand; MOTORS] {
+        self.hardware.run([signal; MOTORS])
     }
 
     /// One control tick with `signal` at motor 0 and nothing at the others, whose output is this.
-    pub fn tick_one(&mut self, signal: Signal) -> Command {
+    pub fn tick_one(&mut self, signal: Signal) -> EscCommand {
         let mut signals = [Signal::Nothing; MOTORS];
         signals[0] = signal;
-        self.hardware.tick.run(signals, || 0)[0]
+        self.hardware.run(signals)[0]
     }
 
     /// Puts bytes on the line to the controller.
@@ -250,7 +266,7 @@ impl Rig {
                 bytes_in -= usize::from(byte.is_some());
                 byte
             };
-            self.server.turn(received, &mut self.hardware);
+            self.server.poll(received, &mut self.hardware);
             match self.server.next_byte() {
                 Some(byte) => {
                     bytes -= 1;

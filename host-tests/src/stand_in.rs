@@ -1,4 +1,4 @@
-//! A controller behind a TCP port: the library's own [`Tick`] and [`Desk`] with a simulated thrust sensor, a clock that
+//! A controller behind a TCP port: the library's own start, tick and [`RequestHandler`] with a simulated thrust sensor, a clock that
 //! may run faster than time, a line that may be slow, and faults on request.
 //!
 //! What the host's programs talk to here is what they talk to on the board, but for the hardware.
@@ -11,17 +11,15 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use heapless::spsc::{Consumer, Producer, Queue};
 use rotorlead::capture::Signal;
-use rotorlead::channel::Channel;
-use rotorlead::controller::{Board, Counts, Desk, DeskQueues, Facts, Motor, MotorQueues, Tick, channels, coefficients};
+use rotorlead::controller::RequestHandler;
 use rotorlead::link::{
-    Clock, FRAME_BYTES, INJECT_WINDOW, Message, Receiver, Refusal, Request, ResetReason, Series, Tagged, VERSION,
-    encode,
+    FRAME_BYTES, INJECT_WINDOW, Message, Receiver, Request, Series, Tagged, VERSION, encode,
 };
-use rotorlead::settings::{MOTORS, Store, Validated};
-use rotorlead::throttle::{Command, PulseScale};
+use rotorlead::settings::{Store, Validated};
+use rotorlead::throttle::Command;
 
+use crate::board::{CRYSTAL, TestBoard, facts};
 use crate::flash::Flash;
 use crate::fuzz::frame;
 
@@ -87,7 +85,7 @@ pub struct Stand {
 }
 
 /// Timer ticks per second of the input's pulses.
-pub const TIMER_HZ: u32 = 84_000_000;
+pub use crate::line::TIMER_HZ;
 
 /// A controller that listens until it is dropped, and takes one connection after the other.
 pub struct StandIn {
@@ -146,39 +144,12 @@ impl Drop for StandIn {
     }
 }
 
-/// The hardware: there is none.
-struct Nothing {
-    tick: Tick,
-}
-
-impl Board for Nothing {
-    fn tick<R>(&mut self, f: impl FnOnce(&mut Tick) -> R) -> R {
-        f(&mut self.tick)
-    }
-
-    fn reconfigure(&mut self, settings: &Validated, channels: [Channel; MOTORS]) -> Result<(), Refusal> {
-        let scale = PulseScale::new(settings.input.protocol(), TIMER_HZ).map_err(|_| Refusal::Design)?;
-        self.tick.reconfigure(channels, scale, settings.loop_rate_hz);
-        Ok(())
-    }
-
-    fn flash_stalls(&mut self, _: bool) {}
-
-    fn facts(&mut self) -> Facts {
-        Facts { clock: Clock::Internal, core_hz: 16_000_000, timer_hz: TIMER_HZ, reset: ResetReason::PowerOn }
-    }
-
-    fn counts(&mut self) -> Counts {
-        Counts::default()
-    }
-}
-
 struct Controller {
     trouble: Trouble,
     pace: Pace,
     stand: Stand,
-    board: Nothing,
-    desk: Desk<Flash<SECTOR>>,
+    board: TestBoard,
+    handler: RequestHandler<Flash<SECTOR>>,
     receiver: Receiver<Request>,
     /// Blocks of injected commands that were taken from the line and not given to the desk, and the first one's age.
     held: VecDeque<Tagged<Request>>,
@@ -196,40 +167,17 @@ struct Controller {
     mute: bool,
 }
 
-/// Two ends of a queue that lives for the rest of the process, as on the board.
-fn queue<T, const N: usize>() -> (Producer<'static, T, N>, Consumer<'static, T, N>) {
-    Box::leak(Box::new(Queue::new())).split()
-}
-
 impl Controller {
     fn new(trouble: Trouble, pace: Pace, stand: Stand, starved: Arc<AtomicUsize>) -> Self {
         let mut store = Store::new(Flash::blank(), Flash::<SECTOR>::SECTORS);
-        let loaded = store.load();
-        let coefficients = coefficients(&loaded.settings).expect("the defaults can be designed");
-        let channels = channels(&loaded.settings, coefficients).expect("the defaults are in order");
-        let (mut to_inject, mut outputs) = (Vec::new(), Vec::new());
-        let motors = channels.map(|channel| {
-            let (inject_in, inject) = queue();
-            let (outputs_in, outputs_out) = queue();
-            to_inject.push(inject_in);
-            outputs.push(outputs_out);
-            Motor::new(channel, MotorQueues { inject, outputs: outputs_in })
-        });
-        let (samples_in, samples) = queue();
-        let scale = PulseScale::new(loaded.settings.input.protocol(), TIMER_HZ).expect("the defaults suit the timer");
-        let tick = Tick::new(motors, scale, loaded.settings.loop_rate_hz, samples_in);
-        let four = "there are as many queues as motors";
-        let queues = DeskQueues {
-            inject: to_inject.try_into().unwrap_or_else(|_| unreachable!("{four}")),
-            outputs: outputs.try_into().unwrap_or_else(|_| unreachable!("{four}")),
-            samples,
-        };
+        store.save(&Validated::default()).expect("a flash without faults");
+        let (board, handler, _) = TestBoard::start(store, facts(CRYSTAL));
         Self {
             trouble,
             pace,
             stand,
-            board: Nothing { tick },
-            desk: Desk::new(loaded.settings, loaded.origin, coefficients, store, queues),
+            board,
+            handler,
             receiver: Receiver::new(),
             held: VecDeque::new(),
             held_since: Instant::now(),
@@ -271,7 +219,7 @@ impl Controller {
                 }
             }
             self.release();
-            due += step.as_secs_f64() * self.pace.speed * f64::from(self.desk.settings().loop_rate_hz);
+            due += step.as_secs_f64() * self.pace.speed * f64::from(self.handler.settings().loop_rate_hz);
             while due >= 1.0 {
                 // The recorder's queue holds more than so many.
                 let ticks = due.min(100.0) as u32;
@@ -301,7 +249,7 @@ impl Controller {
         }
     }
 
-    /// Gives held blocks to the desk: the first as soon as another is behind it, or when that takes too long.
+    /// Gives held blocks to the request handler: the first as soon as another is behind it, or when that takes too long.
     fn release(&mut self) {
         while self.held.len() >= INJECT_WINDOW || (!self.held.is_empty() && self.held_since.elapsed() > STARVED_AFTER) {
             if self.held.len() < INJECT_WINDOW {
@@ -323,7 +271,7 @@ impl Controller {
             self.of_this = 0;
         }
         let faults = *self.receiver.faults();
-        match self.desk.answer(request, faults, &mut self.board) {
+        match self.handler.answer(request, faults, &mut self.board) {
             Some(answer) => self.send(answer),
             None if self.pace.eager && injected > 0 => self.run(injected as u32),
             None => {}
@@ -333,21 +281,21 @@ impl Controller {
     fn run(&mut self, ticks: u32) {
         // Faster than time, a keep-alive is good for as long as it would be for the host.
         if self.pace.speed > 1.0 && self.silent < Duration::from_millis(200) {
-            self.board.tick.keep_alive();
+            self.board.tick_mut().keep_alive();
         }
-        let rate_hz = f64::from(self.desk.settings().loop_rate_hz);
+        let rate_hz = f64::from(self.handler.settings().loop_rate_hz);
         for _ in 0..ticks {
             self.ticks += 1;
             let time_s = self.ticks as f64 / rate_hz;
             let adc = (self.stand.thrust)(self.output, time_s);
             let signals = [(self.stand.input)(time_s), Signal::Nothing, Signal::Nothing, Signal::Nothing];
-            self.output = self.board.tick.run(signals, || adc)[0].to_f64();
+            self.output = self.board.tick_mut().run(signals, || adc)[0].command().unwrap_or(Command::ZERO).to_f64();
         }
         self.poll();
     }
 
     fn poll(&mut self) {
-        while let Some(message) = self.desk.poll() {
+        while let Some(message) = self.handler.poll() {
             self.send(message);
         }
     }

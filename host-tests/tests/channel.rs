@@ -7,14 +7,15 @@ use host_tests::{cases, paper_design};
 use proptest::prelude::*;
 use rotorlead::capture::{Decoder, Timing};
 use rotorlead::channel::{
-    Channel, ChannelSettings, ChannelSettingsError, End, Excitation, ExcitationLimits, ExcitationRequest, Input, Phase,
-    Refusal, SLOWEST_RAMP_PER_TICK, State,
+    Channel, ChannelSettings, ChannelSettingsError, End, Excitation, ExcitationLimits, ExcitationRequest, Input, NoSignal,
+    Phase, Refusal, SLOWEST_RAMP_PER_TICK, State,
 };
 use rotorlead::compensator::Compensator;
 use rotorlead::excitation::{ExcitationError, Multisine, ODD_LINES_30_HZ};
-use rotorlead::throttle::{Command, Protocol, PulseScale};
+use rotorlead::throttle::{Command, EscCommand, Protocol, PulseScale};
 
 const STOP: Command = Command::ZERO;
+const NO_PULSE: EscCommand = EscCommand::NO_PULSE;
 
 fn command(value: f64) -> Command {
     Command::saturating_from_f64(value)
@@ -24,8 +25,10 @@ fn live(value: f64) -> Input {
     Input::Command(command(value))
 }
 
+/// The defaults, but that an excitation does not wait for an ESC to arm.
 fn settings() -> ChannelSettings {
-    ChannelSettings::default()
+    let excitation = ExcitationLimits { arm_ticks: 0, ..ExcitationLimits::default() };
+    ChannelSettings { excitation, ..ChannelSettings::default() }
 }
 
 fn fresh() -> Channel {
@@ -55,28 +58,61 @@ fn excitation(duration_ticks: u32) -> Excitation {
 }
 
 #[test]
-fn without_a_signal_the_output_is_stop() {
-    let mut channel = fresh();
-    for input in [Input::Nothing, Input::Unchanged, Input::Lost, Input::Nothing] {
-        assert_eq!(channel.tick(input), STOP);
-        assert_eq!(channel.state(), State::NoSignal);
+fn without_a_signal_there_is_no_pulse_unless_the_settings_ask_for_stop_pulses() {
+    for (no_signal, expected) in [(NoSignal::NoPulses, NO_PULSE), (NoSignal::StopPulses, STOP.into())] {
+        let settings = ChannelSettings { no_signal, ..settings() };
+        let mut channel = Channel::new(&settings, *paper_design().coefficients()).unwrap();
+        for input in [Input::Nothing, Input::Unchanged, Input::Lost, Input::Nothing] {
+            assert_eq!(channel.tick(input), expected);
+            assert_eq!(channel.state(), State::NoSignal);
+        }
+        // Nor for a command that nobody has seen disarmed: a full throttle at power-up calibrates no ESC.
+        for value in [1.0, 0.5, 0.045] {
+            assert_eq!(channel.tick(live(value)), expected);
+            assert_eq!(channel.state(), State::Locked);
+        }
     }
 }
 
 #[test]
-fn below_the_arming_threshold_the_command_passes_untouched() {
+fn below_the_arming_threshold_there_are_stop_pulses() {
     let mut channel = fresh();
-    for value in [0.0, 0.01, 0.0299, 0.001] {
-        assert_eq!(channel.tick(live(value)), command(value));
-        assert_eq!(channel.tick(Input::Unchanged), command(value));
+    for value in [0.0, 0.01, 0.0399, 0.001, 0.0499] {
+        assert_eq!(channel.tick(live(value)), STOP);
+        assert_eq!(channel.tick(Input::Unchanged), STOP);
         assert_eq!(channel.state(), State::Disarmed);
     }
-    assert_eq!(channel.tick(live(0.03)), settings().idle, "the threshold itself is armed");
+    assert_eq!(channel.tick(live(0.05)), settings().idle, "the threshold itself is armed");
+}
+
+/// The stop pulse of a flight controller whose clock is 3 % off is 1030 us.
+#[test]
+fn a_steady_1030_us_never_arms_and_never_becomes_an_idle_pulse() {
+    let mut channel = fresh();
+    for _ in 0..50_000 {
+        assert_eq!(channel.tick(live(0.03)), STOP);
+        assert_eq!(channel.state(), State::Disarmed);
+    }
+}
+
+#[test]
+fn a_command_that_trembles_about_the_threshold_arms_once() {
+    let mut channel = fresh();
+    channel.tick(live(0.0));
+    let mut states = Vec::new();
+    for n in 0..1000 {
+        channel.tick(live(if n % 2 == 0 { 0.0501 } else { 0.0499 }));
+        states.push(channel.state());
+    }
+    assert_eq!(states, [State::Armed; 1000]);
+    assert_eq!(channel.tick(live(0.04)), settings().idle, "the lower threshold itself is armed");
+    assert_eq!(channel.tick(live(0.0399)), STOP);
+    assert_eq!(channel.state(), State::Disarmed);
 }
 
 #[test]
 fn arming_makes_no_kick() {
-    for level in [0.04, 0.1, 0.5, 1.0] {
+    for level in [0.05, 0.1, 0.5, 1.0] {
         let mut channel = fresh();
         channel.tick(live(0.0));
         for _ in 0..1000 {
@@ -113,21 +149,25 @@ fn armed_the_output_is_the_compensator_bit_for_bit() {
 #[test]
 fn a_step_down_while_armed_stops_at_idle_and_not_at_stop() {
     let mut channel = armed(0.5);
-    let outputs: Vec<Command> = (0..2000).map(|_| channel.tick(live(0.3))).collect();
-    assert_eq!(outputs.iter().min(), Some(&settings().idle));
+    let outputs: Vec<EscCommand> = (0..2000).map(|_| channel.tick(live(0.3))).collect();
+    assert_eq!(outputs.iter().min(), Some(&settings().idle.into()));
     assert!(outputs.iter().filter(|&&output| output == settings().idle).count() > 100);
-    assert_eq!(outputs.last(), Some(&command(0.3)));
+    assert_eq!(outputs.last(), Some(&command(0.3).into()));
 }
 
 #[test]
-fn on_loss_the_last_command_is_held_for_the_hold_time_and_then_comes_stop() {
+fn on_loss_the_last_command_is_held_then_come_stop_pulses_and_then_none() {
     let mut channel = armed(0.6);
     for n in 1..=settings().hold_ticks {
         assert_eq!(channel.tick(Input::Lost), command(0.6), "tick {n}");
         assert_eq!(channel.state(), State::Holding);
     }
-    for _ in 0..10_000 {
+    for _ in 0..settings().stop_pulse_ticks {
         assert_eq!(channel.tick(Input::Lost), STOP);
+        assert_eq!(channel.state(), State::Lost);
+    }
+    for _ in 0..10_000 {
+        assert_eq!(channel.tick(Input::Lost), NO_PULSE);
         assert_eq!(channel.state(), State::Lost);
     }
 }
@@ -138,21 +178,22 @@ fn the_hold_settles_on_the_command_and_not_on_the_filters_peak() {
     let mut channel = armed(0.4);
     let peak = (0..60).map(|_| channel.tick(live(0.5))).max().unwrap();
     assert!(peak > command(0.7));
-    let mut output = STOP;
+    let mut output = NO_PULSE;
     for _ in 0..settings().hold_ticks {
         output = channel.tick(Input::Lost);
     }
-    assert!((output.to_f64() - 0.5).abs() < 0.01, "{output:?}");
+    assert!((output.command().unwrap().to_f64() - 0.5).abs() < 0.01, "{output:?}");
 }
 
 #[test]
-fn a_loss_while_disarmed_never_gives_more_than_the_disarmed_command() {
+fn a_loss_while_disarmed_leaves_stop_pulses_for_their_time_and_then_none() {
     let mut channel = fresh();
     channel.tick(live(0.02));
-    for _ in 0..settings().hold_ticks {
-        assert_eq!(channel.tick(Input::Lost), command(0.02));
+    for _ in 0..settings().stop_pulse_ticks {
+        assert_eq!(channel.tick(Input::Lost), STOP);
+        assert_eq!(channel.state(), State::Lost);
     }
-    assert_eq!(channel.tick(Input::Lost), STOP);
+    assert_eq!(channel.tick(Input::Lost), NO_PULSE);
 }
 
 #[test]
@@ -174,7 +215,7 @@ fn a_return_within_the_hold_time_starts_where_the_output_is() {
     let fade = -f64::from(paper_design().coefficients().k()) / 2.0_f64.powi(33);
     let mut last = command(0.5);
     for n in 0..5000 {
-        let output = channel.tick(live(0.7));
+        let output = channel.tick(live(0.7)).command().unwrap();
         assert!(output >= last && output <= command(0.7), "tick {n}: {output:?} after {last:?}");
         assert!(output.to_f64() - last.to_f64() <= 0.2 * fade + 1e-8, "tick {n}");
         last = output;
@@ -195,13 +236,15 @@ fn a_return_after_the_stop_must_be_seen_disarmed_first() {
     for _ in 0..=settings().hold_ticks {
         channel.tick(Input::Lost);
     }
-    for _ in 0..10_000 {
-        assert_eq!(channel.tick(live(0.5)), STOP);
+    // One of the stop pulses has come.
+    for n in 1..20_000 {
+        let expected = if n < settings().stop_pulse_ticks { STOP.into() } else { NO_PULSE };
+        assert_eq!(channel.tick(live(0.5)), expected, "tick {n}");
         assert_eq!(channel.state(), State::Locked);
     }
-    // Lost again: still stop, no hold of a command that never was let through.
-    assert_eq!(channel.tick(Input::Lost), STOP);
-    assert_eq!(channel.tick(live(0.5)), STOP);
+    // Lost again: still nothing, no hold of a command that never was let through.
+    assert_eq!(channel.tick(Input::Lost), NO_PULSE);
+    assert_eq!(channel.tick(live(0.5)), NO_PULSE);
     assert_eq!(channel.tick(live(0.0)), STOP);
     assert_eq!(channel.state(), State::Disarmed);
     assert_eq!(channel.tick(live(0.5)), command(0.5));
@@ -214,9 +257,9 @@ fn a_reset_while_armed_leaves_the_motor_stopped_until_a_disarmed_command_was_see
     channel.tick(live(0.5));
     channel = fresh();
     for _ in 0..20 * LOOP_HZ {
-        assert_eq!(channel.tick(live(0.5)), STOP);
+        assert_eq!(channel.tick(live(0.5)), NO_PULSE);
     }
-    assert_eq!(channel.tick(live(0.01)), command(0.01));
+    assert_eq!(channel.tick(live(0.01)), STOP);
     assert_eq!(channel.tick(live(0.5)), command(0.5));
 }
 
@@ -225,7 +268,7 @@ fn switched_out_the_channel_is_a_wire_within_its_limits() {
     let mut channel = fresh();
     channel.set_enabled(false);
     channel.tick(live(0.0));
-    for value in [0.5, 0.9, 0.04, 0.31] {
+    for value in [0.5, 0.9, 0.045, 0.31] {
         assert_eq!(channel.tick(live(value)), command(value).max(settings().idle));
     }
     channel.tick(Input::Lost);
@@ -252,20 +295,24 @@ fn a_wire_that_comes_off_stops_the_motor_and_a_noisy_one_does_not_start_it() {
     let outputs: Vec<(f64, u32)> = signals
         .into_iter()
         .map(|(time, signal)| {
-            let output = scale.to_ticks(channel.tick(Input::from_signal(signal, &scale)));
+            let output = scale.to_width_ticks(channel.tick(Input::from_signal(signal, &scale)));
             (time as f64 / f64::from(TIMER_HZ), output)
         })
         .collect();
     let all = |from: f64, to: f64, ticks: u64| {
         outputs.iter().filter(|(time, _)| *time >= from && *time < to).all(|&(_, output)| u64::from(output) == ticks)
     };
-    assert!(all(0.0, 0.2520, us(1000.0)));
+    // Live with the third pulse of which all is seen, which ends at 9.5 ms.
+    assert!(all(0.0, 0.0095, 0));
+    assert!(all(0.0098, 0.2520, us(1000.0)));
     assert!(all(0.2530, 0.4999, us(1500.0)), "armed");
     // The last pulse ends at 0.5 s: 100 ms of timeout, 100 ms of hold.
     assert!(all(0.5, 0.6998, us(1500.0)), "held");
     assert!(all(0.7004, 1.0, us(1000.0)), "stopped");
     assert!(all(1.0, 2.6, us(1000.0)), "noise turns no motor");
-    assert!(all(2.6, 3.2, us(1000.0)), "armed commands that come back are not let through before disarmed ones");
+    assert!(all(2.6, 2.7, us(1000.0)), "armed commands that come back are not let through before disarmed ones");
+    assert!(all(2.7010, 2.9010, 0), "two seconds of stop pulses are over");
+    assert!(all(2.9013, 3.2, us(1000.0)), "disarmed");
     assert!(all(3.2025, 3.4499, us(1250.0)), "armed again");
     assert_eq!(TICKS_PER_POLL, 16_800);
 }
@@ -303,11 +350,31 @@ fn an_excitation_ramps_up_plays_the_lines_bit_for_bit_and_ramps_down() {
     for (n, &output) in outputs[ramp_ticks + 100_000..].iter().enumerate() {
         assert_eq!(output, limited(last - (n as i32 + 1) * step), "ramp down, tick {n}");
     }
-    assert_eq!(outputs.last(), Some(&STOP));
+    assert_eq!(outputs.last(), Some(&STOP.into()));
     assert_eq!(channel.last_end(), Some(End::Completed));
     assert!(phases.contains(&State::Excitation(Phase::RampUp)) && phases.contains(&State::Excitation(Phase::RampDown)));
-    // The motor is the pilot's again, who has to disarm first.
+    // The motor is the pilot's again, who has to disarm first; without one the stop pulses end.
     assert_eq!(channel.tick(live(0.5)), STOP);
+    for _ in 0..settings().stop_pulse_ticks - 2 {
+        assert_eq!(channel.tick(Input::Nothing), STOP);
+    }
+    assert_eq!(channel.tick(Input::Nothing), NO_PULSE);
+}
+
+#[test]
+fn before_an_excitation_the_esc_has_stop_pulses_for_3_s_to_arm() {
+    let settings = ChannelSettings::default();
+    let mut channel = Channel::new(&settings, *paper_design().coefficients()).unwrap();
+    let excitation = Excitation::new(&settings, &request(0.5, 0.05, 1000), f64::from(LOOP_HZ)).unwrap();
+    assert_eq!(channel.tick(Input::Nothing), NO_PULSE);
+    channel.start_excitation(excitation).unwrap();
+    for _ in 0..3 * LOOP_HZ {
+        channel.keep_alive();
+        assert_eq!(channel.tick(Input::Nothing), STOP);
+        assert_eq!(channel.state(), State::Excitation(Phase::Arming));
+    }
+    assert_eq!(channel.tick(Input::Nothing), settings.excitation.ramp_per_tick);
+    assert_eq!(channel.state(), State::Excitation(Phase::RampUp));
 }
 
 #[test]
@@ -357,7 +424,7 @@ fn without_a_keep_alive_for_200_ms_the_motor_is_ramped_down() {
             assert!(output <= last);
             last = output;
         }
-        assert_eq!((last, channel.last_end()), (STOP, Some(End::DeadMan)), "after {last_keep_alive}");
+        assert_eq!((last, channel.last_end()), (STOP.into(), Some(End::DeadMan)), "after {last_keep_alive}");
         assert_eq!(channel.tick(Input::Nothing), STOP);
         assert_eq!(channel.state(), State::NoSignal);
     }
@@ -390,7 +457,7 @@ fn a_disarmed_pulse_ends_an_excitation_at_once_and_an_armed_one_down_the_ramp() 
         channel
     };
     let mut channel = run();
-    assert_eq!(channel.tick(live(0.01)), command(0.01));
+    assert_eq!(channel.tick(live(0.01)), STOP);
     assert_eq!((channel.state(), channel.last_end()), (State::Disarmed, Some(End::PulseInput)));
 
     let mut channel = run();
@@ -430,7 +497,7 @@ fn an_excitation_is_refused_while_a_pulse_input_has_the_motor() {
     let other = ChannelSettings { max: command(0.6), ..settings() };
     let mut channel = Channel::new(&other, *paper_design().coefficients()).unwrap();
     assert_eq!(start(&mut channel), Err(Refusal::OtherSettings));
-    assert_eq!(channel.tick(Input::Nothing), STOP);
+    assert_eq!(channel.tick(Input::Nothing), NO_PULSE);
 }
 
 #[test]
@@ -467,8 +534,12 @@ fn settings_that_contradict_each_other_make_no_channel() {
     let good = settings();
     let limits = good.excitation;
     let tried = [
-        (ChannelSettings { stop: good.arming_threshold, ..good }, ChannelSettingsError::ThresholdNotAboveStop),
-        (ChannelSettings { idle: command(0.029), ..good }, ChannelSettingsError::IdleBelowThreshold),
+        (ChannelSettings { stop: good.disarming_threshold, ..good }, ChannelSettingsError::DisarmingNotAboveStop),
+        (
+            ChannelSettings { disarming_threshold: good.arming_threshold, ..good },
+            ChannelSettingsError::ArmingNotAboveDisarming,
+        ),
+        (ChannelSettings { idle: command(0.049), ..good }, ChannelSettingsError::IdleBelowThreshold),
         (ChannelSettings { max: good.idle, ..good }, ChannelSettingsError::MaxNotAboveIdle),
         (
             ChannelSettings {
@@ -493,18 +564,18 @@ fn settings_that_contradict_each_other_make_no_channel() {
 /// Raw duty has no pulse at 0: its stop is above.
 #[test]
 fn the_stop_pulse_is_the_one_that_is_set() {
-    let settings = ChannelSettings { stop: command(0.02), ..settings() };
+    let settings = ChannelSettings { stop: command(0.02), no_signal: NoSignal::StopPulses, ..settings() };
     let mut channel = Channel::new(&settings, *paper_design().coefficients()).unwrap();
     assert_eq!(channel.tick(Input::Nothing), command(0.02));
     assert_eq!(channel.tick(live(0.6)), command(0.02));
-    channel.tick(live(0.01));
+    assert_eq!(channel.tick(live(0.01)), command(0.02));
     channel.tick(live(0.6));
     for _ in 0..settings.hold_ticks {
         assert_eq!(channel.tick(Input::Lost), command(0.6));
     }
     assert_eq!(channel.tick(Input::Lost), command(0.02));
     channel.start_excitation(Excitation::new(&settings, &request(0.5, 0.05, 10), 5000.0).unwrap()).unwrap();
-    let mut lowest = Command::ONE;
+    let mut lowest = EscCommand::from(Command::ONE);
     while channel.last_end().is_none() {
         channel.keep_alive();
         lowest = lowest.min(channel.tick(Input::Lost));
@@ -524,7 +595,8 @@ enum Event {
 }
 
 fn any_event() -> impl Strategy<Value = Event> {
-    let any_command = prop_oneof![0..=1_i32 << 29, 0..1_i32 << 24, Just(0), Just(command(0.03).to_bits())]
+    let near = |value: f64| Just(command(value).to_bits());
+    let any_command = prop_oneof![0..=1_i32 << 29, 0..1_i32 << 25, Just(0), near(0.04), near(0.05)]
         .prop_map(Command::saturating_from_bits);
     let input = prop_oneof![
         4 => any_command.prop_map(Input::Command),
@@ -542,25 +614,49 @@ fn any_event() -> impl Strategy<Value = Event> {
     ]
 }
 
+/// Any limits that a channel takes, in control ticks that a random life sees the end of.
+fn any_settings() -> impl Strategy<Value = ChannelSettings> {
+    let levels = proptest::collection::vec(0.0..1.0_f64, 4);
+    let ticks = || prop_oneof![Just(0_u32), Just(1), 2..600_u32];
+    let no_signal = prop_oneof![Just(NoSignal::NoPulses), Just(NoSignal::StopPulses)];
+    (0.0..0.03_f64, levels, ticks(), ticks(), 0..50_u32, no_signal).prop_filter_map(
+        "levels too close to each other",
+        |(stop, mut levels, hold_ticks, stop_pulse_ticks, arm_ticks, no_signal)| {
+            levels.sort_by(f64::total_cmp);
+            // Where a multisine around 0.5 fits.
+            let level = |n: usize, low: f64, high: f64| command(low + (high - low) * levels[n]);
+            let settings = ChannelSettings {
+                stop: command(stop),
+                disarming_threshold: level(0, 0.031, 0.4),
+                arming_threshold: level(1, 0.031, 0.4),
+                idle: level(2, 0.031, 0.4),
+                max: level(3, 0.6, 1.0),
+                hold_ticks,
+                stop_pulse_ticks,
+                no_signal,
+                // Fast, so that random lives see all of a ramp.
+                excitation: ExcitationLimits { ramp_per_tick: command(0.01), arm_ticks, ..settings().excitation },
+            };
+            settings.validate().ok().map(|()| settings)
+        },
+    )
+}
+
 proptest! {
     #![proptest_config(cases(1500))]
 
-    /// A second, much simpler account of what a motor may do, beside the channel.
+    /// A second, much simpler account of what a motor may do, beside the channel, over all settings that a channel takes.
     #[test]
     fn whatever_happens_no_motor_turns_that_should_not(
         events in proptest::collection::vec(any_event(), 1..60),
-        hold_ticks in prop_oneof![Just(0_u32), Just(1), 2..600_u32],
+        settings in any_settings(),
     ) {
-        let excitation_limits = ExcitationLimits {
-            // Fast, so that random lives see all of a ramp.
-            ramp_per_tick: command(0.01),
-            ..settings().excitation
-        };
-        let settings = ChannelSettings { hold_ticks, excitation: excitation_limits, ..settings() };
         let made = Excitation::new(&settings, &request(0.5, 0.05, 200), 5000.0).unwrap();
         let mut channel = Channel::new(&settings, *paper_design().coefficients()).unwrap();
         let (mut last_live, mut lost_ticks, mut disarmed_seen) = (None, 0_u32, false);
         let (mut excited, mut silent_ticks) = (false, 0_u32);
+        // Ticks since somebody had the motor.
+        let mut unattended = u32::MAX;
         for event in events {
             let (input, ticks) = match event {
                 Event::Input(input, ticks) => (input, ticks),
@@ -583,21 +679,31 @@ proptest! {
                     _ => { last_live = None; lost_ticks += 1; }
                 }
                 silent_ticks += 1;
-                if lost_ticks > hold_ticks {
+                unattended = unattended.saturating_add(1);
+                if lost_ticks > settings.hold_ticks {
                     disarmed_seen = false;
                 }
+                let was_excited = excited;
                 let output = channel.tick(input);
-                match last_live {
-                    Some(live) if live < settings.arming_threshold => {
-                        disarmed_seen = true;
-                        excited = false;
-                        prop_assert_eq!(output, live, "a disarmed command is the output");
-                    }
-                    _ => {}
+                if last_live.is_some_and(|live| live < settings.disarming_threshold) {
+                    disarmed_seen = true;
+                    excited = false;
+                    unattended = 0;
+                    prop_assert_eq!(output, settings.stop, "a disarmed command stops the motor");
                 }
                 excited &= matches!(channel.state(), State::Excitation(_));
+                let has_owner = matches!(channel.state(), State::Disarmed | State::Armed | State::Holding);
+                if excited || was_excited || has_owner {
+                    unattended = 0;
+                }
                 if !excited && !disarmed_seen {
-                    prop_assert_eq!(output, STOP, "nothing turns before a disarmed command, nor after loss and hold");
+                    prop_assert!(output <= settings.stop, "turns before a disarmed command, or after loss and hold");
+                }
+                if channel.state().is_at_rest() {
+                    prop_assert!(output <= settings.stop, "{:?} is above the stop", channel.state());
+                }
+                if unattended > settings.stop_pulse_ticks && settings.no_signal == NoSignal::NoPulses {
+                    prop_assert_eq!(output, NO_PULSE, "pulses that nobody has asked for");
                 }
                 // 200 ms of dead-man and 0.55 at 0.01 a tick.
                 if excited {
@@ -605,18 +711,18 @@ proptest! {
                 }
                 if channel.state() == State::Armed {
                     prop_assert!(disarmed_seen && output >= settings.idle && output <= settings.max);
-                    prop_assert!(last_live.is_some_and(|live| live >= settings.arming_threshold));
+                    prop_assert!(last_live.is_some_and(|live| live >= settings.disarming_threshold));
                 }
-                if channel.state().is_at_rest() {
-                    prop_assert!(output < settings.arming_threshold);
-                }
-                prop_assert!(output < settings.arming_threshold || output >= settings.idle, "between stop and idle");
+                let is_ramp = matches!(channel.state(), State::Excitation(_)) && output < settings.arming_threshold;
+                prop_assert!(
+                    output <= settings.stop || output >= settings.idle || is_ramp, "{output:?} between stop and idle"
+                );
             }
         }
     }
 
     #[test]
-    fn after_loss_and_hold_the_output_is_stop(
+    fn after_loss_and_hold_the_motor_is_stopped(
         levels in proptest::collection::vec((0.0..1.0_f64, 1..400_u32), 1..10),
         hold_ticks in 0..1000_u32,
     ) {
@@ -630,7 +736,7 @@ proptest! {
         }
         for n in 1..=hold_ticks + 100 {
             let output = channel.tick(Input::Lost);
-            prop_assert!(n <= hold_ticks || output == STOP, "{output:?} {n} ticks after the loss");
+            prop_assert!(n <= hold_ticks || output <= STOP, "{output:?} {n} ticks after the loss");
         }
     }
 }

@@ -5,7 +5,7 @@ use host_tests::fuzz::{frame, fuzz_link};
 use proptest::prelude::*;
 use rotorlead::excitation::{Multisine, ODD_LINES_30_HZ};
 use rotorlead::link::{
-    ChannelState, Clock, ExciteRequest, FRAME_BYTES, Faults, FrameFaults, INJECT_SAMPLES, INJECT_WINDOW, Info,
+    BrownOut, ChannelState, Clock, CrystalCheck, ExciteRequest, FRAME_BYTES, Faults, FrameFaults, INJECT_SAMPLES, INJECT_WINDOW, Info,
     InjectRequest, Injected, Injector, LineSet, Message, MotorFaults, NO_INPUT, PAYLOAD_BYTES, PanicPlace,
     RECORD_SAMPLES, Receiver, Record, RecordClock, RecordRequest, Recorder, Refusal, Request, ResetReason, Sample,
     Series, Source, Tagged, VERSION, Writer, encode,
@@ -33,14 +33,15 @@ fn receive<T: DeserializeOwned>(receiver: &mut Receiver<T>, bytes: &[u8]) -> Vec
     bytes.iter().filter_map(|&byte| receiver.push(byte)).collect()
 }
 
-/// The default settings: loop rate; zero, poles and damping as `f64`; input and output; stop; four motors of
-/// compensate, arming, idle, max, hold; the excitation's duration, command, amplitude and ramp; the divisor.
+/// The default settings: loop rate; zero, poles and damping as `f64`; input and output; stop, what there is without a
+/// signal, stop pulses; four motors of compensate, disarming, arming, idle, max, hold; the excitation's duration, command,
+/// amplitude, time to arm and ramp; the divisor.
 macro_rules! DEFAULTS {
     () => {
-        "8827 e17a14ae47412c40 15144196cb8d5740 cd3b7f669ea0e63f 019003 019003 00 \
-         00 9e8aae0f b2e6cc19 8080808004 64 00 9e8aae0f b2e6cc19 8080808004 64 \
-         00 9e8aae0f b2e6cc19 8080808004 64 00 9e8aae0f b2e6cc19 8080808004 64 \
-         78 8080808003 e6cc9933 d00f 01"
+        "8827 e17a14ae47412c40 15144196cb8d5740 cd3b7f669ea0e63f 019003 01c203 00 00 d00f \
+         00 a8b8bd14 b2e6cc19 b2e6cc19 8080808004 64 00 a8b8bd14 b2e6cc19 b2e6cc19 8080808004 64 \
+         00 a8b8bd14 b2e6cc19 b2e6cc19 8080808004 64 00 a8b8bd14 b2e6cc19 b2e6cc19 8080808004 64 \
+         78 8080808003 e6cc9933 b817 d00f 01"
     };
 }
 
@@ -72,9 +73,14 @@ fn messages() -> Vec<(Message, &'static str)> {
         clock: Clock::InternalPll,
         core_hz: 168_000_000,
         timer_hz: 84_000_000,
+        crystal: CrystalCheck::Wrong { measured_hz: 300 },
+        may_arm: false,
         ticks: 5,
         reset: ResetReason::Watchdog,
+        brown_out: BrownOut::Level3,
         settings: Origin::StoredOnce,
+        outputs_enabled: true,
+        bench_enabled: false,
         motors: [ChannelState::NoSignal, ChannelState::Armed, ChannelState::Lost, ChannelState::Injected],
     };
     let panicked = Info { reset: ResetReason::Panic(PanicPlace::new("a.rs", 97)), ..info };
@@ -106,12 +112,13 @@ fn messages() -> Vec<(Message, &'static str)> {
         (Message::Done, "00"),
         (refused(Refusal::UnknownMotor), "0100"),
         (refused(Refusal::NotDisarmed { motor: 3 }), "010103"),
-        (refused(Refusal::InputArmed), "0102"),
+        (refused(Refusal::NoSettings), "0102"),
         (refused(Refusal::InputLive { motor: 3 }), "010303"),
         (error(place, out_of_range), "0104 0300 00 0000000000000840 000000000000d03f 0000000000000040"),
         (error(place, Problem::ZeroNotBelowPoles), "0104030001"),
-        (error(place, Problem::PulseTooLong { longest_us: 2000, max_frame_hz: 495 }), "0104030002d00fef03"),
-        (error(motor_max, Problem::NoEdges { min: 0.25, max: 2.0 }), "01040c010203000000000000d03f0000000000000040"),
+        (error(Place { key: Key::Stop, motor: None }, Problem::StopWithoutRawDuty), "0104080002"),
+        (error(place, Problem::PulseTooLong { longest_us: 2000, max_frame_hz: 495 }), "0104030003d00fef03"),
+        (error(motor_max, Problem::NoEdges { min: 0.25, max: 2.0 }), "01040f010204000000000000d03f0000000000000040"),
         (refused(Refusal::Design), "0105"),
         (refused(Refusal::SaveFailed), "0106"),
         (refused(Refusal::CommandOutsideLimits { min_command: 1, max_command: 2, max_amplitude: 3 }), "0107020406"),
@@ -121,13 +128,22 @@ fn messages() -> Vec<(Message, &'static str)> {
         (refused(Refusal::OutOfSequence { expected: 300 }), "010bac02"),
         (refused(Refusal::WindowFull), "010c"),
         (refused(Refusal::Divisor), "010d"),
-        (Message::Info(info), "02 010203 01 80f48d50 80fa8628 05 04 01 00030507"),
+        (refused(Refusal::BenchDisabled), "010e"),
+        (
+            refused(Refusal::TooSlow { lines: 150, loop_rate_hz: 5000, core_hz: 16_000_000, percent: 300 }),
+            "010f 9601 8827 80c8d007 ac02",
+        ),
+        (Message::Info(info), "02 010203 01 80f48d50 80fa8628 02ac02 00 05 04 04 01 01 00 00030507"),
         (
             Message::Info(panicked),
-            "02 010203 01 80f48d50 80fa8628 05 0561 0000000000000000000000000000000000000000 612e7273 01 00030507",
+            "02 010203 01 80f48d50 80fa8628 02ac02 00 05 0561 0000000000000000000000000000000000000000 612e7273 04 01 01 00 \
+             00030507",
         ),
         (Message::Settings(Settings::default()), concat!("03", DEFAULTS!())),
-        (Message::SettingsTaken(Warnings { slow_input: true, slow_output: false }), "040100"),
+        (
+            Message::SettingsTaken(Warnings { slow_input: true, slow_output: false, cannot_follow: true, low_arming: false }),
+            "0401000100",
+        ),
         (Message::Faults(faults), "05 0102030405 06 07 08 09 0a0b0c0d0f0e 000000000000 000000000000 0a0b0c0d0f0e"),
         (
             Message::Injected(Injected { first: 128, outputs: series(&[1 << 29, 1 << 29]) }),
@@ -165,7 +181,7 @@ fn the_bytes_of_every_message_are_as_written() {
 
 #[test]
 fn a_whole_frame_is_as_written() {
-    assert_eq!(hex(&framed(9, &Request::Faults)), "000802090a80825fca00");
+    assert_eq!(hex(&framed(9, &Request::Faults)), "000803090afe101e6f00");
 }
 
 /// One frame of each kind, and another good one after them.
@@ -428,7 +444,7 @@ fn injections_are_answered_in_order_and_only_in_sequence() {
     let block = |first, length| InjectRequest { motor: 0, first, samples: series(&vec![7; length]) };
     let mut injector = Injector::new();
     assert_eq!(injector.accept(1, &block(5, 3)), Err(Refusal::OutOfSequence { expected: 0 }));
-    assert_eq!(injector.output(Command::ONE), None);
+    assert_eq!(injector.output(Command::ONE.into()), None);
     for (tag, first) in (0..INJECT_WINDOW as u8).zip((0..).step_by(3)) {
         assert_eq!(injector.accept(tag, &block(first, 3)), Ok(()));
     }
@@ -438,7 +454,7 @@ fn injections_are_answered_in_order_and_only_in_sequence() {
     assert_eq!(injector.accept(9, &block(0, 3)), Err(Refusal::OutOfSequence { expected }));
     let mut replies = Vec::new();
     for output in 0..expected as i32 + 2 {
-        replies.extend(injector.output(Command::saturating_from_bits(output)));
+        replies.extend(injector.output(Command::saturating_from_bits(output).into()));
     }
     let next = expected;
     let expected = |tag: u8, first: u32, outputs: &[i32]| {

@@ -1,20 +1,19 @@
 //! The stored settings: ranges, and what a power cut or a wrong byte in flash can do.
 
 use host_tests::flash::Flash;
-use host_tests::fuzz::{fuzz_settings, slot};
+use host_tests::fuzz::{LAYOUT, fuzz_settings, stored};
 use host_tests::{OMEGA_G_RAD_S, cases, paper_design};
 use proptest::prelude::*;
-use rotorlead::capture::Timing;
 use rotorlead::design::LeadDesign;
 use rotorlead::settings::{
-    Key, Origin, Place, Problem, Pulse, PulseProtocol, SLOWEST_TIMER_HZ, SaveError, Settings, SettingsError, Store,
+    Key, NoSignal, Origin, Place, Problem, Pulse, PulseProtocol, SaveError, Settings, SettingsError, Store,
     Validated, Warning,
 };
-use rotorlead::throttle::{Command, PulseScale};
+use rotorlead::throttle::Command;
 
-/// Four slots a sector: a save in four erases.
+/// Four pages a sector: a save in four erases.
 const SECTOR: usize = 2048;
-const SLOT: usize = 512;
+const PAGE: usize = 512;
 type Nor = Flash<SECTOR>;
 
 fn store(flash: Nor) -> Store<Nor> {
@@ -67,7 +66,17 @@ fn a_value_outside_its_range_is_refused_by_name() {
         ("input.frame_hz", |s| s.input.frame_hz = 4001),
         ("output.frame_hz", |s| s.output.frame_hz = 0),
         ("stop", |s| s.stop = -1),
-        ("motor.1.arming", |s| s.motors[1].arming = s.stop),
+        ("stop", |s| s.stop = 1),
+        ("stop", |s| {
+            s.stop = bits(0.5);
+            s.motors.iter_mut().for_each(|motor| {
+                (motor.disarming, motor.arming, motor.idle) = (bits(0.55), bits(0.6), bits(0.6));
+            });
+        }),
+        ("stop_pulses_ms", |s| s.stop_pulses_ms = 60_001),
+        ("motor.1.disarming", |s| s.motors[1].disarming = s.stop),
+        ("motor.1.disarming", |s| s.motors[1].disarming = -1),
+        ("motor.1.arming", |s| s.motors[1].arming = s.motors[1].disarming),
         ("motor.1.arming", |s| s.motors[1].arming = i32::MIN),
         ("motor.2.idle", |s| s.motors[2].idle = s.motors[2].arming - 1),
         ("motor.2.idle", |s| s.motors[2].idle = i32::MAX),
@@ -78,6 +87,7 @@ fn a_value_outside_its_range_is_refused_by_name() {
         ("excitation.max_command", |s| s.excitation.max_command = Command::ONE.to_bits() + 1),
         ("excitation.max_amplitude", |s| s.excitation.max_amplitude = 0),
         ("excitation.max_amplitude", |s| s.excitation.max_amplitude = bits(0.26)),
+        ("excitation.arm_ms", |s| s.excitation.arm_ms = 10_001),
         ("excitation.ramp_ms", |s| s.excitation.ramp_ms = 99),
         ("recorder_divisor", |s| s.recorder_divisor = 0),
         ("recorder_divisor", |s| s.recorder_divisor = 5001),
@@ -91,7 +101,7 @@ fn a_value_outside_its_range_is_refused_by_name() {
 
         // And on load, where its checksum is right.
         let mut flash = Nor::blank();
-        let bytes = slot(1, &postcard::to_stdvec(&settings).unwrap());
+        let bytes = stored(LAYOUT, 1, &postcard::to_stdvec(&settings).unwrap());
         for start in [0, SECTOR] {
             flash.bytes[start..start + bytes.len()].copy_from_slice(&bytes);
         }
@@ -135,6 +145,23 @@ fn a_raw_duty_without_edges_is_refused() {
     assert_eq!(with(0.0121, 1.0), Err("motor.0.max".to_owned()));
     assert_eq!(with(0.0121, 0.9881), Err("motor.0.max".to_owned()));
     assert_eq!(with(0.0121, 0.9879), Ok(()));
+    assert_eq!(with(0.03, 0.9879), Ok(()));
+    assert_eq!(with(0.0301, 0.9879), Err("stop".to_owned()), "no ESC stops above 3 %");
+}
+
+/// 20 us, the shortest level, are above 3 % of a frame.
+#[test]
+fn a_raw_duty_above_1500_hz_is_refused() {
+    let with = |change: fn(&mut Settings, Pulse), frame_hz| {
+        let mut settings = Settings { stop: bits(0.03), ..Settings::default() };
+        settings.output = Pulse { protocol: PulseProtocol::RawDuty, frame_hz: 600 };
+        settings.motors.iter_mut().for_each(|motor| motor.max = bits(0.9));
+        change(&mut settings, Pulse { protocol: PulseProtocol::RawDuty, frame_hz });
+        settings.validate().map(|_| ()).map_err(|error| error.place.to_string())
+    };
+    assert_eq!(with(|s, pulse| s.output = pulse, 1500), Ok(()));
+    assert_eq!(with(|s, pulse| s.output = pulse, 1501), Err("output.frame_hz".to_owned()));
+    assert_eq!(with(|s, pulse| s.input = pulse, 1501), Err("input.frame_hz".to_owned()));
 }
 
 #[test]
@@ -149,9 +176,86 @@ fn frames_that_the_compensator_outruns_are_warned_of() {
         settings.validate().unwrap().warnings().iter().collect::<Vec<_>>()
     };
     assert_eq!(warnings(50, 400, true), [Warning::SlowFrames(Key::InputFrameHz)]);
-    assert_eq!(warnings(400, 199, true), [Warning::SlowFrames(Key::OutputFrameHz)]);
-    assert_eq!(warnings(201, 201, true), []);
-    assert_eq!(warnings(50, 50, false), []);
+    assert_eq!(warnings(150, 199, true), [Warning::SlowFrames(Key::InputFrameHz), Warning::SlowFrames(Key::OutputFrameHz)]);
+    assert_eq!(warnings(201, 210, true), []);
+    assert_eq!(warnings(50, 60, false), []);
+    // Two or more frames to a pulse follow nothing, and others need room to wait for the pulse.
+    assert_eq!(warnings(50, 100, false), []);
+    assert_eq!(warnings(50, 50, false), [Warning::FramesCannotFollow]);
+    assert_eq!(warnings(400, 401, false), []);
+}
+
+#[test]
+fn a_low_arming_threshold_is_warned_of() {
+    let warnings = |arming| {
+        let mut settings = Settings::default();
+        settings.motors[2].disarming = bits(0.02);
+        settings.motors[2].arming = bits(arming);
+        settings.validate().unwrap().warnings().iter().collect::<Vec<_>>()
+    };
+    assert_eq!(warnings(0.039), [Warning::LowArming]);
+    assert_eq!(warnings(0.04), []);
+}
+
+#[test]
+fn settings_of_the_first_layout_are_migrated_and_ground_nobody() {
+    let motor = |compensate: bool, arming: f64, idle: f64| {
+        let mut bytes = vec![u8::from(compensate)];
+        for level in [arming, idle, 0.95] {
+            bytes.extend(postcard::to_stdvec(&bits(level)).unwrap());
+        }
+        bytes.extend(postcard::to_stdvec(&150_u16).unwrap());
+        bytes
+    };
+    // As the documentation of that layout had it: loop rate, filter, pulses, stop, motors, excitation, recorder.
+    let set = |output: Pulse, stop: f64, arming: f64| {
+        let today = Settings::default();
+        let mut bytes = postcard::to_stdvec(&(4000_u32, today.lead, today.input, output, bits(stop))).unwrap();
+        for index in 0..4 {
+            bytes.extend(motor(index == 2, arming, arming + 0.04));
+        }
+        bytes.extend(postcard::to_stdvec(&(60_u16, bits(0.6), bits(0.05), 1500_u16, 7_u16)).unwrap());
+        bytes
+    };
+    let loaded = |body: &[u8]| {
+        let mut flash = Nor::blank();
+        let bytes = stored(1, 5, body);
+        for start in [0, SECTOR] {
+            flash.bytes[start..start + bytes.len()].copy_from_slice(&bytes);
+        }
+        store(flash).load()
+    };
+    let servo = Pulse { protocol: PulseProtocol::StandardPwm, frame_hz: 400 };
+    let old = loaded(&set(servo, 0.0, 0.03));
+    assert_eq!(old.origin, Origin::Migrated);
+    let settings = &old.settings;
+    assert_eq!((settings.loop_rate_hz, settings.output, settings.stop), (4000, servo, 0));
+    assert_eq!(settings.no_signal, NoSignal::NoPulses, "no ESC is armed by an update");
+    assert_eq!((settings.excitation.max_duration_s, settings.recorder_divisor), (60, 7));
+    for (index, motor) in settings.motors.iter().enumerate() {
+        let same = (motor.compensate, motor.arming, motor.idle, motor.max, motor.hold_ms);
+        assert_eq!(same, (index == 2, bits(0.03), bits(0.07), bits(0.95), 150), "what armed arms");
+        assert!((f64::from(motor.disarming) / f64::from(motor.arming) - 0.8).abs() < 1e-6);
+    }
+    // A stop that would not be taken any more is made one that is; a raw duty keeps its own.
+    let paper = Pulse { protocol: PulseProtocol::RawDuty, frame_hz: 600 };
+    for (output, stop, expected) in [(servo, 0.01, 0.0), (paper, 0.02, 0.02), (paper, 0.1, 0.03)] {
+        let old = loaded(&set(output, stop, 0.2));
+        assert_eq!(old.origin, Origin::Migrated, "{stop}");
+        assert!((old.settings.stop - bits(expected)).abs() <= 1, "{stop}");
+    }
+    // The next save has today's layout.
+    let mut flash = Nor::blank();
+    let bytes = stored(1, 5, &set(servo, 0.0, 0.03));
+    flash.bytes[..bytes.len()].copy_from_slice(&bytes);
+    let mut mended = store(flash);
+    mended.save(&old.settings).unwrap();
+    assert_eq!((mended.load().settings, mended.load().origin), (old.settings, Origin::Stored));
+    // Of an unknown layout nothing is taken.
+    let mut flash = Nor::blank();
+    let bytes = stored(9, 1, &postcard::to_stdvec(&Settings::default()).unwrap());
+    flash.bytes[..bytes.len()].copy_from_slice(&bytes);
+    assert_eq!(store(flash).load().origin, Origin::DefaultsBad);
 }
 
 #[test]
@@ -188,8 +292,8 @@ fn one_wrong_byte_anywhere_changes_nothing() {
 #[test]
 fn a_wrong_byte_in_each_copy_gives_the_defaults_and_says_so() {
     let flash = saved(1);
-    let used = flash.bytes[..SLOT].iter().rposition(|&byte| byte != 0xff).unwrap() + 1;
-    println!("{used} bytes of {SLOT}");
+    let used = flash.bytes[..PAGE].iter().rposition(|&byte| byte != 0xff).unwrap() + 1;
+    println!("{used} bytes of {PAGE}");
     for address in 0..used {
         let mut flash = flash.clone();
         flash.bytes[address] ^= 0x10;
@@ -271,8 +375,8 @@ fn a_cut_in_the_very_first_save_leaves_defaults_or_the_new_set() {
 #[test]
 fn a_worn_byte_is_found_when_it_is_written_and_the_old_set_stays() {
     let flash = saved(1);
-    // Slot 1 of the first sector, where the next save begins.
-    let mut store = store(Nor { worn: Some((SLOT + 20, 0xff)), ..flash });
+    // Page 1 of the first sector, where the next save begins.
+    let mut store = store(Nor { worn: Some((PAGE + 20, 0xff)), ..flash });
     assert_eq!(store.save(&numbered(1)), Err(SaveError::ReadBack));
     assert_eq!(store.load().settings, numbered(0));
 }
@@ -280,7 +384,7 @@ fn a_worn_byte_is_found_when_it_is_written_and_the_old_set_stays() {
 #[test]
 fn the_stored_form_is_the_documented_one() {
     let flash = saved(1);
-    let expected = slot(1, &postcard::to_stdvec(&*numbered(0)).unwrap());
+    let expected = stored(LAYOUT, 1, &postcard::to_stdvec(&*numbered(0)).unwrap());
     assert_eq!(flash.bytes[..expected.len()], expected);
     assert_eq!(flash.bytes[SECTOR..SECTOR + expected.len()], expected);
 }
@@ -304,28 +408,5 @@ proptest! {
             *index.get_mut(&mut bytes) = byte;
         }
         fuzz_settings(&bytes);
-    }
-}
-
-/// The controller starts with the defaults where nothing else suits its clock, so these must.
-#[test]
-fn the_defaults_suit_every_timer_that_the_controller_uses() {
-    let settings = Validated::default();
-    let channels = rotorlead::controller::coefficients(&settings)
-        .ok()
-        .and_then(|coefficients| rotorlead::controller::channels(&settings, coefficients));
-    assert!(channels.is_some());
-    let frame_hz = u32::from(settings.output.frame_hz);
-    let mut timer_hz = SLOWEST_TIMER_HZ;
-    loop {
-        Timing::new(settings.input.protocol(), timer_hz, settings.loop_rate_hz).unwrap();
-        PulseScale::new(settings.input.protocol(), timer_hz).unwrap();
-        // The smallest divider with which a frame fits 16 bits.
-        let counter_hz = timer_hz / timer_hz.div_ceil(frame_hz << 16);
-        let scale = PulseScale::new(settings.output.protocol(), counter_hz).unwrap();
-        assert!(scale.high_ticks() < counter_hz / frame_hz, "{timer_hz}");
-        // Steps of 0.1 % up to the fastest that there can be.
-        let Some(next) = timer_hz.checked_add(timer_hz / 1000) else { break };
-        timer_hz = next;
     }
 }

@@ -1,22 +1,11 @@
 //! TIM2: time stamps of both edges of the four inputs.
 
+use rotorlead::controller::hardware::{CaptureTimer, Edge};
 use stm32f4xx_hal::gpio::{Alternate, PA0, PA1, PA2, PA3};
 use stm32f4xx_hal::pac::{GPIOA, TIM2, tim2};
 use stm32f4xx_hal::rcc::{Enable, Rcc, Reset};
 
 use super::MOTORS;
-
-/// One edge as the hardware saw it.
-#[derive(Clone, Copy, Debug)]
-pub struct Edge {
-    /// Count of TIM2 at the edge, wrapping.
-    pub timestamp: u32,
-    /// Level of the pin after the edge, as read by the interrupt: where two edges come closer together than the
-    /// interrupt's latency, both read the later level.
-    pub high: bool,
-    /// An edge before this one was stamped and overwritten.
-    pub overcapture: bool,
-}
 
 /// The pins of the inputs, routed to the timer, with their pull-downs.
 pub struct Pins(pub PA0<Alternate<1>>, pub PA1<Alternate<1>>, pub PA2<Alternate<1>>, pub PA3<Alternate<1>>);
@@ -71,20 +60,21 @@ impl Capture {
         Self { timer, port, _pins: pins }
     }
 
-    /// The count now.
+}
+
+impl CaptureTimer for Capture {
     #[inline]
-    pub fn now(&self) -> u32 {
+    fn now(&self) -> u32 {
         self.timer.cnt().read().bits()
     }
 
-    /// What has been captured, at most one edge of each input.
     #[inline]
-    pub fn take(&mut self) -> [Option<Edge>; MOTORS] {
+    fn take(&mut self) -> [Option<Edge>; MOTORS] {
         let status = self.timer.sr().read();
         let levels = self.port.idr().read();
         // Reading a capture register clears its flag. An overcapture is cleared by writing 0, and 1 leaves a flag alone.
         let edge = |captured: bool, overcapture: bool, register: &tim2::CCR, high: bool| {
-            captured.then(|| Edge { timestamp: register.read().bits(), high, overcapture })
+            captured.then(|| Edge { timestamp: register.read().bits(), is_high: high, overcapture })
         };
         let timer = &self.timer;
         let edges = [
@@ -102,9 +92,8 @@ impl Capture {
         edges
     }
 
-    /// Lets the inputs interrupt or not. One that may again has forgotten what was captured meanwhile.
     #[inline]
-    pub fn listen(&mut self, inputs: [bool; MOTORS]) {
+    fn listen(&mut self, inputs: [bool; MOTORS]) {
         let [one, two, three, four] = inputs;
         let before = self.timer.dier().read();
         let returns = |now: bool, before: bool| now && !before;

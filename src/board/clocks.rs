@@ -7,18 +7,19 @@
 //! | internal oscillator | 16 MHz | 16 MHz | the same |
 //!
 //! On the internal oscillator the link, excitation and injection work, and pulses unlock no motor: they could not be told
-//! armed from disarmed.
+//! armed from disarmed. A crystal that runs is counted against the internal oscillator first; one of another frequency than
+//! the board's is not used.
 //!
 //! The HAL waits for oscillators without limit. So each is first tried here with a bounded wait, and the HAL is asked
 //! only for what has just been seen to run.
 
 use cortex_m::peripheral::SYST;
 use cortex_m::peripheral::syst::SystClkSource;
-use rotorlead::link::Clock;
-use rotorlead::settings::SLOWEST_TIMER_HZ;
-use stm32f4xx_hal::pac::{RCC, TIM2};
+use rotorlead::controller::{ClockReport, check_crystal, check_timer};
+use rotorlead::link::{Clock, CrystalCheck};
+use stm32f4xx_hal::pac::{RCC, TIM2, TIM11};
 use stm32f4xx_hal::prelude::*;
-use stm32f4xx_hal::rcc::{Config, Enable, Rcc, Reset};
+use stm32f4xx_hal::rcc::{Config, Enable, HSI, Rcc, Reset};
 
 /// The crystal of the supported boards.
 const CRYSTAL_HZ: u32 = 8_000_000;
@@ -31,60 +32,72 @@ const PATIENCE: u32 = 100_000;
 const PLL_INPUT_HZ: u32 = 1_000_000;
 const PLL_MULTIPLIER: u16 = 336;
 
-/// What the core runs on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, defmt::Format)]
-pub enum Source {
-    /// As intended: 168 MHz from the crystal.
-    CrystalPll,
-    /// The crystal did not start.
-    InternalPll,
-    /// Neither crystal nor PLL started.
-    Internal,
+/// What runs, before the timers' clock is looked at.
+pub struct Oscillator {
+    source: Clock,
+    crystal: CrystalCheck,
 }
 
-impl From<Source> for Clock {
-    fn from(source: Source) -> Self {
-        match source {
-            Source::CrystalPll => Self::Crystal,
-            Source::InternalPll => Self::InternalPll,
-            Source::Internal => Self::Internal,
-        }
-    }
-}
-
-/// The clocks as they run, for the host to see.
-#[derive(Clone, Copy, Debug, defmt::Format)]
-pub struct ClockReport {
-    /// What the core runs on.
-    pub source: Source,
-    /// Core clock.
-    pub core_hz: u32,
-    /// Clock of the timers on APB1 (TIM2 to TIM5).
-    pub timer_hz: u32,
-    /// Whether `timer_hz` is what the registers promise. If not, it was measured against the core clock.
-    pub timer_as_promised: bool,
-}
-
-/// Brings up the fastest clock that runs.
-pub fn start(rcc: RCC) -> (Rcc, Source) {
-    let crystal = crystal_starts(&rcc);
-    let pll = pll_starts(&rcc, crystal);
-    let (config, source) = match (crystal, pll) {
-        (true, true) => (Config::hse(CRYSTAL_HZ.Hz()).sysclk(CORE_HZ.Hz()), Source::CrystalPll),
-        (false, true) => (Config::hsi().sysclk(CORE_HZ.Hz()), Source::InternalPll),
+/// Brings up the fastest clock that runs and may be believed.
+pub fn start(rcc: RCC, counter: &TIM11) -> (Rcc, Oscillator) {
+    let starts = crystal_starts(&rcc);
+    let crystal = if starts { measure_crystal(&rcc, counter) } else { CrystalCheck::NotChecked };
+    let is_usable = starts && !matches!(crystal, CrystalCheck::Wrong { .. });
+    let pll = pll_starts(&rcc, is_usable);
+    let (config, source) = match (is_usable, pll) {
+        (true, true) => (Config::hse(CRYSTAL_HZ.Hz()).sysclk(CORE_HZ.Hz()), Clock::Crystal),
+        (false, true) => (Config::hsi().sysclk(CORE_HZ.Hz()), Clock::InternalPll),
         // A crystal without a PLL would give 8 MHz, which is less than the internal oscillator.
-        (_, false) => (Config::hsi(), Source::Internal),
+        (_, false) => (Config::hsi(), Clock::Internal),
     };
-    if source != Source::CrystalPll {
+    if source != Clock::Crystal {
         rcc.cr().modify(|_, w| w.hseon().clear_bit());
     }
     let rcc = rcc.freeze(config);
-    if source == Source::CrystalPll {
+    if source == Clock::Crystal {
         // A crystal that dies from now on raises the non-maskable interrupt, which stops the outputs: the core would go
         // on with 16 MHz and pulses ten times too long.
         rcc.cr().modify(|_, w| w.csson().set_bit());
     }
-    (rcc, source)
+    (rcc, Oscillator { source, crystal })
+}
+
+/// Divider of the crystal on its way to TIM11, the largest: the core must see every capture.
+const CRYSTAL_DIVIDER: u8 = 31;
+/// The timer captures one edge in so many.
+const CAPTURE_DIVIDER: u32 = 8;
+/// Captures that are counted. At 8 MHz they take 15 872 counts of the 16-bit timer, and at 2 MHz 63 488.
+const CAPTURES: u32 = 32;
+
+/// Counts the crystal's periods by the internal oscillator, on which the core still runs. RM0090, 18.4.11 ("TIM11 option
+/// register") and 6.2.11 ("Internal/external clock measurement"): the divided crystal is connected to channel 1 of TIM11.
+/// Its reset line is left alone: QEMU 10.0 ends on a pulse of any of its bus.
+#[allow(unsafe_code)]
+fn measure_crystal(rcc: &RCC, counter: &TIM11) -> CrystalCheck {
+    rcc.cfgr().modify(|_, w| w.rtcpre().set(CRYSTAL_DIVIDER));
+    rcc.apb2enr().modify(|_, w| w.tim11en().set_bit());
+    // The bus takes two cycles to pass the clock on (RM0090, 6.2.15).
+    let _ = rcc.apb2enr().read();
+    // SAFETY: 0b10 is one of the three sources that there are.
+    counter.or().write(|w| unsafe { w.rmp().bits(0b10) });
+    counter.psc().write(|w| w.psc().set(0));
+    counter.arr().write(|w| w.arr().set(u16::MAX));
+    // Input 1, one edge in 8.
+    counter.ccmr1_input().write(|w| {
+        w.cc1s().ti1();
+        w.ic1psc().set(0b11)
+    });
+    counter.ccer().write(|w| w.cc1e().set_bit());
+    counter.cr1().write(|w| w.cen().set_bit());
+    let capture = || wait(|| counter.sr().read().cc1if().bit_is_set()).then(|| counter.ccr1().read().ccr().bits());
+    let first = capture();
+    let last = (0..CAPTURES).try_fold(0, |_, _| capture());
+    counter.cr1().write(|w| w.cen().clear_bit());
+    rcc.cfgr().modify(|_, w| w.rtcpre().set(0));
+    rcc.apb2enr().modify(|_, w| w.tim11en().clear_bit());
+    let (Some(first), Some(last)) = (first, last) else { return CrystalCheck::NotChecked };
+    let periods = u32::from(CRYSTAL_DIVIDER) * CAPTURE_DIVIDER * CAPTURES;
+    check_crystal(CRYSTAL_HZ, HSI, periods, u32::from(last.wrapping_sub(first)))
 }
 
 fn crystal_starts(rcc: &RCC) -> bool {
@@ -95,7 +108,7 @@ fn crystal_starts(rcc: &RCC) -> bool {
 /// Runs the PLL at the frequency that it is wanted for, and stops it again.
 #[allow(unsafe_code)]
 fn pll_starts(rcc: &RCC, crystal: bool) -> bool {
-    let source_hz = if crystal { CRYSTAL_HZ } else { stm32f4xx_hal::rcc::HSI };
+    let source_hz = if crystal { CRYSTAL_HZ } else { HSI };
     rcc.pllcfgr().modify(|_, w| {
         if crystal {
             w.pllsrc().hse();
@@ -122,19 +135,12 @@ fn wait(ready: impl Fn() -> bool) -> bool {
 
 /// Iterations for which the two counters run side by side, some 10 000 core cycles.
 const COMPARISON: u32 = 2000;
-/// A deviation below one part in this many is the comparison's own: at most 20 cycles of bus traffic in 10 000.
-const TOLERANCE: u64 = 100;
 /// Range of the core's own counter.
 const SYSTICK_MASK: u32 = 0x00FF_FFFF;
 
 /// Compares the timer clock that the registers promise with the core clock, and believes what it sees.
-///
-/// The factor between the two depends on three dividers and a rule about doubling. Everything that is a pulse or a
-/// sampling rate rests on it, so it is worth a look at start-up; an emulator whose timers have a clock of their own is
-/// found out, too.
-pub fn measure(source: Source, tim2: &TIM2, syst: &mut SYST, rcc: &mut Rcc) -> ClockReport {
+pub fn measure(oscillator: Oscillator, tim2: &TIM2, syst: &mut SYST, rcc: &mut Rcc) -> ClockReport {
     let core_hz = rcc.clocks.hclk().raw();
-    let promised_hz = rcc.clocks.timclk1().raw();
     TIM2::enable(rcc);
     TIM2::reset(rcc);
     tim2.psc().write(|w| w.psc().set(0));
@@ -154,16 +160,10 @@ pub fn measure(source: Source, tim2: &TIM2, syst: &mut SYST, rcc: &mut Rcc) -> C
     tim2.cr1().modify(|_, w| w.cen().clear_bit());
 
     // SysTick counts down.
-    let core_ticks = u64::from(core_start.wrapping_sub(core_end) & SYSTICK_MASK);
-    let timer_ticks = u64::from(timer_end.wrapping_sub(timer_start));
-    let measured_hz = (timer_ticks * u64::from(core_hz)).checked_div(core_ticks).unwrap_or(0);
-    let promised = u64::from(promised_hz);
-    let timer_as_promised = measured_hz.abs_diff(promised) <= promised / TOLERANCE;
-    // A timer that stands still, or races beyond all measure, cannot be used whatever one believes. What is used suits
-    // the default settings.
-    let timer_hz = match u32::try_from(measured_hz) {
-        Ok(hz) if !timer_as_promised && hz >= SLOWEST_TIMER_HZ => hz,
-        _ => promised_hz,
-    };
-    ClockReport { source, core_hz, timer_hz, timer_as_promised }
+    let core_ticks = core_start.wrapping_sub(core_end) & SYSTICK_MASK;
+    let timer_ticks = timer_end.wrapping_sub(timer_start);
+    let (timer_hz, timer_as_promised) =
+        check_timer(core_hz, rcc.clocks.timclk1().raw(), core_ticks, timer_ticks);
+    let Oscillator { source, crystal } = oscillator;
+    ClockReport { source, core_hz, timer_hz, timer_as_promised, crystal }
 }

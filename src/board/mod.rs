@@ -31,6 +31,12 @@ pub mod settings_flash;
 pub mod thrust_adc;
 
 #[cfg(target_os = "none")]
+mod parts;
+#[cfg(target_os = "none")]
 mod start;
 #[cfg(target_os = "none")]
-pub use start::{Board, Queues, Watchdog, outputs_low};
+mod supply;
+#[cfg(target_os = "none")]
+pub use parts::{BoardStatus, ControlParts, PULSES_ARE_EXACT, Watchdog};
+#[cfg(target_os = "none")]
+pub use start::{Board, Queues, outputs_low};

@@ -1,7 +1,15 @@
 //! TIM3: four pulses to the ESCs.
 //!
-//! Compare and reload registers are preloaded: a new width takes effect with the next frame, so a pulse is never cut
-//! or doubled. The pulse begins with the frame. All four share the timer and so the frame rate.
+//! Compare registers are preloaded: a new width takes effect with the next frame, so a pulse is never cut or doubled. The
+//! pulse begins with the frame. All four share the timer and so the frame rate.
+//!
+//! # Why not TIM8
+//!
+//! The pins are channels of TIM8, too, which has a break input: with it the outputs would go off in hardware when the clock
+//! security system finds the crystal dead. Here that takes the non-maskable interrupt and some ten instructions on the
+//! internal oscillator, to which the clock is switched by then: 2 µs at 16 MHz, a tenth of the shortest level of a pulse.
+//! TIM3 is what the emulator models: on TIM8 no test would see what stands in the compare registers, nor that this image
+//! starts at all, since QEMU 10.0 ends when the HAL resets a timer of that bus.
 
 use embedded_hal::pwm::SetDutyCycle;
 use rotorlead::esc_output::put_out;
@@ -16,6 +24,9 @@ use super::MOTORS;
 /// One output, as embedded-hal sees it.
 pub type Output = ErasedChannel<TIM3>;
 
+/// Frame rate of the outputs, which are low, until the settings are loaded.
+const FIRST_FRAME_HZ: u32 = 400;
+
 /// The pins of the outputs.
 pub struct Pins(pub PC6<Input>, pub PC7<Input>, pub PC8<Input>, pub PC9<Input>);
 
@@ -23,42 +34,28 @@ pub struct Pins(pub PC6<Input>, pub PC7<Input>, pub PC8<Input>, pub PC9<Input>);
 pub struct Outputs {
     channels: [Output; MOTORS],
     timer: TIM3,
-    timer_hz: u32,
 }
 
 impl Outputs {
-    /// Starts frames with every output low: a duty of 0 has no edges. The timer's clock is `timer_hz`.
-    pub fn new(timer: TIM3, pins: Pins, frame_hz: u32, timer_hz: u32, rcc: &mut Rcc) -> Self {
-        let (_, (one, two, three, four)) = timer.pwm_hz(frame_hz.max(1).Hz(), rcc);
+    /// Starts frames with every output low: a duty of 0 has no edges.
+    pub fn new(timer: TIM3, pins: Pins, rcc: &mut Rcc) -> Self {
+        let (_, (one, two, three, four)) = timer.pwm_hz(FIRST_FRAME_HZ.Hz(), rcc);
         let mut channels =
             [one.with(pins.0).erase(), two.with(pins.1).erase(), three.with(pins.2).erase(), four.with(pins.3).erase()];
         for channel in &mut channels {
             let Ok(()) = channel.set_duty_cycle(0);
             channel.enable();
         }
-        let mut outputs = Self { channels, timer: frame_registers(), timer_hz };
-        outputs.set_frame_rate(frame_hz);
-        outputs
+        Self { channels, timer: frame_registers() }
     }
 
-    /// Frames at `frame_hz` (at least 1) from now on, low until the next widths.
-    pub fn set_frame_rate(&mut self, frame_hz: u32) {
+    /// Frames of so many counts of the timer's clock over `divider`, low until the next widths.
+    pub fn set_frames(&mut self, divider: u32, counts: u32) {
         put_out(&mut self.channels, [0; MOTORS]);
-        let reload = self.counter_hz(frame_hz) / frame_hz.max(1);
-        // Both are preloaded: they count from the next frame on.
-        self.timer.psc().write(|w| w.psc().set(self.prescaler(frame_hz) as u16));
-        self.timer.arr().write(|w| w.arr().set(reload.saturating_sub(1).min(u32::from(u16::MAX)) as u16));
-    }
-
-    /// What the timer counts at with frames at `frame_hz`: pulse widths are in these ticks.
-    pub fn counter_hz(&self, frame_hz: u32) -> u32 {
-        self.timer_hz / (1 + self.prescaler(frame_hz))
-    }
-
-    /// The smallest one with which a frame fits the 16-bit counter.
-    fn prescaler(&self, frame_hz: u32) -> u32 {
-        let ticks = self.timer_hz / frame_hz.max(1);
-        (ticks.saturating_sub(1) / (1 << 16)).min(u32::from(u16::MAX))
+        // Divider and length count together, from the next frame on.
+        self.timer.cr1().modify(|_, w| w.arpe().set_bit());
+        self.timer.psc().write(|w| w.psc().set(divider.saturating_sub(1).min(u32::from(u16::MAX)) as u16));
+        self.set_length(counts);
     }
 
     /// Widths of the next pulses, in ticks.
@@ -66,13 +63,41 @@ impl Outputs {
     pub fn set(&mut self, widths: [u32; MOTORS]) {
         put_out(&mut self.channels, widths);
     }
+
+    /// Counts since the frame began.
+    #[inline]
+    pub fn frame_count(&self) -> u32 {
+        self.timer.cnt().read().bits()
+    }
+
+    /// Begins the next frame.
+    #[inline]
+    pub fn restart_frame(&mut self) {
+        self.timer.egr().write(|w| w.ug().set_bit());
+    }
+
+    /// Ends the frame after so many counts.
+    #[inline]
+    pub fn end_frame_at(&mut self, counts: u32) {
+        self.timer.cr1().modify(|_, w| w.arpe().clear_bit());
+        self.set_length(counts);
+        // A counter that has passed its end would run on to the end of its range.
+        if self.frame_count() >= counts {
+            self.restart_frame();
+        }
+    }
+
+    #[inline]
+    fn set_length(&mut self, counts: u32) {
+        self.timer.arr().write(|w| w.arr().set(counts.saturating_sub(1).min(u32::from(u16::MAX)) as u16));
+    }
 }
 
 /// The timer's registers, to set its frames. The HAL would take its clock for what the dividers promise, and not for what
 /// was measured.
 #[allow(unsafe_code)]
 fn frame_registers() -> TIM3 {
-    // SAFETY: of these, only prescaler and reload are written here, which the HAL's channels do not write.
+    // SAFETY: of these, only those of the frames are written here, which the HAL's channels do not write.
     unsafe { TIM3::steal() }
 }
 

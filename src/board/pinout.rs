@@ -15,7 +15,7 @@ const fn pin(name: &'static str, function: &'static str, use_: &'static str) -> 
 }
 
 /// Every pin the firmware uses, in the order in which a wiring table lists them.
-pub const PINS: [Pin; 13] = [
+pub const PINS: [Pin; 14] = [
     pin("PA0", "TIM2_CH1", "input 1, pulses from the flight controller (3.3 V, pulled down)"),
     pin("PA1", "TIM2_CH2", "input 2"),
     pin("PA2", "TIM2_CH3", "input 3"),
@@ -26,15 +26,17 @@ pub const PINS: [Pin; 13] = [
     pin("PC9", "TIM3_CH4", "output 4"),
     pin("PC10", "USART3_TX", "link, controller to host, 1 Mbaud 8N1"),
     pin("PC11", "USART3_RX", "link, host to controller"),
+    pin("PC12", "GPIO", "jumper to ground: allows excitation and injection (pulled up inside)"),
     pin("PC0", "ADC1_IN10", "amplifier of the thrust sensor, 0 to 3.3 V"),
     pin("PA13", "SWDIO", "debug probe: flashing and the log"),
     pin("PA14", "SWCLK", "debug probe"),
 ];
 
 /// What each timer and interrupt is for, highest priority first.
-pub const INTERRUPTS: [(&str, &str); 4] = [
+pub const INTERRUPTS: [(&str, &str); 5] = [
+    ("PVD", "supply below 2.8 V: outputs low and reset, priority 6"),
+    ("USART3", "one byte of the link each way, priority 5"),
     ("TIM2", "capture of both edges of the four inputs, priority 4"),
     ("SysTick", "control task at 5 kHz, priority 3"),
-    ("USART3", "one byte of the link, priority 2"),
     ("none", "idle: messages, settings, design of the filter"),
 ];

@@ -1,5 +1,5 @@
-//! What happens when all is lost: the outputs go low at the pin, the reason is written down where a reset does not
-//! reach it, and the controller starts anew.
+//! What happens when the firmware cannot go on: the outputs go low at the pin, the reason is stored where a reset does not
+//! reach it, and the controller restarts.
 //!
 //! The record lies in RAM that start-up does not clear, with a checksum: RAM survives every reset but the loss of power.
 
@@ -12,58 +12,6 @@ use cortex_m_rt::exception;
 use rotorlead::link::{PANIC_FILE_BYTES, PanicPlace, ResetReason};
 use stm32f4xx_hal::pac::RCC;
 
-/// Why the controller was started.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, defmt::Format)]
-pub enum StartReason {
-    /// Power came.
-    Power,
-    /// The supply sagged.
-    BrownOut,
-    /// The reset pin or a debug probe.
-    Pin,
-    /// Software asked for it, without a record of why.
-    Software,
-    /// The control task, or everything, stood still.
-    Watchdog,
-    /// A panic; where in the source (the last characters of the file's name).
-    Panic {
-        /// Line of the source.
-        line: u32,
-        /// End of the file's name, padded with zeros at its front.
-        file: [u8; FILE_BYTES],
-    },
-    /// The core faulted.
-    Fault {
-        /// Where, or 0 where the stack could not be read.
-        program_counter: u32,
-        /// Configurable fault status register: what.
-        status: u32,
-    },
-    /// The crystal stopped while the core ran on it.
-    CrystalLost,
-    /// An interrupt that nothing was set up for.
-    StrayInterrupt {
-        /// Its number, negative for exceptions.
-        number: i16,
-    },
-}
-
-impl From<StartReason> for ResetReason {
-    fn from(reason: StartReason) -> Self {
-        match reason {
-            StartReason::Power => Self::PowerOn,
-            StartReason::BrownOut => Self::BrownOut,
-            StartReason::Pin => Self::Pin,
-            StartReason::Software => Self::Software,
-            StartReason::Watchdog => Self::Watchdog,
-            StartReason::Panic { line, file } => Self::Panic(PanicPlace { line, file }),
-            StartReason::Fault { program_counter, status } => Self::Fault { program_counter, status },
-            StartReason::CrystalLost => Self::CrystalLost,
-            StartReason::StrayInterrupt { number } => Self::StrayInterrupt(number),
-        }
-    }
-}
-
 /// Bytes kept of a file's name.
 pub const FILE_BYTES: usize = PANIC_FILE_BYTES;
 
@@ -71,6 +19,7 @@ const PANIC: u32 = 1;
 const FAULT: u32 = 2;
 const CRYSTAL_LOST: u32 = 3;
 const STRAY: u32 = 4;
+const SUPPLY_LOW: u32 = 5;
 
 #[derive(Clone, Copy)]
 #[repr(C)]
@@ -110,7 +59,7 @@ impl Record {
 static mut RECORD: MaybeUninit<Record> = MaybeUninit::uninit();
 
 /// Why we are here. To be called once, first thing, with interrupts off; forgets the record.
-pub fn take(rcc: &RCC) -> StartReason {
+pub fn take(rcc: &RCC) -> ResetReason {
     let flags = rcc.csr().read();
     rcc.csr().modify(|_, w| w.rmvf().set_bit());
     let place = addr_of_mut!(RECORD);
@@ -121,24 +70,25 @@ pub fn take(rcc: &RCC) -> StartReason {
     unsafe { place.cast::<u32>().write_volatile(0) };
     if record.checksum == record.sum() {
         match record.kind {
-            PANIC => return StartReason::Panic { line: record.words[0], file: record.file },
-            FAULT => return StartReason::Fault { program_counter: record.words[0], status: record.words[1] },
-            CRYSTAL_LOST => return StartReason::CrystalLost,
-            STRAY => return StartReason::StrayInterrupt { number: record.words[0] as i16 },
+            PANIC => return ResetReason::Panic(PanicPlace { line: record.words[0], file: record.file }),
+            FAULT => return ResetReason::Fault { program_counter: record.words[0], status: record.words[1] },
+            CRYSTAL_LOST => return ResetReason::CrystalLost,
+            STRAY => return ResetReason::StrayInterrupt(record.words[0] as i16),
+            SUPPLY_LOW => return ResetReason::SupplyLow,
             _ => {}
         }
     }
     // The first start after power came sets both.
     if flags.porrstf().bit() {
-        StartReason::Power
+        ResetReason::PowerOn
     } else if flags.borrstf().bit() {
-        StartReason::BrownOut
+        ResetReason::BrownOut
     } else if flags.wdgrstf().bit() || flags.wwdgrstf().bit() {
-        StartReason::Watchdog
+        ResetReason::Watchdog
     } else if flags.sftrstf().bit() {
-        StartReason::Software
+        ResetReason::Software
     } else {
-        StartReason::Pin
+        ResetReason::Pin
     }
 }
 
@@ -153,6 +103,11 @@ fn end(record: Record) -> ! {
 
 /// What `end` is given where there is no file.
 const NO_FILE: [u8; FILE_BYTES] = [0; FILE_BYTES];
+
+/// The supply has fallen below the threshold of the voltage detector.
+pub fn supply_low() -> ! {
+    end(Record::new(SUPPLY_LOW, [0; 2], NO_FILE))
+}
 
 #[panic_handler]
 #[inline(never)]

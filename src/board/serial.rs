@@ -1,16 +1,15 @@
 //! USART3: the link's bytes, in and out, through two queues.
 
+use core::sync::atomic::{AtomicU32, Ordering};
+
 use heapless::spsc::{Consumer, Producer};
+use rotorlead::link::BAUD;
 use stm32f4xx_hal::gpio::{Input, PC10, PC11};
 use stm32f4xx_hal::pac::USART3;
-use stm32f4xx_hal::prelude::{_embedded_hal_serial_nb_Read, _embedded_hal_serial_nb_Write};
 use stm32f4xx_hal::rcc::Rcc;
 use stm32f4xx_hal::serial::config::{Config, InvalidConfig};
-use stm32f4xx_hal::serial::{Rx, RxListen, Tx, TxListen};
+use stm32f4xx_hal::serial::{RxListen as _, Serial as HalSerial};
 use stm32f4xx_hal::time::Bps;
-
-/// Divides the bus clocks of all [`super::clocks::Source`]s exactly.
-pub const BAUD: u32 = 1_000_000;
 
 /// Size of the queue of received bytes, a power of two: what a design, the longest that the idle task is away, lets come
 /// in of a host that sends one request after another.
@@ -18,14 +17,14 @@ pub const RECEIVE_QUEUE: usize = 2048;
 /// Size of the queue of bytes to be sent, a power of two.
 pub const SEND_QUEUE: usize = 1024;
 
+/// Bytes that were lost since the start: noise, overrun, or a full queue; wraps.
+pub static LOST: AtomicU32 = AtomicU32::new(0);
+
 /// The UART and the interrupt's ends of the queues.
 pub struct Serial {
-    receiver: Rx<USART3>,
-    transmitter: Tx<USART3>,
+    uart: USART3,
     received: Producer<'static, u8, RECEIVE_QUEUE>,
     to_send: Consumer<'static, u8, SEND_QUEUE>,
-    /// Bytes that were lost: noise, overrun, or a full queue. Stops at its highest value.
-    pub lost: u32,
 }
 
 impl Serial {
@@ -40,32 +39,48 @@ impl Serial {
         to_send: Consumer<'static, u8, SEND_QUEUE>,
         rcc: &mut Rcc,
     ) -> Result<Self, InvalidConfig> {
-        let serial = stm32f4xx_hal::serial::Serial::new(uart, pins, Config::default().baudrate(Bps(BAUD)), rcc)?;
-        let (transmitter, mut receiver) = serial.split();
+        let serial: HalSerial<USART3> = HalSerial::new(uart, pins, Config::default().baudrate(Bps(BAUD)), rcc)?;
+        let (_, mut receiver) = serial.split();
         receiver.listen();
-        Ok(Self { receiver, transmitter, received, to_send, lost: 0 })
+        Ok(Self { uart: registers(), received, to_send })
     }
 
-    /// The interrupt: at most one byte each way.
+    /// The interrupt: at most one byte each way. By the registers, since it is the interrupt that must not be late.
     #[inline]
     pub fn exchange(&mut self) {
-        match self.receiver.read() {
-            Ok(byte) => {
-                if self.received.enqueue(byte).is_err() {
-                    self.lost = self.lost.saturating_add(1);
-                }
+        let status = self.uart.sr().read();
+        let overrun = status.ore().bit();
+        if status.rxne().bit() || overrun {
+            // Read after the status, the data clears what the status said. After an overrun it is the byte before the one
+            // that was lost.
+            let byte = self.uart.dr().read().dr().bits() as u8;
+            let is_spoilt = status.nf().bit() || status.fe().bit();
+            if overrun || is_spoilt {
+                count_lost();
             }
-            Err(nb::Error::Other(_)) => self.lost = self.lost.saturating_add(1),
-            Err(nb::Error::WouldBlock) => {}
+            if !is_spoilt && self.received.enqueue(byte).is_err() {
+                count_lost();
+            }
         }
-        match self.to_send.peek() {
-            Some(&byte) => {
-                self.transmitter.listen();
-                if self.transmitter.write(byte).is_ok() {
-                    self.to_send.dequeue();
-                }
+        if status.txe().bit() {
+            let next = self.to_send.dequeue();
+            if let Some(byte) = next {
+                self.uart.dr().write(|w| w.dr().set(u16::from(byte)));
             }
-            None => self.transmitter.unlisten(),
+            self.uart.cr1().modify(|_, w| w.txeie().bit(next.is_some()));
         }
     }
+}
+
+#[cold]
+fn count_lost() {
+    // Nobody else writes it.
+    LOST.store(LOST.load(Ordering::Relaxed).wrapping_add(1), Ordering::Relaxed);
+}
+
+/// The UART's registers. The HAL's halves of it take several calls for a byte.
+#[allow(unsafe_code)]
+fn registers() -> USART3 {
+    // SAFETY: the HAL's value has set it up and is gone.
+    unsafe { USART3::steal() }
 }

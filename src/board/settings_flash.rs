@@ -141,9 +141,10 @@ impl NorFlash for SettingsFlash {
                     w.psize().psize32();
                     w.ser().set_bit();
                     // SAFETY: `bounds` leaves sectors 10 and 11, which hold no code.
-                    unsafe { w.snb().bits(FIRST_SECTOR + sector as u8) };
-                    w.strt().set_bit()
+                    unsafe { w.snb().bits(FIRST_SECTOR + sector as u8) }
                 });
+                // In a write of its own, once the sector is chosen (RM0090, 3.6.3).
+                flash.0.cr().modify(|_, w| w.strt().set_bit());
                 flash.finish()?;
             }
             Ok(())

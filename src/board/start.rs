@@ -1,28 +1,19 @@
 //! From reset to a running board.
 
 use heapless::spsc::{Consumer, Producer};
+use rotorlead::controller::BoardFacts;
 use stm32f4xx_hal::pac::{GPIOA, GPIOC, Peripherals};
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::watchdog::IndependentWatchdog;
 
 use super::capture::{self, Capture};
-use super::clocks::{self, ClockReport};
+use super::clocks;
 use super::control_timer::ControlTimer;
 use super::outputs::{self, Outputs};
-use super::postmortem::{self, StartReason};
 use super::serial::{RECEIVE_QUEUE, SEND_QUEUE, Serial};
 use super::settings_flash::SettingsFlash;
 use super::thrust_adc::ThrustAdc;
-
-/// Longest time without a feed while starting or while the flash stalls: the design of the filter is some 100 ms of
-/// double precision in software, and two sectors are erased in 4 s at most.
-const WATCHDOG_PATIENT_MS: u32 = 16_000;
-/// Longest time without a feed from the control task, 100 of its ticks. The watchdog's own oscillator is good for
-/// -47 % to +47 %.
-const WATCHDOG_RUN_MS: u32 = 20;
-
-/// Frame rate of the outputs, which are low, until the settings are loaded.
-const FIRST_FRAME_HZ: u32 = 400;
+use super::{BoardStatus, ControlParts, Watchdog, postmortem, supply};
 
 /// The interrupts' ends of the link's queues.
 pub struct Queues {
@@ -34,68 +25,40 @@ pub struct Queues {
 
 /// Everything that was set up.
 pub struct Board {
-    /// Why it was started.
-    pub start_reason: StartReason,
-    /// What it runs on.
-    pub clocks: ClockReport,
     /// Inputs.
     pub capture: Capture,
-    /// Outputs.
-    pub outputs: Outputs,
-    /// The control task's timer, not started.
-    pub control_timer: ControlTimer,
+    /// What the control task drives; its ticks are not started.
+    pub control: ControlParts,
     /// The link, `None` where its clock is too slow.
     pub serial: Option<Serial>,
-    /// The thrust sensor's converter.
-    pub thrust_adc: ThrustAdc,
     /// Where the settings are.
     pub flash: SettingsFlash,
-    /// Already runs; to be fed.
-    pub watchdog: Watchdog,
-}
-
-/// The independent watchdog: its oscillator is its own, and nothing but a reset stops it.
-pub struct Watchdog(IndependentWatchdog);
-
-impl Watchdog {
-    /// From here on it must be fed by every few control ticks.
-    pub fn tighten(&mut self) {
-        self.0.start(WATCHDOG_RUN_MS.millis());
-    }
-
-    /// The core is about to stand still for a while.
-    pub fn relax(&mut self) {
-        self.0.start(WATCHDOG_PATIENT_MS.millis());
-    }
-
-    /// All is well.
-    #[inline]
-    pub fn feed(&mut self) {
-        self.0.feed();
-    }
+    /// What the lowest priority asks.
+    pub status: BoardStatus,
 }
 
 impl Board {
     /// Sets everything up. Interrupts are off meanwhile.
     pub fn new(device: Peripherals, mut core: cortex_m::Peripherals, queues: Queues) -> Self {
-        let start_reason = postmortem::take(&device.RCC);
-        let mut watchdog = IndependentWatchdog::new(device.IWDG);
+        let reset = postmortem::take(&device.RCC);
+        let watchdog = IndependentWatchdog::new(device.IWDG);
         // A core that a debug probe halts must not leave the last pulses running: the reset comes all the same.
         watchdog.stop_on_debug(&device.DBGMCU, false);
-        watchdog.start(WATCHDOG_PATIENT_MS.millis());
+        let watchdog = Watchdog::new(watchdog);
 
-        let (mut rcc, source) = clocks::start(device.RCC);
-        let clocks = clocks::measure(source, &device.TIM2, &mut core.SYST, &mut rcc);
+        let (mut rcc, oscillator) = clocks::start(device.RCC, &device.TIM11);
+        let clocks = clocks::measure(oscillator, &device.TIM2, &mut core.SYST, &mut rcc);
 
         let gpioc = device.GPIOC.split(&mut rcc);
         outputs_low();
+        supply::watch(&device.PWR, &device.EXTI, &mut rcc);
         let pins = outputs::Pins(
             gpioc.pc6.into_input(),
             gpioc.pc7.into_input(),
             gpioc.pc8.into_input(),
             gpioc.pc9.into_input(),
         );
-        let outputs = Outputs::new(device.TIM3, pins, FIRST_FRAME_HZ, clocks.timer_hz, &mut rcc);
+        let outputs = Outputs::new(device.TIM3, pins, &mut rcc);
 
         let gpioa = device.GPIOA.split(&mut rcc);
         let pins = capture::Pins(
@@ -107,16 +70,18 @@ impl Board {
         let capture = Capture::new(device.TIM2, input_port(), pins, &mut rcc);
 
         let serial = Serial::new(device.USART3, (gpioc.pc10, gpioc.pc11), queues.received, queues.to_send, &mut rcc);
+        let facts = BoardFacts { clocks, reset, brown_out: supply::brown_out(&device.FLASH) };
         Self {
-            start_reason,
-            clocks,
             capture,
-            outputs,
-            control_timer: ControlTimer::new(core.SYST, clocks.core_hz),
+            control: ControlParts {
+                outputs,
+                timer: ControlTimer::new(core.SYST, clocks.core_hz),
+                thrust_adc: ThrustAdc::new(device.ADC1, &device.ADC_COMMON, gpioc.pc0.into_analog(), &mut rcc),
+                watchdog,
+            },
             serial: serial.ok(),
-            thrust_adc: ThrustAdc::new(device.ADC1, &device.ADC_COMMON, gpioc.pc0.into_analog(), &mut rcc),
             flash: SettingsFlash::new(device.FLASH),
-            watchdog: Watchdog(watchdog),
+            status: BoardStatus { facts, jumper: gpioc.pc12.into_pull_up_input() },
         }
     }
 }

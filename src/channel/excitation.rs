@@ -1,4 +1,4 @@
-//! A motor run by the host: up a ramp, a multisine for a set time, down a ramp.
+//! A motor run by the host: stop pulses for the ESC to arm, up a ramp, a multisine for a set time, down a ramp.
 
 use core::fmt;
 
@@ -144,6 +144,8 @@ impl Excitation {
 /// Where an excitation is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
+    /// Stop pulses, for the ESC to arm.
+    Arming,
     /// On the way from stop to the nominal command.
     RampUp,
     /// The lines are played.
@@ -170,6 +172,7 @@ pub enum End {
 pub(super) struct Player {
     excitation: Excitation,
     phase: Phase,
+    arm_ticks_left: u32,
     /// The last command.
     level: Command,
     /// Ticks since the host was heard of.
@@ -180,7 +183,8 @@ pub(super) struct Player {
 impl Player {
     pub(super) const fn new(excitation: Excitation) -> Self {
         let level = excitation.settings.stop;
-        Self { excitation, phase: Phase::RampUp, level, silent_ticks: 0, end: End::Completed }
+        let arm_ticks_left = excitation.settings.excitation.arm_ticks;
+        Self { excitation, phase: Phase::Arming, arm_ticks_left, level, silent_ticks: 0, end: End::Completed }
     }
 
     pub(super) const fn phase(&self) -> Phase {
@@ -215,11 +219,18 @@ impl Player {
             self.ramp_down(End::DeadMan);
         }
         self.silent_ticks = self.silent_ticks.saturating_add(1);
+        if self.phase == Phase::Arming {
+            match self.arm_ticks_left.checked_sub(1) {
+                Some(left) => self.arm_ticks_left = left,
+                None => self.phase = Phase::RampUp,
+            }
+        }
         if self.phase == Phase::Playing && self.excitation.ticks_left == 0 {
             self.ramp_down(End::Completed);
         }
         // A command and a step add up to 2^30 at most.
         self.level = match self.phase {
+            Phase::Arming => stop,
             Phase::RampUp => {
                 let nominal = self.excitation.multisine.nominal();
                 let level = Command::saturating_from_bits(self.level.to_bits() + step).min(nominal);

@@ -3,47 +3,53 @@
 //! # States
 //!
 //! ```text
-//!               live, >= threshold
+//!                 live, not disarmed
 //!   NoSignal --------------------------> Locked
-//!      |                                   |  |
-//!      | live, < threshold                 |  | not live
-//!      v                                   |  v
-//!   Disarmed <-----------------------------+ Lost <------+
-//!    |    ^       live, < threshold           |          |
-//!    v    +--------- from every state --------+          | hold time over
-//!   Armed                                                |
-//!    |         not live (Disarmed or Armed)              |
-//!    +------------------> Holding -----------------------+
-//!                            |  live again: on as before the loss
+//!      |                                  |  |
+//!      | live, < disarming                |  | not live
+//!      v                                  |  v
+//!   Disarmed <----------------------------+ Lost <-------+
+//!    |    ^  |    live, < disarming          ^           |
+//!    |    |  |    from every state           |           |
+//!    |    |  +-------------------------------+           |
+//!    |    |           not live                           | hold time over
+//!    |    | live, < disarming                            |
+//!    v    |                                              |
+//!   Armed  ---------------------------> Holding ---------+
+//!     live, >= arming     not live          | live again: on as before the loss
 //! ```
 //!
 //! | state | output |
 //! |---|---|
-//! | [`State::NoSignal`] | stop |
-//! | [`State::Locked`] | stop: the command is armed, but none that was disarmed came before it |
-//! | [`State::Disarmed`] | the command, untouched, but never below the stop |
+//! | [`State::NoSignal`] | no pulse, or stop pulses where the settings ask for them |
+//! | [`State::Locked`] | the same: the command is not disarmed, and no disarmed one came before it |
+//! | [`State::Disarmed`] | stop pulses |
 //! | [`State::Armed`] | the command through the compensator, within [idle, max] |
 //! | [`State::Holding`] | as if the last command were still coming |
-//! | [`State::Lost`] | stop |
-//! | [`State::Excitation`] | the excitation, through the compensator as a command would be |
+//! | [`State::Lost`] | stop pulses for a set time, then as [`State::NoSignal`] |
+//! | [`State::Excitation`] | stop pulses for a set time, then the excitation, through the compensator as a command would be |
 //!
 //! # Rules
 //!
-//! - **A disarmed command passes untouched in every state, on its own tick**: a motor stop is neither delayed nor shaped,
-//!   and it ends an excitation. The filter is at rest meanwhile, and starts from rest at the first armed command, so that
-//!   arming does not look like a step to it (which would make a kick of 3.4 times the command).
+//! - **Thresholds.** A disarmed motor arms at `arming_threshold`, and an armed one disarms below `disarming_threshold`.
+//!   Before a first disarmed command, one between the two is not taken for one.
+//! - **A disarmed command stops the motor on its own tick, in every state**: the stop is neither delayed nor shaped, and it
+//!   ends an excitation. The filter is at rest meanwhile, and starts from rest at the first armed command, so that arming
+//!   does not look like a step to it (which would make a kick of 3.4 times the command).
 //! - **Armed, the lowest output is idle**, not stop: a step from 0.5 to 0.3 drives the unclamped filter below 0 for
 //!   20 ms, and a motor that stops in flight may not start again.
 //! - **Loss.** The last *command* is held, not the last output, which may be the peak of an answer to a step: the filter
-//!   settles on it. After `hold_ticks` ticks comes the stop pulse.
+//!   settles on it. After `hold_ticks` ticks come stop pulses, and after `stop_pulse_ticks` of those none.
 //! - **Return within the hold time** goes on without a jump: the output starts from where it is and fades to the new
 //!   command within some 50 ms, instead of answering the step that the outage made with a lead kick. With the filter
 //!   switched out there is nothing to smooth; the command passes at once.
 //! - **Return after the stop**, and the first command after a start or a reset: a motor turns only after a disarmed
 //!   command was seen, as a pilot expects of a receiver that comes back. A controller that was reset in flight
 //!   (brown-out) therefore stays at stop until it is disarmed and armed again.
+//! - **No ESC is armed by this controller alone**, and none is put into its calibration: before a disarmed command there
+//!   are no pulses (unless the settings ask for stop pulses), so a full throttle at power-up does not reach it.
 //! - **Excitation** starts only where no pulse input is live or held. A pulse input that becomes live ends it: with a
-//!   disarmed command at once, with an armed one down the ramp and then locked.
+//!   disarmed command at once, with another one down the ramp.
 //!
 //! A tick is integer, without division, loop (but that over an excitation's lines) or panic.
 
@@ -51,12 +57,12 @@ mod excitation;
 mod settings;
 
 pub use excitation::{End, Excitation, ExcitationRequest, Phase, Refusal};
-pub use settings::{ChannelSettings, ChannelSettingsError, ExcitationLimits, SLOWEST_RAMP_PER_TICK};
+pub use settings::{ChannelSettings, ChannelSettingsError, ExcitationLimits, NoSignal, SLOWEST_RAMP_PER_TICK};
 
 use crate::biquad::Coefficients;
 use crate::capture::Signal;
 use crate::compensator::Compensator;
-use crate::throttle::{Command, PulseScale};
+use crate::throttle::{Command, EscCommand, PulseScale};
 use excitation::Player;
 
 /// What the input of a channel has for this tick.
@@ -89,13 +95,13 @@ impl Input {
 /// What a channel does. See the [module](self).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum State {
-    /// No input since the start.
+    /// No input since the start, or since an excitation.
     NoSignal,
-    /// An armed command that no disarmed one came before.
+    /// A command that does not disarm, and none that does came before it.
     Locked,
     /// The command is below the arming threshold.
     Disarmed,
-    /// The command is at or above the arming threshold.
+    /// The command is at or above the disarming threshold, after it was at or above the arming threshold.
     Armed,
     /// The input was lost and the hold time runs.
     Holding,
@@ -106,49 +112,38 @@ pub enum State {
 }
 
 impl State {
-    /// Whether the output is, and stays until further input, below the arming threshold. Only then may the settings be
-    /// saved.
+    /// Whether the output is, and stays until further input, at a stop pulse or none. Only then may the settings be
+    /// changed or saved.
     #[must_use]
     pub const fn is_at_rest(self) -> bool {
         matches!(self, Self::NoSignal | Self::Locked | Self::Disarmed | Self::Lost)
     }
 }
 
-/// [`State`] without what the player knows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// [`State`] with what belongs to it alone.
+// A channel has one of these for as long as it lives.
+#[allow(clippy::large_enum_variant)]
+#[derive(Clone, Debug)]
 enum Mode {
     NoSignal,
     Locked,
     Disarmed,
     Armed,
-    Holding,
+    Holding { ticks_left: u32 },
     Lost,
-    Excitation,
-}
-
-/// What becomes of a tick's command.
-enum Path {
-    /// It goes to the ESC as it is.
-    Pass(Command),
-    /// It goes through the compensator, which starts from rest where it was not in use.
-    Shape(Command),
+    Excitation(Player),
 }
 
 /// One motor's channel. See the [module](self).
 #[derive(Clone, Debug)]
 pub struct Channel {
     mode: Mode,
-    /// Whether the input was live at the last tick.
-    live: bool,
-    /// Whether the last output came from the compensator.
-    engaged: bool,
-    /// The last live command.
+    /// The last command of the input.
     command: Command,
-    held_ticks: u32,
     compensator: Compensator,
     settings: ChannelSettings,
-    /// There while the mode is `Excitation`.
-    player: Option<Player>,
+    /// Stop pulses that are still to come, in ticks, while the motor is at rest without a disarmed command.
+    stop_ticks_left: u32,
     last_end: Option<End>,
     /// Excitations that ended because the host was silent; wraps.
     dead_man_ends: u32,
@@ -163,13 +158,10 @@ impl Channel {
         settings.validate()?;
         Ok(Self {
             mode: Mode::NoSignal,
-            live: false,
-            engaged: false,
             command: settings.stop,
-            held_ticks: 0,
             compensator: Compensator::new(coefficients, settings.idle, settings.max),
             settings: *settings,
-            player: None,
+            stop_ticks_left: 0,
             last_end: None,
             dead_man_ends: 0,
         })
@@ -177,18 +169,17 @@ impl Channel {
 
     /// One control tick: what the input has, to what the ESC gets.
     #[inline]
-    pub fn tick(&mut self, input: Input) -> Command {
-        // Nearly all ticks of a flight: armed by the last tick, whose input was live and whose output came from the
-        // compensator, and armed still.
-        if self.mode == Mode::Armed {
+    pub fn tick(&mut self, input: Input) -> EscCommand {
+        // Nearly all ticks of a flight: armed, and armed still.
+        if matches!(self.mode, Mode::Armed) {
             let command = match input {
                 Input::Command(command) => command,
                 Input::Unchanged => self.command,
                 Input::Nothing | Input::Lost => return self.tick_any(input),
             };
-            if command >= self.settings.arming_threshold {
+            if command >= self.settings.disarming_threshold {
                 self.command = command;
-                return self.compensator.update(command);
+                return self.compensator.update(command).into();
             }
         }
         self.tick_any(input)
@@ -196,111 +187,120 @@ impl Channel {
 
     /// Any tick.
     #[inline(never)]
-    fn tick_any(&mut self, input: Input) -> Command {
-        match input {
-            Input::Command(command) => {
-                self.command = command;
-                self.live = true;
-            }
-            Input::Unchanged => {}
-            Input::Nothing | Input::Lost => self.live = false,
-        }
-        match self.decide() {
-            Path::Pass(command) => {
-                self.engaged = false;
-                command
-            }
-            Path::Shape(command) => {
-                if !self.engaged {
-                    self.engaged = true;
-                    self.compensator.reset(command);
-                }
-                self.compensator.update(command)
-            }
+    fn tick_any(&mut self, input: Input) -> EscCommand {
+        match (input, &self.mode) {
+            (Input::Command(command), _) => self.with_command(command),
+            (Input::Unchanged, Mode::Locked | Mode::Disarmed | Mode::Armed) => self.with_command(self.command),
+            _ => self.without_command(),
         }
     }
 
-    fn decide(&mut self) -> Path {
-        if !self.live {
-            return self.without_input();
-        }
-        if self.command < self.settings.arming_threshold {
-            if let Some(player) = self.player.take() {
-                let was_ending = player.phase() == Phase::RampDown;
-                self.ended(if was_ending { player.end() } else { End::PulseInput });
-            }
-            self.mode = Mode::Disarmed;
-            return self.disarmed();
-        }
-        match self.mode {
-            Mode::Disarmed | Mode::Armed => {
+    fn with_command(&mut self, command: Command) -> EscCommand {
+        self.command = command;
+        let ChannelSettings { disarming_threshold, arming_threshold, .. } = self.settings;
+        match &mut self.mode {
+            Mode::Disarmed if command >= arming_threshold => {
                 self.mode = Mode::Armed;
-                Path::Shape(self.command)
+                self.compensator.reset(command);
+                self.compensator.update(command).into()
             }
-            Mode::Holding => {
+            Mode::Disarmed => self.disarmed(),
+            _ if command < disarming_threshold => {
+                if let Mode::Excitation(player) = &self.mode {
+                    let was_ending = player.phase() == Phase::RampDown;
+                    let end = if was_ending { player.end() } else { End::PulseInput };
+                    self.ended(end);
+                }
+                self.disarmed()
+            }
+            Mode::Armed => self.compensator.update(command).into(),
+            Mode::Holding { .. } => {
                 self.mode = Mode::Armed;
                 // Out of the path there is nothing to smooth.
-                if self.engaged && self.compensator.is_enabled() {
-                    self.compensator.restart(self.command);
+                if self.compensator.is_enabled() {
+                    self.compensator.restart(command);
                 }
-                Path::Shape(self.command)
+                self.compensator.update(command).into()
             }
             Mode::NoSignal | Mode::Locked | Mode::Lost => {
                 self.mode = Mode::Locked;
-                self.stop()
+                self.rest()
             }
-            Mode::Excitation => {
-                if let Some(player) = &mut self.player {
-                    player.ramp_down(End::PulseInput);
+            Mode::Excitation(player) => {
+                player.ramp_down(End::PulseInput);
+                let output = self.excite();
+                if matches!(self.mode, Mode::NoSignal) {
+                    self.mode = Mode::Locked;
                 }
-                self.excite()
+                output
             }
         }
     }
 
-    fn without_input(&mut self) -> Path {
+    fn without_command(&mut self) -> EscCommand {
         match self.mode {
-            Mode::Disarmed | Mode::Armed => {
-                self.mode = Mode::Holding;
-                self.held_ticks = 0;
-                self.hold()
-            }
-            Mode::Holding => self.hold(),
-            Mode::Locked => {
+            Mode::NoSignal | Mode::Lost => self.rest(),
+            Mode::Locked | Mode::Disarmed => {
                 self.mode = Mode::Lost;
-                self.stop()
+                self.rest()
             }
-            Mode::NoSignal | Mode::Lost => self.stop(),
-            Mode::Excitation => self.excite(),
+            Mode::Armed => self.hold(self.settings.hold_ticks),
+            Mode::Holding { ticks_left } => self.hold(ticks_left),
+            Mode::Excitation(_) => self.excite(),
         }
+    }
+
+    fn disarmed(&mut self) -> EscCommand {
+        self.mode = Mode::Disarmed;
+        self.stop_ticks_left = self.settings.stop_pulse_ticks;
+        self.settings.stop.into()
     }
 
     /// As if the last command were still coming, until the hold time is over.
-    fn hold(&mut self) -> Path {
-        if self.held_ticks >= self.settings.hold_ticks {
-            self.mode = Mode::Lost;
-            return self.stop();
+    fn hold(&mut self, ticks_left: u32) -> EscCommand {
+        match ticks_left.checked_sub(1) {
+            Some(ticks_left) => {
+                self.mode = Mode::Holding { ticks_left };
+                self.compensator.update(self.command).into()
+            }
+            None => {
+                self.mode = Mode::Lost;
+                self.stop_ticks_left = self.settings.stop_pulse_ticks;
+                self.rest()
+            }
         }
-        self.held_ticks = self.held_ticks.saturating_add(1);
-        if self.engaged { Path::Shape(self.command) } else { self.disarmed() }
     }
 
-    /// A disarmed command, as it is; only what is below the stop, where a raw duty has no edges, is put at the stop.
-    fn disarmed(&self) -> Path {
-        Path::Pass(self.command.max(self.settings.stop))
+    /// Stop pulses while there are some left to come, then what the settings ask for.
+    fn rest(&mut self) -> EscCommand {
+        match (self.stop_ticks_left.checked_sub(1), self.settings.no_signal) {
+            (Some(left), _) => {
+                self.stop_ticks_left = left;
+                self.settings.stop.into()
+            }
+            (None, NoSignal::StopPulses) => self.settings.stop.into(),
+            (None, NoSignal::NoPulses) => EscCommand::NO_PULSE,
+        }
     }
 
     /// One tick of the excitation. On the ramps it passes the arming threshold as a command would.
-    fn excite(&mut self) -> Path {
-        match self.player.as_mut().and_then(Player::tick) {
-            Some(level) if level >= self.settings.arming_threshold => Path::Shape(level),
-            Some(level) => Path::Pass(level),
-            None => {
-                if let Some(player) = self.player.take() {
-                    self.ended(player.end());
+    fn excite(&mut self) -> EscCommand {
+        let Mode::Excitation(player) = &mut self.mode else { return self.rest() };
+        let was_armed = player.level() >= self.settings.arming_threshold;
+        match player.tick() {
+            Some(level) if level >= self.settings.arming_threshold => {
+                if !was_armed {
+                    self.compensator.reset(level);
                 }
-                self.mode = if self.live { Mode::Locked } else { Mode::NoSignal };
-                self.stop()
+                self.compensator.update(level).into()
+            }
+            Some(level) => level.into(),
+            None => {
+                let end = player.end();
+                self.ended(end);
+                self.mode = Mode::NoSignal;
+                self.stop_ticks_left = self.settings.stop_pulse_ticks;
+                self.rest()
             }
         }
     }
@@ -312,11 +312,7 @@ impl Channel {
         }
     }
 
-    const fn stop(&self) -> Path {
-        Path::Pass(self.settings.stop)
-    }
-
-    /// Starts an excitation; the next tick is the first of its ramp. The dead-man's time starts now.
+    /// Starts an excitation with the next tick. The dead-man's time starts now.
     ///
     /// # Errors
     /// When a pulse input is live or held, another excitation runs, or the channel's settings are not those that the
@@ -325,37 +321,39 @@ impl Channel {
         match self.mode {
             Mode::NoSignal | Mode::Lost => {}
             Mode::Locked | Mode::Disarmed | Mode::Armed => return Err(Refusal::InputLive),
-            Mode::Holding => return Err(Refusal::InputHeld),
-            Mode::Excitation => return Err(Refusal::AlreadyRunning),
+            Mode::Holding { .. } => return Err(Refusal::InputHeld),
+            Mode::Excitation(_) => return Err(Refusal::AlreadyRunning),
         }
         if *excitation.settings() != self.settings {
             return Err(Refusal::OtherSettings);
         }
-        self.player = Some(Player::new(excitation));
         self.last_end = None;
-        self.mode = Mode::Excitation;
+        self.mode = Mode::Excitation(Player::new(excitation));
         Ok(())
     }
 
-    /// To stop, at once and until a disarmed command comes: for a motor at rest whose ticks are about to pause, and whose
-    /// last disarmed command is then an old one.
+    /// To rest, at once and until a disarmed command comes, as after a loss: for a motor at rest whose ticks are about to
+    /// pause, and whose last disarmed command is then an old one.
     pub fn lock(&mut self) {
         self.mode = Mode::Lost;
-        self.live = false;
-        self.engaged = false;
-        self.player = None;
+    }
+
+    /// The same for a motor that may turn: stop pulses come first.
+    pub fn stop(&mut self) {
+        self.mode = Mode::Lost;
+        self.stop_ticks_left = self.settings.stop_pulse_ticks;
     }
 
     /// The host is still there.
     pub const fn keep_alive(&mut self) {
-        if let Some(player) = &mut self.player {
+        if let Mode::Excitation(player) = &mut self.mode {
             player.keep_alive();
         }
     }
 
     /// Ends an excitation down the ramp; without effect where none runs.
     pub fn stop_excitation(&mut self) {
-        if let Some(player) = &mut self.player {
+        if let Mode::Excitation(player) = &mut self.mode {
             player.ramp_down(End::Requested);
         }
     }
@@ -386,17 +384,14 @@ impl Channel {
     /// What the channel does.
     #[must_use]
     pub const fn state(&self) -> State {
-        match self.mode {
+        match &self.mode {
             Mode::NoSignal => State::NoSignal,
             Mode::Locked => State::Locked,
             Mode::Disarmed => State::Disarmed,
             Mode::Armed => State::Armed,
-            Mode::Holding => State::Holding,
+            Mode::Holding { .. } => State::Holding,
             Mode::Lost => State::Lost,
-            Mode::Excitation => State::Excitation(match &self.player {
-                Some(player) => player.phase(),
-                None => Phase::RampDown,
-            }),
+            Mode::Excitation(player) => State::Excitation(player.phase()),
         }
     }
 
@@ -404,10 +399,20 @@ impl Channel {
     /// excitation's, or stop.
     #[must_use]
     pub const fn command(&self) -> Command {
-        match (self.mode, &self.player) {
-            (Mode::Disarmed | Mode::Armed | Mode::Holding, _) => self.command,
-            (Mode::Excitation, Some(player)) => player.level(),
-            _ => self.settings.stop,
+        match &self.mode {
+            Mode::Disarmed | Mode::Armed | Mode::Holding { .. } => self.command,
+            Mode::Excitation(player) => player.level(),
+            Mode::NoSignal | Mode::Locked | Mode::Lost => self.settings.stop,
+        }
+    }
+
+    /// The last command within the limits, while the motor is armed: what the ESC gets when the source of the commands
+    /// pauses.
+    #[must_use]
+    pub const fn held_command(&self) -> Option<Command> {
+        match &self.mode {
+            Mode::Armed | Mode::Holding { .. } => Some(self.command.clamp_to(self.settings.idle, self.settings.max)),
+            _ => None,
         }
     }
 

@@ -1,24 +1,44 @@
 //! The whole controller, but for the hardware: what happens in a control tick, and what answers the host.
 //!
 //! ```text
-//! capture interrupt --> [decoders] --poll--> Tick::run --> pulses         highest priorities
-//!                                            |  ^  |
-//!                     samples, outputs of    |  |  |  commands to be injected,
-//!                     injected commands      v  |  v  and short calls under a lock
-//! bytes of the link <---------------- Server, Desk <------------------- bytes of the link    lowest priority
+//! capture interrupt --> Inputs --signals--> Control (Tick) --> pulses             highest priorities
+//!                                           |  ^  |
+//!                    samples, outputs of    |  |  |  commands to be injected,
+//!                    injected commands      v  |  v  and short calls under a lock
+//! bytes of the link <------------------ Server (RequestHandler) <-------- bytes of the link    lowest priority
 //! ```
 //!
-//! [`Tick`] belongs to the control task. [`Desk`] belongs to the lowest priority, where requests are decoded and designs
-//! computed; it reaches the tick's state through [`Board::tick`], for as long as it takes to copy a few hundred bytes,
-//! and streams of samples through queues. [`Server`] is a desk with the link around it.
+//! [`Control`] belongs to the control task, and [`Inputs`] is shared with the capture interrupt. [`RequestHandler`] belongs
+//! to the lowest priority, where requests are decoded and designs computed; it reaches the tick's state through
+//! [`Board::tick`], for as long as it takes to copy a few hundred bytes, and streams of samples through queues. [`Server`]
+//! is a request handler with the link around it. [`start`] makes all of them. What a board must give is in [`hardware`].
 
-mod desk;
+mod board_handle;
+mod clock;
+mod control;
+pub mod hardware;
+mod inputs;
+pub mod load;
+mod pacing;
+mod plan;
+mod request_handler;
 mod server;
+mod start;
+mod supervision;
 mod tick;
 
-pub use desk::{Board, Counts, Desk, DeskQueues, Facts};
+pub use board_handle::{Board, BoardHandle, Counts};
+pub use clock::{ClockReport, check_crystal, check_timer};
+pub use control::Control;
+pub use hardware::BoardFacts;
+pub use inputs::Inputs;
+pub use pacing::{FrameAction, FramePacer};
+pub use plan::{Frames, Plan};
+pub use request_handler::{HandlerQueues, RequestHandler};
 pub use server::Server;
-pub use tick::{INJECT_QUEUE, Motor, MotorQueues, RECORD_QUEUE, Tick};
+pub use start::{Ends, Queues, Started, start};
+pub use supervision::Supervisor;
+pub use tick::{INJECT_QUEUE, Motor, MotorQueues, Outputs, RECORD_QUEUE, Tick};
 
 use crate::biquad::Coefficients;
 use crate::channel::{Channel, ChannelSettings, ExcitationLimits, SLOWEST_RAMP_PER_TICK};
@@ -42,15 +62,19 @@ pub fn channel_settings(settings: &Validated, motor: usize) -> ChannelSettings {
     let per_tick = Command::saturating_from_bits(excitation.max_command / ramp_ticks as i32);
     ChannelSettings {
         stop: Command::saturating_from_bits(settings.stop),
+        disarming_threshold: Command::saturating_from_bits(motor.disarming),
         arming_threshold: Command::saturating_from_bits(motor.arming),
         idle: Command::saturating_from_bits(motor.idle),
         max: Command::saturating_from_bits(motor.max),
         hold_ticks: ticks(u32::from(motor.hold_ms), rate),
+        stop_pulse_ticks: ticks(u32::from(settings.stop_pulses_ms), rate),
+        no_signal: settings.no_signal,
         excitation: ExcitationLimits {
             max_command: Command::saturating_from_bits(excitation.max_command),
             max_amplitude: Command::saturating_from_bits(excitation.max_amplitude),
             max_ticks: ticks(1000 * u32::from(excitation.max_duration_s), rate),
             dead_man_ticks: ticks(DEAD_MAN_MS, rate).max(1),
+            arm_ticks: ticks(u32::from(excitation.arm_ms), rate),
             ramp_per_tick: per_tick.max(SLOWEST_RAMP_PER_TICK),
         },
     }

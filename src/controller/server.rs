@@ -2,19 +2,19 @@
 
 use embedded_storage::nor_flash::NorFlash;
 
-use super::{Board, Desk};
+use super::{Board, RequestHandler};
 use crate::link::{Message, Receiver, Request, Tagged, Writer};
 
-/// Bytes that are looked at in one turn at most.
-const TURN_BYTES: usize = 256;
+/// Bytes that are looked at in one poll at most.
+const POLL_BYTES: usize = 256;
 
-/// A [`Desk`] with the link around it.
+/// A [`RequestHandler`] with the link around it.
 ///
-/// Requests and what the desk sends unasked (records, outputs of injected commands) take turns. Were either served first
+/// Requests and what the handler sends unasked (records, outputs of injected commands) take turns. Were either served first
 /// whenever there is any, the other would starve: a recording that is faster than the line could not be stopped, nor an
 /// excitation beside it kept alive; and a host that asks without a pause would get no records.
 pub struct Server<F> {
-    desk: Desk<F>,
+    handler: RequestHandler<F>,
     receiver: Receiver<Request>,
     writer: Writer,
     /// The last message was unasked for.
@@ -22,9 +22,9 @@ pub struct Server<F> {
 }
 
 impl<F: NorFlash> Server<F> {
-    /// At the start: nothing heard, nothing to say.
-    pub const fn new(desk: Desk<F>) -> Self {
-        Self { desk, receiver: Receiver::new(), writer: Writer::new(), has_streamed: false }
+    /// With nothing received or to be sent.
+    pub const fn new(handler: RequestHandler<F>) -> Self {
+        Self { handler, receiver: Receiver::new(), writer: Writer::new(), has_streamed: false }
     }
 
     /// The next byte to the host.
@@ -34,15 +34,15 @@ impl<F: NorFlash> Server<F> {
 
     /// When everything was sent, finds the next message to send: `received` gives the bytes from the host, `None` when
     /// there are no more for now. Without anything to do it returns at once.
-    pub fn turn(&mut self, mut received: impl FnMut() -> Option<u8>, board: &mut impl Board) {
+    pub fn poll(&mut self, mut received: impl FnMut() -> Option<u8>, board: &mut impl Board) {
         if !self.writer.is_empty() {
             return;
         }
-        let unasked = if self.has_streamed { None } else { self.desk.poll() };
+        let unasked = if self.has_streamed { None } else { self.handler.poll() };
         self.has_streamed = unasked.is_some();
-        let mut message = unasked.or_else(|| self.hear(&mut received, board));
+        let mut message = unasked.or_else(|| self.receive(&mut received, board));
         if message.is_none() {
-            message = self.desk.poll();
+            message = self.handler.poll();
             self.has_streamed = message.is_some();
         }
         if let Some(Tagged { tag, message }) = message {
@@ -51,10 +51,10 @@ impl<F: NorFlash> Server<F> {
         }
     }
 
-    fn hear(&mut self, received: &mut impl FnMut() -> Option<u8>, board: &mut impl Board) -> Option<Tagged<Message>> {
-        for _ in 0..TURN_BYTES {
+    fn receive(&mut self, received: &mut impl FnMut() -> Option<u8>, board: &mut impl Board) -> Option<Tagged<Message>> {
+        for _ in 0..POLL_BYTES {
             if let Some(request) = self.receiver.push(received()?) {
-                return self.desk.answer(request, *self.receiver.faults(), board);
+                return self.handler.answer(request, *self.receiver.faults(), board);
             }
         }
         None

@@ -8,7 +8,7 @@ use crate::link::{
     ChannelState, INJECT_SAMPLES, INJECT_TIMEOUT_MS, INJECT_WINDOW, NO_INPUT, RecordClock, Sample, Source,
 };
 use crate::settings::MOTORS;
-use crate::throttle::{Command, PulseScale};
+use crate::throttle::{Command, EscCommand, PulseScale};
 
 /// Size of a queue for injected commands, or for what they came to. It holds one less, and a power of two needs no
 /// division.
@@ -21,32 +21,31 @@ pub struct MotorQueues {
     /// Commands from the host.
     pub inject: Consumer<'static, Command, INJECT_QUEUE>,
     /// What they came to.
-    pub outputs: Producer<'static, Command, INJECT_QUEUE>,
+    pub outputs: Producer<'static, EscCommand, INJECT_QUEUE>,
 }
 
-/// What drives a motor.
+/// Where a motor's commands come from.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Feed {
+enum CommandSource {
     /// The flight controller's pulses.
     Pulse,
-    /// The host's commands.
+    /// The host.
     Inject,
-    /// An injection that is over, since the host went away or a real input is armed: as after the loss of an input, to
-    /// the stop; then the pulses again.
-    Ending,
-    /// Nothing: the output is at the stop. Afterwards as before.
+    /// An injection that is over, and whose queued commands are still to be answered; then the pulses again.
+    EndingInjection,
+    /// Nothing: the output is at rest. Afterwards as before.
     Paused(Source),
 }
 
 /// One motor: its channel, and where its commands come from.
 pub struct Motor {
     channel: Channel,
-    feed: Feed,
+    source: CommandSource,
     queues: MotorQueues,
     /// Ticks since the last injected command.
     silent_ticks: u32,
     /// The last output.
-    output: Command,
+    output: EscCommand,
     /// The pulse input as a command, while there is one.
     input: i32,
     /// Whether the filter is in the path of the pulses: what an injection does with it ends with the injection.
@@ -59,9 +58,17 @@ impl Motor {
     /// A motor that takes its commands from its pulses.
     #[must_use]
     pub const fn new(channel: Channel, queues: MotorQueues) -> Self {
-        let output = channel.settings().stop;
         let compensates = channel.is_enabled();
-        Self { channel, feed: Feed::Pulse, queues, silent_ticks: 0, output, input: NO_INPUT, compensates, dead_man: 0 }
+        Self {
+            channel,
+            source: CommandSource::Pulse,
+            queues,
+            silent_ticks: 0,
+            output: EscCommand::NO_PULSE,
+            input: NO_INPUT,
+            compensates,
+            dead_man: 0,
+        }
     }
 
     /// The channel.
@@ -73,10 +80,10 @@ impl Motor {
     /// Where the commands come from.
     #[must_use]
     pub const fn source(&self) -> Source {
-        match self.feed {
-            Feed::Pulse | Feed::Ending => Source::Pulse,
-            Feed::Inject => Source::Inject,
-            Feed::Paused(source) => source,
+        match self.source {
+            CommandSource::Pulse | CommandSource::EndingInjection => Source::Pulse,
+            CommandSource::Inject => Source::Inject,
+            CommandSource::Paused(source) => source,
         }
     }
 
@@ -86,22 +93,17 @@ impl Motor {
         self.input != NO_INPUT || matches!(self.channel.state(), State::Holding)
     }
 
-    /// Whether pulses come at its input that mean a spinning motor, whatever drives it.
-    #[must_use]
-    pub const fn is_input_armed(&self) -> bool {
-        self.input >= self.channel.settings().arming_threshold.to_bits()
-    }
-
     /// Starts afresh, with a new channel and with nothing left in the queues.
     pub fn restart(&mut self, channel: Channel, source: Source) {
         self.dead_man = self.dead_man();
         self.channel = channel;
-        self.feed = match source {
+        self.output = EscCommand::NO_PULSE;
+        self.source = match source {
             Source::Pulse => {
                 self.compensates = self.channel.is_enabled();
-                Feed::Pulse
+                CommandSource::Pulse
             }
-            Source::Inject => Feed::Inject,
+            Source::Inject => CommandSource::Inject,
         };
         self.silent_ticks = 0;
         // At most as many as a queue holds.
@@ -122,7 +124,7 @@ impl Motor {
     /// # Errors
     /// As [`Channel::start_excitation`], and when the host injects.
     pub fn excite(&mut self, excitation: Excitation) -> Result<(), ChannelRefusal> {
-        if self.feed != Feed::Pulse {
+        if self.source != CommandSource::Pulse {
             return Err(ChannelRefusal::AlreadyRunning);
         }
         self.channel.start_excitation(excitation)
@@ -133,21 +135,21 @@ impl Motor {
         self.silent_ticks = 0;
     }
 
-    /// Holds the output at the stop.
+    /// Holds the output at rest.
     fn pause(&mut self) {
-        self.feed = Feed::Paused(self.source());
+        self.source = CommandSource::Paused(self.source());
         self.channel.lock();
     }
 
     fn resume(&mut self) {
-        if let Feed::Paused(source) = self.feed {
-            self.feed = match source {
+        if let CommandSource::Paused(source) = self.source {
+            self.source = match source {
                 Source::Pulse => {
                     // It may have been an ending injection that was paused.
                     self.channel.set_enabled(self.compensates);
-                    Feed::Pulse
+                    CommandSource::Pulse
                 }
-                Source::Inject => Feed::Inject,
+                Source::Inject => CommandSource::Inject,
             };
         }
     }
@@ -169,32 +171,34 @@ impl Motor {
         }
     }
 
+    /// One tick. `is_any_live`: pulses come at the input of some motor.
     #[inline]
-    fn run(&mut self, signal: Signal, scale: &PulseScale, silence_limit: u32) {
+    fn run(&mut self, signal: Signal, scale: &PulseScale, is_any_live: bool, silence_limit: u32) {
         let input = Input::from_signal(signal, scale);
         match input {
             Input::Command(command) => self.input = command.to_bits(),
             Input::Unchanged => {}
             Input::Nothing | Input::Lost => self.input = NO_INPUT,
         }
-        self.output = match self.feed {
-            Feed::Pulse => self.channel.tick(input),
-            _ => self.without_pulses(silence_limit),
+        self.output = match self.source {
+            CommandSource::Pulse => self.channel.tick(input),
+            _ => self.without_pulses(is_any_live, silence_limit),
         };
     }
 
     #[inline(never)]
-    fn without_pulses(&mut self, silence_limit: u32) -> Command {
-        match self.feed {
-            Feed::Inject if !self.is_input_armed() => self.injected(silence_limit),
-            Feed::Inject | Feed::Ending => self.end_injection(),
-            Feed::Paused(_) | Feed::Pulse => self.channel.settings().stop,
+    fn without_pulses(&mut self, is_any_live: bool, silence_limit: u32) -> EscCommand {
+        match self.source {
+            CommandSource::Inject if !is_any_live => self.injected(silence_limit),
+            CommandSource::Inject | CommandSource::EndingInjection => self.end_injection(),
+            CommandSource::Paused(_) | CommandSource::Pulse => self.channel.tick(Input::Nothing),
         }
     }
 
-    /// One injected command. Without any, the last output stands: no tick, so that outputs do not depend on when frames
-    /// arrive. A host that stays away loses the motor, which stops.
-    fn injected(&mut self, silence_limit: u32) -> Command {
+    /// One injected command. Without any the channel has no tick, so that its outputs do not depend on when frames arrive;
+    /// the ESC gets the last command itself meanwhile, and not the last output, which may be the peak of an answer to a
+    /// step. After the motor's hold time without a command, or `silence_limit` at rest, the injection ends.
+    fn injected(&mut self, silence_limit: u32) -> EscCommand {
         if let Some(command) = self.queues.inject.dequeue() {
             self.silent_ticks = 0;
             let output = self.channel.tick(Input::Command(command));
@@ -202,38 +206,53 @@ impl Motor {
             let _ = self.queues.outputs.enqueue(output);
             return output;
         }
-        self.silent_ticks = self.silent_ticks.saturating_add(1);
-        if self.silent_ticks < silence_limit {
-            return self.output;
+        let held = self.channel.held_command();
+        let limit = if held.is_some() { self.channel.settings().hold_ticks } else { silence_limit };
+        if self.silent_ticks >= limit {
+            return self.end_injection();
         }
-        self.end_injection()
+        self.silent_ticks = self.silent_ticks.saturating_add(1);
+        held.map_or(self.output, EscCommand::from)
     }
 
-    /// The channel goes through its hold time to the stop; a disarmed pulse takes it there at once. An armed one must
-    /// not: the motor would go on from the host's command to the flight controller's without ever having stopped.
-    /// Commands that are still queued are answered with what went out in their place.
-    fn end_injection(&mut self) -> Command {
-        let is_disarmed = self.input != NO_INPUT && !self.is_input_armed();
-        let pulse = Command::saturating_from_bits(self.input);
-        let output = self.channel.tick(if is_disarmed { Input::Command(pulse) } else { Input::Lost });
-        let is_queue_empty = self.queues.inject.dequeue().is_none();
-        if !is_queue_empty {
+    /// To the stop at once. A flight controller whose pulses have come up meanwhile has the motor afterwards, from a
+    /// disarmed command on. Commands that are still queued are answered with what went out in their place.
+    fn end_injection(&mut self) -> EscCommand {
+        if self.source == CommandSource::Inject {
+            self.channel.stop();
+            self.source = CommandSource::EndingInjection;
+        }
+        let output = self.channel.tick(Input::Nothing);
+        if self.queues.inject.dequeue().is_some() {
             let _ = self.queues.outputs.enqueue(output);
-        }
-        let is_over = is_queue_empty && self.channel.state().is_at_rest();
-        if is_over {
+        } else {
             self.channel.set_enabled(self.compensates);
+            self.source = CommandSource::Pulse;
         }
-        self.feed = if is_over { Feed::Pulse } else { Feed::Ending };
         output
     }
+}
+
+/// Whether pulses may go out at all.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outputs {
+    /// As the channels say.
+    Enabled,
+    /// Every line stays low: nobody has chosen the settings, and what stops one ESC may be full speed for another.
+    Low,
 }
 
 /// The state of the control task.
 pub struct Tick {
     motors: [Motor; MOTORS],
+    outputs: Outputs,
     input_scale: PulseScale,
+    /// Ticks without an injected command after which the injection into a motor at rest ends.
     silence_limit: u32,
+    /// Whether pulses came at some input in the last tick.
+    is_any_live: bool,
+    /// Whether the first of the live inputs had a new pulse in the last tick.
+    has_new_pulse: bool,
     samples: Producer<'static, Sample, RECORD_QUEUE>,
     recording: Option<(u8, RecordClock)>,
     ticks: u32,
@@ -245,27 +264,65 @@ impl Tick {
     #[must_use]
     pub fn new(
         motors: [Motor; MOTORS],
+        outputs: Outputs,
         input_scale: PulseScale,
         loop_rate_hz: u32,
         samples: Producer<'static, Sample, RECORD_QUEUE>,
     ) -> Self {
-        let silence_limit = super::ticks(INJECT_TIMEOUT_MS, loop_rate_hz);
-        Self { motors, input_scale, silence_limit, samples, recording: None, ticks: 0, samples_dropped: 0 }
+        Self {
+            motors,
+            outputs,
+            input_scale,
+            silence_limit: super::ticks(INJECT_TIMEOUT_MS, loop_rate_hz),
+            is_any_live: false,
+            has_new_pulse: false,
+            samples,
+            recording: None,
+            ticks: 0,
+            samples_dropped: 0,
+        }
     }
 
     /// One tick: what the inputs have, to what the ESCs get.
     ///
-    /// Integer, without division, heap or panic; every loop is over the motors. The signals, one for each motor, are taken
-    /// one by one, each on its way to its motor. The converter's count is asked for after the motors, and only where it
-    /// is recorded: a conversion that began with the tick is done by then.
+    /// Integer, without division, heap or panic; every loop is over the motors. The converter's count is asked for after
+    /// the motors, and only where it is recorded: a conversion that began with the tick is done by then.
     #[inline]
-    pub fn run(&mut self, signals: impl IntoIterator<Item = Signal>, adc: impl FnOnce() -> u16) -> [Command; MOTORS] {
+    pub fn run(&mut self, signals: [Signal; MOTORS], adc: impl FnOnce() -> u16) -> [EscCommand; MOTORS] {
         self.ticks = self.ticks.wrapping_add(1);
+        let mut first_live = None;
         for (motor, signal) in self.motors.iter_mut().zip(signals) {
-            motor.run(signal, &self.input_scale, self.silence_limit);
+            motor.run(signal, &self.input_scale, self.is_any_live, self.silence_limit);
+            if motor.input != NO_INPUT && first_live.is_none() {
+                first_live = Some(matches!(signal, Signal::Pulse { .. }));
+            }
+        }
+        self.has_new_pulse = first_live == Some(true);
+        if first_live.is_some() != self.is_any_live {
+            self.is_any_live = !self.is_any_live;
+            // Pulses came up at some input: a flight controller is there, and somebody may mean to fly.
+            if self.is_any_live {
+                self.stop_excitation();
+            }
+        }
+        if self.outputs == Outputs::Low {
+            self.motors.iter_mut().for_each(|motor| motor.output = EscCommand::NO_PULSE);
         }
         self.record(adc);
         self.motors.each_ref().map(|motor| motor.output)
+    }
+
+    /// Whether the first of the inputs at which pulses come had a new one in the last tick.
+    #[must_use]
+    #[inline]
+    pub const fn has_new_pulse(&self) -> bool {
+        self.has_new_pulse
+    }
+
+    /// Whether pulses may go out at all.
+    #[must_use]
+    pub const fn outputs(&self) -> Outputs {
+        self.outputs
     }
 
     #[inline]
@@ -291,16 +348,17 @@ impl Tick {
         self.motors.get_mut(index)
     }
 
-    /// New channels, a new meaning of the input's pulses, and a new rate.
+    /// New channels, a new meaning of the input's pulses, and a new rate. A host has chosen them, so pulses may go out.
     pub fn reconfigure(&mut self, channels: [Channel; MOTORS], input_scale: PulseScale, loop_rate_hz: u32) {
         for (motor, channel) in self.motors.iter_mut().zip(channels) {
             motor.restart(channel, Source::Pulse);
         }
+        self.outputs = Outputs::Enabled;
         self.input_scale = input_scale;
         self.silence_limit = super::ticks(INJECT_TIMEOUT_MS, loop_rate_hz);
     }
 
-    /// Holds every output at the stop from now until [`Self::resume`] or [`Self::reconfigure`], whatever the inputs say;
+    /// Holds every output at rest from now until [`Self::resume`] or [`Self::reconfigure`], whatever the inputs say;
     /// afterwards a motor turns only when a disarmed command has come. For what must not be interrupted by somebody who
     /// arms.
     ///
@@ -319,12 +377,8 @@ impl Tick {
         self.motors.iter_mut().for_each(Motor::resume);
     }
 
-    /// The host is there. Where pulses have come up at any input meanwhile, a flight controller is, too, and excitations
-    /// end: they are not begun then either.
+    /// The host is there.
     pub fn keep_alive(&mut self) {
-        if self.motors.iter().any(Motor::is_input_live) {
-            return self.stop_excitation();
-        }
         self.motors.iter_mut().for_each(|motor| motor.channel.keep_alive());
     }
 

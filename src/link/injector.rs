@@ -1,13 +1,14 @@
 //! The controller's end of an injection: which samples are accepted, and which outputs answer which request.
 
 use super::{INJECT_SAMPLES, InjectRequest, Injected, Refusal, Series, Tagged};
-use crate::throttle::Command;
+use crate::throttle::EscCommand;
 
 /// Requests that may be under way at once: while one is consumed, the next one arrives. The queue between the link and
 /// the control tick must hold `INJECT_WINDOW * INJECT_SAMPLES` commands.
 pub const INJECT_WINDOW: usize = 3;
 
-/// An injection whose queue stays empty for so long ends: a host that is gone must not leave a pulse running.
+/// An injection into a motor at rest whose queue stays empty for so long ends. One into a motor that turns has its hold
+/// time.
 pub const INJECT_TIMEOUT_MS: u32 = 1000;
 
 /// Keeps the books of one motor's injection. It lives in the task of the link; commands go through one queue to the
@@ -19,8 +20,8 @@ pub const INJECT_TIMEOUT_MS: u32 = 1000;
 /// let samples = Series::try_from(&[0, 1 << 28][..]).unwrap();
 /// let mut injector = Injector::new();
 /// injector.accept(7, &InjectRequest { motor: 0, first: 0, samples })?;
-/// assert_eq!(injector.output(Command::ZERO), None);
-/// let reply = injector.output(Command::ONE).unwrap();
+/// assert_eq!(injector.output(Command::ZERO.into()), None);
+/// let reply = injector.output(Command::ONE.into()).unwrap();
 /// assert_eq!((reply.tag, reply.message.outputs.as_slice()), (7, &[0, 1 << 29][..]));
 /// # Ok::<(), rotorlead::link::Refusal>(())
 /// ```
@@ -67,7 +68,7 @@ impl Injector {
 
     /// Takes the output of the next tick, and gives the reply that is complete with it. An output that nothing asked
     /// for is dropped.
-    pub fn output(&mut self, output: Command) -> Option<Tagged<Injected>> {
+    pub fn output(&mut self, output: EscCommand) -> Option<Tagged<Injected>> {
         let block = *self.under_way.front()?;
         // A block has at most as many samples as there is room.
         let _ = self.outputs.push(output.to_bits());

@@ -32,10 +32,10 @@ pub enum Request {
     SaveSettings,
     /// 4: where a motor's command comes from, and whether the compensator is in its path. Starts the motor's path
     /// afresh, and the numbering of injected samples at 0; injections that were under way are refused
-    /// ([`Refusal::NotInjecting`]). Refused while the motor is not at rest ([`Refusal::InputArmed`] where its pulses turn
-    /// it, [`Refusal::Exciting`], or [`Refusal::NotDisarmed`]: a host brings an injected motor to a stop with a disarmed
-    /// command first), and [`Source::Inject`] while a real input is armed ([`Refusal::InputArmed`]), even one that is
-    /// locked.
+    /// ([`Refusal::NotInjecting`]). Refused while the motor is not at rest ([`Refusal::Exciting`], or
+    /// [`Refusal::NotDisarmed`]: a host brings an injected motor to a stop with a disarmed command first), and
+    /// [`Source::Inject`] without the jumper ([`Refusal::BenchDisabled`]), without chosen settings
+    /// ([`Refusal::NoSettings`]), and while pulses come at any input, armed or not ([`Refusal::InputLive`]).
     SetMode {
         /// The motor, from 0.
         motor: u8,
@@ -44,10 +44,11 @@ pub enum Request {
         /// Whether the compensator is in the path.
         compensate: bool,
     },
-    /// 5: play a multisine. Refused while the pulse input of any motor is live, outside the limits of the settings, or
-    /// while another one plays.
+    /// 5: play a multisine. Refused as [`Source::Inject`] is, outside the limits of the settings, where it has more lines
+    /// than the clock has time for ([`Refusal::TooSlow`]), or while another one plays.
     Excite(ExciteRequest),
-    /// 6: the host is still there; at least every [`DEAD_MAN_MS`](crate::settings::DEAD_MAN_MS) while something plays.
+    /// 6: the host is still there; at least every [`DEAD_MAN_MS`](crate::settings::DEAD_MAN_MS) while something plays. Where
+    /// the jumper is not there any more ([`Refusal::BenchDisabled`]) what plays ramps down.
     KeepAlive,
     /// 7: ramp down now. Answered at once; the ramp takes its time.
     StopExcitation,
@@ -55,12 +56,11 @@ pub enum Request {
     /// [`Message::Done`].
     Record(Option<RecordRequest>),
     /// 9: commands for a motor whose source is [`Source::Inject`], one consumed per tick. Without any there is no tick, so
-    /// that the outputs do not depend on when frames arrive; but a host that sends none for
-    /// [`INJECT_TIMEOUT_MS`](super::INJECT_TIMEOUT_MS) has lost the motor, and so has one whose motor's real input is
-    /// armed meanwhile: the last command is held for the motor's hold time, then comes the stop, and after it the motor
-    /// goes back to its pulses. A real input that is live and disarmed stops it without the hold. Answered by
-    /// [`Message::Injected`] when the last of them was consumed, so a host may keep
-    /// [`INJECT_WINDOW`](super::INJECT_WINDOW) requests under way.
+    /// that the outputs do not depend on when frames arrive; the ESC gets the last command itself meanwhile. A host that
+    /// sends none for the motor's hold time has lost it, and so has one at whose controller pulses come up at any input:
+    /// the motor stops and goes back to its pulses. One at rest goes back after
+    /// [`INJECT_TIMEOUT_MS`](super::INJECT_TIMEOUT_MS). Answered by [`Message::Injected`] when the last of them was consumed,
+    /// so a host may keep [`INJECT_WINDOW`](super::INJECT_WINDOW) requests under way.
     Inject(InjectRequest),
     /// 10: answered by [`Message::Faults`].
     Faults,
@@ -163,9 +163,9 @@ pub enum Refusal {
         /// The motor.
         motor: u8,
     },
-    /// 2: a real input of this motor is armed.
-    InputArmed,
-    /// 3: a pulse input is live; disconnect the flight controller for an excitation.
+    /// 2: nobody has chosen the settings; set some first.
+    NoSettings,
+    /// 3: a pulse input is live; disconnect the flight controller for an excitation or an injection.
     InputLive {
         /// Its motor.
         motor: u8,
@@ -203,6 +203,19 @@ pub enum Refusal {
     WindowFull,
     /// 13: the divisor is out of range.
     Divisor,
+    /// 14: the jumper that allows excitation and injection is not fitted.
+    BenchDisabled,
+    /// 15: so many lines take more of a control tick than there is.
+    TooSlow {
+        /// Lines of the excitation.
+        lines: u16,
+        /// Control ticks per second.
+        loop_rate_hz: u32,
+        /// Core clock that runs, hertz.
+        core_hz: u32,
+        /// What the excitation and the link would take of a tick, percent.
+        percent: u32,
+    },
 }
 
 impl fmt::Display for Refusal {
@@ -211,8 +224,26 @@ impl fmt::Display for Refusal {
         match *self {
             Self::UnknownMotor => write!(f, "there is no such motor; they are 0 to {}", MOTORS - 1),
             Self::NotDisarmed { motor } => write!(f, "motor {motor} is not disarmed"),
-            Self::InputArmed => write!(f, "the motor's real input is armed"),
-            Self::InputLive { motor } => write!(f, "the pulse input of motor {motor} is live"),
+            Self::NoSettings => write!(
+                f,
+                "the controller has no settings that somebody has chosen, and puts out no pulses; set some, or save the \
+                 defaults, first"
+            ),
+            Self::InputLive { motor } => {
+                write!(f, "pulses come at the input of motor {motor}; unplug the flight controller")
+            }
+            Self::BenchDisabled => write!(
+                f,
+                "the jumper that allows excitation and injection is not fitted; see docs/wiring.md, and fit it with \
+                 propellers off or behind a cage"
+            ),
+            Self::TooSlow { lines, loop_rate_hz, core_hz, percent } => write!(
+                f,
+                "an excitation of {lines} lines at loop_rate_hz {loop_rate_hz} takes {percent} % of each control tick of a \
+                 core at {} MHz, more than {} %; lower loop_rate_hz, or use fewer lines",
+                core_hz / 1_000_000,
+                super::MAX_LOAD_PERCENT
+            ),
             Self::Settings(error) => error.fmt(f),
             Self::Design => write!(f, "the compensator cannot be designed at this loop rate"),
             Self::SaveFailed => write!(f, "the flash did not take the settings; the old ones are still stored"),
@@ -244,12 +275,22 @@ pub struct Info {
     pub core_hz: u32,
     /// Frequency of the timers that capture and put out pulses, hertz.
     pub timer_hz: u32,
+    /// What the crystal was measured to be.
+    pub crystal: CrystalCheck,
+    /// Whether the clock tells a disarmed pulse from an armed one. If not, no motor is armed by pulses.
+    pub may_arm: bool,
     /// Control ticks since the start; wraps.
     pub ticks: u32,
     /// Why it started.
     pub reset: ResetReason,
+    /// At which supply voltage the chip resets.
+    pub brown_out: BrownOut,
     /// Where the settings come from.
     pub settings: Origin,
+    /// Whether pulses may go out. If not, nobody has chosen the settings, and every output stays low.
+    pub outputs_enabled: bool,
+    /// Whether the jumper that allows excitation and injection is fitted.
+    pub bench_enabled: bool,
     /// The state of each motor's path.
     pub motors: [ChannelState; MOTORS],
 }
@@ -263,6 +304,38 @@ pub enum Clock {
     InternalPll,
     /// Neither crystal nor PLL came: the internal oscillator itself.
     Internal,
+}
+
+/// What a crystal was measured to be, against the internal oscillator.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum CrystalCheck {
+    /// There was nothing to count: no crystal, or no timer that counts it.
+    NotChecked,
+    /// What the board has, within the oscillator's tolerance.
+    Right {
+        /// Its frequency in hertz, as exact as the oscillator: -8 to +4.5 %.
+        measured_hz: u32,
+    },
+    /// Another one. The controller does not run on it, and arms no motor.
+    Wrong {
+        /// Its frequency in hertz, as exact as the oscillator: -8 to +4.5 %.
+        measured_hz: u32,
+    },
+}
+
+/// At which supply voltage the chip resets, as its option bytes say.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub enum BrownOut {
+    /// The option bytes cannot be read.
+    Unknown,
+    /// It does not, above that of the power-on reset, some 1.7 V.
+    Off,
+    /// Level 1, some 2.2 V.
+    Level1,
+    /// Level 2, some 2.5 V.
+    Level2,
+    /// Level 3, some 2.8 V.
+    Level3,
 }
 
 /// Why a controller started.
@@ -291,6 +364,8 @@ pub enum ResetReason {
     CrystalLost,
     /// An interrupt came that nothing was set up for: its number, negative for the core's exceptions.
     StrayInterrupt(i16),
+    /// The supply fell below the threshold of the chip's voltage detector.
+    SupplyLow,
 }
 
 /// A place in the source, in a size that is known beforehand: the line, and the end of the file's name, which tells
@@ -393,7 +468,7 @@ pub struct MotorFaults {
 pub struct Injected {
     /// Number of the first one.
     pub first: u32,
-    /// What went to the ESC for each, Q2.29.
+    /// What went to the ESC for each, Q2.29; [`NO_PULSE`](super::NO_PULSE) where that was no pulse.
     pub outputs: Series<INJECT_SAMPLES>,
 }
 
@@ -413,7 +488,7 @@ pub struct Record {
     pub input: Series<RECORD_SAMPLES>,
     /// The command before the compensator, Q2.29.
     pub before: Series<RECORD_SAMPLES>,
-    /// The command after it, to the ESC, Q2.29.
+    /// The command after it, to the ESC, Q2.29; [`NO_PULSE`](super::NO_PULSE) where that was no pulse.
     pub after: Series<RECORD_SAMPLES>,
     /// The thrust sensor's channel of the converter, counts, taken in the same tick before the command changed.
     pub adc: Series<RECORD_SAMPLES>,

@@ -11,9 +11,7 @@
 //! - COBS (Cheshire and Baker, "Consistent Overhead Byte Stuffing", 1999) leaves no zero byte inside a frame, so a
 //!   receiver that is out of step is in step again at the next zero. The zero in front keeps garbage before a frame out
 //!   of it. Empty frames are nothing.
-//! - The checksum is CRC-32/ISCSI over everything in the envelope before it. It detects any 5 wrong bits up to 655 bytes
-//!   (Koopman, "32-bit cyclic redundancy codes for internet applications", 2002), and lets one in 2^32 of random frames
-//!   pass.
+//! - The checksum is [`CHECKSUM`] over everything in the envelope before it. It lets one in 2^32 of random frames pass.
 //! - The version is [`VERSION`]. A frame of another version is counted and dropped; its body is not looked at.
 //! - The tag is the host's: a reply carries the tag of its request. [`Message::Record`] comes unasked, with the tag of
 //!   the request that started the recording.
@@ -31,14 +29,25 @@ mod message;
 mod recorder;
 mod series;
 
+pub use crate::checksum::CHECKSUM;
 pub use frame::{
-    CHECKSUM, FRAME_BYTES, FrameFaults, PAYLOAD_BYTES, Receiver, Tagged, TooLong, VERSION, Writer, encode,
+    FRAME_BYTES, FrameFaults, PAYLOAD_BYTES, Receiver, Tagged, TooLong, VERSION, Writer, encode,
 };
 pub use injector::{INJECT_TIMEOUT_MS, INJECT_WINDOW, Injector};
 pub use message::{
-    ChannelState, Clock, ExciteRequest, Faults, INJECT_SAMPLES, Info, InjectRequest, Injected, LineSet, Message,
+    BrownOut, ChannelState, Clock, CrystalCheck, ExciteRequest, Faults, INJECT_SAMPLES, Info, InjectRequest, Injected, LineSet, Message,
     MotorFaults, PANIC_FILE_BYTES, PanicPlace, RECORD_SAMPLES, Record, RecordRequest, Refusal, Request, ResetReason,
     Source,
 };
-pub use recorder::{NO_INPUT, RecordClock, Recorder, Sample};
+pub use recorder::{NO_INPUT, NO_PULSE, RecordClock, Recorder, Sample};
 pub use series::{Full, Series};
+
+/// Bits per second of the link, each way. It divides the bus clocks of the STM32F405's clock sources exactly.
+pub const BAUD: u32 = 1_000_000;
+/// Bytes per second: a start bit, 8 bits of data and a stop bit each.
+pub const BYTES_PER_S: u32 = BAUD / 10;
+/// Most bytes that a sample of the recorder takes in frames of [`RECORD_SAMPLES`], rounded up: 5 for each number but the
+/// converter's, which has 12 bits and takes 3, and its share of the frame around them.
+pub const RECORD_SAMPLE_BYTES: u32 = 21;
+/// Highest part of a control tick that an excitation and the link may take, percent.
+pub const MAX_LOAD_PERCENT: u32 = 80;

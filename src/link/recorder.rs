@@ -4,6 +4,8 @@ use super::{RECORD_SAMPLES, Record, Series};
 
 /// [`Sample::input`] where there is no pulse.
 pub const NO_INPUT: i32 = -1;
+/// [`Sample::after`], and an output of an injection, where the ESC gets no pulse.
+pub const NO_PULSE: i32 = crate::throttle::EscCommand::NO_PULSE.to_bits();
 
 /// One tick of one motor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,7 +16,7 @@ pub struct Sample {
     pub input: i32,
     /// The command before the compensator, Q2.29.
     pub before: i32,
-    /// The command after it, Q2.29.
+    /// The command after it, Q2.29, or [`NO_PULSE`].
     pub after: i32,
     /// The converter's count.
     pub adc: u16,

@@ -26,8 +26,14 @@ pub enum Key {
     OutputFrameHz,
     /// [`Settings::stop`](super::Settings::stop)
     Stop,
+    /// [`Settings::no_signal`](super::Settings::no_signal)
+    NoSignal,
+    /// [`Settings::stop_pulses_ms`](super::Settings::stop_pulses_ms)
+    StopPulsesMs,
     /// [`MotorSettings::compensate`](super::MotorSettings::compensate)
     Compensate,
+    /// [`MotorSettings::disarming`](super::MotorSettings::disarming)
+    Disarming,
     /// [`MotorSettings::arming`](super::MotorSettings::arming)
     Arming,
     /// [`MotorSettings::idle`](super::MotorSettings::idle)
@@ -42,6 +48,8 @@ pub enum Key {
     ExcitationMaxCommand,
     /// [`ExcitationLimits::max_amplitude`](super::ExcitationLimits::max_amplitude)
     ExcitationMaxAmplitude,
+    /// [`ExcitationLimits::arm_ms`](super::ExcitationLimits::arm_ms)
+    ExcitationArmMs,
     /// [`ExcitationLimits::ramp_ms`](super::ExcitationLimits::ramp_ms)
     ExcitationRampMs,
     /// [`Settings::recorder_divisor`](super::Settings::recorder_divisor)
@@ -50,7 +58,7 @@ pub enum Key {
 
 impl Key {
     /// Every key, in the order of the settings.
-    pub const ALL: [Self; 19] = [
+    pub const ALL: [Self; 23] = [
         Self::LoopRateHz,
         Self::OmegaZRadS,
         Self::OmegaFRadS,
@@ -60,7 +68,10 @@ impl Key {
         Self::OutputProtocol,
         Self::OutputFrameHz,
         Self::Stop,
+        Self::NoSignal,
+        Self::StopPulsesMs,
         Self::Compensate,
+        Self::Disarming,
         Self::Arming,
         Self::Idle,
         Self::Max,
@@ -68,6 +79,7 @@ impl Key {
         Self::ExcitationMaxDurationS,
         Self::ExcitationMaxCommand,
         Self::ExcitationMaxAmplitude,
+        Self::ExcitationArmMs,
         Self::ExcitationRampMs,
         Self::RecorderDivisor,
     ];
@@ -84,8 +96,11 @@ impl Key {
             Self::InputFrameHz => "input.frame_hz",
             Self::OutputProtocol => "output.protocol",
             Self::OutputFrameHz => "output.frame_hz",
-            Self::Compensate => "compensate",
             Self::Stop => "stop",
+            Self::NoSignal => "no_signal",
+            Self::StopPulsesMs => "stop_pulses_ms",
+            Self::Compensate => "compensate",
+            Self::Disarming => "disarming",
             Self::Arming => "arming",
             Self::Idle => "idle",
             Self::Max => "max",
@@ -93,6 +108,7 @@ impl Key {
             Self::ExcitationMaxDurationS => "excitation.max_duration_s",
             Self::ExcitationMaxCommand => "excitation.max_command",
             Self::ExcitationMaxAmplitude => "excitation.max_amplitude",
+            Self::ExcitationArmMs => "excitation.arm_ms",
             Self::ExcitationRampMs => "excitation.ramp_ms",
             Self::RecorderDivisor => "recorder_divisor",
         }
@@ -101,7 +117,10 @@ impl Key {
     /// Whether each motor has one.
     #[must_use]
     pub const fn is_of_a_motor(self) -> bool {
-        matches!(self, Self::Compensate | Self::Arming | Self::Idle | Self::Max | Self::HoldMs)
+        matches!(
+            self,
+            Self::Compensate | Self::Disarming | Self::Arming | Self::Idle | Self::Max | Self::HoldMs
+        )
     }
 }
 

@@ -4,9 +4,10 @@
 //! after they are loaded. The filter's coefficients are not among them: [`LeadDesign`](crate::design::LeadDesign)
 //! makes those from [`Settings::lead`] at start-up, on the controller as on the host.
 //!
-//! [`Store`] keeps them in flash, twice.
+//! [`Store`] keeps them in flash, twice. Settings of an older layout are migrated when they are loaded.
 
 mod key;
+mod layout_1;
 mod store;
 mod validate;
 
@@ -17,10 +18,12 @@ use serde::{Deserialize, Serialize};
 use crate::design::{DEFAULT_DAMPING, LeadParameters};
 use crate::throttle::{Command, Protocol};
 
+pub use crate::channel::NoSignal;
 pub use key::{Key, Place};
 pub use store::{Loaded, Origin, SaveError, Store};
 pub use validate::{
-    FRAME_RANGE_HZ, Problem, SHORTEST_LEVEL_US, SettingsError, Validated, Warning, Warnings, longest_pulse_us,
+    FASTEST_RAW_DUTY_HZ, FRAME_RANGE_HZ, HIGHEST_STOP, Problem, SHORTEST_LEVEL_US, SettingsError, Validated, Warning,
+    Warnings, longest_pulse_us,
 };
 
 /// Motors of one controller.
@@ -32,8 +35,10 @@ pub const SLOWEST_TIMER_HZ: u32 = 1_000_000;
 /// Time without a [`KeepAlive`](crate::link::Request::KeepAlive) after which an excitation ramps down, milliseconds.
 pub const DEAD_MAN_MS: u32 = 200;
 
-/// What nearly every ESC and flight controller understands, at a rate that is worth compensating.
-const DEFAULT_PULSE: Pulse = Pulse { protocol: PulseProtocol::StandardPwm, frame_hz: 400 };
+/// What nearly every flight controller sends, at a rate that is worth compensating.
+const DEFAULT_INPUT: Pulse = Pulse { protocol: PulseProtocol::StandardPwm, frame_hz: 400 };
+/// What nearly every ESC understands. Its frames may come closer than the input's, so that they can follow those.
+const DEFAULT_OUTPUT: Pulse = Pulse { protocol: PulseProtocol::StandardPwm, frame_hz: 450 };
 
 /// Everything that a controller stores. Levels are commands in Q2.29 ([`Command::to_bits`]).
 ///
@@ -43,16 +48,20 @@ const DEFAULT_PULSE: Pulse = Pulse { protocol: PulseProtocol::StandardPwm, frame
 /// | `omega_z_rad_s`, `omega_f_rad_s` | above 0, the zero below the poles | the paper's, 14.13 and 94.2 |
 /// | `damping` | 0.3..=2 | 1/sqrt 2 |
 /// | `input.protocol`, `output.protocol` | raw_duty, standard_pwm, oneshot125 | standard_pwm |
-/// | `input.frame_hz`, `output.frame_hz` | 40..=4000, and the longest pulse fits | 400 |
-/// | `stop` | 0..1, and a raw duty has edges | 0 |
+/// | `input.frame_hz`, `output.frame_hz` | 40..=4000, and the longest pulse fits; raw duty up to 1500 | 400, 450 |
+/// | `stop` | 0; raw duty: 20 µs of the frame up to 0.03 | 0 |
+/// | `no_signal` | no_pulses, stop_pulses | no_pulses |
+/// | `stop_pulses_ms` | 0..=60000 | 2000 |
 /// | `motor.N.compensate` | true, false | false |
-/// | `motor.N.arming` | above `stop` | 0.03 |
+/// | `motor.N.disarming` | above `stop` | 0.04 |
+/// | `motor.N.arming` | above `disarming` | 0.05 |
 /// | `motor.N.idle` | `arming` or above | 0.05 |
 /// | `motor.N.max` | above `idle`, 1 or below | 1 |
 /// | `motor.N.hold_ms` | 0..=1000 | 100 |
 /// | `excitation.max_duration_s` | 1..=600 | 120 |
 /// | `excitation.max_command` | 0..=1 | 0.75 |
 /// | `excitation.max_amplitude` | above 0, 0.25 or below | 0.1 |
+/// | `excitation.arm_ms` | 0..=10000 | 3000 |
 /// | `excitation.ramp_ms` | 100..=10000 | 2000 |
 /// | `recorder_divisor` | 1..=5000 | 1 |
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Schema)]
@@ -65,9 +74,13 @@ pub struct Settings {
     pub input: Pulse,
     /// The ESCs' pulses. All come from one timer, so there is one kind.
     pub output: Pulse,
-    /// The lowest command that is ever put out, and what stops a motor. Above 0 for raw duty only, where 0 would be no
-    /// pulse at all.
+    /// The command of the stop pulse. Above 0 for raw duty only, where 0 would be no pulse at all.
     pub stop: i32,
+    /// What a motor's output does while its input has no signal.
+    pub no_signal: NoSignal,
+    /// For how long stop pulses follow a motor's last command before the output does as [`Self::no_signal`] says,
+    /// milliseconds.
+    pub stop_pulses_ms: u16,
     /// What each motor has of its own.
     pub motors: [MotorSettings; MOTORS],
     /// What an excitation may do.
@@ -104,7 +117,9 @@ impl From<LeadParameters> for Lead {
 pub struct MotorSettings {
     /// Whether the compensator is in the path.
     pub compensate: bool,
-    /// Below this command the motor is not armed, and the command passes untouched.
+    /// An armed motor disarms below this command.
+    pub disarming: i32,
+    /// A disarmed motor arms from this command on.
     pub arming: i32,
     /// The lowest output while armed.
     pub idle: i32,
@@ -155,13 +170,15 @@ pub struct ExcitationLimits {
     pub max_command: i32,
     /// Largest peak deviation from the nominal command.
     pub max_amplitude: i32,
+    /// How long stop pulses come before the ramp, for the ESC to arm, milliseconds.
+    pub arm_ms: u16,
     /// Time from the stop to the highest command that is allowed, milliseconds; smaller ways take their share of it.
     pub ramp_ms: u16,
 }
 
 impl Default for Settings {
-    /// Standard PWM at 400 Hz in and out, the paper's compensator, switched out: a pulse passes as it is until
-    /// somebody who has identified the motor says otherwise.
+    /// Standard PWM in and out, the paper's compensator, switched out: a pulse passes as it is until somebody who has
+    /// identified the motor says otherwise.
     fn default() -> Self {
         // The fastest motor of the paper's Table 1, and 2 pi 100 rad/s amplified at most (eq. 5 and 6).
         let omega_z_rad_s = 14.1275;
@@ -170,14 +187,17 @@ impl Default for Settings {
         Self {
             loop_rate_hz: 5000,
             lead: Lead { omega_z_rad_s, omega_f_rad_s, damping: DEFAULT_DAMPING },
-            input: DEFAULT_PULSE,
-            output: DEFAULT_PULSE,
+            input: DEFAULT_INPUT,
+            output: DEFAULT_OUTPUT,
             stop: 0,
+            no_signal: NoSignal::NoPulses,
+            stop_pulses_ms: 2000,
             motors: [MotorSettings::default(); MOTORS],
             excitation: ExcitationLimits {
                 max_duration_s: 120,
                 max_command: percent(75),
                 max_amplitude: percent(10),
+                arm_ms: 3000,
                 ramp_ms: 2000,
             },
             recorder_divisor: 1,
@@ -187,7 +207,14 @@ impl Default for Settings {
 
 impl Default for MotorSettings {
     fn default() -> Self {
-        Self { compensate: false, arming: percent(3), idle: percent(5), max: percent(100), hold_ms: 100 }
+        Self {
+            compensate: false,
+            disarming: percent(4),
+            arming: percent(5),
+            idle: percent(5),
+            max: percent(100),
+            hold_ms: 100,
+        }
     }
 }
 

@@ -1,18 +1,21 @@
 //! Settings in flash: two copies, of which one is whole at any time.
 //!
-//! Each copy has an erase sector of its own, which is written as a log: a save goes to the first slot of
-//! [`SLOT_BYTES`] behind the last used one, and the sector is erased only when it is full (a 128 KiB sector of an
-//! STM32F405 stalls the core for up to two seconds; with this, once in 256 saves). The copy is what the last used slot
-//! holds.
+//! Each copy has an erase sector of its own, which is written as a log: a save goes to the first [`PAGE_BYTES`] behind the
+//! last used ones, and the sector is erased only when it is full (a 128 KiB sector of an STM32F405 stalls the core for up
+//! to two seconds; with today's settings, which take one page, this is once in 256 saves). The copy is what the last
+//! used pages hold.
 //!
 //! ```text
-//! slot: magic u32 | layout u16 | length u16 | sequence u32 | settings (postcard) | crc32 u32     little-endian
+//! set: magic u32 | layout u16 | length u16 | sequence u32 | settings (postcard) | crc32 u32     little-endian
 //! ```
 //!
-//! The checksum (CRC-32/ISCSI, as on the link) runs from `magic` to the end of the settings. A save writes the copy
-//! that is not the newest, reads it back, and only then the other: wherever the power goes, one of the two sectors
-//! holds the old set or the new one. A set whose two copies are both bad is not replaced by an older one from the
-//! logs, which nobody would expect to come back, but by the defaults, and that is reported.
+//! A set begins with a page and takes one or two of them. The checksum (CRC-32/ISCSI, as on the link) runs from `magic` to
+//! the end of the settings. A save writes the copy that is not the newest, reads it back, and only then the other:
+//! wherever the power goes, one of the two sectors holds the old set or the new one. A set whose two copies are both bad
+//! is not replaced by an older one from the logs, which nobody would expect to come back: there are no settings then,
+//! and that is reported.
+//!
+//! A set of an older layout is migrated when it is loaded, and stored in today's layout by the next save.
 //!
 //! # Why not a general store
 //!
@@ -37,16 +40,21 @@ use embedded_storage::nor_flash::NorFlash;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
+use super::layout_1::{self, Settings1};
 use super::{Settings, Validated};
-use crate::link::CHECKSUM;
+use crate::checksum::CHECKSUM;
 
-/// Bytes of a slot.
-pub const SLOT_BYTES: usize = 512;
+/// Where sets begin: at a multiple of so many bytes.
+const PAGE_BYTES: usize = 512;
+/// Longest set, in pages.
+const SET_PAGES: usize = 2;
+/// Longest set. Curves of 33 points for each of four motors in `f32`, which are to come, are 528 bytes of it.
+const SET_BYTES: usize = SET_PAGES * PAGE_BYTES;
 
 /// `RLST`, little-endian.
 const MAGIC: [u8; 4] = *b"RLST";
-/// Number of the settings' layout. Settings of another layout are bad: a new firmware starts from its defaults.
-const LAYOUT: u16 = 1;
+/// Number of the settings' layout.
+const LAYOUT: u16 = 2;
 const HEADER_BYTES: usize = 12;
 const CHECKSUM_BYTES: usize = 4;
 /// An erased byte.
@@ -60,10 +68,22 @@ pub enum Origin {
     /// One copy is bad, or older than the other: a save was interrupted, or the flash has lost bits. The next save
     /// mends it.
     StoredOnce,
-    /// Nothing was ever saved: the defaults.
+    /// Nothing was ever saved. The defaults are there to be changed; nothing goes out until a host has set some.
     DefaultsBlank,
-    /// Both copies are bad: the defaults.
+    /// Both copies are bad, or what they hold cannot be used on this clock. As [`Self::DefaultsBlank`].
     DefaultsBad,
+    /// A set of an older layout, migrated. The next save stores it in today's.
+    Migrated,
+    /// A host has set them, and they are not stored.
+    Host,
+}
+
+impl Origin {
+    /// Whether somebody has chosen these settings.
+    #[must_use]
+    pub const fn is_chosen(self) -> bool {
+        !matches!(self, Self::DefaultsBlank | Self::DefaultsBad)
+    }
 }
 
 /// What [`Store::load`] found.
@@ -82,7 +102,7 @@ pub enum SaveError {
     Flash,
     /// What was written does not read back: worn out, or write protected.
     ReadBack,
-    /// The flash's write size does not divide a slot, or a sector holds no slot.
+    /// The flash's write size does not divide a page, or a sector is smaller than the longest set.
     Geometry,
 }
 
@@ -110,13 +130,13 @@ pub struct Store<F> {
 enum Copy {
     Blank,
     Bad,
-    Whole { sequence: u32, settings: Validated },
+    Whole { sequence: u32, layout: u16, settings: Validated },
 }
 
 /// A sector, as far as a save needs to know it.
 struct Sector {
     copy: Copy,
-    /// The slot behind the last used one; the number of slots when there is none.
+    /// The page behind the last used one; the number of pages when there is none.
     free: u32,
 }
 
@@ -131,22 +151,31 @@ impl<F: NorFlash> Store<F> {
         self.flash
     }
 
-    /// Reads the settings, and never writes. A copy that cannot be read, has the wrong checksum or layout, or holds
-    /// settings that are refused, is bad.
+    /// Reads the settings, and never writes. A copy that cannot be read, has the wrong checksum or an unknown layout, or
+    /// holds settings that are refused, is bad.
     pub fn load(&mut self) -> Loaded {
         let copies = self.sectors.map(|sector| self.sector(sector).copy);
-        let loaded = |settings, origin| Loaded { settings, origin };
-        match copies {
-            [Copy::Whole { sequence: a, settings }, Copy::Whole { sequence: b, settings: other }] => {
-                let origin = if a == b && settings == other { Origin::Stored } else { Origin::StoredOnce };
-                loaded(if b > a { other } else { settings }, origin)
+        let (sequence, layout, settings) = match &copies {
+            [Copy::Whole { sequence: a, .. }, Copy::Whole { sequence, layout, settings }] if sequence > a => {
+                (*sequence, *layout, settings)
             }
-            [Copy::Whole { settings, .. }, _] | [_, Copy::Whole { settings, .. }] => {
-                loaded(settings, Origin::StoredOnce)
+            [Copy::Whole { sequence, layout, settings }, _] | [_, Copy::Whole { sequence, layout, settings }] => {
+                (*sequence, *layout, settings)
             }
-            [Copy::Blank, Copy::Blank] => loaded(Validated::default(), Origin::DefaultsBlank),
-            [_, _] => loaded(Validated::default(), Origin::DefaultsBad),
-        }
+            [Copy::Blank, Copy::Blank] => {
+                return Loaded { settings: Validated::default(), origin: Origin::DefaultsBlank };
+            }
+            [_, _] => return Loaded { settings: Validated::default(), origin: Origin::DefaultsBad },
+        };
+        let newest = Copy::Whole { sequence, layout, settings: settings.clone() };
+        let origin = if layout != LAYOUT {
+            Origin::Migrated
+        } else if copies.iter().all(|copy| *copy == newest) {
+            Origin::Stored
+        } else {
+            Origin::StoredOnce
+        };
+        Loaded { settings: settings.clone(), origin }
     }
 
     /// Stores the settings, twice. Blocks for the time that the flash takes, which may include an erase of each
@@ -155,7 +184,7 @@ impl<F: NorFlash> Store<F> {
     /// # Errors
     /// [`SaveError`]; what was stored before is then still there, or the new set already is.
     pub fn save(&mut self, settings: &Validated) -> Result<(), SaveError> {
-        if !SLOT_BYTES.is_multiple_of(F::WRITE_SIZE) || F::ERASE_SIZE < SLOT_BYTES {
+        if !PAGE_BYTES.is_multiple_of(F::WRITE_SIZE) || F::ERASE_SIZE < SET_BYTES {
             return Err(SaveError::Geometry);
         }
         let newest = self.sectors.map(|sector| match self.sector(sector).copy {
@@ -172,75 +201,98 @@ impl<F: NorFlash> Store<F> {
     }
 
     fn write(&mut self, start: u32, settings: &Validated, sequence: u32) -> Result<(), SaveError> {
+        let mut set = [ERASED; SET_BYTES];
+        let used = encode(settings, sequence, &mut set).ok_or(SaveError::Geometry)?;
         let mut free = self.sector(start).free;
-        if free == slots::<F>() {
+        // At most SET_PAGES.
+        if free + used.div_ceil(PAGE_BYTES) as u32 > pages::<F>() {
             self.flash.erase(start, start + F::ERASE_SIZE as u32).map_err(|_| SaveError::Flash)?;
             free = 0;
         }
-        let mut slot = [ERASED; SLOT_BYTES];
-        let used = encode(settings, sequence, &mut slot).ok_or(SaveError::Geometry)?;
         let written = used.next_multiple_of(F::WRITE_SIZE);
-        let offset = start + free * SLOT_BYTES as u32;
-        self.flash.write(offset, &slot[..written]).map_err(|_| SaveError::Flash)?;
+        let offset = start + free * PAGE_BYTES as u32;
+        self.flash.write(offset, &set[..written]).map_err(|_| SaveError::Flash)?;
         let holds = match self.sector(start).copy {
-            Copy::Whole { sequence: stored, settings: read } => stored == sequence && read == *settings,
+            Copy::Whole { sequence: stored, settings: read, .. } => stored == sequence && read == *settings,
             Copy::Blank | Copy::Bad => false,
         };
         if holds { Ok(()) } else { Err(SaveError::ReadBack) }
     }
 
-    /// The last used slot of a sector.
+    /// The set in the last used pages of a sector.
     fn sector(&mut self, start: u32) -> Sector {
-        let mut slot = [ERASED; SLOT_BYTES];
-        for index in (0..slots::<F>()).rev() {
-            match self.flash.read(start + index * SLOT_BYTES as u32, &mut slot) {
-                Ok(()) if slot.iter().all(|&byte| byte == ERASED) => {}
-                Ok(()) => return Sector { copy: decode(&slot).unwrap_or(Copy::Bad), free: index + 1 },
-                Err(_) => return Sector { copy: Copy::Bad, free: slots::<F>() },
+        let mut set = [ERASED; SET_BYTES];
+        for page in (0..pages::<F>()).rev() {
+            let free = page + 1;
+            match self.flash.read(start + page * PAGE_BYTES as u32, &mut set[..PAGE_BYTES]) {
+                Ok(()) if set[..PAGE_BYTES].iter().all(|&byte| byte == ERASED) => continue,
+                Ok(()) => {}
+                Err(_) => return Sector { copy: Copy::Bad, free: pages::<F>() },
             }
+            if let Some(copy) = decode(&set[..PAGE_BYTES]) {
+                return Sector { copy, free };
+            }
+            // It may be the second page of a set.
+            let first = page.checked_sub(1).map(|first| self.flash.read(start + first * PAGE_BYTES as u32, &mut set));
+            let copy = if matches!(first, Some(Ok(()))) && uses_two_pages(&set) { decode(&set) } else { None };
+            return Sector { copy: copy.unwrap_or(Copy::Bad), free };
         }
         Sector { copy: Copy::Blank, free: 0 }
     }
 }
 
-/// Slots in a sector.
-fn slots<F: NorFlash>() -> u32 {
-    (F::ERASE_SIZE / SLOT_BYTES) as u32
+/// Pages in a sector.
+fn pages<F: NorFlash>() -> u32 {
+    (F::ERASE_SIZE / PAGE_BYTES) as u32
 }
 
-/// Writes a slot, and gives how many bytes of it are used. `None` when the settings do not fit.
-fn encode(settings: &Settings, sequence: u32, slot: &mut [u8; SLOT_BYTES]) -> Option<usize> {
-    let (head, tail) = slot.split_at_mut(HEADER_BYTES);
+/// Whether a set reaches into its second page, by its length. Where it does not, that page holds something else.
+fn uses_two_pages(set: &[u8; SET_BYTES]) -> bool {
+    let length = usize::from(u16::from_le_bytes([set[6], set[7]]));
+    HEADER_BYTES + length + CHECKSUM_BYTES > PAGE_BYTES
+}
+
+/// Writes a set, and gives how many bytes of it are used. `None` when the settings do not fit.
+fn encode(settings: &Settings, sequence: u32, set: &mut [u8; SET_BYTES]) -> Option<usize> {
+    let (head, tail) = set.split_at_mut(HEADER_BYTES);
     let length = postcard::to_slice(settings, tail).ok()?.len();
     head[0..4].copy_from_slice(&MAGIC);
     head[4..6].copy_from_slice(&LAYOUT.to_le_bytes());
     head[6..8].copy_from_slice(&u16::try_from(length).ok()?.to_le_bytes());
     head[8..12].copy_from_slice(&sequence.to_le_bytes());
     let end = HEADER_BYTES + length;
-    let checksum = CHECKSUM.checksum(&slot[..end]).to_le_bytes();
-    slot.get_mut(end..end + CHECKSUM_BYTES)?.copy_from_slice(&checksum);
+    let checksum = CHECKSUM.checksum(&set[..end]).to_le_bytes();
+    set.get_mut(end..end + CHECKSUM_BYTES)?.copy_from_slice(&checksum);
     Some(end + CHECKSUM_BYTES)
 }
 
-/// Reads a slot. `None` when anything about it is wrong.
-fn decode(slot: &[u8; SLOT_BYTES]) -> Option<Copy> {
-    let (magic, rest) = slot.split_first_chunk::<4>()?;
+/// Reads a set. `None` when anything about it is wrong.
+fn decode(set: &[u8]) -> Option<Copy> {
+    let (magic, rest) = set.split_first_chunk::<4>()?;
     let (layout, rest) = rest.split_first_chunk::<2>()?;
     let (length, rest) = rest.split_first_chunk::<2>()?;
     let (sequence, rest) = rest.split_first_chunk::<4>()?;
-    if *magic != MAGIC || u16::from_le_bytes(*layout) != LAYOUT {
+    if *magic != MAGIC {
         return None;
     }
-    let (settings, rest) = rest.split_at_checked(usize::from(u16::from_le_bytes(*length)))?;
+    let (body, rest) = rest.split_at_checked(usize::from(u16::from_le_bytes(*length)))?;
     let (checksum, rest) = rest.split_first_chunk::<CHECKSUM_BYTES>()?;
-    let summed = slot.len() - rest.len() - CHECKSUM_BYTES;
-    if CHECKSUM.checksum(slot.get(..summed)?) != u32::from_le_bytes(*checksum) {
+    let summed = set.len() - rest.len() - CHECKSUM_BYTES;
+    if CHECKSUM.checksum(set.get(..summed)?) != u32::from_le_bytes(*checksum) {
         return None;
     }
-    let (settings, left) = postcard::take_from_bytes::<Settings>(settings).ok()?;
-    if !left.is_empty() {
-        return None;
-    }
+    let layout = u16::from_le_bytes(*layout);
+    let settings = match layout {
+        layout_1::LAYOUT => whole::<Settings1>(body)?.migrate(),
+        LAYOUT => whole::<Settings>(body)?,
+        _ => return None,
+    };
     let settings = settings.validate().ok()?;
-    Some(Copy::Whole { sequence: u32::from_le_bytes(*sequence), settings })
+    Some(Copy::Whole { sequence: u32::from_le_bytes(*sequence), layout, settings })
+}
+
+/// A value that takes all of the bytes.
+fn whole<T: for<'de> Deserialize<'de>>(body: &[u8]) -> Option<T> {
+    let (value, left) = postcard::take_from_bytes(body).ok()?;
+    left.is_empty().then_some(value)
 }

@@ -15,9 +15,17 @@ pub const FRAME_RANGE_HZ: (u16, u16) = (40, 4000);
 /// A line is high, and low, for at least this long in every frame, microseconds. It must outlast the capture's glitch
 /// filter and the slew of an opto-coupled input, which is a few microseconds.
 pub const SHORTEST_LEVEL_US: u32 = 20;
+/// Highest stop command of a raw duty: an ESC that takes the duty for the command must not turn its motor at it.
+pub const HIGHEST_STOP: i32 = (Command::ONE.to_bits() as i64 * 3 / 100) as i32;
+/// Fastest frames of a raw duty: with more, [`SHORTEST_LEVEL_US`] is above [`HIGHEST_STOP`], 3 % of the frame.
+pub const FASTEST_RAW_DUTY_HZ: u16 = (30_000 / SHORTEST_LEVEL_US) as u16;
+/// An arming threshold below this is warned of: a flight controller whose clock is 3 % off sends 1030 µs for a stop.
+const LOW_ARMING: i32 = (Command::ONE.to_bits() as i64 * 4 / 100) as i32;
 
 /// Ticks per second of the control loop.
 const LOOP_RATE_RANGE_HZ: (u32, u32) = (1000, 10_000);
+const STOP_PULSES_RANGE_MS: (u16, u16) = (0, 60_000);
+const ARM_RANGE_MS: (u16, u16) = (0, 10_000);
 const HOLD_RANGE_MS: (u16, u16) = (0, 1000);
 const DURATION_RANGE_S: (u16, u16) = (1, 600);
 const RAMP_RANGE_MS: (u16, u16) = (100, 10_000);
@@ -49,6 +57,8 @@ pub enum Problem {
     },
     /// The zero is not below the poles.
     ZeroNotBelowPoles,
+    /// A stop command above 0 with a protocol whose 0 has a pulse of its own.
+    StopWithoutRawDuty,
     /// The longest pulse, with a gap of [`SHORTEST_LEVEL_US`], does not fit the frame.
     PulseTooLong {
         /// The longest pulse, microseconds.
@@ -74,6 +84,9 @@ impl fmt::Display for SettingsError {
                 write!(f, "{place} is {value}, outside its range {min} to {max}")
             }
             Problem::ZeroNotBelowPoles => write!(f, "{place} is not below omega_f_rad_s: there is nothing to speed up"),
+            Problem::StopWithoutRawDuty => {
+                write!(f, "{place} must be 0: only a raw duty, whose 0 has no pulse, has a stop command above it")
+            }
             Problem::PulseTooLong { longest_us, max_frame_hz } => write!(
                 f,
                 "{place}: the longest pulse, {longest_us} us, and a gap of {SHORTEST_LEVEL_US} us do not fit the frame; \
@@ -95,17 +108,33 @@ pub enum Warning {
     /// Frames come at less than twice the highest frequency that the compensator amplifies, `omega_g / (2 pi)`: it
     /// answers the steps between frames with ripple, and brings no bandwidth.
     SlowFrames(Key),
+    /// Output frames may not come faster than input frames, so they cannot follow them: their phase drifts, and a
+    /// command waits for up to a whole frame.
+    FramesCannotFollow,
+    /// A motor arms below 0.04, the command of a stop pulse of 1000 µs from a flight controller whose clock is 4 % off.
+    LowArming,
 }
 
 impl fmt::Display for Warning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self::SlowFrames(key) = self;
-        write!(
-            f,
-            "{} is under twice the highest frequency that the compensator amplifies, omega_g / (2 pi): \
-             that makes ripple, not bandwidth",
-            key.name()
-        )
+        match self {
+            Self::SlowFrames(key) => write!(
+                f,
+                "{} is under twice the highest frequency that the compensator amplifies, omega_g / (2 pi): \
+                 that makes ripple, not bandwidth",
+                key.name()
+            ),
+            Self::FramesCannotFollow => write!(
+                f,
+                "output.frame_hz is not above input.frame_hz: output frames cannot follow the input's, and a command \
+                 waits for up to a whole frame; raise output.frame_hz by some percent if the ESC allows it"
+            ),
+            Self::LowArming => write!(
+                f,
+                "a motor's arming is below 0.04: the stop pulse of a flight controller whose clock is some percent off \
+                 may arm it; raise arming"
+            ),
+        }
     }
 }
 
@@ -116,13 +145,21 @@ pub struct Warnings {
     pub slow_input: bool,
     /// The output frames are slow.
     pub slow_output: bool,
+    /// The output frames cannot follow the input's.
+    pub cannot_follow: bool,
+    /// An arming threshold is low.
+    pub low_arming: bool,
 }
 
 impl Warnings {
     /// One by one.
     pub fn iter(self) -> impl Iterator<Item = Warning> {
         let slow = |is_slow: bool, key| is_slow.then_some(Warning::SlowFrames(key));
-        slow(self.slow_input, Key::InputFrameHz).into_iter().chain(slow(self.slow_output, Key::OutputFrameHz))
+        slow(self.slow_input, Key::InputFrameHz)
+            .into_iter()
+            .chain(slow(self.slow_output, Key::OutputFrameHz))
+            .chain(self.cannot_follow.then_some(Warning::FramesCannotFollow))
+            .chain(self.low_arming.then_some(Warning::LowArming))
     }
 }
 
@@ -179,15 +216,16 @@ impl Settings {
         }
         pulse(whole(Key::InputFrameHz), self.input)?;
         pulse(whole(Key::OutputFrameHz), self.output)?;
-        level(whole(Key::Stop), self.stop, (0, ONE))?;
+        self.check_stop(whole(Key::Stop))?;
+        within(whole(Key::StopPulsesMs), self.stop_pulses_ms, STOP_PULSES_RANGE_MS)?;
         for (index, motor) in (0..).zip(&self.motors) {
             motor.check(index, self.stop)?;
         }
-        self.check_edges()?;
         let limits = &self.excitation;
         within(whole(Key::ExcitationMaxDurationS), limits.max_duration_s, DURATION_RANGE_S)?;
         level(whole(Key::ExcitationMaxCommand), limits.max_command, (0, ONE))?;
         level(whole(Key::ExcitationMaxAmplitude), limits.max_amplitude, (1, LARGEST_AMPLITUDE))?;
+        within(whole(Key::ExcitationArmMs), limits.arm_ms, ARM_RANGE_MS)?;
         within(whole(Key::ExcitationRampMs), limits.ramp_ms, RAMP_RANGE_MS)?;
         within(whole(Key::RecorderDivisor), self.recorder_divisor, DIVISOR_RANGE)?;
 
@@ -195,24 +233,38 @@ impl Settings {
         Ok(Validated { settings: self, warnings })
     }
 
-    /// Refuses raw duties without edges.
-    fn check_edges(&self) -> Result<(), SettingsError> {
+    /// A stop command that stops, and raw duties that have edges.
+    fn check_stop(&self, place: Place) -> Result<(), SettingsError> {
         if self.output.protocol != PulseProtocol::RawDuty {
-            return Ok(());
+            level(place, self.stop, (0, ONE))?;
+            return if self.stop == 0 {
+                Ok(())
+            } else {
+                Err(SettingsError { place, problem: Problem::StopWithoutRawDuty })
+            };
         }
-        let min = f64::from(SHORTEST_LEVEL_US) * 1e-6 * f64::from(self.output.frame_hz);
-        let max = 1.0 - min;
-        let edges = |place, bits: i32| {
-            if (min..=max).contains(&as_command(bits)) {
+        let shortest = f64::from(SHORTEST_LEVEL_US) * 1e-6 * f64::from(self.output.frame_hz);
+        let edges = |place, bits: i32, max: f64| {
+            // A decimal at the limit is rounded to a step of the command.
+            let step = as_command(1);
+            if (shortest - step..=max + step).contains(&as_command(bits)) {
                 return Ok(());
             }
-            Err(SettingsError { place, problem: Problem::NoEdges { min, max } })
+            Err(SettingsError { place, problem: Problem::NoEdges { min: shortest, max } })
         };
-        edges(Place { key: Key::Stop, motor: None }, self.stop)?;
+        edges(place, self.stop, as_command(HIGHEST_STOP))?;
         for (index, motor) in (0..).zip(&self.motors) {
-            edges(Place { key: Key::Max, motor: Some(index) }, motor.max)?;
+            edges(Place { key: Key::Max, motor: Some(index) }, motor.max, 1.0 - shortest)?;
         }
         Ok(())
+    }
+
+    /// Whether output frames begin with the input's pulses: at rates so different that several fit between two pulses
+    /// there is nothing to follow, and the value of a raw duty is its share of a frame of known length.
+    #[must_use]
+    pub fn output_follows_input(&self) -> bool {
+        self.output.protocol != PulseProtocol::RawDuty
+            && u32::from(self.output.frame_hz) < 2 * u32::from(self.input.frame_hz)
     }
 
     fn warnings(&self) -> Warnings {
@@ -220,7 +272,12 @@ impl Settings {
         // Without the compensator in any path nothing is amplified.
         let is_used = self.motors.iter().any(|motor| motor.compensate);
         let slow = |pulse: Pulse| is_used && f64::from(pulse.frame_hz) < 2.0 * omega_g_hz;
-        Warnings { slow_input: slow(self.input), slow_output: slow(self.output) }
+        Warnings {
+            slow_input: slow(self.input),
+            slow_output: slow(self.output),
+            cannot_follow: self.output_follows_input() && self.output.frame_hz <= self.input.frame_hz,
+            low_arming: self.motors.iter().any(|motor| motor.arming < LOW_ARMING),
+        }
     }
 }
 
@@ -228,9 +285,11 @@ impl MotorSettings {
     fn check(&self, motor: u8, stop: i32) -> Result<(), SettingsError> {
         let place = |key| Place { key, motor: Some(motor) };
         // Each level inside the command's range first, so that the ranges of the others make sense.
+        level(place(Key::Disarming), self.disarming, (0, ONE))?;
         level(place(Key::Arming), self.arming, (0, ONE))?;
         level(place(Key::Idle), self.idle, (0, ONE))?;
-        level(place(Key::Arming), self.arming, (stop.saturating_add(1), ONE))?;
+        level(place(Key::Disarming), self.disarming, (stop.saturating_add(1), ONE))?;
+        level(place(Key::Arming), self.arming, (self.disarming.saturating_add(1), ONE))?;
         level(place(Key::Idle), self.idle, (self.arming, ONE))?;
         level(place(Key::Max), self.max, (self.idle.saturating_add(1), ONE))?;
         within(place(Key::HoldMs), self.hold_ms, HOLD_RANGE_MS)
@@ -250,6 +309,9 @@ pub const fn longest_pulse_us(protocol: PulseProtocol) -> Option<u32> {
 /// A frame rate within its range, whose frame holds the longest pulse and a gap.
 fn pulse(place: Place, pulse: Pulse) -> Result<(), SettingsError> {
     within(place, pulse.frame_hz, FRAME_RANGE_HZ)?;
+    if pulse.protocol == PulseProtocol::RawDuty {
+        return within(place, pulse.frame_hz, (FRAME_RANGE_HZ.0, FASTEST_RAW_DUTY_HZ));
+    }
     let Some(longest_us) = longest_pulse_us(pulse.protocol) else { return Ok(()) };
     let max_frame_hz = 1_000_000 / (longest_us + SHORTEST_LEVEL_US);
     if u32::from(pulse.frame_hz) > max_frame_hz {

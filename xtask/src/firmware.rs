@@ -18,6 +18,8 @@ pub const TICK: &str = "SysTick";
 pub const LINK: &str = "USART3";
 /// What the core stores at an interrupt with the floating-point unit on, 26 words, and a word to align them.
 const EXCEPTION_FRAME_BYTES: u32 = 27 * 4;
+/// The feature of the board that the image is for.
+const BOARD: &str = "stm32f405";
 /// A feature of the firmware that puts an indexing panic into its control task.
 const PLANTED: &str = "planted-panic";
 
@@ -38,9 +40,9 @@ pub fn build() -> Result<Sizes> {
 /// Builds the image for the controller and gives its path.
 pub fn build_image(features: &[&str]) -> Result<PathBuf> {
     let toolchain = setup::target()?;
-    let features = features.join(",");
     // Variants have a folder of their own, so that the image that is flashed is never one of them.
     let variant = if features.is_empty() { None } else { Some("target/variant") };
+    let features = [&[BOARD], features].concat().join(",");
     let mut build = toolchain.cargo(&["build", "--package", "rotorlead", "--bin", "rotorlead-firmware", "--locked"]);
     build.args(["--profile", "firmware", "--features", &features]);
     if let Some(folder) = variant {

@@ -10,8 +10,8 @@ use serde::de::DeserializeOwned;
 
 use crate::flash::Flash;
 
-/// Sectors of the fuzzed flash: two slots each.
-const SECTOR: usize = 1024;
+/// Sectors of the fuzzed flash: two of the longest sets each.
+const SECTOR: usize = 2048;
 
 /// Bytes from a line, as they are and as the body of a frame whose checksum is right.
 ///
@@ -69,10 +69,12 @@ pub fn fuzz_settings(bytes: &[u8]) {
     load_and_save(content);
 
     let body = &bytes[..bytes.len().min(SECTOR / 2 - 16)];
-    let mut content = vec![0xff; 2 * SECTOR];
-    let slot = slot(1, body);
-    content[..slot.len()].copy_from_slice(&slot);
-    load_and_save(content);
+    for layout in [1, LAYOUT] {
+        let mut content = vec![0xff; 2 * SECTOR];
+        let set = stored(layout, 1, body);
+        content[..set.len()].copy_from_slice(&set);
+        load_and_save(content);
+    }
 }
 
 fn load_and_save(content: Vec<u8>) {
@@ -88,16 +90,19 @@ fn load_and_save(content: Vec<u8>) {
     assert_eq!((again.settings, again.origin), (loaded.settings, Origin::Stored));
 }
 
-/// A slot of the settings' flash around any body, as the documentation of `rotorlead::settings` has it.
+/// Today's layout of stored settings.
+pub const LAYOUT: u16 = 2;
+
+/// A stored set around any body, as the documentation of `rotorlead::settings` has it.
 #[must_use]
-pub fn slot(sequence: u32, body: &[u8]) -> Vec<u8> {
-    let mut slot = b"RLST".to_vec();
-    slot.extend_from_slice(&1_u16.to_le_bytes());
-    slot.extend_from_slice(&(body.len() as u16).to_le_bytes());
-    slot.extend_from_slice(&sequence.to_le_bytes());
-    slot.extend_from_slice(body);
-    slot.extend_from_slice(&CHECKSUM.checksum(&slot).to_le_bytes());
-    slot
+pub fn stored(layout: u16, sequence: u32, body: &[u8]) -> Vec<u8> {
+    let mut set = b"RLST".to_vec();
+    set.extend_from_slice(&layout.to_le_bytes());
+    set.extend_from_slice(&(body.len() as u16).to_le_bytes());
+    set.extend_from_slice(&sequence.to_le_bytes());
+    set.extend_from_slice(body);
+    set.extend_from_slice(&CHECKSUM.checksum(&set).to_le_bytes());
+    set
 }
 
 /// Bytes to start a fuzzer of [`fuzz_link`] from: the body of every request and of the longest messages, and a line with
@@ -166,7 +171,7 @@ pub fn settings_corpus() -> Vec<(&'static str, Vec<u8>)> {
     let defaults = body(&Settings::default());
     let mut flash = vec![0xff; 2 * SECTOR];
     for (start, sequence) in [(0, 2), (SECTOR / 2, 4), (SECTOR, 3)] {
-        let slot = slot(sequence, &defaults);
+        let slot = stored(LAYOUT, sequence, &defaults);
         flash[start..start + slot.len()].copy_from_slice(&slot);
     }
     vec![
@@ -174,7 +179,7 @@ pub fn settings_corpus() -> Vec<(&'static str, Vec<u8>)> {
         ("defaults", defaults.clone()),
         ("duty", body(&duty)),
         ("oneshot", body(&oneshot)),
-        ("slot", slot(1, &defaults)),
+        ("set", stored(LAYOUT, 1, &defaults)),
         ("flash", flash),
     ]
 }

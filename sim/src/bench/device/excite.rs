@@ -76,9 +76,10 @@ pub fn play(
     let divisor = usize::from(played.divisor.max(1));
     let rows = sequence.len() / divisor * usize::from(played.periods);
     let warm_up_rows = sequence.len() / divisor;
-    // The way up takes its share of the ramp; what is recorded beyond it is cut off.
+    // Stop pulses come first, and the way up takes its share of the ramp; what is recorded beyond them is cut off.
     let loop_rate_hz = f64::from(settings.loop_rate_hz);
-    let ramp_rows = f64::from(settings.excitation.ramp_ms) / 1000.0 * loop_rate_hz / divisor as f64;
+    let before_ms = f64::from(settings.excitation.arm_ms) + f64::from(settings.excitation.ramp_ms);
+    let rows_before = before_ms / 1000.0 * loop_rate_hz / divisor as f64;
 
     let mut tape = Tape::start(session, settings, played.motor, played.divisor.max(1))?;
     let request = ExciteRequest {
@@ -94,7 +95,7 @@ pub fn play(
         // However long it took to get there; and two frames for the rows that are on their way.
         tape.read_waiting(session)?;
         let before = tape.recording.rows() + 2 * RECORD_SAMPLES;
-        let most_rows = before + ramp_rows.ceil() as usize + warm_up_rows + rows;
+        let most_rows = before + rows_before.ceil() as usize + warm_up_rows + rows;
         while tape.recording.rows() < most_rows {
             tape.read(session)?;
             progress(tape.recording.rows().min(most_rows), most_rows);

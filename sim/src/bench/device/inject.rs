@@ -8,7 +8,7 @@ use rotorlead::channel::{Channel, Input};
 use rotorlead::controller::{channels, coefficients};
 use rotorlead::link::{INJECT_SAMPLES, INJECT_WINDOW, InjectRequest, Message, Request, Series, Source};
 use rotorlead::settings::Settings;
-use rotorlead::throttle::Command;
+use rotorlead::throttle::{Command, EscCommand};
 
 use super::{DeviceError, Session};
 
@@ -16,7 +16,7 @@ use super::{DeviceError, Session};
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Injection {
     /// What the controller would have sent to the ESC, one for each command.
-    pub outputs: Vec<Command>,
+    pub outputs: Vec<EscCommand>,
     /// How many of them are not the host's.
     pub different: usize,
     /// The first of those.
@@ -29,9 +29,9 @@ pub struct Difference {
     /// Number of the sample, from 0.
     pub sample: usize,
     /// What the host has.
-    pub host: Command,
+    pub host: EscCommand,
     /// What the controller has.
-    pub controller: Command,
+    pub controller: EscCommand,
 }
 
 /// The path of a motor as the controller makes it of `settings`: channel, limits and compensator.
@@ -88,7 +88,7 @@ pub fn inject(
     Ok(compare(host, commands, outputs))
 }
 
-fn compare(mut host: Channel, commands: &[Command], outputs: Vec<Command>) -> Injection {
+fn compare(mut host: Channel, commands: &[Command], outputs: Vec<EscCommand>) -> Injection {
     let (mut different, mut first_difference) = (0, None);
     for (sample, (&command, &controller)) in commands.iter().zip(&outputs).enumerate() {
         let host = host.tick(Input::Command(command));
@@ -109,7 +109,7 @@ struct Stream<'a> {
     sent: usize,
     /// Tag and length of each request without an answer.
     under_way: VecDeque<(u8, usize)>,
-    outputs: Vec<Command>,
+    outputs: Vec<EscCommand>,
 }
 
 impl<'a> Stream<'a> {
@@ -119,7 +119,7 @@ impl<'a> Stream<'a> {
         Self { session, motor, window, sent: 0, under_way: VecDeque::new(), outputs: Vec::new() }
     }
 
-    fn run(mut self, commands: &[Command], progress: &dyn Fn(usize)) -> Result<Vec<Command>, DeviceError> {
+    fn run(mut self, commands: &[Command], progress: &dyn Fn(usize)) -> Result<Vec<EscCommand>, DeviceError> {
         self.outputs.reserve(commands.len());
         for block in commands.chunks(INJECT_SAMPLES) {
             if self.under_way.len() == INJECT_WINDOW {
@@ -162,7 +162,7 @@ impl<'a> Stream<'a> {
         if got != expected || injected.first != first {
             return Err(DeviceError::Outputs { first, expected, got });
         }
-        self.outputs.extend(injected.outputs.as_slice().iter().map(|&bits| Command::saturating_from_bits(bits)));
+        self.outputs.extend(injected.outputs.as_slice().iter().map(|&bits| EscCommand::from_bits(bits)));
         Ok(())
     }
 }

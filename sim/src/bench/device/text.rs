@@ -1,6 +1,6 @@
 //! Settings by name, as on the command line.
 
-use rotorlead::settings::{Key, MOTORS, MotorSettings, Place, PulseProtocol, Settings};
+use rotorlead::settings::{Key, MOTORS, MotorSettings, NoSignal, Place, PulseProtocol, Settings};
 use rotorlead::throttle::{Command, Throttle};
 
 use super::DeviceError;
@@ -11,6 +11,9 @@ const PROTOCOLS: [(&str, PulseProtocol); 3] = [
     ("standard_pwm", PulseProtocol::StandardPwm),
     ("oneshot125", PulseProtocol::OneShot125),
 ];
+/// What an output does without a signal.
+const NO_SIGNAL: [(&str, NoSignal); 2] =
+    [("no_pulses", NoSignal::NoPulses), ("stop_pulses", NoSignal::StopPulses)];
 
 /// All settings, name and value, in the form that [`set`] takes.
 #[must_use]
@@ -80,11 +83,12 @@ enum Value<'a> {
     Level(&'a mut i32),
     Switch(&'a mut bool),
     Protocol(&'a mut PulseProtocol),
+    NoSignal(&'a mut NoSignal),
 }
 
 impl<'a> Value<'a> {
     fn of(settings: &'a mut Settings, key: Key, motor: usize) -> Self {
-        let MotorSettings { compensate, arming, idle, max, hold_ms } = &mut settings.motors[motor];
+        let MotorSettings { compensate, disarming, arming, idle, max, hold_ms } = &mut settings.motors[motor];
         match key {
             Key::LoopRateHz => Self::Rate(&mut settings.loop_rate_hz),
             Key::OmegaZRadS => Self::Number(&mut settings.lead.omega_z_rad_s),
@@ -95,7 +99,10 @@ impl<'a> Value<'a> {
             Key::OutputProtocol => Self::Protocol(&mut settings.output.protocol),
             Key::OutputFrameHz => Self::Count(&mut settings.output.frame_hz),
             Key::Stop => Self::Level(&mut settings.stop),
+            Key::NoSignal => Self::NoSignal(&mut settings.no_signal),
+            Key::StopPulsesMs => Self::Count(&mut settings.stop_pulses_ms),
             Key::Compensate => Self::Switch(compensate),
+            Key::Disarming => Self::Level(disarming),
             Key::Arming => Self::Level(arming),
             Key::Idle => Self::Level(idle),
             Key::Max => Self::Level(max),
@@ -103,6 +110,7 @@ impl<'a> Value<'a> {
             Key::ExcitationMaxDurationS => Self::Count(&mut settings.excitation.max_duration_s),
             Key::ExcitationMaxCommand => Self::Level(&mut settings.excitation.max_command),
             Key::ExcitationMaxAmplitude => Self::Level(&mut settings.excitation.max_amplitude),
+            Key::ExcitationArmMs => Self::Count(&mut settings.excitation.arm_ms),
             Key::ExcitationRampMs => Self::Count(&mut settings.excitation.ramp_ms),
             Key::RecorderDivisor => Self::Count(&mut settings.recorder_divisor),
         }
@@ -123,9 +131,8 @@ impl<'a> Value<'a> {
                 shown.into_iter().find(same).unwrap_or_else(|| value.to_string())
             }
             Self::Switch(value) => value.to_string(),
-            Self::Protocol(value) => {
-                PROTOCOLS.iter().find(|(_, protocol)| *protocol == **value).map_or("", |(name, _)| name).to_owned()
-            }
+            Self::Protocol(value) => name_of(&PROTOCOLS, **value),
+            Self::NoSignal(value) => name_of(&NO_SIGNAL, **value),
         }
     }
 
@@ -150,13 +157,23 @@ impl<'a> Value<'a> {
                 *place = Command::saturating_from_f64(value).to_bits();
                 Ok(())
             }
-            Self::Protocol(place) => match PROTOCOLS.iter().find(|(name, _)| *name == text) {
-                Some((_, protocol)) => {
-                    *place = *protocol;
-                    Ok(())
-                }
-                None => Err(format!("give {}", PROTOCOLS.map(|(name, _)| name).join(", "))),
-            },
+            Self::Protocol(place) => choose(&PROTOCOLS, place, text),
+            Self::NoSignal(place) => choose(&NO_SIGNAL, place, text),
         }
     }
+}
+
+/// The name of a value among those that there are.
+fn name_of<T: Copy + PartialEq>(names: &[(&str, T)], value: T) -> String {
+    names.iter().find(|(_, known)| *known == value).map_or("", |(name, _)| name).to_owned()
+}
+
+/// Takes the value of that name; the error names all that there are.
+fn choose<T: Copy>(names: &[(&str, T)], place: &mut T, text: &str) -> Result<(), String> {
+    let Some((_, value)) = names.iter().find(|(name, _)| *name == text) else {
+        let names: Vec<&str> = names.iter().map(|(name, _)| *name).collect();
+        return Err(format!("give {}", names.join(" or ")));
+    };
+    *place = *value;
+    Ok(())
 }

@@ -103,7 +103,8 @@ impl Inject {
             outputs.drain(..lead_in.len());
             done = progress.done + commands.len();
             played.push(Played { samples: all.len(), different, first_difference });
-            Ok::<_, DeviceError>(outputs)
+            // Without a pulse an ESC does what it does at the stop.
+            Ok::<_, DeviceError>(outputs.iter().map(|output| output.command().unwrap_or(Command::ZERO)).collect())
         });
         bar.finish_and_clear();
         let different = played.iter().map(|record| record.different).sum();

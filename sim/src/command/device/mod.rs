@@ -12,6 +12,7 @@ use std::time::Duration;
 use clap::{Args, Subcommand};
 use miette::IntoDiagnostic as _;
 use rotorlead::design::LeadDesign;
+use rotorlead::link::{BrownOut, CrystalCheck, Info};
 use rotorlead::settings::Settings;
 use serde_json::{Value, json};
 
@@ -117,13 +118,59 @@ fn info(session: &mut Session) -> miette::Result<Outcome> {
     let info = session.info()?;
     let [major, minor, patch] = info.firmware;
     let mut text = format!(
-        "firmware {major}.{minor}.{patch}\nclock {:?}, core {} Hz, timers {} Hz, {} ticks\nstarted by {:?}\nsettings {:?}\n",
-        info.clock, info.core_hz, info.timer_hz, info.ticks, info.reset, info.settings
+        "firmware {major}.{minor}.{patch}\nclock {:?}, core {} Hz, timers {} Hz, {} ticks\n",
+        info.clock, info.core_hz, info.timer_hz, info.ticks
     );
+    for line in state_lines(&info) {
+        writeln!(text, "{line}").into_diagnostic()?;
+    }
     for (motor, state) in info.motors.iter().enumerate() {
         writeln!(text, "motor {motor}: {state:?}").into_diagnostic()?;
     }
     Ok(Outcome { text, json: serde_json::to_value(info).into_diagnostic()? })
+}
+
+/// What a controller says of its crystal, start, supply, settings and jumper, with what to do about it.
+fn state_lines(info: &Info) -> [String; 6] {
+    let mhz = |hz: u32| f64::from(hz) / 1e6;
+    let crystal = match info.crystal {
+        CrystalCheck::NotChecked => "crystal not checked: none runs, or nothing on the board counts it".to_owned(),
+        CrystalCheck::Right { measured_hz } => {
+            format!("crystal as expected, {:.2} MHz by the internal oscillator", mhz(measured_hz))
+        }
+        CrystalCheck::Wrong { measured_hz } => format!(
+            "crystal WRONG: {:.2} MHz by the internal oscillator; not used, and no motor arms. Use a board with 8 MHz",
+            mhz(measured_hz)
+        ),
+    };
+    let arming = if info.may_arm {
+        "pulses may arm motors"
+    } else {
+        "pulses arm NO motor: this clock does not tell a disarmed pulse from an armed one"
+    };
+    let brown_out = match info.brown_out {
+        BrownOut::Unknown => "brown-out reset unknown: the option bytes cannot be read".to_owned(),
+        BrownOut::Level3 => "brown-out reset at level 3".to_owned(),
+        low => format!("brown-out reset {low:?}: set the option BOR_LEV to level 3, or a sagging supply is undefined"),
+    };
+    let outputs = if info.outputs_enabled {
+        "outputs enabled".to_owned()
+    } else {
+        "outputs LOW: nobody has chosen the settings. Set them to the ESCs' protocol, then save".to_owned()
+    };
+    let jumper = if info.bench_enabled {
+        "bench jumper fitted: excitation and injection are allowed"
+    } else {
+        "bench jumper not fitted: no excitation, no injection"
+    };
+    [
+        format!("{crystal}; {arming}"),
+        format!("started by {:?}", info.reset),
+        brown_out,
+        format!("settings {:?}", info.settings),
+        outputs,
+        jumper.to_owned(),
+    ]
 }
 
 fn faults(session: &mut Session) -> miette::Result<Outcome> {

@@ -4,81 +4,46 @@ use embedded_storage::nor_flash::NorFlash;
 use heapless::Deque;
 use heapless::spsc::{Consumer, Producer};
 
-use super::{INJECT_QUEUE, Motor, RECORD_QUEUE, Tick, channel_settings, channels, coefficients};
+use super::{
+    Board, BoardFacts, Counts, INJECT_QUEUE, Motor, Outputs, RECORD_QUEUE, Tick, channel_settings, channels, coefficients,
+    load,
+};
 use crate::biquad::Coefficients;
 use crate::channel::{Channel, Excitation, ExcitationRequest, Refusal as ChannelRefusal, State};
 use crate::link::{
-    Clock, ExciteRequest, Faults, FrameFaults, INJECT_WINDOW, Info, InjectRequest, Injector, Message, MotorFaults,
-    RecordRequest, Recorder, Refusal, Request, ResetReason, Sample, Source, Tagged,
+    ExciteRequest, Faults, FrameFaults, INJECT_WINDOW, Info, InjectRequest, Injector, Message, RecordRequest, Recorder,
+    Refusal, Request, Sample, Source, Tagged,
 };
 use crate::settings::{MOTORS, Origin, Settings, Store, Validated};
-use crate::throttle::Command;
+use crate::throttle::{Command, EscCommand};
 
-/// What only the board knows, for [`Info`].
-#[derive(Clone, Copy, Debug)]
-pub struct Facts {
-    /// Which clock runs.
-    pub clock: Clock,
-    /// Core clock, hertz.
-    pub core_hz: u32,
-    /// Clock of the timers, hertz.
-    pub timer_hz: u32,
-    /// Why it started.
-    pub reset: ResetReason,
-}
-
-/// What only the board has counted, for [`Faults`].
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Counts {
-    /// Bytes of the link that were lost.
-    pub link_overruns: u32,
-    /// Control ticks that began late.
-    pub missed_deadlines: u32,
-    /// At the inputs.
-    pub motors: [MotorFaults; MOTORS],
-}
-
-/// The hardware around a [`Desk`].
-pub trait Board {
-    /// Runs `f` on the control task's state with nobody else at it. Short: the control task waits.
-    fn tick<R>(&mut self, f: impl FnOnce(&mut Tick) -> R) -> R;
-    /// Sets rates and pulses, and gives the tick its new channels. Every motor is at rest.
-    fn reconfigure(&mut self, settings: &Validated, channels: [Channel; MOTORS]) -> Result<(), Refusal>;
-    /// The flash will stall the core (`true`), or has done so (`false`).
-    fn flash_stalls(&mut self, stalls: bool);
-    /// What only the board knows.
-    fn facts(&mut self) -> Facts;
-    /// What only the board has counted.
-    fn counts(&mut self) -> Counts;
-}
-
-/// The desk's ends of the queues to the control tick.
-pub struct DeskQueues {
+/// The request handler's ends of the queues to the control tick.
+pub struct HandlerQueues {
     /// Commands to be injected, per motor.
     pub inject: [Producer<'static, Command, INJECT_QUEUE>; MOTORS],
     /// What they came to.
-    pub outputs: [Consumer<'static, Command, INJECT_QUEUE>; MOTORS],
+    pub outputs: [Consumer<'static, EscCommand, INJECT_QUEUE>; MOTORS],
     /// The recorder's samples.
     pub samples: Consumer<'static, Sample, RECORD_QUEUE>,
 }
 
 /// Takes requests, one at a time, and gives what is to be sent.
-pub struct Desk<F> {
+pub struct RequestHandler<F> {
     settings: Validated,
     coefficients: Coefficients,
     origin: Origin,
     store: Store<F>,
-    queues: DeskQueues,
+    queues: HandlerQueues,
     injectors: [Injector; MOTORS],
     recorder: Option<(u8, Recorder)>,
     /// A recording that was stopped: the rest of its samples goes out first, then `Done` to the request with this tag.
     stopping: Option<u8>,
-    /// Answers that became due while another request was answered.
-    owed: Deque<Owed, OWED>,
+    /// Replies that became due while another request was answered.
+    pending: Deque<PendingReply, PENDING>,
 }
 
-/// An answer to a request that something else has settled.
-enum Owed {
+/// A reply to a request that something else has settled.
+enum PendingReply {
     /// A recording was stopped, and another was begun before that was said.
     Done(u8),
     /// An injection was cut short by a change of mode or of the settings.
@@ -86,20 +51,20 @@ enum Owed {
 }
 
 /// Every injection of every motor, and the end of a recording.
-const OWED: usize = MOTORS * INJECT_WINDOW + 1;
+const PENDING: usize = MOTORS * INJECT_WINDOW + 1;
 
-impl<F: NorFlash> Desk<F> {
+impl<F: NorFlash> RequestHandler<F> {
     /// With the settings as they were loaded, and the coefficients that they give.
     pub fn new(
         settings: Validated,
         origin: Origin,
         coefficients: Coefficients,
         store: Store<F>,
-        queues: DeskQueues,
+        queues: HandlerQueues,
     ) -> Self {
         let injectors = [const { Injector::new() }; MOTORS];
-        let (recorder, stopping, owed) = (None, None, Deque::new());
-        Self { settings, coefficients, origin, store, queues, injectors, recorder, stopping, owed }
+        let (recorder, stopping, pending) = (None, None, Deque::new());
+        Self { settings, coefficients, origin, store, queues, injectors, recorder, stopping, pending }
     }
 
     /// The settings in use.
@@ -122,10 +87,7 @@ impl<F: NorFlash> Desk<F> {
             Request::SaveSettings => self.save(board),
             Request::SetMode { motor, source, compensate } => self.set_mode(motor, source, compensate, board),
             Request::Excite(request) => self.excite(&request, board),
-            Request::KeepAlive => {
-                board.tick(Tick::keep_alive);
-                Ok(Message::Done)
-            }
+            Request::KeepAlive => Self::keep_alive(board),
             Request::StopExcitation => {
                 board.tick(Tick::stop_excitation);
                 Ok(Message::Done)
@@ -154,10 +116,10 @@ impl<F: NorFlash> Desk<F> {
 
     /// What has become ready to be sent since the last call: records, and the outputs of injected commands.
     pub fn poll(&mut self) -> Option<Tagged<Message>> {
-        if let Some(owed) = self.owed.pop_front() {
-            let (tag, message) = match owed {
-                Owed::Done(tag) => (tag, Message::Done),
-                Owed::NotInjecting(tag) => (tag, Message::Refused(Refusal::NotInjecting)),
+        if let Some(pending) = self.pending.pop_front() {
+            let (tag, message) = match pending {
+                PendingReply::Done(tag) => (tag, Message::Done),
+                PendingReply::NotInjecting(tag) => (tag, Message::Refused(Refusal::NotInjecting)),
             };
             return Some(Tagged { tag, message });
         }
@@ -186,15 +148,41 @@ impl<F: NorFlash> Desk<F> {
     }
 
     fn info(&self, board: &mut impl Board) -> Info {
-        let Facts { clock, core_hz, timer_hz, reset } = board.facts();
-        let (ticks, motors) = board.tick(|tick| (tick.ticks(), tick.motors().each_ref().map(|motor| motor.state())));
+        let BoardFacts { clocks, reset, brown_out } = board.facts();
+        let (ticks, outputs, motors) = board.tick(|tick| {
+            (tick.ticks(), tick.outputs(), tick.motors().each_ref().map(|motor| motor.state()))
+        });
         let version = |text: &str| text.parse().unwrap_or(0);
         let firmware = [
             version(env!("CARGO_PKG_VERSION_MAJOR")),
             version(env!("CARGO_PKG_VERSION_MINOR")),
             version(env!("CARGO_PKG_VERSION_PATCH")),
         ];
-        Info { firmware, clock, core_hz, timer_hz, ticks, reset, settings: self.origin, motors }
+        Info {
+            firmware,
+            clock: clocks.source,
+            core_hz: clocks.core_hz,
+            timer_hz: clocks.timer_hz,
+            crystal: clocks.crystal,
+            may_arm: clocks.tells_pulses_apart(),
+            ticks,
+            reset,
+            brown_out,
+            settings: self.origin,
+            outputs_enabled: outputs == Outputs::Enabled,
+            bench_enabled: board.is_bench_enabled(),
+            motors,
+        }
+    }
+
+    /// The host is there. It is no use where the jumper was taken out meanwhile: what plays ramps down.
+    fn keep_alive(board: &mut impl Board) -> Result<Message, Refusal> {
+        if !board.is_bench_enabled() {
+            board.tick(Tick::stop_excitation);
+            return Err(Refusal::BenchDisabled);
+        }
+        board.tick(Tick::keep_alive);
+        Ok(Message::Done)
     }
 
     fn set(&mut self, settings: Settings, board: &mut impl Board) -> Result<Message, Refusal> {
@@ -211,6 +199,7 @@ impl<F: NorFlash> Desk<F> {
             self.forget_injection(motor);
         }
         self.coefficients = coefficients;
+        self.origin = Origin::Host;
         let warnings = settings.warnings();
         self.settings = settings;
         Ok(Message::SettingsTaken(warnings))
@@ -242,18 +231,20 @@ impl<F: NorFlash> Desk<F> {
         let limits = channel_settings(&self.settings, index);
         let mut channel = Channel::new(&limits, self.coefficients).map_err(|_| Refusal::Design)?;
         channel.set_enabled(compensate);
+        if source == Source::Inject {
+            may_drive(board)?;
+        }
         board.tick(|tick| {
             let path = tick.motor_mut(index).ok_or(Refusal::UnknownMotor)?;
-            // A fresh channel begins at the stop: only where the old one is there, too.
+            // A fresh channel begins at rest: only where the old one is there, too.
             match path.channel().state() {
-                State::Excitation(_) => return Err(Refusal::Exciting),
-                State::Armed | State::Holding if path.is_input_armed() => return Err(Refusal::InputArmed),
-                state if !state.is_at_rest() => return Err(Refusal::NotDisarmed { motor }),
-                _ if source == Source::Inject && path.is_input_armed() => return Err(Refusal::InputArmed),
-                _ => {}
+                State::Excitation(_) => Err(Refusal::Exciting),
+                state if !state.is_at_rest() => Err(Refusal::NotDisarmed { motor }),
+                _ => {
+                    path.restart(channel, source);
+                    Ok(())
+                }
             }
-            path.restart(channel, source);
-            Ok(())
         })?;
         self.forget_injection(index);
         Ok(Message::Done)
@@ -263,11 +254,18 @@ impl<F: NorFlash> Desk<F> {
         let index = usize::from(request.motor);
         let motor = *self.settings.motors.get(index).ok_or(Refusal::UnknownMotor)?;
         let limits = channel_settings(&self.settings, index);
+        may_drive(board)?;
         let lines = request.lines.lines();
         let seconds = lines.period_s().saturating_mul(u32::from(request.periods));
         let max_duration_s = self.settings.excitation.max_duration_s;
         if seconds == 0 || seconds > u32::from(max_duration_s) {
             return Err(Refusal::TooLong { max_duration_s });
+        }
+        let (core_hz, loop_rate_hz) = (board.facts().clocks.core_hz, self.settings.loop_rate_hz);
+        let percent = load::percent(lines.count(), loop_rate_hz, core_hz);
+        if percent > load::MAX_PERCENT {
+            // Sets of lines are counted in hundreds.
+            return Err(Refusal::TooSlow { lines: lines.count() as u16, loop_rate_hz, core_hz, percent });
         }
         let outside = Refusal::CommandOutsideLimits {
             min_command: motor.idle,
@@ -300,10 +298,6 @@ impl<F: NorFlash> Desk<F> {
             if tick.motors().iter().any(|motor| exciting(motor.channel().state())) {
                 return Err(Refusal::Exciting);
             }
-            // Whichever it is: with a flight controller at any of the inputs somebody may mean to fly.
-            if let Some(motor) = tick.motors().iter().position(Motor::is_input_live) {
-                return Err(Refusal::InputLive { motor: motor as u8 });
-            }
             tick.motor_mut(index).ok_or(Refusal::UnknownMotor)?.excite(excitation).map_err(refusal)
         })?;
         Ok(Message::Done)
@@ -328,9 +322,11 @@ impl<F: NorFlash> Desk<F> {
     /// Whether outputs will follow.
     fn inject(&mut self, tag: u8, request: &InjectRequest, board: &mut impl Board) -> Result<bool, Refusal> {
         let index = usize::from(request.motor);
+        if index < MOTORS {
+            may_drive(board)?;
+        }
         board.tick(|tick| match tick.motors().get(index) {
             None => Err(Refusal::UnknownMotor),
-            Some(motor) if motor.is_input_armed() => Err(Refusal::InputArmed),
             Some(motor) if motor.source() != Source::Inject => Err(Refusal::NotInjecting),
             Some(_) => Ok(()),
         })?;
@@ -353,8 +349,8 @@ impl<F: NorFlash> Desk<F> {
     fn forget_injection(&mut self, motor: usize) {
         let Some(injector) = self.injectors.get_mut(motor) else { return };
         for tag in core::mem::take(injector).tags() {
-            // There is room for all that can be under way; whatever was owed before was sent, or is a few older ones.
-            let _ = self.owed.push_back(Owed::NotInjecting(tag));
+            // There is room for all that can be under way; whatever was pending before was sent, or is a few older ones.
+            let _ = self.pending.push_back(PendingReply::NotInjecting(tag));
         }
         if let Some(outputs) = self.queues.outputs.get_mut(motor) {
             while outputs.dequeue().is_some() {}
@@ -364,12 +360,30 @@ impl<F: NorFlash> Desk<F> {
     /// A recording that is being stopped is stopped: another one begins.
     fn settle_stop(&mut self) {
         if let Some(tag) = self.stopping.take() {
-            let _ = self.owed.push_back(Owed::Done(tag));
+            let _ = self.pending.push_back(PendingReply::Done(tag));
         }
     }
 }
 
-/// Every motor stays at the stop until [`Tick::resume`].
+/// Whether the host may drive a motor: a deliberate act at the board, chosen settings, and no flight controller at any of
+/// the inputs, armed or not, with which somebody may mean to fly.
+fn may_drive(board: &mut impl Board) -> Result<(), Refusal> {
+    if !board.is_bench_enabled() {
+        return Err(Refusal::BenchDisabled);
+    }
+    board.tick(|tick| {
+        if tick.outputs() == Outputs::Low {
+            return Err(Refusal::NoSettings);
+        }
+        match tick.motors().iter().position(Motor::is_input_live) {
+            // A motor's index.
+            Some(motor) => Err(Refusal::InputLive { motor: motor as u8 }),
+            None => Ok(()),
+        }
+    })
+}
+
+/// Every motor stays at rest until [`Tick::resume`].
 fn pause(board: &mut impl Board) -> Result<(), Refusal> {
     board.tick(Tick::pause).map_err(|motor| Refusal::NotDisarmed { motor })
 }

@@ -1,0 +1,256 @@
+//! A board in memory: what the traits of `rotorlead::controller::hardware` ask for, with everything open to a test.
+
+use embedded_storage::nor_flash::NorFlash;
+use heapless::spsc::Queue;
+use rotorlead::channel::Channel;
+use rotorlead::controller::hardware::{CaptureTimer, ControlHardware, Edge, RequestHardware};
+use rotorlead::controller::{
+    self, Board, BoardFacts, BoardHandle, ClockReport, Control, Counts, Ends, Inputs, Queues, RequestHandler, Started, Tick,
+};
+use rotorlead::link::{BrownOut, Clock, CrystalCheck, Refusal, ResetReason};
+use rotorlead::settings::{MOTORS, Origin, Store, Validated};
+use rtic_core::Exclusive;
+
+use crate::line::TIMER_HZ;
+
+/// The clocks of a board whose crystal runs.
+pub const CRYSTAL: ClockReport = ClockReport {
+    source: Clock::Crystal,
+    core_hz: 168_000_000,
+    timer_hz: TIMER_HZ,
+    timer_as_promised: true,
+    crystal: CrystalCheck::NotChecked,
+};
+
+/// The clocks of a board without a crystal, with its PLL.
+pub const INTERNAL_PLL: ClockReport = ClockReport { source: Clock::InternalPll, ..CRYSTAL };
+
+/// The clocks of a board on which nothing runs but the internal oscillator.
+pub const INTERNAL: ClockReport =
+    ClockReport { source: Clock::Internal, core_hz: 16_000_000, timer_hz: 16_000_000, ..CRYSTAL };
+
+/// What a board with these clocks says of itself.
+#[must_use]
+pub const fn facts(clocks: ClockReport) -> BoardFacts {
+    BoardFacts { clocks, reset: ResetReason::PowerOn, brown_out: BrownOut::Level3 }
+}
+
+/// A timer whose count and edges a test sets.
+#[derive(Debug, Default)]
+pub struct TestCapture {
+    /// Its count.
+    pub now: u32,
+    /// What it has captured.
+    pub edges: [Option<Edge>; MOTORS],
+    /// Which inputs may interrupt.
+    pub listening: [bool; MOTORS],
+}
+
+impl CaptureTimer for TestCapture {
+    fn now(&self) -> u32 {
+        self.now
+    }
+
+    fn take(&mut self) -> [Option<Edge>; MOTORS] {
+        std::mem::take(&mut self.edges)
+    }
+
+    fn listen(&mut self, inputs: [bool; MOTORS]) {
+        self.listening = inputs;
+    }
+}
+
+/// The timer of the outputs, and the rest of what the control task drives. Its counter goes as a test says.
+#[derive(Debug, Default)]
+pub struct TestOutputs {
+    /// Divider, and counts of a frame.
+    pub frames: (u32, u32),
+    /// Counts since the frame began.
+    pub count: u32,
+    /// Widths that the next frame will have, and those of the one that runs.
+    pub next_widths: [u32; MOTORS],
+    /// Those of the frame that runs.
+    pub widths: [u32; MOTORS],
+    /// Times at which frames began, in counts since the start; while [`Self::advance`] is called.
+    pub starts: Vec<u64>,
+    /// Counts since the start.
+    pub time: u64,
+    /// Ticks per second.
+    pub tick_rate_hz: u32,
+    /// Whether the next tick is due already.
+    pub tick_due: bool,
+    /// How often the watchdog was fed.
+    pub feeds: u32,
+    /// Whether the watchdog is patient.
+    pub patient: bool,
+}
+
+impl TestOutputs {
+    /// Lets the counter go on by so many counts.
+    pub fn advance(&mut self, counts: u32) {
+        for _ in 0..counts {
+            self.time += 1;
+            self.count += 1;
+            if self.count >= self.frames.1 {
+                self.restart_frame();
+            }
+        }
+    }
+}
+
+impl ControlHardware for TestOutputs {
+    fn set_frames(&mut self, divider: u32, counts: u32) {
+        self.next_widths = [0; MOTORS];
+        self.frames = (divider, counts);
+    }
+
+    fn set_widths(&mut self, counts: [u32; MOTORS]) {
+        self.next_widths = counts;
+    }
+
+    fn frame_count(&self) -> u32 {
+        self.count
+    }
+
+    fn restart_frame(&mut self) {
+        assert!(self.widths.iter().all(|&width| self.count >= width), "a pulse is cut at {}", self.count);
+        self.count = 0;
+        self.widths = self.next_widths;
+        self.starts.push(self.time);
+    }
+
+    fn end_frame_at(&mut self, counts: u32) {
+        self.frames.1 = counts;
+        if self.count >= counts {
+            self.restart_frame();
+        }
+    }
+
+    fn set_tick_rate(&mut self, rate_hz: u32) {
+        self.tick_rate_hz = rate_hz;
+    }
+
+    fn start_ticks(&mut self) {}
+
+    fn is_tick_due(&self) -> bool {
+        self.tick_due
+    }
+
+    fn start_conversion(&mut self) {}
+
+    fn conversion(&mut self) -> u16 {
+        0
+    }
+
+    fn feed_watchdog(&mut self) {
+        self.feeds += 1;
+    }
+
+    fn set_watchdog_patient(&mut self, patient: bool) {
+        self.patient = patient;
+    }
+}
+
+/// What the lowest priority asks of a board.
+#[derive(Clone, Copy, Debug)]
+pub struct TestStatus {
+    /// What does not change.
+    pub facts: BoardFacts,
+    /// Whether the jumper is fitted.
+    pub bench_enabled: bool,
+    /// Bytes that the link has lost.
+    pub overruns: u32,
+}
+
+impl RequestHardware for TestStatus {
+    fn facts(&self) -> BoardFacts {
+        self.facts
+    }
+
+    fn is_bench_enabled(&mut self) -> bool {
+        self.bench_enabled
+    }
+
+    fn link_overruns(&self) -> u32 {
+        self.overruns
+    }
+
+    fn wait_for_watchdog(&mut self) {}
+}
+
+/// The board and the controller's parts of the higher priorities.
+pub struct TestBoard {
+    /// The inputs.
+    pub inputs: Inputs<TestCapture>,
+    /// The control task.
+    pub control: Control<TestOutputs>,
+    /// What the lowest priority asks.
+    pub status: TestStatus,
+}
+
+impl TestBoard {
+    /// Starts a controller with the jumper fitted, from what the flash holds.
+    pub fn start<F: NorFlash>(store: Store<F>, facts: BoardFacts) -> (Self, RequestHandler<F>, Origin) {
+        let apart = facts.clocks.tells_pulses_apart();
+        let started: Started<TestCapture, TestOutputs, F> =
+            controller::start(TestCapture::default(), TestOutputs::default(), store, &facts, apart, queues());
+        let Started { inputs, control, handler, origin } = started;
+        let status = TestStatus { facts, bench_enabled: true, overruns: 0 };
+        (Self { inputs, control, status }, handler, origin)
+    }
+
+    /// The state of the control task.
+    pub const fn tick_mut(&mut self) -> &mut Tick {
+        self.control.tick_mut()
+    }
+
+    fn handle(
+        &mut self,
+    ) -> BoardHandle<'_, Exclusive<'_, Inputs<TestCapture>>, Exclusive<'_, Control<TestOutputs>>, TestStatus> {
+        BoardHandle {
+            inputs: Exclusive(&mut self.inputs),
+            control: Exclusive(&mut self.control),
+            hardware: &mut self.status,
+        }
+    }
+}
+
+impl Board for TestBoard {
+    fn tick<R>(&mut self, f: impl FnOnce(&mut Tick) -> R) -> R {
+        self.handle().tick(f)
+    }
+
+    fn reconfigure(&mut self, settings: &Validated, channels: [Channel; MOTORS]) -> Result<(), Refusal> {
+        self.handle().reconfigure(settings, channels)
+    }
+
+    fn flash_stalls(&mut self, stalls: bool) {
+        self.handle().flash_stalls(stalls);
+    }
+
+    fn facts(&mut self) -> BoardFacts {
+        self.handle().facts()
+    }
+
+    fn counts(&mut self) -> Counts {
+        self.handle().counts()
+    }
+
+    fn is_bench_enabled(&mut self) -> bool {
+        self.handle().is_bench_enabled()
+    }
+}
+
+/// Queues that live for the rest of the process, as on the board.
+#[must_use]
+pub fn queues() -> Queues {
+    Queues {
+        inject: std::array::from_fn(|_| queue()),
+        outputs: std::array::from_fn(|_| queue()),
+        samples: queue(),
+    }
+}
+
+fn queue<T, const N: usize>() -> Ends<T, N> {
+    Box::leak(Box::new(Queue::new())).split()
+}

@@ -1,0 +1,95 @@
+//! The controller as its lowest priority reaches it.
+
+use rtic_core::Mutex;
+
+use super::hardware::{BoardFacts, CaptureTimer, ControlHardware, RequestHardware};
+use super::plan::Plan;
+use super::{Control, Inputs, Tick};
+use crate::channel::Channel;
+use crate::link::{MotorFaults, Refusal};
+use crate::settings::{MOTORS, Validated};
+
+/// What only the board has counted, for [`Faults`](crate::link::Faults).
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Counts {
+    /// Bytes of the link that were lost.
+    pub link_overruns: u32,
+    /// Control ticks that began late.
+    pub missed_deadlines: u32,
+    /// At the inputs.
+    pub motors: [MotorFaults; MOTORS],
+}
+
+/// Everything around a [`RequestHandler`](super::RequestHandler).
+pub trait Board {
+    /// Runs `f` on the control task's state with nobody else at it. Short: the control task waits.
+    fn tick<R>(&mut self, f: impl FnOnce(&mut Tick) -> R) -> R;
+    /// Sets rates and pulses, and gives the tick its new channels. Every motor is at rest.
+    ///
+    /// # Errors
+    /// Where a timer does not suit the pulses.
+    fn reconfigure(&mut self, settings: &Validated, channels: [Channel; MOTORS]) -> Result<(), Refusal>;
+    /// The flash will stall the core (`true`), or has done so (`false`).
+    fn flash_stalls(&mut self, stalls: bool);
+    /// What only the board knows.
+    fn facts(&mut self) -> BoardFacts;
+    /// What only the board has counted.
+    fn counts(&mut self) -> Counts;
+    /// Whether somebody at the board has allowed excitation and injection.
+    fn is_bench_enabled(&mut self) -> bool;
+}
+
+/// A [`Board`] whose parts are shared with tasks of higher priority.
+pub struct BoardHandle<'a, I, C, H> {
+    /// The inputs.
+    pub inputs: I,
+    /// The control task's state.
+    pub control: C,
+    /// The rest of the board.
+    pub hardware: &'a mut H,
+}
+
+impl<I, C, H, T, D> Board for BoardHandle<'_, I, C, H>
+where
+    I: Mutex<T = Inputs<T>>,
+    C: Mutex<T = Control<D>>,
+    H: RequestHardware,
+    T: CaptureTimer,
+    D: ControlHardware,
+{
+    fn tick<R>(&mut self, f: impl FnOnce(&mut Tick) -> R) -> R {
+        self.control.lock(|control| f(control.tick_mut()))
+    }
+
+    fn reconfigure(&mut self, settings: &Validated, channels: [Channel; MOTORS]) -> Result<(), Refusal> {
+        let timer_hz = self.hardware.facts().clocks.timer_hz;
+        let plan = Plan::new(settings, timer_hz, self.hardware.tells_pulses_apart()).ok_or(Refusal::Design)?;
+        // At once, or a tick would read pulses of one protocol on the scale of the other.
+        self.inputs.lock(|inputs| {
+            self.control.lock(|control| control.reconfigure(settings, channels, &plan));
+            inputs.set_timing(plan.timing);
+        });
+        Ok(())
+    }
+
+    fn flash_stalls(&mut self, stalls: bool) {
+        self.control.lock(|control| control.hardware_mut().set_watchdog_patient(stalls));
+        self.hardware.wait_for_watchdog();
+    }
+
+    fn facts(&mut self) -> BoardFacts {
+        self.hardware.facts()
+    }
+
+    fn counts(&mut self) -> Counts {
+        Counts {
+            link_overruns: self.hardware.link_overruns(),
+            missed_deadlines: self.control.lock(|control| control.missed_deadlines()),
+            motors: self.inputs.lock(|inputs| inputs.faults()),
+        }
+    }
+
+    fn is_bench_enabled(&mut self) -> bool {
+        self.hardware.is_bench_enabled()
+    }
+}

@@ -1,0 +1,86 @@
+//! What a board must give: these traits. `docs/boards.md` says how one is added.
+//!
+//! Nothing here may block, and nothing but [`RequestHardware`] may take longer than some ten instructions: the control task
+//! calls them.
+
+use super::ClockReport;
+use crate::link::{BrownOut, ResetReason};
+use crate::settings::MOTORS;
+
+/// One edge of an input, as a timer stamped it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Edge {
+    /// Count of the timer at the edge, wrapping.
+    pub timestamp: u32,
+    /// Level of the line after the edge, as the interrupt read it: where two edges come closer together than the
+    /// interrupt's latency, both read the later level.
+    pub is_high: bool,
+    /// An edge before this one was stamped and overwritten.
+    pub overcapture: bool,
+}
+
+/// The timer that stamps the edges of the inputs. It counts 32 bits, at [`ClockReport::timer_hz`].
+pub trait CaptureTimer {
+    /// The count now.
+    fn now(&self) -> u32;
+    /// What has been captured since the last call, at most one edge of each input.
+    fn take(&mut self) -> [Option<Edge>; MOTORS];
+    /// Lets each input interrupt (`true`) or not. One that may again has forgotten what was captured meanwhile.
+    fn listen(&mut self, inputs: [bool; MOTORS]);
+}
+
+/// What the control task drives.
+pub trait ControlHardware {
+    /// Sets the timer of the outputs: its divider, from 1, and the length of its frames, counts, from 2 to 2^16. All outputs
+    /// are low until the next widths.
+    fn set_frames(&mut self, divider: u32, counts: u32);
+    /// Widths of the pulses from the next frame on, in counts; 0 is a line that stays low. A pulse that runs is not cut.
+    fn set_widths(&mut self, counts: [u32; MOTORS]);
+    /// Counts since the frame began.
+    fn frame_count(&self) -> u32;
+    /// Begins a frame, with the widths that were set last.
+    fn restart_frame(&mut self);
+    /// Lets this frame, and those after it, last for so many counts. Where it has lasted for longer already it ends now.
+    fn end_frame_at(&mut self, counts: u32);
+    /// Runs the control task at `rate_hz`, 1 or more, from the next tick on.
+    fn set_tick_rate(&mut self, rate_hz: u32);
+    /// Starts the ticks.
+    fn start_ticks(&mut self);
+    /// Whether the next tick has become due while this one runs.
+    fn is_tick_due(&self) -> bool;
+    /// Begins a conversion of the thrust sensor.
+    fn start_conversion(&mut self);
+    /// The result of the last conversion that has ended. Does not wait.
+    fn conversion(&mut self) -> u16;
+    /// Feeds the watchdog.
+    fn feed_watchdog(&mut self);
+    /// Sets the watchdog's time: some control ticks, or (`true`) the seconds that the erasing of flash takes.
+    fn set_watchdog_patient(&mut self, patient: bool);
+}
+
+/// What only the board knows, and does not change.
+#[derive(Clone, Copy, Debug)]
+pub struct BoardFacts {
+    /// The clocks.
+    pub clocks: ClockReport,
+    /// Why it started.
+    pub reset: ResetReason,
+    /// The supply voltage at which the chip resets.
+    pub brown_out: BrownOut,
+}
+
+/// What the answers to the host need, from the lowest priority.
+pub trait RequestHardware {
+    /// What only the board knows.
+    fn facts(&self) -> BoardFacts;
+    /// Whether somebody at the board has allowed excitation and injection, by a jumper that is fitted now.
+    fn is_bench_enabled(&mut self) -> bool;
+    /// Bytes of the link that were lost, wrapping.
+    fn link_overruns(&self) -> u32;
+    /// Waits until the watchdog has taken a new time over and was fed by it.
+    fn wait_for_watchdog(&mut self);
+    /// Whether the clocks tell a disarmed pulse from an armed one.
+    fn tells_pulses_apart(&self) -> bool {
+        self.facts().clocks.tells_pulses_apart()
+    }
+}

@@ -1,0 +1,73 @@
+//! The inputs and what decodes them.
+
+use super::hardware::{CaptureTimer, Edge};
+use crate::capture::{Decoder, Faults, Level, Signal, Timing};
+use crate::link::MotorFaults;
+use crate::settings::MOTORS;
+
+/// A capturing timer and a decoder for each input. The capture interrupt and the control task share it.
+pub struct Inputs<T> {
+    timer: T,
+    decoders: [Decoder; MOTORS],
+}
+
+impl<T: CaptureTimer> Inputs<T> {
+    /// With decoders that know nothing of their lines yet.
+    pub fn new(timer: T, timing: Timing) -> Self {
+        Self { timer, decoders: core::array::from_fn(|_| Decoder::new(timing)) }
+    }
+
+    /// The capture interrupt: gives the edges that were captured to their decoders.
+    #[inline]
+    pub fn capture(&mut self) {
+        let edges = self.timer.take();
+        for (decoder, edge) in self.decoders.iter_mut().zip(edges) {
+            let Some(Edge { timestamp, is_high, overcapture }) = edge else { continue };
+            if overcapture {
+                decoder.overcapture();
+            }
+            decoder.edge(timestamp, if is_high { Level::High } else { Level::Low });
+        }
+        if self.is_any_masked() {
+            self.listen();
+        }
+    }
+
+    /// Once per control tick: what has become of each input. The capture interrupt waits meanwhile, and only so long.
+    #[inline]
+    pub fn poll(&mut self) -> [Signal; MOTORS] {
+        let now = self.timer.now();
+        let were_masked = self.is_any_masked();
+        let signals = self.decoders.each_mut().map(|decoder| decoder.poll(now));
+        if were_masked {
+            self.listen();
+        }
+        signals
+    }
+
+    /// New limits; the decoders know nothing of their lines afterwards.
+    pub fn set_timing(&mut self, timing: Timing) {
+        self.decoders.iter_mut().for_each(|decoder| *decoder = Decoder::new(timing));
+        self.listen();
+    }
+
+    /// What was wrong at each input since the start.
+    #[must_use]
+    pub fn faults(&self) -> [MotorFaults; MOTORS] {
+        self.decoders.each_ref().map(|decoder| {
+            let Faults { glitches, missing_edges, out_of_range, too_soon, floods, losses } = decoder.faults();
+            MotorFaults { glitches, missing_edges, out_of_range, too_soon, lost: losses, masked: floods }
+        })
+    }
+
+    /// Whether an interrupt is off or to be off: all others are on.
+    #[inline]
+    fn is_any_masked(&self) -> bool {
+        self.decoders.iter().any(Decoder::is_masked)
+    }
+
+    #[inline]
+    fn listen(&mut self) {
+        self.timer.listen(self.decoders.each_ref().map(|decoder| !decoder.is_masked()));
+    }
+}

@@ -1,0 +1,41 @@
+//! How much of a control tick an excitation takes, before it is started.
+//!
+//! A line of the excitation costs what a channel does, so that many lines on a slow clock leave no time for the link, and
+//! then the dead-man's switch ends the excitation. One that would is refused.
+//!
+//! The costs are cycles of a Cortex-M4, estimated from instructions that were counted in an emulator (see
+//! `docs/firmware.md`), with interrupt entry and return. `cargo xtask bench --firmware` counts them again and fails where
+//! one is above what stands here.
+
+use crate::link::{BYTES_PER_S, MAX_LOAD_PERCENT, RECORD_SAMPLE_BYTES};
+
+/// A control tick of four armed motors with new pulses, without an excitation.
+pub const TICK_CYCLES: u32 = 1200;
+/// A line of the excitation.
+pub const LINE_CYCLES: u32 = 30;
+/// An interrupt for one byte of the link, either way.
+pub const BYTE_CYCLES: u32 = 110;
+/// A capture interrupt with an edge of each input.
+pub const CAPTURE_CYCLES: u32 = 500;
+
+/// Highest part of a control tick that an excitation and the link may take, percent. What is left is for the captures, for
+/// cache misses, which the estimate leaves out, and for the lowest priority.
+pub const MAX_PERCENT: u32 = MAX_LOAD_PERCENT;
+
+/// Bytes of a keep-alive's frame, and of its answer's: an envelope of 7 bytes, its COBS byte and two zeros.
+const KEEP_ALIVE_BYTES: u32 = 10;
+
+/// How much of each control tick a recorded excitation of so many lines takes at most, in percent, rounded up: the tick
+/// itself, and interrupts for a keep-alive, its answer, and a sample of the recorder, at most what the line carries.
+#[must_use]
+pub fn percent(lines: usize, loop_rate_hz: u32, core_hz: u32) -> u32 {
+    let rate = u64::from(loop_rate_hz.max(1));
+    let line_bytes = u64::from(BYTES_PER_S) / rate + 1;
+    let received = u64::from(KEEP_ALIVE_BYTES).min(line_bytes);
+    let sent = u64::from(KEEP_ALIVE_BYTES + RECORD_SAMPLE_BYTES).min(line_bytes);
+    let cycles = u64::from(TICK_CYCLES)
+        + lines as u64 * u64::from(LINE_CYCLES)
+        + (received + sent) * u64::from(BYTE_CYCLES);
+    let percent = (100 * cycles * rate).div_ceil(u64::from(core_hz.max(1)));
+    u32::try_from(percent).unwrap_or(u32::MAX)
+}

@@ -1,0 +1,105 @@
+//! What settings mean for the timers of a board.
+
+use crate::capture::Timing;
+use crate::settings::{Validated, longest_pulse_us};
+use crate::throttle::{Command, EscCommand, Protocol, PulseScale};
+
+/// Counts of the timer that puts out the pulses: 16 bits.
+const COUNTER_RANGE: u32 = 1 << 16;
+/// A frame that follows the input waits for a pulse for this many eighths of the input's frame.
+const PATIENCE_EIGHTHS: u32 = 9;
+
+/// The timer of the output pulses: its divider and its frames.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Frames {
+    /// The counter counts at the timer's clock over this, from 1.
+    pub divider: u32,
+    /// Frequency of the counter, hertz.
+    pub counter_hz: u32,
+    /// Shortest frame, counts: one over `output.frame_hz`.
+    pub shortest: u32,
+    /// Longest frame, counts. Longer than the shortest where frames follow the input's pulses: they wait for the next one.
+    pub longest: u32,
+}
+
+impl Frames {
+    /// `None` where the timer cannot make them.
+    fn new(settings: &Validated, timer_hz: u32) -> Option<Self> {
+        let output_hz = u32::from(settings.output.frame_hz);
+        let input_hz = u32::from(settings.input.frame_hz);
+        let follows = settings.output_follows_input();
+        // In counts of a counter; at most 9/8 of 2^32 / 40.
+        let longest = |counter_hz: u32, shortest: u32| {
+            if !follows {
+                return shortest;
+            }
+            (counter_hz.checked_div(input_hz).unwrap_or(0) / 8 * PATIENCE_EIGHTHS).max(shortest)
+        };
+        let undivided = timer_hz.checked_div(output_hz)?.saturating_add(1);
+        // The smallest divider with which the longest frame fits the counter.
+        let divider = longest(timer_hz, undivided).div_ceil(COUNTER_RANGE).max(1);
+        let counter_hz = timer_hz / divider;
+        let shortest = match settings.output.protocol() {
+            // The duty is a share of just this many counts.
+            protocol @ Protocol::RawDuty { .. } => PulseScale::new(protocol, counter_hz).ok()?.high_ticks(),
+            // Never faster than the frame rate.
+            _ => counter_hz.div_ceil(output_hz),
+        };
+        let longest = longest(counter_hz, shortest);
+        (longest <= COUNTER_RANGE).then_some(Self { divider, counter_hz, shortest, longest })
+    }
+
+    /// Whether frames begin with the input's pulses.
+    #[must_use]
+    pub const fn follow_input(&self) -> bool {
+        self.longest > self.shortest
+    }
+}
+
+/// Everything that settings mean for a board.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Plan {
+    /// What the inputs take for a pulse.
+    pub timing: Timing,
+    /// What their pulses mean.
+    pub input_scale: PulseScale,
+    /// The pulses of the outputs.
+    pub output_scale: PulseScale,
+    /// The frames of the outputs.
+    pub frames: Frames,
+}
+
+impl Plan {
+    /// For capture and output timers that count at `timer_hz`. Where they do not tell pulses apart
+    /// ([`ClockReport::tells_pulses_apart`](super::ClockReport::tells_pulses_apart)) every pulse counts as an armed one, which
+    /// no motor turns on that has not been seen disarmed, and which ends an excitation or an injection.
+    ///
+    /// `None` where a timer does not suit the pulses.
+    #[must_use]
+    pub fn new(settings: &Validated, timer_hz: u32, tells_pulses_apart: bool) -> Option<Self> {
+        let input = settings.input.protocol();
+        let frames = Frames::new(settings, timer_hz)?;
+        let output_scale = PulseScale::new(settings.output.protocol(), frames.counter_hz).ok()?;
+        let plan = Self {
+            timing: Timing::new(input, timer_hz, settings.loop_rate_hz).ok()?,
+            input_scale: if tells_pulses_apart { PulseScale::new(input, timer_hz).ok()? } else { PulseScale::FULL },
+            output_scale,
+            frames,
+        };
+        // A pulse without a gap behind it would be a line that is always high.
+        (plan.longest_pulse_ticks(settings) < frames.shortest).then_some(plan)
+    }
+
+    /// Width of the longest pulse that an output may have, in counts.
+    #[must_use]
+    pub fn longest_pulse_ticks(&self, settings: &Validated) -> u32 {
+        let highest = match longest_pulse_us(settings.output.protocol) {
+            Some(_) => Command::ONE,
+            // No channel puts out more.
+            None => settings.motors.iter().fold(Command::ZERO, |highest, motor| {
+                highest.max(Command::saturating_from_bits(motor.max.max(settings.stop)))
+            }),
+        };
+        self.output_scale.to_width_ticks(EscCommand::from(highest))
+    }
+}
