@@ -175,6 +175,40 @@ proptest! {
     }
 }
 
+proptest! {
+    #![proptest_config(cases(256))]
+
+    /// On either path, and also if the path changes on the same tick, whichever call comes first.
+    #[test]
+    fn in_motion_no_step_at_a_restart_is_larger_than_the_step_before_it(
+        design in any_design(),
+        motion in any_motion(),
+        restarts in proptest::collection::vec((2..3000_usize, any_command(), any::<bool>(), any::<bool>()), 1..10),
+    ) {
+        let mut compensator = Compensator::new(*design.coefficients(), Command::ZERO, Command::ONE);
+        compensator.reset(motion[0]);
+        let mut outputs = Vec::new();
+        for (n, &input) in motion.iter().enumerate() {
+            let restart = restarts.iter().find(|(at, ..)| *at == n);
+            if let Some(&(_, level, enabled, is_restart_first)) = restart {
+                if is_restart_first {
+                    compensator.restart(level);
+                    compensator.set_enabled(enabled);
+                } else {
+                    compensator.set_enabled(enabled);
+                    compensator.restart(level);
+                }
+                prop_assert_eq!(compensator.is_enabled(), enabled);
+            }
+            outputs.push(compensator.update(input).to_bits());
+            if restart.is_some() {
+                let (now, before) = (outputs[n] - outputs[n - 1], outputs[n - 1] - outputs[n - 2]);
+                prop_assert!(now.abs() <= before.abs(), "a step of {now} after {before}");
+            }
+        }
+    }
+}
+
 #[test]
 fn bypass_is_the_input_within_the_limits() {
     let mut compensator = Compensator::new(*paper_design().coefficients(), command(0.1), command(0.9));

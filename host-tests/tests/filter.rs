@@ -170,7 +170,7 @@ fn most_designs_in_range_are_accepted() {
 struct Unrounded {
     coefficients: [f64; 4],
     y: f64,
-    u: f64,
+    dy: f64,
     x: [f64; 2],
 }
 
@@ -178,13 +178,13 @@ impl Unrounded {
     fn at_level(coefficients: &Coefficients, level: f64) -> Self {
         let value = |bits: i32| f64::from(bits) / (1_u64 << COEFFICIENT_BITS) as f64;
         let coefficients = [coefficients.k(), coefficients.c(), coefficients.g0(), coefficients.g1()].map(value);
-        Self { coefficients, y: level, u: 0.0, x: [level; 2] }
+        Self { coefficients, y: level, dy: 0.0, x: [level; 2] }
     }
 
     fn update(&mut self, x: f64) -> f64 {
         let ([k, c, g0, g1], [x1, x2]) = (self.coefficients, self.x);
-        self.u += k * self.u + c * (x - self.y) + g0 * (x - x1) + g1 * (x1 - x2);
-        self.y += self.u;
+        self.dy += k * self.dy + c * (x - self.y) + g0 * (x - x1) + g1 * (x1 - x2);
+        self.y += self.dy;
         self.x = [x, x1];
         self.y
     }
@@ -238,8 +238,8 @@ fn at_rest_the_output_is_off_by_the_rounding_of_the_command_alone() {
     assert!((section.output().to_f64() - 0.123_456_789).abs() <= STEP / 2.0);
 }
 
-/// The inequalities of the proof in `biquad`, on a grid of integers and of coefficients out to their ends, in units of
-/// 1/24000 so that nothing is rounded.
+/// The bounds of the proof in `docs/fixed-point.md`, for a range of integers and for coefficients up to their limits, in
+/// units of 1/24000 so that nothing is rounded.
 #[test]
 fn the_energy_falls_as_the_proof_of_the_exact_steady_output_says() {
     const UNIT: i64 = 24_000;
