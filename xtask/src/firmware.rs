@@ -1,8 +1,8 @@
-//! The image for the controller: builds it, says what it takes, and shows what it cannot do.
+//! The image for the controller: builds it, checks it, and writes it as files for flashing.
 
 use std::path::PathBuf;
 
-use crate::image::{Calls, Function, Image};
+use crate::image::{Calls, Function, Image, flash_files};
 use crate::readme::{self, Sizes};
 use crate::run::{Result, cargo, command, output, run};
 use crate::{emulator, setup};
@@ -23,17 +23,21 @@ const BOARD: &str = "stm32f405";
 /// A feature of the firmware that puts an indexing panic into its control task.
 const PLANTED: &str = "planted-panic";
 
-/// Builds the image, says its sizes, and checks it.
+/// Builds the image, prints its sizes, checks it, and writes it as raw binary and as Intel HEX.
 pub fn build() -> Result<Sizes> {
     let path = build_image(&[])?;
+    flash_files::remove(&path)?;
     let bytes = std::fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))?;
     let image = Image::read(&bytes)?;
     println!("image  {}", path.display());
-    println!("flash  {:>7} bytes of {}", image.flash_bytes, 768 * 1024);
+    println!("flash  {:>7} bytes of {}", image.flash_bytes, flash_files::FLASH.len());
     println!("RAM    {:>7} bytes of {}", image.ram_bytes, 128 * 1024);
     let stack = stack(&image)?;
     no_panic(&image)?;
     println!("panics none reachable from {}", NO_PANIC.join(", "));
+    let files = flash_files::write(&bytes, &path, image.stack_start)?;
+    println!("bin    {:>7} bytes: {}", files.bin.bytes, files.bin.path.display());
+    println!("hex    {:>7} bytes: {}", files.hex.bytes, files.hex.path.display());
     Ok(Sizes { flash: image.flash_bytes, ram: image.ram_bytes, stack })
 }
 

@@ -19,8 +19,9 @@ const HELP: &str = "\
 Usage: cargo xtask COMMAND
 
   setup    installs what the other commands need beside a Rust toolchain
-  build    builds the image for the controller; says what flash, RAM and stack it takes, and that it cannot panic;
-           with --update-readme writes the former into the README
+  build    builds the image for the controller; prints what flash, RAM and stack it takes; fails if one of its interrupts can
+           panic; writes the image beside the linked file as raw binary for address 0x08000000 (.bin) and as Intel HEX (.hex),
+           and checks both; with --update-readme writes the sizes into the README
   emulate  [PORT] runs that image in QEMU, with its link on a TCP port
   flash    flashes that image with a debug probe, and shows its log
   test     every test there is: formatting, lints, documentation, host tests, and the controller's image: its build, its checks,

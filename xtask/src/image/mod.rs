@@ -1,6 +1,7 @@
 //! What the linked image for the controller contains: sizes, calls, depth of the stack.
 
 mod calls;
+pub mod flash_files;
 mod thumb;
 
 use object::read::elf::{ElfFile32, FileHeader, ProgramHeader};
@@ -46,6 +47,8 @@ pub struct Image {
     pub ram_bytes: u64,
     /// Bytes of stack.
     pub stack_bytes: u64,
+    /// Initial stack pointer, the symbol `_stack_start`.
+    pub stack_start: u32,
 }
 
 impl Image {
@@ -98,9 +101,9 @@ impl Image {
             taken: vec![],
             flash_bytes: 0,
             ram_bytes: 0,
-            stack_bytes: 0,
+            stack_bytes: stack_start - stack_end,
+            stack_start: stack_start as u32,
         };
-        image.stack_bytes = stack_start - stack_end;
         let endian = file.endian();
         for segment in file.elf_header().program_headers(endian, bytes).map_err(|error| error.to_string())? {
             if segment.p_type(endian) == elf::PT_LOAD {
