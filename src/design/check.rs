@@ -89,7 +89,7 @@ fn pole_radii(section: &Recurrence) -> [f64; 2] {
 /// when it has not after [`LONGEST_RESPONSE_TICKS`].
 fn gains(section: &Recurrence, pole_radii: [f64; 2]) -> (f64, f64) {
     let end = RESPONSE_END * (1.0 - pole_radii[0]);
-    // A step of the output of size sqrt(c) weighs as much as a deviation of 1 (see the energy in `biquad`).
+    // A step of the output of size sqrt(c) weighs as much as a deviation of 1 (see the energy in `docs/fixed-point.md`).
     let weight = 1.0 / sqrt(section.c);
     let (mut y, mut u) = (0.0, 0.0);
     let (mut l1_gain, mut step, mut step_peak) = (0.0, 0.0, 0.0);
