@@ -88,9 +88,12 @@ pub struct TestOutputs {
 impl TestOutputs {
     /// Lets the counter go on by so many counts.
     pub fn advance(&mut self, counts: u32) {
-        for _ in 0..counts {
-            self.time += 1;
-            self.count += 1;
+        let mut left = counts;
+        while left > 0 {
+            let step = left.min(self.frames.1 - self.count);
+            self.time += u64::from(step);
+            self.count += step;
+            left -= step;
             if self.count >= self.frames.1 {
                 self.restart_frame();
             }

@@ -20,7 +20,7 @@ enum State {
     Waiting,
     /// A pulse came, and the frame is not long enough yet.
     Due,
-    /// It has been told where to end, and was then at this count.
+    /// It has been told where to end, and was at this count in the last tick.
     Ending(u32),
 }
 
@@ -46,9 +46,11 @@ impl FramePacer {
     /// One control tick: whether a new pulse came, and where the counter is in its frame.
     #[inline]
     pub fn tick(&mut self, has_new_pulse: bool, count: u32) -> FrameAction {
-        if let State::Ending(since) = self.state
-            && count < since
-        {
+        if let State::Ending(last) = self.state {
+            if count >= last {
+                self.state = State::Ending(count);
+                return FrameAction::None;
+            }
             // It has ended. The new frame waits as long as it may, unless there is a newer pulse already.
             self.state = State::Waiting;
             if !has_new_pulse {

@@ -6,7 +6,8 @@ use crate::throttle::{Command, EscCommand, Protocol, PulseScale};
 
 /// Counts of the timer that puts out the pulses: 16 bits.
 const COUNTER_RANGE: u32 = 1 << 16;
-/// A frame that follows the input waits for a pulse for this many eighths of the input's frame.
+/// A frame that follows the input waits for a pulse for this many eighths of the input's frame, and for the control tick in
+/// which it is seen.
 const PATIENCE_EIGHTHS: u32 = 9;
 
 /// The timer of the output pulses: its divider and its frames.
@@ -28,12 +29,13 @@ impl Frames {
         let output_hz = u32::from(settings.output.frame_hz);
         let input_hz = u32::from(settings.input.frame_hz);
         let follows = settings.output_follows_input();
-        // In counts of a counter; at most 9/8 of 2^32 / 40.
+        // In counts of a counter; at most 9/8 of 2^32 / 40 and 2^32 / 1000.
         let longest = |counter_hz: u32, shortest: u32| {
             if !follows {
                 return shortest;
             }
-            (counter_hz.checked_div(input_hz).unwrap_or(0) / 8 * PATIENCE_EIGHTHS).max(shortest)
+            let tick = counter_hz.checked_div(settings.loop_rate_hz).unwrap_or(0);
+            (counter_hz.checked_div(input_hz).unwrap_or(0) / 8 * PATIENCE_EIGHTHS + tick).max(shortest)
         };
         let undivided = timer_hz.checked_div(output_hz)?.saturating_add(1);
         // The smallest divider with which the longest frame fits the counter.

@@ -259,12 +259,15 @@ impl Settings {
         Ok(())
     }
 
-    /// Whether output frames begin with the input's pulses: at rates so different that several fit between two pulses
-    /// there is nothing to follow, and the value of a raw duty is its share of a frame of known length.
+    /// Whether output frames begin with the input's pulses. At rates so different that several fit between two pulses, or
+    /// that pulses come faster than frames may, there is nothing to follow; and the value of a raw duty is its share of a
+    /// frame of known length.
     #[must_use]
     pub fn output_follows_input(&self) -> bool {
-        self.output.protocol != PulseProtocol::RawDuty
-            && u32::from(self.output.frame_hz) < 2 * u32::from(self.input.frame_hz)
+        let (input_hz, output_hz) = (u32::from(self.input.frame_hz), u32::from(self.output.frame_hz));
+        // The longest frame, 9/8 of the input's, is longer than the shortest.
+        let waits = 9 * output_hz > 8 * input_hz;
+        self.output.protocol != PulseProtocol::RawDuty && waits && output_hz < 2 * input_hz
     }
 
     fn warnings(&self) -> Warnings {
@@ -275,7 +278,8 @@ impl Settings {
         Warnings {
             slow_input: slow(self.input),
             slow_output: slow(self.output),
-            cannot_follow: self.output_follows_input() && self.output.frame_hz <= self.input.frame_hz,
+            cannot_follow: self.output.protocol != PulseProtocol::RawDuty
+                && self.output.frame_hz <= self.input.frame_hz,
             low_arming: self.motors.iter().any(|motor| motor.arming < LOW_ARMING),
         }
     }

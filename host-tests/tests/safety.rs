@@ -1,0 +1,276 @@
+//! What an ESC and a flight controller expect of a controller between them: nothing happens that nobody has asked for.
+
+use host_tests::board::{CRYSTAL, INTERNAL, INTERNAL_PLL, facts};
+use host_tests::flash::Flash;
+use host_tests::rig::{Rig, SECTOR, SharedFlash, saved};
+use rotorlead::capture::Signal;
+use rotorlead::controller::ClockReport;
+use rotorlead::link::{
+    BrownOut, ChannelState, CrystalCheck, ExciteRequest, Info, InjectRequest, LineSet, Message, Refusal, Request, Source,
+};
+use rotorlead::settings::{MOTORS, Origin, Pulse, PulseProtocol, Settings, Validated};
+use rotorlead::throttle::{Command, EscCommand};
+
+const STOP: Command = Command::ZERO;
+const NO_PULSE: EscCommand = EscCommand::NO_PULSE;
+
+fn excite(lines: LineSet) -> Request {
+    let bits = |value: f64| Command::saturating_from_f64(value).to_bits();
+    Request::Excite(ExciteRequest { motor: 0, lines, nominal: bits(0.5), amplitude: bits(0.05), periods: 1 })
+}
+
+fn inject() -> Request {
+    Request::SetMode { motor: 0, source: Source::Inject, compensate: false }
+}
+
+fn refused(refusal: Refusal) -> Message {
+    Message::Refused(refusal)
+}
+
+fn info(rig: &mut Rig) -> Info {
+    match rig.ask(&Request::Info) {
+        Message::Info(info) => info,
+        other => panic!("{other:?}"),
+    }
+}
+
+/// One tick of everything, with the same at every input: the widths that stand in the compare registers after it.
+fn widths(rig: &mut Rig, signal: Signal) -> [u32; MOTORS] {
+    let control = &mut rig.hardware.board.control;
+    control.run([signal; MOTORS], true);
+    control.hardware_mut().next_widths
+}
+
+/// Flashes from which no settings come: blank, bad, and with a set whose filter cannot be designed.
+fn flashes_without_settings() -> [(SharedFlash, Origin); 3] {
+    let mut bad = saved(&Validated::default()).copy();
+    (bad.bytes[20], bad.bytes[SECTOR + 20]) = (0, 0);
+    let mut settings = Settings::default();
+    settings.lead.omega_z_rad_s = 3.0;
+    [
+        (SharedFlash::new(Flash::blank()), Origin::DefaultsBlank),
+        (SharedFlash::new(bad), Origin::DefaultsBad),
+        (saved(&settings.validate().unwrap()), Origin::DefaultsBad),
+    ]
+}
+
+/// The stop of standard PWM at 400 Hz, 1000 us, is 40 % duty for an ESC that takes a raw duty.
+#[test]
+fn without_chosen_settings_every_line_stays_low_until_a_host_sets_some() {
+    for (flash, expected) in flashes_without_settings() {
+        let (mut rig, origin) = Rig::starting_from(&flash);
+        assert_eq!(origin, expected);
+        let (low, high) = (rig.pulse(0.0), rig.pulse(0.6));
+        for signal in [Signal::Nothing, low, Signal::Unchanged, high, Signal::Unchanged] {
+            for _ in 0..1000 {
+                assert_eq!(widths(&mut rig, signal), [0; MOTORS], "{signal:?}");
+            }
+        }
+        // It says so, and does nothing for a host either.
+        let said = info(&mut rig);
+        assert_eq!((said.settings, said.outputs_enabled), (expected, false));
+        for request in [inject(), excite(LineSet::Odd30Hz)] {
+            assert_eq!(rig.ask(&request), refused(Refusal::NoSettings));
+        }
+        // Saving what nobody has chosen is choosing it, at the next start; setting it, at once.
+        for _ in 0..1000 {
+            widths(&mut rig, low);
+        }
+        assert!(matches!(rig.ask(&Request::SetSettings(Settings::default())), Message::SettingsTaken(_)));
+        let said = info(&mut rig);
+        assert_eq!((said.settings, said.outputs_enabled), (Origin::Host, true));
+        assert_eq!(rig.ask(&Request::SaveSettings), Message::Done);
+        assert_eq!(info(&mut rig).settings, Origin::Stored);
+        let stop = widths(&mut rig, low)[0];
+        assert!(stop > 0);
+        assert_eq!(Rig::starting_from(&flash).1, Origin::Stored);
+    }
+}
+
+#[test]
+fn settings_that_are_stored_have_pulses_from_the_first_disarmed_command_on() {
+    for (no_signal, silent) in [("no_pulses", NO_PULSE), ("stop_pulses", STOP.into())] {
+        let mut settings = Settings::default();
+        if no_signal == "stop_pulses" {
+            settings.no_signal = rotorlead::settings::NoSignal::StopPulses;
+        }
+        let mut rig = Rig::with(settings);
+        let low = rig.pulse(0.0);
+        for _ in 0..1000 {
+            assert_eq!(rig.tick(Signal::Nothing), [silent; MOTORS], "{no_signal}");
+        }
+        assert_eq!(rig.tick(low), [STOP; MOTORS]);
+        // After the signal: stop pulses for 2 s, then as before it.
+        let lost = Signal::Lost(rotorlead::capture::LossReason::StuckLow);
+        for _ in 0..10_000 {
+            assert_eq!(rig.tick(lost), [STOP; MOTORS]);
+        }
+        assert_eq!(rig.tick(lost), [silent; MOTORS], "{no_signal}");
+    }
+}
+
+/// A full throttle at power-up puts an ESC into its calibration.
+#[test]
+fn a_full_throttle_at_power_up_does_not_reach_the_escs() {
+    let mut rig = Rig::new();
+    let full = rig.pulse(1.0);
+    for n in 0..50_000 {
+        let signal = if n % 12 == 0 { full } else { Signal::Unchanged };
+        assert_eq!(rig.tick(signal), [NO_PULSE; MOTORS]);
+    }
+    assert_eq!(info(&mut rig).motors, [ChannelState::Locked; MOTORS]);
+}
+
+#[test]
+fn without_the_jumper_no_host_drives_a_motor() {
+    let mut rig = Rig::new();
+    rig.hardware.board.status.bench_enabled = false;
+    assert!(!info(&mut rig).bench_enabled);
+    let samples = [0, 1 << 28][..].try_into().unwrap();
+    let commands = Request::Inject(InjectRequest { motor: 0, first: 0, samples });
+    for request in [inject(), excite(LineSet::Odd30Hz), commands.clone(), Request::KeepAlive] {
+        assert_eq!(rig.ask(&request), refused(Refusal::BenchDisabled), "{request:?}");
+        assert_eq!(rig.tick(Signal::Nothing), [NO_PULSE; MOTORS]);
+    }
+    // Giving a motor back to its pulses needs none.
+    assert_eq!(rig.ask(&Request::SetMode { motor: 0, source: Source::Pulse, compensate: false }), Message::Done);
+    rig.hardware.board.status.bench_enabled = true;
+    assert!(info(&mut rig).bench_enabled);
+    assert_eq!(rig.ask(&inject()), Message::Done);
+    // Taken out meanwhile: the commands are refused, and the motor is lost as with a host that went quiet.
+    rig.hardware.board.status.bench_enabled = false;
+    assert_eq!(rig.ask(&commands), refused(Refusal::BenchDisabled));
+}
+
+#[test]
+fn an_excitation_ends_when_the_jumper_is_taken_out() {
+    let mut settings = Settings::default();
+    settings.excitation.arm_ms = 0;
+    let mut rig = Rig::with(settings);
+    assert_eq!(rig.ask(&excite(LineSet::Odd30Hz)), Message::Done);
+    let mut highest = STOP.into();
+    for n in 0..8000 {
+        if n % 250 == 0 {
+            assert_eq!(rig.ask(&Request::KeepAlive), Message::Done);
+        }
+        highest = rig.tick_one(Signal::Nothing).max(highest);
+    }
+    assert!(highest > Command::saturating_from_f64(0.5));
+    rig.hardware.board.status.bench_enabled = false;
+    assert_eq!(rig.ask(&Request::KeepAlive), refused(Refusal::BenchDisabled));
+    let mut ticks = 0;
+    while rig.tick_one(Signal::Nothing) > STOP {
+        // A host that goes on does not help.
+        if ticks % 250 == 0 {
+            rig.ask(&Request::KeepAlive);
+        }
+        ticks += 1;
+        assert!(ticks < 8000, "the ramp from 0.55 takes 1.5 s");
+    }
+}
+
+#[test]
+fn more_lines_than_the_clock_has_time_for_are_refused_with_lines_and_loop_rate() {
+    let on = |clocks: ClockReport, loop_rate_hz: u32, lines: LineSet| {
+        let settings = Settings { loop_rate_hz, ..Settings::default() };
+        let flash = saved(&settings.validate().unwrap());
+        Rig::starting_on(&flash, facts(clocks)).0.ask(&excite(lines))
+    };
+    for clocks in [CRYSTAL, INTERNAL_PLL] {
+        for lines in [LineSet::Odd30Hz, LineSet::Odd45Hz] {
+            assert_eq!(on(clocks, 5000, lines), Message::Done);
+        }
+    }
+    assert_eq!(on(INTERNAL, 1000, LineSet::Odd30Hz), Message::Done);
+    let Message::Refused(refusal) = on(INTERNAL, 5000, LineSet::Odd30Hz) else { panic!("150 lines at 16 MHz cannot run") };
+    assert!(
+        matches!(refusal, Refusal::TooSlow { lines: 150, loop_rate_hz: 5000, core_hz: 16_000_000, percent } if percent > 100)
+    );
+    let text = refusal.to_string();
+    for part in ["150 lines", "loop_rate_hz 5000", "16 MHz", "80 %"] {
+        assert!(text.contains(part), "{text}");
+    }
+}
+
+/// A board with another crystal runs on its internal oscillator, and arms no motor.
+#[test]
+fn a_wrong_crystal_is_reported_and_arms_no_motor() {
+    let wrong = ClockReport { crystal: CrystalCheck::Wrong { measured_hz: 16_020_000 }, ..INTERNAL_PLL };
+    let mut rig = Rig::starting_on(&saved(&Validated::default()), facts(wrong)).0;
+    let said = info(&mut rig);
+    assert_eq!((said.crystal, said.may_arm), (CrystalCheck::Wrong { measured_hz: 16_020_000 }, false));
+    for value in [0.0, 0.0, 0.5, 1.0] {
+        let signal = rig.pulse(value);
+        assert_eq!(rig.tick(signal), [NO_PULSE; MOTORS]);
+    }
+    assert_eq!(info(&mut rig).motors, [ChannelState::Locked; MOTORS]);
+    assert!(info(&mut Rig::new()).may_arm);
+}
+
+#[test]
+fn the_brown_out_level_is_reported() {
+    let mut rig = Rig::new();
+    for level in [BrownOut::Unknown, BrownOut::Off, BrownOut::Level1, BrownOut::Level2, BrownOut::Level3] {
+        rig.hardware.board.status.facts.brown_out = level;
+        assert_eq!(info(&mut rig).brown_out, level);
+    }
+}
+
+/// The paper's mode, from the edges of an input to the compare registers.
+#[test]
+fn raw_duty_goes_through_from_pulse_to_pulse() {
+    let raw = Pulse { protocol: PulseProtocol::RawDuty, frame_hz: 600 };
+    let bits = |value: f64| Command::saturating_from_f64(value).to_bits();
+    let mut settings = Settings { input: raw, output: raw, stop: bits(0.02), ..Settings::default() };
+    settings.motors.iter_mut().for_each(|motor| motor.max = bits(0.98));
+    let mut rig = Rig::with(settings);
+    let low = rig.pulse(0.02);
+    let counts = rig.hardware.board.control.hardware_mut().frames.1;
+    // 84 MHz over 3 and over 600.
+    assert_eq!(counts, 46_667);
+    for (value, expected) in [(0.02, 0.02), (0.5, 0.5), (0.75, 0.75)] {
+        let signal = rig.pulse(value);
+        let width = widths(&mut rig, signal)[2];
+        assert!((f64::from(width) / f64::from(counts) - expected).abs() < 1e-4, "{value}: {width} of {counts}");
+    }
+    assert_eq!(widths(&mut rig, low)[2], widths(&mut rig, low)[0]);
+}
+
+#[test]
+fn a_late_tick_is_counted_and_a_second_in_a_row_ends_an_excitation() {
+    let mut settings = Settings::default();
+    settings.excitation.arm_ms = 0;
+    let mut rig = Rig::with(settings);
+    assert_eq!(rig.ask(&excite(LineSet::Odd30Hz)), Message::Done);
+    let run = |rig: &mut Rig, due: bool| {
+        rig.hardware.board.control.hardware_mut().tick_due = due;
+        rig.ask(&Request::KeepAlive);
+        widths(rig, Signal::Nothing);
+        rig.hardware.tick_mut().motors()[0].channel().command()
+    };
+    let mut before = run(&mut rig, false);
+    for due in [true, false, true, false] {
+        let now = run(&mut rig, due);
+        assert!(now > before, "one late tick at a time changes nothing");
+        before = now;
+    }
+    run(&mut rig, true);
+    let before = run(&mut rig, true);
+    assert!(run(&mut rig, false) < before, "two in a row end it");
+    let Message::Faults(faults) = rig.ask(&Request::Faults) else { panic!("no faults") };
+    assert_eq!(faults.missed_deadlines, 4);
+}
+
+#[test]
+fn the_watchdog_is_patient_only_while_the_flash_stalls() {
+    let mut rig = Rig::new();
+    let patient = |rig: &mut Rig| rig.hardware.board.control.hardware_mut().patient;
+    assert!(!patient(&mut rig));
+    rig.hardware.during_save = vec![[Signal::Nothing; MOTORS]];
+    assert_eq!(rig.ask(&Request::SaveSettings), Message::Done);
+    assert!(!patient(&mut rig));
+    widths(&mut rig, Signal::Nothing);
+    assert_eq!(rig.hardware.board.control.hardware_mut().feeds, 1);
+    rig.hardware.board.control.run([Signal::Nothing; MOTORS], false);
+    assert_eq!(rig.hardware.board.control.hardware_mut().feeds, 2, "the lowest priority may be away for a while");
+}
