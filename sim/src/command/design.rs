@@ -60,7 +60,7 @@ impl Design {
         let phases = chain_phases(&model, &effects, chain, &latency, &points);
         let warnings: Vec<String> = uncertain_zero(&model).into_iter().chain(lost_gain(&points, &phases)).collect();
         let mut text = describe(&design, &model);
-        writeln!(text, "\nPredicted bandwidth\n\n{}", bandwidth_table(&points, &phases)).expect("a string takes all");
+        write!(text, "\nPredicted bandwidth\n\n{}", bandwidth_table(&points, &phases)).expect("a string takes all");
         text.push_str(&counted_delays(&latency, &phases));
         text.push_str(&counted_effects(&effects));
         text.push('\n');

@@ -44,8 +44,9 @@ impl ChainPhase {
     ///
     /// A dead time `theta` limits the crossover of any feedback loop to about `1 / theta`, where it lags 1 rad (57 degrees)
     /// alone (Skogestad & Postlethwaite, *Multivariable Feedback Control*, ch. 5, limitations imposed by time delays).
-    /// So it is when the compensator raises the bandwidth, the new one is above `1 / theta`, and the whole chain lags 90
-    /// degrees before it. A chain that lags 90 degrees at a lower frequency for other reasons is none of these.
+    /// The gain is lost where all of these hold: the compensator raises the bandwidth; the new bandwidth is above `1 / theta`;
+    /// the whole chain lags more than 90 degrees there. The last leaves out slow levels, whose lag is still small at their
+    /// new bandwidth.
     #[must_use]
     pub fn is_gain_lost(&self, bandwidths: &BandwidthPoint) -> bool {
         let (before, after) = (rad_s(bandwidths.uncompensated), rad_s(bandwidths.compensated));
