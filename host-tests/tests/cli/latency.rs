@@ -2,16 +2,13 @@
 
 use std::f64::consts::PI;
 
+use rotorlead_sim::report::paper::table_1;
 use serde_json::Value;
 
 use crate::stand::{MODEL, Stand};
 
 /// From pulse in to pulse out with the defaults: half of 1000 to 2000 us, the filter of the input, half a tick.
 const LATENCY_S: f64 = 1602.2e-6;
-
-/// The poles of the paper's Table 1, rad/s, at their nominal commands.
-const PAPER: [(f64, f64); 6] =
-    [(0.40, 6.28), (0.45, 7.6923), (0.50, 9.0909), (0.55, 10.6383), (0.60, 12.5), (0.65, 14.1243)];
 
 /// A stand whose model has this dead time at both points.
 fn late(delay_s: f64) -> Stand {
@@ -102,10 +99,7 @@ fn a_dead_time_that_makes_the_gained_bandwidth_worthless_is_warned_of() {
 #[test]
 fn the_papers_motors_get_no_warning_with_any_protocol() {
     let stand = Stand::new();
-    let points = PAPER.map(|(nominal, pole)| {
-        format!("[[point]]\nnominal = {nominal}\ngain = 10\ntime_constant_s = {}\n", 1.0 / pole)
-    });
-    stand.write("model.toml", format!("format = 1\n{}", points.concat()));
+    table_1().write(&stand.path("model.toml")).unwrap();
     for protocol in ["standard_pwm", "oneshot125", "raw_duty"] {
         for start in ["", " --output-start free_running"] {
             for command in ["design --model model.toml --out c.toml", "bandwidth --model model.toml"] {
