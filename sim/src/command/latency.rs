@@ -199,8 +199,8 @@ pub fn lost_gain(points: &[BandwidthPoint], phases: &[ChainPhase]) -> Option<Str
 fn remedy(phase: &ChainPhase) -> &'static str {
     if phase.model_dead_time_s > phase.latency_s {
         "Find out whether the logger or the stand's command makes the dead time: then record again without it, as with \
-         `rotorlead device record`, and identify again. Where ESC and motor make it, use another ESC or protocol, or lower \
-         --omega-g, which loses little of what can be used"
+         `rotorlead device record`, and identify again. Where ESC and motor make it, use another ESC or protocol. A lower \
+         --omega-g does not shorten it, but amplifies less noise above what can be used"
     } else {
         "Use shorter and faster pulses: --input-protocol and --output-protocol oneshot125, or a higher --input-frame and \
          --output-frame"
