@@ -134,7 +134,11 @@ fn the_json_of_bandwidth_has_the_keys_that_programs_rely_on() {
     let points = json["points"].as_array().unwrap();
     assert_eq!(points.len(), 2);
     for point in points {
-        assert_eq!(keys(point), BTreeSet::from(["nominal", "uncompensated_rad_s", "compensated_rad_s"]));
+        let with_both = ["rad_s", "phase_deg", "minus_90_rad_s"]
+            .into_iter()
+            .flat_map(|key| ["uncompensated", "compensated"].map(|which| format!("{which}_{key}")));
+        let expected: Vec<String> = with_both.chain(["nominal", "dead_time_s"].map(str::to_owned)).collect();
+        assert_eq!(keys(point), expected.iter().map(String::as_str).collect());
         assert!(number(point, "nominal") > 0.0);
         assert!(number(point, "compensated_rad_s") > number(point, "uncompensated_rad_s"));
     }
@@ -148,8 +152,11 @@ fn text_and_json_give_the_same_numbers() {
     for point in json["points"].as_array().unwrap() {
         let row = format!("{:.3}", number(point, "nominal"));
         let cells: Vec<&str> = text.lines().find(|line| line.contains(&row)).unwrap().split_whitespace().collect();
-        assert_eq!(cells[1], format!("{:.4}", number(point, "uncompensated_rad_s")));
-        assert_eq!(cells[2], format!("{:.4}", number(point, "compensated_rad_s")));
+        for (cells, which) in cells[1..].chunks(3).zip(["uncompensated", "compensated"]) {
+            assert_eq!(cells[0], format!("{:.4}", number(point, &format!("{which}_rad_s"))));
+            assert_eq!(cells[1], format!("{:.1}", number(point, &format!("{which}_phase_deg"))));
+            assert_eq!(cells[2], format!("{:.2}", number(point, &format!("{which}_minus_90_rad_s"))));
+        }
     }
     let text = stand.run("identify sim --out found.toml --json i.json");
     let json: Value = serde_json::from_str(&stand.read("i.json")).unwrap();

@@ -10,6 +10,7 @@ mod good_paths;
 mod identify_stand;
 mod import;
 mod interrupted;
+mod latency;
 mod new;
 mod output;
 mod stand;

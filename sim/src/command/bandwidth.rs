@@ -5,14 +5,15 @@ use std::path::PathBuf;
 
 use clap::Args;
 use miette::WrapErr as _;
-use rotorlead::design::{LeadDesign, LeadParameters};
+use rotorlead::design::{DEFAULT_LOOP_RATE_HZ, LeadDesign, LeadParameters};
 use serde_json::json;
 
-use super::outcome::{JsonOption, Outcome};
+use super::latency::{LatencyArguments, counted_delays, latency_json, lost_gain, without_mark};
+use super::outcome::{JsonOption, Outcome, paragraph};
 use super::parameters::{DesignArguments, positive};
 use super::report_option::ReportOption;
 use super::{progress, report_pages};
-use crate::design::{Chain, bandwidths_with, read_compensator};
+use crate::design::{Chain, bandwidths_with, chain_phases, read_compensator};
 use crate::identify::{IdentifyError, MeasuredBandwidth, PeriodicIdentification, PeriodicOptions, identify_periodic};
 use crate::plant::effect::Linearity;
 use crate::plant::{ActiveEffect, Model};
@@ -30,7 +31,10 @@ const SEED: u64 = 1;
 /// Predicts the bandwidth at each point of a model, with and without a compensator, and measures it on records
 ///
 /// The bandwidth is the smallest frequency at which the response is 3 dB (exactly) under its static value. Without
-/// --compensator one is designed from the model, as `rotorlead design` would.
+/// --compensator one is designed from the model, as `rotorlead design` would. Beside each stands the phase there of the
+/// whole chain, from the flight controller's pulse to the response, and the frequency at which that phase is -90 degrees:
+/// the crossover of a rate controller has to lie below. Warns where dead time makes the gained bandwidth worthless: at the new
+/// bandwidth it lags more than 1 rad alone, and the whole chain more than 90 degrees.
 #[derive(Args, Debug)]
 pub struct Bandwidth {
     /// The model, as `rotorlead identify` writes it
@@ -54,6 +58,8 @@ pub struct Bandwidth {
     #[command(flatten)]
     parameters: DesignArguments,
     #[command(flatten)]
+    latency: LatencyArguments,
+    #[command(flatten)]
     pub(super) report: ReportOption,
     #[command(flatten)]
     pub(super) json: JsonOption,
@@ -63,6 +69,8 @@ impl Bandwidth {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
         self.report.check(None)?;
+        // Before files are read: it may be wrong use.
+        self.latency.latency(DEFAULT_LOOP_RATE_HZ)?;
         let model = Model::read(&self.model)?;
         let effects = ActiveEffect::of_model(&model)?;
         let design = match (&self.lead, &self.compensator) {
@@ -79,9 +87,20 @@ impl Bandwidth {
             _ => Chain::Continuous(lead),
         };
         let points = bandwidths_with(&model, &effects, chain);
-        let mut text = bandwidth_table(&points);
+        let latency = self.latency.latency(design.as_ref().map_or(DEFAULT_LOOP_RATE_HZ, LeadDesign::loop_rate_hz))?;
+        let phases = chain_phases(&model, &effects, chain, &latency, &points);
+        let warning = lost_gain(&points, &phases);
+        let mut text = bandwidth_table(&points, &phases);
+        text.push_str(&counted_delays(&latency, &phases));
         text.push_str(&counted_effects(&effects));
-        let mut json = json!({ "points": bandwidth_json(&points) });
+        if let Some(warning) = &warning {
+            writeln!(text, "\n{}", paragraph(warning, "  ").trim_end()).expect("a string takes all");
+        }
+        let mut json = json!({
+            "points": bandwidth_json(&points, &phases),
+            "latency": latency_json(&latency),
+            "warnings": warning.as_slice(),
+        });
         if !effects.is_empty() {
             let left_out = effects.iter().map(ActiveEffect::kind).filter(|kind| kind.linearity == Linearity::Absent);
             json["left_out"] = left_out.map(|kind| kind.id).collect();
@@ -94,7 +113,7 @@ impl Bandwidth {
             json["measured"] = measured_json(&measured);
         }
         text.push_str(&self.report.write(|| {
-            let mut section = bandwidth_section(&points, &measured);
+            let mut section = bandwidth_section(&points, &phases, &measured);
             section.figures.push(simulated_response(&model, lead));
             // Without and with compensator may be in different folders.
             let nominals = found.into_iter().flat_map(|found| found.nominals).collect();
@@ -115,7 +134,12 @@ impl Bandwidth {
             facts.push(report_pages::version());
             let verdict = report_pages::faster_as_measured(&points, &measured);
             let title = format!("Bandwidths of {}", self.model.display());
-            Report { facts, sections: vec![section], ..report_pages::report("Bandwidth", title, verdict) }
+            Report {
+                facts,
+                warnings: without_mark(warning.as_slice()),
+                sections: vec![section],
+                ..report_pages::report("Bandwidth", title, verdict)
+            }
         })?);
         Ok(Outcome { text, json })
     }
@@ -140,7 +164,7 @@ impl Bandwidth {
 }
 
 /// What of the model's effects is in the bandwidths; nothing for a model without any.
-fn counted_effects(effects: &[ActiveEffect]) -> String {
+pub fn counted_effects(effects: &[ActiveEffect]) -> String {
     let ids = |counted: &dyn Fn(Linearity) -> bool| -> Vec<&str> {
         effects.iter().map(ActiveEffect::kind).filter(|kind| counted(kind.linearity)).map(|kind| kind.id).collect()
     };

@@ -4,22 +4,26 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use clap::Args;
-use rotorlead::design::LeadDesign;
+use rotorlead::design::{DEFAULT_LOOP_RATE_HZ, LeadDesign};
 use serde_json::json;
 
+use super::bandwidth::counted_effects;
+use super::latency::{LatencyArguments, counted_delays, latency_json, lost_gain, without_mark};
 use super::outcome::{JsonOption, Outcome, paragraph};
 use super::parameters::DesignArguments;
 use super::report_option::ReportOption;
 use super::report_pages;
-use crate::design::{Chain, bandwidths, compensator_file};
+use crate::design::{Chain, bandwidths_with, chain_phases, compensator_file};
 use crate::files::check_writable;
-use crate::plant::{Model, Point};
+use crate::plant::{ActiveEffect, Model, Point};
 use crate::report::{Report, bandwidth_json, bandwidth_section, bandwidth_table, design_section};
 
 /// Designs one compensator for all points of a model
 ///
 /// The zero is put on the fastest pole of the model, and the two poles where the filter amplifies up to omega_g.
 /// Writes the parameters and the integers that a controller makes of them; refuses what its format cannot hold.
+/// Predicts the bandwidths and the phase of the whole chain as `rotorlead bandwidth` does, and warns where dead time makes
+/// the gained bandwidth worthless.
 #[derive(Args, Debug)]
 pub struct Design {
     /// The model, as `rotorlead identify` writes it
@@ -31,6 +35,8 @@ pub struct Design {
     #[command(flatten)]
     parameters: DesignArguments,
     #[command(flatten)]
+    latency: LatencyArguments,
+    #[command(flatten)]
     pub(super) report: ReportOption,
     #[command(flatten)]
     pub(super) json: JsonOption,
@@ -39,21 +45,30 @@ pub struct Design {
 impl Design {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
+        // Before anything is read or written: it may be wrong use.
+        self.latency.latency(DEFAULT_LOOP_RATE_HZ)?;
         let model = Model::read(&self.model)?;
         check_writable(&self.out)?;
         self.report.check(Some(&self.out))?;
+        let effects = ActiveEffect::of_model(&model)?;
         let design = self.parameters.design(&model, &self.model)?;
         compensator_file(&design).write(&self.out)?;
 
-        let points = bandwidths(&model, Chain::Continuous(design.lead()));
+        let chain = Chain::Continuous(design.lead());
+        let points = bandwidths_with(&model, &effects, chain);
+        let latency = self.latency.latency(design.loop_rate_hz())?;
+        let phases = chain_phases(&model, &effects, chain, &latency, &points);
+        let warnings: Vec<String> = uncertain_zero(&model).into_iter().chain(lost_gain(&points, &phases)).collect();
         let mut text = describe(&design, &model);
-        writeln!(text, "\nPredicted bandwidth\n\n{}", bandwidth_table(&points)).expect("a string takes all");
-        if let Some(warning) = uncertain_zero(&model) {
-            writeln!(text, "{}", paragraph(&warning, "  ")).expect("a string takes all");
+        write!(text, "\nPredicted bandwidth\n\n{}", bandwidth_table(&points, &phases)).expect("a string takes all");
+        text.push_str(&counted_delays(&latency, &phases));
+        text.push_str(&counted_effects(&effects));
+        text.push('\n');
+        for warning in &warnings {
+            writeln!(text, "{}", paragraph(warning, "  ")).expect("a string takes all");
         }
         writeln!(text, "Written to {}", self.out.display()).expect("a string takes all");
         text.push_str(&self.report.write(|| {
-            let warnings: Vec<String> = uncertain_zero(&model).into_iter().collect();
             let verdict = report_pages::designed(&design, &points, warnings.len());
             Report {
                 facts: vec![
@@ -61,8 +76,8 @@ impl Design {
                     report_pages::file("Compensator", &self.out),
                     report_pages::version(),
                 ],
-                warnings: warnings.iter().map(|warning| warning.trim_start_matches("warning: ").to_owned()).collect(),
-                sections: vec![design_section(&design, &model), bandwidth_section(&points, &[])],
+                warnings: without_mark(&warnings),
+                sections: vec![design_section(&design, &model), bandwidth_section(&points, &phases, &[])],
                 ..report_pages::report("Design", format!("Compensator for {}", self.model.display()), verdict)
             }
         })?);
@@ -73,12 +88,13 @@ impl Design {
             "damping": design.lead().damping,
             "loop_rate_hz": design.loop_rate_hz(),
             "coefficients": compensator_file(&design).coefficients,
-            "warnings": uncertain_zero(&model).into_iter().collect::<Vec<_>>(),
+            "warnings": warnings,
             "worst_deviation_db": check.worst_deviation_db,
             "pole_radii": check.pole_radii,
             "l1_gain": check.l1_gain,
             "step_peak": check.step_peak,
-            "points": bandwidth_json(&points),
+            "points": bandwidth_json(&points, &phases),
+            "latency": latency_json(&latency),
         });
         Ok(Outcome { text, json })
     }

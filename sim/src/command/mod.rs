@@ -20,6 +20,7 @@ mod identify_map;
 mod identify_stand;
 mod identify_tables;
 mod import;
+mod latency;
 mod man;
 mod new;
 mod outcome;

@@ -68,14 +68,14 @@ fn lag(point: &Point, omega_rad_s: f64) -> Complex64 {
 }
 
 impl Chain<'_> {
-    fn filter(&self, omega_rad_s: f64) -> Complex64 {
+    pub(super) fn filter(&self, omega_rad_s: f64) -> Complex64 {
         match self {
             Self::Continuous(lead) => lead.response(omega_rad_s),
             Self::Sampled { design, .. } => design.response(omega_rad_s),
         }
     }
 
-    fn holds(&self, omega_rad_s: f64) -> Complex64 {
+    pub(super) fn holds(&self, omega_rad_s: f64) -> Complex64 {
         match self {
             Self::Continuous(_) => Complex64::ONE,
             Self::Sampled { design, esc_frame_hz } => hold_response(design.loop_rate_hz(), *esc_frame_hz, omega_rad_s),
@@ -83,7 +83,7 @@ impl Chain<'_> {
     }
 
     /// A sampled system has no response of its own above half its rate.
-    fn limit_rad_s(&self) -> f64 {
+    pub(super) fn limit_rad_s(&self) -> f64 {
         match self {
             Self::Continuous(_) => SEARCHED_UP_TO_RAD_S,
             Self::Sampled { design, esc_frame_hz } => {

@@ -1,10 +1,14 @@
-//! Compensators from models, and the bandwidths that they give.
+//! Compensators from models, the bandwidths that they give, and how late the whole chain is.
 
 mod bandwidths;
 mod error;
+mod latency;
 mod lead;
+mod phase;
 pub mod redesign;
 
 pub use bandwidths::{BandwidthPoint, Chain, bandwidths, bandwidths_with};
 pub use error::CompensatorError;
+pub use latency::{Delay, FrameStart, Latency, LatencyError, default_frame_hz};
 pub use lead::{DesignOptions, compensator_file, design, read_compensator};
+pub use phase::{ChainPhase, PhaseAtBandwidth, chain_phases};

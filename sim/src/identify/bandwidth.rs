@@ -104,20 +104,27 @@ pub struct EtfeBandwidth {
 
 /// The first crossing of an analytic response, searched from zero up to `max_rad_s`.
 ///
-/// The first bracket is found in steps of 0.1 % from `max_rad_s / 10^6`, then bisected to the last
-/// digit. A dip that crosses and returns within 0.1 % of a frequency is not seen.
+/// A dip that crosses and returns within 0.1 % of a frequency is not seen.
 #[must_use]
 pub fn bandwidth_of(response: impl Fn(f64) -> Complex64, max_rad_s: f64) -> Bandwidth {
     let threshold = THREE_DB * response(0.0).norm();
-    let is_below = |omega: f64| response(omega).norm() < threshold;
+    first_frequency(|omega| response(omega).norm() < threshold, max_rad_s)
+}
+
+/// The smallest frequency up to `max_rad_s` at which `is_reached` holds.
+///
+/// The first bracket is found in steps of 0.1 % from `max_rad_s / 10^6`, then bisected to the last
+/// digit.
+#[must_use]
+pub fn first_frequency(is_reached: impl Fn(f64) -> bool, max_rad_s: f64) -> Bandwidth {
     let steps = (1e6f64.ln() / 1.001f64.ln()).ceil() as i32;
     let mut low = 0.0;
     let bracket = (-steps..=0).map(|step| max_rad_s * 1.001f64.powi(step)).find(|&omega| {
-        let below = is_below(omega);
-        if !below {
+        let reached = is_reached(omega);
+        if !reached {
             low = omega;
         }
-        below
+        reached
     });
     let Some(mut high) = bracket else {
         return Bandwidth::Beyond(max_rad_s);
@@ -127,7 +134,7 @@ pub fn bandwidth_of(response: impl Fn(f64) -> Complex64, max_rad_s: f64) -> Band
         if middle <= low || middle >= high {
             return Bandwidth::At(high);
         }
-        if is_below(middle) {
+        if is_reached(middle) {
             high = middle;
         } else {
             low = middle;

@@ -34,7 +34,9 @@ mod uncertainty;
 mod validate;
 
 pub use advice::with_advice;
-pub use bandwidth::{Bandwidth, EtfeBandwidth, StaticValue, THREE_DB, bandwidth_of, bandwidth_of_etfe};
+pub use bandwidth::{
+    Bandwidth, EtfeBandwidth, StaticValue, THREE_DB, bandwidth_of, bandwidth_of_etfe, first_frequency,
+};
 pub use broadband::{ChirpIdentification, identify_chirps, is_chirp_to_fit};
 pub use distortion::{Distortion, DistortionLevel, RobustResponse, STRONG_DISTORTION_DB};
 pub(crate) use effects::upsampled;

@@ -2,31 +2,46 @@
 
 use serde_json::{Value, json};
 
-use crate::design::BandwidthPoint;
+use crate::design::{BandwidthPoint, ChainPhase, PhaseAtBandwidth};
 use crate::identify::{Bandwidth, MeasuredBandwidth};
 
-/// One line per nominal command, with a heading.
+/// One line per nominal command, with a heading. `phases` are those of the same points.
 #[must_use]
-pub fn bandwidth_table(points: &[BandwidthPoint]) -> String {
-    let mut text = String::from("  u_nom   uncompensated     compensated\n               (rad/s)         (rad/s)\n");
-    for point in points {
-        let (before, after) = (bandwidth_cell(point.uncompensated, 4), bandwidth_cell(point.compensated, 4));
-        text.push_str(&format!("  {:<5.3} {before:>15} {after:>15}\n", point.nominal));
+pub fn bandwidth_table(points: &[BandwidthPoint], phases: &[ChainPhase]) -> String {
+    let mut text = String::from(
+        "  u_nom            uncompensated                     compensated
+              -3 dB   phase  -90 deg          -3 dB   phase  -90 deg
+            (rad/s)   (deg)  (rad/s)        (rad/s)   (deg)  (rad/s)\n",
+    );
+    let cells = |bandwidth: Bandwidth, phase: &PhaseAtBandwidth| {
+        let phase_deg = phase.phase_deg.map_or_else(|| "-".to_owned(), |deg| format!("{deg:.1}"));
+        format!("{:>11} {phase_deg:>7} {:>8}", bandwidth_cell(bandwidth, 4), bandwidth_cell(phase.minus_90, 2))
+    };
+    for (point, phase) in points.iter().zip(phases) {
+        let before = cells(point.uncompensated, &phase.uncompensated);
+        let after = cells(point.compensated, &phase.compensated);
+        text.push_str(&format!("  {:<5.3} {before}    {after}\n", point.nominal));
     }
     text
 }
 
-/// One object per nominal command: `nominal`, `uncompensated_rad_s`, `compensated_rad_s`.
+/// One object per nominal command: `nominal`, and without and with the compensator the bandwidth, the phase there and the
+/// frequency of -90 degrees; null where there is none in the range searched.
 #[must_use]
-pub fn bandwidth_json(points: &[BandwidthPoint]) -> Value {
-    let point = |point: &BandwidthPoint| {
+pub fn bandwidth_json(points: &[BandwidthPoint], phases: &[ChainPhase]) -> Value {
+    let point = |(point, phase): (&BandwidthPoint, &ChainPhase)| {
         json!({
             "nominal": point.nominal,
             "uncompensated_rad_s": rad_s(point.uncompensated),
+            "uncompensated_phase_deg": phase.uncompensated.phase_deg,
+            "uncompensated_minus_90_rad_s": rad_s(phase.uncompensated.minus_90),
             "compensated_rad_s": rad_s(point.compensated),
+            "compensated_phase_deg": phase.compensated.phase_deg,
+            "compensated_minus_90_rad_s": rad_s(phase.compensated.minus_90),
+            "dead_time_s": phase.model_dead_time_s,
         })
     };
-    points.iter().map(point).collect()
+    points.iter().zip(phases).map(point).collect()
 }
 
 /// One line per record, with a heading, and what the intervals mean.

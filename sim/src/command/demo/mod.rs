@@ -129,7 +129,7 @@ impl Demo {
         let written = self.report.write(|| {
             let identification =
                 Identification { output: stand.output, model: &model, found: Some(&found), static_map: None };
-            let mut bandwidth = bandwidth_section(&simulated, &of_records);
+            let mut bandwidth = bandwidth_section(&simulated, &[], &of_records);
             bandwidth.figures.extend(measured_response(&found, &compensated));
             bandwidth.figures.extend(simulation_and_experiment(&found, &compensated, &design));
             bandwidth.figures.push(drawn);

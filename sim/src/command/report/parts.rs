@@ -10,11 +10,13 @@ use crate::command::check::warn;
 use crate::command::identify::{Identified, identify, transform};
 use crate::command::{diagnose as diagnosis, identify_map, progress, redesign as command};
 use crate::design::redesign::{PAPER_AMPLITUDE, RedesignOptions, redesign};
-use crate::design::{BandwidthPoint, Chain, CompensatorError, DesignOptions, bandwidths, design};
+use crate::design::{
+    BandwidthPoint, Chain, ChainPhase, CompensatorError, DesignOptions, Latency, bandwidths, chain_phases, design,
+};
 use crate::diagnose::{Diagnosis, Options, Verdict, diagnose, fill_in_esc_commands};
 use crate::identify::check::{Finding, Findings, Topic, of_record};
 use crate::identify::{FirstOrderOptions, MeasuredBandwidth, RecordValidation, validate};
-use crate::plant::{Catalog, Model};
+use crate::plant::{ActiveEffect, Catalog, Model};
 use crate::record::{Experiment, LongRecord};
 
 /// Where the bootstrap of measured bandwidths starts.
@@ -42,6 +44,8 @@ pub(super) struct Parts {
 pub(super) struct Designed {
     pub design: LeadDesign,
     pub points: Vec<BandwidthPoint>,
+    /// Of the whole chain, with a controller's default pulses.
+    pub phases: Vec<ChainPhase>,
     pub model: Model,
     /// What is to be known of it beside the numbers.
     pub remarks: Vec<String>,
@@ -146,7 +150,8 @@ fn lowered(model: &Model) -> Option<f64> {
 fn designed(model: &Model, options: DesignOptions) -> Part<Designed> {
     let design = design(model, &options).map_err(|error| said(&error.into()))?;
     let points = bandwidths(model, Chain::Continuous(design.lead()));
-    Ok(Designed { design, points, model: model.clone(), remarks: Vec::new() })
+    let phases = phases(model, &[], &design, &points);
+    Ok(Designed { design, points, phases, model: model.clone(), remarks: Vec::new() })
 }
 
 /// For the model with what was missing in it; none where it would ask for more than the actuator follows.
@@ -158,6 +163,14 @@ fn designed_with_effects(found: &Diagnosis, design: DesignOptions, experiment: &
         let reasons = std::iter::once(refusal).chain(&remarks).map(|reason| reason.trim_end_matches('.'));
         return Err(reasons.collect::<Vec<_>>().join(". "));
     }
-    let points = redesigned.full.points.into_iter().map(|point| point.small).collect();
-    Ok(Designed { design: redesigned.full.design, points, model: found.model.clone(), remarks })
+    let effects = ActiveEffect::of_model(&found.model).map_err(|error| said(&error.into()))?;
+    let design = redesigned.full.design;
+    let points: Vec<_> = redesigned.full.points.into_iter().map(|point| point.small).collect();
+    let phases = phases(&found.model, &effects, &design, &points);
+    Ok(Designed { design, points, phases, model: found.model.clone(), remarks })
+}
+
+fn phases(model: &Model, effects: &[ActiveEffect], design: &LeadDesign, points: &[BandwidthPoint]) -> Vec<ChainPhase> {
+    let latency = Latency::standard(design.loop_rate_hz());
+    chain_phases(model, effects, Chain::Continuous(design.lead()), &latency, points)
 }

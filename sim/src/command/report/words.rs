@@ -8,6 +8,7 @@ use super::ReportCommand;
 use super::parts::{Designed, Parts};
 use crate::command::diagnose::verdict as diagnosed;
 use crate::command::identify_tables::point_json;
+use crate::command::latency::{lost_gain, without_mark};
 use crate::command::report_option::this_command;
 use crate::command::report_pages;
 use crate::design::DesignOptions;
@@ -54,7 +55,7 @@ impl Parts {
             None => {}
         }
         match &self.designed {
-            Ok(Designed { design, points, model, remarks }) => {
+            Ok(Designed { design, points, phases, model, remarks }) => {
                 let mut compensator = design_section(design, model);
                 if self.missing().is_some() {
                     compensator.text.insert(0, "For the model that the diagnosis has extended.".to_owned());
@@ -68,7 +69,7 @@ impl Parts {
                 }
                 compensator.text.extend(remarks.iter().cloned());
                 sections.push(compensator);
-                let mut bandwidth = bandwidth_section(points, &self.measured);
+                let mut bandwidth = bandwidth_section(points, phases, &self.measured);
                 if let Some(found) = found {
                     bandwidth.figures.extend(measured_response(found, found));
                     bandwidth.figures.extend(simulation_and_experiment(found, found, design));
@@ -113,7 +114,12 @@ impl Parts {
             verdicts.push(report_pages::validated(records));
         }
         match &self.designed {
-            Ok(Designed { design, points, .. }) => verdicts.push(report_pages::designed(design, points, 0)),
+            Ok(Designed { design, points, phases, .. }) => {
+                let lost: Vec<String> = lost_gain(points, phases).into_iter().collect();
+                let mut verdict = report_pages::designed(design, points, lost.len());
+                verdict.sentences.extend(without_mark(&lost).into_iter().map(|warning| format!("But {warning}.")));
+                verdicts.push(verdict);
+            }
             Err(reason) => verdicts.push(Verdict::new(Tone::Attention, format!("No compensator: {reason}."))),
         }
         if let Some(Ok(found)) = &self.diagnosed

@@ -1,0 +1,201 @@
+//! How late the whole chain is, and whether what a compensator gains can be used.
+
+use std::f64::consts::PI;
+
+use rotorlead_sim::report::paper::table_1;
+use serde_json::Value;
+
+use crate::stand::{MODEL, Stand};
+
+/// From pulse in to pulse out with the defaults: half of 1000 to 2000 us, the filter of the input, half a tick.
+const LATENCY_S: f64 = 1602.2e-6;
+
+/// A stand whose model has this dead time at both points.
+fn late(delay_s: f64) -> Stand {
+    let stand = Stand::new();
+    stand.write("model.toml", MODEL.replace("time_constant_s", &format!("delay_s = {delay_s}\ntime_constant_s")));
+    stand
+}
+
+fn number(value: &Value, key: &str) -> f64 {
+    value[key].as_f64().unwrap_or_else(|| panic!("`{key}` is no number in {value:#}"))
+}
+
+/// Text without the line breaks of its layout.
+fn flowing(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// The phase of lag and dead time, degrees.
+fn lag_deg(omega: f64, time_constant_s: f64, dead_time_s: f64) -> f64 {
+    -((omega * time_constant_s).atan() + omega * dead_time_s).to_degrees()
+}
+
+#[test]
+fn beside_each_bandwidth_stands_the_phase_of_the_whole_chain() {
+    let stand = late(0.036);
+    let json = stand.json("bandwidth --model model.toml");
+    let latency = &json["latency"];
+    assert!((number(latency, "mean_s") - LATENCY_S).abs() < 1e-12, "{latency}");
+    for (point, time_constant_s) in json["points"].as_array().unwrap().iter().zip([0.08, 0.06]) {
+        assert_eq!(number(point, "dead_time_s"), 0.036);
+        let (bandwidth, phase) = (number(point, "uncompensated_rad_s"), number(point, "uncompensated_phase_deg"));
+        assert!((phase - lag_deg(bandwidth, time_constant_s, 0.036 + LATENCY_S)).abs() < 1e-6, "{point}");
+        let minus_90 = number(point, "uncompensated_minus_90_rad_s");
+        assert!((lag_deg(minus_90, time_constant_s, 0.036 + LATENCY_S) + 90.0).abs() < 1e-6, "{point}");
+        // Two poles instead of the lag: they are at -90 degrees at their frequency, and the dead time comes to that.
+        assert!(number(point, "compensated_minus_90_rad_s") > minus_90);
+    }
+    let fast = &json["points"][1];
+    let (bandwidth, phase) = (number(fast, "compensated_rad_s"), number(fast, "compensated_phase_deg"));
+    let omega_f = (200.0 * PI / 0.06).sqrt();
+    let poles = (2f64.sqrt() * omega_f * bandwidth).atan2(omega_f.powi(2) - bandwidth.powi(2));
+    assert!((phase + (poles + bandwidth * (0.036 + LATENCY_S)).to_degrees()).abs() < 1e-6, "{fast}");
+    let text = stand.run("bandwidth --model model.toml");
+    for part in [format!("{bandwidth:.4}"), format!("{phase:.1}")] {
+        assert!(text.contains(&part), "no `{part}` in:\n{text}");
+    }
+    assert!(text.lines().all(|line| line.len() <= 80), "too wide:\n{text}");
+    for part in ["1.60 ms on average from pulse in to pulse out", "36.00 ms of dead time in the model"] {
+        assert!(flowing(&text).contains(part), "no `{part}` in:\n{text}");
+    }
+}
+
+#[test]
+fn a_dead_time_that_makes_the_gained_bandwidth_worthless_is_warned_of() {
+    let stand = late(0.036);
+    let json = stand.json("bandwidth --model model.toml");
+    let fast = &json["points"][1];
+    for command in ["design --model model.toml --out c.toml", "bandwidth --model model.toml"] {
+        let warnings = stand.json(command)["warnings"].clone();
+        let [Value::String(warning)] = warnings.as_array().unwrap().as_slice() else { panic!("{warnings}") };
+        let bandwidth = number(fast, "compensated_rad_s");
+        for part in [
+            format!("promises {bandwidth:.1} rad/s instead of {:.1}", number(fast, "uncompensated_rad_s")),
+            "37.6 ms (model 36.0, pulse in to pulse out 1.6)".to_owned(),
+            format!("alone lags {:.0} degrees", (bandwidth * (0.036 + LATENCY_S)).to_degrees()),
+            format!("whole chain is {:.0}", number(fast, "compensated_phase_deg")),
+            format!("up to {:.1} rad/s, where it lags 90 degrees", number(fast, "compensated_minus_90_rad_s")),
+            "record again".to_owned(),
+            "--omega-g".to_owned(),
+        ] {
+            assert!(warning.contains(&part), "no `{part}` in {warning}");
+        }
+        assert!(flowing(&stand.run(command)).contains(warning.as_str()), "{command}");
+    }
+    stand.run("bandwidth --model model.toml --report report.html");
+    assert!(stand.read("report.html").contains("dead time makes the gained bandwidth worthless"));
+    // Counted as an effect it is the same dead time.
+    stand.write(
+        "model.toml",
+        format!("{MODEL}[[effect]]\nkind = \"transport_delay\"\nparameters = {{ delay_s = 0.036 }}\n"),
+    );
+    let same = stand.json("design --model model.toml --out c.toml");
+    assert_eq!(same["warnings"].as_array().unwrap().len(), 1);
+    let (a, b) = (number(&same["points"][1], "compensated_phase_deg"), number(fast, "compensated_phase_deg"));
+    assert!((a - b).abs() < 1e-6, "{a} and {b}");
+}
+
+#[test]
+fn the_papers_motors_get_no_warning_with_any_protocol() {
+    let stand = Stand::new();
+    table_1().write(&stand.path("model.toml")).unwrap();
+    for protocol in ["standard_pwm", "oneshot125", "raw_duty"] {
+        for start in ["", " --output-start free_running"] {
+            for command in ["design --model model.toml --out c.toml", "bandwidth --model model.toml"] {
+                let json = stand.json(&format!("{command} --input-protocol {protocol}{start}"));
+                assert_eq!(json["warnings"], Value::Array(Vec::new()), "{protocol}{start}");
+            }
+        }
+    }
+    // Servo pulses at 50 Hz that run freely are late by 11.6 ms.
+    let slow = stand.json("bandwidth --model model.toml --input-frame 50 --output-start free_running");
+    assert!((number(&slow["latency"], "mean_s") - 11602.2e-6).abs() < 1e-12);
+    assert!(slow["warnings"][0].as_str().unwrap().contains("--output-protocol oneshot125"), "{slow}");
+}
+
+#[test]
+fn the_latency_is_that_of_the_pulses_that_are_given() {
+    let stand = Stand::new();
+    let latency = |options: &str| stand.json(&format!("bandwidth --model model.toml {options}"))["latency"].clone();
+    for (options, mean_us, worst_us, start) in [
+        ("--output-start free_running", 2852.2, 4702.2, "free_running"),
+        // Half a frame and a whole one for the pulse, and again for the frame.
+        ("--input-protocol raw_duty", 1768.8667, 3535.5333, "free_running"),
+        // A full step down ends 375 us after the pulse before, is read a tick later, and waits for 270 us of pulse and gap.
+        ("--input-protocol oneshot125 --input-frame 2000", 289.7, 522.2, "follows_input"),
+        ("--output-protocol oneshot125", 1602.2, 2202.2, "follows_input"),
+        ("--output-protocol raw_duty --output-frame 1000", 2102.2, 3202.2, "free_running"),
+        ("--loop-rate 10000", 1552.2, 2722.2, "follows_input"),
+    ] {
+        let found = latency(options);
+        assert!((1e6 * number(&found, "mean_s") - mean_us).abs() < 1e-3, "{options}: {found:#}");
+        assert!((1e6 * number(&found, "worst_s") - worst_us).abs() < 1e-3, "{options}: {found:#}");
+        assert_eq!(found["output_start"], start, "{options}");
+        let steps = found["steps"].as_object().unwrap();
+        assert!(
+            (steps.values().map(|step| number(step, "mean_s")).sum::<f64>() - number(&found, "mean_s")).abs() < 1e-12
+        );
+    }
+    // A compensator brings its own loop.
+    stand.run("design --model model.toml --loop-rate 10000 --out c.toml");
+    assert_eq!(latency("--compensator c.toml"), latency("--loop-rate 10000"));
+}
+
+#[test]
+fn pulses_that_no_controller_takes_are_refused_by_the_option() {
+    let stand = Stand::new();
+    for command in ["design --model model.toml --out c.toml", "bandwidth --model model.toml"] {
+        for (options, parts) in [
+            ("--input-protocol dshot600", &["--input-protocol", "standard_pwm", "oneshot125", "raw_duty"][..]),
+            ("--input-frame 500", &["--input-frame is 500 Hz", "2000 us", "495 Hz or less"]),
+            ("--output-protocol oneshot125 --output-frame 4000", &["--output-frame is 4000 Hz", "3703 Hz or less"]),
+            ("--input-frame 39", &["--input-frame", "40..=4000"]),
+            ("--output-frame -5", &["--output-frame", "40..=4000"]),
+            ("--output-protocol raw_duty --output-start follows_input", &["the ratio", "--output-start free_running"]),
+            (
+                "--input-protocol oneshot125 --output-protocol standard_pwm --output-start follows_input",
+                &["3703 Hz", "lower --input-frame to 495 Hz", "--output-start free_running"],
+            ),
+        ] {
+            stand.refuses(&format!("{command} {options}"), 2, parts);
+        }
+    }
+}
+
+#[test]
+fn a_real_log_with_36_ms_of_dead_time_is_warned_of_and_one_with_none_is_not() {
+    let designed = |log: &str, columns: &[&str]| {
+        let file = host_tests::real_log(log)?;
+        let stand = Stand::new();
+        let mut import = stand.command("import --out log --excitation staircase");
+        import.arg(file).args(columns).assert().code(0);
+        stand.run("identify log --out found.toml");
+        Some(stand.json("design --model found.toml --out c.toml"))
+    };
+    let warnings = |json: &Value| {
+        let all = json["warnings"].as_array().unwrap().iter().map(|warning| warning.as_str().unwrap().to_owned());
+        all.filter(|warning| warning.contains("dead time")).collect::<Vec<_>>()
+    };
+    // A thrust stand's log, of about 85 rows per second; commands of DShot, 0 to 2047.
+    let columns = [
+        "--pulse-us",
+        "0..2047",
+        "--column",
+        "command=ESC signal:us",
+        "--column",
+        "rpm=Motor Optical Speed (rad/s):rad/s",
+    ];
+    if let Some(json) = designed("../sar_simulation/micro_2023-12-17_162234.csv", &columns) {
+        let [warning] = &warnings(&json)[..] else { panic!("{json:#}") };
+        assert!(warning.contains("worthless at 14 of 14 points") && warning.contains("model 36.2"), "{warning}");
+        for point in json["points"].as_array().unwrap() {
+            let (bandwidth, usable) = (number(point, "compensated_rad_s"), number(point, "compensated_minus_90_rad_s"));
+            assert!((60.0..170.0).contains(&bandwidth) && (29.0..34.0).contains(&usable), "{point}");
+        }
+    }
+    // The ESC's own log has no dead time.
+    if let Some(json) = designed("esc32v3_f60-1.csv", &[]) {
+        assert_eq!(warnings(&json), [""; 0]);
+    }
+}
