@@ -14,7 +14,7 @@ use rotorlead::link::{
     FRAME_BYTES, INJECT_SAMPLES, INJECT_WINDOW, InjectRequest, Injected, Message, Request, Series, VERSION, encode,
 };
 use rotorlead::settings::Settings;
-use rotorlead::throttle::Command;
+use rotorlead::throttle::{Command, EscCommand};
 use rotorlead_sim::bench::device::path;
 use rotorlead_sim::bench::{BenchError, Plan, run_through};
 use rotorlead_sim::command::Arguments;
@@ -124,12 +124,14 @@ const SENSOR: &str = "--newtons-per-count 2e-4 --zero-count 10000";
 #[test]
 fn what_is_set_is_used_stored_and_shown() {
     let bench = Bench::new(Trouble::None, FAST);
-    assert_eq!(bench.device("info").unwrap()["settings"], "DefaultsBlank");
+    let info = bench.device("info").unwrap();
+    assert_eq!((&info["settings"], &info["outputs_enabled"]), (&"Stored".into(), &true.into()));
     bench.device("set motor.*.compensate true").unwrap();
     let set = bench.device("set output.frame_hz 150").unwrap();
     assert!(set["warnings"][0].as_str().unwrap().contains("output.frame_hz"), "{set}");
     let all = bench.device("get").unwrap();
     assert_eq!((&all["motor.3.compensate"], &all["output.frame_hz"]), (&"true".into(), &"150".into()));
+    assert_eq!(bench.device("info").unwrap()["settings"], "Host");
     bench.device("save").unwrap();
     assert_eq!(bench.device("info").unwrap()["settings"], "Stored");
 }
@@ -155,7 +157,10 @@ fn wrong_settings_are_refused_with_the_remedy() {
         ("set motor.4.idle 0.1", "there is no setting"),
         ("set dampin 0.7", "perhaps damping"),
         ("set damping much", "give a number"),
-        ("set output.protocol dshot", "give raw_duty, standard_pwm, oneshot125"),
+        ("set stop 0.5", "stop must be 0"),
+        ("set no_signal idle", "give no_pulses or stop_pulses"),
+        ("set motor.2.disarming 0.05", "motor.2.arming is 0.05"),
+        ("set output.protocol dshot", "give raw_duty or standard_pwm or oneshot125"),
         ("set omega_f_rad_s 1900", "coefficient g0"),
         ("get idle", "motor.*.KEY"),
     ] {
@@ -430,23 +435,24 @@ fn a_sample_of_the_papers_experiment_costs_few_bytes() {
             let mut channel = path(&settings, 0, true).unwrap();
             channel.tick(Input::Command(Command::ZERO));
             channel.tick(Input::Command(start));
-            let outputs: Vec<Command> = commands.iter().map(|&command| channel.tick(Input::Command(command))).collect();
+            let outputs: Vec<EscCommand> =
+                commands.iter().map(|&command| channel.tick(Input::Command(command))).collect();
             let mut bytes = [0; 2];
             for (first, (samples, outputs)) in
                 commands.chunks(INJECT_SAMPLES).zip(outputs.chunks(INJECT_SAMPLES)).enumerate()
             {
-                let series = |block: &[Command]| {
-                    Series::try_from(&block.iter().map(|c| c.to_bits()).collect::<Vec<_>>()[..]).unwrap()
-                };
+                let series = |block: Vec<i32>| Series::try_from(&block[..]).unwrap();
+                let samples = series(samples.iter().map(|command| command.to_bits()).collect());
+                let block = series(outputs.iter().map(|output| output.to_bits()).collect());
                 let first = (first * INJECT_SAMPLES) as u32;
-                let request = Request::Inject(InjectRequest { motor: 0, first, samples: series(samples) });
+                let request = Request::Inject(InjectRequest { motor: 0, first, samples });
                 bytes[0] += encode(0, &request, &mut frame).unwrap();
-                let reply = Message::Injected(Injected { first, outputs: series(outputs) });
+                let reply = Message::Injected(Injected { first, outputs: block });
                 bytes[1] += encode(0, &reply, &mut frame).unwrap();
             }
             let samples = commands.len() as f64;
             costs.push(bytes.map(|bytes| bytes as f64 / samples));
-            Ok::<_, BenchError>(outputs)
+            Ok::<_, BenchError>(outputs.iter().map(|output| output.command().unwrap_or(Command::ZERO)).collect())
         })
         .unwrap();
     }
