@@ -159,7 +159,7 @@ fn wrong_settings_are_refused_with_the_remedy() {
         ("set damping much", "give a number"),
         ("set stop 0.5", "stop must be 0"),
         ("set no_signal idle", "give no_pulses or stop_pulses"),
-        ("set motor.2.disarming 0.05", "motor.2.arming is 0.05"),
+        ("set motor.2.disarming 0.05", "motor.2.arming is 0.0499"),
         ("set output.protocol dshot", "give raw_duty or standard_pwm or oneshot125"),
         ("set omega_f_rad_s 1900", "coefficient g0"),
         ("get idle", "motor.*.KEY"),
@@ -388,6 +388,8 @@ fn an_injected_experiment_is_the_simulated_one() {
 fn the_window_of_an_injection_is_kept_full() {
     let bench = Bench::new(Trouble::None, Pace { needs_full_window: true, ..Pace::default() });
     bench.plan(&SHORT.repeat(2));
+    // A window that is not full waits for longer than the default holds a motor.
+    bench.device("set motor.*.hold_ms 1000").unwrap();
     bench.device(INJECT).unwrap();
     // Nothing fills the window behind the last two blocks of each record, nor behind the command that stops the motor.
     assert_eq!(bench.controller.starved(), 2 * (INJECT_WINDOW));
