@@ -46,8 +46,8 @@ pub use series::{Full, Series};
 pub const BAUD: u32 = 1_000_000;
 /// Bytes per second: a start bit, 8 bits of data and a stop bit each.
 pub const BYTES_PER_S: u32 = BAUD / 10;
-/// Most bytes that a sample of the recorder takes in frames of [`RECORD_SAMPLES`], rounded up: 5 for each number but the
-/// converter's, which has 12 bits and takes 3, and its share of the frame around them.
-pub const RECORD_SAMPLE_BYTES: u32 = 21;
+/// Most bytes that a sample of the recorder takes, rounded up: 5 for each of its three commands, 3 for a count of 12 bits,
+/// and its share of the frame around [`RECORD_SAMPLES`] of them.
+pub const RECORD_SAMPLE_BYTES: u32 = 19;
 /// Highest part of a control tick that an excitation and the link may take, percent.
 pub const MAX_LOAD_PERCENT: u32 = 80;
