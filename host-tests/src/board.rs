@@ -5,7 +5,8 @@ use heapless::spsc::Queue;
 use rotorlead::channel::Channel;
 use rotorlead::controller::hardware::{CaptureTimer, ControlHardware, Edge, RequestHardware};
 use rotorlead::controller::{
-    self, Board, BoardFacts, BoardHandle, ClockReport, Control, Counts, Ends, Inputs, Queues, RequestHandler, Started, Tick,
+    self, Board, BoardFacts, BoardHandle, ClockReport, Control, Counts, Ends, Inputs, Queues, RequestHandler, Started,
+    Tick,
 };
 use rotorlead::link::{BrownOut, Clock, CrystalCheck, Refusal, ResetReason};
 use rotorlead::settings::{MOTORS, Origin, Store, Validated};
@@ -247,11 +248,7 @@ impl Board for TestBoard {
 /// Queues that live for the rest of the process, as on the board.
 #[must_use]
 pub fn queues() -> Queues {
-    Queues {
-        inject: std::array::from_fn(|_| queue()),
-        outputs: std::array::from_fn(|_| queue()),
-        samples: queue(),
-    }
+    Queues { inject: std::array::from_fn(|_| queue()), outputs: std::array::from_fn(|_| queue()), samples: queue() }
 }
 
 fn queue<T, const N: usize>() -> Ends<T, N> {

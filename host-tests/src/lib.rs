@@ -103,9 +103,8 @@ pub fn any_design() -> impl Strategy<Value = LeadDesign> {
 
 /// Valid settings over the whole range of each, whose filter can be designed: protocols, rates, levels, times.
 pub fn any_settings() -> impl Strategy<Value = Validated> {
-    let protocol = || {
-        prop_oneof![Just(PulseProtocol::RawDuty), Just(PulseProtocol::StandardPwm), Just(PulseProtocol::OneShot125)]
-    };
+    let protocol =
+        || prop_oneof![Just(PulseProtocol::RawDuty), Just(PulseProtocol::StandardPwm), Just(PulseProtocol::OneShot125)];
     let pulse = move || {
         (protocol(), 40..=3703_u16).prop_map(|(protocol, frame_hz)| {
             let fastest = match protocol {
@@ -118,14 +117,17 @@ pub fn any_settings() -> impl Strategy<Value = Validated> {
     };
     let motor = || {
         let levels = proptest::collection::vec(0.0..1.0_f64, 4);
-        (levels, any::<bool>(), 0..=1000_u16).prop_filter_map("levels too close", |(mut levels, compensate, hold_ms)| {
-            levels.sort_by(f64::total_cmp);
-            // Up to where a raw duty has its last edge at the fastest frames.
-            let level = |n: usize| Command::saturating_from_f64(0.0301 + 0.939 * levels[n]).to_bits();
-            let [disarming, arming, idle, max] = [level(0), level(1), level(2), level(3)];
-            let is_ordered = disarming < arming && arming <= idle && idle < max;
-            is_ordered.then_some(MotorSettings { compensate, disarming, arming, idle, max, hold_ms })
-        })
+        (levels, any::<bool>(), 0..=1000_u16).prop_filter_map(
+            "levels too close",
+            |(mut levels, compensate, hold_ms)| {
+                levels.sort_by(f64::total_cmp);
+                // Up to where a raw duty has its last edge at the fastest frames.
+                let level = |n: usize| Command::saturating_from_f64(0.0301 + 0.939 * levels[n]).to_bits();
+                let [disarming, arming, idle, max] = [level(0), level(1), level(2), level(3)];
+                let is_ordered = disarming < arming && arming <= idle && idle < max;
+                is_ordered.then_some(MotorSettings { compensate, disarming, arming, idle, max, hold_ms })
+            },
+        )
     };
     let excitation = (1..=600_u16, 0.0..=1.0_f64, 0.001..=0.25_f64, 0..=3000_u16, 100..=4000_u16).prop_map(
         |(max_duration_s, max_command, max_amplitude, arm_ms, ramp_ms)| ExcitationLimits {

@@ -13,9 +13,7 @@ use std::time::{Duration, Instant};
 
 use rotorlead::capture::Signal;
 use rotorlead::controller::RequestHandler;
-use rotorlead::link::{
-    FRAME_BYTES, INJECT_WINDOW, Message, Receiver, Request, Series, Tagged, VERSION, encode,
-};
+use rotorlead::link::{FRAME_BYTES, INJECT_WINDOW, Message, Receiver, Request, Series, Tagged, VERSION, encode};
 use rotorlead::settings::{Store, Validated};
 use rotorlead::throttle::Command;
 

@@ -7,8 +7,8 @@ use host_tests::{cases, paper_design};
 use proptest::prelude::*;
 use rotorlead::capture::{Decoder, Timing};
 use rotorlead::channel::{
-    Channel, ChannelSettings, ChannelSettingsError, End, Excitation, ExcitationLimits, ExcitationRequest, Input, NoSignal,
-    Phase, Refusal, SLOWEST_RAMP_PER_TICK, State,
+    Channel, ChannelSettings, ChannelSettingsError, End, Excitation, ExcitationLimits, ExcitationRequest, Input,
+    NoSignal, Phase, Refusal, SLOWEST_RAMP_PER_TICK, State,
 };
 use rotorlead::compensator::Compensator;
 use rotorlead::excitation::{ExcitationError, Multisine, ODD_LINES_30_HZ};

@@ -1,9 +1,9 @@
 //! The whole controller without its hardware: what it answers, and what its outputs did.
 
-use host_tests::{any_settings, cases};
 use host_tests::flash::Flash;
 use host_tests::line::{LOOP_HZ, Line, TICKS_PER_POLL, TIMER_HZ, decode, us};
 use host_tests::rig::{Rig, SECTOR, SharedFlash, saved};
+use host_tests::{any_settings, cases};
 use proptest::prelude::*;
 use rotorlead::capture::{Decoder, Level, Signal, Timing};
 use rotorlead::controller::channel_settings;
@@ -290,10 +290,9 @@ fn a_mode_is_set_only_while_the_motor_is_at_rest() {
     // Armed, then held: the pilot's. Nothing happens to the output.
     let mut rig = armed(0.5);
     let level = rig.heard(0.5);
-    for (source, refusal) in [
-        (Source::Inject, Refusal::InputLive { motor: 0 }),
-        (Source::Pulse, Refusal::NotDisarmed { motor: 0 }),
-    ] {
+    for (source, refusal) in
+        [(Source::Inject, Refusal::InputLive { motor: 0 }), (Source::Pulse, Refusal::NotDisarmed { motor: 0 })]
+    {
         assert_eq!(rig.ask(&mode(0, source)), refused(refusal));
         assert_eq!(rig.tick_one(Signal::Unchanged), level);
     }

@@ -54,7 +54,8 @@ fn latency(settings: &Validated, drift: f64, follows: bool) -> (Latency, [f64; 2
     let tick_s = 1.0 / f64::from(settings.loop_rate_hz);
     let counts_per_tick = counter_hz * tick_s;
     let period_s = (1.0 + drift) / f64::from(settings.input.frame_hz);
-    let command = |n: u32| Command::saturating_from_f64(if n < 10 { 0.021 } else { 0.45 + 0.1 * f64::from(n * 7 % 11) / 11.0 });
+    let command =
+        |n: u32| Command::saturating_from_f64(if n < 10 { 0.021 } else { 0.45 + 0.1 * f64::from(n * 7 % 11) / 11.0 });
     let (mut begun, mut all) = (Vec::new(), Vec::new());
     let (mut next, mut frames_seen) = (0_u32, 0);
     // Every pulse that waits goes out with the first frame since.
@@ -125,9 +126,11 @@ fn frames_that_run_by_themselves_have_the_latencies_of_the_documentation() {
 
 #[test]
 fn frames_that_follow_the_input_wait_for_a_tick_and_not_for_a_frame() {
-    for (protocol, input_hz, output_hz) in
-        [(PulseProtocol::StandardPwm, 400, 450), (PulseProtocol::StandardPwm, 333, 400), (PulseProtocol::OneShot125, 2000, 2400)]
-    {
+    for (protocol, input_hz, output_hz) in [
+        (PulseProtocol::StandardPwm, 400, 450),
+        (PulseProtocol::StandardPwm, 333, 400),
+        (PulseProtocol::OneShot125, 2000, 2400),
+    ] {
         let settings = settings(protocol, input_hz, output_hz);
         let pulse_ms = if protocol == PulseProtocol::StandardPwm { 1.5 } else { 0.1875 };
         for drift in DRIFTS {
@@ -175,4 +178,45 @@ fn without_pulses_the_frames_go_on_at_the_longest() {
     assert_eq!(pacer.tick(true, 4300), FrameAction::None, "it is under way");
     assert_eq!(pacer.tick(false, 50), FrameAction::EndAt(plan.frames.longest), "the next one waits again");
     assert_eq!(pacer.tick(true, plan.frames.shortest), FrameAction::Restart);
+}
+
+/// The rows of the table in docs/firmware.md.
+fn documented() -> Vec<Vec<String>> {
+    let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/firmware.md");
+    let text = std::fs::read_to_string(file).unwrap();
+    let rows = text.lines().skip_while(|line| !line.starts_with("| protocol | Hz in ")).skip(2);
+    let rows = rows.take_while(|line| line.starts_with('|'));
+    rows.map(|row| row.trim_matches('|').split('|').map(|cell| cell.trim().to_owned()).collect()).collect()
+}
+
+#[test]
+fn the_latencies_of_the_documentation_are_the_sums_of_its_steps() {
+    let rows = documented();
+    assert_eq!(rows.len(), 5);
+    for row in rows {
+        let number = |cell: &str| cell.split([' ', '°']).next().unwrap().parse::<f64>().unwrap();
+        let (input_hz, output_hz) = (number(&row[1]), number(&row[2]));
+        let (protocol, low_ms, high_ms) = match row[0].as_str() {
+            "standard PWM" => (PulseProtocol::StandardPwm, 1.0, 2.0),
+            "OneShot125" => (PulseProtocol::OneShot125, 0.125, 0.25),
+            "raw duty" => (PulseProtocol::RawDuty, 0.0, 1e3 / input_hz),
+            other => panic!("{other}"),
+        };
+        let settings = settings(protocol, input_hz as u16, output_hz as u16);
+        let locked = settings.output_follows_input() && output_hz > input_hz;
+        assert_eq!(row[3], if locked { "follow" } else { "run freely" }, "{row:?}");
+        let (tick_ms, frame_ms, range_ms) = (0.2, 1e3 / output_hz, high_ms - low_ms);
+        // Two pulses may end closer together than a frame, by the range of the pulse and a tick.
+        let wait = if locked { (frame_ms - (1e3 / input_hz - range_ms - tick_ms)).max(0.0) } else { frame_ms };
+        let mean =
+            0.5 * (low_ms + high_ms) + 1e3 * RECOGNIZED_S + 0.5 * tick_ms + if locked { 0.0 } else { 0.5 * frame_ms };
+        let most = high_ms + 1e3 * RECOGNIZED_S + tick_ms + wait;
+        let degrees = (94.0 * 1e-3 * mean).to_degrees();
+        let (found, _) = latency(&settings, 1e-3, locked);
+        println!("{row:?}: {mean:.3} {most:.3} {degrees:.2} {found:?}");
+        for (cell, value, unit) in [(4, mean, 0.01), (5, most, 0.01), (6, degrees, 0.1), (7, found.jitter, 0.01)] {
+            assert!((number(&row[cell]) - value).abs() <= 0.51 * unit, "{row:?}: {} is {value}", row[cell]);
+        }
+        assert!(found.worst <= most, "{row:?}: {found:?}");
+    }
 }

@@ -5,10 +5,10 @@ use host_tests::fuzz::{frame, fuzz_link};
 use proptest::prelude::*;
 use rotorlead::excitation::{Multisine, ODD_LINES_30_HZ};
 use rotorlead::link::{
-    BrownOut, ChannelState, Clock, CrystalCheck, ExciteRequest, FRAME_BYTES, Faults, FrameFaults, INJECT_SAMPLES, INJECT_WINDOW, Info,
-    InjectRequest, Injected, Injector, LineSet, Message, MotorFaults, NO_INPUT, PAYLOAD_BYTES, PanicPlace,
-    RECORD_SAMPLES, Receiver, Record, RecordClock, RecordRequest, Recorder, Refusal, Request, ResetReason, Sample,
-    Series, Source, Tagged, VERSION, Writer, encode,
+    BrownOut, ChannelState, Clock, CrystalCheck, ExciteRequest, FRAME_BYTES, Faults, FrameFaults, INJECT_SAMPLES,
+    INJECT_WINDOW, Info, InjectRequest, Injected, Injector, LineSet, Message, MotorFaults, NO_INPUT, PAYLOAD_BYTES,
+    PanicPlace, RECORD_SAMPLES, Receiver, Record, RecordClock, RecordRequest, Recorder, Refusal, Request, ResetReason,
+    Sample, Series, Source, Tagged, VERSION, Writer, encode,
 };
 use rotorlead::settings::{Key, Origin, Place, Problem, Settings, SettingsError, Warnings};
 use rotorlead::throttle::Command;
@@ -141,7 +141,12 @@ fn messages() -> Vec<(Message, &'static str)> {
         ),
         (Message::Settings(Settings::default()), concat!("03", DEFAULTS!())),
         (
-            Message::SettingsTaken(Warnings { slow_input: true, slow_output: false, cannot_follow: true, low_arming: false }),
+            Message::SettingsTaken(Warnings {
+                slow_input: true,
+                slow_output: false,
+                cannot_follow: true,
+                low_arming: false,
+            }),
             "0401000100",
         ),
         (Message::Faults(faults), "05 0102030405 06 07 08 09 0a0b0c0d0f0e 000000000000 000000000000 0a0b0c0d0f0e"),

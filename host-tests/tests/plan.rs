@@ -180,7 +180,10 @@ fn a_crystal_is_judged_by_an_oscillator_within_its_tolerance() {
         assert!(matches!(check(8e6, error), CrystalCheck::Right { .. }), "8 MHz by an oscillator {error} off");
         // What other boards have.
         for other in [4e6, 6e6, 9.216e6, 10e6, 12e6, 16e6, 24e6, 25e6, 26e6] {
-            assert!(matches!(check(other, error), CrystalCheck::Wrong { .. }), "{other} Hz by an oscillator {error} off");
+            assert!(
+                matches!(check(other, error), CrystalCheck::Wrong { .. }),
+                "{other} Hz by an oscillator {error} off"
+            );
         }
     }
     assert_eq!(check(16e6, 0.0), CrystalCheck::Wrong { measured_hz: 16_000_000 });

@@ -6,7 +6,8 @@ use host_tests::rig::{Rig, SECTOR, SharedFlash, saved};
 use rotorlead::capture::Signal;
 use rotorlead::controller::ClockReport;
 use rotorlead::link::{
-    BrownOut, ChannelState, CrystalCheck, ExciteRequest, Info, InjectRequest, LineSet, Message, Refusal, Request, Source,
+    BrownOut, ChannelState, CrystalCheck, ExciteRequest, Info, InjectRequest, LineSet, Message, Refusal, Request,
+    Source,
 };
 use rotorlead::settings::{MOTORS, Origin, Pulse, PulseProtocol, Settings, Validated};
 use rotorlead::throttle::{Command, EscCommand};
@@ -182,7 +183,9 @@ fn more_lines_than_the_clock_has_time_for_are_refused_with_lines_and_loop_rate()
         }
     }
     assert_eq!(on(INTERNAL, 1000, LineSet::Odd30Hz), Message::Done);
-    let Message::Refused(refusal) = on(INTERNAL, 5000, LineSet::Odd30Hz) else { panic!("150 lines at 16 MHz cannot run") };
+    let Message::Refused(refusal) = on(INTERNAL, 5000, LineSet::Odd30Hz) else {
+        panic!("150 lines at 16 MHz cannot run")
+    };
     assert!(
         matches!(refusal, Refusal::TooSlow { lines: 150, loop_rate_hz: 5000, core_hz: 16_000_000, percent } if percent > 100)
     );

@@ -6,8 +6,8 @@ use host_tests::{OMEGA_G_RAD_S, cases, paper_design};
 use proptest::prelude::*;
 use rotorlead::design::LeadDesign;
 use rotorlead::settings::{
-    Key, NoSignal, Origin, Place, Problem, Pulse, PulseProtocol, SaveError, Settings, SettingsError, Store,
-    Validated, Warning,
+    Key, NoSignal, Origin, Place, Problem, Pulse, PulseProtocol, SaveError, Settings, SettingsError, Store, Validated,
+    Warning,
 };
 use rotorlead::throttle::Command;
 
@@ -176,7 +176,10 @@ fn frames_that_the_compensator_outruns_are_warned_of() {
         settings.validate().unwrap().warnings().iter().collect::<Vec<_>>()
     };
     assert_eq!(warnings(50, 400, true), [Warning::SlowFrames(Key::InputFrameHz)]);
-    assert_eq!(warnings(150, 199, true), [Warning::SlowFrames(Key::InputFrameHz), Warning::SlowFrames(Key::OutputFrameHz)]);
+    assert_eq!(
+        warnings(150, 199, true),
+        [Warning::SlowFrames(Key::InputFrameHz), Warning::SlowFrames(Key::OutputFrameHz)]
+    );
     assert_eq!(warnings(201, 210, true), []);
     assert_eq!(warnings(50, 60, false), []);
     // Two or more frames to a pulse follow nothing, and others need room to wait for the pulse.

@@ -59,7 +59,6 @@ impl Capture {
         timer.cr1().modify(|_, w| w.cen().set_bit());
         Self { timer, port, _pins: pins }
     }
-
 }
 
 impl CaptureTimer for Capture {

@@ -162,8 +162,7 @@ pub fn measure(oscillator: Oscillator, tim2: &TIM2, syst: &mut SYST, rcc: &mut R
     // SysTick counts down.
     let core_ticks = core_start.wrapping_sub(core_end) & SYSTICK_MASK;
     let timer_ticks = timer_end.wrapping_sub(timer_start);
-    let (timer_hz, timer_as_promised) =
-        check_timer(core_hz, rcc.clocks.timclk1().raw(), core_ticks, timer_ticks);
+    let (timer_hz, timer_as_promised) = check_timer(core_hz, rcc.clocks.timclk1().raw(), core_ticks, timer_ticks);
     let Oscillator { source, crystal } = oscillator;
     ClockReport { source, core_hz, timer_hz, timer_as_promised, crystal }
 }

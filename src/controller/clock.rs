@@ -22,7 +22,9 @@ impl ClockReport {
     /// as 1080 µs. Nobody may arm by that.
     #[must_use]
     pub const fn tells_pulses_apart(&self) -> bool {
-        matches!(self.source, Clock::Crystal) && self.timer_as_promised && !matches!(self.crystal, CrystalCheck::Wrong { .. })
+        matches!(self.source, Clock::Crystal)
+            && self.timer_as_promised
+            && !matches!(self.crystal, CrystalCheck::Wrong { .. })
     }
 }
 
@@ -34,7 +36,12 @@ const OSCILLATOR_PARTS_PER_THOUSAND: (u64, u64) = (920, 1045);
 /// `oscillator_hz`. It is right where the oscillator's tolerance explains the difference; another crystal within that is
 /// not noticed. Without a count there is nothing to be said.
 #[must_use]
-pub fn check_crystal(expected_hz: u32, oscillator_hz: u32, crystal_periods: u32, oscillator_periods: u32) -> CrystalCheck {
+pub fn check_crystal(
+    expected_hz: u32,
+    oscillator_hz: u32,
+    crystal_periods: u32,
+    oscillator_periods: u32,
+) -> CrystalCheck {
     let (periods, counts) = (u64::from(crystal_periods), u64::from(oscillator_periods));
     if periods == 0 || counts == 0 {
         return CrystalCheck::NotChecked;

@@ -5,8 +5,8 @@ use heapless::Deque;
 use heapless::spsc::{Consumer, Producer};
 
 use super::{
-    Board, BoardFacts, Counts, INJECT_QUEUE, Motor, Outputs, RECORD_QUEUE, Tick, channel_settings, channels, coefficients,
-    load,
+    Board, BoardFacts, Counts, INJECT_QUEUE, Motor, Outputs, RECORD_QUEUE, Tick, channel_settings, channels,
+    coefficients, load,
 };
 use crate::biquad::Coefficients;
 use crate::channel::{Channel, Excitation, ExcitationRequest, Refusal as ChannelRefusal, State};
@@ -149,9 +149,8 @@ impl<F: NorFlash> RequestHandler<F> {
 
     fn info(&self, board: &mut impl Board) -> Info {
         let BoardFacts { clocks, reset, brown_out } = board.facts();
-        let (ticks, outputs, motors) = board.tick(|tick| {
-            (tick.ticks(), tick.outputs(), tick.motors().each_ref().map(|motor| motor.state()))
-        });
+        let (ticks, outputs, motors) =
+            board.tick(|tick| (tick.ticks(), tick.outputs(), tick.motors().each_ref().map(|motor| motor.state())));
         let version = |text: &str| text.parse().unwrap_or(0);
         let firmware = [
             version(env!("CARGO_PKG_VERSION_MAJOR")),

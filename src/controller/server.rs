@@ -51,7 +51,11 @@ impl<F: NorFlash> Server<F> {
         }
     }
 
-    fn receive(&mut self, received: &mut impl FnMut() -> Option<u8>, board: &mut impl Board) -> Option<Tagged<Message>> {
+    fn receive(
+        &mut self,
+        received: &mut impl FnMut() -> Option<u8>,
+        board: &mut impl Board,
+    ) -> Option<Tagged<Message>> {
         for _ in 0..POLL_BYTES {
             if let Some(request) = self.receiver.push(received()?) {
                 return self.handler.answer(request, *self.receiver.faults(), board);

@@ -30,14 +30,12 @@ mod recorder;
 mod series;
 
 pub use crate::checksum::CHECKSUM;
-pub use frame::{
-    FRAME_BYTES, FrameFaults, PAYLOAD_BYTES, Receiver, Tagged, TooLong, VERSION, Writer, encode,
-};
+pub use frame::{FRAME_BYTES, FrameFaults, PAYLOAD_BYTES, Receiver, Tagged, TooLong, VERSION, Writer, encode};
 pub use injector::{INJECT_TIMEOUT_MS, INJECT_WINDOW, Injector};
 pub use message::{
-    BrownOut, ChannelState, Clock, CrystalCheck, ExciteRequest, Faults, INJECT_SAMPLES, Info, InjectRequest, Injected, LineSet, Message,
-    MotorFaults, PANIC_FILE_BYTES, PanicPlace, RECORD_SAMPLES, Record, RecordRequest, Refusal, Request, ResetReason,
-    Source,
+    BrownOut, ChannelState, Clock, CrystalCheck, ExciteRequest, Faults, INJECT_SAMPLES, Info, InjectRequest, Injected,
+    LineSet, Message, MotorFaults, PANIC_FILE_BYTES, PanicPlace, RECORD_SAMPLES, Record, RecordRequest, Refusal,
+    Request, ResetReason, Source,
 };
 pub use recorder::{NO_INPUT, NO_PULSE, RecordClock, Recorder, Sample};
 pub use series::{Full, Series};

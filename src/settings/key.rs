@@ -117,10 +117,7 @@ impl Key {
     /// Whether each motor has one.
     #[must_use]
     pub const fn is_of_a_motor(self) -> bool {
-        matches!(
-            self,
-            Self::Compensate | Self::Disarming | Self::Arming | Self::Idle | Self::Max | Self::HoldMs
-        )
+        matches!(self, Self::Compensate | Self::Disarming | Self::Arming | Self::Idle | Self::Max | Self::HoldMs)
     }
 }
 

@@ -48,7 +48,7 @@ const DEFAULT_OUTPUT: Pulse = Pulse { protocol: PulseProtocol::StandardPwm, fram
 /// | `omega_z_rad_s`, `omega_f_rad_s` | above 0, the zero below the poles | the paper's, 14.13 and 94.2 |
 /// | `damping` | 0.3..=2 | 1/sqrt 2 |
 /// | `input.protocol`, `output.protocol` | raw_duty, standard_pwm, oneshot125 | standard_pwm |
-/// | `input.frame_hz`, `output.frame_hz` | 40..=4000, and the longest pulse fits; raw duty up to 1500 | 400, 450 |
+/// | `input.frame_hz`, `output.frame_hz` | 40..=3703, and the longest pulse fits; raw duty up to 1500 | 400, 450 |
 /// | `stop` | 0; raw duty: 20 µs of the frame up to 0.03 | 0 |
 /// | `no_signal` | no_pulses, stop_pulses | no_pulses |
 /// | `stop_pulses_ms` | 0..=60000 | 2000 |

@@ -134,7 +134,9 @@ fn remedy(refusal: &Refusal) -> &'static str {
     match refusal {
         Refusal::UnknownMotor => "count motors from 0",
         Refusal::NotDisarmed { .. } => "disarm the flight controller and stop any excitation first",
-        Refusal::NoSettings => "`rotorlead device set` any of them, or `save` the defaults, once they are right for the ESC",
+        Refusal::NoSettings => {
+            "`rotorlead device set` any of them, or `save` the defaults, once they are right for the ESC"
+        }
         Refusal::BenchDisabled => "fit the jumper of docs/wiring.md, and take it out again before a flight",
         Refusal::TooSlow { .. } => "lower loop_rate_hz, use fewer lines, or find out why the faster clock does not run",
         Refusal::InputLive { .. } => "disconnect the flight controller's signal: only the host may drive the motor",

@@ -12,8 +12,7 @@ const PROTOCOLS: [(&str, PulseProtocol); 3] = [
     ("oneshot125", PulseProtocol::OneShot125),
 ];
 /// What an output does without a signal.
-const NO_SIGNAL: [(&str, NoSignal); 2] =
-    [("no_pulses", NoSignal::NoPulses), ("stop_pulses", NoSignal::StopPulses)];
+const NO_SIGNAL: [(&str, NoSignal); 2] = [("no_pulses", NoSignal::NoPulses), ("stop_pulses", NoSignal::StopPulses)];
 
 /// All settings, name and value, in the form that [`set`] takes.
 #[must_use]
