@@ -384,6 +384,51 @@ fn a_worn_byte_is_found_when_it_is_written_and_the_old_set_stays() {
     assert_eq!(store.load().settings, numbered(0));
 }
 
+/// What sets will be once they have grown: with pages of 128 bytes they take two.
+#[test]
+fn a_set_of_two_pages_is_as_safe() {
+    const HALF: usize = 128;
+    let store = |flash: Nor| Store::<Nor, HALF>::with_pages(flash, Nor::SECTORS);
+    let mut filled = store(Nor::blank());
+    for number in 0..37 {
+        filled.save(&numbered(number)).unwrap();
+        let loaded = filled.load();
+        assert_eq!((loaded.settings, loaded.origin), (numbered(number), Origin::Stored));
+    }
+    // Eight sets to a sector.
+    let flash = filled.into_flash();
+    assert_eq!(flash.erases, 2 * 4);
+    assert!(flash.bytes[HALF..2 * HALF].iter().any(|&byte| byte != 0xff), "a set takes a second page");
+    for address in 0..flash.bytes.len() {
+        for wrong in [0x00, 0xff, flash.bytes[address] ^ 0x01, flash.bytes[address] ^ 0x80] {
+            let mut flash = flash.clone();
+            flash.bytes[address] = wrong;
+            assert_eq!(store(flash).load().settings, numbered(36), "byte {address} is {wrong:#x}");
+        }
+    }
+    // With an erase and without.
+    for saves in [37, 40] {
+        let mut before = store(Nor::blank());
+        (0..saves).for_each(|number| before.save(&numbered(number)).unwrap());
+        let before = before.into_flash();
+        let mut whole = store(before.clone());
+        whole.save(&numbered(100)).unwrap();
+        let steps = whole.into_flash().steps - before.steps;
+        let mut seen = [0; 2];
+        for cut in 0..steps {
+            let mut cut_short = store(Nor { cut_after: Some(cut), ..before.clone() });
+            assert_eq!(cut_short.save(&numbered(100)), Err(SaveError::Flash));
+            let mut left = cut_short.into_flash();
+            left.power_on();
+            let loaded = store(left).load().settings;
+            let is_new = loaded == numbered(100);
+            assert!(is_new || loaded == numbered(saves - 1), "cut after {cut} bytes");
+            seen[usize::from(is_new)] += 1;
+        }
+        assert!(seen[0] > 0 && seen[1] > 0);
+    }
+}
+
 #[test]
 fn the_stored_form_is_the_documented_one() {
     let flash = saved(1);

@@ -45,11 +45,9 @@ use super::{Settings, Validated};
 use crate::checksum::CHECKSUM;
 
 /// Where sets begin: at a multiple of so many bytes.
-const PAGE_BYTES: usize = 512;
-/// Longest set, in pages.
-const SET_PAGES: usize = 2;
-/// Longest set. Curves of 33 points for each of four motors in `f32`, which are to come, are 528 bytes of it.
-const SET_BYTES: usize = SET_PAGES * PAGE_BYTES;
+pub const PAGE_BYTES: usize = 512;
+/// Longest set, two pages. Curves of 33 points for each of four motors in `f32`, which are to come, are 528 bytes of it.
+const SET_BYTES: usize = 2 * PAGE_BYTES;
 
 /// `RLST`, little-endian.
 const MAGIC: [u8; 4] = *b"RLST";
@@ -118,9 +116,9 @@ impl fmt::Display for SaveError {
 
 impl core::error::Error for SaveError {}
 
-/// The settings' place in flash.
+/// The settings' place in flash, in pages of `PAGE` bytes, at most [`PAGE_BYTES`].
 #[derive(Debug)]
-pub struct Store<F> {
+pub struct Store<F, const PAGE: usize = PAGE_BYTES> {
     flash: F,
     sectors: [u32; 2],
 }
@@ -136,13 +134,24 @@ enum Copy {
 /// A sector, as far as a save needs to know it.
 struct Sector {
     copy: Copy,
-    /// The page behind the last used one; the number of pages when there is none.
+    /// The page behind the last used one; the number of pages where that is the last.
     free: u32,
 }
 
 impl<F: NorFlash> Store<F> {
     /// Settings in the two sectors of [`NorFlash::ERASE_SIZE`] bytes that start at the offsets `sectors` of `flash`.
     pub const fn new(flash: F, sectors: [u32; 2]) -> Self {
+        Self::with_pages(flash, sectors)
+    }
+}
+
+impl<F: NorFlash, const PAGE: usize> Store<F, PAGE> {
+    /// The longest set, and pages in a sector.
+    const SET: usize = if 2 * PAGE < SET_BYTES { 2 * PAGE } else { SET_BYTES };
+    const PAGES: u32 = (F::ERASE_SIZE / PAGE) as u32;
+
+    /// The same with pages of another size: of two pages each, sets are what they will be once they have grown.
+    pub const fn with_pages(flash: F, sectors: [u32; 2]) -> Self {
         Self { flash, sectors }
     }
 
@@ -184,7 +193,7 @@ impl<F: NorFlash> Store<F> {
     /// # Errors
     /// [`SaveError`]; what was stored before is then still there, or the new set already is.
     pub fn save(&mut self, settings: &Validated) -> Result<(), SaveError> {
-        if !PAGE_BYTES.is_multiple_of(F::WRITE_SIZE) || F::ERASE_SIZE < SET_BYTES {
+        if !PAGE.is_multiple_of(F::WRITE_SIZE) || F::ERASE_SIZE < Self::SET {
             return Err(SaveError::Geometry);
         }
         let newest = self.sectors.map(|sector| match self.sector(sector).copy {
@@ -202,15 +211,15 @@ impl<F: NorFlash> Store<F> {
 
     fn write(&mut self, start: u32, settings: &Validated, sequence: u32) -> Result<(), SaveError> {
         let mut set = [ERASED; SET_BYTES];
-        let used = encode(settings, sequence, &mut set).ok_or(SaveError::Geometry)?;
+        let used = encode(settings, sequence, &mut set[..Self::SET]).ok_or(SaveError::Geometry)?;
         let mut free = self.sector(start).free;
-        // At most SET_PAGES.
-        if free + used.div_ceil(PAGE_BYTES) as u32 > pages::<F>() {
+        // One or two.
+        if free + used.div_ceil(PAGE) as u32 > Self::PAGES {
             self.flash.erase(start, start + F::ERASE_SIZE as u32).map_err(|_| SaveError::Flash)?;
             free = 0;
         }
         let written = used.next_multiple_of(F::WRITE_SIZE);
-        let offset = start + free * PAGE_BYTES as u32;
+        let offset = start + free * PAGE as u32;
         self.flash.write(offset, &set[..written]).map_err(|_| SaveError::Flash)?;
         let holds = match self.sector(start).copy {
             Copy::Whole { sequence: stored, settings: read, .. } => stored == sequence && read == *settings,
@@ -221,40 +230,38 @@ impl<F: NorFlash> Store<F> {
 
     /// The set in the last used pages of a sector.
     fn sector(&mut self, start: u32) -> Sector {
-        let mut set = [ERASED; SET_BYTES];
-        for page in (0..pages::<F>()).rev() {
+        let mut buffer = [ERASED; SET_BYTES];
+        let set = &mut buffer[..Self::SET];
+        for page in (0..Self::PAGES).rev() {
             let free = page + 1;
-            match self.flash.read(start + page * PAGE_BYTES as u32, &mut set[..PAGE_BYTES]) {
-                Ok(()) if set[..PAGE_BYTES].iter().all(|&byte| byte == ERASED) => continue,
+            match self.flash.read(start + page * PAGE as u32, &mut set[..PAGE]) {
+                Ok(()) if set[..PAGE].iter().all(|&byte| byte == ERASED) => continue,
                 Ok(()) => {}
-                Err(_) => return Sector { copy: Copy::Bad, free: pages::<F>() },
+                Err(_) => return Sector { copy: Copy::Bad, free: Self::PAGES },
             }
-            if let Some(copy) = decode(&set[..PAGE_BYTES]) {
+            if let Some(copy) = decode(&set[..PAGE]) {
                 return Sector { copy, free };
             }
             // It may be the second page of a set.
-            let first = page.checked_sub(1).map(|first| self.flash.read(start + first * PAGE_BYTES as u32, &mut set));
-            let copy = if matches!(first, Some(Ok(()))) && uses_two_pages(&set) { decode(&set) } else { None };
+            let first = page.checked_sub(1).map(|first| self.flash.read(start + first * PAGE as u32, set));
+            // A set that does not reach so far leaves that page to something else.
+            let is_whole = matches!(first, Some(Ok(()))) && length(set) > PAGE;
+            let copy = if is_whole { decode(set) } else { None };
             return Sector { copy: copy.unwrap_or(Copy::Bad), free };
         }
         Sector { copy: Copy::Blank, free: 0 }
     }
 }
 
-/// Pages in a sector.
-fn pages<F: NorFlash>() -> u32 {
-    (F::ERASE_SIZE / PAGE_BYTES) as u32
-}
-
-/// Whether a set reaches into its second page, by its length. Where it does not, that page holds something else.
-fn uses_two_pages(set: &[u8; SET_BYTES]) -> bool {
-    let length = usize::from(u16::from_le_bytes([set[6], set[7]]));
-    HEADER_BYTES + length + CHECKSUM_BYTES > PAGE_BYTES
+/// Bytes that a set takes, as its header says.
+fn length(set: &[u8]) -> usize {
+    let body = set.get(6..8).map_or(0, |length| u16::from_le_bytes([length[0], length[1]]));
+    HEADER_BYTES + usize::from(body) + CHECKSUM_BYTES
 }
 
 /// Writes a set, and gives how many bytes of it are used. `None` when the settings do not fit.
-fn encode(settings: &Settings, sequence: u32, set: &mut [u8; SET_BYTES]) -> Option<usize> {
-    let (head, tail) = set.split_at_mut(HEADER_BYTES);
+fn encode(settings: &Settings, sequence: u32, set: &mut [u8]) -> Option<usize> {
+    let (head, tail) = set.split_at_mut_checked(HEADER_BYTES)?;
     let length = postcard::to_slice(settings, tail).ok()?.len();
     head[0..4].copy_from_slice(&MAGIC);
     head[4..6].copy_from_slice(&LAYOUT.to_le_bytes());
