@@ -73,9 +73,14 @@ fn without_chosen_settings_every_line_stays_low_until_a_host_sets_some() {
         for request in [inject(), excite(LineSet::Odd30Hz)] {
             assert_eq!(rig.ask(&request), refused(Refusal::NoSettings));
         }
-        // Saving what nobody has chosen is choosing it, at the next start; setting it, at once.
         for _ in 0..1000 {
             widths(&mut rig, low);
+        }
+        // Whoever stores the defaults has chosen them.
+        if expected == Origin::DefaultsBlank {
+            assert_eq!(rig.ask(&Request::SaveSettings), Message::Done);
+            let said = info(&mut rig);
+            assert_eq!((said.settings, said.outputs_enabled), (Origin::Stored, true));
         }
         assert!(matches!(rig.ask(&Request::SetSettings(Settings::default())), Message::SettingsTaken(_)));
         let said = info(&mut rig);

@@ -212,6 +212,8 @@ impl<F: NorFlash> RequestHandler<F> {
         board.flash_stalls(false);
         board.tick(Tick::resume);
         saved.map_err(|_| Refusal::SaveFailed)?;
+        // Who stores the defaults has chosen them.
+        board.tick(Tick::enable_outputs);
         self.origin = Origin::Stored;
         Ok(Message::Done)
     }

@@ -319,6 +319,11 @@ impl Tick {
         self.has_new_pulse
     }
 
+    /// Somebody has chosen the settings: pulses may go out.
+    pub const fn enable_outputs(&mut self) {
+        self.outputs = Outputs::Enabled;
+    }
+
     /// Whether pulses may go out at all.
     #[must_use]
     pub const fn outputs(&self) -> Outputs {
@@ -353,7 +358,7 @@ impl Tick {
         for (motor, channel) in self.motors.iter_mut().zip(channels) {
             motor.restart(channel, Source::Pulse);
         }
-        self.outputs = Outputs::Enabled;
+        self.enable_outputs();
         self.input_scale = input_scale;
         self.silence_limit = super::ticks(INJECT_TIMEOUT_MS, loop_rate_hz);
     }
