@@ -3,6 +3,7 @@
 mod apt;
 mod bench;
 mod blind;
+mod board;
 mod docs;
 mod emulator;
 mod firmware;
