@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use crate::board::BOARD;
 use crate::run::{Result, cargo, command, output, run_within};
-use crate::{apt, emulator};
+use crate::{apt, emulator, library};
 
 /// Longest that a download may take. A server that cannot be reached must not hang the tests.
 const DOWNLOAD_LIMIT: Duration = Duration::from_secs(300);
@@ -76,7 +76,7 @@ impl Toolchain {
 /// Everything.
 pub fn all() -> Result {
     components()?;
-    target()?;
+    targets()?;
     emulator()?;
     browser()
 }
@@ -89,6 +89,11 @@ pub fn components() -> Result {
         }
     }
     Ok(())
+}
+
+/// The targets of the image and of the library.
+pub fn targets() -> Result {
+    library::CORES.into_iter().try_for_each(|core| toolchain(core).map(drop))
 }
 
 /// What builds for the controller.
