@@ -1,16 +1,17 @@
-//! QEMU with the board `olimex-stm32-h405`.
+//! QEMU with the board.
 
 use std::path::Path;
 use std::process::Command;
 
+use crate::board::BOARD;
 use crate::run::{Result, command, output, run};
 
 /// The program.
-pub const PROGRAM: &str = "qemu-system-arm";
+pub const PROGRAM: &str = BOARD.emulator.program;
 /// The package that has it.
-pub const PACKAGE: &str = "qemu-system-arm";
-/// First major version that models the clock registers.
-pub const OLDEST: u32 = 10;
+pub const PACKAGE: &str = BOARD.emulator.package;
+/// First major version that has what the application needs of the board.
+pub const OLDEST: u32 = BOARD.emulator.oldest;
 /// TCP port of the emulated link, unless the caller says otherwise.
 pub const DEFAULT_PORT: u16 = 5740;
 
@@ -23,17 +24,19 @@ fn major(text: &str) -> Option<u32> {
     text.split("version ").nth(1)?.split(|c: char| !c.is_ascii_digit()).next()?.parse().ok()
 }
 
-/// QEMU with this image and its link (USART3) on a TCP port of this machine. The address says `on the fly` what to
+/// QEMU with this image and its link on a TCP port of this machine. The address says `on the fly` what to
 /// connect to: `tcp:127.0.0.1:PORT`.
 ///
 /// With `-icount shift=0` an instruction takes 1 ns of the emulated time, and a control tick has 19 000 of them. Without
 /// it interrupts are lost.
 pub fn emulator(image: &Path, port: u16) -> Command {
-    let mut qemu =
-        command(PROGRAM, &["-M", "olimex-stm32-h405", "-nographic", "-monitor", "none", "-icount", "shift=0"]);
-    // The n-th serial line is USARTn.
-    qemu.args(["-serial", "null", "-serial", "null", "-serial"])
-        .arg(format!("tcp:127.0.0.1:{port},server=on,wait=off"));
+    let machine = &BOARD.emulator;
+    let options = ["-M", machine.machine, "-nographic", "-monitor", "none", "-icount", "shift=0"];
+    let mut qemu = command(PROGRAM, &options);
+    for _ in 0..machine.link_line {
+        qemu.args(["-serial", "null"]);
+    }
+    qemu.arg("-serial").arg(format!("tcp:127.0.0.1:{port},server=on,wait=off"));
     qemu.arg("-kernel").arg(image);
     qemu
 }

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use crate::board::BOARD;
 use crate::image::{Calls, Function, Image, flash_files};
 use crate::readme::{self, Sizes};
 use crate::run::{Result, cargo, command, output, run};
@@ -11,15 +12,13 @@ use crate::{emulator, setup};
 /// of the vector table.
 pub const NO_PANIC: [&str; 3] = [CAPTURE, TICK, LINK];
 /// The capture of the inputs.
-pub const CAPTURE: &str = "TIM2";
+pub const CAPTURE: &str = BOARD.interrupts.capture;
 /// The control task.
-pub const TICK: &str = "SysTick";
+pub const TICK: &str = BOARD.interrupts.tick;
 /// The link's bytes.
-pub const LINK: &str = "USART3";
+pub const LINK: &str = BOARD.interrupts.link;
 /// What the core stores at an interrupt with the floating-point unit on, 26 words, and a word to align them.
 const EXCEPTION_FRAME_BYTES: u32 = 27 * 4;
-/// The feature of the board that the image is for.
-const BOARD: &str = "stm32f405";
 /// A feature of the firmware that puts an indexing panic into its control task.
 const PLANTED: &str = "planted-panic";
 
@@ -31,7 +30,7 @@ pub fn build() -> Result<Sizes> {
     let image = Image::read(&bytes)?;
     println!("image  {}", path.display());
     println!("flash  {:>7} bytes of {}", image.flash_bytes, flash_files::FLASH.len());
-    println!("RAM    {:>7} bytes of {}", image.ram_bytes, 128 * 1024);
+    println!("RAM    {:>7} bytes of {}", image.ram_bytes, BOARD.ram.len());
     let stack = stack(&image)?;
     no_panic(&image)?;
     println!("panics none reachable from {}", NO_PANIC.join(", "));
@@ -46,16 +45,16 @@ pub fn build_image(features: &[&str]) -> Result<PathBuf> {
     let toolchain = setup::target()?;
     // Variants have a folder of their own, so that the image that is flashed is never one of them.
     let variant = if features.is_empty() { None } else { Some("target/variant") };
-    let features = [&[BOARD], features].concat().join(",");
-    let mut build = toolchain.cargo(&["build", "--package", "rotorlead", "--bin", "rotorlead-firmware", "--locked"]);
+    let features = [&[BOARD.feature], features].concat().join(",");
+    let mut build = toolchain.cargo(&["build", "--package", "rotorlead", "--bin", BOARD.binary, "--locked"]);
     build.args(["--profile", "firmware", "--features", &features]);
     if let Some(folder) = variant {
         build.env("CARGO_TARGET_DIR", crate::run::root().join(folder));
     }
     run(&mut build)?;
     let folder =
-        variant.map_or_else(|| toolchain.folder(), |folder| crate::run::root().join(folder).join(setup::TARGET));
-    Ok(folder.join("firmware").join("rotorlead-firmware"))
+        variant.map_or_else(|| toolchain.folder(), |folder| crate::run::root().join(folder).join(BOARD.target));
+    Ok(folder.join("firmware").join(BOARD.binary))
 }
 
 /// Runs the image in the emulator.
@@ -71,7 +70,7 @@ pub fn flash() -> Result {
     }
     let path = build_image(&[])?;
     // A core that the probe halts in its reset or fault would leave the last pulses running.
-    let options = ["run", "--chip", "STM32F405RGTx", "--no-catch-reset", "--no-catch-hardfault"];
+    let options = ["run", "--chip", BOARD.probe_chip, "--no-catch-reset", "--no-catch-hardfault"];
     run(command("probe-rs", &options).arg(path))
 }
 
@@ -121,11 +120,11 @@ fn no_panic(image: &Image) -> Result {
 fn stack(image: &Image) -> Result<u64> {
     let calls = Calls::of(image);
     let mut total = 0;
-    for name in ["Reset", LINK, TICK, CAPTURE, "NonMaskableInt"] {
+    for name in ["Reset", LINK, TICK, CAPTURE].iter().chain(BOARD.interrupts.above) {
         let root = image.function_named(name).ok_or_else(|| format!("the image has no function {name}"))?;
         // Handlers of faults and panics do not return: they throw the stack away.
         let depth = calls.depth(root, &panics)?;
-        let frame = if name == "Reset" { 0 } else { EXCEPTION_FRAME_BYTES };
+        let frame = if *name == "Reset" { 0 } else { EXCEPTION_FRAME_BYTES };
         total += depth.bytes + frame;
         println!("stack  {:>7} bytes for {name}: {}", depth.bytes + frame, depth.path.join(" -> "));
     }

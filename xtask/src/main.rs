@@ -3,10 +3,12 @@
 mod apt;
 mod bench;
 mod blind;
+mod board;
 mod docs;
 mod emulator;
 mod firmware;
 mod image;
+mod library;
 mod readme;
 mod run;
 mod setup;
@@ -26,6 +28,8 @@ Usage: cargo xtask COMMAND
   flash    flashes that image with a debug probe, and shows its log
   test     every test there is: formatting, lints, documentation, host tests, and the controller's image: its build, its checks,
            its tests in QEMU, its instruction counts
+  library  the library as another firmware takes it: without a board, with each feature alone, for other cores, as a package;
+           a part of test
   statistics
            decides at full count what is claimed of estimates: coverage, spread, bias, orders; some hours. REPEATS and CASE
            make it shorter
@@ -73,6 +77,7 @@ fn task<'a>(arguments: &'a [&'a str]) -> Option<Task<'a>> {
             firmware::emulate(port)
         }),
         ["flash"] => Box::new(firmware::flash),
+        ["library"] => Box::new(library::check),
         ["test"] => Box::new(test::all),
         ["docs"] => Box::new(docs::write),
         ["blind", options @ ..] => Box::new(move || blind::run_cases(options)),

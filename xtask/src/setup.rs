@@ -1,14 +1,13 @@
-//! Installs what a Rust toolchain may lack: formatter, lints, the controller's target, the emulator, and a browser.
+//! Installs what a Rust toolchain may lack: formatter, lints, the targets, the emulator, and a browser.
 
 use std::path::Path;
 use std::process::Command;
 use std::time::Duration;
 
+use crate::board::BOARD;
 use crate::run::{Result, cargo, command, output, run_within};
-use crate::{apt, emulator};
+use crate::{apt, emulator, library};
 
-/// The controller: a Cortex-M4 with a single-precision FPU.
-pub const TARGET: &str = "thumbv7em-none-eabihf";
 /// Longest that a download may take. A server that cannot be reached must not hang the tests.
 const DOWNLOAD_LIMIT: Duration = Duration::from_secs(300);
 /// Debian's compiler that comes with the source of its library, and a linker.
@@ -21,9 +20,16 @@ const DEBIAN_SOURCE: &str = "lib/rustlib/src/rust/library/core/Cargo.toml";
 const BROWSER_PACKAGE: &str = "chromium";
 const BROWSERS: [&str; 4] = ["chromium", "chromium-browser", "google-chrome-stable", "google-chrome"];
 
-/// Who builds for the controller.
+/// What builds for a target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Toolchain {
+pub struct Toolchain {
+    origin: Origin,
+    target: &'static str,
+}
+
+/// Where a toolchain comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Origin {
     /// The toolchain that builds for the host, with the target's library from rustup.
     Rustup,
     /// Debian's, which builds the library from its source: for machines that do not reach rustup's server.
@@ -31,19 +37,19 @@ pub enum Toolchain {
 }
 
 impl Toolchain {
-    /// cargo with the arguments that a build for the controller needs, beside those given.
+    /// cargo with the arguments that a build for the target needs, beside those given.
     pub fn cargo(self, arguments: &[&str]) -> Command {
-        match self {
-            Self::Rustup => {
+        match self.origin {
+            Origin::Rustup => {
                 let mut cargo = cargo(arguments);
-                cargo.args(["--target", TARGET]);
+                cargo.args(["--target", self.target]);
                 cargo
             }
-            Self::Debian => {
+            Origin::Debian => {
                 let mut cargo = command("/usr/bin/cargo", arguments);
                 let path = std::env::var("PATH").unwrap_or_default();
                 cargo
-                    .args(["--target", TARGET, "-Zbuild-std=core,panic_abort"])
+                    .args(["--target", self.target, "-Zbuild-std=core,panic_abort"])
                     // Compiler and library source must be of one version.
                     .env("PATH", format!("{DEBIAN_FOLDER}:{path}"))
                     .env("RUSTC", "/usr/bin/rustc")
@@ -59,18 +65,18 @@ impl Toolchain {
 
     /// Where its builds end up.
     pub fn folder(self) -> std::path::PathBuf {
-        let target = match self {
-            Self::Rustup => "target",
-            Self::Debian => "target/debian",
+        let folder = match self.origin {
+            Origin::Rustup => "target",
+            Origin::Debian => "target/debian",
         };
-        crate::run::root().join(target).join(TARGET)
+        crate::run::root().join(folder).join(self.target)
     }
 }
 
 /// Everything.
 pub fn all() -> Result {
     components()?;
-    target()?;
+    targets()?;
     emulator()?;
     browser()
 }
@@ -85,19 +91,30 @@ pub fn components() -> Result {
     Ok(())
 }
 
-/// What builds for the controller: rustup's library for the target, or else Debian's compiler.
+/// The targets of the image and of the library.
+pub fn targets() -> Result {
+    library::CORES.into_iter().try_for_each(|core| toolchain(core).map(drop))
+}
+
+/// What builds for the controller.
 pub fn target() -> Result<Toolchain> {
-    let libraries = output(&mut command("rustc", &["--print", "target-libdir", "--target", TARGET]));
+    toolchain(BOARD.target)
+}
+
+/// What builds for a target: rustup's library for it, or else Debian's compiler.
+pub fn toolchain(target: &'static str) -> Result<Toolchain> {
+    let of = |origin| Toolchain { origin, target };
+    let libraries = output(&mut command("rustc", &["--print", "target-libdir", "--target", target]));
     if libraries.is_some_and(|folder| Path::new(folder.trim()).is_dir()) {
-        return Ok(Toolchain::Rustup);
+        return Ok(of(Origin::Rustup));
     }
     if has_debian() {
-        return Ok(Toolchain::Debian);
+        return Ok(of(Origin::Debian));
     }
-    let Err(first) = rustup(&["target", "add", TARGET]) else { return Ok(Toolchain::Rustup) };
+    let Err(first) = rustup(&["target", "add", target]) else { return Ok(of(Origin::Rustup)) };
     eprintln!("xtask: {first}\nxtask: tries Debian's compiler instead");
-    apt::install(&DEBIAN_PACKAGES).map_err(|second| format!("the target {TARGET} is missing.\n{first}\n{second}"))?;
-    if has_debian() { Ok(Toolchain::Debian) } else { Err(format!("{} installed, but incomplete", DEBIAN_PACKAGES[0])) }
+    apt::install(&DEBIAN_PACKAGES).map_err(|second| format!("the target {target} is missing.\n{first}\n{second}"))?;
+    if has_debian() { Ok(of(Origin::Debian)) } else { Err(format!("{} installed, but incomplete", DEBIAN_PACKAGES[0])) }
 }
 
 /// Whether Debian's compiler is here with the source of its own library.

@@ -1,0 +1,162 @@
+//! The library as another firmware takes it: it brings no board, builds with each feature alone and for other cores, and makes
+//! a complete package.
+
+use std::collections::BTreeSet;
+
+use serde_json::Value;
+
+use crate::board::{BOARD, BOARDS};
+use crate::run::{Result, cargo, output, run};
+use crate::setup;
+
+/// The package.
+const PACKAGE: &str = "rotorlead";
+/// Cores that the library is built for beside the host: the smallest Cortex-M, which has neither a division of 64 bits nor a
+/// compare-and-swap, and the image's.
+pub const CORES: [&str; 2] = ["thumbv6m-none-eabi", BOARD.target];
+/// Features with which it is built for each of them: the default ones, and the most that bring no board.
+const ON_CORES: [Option<&str>; 2] = [None, Some("controller")];
+/// Every package that the default features may bring.
+const DEFAULT_PACKAGES: [&str; 5] = ["autocfg", "embedded-hal", "libm", "num-complex", "num-traits"];
+/// Packages whose presence would ask something of a firmware: an implementation of locks or of atomics.
+const LOCKS: [&str; 2] = ["critical-section", "portable-atomic"];
+/// What the manifest says of the package, beside its name.
+const METADATA: [&str; 6] = ["description", "license", "readme", "rust_version", "keywords", "categories"];
+
+/// All of it.
+pub fn check() -> Result {
+    let manifest = manifest()?;
+    metadata(&manifest)?;
+    let features = features(&manifest);
+    dependencies(&manifest, &features)?;
+    for feature in [None].into_iter().chain(features.iter().map(|feature| Some(feature.as_str()))) {
+        let mut clippy = package("clippy", feature);
+        run(clippy.args(["--all-targets", "--", "-D", "warnings"]))?;
+    }
+    for core in CORES {
+        let toolchain = setup::toolchain(core)?;
+        for feature in ON_CORES {
+            let mut build = toolchain.cargo(&["build", "--package", PACKAGE, "--lib", "--locked"]);
+            run(build.args(feature.map(|feature| format!("--features={feature}"))))?;
+        }
+    }
+    // Builds what is in the archive, too. What that needs is here after the builds above.
+    run(&mut cargo(&["package", "--package", PACKAGE, "--locked", "--offline", "--allow-dirty"]))
+}
+
+/// A command of cargo for the package on the host, with one feature or none.
+fn package(command: &str, feature: Option<&str>) -> std::process::Command {
+    let mut cargo = cargo(&[command, "--package", PACKAGE, "--locked", "--no-default-features"]);
+    cargo.args(feature.map(|feature| format!("--features={feature}")));
+    cargo
+}
+
+/// The package's manifest, as cargo reads it.
+fn manifest() -> Result<Value> {
+    let mut command = cargo(&["metadata", "--no-deps", "--format-version", "1", "--locked"]);
+    let text = output(&mut command).ok_or("`cargo metadata --locked` fails")?;
+    let metadata: Value = serde_json::from_str(&text).map_err(|error| format!("cargo metadata: {error}"))?;
+    let packages = metadata["packages"].as_array().cloned().unwrap_or_default();
+    let found = packages.into_iter().find(|package| package["name"] == PACKAGE);
+    found.ok_or_else(|| format!("the workspace has no package {PACKAGE}"))
+}
+
+/// An error where the manifest leaves out what a registry shows.
+fn metadata(manifest: &Value) -> Result {
+    let is_missing = |field: &&str| match &manifest[*field] {
+        Value::String(text) => text.is_empty(),
+        Value::Array(items) => items.is_empty(),
+        _ => true,
+    };
+    let missing: Vec<&str> = METADATA.into_iter().filter(is_missing).collect();
+    if missing.is_empty() { Ok(()) } else { Err(format!("Cargo.toml does not say: {}", missing.join(", "))) }
+}
+
+/// Every feature but the default.
+fn features(manifest: &Value) -> Vec<String> {
+    let all = manifest["features"].as_object().into_iter().flatten();
+    all.map(|(name, _)| name.clone()).filter(|name| name != "default").collect()
+}
+
+/// An error where a package comes in that must not: with the default features any but [`DEFAULT_PACKAGES`], with another
+/// feature one of a board's.
+fn dependencies(manifest: &Value, features: &[String]) -> Result {
+    let default = tree(None)?;
+    let others: Vec<&str> =
+        default.iter().map(String::as_str).filter(|name| !DEFAULT_PACKAGES.contains(name)).collect();
+    if !others.is_empty() {
+        return Err(format!("the default features bring {}", others.join(", ")));
+    }
+    println!("the default features bring {}", Vec::from_iter(default).join(", "));
+    let is_board = |feature: &String| BOARDS.iter().any(|board| board.feature == feature);
+    let of_boards: BTreeSet<String> =
+        features.iter().filter(|feature| is_board(feature)).flat_map(|board| own_packages(manifest, board)).collect();
+    if of_boards.is_empty() {
+        return Err("no feature of a board brings a package: what this looks for has changed".to_owned());
+    }
+    for feature in features.iter().filter(|feature| !is_board(feature)) {
+        let found = tree(Some(feature))?;
+        let wrong: Vec<&str> =
+            of_boards.iter().map(String::as_str).chain(LOCKS).filter(|name| found.contains(*name)).collect();
+        if !wrong.is_empty() {
+            return Err(format!("the feature {feature} brings {}", wrong.join(", ")));
+        }
+        println!("the feature {feature} brings {} packages, and none of a board", found.len());
+    }
+    Ok(())
+}
+
+/// Packages that a feature switches on by itself.
+fn own_packages(manifest: &Value, feature: &str) -> Vec<String> {
+    let entries = manifest["features"][feature].as_array().into_iter().flatten();
+    entries.filter_map(|entry| Some(entry.as_str()?.strip_prefix("dep:")?.to_owned())).collect()
+}
+
+/// Every package that comes in on any target, with the default features and one more. Those that only run in builds count.
+fn tree(feature: Option<&str>) -> Result<BTreeSet<String>> {
+    let mut tree = cargo(&["tree", "--package", PACKAGE, "--locked", "--target", "all"]);
+    tree.args(["--edges", "normal,build", "--prefix", "none", "--format", "{p}"]);
+    tree.args(feature.map(|feature| format!("--features={feature}")));
+    let text = output(&mut tree).ok_or_else(|| format!("`cargo tree --package {PACKAGE} --locked` fails"))?;
+    Ok(names(&text))
+}
+
+/// The names in what `cargo tree` prints, without the package itself.
+fn names(tree: &str) -> BTreeSet<String> {
+    let names = tree.lines().filter_map(|line| line.split_whitespace().next());
+    names.filter(|name| *name != PACKAGE && !name.starts_with('[')).map(str::to_owned).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::{features, metadata, names, own_packages};
+
+    #[test]
+    fn names_are_read_from_what_cargo_tree_prints() {
+        let tree =
+            "rotorlead v0.1.0 (/work)\nlibm v0.2.16\nnum-traits v0.2.19\n[build-dependencies]\nlibm v0.2.16 (*)\n\n";
+        assert_eq!(Vec::from_iter(names(tree)), ["libm", "num-traits"]);
+    }
+
+    #[test]
+    fn the_packages_of_a_feature_are_its_own_and_not_those_of_features_that_it_needs() {
+        let manifest =
+            json!({"features": {"default": [], "link": ["dep:cobs"], "board": ["link", "dep:hal", "rtic/x"]}});
+        assert_eq!(own_packages(&manifest, "board"), ["hal"]);
+        assert_eq!(features(&manifest), ["board", "link"]);
+    }
+
+    #[test]
+    fn a_manifest_that_leaves_something_out_is_refused_by_name() {
+        let mut manifest = json!({
+            "description": "d", "license": "MIT", "readme": "README.md", "rust_version": "1.91", "keywords": ["a"],
+            "categories": ["embedded"],
+        });
+        assert_eq!(metadata(&manifest), Ok(()));
+        manifest["keywords"] = json!([]);
+        manifest["readme"] = json!(null);
+        assert_eq!(metadata(&manifest), Err("Cargo.toml does not say: readme, keywords".to_owned()));
+    }
+}
