@@ -97,19 +97,36 @@ fn a_dead_time_that_makes_the_gained_bandwidth_worthless_is_warned_of() {
 }
 
 #[test]
+fn a_report_has_the_bandwidths_and_phases_of_its_model() {
+    let stand = Stand::new();
+    let model = format!("{MODEL}[[effect]]\nkind = \"transport_delay\"\nparameters = {{ delay_s = 0.02 }}\n");
+    stand.write("model.toml", model);
+    stand.run("simulate --model model.toml --plan plan.toml --out sim");
+    stand.run("report sim --model model.toml --no-diagnosis --out report.html --figures of-report");
+    stand.run("bandwidth --model model.toml --figures of-bandwidth");
+    let table = stand.read("of-bandwidth/table_3.csv");
+    assert!(table.contains("compensated_phase_deg"), "{table}");
+    assert_eq!(stand.read("of-report/table_3.csv"), table);
+}
+
+#[test]
 fn the_papers_motors_get_no_warning_with_any_protocol() {
     let stand = Stand::new();
     table_1().write(&stand.path("model.toml")).unwrap();
-    for protocol in ["standard_pwm", "oneshot125", "raw_duty"] {
-        for start in ["", " --output-start free_running"] {
-            for command in ["design --model model.toml --out c.toml", "bandwidth --model model.toml"] {
-                let json = stand.json(&format!("{command} --input-protocol {protocol}{start}"));
-                assert_eq!(json["warnings"], Value::Array(Vec::new()), "{protocol}{start}");
-            }
+    for options in [
+        "",
+        "--output-frame 400",
+        "--input-protocol oneshot125",
+        "--input-protocol oneshot125 --output-frame 2000",
+        "--input-protocol raw_duty",
+    ] {
+        for command in ["design --model model.toml --out c.toml", "bandwidth --model model.toml"] {
+            let json = stand.json(&format!("{command} {options}"));
+            assert_eq!(json["warnings"], Value::Array(Vec::new()), "{options}");
         }
     }
-    // Servo pulses at 50 Hz that run freely are late by 11.6 ms.
-    let slow = stand.json("bandwidth --model model.toml --input-frame 50 --output-start free_running");
+    // Servo pulses at 50 Hz in and out are late by 11.6 ms.
+    let slow = stand.json("bandwidth --model model.toml --input-frame 50 --output-frame 50");
     assert!((number(&slow["latency"], "mean_s") - 11602.2e-6).abs() < 1e-12);
     assert!(slow["warnings"][0].as_str().unwrap().contains("--output-protocol oneshot125"), "{slow}");
 }
@@ -119,14 +136,19 @@ fn the_latency_is_that_of_the_pulses_that_are_given() {
     let stand = Stand::new();
     let latency = |options: &str| stand.json(&format!("bandwidth --model model.toml {options}"))["latency"].clone();
     for (options, mean_us, worst_us, start) in [
-        ("--output-start free_running", 2852.2, 4702.2, "free_running"),
+        // A full step down is read 1300 us after the pulse before, and waits for the rest of 1 / 450 s.
+        ("", 1602.2, 3124.4222, "follows_input"),
+        // Frames as fast as the input's drift: half a frame and a whole one.
+        ("--output-frame 400", 2852.2, 4702.2, "free_running"),
+        ("--output-frame 380", 2917.9895, 4833.7789, "free_running"),
         // Half a frame and a whole one for the pulse, and again for the frame.
         ("--input-protocol raw_duty", 1768.8667, 3535.5333, "free_running"),
-        // A full step down ends 375 us after the pulse before, is read a tick later, and waits for 270 us of pulse and gap.
-        ("--input-protocol oneshot125 --input-frame 2000", 289.7, 522.2, "follows_input"),
-        ("--output-protocol oneshot125", 1602.2, 2202.2, "follows_input"),
+        ("--input-protocol oneshot125", 289.7, 693.8667, "follows_input"),
+        // Several frames to an input pulse.
+        ("--output-protocol oneshot125", 1810.5333, 2618.8667, "free_running"),
+        ("--output-protocol oneshot125 --output-frame 450", 1602.2, 3124.4222, "follows_input"),
         ("--output-protocol raw_duty --output-frame 1000", 2102.2, 3202.2, "free_running"),
-        ("--loop-rate 10000", 1552.2, 2722.2, "follows_input"),
+        ("--loop-rate 10000", 1552.2, 2924.4222, "follows_input"),
     ] {
         let found = latency(options);
         assert!((1e6 * number(&found, "mean_s") - mean_us).abs() < 1e-3, "{options}: {found:#}");
@@ -143,20 +165,16 @@ fn the_latency_is_that_of_the_pulses_that_are_given() {
 }
 
 #[test]
-fn pulses_that_no_controller_takes_are_refused_by_the_option() {
+fn pulses_that_a_controller_refuses_are_wrong_use() {
     let stand = Stand::new();
     for command in ["design --model model.toml --out c.toml", "bandwidth --model model.toml"] {
         for (options, parts) in [
             ("--input-protocol dshot600", &["--input-protocol", "standard_pwm", "oneshot125", "raw_duty"][..]),
-            ("--input-frame 500", &["--input-frame is 500 Hz", "2000 us", "495 Hz or less"]),
-            ("--output-protocol oneshot125 --output-frame 4000", &["--output-frame is 4000 Hz", "3703 Hz or less"]),
-            ("--input-frame 39", &["--input-frame", "40..=4000"]),
-            ("--output-frame -5", &["--output-frame", "40..=4000"]),
-            ("--output-protocol raw_duty --output-start follows_input", &["the ratio", "--output-start free_running"]),
-            (
-                "--input-protocol oneshot125 --output-protocol standard_pwm --output-start follows_input",
-                &["3703 Hz", "lower --input-frame to 495 Hz", "--output-start free_running"],
-            ),
+            ("--input-frame 500", &["input.frame_hz", "2000 us", "use 495 Hz or less", "--input-frame"]),
+            ("--output-protocol oneshot125 --output-frame 4000", &["output.frame_hz", "use 3703 Hz or less"]),
+            ("--input-protocol raw_duty --input-frame 1501", &["input.frame_hz is 1501", "40 to 1500"]),
+            ("--input-frame 39", &["input.frame_hz is 39", "40 to 4000"]),
+            ("--output-frame -5", &["--output-frame", "-5"]),
         ] {
             stand.refuses(&format!("{command} {options}"), 2, parts);
         }

@@ -1,18 +1,14 @@
 //! Options about the pulses in and out, and what the chain's phase is said to be.
 
 use clap::{Args, ValueEnum};
-use miette::Diagnostic as _;
-use rotorlead::settings::{FRAME_RANGE_HZ, Pulse, PulseProtocol};
+use rotorlead::settings::{Pulse, PulseProtocol};
 use serde_json::{Value, json};
 
 use super::WrongUse;
 use super::outcome::paragraph;
-use crate::design::{BandwidthPoint, ChainPhase, Delay, FrameStart, Latency, default_frame_hz};
+use crate::design::{BandwidthPoint, ChainPhase, Delay, FrameStart, Latency};
 use crate::identify::Bandwidth;
 use crate::report::bandwidth_cell;
-
-/// Lowest and highest frame rate, as clap takes them.
-const FRAMES_HZ: std::ops::RangeInclusive<i64> = FRAME_RANGE_HZ.0 as i64..=FRAME_RANGE_HZ.1 as i64;
 
 /// The pulses between which the controller sits.
 #[derive(Args, Clone, Copy, Debug)]
@@ -20,19 +16,16 @@ pub struct LatencyArguments {
     /// Pulses of the flight controller, for the latency that the phases count
     #[arg(long, value_name = "PROTOCOL", value_enum, default_value = "standard_pwm")]
     input_protocol: PulseName,
-    /// Their rate; 400 Hz for standard_pwm, 3703 for oneshot125 and 600 for raw_duty unless given
-    #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u16).range(FRAMES_HZ), allow_negative_numbers = true)]
+    /// Their rate; 400 Hz for standard_pwm, 2000 for oneshot125 and 600 for raw_duty unless given
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
     input_frame: Option<u16>,
     /// Pulses to the ESC; as the input's unless given
     #[arg(long, value_name = "PROTOCOL", value_enum)]
     output_protocol: Option<PulseName>,
-    /// Their rate; the input's for the same protocol, else 400, 3703 or 600 Hz as for --input-frame, unless given
-    #[arg(long, value_name = "HZ", value_parser = clap::value_parser!(u16).range(FRAMES_HZ), allow_negative_numbers = true)]
+    /// Their highest rate; 450 Hz for standard_pwm, 2400 for oneshot125 and 600 for raw_duty unless given. Above
+    /// --input-frame and under twice that, frames start with the input's pulses; otherwise, and for raw_duty, at this rate
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
     output_frame: Option<u16>,
-    /// When an output frame starts; follows_input unless given, and free_running for raw_duty or an input faster than the
-    /// output's longest pulse
-    #[arg(long, value_name = "START", value_enum)]
-    output_start: Option<StartName>,
 }
 
 /// A protocol, as the settings of a controller name it.
@@ -49,16 +42,6 @@ enum PulseName {
     RawDuty,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum StartName {
-    /// With the value of a fresh input pulse
-    #[value(name = "follows_input")]
-    FollowsInput,
-    /// At its own rate: a new value waits for the next frame
-    #[value(name = "free_running")]
-    FreeRunning,
-}
-
 impl From<PulseName> for PulseProtocol {
     fn from(name: PulseName) -> Self {
         match name {
@@ -69,21 +52,28 @@ impl From<PulseName> for PulseProtocol {
     }
 }
 
+/// Frames per second in and out unless given. Those of standard PWM are a controller's defaults, and those of a raw duty
+/// the paper's.
+const fn default_frames_hz(protocol: PulseProtocol) -> (u16, u16) {
+    match protocol {
+        PulseProtocol::StandardPwm => (400, 450),
+        PulseProtocol::OneShot125 => (2000, 2400),
+        PulseProtocol::RawDuty => (600, 600),
+    }
+}
+
 impl LatencyArguments {
     /// The latency of a controller with a loop at `loop_rate_hz`.
     pub fn latency(&self, loop_rate_hz: f64) -> Result<Latency, WrongUse> {
         let protocol = PulseProtocol::from(self.input_protocol);
-        let input = Pulse { protocol, frame_hz: self.input_frame.unwrap_or(default_frame_hz(protocol)) };
+        let input = Pulse { protocol, frame_hz: self.input_frame.unwrap_or(default_frames_hz(protocol).0) };
         let protocol = self.output_protocol.map_or(protocol, PulseProtocol::from);
-        let unstated_hz = if protocol == input.protocol { input.frame_hz } else { default_frame_hz(protocol) };
-        let output = Pulse { protocol, frame_hz: self.output_frame.unwrap_or(unstated_hz) };
-        let start = self.output_start.map(|start| match start {
-            StartName::FollowsInput => FrameStart::FollowsInput,
-            StartName::FreeRunning => FrameStart::FreeRunning,
-        });
-        Latency::new(input, output, loop_rate_hz, start).map_err(|error| {
-            let help = error.help().map(|help| help.to_string()).unwrap_or_default();
-            WrongUse::new(error.to_string(), help)
+        let output = Pulse { protocol, frame_hz: self.output_frame.unwrap_or(default_frames_hz(protocol).1) };
+        Latency::new(input, output, loop_rate_hz).map_err(|error| {
+            WrongUse::new(
+                format!("a controller refuses these pulses: {error}"),
+                "give --input-frame, --output-frame and the protocols as the controller's settings have them",
+            )
         })
     }
 }
@@ -98,15 +88,6 @@ impl From<PulseProtocol> for PulseName {
     }
 }
 
-impl From<FrameStart> for StartName {
-    fn from(start: FrameStart) -> Self {
-        match start {
-            FrameStart::FollowsInput => Self::FollowsInput,
-            FrameStart::FreeRunning => Self::FreeRunning,
-        }
-    }
-}
-
 /// A value as it is given on the command line.
 fn name(value: impl ValueEnum) -> String {
     value.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
@@ -117,12 +98,16 @@ pub fn latency_json(latency: &Latency) -> Value {
     let delay = |delay: Delay| json!({ "mean_s": delay.mean_s, "worst_s": delay.worst_s });
     let pulse = |pulse: Pulse| json!({ "protocol": name(PulseName::from(pulse.protocol)), "frame_hz": pulse.frame_hz });
     let total = latency.total();
+    let start = match latency.frame_start {
+        FrameStart::FollowsInput => "follows_input",
+        FrameStart::FreeRunning => "free_running",
+    };
     json!({
         "mean_s": total.mean_s,
         "worst_s": total.worst_s,
         "input": pulse(latency.input),
         "output": pulse(latency.output),
-        "output_start": name(StartName::from(latency.frame_start)),
+        "output_start": start,
         "loop_rate_hz": latency.loop_rate_hz,
         "steps": {
             "input_pulse": delay(latency.input_pulse),
@@ -202,8 +187,8 @@ fn remedy(phase: &ChainPhase) -> &'static str {
          `rotorlead device record`, and identify again. Where ESC and motor make it, use another ESC or protocol. A lower \
          --omega-g does not shorten it, but amplifies less noise above what can be used"
     } else {
-        "Use shorter and faster pulses: --input-protocol and --output-protocol oneshot125, or a higher --input-frame and \
-         --output-frame"
+        "Use shorter and faster pulses: --input-protocol and --output-protocol oneshot125, or a higher --input-frame with an \
+         --output-frame some percent above it"
     }
 }
 
@@ -233,5 +218,11 @@ mod tests {
             set(&mut settings, "input.protocol", &name(*protocol)).unwrap();
             assert_eq!(settings.input.protocol, PulseProtocol::from(*protocol));
         }
+    }
+
+    #[test]
+    fn default_frames_are_those_of_a_controller() {
+        let Settings { input, output, .. } = Settings::default();
+        assert_eq!(default_frames_hz(input.protocol), (input.frame_hz, output.frame_hz));
     }
 }

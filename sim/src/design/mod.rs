@@ -9,6 +9,6 @@ pub mod redesign;
 
 pub use bandwidths::{BandwidthPoint, Chain, bandwidths, bandwidths_with};
 pub use error::CompensatorError;
-pub use latency::{Delay, FrameStart, Latency, LatencyError, default_frame_hz};
+pub use latency::{Delay, FrameStart, Latency};
 pub use lead::{DesignOptions, compensator_file, design, read_compensator};
 pub use phase::{ChainPhase, PhaseAtBandwidth, chain_phases};

@@ -124,7 +124,7 @@ impl Chain<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::design::{DesignOptions, FrameStart, bandwidths, bandwidths_with, design};
+    use crate::design::{DesignOptions, bandwidths, bandwidths_with, design};
     use crate::plant::testing::table_1;
     use crate::plant::{Catalog, Effect, hold_response};
 
@@ -213,7 +213,8 @@ mod tests {
         let model = table_1();
         let design = design(&model, &DesignOptions::default()).unwrap();
         let pulse = Latency::standard(5000.0).input;
-        let free = Latency::new(pulse, pulse, 5000.0, Some(FrameStart::FreeRunning)).unwrap();
+        // As fast out as in: frames run freely.
+        let free = Latency::new(pulse, pulse, 5000.0).unwrap();
         let beyond_s = free.input_pulse.mean_s + free.input_filter.mean_s;
         for (esc_frame_hz, late_s) in [(Some(400.0), beyond_s), (None, beyond_s + free.output_frame.mean_s)] {
             let chain = Chain::Sampled { design: &design, esc_frame_hz };

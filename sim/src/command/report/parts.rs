@@ -11,7 +11,7 @@ use crate::command::identify::{Identified, identify, transform};
 use crate::command::{diagnose as diagnosis, identify_map, progress, redesign as command};
 use crate::design::redesign::{PAPER_AMPLITUDE, RedesignOptions, redesign};
 use crate::design::{
-    BandwidthPoint, Chain, ChainPhase, CompensatorError, DesignOptions, Latency, bandwidths, chain_phases, design,
+    BandwidthPoint, Chain, ChainPhase, CompensatorError, DesignOptions, Latency, bandwidths_with, chain_phases, design,
 };
 use crate::diagnose::{Diagnosis, Options, Verdict, diagnose, fill_in_esc_commands};
 use crate::identify::check::{Finding, Findings, Topic, of_record};
@@ -146,11 +146,12 @@ fn lowered(model: &Model) -> Option<f64> {
     }
 }
 
-/// For a model of lags.
+/// For the model as it is, as `rotorlead bandwidth` does.
 fn designed(model: &Model, options: DesignOptions) -> Part<Designed> {
+    let effects = ActiveEffect::of_model(model).map_err(|error| said(&error.into()))?;
     let design = design(model, &options).map_err(|error| said(&error.into()))?;
-    let points = bandwidths(model, Chain::Continuous(design.lead()));
-    let phases = phases(model, &[], &design, &points);
+    let points = bandwidths_with(model, &effects, Chain::Continuous(design.lead()));
+    let phases = phases(model, &effects, &design, &points);
     Ok(Designed { design, points, phases, model: model.clone(), remarks: Vec::new() })
 }
 
