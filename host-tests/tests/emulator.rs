@@ -8,8 +8,8 @@ use host_tests::{TABLE_1, multisine};
 use rotorlead::channel::{Channel, Excitation, ExcitationRequest, Input};
 use rotorlead::controller::{Plan, channel_settings, channels, coefficients, load};
 use rotorlead::link::{
-    ChannelState, Clock, ExciteRequest, InjectRequest, LineSet, Message, NO_PULSE, Record, RecordRequest, Refusal, Request,
-    ResetReason, Series, Source,
+    ChannelState, Clock, ExciteRequest, InjectRequest, LineSet, Message, NO_PULSE, Record, RecordRequest, Refusal,
+    Request, ResetReason, Series, Source,
 };
 use rotorlead::settings::{NoSignal, Origin, Pulse, PulseProtocol, Settings, Store, Validated};
 use rotorlead::throttle::{Command, EscCommand};
@@ -199,11 +199,9 @@ fn pulses_are_as_planned(settings: &Settings) {
     let settings = &Settings { loop_rate_hz: 1000, ..settings.clone() };
     let valid = valid(settings);
     let command = |n: usize, from: f64, to: f64| from + (to - from) * n as f64 / WINDOW as f64;
-    let arming: Vec<Command> =
-        (0..300).map(|n| Command::saturating_from_f64(if n < 10 { 0.0 } else { 0.3 })).collect();
-    let ramps = [(0.3, 0.6), (0.6, 0.2), (0.2, 0.5), (0.5, 0.3)].map(|(from, to)| {
-        (0..WINDOW).map(|n| Command::saturating_from_f64(command(n, from, to))).collect::<Vec<_>>()
-    });
+    let arming: Vec<Command> = (0..300).map(|n| Command::saturating_from_f64(if n < 10 { 0.0 } else { 0.3 })).collect();
+    let ramps = [(0.3, 0.6), (0.6, 0.2), (0.2, 0.5), (0.5, 0.3)]
+        .map(|(from, to)| (0..WINDOW).map(|n| Command::saturating_from_f64(command(n, from, to))).collect::<Vec<_>>());
     keeping_up(|| {
         let mut machine = ready(&Start::new(&image), settings);
         let plan = plan(&mut machine, settings);
