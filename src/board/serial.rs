@@ -25,6 +25,8 @@ pub struct Serial {
     uart: USART3,
     received: Producer<'static, u8, RECEIVE_QUEUE>,
     to_send: Consumer<'static, u8, SEND_QUEUE>,
+    /// Whether the UART interrupts when the next byte may be sent. Its own register takes longer to read.
+    is_sending: bool,
 }
 
 impl Serial {
@@ -42,7 +44,7 @@ impl Serial {
         let serial: HalSerial<USART3> = HalSerial::new(uart, pins, Config::default().baudrate(Bps(BAUD)), rcc)?;
         let (_, mut receiver) = serial.split();
         receiver.listen();
-        Ok(Self { uart: registers(), received, to_send })
+        Ok(Self { uart: registers(), received, to_send, is_sending: false })
     }
 
     /// The interrupt: at most one byte each way. By the registers, since it is the interrupt that must not be late.
@@ -67,7 +69,10 @@ impl Serial {
             if let Some(byte) = next {
                 self.uart.dr().write(|w| w.dr().set(u16::from(byte)));
             }
-            self.uart.cr1().modify(|_, w| w.txeie().bit(next.is_some()));
+            if self.is_sending != next.is_some() {
+                self.is_sending = next.is_some();
+                self.uart.cr1().modify(|_, w| w.txeie().bit(next.is_some()));
+            }
         }
     }
 }

@@ -49,7 +49,9 @@ impl<H: ControlHardware> Control<H> {
             let beyond = outputs[0].to_bits() > crate::throttle::Command::ONE.to_bits() / 2;
             black_box(outputs[black_box(if beyond { MOTORS } else { 0 })])
         };
-        hardware.set_widths(outputs.map(|output| output_scale.to_width_ticks(output)));
+        // A copy of its own, which is loaded once and not for each output.
+        let scale = *output_scale;
+        hardware.set_widths(outputs.map(|output| scale.to_width_ticks(output)));
         if let Some(pacer) = pacer {
             match pacer.tick(tick.has_new_pulse(), hardware.frame_count()) {
                 FrameAction::None => {}

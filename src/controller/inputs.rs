@@ -9,12 +9,14 @@ use crate::settings::MOTORS;
 pub struct Inputs<T> {
     timer: T,
     decoders: [Decoder; MOTORS],
+    /// Whether the interrupt of an input is off.
+    is_any_off: bool,
 }
 
 impl<T: CaptureTimer> Inputs<T> {
     /// With decoders that know nothing of their lines yet.
     pub fn new(timer: T, timing: Timing) -> Self {
-        Self { timer, decoders: core::array::from_fn(|_| Decoder::new(timing)) }
+        Self { timer, decoders: core::array::from_fn(|_| Decoder::new(timing)), is_any_off: false }
     }
 
     /// The capture interrupt: gives the edges that were captured to their decoders.
@@ -37,9 +39,8 @@ impl<T: CaptureTimer> Inputs<T> {
     #[inline]
     pub fn poll(&mut self) -> [Signal; MOTORS] {
         let now = self.timer.now();
-        let were_masked = self.is_any_masked();
         let signals = self.decoders.each_mut().map(|decoder| decoder.poll(now));
-        if were_masked {
+        if self.is_any_off {
             self.listen();
         }
         signals
@@ -66,8 +67,10 @@ impl<T: CaptureTimer> Inputs<T> {
         self.decoders.iter().any(Decoder::is_masked)
     }
 
-    #[inline]
+    #[cold]
+    #[inline(never)]
     fn listen(&mut self) {
+        self.is_any_off = self.is_any_masked();
         self.timer.listen(self.decoders.each_ref().map(|decoder| !decoder.is_masked()));
     }
 }

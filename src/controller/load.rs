@@ -9,16 +9,16 @@
 
 use crate::link::{BYTES_PER_S, MAX_LOAD_PERCENT, RECORD_SAMPLE_BYTES};
 
-/// A control tick of four armed motors with new pulses, without an excitation.
-pub const TICK_CYCLES: u32 = 1200;
+/// A control tick: of four armed motors with new pulses, or of an excitation that is recorded, without its lines.
+pub const TICK_CYCLES: u32 = 1300;
 /// A line of the excitation.
 pub const LINE_CYCLES: u32 = 30;
 /// An interrupt for one byte of the link, either way.
-pub const BYTE_CYCLES: u32 = 110;
+pub const BYTE_CYCLES: u32 = 100;
 /// Of that, until the received byte is taken from the UART, which can then hold the next one.
 pub const BYTE_TAKEN_CYCLES: u32 = 45;
 /// A capture interrupt with an edge of each input.
-pub const CAPTURE_CYCLES: u32 = 500;
+pub const CAPTURE_CYCLES: u32 = 510;
 
 /// Highest part of a control tick that an excitation and the link may take, percent. What is left is for the captures, for
 /// cache misses, which the estimate leaves out, and for the lowest priority.
@@ -35,8 +35,14 @@ pub fn percent(lines: usize, loop_rate_hz: u32, core_hz: u32) -> u32 {
     let line_bytes = u64::from(BYTES_PER_S) / rate + 1;
     let received = u64::from(KEEP_ALIVE_BYTES).min(line_bytes);
     let sent = u64::from(KEEP_ALIVE_BYTES + RECORD_SAMPLE_BYTES).min(line_bytes);
+<<<<<<< HEAD
     let lines = (lines as u64).saturating_mul(u64::from(LINE_CYCLES));
     let cycles = lines.saturating_add(u64::from(TICK_CYCLES) + (received + sent) * u64::from(BYTE_CYCLES));
     let percent = cycles.saturating_mul(100 * rate).div_ceil(u64::from(core_hz.max(1)));
+=======
+    let cycles =
+        u64::from(TICK_CYCLES) + lines as u64 * u64::from(LINE_CYCLES) + (received + sent) * u64::from(BYTE_CYCLES);
+    let percent = (100 * cycles * rate).div_ceil(u64::from(core_hz.max(1)));
+>>>>>>> emu
     u32::try_from(percent).unwrap_or(u32::MAX)
 }

@@ -171,10 +171,29 @@ impl Motor {
         }
     }
 
-    /// One tick. `is_any_live`: pulses come at the input of some motor.
+    /// One tick.
     #[inline]
-    fn run(&mut self, signal: Signal, scale: &PulseScale, is_any_live: bool, silence_limit: u32) {
-        let input = Input::from_signal(signal, scale);
+    fn run(&mut self, signal: &Signal, common: &Common) {
+        if self.source != CommandSource::Pulse {
+            return self.run_any(signal, common);
+        }
+        // Nearly all ticks of a flight.
+        let input = match *signal {
+            Signal::Pulse { width_ticks, .. } => {
+                let command = common.input_scale.to_command(width_ticks);
+                self.input = command.to_bits();
+                Input::Command(command)
+            }
+            Signal::Unchanged => Input::Unchanged,
+            Signal::Nothing | Signal::Lost(_) => return self.run_any(signal, common),
+        };
+        self.output = self.channel.tick(input);
+    }
+
+    /// [`Self::run`] with any source and any signal.
+    #[inline(never)]
+    fn run_any(&mut self, signal: &Signal, common: &Common) {
+        let input = Input::from_signal(*signal, &common.input_scale);
         match input {
             Input::Command(command) => self.input = command.to_bits(),
             Input::Unchanged => {}
@@ -182,11 +201,10 @@ impl Motor {
         }
         self.output = match self.source {
             CommandSource::Pulse => self.channel.tick(input),
-            _ => self.without_pulses(is_any_live, silence_limit),
+            _ => self.without_pulses(common.is_any_live, common.silence_limit),
         };
     }
 
-    #[inline(never)]
     fn without_pulses(&mut self, is_any_live: bool, silence_limit: u32) -> EscCommand {
         match self.source {
             CommandSource::Inject if !is_any_live => self.injected(silence_limit),
@@ -242,15 +260,20 @@ pub enum Outputs {
     Low,
 }
 
-/// The state of the control task.
-pub struct Tick {
-    motors: [Motor; MOTORS],
-    outputs: Outputs,
+/// What is the same for all motors.
+struct Common {
     input_scale: PulseScale,
     /// Ticks without an injected command after which the injection into a motor at rest ends.
     silence_limit: u32,
     /// Whether pulses came at some input in the last tick.
     is_any_live: bool,
+}
+
+/// The state of the control task.
+pub struct Tick {
+    motors: [Motor; MOTORS],
+    outputs: Outputs,
+    common: Common,
     /// Whether the first of the live inputs had a new pulse in the last tick.
     has_new_pulse: bool,
     samples: Producer<'static, Sample, RECORD_QUEUE>,
@@ -272,9 +295,11 @@ impl Tick {
         Self {
             motors,
             outputs,
-            input_scale,
-            silence_limit: super::ticks(INJECT_TIMEOUT_MS, loop_rate_hz),
-            is_any_live: false,
+            common: Common {
+                input_scale,
+                silence_limit: super::ticks(INJECT_TIMEOUT_MS, loop_rate_hz),
+                is_any_live: false,
+            },
             has_new_pulse: false,
             samples,
             recording: None,
@@ -290,18 +315,18 @@ impl Tick {
     #[inline]
     pub fn run(&mut self, signals: [Signal; MOTORS], adc: impl FnOnce() -> u16) -> [EscCommand; MOTORS] {
         self.ticks = self.ticks.wrapping_add(1);
-        let mut first_live = None;
-        for (motor, signal) in self.motors.iter_mut().zip(signals) {
-            motor.run(signal, &self.input_scale, self.is_any_live, self.silence_limit);
-            if motor.input != NO_INPUT && first_live.is_none() {
-                first_live = Some(matches!(signal, Signal::Pulse { .. }));
-            }
+        for (motor, signal) in self.motors.iter_mut().zip(&signals) {
+            motor.run(signal, &self.common);
         }
-        self.has_new_pulse = first_live == Some(true);
-        if first_live.is_some() != self.is_any_live {
-            self.is_any_live = !self.is_any_live;
+        // No input is negative, and a command is not: the sign of all tells whether there is one.
+        let is_any_live = self.motors.iter().fold(NO_INPUT, |all, motor| all & motor.input) >= 0;
+        let mut pairs = self.motors.iter().zip(&signals);
+        let first_live = pairs.find(|(motor, _)| motor.input != NO_INPUT);
+        self.has_new_pulse = first_live.is_some_and(|(_, signal)| matches!(signal, Signal::Pulse { .. }));
+        if is_any_live != self.common.is_any_live {
+            self.common.is_any_live = is_any_live;
             // Pulses came up at some input: a flight controller is there, and somebody may mean to fly.
-            if self.is_any_live {
+            if is_any_live {
                 self.stop_excitation();
             }
         }
@@ -359,8 +384,8 @@ impl Tick {
             motor.restart(channel, Source::Pulse);
         }
         self.enable_outputs();
-        self.input_scale = input_scale;
-        self.silence_limit = super::ticks(INJECT_TIMEOUT_MS, loop_rate_hz);
+        self.common.input_scale = input_scale;
+        self.common.silence_limit = super::ticks(INJECT_TIMEOUT_MS, loop_rate_hz);
     }
 
     /// Holds every output at rest from now until [`Self::resume`] or [`Self::reconfigure`], whatever the inputs say;

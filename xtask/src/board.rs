@@ -30,7 +30,9 @@ pub struct Interrupts {
     pub tick: &'static str,
     /// Bytes of the link.
     pub link: &'static str,
-    /// Those of higher priority, which add to the deepest stack.
+    /// The supply's voltage.
+    pub supply: &'static str,
+    /// Exceptions above all of them, which add to the deepest stack.
     pub above: &'static [&'static str],
 }
 
@@ -56,7 +58,13 @@ pub const STM32F405: Board = Board {
     // A Cortex-M4 with a single-precision FPU.
     target: "thumbv7em-none-eabihf",
     ram: 0x2000_0000..0x2002_0000,
-    interrupts: Interrupts { capture: "TIM2", tick: "SysTick", link: "USART3", above: &["PVD", "NonMaskableInt"] },
+    interrupts: Interrupts {
+        capture: "TIM2",
+        tick: "SysTick",
+        link: "USART3",
+        supply: "PVD",
+        above: &["NonMaskableInt"],
+    },
     emulator: Emulator {
         program: "qemu-system-arm",
         package: "qemu-system-arm",

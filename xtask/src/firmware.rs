@@ -8,9 +8,11 @@ use crate::readme::{self, Sizes};
 use crate::run::{Result, cargo, command, output, run};
 use crate::{emulator, setup};
 
-/// Interrupts of the path from pulse to pulse and of the link's bytes: those that must never panic. The names are those
-/// of the vector table.
-pub const NO_PANIC: [&str; 3] = [CAPTURE, TICK, LINK];
+/// Interrupts of the path from pulse to pulse, of the link's bytes and of the supply: those that must never panic. The
+/// names are those of the vector table.
+pub const NO_PANIC: [&str; 4] = [SUPPLY, LINK, CAPTURE, TICK];
+/// The detector of the supply's voltage.
+const SUPPLY: &str = BOARD.interrupts.supply;
 /// The capture of the inputs.
 pub const CAPTURE: &str = BOARD.interrupts.capture;
 /// The control task.
@@ -120,7 +122,7 @@ fn no_panic(image: &Image) -> Result {
 fn stack(image: &Image) -> Result<u64> {
     let calls = Calls::of(image);
     let mut total = 0;
-    for name in ["Reset", LINK, TICK, CAPTURE].iter().chain(BOARD.interrupts.above) {
+    for name in ["Reset", TICK, CAPTURE, LINK, SUPPLY].iter().chain(BOARD.interrupts.above) {
         let root = image.function_named(name).ok_or_else(|| format!("the image has no function {name}"))?;
         // Handlers of faults and panics do not return: they throw the stack away.
         let depth = calls.depth(root, &panics)?;

@@ -144,22 +144,41 @@ impl Link {
             while under_way < INJECT_WINDOW
                 && let Some(block) = blocks.next()
             {
-                let bits: Vec<i32> = block.iter().map(|command| command.to_bits()).collect();
-                let samples = Series::try_from(&bits[..]).expect("a block");
-                self.send(&Request::Inject(InjectRequest { motor: 0, first: next, samples }));
-                next += bits.len() as u32;
+                self.send_commands(next, block);
+                next += block.len() as u32;
                 under_way += 1;
             }
-            match self.receive().message {
-                Message::Injected(injected) => {
-                    assert_eq!(injected.first as usize, first as usize + outputs.len());
-                    outputs.extend_from_slice(injected.outputs.as_slice());
-                    under_way -= 1;
-                }
-                Message::Refused(Refusal::NotInjecting) => return Err(HostLate),
-                other => panic!("{other:?}"),
-            }
+            outputs.extend(self.injected(first + outputs.len() as u32)?);
+            under_way -= 1;
         }
         Ok(outputs)
+    }
+
+    /// Sends commands for motor 0, the first of which is number `first`, and does not wait for what they come to.
+    ///
+    /// # Panics
+    /// When they are more than a request has.
+    pub fn send_commands(&mut self, first: u32, commands: &[Command]) {
+        let bits: Vec<i32> = commands.iter().map(|command| command.to_bits()).collect();
+        let samples = Series::try_from(&bits[..]).expect("a block");
+        self.send(&Request::Inject(InjectRequest { motor: 0, first, samples }));
+    }
+
+    /// What the commands of the oldest request came to, the first of which is number `first`.
+    ///
+    /// # Errors
+    /// [`HostLate`].
+    ///
+    /// # Panics
+    /// When they were refused otherwise or lost.
+    pub fn injected(&mut self, first: u32) -> Result<Vec<i32>, HostLate> {
+        match self.receive().message {
+            Message::Injected(injected) => {
+                assert_eq!(injected.first, first);
+                Ok(injected.outputs.as_slice().to_vec())
+            }
+            Message::Refused(Refusal::NotInjecting) => Err(HostLate),
+            other => panic!("{other:?}"),
+        }
     }
 }

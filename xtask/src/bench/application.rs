@@ -3,17 +3,18 @@
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
+use std::time::Duration;
 
-use rotorlead::capture::{Decoder, Level, PULSES_TO_LIVE, Timing};
-use rotorlead::channel::{Channel, Input};
-use rotorlead::controller;
-use rotorlead::link::{FRAME_BYTES, Info, Message, Receiver, Request, encode};
+use rotorlead::capture::{Decoder, Level, PULSES_TO_LIVE};
+use rotorlead::channel::{Channel, Excitation, ExcitationRequest, Input, Phase, State};
+use rotorlead::controller::{self, Plan, channel_settings};
+use rotorlead::link::{ExciteRequest, FRAME_BYTES, LineSet, Message, Receiver, RecordRequest, Request, Source, encode};
 use rotorlead::settings::{Pulse, PulseProtocol, Settings, Validated};
-use rotorlead::throttle::PulseScale;
+use rotorlead::throttle::Command;
 
 use super::debugger::Debugger;
 use super::inputs::{INPUTS, Inputs};
-use super::trace::{Cost, interrupted_at, trace};
+use super::trace::{Cost, Locked, interrupted_at, locks, trace, trace_lock};
 use crate::firmware::{CAPTURE, LINK, TICK};
 use crate::image::Image;
 use crate::run::Result;
@@ -26,6 +27,7 @@ const INTERRUPT_SET_PENDING: u32 = 0xE000_E200;
 const TIM2_PENDING: u32 = 1 << 28;
 /// SysTick's control, and the core's register in which a request of its interrupt is taken back.
 const SYSTICK_CONTROL: u32 = 0xE000_E010;
+const SYSTICK_ON: u32 = 0b111;
 const INTERRUPT_CONTROL: u32 = 0xE000_ED04;
 const SYSTICK_NOT_PENDING: u32 = 1 << 25;
 
@@ -35,11 +37,23 @@ const DISARMED_FRAMES: u32 = PULSES_TO_LIVE as u32;
 const ARMED_FRAMES: u32 = 2;
 /// Bytes of the link that are measured: those of a short request and the begin of its answer.
 const LINK_BYTES: u32 = 40;
+/// Bytes each way at once that are measured.
+const BUSY_BYTES: u32 = 4;
 /// Other interrupts that may have begun before they are alone.
 const LAST_OTHERS: u32 = 2;
 
-/// Pulses at the inputs: OneShot125 at a frame of 2 and a half ticks, so that little time passes without one.
+/// Ticks of an excitation that are measured, and those after which it must play.
+const EXCITATION_TICKS: u32 = 8;
+const RAMP_TICKS: u32 = 100;
+/// The rate at which a core at 16 MHz plays every set of lines. What a tick executes does not depend on it.
+const EXCITATION_RATE_HZ: u32 = 1000;
+/// How long the lowest priority is given for a request, once nothing else runs.
+const REQUEST_LIMIT: Duration = Duration::from_secs(3);
+
+/// Pulses at the inputs: OneShot125 at a frame of 2 and a half ticks, so that little time passes without one. Those of the
+/// outputs follow them.
 const INPUT: Pulse = Pulse { protocol: PulseProtocol::OneShot125, frame_hz: 2000 };
+const OUTPUT: Pulse = Pulse { protocol: PulseProtocol::OneShot125, frame_hz: 2200 };
 /// Their widths in microseconds: disarmed, and armed by turns.
 const DISARMED_US: u32 = 125;
 const ARMED_US: [u32; 2] = [187, 192];
@@ -51,12 +65,15 @@ pub struct Costs {
     instructions: u32,
     /// The dearest.
     pub worst: Cost,
+    /// The longest locks.
+    pub locked: Locked,
 }
 
 impl Costs {
     fn add(&mut self, cost: Cost) {
         self.runs += 1;
         self.instructions += cost.instructions;
+        self.locked = self.locked.max(cost.locked);
         if cost.instructions > self.worst.instructions {
             self.worst = cost;
         }
@@ -82,12 +99,27 @@ pub struct Interrupts {
     pub capture_4: Costs,
     /// A byte of the link.
     pub link_byte: Costs,
+    /// A byte each way in one interrupt, and one that was lost: the longest that there is.
+    pub link_both: Costs,
+    /// The control tick of an excitation that is recorded, with so many lines.
+    pub excitations: [(u32, Costs); 2],
+    /// What the lowest priority locks for a request in flight, and for those that are refused unless all motors are at rest.
+    pub requests: Locked,
+    pub requests_at_rest: Locked,
     /// Control ticks per second.
     pub loop_rate_hz: u32,
 }
 
+impl Interrupts {
+    /// Cycles of one line more, estimated.
+    pub fn cycles_per_line(&self) -> f64 {
+        let [(few, cheap), (many, dear)] = &self.excitations;
+        f64::from(dear.worst.cycles - cheap.worst.cycles) / f64::from(many - few)
+    }
+}
+
 /// The application's own mark that its clock tells pulses apart.
-const PULSES_ARE_EXACT: &str = "rotorlead_firmware::wiring::PULSES_ARE_EXACT";
+const PULSES_ARE_EXACT: &str = "rotorlead_firmware::board::parts::PULSES_ARE_EXACT";
 
 /// Measures them.
 pub fn measure(image_path: &Path, image: &Image) -> Result<Interrupts> {
@@ -102,26 +134,18 @@ pub fn measure(image_path: &Path, image: &Image) -> Result<Interrupts> {
     let exact = image.static_named(PULSES_ARE_EXACT).ok_or_else(|| format!("the image has no {PULSES_ARE_EXACT}"))?;
     debugger.set_byte(exact, 1)?;
 
-    let mut settings = Settings::default();
+    let mut settings = Settings { input: INPUT, output: OUTPUT, ..Settings::default() };
     settings.motors.iter_mut().for_each(|motor| motor.compensate = true);
-    settings.input = INPUT;
-    // The emulator's timers run several times faster than the clock that the application found, and the longest pulses of
-    // the default would not fit the 16 bits of theirs.
-    settings.output.protocol = PulseProtocol::OneShot125;
-    let info = debugger.run_during(|link| {
-        match ask(link, &Request::SetSettings(settings.clone()))? {
-            Message::SettingsTaken(_) => {}
-            other => return Err(format!("the controller does not take the settings: {other:?}")),
-        }
-        match ask(link, &Request::Info)? {
-            Message::Info(info) => Ok(info),
-            other => Err(format!("the controller answers with {other:?}")),
-        }
-    })?;
-
+    let timer_hz = set(&mut debugger, &settings)?;
     let settings = settings.validate().map_err(|error| error.to_string())?;
-    let prescaler = debugger.read(TIM3_PRESCALER)?;
-    let library = Library::new(&settings, &info, info.timer_hz / (prescaler + 1))?;
+    let library = Library::new(&settings, timer_hz)?;
+    let divider = debugger.read(TIM3_PRESCALER)? + 1;
+    if divider != library.plan.frames.divider {
+        return Err(format!(
+            "the outputs' timer is divided by {divider}, and by the plan by {:?}",
+            library.plan.frames
+        ));
+    }
     for handler in [handlers.tick, handlers.capture, handlers.link] {
         debugger.add_breakpoint(handler)?;
     }
@@ -130,9 +154,9 @@ pub fn measure(image_path: &Path, image: &Image) -> Result<Interrupts> {
         image,
         handlers,
         inputs: Inputs::default(),
-        counts_per_us: info.timer_hz / 1_000_000,
-        counts_per_tick: info.timer_hz / settings.loop_rate_hz,
-        counts_per_frame: info.timer_hz / u32::from(settings.input.frame_hz),
+        counts_per_us: timer_hz / 1_000_000,
+        counts_per_tick: timer_hz / settings.loop_rate_hz,
+        counts_per_frame: timer_hz / u32::from(settings.input.frame_hz),
         until_frame: 0,
         library,
     };
@@ -142,7 +166,8 @@ pub fn measure(image_path: &Path, image: &Image) -> Result<Interrupts> {
     let four = [true; INPUTS];
     stand.fly(four, DISARMED_US, DISARMED_FRAMES)?;
     let four = stand.fly_armed(four)?;
-    let link_byte = stand.link_bytes()?;
+    let (link_byte, link_both) = stand.link_bytes()?;
+    let (requests, requests_at_rest) = measure_requests(image_path, image)?;
     Ok(Interrupts {
         tick_1ch: one.ticks,
         tick_4ch: four.ticks,
@@ -150,8 +175,167 @@ pub fn measure(image_path: &Path, image: &Image) -> Result<Interrupts> {
         capture_1: one.captures,
         capture_4: four.captures,
         link_byte,
+        link_both,
+        excitations: [
+            measure_excitation(image_path, image, handlers, LineSet::Odd30Hz)?,
+            measure_excitation(image_path, image, handlers, LineSet::Odd45Hz)?,
+        ],
+        requests,
+        requests_at_rest,
         loop_rate_hz: settings.loop_rate_hz,
     })
+}
+
+/// Sets them over the link, and gives the frequency of the timers.
+fn set(debugger: &mut Debugger, settings: &Settings) -> Result<u32> {
+    debugger.run_during(|link| {
+        match ask(link, &Request::SetSettings(settings.clone()))? {
+            Message::SettingsTaken(_) => {}
+            other => return Err(format!("the controller does not take the settings: {other:?}")),
+        }
+        match ask(link, &Request::Info)? {
+            Message::Info(info) => Ok(info.timer_hz),
+            other => Err(format!("the controller answers with {other:?}")),
+        }
+    })
+}
+
+/// Stops the control ticks.
+fn stop_ticks(debugger: &mut Debugger) -> Result {
+    debugger.store(SYSTICK_CONTROL, 0)?;
+    debugger.store(INTERRUPT_CONTROL, SYSTICK_NOT_PENDING)
+}
+
+/// For an excitation that begins soon after it was asked for.
+fn excitation_settings() -> Settings {
+    let mut settings = Settings { loop_rate_hz: EXCITATION_RATE_HZ, ..Settings::default() };
+    settings.motors.iter_mut().for_each(|motor| motor.compensate = true);
+    settings.excitation.arm_ms = 0;
+    settings.excitation.ramp_ms = 100;
+    settings
+}
+
+fn excite_request(lines: LineSet) -> ExciteRequest {
+    let bits = |command| Command::saturating_from_f64(command).to_bits();
+    ExciteRequest { motor: 0, lines, nominal: bits(0.2), amplitude: bits(0.05), periods: 1 }
+}
+
+/// Number of the lines, and what control ticks cost in which motor 0 plays them, through its compensator, and is recorded.
+/// Its pulses are held against the library's.
+fn measure_excitation(image_path: &Path, image: &Image, handlers: Handlers, lines: LineSet) -> Result<(u32, Costs)> {
+    let mut debugger = Debugger::start(image_path)?;
+    debugger.run_to(handlers.tick)?;
+    let settings = excitation_settings();
+    let timer_hz = set(&mut debugger, &settings)?;
+    // The first tick that is measured is the excitation's first.
+    stop_ticks(&mut debugger)?;
+    let request = excite_request(lines);
+    debugger.run_during(|link| {
+        for request in [Request::Record(Some(RecordRequest { motor: 0, divisor: 1 })), Request::Excite(request)] {
+            match ask(link, &request)? {
+                Message::Done => {}
+                other => return Err(format!("the controller answers {request:?} with {other:?}")),
+            }
+        }
+        Ok(())
+    })?;
+    for handler in [handlers.tick, handlers.link] {
+        debugger.add_breakpoint(handler)?;
+    }
+    debugger.store(SYSTICK_CONTROL, SYSTICK_ON)?;
+
+    let settings = settings.validate().map_err(|error| error.to_string())?;
+    let mut library = Library::new(&settings, timer_hz)?;
+    let checked = ExcitationRequest {
+        lines: lines.lines(),
+        nominal: Command::saturating_from_bits(request.nominal),
+        amplitude: Command::saturating_from_bits(request.amplitude),
+        duration_ticks: lines.lines().period_s() * settings.loop_rate_hz,
+    };
+    let excitation = Excitation::new(&channel_settings(&settings, 0), &checked, f64::from(settings.loop_rate_hz));
+    let [channel, ..] = &mut library.channels;
+    let excitation = excitation.map_err(|error| error.to_string())?;
+    channel.start_excitation(excitation).map_err(|error| error.to_string())?;
+
+    let mut inputs = Inputs::default();
+    let mut costs = Costs::default();
+    let mut ticks = 0;
+    while costs.runs < EXCITATION_TICKS {
+        let at = debugger.run()?.pc();
+        let back = interrupted_at(&mut debugger)?;
+        let cost = trace(&mut debugger, image, &[back, handlers.tick, handlers.capture, handlers.link], &mut inputs)?;
+        if at != handlers.tick {
+            continue;
+        }
+        ticks += 1;
+        if library.channels[0].state() == State::Excitation(Phase::Playing) {
+            costs.add(cost);
+        } else if ticks > RAMP_TICKS {
+            return Err(format!("after {ticks} ticks the excitation does not play"));
+        }
+        check_widths(&mut debugger, library.tick(0))?;
+    }
+    Ok((lines.lines().count() as u32, costs))
+}
+
+/// What the lowest priority locks for requests in flight, and for those that need every motor at rest.
+fn measure_requests(image_path: &Path, image: &Image) -> Result<(Locked, Locked)> {
+    let mut debugger = Debugger::start(image_path)?;
+    let tick = image.function_named(TICK).map(|index| image.functions[index].address);
+    debugger.run_to(tick.ok_or_else(|| format!("the image has no interrupt {TICK}"))?)?;
+    let settings = excitation_settings();
+    set(&mut debugger, &settings)?;
+    stop_ticks(&mut debugger)?;
+    let begins = locks(image);
+    if begins.is_empty() {
+        return Err("the image has no locks".to_owned());
+    }
+    for begin in begins {
+        debugger.add_breakpoint(begin)?;
+    }
+    let record = RecordRequest { motor: 0, divisor: 1 };
+    let in_flight = [
+        Request::Info,
+        Request::Faults,
+        Request::Record(Some(record)),
+        Request::Record(None),
+        Request::KeepAlive,
+        Request::StopExcitation,
+    ];
+    let at_rest = [
+        Request::SetSettings(settings),
+        Request::SetMode { motor: 0, source: Source::Inject, compensate: true },
+        Request::SetMode { motor: 0, source: Source::Pulse, compensate: true },
+        Request::Excite(excite_request(LineSet::Odd45Hz)),
+    ];
+    let mut of = |requests: &[Request]| {
+        let mut longest = Locked::default();
+        for request in requests {
+            send(debugger.link(), request)?;
+            let mut locks = 0;
+            while debugger.run_within(REQUEST_LIMIT)?.is_some() {
+                let cost = trace_lock(&mut debugger, image, &mut Inputs::default())?;
+                longest = longest.max(cost.locked);
+                locks += 1;
+            }
+            if locks == 0 {
+                return Err(format!("nothing is locked for {request:?}"));
+            }
+        }
+        Ok::<_, String>(longest)
+    };
+    Ok((of(&in_flight)?, of(&at_rest)?))
+}
+
+/// The outputs must be as wide as the library's.
+fn check_widths(debugger: &mut Debugger, expected: [u32; INPUTS]) -> Result {
+    for (output, expected) in (0..).zip(expected) {
+        let width = debugger.read(TIM3_WIDTHS + 4 * output)?;
+        if width != expected {
+            return Err(format!("output {output} is {width} counts wide, and {expected} by the library"));
+        }
+    }
+    Ok(())
 }
 
 /// Sends a request, and waits for the first message.
@@ -177,28 +361,25 @@ fn send(link: &mut TcpStream, request: &Request) -> Result {
 struct Library {
     decoders: [Decoder; INPUTS],
     channels: [Channel; INPUTS],
-    input: PulseScale,
-    output: PulseScale,
+    plan: Plan,
 }
 
 impl Library {
-    fn new(settings: &Validated, info: &Info, output_hz: u32) -> Result<Self> {
-        let input = settings.input.protocol();
-        let timing = Timing::new(input, info.timer_hz, settings.loop_rate_hz).map_err(|error| error.to_string())?;
+    fn new(settings: &Validated, timer_hz: u32) -> Result<Self> {
         let coefficients = controller::coefficients(settings).map_err(|error| error.to_string())?;
+        let plan = Plan::new(settings, timer_hz, true).ok_or("the timers do not suit the settings")?;
         Ok(Self {
-            decoders: std::array::from_fn(|_| Decoder::new(timing)),
+            decoders: std::array::from_fn(|_| Decoder::new(plan.timing)),
             channels: controller::channels(settings, coefficients).ok_or("the settings contradict each other")?,
-            input: PulseScale::new(input, info.timer_hz).map_err(|error| error.to_string())?,
-            output: PulseScale::new(settings.output.protocol(), output_hz).map_err(|error| error.to_string())?,
+            plan,
         })
     }
 
     fn tick(&mut self, now: u32) -> [u32; INPUTS] {
         let mut widths = [0; INPUTS];
         for ((decoder, channel), width) in self.decoders.iter_mut().zip(&mut self.channels).zip(&mut widths) {
-            let input = Input::from_signal(decoder.poll(now), &self.input);
-            *width = self.output.to_ticks(channel.tick(input));
+            let input = Input::from_signal(decoder.poll(now), &self.plan.input_scale);
+            *width = self.plan.output_scale.to_width_ticks(channel.tick(input));
         }
         widths
     }
@@ -261,13 +442,7 @@ impl Stand<'_> {
     fn run_tick(&mut self) -> Result<Cost> {
         self.arrive(self.handlers.tick, TICK)?;
         let cost = self.run_interrupt()?;
-        let expected = self.library.tick(self.inputs.now);
-        for (output, expected) in (0..).zip(expected) {
-            let width = self.debugger.read(TIM3_WIDTHS + 4 * output)?;
-            if width != expected {
-                return Err(format!("output {output} is {width} counts wide, and {expected} by the library"));
-            }
-        }
+        check_widths(&mut self.debugger, self.library.tick(self.inputs.now))?;
         Ok(cost)
     }
 
@@ -300,23 +475,23 @@ impl Stand<'_> {
         trace(&mut self.debugger, self.image, &[back, tick, capture, link], &mut self.inputs)
     }
 
-    /// Interrupts of the link during a request and its answer.
+    /// Interrupts of the link during a request and its answer, the last with work both ways.
     ///
     /// The ticks are switched off: the emulated time runs on while the debugger thinks, so that on a fast machine the
     /// next tick is due whenever one ends, and the task that writes the answer never gets its turn.
-    fn link_bytes(&mut self) -> Result<Costs> {
-        self.debugger.store(SYSTICK_CONTROL, 0)?;
-        self.debugger.store(INTERRUPT_CONTROL, SYSTICK_NOT_PENDING)?;
+    fn link_bytes(&mut self) -> Result<(Costs, Costs)> {
+        stop_ticks(&mut self.debugger)?;
         send(self.debugger.link(), &Request::Info)?;
-        let mut costs = Costs::default();
-        for _ in 0..LINK_BYTES + LAST_OTHERS {
+        let (mut one_way, mut both_ways) = (Costs::default(), Costs::default());
+        for _ in 0..LINK_BYTES + BUSY_BYTES + LAST_OTHERS {
+            self.inputs.link_is_busy = one_way.runs == LINK_BYTES;
             let at = self.next_interrupt()?;
             let cost = self.run_interrupt()?;
             if at == self.handlers.link {
-                costs.add(cost);
+                if self.inputs.link_is_busy { both_ways.add(cost) } else { one_way.add(cost) }
             }
-            if costs.runs == LINK_BYTES {
-                return Ok(costs);
+            if both_ways.runs == BUSY_BYTES {
+                return Ok((one_way, both_ways));
             }
         }
         Err("other interrupts came instead of the link's".to_owned())
@@ -342,6 +517,7 @@ impl Costs {
     fn merge(&mut self, other: Self) {
         self.runs += other.runs;
         self.instructions += other.instructions;
+        self.locked = self.locked.max(other.locked);
         if other.worst.instructions > self.worst.instructions {
             self.worst = other.worst;
         }

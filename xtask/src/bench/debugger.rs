@@ -113,6 +113,25 @@ impl Debugger {
         self.registers()
     }
 
+    /// Runs to the next breakpoint; `None` where it has not come to one within `limit`, and stands somewhere then.
+    pub fn run_within(&mut self, limit: Duration) -> Result<Option<Registers>> {
+        self.send("c")?;
+        self.port.get_ref().set_read_timeout(Some(limit)).map_err(broken)?;
+        // Nothing but the begin of the answer is looked at, behind the acknowledgement, so that none is torn.
+        let came = loop {
+            match self.port.fill_buf() {
+                Ok([b'+', ..]) => self.port.consume(1),
+                begin => break begin.is_ok(),
+            }
+        };
+        self.port.get_ref().set_read_timeout(Some(ANSWER_LIMIT)).map_err(broken)?;
+        if !came {
+            self.port.get_mut().write_all(&[3]).map_err(broken)?;
+        }
+        self.receive()?;
+        if came { self.registers().map(Some) } else { Ok(None) }
+    }
+
     /// Runs while `meanwhile` works, and then stops wherever it is.
     pub fn run_during<T>(&mut self, meanwhile: impl FnOnce(&mut TcpStream) -> Result<T>) -> Result<T> {
         self.send("c")?;

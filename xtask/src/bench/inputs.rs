@@ -13,6 +13,10 @@ const STATUS: u32 = TIM2 + 0x10;
 const COUNT: u32 = TIM2 + 0x24;
 const CAPTURES: u32 = TIM2 + 0x34;
 const GPIOA_LEVELS: u32 = 0x4002_0010;
+/// The link's UART, and the bits of its status that are set when a byte has come, the one after it was lost, and the next
+/// may be sent.
+const USART3_STATUS: u32 = 0x4000_4800;
+const BUSY: u32 = 1 << 5 | 1 << 3 | 1 << 7;
 /// The core's interrupt control and state. While the debugger steps through a tick the emulated time runs on, and the next
 /// tick looks due, which it is not where nobody stops the core.
 const INTERRUPT_STATE: u32 = 0xE000_ED04;
@@ -25,6 +29,8 @@ pub struct Inputs {
     levels: u32,
     flags: u32,
     stamps: [u32; INPUTS],
+    /// The UART has work both ways, and a lost byte, whenever it is asked.
+    pub link_is_busy: bool,
 }
 
 impl Inputs {
@@ -51,6 +57,7 @@ impl Hardware for Inputs {
             COUNT => Some(self.now),
             GPIOA_LEVELS => Some(self.levels),
             INTERRUPT_STATE => Some(0),
+            USART3_STATUS => self.link_is_busy.then_some(BUSY),
             _ => {
                 let input = address.checked_sub(CAPTURES)? / 4;
                 let stamp = *self.stamps.get(input as usize)?;

@@ -4,12 +4,18 @@ use std::fmt;
 
 use serde_json::{Value, json};
 
+use rotorlead::controller::load::{BYTE_CYCLES, CAPTURE_CYCLES, LINE_CYCLES, TICK_CYCLES};
+use rotorlead::link::BYTES_PER_S;
+
 use super::application::{Costs, Interrupts};
 use super::cycles::INTERRUPT;
 use super::filters::Filter;
 
-/// Frequency of the core with its crystal.
+/// Frequency of the core with its crystal, and without one and its PLL.
 const CORE_HZ: f64 = 168e6;
+const SLOW_CORE_HZ: f64 = 16e6;
+/// A wait that does not end within this many cycles does not end while the link is busy.
+const ENDLESS_CYCLES: u64 = 1_000_000;
 /// What the project holds of its own section and tick.
 const MOST_INSTRUCTIONS_CALL: u32 = 22;
 /// Of a block, with the loop, and a 32nd part of what the function needs to enter and return.
@@ -32,6 +38,32 @@ impl Report {
         cycles * f64::from(self.interrupts.loop_rate_hz) / CORE_HZ
     }
 
+    /// For how long each interrupt may be kept waiting while motors fly: its name, what it waits for, and cycles at both
+    /// clocks, `None` where bytes at the full rate of the line, both ways, leave it no time.
+    fn waits(&self) -> [Wait; 3] {
+        let Interrupts { tick_4ch, excitations, capture_4, link_both, requests, .. } = &self.interrupts;
+        let cycles = |costs: &Costs| u64::from(costs.worst.cycles + INTERRUPT);
+        let [(_, few), (_, many)] = excitations;
+        let in_tick = tick_4ch.locked.max(few.locked).max(many.locked).max(capture_4.locked);
+        let (bytes, captures) = (in_tick.bytes.max(requests.bytes), in_tick.captures.max(requests.captures));
+        // The control tick does not wait for its own locks.
+        let ticks = requests.ticks;
+        let wait = |name, of, first: u32, further: u64| {
+            let first = u64::from(first) + further;
+            Wait {
+                name,
+                of,
+                cycles: [CORE_HZ, SLOW_CORE_HZ].map(|core_hz| with_bytes(first, cycles(link_both), core_hz)),
+            }
+        };
+        let alone = Wait { name: "USART3", of: "the longest lock", cycles: [Some(u64::from(bytes)); 2] };
+        [
+            alone,
+            wait("TIM2", "bytes both ways, a lock of the inputs", captures, 0),
+            wait("SysTick", "bytes both ways, captures of four edges, a lock", ticks, cycles(capture_4)),
+        ]
+    }
+
     /// The figures by name.
     pub fn json(&self) -> Value {
         let mut all = serde_json::Map::new();
@@ -47,8 +79,33 @@ impl Report {
             });
             all.insert(filter.key.to_owned(), figures);
         }
-        let Interrupts { tick_1ch, tick_4ch, tick_arming, capture_1, capture_4, link_byte, loop_rate_hz } =
+        let Interrupts { tick_1ch, tick_4ch, tick_arming, capture_1, capture_4, link_byte, link_both, .. } =
             &self.interrupts;
+        let Interrupts { excitations, requests, requests_at_rest, loop_rate_hz, .. } = &self.interrupts;
+        for (lines, costs) in excitations {
+            all.insert(
+                format!("excitation_{lines}"),
+                json!({
+                    "instructions": costs.worst.instructions,
+                    "instructions_mean": costs.mean(),
+                    "estimated_cycles": costs.worst.cycles + INTERRUPT,
+                }),
+            );
+        }
+        all.insert("estimated_cycles_per_line".to_owned(), json!(self.interrupts.cycles_per_line()));
+        let waits: serde_json::Map<_, _> =
+            self.waits().iter().map(|wait| (wait.name.to_owned(), json!(wait.cycles))).collect();
+        all.insert("estimated_wait_cycles".to_owned(), Value::Object(waits));
+        all.insert(
+            "estimated_lock_cycles".to_owned(),
+            json!({
+                "inputs_in_tick": tick_4ch.locked.captures,
+                "inputs_in_request": requests.captures,
+                "control_in_request": requests.ticks,
+                "inputs_in_request_at_rest": requests_at_rest.captures,
+                "control_in_request_at_rest": requests_at_rest.ticks,
+            }),
+        );
         all.insert(
             "tick".to_owned(),
             json!({
@@ -68,6 +125,9 @@ impl Report {
                 "capture_instructions_1ch": capture_1.worst.instructions,
                 "capture_instructions_4ch": capture_4.worst.instructions,
                 "link_byte_instructions": link_byte.worst.instructions,
+                "link_byte_both_ways_instructions": link_both.worst.instructions,
+                "capture_estimated_cycles_4ch": capture_4.worst.cycles + INTERRUPT,
+                "link_byte_estimated_cycles": link_byte.worst.cycles + INTERRUPT,
             }),
         );
         Value::Object(all)
@@ -89,6 +149,26 @@ impl Report {
         hold(ours.steady_error == 0, format!("the steady output is off by {}", ours.steady_error));
         let tick = self.interrupts.tick_4ch.worst.instructions;
         hold(tick < MOST_INSTRUCTIONS_TICK, format!("a tick of four motors takes {tick} instructions"));
+        let Interrupts { tick_1ch, tick_4ch, capture_1, capture_4, link_byte, excitations, .. } = &self.interrupts;
+        for (name, costs, limit) in [
+            ("tick of one motor", tick_1ch, TICK_CYCLES),
+            ("tick of four motors", tick_4ch, TICK_CYCLES),
+            ("capture of one edge", capture_1, CAPTURE_CYCLES),
+            ("capture of four edges", capture_4, CAPTURE_CYCLES),
+            ("byte of the link", link_byte, BYTE_CYCLES),
+        ] {
+            let cycles = costs.worst.cycles + INTERRUPT;
+            hold(cycles <= limit, format!("a {name} takes {cycles} cycles, and {limit} by src/controller/load.rs"));
+        }
+        for (lines, costs) in excitations {
+            let (cycles, limit) = (costs.worst.cycles + INTERRUPT, TICK_CYCLES + lines * LINE_CYCLES);
+            let what =
+                format!("a tick with {lines} lines takes {cycles} cycles, and {limit} by src/controller/load.rs");
+            hold(cycles <= limit, what);
+        }
+        let line = self.interrupts.cycles_per_line();
+        let what = format!("a line takes {line:.1} cycles, and {LINE_CYCLES} by src/controller/load.rs");
+        hold(line <= f64::from(LINE_CYCLES), what);
         for peer in peers.iter().filter(|peer| peer.key == "idsp_dither") {
             let no_dearer = call <= peer.call.instructions
                 && sample <= peer.per_sample()
@@ -97,6 +177,31 @@ impl Report {
             hold(no_dearer, format!("{} is cheaper", peer.name));
         }
         missed
+    }
+}
+
+/// How long an interrupt may be kept waiting.
+struct Wait {
+    name: &'static str,
+    of: &'static str,
+    /// At the clock with the crystal, and without.
+    cycles: [Option<u64>; 2],
+}
+
+/// A wait for so many cycles, during which bytes come and go at the rate of the line, each pair in an interrupt of so many
+/// cycles, one of which was about to come.
+fn with_bytes(first: u64, byte: u64, core_hz: f64) -> Option<u64> {
+    let cycles_per_byte = (core_hz / f64::from(BYTES_PER_S)) as u64;
+    let mut wait = first + byte;
+    loop {
+        let longer = first + (wait / cycles_per_byte + 1) * byte;
+        if longer == wait {
+            return Some(wait);
+        }
+        wait = longer;
+        if wait > ENDLESS_CYCLES {
+            return None;
+        }
     }
 }
 
@@ -122,24 +227,64 @@ impl fmt::Display for Report {
                 filter.cycles_per_sample(),
             )?;
         }
-        let Interrupts { tick_1ch, tick_4ch, tick_arming, capture_1, capture_4, link_byte, loop_rate_hz } =
+        let Interrupts { tick_1ch, tick_4ch, tick_arming, capture_1, capture_4, link_byte, link_both, .. } =
             &self.interrupts;
-        writeln!(f, "\n{:<38} {:>6} {:>6} {:>12}", "interrupt of the application", "mean", "worst", "cycles, est.")?;
+        let Interrupts { excitations, requests, requests_at_rest, loop_rate_hz, .. } = &self.interrupts;
+        writeln!(f, "\n{:<46} {:>6} {:>6} {:>12}", "interrupt of the application", "mean", "worst", "cycles, est.")?;
         let mut row = |name: &str, costs: &Costs| {
             let worst = costs.worst;
             let cycles = worst.cycles + INTERRUPT;
-            writeln!(f, "{name:<38} {:>6.0} {:>6} {cycles:>12}", costs.mean(), worst.instructions)
+            writeln!(f, "{name:<46} {:>6.0} {:>6} {cycles:>12}", costs.mean(), worst.instructions)
         };
         row("control tick, one motor armed", tick_1ch)?;
         row("control tick, four motors armed", tick_4ch)?;
         row("control tick that arms all four", tick_arming)?;
+        for (lines, costs) in excitations {
+            row(&format!("control tick, {lines} lines on one motor, recorded"), costs)?;
+        }
         row("capture of an edge of one input", capture_1)?;
         row("capture of edges of four inputs at once", capture_4)?;
-        row("byte of the link", link_byte)?;
+        row("byte of the link, one way", link_byte)?;
+        row("bytes of the link both ways, and one lost", link_both)?;
         writeln!(
             f,
-            "\nThe worst tick of four motors at {loop_rate_hz} Hz takes {:.1} % of a core at 168 MHz, estimated.",
-            100.0 * self.cpu_share()
-        )
+            "\nThe worst tick of four motors at {loop_rate_hz} Hz takes {:.1} % of a core at 168 MHz, estimated. A line of \
+             an excitation takes {:.1} cycles, estimated.",
+            100.0 * self.cpu_share(),
+            self.interrupts.cycles_per_line()
+        )?;
+
+        writeln!(f, "\n{:<70} {:>10} {:>10}", "longest lock, cycles, est.", "of inputs", "of control")?;
+        let mut row = |name: &str, inputs: u32, control: u32| writeln!(f, "{name:<70} {inputs:>10} {control:>10}");
+        row("in a control tick", tick_4ch.locked.captures, 0)?;
+        row("for a request in flight", requests.captures, requests.ticks)?;
+        let of_rest = "for a request that needs every motor at rest";
+        row(of_rest, requests_at_rest.captures, requests_at_rest.ticks)?;
+
+        let head = "longest wait of an interrupt in flight, with the line full, est.";
+        writeln!(f, "\n{head:<70} {:>10} {:>10}", "168 MHz", "16 MHz")?;
+        for Wait { name, of, cycles } in self.waits() {
+            let [fast, slow] =
+                [(cycles[0], CORE_HZ), (cycles[1], SLOW_CORE_HZ)].map(|(cycles, core_hz)| match cycles {
+                    Some(cycles) => format!("{:.1} us", cycles as f64 / core_hz * 1e6),
+                    None => "no end".to_owned(),
+                });
+            writeln!(f, "{:<70} {fast:>10} {slow:>10}", format!("{name}: {of}"))?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::with_bytes;
+
+    #[test]
+    fn a_wait_is_as_long_as_the_bytes_that_come_in_it_make_it() {
+        // 1680 cycles between bytes: the first and the second.
+        assert_eq!(with_bytes(500, 100, 168e6), Some(600));
+        assert_eq!(with_bytes(1600, 100, 168e6), Some(1800));
+        // 160 cycles between bytes, each of which takes more.
+        assert_eq!(with_bytes(500, 170, 16e6), None);
     }
 }
