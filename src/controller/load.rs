@@ -35,14 +35,8 @@ pub fn percent(lines: usize, loop_rate_hz: u32, core_hz: u32) -> u32 {
     let line_bytes = u64::from(BYTES_PER_S) / rate + 1;
     let received = u64::from(KEEP_ALIVE_BYTES).min(line_bytes);
     let sent = u64::from(KEEP_ALIVE_BYTES + RECORD_SAMPLE_BYTES).min(line_bytes);
-<<<<<<< HEAD
     let lines = (lines as u64).saturating_mul(u64::from(LINE_CYCLES));
     let cycles = lines.saturating_add(u64::from(TICK_CYCLES) + (received + sent) * u64::from(BYTE_CYCLES));
     let percent = cycles.saturating_mul(100 * rate).div_ceil(u64::from(core_hz.max(1)));
-=======
-    let cycles =
-        u64::from(TICK_CYCLES) + lines as u64 * u64::from(LINE_CYCLES) + (received + sent) * u64::from(BYTE_CYCLES);
-    let percent = (100 * cycles * rate).div_ceil(u64::from(core_hz.max(1)));
->>>>>>> emu
     u32::try_from(percent).unwrap_or(u32::MAX)
 }
