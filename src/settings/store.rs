@@ -116,7 +116,7 @@ impl fmt::Display for SaveError {
 
 impl core::error::Error for SaveError {}
 
-/// The settings' place in flash, in pages of `PAGE` bytes, at most [`PAGE_BYTES`].
+/// The settings' place in flash, in pages of `PAGE` bytes, at most 512.
 #[derive(Debug)]
 pub struct Store<F, const PAGE: usize = PAGE_BYTES> {
     flash: F,
