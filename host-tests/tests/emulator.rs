@@ -621,6 +621,52 @@ fn a_fault_of_the_core_forces_the_outputs_low_and_is_reported_after_the_reset() 
     assert_eq!(widths(&mut machine), [stop; 4]);
 }
 
+/// Entry of the supply's interrupt in the vector table: the second after the 16 of the core.
+const SUPPLY_VECTOR: u32 = 0x0800_0000 + 4 * (16 + 1);
+
+/// The emulator has no voltage detector: the core is led to the handler of its interrupt.
+#[test]
+#[ignore = "needs the image and the emulator: cargo xtask test"]
+fn a_low_supply_forces_the_outputs_low_and_is_reported_after_the_reset() {
+    let image = image();
+    let settings = with_stop_pulses();
+    let flash = saved(&settings);
+    let start = Start { settings_flash: Some(&flash), trace: true, debugger: true, ..Start::new(&image) };
+    let mut machine = armed(&start, 0.6);
+    let handler = machine.monitor.word(SUPPLY_VECTOR) & !1;
+    let mark = machine.trace.mark();
+    let debugger = machine.debugger.as_mut().unwrap();
+    debugger.halt();
+    debugger.jump(handler);
+    debugger.go_on();
+    machine.link.wait_for_start();
+    assert_eq!(machine.link.info().reset, ResetReason::SupplyLow);
+    assert!(outputs_were_forced_low(&machine.trace.outputs_since(mark)));
+}
+
+/// ST's procedure chooses the sector in one write and starts the erase in the next. The emulated flash takes neither.
+#[test]
+#[ignore = "needs the image and the emulator: cargo xtask test"]
+fn an_erase_is_started_after_its_sector_is_chosen() {
+    const CONTROL: u32 = 0x10;
+    let (sector_erase, sector_10, start_bit) = (1 << 1, 10 << 3, 1 << 16);
+    let image = image();
+    let mut machine = ready(&Start { trace: true, ..Start::new(&image) }, &settings());
+    let mark = machine.trace.mark();
+    // A flash of zeros has no free page, so the save begins with an erase, and then finds that nothing was written.
+    assert_eq!(machine.link.ask(&Request::SaveSettings), Message::Refused(Refusal::SaveFailed));
+    let writes: Vec<u32> = machine
+        .trace
+        .flash_since(mark)
+        .into_iter()
+        .filter(|write| write.offset == CONTROL)
+        .map(|write| write.value)
+        .collect();
+    let chosen = writes.iter().position(|value| value & sector_erase != 0).expect("a sector is chosen");
+    assert_eq!(writes[chosen] & (sector_10 | start_bit), sector_10, "{writes:#x?}");
+    assert_eq!(writes[chosen + 1] & start_bit, start_bit, "{writes:#x?}");
+}
+
 #[test]
 #[ignore = "needs the image and the emulator: cargo xtask test"]
 fn a_panic_forces_the_outputs_low_and_is_reported_after_the_reset() {

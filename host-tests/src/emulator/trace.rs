@@ -5,10 +5,10 @@ use std::path::PathBuf;
 /// The file that QEMU writes.
 pub struct Trace(PathBuf);
 
-/// A register of a port was written.
+/// A register was written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PortWrite {
-    /// Offset within the port.
+    /// Offset within the port or device.
     pub offset: u32,
     /// What was written.
     pub value: u32,
@@ -34,9 +34,23 @@ impl Trace {
     /// When there is no trace, or it does not look as expected.
     #[must_use]
     pub fn outputs_since(&self, mark: usize) -> Vec<PortWrite> {
+        self.writes_since(mark, "GPIOC")
+    }
+
+    /// What was written to the flash's own registers since the mark.
+    ///
+    /// # Panics
+    /// As [`Self::outputs_since`].
+    #[must_use]
+    pub fn flash_since(&self, mark: usize) -> Vec<PortWrite> {
+        self.writes_since(mark, "Flash Int")
+    }
+
+    fn writes_since(&self, mark: usize, device: &str) -> Vec<PortWrite> {
         let text = std::fs::read_to_string(&self.0).expect("a trace");
+        let start = format!("{device}: unimplemented device write (");
         let write = |line: &str| {
-            let fields = line.strip_prefix("GPIOC: unimplemented device write (")?.trim_end_matches(')');
+            let fields = line.strip_prefix(&start)?.trim_end_matches(')');
             let number = |name: &str| {
                 let text = fields.split(", ").find_map(|field| field.strip_prefix(name))?;
                 u32::from_str_radix(text.trim().trim_start_matches("0x"), 16).ok()
