@@ -74,6 +74,8 @@ pub struct Hardware {
     pub during_save: Vec<[Signal; MOTORS]>,
     /// What the outputs had in these ticks.
     pub outputs_during_save: Vec<[EscCommand; MOTORS]>,
+    /// What the inputs have in the ticks that fall between the check of a request and what it starts.
+    pub during_check: Vec<[Signal; MOTORS]>,
     /// Whether the timers refuse new settings.
     pub refuses: bool,
     /// `flash_stalls`, call by call.
@@ -116,6 +118,9 @@ impl Board for Hardware {
     }
 
     fn facts(&mut self) -> BoardFacts {
+        for signals in std::mem::take(&mut self.during_check) {
+            self.run(signals);
+        }
         self.board.facts()
     }
 
@@ -189,6 +194,7 @@ impl Rig {
             board,
             during_save: Vec::new(),
             outputs_during_save: Vec::new(),
+            during_check: Vec::new(),
             refuses: false,
             stalls: Vec::new(),
         };

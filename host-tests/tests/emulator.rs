@@ -8,8 +8,8 @@ use host_tests::{TABLE_1, multisine};
 use rotorlead::channel::{Channel, Excitation, ExcitationRequest, Input};
 use rotorlead::controller::{Plan, channel_settings, channels, coefficients, load};
 use rotorlead::link::{
-    ChannelState, Clock, ExciteRequest, InjectRequest, LineSet, Message, NO_PULSE, Record, RecordRequest, Refusal,
-    Request, ResetReason, Series, Source,
+    ChannelState, Clock, ExciteRequest, InjectRequest, LineSet, MAX_LOAD_PERCENT, Message, NO_PULSE, Record,
+    RecordRequest, Refusal, Request, ResetReason, Series, Source,
 };
 use rotorlead::settings::{NoSignal, Origin, Pulse, PulseProtocol, Settings, Store, Validated};
 use rotorlead::throttle::{Command, EscCommand};
@@ -417,7 +417,7 @@ fn an_excitation_that_leaves_the_link_no_time_is_refused() {
     let info = machine.link.info();
     let loop_rate_hz = Settings::default().loop_rate_hz;
     let percent = load::percent(150, loop_rate_hz, info.core_hz);
-    assert!(percent > load::MAX_PERCENT);
+    assert!(percent > MAX_LOAD_PERCENT);
     let refusal = Refusal::TooSlow { lines: 150, loop_rate_hz, core_hz: 16_000_000, percent };
     assert_eq!(machine.link.ask(&Request::Excite(odd_30_hz(1))), Message::Refused(refusal));
     assert_eq!(machine.link.info().motors, [ChannelState::NoSignal; 4]);

@@ -1,8 +1,8 @@
 //! Whether an excitation leaves the link the time that its keep-alives need: byte times played against tick times.
 
 use host_tests::board::{CRYSTAL, INTERNAL, INTERNAL_PLL};
-use rotorlead::controller::load::{BYTE_CYCLES, BYTE_TAKEN_CYCLES, LINE_CYCLES, MAX_PERCENT, TICK_CYCLES, percent};
-use rotorlead::link::{BYTES_PER_S, LineSet, RECORD_SAMPLE_BYTES, Request, encode};
+use rotorlead::controller::load::{BYTE_CYCLES, BYTE_TAKEN_CYCLES, LINE_CYCLES, TICK_CYCLES, percent};
+use rotorlead::link::{BYTES_PER_S, LineSet, MAX_LOAD_PERCENT, RECORD_SAMPLE_BYTES, Request, encode};
 
 /// What an interrupt for bytes may interrupt.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -148,7 +148,7 @@ fn no_keep_alive_is_lost_during_an_excitation_that_is_accepted() {
     let mut accepted = 0;
     for (lines, loop_rate_hz, core_hz) in all() {
         let percent = percent(lines, loop_rate_hz, core_hz);
-        if percent > MAX_PERCENT {
+        if percent > MAX_LOAD_PERCENT {
             continue;
         }
         let outcome = play(lines, loop_rate_hz, core_hz, BytePriority::AboveTick);
@@ -174,9 +174,9 @@ fn below_the_tick_an_excitation_starves_the_link() {
 #[test]
 fn what_does_not_fit_is_refused() {
     assert!(percent(150, 5000, 168_000_000) < 60);
-    assert!(percent(225, 10_000, 168_000_000) <= MAX_PERCENT);
-    assert!(percent(150, 5000, 16_000_000) > MAX_PERCENT, "150 lines at 16 MHz cannot run");
-    assert!(percent(150, 1000, 16_000_000) <= MAX_PERCENT, "they do at 1 kHz");
+    assert!(percent(225, 10_000, 168_000_000) <= MAX_LOAD_PERCENT);
+    assert!(percent(150, 5000, 16_000_000) > MAX_LOAD_PERCENT, "150 lines at 16 MHz cannot run");
+    assert!(percent(150, 1000, 16_000_000) <= MAX_LOAD_PERCENT, "they do at 1 kHz");
     assert_eq!(percent(usize::MAX >> 8, u32::MAX, 0), u32::MAX);
-    assert!(percent(0, 0, 0) > MAX_PERCENT);
+    assert!(percent(0, 0, 0) > MAX_LOAD_PERCENT);
 }

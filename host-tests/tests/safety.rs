@@ -148,6 +148,22 @@ fn without_the_jumper_no_host_drives_a_motor() {
     assert_eq!(rig.ask(&commands), refused(Refusal::BenchDisabled));
 }
 
+/// A request takes time: the check is not the start.
+#[test]
+fn pulses_that_come_up_while_an_excitation_is_made_keep_it_from_starting() {
+    for live in 0..MOTORS {
+        let mut rig = Rig::new();
+        let mut signals = [Signal::Nothing; MOTORS];
+        signals[live] = rig.pulse(0.0);
+        rig.hardware.during_check = vec![signals];
+        assert_eq!(rig.ask(&excite(LineSet::Odd30Hz)), refused(Refusal::InputLive { motor: live as u8 }));
+        signals[live] = Signal::Unchanged;
+        for _ in 0..20_000 {
+            assert!(rig.hardware.run(signals).iter().all(|&output| output <= STOP));
+        }
+    }
+}
+
 #[test]
 fn an_excitation_ends_when_the_jumper_is_taken_out() {
     let mut settings = Settings::default();

@@ -7,7 +7,7 @@
 //! `docs/firmware.md`), with interrupt entry and return. `cargo xtask bench --firmware` counts them again and fails where
 //! one is above what stands here.
 
-use crate::link::{BYTES_PER_S, MAX_LOAD_PERCENT, RECORD_SAMPLE_BYTES};
+use crate::link::{BYTES_PER_S, RECORD_SAMPLE_BYTES};
 
 /// A control tick: of four armed motors with new pulses, or of an excitation that is recorded, without its lines.
 pub const TICK_CYCLES: u32 = 1300;
@@ -19,10 +19,6 @@ pub const BYTE_CYCLES: u32 = 100;
 pub const BYTE_TAKEN_CYCLES: u32 = 45;
 /// A capture interrupt with an edge of each input.
 pub const CAPTURE_CYCLES: u32 = 510;
-
-/// Highest part of a control tick that an excitation and the link may take, percent. What is left is for the captures, for
-/// cache misses, which the estimate leaves out, and for the lowest priority.
-pub const MAX_PERCENT: u32 = MAX_LOAD_PERCENT;
 
 /// Bytes of a keep-alive's frame, and of its answer's: an envelope of 7 bytes, its COBS byte and two zeros.
 const KEEP_ALIVE_BYTES: u32 = 10;

@@ -20,7 +20,7 @@ enum State {
     Waiting,
     /// A pulse came, and the frame is not long enough yet.
     Due,
-    /// It has been told where to end, and was at this count in the last tick.
+    /// Its end is set, and the count was this in the last tick.
     Ending(u32),
 }
 

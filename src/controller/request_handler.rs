@@ -11,8 +11,8 @@ use super::{
 use crate::biquad::Coefficients;
 use crate::channel::{Channel, Excitation, ExcitationRequest, Refusal as ChannelRefusal, State};
 use crate::link::{
-    ExciteRequest, Faults, FrameFaults, INJECT_WINDOW, Info, InjectRequest, Injector, Message, RecordRequest, Recorder,
-    Refusal, Request, Sample, Source, Tagged,
+    ExciteRequest, Faults, FrameFaults, INJECT_WINDOW, Info, InjectRequest, Injector, MAX_LOAD_PERCENT, Message,
+    RecordRequest, Recorder, Refusal, Request, Sample, Source, Tagged,
 };
 use crate::settings::{MOTORS, Origin, Settings, Store, Validated};
 use crate::throttle::{Command, EscCommand};
@@ -264,7 +264,7 @@ impl<F: NorFlash> RequestHandler<F> {
         }
         let (core_hz, loop_rate_hz) = (board.facts().clocks.core_hz, self.settings.loop_rate_hz);
         let percent = load::percent(lines.count(), loop_rate_hz, core_hz);
-        if percent > load::MAX_PERCENT {
+        if percent > MAX_LOAD_PERCENT {
             // Sets of lines are counted in hundreds.
             return Err(Refusal::TooSlow { lines: lines.count() as u16, loop_rate_hz, core_hz, percent });
         }
@@ -299,6 +299,8 @@ impl<F: NorFlash> RequestHandler<F> {
             if tick.motors().iter().any(|motor| exciting(motor.channel().state())) {
                 return Err(Refusal::Exciting);
             }
+            // Making it took its time: pulses may have come up meanwhile.
+            no_input_is_live(tick)?;
             tick.motor_mut(index).ok_or(Refusal::UnknownMotor)?.excite(excitation).map_err(refusal)
         })?;
         Ok(Message::Done)
@@ -376,12 +378,16 @@ fn may_drive(board: &mut impl Board) -> Result<(), Refusal> {
         if tick.outputs() == Outputs::Low {
             return Err(Refusal::NoSettings);
         }
-        match tick.motors().iter().position(Motor::is_input_live) {
-            // A motor's index.
-            Some(motor) => Err(Refusal::InputLive { motor: motor as u8 }),
-            None => Ok(()),
-        }
+        no_input_is_live(tick)
     })
+}
+
+fn no_input_is_live(tick: &Tick) -> Result<(), Refusal> {
+    match tick.motors().iter().position(Motor::is_input_live) {
+        // A motor's index.
+        Some(motor) => Err(Refusal::InputLive { motor: motor as u8 }),
+        None => Ok(()),
+    }
 }
 
 /// Every motor stays at rest until [`Tick::resume`].

@@ -47,5 +47,6 @@ pub const BYTES_PER_S: u32 = BAUD / 10;
 /// Most bytes that a sample of the recorder takes, rounded up: 5 for each of its three commands, 3 for a count of 12 bits,
 /// and its share of the frame around [`RECORD_SAMPLES`] of them.
 pub const RECORD_SAMPLE_BYTES: u32 = 19;
-/// Highest part of a control tick that an excitation and the link may take, percent.
+/// Highest part of a control tick that an excitation and the link may take, percent. What is left is for the captures, for
+/// cache misses, which the estimate leaves out, and for the lowest priority.
 pub const MAX_LOAD_PERCENT: u32 = 80;
