@@ -2,13 +2,14 @@
 
 use embedded_hal::pwm::SetDutyCycle;
 
-/// Sets the widths of the next pulses, in ticks of the channels' timer.
+/// Sets the width of the next pulse, in ticks of the channel's timer.
 ///
-/// A width that the channel's 16 bits cannot hold is cut to what they hold; that a pulse and a gap fit its frame is for the
-/// caller to see to, once for all settings. There is nobody to tell of a failure here, and the next control tick tries again.
+/// A width that the channel's 16 bits cannot hold is cut to what they hold, and one of 2^31 or more, which no protocol has, is
+/// no pulse; that a pulse and a gap fit its frame is for the caller to see to, once for all settings. There is nobody to tell
+/// of a failure here, and the next control tick tries again.
 #[inline(always)]
-pub fn put_out<P: SetDutyCycle, const N: usize>(channels: &mut [P; N], widths: [u32; N]) {
-    for (channel, width) in channels.iter_mut().zip(widths) {
-        let _ = channel.set_duty_cycle(u16::try_from(width).unwrap_or(u16::MAX));
-    }
+pub fn put_out(channel: &mut impl SetDutyCycle, width: u32) {
+    // With a sign this is one instruction (USAT), and four without.
+    let duty = width.cast_signed().clamp(0, i32::from(u16::MAX)) as u16;
+    let _ = channel.set_duty_cycle(duty);
 }

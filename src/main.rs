@@ -143,8 +143,10 @@ mod app {
     #[task(binds = SysTick, priority = 3, shared = [inputs, control])]
     fn control(mut cx: control::Context) {
         // The captures wait only for this, and not for the filters.
-        let signals = cx.shared.inputs.lock(Inputs::poll);
-        let idle_ran = IDLE_RAN.swap(false, Ordering::Relaxed);
-        cx.shared.control.lock(|control| control.run(signals, idle_ran));
+        let readings = cx.shared.inputs.lock(Inputs::poll);
+        // No swap: the lowest priority does not run between the two.
+        let idle_ran = IDLE_RAN.load(Ordering::Relaxed);
+        IDLE_RAN.store(false, Ordering::Relaxed);
+        cx.shared.control.lock(|control| control.run(readings, idle_ran));
     }
 }

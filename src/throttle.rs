@@ -245,10 +245,10 @@ impl core::error::Error for PulseError {}
 pub struct PulseScale {
     low_ticks: u32,
     span_ticks: u32,
-    /// `2^(FRACTION_BITS + 32 - left_shift) / span_ticks`, to the nearest integer.
+    /// `2^(FRACTION_BITS + 32) / normalizer / span_ticks`, to the nearest integer.
     reciprocal: u32,
-    /// Chosen so that `reciprocal` lies in (2^30, 2^31]: 2 to 24.
-    left_shift: u32,
+    /// The power of two with which `reciprocal` lies in (2^30, 2^31]: 2^2 to 2^24.
+    normalizer: u32,
 }
 
 impl PulseScale {
@@ -258,7 +258,7 @@ impl PulseScale {
     pub const MAX_SPAN_TICKS: u32 = 1 << (FRACTION_BITS - 1);
 
     /// Every pulse means 1: for a clock that cannot tell them apart.
-    pub const FULL: Self = Self { low_ticks: 0, span_ticks: 1, reciprocal: 1 << 31, left_shift: 30 };
+    pub const FULL: Self = Self { low_ticks: 0, span_ticks: 1, reciprocal: 1 << 31, normalizer: 1 << 30 };
 
     /// The conversion for `protocol` on a timer that counts at `timer_hz`.
     ///
@@ -278,7 +278,7 @@ impl PulseScale {
         // most span / 2 / 2^shift <= 1/4 of a step.
         let shift = span_ticks.ilog2() + 2;
         let reciprocal = ((1_u64 << (FRACTION_BITS + shift)) + span / 2) / span;
-        Ok(Self { low_ticks: low as u32, span_ticks, reciprocal: reciprocal as u32, left_shift: 32 - shift })
+        Ok(Self { low_ticks: low as u32, span_ticks, reciprocal: reciprocal as u32, normalizer: 1 << (32 - shift) })
     }
 
     /// Width of the pulse that means 0.
@@ -298,12 +298,10 @@ impl PulseScale {
     #[must_use]
     pub const fn to_command(&self, ticks: u32) -> Command {
         let above = ticks.saturating_sub(self.low_ticks);
-        if above >= self.span_ticks {
-            return Command::ONE;
-        }
-        // above < 2^(31 - left_shift) and reciprocal <= 2^31: the product has 62 bits. The shift comes first, since one
-        // of 32 bits costs an instruction, and the high word of the product none.
-        let product = (above << self.left_shift) as u64 * self.reciprocal as u64;
+        let above = if above < self.span_ticks { above } else { self.span_ticks };
+        // above * normalizer < 2^31 and reciprocal <= 2^31: the product has 62 bits, and its high word costs no shift. At
+        // the top it is within 1/4 of a step of 1, and so rounded to it.
+        let product = above.wrapping_mul(self.normalizer) as u64 * self.reciprocal as u64;
         Command(((product + HALF) >> 32) as i32)
     }
 

@@ -90,7 +90,7 @@ impl Hardware {
 
     /// One control tick.
     pub fn run(&mut self, signals: [Signal; MOTORS]) -> [EscCommand; MOTORS] {
-        self.tick_mut().run(signals, || 0)
+        self.tick_mut().run(signals.map(Into::into), || 0)
     }
 }
 

@@ -287,7 +287,10 @@ impl Controller {
             let time_s = self.ticks as f64 / rate_hz;
             let adc = (self.stand.thrust)(self.output, time_s);
             let signals = [(self.stand.input)(time_s), Signal::Nothing, Signal::Nothing, Signal::Nothing];
-            self.output = self.board.tick_mut().run(signals, || adc)[0].command().unwrap_or(Command::ZERO).to_f64();
+            self.output = self.board.tick_mut().run(signals.map(Into::into), || adc)[0]
+                .command()
+                .unwrap_or(Command::ZERO)
+                .to_f64();
         }
         self.poll();
     }

@@ -295,7 +295,7 @@ fn a_wire_that_comes_off_stops_the_motor_and_a_noisy_one_does_not_start_it() {
     let outputs: Vec<(f64, u32)> = signals
         .into_iter()
         .map(|(time, signal)| {
-            let output = scale.to_width_ticks(channel.tick(Input::from_signal(signal, &scale)));
+            let output = scale.to_width_ticks(channel.tick(Input::from_reading(signal.into(), &scale)));
             (time as f64 / f64::from(TIMER_HZ), output)
         })
         .collect();

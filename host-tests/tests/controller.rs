@@ -756,7 +756,7 @@ fn a_recording_has_every_sample_or_says_which_are_missing() {
             let level = 0.4 + 0.1 * f64::from(n * 7919 % 1000) / 1000.0;
             let mut signals = [Signal::Nothing; MOTORS];
             signals[0] = rig.pulse(level);
-            let output = rig.hardware.tick_mut().run(signals, || n as u16)[0];
+            let output = rig.hardware.tick_mut().run(signals.map(Into::into), || n as u16)[0];
             sent.push((rig.heard(level).to_bits(), output.to_bits(), i32::from(n as u16)));
             rig.serve(bytes_per_tick);
         }

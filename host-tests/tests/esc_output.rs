@@ -26,8 +26,10 @@ impl SetDutyCycle for Mock {
 }
 
 #[test]
-fn every_channel_gets_its_width_as_far_as_it_fits() {
-    let mut channels = [Mock::default(); 4];
-    put_out(&mut channels, [1000, 0, 65_535, 65_536 + 7]);
-    assert_eq!(channels.map(|channel| channel.duty), [Some(1000), Some(0), Some(65_535), Some(65_535)]);
+fn a_channel_gets_its_width_as_far_as_it_fits() {
+    let mut channel = Mock::default();
+    for (width, duty) in [(1000, 1000), (0, 0), (65_535, 65_535), (65_536 + 7, 65_535), (1 << 31, 0), (u32::MAX, 0)] {
+        put_out(&mut channel, width);
+        assert_eq!(channel.duty, Some(duty));
+    }
 }

@@ -3,7 +3,7 @@
 use host_tests::board::{CRYSTAL, TestBoard, TestOutputs, facts};
 use host_tests::flash::Flash;
 use host_tests::rig::SECTOR;
-use rotorlead::capture::Signal;
+use rotorlead::capture::{Reading, Signal};
 use rotorlead::controller::{Control, FrameAction, FramePacer, Plan};
 use rotorlead::settings::{MOTORS, Pulse, PulseProtocol, Settings, Store, Validated};
 use rotorlead::throttle::{Command, PulseScale};
@@ -86,7 +86,7 @@ fn latency(settings: &Validated, drift: f64, follows: bool) -> (Latency, [f64; 2
             begun.push(rise_s);
             next += 1;
         }
-        control.run([signal, Signal::Nothing, Signal::Nothing, Signal::Nothing], true);
+        control.run([signal.into(), Reading::NOTHING, Reading::NOTHING, Reading::NOTHING], true);
         go_out(control.hardware_mut(), &mut begun);
     }
     // Until the first frames have found the input.

@@ -152,7 +152,7 @@ fn without_an_exact_clock_every_pulse_counts_as_an_armed_one() {
     let plan = Plan::new(&settings, 84_000_000, false).unwrap();
     for width_us in [900, 1000, 1030, 1500] {
         let signal = Signal::Pulse { width_ticks: 84 * width_us, period_ticks: 210_000 };
-        assert_eq!(Input::from_signal(signal, &plan.input_scale), Input::Command(Command::ONE));
+        assert_eq!(Input::from_reading(signal.into(), &plan.input_scale), Input::Command(Command::ONE));
     }
 }
 

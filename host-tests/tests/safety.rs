@@ -3,7 +3,7 @@
 use host_tests::board::{CRYSTAL, INTERNAL, INTERNAL_PLL, facts};
 use host_tests::flash::Flash;
 use host_tests::rig::{Rig, SECTOR, SharedFlash, saved};
-use rotorlead::capture::Signal;
+use rotorlead::capture::{Reading, Signal};
 use rotorlead::controller::ClockReport;
 use rotorlead::link::{
     BrownOut, ChannelState, CrystalCheck, ExciteRequest, Info, InjectRequest, LineSet, Message, Refusal, Request,
@@ -38,7 +38,7 @@ fn info(rig: &mut Rig) -> Info {
 /// One tick of everything, with the same at every input: the widths that stand in the compare registers after it.
 fn widths(rig: &mut Rig, signal: Signal) -> [u32; MOTORS] {
     let control = &mut rig.hardware.board.control;
-    control.run([signal; MOTORS], true);
+    control.run([signal.into(); MOTORS], true);
     control.hardware_mut().next_widths
 }
 
@@ -295,6 +295,6 @@ fn the_watchdog_is_patient_only_while_the_flash_stalls() {
     assert!(!patient(&mut rig));
     widths(&mut rig, Signal::Nothing);
     assert_eq!(rig.hardware.board.control.hardware_mut().feeds, 1);
-    rig.hardware.board.control.run([Signal::Nothing; MOTORS], false);
+    rig.hardware.board.control.run([Reading::NOTHING; MOTORS], false);
     assert_eq!(rig.hardware.board.control.hardware_mut().feeds, 2, "the lowest priority may be away for a while");
 }

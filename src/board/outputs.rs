@@ -11,18 +11,14 @@
 //! TIM3 is what the emulator models: on TIM8 no test would see what stands in the compare registers, nor that this image
 //! starts at all, since QEMU 10.0 ends when the HAL resets a timer of that bus.
 
-use embedded_hal::pwm::SetDutyCycle;
 use rotorlead::esc_output::put_out;
 use stm32f4xx_hal::gpio::{Input, PC6, PC7, PC8, PC9};
 use stm32f4xx_hal::pac::{GPIOC, TIM3};
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::rcc::Rcc;
-use stm32f4xx_hal::timer::pwm::ErasedChannel;
+use stm32f4xx_hal::timer::PwmChannel;
 
 use super::MOTORS;
-
-/// One output, as embedded-hal sees it.
-pub type Output = ErasedChannel<TIM3>;
 
 /// Frame rate of the outputs, which are low, until the settings are loaded.
 const FIRST_FRAME_HZ: u32 = 400;
@@ -32,7 +28,7 @@ pub struct Pins(pub PC6<Input>, pub PC7<Input>, pub PC8<Input>, pub PC9<Input>);
 
 /// The timer with its four channels.
 pub struct Outputs {
-    channels: [Output; MOTORS],
+    channels: (PwmChannel<TIM3, 0>, PwmChannel<TIM3, 1>, PwmChannel<TIM3, 2>, PwmChannel<TIM3, 3>),
     timer: TIM3,
 }
 
@@ -40,18 +36,20 @@ impl Outputs {
     /// Starts frames with every output low: a duty of 0 has no edges.
     pub fn new(timer: TIM3, pins: Pins, rcc: &mut Rcc) -> Self {
         let (_, (one, two, three, four)) = timer.pwm_hz(FIRST_FRAME_HZ.Hz(), rcc);
-        let mut channels =
-            [one.with(pins.0).erase(), two.with(pins.1).erase(), three.with(pins.2).erase(), four.with(pins.3).erase()];
-        for channel in &mut channels {
-            let Ok(()) = channel.set_duty_cycle(0);
-            channel.enable();
-        }
-        Self { channels, timer: frame_registers() }
+        let channels = (one.with(pins.0), two.with(pins.1), three.with(pins.2), four.with(pins.3));
+        let mut outputs = Self { channels, timer: frame_registers() };
+        outputs.set([0; MOTORS]);
+        let (one, two, three, four) = &mut outputs.channels;
+        one.enable();
+        two.enable();
+        three.enable();
+        four.enable();
+        outputs
     }
 
     /// Frames of so many counts of the timer's clock over `divider`, low until the next widths.
     pub fn set_frames(&mut self, divider: u32, counts: u32) {
-        put_out(&mut self.channels, [0; MOTORS]);
+        self.set([0; MOTORS]);
         // Divider and length count together, from the next frame on.
         self.timer.cr1().modify(|_, w| w.arpe().set_bit());
         self.timer.psc().write(|w| w.psc().set(divider.saturating_sub(1).min(u32::from(u16::MAX)) as u16));
@@ -61,7 +59,12 @@ impl Outputs {
     /// Widths of the next pulses, in ticks.
     #[inline]
     pub fn set(&mut self, widths: [u32; MOTORS]) {
-        put_out(&mut self.channels, widths);
+        let (one, two, three, four) = &mut self.channels;
+        let [first, second, third, fourth] = widths;
+        put_out(one, first);
+        put_out(two, second);
+        put_out(three, third);
+        put_out(four, fourth);
     }
 
     /// Counts since the frame began.

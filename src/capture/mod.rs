@@ -21,8 +21,10 @@
 //! Time stamps may wrap. No stamp is kept for longer than the timeout, as long as `poll` is called in time (it is also
 //! right about edges that are stamped a little after its `now`, since the interrupt may come in between).
 
+mod reading;
 mod timing;
 
+pub use reading::Reading;
 pub use timing::{FASTEST_FRAME_HZ, SLOWEST_FRAME_HZ, SLOWEST_POLL_HZ, Timing, TimingError};
 
 /// Good pulses in a row that make an input live.

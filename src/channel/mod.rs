@@ -60,7 +60,7 @@ pub use excitation::{End, Excitation, ExcitationRequest, Phase, Refusal};
 pub use settings::{ChannelSettings, ChannelSettingsError, ExcitationLimits, NoSignal, SLOWEST_RAMP_PER_TICK};
 
 use crate::biquad::Coefficients;
-use crate::capture::Signal;
+use crate::capture::Reading;
 use crate::compensator::Compensator;
 use crate::throttle::{Command, EscCommand, PulseScale};
 use excitation::Player;
@@ -82,12 +82,12 @@ impl Input {
     /// What a decoder says, as a command.
     #[must_use]
     #[inline]
-    pub const fn from_signal(signal: Signal, scale: &PulseScale) -> Self {
-        match signal {
-            Signal::Nothing => Self::Nothing,
-            Signal::Pulse { width_ticks, .. } => Self::Command(scale.to_command(width_ticks)),
-            Signal::Unchanged => Self::Unchanged,
-            Signal::Lost(_) => Self::Lost,
+    pub const fn from_reading(reading: Reading, scale: &PulseScale) -> Self {
+        match (reading, reading.width_ticks()) {
+            (_, Some(width_ticks)) => Self::Command(scale.to_command(width_ticks)),
+            (Reading::UNCHANGED, None) => Self::Unchanged,
+            (Reading::LOST, None) => Self::Lost,
+            (_, None) => Self::Nothing,
         }
     }
 }

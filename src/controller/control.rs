@@ -5,7 +5,7 @@ use super::pacing::{FrameAction, FramePacer};
 use super::plan::Plan;
 use super::supervision::Supervisor;
 use super::tick::Tick;
-use crate::capture::Signal;
+use crate::capture::Reading;
 use crate::channel::Channel;
 use crate::settings::{MOTORS, Validated};
 use crate::throttle::PulseScale;
@@ -39,10 +39,10 @@ impl<H: ControlHardware> Control<H> {
     /// One tick: what the inputs have, to the widths of the next pulses. `idle_ran`: the lowest priority has run since the
     /// last one.
     #[inline]
-    pub fn run(&mut self, signals: [Signal; MOTORS], idle_ran: bool) {
+    pub fn run(&mut self, readings: [Reading; MOTORS], idle_ran: bool) {
         let Self { tick, hardware, output_scale, pacer, supervisor } = self;
         hardware.start_conversion();
-        let outputs = tick.run(signals, || hardware.conversion());
+        let outputs = tick.run(readings, || hardware.conversion());
         #[cfg(feature = "planted-panic")]
         let _ = {
             use core::hint::black_box;

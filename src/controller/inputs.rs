@@ -1,7 +1,7 @@
 //! The inputs and what decodes them.
 
 use super::hardware::{CaptureTimer, Edge};
-use crate::capture::{Decoder, Faults, Level, Signal, Timing};
+use crate::capture::{Decoder, Faults, Level, Reading, Timing};
 use crate::link::MotorFaults;
 use crate::settings::MOTORS;
 
@@ -37,13 +37,16 @@ impl<T: CaptureTimer> Inputs<T> {
 
     /// Once per control tick: what has become of each input. The capture interrupt waits meanwhile, and only so long.
     #[inline]
-    pub fn poll(&mut self) -> [Signal; MOTORS] {
+    pub fn poll(&mut self) -> [Reading; MOTORS] {
         let now = self.timer.now();
-        let signals = self.decoders.each_mut().map(|decoder| decoder.poll(now));
+        let mut readings = [Reading::NOTHING; MOTORS];
+        for (decoder, reading) in self.decoders.iter_mut().zip(&mut readings) {
+            *reading = decoder.poll(now).into();
+        }
         if self.is_any_off {
             self.listen();
         }
-        signals
+        readings
     }
 
     /// New limits; the decoders know nothing of their lines afterwards.

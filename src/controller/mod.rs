@@ -1,7 +1,7 @@
 //! The whole controller, but for the hardware: what happens in a control tick, and what answers the host.
 //!
 //! ```text
-//! capture interrupt --> Inputs --signals--> Control (Tick) --> pulses             highest priorities
+//! capture interrupt --> Inputs --readings-> Control (Tick) --> pulses             highest priorities
 //!                                           |  ^  |
 //!                    samples, outputs of    |  |  |  commands to be injected,
 //!                    injected commands      v  |  v  and short calls under a lock

@@ -2,7 +2,7 @@
 
 use heapless::spsc::{Consumer, Producer};
 
-use crate::capture::Signal;
+use crate::capture::Reading;
 use crate::channel::{Channel, Excitation, Input, Refusal as ChannelRefusal, State};
 use crate::link::{
     ChannelState, INJECT_SAMPLES, INJECT_TIMEOUT_MS, INJECT_WINDOW, NO_INPUT, RecordClock, Sample, Source,
@@ -173,27 +173,27 @@ impl Motor {
 
     /// One tick.
     #[inline]
-    fn run(&mut self, signal: &Signal, common: &Common) {
-        if self.source != CommandSource::Pulse {
-            return self.run_any(signal, common);
-        }
+    fn run(&mut self, reading: Reading, common: &Common) {
         // Nearly all ticks of a flight.
-        let input = match *signal {
-            Signal::Pulse { width_ticks, .. } => {
+        if self.source == CommandSource::Pulse {
+            if let Some(width_ticks) = reading.width_ticks() {
                 let command = common.input_scale.to_command(width_ticks);
                 self.input = command.to_bits();
-                Input::Command(command)
+                self.output = self.channel.tick(Input::Command(command));
+                return;
             }
-            Signal::Unchanged => Input::Unchanged,
-            Signal::Nothing | Signal::Lost(_) => return self.run_any(signal, common),
-        };
-        self.output = self.channel.tick(input);
+            if reading == Reading::UNCHANGED {
+                self.output = self.channel.tick(Input::Unchanged);
+                return;
+            }
+        }
+        self.run_any(reading, common);
     }
 
-    /// [`Self::run`] with any source and any signal.
+    /// [`Self::run`] with any source and any reading.
     #[inline(never)]
-    fn run_any(&mut self, signal: &Signal, common: &Common) {
-        let input = Input::from_signal(*signal, &common.input_scale);
+    fn run_any(&mut self, reading: Reading, common: &Common) {
+        let input = Input::from_reading(reading, &common.input_scale);
         match input {
             Input::Command(command) => self.input = command.to_bits(),
             Input::Unchanged => {}
@@ -313,16 +313,14 @@ impl Tick {
     /// Integer, without division, heap or panic; every loop is over the motors. The converter's count is asked for after
     /// the motors, and only where it is recorded: a conversion that began with the tick is done by then.
     #[inline]
-    pub fn run(&mut self, signals: [Signal; MOTORS], adc: impl FnOnce() -> u16) -> [EscCommand; MOTORS] {
+    pub fn run(&mut self, readings: [Reading; MOTORS], adc: impl FnOnce() -> u16) -> [EscCommand; MOTORS] {
         self.ticks = self.ticks.wrapping_add(1);
-        for (motor, signal) in self.motors.iter_mut().zip(&signals) {
-            motor.run(signal, &self.common);
+        for (motor, reading) in self.motors.iter_mut().zip(&readings) {
+            motor.run(*reading, &self.common);
         }
-        // No input is negative, and a command is not: the sign of all tells whether there is one.
-        let is_any_live = self.motors.iter().fold(NO_INPUT, |all, motor| all & motor.input) >= 0;
-        let mut pairs = self.motors.iter().zip(&signals);
-        let first_live = pairs.find(|(motor, _)| motor.input != NO_INPUT);
-        self.has_new_pulse = first_live.is_some_and(|(_, signal)| matches!(signal, Signal::Pulse { .. }));
+        let first_live = readings.iter().find(|reading| reading.is_live());
+        let is_any_live = first_live.is_some();
+        self.has_new_pulse = first_live.is_some_and(|reading| reading.width_ticks().is_some());
         if is_any_live != self.common.is_any_live {
             self.common.is_any_live = is_any_live;
             // Pulses came up at some input: a flight controller is there, and somebody may mean to fly.

@@ -126,7 +126,7 @@ impl Life {
         }
         self.faults = now;
 
-        let input = Input::from_signal(signal, &self.scale);
+        let input = Input::from_reading(signal.into(), &self.scale);
         let output = self.channel.tick(input);
         let threshold = ChannelSettings::default().disarming_threshold;
         if let Input::Command(command) = input

@@ -378,7 +378,7 @@ impl Library {
     fn tick(&mut self, now: u32) -> [u32; INPUTS] {
         let mut widths = [0; INPUTS];
         for ((decoder, channel), width) in self.decoders.iter_mut().zip(&mut self.channels).zip(&mut widths) {
-            let input = Input::from_signal(decoder.poll(now), &self.plan.input_scale);
+            let input = Input::from_reading(decoder.poll(now).into(), &self.plan.input_scale);
             *width = self.plan.output_scale.to_width_ticks(channel.tick(input));
         }
         widths

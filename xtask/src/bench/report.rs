@@ -21,7 +21,7 @@ const MOST_INSTRUCTIONS_CALL: u32 = 22;
 /// Of a block, with the loop, and a 32nd part of what the function needs to enter and return.
 const MOST_INSTRUCTIONS_SAMPLE: f64 = 13.1;
 const MOST_BYTES: u32 = 40;
-const MOST_INSTRUCTIONS_TICK: u32 = 720;
+const MOST_INSTRUCTIONS_TICK: u32 = 600;
 
 /// Everything that was measured.
 pub struct Report {
