@@ -67,6 +67,8 @@ pub struct Costs {
     pub worst: Cost,
     /// The longest locks.
     pub locked: Locked,
+    /// The latest taking of a byte of the link.
+    pub byte_taken: u32,
 }
 
 impl Costs {
@@ -74,6 +76,7 @@ impl Costs {
         self.runs += 1;
         self.instructions += cost.instructions;
         self.locked = self.locked.max(cost.locked);
+        self.byte_taken = self.byte_taken.max(cost.byte_taken);
         if cost.instructions > self.worst.instructions {
             self.worst = cost;
         }
@@ -518,6 +521,7 @@ impl Costs {
         self.runs += other.runs;
         self.instructions += other.instructions;
         self.locked = self.locked.max(other.locked);
+        self.byte_taken = self.byte_taken.max(other.byte_taken);
         if other.worst.instructions > self.worst.instructions {
             self.worst = other.worst;
         }

@@ -20,8 +20,10 @@
 
 /// Cycles to fill the pipeline after a jump.
 const REFILL: u32 = 3;
+/// Cycles from an interrupt's request to its first instruction.
+pub const ENTRY: u32 = 12;
 /// Cycles of an interrupt that are not its instructions': entry and return.
-pub const INTERRUPT: u32 = 12 + 12;
+pub const INTERRUPT: u32 = ENTRY + 12;
 
 /// What an instruction does to the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

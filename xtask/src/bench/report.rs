@@ -4,11 +4,11 @@ use std::fmt;
 
 use serde_json::{Value, json};
 
-use rotorlead::controller::load::{BYTE_CYCLES, CAPTURE_CYCLES, LINE_CYCLES, TICK_CYCLES};
+use rotorlead::controller::load::{BYTE_CYCLES, BYTE_TAKEN_CYCLES, CAPTURE_CYCLES, LINE_CYCLES, TICK_CYCLES};
 use rotorlead::link::BYTES_PER_S;
 
 use super::application::{Costs, Interrupts};
-use super::cycles::INTERRUPT;
+use super::cycles::{ENTRY, INTERRUPT};
 use super::filters::Filter;
 
 /// Frequency of the core with its crystal, and without one and its PLL.
@@ -16,6 +16,10 @@ const CORE_HZ: f64 = 168e6;
 const SLOW_CORE_HZ: f64 = 16e6;
 /// A wait that does not end within this many cycles does not end while the link is busy.
 const ENDLESS_CYCLES: u64 = 1_000_000;
+/// Longest lock of the inputs, for a request that needs every motor at rest: 50 µs.
+const LONGEST_LOCK_CYCLES: u32 = (50e-6 * CORE_HZ) as u32;
+/// What says how long the interrupts wait.
+const PAGE: &str = include_str!("../../../docs/firmware.md");
 /// What the project holds of its own section and tick.
 const MOST_INSTRUCTIONS_CALL: u32 = 22;
 /// Of a block, with the loop, and a 32nd part of what the function needs to enter and return.
@@ -149,7 +153,8 @@ impl Report {
         hold(ours.steady_error == 0, format!("the steady output is off by {}", ours.steady_error));
         let tick = self.interrupts.tick_4ch.worst.instructions;
         hold(tick < MOST_INSTRUCTIONS_TICK, format!("a tick of four motors takes {tick} instructions"));
-        let Interrupts { tick_1ch, tick_4ch, capture_1, capture_4, link_byte, excitations, .. } = &self.interrupts;
+        let Interrupts { tick_1ch, tick_4ch, capture_1, capture_4, link_byte, link_both, excitations, .. } =
+            &self.interrupts;
         for (name, costs, limit) in [
             ("tick of one motor", tick_1ch, TICK_CYCLES),
             ("tick of four motors", tick_4ch, TICK_CYCLES),
@@ -160,15 +165,26 @@ impl Report {
             let cycles = costs.worst.cycles + INTERRUPT;
             hold(cycles <= limit, format!("a {name} takes {cycles} cycles, and {limit} by src/controller/load.rs"));
         }
+        let taken = link_byte.byte_taken.max(link_both.byte_taken) + ENTRY;
+        let what =
+            format!("a byte is taken after {taken} cycles, and after {BYTE_TAKEN_CYCLES} by src/controller/load.rs");
+        hold((ENTRY + 1..=BYTE_TAKEN_CYCLES).contains(&taken), what);
         for (lines, costs) in excitations {
             let (cycles, limit) = (costs.worst.cycles + INTERRUPT, TICK_CYCLES + lines * LINE_CYCLES);
             let what =
                 format!("a tick with {lines} lines takes {cycles} cycles, and {limit} by src/controller/load.rs");
             hold(cycles <= limit, what);
         }
+        let locked = self.interrupts.requests_at_rest.captures;
+        let what =
+            format!("a request locks the inputs for {locked} cycles, and docs/firmware.md says {LONGEST_LOCK_CYCLES}");
+        hold(locked <= LONGEST_LOCK_CYCLES, what);
         let line = self.interrupts.cycles_per_line();
         let what = format!("a line takes {line:.1} cycles, and {LINE_CYCLES} by src/controller/load.rs");
         hold(line <= f64::from(LINE_CYCLES), what);
+        for row in self.waits().iter().map(Wait::row).filter(|row| !PAGE.contains(row)) {
+            hold(false, format!("docs/firmware.md has no row\n{row}"));
+        }
         for peer in peers.iter().filter(|peer| peer.key == "idsp_dither") {
             let no_dearer = call <= peer.call.instructions
                 && sample <= peer.per_sample()
@@ -186,6 +202,22 @@ struct Wait {
     of: &'static str,
     /// At the clock with the crystal, and without.
     cycles: [Option<u64>; 2],
+}
+
+impl Wait {
+    /// Microseconds at both clocks.
+    fn times(&self) -> [String; 2] {
+        [(self.cycles[0], CORE_HZ), (self.cycles[1], SLOW_CORE_HZ)].map(|(cycles, core_hz)| match cycles {
+            Some(cycles) => format!("{:.1} µs", cycles as f64 / core_hz * 1e6),
+            None => "no end".to_owned(),
+        })
+    }
+
+    /// As a row of the table in `docs/firmware.md`.
+    fn row(&self) -> String {
+        let [fast, slow] = self.times();
+        format!("| {} | {} | {fast} | {slow} |", self.name, self.of)
+    }
 }
 
 /// A wait for so many cycles, during which bytes come and go at the rate of the line, each pair in an interrupt of so many
@@ -263,13 +295,9 @@ impl fmt::Display for Report {
 
         let head = "longest wait of an interrupt in flight, with the line full, est.";
         writeln!(f, "\n{head:<70} {:>10} {:>10}", "168 MHz", "16 MHz")?;
-        for Wait { name, of, cycles } in self.waits() {
-            let [fast, slow] =
-                [(cycles[0], CORE_HZ), (cycles[1], SLOW_CORE_HZ)].map(|(cycles, core_hz)| match cycles {
-                    Some(cycles) => format!("{:.1} us", cycles as f64 / core_hz * 1e6),
-                    None => "no end".to_owned(),
-                });
-            writeln!(f, "{:<70} {fast:>10} {slow:>10}", format!("{name}: {of}"))?;
+        for wait in self.waits() {
+            let [fast, slow] = wait.times();
+            writeln!(f, "{:<70} {fast:>10} {slow:>10}", format!("{}: {}", wait.name, wait.of))?;
         }
         Ok(())
     }

@@ -2,6 +2,7 @@
 
 use super::cycles::{Estimate, length};
 use super::debugger::{Debugger, Registers};
+use super::inputs::LINK_DATA;
 use crate::image::Image;
 use crate::run::Result;
 
@@ -19,6 +20,8 @@ pub struct Cost {
     pub cycles: u32,
     /// What waited meanwhile, though its priority is higher.
     pub locked: Locked,
+    /// Cycles until the received byte was taken from the link's UART, estimated; 0 where none was.
+    pub byte_taken: u32,
 }
 
 /// The longest times for which a path has kept interrupts of its own or of a higher priority waiting, cycles, estimated.
@@ -149,17 +152,17 @@ fn trace_until(
     let mut masks = Masks::default();
     let mut registers = debugger.registers()?;
     let mut estimate = Estimate::default();
+    let mut byte_taken = 0;
     for instructions in 0..LIMIT {
         let pc = registers.pc();
         if instructions > 0 && ends(pc, masks.any()) {
-            return Ok(Cost { instructions, cycles: estimate.cycles, locked: masks.longest });
+            return Ok(Cost { instructions, cycles: estimate.cycles, locked: masks.longest, byte_taken });
         }
         let first = image.halfword(pc).ok_or_else(|| format!("there is no code at {pc:#x}"))?;
         let second = image.halfword(pc + 2).unwrap_or(0);
         let executed = registers.executes();
-        let replaced = loaded_word(first, second, &registers)
-            .filter(|_| executed)
-            .and_then(|(target, address)| Some((target, hardware.load(address)?)));
+        let loaded = loaded_word(first, second, &registers).filter(|_| executed);
+        let replaced = loaded.and_then(|(target, address)| Some((target, hardware.load(address)?)));
         if executed {
             masks.execute(first, second, &registers);
         }
@@ -167,6 +170,9 @@ fn trace_until(
         let before = estimate.cycles;
         estimate.add(first, second, executed, registers.pc() != pc + length(first));
         masks.add(estimate.cycles - before);
+        if loaded.is_some_and(|(_, address)| address == LINK_DATA) {
+            byte_taken = estimate.cycles;
+        }
         if let Some((target, value)) = replaced {
             debugger.set_register(target, value)?;
             registers.r[target] = value;
