@@ -178,6 +178,12 @@ impl Compensator {
         if !matches!(self.state, State::Filter) {
             return self.update_any(input);
         }
+        self.update_filter(input)
+    }
+
+    /// [`Self::update`] in the state [`State::Filter`].
+    #[inline(never)]
+    fn update_filter(&mut self, input: Command) -> Command {
         let output = self.filter(input);
         self.outputs = [self.outputs[1], output];
         output

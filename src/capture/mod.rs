@@ -310,7 +310,8 @@ impl Decoder {
     #[inline]
     fn pulse(&mut self) -> Option<(u32, u32)> {
         let width = self.fall.wrapping_sub(self.rise);
-        if width < self.timing.min_width || width > self.timing.max_width {
+        // Below the shortest the difference wraps.
+        if width.wrapping_sub(self.timing.min_width) > self.timing.width_span {
             count(&mut self.faults.out_of_range);
             self.in_row = 0;
             return None;

@@ -34,7 +34,8 @@ const LONGEST_TIMEOUT_TICKS: u32 = 1 << 30;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Timing {
     pub(super) min_width: u32,
-    pub(super) max_width: u32,
+    /// Longest pulse less the shortest.
+    pub(super) width_span: u32,
     pub(super) min_period: u32,
     pub(super) max_period: u32,
     pub(super) glitch: u32,
@@ -123,7 +124,8 @@ impl Timing {
         };
         let frames_per_poll = timer_hz / poll_hz / min_period + 1;
         let edges_per_poll = 2 * frames_per_poll + SPARE_EDGES;
-        Self { min_width, max_width, min_period, max_period, glitch, timeout, edges_per_poll }
+        let width_span = max_width - min_width;
+        Self { min_width, width_span, min_period, max_period, glitch, timeout, edges_per_poll }
             .with_timeout_ticks(timeout)
     }
 
@@ -142,7 +144,7 @@ impl Timing {
     /// Shortest and longest pulse that is accepted.
     #[must_use]
     pub const fn width_range_ticks(&self) -> (u32, u32) {
-        (self.min_width, self.max_width)
+        (self.min_width, self.min_width + self.width_span)
     }
 
     /// Shortest and longest frame: a shorter one is refused, a longer one means that a pulse is missing.

@@ -41,7 +41,9 @@ impl<H: ControlHardware> Control<H> {
     #[inline]
     pub fn run(&mut self, readings: [Reading; MOTORS], idle_ran: bool) {
         let Self { tick, hardware, output_scale, pacer, supervisor } = self;
-        hardware.start_conversion();
+        if tick.is_recording() {
+            hardware.start_conversion();
+        }
         let outputs = tick.run(readings, || hardware.conversion());
         #[cfg(feature = "planted-panic")]
         let _ = {

@@ -420,6 +420,13 @@ impl Tick {
         self.recording = recording.map(|(motor, divisor)| (motor, RecordClock::new(divisor)));
     }
 
+    /// Whether the next tick may ask for a conversion.
+    #[must_use]
+    #[inline]
+    pub const fn is_recording(&self) -> bool {
+        self.recording.is_some()
+    }
+
     /// Ticks since the start, wrapping.
     #[must_use]
     pub const fn ticks(&self) -> u32 {
