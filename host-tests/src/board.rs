@@ -76,6 +76,8 @@ pub struct TestOutputs {
     pub starts: Vec<u64>,
     /// Counts since the start.
     pub time: u64,
+    /// Counts for which interrupts keep the control task from ending a frame that it has decided to end.
+    pub interrupted: u32,
     /// Ticks per second.
     pub tick_rate_hz: u32,
     /// Whether the next tick is due already.
@@ -96,9 +98,20 @@ impl TestOutputs {
             self.count += step;
             left -= step;
             if self.count >= self.frames.1 {
-                self.restart_frame();
+                self.begin_frame();
             }
         }
+    }
+
+    fn begin_frame(&mut self) {
+        assert!(
+            self.widths.iter().all(|&width| self.count >= width),
+            "a pulse is cut or made longer at {}",
+            self.count
+        );
+        self.count = 0;
+        self.widths = self.next_widths;
+        self.starts.push(self.time);
     }
 }
 
@@ -117,16 +130,15 @@ impl ControlHardware for TestOutputs {
     }
 
     fn restart_frame(&mut self) {
-        assert!(self.widths.iter().all(|&width| self.count >= width), "a pulse is cut at {}", self.count);
-        self.count = 0;
-        self.widths = self.next_widths;
-        self.starts.push(self.time);
+        self.advance(self.interrupted);
+        self.begin_frame();
     }
 
     fn end_frame_at(&mut self, counts: u32) {
+        self.advance(self.interrupted);
         self.frames.1 = counts;
         if self.count >= counts {
-            self.restart_frame();
+            self.begin_frame();
         }
     }
 

@@ -55,7 +55,7 @@ impl<H: ControlHardware> Control<H> {
         let scale = *output_scale;
         hardware.set_widths(outputs.map(|output| scale.to_width_ticks(output)));
         if let Some(pacer) = pacer {
-            match pacer.tick(tick.has_new_pulse(), hardware.frame_count()) {
+            match pacer.tick(tick.input_pulse(), hardware.frame_count()) {
                 FrameAction::None => {}
                 FrameAction::Restart => hardware.restart_frame(),
                 FrameAction::EndAt(counts) => hardware.end_frame_at(counts),

@@ -32,7 +32,7 @@ pub use clock::{ClockReport, check_crystal, check_timer};
 pub use control::Control;
 pub use hardware::BoardFacts;
 pub use inputs::Inputs;
-pub use pacing::{FrameAction, FramePacer};
+pub use pacing::{FrameAction, FramePacer, InputPulse};
 pub use plan::{Frames, Plan};
 pub use request_handler::{HandlerQueues, RequestHandler};
 pub use server::Server;

@@ -6,9 +6,13 @@ use crate::throttle::{Command, EscCommand, Protocol, PulseScale};
 
 /// Counts of the timer that puts out the pulses: 16 bits.
 const COUNTER_RANGE: u32 = 1 << 16;
-/// A frame that follows the input waits for a pulse for this many eighths of the input's frame, and for the control tick in
-/// which it is seen.
+/// A frame that follows the input waits for this many eighths of the input's frame, since the flight controller's clock may
+/// be off, and for as long as two pulses can be further apart where they are seen: the range of their widths, and a control
+/// tick.
 const PATIENCE_EIGHTHS: u32 = 9;
+/// One over the longest time for which the control task can be interrupted between reading the count of a frame and ending
+/// it: a byte of the link and edges of all inputs (`super::load`) at 16 MHz, the slowest clock.
+const INTERRUPTED_HZ: u32 = 25_000;
 
 /// The timer of the output pulses: its divider and its frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,6 +25,9 @@ pub struct Frames {
     pub shortest: u32,
     /// Longest frame, counts. Longer than the shortest where frames follow the input's pulses: they wait for the next one.
     pub longest: u32,
+    /// A frame that ends by itself within so many counts is not ended early: it could have begun anew in between, and a pulse
+    /// would last longer.
+    pub restart_margin: u32,
 }
 
 impl Frames {
@@ -29,13 +36,19 @@ impl Frames {
         let output_hz = u32::from(settings.output.frame_hz);
         let input_hz = u32::from(settings.input.frame_hz);
         let follows = settings.output_follows_input();
-        // In counts of a counter; at most 9/8 of 2^32 / 40 and 2^32 / 1000.
+        // In counts of a counter; at most 17/8 of 2^32 / 40 and 2^32 / 1000.
         let longest = |counter_hz: u32, shortest: u32| {
             if !follows {
                 return shortest;
             }
+            let input_frame = counter_hz.checked_div(input_hz).unwrap_or(0);
+            let range = match longest_pulse_us(settings.input.protocol) {
+                // From half of the longest.
+                Some(microseconds) => counter_hz / 1_000_000 * microseconds / 2,
+                None => input_frame,
+            };
             let tick = counter_hz.checked_div(settings.loop_rate_hz).unwrap_or(0);
-            (counter_hz.checked_div(input_hz).unwrap_or(0) / 8 * PATIENCE_EIGHTHS + tick).max(shortest)
+            (input_frame / 8 * PATIENCE_EIGHTHS + range + tick).max(shortest)
         };
         let undivided = timer_hz.checked_div(output_hz)?.saturating_add(1);
         // The smallest divider with which the longest frame fits the counter.
@@ -48,7 +61,8 @@ impl Frames {
             _ => counter_hz.div_ceil(output_hz),
         };
         let longest = longest(counter_hz, shortest);
-        (longest <= COUNTER_RANGE).then_some(Self { divider, counter_hz, shortest, longest })
+        let restart_margin = counter_hz / INTERRUPTED_HZ;
+        (longest <= COUNTER_RANGE).then_some(Self { divider, counter_hz, shortest, longest, restart_margin })
     }
 
     /// Whether frames begin with the input's pulses.

@@ -2,6 +2,7 @@
 
 use heapless::spsc::{Consumer, Producer};
 
+use super::pacing::InputPulse;
 use crate::capture::Reading;
 use crate::channel::{Channel, Excitation, Input, Refusal as ChannelRefusal, State};
 use crate::link::{
@@ -274,8 +275,8 @@ pub struct Tick {
     motors: [Motor; MOTORS],
     outputs: Outputs,
     common: Common,
-    /// Whether the first of the live inputs had a new pulse in the last tick.
-    has_new_pulse: bool,
+    /// What the first of the live inputs had in the last tick.
+    input_pulse: InputPulse,
     samples: Producer<'static, Sample, RECORD_QUEUE>,
     recording: Option<(u8, RecordClock)>,
     ticks: u32,
@@ -300,7 +301,7 @@ impl Tick {
                 silence_limit: super::ticks(INJECT_TIMEOUT_MS, loop_rate_hz),
                 is_any_live: false,
             },
-            has_new_pulse: false,
+            input_pulse: InputPulse::None,
             samples,
             recording: None,
             ticks: 0,
@@ -320,7 +321,11 @@ impl Tick {
         }
         let first_live = readings.iter().find(|reading| reading.is_live());
         let is_any_live = first_live.is_some();
-        self.has_new_pulse = first_live.is_some_and(|reading| reading.width_ticks().is_some());
+        self.input_pulse = match first_live {
+            None => InputPulse::None,
+            Some(reading) if reading.width_ticks().is_none() => InputPulse::Awaited,
+            Some(_) => InputPulse::New,
+        };
         if is_any_live != self.common.is_any_live {
             self.common.is_any_live = is_any_live;
             // Pulses came up at some input: a flight controller is there, and somebody may mean to fly.
@@ -335,11 +340,11 @@ impl Tick {
         self.motors.each_ref().map(|motor| motor.output)
     }
 
-    /// Whether the first of the inputs at which pulses come had a new one in the last tick.
+    /// What the first of the inputs at which pulses come had in the last tick.
     #[must_use]
     #[inline]
-    pub const fn has_new_pulse(&self) -> bool {
-        self.has_new_pulse
+    pub const fn input_pulse(&self) -> InputPulse {
+        self.input_pulse
     }
 
     /// Somebody has chosen the settings: pulses may go out.

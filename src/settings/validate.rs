@@ -126,8 +126,9 @@ impl fmt::Display for Warning {
             ),
             Self::FramesCannotFollow => write!(
                 f,
-                "output.frame_hz is not above input.frame_hz: output frames cannot follow the input's, and a command \
-                 waits for up to a whole frame; raise output.frame_hz by some percent if the ESC allows it"
+                "output.frame_hz is not between input.frame_hz and twice that: output frames cannot follow the input's, \
+                 and a command waits for up to a whole frame; set output.frame_hz some percent above input.frame_hz if the \
+                 ESC allows it"
             ),
             Self::LowArming => write!(
                 f,
@@ -259,15 +260,14 @@ impl Settings {
         Ok(())
     }
 
-    /// Whether output frames begin with the input's pulses. At rates so different that several fit between two pulses, or
-    /// that pulses come faster than frames may, there is nothing to follow; and the value of a raw duty is its share of a
-    /// frame of known length.
+    /// Whether output frames begin with the input's pulses: at rates above the input's and below twice that. Pulses that come
+    /// as fast as frames may, or as control ticks, cannot be followed; where several frames fit between two pulses there is
+    /// nothing to follow; and the value of a raw duty is its share of a frame of known length.
     #[must_use]
     pub fn output_follows_input(&self) -> bool {
         let (input_hz, output_hz) = (u32::from(self.input.frame_hz), u32::from(self.output.frame_hz));
-        // The longest frame, 9/8 of the input's, is longer than the shortest.
-        let waits = 9 * output_hz > 8 * input_hz;
-        self.output.protocol != PulseProtocol::RawDuty && waits && output_hz < 2 * input_hz
+        let is_between = input_hz < output_hz && output_hz < 2 * input_hz;
+        self.output.protocol != PulseProtocol::RawDuty && is_between && input_hz < self.loop_rate_hz
     }
 
     fn warnings(&self) -> Warnings {
@@ -278,8 +278,7 @@ impl Settings {
         Warnings {
             slow_input: slow(self.input),
             slow_output: slow(self.output),
-            cannot_follow: self.output.protocol != PulseProtocol::RawDuty
-                && self.output.frame_hz <= self.input.frame_hz,
+            cannot_follow: self.output.protocol != PulseProtocol::RawDuty && !self.output_follows_input(),
             low_arming: self.motors.iter().any(|motor| motor.arming < LOW_ARMING),
         }
     }
