@@ -6,8 +6,9 @@
 //! # Why not TIM8
 //!
 //! The pins are channels of TIM8, too, which has a break input: with it the outputs would go off in hardware when the clock
-//! security system finds the crystal dead. Here that takes the non-maskable interrupt and some ten instructions on the
-//! internal oscillator, to which the clock is switched by then: 2 µs at 16 MHz, a tenth of the shortest level of a pulse.
+//! security system finds the crystal dead. Here that takes the non-maskable interrupt and some thirty instructions on the
+//! internal oscillator, to which the clock is switched by then: under 10 µs at 16 MHz, estimated, half of the shortest level
+//! of a pulse.
 //! TIM3 is what the emulator models: on TIM8 no test would see what stands in the compare registers, nor that this image
 //! starts at all, since QEMU 10.0 ends when the HAL resets a timer of that bus.
 

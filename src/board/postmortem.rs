@@ -92,47 +92,41 @@ pub fn take(rcc: &RCC) -> ResetReason {
     }
 }
 
-/// Outputs low, record, reset.
-fn end(record: Record) -> ! {
+/// Outputs low first of all; then the record with the end of a file's name, which tells files apart; and a reset.
+fn end(kind: u32, words: [u32; 2], file: &str) -> ! {
     cortex_m::interrupt::disable();
     super::outputs_low();
+    let mut name = [0; FILE_BYTES];
+    for (to, from) in name.iter_mut().rev().zip(file.bytes().rev()) {
+        *to = from;
+    }
+    let record = Record::new(kind, words, name);
     // SAFETY: interrupts are off and this does not return, so nothing else has it.
     unsafe { addr_of_mut!(RECORD).cast::<Record>().write_volatile(record) };
     SCB::sys_reset()
 }
 
-/// What `end` is given where there is no file.
-const NO_FILE: [u8; FILE_BYTES] = [0; FILE_BYTES];
-
 /// The supply has fallen below the threshold of the voltage detector.
 pub fn supply_low() -> ! {
-    end(Record::new(SUPPLY_LOW, [0; 2], NO_FILE))
+    end(SUPPLY_LOW, [0; 2], "")
 }
 
 #[panic_handler]
 #[inline(never)]
 fn panic(info: &PanicInfo<'_>) -> ! {
-    let mut file = NO_FILE;
-    let mut line = 0;
-    if let Some(location) = info.location() {
-        line = location.line();
-        // From the end, which tells files apart.
-        for (to, from) in file.iter_mut().rev().zip(location.file().bytes().rev()) {
-            *to = from;
-        }
-    }
-    end(Record::new(PANIC, [line, 0], file))
+    let (line, file) = info.location().map_or((0, ""), |location| (location.line(), location.file()));
+    end(PANIC, [line, 0], file)
 }
 
 // The crystal died: RCC has gone over to the internal oscillator by itself.
 #[exception]
 unsafe fn NonMaskableInt() -> ! {
-    end(Record::new(CRYSTAL_LOST, [0; 2], NO_FILE))
+    end(CRYSTAL_LOST, [0; 2], "")
 }
 
 #[exception]
 unsafe fn DefaultHandler(number: i16) -> ! {
-    end(Record::new(STRAY, [number as u32, 0], NO_FILE))
+    end(STRAY, [number as u32, 0], "")
 }
 
 // A stack that ran over is no place to push anything: the handler starts on a fresh one, with the old pointer in r0.
@@ -169,5 +163,5 @@ unsafe extern "C" fn hard_fault(stack_pointer: *const u32) -> ! {
     let program_counter = if readable { unsafe { stack_pointer.add(PROGRAM_COUNTER).read_volatile() } } else { 0 };
     // SAFETY: a read without side effects of a register that always exists.
     let status = unsafe { (*SCB::PTR).cfsr.read() };
-    end(Record::new(FAULT, [program_counter, status], NO_FILE))
+    end(FAULT, [program_counter, status], "")
 }

@@ -28,9 +28,12 @@ pub fn watch(power: &PWR, lines: &EXTI, rcc: &mut Rcc) {
         postmortem::supply_low();
     }
     lines.rtsr().modify(|_, w| w.tr(LINE).set_bit());
-    // Whatever came while it was set up is over.
+    // Whatever came while it was set up is over; what comes from here on is caught by the line, or seen below.
     lines.pr().write(|w| w.pr(LINE).clear_bit_by_one());
     lines.imr().modify(|_, w| w.mr(LINE).set_bit());
+    if power.csr().read().pvdo().bit_is_set() {
+        postmortem::supply_low();
+    }
 }
 
 /// At which voltage the chip resets: RM0090, 3.9.10, BOR_LEV.
