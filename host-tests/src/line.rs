@@ -78,17 +78,28 @@ impl Line {
 /// What a decoder says at every control tick up to the timer tick `end`, with the time. The line's time 0 is the timer's
 /// `origin`. Edges do not arrive while the input is masked, as on the controller.
 pub fn decode(decoder: &mut Decoder, line: &Line, origin: u32, end: u64) -> Vec<(u64, Signal)> {
+    decode_with(decoder, line, origin, end, Decoder::poll)
+}
+
+/// [`decode`], with another way of asking the decoder.
+pub fn decode_with<T>(
+    decoder: &mut Decoder,
+    line: &Line,
+    origin: u32,
+    end: u64,
+    poll: impl Fn(&mut Decoder, u32) -> T,
+) -> Vec<(u64, T)> {
     let mut edges = line.edges().iter().peekable();
     let stamp = |time: u64| origin.wrapping_add(time as u32);
     (1..=end / TICKS_PER_POLL)
-        .map(|poll| {
-            let now = poll * TICKS_PER_POLL;
+        .map(|tick| {
+            let now = tick * TICKS_PER_POLL;
             while let Some(&(time, level)) = edges.next_if(|&&(time, _)| time < now) {
                 if !decoder.is_masked() {
                     decoder.edge(stamp(time), level);
                 }
             }
-            (now, decoder.poll(stamp(now)))
+            (now, poll(decoder, stamp(now)))
         })
         .collect()
 }

@@ -2,10 +2,10 @@
 
 use host_tests::cases;
 use host_tests::fuzz::{PROTOCOLS, fuzz_capture};
-use host_tests::line::{LOOP_HZ, Line, TICKS_PER_POLL, TIMER_HZ, decode, us};
+use host_tests::line::{LOOP_HZ, Line, TICKS_PER_POLL, TIMER_HZ, decode, decode_with, us};
 use proptest::prelude::*;
 use rotorlead::capture::{
-    Decoder, Faults, LONGEST_MASK_POLLS, Level, LossReason, PULSES_TO_LIVE, Signal, Timing, TimingError,
+    Decoder, Faults, LONGEST_MASK_POLLS, Level, LossReason, PULSES_TO_LIVE, Reading, Signal, Timing, TimingError,
 };
 use rotorlead::throttle::Protocol;
 
@@ -476,4 +476,65 @@ proptest! {
     fn any_bytes_keep_the_claims(data in any_bytes()) {
         fuzz_capture(&data);
     }
+}
+
+/// Frames of 16 bits at 600 kbaud, 2000 a second: what a flight controller sends that is set to DShot600.
+fn dshot600(frames: u64) -> Line {
+    let mut line = Line::default();
+    for frame in 0..frames {
+        for bit in 0..16 {
+            let rise = us(500.0) * frame + us(1.67) * bit;
+            line.level(rise, Level::High);
+            line.level(rise + us(if bit % 3 == 0 { 1.25 } else { 0.625 }), Level::Low);
+        }
+    }
+    line
+}
+
+#[test]
+fn a_line_with_another_protocol_is_driven_and_an_open_one_is_not() {
+    let timeout = us(100_000.0);
+    for (name, line) in [
+        ("OneShot125", Line::pulses(us(1000.0), us(500.0), us(187.5), 400)),
+        ("raw duty at 600 Hz", Line::pulses(us(1000.0), us(1666.7), us(300.0), 120)),
+        ("servo pulses that are too long", Line::pulses(us(1000.0), us(20_000.0), us(3000.0), 10)),
+        ("DShot600", dshot600(400)),
+        // So long that the pauses are longer than the timeout.
+        ("an oscillation", Line::pulses(us(1000.0), us(2.0), us(1.0), 200_000)),
+        ("pulses of 5 us every 99 ms", Line::pulses(us(1000.0), us(99_000.0), us(5.0), 3)),
+    ] {
+        let (first, last) = (line.edges()[0].0, line.edges().last().unwrap().0);
+        // Stamps wrap within it, and the time after it is longer than that for which the age of a stamp is right.
+        for origin in [0, 0x8000_0000, u32::MAX - 1_000_000] {
+            let mut decoder = seen_low(Protocol::StandardPwm, origin);
+            let end = last + (1 << 32);
+            let readings = decode_with(&mut decoder, &line, origin, end, Decoder::read);
+            for (time, reading) in readings {
+                let from = first + us(500.0) + 2 * TICKS_PER_POLL;
+                assert_ne!(reading.width_ticks(), Some(0), "{name}");
+                if (from..last).contains(&time) {
+                    assert_eq!(reading, Reading::UNREADABLE, "{name} at {time}");
+                }
+                if time > last + timeout + 600 * TICKS_PER_POLL {
+                    assert!(!reading.is_driven(), "{name}: {reading:?} at {time}, long after {last}");
+                }
+            }
+        }
+    }
+    // Spikes that a motor's currents couple into an open lead.
+    let mut open = Line::default();
+    for n in 0..1000 {
+        open = open.with_glitch(us(300.0) * (n + 1), us(0.4));
+    }
+    let readings = decode_with(&mut seen_low(Protocol::StandardPwm, 0), &open, 0, us(300_000.0), Decoder::read);
+    // The edge that showed the line low counts until the timeout.
+    let late = readings.iter().filter(|&&(time, _)| time > timeout);
+    for (time, reading) in late {
+        assert_eq!(*reading, Reading::NOTHING, "at {time}");
+    }
+    // A line that is lost and silent.
+    let readings = decode_with(&mut servo(), &servo_pulses(500.0, 20), 0, us(400_000.0), Decoder::read);
+    let driven = readings.iter().filter(|(time, _)| *time > us(200_000.0));
+    assert!(driven.clone().count() > 900);
+    driven.for_each(|(_, reading)| assert_eq!(*reading, Reading::LOST));
 }

@@ -18,6 +18,9 @@
 //!   starts anew at 1 after an accepted pulse: a burst costs a frame, and a line that oscillates costs next to no time.
 //!   However noisy a line is, it causes at most `edges_per_poll + 1` interrupts per control tick.
 //!
+//! - **Activity.** An input that is not live is active all the same while it has levels that are no glitches, or a flood:
+//!   somebody may have connected a flight controller that speaks another protocol.
+//!
 //! Time stamps may wrap. No stamp is kept for longer than the timeout, as long as `poll` is called in time (it is also
 //! right about edges that are stamped a little after its `now`, since the interrupt may come in between).
 
@@ -118,8 +121,10 @@ pub struct Decoder {
     liveness: Liveness,
     /// The last rise that was seen for sure.
     rise: u32,
-    /// The last fall.
+    /// The last fall, or the last poll of a masked input that is not live.
     fall: u32,
+    /// Whether there was one within the timeout.
+    has_fall: bool,
     /// Rise and fall of the last accepted pulse, unless it is older than the timeout. A live input has one.
     has_accepted: bool,
     accepted_rise: u32,
@@ -150,6 +155,7 @@ impl Decoder {
             liveness: Liveness::Never,
             rise: 0,
             fall: 0,
+            has_fall: false,
             has_accepted: false,
             accepted_rise: 0,
             accepted_fall: 0,
@@ -222,6 +228,7 @@ impl Decoder {
     const fn fall_at(&mut self, timestamp: u32, line: Line) {
         self.line = line;
         self.fall = timestamp;
+        self.has_fall = true;
     }
 
     /// The capture hardware says that it stamped an edge before the one before was read. Comes before [`Self::edge`]
@@ -262,6 +269,26 @@ impl Decoder {
             }
         }
         self.poll_without_fall(now)
+    }
+
+    /// [`Self::poll`], in one word, and with whether the line is active.
+    #[inline]
+    pub fn read(&mut self, now: u32) -> Reading {
+        match self.poll(now) {
+            Signal::Nothing | Signal::Lost(_) if self.is_active(now) => Reading::UNREADABLE,
+            signal => signal.into(),
+        }
+    }
+
+    /// Whether there were levels longer than a glitch, or a flood, within the timeout. Of an input that is not live, at each
+    /// poll: the age of a stamp is right for 2^31 ticks only.
+    fn is_active(&mut self, now: u32) -> bool {
+        if self.is_masked() {
+            // The line is unknown meanwhile, and its last fall means nothing else.
+            (self.fall, self.has_fall) = (now, true);
+        }
+        self.has_fall &= elapsed(self.fall, now) <= self.timing.timeout.cast_signed();
+        self.has_fall
     }
 
     /// The rest of [`Self::poll`]: no pulse has become complete just now.

@@ -41,7 +41,7 @@ impl<T: CaptureTimer> Inputs<T> {
         let now = self.timer.now();
         let mut readings = [Reading::NOTHING; MOTORS];
         for (decoder, reading) in self.decoders.iter_mut().zip(&mut readings) {
-            *reading = decoder.poll(now).into();
+            *reading = decoder.read(now);
         }
         if self.is_any_off {
             self.listen();

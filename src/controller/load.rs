@@ -18,7 +18,7 @@ pub const BYTE_CYCLES: u32 = 100;
 /// Of that, until the received byte is taken from the UART, which can then hold the next one.
 pub const BYTE_TAKEN_CYCLES: u32 = 45;
 /// A capture interrupt with an edge of each input.
-pub const CAPTURE_CYCLES: u32 = 510;
+pub const CAPTURE_CYCLES: u32 = 530;
 
 /// Bytes of a keep-alive's frame, and of its answer's: an envelope of 7 bytes, its COBS byte and two zeros.
 const KEEP_ALIVE_BYTES: u32 = 10;

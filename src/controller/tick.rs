@@ -49,6 +49,8 @@ pub struct Motor {
     output: EscCommand,
     /// The pulse input as a command, while there is one.
     input: i32,
+    /// Without one: whether the line is driven all the same.
+    is_unreadable: bool,
     /// Whether the filter is in the path of the pulses: what an injection does with it ends with the injection.
     compensates: bool,
     /// Excitations of former channels that ended because the host was silent.
@@ -67,6 +69,7 @@ impl Motor {
             silent_ticks: 0,
             output: EscCommand::NO_PULSE,
             input: NO_INPUT,
+            is_unreadable: false,
             compensates,
             dead_man: 0,
         }
@@ -88,10 +91,11 @@ impl Motor {
         }
     }
 
-    /// Whether pulses come at its input, or came until a moment ago, whatever drives it.
+    /// Whether pulses come at its input, or came until a moment ago, be they of another protocol, and whatever drives the
+    /// motor.
     #[must_use]
     pub const fn is_input_live(&self) -> bool {
-        self.input != NO_INPUT || matches!(self.channel.state(), State::Holding)
+        self.input != NO_INPUT || self.is_unreadable || matches!(self.channel.state(), State::Holding)
     }
 
     /// Starts afresh, with a new channel and with nothing left in the queues.
@@ -194,6 +198,7 @@ impl Motor {
     /// [`Self::run`] with any source and any reading.
     #[inline(never)]
     fn run_any(&mut self, reading: Reading, common: &Common) {
+        self.is_unreadable = reading == Reading::UNREADABLE;
         let input = Input::from_reading(reading, &common.input_scale);
         match input {
             Input::Command(command) => self.input = command.to_bits(),
@@ -202,13 +207,13 @@ impl Motor {
         }
         self.output = match self.source {
             CommandSource::Pulse => self.channel.tick(input),
-            _ => self.without_pulses(common.is_any_live, common.silence_limit),
+            _ => self.without_pulses(common.is_any_driven, common.silence_limit),
         };
     }
 
-    fn without_pulses(&mut self, is_any_live: bool, silence_limit: u32) -> EscCommand {
+    fn without_pulses(&mut self, is_any_driven: bool, silence_limit: u32) -> EscCommand {
         match self.source {
-            CommandSource::Inject if !is_any_live => self.injected(silence_limit),
+            CommandSource::Inject if !is_any_driven => self.injected(silence_limit),
             CommandSource::Inject | CommandSource::EndingInjection => self.end_injection(),
             CommandSource::Paused(_) | CommandSource::Pulse => self.channel.tick(Input::Nothing),
         }
@@ -266,8 +271,8 @@ struct Common {
     input_scale: PulseScale,
     /// Ticks without an injected command after which the injection into a motor at rest ends.
     silence_limit: u32,
-    /// Whether pulses came at some input in the last tick.
-    is_any_live: bool,
+    /// Whether some input was live in the last tick, or had pulses of another protocol.
+    is_any_driven: bool,
 }
 
 /// The state of the control task.
@@ -299,7 +304,7 @@ impl Tick {
             common: Common {
                 input_scale,
                 silence_limit: super::ticks(INJECT_TIMEOUT_MS, loop_rate_hz),
-                is_any_live: false,
+                is_any_driven: false,
             },
             input_pulse: InputPulse::None,
             samples,
@@ -320,16 +325,16 @@ impl Tick {
             motor.run(*reading, &self.common);
         }
         let first_live = readings.iter().find(|reading| reading.is_live());
-        let is_any_live = first_live.is_some();
+        let is_any_driven = first_live.is_some() || readings.iter().any(|reading| reading.is_driven());
         self.input_pulse = match first_live {
             None => InputPulse::None,
             Some(reading) if reading.width_ticks().is_none() => InputPulse::Awaited,
             Some(_) => InputPulse::New,
         };
-        if is_any_live != self.common.is_any_live {
-            self.common.is_any_live = is_any_live;
-            // Pulses came up at some input: a flight controller is there, and somebody may mean to fly.
-            if is_any_live {
+        if is_any_driven != self.common.is_any_driven {
+            self.common.is_any_driven = is_any_driven;
+            // Somebody drives an input now: a flight controller is there, and somebody may mean to fly.
+            if is_any_driven {
                 self.stop_excitation();
             }
         }

@@ -230,7 +230,11 @@ impl fmt::Display for Refusal {
                  defaults, first"
             ),
             Self::InputLive { motor } => {
-                write!(f, "pulses come at the input of motor {motor}; unplug the flight controller")
+                write!(
+                    f,
+                    "pulses, or edges that are no pulses of input.protocol, come at the input of motor {motor}; unplug the \
+                     flight controller"
+                )
             }
             Self::BenchDisabled => write!(
                 f,
