@@ -146,6 +146,78 @@ fn every_setting_that_is_shown_can_be_set_to_what_is_shown() {
     assert_eq!(bench.device("get").unwrap(), before);
 }
 
+/// The paper's pulses: a duty of 2 % is the stop, and 98 % is full speed.
+const RAW_DUTY: &str = "set output.protocol raw_duty output.frame_hz 600 stop 0.02 motor.*.max 0.98";
+
+#[test]
+fn protocols_are_changed_in_one_command_there_and_back() {
+    let bench = Bench::new(Trouble::None, FAST);
+    let defaults = bench.device("get").unwrap();
+    let shown = |keys: [&str; 4]| {
+        let all = bench.device("get").unwrap();
+        keys.map(|key| all[key].as_str().unwrap().to_owned())
+    };
+    let keys = ["output.protocol", "output.frame_hz", "stop", "motor.3.max"];
+    let set = bench.device(RAW_DUTY).unwrap();
+    assert_eq!((&set["set"]["stop"], &set["set"]["motor.*.max"]), (&"0.02".into(), &"0.98".into()));
+    assert_eq!(shown(keys), ["raw_duty", "600", "0.02", "0.98"]);
+    bench.device("set output.protocol standard_pwm output.frame_hz 450 stop 0 motor.*.max 1").unwrap();
+    assert_eq!(bench.device("get").unwrap(), defaults);
+    bench.device(RAW_DUTY).unwrap();
+    bench.device("set output.protocol oneshot125 output.frame_hz 2400 stop 0 motor.*.max 1").unwrap();
+    assert_eq!(shown(keys), ["oneshot125", "2400", "0", "1"]);
+}
+
+#[test]
+fn one_wrong_value_among_several_changes_nothing() {
+    let bench = Bench::new(Trouble::None, FAST);
+    let before = bench.device("get").unwrap();
+    for (arguments, said) in [
+        ("set motor.0.max 0.9 damping much", "no value for damping"),
+        ("set motor.0.max 0.9 dampin 0.7", "no setting `dampin`"),
+        ("set motor.0.max 0.9 output.frame_hz 600", "output.frame_hz"),
+        ("set motor.0.max 0.9 stop", "`stop` has no value"),
+    ] {
+        let error = bench.device(arguments).unwrap_err();
+        assert!(error.contains(said), "{arguments}: {error}");
+        assert_eq!(bench.device("get").unwrap(), before);
+    }
+}
+
+#[test]
+fn a_key_that_needs_another_one_is_refused_with_a_command_that_works() {
+    for (first, alone, said) in [
+        (None, "set output.protocol raw_duty", "set output.protocol raw_duty stop 0.009 motor.*.max 0.991"),
+        (
+            Some(RAW_DUTY),
+            "set output.protocol standard_pwm",
+            "set output.protocol standard_pwm output.frame_hz 495 stop 0",
+        ),
+        (Some(RAW_DUTY), "set output.protocol oneshot125", "set output.protocol oneshot125 stop 0"),
+        (Some(RAW_DUTY), "set output.frame_hz 1200", "set output.frame_hz 1200 stop 0.024 motor.*.max 0.976"),
+        (None, "set stop 0.02", "set stop 0.02 output.protocol raw_duty motor.*.max 0.991"),
+        (None, "set motor.2.idle 1", "even with motor.2.max 1"),
+    ] {
+        let bench = Bench::new(Trouble::None, FAST);
+        if let Some(first) = first {
+            bench.device(first).unwrap();
+        }
+        let before = bench.device("get").unwrap();
+        let error = bench.device(alone).unwrap_err();
+        assert!(error.contains(said), "{alone}: {error}");
+        assert_eq!(bench.device("get").unwrap(), before);
+        if let Some((_, command)) = error.split_once('`').filter(|_| said.starts_with("set")) {
+            bench.device(command.split_once('`').unwrap().0).unwrap();
+        }
+    }
+    // Where another key does not help, it is not asked for.
+    let bench = Bench::new(Trouble::None, FAST);
+    let error = bench.device("set stop 0.5").unwrap_err();
+    assert!(error.contains("even with output.protocol raw_duty") && error.contains("0.0090 to 0.0300"), "{error}");
+    let error = bench.device("set omega_f_rad_s 10").unwrap_err();
+    assert!(error.contains("`set omega_f_rad_s 10 omega_z_rad_s VALUE`"), "{error}");
+}
+
 #[test]
 fn wrong_settings_are_refused_with_the_remedy() {
     let bench = Bench::new(Trouble::None, FAST);

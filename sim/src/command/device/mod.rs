@@ -4,6 +4,7 @@ mod excite;
 mod folder;
 mod inject;
 mod record;
+mod set;
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -16,7 +17,7 @@ use rotorlead::link::{BrownOut, CrystalCheck, Info};
 use rotorlead::settings::Settings;
 use serde_json::{Value, json};
 
-use super::outcome::{JsonOption, Outcome, warning_lines};
+use super::outcome::{JsonOption, Outcome};
 use super::parameters::positive;
 use crate::bench::device::{self, DEFAULT_BAUD, Session};
 
@@ -47,13 +48,8 @@ enum Action {
         /// Only this one
         key: Option<String>,
     },
-    /// Changes a setting, until the power goes; motor.*.KEY changes it for every motor
-    Set {
-        /// Which; `get` shows them all
-        key: String,
-        /// To what; levels are commands from 0 to 1
-        value: String,
-    },
+    /// Changes settings, until the power goes: all in one, checked together, or none
+    Set(set::Set),
     /// Stores the settings in use; every motor must be disarmed
     Save,
     /// Shows what went wrong since the start
@@ -96,7 +92,7 @@ impl Device {
         let outcome = match &self.action {
             Action::Info => info(&mut session),
             Action::Get { key } => get(&mut session, key.as_deref()),
-            Action::Set { key, value } => set(&mut session, key, value),
+            Action::Set(options) => options.run(&mut session),
             Action::Save => {
                 session.save()?;
                 Ok(Outcome { text: "Saved.\n".into(), json: json!({ "saved": true }) })
@@ -209,20 +205,6 @@ fn get(session: &mut Session, key: Option<&str>) -> miette::Result<Outcome> {
         map.insert(name, Value::String(value));
     }
     Ok(Outcome { text, json: Value::Object(map) })
-}
-
-fn set(session: &mut Session, key: &str, value: &str) -> miette::Result<Outcome> {
-    let mut settings = session.settings()?;
-    device::set(&mut settings, key, value)?;
-    // Here rather than by the controller: the reasons are the same, and a design says more.
-    let settings = settings.validate().map_err(|error| miette::miette!(help = "nothing was changed", "{error}"))?;
-    design(&settings)?;
-    let warnings: Vec<String> = session.set_settings(&settings)?.iter().map(|warning| warning.to_string()).collect();
-    let mut text = format!("{key} = {value}, until the power goes; `rotorlead device save` stores it\n");
-    for warning in &warnings {
-        text.push_str(&warning_lines(warning));
-    }
-    Ok(Outcome { text, json: json!({ "key": key, "value": value, "warnings": warnings }) })
 }
 
 /// The compensator of these settings, as the controller makes it.
