@@ -1,4 +1,4 @@
-//! The host's end of the link, against the library's own tick and desk behind a TCP port.
+//! The host's end of the link, against the library's own tick and request handler behind a TCP port.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -216,6 +216,42 @@ fn a_key_that_needs_another_one_is_refused_with_a_command_that_works() {
     assert!(error.contains("even with output.protocol raw_duty") && error.contains("0.0090 to 0.0300"), "{error}");
     let error = bench.device("set omega_f_rad_s 10").unwrap_err();
     assert!(error.contains("`set omega_f_rad_s 10 omega_z_rad_s VALUE`"), "{error}");
+}
+
+/// The outputs of a [`Trouble::BlankFlash`] are low, and stay so.
+fn assert_not_chosen(bench: &Bench) {
+    let info = bench.device("info").unwrap();
+    assert_eq!((&info["settings"], &info["outputs_enabled"]), (&"DefaultsBlank".into(), &false.into()));
+}
+
+#[test]
+fn where_nobody_has_chosen_settings_nothing_is_set_without_the_protocol() {
+    let bench = Bench::new(Trouble::BlankFlash, FAST);
+    for arguments in ["set motor.*.hold_ms 1000", "set input.protocol oneshot125 input.frame_hz 2000"] {
+        let error = bench.device(arguments).unwrap_err();
+        for said in ["nobody has chosen", "40 %", &format!("`set output.protocol PROTOCOL {}`", &arguments[4..])] {
+            assert!(error.contains(said), "{said}: {error}");
+        }
+        assert_not_chosen(&bench);
+    }
+    bench.device("set output.protocol standard_pwm motor.*.hold_ms 1000").unwrap();
+    let info = bench.device("info").unwrap();
+    assert_eq!((&info["settings"], &info["outputs_enabled"]), (&"Host".into(), &true.into()));
+    // From now on they are chosen.
+    bench.device("set motor.*.hold_ms 100").unwrap();
+    bench.device("save").unwrap();
+    assert_eq!(bench.device("info").unwrap()["settings"], "Stored");
+}
+
+#[test]
+fn defaults_that_nobody_has_chosen_are_not_saved() {
+    let bench = Bench::new(Trouble::BlankFlash, FAST);
+    let error = bench.device("save").unwrap_err();
+    assert!(error.contains("nobody has chosen") && error.contains("set output.protocol PROTOCOL"), "{error}");
+    assert_not_chosen(&bench);
+    bench.device("set output.protocol standard_pwm").unwrap();
+    bench.device("save").unwrap();
+    assert_eq!(bench.device("info").unwrap()["settings"], "Stored");
 }
 
 #[test]

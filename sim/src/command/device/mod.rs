@@ -19,7 +19,7 @@ use serde_json::{Value, json};
 
 use super::outcome::{JsonOption, Outcome};
 use super::parameters::positive;
-use crate::bench::device::{self, DEFAULT_BAUD, Session};
+use crate::bench::device::{self, DEFAULT_BAUD, DeviceError, Session};
 
 /// Talks to a controller over its serial port, or to one in the emulator
 #[derive(Args, Debug)]
@@ -50,7 +50,7 @@ enum Action {
     },
     /// Changes settings, until the power goes: all in one, checked together, or none
     Set(set::Set),
-    /// Stores the settings in use; every motor must be disarmed
+    /// Stores the settings in use, once they are chosen; every motor must be disarmed
     Save,
     /// Shows what went wrong since the start
     Faults,
@@ -93,10 +93,7 @@ impl Device {
             Action::Info => info(&mut session),
             Action::Get { key } => get(&mut session, key.as_deref()),
             Action::Set(options) => options.run(&mut session),
-            Action::Save => {
-                session.save()?;
-                Ok(Outcome { text: "Saved.\n".into(), json: json!({ "saved": true }) })
-            }
+            Action::Save => save(&mut session),
             Action::Faults => faults(&mut session),
             Action::Stop => {
                 session.stop_excitation()?;
@@ -152,7 +149,7 @@ fn state_lines(info: &Info) -> [String; 6] {
     let outputs = if info.outputs_enabled {
         "outputs enabled".to_owned()
     } else {
-        "outputs LOW: nobody has chosen the settings. Set them to the ESCs' protocol, then save".to_owned()
+        "outputs LOW: nobody has chosen the settings. Set output.protocol to that of the ESCs, then save".to_owned()
     };
     let jumper = if info.bench_enabled {
         "bench jumper fitted: excitation and injection are allowed"
@@ -205,6 +202,16 @@ fn get(session: &mut Session, key: Option<&str>) -> miette::Result<Outcome> {
         map.insert(name, Value::String(value));
     }
     Ok(Outcome { text, json: Value::Object(map) })
+}
+
+fn save(session: &mut Session) -> miette::Result<Outcome> {
+    if !session.info()?.outputs_enabled {
+        // Stored settings count as chosen. A flag for the defaults would soon be typed out of habit.
+        let help = "`rotorlead device set output.protocol PROTOCOL` first, even where it is standard_pwm".to_owned();
+        return Err(DeviceError::NotChosen { act: "storing them", help }.into());
+    }
+    session.save()?;
+    Ok(Outcome { text: "Saved.\n".into(), json: json!({ "saved": true }) })
 }
 
 /// The compensator of these settings, as the controller makes it.
