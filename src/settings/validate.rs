@@ -102,7 +102,7 @@ impl fmt::Display for SettingsError {
 
 impl core::error::Error for SettingsError {}
 
-/// What settings that may be used are nevertheless likely to be unhappy with.
+/// What is likely to go wrong with settings that may be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum Warning {
     /// Frames come at less than twice the highest frequency that the compensator amplifies, `omega_g / (2 pi)`: it
