@@ -37,7 +37,8 @@ mod app {
     use defmt_rtt as _;
     use heapless::spsc::{Consumer, Producer, Queue};
     use rotorlead::controller::{
-        self, BoardHandle, Control, INJECT_QUEUE, Inputs, RECORD_QUEUE, Server, Started, hardware::RequestHardware as _,
+        self, Control, ControlHandle, INJECT_QUEUE, Inputs, RECORD_QUEUE, Server, Started,
+        hardware::RequestHardware as _,
     };
     use rotorlead::link::Sample;
     use rotorlead::settings::{MOTORS, Store};
@@ -100,7 +101,7 @@ mod app {
     fn idle(cx: idle::Context) -> ! {
         let idle::LocalResources { server, status, received, to_send, .. } = cx.local;
         let idle::SharedResources { inputs, control, .. } = cx.shared;
-        let mut board = BoardHandle { inputs, control, hardware: status };
+        let mut board = ControlHandle { inputs, control, hardware: status };
         loop {
             IDLE_RAN.store(true, Ordering::Relaxed);
             while to_send.ready() {

@@ -5,8 +5,8 @@ use heapless::spsc::Queue;
 use rotorlead::channel::Channel;
 use rotorlead::controller::hardware::{CaptureTimer, ControlHardware, Edge, RequestHardware};
 use rotorlead::controller::{
-    self, Board, BoardFacts, BoardHandle, ClockReport, Control, Counts, Ends, Inputs, Queues, RequestHandler, Started,
-    Tick,
+    self, BoardFacts, ClockReport, Control, ControlAccess, ControlHandle, Counts, Ends, Inputs, Queues, RequestHandler,
+    Started, Tick,
 };
 use rotorlead::link::{BrownOut, Clock, CrystalCheck, Refusal, ResetReason};
 use rotorlead::settings::{MOTORS, Origin, Store, Validated};
@@ -222,8 +222,8 @@ impl TestBoard {
 
     fn handle(
         &mut self,
-    ) -> BoardHandle<'_, Exclusive<'_, Inputs<TestCapture>>, Exclusive<'_, Control<TestOutputs>>, TestStatus> {
-        BoardHandle {
+    ) -> ControlHandle<'_, Exclusive<'_, Inputs<TestCapture>>, Exclusive<'_, Control<TestOutputs>>, TestStatus> {
+        ControlHandle {
             inputs: Exclusive(&mut self.inputs),
             control: Exclusive(&mut self.control),
             hardware: &mut self.status,
@@ -231,7 +231,7 @@ impl TestBoard {
     }
 }
 
-impl Board for TestBoard {
+impl ControlAccess for TestBoard {
     fn tick<R>(&mut self, f: impl FnOnce(&mut Tick) -> R) -> R {
         self.handle().tick(f)
     }

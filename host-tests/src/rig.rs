@@ -7,7 +7,7 @@ use std::rc::Rc;
 use embedded_storage::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use rotorlead::capture::Signal;
 use rotorlead::channel::Channel;
-use rotorlead::controller::{Board, BoardFacts, Counts, Server, Tick};
+use rotorlead::controller::{BoardFacts, ControlAccess, Counts, Server, Tick};
 use rotorlead::link::{FRAME_BYTES, Message, Receiver, Refusal, Request, Tagged, encode};
 use rotorlead::settings::{MOTORS, Origin, Settings, Store, Validated};
 use rotorlead::throttle::{Command, EscCommand, PulseScale};
@@ -94,7 +94,7 @@ impl Hardware {
     }
 }
 
-impl Board for Hardware {
+impl ControlAccess for Hardware {
     fn tick<R>(&mut self, f: impl FnOnce(&mut Tick) -> R) -> R {
         self.board.tick(f)
     }
@@ -158,7 +158,7 @@ pub struct Rig {
     tag: u8,
     /// Bytes on their way to the controller.
     to_controller: std::collections::VecDeque<u8>,
-    /// What was heard and not taken yet.
+    /// What was received and not taken yet.
     pub inbox: Vec<Tagged<Message>>,
 }
 
@@ -219,7 +219,7 @@ impl Rig {
 
     /// What that pulse is taken for: a pulse has whole timer ticks.
     #[must_use]
-    pub fn heard(&self, command: f64) -> Command {
+    pub fn as_measured(&self, command: f64) -> Command {
         self.scale.to_command(self.scale.to_ticks(Command::saturating_from_f64(command)))
     }
 
@@ -295,7 +295,7 @@ impl Rig {
         self.take(tag).unwrap_or_else(|| panic!("{request:?} was not answered"))
     }
 
-    /// The answer with that tag, when it was heard. Records stay.
+    /// The answer with that tag, when it was received. Records stay.
     pub fn take(&mut self, tag: u8) -> Option<Message> {
         let is_answer = |tagged: &Tagged<Message>| tagged.tag == tag && !matches!(tagged.message, Message::Record(_));
         let index = self.inbox.iter().position(is_answer)?;

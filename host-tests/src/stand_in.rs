@@ -36,7 +36,9 @@ pub enum Trouble {
     /// Nothing.
     #[default]
     None,
-    /// It hears and does not answer.
+    /// Nothing is stored in its flash: nobody has chosen the settings.
+    BlankFlash,
+    /// It receives and does not answer.
     Silent,
     /// It speaks another version.
     OtherVersion,
@@ -149,14 +151,14 @@ struct Controller {
     board: TestBoard,
     handler: RequestHandler<Flash<SECTOR>>,
     receiver: Receiver<Request>,
-    /// Blocks of injected commands that were taken from the line and not given to the desk, and the first one's age.
+    /// Blocks of injected commands that were taken from the line and not given to the request handler, and the first one's age.
     held: VecDeque<Tagged<Request>>,
     held_since: Instant,
     starved: Arc<AtomicUsize>,
     /// Frames of records and blocks of outputs, since the start and since the recording or injection began.
     streamed: u32,
     of_this: u32,
-    /// The host's seconds since it was heard of.
+    /// The host's seconds since its last sign of life.
     silent: Duration,
     output: f64,
     ticks: u64,
@@ -168,7 +170,9 @@ struct Controller {
 impl Controller {
     fn new(trouble: Trouble, pace: Pace, stand: Stand, starved: Arc<AtomicUsize>) -> Self {
         let mut store = Store::new(Flash::blank(), Flash::<SECTOR>::SECTORS);
-        store.save(&Validated::default()).expect("a flash without faults");
+        if trouble != Trouble::BlankFlash {
+            store.save(&Validated::default()).expect("a flash without faults");
+        }
         let (board, handler, _) = TestBoard::start(store, facts(CRYSTAL));
         Self {
             trouble,

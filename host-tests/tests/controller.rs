@@ -75,7 +75,7 @@ fn armed(level: f64) -> Rig {
     let mut rig = Rig::new();
     let (low, high) = (rig.pulse(0.0), rig.pulse(level));
     assert_eq!(rig.tick_one(low), STOP);
-    assert_eq!(rig.tick_one(high), rig.heard(level));
+    assert_eq!(rig.tick_one(high), rig.as_measured(level));
     rig
 }
 
@@ -221,7 +221,7 @@ fn settings_out_of_range_are_refused_by_name_and_change_nothing() {
     let low = rig.pulse(0.0);
     rig.tick_one(low);
     let high = rig.pulse(0.4);
-    assert_eq!(rig.tick_one(high), rig.heard(0.4));
+    assert_eq!(rig.tick_one(high), rig.as_measured(0.4));
     rig.tick_one(low);
 
     rig.hardware.refuses = false;
@@ -241,12 +241,12 @@ fn settings_are_neither_set_nor_saved_while_a_motor_turns_and_its_output_does_no
     let lost = Signal::Lost(rotorlead::capture::LossReason::StuckLow);
     for signal in [high, Signal::Unchanged, lost] {
         let outputs = rig.hardware.run(only_3(signal));
-        assert_eq!(outputs, [NO_PULSE, NO_PULSE, NO_PULSE, rig.heard(0.5).into()]);
+        assert_eq!(outputs, [NO_PULSE, NO_PULSE, NO_PULSE, rig.as_measured(0.5).into()]);
         assert_eq!(rig.ask(&Request::SaveSettings), refused(Refusal::NotDisarmed { motor: 3 }));
         let set = Request::SetSettings(Settings::default());
         assert_eq!(rig.ask(&set), refused(Refusal::NotDisarmed { motor: 3 }));
     }
-    assert_eq!(rig.hardware.run(only_3(Signal::Unchanged))[3], rig.heard(0.5));
+    assert_eq!(rig.hardware.run(only_3(Signal::Unchanged))[3], rig.as_measured(0.5));
     assert!(rig.hardware.stalls.is_empty());
     assert_eq!(flash.copy().bytes, before);
 
@@ -282,14 +282,14 @@ fn somebody_who_arms_during_a_save_gets_the_stop_and_has_to_disarm_first() {
     }
     assert_eq!(states(&mut rig), [ChannelState::Locked; MOTORS]);
     assert_eq!(rig.tick(low), [STOP; MOTORS]);
-    assert_eq!(rig.tick(high), [rig.heard(0.8); MOTORS]);
+    assert_eq!(rig.tick(high), [rig.as_measured(0.8); MOTORS]);
 }
 
 #[test]
 fn a_mode_is_set_only_while_the_motor_is_at_rest() {
     // Armed, then held: the pilot's. Nothing happens to the output.
     let mut rig = armed(0.5);
-    let level = rig.heard(0.5);
+    let level = rig.as_measured(0.5);
     for (source, refusal) in
         [(Source::Inject, Refusal::InputLive { motor: 0 }), (Source::Pulse, Refusal::NotDisarmed { motor: 0 })]
     {
@@ -358,7 +358,7 @@ fn an_excitation_is_refused_while_any_pulse_input_is_live_and_the_outputs_do_not
         let refusal = refused(Refusal::InputLive { motor: live as u8 });
         let (low, high) = (rig.pulse(0.01), rig.pulse(0.4));
         let lost = Signal::Lost(rotorlead::capture::LossReason::StuckLow);
-        let (stop, high_level) = (EscCommand::from(STOP), rig.heard(0.4).into());
+        let (stop, high_level) = (EscCommand::from(STOP), rig.as_measured(0.4).into());
         // Locked, disarmed, armed, held.
         let steps = [(high, NO_PULSE), (low, stop), (Signal::Unchanged, stop), (high, high_level), (lost, high_level)];
         for (signal, level) in steps {
@@ -483,11 +483,11 @@ fn the_filter_of_an_injection_ends_with_it() {
     let (low, half, more) = (rig.pulse(0.0), rig.pulse(0.5), rig.pulse(0.6));
     assert_eq!(rig.tick_one(low), STOP);
     for _ in 0..1000 {
-        assert_eq!(rig.tick_one(half), rig.heard(0.5));
+        assert_eq!(rig.tick_one(half), rig.as_measured(0.5));
     }
     // Compensated, the answer to a step is more than the step.
-    assert_eq!(rig.tick_one(more), rig.heard(0.6));
-    assert_eq!(rig.tick_one(more), rig.heard(0.6));
+    assert_eq!(rig.tick_one(more), rig.as_measured(0.6));
+    assert_eq!(rig.tick_one(more), rig.as_measured(0.6));
 }
 
 #[test]
@@ -569,7 +569,7 @@ fn a_flight_controller_that_comes_up_stops_an_injection_at_once_and_has_to_disar
         assert_eq!(state(&mut rig), if level > 0.0 { ChannelState::Locked } else { ChannelState::Disarmed });
         assert_eq!(rig.tick_one(low), STOP);
         let high = rig.pulse(0.9);
-        assert_eq!(rig.tick_one(high), rig.heard(0.9));
+        assert_eq!(rig.tick_one(high), rig.as_measured(0.9));
     }
 }
 
@@ -707,7 +707,7 @@ fn a_recording_that_is_faster_than_the_line_keeps_no_request_from_being_heard() 
             rig.send(&Request::KeepAlive);
         }
         rig.serve(4);
-        assert!(rig.tick_one(Signal::Nothing) >= command(0.44), "tick {n}: the keep-alives are not heard");
+        assert!(rig.tick_one(Signal::Nothing) >= command(0.44), "tick {n}: the keep-alives do not arrive");
     }
     rig.send(&Request::StopExcitation);
     let mut ticks = 0;
@@ -736,7 +736,8 @@ fn a_flood_of_requests_keeps_no_record_from_being_sent() {
         rig.tick_one(Signal::Nothing);
         rig.serve(20);
     }
-    let records = rig.inbox.iter().filter(|heard| heard.tag == tag && matches!(heard.message, Message::Record(_)));
+    let records =
+        rig.inbox.iter().filter(|received| received.tag == tag && matches!(received.message, Message::Record(_)));
     assert!(records.count() >= 19, "20 records were due");
 }
 
@@ -757,16 +758,16 @@ fn a_recording_has_every_sample_or_says_which_are_missing() {
             let mut signals = [Signal::Nothing; MOTORS];
             signals[0] = rig.pulse(level);
             let output = rig.hardware.tick_mut().run(signals.map(Into::into), || n as u16)[0];
-            sent.push((rig.heard(level).to_bits(), output.to_bits(), i32::from(n as u16)));
+            sent.push((rig.as_measured(level).to_bits(), output.to_bits(), i32::from(n as u16)));
             rig.serve(bytes_per_tick);
         }
         let stop = rig.send(&Request::Record(None));
         rig.serve(usize::MAX);
         assert_eq!(rig.take(stop), Some(Message::Done));
         let (mut received, mut missing, mut next) = (0, 0, 0);
-        for heard in std::mem::take(&mut rig.inbox) {
-            let Message::Record(record) = heard.message else { panic!("{heard:?}") };
-            assert_eq!((heard.tag, record.motor, record.divisor), (tag, 0, 1));
+        for received in std::mem::take(&mut rig.inbox) {
+            let Message::Record(record) = received.message else { panic!("{received:?}") };
+            assert_eq!((received.tag, record.motor, record.divisor), (tag, 0, 1));
             missing += record.first_tick - next;
             for (index, &after) in record.after.as_slice().iter().enumerate() {
                 let (input, output, adc) = sent[record.first_tick as usize + index];
@@ -794,7 +795,7 @@ fn a_recording_without_a_pulse_input_says_so() {
         rig.tick_one(Signal::Nothing);
     }
     rig.serve(usize::MAX);
-    let Some(Message::Record(record)) = rig.inbox.pop().map(|heard| heard.message) else { panic!("no record") };
+    let Some(Message::Record(record)) = rig.inbox.pop().map(|received| received.message) else { panic!("no record") };
     assert_eq!(record.input.as_slice(), [NO_INPUT; 32]);
     assert_eq!((record.before.as_slice(), record.after.as_slice()), (&[0; 32][..], &[NO_PULSE.to_bits(); 32][..]));
 }
@@ -895,7 +896,7 @@ fn after_a_brown_out_while_armed_no_output_has_pulses_until_its_input_was_seen_d
     let mut rig = Rig::starting_from(&flash).0;
     let (low, high) = (rig.pulse(0.0), rig.pulse(0.7));
     rig.tick(low);
-    assert_eq!(rig.tick(high), [rig.heard(0.7); MOTORS]);
+    assert_eq!(rig.tick(high), [rig.as_measured(0.7); MOTORS]);
 
     let mut rig = Rig::starting_from(&flash).0;
     // No pulse yet, then armed ones, for 10 s.
@@ -907,7 +908,7 @@ fn after_a_brown_out_while_armed_no_output_has_pulses_until_its_input_was_seen_d
     assert_eq!(states(&mut rig), [ChannelState::Locked; MOTORS]);
     // Each input by itself.
     assert_eq!(rig.hardware.run([low, high, high, high]), [STOP.into(), NO_PULSE, NO_PULSE, NO_PULSE]);
-    let level = rig.heard(0.7).into();
+    let level = rig.as_measured(0.7).into();
     assert_eq!(rig.tick(high), [level, NO_PULSE, NO_PULSE, NO_PULSE]);
 }
 
@@ -920,7 +921,7 @@ fn no_pulse_is_ever_below_the_stop() {
     let mut rig = Rig::with(settings);
     let stop = command(0.02);
     assert_eq!(rig.tick(Signal::Nothing), [NO_PULSE; MOTORS]);
-    for (level, expected) in [(0.0, stop), (0.01, stop), (0.025, stop), (0.5, rig.heard(0.5)), (0.0, stop)] {
+    for (level, expected) in [(0.0, stop), (0.01, stop), (0.025, stop), (0.5, rig.as_measured(0.5)), (0.0, stop)] {
         let pulse = rig.pulse(level);
         assert_eq!(rig.tick(pulse), [expected; MOTORS], "{level}");
     }
@@ -961,7 +962,8 @@ fn assert_safe_start(flash: &SharedFlash, seen: &mut Vec<Loaded>) -> Validated {
     for signal in [Signal::Nothing, high, Signal::Unchanged, high] {
         assert_eq!(rig.tick(signal), [NO_PULSE; MOTORS]);
     }
-    let (stop, level) = if origin.is_chosen() { (STOP.into(), rig.heard(0.5).into()) } else { (NO_PULSE, NO_PULSE) };
+    let (stop, level) =
+        if origin.is_chosen() { (STOP.into(), rig.as_measured(0.5).into()) } else { (NO_PULSE, NO_PULSE) };
     assert_eq!(rig.tick(low), [stop; MOTORS]);
     assert_eq!(rig.tick(high), [level; MOTORS]);
     let settings = loaded.settings.clone();
@@ -1074,7 +1076,7 @@ proptest! {
     #![proptest_config(cases(600))]
 
     /// A second, much simpler account of which motor may turn, beside the controller and over all valid settings: whoever
-    /// drives it was seen disarmed, or the host has it and was heard of.
+    /// drives it was seen disarmed, or the host has it and has given a sign of life.
     #[test]
     fn whatever_happens_at_inputs_and_link_no_motor_turns_that_should_not(
         settings in any_settings(),
@@ -1134,7 +1136,7 @@ proptest! {
                     }
                 }
                 Event::Input(motor, level, ticks) => {
-                    levels[motor] = level.map(|level| rig.heard(level));
+                    levels[motor] = level.map(|level| rig.as_measured(level));
                     for n in 0..ticks {
                         for (signal, (index, level)) in signals.iter_mut().zip(levels.iter().enumerate()) {
                             *signal = match level {

@@ -1,4 +1,4 @@
-//! The host's end of the link, against the library's own tick and desk behind a TCP port.
+//! The host's end of the link, against the library's own tick and request handler behind a TCP port.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -144,6 +144,114 @@ fn every_setting_that_is_shown_can_be_set_to_what_is_shown() {
         bench.device(&format!("set {key} {}", value.as_str().unwrap())).unwrap();
     }
     assert_eq!(bench.device("get").unwrap(), before);
+}
+
+/// The paper's pulses: a duty of 2 % is the stop, and 98 % is full speed.
+const RAW_DUTY: &str = "set output.protocol raw_duty output.frame_hz 600 stop 0.02 motor.*.max 0.98";
+
+#[test]
+fn protocols_are_changed_in_one_command_there_and_back() {
+    let bench = Bench::new(Trouble::None, FAST);
+    let defaults = bench.device("get").unwrap();
+    let shown = |keys: [&str; 4]| {
+        let all = bench.device("get").unwrap();
+        keys.map(|key| all[key].as_str().unwrap().to_owned())
+    };
+    let keys = ["output.protocol", "output.frame_hz", "stop", "motor.3.max"];
+    let set = bench.device(RAW_DUTY).unwrap();
+    assert_eq!((&set["set"]["stop"], &set["set"]["motor.*.max"]), (&"0.02".into(), &"0.98".into()));
+    assert_eq!(shown(keys), ["raw_duty", "600", "0.02", "0.98"]);
+    bench.device("set output.protocol standard_pwm output.frame_hz 450 stop 0 motor.*.max 1").unwrap();
+    assert_eq!(bench.device("get").unwrap(), defaults);
+    bench.device(RAW_DUTY).unwrap();
+    bench.device("set output.protocol oneshot125 output.frame_hz 2400 stop 0 motor.*.max 1").unwrap();
+    assert_eq!(shown(keys), ["oneshot125", "2400", "0", "1"]);
+}
+
+#[test]
+fn one_wrong_value_among_several_changes_nothing() {
+    let bench = Bench::new(Trouble::None, FAST);
+    let before = bench.device("get").unwrap();
+    for (arguments, said) in [
+        ("set motor.0.max 0.9 damping much", "no value for damping"),
+        ("set motor.0.max 0.9 dampin 0.7", "no setting `dampin`"),
+        ("set motor.0.max 0.9 output.frame_hz 600", "output.frame_hz"),
+        ("set motor.0.max 0.9 stop", "`stop` has no value"),
+    ] {
+        let error = bench.device(arguments).unwrap_err();
+        assert!(error.contains(said), "{arguments}: {error}");
+        assert_eq!(bench.device("get").unwrap(), before);
+    }
+}
+
+#[test]
+fn a_key_that_needs_another_one_is_refused_with_a_command_that_works() {
+    for (first, alone, said) in [
+        (None, "set output.protocol raw_duty", "set output.protocol raw_duty stop 0.009 motor.*.max 0.991"),
+        (
+            Some(RAW_DUTY),
+            "set output.protocol standard_pwm",
+            "set output.protocol standard_pwm output.frame_hz 495 stop 0",
+        ),
+        (Some(RAW_DUTY), "set output.protocol oneshot125", "set output.protocol oneshot125 stop 0"),
+        (Some(RAW_DUTY), "set output.frame_hz 1200", "set output.frame_hz 1200 stop 0.024 motor.*.max 0.976"),
+        (None, "set stop 0.02", "set stop 0.02 output.protocol raw_duty motor.*.max 0.991"),
+        (None, "set motor.2.idle 1", "even with motor.2.max 1"),
+    ] {
+        let bench = Bench::new(Trouble::None, FAST);
+        if let Some(first) = first {
+            bench.device(first).unwrap();
+        }
+        let before = bench.device("get").unwrap();
+        let error = bench.device(alone).unwrap_err();
+        assert!(error.contains(said), "{alone}: {error}");
+        assert_eq!(bench.device("get").unwrap(), before);
+        if let Some((_, command)) = error.split_once('`').filter(|_| said.starts_with("set")) {
+            bench.device(command.split_once('`').unwrap().0).unwrap();
+        }
+    }
+    // Where another key does not help, it is not asked for.
+    let bench = Bench::new(Trouble::None, FAST);
+    let error = bench.device("set stop 0.5").unwrap_err();
+    assert!(error.contains("even with output.protocol raw_duty") && error.contains("0.0090 to 0.0300"), "{error}");
+    let error = bench.device("set omega_f_rad_s 10").unwrap_err();
+    assert!(error.contains("`set omega_f_rad_s 10 omega_z_rad_s VALUE`"), "{error}");
+}
+
+/// The outputs of a [`Trouble::BlankFlash`] are low, and stay so.
+fn assert_not_chosen(bench: &Bench) {
+    let info = bench.device("info").unwrap();
+    assert_eq!((&info["settings"], &info["outputs_enabled"]), (&"DefaultsBlank".into(), &false.into()));
+}
+
+#[test]
+fn where_nobody_has_chosen_settings_nothing_is_set_without_the_protocol() {
+    let bench = Bench::new(Trouble::BlankFlash, FAST);
+    for arguments in ["set motor.*.hold_ms 1000", "set input.protocol oneshot125 input.frame_hz 2000"] {
+        let error = bench.device(arguments).unwrap_err();
+        for said in ["nobody has chosen", "40 %", &format!("`set output.protocol PROTOCOL {}`", &arguments[4..])] {
+            assert!(error.contains(said), "{said}: {error}");
+        }
+        assert_not_chosen(&bench);
+    }
+    bench.device("set output.protocol standard_pwm motor.*.hold_ms 1000").unwrap();
+    let info = bench.device("info").unwrap();
+    assert_eq!((&info["settings"], &info["outputs_enabled"]), (&"Host".into(), &true.into()));
+    // From now on they are chosen.
+    bench.device("set motor.*.hold_ms 100").unwrap();
+    bench.device("save").unwrap();
+    assert_eq!(bench.device("info").unwrap()["settings"], "Stored");
+}
+
+#[test]
+fn defaults_that_nobody_has_chosen_are_not_saved() {
+    let bench = Bench::new(Trouble::BlankFlash, FAST);
+    let error = bench.device("save").unwrap_err();
+    assert!(error.contains("nobody has chosen") && error.contains("set output.protocol PROTOCOL"), "{error}");
+    assert_not_chosen(&bench);
+    bench.device("set output.protocol standard_pwm").unwrap();
+    bench.device("save").unwrap();
+    assert_eq!(bench.device("info").unwrap()["settings"], "Stored");
 }
 
 #[test]

@@ -194,11 +194,11 @@ fn line() -> (Vec<Vec<u8>>, Vec<u8>) {
     (requests().iter().map(|(request, _)| framed(1, request)).collect(), framed(2, &Request::KeepAlive))
 }
 
-/// Sends `bad` and then a good frame; `bad` must be dropped and the other one heard.
+/// Sends `bad` and then a good frame; `bad` must be dropped and the other one received.
 fn dropped(bad: &[u8]) -> FrameFaults {
     let mut receiver = Receiver::<Request>::new();
-    let heard = receive(&mut receiver, &[bad, &line().1].concat());
-    assert_eq!(heard, [Tagged { tag: 2, message: Request::KeepAlive }], "after {}", hex(bad));
+    let received = receive(&mut receiver, &[bad, &line().1].concat());
+    assert_eq!(received, [Tagged { tag: 2, message: Request::KeepAlive }], "after {}", hex(bad));
     *receiver.faults()
 }
 
@@ -298,12 +298,12 @@ fn an_envelope_without_room_for_its_parts_is_truncated() {
 fn garbage_between_frames_costs_no_frame() {
     let (frames, _) = line();
     let mut receiver = Receiver::<Request>::new();
-    let mut heard = 0;
+    let mut received = 0;
     for (index, frame) in frames.iter().enumerate() {
         let garbage: Vec<u8> = (0..index * 37).map(|k| (k * k + 11 * index) as u8).collect();
-        heard += receive(&mut receiver, &[&garbage, &frame[..]].concat()).len();
+        received += receive(&mut receiver, &[&garbage, &frame[..]].concat()).len();
     }
-    assert_eq!(heard, frames.len());
+    assert_eq!(received, frames.len());
 }
 
 #[test]
@@ -477,8 +477,8 @@ proptest! {
     #[test]
     fn any_samples_survive(samples in proptest::collection::vec(any::<i32>(), 0..=INJECT_SAMPLES)) {
         let request = Request::Inject(InjectRequest { motor: 0, first: 0, samples: series(&samples) });
-        let heard = receive(&mut Receiver::new(), &framed(0, &request));
-        prop_assert_eq!(heard, [Tagged { tag: 0, message: request }]);
+        let received = receive(&mut Receiver::new(), &framed(0, &request));
+        prop_assert_eq!(received, [Tagged { tag: 0, message: request }]);
     }
 
     #[test]

@@ -161,7 +161,7 @@ pub enum End {
     Completed,
     /// The host asked for it.
     Requested,
-    /// The host was not heard of for the dead-man's time.
+    /// The host gave no sign of life for the dead-man's time.
     DeadMan,
     /// A pulse input became live.
     PulseInput,
@@ -175,7 +175,7 @@ pub(super) struct Player {
     arm_ticks_left: u32,
     /// The last command.
     level: Command,
-    /// Ticks since the host was heard of.
+    /// Ticks since the host's last sign of life.
     silent_ticks: u32,
     end: End,
 }

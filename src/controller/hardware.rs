@@ -25,7 +25,7 @@ pub trait CaptureTimer {
     fn now(&self) -> u32;
     /// What has been captured since the last call, at most one edge of each input.
     fn take(&mut self) -> [Option<Edge>; MOTORS];
-    /// Lets each input interrupt (`true`) or not. One that may again has forgotten what was captured meanwhile.
+    /// Lets each input interrupt (`true`) or not. What an input captured while it might not is dropped.
     fn listen(&mut self, inputs: [bool; MOTORS]);
 }
 

@@ -10,12 +10,12 @@
 //!
 //! [`Control`] belongs to the control task, and [`Inputs`] is shared with the capture interrupt. [`RequestHandler`] belongs
 //! to the lowest priority, where requests are decoded and designs computed; it reaches the tick's state through
-//! [`Board::tick`], for as long as it takes to copy a few hundred bytes, and streams of samples through queues. [`Server`]
+//! [`ControlAccess::tick`], for as long as it takes to copy a few hundred bytes, and streams of samples through queues. [`Server`]
 //! is a request handler with the link around it. [`start`] makes all of them. What a board must give is in [`hardware`].
 
-mod board_handle;
 mod clock;
 mod control;
+mod control_access;
 pub mod hardware;
 mod inputs;
 pub mod load;
@@ -27,9 +27,9 @@ mod start;
 mod supervision;
 mod tick;
 
-pub use board_handle::{Board, BoardHandle, Counts};
 pub use clock::{ClockReport, check_crystal, check_timer};
 pub use control::Control;
+pub use control_access::{ControlAccess, ControlHandle, Counts};
 pub use hardware::BoardFacts;
 pub use inputs::Inputs;
 pub use pacing::{FrameAction, FramePacer, InputPulse};

@@ -5,7 +5,7 @@ use heapless::Deque;
 use heapless::spsc::{Consumer, Producer};
 
 use super::{
-    Board, BoardFacts, Counts, INJECT_QUEUE, Motor, Outputs, RECORD_QUEUE, Tick, channel_settings, channels,
+    BoardFacts, ControlAccess, Counts, INJECT_QUEUE, Motor, Outputs, RECORD_QUEUE, Tick, channel_settings, channels,
     coefficients, load,
 };
 use crate::biquad::Coefficients;
@@ -77,7 +77,7 @@ impl<F: NorFlash> RequestHandler<F> {
         &mut self,
         request: Tagged<Request>,
         link_faults: FrameFaults,
-        board: &mut impl Board,
+        board: &mut impl ControlAccess,
     ) -> Option<Tagged<Message>> {
         let Tagged { tag, message: request } = request;
         let result = match request {
@@ -147,7 +147,7 @@ impl<F: NorFlash> RequestHandler<F> {
         Some(Tagged { tag: stopping, message: Message::Done })
     }
 
-    fn info(&self, board: &mut impl Board) -> Info {
+    fn info(&self, board: &mut impl ControlAccess) -> Info {
         let BoardFacts { clocks, reset, brown_out } = board.facts();
         let (ticks, outputs, motors) =
             board.tick(|tick| (tick.ticks(), tick.outputs(), tick.motors().each_ref().map(|motor| motor.state())));
@@ -175,7 +175,7 @@ impl<F: NorFlash> RequestHandler<F> {
     }
 
     /// The host is there. It is no use where the jumper was taken out meanwhile: what plays ramps down.
-    fn keep_alive(board: &mut impl Board) -> Result<Message, Refusal> {
+    fn keep_alive(board: &mut impl ControlAccess) -> Result<Message, Refusal> {
         if !board.is_bench_enabled() {
             board.tick(Tick::stop_excitation);
             return Err(Refusal::BenchDisabled);
@@ -184,7 +184,7 @@ impl<F: NorFlash> RequestHandler<F> {
         Ok(Message::Done)
     }
 
-    fn set(&mut self, settings: Settings, board: &mut impl Board) -> Result<Message, Refusal> {
+    fn set(&mut self, settings: Settings, board: &mut impl ControlAccess) -> Result<Message, Refusal> {
         at_rest(board)?;
         let settings = settings.validate().map_err(Refusal::Settings)?;
         let coefficients = coefficients(&settings).map_err(|_| Refusal::Design)?;
@@ -204,7 +204,7 @@ impl<F: NorFlash> RequestHandler<F> {
         Ok(Message::SettingsTaken(warnings))
     }
 
-    fn save(&mut self, board: &mut impl Board) -> Result<Message, Refusal> {
+    fn save(&mut self, board: &mut impl ControlAccess) -> Result<Message, Refusal> {
         // An erase stalls the core for seconds: nobody may arm between the question and the erase.
         pause(board)?;
         board.flash_stalls(true);
@@ -223,7 +223,7 @@ impl<F: NorFlash> RequestHandler<F> {
         motor: u8,
         source: Source,
         compensate: bool,
-        board: &mut impl Board,
+        board: &mut impl ControlAccess,
     ) -> Result<Message, Refusal> {
         let index = usize::from(motor);
         if index >= MOTORS {
@@ -251,7 +251,7 @@ impl<F: NorFlash> RequestHandler<F> {
         Ok(Message::Done)
     }
 
-    fn excite(&mut self, request: &ExciteRequest, board: &mut impl Board) -> Result<Message, Refusal> {
+    fn excite(&mut self, request: &ExciteRequest, board: &mut impl ControlAccess) -> Result<Message, Refusal> {
         let index = usize::from(request.motor);
         let motor = *self.settings.motors.get(index).ok_or(Refusal::UnknownMotor)?;
         let limits = channel_settings(&self.settings, index);
@@ -306,7 +306,7 @@ impl<F: NorFlash> RequestHandler<F> {
         Ok(Message::Done)
     }
 
-    fn record(&mut self, tag: u8, request: RecordRequest, board: &mut impl Board) -> Result<Message, Refusal> {
+    fn record(&mut self, tag: u8, request: RecordRequest, board: &mut impl ControlAccess) -> Result<Message, Refusal> {
         if usize::from(request.motor) >= MOTORS {
             return Err(Refusal::UnknownMotor);
         }
@@ -323,7 +323,7 @@ impl<F: NorFlash> RequestHandler<F> {
     }
 
     /// Whether outputs will follow.
-    fn inject(&mut self, tag: u8, request: &InjectRequest, board: &mut impl Board) -> Result<bool, Refusal> {
+    fn inject(&mut self, tag: u8, request: &InjectRequest, board: &mut impl ControlAccess) -> Result<bool, Refusal> {
         let index = usize::from(request.motor);
         if index < MOTORS {
             may_drive(board)?;
@@ -370,7 +370,7 @@ impl<F: NorFlash> RequestHandler<F> {
 
 /// Whether the host may drive a motor: a deliberate act at the board, chosen settings, and no flight controller at any of
 /// the inputs, armed or not, with which somebody may mean to fly.
-fn may_drive(board: &mut impl Board) -> Result<(), Refusal> {
+fn may_drive(board: &mut impl ControlAccess) -> Result<(), Refusal> {
     if !board.is_bench_enabled() {
         return Err(Refusal::BenchDisabled);
     }
@@ -391,11 +391,11 @@ fn no_input_is_live(tick: &Tick) -> Result<(), Refusal> {
 }
 
 /// Every motor stays at rest until [`Tick::resume`].
-fn pause(board: &mut impl Board) -> Result<(), Refusal> {
+fn pause(board: &mut impl ControlAccess) -> Result<(), Refusal> {
     board.tick(Tick::pause).map_err(|motor| Refusal::NotDisarmed { motor })
 }
 
-fn at_rest(board: &mut impl Board) -> Result<(), Refusal> {
+fn at_rest(board: &mut impl ControlAccess) -> Result<(), Refusal> {
     match board.tick(|tick| tick.turning()) {
         Some(motor) => Err(Refusal::NotDisarmed { motor }),
         None => Ok(()),

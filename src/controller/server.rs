@@ -2,7 +2,7 @@
 
 use embedded_storage::nor_flash::NorFlash;
 
-use super::{Board, RequestHandler};
+use super::{ControlAccess, RequestHandler};
 use crate::link::{Message, Receiver, Request, Tagged, Writer};
 
 /// Bytes that are looked at in one poll at most.
@@ -34,7 +34,7 @@ impl<F: NorFlash> Server<F> {
 
     /// When everything was sent, finds the next message to send: `received` gives the bytes from the host, `None` when
     /// there are no more for now. Without anything to do it returns at once.
-    pub fn poll(&mut self, mut received: impl FnMut() -> Option<u8>, board: &mut impl Board) {
+    pub fn poll(&mut self, mut received: impl FnMut() -> Option<u8>, board: &mut impl ControlAccess) {
         if !self.writer.is_empty() {
             return;
         }
@@ -54,7 +54,7 @@ impl<F: NorFlash> Server<F> {
     fn receive(
         &mut self,
         received: &mut impl FnMut() -> Option<u8>,
-        board: &mut impl Board,
+        board: &mut impl ControlAccess,
     ) -> Option<Tagged<Message>> {
         for _ in 0..POLL_BYTES {
             if let Some(request) = self.receiver.push(received()?) {

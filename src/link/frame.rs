@@ -150,7 +150,7 @@ pub struct Receiver<T> {
 }
 
 impl<T: DeserializeOwned> Receiver<T> {
-    /// A receiver that has heard nothing.
+    /// A receiver that has received nothing.
     #[must_use]
     pub const fn new() -> Self {
         Self {

@@ -226,8 +226,7 @@ impl fmt::Display for Refusal {
             Self::NotDisarmed { motor } => write!(f, "motor {motor} is not disarmed"),
             Self::NoSettings => write!(
                 f,
-                "the controller has no settings that somebody has chosen, and puts out no pulses; set some, or save the \
-                 defaults, first"
+                "the controller has no settings that somebody has chosen, and puts out no pulses; set some first"
             ),
             Self::InputLive { motor } => {
                 write!(

@@ -85,7 +85,7 @@ impl fmt::Display for SettingsError {
             }
             Problem::ZeroNotBelowPoles => write!(f, "{place} is not below omega_f_rad_s: there is nothing to speed up"),
             Problem::StopWithoutRawDuty => {
-                write!(f, "{place} must be 0: only a raw duty, whose 0 has no pulse, has a stop command above it")
+                write!(f, "{place} must be 0 unless output.protocol is raw_duty, whose 0 has no pulse")
             }
             Problem::PulseTooLong { longest_us, max_frame_hz } => write!(
                 f,
@@ -102,7 +102,7 @@ impl fmt::Display for SettingsError {
 
 impl core::error::Error for SettingsError {}
 
-/// What settings that may be used are nevertheless likely to be unhappy with.
+/// What is likely to go wrong with settings that may be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub enum Warning {
     /// Frames come at less than twice the highest frequency that the compensator amplifies, `omega_g / (2 pi)`: it

@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use serde_json::Value;
 
 use crate::board::{BOARD, BOARDS};
-use crate::run::{Result, cargo, output, run};
+use crate::run::{Result, cargo, output, root, run};
 use crate::setup;
 
 /// The package.
@@ -27,6 +27,7 @@ const METADATA: [&str; 6] = ["description", "license", "readme", "rust_version",
 pub fn check() -> Result {
     let manifest = manifest()?;
     metadata(&manifest)?;
+    links()?;
     let features = features(&manifest);
     dependencies(&manifest, &features)?;
     for feature in [None].into_iter().chain(features.iter().map(|feature| Some(feature.as_str()))) {
@@ -70,6 +71,42 @@ fn metadata(manifest: &Value) -> Result {
     };
     let missing: Vec<&str> = METADATA.into_iter().filter(is_missing).collect();
     if missing.is_empty() { Ok(()) } else { Err(format!("Cargo.toml does not say: {}", missing.join(", "))) }
+}
+
+/// An error where a page in the package links to a file that is not. README.md stands on its own page of the registry, where
+/// links lead to the repository.
+fn links() -> Result {
+    let mut list = cargo(&["package", "--package", PACKAGE, "--list", "--allow-dirty", "--locked", "--offline"]);
+    let text = output(&mut list).ok_or("`cargo package --list` fails")?;
+    let files: BTreeSet<&str> = text.lines().collect();
+    for page in files.iter().filter(|file| file.ends_with(".md") && **file != "README.md") {
+        let text = std::fs::read_to_string(root().join(page)).map_err(|error| format!("{page}: {error}"))?;
+        if let Some(link) = relative_links(page, &text).into_iter().find(|link| !files.contains(link.as_str())) {
+            return Err(format!(
+                "{page} links to {link}, which is not in the package: add it to `include` in Cargo.toml"
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Files that a page links to, from the package's root.
+fn relative_links(page: &str, text: &str) -> Vec<String> {
+    let targets = text.split("](").skip(1).filter_map(|rest| rest.split([')', '#', ' ']).next());
+    let relative = targets.filter(|target| !target.is_empty() && !target.contains("://"));
+    let folder: Vec<&str> = page.split('/').rev().skip(1).collect();
+    let resolved = relative.map(|target| {
+        let mut parts: Vec<&str> = folder.iter().rev().copied().collect();
+        for part in target.split('/') {
+            match part {
+                ".." => drop(parts.pop()),
+                "." => {}
+                part => parts.push(part),
+            }
+        }
+        parts.join("/")
+    });
+    resolved.collect()
 }
 
 /// Every feature but the default.
@@ -131,13 +168,20 @@ fn names(tree: &str) -> BTreeSet<String> {
 mod tests {
     use serde_json::json;
 
-    use super::{features, metadata, names, own_packages};
+    use super::{features, metadata, names, own_packages, relative_links};
 
     #[test]
     fn names_are_read_from_what_cargo_tree_prints() {
         let tree =
             "rotorlead v0.1.0 (/work)\nlibm v0.2.16\nnum-traits v0.2.19\n[build-dependencies]\nlibm v0.2.16 (*)\n\n";
         assert_eq!(Vec::from_iter(names(tree)), ["libm", "num-traits"]);
+    }
+
+    #[test]
+    fn links_are_read_from_where_their_page_stands() {
+        let text = "[a](wiring.md#pins) [b](../src/main.rs) [c](#here) [d](https://docs.rs/x) [e](./boards.md)";
+        assert_eq!(relative_links("docs/firmware.md", text), ["docs/wiring.md", "src/main.rs", "docs/boards.md"]);
+        assert_eq!(relative_links("CHANGELOG.md", "[a](docs/wiring.md)"), ["docs/wiring.md"]);
     }
 
     #[test]

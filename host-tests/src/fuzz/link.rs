@@ -16,7 +16,7 @@ const SECTOR: usize = 2048;
 /// Bytes from a line, as they are and as the body of a frame whose checksum is right.
 ///
 /// # Panics
-/// When the link's code does, or a frame is neither a message nor counted, or a good frame after it is not heard.
+/// When the link's code does, or a frame is neither a message nor counted, or a good frame after it is not received.
 pub fn fuzz_link(bytes: &[u8]) {
     receive::<Request>(bytes.iter().copied());
     receive::<Message>(bytes.iter().copied());
@@ -29,12 +29,12 @@ pub fn fuzz_link(bytes: &[u8]) {
 fn receive<T: DeserializeOwned + Serialize>(bytes: impl Iterator<Item = u8>) {
     let mut receiver = Receiver::<T>::new();
     let mut frame = [0; FRAME_BYTES];
-    let (mut ends, mut heard, mut inside) = (0, 0, false);
+    let (mut ends, mut count, mut inside) = (0, 0, false);
     for byte in bytes.chain([0]) {
         ends += u32::from(byte == 0 && inside);
         inside = byte != 0;
         let Some(received) = receiver.push(byte) else { continue };
-        heard += 1;
+        count += 1;
         // What was accepted is a message: it can be sent again, and arrives as it was.
         let length = encode(received.tag, &received.message, &mut frame).expect("every message fits a frame");
         let mut other = Receiver::<T>::new();
@@ -43,7 +43,7 @@ fn receive<T: DeserializeOwned + Serialize>(bytes: impl Iterator<Item = u8>) {
         let bytes = |message: &T| postcard::to_stdvec(message).expect("it fitted a frame");
         assert_eq!(bytes(&again.message), bytes(&received.message));
     }
-    assert_eq!(heard + receiver.faults().total(), ends, "a frame is heard or counted");
+    assert_eq!(count + receiver.faults().total(), ends, "a frame is received or counted");
 }
 
 /// A frame around any body, as the documentation of `rotorlead::link` has it, without that crate's code for it.

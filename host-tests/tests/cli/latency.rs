@@ -62,6 +62,34 @@ fn beside_each_bandwidth_stands_the_phase_of_the_whole_chain() {
 }
 
 #[test]
+fn a_sampled_chain_counts_its_holds_once_and_names_them() {
+    let stand = Stand::new();
+    table_1().write(&stand.path("model.toml")).unwrap();
+    let counted = |options: &str| {
+        let command = format!("bandwidth --model model.toml --sampled {options}");
+        let latency = stand.json(&command)["latency"].clone();
+        let part = |key: &str| 1e6 * number(&latency["counted"], key);
+        let waits = ["tick_and_frame_uncompensated_s", "tick_and_frame_compensated_s"].map(part);
+        assert!((part("input_pulse_s") + part("input_filter_s") - 1502.2).abs() < 1e-6, "{latency}");
+        (waits, flowing(&stand.run(&command)))
+    };
+    let close = |[a, b]: [f64; 2], [c, d]: [f64; 2]| assert!((a - c).abs() < 1e-6 && (b - d).abs() < 1e-6, "{a} {b}");
+    // The default frames follow: half a tick, and with the filter half a frame.
+    let (waits, text) = counted("--esc-frame 450");
+    close(waits, [100.0, 100.0 + 0.5e6 / 450.0]);
+    assert!(text.contains("0.10 ms for the tick without the compensator, and 1.21 ms with it"), "{text}");
+    assert!(text.contains("half an ESC frame at 450 Hz"), "{text}");
+    // Frames that run freely, 12.5 ticks long, are held for half a frame, from a tick that is a quarter old on average.
+    let (waits, text) = counted("--output-frame 400 --esc-frame 400");
+    close(waits, [1300.0, 1300.0]);
+    assert!(text.contains("1.30 ms for the holds of tick and ESC frame at 400 Hz, in place of 1.35 ms"), "{text}");
+    let (waits, text) = counted("");
+    close(waits, [100.0, 100.0]);
+    assert!(text.contains("0.10 ms for tick and output frame"), "{text}");
+    assert!(stand.json("bandwidth --model model.toml")["latency"].get("counted").is_none());
+}
+
+#[test]
 fn a_dead_time_that_makes_the_gained_bandwidth_worthless_is_warned_of() {
     let stand = late(0.036);
     let json = stand.json("bandwidth --model model.toml");

@@ -8,8 +8,9 @@ use miette::WrapErr as _;
 use rotorlead::design::{DEFAULT_LOOP_RATE_HZ, LeadDesign, LeadParameters};
 use serde_json::json;
 
-use super::latency::{LatencyArguments, counted_delays, latency_json, lost_gain, without_mark};
-use super::outcome::{JsonOption, Outcome, paragraph};
+use super::latency::{LatencyArguments, counted_delays, counted_holds, counted_json, latency_json};
+use super::lost_gain::lost_gain;
+use super::outcome::{JsonOption, Outcome, paragraph, without_mark};
 use super::parameters::{DesignArguments, positive};
 use super::report_option::ReportOption;
 use super::{progress, report_pages};
@@ -49,7 +50,8 @@ pub struct Bandwidth {
     /// Count the filter with its rounded coefficients, and the holds of its loop and of the ESC
     #[arg(long)]
     sampled: bool,
-    /// Rate at which the ESC takes over a command, for --sampled; what the model was identified with unless given
+    /// Rate at which the ESC takes over a command, for --sampled; what the model was identified with unless given. Frames
+    /// that follow the input's pulses come at --input-frame
     #[arg(long, value_name = "HZ", requires = "sampled", value_parser = positive, allow_negative_numbers = true)]
     esc_frame: Option<f64>,
     /// Also measure the bandwidths of this experiment's multisine records; may be given several times
@@ -92,6 +94,7 @@ impl Bandwidth {
         let warning = lost_gain(&points, &phases);
         let mut text = bandwidth_table(&points, &phases);
         text.push_str(&counted_delays(&latency, &phases));
+        text.push_str(&counted_holds(&latency, chain, &phases));
         text.push_str(&counted_effects(&effects));
         if let Some(warning) = &warning {
             writeln!(text, "\n{}", paragraph(warning, "  ").trim_end()).expect("a string takes all");
@@ -101,6 +104,9 @@ impl Bandwidth {
             "latency": latency_json(&latency),
             "warnings": warning.as_slice(),
         });
+        if let Some(counted) = counted_json(&latency, chain, &phases) {
+            json["latency"]["counted"] = counted;
+        }
         if !effects.is_empty() {
             let left_out = effects.iter().map(ActiveEffect::kind).filter(|kind| kind.linearity == Linearity::Absent);
             json["left_out"] = left_out.map(|kind| kind.id).collect();

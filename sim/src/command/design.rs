@@ -8,8 +8,9 @@ use rotorlead::design::{DEFAULT_LOOP_RATE_HZ, LeadDesign};
 use serde_json::json;
 
 use super::bandwidth::counted_effects;
-use super::latency::{LatencyArguments, counted_delays, latency_json, lost_gain, without_mark};
-use super::outcome::{JsonOption, Outcome, paragraph};
+use super::latency::{LatencyArguments, counted_delays, latency_json};
+use super::lost_gain::lost_gain;
+use super::outcome::{JsonOption, Outcome, paragraph, without_mark};
 use super::parameters::DesignArguments;
 use super::report_option::ReportOption;
 use super::report_pages;

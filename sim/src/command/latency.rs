@@ -6,9 +6,7 @@ use serde_json::{Value, json};
 
 use super::WrongUse;
 use super::outcome::paragraph;
-use crate::design::{BandwidthPoint, ChainPhase, Delay, FrameStart, Latency};
-use crate::identify::Bandwidth;
-use crate::report::bandwidth_cell;
+use crate::design::{Chain, ChainPhase, Delay, FrameStart, Latency};
 
 /// The pulses between which the controller sits.
 #[derive(Args, Clone, Copy, Debug)]
@@ -138,6 +136,38 @@ pub fn counted_delays(latency: &Latency, phases: &[ChainPhase]) -> String {
     paragraph(&said, "  ")
 }
 
+/// What of the latency the holds of a sampled chain stand for, to be printed below [`counted_delays`]; nothing for a
+/// continuous one.
+pub fn counted_holds(latency: &Latency, chain: Chain, phases: &[ChainPhase]) -> String {
+    let (Chain::Sampled { esc_frame_hz, .. }, Some(phase)) = (chain, phases.first()) else { return String::new() };
+    let ms = |delay_s: f64| format!("{:.2} ms", 1e3 * delay_s);
+    let [passed_on, filtered] = [phase.uncompensated.waits_s, phase.compensated.waits_s].map(ms);
+    let waits = match (latency.frame_start, esc_frame_hz) {
+        (_, None) => format!("{filtered} for tick and output frame: no --esc-frame is held"),
+        (FrameStart::FreeRunning, Some(hz)) => format!(
+            "{filtered} for the holds of tick and ESC frame at {hz} Hz, in place of {} of waits",
+            ms(latency.tick.mean_s + latency.output_frame.mean_s)
+        ),
+        (FrameStart::FollowsInput, Some(hz)) => format!(
+            "{passed_on} for the tick without the compensator, and {filtered} with it: what the filter comes to between \
+             two pulses waits for the next frame, half an ESC frame at {hz} Hz"
+        ),
+    };
+    let known = ms(latency.input_pulse.mean_s + latency.input_filter.mean_s);
+    paragraph(&format!("  With --sampled that is {known} for the pulse in and its filter, and {waits}."), "  ")
+}
+
+/// [`counted_holds`] in seconds; `None` for a continuous chain.
+pub fn counted_json(latency: &Latency, chain: Chain, phases: &[ChainPhase]) -> Option<Value> {
+    let (Chain::Sampled { .. }, Some(phase)) = (chain, phases.first()) else { return None };
+    Some(json!({
+        "input_pulse_s": latency.input_pulse.mean_s,
+        "input_filter_s": latency.input_filter.mean_s,
+        "tick_and_frame_uncompensated_s": phase.uncompensated.waits_s,
+        "tick_and_frame_compensated_s": phase.compensated.waits_s,
+    }))
+}
+
 /// The dead time of the model, in milliseconds.
 fn dead_times(phases: &[ChainPhase]) -> String {
     let ms = phases.iter().map(|phase| 1e3 * phase.model_dead_time_s);
@@ -146,61 +176,6 @@ fn dead_times(phases: &[ChainPhase]) -> String {
         (_, high) if high == "0.00" => "no dead time".to_owned(),
         (low, high) if low == high => format!("{high} ms of dead time"),
         (low, high) => format!("{low} to {high} ms of dead time"),
-    }
-}
-
-/// Said where dead time takes the use from what the compensator gains ([`ChainPhase::is_gain_lost`]), with the numbers of
-/// the point that it takes most from.
-pub fn lost_gain(points: &[BandwidthPoint], phases: &[ChainPhase]) -> Option<String> {
-    let lost: Vec<_> = points.iter().zip(phases).filter(|(point, phase)| phase.is_gain_lost(point)).collect();
-    let lag_deg = |(point, phase): &(&BandwidthPoint, &ChainPhase)| {
-        (highest_rad_s(point.compensated) * phase.dead_time_s()).to_degrees()
-    };
-    let worst = lost.iter().max_by(|a, b| lag_deg(a).total_cmp(&lag_deg(b)))?;
-    let (point, phase) = worst;
-    let whole = phase.compensated.phase_deg.map(|deg| format!(", and the phase of the whole chain is {deg:.0}"));
-    let cell = |bandwidth| bandwidth_cell(bandwidth, 1);
-    Some(format!(
-        "warning: dead time makes the gained bandwidth worthless at {} of {} points. At u_nom {:.3} the compensator promises {} \
-         rad/s instead of {}, but the dead time of {:.1} ms (model {:.1}, pulse in to pulse out {:.1}) alone lags {:.0} degrees \
-         there{}. A controller can use the chain up to {} rad/s, where it lags 90 degrees ({} without the compensator). {}",
-        lost.len(),
-        points.len(),
-        point.nominal,
-        cell(point.compensated),
-        cell(point.uncompensated),
-        1e3 * phase.dead_time_s(),
-        1e3 * phase.model_dead_time_s,
-        1e3 * phase.latency_s,
-        lag_deg(worst),
-        whole.unwrap_or_default(),
-        cell(phase.compensated.minus_90),
-        cell(phase.uncompensated.minus_90),
-        remedy(phase),
-    ))
-}
-
-/// What to do, by the larger part of the dead time.
-fn remedy(phase: &ChainPhase) -> &'static str {
-    if phase.model_dead_time_s > phase.latency_s {
-        "Find out whether the logger or the stand's command makes the dead time: then record again without it, as with \
-         `rotorlead device record`, and identify again. Where ESC and motor make it, use another ESC or protocol. A lower \
-         --omega-g does not shorten it, but amplifies less noise above what can be used"
-    } else {
-        "Use shorter and faster pulses: --input-protocol and --output-protocol oneshot125, or a higher --input-frame with an \
-         --output-frame some percent above it"
-    }
-}
-
-/// Warnings for a place that has its own mark of them.
-pub fn without_mark(warnings: &[String]) -> Vec<String> {
-    warnings.iter().map(|warning| warning.trim_start_matches("warning: ").to_owned()).collect()
-}
-
-/// The frequency, or up to where there is none.
-fn highest_rad_s(bandwidth: Bandwidth) -> f64 {
-    match bandwidth {
-        Bandwidth::At(omega) | Bandwidth::Beyond(omega) => omega,
     }
 }
 

@@ -21,6 +21,7 @@ mod identify_stand;
 mod identify_tables;
 mod import;
 mod latency;
+mod lost_gain;
 mod man;
 mod new;
 mod outcome;

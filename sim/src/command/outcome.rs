@@ -170,6 +170,11 @@ pub(super) fn wrapped(sentence: &str, width: usize, indent: &str) -> String {
     lines.join(&format!("\n{indent}"))
 }
 
+/// Warnings for a place that has its own mark of them.
+pub fn without_mark(warnings: &[String]) -> Vec<String> {
+    warnings.iter().map(|warning| warning.trim_start_matches("warning: ").to_owned()).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::painted;

@@ -2,13 +2,17 @@
 
 use num_complex::Complex64;
 
-use super::{BandwidthPoint, Chain, Latency};
+use super::{BandwidthPoint, Chain, FrameStart, Latency};
 use crate::identify::{Bandwidth, first_frequency};
-use crate::plant::{ActiveEffect, Model, OperatingPoint, Point};
+use crate::plant::{ActiveEffect, Model, OperatingPoint, Point, hold_delay_s};
 
 /// The phase of one chain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PhaseAtBandwidth {
+    /// Mean delay from pulse in to the ESC that it counts, seconds.
+    pub late_s: f64,
+    /// Mean waits for tick and frame, or the delay of the holds in their place, that are part of it, seconds.
+    pub waits_s: f64,
     /// At the bandwidth, degrees, not wrapped; `None` where there is no bandwidth in the range searched.
     pub phase_deg: Option<f64>,
     /// Where the phase is -90 degrees.
@@ -33,10 +37,10 @@ pub struct ChainPhase {
 }
 
 impl ChainPhase {
-    /// All that comes late without a change of its shape, seconds.
+    /// All that comes late without a change of its shape where the compensator is in front, seconds.
     #[must_use]
     pub fn dead_time_s(&self) -> f64 {
-        self.latency_s + self.model_dead_time_s
+        self.compensated.late_s + self.model_dead_time_s
     }
 
     /// Whether dead time takes the use from the bandwidth that the compensator gains. `bandwidths` are those of the same
@@ -49,15 +53,15 @@ impl ChainPhase {
     /// new bandwidth.
     #[must_use]
     pub fn is_gain_lost(&self, bandwidths: &BandwidthPoint) -> bool {
-        let (before, after) = (rad_s(bandwidths.uncompensated), rad_s(bandwidths.compensated));
-        after > before && after * self.dead_time_s() > 1.0 && rad_s(self.compensated.minus_90) < after
+        let (before, after) = (bandwidths.uncompensated.reached_rad_s(), bandwidths.compensated.reached_rad_s());
+        after > before && after * self.dead_time_s() > 1.0 && self.compensated.minus_90.reached_rad_s() < after
     }
 }
 
 /// The phases at each of `points`, the bandwidths of `model` with `effects` in `chain`.
 ///
-/// `phase = arg C(j w) + arg 1 / (1 + j w tau) + effects - w (latency + dead time)`, with the mean latency. A dead time of
-/// the model counts once, as do tick and frame where the chain has them as holds: a hold's mean delay is the mean wait.
+/// `phase = arg C(j w) + arg 1 / (1 + j w tau) + effects - w (late + dead time)`. What comes late is the latency; where the
+/// chain is sampled, its holds of loop and ESC stand in it for the waits for tick and frame, which are the same delay.
 #[must_use]
 pub fn chain_phases(
     model: &Model,
@@ -67,35 +71,36 @@ pub fn chain_phases(
     points: &[BandwidthPoint],
 ) -> Vec<ChainPhase> {
     let latency_s = latency.total().mean_s;
-    let late_s = latency_s - chain.mean_waits_s(latency);
+    let known_s = latency.input_pulse.mean_s + latency.input_filter.mean_s;
     let at = |(point, bandwidths): (&Point, &BandwidthPoint)| {
         let around = OperatingPoint { nominal: point.nominal, lag: point.lag(), response: 0.0 };
         let model_dead_time_s = point.delay_s + effects.iter().map(dead_time_s).sum::<f64>();
-        let uncompensated = |omega: f64| {
+        let shape = |omega: f64| {
             let lag = Complex64::new(1.0, omega * point.time_constant_s).inv();
             // Summed as angles, which a product would wrap.
             let shaped = effects.iter().filter(|effect| dead_time_s(effect) == 0.0);
             let effects: f64 = shaped.map(|effect| effect.response(&around, omega).arg()).sum();
-            lag.arg() + chain.holds(omega).arg() + effects - omega * (late_s + model_dead_time_s)
+            lag.arg() + effects - omega * (known_s + model_dead_time_s)
         };
-        let compensated = |omega: f64| uncompensated(omega) + chain.filter(omega).arg();
+        let [passed_on_s, filtered_s] = chain.waits_s(latency);
+        let uncompensated = |omega: f64| shape(omega) - omega * passed_on_s;
+        let compensated = |omega: f64| shape(omega) - omega * filtered_s + chain.filter(omega).arg();
         let limit_rad_s = chain.limit_rad_s();
+        let phase = |phase_rad: &dyn Fn(f64) -> f64, waits_s: f64, bandwidth: Bandwidth| PhaseAtBandwidth {
+            late_s: known_s + waits_s,
+            waits_s,
+            phase_deg: bandwidth.rad_s().map(|omega| phase_rad(omega).to_degrees()),
+            minus_90: first_frequency(|omega| phase_rad(omega) <= -std::f64::consts::FRAC_PI_2, limit_rad_s),
+        };
         ChainPhase {
             nominal: point.nominal,
             latency_s,
             model_dead_time_s,
-            uncompensated: phase_at(uncompensated, bandwidths.uncompensated, limit_rad_s),
-            compensated: phase_at(compensated, bandwidths.compensated, limit_rad_s),
+            uncompensated: phase(&uncompensated, passed_on_s, bandwidths.uncompensated),
+            compensated: phase(&compensated, filtered_s, bandwidths.compensated),
         }
     };
     model.points.iter().zip(points).map(at).collect()
-}
-
-fn phase_at(phase_rad: impl Fn(f64) -> f64, bandwidth: Bandwidth, limit_rad_s: f64) -> PhaseAtBandwidth {
-    PhaseAtBandwidth {
-        phase_deg: bandwidth.rad_s().map(|omega| phase_rad(omega).to_degrees()),
-        minus_90: first_frequency(|omega| phase_rad(omega) <= -std::f64::consts::FRAC_PI_2, limit_rad_s),
-    }
 }
 
 /// The pure delay of an effect.
@@ -103,20 +108,21 @@ fn dead_time_s(effect: &ActiveEffect) -> f64 {
     if effect.kind().id == "transport_delay" { effect.value("delay_s").unwrap_or(0.0) } else { 0.0 }
 }
 
-/// The frequency, or up to where there is none.
-fn rad_s(bandwidth: Bandwidth) -> f64 {
-    match bandwidth {
-        Bandwidth::At(omega) | Bandwidth::Beyond(omega) => omega,
-    }
-}
-
 impl Chain<'_> {
-    /// The mean waits of `latency` that the holds of the chain have already.
-    fn mean_waits_s(&self, latency: &Latency) -> f64 {
+    /// Mean delay from where a pulse's value is known until the ESC has it, seconds: of a command that is passed on, and of
+    /// what the filter makes of it.
+    fn waits_s(&self, latency: &Latency) -> [f64; 2] {
         match self {
-            Self::Continuous(_) => 0.0,
-            Self::Sampled { esc_frame_hz: None, .. } => latency.tick.mean_s,
-            Self::Sampled { esc_frame_hz: Some(_), .. } => latency.tick.mean_s + latency.output_frame.mean_s,
+            Self::Continuous(_) => [latency.tick.mean_s + latency.output_frame.mean_s; 2],
+            Self::Sampled { design, esc_frame_hz: None } => {
+                [hold_delay_s(design.loop_rate_hz(), None) + latency.output_frame.mean_s; 2]
+            }
+            Self::Sampled { design, esc_frame_hz: Some(esc_frame_hz) } => match latency.frame_start {
+                FrameStart::FreeRunning => [hold_delay_s(design.loop_rate_hz(), Some(*esc_frame_hz)); 2],
+                // The frame starts in the tick that reads the pulse. It holds a command that is passed on until the next
+                // pulse, a wait for the flight controller. What the filter comes to meanwhile waits for the next frame.
+                FrameStart::FollowsInput => [latency.tick.mean_s, latency.tick.mean_s + 0.5 / esc_frame_hz],
+            },
         }
     }
 }
@@ -196,13 +202,13 @@ mod tests {
         for (a, b) in of(&late(0.036), chain).iter().zip(of(&Model { effects, ..table_1() }, chain)) {
             close(a.model_dead_time_s, b.model_dead_time_s, 1e-15);
             close(a.compensated.phase_deg.unwrap(), b.compensated.phase_deg.unwrap(), 1e-6);
-            close(rad_s(a.compensated.minus_90), rad_s(b.compensated.minus_90), 1e-6);
+            close(a.compensated.minus_90.reached_rad_s(), b.compensated.minus_90.reached_rad_s(), 1e-6);
         }
         // An effect with a shape turns the phase by its own.
         let effects = vec![effect("second_pole", "time_constant_s", 0.01)];
         for (with, point) in of(&Model { effects, ..table_1() }, chain).iter().zip(&table_1().points) {
             assert_eq!(with.model_dead_time_s, 0.0);
-            let omega = rad_s(with.uncompensated.minus_90);
+            let omega = with.uncompensated.minus_90.reached_rad_s();
             let phase = -(omega * point.time_constant_s).atan() - (omega * 0.01).atan() - omega * 1.6022e-3;
             close(phase.to_degrees(), -90.0, 1e-9);
         }
@@ -224,7 +230,91 @@ mod tests {
                 let held = hold_response(5000.0, esc_frame_hz, omega).arg() + design.response(omega).arg();
                 let phase = held - (omega * point.time_constant_s).atan() - omega * late_s;
                 close(phase.to_degrees(), -90.0, 1e-9);
-                close(found.dead_time_s(), free.total().mean_s, 1e-15);
+                // Half a tick of the loop less what its ticks share with the frames.
+                let shared_s = if esc_frame_hz.is_some() { 0.5e-4 } else { 0.0 };
+                close(found.dead_time_s(), free.total().mean_s - shared_s, 1e-15);
+                assert_eq!(found.uncompensated.late_s, found.compensated.late_s);
+            }
+        }
+    }
+
+    /// `b0, b1, b2` and `a1, a2` of a second-order section.
+    struct Tustin {
+        b: [f64; 3],
+        a: [f64; 2],
+    }
+
+    /// C(s) at 5 kHz: `s -> a (1 - z^-1) / (1 + z^-1)` with `a = 2 * 5000`.
+    fn tustin(lead: &rotorlead::design::LeadParameters) -> Tustin {
+        let (q, m) = (lead.omega_f_rad_s / 1e4, 1e4 / lead.omega_z_rad_s);
+        let d = 1.0 + 2.0 * lead.damping * q + q * q;
+        let numerator = [1.0 + m, 2.0, 1.0 - m];
+        let denominator = [2.0 * (q * q - 1.0), 1.0 - 2.0 * lead.damping * q + q * q];
+        Tustin { b: numerator.map(|b| q * q * b / d), a: denominator.map(|a| a / d) }
+    }
+
+    /// The phase from the pulses in to what the ESC holds, tick by tick: a sinusoid, sampled by pulses at 399.3 Hz whose
+    /// value is known at once, through the filter where there is one, and out in the tick that reads the pulse.
+    fn phase_of_following_frames(filter: Option<&Tustin>, omega: f64) -> f64 {
+        let (tick_s, input_s) = (1.0 / 5000.0, 1.0 / 399.3);
+        let periods_s = 40.0 * std::f64::consts::TAU / omega;
+        let begins: Vec<f64> = (0..).map(|n| f64::from(n) * input_s).take_while(|&at| at < 2.0 * periods_s).collect();
+        let value = |at: f64| Complex64::from_polar(1.0, omega * at);
+        let (mut inputs, mut outputs) = ([Complex64::ZERO; 3], [Complex64::ZERO; 3]);
+        let mut frames = Vec::new();
+        let mut read = 0;
+        for tick_at in (0..).map(|k| f64::from(k) * tick_s).take_while(|&at| at < 2.0 * periods_s) {
+            let fresh = begins[read..].iter().take_while(|&&at| at <= tick_at).count();
+            read += fresh;
+            inputs = [begins[..read].last().map_or(Complex64::ZERO, |&at| value(at)), inputs[0], inputs[1]];
+            let output = filter.map_or(inputs[0], |filter| {
+                let made: Complex64 = inputs.iter().zip(filter.b).map(|(x, b)| x * b).sum();
+                made - outputs[0] * filter.a[0] - outputs[1] * filter.a[1]
+            });
+            outputs = [output, outputs[0], outputs[1]];
+            if fresh > 0 {
+                frames.push((tick_at, output));
+            }
+        }
+        // The Fourier integral of steps over the second half.
+        let integral = |steps: &[(f64, Complex64)]| -> Complex64 {
+            let ends = steps.iter().skip(1).map(|step| step.0).chain([2.0 * periods_s]);
+            let pieces = steps.iter().zip(ends).filter(|(_, end)| *end > periods_s);
+            let turn = |at: f64| Complex64::from_polar(1.0, -omega * at);
+            pieces.map(|((begin, held), end)| held * (turn(begin.max(periods_s)) - turn(end))).sum()
+        };
+        let pulses: Vec<_> = begins.iter().map(|&at| (at, value(at))).collect();
+        (integral(&frames) / integral(&pulses)).arg()
+    }
+
+    #[test]
+    fn frames_that_follow_hold_what_the_filter_makes_and_not_what_is_passed_on() {
+        let model = table_1();
+        let design = design(&model, &DesignOptions::default()).unwrap();
+        let following = Latency::standard(5000.0);
+        assert_eq!(following.frame_start, FrameStart::FollowsInput);
+        let chain = Chain::Sampled { design: &design, esc_frame_hz: Some(399.3) };
+        let [passed_on_s, filtered_s] = chain.waits_s(&following);
+        let section = tustin(design.lead());
+        for omega in [30.0, 60.0, 94.0, 125.0] {
+            let passed_on = phase_of_following_frames(None, omega);
+            close((passed_on + omega * passed_on_s).to_degrees(), 0.0, 0.05);
+            let filtered = phase_of_following_frames(Some(&section), omega) - design.response(omega).arg();
+            // Half a frame is 9 degrees at 125 rad/s. What frames fold back of the filter's steps stays under half of one.
+            close((filtered + omega * filtered_s).to_degrees(), 0.0, 0.5);
+        }
+        // The parts of each phase: the bandwidths' table counts the same.
+        let points = bandwidths(&model, chain);
+        for (found, point) in chain_phases(&model, &[], chain, &following, &points).iter().zip(&model.points) {
+            for (of, late_s, filter) in [
+                (found.uncompensated, following.total().mean_s, 0.0),
+                (found.compensated, following.total().mean_s + 0.5 / 399.3, 1.0),
+            ] {
+                close(of.late_s, late_s, 1e-15);
+                let omega = of.minus_90.rad_s().unwrap();
+                let lag = (omega * point.time_constant_s).atan();
+                let phase = filter * design.response(omega).arg() - lag - omega * late_s;
+                close(phase.to_degrees(), -90.0, 1e-9);
             }
         }
     }

@@ -40,6 +40,14 @@ impl Bandwidth {
         }
     }
 
+    /// The frequency in rad/s, or up to where there is no crossing.
+    #[must_use]
+    pub fn reached_rad_s(self) -> f64 {
+        match self {
+            Self::At(omega) | Self::Beyond(omega) => omega,
+        }
+    }
+
     /// For ordering: no crossing is above every crossing.
     fn rank(self) -> f64 {
         self.rad_s().unwrap_or(f64::INFINITY)

@@ -68,6 +68,16 @@ pub fn hold_response_at_phase(
     zero_order_hold(1.0 / esc_frame_hz, omega_rad_s) * Complex::from_polar(mean, -omega_rad_s * delay_s)
 }
 
+/// Mean delay of [`hold_response`], seconds: below the first zero of its magnitude, at the rate of the frames, its phase is
+/// `-omega` times this.
+#[must_use]
+pub fn hold_delay_s(command_rate_hz: f64, esc_frame_hz: Option<f64>) -> f64 {
+    let tick_s = 1.0 / command_rate_hz;
+    let Some(esc_frame_hz) = esc_frame_hz else { return 0.5 * tick_s };
+    let q = frames_per_pattern(command_rate_hz / esc_frame_hz);
+    0.5 / esc_frame_hz + 0.5 * tick_s * (q - 1.0) / q
+}
+
 /// `(1 - e^(-j omega d)) / (j omega d)`: the hold of a sample for `duration_s`.
 pub(super) fn zero_order_hold(duration_s: f64, omega_rad_s: f64) -> Complex<f64> {
     let half = 0.5 * omega_rad_s * duration_s;
@@ -127,6 +137,17 @@ mod tests {
                     let theirs = brute_force(command_rate_hz, p, q, phase_parts, omega);
                     assert!((ours - theirs).norm() < 1e-11, "{p}/{q} at {f_hz} Hz: {ours} for {theirs}");
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn the_phase_is_that_of_the_mean_delay() {
+        for esc_frame_hz in [None, Some(400.0), Some(600.0), Some(490.0), Some(5000.0)] {
+            for omega in [1.0, TAU * 29.9, TAU * 300.0] {
+                let phase = hold_response(5000.0, esc_frame_hz, omega).arg();
+                let delay_s = hold_delay_s(5000.0, esc_frame_hz);
+                assert!((phase + omega * delay_s).abs() < 1e-9, "{esc_frame_hz:?} at {omega}: {phase}");
             }
         }
     }

@@ -39,7 +39,7 @@ pub(crate) use esc_frame::SAME_MOMENT_FRAMES;
 pub use filter::{Interval, ResponseStage};
 pub use first_order::FirstOrder;
 pub(crate) use hold::frames_per_pattern;
-pub use hold::{hold_response, hold_response_at_phase};
+pub use hold::{hold_delay_s, hold_response, hold_response_at_phase};
 pub use model::{Effect, Lag, MapPolynomial, Model, ModelError, Point, Provenance, StaticMap};
 pub use noise::{Color, Noise, SensorNoise};
 pub use operating::{OperatingCurve, OperatingPoint};

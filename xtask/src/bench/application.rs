@@ -63,7 +63,7 @@ const ARMED_US: [u32; 2] = [187, 192];
 pub struct Costs {
     runs: u32,
     instructions: u32,
-    /// The dearest.
+    /// The one with the most instructions.
     pub worst: Cost,
     /// The longest locks.
     pub locked: Locked,
@@ -93,7 +93,7 @@ impl Costs {
 pub struct Interrupts {
     /// The control tick with one motor armed, and no signal at the others.
     pub tick_1ch: Costs,
-    /// The control tick with four motors armed. The dearest is that in which all four have a new pulse.
+    /// The control tick with four motors armed. The longest is that in which all four have a new pulse.
     pub tick_4ch: Costs,
     /// The ticks around that in which all four arm, which starts their filters.
     pub tick_arming: Costs,

@@ -106,6 +106,18 @@ pub enum DeviceError {
         /// What to do.
         help: String,
     },
+    /// Nobody has chosen the settings, and this would put the defaults to use.
+    #[error(
+        "nobody has chosen the settings of this controller, so its outputs are low: {act} would put out the standard PWM of \
+         the defaults, whose stop pulse is 40 % to an ESC that takes a raw duty"
+    )]
+    #[diagnostic(help("{help}"))]
+    NotChosen {
+        /// What was asked for.
+        act: &'static str,
+        /// What to do.
+        help: String,
+    },
     /// An option does not fit the controller's settings.
     #[error("{message}")]
     #[diagnostic(help("{help}"))]
@@ -135,7 +147,7 @@ fn remedy(refusal: &Refusal) -> &'static str {
         Refusal::UnknownMotor => "count motors from 0",
         Refusal::NotDisarmed { .. } => "disarm the flight controller and stop any excitation first",
         Refusal::NoSettings => {
-            "`rotorlead device set` any of them, or `save` the defaults, once they are right for the ESC"
+            "`rotorlead device set` output.protocol to that of the ESC, and what else differs from it"
         }
         Refusal::BenchDisabled => "fit the jumper of docs/wiring.md, and take it out again before a flight",
         Refusal::TooSlow { .. } => "lower loop_rate_hz, use fewer lines, or find out why the faster clock does not run",

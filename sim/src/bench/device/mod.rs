@@ -3,6 +3,7 @@
 //! [`Session`] talks the protocol of [`rotorlead::link`] over anything that reads and writes with a time limit;
 //! [`open`] makes that from a serial port or, for the emulator, a TCP address.
 
+mod change;
 mod error;
 mod excite;
 mod inject;
@@ -11,6 +12,7 @@ mod recording;
 mod session;
 mod text;
 
+pub use change::change;
 pub use error::DeviceError;
 pub use excite::{Excited, Played, play};
 pub use inject::{Difference, Injection, inject, path};

@@ -4,6 +4,7 @@ mod excite;
 mod folder;
 mod inject;
 mod record;
+mod set;
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -16,9 +17,9 @@ use rotorlead::link::{BrownOut, CrystalCheck, Info};
 use rotorlead::settings::Settings;
 use serde_json::{Value, json};
 
-use super::outcome::{JsonOption, Outcome, warning_lines};
+use super::outcome::{JsonOption, Outcome};
 use super::parameters::positive;
-use crate::bench::device::{self, DEFAULT_BAUD, Session};
+use crate::bench::device::{self, DEFAULT_BAUD, DeviceError, Session};
 
 /// Talks to a controller over its serial port, or to one in the emulator
 #[derive(Args, Debug)]
@@ -47,14 +48,9 @@ enum Action {
         /// Only this one
         key: Option<String>,
     },
-    /// Changes a setting, until the power goes; motor.*.KEY changes it for every motor
-    Set {
-        /// Which; `get` shows them all
-        key: String,
-        /// To what; levels are commands from 0 to 1
-        value: String,
-    },
-    /// Stores the settings in use; every motor must be disarmed
+    /// Changes settings, until the power goes: all in one, checked together, or none
+    Set(set::Set),
+    /// Stores the settings in use, once they are chosen; every motor must be disarmed
     Save,
     /// Shows what went wrong since the start
     Faults,
@@ -96,11 +92,8 @@ impl Device {
         let outcome = match &self.action {
             Action::Info => info(&mut session),
             Action::Get { key } => get(&mut session, key.as_deref()),
-            Action::Set { key, value } => set(&mut session, key, value),
-            Action::Save => {
-                session.save()?;
-                Ok(Outcome { text: "Saved.\n".into(), json: json!({ "saved": true }) })
-            }
+            Action::Set(options) => options.run(&mut session),
+            Action::Save => save(&mut session),
             Action::Faults => faults(&mut session),
             Action::Stop => {
                 session.stop_excitation()?;
@@ -156,7 +149,7 @@ fn state_lines(info: &Info) -> [String; 6] {
     let outputs = if info.outputs_enabled {
         "outputs enabled".to_owned()
     } else {
-        "outputs LOW: nobody has chosen the settings. Set them to the ESCs' protocol, then save".to_owned()
+        "outputs LOW: nobody has chosen the settings. Set output.protocol to that of the ESCs, then save".to_owned()
     };
     let jumper = if info.bench_enabled {
         "bench jumper fitted: excitation and injection are allowed"
@@ -211,18 +204,14 @@ fn get(session: &mut Session, key: Option<&str>) -> miette::Result<Outcome> {
     Ok(Outcome { text, json: Value::Object(map) })
 }
 
-fn set(session: &mut Session, key: &str, value: &str) -> miette::Result<Outcome> {
-    let mut settings = session.settings()?;
-    device::set(&mut settings, key, value)?;
-    // Here rather than by the controller: the reasons are the same, and a design says more.
-    let settings = settings.validate().map_err(|error| miette::miette!(help = "nothing was changed", "{error}"))?;
-    design(&settings)?;
-    let warnings: Vec<String> = session.set_settings(&settings)?.iter().map(|warning| warning.to_string()).collect();
-    let mut text = format!("{key} = {value}, until the power goes; `rotorlead device save` stores it\n");
-    for warning in &warnings {
-        text.push_str(&warning_lines(warning));
+fn save(session: &mut Session) -> miette::Result<Outcome> {
+    if !session.info()?.outputs_enabled {
+        // Stored settings count as chosen. A flag for the defaults would soon be typed out of habit.
+        let help = "`rotorlead device set output.protocol PROTOCOL` first, even where it is standard_pwm".to_owned();
+        return Err(DeviceError::NotChosen { act: "storing them", help }.into());
     }
-    Ok(Outcome { text, json: json!({ "key": key, "value": value, "warnings": warnings }) })
+    session.save()?;
+    Ok(Outcome { text: "Saved.\n".into(), json: json!({ "saved": true }) })
 }
 
 /// The compensator of these settings, as the controller makes it.

@@ -37,11 +37,15 @@ impl Actuator {
             }
             if self.after.is_empty() {
                 let wanted = Wanted::Readings(Readings { moments_s: here, read });
-                self.turn(Passage { from_s: self.time_s, pieces: &pieces, wanted });
+                self.pass_rotor(Passage { from_s: self.time_s, pieces: &pieces, wanted });
                 self.output = self.rotor.response();
             } else {
                 here.clone_into(&mut intervals.moments_s);
-                self.turn(Passage { from_s: self.time_s, pieces: &pieces, wanted: Wanted::Intervals(&mut intervals) });
+                self.pass_rotor(Passage {
+                    from_s: self.time_s,
+                    pieces: &pieces,
+                    wanted: Wanted::Intervals(&mut intervals),
+                });
                 self.after.iter_mut().for_each(|stage| stage.pass(&mut intervals.intervals));
                 let before = self.output;
                 let at = |mark: &usize| match mark.checked_sub(1) {
@@ -55,7 +59,7 @@ impl Actuator {
         }
     }
 
-    fn turn(&mut self, mut passage: Passage) {
+    fn pass_rotor(&mut self, mut passage: Passage) {
         match &mut self.rotor {
             Rotor::Exact(lag) => lag.pass(&mut passage),
             Rotor::Integrated(rotor) => rotor.pass(&mut passage),

@@ -20,8 +20,9 @@ pub struct Counts {
     pub motors: [MotorFaults; MOTORS],
 }
 
-/// Everything around a [`RequestHandler`](super::RequestHandler).
-pub trait Board {
+/// How a [`RequestHandler`](super::RequestHandler) reaches the control task and what only the board knows. A board does not
+/// implement it: [`ControlHandle`] does, of its parts.
+pub trait ControlAccess {
     /// Runs `f` on the control task's state with nobody else at it. Short: the control task waits.
     fn tick<R>(&mut self, f: impl FnOnce(&mut Tick) -> R) -> R;
     /// Sets rates and pulses, and gives the tick its new channels. Every motor is at rest.
@@ -39,8 +40,8 @@ pub trait Board {
     fn is_bench_enabled(&mut self) -> bool;
 }
 
-/// A [`Board`] whose parts are shared with tasks of higher priority.
-pub struct BoardHandle<'a, I, C, H> {
+/// A [`ControlAccess`] to parts that are shared with tasks of higher priority.
+pub struct ControlHandle<'a, I, C, H> {
     /// The inputs.
     pub inputs: I,
     /// The control task's state.
@@ -49,7 +50,7 @@ pub struct BoardHandle<'a, I, C, H> {
     pub hardware: &'a mut H,
 }
 
-impl<I, C, H, T, D> Board for BoardHandle<'_, I, C, H>
+impl<I, C, H, T, D> ControlAccess for ControlHandle<'_, I, C, H>
 where
     I: Mutex<T = Inputs<T>>,
     C: Mutex<T = Control<D>>,
