@@ -408,9 +408,53 @@ fn an_excitation_outside_the_limits_is_refused_with_the_limits() {
     assert_eq!(rig.ask(&Request::Excite(excite(0.5, 0.05, 12))), Message::Done);
     let second = Request::Excite(ExciteRequest { motor: 1, ..excite(0.5, 0.05, 1) });
     assert_eq!(rig.ask(&second), refused(Refusal::Exciting));
-    let mut rig = injecting(0.3);
-    assert_eq!(rig.ask(&Request::Excite(excite(0.5, 0.05, 1))), refused(Refusal::Exciting));
-    assert_eq!(rig.tick_one(Signal::Nothing), command(0.3));
+}
+
+#[test]
+fn the_host_drives_one_motor_at_a_time() {
+    // An excitation plays, or ramps down: no motor is injected.
+    let mut rig = exciting(3000);
+    for stop in [Request::KeepAlive, Request::StopExcitation] {
+        assert_eq!(rig.ask(&stop), Message::Done);
+        for motor in 0..MOTORS as u8 {
+            let before = rig.hardware.tick_mut().motors()[0].channel().command();
+            assert_eq!(rig.ask(&mode(motor, Source::Inject)), refused(Refusal::Exciting), "motor {motor}");
+            assert!(rig.tick_one(Signal::Nothing) > before.min(STOP));
+        }
+    }
+    while state(&mut rig) == ChannelState::Excitation {
+        rig.tick_one(Signal::Nothing);
+    }
+    assert_eq!(rig.ask(&mode(1, Source::Inject)), Message::Done);
+
+    // A motor is injected, turning or at rest: nothing is excited, and no other one is injected.
+    let at_rest = || {
+        let mut rig = Rig::new();
+        assert_eq!(rig.ask(&mode(0, Source::Inject)), Message::Done);
+        rig
+    };
+    for (mut rig, level) in [(injecting(0.3), command(0.3).into()), (at_rest(), NO_PULSE)] {
+        let injecting = refused(Refusal::Injecting { motor: 0 });
+        for motor in 0..MOTORS as u8 {
+            let request = Request::Excite(ExciteRequest { motor, ..excite(0.5, 0.05, 1) });
+            assert_eq!(rig.ask(&request), injecting, "motor {motor}");
+            if motor > 0 {
+                assert_eq!(rig.ask(&mode(motor, Source::Inject)), injecting, "motor {motor}");
+                // Which takes nothing from the pulses.
+                assert_eq!(rig.ask(&mode(motor, Source::Pulse)), Message::Done);
+            }
+            assert_eq!(rig.tick_one(Signal::Nothing), level);
+        }
+    }
+    // Afterwards it may be another one.
+    let mut rig = at_rest();
+    assert_eq!(rig.ask(&mode(0, Source::Inject)), Message::Done, "it starts afresh");
+    assert_eq!(rig.ask(&mode(0, Source::Pulse)), Message::Done);
+    assert_eq!(rig.ask(&mode(1, Source::Inject)), Message::Done);
+    for _ in 0..=INJECT_TIMEOUT_TICKS {
+        rig.tick_one(Signal::Nothing);
+    }
+    assert_eq!(rig.ask(&Request::Excite(excite(0.5, 0.05, 1))), Message::Done);
 }
 
 // --- Injection ----------------------------------------------------------------------------------------------------

@@ -236,6 +236,9 @@ impl<F: NorFlash> RequestHandler<F> {
             may_drive(board)?;
         }
         board.tick(|tick| {
+            if source == Source::Inject {
+                host_drives_none(tick, Some(index))?;
+            }
             let path = tick.motor_mut(index).ok_or(Refusal::UnknownMotor)?;
             // A fresh channel begins at rest: only where the old one is there, too.
             match path.channel().state() {
@@ -295,10 +298,7 @@ impl<F: NorFlash> RequestHandler<F> {
         };
         let excitation = Excitation::new(&limits, &checked, f64::from(self.settings.loop_rate_hz)).map_err(refusal)?;
         board.tick(|tick| {
-            let exciting = |state| matches!(state, State::Excitation(_));
-            if tick.motors().iter().any(|motor| exciting(motor.channel().state())) {
-                return Err(Refusal::Exciting);
-            }
+            host_drives_none(tick, None)?;
             // Making it took its time: pulses may have come up meanwhile.
             no_input_is_live(tick)?;
             tick.motor_mut(index).ok_or(Refusal::UnknownMotor)?.excite(excitation).map_err(refusal)
@@ -388,6 +388,21 @@ fn no_input_is_live(tick: &Tick) -> Result<(), Refusal> {
         Some(motor) => Err(Refusal::InputLive { motor: motor as u8 }),
         None => Ok(()),
     }
+}
+
+/// The host drives one motor at a time: that is what somebody at the bench watches, and what the load is computed for.
+/// `except`: an injection into this motor does not count.
+fn host_drives_none(tick: &Tick, except: Option<usize>) -> Result<(), Refusal> {
+    for (index, motor) in tick.motors().iter().enumerate() {
+        if matches!(motor.channel().state(), State::Excitation(_)) {
+            return Err(Refusal::Exciting);
+        }
+        if motor.is_injected() && except != Some(index) {
+            // A motor's index.
+            return Err(Refusal::Injecting { motor: index as u8 });
+        }
+    }
+    Ok(())
 }
 
 /// Every motor stays at rest until [`Tick::resume`].

@@ -87,6 +87,13 @@ impl Motor {
         }
     }
 
+    /// Whether the host injects, or has commands queued from an injection that is over.
+    #[must_use]
+    pub const fn is_injected(&self) -> bool {
+        matches!(self.source, CommandSource::Inject | CommandSource::EndingInjection)
+            || matches!(self.source(), Source::Inject)
+    }
+
     /// Whether pulses come at its input, or came until a moment ago, whatever drives it.
     #[must_use]
     pub const fn is_input_live(&self) -> bool {
