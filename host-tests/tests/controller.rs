@@ -285,6 +285,31 @@ fn somebody_who_arms_during_a_save_gets_the_stop_and_has_to_disarm_first() {
     assert_eq!(rig.tick(high), [rig.heard(0.8); MOTORS]);
 }
 
+/// Settings are validated and a filter designed meanwhile.
+#[test]
+fn somebody_who_arms_while_settings_are_set_keeps_the_motor_or_has_to_disarm_first() {
+    let mut taken = Vec::new();
+    for lock in 0..3 {
+        let mut rig = Rig::new();
+        let (low, high) = (rig.pulse(0.01), rig.pulse(0.8));
+        assert_eq!(rig.tick(low), [STOP; MOTORS]);
+        rig.hardware.after_locks.resize(lock, Vec::new());
+        rig.hardware.after_locks.push_back(vec![[low; MOTORS], [high; MOTORS], [Signal::Unchanged; MOTORS]]);
+        let answer = rig.ask(&Request::SetSettings(Settings::default()));
+        let outputs = &rig.hardware.outputs_after_locks;
+        if answer == refused(Refusal::NotDisarmed { motor: 0 }) {
+            assert_eq!(outputs[1..], [[EscCommand::from(rig.heard(0.8)); MOTORS]; 2], "armed: it turns, and goes on");
+            assert_eq!(rig.tick(Signal::Unchanged), [rig.heard(0.8); MOTORS]);
+        } else {
+            assert!(matches!(answer, Message::SettingsTaken(_)), "{answer:?}");
+            assert!(outputs.iter().flatten().all(|&output| output <= STOP), "after lock {lock}: {outputs:?}");
+            assert!(rig.tick(high).iter().all(|&output| output <= STOP), "after lock {lock}");
+        }
+        taken.push(answer != refused(Refusal::NotDisarmed { motor: 0 }));
+    }
+    assert_eq!(taken[..2], [false, true], "before and after the pause");
+}
+
 #[test]
 fn a_mode_is_set_only_while_the_motor_is_at_rest() {
     // Armed, then held: the pilot's. Nothing happens to the output.
@@ -494,6 +519,76 @@ fn a_host_that_vanishes_during_an_injection_loses_the_motor_after_the_hold_time(
 }
 
 /// The lead answers a step with three times the step. A host that goes quiet there must not leave that at the motor.
+#[test]
+fn commands_are_answered_whenever_their_injection_ends() {
+    // The injection into a motor at rest ends with the next tick, which comes at any point of the request.
+    for lock in 0..4 {
+        let mut rig = Rig::new();
+        assert_eq!(rig.ask(&mode(0, Source::Inject)), Message::Done);
+        for _ in 0..INJECT_TIMEOUT_TICKS {
+            rig.tick_one(Signal::Nothing);
+        }
+        rig.hardware.after_locks.resize(lock, Vec::new());
+        rig.hardware.after_locks.push_back(vec![[Signal::Nothing; MOTORS]]);
+        let tag = rig.send(&inject(0, &[0.0; 3]));
+        rig.serve(usize::MAX);
+        for _ in 0..3 {
+            rig.tick_one(Signal::Nothing);
+        }
+        rig.serve(usize::MAX);
+        match rig.take(tag) {
+            // Ended before the check.
+            Some(Message::Refused(Refusal::NotInjecting)) if lock == 0 => {}
+            Some(Message::Injected(_)) if lock > 0 => {}
+            other => panic!("a tick after lock {lock}: {other:?}"),
+        }
+    }
+}
+
+#[test]
+fn commands_of_an_injection_that_ends_are_answered_though_the_settings_are_saved_meanwhile() {
+    for own in [false, true] {
+        for ticks in [1, 2, INJECT_SAMPLES - 1] {
+            let mut settings = Settings::default();
+            settings.motors[0].compensate = own;
+            let mut rig = Rig::with(settings);
+            let request = Request::SetMode { motor: 0, source: Source::Inject, compensate: !own };
+            assert_eq!(rig.ask(&request), Message::Done);
+            let tag = rig.send(&inject(0, &[0.0; INJECT_SAMPLES]));
+            rig.serve(usize::MAX);
+            // A flight controller comes up.
+            let low = rig.pulse(0.0);
+            for _ in 0..=ticks {
+                assert_eq!(rig.tick_one(low), STOP);
+            }
+            rig.hardware.during_save = vec![[low; MOTORS]; 3];
+            assert_eq!(rig.ask(&Request::SaveSettings), Message::Done);
+            for _ in 0..=INJECT_SAMPLES {
+                rig.tick_one(low);
+            }
+            rig.serve(usize::MAX);
+            assert!(matches!(rig.take(tag), Some(Message::Injected(_))), "saved after {ticks} ticks");
+            // What the injection did with the filter is over, and the motor is the flight controller's.
+            let motor = &rig.hardware.tick_mut().motors()[0];
+            assert_eq!((motor.channel().is_enabled(), motor.state()), (own, ChannelState::Disarmed));
+        }
+    }
+}
+
+/// The state Lost has stop pulses before it has none, whatever was there before.
+#[test]
+fn an_injection_that_ends_has_its_stop_pulses() {
+    let mut rig = Rig::new();
+    assert_eq!(rig.ask(&mode(0, Source::Inject)), Message::Done);
+    for _ in 0..INJECT_TIMEOUT_TICKS {
+        assert_eq!(rig.tick_one(Signal::Nothing), NO_PULSE);
+    }
+    for _ in 0..STOP_PULSE_TICKS {
+        assert_eq!(rig.tick_one(Signal::Nothing), STOP);
+    }
+    assert_eq!(rig.tick_one(Signal::Nothing), NO_PULSE);
+}
+
 #[test]
 fn a_host_that_goes_quiet_at_the_leads_peak_leaves_its_command_and_not_the_peak() {
     let mut rig = Rig::new();

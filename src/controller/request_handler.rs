@@ -325,27 +325,28 @@ impl<F: NorFlash> RequestHandler<F> {
     /// Whether outputs will follow.
     fn inject(&mut self, tag: u8, request: &InjectRequest, board: &mut impl Board) -> Result<bool, Refusal> {
         let index = usize::from(request.motor);
-        if index < MOTORS {
-            may_drive(board)?;
-        }
-        board.tick(|tick| match tick.motors().get(index) {
-            None => Err(Refusal::UnknownMotor),
-            Some(motor) if motor.source() != Source::Inject => Err(Refusal::NotInjecting),
-            Some(_) => Ok(()),
-        })?;
         let injector = self.injectors.get_mut(index).ok_or(Refusal::UnknownMotor)?;
         let queue = self.queues.inject.get_mut(index).ok_or(Refusal::UnknownMotor)?;
-        injector.accept(tag, request)?;
-        if request.samples.is_empty() {
-            return Ok(false);
-        }
-        // Only now: a host that sends what cannot be used does not keep a motor running.
-        board.tick(|tick| tick.motor_mut(index).map(Motor::expect_commands));
-        for &sample in request.samples.as_slice() {
-            // The queue holds a whole window, and the injector accepts no more.
-            let _ = queue.enqueue(Command::saturating_from_bits(sample));
-        }
-        Ok(true)
+        may_drive(board)?;
+        // All at once: a tick in between may end the injection, and would never answer what is queued after it.
+        board.tick(|tick| {
+            let motor = tick.motor_mut(index).ok_or(Refusal::UnknownMotor)?;
+            if motor.source() != Source::Inject {
+                return Err(Refusal::NotInjecting);
+            }
+            injector.accept(tag, request)?;
+            let samples = request.samples.as_slice();
+            // A host that sends what cannot be used, or nothing, does not keep a motor running.
+            if samples.is_empty() {
+                return Ok(false);
+            }
+            motor.expect_commands();
+            for &sample in samples {
+                // The queue holds a whole window, and the injector accepts no more.
+                let _ = queue.enqueue(Command::saturating_from_bits(sample));
+            }
+            Ok(true)
+        })
     }
 
     /// A motor starts afresh: what was under way will not come to anything.
