@@ -245,9 +245,9 @@ impl Settings {
         }
         let shortest = f64::from(SHORTEST_LEVEL_US) * 1e-6 * f64::from(self.output.frame_hz);
         let edges = |place, bits: i32, max: f64| {
-            // A decimal at the limit is rounded to a step of the command.
-            let step = as_command(1);
-            if (shortest - step..=max + step).contains(&as_command(bits)) {
+            // A decimal at the limit is rounded to a step of the command, and so is the limit.
+            let [lowest, highest] = [shortest, max].map(|limit| Command::saturating_from_f64(limit).to_bits());
+            if (lowest..=highest).contains(&bits) {
                 return Ok(());
             }
             Err(SettingsError { place, problem: Problem::NoEdges { min: shortest, max } })
