@@ -227,6 +227,11 @@ impl Rig {
         (rig, origin)
     }
 
+    /// From now on pulses mean what they mean with these settings.
+    pub fn set_pulses(&mut self, settings: &Settings) {
+        self.scale = scale(settings);
+    }
+
     /// A pulse that means `command`.
     #[must_use]
     pub fn pulse(&self, command: f64) -> Signal {
