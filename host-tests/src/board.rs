@@ -208,8 +208,10 @@ impl TestBoard {
     /// Starts a controller with the jumper fitted, from what the flash holds.
     pub fn start<F: NorFlash>(store: Store<F>, facts: BoardFacts) -> (Self, RequestHandler<F>, Origin) {
         let apart = facts.clocks.tells_pulses_apart();
+        // Patient, so that a test sees that a start changes it.
+        let outputs = TestOutputs { patient: true, ..TestOutputs::default() };
         let started: Started<TestCapture, TestOutputs, F> =
-            controller::start(TestCapture::default(), TestOutputs::default(), store, &facts, apart, queues());
+            controller::start(TestCapture::default(), outputs, store, &facts, apart, queues());
         let Started { inputs, control, handler, origin } = started;
         let status = TestStatus { facts, bench_enabled: true, overruns: 0 };
         (Self { inputs, control, status }, handler, origin)

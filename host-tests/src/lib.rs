@@ -15,7 +15,7 @@ use proptest::test_runner::RngSeed;
 use rotorlead::controller;
 use rotorlead::design::{LeadDesign, LeadParameters};
 use rotorlead::settings::{
-    ExcitationLimits, FASTEST_RAW_DUTY_HZ, HIGHEST_STOP, MotorSettings, NoSignal, Pulse, PulseProtocol,
+    ExcitationLimits, FASTEST_RAW_DUTY_HZ, HIGHEST_STOP, Lead, MotorSettings, NoSignal, Pulse, PulseProtocol,
     SHORTEST_LEVEL_US, Settings, Validated,
 };
 use rotorlead::throttle::Command;
@@ -101,7 +101,8 @@ pub fn any_design() -> impl Strategy<Value = LeadDesign> {
     any_parameters().prop_filter_map("refused", |(lead, rate, prewarp)| LeadDesign::new(lead, rate, prewarp).ok())
 }
 
-/// Valid settings over the whole range of each, whose filter can be designed: protocols, rates, levels, times.
+/// Valid settings over the whole range of each, whose filter can be designed: protocols, rates, levels,
+/// times, leads.
 pub fn any_settings() -> impl Strategy<Value = Validated> {
     let protocol =
         || prop_oneof![Just(PulseProtocol::RawDuty), Just(PulseProtocol::StandardPwm), Just(PulseProtocol::OneShot125)];
@@ -115,21 +116,21 @@ pub fn any_settings() -> impl Strategy<Value = Validated> {
             Pulse { protocol, frame_hz: 40 + (frame_hz - 40) % (fastest - 39) }
         })
     };
+    // Parts of what is left between the stop and the highest duty; the ends of it, too.
     let motor = || {
         let levels = proptest::collection::vec(0.0..1.0_f64, 4);
-        (levels, any::<bool>(), 0..=1000_u16).prop_filter_map(
-            "levels too close",
-            |(mut levels, compensate, hold_ms)| {
-                levels.sort_by(f64::total_cmp);
-                // Up to where a raw duty has its last edge at the fastest frames.
-                let level = |n: usize| Command::saturating_from_f64(0.0301 + 0.939 * levels[n]).to_bits();
-                let [disarming, arming, idle, max] = [level(0), level(1), level(2), level(3)];
-                let is_ordered = disarming < arming && arming <= idle && idle < max;
-                is_ordered.then_some(MotorSettings { compensate, disarming, arming, idle, max, hold_ms })
-            },
-        )
+        (levels, any::<[bool; 3]>(), 0..=1000_u16).prop_map(|(mut levels, [compensate, lowest, highest], hold_ms)| {
+            levels.sort_by(f64::total_cmp);
+            if lowest {
+                levels[0] = 0.0;
+            }
+            if highest {
+                levels[3] = 1.0;
+            }
+            (levels, compensate, hold_ms)
+        })
     };
-    let excitation = (1..=600_u16, 0.0..=1.0_f64, 0.001..=0.25_f64, 0..=3000_u16, 100..=4000_u16).prop_map(
+    let excitation = (1..=600_u16, 0.0..=1.0_f64, 0.001..=0.25_f64, 0..=10_000_u16, 100..=10_000_u16).prop_map(
         |(max_duration_s, max_command, max_amplitude, arm_ms, ramp_ms)| ExcitationLimits {
             max_duration_s,
             max_command: Command::saturating_from_f64(max_command).to_bits(),
@@ -140,19 +141,44 @@ pub fn any_settings() -> impl Strategy<Value = Validated> {
     );
     let no_signal = prop_oneof![Just(NoSignal::NoPulses), Just(NoSignal::StopPulses)];
     let motors = [motor(), motor(), motor(), motor()];
-    let rest = (prop_oneof![Just(5000_u32), 1000..=10_000_u32], no_signal, 0..=3000_u16, 0.0..=1.0_f64);
-    (rest, pulse(), pulse(), motors, excitation).prop_filter_map(
+    let log = |low: f64, high: f64| (low.ln()..high.ln()).prop_map(f64::exp);
+    let lead = proptest::option::of((log(0.001, 0.4), log(1.01, 30.0), 0.3..2.0_f64));
+    let rates = (prop_oneof![Just(5000_u32), 1000..=10_000_u32], lead, 1..=5000_u16);
+    let rest = (no_signal, 0..=60_000_u16, 0.0..=1.0_f64);
+    (rates, rest, pulse(), pulse(), motors, excitation).prop_filter_map(
         "no filter",
-        |((loop_rate_hz, no_signal, stop_pulses_ms, stop), input, output, motors, excitation)| {
+        |(
+            (loop_rate_hz, lead, recorder_divisor),
+            (no_signal, stop_pulses_ms, stop),
+            input,
+            output,
+            motors,
+            excitation,
+        )| {
             let shortest = f64::from(SHORTEST_LEVEL_US) * 1e-6 * f64::from(output.frame_hz);
-            let stop = match output.protocol {
-                PulseProtocol::RawDuty => {
-                    Command::saturating_from_f64(shortest + (0.03 - shortest) * stop).to_bits().min(HIGHEST_STOP)
-                }
-                PulseProtocol::StandardPwm | PulseProtocol::OneShot125 => 0,
+            let (stop, highest) = match output.protocol {
+                PulseProtocol::RawDuty => (
+                    Command::saturating_from_f64(shortest + (0.03 - shortest) * stop).to_bits().min(HIGHEST_STOP),
+                    Command::saturating_from_f64(1.0 - shortest).to_bits(),
+                ),
+                PulseProtocol::StandardPwm | PulseProtocol::OneShot125 => (0, Command::ONE.to_bits()),
             };
+            let level = |part: f64| stop + 1 + (part * f64::from(highest - stop - 1)) as i32;
+            let motors = motors.map(|(levels, compensate, hold_ms)| MotorSettings {
+                compensate,
+                disarming: level(levels[0]),
+                arming: level(levels[1]),
+                idle: level(levels[2]),
+                max: level(levels[3]),
+                hold_ms,
+            });
+            let lead = lead.map_or(Settings::default().lead, |(pole, ratio, damping)| {
+                let omega_f_rad_s = pole * f64::from(loop_rate_hz);
+                Lead { omega_z_rad_s: omega_f_rad_s / ratio, omega_f_rad_s, damping }
+            });
             let settings = Settings {
                 loop_rate_hz,
+                lead,
                 input,
                 output,
                 stop,
@@ -160,7 +186,7 @@ pub fn any_settings() -> impl Strategy<Value = Validated> {
                 stop_pulses_ms,
                 motors,
                 excitation,
-                ..Settings::default()
+                recorder_divisor,
             };
             let settings = settings.validate().ok()?;
             controller::coefficients(&settings).ok().map(|_| settings)

@@ -2,6 +2,7 @@
 //! test holds both ends of. Time is what the test says: one call of [`Rig::tick`] is one control tick.
 
 use std::cell::RefCell;
+use std::collections::VecDeque;
 use std::rc::Rc;
 
 use embedded_storage::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
@@ -74,6 +75,13 @@ pub struct Hardware {
     pub during_save: Vec<[Signal; MOTORS]>,
     /// What the outputs had in these ticks.
     pub outputs_during_save: Vec<[EscCommand; MOTORS]>,
+    /// Whether the watchdog was patient in these ticks.
+    pub patient_during_save: Vec<bool>,
+    /// What the inputs have in the ticks that come as soon as the lowest priority lets go of the control task's state: for
+    /// the first time from now on, the second, and so on.
+    pub after_locks: VecDeque<Vec<[Signal; MOTORS]>>,
+    /// What the outputs had in these ticks.
+    pub outputs_after_locks: Vec<[EscCommand; MOTORS]>,
     /// What the inputs have in the ticks that fall between the check of a request and what it starts.
     pub during_check: Vec<[Signal; MOTORS]>,
     /// Whether the timers refuse new settings.
@@ -96,7 +104,12 @@ impl Hardware {
 
 impl ControlAccess for Hardware {
     fn tick<R>(&mut self, f: impl FnOnce(&mut Tick) -> R) -> R {
-        self.board.tick(f)
+        let result = self.board.tick(f);
+        for signals in self.after_locks.pop_front().unwrap_or_default() {
+            let outputs = self.run(signals);
+            self.outputs_after_locks.push(outputs);
+        }
+        result
     }
 
     fn reconfigure(&mut self, settings: &Validated, channels: [Channel; MOTORS]) -> Result<(), Refusal> {
@@ -113,6 +126,7 @@ impl ControlAccess for Hardware {
             for signals in self.during_save.clone() {
                 let outputs = self.run(signals);
                 self.outputs_during_save.push(outputs);
+                self.patient_during_save.push(self.board.control.hardware_mut().patient);
             }
         }
     }
@@ -157,7 +171,7 @@ pub struct Rig {
     scale: PulseScale,
     tag: u8,
     /// Bytes on their way to the controller.
-    to_controller: std::collections::VecDeque<u8>,
+    to_controller: VecDeque<u8>,
     /// What was received and not taken yet.
     pub inbox: Vec<Tagged<Message>>,
 }
@@ -194,6 +208,9 @@ impl Rig {
             board,
             during_save: Vec::new(),
             outputs_during_save: Vec::new(),
+            patient_during_save: Vec::new(),
+            after_locks: VecDeque::new(),
+            outputs_after_locks: Vec::new(),
             during_check: Vec::new(),
             refuses: false,
             stalls: Vec::new(),
@@ -204,10 +221,15 @@ impl Rig {
             receiver: Receiver::new(),
             scale,
             tag: 0,
-            to_controller: std::collections::VecDeque::new(),
+            to_controller: VecDeque::new(),
             inbox: Vec::new(),
         };
         (rig, origin)
+    }
+
+    /// From now on pulses mean what they mean with these settings.
+    pub fn set_pulses(&mut self, settings: &Settings) {
+        self.scale = scale(settings);
     }
 
     /// A pulse that means `command`.

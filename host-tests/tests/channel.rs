@@ -8,7 +8,7 @@ use proptest::prelude::*;
 use rotorlead::capture::{Decoder, Timing};
 use rotorlead::channel::{
     Channel, ChannelSettings, ChannelSettingsError, End, Excitation, ExcitationLimits, ExcitationRequest, Input,
-    NoSignal, Phase, Refusal, SLOWEST_RAMP_PER_TICK, State,
+    NoSignal, Phase, Refusal, State,
 };
 use rotorlead::compensator::Compensator;
 use rotorlead::excitation::{ExcitationError, Multisine, ODD_LINES_30_HZ};
@@ -544,7 +544,7 @@ fn settings_that_contradict_each_other_make_no_channel() {
         (
             ChannelSettings {
                 excitation: ExcitationLimits {
-                    ramp_per_tick: Command::saturating_from_bits(SLOWEST_RAMP_PER_TICK.to_bits() - 1),
+                    ramp_per_tick: Command::saturating_from_bits(limits.max_command.to_bits() >> 17),
                     ..limits
                 },
                 ..good

@@ -1,11 +1,13 @@
 //! The whole controller without its hardware: what it answers, and what its outputs did.
 
+use host_tests::board::{CRYSTAL, INTERNAL, INTERNAL_PLL, facts};
 use host_tests::flash::Flash;
 use host_tests::line::{LOOP_HZ, Line, TICKS_PER_POLL, TIMER_HZ, decode, us};
 use host_tests::rig::{Rig, SECTOR, SharedFlash, saved};
 use host_tests::{any_settings, cases};
 use proptest::prelude::*;
 use rotorlead::capture::{Decoder, Level, Signal, Timing};
+use rotorlead::channel::ChannelSettings;
 use rotorlead::controller::channel_settings;
 use rotorlead::link::{
     ChannelState, ExciteRequest, INJECT_SAMPLES, INJECT_TIMEOUT_MS, InjectRequest, Injected, LineSet, Message,
@@ -285,6 +287,35 @@ fn somebody_who_arms_during_a_save_gets_the_stop_and_has_to_disarm_first() {
     assert_eq!(rig.tick(high), [rig.as_measured(0.8); MOTORS]);
 }
 
+/// Settings are validated and a filter designed meanwhile.
+#[test]
+fn somebody_who_arms_while_settings_are_set_keeps_the_motor_or_has_to_disarm_first() {
+    let mut taken = Vec::new();
+    for lock in 0..2 {
+        let mut rig = Rig::new();
+        let (low, high) = (rig.pulse(0.01), rig.pulse(0.8));
+        assert_eq!(rig.tick(low), [STOP; MOTORS]);
+        rig.hardware.after_locks.resize(lock, Vec::new());
+        rig.hardware.after_locks.push_back(vec![[low; MOTORS], [high; MOTORS], [Signal::Unchanged; MOTORS]]);
+        let answer = rig.ask(&Request::SetSettings(Settings::default()));
+        let outputs = &rig.hardware.outputs_after_locks;
+        if answer == refused(Refusal::NotDisarmed { motor: 0 }) {
+            assert_eq!(
+                outputs[1..],
+                [[EscCommand::from(rig.as_measured(0.8)); MOTORS]; 2],
+                "armed: it turns, and goes on"
+            );
+            assert_eq!(rig.tick(Signal::Unchanged), [rig.as_measured(0.8); MOTORS]);
+        } else {
+            assert!(matches!(answer, Message::SettingsTaken(_)), "{answer:?}");
+            assert!(outputs.iter().flatten().all(|&output| output <= STOP), "after lock {lock}: {outputs:?}");
+            assert!(rig.tick(high).iter().all(|&output| output <= STOP), "after lock {lock}");
+        }
+        taken.push(answer != refused(Refusal::NotDisarmed { motor: 0 }));
+    }
+    assert_eq!(taken, [false, true], "before and after the pause");
+}
+
 #[test]
 fn a_mode_is_set_only_while_the_motor_is_at_rest() {
     // Armed, then held: the pilot's. Nothing happens to the output.
@@ -408,9 +439,53 @@ fn an_excitation_outside_the_limits_is_refused_with_the_limits() {
     assert_eq!(rig.ask(&Request::Excite(excite(0.5, 0.05, 12))), Message::Done);
     let second = Request::Excite(ExciteRequest { motor: 1, ..excite(0.5, 0.05, 1) });
     assert_eq!(rig.ask(&second), refused(Refusal::Exciting));
-    let mut rig = injecting(0.3);
-    assert_eq!(rig.ask(&Request::Excite(excite(0.5, 0.05, 1))), refused(Refusal::Exciting));
-    assert_eq!(rig.tick_one(Signal::Nothing), command(0.3));
+}
+
+#[test]
+fn the_host_drives_one_motor_at_a_time() {
+    // An excitation plays, or ramps down: no motor is injected.
+    let mut rig = exciting(3000);
+    for stop in [Request::KeepAlive, Request::StopExcitation] {
+        assert_eq!(rig.ask(&stop), Message::Done);
+        for motor in 0..MOTORS as u8 {
+            let before = rig.hardware.tick_mut().motors()[0].channel().command();
+            assert_eq!(rig.ask(&mode(motor, Source::Inject)), refused(Refusal::Exciting), "motor {motor}");
+            assert!(rig.tick_one(Signal::Nothing) > before.min(STOP));
+        }
+    }
+    while state(&mut rig) == ChannelState::Excitation {
+        rig.tick_one(Signal::Nothing);
+    }
+    assert_eq!(rig.ask(&mode(1, Source::Inject)), Message::Done);
+
+    // A motor is injected, turning or at rest: nothing is excited, and no other one is injected.
+    let at_rest = || {
+        let mut rig = Rig::new();
+        assert_eq!(rig.ask(&mode(0, Source::Inject)), Message::Done);
+        rig
+    };
+    for (mut rig, level) in [(injecting(0.3), command(0.3).into()), (at_rest(), NO_PULSE)] {
+        let injecting = refused(Refusal::Injecting { motor: 0 });
+        for motor in 0..MOTORS as u8 {
+            let request = Request::Excite(ExciteRequest { motor, ..excite(0.5, 0.05, 1) });
+            assert_eq!(rig.ask(&request), injecting, "motor {motor}");
+            if motor > 0 {
+                assert_eq!(rig.ask(&mode(motor, Source::Inject)), injecting, "motor {motor}");
+                // Which takes nothing from the pulses.
+                assert_eq!(rig.ask(&mode(motor, Source::Pulse)), Message::Done);
+            }
+            assert_eq!(rig.tick_one(Signal::Nothing), level);
+        }
+    }
+    // Afterwards it may be another one.
+    let mut rig = at_rest();
+    assert_eq!(rig.ask(&mode(0, Source::Inject)), Message::Done, "it starts afresh");
+    assert_eq!(rig.ask(&mode(0, Source::Pulse)), Message::Done);
+    assert_eq!(rig.ask(&mode(1, Source::Inject)), Message::Done);
+    for _ in 0..=INJECT_TIMEOUT_TICKS {
+        rig.tick_one(Signal::Nothing);
+    }
+    assert_eq!(rig.ask(&Request::Excite(excite(0.5, 0.05, 1))), Message::Done);
 }
 
 // --- Injection ----------------------------------------------------------------------------------------------------
@@ -450,6 +525,81 @@ fn a_host_that_vanishes_during_an_injection_loses_the_motor_after_the_hold_time(
 }
 
 /// The lead answers a step with three times the step. A host that goes quiet there must not leave that at the motor.
+#[test]
+fn commands_are_answered_whenever_their_injection_ends() {
+    // The injection into a motor at rest ends with the next tick, which comes at any point of the request.
+    for lock in 0..4 {
+        let mut rig = Rig::new();
+        assert_eq!(rig.ask(&mode(0, Source::Inject)), Message::Done);
+        for _ in 0..INJECT_TIMEOUT_TICKS {
+            rig.tick_one(Signal::Nothing);
+        }
+        rig.hardware.after_locks.resize(lock, Vec::new());
+        rig.hardware.after_locks.push_back(vec![[Signal::Nothing; MOTORS]]);
+        let tag = rig.send(&inject(0, &[0.0; 3]));
+        rig.serve(usize::MAX);
+        for _ in 0..3 {
+            rig.tick_one(Signal::Nothing);
+        }
+        rig.serve(usize::MAX);
+        match rig.take(tag) {
+            // Ended before the check.
+            Some(Message::Refused(Refusal::NotInjecting)) if lock == 0 => {}
+            Some(Message::Injected(_)) if lock > 0 => {}
+            other => panic!("a tick after lock {lock}: {other:?}"),
+        }
+    }
+}
+
+#[test]
+fn commands_of_an_injection_that_ends_are_answered_though_the_settings_are_saved_meanwhile() {
+    for own in [false, true] {
+        for ticks in [1, 2, INJECT_SAMPLES - 1] {
+            let mut settings = Settings::default();
+            settings.motors[0].compensate = own;
+            let mut rig = Rig::with(settings);
+            let request = Request::SetMode { motor: 0, source: Source::Inject, compensate: !own };
+            assert_eq!(rig.ask(&request), Message::Done);
+            let tag = rig.send(&inject(0, &[0.0; INJECT_SAMPLES]));
+            rig.serve(usize::MAX);
+            // A flight controller comes up.
+            let low = rig.pulse(0.0);
+            for _ in 0..=ticks {
+                assert_eq!(rig.tick_one(low), STOP);
+            }
+            rig.hardware.during_save = vec![[low; MOTORS]; 3];
+            assert_eq!(rig.ask(&Request::SaveSettings), Message::Done);
+            for _ in 0..=INJECT_SAMPLES {
+                rig.tick_one(low);
+            }
+            rig.serve(usize::MAX);
+            assert!(matches!(rig.take(tag), Some(Message::Injected(_))), "saved after {ticks} ticks");
+            // What the injection did with the filter is over, and the motor is the flight controller's.
+            let motor = &rig.hardware.tick_mut().motors()[0];
+            assert_eq!((motor.channel().is_enabled(), motor.state()), (own, ChannelState::Disarmed));
+        }
+    }
+}
+
+#[test]
+fn an_injection_that_ends_has_its_stop_pulses_unless_it_had_none() {
+    let mut rig = Rig::new();
+    assert_eq!(rig.ask(&mode(0, Source::Inject)), Message::Done);
+    rig.send(&inject(0, &[0.0]));
+    rig.serve(usize::MAX);
+    for _ in 0..INJECT_TIMEOUT_TICKS + STOP_PULSE_TICKS {
+        assert_eq!(rig.tick_one(Signal::Nothing), STOP);
+    }
+    // The command's own.
+    assert_eq!(rig.tick_one(Signal::Nothing), STOP);
+    assert_eq!(rig.tick_one(Signal::Nothing), NO_PULSE);
+    // Without a command it arms no ESC, neither while it lasts nor when it ends.
+    assert_eq!(rig.ask(&mode(0, Source::Inject)), Message::Done);
+    for _ in 0..INJECT_TIMEOUT_TICKS + STOP_PULSE_TICKS {
+        assert_eq!(rig.tick_one(Signal::Nothing), NO_PULSE);
+    }
+}
+
 #[test]
 fn a_host_that_goes_quiet_at_the_leads_peak_leaves_its_command_and_not_the_peak() {
     let mut rig = Rig::new();
@@ -765,9 +915,9 @@ fn a_recording_has_every_sample_or_says_which_are_missing() {
         rig.serve(usize::MAX);
         assert_eq!(rig.take(stop), Some(Message::Done));
         let (mut received, mut missing, mut next) = (0, 0, 0);
-        for received in std::mem::take(&mut rig.inbox) {
-            let Message::Record(record) = received.message else { panic!("{received:?}") };
-            assert_eq!((received.tag, record.motor, record.divisor), (tag, 0, 1));
+        for reply in std::mem::take(&mut rig.inbox) {
+            let Message::Record(record) = reply.message else { panic!("{reply:?}") };
+            assert_eq!((reply.tag, record.motor, record.divisor), (tag, 0, 1));
             missing += record.first_tick - next;
             for (index, &after) in record.after.as_slice().iter().enumerate() {
                 let (input, output, adc) = sent[record.first_tick as usize + index];
@@ -1052,14 +1202,20 @@ fn any_event() -> impl Strategy<Value = Event> {
     let ticks = prop_oneof![1..20_usize, 400..1500_usize, Just(6000_usize)];
     let motor = 0..MOTORS as u8;
     let source = prop_oneof![Just(Source::Pulse), Just(Source::Inject)];
+    let lines = prop_oneof![Just(LineSet::Odd30Hz), Just(LineSet::Odd45Hz)];
+    let excitation = (motor.clone(), lines, 0.0..=1.0_f64, 0.001..0.25_f64, 1..3_u16);
     let values = proptest::collection::vec(prop_oneof![Just(0.0), 0.0..1.0_f64], 0..20);
     let request = prop_oneof![
-        3 => (motor.clone(), source).prop_map(|(motor, source)| mode(motor, source)),
-        3 => (motor.clone(), values, any::<bool>()).prop_map(|(motor, values, _)| {
+        3 => (motor.clone(), source, any::<bool>())
+            .prop_map(|(motor, source, compensate)| Request::SetMode { motor, source, compensate }),
+        3 => (motor.clone(), values).prop_map(|(motor, values)| {
             let bits: Vec<i32> = values.iter().map(|&value| command(value).to_bits()).collect();
             Request::Inject(InjectRequest { motor, first: 0, samples: bits[..].try_into().unwrap() })
         }),
-        3 => motor.prop_map(|motor| Request::Excite(ExciteRequest { motor, ..excite(0.5, 0.05, 1) })),
+        2 => motor.prop_map(|motor| Request::Excite(ExciteRequest { motor, ..excite(0.5, 0.05, 1) })),
+        2 => excitation.prop_map(|(motor, lines, nominal, amplitude, periods)| {
+            Request::Excite(ExciteRequest { motor, lines, ..excite(nominal, amplitude, periods) })
+        }),
         2 => Just(Request::KeepAlive),
         1 => Just(Request::StopExcitation),
         1 => Just(Request::SaveSettings),
@@ -1079,19 +1235,25 @@ proptest! {
     /// drives it was seen disarmed, or the host has it and has given a sign of life.
     #[test]
     fn whatever_happens_at_inputs_and_link_no_motor_turns_that_should_not(
-        settings in any_settings(),
+        mut settings in any_settings(),
+        mut other in any_settings(),
+        clocks in prop_oneof![3 => Just(CRYSTAL), 1 => Just(INTERNAL_PLL), 1 => Just(INTERNAL)],
         events in proptest::collection::vec(any_event(), 1..40)
     ) {
-        let mut rig = Rig::starting_from(&saved(&settings)).0;
-        let limits: [_; MOTORS] = std::array::from_fn(|motor| channel_settings(&settings, motor));
-        let stop = limits[0].stop;
+        let mut rig = Rig::starting_on(&saved(&settings), facts(clocks)).0;
+        let all_limits = |settings: &Validated| -> [_; MOTORS] { std::array::from_fn(|motor| channel_settings(settings, motor)) };
+        let mut limits = all_limits(&settings);
+        // What a pulse counts as: where the clock does not tell them apart, as an armed one.
+        let counts = |rig: &Rig, level: f64| if clocks.tells_pulses_apart() { rig.as_measured(level) } else { Command::ONE };
         // After the longest of: an injection's hold; the dead-man's time and the way down, with or without the stop pulses.
-        let step = limits[0].excitation.ramp_per_tick.to_bits();
-        let longest = |motor: usize| {
+        let longest = |limits: &[ChannelSettings; MOTORS], motor: usize| {
+            let step = limits[0].excitation.ramp_per_tick.to_bits();
             let ramp = limits[0].excitation.dead_man_ticks + (Command::ONE.to_bits() / step) as u32 + 1;
             limits[motor].hold_ticks.max(ramp) as usize + 2
         };
         let mut signals = [Signal::Nothing; MOTORS];
+        // As sent, and as taken.
+        let mut sent: [Option<f64>; MOTORS] = [None; MOTORS];
         let mut levels: [Option<Command>; MOTORS] = [None; MOTORS];
         // Ticks since the motor was last allowed to turn by: a pilot who was seen disarmed, the host.
         let mut quiet = [usize::MAX; MOTORS];
@@ -1105,8 +1267,7 @@ proptest! {
                 Event::Request(mut request) => {
                     match &mut request {
                         Request::Inject(inject) => inject.first = next[usize::from(inject.motor)],
-                        // Of the same kind, or the pulses of this test would mean something else.
-                        Request::SetSettings(set) => *set = Settings::clone(&settings),
+                        Request::SetSettings(set) => *set = Settings::clone(&other),
                         _ => {}
                     }
                     let tag = rig.send(&request);
@@ -1114,7 +1275,15 @@ proptest! {
                     let answer = rig.take(tag);
                     match (&request, &answer) {
                         (Request::SetMode { motor, .. }, Some(Message::Done)) => next[usize::from(*motor)] = 0,
-                        (Request::SetSettings(_), Some(Message::SettingsTaken(_))) => next = [0; MOTORS],
+                        (Request::SetSettings(_), Some(Message::SettingsTaken(_))) => {
+                            std::mem::swap(&mut settings, &mut other);
+                            rig.set_pulses(&settings);
+                            limits = all_limits(&settings);
+                            next = [0; MOTORS];
+                            // The flight controller's pulses are of the new kind; the last one was of the old.
+                            levels = sent.map(|level| level.map(|level| counts(&rig, level)));
+                            quiet = [usize::MAX; MOTORS];
+                        }
                         (Request::Inject(inject), None | Some(Message::Done)) => {
                             prop_assert!(levels.iter().all(Option::is_none), "injected with a live input");
                             let motor = usize::from(inject.motor);
@@ -1136,12 +1305,14 @@ proptest! {
                     }
                 }
                 Event::Input(motor, level, ticks) => {
-                    levels[motor] = level.map(|level| rig.as_measured(level));
+                    sent[motor] = level;
+                    levels[motor] = level.map(|level| counts(&rig, level));
+                    let stop = limits[0].stop;
                     for n in 0..ticks {
                         for (signal, (index, level)) in signals.iter_mut().zip(levels.iter().enumerate()) {
                             *signal = match level {
                                 Some(_) if n % 12 != 0 || index != motor => Signal::Unchanged,
-                                Some(level) => rig.pulse(level.to_f64()),
+                                Some(_) => rig.pulse(sent[index].unwrap_or_default()),
                                 None if *signal == Signal::Nothing => Signal::Nothing,
                                 None => Signal::Lost(rotorlead::capture::LossReason::StuckLow),
                             };
@@ -1161,7 +1332,7 @@ proptest! {
                                 prop_assert!(levels[index].is_some_and(|level| level >= disarming));
                                 quiet[index] = 0;
                             }
-                            if quiet[index] > longest(index) {
+                            if quiet[index] > longest(&limits, index) {
                                 prop_assert!(outputs[index] <= stop, "motor {index} turns for nobody");
                             }
                             if is_at_rest {

@@ -133,6 +133,7 @@ fn messages() -> Vec<(Message, &'static str)> {
             refused(Refusal::TooSlow { lines: 150, loop_rate_hz: 5000, core_hz: 16_000_000, percent: 300 }),
             "010f 9601 8827 80c8d007 ac02",
         ),
+        (refused(Refusal::Injecting { motor: 3 }), "011003"),
         (Message::Info(info), "02 010203 01 80f48d50 80fa8628 02ac02 00 05 04 04 01 01 00 00030507"),
         (
             Message::Info(panicked),

@@ -133,14 +133,21 @@ fn play(lines: usize, loop_rate_hz: u32, core_hz: u32, priority: BytePriority) -
     outcome
 }
 
-/// Every line set at some loop rates on every clock.
+/// Every line set on every clock, at some loop rates and at the highest that is accepted.
 fn all() -> impl Iterator<Item = (usize, u32, u32)> {
     let clocks = [CRYSTAL, INTERNAL_PLL, INTERNAL].map(|clocks| clocks.core_hz);
-    let rates = [1000, 2000, 3000, 5000, 7000, 10_000];
     let sets = [LineSet::Odd30Hz, LineSet::Odd45Hz].map(|set| set.lines().count());
     clocks.into_iter().flat_map(move |core_hz| {
-        rates.into_iter().flat_map(move |rate| sets.into_iter().map(move |lines| (lines, rate, core_hz)))
+        sets.into_iter().flat_map(move |lines| {
+            let rates = [1000, 2000, 3000, 5000, 7000, 10_000].into_iter();
+            rates.chain(highest_accepted(lines, core_hz)).map(move |rate| (lines, rate, core_hz))
+        })
     })
+}
+
+/// The highest loop rate at which so many lines are accepted on this clock.
+fn highest_accepted(lines: usize, core_hz: u32) -> Option<u32> {
+    (1000..=10_000).rev().find(|&rate| percent(lines, rate, core_hz) <= MAX_LOAD_PERCENT)
 }
 
 #[test]

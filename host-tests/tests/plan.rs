@@ -6,7 +6,9 @@ use host_tests::cases;
 use proptest::prelude::*;
 use rotorlead::capture::Signal;
 use rotorlead::channel::Input;
-use rotorlead::controller::{ClockReport, Plan, Supervisor, channels, check_crystal, check_timer, coefficients};
+use rotorlead::controller::{
+    ClockReport, Plan, Supervisor, channel_settings, channels, check_crystal, check_timer, coefficients,
+};
 use rotorlead::link::{Clock, CrystalCheck};
 use rotorlead::settings::{
     FASTEST_RAW_DUTY_HZ, Pulse, PulseProtocol, SHORTEST_LEVEL_US, SLOWEST_TIMER_HZ, Settings, Validated,
@@ -239,5 +241,19 @@ fn the_watchdog_is_fed_while_the_lowest_priority_runs_every_20_s() {
             assert!(!supervisor.tick(false), "20 s are over");
         }
         assert!(supervisor.tick(true), "it is back");
+    }
+}
+
+proptest! {
+    #![proptest_config(cases(5000))]
+
+    #[test]
+    fn an_excitations_ramp_takes_its_time_at_every_loop_rate(settings in any_settings()) {
+        let limits = channel_settings(&settings, 0).excitation;
+        let ticks = limits.max_command.to_bits().cast_unsigned().div_ceil(limits.ramp_per_tick.to_bits().cast_unsigned());
+        let set = settings.loop_rate_hz * u32::from(settings.excitation.ramp_ms) / 1000;
+        // A step of the command per tick more or less.
+        let step = set / limits.ramp_per_tick.to_bits().cast_unsigned() + 1;
+        prop_assert!(ticks.abs_diff(set) <= step, "{} ticks, set {}", ticks, set);
     }
 }

@@ -4,13 +4,13 @@ use host_tests::board::{CRYSTAL, INTERNAL, INTERNAL_PLL, facts};
 use host_tests::flash::Flash;
 use host_tests::rig::{Rig, SECTOR, SharedFlash, saved};
 use rotorlead::capture::{Reading, Signal};
-use rotorlead::controller::ClockReport;
+use rotorlead::controller::{ClockReport, channel_settings};
 use rotorlead::link::{
     BrownOut, ChannelState, CrystalCheck, ExciteRequest, Info, InjectRequest, LineSet, Message, Refusal, Request,
     Source,
 };
 use rotorlead::settings::{MOTORS, Origin, Pulse, PulseProtocol, Settings, Validated};
-use rotorlead::throttle::{Command, EscCommand};
+use rotorlead::throttle::{Command, EscCommand, PulseScale};
 
 const STOP: Command = Command::ZERO;
 const NO_PULSE: EscCommand = EscCommand::NO_PULSE;
@@ -180,6 +180,16 @@ fn an_excitation_ends_when_the_jumper_is_taken_out() {
     assert!(highest > Command::saturating_from_f64(0.5));
     rig.hardware.board.status.bench_enabled = false;
     assert_eq!(rig.ask(&Request::KeepAlive), refused(Refusal::BenchDisabled));
+    // From the next tick on, and at once on the whole ramp: not only when the dead-man's time is over.
+    let limits = channel_settings(&Settings::default().validate().unwrap(), 0);
+    let level = |rig: &mut Rig| rig.hardware.tick_mut().motors()[0].channel().command().to_bits();
+    let mut before = level(&mut rig);
+    for _ in 0..limits.excitation.dead_man_ticks {
+        rig.tick_one(Signal::Nothing);
+        let now = level(&mut rig);
+        assert_eq!(before - now, limits.excitation.ramp_per_tick.to_bits());
+        before = now;
+    }
     let mut ticks = 0;
     while rig.tick_one(Signal::Nothing) > STOP {
         // A host that goes on does not help.
@@ -228,6 +238,13 @@ fn a_wrong_crystal_is_reported_and_arms_no_motor() {
         assert_eq!(rig.tick(signal), [NO_PULSE; MOTORS]);
     }
     assert_eq!(info(&mut rig).motors, [ChannelState::Locked; MOTORS]);
+    // Other settings do not change that.
+    assert!(matches!(rig.ask(&Request::SetSettings(Settings::default())), Message::SettingsTaken(_)));
+    for value in [0.0, 0.0, 0.5, 1.0] {
+        let signal = rig.pulse(value);
+        assert_eq!(rig.tick(signal), [NO_PULSE; MOTORS]);
+    }
+    assert_eq!(info(&mut rig).motors, [ChannelState::Locked; MOTORS]);
     assert!(info(&mut Rig::new()).may_arm);
 }
 
@@ -257,7 +274,7 @@ fn raw_duty_goes_through_from_pulse_to_pulse() {
         let width = widths(&mut rig, signal)[2];
         assert!((f64::from(width) / f64::from(counts) - expected).abs() < 1e-4, "{value}: {width} of {counts}");
     }
-    assert_eq!(widths(&mut rig, low)[2], widths(&mut rig, low)[0]);
+    assert_eq!(widths(&mut rig, low), [(0.02 * f64::from(counts)).round() as u32; MOTORS], "2 % again");
 }
 
 #[test]
@@ -285,6 +302,83 @@ fn a_late_tick_is_counted_and_a_second_in_a_row_ends_an_excitation() {
     assert_eq!(faults.missed_deadlines, 4);
 }
 
+/// Nobody has chosen settings that are not stored.
+#[test]
+fn a_save_that_fails_enables_no_outputs() {
+    let flash = SharedFlash::new(Flash { cut_after: Some(0), ..Flash::blank() });
+    let mut rig = Rig::starting_from(&flash).0;
+    let low = rig.pulse(0.0);
+    assert_eq!(rig.ask(&Request::SaveSettings), refused(Refusal::SaveFailed));
+    let said = info(&mut rig);
+    assert_eq!((said.settings, said.outputs_enabled), (Origin::DefaultsBlank, false));
+    for _ in 0..1000 {
+        assert_eq!(widths(&mut rig, low), [0; MOTORS]);
+    }
+}
+
+/// What the control hardware is told in each tick, and when frames begin, while pulses come at the input's frame rate.
+fn hardware_trace(mut rig: Rig, settings: &Validated) -> (u32, Vec<((u32, u32), [u32; MOTORS])>, Vec<u64>) {
+    let timer_hz = CRYSTAL.timer_hz;
+    let scale = PulseScale::new(settings.input.protocol(), timer_hz).unwrap();
+    let control = &mut rig.hardware.board.control;
+    let rate = settings.loop_rate_hz;
+    let ticks_per_frame = rate / u32::from(settings.input.frame_hz);
+    let mut told = Vec::new();
+    for n in 0..2000_u32 {
+        let hardware = control.hardware_mut();
+        hardware.advance(timer_hz / hardware.frames.0 / rate);
+        let command = Command::saturating_from_f64(if n < 500 { 0.021 } else { 0.25 });
+        let pulse =
+            Signal::Pulse { width_ticks: scale.to_ticks(command), period_ticks: timer_hz / rate * ticks_per_frame };
+        let signal = if n % ticks_per_frame == 0 { pulse } else { Signal::Unchanged };
+        control.run([signal.into(); MOTORS], true);
+        told.push((control.hardware_mut().frames, control.hardware_mut().next_widths));
+    }
+    let hardware = control.hardware_mut();
+    (hardware.tick_rate_hz, told, std::mem::take(&mut hardware.starts))
+}
+
+/// The scales, the frames, whether they follow the input, and the rates: all are those of the new set.
+#[test]
+fn settings_that_are_set_do_what_they_do_after_a_start_with_them() {
+    let pulse = |protocol, frame_hz| Pulse { protocol, frame_hz };
+    let slow = Settings { output: pulse(PulseProtocol::StandardPwm, 100), ..Settings::default() };
+    let fast = Settings {
+        input: pulse(PulseProtocol::OneShot125, 1000),
+        output: pulse(PulseProtocol::OneShot125, 1200),
+        loop_rate_hz: 8000,
+        ..Settings::default()
+    };
+    for (first, second) in [(&slow, &fast), (&fast, &slow)] {
+        let [first, second] = [first, second].map(|settings| settings.clone().validate().unwrap());
+        let started = hardware_trace(Rig::starting_from(&saved(&second)).0, &second);
+        let mut rig = Rig::starting_from(&saved(&first)).0;
+        assert!(matches!(rig.ask(&Request::SetSettings(Settings::clone(&second))), Message::SettingsTaken(_)));
+        assert!(hardware_trace(rig, &second) == started, "{second:?}");
+        assert_ne!(hardware_trace(Rig::starting_from(&saved(&first)).0, &second), started);
+    }
+}
+
+/// A lowest priority that stays away for 20 s has the watchdog bite, at every loop rate.
+#[test]
+fn the_watchdog_is_fed_for_20_s_without_the_lowest_priority() {
+    let mut rig = Rig::new();
+    for loop_rate_hz in [5000, 1000, 10_000] {
+        let set = Request::SetSettings(Settings { loop_rate_hz, ..Settings::default() });
+        assert!(matches!(rig.ask(&set), Message::SettingsTaken(_)));
+        let control = &mut rig.hardware.board.control;
+        control.run([Reading::NOTHING; MOTORS], true);
+        let before = control.hardware_mut().feeds;
+        for _ in 0..25 * loop_rate_hz {
+            control.run([Reading::NOTHING; MOTORS], false);
+        }
+        let fed = control.hardware_mut().feeds - before;
+        assert_eq!(fed, 20 * loop_rate_hz - 1, "at {loop_rate_hz} Hz");
+        control.run([Reading::NOTHING; MOTORS], true);
+        assert_eq!(control.hardware_mut().feeds - before, fed + 1);
+    }
+}
+
 #[test]
 fn the_watchdog_is_patient_only_while_the_flash_stalls() {
     let mut rig = Rig::new();
@@ -292,6 +386,7 @@ fn the_watchdog_is_patient_only_while_the_flash_stalls() {
     assert!(!patient(&mut rig));
     rig.hardware.during_save = vec![[Signal::Nothing; MOTORS]];
     assert_eq!(rig.ask(&Request::SaveSettings), Message::Done);
+    assert_eq!(rig.hardware.patient_during_save, [true]);
     assert!(!patient(&mut rig));
     widths(&mut rig, Signal::Nothing);
     assert_eq!(rig.hardware.board.control.hardware_mut().feeds, 1);

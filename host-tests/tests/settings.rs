@@ -151,6 +151,24 @@ fn a_raw_duty_without_edges_is_refused() {
 
 /// 20 us, the shortest level, are above 3 % of a frame.
 #[test]
+fn a_stop_is_at_most_3_percent_to_the_step() {
+    let with = |stop: i32| {
+        let mut settings = Settings { stop, ..Settings::default() };
+        settings.output = Pulse { protocol: PulseProtocol::RawDuty, frame_hz: 600 };
+        settings.motors.iter_mut().for_each(|motor| motor.max = Command::saturating_from_f64(0.988).to_bits());
+        settings.validate()
+    };
+    let decimal = |value: f64| Command::saturating_from_f64(value).to_bits();
+    // 20 us of 600 Hz are 0.012. The decimals at both limits are taken.
+    for stop in [decimal(0.012), decimal(0.03)] {
+        assert!(with(stop).is_ok(), "{stop}");
+    }
+    for stop in [decimal(0.012) - 1, decimal(0.03) + 1] {
+        assert!(matches!(with(stop).unwrap_err().problem, Problem::NoEdges { .. }), "{stop}");
+    }
+}
+
+#[test]
 fn a_raw_duty_above_1500_hz_is_refused() {
     let with = |change: fn(&mut Settings, Pulse), frame_hz| {
         let mut settings = Settings { stop: bits(0.03), ..Settings::default() };

@@ -40,9 +40,9 @@
 //!   20 ms, and a motor that stops in flight may not start again.
 //! - **Loss.** The last *command* is held, not the last output, which may be the peak of an answer to a step: the filter
 //!   settles on it. After `hold_ticks` ticks come stop pulses, and after `stop_pulse_ticks` of those none.
-//! - **Return within the hold time** goes on without a jump: the output starts from where it is and fades to the new
-//!   command within some 50 ms, instead of answering the step that the outage made with a lead kick. With the filter
-//!   switched out there is nothing to smooth; the command passes at once.
+//! - **Return within the hold time**, with the filter in the path, goes on without a jump: the output starts from where it
+//!   is and fades to the new command within some 50 ms, instead of answering the step that the outage made with a lead
+//!   kick. With the filter switched out there is no such kick; the command passes at once.
 //! - **Return after the stop**, and the first command after a start or a reset: a motor turns only after a disarmed
 //!   command was seen, as a pilot expects of a receiver that comes back. A controller that was reset in flight
 //!   (brown-out) therefore stays at stop until it is disarmed and armed again.
@@ -57,7 +57,7 @@ mod excitation;
 mod settings;
 
 pub use excitation::{End, Excitation, ExcitationRequest, Phase, Refusal};
-pub use settings::{ChannelSettings, ChannelSettingsError, ExcitationLimits, NoSignal, SLOWEST_RAMP_PER_TICK};
+pub use settings::{ChannelSettings, ChannelSettingsError, ExcitationLimits, LONGEST_RAMP_TICKS, NoSignal};
 
 use crate::biquad::Coefficients;
 use crate::capture::Reading;

@@ -14,8 +14,8 @@ pub enum NoSignal {
     StopPulses,
 }
 
-/// Slowest ramp of an excitation, so that a motor is down within 2^16 ticks (13 s at 5 kHz) whatever is set.
-pub const SLOWEST_RAMP_PER_TICK: Command = Command::saturating_from_bits(Command::ONE.to_bits() >> 16);
+/// Longest ramp of an excitation, control ticks: a motor is down within 13 s at 10 kHz whatever is set.
+pub const LONGEST_RAMP_TICKS: u32 = 1 << 17;
 
 /// What a channel may do. Times are in control ticks.
 ///
@@ -57,7 +57,8 @@ pub struct ExcitationLimits {
     pub dead_man_ticks: u32,
     /// How long stop pulses come before the ramp, for the ESC to arm.
     pub arm_ticks: u32,
-    /// Change of the command per tick on the ramps from stop and back; at least [`SLOWEST_RAMP_PER_TICK`].
+    /// Change of the command per tick on the ramps from stop and back; `max_command` must not take more than
+    /// [`LONGEST_RAMP_TICKS`].
     pub ramp_per_tick: Command,
 }
 
@@ -105,7 +106,7 @@ pub enum ChannelSettingsError {
     IdleBelowThreshold,
     /// `max` is not above `idle`.
     MaxNotAboveIdle,
-    /// `excitation.ramp_per_tick` is below [`SLOWEST_RAMP_PER_TICK`].
+    /// `excitation.max_command` takes more than [`LONGEST_RAMP_TICKS`].
     RampTooSlow,
     /// `excitation.dead_man_ticks` is zero, so that every excitation ends before it starts.
     NoDeadMan,
@@ -118,7 +119,7 @@ impl fmt::Display for ChannelSettingsError {
             Self::ArmingNotAboveDisarming => "arming_threshold is not above disarming_threshold",
             Self::IdleBelowThreshold => "idle is below arming_threshold: raise idle",
             Self::MaxNotAboveIdle => "max is not above idle",
-            Self::RampTooSlow => "excitation.ramp_per_tick is so low that a motor would take over 2^16 ticks to stop",
+            Self::RampTooSlow => "excitation.ramp_per_tick is so low that a motor would take over 2^17 ticks to stop",
             Self::NoDeadMan => "excitation.dead_man_ticks is 0: no host can be that fast",
         })
     }
@@ -137,12 +138,19 @@ impl ChannelSettings {
             (self.arming_threshold > self.disarming_threshold, ChannelSettingsError::ArmingNotAboveDisarming),
             (self.idle >= self.arming_threshold, ChannelSettingsError::IdleBelowThreshold),
             (self.max > self.idle, ChannelSettingsError::MaxNotAboveIdle),
-            (self.excitation.ramp_per_tick >= SLOWEST_RAMP_PER_TICK, ChannelSettingsError::RampTooSlow),
+            (self.excitation.ramp_is_short(), ChannelSettingsError::RampTooSlow),
             (self.excitation.dead_man_ticks > 0, ChannelSettingsError::NoDeadMan),
         ];
         match in_order.into_iter().find(|(holds, _)| !holds) {
             Some((_, error)) => Err(error),
             None => Ok(()),
         }
+    }
+}
+
+impl ExcitationLimits {
+    const fn ramp_is_short(&self) -> bool {
+        let longest = self.ramp_per_tick.to_bits() as i64 * LONGEST_RAMP_TICKS as i64;
+        self.ramp_per_tick.to_bits() > 0 && self.max_command.to_bits() as i64 <= longest
     }
 }

@@ -41,7 +41,7 @@ pub use supervision::Supervisor;
 pub use tick::{INJECT_QUEUE, Motor, MotorQueues, Outputs, RECORD_QUEUE, Tick};
 
 use crate::biquad::Coefficients;
-use crate::channel::{Channel, ChannelSettings, ExcitationLimits, SLOWEST_RAMP_PER_TICK};
+use crate::channel::{Channel, ChannelSettings, ExcitationLimits, LONGEST_RAMP_TICKS};
 use crate::design::{DesignError, LeadDesign};
 use crate::settings::{DEAD_MAN_MS, MOTORS, Validated};
 use crate::throttle::Command;
@@ -59,7 +59,9 @@ pub fn channel_settings(settings: &Validated, motor: usize) -> ChannelSettings {
     let motor = settings.motors.get(motor).copied().unwrap_or_default();
     let excitation = &settings.excitation;
     let ramp_ticks = ticks(u32::from(excitation.ramp_ms), rate).max(1);
-    let per_tick = Command::saturating_from_bits(excitation.max_command / ramp_ticks as i32);
+    // No ramp stands still: of commands so low that a step per tick is too much or too little, this is the more.
+    let max_command = excitation.max_command.cast_unsigned();
+    let per_tick = (max_command / ramp_ticks).max(max_command.div_ceil(LONGEST_RAMP_TICKS)).max(1);
     ChannelSettings {
         stop: Command::saturating_from_bits(settings.stop),
         disarming_threshold: Command::saturating_from_bits(motor.disarming),
@@ -75,7 +77,7 @@ pub fn channel_settings(settings: &Validated, motor: usize) -> ChannelSettings {
             max_ticks: ticks(1000 * u32::from(excitation.max_duration_s), rate),
             dead_man_ticks: ticks(DEAD_MAN_MS, rate).max(1),
             arm_ticks: ticks(u32::from(excitation.arm_ms), rate),
-            ramp_per_tick: per_tick.max(SLOWEST_RAMP_PER_TICK),
+            ramp_per_tick: Command::saturating_from_bits(per_tick.cast_signed()),
         },
     }
 }

@@ -236,6 +236,9 @@ impl<F: NorFlash> RequestHandler<F> {
             may_drive(board)?;
         }
         board.tick(|tick| {
+            if source == Source::Inject {
+                host_drives_none(tick, Some(index))?;
+            }
             let path = tick.motor_mut(index).ok_or(Refusal::UnknownMotor)?;
             // A fresh channel begins at rest: only where the old one is there, too.
             match path.channel().state() {
@@ -295,10 +298,7 @@ impl<F: NorFlash> RequestHandler<F> {
         };
         let excitation = Excitation::new(&limits, &checked, f64::from(self.settings.loop_rate_hz)).map_err(refusal)?;
         board.tick(|tick| {
-            let exciting = |state| matches!(state, State::Excitation(_));
-            if tick.motors().iter().any(|motor| exciting(motor.channel().state())) {
-                return Err(Refusal::Exciting);
-            }
+            host_drives_none(tick, None)?;
             // Making it took its time: pulses may have come up meanwhile.
             no_input_is_live(tick)?;
             tick.motor_mut(index).ok_or(Refusal::UnknownMotor)?.excite(excitation).map_err(refusal)
@@ -325,27 +325,28 @@ impl<F: NorFlash> RequestHandler<F> {
     /// Whether outputs will follow.
     fn inject(&mut self, tag: u8, request: &InjectRequest, board: &mut impl ControlAccess) -> Result<bool, Refusal> {
         let index = usize::from(request.motor);
-        if index < MOTORS {
-            may_drive(board)?;
-        }
-        board.tick(|tick| match tick.motors().get(index) {
-            None => Err(Refusal::UnknownMotor),
-            Some(motor) if motor.source() != Source::Inject => Err(Refusal::NotInjecting),
-            Some(_) => Ok(()),
-        })?;
         let injector = self.injectors.get_mut(index).ok_or(Refusal::UnknownMotor)?;
         let queue = self.queues.inject.get_mut(index).ok_or(Refusal::UnknownMotor)?;
-        injector.accept(tag, request)?;
-        if request.samples.is_empty() {
-            return Ok(false);
-        }
-        // Only now: a host that sends what cannot be used does not keep a motor running.
-        board.tick(|tick| tick.motor_mut(index).map(Motor::expect_commands));
-        for &sample in request.samples.as_slice() {
-            // The queue holds a whole window, and the injector accepts no more.
-            let _ = queue.enqueue(Command::saturating_from_bits(sample));
-        }
-        Ok(true)
+        may_drive(board)?;
+        // All at once: a tick in between may end the injection, and would never answer what is queued after it.
+        board.tick(|tick| {
+            let motor = tick.motor_mut(index).ok_or(Refusal::UnknownMotor)?;
+            if motor.source() != Source::Inject {
+                return Err(Refusal::NotInjecting);
+            }
+            injector.accept(tag, request)?;
+            let samples = request.samples.as_slice();
+            // A host that sends what cannot be used, or nothing, does not keep a motor running.
+            if samples.is_empty() {
+                return Ok(false);
+            }
+            motor.expect_commands();
+            for &sample in samples {
+                // The queue holds a whole window, and the injector accepts no more.
+                let _ = queue.enqueue(Command::saturating_from_bits(sample));
+            }
+            Ok(true)
+        })
     }
 
     /// A motor starts afresh: what was under way will not come to anything.
@@ -388,6 +389,21 @@ fn no_input_is_live(tick: &Tick) -> Result<(), Refusal> {
         Some(motor) => Err(Refusal::InputLive { motor: motor as u8 }),
         None => Ok(()),
     }
+}
+
+/// The host drives one motor at a time: that is what somebody at the bench watches, and what the load is computed for.
+/// `except`: an injection into this motor does not count.
+fn host_drives_none(tick: &Tick, except: Option<usize>) -> Result<(), Refusal> {
+    for (index, motor) in tick.motors().iter().enumerate() {
+        if matches!(motor.channel().state(), State::Excitation(_)) {
+            return Err(Refusal::Exciting);
+        }
+        if motor.is_injected() && except != Some(index) {
+            // A motor's index.
+            return Err(Refusal::Injecting { motor: index as u8 });
+        }
+    }
+    Ok(())
 }
 
 /// Every motor stays at rest until [`Tick::resume`].

@@ -34,14 +34,16 @@ enum CommandSource {
     Inject,
     /// An injection that is over, and whose queued commands are still to be answered; then the pulses again.
     EndingInjection,
-    /// Nothing: the output is at rest. Afterwards as before.
-    Paused(Source),
+    /// Nothing: the output is at rest. Afterwards as [`Motor::before_pause`] says.
+    Paused,
 }
 
 /// One motor: its channel, and where its commands come from.
 pub struct Motor {
     channel: Channel,
     source: CommandSource,
+    /// What a pause interrupts: an ending injection still has commands to answer afterwards.
+    before_pause: CommandSource,
     queues: MotorQueues,
     /// Ticks since the last injected command.
     silent_ticks: u32,
@@ -65,6 +67,7 @@ impl Motor {
         Self {
             channel,
             source: CommandSource::Pulse,
+            before_pause: CommandSource::Pulse,
             queues,
             silent_ticks: 0,
             output: EscCommand::NO_PULSE,
@@ -84,11 +87,24 @@ impl Motor {
     /// Where the commands come from.
     #[must_use]
     pub const fn source(&self) -> Source {
-        match self.source {
-            CommandSource::Pulse | CommandSource::EndingInjection => Source::Pulse,
+        match self.unpaused() {
             CommandSource::Inject => Source::Inject,
-            CommandSource::Paused(source) => source,
+            _ => Source::Pulse,
         }
+    }
+
+    /// The source, now or after a pause.
+    const fn unpaused(&self) -> CommandSource {
+        match self.source {
+            CommandSource::Paused => self.before_pause,
+            source => source,
+        }
+    }
+
+    /// Whether the host injects, or has commands queued from an injection that is over.
+    #[must_use]
+    pub const fn is_injected(&self) -> bool {
+        matches!(self.unpaused(), CommandSource::Inject | CommandSource::EndingInjection)
     }
 
     /// Whether pulses come at its input, or came until a moment ago, be they of another protocol, and whatever drives the
@@ -135,28 +151,20 @@ impl Motor {
         self.channel.start_excitation(excitation)
     }
 
-    /// Commands were accepted that are to be injected: the host is there.
+    /// Commands were accepted that are to be injected, and are queued under the same lock: the host is there.
     pub const fn expect_commands(&mut self) {
         self.silent_ticks = 0;
     }
 
     /// Holds the output at rest.
     fn pause(&mut self) {
-        self.source = CommandSource::Paused(self.source());
+        self.before_pause = self.unpaused();
+        self.source = CommandSource::Paused;
         self.channel.lock();
     }
 
     fn resume(&mut self) {
-        if let CommandSource::Paused(source) = self.source {
-            self.source = match source {
-                Source::Pulse => {
-                    // It may have been an ending injection that was paused.
-                    self.channel.set_enabled(self.compensates);
-                    CommandSource::Pulse
-                }
-                Source::Inject => CommandSource::Inject,
-            };
-        }
+        self.source = self.unpaused();
     }
 
     /// What to report.
@@ -215,7 +223,7 @@ impl Motor {
         match self.source {
             CommandSource::Inject if !is_any_driven => self.injected(silence_limit),
             CommandSource::Inject | CommandSource::EndingInjection => self.end_injection(),
-            CommandSource::Paused(_) | CommandSource::Pulse => self.channel.tick(Input::Nothing),
+            CommandSource::Paused | CommandSource::Pulse => self.channel.tick(Input::Nothing),
         }
     }
 
@@ -243,7 +251,12 @@ impl Motor {
     /// disarmed command on. Commands that are still queued are answered with what went out in their place.
     fn end_injection(&mut self) -> EscCommand {
         if self.source == CommandSource::Inject {
-            self.channel.stop();
+            // A line that had no pulse gets none now: they would arm an ESC.
+            if self.output == EscCommand::NO_PULSE {
+                self.channel.lock()
+            } else {
+                self.channel.stop()
+            }
             self.source = CommandSource::EndingInjection;
         }
         let output = self.channel.tick(Input::Nothing);

@@ -35,7 +35,8 @@ pub enum Request {
     /// ([`Refusal::NotInjecting`]). Refused while the motor is not at rest ([`Refusal::Exciting`], or
     /// [`Refusal::NotDisarmed`]: a host brings an injected motor to a stop with a disarmed command first), and
     /// [`Source::Inject`] without the jumper ([`Refusal::BenchDisabled`]), without chosen settings
-    /// ([`Refusal::NoSettings`]), and while pulses come at any input, armed or not ([`Refusal::InputLive`]).
+    /// ([`Refusal::NoSettings`]), while pulses come at any input, armed or not ([`Refusal::InputLive`]), and while the
+    /// host drives another motor ([`Refusal::Exciting`], [`Refusal::Injecting`]).
     SetMode {
         /// The motor, from 0.
         motor: u8,
@@ -45,7 +46,7 @@ pub enum Request {
         compensate: bool,
     },
     /// 5: play a multisine. Refused as [`Source::Inject`] is, outside the limits of the settings, where it has more lines
-    /// than the clock has time for ([`Refusal::TooSlow`]), or while another one plays.
+    /// than the clock has time for ([`Refusal::TooSlow`]), or while another one plays or any motor is injected.
     Excite(ExciteRequest),
     /// 6: the host is still there; at least every [`DEAD_MAN_MS`](crate::settings::DEAD_MAN_MS) while something plays. Where
     /// the jumper is not there any more ([`Refusal::BenchDisabled`]) what plays ramps down.
@@ -216,6 +217,11 @@ pub enum Refusal {
         /// What the excitation and the link would take of a tick, percent.
         percent: u32,
     },
+    /// 16: the host injects commands into a motor already; it drives one at a time.
+    Injecting {
+        /// The motor.
+        motor: u8,
+    },
 }
 
 impl fmt::Display for Refusal {
@@ -259,6 +265,9 @@ impl fmt::Display for Refusal {
             ),
             Self::TooLong { max_duration_s } => write!(f, "longer than the {max_duration_s} s that the settings allow"),
             Self::Exciting => write!(f, "an excitation is under way"),
+            Self::Injecting { motor } => {
+                write!(f, "motor {motor} takes injected commands, and the host drives one motor at a time")
+            }
             Self::NotInjecting => write!(f, "the motor does not take injected commands; set its mode first"),
             Self::OutOfSequence { expected } => write!(f, "sample {expected} was expected: a frame was lost"),
             Self::WindowFull => write!(f, "too many injections are under way"),

@@ -126,9 +126,8 @@ impl fmt::Display for Warning {
             ),
             Self::FramesCannotFollow => write!(
                 f,
-                "output.frame_hz is not between input.frame_hz and twice that: output frames cannot follow the input's, \
-                 and a command waits for up to a whole frame; set output.frame_hz some percent above input.frame_hz if the \
-                 ESC allows it"
+                "output.frame_hz is not above input.frame_hz: output frames cannot follow the input's, and a command \
+                 waits for up to a whole frame; raise output.frame_hz by some percent if the ESC allows it"
             ),
             Self::LowArming => write!(
                 f,
@@ -246,9 +245,9 @@ impl Settings {
         }
         let shortest = f64::from(SHORTEST_LEVEL_US) * 1e-6 * f64::from(self.output.frame_hz);
         let edges = |place, bits: i32, max: f64| {
-            // A decimal at the limit is rounded to a step of the command.
-            let step = as_command(1);
-            if (shortest - step..=max + step).contains(&as_command(bits)) {
+            // A decimal at the limit is rounded to a step of the command, and so is the limit.
+            let [lowest, highest] = [shortest, max].map(|limit| Command::saturating_from_f64(limit).to_bits());
+            if (lowest..=highest).contains(&bits) {
                 return Ok(());
             }
             Err(SettingsError { place, problem: Problem::NoEdges { min: shortest, max } })
@@ -278,7 +277,8 @@ impl Settings {
         Warnings {
             slow_input: slow(self.input),
             slow_output: slow(self.output),
-            cannot_follow: self.output.protocol != PulseProtocol::RawDuty && !self.output_follows_input(),
+            cannot_follow: self.output.protocol != PulseProtocol::RawDuty
+                && self.output.frame_hz <= self.input.frame_hz,
             low_arming: self.motors.iter().any(|motor| motor.arming < LOW_ARMING),
         }
     }

@@ -25,6 +25,12 @@ const TIM3_WIDTHS: u32 = 0x4000_0434;
 /// Where an interrupt is made pending, and the bit of TIM2's there.
 const INTERRUPT_SET_PENDING: u32 = 0xE000_E200;
 const TIM2_PENDING: u32 = 1 << 28;
+/// Priorities of the interrupts, a byte each by their numbers, and that of SysTick. The upper 4 bits of each count.
+const INTERRUPT_PRIORITIES: u32 = 0xE000_E400;
+const USART3: u32 = 39;
+const TIM2: u32 = 28;
+const SYSTICK_PRIORITY: u32 = 0xE000_ED23;
+const PRIORITY_UNUSED_BITS: u32 = 4;
 /// SysTick's control, and the core's register in which a request of its interrupt is taken back.
 const SYSTICK_CONTROL: u32 = 0xE000_E010;
 const SYSTICK_ON: u32 = 0b111;
@@ -133,6 +139,7 @@ pub fn measure(image_path: &Path, image: &Image) -> Result<Interrupts> {
     };
     let handlers = Handlers { tick: address(TICK)?, capture: address(CAPTURE)?, link: address(LINK)? };
     debugger.run_to(handlers.tick)?;
+    check_priorities(&mut debugger)?;
     // The emulator has no crystal, and without one the application does not let pulses arm.
     let exact = image.static_named(PULSES_ARE_EXACT).ok_or_else(|| format!("the image has no {PULSES_ARE_EXACT}"))?;
     debugger.set_byte(exact, 1)?;
@@ -331,6 +338,24 @@ fn measure_requests(image_path: &Path, image: &Image) -> Result<(Locked, Locked)
 }
 
 /// The outputs must be as wide as the library's.
+/// A byte of the link interrupts the captures, and those the tick: what `controller::load` computes rests on it. In the
+/// core's registers the lower number goes first.
+fn check_priorities(debugger: &mut Debugger) -> Result {
+    let mut priority = |name: &str, address: u32| {
+        let word = debugger.read(address & !3)?;
+        let priority = (word >> (8 * (address & 3)) & 0xFF) >> PRIORITY_UNUSED_BITS;
+        println!("priority of {name}: {priority}, 0 goes first");
+        Ok::<_, String>(priority)
+    };
+    let byte = priority(LINK, INTERRUPT_PRIORITIES + USART3)?;
+    let capture = priority(CAPTURE, INTERRUPT_PRIORITIES + TIM2)?;
+    let tick = priority(TICK, SYSTICK_PRIORITY)?;
+    if byte < capture && capture < tick {
+        return Ok(());
+    }
+    Err(format!("{LINK} must go before {CAPTURE}, and that before {TICK}: set them so in src/main.rs"))
+}
+
 fn check_widths(debugger: &mut Debugger, expected: [u32; INPUTS]) -> Result {
     for (output, expected) in (0..).zip(expected) {
         let width = debugger.read(TIM3_WIDTHS + 4 * output)?;

@@ -158,6 +158,7 @@ fn remedy(refusal: &Refusal) -> &'static str {
         Refusal::CommandOutsideLimits { .. } => "lower --nominal or --amplitude, or raise the excitation's limits",
         Refusal::TooLong { .. } => "play fewer periods, or raise excitation.max_duration_s",
         Refusal::Exciting => "wait until it has ended, or stop it with `rotorlead device stop`",
+        Refusal::Injecting { .. } => "end that injection, or send nothing for a second: it then ends by itself",
         Refusal::NotInjecting | Refusal::OutOfSequence { .. } | Refusal::WindowFull => {
             "start again: the line lost a frame, this program was held up for a second, or another one uses the line"
         }

@@ -224,3 +224,46 @@ fn design(settings: &Settings) -> miette::Result<LeadDesign> {
 fn is_compensated(settings: &Settings, motor: u8) -> bool {
     settings.motors.get(usize::from(motor)).is_some_and(|motor| motor.compensate)
 }
+
+#[cfg(test)]
+mod tests {
+    use rotorlead::link::{ChannelState, Clock, ResetReason};
+    use rotorlead::settings::{MOTORS, Origin};
+
+    use super::*;
+
+    #[test]
+    fn what_is_wrong_with_crystal_and_brown_out_level_is_said_with_what_to_do() {
+        let lines = |crystal, may_arm, brown_out| {
+            state_lines(&Info {
+                firmware: [1, 0, 0],
+                clock: Clock::InternalPll,
+                core_hz: 168_000_000,
+                timer_hz: 84_000_000,
+                crystal,
+                may_arm,
+                ticks: 0,
+                reset: ResetReason::PowerOn,
+                brown_out,
+                settings: Origin::Stored,
+                outputs_enabled: true,
+                bench_enabled: false,
+                motors: [ChannelState::NoSignal; MOTORS],
+            })
+        };
+        let [crystal, _, brown_out, ..] =
+            lines(CrystalCheck::Wrong { measured_hz: 16_020_000 }, false, BrownOut::Level1);
+        for part in ["crystal WRONG: 16.02 MHz", "no motor arms", "8 MHz", "pulses arm NO motor"] {
+            assert!(crystal.contains(part), "{crystal}");
+        }
+        for part in ["Level1", "BOR_LEV to level 3"] {
+            assert!(brown_out.contains(part), "{brown_out}");
+        }
+        let [crystal, _, brown_out, ..] = lines(CrystalCheck::Right { measured_hz: 8_010_000 }, true, BrownOut::Level3);
+        assert_eq!(crystal, "crystal as expected, 8.01 MHz by the internal oscillator; pulses may arm motors");
+        assert_eq!(brown_out, "brown-out reset at level 3");
+        let [crystal, _, brown_out, ..] = lines(CrystalCheck::NotChecked, true, BrownOut::Unknown);
+        assert!(crystal.contains("not checked") && brown_out.contains("cannot be read"));
+        assert!(lines(CrystalCheck::NotChecked, true, BrownOut::Off)[2].contains("BOR_LEV"));
+    }
+}
