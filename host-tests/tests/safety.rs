@@ -316,14 +316,24 @@ fn a_save_that_fails_enables_no_outputs() {
     }
 }
 
-/// What the control hardware is told in each tick, and when frames begin, while pulses come at the input's frame rate.
-fn hardware_trace(mut rig: Rig, settings: &Validated) -> (u32, Vec<((u32, u32), [u32; MOTORS])>, Vec<u64>) {
+/// What the control hardware was told.
+#[derive(Debug, PartialEq)]
+struct HardwareTrace {
+    tick_rate_hz: u32,
+    /// In each tick: divider and length of the frames, and the widths.
+    ticks: Vec<((u32, u32), [u32; MOTORS])>,
+    /// When frames began, in counts.
+    starts: Vec<u64>,
+}
+
+/// While pulses come at the input's frame rate.
+fn hardware_trace(mut rig: Rig, settings: &Validated) -> HardwareTrace {
     let timer_hz = CRYSTAL.timer_hz;
     let scale = PulseScale::new(settings.input.protocol(), timer_hz).unwrap();
     let control = &mut rig.hardware.board.control;
     let rate = settings.loop_rate_hz;
     let ticks_per_frame = rate / u32::from(settings.input.frame_hz);
-    let mut told = Vec::new();
+    let mut ticks = Vec::new();
     for n in 0..2000_u32 {
         let hardware = control.hardware_mut();
         hardware.advance(timer_hz / hardware.frames.0 / rate);
@@ -332,10 +342,10 @@ fn hardware_trace(mut rig: Rig, settings: &Validated) -> (u32, Vec<((u32, u32), 
             Signal::Pulse { width_ticks: scale.to_ticks(command), period_ticks: timer_hz / rate * ticks_per_frame };
         let signal = if n % ticks_per_frame == 0 { pulse } else { Signal::Unchanged };
         control.run([signal.into(); MOTORS], true);
-        told.push((control.hardware_mut().frames, control.hardware_mut().next_widths));
+        ticks.push((control.hardware_mut().frames, control.hardware_mut().next_widths));
     }
     let hardware = control.hardware_mut();
-    (hardware.tick_rate_hz, told, std::mem::take(&mut hardware.starts))
+    HardwareTrace { tick_rate_hz: hardware.tick_rate_hz, ticks, starts: std::mem::take(&mut hardware.starts) }
 }
 
 /// The scales, the frames, whether they follow the input, and the rates: all are those of the new set.
