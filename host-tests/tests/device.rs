@@ -32,6 +32,10 @@ const TIME_CONSTANT_S: f64 = 1.0 / 9.2889;
 /// Faster than time, where the controller's clock has to run for long.
 const FAST: Pace = Pace { speed: 40.0, eager: true, bytes_per_s: None, needs_full_window: false };
 
+/// Frames per second of the default settings.
+const INPUT_HZ: f64 = 400.0;
+const OUTPUT_HZ: f64 = 450.0;
+
 /// A controller with a motor and a thrust sensor, and a folder for what comes of it.
 struct Bench {
     controller: StandIn,
@@ -40,13 +44,22 @@ struct Bench {
 
 impl Bench {
     fn new(trouble: Trouble, pace: Pace) -> Self {
-        Self::driven(trouble, pace, |_| Signal::Nothing)
+        Self::with_frames(trouble, pace, OUTPUT_HZ, |_| Signal::Nothing)
     }
 
-    /// With pulses at the input.
+    /// With pulses at the input, which the output frames follow.
     fn driven(trouble: Trouble, pace: Pace, input: impl FnMut(f64) -> Signal + Send + 'static) -> Self {
-        let stand = || {
-            let timing = EscTiming { frame_hz: Some(400.0), frame_phase: 0.0 };
+        Self::with_frames(trouble, pace, INPUT_HZ, input)
+    }
+
+    fn with_frames(
+        trouble: Trouble,
+        pace: Pace,
+        frame_hz: f64,
+        input: impl FnMut(f64) -> Signal + Send + 'static,
+    ) -> Self {
+        let stand = move || {
+            let timing = EscTiming { frame_hz: Some(frame_hz), frame_phase: 0.0 };
             let mut motor = Actuator::new(&model(), Law::LinearAround(NOMINAL), timing).unwrap();
             motor.settle(0.0);
             let thrust = move |command: f64, time_s: f64| {
@@ -285,6 +298,7 @@ fn a_recorded_excitation_is_identified_as_it_is() {
         bench.device(&format!("excite --nominal 0.5 --periods 2 --out @stand {SENSOR}")).unwrap();
         let experiment = Experiment::read(&bench.path("stand")).unwrap();
         assert_eq!(experiment.records[0].time_s.len(), 20_000);
+        assert_eq!(experiment.esc_frame_hz, Some(OUTPUT_HZ));
         let identified = bench.rotorlead("identify @stand --out @found.toml").unwrap();
         assert_found(&identified["points"][0]);
     }
@@ -374,6 +388,7 @@ fn records_of_a_motor_that_something_else_drives_add_up_to_an_experiment() {
     let experiment = Experiment::read(&bench.path("stand")).unwrap();
     let [multisine, square] = &experiment.records[..] else { panic!("{:?}", experiment.records.len()) };
     assert_eq!((&*multisine.file, &*square.file), ("u050_multisine.csv", "u050_square.csv"));
+    assert_eq!(experiment.esc_frame_hz, Some(INPUT_HZ));
     assert_eq!((multisine.period_s, square.period_s), (Some(10.0), Some(2.0)));
     assert!((multisine.amplitude.unwrap() - 0.05).abs() < 1e-4, "{:?}", multisine.amplitude);
     assert_eq!(

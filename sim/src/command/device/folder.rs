@@ -21,17 +21,18 @@ pub struct ExperimentFolder<'a> {
 }
 
 impl<'a> ExperimentFolder<'a> {
-    /// The folder at `path`, for records of a controller with these settings, one row in `divisor` ticks.
+    /// The folder at `path`, for records of a controller with these settings, one row in `divisor` ticks, whose output frames
+    /// come at `esc_frame_hz`.
     ///
     /// # Errors
     /// When records like these cannot go there, so that it is said before the work.
-    pub fn new(path: &'a Path, settings: &Settings, divisor: u16) -> miette::Result<Self> {
+    pub fn new(path: &'a Path, settings: &Settings, divisor: u16, esc_frame_hz: u16) -> miette::Result<Self> {
         let loop_rate_hz = f64::from(settings.loop_rate_hz);
         let header = Experiment {
             name: "recorded by the controller".into(),
             output: Output::ThrustN,
             sample_rate_hz: Some(loop_rate_hz / f64::from(divisor)),
-            esc_frame_hz: Some(f64::from(settings.output.frame_hz)),
+            esc_frame_hz: Some(f64::from(esc_frame_hz)),
             command_rate_hz: (divisor > 1).then_some(loop_rate_hz),
             records: Vec::new(),
         };

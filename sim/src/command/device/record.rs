@@ -176,7 +176,10 @@ impl Record {
         let divisor = self.divisor.unwrap_or(settings.recorder_divisor);
         let loop_rate_hz = f64::from(settings.loop_rate_hz);
         let rows = self.rows(loop_rate_hz / f64::from(divisor))?;
-        let folder = ExperimentFolder::new(&self.out, &settings, divisor)?;
+        // Those of a flight controller, whose pulses the output frames may follow.
+        let follows = settings.clone().validate().is_ok_and(|settings| settings.output_follows_input());
+        let esc_frame_hz = if follows { settings.input.frame_hz } else { settings.output.frame_hz };
+        let folder = ExperimentFolder::new(&self.out, &settings, divisor, esc_frame_hz)?;
         let bar = progress::bar("recording", rows as u64);
         let told = |done| bar.set_position(done as u64);
         let recorded = device::record(session, &settings, self.motor, divisor, rows, &told)?;
