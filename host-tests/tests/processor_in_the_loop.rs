@@ -56,7 +56,10 @@ fn level_through_the_image((nominal, ..): (f64, f64, f64)) -> Result<(), HostLat
     let (_emulator, address) = Machine::serve(&image());
     let device = ["device", "--port", &address, "--timeout", "30"];
     // The emulated time runs ahead of the host. With the first settings that somebody chooses there may be pulses.
-    rotorlead(folder.path(), &[&device[..], &["set", "motor.*.hold_ms", "1000"]].concat())?;
+    rotorlead(
+        folder.path(),
+        &[&device[..], &["set", "output.protocol", "standard_pwm", "motor.*.hold_ms", "1000"]].concat(),
+    )?;
     let words = [&device[..], &["inject", "--compensate", "true"]].concat();
     let files = ["--model", "@model.toml", "--plan", "@plan.toml", "--out", "@pil"];
     let start = std::time::Instant::now();
