@@ -1,5 +1,7 @@
 //! A board in memory: what the traits of `rotorlead::controller::hardware` ask for, with everything open to a test.
 
+use std::sync::{Arc, Mutex, MutexGuard};
+
 use embedded_storage::nor_flash::NorFlash;
 use heapless::spsc::Queue;
 use rotorlead::channel::Channel;
@@ -36,9 +38,13 @@ pub const fn facts(clocks: ClockReport) -> BoardFacts {
     BoardFacts { clocks, reset: ResetReason::PowerOn, brown_out: BrownOut::Level3 }
 }
 
-/// A timer whose count and edges a test sets.
+/// A timer whose count and edges a test sets, be it in use.
+#[derive(Clone, Debug, Default)]
+pub struct TestCapture(Arc<Mutex<Captured>>);
+
+/// What a [`TestCapture`] has.
 #[derive(Debug, Default)]
-pub struct TestCapture {
+pub struct Captured {
     /// Its count.
     pub now: u32,
     /// What it has captured.
@@ -47,17 +53,27 @@ pub struct TestCapture {
     pub listening: [bool; MOTORS],
 }
 
+impl TestCapture {
+    /// What it has.
+    ///
+    /// # Panics
+    /// When a test has panicked with it.
+    pub fn get(&self) -> MutexGuard<'_, Captured> {
+        self.0.lock().expect("no test panics with it")
+    }
+}
+
 impl CaptureTimer for TestCapture {
     fn now(&self) -> u32 {
-        self.now
+        self.get().now
     }
 
     fn take(&mut self) -> [Option<Edge>; MOTORS] {
-        std::mem::take(&mut self.edges)
+        std::mem::take(&mut self.get().edges)
     }
 
     fn listen(&mut self, inputs: [bool; MOTORS]) {
-        self.listening = inputs;
+        self.get().listening = inputs;
     }
 }
 
@@ -196,6 +212,8 @@ impl RequestHardware for TestStatus {
 
 /// The board and the controller's parts of the higher priorities.
 pub struct TestBoard {
+    /// The timer of the inputs.
+    pub capture: TestCapture,
     /// The inputs.
     pub inputs: Inputs<TestCapture>,
     /// The control task.
@@ -209,12 +227,13 @@ impl TestBoard {
     pub fn start<F: NorFlash>(store: Store<F>, facts: BoardFacts) -> (Self, RequestHandler<F>, Origin) {
         let apart = facts.clocks.tells_pulses_apart();
         // Patient, so that a test sees that a start changes it.
+        let capture = TestCapture::default();
         let outputs = TestOutputs { patient: true, ..TestOutputs::default() };
         let started: Started<TestCapture, TestOutputs, F> =
-            controller::start(TestCapture::default(), outputs, store, &facts, apart, queues());
+            controller::start(capture.clone(), outputs, store, &facts, apart, queues());
         let Started { inputs, control, handler, origin } = started;
         let status = TestStatus { facts, bench_enabled: true, overruns: 0 };
-        (Self { inputs, control, status }, handler, origin)
+        (Self { capture, inputs, control, status }, handler, origin)
     }
 
     /// The state of the control task.

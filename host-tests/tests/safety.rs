@@ -1,9 +1,11 @@
 //! What an ESC and a flight controller expect of a controller between them: nothing happens that nobody has asked for.
 
-use host_tests::board::{CRYSTAL, INTERNAL, INTERNAL_PLL, facts};
+use host_tests::board::{CRYSTAL, INTERNAL, INTERNAL_PLL, TestBoard, facts};
 use host_tests::flash::Flash;
+use host_tests::line::{Line, TICKS_PER_POLL, us};
 use host_tests::rig::{Rig, SECTOR, SharedFlash, saved};
-use rotorlead::capture::{Reading, Signal};
+use rotorlead::capture::{Level, Reading, Signal};
+use rotorlead::controller::hardware::Edge;
 use rotorlead::controller::{ClockReport, channel_settings};
 use rotorlead::link::{
     BrownOut, ChannelState, CrystalCheck, ExciteRequest, Info, InjectRequest, LineSet, Message, Refusal, Request,
@@ -366,6 +368,41 @@ fn settings_that_are_set_do_what_they_do_after_a_start_with_them() {
         assert!(matches!(rig.ask(&Request::SetSettings(Settings::clone(&second))), Message::SettingsTaken(_)));
         assert!(hardware_trace(rig, &second) == started, "{second:?}");
         assert_ne!(hardware_trace(Rig::starting_from(&saved(&first)).0, &second), started);
+    }
+}
+
+/// What the inputs' decoders make of a line at motor 0.
+fn readings(board: &mut TestBoard, line: &Line, end: u64) -> Vec<Reading> {
+    let mut edges = line.edges().iter().peekable();
+    (1..=end / TICKS_PER_POLL)
+        .map(|tick| {
+            let now = tick * TICKS_PER_POLL;
+            while let Some(&(time, level)) = edges.next_if(|&&(time, _)| time < now) {
+                let edge = Edge { timestamp: time as u32, is_high: level == Level::High, overcapture: false };
+                board.capture.get().edges[0] = Some(edge);
+                board.inputs.capture();
+            }
+            board.capture.get().now = now as u32;
+            board.inputs.poll()[0]
+        })
+        .collect()
+}
+
+#[test]
+fn settings_that_are_set_change_what_an_input_takes_for_a_pulse() {
+    let servo = (PulseProtocol::StandardPwm, 400, Line::pulses(us(1000.0), us(2500.0), us(1500.0), 100));
+    let oneshot = (PulseProtocol::OneShot125, 2000, Line::pulses(us(1000.0), us(500.0), us(187.5), 500));
+    let pulses = [servo, oneshot];
+    for (protocol, frame_hz, _) in &pulses {
+        for (sent, _, line) in &pulses {
+            let mut rig = Rig::new();
+            let input = Pulse { protocol: *protocol, frame_hz: *frame_hz };
+            let settings = Settings { input, ..Settings::default() };
+            assert!(matches!(rig.ask(&Request::SetSettings(settings)), Message::SettingsTaken(_)));
+            let all = readings(&mut rig.hardware.board, line, us(251_000.0));
+            let is_live = all.iter().any(|reading| reading.is_live());
+            assert_eq!(is_live, sent == protocol, "{sent:?} after {protocol:?} was set");
+        }
     }
 }
 
