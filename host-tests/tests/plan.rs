@@ -244,6 +244,27 @@ fn the_watchdog_is_fed_while_the_lowest_priority_runs_every_20_s() {
     }
 }
 
+/// What `docs/wiring.md` says of the outputs' timer.
+#[test]
+fn the_page_on_wiring_has_the_counts_and_the_rate_of_the_outputs() {
+    let page = include_str!("../../docs/wiring.md").split_whitespace().collect::<Vec<_>>().join(" ");
+    let frames = |settings: &Validated| Plan::new(settings, CRYSTAL.timer_hz, true).unwrap().frames;
+    let default = frames(&Validated::default());
+    let raw = Pulse { protocol: PulseProtocol::RawDuty, frame_hz: 600 };
+    let raw = frames(&with(Settings::default().input, raw));
+    let thousands = |number: u32| format!("{} {:03}", number / 1000, number % 1000);
+    let hz = (f64::from(default.counter_hz) / f64::from(default.shortest)).round();
+    for said in [
+        format!("With the default settings TIM3 counts at {} MHz", default.counter_hz / 1_000_000),
+        format!("the 1000 µs of a standard pulse into {} steps", thousands(default.counter_hz / 1000)),
+        format!("At 600 Hz it counts at {} MHz", raw.counter_hz / 1_000_000),
+        format!("a raw duty has {} steps", thousands(raw.shortest)),
+        format!("1000 µs, {hz} times a second"),
+    ] {
+        assert!(page.contains(&said), "docs/wiring.md does not say: {said}");
+    }
+}
+
 proptest! {
     #![proptest_config(cases(5000))]
 
