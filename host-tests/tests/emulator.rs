@@ -455,6 +455,8 @@ fn excite(machine: &mut Machine, request: &ExciteRequest, stays: bool) -> Vec<Re
     let mut running = false;
     let mut alive = 0_u32;
     let mut ended = false;
+    // The stop pulses behind the excitation of a host that stays are recorded to their end.
+    let mut pulses_over = !stays;
     // A store of them is on its way at all times: the emulated time does not wait for a host that is held up.
     let mut under_way = 0;
     loop {
@@ -466,17 +468,19 @@ fn excite(machine: &mut Machine, request: &ExciteRequest, stays: bool) -> Vec<Re
         match answer.message {
             Message::Record(record) => {
                 let stop = record.before.as_slice().last() == Some(&0);
+                let no_pulse = record.after.as_slice().last() == Some(&NO_PULSE);
                 records.push(record);
                 alive += 1;
                 if running && stop && alive > 100 {
                     ended = true;
                 }
+                pulses_over |= ended && no_pulse;
             }
             Message::Done if answer.tag == started && !running => running = true,
             Message::Done => under_way -= 1,
             other => panic!("{other:?}"),
         }
-        if ended && under_way <= 0 {
+        if ended && pulses_over && under_way <= 0 {
             break;
         }
     }
