@@ -1,6 +1,6 @@
 //! The blind cases: builds the tool and the judge, and lets the one judge the other.
 
-use crate::run::{Result, cargo, root, run};
+use crate::run::{Result, cargo, release_folder, root, run};
 
 /// Where the whole report set's page goes.
 const PAGE: &str = "docs/confusion.md";
@@ -14,10 +14,7 @@ pub fn run_cases(options: &[&str]) -> Result {
     let mut judge = cargo(&["run", "--release", "--package", "blind-cases", "--locked", "--"]);
     judge.args(options);
     if judges {
-        // Cargo puts it where the environment or its configuration says.
-        let target =
-            std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), |folder| root().join(folder));
-        let tool = target.join("release").join(format!("rotorlead{}", std::env::consts::EXE_SUFFIX));
+        let tool = release_folder().join(format!("rotorlead{}", std::env::consts::EXE_SUFFIX));
         judge.arg("--tool").arg(tool).arg("--page").arg(root().join(PAGE));
     }
     run(&mut judge)

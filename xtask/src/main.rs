@@ -1,5 +1,6 @@
 //! Set-up, tests and benchmarks of the workspace: `cargo xtask help` lists them.
 
+mod answers;
 mod apt;
 mod bench;
 mod blind;
@@ -41,6 +42,8 @@ Usage: cargo xtask COMMAND
   blind    [--set tune|report] [--kinds A,B] [--seeds N] [--jobs N] [--keep DIR] [--rivals family|all] [--only-ceilings]
            asks `rotorlead diagnose` about cases whose truth it does not see, and scores the answers; the whole report set
            against all rivals writes docs/confusion.md
+  answers  [--freeze] [--estimates] [CASE ...] compares what the tool answers on fixed cases with the answers that are kept, to 1e-9,
+           or with --estimates to 0.05 of a standard deviation; with --freeze keeps those of today; a quarter of an hour
   docs     writes the pages under docs anew: the catalog of effects, the help of the commands, what the commands that the pages
            show print, and the figures that they draw
   help     prints this
@@ -80,6 +83,7 @@ fn task<'a>(arguments: &'a [&'a str]) -> Option<Task<'a>> {
         ["library"] => Box::new(library::check),
         ["test"] => Box::new(test::all),
         ["docs"] => Box::new(docs::write),
+        ["answers", options @ ..] => Box::new(move || answers::run_cases(options)),
         ["blind", options @ ..] => Box::new(move || blind::run_cases(options)),
         ["statistics"] => Box::new(statistics::all),
         ["bench"] => Box::new(bench::all),

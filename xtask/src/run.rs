@@ -1,6 +1,6 @@
 //! Runs other programs, says which, and turns what they end with into a result.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -10,6 +10,13 @@ pub type Result<T = ()> = std::result::Result<T, String>;
 /// The root of the workspace.
 pub fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("xtask is a folder of the workspace")
+}
+
+/// Where cargo puts programs of the release profile.
+pub fn release_folder() -> PathBuf {
+    let target =
+        std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), |folder| root().join(folder));
+    target.join("release")
 }
 
 /// The cargo that runs this, at the root of the workspace.
