@@ -10,7 +10,7 @@ pub fn write() -> Result {
         let arguments = ["test", "--quiet", "--workspace", "--test", test, "--locked", "--", filter];
         run(cargo(&arguments).env("ROTORLEAD_UPDATE_PAGES", "1"))
     };
-    written("pages", "")?;
+    written("library", "pages::")?;
     // The program whose output is shown.
     run(&mut cargo(&["build", "--workspace", "--bin", "rotorlead", "--locked"]))?;
     written("cli", "docs::")

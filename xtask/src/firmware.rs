@@ -86,10 +86,9 @@ pub fn test() -> Result {
         Ok(()) => return Err("the check for panics does not see the one that was planted".to_owned()),
         Err(found) => eprintln!("xtask: as it should, the check finds the planted panic: {found}"),
     }
-    setup::emulator()?;
     let image = build_image(&[])?;
-    let mut test = cargo(&["test", "--package", "host-tests", "--locked"]);
-    test.args(["--test", "emulator", "--test", "processor_in_the_loop", "--", "--ignored"]);
+    // Of the whole workspace, as the other tests are: of one package alone its dependencies would be compiled anew.
+    let mut test = cargo(&["test", "--workspace", "--locked", "--test", "emulator", "--", "--ignored"]);
     // The emulated time does not wait for a machine that is busy with more emulators than it has cores.
     test.args(["--test-threads", "2"]);
     run(test.env("ROTORLEAD_IMAGE", image).env("ROTORLEAD_PANICKING_IMAGE", panicking))

@@ -28,7 +28,11 @@ Usage: cargo xtask COMMAND
   emulate  [PORT] runs that image in QEMU, with its link on a TCP port
   flash    flashes that image with a debug probe, and shows its log
   test     every test there is: formatting, lints, documentation, host tests, and the controller's image: its build, its checks,
-           its tests in QEMU, its instruction counts
+           its tests in QEMU, its instruction counts; prints how long each part took. Changes nothing on the machine;
+           with --setup installs what is missing first, and says what;
+           with --quick formatting, lints, unit tests, and those of the controller and of the command line
+  test-image
+           the controller's image alone: its build, its checks, its tests in QEMU; a part of test
   library  the library as another firmware takes it: without a board, with each feature alone, for other cores, as a package;
            a part of test
   statistics
@@ -81,7 +85,10 @@ fn task<'a>(arguments: &'a [&'a str]) -> Option<Task<'a>> {
         }),
         ["flash"] => Box::new(firmware::flash),
         ["library"] => Box::new(library::check),
-        ["test"] => Box::new(test::all),
+        ["test"] => Box::new(|| test::all(false)),
+        ["test", "--setup"] => Box::new(|| test::all(true)),
+        ["test", "--quick"] => Box::new(test::quick),
+        ["test-image"] => Box::new(firmware::test),
         ["docs"] => Box::new(docs::write),
         ["answers", options @ ..] => Box::new(move || answers::run_cases(options)),
         ["blind", options @ ..] => Box::new(move || blind::run_cases(options)),

@@ -73,27 +73,76 @@ impl Toolchain {
     }
 }
 
-/// Everything.
-pub fn all() -> Result {
-    components()?;
-    targets()?;
-    emulator()?;
-    browser()
+/// Something that a Rust toolchain may lack.
+struct Need {
+    name: String,
+    is_there: Box<dyn Fn() -> bool>,
+    install: Box<dyn Fn() -> Result>,
 }
 
-/// rustfmt and clippy.
-pub fn components() -> Result {
-    for (component, subcommand) in [("rustfmt", "fmt"), ("clippy", "clippy")] {
-        if output(&mut command("cargo", &[subcommand, "--version"])).is_none() {
-            rustup(&["component", "add", component])?;
+/// Everything that builds and tests need beside a Rust toolchain.
+fn needs() -> Vec<Need> {
+    let component = |name: &'static str, subcommand: &'static str| Need {
+        name: name.to_owned(),
+        is_there: Box::new(move || runs("cargo", &[subcommand, "--version"])),
+        install: Box::new(move || rustup(&["component", "add", name])),
+    };
+    let target = |target: &'static str| Need {
+        name: format!("the target {target}"),
+        is_there: Box::new(move || toolchain(target).is_ok()),
+        install: Box::new(move || add_target(target)),
+    };
+    let mut needs = vec![component("rustfmt", "fmt"), component("clippy", "clippy")];
+    needs.extend(library::CORES.map(target));
+    needs.push(Need {
+        name: emulator_name(),
+        is_there: Box::new(has_emulator),
+        install: Box::new(|| apt::install_at_least(emulator::PACKAGE, emulator::OLDEST)),
+    });
+    needs.push(Need {
+        name: BROWSER_PACKAGE.to_owned(),
+        is_there: Box::new(|| BROWSERS.iter().any(|program| runs(program, &["--version"]))),
+        install: Box::new(|| apt::install(&[BROWSER_PACKAGE])),
+    });
+    needs
+}
+
+/// Installs what is missing, and says what.
+pub fn all() -> Result {
+    for need in needs().iter().filter(|need| !(need.is_there)()) {
+        eprintln!("xtask: installs {}", need.name);
+        (need.install)().map_err(|error| format!("{} is missing.\n{error}", need.name))?;
+        if !(need.is_there)() {
+            return Err(format!("{} was installed, but cannot be used", need.name));
         }
     }
     Ok(())
 }
 
-/// The targets of the image and of the library.
-pub fn targets() -> Result {
-    library::CORES.into_iter().try_for_each(|core| toolchain(core).map(drop))
+/// An error that names what is missing, and how it is installed. Changes nothing.
+pub fn check() -> Result {
+    let missing: Vec<String> = needs().into_iter().filter(|need| !(need.is_there)()).map(|need| need.name).collect();
+    if missing.is_empty() { Ok(()) } else { Err(missing_error(&missing)) }
+}
+
+fn missing_error(missing: &[String]) -> String {
+    format!(
+        "missing: {}; `cargo xtask test --setup` or `cargo xtask setup` installs what is missing",
+        missing.join(", ")
+    )
+}
+
+/// An error where there is no QEMU that has the controller's clock registers.
+pub fn emulator() -> Result {
+    if has_emulator() { Ok(()) } else { Err(missing_error(&[emulator_name()])) }
+}
+
+fn emulator_name() -> String {
+    format!("{} {} or later", emulator::PROGRAM, emulator::OLDEST)
+}
+
+fn has_emulator() -> bool {
+    emulator::version().is_some_and(|version| version >= emulator::OLDEST)
 }
 
 /// What builds for the controller.
@@ -106,50 +155,30 @@ pub fn toolchain(target: &'static str) -> Result<Toolchain> {
     let of = |origin| Toolchain { origin, target };
     let libraries = output(&mut command("rustc", &["--print", "target-libdir", "--target", target]));
     if libraries.is_some_and(|folder| Path::new(folder.trim()).is_dir()) {
-        return Ok(of(Origin::Rustup));
+        Ok(of(Origin::Rustup))
+    } else if has_debian() {
+        Ok(of(Origin::Debian))
+    } else {
+        Err(missing_error(&[format!("the target {target}")]))
     }
-    if has_debian() {
-        return Ok(of(Origin::Debian));
-    }
-    let Err(first) = rustup(&["target", "add", target]) else { return Ok(of(Origin::Rustup)) };
+}
+
+/// Adds rustup's library for a target, or Debian's compiler where rustup's server cannot be reached.
+fn add_target(target: &str) -> Result {
+    let Err(first) = rustup(&["target", "add", target]) else { return Ok(()) };
     eprintln!("xtask: {first}\nxtask: tries Debian's compiler instead");
-    apt::install(&DEBIAN_PACKAGES).map_err(|second| format!("the target {target} is missing.\n{first}\n{second}"))?;
-    if has_debian() { Ok(of(Origin::Debian)) } else { Err(format!("{} installed, but incomplete", DEBIAN_PACKAGES[0])) }
+    apt::install(&DEBIAN_PACKAGES).map_err(|second| format!("{first}\n{second}"))
 }
 
 /// Whether Debian's compiler is here with the source of its own library.
 fn has_debian() -> bool {
     let sysroot = output(&mut command("/usr/bin/rustc", &["--print", "sysroot"]));
     let source = sysroot.is_some_and(|folder| Path::new(folder.trim()).join(DEBIAN_SOURCE).is_file());
-    source && output(&mut command("ld.lld", &["--version"])).is_some() && Path::new("/usr/bin/cargo").is_file()
+    source && runs("ld.lld", &["--version"]) && Path::new("/usr/bin/cargo").is_file()
 }
 
-/// QEMU, new enough to have the controller's clock registers.
-pub fn emulator() -> Result {
-    match emulator::version() {
-        Some(version) if version >= emulator::OLDEST => return Ok(()),
-        Some(version) => eprintln!("xtask: QEMU {version} is too old: {} models the clock registers", emulator::OLDEST),
-        None => {}
-    }
-    apt::install_at_least(emulator::PACKAGE, emulator::OLDEST)?;
-    match emulator::version() {
-        Some(version) if version >= emulator::OLDEST => Ok(()),
-        _ => Err(format!("{} is installed, but does not run as {}", emulator::PACKAGE, emulator::PROGRAM)),
-    }
-}
-
-/// Chromium, in which the reports are opened.
-pub fn browser() -> Result {
-    let is_there = || BROWSERS.iter().any(|program| output(&mut command(program, &["--version"])).is_some());
-    if is_there() {
-        return Ok(());
-    }
-    apt::install(&[BROWSER_PACKAGE])?;
-    if is_there() {
-        Ok(())
-    } else {
-        Err(format!("{BROWSER_PACKAGE} is installed, but does not run as {}", BROWSERS[0]))
-    }
+fn runs(program: &str, arguments: &[&str]) -> bool {
+    output(&mut command(program, arguments)).is_some()
 }
 
 fn rustup(arguments: &[&str]) -> Result {

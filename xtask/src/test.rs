@@ -1,22 +1,166 @@
-//! Every test there is.
+//! Every test there is, in parts that are timed.
 
-use crate::run::{Result, cargo, run};
-use crate::{bench, firmware, library, setup};
+use std::fs::File;
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use crate::run::{Result, cargo, command, run, target_folder};
+use crate::setup;
+
+/// A step of the tests: what the table of times calls it, and its commands, one after the other.
+struct Part {
+    name: &'static str,
+    commands: Vec<Command>,
+}
+
+fn part(name: &'static str, commands: impl IntoIterator<Item = Command>) -> Part {
+    Part { name, commands: commands.into_iter().collect() }
+}
 
 /// Formatting, lints, documentation, host tests, the library as another firmware takes it, and what the image for the
-/// controller shows of itself.
-pub fn all() -> Result {
-    setup::components()?;
-    setup::targets()?;
-    if let Err(error) = setup::browser() {
-        // The test that needs it says so too, and fails where nobody reads along.
-        eprintln!("xtask: {error}\nxtask: without it reports are not opened in a browser");
+/// controller shows of itself. Changes nothing on the machine, and says what is missing; with `is_setup` installs that first.
+pub fn all(is_setup: bool) -> Result {
+    if is_setup {
+        setup::all()?
+    } else {
+        setup::check()?
+    };
+    let mut times = Times::default();
+    let result = times.all();
+    times.print();
+    result
+}
+
+/// What an edit is tried with: formatting, lints, the unit tests, the controller's tests and those of the command line.
+pub fn quick() -> Result {
+    let mut times = Times::default();
+    let mut tests = tests();
+    tests.args(["--lib", "--bins", "--test", "controller", "--test", "cli"]);
+    let result = [format(), lints(), part("unit, controller and command-line tests", [tests])]
+        .into_iter()
+        .try_for_each(|part| times.alone(part));
+    times.print();
+    result
+}
+
+fn format() -> Part {
+    part("format", [cargo(&["fmt", "--all", "--check"])])
+}
+
+fn lints() -> Part {
+    part("lints", [cargo(&["clippy", "--workspace", "--all-targets", "--locked", "--", "-D", "warnings"])])
+}
+
+/// The tests of the whole workspace: of one package alone its dependencies would have other features, and be compiled anew.
+fn tests() -> Command {
+    cargo(&["test", "--workspace", "--locked"])
+}
+
+/// This program with other arguments.
+fn xtask(argument: &str) -> Command {
+    let program = std::env::current_exe().unwrap_or_else(|_| "xtask".into());
+    command(&program.to_string_lossy(), &[argument])
+}
+
+/// How long each part took, in the order in which they ended.
+#[derive(Default)]
+struct Times {
+    parts: Vec<(&'static str, Duration)>,
+    whole: Duration,
+}
+
+impl Times {
+    fn all(&mut self) -> Result {
+        self.alone(format())?;
+        let mut build = tests();
+        build.arg("--no-run");
+        self.alone(part("build of the tests", [build]))?;
+        let mut pages = cargo(&["doc", "--workspace", "--no-deps", "--locked"]);
+        pages.env("RUSTDOCFLAGS", "-D warnings");
+        self.beside([
+            part("host tests", [tests()]),
+            part(
+                "lints, documentation, library and image",
+                lints().commands.into_iter().chain([pages, xtask("library")]),
+            ),
+        ])?;
+        // Alone: the emulated time does not wait for a busy machine.
+        self.alone(part("image and emulator", [xtask("test-image")]))?;
+        let mut count = xtask("bench");
+        count.arg("--firmware");
+        self.alone(part("instruction counts", [count]))
     }
-    run(&mut cargo(&["fmt", "--all", "--check"]))?;
-    run(&mut cargo(&["clippy", "--workspace", "--all-targets", "--locked", "--", "-D", "warnings"]))?;
-    run(&mut cargo(&["test", "--workspace", "--locked"]))?;
-    run(cargo(&["doc", "--workspace", "--no-deps", "--locked"]).env("RUSTDOCFLAGS", "-D warnings"))?;
-    library::check()?;
-    firmware::test()?;
-    bench::firmware(None)
+
+    /// Runs a part with what it prints for all to see.
+    fn alone(&mut self, part: Part) -> Result {
+        let start = Instant::now();
+        let result = part.commands.into_iter().try_for_each(|mut command| run(&mut command));
+        self.add(part.name, start.elapsed());
+        self.whole += start.elapsed();
+        result
+    }
+
+    /// Runs parts at the same time. Each prints into a file, which is shown when it has ended. All end, also where one fails.
+    fn beside<const N: usize>(&mut self, parts: [Part; N]) -> Result {
+        let start = Instant::now();
+        let (sender, ended) = std::sync::mpsc::channel();
+        std::thread::scope(|scope| {
+            for part in parts {
+                let sender = sender.clone();
+                scope.spawn(move || {
+                    let (name, start) = (part.name, Instant::now());
+                    let result = into_file(part);
+                    // The receiver is there until all have ended.
+                    let _ = sender.send((name, start.elapsed(), result));
+                });
+            }
+            drop(sender);
+            let mut failed = Vec::new();
+            for (name, time, result) in ended {
+                println!("== {name}, {:.0} s", time.as_secs_f64());
+                match result {
+                    Ok(printed) => print!("{printed}"),
+                    Err((printed, error)) => {
+                        print!("{printed}");
+                        failed.push(format!("{name}: {error}"));
+                    }
+                }
+                self.add(name, time);
+            }
+            self.whole += start.elapsed();
+            if failed.is_empty() { Ok(()) } else { Err(failed.join("\n")) }
+        })
+    }
+
+    fn add(&mut self, name: &'static str, time: Duration) {
+        self.parts.push((name, time));
+    }
+
+    fn print(&self) {
+        println!("\n     s  part");
+        for (name, time) in &self.parts {
+            println!("{:>6.0}  {name}", time.as_secs_f64());
+        }
+        println!("{:>6.0}  in all", self.whole.as_secs_f64());
+    }
+}
+
+/// Runs a part's commands and gives what they print, beside the error where one fails.
+fn into_file(part: Part) -> std::result::Result<String, (String, String)> {
+    let path = target_folder().join("test").join(format!("{}.txt", part.name.replace(' ', "-")));
+    let failed = |error: std::io::Error| (String::new(), format!("{}: {error}", path.display()));
+    if let Some(folder) = path.parent() {
+        std::fs::create_dir_all(folder).map_err(failed)?;
+    }
+    let file = File::create(&path).map_err(failed)?;
+    let mut result = Ok(());
+    for mut command in part.commands {
+        command.stdout(file.try_clone().map_err(failed)?).stderr(file.try_clone().map_err(failed)?);
+        result = run(&mut command);
+        if result.is_err() {
+            break;
+        }
+    }
+    let printed = String::from_utf8_lossy(&std::fs::read(&path).map_err(failed)?).into_owned();
+    result.map(|()| printed.clone()).map_err(|error| (printed, error))
 }

@@ -7,7 +7,7 @@ use rotorlead::link::{FRAME_BYTES, Message, RECORD_SAMPLES, Record, Series, enco
 use rotorlead::settings::{FRAME_RANGE_HZ, Key, Origin, Settings, Store};
 use rotorlead_sim::bench::device::{entries, set};
 
-#[path = "../../src/board/pinout.rs"]
+#[path = "../../../src/board/pinout.rs"]
 mod pinout;
 
 /// A file of the repository.

@@ -1,12 +1,11 @@
 //! The experiment that is proposed: a plan that the bench runs on the same hidden actuator, and that the diagnosis takes.
 
-mod two_levels;
-
 use rotorlead_sim::bench::{Plan, PlannedRecord, run};
 use rotorlead_sim::diagnose::{Diagnosis, NextExperiment, Verdict};
 use rotorlead_sim::plant::{Catalog, Model};
 use rotorlead_sim::record::Excitation;
-use two_levels::{diagnosed, experiment, motor};
+
+use crate::two_levels::{diagnosed, experiment, motor};
 
 /// Of the noise.
 const SEED: u64 = 5;

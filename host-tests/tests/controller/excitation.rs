@@ -120,6 +120,6 @@ fn the_committed_phases_are_what_their_recipes_give() {
             rotorlead_sim::bench::multisine::flight::Phases { phases: lines.phases().to_vec(), peak: lines.peak() },
         ));
     }
-    let committed = include_str!("../../src/excitation/phases.rs");
+    let committed = include_str!("../../../src/excitation/phases.rs");
     assert!(source(&sets) == committed, "src/excitation/phases.rs was edited by hand");
 }

@@ -13,7 +13,7 @@ use rotorlead_sim::identify::parametric::{Root, TransferFunction};
 use rotorlead_sim::identify::stand::{StandIdentification, StandOptions, StandWarning, identify_stand};
 use rotorlead_sim::record::{Excitation, Experiment, Output, Record};
 
-use crate::tally::repeats;
+use super::tally::repeats;
 
 const RATE_HZ: f64 = 1000.0;
 const ROWS: usize = 2000;

@@ -1,17 +1,16 @@
 //! MATLAB files of named vectors: what is taken of them and what is refused.
 
-mod importing;
-
 use std::fs;
 use std::io::Write as _;
 use std::path::PathBuf;
 
 use flate2::{Compression, write::ZlibEncoder};
-use importing::message;
 use miette::Diagnostic as _;
 use proptest::prelude::*;
 use rotorlead_sim::record::Output;
 use rotorlead_sim::record::import::{Import, ImportError, ImportOptions, LogFormat, import};
+
+use crate::importing::{self, message};
 
 fn sample() -> PathBuf {
     importing::sample("vectors.mat")

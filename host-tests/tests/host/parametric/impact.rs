@@ -13,7 +13,7 @@ use realfft::RealFftPlanner;
 use rotorlead_sim::identify::stand::{StandOptions, identify_stand};
 use rotorlead_sim::record::Experiment;
 
-use crate::stand::{check, truth};
+use super::stand::{check, truth};
 
 const RATE_HZ: f64 = 2000.0;
 const ROWS: usize = 4000;

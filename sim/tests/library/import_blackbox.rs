@@ -1,15 +1,14 @@
 //! Betaflight blackbox: what is taken of it and what is refused.
 
-mod importing;
-
 use std::fs;
 use std::path::PathBuf;
 
-use importing::message as refusal;
 use miette::Diagnostic as _;
 use proptest::prelude::*;
 use rotorlead_sim::record::Output;
 use rotorlead_sim::record::import::{Import, ImportError, ImportOptions, LogFormat, import};
+
+use crate::importing::{self, message as refusal};
 
 fn sample() -> PathBuf {
     importing::sample("blackbox.bbl")

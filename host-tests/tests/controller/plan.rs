@@ -247,7 +247,7 @@ fn the_watchdog_is_fed_while_the_lowest_priority_runs_every_20_s() {
 /// What `docs/wiring.md` says of the outputs' timer.
 #[test]
 fn the_page_on_wiring_has_the_counts_and_the_rate_of_the_outputs() {
-    let page = include_str!("../../docs/wiring.md").split_whitespace().collect::<Vec<_>>().join(" ");
+    let page = include_str!("../../../docs/wiring.md").split_whitespace().collect::<Vec<_>>().join(" ");
     let frames = |settings: &Validated| Plan::new(settings, CRYSTAL.timer_hz, true).unwrap().frames;
     let default = frames(&Validated::default());
     let raw = Pulse { protocol: PulseProtocol::RawDuty, frame_hz: 600 };

@@ -7,7 +7,7 @@ use rotorlead_sim::identify::FrequencyResponse;
 use rotorlead_sim::identify::parametric::{Root, TransferFunction};
 use rotorlead_sim::identify::stand::{StandIdentification, StandOptions, fit_stand};
 
-use crate::synthesis::Synthesis;
+use super::synthesis::Synthesis;
 
 /// Frequencies before scaling, and damping ratios.
 const POLES: [(f64, f64); 4] = [(80.0, 0.06), (112.0, 0.05), (150.0, 0.04), (205.0, 0.05)];

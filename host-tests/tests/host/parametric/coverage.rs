@@ -8,8 +8,8 @@ use num_complex::Complex64;
 use rotorlead_sim::identify::Estimate;
 use rotorlead_sim::identify::parametric::{ParametricFit, ParametricOptions, Structure, fit_parametric};
 
-use crate::synthesis::Synthesis;
-use crate::tally::{BIAS, Found, Pooled, SPREAD, Tally, first_seed, repeats, study_all};
+use super::synthesis::Synthesis;
+use super::tally::{BIAS, Found, Pooled, SPREAD, Tally, first_seed, repeats, study_all};
 
 /// Period of the excitation.
 const PERIOD_S: f64 = 10.0;

@@ -1,11 +1,10 @@
 //! Plain tables: any logger's columns, units, separators and lines above the header.
 
-mod importing;
-
-use importing::{imported, message, sample};
 use proptest::prelude::*;
 use rotorlead_sim::record::import::{Import, ImportError, ImportOptions, LogFormat, import};
 use rotorlead_sim::record::{Excitation, Output, Record};
+
+use crate::importing::{imported, message, sample};
 
 const ROWS: usize = 400;
 

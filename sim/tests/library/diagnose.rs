@@ -1,13 +1,12 @@
 //! The diagnosis on simulated actuators. That the chain is the diagnosis' own makes these tests of its bookkeeping, not of
 //! its judgment.
 
-mod two_levels;
-
 use rotorlead_sim::diagnose::{Axis, DiagnoseError, Options, Verdict, diagnose};
 use rotorlead_sim::identify::IdentifyError;
 use rotorlead_sim::plant::Catalog;
 use rotorlead_sim::record::{Excitation, Role};
-use two_levels::{diagnosed, experiment, motor};
+
+use crate::two_levels::{diagnosed, experiment, motor};
 
 #[test]
 fn a_lag_and_noise_agree_with_a_lag() {

@@ -15,7 +15,7 @@ use rotorlead_sim::identify::{FirstOrderFit, HoldChain, PeriodicOptions, identif
 use rotorlead_sim::plant::{Actuator, EscTiming, Lag, OperatingPoint};
 use rotorlead_sim::record::{Excitation, Experiment, Output, Record};
 
-use crate::tally::{Found, Pooled, Tally, first_seed, repeats, study_all};
+use super::tally::{Found, Pooled, Tally, first_seed, repeats, study_all};
 
 const RATE_HZ: f64 = 200.0;
 const PERIOD_ROWS: usize = 2000;

@@ -10,7 +10,7 @@ use rotorlead_sim::identify::stand::{StandModel, StandRoot};
 use rotorlead_sim::identify::{HoldChain, IdentifyWarning, PeriodicOptions, identify_periodic};
 use rotorlead_sim::record::{Excitation, Experiment, Output, Record};
 
-use crate::stand::truth;
+use super::stand::truth;
 
 const RATE_HZ: f64 = 1000.0;
 const ROWS: usize = 10_000;

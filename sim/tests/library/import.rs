@@ -1,15 +1,14 @@
 //! Logs of other tools: what is taken of them and what is refused.
 
-mod importing;
-
 use std::fs;
 use std::path::Path;
 
-use importing::{imported, message, sample};
 use miette::Diagnostic as _;
 use proptest::prelude::*;
 use rotorlead_sim::record::import::{Import, ImportError, ImportOptions, LogFormat, import};
 use rotorlead_sim::record::{Excitation, Output};
+
+use crate::importing::{imported, message, sample};
 
 fn written(text: &str) -> Result<Import, ImportError> {
     imported(text.as_bytes(), &ImportOptions::default())

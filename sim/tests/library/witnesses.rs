@@ -1,14 +1,13 @@
 //! The speed and the voltage of records that repeat, where the thrust alone cannot tell.
 
-mod two_levels;
-
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, Normal};
 use rotorlead_sim::diagnose::{Column, Diagnosis, Verdict};
 use rotorlead_sim::plant::{Actuator, Drive, EscTiming, Law, Model, Start, simulate};
 use rotorlead_sim::record::Experiment;
-use two_levels::{diagnosed, experiment, motor};
+
+use crate::two_levels::{diagnosed, experiment, motor};
 
 /// Of the noise of a speed, and of a speed at full command.
 const NOISE_RPM: f64 = 5.0;

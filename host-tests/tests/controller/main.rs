@@ -1,0 +1,19 @@
+//! The controller without its hardware, and the filter that it runs.
+
+mod capture;
+mod channel;
+mod compensator;
+mod design;
+mod device;
+mod esc_output;
+mod excitation;
+mod filter;
+mod fuzz;
+mod latency;
+mod link;
+mod load;
+mod other_protocol;
+mod plan;
+mod safety;
+mod settings;
+mod whole;

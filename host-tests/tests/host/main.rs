@@ -1,0 +1,10 @@
+//! Identification, design and diagnosis together with the controller's code, the blind cases and the real logs.
+
+mod blind;
+mod docs;
+mod frequency_response;
+mod identification;
+mod paper;
+mod parametric;
+mod real_logs;
+mod real_logs_diagnose;

@@ -1,0 +1,24 @@
+//! The library on data whose truth is known. One program, since each takes seconds to link.
+
+mod alignment;
+mod chirps;
+mod diagnose;
+mod diagnose_bandwidths;
+mod diagnose_logs;
+mod doubts;
+mod holds;
+mod hum;
+mod import;
+mod import_blackbox;
+mod import_mat;
+mod import_plain;
+mod import_ulog;
+mod importing;
+mod next_experiment;
+mod pages;
+mod redesign;
+mod static_map;
+mod steps;
+mod two_levels;
+mod validate;
+mod witnesses;
