@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use crate::board::BOARD;
 use crate::image::{Calls, Function, Image, flash_files};
 use crate::readme::{self, Sizes};
-use crate::run::{Result, cargo, command, output, run};
+use crate::run::{Result, cargo, command, output, run, target_folder};
 use crate::{emulator, setup};
 
 /// Interrupts of the path from pulse to pulse, of the link's bytes and of the supply: those that must never panic. The
@@ -46,16 +46,15 @@ pub fn build() -> Result<Sizes> {
 pub fn build_image(features: &[&str]) -> Result<PathBuf> {
     let toolchain = setup::target()?;
     // Variants have a folder of their own, so that the image that is flashed is never one of them.
-    let variant = if features.is_empty() { None } else { Some("target/variant") };
+    let variant = if features.is_empty() { None } else { Some(target_folder().join("variant")) };
     let features = [&[BOARD.feature], features].concat().join(",");
     let mut build = toolchain.cargo(&["build", "--package", "rotorlead", "--bin", BOARD.binary, "--locked"]);
     build.args(["--profile", "firmware", "--features", &features]);
-    if let Some(folder) = variant {
-        build.env("CARGO_TARGET_DIR", crate::run::root().join(folder));
+    if let Some(folder) = &variant {
+        build.env("CARGO_TARGET_DIR", folder);
     }
     run(&mut build)?;
-    let folder =
-        variant.map_or_else(|| toolchain.folder(), |folder| crate::run::root().join(folder).join(BOARD.target));
+    let folder = variant.map_or_else(|| toolchain.folder(), |folder| folder.join(BOARD.target));
     Ok(folder.join("firmware").join(BOARD.binary))
 }
 

@@ -5,7 +5,7 @@ use std::process::Command;
 use std::time::Duration;
 
 use crate::board::BOARD;
-use crate::run::{Result, cargo, command, output, run_within};
+use crate::run::{Result, cargo, command, output, run_within, target_folder};
 use crate::{apt, emulator, library};
 
 /// Longest that a download may take. A server that cannot be reached must not hang the tests.
@@ -57,7 +57,7 @@ impl Toolchain {
                     .env("RUSTFLAGS", "-C linker=ld.lld")
                     .env_remove("RUSTUP_TOOLCHAIN")
                     // The two compilers must not throw away each other's work.
-                    .env("CARGO_TARGET_DIR", crate::run::root().join("target/debian"));
+                    .env("CARGO_TARGET_DIR", target_folder().join("debian"));
                 cargo
             }
         }
@@ -66,10 +66,10 @@ impl Toolchain {
     /// Where its builds end up.
     pub fn folder(self) -> std::path::PathBuf {
         let folder = match self.origin {
-            Origin::Rustup => "target",
-            Origin::Debian => "target/debian",
+            Origin::Rustup => target_folder(),
+            Origin::Debian => target_folder().join("debian"),
         };
-        crate::run::root().join(folder).join(self.target)
+        folder.join(self.target)
     }
 }
 

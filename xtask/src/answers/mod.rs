@@ -17,7 +17,7 @@ use flate2::read::GzDecoder;
 use flate2::write::GzEncoder;
 use serde_json::Value;
 
-use crate::run::{Result, cargo, command, release_folder, root, run};
+use crate::run::{Result, cargo, command, release_folder, root, run, target_folder};
 use compare::{Comparison, Renamed, Tolerance};
 
 /// Where scripts, answers and the table of renamed keys lie.
@@ -93,7 +93,7 @@ fn cases() -> Result<Vec<String>> {
 
 /// Runs a case's script in a folder of its own, which stays there to be looked at.
 fn answers_of(case: &str) -> Result<Answers> {
-    let folder = root().join("target/answers").join(case);
+    let folder = target_folder().join("answers").join(case);
     let failed = |error: std::io::Error| format!("{}: {error}", folder.display());
     if folder.exists() {
         fs::remove_dir_all(&folder).map_err(failed)?;

@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 use serde_json::{Value, json};
 
 use super::process::{Cost, measure};
-use crate::run::{Result, cargo, root, run};
+use crate::run::{Result, cargo, release_folder, run, target_folder};
 
 /// Commands and rows per second, and rows of a period of 10 s.
 const LOOP_HZ: usize = 5000;
@@ -67,10 +67,8 @@ struct Report(Vec<Row>);
 /// Measures, prints and writes.
 pub fn diagnose(json: Option<&str>) -> Result {
     run(&mut cargo(&["build", "--release", "--package", "rotorlead-sim", "--bin", "rotorlead", "--locked"]))?;
-    let target =
-        std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), |folder| root().join(folder));
-    let tool = target.join("release").join(format!("rotorlead{}", std::env::consts::EXE_SUFFIX));
-    let folder = target.join("bench-diagnose");
+    let tool = release_folder().join(format!("rotorlead{}", std::env::consts::EXE_SUFFIX));
+    let folder = target_folder().join("bench-diagnose");
     let removed = || match std::fs::remove_dir_all(&folder) {
         Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(format!("{}: {error}", folder.display())),
         _ => Ok(()),

@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 use serde_json::{Value, json};
 
 use super::process::{Cost, measure};
-use crate::run::{Result, cargo, command, output, root, run};
+use crate::run::{Result, cargo, command, output, run, target_folder};
 
 /// Rows of a period of the records: 10 s at 5 kHz.
 const PERIOD_ROWS: usize = 50_000;
@@ -71,7 +71,7 @@ struct Report {
 /// Measures, prints and writes. With `largest` also 10^8 rows, which takes minutes and 5 GB of disk.
 pub fn identify(largest: bool, json: Option<&str>) -> Result {
     let programs = Programs::build()?;
-    let folder = root().join("target").join("bench-identify");
+    let folder = target_folder().join("bench-identify");
     let report = programs.measure_all(&folder, if largest { &SIZES } else { &SIZES[..3] });
     // The files are large: they go whatever happened.
     if folder.exists() {
