@@ -15,8 +15,8 @@ pub struct Board {
     pub ram: Range<u32>,
     /// Its interrupts.
     pub interrupts: Interrupts,
-    /// The emulator that has it.
-    pub emulator: Emulator,
+    /// The emulator's version of it.
+    pub emulator: &'static emulator::Board,
     /// What probe-rs calls its chip.
     pub probe_chip: &'static str,
 }
@@ -36,21 +36,6 @@ pub struct Interrupts {
     pub above: &'static [&'static str],
 }
 
-/// A machine of QEMU.
-#[derive(Debug)]
-pub struct Emulator {
-    /// The program.
-    pub program: &'static str,
-    /// Debian's package that has it.
-    pub package: &'static str,
-    /// First major version that has what the application needs of the board.
-    pub oldest: u32,
-    /// The machine.
-    pub machine: &'static str,
-    /// Which of its serial lines is the link, from 0.
-    pub link_line: usize,
-}
-
 /// An STM32F405RG, as `src/board/` sets it up.
 pub const STM32F405: Board = Board {
     feature: "stm32f405",
@@ -65,15 +50,7 @@ pub const STM32F405: Board = Board {
         supply: "PVD",
         above: &["NonMaskableInt"],
     },
-    emulator: Emulator {
-        program: "qemu-system-arm",
-        package: "qemu-system-arm",
-        // Models the clock registers.
-        oldest: 10,
-        machine: "olimex-stm32-h405",
-        // USART3: its n-th serial line is USARTn.
-        link_line: 2,
-    },
+    emulator: &emulator::STM32F405,
     probe_chip: "STM32F405RGTx",
 };
 

@@ -6,21 +6,20 @@ mod link;
 mod monitor;
 mod trace;
 
-use std::net::{TcpListener, TcpStream};
+use std::net::TcpStream;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
 use std::time::Duration;
+
+use emulator::{ANSWER_LIMIT, Listener, Pace, Process, Qemu, STM32F405};
+use ihex::Record;
 
 pub use debugger::Debugger;
 pub use link::Link;
 pub use monitor::Monitor;
 pub use trace::{PortWrite, Trace};
 
-/// Longest wait for one answer. The emulator shares its machine with other tests.
-pub const PATIENCE: Duration = Duration::from_secs(60);
-
-/// The board. What it has of an STM32F405 and what not: QEMU's documentation, "STM32 boards".
-const BOARD: &str = "olimex-stm32-h405";
+/// Longest wait for one answer.
+pub const PATIENCE: Duration = ANSWER_LIMIT;
 
 /// The image that `cargo xtask test` has built and named.
 ///
@@ -98,7 +97,7 @@ pub struct Machine {
     pub debugger: Option<Debugger>,
     /// What was written down, where that was asked for.
     pub trace: Trace,
-    qemu: Child,
+    _qemu: Process,
     _folder: tempfile::TempDir,
 }
 
@@ -109,7 +108,7 @@ impl Machine {
     /// When it does not.
     #[must_use]
     pub fn boot(start: &Start<'_>) -> Self {
-        let mut machine = Self::begin(start);
+        let mut machine = Self::begin(start).unwrap_or_else(|error| panic!("{error}"));
         machine.link.wait_for_start();
         machine
     }
@@ -122,135 +121,63 @@ impl Machine {
     /// # Panics
     /// When QEMU is not there, or the controller does not answer.
     #[must_use]
-    pub fn serve(image: &Path) -> (Served, String) {
-        let mut qemu = command(image);
-        qemu.args(["-serial", "tcp:127.0.0.1:0,server=on,wait=off,nodelay=on"]);
-        let monitor = Listener::new();
-        qemu.args(["-qmp", &format!("tcp:{}", monitor.address)]);
-        let served = Served(run(&mut qemu));
-        let address = Monitor::new(monitor.accept()).listening_address(LINK_SERIAL);
+    pub fn serve(image: &Path) -> (Process, String) {
+        let serve = || {
+            let monitor = Listener::new()?;
+            let qemu = Qemu::new(&STM32F405, image, Pace::Fastest).serve_link(0);
+            let mut qemu = qemu.connect_monitor(&monitor).start()?;
+            let monitor = monitor.accept(&mut qemu)?;
+            Ok::<_, String>((qemu, monitor))
+        };
+        let (qemu, monitor) = serve().unwrap_or_else(|error| panic!("{error}"));
+        let address = Monitor::new(monitor).listening_address(&STM32F405.link_name());
         let stream = TcpStream::connect(&address).expect("QEMU listens");
         // When this connection ends, QEMU takes the next one.
         Link::new(stream).wait_for_start();
-        (served, format!("tcp:{address}"))
+        (qemu, format!("tcp:{address}"))
     }
 
-    fn begin(start: &Start<'_>) -> Self {
+    fn begin(start: &Start<'_>) -> emulator::Result<Self> {
         let folder = tempfile::tempdir().expect("a temporary folder");
-        let mut qemu = command(start.image);
-        // QEMU connects to the test, so that there is no port to guess.
-        let link = Listener::new();
-        qemu.args(["-serial", &format!("tcp:{},nodelay=on", link.address)]);
-        let monitor = Listener::new();
-        qemu.args(["-qmp", &format!("tcp:{}", monitor.address)]);
-        let debugger = start.debugger.then(Listener::new);
+        let (link, monitor) = (Listener::new()?, Listener::new()?);
+        let mut qemu = Qemu::new(&STM32F405, start.image, Pace::Fastest).connect_link(&link).connect_monitor(&monitor);
+        let debugger = if start.debugger { Some(Listener::new()?) } else { None };
         if let Some(debugger) = &debugger {
-            let (host, port) = debugger.address.split_once(':').expect("an address with its port");
-            qemu.args(["-chardev", &format!("socket,id=debugger,host={host},port={port}"), "-gdb", "chardev:debugger"]);
+            qemu = qemu.connect_debugger(debugger);
         }
         let log = folder.path().join("trace");
         if start.trace {
-            qemu.args(["-d", "unimp", "-D"]).arg(&log);
+            qemu = qemu.trace(&log);
         }
         if let Some(bytes) = start.settings_flash {
             let file = folder.path().join("settings.hex");
             std::fs::write(&file, intel_hex(SETTINGS_ADDRESS, bytes)).expect("a temporary file");
-            qemu.arg("-device").arg(format!("loader,file={}", file.display()));
+            qemu = qemu.load(&file);
         }
-        let qemu = run(&mut qemu);
-        Self {
-            link: Link::new(link.accept()),
-            monitor: Monitor::new(monitor.accept()),
-            debugger: debugger.map(|debugger| Debugger::new(debugger.accept())),
+        let mut qemu = qemu.start()?;
+        Ok(Self {
+            link: Link::new(link.accept(&mut qemu)?),
+            monitor: Monitor::new(monitor.accept(&mut qemu)?),
+            debugger: debugger.map(|debugger| debugger.accept(&mut qemu).map(Debugger::new)).transpose()?,
             trace: Trace::new(log),
-            qemu,
+            _qemu: qemu,
             _folder: folder,
-        }
-    }
-}
-
-impl Drop for Machine {
-    fn drop(&mut self) {
-        end(&mut self.qemu);
-    }
-}
-
-/// An emulator that another program talks to. Ends with its value.
-pub struct Served(Child);
-
-impl Drop for Served {
-    fn drop(&mut self) {
-        end(&mut self.0);
+        })
     }
 }
 
 /// Address of the settings' first sector: memory.x.
 const SETTINGS_ADDRESS: u32 = 0x080C_0000;
 
-/// QEMU's name of the third serial line, the controller's link.
-const LINK_SERIAL: &str = "serial2";
-
-/// QEMU with everything but the lines to it.
-///
-/// An instruction takes 1 ns of emulated time: of the shifts that QEMU has, the one in which a control tick has most
-/// instructions, nearly as many as on silicon. With `sleep=on` the thread that brings the bytes of the link was seen to
-/// wait up to 300 ms for the one that executes.
-fn command(image: &Path) -> Command {
-    let mut qemu = Command::new("qemu-system-arm");
-    qemu.args(["-M", BOARD, "-nographic", "-monitor", "none", "-icount", "shift=0,sleep=off"])
-        .arg("-kernel")
-        .arg(image);
-    // The third serial line is USART3: `LINK_SERIAL`.
-    qemu.args(["-serial", "null", "-serial", "null"]).stdin(Stdio::null()).stdout(Stdio::null());
-    qemu
-}
-
-fn run(qemu: &mut Command) -> Child {
-    qemu.spawn().expect("QEMU runs; `cargo xtask setup` installs it")
-}
-
-fn end(qemu: &mut Child) {
-    // It may have ended by itself.
-    let _ = qemu.kill();
-    let _ = qemu.wait();
-}
-
 /// Bytes from an address on in Intel's format: QEMU takes raw ones only up to the size of a RAM that this board has not.
 fn intel_hex(address: u32, bytes: &[u8]) -> String {
-    let record = |address: u16, kind: u8, data: &[u8]| {
-        let head = [data.len() as u8, (address >> 8) as u8, address as u8, kind];
-        let fields = head.iter().chain(data);
-        let sum = fields.clone().fold(0_u8, |sum, byte| sum.wrapping_add(*byte));
-        let digits: String = fields.chain([&sum.wrapping_neg()]).map(|byte| format!("{byte:02X}")).collect();
-        format!(":{digits}\n")
-    };
-    let mut text = String::new();
-    for (n, block) in (0..).zip(bytes.chunks(32)) {
-        let at = address + 32 * n;
-        if n == 0 || at.is_multiple_of(1 << 16) {
-            text += &record(0, 4, &[(at >> 24) as u8, (at >> 16) as u8]);
+    let mut records = Vec::new();
+    for (at, block) in (address..).step_by(32).zip(bytes.chunks(32)) {
+        if at == address || at.is_multiple_of(1 << 16) {
+            records.push(Record::ExtendedLinearAddress((at >> 16) as u16));
         }
-        text += &record(at as u16, 0, block);
+        records.push(Record::Data { offset: at as u16, value: block.to_vec() });
     }
-    text + &record(0, 1, &[])
-}
-
-struct Listener {
-    listener: TcpListener,
-    address: String,
-}
-
-impl Listener {
-    fn new() -> Self {
-        let listener = TcpListener::bind("127.0.0.1:0").expect("a port of this machine");
-        let address = listener.local_addr().expect("the port's address").to_string();
-        Self { listener, address }
-    }
-
-    fn accept(&self) -> TcpStream {
-        let (stream, _) = self.listener.accept().expect("QEMU connects");
-        stream.set_nodelay(true).expect("an open connection");
-        stream.set_read_timeout(Some(PATIENCE)).expect("an open connection");
-        stream
-    }
+    records.push(Record::EndOfFile);
+    ihex::create_object_file_representation(&records).expect("blocks of 32 bytes fit a record")
 }

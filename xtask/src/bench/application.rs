@@ -5,6 +5,7 @@ use std::net::TcpStream;
 use std::path::Path;
 use std::time::Duration;
 
+use emulator::Debugger;
 use rotorlead::capture::{Decoder, Level, PULSES_TO_LIVE};
 use rotorlead::channel::{Channel, Excitation, ExcitationRequest, Input, Phase, State};
 use rotorlead::controller::{self, Plan, channel_settings};
@@ -12,8 +13,8 @@ use rotorlead::link::{ExciteRequest, FRAME_BYTES, LineSet, Message, Receiver, Re
 use rotorlead::settings::{Pulse, PulseProtocol, Settings, Validated};
 use rotorlead::throttle::Command;
 
-use super::debugger::Debugger;
 use super::inputs::{INPUTS, Inputs};
+use super::machine::Machine;
 use super::trace::{Cost, Locked, interrupted_at, locks, trace, trace_lock};
 use crate::firmware::{CAPTURE, LINK, TICK};
 use crate::image::Image;
@@ -31,6 +32,12 @@ const USART3: u32 = 39;
 const TIM2: u32 = 28;
 const SYSTICK_PRIORITY: u32 = 0xE000_ED23;
 const PRIORITY_UNUSED_BITS: u32 = 4;
+/// The link's control, its bits that have the UART ask for bytes to send, and how often and for how long it is looked for
+/// the last one.
+const USART3_CONTROL: u32 = 0x4000_480C;
+const USART3_SENDS: u32 = 1 << 7 | 1 << 6;
+const LAST_BYTE_LOOKS: u32 = 200;
+const LAST_BYTE_LOOK: Duration = Duration::from_millis(5);
 /// SysTick's control, and the core's register in which a request of its interrupt is taken back.
 const SYSTICK_CONTROL: u32 = 0xE000_E010;
 const SYSTICK_ON: u32 = 0b111;
@@ -132,7 +139,7 @@ const PULSES_ARE_EXACT: &str = "rotorlead_firmware::board::parts::PULSES_ARE_EXA
 
 /// Measures them.
 pub fn measure(image_path: &Path, image: &Image) -> Result<Interrupts> {
-    let mut debugger = Debugger::start(image_path)?;
+    let Machine { mut debugger, mut link, qemu: _qemu } = Machine::start(image_path)?;
     let address = |name: &str| {
         let index = image.function_named(name).ok_or_else(|| format!("the image has no interrupt {name}"))?;
         Ok::<_, String>(image.functions[index].address)
@@ -146,7 +153,7 @@ pub fn measure(image_path: &Path, image: &Image) -> Result<Interrupts> {
 
     let mut settings = Settings { input: INPUT, output: OUTPUT, ..Settings::default() };
     settings.motors.iter_mut().for_each(|motor| motor.compensate = true);
-    let timer_hz = set(&mut debugger, &settings)?;
+    let timer_hz = set(&mut debugger, &mut link, &settings)?;
     let settings = settings.validate().map_err(|error| error.to_string())?;
     let library = Library::new(&settings, timer_hz)?;
     let divider = debugger.read(TIM3_PRESCALER)? + 1;
@@ -161,6 +168,7 @@ pub fn measure(image_path: &Path, image: &Image) -> Result<Interrupts> {
     }
     let mut stand = Stand {
         debugger,
+        link,
         image,
         handlers,
         inputs: Inputs::default(),
@@ -196,9 +204,25 @@ pub fn measure(image_path: &Path, image: &Image) -> Result<Interrupts> {
     })
 }
 
+/// Runs while `meanwhile` asks over the link, and on until the controller has nothing more to send: the interrupt of an
+/// answer's last byte comes after the byte.
+fn converse<T>(debugger: &mut Debugger, meanwhile: impl FnOnce() -> Result<T>) -> Result<T> {
+    let result = debugger.run_during(meanwhile)?;
+    for _ in 0..LAST_BYTE_LOOKS {
+        if debugger.read(USART3_CONTROL)? & USART3_SENDS == 0 {
+            return Ok(result);
+        }
+        debugger.run_during(|| {
+            std::thread::sleep(LAST_BYTE_LOOK);
+            Ok(())
+        })?;
+    }
+    Err(format!("{LINK} does not come to the end of an answer"))
+}
+
 /// Sets them over the link, and gives the frequency of the timers.
-fn set(debugger: &mut Debugger, settings: &Settings) -> Result<u32> {
-    debugger.run_during(|link| {
+fn set(debugger: &mut Debugger, link: &mut TcpStream, settings: &Settings) -> Result<u32> {
+    converse(debugger, || {
         match ask(link, &Request::SetSettings(settings.clone()))? {
             Message::SettingsTaken(_) => {}
             other => return Err(format!("the controller does not take the settings: {other:?}")),
@@ -233,16 +257,16 @@ fn excite_request(lines: LineSet) -> ExciteRequest {
 /// Number of the lines, and what control ticks cost in which motor 0 plays them, through its compensator, and is recorded.
 /// Its pulses are held against the library's.
 fn measure_excitation(image_path: &Path, image: &Image, handlers: Handlers, lines: LineSet) -> Result<(u32, Costs)> {
-    let mut debugger = Debugger::start(image_path)?;
+    let Machine { mut debugger, mut link, qemu: _qemu } = Machine::start(image_path)?;
     debugger.run_to(handlers.tick)?;
     let settings = excitation_settings();
-    let timer_hz = set(&mut debugger, &settings)?;
+    let timer_hz = set(&mut debugger, &mut link, &settings)?;
     // The first tick that is measured is the excitation's first.
     stop_ticks(&mut debugger)?;
     let request = excite_request(lines);
-    debugger.run_during(|link| {
+    converse(&mut debugger, || {
         for request in [Request::Record(Some(RecordRequest { motor: 0, divisor: 1 })), Request::Excite(request)] {
-            match ask(link, &request)? {
+            match ask(&mut link, &request)? {
                 Message::Done => {}
                 other => return Err(format!("the controller answers {request:?} with {other:?}")),
             }
@@ -290,11 +314,11 @@ fn measure_excitation(image_path: &Path, image: &Image, handlers: Handlers, line
 
 /// What the lowest priority locks for requests in flight, and for those that need every motor at rest.
 fn measure_requests(image_path: &Path, image: &Image) -> Result<(Locked, Locked)> {
-    let mut debugger = Debugger::start(image_path)?;
+    let Machine { mut debugger, mut link, qemu: _qemu } = Machine::start(image_path)?;
     let tick = image.function_named(TICK).map(|index| image.functions[index].address);
     debugger.run_to(tick.ok_or_else(|| format!("the image has no interrupt {TICK}"))?)?;
     let settings = excitation_settings();
-    set(&mut debugger, &settings)?;
+    set(&mut debugger, &mut link, &settings)?;
     stop_ticks(&mut debugger)?;
     let begins = locks(image);
     if begins.is_empty() {
@@ -321,7 +345,7 @@ fn measure_requests(image_path: &Path, image: &Image) -> Result<(Locked, Locked)
     let mut of = |requests: &[Request]| {
         let mut longest = Locked::default();
         for request in requests {
-            send(debugger.link(), request)?;
+            send(&mut link, request)?;
             let mut locks = 0;
             while debugger.run_within(REQUEST_LIMIT)?.is_some() {
                 let cost = trace_lock(&mut debugger, image, &mut Inputs::default())?;
@@ -416,6 +440,7 @@ impl Library {
 /// The application with pulses at its inputs.
 struct Stand<'a> {
     debugger: Debugger,
+    link: TcpStream,
     image: &'a Image,
     handlers: Handlers,
     inputs: Inputs,
@@ -509,7 +534,7 @@ impl Stand<'_> {
     /// next tick is due whenever one ends, and the task that writes the answer never gets its turn.
     fn link_bytes(&mut self) -> Result<(Costs, Costs)> {
         stop_ticks(&mut self.debugger)?;
-        send(self.debugger.link(), &Request::Info)?;
+        send(&mut self.link, &Request::Info)?;
         let (mut one_way, mut both_ways) = (Costs::default(), Costs::default());
         for _ in 0..LINK_BYTES + BUSY_BYTES + LAST_OTHERS {
             self.inputs.link_is_busy = one_way.runs == LINK_BYTES;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::debugger::Debugger;
+use super::machine::Machine;
 use super::trace::{AsEmulated, Cost, trace};
 use crate::image::Image;
 use crate::run::Result;
@@ -57,14 +57,14 @@ impl Filter {
 
 /// Measures them.
 pub fn measure(image_path: &Path, image: &Image) -> Result<Vec<Filter>> {
-    let mut bench = Bench { debugger: Debugger::start(image_path)?, image };
+    let mut bench = Bench { machine: Machine::start(image_path)?, image };
     let filters = FILTERS.iter().map(|(module, name, key)| bench.filter(module, name, key)).collect::<Result<_>>()?;
     bench.cross_check()?;
     Ok(filters)
 }
 
 struct Bench<'a> {
-    debugger: Debugger,
+    machine: Machine,
     image: &'a Image,
 }
 
@@ -97,17 +97,17 @@ impl Bench<'_> {
     fn enter(&mut self, function: &str) -> Result<u32> {
         let name = format!("firmware_bench::probes::{function}");
         let index = self.image.function_named(&name).ok_or_else(|| format!("the image has no function {name}"))?;
-        let registers = self.debugger.run_to(self.image.functions[index].address)?;
+        let registers = self.machine.debugger.run_to(self.image.functions[index].address)?;
         Ok(registers.r[14] & !1)
     }
 
     fn cost(&mut self, function: &str) -> Result<Cost> {
         let back = self.enter(function)?;
-        trace(&mut self.debugger, self.image, &[back], &mut AsEmulated)
+        trace(&mut self.machine.debugger, self.image, &[back], &mut AsEmulated)
     }
 
     fn result(&mut self, function: &str) -> Result<u32> {
         let back = self.enter(function)?;
-        Ok(self.debugger.run_to(back)?.r[0])
+        Ok(self.machine.debugger.run_to(back)?.r[0])
     }
 }

@@ -2,11 +2,11 @@
 
 mod application;
 mod cycles;
-mod debugger;
 mod diagnose;
 mod filters;
 mod host;
 mod inputs;
+mod machine;
 mod process;
 mod report;
 mod trace;

@@ -1,7 +1,8 @@
 //! Counts the instructions of a path by executing them one at a time.
 
+use emulator::{Debugger, Registers};
+
 use super::cycles::{Estimate, length};
-use super::debugger::{Debugger, Registers};
 use super::inputs::LINK_DATA;
 use crate::image::Image;
 use crate::run::Result;

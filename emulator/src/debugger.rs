@@ -1,20 +1,15 @@
-//! QEMU under the control of its debugging port, one instruction at a time.
+//! Client of QEMU's debugging port.
 //!
 //! The protocol is GDB's remote serial protocol (the GDB manual, appendix E), of which a dozen packets are needed.
 
 use std::io::{BufRead, BufReader, Read, Write};
-use std::net::{TcpListener, TcpStream};
-use std::path::Path;
-use std::process::{Child, Stdio};
-use std::time::{Duration, Instant};
+use std::net::TcpStream;
+use std::time::Duration;
 
-use crate::run::Result;
-use crate::{emulator, setup};
+use crate::{ANSWER_LIMIT, Result};
 
-/// Longest wait for QEMU to open its ports.
-const START_LIMIT: Duration = Duration::from_secs(20);
-/// Longest wait for the emulated core to come to a breakpoint.
-const ANSWER_LIMIT: Duration = Duration::from_secs(60);
+/// Number of the program counter among the core's registers.
+const PROGRAM_COUNTER: usize = 15;
 /// The flags and the state of IT blocks, as the protocol numbers it, and the latter's bits.
 const XPSR: usize = 25;
 const IT_BLOCK: u32 = 0x0600_FC00;
@@ -32,11 +27,13 @@ pub struct Registers {
 
 impl Registers {
     /// Address of the instruction that comes next.
+    #[must_use]
     pub const fn pc(&self) -> u32 {
-        self.r[15]
+        self.r[PROGRAM_COUNTER]
     }
 
     /// Whether the condition of the IT block that the next instruction is in, if any, holds.
+    #[must_use]
     pub fn executes(&self) -> bool {
         // Bits 7 to 2 of the block's state are bits 15 to 10 here, bits 1 and 0 are bits 26 and 25.
         let state = (self.xpsr >> 8 & 0xFC) | (self.xpsr >> 25 & 3);
@@ -59,85 +56,73 @@ impl Registers {
     }
 }
 
-/// A stopped emulator. It ends when this is dropped.
-pub struct Debugger {
-    qemu: Child,
-    port: BufReader<TcpStream>,
-    link: TcpStream,
-}
+/// A connection to the debugging port. Every method fails when QEMU ends, refuses, or does not answer within
+/// [`ANSWER_LIMIT`].
+#[derive(Debug)]
+pub struct Debugger(BufReader<TcpStream>);
 
-impl Drop for Debugger {
-    fn drop(&mut self) {
-        // It may have ended by itself.
-        let _ = self.qemu.kill();
-        let _ = self.qemu.wait();
-    }
-}
-
+#[allow(clippy::missing_errors_doc, reason = "said once, of the type")]
 impl Debugger {
-    /// Loads an image; the core stands at its first instruction. One instruction takes 1 ns of the emulated time.
-    pub fn start(image: &Path) -> Result<Self> {
-        setup::emulator()?;
-        let (debug, link) = (free_port()?, free_port()?);
-        let mut qemu = emulator::emulator(image, link);
-        qemu.args(["-S", "-gdb", &format!("tcp:127.0.0.1:{debug}")]).stdin(Stdio::null());
-        let mut qemu = qemu.spawn().map_err(|error| format!("{}: {error}", emulator::PROGRAM))?;
-        let ports = connect(debug).and_then(|debug| Ok((debug, connect(link)?)));
-        let (debug, link) = ports.inspect_err(|_| {
-            let _ = qemu.kill();
-            let _ = qemu.wait();
-        })?;
-        let mut debugger = Self { qemu, port: BufReader::new(debug), link };
-        debugger.exchange("?")?;
-        Ok(debugger)
+    /// A client of this connection.
+    #[must_use]
+    pub fn new(port: TcpStream) -> Self {
+        Self(BufReader::new(port))
     }
 
-    /// The far end of the link.
-    pub const fn link(&mut self) -> &mut TcpStream {
-        &mut self.link
-    }
-
-    /// The core stops before it executes the instruction at `address`.
+    /// Stops the core before it executes the instruction at `address`, from now on.
     pub fn add_breakpoint(&mut self, address: u32) -> Result {
         self.command(&format!("Z0,{address:x},2"))
     }
 
-    /// It does not any more.
+    /// Takes back [`Self::add_breakpoint`].
     pub fn remove_breakpoint(&mut self, address: u32) -> Result {
         self.command(&format!("z0,{address:x},2"))
     }
 
+    /// Lets the core run, and does not wait for it.
+    pub fn resume(&mut self) -> Result {
+        // Answered only when the core stops.
+        self.send("c")
+    }
+
+    /// Stops a running core wherever it is.
+    pub fn halt(&mut self) -> Result {
+        self.0.get_mut().write_all(&[3]).map_err(broken)?;
+        self.stopped()
+    }
+
     /// Runs to the next breakpoint.
     pub fn run(&mut self) -> Result<Registers> {
-        self.exchange("c")?;
+        self.resume()?;
+        self.stopped()?;
         self.registers()
     }
 
     /// Runs to the next breakpoint; `None` where it has not come to one within `limit`, and stands somewhere then.
     pub fn run_within(&mut self, limit: Duration) -> Result<Option<Registers>> {
-        self.send("c")?;
-        self.port.get_ref().set_read_timeout(Some(limit)).map_err(broken)?;
-        // Nothing but the begin of the answer is looked at, behind the acknowledgement, so that none is torn.
+        self.resume()?;
+        self.0.get_ref().set_read_timeout(Some(limit)).map_err(broken)?;
+        // Nothing but the begin of the answer is looked at, behind the acknowledgment, so that none is torn.
         let came = loop {
-            match self.port.fill_buf() {
-                Ok([b'+', ..]) => self.port.consume(1),
+            match self.0.fill_buf() {
+                Ok([b'+', ..]) => self.0.consume(1),
                 begin => break begin.is_ok(),
             }
         };
-        self.port.get_ref().set_read_timeout(Some(ANSWER_LIMIT)).map_err(broken)?;
-        if !came {
-            self.port.get_mut().write_all(&[3]).map_err(broken)?;
+        self.0.get_ref().set_read_timeout(Some(ANSWER_LIMIT)).map_err(broken)?;
+        if came {
+            self.stopped()?;
+            self.registers().map(Some)
+        } else {
+            self.halt().map(|()| None)
         }
-        self.receive()?;
-        if came { self.registers().map(Some) } else { Ok(None) }
     }
 
     /// Runs while `meanwhile` works, and then stops wherever it is.
-    pub fn run_during<T>(&mut self, meanwhile: impl FnOnce(&mut TcpStream) -> Result<T>) -> Result<T> {
-        self.send("c")?;
-        let result = meanwhile(&mut self.link);
-        self.port.get_mut().write_all(&[3]).map_err(broken)?;
-        self.receive()?;
+    pub fn run_during<T>(&mut self, meanwhile: impl FnOnce() -> Result<T>) -> Result<T> {
+        self.resume()?;
+        let result = meanwhile();
+        self.halt()?;
         result
     }
 
@@ -157,7 +142,8 @@ impl Debugger {
 
     /// Executes one instruction. Interrupts wait.
     pub fn step(&mut self) -> Result<Registers> {
-        self.exchange("s")?;
+        self.send("s")?;
+        self.stopped()?;
         self.registers()
     }
 
@@ -177,6 +163,11 @@ impl Debugger {
         self.command(&format!("P{index:x}={:08x}", value.swap_bytes()))
     }
 
+    /// Makes the instruction at `address` the next one.
+    pub fn jump(&mut self, address: u32) -> Result {
+        self.set_register(PROGRAM_COUNTER, address)
+    }
+
     /// The word at an address of memory or of a peripheral.
     pub fn read(&mut self, address: u32) -> Result<u32> {
         let text = self.exchange(&format!("m{address:x},4"))?;
@@ -194,11 +185,12 @@ impl Debugger {
         let before = self.registers()?;
         // STR R1, [R0] and a branch to itself, which is not reached.
         self.command(&format!("M{SCRATCH:x},4:0160fee7"))?;
-        for (index, value) in [(0, address), (1, value), (15, SCRATCH), (XPSR, before.xpsr & !IT_BLOCK)] {
+        let changed = [(0, address), (1, value), (PROGRAM_COUNTER, SCRATCH), (XPSR, before.xpsr & !IT_BLOCK)];
+        for (index, value) in changed {
             self.set_register(index, value)?;
         }
         let after = self.step()?;
-        for index in [0, 1, 15] {
+        for index in [0, 1, PROGRAM_COUNTER] {
             self.set_register(index, before.r[index])?;
         }
         self.set_register(XPSR, before.xpsr)?;
@@ -218,22 +210,29 @@ impl Debugger {
         self.receive()
     }
 
+    /// Waits until the core stops: at a breakpoint, behind an instruction, or halted.
+    fn stopped(&mut self) -> Result {
+        let reason = self.receive()?;
+        if reason.starts_with(['S', 'T']) { Ok(()) } else { Err(format!("the core does not stop: {reason:?}")) }
+    }
+
     fn send(&mut self, packet: &str) -> Result {
         let sum = packet.bytes().fold(0, u8::wrapping_add);
-        write!(self.port.get_mut(), "${packet}#{sum:02x}").map_err(broken)
+        write!(self.0.get_mut(), "${packet}#{sum:02x}").map_err(broken)
     }
 
     fn receive(&mut self) -> Result<String> {
         let mut bytes = Vec::new();
-        // Acknowledgements come before the packet.
-        self.port.read_until(b'$', &mut bytes).map_err(broken)?;
+        // Acknowledgments come before the packet.
+        self.0.read_until(b'$', &mut bytes).map_err(broken)?;
         bytes.clear();
-        self.port.read_until(b'#', &mut bytes).map_err(broken)?;
-        self.port.read_exact(&mut [0; 2]).map_err(broken)?;
-        self.port.get_mut().write_all(b"+").map_err(broken)?;
+        self.0.read_until(b'#', &mut bytes).map_err(broken)?;
         if bytes.pop() != Some(b'#') {
             return Err("the emulator has ended".to_owned());
         }
+        // The checksum: the connection is one of this machine.
+        self.0.read_exact(&mut [0; 2]).map_err(broken)?;
+        self.0.get_mut().write_all(b"+").map_err(broken)?;
         String::from_utf8(bytes).map_err(|error| error.to_string())
     }
 }
@@ -248,27 +247,6 @@ fn hex_words(text: &str) -> impl Iterator<Item = u32> {
         let digits = std::str::from_utf8(digits).ok()?;
         Some(u32::from_str_radix(digits, 16).ok()?.swap_bytes())
     })
-}
-
-fn free_port() -> Result<u16> {
-    let listener = TcpListener::bind("127.0.0.1:0").map_err(|error| error.to_string())?;
-    Ok(listener.local_addr().map_err(|error| error.to_string())?.port())
-}
-
-fn connect(port: u16) -> Result<TcpStream> {
-    let start = Instant::now();
-    loop {
-        match TcpStream::connect(("127.0.0.1", port)) {
-            Ok(stream) => {
-                let options = stream.set_nodelay(true).and_then(|()| stream.set_read_timeout(Some(ANSWER_LIMIT)));
-                return options.map(|()| stream).map_err(|error| error.to_string());
-            }
-            Err(error) if start.elapsed() > START_LIMIT => {
-                return Err(format!("{} does not open its port {port}: {error}", emulator::PROGRAM));
-            }
-            Err(_) => std::thread::sleep(Duration::from_millis(20)),
-        }
-    }
 }
 
 #[cfg(test)]
