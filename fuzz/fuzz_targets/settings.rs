@@ -1,4 +1,0 @@
-//! See `host_tests::fuzz::fuzz_settings`.
-#![no_main]
-
-libfuzzer_sys::fuzz_target!(|data: &[u8]| host_tests::fuzz::fuzz_settings(data));
