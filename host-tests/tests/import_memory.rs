@@ -1,8 +1,6 @@
 //! The memory of an import is bounded by the log's length. Alone in its file: the meter counts the whole process.
 
-use std::path::Path;
-
-use host_tests::fuzz::*;
+use host_tests::fuzz::{FUZZERS, Fuzzer};
 use peak_alloc::PeakAlloc;
 
 #[global_allocator]
@@ -16,27 +14,19 @@ fn used(work: impl FnOnce()) -> usize {
     MEMORY.peak_usage().saturating_sub(before)
 }
 
-/// Name, format, entry point and corpus.
-type Fuzzer = (&'static str, FuzzedFormat, fn(&[u8]), Vec<(&'static str, Vec<u8>)>);
-
 #[test]
 fn memory_is_bounded_by_the_length_of_the_log() {
-    let fuzzers: [Fuzzer; 6] = [
-        ("import_blackbox", FuzzedFormat::Blackbox, fuzz_import_blackbox, import_blackbox_corpus()),
-        ("import_esc32", FuzzedFormat::Esc32, fuzz_import_esc32, import_esc32_corpus()),
-        ("import_mat", FuzzedFormat::Mat, fuzz_import_mat, import_mat_corpus()),
-        ("import_plain", FuzzedFormat::Plain, fuzz_import_plain, import_plain_corpus()),
-        ("import_rcbenchmark", FuzzedFormat::RcBenchmark, fuzz_import_rcbenchmark, import_rcbenchmark_corpus()),
-        ("import_ulog", FuzzedFormat::Ulog, fuzz_import_ulog, import_ulog_corpus()),
-    ];
-    for (name, format, fuzz, made) in fuzzers {
+    let mut formats = 0;
+    for Fuzzer { name, run, named_inputs, format } in FUZZERS {
+        let Some(format) = format else { continue };
+        formats += 1;
         let mut worst = 0.0;
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus").join(name);
-        let stored = std::fs::read_dir(&folder).unwrap().map(|entry| std::fs::read(entry.unwrap().path()).unwrap());
+        let made = named_inputs();
+        let stored = corpus::read(name).unwrap_or_else(|error| panic!("{error}"));
         // A last message or row repeated makes long logs of the shortest rows: there the factor shows, not the constant.
         let long = made.iter().map(|(_, bytes)| [&bytes[..], &bytes[bytes.len() - 5..].repeat(200_000)].concat());
-        for bytes in stored.chain(long) {
-            let used = used(|| fuzz(&bytes));
+        for bytes in stored.into_values().chain(long) {
+            let used = used(|| run(&bytes));
             assert!(used <= format.memory_bound(bytes.len()), "{name}: {used} for {}", bytes.len());
             let factor = used as f64 / bytes.len() as f64;
             if bytes.len() > 100_000 {
@@ -47,4 +37,5 @@ fn memory_is_bounded_by_the_length_of_the_log() {
         // The meter counts.
         assert!(worst > 1.0, "{name}");
     }
+    assert_eq!(formats, 6);
 }

@@ -8,6 +8,7 @@ mod board;
 mod docs;
 mod emulator;
 mod firmware;
+mod fuzz;
 mod image;
 mod library;
 mod readme;
@@ -48,6 +49,8 @@ Usage: cargo xtask COMMAND
            against all rivals writes docs/confusion.md
   answers  [--freeze] [--estimates] [CASE ...] compares what the tool answers on fixed cases with the answers that are kept, to 1e-9,
            or with --estimates to 0.05 of a standard deviation; with --freeze keeps those of today; a quarter of an hour
+  fuzz     TARGET [--merge] [OPTION ...] fuzzes what comes from outside, with options of libFuzzer; with --merge stores what was found;
+           takes a nightly compiler and cargo-fuzz: fuzz/README.md
   docs     writes the pages under docs anew: the catalog of effects, the help of the commands, what the commands that the pages
            show print, and the figures that they draw
   help     prints this
@@ -92,6 +95,7 @@ fn task<'a>(arguments: &'a [&'a str]) -> Option<Task<'a>> {
         ["docs"] => Box::new(docs::write),
         ["answers", options @ ..] => Box::new(move || answers::run_cases(options)),
         ["blind", options @ ..] => Box::new(move || blind::run_cases(options)),
+        ["fuzz", target, options @ ..] => Box::new(move || fuzz::fuzz(target, options)),
         ["statistics"] => Box::new(statistics::all),
         ["bench"] => Box::new(bench::all),
         ["bench", "--firmware"] => Box::new(|| bench::firmware(None)),

@@ -1,68 +1,55 @@
 //! The fuzzers' claims on their stored corpora, and on mutations of these. `fuzz/` runs the same functions under
 //! libFuzzer.
 
-use std::path::PathBuf;
-
-use host_tests::fuzz::*;
+use corpus::Inputs;
+use host_tests::fuzz::FUZZERS;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
-type Corpus = Vec<(&'static str, Vec<u8>)>;
-
-type Fuzzer = (&'static str, fn(&[u8]), fn() -> Corpus);
-
-/// Name, entry point, and the made part of the corpus. The stored one has what libFuzzer found beside it.
-const FUZZERS: [Fuzzer; 9] = [
-    ("capture", fuzz_capture, capture_corpus),
-    ("import_blackbox", fuzz_import_blackbox, import_blackbox_corpus),
-    ("import_esc32", fuzz_import_esc32, import_esc32_corpus),
-    ("import_mat", fuzz_import_mat, import_mat_corpus),
-    ("import_plain", fuzz_import_plain, import_plain_corpus),
-    ("import_rcbenchmark", fuzz_import_rcbenchmark, import_rcbenchmark_corpus),
-    ("import_ulog", fuzz_import_ulog, import_ulog_corpus),
-    ("link", fuzz_link, link_corpus),
-    ("settings", fuzz_settings, settings_corpus),
-];
-
-fn folder(name: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("corpus").join(name)
+fn stored(name: &str) -> Inputs {
+    corpus::read(name).unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// Every stored file, in the order of the names.
-fn stored(name: &str) -> Vec<Vec<u8>> {
-    let folder = folder(name);
-    let entries = std::fs::read_dir(&folder).unwrap_or_else(|error| panic!("{}: {error}", folder.display()));
-    let mut files: Vec<PathBuf> = entries.map(|entry| entry.unwrap().path()).collect();
-    files.sort();
-    files.iter().map(|file| std::fs::read(file).unwrap()).collect()
-}
-
-/// The named files are what they are named after, as seen through each fuzzer's own encoding.
+/// The named inputs are what they are named after, as seen through each fuzzer's own encoding.
 #[test]
 fn the_corpora_are_stored_as_they_are_made() {
-    for (name, _, made) in FUZZERS {
-        for (file, bytes) in made() {
-            let file = folder(name).join(file);
-            if std::env::var_os("UPDATE_CORPUS").is_some() {
-                std::fs::create_dir_all(folder(name)).unwrap();
-                std::fs::write(&file, &bytes).unwrap();
-            }
-            let stored = std::fs::read(&file).unwrap_or_else(|error| panic!("{}: {error}", file.display()));
-            assert!(stored == bytes, "{} differs: UPDATE_CORPUS=1 writes it anew", file.display());
+    for fuzzer in FUZZERS {
+        let made: Inputs = (fuzzer.named_inputs)().into_iter().map(|(name, bytes)| (name.to_owned(), bytes)).collect();
+        let is_there = corpus::archive(fuzzer.name).exists();
+        if std::env::var_os("UPDATE_CORPUS").is_some() {
+            let mut inputs = if is_there { stored(fuzzer.name) } else { Inputs::new() };
+            inputs.extend(made.clone());
+            corpus::write(fuzzer.name, &inputs).unwrap();
+        }
+        let stored = stored(fuzzer.name);
+        for (input, bytes) in &made {
+            let same = stored.get(input) == Some(bytes);
+            assert!(same, "{}: {input} is missing or differs: UPDATE_CORPUS=1 writes it anew", fuzzer.name);
         }
     }
 }
 
 #[test]
+fn every_archive_and_every_target_is_of_a_fuzzer() {
+    let names = FUZZERS.map(|fuzzer| fuzzer.name);
+    assert_eq!(corpus::fuzzers().unwrap(), names);
+    let manifest: toml::Value = toml::from_str(include_str!("../../fuzz/Cargo.toml")).unwrap();
+    let targets = manifest["bin"].as_array().unwrap().iter().map(|target| target["name"].as_str().unwrap());
+    assert_eq!(targets.collect::<Vec<_>>(), names);
+}
+
+#[test]
 fn the_corpora_keep_the_claims() {
-    for (name, fuzz, _) in FUZZERS {
-        let corpus = stored(name);
-        assert!(
-            corpus.len() > 10 || name == "settings" || name.starts_with("import_") && corpus.len() > 2,
-            "{name}: {} files",
-            corpus.len()
-        );
-        corpus.iter().for_each(|bytes| fuzz(bytes));
+    for fuzzer in FUZZERS {
+        let inputs = stored(fuzzer.name);
+        // Those that libFuzzer found are there too.
+        let least = match fuzzer.name {
+            "capture" => 100,
+            "settings" => 200,
+            _ => (fuzzer.named_inputs)().len(),
+        };
+        assert!(inputs.len() >= least, "{}: {} inputs", fuzzer.name, inputs.len());
+        inputs.values().for_each(|bytes| (fuzzer.run)(bytes));
     }
 }
 
@@ -70,11 +57,11 @@ fn the_corpora_keep_the_claims() {
 #[test]
 fn mutations_of_the_corpora_keep_the_claims() {
     let executions: u64 = std::env::var("FUZZ_EXECUTIONS").map_or(20_000, |count| count.parse().unwrap());
-    for (name, fuzz, _) in FUZZERS {
-        let corpus = stored(name);
+    for fuzzer in FUZZERS {
+        let corpus: Vec<Vec<u8>> = stored(fuzzer.name).into_values().collect();
         let mut random = ChaCha8Rng::seed_from_u64(20_260);
         for _ in 0..executions {
-            fuzz(&mutated(&corpus, &mut random));
+            (fuzzer.run)(&mutated(&corpus, &mut random));
         }
     }
 }
