@@ -33,7 +33,7 @@ fn the_corpora_are_stored_as_they_are_made() {
 fn every_archive_and_every_target_is_of_a_fuzzer() {
     let names = FUZZERS.map(|fuzzer| fuzzer.name);
     assert_eq!(corpus::fuzzers().unwrap(), names);
-    let manifest: toml::Value = toml::from_str(include_str!("../../fuzz/Cargo.toml")).unwrap();
+    let manifest: toml::Value = toml::from_str(include_str!("../../../fuzz/Cargo.toml")).unwrap();
     let targets = manifest["bin"].as_array().unwrap().iter().map(|target| target["name"].as_str().unwrap());
     assert_eq!(targets.collect::<Vec<_>>(), names);
 }
