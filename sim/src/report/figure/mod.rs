@@ -2,6 +2,7 @@
 //! [`csv`](Figure::csv), and the interactive form in a report ([`interactive`]).
 
 mod csv;
+mod drawing;
 mod error;
 mod extent;
 pub(super) mod interactive;

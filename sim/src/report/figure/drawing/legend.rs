@@ -3,7 +3,7 @@
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
 
-use super::{Area, BAND, Drawing, Figure, Mark, PX, Series, THICK, pale, rgb, text_width, words};
+use super::{Area, BAND, Canvas, Drawing, Figure, Mark, PX, Series, THICK, pale, rgb, text_width, words};
 
 const ONE: i32 = PX as i32;
 const ROW: u32 = 22 * PX;
@@ -42,7 +42,7 @@ impl<'a> Legend<'a> {
         if self.rows == 0 { 0 } else { ROW * self.rows + 6 * PX }
     }
 
-    pub(super) fn draw(&self, area: &Area, top: i32) -> Drawing<()> {
+    pub(super) fn draw<B: Canvas>(&self, area: &Area<B>, top: i32) -> Drawing<()> {
         for (series, x, row) in &self.entries {
             let (x, y) = (*x as i32, top + (ROW * row + ROW / 2) as i32);
             swatch(area, series, (x, y))?;
@@ -53,7 +53,7 @@ impl<'a> Legend<'a> {
 }
 
 /// What a series looks like, in small.
-fn swatch(area: &Area, series: &Series, (x, y): (i32, i32)) -> Drawing<()> {
+fn swatch<B: Canvas>(area: &Area<B>, series: &Series, (x, y): (i32, i32)) -> Drawing<()> {
     let color = rgb(series.color.rgb());
     let (middle, end) = (x + SWATCH / 2, x + SWATCH);
     if !series.band.is_empty() {
