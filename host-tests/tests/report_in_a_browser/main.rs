@@ -180,12 +180,12 @@ fn a_report_is_one_file_that_says_what_was_done_and_the_same_every_time() {
         "rotorlead design --model model.toml --out compensator.toml --report design.html",
         concat!("Rotorlead ", env!("CARGO_PKG_VERSION")),
         "Permission is hereby granted, free of charge",
-        "plotly.js v",
+        "plotly.js (cartesian - minified) v",
     ] {
         assert!(words.contains(part), "no \"{part}\"");
     }
     // Nothing is loaded: the library is the only script beside our own, and no element has an address.
-    let markup = html.split("plotly.js v").next().unwrap();
+    let markup = html.split("plotly.js (cartesian").next().unwrap();
     for loads in ["src=", "<link rel=\"stylesheet\"", "url(", "@import"] {
         assert!(!markup.contains(loads), "{loads}");
     }

@@ -1,11 +1,17 @@
 //! The HTML itself: a template, filled in. Whatever comes from data is escaped, by it or by `words`.
 
+use std::io::Write as _;
+
 use askama::Template;
+use base64::Engine as _;
+use flate2::Compression;
+use flate2::write::DeflateEncoder;
+use serde_json::Value;
 
 use super::swatch::swatch;
 use super::{Fact, Report, Section, Table, Verdict};
-use crate::report::figure::interactive::library;
-use crate::report::figure::{Figure, FigureError};
+use crate::report::figure::interactive::{LIBRARY, LICENSE};
+use crate::report::figure::{Figure, FigureError, Panel};
 
 /// How the page looks, and what it does.
 const STYLE: &str = include_str!("../../../templates/report.css");
@@ -22,9 +28,10 @@ struct Page<'a> {
     style: &'static str,
     script: &'static str,
     again: &'static str,
-    license: String,
-    library: String,
-    has_figures: bool,
+    license: &'static str,
+    library: &'static str,
+    /// Of all figures in their order; empty where there is none.
+    plots: String,
 }
 
 /// A report whose figures are drawn.
@@ -55,15 +62,7 @@ impl<'a> DrawnSection<'a> {
 
 struct DrawnFigure<'a> {
     figure: &'a Figure,
-    plots: Vec<DrawnPanel<'a>>,
-    svg: String,
-}
-
-struct DrawnPanel<'a> {
-    title: &'a str,
-    x: String,
-    height: u32,
-    json: String,
+    still: String,
 }
 
 struct Entry<'a> {
@@ -73,14 +72,7 @@ struct Entry<'a> {
 
 impl<'a> DrawnFigure<'a> {
     fn new(figure: &'a Figure) -> Result<Self, FigureError> {
-        let panels = figure.panels.iter().zip(figure.plots()?);
-        let plot = |(panel, json): (&'a crate::report::figure::Panel, String)| DrawnPanel {
-            title: &panel.title,
-            x: panel.x.title(),
-            height: panel.height,
-            json,
-        };
-        Ok(Self { figure, plots: panels.map(plot).collect(), svg: figure.svg()? })
+        Ok(Self { figure, still: figure.svg()? })
     }
 
     fn name(&self) -> &str {
@@ -95,12 +87,8 @@ impl<'a> DrawnFigure<'a> {
         &self.figure.caption
     }
 
-    fn svg(&self) -> &str {
-        &self.svg
-    }
-
-    fn plots(&self) -> &[DrawnPanel<'a>] {
-        &self.plots
+    fn panels(&self) -> &[Panel] {
+        &self.figure.panels
     }
 
     fn legend(&self) -> Vec<Entry<'a>> {
@@ -141,6 +129,13 @@ fn whole_options(text: &str) -> String {
     words.collect::<Vec<_>>().join(" ")
 }
 
+/// JSON as base64 of its compressed text, a third as long, in which there is no markup.
+fn packed(json: &Value) -> String {
+    let mut deflate = DeflateEncoder::new(Vec::new(), Compression::best());
+    deflate.write_all(json.to_string().as_bytes()).expect("memory takes all");
+    base64::prelude::BASE64_STANDARD.encode(deflate.finish().expect("memory takes all"))
+}
+
 impl Report {
     /// The whole file.
     ///
@@ -148,7 +143,8 @@ impl Report {
     /// When a figure cannot be drawn.
     pub fn html(&self) -> Result<String, FigureError> {
         let sections = self.sections.iter().map(DrawnSection::new).collect::<Result<Vec<_>, _>>()?;
-        let has_figures = self.sections.iter().any(|section| !section.figures.is_empty());
+        let figures = || self.sections.iter().flat_map(|section| &section.figures);
+        let plots = figures().map(Figure::plots).collect::<Result<Vec<_>, _>>()?.concat();
         let page = Page {
             report: Drawn {
                 kind: &self.kind,
@@ -163,32 +159,13 @@ impl Report {
             style: STYLE,
             script: SCRIPT,
             again: AGAIN,
-            license: LICENSE.to_owned(),
-            library: if has_figures { library() } else { String::new() },
-            has_figures,
+            license: LICENSE,
+            library: LIBRARY,
+            plots: if plots.is_empty() { String::new() } else { packed(&Value::from(plots)) },
         };
         page.render().map_err(|error| FigureError::Drawing { name: self.title.clone(), reason: error.to_string() })
     }
 }
-
-/// The license of plotly.js.
-const LICENSE: &str = "\
-The MIT License (MIT)
-
-Copyright 2012-2025, Plotly, Inc. All rights reserved.
-
-Permission is hereby granted, free of charge, to any person obtaining a copy of this software and associated documentation \
-files (the \"Software\"), to deal in the Software without restriction, including without limitation the rights to use, copy, \
-modify, merge, publish, distribute, sublicense, and/or sell copies of the Software, and to permit persons to whom the Software \
-is furnished to do so, subject to the following conditions:
-
-The above copyright notice and this permission notice shall be included in all copies or substantial portions of the Software.
-
-THE SOFTWARE IS PROVIDED \"AS IS\", WITHOUT WARRANTY OF ANY KIND, EXPRESS OR IMPLIED, INCLUDING BUT NOT LIMITED TO THE \
-WARRANTIES OF MERCHANTABILITY, FITNESS FOR A PARTICULAR PURPOSE AND NONINFRINGEMENT. IN NO EVENT SHALL THE AUTHORS OR COPYRIGHT \
-HOLDERS BE LIABLE FOR ANY CLAIM, DAMAGES OR OTHER LIABILITY, WHETHER IN AN ACTION OF CONTRACT, TORT OR OTHERWISE, ARISING FROM, \
-OUT OF OR IN CONNECTION WITH THE SOFTWARE OR THE USE OR OTHER DEALINGS IN THE SOFTWARE.
-";
 
 #[cfg(test)]
 mod tests {
