@@ -162,6 +162,17 @@ fn a_report_can_be_printed() {
     }
 }
 
+/// Small enough for a mail: six levels with all that can be drawn, and those with less.
+#[test]
+fn reports_are_small() {
+    let folder = tempfile::tempdir().unwrap();
+    for file in reports::write(folder.path()) {
+        let most = if file.ends_with("demo.html") { 2_500_000 } else { 2_000_000 };
+        let size = fs::metadata(&file).unwrap().len();
+        assert!(size < most, "{} has {size} bytes", file.display());
+    }
+}
+
 #[test]
 fn a_report_is_one_file_that_says_what_was_done_and_the_same_every_time() {
     let folder = tempfile::tempdir().unwrap();

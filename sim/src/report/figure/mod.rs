@@ -8,6 +8,7 @@ mod extent;
 pub(super) mod interactive;
 mod kind;
 mod png;
+mod still;
 mod svg;
 mod ticks;
 

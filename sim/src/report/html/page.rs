@@ -72,7 +72,7 @@ struct Entry<'a> {
 
 impl<'a> DrawnFigure<'a> {
     fn new(figure: &'a Figure) -> Result<Self, FigureError> {
-        Ok(Self { figure, still: figure.svg()? })
+        Ok(Self { figure, still: figure.still()? })
     }
 
     fn name(&self) -> &str {
