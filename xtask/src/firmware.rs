@@ -23,6 +23,8 @@ pub const LINK: &str = BOARD.interrupts.link;
 const EXCEPTION_FRAME_BYTES: u32 = 27 * 4;
 /// A feature of the firmware that puts an indexing panic into its control task.
 const PLANTED: &str = "planted-panic";
+/// The test that runs the paper's experiment at every level.
+const EVERY_LEVEL: &str = "every_level_of_the_paper";
 
 /// Builds the image, prints its sizes, checks it, and writes it as raw binary and as Intel HEX.
 pub fn build() -> Result<Sizes> {
@@ -75,21 +77,37 @@ pub fn flash() -> Result {
     run(command("probe-rs", &options).arg(path))
 }
 
-/// The tests of the image: what `build` checks, that the check finds an indexing panic, and what the image does in the
-/// emulator.
-pub fn test() -> Result {
+/// What `build` checks, what the README says of sizes, and that the check for panics finds one that is planted.
+pub fn check() -> Result {
     readme::check(build()?)?;
     let panicking = build_image(&[PLANTED])?;
     let bytes = std::fs::read(&panicking).map_err(|error| format!("{}: {error}", panicking.display()))?;
     match no_panic(&Image::read(&bytes)?) {
-        Ok(()) => return Err("the check for panics does not see the one that was planted".to_owned()),
-        Err(found) => eprintln!("xtask: as it should, the check finds the planted panic: {found}"),
+        Ok(()) => Err("the check for panics does not see the one that was planted".to_owned()),
+        Err(found) => {
+            eprintln!("xtask: as it should, the check finds the planted panic: {found}");
+            Ok(())
+        }
     }
-    let image = build_image(&[])?;
+}
+
+/// What the image does in the emulator, but for what takes as long at every level of the paper.
+pub fn test() -> Result {
+    in_emulator(&["--skip", EVERY_LEVEL])
+}
+
+/// The paper's experiment at every level, with the image in the loop.
+pub fn every_level() -> Result {
+    in_emulator(&[EVERY_LEVEL])
+}
+
+fn in_emulator(options: &[&str]) -> Result {
+    setup::emulator()?;
+    let (panicking, image) = (build_image(&[PLANTED])?, build_image(&[])?);
     // Of the whole workspace, as the other tests are: of one package alone its dependencies would be compiled anew.
     let mut test = cargo(&["test", "--workspace", "--locked", "--test", "emulator", "--", "--ignored"]);
     // The emulated time does not wait for a machine that is busy with more emulators than it has cores.
-    test.args(["--test-threads", "2"]);
+    test.args(["--test-threads", "2"]).args(options);
     run(test.env("ROTORLEAD_IMAGE", image).env("ROTORLEAD_PANICKING_IMAGE", panicking))
 }
 

@@ -32,8 +32,8 @@ Usage: cargo xtask COMMAND
            its tests in QEMU, its instruction counts; prints how long each part took. Changes nothing on the machine;
            with --setup installs what is missing first, and says what;
            with --quick formatting, lints, unit tests, and those of the controller and of the command line
-  test-image
-           the controller's image alone: its build, its checks, its tests in QEMU; a part of test
+  check-image, test-image
+           the controller's image: its build and what is checked of it; what it does in QEMU; parts of test
   library  the library as another firmware takes it: without a board, with each feature alone, for other cores, as a package;
            a part of test
   statistics
@@ -91,6 +91,7 @@ fn task<'a>(arguments: &'a [&'a str]) -> Option<Task<'a>> {
         ["test"] => Box::new(|| test::all(false)),
         ["test", "--setup"] => Box::new(|| test::all(true)),
         ["test", "--quick"] => Box::new(test::quick),
+        ["check-image"] => Box::new(firmware::check),
         ["test-image"] => Box::new(firmware::test),
         ["docs"] => Box::new(docs::write),
         ["answers", options @ ..] => Box::new(move || answers::run_cases(options)),

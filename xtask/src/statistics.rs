@@ -1,5 +1,6 @@
 //! The statistical claims at full count.
 
+use crate::firmware;
 use crate::run::{Result, cargo, run};
 
 /// Package, its target, and what the names of its tests contain: tests that are not run by default since they take from a minute to
@@ -25,5 +26,6 @@ pub fn all() -> Result {
         }
         failed.extend(run(&mut test).err().map(|error| format!("{package} {} {name}: {error}", target.join(" "))));
     }
+    failed.extend(firmware::every_level().err().map(|error| format!("every level in the emulator: {error}")));
     if failed.is_empty() { Ok(()) } else { Err(failed.join("\n")) }
 }

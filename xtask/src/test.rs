@@ -7,6 +7,9 @@ use std::time::{Duration, Instant};
 use crate::run::{Result, cargo, command, run, target_folder};
 use crate::setup;
 
+/// What the test is called that opens every report in a browser: minutes, in which the others run beside it.
+const IN_A_BROWSER: &str = "every_report_is_whole_in_a_browser";
+
 /// A step of the tests: what the table of times calls it, and its commands, one after the other.
 struct Part {
     name: &'static str,
@@ -75,20 +78,22 @@ impl Times {
         let mut build = tests();
         build.arg("--no-run");
         self.alone(part("build of the tests", [build]))?;
+        let mut host = tests();
+        host.args(["--", "--skip", IN_A_BROWSER]);
+        let mut browser = tests();
+        browser.args(["--test", "report_in_a_browser", "--", IN_A_BROWSER]);
         let mut pages = cargo(&["doc", "--workspace", "--no-deps", "--locked"]);
         pages.env("RUSTDOCFLAGS", "-D warnings");
+        let mut counts = xtask("bench");
+        counts.arg("--firmware");
+        let checks = lints().commands.into_iter().chain([pages, xtask("library"), xtask("check-image"), counts]);
         self.beside([
-            part("host tests", [tests()]),
-            part(
-                "lints, documentation, library and image",
-                lints().commands.into_iter().chain([pages, xtask("library")]),
-            ),
+            part("host tests", [host]),
+            part("reports in a browser", [browser]),
+            part("lints, documentation, library, image and instruction counts", checks),
         ])?;
         // Alone: the emulated time does not wait for a busy machine.
-        self.alone(part("image and emulator", [xtask("test-image")]))?;
-        let mut count = xtask("bench");
-        count.arg("--firmware");
-        self.alone(part("instruction counts", [count]))
+        self.alone(part("emulator", [xtask("test-image")]))
     }
 
     /// Runs a part with what it prints for all to see.

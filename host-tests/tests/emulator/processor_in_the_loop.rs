@@ -94,12 +94,18 @@ fn paper_through_the_image(levels: &[(f64, f64, f64)]) {
 
 #[test]
 #[ignore = "needs the image and the emulator: cargo xtask test"]
-fn the_papers_lower_levels_through_the_image_are_the_hosts_bit_for_bit_with_the_predicted_bandwidths() {
-    paper_through_the_image(&TABLE_1[..3]);
+fn the_papers_lowest_level_through_the_image_is_the_hosts_bit_for_bit_with_the_predicted_bandwidth() {
+    paper_through_the_image(&TABLE_1[..1]);
 }
 
 #[test]
 #[ignore = "needs the image and the emulator: cargo xtask test"]
-fn the_papers_upper_levels_through_the_image_are_the_hosts_bit_for_bit_with_the_predicted_bandwidths() {
-    paper_through_the_image(&TABLE_1[3..]);
+fn the_papers_highest_level_through_the_image_is_the_hosts_bit_for_bit_with_the_predicted_bandwidth() {
+    paper_through_the_image(&TABLE_1[5..]);
+}
+
+#[test]
+#[ignore = "more than a minute for each level: cargo xtask statistics"]
+fn every_level_of_the_paper_through_the_image_is_the_hosts_bit_for_bit_with_the_predicted_bandwidth() {
+    paper_through_the_image(&TABLE_1);
 }
