@@ -13,9 +13,9 @@ pub struct Diagnosis {
     pub verdict: Verdict,
     /// The named effects, the most important first.
     pub effects: Vec<Named>,
-    /// What the records lean to, too little to be named; `None` of a tool that does not say it.
+    /// Effects with weak evidence; `None` of a tool that does not say it.
     #[serde(default)]
-    pub suspected: Option<Vec<Suspected>>,
+    pub weak_evidence: Option<Vec<WeakEvidence>>,
     /// The gap on held-out records.
     pub gap: Gap,
 }
@@ -36,7 +36,7 @@ pub enum Verdict {
 
 /// A kind that is not named, and next to be.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
-pub struct Suspected {
+pub struct WeakEvidence {
     /// Its name.
     pub kind: String,
 }

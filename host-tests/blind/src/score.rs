@@ -70,15 +70,15 @@ impl Scored {
     /// The truth is the first name, stands among its alternatives, or is what the records are said to lean to; `None` where the tool
     /// does not say that.
     #[must_use]
-    pub fn first_alternative_or_suspected(&self) -> Option<bool> {
-        let suspected = self.suspects()?.iter().any(|suspected| self.is_hidden(&suspected.kind));
-        Some(self.first_or_alternative() || suspected)
+    pub fn first_alternative_or_weak_evidence(&self) -> Option<bool> {
+        let weak_evidence = self.suspects()?.iter().any(|weak_evidence| self.is_hidden(&weak_evidence.kind));
+        Some(self.first_or_alternative() || weak_evidence)
     }
 
     /// What the records are said to lean to.
     #[must_use]
     pub fn suspects(&self) -> Option<&[Suspected]> {
-        self.answer.as_ref().ok()?.suspected.as_deref()
+        self.answer.as_ref().ok()?.weak_evidence.as_deref()
     }
 
     /// Both effects of a pair, and everything hidden in general, are named.
@@ -204,14 +204,14 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn what_is_suspected_is_no_name() {
+    fn what_is_weak_evidence_is_no_name() {
         let json = naming("agrees", &[]);
-        let suspecting = json.replacen('{', r#"{"suspected": [{"kind": "slew_limit"}, {"kind": "backlash"}],"#, 1);
+        let suspecting = json.replacen('{', r#"{"weak_evidence": [{"kind": "slew_limit"}, {"kind": "backlash"}],"#, 1);
         let right = single(Kind::Backlash, &suspecting);
-        assert_eq!((right.first_alternative_or_suspected(), right.first_or_alternative()), (Some(true), false));
+        assert_eq!((right.first_alternative_or_weak_evidence(), right.first_or_alternative()), (Some(true), false));
         assert!(right.names_nothing() && !right.has_wrong_name());
-        assert_eq!(single(Kind::DeadBand, &suspecting).first_alternative_or_suspected(), Some(false));
-        assert_eq!(single(Kind::Backlash, &json).first_alternative_or_suspected(), None);
+        assert_eq!(single(Kind::DeadBand, &suspecting).first_alternative_or_weak_evidence(), Some(false));
+        assert_eq!(single(Kind::Backlash, &json).first_alternative_or_weak_evidence(), None);
     }
 
     #[test]

@@ -103,8 +103,8 @@ pub fn figures(cases: &[Scored]) -> Vec<Figure> {
             least(1.0),
         ),
         figure(
-            "singles that cannot: the same, or what the records are said to lean to",
-            Share::count(untold.iter().filter_map(|case| case.first_alternative_or_suspected())),
+            "singles that cannot: the same, or listed as weak evidence",
+            Share::count(untold.iter().filter_map(|case| case.first_alternative_or_weak_evidence())),
             None,
         ),
         figure(
@@ -118,7 +118,7 @@ pub fn figures(cases: &[Scored]) -> Vec<Figure> {
             least(39.0 / 40.0),
         ),
         figure(
-            "nothing hidden: the records are said to lean to something",
+            "nothing hidden: weak evidence is listed",
             Share::count(of(Class::Empty).filter_map(|case| Some(!case.suspects()?.is_empty()))),
             None,
         ),

@@ -183,7 +183,7 @@ fn a_name_that_rests_on_how_records_begin_comes_with_the_condition_that_makes_it
     let said = run(folder, "diagnose stand --json out.json --report report.html");
     let found = json(folder, "out.json");
     assert_eq!(found["effects"][0]["kind"], "quadratic_thrust", "{said}");
-    assert_eq!(found["rests_on_begins"], true);
+    assert_eq!(found["needs_steady_start"], true);
     assert!(said.split_whitespace().collect::<Vec<_>>().join(" ").contains(CONDITION), "{said}");
     assert!(fs::read_to_string(folder.join("report.html")).unwrap().contains(CONDITION));
     // Loud multisines show the curve by themselves, and nothing is said of begins.
@@ -193,7 +193,7 @@ fn a_name_that_rests_on_how_records_begin_comes_with_the_condition_that_makes_it
     let said = run(folder, "diagnose loud --json out.json");
     let found = json(folder, "out.json");
     assert_eq!(found["effects"][0]["kind"], "quadratic_thrust", "{said}");
-    assert_eq!(found["rests_on_begins"], false);
+    assert_eq!(found["needs_steady_start"], false);
     assert!(!said.contains("Seen in the first moments"), "{said}");
 }
 
@@ -206,7 +206,7 @@ fn where_nothing_is_missing_the_redesign_is_what_design_and_bandwidth_give() {
         folder,
         "diagnose stand --redesign --out-model m.toml --out-compensator c.toml --out-plan next.toml --json out.json",
     );
-    assert!(said.contains("Nothing is open: no plan is written"), "{said}");
+    assert!(said.contains("No further experiment needed: no plan is written"), "{said}");
     run(folder, "design --model m.toml --out d.toml");
     assert_eq!(fs::read(folder.join("c.toml")).unwrap(), fs::read(folder.join("d.toml")).unwrap());
     run(folder, "bandwidth --model m.toml --json bandwidth.json");

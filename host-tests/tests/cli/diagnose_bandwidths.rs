@@ -102,7 +102,7 @@ fn what_is_no_table_of_bandwidths_is_shown_at_its_place() {
         ("u_nom,", "nominal,", &["table.csv:1:1", "column `nominal` is not known", "u_nom"][..]),
         ("u_nom,", "u_nm,", &["table.csv:1:1", "did you mean `u_nom`?"]),
         (",compensated_rad_s\n", "\n", &["table.csv:1:1", "column `compensated_rad_s` is missing", "left empty"]),
-        (",compensated_rad_s\n", ",u_nom\n", &["table.csv:1:27", "column `u_nom` is there twice", "remove one"]),
+        (",compensated_rad_s\n", ",u_nom\n", &["table.csv:1:27", "duplicate column `u_nom`", "remove one"]),
         ("u_nom,uncompensated_rad_s,compensated_rad_s\n", "", &["table.csv:1:1", "begin the file with a header line"]),
         ("7.6139", "fast", &["table.csv:2:6", "line 2", "`fast` is not a number", "plain number"]),
         ("7.6139", "0", &["table.csv:2:6", "`0` is no bandwidth", "above 0"]),
@@ -113,7 +113,7 @@ fn what_is_no_table_of_bandwidths_is_shown_at_its_place() {
         ("0.40,7", ",7", &["table.csv:2:1", "column `u_nom`: the cell is empty"]),
         ("0.40", "40", &["table.csv:2:1", "`40` is not a command from 0 to 1"]),
         ("0.40", "0.30", &["table.csv:2:1", "nominal command of 0.3", "from 0.4 to 0.65", "identify the motor"]),
-        ("0.40", "0.45", &["table.csv:3:1", "a u_nom of 0.45 is there twice", "one row per nominal"]),
+        ("0.40", "0.45", &["table.csv:3:1", "duplicate u_nom 0.45", "one row per nominal"]),
         ("0.40,7.6139,10.5564", "0.40,7.6139", &["table.csv:2:1", "2 cells, but the header has 3"]),
     ] {
         let stand = with_table();

@@ -13,7 +13,7 @@ use super::redesign::RedesignArguments;
 use super::report_option::ReportOption;
 use super::{WrongUse, progress, report_pages};
 use crate::diagnose::{
-    Axis, Diagnosis, Gap, Location, Options, RESTS_ON_BEGINS, Verdict, diagnose, fill_in_esc_commands,
+    Axis, Diagnosis, Gap, Location, NEEDS_STEADY_START, Options, Verdict, diagnose, fill_in_esc_commands,
 };
 use crate::files::{check_writable, write_file};
 use crate::plant::{Catalog, Model};
@@ -128,7 +128,7 @@ impl Diagnose {
 /// Writes the plan of the next experiment where there is one, and says so.
 fn write_plan(found: &Diagnosis, out: &Path) -> miette::Result<String> {
     let Some(next) = found.next_experiment() else {
-        return Ok(format!("\nNothing is open: no plan is written to {}\n", out.display()));
+        return Ok(format!("\nNo further experiment needed: no plan is written to {}\n", out.display()));
     };
     write_file(out, next.file().into_diagnostic()?.as_bytes())?;
     Ok(format!("Its plan, {} records, is written to {}\n", next.plan.records.len(), out.display()))
@@ -137,10 +137,10 @@ fn write_plan(found: &Diagnosis, out: &Path) -> miette::Result<String> {
 pub(super) fn verdict(found: &Diagnosis) -> String {
     let names = || found.effects.iter().map(|effect| effect.kind.title).collect::<Vec<_>>().join(", and ");
     match found.verdict {
-        Verdict::Agrees => "Model and measurement agree: what is left is noise.".to_owned(),
+        Verdict::Agrees => "Model and measurement agree: the residual is noise.".to_owned(),
         Verdict::Named => format!("Missing in the model: {}.", names()),
-        Verdict::PartlyNamed => format!("Missing in the model: {}. Something else is left over, unexplained.", names()),
-        Verdict::Unknown => "Model and measurement disagree, and nothing that is known explains how.".to_owned(),
+        Verdict::PartlyNamed => format!("Missing in the model: {}. A part of the residual stays unexplained.", names()),
+        Verdict::Unknown => "Model and measurement disagree, and no effect of the catalog explains it.".to_owned(),
     }
 }
 
@@ -149,7 +149,7 @@ fn words(found: &Diagnosis) -> String {
     if !found.steadiness.is_noise() {
         let _ = writeln!(
             text,
-            "What does not repeat from period to period is no steady noise: its power changes by {:.0} % in time.",
+            "The residual is not stationary: the power of what does not repeat changes by {:.0} % over time.",
             100.0 * found.steadiness.spread
         );
     }
@@ -161,7 +161,7 @@ fn words(found: &Diagnosis) -> String {
         text.push('\n');
     };
     if found.verdict != Verdict::Agrees {
-        line("\nWhere the misfit of the first model lies, in percent of it:".to_owned());
+        line("\nWhere the excess chi-square of the first model lies, in percent:".to_owned());
         for axis in [
             Axis::Frequency,
             Axis::Nominal,
@@ -197,13 +197,13 @@ fn words(found: &Diagnosis) -> String {
             line(format!("  the records cannot tell it from {}", others.join(", ")));
         }
     }
-    if found.rests_on_begins {
-        line(format!("\n{}", wrapped(RESTS_ON_BEGINS, WIDTH, "")));
+    if found.needs_steady_start {
+        line(format!("\n{}", wrapped(NEEDS_STEADY_START, WIDTH, "")));
     }
-    for suspect in &found.suspected {
-        line(format!("\n{suspect}"));
+    for kind in &found.weak_evidence {
+        line(format!("\n{kind}"));
     }
-    let on = if found.held_out { "what was held out" } else { "what was fitted: nothing was held out" };
+    let on = if found.held_out { "held-out data" } else { "the training data (nothing was held out)" };
     line(format!(
         "\nGap on {on}, RMS over that of the response:\n  {:.2} % before, {:.2} % after, {:.2} % noise",
         100.0 * found.gap.before,
@@ -280,10 +280,10 @@ fn values(found: &Diagnosis) -> Value {
             "evidence": effect.evidence,
             "alternatives": effect.alternatives.iter().map(|kind| kind.id).collect::<Vec<_>>(),
         })).collect::<Vec<_>>(),
-        "rests_on_begins": found.rests_on_begins,
-        "suspected": found.suspected.iter().map(|suspect| json!({
-            "kind": suspect.kind.id,
-            "evidence": suspect.evidence,
+        "needs_steady_start": found.needs_steady_start,
+        "weak_evidence": found.weak_evidence.iter().map(|kind| json!({
+            "kind": kind.kind.id,
+            "evidence": kind.evidence,
         })).collect::<Vec<_>>(),
         "gap": { "before": found.gap.before, "after": found.gap.after, "noise_floor": found.gap.noise_floor },
         "records": found.records.iter().map(|record| json!({
@@ -321,7 +321,7 @@ fn values(found: &Diagnosis) -> Value {
             "kind": tried.kind.id,
             "fitted_gain": tried.fitted_gain,
             "held_out_gain": finite(tried.held_out_gain),
-            "worth": finite(tried.worth),
+            "score": finite(tried.score),
         })).collect::<Vec<_>>(),
         "next_experiment": found.next_experiment().map(|next| next.words),
     })

@@ -14,7 +14,7 @@ use super::report_pages;
 use crate::design::{DesignOptions, design, read_compensator};
 use crate::diagnose::Verdict;
 use crate::diagnose::bandwidths::{
-    BandwidthDiagnosis, BandwidthOptions, BandwidthTable, Column, Explanation, Reach, Standing, diagnose_bandwidths,
+    BandwidthDiagnosis, BandwidthOptions, BandwidthTable, Column, Explanation, Scope, Standing, diagnose_bandwidths,
 };
 use crate::files::check_writable;
 use crate::plant::{Catalog, Model, Provenance};
@@ -150,7 +150,7 @@ fn words(found: &BandwidthDiagnosis) -> String {
         for (parameter, estimate) in &one.parameters {
             line(format!("  {:<22} {}", parameter.name, parameter_with_std(parameter, estimate)));
         }
-        if one.reach == Reach::Each {
+        if one.scope == Scope::Each {
             sizes(found, one, &mut line);
         }
         line("  predicted (rad/s)".to_owned());
@@ -176,9 +176,9 @@ fn words(found: &BandwidthDiagnosis) -> String {
 }
 
 fn verdict(found: &BandwidthDiagnosis) -> String {
-    let title = |one: &Explanation| match one.reach {
-        Reach::All => format!("{}, the same at every u_nom", one.kind.title),
-        Reach::Each => format!("{}, another at each u_nom", one.kind.title),
+    let title = |one: &Explanation| match one.scope {
+        Scope::All => format!("{}, the same at every u_nom", one.kind.title),
+        Scope::Each => format!("{}, another at each u_nom", one.kind.title),
     };
     let open = || {
         let others = found.alternatives().len();
@@ -232,12 +232,11 @@ fn list(found: &BandwidthDiagnosis, line: &mut impl FnMut(String)) {
     let rule = if found.is_asked_for {
         "* is taken, as asked for."
     } else {
-        "* is taken by rule: of the explanations that explain the fitted column with fewer numbers than it has, and as well as \
-         the best, the one with the fewest numbers, and the dullest of these; else the dullest with a number at each u_nom. The \
-         other column has no say in it."
+        "* is chosen: of the explanations that fit the column as well as the best one, with fewer parameters than the column has \
+         values, the one with the fewest parameters, and of these the simplest model; if there is none, the simplest model with a \
+         parameter at each u_nom. The other column is not used."
     };
-    let rest = "= cannot be told from it by the fitted column: as likely there, or with so many numbers that the column is \
-                reproduced whatever they mean.";
+    let rest = "= cannot be distinguished from it by the fitted column: as likely there, or with as many parameters as the column has values.";
     line(format!("  {}\n  {}", wrapped(rule, WIDTH - 2, "  "), wrapped(rest, WIDTH - 2, "  ")));
 }
 
@@ -307,7 +306,7 @@ fn values(found: &BandwidthDiagnosis) -> Value {
                 "parameters": parameters(one),
                 "gap_before": found.gap.before,
                 "gap_after": finite(found.gap.after),
-                "evidence": one.worth,
+                "evidence": one.score,
                 "alternatives": found.alternatives().iter().map(|kind| kind.id).collect::<Vec<_>>(),
             })
         })
@@ -336,8 +335,8 @@ fn values(found: &BandwidthDiagnosis) -> Value {
             "parameters": parameters(one),
             "fitted_gap": one.fitted_rms,
             "held_out_gap": one.held_out_rms,
-            "log_likelihood_gain": one.worth.map(|_| one.gain),
-            "evidence": one.worth.and_then(|worth| worth.is_finite().then_some(worth)),
+            "log_likelihood_gain": one.score.map(|_| one.gain),
+            "evidence": one.score.and_then(|score| score.is_finite().then_some(score)),
             "points": at_each(one),
         })).collect::<Vec<_>>(),
         "ruled_out": found.ruled_out.iter().map(|one| json!({ "kind": one.kind.id, "reason": one.reason })).collect::<Vec<_>>(),

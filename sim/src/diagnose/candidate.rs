@@ -19,7 +19,7 @@ pub(super) struct Candidate {
     /// Of frames: the part of a frame from the first command of each record to its first frame, by the record's place. Empty
     /// where it is not known.
     pub phases: Vec<f64>,
-    /// Standard deviation of the coordinate of its single value where a profile of the misfit says it; else infinite.
+    /// Standard deviation of the coordinate of its single value where a profile of the chi-square says it; else infinite.
     pub profiled_std: f64,
 }
 
@@ -30,7 +30,7 @@ impl Candidate {
     }
 
     /// Whether the response depends in jumps on its single value.
-    pub fn jumps(&self) -> bool {
+    pub fn is_non_smooth(&self) -> bool {
         Self::searched(self.kind).any(|(_, parameter)| parameter.pieces > GRID)
     }
 

@@ -12,14 +12,14 @@
 //! What is free is projected out, so a column says nothing of the gain of the response, and a model without a supply is not to
 //! blame for the level of its voltage. The current is not used: no effect says it without the voltage.
 //!
-//! In records that repeat they are [heard](super::witness) where the response alone cannot tell.
+//! In records that repeat they are [heard](super::auxiliary channel) where the response alone cannot tell.
 
 use nalgebra::{DMatrix, DVector};
 
+use super::dataset::{Record, Split};
 use super::log::{Errors, Filter};
-use super::trial::{Purpose, Trial};
 use crate::plant::Trace;
-use crate::record::{Output, Record};
+use crate::record::{Output, Record as SourceRecord};
 
 /// Which column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,9 +67,9 @@ pub(super) struct Channel {
 }
 
 /// The columns that a record has beside the response, over these rows. One that never changes says nothing.
-pub(super) fn columns(record: &Record, output: Output, rows: std::ops::Range<usize>) -> Vec<(Column, Vec<f64>)> {
-    let speed = record.rpm.as_deref().filter(|_| output == Output::ThrustN).map(|values| (Column::Speed, values));
-    let voltage = record.voltage_v.as_deref().map(|values| (Column::Voltage, values));
+pub(super) fn columns(source: &SourceRecord, output: Output, rows: std::ops::Range<usize>) -> Vec<(Column, Vec<f64>)> {
+    let speed = source.rpm.as_deref().filter(|_| output == Output::ThrustN).map(|values| (Column::Speed, values));
+    let voltage = source.voltage_v.as_deref().map(|values| (Column::Voltage, values));
     let there = [speed, voltage].into_iter().flatten().filter_map(|(column, values)| {
         let measured = values.get(rows.clone())?.to_vec();
         let moves =
@@ -80,7 +80,7 @@ pub(super) fn columns(record: &Record, output: Output, rows: std::ops::Range<usi
 }
 
 /// The columns of a record that does not repeat.
-pub(super) fn channels(record: &Record, output: Output, rows: std::ops::Range<usize>) -> Vec<Channel> {
+pub(super) fn channels(source: &SourceRecord, output: Output, rows: std::ops::Range<usize>) -> Vec<Channel> {
     let channel = |(column, measured)| Channel {
         column,
         measured,
@@ -88,7 +88,7 @@ pub(super) fn channels(record: &Record, output: Output, rows: std::ops::Range<us
         fitted: Filter::default(),
         held_out: Filter::default(),
     };
-    columns(record, output, rows).into_iter().map(channel).collect()
+    columns(source, output, rows).into_iter().map(channel).collect()
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
@@ -97,11 +97,11 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 
 impl Channel {
     /// The sum of the columns that comes nearest, by the rows that are fitted where there are such.
-    fn nearest(&self, trial: &Trial, trace: &Trace) -> Vec<f64> {
-        let purpose = if trial.end_of(Some(Purpose::Fit)) > 0 { Purpose::Fit } else { Purpose::HeldOut };
+    fn nearest(&self, record: &Record, trace: &Trace) -> Vec<f64> {
+        let split = if record.end_of(Some(Split::Train)) > 0 { Split::Train } else { Split::Holdout };
         let columns = self.column.predicted(trace, self.measured.len());
-        let white: Vec<Vec<f64>> = columns.iter().map(|column| self.of(purpose).apply(column)).collect();
-        let measured = self.of(purpose).apply(&self.measured);
+        let white: Vec<Vec<f64>> = columns.iter().map(|column| self.of(split).apply(column)).collect();
+        let measured = self.of(split).apply(&self.measured);
         // Each column over its length, since they differ by orders of magnitude; one that never moves says nothing.
         let lengths: Vec<f64> = white.iter().map(|column| dot(column, column).sqrt()).collect();
         let scale = |index: usize| if lengths[index] > 0.0 { lengths[index].recip() } else { 0.0 };
@@ -115,36 +115,36 @@ impl Channel {
     }
 
     /// The white residual of a purpose.
-    pub fn white(&self, trial: &Trial, purpose: Purpose, trace: &Trace) -> Vec<f64> {
-        self.of(purpose).apply(&self.left(trial, trace))
+    pub fn white(&self, record: &Record, split: Split, trace: &Trace) -> Vec<f64> {
+        self.of(split).apply(&self.left(record, trace))
     }
 
-    fn of(&self, purpose: Purpose) -> &Filter {
-        if purpose == Purpose::Fit { &self.fitted } else { &self.held_out }
+    fn of(&self, split: Split) -> &Filter {
+        if split == Split::Train { &self.fitted } else { &self.held_out }
     }
 
     /// Minus twice the log likelihood over the rows of a purpose, with the errors that are left there.
-    pub fn surprise(&self, trial: &Trial, purpose: Purpose, trace: &Trace) -> f64 {
-        self.of(purpose).surprise(&self.left(trial, trace))
+    pub fn deviance(&self, record: &Record, split: Split, trace: &Trace) -> f64 {
+        self.of(split).deviance(&self.left(record, trace))
     }
 
-    fn left(&self, trial: &Trial, trace: &Trace) -> Vec<f64> {
-        let nearest = self.nearest(trial, trace);
+    fn left(&self, record: &Record, trace: &Trace) -> Vec<f64> {
+        let nearest = self.nearest(record, trace);
         self.measured.iter().zip(nearest).map(|(measured, model)| measured - model).collect()
     }
 
     /// Makes its filters anew for what the trial's groups are for.
-    pub fn assign(&mut self, trial: &Trial) {
-        let Some(log) = &trial.log else { return };
-        let filter = |purpose| log.filter(self.errors, purpose, false);
-        (self.fitted, self.held_out) = (filter(Purpose::Fit), filter(Purpose::HeldOut));
+    pub fn assign(&mut self, record: &Record) {
+        let Some(log) = &record.log else { return };
+        let filter = |split| log.filter(self.errors, split, false);
+        (self.fitted, self.held_out) = (filter(Split::Train), filter(Split::Holdout));
     }
 
     /// Takes the errors from what a model leaves.
-    pub fn weigh(&mut self, trial: &Trial, trace: &Trace) {
-        let Some(log) = &trial.log else { return };
-        self.assign(trial);
-        self.errors = self.of(log.known_by()).errors_of(&self.left(trial, trace));
-        self.assign(trial);
+    pub fn weigh(&mut self, record: &Record, trace: &Trace) {
+        let Some(log) = &record.log else { return };
+        self.assign(record);
+        self.errors = self.of(log.known_by()).errors_of(&self.left(record, trace));
+        self.assign(record);
     }
 }

@@ -4,7 +4,7 @@
 //! finds no slope that leads to a limit that cuts off the last hundredth of a square wave.
 
 use super::candidate::Candidate;
-use super::trial::{Trial, Trials};
+use super::dataset::{Dataset, Record};
 use crate::plant::effect::Kind;
 
 /// Parts of the amplitude that are cut off.
@@ -13,11 +13,11 @@ const CUT_OFF: [f64; 2] = [0.01, 0.1];
 const SAME: f64 = 1e-4;
 
 /// Limits a little below the highest commands of the records; none for other kinds.
-pub(super) fn starts(trials: &Trials, kind: &'static Kind) -> Vec<Candidate> {
-    let is_limit = kind.id == "saturation" && !trials.has_logs();
+pub(super) fn starts(data: &Dataset, kind: &'static Kind) -> Vec<Candidate> {
+    let is_limit = kind.id == "saturation" && !data.has_logs();
     let Some((place, _)) = Candidate::searched(kind).next().filter(|_| is_limit) else { return Vec::new() };
-    let top = |trial: &Trial| (trial.told.iter().copied().fold(f64::NEG_INFINITY, f64::max), trial.amplitude);
-    let mut tops: Vec<(f64, f64)> = trials.trials.iter().map(top).collect();
+    let top = |record: &Record| (record.command.iter().copied().fold(f64::NEG_INFINITY, f64::max), record.amplitude);
+    let mut tops: Vec<(f64, f64)> = data.records.iter().map(top).collect();
     // The larger amplitude first where tops are the same.
     tops.sort_by(|a, b| a.0.total_cmp(&b.0).then(b.1.total_cmp(&a.1)));
     tops.dedup_by(|a, b| a.0 - b.0 < SAME);

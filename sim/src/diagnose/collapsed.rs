@@ -4,15 +4,15 @@
 //! lag no search finds the limit: without a gain a clip changes nothing. So effects are looked for from a lag with the gain of
 //! the other nominal commands as well.
 
+use super::dataset::Dataset;
 use super::fit::{Fit, fit_in};
-use super::trial::Trials;
 
 /// A gain that is a smaller part of the others' median than this has collapsed.
 const COLLAPSED: f64 = 0.4;
 
 /// `from` with the lags of the nearest nominal command that responds wherever one has collapsed; not fitted. `None` where none
 /// has, or all have.
-pub(super) fn lifted(trials: &Trials, from: &Fit) -> Option<Fit> {
+pub(super) fn lifted(data: &Dataset, from: &Fit) -> Option<Fit> {
     let base = &from.hypothesis.base;
     let mut gains: Vec<f64> = base.iter().map(|lag| lag.gain.abs()).collect();
     gains.sort_by(f64::total_cmp);
@@ -23,9 +23,9 @@ pub(super) fn lifted(trials: &Trials, from: &Fit) -> Option<Fit> {
     }
     let mut lifted = from.hypothesis.clone();
     for point in (0..base.len()).filter(|point| !responds(point)) {
-        let away = |other: &usize| (trials.nominals[*other] - trials.nominals[point]).abs();
+        let away = |other: &usize| (data.nominals[*other] - data.nominals[point]).abs();
         let nearest = (0..base.len()).filter(responds).min_by(|a, b| away(a).total_cmp(&away(b)))?;
         lifted.base[point] = base[nearest];
     }
-    fit_in(trials, &lifted, true, 0)
+    fit_in(data, &lifted, true, 0)
 }

@@ -25,10 +25,10 @@ pub fn fill_in_esc_commands(experiment: &mut Experiment, folder: &Path) -> Resul
         let mut compensator = Compensator::new(*design.coefficients(), Command::ZERO, Command::ONE);
         let first = record.command.first().copied().unwrap_or_default();
         compensator.reset(Command::saturating_from_f64(first));
-        let told = filtered(record, design.loop_rate_hz(), |input| {
+        let applied = filtered(record, design.loop_rate_hz(), |input| {
             compensator.update(Command::saturating_from_f64(input)).to_f64()
         });
-        record.esc_command = Some(told);
+        record.esc_command = Some(applied);
     }
     Ok(())
 }
@@ -38,15 +38,15 @@ fn filtered(record: &Record, rate_hz: f64, mut filter: impl FnMut(f64) -> f64) -
     let begin_s = record.time_s.first().copied().unwrap_or_default();
     let tick_at = |time_s: f64| ((time_s - begin_s) * rate_hz).round() as u64;
     let mut last = record.command.first().copied().unwrap_or_default();
-    let mut told = Vec::with_capacity(record.command.len());
+    let mut applied = Vec::with_capacity(record.command.len());
     for (row, &command) in record.command.iter().enumerate() {
         let ticks = record.time_s.get(row + 1).map_or(1, |next| tick_at(*next) - tick_at(record.time_s[row]));
         let sum: f64 = (0..ticks).map(|_| filter(command)).sum();
         // Rows closer than a tick have what was there.
         last = if ticks > 0 { sum / ticks as f64 } else { last };
-        told.push(last);
+        applied.push(last);
     }
-    told
+    applied
 }
 
 #[cfg(test)]
@@ -70,14 +70,14 @@ mod tests {
         experiment.records[0].compensated = true;
         experiment.records[0].compensator = Some("compensator.toml".into());
         fill_in_esc_commands(&mut experiment, scratch.path()).unwrap();
-        let told = experiment.records[0].esc_command.clone().unwrap();
-        assert!(told[..100].iter().all(|u| (u - 0.4).abs() < 1e-6), "{told:?}");
+        let applied = experiment.records[0].esc_command.clone().unwrap();
+        assert!(applied[..100].iter().all(|u| (u - 0.4).abs() < 1e-6), "{told:?}");
         // It leads, and comes to rest at the command.
-        let most = told[100..120].iter().fold(0.0_f64, |most, u| most.max(*u));
+        let most = applied[100..120].iter().fold(0.0_f64, |most, u| most.max(*u));
         // A row's mean comes near the largest of its ticks, and does not pass it.
         let peak = 0.4 + 0.05 * lead.check().step_peak;
         assert!(most < peak && most - 0.4 > 0.9 * (peak - 0.4), "{most} {peak}");
-        assert!((told[399] - 0.45).abs() < 1e-4, "{}", told[399]);
+        assert!((applied[399] - 0.45).abs() < 1e-4, "{}", applied[399]);
         experiment.records[0].esc_command = None;
         experiment.records[0].compensator = Some("other.toml".into());
         assert!(fill_in_esc_commands(&mut experiment, scratch.path()).is_err());

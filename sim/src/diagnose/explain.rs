@@ -1,33 +1,33 @@
-//! Explain: which effects of the catalog the misfit asks for.
+//! Explain: which effects of the catalog the chi-square asks for.
 //!
 //! Every kind is tried at its starts, with the lags moved along to first order; the promising ones are fitted jointly with
-//! the lags on the fitted stretches. What a kind is worth is its gain of log likelihood there, less what the search would gain
-//! by chance ([`price`]), plus its gain on the held-out stretches, where parameters cannot help themselves. Effects are added one
+//! the lags on the fitted segments. What a kind is worth is its gain of log likelihood there, less what the search would gain
+//! by chance ([`complexity_penalty`]), plus its gain on the held-out segments, where parameters cannot help themselves. Effects are added one
 //! at a time; each is then tried again in the presence of the others, exchanged where another kind serves better there, and
 //! dropped where the others make it redundant.
 
 use rayon::prelude::*;
 
 use super::candidate::{Candidate, GRID};
+use super::dataset::{Before, Dataset, Record, Split};
 use super::fit::{Fit, fit, fit_in};
 use super::hypothesis::Hypothesis;
 use super::locate::excess;
 use super::prediction::Near;
-use super::profile::settle_jumps;
+use super::profile::profile_non_smooth;
 use super::scan::Scan;
-use super::screening::Screening;
+use super::score_test::ScoreTest;
 use super::steadiness::steadiness;
-use super::suspicion::{self, Suspect};
-use super::trial::{Before, Purpose, Trial, Trials};
-use super::tried::{ALIKE, LEAST_WORTH, Tried, by_worth, price};
-use super::{clips, collapsed, grid, resonance, witness};
+use super::tried::{ALIKE, LEAST_SCORE, Tried, by_score, complexity_penalty};
+use super::weak_evidence::{self, WeakEvidence};
+use super::{auxiliary, clips, collapsed, quantizer_step, resonance};
 use crate::identify::offset_and_start;
 use crate::plant::Catalog;
 use crate::plant::effect::{Kind, Shows};
 
 /// Most effects that are named.
 pub(super) const MOST_EFFECTS: usize = 3;
-/// So many effects that leave more than this part of the misfit are no explanation, and none is looked for.
+/// So many effects that leave more than this part of the chi-square are no explanation, and none is looked for.
 const ENOUGH_EFFECTS: usize = 2;
 const HOPELESS: f64 = 0.15;
 /// How many kinds are fitted after the screening, and from which share of the best gain on.
@@ -35,7 +35,7 @@ const MOST_FITTED: usize = 7;
 const PROMISING: f64 = 0.2;
 /// Share of the least worth that the screening has to promise.
 const PROMISED: f64 = 0.7;
-/// Starts that are followed of one kind.
+/// InitialCondition that are followed of one kind.
 const MOST_STARTS: usize = 2;
 /// Steps after which the kinds are compared; after these so many go on, and all that are close.
 pub(super) const FIRST_STEPS: usize = 3;
@@ -53,15 +53,15 @@ const VALLEY_LOOKS: i32 = 5;
 const VALLEY_STEPS: u32 = 4;
 const VALLEY_NARROWING: f64 = 0.25;
 
-/// What a start of a kind would leave of the misfit, and the hypothesis that it leads to.
+/// What a start of a kind would leave of the chi-square, and the hypothesis that it leads to.
 pub(super) type Screened = (f64, Hypothesis, &'static Kind);
 
 /// The decay at the begin of a record that `hypothesis` leaves, and what it leaves beside that and an offset.
-pub(super) fn aligned(all: &Trials, trial: &Trial, hypothesis: &Hypothesis) -> Option<(f64, Vec<f64>)> {
-    let rows = trial.end_of(None);
-    let simulated = hypothesis.simulate(all, trial, rows).ok()?;
-    let (time_s, measured) = (&trial.time_s[..rows], &trial.measured[..rows]);
-    let tau_s = hypothesis.base[trial.point].time_constant_s;
+pub(super) fn aligned(all: &Dataset, record: &Record, hypothesis: &Hypothesis) -> Option<(f64, Vec<f64>)> {
+    let rows = record.end_of(None);
+    let simulated = hypothesis.simulate(all, record, rows).ok()?;
+    let (time_s, measured) = (&record.time_s[..rows], &record.measured[..rows]);
+    let tau_s = hypothesis.base[record.point].time_constant_s;
     let (offset, start) = offset_and_start(time_s, measured, &simulated, tau_s);
     let decay = |time: &f64| (-(time - time_s[0]) / tau_s).exp();
     let moved = simulated.iter().zip(time_s).map(|(model, time)| model + offset + start * decay(time));
@@ -74,7 +74,7 @@ pub(super) struct Found {
     /// The kind.
     pub kind: &'static Kind,
     /// What it is worth beside the others that were found.
-    pub worth: f64,
+    pub score: f64,
     /// Others that would do as well in its place.
     pub alternatives: Vec<&'static Kind>,
 }
@@ -90,14 +90,14 @@ pub(super) struct Explanation {
     pub found: Vec<Found>,
     /// What was tried beside the lags alone, best first.
     pub tried: Vec<Tried>,
-    /// What the records lean to beside the lags alone.
-    pub suspected: Vec<Suspect>,
+    /// Effects with weak evidence beside the lags alone.
+    pub weak_evidence: Vec<WeakEvidence>,
 }
 
 impl Explanation {
     /// That nothing explains what `before` leaves.
-    fn of_nothing(before: Fit, tried: Vec<Tried>, suspected: Vec<Suspect>) -> Self {
-        Self { after: before.clone(), before, found: Vec::new(), tried, suspected }
+    fn of_nothing(before: Fit, tried: Vec<Tried>, weak_evidence: Vec<WeakEvidence>) -> Self {
+        Self { after: before.clone(), before, found: Vec::new(), tried, weak_evidence }
     }
 }
 
@@ -122,7 +122,7 @@ impl Built {
 /// Everything that may be tried, and on what.
 pub(super) struct Search<'a> {
     /// The records.
-    pub trials: Trials,
+    pub data: Dataset,
     /// The kinds.
     pub catalog: &'a Catalog,
     /// Told whenever a step is done.
@@ -137,32 +137,32 @@ impl Search<'_> {
         let mut hypothesis = start.clone();
         for _ in 0..2 {
             self.weigh(&hypothesis);
-            hypothesis = fit_in(&self.trials, &hypothesis, lags, SETTLING_STEPS)?.hypothesis;
+            hypothesis = fit_in(&self.data, &hypothesis, lags, SETTLING_STEPS)?.hypothesis;
         }
         self.weigh(&hypothesis);
-        fit(&self.trials, &hypothesis, lags)
+        fit(&self.data, &hypothesis, lags)
     }
 
     fn weigh(&mut self, hypothesis: &Hypothesis) {
-        let all = self.trials.clone();
-        self.trials.trials.par_iter_mut().for_each(|trial| {
-            if trial.log.is_none()
-                && let Some((_, left)) = aligned(&all, trial, hypothesis)
+        let all = self.data.clone();
+        self.data.records.par_iter_mut().for_each(|record| {
+            if record.log.is_none()
+                && let Some((_, left)) = aligned(&all, record, hypothesis)
             {
-                trial.weigh(&left);
+                record.weigh(&left);
             }
             // Impossible hypotheses never get here.
-            let _ = trial.weigh_by(&all, hypothesis);
+            let _ = record.weigh_by(&all, hypothesis);
         });
     }
 
     /// Takes mains hum out of all records.
     pub fn take_hum_out(&mut self, base: &Hypothesis) -> Option<()> {
-        let lags = fit(&self.trials, base, self.lags)?.hypothesis;
-        let all = self.trials.clone();
-        for trial in self.trials.trials.iter_mut().filter(|trial| trial.log.is_none()) {
-            if let Some((_, left)) = aligned(&all, trial, &lags) {
-                trial.take_hum_out(&left);
+        let lags = fit(&self.data, base, self.lags)?.hypothesis;
+        let all = self.data.clone();
+        for record in self.data.records.iter_mut().filter(|record| record.log.is_none()) {
+            if let Some((_, left)) = aligned(&all, record, &lags) {
+                record.take_hum_out(&left);
             }
         }
         Some(())
@@ -170,43 +170,43 @@ impl Search<'_> {
 
     /// Finds out what was before the records: that which leaves less of a decay at their begins. Noise leaves some too, and records
     /// of one experiment are taken in one way: only a decay that is large beside the response makes one an exception.
-    pub fn tell_what_was_before(&mut self, hypothesis: &Hypothesis) {
+    pub fn find_initial_condition(&mut self, hypothesis: &Hypothesis) {
         const EITHER: [Before; 2] = [Before::Rest, Before::Periods];
-        let all = self.trials.clone();
-        let decays_of = |trial: &mut Trial| {
-            let swing = hypothesis.base[trial.point].gain.abs() * trial.amplitude;
+        let all = self.data.clone();
+        let decays_of = |record: &mut Record| {
+            let swing = hypothesis.base[record.point].gain.abs() * record.amplitude;
             EITHER.map(|before| {
-                trial.before = before;
-                aligned(&all, trial, hypothesis).map_or(f64::INFINITY, |(decay, _)| decay.abs() / swing)
+                record.before = before;
+                aligned(&all, record, hypothesis).map_or(f64::INFINITY, |(decay, _)| decay.abs() / swing)
             })
         };
-        let periodic = || 0..all.trials.len();
+        let periodic = || 0..all.records.len();
         let decays: Vec<Option<[f64; 2]>> = periodic()
             .map(|place| {
-                let trial = &mut self.trials.trials[place];
-                trial.log.is_none().then(|| decays_of(trial))
+                let record = &mut self.data.records[place];
+                record.log.is_none().then(|| decays_of(record))
             })
             .collect();
         let squares = |way: usize| decays.iter().flatten().map(|decays| decays[way] * decays[way]).sum::<f64>();
         let usual = usize::from(squares(1) < squares(0));
-        for (trial, decays) in self.trials.trials.iter_mut().zip(&decays) {
+        for (record, decays) in self.data.records.iter_mut().zip(&decays) {
             let Some(decays) = decays else { continue };
             let (own, other) = (decays[usual], decays[1 - usual]);
             let is_other = own > DECAYS && own > OTHER_DECAY * other;
-            trial.before = EITHER[if is_other { 1 - usual } else { usual }];
+            record.before = EITHER[if is_other { 1 - usual } else { usual }];
         }
     }
 
-    /// Starts of all kinds but those to `exclude`, with what they would leave beside `from` as far as the tangent holds, best first.
+    /// InitialCondition of all kinds but those to `exclude`, with what they would leave beside `from` as far as the linearization holds, best first.
     pub fn screened(&self, from: &Fit, exclude: &[&'static Kind]) -> Vec<Screened> {
-        let lifted = self.lags.then(|| collapsed::lifted(&self.trials, from)).flatten();
+        let lifted = self.lags.then(|| collapsed::lifted(&self.data, from)).flatten();
         let mut screened = Vec::new();
         for near in std::iter::once(from).chain(&lifted) {
-            let Some(screening) = Screening::new(&self.trials, near) else { continue };
-            let Some(scan) = Scan::new(&self.trials, near) else { continue };
+            let Some(score_test) = ScoreTest::new(&self.data, near) else { continue };
+            let Some(scan) = Scan::new(&self.data, near) else { continue };
             let kinds = self.catalog.kinds().filter(|kind| kind.id != "parameter_error" && !exclude.contains(kind));
             for kind in kinds.filter(|kind| kind.shows != Shows::OverLevels) {
-                screened.extend(self.screen(&screening, &scan, near, kind));
+                screened.extend(self.screen(&score_test, &scan, near, kind));
                 (self.progress)();
             }
         }
@@ -221,15 +221,15 @@ impl Search<'_> {
 
     /// Kinds that improve on `from` of those that were screened, best first.
     fn tries_of(&self, from: &Fit, screened: Vec<Screened>) -> Vec<Tried> {
-        let best = screened.first().map_or(0.0, |best| from.misfit - best.0);
+        let best = screened.first().map_or(0.0, |best| from.chi_square - best.0);
         let beside = self.beside(from);
         let mut kinds: Vec<(&'static Kind, usize)> = Vec::new();
         let mut tried: Vec<Tried> = Vec::new();
         for (left, start, kind) in screened {
             let place = kinds.iter().position(|(other, _)| *other == kind);
-            let gain = from.misfit - left;
+            let gain = from.chi_square - left;
             // What promises much less than has to be there is not worth a search; a gain of log likelihood is half of this.
-            if gain < 2.0 * PROMISED * LEAST_WORTH || (gain < PROMISING * best && place.is_none() && kinds.len() >= 3) {
+            if gain < 2.0 * PROMISED * LEAST_SCORE || (gain < PROMISING * best && place.is_none() && kinds.len() >= 3) {
                 continue;
             }
             let place = match place {
@@ -245,8 +245,8 @@ impl Search<'_> {
                 continue;
             }
             *followed += 1;
-            let Some(fit) = fit_in(&self.trials, &start, self.lags, FIRST_STEPS) else { continue };
-            let found = self.tried(&beside, (fit, Near::FirstOrder), kind, price(kind));
+            let Some(fit) = fit_in(&self.data, &start, self.lags, FIRST_STEPS) else { continue };
+            let found = self.tried(&beside, (fit, Near::FirstOrder), kind, complexity_penalty(kind));
             match tried.iter_mut().find(|other| other.kind == kind) {
                 Some(other) if found.fitted_gain > other.fitted_gain => *other = found,
                 Some(_) => {}
@@ -254,23 +254,23 @@ impl Search<'_> {
             }
             (self.progress)();
         }
-        tried.sort_by(by_worth);
-        let best = tried.first().map_or(0.0, Tried::worth);
+        tried.sort_by(by_score);
+        let best = tried.first().map_or(0.0, Tried::score);
         for (place, tried) in tried.iter_mut().enumerate() {
-            if place < MOST_FINISHED || best - tried.worth() < MOST_FINISHED as f64 * ALIKE {
+            if place < MOST_FINISHED || best - tried.score() < MOST_FINISHED as f64 * ALIKE {
                 let start = tried.fit.hypothesis.clone();
-                if let Some(finished) = self.attempt(&beside, &start, tried.kind, best - tried.worth()) {
+                if let Some(finished) = self.attempt(&beside, &start, tried.kind, best - tried.score()) {
                     *tried = finished;
                 }
                 (self.progress)();
             }
         }
-        self.hear(&mut tried);
+        self.compare_auxiliary_channels(&mut tried);
         // A hold whose frames do not show is, by all that is known, a delay.
         let hidden = |tried: &Tried| tried.fit.hypothesis.effects.last().is_some_and(Candidate::is_hidden_hold);
         if let Some(delay) = tried.iter().position(|tried| tried.kind.id == "transport_delay")
             && tried.first().is_some_and(hidden)
-            && tried[0].worth() - tried[delay].worth() < ALIKE
+            && tried[0].score() - tried[delay].score() < ALIKE
         {
             tried[..=delay].rotate_right(1);
         }
@@ -278,26 +278,26 @@ impl Search<'_> {
     }
 
     /// Lets the columns beside the response speak where kinds, the best first, are within chance of the best.
-    pub fn hear(&self, tried: &mut [Tried]) {
-        tried.iter_mut().for_each(|tried| tried.witnessed = 0.0);
-        tried.sort_by(by_worth);
-        let alike = tried.iter().take_while(|other| tried[0].worth() - other.worth() < ALIKE).count();
+    pub fn compare_auxiliary_channels(&self, tried: &mut [Tried]) {
+        tried.iter_mut().for_each(|tried| tried.auxiliary_gain = 0.0);
+        tried.sort_by(by_score);
+        let alike = tried.iter().take_while(|other| tried[0].score() - other.score() < ALIKE).count();
         let fits: Vec<&Fit> = tried[..alike].iter().map(|tried| &tried.fit).collect();
-        let Some(gains) = (alike > 1).then(|| witness::heard(&self.trials, &fits)).flatten() else { return };
-        tried[..alike].iter_mut().zip(gains).for_each(|(tried, gain)| tried.witnessed = gain);
-        tried.sort_by(by_worth);
+        let Some(gains) = (alike > 1).then(|| auxiliary::auxiliary_gains(&self.data, &fits)).flatten() else { return };
+        tried[..alike].iter_mut().zip(gains).for_each(|(tried, gain)| tried.auxiliary_gain = gain);
+        tried.sort_by(by_score);
     }
 
-    /// Starts of a kind with what they would leave. Around the best of a single value it looks closer: a limit is felt only
+    /// InitialCondition of a kind with what they would leave. Around the best of a single value it looks closer: a limit is felt only
     /// where the commands are.
-    pub fn screen(&self, screening: &Screening, scan: &Scan, from: &Fit, kind: &'static Kind) -> Vec<Screened> {
+    pub fn screen(&self, score_test: &ScoreTest, scan: &Scan, from: &Fit, kind: &'static Kind) -> Vec<Screened> {
         // Where the alignment has taken over much of a delay, a start that brings its own is judged without it too: so far the
-        // tangent does not hold.
-        let is_late = from.is_late(&self.trials);
-        let trials = &self.trials;
+        // linearization does not hold.
+        let has_time_offset = from.has_time_offset(&self.data);
+        let data = &self.data;
         let judge = |start: &Candidate| {
-            let with = screening.judge(trials, start, false);
-            let without = is_late.then(|| screening.judge(trials, start, true)).flatten();
+            let with = score_test.judge(data, start, false);
+            let without = has_time_offset.then(|| score_test.judge(data, start, true)).flatten();
             [with, without].into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0))
         };
         let mut judged: Vec<(f64, Candidate, Hypothesis)> = Vec::new();
@@ -306,13 +306,16 @@ impl Search<'_> {
             judged.par_extend(starts.into_par_iter().filter_map(looked));
             judged.sort_by(|a, b| a.0.total_cmp(&b.0));
         };
-        let valleys =
-            if grid::is_grid(kind) { grid::steps(&self.trials, from, kind) } else { scan.valleys(kind, GRID) };
+        let valleys = if quantizer_step::is_quantizer(kind) {
+            quantizer_step::steps(&self.data, from, kind)
+        } else {
+            scan.valleys(kind, GRID)
+        };
         let is_jumping = !valleys.is_empty();
-        let modes = if resonance::is_mode(kind) { resonance::modes(&self.trials, from, kind) } else { Vec::new() };
+        let modes = if resonance::is_mode(kind) { resonance::modes(&self.data, from, kind) } else { Vec::new() };
         let starts = [valleys, modes].into_iter().find(|starts| !starts.is_empty());
-        look(&mut judged, starts.unwrap_or_else(|| Candidate::starts(kind, self.trials.has_logs())));
-        look(&mut judged, clips::starts(&self.trials, kind));
+        look(&mut judged, starts.unwrap_or_else(|| Candidate::starts(kind, self.data.has_logs())));
+        look(&mut judged, clips::starts(&self.data, kind));
         if is_jumping {
             // Down into the lowest.
             for round in 0..VALLEY_LOOKS {
@@ -330,25 +333,25 @@ impl Search<'_> {
         judged.into_iter().map(|(left, _, moved)| (left, moved, kind)).collect()
     }
 
-    /// The part of the misfit of `before` that `fit` leaves; 0 where it leaves no more than noise.
+    /// The part of the chi-square of `before` that `fit` leaves; 0 where it leaves no more than noise.
     fn leaves(&self, fit: &Fit, before: &Fit) -> f64 {
-        let left = |fit: &Fit| excess(&self.trials, &fit.hypothesis, Purpose::Fit);
+        let left = |fit: &Fit| excess(&self.data, &fit.hypothesis, Split::Train);
         if left(fit).is_noise() { 0.0 } else { left(fit).over() / left(before).over() }
     }
 
     /// Finds the effects.
     pub fn explain(&mut self, base: &Hypothesis) -> Option<Explanation> {
-        if self.trials.trials.iter().any(|trial| trial.log.is_some()) {
+        if self.data.records.iter().any(|record| record.log.is_some()) {
             return self.explain_logs(base);
         }
-        self.tell_what_was_before(base);
+        self.find_initial_condition(base);
         self.take_hum_out(base)?;
         let before = self.settle(base, self.lags)?;
-        let noise = self.trials.clone();
+        let noise = self.data.clone();
         let screened = self.screened(&before, &[]);
-        let promised = suspicion::promised(&before, &screened);
+        let promised = weak_evidence::promised(&before, &screened);
         let tried = self.tries_of(&before, screened);
-        let suspected = suspicion::suspected(promised, &tried);
+        let weak_evidence = weak_evidence::weak_evidence(promised, &tried);
         let (after, found) = match self.one_at_a_time(&before, &tried)? {
             Built::Explained(after, found) if found.is_empty() => {
                 self.in_noise_of(noise, |search| search.explain_starts(&before)).unwrap_or((after, found))
@@ -362,18 +365,18 @@ impl Search<'_> {
             }
             Built::Explained(after, found) => (after, found),
             Built::Hopeless => {
-                self.trials.clone_from(&noise);
+                self.data.clone_from(&noise);
                 match self.two_at_once(&tried) {
                     Some(explained) => explained,
                     None => {
-                        self.trials = noise;
-                        return Some(Explanation::of_nothing(before, tried, suspected));
+                        self.data = noise;
+                        return Some(Explanation::of_nothing(before, tried, weak_evidence));
                     }
                 }
             }
         };
-        let after = settle_jumps(&self.trials, after)?;
-        Some(Explanation { before, after, found, tried, suspected })
+        let after = profile_non_smooth(&self.data, after)?;
+        Some(Explanation { before, after, found, tried, weak_evidence })
     }
 
     /// Adds the effect that is worth most, beginning with one of those that were tried beside the lags alone, `first_tried`, until
@@ -396,7 +399,7 @@ impl Search<'_> {
                 return Some(Built::Hopeless);
             }
             let Some(step) = self.next_effect(&last_tried, effects.is_empty()) else { break };
-            has_to_explain_all |= step.is_detour;
+            has_to_explain_all |= step.is_backtracking;
             effects.push(step.tried);
             current = self.in_frames(step.fit)?;
             if effects.len() >= ENOUGH_EFFECTS {
@@ -411,9 +414,9 @@ impl Search<'_> {
             // Nothing beside which it could look different.
             [only] => {
                 let others = first_tried.iter().filter(|other| other.kind != only.kind && other.may_be_named());
-                let alike = |other: &&Tried| only.worth() - other.worth() < ALIKE;
+                let alike = |other: &&Tried| only.score() - other.score() < ALIKE;
                 let alternatives = others.filter(alike).map(|other| other.kind).collect();
-                (current, vec![Found { kind: only.kind, worth: only.worth(), alternatives }])
+                (current, vec![Found { kind: only.kind, score: only.score(), alternatives }])
             }
             _ => self.review(current, Some(last_tried))?,
         };
@@ -423,23 +426,23 @@ impl Search<'_> {
 
     /// Searches in the noise that the lags alone were judged by, which what was tried since may have changed. Where nothing is found
     /// the records are as they were.
-    fn in_noise_of<T>(&mut self, noise: Trials, search: impl FnOnce(&mut Self) -> Option<T>) -> Option<T> {
-        let own = std::mem::replace(&mut self.trials, noise);
+    fn in_noise_of<T>(&mut self, noise: Dataset, search: impl FnOnce(&mut Self) -> Option<T>) -> Option<T> {
+        let own = std::mem::replace(&mut self.data, noise);
         let found = search(self);
         if found.is_none() {
-            self.trials = own;
+            self.data = own;
         }
         found
     }
 
     fn is_surely_noise(&self, fit: &Fit) -> bool {
-        excess(&self.trials, &fit.hypothesis, Purpose::Fit).is_surely_noise()
+        excess(&self.data, &fit.hypothesis, Split::Train).is_surely_noise()
     }
 
     /// Whether `fit` leaves nothing but noise.
     pub fn explains_all(&self, fit: &Fit) -> bool {
-        excess(&self.trials, &fit.hypothesis, Purpose::Fit).is_noise()
-            && steadiness(&self.trials, &fit.hypothesis).is_noise()
+        excess(&self.data, &fit.hypothesis, Split::Train).is_noise()
+            && steadiness(&self.data, &fit.hypothesis).is_noise()
     }
 
     /// `found` with the frames of its last effect where all records have them. A rate that is off by a part of a frame over a record
@@ -448,7 +451,7 @@ impl Search<'_> {
         if found.hypothesis.effects.last().is_none_or(|effect| effect.phases.is_empty()) {
             return Some(found);
         }
-        let sharp = settle_jumps(&self.trials, found)?;
+        let sharp = profile_non_smooth(&self.data, found)?;
         self.settle(&sharp.hypothesis, self.lags)
     }
 }

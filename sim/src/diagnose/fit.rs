@@ -6,10 +6,10 @@
 use nalgebra::{Cholesky, DMatrix, Matrix2, Vector2};
 
 use super::candidate::{Candidate, slope};
+use super::dataset::Dataset;
 use super::hypothesis::{Coordinate, Hypothesis};
-use super::residual::late_std;
-use super::tangent::{EFFECT_STEP, Tangent, damped_step};
-use super::trial::Trials;
+use super::linearization::{EFFECT_STEP, Linearization, damped_step};
+use super::residual::time_offset_std;
 use crate::plant::effect::{Site, Use};
 
 /// Most steps of a search.
@@ -20,7 +20,7 @@ const ENOUGH: f64 = 0.05;
 const TWO_SIDED: f64 = 1.96;
 /// That of effects in the end: where many commands come to a limit or leave it, a derivative over a longer way is another one.
 const FINE_STEP: f64 = 1e-4;
-/// How far it is looked around for a better place where the misfit has kinks, in coordinates, and how often.
+/// How far it is looked around for a better place where the chi-square has kinks, in coordinates, and how often.
 const LOOKS: [f64; 5] = [0.03, 0.01, 3e-3, 1e-3, 3e-4];
 const MOST_LOOKS: usize = 8;
 
@@ -30,7 +30,7 @@ pub(super) struct Fit {
     /// With the values that fit best.
     pub hypothesis: Hypothesis,
     /// Sum of squares of the white residual over what is fitted.
-    pub misfit: f64,
+    pub chi_square: f64,
     /// What was searched.
     pub coordinates: Vec<Coordinate>,
     /// Products of the derivatives by them: the inverse of their covariance.
@@ -40,32 +40,32 @@ pub(super) struct Fit {
 }
 
 /// Searches the values of `start` that fit best; the lags only where `lags` says so. `None` where `start` is impossible.
-pub(super) fn fit(trials: &Trials, start: &Hypothesis, lags: bool) -> Option<Fit> {
-    fit_in(trials, start, lags, MOST_STEPS)
+pub(super) fn fit(data: &Dataset, start: &Hypothesis, lags: bool) -> Option<Fit> {
+    fit_in(data, start, lags, MOST_STEPS)
 }
 
 /// The same in so many steps at most.
 ///
 /// Derivatives cost several simulations, a step along them one: they serve for more steps as long as these gain at least half
 /// of what they promise.
-pub(super) fn fit_in(trials: &Trials, start: &Hypothesis, lags: bool, most_steps: usize) -> Option<Fit> {
-    fit_of(trials, start, start.coordinates(lags), most_steps)
+pub(super) fn fit_in(data: &Dataset, start: &Hypothesis, lags: bool, most_steps: usize) -> Option<Fit> {
+    fit_of(data, start, start.coordinates(lags), most_steps)
 }
 
 /// [`fit`] for what is `behind` another hypothesis, in log likelihood: given up where at its pace it cannot catch up.
-pub(super) fn fit_behind(trials: &Trials, start: &Hypothesis, lags: bool, behind: f64) -> Option<Fit> {
+pub(super) fn fit_behind(data: &Dataset, start: &Hypothesis, lags: bool, behind: f64) -> Option<Fit> {
     let enough = ENOUGH.max(2.0 * behind / MOST_STEPS as f64);
-    search(trials, start, start.coordinates(lags), Pace { most_steps: MOST_STEPS, enough })
+    search(data, start, start.coordinates(lags), Pace { most_steps: MOST_STEPS, enough })
 }
 
 /// The same of these coordinates alone.
 pub(super) fn fit_of(
-    trials: &Trials,
+    data: &Dataset,
     start: &Hypothesis,
     coordinates: Vec<Coordinate>,
     most_steps: usize,
 ) -> Option<Fit> {
-    search(trials, start, coordinates, Pace { most_steps, enough: ENOUGH })
+    search(data, start, coordinates, Pace { most_steps, enough: ENOUGH })
 }
 
 /// How long a search goes on.
@@ -76,14 +76,14 @@ struct Pace {
     enough: f64,
 }
 
-fn search(trials: &Trials, start: &Hypothesis, coordinates: Vec<Coordinate>, pace: Pace) -> Option<Fit> {
+fn search(data: &Dataset, start: &Hypothesis, coordinates: Vec<Coordinate>, pace: Pace) -> Option<Fit> {
     let has_effects = coordinates.iter().any(|coordinate| matches!(coordinate, Coordinate::Effect { .. }));
-    let mut found = descend(trials, start, coordinates, EFFECT_STEP, pace)?;
+    let mut found = descend(data, start, coordinates, EFFECT_STEP, pace)?;
     if has_effects && pace.most_steps >= MOST_STEPS {
-        found = descend(trials, &found.at, found.tangent.coordinates, FINE_STEP, pace)?;
+        found = descend(data, &found.at, found.linearization.coordinates, FINE_STEP, pace)?;
         for _ in 0..MOST_LOOKS {
-            let Some(at) = look_around(trials, &found) else { break };
-            let other = descend(trials, &at, found.tangent.coordinates.clone(), FINE_STEP, pace)?;
+            let Some(at) = look_around(data, &found) else { break };
+            let other = descend(data, &at, found.linearization.coordinates.clone(), FINE_STEP, pace)?;
             // It was judged to first order only.
             if other.sum >= found.sum {
                 break;
@@ -91,28 +91,28 @@ fn search(trials: &Trials, start: &Hypothesis, coordinates: Vec<Coordinate>, pac
             found = other;
         }
     }
-    let Descent { at, sum, tangent } = found;
-    let Tangent { coordinates, matrix, .. } = tangent;
-    Some(Fit { hypothesis: at, misfit: sum, covariance: inverse(&matrix), information: matrix, coordinates })
+    let Descent { at, sum, linearization } = found;
+    let Linearization { coordinates, matrix, .. } = linearization;
+    Some(Fit { hypothesis: at, chi_square: sum, covariance: inverse(&matrix), information: matrix, coordinates })
 }
 
 /// A better place beside a search's end along a value that acts on the command: where levels of the command come to a limit
-/// or leave it the misfit has kinks, at which a search by derivatives ends. All else follows to first order. `None` where
+/// or leave it the chi-square has kinks, at which a search by derivatives ends. All else follows to first order. `None` where
 /// there is none.
-fn look_around(trials: &Trials, found: &Descent) -> Option<Hypothesis> {
+fn look_around(data: &Dataset, found: &Descent) -> Option<Hypothesis> {
     let acts_on_command = |coordinate: &&Coordinate| match coordinate {
         Coordinate::Effect { effect, .. } => found.at.effects[*effect].kind.site <= Site::Command,
         _ => false,
     };
     let mut best: Option<(f64, Hypothesis)> = None;
-    for &coordinate in found.tangent.coordinates.iter().filter(acts_on_command) {
-        let others = found.tangent.coordinates.iter().copied().filter(|other| *other != coordinate).collect();
-        let tangent = Tangent::at(trials, &found.at, others)?;
+    for &coordinate in found.linearization.coordinates.iter().filter(acts_on_command) {
+        let others = found.linearization.coordinates.iter().copied().filter(|other| *other != coordinate).collect();
+        let linearization = Linearization::at(data, &found.at, others)?;
         let here = found.at.get(coordinate);
         for distance in LOOKS.into_iter().flat_map(|distance| [-distance, distance]) {
             let mut moved = found.at.clone();
             moved.set(coordinate, here + distance);
-            let Some((left, there)) = tangent.judge(trials, &moved) else { continue };
+            let Some((left, there)) = linearization.judge(data, &moved) else { continue };
             if left < best.as_ref().map_or(found.sum - ENOUGH, |best| best.0) {
                 best = Some((left, there));
             }
@@ -125,26 +125,26 @@ fn look_around(trials: &Trials, found: &Descent) -> Option<Hypothesis> {
 struct Descent {
     at: Hypothesis,
     sum: f64,
-    tangent: Tangent,
+    linearization: Linearization,
 }
 
 fn descend(
-    trials: &Trials,
+    data: &Dataset,
     start: &Hypothesis,
     coordinates: Vec<Coordinate>,
     effect_step: f64,
     Pace { most_steps, enough }: Pace,
 ) -> Option<Descent> {
     let mut at = start.clone();
-    let mut tangent = Tangent::with_step(trials, &at, coordinates, effect_step)?;
-    let (mut sum, mut gradient) = tangent.slope_here(trials, &at)?;
+    let mut linearization = Linearization::with_step(data, &at, coordinates, effect_step)?;
+    let (mut sum, mut gradient) = linearization.slope_here(data, &at)?;
     let (mut damping, mut is_fresh) = (1e-3, true);
     for _ in 0..most_steps {
-        let Some(step) = damped_step(&tangent.matrix, &gradient, damping) else { break };
-        let moved = tangent.moved(&at, &step);
-        let there = tangent.slope(trials, &moved);
+        let Some(step) = damped_step(&linearization.matrix, &gradient, damping) else { break };
+        let moved = linearization.moved(&at, &step);
+        let there = linearization.slope(data, &moved);
         let gain = there.as_ref().map_or(f64::NEG_INFINITY, |there| sum - there.0);
-        let promised = -(2.0 * gradient.dot(&step) + step.dot(&(&tangent.matrix * &step)));
+        let promised = -(2.0 * gradient.dot(&step) + step.dot(&(&linearization.matrix * &step)));
         if gain > 0.0
             && let Some(there) = there
         {
@@ -165,11 +165,11 @@ fn descend(
             }
             continue;
         }
-        tangent = Tangent::with_step(trials, &at, tangent.coordinates, effect_step)?;
-        (sum, gradient) = tangent.slope_here(trials, &at)?;
+        linearization = Linearization::with_step(data, &at, linearization.coordinates, effect_step)?;
+        (sum, gradient) = linearization.slope_here(data, &at)?;
         is_fresh = true;
     }
-    Some(Descent { at, sum, tangent })
+    Some(Descent { at, sum, linearization })
 }
 
 /// Inverse with rows and columns scaled to a unit diagonal; what has no effect at all keeps a large variance.
@@ -230,12 +230,12 @@ impl Fit {
     }
 
     /// Whether its alignment is off by more than the rows leave open.
-    pub fn is_late(&self, trials: &Trials) -> bool {
-        self.hypothesis.late_s.abs() > 2.0 * late_std(trials)
+    pub fn has_time_offset(&self, data: &Dataset) -> bool {
+        self.hypothesis.time_offset_s.abs() > 2.0 * time_offset_std(data)
     }
 
     /// Derivatives around it. `None` where they are not defined.
-    pub fn tangent(&self, trials: &Trials) -> Option<Tangent> {
-        Tangent::at(trials, &self.hypothesis, self.coordinates.clone())
+    pub fn linearization(&self, data: &Dataset) -> Option<Linearization> {
+        Linearization::at(data, &self.hypothesis, self.coordinates.clone())
     }
 }

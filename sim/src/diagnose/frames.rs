@@ -20,13 +20,13 @@ use num_complex::Complex64;
 use rayon::prelude::*;
 use rustfft::FftPlanner;
 
-use super::backward::Backward;
+use super::adjoint::Adjoint;
 use super::candidate::Candidate;
-use super::edges::{Edge, changes, lone_edges};
+use super::dataset::{Dataset, Record, Split};
 use super::fit::Fit;
 use super::hypothesis::Hypothesis;
-use super::residual::{misfit, residual};
-use super::trial::{Purpose, Trial, Trials};
+use super::isolated_steps::{IsolatedStep, changes, isolated_steps};
+use super::residual::{chi_square, residual};
 use crate::identify::statistics::t_quantile;
 use crate::plant::Catalog;
 use crate::plant::effect::Kind;
@@ -50,8 +50,8 @@ const WIDTHS: [f64; 4] = [-2.0, -1.0, 1.0, 2.0];
 /// Peaks that are tried so.
 const PEAKS: usize = 5;
 /// Phases at which frames are tried where changes are few.
-const EDGE_PHASES: u32 = 24;
-/// A profile over rates goes to where the misfit has grown by this much, in so many doublings of its width, and has so many pieces.
+const STEP_PHASES: u32 = 24;
+/// A profile over rates goes to where the chi-square has grown by this much, in so many doublings of its width, and has so many pieces.
 const WIDE_ENOUGH: f64 = 60.0;
 const MOST_WIDENINGS: usize = 10;
 const RATES: u32 = 14;
@@ -60,7 +60,7 @@ const FINER: usize = 4;
 /// The sum of squares that a rate has to gain beyond two per record: chance gains that once in thousands of experiments.
 const LEAST_GAIN: f64 = 30.0;
 
-/// Frames that would take more than this from the misfit are seen where they are, and those that were found are other ones, or none,
+/// Frames that would take more than this from the chi-square are seen where they are, and those that were found are other ones, or none,
 /// where they take less than this part of it.
 const SEEN: f64 = 300.0;
 const MISSED: f64 = 0.25;
@@ -86,7 +86,7 @@ struct Spectrum {
     place: usize,
     is_fitted: bool,
     /// Changes of the command, where they are few and far between; else empty.
-    edges: Vec<Edge>,
+    isolated_steps: Vec<IsolatedStep>,
     rate_hz: f64,
     /// Transform of `du_n g_n`, from rate 0 on, in steps of `rate_hz / product.len()`.
     product: Vec<Complex64>,
@@ -98,13 +98,13 @@ struct Spectrum {
 
 /// The hypothesis of `fit` with the rate and the phases of the frames of its `effect`. `None` where the records do not show
 /// them, or where all that they may gain is less than what the hypothesis is `behind` another, in log likelihood.
-pub(super) fn find(trials: &Trials, fit: &Fit, effect: usize, behind: f64) -> Option<Hypothesis> {
+pub(super) fn find(data: &Dataset, fit: &Fit, effect: usize, behind: f64) -> Option<Hypothesis> {
     let about_hz = fit.hypothesis.effects[effect].values[0];
     if !about_hz.is_finite() {
         return None;
     }
     let spectra: Vec<Spectrum> =
-        trials.trials.iter().filter_map(|trial| Spectrum::of(trials, trial, &fit.hypothesis, 0.5 / about_hz)).collect();
+        data.records.iter().filter_map(|record| Spectrum::of(data, record, &fit.hypothesis, 0.5 / about_hz)).collect();
     // The few changes of a square wave fit frames of many rates, a multisine's many fit one: together they tell.
     let fitted = || spectra.iter().filter(|spectrum| spectrum.is_fitted);
     let records = fitted().count();
@@ -129,14 +129,15 @@ pub(super) fn find(trials: &Trials, fit: &Fit, effect: usize, behind: f64) -> Op
         return None;
     }
     // Now with all of the sawtooth and the whole chain: the peaks, and then a few of the best one's widths.
-    let weighed =
-        |hz: f64, hypothesis: Hypothesis| misfit(trials, &hypothesis, Purpose::Fit).map(|left| (left, hz, hypothesis));
+    let weighed = |hz: f64, hypothesis: Hypothesis| {
+        chi_square(data, &hypothesis, Split::Train).map(|left| (left, hz, hypothesis))
+    };
     let peaks = peaks.into_iter().map(|peak| at(peak as u32));
-    let peaks = peaks.filter_map(|hz| weighed(hz, placed(trials, fit, effect, &spectra, hz, &[0.0])));
+    let peaks = peaks.filter_map(|hz| weighed(hz, placed(data, fit, effect, &spectra, hz, &[0.0])));
     let (_, peak_hz, _) = peaks.min_by(|a, b| a.0.total_cmp(&b.0))?;
-    let peak = weighed(peak_hz, placed(trials, fit, effect, &spectra, peak_hz, &PHASE_OFFSETS))?;
+    let peak = weighed(peak_hz, placed(data, fit, effect, &spectra, peak_hz, &PHASE_OFFSETS))?;
     let known = peak.2.clone();
-    let judge = |hz: f64| weighed(hz, at_rate(trials, &known, effect, hz));
+    let judge = |hz: f64| weighed(hz, at_rate(data, &known, effect, hz));
     let near_hz = peak.1;
     let curvature = (gain(near_hz - step_hz) - 2.0 * gain(near_hz) + gain(near_hz + step_hz)) / (step_hz * step_hz);
     let width_hz = if curvature < 0.0 { (2.0 / -curvature).sqrt().min(step_hz) } else { step_hz };
@@ -157,45 +158,45 @@ pub(super) fn find(trials: &Trials, fit: &Fit, effect: usize, behind: f64) -> Op
 }
 
 /// Whether frames of the rate of `effect`, which lie anywhere in `fit`, would be seen if they were there: the sum of squares by which
-/// the responses to frames differ from the response to their mean is what the misfit would fall by. `found` is the misfit with the
+/// the responses to frames differ from the response to their mean is what the chi-square would fall by. `found` is the chi-square with the
 /// frames that were found.
-pub(super) fn are_missed(trials: &Trials, fit: &Fit, effect: usize, found: Option<f64>) -> bool {
-    let with = anywhere(trials, &fit.hypothesis, effect);
-    let difference = |trial: &Trial| {
-        let white = |hypothesis| residual(trials, trial, hypothesis, Purpose::Fit);
+pub(super) fn are_missed(data: &Dataset, fit: &Fit, effect: usize, found: Option<f64>) -> bool {
+    let with = anywhere(data, &fit.hypothesis, effect);
+    let difference = |record: &Record| {
+        let white = |hypothesis| residual(data, record, hypothesis, Split::Train);
         let (mean, framed) = (white(&fit.hypothesis)?, white(&with)?);
         Some(mean.iter().zip(&framed).map(|(mean, framed)| (mean - framed).norm_sqr()).sum::<f64>())
     };
-    let shown: f64 = trials.trials.par_iter().filter(|trial| trial.log.is_none()).filter_map(difference).sum();
-    let gained = found.map_or(0.0, |found| fit.misfit - found);
+    let shown: f64 = data.records.par_iter().filter(|record| record.log.is_none()).filter_map(difference).sum();
+    let gained = found.map_or(0.0, |found| fit.chi_square - found);
     shown > SEEN && gained < MISSED * shown
 }
 
 /// With frames that begin somewhere else in each record.
-fn anywhere(trials: &Trials, known: &Hypothesis, effect: usize) -> Hypothesis {
+fn anywhere(data: &Dataset, known: &Hypothesis, effect: usize) -> Hypothesis {
     let mut hypothesis = known.clone();
     // Multiples of the golden ratio are spread most evenly.
     hypothesis.effects[effect].phases =
-        (0..trials.trials.len()).map(|record| (record as f64 * GOLDEN).fract()).collect();
+        (0..data.records.len()).map(|record| (record as f64 * GOLDEN).fract()).collect();
     hypothesis
 }
 
 /// The rate and the phases once more, beside what `fit` has found with them.
-pub(super) fn polish(trials: &Trials, fit: &Fit, effect: usize) -> Option<Hypothesis> {
+pub(super) fn polish(data: &Dataset, fit: &Fit, effect: usize) -> Option<Hypothesis> {
     let known = &fit.hypothesis.effects[effect];
     let (near_hz, mut width_hz) = (known.values[0], 2.0 * known.profiled_std * known.values[0]);
     let judge = |hz: f64| {
-        let hypothesis = at_rate(trials, &fit.hypothesis, effect, hz);
-        misfit(trials, &hypothesis, Purpose::Fit).map(|left| (left, hz, hypothesis))
+        let hypothesis = at_rate(data, &fit.hypothesis, effect, hz);
+        chi_square(data, &hypothesis, Split::Train).map(|left| (left, hz, hypothesis))
     };
-    let lengths_s = trials
-        .trials
+    let lengths_s = data
+        .records
         .iter()
-        .flat_map(|trial| trial.stretches.first().map(|stretch| stretch.rows.len() as f64 / trial.rate_hz));
+        .flat_map(|record| record.segments.first().map(|segment| segment.rows.len() as f64 / record.rate_hz));
     let step_hz = PULLED / lengths_s.fold(0.0, f64::max);
     let pulled = |step: i32| {
-        let hypothesis = moved(trials, &fit.hypothesis, effect, near_hz + f64::from(step) * step_hz);
-        misfit(trials, &hypothesis, Purpose::Fit).map(|left| (left, step))
+        let hypothesis = moved(data, &fit.hypothesis, effect, near_hz + f64::from(step) * step_hz);
+        chi_square(data, &hypothesis, Split::Train).map(|left| (left, step))
     };
     let pulled = (-PULLED_STEPS..=PULLED_STEPS).filter_map(pulled).min_by(|a, b| a.0.total_cmp(&b.0))?;
     let mut best = judge(near_hz + f64::from(pulled.1) * step_hz)?;
@@ -215,20 +216,20 @@ pub(super) fn polish(trials: &Trials, fit: &Fit, effect: usize) -> Option<Hypoth
 
 /// `known` with the rate that the records agree on, and how well they do.
 ///
-/// Command by command changes from one frame to the next as the rate moves, so the misfit is jagged. But over a range in which it
+/// Command by command changes from one frame to the next as the rate moves, so the chi-square is jagged. But over a range in which it
 /// grows by much more than that, each record's is a parabola `b_r x + c_r x^2` of the rate's offset `x`, and all of them together are
 /// least at `x = -sum b / (2 sum c)`. By noise alone `1 / sum c` is the variance of that. A controller whose commands come early
 /// and late adds to it, differently in each record: the variance is not less than that by what the records, which have their
 /// phases to themselves, differ by (`sum g_r^2 / (2 sum c)^2`, `g_r` the slope of each at `x`; White 1982). Of few records that is itself
 /// known badly: as wide as Student's t is, so that 1.96 of it are the interval of 95 %.
-pub(super) fn settle_rate(trials: &Trials, known: &Hypothesis, effect: usize) -> Option<Hypothesis> {
+pub(super) fn settle_rate(data: &Dataset, known: &Hypothesis, effect: usize) -> Option<Hypothesis> {
     let near = &known.effects[effect];
     let hz = near.values[0];
     let judge = |offset_hz: f64| -> Option<Vec<f64>> {
-        let hypothesis = at_rate(trials, known, effect, hz + offset_hz);
-        let fitted = trials.trials.par_iter().filter(|trial| trial.end_of(Some(Purpose::Fit)) > 0);
-        let left = |trial: &Trial| residual(trials, trial, &hypothesis, Purpose::Fit);
-        fitted.map(|trial| Some(left(trial)?.iter().map(Complex64::norm_sqr).sum::<f64>())).collect()
+        let hypothesis = at_rate(data, known, effect, hz + offset_hz);
+        let fitted = data.records.par_iter().filter(|record| record.end_of(Some(Split::Train)) > 0);
+        let left = |record: &Record| residual(data, record, &hypothesis, Split::Train);
+        fitted.map(|record| Some(left(record)?.iter().map(Complex64::norm_sqr).sum::<f64>())).collect()
     };
     let here: f64 = judge(0.0)?.iter().sum();
     let mut width_hz = near.profiled_std.min(1e-4) * hz;
@@ -258,54 +259,54 @@ pub(super) fn settle_rate(trials: &Trials, known: &Hypothesis, effect: usize) ->
     let free = (records as f64 - 1.0).max(1.0);
     let wide = t_quantile(0.975, free) / t_quantile(0.975, f64::INFINITY);
     let variance = bend.recip().max(wide * wide * records as f64 / free * slopes / (2.0 * bend).powi(2));
-    let mut settled = at_rate(trials, known, effect, hz + best * width_hz);
+    let mut settled = at_rate(data, known, effect, hz + best * width_hz);
     settled.effects[effect].profiled_std = variance.sqrt() * width_hz / hz;
     Some(settled)
 }
 
 /// `known` with frames of a rate near its own, in the middle of each record where they are.
-fn moved(trials: &Trials, known: &Hypothesis, effect: usize, hz: f64) -> Hypothesis {
+fn moved(data: &Dataset, known: &Hypothesis, effect: usize, hz: f64) -> Hypothesis {
     let mut hypothesis = known.clone();
     let frames = &mut hypothesis.effects[effect];
     let near_hz = std::mem::replace(&mut frames.values[0], hz);
-    for (trial, phase) in trials.trials.iter().zip(&mut frames.phases) {
-        let rows = trial.stretches.first().map_or(0.0, |stretch| 0.5 * (stretch.rows.start + stretch.rows.end) as f64);
-        *phase += (hz - near_hz) * rows / trial.rate_hz;
+    for (record, phase) in data.records.iter().zip(&mut frames.phases) {
+        let rows = record.segments.first().map_or(0.0, |segment| 0.5 * (segment.rows.start + segment.rows.end) as f64);
+        *phase += (hz - near_hz) * rows / record.rate_hz;
     }
     hypothesis
 }
 
 /// `known` with frames of a rate near its own, where the rows of each record leave least.
-pub(super) fn at_rate(trials: &Trials, known: &Hypothesis, effect: usize, hz: f64) -> Hypothesis {
-    let mut hypothesis = moved(trials, known, effect, hz);
-    let phases = trials.trials.par_iter().map(|trial| refined(trials, trial, hypothesis.clone(), effect, &[0.0]));
+pub(super) fn at_rate(data: &Dataset, known: &Hypothesis, effect: usize, hz: f64) -> Hypothesis {
+    let mut hypothesis = moved(data, known, effect, hz);
+    let phases = data.records.par_iter().map(|record| refined(data, record, hypothesis.clone(), effect, &[0.0]));
     let phases = phases.collect();
     hypothesis.effects[effect].phases = phases;
     hypothesis
 }
 
 /// With frames of this rate, in each record where its rows leave least, at these offsets from where its spectrum says.
-fn placed(trials: &Trials, fit: &Fit, effect: usize, spectra: &[Spectrum], hz: f64, offsets: &[f64]) -> Hypothesis {
+fn placed(data: &Dataset, fit: &Fit, effect: usize, spectra: &[Spectrum], hz: f64, offsets: &[f64]) -> Hypothesis {
     let mut hypothesis = fit.hypothesis.clone();
     hypothesis.effects[effect].values[0] = hz;
-    hypothesis.effects[effect].phases = vec![0.0; trials.trials.len()];
+    hypothesis.effects[effect].phases = vec![0.0; data.records.len()];
     for spectrum in spectra {
         hypothesis.effects[effect].phases[spectrum.place] = spectrum.phase(hz);
     }
-    let phase = |trial: &Trial| refined(trials, trial, hypothesis.clone(), effect, offsets);
-    let phases: Vec<f64> = trials.trials.par_iter().map(phase).collect();
+    let phase = |record: &Record| refined(data, record, hypothesis.clone(), effect, offsets);
+    let phases: Vec<f64> = data.records.par_iter().map(phase).collect();
     hypothesis.effects[effect].phases = phases;
     hypothesis
 }
 
 /// The phase of one record near that of `hypothesis` where its rows leave least: the first term of the sawtooth is not all
 /// of it.
-fn refined(trials: &Trials, trial: &Trial, mut hypothesis: Hypothesis, effect: usize, offsets: &[f64]) -> f64 {
-    let begin = hypothesis.effects[effect].phases[trial.place];
-    let Some(purpose) = trial.stretches.first().map(|stretch| stretch.purpose) else { return begin };
+fn refined(data: &Dataset, record: &Record, mut hypothesis: Hypothesis, effect: usize, offsets: &[f64]) -> f64 {
+    let begin = hypothesis.effects[effect].phases[record.place];
+    let Some(split) = record.segments.first().map(|segment| segment.split) else { return begin };
     let mut left_at = |phase: f64| {
-        hypothesis.effects[effect].phases[trial.place] = phase.rem_euclid(1.0);
-        let white = residual(trials, trial, &hypothesis, purpose);
+        hypothesis.effects[effect].phases[record.place] = phase.rem_euclid(1.0);
+        let white = residual(data, record, &hypothesis, split);
         white.map_or(f64::INFINITY, |white| white.iter().map(Complex64::norm_sqr).sum::<f64>())
     };
     let least =
@@ -323,14 +324,14 @@ fn refined(trials: &Trials, trial: &Trial, mut hypothesis: Hypothesis, effect: u
 
 impl Spectrum {
     /// Of a record's fitted rows, or else of those held out: where the frames lie is a matter of the record.
-    fn of(trials: &Trials, trial: &Trial, hypothesis: &Hypothesis, delay_s: f64) -> Option<Self> {
-        let backward = Backward::of(trials, trial, hypothesis, delay_s)?;
-        let stretch = backward.stretch;
-        let rows = stretch.rows.len();
-        let changes = changes(trial, stretch);
+    fn of(data: &Dataset, record: &Record, hypothesis: &Hypothesis, delay_s: f64) -> Option<Self> {
+        let adjoint = Adjoint::of(data, record, hypothesis, delay_s)?;
+        let segment = adjoint.segment;
+        let rows = segment.rows.len();
+        let changes = changes(record, segment);
         let mut planner = FftPlanner::new();
         let mut product = vec![Complex64::ZERO; FINER * rows];
-        for ((product, change), g) in product.iter_mut().zip(&changes).zip(&backward.g) {
+        for ((product, change), g) in product.iter_mut().zip(&changes).zip(&adjoint.g) {
             *product = Complex64::from(change * g);
         }
         planner.plan_fft_forward(product.len()).process(&mut product);
@@ -339,16 +340,16 @@ impl Spectrum {
         planner.plan_fft_forward(rows).process(&mut spectrum);
         spectrum.iter_mut().for_each(|line| *line = Complex64::from(line.norm_sqr() / rows as f64));
         planner.plan_fft_inverse(rows).process(&mut spectrum);
-        spectrum.iter_mut().zip(&backward.lags).for_each(|(lags, filter)| *lags *= *filter);
+        spectrum.iter_mut().zip(&adjoint.lags).for_each(|(lags, filter)| *lags *= *filter);
         planner.plan_fft_forward(rows).process(&mut spectrum);
         Some(Self {
-            place: trial.place,
-            is_fitted: backward.is_fitted(),
-            rate_hz: trial.rate_hz,
+            place: record.place,
+            is_fitted: adjoint.is_fitted(),
+            rate_hz: record.rate_hz,
             product,
             power: spectrum.iter().map(|line| line.re.max(0.0)).collect(),
-            begin_s: stretch.rows.start as f64 / trial.rate_hz,
-            edges: lone_edges(trial, &backward, &changes),
+            begin_s: segment.rows.start as f64 / record.rate_hz,
+            isolated_steps: isolated_steps(record, &adjoint, &changes),
         })
     }
 
@@ -371,8 +372,8 @@ impl Spectrum {
 
     /// By how much frames of this rate would lower the sum of squares, wherever they lie.
     fn gain(&self, hz: f64) -> f64 {
-        if !self.edges.is_empty() {
-            return (0..EDGE_PHASES).map(|phase| self.edge_gain(hz, phase)).fold(f64::NEG_INFINITY, f64::max);
+        if !self.isolated_steps.is_empty() {
+            return (0..STEP_PHASES).map(|phase| self.edge_gain(hz, phase)).fold(f64::NEG_INFINITY, f64::max);
         }
         let size = 1.0 / (PI * hz);
         2.0 * size * self.product_at(hz).norm() - 0.5 * size * size * self.power_at(hz)
@@ -380,21 +381,21 @@ impl Spectrum {
 
     /// The same by all of the sawtooth, with the first frame at one of so many phases.
     fn edge_gain(&self, hz: f64, phase: u32) -> f64 {
-        let of = |edge: &Edge| {
+        let of = |edge: &IsolatedStep| {
             // The wait for the next frame beyond the mean one.
-            let frames = f64::from(phase) / f64::from(EDGE_PHASES) - hz * edge.at_s;
+            let frames = f64::from(phase) / f64::from(STEP_PHASES) - hz * edge.at_s;
             let beyond_s = (frames - frames.floor() - 0.5) / hz;
             -2.0 * beyond_s * edge.product - beyond_s * beyond_s * edge.power
         };
-        self.edges.iter().map(of).sum()
+        self.isolated_steps.iter().map(of).sum()
     }
 
     /// The part of a frame from the first command to the first frame.
     fn phase(&self, hz: f64) -> f64 {
         let gain = |phase: &u32| self.edge_gain(hz, *phase);
-        let of_edges = (0..EDGE_PHASES).max_by(|a, b| gain(a).total_cmp(&gain(b)));
-        let turns = match of_edges.filter(|_| !self.edges.is_empty()) {
-            Some(phase) => f64::from(phase) / f64::from(EDGE_PHASES),
+        let of_edges = (0..STEP_PHASES).max_by(|a, b| gain(a).total_cmp(&gain(b)));
+        let turns = match of_edges.filter(|_| !self.isolated_steps.is_empty()) {
+            Some(phase) => f64::from(phase) / f64::from(STEP_PHASES),
             // Im(e^(2 pi j phi) C) is largest where the angle is a quarter turn.
             None => 0.25 - self.product_at(hz).arg() / TAU,
         };

@@ -1,13 +1,13 @@
 //! Confirm: how far simulation and measurement are apart on what was held out, before and after, and how far noise alone
 //! would keep them apart.
 
+use super::dataset::{Dataset, Record, Split};
 use super::fit::Fit;
 use super::hypothesis::{Coordinate, Hypothesis};
 use super::log::{self, SplitGap, log_squares};
-use super::trial::{Purpose, Trial, Trials};
 use crate::identify::align;
 
-/// Gap on held-out stretches, `RMS(y - yhat) / RMS(y - mean y)`.
+/// Gap on held-out segments, `RMS(y - yhat) / RMS(y - mean y)`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Gap {
     /// Of the model as it was.
@@ -53,7 +53,7 @@ const MOST_MEANS: usize = 500;
 
 /// [`Residual`] of the first period of what is compared; `None` where nothing can be simulated.
 pub(super) fn residual(
-    trials: &Trials,
+    data: &Dataset,
     records: &[RecordGap],
     before: &Hypothesis,
     after: &Hypothesis,
@@ -61,29 +61,29 @@ pub(super) fn residual(
 ) -> Option<Residual> {
     let over = |record: &&RecordGap| record.gap.before / record.gap.noise_floor.max(1e-12);
     let worst = records.iter().max_by(|a, b| over(a).total_cmp(&over(b)))?;
-    let trial = trials.trials.iter().find(|trial| trial.file == worst.file)?;
-    let purpose = if held_out { Purpose::HeldOut } else { Purpose::Fit };
-    let stretch = trial.stretches.iter().find(|stretch| stretch.purpose == purpose)?;
-    let rows = stretch.rows.clone();
-    let (time_s, measured) = (&trial.time_s[rows.clone()], &trial.measured[rows.clone()]);
-    let period = trial.period_rows.min(rows.len());
+    let record = data.records.iter().find(|record| record.file == worst.file)?;
+    let split = if held_out { Split::Holdout } else { Split::Train };
+    let segment = record.segments.iter().find(|segment| segment.split == split)?;
+    let rows = segment.rows.clone();
+    let (time_s, measured) = (&record.time_s[rows.clone()], &record.measured[rows.clone()]);
+    let period = record.period_rows.min(rows.len());
     let width = period.div_ceil(MOST_MEANS);
     let means = |values: &[f64]| -> Vec<f64> {
         values[..period].chunks_exact(width).map(|chunk| chunk.iter().sum::<f64>() / width as f64).collect()
     };
     let left = |hypothesis: &Hypothesis| -> Option<Vec<f64>> {
-        let simulated = hypothesis.simulate(trials, trial, rows.end).ok()?;
-        let tau_s = before.base[trial.point].time_constant_s;
+        let simulated = hypothesis.simulate(data, record, rows.end).ok()?;
+        let tau_s = before.base[record.point].time_constant_s;
         let aligned = align(time_s, measured, &simulated[rows.clone()], tau_s);
         Some(means(&measured.iter().zip(aligned).map(|(y, model)| y - model).collect::<Vec<_>>()))
     };
     Some(Residual {
-        file: trial.file.clone(),
+        file: record.file.clone(),
         rows: width,
         time_s: means(time_s),
         before: left(before)?,
         after: left(after)?,
-        noise_std: (stretch.whitening.row_variance() / width as f64).sqrt(),
+        noise_std: (segment.whitening.row_variance() / width as f64).sqrt(),
     })
 }
 
@@ -128,25 +128,25 @@ pub(super) struct Gaps {
 
 /// Gaps on what is held out; on what was fitted where nothing is. Where a split is not for good each model is fitted anew to
 /// what is left, the first one only where `refitted` says so.
-pub(super) fn gaps(trials: &Trials, before: &Hypothesis, after: &Hypothesis, refitted: bool) -> Gaps {
-    let (total, records, splits) = log::gaps(trials, before, after, refitted);
+pub(super) fn gaps(data: &Dataset, before: &Hypothesis, after: &Hypothesis, refitted: bool) -> Gaps {
+    let (total, records, splits) = log::gaps(data, before, after, refitted);
     if !splits.is_empty() {
         return Gaps { total, records, splits, held_out: true };
     }
-    let held_out = trials.trials.iter().any(|trial| trial.end_of(Some(Purpose::HeldOut)) > 0);
-    let purpose = if held_out { Purpose::HeldOut } else { Purpose::Fit };
-    let (total, records) = of(trials, before, after, purpose);
+    let held_out = data.records.iter().any(|record| record.end_of(Some(Split::Holdout)) > 0);
+    let split = if held_out { Split::Holdout } else { Split::Train };
+    let (total, records) = of(data, before, after, split);
     Gaps { total, records, splits, held_out }
 }
 
 /// Gap in total and record by record on what is there for a purpose.
-pub(super) fn of(trials: &Trials, before: &Hypothesis, after: &Hypothesis, purpose: Purpose) -> (Gap, Vec<RecordGap>) {
+pub(super) fn of(data: &Dataset, before: &Hypothesis, after: &Hypothesis, split: Split) -> (Gap, Vec<RecordGap>) {
     let mut total = Squares::default();
     let mut records = Vec::new();
-    for trial in trials.trials.iter().filter(|trial| trial.end_of(Some(purpose)) > 0) {
-        let Some(squares) = squares(trials, trial, before, after, purpose) else { continue };
+    for record in data.records.iter().filter(|record| record.end_of(Some(split)) > 0) {
+        let Some(squares) = squares(data, record, before, after, split) else { continue };
         total.add(squares);
-        records.push(RecordGap { file: trial.file.clone(), nominal: trial.nominal, gap: squares.gap() });
+        records.push(RecordGap { file: record.file.clone(), nominal: record.nominal, gap: squares.gap() });
     }
     (total.gap(), records)
 }
@@ -156,11 +156,11 @@ pub(super) fn of(trials: &Trials, before: &Hypothesis, after: &Hypothesis, purpo
 ///
 /// A prediction that is linear in the numbers has the variance `J C J'`, with `C` their covariance: along each of its axes the
 /// record is simulated once more, one standard error away.
-pub(super) fn unsure(trials: &Trials, fit: &Fit, purpose: Purpose) -> f64 {
-    let of_trial = |trial: &Trial| {
-        let rows = trial.end_of(Some(purpose));
-        let here = fit.hypothesis.simulate(trials, trial, rows).ok()?;
-        let coordinates = [Coordinate::Gain(trial.point), Coordinate::TimeConstant(trial.point)];
+pub(super) fn unsure(data: &Dataset, fit: &Fit, split: Split) -> f64 {
+    let of_trial = |record: &Record| {
+        let rows = record.end_of(Some(split));
+        let here = fit.hypothesis.simulate(data, record, rows).ok()?;
+        let coordinates = [Coordinate::Gain(record.point), Coordinate::TimeConstant(record.point)];
         let axes = fit.covariance_of(coordinates)?.symmetric_eigen();
         let mut sum = 0.0;
         for (variance, axis) in axes.eigenvalues.iter().zip(axes.eigenvectors.column_iter()) {
@@ -169,17 +169,17 @@ pub(super) fn unsure(trials: &Trials, fit: &Fit, purpose: Purpose) -> f64 {
                 let off = (variance.max(0.0).sqrt() * part).clamp(-FARTHEST_OFF, FARTHEST_OFF);
                 moved.set(coordinate, moved.get(coordinate) + off);
             }
-            let there = moved.simulate(trials, trial, rows).ok()?;
-            for stretch in trial.stretches.iter().filter(|stretch| stretch.purpose == purpose) {
-                sum += scatter(stretch.rows.clone().map(|row| there[row] - here[row]));
+            let there = moved.simulate(data, record, rows).ok()?;
+            for segment in record.segments.iter().filter(|segment| segment.split == split) {
+                sum += scatter(segment.rows.clone().map(|row| there[row] - here[row]));
             }
         }
-        let stretches = trial.stretches.iter().filter(|stretch| stretch.purpose == purpose);
+        let segments = record.segments.iter().filter(|segment| segment.split == split);
         let response: f64 =
-            stretches.map(|stretch| scatter(trial.measured[stretch.rows.clone()].iter().copied())).sum();
+            segments.map(|segment| scatter(record.measured[segment.rows.clone()].iter().copied())).sum();
         Some((sum, response))
     };
-    let compared = trials.trials.iter().filter(|trial| trial.log.is_none() && trial.end_of(Some(purpose)) > 0);
+    let compared = data.records.iter().filter(|record| record.log.is_none() && record.end_of(Some(split)) > 0);
     let (sum, response) =
         compared.filter_map(of_trial).fold((0.0, 0.0), |(sum, all), (off, response)| (sum + off, all + response));
     if response > 0.0 { sum / response } else { 0.0 }
@@ -193,26 +193,26 @@ fn scatter(values: impl Iterator<Item = f64> + Clone) -> f64 {
 }
 
 pub(super) fn squares(
-    trials: &Trials,
-    trial: &Trial,
+    data: &Dataset,
+    record: &Record,
     before: &Hypothesis,
     after: &Hypothesis,
-    purpose: Purpose,
+    split: Split,
 ) -> Option<Squares> {
-    if trial.log.is_some() {
-        return log_squares(trials, trial, before, after, purpose);
+    if record.log.is_some() {
+        return log_squares(data, record, before, after, split);
     }
-    let rows = trial.end_of(Some(purpose));
-    let simulated = [before, after].map(|hypothesis| hypothesis.simulate(trials, trial, rows));
+    let rows = record.end_of(Some(split));
+    let simulated = [before, after].map(|hypothesis| hypothesis.simulate(data, record, rows));
     let mut squares = Squares::default();
-    for stretch in trial.stretches.iter().filter(|stretch| stretch.purpose == purpose) {
-        let rows = stretch.rows.clone();
-        let (time_s, measured) = (&trial.time_s[rows.clone()], &trial.measured[rows.clone()]);
+    for segment in record.segments.iter().filter(|segment| segment.split == split) {
+        let rows = segment.rows.clone();
+        let (time_s, measured) = (&record.time_s[rows.clone()], &record.measured[rows.clone()]);
         // Hum was taken out of what is fitted; it is noise all the same.
-        let hum: f64 = trial.hum.get(rows.clone()).unwrap_or_default().iter().map(|hum| hum * hum).sum();
+        let hum: f64 = record.hum.get(rows.clone()).unwrap_or_default().iter().map(|hum| hum * hum).sum();
         let left = |model: &[f64]| {
             // A sensor's zero and the state at the begin are no part of what a model says.
-            let tau_s = before.base[trial.point].time_constant_s;
+            let tau_s = before.base[record.point].time_constant_s;
             let aligned = align(time_s, measured, &model[rows.clone()], tau_s);
             aligned.iter().zip(measured).map(|(model, y)| (y - model).powi(2)).sum::<f64>() + hum
         };
@@ -221,7 +221,7 @@ pub(super) fn squares(
         squares.after += left(after.as_ref().ok()?);
         let mean = measured.iter().sum::<f64>() / measured.len() as f64;
         squares.response += measured.iter().map(|y| (y - mean).powi(2)).sum::<f64>();
-        squares.noise += stretch.whitening.row_variance() * measured.len() as f64 + hum;
+        squares.noise += segment.whitening.row_variance() * measured.len() as f64 + hum;
     }
     Some(squares)
 }

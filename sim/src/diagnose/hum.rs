@@ -21,7 +21,7 @@ const MULTIPLES: u32 = 5;
 /// How often the search for a frequency narrows by a third.
 const NARROWINGS: u32 = 30;
 
-/// The hum in rows of a residual, above what the command excites: below, a misfit of the motor's would pass for it. Empty where
+/// The hum in rows of a residual, above what the command excites: below, a chi-square of the motor's would pass for it. Empty where
 /// there is none.
 pub(super) fn find(residual: &[f64], rate_hz: f64, excited_hz: f64) -> Vec<f64> {
     let mut hum = Vec::new();

@@ -2,8 +2,8 @@
 
 use super::candidate::{Candidate, from_coordinate, to_coordinate};
 use super::channel::Column;
+use super::dataset::{Before, Dataset, Record};
 use super::frames;
-use super::trial::{Before, Trial, Trials};
 use crate::plant::effect::{Kind, Site};
 use crate::plant::{
     ActiveEffect, Actuator, Catalog, Course, Drive, EscTiming, Lag, Memory, OperatingPoint, PlantError, Start, Trace,
@@ -38,7 +38,7 @@ pub(super) struct Hypothesis {
     /// One per nominal command.
     pub base: Vec<BasePoint>,
     /// By how much the response is late beyond the rest, seconds: rows are not stamped more finely than they are apart.
-    pub late_s: f64,
+    pub time_offset_s: f64,
     /// The effects, in the order in which they were found.
     pub effects: Vec<Candidate>,
     /// Whether commands that were told between the rows are taken as a straight line from row to row: several times as quick, and
@@ -54,7 +54,7 @@ pub(super) enum Coordinate {
     /// Logarithm of the time constant at a nominal command.
     TimeConstant(usize),
     /// The misalignment.
-    Late,
+    TimeOffset,
     /// A value of an effect.
     Effect {
         /// Which effect.
@@ -67,7 +67,7 @@ pub(super) enum Coordinate {
 impl Hypothesis {
     /// Lags only.
     pub fn of_lags(base: Vec<BasePoint>) -> Self {
-        Self { base, late_s: 0.0, effects: Vec::new(), in_rows: false }
+        Self { base, time_offset_s: 0.0, effects: Vec::new(), in_rows: false }
     }
 
     /// With one more effect.
@@ -78,8 +78,8 @@ impl Hypothesis {
     }
 
     /// The same in rows, where that is quicker and nothing acts on single commands.
-    pub fn in_rows(&self, trial: &Trial) -> Option<Self> {
-        let is_quicker = !trial.told_in_rows.is_empty() && self.effects.iter().all(Candidate::is_even);
+    pub fn in_rows(&self, record: &Record) -> Option<Self> {
+        let is_quicker = !record.first_order_hold.is_empty() && self.effects.iter().all(Candidate::is_even);
         is_quicker.then(|| Self { in_rows: true, ..self.clone() })
     }
 
@@ -98,11 +98,11 @@ impl Hypothesis {
                 all.extend([Coordinate::Gain(point), Coordinate::TimeConstant(point)]);
             }
         }
-        all.push(Coordinate::Late);
+        all.push(Coordinate::TimeOffset);
         for (effect, candidate) in self.effects.iter().enumerate() {
             // With known phases the rate of frames is, too: hundreds of frames have to stay where they are. And derivatives say
             // nothing of what the response depends on in jumps.
-            if candidate.phases.is_empty() && !candidate.jumps() {
+            if candidate.phases.is_empty() && !candidate.is_non_smooth() {
                 all.extend(Candidate::searched(candidate.kind).map(|(value, _)| Coordinate::Effect { effect, value }));
             }
         }
@@ -114,7 +114,7 @@ impl Hypothesis {
         match coordinate {
             Coordinate::Gain(point) => self.base[point].gain.abs().ln(),
             Coordinate::TimeConstant(point) => self.base[point].time_constant_s.ln(),
-            Coordinate::Late => self.late_s,
+            Coordinate::TimeOffset => self.time_offset_s,
             Coordinate::Effect { effect, value } => {
                 let candidate = &self.effects[effect];
                 to_coordinate(&candidate.kind.parameters[value], candidate.values[value])
@@ -130,7 +130,7 @@ impl Hypothesis {
                 *gain = to.exp().max(LEAST_GAIN).copysign(*gain);
             }
             Coordinate::TimeConstant(point) => self.base[point].time_constant_s = to.exp().clamp(1e-4, 100.0),
-            Coordinate::Late => self.late_s = to,
+            Coordinate::TimeOffset => self.time_offset_s = to,
             Coordinate::Effect { effect, value } => {
                 let candidate = &mut self.effects[effect];
                 let parameter = &candidate.kind.parameters[value];
@@ -150,7 +150,7 @@ impl Hypothesis {
 
     /// Where a coordinate of an effect is when the effect is not there, and twice its plausible range; `None` where there is no
     /// such place.
-    pub fn tie(&self, coordinate: Coordinate) -> Option<(f64, f64)> {
+    pub fn prior(&self, coordinate: Coordinate) -> Option<(f64, f64)> {
         let Coordinate::Effect { effect, value } = coordinate else { return None };
         let parameter = &self.effects[effect].kind.parameters[value];
         let (low, high) = parameter.plausible;
@@ -160,19 +160,19 @@ impl Hypothesis {
     }
 
     /// What was measured less the response, over a whole record. `None` for values that no actuator has.
-    pub fn difference(&self, trials: &Trials, trial: &Trial) -> Option<Vec<f64>> {
-        let simulated = self.simulate(trials, trial, trial.time_s.len()).ok()?;
-        let difference: Vec<f64> = trial.measured.iter().zip(&simulated).map(|(y, model)| y - model).collect();
+    pub fn difference(&self, data: &Dataset, record: &Record) -> Option<Vec<f64>> {
+        let simulated = self.simulate(data, record, record.time_s.len()).ok()?;
+        let difference: Vec<f64> = record.measured.iter().zip(&simulated).map(|(y, model)| y - model).collect();
         difference.iter().all(|left| left.is_finite()).then_some(difference)
     }
 
     /// [`Self::difference`] and [`Self::trace`] in one run where one will do, at the rows that are looked at.
-    pub fn seen(&self, trials: &Trials, trial: &Trial) -> Option<(Vec<f64>, Trace)> {
-        let trace = self.trace(trials, trial)?;
+    pub fn seen(&self, data: &Dataset, record: &Record) -> Option<(Vec<f64>, Trace)> {
+        let trace = self.trace(data, record)?;
         let difference = if trace.response.is_empty() || self.drifts() {
-            self.difference(trials, trial)?
+            self.difference(data, record)?
         } else {
-            trial.measured.iter().zip(&trace.response).map(|(y, model)| y - model).collect()
+            record.measured.iter().zip(&trace.response).map(|(y, model)| y - model).collect()
         };
         Some((difference, trace))
     }
@@ -186,13 +186,13 @@ impl Hypothesis {
     ///
     /// # Errors
     /// [`PlantError`] for values that no actuator has.
-    pub fn simulate(&self, trials: &Trials, trial: &Trial, rows: usize) -> Result<Vec<f64>, PlantError> {
+    pub fn simulate(&self, data: &Dataset, record: &Record, rows: usize) -> Result<Vec<f64>, PlantError> {
         let Some(waits) = self.waits() else {
-            return self.simulate_known(trials, trial, rows);
+            return self.simulate_known(data, record, rows);
         };
         let mut mean = vec![0.0; rows];
         for late in waits {
-            let response = late.simulate_known(trials, trial, rows)?;
+            let response = late.simulate_known(data, record, rows)?;
             mean.iter_mut().zip(&response).for_each(|(mean, y)| *mean += 0.5 * y);
         }
         Ok(mean)
@@ -209,18 +209,18 @@ impl Hypothesis {
         }))
     }
 
-    fn simulate_known(&self, trials: &Trials, trial: &Trial, rows: usize) -> Result<Vec<f64>, PlantError> {
-        let base = &self.base[trial.point];
-        let steady = trial.mean_response - base.gain * (trial.mean_command - trial.nominal);
-        let response = self.simulate_around(trials, trial, rows, steady)?;
+    fn simulate_known(&self, data: &Dataset, record: &Record, rows: usize) -> Result<Vec<f64>, PlantError> {
+        let base = &self.base[record.point];
+        let steady = record.mean_response - base.gain * (record.mean_command - record.nominal);
+        let response = self.simulate_around(data, record, rows, steady)?;
         if rows == 0 || !self.drifts() {
             return Ok(response);
         }
         // What changes with time changes the steady response too, of which only the mean was measured. The response moves in
         // proportion to the steady one, so two of them tell for which the mean is right.
         let mean = |values: &[f64]| values[..rows].iter().sum::<f64>() / rows as f64;
-        let off = mean(&trial.measured) - mean(&response);
-        let moved = self.steady_part(trials, trial, &response, (steady, off))?;
+        let off = mean(&record.measured) - mean(&response);
+        let moved = self.steady_part(data, record, &response, (steady, off))?;
         let rise = mean(&moved);
         if rise == 0.0 {
             return Ok(response);
@@ -234,24 +234,24 @@ impl Hypothesis {
     /// run says it, at rows far apart.
     fn steady_part(
         &self,
-        trials: &Trials,
-        trial: &Trial,
+        data: &Dataset,
+        record: &Record,
         response: &[f64],
         (steady, off): (f64, f64),
     ) -> Result<Vec<f64>, PlantError> {
         let rows = response.len();
         if self.effects.iter().any(|candidate| candidate.kind.site == Site::Supply) {
-            let moved = self.simulate_around(trials, trial, rows, steady + off)?;
+            let moved = self.simulate_around(data, record, rows, steady + off)?;
             return Ok(moved.iter().zip(response).map(|(moved, response)| moved - response).collect());
         }
-        let apart = ((QUIET_S * trial.rate_hz) as usize).max(1);
-        let begin = ((BEGIN * self.base[trial.point].time_constant_s * trial.rate_hz) as usize).min(rows);
+        let apart = ((QUIET_S * record.rate_hz) as usize).max(1);
+        let begin = ((BEGIN * self.base[record.point].time_constant_s * record.rate_hz) as usize).min(rows);
         let mut seen: Vec<usize> = (0..begin).chain((begin..rows).step_by(apart)).chain(rows.checked_sub(1)).collect();
         seen.dedup();
         let quiet = |response: f64| {
-            let (mut actuator, start, stamps) = self.actuator(trials, trial, rows, response)?;
+            let (mut actuator, start, stamps) = self.actuator(data, record, rows, response)?;
             let seen: Vec<f64> = seen.iter().map(|&row| stamps[row]).collect();
-            let drive = Drive { time_s: &trial.told_s[..1], command: &trial.told[..1] };
+            let drive = Drive { time_s: &record.command_s[..1], command: &record.command[..1] };
             simulate_response(&mut actuator, drive, start, &seen)
         };
         let (with, without) = (quiet(off)?, quiet(0.0)?);
@@ -270,19 +270,19 @@ impl Hypothesis {
 
     /// The speed and the voltage over a record, where it has columns to compare them with; the rest stays empty. `None` for values
     /// that no actuator has.
-    pub fn trace(&self, trials: &Trials, trial: &Trial) -> Option<Trace> {
+    pub fn trace(&self, data: &Dataset, record: &Record) -> Option<Trace> {
         if let Some(waits) = self.waits() {
-            let [mut mean, other] = [waits[0].trace(trials, trial)?, waits[1].trace(trials, trial)?];
+            let [mut mean, other] = [waits[0].trace(data, record)?, waits[1].trace(data, record)?];
             mean.speed.iter_mut().zip(&other.speed).for_each(|(mean, speed)| *mean = 0.5 * (*mean + speed));
             return Some(mean);
         }
-        let wants = |column| trial.columns().any(|there| there == column);
+        let wants = |column| record.columns().any(|there| there == column);
         let supplied = self.effects.iter().any(|effect| open_circuit(effect.kind).is_some());
         if !(wants(Column::Speed) || (wants(Column::Voltage) && supplied)) {
             return Some(Trace::default());
         }
-        let base = &self.base[trial.point];
-        let steady = trial.mean_response - base.gain * (trial.mean_command - trial.nominal);
+        let base = &self.base[record.point];
+        let steady = record.mean_response - base.gain * (record.mean_command - record.nominal);
         let mut known = self.clone();
         for effect in &mut known.effects {
             // The voltage over that without load, which is free.
@@ -290,9 +290,9 @@ impl Hypothesis {
                 effect.values[place] = 1.0;
             }
         }
-        let (mut actuator, start, stamps) = known.actuator(trials, trial, trial.time_s.len(), steady).ok()?;
-        let drive = Drive { time_s: &trial.told_s, command: &trial.told };
-        let Some(log) = &trial.log else { return simulate(&mut actuator, drive, start, &stamps).ok() };
+        let (mut actuator, start, stamps) = known.actuator(data, record, record.time_s.len(), steady).ok()?;
+        let drive = Drive { time_s: &record.command_s, command: &record.command };
+        let Some(log) = &record.log else { return simulate(&mut actuator, drive, start, &stamps).ok() };
         // Only what is looked at; 0 elsewhere.
         let rows: Vec<usize> = (0..stamps.len()).filter(|&row| log.searched[row]).collect();
         let seen: Vec<f64> = rows.iter().map(|&row| stamps[row]).collect();
@@ -313,70 +313,70 @@ impl Hypothesis {
     /// The same with the steady response at the nominal command.
     fn simulate_around(
         &self,
-        trials: &Trials,
-        trial: &Trial,
+        data: &Dataset,
+        record: &Record,
         rows: usize,
         response: f64,
     ) -> Result<Vec<f64>, PlantError> {
-        let (mut actuator, start, stamps) = self.actuator(trials, trial, rows, response)?;
-        let drive = self.drive(trial, rows);
-        if !trial.repeats {
+        let (mut actuator, start, stamps) = self.actuator(data, record, rows, response)?;
+        let drive = self.drive(record, rows);
+        if !record.repeats {
             return simulate_course(&mut actuator, drive, start, &stamps);
         }
-        simulate_periodic_course(&mut actuator, drive, start, &stamps, trial.period_rows)
+        simulate_periodic_course(&mut actuator, drive, start, &stamps, record.period_rows)
     }
 
     /// What a record was told up to so many rows.
-    fn drive<'a>(&self, trial: &'a Trial, rows: usize) -> (Drive<'a>, Course) {
+    fn drive<'a>(&self, record: &'a Record, rows: usize) -> (Drive<'a>, Course) {
         let up_to = |time_s: &'a [f64], command: &'a [f64], last: usize| {
             let count = (last + 1).min(time_s.len());
             Drive { time_s: &time_s[..count], command: &command[..count] }
         };
         let last = rows.saturating_sub(1);
-        if self.in_rows && !trial.told_in_rows.is_empty() {
-            return (up_to(&trial.time_s, &trial.told_in_rows, last), Course::Straight);
+        if self.in_rows && !record.first_order_hold.is_empty() {
+            return (up_to(&record.time_s, &record.first_order_hold, last), Course::Straight);
         }
-        (up_to(&trial.told_s, &trial.told, last * trial.told_per_row), Course::Held)
+        (up_to(&record.command_s, &record.command, last * record.commands_per_row), Course::Held)
     }
 
     /// The actuator, what was before a record, and the moments of its rows.
     fn actuator(
         &self,
-        trials: &Trials,
-        trial: &Trial,
+        data: &Dataset,
+        record: &Record,
         rows: usize,
         response: f64,
     ) -> Result<(Actuator, Start, Vec<f64>), PlantError> {
-        let base = &self.base[trial.point];
+        let base = &self.base[record.point];
         let lag = Lag { gain: base.gain, time_constant_s: base.time_constant_s, delay_s: base.delay_s };
-        let point = OperatingPoint { nominal: trial.nominal, lag, response };
+        let point = OperatingPoint { nominal: record.nominal, lag, response };
         let mut effects = Vec::with_capacity(self.effects.len());
         for candidate in &self.effects {
             let mut values = candidate.values.clone();
-            if let Some(phase) = candidate.phases.get(trial.place) {
+            if let Some(phase) = candidate.phases.get(record.place) {
                 values[frames::PHASE] = *phase;
             }
             effects.push(ActiveEffect::new(candidate.kind, values)?);
         }
         Catalog::standard().sort(&mut effects);
-        let timing = EscTiming { frame_hz: trials.esc_frame_hz, frame_phase: 0.0 };
-        let actuator = match trials.curve_of(trial) {
+        let timing = EscTiming { frame_hz: data.esc_frame_hz, frame_phase: 0.0 };
+        let actuator = match data.curve_of(record) {
             Some((curve, given)) => {
                 // The numbers of the level, all off by the part by which those at the nominal command are.
                 let off = |found: f64, given: f64| found / given - 1.0;
                 let errors = vec![off(base.gain, given.gain), off(base.time_constant_s, given.time_constant_s)];
                 let mut all = vec![ActiveEffect::new(parameter_error()?, errors)?];
                 all.append(&mut effects);
-                Actuator::following_level(curve.clone(), trial.told[0], &all, timing)?
+                Actuator::following_level(curve.clone(), record.command[0], &all, timing)?
             }
             None => Actuator::with_effects(point, &effects, timing)?,
         };
-        let stamps: Vec<f64> = trial.time_s[..rows].iter().map(|time_s| time_s - self.late_s).collect();
-        let start = match trial.before {
-            _ if trial.log.is_some() => Start::Rest(trial.told[0]),
-            Before::Rest => Start::Rest(trial.nominal),
+        let stamps: Vec<f64> = record.time_s[..rows].iter().map(|time_s| time_s - self.time_offset_s).collect();
+        let start = match record.before {
+            _ if record.log.is_some() => Start::Rest(record.command[0]),
+            Before::Rest => Start::Rest(record.nominal),
             Before::Periods => {
-                let period_s = trial.period_rows as f64 / trial.rate_hz;
+                let period_s = record.period_rows as f64 / record.rate_hz;
                 let lead_s = match actuator.memory() {
                     Memory::Seconds(memory_s) => memory_s.min(period_s),
                     Memory::TurningPoints(_) | Memory::Lasting => period_s,

@@ -1,12 +1,12 @@
-//! Locate: where the misfit lies, and whether it is more than noise.
+//! Locate: where the chi-square lies, and whether it is more than noise.
 //!
-//! On the lines that a period has there is signal, misfit and noise; `sum |z|^2` of the white residual over `n` lines is a
-//! chi-square of `2 n` where only noise is left. What is more than `2 n` is the misfit, and is shared out along each axis.
+//! On the lines that a period has there is signal, chi-square and noise; `sum |z|^2` of the white residual over `n` lines is a
+//! chi-square of `2 n` where only noise is left. What is more than `2 n` is the chi-square, and is shared out along each axis.
 
+use super::dataset::{Dataset, Record, Segment, Split};
 use super::hypothesis::Hypothesis;
 use super::log;
 use super::residual::residual;
-use super::trial::{Purpose, Stretch, Trial, Trials};
 use super::whitening::Whitening;
 use crate::record::Excitation;
 
@@ -19,7 +19,7 @@ const SAME_AMPLITUDE: f64 = 1.1;
 /// The noise density is a mean over this many lines, so its own error adds to that of a sum over many.
 const DENSITY_LINES: f64 = 48.0;
 
-/// Along what a misfit is shared out.
+/// Along what a chi-square is shared out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Axis {
     /// Hertz.
@@ -54,20 +54,20 @@ impl Axis {
     }
 }
 
-/// A part of an axis with its share of the misfit.
+/// A part of an axis with its share of the chi-square.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Location {
     /// Along what.
     pub axis: Axis,
     /// From and to, in the axis' unit.
     pub range: (f64, f64),
-    /// Share of the misfit over the noise, 0..1. They sum up to 1 over an axis.
+    /// Share of the chi-square over the noise, 0..1. They sum up to 1 over an axis.
     pub share: f64,
-    /// By how many standard deviations of the noise's own chi-square the misfit exceeds it.
+    /// By how many standard deviations of the noise's own chi-square the chi-square exceeds it.
     pub significance: f64,
 }
 
-/// A misfit of fewer standard deviations than this is no misfit.
+/// A chi-square of fewer standard deviations than this is no chi-square.
 const SIGNIFICANT: f64 = 5.0;
 /// The same for a story that many others look like.
 const SUSPICIOUS: f64 = 3.5;
@@ -128,24 +128,25 @@ struct Line {
 }
 
 /// The lines of a period with what a hypothesis leaves on them.
-fn lines(trials: &Trials, trial: &Trial, hypothesis: &Hypothesis, purpose: Purpose) -> Vec<Line> {
-    if trial.end_of(Some(purpose)) == 0 {
+fn lines(data: &Dataset, record: &Record, hypothesis: &Hypothesis, split: Split) -> Vec<Line> {
+    if record.end_of(Some(split)) == 0 {
         return Vec::new();
     }
-    let Some(white) = residual(trials, trial, hypothesis, purpose) else { return Vec::new() };
-    let told: Vec<f64> = trial.told.iter().step_by(trial.told_per_row).take(trial.period_rows).copied().collect();
-    let command = Whitening::unit(trial.period_rows).spectrum(&told);
+    let Some(white) = residual(data, record, hypothesis, split) else { return Vec::new() };
+    let applied: Vec<f64> =
+        record.command.iter().step_by(record.commands_per_row).take(record.period_rows).copied().collect();
+    let command = Whitening::unit(record.period_rows).spectrum(&applied);
     let strongest = command.iter().skip(1).map(|line| line.norm()).fold(0.0, f64::max);
-    let period_hz = trial.rate_hz / trial.period_rows as f64;
+    let period_hz = record.rate_hz / record.period_rows as f64;
     let mut from = 0;
     let mut all = Vec::new();
-    for stretch in trial.stretches.iter().filter(|stretch| stretch.purpose == purpose) {
-        let count = stretch.whitening.lines();
+    for segment in record.segments.iter().filter(|segment| segment.split == split) {
+        let count = segment.whitening.lines();
         for (index, z) in white[from..from + count].iter().enumerate() {
             let line = index + 1;
-            let harmonic = line / stretch.periods;
+            let harmonic = line / segment.periods;
             let hz = harmonic as f64 * period_hz;
-            if line % stretch.periods == 0 && hz <= BEYOND_EXCITED * trial.highest_hz {
+            if line % segment.periods == 0 && hz <= BEYOND_EXCITED * record.highest_hz {
                 let excited = command.get(harmonic).is_some_and(|command| command.norm() > 1e-3 * strongest);
                 let excess = Excess { sum: z.norm_sqr(), expected: 2.0 };
                 all.push(Line { hz, excited, even: harmonic % 2 == 0, excess });
@@ -157,14 +158,14 @@ fn lines(trials: &Trials, trial: &Trial, hypothesis: &Hypothesis, purpose: Purpo
 }
 
 /// What a hypothesis leaves on the lines of all records.
-pub(super) fn excess(trials: &Trials, hypothesis: &Hypothesis, purpose: Purpose) -> Excess {
+pub(super) fn excess(data: &Dataset, hypothesis: &Hypothesis, split: Split) -> Excess {
     let mut total = Excess::default();
-    for trial in &trials.trials {
-        if trial.log.is_some() {
-            total.add(log::excess(trials, trial, hypothesis, purpose).unwrap_or_default());
+    for record in &data.records {
+        if record.log.is_some() {
+            total.add(log::excess(data, record, hypothesis, split).unwrap_or_default());
             continue;
         }
-        lines(trials, trial, hypothesis, purpose).into_iter().for_each(|line| total.add(line.excess));
+        lines(data, record, hypothesis, split).into_iter().for_each(|line| total.add(line.excess));
     }
     total
 }
@@ -183,12 +184,12 @@ pub struct MapCell {
 }
 
 /// What is left of what is fitted over frequency and nominal command, by increasing nominal command and frequency.
-pub(super) fn map(trials: &Trials, before: &Hypothesis, after: &Hypothesis) -> Vec<MapCell> {
+pub(super) fn map(data: &Dataset, before: &Hypothesis, after: &Hypothesis) -> Vec<MapCell> {
     let mut cells: Vec<MapCell> = Vec::new();
-    for trial in &trials.trials {
-        let left = [before, after].map(|hypothesis| lines(trials, trial, hypothesis, Purpose::Fit));
+    for record in &data.records {
+        let left = [before, after].map(|hypothesis| lines(data, record, hypothesis, Split::Train));
         for (line, improved) in left[0].iter().zip(&left[1]) {
-            let (nominal, band_hz) = (trial.nominal, band(line.hz));
+            let (nominal, band_hz) = (record.nominal, band(line.hz));
             let place = cells.iter().position(|cell| (cell.nominal, cell.band_hz) == (nominal, band_hz));
             let cell = match place {
                 Some(place) => &mut cells[place],
@@ -267,16 +268,16 @@ pub(super) fn excitation_number(excitation: Excitation) -> f64 {
     }
 }
 
-/// Shares the misfit of what is fitted out along every axis.
-pub(super) fn locate(trials: &Trials, hypothesis: &Hypothesis) -> Vec<Location> {
+/// Shares the chi-square of what is fitted out along every axis.
+pub(super) fn locate(data: &Dataset, hypothesis: &Hypothesis) -> Vec<Location> {
     let (mut frequency, mut harmonics) = (Parts::default(), Parts::default());
     let mut of_logs = LogParts::default();
-    trials.trials.iter().for_each(|trial| log::add(trials, trial, hypothesis, &mut of_logs));
+    data.records.iter().for_each(|record| log::add(data, record, hypothesis, &mut of_logs));
     let LogParts { mut nominal, mut amplitude, mut direction, mut time, mut excitation } = of_logs;
-    let amplitudes: Vec<f64> = trials.trials.iter().map(|trial| trial.amplitude).collect();
-    for trial in trials.trials.iter().filter(|trial| trial.log.is_none()) {
-        let kind = excitation_number(trial.excitation);
-        for line in lines(trials, trial, hypothesis, Purpose::Fit) {
+    let amplitudes: Vec<f64> = data.records.iter().map(|record| record.amplitude).collect();
+    for record in data.records.iter().filter(|record| record.log.is_none()) {
+        let kind = excitation_number(record.excitation);
+        for line in lines(data, record, hypothesis, Split::Train) {
             let sort = match (line.excited, line.even) {
                 (true, _) => 1.0,
                 (false, true) => 2.0,
@@ -284,12 +285,12 @@ pub(super) fn locate(trials: &Trials, hypothesis: &Hypothesis) -> Vec<Location> 
             };
             harmonics.add((sort, sort), line.excess);
             frequency.add(band(line.hz), line.excess);
-            nominal.add((trial.nominal, trial.nominal), line.excess);
-            amplitude.add(amplitude_group(&amplitudes, trial.amplitude), line.excess);
+            nominal.add((record.nominal, record.nominal), line.excess);
+            amplitude.add(amplitude_group(&amplitudes, record.amplitude), line.excess);
             excitation.add((kind, kind), line.excess);
         }
-        for stretch in trial.stretches.iter().filter(|stretch| stretch.purpose == Purpose::Fit) {
-            in_time(trials, trial, stretch, hypothesis, &mut time, &mut direction);
+        for segment in record.segments.iter().filter(|segment| segment.split == Split::Train) {
+            in_time(data, record, segment, hypothesis, &mut time, &mut direction);
         }
     }
     let mut all = Vec::new();
@@ -309,28 +310,28 @@ pub(super) fn locate(trials: &Trials, hypothesis: &Hypothesis) -> Vec<Location> 
 
 /// Period by period, and while the response rises or falls.
 fn in_time(
-    trials: &Trials,
-    trial: &Trial,
-    stretch: &Stretch,
+    data: &Dataset,
+    record: &Record,
+    segment: &Segment,
     hypothesis: &Hypothesis,
     time: &mut Parts,
     direction: &mut Parts,
 ) {
-    let Ok(simulated) = hypothesis.simulate(trials, trial, stretch.rows.end) else { return };
-    let rows = stretch.rows.clone();
+    let Ok(simulated) = hypothesis.simulate(data, record, segment.rows.end) else { return };
+    let rows = segment.rows.clone();
     let mut left: Vec<f64> =
-        trial.measured[rows.clone()].iter().zip(&simulated[rows.clone()]).map(|(y, model)| y - model).collect();
+        record.measured[rows.clone()].iter().zip(&simulated[rows.clone()]).map(|(y, model)| y - model).collect();
     let mean = left.iter().sum::<f64>() / left.len() as f64;
     left.iter_mut().for_each(|left| *left -= mean);
-    let variance = stretch.whitening.row_variance();
+    let variance = segment.whitening.row_variance();
     if variance <= 0.0 {
         return;
     }
     for (index, left) in left.iter().enumerate() {
         let row = rows.start + index;
-        let period = row / trial.period_rows;
+        let period = row / record.period_rows;
         let excess = Excess { sum: left * left / variance, expected: 1.0 };
-        let period_s = trial.period_rows as f64 / trial.rate_hz;
+        let period_s = record.period_rows as f64 / record.rate_hz;
         time.add((period as f64 * period_s, (period + 1) as f64 * period_s), excess);
         if row > 0 {
             let sign = (simulated[row] - simulated[row - 1]).signum();

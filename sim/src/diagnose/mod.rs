@@ -1,75 +1,75 @@
 //! Where simulation and measurement disagree, which effect is missing, and how much smaller the gap becomes with it.
 //!
-//! Four steps, a file each: `locate` shares the misfit out over frequency, nominal command, amplitude and more;
-//! `explain` finds the effects of the catalog that the misfit asks for; the improved [`Model`] has them; `gap` compares
+//! Four steps, a file each: `locate` shares the chi-square out over frequency, nominal command, amplitude and more;
+//! `explain` finds the effects of the catalog that the chi-square asks for; the improved [`Model`] has them; `gap` compares
 //! both models with what was held out. All of it rests on white residuals (`whitening`): where only noise is left, their
 //! sum of squares is a chi-square.
 
+mod adjoint;
 mod attempt;
-mod backward;
+mod auxiliary;
 pub mod bandwidths;
 mod candidate;
 mod channel;
 mod clips;
 mod collapsed;
 mod compensated;
-mod edges;
+mod dataset;
 mod error;
 mod explain;
 mod fit;
 mod frames;
 mod gap;
-mod given;
-mod grid;
+mod hold_delay;
 mod hum;
 mod hypothesis;
+mod isolated_steps;
+mod linearization;
 mod locate;
 mod log;
 mod next;
+mod pair_search;
 mod prediction;
+mod prior_model;
 mod profile;
+mod quantizer_step;
 mod residual;
 mod resonance;
 mod review;
 mod scan;
-mod screening;
+mod score_test;
 mod starts;
 mod steadiness;
 mod step;
-mod suspicion;
-mod tangent;
 #[cfg(test)]
 mod testing;
 mod timing;
-mod together;
-mod trial;
 mod tried;
 mod verdict;
-mod waits;
+mod weak_evidence;
 mod whitening;
-mod witness;
 
 use std::collections::BTreeMap;
 
 pub use channel::Column;
 pub use compensated::fill_in_esc_commands;
+pub use dataset::LeftOut;
 pub use error::DiagnoseError;
 pub use gap::{Gap, RecordGap, Residual};
 pub use locate::{Axis, Excess, Location, MapCell};
 pub use log::{CutRows, SplitGap};
 pub use next::{Conditions, NextExperiment};
 pub use steadiness::Steadiness;
-pub use suspicion::Suspect;
 pub use timing::Timing;
-pub use trial::LeftOut;
 pub use verdict::Verdict;
+pub use weak_evidence::WeakEvidence;
 
 use candidate::Candidate;
+use dataset::{Dataset, Split};
 use explain::{Explanation, Search};
-use given::WrongNumbers;
 use hypothesis::{BasePoint, Coordinate, Hypothesis};
-use trial::{Purpose, Trials};
-use verdict::Grounds;
+use prior_model::ParameterMismatch;
+use verdict::Evidence;
 
 use crate::identify::{Estimate, PeriodicOptions, identify_periodic, same_output};
 use crate::plant::effect::Kind;
@@ -103,12 +103,11 @@ pub struct TriedKind {
     /// The same over what was held out.
     pub held_out_gain: f64,
     /// What it is worth: both, less one per parameter.
-    pub worth: f64,
+    pub score: f64,
 }
 
-/// What holds where [`Diagnosis::rests_on_begins`].
-pub const RESTS_ON_BEGINS: &str = "Seen in the first moments of the records alone: it holds if before each of them the motor had run at \
-                                   the nominal command for long.";
+/// What holds where [`Diagnosis::needs_steady_start`].
+pub const NEEDS_STEADY_START: &str = "Valid only if each record starts in steady state at u_nom.";
 
 /// All that was found.
 #[derive(Clone, Debug)]
@@ -117,16 +116,16 @@ pub struct Diagnosis {
     pub verdict: Verdict,
     /// Whether a given model was judged; else what is before are the lags that fit best.
     pub is_of_given: bool,
-    /// Where the misfit of the first model lies.
+    /// Where the chi-square of the first model lies.
     pub locations: Vec<Location>,
     /// The effects, the most valuable first.
     pub effects: Vec<NamedEffect>,
     /// What was tried alone, best first.
     pub tried: Vec<TriedKind>,
-    /// What the records lean to, too little to be named, where they agree with the model.
-    pub suspected: Vec<Suspect>,
-    /// Whether the effects rest on how the records begin, too: see [`RESTS_ON_BEGINS`].
-    pub rests_on_begins: bool,
+    /// Effects with weak evidence, where the records agree with the model.
+    pub weak_evidence: Vec<WeakEvidence>,
+    /// Whether the effects rest on how the records begin, too: see [`NEEDS_STEADY_START`].
+    pub needs_steady_start: bool,
     /// The gap on what was held out. No number was fitted to it; which kinds are named rests on it too.
     pub gap: Gap,
     /// The same record by record.
@@ -147,7 +146,7 @@ pub struct Diagnosis {
     pub excess: (Excess, Excess),
     /// Whether what is left is steady, as noise is.
     pub steadiness: Steadiness,
-    /// Whether changes of the command that are alike are answered alike in time.
+    /// Whether the delay is the same at every step.
     pub timing: Timing,
     /// The improved model.
     pub model: Model,
@@ -205,41 +204,41 @@ pub struct Options<'a> {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis, DiagnoseError> {
-    let mut trials = Trials::new(experiment)?;
-    trials.check_fitted()?;
-    trials.curve = options.model.map(|model| trials.curve_through(model)).transpose()?.flatten();
-    let base = first_model(experiment, &trials, options.model)?;
-    let untouched = options.model.map(|_| trials.clone());
-    let mut search = Search { trials, catalog: options.catalog, progress: options.progress, lags: true };
+    let mut data = Dataset::new(experiment)?;
+    data.check_fitted()?;
+    data.curve = options.model.map(|model| data.curve_through(model)).transpose()?.flatten();
+    let base = first_model(experiment, &data, options.model)?;
+    let untouched = options.model.map(|_| data.clone());
+    let mut search = Search { data, catalog: options.catalog, progress: options.progress, lags: true };
     let explanation =
         search.explain(&Hypothesis::of_lags(base.clone())).ok_or(DiagnoseError::NoFit { what: "a first-order lag" })?;
-    let (Explanation { before, mut after, found, tried, suspected }, mut wrong) = match untouched {
-        Some(untouched) => given::compared(&mut search, untouched, &base, explanation)
+    let (Explanation { before, mut after, found, tried, weak_evidence }, mut wrong) = match untouched {
+        Some(untouched) => prior_model::compared(&mut search, untouched, &base, explanation)
             .ok_or(DiagnoseError::NoFit { what: "the given lags" })?,
         None => (explanation, None),
     };
     // Weighed by the noise that the best explanation leaves.
-    let trials = &search.trials;
-    let excess = |hypothesis| locate::excess(trials, hypothesis, Purpose::Fit);
+    let data = &search.data;
+    let excess = |hypothesis| locate::excess(data, hypothesis, Split::Train);
     let (excess_before, mut excess_after) = (excess(&before.hypothesis), excess(&after.hypothesis));
-    let steadiness = steadiness::steadiness(trials, &after.hypothesis);
-    let timing = timing::timing(trials, &after.hypothesis);
+    let steadiness = steadiness::steadiness(data, &after.hypothesis);
+    let timing = timing::timing(data, &after.hypothesis);
     let refitted = options.model.is_none();
-    let mut gaps = gap::gaps(trials, &before.hypothesis, &after.hypothesis, refitted);
-    let grounds = Grounds {
+    let mut gaps = gap::gaps(data, &before.hypothesis, &after.hypothesis, refitted);
+    let grounds = Evidence {
         found: !found.is_empty() || wrong.is_some(),
         numbers_alone: found.is_empty() && wrong.is_some(),
         excess: (excess_before, excess_after),
         gap: gaps.total,
-        unsure: gap::unsure(trials, &after, if gaps.held_out { Purpose::HeldOut } else { Purpose::Fit }),
+        unsure: gap::unsure(data, &after, if gaps.held_out { Split::Holdout } else { Split::Train }),
         steadiness,
         is_timely: timing.is_steady(),
-        has_logs: trials.has_logs(),
+        has_logs: data.has_logs(),
     };
     let verdict = grounds.verdict();
     let found = if verdict == Verdict::Unknown {
         (after, excess_after) = (before.clone(), excess_before);
-        gaps = gap::gaps(trials, &before.hypothesis, &after.hypothesis, refitted);
+        gaps = gap::gaps(data, &before.hypothesis, &after.hypothesis, refitted);
         wrong = None;
         Vec::new()
     } else {
@@ -249,22 +248,22 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     let mut effects = Vec::new();
     for (index, found) in found.into_iter().enumerate() {
         let without = after.hypothesis.without(index);
-        let without = fit::fit(trials, &without, true).map_or(without, |fit| fit.hypothesis);
-        let alone = gap::gaps(trials, &without, &after.hypothesis, true).total;
+        let without = fit::fit(data, &without, true).map_or(without, |fit| fit.hypothesis);
+        let alone = gap::gaps(data, &without, &after.hypothesis, true).total;
         effects.push(NamedEffect {
             kind: found.kind,
-            parameters: estimates(trials, &after, index),
-            evidence: found.worth,
+            parameters: estimates(data, &after, index),
+            evidence: found.score,
             alternatives: found.alternatives,
             gap_before: alone.before,
             gap_after: alone.after,
         });
     }
-    let model = improved(options.model, trials, &after, &effects);
-    if let Some(WrongNumbers { evidence, parameters, given }) = wrong
+    let model = improved(options.model, data, &after, &effects);
+    if let Some(ParameterMismatch { evidence, parameters, given }) = wrong
         && let Some(kind) = options.catalog.find("parameter_error")
     {
-        let alone = gap::gaps(trials, &given, &after.hypothesis, false).total;
+        let alone = gap::gaps(data, &given, &after.hypothesis, false).total;
         let parameters = kind.parameters.iter().zip(parameters).collect();
         let (gap_before, gap_after) = (alone.before, alone.after);
         effects.push(NamedEffect { kind, parameters, evidence, alternatives: Vec::new(), gap_before, gap_after });
@@ -273,29 +272,29 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     Ok(Diagnosis {
         verdict,
         is_of_given: options.model.is_some(),
-        suspected: if verdict == Verdict::Agrees { suspected } else { Vec::new() },
-        rests_on_begins: trials.starts == trial::Starts::AsBefore && verdict != Verdict::Unknown,
-        locations: locate::locate(trials, &before.hypothesis),
+        weak_evidence: if verdict == Verdict::Agrees { weak_evidence } else { Vec::new() },
+        needs_steady_start: data.initial_condition == dataset::InitialCondition::Steady && verdict != Verdict::Unknown,
+        locations: locate::locate(data, &before.hypothesis),
         tried: tried
             .iter()
             .map(|tried| TriedKind {
                 kind: tried.kind,
                 fitted_gain: tried.fitted_gain,
                 held_out_gain: tried.held_out_gain,
-                worth: tried.worth(),
+                score: tried.score(),
             })
             .collect(),
         model,
         effects,
         gap,
         splits,
-        fitted: gap::of(trials, &before.hypothesis, &after.hypothesis, Purpose::Fit).0,
-        cut: trials.trials.iter().filter_map(|trial| Some(trial.log.as_ref()?.cut.clone())).collect(),
-        columns: columns(trials),
-        left_out: trials.left_out.clone(),
-        conditions: Conditions::of(experiment, trials),
-        map: locate::map(trials, &before.hypothesis, &after.hypothesis),
-        residual: gap::residual(trials, &records, &before.hypothesis, &after.hypothesis, held_out),
+        fitted: gap::of(data, &before.hypothesis, &after.hypothesis, Split::Train).0,
+        cut: data.records.iter().filter_map(|record| Some(record.log.as_ref()?.cut.clone())).collect(),
+        columns: columns(data),
+        left_out: data.left_out.clone(),
+        conditions: Conditions::of(experiment, data),
+        map: locate::map(data, &before.hypothesis, &after.hypothesis),
+        residual: gap::residual(data, &records, &before.hypothesis, &after.hypothesis, held_out),
         records,
         held_out,
         excess: (excess_before, excess_after),
@@ -307,7 +306,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
 /// The lags to begin with: the given model's, or those that the records show.
 fn first_model(
     experiment: &Experiment,
-    trials: &Trials,
+    data: &Dataset,
     model: Option<&Model>,
 ) -> Result<Vec<BasePoint>, DiagnoseError> {
     let of_lag = |lag: Lag| BasePoint { gain: lag.gain, time_constant_s: lag.time_constant_s, delay_s: lag.delay_s };
@@ -316,19 +315,19 @@ fn first_model(
         if let Some(effect) = model.effects.first() {
             return Err(DiagnoseError::ModelHasEffects { kind: effect.kind.clone() });
         }
-        return trials.nominals.iter().map(|nominal| Ok(of_lag(model.at(*nominal)?))).collect();
+        return data.nominals.iter().map(|nominal| Ok(of_lag(model.at(*nominal)?))).collect();
     }
-    let is_periodic = |trial: &trial::Trial| trial.log.is_none();
+    let is_periodic = |record: &dataset::Record| record.log.is_none();
     let mut found: Vec<(f64, Lag)> = Vec::new();
-    if trials.trials.iter().any(is_periodic) {
+    if data.records.iter().any(is_periodic) {
         let identified = identify_periodic(experiment, &PeriodicOptions::default())?;
         found.extend(identified.points().iter().map(|point| (point.nominal, point.lag())));
     }
-    for trial in trials.trials.iter().filter(|trial| !is_periodic(trial)) {
-        found.extend(log::first_lag(trial).map(|lag| (trial.nominal, lag)));
+    for record in data.records.iter().filter(|record| !is_periodic(record)) {
+        found.extend(log::first_lag(record).map(|lag| (record.nominal, lag)));
     }
     let usual = usual_lag(&found).ok_or(DiagnoseError::NoFit { what: "a first-order lag" })?;
-    let base = trials.nominals.iter().map(|nominal| {
+    let base = data.nominals.iter().map(|nominal| {
         let distance = |found: &&(f64, Lag)| (found.0 - nominal).abs();
         let near = found.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).map_or(usual, |(_, lag)| *lag);
         let is_unusual = |part: f64| !(1.0 / UNUSUAL..=UNUSUAL).contains(&part);
@@ -355,7 +354,7 @@ fn usual_lag(found: &[(f64, Lag)]) -> Option<Lag> {
 
 /// The values of an effect with their standard errors.
 fn estimates(
-    trials: &Trials,
+    data: &Dataset,
     fit: &fit::Fit,
     effect: usize,
 ) -> Vec<(&'static crate::plant::effect::Parameter, Estimate)> {
@@ -364,10 +363,10 @@ fn estimates(
     let estimate = |(value, parameter): (usize, &'static crate::plant::effect::Parameter)| {
         let slope = candidate::slope(parameter, candidate.values[value]);
         let coordinate = Coordinate::Effect { effect, value };
-        let std = if candidate.jumps() || !candidate.phases.is_empty() {
+        let std = if candidate.is_non_smooth() || !candidate.phases.is_empty() {
             Some(candidate.profiled_std)
         } else {
-            fit.std(coordinate).map(|std| waits::with_scatter(trials, &fit.hypothesis, candidate, std))
+            fit.std(coordinate).map(|std| hold_delay::with_scatter(data, &fit.hypothesis, candidate, std))
         };
         (parameter, Estimate::normal(candidate.values[value], std.unwrap_or(f64::INFINITY) * slope.abs()))
     };
@@ -375,14 +374,14 @@ fn estimates(
 }
 
 /// Columns beside the response in any record.
-fn columns(trials: &Trials) -> Vec<Column> {
-    let any = |column: &Column| trials.trials.iter().any(|trial| trial.columns().any(|there| there == *column));
+fn columns(data: &Dataset) -> Vec<Column> {
+    let any = |column: &Column| data.records.iter().any(|record| record.columns().any(|there| there == *column));
     [Column::Speed, Column::Voltage].into_iter().filter(any).collect()
 }
 
 /// The model with the lags and effects of a fit.
-fn improved(model: Option<&Model>, trials: &Trials, fit: &fit::Fit, effects: &[NamedEffect]) -> Model {
-    let points = trials.nominals.iter().zip(&fit.hypothesis.base).enumerate().map(|(index, (nominal, base))| {
+fn improved(model: Option<&Model>, data: &Dataset, fit: &fit::Fit, effects: &[NamedEffect]) -> Model {
+    let points = data.nominals.iter().zip(&fit.hypothesis.base).enumerate().map(|(index, (nominal, base))| {
         let lag = Lag { gain: base.gain, time_constant_s: base.time_constant_s, delay_s: base.delay_s };
         let mut point = Point::new(*nominal, lag);
         point.gain_std = fit.std(Coordinate::Gain(index)).map(|std| std * base.gain.abs());
@@ -405,8 +404,8 @@ fn improved(model: Option<&Model>, trials: &Trials, fit: &fit::Fit, effects: &[N
             .map(|(parameter, estimate)| (parameter.name.to_owned(), estimate.std))
             .collect::<BTreeMap<_, _>>(),
     });
-    let (points, static_map) = match (model, &trials.curve) {
-        (Some(model), Some((_, given))) if trials.trials.iter().any(|trial| trials.curve_of(trial).is_some()) => {
+    let (points, static_map) = match (model, &data.curve) {
+        (Some(model), Some((_, given))) if data.records.iter().any(|record| data.curve_of(record).is_some()) => {
             scaled(model, &fit.hypothesis.base[0], given[0])
         }
         _ => (points.collect(), model.and_then(|model| model.static_map.clone())),
@@ -430,7 +429,7 @@ fn scaled(model: &Model, found: &BasePoint, given: Lag) -> (Vec<Point>, Option<c
     (model.points.iter().map(point).collect(), map)
 }
 
-impl Trials {
+impl Dataset {
     /// The curve of a model that says more than one level, for records that go through many.
     fn curve_through(&self, model: &Model) -> Result<Option<(OperatingCurve, Vec<Lag>)>, DiagnoseError> {
         if model.points.len() < 2 && model.static_map.is_none() {
@@ -444,8 +443,8 @@ impl Trials {
     /// Every nominal command needs something to fit.
     fn check_fitted(&self) -> Result<(), DiagnoseError> {
         for (point, nominal) in self.nominals.iter().enumerate() {
-            let is_fitted = |trial: &trial::Trial| trial.point == point && trial.end_of(Some(Purpose::Fit)) > 0;
-            if !self.trials.iter().any(is_fitted) {
+            let is_fitted = |record: &dataset::Record| record.point == point && record.end_of(Some(Split::Train)) > 0;
+            if !self.data.iter().any(is_fitted) {
                 return Err(DiagnoseError::NominalWithoutFit { nominal: *nominal });
             }
         }

@@ -7,7 +7,7 @@
 
 use std::fmt::Write as _;
 
-use super::trial::{Trial, Trials};
+use super::dataset::{Dataset, Record};
 use super::{Diagnosis, Verdict};
 use crate::bench::{Plan, PlannedRecord};
 use crate::plant::Noise;
@@ -69,19 +69,19 @@ pub struct NextExperiment {
 }
 
 impl Conditions {
-    pub(super) fn of(experiment: &Experiment, trials: &Trials) -> Self {
-        let mut amplitudes: Vec<f64> = trials.trials.iter().map(|trial| trial.amplitude).collect();
+    pub(super) fn of(experiment: &Experiment, data: &Dataset) -> Self {
+        let mut amplitudes: Vec<f64> = data.records.iter().map(|record| record.amplitude).collect();
         amplitudes.sort_by(f64::total_cmp);
         let most = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, f64::max);
         Self {
             output: experiment.output,
-            nominals: trials.nominals.clone(),
+            nominals: data.nominals.clone(),
             amplitude: amplitudes[amplitudes.len() / 2],
-            sample_rate_hz: most(&mut trials.trials.iter().map(|trial| trial.rate_hz)),
+            sample_rate_hz: most(&mut data.records.iter().map(|record| record.rate_hz)),
             command_rate_hz: experiment.command_rate_hz,
-            esc_frame_hz: trials.esc_frame_hz,
-            periods: trials.trials.iter().map(|trial| trial.periods() as u32).max().unwrap_or(1),
-            noise_std: most(&mut trials.trials.iter().map(Trial::noise_std)),
+            esc_frame_hz: data.esc_frame_hz,
+            periods: data.records.iter().map(|record| record.periods() as u32).max().unwrap_or(1),
+            noise_std: most(&mut data.records.iter().map(Record::noise_std)),
         }
     }
 
@@ -219,7 +219,7 @@ fn recipe(one: &Kind, other: &Kind) -> &'static Recipe {
 }
 
 impl Diagnosis {
-    /// The experiment that would say more; `None` where nothing is open.
+    /// The experiment that would say more; `None` where no further experiment is needed.
     #[must_use]
     pub fn next_experiment(&self) -> Option<NextExperiment> {
         if !self.timing.is_steady() {
@@ -238,17 +238,17 @@ impl Diagnosis {
                          and let each record go on for twice as long: what stays, grows or vanishes says where to look.";
             return Some(self.planned(&UNKNOWN, "unknown", words.to_owned(), None));
         }
-        if let Some(most) = self.suspected.first() {
+        if let Some(most) = self.weak_evidence.first() {
             let times = most.times_longer();
             let words = format!(
-                "The records lean to {}, too little to name it: record {times} times as many periods. Evidence for what is there \
-                 grows with them, and what was chance does not.",
-                self.suspected_in_words()
+                "The evidence for {} is weak: record {times} times as many periods. The evidence for a real effect grows with them, \
+                 that of chance does not.",
+                self.weak_evidence_in_words()
             );
             let square_periods = SQUARE_PERIODS * times;
             let recipe =
                 Recipe { squares: &[1.0], square_periods, longer: (times, 4 * times), is_reversed: true, ..NOTHING };
-            return Some(self.planned(&recipe, "suspected", words, None));
+            return Some(self.planned(&recipe, "weak_evidence", words, None));
         }
         let open = self.effects.iter().find(|effect| !effect.alternatives.is_empty())?;
         let advice = |other: &Kind| {
@@ -272,8 +272,8 @@ impl Diagnosis {
     }
 
     /// The kinds to which the records lean, as an enumeration.
-    fn suspected_in_words(&self) -> String {
-        let titles: Vec<&str> = self.suspected.iter().map(|suspect| suspect.kind.title).collect();
+    fn weak_evidence_in_words(&self) -> String {
+        let titles: Vec<&str> = self.weak_evidence.iter().map(|suspect| suspect.kind.title).collect();
         titles.join(", or ")
     }
 

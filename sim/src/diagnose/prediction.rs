@@ -10,17 +10,17 @@
 //! ```
 //!
 //! (Laplace's method; for a linear model it is the predictive density: Bishop, Pattern Recognition and Machine Learning, sec. 3.3.2
-//! and 4.4). The numbers move as far as they were left open, at the price of having been left open.
+//! and 4.4). The numbers move as far as they were left open, at the complexity penalty of having been left open.
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 use num_complex::Complex64;
 use rayon::prelude::*;
 
+use super::dataset::{Dataset, Record, Split};
 use super::fit::Fit;
 use super::hypothesis::Hypothesis;
+use super::linearization::{EFFECT_STEP, columns};
 use super::residual::{by_gain, dot, residual};
-use super::tangent::{EFFECT_STEP, columns};
-use super::trial::{Purpose, Trial, Trials};
 
 /// What is known of every number before: that it is right but for a factor of `e`, or its plausible range.
 const INFORMATION_BEFORE: f64 = 1.0;
@@ -53,22 +53,22 @@ struct Part {
 }
 
 /// Minus twice the log likelihood of what is held out, but for a constant. `None` where the fit is impossible there.
-pub(super) fn surprise(trials: &Trials, fit: &Fit, near: Near) -> Option<f64> {
-    let held_out: Vec<&Trial> = trials.trials.iter().filter(|trial| trial.end_of(Some(Purpose::HeldOut)) > 0).collect();
-    let gain = |trial: &Trial, hypothesis: &Hypothesis, at: &[Complex64]| {
-        by_gain(trials, trial, hypothesis, Purpose::HeldOut, at)
+pub(super) fn deviance(data: &Dataset, fit: &Fit, near: Near) -> Option<f64> {
+    let held_out: Vec<&Record> = data.records.iter().filter(|record| record.end_of(Some(Split::Holdout)) > 0).collect();
+    let gain = |record: &Record, hypothesis: &Hypothesis, at: &[Complex64]| {
+        by_gain(data, record, hypothesis, Split::Holdout, at)
     };
-    let white = |trial: &Trial, hypothesis: &Hypothesis| residual(trials, trial, hypothesis, Purpose::HeldOut);
-    surprise_of(&held_out, (fit, near), (white, gain))
+    let white = |record: &Record, hypothesis: &Hypothesis| residual(data, record, hypothesis, Split::Holdout);
+    deviance_of(&held_out, (fit, near), (white, gain))
 }
 
 /// The same of what `white` makes of these records, the derivative of which by the gain `by_gain` may know.
-pub(super) fn surprise_of(
-    unseen: &[&Trial],
+pub(super) fn deviance_of(
+    unseen: &[&Record],
     (fit, near): (&Fit, Near),
     (white, by_gain): (
-        impl Fn(&Trial, &Hypothesis) -> Option<Vec<Complex64>> + Sync,
-        impl Fn(&Trial, &Hypothesis, &[Complex64]) -> Option<Vec<Complex64>> + Sync,
+        impl Fn(&Record, &Hypothesis) -> Option<Vec<Complex64>> + Sync,
+        impl Fn(&Record, &Hypothesis, &[Complex64]) -> Option<Vec<Complex64>> + Sync,
     ),
 ) -> Option<f64> {
     let count = fit.coordinates.len();
@@ -82,11 +82,11 @@ pub(super) fn surprise_of(
         for (place, coordinate) in fit.coordinates.iter().enumerate() {
             hypothesis.set(*coordinate, begin[place] + moved[place]);
         }
-        let of_trial = |trial: &&Trial| {
-            let at = white(trial, &hypothesis)?;
+        let of_trial = |record: &&Record| {
+            let at = white(record, &hypothesis)?;
             let by = (&fit.coordinates[..], EFFECT_STEP);
-            let by_gain = || by_gain(trial, &hypothesis, &at);
-            let columns = columns(trial, &hypothesis, by, (&at, by_gain), |hypothesis| white(trial, hypothesis))?;
+            let by_gain = || by_gain(record, &hypothesis, &at);
+            let columns = columns(record, &hypothesis, by, (&at, by_gain), |hypothesis| white(record, hypothesis))?;
             let slopes = columns.iter().map(|(i, a)| (*i, dot(a, &at))).collect();
             let products =
                 columns.iter().flat_map(|(i, a)| columns.iter().map(move |(j, b)| (*i, *j, dot(a, b)))).collect();
@@ -125,8 +125,8 @@ mod tests {
     use super::*;
     use crate::diagnose::explain::Search;
     use crate::diagnose::hypothesis::Hypothesis;
-    use crate::diagnose::residual::misfit;
-    use crate::diagnose::testing::{records, trials};
+    use crate::diagnose::residual::chi_square;
+    use crate::diagnose::testing::{data, records};
     use crate::plant::Catalog;
     use crate::record::{Excitation, Role};
 
@@ -137,9 +137,9 @@ mod tests {
             let is_loud = record.excitation == Excitation::Square;
             record.role = Some(if is_loud { Role::Validate } else { Role::Fit });
         }
-        let (trials, base) = trials(&records);
+        let (data, base) = data(&records);
         let catalog = Box::leak(Box::new(Catalog::standard()));
-        let mut search = Search { trials, catalog, progress: &|| {}, lags: true };
+        let mut search = Search { data, catalog, progress: &|| {}, lags: true };
         let fit = search.settle(&Hypothesis::of_lags(base), true).unwrap();
         (search, fit)
     }
@@ -147,45 +147,45 @@ mod tests {
     #[test]
     fn what_was_promised_counts_where_the_numbers_cannot_be_followed_farther() {
         let (search, fit) = of_quiet_records();
-        let trials = &search.trials;
-        let held_out: Vec<&Trial> =
-            trials.trials.iter().filter(|trial| trial.end_of(Some(Purpose::HeldOut)) > 0).collect();
+        let data = &search.data;
+        let held_out: Vec<&Record> =
+            data.records.iter().filter(|record| record.end_of(Some(Split::Holdout)) > 0).collect();
         let near = |hypothesis: &Hypothesis| {
             let lags = hypothesis.base.iter().zip(&fit.hypothesis.base);
             lags.into_iter().all(|(lag, own)| (lag.time_constant_s / own.time_constant_s).ln().abs() < 0.01)
         };
-        let gain = |trial: &Trial, hypothesis: &Hypothesis, at: &[Complex64]| {
-            by_gain(trials, trial, hypothesis, Purpose::HeldOut, at)
+        let gain = |record: &Record, hypothesis: &Hypothesis, at: &[Complex64]| {
+            by_gain(data, record, hypothesis, Split::Holdout, at)
         };
         let was_refused = AtomicBool::new(false);
-        let white = |trial: &Trial, hypothesis: &Hypothesis| {
+        let white = |record: &Record, hypothesis: &Hypothesis| {
             if !near(hypothesis) {
                 was_refused.store(true, Ordering::Relaxed);
                 return None;
             }
-            residual(trials, trial, hypothesis, Purpose::HeldOut)
+            residual(data, record, hypothesis, Split::Holdout)
         };
-        let promised = surprise(trials, &fit, Near::FirstOrder);
+        let promised = deviance(data, &fit, Near::FirstOrder);
         assert!(promised.is_some());
-        assert_eq!(surprise_of(&held_out, (&fit, Near::Moved), (white, gain)), promised);
+        assert_eq!(deviance_of(&held_out, (&fit, Near::Moved), (white, gain)), promised);
         assert!(was_refused.into_inner(), "the numbers have to move");
         // What cannot be had at the fit itself cannot be predicted at all.
-        assert_eq!(surprise_of(&held_out, (&fit, Near::Moved), (|_, _| None, |_, _, _| None)), None);
+        assert_eq!(deviance_of(&held_out, (&fit, Near::Moved), (|_, _| None, |_, _, _| None)), None);
     }
 
     #[test]
     fn a_lag_that_was_fitted_to_a_quiet_record_is_not_held_against_itself_on_a_loud_one() {
         let (search, fit) = of_quiet_records();
-        let trials = &search.trials;
+        let data = &search.data;
         let mut truth = fit.hypothesis.clone();
         for (point, (gain, time_constant_s)) in truth.base.iter_mut().zip([(10.0, 0.16), (13.5, 0.085)]) {
             (point.gain, point.time_constant_s) = (gain, time_constant_s);
         }
-        let plain = |hypothesis: &Hypothesis| misfit(trials, hypothesis, Purpose::HeldOut).unwrap();
+        let plain = |hypothesis: &Hypothesis| chi_square(data, hypothesis, Split::Holdout).unwrap();
         let over_truth = plain(&fit.hypothesis) - plain(&truth);
         assert!(over_truth > 200.0, "{over_truth}");
         // Four numbers that were left open by factors of ten or so cost some units each.
-        let predicted = surprise(trials, &fit, Near::Moved).unwrap() - plain(&truth);
+        let predicted = deviance(data, &fit, Near::Moved).unwrap() - plain(&truth);
         assert!((0.0..40.0).contains(&predicted), "{predicted}");
     }
 }

@@ -1,9 +1,9 @@
 //! How far a value may be off on which the response depends in jumps.
 //!
 //! A dead band lets a command pass or not, a grid rounds it up or down, a frame comes before it or after: as such a value moves,
-//! one command after the other changes sides. The misfit is a stair with a step for each, its derivatives say nothing, and
+//! one command after the other changes sides. The chi-square is a stair with a step for each, its derivatives say nothing, and
 //! the least of it is one of many steps that are nearly as low. What the records say of the value is the likelihood over all of
-//! them: with `x` the coordinate, `S(x)` the misfit with all else following, and `x*` where it is least,
+//! them: with `x` the coordinate, `S(x)` the chi-square with all else following, and `x*` where it is least,
 //!
 //! ```text
 //! std^2 = integral (x - x*)^2 e^(-S(x)/2) dx / integral e^(-S(x)/2) dx
@@ -26,11 +26,11 @@
 //! with `x_c` how far that is. For `c = 24` a parabola gives 1.38 of the curvature's standard error. The larger of the two counts.
 
 use super::candidate::Candidate;
+use super::dataset::Dataset;
 use super::fit::{Fit, MOST_STEPS, fit_of};
 use super::frames;
 use super::hypothesis::{Coordinate, Hypothesis};
-use super::tangent::Tangent;
-use super::trial::Trials;
+use super::linearization::Linearization;
 
 /// How near the best value the profile begins, in coordinates, how far it goes, and by which factor in a step.
 const NEAREST: f64 = 1e-7;
@@ -51,24 +51,24 @@ const OPEN: f64 = 0.1;
 const YAO: f64 = 11.03 / 1.96;
 const SOONER: f64 = 4.0;
 
-/// The misfit along one coordinate.
+/// The chi-square along one coordinate.
 struct Profile {
-    /// Coordinate and misfit, by increasing coordinate.
+    /// Coordinate and chi-square, by increasing coordinate.
     points: Vec<(f64, f64)>,
 }
 
 impl Profile {
-    /// Around `center`. `judge` says the misfit at a coordinate; `None` where there is none.
+    /// Around `center`. `judge` says the chi-square at a coordinate; `None` where there is none.
     fn draw(center: f64, judge: impl Fn(f64) -> Option<f64>) -> Option<Self> {
         let mut points = vec![(center, judge(center)?)];
         for side in [-1.0, 1.0] {
             let (mut distance, mut lost) = (NEAREST, 0);
             while distance < FARTHEST && lost < IN_A_ROW {
                 let at = center + side * distance;
-                let misfit = judge(at).unwrap_or(f64::INFINITY);
+                let chi_square = judge(at).unwrap_or(f64::INFINITY);
                 let least = points.iter().map(|point| point.1).fold(f64::INFINITY, f64::min);
-                lost = if misfit > least + LOST { lost + 1 } else { 0 };
-                points.push((at, misfit));
+                lost = if chi_square > least + LOST { lost + 1 } else { 0 };
+                points.push((at, chi_square));
                 distance *= FARTHER;
             }
         }
@@ -82,7 +82,7 @@ impl Profile {
         Some(profile)
     }
 
-    /// Where the misfit is least, and what it is there.
+    /// Where the chi-square is least, and what it is there.
     fn best(&self) -> (f64, f64) {
         let best = self.points.iter().min_by(|a, b| a.1.total_cmp(&b.1));
         best.copied().unwrap_or((f64::NAN, f64::INFINITY))
@@ -108,7 +108,7 @@ impl Profile {
         Some(self.spread()?.max(self.by_rise()?))
     }
 
-    /// By how far the misfit has to go to rise by [`LOST`].
+    /// By how far the chi-square has to go to rise by [`LOST`].
     fn by_rise(&self) -> Option<f64> {
         let (best, least) = self.best();
         let place = self.points.iter().position(|point| point.0 == best)?;
@@ -147,39 +147,40 @@ impl Profile {
 }
 
 /// `fit` with every value on which the response depends in jumps where the records leave least, and how well it is known.
-pub(super) fn settle_jumps(trials: &Trials, fit: Fit) -> Option<Fit> {
+pub(super) fn profile_non_smooth(data: &Dataset, fit: Fit) -> Option<Fit> {
     let jumping: Vec<(usize, usize)> = fit.hypothesis.effects.iter().enumerate().filter_map(jumping).collect();
-    if jumping.is_empty() || trials.has_logs() {
+    if jumping.is_empty() || data.has_logs() {
         return Some(fit);
     }
-    let jumps = |coordinate: &Coordinate| {
+    let is_non_smooth = |coordinate: &Coordinate| {
         jumping.iter().any(|&(effect, value)| *coordinate == Coordinate::Effect { effect, value })
     };
-    let others: Vec<Coordinate> = fit.coordinates.iter().copied().filter(|coordinate| !jumps(coordinate)).collect();
+    let others: Vec<Coordinate> =
+        fit.coordinates.iter().copied().filter(|coordinate| !is_non_smooth(coordinate)).collect();
     let mut settled = fit;
     for &(effect, value) in &jumping {
         let found = if settled.hypothesis.effects[effect].phases.is_empty() {
-            settle(trials, &settled.hypothesis, Coordinate::Effect { effect, value }, &others)?
+            settle(data, &settled.hypothesis, Coordinate::Effect { effect, value }, &others)?
         } else {
-            frames::settle_rate(trials, &settled.hypothesis, effect)?
+            frames::settle_rate(data, &settled.hypothesis, effect)?
         };
-        settled = fit_of(trials, &found, others.clone(), MOST_STEPS)?;
+        settled = fit_of(data, &found, others.clone(), MOST_STEPS)?;
     }
     Some(settled)
 }
 
 /// `known` with the coordinate where a profile is least, all others following.
-fn settle(trials: &Trials, known: &Hypothesis, coordinate: Coordinate, others: &[Coordinate]) -> Option<Hypothesis> {
+fn settle(data: &Dataset, known: &Hypothesis, coordinate: Coordinate, others: &[Coordinate]) -> Option<Hypothesis> {
     let Coordinate::Effect { effect, .. } = coordinate else { return None };
-    let tangent = Tangent::at(trials, known, others.to_vec())?;
+    let linearization = Linearization::at(data, known, others.to_vec())?;
     let followed = |at: f64| {
         let mut moved = known.clone();
         moved.set(coordinate, at);
-        tangent.judge(trials, &moved)
+        linearization.judge(data, &moved)
     };
     let profile = Profile::draw(known.get(coordinate), |at| followed(at).map(|(left, _)| left))?;
     // Not by way of its logarithm, whose rounding may take a command over a step.
-    let (left_here, here) = tangent.judge(trials, known)?;
+    let (left_here, here) = linearization.judge(data, known)?;
     let (at, least) = profile.best();
     let mut best = if left_here < least + MOVES { here } else { followed(at)?.1 };
     best.effects[effect].profiled_std = profile.std().unwrap_or(f64::INFINITY);
@@ -190,7 +191,7 @@ fn settle(trials: &Trials, known: &Hypothesis, coordinate: Coordinate, others: &
 fn jumping((effect, candidate): (usize, &Candidate)) -> Option<(usize, usize)> {
     let mut searched = Candidate::searched(candidate.kind);
     let (value, _) = searched.next().filter(|_| searched.next().is_none())?;
-    (candidate.jumps() || !candidate.phases.is_empty()).then_some((effect, value))
+    (candidate.is_non_smooth() || !candidate.phases.is_empty()).then_some((effect, value))
 }
 
 #[cfg(test)]
@@ -201,8 +202,8 @@ mod tests {
     fn of_a_parabola_it_is_the_curvatures_standard_error() {
         for std in [1e-5, 3e-4, 0.01] {
             // The fit lies a little beside the least.
-            let misfit = |at: f64| Some(7000.0 + ((at - 1.0) / std).powi(2));
-            let profile = Profile::draw(1.0 + 0.3 * std, misfit).unwrap();
+            let chi_square = |at: f64| Some(7000.0 + ((at - 1.0) / std).powi(2));
+            let profile = Profile::draw(1.0 + 0.3 * std, chi_square).unwrap();
             assert!((profile.best().0 - 1.0).abs() < 0.3 * std);
             assert!((profile.spread().unwrap() / std - 1.0).abs() < 0.1, "{:?} for {std}", profile.spread());
             // A walk that rises as far as the parabola is less sure.
@@ -213,12 +214,12 @@ mod tests {
     #[test]
     fn steps_that_are_nearly_as_low_count() {
         // Two wells of equal depth, 1e-3 apart, each 1e-5 wide.
-        let misfit = |at: f64| {
+        let chi_square = |at: f64| {
             let well = |place: f64| ((at - place) / 1e-5).powi(2);
             Some(well(0.0).min(well(1e-3)).min(500.0))
         };
         let profile = Profile {
-            points: (-200..=1200).map(|k| f64::from(k) * 1e-6).map(|at| (at, misfit(at).unwrap())).collect(),
+            points: (-200..=1200).map(|k| f64::from(k) * 1e-6).map(|at| (at, chi_square(at).unwrap())).collect(),
         };
         let spread = profile.spread().unwrap();
         assert!((spread / (0.5e-6_f64).sqrt() - 1.0).abs() < 0.01, "{spread}");

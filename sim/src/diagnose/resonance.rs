@@ -20,9 +20,9 @@ use num_complex::Complex64;
 use rayon::prelude::*;
 
 use super::candidate::Candidate;
+use super::dataset::{Dataset, Record, Split};
 use super::fit::Fit;
 use super::residual::residual;
-use super::trial::{Purpose, Trial, Trials};
 use crate::plant::effect::{Kind, Linearity, Parameter, Scale, Site};
 use crate::plant::{Lag, OperatingPoint};
 
@@ -46,14 +46,14 @@ pub(super) fn frequencies(kind: &'static Kind) -> usize {
 }
 
 /// The modes that the residual of `fit` speaks of most, the loudest first. Empty where no record repeats.
-pub(super) fn modes(trials: &Trials, fit: &Fit, kind: &'static Kind) -> Vec<Candidate> {
+pub(super) fn modes(data: &Dataset, fit: &Fit, kind: &'static Kind) -> Vec<Candidate> {
     let searched: Vec<_> = Candidate::searched(kind).collect();
     let Some(size) = searched.iter().position(|(_, parameter)| parameter.null.is_finite()) else { return Vec::new() };
     let mut shape = searched;
     let (size, _) = shape.remove(size);
     // The value with most starts is the one in which peaks are narrow.
     shape.sort_by_key(|(_, parameter)| std::cmp::Reverse(parameter.starts.len()));
-    let (Some(bands), Some(&(finest, parameter))) = (Bands::gather(trials, fit), shape.first()) else {
+    let (Some(bands), Some(&(finest, parameter))) = (Bands::gather(data, fit), shape.first()) else {
         return Vec::new();
     };
     let mut grid = vec![kind.null()];
@@ -121,12 +121,12 @@ struct PointBands {
 }
 
 impl Bands {
-    fn gather(trials: &Trials, fit: &Fit) -> Option<Self> {
-        let compared = |trial: &&Trial| trial.log.is_none() && trial.end_of(Some(Purpose::Fit)) > 0;
-        let those: Vec<&Trial> = trials.trials.iter().filter(compared).collect();
+    fn gather(data: &Dataset, fit: &Fit) -> Option<Self> {
+        let compared = |record: &&Record| record.log.is_none() && record.end_of(Some(Split::Train)) > 0;
+        let those: Vec<&Record> = data.records.iter().filter(compared).collect();
         let parts: Vec<(usize, RecordBands)> = those
             .into_par_iter()
-            .map(|trial| Some((trial.point, of_record(trials, trial, fit)?)))
+            .map(|record| Some((record.point, of_record(data, record, fit)?)))
             .collect::<Option<_>>()?;
         let mut places: Vec<i64> = parts.iter().flat_map(|(_, bands)| bands.keys().copied()).collect();
         places.sort_unstable();
@@ -204,21 +204,21 @@ impl PointBands {
 }
 
 /// Products and powers of one record by band.
-fn of_record(trials: &Trials, trial: &Trial, fit: &Fit) -> Option<RecordBands> {
-    let white = residual(trials, trial, &fit.hypothesis, Purpose::Fit)?;
-    let simulated = fit.hypothesis.simulate(trials, trial, trial.end_of(Some(Purpose::Fit))).ok()?;
+fn of_record(data: &Dataset, record: &Record, fit: &Fit) -> Option<RecordBands> {
+    let white = residual(data, record, &fit.hypothesis, Split::Train)?;
+    let simulated = fit.hypothesis.simulate(data, record, record.end_of(Some(Split::Train))).ok()?;
     let mut bands = RecordBands::new();
     let mut white = &white[..];
-    for stretch in trial.stretches.iter().filter(|stretch| stretch.purpose == Purpose::Fit) {
+    for segment in record.segments.iter().filter(|segment| segment.split == Split::Train) {
         // The last period over and over: where a record begins in another state, the jump from its end to its begin would be
         // in all lines, and a filter does not multiply that.
-        let last = stretch.rows.end - trial.period_rows..stretch.rows.end;
-        let settled: Vec<f64> = simulated[last].iter().copied().cycle().take(stretch.rows.len()).collect();
-        let response = stretch.whitening.apply(&settled);
+        let last = segment.rows.end - record.period_rows..segment.rows.end;
+        let settled: Vec<f64> = simulated[last].iter().copied().cycle().take(segment.rows.len()).collect();
+        let response = segment.whitening.apply(&settled);
         let (own, rest) = white.split_at(response.len());
         white = rest;
         for (line, (response, left)) in response.iter().zip(own).enumerate() {
-            let hz = (line + 1) as f64 * trial.rate_hz / stretch.rows.len() as f64;
+            let hz = (line + 1) as f64 * record.rate_hz / segment.rows.len() as f64;
             let band = bands.entry((BANDS * hz.ln()).round() as i64).or_default();
             band.0 += response.conj() * left;
             band.1 += response.norm_sqr();

@@ -11,14 +11,14 @@ const AGAIN: f64 = 0.2;
 impl Search<'_> {
     /// Kinds that were tried beside `from`, as it was found then, by the noise of now: those that may be the best.
     fn again(&self, from: &Fit, tried: &[Tried]) -> Vec<Tried> {
-        let best = tried.first().map_or(0.0, Tried::worth);
-        let is_near = |other: &&Tried| other.worth() > AGAIN * best;
+        let best = tried.first().map_or(0.0, Tried::score);
+        let is_near = |other: &&Tried| other.score() > AGAIN * best;
         let near = tried.iter().filter(is_near).take(MOST_FINISHED);
         let beside = self.beside(from);
         let mut again: Vec<Tried> = near
-            .filter_map(|tried| self.attempt(&beside, &tried.fit.hypothesis, tried.kind, best - tried.worth()))
+            .filter_map(|tried| self.attempt(&beside, &tried.fit.hypothesis, tried.kind, best - tried.score()))
             .collect();
-        self.hear(&mut again);
+        self.compare_auxiliary_channels(&mut again);
         again
     }
 
@@ -30,7 +30,7 @@ impl Search<'_> {
         let mut exchanges = 0;
         while effect < current.hypothesis.effects.len() {
             let kind = current.hypothesis.effects[effect].kind;
-            let rest = fit(&self.trials, &current.hypothesis.without(effect), self.lags)?;
+            let rest = fit(&self.data, &current.hypothesis.without(effect), self.lags)?;
             let others: Vec<&'static Kind> = rest.hypothesis.effects.iter().map(|other| other.kind).collect();
             let is_last = effect + 1 == current.hypothesis.effects.len();
             let mut tried = match last_tried.take_if(|_| is_last) {
@@ -39,14 +39,14 @@ impl Search<'_> {
             };
             // The fit that it has may be better than what the search from the rest finds.
             if let Some(own) = self.attempt(&self.beside(&rest), &current.hypothesis, kind, 0.0) {
-                tried.retain(|other| other.kind != kind || other.worth() > own.worth());
+                tried.retain(|other| other.kind != kind || other.score() > own.score());
                 if !tried.iter().any(|other| other.kind == kind) {
                     tried.push(own);
                 }
-                self.hear(&mut tried);
+                self.compare_auxiliary_channels(&mut tried);
             }
-            let most = tried.first().map_or(0.0, Tried::worth);
-            let Some(best) = tried.iter().find(|best| best.may_be_named() && most - best.worth() < ALIKE) else {
+            let most = tried.first().map_or(0.0, Tried::score);
+            let Some(best) = tried.iter().find(|best| best.may_be_named() && most - best.score() < ALIKE) else {
                 current = rest;
                 found.remove(effect);
                 last_tried = None;
@@ -63,16 +63,16 @@ impl Search<'_> {
             }
             let others = tried.iter().filter(|other| other.kind != kind && other.may_be_named());
             let alternatives =
-                others.filter(|other| best.worth() - other.worth() < ALIKE).map(|other| other.kind).collect();
-            found[effect] = Some(Found { kind, worth: best.worth(), alternatives });
+                others.filter(|other| best.score() - other.score() < ALIKE).map(|other| other.kind).collect();
+            found[effect] = Some(Found { kind, score: best.score(), alternatives });
             effect += 1;
         }
         let mut order: Vec<usize> = (0..found.len()).collect();
-        let worth = |effect: usize| found[effect].as_ref().map_or(0.0, |found| found.worth);
-        order.sort_by(|a, b| worth(*b).total_cmp(&worth(*a)));
+        let score = |effect: usize| found[effect].as_ref().map_or(0.0, |found| found.score);
+        order.sort_by(|a, b| score(*b).total_cmp(&score(*a)));
         let mut sorted = current.hypothesis.clone();
         sorted.effects = order.iter().map(|&effect| current.hypothesis.effects[effect].clone()).collect();
-        let after = fit(&self.trials, &sorted, self.lags)?;
+        let after = fit(&self.data, &sorted, self.lags)?;
         Some((after, order.into_iter().filter_map(|effect| found[effect].clone()).collect()))
     }
 }

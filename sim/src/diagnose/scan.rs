@@ -5,9 +5,9 @@
 use rayon::prelude::*;
 
 use super::candidate::Candidate;
+use super::dataset::{Dataset, Record, Split};
 use super::fit::Fit;
-use super::screening::Screening;
-use super::trial::{Purpose, Trial, Trials};
+use super::score_test::ScoreTest;
 use crate::plant::effect::Kind;
 use crate::record::Excitation;
 
@@ -16,22 +16,22 @@ const VALLEYS: usize = 6;
 
 /// Records for scans, with what the lags would do to each.
 pub(super) struct Scan<'a> {
-    records: Vec<(Trials, Screening<'a>)>,
+    records: Vec<(Dataset, ScoreTest<'a>)>,
 }
 
 impl<'a> Scan<'a> {
     /// On the largest record of each excitation near the middle nominal command that is fitted; there the command goes through
     /// most levels. Multisines and triangles go through many, and each has valleys that the other does not show; the two levels
     /// of a square wave count where there is nothing else. `None` where nothing is.
-    pub fn new(all: &Trials, from: &'a Fit) -> Option<Self> {
-        let is_fitted = |trial: &&Trial| trial.end_of(Some(Purpose::Fit)) > 0;
+    pub fn new(all: &Dataset, from: &'a Fit) -> Option<Self> {
+        let is_fitted = |record: &&Record| record.end_of(Some(Split::Train)) > 0;
         let middle = 0.5 * (all.nominals.first()? + all.nominals.last()?);
-        let off = |trial: &Trial| (trial.nominal - middle).abs() - trial.amplitude;
+        let off = |record: &Record| (record.nominal - middle).abs() - record.amplitude;
         let largest = |is_one: &dyn Fn(Excitation) -> bool| {
-            let those = all.trials.iter().filter(is_fitted).filter(|trial| is_one(trial.excitation));
+            let those = all.records.iter().filter(is_fitted).filter(|record| is_one(record.excitation));
             those.min_by(|a, b| off(a).total_cmp(&off(b)))
         };
-        let mut chosen: Vec<&Trial> = [Excitation::Multisine, Excitation::Triangle]
+        let mut chosen: Vec<&Record> = [Excitation::Multisine, Excitation::Triangle]
             .into_iter()
             .filter_map(|excitation| largest(&|other| other == excitation))
             .collect();
@@ -40,10 +40,10 @@ impl<'a> Scan<'a> {
         }
         let records: Option<Vec<_>> = chosen
             .into_iter()
-            .map(|trial| {
-                let trials = Trials { trials: vec![trial.with_one_period_fitted()], ..all.clone() };
-                let screening = Screening::new(&trials, from)?;
-                Some((trials, screening))
+            .map(|record| {
+                let data = Dataset { records: vec![record.with_one_period_fitted()], ..all.clone() };
+                let score_test = ScoreTest::new(&data, from)?;
+                Some((data, score_test))
             })
             .collect();
         records.filter(|records| !records.is_empty()).map(|records| Self { records })
@@ -58,10 +58,10 @@ impl<'a> Scan<'a> {
         let candidates = Candidate::grid(kind, pieces);
         let mut found: Vec<Candidate> = Vec::new();
         // A log stands on few levels: there are no valleys but these.
-        for (trials, screening) in self.records.iter().filter(|(trials, _)| !trials.has_logs()) {
+        for (data, score_test) in self.records.iter().filter(|(data, _)| !data.has_logs()) {
             let left: Vec<f64> = candidates
                 .par_iter()
-                .map(|candidate| screening.judge(trials, candidate, false).map_or(f64::INFINITY, |(left, _)| left))
+                .map(|candidate| score_test.judge(data, candidate, false).map_or(f64::INFINITY, |(left, _)| left))
                 .collect();
             let at = |place: usize| left.get(place).copied().unwrap_or(f64::INFINITY);
             let is_valley = |place: &usize| at(*place) <= at(place.wrapping_sub(1)) && at(*place) < at(place + 1);

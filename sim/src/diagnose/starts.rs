@@ -15,14 +15,14 @@
 //! An effect with which `s` vanishes is better by the logarithm, and by no more: that all begins are off for reasons of their own stays
 //! possible.
 
+use super::dataset::{Dataset, InitialCondition};
 use super::explain::{Found, Search};
 use super::fit::{Fit, fit};
 use super::hypothesis::Hypothesis;
 use super::locate::Excess;
 use super::prediction::{self, Near};
 use super::residual::off_at_start;
-use super::trial::{Starts, Trials};
-use super::tried::{LEAST_WORTH, price};
+use super::tried::{LEAST_SCORE, complexity_penalty};
 
 /// Scatters that are tried, in parts of the swing: from well below what is ever seen to a begin anywhere, so many to a decade.
 const LEAST_SCATTER: f64 = 1e-4;
@@ -36,21 +36,21 @@ struct Off {
 }
 
 /// What the records are off at their begins.
-fn off(trials: &Trials, hypothesis: &Hypothesis) -> Vec<Off> {
-    let of_trial = |trial: &super::trial::Trial| {
-        let swing = hypothesis.base[trial.point].gain.abs() * trial.amplitude;
-        let (off, variance) = off_at_start(trials, trial, hypothesis)?;
+fn off(data: &Dataset, hypothesis: &Hypothesis) -> Vec<Off> {
+    let of_trial = |record: &super::dataset::Record| {
+        let swing = hypothesis.base[record.point].gain.abs() * record.amplitude;
+        let (off, variance) = off_at_start(data, record, hypothesis)?;
         Some(Off { part: off / swing, variance: variance / (swing * swing) })
     };
-    trials.trials.iter().filter(|trial| trial.log.is_none()).filter_map(of_trial).collect()
+    data.records.iter().filter(|record| record.log.is_none()).filter_map(of_trial).collect()
 }
 
 /// Whether the begins are off by noise alone.
 fn are_as_before(off: &[Off]) -> bool {
-    Excess { sum: surprise_at(off, 0.0), expected: off.len() as f64 }.is_noise()
+    Excess { sum: deviance_at(off, 0.0), expected: off.len() as f64 }.is_noise()
 }
 
-fn surprise_at(off: &[Off], scatter: f64) -> f64 {
+fn deviance_at(off: &[Off], scatter: f64) -> f64 {
     let of_record = |Off { part, variance }: &Off| {
         part * part / (scatter * scatter + variance) + (scatter * scatter / variance).ln_1p()
     };
@@ -58,27 +58,27 @@ fn surprise_at(off: &[Off], scatter: f64) -> f64 {
 }
 
 /// Minus twice the log likelihood of the begins, with the scatter that makes it least.
-fn surprise(off: &[Off]) -> f64 {
+fn deviance(off: &[Off]) -> f64 {
     let scatter = |step: usize| LEAST_SCATTER * 10_f64.powf(step as f64 / PER_DECADE as f64);
     let scatters = std::iter::once(0.0).chain((0..=DECADES * PER_DECADE).map(scatter));
-    scatters.map(|scatter| surprise_at(off, scatter)).fold(f64::INFINITY, f64::min)
+    scatters.map(|scatter| deviance_at(off, scatter)).fold(f64::INFINITY, f64::min)
 }
 
 impl Search<'_> {
     /// The effects with which all records begin where they should, where they do not with the lags alone, `before`. From then on the
     /// begins are compared. `None` where there are none. In the noise that `before` was fitted in.
     pub fn explain_starts(&mut self, before: &Fit) -> Option<(Fit, Vec<Found>)> {
-        let off_before = off(&self.trials, &before.hypothesis);
+        let off_before = off(&self.data, &before.hypothesis);
         if are_as_before(&off_before) {
             return None;
         }
-        let free = self.trials.clone();
-        self.trials.starts = Starts::AsBefore;
-        self.with_starts(&free, before, surprise(&off_before))
+        let free = self.data.clone();
+        self.data.initial_condition = InitialCondition::Steady;
+        self.with_starts(&free, before, deviance(&off_before))
     }
 
-    fn with_starts(&mut self, free: &Trials, before: &Fit, surprise_before: f64) -> Option<(Fit, Vec<Found>)> {
-        let from = fit(&self.trials, &before.hypothesis, self.lags)?;
+    fn with_starts(&mut self, free: &Dataset, before: &Fit, surprise_before: f64) -> Option<(Fit, Vec<Found>)> {
+        let from = fit(&self.data, &before.hypothesis, self.lags)?;
         let tried = self.tries(&from, &[]);
         let (after, mut found) = self.one_at_a_time(&from, &tried)?.explained()?;
         let off_after = off(free, &after.hypothesis);
@@ -87,31 +87,32 @@ impl Search<'_> {
         }
         // Next to begins that may be anything.
         let freed = fit(free, &after.hypothesis, self.lags)?;
-        let held_out = |fit| prediction::surprise(free, fit, Near::Moved);
-        let gain = before.misfit - freed.misfit + held_out(before)? - held_out(&freed)? + surprise_before
-            - surprise(&off_after);
-        let price: f64 = after.hypothesis.effects.iter().map(|effect| price(effect.kind)).sum();
-        let worth = 0.5 * gain - price;
-        found.iter_mut().for_each(|found| found.worth = found.worth.min(worth));
-        (worth >= LEAST_WORTH).then_some((after, found))
+        let held_out = |fit| prediction::deviance(free, fit, Near::Moved);
+        let gain = before.chi_square - freed.chi_square + held_out(before)? - held_out(&freed)? + surprise_before
+            - deviance(&off_after);
+        let complexity_penalty: f64 =
+            after.hypothesis.effects.iter().map(|effect| complexity_penalty(effect.kind)).sum();
+        let score = 0.5 * gain - complexity_penalty;
+        found.iter_mut().for_each(|found| found.score = found.score.min(score));
+        (score >= LEAST_SCORE).then_some((after, found))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::testing::{records, trials};
+    use crate::diagnose::testing::{data, records};
     use crate::plant::Catalog;
     use crate::record::Experiment;
 
     const CURVED: &str = "[[effect]]\nkind = \"quadratic_thrust\"\nparameters = { curvature_per_duty = 4.0 }\n";
 
     fn found(records: &Experiment) -> Vec<(&'static str, f64)> {
-        let (trials, base) = trials(records);
+        let (data, base) = data(records);
         let catalog = Catalog::standard();
-        let mut search = Search { trials, catalog: &catalog, progress: &|| {}, lags: true };
+        let mut search = Search { data, catalog: &catalog, progress: &|| {}, lags: true };
         let explanation = search.explain(&Hypothesis::of_lags(base)).unwrap();
-        explanation.found.iter().map(|found| (found.kind.id, found.worth)).collect()
+        explanation.found.iter().map(|found| (found.kind.id, found.score)).collect()
     }
 
     /// Thrust that decays from `off` newtons at the begin of each record.
@@ -145,10 +146,10 @@ mod tests {
         let off = |part: f64| Off { part, variance: 1e-4 };
         let noise = [off(0.01), off(-0.008), off(0.005), off(0.012)];
         assert!(are_as_before(&noise));
-        assert!((surprise(&noise) - surprise_at(&noise, 0.0)).abs() < 1e-12);
+        assert!((deviance(&noise) - deviance_at(&noise, 0.0)).abs() < 1e-12);
         // One record by a hundred standard deviations costs the logarithm of that: x^2 / (s^2 + v) is 1, and ln (s^2 / v) 9.2.
         let far = [off(1.0)];
         assert!(!are_as_before(&far));
-        assert!((surprise(&far) - (1.0 + 1e4_f64.ln())).abs() < 0.01, "{}", surprise(&far));
+        assert!((deviance(&far) - (1.0 + 1e4_f64.ln())).abs() < 0.01, "{}", deviance(&far));
     }
 }

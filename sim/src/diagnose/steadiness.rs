@@ -8,10 +8,10 @@
 use num_complex::Complex64;
 use rustfft::FftPlanner;
 
+use super::dataset::{Dataset, Record};
 use super::explain::aligned;
 use super::hypothesis::Hypothesis;
 use super::locate::BEYOND_EXCITED;
-use super::trial::{Trial, Trials};
 use super::whitening::{NoiseDensity, Whitening};
 
 /// Moments of a mean, a factor apart, each twice the inverse of the compared bandwidth.
@@ -40,9 +40,9 @@ impl Steadiness {
 }
 
 /// Judges what `hypothesis` leaves between the harmonics of all records with more than one period.
-pub(super) fn steadiness(trials: &Trials, hypothesis: &Hypothesis) -> Steadiness {
+pub(super) fn steadiness(data: &Dataset, hypothesis: &Hypothesis) -> Steadiness {
     let powers: Vec<Vec<f64>> =
-        trials.trials.iter().filter_map(|trial| power_in_time(trials, trial, hypothesis)).collect();
+        data.records.iter().filter_map(|record| power_in_time(data, record, hypothesis)).collect();
     let of_length = |length: usize| {
         let (mut means, mut square, mut chance) = (0.0, 0.0, 0.0);
         for power in powers.iter().filter(|power| power.len() / length >= FEWEST_MEANS) {
@@ -66,18 +66,18 @@ pub(super) fn steadiness(trials: &Trials, hypothesis: &Hypothesis) -> Steadiness
 }
 
 /// Power of what is left between the harmonics over time, its mean 1, as often as the compared band asks for.
-fn power_in_time(trials: &Trials, trial: &Trial, hypothesis: &Hypothesis) -> Option<Vec<f64>> {
-    let periods = trial.periods();
+fn power_in_time(data: &Dataset, record: &Record, hypothesis: &Hypothesis) -> Option<Vec<f64>> {
+    let periods = record.periods();
     if periods < 2 {
         return None;
     }
-    let (_, mut left) = aligned(trials, trial, hypothesis)?;
-    left.truncate(periods * trial.period_rows);
-    let density = NoiseDensity::between_harmonics(&left, periods, trial.rate_hz)?;
+    let (_, mut left) = aligned(data, record, hypothesis)?;
+    left.truncate(periods * record.period_rows);
+    let density = NoiseDensity::between_harmonics(&left, periods, record.rate_hz)?;
     let mut whitening = Whitening::unit(left.len());
-    whitening.set_noise(&density, trial.rate_hz);
+    whitening.set_noise(&density, record.rate_hz);
     let mut lines = whitening.apply(&left);
-    let highest = BEYOND_EXCITED * trial.highest_hz * left.len() as f64 / trial.rate_hz;
+    let highest = BEYOND_EXCITED * record.highest_hz * left.len() as f64 / record.rate_hz;
     lines.truncate(highest as usize);
     // What repeats is judged elsewhere.
     lines.iter_mut().skip(periods - 1).step_by(periods).for_each(|line| *line = Complex64::ZERO);

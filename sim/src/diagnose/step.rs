@@ -16,7 +16,7 @@ pub(super) struct Step {
     /// The fit with it, by the noise that it leaves.
     pub fit: Fit,
     /// Whether another kind was worth more by more than chance.
-    pub is_detour: bool,
+    pub is_backtracking: bool,
 }
 
 impl Search<'_> {
@@ -24,17 +24,17 @@ impl Search<'_> {
     pub fn next_effect(&mut self, tried: &[Tried], is_first: bool) -> Option<Step> {
         let best = tried.first()?;
         for tried in tried.iter().filter(|tried| tried.is_worth_a_name()) {
-            let is_detour = best.worth() - tried.worth() >= ALIKE;
+            let is_backtracking = best.score() - tried.score() >= ALIKE;
             let is_best = tried.kind == best.kind;
-            if (is_detour && !is_first) || !(is_best || tried.is_plausible()) {
+            if (is_backtracking && !is_first) || !(is_best || tried.is_plausible()) {
                 continue;
             }
-            let weights = self.trials.clone();
+            let weights = self.data.clone();
             let fit = self.settle(&tried.fit.hypothesis, self.lags);
             if let Some(fit) = fit.filter(Fit::is_plausible) {
-                return Some(Step { tried: tried.clone(), fit, is_detour });
+                return Some(Step { tried: tried.clone(), fit, is_backtracking });
             }
-            self.trials = weights;
+            self.data = weights;
         }
         None
     }

@@ -1,8 +1,8 @@
 //! Small experiments for tests: a motor at two nominal commands, which begins each record there.
 
+use super::dataset::Dataset;
 use super::first_model;
 use super::hypothesis::BasePoint;
-use super::trial::Trials;
 use crate::bench::{Plan, PlannedRecord, run};
 use crate::plant::{Model, Noise};
 use crate::record::{Excitation, Experiment};
@@ -13,11 +13,11 @@ const MOTOR: &str = "format = 1\npoint = [\n\
 
 /// Records of a motor with these effects: at either command a multisine of this amplitude, and so many square waves.
 pub(super) fn records(effects: &str, multisine: f64, squares: usize) -> Experiment {
-    records_told(effects, (multisine, squares), (200, 200))
+    records_with_command_rate(effects, (multisine, squares), (200, 200))
 }
 
 /// The same with so many commands and rows per second.
-pub(super) fn records_told(
+pub(super) fn records_with_command_rate(
     effects: &str,
     (multisine, squares): (f64, usize),
     (loop_rate_hz, sample_rate_hz): (u32, u32),
@@ -44,8 +44,8 @@ pub(super) fn records_told(
 }
 
 /// What is compared of them, and the lags to begin with.
-pub(super) fn trials(records: &Experiment) -> (Trials, Vec<BasePoint>) {
-    let trials = Trials::new(records).unwrap();
-    let base = first_model(records, &trials, None).unwrap();
-    (trials, base)
+pub(super) fn data(records: &Experiment) -> (Dataset, Vec<BasePoint>) {
+    let data = Dataset::new(records).unwrap();
+    let base = first_model(records, &data, None).unwrap();
+    (data, base)
 }

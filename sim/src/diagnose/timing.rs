@@ -1,4 +1,4 @@
-//! Whether changes of the command that are alike are answered alike in time.
+//! Whether the delay varies from step to step (jitter).
 //!
 //! A delay that wanders is to a multisine a low pass, and to its periods noise: on average it looks like a second pole, a slower lag or
 //! frames, and every one of these would be a wrong name. Single changes show it. To first order in the wait `w` of a change, the sum
@@ -8,11 +8,11 @@
 
 use std::fmt;
 
-use super::backward::Backward;
-use super::edges::{Edge, changes, lone_edges};
+use super::adjoint::Adjoint;
+use super::dataset::{Dataset, Record, Split};
+use super::hold_delay::frame_s;
 use super::hypothesis::Hypothesis;
-use super::trial::{Purpose, Trial, Trials};
-use super::waits::frame_s;
+use super::isolated_steps::{IsolatedStep, changes, isolated_steps};
 
 /// Waits that differ by more standard deviations than this beyond chance, and by more than this part of the time constant, are not
 /// those of a delay.
@@ -43,7 +43,7 @@ impl fmt::Display for Timing {
         let scatter_ms = 1e3 * self.scatter_s;
         write!(
             f,
-            "Changes of the command that are alike are answered at different delays, at least {scatter_ms:.1} ms apart (RMS)."
+            "The delay varies from step to step (jitter) by at least {scatter_ms:.1} ms RMS."
         )
     }
 }
@@ -60,11 +60,10 @@ struct Scatter {
 }
 
 /// Judges what `hypothesis` leaves of the changes that stand alone.
-pub(super) fn timing(trials: &Trials, hypothesis: &Hypothesis) -> Timing {
-    let all = trials.trials.iter().filter(|trial| trial.log.is_none());
-    let all = all.flat_map(|trial| {
-        [Purpose::Fit, Purpose::HeldOut].map(|purpose| of_stretch(trials, trial, hypothesis, purpose))
-    });
+pub(super) fn timing(data: &Dataset, hypothesis: &Hypothesis) -> Timing {
+    let all = data.records.iter().filter(|record| record.log.is_none());
+    let all =
+        all.flat_map(|record| [Split::Train, Split::Holdout].map(|split| of_segment(data, record, hypothesis, split)));
     let sum = all.flatten().fold(Scatter::default(), |sum, one| Scatter {
         square: sum.square + one.square,
         chance: sum.chance + one.chance,
@@ -82,19 +81,21 @@ pub(super) fn timing(trials: &Trials, hypothesis: &Hypothesis) -> Timing {
 }
 
 /// Of one record, both ways.
-fn of_stretch(trials: &Trials, trial: &Trial, hypothesis: &Hypothesis, purpose: Purpose) -> Option<Scatter> {
+fn of_segment(data: &Dataset, record: &Record, hypothesis: &Hypothesis, split: Split) -> Option<Scatter> {
     // Frames that do not show make a change wait for anything up to a frame.
     let hidden = hypothesis.effects.iter().filter(|effect| effect.is_hidden_hold()).find_map(frame_s).unwrap_or(0.0);
-    let backward = Backward::of_purpose(trials, trial, hypothesis, 0.5 * hidden, purpose)?;
-    let changes = changes(trial, backward.stretch);
-    let edges = lone_edges(trial, &backward, &changes);
+    let adjoint = Adjoint::of_split(data, record, hypothesis, 0.5 * hidden, split)?;
+    let changes = changes(record, adjoint.segment);
+    let isolated_steps = isolated_steps(record, &adjoint, &changes);
     let ups = changes.iter().filter(|change| **change != 0.0).map(|change| *change > 0.0);
-    let edges: Vec<(&Edge, bool)> = edges.iter().zip(ups).filter(|(edge, _)| edge.power > 0.0).collect();
+    let isolated_steps: Vec<(&IsolatedStep, bool)> =
+        isolated_steps.iter().zip(ups).filter(|(edge, _)| edge.power > 0.0).collect();
     let of_way = |is_up: bool| {
-        let alike: Vec<&Edge> = edges.iter().filter(|(_, up)| *up == is_up).map(|(edge, _)| *edge).collect();
+        let alike: Vec<&IsolatedStep> =
+            isolated_steps.iter().filter(|(_, up)| *up == is_up).map(|(edge, _)| *edge).collect();
         let power: f64 = alike.iter().map(|edge| edge.power).sum();
         let mean_s = -alike.iter().map(|edge| edge.product).sum::<f64>() / power;
-        let square = |edge: &&Edge| edge.power * (-edge.product / edge.power - mean_s).powi(2);
+        let square = |edge: &&IsolatedStep| edge.power * (-edge.product / edge.power - mean_s).powi(2);
         let free = alike.len() as f64 - 1.0;
         let of_each = power / alike.len() as f64;
         let expected = 1.0 + of_each * hidden * hidden / 12.0;

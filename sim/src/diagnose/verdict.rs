@@ -4,7 +4,7 @@ use super::gap::Gap;
 use super::locate::Excess;
 use super::steadiness::Steadiness;
 
-/// Where more than noise is left, effects that leave more than this share of the misfit are no story at all, be it on what
+/// Where more than noise is left, effects that leave more than this share of the chi-square are no story at all, be it on what
 /// was fitted or on what was held out.
 const NONE: f64 = 0.1;
 /// Where it is noise, a gap wider than this times the noise floor must not be more than this share of what it was.
@@ -45,7 +45,7 @@ impl Verdict {
 
 /// What the verdict rests on.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Grounds {
+pub(super) struct Evidence {
     /// Whether any effect was found, or wrong numbers.
     pub found: bool,
     /// Whether wrong numbers are all that was found.
@@ -58,13 +58,13 @@ pub(super) struct Grounds {
     pub unsure: f64,
     /// Whether what does not repeat can be noise.
     pub steadiness: Steadiness,
-    /// Whether changes of the command that are alike are answered alike in time.
+    /// Whether the delay is the same at every step.
     pub is_timely: bool,
     /// Whether there are records that do not repeat.
     pub has_logs: bool,
 }
 
-impl Grounds {
+impl Evidence {
     /// The verdict. A wrong name is worse than none: effects that the held-out gap does not confirm are not named.
     pub fn verdict(&self) -> Verdict {
         let (before, after) = self.excess;
@@ -78,17 +78,17 @@ impl Grounds {
             return if is_noise && is_steady { Verdict::Agrees } else { Verdict::Unknown };
         }
         let part = after.over() / before.over();
-        let is_story = if is_noise {
+        let explains = if is_noise {
             let Gap { after, noise_floor, .. } = self.gap.squared();
             after < WIDE * WIDE * noise_floor + self.allowed() || self.left() < HALF
         } else {
             let none = if self.has_logs { NONE_OF_LOGS } else { NONE };
             part < none && self.left() < none
         };
-        let is_story = is_story && (is_steady || self.outweighs_bursts());
+        let explains = explains && (is_steady || self.outweighs_bursts());
         // An effect that nothing explains moves gain and lag too: other numbers that leave more than noise are its shadow.
-        let is_story = is_story && (!self.numbers_alone || is_steady && after.is_surely_noise());
-        match (is_story, is_noise && is_steady) {
+        let explains = explains && (!self.numbers_alone || is_steady && after.is_surely_noise());
+        match (explains, is_noise && is_steady) {
             (true, true) => Verdict::Named,
             (true, false) => Verdict::PartlyNamed,
             (false, _) => Verdict::Unknown,
@@ -123,8 +123,8 @@ impl Gap {
 mod tests {
     use super::*;
 
-    fn grounds() -> Grounds {
-        Grounds {
+    fn grounds() -> Evidence {
+        Evidence {
             found: true,
             numbers_alone: false,
             excess: (Excess { sum: 90_000.0, expected: 7000.0 }, Excess { sum: 7100.0, expected: 7000.0 }),
@@ -139,20 +139,20 @@ mod tests {
     #[test]
     fn what_leaves_noise_is_the_whole_story() {
         assert_eq!(grounds().verdict(), Verdict::Named);
-        assert_eq!(Grounds { found: false, ..grounds() }.verdict(), Verdict::Agrees);
+        assert_eq!(Evidence { found: false, ..grounds() }.verdict(), Verdict::Agrees);
     }
 
     #[test]
     fn what_leaves_more_is_a_part_of_it_or_none() {
-        let left = |sum: f64| Grounds { excess: (grounds().excess.0, Excess { sum, expected: 7000.0 }), ..grounds() };
+        let left = |sum: f64| Evidence { excess: (grounds().excess.0, Excess { sum, expected: 7000.0 }), ..grounds() };
         assert_eq!(left(9000.0).verdict(), Verdict::PartlyNamed);
         assert_eq!(left(40_000.0).verdict(), Verdict::Unknown);
-        assert_eq!(Grounds { found: false, ..left(9000.0) }.verdict(), Verdict::Unknown);
+        assert_eq!(Evidence { found: false, ..left(9000.0) }.verdict(), Verdict::Unknown);
     }
 
     #[test]
     fn names_that_what_was_held_out_does_not_bear_out_are_not_given() {
-        let gap = |after: f64| Grounds { gap: Gap { after, ..grounds().gap }, ..grounds() };
+        let gap = |after: f64| Evidence { gap: Gap { after, ..grounds().gap }, ..grounds() };
         assert_eq!(gap(0.15).verdict(), Verdict::Named);
         assert_eq!(gap(0.28).verdict(), Verdict::Unknown);
         assert_eq!(gap(0.4).verdict(), Verdict::Unknown);
@@ -160,32 +160,32 @@ mod tests {
 
     #[test]
     fn other_numbers_that_leave_more_than_noise_are_no_story() {
-        let alone = Grounds { numbers_alone: true, ..grounds() };
+        let alone = Evidence { numbers_alone: true, ..grounds() };
         assert_eq!(alone.verdict(), Verdict::Named);
         let left = (grounds().excess.0, Excess { sum: 9000.0, expected: 7000.0 });
-        assert_eq!(Grounds { excess: left, ..alone }.verdict(), Verdict::Unknown);
+        assert_eq!(Evidence { excess: left, ..alone }.verdict(), Verdict::Unknown);
         let little = (grounds().excess.0, Excess { sum: 7700.0, expected: 7000.0 });
-        assert_eq!(Grounds { excess: little, ..grounds() }.verdict(), Verdict::Named);
-        assert_eq!(Grounds { excess: little, ..alone }.verdict(), Verdict::Unknown);
+        assert_eq!(Evidence { excess: little, ..grounds() }.verdict(), Verdict::Named);
+        assert_eq!(Evidence { excess: little, ..alone }.verdict(), Verdict::Unknown);
         let steadiness = Steadiness { spread: 0.5, significance: 40.0 };
-        assert_eq!(Grounds { steadiness, ..alone }.verdict(), Verdict::Unknown);
+        assert_eq!(Evidence { steadiness, ..alone }.verdict(), Verdict::Unknown);
     }
 
     #[test]
     fn a_delay_that_wanders_has_no_name() {
         for found in [false, true] {
-            assert_eq!(Grounds { is_timely: false, found, ..grounds() }.verdict(), Verdict::Unknown);
+            assert_eq!(Evidence { is_timely: false, found, ..grounds() }.verdict(), Verdict::Unknown);
         }
     }
 
     #[test]
     fn bursts_are_no_noise() {
         let steadiness = Steadiness { spread: 1.5, significance: 40.0 };
-        assert_eq!(Grounds { steadiness, ..grounds() }.verdict(), Verdict::PartlyNamed);
-        assert_eq!(Grounds { steadiness, found: false, ..grounds() }.verdict(), Verdict::Unknown);
+        assert_eq!(Evidence { steadiness, ..grounds() }.verdict(), Verdict::PartlyNamed);
+        assert_eq!(Evidence { steadiness, found: false, ..grounds() }.verdict(), Verdict::Unknown);
         let gap = Gap { before: 0.11, ..grounds().gap };
-        assert_eq!(Grounds { steadiness, gap, ..grounds() }.verdict(), Verdict::Unknown);
+        assert_eq!(Evidence { steadiness, gap, ..grounds() }.verdict(), Verdict::Unknown);
         let small = Steadiness { spread: 0.05, significance: 40.0 };
-        assert_eq!(Grounds { steadiness: small, ..grounds() }.verdict(), Verdict::Named);
+        assert_eq!(Evidence { steadiness: small, ..grounds() }.verdict(), Verdict::Named);
     }
 }

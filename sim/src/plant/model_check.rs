@@ -158,7 +158,7 @@ fn increasing(values: impl Iterator<Item = f64>, place: impl Fn(usize) -> Place)
     for (index, value) in values.enumerate() {
         match before {
             Some(before) if value == before => {
-                return Err(place(index).fault(format!("{value} is there twice"), "remove one of the two"));
+                return Err(place(index).fault(format!("duplicate value {value}"), "remove one of the two"));
             }
             Some(before) if value < before => {
                 return Err(place(index).fault(format!("{value} comes after {before}"), "put them in increasing order"));

@@ -224,7 +224,7 @@ fn header(text: &TextFile, row: &StringRecord, needed: &[Column]) -> Result<Vec<
         let name = cell.trim();
         match Column::named(name) {
             Some(column) if columns.contains(&column) => {
-                let message = format!("column `{name}` is there twice");
+                let message = format!("duplicate column `{name}`");
                 return complaint(index, message, "remove one of the two".to_owned());
             }
             Some(column) => columns.push(column),

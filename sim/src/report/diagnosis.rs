@@ -44,7 +44,7 @@ fn where_(found: &Diagnosis) -> Option<Figure> {
             Some(Cell { x: (TAU * from, TAU * to), row, value: ratio(of(cell)) })
         });
         let map =
-            HeatMap { label: "misfit over noise, in power".into(), range: (1.0, DARKEST), cells: cells.collect() };
+            HeatMap { label: "excess chi-square over noise, in power".into(), range: (1.0, DARKEST), cells: cells.collect() };
         Panel {
             title: title.to_owned(),
             height: (nominals.len() as u32 * 32 + 130).max(230),
@@ -86,15 +86,15 @@ fn of_models(found: &Diagnosis, mark: Mark, before: Vec<(f64, f64)>, after: Vec<
 
 /// What each kind is worth, tried alone.
 fn candidates(found: &Diagnosis) -> Option<Figure> {
-    let tried: Vec<_> = found.tried.iter().filter(|tried| tried.worth.is_finite()).collect();
+    let tried: Vec<_> = found.tried.iter().filter(|tried| tried.score.is_finite()).collect();
     let is_named = |id: &str| found.effects.iter().any(|effect| effect.kind.id == id);
     let mut csv = String::from("kind,named,worth,fitted_gain,held_out_gain\n");
     for tried in &tried {
         let id = tried.kind.id;
-        let _ = writeln!(csv, "{id},{},{},{},{}", is_named(id), tried.worth, tried.fitted_gain, tried.held_out_gain);
+        let _ = writeln!(csv, "{id},{},{},{},{}", is_named(id), tried.score, tried.fitted_gain, tried.held_out_gain);
     }
-    let shown: Vec<_> = tried.into_iter().filter(|tried| tried.worth > 1.0).take(MOST_KINDS).collect();
-    let best = shown.iter().map(|tried| tried.worth).fold(0.0, f64::max);
+    let shown: Vec<_> = tried.into_iter().filter(|tried| tried.score > 1.0).take(MOST_KINDS).collect();
+    let best = shown.iter().map(|tried| tried.score).fold(0.0, f64::max);
     if shown.is_empty() {
         return None;
     }
@@ -102,8 +102,8 @@ fn candidates(found: &Diagnosis) -> Option<Figure> {
     let names = shown.iter().map(|tried| name(tried.kind.id)).collect();
     let bars = |name: &str, color: Color, is: bool| {
         let rows = || shown.iter().enumerate().filter(|(_, tried)| is_named(tried.kind.id) == is);
-        let notes = rows().map(|(_, tried)| format!("{:.0}", tried.worth)).collect();
-        let points = rows().map(|(row, tried)| (tried.worth, row as f64)).collect();
+        let notes = rows().map(|(_, tried)| format!("{:.0}", tried.score)).collect();
+        let points = rows().map(|(row, tried)| (tried.score, row as f64)).collect();
         Series::new(name, color, Mark::Bars, points).with_notes(notes)
     };
     let mut series = vec![bars("named", Color::Vermilion, true), bars("tried", Color::Blue, false)];

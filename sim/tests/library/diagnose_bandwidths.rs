@@ -4,7 +4,7 @@ use rotorlead::design::LeadParameters;
 use rotorlead_sim::design::{Chain, DesignOptions, bandwidths_with, design};
 use rotorlead_sim::diagnose::Verdict;
 use rotorlead_sim::diagnose::bandwidths::{
-    BandwidthDiagnosis, BandwidthOptions, BandwidthRow, BandwidthTable, Column, Explanation, Reach, Standing,
+    BandwidthDiagnosis, BandwidthOptions, BandwidthRow, BandwidthTable, Column, Explanation, Scope, Standing,
     diagnose_bandwidths,
 };
 use rotorlead_sim::plant::{ActiveEffect, Catalog, Effect, Lag, Model, Point};
@@ -77,7 +77,7 @@ fn the_papers_uncompensated_column_predicts_its_compensated_one() {
     for (name, predicts) in [("parameter_error_at_each", 0.226), ("low_frequency_gain_at_each", 0.308)] {
         let one = explanation(&found, name);
         assert!((one.held_out_rms.unwrap() - predicts).abs() < 5e-4, "{name}: {:?}", one.held_out_rms);
-        assert!(one.fitted_rms < 1e-6 && one.standing == Standing::Alternative && one.worth.is_none());
+        assert!(one.fitted_rms < 1e-6 && one.standing == Standing::Alternative && one.score.is_none());
     }
     // One ratio of the static gain moves every bandwidth of a lag by one factor, as one time constant does.
     let (gain, pole) = (explanation(&found, "low_frequency_gain"), explanation(&found, "parameter_error"));
@@ -158,7 +158,7 @@ fn wrong_time_constants_without_a_common_part_are_found_at_each_nominal_command(
     }
     let found = diagnosed(&table_of(&truth));
     assert_eq!(found.verdict, Verdict::Named);
-    assert_eq!(found.named().map(|one| (one.kind.id, one.reach)), Some(("parameter_error", Reach::Each)));
+    assert_eq!(found.named().map(|one| (one.kind.id, one.scope)), Some(("parameter_error", Scope::Each)));
     for (improved, truth) in found.model().unwrap().points.iter().zip(&truth.points) {
         assert!((improved.time_constant_s / truth.time_constant_s - 1.0).abs() < 1e-4);
     }

@@ -158,18 +158,18 @@ fn told_apart(kind: &str, parameters: &[(&str, f64)], rivals: &[&str]) {
 }
 
 #[test]
-fn what_is_suspected_is_named_once_it_is_recorded_for_longer() {
+fn what_has_weak_evidence_is_named_once_it_is_recorded_for_longer() {
     let hidden = motor(Some(("slew_limit", &[("rate_per_s", 160.0)])));
     let found = diagnosed(&experiment(&hidden, SEED), None);
     assert_eq!(found.verdict, Verdict::Agrees, "{:?}", found.effects);
-    let suspected: Vec<&str> = found.suspected.iter().map(|suspect| suspect.kind.id).collect();
-    assert_eq!(suspected, ["slew_limit"], "{:?}", found.suspected);
+    let weak: Vec<&str> = found.weak_evidence.iter().map(|kind| kind.kind.id).collect();
+    assert_eq!(weak, ["slew_limit"], "{:?}", found.weak_evidence);
     let next = found.next_experiment().unwrap();
     assert!(next.words.contains("slew-rate limit, too little to name it: record 3 times"), "{}", next.words);
     let plan = read_back(&next);
     let again = diagnosed(&run(&plan, &hidden, None, &|_| {}).unwrap(), None);
     let names: Vec<&str> = again.effects.iter().map(|effect| effect.kind.id).collect();
-    assert_eq!((again.verdict, &names[..]), (Verdict::Named, &["slew_limit"][..]), "{:?}", again.suspected);
+    assert_eq!((again.verdict, &names[..]), (Verdict::Named, &["slew_limit"][..]), "{:?}", again.weak_evidence);
 }
 
 /// Runs a plan on the hidden actuator: the diagnosis names `kind` and nothing else.

@@ -11,7 +11,7 @@ pub(super) fn flies(effect: &ActiveEffect) -> bool {
     kind.site != Site::Stand && !(kind.site >= Site::Air && kind.linearity == Linearity::Absent)
 }
 
-/// In a sentence or two; `None` where there is nothing to say beyond the numbers.
+/// In a sentence or two; `None` where the numbers need no remark.
 pub(super) fn remark(effect: &ActiveEffect, design: &LeadDesign) -> Option<String> {
     let value = |name: &str| effect.value(name).unwrap_or(f64::NAN);
     let step_peak = design.check().step_peak;

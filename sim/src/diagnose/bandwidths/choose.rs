@@ -1,7 +1,7 @@
 //! Which of the explanations is named: a choice by the fitted column and by stated rules. The held-out column has no say in
 //! it.
 
-use super::explanation::{Explanation, Reach, Standing};
+use super::explanation::{Explanation, Scope, Standing};
 use super::judge::Judge;
 
 /// Explanations whose log likelihoods differ by no more than this cannot be told apart.
@@ -23,14 +23,14 @@ pub(super) fn choose(found: &mut [Explanation], judge: &Judge, asked: Option<&st
     }?;
     let least = found[chosen].gain - INDISTINCT;
     for (index, one) in found.iter_mut().enumerate() {
-        one.standing = match one.reach {
+        one.standing = match one.scope {
             _ if index == chosen => Standing::Chosen,
-            Reach::Each => Standing::Alternative,
+            Scope::Each => Standing::Alternative,
             // A choice with a number at each leaves nothing, which no other can: those that may be noise stay.
-            Reach::All if one.gain >= least || (one.worth > Some(0.0) && is_left_to_noise(one, judge)) => {
+            Scope::All if one.gain >= least || (one.score > Some(0.0) && is_left_to_noise(one, judge)) => {
                 Standing::Alternative
             }
-            Reach::All => Standing::Worse,
+            Scope::All => Standing::Worse,
         };
     }
     Some(chosen)
@@ -39,20 +39,20 @@ pub(super) fn choose(found: &mut [Explanation], judge: &Judge, asked: Option<&st
 fn by_rule(found: &[Explanation], judge: &Judge) -> Option<usize> {
     let candidates = || {
         let all = found.iter().enumerate();
-        all.filter_map(|(index, one)| one.worth.filter(|_| is_seen(one, judge)).map(|worth| (index, worth)))
+        all.filter_map(|(index, one)| one.score.filter(|_| is_seen(one, judge)).map(|score| (index, score)))
     };
-    let best = candidates().map(|(_, worth)| worth).fold(f64::NEG_INFINITY, f64::max);
+    let best = candidates().map(|(_, score)| score).fold(f64::NEG_INFINITY, f64::max);
     candidates()
-        .filter(|(_, worth)| *worth >= best - INDISTINCT)
+        .filter(|(_, score)| *score >= best - INDISTINCT)
         .min_by_key(|(index, _)| (found[*index].numbers, *index))
         .map(|(index, _)| index)
-        .or_else(|| found.iter().position(|one| one.reach == Reach::Each))
+        .or_else(|| found.iter().position(|one| one.scope == Scope::Each))
 }
 
 /// Whether the fitted column shows that it is there.
 fn is_seen(one: &Explanation, judge: &Judge) -> bool {
     let size = one.parameters.first().is_some_and(|(parameter, size)| size.excludes(parameter.null));
-    size && one.worth > Some(0.0) && is_left_to_noise(one, judge)
+    size && one.score > Some(0.0) && is_left_to_noise(one, judge)
 }
 
 /// Whether it leaves no more than the known noise, where that is known.

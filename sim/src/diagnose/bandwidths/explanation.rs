@@ -1,14 +1,14 @@
 //! Explain: one effect, calibrated on one column of bandwidths, with what it predicts of both.
 
 use super::case::{Case, Row};
-use super::dial::{Dial, dials, first_values};
+use super::free_parameter::{FreeParameter, first_values, free_parameters};
 use super::judge::Judge;
 use super::table::Column;
 use crate::identify::Estimate;
 use crate::identify::{Limits, Residuals, Solution, minimize};
 use crate::plant::effect::{Kind, Linearity, Parameter};
 
-/// Starts that are searched on from, the best of all.
+/// InitialCondition that are searched on from, the best of all.
 const SEARCHES: usize = 2;
 /// When a search ends: a bandwidth is known to four digits at best.
 const LIMITS: Limits = Limits { iterations: 30, decrease: 1e-9 };
@@ -23,7 +23,7 @@ const NO_NEARER: f64 = 0.99;
 
 /// For which nominal commands a calibrated number holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Reach {
+pub enum Scope {
     /// One for all.
     All,
     /// Another one at each.
@@ -59,7 +59,7 @@ pub struct Explanation {
     /// What it is.
     pub kind: &'static Kind,
     /// Whether its size is one number for all nominal commands.
-    pub reach: Reach,
+    pub scope: Scope,
     /// How many numbers were calibrated.
     pub numbers: usize,
     /// All values of the kind's parameters, for each row of the table; `None` at a row that the fitted column leaves empty,
@@ -72,7 +72,7 @@ pub struct Explanation {
     /// Gain of log likelihood over the fitted column. With as many numbers as data it says nothing.
     pub gain: f64,
     /// The same over the numbers' penalty; `None` with as many numbers as data.
-    pub worth: Option<f64>,
+    pub score: Option<f64>,
     /// Bandwidths without and with compensator, rad/s, for each row.
     pub predicted_rad_s: Vec<[Option<f64>; 2]>,
     /// RMS of `ln(measured / predicted)` over the held-out column; `None` where nothing is held out or a bandwidth is gone.
@@ -86,9 +86,9 @@ impl Explanation {
     /// command.
     #[must_use]
     pub fn name(&self) -> String {
-        match self.reach {
-            Reach::All => self.kind.id.to_owned(),
-            Reach::Each => format!("{}_at_each", self.kind.id),
+        match self.scope {
+            Scope::All => self.kind.id.to_owned(),
+            Scope::Each => format!("{}_at_each", self.kind.id),
         }
     }
 }
@@ -111,16 +111,17 @@ pub(super) fn explanations(case: &Case, judge: &Judge, kind: &'static Kind) -> R
     if kind.linearity == Linearity::Absent {
         return no("no frequency response, so bandwidths say nothing of it");
     }
-    let dials = dials(case, kind);
-    let Some(size) = dials.first() else {
+    let free_parameters = free_parameters(case, kind);
+    let Some(size) = free_parameters.first() else {
         return no(match kind.linearity {
             Linearity::SmallSignal => "small deviations from u_nom are left alone",
             _ => "the magnitude is left alone, and with it every bandwidth",
         });
     };
-    let all = for_all(case, judge, kind, &dials);
+    let all = for_all(case, judge, kind, &free_parameters);
     let shape = all.as_ref().and_then(|found| found.values.first().cloned().flatten());
-    let each = at_each(case, judge, kind, size, dials.len() - 1, &shape.unwrap_or_else(|| first_values(kind)));
+    let each =
+        at_each(case, judge, kind, size, free_parameters.len() - 1, &shape.unwrap_or_else(|| first_values(kind)));
     let left = |found: &Explanation| found.fitted_rms.powi(2) * judge.count as f64 / judge.before;
     let all = all.filter(|found| each.is_some() || left(found) < NO_NEARER);
     let found: Vec<Explanation> = all.into_iter().chain(each).collect();
@@ -128,18 +129,18 @@ pub(super) fn explanations(case: &Case, judge: &Judge, kind: &'static Kind) -> R
 }
 
 /// `ln(predicted / measured)` over the fitted column, as a function of coordinates.
-struct Misfit<'a> {
+struct ChiSquare<'a> {
     case: &'a Case<'a>,
     kind: &'static Kind,
-    dials: &'a [Dial],
+    free_parameters: &'a [FreeParameter],
     first: Vec<f64>,
 }
 
-impl Misfit<'_> {
+impl ChiSquare<'_> {
     fn values(&self, coordinates: &[f64]) -> Vec<f64> {
         let mut values = self.first.clone();
-        for (dial, coordinate) in self.dials.iter().zip(coordinates) {
-            values[dial.index] = dial.value(*coordinate);
+        for (free_parameter, coordinate) in self.free_parameters.iter().zip(coordinates) {
+            values[free_parameter.index] = free_parameter.value(*coordinate);
         }
         values
     }
@@ -147,15 +148,15 @@ impl Misfit<'_> {
     /// Every combination of the starts, as coordinates.
     fn starts(&self) -> Vec<Vec<f64>> {
         let mut starts = vec![Vec::new()];
-        for dial in self.dials {
+        for free_parameter in self.free_parameters {
             let longer = |start: &Vec<f64>, value: &f64| {
                 let mut start = start.clone();
-                start.push(dial.coordinate(*value));
+                start.push(free_parameter.coordinate(*value));
                 start
             };
             starts = starts
                 .iter()
-                .flat_map(|start| dial.parameter.starts.iter().map(move |value| longer(start, value)))
+                .flat_map(|start| free_parameter.parameter.starts.iter().map(move |value| longer(start, value)))
                 .collect();
         }
         starts
@@ -167,63 +168,65 @@ impl Misfit<'_> {
     }
 }
 
-impl Residuals for Misfit<'_> {
+impl Residuals for ChiSquare<'_> {
     fn count(&self) -> usize {
         self.case.fitted_rows().count()
     }
 
     fn evaluate(&self, coordinates: &[f64], out: &mut [f64]) -> bool {
-        let inside = |(dial, at): (&Dial, &f64)| (dial.range.0..=dial.range.1).contains(at);
-        if !self.dials.iter().zip(coordinates).all(inside) {
+        let inside = |(free_parameter, at): (&FreeParameter, &f64)| {
+            (free_parameter.range.0..=free_parameter.range.1).contains(at)
+        };
+        if !self.free_parameters.iter().zip(coordinates).all(inside) {
             return false;
         }
         let values = self.values(coordinates);
         out.iter_mut().zip(self.case.fitted_rows()).all(|(out, row)| {
-            let misfit = misfit(self.case, row, self.kind, &values);
-            *out = misfit.unwrap_or(f64::NAN);
-            misfit.is_some()
+            let chi_square = chi_square(self.case, row, self.kind, &values);
+            *out = chi_square.unwrap_or(f64::NAN);
+            chi_square.is_some()
         })
     }
 }
 
 /// `ln(predicted / measured)` in the fitted column.
-fn misfit(case: &Case, row: &Row, kind: &'static Kind, values: &[f64]) -> Option<f64> {
+fn chi_square(case: &Case, row: &Row, kind: &'static Kind, values: &[f64]) -> Option<f64> {
     let predicted = case.predicted(row, case.fitted, kind, values)?;
     Some((predicted / row.measured[case.fitted as usize]?).ln())
 }
 
 /// One value of each parameter for all nominal commands, by least squares; `None` where there are as many of them as data.
-fn for_all(case: &Case, judge: &Judge, kind: &'static Kind, dials: &[Dial]) -> Option<Explanation> {
-    let numbers = dials.len();
+fn for_all(case: &Case, judge: &Judge, kind: &'static Kind, free_parameters: &[FreeParameter]) -> Option<Explanation> {
+    let numbers = free_parameters.len();
     if judge.count <= numbers {
         return None;
     }
-    let misfit = Misfit { case, kind, dials, first: first_values(kind) };
+    let chi_square = ChiSquare { case, kind, free_parameters, first: first_values(kind) };
     let mut starts: Vec<(f64, Vec<f64>)> =
-        misfit.starts().into_iter().map(|start| (misfit.sum(&start), start)).collect();
+        chi_square.starts().into_iter().map(|start| (chi_square.sum(&start), start)).collect();
     starts.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let solutions = starts.iter().take(SEARCHES).filter_map(|(_, start)| minimize(&misfit, start, LIMITS));
+    let solutions = starts.iter().take(SEARCHES).filter_map(|(_, start)| minimize(&chi_square, start, LIMITS));
     let best = solutions.min_by(|a, b| a.sum_of_squares.total_cmp(&b.sum_of_squares))?;
-    let values = misfit.values(&best.parameters);
-    let parameters = dials.iter().enumerate().map(|(index, dial)| {
-        let estimate = estimate(&best, index, dial, values[dial.index], judge);
-        (dial.parameter, estimate)
+    let values = chi_square.values(&best.parameters);
+    let parameters = free_parameters.iter().enumerate().map(|(index, free_parameter)| {
+        let estimate = estimate(&best, index, free_parameter, values[free_parameter.index], judge);
+        (free_parameter.parameter, estimate)
     });
     let parameters = parameters.collect();
     let values = vec![Some(values); case.rows.len()];
-    let worth = judge.gain(best.sum_of_squares) - judge.penalty(numbers);
-    Some(Explanation { parameters, worth: Some(worth), ..explained(case, judge, kind, Reach::All, numbers, values) })
+    let score = judge.gain(best.sum_of_squares) - judge.penalty(numbers);
+    Some(Explanation { parameters, score: Some(score), ..explained(case, judge, kind, Scope::All, numbers, values) })
 }
 
 /// A calibrated value with the standard error that the known noise, or what is left, gives it.
-fn estimate(best: &Solution, index: usize, dial: &Dial, value: f64, judge: &Judge) -> Estimate {
+fn estimate(best: &Solution, index: usize, free_parameter: &FreeParameter, value: f64, judge: &Judge) -> Estimate {
     let rest = (judge.count - best.parameters.len()) as f64;
     let (variance, dof) = match judge.accuracy {
         Some(std) => (std * std, f64::INFINITY),
         None => (best.sum_of_squares / rest, rest),
     };
     let unit = best.unit_covariance.as_ref().map_or(f64::INFINITY, |covariance| covariance[(index, index)]);
-    Estimate { value, std: (unit * variance).sqrt() * dial.slope(value), dof }
+    Estimate { value, std: (unit * variance).sqrt() * free_parameter.slope(value), dof }
 }
 
 /// A size at each nominal command that reproduces its bandwidth, the other values as given; `None` where one cannot be
@@ -232,7 +235,7 @@ fn at_each(
     case: &Case,
     judge: &Judge,
     kind: &'static Kind,
-    size: &Dial,
+    size: &FreeParameter,
     others: usize,
     shape: &[f64],
 ) -> Option<Explanation> {
@@ -241,24 +244,24 @@ fn at_each(
         let is_fitted = row.measured[case.fitted as usize].is_some();
         values.push(if is_fitted { Some(reproducing(case, row, kind, size, shape)?) } else { None });
     }
-    Some(explained(case, judge, kind, Reach::Each, judge.count + others, values))
+    Some(explained(case, judge, kind, Scope::Each, judge.count + others, values))
 }
 
 /// The values with the size, nearest to none, that reproduces a bandwidth.
-fn reproducing(case: &Case, row: &Row, kind: &'static Kind, size: &Dial, shape: &[f64]) -> Option<Vec<f64>> {
+fn reproducing(case: &Case, row: &Row, kind: &'static Kind, size: &FreeParameter, shape: &[f64]) -> Option<Vec<f64>> {
     let values = |coordinate: f64| {
         let mut values = shape.to_vec();
         values[size.index] = size.value(coordinate);
         values
     };
-    let misfit = |coordinate: f64| misfit(case, row, kind, &values(coordinate));
+    let chi_square = |coordinate: f64| chi_square(case, row, kind, &values(coordinate));
     let (low, high) = size.range;
     let step = |index: u32| low + (high - low) * f64::from(index) / f64::from(STEPS);
     let null = size.coordinate(size.parameter.null);
     let mut brackets = Vec::new();
-    let mut before = (step(0), misfit(step(0)));
+    let mut before = (step(0), chi_square(step(0)));
     for index in 1..=STEPS {
-        let here = (step(index), misfit(step(index)));
+        let here = (step(index), chi_square(step(index)));
         if let (Some(a), Some(b)) = (before.1, here.1)
             && (a <= 0.0) != (b <= 0.0)
         {
@@ -272,10 +275,10 @@ fn reproducing(case: &Case, row: &Row, kind: &'static Kind, size: &Dial, shape: 
     brackets.into_iter().find_map(|(mut from, mut to, rising)| {
         for _ in 0..HALVINGS {
             let middle = 0.5 * (from + to);
-            if (misfit(middle)? <= 0.0) == rising { from = middle } else { to = middle }
+            if (chi_square(middle)? <= 0.0) == rising { from = middle } else { to = middle }
         }
         // A bandwidth may jump past the measured one.
-        (misfit(to)?.abs() < REPRODUCED).then(|| values(to))
+        (chi_square(to)?.abs() < REPRODUCED).then(|| values(to))
     })
 }
 
@@ -284,7 +287,7 @@ fn explained(
     case: &Case,
     judge: &Judge,
     kind: &'static Kind,
-    reach: Reach,
+    scope: Scope,
     numbers: usize,
     values: Vec<Option<Vec<f64>>>,
 ) -> Explanation {
@@ -305,13 +308,13 @@ fn explained(
     let held_out = held_out.filter(|squares| !squares.is_empty());
     Explanation {
         kind,
-        reach,
+        scope,
         numbers,
         values,
         parameters: Vec::new(),
         fitted_rms: (fitted / judge.count as f64).sqrt(),
         gain: judge.gain(fitted),
-        worth: None,
+        score: None,
         predicted_rad_s,
         held_out_rms: held_out.map(|squares| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()),
         standing: Standing::Worse,

@@ -1,6 +1,6 @@
 //! Extend: the model with the explanation in it.
 
-use super::explanation::{Explanation, Reach};
+use super::explanation::{Explanation, Scope};
 use super::table::BandwidthTable;
 use crate::diagnose::DiagnoseError;
 use crate::plant::effect::Site;
@@ -28,7 +28,7 @@ pub(super) fn extended(
     if Catalog::standard().find(kind.id).is_none() {
         return Err(refused("it is not known which effect of the catalog makes it"));
     }
-    if explanation.reach == Reach::Each {
+    if explanation.scope == Scope::Each {
         return Err(refused("an effect of a model has one size for all nominal commands"));
     }
     let values = explanation.values.iter().flatten().next().cloned().unwrap_or_else(|| kind.null());

@@ -2,7 +2,7 @@
 
 /// Bandwidths that agree to this part, RMS, agree, where nothing is known of their errors.
 const AGREEING: f64 = 0.01;
-/// Tables are printed to this part; no misfit below it means anything.
+/// Tables are printed to this part; no chi-square below it means anything.
 const PRINTED: f64 = 1e-4;
 /// A sum of squares is too large for noise from so many standard deviations of it on.
 const SIGNIFICANT: f64 = 5.0;

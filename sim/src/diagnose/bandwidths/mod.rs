@@ -6,15 +6,15 @@
 
 mod case;
 mod choose;
-mod dial;
 mod explanation;
 mod extend;
+mod free_parameter;
 mod judge;
 mod low_frequency_gain;
 mod next;
 mod table;
 
-pub use explanation::{Explanation, Reach, RuledOut, Standing};
+pub use explanation::{Explanation, RuledOut, Scope, Standing};
 pub use table::{BandwidthRow, BandwidthTable, Column};
 
 use case::Case;
@@ -26,7 +26,7 @@ use super::{DiagnoseError, Verdict};
 use crate::plant::effect::{Kind, Shows};
 use crate::plant::{Catalog, Model};
 
-/// Effects that leave no more than this share of the misfit are the whole story.
+/// Effects that leave no more than this share of the chi-square are the whole story.
 const WHOLE: f64 = 0.05;
 /// Those that leave more than this share are no story at all.
 const NONE: f64 = 0.4;
@@ -130,7 +130,7 @@ pub fn diagnose_bandwidths(
         }
     }
     // One number for all comes first, in the table as in the choice.
-    explanations.sort_by_key(|one| one.reach == Reach::Each);
+    explanations.sort_by_key(|one| one.scope == Scope::Each);
     let chosen = choose::choose(&mut explanations, &judge, options.take);
     if let (Some(name), None) = (options.take, chosen) {
         let known = explanations.iter().map(Explanation::name).collect();
@@ -224,7 +224,7 @@ fn kinds(catalog: &Catalog) -> Vec<&'static Kind> {
 /// What the held-out column says of an explanation; the fitted one, where nothing is held out and there are fewer numbers than
 /// data.
 fn judged(judge: &Judge, one: &Explanation, gap: BandwidthGap, held_out: usize) -> Verdict {
-    if held_out == 0 && one.reach == Reach::Each {
+    if held_out == 0 && one.scope == Scope::Each {
         return Verdict::Unknown;
     }
     let left = (gap.after / gap.before).powi(2);

@@ -101,7 +101,7 @@ impl BandwidthTable {
                 return Err(complain(&text, nominal(), error.to_string(), help));
             }
             if rows.iter().any(|other| other.nominal == row.nominal) {
-                let message = format!("a u_nom of {} is there twice", row.nominal);
+                let message = format!("duplicate u_nom {}", row.nominal);
                 return Err(complain(&text, nominal(), message, "keep one row per nominal command"));
             }
             rows.push(row);
@@ -142,7 +142,7 @@ fn header(text: &TextFile, cells: &StringRecord) -> Result<[usize; 3], FileError
             return Err(complain(text, span(), message, help));
         };
         if places[column].replace(index).is_some() {
-            return Err(complain(text, span(), format!("column `{name}` is there twice"), "remove one of the two"));
+            return Err(complain(text, span(), format!("duplicate column `{name}`"), "remove one of the two"));
         }
     }
     let find = |column: usize| {

@@ -5,10 +5,10 @@ use std::fmt;
 use super::errors::{Errors, Filter, Part, measure, rows_of};
 use super::{Group, Log};
 use crate::diagnose::DiagnoseError;
-use crate::diagnose::trial::Purpose;
+use crate::diagnose::dataset::Split;
 use crate::identify::IdentifyError;
 use crate::identify::steps::{Run, SAME_LEVEL, StepsError, rows_after_gaps, without_spikes};
-use crate::record::{Excitation, Output, Record};
+use crate::record::{Excitation, Output, Record as SourceRecord};
 
 /// Parts into which a record without plateaus is cut for its splits.
 const BLOCKS: usize = 10;
@@ -80,34 +80,34 @@ pub(in crate::diagnose) struct Prepared {
 ///
 /// # Errors
 /// [`DiagnoseError`] for a record without a response, and a command or response that never changes.
-pub(in crate::diagnose) fn prepare(record: &Record, output: Output) -> Result<Option<Prepared>, DiagnoseError> {
-    let response = crate::identify::response_of(record, output)?;
+pub(in crate::diagnose) fn prepare(source: &SourceRecord, output: Output) -> Result<Option<Prepared>, DiagnoseError> {
+    let response = crate::identify::response_of(source, output)?;
     let constant = |values: &[f64]| values.iter().all(|value| *value == values[0]);
-    if constant(&record.command) {
-        return Err(IdentifyError::ConstantCommand { file: record.file.clone() }.into());
+    if constant(&source.command) {
+        return Err(IdentifyError::ConstantCommand { file: source.file.clone() }.into());
     }
     if constant(response) {
-        return Err(IdentifyError::ConstantResponse { file: record.file.clone() }.into());
+        return Err(IdentifyError::ConstantResponse { file: source.file.clone() }.into());
     }
-    let run = match Run::of(record, output) {
+    let run = match Run::of(source, output) {
         Ok(run) => Some(run),
         Err(StepsError::NotRunning { .. }) => None,
         Err(error) => return Err(DiagnoseError::Steps(error)),
     };
-    let stepped = matches!(record.excitation, Excitation::Step | Excitation::Staircase);
+    let stepped = matches!(source.excitation, Excitation::Step | Excitation::Staircase);
     // A record of anything may well be a staircase.
-    let whole = |run: &Run| 2 * run.rows().len() > record.time_s.len();
+    let whole = |run: &Run| 2 * run.rows().len() > source.time_s.len();
     Ok(match run {
-        Some(run) if stepped || whole(&run) => Some(of_run(record, run)),
+        Some(run) if stepped || whole(&run) => Some(of_run(source, run)),
         _ if stepped => None,
-        _ => Some(of_whole(record, response)),
+        _ => Some(of_whole(source, response)),
     })
 }
 
 /// The longest run of plateaus.
-fn of_run(record: &Record, run: Run) -> Prepared {
+fn of_run(source: &SourceRecord, run: Run) -> Prepared {
     let rows = run.rows();
-    let time_s = &record.time_s[rows.clone()];
+    let time_s = &source.time_s[rows.clone()];
     let measured = run.clean[rows.clone()].to_vec();
     let mut kept: Vec<bool> = run.spike[rows.clone()].iter().map(|spike| !spike).collect();
     let spikes = kept.iter().filter(|kept| !**kept).count();
@@ -140,16 +140,16 @@ fn of_run(record: &Record, run: Run) -> Prepared {
             step: own.command - before,
             rank: levels.partition_point(|level| *level < own.command - SAME_LEVEL),
             noise: own.std.max(floor),
-            purpose: Purpose::Fit,
+            split: Split::Train,
             plateau: Some(own),
         });
         before = plateau.command;
     }
     let cut = CutRows {
-        file: record.file.clone(),
-        rows: record.time_s.len(),
+        file: source.file.clone(),
+        rows: source.time_s.len(),
         start: rows.start,
-        end: record.time_s.len() - rows.end,
+        end: source.time_s.len() - rows.end,
         spikes,
         after_gaps,
         limited,
@@ -160,9 +160,9 @@ fn of_run(record: &Record, run: Run) -> Prepared {
 }
 
 /// All rows of a record without plateaus.
-fn of_whole(record: &Record, response: &[f64]) -> Prepared {
+fn of_whole(source: &SourceRecord, response: &[f64]) -> Prepared {
     let (measured, spike) = without_spikes(response);
-    let time_s = &record.time_s;
+    let time_s = &source.time_s;
     let mut kept: Vec<bool> = spike.iter().map(|spike| !spike).collect();
     let spikes = kept.iter().filter(|kept| !**kept).count();
     let mut after_gaps = 0;
@@ -178,11 +178,11 @@ fn of_whole(record: &Record, response: &[f64]) -> Prepared {
     let blocks = BLOCKS.min(count / (2 * PARABOLA_ROWS)).max(1);
     let groups = (0..blocks).map(|block| {
         let rows = block * count / blocks..(block + 1) * count / blocks;
-        let command = record.command[rows.clone()].iter().sum::<f64>() / rows.len() as f64;
-        Group { rows, command, step: 0.0, plateau: None, rank: block, noise, purpose: Purpose::Fit }
+        let command = source.command[rows.clone()].iter().sum::<f64>() / rows.len() as f64;
+        Group { rows, command, step: 0.0, plateau: None, rank: block, noise, split: Split::Train }
     });
     let groups = groups.collect();
-    let cut = CutRows { file: record.file.clone(), rows: count, start: 0, end: 0, spikes, after_gaps, limited: 0 };
+    let cut = CutRows { file: source.file.clone(), rows: count, start: 0, end: 0, spikes, after_gaps, limited: 0 };
     let log = log(groups, kept, cut, false, 1.0, time_s, &measured);
     Prepared { from: 0, measured, log }
 }

@@ -154,7 +154,7 @@ impl Filter {
     }
 
     /// Minus twice the log likelihood of values with the errors that they have, but for a constant.
-    pub fn surprise(&self, values: &[f64]) -> f64 {
+    pub fn deviance(&self, values: &[f64]) -> f64 {
         self.mean_squares(values).iter().map(|(count, square)| count * square.ln()).sum()
     }
 }

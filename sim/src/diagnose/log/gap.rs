@@ -2,10 +2,10 @@
 
 use rayon::prelude::*;
 
+use crate::diagnose::dataset::{Dataset, Record, Split};
 use crate::diagnose::fit::fit_in;
 use crate::diagnose::gap::{Gap, RecordGap, Squares, squares};
 use crate::diagnose::hypothesis::Hypothesis;
-use crate::diagnose::trial::{Purpose, Trial, Trials};
 
 /// Steps of a search on a part of the steps.
 const STEPS: usize = 4;
@@ -22,32 +22,33 @@ pub struct SplitGap {
 /// Gap in total, record by record and split by split, each model fitted anew to the fitted part of each split; the first one
 /// only where `refitted` says so.
 pub(in crate::diagnose) fn gaps(
-    trials: &Trials,
+    data: &Dataset,
     before: &Hypothesis,
     after: &Hypothesis,
     refitted: bool,
 ) -> (Gap, Vec<RecordGap>, Vec<SplitGap>) {
-    let folds = trials.folds();
+    let folds = data.folds();
     // Each with the errors that it leaves itself.
-    let own = if folds.is_empty() { None } else { trials.weighed_by(before) };
-    let own = own.map_or_else(|| folds.clone(), |trials| trials.folds());
+    let own = if folds.is_empty() { None } else { data.weighed_by(before) };
+    let own = own.map_or_else(|| folds.clone(), |data| data.folds());
     let judged: Vec<(&'static str, Vec<(usize, Squares)>)> = folds
         .par_iter()
         .zip(&own)
         .map(|((words, fold), (_, own))| {
-            let fitted = |fold: &Trials, hypothesis: &Hypothesis| {
+            let fitted = |fold: &Dataset, hypothesis: &Hypothesis| {
                 fit_in(fold, hypothesis, true, STEPS).map_or_else(|| hypothesis.clone(), |fit| fit.hypothesis)
             };
             let before = if refitted { fitted(own, before) } else { before.clone() };
             let after = fitted(fold, after);
-            let held_out = fold.trials.iter().enumerate().filter(|(_, trial)| trial.end_of(Some(Purpose::HeldOut)) > 0);
+            let held_out =
+                fold.records.iter().enumerate().filter(|(_, record)| record.end_of(Some(Split::Holdout)) > 0);
             let judged = held_out
-                .filter_map(|(place, trial)| Some((place, squares(fold, trial, &before, &after, Purpose::HeldOut)?)));
+                .filter_map(|(place, record)| Some((place, squares(fold, record, &before, &after, Split::Holdout)?)));
             (*words, judged.collect())
         })
         .collect();
     let mut total = Squares::default();
-    let mut records = vec![Squares::default(); trials.trials.len()];
+    let mut records = vec![Squares::default(); data.records.len()];
     let mut splits = Vec::new();
     for (split, parts) in judged {
         let mut sum = Squares::default();
@@ -58,10 +59,10 @@ pub(in crate::diagnose) fn gaps(
         total.add(sum);
         splits.push(SplitGap { split, gap: sum.gap() });
     }
-    let judged = trials.trials.iter().zip(&records).filter(|(_, squares)| squares.is_any());
-    let records = judged.map(|(trial, squares)| RecordGap {
-        file: trial.file.clone(),
-        nominal: trial.nominal,
+    let judged = data.records.iter().zip(&records).filter(|(_, squares)| squares.is_any());
+    let records = judged.map(|(record, squares)| RecordGap {
+        file: record.file.clone(),
+        nominal: record.nominal,
         gap: squares.gap(),
     });
     (total.gap(), records.collect(), splits)
@@ -69,25 +70,25 @@ pub(in crate::diagnose) fn gaps(
 
 /// Squares of one log over the rows of a purpose.
 pub(in crate::diagnose) fn log_squares(
-    trials: &Trials,
-    trial: &Trial,
+    data: &Dataset,
+    record: &Record,
     before: &Hypothesis,
     after: &Hypothesis,
-    purpose: Purpose,
+    split: Split,
 ) -> Option<Squares> {
-    let log = trial.log.as_ref()?;
+    let log = record.log.as_ref()?;
     let left = |hypothesis: &Hypothesis| {
-        let difference = hypothesis.difference(trials, trial)?;
-        let tau_s = hypothesis.base[trial.point].time_constant_s;
-        let free = log.free(&difference, &trial.time_s, tau_s);
-        Some(log.rows(purpose).map(|(row, _)| (difference[row] - free[row]).powi(2)).sum::<f64>())
+        let difference = hypothesis.difference(data, record)?;
+        let tau_s = hypothesis.base[record.point].time_constant_s;
+        let free = log.free(&difference, &record.time_s, tau_s);
+        Some(log.rows(split).map(|(row, _)| (difference[row] - free[row]).powi(2)).sum::<f64>())
     };
-    let rows: Vec<(usize, f64)> = log.rows(purpose).map(|(row, group)| (row, group.noise)).collect();
-    let mean = rows.iter().map(|(row, _)| trial.measured[*row]).sum::<f64>() / rows.len() as f64;
+    let rows: Vec<(usize, f64)> = log.rows(split).map(|(row, group)| (row, group.noise)).collect();
+    let mean = rows.iter().map(|(row, _)| record.measured[*row]).sum::<f64>() / rows.len() as f64;
     Some(Squares {
         before: left(before)?,
         after: left(after)?,
         noise: rows.iter().map(|(_, noise)| noise * noise).sum(),
-        response: rows.iter().map(|(row, _)| (trial.measured[*row] - mean).powi(2)).sum(),
+        response: rows.iter().map(|(row, _)| (record.measured[*row] - mean).powi(2)).sum(),
     })
 }

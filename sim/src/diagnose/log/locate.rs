@@ -1,11 +1,11 @@
-//! Where the misfit of a log lies.
+//! Where the chi-square of a log lies.
 //!
 //! The square of each row's residual over the variance of the noise there is 1 on average where only noise is left. Rows of
 //! correlated noise count as fewer.
 
+use crate::diagnose::dataset::{Dataset, Record, Split};
 use crate::diagnose::hypothesis::Hypothesis;
 use crate::diagnose::locate::{Excess, LogParts, excitation_number};
-use crate::diagnose::trial::{Purpose, Trial, Trials};
 
 /// Parts of the time of a record.
 const TIMES: f64 = 10.0;
@@ -14,37 +14,37 @@ const LEVELS: f64 = 5.0;
 
 /// What a row leaves, with its excess.
 fn rows<'a>(
-    trials: &Trials,
-    trial: &'a Trial,
+    data: &Dataset,
+    record: &'a Record,
     hypothesis: &Hypothesis,
-    purpose: Purpose,
+    split: Split,
 ) -> Option<Vec<(usize, &'a super::Group, f64)>> {
-    let log = trial.log.as_ref()?;
-    let difference = hypothesis.difference(trials, trial)?;
-    let free = log.free(&difference, &trial.time_s, hypothesis.base[trial.point].time_constant_s);
-    Some(log.rows(purpose).map(|(row, group)| (row, group, difference[row] - free[row])).collect())
+    let log = record.log.as_ref()?;
+    let difference = hypothesis.difference(data, record)?;
+    let free = log.free(&difference, &record.time_s, hypothesis.base[record.point].time_constant_s);
+    Some(log.rows(split).map(|(row, group)| (row, group, difference[row] - free[row])).collect())
 }
 
 /// What a hypothesis leaves of a log.
 pub(in crate::diagnose) fn excess(
-    trials: &Trials,
-    trial: &Trial,
+    data: &Dataset,
+    record: &Record,
     hypothesis: &Hypothesis,
-    purpose: Purpose,
+    split: Split,
 ) -> Option<Excess> {
-    let per_sample = trial.log.as_ref()?.rows_per_sample;
-    let rows = rows(trials, trial, hypothesis, purpose)?;
+    let per_sample = record.log.as_ref()?.rows_per_sample;
+    let rows = rows(data, record, hypothesis, split)?;
     let sum = rows.iter().map(|(_, group, left)| (left / group.noise).powi(2)).sum::<f64>();
     Some(Excess { sum: sum / per_sample, expected: rows.len() as f64 / per_sample })
 }
 
-/// Shares the misfit of a log out.
-pub(in crate::diagnose) fn add(trials: &Trials, trial: &Trial, hypothesis: &Hypothesis, parts: &mut LogParts) {
-    let Some(rows) = rows(trials, trial, hypothesis, Purpose::Fit) else { return };
-    let Some(log) = &trial.log else { return };
+/// Shares the chi-square of a log out.
+pub(in crate::diagnose) fn add(data: &Dataset, record: &Record, hypothesis: &Hypothesis, parts: &mut LogParts) {
+    let Some(rows) = rows(data, record, hypothesis, Split::Train) else { return };
+    let Some(log) = &record.log else { return };
     let unit = log.rows_per_sample.recip();
-    let kind = excitation_number(trial.excitation);
-    let (begin_s, end_s) = (trial.time_s[0], trial.time_s[trial.time_s.len() - 1]);
+    let kind = excitation_number(record.excitation);
+    let (begin_s, end_s) = (record.time_s[0], record.time_s[record.time_s.len() - 1]);
     let length_s = end_s - begin_s;
     let commands = || log.groups.iter().map(|group| group.command);
     let (low, high) = (commands().fold(f64::INFINITY, f64::min), commands().fold(f64::NEG_INFINITY, f64::max));
@@ -55,7 +55,7 @@ pub(in crate::diagnose) fn add(trials: &Trials, trial: &Trial, hypothesis: &Hypo
     };
     for (row, group, left) in rows {
         let excess = Excess { sum: unit * (left / group.noise).powi(2), expected: unit };
-        parts.time.add(bin(trial.time_s[row] - begin_s, 0.0, length_s, TIMES), excess);
+        parts.time.add(bin(record.time_s[row] - begin_s, 0.0, length_s, TIMES), excess);
         parts.nominal.add(bin(group.command, low, high, LEVELS), excess);
         parts.excitation.add((kind, kind), excess);
         if group.step != 0.0 {

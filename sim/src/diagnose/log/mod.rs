@@ -26,12 +26,12 @@ pub(super) use gap::{gaps, log_squares};
 pub(super) use locate::{add, excess};
 pub(super) use start::first_lag;
 
-use super::trial::Purpose;
+use super::dataset::Split;
 use crate::identify::steps::Plateau;
 use errors::Part;
 pub(super) use errors::{Errors, Filter};
 
-/// A stretch of rows that is fitted or held out as a whole: a plateau with the step that leads to it, or a tenth of a record
+/// A segment of rows that is fitted or held out as a whole: a plateau with the step that leads to it, or a tenth of a record
 /// without plateaus.
 #[derive(Clone, Debug)]
 pub(super) struct Group {
@@ -48,7 +48,7 @@ pub(super) struct Group {
     /// Standard deviation of a row by noise alone.
     pub noise: f64,
     /// What it is for.
-    pub purpose: Purpose,
+    pub split: Split,
 }
 
 /// What a record that does not repeat has beside the rest of a trial.
@@ -90,30 +90,30 @@ impl Log {
     }
 
     /// Whether it has rows for this purpose.
-    pub fn has(&self, purpose: Purpose) -> bool {
-        self.rows(purpose).next().is_some()
+    pub fn has(&self, split: Split) -> bool {
+        self.rows(split).next().is_some()
     }
 
     /// Rows that are compared for a purpose, with their groups.
-    pub fn rows(&self, purpose: Purpose) -> impl Iterator<Item = (usize, &Group)> {
-        let groups = self.groups.iter().filter(move |group| group.purpose == purpose);
+    pub fn rows(&self, split: Split) -> impl Iterator<Item = (usize, &Group)> {
+        let groups = self.groups.iter().filter(move |group| group.split == split);
         groups.flat_map(|group| group.rows.clone().map(move |row| (row, group))).filter(|(row, _)| self.kept[*row])
     }
 
     /// Says anew what each group is for.
-    pub fn assign(&mut self, purpose: impl Fn(&Group) -> Purpose) {
+    pub fn assign(&mut self, split: impl Fn(&Group) -> Split) {
         for group in &mut self.groups {
-            group.purpose = purpose(group);
+            group.split = split(group);
         }
         self.set_filters();
     }
 
     /// What is compared for a purpose of a column with these errors; `relative` where the size of the step counts.
-    pub fn filter(&self, errors: Errors, purpose: Purpose, relative: bool) -> Filter {
-        let parts = self.groups.iter().zip(&self.parts).enumerate().filter(|(_, (group, _))| group.purpose == purpose);
+    pub fn filter(&self, errors: Errors, split: Split, relative: bool) -> Filter {
+        let parts = self.groups.iter().zip(&self.parts).enumerate().filter(|(_, (group, _))| group.split == split);
         let part = |(place, (group, part)): (usize, (&Group, &Part))| {
-            let is_kept_out = |before: usize| self.groups[before].purpose == Purpose::HeldOut;
-            let enters = purpose == Purpose::Fit && place.checked_sub(1).is_some_and(is_kept_out);
+            let is_kept_out = |before: usize| self.groups[before].split == Split::Holdout;
+            let enters = split == Split::Train && place.checked_sub(1).is_some_and(is_kept_out);
             // The noise is that of the response.
             if enters && relative { part.clone().entered(group.rows.start, group.noise) } else { part.clone() }
         };
@@ -121,17 +121,17 @@ impl Log {
     }
 
     fn set_filters(&mut self) {
-        let filter = |purpose| self.filter(self.errors, purpose, true);
-        (self.fitted, self.held_out) = (filter(Purpose::Fit), filter(Purpose::HeldOut));
+        let filter = |split| self.filter(self.errors, split, true);
+        (self.fitted, self.held_out) = (filter(Split::Train), filter(Split::Holdout));
     }
 
-    fn of(&self, purpose: Purpose) -> &Filter {
-        if purpose == Purpose::Fit { &self.fitted } else { &self.held_out }
+    fn of(&self, split: Split) -> &Filter {
+        if split == Split::Train { &self.fitted } else { &self.held_out }
     }
 
     /// The purpose whose rows say what is free: that which is fitted where there is such.
-    pub fn known_by(&self) -> Purpose {
-        if self.has(Purpose::Fit) { Purpose::Fit } else { Purpose::HeldOut }
+    pub fn known_by(&self) -> Split {
+        if self.has(Split::Train) { Split::Train } else { Split::Holdout }
     }
 
     /// Takes the errors from a residual of all rows. `simulated` is what it is the residual of.
@@ -143,18 +143,18 @@ impl Log {
     }
 
     /// Minus twice the log likelihood of a difference over the rows of a purpose, with the errors that it has itself.
-    pub fn surprise(&self, purpose: Purpose, difference: &[f64], time_s: &[f64], tau_s: f64) -> f64 {
+    pub fn deviance(&self, split: Split, difference: &[f64], time_s: &[f64], tau_s: f64) -> f64 {
         let free = self.free(difference, time_s, tau_s);
         let left: Vec<f64> = difference.iter().zip(free).map(|(difference, free)| difference - free).collect();
-        self.of(purpose).surprise(&left)
+        self.of(split).deviance(&left)
     }
 
     /// The white residual of the rows of a purpose. What a sensor's zero, and the state from which a record starts that does
     /// not begin settled, add is taken from the rows that are fitted.
-    pub fn white(&self, purpose: Purpose, difference: &[f64], time_s: &[f64], tau_s: f64) -> Vec<f64> {
+    pub fn white(&self, split: Split, difference: &[f64], time_s: &[f64], tau_s: f64) -> Vec<f64> {
         let free = self.free(difference, time_s, tau_s);
         let left: Vec<f64> = difference.iter().zip(free).map(|(difference, free)| difference - free).collect();
-        self.of(purpose).apply(&left)
+        self.of(split).apply(&left)
     }
 
     /// What of a difference is offset and start, at each row.

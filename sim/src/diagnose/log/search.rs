@@ -7,14 +7,14 @@
 //! Staircases show fewer kinds than periodic records do, each from its best start.
 
 use super::split::Folds;
+use crate::diagnose::dataset::{Dataset, Record, Split};
 use crate::diagnose::explain::{Explanation, FIRST_STEPS, Found, Search};
 use crate::diagnose::fit::{Fit, fit_in};
 use crate::diagnose::hypothesis::Hypothesis;
-use crate::diagnose::residual::surprise;
+use crate::diagnose::residual::deviance;
 use crate::diagnose::scan::Scan;
-use crate::diagnose::screening::Screening;
-use crate::diagnose::trial::{Purpose, Trial, Trials};
-use crate::diagnose::tried::{ALIKE, Tried, by_worth, price};
+use crate::diagnose::score_test::ScoreTest;
+use crate::diagnose::tried::{ALIKE, Tried, by_score, complexity_penalty};
 use crate::plant::effect::{Kind, Shows, Site};
 use crate::record::Output;
 
@@ -22,22 +22,22 @@ use crate::record::Output;
 const MOST_EFFECTS: usize = 5;
 /// How many kinds are finished and judged by what is held out, after a few steps of a search of each.
 const MOST_FINISHED: usize = 3;
-/// Steps of a search that finishes: the misfit is of models and not of noise, so the last digits mean nothing.
+/// Steps of a search that finishes: the chi-square is of models and not of noise, so the last digits mean nothing.
 const LAST_STEPS: usize = 8;
 /// What an effect is worth at least that is named. More than where periods repeat: what a log leaves is estimated from the log itself.
-const LEAST_WORTH_IN_LOGS: f64 = 10.0;
-impl Trials {
+const LEAST_SCORE_IN_LOGS: f64 = 10.0;
+impl Dataset {
     /// Whether any record does not repeat.
     pub fn has_logs(&self) -> bool {
-        self.trials.iter().any(|trial| trial.log.is_some())
+        self.data.iter().any(|record| record.log.is_some())
     }
 
     /// Whether the records can show a kind.
     fn can_show(&self, kind: &Kind) -> bool {
-        let any_repeats = || self.trials.iter().any(|trial| trial.log.is_none());
+        let any_repeats = || self.data.iter().any(|record| record.log.is_none());
         match kind.shows {
             Shows::Anywhere | Shows::OverLevels => true,
-            Shows::BetweenLevels => self.trials.iter().any(|trial| !trial.goes_from_level_to_level()),
+            Shows::BetweenLevels => self.data.iter().any(|record| !record.goes_from_level_to_level()),
             Shows::BetweenClocks => any_repeats(),
             Shows::InForce => self.output == Output::ThrustN,
         }
@@ -46,24 +46,24 @@ impl Trials {
     /// With the errors that a hypothesis leaves.
     pub fn weighed_by(&self, hypothesis: &Hypothesis) -> Option<Self> {
         let mut weighed = self.clone();
-        for trial in weighed.trials.iter_mut().filter(|trial| trial.log.is_some()) {
-            trial.weigh_by(self, hypothesis)?;
+        for record in weighed.data.iter_mut().filter(|record| record.log.is_some()) {
+            record.weigh_by(self, hypothesis)?;
         }
         Some(weighed)
     }
 }
 
-impl Trial {
+impl Record {
     fn goes_from_level_to_level(&self) -> bool {
         self.log.as_ref().is_some_and(|log| log.begins_settled)
     }
 }
 
-/// How dull an explanation a kind is, the dullest first: a map that is not straight, as levels are soon read off, and a response that
+/// Parsimony rank of a kind, the simplest first: a map that is not straight, as levels are soon read off, and a response that
 /// is late as a whole, as a logger's may well be. Both pass for whatever else moves levels or slows the motor, so they come first
 /// where they are worth it, and each of the others has to be worth something beside them. They are dropped where one makes them
 /// redundant.
-fn dullness(kind: &Kind) -> usize {
+fn parsimony_rank(kind: &Kind) -> usize {
     match kind.site {
         Site::Map => 0,
         Site::Line => 1,
@@ -79,28 +79,28 @@ struct Named {
 
 /// An explanation with the errors that it leaves.
 struct Judged {
-    trials: Trials,
+    data: Dataset,
     fit: Fit,
     /// Minus twice the log likelihood, but for a constant.
-    surprise: f64,
+    deviance: f64,
 }
 
 impl Judged {
     /// Fits once more with the errors that `fit` leaves.
-    fn of(trials: &Trials, fit: &Fit, steps: usize) -> Option<Self> {
-        let weighed = trials.weighed_by(&fit.hypothesis)?;
+    fn of(data: &Dataset, fit: &Fit, steps: usize) -> Option<Self> {
+        let weighed = data.weighed_by(&fit.hypothesis)?;
         let fit = fit_in(&weighed, &fit.hypothesis, true, steps)?;
-        let trials = weighed.weighed_by(&fit.hypothesis)?;
-        let surprise = surprise(&trials, &fit.hypothesis, Purpose::Fit)?;
-        Some(Self { trials, fit, surprise })
+        let data = weighed.weighed_by(&fit.hypothesis)?;
+        let deviance = deviance(&data, &fit.hypothesis, Split::Train)?;
+        Some(Self { data, fit, deviance })
     }
 }
 
 impl Search<'_> {
     /// Finds the effects.
     pub(in crate::diagnose) fn explain_logs(&mut self, base: &Hypothesis) -> Option<Explanation> {
-        if self.trials.trials.iter().any(|trial| trial.log.is_none()) {
-            self.tell_what_was_before(base);
+        if self.data.records.iter().any(|record| record.log.is_none()) {
+            self.find_initial_condition(base);
             self.take_hum_out(base)?;
         }
         let before = self.settle(base, true)?;
@@ -113,7 +113,7 @@ impl Search<'_> {
             let (after, found, redundant) = self.eliminate(current, &named)?;
             if redundant.is_empty() {
                 let tried = first_tried.unwrap_or_default();
-                return Some(Explanation { before, after, found, tried, suspected: Vec::new() });
+                return Some(Explanation { before, after, found, tried, weak_evidence: Vec::new() });
             }
             // What stood in the place of others is gone, and does not come back: the search ends.
             named.retain(|named| !redundant.contains(&named.kind));
@@ -145,8 +145,10 @@ impl Search<'_> {
             let tried: Vec<&Tried> = tried.iter().filter(is_one).collect();
             let is_worth_it = |tried: &&&Tried| is_worth_it(tried);
             // The first of those that are as dull is worth most.
-            let Some(best) = tried.iter().filter(is_worth_it).min_by_key(|tried| dullness(tried.kind)) else { break };
-            let is_alike = |other: &&&Tried| other.kind != best.kind && (best.worth() - other.worth()).abs() < ALIKE;
+            let Some(best) = tried.iter().filter(is_worth_it).min_by_key(|tried| parsimony_rank(tried.kind)) else {
+                break;
+            };
+            let is_alike = |other: &&&Tried| other.kind != best.kind && (best.score() - other.score()).abs() < ALIKE;
             let alternatives = tried.iter().filter(is_alike).map(|other| other.kind).collect();
             named.push(Named { kind: best.kind, alternatives });
             current = self.settle(&best.fit.hypothesis.clone(), true)?;
@@ -156,39 +158,39 @@ impl Search<'_> {
 
     /// Kinds that improve on `from`, best first.
     fn tries_on_logs(&self, from: &Fit, exclude: &[&'static Kind]) -> Vec<Tried> {
-        let Some(screening) = Screening::new(&self.trials, from) else { return Vec::new() };
-        let Some(scan) = Scan::new(&self.trials, from) else { return Vec::new() };
+        let Some(score_test) = ScoreTest::new(&self.data, from) else { return Vec::new() };
+        let Some(scan) = Scan::new(&self.data, from) else { return Vec::new() };
         let kinds = self.catalog.kinds().filter(|kind| kind.id != "parameter_error" && !exclude.contains(kind));
         let mut screened: Vec<(f64, Hypothesis, &'static Kind)> = Vec::new();
-        for kind in kinds.filter(|kind| self.trials.can_show(kind)) {
-            screened.extend(self.screen(&screening, &scan, from, kind).into_iter().next());
+        for kind in kinds.filter(|kind| self.data.can_show(kind)) {
+            screened.extend(self.screen(&score_test, &scan, from, kind).into_iter().next());
             (self.progress)();
         }
         let Some(before) = self.judged(from) else { return Vec::new() };
         let mut followed: Vec<(Judged, &'static Kind)> = Vec::new();
         for (_, start, kind) in screened {
-            let fit = fit_in(&self.trials, &start, true, FIRST_STEPS);
-            followed
-                .extend(fit.and_then(|fit| Judged::of(&self.trials, &fit, FIRST_STEPS)).map(|judged| (judged, kind)));
+            let fit = fit_in(&self.data, &start, true, FIRST_STEPS);
+            followed.extend(fit.and_then(|fit| Judged::of(&self.data, &fit, FIRST_STEPS)).map(|judged| (judged, kind)));
             (self.progress)();
         }
-        followed.sort_by(|a, b| a.0.surprise.total_cmp(&b.0.surprise));
-        let folds = Folds::of(&before.trials, from);
-        let promising = |(place, (_, kind)): &(usize, (Judged, &Kind))| *place < MOST_FINISHED || dullness(kind) < 2;
+        followed.sort_by(|a, b| a.0.deviance.total_cmp(&b.0.deviance));
+        let folds = Folds::of(&before.data, from);
+        let promising =
+            |(place, (_, kind)): &(usize, (Judged, &Kind))| *place < MOST_FINISHED || parsimony_rank(kind) < 2;
         let finished = followed.into_iter().enumerate().filter(promising).filter_map(|(_, (judged, kind))| {
-            let judged = Judged::of(&judged.trials, &judged.fit, LAST_STEPS)?;
+            let judged = Judged::of(&judged.data, &judged.fit, LAST_STEPS)?;
             (self.progress)();
             let tried = tried(&before, &folds, judged, kind);
             Some(tried)
         });
         let mut all: Vec<Tried> = finished.collect();
-        all.sort_by(by_worth);
+        all.sort_by(by_score);
         all
     }
 
     fn judged(&self, fit: &Fit) -> Option<Judged> {
-        let surprise = surprise(&self.trials, &fit.hypothesis, Purpose::Fit)?;
-        Some(Judged { trials: self.trials.clone(), fit: fit.clone(), surprise })
+        let deviance = deviance(&self.data, &fit.hypothesis, Split::Train)?;
+        Some(Judged { data: self.data.clone(), fit: fit.clone(), deviance })
     }
 
     /// Drops one after the other what the others make redundant, or what may as well not be there beside them. Nothing is
@@ -197,24 +199,24 @@ impl Search<'_> {
         let mut redundant = Vec::new();
         loop {
             let now = self.judged(&current)?;
-            let (mut found, mut told) = (Vec::new(), Vec::new());
+            let (mut found, mut applied) = (Vec::new(), Vec::new());
             for (effect, candidate) in current.hypothesis.effects.iter().enumerate() {
-                let rest = fit_in(&self.trials, &current.hypothesis.without(effect), true, LAST_STEPS)?;
-                let rest = Judged::of(&self.trials, &rest, FIRST_STEPS)?;
-                let folds = Folds::of(&rest.trials, &rest.fit);
-                let with = Judged { trials: now.trials.clone(), fit: now.fit.clone(), ..now };
+                let rest = fit_in(&self.data, &current.hypothesis.without(effect), true, LAST_STEPS)?;
+                let rest = Judged::of(&self.data, &rest, FIRST_STEPS)?;
+                let folds = Folds::of(&rest.data, &rest.fit);
+                let with = Judged { data: now.data.clone(), fit: now.fit.clone(), ..now };
                 let tried = tried(&rest, &folds, with, candidate.kind);
                 let named = named.iter().find(|named| named.kind == candidate.kind);
                 let is_free = |kind: &&Kind| current.hypothesis.effects.iter().all(|effect| effect.kind != *kind);
                 let alternatives = named.map_or_else(Vec::new, |named| {
                     named.alternatives.iter().filter(|kind| is_free(kind)).copied().collect()
                 });
-                found.push(Found { kind: candidate.kind, worth: tried.worth(), alternatives });
-                told.push(is_worth_it(&tried) && current.excludes_absence(effect));
+                found.push(Found { kind: candidate.kind, score: tried.score(), alternatives });
+                applied.push(is_worth_it(&tried) && current.excludes_absence(effect));
                 (self.progress)();
             }
-            let untold = (0..found.len()).filter(|effect| !told[*effect]);
-            let Some(least) = untold.min_by(|a, b| found[*a].worth.total_cmp(&found[*b].worth)) else {
+            let untold = (0..found.len()).filter(|effect| !applied[*effect]);
+            let Some(least) = untold.min_by(|a, b| found[*a].score.total_cmp(&found[*b].score)) else {
                 return Some((current, found, redundant));
             };
             redundant.push(found[least].kind);
@@ -225,12 +227,19 @@ impl Search<'_> {
 
 /// Whether an effect is worth a name, and what was held out bears it out.
 fn is_worth_it(tried: &Tried) -> bool {
-    tried.worth() >= LEAST_WORTH_IN_LOGS && tried.held_out_gain >= 0.0
+    tried.score() >= LEAST_SCORE_IN_LOGS && tried.held_out_gain >= 0.0
 }
 
 /// What the last effect of a judged explanation is worth.
 fn tried(before: &Judged, folds: &Folds, with: Judged, kind: &'static Kind) -> Tried {
-    let fitted_gain = 0.5 * (before.surprise - with.surprise);
-    let held_out_gain = folds.gain(&with.trials, &with.fit.hypothesis).unwrap_or(0.0);
-    Tried { kind, fit: with.fit, fitted_gain, held_out_gain, price: price(kind), witnessed: 0.0 }
+    let fitted_gain = 0.5 * (before.deviance - with.deviance);
+    let held_out_gain = folds.gain(&with.data, &with.fit.hypothesis).unwrap_or(0.0);
+    Tried {
+        kind,
+        fit: with.fit,
+        fitted_gain,
+        held_out_gain,
+        complexity_penalty: complexity_penalty(kind),
+        auxiliary_gain: 0.0,
+    }
 }

@@ -17,11 +17,11 @@
 use rayon::prelude::*;
 
 use super::Group;
+use crate::diagnose::dataset::{Dataset, Split};
 use crate::diagnose::fit::{Fit, fit_in};
 use crate::diagnose::hypothesis::Hypothesis;
-use crate::diagnose::residual::surprise;
-use crate::diagnose::trial::{Purpose, Trials};
-use crate::identify::steps::{SPLITS, Split};
+use crate::diagnose::residual::deviance;
+use crate::identify::steps::{SPLITS, Split as StepSplit};
 
 /// Steps of a search on a part of the steps, from what was found on all of them.
 const STEPS: usize = 3;
@@ -36,26 +36,26 @@ pub(in crate::diagnose) struct Folds {
 
 impl Folds {
     /// Empty where nothing has to be split.
-    pub fn of(trials: &Trials, from: &Fit) -> Self {
-        let folds = trials.folds().into_par_iter();
+    pub fn of(data: &Dataset, from: &Fit) -> Self {
+        let folds = data.folds().into_par_iter();
         let fitted = folds.filter_map(|(split, fold)| {
             let fit = fit_in(&fold, &from.hypothesis, true, STEPS)?;
-            Some((split, surprise(&fold, &fit.hypothesis, Purpose::HeldOut)?))
+            Some((split, deviance(&fold, &fit.hypothesis, Split::Holdout)?))
         });
         Self { folds: fitted.collect() }
     }
 
     /// Mean gain of log likelihood over what is held out by `hypothesis`, with the errors that `trials` has; `None` where nothing
     /// is split.
-    pub fn gain(&self, trials: &Trials, hypothesis: &Hypothesis) -> Option<f64> {
-        let folds = trials.folds();
+    pub fn gain(&self, data: &Dataset, hypothesis: &Hypothesis) -> Option<f64> {
+        let folds = data.folds();
         let gains: Vec<f64> = self
             .folds
             .par_iter()
             .map(|(split, before)| {
                 let (_, fold) = folds.iter().find(|(other, _)| other == split)?;
                 let fitted = fit_in(fold, hypothesis, true, STEPS)?;
-                Some(0.5 * (before - surprise(fold, &fitted.hypothesis, Purpose::HeldOut)?))
+                Some(0.5 * (before - deviance(fold, &fitted.hypothesis, Split::Holdout)?))
             })
             .map(|gain| gain.unwrap_or(f64::NEG_INFINITY))
             .collect();
@@ -63,59 +63,59 @@ impl Folds {
     }
 }
 
-impl Trials {
+impl Dataset {
     /// The splits that the records are long enough for, in words and as records with other purposes. Empty where there are no
     /// logs, or the experiment says itself what is held out.
     pub fn folds(&self) -> Vec<(&'static str, Self)> {
-        let split_up = self.trials.iter().any(|trial| trial.log.as_ref().is_some_and(|log| !log.has_role));
+        let split_up = self.data.iter().any(|record| record.log.as_ref().is_some_and(|log| !log.has_role));
         if !split_up {
             return Vec::new();
         }
         SPLITS.into_iter().filter_map(|split| self.fold(split).map(|fold| (split.words(), fold))).collect()
     }
 
-    fn fold(&self, split: Split) -> Option<Self> {
+    fn fold(&self, split: StepSplit) -> Option<Self> {
         let mut fold = Self { is_part: true, ..self.clone() };
         let (mut fitted, mut held_out) = (0, 0);
-        for (place, trial) in fold.trials.iter_mut().enumerate() {
-            let Some(log) = trial.log.as_mut().filter(|log| !log.has_role) else { continue };
+        for (place, record) in fold.records.iter_mut().enumerate() {
+            let Some(log) = record.log.as_mut().filter(|log| !log.has_role) else { continue };
             if log.groups.len() < CUT_FROM {
                 let is_fitted = whole(split, &log.groups, place);
-                log.assign(|_| purpose(is_fitted));
+                log.assign(|_| split(is_fitted));
             } else {
-                log.assign(|group| purpose(part(split, group)));
+                log.assign(|group| split(part(split, group)));
             }
             let log = &*log;
-            fitted += log.groups.iter().filter(|group| group.purpose == Purpose::Fit).count();
-            held_out += log.groups.iter().filter(|group| group.purpose == Purpose::HeldOut).count();
-            trial.assign_channels();
+            fitted += log.groups.iter().filter(|group| group.split == Split::Train).count();
+            held_out += log.groups.iter().filter(|group| group.split == Split::Holdout).count();
+            record.assign_channels();
         }
         (fitted >= LEAST_GROUPS && held_out >= LEAST_GROUPS).then_some(fold)
     }
 }
 
-fn purpose(is_fitted: bool) -> Purpose {
-    if is_fitted { Purpose::Fit } else { Purpose::HeldOut }
+fn split(is_fitted: bool) -> Split {
+    if is_fitted { Split::Train } else { Split::Holdout }
 }
 
 /// Whether a group is fitted.
-fn part(split: Split, group: &Group) -> bool {
+fn part(split: StepSplit, group: &Group) -> bool {
     match (&group.plateau, split) {
         (Some(plateau), _) => split.fits(plateau, group.rank),
-        (None, Split::EvenToOdd) => group.rank.is_multiple_of(2),
-        (None, Split::OddToEven) => !group.rank.is_multiple_of(2),
+        (None, StepSplit::EvenToOdd) => group.rank.is_multiple_of(2),
+        (None, StepSplit::OddToEven) => !group.rank.is_multiple_of(2),
         // A block has no direction: all of it is fitted.
-        (None, Split::UpToDown | Split::DownToUp) => true,
+        (None, StepSplit::UpToDown | StepSplit::DownToUp) => true,
     }
 }
 
 /// Whether a record that is not cut is fitted.
-fn whole(split: Split, groups: &[Group], place: usize) -> bool {
+fn whole(split: StepSplit, groups: &[Group], place: usize) -> bool {
     let up = groups.iter().find(|group| group.step != 0.0).is_none_or(|group| group.step > 0.0);
     match split {
-        Split::UpToDown => up,
-        Split::DownToUp => !up,
-        Split::EvenToOdd => place.is_multiple_of(2),
-        Split::OddToEven => !place.is_multiple_of(2),
+        StepSplit::UpToDown => up,
+        StepSplit::DownToUp => !up,
+        StepSplit::EvenToOdd => place.is_multiple_of(2),
+        StepSplit::OddToEven => !place.is_multiple_of(2),
     }
 }

@@ -33,7 +33,7 @@ fn a_missing_column_is_named() {
 #[test]
 fn a_column_that_is_there_twice_is_refused() {
     let csv = CSV.replace("thrust_n", "command");
-    refuses_csv(&csv, &["u050.csv:1:16", "`command` is there twice", "remove one"]);
+    refuses_csv(&csv, &["u050.csv:1:16", "duplicate column `command`", "remove one"]);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! What a diagnosis found.
 
 use super::estimate;
-use crate::diagnose::{Diagnosis, NamedEffect, RESTS_ON_BEGINS, TriedKind, Verdict};
+use crate::diagnose::{Diagnosis, NEEDS_STEADY_START, NamedEffect, TriedKind, Verdict};
 use crate::plant::Point;
 use crate::report::diagnosis::diagnosis_figures;
 use crate::report::html::{Cell, Column, Section, Table, Tone};
@@ -44,10 +44,10 @@ pub fn diagnosis_section(found: &Diagnosis, verdict: Option<&str>) -> Section {
     if !found.timing.is_steady() {
         text.push(found.timing.to_string());
     }
-    if found.rests_on_begins {
-        text.push(RESTS_ON_BEGINS.to_owned());
+    if found.needs_steady_start {
+        text.push(NEEDS_STEADY_START.to_owned());
     }
-    text.extend(found.suspected.iter().map(ToString::to_string));
+    text.extend(found.weak_evidence.iter().map(ToString::to_string));
     for out in &found.left_out {
         text.push(format!("Not compared: {}: {}", out.file, out.reason));
     }
@@ -124,7 +124,7 @@ fn effects(effects: &[NamedEffect]) -> Table {
 fn tried(tried: &[TriedKind]) -> Table {
     let row = |tried: &TriedKind| {
         let finite = |value: f64| Cell::optional(Some(value).filter(|value| value.is_finite()), 1);
-        vec![Cell::text(tried.kind.id), finite(tried.worth), finite(tried.fitted_gain), finite(tried.held_out_gain)]
+        vec![Cell::text(tried.kind.id), finite(tried.score), finite(tried.fitted_gain), finite(tried.held_out_gain)]
     };
     Table {
         name: "tried".to_owned(),

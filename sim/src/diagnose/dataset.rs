@@ -3,15 +3,15 @@
 use std::f64::consts::TAU;
 use std::ops::Range;
 
+use super::auxiliary::{AuxiliaryChannel, auxiliary_channels};
 use super::channel::{Channel, Column, channels};
 use super::hypothesis::Hypothesis;
 use super::log::{Log, Prepared, prepare};
 use super::whitening::{NoiseDensity, Whitening};
-use super::witness::{Witness, witnesses};
 use super::{DiagnoseError, hum};
 use crate::identify::{IdentifyError, response_of, upsampled};
 use crate::plant::{Lag, OperatingCurve, Trace};
-use crate::record::{Excitation, Experiment, Output, Record, Role};
+use crate::record::{Excitation, Experiment, Output, Record as SourceRecord, Role};
 
 /// Commands closer than this are the same nominal command; a 12-bit command is 2.4e-4.
 const SAME_NOMINAL: f64 = 1e-6;
@@ -22,13 +22,13 @@ const FITTED_THIRDS: usize = 2;
 /// A line from row to row stands in for the commands between where it is off by less than this part of any sinusoid.
 const OFF_LINE: f64 = 0.03;
 
-/// What a stretch of a record is for.
+/// What a segment of a record is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Purpose {
+pub enum Split {
     /// Parameters are fitted to it.
-    Fit,
+    Train,
     /// It is kept out of every fit.
-    HeldOut,
+    Holdout,
 }
 
 /// What was before a record.
@@ -42,18 +42,18 @@ pub(super) enum Before {
 
 /// Whether the response at the begin of a record is compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Starts {
+pub(super) enum InitialCondition {
     /// It may be anything.
     Free,
     /// It is what was before ([`Before`]).
-    AsBefore,
+    Steady,
 }
 
 /// Whole periods of a record.
 #[derive(Clone, Debug)]
-pub(super) struct Stretch {
+pub(super) struct Segment {
     /// What it is for.
-    pub purpose: Purpose,
+    pub split: Split,
     /// Its rows.
     pub rows: Range<usize>,
     /// Periods in it.
@@ -64,7 +64,7 @@ pub(super) struct Stretch {
 
 /// One record, prepared.
 #[derive(Clone, Debug)]
-pub(super) struct Trial {
+pub(super) struct Record {
     /// The record's file.
     pub file: String,
     /// Its place among the records.
@@ -80,14 +80,14 @@ pub(super) struct Trial {
     /// Rows, seconds.
     pub time_s: Vec<f64>,
     /// When the ESC was told something, seconds; several times a row where the command was updated faster than logged.
-    pub told_s: Vec<f64>,
+    pub command_s: Vec<f64>,
     /// What it was told.
-    pub told: Vec<f64>,
+    pub command: Vec<f64>,
     /// How many times a row.
-    pub told_per_row: usize,
+    pub commands_per_row: usize,
     /// The command half a tick before each row, through which a line from row to row goes where several commands are held between
     /// two; empty where there is one in each row, or such a line is too far off.
-    pub told_in_rows: Vec<f64>,
+    pub first_order_hold: Vec<f64>,
     /// The response.
     pub measured: Vec<f64>,
     /// Mean command and response over the whole periods.
@@ -107,13 +107,13 @@ pub(super) struct Trial {
     /// Highest frequency that is excited, hertz.
     pub highest_hz: f64,
     /// What is fitted and what is held out, in the order of time; empty for a record that does not repeat.
-    pub stretches: Vec<Stretch>,
+    pub segments: Vec<Segment>,
     /// What a record that does not repeat has in their place.
     pub log: Option<Log>,
     /// What was measured beside the response of a record that does not repeat.
     pub channels: Vec<Channel>,
     /// The same of one that repeats.
-    pub witnesses: Vec<Witness>,
+    pub auxiliary_channels: Vec<AuxiliaryChannel>,
 }
 
 /// A record that is not compared.
@@ -127,11 +127,11 @@ pub struct LeftOut {
 
 /// All that is compared.
 #[derive(Clone, Debug)]
-pub(super) struct Trials {
+pub(super) struct Dataset {
     /// The nominal commands, increasing.
     pub nominals: Vec<f64>,
     /// The records.
-    pub trials: Vec<Trial>,
+    pub records: Vec<Record>,
     /// Those that are not compared.
     pub left_out: Vec<LeftOut>,
     /// A model over a range of levels, which staircases and the like follow, with the numbers at each nominal command.
@@ -139,83 +139,83 @@ pub(super) struct Trials {
     /// Whether it is a part, which may not determine all that is searched: values are then tied to where the effect is not.
     pub is_part: bool,
     /// Whether the response at the begin of each record is compared.
-    pub starts: Starts,
+    pub initial_condition: InitialCondition,
     /// Rate of the ESC's frames, where the experiment says it.
     pub esc_frame_hz: Option<f64>,
     /// What the response is.
     pub output: Output,
 }
 
-impl Trials {
+impl Dataset {
     /// Prepares the records of an experiment.
     ///
     /// # Errors
     /// [`DiagnoseError`] where no record can be compared, or one is not what it says it is.
     pub fn new(experiment: &Experiment) -> Result<Self, DiagnoseError> {
         let mut left_out = Vec::new();
-        let mut records: Vec<(&Record, Option<Prepared>)> = Vec::new();
-        for record in &experiment.records {
-            let prepared = if record.excitation.is_periodic() { None } else { prepare(record, experiment.output)? };
-            if record.excitation.is_periodic() || prepared.is_some() {
-                records.push((record, prepared));
+        let mut sources: Vec<(&SourceRecord, Option<Prepared>)> = Vec::new();
+        for source in &experiment.records {
+            let prepared = if source.excitation.is_periodic() { None } else { prepare(source, experiment.output)? };
+            if source.excitation.is_periodic() || prepared.is_some() {
+                sources.push((source, prepared));
             } else {
                 let reason = "the motor runs steadily on no two plateaus in a row";
-                left_out.push(LeftOut { file: record.file.clone(), reason });
+                left_out.push(LeftOut { file: source.file.clone(), reason });
             }
         }
         let mut nominals: Vec<f64> = Vec::new();
-        for (record, _) in &records {
-            if !nominals.iter().any(|nominal| (nominal - record.nominal).abs() < SAME_NOMINAL) {
-                nominals.push(record.nominal);
+        for (source, _) in &sources {
+            if !nominals.iter().any(|nominal| (nominal - source.nominal).abs() < SAME_NOMINAL) {
+                nominals.push(source.nominal);
             }
         }
         nominals.sort_by(f64::total_cmp);
         // Where the experiment itself keeps records back, these are what is held out.
-        let kept_back = records.iter().any(|(record, _)| record.role == Some(Role::Validate));
-        let mut trials = Vec::new();
-        for (place, (record, prepared)) in records.into_iter().enumerate() {
-            let point = nominals.iter().position(|nominal| (nominal - record.nominal).abs() < SAME_NOMINAL);
+        let kept_back = sources.iter().any(|(source, _)| source.role == Some(Role::Validate));
+        let mut records = Vec::new();
+        for (place, (source, prepared)) in sources.into_iter().enumerate() {
+            let point = nominals.iter().position(|nominal| (nominal - source.nominal).abs() < SAME_NOMINAL);
             let point = point.unwrap_or_default();
-            let mut trial = match prepared {
-                Some(prepared) => Trial::of_log(record, experiment.output, prepared, point)?,
-                None => Trial::new(experiment, record, point)?,
+            let mut record = match prepared {
+                Some(prepared) => Record::of_log(source, experiment.output, prepared, point)?,
+                None => Record::new(experiment, source, point)?,
             };
-            trial.place = place;
-            trial.split(record.role, kept_back);
-            trials.push(trial);
+            record.place = place;
+            record.split(source.role, kept_back);
+            records.push(record);
         }
-        if trials.is_empty() {
+        if records.is_empty() {
             return Err(DiagnoseError::NothingToCompare { experiment: experiment.name.clone() });
         }
         Ok(Self {
             nominals,
-            trials,
+            records,
             left_out,
             curve: None,
             is_part: false,
-            starts: Starts::Free,
+            initial_condition: InitialCondition::Free,
             esc_frame_hz: experiment.esc_frame_hz,
             output: experiment.output,
         })
     }
 }
 
-impl Trials {
+impl Dataset {
     /// The curve that a record over many levels follows, with its numbers at the record's nominal command.
-    pub fn curve_of(&self, trial: &Trial) -> Option<(&OperatingCurve, Lag)> {
+    pub fn curve_of(&self, record: &Record) -> Option<(&OperatingCurve, Lag)> {
         let (curve, given) = self.curve.as_ref()?;
-        let is_wide = trial.log.is_some() && matches!(trial.excitation, Excitation::Staircase | Excitation::Free);
-        is_wide.then(|| (curve, given[trial.point]))
+        let is_wide = record.log.is_some() && matches!(record.excitation, Excitation::Staircase | Excitation::Free);
+        is_wide.then(|| (curve, given[record.point]))
     }
 }
 
-impl Trial {
-    fn new(experiment: &Experiment, record: &Record, point: usize) -> Result<Self, DiagnoseError> {
-        let file = || record.file.clone();
-        let measured = response_of(record, experiment.output)?;
-        let command = told(record)?;
-        let rate_hz = record.sample_rate_hz()?;
-        let periods = record.periods()?;
+impl Record {
+    fn new(experiment: &Experiment, source: &SourceRecord, point: usize) -> Result<Self, DiagnoseError> {
+        let file = || source.file.clone();
+        let measured = response_of(source, experiment.output)?;
+        let command = applied(source)?;
+        let rate_hz = source.sample_rate_hz()?;
+        let periods = source.periods()?;
         let rows = periods.samples * periods.count;
         let mean = |values: &[f64]| values[..rows].iter().sum::<f64>() / rows as f64;
         let (mean_command, mean_response) = (mean(command), mean(measured));
@@ -226,18 +226,18 @@ impl Trial {
         if measured[..rows].iter().all(|y| *y == measured[0]) {
             return Err(IdentifyError::ConstantResponse { file: file() }.into());
         }
-        let mut trial = Self {
+        let mut record = Self {
             file: file(),
             place: 0,
             point,
-            nominal: record.nominal,
-            excitation: record.excitation,
+            nominal: source.nominal,
+            excitation: source.excitation,
             amplitude,
-            time_s: record.time_s.clone(),
-            told_s: record.time_s.clone(),
-            told: command.to_vec(),
-            told_per_row: 1,
-            told_in_rows: Vec::new(),
+            time_s: source.time_s.clone(),
+            command_s: source.time_s.clone(),
+            command: command.to_vec(),
+            commands_per_row: 1,
+            first_order_hold: Vec::new(),
             measured: measured.to_vec(),
             mean_command,
             mean_response,
@@ -245,34 +245,34 @@ impl Trial {
             hum: Vec::new(),
             rate_hz,
             period_rows: periods.samples,
-            repeats: repeats(command, &record.time_s, periods.samples),
+            repeats: repeats(command, &source.time_s, periods.samples),
             highest_hz: 0.0,
-            stretches: Vec::new(),
+            segments: Vec::new(),
             log: None,
             channels: Vec::new(),
-            witnesses: witnesses(record, experiment.output, periods.samples, rate_hz),
+            auxiliary_channels: auxiliary_channels(source, experiment.output, periods.samples, rate_hz),
         };
         let lines = Whitening::unit(periods.samples).spectrum(&command[..periods.samples]);
         let most = lines.iter().skip(1).map(|line| line.norm()).fold(0.0, f64::max);
         let highest = lines.iter().rposition(|line| line.norm() > 0.1 * most).unwrap_or(1);
-        trial.highest_hz = highest as f64 * rate_hz / periods.samples as f64;
-        if record.excitation == Excitation::Multisine
+        record.highest_hz = highest as f64 * rate_hz / periods.samples as f64;
+        if source.excitation == Excitation::Multisine
             && let Some(command_rate_hz) = experiment.command_rate_hz
         {
-            trial.tell_between_rows((command_rate_hz / rate_hz).round() as usize);
-            if trial.is_straight(command_rate_hz, experiment.esc_frame_hz.is_some()) {
-                trial.tell_in_rows();
+            record.upsample_command((command_rate_hz / rate_hz).round() as usize);
+            if record.is_straight(command_rate_hz, experiment.esc_frame_hz.is_some()) {
+                record.interpolate_command();
             }
         }
-        Ok(trial)
+        Ok(record)
     }
 
     /// A record that does not repeat.
-    fn of_log(record: &Record, output: Output, prepared: Prepared, point: usize) -> Result<Self, DiagnoseError> {
+    fn of_log(source: &SourceRecord, output: Output, prepared: Prepared, point: usize) -> Result<Self, DiagnoseError> {
         let Prepared { from, measured, log } = prepared;
         let rows = from..from + measured.len();
-        let command = &told(record)?[rows.clone()];
-        let time_s = record.time_s[rows.clone()].to_vec();
+        let command = &applied(source)?[rows.clone()];
+        let time_s = source.time_s[rows.clone()].to_vec();
         let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
         let (mean_command, mean_response) = (mean(command), mean(&measured));
         // A command that stays need not be told again.
@@ -281,16 +281,16 @@ impl Trial {
         let mut intervals: Vec<f64> = time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
         intervals.sort_by(f64::total_cmp);
         Ok(Self {
-            file: record.file.clone(),
+            file: source.file.clone(),
             place: 0,
             point,
-            nominal: record.nominal,
-            excitation: record.excitation,
+            nominal: source.nominal,
+            excitation: source.excitation,
             amplitude: log.amplitude(command),
-            told_s: changes.iter().map(|&row| time_s[row]).collect(),
-            told: changes.iter().map(|&row| command[row]).collect(),
-            told_per_row: 1,
-            told_in_rows: Vec::new(),
+            command_s: changes.iter().map(|&row| time_s[row]).collect(),
+            command: changes.iter().map(|&row| command[row]).collect(),
+            commands_per_row: 1,
+            first_order_hold: Vec::new(),
             mean_command,
             mean_response,
             before: Before::Rest,
@@ -299,26 +299,26 @@ impl Trial {
             period_rows: time_s.len(),
             repeats: false,
             highest_hz: 0.0,
-            stretches: Vec::new(),
+            segments: Vec::new(),
             time_s,
             measured,
             log: Some(log),
-            channels: channels(record, output, rows),
-            witnesses: Vec::new(),
+            channels: channels(source, output, rows),
+            auxiliary_channels: Vec::new(),
         })
     }
 
     /// A command that moved between rows: the lines of its period say how.
-    fn tell_between_rows(&mut self, per_row: usize) {
+    fn upsample_command(&mut self, per_row: usize) {
         if per_row < 2 {
             return;
         }
-        let period = upsampled(&self.told[..self.period_rows], per_row);
+        let period = upsampled(&self.command[..self.period_rows], per_row);
         let count = self.time_s.len() * per_row;
         let (begin_s, rate_hz) = (self.time_s[0], self.rate_hz * per_row as f64);
-        self.told = period.iter().copied().cycle().take(count).collect();
-        self.told_s = (0..count).map(|tick| begin_s + tick as f64 / rate_hz).collect();
-        self.told_per_row = per_row;
+        self.command = period.iter().copied().cycle().take(count).collect();
+        self.command_s = (0..count).map(|tick| begin_s + tick as f64 / rate_hz).collect();
+        self.commands_per_row = per_row;
     }
 
     /// Whether a line from row to row is off by less than [`OFF_LINE`] of the highest sinusoid of the command: by `(w h)^2 / 12`, `h`
@@ -326,15 +326,15 @@ impl Trial {
     fn is_straight(&self, command_rate_hz: f64, has_frames: bool) -> bool {
         let turns = |rate_hz: f64| TAU * self.highest_hz / rate_hz;
         let by_frames = if has_frames { 0.5 * turns(command_rate_hz) } else { 0.0 };
-        self.told_per_row > 1 && turns(self.rate_hz).powi(2) / 12.0 < OFF_LINE && by_frames < OFF_LINE
+        self.commands_per_row > 1 && turns(self.rate_hz).powi(2) / 12.0 < OFF_LINE && by_frames < OFF_LINE
     }
 
-    fn tell_in_rows(&mut self) {
+    fn interpolate_command(&mut self) {
         // A command that is held comes half a tick later than a line through it. The period has run before.
-        let period = self.period_rows * self.told_per_row;
-        let before = |tick: usize| self.told[tick.checked_sub(1).unwrap_or(period - 1)];
-        let rows = (0..self.told.len()).step_by(self.told_per_row);
-        self.told_in_rows = rows.map(|tick| 0.5 * (before(tick) + self.told[tick])).collect();
+        let period = self.period_rows * self.commands_per_row;
+        let before = |tick: usize| self.command[tick.checked_sub(1).unwrap_or(period - 1)];
+        let rows = (0..self.command.len()).step_by(self.commands_per_row);
+        self.first_order_hold = rows.map(|tick| 0.5 * (before(tick) + self.command[tick])).collect();
     }
 
     /// Whole periods in the record.
@@ -345,8 +345,8 @@ impl Trial {
     fn split(&mut self, role: Option<Role>, kept_back: bool) {
         if let Some(log) = &mut self.log {
             log.has_role = kept_back || role.is_some();
-            let purpose = if role == Some(Role::Validate) { Purpose::HeldOut } else { Purpose::Fit };
-            log.assign(|_| purpose);
+            let split = if role == Some(Role::Validate) { Split::Holdout } else { Split::Train };
+            log.assign(|_| split);
             self.assign_channels();
             return;
         }
@@ -357,15 +357,15 @@ impl Trial {
             None if kept_back => periods,
             None => (periods * FITTED_THIRDS).div_ceil(3),
         };
-        let mut stretches = Vec::new();
-        for (purpose, range) in [(Purpose::Fit, 0..fitted), (Purpose::HeldOut, fitted..periods)] {
+        let mut segments = Vec::new();
+        for (split, range) in [(Split::Train, 0..fitted), (Split::Holdout, fitted..periods)] {
             if !range.is_empty() {
                 let rows = range.start * self.period_rows..range.end * self.period_rows;
                 let whitening = Whitening::unit(rows.len());
-                stretches.push(Stretch { purpose, rows, periods: range.len(), whitening });
+                segments.push(Segment { split, rows, periods: range.len(), whitening });
             }
         }
-        self.stretches = stretches;
+        self.segments = segments;
     }
 
     /// Makes the channels' filters anew for what the rows are for.
@@ -377,7 +377,7 @@ impl Trial {
 
     /// Takes noise and errors of a record that does not repeat, and of the columns beside the response, from what a hypothesis
     /// leaves of them.
-    pub fn weigh_by(&mut self, all: &Trials, hypothesis: &Hypothesis) -> Option<()> {
+    pub fn weigh_by(&mut self, all: &Dataset, hypothesis: &Hypothesis) -> Option<()> {
         if let Some(log) = &self.log {
             let difference = hypothesis.difference(all, self)?;
             let free = log.free(&difference, &self.time_s, hypothesis.base[self.point].time_constant_s);
@@ -415,42 +415,45 @@ impl Trial {
         let rows = 0..self.periods() * self.period_rows;
         let periods = self.periods();
         let Some(density) = NoiseDensity::between_harmonics(&residual[rows], periods, self.rate_hz) else { return };
-        for stretch in &mut self.stretches {
-            stretch.whitening.set_noise(&density, self.rate_hz);
+        for segment in &mut self.segments {
+            segment.whitening.set_noise(&density, self.rate_hz);
         }
     }
 
     /// The same with one period to fit instead of several, and nothing held out.
     pub fn with_one_period_fitted(&self) -> Self {
         let mut shorter = self.clone();
-        shorter.stretches.retain(|stretch| stretch.purpose == Purpose::Fit);
-        for stretch in shorter.stretches.iter_mut().filter(|stretch| stretch.periods > 1) {
-            let rows = stretch.rows.start..stretch.rows.start + self.period_rows;
-            *stretch =
-                Stretch { rows, periods: 1, whitening: stretch.whitening.shortened(stretch.periods), ..*stretch };
+        shorter.segments.retain(|segment| segment.split == Split::Train);
+        for segment in shorter.segments.iter_mut().filter(|segment| segment.periods > 1) {
+            let rows = segment.rows.start..segment.rows.start + self.period_rows;
+            *segment =
+                Segment { rows, periods: 1, whitening: segment.whitening.shortened(segment.periods), ..*segment };
         }
         shorter
     }
 
     /// Which columns it has beside the response.
     pub fn columns(&self) -> impl Iterator<Item = Column> {
-        self.channels.iter().map(|channel| channel.column).chain(self.witnesses.iter().map(|witness| witness.column))
+        self.channels
+            .iter()
+            .map(|channel| channel.column)
+            .chain(self.auxiliary_channels.iter().map(|auxiliary| auxiliary.column))
     }
 
-    /// Standard deviation of the noise of a row, the largest of the stretches; of settled rows where there are none.
+    /// Standard deviation of the noise of a row, the largest of the segments; of settled rows where there are none.
     pub fn noise_std(&self) -> f64 {
-        let of_stretches = self.stretches.iter().map(|stretch| stretch.whitening.row_variance().sqrt());
+        let of_segments = self.segments.iter().map(|segment| segment.whitening.row_variance().sqrt());
         let of_groups = self.log.iter().flat_map(|log| &log.groups).map(|group| group.noise);
-        of_stretches.chain(of_groups).fold(0.0, f64::max)
+        of_segments.chain(of_groups).fold(0.0, f64::max)
     }
 
     /// Up to which row something is compared for this purpose.
-    pub fn end_of(&self, purpose: Option<Purpose>) -> usize {
+    pub fn end_of(&self, split: Option<Split>) -> usize {
         if let Some(log) = &self.log {
-            return if purpose.is_none_or(|purpose| log.has(purpose)) { self.time_s.len() } else { 0 };
+            return if split.is_none_or(|split| log.has(split)) { self.time_s.len() } else { 0 };
         }
-        let compared = self.stretches.iter().filter(|stretch| purpose.is_none_or(|wanted| stretch.purpose == wanted));
-        compared.map(|stretch| stretch.rows.end).max().unwrap_or(0)
+        let compared = self.segments.iter().filter(|segment| split.is_none_or(|wanted| segment.split == wanted));
+        compared.map(|segment| segment.rows.end).max().unwrap_or(0)
     }
 }
 
@@ -466,11 +469,11 @@ fn repeats(command: &[f64], time_s: &[f64], period_rows: usize) -> bool {
 }
 
 /// What the ESC was told at each row.
-fn told(record: &Record) -> Result<&[f64], IdentifyError> {
-    if record.compensated {
-        let file = || record.file.clone();
-        record.esc_command.as_deref().ok_or_else(|| IdentifyError::NoEscCommand { file: file() })
+fn applied(source: &SourceRecord) -> Result<&[f64], IdentifyError> {
+    if source.compensated {
+        let file = || source.file.clone();
+        source.esc_command.as_deref().ok_or_else(|| IdentifyError::NoEscCommand { file: file() })
     } else {
-        Ok(&record.command)
+        Ok(&source.command)
     }
 }

@@ -15,7 +15,7 @@ use crate::plant::effect::Kind;
 const BEGINNING: f64 = 0.2;
 const MOST_BEGINNINGS: usize = 4;
 
-/// Two kinds with what they promise to leave of the misfit.
+/// Two kinds with what they promise to leave of the chi-square.
 struct Pair {
     left: f64,
     start: Hypothesis,
@@ -31,10 +31,10 @@ impl Pair {
 impl Search<'_> {
     /// The two effects that explain all, of which one is among those that were `tried` beside the lags alone.
     pub fn two_at_once(&mut self, tried: &[Tried]) -> Option<(Fit, Vec<Found>)> {
-        let noise = self.trials.clone();
+        let noise = self.data.clone();
         for pair in self.pairs(tried).into_iter().take(MOST_FINISHED) {
-            self.trials.clone_from(&noise);
-            let both = fit_in(&self.trials, &pair.start, self.lags, FIRST_STEPS)
+            self.data.clone_from(&noise);
+            let both = fit_in(&self.data, &pair.start, self.lags, FIRST_STEPS)
                 .and_then(|both| self.settle(&both.hypothesis, self.lags))
                 .and_then(|both| self.with_frames(both))
                 .filter(|both| both.is_plausible() && self.explains_all(both));
@@ -57,8 +57,8 @@ impl Search<'_> {
 
     /// Pairs of kinds, the most promising first.
     fn pairs(&self, tried: &[Tried]) -> Vec<Pair> {
-        let best = tried.first().map_or(0.0, Tried::worth);
-        let beginnings = tried.iter().filter(|tried| tried.may_be_named() && tried.worth() > BEGINNING * best);
+        let best = tried.first().map_or(0.0, Tried::score);
+        let beginnings = tried.iter().filter(|tried| tried.may_be_named() && tried.score() > BEGINNING * best);
         let mut pairs: Vec<Pair> = Vec::new();
         for first in beginnings.take(MOST_BEGINNINGS) {
             // The best start of a kind comes first.
@@ -79,14 +79,14 @@ impl Search<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::diagnose::testing::{records, trials};
+    use crate::diagnose::testing::{data, records};
     use crate::plant::Catalog;
 
     /// What is found at once in records of a motor with these effects.
     fn found_at_once(effects: &str) -> (Vec<&'static str>, Option<Vec<&'static str>>) {
-        let (trials, base) = trials(&records(effects, 0.05, 1));
+        let (data, base) = data(&records(effects, 0.05, 1));
         let catalog = Catalog::standard();
-        let mut search = Search { trials, catalog: &catalog, progress: &|| {}, lags: true };
+        let mut search = Search { data, catalog: &catalog, progress: &|| {}, lags: true };
         let before = search.settle(&Hypothesis::of_lags(base), true).unwrap();
         let tried = search.tries(&before, &[]);
         let alone = tried.iter().map(|tried| tried.kind.id).collect();

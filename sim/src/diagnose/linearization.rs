@@ -4,25 +4,25 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 use num_complex::Complex64;
 use rayon::prelude::*;
 
+use super::dataset::{Dataset, Record, Split};
 use super::hypothesis::{Coordinate, Hypothesis};
-use super::residual::{by_gain, dot, late_std, residual};
-use super::trial::{Purpose, Trial, Trials};
+use super::residual::{by_gain, dot, residual, time_offset_std};
 
 /// Steps for derivatives, in coordinates.
 const SMOOTH_STEP: f64 = 1e-4;
 pub(super) const EFFECT_STEP: f64 = 2e-3;
 
 /// Derivatives at a hypothesis, for judging others next to it without a search.
-pub(super) struct Tangent {
+pub(super) struct Linearization {
     /// What is moved.
     pub coordinates: Vec<Coordinate>,
-    records: Vec<RecordTangent>,
+    records: Vec<RecordJacobian>,
     /// Products of the derivatives, summed over records: the normal equations.
     pub matrix: DMatrix<f64>,
 }
 
 /// White columns of one record with the places of their coordinates.
-struct RecordTangent {
+struct RecordJacobian {
     columns: Vec<(usize, Vec<Complex64>)>,
     /// The white residual where they were taken.
     left: Vec<Complex64>,
@@ -30,32 +30,32 @@ struct RecordTangent {
 
 /// What a search pays for values away from where the effects are not: weight and distance of each coordinate that is tied.
 /// Only on a part of the records, which may not determine all of them.
-fn ties(trials: &Trials, hypothesis: &Hypothesis, coordinates: &[Coordinate]) -> Vec<(usize, f64, f64)> {
-    if !trials.is_part {
+fn priors(data: &Dataset, hypothesis: &Hypothesis, coordinates: &[Coordinate]) -> Vec<(usize, f64, f64)> {
+    if !data.is_part {
         return Vec::new();
     }
-    let tie = |(place, coordinate): (usize, &Coordinate)| {
-        let (null, std) = hypothesis.tie(*coordinate)?;
+    let prior = |(place, coordinate): (usize, &Coordinate)| {
+        let (null, std) = hypothesis.prior(*coordinate)?;
         Some((place, std.powi(-2), hypothesis.get(*coordinate) - null))
     };
-    coordinates.iter().enumerate().filter_map(tie).collect()
+    coordinates.iter().enumerate().filter_map(prior).collect()
 }
 
 /// Columns of the derivatives of what `white` makes of one record, `at` with `hypothesis`, with the places of their coordinates.
 /// That by the gain without a difference, where `by_gain` knows it.
 pub(super) fn columns(
-    trial: &Trial,
+    record: &Record,
     hypothesis: &Hypothesis,
     (coordinates, effect_step): (&[Coordinate], f64),
     (at, by_gain): (&[Complex64], impl Fn() -> Option<Vec<Complex64>>),
     white: impl Fn(&Hypothesis) -> Option<Vec<Complex64>>,
 ) -> Option<Vec<(usize, Vec<Complex64>)>> {
     let concerns = |coordinate: &Coordinate| match coordinate {
-        Coordinate::Gain(point) | Coordinate::TimeConstant(point) => *point == trial.point,
-        Coordinate::Late | Coordinate::Effect { .. } => true,
+        Coordinate::Gain(point) | Coordinate::TimeConstant(point) => *point == record.point,
+        Coordinate::TimeOffset | Coordinate::Effect { .. } => true,
     };
     // Only differences count.
-    let in_rows = hypothesis.in_rows(trial).and_then(|in_rows| white(&in_rows).map(|white| (in_rows, white)));
+    let in_rows = hypothesis.in_rows(record).and_then(|in_rows| white(&in_rows).map(|white| (in_rows, white)));
     let (hypothesis, near) = in_rows.as_ref().map_or((hypothesis, at), |(in_rows, white)| (in_rows, &white[..]));
     let mut all = Vec::new();
     for (place, &coordinate) in coordinates.iter().enumerate().filter(|(_, coordinate)| concerns(coordinate)) {
@@ -67,7 +67,7 @@ pub(super) fn columns(
         }
         let step = match coordinate {
             Coordinate::Effect { .. } => effect_step,
-            Coordinate::Late => SMOOTH_STEP * hypothesis.base[trial.point].time_constant_s,
+            Coordinate::TimeOffset => SMOOTH_STEP * hypothesis.base[record.point].time_constant_s,
             _ => SMOOTH_STEP,
         };
         let mut moved = hypothesis.clone();
@@ -97,31 +97,31 @@ pub(super) fn damped_step(matrix: &DMatrix<f64>, gradient: &DVector<f64>, dampin
     Some(-Cholesky::new(damped)?.solve(gradient))
 }
 
-impl Tangent {
+impl Linearization {
     /// By these coordinates. `None` where they are not defined.
-    pub fn at(trials: &Trials, hypothesis: &Hypothesis, coordinates: Vec<Coordinate>) -> Option<Self> {
-        Self::with_step(trials, hypothesis, coordinates, EFFECT_STEP)
+    pub fn at(data: &Dataset, hypothesis: &Hypothesis, coordinates: Vec<Coordinate>) -> Option<Self> {
+        Self::with_step(data, hypothesis, coordinates, EFFECT_STEP)
     }
 
     /// With another step for the values of effects, in coordinates.
     pub fn with_step(
-        trials: &Trials,
+        data: &Dataset,
         hypothesis: &Hypothesis,
         coordinates: Vec<Coordinate>,
         effect_step: f64,
     ) -> Option<Self> {
-        let records: Option<Vec<RecordTangent>> = trials
-            .trials
+        let records: Option<Vec<RecordJacobian>> = data
+            .records
             .par_iter()
-            .map(|trial| {
-                if trial.end_of(Some(Purpose::Fit)) == 0 {
-                    return Some(RecordTangent { columns: Vec::new(), left: Vec::new() });
+            .map(|record| {
+                if record.end_of(Some(Split::Train)) == 0 {
+                    return Some(RecordJacobian { columns: Vec::new(), left: Vec::new() });
                 }
-                let white = |hypothesis: &Hypothesis| residual(trials, trial, hypothesis, Purpose::Fit);
+                let white = |hypothesis: &Hypothesis| residual(data, record, hypothesis, Split::Train);
                 let left = white(hypothesis)?;
-                let by_gain = || by_gain(trials, trial, hypothesis, Purpose::Fit, &left);
-                let columns = columns(trial, hypothesis, (&coordinates, effect_step), (&left, by_gain), white)?;
-                Some(RecordTangent { columns, left })
+                let by_gain = || by_gain(data, record, hypothesis, Split::Train, &left);
+                let columns = columns(record, hypothesis, (&coordinates, effect_step), (&left, by_gain), white)?;
+                Some(RecordJacobian { columns, left })
             })
             .collect();
         let records = records?;
@@ -133,55 +133,55 @@ impl Tangent {
                 }
             }
         }
-        if let Some(late) = coordinates.iter().position(|coordinate| *coordinate == Coordinate::Late) {
-            matrix[(late, late)] += late_std(trials).powi(-2);
+        if let Some(late) = coordinates.iter().position(|coordinate| *coordinate == Coordinate::TimeOffset) {
+            matrix[(late, late)] += time_offset_std(data).powi(-2);
         }
-        for (place, weight, _) in ties(trials, hypothesis, &coordinates) {
+        for (place, weight, _) in priors(data, hypothesis, &coordinates) {
             matrix[(place, place)] += weight;
         }
         Some(Self { coordinates, records, matrix })
     }
 
-    /// The white residual of each record where the tangent was taken; empty of what is not fitted.
+    /// The white residual of each record where the linearization was taken; empty of what is not fitted.
     pub fn left(&self) -> Vec<&[Complex64]> {
         self.records.iter().map(|record| &record.left[..]).collect()
     }
 
-    /// Sum of squares where the tangent was taken, which is at `hypothesis`, and half its derivatives.
-    pub fn slope_here(&self, trials: &Trials, hypothesis: &Hypothesis) -> Option<(f64, DVector<f64>)> {
-        self.slope_of(trials, hypothesis, |place, _| Some(self.records[place].left.clone()))
+    /// Sum of squares where the linearization was taken, which is at `hypothesis`, and half its derivatives.
+    pub fn slope_here(&self, data: &Dataset, hypothesis: &Hypothesis) -> Option<(f64, DVector<f64>)> {
+        self.slope_of(data, hypothesis, |place, _| Some(self.records[place].left.clone()))
     }
 
-    /// Sum of squares at `hypothesis`, and half its derivatives by the columns of the tangent.
-    pub fn slope(&self, trials: &Trials, hypothesis: &Hypothesis) -> Option<(f64, DVector<f64>)> {
-        self.slope_of(trials, hypothesis, |_, trial| residual(trials, trial, hypothesis, Purpose::Fit))
+    /// Sum of squares at `hypothesis`, and half its derivatives by the columns of the linearization.
+    pub fn slope(&self, data: &Dataset, hypothesis: &Hypothesis) -> Option<(f64, DVector<f64>)> {
+        self.slope_of(data, hypothesis, |_, record| residual(data, record, hypothesis, Split::Train))
     }
 
     /// The same of white residuals by the place of their record.
     pub fn slope_of(
         &self,
-        trials: &Trials,
+        data: &Dataset,
         hypothesis: &Hypothesis,
-        white: impl Fn(usize, &Trial) -> Option<Vec<Complex64>> + Sync,
+        white: impl Fn(usize, &Record) -> Option<Vec<Complex64>> + Sync,
     ) -> Option<(f64, DVector<f64>)> {
-        let parts: Option<Vec<_>> = trials
-            .trials
+        let parts: Option<Vec<_>> = data
+            .records
             .par_iter()
             .zip(&self.records)
             .enumerate()
-            .filter(|(_, (trial, _))| trial.end_of(Some(Purpose::Fit)) > 0)
-            .map(|(place, (trial, record))| {
-                let at = white(place, trial)?;
-                let slopes: Vec<(usize, f64)> = record.columns.iter().map(|(i, a)| (*i, dot(a, &at))).collect();
+            .filter(|(_, (record, _))| record.end_of(Some(Split::Train)) > 0)
+            .map(|(place, (record, jacobian))| {
+                let at = white(place, record)?;
+                let slopes: Vec<(usize, f64)> = jacobian.columns.iter().map(|(i, a)| (*i, dot(a, &at))).collect();
                 Some((dot(&at, &at), slopes))
             })
             .collect();
         let mut gradient = DVector::zeros(self.coordinates.len());
-        let mut sum = (hypothesis.late_s / late_std(trials)).powi(2);
-        if let Some(late) = self.coordinates.iter().position(|coordinate| *coordinate == Coordinate::Late) {
-            gradient[late] = hypothesis.late_s * late_std(trials).powi(-2);
+        let mut sum = (hypothesis.time_offset_s / time_offset_std(data)).powi(2);
+        if let Some(late) = self.coordinates.iter().position(|coordinate| *coordinate == Coordinate::TimeOffset) {
+            gradient[late] = hypothesis.time_offset_s * time_offset_std(data).powi(-2);
         }
-        for (place, weight, away) in ties(trials, hypothesis, &self.coordinates) {
+        for (place, weight, away) in priors(data, hypothesis, &self.coordinates) {
             sum += weight * away * away;
             gradient[place] += weight * away;
         }
@@ -200,16 +200,16 @@ impl Tangent {
         moved
     }
 
-    /// The sum of squares that `hypothesis` would leave after a fit of all that the tangent knows, to first order, and the
+    /// The sum of squares that `hypothesis` would leave after a fit of all that the linearization knows, to first order, and the
     /// hypothesis moved there.
-    pub fn judge(&self, trials: &Trials, hypothesis: &Hypothesis) -> Option<(f64, Hypothesis)> {
-        self.follow(hypothesis, self.slope(trials, hypothesis)?)
+    pub fn judge(&self, data: &Dataset, hypothesis: &Hypothesis) -> Option<(f64, Hypothesis)> {
+        self.follow(hypothesis, self.slope(data, hypothesis)?)
     }
 
     pub fn follow(&self, hypothesis: &Hypothesis, (sum, gradient): (f64, DVector<f64>)) -> Option<(f64, Hypothesis)> {
         let step = damped_step(&self.matrix, &gradient, 1e-9)?;
         let left = sum + gradient.dot(&step);
-        // The tangent holds nearby only.
+        // The linearization holds nearby only.
         Some((left, self.moved(hypothesis, &step.map(|step| step.clamp(-0.5, 0.5)))))
     }
 }
@@ -219,26 +219,26 @@ mod tests {
     use super::*;
     use crate::diagnose::candidate::Candidate;
     use crate::diagnose::explain::Search;
-    use crate::diagnose::testing::{records_told, trials};
+    use crate::diagnose::testing::{data, records_with_command_rate};
     use crate::plant::Catalog;
 
     #[test]
     fn derivatives_that_are_taken_the_short_way_are_the_differences() {
-        let (trials, base) = trials(&records_told("", (0.05, 1), (2000, 400)));
+        let (data, base) = data(&records_with_command_rate("", (0.05, 1), (2000, 400)));
         let catalog = Catalog::standard();
-        let mut search = Search { trials, catalog: &catalog, progress: &|| {}, lags: true };
+        let mut search = Search { data, catalog: &catalog, progress: &|| {}, lags: true };
         let lags = search.settle(&Hypothesis::of_lags(base), true).unwrap().hypothesis;
-        let trials = &search.trials;
-        assert_eq!(trials.trials[0].told_per_row, 5);
+        let data = &search.data;
+        assert_eq!(data.records[0].commands_per_row, 5);
         let kinds = catalog.kinds().filter(|kind| kind.id != "parameter_error");
         let mut in_rows = 0;
         for kind in kinds {
             let with = lags.with(Candidate::starts(kind, false)[0].clone());
-            in_rows += usize::from(with.in_rows(&trials.trials[0]).is_some());
+            in_rows += usize::from(with.in_rows(&data.records[0]).is_some());
             let coordinates = with.coordinates(true);
-            let tangent = Tangent::at(trials, &with, coordinates.clone()).unwrap();
-            for (trial, record) in trials.trials.iter().zip(&tangent.records) {
-                for (place, column) in &record.columns {
+            let linearization = Linearization::at(data, &with, coordinates.clone()).unwrap();
+            for (record, jacobian) in data.records.iter().zip(&linearization.records) {
+                for (place, column) in &jacobian.columns {
                     let coordinate = coordinates[*place];
                     let step = match coordinate {
                         Coordinate::Effect { .. } => EFFECT_STEP,
@@ -247,7 +247,7 @@ mod tests {
                     let at = |off: f64| {
                         let mut moved = with.clone();
                         moved.set(coordinate, with.get(coordinate) + off);
-                        (moved.get(coordinate), residual(trials, trial, &moved, Purpose::Fit).unwrap())
+                        (moved.get(coordinate), residual(data, record, &moved, Split::Train).unwrap())
                     };
                     let ((from, before), (to, after)) = (at(0.0), at(step));
                     if to == from {
@@ -261,7 +261,12 @@ mod tests {
                     // more of that; a gain enters exactly where nothing drifts. Where all is clipped there is but rounding.
                     let is_exact = matches!(coordinate, Coordinate::Gain(_)) && !with.drifts();
                     let limit = if is_exact { 1e-3 } else { 0.05 };
-                    assert!(off < limit * whole + 0.05, "{} {coordinate:?} of {}: {off}, {whole}", kind.id, trial.file);
+                    assert!(
+                        off < limit * whole + 0.05,
+                        "{} {coordinate:?} of {}: {off}, {whole}",
+                        kind.id,
+                        record.file
+                    );
                 }
             }
         }

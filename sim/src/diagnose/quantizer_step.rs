@@ -11,10 +11,10 @@ use num_complex::Complex64;
 use rayon::prelude::*;
 use rustfft::FftPlanner;
 
-use super::backward::{Backward, told};
+use super::adjoint::{Adjoint, applied};
 use super::candidate::Candidate;
+use super::dataset::Dataset;
 use super::fit::Fit;
-use super::trial::Trials;
 use crate::plant::effect::{Kind, Parameter};
 
 /// Commands that are told apart, of the range 0..1 and as much again below and above: a tenth of the finest step.
@@ -28,14 +28,14 @@ const FEWEST_CHANGES: usize = 100;
 const STEPS: usize = 10;
 
 /// Whether a kind is a grid.
-pub(super) fn is_grid(kind: &Kind) -> bool {
+pub(super) fn is_quantizer(kind: &Kind) -> bool {
     kind.id == "command_quantization"
 }
 
 /// The grid near `candidate` of which a whole number of steps makes the range of the command, as of any counter. `None` for other
 /// kinds.
 pub(super) fn whole(candidate: &Candidate) -> Option<Candidate> {
-    let (place, _) = Candidate::searched(candidate.kind).next().filter(|_| is_grid(candidate.kind))?;
+    let (place, _) = Candidate::searched(candidate.kind).next().filter(|_| is_quantizer(candidate.kind))?;
     let mut whole = candidate.clone();
     whole.values[place] = candidate.values[place].recip().round().recip();
     (candidate.kind.check)(&whole.values).is_ok().then_some(whole)
@@ -48,26 +48,26 @@ pub(super) fn lines(parameter: &Parameter) -> Range<usize> {
 }
 
 /// Steps that the residual of `fit` speaks of, the loudest first.
-pub(super) fn steps(trials: &Trials, fit: &Fit, kind: &'static Kind) -> Vec<Candidate> {
+pub(super) fn steps(data: &Dataset, fit: &Fit, kind: &'static Kind) -> Vec<Candidate> {
     let Some((place, parameter)) = Candidate::searched(kind).next() else { return Vec::new() };
-    let gathered: Vec<(Vec<f64>, f64)> = trials
-        .trials
+    let gathered: Vec<(Vec<f64>, f64)> = data
+        .records
         .par_iter()
-        .filter_map(|trial| {
-            let backward = Backward::of(trials, trial, &fit.hypothesis, 0.0).filter(Backward::is_fitted)?;
-            let told = told(trial, backward.stretch).1;
+        .filter_map(|record| {
+            let adjoint = Adjoint::of(data, record, &fit.hypothesis, 0.0).filter(Adjoint::is_fitted)?;
+            let applied = applied(record, adjoint.segment).1;
             // The few levels of a square wave suit every other grid.
-            if told.windows(2).filter(|pair| pair[0] != pair[1]).count() < FEWEST_CHANGES {
+            if applied.windows(2).filter(|pair| pair[0] != pair[1]).count() < FEWEST_CHANGES {
                 return None;
             }
             let mut bins = vec![0.0; BINS];
-            for (told, g) in told.iter().zip(&backward.g) {
-                let bin = ((told - FROM) / WIDTH * BINS as f64) as usize;
+            for (applied, g) in applied.iter().zip(&adjoint.g) {
+                let bin = ((applied - FROM) / WIDTH * BINS as f64) as usize;
                 // An impulse of a row's length.
-                bins[bin.min(BINS - 1)] += g / trial.rate_hz;
+                bins[bin.min(BINS - 1)] += g / record.rate_hz;
             }
             // Of a sinusoid in time whose power is spread evenly over the lines.
-            let power = 0.5 * backward.lags[0] / trial.rate_hz.powi(2) * backward.g.len() as f64;
+            let power = 0.5 * adjoint.lags[0] / record.rate_hz.powi(2) * adjoint.g.len() as f64;
             Some((bins, power))
         })
         .collect();

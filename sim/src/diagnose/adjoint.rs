@@ -9,45 +9,45 @@ use std::f64::consts::TAU;
 use num_complex::Complex64;
 use rustfft::FftPlanner;
 
+use super::dataset::{Dataset, Record, Segment, Split};
 use super::hypothesis::Hypothesis;
 use super::residual::residual;
-use super::trial::{Purpose, Stretch, Trial, Trials};
 
 /// The residual of one record, run backward.
-pub(super) struct Backward<'a> {
-    /// The stretch that it is of: what is fitted, or else what is held out.
-    pub stretch: &'a Stretch,
-    /// `g`, by row of the stretch, for a signal that is an impulse at each row: of unit area times its number, command times
+pub(super) struct Adjoint<'a> {
+    /// The segment that it is of: what is fitted, or else what is held out.
+    pub segment: &'a Segment,
+    /// `g`, by row of the segment, for a signal that is an impulse at each row: of unit area times its number, command times
     /// seconds.
     pub g: Vec<f64>,
     /// Inner products of the white responses to two such impulses, by the rows between them.
     pub lags: Vec<f64>,
 }
 
-impl<'a> Backward<'a> {
+impl<'a> Adjoint<'a> {
     /// Through the lag of the record behind a delay, of what is fitted or else of what is held out.
-    pub fn of(trials: &Trials, trial: &'a Trial, hypothesis: &Hypothesis, delay_s: f64) -> Option<Self> {
-        Self::of_purpose(trials, trial, hypothesis, delay_s, trial.stretches.first()?.purpose)
+    pub fn of(data: &Dataset, record: &'a Record, hypothesis: &Hypothesis, delay_s: f64) -> Option<Self> {
+        Self::of_split(data, record, hypothesis, delay_s, record.segments.first()?.split)
     }
 
     /// The same of what is for a purpose. `None` where nothing is.
-    pub fn of_purpose(
-        trials: &Trials,
-        trial: &'a Trial,
+    pub fn of_split(
+        data: &Dataset,
+        record: &'a Record,
         hypothesis: &Hypothesis,
         delay_s: f64,
-        purpose: Purpose,
+        split: Split,
     ) -> Option<Self> {
-        let stretch = trial.stretches.iter().find(|stretch| stretch.purpose == purpose)?;
-        let white = residual(trials, trial, hypothesis, purpose)?;
-        let rows = stretch.rows.len();
-        let lag = &hypothesis.base[trial.point];
-        let weights = stretch.whitening.weights();
+        let segment = record.segments.iter().find(|segment| segment.split == split)?;
+        let white = residual(data, record, hypothesis, split)?;
+        let rows = segment.rows.len();
+        let lag = &hypothesis.base[record.point];
+        let weights = segment.whitening.weights();
         // The rate of rows turns an impulse of unit area into its samples.
         let filter = |line: usize| {
-            let omega = TAU * line as f64 * trial.rate_hz / rows as f64;
+            let omega = TAU * line as f64 * record.rate_hz / rows as f64;
             let response = Complex64::cis(-omega * delay_s) / Complex64::new(1.0, omega * lag.time_constant_s);
-            response * (lag.gain * weights[line] * trial.rate_hz)
+            response * (lag.gain * weights[line] * record.rate_hz)
         };
         let mut g = vec![Complex64::ZERO; rows];
         let mut lags = vec![Complex64::ZERO; rows];
@@ -64,19 +64,19 @@ impl<'a> Backward<'a> {
         inverse.process(&mut g);
         inverse.process(&mut lags);
         let real = |all: Vec<Complex64>| all.into_iter().map(|value| value.re).collect();
-        Some(Self { stretch, g: real(g), lags: real(lags) })
+        Some(Self { segment, g: real(g), lags: real(lags) })
     }
 
     /// Whether it is of what is fitted.
     pub fn is_fitted(&self) -> bool {
-        self.stretch.purpose == Purpose::Fit
+        self.segment.split == Split::Train
     }
 }
 
-/// The command told at each row of a stretch, and before the first.
-pub(super) fn told(trial: &Trial, stretch: &Stretch) -> (f64, Vec<f64>) {
-    let at = |row: usize| trial.told[row * trial.told_per_row];
-    let first = stretch.rows.start;
-    let before = if first > 0 { at(first - 1) } else { trial.nominal };
-    (before, stretch.rows.clone().map(at).collect())
+/// The command told at each row of a segment, and before the first.
+pub(super) fn applied(record: &Record, segment: &Segment) -> (f64, Vec<f64>) {
+    let at = |row: usize| record.command[row * record.commands_per_row];
+    let first = segment.rows.start;
+    let before = if first > 0 { at(first - 1) } else { record.nominal };
+    (before, segment.rows.clone().map(at).collect())
 }

@@ -4,22 +4,22 @@ use num_complex::Complex64;
 use rayon::prelude::*;
 
 use super::candidate::Candidate;
+use super::dataset::{Dataset, Record, Split};
 use super::fit::Fit;
 use super::hypothesis::Hypothesis;
+use super::linearization::Linearization;
 use super::residual::residual;
-use super::tangent::Tangent;
-use super::trial::{Purpose, Trial, Trials};
 use crate::plant::effect::Site;
 
 /// Judges candidates beside a fit by what they would change.
 ///
 /// Where the fit has effects that make the rotor one that is integrated, or the periods differ, a candidate's change is taken from
-/// the chain without these and added to what the fit leaves: right to first order, which is all that the tangent is, and as quick as
+/// the chain without these and added to what the fit leaves: right to first order, which is all that the linearization is, and as quick as
 /// beside no effect. Where commands are told between the rows and nothing acts on single ones, the change is taken from a straight
 /// line from row to row, for the same reason.
-pub(super) struct Screening<'a> {
+pub(super) struct ScoreTest<'a> {
     from: &'a Fit,
-    tangent: Tangent,
+    linearization: Linearization,
     own: Chain,
     /// In rows; `None` where `own` is as quick.
     in_rows: Option<Chain>,
@@ -39,53 +39,56 @@ fn is_slow(candidate: &Candidate) -> bool {
 
 impl Chain {
     /// That of `quick`, where `left` is what the fit leaves of each record.
-    fn new(trials: &Trials, quick: Hypothesis, left: &[&[Complex64]]) -> Option<Self> {
-        let of_record = |(trial, left): (&Trial, &&[Complex64])| {
+    fn new(data: &Dataset, quick: Hypothesis, left: &[&[Complex64]]) -> Option<Self> {
+        let of_record = |(record, left): (&Record, &&[Complex64])| {
             if left.is_empty() {
                 return Some(Vec::new());
             }
-            let mut offset = residual(trials, trial, &quick, Purpose::Fit)?;
+            let mut offset = residual(data, record, &quick, Split::Train)?;
             offset.iter_mut().zip(*left).for_each(|(offset, left)| *offset = left - *offset);
             Some(offset)
         };
-        let offsets: Option<Vec<_>> = trials.trials.par_iter().zip(left).map(of_record).collect();
+        let offsets: Option<Vec<_>> = data.records.par_iter().zip(left).map(of_record).collect();
         Some(Self { offsets: offsets?, quick })
     }
 }
 
-impl<'a> Screening<'a> {
+impl<'a> ScoreTest<'a> {
     /// Beside `from`. `None` where its derivatives are not defined.
-    pub fn new(trials: &Trials, from: &'a Fit) -> Option<Self> {
-        let tangent = from.tangent(trials)?;
+    pub fn new(data: &Dataset, from: &'a Fit) -> Option<Self> {
+        let linearization = from.linearization(data)?;
         let mut quick = from.hypothesis.clone();
         quick.effects.retain(|candidate| !is_slow(candidate));
-        let in_rows = match trials.trials.iter().find_map(|trial| quick.in_rows(trial)) {
-            Some(in_rows) => Some(Chain::new(trials, in_rows, &tangent.left())?),
+        let in_rows = match data.records.iter().find_map(|record| quick.in_rows(record)) {
+            Some(in_rows) => Some(Chain::new(data, in_rows, &linearization.left())?),
             None => None,
         };
         let is_shorter = quick.effects.len() < from.hypothesis.effects.len();
-        let own =
-            if is_shorter { Chain::new(trials, quick, &tangent.left())? } else { Chain { quick, offsets: Vec::new() } };
-        Some(Self { from, tangent, own, in_rows })
+        let own = if is_shorter {
+            Chain::new(data, quick, &linearization.left())?
+        } else {
+            Chain { quick, offsets: Vec::new() }
+        };
+        Some(Self { from, linearization, own, in_rows })
     }
 
     /// The sum of squares that is left with one more effect, and all of it moved there. With the misalignment of the fit, or
     /// without any.
-    pub fn judge(&self, trials: &Trials, candidate: &Candidate, aligned: bool) -> Option<(f64, Hypothesis)> {
+    pub fn judge(&self, data: &Dataset, candidate: &Candidate, aligned: bool) -> Option<(f64, Hypothesis)> {
         let chain = self.in_rows.as_ref().filter(|_| candidate.is_even()).unwrap_or(&self.own);
         let mut with = self.from.hypothesis.with(candidate.clone());
         let mut quick = chain.quick.with(candidate.clone());
         if aligned {
-            (with.late_s, quick.late_s) = (0.0, 0.0);
+            (with.time_offset_s, quick.time_offset_s) = (0.0, 0.0);
         }
-        let slope = self.tangent.slope_of(trials, &with, |place, trial| {
-            let mut left = residual(trials, trial, &quick, Purpose::Fit)?;
+        let slope = self.linearization.slope_of(data, &with, |place, record| {
+            let mut left = residual(data, record, &quick, Split::Train)?;
             if let Some(offset) = chain.offsets.get(place) {
                 left.iter_mut().zip(offset).for_each(|(left, offset)| *left += offset);
             }
             Some(left)
         })?;
-        self.tangent.follow(&with, slope)
+        self.linearization.follow(&with, slope)
     }
 }
 
@@ -93,26 +96,31 @@ impl<'a> Screening<'a> {
 mod tests {
     use super::*;
     use crate::diagnose::explain::Search;
-    use crate::diagnose::testing::{records_told, trials};
+    use crate::diagnose::testing::{data, records_with_command_rate};
     use crate::plant::Catalog;
 
     #[test]
     fn what_is_judged_in_rows_is_what_all_commands_say() {
         let pole = "[[effect]]\nkind = \"second_pole\"\nparameters = { time_constant_s = 0.012 }\n";
-        let (trials, base) = trials(&records_told(pole, (0.05, 1), (2000, 400)));
+        let (data, base) = data(&records_with_command_rate(pole, (0.05, 1), (2000, 400)));
         let catalog = Catalog::standard();
-        let mut search = Search { trials, catalog: &catalog, progress: &|| {}, lags: true };
+        let mut search = Search { data, catalog: &catalog, progress: &|| {}, lags: true };
         let from = search.settle(&Hypothesis::of_lags(base), true).unwrap();
-        let trials = &search.trials;
-        let screening = Screening::new(trials, &from).unwrap();
-        assert!(screening.in_rows.is_some());
+        let data = &search.data;
+        let score_test = ScoreTest::new(data, &from).unwrap();
+        assert!(score_test.in_rows.is_some());
         let mut judged = 0;
         for kind in catalog.kinds().filter(|kind| kind.id != "parameter_error") {
             let start = Candidate::starts(kind, false)[0].clone();
-            let (left, _) = screening.judge(trials, &start, false).unwrap();
-            let (exact, _) = screening.tangent.judge(trials, &from.hypothesis.with(start.clone())).unwrap();
-            let changed = (from.misfit - exact).abs();
-            assert!((left - exact).abs() < 0.03 * changed + 0.5, "{}: {left} for {exact} of {}", kind.id, from.misfit);
+            let (left, _) = score_test.judge(data, &start, false).unwrap();
+            let (exact, _) = score_test.linearization.judge(data, &from.hypothesis.with(start.clone())).unwrap();
+            let changed = (from.chi_square - exact).abs();
+            assert!(
+                (left - exact).abs() < 0.03 * changed + 0.5,
+                "{}: {left} for {exact} of {}",
+                kind.id,
+                from.chi_square
+            );
             judged += usize::from(start.is_even());
         }
         assert!(judged > 8, "{judged} in rows");

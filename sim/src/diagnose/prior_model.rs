@@ -1,14 +1,14 @@
 //! Numbers of a given model: kept where nothing is better, called wrong where others are.
 
+use super::dataset::{Dataset, Split};
 use super::explain::{Explanation, Search};
 use super::fit::{Fit, fit};
 use super::hypothesis::{BasePoint, Coordinate, Hypothesis};
-use super::residual::misfit;
-use super::trial::{Purpose, Trials};
+use super::residual::chi_square;
 use crate::identify::Estimate;
 
 /// Wrong numbers of a given model count as an effect from this gain of log likelihood on, over one per number.
-const LEAST_WORTH_OF_NUMBERS: f64 = 10.0;
+const LEAST_SCORE_OF_NUMBERS: f64 = 10.0;
 /// A lag is another one than the given where its squared distance in standard errors is more than this: for two numbers noise
 /// alone exceeds it once in 100 times.
 const IMPROVED: f64 = 9.2;
@@ -16,7 +16,7 @@ const IMPROVED: f64 = 9.2;
 const LEAST_ERROR_BESIDE: f64 = 0.08;
 
 /// That the numbers of a given model are wrong.
-pub(super) struct WrongNumbers {
+pub(super) struct ParameterMismatch {
     /// By how much the log likelihood grows with others, less one for each.
     pub evidence: f64,
     /// Mean relative errors of gain and time constant.
@@ -33,12 +33,12 @@ pub(super) struct WrongNumbers {
 /// lags cannot be simulated.
 pub(super) fn compared(
     search: &mut Search,
-    untouched: Trials,
+    untouched: Dataset,
     base: &[BasePoint],
     mut explanation: Explanation,
-) -> Option<(Explanation, Option<WrongNumbers>)> {
+) -> Option<(Explanation, Option<ParameterMismatch>)> {
     let given = Hypothesis { base: base.to_vec(), ..explanation.after.hypothesis.clone() };
-    let with_effects = fit(&search.trials, &given, false)?;
+    let with_effects = fit(&search.data, &given, false)?;
     let mut wrong = wrong_numbers(base, &with_effects, &explanation.after);
     let of_lags = Hypothesis::of_lags(base.to_vec());
     if wrong.is_some()
@@ -49,37 +49,37 @@ pub(super) fn compared(
     } else if explanation.found.is_empty() && wrong.is_none() {
         explanation.after = with_effects;
     } else if wrong.is_none() {
-        explanation.after = keep_given(&search.trials, base, explanation.after)?;
+        explanation.after = keep_given(&search.data, base, explanation.after)?;
     }
-    explanation.before = fit(&search.trials, &of_lags, false)?;
+    explanation.before = fit(&search.data, &of_lags, false)?;
     Some((explanation, wrong))
 }
 
 /// Effects beside the `given` lags, where these do better than the `refitted` on what is held out, and the effects make them do better
 /// on all there is. `None` where they do not, and for records that do not repeat, whose levels are free; the search then stands as
 /// it was.
-fn beside_given(search: &mut Search, untouched: Trials, given: &Fit, refitted: &Fit) -> Option<Explanation> {
-    let half_of = |trials: &Trials, hypothesis: &Hypothesis, purpose| Some(0.5 * misfit(trials, hypothesis, purpose)?);
-    let held_out = |fit: &Fit| half_of(&search.trials, &fit.hypothesis, Purpose::HeldOut);
-    if search.trials.has_logs() || held_out(refitted)? - held_out(given)? < LEAST_WORTH_OF_NUMBERS {
+fn beside_given(search: &mut Search, untouched: Dataset, given: &Fit, refitted: &Fit) -> Option<Explanation> {
+    let half_of = |data: &Dataset, hypothesis: &Hypothesis, split| Some(0.5 * chi_square(data, hypothesis, split)?);
+    let held_out = |fit: &Fit| half_of(&search.data, &fit.hypothesis, Split::Holdout);
+    if search.data.has_logs() || held_out(refitted)? - held_out(given)? < LEAST_SCORE_OF_NUMBERS {
         return None;
     }
-    let mut beside = Search { trials: untouched, catalog: search.catalog, progress: search.progress, lags: false };
+    let mut beside = Search { data: untouched, catalog: search.catalog, progress: search.progress, lags: false };
     let other = beside.explain(&given.hypothesis).filter(|other| !other.found.is_empty())?;
     let all = |hypothesis: &Hypothesis| {
-        let parts = [Purpose::Fit, Purpose::HeldOut].map(|purpose| half_of(&beside.trials, hypothesis, purpose));
+        let parts = [Split::Train, Split::Holdout].map(|split| half_of(&beside.data, hypothesis, split));
         Some(parts[0]? + parts[1]?)
     };
-    let is_better = all(&refitted.hypothesis)? - all(&other.after.hypothesis)? >= LEAST_WORTH_OF_NUMBERS;
+    let is_better = all(&refitted.hypothesis)? - all(&other.after.hypothesis)? >= LEAST_SCORE_OF_NUMBERS;
     is_better.then(|| {
-        search.trials = beside.trials;
+        search.data = beside.data;
         other
     })
 }
 
 /// `refitted` with the given lag wherever the records do not improve on it: a lag fitted to few of them would be worse on the
 /// others. How well it is known is another matter, and stays as it is.
-fn keep_given(trials: &Trials, given: &[BasePoint], refitted: Fit) -> Option<Fit> {
+fn keep_given(data: &Dataset, given: &[BasePoint], refitted: Fit) -> Option<Fit> {
     let mut kept = refitted.hypothesis.clone();
     for (point, (found, given)) in kept.base.iter_mut().zip(given).enumerate() {
         let off = [(found.gain / given.gain).ln(), (found.time_constant_s / given.time_constant_s).ln()];
@@ -88,14 +88,14 @@ fn keep_given(trials: &Trials, given: &[BasePoint], refitted: Fit) -> Option<Fit
             *found = *given;
         }
     }
-    let hypothesis = fit(trials, &kept, false)?.hypothesis;
+    let hypothesis = fit(data, &kept, false)?.hypothesis;
     Some(Fit { hypothesis, ..refitted })
 }
 
 /// Whether a given model's numbers are wrong. `given` has the model's lags, `refitted` the best ones, both with the
 /// effects that were found.
-fn wrong_numbers(base: &[BasePoint], given: &Fit, refitted: &Fit) -> Option<WrongNumbers> {
-    let worth = 0.5 * (given.misfit - refitted.misfit) - (2 * base.len()) as f64;
+fn wrong_numbers(base: &[BasePoint], given: &Fit, refitted: &Fit) -> Option<ParameterMismatch> {
+    let score = 0.5 * (given.chi_square - refitted.chi_square) - (2 * base.len()) as f64;
     let ratio = |number: fn(&BasePoint) -> f64, coordinate: fn(usize) -> Coordinate| {
         let of_points = base.iter().zip(&refitted.hypothesis.base).enumerate().map(|(point, (given, found))| {
             let std = refitted.std(coordinate(point)).unwrap_or(f64::INFINITY);
@@ -111,9 +111,9 @@ fn wrong_numbers(base: &[BasePoint], given: &Fit, refitted: &Fit) -> Option<Wron
     // What is not known cannot be wrong.
     let error = |estimate: &Estimate| if estimate.excludes(0.0) { estimate.value.abs() } else { 0.0 };
     let largest = error(&gain).max(error(&time_constant));
-    let is_wrong = worth > LEAST_WORTH_OF_NUMBERS && largest > if beside { LEAST_ERROR_BESIDE } else { 0.0 };
-    is_wrong.then(|| WrongNumbers {
-        evidence: worth,
+    let is_wrong = score > LEAST_SCORE_OF_NUMBERS && largest > if beside { LEAST_ERROR_BESIDE } else { 0.0 };
+    is_wrong.then(|| ParameterMismatch {
+        evidence: score,
         parameters: [gain, time_constant],
         given: given.hypothesis.clone(),
     })

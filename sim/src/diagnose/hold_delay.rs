@@ -14,11 +14,11 @@
 
 use rayon::prelude::*;
 
-use super::backward::Backward;
+use super::adjoint::Adjoint;
 use super::candidate::Candidate;
-use super::edges::{Edge, changes, lone_edges};
+use super::dataset::{Dataset, Record, Split};
 use super::hypothesis::Hypothesis;
-use super::trial::{Purpose, Trial, Trials};
+use super::isolated_steps::{IsolatedStep, changes, isolated_steps};
 
 /// Waits of which the mean is taken, over so many standard errors to either side of the likeliest.
 const WAITS: usize = 400;
@@ -26,19 +26,19 @@ const ERRORS: f64 = 8.0;
 
 /// By how much the log likelihood of what is for `purpose` grows where each change waits for a frame of its own. 0 without frames,
 /// and where it is known where they lie.
-pub(super) fn evidence(trials: &Trials, hypothesis: &Hypothesis, purpose: Purpose) -> f64 {
+pub(super) fn evidence(data: &Dataset, hypothesis: &Hypothesis, split: Split) -> f64 {
     let frames = hypothesis.effects.iter().find(|effect| effect.is_hidden_hold());
     let Some(frame_s) = frames.and_then(frame_s) else { return 0.0 };
-    of_edges(trials, hypothesis, purpose, frame_s, |edge| mean_over_waits(edge.product, edge.power, frame_s))
+    of_edges(data, hypothesis, split, frame_s, |edge| mean_over_waits(edge.product, edge.power, frame_s))
 }
 
 /// Standard error of the logarithm of the rate of frames that do not show, where `std` is that of the curvature: what few changes say
 /// of the mean wait scatters by their own waits, of the variance `T^2 / 12`, beside the noise.
-pub(super) fn with_scatter(trials: &Trials, hypothesis: &Hypothesis, frames: &Candidate, std: f64) -> f64 {
+pub(super) fn with_scatter(data: &Dataset, hypothesis: &Hypothesis, frames: &Candidate, std: f64) -> f64 {
     let Some(frame_s) = frame_s(frames).filter(|_| frames.is_hidden_hold()) else { return std };
     // The mean wait, half a frame, is the mean of all waits, each weighted by what is known of it.
     let variance = (0.5 * frame_s * std).powi(2);
-    let squares = of_edges(trials, hypothesis, Purpose::Fit, frame_s, |edge| edge.power * edge.power);
+    let squares = of_edges(data, hypothesis, Split::Train, frame_s, |edge| edge.power * edge.power);
     let scatter = variance * variance * squares * frame_s * frame_s / 12.0;
     (variance + scatter).sqrt() / (0.5 * frame_s)
 }
@@ -50,17 +50,17 @@ pub(super) fn frame_s(frames: &Candidate) -> Option<f64> {
 
 /// A sum over the changes that stand alone.
 fn of_edges(
-    trials: &Trials,
+    data: &Dataset,
     hypothesis: &Hypothesis,
-    purpose: Purpose,
+    split: Split,
     frame_s: f64,
-    of: impl Fn(&Edge) -> f64 + Sync,
+    of: impl Fn(&IsolatedStep) -> f64 + Sync,
 ) -> f64 {
-    let of_trial = |trial: &Trial| {
-        let backward = Backward::of_purpose(trials, trial, hypothesis, 0.5 * frame_s, purpose)?;
-        Some(lone_edges(trial, &backward, &changes(trial, backward.stretch)).iter().map(&of).sum::<f64>())
+    let of_trial = |record: &Record| {
+        let adjoint = Adjoint::of_split(data, record, hypothesis, 0.5 * frame_s, split)?;
+        Some(isolated_steps(record, &adjoint, &changes(record, adjoint.segment)).iter().map(&of).sum::<f64>())
     };
-    trials.trials.par_iter().filter(|trial| trial.log.is_none()).filter_map(of_trial).sum()
+    data.records.par_iter().filter(|record| record.log.is_none()).filter_map(of_trial).sum()
 }
 
 /// `ln (1/T) integral exp(-p w - P w^2 / 2) dw` from `-T/2` to `T/2`, over what of it counts.
@@ -98,7 +98,7 @@ mod tests {
         let sharp_s = 2e-6_f64;
         let sharp = mean_over_waits(0.0, sharp_s.powi(-2), frame_s);
         assert!((sharp - (sharp_s * (2.0 * std::f64::consts::PI).sqrt() / frame_s).ln()).abs() < 1e-3, "{sharp}");
-        // A wait of two such errors: e^2 times as likely as none, at the same price.
+        // A wait of two such errors: e^2 times as likely as none, at the same complexity penalty.
         let waits = mean_over_waits(-2.0 * std_s * power, power, frame_s);
         assert!((waits - alike - 2.0).abs() < 2e-3, "{waits}");
     }

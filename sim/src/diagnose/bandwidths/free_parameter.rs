@@ -9,7 +9,7 @@ const NOTHING: f64 = 1e-9;
 
 /// A parameter with its place among a kind's, stepped through on its own scale.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Dial {
+pub(super) struct FreeParameter {
     pub index: usize,
     pub parameter: &'static Parameter,
     /// Coordinates from and to which it is searched: its plausible range, and all that is possible for the numbers of the lag,
@@ -17,12 +17,12 @@ pub(super) struct Dial {
     pub range: (f64, f64),
 }
 
-impl Dial {
+impl FreeParameter {
     fn new(kind: &Kind, index: usize, parameter: &'static Parameter) -> Self {
         let (low, high) = if kind.site == Site::Base { parameter.possible } else { parameter.plausible };
-        let mut dial = Self { index, parameter, range: (low, high) };
-        dial.range = (dial.coordinate(low), dial.coordinate(high));
-        dial
+        let mut free_parameter = Self { index, parameter, range: (low, high) };
+        free_parameter.range = (free_parameter.coordinate(low), free_parameter.coordinate(high));
+        free_parameter
     }
 
     /// Where a value is on the scale.
@@ -60,7 +60,7 @@ pub(super) fn first_values(kind: &Kind) -> Vec<f64> {
 }
 
 /// The parameters that move a bandwidth, in their order.
-pub(super) fn dials(case: &Case, kind: &'static Kind) -> Vec<Dial> {
+pub(super) fn free_parameters(case: &Case, kind: &'static Kind) -> Vec<FreeParameter> {
     let first = first_values(kind);
     let moves = |index: usize, to: f64| {
         let mut values = first.clone();
@@ -78,5 +78,5 @@ pub(super) fn dials(case: &Case, kind: &'static Kind) -> Vec<Dial> {
         let (low, high) = parameter.plausible;
         moves(*index, low) || moves(*index, high)
     });
-    found.map(|(index, parameter)| Dial::new(kind, index, parameter)).collect()
+    found.map(|(index, parameter)| FreeParameter::new(kind, index, parameter)).collect()
 }

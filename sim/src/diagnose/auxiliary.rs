@@ -12,14 +12,14 @@ use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
 
 use super::channel::{Column, columns};
+use super::dataset::{Dataset, Record};
 use super::fit::Fit;
 use super::hypothesis::Hypothesis;
 use super::prediction::{self, Near};
 use super::residual::dot;
-use super::trial::{Trial, Trials};
 use super::whitening::{NoiseDensity, Whitening};
 use crate::plant::Trace;
-use crate::record::{Output, Record};
+use crate::record::{Output, Record as SourceRecord};
 
 /// From so many periods on the first one, in which what is slow comes to rest, is left out.
 const SETTLED: usize = 3;
@@ -29,7 +29,7 @@ const TAKEN_OFF: f64 = 0.1;
 
 /// A column of a record that repeats.
 #[derive(Clone, Debug)]
-pub(super) struct Witness {
+pub(super) struct AuxiliaryChannel {
     /// Which one.
     pub column: Column,
     from: usize,
@@ -42,27 +42,32 @@ pub(super) struct Witness {
 }
 
 /// The columns of a record over its whole periods. One period says nothing of the noise.
-pub(super) fn witnesses(record: &Record, output: Output, period_rows: usize, rate_hz: f64) -> Vec<Witness> {
-    let all = record.time_s.len() / period_rows;
+pub(super) fn auxiliary_channels(
+    source: &SourceRecord,
+    output: Output,
+    period_rows: usize,
+    rate_hz: f64,
+) -> Vec<AuxiliaryChannel> {
+    let all = source.time_s.len() / period_rows;
     let from = if all >= SETTLED { period_rows } else { 0 };
     let periods = all - from / period_rows;
     if periods < 2 {
         return Vec::new();
     }
     let rows = from..from + periods * period_rows;
-    let witness = |(column, values): (Column, Vec<f64>)| {
+    let auxiliary = |(column, values): (Column, Vec<f64>)| {
         let mean = values.iter().sum::<f64>() / values.len() as f64;
         let deviation: Vec<f64> = values.iter().map(|value| value - mean).collect();
         let mut whitening = Whitening::unit(values.len());
         whitening.set_noise(&NoiseDensity::between_harmonics(&deviation, periods, rate_hz)?, rate_hz);
-        let mut witness = Witness { column, from, periods, mean, rate_hz, measured: Vec::new(), whitening };
-        witness.measured = witness.lines(&deviation);
-        witness.measured.iter().all(|line| line.is_finite()).then_some(witness)
+        let mut auxiliary = AuxiliaryChannel { column, from, periods, mean, rate_hz, measured: Vec::new(), whitening };
+        auxiliary.measured = auxiliary.lines(&deviation);
+        auxiliary.measured.iter().all(|line| line.is_finite()).then_some(auxiliary)
     };
-    columns(record, output, rows).into_iter().filter_map(witness).collect()
+    columns(source, output, rows).into_iter().filter_map(auxiliary).collect()
 }
 
-impl Witness {
+impl AuxiliaryChannel {
     /// The white lines that a period has.
     fn lines(&self, rows: &[f64]) -> Vec<Complex64> {
         let white = self.whitening.apply(rows);
@@ -133,21 +138,26 @@ fn nearest(columns: &[Vec<Complex64>], measured: &[Complex64]) -> Option<Vec<f64
 /// What each fit is worth by the columns, less than the best of them. `None` where there are no columns.
 ///
 /// The numbers of a fit are known as well as the response tells them, and a column may tell them better: see [`prediction`].
-pub(super) fn heard(trials: &Trials, fits: &[&Fit]) -> Option<Vec<f64>> {
-    let heard: Vec<&Trial> = trials.trials.iter().filter(|trial| !trial.witnesses.is_empty()).collect();
-    let numbers: usize = heard.iter().flat_map(|trial| &trial.witnesses).map(|one| 2 * one.measured.len()).sum();
-    let left = |trial: &Trial, hypothesis: &Hypothesis| {
+pub(super) fn auxiliary_gains(data: &Dataset, fits: &[&Fit]) -> Option<Vec<f64>> {
+    let auxiliary_gains: Vec<&Record> =
+        data.records.iter().filter(|record| !record.auxiliary_channels.is_empty()).collect();
+    let numbers: usize =
+        auxiliary_gains.iter().flat_map(|record| &record.auxiliary_channels).map(|one| 2 * one.measured.len()).sum();
+    let left = |record: &Record, hypothesis: &Hypothesis| {
         // A trace is of all commands.
         if hypothesis.in_rows {
             return None;
         }
-        let trace = hypothesis.trace(trials, trial)?;
-        let all: Option<Vec<Vec<Complex64>>> = trial.witnesses.iter().map(|witness| witness.left(&trace)).collect();
+        let trace = hypothesis.trace(data, record)?;
+        let all: Option<Vec<Vec<Complex64>>> =
+            record.auxiliary_channels.iter().map(|auxiliary| auxiliary.left(&trace)).collect();
         Some(all?.concat())
     };
-    let squares: Option<Vec<f64>> =
-        fits.iter().map(|fit| prediction::surprise_of(&heard, (fit, Near::Moved), (left, |_, _, _| None))).collect();
-    (!heard.is_empty()).then(|| Some(gains(&squares?, numbers as f64))).flatten()
+    let squares: Option<Vec<f64>> = fits
+        .iter()
+        .map(|fit| prediction::deviance_of(&auxiliary_gains, (fit, Near::Moved), (left, |_, _, _| None)))
+        .collect();
+    (!auxiliary_gains.is_empty()).then(|| Some(gains(&squares?, numbers as f64))).flatten()
 }
 
 /// What each is worth by the squares of `numbers` numbers that the columns have left with it, the best 0.
