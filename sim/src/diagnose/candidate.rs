@@ -154,8 +154,8 @@ impl Candidate {
     }
 
     /// Half way from the best of some starts of a single value to its neighbors on either side.
-    pub fn around_best<T>(judged: &[(f64, Self, T)]) -> Vec<Self> {
-        let best = judged.iter().min_by(|a, b| a.0.total_cmp(&b.0));
+    pub fn around_best<T>(evaluated: &[(f64, Self, T)]) -> Vec<Self> {
+        let best = evaluated.iter().min_by(|a, b| a.0.total_cmp(&b.0));
         let Some(((_, best, _), (index, parameter))) =
             best.zip(best.and_then(|best| Self::searched(best.1.kind).next()))
         else {
@@ -163,7 +163,7 @@ impl Candidate {
         };
         let at = |candidate: &Self| to_coordinate(parameter, candidate.values[index]);
         let here = at(best);
-        let others = || judged.iter().map(|(_, other, _)| at(other));
+        let others = || evaluated.iter().map(|(_, other, _)| at(other));
         let below = others().filter(|other| *other < here).fold(f64::NEG_INFINITY, f64::max);
         let above = others().filter(|other| *other > here).fold(f64::INFINITY, f64::min);
         let between = [below, above].into_iter().filter(|other| other.is_finite()).map(|other| {
@@ -176,11 +176,11 @@ impl Candidate {
 
     /// Where a parabola through the best of some starts of a single value and its neighbors has its vertex: closer than halving
     /// comes where the effect is much smaller than the spacing of the starts. `None` where there is none between the neighbors.
-    pub fn vertex<T>(judged: &[(f64, Self, T)]) -> Option<Self> {
-        let best = judged.iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
+    pub fn vertex<T>(evaluated: &[(f64, Self, T)]) -> Option<Self> {
+        let best = evaluated.iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
         let (index, parameter) = Self::searched(best.1.kind).next()?;
         let mut points: Vec<(f64, f64)> =
-            judged.iter().map(|(left, other, _)| (to_coordinate(parameter, other.values[index]), *left)).collect();
+            evaluated.iter().map(|(left, other, _)| (to_coordinate(parameter, other.values[index]), *left)).collect();
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
         points.dedup_by(|a, b| a.0 == b.0);
         let place = points.iter().position(|point| point.1 == best.0)?;
@@ -230,13 +230,13 @@ mod tests {
 
     #[test]
     fn a_vertex_is_found_between_starts_that_are_all_worse_than_nothing() {
-        let judged = |skews: &[f64]| -> Vec<(f64, Candidate, ())> {
+        let evaluated = |skews: &[f64]| -> Vec<(f64, Candidate, ())> {
             skews.iter().map(|skew| ((skew - 18.0).powi(2), skewed(*skew), ())).collect()
         };
-        let vertex = Candidate::vertex(&judged(&[-300.0, 0.0, 300.0, -40.0, 41.0])).unwrap();
+        let vertex = Candidate::vertex(&evaluated(&[-300.0, 0.0, 300.0, -40.0, 41.0])).unwrap();
         assert!((vertex.values[0] - 18.0).abs() < 1e-9, "{:?}", vertex.values);
         // The best is at the end: there is nothing between.
-        assert_eq!(Candidate::vertex(&judged(&[0.0, -40.0])), None);
+        assert_eq!(Candidate::vertex(&evaluated(&[0.0, -40.0])), None);
     }
 
     #[test]

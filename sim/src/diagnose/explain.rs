@@ -291,20 +291,20 @@ impl Search<'_> {
     /// InitialCondition of a kind with what they would leave. Around the best of a single value it looks closer: a limit is felt only
     /// where the commands are.
     pub fn screen(&self, score_test: &ScoreTest, scan: &Scan, from: &Fit, kind: &'static Kind) -> Vec<Screened> {
-        // Where the alignment has taken over much of a delay, a start that brings its own is judged without it too: so far the
+        // Where the alignment has taken over much of a delay, a start that brings its own is evaluated without it too: so far the
         // linearization does not hold.
         let has_time_offset = from.has_time_offset(&self.data);
         let data = &self.data;
-        let judge = |start: &Candidate| {
-            let with = score_test.judge(data, start, false);
-            let without = has_time_offset.then(|| score_test.judge(data, start, true)).flatten();
+        let evaluate = |start: &Candidate| {
+            let with = score_test.predict(data, start, false);
+            let without = has_time_offset.then(|| score_test.predict(data, start, true)).flatten();
             [with, without].into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0))
         };
-        let mut judged: Vec<(f64, Candidate, Hypothesis)> = Vec::new();
-        let look = |judged: &mut Vec<(f64, Candidate, Hypothesis)>, starts: Vec<Candidate>| {
-            let looked = |start: Candidate| judge(&start).map(|(left, moved)| (left, start, moved));
-            judged.par_extend(starts.into_par_iter().filter_map(looked));
-            judged.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut evaluated: Vec<(f64, Candidate, Hypothesis)> = Vec::new();
+        let look = |evaluated: &mut Vec<(f64, Candidate, Hypothesis)>, starts: Vec<Candidate>| {
+            let looked = |start: Candidate| evaluate(&start).map(|(left, moved)| (left, start, moved));
+            evaluated.par_extend(starts.into_par_iter().filter_map(looked));
+            evaluated.sort_by(|a, b| a.0.total_cmp(&b.0));
         };
         let valleys = if quantizer_step::is_quantizer(kind) {
             quantizer_step::steps(&self.data, from, kind)
@@ -314,23 +314,23 @@ impl Search<'_> {
         let is_jumping = !valleys.is_empty();
         let modes = if resonance::is_mode(kind) { resonance::modes(&self.data, from, kind) } else { Vec::new() };
         let starts = [valleys, modes].into_iter().find(|starts| !starts.is_empty());
-        look(&mut judged, starts.unwrap_or_else(|| Candidate::starts(kind, self.data.has_logs())));
-        look(&mut judged, clips::starts(&self.data, kind));
+        look(&mut evaluated, starts.unwrap_or_else(|| Candidate::starts(kind, self.data.has_logs())));
+        look(&mut evaluated, clips::starts(&self.data, kind));
         if is_jumping {
             // Down into the lowest.
             for round in 0..VALLEY_LOOKS {
-                let Some(best) = judged.first().map(|best| best.1.clone()) else { break };
-                look(&mut judged, best.around(VALLEY_NARROWING.powi(round), VALLEY_STEPS));
+                let Some(best) = evaluated.first().map(|best| best.1.clone()) else { break };
+                look(&mut evaluated, best.around(VALLEY_NARROWING.powi(round), VALLEY_STEPS));
             }
         } else if Candidate::searched(kind).count() == 1 {
             for _ in 0..CLOSER_LOOKS {
-                let between = Candidate::around_best(&judged);
-                look(&mut judged, between);
+                let between = Candidate::around_best(&evaluated);
+                look(&mut evaluated, between);
             }
-            let vertex = Candidate::vertex(&judged);
-            look(&mut judged, vertex.into_iter().collect());
+            let vertex = Candidate::vertex(&evaluated);
+            look(&mut evaluated, vertex.into_iter().collect());
         }
-        judged.into_iter().map(|(left, _, moved)| (left, moved, kind)).collect()
+        evaluated.into_iter().map(|(left, _, moved)| (left, moved, kind)).collect()
     }
 
     /// The part of the chi-square of `before` that `fit` leaves; 0 where it leaves no more than noise.
@@ -424,7 +424,7 @@ impl Search<'_> {
         Some(if is_believed { Built::Explained(after, found) } else { Built::Hopeless })
     }
 
-    /// Searches in the noise that the lags alone were judged by, which what was tried since may have changed. Where nothing is found
+    /// Searches in the noise that the lags alone were evaluated by, which what was tried since may have changed. Where nothing is found
     /// the records are as they were.
     fn in_noise_of<T>(&mut self, noise: Dataset, search: impl FnOnce(&mut Self) -> Option<T>) -> Option<T> {
         let own = std::mem::replace(&mut self.data, noise);

@@ -84,7 +84,7 @@ fn search(data: &Dataset, start: &Hypothesis, coordinates: Vec<Coordinate>, pace
         for _ in 0..MOST_LOOKS {
             let Some(at) = look_around(data, &found) else { break };
             let other = descend(data, &at, found.linearization.coordinates.clone(), FINE_STEP, pace)?;
-            // It was judged to first order only.
+            // It was evaluated to first order only.
             if other.sum >= found.sum {
                 break;
             }
@@ -112,7 +112,7 @@ fn look_around(data: &Dataset, found: &Descent) -> Option<Hypothesis> {
         for distance in LOOKS.into_iter().flat_map(|distance| [-distance, distance]) {
             let mut moved = found.at.clone();
             moved.set(coordinate, here + distance);
-            let Some((left, there)) = linearization.judge(data, &moved) else { continue };
+            let Some((left, there)) = linearization.predict(data, &moved) else { continue };
             if left < best.as_ref().map_or(found.sum - ENOUGH, |best| best.0) {
                 best = Some((left, there));
             }

@@ -137,22 +137,22 @@ pub(super) fn find(data: &Dataset, fit: &Fit, effect: usize, behind: f64) -> Opt
     let (_, peak_hz, _) = peaks.min_by(|a, b| a.0.total_cmp(&b.0))?;
     let peak = weighed(peak_hz, placed(data, fit, effect, &spectra, peak_hz, &PHASE_OFFSETS))?;
     let known = peak.2.clone();
-    let judge = |hz: f64| weighed(hz, at_rate(data, &known, effect, hz));
+    let evaluate = |hz: f64| weighed(hz, at_rate(data, &known, effect, hz));
     let near_hz = peak.1;
     let curvature = (gain(near_hz - step_hz) - 2.0 * gain(near_hz) + gain(near_hz + step_hz)) / (step_hz * step_hz);
     let width_hz = if curvature < 0.0 { (2.0 / -curvature).sqrt().min(step_hz) } else { step_hz };
-    let mut judged: Vec<_> = WIDTHS.iter().filter_map(|widths| judge(near_hz + widths * width_hz)).collect();
-    judged.push(peak);
-    judged.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let (best, best_hz) = judged.first().map(|best| (best.0, best.1))?;
+    let mut evaluated: Vec<_> = WIDTHS.iter().filter_map(|widths| evaluate(near_hz + widths * width_hz)).collect();
+    evaluated.push(peak);
+    evaluated.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (best, best_hz) = evaluated.first().map(|best| (best.0, best.1))?;
     let beside_hz = 0.5 * width_hz;
-    let (below, above) = (judge(best_hz - beside_hz)?, judge(best_hz + beside_hz)?);
+    let (below, above) = (evaluate(best_hz - beside_hz)?, evaluate(best_hz + beside_hz)?);
     let bend = (below.0 - 2.0 * best + above.0) / (beside_hz * beside_hz);
     let std_hz = if bend > 0.0 { (2.0 / bend).sqrt() } else { width_hz };
     let top_hz = best_hz - if bend > 0.0 { 0.5 * (above.0 - below.0) / beside_hz / bend } else { 0.0 };
-    judged.extend([below, above]);
-    judged.extend(judge(top_hz.clamp(best_hz - width_hz, best_hz + width_hz)));
-    let (_, hz, mut hypothesis) = judged.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
+    evaluated.extend([below, above]);
+    evaluated.extend(evaluate(top_hz.clamp(best_hz - width_hz, best_hz + width_hz)));
+    let (_, hz, mut hypothesis) = evaluated.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
     hypothesis.effects[effect].profiled_std = std_hz / hz;
     Some(hypothesis)
 }
@@ -185,7 +185,7 @@ fn anywhere(data: &Dataset, known: &Hypothesis, effect: usize) -> Hypothesis {
 pub(super) fn polish(data: &Dataset, fit: &Fit, effect: usize) -> Option<Hypothesis> {
     let known = &fit.hypothesis.effects[effect];
     let (near_hz, mut width_hz) = (known.values[0], 2.0 * known.profiled_std * known.values[0]);
-    let judge = |hz: f64| {
+    let evaluate = |hz: f64| {
         let hypothesis = at_rate(data, &fit.hypothesis, effect, hz);
         chi_square(data, &hypothesis, Split::Train).map(|left| (left, hz, hypothesis))
     };
@@ -199,13 +199,13 @@ pub(super) fn polish(data: &Dataset, fit: &Fit, effect: usize) -> Option<Hypothe
         chi_square(data, &hypothesis, Split::Train).map(|left| (left, step))
     };
     let pulled = (-PULLED_STEPS..=PULLED_STEPS).filter_map(pulled).min_by(|a, b| a.0.total_cmp(&b.0))?;
-    let mut best = judge(near_hz + f64::from(pulled.1) * step_hz)?;
+    let mut best = evaluate(near_hz + f64::from(pulled.1) * step_hz)?;
     for _ in 0..POLISHES {
-        let (below, above) = (judge(best.1 - width_hz)?, judge(best.1 + width_hz)?);
+        let (below, above) = (evaluate(best.1 - width_hz)?, evaluate(best.1 + width_hz)?);
         let bend = below.0 - 2.0 * best.0 + above.0;
         let top = if bend > 0.0 { (0.5 * (below.0 - above.0) / bend).clamp(-1.0, 1.0) } else { 0.0 };
         let rate_std = if bend > 0.0 { (2.0 / bend).sqrt() * width_hz / best.1 } else { known.profiled_std };
-        let top = judge(best.1 + width_hz * top)?;
+        let top = evaluate(best.1 + width_hz * top)?;
         let candidates = [best, below, above, top];
         best = candidates.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
         best.2.effects[effect].profiled_std = rate_std;
@@ -225,16 +225,16 @@ pub(super) fn polish(data: &Dataset, fit: &Fit, effect: usize) -> Option<Hypothe
 pub(super) fn settle_rate(data: &Dataset, known: &Hypothesis, effect: usize) -> Option<Hypothesis> {
     let near = &known.effects[effect];
     let hz = near.values[0];
-    let judge = |offset_hz: f64| -> Option<Vec<f64>> {
+    let evaluate = |offset_hz: f64| -> Option<Vec<f64>> {
         let hypothesis = at_rate(data, known, effect, hz + offset_hz);
         let fitted = data.records.par_iter().filter(|record| record.end_of(Some(Split::Train)) > 0);
         let left = |record: &Record| residual(data, record, &hypothesis, Split::Train);
         fitted.map(|record| Some(left(record)?.iter().map(Complex64::norm_sqr).sum::<f64>())).collect()
     };
-    let here: f64 = judge(0.0)?.iter().sum();
+    let here: f64 = evaluate(0.0)?.iter().sum();
     let mut width_hz = near.profiled_std.min(1e-4) * hz;
     for _ in 0..MOST_WIDENINGS {
-        let sides = [-width_hz, width_hz].map(|offset_hz| judge(offset_hz).map(|left| left.iter().sum::<f64>()));
+        let sides = [-width_hz, width_hz].map(|offset_hz| evaluate(offset_hz).map(|left| left.iter().sum::<f64>()));
         if sides.iter().all(|left| left.is_none_or(|left| left > here + WIDE_ENOUGH)) {
             break;
         }
@@ -243,7 +243,7 @@ pub(super) fn settle_rate(data: &Dataset, known: &Hypothesis, effect: usize) -> 
     let half = f64::from(RATES / 2);
     // Offsets in widths.
     let offsets: Vec<f64> = (0..=RATES).map(|place| (f64::from(place) - half) / half).collect();
-    let left: Vec<Vec<f64>> = offsets.iter().map(|offset| judge(offset * width_hz)).collect::<Option<_>>()?;
+    let left: Vec<Vec<f64>> = offsets.iter().map(|offset| evaluate(offset * width_hz)).collect::<Option<_>>()?;
     let design = DMatrix::from_fn(offsets.len(), 3, |row, power| offsets[row].powi(power as i32));
     let inverse = (design.transpose() * &design).try_inverse()? * design.transpose();
     let records = left.first()?.len();

@@ -6,8 +6,8 @@ use super::dataset::{Before, Dataset, Record};
 use super::frames;
 use crate::plant::effect::{Kind, Site};
 use crate::plant::{
-    ActiveEffect, Actuator, Catalog, Course, Drive, EscTiming, Lag, Memory, OperatingPoint, PlantError, Start, Trace,
-    simulate, simulate_course, simulate_periodic_course, simulate_response,
+    ActiveEffect, Actuator, Catalog, Drive, EscTiming, Interpolation, Lag, Memory, OperatingPoint, PlantError, Start,
+    Trace, simulate, simulate_interpolated, simulate_periodic_interpolated, simulate_response,
 };
 
 /// How far a value may leave its plausible range in a search, in widths of the range.
@@ -321,22 +321,22 @@ impl Hypothesis {
         let (mut actuator, start, stamps) = self.actuator(data, record, rows, response)?;
         let drive = self.drive(record, rows);
         if !record.repeats {
-            return simulate_course(&mut actuator, drive, start, &stamps);
+            return simulate_interpolated(&mut actuator, drive, start, &stamps);
         }
-        simulate_periodic_course(&mut actuator, drive, start, &stamps, record.period_rows)
+        simulate_periodic_interpolated(&mut actuator, drive, start, &stamps, record.period_rows)
     }
 
     /// What a record was told up to so many rows.
-    fn drive<'a>(&self, record: &'a Record, rows: usize) -> (Drive<'a>, Course) {
+    fn drive<'a>(&self, record: &'a Record, rows: usize) -> (Drive<'a>, Interpolation) {
         let up_to = |time_s: &'a [f64], command: &'a [f64], last: usize| {
             let count = (last + 1).min(time_s.len());
             Drive { time_s: &time_s[..count], command: &command[..count] }
         };
         let last = rows.saturating_sub(1);
         if self.in_rows && !record.first_order_hold.is_empty() {
-            return (up_to(&record.time_s, &record.first_order_hold, last), Course::Straight);
+            return (up_to(&record.time_s, &record.first_order_hold, last), Interpolation::FirstOrderHold);
         }
-        (up_to(&record.command_s, &record.command, last * record.commands_per_row), Course::Held)
+        (up_to(&record.command_s, &record.command, last * record.commands_per_row), Interpolation::ZeroOrderHold)
     }
 
     /// The actuator, what was before a record, and the moments of its rows.

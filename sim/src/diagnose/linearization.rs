@@ -202,7 +202,7 @@ impl Linearization {
 
     /// The sum of squares that `hypothesis` would leave after a fit of all that the linearization knows, to first order, and the
     /// hypothesis moved there.
-    pub fn judge(&self, data: &Dataset, hypothesis: &Hypothesis) -> Option<(f64, Hypothesis)> {
+    pub fn predict(&self, data: &Dataset, hypothesis: &Hypothesis) -> Option<(f64, Hypothesis)> {
         self.follow(hypothesis, self.slope(data, hypothesis)?)
     }
 

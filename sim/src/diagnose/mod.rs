@@ -114,7 +114,7 @@ pub const NEEDS_STEADY_START: &str = "Valid only if each record starts in steady
 pub struct Diagnosis {
     /// In a word.
     pub verdict: Verdict,
-    /// Whether a given model was judged; else what is before are the lags that fit best.
+    /// Whether a given model was evaluated; else what is before are the lags that fit best.
     pub is_of_given: bool,
     /// Where the chi-square of the first model lies.
     pub locations: Vec<Location>,
@@ -161,7 +161,7 @@ pub struct Diagnosis {
 /// How it is done.
 #[derive(Clone, Copy)]
 pub struct Options<'a> {
-    /// The model to be judged; without one, the lags that `identify` finds.
+    /// The model to be evaluated; without one, the lags that `identify` finds.
     pub model: Option<&'a Model>,
     /// The kinds that may be named.
     pub catalog: &'a Catalog,

@@ -59,13 +59,13 @@ struct Profile {
 
 impl Profile {
     /// Around `center`. `judge` says the chi-square at a coordinate; `None` where there is none.
-    fn draw(center: f64, judge: impl Fn(f64) -> Option<f64>) -> Option<Self> {
-        let mut points = vec![(center, judge(center)?)];
+    fn draw(center: f64, evaluate: impl Fn(f64) -> Option<f64>) -> Option<Self> {
+        let mut points = vec![(center, evaluate(center)?)];
         for side in [-1.0, 1.0] {
             let (mut distance, mut lost) = (NEAREST, 0);
             while distance < FARTHEST && lost < IN_A_ROW {
                 let at = center + side * distance;
-                let chi_square = judge(at).unwrap_or(f64::INFINITY);
+                let chi_square = evaluate(at).unwrap_or(f64::INFINITY);
                 let least = points.iter().map(|point| point.1).fold(f64::INFINITY, f64::min);
                 lost = if chi_square > least + LOST { lost + 1 } else { 0 };
                 points.push((at, chi_square));
@@ -77,7 +77,7 @@ impl Profile {
         for _ in 0..FILLED {
             let place = profile.widest();
             let at = 0.5 * (profile.points[place].0 + profile.points[place + 1].0);
-            profile.points.insert(place + 1, (at, judge(at).unwrap_or(f64::INFINITY)));
+            profile.points.insert(place + 1, (at, evaluate(at).unwrap_or(f64::INFINITY)));
         }
         Some(profile)
     }
@@ -176,11 +176,11 @@ fn settle(data: &Dataset, known: &Hypothesis, coordinate: Coordinate, others: &[
     let followed = |at: f64| {
         let mut moved = known.clone();
         moved.set(coordinate, at);
-        linearization.judge(data, &moved)
+        linearization.predict(data, &moved)
     };
     let profile = Profile::draw(known.get(coordinate), |at| followed(at).map(|(left, _)| left))?;
     // Not by way of its logarithm, whose rounding may take a command over a step.
-    let (left_here, here) = linearization.judge(data, known)?;
+    let (left_here, here) = linearization.predict(data, known)?;
     let (at, least) = profile.best();
     let mut best = if left_here < least + MOVES { here } else { followed(at)?.1 };
     best.effects[effect].profiled_std = profile.std().unwrap_or(f64::INFINITY);

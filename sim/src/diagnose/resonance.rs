@@ -66,13 +66,13 @@ pub(super) fn modes(data: &Dataset, fit: &Fit, kind: &'static Kind) -> Vec<Candi
         };
         grid = grid.iter().flat_map(|values| (0..=pieces).map(|piece| with(values, piece))).collect();
     }
-    let mut judged: Vec<(f64, Candidate)> =
-        grid.into_par_iter().filter_map(|values| bands.judge(kind, size, values)).collect();
-    judged.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut evaluated: Vec<(f64, Candidate)> =
+        grid.into_par_iter().filter_map(|values| bands.evaluate(kind, size, values)).collect();
+    evaluated.sort_by(|a, b| b.0.total_cmp(&a.0));
     // The loudest that lie apart.
     let apart = part_of(parameter, parameter.plausible.1) / (4 * parameter.starts.len()) as f64;
     let mut found: Vec<Candidate> = Vec::new();
-    for (_, candidate) in judged {
+    for (_, candidate) in evaluated {
         let part = |candidate: &Candidate| part_of(parameter, candidate.values[finest]);
         if found.len() < PLACES && !found.iter().any(|other| (part(other) - part(&candidate)).abs() < apart) {
             found.push(candidate);
@@ -147,7 +147,7 @@ impl Bands {
     }
 
     /// What a place gains with its best size.
-    fn judge(&self, kind: &'static Kind, size: usize, mut values: Vec<f64>) -> Option<(f64, Candidate)> {
+    fn evaluate(&self, kind: &'static Kind, size: usize, mut values: Vec<f64>) -> Option<(f64, Candidate)> {
         let parameter = &kind.parameters[size];
         values[size] = parameter.null + 1.0;
         (kind.check)(&values).ok()?;

@@ -56,7 +56,7 @@ impl Search<'_> {
                 exchanges += 1;
                 last_tried = None;
                 current = self.settle(&best.fit.hypothesis.clone(), self.lags)?;
-                // The new one is the last; all are judged beside it.
+                // The new one is the last; all are evaluated beside it.
                 found = vec![None; current.hypothesis.effects.len()];
                 effect = 0;
                 continue;

@@ -61,7 +61,7 @@ impl<'a> Scan<'a> {
         for (data, score_test) in self.records.iter().filter(|(data, _)| !data.has_logs()) {
             let left: Vec<f64> = candidates
                 .par_iter()
-                .map(|candidate| score_test.judge(data, candidate, false).map_or(f64::INFINITY, |(left, _)| left))
+                .map(|candidate| score_test.predict(data, candidate, false).map_or(f64::INFINITY, |(left, _)| left))
                 .collect();
             let at = |place: usize| left.get(place).copied().unwrap_or(f64::INFINITY);
             let is_valley = |place: &usize| at(*place) <= at(place.wrapping_sub(1)) && at(*place) < at(place + 1);

@@ -1,4 +1,4 @@
-//! Candidates beside a fit, judged by what they would change.
+//! Candidates beside a fit, evaluated by what they would change.
 
 use num_complex::Complex64;
 use rayon::prelude::*;
@@ -74,7 +74,7 @@ impl<'a> ScoreTest<'a> {
 
     /// The sum of squares that is left with one more effect, and all of it moved there. With the misalignment of the fit, or
     /// without any.
-    pub fn judge(&self, data: &Dataset, candidate: &Candidate, aligned: bool) -> Option<(f64, Hypothesis)> {
+    pub fn predict(&self, data: &Dataset, candidate: &Candidate, aligned: bool) -> Option<(f64, Hypothesis)> {
         let chain = self.in_rows.as_ref().filter(|_| candidate.is_even()).unwrap_or(&self.own);
         let mut with = self.from.hypothesis.with(candidate.clone());
         let mut quick = chain.quick.with(candidate.clone());
@@ -109,11 +109,11 @@ mod tests {
         let data = &search.data;
         let score_test = ScoreTest::new(data, &from).unwrap();
         assert!(score_test.in_rows.is_some());
-        let mut judged = 0;
+        let mut predicted = 0;
         for kind in catalog.kinds().filter(|kind| kind.id != "parameter_error") {
             let start = Candidate::starts(kind, false)[0].clone();
-            let (left, _) = score_test.judge(data, &start, false).unwrap();
-            let (exact, _) = score_test.linearization.judge(data, &from.hypothesis.with(start.clone())).unwrap();
+            let (left, _) = score_test.predict(data, &start, false).unwrap();
+            let (exact, _) = score_test.linearization.predict(data, &from.hypothesis.with(start.clone())).unwrap();
             let changed = (from.chi_square - exact).abs();
             assert!(
                 (left - exact).abs() < 0.03 * changed + 0.5,
@@ -121,8 +121,8 @@ mod tests {
                 kind.id,
                 from.chi_square
             );
-            judged += usize::from(start.is_even());
+            predicted += usize::from(start.is_even());
         }
-        assert!(judged > 8, "{judged} in rows");
+        assert!(predicted > 8, "{judged} in rows");
     }
 }

@@ -79,7 +79,7 @@ fn power_in_time(data: &Dataset, record: &Record, hypothesis: &Hypothesis) -> Op
     let mut lines = whitening.apply(&left);
     let highest = BEYOND_EXCITED * record.highest_hz * left.len() as f64 / record.rate_hz;
     lines.truncate(highest as usize);
-    // What repeats is judged elsewhere.
+    // What repeats is evaluated elsewhere.
     lines.iter_mut().skip(periods - 1).step_by(periods).for_each(|line| *line = Complex64::ZERO);
     FftPlanner::new().plan_fft_inverse(lines.len()).process(&mut lines);
     let power: Vec<f64> = lines.iter().map(Complex64::norm_sqr).collect();

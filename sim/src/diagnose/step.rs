@@ -1,7 +1,7 @@
 //! Which of the kinds that were tried is taken as the next effect.
 //!
 //! The most valuable one, if its values are those of an actuator. Two things make them look as if they were not. The noise that a
-//! poor fit leaves is more than noise, and hides a part of the effect: its values are judged once more by the noise that is left
+//! poor fit leaves is more than noise, and hides a part of the effect: its values are evaluated once more by the noise that is left
 //! with it. And where two effects act, a kind that can take any shape may do better in their place than either of them alone:
 //! the most valuable one of an actuator's values is taken then, and believed if in the end nothing but noise is left.
 

@@ -41,10 +41,7 @@ impl Timing {
 impl fmt::Display for Timing {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let scatter_ms = 1e3 * self.scatter_s;
-        write!(
-            f,
-            "The delay varies from step to step (jitter) by at least {scatter_ms:.1} ms RMS."
-        )
+        write!(f, "The delay varies from step to step (jitter) by at least {scatter_ms:.1} ms RMS.")
     }
 }
 

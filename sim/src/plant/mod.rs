@@ -8,6 +8,7 @@
 mod actuator;
 mod compensator_file;
 mod delay;
+mod drive;
 pub mod effect;
 mod error;
 mod esc_frame;
@@ -32,6 +33,8 @@ pub(crate) mod testing;
 pub use actuator::{Actuator, EscTiming, Law};
 pub use compensator_file::{CoefficientFormat, CompensatorFile, SignalFormat, StoredCoefficients};
 pub use delay::TransportDelay;
+pub use drive::Drive;
+pub(crate) use drive::Interpolation;
 pub use effect::{ActiveEffect, Catalog, LinearChain};
 pub use error::PlantError;
 pub use esc_frame::EscFrame;
@@ -44,6 +47,6 @@ pub use model::{Effect, Lag, MapPolynomial, Model, ModelError, Point, Provenance
 pub use noise::{Color, Noise, SensorNoise};
 pub use operating::{OperatingCurve, OperatingPoint};
 pub use rotor::{Motion, RotorBase, RotorTerm, Supply};
-pub(crate) use simulate::{Course, simulate_course, simulate_periodic_course};
-pub use simulate::{Drive, Start, Trace, simulate, simulate_periodic_response, simulate_response};
+pub use simulate::{Start, Trace, simulate, simulate_periodic_response, simulate_response};
+pub(crate) use simulate::{simulate_interpolated, simulate_periodic_interpolated};
 pub use stage::{CommandStage, Memory, Segment};

@@ -1,12 +1,12 @@
 //! A drive as pieces, some at a time.
 
 use super::Segment;
-use super::simulate::{Course, Drive};
+use super::drive::{Drive, Interpolation};
 
 /// What of a drive is to come.
 pub(super) struct Pieces<'a> {
     drive: Drive<'a>,
-    course: Course,
+    interpolation: Interpolation,
     /// The first command takes effect here and the last one ends there, seconds.
     begin_s: f64,
     end_s: f64,
@@ -19,8 +19,8 @@ pub(super) struct Pieces<'a> {
 impl<'a> Pieces<'a> {
     /// From `now_s` on, which is not before `begin_s`, of a drive that begins at `begin_s` and ends at `end_s`; each with one
     /// command at least. Where it ends it goes back to its first command.
-    pub fn new(drive: Drive<'a>, course: Course, (begin_s, end_s): (f64, f64), now_s: f64) -> Self {
-        let mut pieces = Self { drive, course, begin_s, end_s, now_s, place: 0 };
+    pub fn new(drive: Drive<'a>, interpolation: Interpolation, (begin_s, end_s): (f64, f64), now_s: f64) -> Self {
+        let mut pieces = Self { drive, interpolation, begin_s, end_s, now_s, place: 0 };
         pieces.place = drive.time_s.partition_point(|time_s| pieces.moment(*time_s) <= now_s).saturating_sub(1);
         pieces
     }
@@ -37,15 +37,15 @@ impl<'a> Pieces<'a> {
         let ends = &self.drive.time_s[self.place + 1..];
         let ends = &ends[..ends.len().min(most)];
         let whole = ends.partition_point(|time_s| self.moment(*time_s) <= until_s);
-        match self.course {
-            Course::Held => {
+        match self.interpolation {
+            Interpolation::ZeroOrderHold => {
                 let held = |(level, end): (&f64, &f64)| Segment::constant(*level, self.moment(*end));
                 Segment::join_all(levels.iter().zip(&ends[..whole]).map(held), pieces);
                 self.go_on(whole);
             }
-            Course::Straight => {
+            Interpolation::FirstOrderHold => {
                 for end in &ends[..whole] {
-                    self.straight(self.moment(*end)).join(pieces);
+                    self.ramp(self.moment(*end)).join(pieces);
                     self.go_on(1);
                 }
             }
@@ -54,9 +54,9 @@ impl<'a> Pieces<'a> {
         let cut_s = until_s.min(self.end_s);
         if whole < most && cut_s > self.now_s {
             let end_s = self.drive.time_s.get(self.place + 1).map_or(self.end_s, |time_s| self.moment(*time_s));
-            let piece = match self.course {
-                Course::Held => Segment::constant(self.drive.command[self.place], cut_s),
-                Course::Straight => Segment { until_s: cut_s, ..self.straight(end_s) },
+            let piece = match self.interpolation {
+                Interpolation::ZeroOrderHold => Segment::constant(self.drive.command[self.place], cut_s),
+                Interpolation::FirstOrderHold => Segment { until_s: cut_s, ..self.ramp(end_s) },
             };
             piece.join(pieces);
             self.now_s = cut_s;
@@ -72,7 +72,7 @@ impl<'a> Pieces<'a> {
     }
 
     /// The rest of the piece of the moment, which ends at `end_s`.
-    fn straight(&self, end_s: f64) -> Segment {
+    fn ramp(&self, end_s: f64) -> Segment {
         let level = self.drive.command[self.place];
         if end_s.is_infinite() {
             return Segment::constant(level, end_s);
@@ -107,7 +107,7 @@ mod tests {
 
     #[test]
     fn commands_come_as_they_are_told_and_cut_where_asked() {
-        let pieces = || Pieces::new(DRIVE, Course::Held, (0.0, f64::INFINITY), 0.0);
+        let pieces = || Pieces::new(DRIVE, Interpolation::ZeroOrderHold, (0.0, f64::INFINITY), 0.0);
         let held = |of: &[(f64, f64)]| of.iter().map(|of| Segment::constant(of.0, of.1)).collect::<Vec<_>>();
         assert_eq!(all(pieces(), &[9.0], 99), held(&[(0.2, 2.0), (0.4, 3.0), (0.6, 9.0)]));
         assert_eq!(all(pieces(), &[9.0], 1), held(&[(0.2, 1.0), (0.2, 2.0), (0.4, 3.0), (0.6, 9.0)]));
@@ -116,7 +116,7 @@ mod tests {
 
     #[test]
     fn the_end_of_a_period_before_the_record_leads_to_its_first_command() {
-        let found = all(Pieces::new(DRIVE, Course::Straight, (-4.0, 0.0), -1.75), &[0.0], 99);
+        let found = all(Pieces::new(DRIVE, Interpolation::FirstOrderHold, (-4.0, 0.0), -1.75), &[0.0], 99);
         let line = |level, slope_per_s, until_s| Segment { level, slope_per_s, until_s };
         let expected = [line(0.45, 0.2, -1.0), line(0.6, -0.4, 0.0)];
         for (found, expected) in found.iter().zip(expected) {

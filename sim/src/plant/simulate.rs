@@ -1,5 +1,6 @@
 //! A chain over a whole record.
 
+use super::drive::{Drive, Interpolation};
 use super::pieces::Pieces;
 use super::{Actuator, Memory, PlantError};
 
@@ -7,15 +8,6 @@ use super::{Actuator, Memory, PlantError};
 const SAME_LEVEL: f64 = 1e-9;
 /// The part of a period after which most commands have put what is kept where it would be anyway.
 const SHORTER_LEAD: f64 = 0.125;
-
-/// Commands and the moments at which they take effect.
-#[derive(Clone, Copy, Debug)]
-pub struct Drive<'a> {
-    /// When each command takes effect, seconds, increasing. The first is where the clock of the rows starts too.
-    pub time_s: &'a [f64],
-    /// The commands, 0..1; each holds until the next, the last one for ever.
-    pub command: &'a [f64],
-}
 
 /// What was before the first command.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,7 +55,7 @@ pub struct Trace {
 /// [`PlantError::Setting`] for a drive without commands or with a time per command missing, and for a period that is not
 /// above 0.
 pub fn simulate(actuator: &mut Actuator, drive: Drive, start: Start, rows_s: &[f64]) -> Result<Trace, PlantError> {
-    begin(actuator, (drive, Course::Held), start)?;
+    begin(actuator, (drive, Interpolation::ZeroOrderHold), start)?;
     let (count, zero_s) = (drive.time_s.len(), drive.time_s[0]);
     let mut trace = Trace::default();
     trace.response.reserve(rows_s.len());
@@ -84,15 +76,6 @@ pub fn simulate(actuator: &mut Actuator, drive: Drive, start: Start, rows_s: &[f
     Ok(trace)
 }
 
-/// How a command gets from one of a drive to the next.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Course {
-    /// It holds.
-    Held,
-    /// In a straight line.
-    Straight,
-}
-
 /// [`simulate`] for the response alone. What is integrated in steps need not stop at every row, and goes over many of them
 /// at a time where the command stays; the response in between is off by less than the steps are.
 ///
@@ -104,17 +87,17 @@ pub fn simulate_response(
     start: Start,
     rows_s: &[f64],
 ) -> Result<Vec<f64>, PlantError> {
-    simulate_course(actuator, (drive, Course::Held), start, rows_s)
+    simulate_interpolated(actuator, (drive, Interpolation::ZeroOrderHold), start, rows_s)
 }
 
-/// The same on another course.
-pub(crate) fn simulate_course(
+/// The same with another interpolation of the commands.
+pub(crate) fn simulate_interpolated(
     actuator: &mut Actuator,
-    (drive, course): (Drive, Course),
+    (drive, interpolation): (Drive, Interpolation),
     start: Start,
     rows_s: &[f64],
 ) -> Result<Vec<f64>, PlantError> {
-    Ok(Run::begin(actuator, (drive, course), start, rows_s)?.finished())
+    Ok(Run::begin(actuator, (drive, interpolation), start, rows_s)?.finished())
 }
 
 /// [`simulate_response`] where the drive is whole periods of `period_rows` rows: what repeats by then is not run again.
@@ -129,19 +112,19 @@ pub fn simulate_periodic_response(
     rows_s: &[f64],
     period_rows: usize,
 ) -> Result<Vec<f64>, PlantError> {
-    simulate_periodic_course(actuator, (drive, Course::Held), start, rows_s, period_rows)
+    simulate_periodic_interpolated(actuator, (drive, Interpolation::ZeroOrderHold), start, rows_s, period_rows)
 }
 
-/// The same on another course.
-pub(crate) fn simulate_periodic_course(
+/// The same with another interpolation of the commands.
+pub(crate) fn simulate_periodic_interpolated(
     actuator: &mut Actuator,
-    (drive, course): (Drive, Course),
+    (drive, interpolation): (Drive, Interpolation),
     start: Start,
     rows_s: &[f64],
     period_rows: usize,
 ) -> Result<Vec<f64>, PlantError> {
     let Some(period_s) = rows_s.get(period_rows).map(|row_s| row_s - rows_s[0]) else {
-        return simulate_course(actuator, (drive, course), start, rows_s);
+        return simulate_interpolated(actuator, (drive, interpolation), start, rows_s);
     };
     let lead_s = match start {
         Start::Rest(_) => 0.0,
@@ -149,7 +132,7 @@ pub(crate) fn simulate_periodic_course(
         Start::Periodic { periods, .. } => f64::from(periods) * period_s,
     };
     let Some(fades_s) = actuator.fades_in_s(period_s) else {
-        return simulate_course(actuator, (drive, course), start, rows_s);
+        return simulate_interpolated(actuator, (drive, interpolation), start, rows_s);
     };
     let memory = actuator.memory();
     if matches!(memory, Memory::TurningPoints(_))
@@ -160,13 +143,13 @@ pub(crate) fn simulate_periodic_course(
         let shorter_s = fades_s + SHORTER_LEAD * of_s;
         if shorter_s < lead_s {
             let start = Start::Running { period_s: of_s, lead_s: shorter_s };
-            let mut run = Run::begin(actuator, (drive, course), start, rows_s)?;
+            let mut run = Run::begin(actuator, (drive, interpolation), start, rows_s)?;
             if run.comes_back(0.0, period_s) == Some(true) {
                 return Ok(run.repeated(0.0, period_rows));
             }
         }
     }
-    let mut run = Run::begin(actuator, (drive, course), start, rows_s)?;
+    let mut run = Run::begin(actuator, (drive, interpolation), start, rows_s)?;
     let after_s = match memory {
         Memory::Seconds(_) => Some((fades_s - lead_s).max(0.0)),
         Memory::TurningPoints(_) | Memory::Lasting => run.repeats_after_s(period_s, fades_s, lead_s),
@@ -190,18 +173,18 @@ struct Run<'a> {
 impl<'a> Run<'a> {
     fn begin(
         actuator: &'a mut Actuator,
-        (drive, course): (Drive<'a>, Course),
+        (drive, interpolation): (Drive<'a>, Interpolation),
         start: Start,
         rows_s: &[f64],
     ) -> Result<Self, PlantError> {
-        begin(actuator, (drive, course), start)?;
+        begin(actuator, (drive, interpolation), start)?;
         let zero_s = drive.time_s[0];
         let moments_s: Vec<f64> = rows_s.iter().map(|row_s| actuator.moment_of_row(row_s - zero_s)).collect();
         let now_s = actuator.now_s();
         let early = moments_s.partition_point(|moment_s| *moment_s <= now_s);
         let mut response = Vec::with_capacity(rows_s.len());
         response.resize(early, actuator.response());
-        let commands = Pieces::new(drive, course, (0.0, f64::INFINITY), now_s);
+        let commands = Pieces::new(drive, interpolation, (0.0, f64::INFINITY), now_s);
         Ok(Self { actuator, commands, moments_s, response })
     }
 
@@ -259,7 +242,11 @@ impl<'a> Run<'a> {
 }
 
 /// Brings an actuator to the begin of a record.
-fn begin(actuator: &mut Actuator, (drive, course): (Drive, Course), start: Start) -> Result<(), PlantError> {
+fn begin(
+    actuator: &mut Actuator,
+    (drive, interpolation): (Drive, Interpolation),
+    start: Start,
+) -> Result<(), PlantError> {
     let count = drive.time_s.len();
     if count == 0 || drive.command.len() != count {
         let value = drive.command.len() as f64;
@@ -272,14 +259,14 @@ fn begin(actuator: &mut Actuator, (drive, course): (Drive, Course), start: Start
             actuator.settle(mean(period, period_s));
             actuator.begin_at(-f64::from(periods) * period_s);
             for repeat in (1..=periods).rev() {
-                run_in(actuator, (period, course), period_s, -f64::from(repeat) * period_s);
+                run_in(actuator, (period, interpolation), period_s, -f64::from(repeat) * period_s);
             }
         }
         Start::Running { period_s, lead_s } => {
             let period = one_period(drive, period_s)?;
             actuator.settle(mean(period, period_s));
             actuator.begin_at(-lead_s.clamp(0.0, period_s));
-            run_in(actuator, (period, course), period_s, -period_s);
+            run_in(actuator, (period, interpolation), period_s, -period_s);
         }
     }
     actuator.begin_at(0.0);
@@ -307,9 +294,9 @@ fn one_period(drive: Drive, period_s: f64) -> Result<Drive, PlantError> {
 }
 
 /// Lets a period that begins at `begin_s` pass, or what of it is still to come.
-fn run_in(actuator: &mut Actuator, (period, course): (Drive, Course), period_s: f64, begin_s: f64) {
+fn run_in(actuator: &mut Actuator, (period, interpolation): (Drive, Interpolation), period_s: f64, begin_s: f64) {
     let end_s = begin_s + period_s;
-    let mut commands = Pieces::new(period, course, (begin_s, end_s), actuator.now_s());
+    let mut commands = Pieces::new(period, interpolation, (begin_s, end_s), actuator.now_s());
     actuator.pass(&mut commands, end_s, &[], &mut Vec::new());
 }
 
@@ -333,7 +320,7 @@ mod tests {
         let period_s = 10.0;
         let sine = |time_s: &f64| 0.5 + 0.05 * (std::f64::consts::TAU * 3.0 * time_s / period_s).sin();
         let command: Vec<f64> = time_s[..1000].iter().map(sine).collect::<Vec<_>>().repeat(3);
-        let drive = (Drive { time_s: &time_s, command: &command }, Course::Held);
+        let drive = (Drive { time_s: &time_s, command: &command }, Interpolation::ZeroOrderHold);
         // The limit of the rate meets the command late in the first period only, so that takes one more.
         for (kind, value, periods) in [("dead_band", 0.01, 0.0), ("backlash", 0.01, 0.0), ("slew_limit", 0.05, 1.0)] {
             let effects = [active(Catalog::standard().find(kind).unwrap(), &[value])];

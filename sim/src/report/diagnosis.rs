@@ -43,8 +43,11 @@ fn where_(found: &Diagnosis) -> Option<Figure> {
             let (from, to) = cell.band_hz;
             Some(Cell { x: (TAU * from, TAU * to), row, value: ratio(of(cell)) })
         });
-        let map =
-            HeatMap { label: "excess chi-square over noise, in power".into(), range: (1.0, DARKEST), cells: cells.collect() };
+        let map = HeatMap {
+            label: "excess chi-square over noise, in power".into(),
+            range: (1.0, DARKEST),
+            cells: cells.collect(),
+        };
         Panel {
             title: title.to_owned(),
             height: (nominals.len() as u32 * 32 + 130).max(230),

@@ -2,7 +2,7 @@
 //! it.
 
 use super::explanation::{Explanation, Scope, Standing};
-use super::judge::Judge;
+use super::likelihood::Likelihood;
 
 /// Explanations whose log likelihoods differ by no more than this cannot be told apart.
 const INDISTINCT: f64 = 2.0;
@@ -16,10 +16,10 @@ const INDISTINCT: f64 = 2.0;
 /// at each: it says what would explain them, not that it does.
 ///
 /// `asked` is the name of one that is to be chosen instead.
-pub(super) fn choose(found: &mut [Explanation], judge: &Judge, asked: Option<&str>) -> Option<usize> {
+pub(super) fn choose(found: &mut [Explanation], likelihood: &Likelihood, asked: Option<&str>) -> Option<usize> {
     let chosen = match asked {
         Some(name) => found.iter().position(|one| one.name() == name),
-        None => by_rule(found, judge),
+        None => by_rule(found, likelihood),
     }?;
     let least = found[chosen].gain - INDISTINCT;
     for (index, one) in found.iter_mut().enumerate() {
@@ -27,7 +27,7 @@ pub(super) fn choose(found: &mut [Explanation], judge: &Judge, asked: Option<&st
             _ if index == chosen => Standing::Chosen,
             Scope::Each => Standing::Alternative,
             // A choice with a number at each leaves nothing, which no other can: those that may be noise stay.
-            Scope::All if one.gain >= least || (one.score > Some(0.0) && is_left_to_noise(one, judge)) => {
+            Scope::All if one.gain >= least || (one.score > Some(0.0) && is_left_to_noise(one, likelihood)) => {
                 Standing::Alternative
             }
             Scope::All => Standing::Worse,
@@ -36,10 +36,10 @@ pub(super) fn choose(found: &mut [Explanation], judge: &Judge, asked: Option<&st
     Some(chosen)
 }
 
-fn by_rule(found: &[Explanation], judge: &Judge) -> Option<usize> {
+fn by_rule(found: &[Explanation], likelihood: &Likelihood) -> Option<usize> {
     let candidates = || {
         let all = found.iter().enumerate();
-        all.filter_map(|(index, one)| one.score.filter(|_| is_seen(one, judge)).map(|score| (index, score)))
+        all.filter_map(|(index, one)| one.score.filter(|_| is_seen(one, likelihood)).map(|score| (index, score)))
     };
     let best = candidates().map(|(_, score)| score).fold(f64::NEG_INFINITY, f64::max);
     candidates()
@@ -50,13 +50,13 @@ fn by_rule(found: &[Explanation], judge: &Judge) -> Option<usize> {
 }
 
 /// Whether the fitted column shows that it is there.
-fn is_seen(one: &Explanation, judge: &Judge) -> bool {
+fn is_seen(one: &Explanation, likelihood: &Likelihood) -> bool {
     let size = one.parameters.first().is_some_and(|(parameter, size)| size.excludes(parameter.null));
-    size && one.score > Some(0.0) && is_left_to_noise(one, judge)
+    size && one.score > Some(0.0) && is_left_to_noise(one, likelihood)
 }
 
 /// Whether it leaves no more than the known noise, where that is known.
-fn is_left_to_noise(one: &Explanation, judge: &Judge) -> bool {
-    let left = one.fitted_rms.powi(2) * judge.count as f64;
-    judge.is_noise(left, judge.count, one.numbers).unwrap_or(true)
+fn is_left_to_noise(one: &Explanation, likelihood: &Likelihood) -> bool {
+    let left = one.fitted_rms.powi(2) * likelihood.count as f64;
+    likelihood.is_noise(left, likelihood.count, one.numbers).unwrap_or(true)
 }

@@ -2,7 +2,7 @@
 
 use super::case::{Case, Row};
 use super::free_parameter::{FreeParameter, first_values, free_parameters};
-use super::judge::Judge;
+use super::likelihood::Likelihood;
 use super::table::Column;
 use crate::identify::Estimate;
 use crate::identify::{Limits, Residuals, Solution, minimize};
@@ -103,7 +103,11 @@ pub struct RuledOut {
 }
 
 /// Calibrates one kind: one number for all nominal commands, and one at each.
-pub(super) fn explanations(case: &Case, judge: &Judge, kind: &'static Kind) -> Result<Vec<Explanation>, RuledOut> {
+pub(super) fn explanations(
+    case: &Case,
+    likelihood: &Likelihood,
+    kind: &'static Kind,
+) -> Result<Vec<Explanation>, RuledOut> {
     let no = |reason: &str| Err(RuledOut { kind, reason: reason.to_owned() });
     if case.has(kind) {
         return no("in the model already");
@@ -118,11 +122,11 @@ pub(super) fn explanations(case: &Case, judge: &Judge, kind: &'static Kind) -> R
             _ => "the magnitude is left alone, and with it every bandwidth",
         });
     };
-    let all = for_all(case, judge, kind, &free_parameters);
+    let all = for_all(case, likelihood, kind, &free_parameters);
     let shape = all.as_ref().and_then(|found| found.values.first().cloned().flatten());
     let each =
-        at_each(case, judge, kind, size, free_parameters.len() - 1, &shape.unwrap_or_else(|| first_values(kind)));
-    let left = |found: &Explanation| found.fitted_rms.powi(2) * judge.count as f64 / judge.before;
+        at_each(case, likelihood, kind, size, free_parameters.len() - 1, &shape.unwrap_or_else(|| first_values(kind)));
+    let left = |found: &Explanation| found.fitted_rms.powi(2) * likelihood.count as f64 / likelihood.before;
     let all = all.filter(|found| each.is_some() || left(found) < NO_NEARER);
     let found: Vec<Explanation> = all.into_iter().chain(each).collect();
     if found.is_empty() { no("no value brings the model nearer to the measurement") } else { Ok(found) }
@@ -196,9 +200,14 @@ fn chi_square(case: &Case, row: &Row, kind: &'static Kind, values: &[f64]) -> Op
 }
 
 /// One value of each parameter for all nominal commands, by least squares; `None` where there are as many of them as data.
-fn for_all(case: &Case, judge: &Judge, kind: &'static Kind, free_parameters: &[FreeParameter]) -> Option<Explanation> {
+fn for_all(
+    case: &Case,
+    likelihood: &Likelihood,
+    kind: &'static Kind,
+    free_parameters: &[FreeParameter],
+) -> Option<Explanation> {
     let numbers = free_parameters.len();
-    if judge.count <= numbers {
+    if likelihood.count <= numbers {
         return None;
     }
     let chi_square = ChiSquare { case, kind, free_parameters, first: first_values(kind) };
@@ -209,19 +218,29 @@ fn for_all(case: &Case, judge: &Judge, kind: &'static Kind, free_parameters: &[F
     let best = solutions.min_by(|a, b| a.sum_of_squares.total_cmp(&b.sum_of_squares))?;
     let values = chi_square.values(&best.parameters);
     let parameters = free_parameters.iter().enumerate().map(|(index, free_parameter)| {
-        let estimate = estimate(&best, index, free_parameter, values[free_parameter.index], judge);
+        let estimate = estimate(&best, index, free_parameter, values[free_parameter.index], likelihood);
         (free_parameter.parameter, estimate)
     });
     let parameters = parameters.collect();
     let values = vec![Some(values); case.rows.len()];
-    let score = judge.gain(best.sum_of_squares) - judge.penalty(numbers);
-    Some(Explanation { parameters, score: Some(score), ..explained(case, judge, kind, Scope::All, numbers, values) })
+    let score = likelihood.gain(best.sum_of_squares) - likelihood.penalty(numbers);
+    Some(Explanation {
+        parameters,
+        score: Some(score),
+        ..explained(case, likelihood, kind, Scope::All, numbers, values)
+    })
 }
 
 /// A calibrated value with the standard error that the known noise, or what is left, gives it.
-fn estimate(best: &Solution, index: usize, free_parameter: &FreeParameter, value: f64, judge: &Judge) -> Estimate {
-    let rest = (judge.count - best.parameters.len()) as f64;
-    let (variance, dof) = match judge.accuracy {
+fn estimate(
+    best: &Solution,
+    index: usize,
+    free_parameter: &FreeParameter,
+    value: f64,
+    likelihood: &Likelihood,
+) -> Estimate {
+    let rest = (likelihood.count - best.parameters.len()) as f64;
+    let (variance, dof) = match likelihood.accuracy {
         Some(std) => (std * std, f64::INFINITY),
         None => (best.sum_of_squares / rest, rest),
     };
@@ -233,7 +252,7 @@ fn estimate(best: &Solution, index: usize, free_parameter: &FreeParameter, value
 /// reproduced.
 fn at_each(
     case: &Case,
-    judge: &Judge,
+    likelihood: &Likelihood,
     kind: &'static Kind,
     size: &FreeParameter,
     others: usize,
@@ -244,7 +263,7 @@ fn at_each(
         let is_fitted = row.measured[case.fitted as usize].is_some();
         values.push(if is_fitted { Some(reproducing(case, row, kind, size, shape)?) } else { None });
     }
-    Some(explained(case, judge, kind, Scope::Each, judge.count + others, values))
+    Some(explained(case, likelihood, kind, Scope::Each, likelihood.count + others, values))
 }
 
 /// The values with the size, nearest to none, that reproduces a bandwidth.
@@ -285,7 +304,7 @@ fn reproducing(case: &Case, row: &Row, kind: &'static Kind, size: &FreeParameter
 /// What calibrated values predict.
 fn explained(
     case: &Case,
-    judge: &Judge,
+    likelihood: &Likelihood,
     kind: &'static Kind,
     scope: Scope,
     numbers: usize,
@@ -312,8 +331,8 @@ fn explained(
         numbers,
         values,
         parameters: Vec::new(),
-        fitted_rms: (fitted / judge.count as f64).sqrt(),
-        gain: judge.gain(fitted),
+        fitted_rms: (fitted / likelihood.count as f64).sqrt(),
+        gain: likelihood.gain(fitted),
         score: None,
         predicted_rad_s,
         held_out_rms: held_out.map(|squares| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt()),

@@ -9,7 +9,7 @@ mod choose;
 mod explanation;
 mod extend;
 mod free_parameter;
-mod judge;
+mod likelihood;
 mod low_frequency_gain;
 mod next;
 mod table;
@@ -18,7 +18,7 @@ pub use explanation::{Explanation, RuledOut, Scope, Standing};
 pub use table::{BandwidthRow, BandwidthTable, Column};
 
 use case::Case;
-use judge::Judge;
+use likelihood::Likelihood;
 use rayon::prelude::*;
 use rotorlead::design::LeadParameters;
 
@@ -114,14 +114,14 @@ pub fn diagnose_bandwidths(
     let total: f64 = Column::ALL.into_iter().flat_map(squares).sum();
     let before: f64 = squares(options.fitted).sum();
     let count = case.fitted_rows().count();
-    let judge = Judge { accuracy: options.accuracy, count, before };
+    let likelihood = Likelihood { accuracy: options.accuracy, count, before };
     let all = Column::ALL.map(|column| squares(column).count()).iter().sum();
-    let agrees = judge.agrees(total, all) && judge.agrees(before, count);
+    let agrees = likelihood.agrees(total, all) && likelihood.agrees(before, count);
 
     let (mut explanations, mut ruled_out) = (Vec::new(), Vec::new());
     if !agrees || options.take.is_some() {
         let kinds = kinds(options.catalog);
-        let found: Vec<_> = kinds.par_iter().map(|kind| explanation::explanations(&case, &judge, kind)).collect();
+        let found: Vec<_> = kinds.par_iter().map(|kind| explanation::explanations(&case, &likelihood, kind)).collect();
         for found in found {
             match found {
                 Ok(found) => explanations.extend(found),
@@ -131,7 +131,7 @@ pub fn diagnose_bandwidths(
     }
     // One number for all comes first, in the table as in the choice.
     explanations.sort_by_key(|one| one.scope == Scope::Each);
-    let chosen = choose::choose(&mut explanations, &judge, options.take);
+    let chosen = choose::choose(&mut explanations, &likelihood, options.take);
     if let (Some(name), None) = (options.take, chosen) {
         let known = explanations.iter().map(Explanation::name).collect();
         return Err(DiagnoseError::NoSuchExplanation { name: name.to_owned(), known });
@@ -154,7 +154,7 @@ pub fn diagnose_bandwidths(
     };
     let verdict = match chosen_one {
         _ if agrees => Verdict::Agrees,
-        Some(one) => judged(&judge, one, gap, held_out_rows),
+        Some(one) => evaluated(&likelihood, one, gap, held_out_rows),
         None => Verdict::Unknown,
     };
     let parts = case.rows.iter().map(|row| {
@@ -223,13 +223,13 @@ fn kinds(catalog: &Catalog) -> Vec<&'static Kind> {
 
 /// What the held-out column says of an explanation; the fitted one, where nothing is held out and there are fewer numbers than
 /// data.
-fn judged(judge: &Judge, one: &Explanation, gap: BandwidthGap, held_out: usize) -> Verdict {
+fn evaluated(likelihood: &Likelihood, one: &Explanation, gap: BandwidthGap, held_out: usize) -> Verdict {
     if held_out == 0 && one.scope == Scope::Each {
         return Verdict::Unknown;
     }
     let left = (gap.after / gap.before).powi(2);
-    let (count, numbers) = if held_out > 0 { (held_out, 0) } else { (judge.count, one.numbers) };
-    let is_noise = judge.is_noise(gap.after.powi(2) * count as f64, count, numbers).unwrap_or(false);
+    let (count, numbers) = if held_out > 0 { (held_out, 0) } else { (likelihood.count, one.numbers) };
+    let is_noise = likelihood.is_noise(gap.after.powi(2) * count as f64, count, numbers).unwrap_or(false);
     match left {
         _ if is_noise => Verdict::Named,
         left if left < WHOLE => Verdict::Named,

@@ -13,7 +13,7 @@ const STEPS: usize = 4;
 /// The gap on what a split holds out.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SplitGap {
-    /// What was fitted and what is judged, in words.
+    /// What was fitted and what is evaluated, in words.
     pub split: &'static str,
     /// The gap.
     pub gap: Gap,
@@ -31,7 +31,7 @@ pub(in crate::diagnose) fn gaps(
     // Each with the errors that it leaves itself.
     let own = if folds.is_empty() { None } else { data.weighed_by(before) };
     let own = own.map_or_else(|| folds.clone(), |data| data.folds());
-    let judged: Vec<(&'static str, Vec<(usize, Squares)>)> = folds
+    let evaluated: Vec<(&'static str, Vec<(usize, Squares)>)> = folds
         .par_iter()
         .zip(&own)
         .map(|((words, fold), (_, own))| {
@@ -42,15 +42,15 @@ pub(in crate::diagnose) fn gaps(
             let after = fitted(fold, after);
             let held_out =
                 fold.records.iter().enumerate().filter(|(_, record)| record.end_of(Some(Split::Holdout)) > 0);
-            let judged = held_out
+            let evaluated = held_out
                 .filter_map(|(place, record)| Some((place, squares(fold, record, &before, &after, Split::Holdout)?)));
-            (*words, judged.collect())
+            (*words, evaluated.collect())
         })
         .collect();
     let mut total = Squares::default();
     let mut records = vec![Squares::default(); data.records.len()];
     let mut splits = Vec::new();
-    for (split, parts) in judged {
+    for (split, parts) in evaluated {
         let mut sum = Squares::default();
         for (place, part) in parts {
             records[place].add(part);
@@ -59,8 +59,8 @@ pub(in crate::diagnose) fn gaps(
         total.add(sum);
         splits.push(SplitGap { split, gap: sum.gap() });
     }
-    let judged = data.records.iter().zip(&records).filter(|(_, squares)| squares.is_any());
-    let records = judged.map(|(record, squares)| RecordGap {
+    let evaluated = data.records.iter().zip(&records).filter(|(_, squares)| squares.is_any());
+    let records = evaluated.map(|(record, squares)| RecordGap {
         file: record.file.clone(),
         nominal: record.nominal,
         gap: squares.gap(),

@@ -6,7 +6,7 @@
 //! - start-up, standstill, spikes and what follows a gap of the logger are cut out (`cut`);
 //! - levels and what happens between them are compared separately, each level as one number (`errors`);
 //! - what is held out is whole steps, by splits that are written down beforehand (`split`);
-//! - whether anything is left to explain is judged by the scatter of settled rows about their own mean, which no model of the
+//! - whether anything is left to explain is evaluated by the scatter of settled rows about their own mean, which no model of the
 //!   command can explain, and not by the error that the models leave.
 
 mod cut;

@@ -1,7 +1,7 @@
 //! The search for effects where records do not repeat.
 //!
-//! The steps are those of `explain`; what differs is how a kind is judged. What a model misses of a log is not noise but its own
-//! error, whose size is not known beforehand and shrinks as effects are found. So each explanation is judged by the errors that it
+//! The steps are those of `explain`; what differs is how a kind is evaluated. What a model misses of a log is not noise but its own
+//! error, whose size is not known beforehand and shrinks as effects are found. So each explanation is evaluated by the errors that it
 //! leaves itself (`errors`): a generalized likelihood ratio, on all steps and on what the splits hold out.
 //!
 //! Staircases show fewer kinds than periodic records do, each from its best start.
@@ -20,7 +20,7 @@ use crate::record::Output;
 
 /// Most effects that are named: a staircase goes through the whole range of a motor, where more shows than around one command.
 const MOST_EFFECTS: usize = 5;
-/// How many kinds are finished and judged by what is held out, after a few steps of a search of each.
+/// How many kinds are finished and evaluated by what is held out, after a few steps of a search of each.
 const MOST_FINISHED: usize = 3;
 /// Steps of a search that finishes: the chi-square is of models and not of noise, so the last digits mean nothing.
 const LAST_STEPS: usize = 8;
@@ -78,14 +78,14 @@ struct Named {
 }
 
 /// An explanation with the errors that it leaves.
-struct Judged {
+struct Evaluated {
     data: Dataset,
     fit: Fit,
     /// Minus twice the log likelihood, but for a constant.
     deviance: f64,
 }
 
-impl Judged {
+impl Evaluated {
     /// Fits once more with the errors that `fit` leaves.
     fn of(data: &Dataset, fit: &Fit, steps: usize) -> Option<Self> {
         let weighed = data.weighed_by(&fit.hypothesis)?;
@@ -166,21 +166,23 @@ impl Search<'_> {
             screened.extend(self.screen(&score_test, &scan, from, kind).into_iter().next());
             (self.progress)();
         }
-        let Some(before) = self.judged(from) else { return Vec::new() };
-        let mut followed: Vec<(Judged, &'static Kind)> = Vec::new();
+        let Some(before) = self.evaluated(from) else { return Vec::new() };
+        let mut followed: Vec<(Evaluated, &'static Kind)> = Vec::new();
         for (_, start, kind) in screened {
             let fit = fit_in(&self.data, &start, true, FIRST_STEPS);
-            followed.extend(fit.and_then(|fit| Judged::of(&self.data, &fit, FIRST_STEPS)).map(|judged| (judged, kind)));
+            followed.extend(
+                fit.and_then(|fit| Evaluated::of(&self.data, &fit, FIRST_STEPS)).map(|evaluated| (evaluated, kind)),
+            );
             (self.progress)();
         }
         followed.sort_by(|a, b| a.0.deviance.total_cmp(&b.0.deviance));
         let folds = Folds::of(&before.data, from);
         let promising =
-            |(place, (_, kind)): &(usize, (Judged, &Kind))| *place < MOST_FINISHED || parsimony_rank(kind) < 2;
-        let finished = followed.into_iter().enumerate().filter(promising).filter_map(|(_, (judged, kind))| {
-            let judged = Judged::of(&judged.data, &judged.fit, LAST_STEPS)?;
+            |(place, (_, kind)): &(usize, (Evaluated, &Kind))| *place < MOST_FINISHED || parsimony_rank(kind) < 2;
+        let finished = followed.into_iter().enumerate().filter(promising).filter_map(|(_, (evaluated, kind))| {
+            let evaluated = Evaluated::of(&evaluated.data, &evaluated.fit, LAST_STEPS)?;
             (self.progress)();
-            let tried = tried(&before, &folds, judged, kind);
+            let tried = tried(&before, &folds, evaluated, kind);
             Some(tried)
         });
         let mut all: Vec<Tried> = finished.collect();
@@ -188,9 +190,9 @@ impl Search<'_> {
         all
     }
 
-    fn judged(&self, fit: &Fit) -> Option<Judged> {
+    fn evaluated(&self, fit: &Fit) -> Option<Evaluated> {
         let deviance = deviance(&self.data, &fit.hypothesis, Split::Train)?;
-        Some(Judged { data: self.data.clone(), fit: fit.clone(), deviance })
+        Some(Evaluated { data: self.data.clone(), fit: fit.clone(), deviance })
     }
 
     /// Drops one after the other what the others make redundant, or what may as well not be there beside them. Nothing is
@@ -198,13 +200,13 @@ impl Search<'_> {
     fn eliminate(&mut self, mut current: Fit, named: &[Named]) -> Option<(Fit, Vec<Found>, Vec<&'static Kind>)> {
         let mut redundant = Vec::new();
         loop {
-            let now = self.judged(&current)?;
+            let now = self.evaluated(&current)?;
             let (mut found, mut applied) = (Vec::new(), Vec::new());
             for (effect, candidate) in current.hypothesis.effects.iter().enumerate() {
                 let rest = fit_in(&self.data, &current.hypothesis.without(effect), true, LAST_STEPS)?;
-                let rest = Judged::of(&self.data, &rest, FIRST_STEPS)?;
+                let rest = Evaluated::of(&self.data, &rest, FIRST_STEPS)?;
                 let folds = Folds::of(&rest.data, &rest.fit);
-                let with = Judged { data: now.data.clone(), fit: now.fit.clone(), ..now };
+                let with = Evaluated { data: now.data.clone(), fit: now.fit.clone(), ..now };
                 let tried = tried(&rest, &folds, with, candidate.kind);
                 let named = named.iter().find(|named| named.kind == candidate.kind);
                 let is_free = |kind: &&Kind| current.hypothesis.effects.iter().all(|effect| effect.kind != *kind);
@@ -230,8 +232,8 @@ fn is_worth_it(tried: &Tried) -> bool {
     tried.score() >= LEAST_SCORE_IN_LOGS && tried.held_out_gain >= 0.0
 }
 
-/// What the last effect of a judged explanation is worth.
-fn tried(before: &Judged, folds: &Folds, with: Judged, kind: &'static Kind) -> Tried {
+/// What the last effect of a evaluated explanation is worth.
+fn tried(before: &Evaluated, folds: &Folds, with: Evaluated, kind: &'static Kind) -> Tried {
     let fitted_gain = 0.5 * (before.deviance - with.deviance);
     let held_out_gain = folds.gain(&with.data, &with.fit.hypothesis).unwrap_or(0.0);
     Tried {

@@ -1,6 +1,6 @@
 //! What is held out of logs, written down before anything is fitted.
 //!
-//! | split | fitted on | judged on |
+//! | split | fitted on | evaluated on |
 //! |---|---|---|
 //! | up to down | plateaus after steps up | plateaus after steps down |
 //! | down to up | the other way round | |

@@ -9,7 +9,7 @@ const SIGNIFICANT: f64 = 5.0;
 
 /// Log likelihoods of the fitted column.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Judge {
+pub(super) struct Likelihood {
     /// Relative standard error of a measured bandwidth, where it is known. Otherwise what a calibration with fewer numbers
     /// than data leaves is taken for noise.
     pub accuracy: Option<f64>,
@@ -19,7 +19,7 @@ pub(super) struct Judge {
     pub before: f64,
 }
 
-impl Judge {
+impl Likelihood {
     /// By how much the log likelihood grows when the sum of squares becomes `after`: of normal errors with the known
     /// standard error, or with the one that maximizes it.
     pub(super) fn gain(&self, after: f64) -> f64 {
@@ -69,23 +69,23 @@ mod tests {
 
     #[test]
     fn numbers_cost_what_the_criterion_says() {
-        let judge = |accuracy, count| Judge { accuracy, count, before: 1.0 };
-        assert_eq!(judge(Some(0.02), 2).penalty(3), 3.0);
+        let likelihood = |accuracy, count| Likelihood { accuracy, count, before: 1.0 };
+        assert_eq!(likelihood(Some(0.02), 2).penalty(3), 3.0);
         // Half of 2 K + 2 K (K + 1) / (n - K - 1), with K = 2 and 1 for n = 6.
-        assert!((judge(None, 6).penalty(1) - 2.5).abs() < 1e-12);
-        assert!((judge(None, 6).penalty(2) - 7.5).abs() < 1e-12);
-        assert_eq!(judge(None, 3).penalty(1), f64::INFINITY);
-        assert!((judge(None, 6).gain(0.25) - 3.0 * 4.0_f64.ln()).abs() < 1e-12);
-        assert!((judge(Some(0.1), 6).gain(0.25) - 37.5).abs() < 1e-12);
+        assert!((likelihood(None, 6).penalty(1) - 2.5).abs() < 1e-12);
+        assert!((likelihood(None, 6).penalty(2) - 7.5).abs() < 1e-12);
+        assert_eq!(likelihood(None, 3).penalty(1), f64::INFINITY);
+        assert!((likelihood(None, 6).gain(0.25) - 3.0 * 4.0_f64.ln()).abs() < 1e-12);
+        assert!((likelihood(Some(0.1), 6).gain(0.25) - 37.5).abs() < 1e-12);
     }
 
     #[test]
     fn known_errors_decide_what_agrees() {
-        let judge = |accuracy| Judge { accuracy, count: 6, before: 1.0 };
+        let likelihood = |accuracy| Likelihood { accuracy, count: 6, before: 1.0 };
         // Twelve errors of 5 % each.
-        assert!(judge(Some(0.05)).agrees(12.0 * 0.0025, 12));
-        assert!(!judge(Some(0.02)).agrees(12.0 * 0.0025, 12));
-        assert!(!judge(None).agrees(12.0 * 0.0025, 12));
-        assert!(judge(None).agrees(12.0 * 0.000_081, 12));
+        assert!(likelihood(Some(0.05)).agrees(12.0 * 0.0025, 12));
+        assert!(!likelihood(Some(0.02)).agrees(12.0 * 0.0025, 12));
+        assert!(!likelihood(None).agrees(12.0 * 0.0025, 12));
+        assert!(likelihood(None).agrees(12.0 * 0.000_081, 12));
     }
 }
