@@ -30,7 +30,7 @@ fn identified(name: &str) -> Option<Identified> {
 fn print(name: &str, fit: &StaircaseFit) {
     println!(
         "{name}: fit {:.1} % ({:.1} % with spikes, {:.1} % with own levels), delay {:.1} +- {:.1} ms, onsets {:.1} ms, \
-         kappa {:.2} +- {:.2}",
+         curvature {:.2} +- {:.2}",
         fit.fit_percent,
         fit.fit_percent_with_spikes,
         fit.fit_percent_own_levels,
@@ -81,7 +81,7 @@ fn check_model(it: &Identified) {
     assert_eq!(map.command.len(), it.fit.levels.len());
     let judged = &validate(&it.log.experiment, &it.model).unwrap()[0];
     println!("  the model file on its record: {:.2} % of {:?}", judged.fit_percent, judged.ceiling_percent);
-    // The file has no kappa and one time constant for both directions; what these explain is small.
+    // The file has no curvature and one time constant for both directions; what these explain is small.
     assert!((judged.fit_percent - it.fit.fit_percent).abs() < 0.2, "{judged:?}");
     assert!(judged.fit_percent < judged.ceiling_percent.unwrap(), "{judged:?}");
 

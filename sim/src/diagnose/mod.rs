@@ -444,7 +444,7 @@ impl Dataset {
     fn check_fitted(&self) -> Result<(), DiagnoseError> {
         for (point, nominal) in self.nominals.iter().enumerate() {
             let is_fitted = |record: &dataset::Record| record.point == point && record.end_of(Some(Split::Train)) > 0;
-            if !self.data.iter().any(is_fitted) {
+            if !self.records.iter().any(is_fitted) {
                 return Err(DiagnoseError::NominalWithoutFit { nominal: *nominal });
             }
         }

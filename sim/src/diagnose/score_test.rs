@@ -123,6 +123,6 @@ mod tests {
             );
             predicted += usize::from(start.is_even());
         }
-        assert!(predicted > 8, "{judged} in rows");
+        assert!(predicted > 8, "{predicted} in rows");
     }
 }

@@ -241,7 +241,7 @@ fn a_motor_with_drag_gives_its_small_signal_time_constants() {
         let truth = 1.0 / (b + 2.0 * c * map(level.command));
         for branch in [level.up, level.down].into_iter().flatten() {
             if let Some(tau) = branch.time_constant_s {
-                // One kappa for all levels is an approximation: it grows with speed in this motor.
+                // One curvature for all levels is an approximation: it grows with speed in this motor.
                 let error = (tau.value / truth - 1.0).abs();
                 assert!(error < 0.05 + 1.96 * tau.std / tau.value, "{level:?} {truth}");
                 checked += 1;

@@ -29,15 +29,15 @@ const LEAST_SCORE_IN_LOGS: f64 = 10.0;
 impl Dataset {
     /// Whether any record does not repeat.
     pub fn has_logs(&self) -> bool {
-        self.data.iter().any(|record| record.log.is_some())
+        self.records.iter().any(|record| record.log.is_some())
     }
 
     /// Whether the records can show a kind.
     fn can_show(&self, kind: &Kind) -> bool {
-        let any_repeats = || self.data.iter().any(|record| record.log.is_none());
+        let any_repeats = || self.records.iter().any(|record| record.log.is_none());
         match kind.shows {
             Shows::Anywhere | Shows::OverLevels => true,
-            Shows::BetweenLevels => self.data.iter().any(|record| !record.goes_from_level_to_level()),
+            Shows::BetweenLevels => self.records.iter().any(|record| !record.goes_from_level_to_level()),
             Shows::BetweenClocks => any_repeats(),
             Shows::InForce => self.output == Output::ThrustN,
         }
@@ -46,7 +46,7 @@ impl Dataset {
     /// With the errors that a hypothesis leaves.
     pub fn weighed_by(&self, hypothesis: &Hypothesis) -> Option<Self> {
         let mut weighed = self.clone();
-        for record in weighed.data.iter_mut().filter(|record| record.log.is_some()) {
+        for record in weighed.records.iter_mut().filter(|record| record.log.is_some()) {
             record.weigh_by(self, hypothesis)?;
         }
         Some(weighed)

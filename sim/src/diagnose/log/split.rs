@@ -67,7 +67,7 @@ impl Dataset {
     /// The splits that the records are long enough for, in words and as records with other purposes. Empty where there are no
     /// logs, or the experiment says itself what is held out.
     pub fn folds(&self) -> Vec<(&'static str, Self)> {
-        let split_up = self.data.iter().any(|record| record.log.as_ref().is_some_and(|log| !log.has_role));
+        let split_up = self.records.iter().any(|record| record.log.as_ref().is_some_and(|log| !log.has_role));
         if !split_up {
             return Vec::new();
         }
@@ -81,9 +81,9 @@ impl Dataset {
             let Some(log) = record.log.as_mut().filter(|log| !log.has_role) else { continue };
             if log.groups.len() < CUT_FROM {
                 let is_fitted = whole(split, &log.groups, place);
-                log.assign(|_| split(is_fitted));
+                log.assign(|_| train_or_holdout(is_fitted));
             } else {
-                log.assign(|group| split(part(split, group)));
+                log.assign(|group| train_or_holdout(part(split, group)));
             }
             let log = &*log;
             fitted += log.groups.iter().filter(|group| group.split == Split::Train).count();
@@ -94,7 +94,7 @@ impl Dataset {
     }
 }
 
-fn split(is_fitted: bool) -> Split {
+fn train_or_holdout(is_fitted: bool) -> Split {
     if is_fitted { Split::Train } else { Split::Holdout }
 }
 

@@ -3,7 +3,7 @@
 //! Each step is simulated over a window from a few rows before it to a few time constants after it, and all
 //! steps are fitted at once. Their parameters:
 //!
-//! - one delay and one `kappa` ([`super::response`]) for the record;
+//! - one delay and one curvature `k` ([`super::response`]) for the record;
 //! - one time constant per level and direction, as its logarithm;
 //! - per step the levels before and after it, as slow drift would otherwise bend the time constants;
 //! - per step an *onset*, how much earlier or later than the record's delay it began. The log says in
@@ -13,7 +13,7 @@
 //!   estimated from the record, and enter the sum of squares as such (random effects; the sum is then
 //!   minus twice the logarithm of the joint density).
 //!
-//! `kappa` is tied to zero with a standard deviation of 1/2, the most that drag can make of it, so that a
+//! The curvature has a Gaussian prior of mean zero and standard deviation 1/2, the most that drag can make of it, so that a
 //! record of small steps only, which say nothing of it, still has a solution.
 
 use super::StepsError;

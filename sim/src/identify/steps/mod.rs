@@ -16,8 +16,8 @@
 //! # Which law for large steps
 //! Small steps up have one time constant each. A large step down crosses many levels, and three laws are at
 //! hand: the time constant of the level it leads to; that of the level it is at; and a motor with drag,
-//! which lies between. All are one family in `kappa` ([`StaircaseFit::curvature`]): 0, 1 and up to 1/2. So
-//! `kappa` is estimated, one for the record, and time constants are always those of small motions about
+//! which lies between. All are one family in `k` ([`StaircaseFit::curvature`]): 0, 1 and up to 1/2. So
+//! `k` is estimated, one for the record, and time constants are always those of small motions about
 //! the level that the step leads to. It has to be estimated: on three logs of real motors it came out as
 //! 0.09, 0.44 and -1.06. The last is no motor's; fixing it at a motor's value would move the misfit of the large
 //! steps into their time constants, and make up and down differ where they do not.
@@ -78,7 +78,7 @@ pub struct StaircaseFit {
     /// Standard deviation of single steps' delays about [`Self::delay_s`], seconds: in which part of a row
     /// or of a frame the command changed.
     pub onset_std_s: f64,
-    /// `kappa`: how much faster a large step starts than a first-order lag, relative to the ratio of the
+    /// Curvature of the lag: how much faster a large step starts than a first-order lag, relative to the ratio of the
     /// excess to the level. 0 for a first-order lag, up to 1/2 with drag; below 0 when something makes it
     /// start more gently.
     pub curvature: Estimate,
@@ -270,9 +270,9 @@ fn warnings_of_fit(levels: &[Level], lag: &LagFit) -> Vec<StepsWarning> {
     for direction in [Direction::Up, Direction::Down] {
         warnings.extend(odd_ones(levels, direction));
     }
-    let kappa = lag.curvature;
-    if kappa.excludes(0.0) {
-        warnings.push(StepsWarning::Curved { curvature: kappa.value, std: kappa.std });
+    let curvature = lag.curvature;
+    if curvature.excludes(0.0) {
+        warnings.push(StepsWarning::Curved { curvature: curvature.value, std: curvature.std });
     }
     if lag.delay_s.value < 0.0 && lag.delay_s.excludes(0.0) {
         warnings.push(StepsWarning::NegativeDelay { delay_s: lag.delay_s.value });

@@ -22,7 +22,7 @@ pub(super) struct Data<'a> {
 const MIN_STEP_STD: f64 = 3.0;
 /// Rows of a window that are before its step.
 const ROWS_BEFORE: usize = 30;
-/// What drag can make of `kappa`.
+/// What drag can make of the curvature.
 const CURVATURE_STD: f64 = 0.5;
 /// Delays beyond this are not searched, seconds.
 const MAX_DELAY_S: f64 = 0.3;
@@ -72,7 +72,7 @@ pub(super) struct Step {
     pub(super) rise_s: f64,
 }
 
-/// Indices of the parameters: delay, kappa, then the levels after and before each step and its onset, then
+/// Indices of the parameters: delay, curvature, then the levels after and before each step and its onset, then
 /// logarithms of the time constants. Levels are in units of their rough values.
 pub(super) const DELAY: usize = 0;
 pub(super) const CURVATURE: usize = 1;

@@ -3,17 +3,17 @@
 //! Between two changes of the command the response `w` moves toward the level `W` that the static map
 //! gives:
 //!
-//! `dw/dt = (W - w)/tau (1 + kappa (w - W)/W)`
+//! `dw/dt = (W - w)/tau (1 + k (w - W)/W)`
 //!
-//! `kappa = 0` is the first-order lag. A motor against the propeller's drag has
+//! `k = 0` is the first-order lag. A motor against the propeller's drag has
 //! `dw/dt = a u - b w - c w^2 - e`, which is this with `1/tau = b + 2 c W` and
-//! `kappa = c W tau`: 0 without drag, 1/2 with nothing but drag. So `tau` is the time constant of small
+//! `k = c W tau`: 0 without drag, 1/2 with nothing but drag. So `tau` is the time constant of small
 //! motions about `W`, the one a linear model needs, while a large step starts faster from above and
-//! slower from below. A negative `kappa` is no motor with drag: the response then starts more gently than
+//! slower from below. A negative `k` is no motor with drag: the response then starts more gently than
 //! an exponential, as behind a second lag or a slew limit. With `x = w - W` it is Bernoulli's equation and its solution is exact at any
 //! time, so sampling, uneven or not, adds no error:
 //!
-//! `x(t) = x0 E / (1 + kappa x0/W (1 - E))`, `E = exp(-t/tau)`
+//! `x(t) = x0 E / (1 + k x0/W (1 - E))`, `E = exp(-t/tau)`
 
 /// A stretch of constant command.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -86,12 +86,12 @@ mod tests {
                 c * level[k] * tau,
             )
         };
-        // One stretch at a time, since kappa depends on the level in this motor.
+        // One stretch at a time, since the curvature depends on the level in this motor.
         for k in 1..3 {
-            let ((to, kappa), (from, _)) = (stretch(k), stretch(k - 1));
+            let ((to, curvature), (from, _)) = (stretch(k), stretch(k - 1));
             let time_s: Vec<f64> = (0..150).map(|i| to.from_s + 0.0011 * i as f64).collect();
             let mut w = vec![0.0; time_s.len()];
-            assert!(simulate(&[Stretch { from_s: -10.0, ..from }, to], kappa, &time_s, &mut w));
+            assert!(simulate(&[Stretch { from_s: -10.0, ..from }, to], curvature, &time_s, &mut w));
             let mut truth = level[k - 1];
             let mut t = to.from_s + to.delay_s;
             for (&at, &w) in time_s.iter().zip(&w) {

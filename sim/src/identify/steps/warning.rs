@@ -110,7 +110,7 @@ pub enum StepsWarning {
     },
     /// Large steps are not those of a first-order lag.
     Curved {
-        /// `kappa`.
+        /// the curvature.
         curvature: f64,
         /// Its standard error.
         std: f64,
@@ -202,7 +202,7 @@ impl fmt::Display for StepsWarning {
                 } else {
                     "slow down as the rotor does, as drag makes them"
                 };
-                write!(f, "large steps {what} (kappa {curvature:.2}, standard error {std:.2})")
+                write!(f, "large steps {what} (curvature of the lag {curvature:.2}, standard error {std:.2})")
             }
             Self::NegativeDelay { delay_s } => {
                 write!(
