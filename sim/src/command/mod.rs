@@ -25,6 +25,7 @@ mod lost_gain;
 mod man;
 mod new;
 mod outcome;
+mod overwrite_guard;
 mod parameters;
 mod progress;
 mod redesign;
@@ -32,7 +33,6 @@ mod report;
 mod report_option;
 mod report_pages;
 mod simulate;
-mod spared;
 mod validate;
 mod wrong_use;
 
@@ -103,7 +103,7 @@ impl Arguments {
             }
             Err(wrong) => wrong.exit(),
         };
-        if let Some(overwritten) = spared::overwritten(&matches) {
+        if let Some(overwritten) = overwrite_guard::overwritten(&matches) {
             command_line().error(clap::error::ErrorKind::ValueValidation, overwritten).exit();
         }
         Ok(Self::from_arg_matches(&matches).unwrap_or_else(|error| error.exit()))

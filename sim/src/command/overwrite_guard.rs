@@ -54,13 +54,13 @@ mod tests {
         for name in ["experiment.toml", "a.csv", "model.toml", "report.html"] {
             std::fs::write(at(name), "").unwrap();
         }
-        let spared = |input: &Path, output: &str| said(input, &at(output)).is_some();
+        let is_guarded = |input: &Path, output: &str| said(input, &at(output)).is_some();
         for output in ["experiment.toml", "a.csv", "./a.csv"] {
-            assert!(spared(folder.path(), output), "{output}");
+            assert!(is_guarded(folder.path(), output), "{output}");
         }
         for output in ["model.toml", "report.html", "new.csv"] {
-            assert!(!spared(folder.path(), output), "{output}");
+            assert!(!is_guarded(folder.path(), output), "{output}");
         }
-        assert!(spared(&at("model.toml"), "model.toml") && !spared(&at("model.toml"), "a.csv"));
+        assert!(is_guarded(&at("model.toml"), "model.toml") && !is_guarded(&at("model.toml"), "a.csv"));
     }
 }
