@@ -1,6 +1,6 @@
 //! One answer against the truth.
 
-use super::diagnosis::{Diagnosis, Named, Suspected, Verdict};
+use super::diagnosis::{Diagnosis, Named, Verdict, WeakEvidence};
 use super::folder::{Hidden, Truth};
 use super::kind::Kind;
 
@@ -70,14 +70,14 @@ impl Scored {
     /// The truth is the first name, stands among its alternatives, or is what the records are said to lean to; `None` where the tool
     /// does not say that.
     #[must_use]
-    pub fn first_alternative_or_weak_evidence(&self) -> Option<bool> {
-        let weak_evidence = self.suspects()?.iter().any(|weak_evidence| self.is_hidden(&weak_evidence.kind));
-        Some(self.first_or_alternative() || weak_evidence)
+    pub fn first_alternative_or_evidence(&self) -> Option<bool> {
+        let leans_to_it = self.weak_evidence()?.iter().any(|evidence| self.is_hidden(&evidence.kind));
+        Some(self.first_or_alternative() || leans_to_it)
     }
 
     /// What the records are said to lean to.
     #[must_use]
-    pub fn suspects(&self) -> Option<&[Suspected]> {
+    pub fn weak_evidence(&self) -> Option<&[WeakEvidence]> {
         self.answer.as_ref().ok()?.weak_evidence.as_deref()
     }
 
@@ -206,12 +206,12 @@ pub(super) mod tests {
     #[test]
     fn what_is_weak_evidence_is_no_name() {
         let json = naming("agrees", &[]);
-        let suspecting = json.replacen('{', r#"{"weak_evidence": [{"kind": "slew_limit"}, {"kind": "backlash"}],"#, 1);
-        let right = single(Kind::Backlash, &suspecting);
-        assert_eq!((right.first_alternative_or_weak_evidence(), right.first_or_alternative()), (Some(true), false));
+        let leaning = json.replacen('{', r#"{"weak_evidence": [{"kind": "slew_limit"}, {"kind": "backlash"}],"#, 1);
+        let right = single(Kind::Backlash, &leaning);
+        assert_eq!((right.first_alternative_or_evidence(), right.first_or_alternative()), (Some(true), false));
         assert!(right.names_nothing() && !right.has_wrong_name());
-        assert_eq!(single(Kind::DeadBand, &suspecting).first_alternative_or_weak_evidence(), Some(false));
-        assert_eq!(single(Kind::Backlash, &json).first_alternative_or_weak_evidence(), None);
+        assert_eq!(single(Kind::DeadBand, &leaning).first_alternative_or_evidence(), Some(false));
+        assert_eq!(single(Kind::Backlash, &json).first_alternative_or_evidence(), None);
     }
 
     #[test]

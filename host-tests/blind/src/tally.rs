@@ -104,7 +104,7 @@ pub fn figures(cases: &[Scored]) -> Vec<Figure> {
         ),
         figure(
             "singles that cannot: the same, or listed as weak evidence",
-            Share::count(untold.iter().filter_map(|case| case.first_alternative_or_weak_evidence())),
+            Share::count(untold.iter().filter_map(|case| case.first_alternative_or_evidence())),
             None,
         ),
         figure(
@@ -119,7 +119,7 @@ pub fn figures(cases: &[Scored]) -> Vec<Figure> {
         ),
         figure(
             "nothing hidden: weak evidence is listed",
-            Share::count(of(Class::Empty).filter_map(|case| Some(!case.suspects()?.is_empty()))),
+            Share::count(of(Class::Empty).filter_map(|case| Some(!case.weak_evidence()?.is_empty()))),
             None,
         ),
         figure(
