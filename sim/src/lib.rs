@@ -1,17 +1,20 @@
-//! The host side of Rotorlead: simulated actuators, and everything that is computed from records.
+//! The host side of Rotorlead as a library: from records of a stand to a model of the motor, its compensator, and what the
+//! model lacks.
 //!
-//! Dependencies go one way: [`command`] -> [`report`] -> [`design`] -> {[`identify`], [`mod@bench`]} ->
-//! {[`record`], [`plant`]} -> {[`files`], the controller's crate `rotorlead`}.
+//! What a program needs is here by name. The parts behind it are crates of their own, and their dependencies go one way:
+//! [`rotorlead_diagnose`] -> [`rotorlead_identify`] -> [`rotorlead_plant`] -> [`rotorlead_records`] -> the controller's crate
+//! [`rotorlead`].
 //!
 //! # Examples
 //!
 //! The paper's actuators on a simulated stand, from records to bandwidths:
 //!
 //! ```
-//! use rotorlead_sim::bench::{Plan, run};
-//! use rotorlead_sim::design::{Chain, DesignOptions, bandwidths, design};
-//! use rotorlead_sim::identify::{PeriodicOptions, identify_periodic};
-//! use rotorlead_sim::report::paper::table_1;
+//! use rotorlead_identify::design::{Chain, DesignOptions, bandwidths};
+//! use rotorlead_identify::{PeriodicOptions, identify_periodic};
+//! use rotorlead_plant::bench::{Plan, run};
+//! use rotorlead_report::paper::table_1;
+//! use rotorlead_sim::design;
 //!
 //! // What is to be found: a lag at each of six nominal commands. A multisine and a square wave at each, with noise.
 //! let actuators = table_1();
@@ -33,12 +36,9 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
-pub mod bench;
-pub mod command;
-pub mod design;
-pub mod diagnose;
-pub mod files;
-pub mod identify;
-pub mod plant;
-pub mod record;
-pub mod report;
+pub use rotorlead::compensator::Compensator;
+pub use rotorlead_diagnose::{Diagnosis, diagnose};
+pub use rotorlead_identify::design::design;
+pub use rotorlead_identify::{Estimate, validate};
+pub use rotorlead_plant::{Effect, Model, simulate};
+pub use rotorlead_records::{Experiment, Record};

@@ -1,4 +1,4 @@
-//! Phases of low crest factor. Written by `cargo run --release -p rotorlead-sim --example phases`;
+//! Phases of low crest factor. Written by `cargo run --release -p rotorlead-plant --example phases`;
 //! change the recipes in `sim/src/bench/multisine/flight.rs`, not this file.
 
 use super::Lines;

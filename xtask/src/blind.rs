@@ -9,7 +9,7 @@ const PAGE: &str = "docs/confusion.md";
 pub fn run_cases(options: &[&str]) -> Result {
     let judges = !options.contains(&"--only-ceilings");
     if judges {
-        run(&mut cargo(&["build", "--release", "--package", "rotorlead-sim", "--bin", "rotorlead", "--locked"]))?;
+        run(&mut cargo(&["build", "--release", "--package", "rotorlead-cli", "--bin", "rotorlead", "--locked"]))?;
     }
     let mut judge = cargo(&["run", "--release", "--package", "blind-cases", "--locked", "--"]);
     judge.args(options);

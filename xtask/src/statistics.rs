@@ -12,7 +12,7 @@ const CLAIMS: [(&str, &[&str], &str); 7] = [
     ("rotorlead-sim", &["--test", "library"], "alignment::"),
     ("rotorlead-sim", &["--test", "library"], "static_map::"),
     ("rotorlead-sim", &["--test", "library"], "full_count"),
-    ("rotorlead-sim", &["--lib"], "frequency_response::"),
+    ("rotorlead-identify", &["--lib"], "frequency_response::"),
 ];
 
 /// Runs all of them in release with what they print, the rest too where one fails.

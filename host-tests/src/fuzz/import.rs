@@ -5,8 +5,8 @@ use std::path::Path;
 
 use flate2::{Compression, write::ZlibEncoder};
 use miette::Diagnostic as _;
-use rotorlead_sim::record::Excitation;
-use rotorlead_sim::record::import::{Import, ImportOptions, import_bytes};
+use rotorlead_records::Excitation;
+use rotorlead_records::import::{Import, ImportOptions, import_bytes};
 
 /// What messages have to call the log.
 const FILE: &str = "fuzzed.log";
@@ -143,7 +143,7 @@ pub fn fuzz_import_blackbox(data: &[u8]) {
     check_behind(b"H Product:Blackbox flight data recorder by Nicholas Sherlock\nH Data version:2\n", data);
 }
 
-/// A sample of `rotorlead_sim`.
+/// A sample log of the importers' tests.
 macro_rules! sample {
     ($name:literal) => {
         include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/tests/data/", $name))

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use rotorlead_sim::record::{Excitation, Experiment};
+use rotorlead_records::{Excitation, Experiment};
 
 use crate::stand::Stand;
 

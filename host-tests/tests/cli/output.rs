@@ -4,7 +4,7 @@ use std::io::Read as _;
 use std::process::{Command as Process, Stdio};
 
 use clap::CommandFactory as _;
-use rotorlead_sim::command::Arguments;
+use rotorlead_cli::Arguments;
 
 use crate::stand::{Stand, program, report};
 

@@ -215,10 +215,10 @@ static PROGRAM: LazyLock<PathBuf> = LazyLock::new(|| {
     let program = profile.join(format!("rotorlead{}", std::env::consts::EXE_SUFFIX));
     let built = fs::metadata(&program).and_then(|found| found.modified()).unwrap_or(SystemTime::UNIX_EPOCH);
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
-    let sources = ["Cargo.lock", "Cargo.toml", "src", "sim/Cargo.toml", "sim/src"];
+    let sources = ["Cargo.lock", "Cargo.toml", "src", "sim"];
     if sources.iter().map(|name| newest(&root.join(name))).max() > Some(built) {
         let mut cargo = Process::new(env!("CARGO"));
-        cargo.current_dir(root).args(["build", "--quiet", "--package", "rotorlead-sim", "--bin", "rotorlead"]);
+        cargo.current_dir(root).args(["build", "--quiet", "--package", "rotorlead-cli", "--bin", "rotorlead"]);
         cargo.arg("--target-dir").arg(profile.parent().unwrap());
         if profile.ends_with("release") {
             cargo.arg("--release");

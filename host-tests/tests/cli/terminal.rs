@@ -3,7 +3,7 @@
 use std::process::Command as Process;
 
 use clap::CommandFactory as _;
-use rotorlead_sim::command::Arguments;
+use rotorlead_cli::Arguments;
 
 use crate::stand::Stand;
 

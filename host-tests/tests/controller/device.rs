@@ -15,11 +15,11 @@ use rotorlead::link::{
 };
 use rotorlead::settings::Settings;
 use rotorlead::throttle::{Command, EscCommand};
-use rotorlead_sim::bench::device::path;
-use rotorlead_sim::bench::{BenchError, Plan, run_through};
-use rotorlead_sim::command::Arguments;
-use rotorlead_sim::plant::{Actuator, EscTiming, Law, Model};
-use rotorlead_sim::record::{Excitation, Experiment, Role};
+use rotorlead_cli::Arguments;
+use rotorlead_device::path;
+use rotorlead_plant::bench::{BenchError, Plan, run_through};
+use rotorlead_plant::{Actuator, EscTiming, Law, Model};
+use rotorlead_records::{Excitation, Experiment, Role};
 use serde_json::Value;
 
 const NEWTONS_PER_COUNT: f64 = 2e-4;

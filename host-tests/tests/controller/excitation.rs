@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use realfft::RealFftPlanner;
 use rotorlead::excitation::{Lines, Multisine, ODD_LINES_30_HZ, ODD_LINES_45_HZ};
-use rotorlead_sim::bench::multisine::flight::{RECIPES, Recipe, find_phases, source, sum_to_f64};
+use rotorlead_plant::bench::multisine::flight::{RECIPES, Recipe, find_phases, source, sum_to_f64};
 
 const RATE_HZ: f64 = 5000.0;
 const AMPLITUDE: f64 = 0.05;
@@ -117,7 +117,7 @@ fn the_committed_phases_are_what_their_recipes_give() {
         // With the committed numbers the file is what the example writes, to the last character.
         sets.push((
             recipe,
-            rotorlead_sim::bench::multisine::flight::Phases { phases: lines.phases().to_vec(), peak: lines.peak() },
+            rotorlead_plant::bench::multisine::flight::Phases { phases: lines.phases().to_vec(), peak: lines.peak() },
         ));
     }
     let committed = include_str!("../../../src/excitation/phases.rs");

@@ -7,7 +7,7 @@ use clap::Parser as _;
 use host_tests::TABLE_1;
 use host_tests::emulator::{HostLate, Machine, image, keeping_up};
 use rotorlead::link::Refusal;
-use rotorlead_sim::command::Arguments;
+use rotorlead_cli::Arguments;
 use serde_json::Value;
 
 /// Seconds of a multisine at each level, its warm-up with it, and of a square wave.

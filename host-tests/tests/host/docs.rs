@@ -5,7 +5,7 @@ use std::path::Path;
 use rotorlead::capture::{FASTEST_FRAME_HZ, SLOWEST_FRAME_HZ};
 use rotorlead::link::{FRAME_BYTES, Message, RECORD_SAMPLES, Record, Series, encode};
 use rotorlead::settings::{FRAME_RANGE_HZ, Key, Origin, Settings, Store};
-use rotorlead_sim::bench::device::{entries, set};
+use rotorlead_device::{entries, set};
 
 #[path = "../../../src/board/pinout.rs"]
 mod pinout;

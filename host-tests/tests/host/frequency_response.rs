@@ -7,12 +7,12 @@ use num_complex::Complex64;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use rotorlead_sim::bench::multisine::{DetectionRecipe, DetectionSet};
-use rotorlead_sim::identify::{
+use rotorlead_identify::{
     FrequencyResponse, IdentifyWarning, NominalIdentification, PeriodicOptions, Spectrum, SpectrumOptions,
     identify_periodic,
 };
-use rotorlead_sim::record::{Excitation, Experiment, Output, Record};
+use rotorlead_plant::bench::multisine::{DetectionRecipe, DetectionSet};
+use rotorlead_records::{Excitation, Experiment, Output, Record};
 
 /// Rows per second: three times the top line is below half of it.
 const RATE_HZ: f64 = 200.0;

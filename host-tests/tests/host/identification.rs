@@ -12,11 +12,11 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rotorlead::excitation::{Multisine, ODD_LINES_30_HZ};
-use rotorlead_sim::identify::{
+use rotorlead_identify::{
     Bandwidth, Estimate, IdentifyError, IdentifyWarning, NoiseSource, NominalIdentification, PeriodicOptions,
     StaticValue, bandwidth_of, bandwidth_of_etfe, identify_periodic,
 };
-use rotorlead_sim::record::{Excitation, Experiment, Output, Record, Role};
+use rotorlead_records::{Excitation, Experiment, Output, Record, Role};
 
 const TICK_HZ: usize = 15_000;
 const LOOP_TICKS: usize = 3;

@@ -4,14 +4,14 @@ use std::f64::consts::PI;
 
 use host_tests::{OMEGA_G_RAD_S, TABLE_1, paper_design};
 use rotorlead::design::LeadParameters;
-use rotorlead_sim::bench::{Plan, Prediction, add_noise, run};
-use rotorlead_sim::design::{Chain, DesignOptions, bandwidths, design};
-use rotorlead_sim::identify::{
+use rotorlead_identify::design::{Chain, DesignOptions, bandwidths, design};
+use rotorlead_identify::{
     Bandwidth, EtfeBandwidth, PeriodicOptions, StaticValue, bandwidth_of, bandwidth_of_etfe, identify_periodic,
 };
-use rotorlead_sim::plant::{Color, Model, Noise};
-use rotorlead_sim::record::{Excitation, Experiment};
-use rotorlead_sim::report::paper::{PAPER, table_1};
+use rotorlead_plant::bench::{Plan, Prediction, add_noise, run};
+use rotorlead_plant::{Color, Model, Noise};
+use rotorlead_records::{Excitation, Experiment};
+use rotorlead_report::paper::{PAPER, table_1};
 
 #[test]
 fn both_simulated_columns_of_table_3_come_out_to_a_thousandth() {

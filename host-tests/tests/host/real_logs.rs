@@ -3,15 +3,13 @@
 //! Where the logs are looked for, and what happens without them, is said at [`real_log`].
 
 use host_tests::real_log;
-use rotorlead_sim::design::{Chain, DesignOptions, bandwidths, design};
-use rotorlead_sim::identify::alignment::{AlignmentOptions, CommandLog, ResponseLog, align};
-use rotorlead_sim::identify::static_map::{Limit, StaticMapFit, SteadyPoints, fit_static_map};
-use rotorlead_sim::identify::steps::{
-    Direction, LawComparison, StaircaseFit, StepsWarning, compare_laws, fit_staircase,
-};
-use rotorlead_sim::identify::validate;
-use rotorlead_sim::plant::Model;
-use rotorlead_sim::record::import::{Import, ImportOptions, import};
+use rotorlead_identify::alignment::{AlignmentOptions, CommandLog, ResponseLog, align};
+use rotorlead_identify::design::{Chain, DesignOptions, bandwidths, design};
+use rotorlead_identify::static_map::{Limit, StaticMapFit, SteadyPoints, fit_static_map};
+use rotorlead_identify::steps::{Direction, LawComparison, StaircaseFit, StepsWarning, compare_laws, fit_staircase};
+use rotorlead_identify::validate;
+use rotorlead_plant::Model;
+use rotorlead_records::import::{Import, ImportOptions, import};
 
 struct Identified {
     log: Import,
@@ -62,7 +60,7 @@ fn tau_ms(fit: &StaircaseFit, command: f64, direction: Direction) -> f64 {
 }
 
 fn median_tau_up_ms(fit: &StaircaseFit) -> f64 {
-    let up = |l: &rotorlead_sim::identify::steps::Level| l.up?.time_constant_s;
+    let up = |l: &rotorlead_identify::steps::Level| l.up?.time_constant_s;
     let mut all: Vec<f64> = fit.levels.iter().filter_map(up).map(|e| e.value).collect();
     all.sort_by(f64::total_cmp);
     1e3 * all[all.len() / 2]
@@ -262,7 +260,7 @@ fn check_alignment(it: &Identified) {
         before.delay_s, before.time_constant_s, before.noise_order
     );
     assert!((skew.value - none.value - 400e-6).abs() < 0.1 * skew.std + 1e-6, "{skew:?} {none:?}");
-    let at = |found: &rotorlead_sim::identify::alignment::Alignment, t: f64| found.command_time_s(t);
+    let at = |found: &rotorlead_identify::alignment::Alignment, t: f64| found.command_time_s(t);
     // The same row has the same command time before and after, to a tenth of the standard error.
     let middle = time_s.len() / 2;
     let off = at(&before, time_s[middle]) - at(&after, moved[middle]);

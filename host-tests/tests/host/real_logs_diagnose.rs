@@ -3,11 +3,11 @@
 //! Where the logs are looked for, and what happens without them, is said at [`real_log`].
 
 use host_tests::real_log;
-use rotorlead_sim::diagnose::{Diagnosis, Options, Verdict, diagnose};
-use rotorlead_sim::identify::steps::{LawComparison, compare_laws};
-use rotorlead_sim::plant::Catalog;
-use rotorlead_sim::plant::effect::{ActiveEffect, Use};
-use rotorlead_sim::record::import::{ImportOptions, import};
+use rotorlead_diagnose::{Diagnosis, Options, Verdict, diagnose};
+use rotorlead_identify::steps::{LawComparison, compare_laws};
+use rotorlead_plant::Catalog;
+use rotorlead_plant::effect::{ActiveEffect, Use};
+use rotorlead_records::import::{ImportOptions, import};
 
 fn diagnosed(name: &str) -> Option<(Diagnosis, LawComparison)> {
     let log = import(&real_log(name)?, &ImportOptions::default()).unwrap().experiment;

@@ -11,7 +11,7 @@ use std::fs;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use rotorlead_sim::report::FigureKind;
+use rotorlead_report::FigureKind;
 use serde::Deserialize;
 
 use browser::{Chromium, OpenPage, SHEET};

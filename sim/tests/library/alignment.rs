@@ -3,7 +3,7 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use rotorlead_sim::identify::alignment::{
+use rotorlead_identify::alignment::{
     Alignment, AlignmentError, AlignmentOptions, AlignmentWarning, CommandLog, MergedRows, ResponseLog, align, merge,
 };
 
@@ -325,7 +325,7 @@ fn merged_rows_are_on_the_clock_of_the_command() {
     assert!(changes + 3 > steps.command_time_s.len(), "{changes}");
     // A dead time that is known stays in.
     let kept = merge(&steps.command(), &steps.response(), &found, MergedRows::OfResponse, 0.005).unwrap();
-    let of = |m: &rotorlead_sim::identify::alignment::Merged| {
+    let of = |m: &rotorlead_identify::alignment::Merged| {
         let at = m.response.iter().position(|y| *y == steps.response[500]).unwrap();
         m.time_s[at]
     };

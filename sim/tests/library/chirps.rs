@@ -5,10 +5,8 @@ use std::f64::consts::TAU;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
-use rotorlead_sim::identify::{
-    ChirpIdentification, FirstOrderOptions, IdentifyError, IdentifyWarning, identify_chirps,
-};
-use rotorlead_sim::record::{Excitation, Experiment, Output, Record, Role};
+use rotorlead_identify::{ChirpIdentification, FirstOrderOptions, IdentifyError, IdentifyWarning, identify_chirps};
+use rotorlead_records::{Excitation, Experiment, Output, Record, Role};
 
 const ROW_S: f64 = 0.002;
 const ROWS: usize = 20_000;

@@ -1,10 +1,10 @@
 //! The diagnosis on simulated actuators. That the chain is the diagnosis' own makes these tests of its bookkeeping, not of
 //! its judgment.
 
-use rotorlead_sim::diagnose::{Axis, DiagnoseError, Options, Verdict, diagnose};
-use rotorlead_sim::identify::IdentifyError;
-use rotorlead_sim::plant::Catalog;
-use rotorlead_sim::record::{Excitation, Role};
+use rotorlead_diagnose::{Axis, DiagnoseError, Options, Verdict, diagnose};
+use rotorlead_identify::IdentifyError;
+use rotorlead_plant::Catalog;
+use rotorlead_records::{Excitation, Role};
 
 use crate::two_levels::{diagnosed, experiment, motor};
 

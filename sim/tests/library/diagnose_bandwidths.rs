@@ -1,13 +1,13 @@
 //! The diagnosis from a table of bandwidths: the paper's, and tables made of a model with something hidden in it.
 
 use rotorlead::design::LeadParameters;
-use rotorlead_sim::design::{Chain, DesignOptions, bandwidths_with, design};
-use rotorlead_sim::diagnose::Verdict;
-use rotorlead_sim::diagnose::bandwidths::{
+use rotorlead_diagnose::Verdict;
+use rotorlead_diagnose::bandwidths::{
     BandwidthDiagnosis, BandwidthOptions, BandwidthRow, BandwidthTable, Column, Explanation, Scope, Standing,
     diagnose_bandwidths,
 };
-use rotorlead_sim::plant::{ActiveEffect, Catalog, Effect, Lag, Model, Point};
+use rotorlead_identify::design::{Chain, DesignOptions, bandwidths_with, design};
+use rotorlead_plant::{ActiveEffect, Catalog, Effect, Lag, Model, Point};
 
 /// Table 1 of Charla, Yao & Voyles: nominal command, gain, pole in rad/s; and Table 3, measured: bandwidth in rad/s without and
 /// with compensator.
@@ -44,7 +44,7 @@ fn table_of(truth: &Model) -> BandwidthTable {
     let effects = ActiveEffect::of_model(truth).unwrap();
     let points = bandwidths_with(truth, &effects, Chain::Continuous(&lead()));
     let printed = |value: f64| Some((1e4 * value).round() / 1e4);
-    let row = |point: &rotorlead_sim::design::BandwidthPoint| BandwidthRow {
+    let row = |point: &rotorlead_identify::design::BandwidthPoint| BandwidthRow {
         nominal: point.nominal,
         measured_rad_s: [point.uncompensated, point.compensated].map(|one| printed(one.rad_s().unwrap())),
     };

@@ -4,13 +4,13 @@
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, StandardNormal};
-use rotorlead_sim::diagnose::{Axis, Column, DiagnoseError, Diagnosis, Options, Verdict, diagnose};
-use rotorlead_sim::identify::IdentifyError;
-use rotorlead_sim::plant::effect::Kind;
-use rotorlead_sim::plant::{
+use rotorlead_diagnose::{Axis, Column, DiagnoseError, Diagnosis, Options, Verdict, diagnose};
+use rotorlead_identify::IdentifyError;
+use rotorlead_plant::effect::Kind;
+use rotorlead_plant::{
     Actuator, Catalog, Drive, Effect, EscTiming, Lag, Law, Model, Point, Start, StaticMap, Trace, simulate,
 };
-use rotorlead_sim::record::{Excitation, Experiment, Output, Record};
+use rotorlead_records::{Excitation, Experiment, Output, Record};
 
 const NOMINAL: f64 = 0.5;
 const LEVELS: [f64; 13] = [0.3, 0.36, 0.42, 0.48, 0.54, 0.6, 0.66, 0.7, 0.5, 0.3, 0.58, 0.4, 0.64];
@@ -269,7 +269,7 @@ fn named_in_trouble(effect: Option<(&str, &[(&str, f64)])>, seeds: std::ops::Ran
             let model = effect.map_or_else(|| motor(&[]), |effect| motor(&[effect]));
             let record = Log::of(&model, 100 + seed).troubled(trouble).record(&[]);
             let found = try_to_diagnose(&experiment(vec![record]), None).unwrap();
-            let is_it = |named: &rotorlead_sim::diagnose::NamedEffect, id: &str| {
+            let is_it = |named: &rotorlead_diagnose::NamedEffect, id: &str| {
                 named.kind.id == id || named.alternatives.iter().any(|other| other.id == id)
             };
             let right = |id: &str| found.effects.iter().any(|named| is_it(named, id));

@@ -2,13 +2,13 @@
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rotorlead_sim::bench::{Plan, PlannedRecord, run};
-use rotorlead_sim::identify::{
+use rotorlead_identify::{
     FirstOrderFit, IdentifyError, IdentifyWarning, PeriodicIdentification, PeriodicOptions, identify_periodic,
     with_advice,
 };
-use rotorlead_sim::plant::{Lag, Model, Noise, Point};
-use rotorlead_sim::record::{Excitation, Experiment};
+use rotorlead_plant::bench::{Plan, PlannedRecord, run};
+use rotorlead_plant::{Lag, Model, Noise, Point};
+use rotorlead_records::{Excitation, Experiment};
 
 const PERIOD_ROWS: usize = 2000;
 

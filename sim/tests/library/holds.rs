@@ -2,9 +2,9 @@
 
 use std::f64::consts::TAU;
 
-use rotorlead_sim::bench::{Plan, Prediction};
-use rotorlead_sim::identify::HoldChain;
-use rotorlead_sim::plant::{Lag, Model, Point};
+use rotorlead_identify::HoldChain;
+use rotorlead_plant::bench::{Plan, Prediction};
+use rotorlead_plant::{Lag, Model, Point};
 
 fn motor(lag: Lag) -> Model {
     Model { format: 1, points: vec![Point::new(0.5, lag)], static_map: None, effects: Vec::new(), provenance: None }

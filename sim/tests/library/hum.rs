@@ -3,10 +3,10 @@
 use std::f64::consts::TAU;
 
 use num_complex::Complex64;
-use rotorlead_sim::bench::{Plan, PlannedRecord, run};
-use rotorlead_sim::identify::{Spectrum, SpectrumOptions};
-use rotorlead_sim::plant::{Lag, Model, Noise, Point};
-use rotorlead_sim::record::Excitation;
+use rotorlead_identify::{Spectrum, SpectrumOptions};
+use rotorlead_plant::bench::{Plan, PlannedRecord, run};
+use rotorlead_plant::{Lag, Model, Noise, Point};
+use rotorlead_records::Excitation;
 
 fn motor() -> Model {
     let lag = Lag { gain: 10.0, time_constant_s: 0.1, delay_s: 0.0 };

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use miette::Diagnostic as _;
 use proptest::prelude::*;
-use rotorlead_sim::record::import::{Import, ImportError, ImportOptions, LogFormat, import};
-use rotorlead_sim::record::{Excitation, Output};
+use rotorlead_records::import::{Import, ImportError, ImportOptions, LogFormat, import};
+use rotorlead_records::{Excitation, Output};
 
 use crate::importing::{imported, message, sample};
 
@@ -182,7 +182,7 @@ fn the_optical_speed_stands_in_for_an_electrical_one_that_is_not_there() {
     for electrical in ["", "0"] {
         let log = with_speeds(electrical, "4321").unwrap();
         assert_eq!(log.experiment.records[0].rpm.as_ref().unwrap()[9], 4321.0);
-        let taken = |c: &&rotorlead_sim::record::import::ColumnUse| c.taken_as.as_deref() == Some("rpm");
+        let taken = |c: &&rotorlead_records::import::ColumnUse| c.taken_as.as_deref() == Some("rpm");
         let column = log.summary.columns.iter().find(taken).unwrap();
         assert_eq!(column.name, "Motor Optical Speed (RPM)");
         assert!(log.summary.notes.is_empty());

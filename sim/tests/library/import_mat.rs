@@ -7,8 +7,8 @@ use std::path::PathBuf;
 use flate2::{Compression, write::ZlibEncoder};
 use miette::Diagnostic as _;
 use proptest::prelude::*;
-use rotorlead_sim::record::Output;
-use rotorlead_sim::record::import::{Import, ImportError, ImportOptions, LogFormat, import};
+use rotorlead_records::Output;
+use rotorlead_records::import::{Import, ImportError, ImportOptions, LogFormat, import};
 
 use crate::importing::{self, message};
 
@@ -150,7 +150,7 @@ fn write_the_sample() {
     fs::write(sample(), sample_bytes(false)).unwrap();
 }
 
-fn check_numbers(experiment: &rotorlead_sim::record::Experiment) {
+fn check_numbers(experiment: &rotorlead_records::Experiment) {
     let record = &experiment.records[0];
     let rows = || 0..ROWS;
     assert_eq!(experiment.output, Output::Rpm);

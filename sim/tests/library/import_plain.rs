@@ -1,8 +1,8 @@
 //! Plain tables: any logger's columns, units, separators and lines above the header.
 
 use proptest::prelude::*;
-use rotorlead_sim::record::import::{Import, ImportError, ImportOptions, LogFormat, import};
-use rotorlead_sim::record::{Excitation, Output, Record};
+use rotorlead_records::import::{Import, ImportError, ImportOptions, LogFormat, import};
+use rotorlead_records::{Excitation, Output, Record};
 
 use crate::importing::{imported, message, sample};
 

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 
 use miette::Diagnostic as _;
 use proptest::prelude::*;
-use rotorlead_sim::record::Output;
-use rotorlead_sim::record::import::{Import, ImportError, ImportOptions, LogFormat, import};
+use rotorlead_records::Output;
+use rotorlead_records::import::{Import, ImportError, ImportOptions, LogFormat, import};
 
 use crate::importing::{self, message as refusal};
 

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use miette::Diagnostic as _;
-use rotorlead_sim::record::import::{Import, ImportError, ImportOptions, import};
+use rotorlead_records::import::{Import, ImportError, ImportOptions, import};
 
 /// A stored sample.
 pub fn sample(name: &str) -> PathBuf {

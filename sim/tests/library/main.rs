@@ -15,7 +15,6 @@ mod import_plain;
 mod import_ulog;
 mod importing;
 mod next_experiment;
-mod pages;
 mod redesign;
 mod static_map;
 mod steps;

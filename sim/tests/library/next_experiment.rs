@@ -1,9 +1,9 @@
 //! The experiment that is proposed: a plan that the bench runs on the same hidden actuator, and that the diagnosis takes.
 
-use rotorlead_sim::bench::{Plan, PlannedRecord, run};
-use rotorlead_sim::diagnose::{Diagnosis, NextExperiment, Verdict};
-use rotorlead_sim::plant::{Catalog, Model};
-use rotorlead_sim::record::Excitation;
+use rotorlead_diagnose::{Diagnosis, NextExperiment, Verdict};
+use rotorlead_plant::bench::{Plan, PlannedRecord, run};
+use rotorlead_plant::{Catalog, Model};
+use rotorlead_records::Excitation;
 
 use crate::two_levels::{diagnosed, experiment, motor};
 

@@ -1,11 +1,11 @@
 //! A compensator for an actuator with effects.
 
-use rotorlead_sim::bench::{Plan, run};
-use rotorlead_sim::design::redesign::{Redesign, RedesignOptions, redesign};
-use rotorlead_sim::design::{Chain, DesignOptions, bandwidths, design};
-use rotorlead_sim::diagnose::{Options, Verdict, diagnose};
-use rotorlead_sim::identify::Bandwidth;
-use rotorlead_sim::plant::{Catalog, Effect, Lag, Model, Noise, Point};
+use rotorlead_diagnose::{Options, Verdict, diagnose};
+use rotorlead_identify::Bandwidth;
+use rotorlead_identify::design::redesign::{Redesign, RedesignOptions, redesign};
+use rotorlead_identify::design::{Chain, DesignOptions, bandwidths, design};
+use rotorlead_plant::bench::{Plan, run};
+use rotorlead_plant::{Catalog, Effect, Lag, Model, Noise, Point};
 
 /// Two of the paper's points.
 fn motor(effects: &[(&str, &[(&str, f64)])]) -> Model {

@@ -3,12 +3,12 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use rotorlead_sim::identify::Estimate;
-use rotorlead_sim::identify::static_map::{
+use rotorlead_identify::Estimate;
+use rotorlead_identify::static_map::{
     Limit, StaticMapError, StaticMapFit, StaticMapWarning, SteadyPoint, SteadyPoints, fit_static_map,
 };
-use rotorlead_sim::identify::steps::Direction;
-use rotorlead_sim::record::{Excitation, Output, Record};
+use rotorlead_identify::steps::Direction;
+use rotorlead_records::{Excitation, Output, Record};
 
 /// Thrust in newtons: zero below the dead zone, then a polynomial, flat beyond the limit, with play.
 #[derive(Clone, Copy, Debug)]

@@ -3,11 +3,11 @@
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
-use rotorlead_sim::identify::Estimate;
-use rotorlead_sim::identify::steps::{
+use rotorlead_identify::Estimate;
+use rotorlead_identify::steps::{
     Direction, SPLITS, StaircaseFit, StepsError, StepsWarning, compare_laws, fit_staircase,
 };
-use rotorlead_sim::record::{Excitation, Output, Record};
+use rotorlead_records::{Excitation, Output, Record};
 
 /// A motor with time constants of its own for rising and falling.
 struct Motor {

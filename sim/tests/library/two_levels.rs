@@ -1,9 +1,9 @@
 //! A simulated motor with two nominal commands, and its records.
 
-use rotorlead_sim::bench::{Plan, PlannedRecord, run};
-use rotorlead_sim::diagnose::{Diagnosis, Options, diagnose};
-use rotorlead_sim::plant::{Catalog, Effect, Lag, Model, Noise, Point};
-use rotorlead_sim::record::{Excitation, Experiment};
+use rotorlead_diagnose::{Diagnosis, Options, diagnose};
+use rotorlead_plant::bench::{Plan, PlannedRecord, run};
+use rotorlead_plant::{Catalog, Effect, Lag, Model, Noise, Point};
+use rotorlead_records::{Excitation, Experiment};
 
 /// A motor with an effect, or without.
 pub fn motor(effect: Option<(&str, &[(&str, f64)])>) -> Model {

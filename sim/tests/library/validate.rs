@@ -3,10 +3,10 @@
 use std::f64::consts::TAU;
 
 use rotorlead::design::{LeadDesign, LeadParameters};
-use rotorlead_sim::bench::{Plan, PlannedRecord, run};
-use rotorlead_sim::identify::{Comparison, Domain, IdentifyError, RecordValidation, table_2, validate};
-use rotorlead_sim::plant::{Color, Effect, Lag, Model, Noise, Point, Provenance, StaticMap, hold_response};
-use rotorlead_sim::record::{Excitation, Experiment, Output, Role};
+use rotorlead_identify::{Comparison, Domain, IdentifyError, RecordValidation, table_2, validate};
+use rotorlead_plant::bench::{Plan, PlannedRecord, run};
+use rotorlead_plant::{Color, Effect, Lag, Model, Noise, Point, Provenance, StaticMap, hold_response};
+use rotorlead_records::{Excitation, Experiment, Output, Role};
 
 /// Noise of the stand, newtons.
 const SIGMA_N: f64 = 0.02;

@@ -3,9 +3,9 @@
 use rand::SeedableRng as _;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, Normal};
-use rotorlead_sim::diagnose::{Column, Diagnosis, Verdict};
-use rotorlead_sim::plant::{Actuator, Drive, EscTiming, Law, Model, Start, simulate};
-use rotorlead_sim::record::Experiment;
+use rotorlead_diagnose::{Column, Diagnosis, Verdict};
+use rotorlead_plant::{Actuator, Drive, EscTiming, Law, Model, Start, simulate};
+use rotorlead_records::Experiment;
 
 use crate::two_levels::{diagnosed, experiment, motor};
 

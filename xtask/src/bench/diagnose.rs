@@ -66,7 +66,7 @@ struct Report(Vec<Row>);
 
 /// Measures, prints and writes.
 pub fn diagnose(json: Option<&str>) -> Result {
-    run(&mut cargo(&["build", "--release", "--package", "rotorlead-sim", "--bin", "rotorlead", "--locked"]))?;
+    run(&mut cargo(&["build", "--release", "--package", "rotorlead-cli", "--bin", "rotorlead", "--locked"]))?;
     let tool = release_folder().join(format!("rotorlead{}", std::env::consts::EXE_SUFFIX));
     let folder = target_folder().join("bench-diagnose");
     let removed = || match std::fs::remove_dir_all(&folder) {

@@ -22,7 +22,7 @@ const MOST_MIB: f64 = 200.0;
 /// From one size to the next time may grow with this power of the rows at most: linear, with room for what else the machine does.
 const STEEPEST: f64 = 1.1;
 /// The peer, and how it may read CSV.
-const PEER: &str = "sim/benches/peers/identify.py";
+const PEER: &str = "sim/identify/benches/peers/identify.py";
 const READERS: [(&str, &str); 2] = [("numpy", "numpy, scipy"), ("pandas", "numpy, scipy, pandas")];
 
 /// An experiment to identify.
@@ -92,7 +92,7 @@ struct Programs {
 impl Programs {
     fn build() -> Result<Self> {
         // A benchmark is built with the programs of its package.
-        let arguments = ["bench", "--no-run", "--package", "rotorlead-sim", "--bench", "identify", "--locked"];
+        let arguments = ["bench", "--no-run", "--package", "rotorlead-identify", "--bench", "identify", "--locked"];
         let mut build = cargo(&arguments);
         build.args(["--message-format", "json-render-diagnostics"]).stderr(Stdio::inherit());
         let built = build.output().map_err(|error| format!("cargo: {error}"))?;

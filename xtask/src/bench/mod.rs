@@ -23,7 +23,7 @@ pub use host::identify;
 /// The filter beside its peers, the simulated stand, and identification beside its peers.
 pub fn all() -> Result {
     run(&mut cargo(&["bench", "--package", "host-tests", "--bench", "filter", "--locked"]))?;
-    run(&mut cargo(&["bench", "--package", "rotorlead-sim", "--bench", "plant", "--locked"]))?;
+    run(&mut cargo(&["bench", "--package", "rotorlead-plant", "--bench", "plant", "--locked"]))?;
     identify(false, None)
 }
 

@@ -7,11 +7,11 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use realfft::RealFftPlanner;
-use rotorlead_sim::identify::Estimate;
-use rotorlead_sim::identify::IdentifyError;
-use rotorlead_sim::identify::parametric::{Root, TransferFunction};
-use rotorlead_sim::identify::stand::{StandIdentification, StandOptions, StandWarning, identify_stand};
-use rotorlead_sim::record::{Excitation, Experiment, Output, Record};
+use rotorlead_identify::Estimate;
+use rotorlead_identify::IdentifyError;
+use rotorlead_identify::parametric::{Root, TransferFunction};
+use rotorlead_identify::stand::{StandIdentification, StandOptions, StandWarning, identify_stand};
+use rotorlead_records::{Excitation, Experiment, Output, Record};
 
 use super::tally::repeats;
 

@@ -10,8 +10,8 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use realfft::RealFftPlanner;
-use rotorlead_sim::identify::stand::{StandOptions, identify_stand};
-use rotorlead_sim::record::Experiment;
+use rotorlead_identify::stand::{StandOptions, identify_stand};
+use rotorlead_records::Experiment;
 
 use super::stand::{check, truth};
 

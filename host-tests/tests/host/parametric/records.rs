@@ -11,9 +11,9 @@ use num_complex::Complex64;
 use rand::{RngExt as _, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use rotorlead_sim::identify::{FirstOrderFit, HoldChain, PeriodicOptions, identify_periodic, run_actuator};
-use rotorlead_sim::plant::{Actuator, EscTiming, Lag, OperatingPoint};
-use rotorlead_sim::record::{Excitation, Experiment, Output, Record};
+use rotorlead_identify::{FirstOrderFit, HoldChain, PeriodicOptions, identify_periodic, run_actuator};
+use rotorlead_plant::{Actuator, EscTiming, Lag, OperatingPoint};
+use rotorlead_records::{Excitation, Experiment, Output, Record};
 
 use super::tally::{Found, Pooled, Tally, first_seed, repeats, study_all};
 

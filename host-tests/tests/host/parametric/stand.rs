@@ -3,9 +3,9 @@
 use std::f64::consts::TAU;
 
 use num_complex::Complex64;
-use rotorlead_sim::identify::FrequencyResponse;
-use rotorlead_sim::identify::parametric::{Root, TransferFunction};
-use rotorlead_sim::identify::stand::{StandIdentification, StandOptions, fit_stand};
+use rotorlead_identify::FrequencyResponse;
+use rotorlead_identify::parametric::{Root, TransferFunction};
+use rotorlead_identify::stand::{StandIdentification, StandOptions, fit_stand};
 
 use super::synthesis::Synthesis;
 

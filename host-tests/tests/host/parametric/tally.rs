@@ -6,7 +6,7 @@
 //! repeats is the error of its mean.
 
 use nalgebra::DMatrix;
-use rotorlead_sim::identify::Estimate;
+use rotorlead_identify::Estimate;
 
 /// An estimate and its 95 % interval.
 pub type Found = (Estimate, (f64, f64));

@@ -1,0 +1,205 @@
+//! `rotorlead bandwidth`
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use clap::Args;
+use miette::WrapErr as _;
+use rotorlead::design::{DEFAULT_LOOP_RATE_HZ, LeadDesign, LeadParameters};
+use rotorlead_identify::design::{Chain, bandwidths_with, chain_phases, read_compensator};
+use rotorlead_identify::{
+    IdentifyError, MeasuredBandwidth, PeriodicIdentification, PeriodicOptions, identify_periodic,
+};
+use rotorlead_plant::effect::Linearity;
+use rotorlead_plant::{ActiveEffect, Model};
+use rotorlead_records::Experiment;
+use rotorlead_report::{
+    Fact, Report, bandwidth_json, bandwidth_section, bandwidth_table, measured_json, measured_response, measured_table,
+    simulated_response, simulation_and_experiment,
+};
+use serde_json::json;
+
+use super::latency::{LatencyArguments, counted_delays, counted_holds, counted_json, latency_json};
+use super::lost_gain::lost_gain;
+use super::outcome::{JsonOption, Outcome, paragraph, without_mark};
+use super::parameters::{DesignArguments, positive};
+use super::report_option::ReportOption;
+use super::{progress, report_pages};
+
+/// Bootstrap draws behind the interval of a measured bandwidth.
+pub const RESAMPLES: usize = 1000;
+/// Where they start.
+const SEED: u64 = 1;
+
+/// Predicts the bandwidth at each point of a model, with and without a compensator, and measures it on records
+///
+/// The bandwidth is the smallest frequency at which the response is 3 dB (exactly) under its static value. Without
+/// --compensator one is designed from the model, as `rotorlead design` would. Beside each stands the phase there of the
+/// whole chain, from the flight controller's pulse to the response, and the frequency at which that phase is -90 degrees:
+/// the crossover of a rate controller has to lie below. Warns where dead time makes the gained bandwidth worthless: at the new
+/// bandwidth it lags more than 1 rad alone, and the whole chain more than 90 degrees.
+#[derive(Args, Debug)]
+pub struct Bandwidth {
+    /// The model, as `rotorlead identify` writes it
+    #[arg(long, value_name = "FILE")]
+    model: PathBuf,
+    /// The compensator, as `rotorlead design` writes it
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["lead", "omega_g", "damping", "loop_rate", "prewarp"])]
+    compensator: Option<PathBuf>,
+    /// A continuous compensator by its parameters: zero and poles in rad/s, and damping
+    #[arg(long, value_name = "ZERO,POLES,DAMPING", value_parser = lead, allow_hyphen_values = true, conflicts_with_all = ["sampled", "omega_g", "damping", "loop_rate", "prewarp"])]
+    lead: Option<LeadParameters>,
+    /// Count the filter with its rounded coefficients, and the holds of its loop and of the ESC
+    #[arg(long)]
+    sampled: bool,
+    /// Rate at which the ESC takes over a command, for --sampled; what the model was identified with unless given. Frames
+    /// that follow the input's pulses come at --input-frame
+    #[arg(long, value_name = "HZ", requires = "sampled", value_parser = positive, allow_negative_numbers = true)]
+    esc_frame: Option<f64>,
+    /// Also measure the bandwidths of this experiment's multisine records; may be given several times
+    #[arg(long, value_name = "DIR")]
+    records: Vec<PathBuf>,
+    #[command(flatten)]
+    parameters: DesignArguments,
+    #[command(flatten)]
+    latency: LatencyArguments,
+    #[command(flatten)]
+    pub(super) report: ReportOption,
+    #[command(flatten)]
+    pub(super) json: JsonOption,
+}
+
+impl Bandwidth {
+    /// Runs the command.
+    pub fn run(&self) -> miette::Result<Outcome> {
+        self.report.check(None)?;
+        // Before files are read: it may be wrong use.
+        self.latency.latency(DEFAULT_LOOP_RATE_HZ)?;
+        let model = Model::read(&self.model)?;
+        let effects = ActiveEffect::of_model(&model)?;
+        let design = match (&self.lead, &self.compensator) {
+            (Some(_), _) => None,
+            (None, Some(file)) => Some(read_compensator(file)?),
+            (None, None) => Some(self.parameters.design(&model, &self.model)?),
+        };
+        let identified = model.provenance.as_ref().and_then(|provenance| provenance.esc_frame_hz);
+        let esc_frame_hz = self.esc_frame.or(identified);
+        let lead =
+            design.as_ref().map(LeadDesign::lead).or(self.lead.as_ref()).expect("one is designed where none is given");
+        let chain = match &design {
+            Some(design) if self.sampled => Chain::Sampled { design, esc_frame_hz },
+            _ => Chain::Continuous(lead),
+        };
+        let points = bandwidths_with(&model, &effects, chain);
+        let latency = self.latency.latency(design.as_ref().map_or(DEFAULT_LOOP_RATE_HZ, LeadDesign::loop_rate_hz))?;
+        let phases = chain_phases(&model, &effects, chain, &latency, &points);
+        let warning = lost_gain(&points, &phases);
+        let mut text = bandwidth_table(&points, &phases);
+        text.push_str(&counted_delays(&latency, &phases));
+        text.push_str(&counted_holds(&latency, chain, &phases));
+        text.push_str(&counted_effects(&effects));
+        if let Some(warning) = &warning {
+            writeln!(text, "\n{}", paragraph(warning, "  ").trim_end()).expect("a string takes all");
+        }
+        let mut json = json!({
+            "points": bandwidth_json(&points, &phases),
+            "latency": latency_json(&latency),
+            "warnings": warning.as_slice(),
+        });
+        if let Some(counted) = counted_json(&latency, chain, &phases) {
+            json["latency"]["counted"] = counted;
+        }
+        if !effects.is_empty() {
+            let left_out = effects.iter().map(ActiveEffect::kind).filter(|kind| kind.linearity == Linearity::Absent);
+            json["left_out"] = left_out.map(|kind| kind.id).collect();
+        }
+        let (mut measured, mut found) = (Vec::new(), Vec::new());
+        if !self.records.is_empty() {
+            (measured, found) = self.measure()?;
+            text.push('\n');
+            text.push_str(&measured_table(&measured));
+            json["measured"] = measured_json(&measured);
+        }
+        text.push_str(&self.report.write(|| {
+            let mut section = bandwidth_section(&points, &phases, &measured);
+            section.figures.push(simulated_response(&model, lead));
+            // Without and with compensator may be in different folders.
+            let nominals = found.into_iter().flat_map(|found| found.nominals).collect();
+            let all = PeriodicIdentification { nominals, warnings: Vec::new() };
+            section.figures.extend(measured_response(&all, &all));
+            section.figures.extend(design.as_ref().and_then(|design| simulation_and_experiment(&all, &all, design)));
+            let mut facts = vec![report_pages::file("Model", &self.model)];
+            let lead = format!(
+                "zero {:.4} rad/s, poles {:.4} rad/s, damping {:.4}",
+                lead.omega_z_rad_s, lead.omega_f_rad_s, lead.damping
+            );
+            facts.push(
+                self.compensator
+                    .as_deref()
+                    .map_or(Fact::new("Compensator", lead), |file| report_pages::file("Compensator", file)),
+            );
+            facts.extend(self.records.iter().map(|folder| report_pages::file("Records", folder)));
+            facts.push(report_pages::version());
+            let verdict = report_pages::faster_as_measured(&points, &measured);
+            let title = format!("Bandwidths of {}", self.model.display());
+            Report {
+                facts,
+                warnings: without_mark(warning.as_slice()),
+                sections: vec![section],
+                ..report_pages::report("Bandwidth", title, verdict)
+            }
+        })?);
+        Ok(Outcome { text, json })
+    }
+
+    /// The bandwidths that the records show, and the responses behind them.
+    fn measure(&self) -> miette::Result<(Vec<MeasuredBandwidth>, Vec<PeriodicIdentification>)> {
+        let (mut measured, mut all) = (Vec::new(), Vec::new());
+        for folder in &self.records {
+            let (bandwidths, found) = progress::of_files("measuring", &[folder], || -> miette::Result<_> {
+                let experiment = Experiment::read(folder)?;
+                let of = || -> Result<_, IdentifyError> {
+                    let found = identify_periodic(&experiment, &PeriodicOptions::default())?;
+                    Ok((found.bandwidths(RESAMPLES, SEED)?, found))
+                };
+                of().map_err(miette::Report::from).wrap_err_with(|| format!("`{}`", folder.display()))
+            })?;
+            measured.extend(bandwidths);
+            all.push(found);
+        }
+        Ok((measured, all))
+    }
+}
+
+/// What of the model's effects is in the bandwidths; nothing for a model without any.
+pub fn counted_effects(effects: &[ActiveEffect]) -> String {
+    let ids = |counted: &dyn Fn(Linearity) -> bool| -> Vec<&str> {
+        effects.iter().map(ActiveEffect::kind).filter(|kind| counted(kind.linearity)).map(|kind| kind.id).collect()
+    };
+    let mut text = String::new();
+    for (ids, said) in [
+        (ids(&|l| matches!(l, Linearity::Exact | Linearity::Mean)), "Counted"),
+        (ids(&|l| l == Linearity::SmallSignal), "Counted for small deviations from u_nom only"),
+        (ids(&|l| l == Linearity::Absent), "Left out, since it has no frequency response"),
+    ] {
+        if !ids.is_empty() {
+            writeln!(text, "  {said}: {}", ids.join(", ")).expect("a string takes all");
+        }
+    }
+    text
+}
+
+fn lead(text: &str) -> Result<LeadParameters, String> {
+    let numbers: Vec<f64> = text
+        .split(',')
+        .map(|part| part.trim().parse().map_err(|_| format!("`{part}` is not a number")))
+        .collect::<Result<_, _>>()?;
+    match numbers[..] {
+        [omega_z_rad_s, omega_f_rad_s, damping] if numbers.iter().all(|number| *number > 0.0 && number.is_finite()) => {
+            LeadParameters { omega_z_rad_s, omega_f_rad_s, damping }.checked().map_err(|error| error.to_string())
+        }
+        _ => Err(String::from(
+            "three numbers above zero are needed: zero and poles in rad/s, and damping, as in 14.13,94.2,0.707",
+        )),
+    }
+}

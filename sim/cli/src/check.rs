@@ -1,0 +1,248 @@
+//! `rotorlead check`
+
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
+use clap::Args;
+use miette::Diagnostic;
+use rotorlead_identify::check::{Finding, Findings, RecordDoubt, Severity, Topic, of_lag, of_record};
+use rotorlead_identify::stand::{StandOptions, identify_stand};
+use rotorlead_identify::{FirstOrderOptions, IdentifyError, IdentifyWarning, with_advice};
+use rotorlead_records::{Excitation, Experiment, Inspection, Role, Unreadable};
+use serde_json::json;
+use thiserror::Error;
+
+use super::identify::{Identified, identify, step_record};
+use super::outcome::{JsonOption, Outcome, paragraph};
+use super::progress;
+
+/// Says what is wrong with an experiment's folder, before anything is made of it
+///
+/// Looks at every record for rows that are missing, uneven or too slow, a sensor that is slower than its rows, columns
+/// that are swapped or in another unit than their name says, a response of the wrong sign, limits that a column ran
+/// into, periods that are too few or none, and all else that `rotorlead identify` would refuse or warn of; and says all
+/// of it at once, each with what to do. Nothing is written. An error is what an identification refuses; after a warning
+/// it goes on, with numbers that may be worth less.
+///
+/// What a motor could have done is not seen: a thrust in pounds-force (4.4 times too small) is told from newtons only
+/// for a small motor, or by voltage and current; a calibration that is off by less than that is not told at all.
+#[derive(Args, Debug)]
+pub struct Check {
+    /// The experiment's folder
+    #[arg(value_name = "DIR")]
+    experiment: PathBuf,
+    #[command(flatten)]
+    pub(super) json: JsonOption,
+}
+
+/// What fails the command although its findings are said.
+#[derive(Debug, Error, Diagnostic)]
+#[error("{list}`{}` has {}: it cannot be identified as it is", folder.display(), counted(*errors, "error"))]
+#[diagnostic(help("correct what is listed as an error, and check again"))]
+struct Faulty {
+    folder: PathBuf,
+    errors: usize,
+    /// The errors, where they are said nowhere else.
+    list: String,
+}
+
+impl Check {
+    /// Runs the command and says what was found; fails where there is an error among it.
+    pub fn say(&self, quiet: bool) -> miette::Result<()> {
+        self.json.check(None)?;
+        let (inspection, findings) = progress::of_files("checking", &[&self.experiment], || {
+            let inspection = Experiment::inspect(&self.experiment);
+            let findings = findings(&inspection);
+            (inspection, findings)
+        });
+        let errors = findings.iter().filter(|finding| finding.severity == Severity::Error).count();
+        self.json.say(self.outcome(&inspection, &findings, errors), quiet)?;
+        if errors == 0 {
+            return Ok(());
+        }
+        // Errors are said even to those who want nothing else.
+        let is_error = |finding: &&Finding| quiet && finding.severity == Severity::Error;
+        let list = findings.iter().filter(is_error).map(words).collect();
+        Err(Faulty { folder: self.experiment.clone(), errors, list }.into())
+    }
+
+    fn outcome(&self, inspection: &Inspection, findings: &[Finding], errors: usize) -> Outcome {
+        let warnings = findings.len() - errors;
+        let unread = inspection.unreadable.iter().filter_map(|fault| fault.file.as_deref());
+        let unread: BTreeSet<_> = unread.collect();
+        let records = inspection.experiment.as_ref().map(|experiment| experiment.records.len() + unread.len());
+        let mut text: String = findings.iter().map(words).collect();
+        if !findings.is_empty() {
+            text.push('\n');
+        }
+        let verdict = match (errors, warnings) {
+            (0, 0) => String::from("nothing is wrong with it"),
+            (0, _) => format!("{}, no error", counted(warnings, "warning")),
+            _ => format!("{}, {}", counted(errors, "error"), counted(warnings, "warning")),
+        };
+        let records_read = records.map(|records| counted(records, "record") + "; ").unwrap_or_default();
+        text += &paragraph(&format!("{}: {records_read}{verdict}", self.experiment.display()), "  ");
+        let json = json!({
+            "records": records,
+            "errors": errors,
+            "warnings": warnings,
+            "findings": findings,
+        });
+        Outcome { text, json }
+    }
+}
+
+/// A finding for people.
+pub(super) fn words(finding: &Finding) -> String {
+    let severity = if finding.severity == Severity::Error { "error" } else { "warning" };
+    let message = paragraph(&format!("{severity}: {}", finding.message), "  ");
+    let remedy = finding.remedy.as_ref().map(|remedy| paragraph(&format!("  help: {remedy}"), "    "));
+    message + &remedy.unwrap_or_default()
+}
+
+/// "1 error", "2 errors".
+fn counted(count: usize, what: &str) -> String {
+    if count == 1 { format!("1 {what}") } else { format!("{count} {what}s") }
+}
+
+/// Everything that is wrong, errors first.
+fn findings(inspection: &Inspection) -> Vec<Finding> {
+    let mut findings = Findings::default();
+    if let Some(files) = inspection.not_recorded() {
+        let doubt = RecordDoubt::NotRecorded { count: files.len(), files: files.join(", ") };
+        return vec![Finding::new(Severity::Error, Topic::Files, None, &doubt)];
+    }
+    for fault in &inspection.unreadable {
+        findings.extend(unreadable(fault, inspection));
+    }
+    for file in &inspection.unnamed {
+        let doubt = RecordDoubt::Unnamed { file: file.clone() };
+        findings.push(Finding::new(Severity::Warning, Topic::Files, Some(file), &doubt));
+    }
+    if let Some(experiment) = &inspection.experiment {
+        for record in &experiment.records {
+            findings.extend(of_record(experiment, record, inspection.is_force));
+        }
+        if inspection.is_force {
+            rehearse_stand(experiment, &mut findings);
+        } else {
+            rehearse(experiment, !inspection.unreadable.is_empty(), &mut findings);
+        }
+    }
+    findings.sorted()
+}
+
+/// What cannot be read. Where the rows show the cause, such as a command in percent, that is said instead.
+fn unreadable(fault: &Unreadable, inspection: &Inspection) -> Vec<Finding> {
+    let file = fault.file.as_deref();
+    let mut found = match (&fault.rows, &inspection.experiment) {
+        (Some(rows), Some(experiment)) => of_record(experiment, rows, inspection.is_force),
+        _ => Vec::new(),
+    };
+    // A command outside 0 to 1 is refused first; a rate that contradicts the times only then.
+    let is_duty = |command: &f64| (0.0..=1.0).contains(command);
+    let is_command = fault.rows.as_ref().is_some_and(|rows| !rows.command.iter().all(is_duty));
+    // Rows that a finding is about are the ones that the stated rate contradicts.
+    let is_cause = |finding: &&mut Finding| match finding.topic {
+        Topic::CommandUnit => is_command,
+        Topic::TimeUnit => !is_command,
+        Topic::Sampling => !is_command && finding.row.is_some(),
+        _ => false,
+    };
+    let topic = if fault.rows.is_some() && !is_command { Topic::Sampling } else { Topic::Files };
+    match found.iter_mut().find(is_cause) {
+        Some(cause) => cause.severity = Severity::Error,
+        None => {
+            let mut finding = Finding::new(Severity::Error, topic, file, &fault.error);
+            if let Some((line, column)) = fault.error.line_and_column() {
+                let place = fault.error.file_name().unwrap_or_default();
+                finding.message = format!("{place}:{line}:{column}: {}", finding.message);
+            }
+            found.push(finding);
+        }
+    }
+    found
+}
+
+/// What an identification would say. A record that it refuses is taken out and the rest tried again, so that every refusal is
+/// said. `is_part` where records are missing already: that none is left to fit is no finding then.
+fn rehearse(experiment: &Experiment, is_part: bool, findings: &mut Findings) {
+    let mut rest = experiment.clone();
+    let delay_level = FirstOrderOptions::default().delay_level;
+    let has_multisine = has_multisine_to_fit(experiment);
+    let mut is_part = is_part;
+    while !rest.records.is_empty() {
+        if is_part && has_multisine && !has_multisine_to_fit(&rest) {
+            return;
+        }
+        let report = match identify(&rest, &[], delay_level, None) {
+            Ok(identified) => {
+                warn(&rest, &identified, is_part, findings);
+                findings.extend(rest.records.iter().filter_map(|record| of_lag(record, &identified.model.points)));
+                return;
+            }
+            Err(report) => report,
+        };
+        let refused = report.downcast_ref::<IdentifyError>();
+        match refused {
+            Some(error) => findings.refuse(error),
+            None if is_part => {}
+            None => findings.refuse_other(Topic::Identification, None, &*report),
+        }
+        let Some(file) = refused.and_then(IdentifyError::file).map(str::to_owned) else { return };
+        let before = rest.records.len();
+        rest.records.retain(|record| record.file != file);
+        if rest.records.len() == before {
+            return;
+        }
+        is_part = true;
+    }
+}
+
+fn has_multisine_to_fit(experiment: &Experiment) -> bool {
+    let is_one = |excitation, role| excitation == Excitation::Multisine && role != Some(Role::Validate);
+    experiment.records.iter().any(|record| is_one(record.excitation, record.role))
+}
+
+/// The warnings of an identification that would succeed; where it `is_part`, not that a level has nothing to fit.
+pub(super) fn warn(experiment: &Experiment, identified: &Identified, is_part: bool, findings: &mut Findings) {
+    let found = identified.found.iter();
+    let typed: Vec<_> = found
+        .flat_map(|found| found.warnings.iter().chain(found.nominals.iter().flat_map(|lag| &lag.warnings)))
+        .collect();
+    for warning in &typed {
+        if !is_part || !matches!(warning, IdentifyWarning::NothingToFit { .. }) {
+            findings.warn(warning);
+        }
+    }
+    let said: Vec<String> = typed.iter().map(|warning| with_advice(*warning)).collect();
+    let fitted = if identified.found.is_none() { step_record(experiment).ok() } else { None };
+    for warning in identified.warnings.iter().filter(|warning| !said.contains(warning)) {
+        let named = experiment.records.iter().find(|record| warning.starts_with(&record.file));
+        let record = named.or(fitted);
+        findings.push(Finding {
+            severity: Severity::Warning,
+            topic: Topic::Identification,
+            file: record.map(|record| record.file.clone()),
+            row: None,
+            message: match (named, fitted) {
+                (None, Some(fitted)) => format!("{}: {warning}", fitted.file),
+                _ => warning.clone(),
+            },
+            remedy: None,
+        });
+    }
+}
+
+/// As [`rehearse`], of a stand.
+fn rehearse_stand(experiment: &Experiment, findings: &mut Findings) {
+    if experiment.records.is_empty() {
+        return;
+    }
+    match identify_stand(experiment, &StandOptions::default()) {
+        Ok(stand) => findings.extend(
+            stand.warnings.iter().map(|warning| Finding::new(Severity::Warning, Topic::Identification, None, warning)),
+        ),
+        Err(error) => findings.refuse(&error),
+    }
+}

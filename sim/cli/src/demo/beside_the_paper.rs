@@ -1,0 +1,140 @@
+//! What came out beside what the paper prints, for the report.
+
+use rotorlead_identify::{Bandwidth, table_2};
+use rotorlead_report::paper::{CONTRADICTIONS, PAPER};
+use rotorlead_report::{Cell, Column, Section, Table, Tone, Verdict, is_wrong};
+
+use super::Demonstrated;
+use crate::report_pages;
+
+impl Demonstrated<'_> {
+    /// How near the paper it is, in sentences.
+    pub(super) fn verdict(&self) -> Verdict {
+        let farthest_pole = PAPER
+            .iter()
+            .zip(&self.model.points)
+            .map(|(paper, point)| (1.0 / point.time_constant_s / paper.omega_s_rad_s - 1.0).abs())
+            .fold(0.0, f64::max);
+        let outside = self.measured.iter().filter(|one| !one.holds_its_prediction()).count();
+        let sentences = vec![
+            format!(
+                "Identified: {}; no pole farther than {:.2} % from the one simulated, which is the paper's.",
+                report_pages::lags(self.model),
+                100.0 * farthest_pole
+            ),
+            match is_wrong(self.validated) {
+                Some(false) => "The model leaves no more than noise.".to_owned(),
+                Some(true) => "The model leaves more than noise.".to_owned(),
+                None => "No record shows its noise.".to_owned(),
+            },
+            format!(
+                "Measured with the filter in integers in the loop: {} of {} compensated bandwidths have their noise-free \
+                 value inside their 95 % interval.",
+                self.measured.len() - outside,
+                self.measured.len()
+            ),
+            "The paper's own measured bandwidths lie elsewhere: its actuators are more than a lag, those simulated here are not."
+                .to_owned(),
+        ];
+        Verdict::new(Tone::Plain, report_pages::faster(self.simulated)).with(sentences)
+    }
+
+    /// Tables 1 to 3 of the paper with a column for each number that was found here.
+    pub(super) fn beside_the_paper(&self) -> Section {
+        let mut text = vec!["The actuators that are simulated have the lags of the paper's Table 1.".to_owned()];
+        text.push("Where the paper contradicts itself:".to_owned());
+        text.extend(CONTRADICTIONS.map(str::to_owned));
+        let tables = vec![self.lags(), self.fits(), self.bandwidths()];
+        Section { text, tables, ..Section::new("paper", "Beside the paper") }
+    }
+
+    fn lags(&self) -> Table {
+        let rows = PAPER.iter().zip(&self.model.points).map(|(paper, point)| {
+            vec![
+                Cell::number(paper.nominal, 2),
+                Cell::number(paper.gain, 4),
+                Cell::number(point.gain, 4),
+                Cell::number(paper.omega_s_rad_s, 4),
+                Cell::number(1.0 / point.time_constant_s, 4),
+            ]
+        });
+        table(
+            "paper_table_1",
+            "Lags, the paper's Table 1",
+            vec![
+                Column::new("paper_gain_n", "gain, paper", "N"),
+                Column::new("gain_n", "here", "N"),
+                Column::new("paper_pole_rad_s", "1/tau, paper", "rad/s"),
+                Column::new("pole_rad_s", "here", "rad/s"),
+            ],
+            rows,
+        )
+    }
+
+    fn fits(&self) -> Table {
+        let rows = PAPER.iter().zip(table_2(self.validated)).map(|(paper, row)| {
+            let [frequency, square] = [row.frequency, row.square].map(|fit| fit.map(|fit| fit.fit_percent));
+            vec![
+                Cell::number(paper.nominal, 2),
+                Cell::number(paper.fit_frequency_percent, 2),
+                Cell::optional(frequency, 2),
+                Cell::number(paper.fit_square_percent, 2),
+                Cell::optional(square, 2),
+            ]
+        });
+        table(
+            "paper_table_2",
+            "Validation, the paper's Table 2",
+            vec![
+                Column::new("paper_fit_frequency_percent", "in frequency, paper", "% fit"),
+                Column::new("fit_frequency_percent", "here", "% fit"),
+                Column::new("paper_fit_square_percent", "on squares, paper", "% fit"),
+                Column::new("fit_square_percent", "here", "% fit"),
+            ],
+            rows,
+        )
+    }
+
+    fn bandwidths(&self) -> Table {
+        let cell = |bandwidth: Bandwidth| Cell::optional(bandwidth.rad_s(), 2);
+        let rows = PAPER.iter().zip(self.simulated).zip(self.measured).map(|((paper, simulated), measured)| {
+            vec![
+                Cell::number(paper.nominal, 2),
+                Cell::number(paper.simulated_rad_s.0, 2),
+                cell(simulated.uncompensated),
+                Cell::number(paper.simulated_rad_s.1, 2),
+                cell(simulated.compensated),
+                Cell::number(paper.measured_rad_s.0, 2),
+                cell(measured.uncompensated.bandwidth),
+                Cell::number(paper.measured_rad_s.1, 2),
+                cell(measured.compensated.bandwidth),
+            ]
+        });
+        table(
+            "paper_table_3",
+            "Bandwidth without and with the compensator, the paper's Table 3",
+            vec![
+                Column::new("paper_simulated_uncompensated_rad_s", "without, simulated, paper", "rad/s"),
+                Column::new("simulated_uncompensated_rad_s", "here", "rad/s"),
+                Column::new("paper_simulated_compensated_rad_s", "with, simulated, paper", "rad/s"),
+                Column::new("simulated_compensated_rad_s", "here", "rad/s"),
+                Column::new("paper_measured_uncompensated_rad_s", "without, measured, paper", "rad/s"),
+                Column::new("measured_uncompensated_rad_s", "here", "rad/s"),
+                Column::new("paper_measured_compensated_rad_s", "with, measured, paper", "rad/s"),
+                Column::new("measured_compensated_rad_s", "here", "rad/s"),
+            ],
+            rows,
+        )
+    }
+}
+
+/// One of the paper's tables, by nominal command.
+fn table(name: &str, caption: &str, columns: Vec<Column>, rows: impl Iterator<Item = Vec<Cell>>) -> Table {
+    let nominal = Column::new("u_nom", "u_nom", "duty");
+    Table {
+        name: name.to_owned(),
+        caption: caption.to_owned(),
+        columns: std::iter::once(nominal).chain(columns).collect(),
+        rows: rows.collect(),
+    }
+}

@@ -1,0 +1,220 @@
+//! `rotorlead demo`
+
+mod beside_the_paper;
+mod text;
+
+use std::path::PathBuf;
+
+use clap::Args;
+use miette::IntoDiagnostic as _;
+use num_complex::Complex64;
+use rotorlead::design::LeadDesign;
+use rotorlead_identify::design::{BandwidthPoint, Chain, DesignOptions, bandwidths, compensator_file, design};
+use rotorlead_identify::{
+    Bandwidth, EtfeBandwidth, MeasuredBandwidth, NominalIdentification, PeriodicIdentification, PeriodicOptions,
+    RecordValidation, bandwidth_of, identify_periodic, validate,
+};
+use rotorlead_plant::Model;
+use rotorlead_plant::bench::{Plan, Prediction};
+use rotorlead_records::files::write_file;
+use rotorlead_report::paper::{CONTRADICTIONS, PAPER, table_1};
+use rotorlead_report::{
+    Color, Curve, Figure, FigureKind, Identification, Mark, Report, bandwidth_section, bode, design_section,
+    excitation_section, identification_section, measured_response, rad_s, simulation_and_experiment,
+    validation_section,
+};
+use serde_json::json;
+
+use super::bandwidth::RESAMPLES;
+use super::identify::periodic_model;
+use super::outcome::{JsonOption, Outcome};
+use super::report_option::{ReportOption, check_folder, make_folder};
+use super::simulate::simulate;
+use super::validate::record_json;
+use super::{progress, report_pages};
+
+/// Nominal commands in the Bode plot: one in the middle, where compensation helps by half, and the fastest.
+const DRAWN: [f64; 2] = [0.50, 0.65];
+/// Highest frequency of a line in the Bode plot, rad/s: the top line of the compensated run.
+const DRAWN_UP_TO_RAD_S: f64 = 282.0;
+
+/// Runs the paper's method from end to end on simulated actuators
+///
+/// The actuators have the lags of the paper's Table 1, and thrust noise of 0.02 N. They are driven by the code that runs
+/// on the controller: its excitation, its filter in integers. What is identified, designed and measured is printed
+/// beside what the paper prints.
+#[derive(Args, Debug)]
+pub struct Demo {
+    /// Where the model, the compensator and the Bode plot go; those of an earlier run are replaced
+    #[arg(long, value_name = "DIR", default_value = "demo-out")]
+    pub(super) out: PathBuf,
+    /// Seed of the thrust noise
+    #[arg(long, default_value = "1", value_parser = clap::value_parser!(u64).range(..1 << 63), allow_negative_numbers = true)]
+    seed: u64,
+    #[command(flatten)]
+    pub(super) report: ReportOption,
+    #[command(flatten)]
+    pub(super) json: JsonOption,
+}
+
+/// What the stand measured of one actuator, without and with the compensator.
+struct Measured {
+    uncompensated: EtfeBandwidth,
+    compensated: EtfeBandwidth,
+    /// What the compensated one would be without noise: section, holds and lag in closed form.
+    predicted: Bandwidth,
+}
+
+impl Measured {
+    /// Whether what it should be lies in its interval.
+    fn holds_its_prediction(&self) -> bool {
+        let Some(predicted) = self.predicted.rad_s() else { return false };
+        self.compensated.lower.rad_s().is_none_or(|lower| lower <= predicted)
+            && self.compensated.upper.rad_s().is_none_or(|upper| predicted <= upper)
+    }
+}
+
+/// All that came of it.
+struct Demonstrated<'a> {
+    model: &'a Model,
+    validated: &'a [RecordValidation],
+    design: &'a LeadDesign,
+    /// By the lags of the paper and its compensator.
+    simulated: &'a [BandwidthPoint],
+    measured: &'a [Measured],
+}
+
+impl Demo {
+    /// Runs the command.
+    pub fn run(&self) -> miette::Result<Outcome> {
+        check_folder(&self.out)?;
+        self.report.check(None)?;
+        let actuators = table_1();
+        let plan = Plan { seed: self.seed, ..Plan::paper(&actuators) };
+        let stand = simulate(&plan, &actuators, None)?;
+        let bar = progress::spinner("identifying");
+        let found = identify_periodic(&stand, &PeriodicOptions::default())?;
+        let model = periodic_model(&stand, &found);
+        let validated = validate(&stand, &model)?;
+        let design = design(&model, &DesignOptions::default())?;
+        bar.finish_and_clear();
+
+        let compensated_plan = plan.clone().compensated("compensator.toml");
+        let compensated_stand = simulate(&compensated_plan, &actuators, Some(&design))?;
+        let bar = progress::spinner("measuring");
+        let compensated = identify_periodic(&compensated_stand, &PeriodicOptions::default())?;
+        let [before, after] = [&found, &compensated].map(|found| found.bandwidths(RESAMPLES, self.seed));
+        let (before, after) = (before?, after?);
+        bar.finish_and_clear();
+        let measured = measured(&actuators, &compensated_plan, &design, &before, &after)?;
+        let of_records = [before, after].concat();
+        // The paper's own simulation: the lags of Table 1 and the compensator that they give.
+        let papers_design = rotorlead_identify::design::design(&actuators, &DesignOptions::default())?;
+        let simulated = bandwidths(&actuators, Chain::Continuous(papers_design.lead()));
+
+        let figure = self.out.join("bode.svg");
+        make_folder(&self.out)?;
+        model.write(&self.out.join("model.toml"))?;
+        compensator_file(&design).write(&self.out.join("compensator.toml"))?;
+        let drawn = bode_plot(&design, &found, &compensated);
+        write_file(&figure, drawn.svg()?.as_bytes())?;
+
+        let result = Demonstrated {
+            model: &model,
+            validated: &validated,
+            design: &design,
+            simulated: &simulated,
+            measured: &measured,
+        };
+        let written = self.report.write(|| {
+            let identification =
+                Identification { output: stand.output, model: &model, found: Some(&found), static_map: None };
+            let mut bandwidth = bandwidth_section(&simulated, &[], &of_records);
+            bandwidth.figures.extend(measured_response(&found, &compensated));
+            bandwidth.figures.extend(simulation_and_experiment(&found, &compensated, &design));
+            bandwidth.figures.push(drawn);
+            let sections = vec![
+                result.beside_the_paper(),
+                identification_section(&identification),
+                excitation_section(&stand),
+                validation_section(&validated, stand.output),
+                design_section(&design, &model),
+                bandwidth,
+            ];
+            let facts = report_pages::records(&stand, &self.out);
+            let title = "The paper's method on simulated actuators";
+            Report { facts, sections, ..report_pages::report("Demonstration", title, result.verdict()) }
+        })?;
+        let text = result.text(&self.out, &figure).into_diagnostic()? + &written;
+        let json = json!({
+            "points": model.points,
+            "validation": validated.iter().map(record_json).collect::<Vec<_>>(),
+            "compensator": compensator_file(&design),
+            "bandwidth": PAPER.iter().zip(&simulated).zip(&measured).map(|((paper, simulated), measured)| json!({
+                "nominal": paper.nominal,
+                "paper": {
+                    "simulated_rad_s": paper.simulated_rad_s,
+                    "measured_rad_s": paper.measured_rad_s,
+                },
+                "simulated_rad_s": [rad_s(simulated.uncompensated), rad_s(simulated.compensated)],
+                "measured_rad_s": [rad_s(measured.uncompensated.bandwidth), rad_s(measured.compensated.bandwidth)],
+                "measured_compensated_interval_rad_s": [rad_s(measured.compensated.lower), rad_s(measured.compensated.upper)],
+                "predicted_compensated_rad_s": rad_s(measured.predicted),
+            })).collect::<Vec<_>>(),
+            "contradictions": CONTRADICTIONS,
+            "bode": figure,
+        });
+        Ok(Outcome { text, json })
+    }
+}
+
+/// Bandwidths of the ETFEs, and what the compensated ones should be.
+fn measured(
+    actuators: &Model,
+    plan: &Plan,
+    design: &LeadDesign,
+    before: &[MeasuredBandwidth],
+    after: &[MeasuredBandwidth],
+) -> miette::Result<Vec<Measured>> {
+    before
+        .iter()
+        .zip(after)
+        .map(|(before, after)| {
+            let prediction = Prediction::new(plan, actuators, after.nominal, Some(design))?;
+            Ok(Measured {
+                uncompensated: before.bandwidth,
+                compensated: after.bandwidth,
+                predicted: bandwidth_of(|omega| prediction.response(omega), DRAWN_UP_TO_RAD_S),
+            })
+        })
+        .collect()
+}
+
+/// Models as lines and ETFEs as dots, both over the static gain.
+fn bode_plot(design: &LeadDesign, found: &PeriodicIdentification, compensated: &PeriodicIdentification) -> Figure {
+    let mut curves = Vec::new();
+    let drawn = |nominal: f64| DRAWN.iter().any(|drawn| (drawn - nominal).abs() < 1e-9);
+    let pairs = found.nominals.iter().zip(&compensated.nominals).filter(|(before, _)| drawn(before.nominal));
+    for (index, (before, after)) in pairs.enumerate() {
+        let gain = before.fit.gain.value;
+        let lag = |omega: f64| before.fit.response(omega) / gain;
+        let led = |omega: f64| lag(omega) * design.response(omega);
+        let mut add = |what: &str, color: usize, model: &dyn Fn(f64) -> Complex64, measured: &NominalIdentification| {
+            let (name, color) = (format!("u_nom {:.2}, {what}", before.nominal), Color::nth(color));
+            let ends = (0.6, DRAWN_UP_TO_RAD_S);
+            curves.push(Curve::of_model(format!("{name}, model"), Mark::Line, color, ends, model).under(&name));
+            let points = measured.responses[0].actuator.smoothed();
+            let dots = Curve::measured(format!("{name}, measured"), Mark::Dots, color, points, gain);
+            curves.push(Curve { bands: Vec::new(), ..dots.under(&name) });
+        };
+        add("without", 2 * index, &lag, before);
+        add("with compensator", 2 * index + 1, &led, after);
+    }
+    Figure::new(
+        FigureKind::Demonstration,
+        "Actuator over its static gain: dots measured, lines modeled",
+        "Two of the levels, each without and with the compensator. The actuators are simulated lags, so that dots lie \
+         on their lines.",
+        bode(&curves, "dB over the static gain", &[("-3 dB", -3.0)]),
+    )
+}

@@ -1,0 +1,224 @@
+//! `rotorlead device record`
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+use miette::Diagnostic;
+use rotorlead_device::{Calibration, DeviceError, Recorded, Session};
+use rotorlead_plant::bench::file_stem;
+use rotorlead_records::{Excitation, Role};
+use serde_json::json;
+use thiserror::Error;
+
+use super::folder::ExperimentFolder;
+use super::is_compensated;
+use crate::WrongUse;
+use crate::outcome::Outcome;
+use crate::parameters::{fraction, positive};
+use crate::progress;
+
+/// From counts to newtons.
+#[derive(Args, Debug)]
+pub(super) struct Sensor {
+    /// Newtons per count of the converter
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    newtons_per_count: f64,
+    /// The converter's count without thrust
+    #[arg(long, value_name = "COUNT", allow_negative_numbers = true)]
+    zero_count: f64,
+}
+
+impl Sensor {
+    pub(super) fn calibration(&self) -> Calibration {
+        Calibration { zero: self.zero_count, newtons_per_count: self.newtons_per_count }
+    }
+}
+
+#[derive(Args, Debug)]
+pub(super) struct Record {
+    /// The experiment's folder: it is made, or the record is added to the experiment that is there
+    #[arg(long, value_name = "DIR")]
+    pub(super) out: PathBuf,
+    /// How long
+    #[arg(long, value_name = "S", value_parser = positive)]
+    seconds: f64,
+    /// The motor, from 0
+    #[arg(long, default_value_t = 0)]
+    motor: u8,
+    /// One row in so many control ticks; as in the settings unless given
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=5000))]
+    divisor: Option<u16>,
+    /// What drives the motor meanwhile; `rotorlead identify` takes all but free
+    #[arg(long, value_enum, default_value_t = Played::Free)]
+    excitation: Played,
+    /// Command around which the motor is run, 0..1; the mean of what is recorded unless given
+    #[arg(long, value_name = "U", value_parser = fraction, required_if_eq_any([("excitation", "multisine"), ("excitation", "square"), ("excitation", "triangle")]))]
+    nominal: Option<f64>,
+    /// Peak deviation of the command from it; the largest that is recorded unless given
+    #[arg(long, value_name = "U", value_parser = positive)]
+    amplitude: Option<f64>,
+    /// Period of a multisine, a square wave or a triangle
+    #[arg(long, value_name = "S", value_parser = positive, required_if_eq_any([("excitation", "multisine"), ("excitation", "square"), ("excitation", "triangle")]))]
+    period_s: Option<f64>,
+    /// What the record is for; the tools choose unless given
+    #[arg(long, value_enum)]
+    role: Option<For>,
+    #[command(flatten)]
+    sensor: Sensor,
+}
+
+/// [`Excitation`] on the command line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Played {
+    /// A periodic sum of sinusoids around --nominal
+    Multisine,
+    /// A periodic square wave around --nominal
+    Square,
+    /// A periodic triangle around --nominal
+    Triangle,
+    /// One step
+    Step,
+    /// Several plateaus, one after the other
+    Staircase,
+    /// Anything else
+    Free,
+}
+
+/// [`Role`] on the command line.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum For {
+    /// To be fitted
+    Fit,
+    /// To be kept out of the fit
+    Validate,
+}
+
+/// What is said of a record that nothing can be identified from yet.
+const FREE: &str =
+    "This record is `free`: before `rotorlead identify` takes it, its [[record]] in experiment.toml must say
+what was played: excitation = \"multisine\" or \"square\" with period_s, \"step\" or \"staircase\".
+Or record with --excitation.
+";
+
+/// A recording that ended early.
+#[derive(Debug, Error, Diagnostic)]
+#[error("{cause}; of {wanted} rows, {rows} had arrived")]
+#[diagnostic(help("{help}"))]
+struct Broken {
+    cause: DeviceError,
+    rows: usize,
+    wanted: usize,
+    help: String,
+}
+
+impl Record {
+    /// Rows to record.
+    fn rows(&self, row_rate_hz: f64) -> Result<usize, WrongUse> {
+        let rows = (self.seconds * row_rate_hz).round();
+        // A day at 10 kHz: a slip of the decimal point is to be an error, not a full memory.
+        if !(2.0..=8.64e8).contains(&rows) {
+            return Err(WrongUse::new(
+                format!("--seconds {} are {rows} rows at {row_rate_hz} Hz", self.seconds),
+                "record two rows at least, and a day at most",
+            ));
+        }
+        if let Some(period_s) = self.period_s {
+            let rows_per_period = period_s * row_rate_hz;
+            if (rows_per_period - rows_per_period.round()).abs() > 1e-6 * rows_per_period || rows_per_period < 2.0 {
+                return Err(WrongUse::new(
+                    format!("--period-s {period_s} is {rows_per_period} rows at {row_rate_hz} Hz, no whole number"),
+                    "choose a --divisor with which a period has a whole number of rows",
+                ));
+            }
+            if rows < rows_per_period.round() {
+                return Err(WrongUse::new(
+                    format!("--seconds {} are less than one period of {period_s} s", self.seconds),
+                    "record one period at least; with two or more the noise can be told from the motor",
+                ));
+            }
+        }
+        Ok(rows as usize)
+    }
+
+    fn excitation(&self) -> Excitation {
+        match self.excitation {
+            Played::Multisine => Excitation::Multisine,
+            Played::Square => Excitation::Square,
+            Played::Triangle => Excitation::Triangle,
+            Played::Step => Excitation::Step,
+            Played::Staircase => Excitation::Staircase,
+            Played::Free => Excitation::Free,
+        }
+    }
+
+    /// The first `rows` rows as the record that was asked for.
+    fn record(
+        &self,
+        recorded: &Recorded,
+        rows: usize,
+        loop_rate_hz: f64,
+        compensated: bool,
+    ) -> rotorlead_records::Record {
+        let excitation = self.excitation();
+        let template = rotorlead_device::template(String::new(), 0.0, excitation, compensated);
+        let mut record = recorded.recording.to_record(0, rows, loop_rate_hz, self.sensor.calibration(), template);
+        let mean = record.command.iter().sum::<f64>() / record.command.len().max(1) as f64;
+        // A mean of equal commands may round out of their range.
+        let nominal = self.nominal.unwrap_or(mean.clamp(0.0, 1.0));
+        let largest = record.command.iter().fold(0.0, |largest: f64, command| largest.max((command - nominal).abs()));
+        record.nominal = nominal;
+        record.period_s = self.period_s;
+        let found = Some(largest).filter(|&largest| excitation != Excitation::Free && largest > 0.0);
+        record.amplitude = self.amplitude.or(found);
+        record.role = self.role.map(|role| match role {
+            For::Fit => Role::Fit,
+            For::Validate => Role::Validate,
+        });
+        record
+    }
+
+    pub(super) fn run(&self, session: &mut Session) -> miette::Result<Outcome> {
+        let settings = session.settings()?;
+        let divisor = self.divisor.unwrap_or(settings.recorder_divisor);
+        let loop_rate_hz = f64::from(settings.loop_rate_hz);
+        let rows = self.rows(loop_rate_hz / f64::from(divisor))?;
+        // Those of a flight controller, whose pulses the output frames may follow.
+        let follows = settings.clone().validate().is_ok_and(|settings| settings.output_follows_input());
+        let esc_frame_hz = if follows { settings.input.frame_hz } else { settings.output.frame_hz };
+        let folder = ExperimentFolder::new(&self.out, &settings, divisor, esc_frame_hz)?;
+        let bar = progress::bar("recording", rows as u64);
+        let told = |done| bar.set_position(done as u64);
+        let recorded = rotorlead_device::record(session, &settings, self.motor, divisor, rows, &told)?;
+        bar.finish_and_clear();
+        let compensated = is_compensated(&settings, self.motor);
+        let there = recorded.recording.rows().min(rows);
+        let record = self.record(&recorded, there, loop_rate_hz, compensated);
+        let stem = file_stem(record.nominal, record.excitation);
+        if let Err(cause) = recorded.ended {
+            let help = self.salvage(&folder, &stem, record);
+            return Err(Broken { cause, rows: there, wanted: rows, help }.into());
+        }
+        let file = folder.add(&stem, record)?;
+        let mut text = format!("{file}, {rows} rows\nWritten to {}\n", self.out.display());
+        if self.excitation == Played::Free {
+            text.push_str(FREE);
+        }
+        Ok(Outcome { text, json: json!({ "records": [file], "rows": rows }) })
+    }
+
+    /// Keeps the rows of a recording that ended early, and says where.
+    fn salvage(&self, folder: &ExperimentFolder, stem: &str, mut record: rotorlead_records::Record) -> String {
+        // What there is of it need not be what was to be played.
+        record.excitation = Excitation::Free;
+        record.period_s = None;
+        record.role = None;
+        let kept = match folder.salvage(stem, record) {
+            Ok(path) => format!("the rows that had arrived are in `{}`", path.display()),
+            Err(error) => format!("the rows that had arrived are lost: {error}"),
+        };
+        format!(
+            "{kept}; nothing was added to `{}`. Check the line, or record with a larger --divisor",
+            self.out.display()
+        )
+    }
+}

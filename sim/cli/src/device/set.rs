@@ -1,0 +1,63 @@
+//! `rotorlead device set`
+
+use clap::Args;
+use rotorlead::settings::Key;
+use rotorlead_device::{DeviceError, Session, change};
+use serde_json::{Map, Value, json};
+
+use super::super::WrongUse;
+use super::super::outcome::{Outcome, warning_lines};
+use super::design;
+
+#[derive(Args, Debug)]
+pub struct Set {
+    /// Which setting, as `get` shows them, or motor.*.KEY for every motor; and to what. Levels are commands from 0 to 1.
+    /// Settings that depend on each other go into one command. On a controller whose settings nobody has chosen,
+    /// output.protocol has to be among them
+    #[arg(value_names = ["KEY", "VALUE"], num_args = 2.., required = true)]
+    pairs: Vec<String>,
+}
+
+impl Set {
+    pub fn run(&self, session: &mut Session) -> miette::Result<Outcome> {
+        let changes = self.changes()?;
+        // Here rather than by the controller: the reasons are the same, and a design says more.
+        let settings = change(&session.settings()?, &changes)?;
+        design(&settings)?;
+        let is_protocol_given = changes.iter().any(|(key, _)| key == Key::OutputProtocol.name());
+        if !is_protocol_given && !session.info()?.outputs_enabled {
+            let help = format!(
+                "set the ESC's protocol in the same command, even where it is standard_pwm: `set output.protocol PROTOCOL {}`",
+                self.pairs.join(" ")
+            );
+            return Err(DeviceError::NotChosen { act: "setting anything else alone", help }.into());
+        }
+        let warnings: Vec<String> =
+            session.set_settings(&settings)?.iter().map(|warning| warning.to_string()).collect();
+        let mut text = String::new();
+        for (key, value) in &changes {
+            text.push_str(&format!("{key} = {value}, "));
+        }
+        text.push_str("until the power goes; `rotorlead device save` stores it\n");
+        for warning in &warnings {
+            text.push_str(&warning_lines(warning));
+        }
+        let set: Map<String, Value> = changes.iter().map(|(key, value)| (key.clone(), json!(value))).collect();
+        let mut json = json!({ "set": set, "warnings": warnings });
+        // As a script that sets one key reads it.
+        if let [(key, value)] = &changes[..] {
+            json["key"] = json!(key);
+            json["value"] = json!(value);
+        }
+        Ok(Outcome { text, json })
+    }
+
+    /// Names and values.
+    fn changes(&self) -> Result<Vec<(String, String)>, WrongUse> {
+        let (pairs, rest) = self.pairs.as_chunks::<2>();
+        if let [key] = rest {
+            return Err(WrongUse::new(format!("`{key}` has no value"), "give KEY VALUE [KEY VALUE ...]"));
+        }
+        Ok(pairs.iter().map(|[key, value]| (key.clone(), value.clone())).collect())
+    }
+}

@@ -1,0 +1,207 @@
+//! `rotorlead identify --align`: a command log and a response log that were recorded apart.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use miette::WrapErr as _;
+use rotorlead_identify::Estimate;
+use rotorlead_identify::alignment::{
+    Alignment, AlignmentOptions, CommandLog, Merged, MergedRows, ResponseLog, align, merge,
+};
+use rotorlead_records::{Experiment, LONG_FILE, LongRecord, Output, Record, read_command_log};
+use serde_json::{Value, json};
+
+use super::WrongUse;
+
+/// How logs are merged.
+#[derive(Args, Debug)]
+pub struct AlignOptions {
+    /// A command log (CSV: time_s, command) on a clock of its own, to be merged with the record; once per record, in
+    /// their order. The records then need no column `command`
+    #[arg(long, value_name = "LOG")]
+    align: Vec<PathBuf>,
+    /// Where the delay is expected: the response's clock less the command's, in seconds, or `start` where the first rows of
+    /// both logs are of the same moment, give or take --align-within. 0 unless given
+    #[arg(long, value_name = "SECONDS|start", requires = "align_within", value_parser = near, allow_hyphen_values = true)]
+    align_near: Option<Near>,
+    /// Greatest distance of the delay from --align-near that is searched, seconds either way; without it, any
+    #[arg(long, value_name = "SECONDS", requires = "align", value_parser = positive)]
+    align_within: Option<f64>,
+    /// The actuator's own dead time in seconds, where it is known from elsewhere: so much of the delay stays
+    #[arg(long, value_name = "SECONDS", requires = "align", default_value_t = 0.0, value_parser = not_negative)]
+    dead_time: f64,
+    /// Where to write the merged experiment, which is made
+    #[arg(long, value_name = "DIR", requires = "align")]
+    merged: Option<PathBuf>,
+}
+
+/// Where a delay is expected.
+#[derive(Clone, Copy, Debug)]
+enum Near {
+    /// At so many seconds.
+    Delay(f64),
+    /// Where the first rows of both logs coincide.
+    Start,
+}
+
+/// An experiment with one clock.
+pub struct Aligned {
+    pub experiment: Experiment,
+    /// Records whose rows stay on disk; none where logs were merged.
+    pub long: Vec<LongRecord>,
+    /// What was found, in words; empty where nothing was to be aligned.
+    pub text: String,
+    pub warnings: Vec<String>,
+    pub json: Value,
+}
+
+impl AlignOptions {
+    /// Reads the experiment, and merges its command logs where there are any.
+    pub fn read(&self, folder: &Path) -> miette::Result<Aligned> {
+        if self.align.is_empty() {
+            let (experiment, long) = Experiment::read_leaving(folder, LONG_FILE)?;
+            return Ok(Aligned { experiment, long, text: String::new(), warnings: Vec::new(), json: Value::Null });
+        }
+        let mut experiment = Experiment::read_responses(folder)?;
+        let (logs, records) = (self.align.len(), experiment.records.len());
+        if logs != records {
+            let message = format!("--align is given {logs} times, and `{}` has {records} records", folder.display());
+            return Err(
+                WrongUse::new(message, "give one command log per record, in the order of experiment.toml").into()
+            );
+        }
+        let (mut text, mut warnings, mut found) = (String::new(), Vec::new(), Vec::new());
+        let output = experiment.output;
+        for (record, path) in experiment.records.iter_mut().zip(&self.align) {
+            if record.compensated {
+                let message = format!("`{}` is compensated: what the ESC got is not in a command log", record.file);
+                return Err(WrongUse::new(message, "log both commands with the response").into());
+            }
+            let (alignment, merged) = self.merge(record, path, output)?;
+            describe(&mut text, record, path, &alignment, &merged, self.dead_time);
+            warnings.extend(alignment.warnings.iter().map(|warning| format!("{}: {warning}", record.file)));
+            found.push(to_json(record, &alignment, &merged));
+            take(record, merged, output);
+        }
+        // The merged rows follow the command's clock.
+        experiment.sample_rate_hz = None;
+        if let Some(merged) = &self.merged {
+            experiment.write(merged)?;
+            writeln!(text, "merged records written to {}", merged.display()).expect("a string takes all");
+        }
+        text.push('\n');
+        Ok(Aligned { experiment, long: Vec::new(), text, warnings, json: Value::Array(found) })
+    }
+
+    fn merge(&self, record: &Record, path: &Path, output: Output) -> miette::Result<(Alignment, Merged)> {
+        let file = read_command_log(path)?;
+        let name = path.display().to_string();
+        let command = CommandLog { name: &name, time_s: &file.time_s, command: &file.command };
+        let response = record.response(output).unwrap_or_default();
+        let response = ResponseLog { name: &record.file, time_s: &record.time_s, response };
+        let near_s = match (self.align_near, record.time_s.first(), file.time_s.first()) {
+            (Some(Near::Delay(near_s)), ..) => near_s,
+            (Some(Near::Start), Some(response_s), Some(command_s)) => response_s - command_s,
+            _ => 0.0,
+        };
+        let options = AlignmentOptions { near_s, within_s: self.align_within, ..AlignmentOptions::default() };
+        let rows = if record.excitation.is_periodic() { MergedRows::OfCommand } else { MergedRows::OfResponse };
+        let aligned = align(&command, &response, &options)
+            .and_then(|alignment| Ok((merge(&command, &response, &alignment, rows, self.dead_time)?, alignment)));
+        let (merged, alignment) = aligned
+            .map_err(miette::Report::from)
+            .wrap_err_with(|| format!("`{}` and `{}` were not aligned", record.file, path.display()))?;
+        Ok((alignment, merged))
+    }
+}
+
+/// Puts the merged columns in the record's place. Columns on the logger's clock that were not merged are left out.
+fn take(record: &mut Record, merged: Merged, output: Output) {
+    record.time_s = merged.time_s;
+    record.command = merged.command;
+    (record.thrust_n, record.rpm) = match output {
+        Output::ThrustN => (Some(merged.response), None),
+        Output::Rpm => (None, Some(merged.response)),
+    };
+    (record.esc_command, record.voltage_v, record.current_a) = (None, None, None);
+}
+
+fn describe(text: &mut String, record: &Record, path: &Path, found: &Alignment, merged: &Merged, dead_time_s: f64) {
+    let mut say = |line: String| {
+        text.push_str(&line);
+        text.push('\n');
+    };
+    say(format!("{} with the commands of {}:", record.file, path.display()));
+    say(format!(
+        "  delay {} ms (95 %)\n    at {:.3} s of the response's clock",
+        interval(found.delay_s, 1e3, 3),
+        found.reference_s
+    ));
+    match found.skew {
+        Some(skew) => say(format!("  the response's clock is faster by {} ppm (95 %)", interval(skew, 1e6, 1))),
+        None => say(String::from("  the clocks were taken to run alike")),
+    }
+    say(format!(
+        "  fitted with a lag of {:.1} ms, % fit {:.1}, noise of order {},\n    over {} rows with {} gaps",
+        1e3 * found.time_constant_s.value,
+        found.fit_percent,
+        found.noise_order,
+        found.rows,
+        found.gaps
+    ));
+    say(format!(
+        "  {} merged rows, {} left out for want of the other log;\n    \
+         {:.1} ms of dead time stay in, the rest is taken for latency",
+        merged.time_s.len(),
+        merged.left_out,
+        1e3 * dead_time_s
+    ));
+}
+
+fn interval(estimate: Estimate, scale: f64, digits: usize) -> String {
+    let (low, high) = estimate.interval(0.95);
+    format!("{:.digits$} ({:.digits$} to {:.digits$})", scale * estimate.value, scale * low, scale * high)
+}
+
+fn to_json(record: &Record, found: &Alignment, merged: &Merged) -> Value {
+    let (low_s, high_s) = found.delay_s.interval(0.95);
+    json!({
+        "file": record.file,
+        "delay_s": found.delay_s.value,
+        "delay_s_std": found.delay_s.std,
+        "delay_s_interval": [low_s, high_s],
+        "reference_s": found.reference_s,
+        "skew": found.skew.map(|skew| skew.value),
+        "skew_std": found.skew.map(|skew| skew.std),
+        "skew_interval": found.skew.map(|skew| <[f64; 2]>::from(skew.interval(0.95))),
+        "time_constant_s": found.time_constant_s.value,
+        "fit_percent": found.fit_percent,
+        "rows": found.rows,
+        "gaps": found.gaps,
+        "merged_rows": merged.time_s.len(),
+        "left_out": merged.left_out,
+    })
+}
+
+fn near(text: &str) -> Result<Near, String> {
+    match text.parse::<f64>() {
+        _ if text == "start" => Ok(Near::Start),
+        Ok(seconds) if seconds.is_finite() => Ok(Near::Delay(seconds)),
+        _ => Err(String::from("a number of seconds, or `start`")),
+    }
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    match not_negative(text)? {
+        value if value > 0.0 => Ok(value),
+        _ => Err(String::from("above 0, in seconds")),
+    }
+}
+
+fn not_negative(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
+        _ => Err(String::from("a number of seconds, 0 or more")),
+    }
+}

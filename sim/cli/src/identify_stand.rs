@@ -1,0 +1,158 @@
+//! `rotorlead identify --stand`
+
+use std::f64::consts::TAU;
+use std::fmt::Write as _;
+use std::path::Path;
+
+use clap::Args;
+use miette::{IntoDiagnostic as _, WrapErr as _};
+use rotorlead_identify::parametric::Root;
+use rotorlead_identify::stand::{StandIdentification, StandOptions, identify_stand};
+use rotorlead_identify::with_advice;
+use rotorlead_records::Experiment;
+use rotorlead_records::files::check_writable;
+use rotorlead_report::{Report, Tone, Verdict, stand_section, with_std};
+use serde_json::{Value, json};
+
+use super::outcome::{Outcome, warning_lines};
+use super::report_option::ReportOption;
+use super::{progress, report_pages};
+
+/// What only a stand needs.
+#[derive(Args, Debug)]
+pub struct StandArguments {
+    /// With --stand: the number of poles, instead of the one that predicts best
+    #[arg(long, value_name = "POLES", requires = "stand", value_parser = clap::value_parser!(u8).range(1..=16))]
+    order: Option<u8>,
+    /// With --stand: the highest frequency of the fit, hertz
+    #[arg(long, value_name = "HZ", requires = "stand")]
+    top: Option<f64>,
+}
+
+/// Identifies the stand of the experiment in `folder` and writes it to `out`.
+pub fn run(folder: &Path, out: &Path, arguments: &StandArguments, report: &ReportOption) -> miette::Result<Outcome> {
+    check_writable(out)?;
+    report.check(Some(out))?;
+    let mut options = StandOptions::default();
+    if let Some(order) = arguments.order {
+        options.poles = usize::from(order)..=usize::from(order);
+    }
+    if let Some(top_hz) = arguments.top {
+        options.band_hz.1 = top_hz;
+    }
+    let (experiment, stand) = progress::of_files("identifying", &[folder], || -> miette::Result<_> {
+        let experiment = Experiment::read_force(folder)?;
+        let stand = identify_stand(&experiment, &options)
+            .wrap_err_with(|| format!("no stand was identified from `{}`", folder.display()))?;
+        Ok((experiment, stand))
+    })?;
+    stand.model().write(out)?;
+
+    let mut text = table(&stand);
+    if !stand.warnings.is_empty() {
+        text.push('\n');
+    }
+    for warning in &stand.warnings {
+        text.push_str(&warning_lines(&with_advice(warning)));
+    }
+    writeln!(text, "\nWritten to {}", out.display()).into_diagnostic()?;
+    text.push_str(&report.write(|| {
+        let usable = match stand.usable_hz {
+            Some(usable) => format!("The stand can be used up to {:.1} Hz.", usable.value),
+            None => format!("The stand can be used up to {:.1} Hz at least.", stand.top_hz),
+        };
+        let tone = if stand.warnings.is_empty() { Tone::Good } else { Tone::Attention };
+        Report {
+            facts: [report_pages::records(&experiment, folder), vec![report_pages::file("Stand model", out)]].concat(),
+            warnings: stand.warnings.iter().map(with_advice).collect(),
+            sections: vec![stand_section(&stand)],
+            ..report_pages::report("Stand", format!("Stand of {}", experiment.name), Verdict::new(tone, usable))
+        }
+    })?);
+    Ok(Outcome { text, json: to_json(&stand) })
+}
+
+fn table(stand: &StandIdentification) -> String {
+    let fit = &stand.fit;
+    let mut text = format!(
+        "{}\n\
+         {} lines up to {:.1} Hz: {}, static gain {}\n\
+         chi2/dof {:.2}; tail probabilities: power {:.2}, whiteness {:.2},\n\
+         independence of the force {:.2}\n\n\
+         {:>6} {:>24} {:>11} {:>24}\n",
+        stand.records.join(", "),
+        stand.response.lines.len(),
+        stand.top_hz,
+        fit.structure,
+        with_std(fit.gain.value, Some(fit.gain.std), 1.0, 4),
+        fit.residual.reduced_chi_square,
+        fit.residual.power_p_value,
+        fit.residual.whiteness_p_value,
+        fit.residual.input_independence_p_value,
+        "",
+        "frequency (Hz)",
+        "(rad/s)",
+        "damping",
+    );
+    for (kind, roots) in [("pole", stand.poles().collect::<Vec<_>>()), ("zero", stand.zeros().collect())] {
+        for root in roots {
+            let frequency = root.frequency_rad_s;
+            let frequency_hz = with_std(frequency.value, Some(frequency.std), 1.0 / TAU, 3);
+            let damping = if root.is_pair() {
+                with_std(root.damping.value, Some(root.damping.std), 1.0, 4)
+            } else {
+                String::from("real")
+            };
+            let half = if root.damping.value < 0.0 { "  right half" } else { "" };
+            text += &format!("  {kind:<4} {frequency_hz:>24} {:>11.2} {damping:>24}{half}\n", frequency.value);
+        }
+    }
+    text += &match stand.usable_hz {
+        Some(usable) => {
+            let usable_hz = with_std(usable.value, Some(usable.std), 1.0, 2);
+            format!("\nUsable up to {usable_hz} Hz: 3 dB off the static gain there\n")
+        }
+        None => format!("\nUsable up to {:.1} Hz at least: nowhere 3 dB off the static gain\n", stand.top_hz),
+    };
+    text.push_str("  +- is one standard error, of the noise alone.\n");
+    text
+}
+
+fn to_json(stand: &StandIdentification) -> Value {
+    let roots = |roots: &mut dyn Iterator<Item = &Root>| {
+        let entry = |root: &Root| {
+            json!({
+                "frequency_hz": root.frequency_rad_s.value / TAU,
+                "frequency_hz_std": root.frequency_rad_s.std / TAU,
+                "damping": root.damping.value,
+                "damping_std": root.damping.std,
+                "real_rad_s": root.value.re,
+                "imaginary_rad_s": root.value.im,
+            })
+        };
+        roots.map(entry).collect::<Vec<_>>()
+    };
+    let fit = &stand.fit;
+    json!({
+        "records": stand.records,
+        "gain": fit.gain.value,
+        "gain_std": fit.gain.std,
+        "poles": roots(&mut stand.poles()),
+        "zeros": roots(&mut stand.zeros()),
+        "usable_hz": stand.usable_hz.map(|usable| usable.value),
+        "usable_hz_std": stand.usable_hz.map(|usable| usable.std),
+        "top_hz": stand.top_hz,
+        "reduced_chi_square": fit.residual.reduced_chi_square,
+        "power_p_value": fit.residual.power_p_value,
+        "whiteness_p_value": fit.residual.whiteness_p_value,
+        "input_independence_p_value": fit.residual.input_independence_p_value,
+        "orders": stand.scores.iter().map(|score| json!({
+            "poles": score.structure.poles,
+            "zeros": score.structure.zeros,
+            // Infinity, where nothing was found, is null.
+            "held_out": score.held_out,
+            "score": score.score,
+        })).collect::<Vec<_>>(),
+        "warnings": stand.warnings.iter().map(with_advice).collect::<Vec<_>>(),
+    })
+}

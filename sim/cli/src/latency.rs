@@ -1,0 +1,203 @@
+//! Options about the pulses in and out, and what the chain's phase is said to be.
+
+use clap::{Args, ValueEnum};
+use rotorlead::settings::{Pulse, PulseProtocol};
+use rotorlead_identify::design::{Chain, ChainPhase, Delay, FrameStart, Latency};
+use serde_json::{Value, json};
+
+use super::WrongUse;
+use super::outcome::paragraph;
+
+/// The pulses between which the controller sits.
+#[derive(Args, Clone, Copy, Debug)]
+pub struct LatencyArguments {
+    /// Pulses of the flight controller, for the latency that the phases count
+    #[arg(long, value_name = "PROTOCOL", value_enum, default_value = "standard_pwm")]
+    input_protocol: PulseName,
+    /// Their rate; 400 Hz for standard_pwm, 2000 for oneshot125 and 600 for raw_duty unless given
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
+    input_frame: Option<u16>,
+    /// Pulses to the ESC; as the input's unless given
+    #[arg(long, value_name = "PROTOCOL", value_enum)]
+    output_protocol: Option<PulseName>,
+    /// Their highest rate; 450 Hz for standard_pwm, 2400 for oneshot125 and 600 for raw_duty unless given. Above
+    /// --input-frame and under twice that, frames start with the input's pulses; otherwise, and for raw_duty, at this rate
+    #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
+    output_frame: Option<u16>,
+}
+
+/// A protocol, as the settings of a controller name it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum PulseName {
+    /// 1000 to 2000 us
+    #[value(name = "standard_pwm")]
+    StandardPwm,
+    /// 125 to 250 us
+    #[value(name = "oneshot125")]
+    OneShot125,
+    /// The duty cycle is the command
+    #[value(name = "raw_duty")]
+    RawDuty,
+}
+
+impl From<PulseName> for PulseProtocol {
+    fn from(name: PulseName) -> Self {
+        match name {
+            PulseName::StandardPwm => Self::StandardPwm,
+            PulseName::OneShot125 => Self::OneShot125,
+            PulseName::RawDuty => Self::RawDuty,
+        }
+    }
+}
+
+/// Frames per second in and out unless given. Those of standard PWM are a controller's defaults, and those of a raw duty
+/// the paper's.
+const fn default_frames_hz(protocol: PulseProtocol) -> (u16, u16) {
+    match protocol {
+        PulseProtocol::StandardPwm => (400, 450),
+        PulseProtocol::OneShot125 => (2000, 2400),
+        PulseProtocol::RawDuty => (600, 600),
+    }
+}
+
+impl LatencyArguments {
+    /// The latency of a controller with a loop at `loop_rate_hz`.
+    pub fn latency(&self, loop_rate_hz: f64) -> Result<Latency, WrongUse> {
+        let protocol = PulseProtocol::from(self.input_protocol);
+        let input = Pulse { protocol, frame_hz: self.input_frame.unwrap_or(default_frames_hz(protocol).0) };
+        let protocol = self.output_protocol.map_or(protocol, PulseProtocol::from);
+        let output = Pulse { protocol, frame_hz: self.output_frame.unwrap_or(default_frames_hz(protocol).1) };
+        Latency::new(input, output, loop_rate_hz).map_err(|error| {
+            WrongUse::new(
+                format!("a controller refuses these pulses: {error}"),
+                "give --input-frame, --output-frame and the protocols as the controller's settings have them",
+            )
+        })
+    }
+}
+
+impl From<PulseProtocol> for PulseName {
+    fn from(protocol: PulseProtocol) -> Self {
+        match protocol {
+            PulseProtocol::StandardPwm => Self::StandardPwm,
+            PulseProtocol::OneShot125 => Self::OneShot125,
+            PulseProtocol::RawDuty => Self::RawDuty,
+        }
+    }
+}
+
+/// A value as it is given on the command line.
+fn name(value: impl ValueEnum) -> String {
+    value.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
+}
+
+/// The latency with its steps and what they are computed from.
+pub fn latency_json(latency: &Latency) -> Value {
+    let delay = |delay: Delay| json!({ "mean_s": delay.mean_s, "worst_s": delay.worst_s });
+    let pulse = |pulse: Pulse| json!({ "protocol": name(PulseName::from(pulse.protocol)), "frame_hz": pulse.frame_hz });
+    let total = latency.total();
+    let start = match latency.frame_start {
+        FrameStart::FollowsInput => "follows_input",
+        FrameStart::FreeRunning => "free_running",
+    };
+    json!({
+        "mean_s": total.mean_s,
+        "worst_s": total.worst_s,
+        "input": pulse(latency.input),
+        "output": pulse(latency.output),
+        "output_start": start,
+        "loop_rate_hz": latency.loop_rate_hz,
+        "steps": {
+            "input_pulse": delay(latency.input_pulse),
+            "input_filter": delay(latency.input_filter),
+            "tick": delay(latency.tick),
+            "output_frame": delay(latency.output_frame),
+        },
+    })
+}
+
+/// Which pure delays the phases count, to be printed below their table.
+pub fn counted_delays(latency: &Latency, phases: &[ChainPhase]) -> String {
+    let total = latency.total();
+    let pulse = |pulse: Pulse| format!("{} at {} Hz", name(PulseName::from(pulse.protocol)), pulse.frame_hz);
+    let start = match latency.frame_start {
+        FrameStart::FollowsInput => "frames follow the input",
+        FrameStart::FreeRunning => "frames run freely",
+    };
+    let said = format!(
+        "  Phases are of the whole chain, with its pure delays: {:.2} ms on average from pulse in to pulse out ({:.2} at most; {} \
+         in, {} out, {start}), and {} in the model. A rate controller's crossover has to lie below -90 degrees.",
+        1e3 * total.mean_s,
+        1e3 * total.worst_s,
+        pulse(latency.input),
+        pulse(latency.output),
+        dead_times(phases),
+    );
+    paragraph(&said, "  ")
+}
+
+/// What of the latency the holds of a sampled chain stand for, to be printed below [`counted_delays`]; nothing for a
+/// continuous one.
+pub fn counted_holds(latency: &Latency, chain: Chain, phases: &[ChainPhase]) -> String {
+    let (Chain::Sampled { esc_frame_hz, .. }, Some(phase)) = (chain, phases.first()) else { return String::new() };
+    let ms = |delay_s: f64| format!("{:.2} ms", 1e3 * delay_s);
+    let [passed_on, filtered] = [phase.uncompensated.waits_s, phase.compensated.waits_s].map(ms);
+    let waits = match (latency.frame_start, esc_frame_hz) {
+        (_, None) => format!("{filtered} for tick and output frame: no --esc-frame is held"),
+        (FrameStart::FreeRunning, Some(hz)) => format!(
+            "{filtered} for the holds of tick and ESC frame at {hz} Hz, in place of {} of waits",
+            ms(latency.tick.mean_s + latency.output_frame.mean_s)
+        ),
+        (FrameStart::FollowsInput, Some(hz)) => format!(
+            "{passed_on} for the tick without the compensator, and {filtered} with it: what the filter comes to between \
+             two pulses waits for the next frame, half an ESC frame at {hz} Hz"
+        ),
+    };
+    let known = ms(latency.input_pulse.mean_s + latency.input_filter.mean_s);
+    paragraph(&format!("  With --sampled that is {known} for the pulse in and its filter, and {waits}."), "  ")
+}
+
+/// [`counted_holds`] in seconds; `None` for a continuous chain.
+pub fn counted_json(latency: &Latency, chain: Chain, phases: &[ChainPhase]) -> Option<Value> {
+    let (Chain::Sampled { .. }, Some(phase)) = (chain, phases.first()) else { return None };
+    Some(json!({
+        "input_pulse_s": latency.input_pulse.mean_s,
+        "input_filter_s": latency.input_filter.mean_s,
+        "tick_and_frame_uncompensated_s": phase.uncompensated.waits_s,
+        "tick_and_frame_compensated_s": phase.compensated.waits_s,
+    }))
+}
+
+/// The dead time of the model, in milliseconds.
+fn dead_times(phases: &[ChainPhase]) -> String {
+    let ms = phases.iter().map(|phase| 1e3 * phase.model_dead_time_s);
+    let (low, high) = ms.fold((f64::INFINITY, 0.0), |(low, high): (f64, f64), ms| (low.min(ms), high.max(ms)));
+    match (format!("{low:.2}"), format!("{high:.2}")) {
+        (_, high) if high == "0.00" => "no dead time".to_owned(),
+        (low, high) if low == high => format!("{high} ms of dead time"),
+        (low, high) => format!("{low} to {high} ms of dead time"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rotorlead::settings::Settings;
+    use rotorlead_device::set;
+
+    use super::*;
+
+    #[test]
+    fn protocols_have_the_names_of_a_controllers_settings() {
+        for protocol in PulseName::value_variants() {
+            let mut settings = Settings::default();
+            set(&mut settings, "input.protocol", &name(*protocol)).unwrap();
+            assert_eq!(settings.input.protocol, PulseProtocol::from(*protocol));
+        }
+    }
+
+    #[test]
+    fn default_frames_are_those_of_a_controller() {
+        let Settings { input, output, .. } = Settings::default();
+        assert_eq!(default_frames_hz(input.protocol), (input.frame_hz, output.frame_hz));
+    }
+}

@@ -1,0 +1,190 @@
+//! What a command says: text for people, JSON for programs.
+
+use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
+
+use anstream::AutoStream;
+use anstyle::{AnsiColor, Style};
+use clap::Args;
+use miette::{IntoDiagnostic as _, WrapErr as _};
+use rotorlead_records::files::{OutputFolder, check_writable, write_file};
+use serde_json::Value;
+use textwrap::{WordSeparator, WordSplitter};
+
+use super::WrongUse;
+
+/// What came out of a command.
+#[derive(Debug)]
+pub struct Outcome {
+    /// For people; ends with a line break.
+    pub text: String,
+    /// The same for programs.
+    pub json: Value,
+}
+
+impl Outcome {
+    fn json_text(&self) -> String {
+        format!("{:#}\n", self.json)
+    }
+}
+
+/// Where the JSON goes.
+#[derive(Args, Debug)]
+pub struct JsonOption {
+    /// Also write what is printed as JSON; with `-`, to standard output and instead of the text
+    #[arg(long = "json", value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+impl JsonOption {
+    /// Refuses a file that cannot be written, before any work is done. `out` is where the command's own output goes.
+    pub fn check(&self, out: Option<&Path>) -> miette::Result<()> {
+        match (self.file(), out) {
+            (Some(file), Some(out)) if file == out => Err(WrongUse::new(
+                format!("--json and --out are both `{}`", out.display()),
+                "give them different files: one would overwrite the other",
+            )
+            .into()),
+            // In a folder that the command is yet to make.
+            (Some(file), Some(out)) if file.starts_with(out) => Ok(()),
+            (Some(file), _) => Ok(check_writable(file)?),
+            (None, _) => Ok(()),
+        }
+    }
+
+    /// Prints the outcome, or writes it, or both; `quiet` leaves the words out.
+    pub fn say(&self, outcome: Outcome, quiet: bool) -> miette::Result<()> {
+        self.write(&outcome)?;
+        self.print(&outcome, quiet)
+    }
+
+    /// As [`Self::say`], of a folder that lacks but its name: where the JSON cannot be written, no folder is made.
+    pub fn say_of(&self, folder: OutputFolder, outcome: Outcome, quiet: bool) -> miette::Result<()> {
+        let is_inside = self.file().is_some_and(|file| file.starts_with(folder.destination()));
+        if is_inside {
+            folder.commit()?;
+            self.write(&outcome)?;
+        } else {
+            self.write(&outcome)?;
+            folder.commit()?;
+        }
+        self.print(&outcome, quiet)
+    }
+
+    fn write(&self, outcome: &Outcome) -> miette::Result<()> {
+        self.file().map_or(Ok(()), |file| Ok(write_file(file, outcome.json_text().as_bytes())?))
+    }
+
+    fn print(&self, outcome: &Outcome, quiet: bool) -> miette::Result<()> {
+        if self.json.is_some() && self.file().is_none() {
+            print_bytes(outcome.json_text().as_bytes())
+        } else if quiet {
+            Ok(())
+        } else {
+            print(&outcome.text)
+        }
+    }
+
+    /// The file, where it is not standard output.
+    pub(super) fn file(&self) -> Option<&Path> {
+        self.json.as_deref().filter(|file| *file != Path::new("-"))
+    }
+}
+
+/// A warning as it is printed.
+pub fn warning_lines(warning: &str) -> String {
+    paragraph(&format!("warning: {warning}"), "  ")
+}
+
+/// Text no wider than a terminal of 80 columns, words and paths whole; all lines but the first begin with `indent`. Ends with
+/// a line break.
+pub fn paragraph(text: &str, indent: &str) -> String {
+    let options = textwrap::Options::new(80)
+        .subsequent_indent(indent)
+        .break_words(false)
+        .word_splitter(WordSplitter::NoHyphenation)
+        .word_separator(WordSeparator::AsciiSpace);
+    textwrap::fill(text, options) + "\n"
+}
+
+/// What a remark begins with, and its color on a terminal.
+const REMARKS: [(&str, AnsiColor); 4] = [
+    ("error:", AnsiColor::Red),
+    ("warning:", AnsiColor::Yellow),
+    ("note:", AnsiColor::Cyan),
+    ("help:", AnsiColor::Cyan),
+];
+
+/// Prints `text`, where there are colors with them. A reader that has seen enough, such as `head`, is no failure.
+fn print(text: &str) -> miette::Result<()> {
+    let mut stdout = AutoStream::auto(io::stdout().lock());
+    printed(stdout.write_all(painted(text).as_bytes()).and_then(|()| stdout.flush()))
+}
+
+/// The text with the words in color that remarks begin with.
+fn painted(text: &str) -> String {
+    let line = |line: &str| {
+        let inner = line.trim_start_matches(' ');
+        let indent = &line[..line.len() - inner.len()];
+        let remark = REMARKS.iter().find_map(|(mark, color)| Some((mark, color, inner.strip_prefix(mark)?)));
+        remark.map_or_else(
+            || line.to_owned(),
+            |(mark, color, rest)| {
+                let style = Style::new().fg_color(Some((*color).into())).bold();
+                format!("{indent}{style}{mark}{style:#}{rest}")
+            },
+        )
+    };
+    text.split_inclusive('\n').map(line).collect()
+}
+
+/// Prints bytes as they are.
+pub(super) fn print_bytes(bytes: &[u8]) -> miette::Result<()> {
+    let mut stdout = io::stdout().lock();
+    printed(stdout.write_all(bytes).and_then(|()| stdout.flush()))
+}
+
+/// What came of printing: a reader that has seen enough is no failure.
+pub(super) fn printed(result: io::Result<()>) -> miette::Result<()> {
+    match result {
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+        printed => printed.into_diagnostic().wrap_err("cannot write to standard output"),
+    }
+}
+
+/// Breaks a sentence into lines of at most `width` characters; all but the first begin with `indent`, which counts.
+pub(super) fn wrapped(sentence: &str, width: usize, indent: &str) -> String {
+    let mut lines = vec![String::new()];
+    for word in sentence.split_whitespace() {
+        let before = if lines.len() > 1 { indent.len() } else { 0 };
+        let length = lines[lines.len() - 1].len();
+        if length > 0 && before + length + 1 + word.len() > width {
+            lines.push(String::new());
+        }
+        let last = lines.len() - 1;
+        if !lines[last].is_empty() {
+            lines[last].push(' ');
+        }
+        lines[last].push_str(word);
+    }
+    lines.join(&format!("\n{indent}"))
+}
+
+/// Warnings for a place that has its own mark of them.
+pub fn without_mark(warnings: &[String]) -> Vec<String> {
+    warnings.iter().map(|warning| warning.trim_start_matches("warning: ").to_owned()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::painted;
+
+    #[test]
+    fn a_remark_is_told_by_its_color_and_nothing_else_is_changed() {
+        let text = "warning: low\n  help: raise it\nsome note: here\n";
+        let found = painted(text);
+        assert!(found.starts_with("\u{1b}[1m\u{1b}[33mwarning:\u{1b}[0m low\n  \u{1b}"), "{found:?}");
+        assert!(found.ends_with("\nsome note: here\n"), "{found:?}");
+        assert_eq!(anstream::adapter::strip_str(&found).to_string(), text);
+    }
+}

@@ -1,0 +1,309 @@
+//! `--redesign` of `rotorlead diagnose`: a compensator from the improved model, and whether it is to be used.
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use clap::Args;
+use miette::Diagnostic as _;
+use rotorlead_diagnose::{Diagnosis, Verdict};
+use rotorlead_identify::Bandwidth;
+use rotorlead_identify::design::compensator_file;
+use rotorlead_identify::design::redesign::{
+    Compensated, Limit, PAPER_AMPLITUDE, Redesign, RedesignError, RedesignOptions, RedesignPoint, redesign,
+};
+use rotorlead_records::files::{FileError, check_writable};
+use rotorlead_report::{Section, bandwidth_cell, rad_s, redesign_sections};
+use serde_json::{Value, json};
+
+use super::WrongUse;
+use super::outcome::wrapped;
+use super::parameters::{DesignArguments, positive};
+use super::progress;
+
+/// Width of what is said.
+const WIDTH: usize = 80;
+
+const DESIGNED: &str = "A compensator is designed for the improved model.";
+const REFUSED: &str = "The compensator is refused: it would ask for more than the actuator follows.";
+
+/// What is asked of a redesign.
+#[derive(Args, Debug)]
+pub struct RedesignArguments {
+    /// Design the compensator again from the improved model, and predict the bandwidth with the effects present; refuses
+    /// to speed up an actuator whose limits it would pass
+    #[arg(long, requires = "experiment")]
+    redesign: bool,
+    /// Where the compensator goes, for --redesign
+    #[arg(long, value_name = "FILE", requires = "redesign")]
+    out_compensator: Option<PathBuf>,
+    /// Peak deviation of the command for which the prediction is made, for --redesign; 0.05 unless given
+    #[arg(long, value_name = "U", requires = "redesign", value_parser = positive, allow_negative_numbers = true)]
+    at_amplitude: Option<f64>,
+    #[command(flatten)]
+    parameters: DesignArguments,
+}
+
+/// What came of it.
+pub struct Redesigned {
+    /// For people.
+    pub text: String,
+    /// For programs.
+    pub json: Value,
+    /// In a sentence, for the top of a report.
+    pub verdict: &'static str,
+    /// For a report.
+    pub sections: Vec<Section>,
+}
+
+impl RedesignArguments {
+    /// Refuses options that need `--redesign` without it, and files that cannot be written.
+    pub fn check(&self) -> miette::Result<()> {
+        if self.parameters.is_given() && !self.redesign {
+            return Err(WrongUse::new(
+                "--omega-g, --damping, --loop-rate and --prewarp are those of a redesign",
+                "add --redesign, or leave them out",
+            )
+            .into());
+        }
+        Ok(self.out_compensator.as_deref().map_or(Ok(()), check_writable)?)
+    }
+
+    /// Whether a redesign is asked for.
+    pub fn is_given(&self) -> bool {
+        self.redesign
+    }
+
+    /// Designs for the model that was found, where that is asked for. `esc_frame_hz` is that of the experiment.
+    pub fn run(&self, found: &Diagnosis, esc_frame_hz: Option<f64>) -> Result<Option<Redesigned>, FileError> {
+        if !self.redesign {
+            return Ok(None);
+        }
+        let amplitude = self.at_amplitude.unwrap_or(PAPER_AMPLITUDE);
+        let options = RedesignOptions { design: self.parameters.options(), amplitude, esc_frame_hz };
+        let bar = progress::estimate("designing", found.model.points.len() as u64);
+        let designed = redesign(&found.model, &options, &|| progress::step(&bar));
+        bar.finish_and_clear();
+        let mut redesigned = match designed {
+            Ok(redesigned) => {
+                let notes = notes(found, &redesigned);
+                let written = self.write(&redesigned)?;
+                Redesigned {
+                    text: words(&redesigned, amplitude, &notes),
+                    json: values(&redesigned, amplitude, &notes, written),
+                    verdict: if redesigned.is_refused() { REFUSED } else { DESIGNED },
+                    sections: redesign_sections(
+                        &redesigned,
+                        &found.model,
+                        amplitude,
+                        said(&redesigned, amplitude, notes),
+                    ),
+                }
+            }
+            Err(error) => not_designed(&error),
+        };
+        if let Some(out) = &self.out_compensator {
+            let is_written = redesigned.json["written"] == true;
+            let said = if is_written { "Written to" } else { "Nothing is written to" };
+            let _ = writeln!(redesigned.text, "\n{said} {}", out.display());
+        }
+        Ok(Some(redesigned))
+    }
+
+    /// Writes the compensator that is to be used, and says whether there was one to write.
+    fn write(&self, redesigned: &Redesign) -> Result<bool, FileError> {
+        let Some(out) = self.out_compensator.as_deref().filter(|_| !redesigned.is_refused()) else { return Ok(false) };
+        compensator_file(&redesigned.full.design).write(out)?;
+        Ok(true)
+    }
+}
+
+fn not_designed(error: &RedesignError) -> Redesigned {
+    let help = error.help().map(|help| format!(": {help}")).unwrap_or_default();
+    let reason = format!("{error}{help}");
+    Redesigned {
+        text: format!("\nRedesign: none. {}\n", wrapped(&reason, WIDTH, "  ")),
+        verdict: "No compensator can be designed for the improved model.",
+        json: json!({ "verdict": "none", "reasons": [&reason], "written": false }),
+        sections: vec![Section { text: vec![format!("None. {reason}")], ..Section::new("redesign", "Redesign") }],
+    }
+}
+
+/// What is to be said beyond the numbers: of the effects, and of what the diagnosis leaves open.
+pub(super) fn notes(found: &Diagnosis, redesigned: &Redesign) -> Vec<String> {
+    let mut notes = redesigned.remarks.clone();
+    let others = || found.effects.iter().flat_map(|effect| &effect.alternatives);
+    let bounds: Vec<&str> =
+        others().map(|kind| kind.id).filter(|id| ["slew_limit", "saturation"].contains(id)).collect();
+    if !bounds.is_empty() {
+        notes.push(format!(
+            "The records cannot exclude {}, which would limit what a lead can do. Do the next experiment first.",
+            bounds.join(" or ")
+        ));
+    }
+    match found.verdict {
+        Verdict::Unknown => notes.push(
+            "The model does not explain the records, and this prediction holds no better than it does.".to_owned(),
+        ),
+        Verdict::PartlyNamed => {
+            notes.push("Something unexplained is left over, and is not in this prediction.".to_owned())
+        }
+        Verdict::Agrees | Verdict::Named => {}
+    }
+    notes
+}
+
+fn words(redesigned: &Redesign, amplitude: f64, notes: &[String]) -> String {
+    let full = &redesigned.full;
+    let mut text = String::new();
+    let mut line = |line: &str| {
+        text.push_str(line.trim_end());
+        text.push('\n');
+    };
+    if redesigned.is_refused() {
+        line(&format!("\nRedesign: refused at an amplitude of {amplitude}."));
+        for refusal in refusals(redesigned) {
+            line(&format!("  {}", wrapped(&refusal, WIDTH - 2, "    ")));
+        }
+        line("\nWhat the refused lead would do:");
+    } else {
+        let lead = full.design.lead();
+        line(&format!(
+            "\nRedesign: zero {:.4} rad/s, poles {:.4} rad/s, damping {:.4}, {} Hz",
+            lead.omega_z_rad_s,
+            lead.omega_f_rad_s,
+            lead.damping,
+            full.design.loop_rate_hz()
+        ));
+    }
+    line(&table(full, amplitude));
+    if redesigned.is_refused() {
+        line(&wrapped(&strongest(redesigned), WIDTH, "  "));
+    }
+    if let Some(weaker) = &redesigned.weaker {
+        line(&table(weaker, amplitude));
+    }
+    for note in notes {
+        line(&format!("  {}", wrapped(note, WIDTH - 2, "  ")));
+    }
+    text
+}
+
+/// The same as sentences for a report, which has the numbers in its tables.
+fn said(redesigned: &Redesign, amplitude: f64, notes: Vec<String>) -> Vec<String> {
+    let mut said = Vec::new();
+    if redesigned.is_refused() {
+        said.push(format!(
+            "The lead is refused at an amplitude of {amplitude} duty; what it would do is shown all the same."
+        ));
+        said.extend(refusals(redesigned));
+        said.push(strongest(redesigned));
+    } else {
+        said.push(format!(
+            "The lead is designed from the improved model. Its bandwidths are predicted for small deviations, and by sinusoids of \
+             {amplitude} duty through the controller's own filter and the simulated actuator."
+        ));
+    }
+    said.extend(notes);
+    said
+}
+
+/// What there is in place of a lead that is refused.
+fn strongest(redesigned: &Redesign) -> String {
+    let Some(weaker) = &redesigned.weaker else {
+        return "No weaker lead is worth having at this amplitude either.".to_owned();
+    };
+    let lead = weaker.design.lead();
+    format!(
+        "The strongest lead that stays within the limits at this amplitude: --omega-g {:.1} (poles {:.2} rad/s)",
+        (10.0 * lead.omega_g_rad_s()).floor() / 10.0,
+        lead.omega_f_rad_s
+    )
+}
+
+/// Why it is refused, at each point where it is.
+pub(super) fn refusals(redesigned: &Redesign) -> Vec<String> {
+    redesigned.full.points.iter().filter_map(|point| Some(refusal(point, point.passed()?))).collect()
+}
+
+fn refusal(point: &RedesignPoint, limit: &Limit) -> String {
+    let nominal = point.small.nominal;
+    let what = match limit.kind.id {
+        "slew_limit" => format!("change faster than the {:.3} duty/s that are followed", limit.most),
+        _ => format!("go farther than the {:.3} duty that are left up to the clip", limit.most),
+    };
+    let from = limit.passed_from_rad_s.unwrap_or_default();
+    let largest = limit.largest_amplitude;
+    let promised = bandwidth_cell(point.small.compensated, 1);
+    let alone = bandwidth_cell(point.small.uncompensated, 1);
+    let reached = bandwidth_cell(point.chain.magnitude, 1);
+    let reachable = limit.reachable_rad_s;
+    format!(
+        "u_nom {nominal:.3}: from {from:.1} rad/s on the compensated command would {what}. The {promised} rad/s that the lead \
+         promises hold for amplitudes up to {largest:.4} duty; at {:.3} duty the chain reaches {reached} rad/s, and no \
+         filter can make it much more than {reachable:.1} rad/s. Without one it is {alone} rad/s for small deviations.",
+        point.amplitude
+    )
+}
+
+/// Bandwidths of small deviations, and those of sinusoids through the whole chain.
+fn table(compensated: &Compensated, amplitude: f64) -> String {
+    let mut text = format!(
+        "\n  u_nom   uncompensated     compensated   whole chain, sinusoids of {amplitude}\n{:>23} {:>15} {:>13} {:>15}\n",
+        "(rad/s)", "(rad/s)", "-3 dB", "-90 degrees"
+    );
+    for RedesignPoint { small, chain, .. } in &compensated.points {
+        let [before, after] = [small.uncompensated, small.compensated].map(|bandwidth| bandwidth_cell(bandwidth, 4));
+        let [magnitude, phase] = [chain.magnitude, chain.phase].map(|bandwidth| bandwidth_cell(bandwidth, 1));
+        let _ = writeln!(text, "  {:<5.3} {before:>15} {after:>15} {magnitude:>13} {phase:>15}", small.nominal);
+    }
+    text
+}
+
+fn values(redesigned: &Redesign, amplitude: f64, notes: &[String], written: bool) -> Value {
+    json!({
+        "verdict": if redesigned.is_refused() { "refused" } else { "designed" },
+        "reasons": refusals(redesigned),
+        "amplitude": amplitude,
+        "compensator": compensator(&redesigned.full),
+        "points": points(&redesigned.full),
+        "weaker": redesigned.weaker.as_ref().map(|weaker| json!({
+            "compensator": compensator(weaker),
+            "points": points(weaker),
+        })),
+        "remarks": notes,
+        "written": written,
+    })
+}
+
+fn compensator(compensated: &Compensated) -> Value {
+    let lead = compensated.design.lead();
+    json!({
+        "zero_rad_s": lead.omega_z_rad_s,
+        "pole_rad_s": lead.omega_f_rad_s,
+        "damping": lead.damping,
+        "omega_g_rad_s": lead.omega_g_rad_s(),
+        "loop_rate_hz": compensated.design.loop_rate_hz(),
+    })
+}
+
+fn points(compensated: &Compensated) -> Value {
+    let frequency = |bandwidth: Bandwidth| rad_s(bandwidth);
+    let point = |point: &RedesignPoint| {
+        json!({
+            "nominal": point.small.nominal,
+            "uncompensated_rad_s": frequency(point.small.uncompensated),
+            "compensated_rad_s": frequency(point.small.compensated),
+            "amplitude": point.amplitude,
+            "chain_rad_s": frequency(point.chain.magnitude),
+            "chain_phase_rad_s": frequency(point.chain.phase),
+            "limits": point.limits.iter().map(|limit| json!({
+                "kind": limit.kind.id,
+                "most": limit.most,
+                "passed_from_rad_s": limit.passed_from_rad_s,
+                "largest_amplitude": limit.largest_amplitude,
+                "reachable_rad_s": limit.reachable_rad_s,
+            })).collect::<Vec<_>>(),
+        })
+    };
+    compensated.points.iter().map(point).collect()
+}

@@ -1,0 +1,73 @@
+//! `rotorlead report`
+
+mod parts;
+mod words;
+
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use clap::Args;
+use miette::IntoDiagnostic as _;
+use rotorlead_plant::Model;
+use rotorlead_records::Experiment;
+use rotorlead_records::files::{check_writable, write_file};
+
+use parts::Parts;
+
+use super::outcome::{JsonOption, Outcome, wrapped};
+use super::report_option::FiguresOption;
+
+/// Width of what is said.
+const WIDTH: usize = 80;
+
+/// Everything that an experiment says, in one report: identification, validation, compensator, bandwidth and diagnosis
+///
+/// One HTML file with the verdict, tables, interactive figures and the commands that give each part by itself. It needs no
+/// network. A part that the records do not allow is left out, and the report says why.
+#[derive(Args, Debug)]
+pub struct ReportCommand {
+    /// The experiment's folder
+    #[arg(value_name = "DIR")]
+    experiment: PathBuf,
+    /// Where the report goes
+    #[arg(long, value_name = "FILE", default_value = "report.html")]
+    pub(super) out: PathBuf,
+    /// The model to be judged; unless given, DIR/model.toml where it is there, or else the lags that the records show
+    #[arg(long, value_name = "FILE")]
+    model: Option<PathBuf>,
+    /// Leave the diagnosis out, which takes the longest
+    #[arg(long)]
+    no_diagnosis: bool,
+    #[command(flatten)]
+    figures: FiguresOption,
+    #[command(flatten)]
+    pub(super) json: JsonOption,
+}
+
+impl ReportCommand {
+    /// Runs the command.
+    pub fn run(&self) -> miette::Result<Outcome> {
+        check_writable(&self.out)?;
+        self.figures.check()?;
+        let given = self.given();
+        let model = given.as_deref().map(Model::read).transpose()?;
+        let experiment = Experiment::read(&self.experiment)?;
+        let parts = Parts::of(&experiment, &self.experiment, model.as_ref(), !self.no_diagnosis)?;
+        let report = parts.report(self, &experiment, given.as_deref());
+        let figures = self.figures.write(&report)?;
+        write_file(&self.out, report.html()?.as_bytes())?;
+
+        let mut text = format!("{}\n", wrapped(&report.verdict.headline, WIDTH, ""));
+        for sentence in &report.verdict.sentences {
+            writeln!(text, "{}", wrapped(sentence, WIDTH, "")).into_diagnostic()?;
+        }
+        text.push_str(&figures);
+        writeln!(text, "\nReport: {}", self.out.display()).into_diagnostic()?;
+        Ok(Outcome { text, json: parts.json(&report) })
+    }
+
+    /// The model that is judged: the one given, or the one that lies with the records.
+    fn given(&self) -> Option<PathBuf> {
+        self.model.clone().or_else(|| Some(self.experiment.join("model.toml")).filter(|file| file.is_file()))
+    }
+}

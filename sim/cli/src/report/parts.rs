@@ -1,0 +1,177 @@
+//! All that a report computes.
+
+use std::path::Path;
+
+use miette::WrapErr as _;
+use rotorlead::design::LeadDesign;
+use rotorlead_diagnose::{Diagnosis, Options, Verdict, diagnose, fill_in_esc_commands};
+use rotorlead_identify::check::{Finding, Findings, Topic, of_record};
+use rotorlead_identify::design::redesign::{PAPER_AMPLITUDE, RedesignOptions, redesign};
+use rotorlead_identify::design::{
+    BandwidthPoint, Chain, ChainPhase, CompensatorError, DesignOptions, Latency, bandwidths_with, chain_phases, design,
+};
+use rotorlead_identify::{FirstOrderOptions, MeasuredBandwidth, RecordValidation, validate};
+use rotorlead_plant::{ActiveEffect, Catalog, Model};
+use rotorlead_records::{Experiment, LongRecord};
+
+use crate::bandwidth::RESAMPLES;
+use crate::check::warn;
+use crate::identify::{Identified, identify, transform};
+use crate::{diagnose as diagnosis, identify_map, progress, redesign as command};
+
+/// Where the bootstrap of measured bandwidths starts.
+const SEED: u64 = 1;
+
+/// What came of one part: a result, or why there is none.
+pub(super) type Part<T> = Result<T, String>;
+
+/// All that was computed.
+pub(super) struct Parts {
+    pub identified: Part<Identified>,
+    /// The given model, or the one identified.
+    pub model: Model,
+    pub validated: Part<Vec<RecordValidation>>,
+    pub designed: Part<Designed>,
+    /// The highest `omega_g` that the model allows, where it is too slow for the paper's, rad/s.
+    pub lowered_omega_g_rad_s: Option<f64>,
+    pub measured: Vec<MeasuredBandwidth>,
+    pub diagnosed: Option<Part<Diagnosis>>,
+    /// What `rotorlead check` finds in the records.
+    pub findings: Vec<Finding>,
+}
+
+/// A compensator, and what it was designed for.
+pub(super) struct Designed {
+    pub design: LeadDesign,
+    pub points: Vec<BandwidthPoint>,
+    /// Of the whole chain, with a controller's default pulses.
+    pub phases: Vec<ChainPhase>,
+    pub model: Model,
+    /// What is to be known of it beside the numbers.
+    pub remarks: Vec<String>,
+}
+
+/// An error with what to do, as a sentence.
+fn said(error: &miette::Report) -> String {
+    let help = error.help().map(|help| format!(": {help}")).unwrap_or_default();
+    format!("{error}{help}")
+}
+
+impl Parts {
+    /// Computes them. `given` is the model to be judged.
+    pub fn of(
+        experiment: &Experiment,
+        folder: &Path,
+        given: Option<&Model>,
+        with_diagnosis: bool,
+    ) -> miette::Result<Self> {
+        let bar = progress::estimate("identifying", diagnosis::STEPS);
+        let long: &[LongRecord] = &[];
+        let identified = transform(experiment, long)
+            .map_err(miette::Report::from)
+            .and_then(|long| identify(experiment, &long, FirstOrderOptions::default().delay_level, None))
+            .map(|mut identified| {
+                identify_map::add(experiment, &mut identified);
+                identified
+            });
+        let model = match (given, &identified) {
+            (Some(model), _) => model.clone(),
+            (None, Ok(identified)) => identified.model.clone(),
+            (None, Err(_)) => {
+                return identified
+                    .map(|_| unreachable!("it is an error"))
+                    .wrap_err_with(|| format!("nothing was identified from `{}`", folder.display()));
+            }
+        };
+        bar.set_message("validating");
+        let validated = validate(experiment, &model).map_err(|error| said(&error.into()));
+        let mut findings = Findings::default();
+        experiment.records.iter().for_each(|record| findings.extend(of_record(experiment, record, false)));
+        if let Ok(identified) = &identified {
+            warn(experiment, identified, false, &mut findings);
+        }
+        bar.set_message("measuring");
+        let found = identified.as_ref().ok().and_then(|identified| identified.found.as_ref());
+        let measured = found.and_then(|found| found.bandwidths(RESAMPLES, SEED).ok()).unwrap_or_default();
+        let diagnosed = with_diagnosis.then(|| {
+            bar.set_message("diagnosing");
+            let mut experiment = experiment.clone();
+            fill_in_esc_commands(&mut experiment, folder).map_err(|error| said(&error.into()))?;
+            let catalog = Catalog::standard();
+            let tick = || progress::step(&bar);
+            diagnose(&experiment, &Options { model: given, catalog: &catalog, progress: &tick })
+                .map_err(|error| said(&error.into()))
+        });
+        let mut findings = findings.sorted();
+        if let Some(Ok(found)) = &diagnosed
+            && found.verdict != Verdict::Agrees
+        {
+            // That a lag does not suffice, and to ask the diagnosis why, is answered.
+            findings.retain(|finding| finding.topic != Topic::Misfit);
+        }
+        bar.set_message("designing");
+        let target = match &diagnosed {
+            Some(Ok(found)) if found.verdict != Verdict::Agrees => &found.model,
+            _ => &model,
+        };
+        let lowered_omega_g_rad_s = lowered(target);
+        let mut options = DesignOptions::default();
+        options.omega_g_rad_s = lowered_omega_g_rad_s.unwrap_or(options.omega_g_rad_s);
+        let designed = if findings.iter().any(Finding::is_grave) {
+            Err("the numbers of the records are in doubt, and a compensator would rest on them".to_owned())
+        } else {
+            match &diagnosed {
+                Some(Ok(found)) if found.verdict != Verdict::Agrees => {
+                    designed_with_effects(found, options, experiment)
+                }
+                _ => designed(&model, options),
+            }
+        };
+        bar.finish_and_clear();
+        let identified = identified.map_err(|error| said(&error));
+        Ok(Self { identified, model, validated, designed, lowered_omega_g_rad_s, measured, diagnosed, findings })
+    }
+
+    /// What a diagnosis found to be missing.
+    pub fn missing(&self) -> Option<&Diagnosis> {
+        self.diagnosed.as_ref()?.as_ref().ok().filter(|found| !found.effects.is_empty())
+    }
+}
+
+/// What `omega_g` has to be lowered to where nobody asked for one and the fastest motor is too slow for the paper's.
+fn lowered(model: &Model) -> Option<f64> {
+    match design(model, &DesignOptions::default()) {
+        Err(CompensatorError::TooMuchLead { largest_omega_g_rad_s, .. }) => Some(largest_omega_g_rad_s),
+        _ => None,
+    }
+}
+
+/// For the model as it is, as `rotorlead bandwidth` does.
+fn designed(model: &Model, options: DesignOptions) -> Part<Designed> {
+    let effects = ActiveEffect::of_model(model).map_err(|error| said(&error.into()))?;
+    let design = design(model, &options).map_err(|error| said(&error.into()))?;
+    let points = bandwidths_with(model, &effects, Chain::Continuous(design.lead()));
+    let phases = phases(model, &effects, &design, &points);
+    Ok(Designed { design, points, phases, model: model.clone(), remarks: Vec::new() })
+}
+
+/// For the model with what was missing in it; none where it would ask for more than the actuator follows.
+fn designed_with_effects(found: &Diagnosis, design: DesignOptions, experiment: &Experiment) -> Part<Designed> {
+    let options = RedesignOptions { design, amplitude: PAPER_AMPLITUDE, esc_frame_hz: experiment.esc_frame_hz };
+    let redesigned = redesign(&found.model, &options, &|| ()).map_err(|error| said(&error.into()))?;
+    let remarks = command::notes(found, &redesigned);
+    if let Some(refusal) = command::refusals(&redesigned).last() {
+        let reasons = std::iter::once(refusal).chain(&remarks).map(|reason| reason.trim_end_matches('.'));
+        return Err(reasons.collect::<Vec<_>>().join(". "));
+    }
+    let effects = ActiveEffect::of_model(&found.model).map_err(|error| said(&error.into()))?;
+    let design = redesigned.full.design;
+    let points: Vec<_> = redesigned.full.points.into_iter().map(|point| point.small).collect();
+    let phases = phases(&found.model, &effects, &design, &points);
+    Ok(Designed { design, points, phases, model: found.model.clone(), remarks })
+}
+
+fn phases(model: &Model, effects: &[ActiveEffect], design: &LeadDesign, points: &[BandwidthPoint]) -> Vec<ChainPhase> {
+    let latency = Latency::standard(design.loop_rate_hz());
+    chain_phases(model, effects, Chain::Continuous(design.lead()), &latency, points)
+}

@@ -1,0 +1,252 @@
+//! What a report says of its parts.
+
+use std::path::Path;
+
+use rotorlead_diagnose::{Diagnosis, NamedEffect};
+use rotorlead_identify::check::Finding;
+use rotorlead_identify::design::DesignOptions;
+use rotorlead_records::Experiment;
+use rotorlead_report::{
+    Report, Section, Tone, Verdict, bandwidth_section, design_section, diagnosis_section, diagnosis_tone,
+    excitation_section, measured_response, parameter_with_std, simulation_and_experiment, validation_section,
+};
+use serde_json::{Value, json};
+
+use super::ReportCommand;
+use super::parts::{Designed, Parts};
+use crate::diagnose::verdict as diagnosed;
+use crate::identify_tables::point_json;
+use crate::lost_gain::lost_gain;
+use crate::outcome::without_mark;
+use crate::report_option::this_command;
+use crate::report_pages;
+
+impl Parts {
+    /// All of it as one report. `given` is the file of the model that was judged.
+    pub fn report(&self, command: &ReportCommand, experiment: &Experiment, given: Option<&Path>) -> Report {
+        let warnings = in_groups(&self.findings);
+        let judged = given.map(|file| report_pages::file("Model that was judged", file));
+        Report {
+            facts: [report_pages::records(experiment, &command.experiment), judged.into_iter().collect()].concat(),
+            sections: self.sections(experiment),
+            commands: self.commands(&command.experiment, given),
+            verdict: self.verdict(warnings.len()),
+            warnings,
+            ..report_pages::report("Experiment", experiment.name.clone(), Verdict::new(Tone::Plain, ""))
+        }
+    }
+
+    fn sections(&self, experiment: &Experiment) -> Vec<Section> {
+        let found = self.identified.as_ref().ok().and_then(|identified| identified.found.as_ref());
+        let mut sections = match &self.identified {
+            Ok(identified) => identified.sections(experiment),
+            Err(reason) => {
+                vec![left_out("identification", "Identified lags", reason), excitation_section(experiment)]
+            }
+        };
+        // The records come first.
+        sections.reverse();
+        sections.push(match &self.validated {
+            Ok(records) => validation_section(records, experiment.output),
+            Err(reason) => left_out("validation", "Validation", reason),
+        });
+        match &self.diagnosed {
+            Some(Ok(found)) => sections.push(diagnosis_section(found, Some(&diagnosed(found)))),
+            Some(Err(reason)) => sections.push(left_out("diagnosis", "Diagnosis", reason)),
+            None => {}
+        }
+        match &self.designed {
+            Ok(Designed { design, points, phases, model, remarks }) => {
+                let mut compensator = design_section(design, model);
+                if self.missing().is_some() {
+                    compensator.text.insert(0, "For the model that the diagnosis has extended.".to_owned());
+                }
+                if let Some(omega_g) = self.lowered_omega_g_rad_s {
+                    compensator.text.push(format!(
+                        "Its omega_g is {omega_g:.1} rad/s, lower than the paper's {:.1}: the highest at which the controller's \
+                         numbers hold the lead for so slow a motor.",
+                        DesignOptions::default().omega_g_rad_s
+                    ));
+                }
+                compensator.text.extend(remarks.iter().cloned());
+                sections.push(compensator);
+                let mut bandwidth = bandwidth_section(points, phases, &self.measured);
+                if let Some(found) = found {
+                    bandwidth.figures.extend(measured_response(found, found));
+                    bandwidth.figures.extend(simulation_and_experiment(found, found, design));
+                }
+                sections.push(bandwidth);
+            }
+            Err(reason) => sections.push(left_out("compensator", "Compensator", reason)),
+        }
+        sections
+    }
+
+    /// The diagnosis first where there is one: whether the model can be relied on. Then what was found on the way.
+    fn verdict(&self, warnings: usize) -> Verdict {
+        let mut verdicts = Vec::new();
+        // Nothing below is worth more than the records.
+        if let Some(finding) = self.findings.iter().find(|finding| finding.is_grave()) {
+            let headline = "Something is wrong with the records, and all that follows rests on them.";
+            verdicts.push(
+                Verdict::new(Tone::Bad, headline).with(vec![format!("{}.", in_words(std::slice::from_ref(finding)))]),
+            );
+        }
+        if let Some(Ok(found)) = &self.diagnosed {
+            verdicts.push(Verdict::new(diagnosis_tone(found.verdict), diagnosed(found)).with(sizes(found)));
+        }
+        match self.missing() {
+            Some(found) => {
+                let lags = format!("With that in the model: {}.", report_pages::lags(&found.model));
+                verdicts.push(report_pages::warned(Verdict::new(Tone::Plain, lags), warnings));
+            }
+            None if self.identified.is_ok() => verdicts.push(report_pages::identified(&self.model, warnings)),
+            None => {}
+        }
+        if self.diagnosed.is_none() {
+            let unasked =
+                "Whether more acts than a lag was not asked: leave --no-diagnosis out, and the report says it.";
+            verdicts.push(Verdict::new(Tone::Plain, unasked));
+        }
+        // A diagnosis has compared the same records more closely.
+        if let Ok(records) = &self.validated
+            && !matches!(self.diagnosed, Some(Ok(_)))
+        {
+            verdicts.push(report_pages::validated(records));
+        }
+        match &self.designed {
+            Ok(Designed { design, points, phases, .. }) => {
+                let lost: Vec<String> = lost_gain(points, phases).into_iter().collect();
+                let mut verdict = report_pages::designed(design, points, lost.len());
+                verdict.sentences.extend(without_mark(&lost).into_iter().map(|warning| format!("But {warning}.")));
+                verdicts.push(verdict);
+            }
+            Err(reason) => verdicts.push(Verdict::new(Tone::Attention, format!("No compensator: {reason}."))),
+        }
+        if let Some(Ok(found)) = &self.diagnosed
+            && let Some(next) = found.next_experiment()
+        {
+            verdicts.push(Verdict::new(Tone::Plain, format!("Next: {}", next.words)));
+        }
+        let tone = verdicts.iter().map(|verdict| verdict.tone).max().unwrap_or(Tone::Plain);
+        let said = verdicts.into_iter().flat_map(|verdict| std::iter::once(verdict.headline).chain(verdict.sentences));
+        let mut said = said.collect::<Vec<_>>();
+        if said.is_empty() {
+            said.push("Nothing came of these records with this model.".to_owned());
+        }
+        let sentences = said.split_off(1);
+        let headline = said.remove(0);
+        Verdict { tone, headline, sentences }
+    }
+
+    /// The same for programs.
+    pub fn json(&self, report: &Report) -> Value {
+        let left_out = |part: Option<&String>| part.map_or(Value::Null, |reason| json!(reason));
+        json!({
+            "verdict": report.verdict.headline,
+            "sentences": report.verdict.sentences,
+            "points": self.model.points.iter().map(point_json).collect::<Vec<_>>(),
+            "diagnosis": self.diagnosed.as_ref().and_then(|part| part.as_ref().ok()).map(|found| found.verdict.name()),
+            "warnings": report.warnings,
+            "left_out": {
+                "identification": left_out(self.identified.as_ref().err()),
+                "validation": left_out(self.validated.as_ref().err()),
+                "compensator": left_out(self.designed.as_ref().err()),
+                "diagnosis": left_out(self.diagnosed.as_ref().and_then(|part| part.as_ref().err())),
+            },
+            "figures": report.sections.iter().flat_map(|section| &section.figures).map(|figure| &figure.name).collect::<Vec<_>>(),
+        })
+    }
+
+    /// The report again, and each part by itself.
+    fn commands(&self, folder: &Path, given: Option<&Path>) -> Vec<String> {
+        let quoted = |path: &Path| {
+            let path = path.display().to_string();
+            shlex::try_quote(&path).map_or_else(|_| path.clone(), std::borrow::Cow::into_owned)
+        };
+        let (folder, model) = (quoted(folder), given.map_or_else(|| "model.toml".to_owned(), quoted));
+        let mut commands = vec![this_command()];
+        if given.is_none() {
+            commands.push(format!("rotorlead identify {folder} --out {model}"));
+        }
+        commands.push(format!("rotorlead validate {folder} --model {model}"));
+        let judged = given.map(|_| format!(" --model {model}")).unwrap_or_default();
+        let omega_g = self.lowered_omega_g_rad_s.map(|omega_g| format!(" --omega-g {omega_g:.1}")).unwrap_or_default();
+        let (extended, compensated) = (" --out-model improved.toml", " --redesign --out-compensator compensator.toml");
+        if self.missing().is_some() {
+            commands.push(format!("rotorlead diagnose {folder}{judged}{extended}{compensated}{omega_g}"));
+            return commands;
+        }
+        commands.push(format!("rotorlead diagnose {folder}{judged}"));
+        if self.designed.is_ok() {
+            commands.push(format!("rotorlead design --model {model}{omega_g} --out compensator.toml"));
+            let with = if omega_g.is_empty() { "" } else { " --compensator compensator.toml" };
+            commands.push(format!("rotorlead bandwidth --model {model}{with} --records {folder}"));
+        }
+        commands
+    }
+}
+
+/// How large each effect is, and what it cannot be told from.
+fn sizes(found: &Diagnosis) -> Vec<String> {
+    let of_effect = |effect: &NamedEffect| {
+        let values = effect
+            .parameters
+            .iter()
+            .map(|(parameter, estimate)| format!("{} {}", parameter.name, parameter_with_std(parameter, estimate)));
+        let values = values.collect::<Vec<_>>().join(", ");
+        let others: Vec<&str> = effect.alternatives.iter().map(|kind| kind.title).collect();
+        let beside = if others.is_empty() {
+            String::new()
+        } else {
+            format!(" These records cannot tell it from: {}.", others.join(", "))
+        };
+        format!("The {}: {values}.{beside}", effect.kind.title)
+    };
+    found.effects.iter().map(of_effect).collect()
+}
+
+/// Findings of one remedy, with it.
+fn in_words(alike: &[Finding]) -> String {
+    let messages: Vec<&str> = alike.iter().map(|finding| finding.message.as_str()).collect();
+    let remedy = alike.first().and_then(|finding| finding.remedy.as_deref());
+    [messages.join("; ").as_str()].into_iter().chain(remedy).collect::<Vec<_>>().join(": ")
+}
+
+/// All of them; those that follow each other with one remedy, as of one lack at several nominal commands, together.
+fn in_groups(findings: &[Finding]) -> Vec<String> {
+    let is_one = |a: &Finding, b: &Finding| a.remedy.is_some() && a.remedy == b.remedy;
+    findings.chunk_by(is_one).map(in_words).collect()
+}
+
+/// A part that there is not.
+fn left_out(name: &str, title: &str, reason: &str) -> Section {
+    Section { text: vec![format!("Left out: {reason}.")], ..Section::new(name, title) }
+}
+
+#[cfg(test)]
+mod tests {
+    use rotorlead_identify::check::{Severity, Topic};
+
+    use super::*;
+
+    #[test]
+    fn findings_that_follow_each_other_with_one_remedy_say_it_once() {
+        let finding = |message: &str, remedy: Option<&str>| Finding {
+            severity: Severity::Warning,
+            topic: Topic::Identification,
+            file: None,
+            row: None,
+            message: message.to_owned(),
+            remedy: remedy.map(str::to_owned),
+        };
+        let findings = [
+            finding("u_nom 0.4: a", Some("record longer")),
+            finding("u_nom 0.5: a", Some("record longer")),
+            finding("b", None),
+            finding("c", None),
+            finding("d", Some("record less")),
+        ];
+        assert_eq!(in_groups(&findings), ["u_nom 0.4: a; u_nom 0.5: a: record longer", "b", "c", "d: record less"]);
+    }
+}

@@ -1,0 +1,144 @@
+//! `--report` and `--figures`: what a run found, for people with eyes.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use miette::IntoDiagnostic as _;
+use rayon::iter::{IntoParallelRefIterator as _, ParallelIterator as _};
+use rotorlead_records::files::{FileError, check_writable, write_file};
+use rotorlead_report::{Figure, FigureError, Report};
+
+use super::WrongUse;
+use super::outcome::JsonOption;
+use super::progress;
+
+/// Where the report and its figures go.
+#[derive(Args, Debug)]
+pub struct ReportOption {
+    /// Also write a report: one HTML file with the verdict, tables and interactive figures, which needs no network
+    #[arg(long = "report", value_name = "FILE")]
+    report: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) figures: FiguresOption,
+}
+
+/// Where figures go.
+#[derive(Args, Debug)]
+pub struct FiguresOption {
+    /// Also write every figure as SVG and PNG, and the numbers of figures and tables as CSV, into this folder, which is made
+    /// where it is not there
+    #[arg(long = "figures", value_name = "DIR")]
+    folder: Option<PathBuf>,
+}
+
+impl ReportOption {
+    /// Refuses what cannot be written, before any work is done; `out` is where the command's own output goes.
+    pub fn check(&self, out: Option<&Path>) -> miette::Result<()> {
+        if let Some(report) = &self.report {
+            if Some(report.as_path()) == out {
+                return Err(WrongUse::new(
+                    format!("--report and --out are both `{}`", report.display()),
+                    "give them different files: one would overwrite the other",
+                )
+                .into());
+            }
+            check_writable(report)?;
+        }
+        Ok(self.figures.check()?)
+    }
+
+    /// Refuses one file for the report and the JSON.
+    pub fn check_apart(&self, json: &JsonOption) -> miette::Result<()> {
+        match json.file() {
+            Some(file) if self.report.as_deref() == Some(file) => Err(WrongUse::new(
+                format!("--json and --report are both `{}`", file.display()),
+                "give them different files: one would overwrite the other",
+            )
+            .into()),
+            _ => Ok(()),
+        }
+    }
+
+    /// Writes what was asked for, and says where it is. The report is made only where it is.
+    pub fn write(&self, report: impl FnOnce() -> Report) -> miette::Result<String> {
+        if self.report.is_none() && self.figures.folder.is_none() {
+            return Ok(String::new());
+        }
+        let report = report();
+        let mut text = self.figures.write(&report)?;
+        if let Some(file) = &self.report {
+            write_file(file, report.html()?.as_bytes())?;
+            writeln!(text, "\nReport: {}", file.display()).into_diagnostic()?;
+        }
+        Ok(text)
+    }
+}
+
+impl FiguresOption {
+    /// Refuses a folder that cannot be made, before any work is done.
+    pub fn check(&self) -> Result<(), FileError> {
+        self.folder.as_deref().map_or(Ok(()), check_folder)
+    }
+
+    /// Writes the figures and tables of a report where a folder is given, and says so.
+    pub fn write(&self, report: &Report) -> miette::Result<String> {
+        let Some(folder) = &self.folder else { return Ok(String::new()) };
+        make_folder(folder)?;
+        let figures: Vec<&Figure> = report.sections.iter().flat_map(|section| &section.figures).collect();
+        // Bitmaps take their time: they are drawn side by side.
+        let bar = progress::bar("drawing", figures.len() as u64);
+        let draw = |figure: &&Figure| {
+            let drawn = (figure.svg()?, figure.png()?);
+            bar.inc(1);
+            Ok(drawn)
+        };
+        let drawn: Vec<_> = figures.par_iter().map(draw).collect();
+        bar.finish_and_clear();
+        for (figure, drawn) in figures.iter().zip(drawn) {
+            let (svg, png): (String, Vec<u8>) = drawn.map_err(|error: FigureError| error)?;
+            let file = |end: &str| folder.join(format!("{}.{end}", figure.name));
+            write_file(&file("svg"), svg.as_bytes())?;
+            write_file(&file("png"), &png)?;
+            write_file(&file("csv"), figure.csv().as_bytes())?;
+        }
+        let tables: Vec<_> = report.sections.iter().flat_map(|section| &section.tables).collect();
+        for table in &tables {
+            write_file(&folder.join(format!("{}.csv", table.name)), table.csv().as_bytes())?;
+        }
+        let listed = |what: &str, names: Vec<&str>| {
+            let line = format!("{what} in {}: {}", folder.display(), names.join(", "));
+            if names.is_empty() { String::new() } else { super::outcome::wrapped(&line, 80, "  ") + "\n" }
+        };
+        let figures = listed("Figures", figures.iter().map(|figure| figure.name.as_str()).collect());
+        let tables = listed("Tables", tables.iter().map(|table| table.name.as_str()).collect());
+        Ok(format!("\n{figures}{tables}"))
+    }
+}
+
+/// The command that is running, as it would be typed again.
+pub fn this_command() -> String {
+    let arguments = std::env::args_os().skip(1).map(|argument| {
+        let argument = argument.to_string_lossy().into_owned();
+        // What cannot be quoted has a zero byte in it, which no shell passes on.
+        shlex::try_quote(&argument).map_or_else(|_| argument.clone(), std::borrow::Cow::into_owned)
+    });
+    std::iter::once("rotorlead".to_owned()).chain(arguments).collect::<Vec<_>>().join(" ")
+}
+
+/// Refuses a folder that cannot be made, before the work.
+pub fn check_folder(path: &Path) -> Result<(), FileError> {
+    if path.is_dir() {
+        Ok(())
+    } else if path.exists() {
+        Err(FileError::NotAFolder { path: path.to_owned(), remedy: "give the path of a folder".into() })
+    } else {
+        check_writable(path)
+    }
+}
+
+/// Makes a folder where it is not there; the one that it stands in has to be.
+pub fn make_folder(path: &Path) -> Result<(), FileError> {
+    let failed = |source| FileError::Io { action: "create", path: path.to_owned(), source };
+    std::fs::create_dir_all(path).map_err(failed)
+}

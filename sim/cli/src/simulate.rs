@@ -1,0 +1,138 @@
+//! `rotorlead simulate`
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use miette::{Diagnostic as _, WrapErr as _};
+use rotorlead::design::LeadDesign;
+use rotorlead_identify::design::{compensator_file, read_compensator};
+use rotorlead_plant::Model;
+use rotorlead_plant::bench::{Plan, run};
+use rotorlead_records::files::{OutputFolder, Place, TomlFile};
+use rotorlead_records::{Excitation, Experiment};
+use rotorlead_report::{Fact, Report, Tone, Verdict, simulation_section};
+use serde_json::json;
+
+use super::outcome::{JsonOption, Outcome};
+use super::report_option::ReportOption;
+use super::{progress, report_pages};
+
+/// Runs an experiment on a simulated actuator, through the controller's own code
+///
+/// Without a plan it runs the paper's: a multisine and a square wave at each point of the model.
+#[derive(Args, Debug)]
+pub struct Simulate {
+    /// The actuator
+    #[arg(long, value_name = "FILE")]
+    model: PathBuf,
+    /// What to run; the paper's experiment unless given
+    #[arg(long, value_name = "FILE")]
+    plan: Option<PathBuf>,
+    /// Put this compensator in front of the ESC
+    #[arg(long, value_name = "FILE")]
+    compensator: Option<PathBuf>,
+    /// Seed of the noise, instead of the plan's
+    #[arg(long, value_parser = clap::value_parser!(u64).range(..1 << 63), allow_negative_numbers = true)]
+    seed: Option<u64>,
+    /// The experiment's folder, which is made
+    #[arg(long, value_name = "DIR")]
+    pub(super) out: PathBuf,
+    #[command(flatten)]
+    pub(super) report: ReportOption,
+    #[command(flatten)]
+    pub(super) json: JsonOption,
+}
+
+impl Simulate {
+    /// Runs the command.
+    pub fn run(&self) -> miette::Result<Outcome> {
+        self.report.check(Some(&self.out))?;
+        let model = Model::read(&self.model)?;
+        let mut plan = match &self.plan {
+            Some(file) => read_plan(file, &model)?,
+            None => Plan::paper(&model),
+        };
+        if let Some(seed) = self.seed {
+            plan.seed = seed;
+        }
+        let design = match (&self.compensator, &plan.compensator, &self.plan) {
+            (Some(file), ..) => Some(read_compensator(file)?),
+            (None, Some(file), Some(plan)) => Some(read_compensator(&beside(plan, file))?),
+            (None, Some(file), None) => Some(read_compensator(file)?),
+            (None, None, _) => None,
+        };
+        if design.is_some() {
+            plan.compensator = Some(PathBuf::from("compensator.toml"));
+        }
+        // Before the work, so that a folder in the way is found early.
+        let folder = OutputFolder::create(&self.out)?;
+        let experiment = simulate(&plan, &model, design.as_ref()).wrap_err_with(|| match &self.plan {
+            Some(plan) => format!("`{}` cannot be run on `{}`", plan.display(), self.model.display()),
+            None => format!("the paper's experiment cannot be run on `{}`", self.model.display()),
+        })?;
+        experiment.write_into(&folder)?;
+        if let Some(design) = &design {
+            compensator_file(design).write(&folder.building().join("compensator.toml"))?;
+        }
+        folder.commit()?;
+
+        let rows: usize = experiment.records.iter().map(|record| record.time_s.len()).sum();
+        let mut text = format!("{} records, {rows} rows\n", experiment.records.len());
+        for record in &experiment.records {
+            writeln!(text, "  {}  {} rows", record.file, record.time_s.len()).expect("a string takes all");
+        }
+        writeln!(text, "Written to {}", self.out.display()).expect("a string takes all");
+        text.push_str(&self.report.write(|| {
+            let headline = format!("{} records were simulated, {rows} rows.", experiment.records.len());
+            let facts = report_pages::records(&experiment, &self.out);
+            let seed = Fact::new("Seed of the noise", plan.seed.to_string());
+            Report {
+                facts: [facts, vec![report_pages::file("Model", &self.model), seed]].concat(),
+                sections: vec![simulation_section(&experiment)],
+                ..report_pages::report("Simulation", experiment.name.clone(), Verdict::new(Tone::Plain, headline))
+            }
+        })?);
+        let json = json!({
+            "name": experiment.name,
+            "seed": plan.seed,
+            "records": experiment.records.iter()
+                .map(|record| json!({ "file": record.file, "nominal": record.nominal, "rows": record.time_s.len() }))
+                .collect::<Vec<_>>(),
+        });
+        Ok(Outcome { text, json })
+    }
+}
+
+/// Runs a plan with a bar.
+pub fn simulate(plan: &Plan, model: &Model, design: Option<&LeadDesign>) -> miette::Result<Experiment> {
+    let bar = progress::bar("simulating", 1);
+    let experiment = run(plan, model, design, &|progress| {
+        bar.set_length(progress.total as u64);
+        bar.set_position(progress.done as u64);
+    })?;
+    bar.finish_and_clear();
+    Ok(experiment)
+}
+
+/// Reads a plan whose levels `model` knows.
+fn read_plan(path: &Path, model: &Model) -> miette::Result<Plan> {
+    let (plan, file) = TomlFile::read::<Plan>(path)?;
+    plan.check().map_err(|fault| file.show(&fault))?;
+    for (index, record) in plan.records.iter().enumerate() {
+        let place = Place::root().key("record").item(index);
+        // A staircase follows the level through and beyond the points.
+        if record.excitation != Excitation::Staircase
+            && let Err(error) = model.at(record.nominal)
+        {
+            let help = error.help().map(|help| help.to_string()).unwrap_or_default();
+            return Err(file.show(&place.key("nominal").fault(error.to_string(), help)).into());
+        }
+    }
+    Ok(plan)
+}
+
+/// `file` as seen from the folder of `from`.
+fn beside(from: &Path, file: &Path) -> PathBuf {
+    from.parent().unwrap_or(Path::new("")).join(file)
+}

@@ -1,0 +1,201 @@
+//! What the controller's recorder sends, as columns.
+
+use std::time::Duration;
+
+use rotorlead::link::{Message, RECORD_SAMPLES, Record as Frame, RecordRequest, Request};
+use rotorlead::settings::Settings;
+use rotorlead::throttle::Throttle;
+use rotorlead_records::{Excitation, Record};
+
+use super::session::done;
+use super::{DeviceError, Session};
+
+/// From the converter's counts to newtons: `(count - zero) * newtons_per_count`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Calibration {
+    /// The count without thrust.
+    pub zero: f64,
+    /// Newtons per count; negative when the sensor is turned around.
+    pub newtons_per_count: f64,
+}
+
+/// Samples without a gap, one row each.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Recording {
+    /// Ticks from row to row.
+    pub divisor: u32,
+    /// The pulse input, Q2.29; negative where there is none.
+    pub input: Vec<i32>,
+    /// Command before the compensator, Q2.29.
+    pub before: Vec<i32>,
+    /// Command after it, Q2.29.
+    pub after: Vec<i32>,
+    /// Counts of the converter.
+    pub adc: Vec<i32>,
+}
+
+impl Recording {
+    /// Rows.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        self.before.len()
+    }
+
+    /// Appends a frame of the recorder.
+    ///
+    /// # Errors
+    /// [`DeviceError::SamplesLost`] when it does not follow on the last one: a record with a gap is no record.
+    pub fn append(&mut self, frame: &Frame) -> Result<(), DeviceError> {
+        let columns = [&frame.input, &frame.before, &frame.after, &frame.adc];
+        if columns.iter().any(|column| column.len() != frame.before.len()) || frame.divisor == 0 {
+            return Err(DeviceError::Unexpected { request: "record" });
+        }
+        self.divisor = u32::from(frame.divisor);
+        let expected = (self.rows() as u32).wrapping_mul(self.divisor);
+        let gap = frame.first_tick.wrapping_sub(expected);
+        if gap != 0 {
+            return Err(DeviceError::SamplesLost { missing: gap / self.divisor, tick: expected });
+        }
+        self.input.extend_from_slice(frame.input.as_slice());
+        self.before.extend_from_slice(frame.before.as_slice());
+        self.after.extend_from_slice(frame.after.as_slice());
+        self.adc.extend_from_slice(frame.adc.as_slice());
+        Ok(())
+    }
+
+    /// Rows `from..from + rows` as the record of an experiment. The converter is read before the command changes, so a
+    /// row is the response at its time, and its command takes effect from then on.
+    #[must_use]
+    pub fn to_record(
+        &self,
+        from: usize,
+        rows: usize,
+        loop_rate_hz: f64,
+        calibration: Calibration,
+        template: Record,
+    ) -> Record {
+        let rows = from.min(self.rows())..(from + rows).min(self.rows());
+        let row_s = f64::from(self.divisor) / loop_rate_hz;
+        let commands = |bits: &[i32]| bits.iter().map(|&bits| Throttle::from_bits(bits).to_f64()).collect::<Vec<_>>();
+        let thrust = |&count: &i32| (f64::from(count) - calibration.zero) * calibration.newtons_per_count;
+        Record {
+            time_s: (0..rows.len()).map(|row| row as f64 * row_s).collect(),
+            command: commands(&self.before[rows.clone()]),
+            esc_command: template.compensated.then(|| commands(&self.after[rows.clone()])),
+            thrust_n: Some(self.adc[rows].iter().map(thrust).collect()),
+            ..template
+        }
+    }
+}
+
+/// A record without columns, that names `compensator.toml` when it is compensated.
+#[must_use]
+pub fn template(file: String, nominal: f64, excitation: Excitation, compensated: bool) -> Record {
+    Record {
+        file,
+        nominal,
+        excitation,
+        period_s: None,
+        amplitude: None,
+        compensated,
+        compensator: compensated.then(|| "compensator.toml".into()),
+        role: None,
+        time_s: Vec::new(),
+        command: Vec::new(),
+        thrust_n: None,
+        rpm: None,
+        esc_command: None,
+        voltage_v: None,
+        current_a: None,
+    }
+}
+
+/// What came of a recording.
+#[derive(Debug)]
+pub struct Recorded {
+    /// The rows that arrived, without a gap.
+    pub recording: Recording,
+    /// Why there are no more of them, where there should be.
+    pub ended: Result<(), DeviceError>,
+}
+
+/// Records `rows` rows of a motor as it is driven, one in `divisor` ticks (0: as in the settings). Rows come by frames, so
+/// there may be up to a frame more. Nothing is repeated: a gap, or a line that breaks, ends the recording, and the rows
+/// before it are given all the same. `progress` is told the rows that are there.
+///
+/// # Errors
+/// [`DeviceError`], where it did not start.
+pub fn record(
+    session: &mut Session,
+    settings: &Settings,
+    motor: u8,
+    divisor: u16,
+    rows: usize,
+    progress: &dyn Fn(usize),
+) -> Result<Recorded, DeviceError> {
+    let mut tape = Tape::start(session, settings, motor, divisor)?;
+    let mut run = || -> Result<(), DeviceError> {
+        while tape.recording.rows() < rows {
+            tape.read(session)?;
+            progress(tape.recording.rows().min(rows));
+        }
+        Ok(())
+    };
+    let ended = run();
+    let stopped = tape.stop(session, ended.as_ref().err());
+    Ok(Recorded { recording: tape.recording, ended: ended.and(stopped) })
+}
+
+/// A recording that runs.
+pub(super) struct Tape {
+    tag: u8,
+    pub(super) recording: Recording,
+    /// How long the controller takes to fill a frame.
+    frame: Duration,
+}
+
+impl Tape {
+    /// Starts it.
+    pub(super) fn start(
+        session: &mut Session,
+        settings: &Settings,
+        motor: u8,
+        divisor: u16,
+    ) -> Result<Self, DeviceError> {
+        let ticks = if divisor == 0 { settings.recorder_divisor } else { divisor };
+        let frame_s = RECORD_SAMPLES as f64 * f64::from(ticks) / f64::from(settings.loop_rate_hz.max(1));
+        let tag = session.send(&Request::Record(Some(RecordRequest { motor, divisor })))?;
+        let limit = session.limit();
+        done("record", session.answer(tag, limit, "record")?)?;
+        session.keep_records(Some(tag));
+        Ok(Self { tag, recording: Recording::default(), frame: Duration::from_secs_f64(frame_s) })
+    }
+
+    /// Takes the next frame. It may take half as long again as it should: a controller in an emulator is as fast as the
+    /// machine under it.
+    pub(super) fn read(&mut self, session: &mut Session) -> Result<(), DeviceError> {
+        let frame = session.next_record(self.tag, self.frame.mul_f64(1.5))?;
+        self.recording.append(&frame)
+    }
+
+    /// Takes the frames that have arrived already.
+    pub(super) fn read_waiting(&mut self, session: &mut Session) -> Result<(), DeviceError> {
+        while let Some(frame) = session.waiting_record(self.tag) {
+            self.recording.append(&frame)?;
+        }
+        Ok(())
+    }
+
+    /// Stops it. After a `failure` of the line no answer is waited for.
+    pub(super) fn stop(&self, session: &mut Session, failure: Option<&DeviceError>) -> Result<(), DeviceError> {
+        session.keep_records(None);
+        let request = Request::Record(None);
+        if failure.is_some_and(DeviceError::is_of_the_line) {
+            return session.send(&request).map(drop);
+        }
+        match session.ask("record", &request)? {
+            Message::Done => Ok(()),
+            _ => Err(DeviceError::Unexpected { request: "record" }),
+        }
+    }
+}

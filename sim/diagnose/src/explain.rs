@@ -1,0 +1,457 @@
+//! Explain: which effects of the catalog the chi-square asks for.
+//!
+//! Every kind is tried at its starts, with the lags moved along to first order; the promising ones are fitted jointly with
+//! the lags on the fitted segments. What a kind is worth is its gain of log likelihood there, less what the search would gain
+//! by chance ([`complexity_penalty`]), plus its gain on the held-out segments, where parameters cannot help themselves. Effects are added one
+//! at a time; each is then tried again in the presence of the others, exchanged where another kind serves better there, and
+//! dropped where the others make it redundant.
+
+use rayon::prelude::*;
+use rotorlead_identify::offset_and_start;
+use rotorlead_plant::Catalog;
+use rotorlead_plant::effect::{Kind, Shows};
+
+use super::candidate::{Candidate, GRID};
+use super::dataset::{Before, Dataset, Record, Split};
+use super::fit::{Fit, fit, fit_in};
+use super::hypothesis::Hypothesis;
+use super::locate::excess;
+use super::prediction::Near;
+use super::profile::profile_non_smooth;
+use super::scan::Scan;
+use super::score_test::ScoreTest;
+use super::steadiness::steadiness;
+use super::tried::{ALIKE, LEAST_SCORE, Tried, by_score, complexity_penalty};
+use super::weak_evidence::{self, WeakEvidence};
+use super::{auxiliary, clips, collapsed, quantizer_step, resonance};
+
+/// Most effects that are named.
+pub(super) const MOST_EFFECTS: usize = 3;
+/// So many effects that leave more than this part of the chi-square are no explanation, and none is looked for.
+const ENOUGH_EFFECTS: usize = 2;
+const HOPELESS: f64 = 0.15;
+/// How many kinds are fitted after the screening, and from which share of the best gain on.
+const MOST_FITTED: usize = 7;
+const PROMISING: f64 = 0.2;
+/// Share of the least worth that the screening has to promise.
+const PROMISED: f64 = 0.7;
+/// InitialCondition that are followed of one kind.
+const MOST_STARTS: usize = 2;
+/// Steps after which the kinds are compared; after these so many go on, and all that are close.
+pub(super) const FIRST_STEPS: usize = 3;
+/// Steps between two estimates of the noise.
+const SETTLING_STEPS: usize = 10;
+/// A decay at the begin of a record that is more than this part of the response's swing, and this many times the one that the
+/// record would have otherwise, says that it was taken in another way than the rest.
+const DECAYS: f64 = 0.2;
+const OTHER_DECAY: f64 = 3.0;
+/// How often the screening halves the distance to the neighbors of the best start.
+const CLOSER_LOOKS: usize = 3;
+pub(super) const MOST_FINISHED: usize = 3;
+/// How often the screening looks around in a narrow valley, in how many steps to either side, and how much nearer each time.
+const VALLEY_LOOKS: i32 = 5;
+const VALLEY_STEPS: u32 = 4;
+const VALLEY_NARROWING: f64 = 0.25;
+
+/// What a start of a kind would leave of the chi-square, and the hypothesis that it leads to.
+pub(super) type Screened = (f64, Hypothesis, &'static Kind);
+
+/// The decay at the begin of a record that `hypothesis` leaves, and what it leaves beside that and an offset.
+pub(super) fn aligned(all: &Dataset, record: &Record, hypothesis: &Hypothesis) -> Option<(f64, Vec<f64>)> {
+    let rows = record.end_of(None);
+    let simulated = hypothesis.simulate(all, record, rows).ok()?;
+    let (time_s, measured) = (&record.time_s[..rows], &record.measured[..rows]);
+    let tau_s = hypothesis.base[record.point].time_constant_s;
+    let (offset, start) = offset_and_start(time_s, measured, &simulated, tau_s);
+    let decay = |time: &f64| (-(time - time_s[0]) / tau_s).exp();
+    let moved = simulated.iter().zip(time_s).map(|(model, time)| model + offset + start * decay(time));
+    Some((start, measured.iter().zip(moved).map(|(y, model)| y - model).collect()))
+}
+
+/// An effect that was found.
+#[derive(Clone, Debug)]
+pub(super) struct Found {
+    /// The kind.
+    pub kind: &'static Kind,
+    /// What it is worth beside the others that were found.
+    pub score: f64,
+    /// Others that would do as well in its place.
+    pub alternatives: Vec<&'static Kind>,
+}
+
+/// What was found, with the fit of all of it.
+#[derive(Clone, Debug)]
+pub(super) struct Explanation {
+    /// The lags alone.
+    pub before: Fit,
+    /// With the effects, in the order of `found`.
+    pub after: Fit,
+    /// The effects, the most valuable first.
+    pub found: Vec<Found>,
+    /// What was tried beside the lags alone, best first.
+    pub tried: Vec<Tried>,
+    /// Effects with weak evidence beside the lags alone.
+    pub weak_evidence: Vec<WeakEvidence>,
+}
+
+impl Explanation {
+    /// That nothing explains what `before` leaves.
+    fn of_nothing(before: Fit, tried: Vec<Tried>, weak_evidence: Vec<WeakEvidence>) -> Self {
+        Self { after: before.clone(), before, found: Vec::new(), tried, weak_evidence }
+    }
+}
+
+/// What came of adding effects.
+pub(super) enum Built {
+    /// A fit with effects, or with none.
+    Explained(Fit, Vec<Found>),
+    /// Too much is left by so many effects, or more than noise by some that were believed on trial.
+    Hopeless,
+}
+
+impl Built {
+    /// The fit with effects, or with none; `None` where there was no hope.
+    pub fn explained(self) -> Option<(Fit, Vec<Found>)> {
+        match self {
+            Self::Explained(fit, found) => Some((fit, found)),
+            Self::Hopeless => None,
+        }
+    }
+}
+
+/// Everything that may be tried, and on what.
+pub(super) struct Search<'a> {
+    /// The records.
+    pub data: Dataset,
+    /// The kinds.
+    pub catalog: &'a Catalog,
+    /// Told whenever a step is done.
+    pub progress: &'a dyn Fn(),
+    /// Whether the lags are fitted along.
+    pub lags: bool,
+}
+
+impl Search<'_> {
+    /// Takes the noise from what `fit` leaves and fits it again with that. Twice, since weights and fit depend on each other.
+    pub fn settle(&mut self, start: &Hypothesis, lags: bool) -> Option<Fit> {
+        let mut hypothesis = start.clone();
+        for _ in 0..2 {
+            self.weigh(&hypothesis);
+            hypothesis = fit_in(&self.data, &hypothesis, lags, SETTLING_STEPS)?.hypothesis;
+        }
+        self.weigh(&hypothesis);
+        fit(&self.data, &hypothesis, lags)
+    }
+
+    fn weigh(&mut self, hypothesis: &Hypothesis) {
+        let all = self.data.clone();
+        self.data.records.par_iter_mut().for_each(|record| {
+            if record.log.is_none()
+                && let Some((_, left)) = aligned(&all, record, hypothesis)
+            {
+                record.weigh(&left);
+            }
+            // Impossible hypotheses never get here.
+            let _ = record.weigh_by(&all, hypothesis);
+        });
+    }
+
+    /// Takes mains hum out of all records.
+    pub fn take_hum_out(&mut self, base: &Hypothesis) -> Option<()> {
+        let lags = fit(&self.data, base, self.lags)?.hypothesis;
+        let all = self.data.clone();
+        for record in self.data.records.iter_mut().filter(|record| record.log.is_none()) {
+            if let Some((_, left)) = aligned(&all, record, &lags) {
+                record.take_hum_out(&left);
+            }
+        }
+        Some(())
+    }
+
+    /// Finds out what was before the records: that which leaves less of a decay at their begins. Noise leaves some too, and records
+    /// of one experiment are taken in one way: only a decay that is large beside the response makes one an exception.
+    pub fn find_initial_condition(&mut self, hypothesis: &Hypothesis) {
+        const EITHER: [Before; 2] = [Before::Rest, Before::Periods];
+        let all = self.data.clone();
+        let decays_of = |record: &mut Record| {
+            let swing = hypothesis.base[record.point].gain.abs() * record.amplitude;
+            EITHER.map(|before| {
+                record.before = before;
+                aligned(&all, record, hypothesis).map_or(f64::INFINITY, |(decay, _)| decay.abs() / swing)
+            })
+        };
+        let periodic = || 0..all.records.len();
+        let decays: Vec<Option<[f64; 2]>> = periodic()
+            .map(|place| {
+                let record = &mut self.data.records[place];
+                record.log.is_none().then(|| decays_of(record))
+            })
+            .collect();
+        let squares = |way: usize| decays.iter().flatten().map(|decays| decays[way] * decays[way]).sum::<f64>();
+        let usual = usize::from(squares(1) < squares(0));
+        for (record, decays) in self.data.records.iter_mut().zip(&decays) {
+            let Some(decays) = decays else { continue };
+            let (own, other) = (decays[usual], decays[1 - usual]);
+            let is_other = own > DECAYS && own > OTHER_DECAY * other;
+            record.before = EITHER[if is_other { 1 - usual } else { usual }];
+        }
+    }
+
+    /// InitialCondition of all kinds but those to `exclude`, with what they would leave beside `from` as far as the linearization holds, best first.
+    pub fn screened(&self, from: &Fit, exclude: &[&'static Kind]) -> Vec<Screened> {
+        let lifted = self.lags.then(|| collapsed::lifted(&self.data, from)).flatten();
+        let mut screened = Vec::new();
+        for near in std::iter::once(from).chain(&lifted) {
+            let Some(score_test) = ScoreTest::new(&self.data, near) else { continue };
+            let Some(scan) = Scan::new(&self.data, near) else { continue };
+            let kinds = self.catalog.kinds().filter(|kind| kind.id != "parameter_error" && !exclude.contains(kind));
+            for kind in kinds.filter(|kind| kind.shows != Shows::OverLevels) {
+                screened.extend(self.screen(&score_test, &scan, near, kind));
+                (self.progress)();
+            }
+        }
+        screened.sort_by(|a: &Screened, b| a.0.total_cmp(&b.0));
+        screened
+    }
+
+    /// Kinds that improve on `from`, best first.
+    pub fn tries(&self, from: &Fit, exclude: &[&'static Kind]) -> Vec<Tried> {
+        self.tries_of(from, self.screened(from, exclude))
+    }
+
+    /// Kinds that improve on `from` of those that were screened, best first.
+    fn tries_of(&self, from: &Fit, screened: Vec<Screened>) -> Vec<Tried> {
+        let best = screened.first().map_or(0.0, |best| from.chi_square - best.0);
+        let beside = self.beside(from);
+        let mut kinds: Vec<(&'static Kind, usize)> = Vec::new();
+        let mut tried: Vec<Tried> = Vec::new();
+        for (left, start, kind) in screened {
+            let place = kinds.iter().position(|(other, _)| *other == kind);
+            let gain = from.chi_square - left;
+            // What promises much less than has to be there is not worth a search; a gain of log likelihood is half of this.
+            if gain < 2.0 * PROMISED * LEAST_SCORE || (gain < PROMISING * best && place.is_none() && kinds.len() >= 3) {
+                continue;
+            }
+            let place = match place {
+                Some(place) => place,
+                None if kinds.len() < MOST_FITTED => {
+                    kinds.push((kind, 0));
+                    kinds.len() - 1
+                }
+                None => continue,
+            };
+            let followed = &mut kinds[place].1;
+            if *followed >= MOST_STARTS {
+                continue;
+            }
+            *followed += 1;
+            let Some(fit) = fit_in(&self.data, &start, self.lags, FIRST_STEPS) else { continue };
+            let found = self.tried(&beside, (fit, Near::FirstOrder), kind, complexity_penalty(kind));
+            match tried.iter_mut().find(|other| other.kind == kind) {
+                Some(other) if found.fitted_gain > other.fitted_gain => *other = found,
+                Some(_) => {}
+                None => tried.push(found),
+            }
+            (self.progress)();
+        }
+        tried.sort_by(by_score);
+        let best = tried.first().map_or(0.0, Tried::score);
+        for (place, tried) in tried.iter_mut().enumerate() {
+            if place < MOST_FINISHED || best - tried.score() < MOST_FINISHED as f64 * ALIKE {
+                let start = tried.fit.hypothesis.clone();
+                if let Some(finished) = self.attempt(&beside, &start, tried.kind, best - tried.score()) {
+                    *tried = finished;
+                }
+                (self.progress)();
+            }
+        }
+        self.compare_auxiliary_channels(&mut tried);
+        // A hold whose frames do not show is, by all that is known, a delay.
+        let hidden = |tried: &Tried| tried.fit.hypothesis.effects.last().is_some_and(Candidate::is_hidden_hold);
+        if let Some(delay) = tried.iter().position(|tried| tried.kind.id == "transport_delay")
+            && tried.first().is_some_and(hidden)
+            && tried[0].score() - tried[delay].score() < ALIKE
+        {
+            tried[..=delay].rotate_right(1);
+        }
+        tried
+    }
+
+    /// Lets the columns beside the response speak where kinds, the best first, are within chance of the best.
+    pub fn compare_auxiliary_channels(&self, tried: &mut [Tried]) {
+        tried.iter_mut().for_each(|tried| tried.auxiliary_gain = 0.0);
+        tried.sort_by(by_score);
+        let alike = tried.iter().take_while(|other| tried[0].score() - other.score() < ALIKE).count();
+        let fits: Vec<&Fit> = tried[..alike].iter().map(|tried| &tried.fit).collect();
+        let Some(gains) = (alike > 1).then(|| auxiliary::auxiliary_gains(&self.data, &fits)).flatten() else { return };
+        tried[..alike].iter_mut().zip(gains).for_each(|(tried, gain)| tried.auxiliary_gain = gain);
+        tried.sort_by(by_score);
+    }
+
+    /// InitialCondition of a kind with what they would leave. Around the best of a single value it looks closer: a limit is felt only
+    /// where the commands are.
+    pub fn screen(&self, score_test: &ScoreTest, scan: &Scan, from: &Fit, kind: &'static Kind) -> Vec<Screened> {
+        // Where the alignment has taken over much of a delay, a start that brings its own is evaluated without it too: so far the
+        // linearization does not hold.
+        let has_time_offset = from.has_time_offset(&self.data);
+        let data = &self.data;
+        let evaluate = |start: &Candidate| {
+            let with = score_test.predict(data, start, false);
+            let without = has_time_offset.then(|| score_test.predict(data, start, true)).flatten();
+            [with, without].into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0))
+        };
+        let mut evaluated: Vec<(f64, Candidate, Hypothesis)> = Vec::new();
+        let look = |evaluated: &mut Vec<(f64, Candidate, Hypothesis)>, starts: Vec<Candidate>| {
+            let looked = |start: Candidate| evaluate(&start).map(|(left, moved)| (left, start, moved));
+            evaluated.par_extend(starts.into_par_iter().filter_map(looked));
+            evaluated.sort_by(|a, b| a.0.total_cmp(&b.0));
+        };
+        let valleys = if quantizer_step::is_quantizer(kind) {
+            quantizer_step::steps(&self.data, from, kind)
+        } else {
+            scan.valleys(kind, GRID)
+        };
+        let is_jumping = !valleys.is_empty();
+        let modes = if resonance::is_mode(kind) { resonance::modes(&self.data, from, kind) } else { Vec::new() };
+        let starts = [valleys, modes].into_iter().find(|starts| !starts.is_empty());
+        look(&mut evaluated, starts.unwrap_or_else(|| Candidate::starts(kind, self.data.has_logs())));
+        look(&mut evaluated, clips::starts(&self.data, kind));
+        if is_jumping {
+            // Down into the lowest.
+            for round in 0..VALLEY_LOOKS {
+                let Some(best) = evaluated.first().map(|best| best.1.clone()) else { break };
+                look(&mut evaluated, best.around(VALLEY_NARROWING.powi(round), VALLEY_STEPS));
+            }
+        } else if Candidate::searched(kind).count() == 1 {
+            for _ in 0..CLOSER_LOOKS {
+                let between = Candidate::around_best(&evaluated);
+                look(&mut evaluated, between);
+            }
+            let vertex = Candidate::vertex(&evaluated);
+            look(&mut evaluated, vertex.into_iter().collect());
+        }
+        evaluated.into_iter().map(|(left, _, moved)| (left, moved, kind)).collect()
+    }
+
+    /// The part of the chi-square of `before` that `fit` leaves; 0 where it leaves no more than noise.
+    fn leaves(&self, fit: &Fit, before: &Fit) -> f64 {
+        let left = |fit: &Fit| excess(&self.data, &fit.hypothesis, Split::Train);
+        if left(fit).is_noise() { 0.0 } else { left(fit).over() / left(before).over() }
+    }
+
+    /// Finds the effects.
+    pub fn explain(&mut self, base: &Hypothesis) -> Option<Explanation> {
+        if self.data.records.iter().any(|record| record.log.is_some()) {
+            return self.explain_logs(base);
+        }
+        self.find_initial_condition(base);
+        self.take_hum_out(base)?;
+        let before = self.settle(base, self.lags)?;
+        let noise = self.data.clone();
+        let screened = self.screened(&before, &[]);
+        let promised = weak_evidence::promised(&before, &screened);
+        let tried = self.tries_of(&before, screened);
+        let weak_evidence = weak_evidence::weak_evidence(promised, &tried);
+        let (after, found) = match self.one_at_a_time(&before, &tried)? {
+            Built::Explained(after, found) if found.is_empty() => {
+                self.in_noise_of(noise, |search| search.explain_starts(&before)).unwrap_or((after, found))
+            }
+            // Two that leave a little may stand in for two others.
+            Built::Explained(after, found) if found.len() >= ENOUGH_EFFECTS && !self.is_surely_noise(&after) => {
+                let others = self.in_noise_of(noise, |search| {
+                    search.two_at_once(&tried).filter(|(others, _)| search.is_surely_noise(others))
+                });
+                others.unwrap_or((after, found))
+            }
+            Built::Explained(after, found) => (after, found),
+            Built::Hopeless => {
+                self.data.clone_from(&noise);
+                match self.two_at_once(&tried) {
+                    Some(explained) => explained,
+                    None => {
+                        self.data = noise;
+                        return Some(Explanation::of_nothing(before, tried, weak_evidence));
+                    }
+                }
+            }
+        };
+        let after = profile_non_smooth(&self.data, after)?;
+        Some(Explanation { before, after, found, tried, weak_evidence })
+    }
+
+    /// Adds the effect that is worth most, beginning with one of those that were tried beside the lags alone, `first_tried`, until
+    /// nothing is worth a name.
+    pub fn one_at_a_time(&mut self, before: &Fit, first_tried: &[Tried]) -> Option<Built> {
+        let mut current = before.clone();
+        let mut effects: Vec<Tried> = Vec::new();
+        let mut last_tried = first_tried.to_vec();
+        let mut has_to_explain_all = false;
+        while effects.len() < MOST_EFFECTS {
+            if !effects.is_empty() {
+                let named: Vec<&'static Kind> = effects.iter().map(|effect| effect.kind).collect();
+                last_tried = self.tries(&current, &named);
+            }
+            // Before the noise is taken from what it leaves, which may be long.
+            let best = last_tried.iter().find(|tried| tried.is_worth_a_name());
+            if effects.len() + 1 == ENOUGH_EFFECTS
+                && best.is_some_and(|best| self.leaves(&best.fit, before) > 2.0 * HOPELESS)
+            {
+                return Some(Built::Hopeless);
+            }
+            let Some(step) = self.next_effect(&last_tried, effects.is_empty()) else { break };
+            has_to_explain_all |= step.is_backtracking;
+            effects.push(step.tried);
+            current = self.in_frames(step.fit)?;
+            if effects.len() >= ENOUGH_EFFECTS {
+                match self.leaves(&current, before) {
+                    0.0 => break,
+                    part if part > HOPELESS => return Some(Built::Hopeless),
+                    _ => {}
+                }
+            }
+        }
+        let (after, found) = match &effects[..] {
+            // Nothing beside which it could look different.
+            [only] => {
+                let others = first_tried.iter().filter(|other| other.kind != only.kind && other.may_be_named());
+                let alike = |other: &&Tried| only.score() - other.score() < ALIKE;
+                let alternatives = others.filter(alike).map(|other| other.kind).collect();
+                (current, vec![Found { kind: only.kind, score: only.score(), alternatives }])
+            }
+            _ => self.review(current, Some(last_tried))?,
+        };
+        let is_believed = !has_to_explain_all || self.explains_all(&after);
+        Some(if is_believed { Built::Explained(after, found) } else { Built::Hopeless })
+    }
+
+    /// Searches in the noise that the lags alone were evaluated by, which what was tried since may have changed. Where nothing is found
+    /// the records are as they were.
+    fn in_noise_of<T>(&mut self, noise: Dataset, search: impl FnOnce(&mut Self) -> Option<T>) -> Option<T> {
+        let own = std::mem::replace(&mut self.data, noise);
+        let found = search(self);
+        if found.is_none() {
+            self.data = own;
+        }
+        found
+    }
+
+    fn is_surely_noise(&self, fit: &Fit) -> bool {
+        excess(&self.data, &fit.hypothesis, Split::Train).is_surely_noise()
+    }
+
+    /// Whether `fit` leaves nothing but noise.
+    pub fn explains_all(&self, fit: &Fit) -> bool {
+        excess(&self.data, &fit.hypothesis, Split::Train).is_noise()
+            && steadiness(&self.data, &fit.hypothesis).is_noise()
+    }
+
+    /// `found` with the frames of its last effect where all records have them. A rate that is off by a part of a frame over a record
+    /// leaves more than a further effect does, which would be looked for in vain.
+    fn in_frames(&mut self, found: Fit) -> Option<Fit> {
+        if found.hypothesis.effects.last().is_none_or(|effect| effect.phases.is_empty()) {
+            return Some(found);
+        }
+        let sharp = profile_non_smooth(&self.data, found)?;
+        self.settle(&sharp.hypothesis, self.lags)
+    }
+}

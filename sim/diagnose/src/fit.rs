@@ -1,0 +1,241 @@
+//! Least squares of white residuals over all records at once.
+//!
+//! Each record's residual depends on its own lag and on the effects, so derivatives are taken record by record and summed
+//! up into the normal equations: memory does not grow with the number of records. The step is Levenberg's and Marquardt's.
+
+use nalgebra::{Cholesky, DMatrix, Matrix2, Vector2};
+use rotorlead_plant::effect::{Site, Use};
+
+use super::candidate::{Candidate, slope};
+use super::dataset::Dataset;
+use super::hypothesis::{Coordinate, Hypothesis};
+use super::linearization::{EFFECT_STEP, Linearization, damped_step};
+use super::residual::time_offset_std;
+
+/// Most steps of a search.
+pub(super) const MOST_STEPS: usize = 25;
+/// A search ends where a step gains less than this in the sum of squares: a twentieth of what one parameter gains by chance.
+const ENOUGH: f64 = 0.05;
+/// Standard deviations of an interval of 95 %.
+const TWO_SIDED: f64 = 1.96;
+/// That of effects in the end: where many commands come to a limit or leave it, a derivative over a longer way is another one.
+const FINE_STEP: f64 = 1e-4;
+/// How far it is looked around for a better place where the chi-square has kinks, in coordinates, and how often.
+const LOOKS: [f64; 5] = [0.03, 0.01, 3e-3, 1e-3, 3e-4];
+const MOST_LOOKS: usize = 8;
+
+/// A hypothesis fitted to the records.
+#[derive(Clone, Debug)]
+pub(super) struct Fit {
+    /// With the values that fit best.
+    pub hypothesis: Hypothesis,
+    /// Sum of squares of the white residual over what is fitted.
+    pub chi_square: f64,
+    /// What was searched.
+    pub coordinates: Vec<Coordinate>,
+    /// Products of the derivatives by them: the inverse of their covariance.
+    pub information: DMatrix<f64>,
+    /// Covariance of the coordinates.
+    pub covariance: Option<DMatrix<f64>>,
+}
+
+/// Searches the values of `start` that fit best; the lags only where `lags` says so. `None` where `start` is impossible.
+pub(super) fn fit(data: &Dataset, start: &Hypothesis, lags: bool) -> Option<Fit> {
+    fit_in(data, start, lags, MOST_STEPS)
+}
+
+/// The same in so many steps at most.
+///
+/// Derivatives cost several simulations, a step along them one: they serve for more steps as long as these gain at least half
+/// of what they promise.
+pub(super) fn fit_in(data: &Dataset, start: &Hypothesis, lags: bool, most_steps: usize) -> Option<Fit> {
+    fit_of(data, start, start.coordinates(lags), most_steps)
+}
+
+/// [`fit`] for what is `behind` another hypothesis, in log likelihood: given up where at its pace it cannot catch up.
+pub(super) fn fit_behind(data: &Dataset, start: &Hypothesis, lags: bool, behind: f64) -> Option<Fit> {
+    let enough = ENOUGH.max(2.0 * behind / MOST_STEPS as f64);
+    search(data, start, start.coordinates(lags), Pace { most_steps: MOST_STEPS, enough })
+}
+
+/// The same of these coordinates alone.
+pub(super) fn fit_of(
+    data: &Dataset,
+    start: &Hypothesis,
+    coordinates: Vec<Coordinate>,
+    most_steps: usize,
+) -> Option<Fit> {
+    search(data, start, coordinates, Pace { most_steps, enough: ENOUGH })
+}
+
+/// How long a search goes on.
+#[derive(Clone, Copy)]
+struct Pace {
+    most_steps: usize,
+    /// What a step has to gain in the sum of squares for another one to follow.
+    enough: f64,
+}
+
+fn search(data: &Dataset, start: &Hypothesis, coordinates: Vec<Coordinate>, pace: Pace) -> Option<Fit> {
+    let has_effects = coordinates.iter().any(|coordinate| matches!(coordinate, Coordinate::Effect { .. }));
+    let mut found = descend(data, start, coordinates, EFFECT_STEP, pace)?;
+    if has_effects && pace.most_steps >= MOST_STEPS {
+        found = descend(data, &found.at, found.linearization.coordinates, FINE_STEP, pace)?;
+        for _ in 0..MOST_LOOKS {
+            let Some(at) = look_around(data, &found) else { break };
+            let other = descend(data, &at, found.linearization.coordinates.clone(), FINE_STEP, pace)?;
+            // It was evaluated to first order only.
+            if other.sum >= found.sum {
+                break;
+            }
+            found = other;
+        }
+    }
+    let Descent { at, sum, linearization } = found;
+    let Linearization { coordinates, matrix, .. } = linearization;
+    Some(Fit { hypothesis: at, chi_square: sum, covariance: inverse(&matrix), information: matrix, coordinates })
+}
+
+/// A better place beside a search's end along a value that acts on the command: where levels of the command come to a limit
+/// or leave it the chi-square has kinks, at which a search by derivatives ends. All else follows to first order. `None` where
+/// there is none.
+fn look_around(data: &Dataset, found: &Descent) -> Option<Hypothesis> {
+    let acts_on_command = |coordinate: &&Coordinate| match coordinate {
+        Coordinate::Effect { effect, .. } => found.at.effects[*effect].kind.site <= Site::Command,
+        _ => false,
+    };
+    let mut best: Option<(f64, Hypothesis)> = None;
+    for &coordinate in found.linearization.coordinates.iter().filter(acts_on_command) {
+        let others = found.linearization.coordinates.iter().copied().filter(|other| *other != coordinate).collect();
+        let linearization = Linearization::at(data, &found.at, others)?;
+        let here = found.at.get(coordinate);
+        for distance in LOOKS.into_iter().flat_map(|distance| [-distance, distance]) {
+            let mut moved = found.at.clone();
+            moved.set(coordinate, here + distance);
+            let Some((left, there)) = linearization.predict(data, &moved) else { continue };
+            if left < best.as_ref().map_or(found.sum - ENOUGH, |best| best.0) {
+                best = Some((left, there));
+            }
+        }
+    }
+    best.map(|(_, there)| there)
+}
+
+/// Where a search ended.
+struct Descent {
+    at: Hypothesis,
+    sum: f64,
+    linearization: Linearization,
+}
+
+fn descend(
+    data: &Dataset,
+    start: &Hypothesis,
+    coordinates: Vec<Coordinate>,
+    effect_step: f64,
+    Pace { most_steps, enough }: Pace,
+) -> Option<Descent> {
+    let mut at = start.clone();
+    let mut linearization = Linearization::with_step(data, &at, coordinates, effect_step)?;
+    let (mut sum, mut gradient) = linearization.slope_here(data, &at)?;
+    let (mut damping, mut is_fresh) = (1e-3, true);
+    for _ in 0..most_steps {
+        let Some(step) = damped_step(&linearization.matrix, &gradient, damping) else { break };
+        let moved = linearization.moved(&at, &step);
+        let there = linearization.slope(data, &moved);
+        let gain = there.as_ref().map_or(f64::NEG_INFINITY, |there| sum - there.0);
+        let promised = -(2.0 * gradient.dot(&step) + step.dot(&(&linearization.matrix * &step)));
+        if gain > 0.0
+            && let Some(there) = there
+        {
+            at = moved;
+            (sum, gradient) = there;
+            damping = (damping * 0.2_f64).max(1e-9);
+            if gain < enough && is_fresh {
+                break;
+            }
+            is_fresh = false;
+            if gain >= 0.5 * promised && gain >= enough {
+                continue;
+            }
+        } else if is_fresh {
+            damping *= 10.0;
+            if damping > 1e3 || promised < enough {
+                break;
+            }
+            continue;
+        }
+        linearization = Linearization::with_step(data, &at, linearization.coordinates, effect_step)?;
+        (sum, gradient) = linearization.slope_here(data, &at)?;
+        is_fresh = true;
+    }
+    Some(Descent { at, sum, linearization })
+}
+
+/// Inverse with rows and columns scaled to a unit diagonal; what has no effect at all keeps a large variance.
+fn inverse(matrix: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    let scale = matrix.diagonal().map(|d| if d > 0.0 { d.sqrt().recip() } else { 1.0 });
+    let n = matrix.nrows();
+    let scaled = DMatrix::from_fn(n, n, |i, j| {
+        let value = matrix[(i, j)] * scale[i] * scale[j];
+        if i == j { value.max(1e-12) * (1.0 + 1e-10) } else { value }
+    });
+    let inverse = Cholesky::new(scaled)?.inverse();
+    Some(DMatrix::from_fn(n, n, |i, j| inverse[(i, j)] * scale[i] * scale[j]))
+}
+
+impl Fit {
+    /// Squared length of a change of two coordinates in their standard errors and correlation. `None` where they were not
+    /// searched.
+    pub fn distance(&self, coordinates: [Coordinate; 2], off: [f64; 2]) -> Option<f64> {
+        let off = Vector2::from(off);
+        Some(off.dot(&(self.covariance_of(coordinates)?.try_inverse()? * off)))
+    }
+
+    /// Covariance of two coordinates, whatever the others are. `None` where they were not searched.
+    pub fn covariance_of(&self, coordinates: [Coordinate; 2]) -> Option<Matrix2<f64>> {
+        let covariance = self.covariance.as_ref()?;
+        let [i, j] = coordinates.map(|one| self.coordinates.iter().position(|other| *other == one));
+        let (i, j) = (i?, j?);
+        Some(Matrix2::new(covariance[(i, i)], covariance[(i, j)], covariance[(j, i)], covariance[(j, j)]))
+    }
+
+    /// Whether the interval of 95 % of each value of an effect excludes the value at which the effect vanishes.
+    pub fn excludes_absence(&self, effect: usize) -> bool {
+        let candidate = &self.hypothesis.effects[effect];
+        Candidate::searched(candidate.kind)
+            .filter(|(_, parameter)| parameter.null.is_finite() && parameter.usage == Use::Fitted)
+            .all(|(value, parameter)| {
+                let std = self.std(Coordinate::Effect { effect, value }).unwrap_or(f64::INFINITY);
+                let std = std * slope(parameter, candidate.values[value]).abs();
+                (candidate.values[value] - parameter.null).abs() > TWO_SIDED * std
+            })
+    }
+
+    /// Whether no value of its last effect lies beyond its plausible range, seen from where the effect vanishes, by more than
+    /// the value may be off.
+    pub fn is_plausible(&self) -> bool {
+        let Some((effect, candidate)) = self.hypothesis.effects.iter().enumerate().next_back() else { return true };
+        candidate.is_plausible(|value| {
+            let std = self.std(Coordinate::Effect { effect, value }).unwrap_or(0.0);
+            TWO_SIDED * std * slope(&candidate.kind.parameters[value], candidate.values[value]).abs()
+        })
+    }
+
+    /// Standard deviation of a coordinate, by the noise.
+    pub fn std(&self, coordinate: Coordinate) -> Option<f64> {
+        let place = self.coordinates.iter().position(|other| *other == coordinate)?;
+        let variance = self.covariance.as_ref()?[(place, place)];
+        (variance >= 0.0).then(|| variance.sqrt())
+    }
+
+    /// Whether its alignment is off by more than the rows leave open.
+    pub fn has_time_offset(&self, data: &Dataset) -> bool {
+        self.hypothesis.time_offset_s.abs() > 2.0 * time_offset_std(data)
+    }
+
+    /// Derivatives around it. `None` where they are not defined.
+    pub fn linearization(&self, data: &Dataset) -> Option<Linearization> {
+        Linearization::at(data, &self.hypothesis, self.coordinates.clone())
+    }
+}

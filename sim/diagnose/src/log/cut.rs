@@ -1,0 +1,287 @@
+//! What of a record can be compared: from where the motor runs steadily, without spikes and without what follows a gap.
+
+use std::fmt;
+
+use rotorlead_identify::IdentifyError;
+use rotorlead_identify::steps::{Run, SAME_LEVEL, StepsError, rows_after_gaps, without_spikes};
+use rotorlead_records::{Excitation, Output, Record as SourceRecord};
+
+use super::errors::{Errors, Filter, Part, measure, rows_of};
+use super::{Group, Log};
+use crate::DiagnoseError;
+use crate::dataset::Split;
+
+/// Parts into which a record without plateaus is cut for its splits.
+const BLOCKS: usize = 10;
+/// After a gap of the logger in which the command may have moved, so many seconds are not compared where there is no plateau that
+/// settles.
+const AFTER_GAP_S: f64 = 0.5;
+/// A record without plateaus has its noise from what a parabola through so many rows leaves.
+const PARABOLA_ROWS: usize = 9;
+/// Noise below this share of the response's range is taken for this.
+const LEAST_NOISE: f64 = 1e-5;
+/// Where a plateau has settled, about so many of its rows are searched on: they all say the same.
+const SETTLED_ROWS: usize = 60;
+/// Rows over which the correlation of the noise is summed.
+const NOISE_LAGS: usize = 60;
+
+/// Rows of a record that are not compared.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct CutRows {
+    /// The record's file.
+    pub file: String,
+    /// Rows of the record.
+    pub rows: usize,
+    /// Rows before the motor runs settled on a level.
+    pub start: usize,
+    /// Rows after it stops.
+    pub end: usize,
+    /// Readings that no rotor can have made.
+    pub spikes: usize,
+    /// Rows after gaps of the logger in which the command changed.
+    pub after_gaps: usize,
+    /// Rows on which the response stands on a limit of its scale, or comes back from one.
+    pub limited: usize,
+}
+
+impl CutRows {
+    /// Whether anything was cut.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.start + self.end + self.spikes + self.after_gaps + self.limited == 0
+    }
+}
+
+impl fmt::Display for CutRows {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let parts = [
+            (self.start, "before the motor runs steadily"),
+            (self.end, "after it stops"),
+            (self.spikes, "that are spikes"),
+            (self.after_gaps, "after gaps of the logger in which the command changed"),
+            (self.limited, "on which the response stands on a limit of its scale"),
+        ];
+        let said = parts.iter().filter(|(rows, _)| *rows > 0).map(|(rows, what)| format!("{rows} {what}"));
+        let said = said.collect::<Vec<_>>().join(", ");
+        write!(f, "{}: of {} rows {}", self.file, self.rows, if said.is_empty() { "none" } else { &said })
+    }
+}
+
+/// A record's rows from the first that is compared to the last, with what was measured there.
+pub(crate) struct Prepared {
+    /// The first row of the record that is taken.
+    pub from: usize,
+    /// The response, spikes replaced.
+    pub measured: Vec<f64>,
+    /// The rest.
+    pub log: Log,
+}
+
+/// Prepares a record that does not repeat. `Ok(None)` where the motor does not run steadily.
+///
+/// # Errors
+/// [`DiagnoseError`] for a record without a response, and a command or response that never changes.
+pub(crate) fn prepare(source: &SourceRecord, output: Output) -> Result<Option<Prepared>, DiagnoseError> {
+    let response = rotorlead_identify::response_of(source, output)?;
+    let constant = |values: &[f64]| values.iter().all(|value| *value == values[0]);
+    if constant(&source.command) {
+        return Err(IdentifyError::ConstantCommand { file: source.file.clone() }.into());
+    }
+    if constant(response) {
+        return Err(IdentifyError::ConstantResponse { file: source.file.clone() }.into());
+    }
+    let run = match Run::of(source, output) {
+        Ok(run) => Some(run),
+        Err(StepsError::NotRunning { .. }) => None,
+        Err(error) => return Err(DiagnoseError::Steps(error)),
+    };
+    let stepped = matches!(source.excitation, Excitation::Step | Excitation::Staircase);
+    // A record of anything may well be a staircase.
+    let whole = |run: &Run| 2 * run.rows().len() > source.time_s.len();
+    Ok(match run {
+        Some(run) if stepped || whole(&run) => Some(of_run(source, run)),
+        _ if stepped => None,
+        _ => Some(of_whole(source, response)),
+    })
+}
+
+/// The longest run of plateaus.
+fn of_run(source: &SourceRecord, run: Run) -> Prepared {
+    let rows = run.rows();
+    let time_s = &source.time_s[rows.clone()];
+    let measured = run.clean[rows.clone()].to_vec();
+    let mut kept: Vec<bool> = run.spike[rows.clone()].iter().map(|spike| !spike).collect();
+    let spikes = kept.iter().filter(|kept| !**kept).count();
+    let mut limited = 0;
+    for (kept, shows) in kept.iter_mut().zip(run.rows_that_show()) {
+        limited += usize::from(*kept && !shows);
+        *kept &= shows;
+    }
+    let mut levels: Vec<f64> = run.plateaus.iter().map(|plateau| plateau.command).collect();
+    levels.sort_by(f64::total_cmp);
+    levels.dedup_by(|a, b| (*a - *b).abs() <= SAME_LEVEL);
+    let floor = LEAST_NOISE * range(&measured);
+    let (gaps, _) = rows_after_gaps(time_s);
+    let mut groups: Vec<Group> = Vec::new();
+    let mut after_gaps = 0;
+    let mut before = run.plateaus[0].command;
+    for plateau in &run.plateaus {
+        let mut own = plateau.clone();
+        own.rows = plateau.rows.start - rows.start..plateau.rows.end - rows.start;
+        // Nobody knows when in a gap the command changed.
+        if gaps.binary_search(&own.rows.start).is_ok() && !groups.is_empty() {
+            for kept in &mut kept[own.rows.start..own.settled().start] {
+                after_gaps += usize::from(*kept);
+                *kept = false;
+            }
+        }
+        groups.push(Group {
+            rows: own.rows.clone(),
+            command: own.command,
+            step: own.command - before,
+            rank: levels.partition_point(|level| *level < own.command - SAME_LEVEL),
+            noise: own.std.max(floor),
+            split: Split::Train,
+            plateau: Some(own),
+        });
+        before = plateau.command;
+    }
+    let cut = CutRows {
+        file: source.file.clone(),
+        rows: source.time_s.len(),
+        start: rows.start,
+        end: source.time_s.len() - rows.end,
+        spikes,
+        after_gaps,
+        limited,
+    };
+    let rows_per_sample = rows_per_sample(&measured, &groups);
+    let log = log(groups, kept, cut, true, rows_per_sample, time_s, &measured);
+    Prepared { from: rows.start, measured, log }
+}
+
+/// All rows of a record without plateaus.
+fn of_whole(source: &SourceRecord, response: &[f64]) -> Prepared {
+    let (measured, spike) = without_spikes(response);
+    let time_s = &source.time_s;
+    let mut kept: Vec<bool> = spike.iter().map(|spike| !spike).collect();
+    let spikes = kept.iter().filter(|kept| !**kept).count();
+    let mut after_gaps = 0;
+    for row in rows_after_gaps(time_s).0 {
+        let end = time_s.partition_point(|t| *t < time_s[row] + AFTER_GAP_S);
+        for kept in &mut kept[row..end] {
+            after_gaps += usize::from(*kept);
+            *kept = false;
+        }
+    }
+    let noise = parabola_noise(time_s, &measured).max(LEAST_NOISE * range(&measured));
+    let count = time_s.len();
+    let blocks = BLOCKS.min(count / (2 * PARABOLA_ROWS)).max(1);
+    let groups = (0..blocks).map(|block| {
+        let rows = block * count / blocks..(block + 1) * count / blocks;
+        let command = source.command[rows.clone()].iter().sum::<f64>() / rows.len() as f64;
+        Group { rows, command, step: 0.0, plateau: None, rank: block, noise, split: Split::Train }
+    });
+    let groups = groups.collect();
+    let cut = CutRows { file: source.file.clone(), rows: count, start: 0, end: 0, spikes, after_gaps, limited: 0 };
+    let log = log(groups, kept, cut, false, 1.0, time_s, &measured);
+    Prepared { from: 0, measured, log }
+}
+
+fn log(
+    groups: Vec<Group>,
+    kept: Vec<bool>,
+    cut: CutRows,
+    begins_settled: bool,
+    rows_per_sample: f64,
+    time_s: &[f64],
+    measured: &[f64],
+) -> Log {
+    let parts = |(index, group): (usize, &Group)| {
+        let settled = |group: &Group| {
+            group.plateau.as_ref().map_or_else(Vec::new, |plateau| {
+                rows_of(plateau.settled(), &kept, (plateau.settled().len() / SETTLED_ROWS).max(1))
+            })
+        };
+        let begin = group.plateau.as_ref().map_or(group.rows.end, |plateau| plateau.settled().start);
+        let before = index.checked_sub(1).map(|before| settled(&groups[before]));
+        // Of the plateau that a record begins with nothing moves.
+        let moving = if before.is_none() && group.plateau.is_some() { group.rows.start } else { begin };
+        let moving = rows_of(group.rows.start..moving, &kept, 1);
+        Part {
+            settled: settled(group),
+            before: before.unwrap_or_default(),
+            moving: moving.into_iter().map(|row| (row, 0.0)).collect(),
+            size: 1.0,
+            left: 0.0,
+            enters: None,
+        }
+    };
+    let mut parts: Vec<Part> = groups.iter().enumerate().map(parts).collect();
+    measure(&mut parts, time_s, measured);
+    let mut searched = vec![false; kept.len()];
+    for part in &parts {
+        part.settled.iter().chain(part.moving.iter().map(|(row, _)| row)).for_each(|row| searched[*row] = true);
+    }
+    let mut log = Log {
+        searched,
+        parts,
+        kept,
+        cut,
+        begins_settled,
+        has_role: false,
+        rows_per_sample,
+        errors: Errors::default(),
+        fitted: Filter::default(),
+        held_out: Filter::default(),
+        groups,
+    };
+    log.set_filters();
+    log
+}
+
+fn range(values: &[f64]) -> f64 {
+    let (low, high) =
+        values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
+    high - low
+}
+
+/// Rows of settled noise that are worth one independent row in a sum of squares: `1 + 2 sum rho^2`.
+fn rows_per_sample(measured: &[f64], groups: &[Group]) -> f64 {
+    let mut products = [0.0; NOISE_LAGS + 1];
+    for group in groups {
+        let Some(plateau) = &group.plateau else { continue };
+        let settled = &measured[plateau.settled()];
+        if settled.len() <= NOISE_LAGS {
+            continue;
+        }
+        for (lag, product) in products.iter_mut().enumerate() {
+            let pairs = settled.iter().zip(&settled[lag..]);
+            *product += pairs.map(|(a, b)| (a - plateau.mean) * (b - plateau.mean)).sum::<f64>() / group.noise.powi(2);
+        }
+    }
+    let [power, products @ ..] = products;
+    if power <= 0.0 {
+        return 1.0;
+    }
+    1.0 + 2.0 * products.iter().map(|product| (product / power).powi(2)).sum::<f64>()
+}
+
+/// Standard deviation of what parabolas through a few rows each leave. Parabolas in the row serve for uneven rows too as long as
+/// the response is smooth over them.
+fn parabola_noise(time_s: &[f64], values: &[f64]) -> f64 {
+    let mut squares: Vec<f64> = Vec::new();
+    for (time_s, values) in time_s.chunks_exact(PARABOLA_ROWS).zip(values.chunks_exact(PARABOLA_ROWS)) {
+        let middle = time_s[PARABOLA_ROWS / 2];
+        let width = (time_s[PARABOLA_ROWS - 1] - time_s[0]).max(f64::MIN_POSITIVE);
+        let columns = nalgebra::DMatrix::from_fn(PARABOLA_ROWS, 3, |row, power| {
+            ((time_s[row] - middle) / width).powi(power as i32)
+        });
+        let right = nalgebra::DVector::from_column_slice(values);
+        let Ok(solution) = columns.clone().svd(true, true).solve(&right, 1e-12) else { continue };
+        squares.push((&columns * solution - right).norm_squared() / (PARABOLA_ROWS - 3) as f64);
+    }
+    // The median: where the command jumps no parabola fits. Of a chi-square of 6 it is 0.891 of the mean.
+    squares.sort_by(f64::total_cmp);
+    squares.get(squares.len() / 2).map_or(0.0, |median| (median / 0.891).sqrt())
+}

@@ -1,0 +1,94 @@
+//! How far model and log are apart on steps that were held out.
+
+use rayon::prelude::*;
+
+use crate::dataset::{Dataset, Record, Split};
+use crate::fit::fit_in;
+use crate::gap::{Gap, RecordGap, Squares, squares};
+use crate::hypothesis::Hypothesis;
+
+/// Steps of a search on a part of the steps.
+const STEPS: usize = 4;
+
+/// The gap on what a split holds out.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SplitGap {
+    /// What was fitted and what is evaluated, in words.
+    pub split: &'static str,
+    /// The gap.
+    pub gap: Gap,
+}
+
+/// Gap in total, record by record and split by split, each model fitted anew to the fitted part of each split; the first one
+/// only where `refitted` says so.
+pub(crate) fn gaps(
+    data: &Dataset,
+    before: &Hypothesis,
+    after: &Hypothesis,
+    refitted: bool,
+) -> (Gap, Vec<RecordGap>, Vec<SplitGap>) {
+    let folds = data.folds();
+    // Each with the errors that it leaves itself.
+    let own = if folds.is_empty() { None } else { data.weighed_by(before) };
+    let own = own.map_or_else(|| folds.clone(), |data| data.folds());
+    let evaluated: Vec<(&'static str, Vec<(usize, Squares)>)> = folds
+        .par_iter()
+        .zip(&own)
+        .map(|((words, fold), (_, own))| {
+            let fitted = |fold: &Dataset, hypothesis: &Hypothesis| {
+                fit_in(fold, hypothesis, true, STEPS).map_or_else(|| hypothesis.clone(), |fit| fit.hypothesis)
+            };
+            let before = if refitted { fitted(own, before) } else { before.clone() };
+            let after = fitted(fold, after);
+            let held_out =
+                fold.records.iter().enumerate().filter(|(_, record)| record.end_of(Some(Split::Holdout)) > 0);
+            let evaluated = held_out
+                .filter_map(|(place, record)| Some((place, squares(fold, record, &before, &after, Split::Holdout)?)));
+            (*words, evaluated.collect())
+        })
+        .collect();
+    let mut total = Squares::default();
+    let mut records = vec![Squares::default(); data.records.len()];
+    let mut splits = Vec::new();
+    for (split, parts) in evaluated {
+        let mut sum = Squares::default();
+        for (place, part) in parts {
+            records[place].add(part);
+            sum.add(part);
+        }
+        total.add(sum);
+        splits.push(SplitGap { split, gap: sum.gap() });
+    }
+    let evaluated = data.records.iter().zip(&records).filter(|(_, squares)| squares.is_any());
+    let records = evaluated.map(|(record, squares)| RecordGap {
+        file: record.file.clone(),
+        nominal: record.nominal,
+        gap: squares.gap(),
+    });
+    (total.gap(), records.collect(), splits)
+}
+
+/// Squares of one log over the rows of a purpose.
+pub(crate) fn log_squares(
+    data: &Dataset,
+    record: &Record,
+    before: &Hypothesis,
+    after: &Hypothesis,
+    split: Split,
+) -> Option<Squares> {
+    let log = record.log.as_ref()?;
+    let left = |hypothesis: &Hypothesis| {
+        let difference = hypothesis.difference(data, record)?;
+        let tau_s = hypothesis.base[record.point].time_constant_s;
+        let free = log.free(&difference, &record.time_s, tau_s);
+        Some(log.rows(split).map(|(row, _)| (difference[row] - free[row]).powi(2)).sum::<f64>())
+    };
+    let rows: Vec<(usize, f64)> = log.rows(split).map(|(row, group)| (row, group.noise)).collect();
+    let mean = rows.iter().map(|(row, _)| record.measured[*row]).sum::<f64>() / rows.len() as f64;
+    Some(Squares {
+        before: left(before)?,
+        after: left(after)?,
+        noise: rows.iter().map(|(_, noise)| noise * noise).sum(),
+        response: rows.iter().map(|(row, _)| (record.measured[*row] - mean).powi(2)).sum(),
+    })
+}

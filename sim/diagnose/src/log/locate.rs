@@ -1,0 +1,63 @@
+//! Where the chi-square of a log lies.
+//!
+//! The square of each row's residual over the variance of the noise there is 1 on average where only noise is left. Rows of
+//! correlated noise count as fewer.
+
+use crate::dataset::{Dataset, Record, Split};
+use crate::hypothesis::Hypothesis;
+use crate::locate::{Excess, LogParts, excitation_number};
+
+/// Parts of the time of a record.
+const TIMES: f64 = 10.0;
+/// Levels are put together to this many ranges.
+const LEVELS: f64 = 5.0;
+
+/// What a row leaves, with its excess.
+fn rows<'a>(
+    data: &Dataset,
+    record: &'a Record,
+    hypothesis: &Hypothesis,
+    split: Split,
+) -> Option<Vec<(usize, &'a super::Group, f64)>> {
+    let log = record.log.as_ref()?;
+    let difference = hypothesis.difference(data, record)?;
+    let free = log.free(&difference, &record.time_s, hypothesis.base[record.point].time_constant_s);
+    Some(log.rows(split).map(|(row, group)| (row, group, difference[row] - free[row])).collect())
+}
+
+/// What a hypothesis leaves of a log.
+pub(crate) fn excess(data: &Dataset, record: &Record, hypothesis: &Hypothesis, split: Split) -> Option<Excess> {
+    let per_sample = record.log.as_ref()?.rows_per_sample;
+    let rows = rows(data, record, hypothesis, split)?;
+    let sum = rows.iter().map(|(_, group, left)| (left / group.noise).powi(2)).sum::<f64>();
+    Some(Excess { sum: sum / per_sample, expected: rows.len() as f64 / per_sample })
+}
+
+/// Shares the chi-square of a log out.
+pub(crate) fn add(data: &Dataset, record: &Record, hypothesis: &Hypothesis, parts: &mut LogParts) {
+    let Some(rows) = rows(data, record, hypothesis, Split::Train) else { return };
+    let Some(log) = &record.log else { return };
+    let unit = log.rows_per_sample.recip();
+    let kind = excitation_number(record.excitation);
+    let (begin_s, end_s) = (record.time_s[0], record.time_s[record.time_s.len() - 1]);
+    let length_s = end_s - begin_s;
+    let commands = || log.groups.iter().map(|group| group.command);
+    let (low, high) = (commands().fold(f64::INFINITY, f64::min), commands().fold(f64::NEG_INFINITY, f64::max));
+    let bin = |value: f64, low: f64, high: f64, count: f64| {
+        let width = (high - low) / count;
+        let index = if width > 0.0 { ((value - low) / width).floor().clamp(0.0, count - 1.0) } else { 0.0 };
+        (low + index * width, low + (index + 1.0) * width)
+    };
+    for (row, group, left) in rows {
+        let excess = Excess { sum: unit * (left / group.noise).powi(2), expected: unit };
+        parts.time.add(bin(record.time_s[row] - begin_s, 0.0, length_s, TIMES), excess);
+        parts.nominal.add(bin(group.command, low, high, LEVELS), excess);
+        parts.excitation.add((kind, kind), excess);
+        if group.step != 0.0 {
+            parts.direction.add((group.step.signum(), group.step.signum()), excess);
+            // Steps of a staircase are alike or much larger: whole hundredths of the command.
+            let size = (100.0 * group.step.abs()).round() / 100.0;
+            parts.amplitude.add((size, size), excess);
+        }
+    }
+}

@@ -1,0 +1,248 @@
+//! The search for effects where records do not repeat.
+//!
+//! The steps are those of `explain`; what differs is how a kind is evaluated. What a model misses of a log is not noise but its own
+//! error, whose size is not known beforehand and shrinks as effects are found. So each explanation is evaluated by the errors that it
+//! leaves itself (`errors`): a generalized likelihood ratio, on all steps and on what the splits hold out.
+//!
+//! Staircases show fewer kinds than periodic records do, each from its best start.
+
+use rotorlead_plant::effect::{Kind, Shows, Site};
+use rotorlead_records::Output;
+
+use super::split::Folds;
+use crate::dataset::{Dataset, Record, Split};
+use crate::explain::{Explanation, FIRST_STEPS, Found, Search};
+use crate::fit::{Fit, fit_in};
+use crate::hypothesis::Hypothesis;
+use crate::residual::deviance;
+use crate::scan::Scan;
+use crate::score_test::ScoreTest;
+use crate::tried::{ALIKE, Tried, by_score, complexity_penalty};
+
+/// Most effects that are named: a staircase goes through the whole range of a motor, where more shows than around one command.
+const MOST_EFFECTS: usize = 5;
+/// How many kinds are finished and evaluated by what is held out, after a few steps of a search of each.
+const MOST_FINISHED: usize = 3;
+/// Steps of a search that finishes: the chi-square is of models and not of noise, so the last digits mean nothing.
+const LAST_STEPS: usize = 8;
+/// What an effect is worth at least that is named. More than where periods repeat: what a log leaves is estimated from the log itself.
+const LEAST_SCORE_IN_LOGS: f64 = 10.0;
+impl Dataset {
+    /// Whether any record does not repeat.
+    pub fn has_logs(&self) -> bool {
+        self.records.iter().any(|record| record.log.is_some())
+    }
+
+    /// Whether the records can show a kind.
+    fn can_show(&self, kind: &Kind) -> bool {
+        let any_repeats = || self.records.iter().any(|record| record.log.is_none());
+        match kind.shows {
+            Shows::Anywhere | Shows::OverLevels => true,
+            Shows::BetweenLevels => self.records.iter().any(|record| !record.goes_from_level_to_level()),
+            Shows::BetweenClocks => any_repeats(),
+            Shows::InForce => self.output == Output::ThrustN,
+        }
+    }
+
+    /// With the errors that a hypothesis leaves.
+    pub fn weighed_by(&self, hypothesis: &Hypothesis) -> Option<Self> {
+        let mut weighed = self.clone();
+        for record in weighed.records.iter_mut().filter(|record| record.log.is_some()) {
+            record.weigh_by(self, hypothesis)?;
+        }
+        Some(weighed)
+    }
+}
+
+impl Record {
+    fn goes_from_level_to_level(&self) -> bool {
+        self.log.as_ref().is_some_and(|log| log.begins_settled)
+    }
+}
+
+/// Parsimony rank of a kind, the simplest first: a map that is not straight, as levels are soon read off, and a response that
+/// is late as a whole, as a logger's may well be. Both pass for whatever else moves levels or slows the motor, so they come first
+/// where they are worth it, and each of the others has to be worth something beside them. They are dropped where one makes them
+/// redundant.
+fn parsimony_rank(kind: &Kind) -> usize {
+    match kind.site {
+        Site::Map => 0,
+        Site::Line => 1,
+        _ => 2,
+    }
+}
+
+/// A kind that was added, with those that would have done as well.
+struct Named {
+    kind: &'static Kind,
+    alternatives: Vec<&'static Kind>,
+}
+
+/// An explanation with the errors that it leaves.
+struct Evaluated {
+    data: Dataset,
+    fit: Fit,
+    /// Minus twice the log likelihood, but for a constant.
+    deviance: f64,
+}
+
+impl Evaluated {
+    /// Fits once more with the errors that `fit` leaves.
+    fn of(data: &Dataset, fit: &Fit, steps: usize) -> Option<Self> {
+        let weighed = data.weighed_by(&fit.hypothesis)?;
+        let fit = fit_in(&weighed, &fit.hypothesis, true, steps)?;
+        let data = weighed.weighed_by(&fit.hypothesis)?;
+        let deviance = deviance(&data, &fit.hypothesis, Split::Train)?;
+        Some(Self { data, fit, deviance })
+    }
+}
+
+impl Search<'_> {
+    /// Finds the effects.
+    pub(crate) fn explain_logs(&mut self, base: &Hypothesis) -> Option<Explanation> {
+        if self.data.records.iter().any(|record| record.log.is_none()) {
+            self.find_initial_condition(base);
+            self.take_hum_out(base)?;
+        }
+        let before = self.settle(base, true)?;
+        let mut current = before.clone();
+        let mut first_tried = None;
+        let mut named: Vec<Named> = Vec::new();
+        let mut dropped: Vec<&'static Kind> = Vec::new();
+        loop {
+            current = self.extend(current, &mut named, &dropped, &mut first_tried)?;
+            let (after, found, redundant) = self.eliminate(current, &named)?;
+            if redundant.is_empty() {
+                let tried = first_tried.unwrap_or_default();
+                return Some(Explanation { before, after, found, tried, weak_evidence: Vec::new() });
+            }
+            // What stood in the place of others is gone, and does not come back: the search ends.
+            named.retain(|named| !redundant.contains(&named.kind));
+            dropped.extend(redundant);
+            current = after;
+        }
+    }
+
+    /// Adds effects to `current` one at a time as long as any is worth it.
+    fn extend(
+        &mut self,
+        mut current: Fit,
+        named: &mut Vec<Named>,
+        dropped: &[&'static Kind],
+        first_tried: &mut Option<Vec<Tried>>,
+    ) -> Option<Fit> {
+        while named.len() < MOST_EFFECTS {
+            let exclude: Vec<&'static Kind> =
+                named.iter().map(|named| named.kind).chain(dropped.iter().copied()).collect();
+            let tried = self.tries_on_logs(&current, &exclude);
+            first_tried.get_or_insert_with(|| tried.clone());
+            // Something like an effect, but larger than it can be, is none of the catalog; nor is one that may as well not be
+            // there.
+            let is_one = |tried: &&Tried| {
+                let hypothesis = &tried.fit.hypothesis;
+                let last = hypothesis.effects.len() - 1;
+                hypothesis.effects[last].is_plausible(|_| 0.0) && tried.fit.excludes_absence(last)
+            };
+            let tried: Vec<&Tried> = tried.iter().filter(is_one).collect();
+            let is_worth_it = |tried: &&&Tried| is_worth_it(tried);
+            // The first of those that are as dull is worth most.
+            let Some(best) = tried.iter().filter(is_worth_it).min_by_key(|tried| parsimony_rank(tried.kind)) else {
+                break;
+            };
+            let is_alike = |other: &&&Tried| other.kind != best.kind && (best.score() - other.score()).abs() < ALIKE;
+            let alternatives = tried.iter().filter(is_alike).map(|other| other.kind).collect();
+            named.push(Named { kind: best.kind, alternatives });
+            current = self.settle(&best.fit.hypothesis.clone(), true)?;
+        }
+        Some(current)
+    }
+
+    /// Kinds that improve on `from`, best first.
+    fn tries_on_logs(&self, from: &Fit, exclude: &[&'static Kind]) -> Vec<Tried> {
+        let Some(score_test) = ScoreTest::new(&self.data, from) else { return Vec::new() };
+        let Some(scan) = Scan::new(&self.data, from) else { return Vec::new() };
+        let kinds = self.catalog.kinds().filter(|kind| kind.id != "parameter_error" && !exclude.contains(kind));
+        let mut screened: Vec<(f64, Hypothesis, &'static Kind)> = Vec::new();
+        for kind in kinds.filter(|kind| self.data.can_show(kind)) {
+            screened.extend(self.screen(&score_test, &scan, from, kind).into_iter().next());
+            (self.progress)();
+        }
+        let Some(before) = self.evaluated(from) else { return Vec::new() };
+        let mut followed: Vec<(Evaluated, &'static Kind)> = Vec::new();
+        for (_, start, kind) in screened {
+            let fit = fit_in(&self.data, &start, true, FIRST_STEPS);
+            followed.extend(
+                fit.and_then(|fit| Evaluated::of(&self.data, &fit, FIRST_STEPS)).map(|evaluated| (evaluated, kind)),
+            );
+            (self.progress)();
+        }
+        followed.sort_by(|a, b| a.0.deviance.total_cmp(&b.0.deviance));
+        let folds = Folds::of(&before.data, from);
+        let promising =
+            |(place, (_, kind)): &(usize, (Evaluated, &Kind))| *place < MOST_FINISHED || parsimony_rank(kind) < 2;
+        let finished = followed.into_iter().enumerate().filter(promising).filter_map(|(_, (evaluated, kind))| {
+            let evaluated = Evaluated::of(&evaluated.data, &evaluated.fit, LAST_STEPS)?;
+            (self.progress)();
+            let tried = tried(&before, &folds, evaluated, kind);
+            Some(tried)
+        });
+        let mut all: Vec<Tried> = finished.collect();
+        all.sort_by(by_score);
+        all
+    }
+
+    fn evaluated(&self, fit: &Fit) -> Option<Evaluated> {
+        let deviance = deviance(&self.data, &fit.hypothesis, Split::Train)?;
+        Some(Evaluated { data: self.data.clone(), fit: fit.clone(), deviance })
+    }
+
+    /// Drops one after the other what the others make redundant, or what may as well not be there beside them. Nothing is
+    /// exchanged, and what would have done as well is taken from when each was found.
+    fn eliminate(&mut self, mut current: Fit, named: &[Named]) -> Option<(Fit, Vec<Found>, Vec<&'static Kind>)> {
+        let mut redundant = Vec::new();
+        loop {
+            let now = self.evaluated(&current)?;
+            let (mut found, mut applied) = (Vec::new(), Vec::new());
+            for (effect, candidate) in current.hypothesis.effects.iter().enumerate() {
+                let rest = fit_in(&self.data, &current.hypothesis.without(effect), true, LAST_STEPS)?;
+                let rest = Evaluated::of(&self.data, &rest, FIRST_STEPS)?;
+                let folds = Folds::of(&rest.data, &rest.fit);
+                let with = Evaluated { data: now.data.clone(), fit: now.fit.clone(), ..now };
+                let tried = tried(&rest, &folds, with, candidate.kind);
+                let named = named.iter().find(|named| named.kind == candidate.kind);
+                let is_free = |kind: &&Kind| current.hypothesis.effects.iter().all(|effect| effect.kind != *kind);
+                let alternatives = named.map_or_else(Vec::new, |named| {
+                    named.alternatives.iter().filter(|kind| is_free(kind)).copied().collect()
+                });
+                found.push(Found { kind: candidate.kind, score: tried.score(), alternatives });
+                applied.push(is_worth_it(&tried) && current.excludes_absence(effect));
+                (self.progress)();
+            }
+            let untold = (0..found.len()).filter(|effect| !applied[*effect]);
+            let Some(least) = untold.min_by(|a, b| found[*a].score.total_cmp(&found[*b].score)) else {
+                return Some((current, found, redundant));
+            };
+            redundant.push(found[least].kind);
+            current = self.settle(&current.hypothesis.without(least), true)?;
+        }
+    }
+}
+
+/// Whether an effect is worth a name, and what was held out bears it out.
+fn is_worth_it(tried: &Tried) -> bool {
+    tried.score() >= LEAST_SCORE_IN_LOGS && tried.held_out_gain >= 0.0
+}
+
+/// What the last effect of a evaluated explanation is worth.
+fn tried(before: &Evaluated, folds: &Folds, with: Evaluated, kind: &'static Kind) -> Tried {
+    let fitted_gain = 0.5 * (before.deviance - with.deviance);
+    let held_out_gain = folds.gain(&with.data, &with.fit.hypothesis).unwrap_or(0.0);
+    Tried {
+        kind,
+        fit: with.fit,
+        fitted_gain,
+        held_out_gain,
+        complexity_penalty: complexity_penalty(kind),
+        auxiliary_gain: 0.0,
+    }
+}

@@ -1,0 +1,143 @@
+//! Identification from chirps: one first-order lag per nominal command.
+//!
+//! A chirp does not repeat, and a motor has not settled when it begins. The local polynomial method
+//! ([`LocalPolynomial`]) takes both into account and gives a frequency response with its noise; the lag is fitted to that
+//! ([`fit_first_order`]) as it is to the lines of a multisine. One line per window of the method is taken: those of one
+//! window share their noise, and the fit takes lines for independent.
+//!
+//! What does not repeat cannot be tested for a controller that acts on the response, so only records whose command is
+//! known to be played are taken: a chirp, and not a `free` record.
+
+use rotorlead_records::{Excitation, Experiment, Record, Role};
+
+use super::periodic::{NominalIdentification, PeriodicIdentification, SAME_NOMINAL, doubts};
+use super::stand::StandModel;
+use super::{
+    FirstOrderOptions, FitLine, HoldChain, IdentifyError, IdentifyWarning, LocalPolynomial, LocalPolynomialOptions,
+    fit_first_order, fit_percent, spectra,
+};
+use crate::saturation::{self, Limit};
+
+/// The highest line that is used, as a share of the row rate: above, the sensor's own filter shows.
+const HIGHEST_OF_ROW_RATE: f64 = 0.45;
+
+/// Lines with more than this many times the usual noise are beyond the chirp: they would weigh nothing in the fit, and be
+/// all of its % fit.
+const LEAST_EXCITED: f64 = 100.0;
+
+/// Lags from chirps.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ChirpIdentification {
+    /// By increasing nominal command. They have no multisine records and no distortion.
+    pub lags: PeriodicIdentification,
+    /// The records that they were fitted to.
+    pub files: Vec<String>,
+}
+
+/// Whether a lag can be fitted to a record as to a chirp.
+#[must_use]
+pub fn is_chirp_to_fit(record: &Record) -> bool {
+    record.excitation == Excitation::Chirp && record.role != Some(Role::Validate) && !record.compensated
+}
+
+/// Identifies a first-order lag at every nominal command of `experiment` that has a chirp without a compensator, roles of
+/// `validate` aside. `stand` is divided out.
+///
+/// # Errors
+/// [`IdentifyError::NoFitRecord`] without a chirp to fit, [`IdentifyError::GainMayBeZero`] when no response follows its
+/// command; whatever [`LocalPolynomial::of`] and [`fit_first_order`] find wrong.
+pub fn identify_chirps(
+    experiment: &Experiment,
+    options: &FirstOrderOptions,
+    stand: Option<&StandModel>,
+) -> Result<ChirpIdentification, IdentifyError> {
+    let mut records: Vec<&Record> = experiment.records.iter().filter(|record| is_chirp_to_fit(record)).collect();
+    records.sort_by(|a, b| a.nominal.total_cmp(&b.nominal));
+    let (mut nominals, mut files) = (Vec::new(), Vec::new());
+    for group in records.chunk_by(|a, b| b.nominal - a.nominal < SAME_NOMINAL) {
+        nominals.push(identify_nominal(experiment, group, options, stand)?);
+        files.extend(group.iter().map(|record| record.file.clone()));
+    }
+    if nominals.is_empty() {
+        return Err(IdentifyError::NoFitRecord { name: experiment.name.clone() });
+    }
+    Ok(ChirpIdentification { lags: PeriodicIdentification { nominals, warnings: Vec::new() }, files })
+}
+
+fn identify_nominal(
+    experiment: &Experiment,
+    group: &[&Record],
+    options: &FirstOrderOptions,
+    stand: Option<&StandModel>,
+) -> Result<NominalIdentification, IdentifyError> {
+    let nominal = group[0].nominal;
+    let (mut lines, mut warnings) = (Vec::new(), Vec::new());
+    for record in group {
+        lines.extend(lines_of(experiment, record, stand)?);
+        warnings.extend(suspicions(experiment, record)?);
+    }
+    let fit = fit_first_order(&lines, options)?;
+    let fit = doubts::with_longer_delay(&fit, &lines, options).unwrap_or(fit);
+    if doubts::may_be_zero(fit.gain) {
+        return Err(doubts::refusal(nominal, fit.gain, &warnings));
+    }
+    warnings.extend(doubts::of_fit(nominal, &fit, options.max_delay_s));
+    let measured: Vec<_> = lines.iter().map(|line| line.response).collect();
+    let model: Vec<_> = lines.iter().map(|line| fit.response_at(line)).collect();
+    Ok(NominalIdentification {
+        nominal,
+        fit_frequency_percent: fit_percent(&measured, &model),
+        fit,
+        responses: Vec::new(),
+        distortion: None,
+        robust: None,
+        squares: Vec::new(),
+        warnings,
+    })
+}
+
+/// One line per window of the local polynomial method, behind the holds and the stand.
+fn lines_of(
+    experiment: &Experiment,
+    record: &Record,
+    stand: Option<&StandModel>,
+) -> Result<Vec<FitLine>, IdentifyError> {
+    let row_rate_hz = spectra::row_rate_hz(record, experiment.sample_rate_hz)?;
+    let mut options = LocalPolynomialOptions::default();
+    options.band_hz.1 = options.band_hz.1.min(HIGHEST_OF_ROW_RATE * row_rate_hz);
+    let found = LocalPolynomial::of(experiment, record, &options)?.response;
+    let holds = HoldChain::new(row_rate_hz, experiment.command_rate_hz, experiment.esc_frame_hz)?;
+    let width = 2 * options.half_width + 1;
+    let line = |line: &super::ResponseLine| {
+        let line = FitLine {
+            omega_rad_s: line.omega_rad_s,
+            response: line.response,
+            variance: line.variance,
+            dof: 2.0 * found.degrees_of_freedom,
+            // One line per window, with the noise of that window alone.
+            pooled: 1.0,
+            images: holds.images(line.omega_rad_s),
+        };
+        match stand {
+            Some(stand) => line.through(|omega_rad_s| stand.shape(omega_rad_s)),
+            None => line,
+        }
+    };
+    let lines: Vec<FitLine> = found.lines.iter().skip(options.half_width).step_by(width).map(line).collect();
+    let mut variances: Vec<f64> = lines.iter().map(|line| line.variance).collect();
+    variances.sort_by(f64::total_cmp);
+    let most = LEAST_EXCITED * variances.get(variances.len() / 2).copied().unwrap_or_default();
+    Ok(lines.into_iter().filter(|line| line.variance <= most).collect())
+}
+
+/// What makes a record unfit for a linear model, and shows in its rows.
+fn suspicions(experiment: &Experiment, record: &Record) -> Result<Vec<IdentifyWarning>, IdentifyError> {
+    let response = spectra::response_of(record, experiment.output)?;
+    let limits = saturation::limits(response);
+    let column = experiment.output.column();
+    let saturated =
+        |&Limit { at, rows }: &Limit| IdentifyWarning::Saturated { file: record.file.clone(), column, rows, at };
+    let mut found: Vec<IdentifyWarning> = limits.iter().map(saturated).collect();
+    found.extend(doubts::of_rows(record, response, &limits));
+    Ok(found)
+}

@@ -1,0 +1,211 @@
+//! The rows of one record against what its experiment says.
+
+use miette::Diagnostic;
+use rotorlead_plant::Point;
+use rotorlead_records::{Excitation, Experiment, Record};
+
+use super::period::of_period;
+use super::repeats::of_repeats;
+use super::units::{of_command, of_response, of_time, usual_interval};
+use super::{Finding, RecordDoubt, Severity, Topic};
+use crate::periodic::doubts;
+use crate::saturation::{self, Limit};
+use crate::steps::rows_after_gaps;
+use crate::{IdentifyError, IdentifyWarning};
+
+/// Rows a second below which no motor's lag is seen.
+const SLOWEST_HZ: f64 = 40.0;
+/// Rows in a time constant, at least: then the pole is at a sixteenth of half the row rate.
+const ROWS_PER_LAG: f64 = 5.0;
+/// Periods below which the noise is hardly known.
+const FEWEST_PERIODS: usize = 3;
+/// A mean command further than this from `nominal` is another operating point.
+const SAME_NOMINAL: f64 = 0.01;
+/// An amplitude is the stated one within this share.
+const SAME_AMPLITUDE: f64 = 0.2;
+/// Correlation from which on a response goes against its command.
+const AGAINST: f64 = -0.5;
+/// The lag of a usual motor, seconds.
+const USUAL_LAG_S: f64 = 0.1;
+
+/// What speaks against a record, as a warning each; `is_force` where its command is a force.
+#[must_use]
+pub fn of_record(experiment: &Experiment, record: &Record, is_force: bool) -> Vec<Finding> {
+    let file = || record.file.clone();
+    let mut found = Vec::new();
+    let mut add = |topic, row, doubt: &dyn Diagnostic| {
+        found.push(Finding::new(Severity::Warning, topic, Some(&record.file), doubt).at_row(row));
+    };
+    let wrong_time = of_time(record, experiment.sample_rate_hz);
+    if let Some(doubt) = &wrong_time {
+        add(Topic::TimeUnit, None, doubt);
+    }
+    sampling(record, wrong_time.is_none(), &mut add);
+    if record.is_constant() {
+        add(Topic::Command, None, &IdentifyError::ConstantCommand { file: file() });
+    }
+    let wrong_command = of_command(record, experiment.output).filter(|_| !is_force);
+    if !is_force {
+        if let Some(doubt) = &wrong_command {
+            add(Topic::CommandUnit, doubt.row(), doubt);
+        } else {
+            command(record, &mut add);
+        }
+    }
+    if record.excitation == Excitation::Multisine
+        && let Ok(periods) = record.periods()
+        && periods.count < FEWEST_PERIODS
+    {
+        add(Topic::Periods, None, &RecordDoubt::FewPeriods { file: file(), periods: periods.count });
+    }
+    let Some(response) = record.response(experiment.output) else { return found };
+    let column = experiment.output.column();
+    if response.windows(2).all(|pair| pair[0] == pair[1]) {
+        add(Topic::Response, None, &IdentifyError::ConstantResponse { file: file() });
+        return found;
+    }
+    if let Some(doubt) = of_repeats(record, response, column) {
+        add(Topic::Response, None, &doubt);
+    }
+    // Neither a gain nor a lag is known from numbers in other units.
+    let is_known = !is_force && wrong_time.is_none() && wrong_command.is_none();
+    if is_known && let Some(follows) = Follows::of(record, response) {
+        if let Some(doubt) = of_response(record, experiment.output, response, follows.gain()) {
+            add(Topic::ResponseUnit, None, &doubt);
+        }
+        let correlation = follows.correlation;
+        if correlation < AGAINST {
+            add(Topic::Sign, None, &RecordDoubt::ReversedSign { file: file(), column, correlation });
+        }
+    }
+    for warning in unfitted(record, response, column) {
+        found.push(Finding::new(Severity::Warning, warning.topic(), Some(&record.file), &warning));
+    }
+    found
+}
+
+/// Whether rows are too few for the lags that were found.
+#[must_use]
+pub fn of_lag(record: &Record, points: &[Point]) -> Option<Finding> {
+    let rate_hz = 1.0 / usual_interval(&record.time_s)?;
+    let near = |point: &&Point| (point.nominal - record.nominal).abs();
+    let point = points.iter().min_by(|a, b| near(a).total_cmp(&near(b)))?;
+    let time_constant_s = point.time_constant_s;
+    let rows_per_lag = rate_hz * time_constant_s;
+    let needed_hz = (ROWS_PER_LAG / time_constant_s).ceil();
+    let file = record.file.clone();
+    (rows_per_lag < ROWS_PER_LAG).then(|| {
+        let doubt = RecordDoubt::FewRowsPerLag { file, rate_hz, time_constant_s, rows_per_lag, needed_hz };
+        Finding::new(Severity::Warning, Topic::Sampling, Some(&record.file), &doubt)
+    })
+}
+
+/// Gaps, uneven rows and slow ones. Slow rows are none where the times are in another unit.
+fn sampling(record: &Record, is_in_seconds: bool, add: &mut impl FnMut(Topic, Option<usize>, &dyn Diagnostic)) {
+    let file = || record.file.clone();
+    let (gaps, _) = rows_after_gaps(&record.time_s);
+    let interval = |row: usize| record.time_s[row] - record.time_s[row - 1];
+    let needs_every_row = matches!(record.excitation, Excitation::Multisine | Excitation::Chirp);
+    if let Some(&longest) = gaps.iter().max_by(|a, b| interval(**a).total_cmp(&interval(**b))) {
+        let (row, longest_s) = (longest + 1, interval(longest));
+        let doubt = RecordDoubt::Gaps { file: file(), count: gaps.len(), row, longest_s };
+        add(Topic::Sampling, doubt.row(), &doubt);
+    } else if needs_every_row && let Err(uneven) = record.sample_rate_hz() {
+        add(Topic::Sampling, uneven.row(), &uneven);
+    }
+    if is_in_seconds
+        && let Some(interval_s) = usual_interval(&record.time_s)
+        && 1.0 / interval_s < SLOWEST_HZ
+    {
+        add(Topic::Sampling, None, &RecordDoubt::SlowRows { file: file(), rate_hz: 1.0 / interval_s });
+    }
+}
+
+/// A command that was cut off, or is not the one that is stated.
+fn command(record: &Record, add: &mut impl FnMut(Topic, Option<usize>, &dyn Diagnostic)) {
+    let file = || record.file.clone();
+    let command = &record.command;
+    if matches!(record.excitation, Excitation::Multisine | Excitation::Triangle | Excitation::Chirp) {
+        for Limit { at, rows } in saturation::limits(command) {
+            add(Topic::Saturation, None, &RecordDoubt::CommandCutOff { file: file(), rows, at });
+        }
+    }
+    // A multisine's mean is judged where it is identified.
+    if let Some(doubt) = of_period(record) {
+        add(Topic::Periods, None, &doubt);
+    } else if matches!(record.excitation, Excitation::Square | Excitation::Triangle)
+        && let Ok(periods) = record.periods()
+    {
+        let whole = &command[..periods.samples * periods.count];
+        let mean = whole.iter().sum::<f64>() / whole.len() as f64;
+        if (mean - record.nominal).abs() > SAME_NOMINAL {
+            add(Topic::Command, None, &RecordDoubt::OtherNominal { file: file(), nominal: record.nominal, mean });
+        }
+    }
+    if let Some(stated) = record.amplitude.filter(|_| record.excitation.is_periodic() && !record.is_constant()) {
+        let low = command.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = command.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let found = (high - low) / 2.0;
+        if (found / stated - 1.0).abs() > SAME_AMPLITUDE {
+            add(Topic::Command, None, &RecordDoubt::OtherAmplitude { file: file(), stated, found });
+        }
+    }
+}
+
+/// What the rows of the response say where no fit looks at them.
+fn unfitted(record: &Record, response: &[f64], column: &'static str) -> Vec<IdentifyWarning> {
+    let saturated = |Limit { at, rows }| IdentifyWarning::Saturated { file: record.file.clone(), column, rows, at };
+    match record.excitation {
+        Excitation::Square | Excitation::Triangle => {
+            // A sensor of few steps without noise stands still on the plateau at either end; one that is cut off, at one.
+            let limits = match &saturation::limits(response)[..] {
+                [one] => vec![*one],
+                _ => Vec::new(),
+            };
+            let mut found = doubts::of_rows(record, response, &limits);
+            found.extend(limits.into_iter().map(saturated));
+            found
+        }
+        // A motor that stands still reads zero.
+        Excitation::Free => {
+            saturation::limits(response).into_iter().filter(|limit| limit.at != 0.0).map(saturated).collect()
+        }
+        _ => Vec::new(),
+    }
+}
+
+/// How a response follows its command behind the lag of a usual motor.
+struct Follows {
+    /// Of both, -1 to 1.
+    correlation: f64,
+    /// Response units per unit of command.
+    slope: f64,
+}
+
+impl Follows {
+    /// `None` where either is constant.
+    fn of(record: &Record, response: &[f64]) -> Option<Self> {
+        let mut level = *record.command.first()?;
+        let mut lagged = vec![level];
+        for (times, command) in record.time_s.windows(2).zip(&record.command) {
+            level += (command - level) * -(-(times[1] - times[0]) / USUAL_LAG_S).exp_m1();
+            lagged.push(level);
+        }
+        let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+        let (x_mean, y_mean) = (mean(&lagged), mean(response));
+        let (mut xx, mut yy, mut xy) = (0.0, 0.0, 0.0);
+        for (x, y) in lagged.iter().zip(response) {
+            let (x, y) = (x - x_mean, y - y_mean);
+            xx += x * x;
+            yy += y * y;
+            xy += x * y;
+        }
+        (xx > 0.0 && yy > 0.0).then(|| Self { correlation: xy / (xx * yy).sqrt(), slope: xy / xx })
+    }
+
+    /// The static gain, give or take a factor of two for another lag, whatever its sign; `None` where the response hardly
+    /// follows.
+    fn gain(&self) -> Option<f64> {
+        (self.correlation.abs() > -AGAINST).then_some(self.slope.abs())
+    }
+}

@@ -1,0 +1,288 @@
+//! Units that are not those of the columns, told by what numbers can be.
+
+use rotorlead_records::{Output, Record};
+
+use super::RecordDoubt;
+
+/// Rows that are further apart, in seconds, show no motor.
+const SLOWEST_ROWS_S: f64 = 0.5;
+/// Rates that loggers have, hertz.
+const RATES_HZ: std::ops::RangeInclusive<f64> = 20.0..=50_000.0;
+/// Units of time that loggers write, and their parts in a second.
+const PARTS: [(&str, f64); 3] = [("milliseconds", 1e3), ("microseconds", 1e6), ("nanoseconds", 1e9)];
+/// A command repeats when what differs is at most this share of what moves, in RMS...
+const REPEATS: f64 = 0.05;
+/// ...and does not from this share on.
+const DIFFERS: f64 = 0.2;
+/// A column around the nominal command, so near, is the command: a thrust of less than a newton might be there by chance only.
+const SAME_DUTY: f64 = 0.02;
+/// A rate is the stated one within this share.
+const SAME_RATE: f64 = 0.05;
+
+/// Gains beyond these are no motor's with a propeller, newtons per unit of command. The low one is a propeller of 50 mm, the
+/// high one lifts 25 kg by itself.
+const GAINS_N: (f64, f64) = (1.5, 250.0);
+/// Thrust per electrical power, newtons per watt: 2 to 20 grams-force a watt are usual, and these are far from both.
+const THRUST_N_PER_W: (f64, f64) = (0.01, 0.8);
+/// Electrical power of a motor that lifts, watts.
+const LEAST_POWER_W: f64 = 1.0;
+/// Gains beyond these are no motor's, revolutions per minute per unit of command.
+const GAINS_RPM: (f64, f64) = (1000.0, 100_000.0);
+
+/// What a command outside 0 to 1 seems to be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CommandUnit {
+    /// 0 to 100.
+    Percent,
+    /// A pulse width around 1000 to 2000.
+    Microseconds,
+    /// A pulse width around 1 to 2.
+    Milliseconds,
+    /// DSHOT, 48 to 2047.
+    Dshot,
+}
+
+impl CommandUnit {
+    /// The end of a sentence about the command.
+    pub(super) fn words(self) -> &'static str {
+        match self {
+            Self::Percent => "so it seems to be in percent",
+            Self::Microseconds => "so it seems to be a pulse width in microseconds",
+            Self::Milliseconds => "so it seems to be a pulse width in milliseconds",
+            Self::Dshot => "so it seems to be a DSHOT value",
+        }
+    }
+
+    /// How to make a duty of it.
+    pub(super) fn remedy(self) -> &'static str {
+        match self {
+            Self::Percent => "divide `command` by 100: it is a duty from 0 to 1",
+            Self::Microseconds => {
+                "write (command - low) / (high - low) with the ESC's pulse range, such as (command - 1000) / 1000"
+            }
+            Self::Milliseconds => {
+                "write (command - low) / (high - low) with the ESC's pulse range, such as command - 1"
+            }
+            Self::Dshot => "write (command - 48) / 1999: DSHOT's 48 to 2047 are the duty from 0 to 1",
+        }
+    }
+
+    /// Every unit, with what it reads from and to, and what it reads at a duty of 0 and of 1.
+    const READINGS: [(Self, [f64; 2], [f64; 2]); 4] = [
+        (Self::Percent, [0.0, 100.0], [0.0, 100.0]),
+        (Self::Milliseconds, [0.5, 2.5], [1.0, 2.0]),
+        (Self::Microseconds, [500.0, 2500.0], [1000.0, 2000.0]),
+        (Self::Dshot, [0.0, 2047.0], [48.0, 2047.0]),
+    ];
+
+    /// The unit in which a command that runs from `low` to `high` is nearest to its nominal duty; `None` where it fits in none.
+    fn of(low: f64, high: f64, nominal: f64) -> Option<Self> {
+        let fits = Self::READINGS.into_iter().filter(|(_, [least, most], _)| low >= *least && high <= *most);
+        let off = |[zero, one]: [f64; 2]| ((low + high) / 2.0 - zero) / (one - zero) - nominal;
+        fits.min_by(|a, b| off(a.2).abs().total_cmp(&off(b.2).abs())).map(|(unit, ..)| unit)
+    }
+}
+
+/// What a response seems to be in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ResponseUnit {
+    /// Grams-force instead of newtons.
+    Grams,
+    /// Kilograms-force or pounds-force instead of newtons.
+    Kilograms,
+    /// Revolutions per second or radians per second instead of revolutions per minute.
+    PerSecond,
+    /// Electrical revolutions instead of the shaft's.
+    Electrical,
+}
+
+impl ResponseUnit {
+    pub(super) fn column(self) -> &'static str {
+        match self {
+            Self::Grams | Self::Kilograms => "thrust_n",
+            Self::PerSecond | Self::Electrical => "rpm",
+        }
+    }
+
+    pub(super) fn words(self) -> &'static str {
+        match self {
+            Self::Grams => "grams-force, not newtons",
+            Self::Kilograms => "kilograms-force or pounds-force, not newtons",
+            Self::PerSecond => "revolutions or radians per second, not revolutions per minute",
+            Self::Electrical => "electrical revolutions per minute, not those of the shaft",
+        }
+    }
+
+    pub(super) fn remedy(self) -> &'static str {
+        match self {
+            Self::Grams => "multiply `thrust_n` by 0.00980665: a gram-force is so many newtons",
+            Self::Kilograms => {
+                "multiply `thrust_n` by 9.80665 where it is in kilograms-force, by 4.44822 where it is in pounds-force, unless the \
+                 motor is as small as that"
+            }
+            Self::PerSecond => "multiply `rpm` by 60, or by 9.5493 where it is in rad/s",
+            Self::Electrical => "divide `rpm` by the motor's pole pairs: half the number of its magnets",
+        }
+    }
+}
+
+/// Whether `command` is in a unit other than a duty, or is the response.
+pub(super) fn of_command(record: &Record, output: Output) -> Option<RecordDoubt> {
+    let row = record.command.iter().position(|command| !(0.0..=1.0).contains(command))?;
+    let (low, high) = extent(&record.command);
+    if record.response(output).is_some_and(|response| is_command(response, record.nominal)) {
+        let (column, nominal) = (output.column(), record.nominal);
+        return Some(RecordDoubt::Swapped { file: record.file.clone(), row: row + 1, low, high, column, nominal });
+    }
+    let unit = CommandUnit::of(low, high, record.nominal)?;
+    Some(RecordDoubt::CommandUnit { file: record.file.clone(), row: row + 1, low, high, unit })
+}
+
+/// Whether a column that should be the response is a duty around the nominal command, and moves.
+fn is_command(response: &[f64], nominal: f64) -> bool {
+    let (low, high) = extent(response);
+    let mean = response.iter().sum::<f64>() / response.len() as f64;
+    low >= 0.0 && high <= 1.0 && low < high && (mean - nominal).abs() <= SAME_DUTY
+}
+
+/// Whether `time_s` is in a unit other than seconds: by the rate that `experiment.toml` states, by the period after which the
+/// command repeats, or by rows that no motor could be seen in.
+pub(super) fn of_time(record: &Record, stated_hz: Option<f64>) -> Option<RecordDoubt> {
+    let interval = usual_interval(&record.time_s)?;
+    let doubt = |(unit, factor): (&'static str, f64), reason: String| {
+        let interval = (interval * 1e9).round() / 1e9;
+        RecordDoubt::TimeUnit { file: record.file.clone(), interval, reason, unit, factor }
+    };
+    if let Some(stated_hz) = stated_hz {
+        let is_stated = |factor: f64| (interval * stated_hz / factor - 1.0).abs() < SAME_RATE;
+        if is_stated(1.0) {
+            return None;
+        }
+        if let Some(&unit) = PARTS.iter().find(|(_, factor)| is_stated(*factor)) {
+            return Some(doubt(unit, format!("and `sample_rate_hz` is {stated_hz}")));
+        }
+    }
+    if let Some(period_s) = record.period_s.filter(|_| record.excitation.is_periodic()) {
+        let change = |factor: f64| change_after(&record.command, period_s * factor / interval);
+        let in_seconds = change(1.0);
+        if in_seconds.is_some_and(|change| change <= DIFFERS) {
+            return None;
+        }
+        let repeats = |factor: f64| change(factor).is_some_and(|change| change < REPEATS);
+        if let Some(&unit) = PARTS.iter().find(|(_, factor)| repeats(*factor)) {
+            let rows = (period_s * unit.1 / interval).round();
+            return Some(doubt(unit, format!("and the period of {period_s} s is one of {rows} rows")));
+        }
+    }
+    if interval < SLOWEST_ROWS_S {
+        return None;
+    }
+    let unit = *PARTS.iter().find(|(_, factor)| RATES_HZ.contains(&(factor / interval)))?;
+    Some(doubt(unit, String::from("which is slower than any motor")))
+}
+
+/// By how much a command differs from itself so many rows later, relative to how much it moves; `None` where the record is
+/// too short to tell.
+fn change_after(command: &[f64], rows: f64) -> Option<f64> {
+    let rows = rows.round();
+    if !(4.0..command.len() as f64 * 0.67).contains(&rows) {
+        return None;
+    }
+    let mean = command.iter().sum::<f64>() / command.len() as f64;
+    let moves = command.iter().map(|command| (command - mean).powi(2)).sum::<f64>() / command.len() as f64;
+    let later = &command[rows as usize..];
+    let differs = command.iter().zip(later).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / later.len() as f64;
+    (moves > 0.0).then(|| (differs / moves).sqrt())
+}
+
+/// Whether the response is in a unit other than its column's; `gain` is its rough static gain, where it is known.
+pub(super) fn of_response(record: &Record, output: Output, response: &[f64], gain: Option<f64>) -> Option<RecordDoubt> {
+    let doubt = |unit, evidence| Some(RecordDoubt::ResponseUnit { file: record.file.clone(), evidence, unit });
+    if output == Output::ThrustN
+        && let Some(n_per_w) = thrust_per_power(record, response)
+    {
+        let evidence = format!("{n_per_w:.3} N for a watt of electrical power");
+        return match n_per_w {
+            n_per_w if n_per_w > THRUST_N_PER_W.1 => doubt(ResponseUnit::Grams, evidence),
+            n_per_w if n_per_w < THRUST_N_PER_W.0 => doubt(ResponseUnit::Kilograms, evidence),
+            _ => None,
+        };
+    }
+    let ((low, high), units, name) = match output {
+        Output::ThrustN => (GAINS_N, (ResponseUnit::Kilograms, ResponseUnit::Grams), "N"),
+        Output::Rpm => (GAINS_RPM, (ResponseUnit::PerSecond, ResponseUnit::Electrical), "rpm"),
+    };
+    let gain = gain?;
+    let evidence = format!("full command would change it by some {gain:.2} {name}");
+    match gain {
+        gain if gain > high => doubt(units.1, evidence),
+        gain if gain < low => doubt(units.0, evidence),
+        _ => None,
+    }
+}
+
+/// Median thrust over median electrical power, newtons per watt; `None` without voltage and current, for a motor that idles,
+/// and for a thrust that has another zero.
+fn thrust_per_power(record: &Record, response: &[f64]) -> Option<f64> {
+    let (voltage, current) = (record.voltage_v.as_deref()?, record.current_a.as_deref()?);
+    let powers: Vec<f64> = voltage.iter().zip(current).map(|(volts, amperes)| volts * amperes).collect();
+    let (power, thrust) = (median(&powers)?, median(response)?);
+    (power >= LEAST_POWER_W && extent(response).0 > 0.0).then(|| thrust / power)
+}
+
+fn extent(values: &[f64]) -> (f64, f64) {
+    values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &value| (low.min(value), high.max(value)))
+}
+
+fn median(values: &[f64]) -> Option<f64> {
+    let mut sorted = values.to_vec();
+    let middle = sorted.len() / 2;
+    (middle < sorted.len()).then(|| *sorted.select_nth_unstable_by(middle, f64::total_cmp).1)
+}
+
+/// The median difference of times, above zero; `None` for fewer than two rows.
+pub(super) fn usual_interval(time_s: &[f64]) -> Option<f64> {
+    let intervals: Vec<f64> = time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    median(&intervals).filter(|interval| *interval > 0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_command_outside_its_range_is_told_by_its_numbers() {
+        for (low, high, nominal, unit) in [
+            (40.0, 60.0, 0.5, Some(CommandUnit::Percent)),
+            (0.0, 100.0, 0.5, Some(CommandUnit::Percent)),
+            (0.0, 2.0, 0.01, Some(CommandUnit::Percent)),
+            (1.45, 1.55, 0.5, Some(CommandUnit::Milliseconds)),
+            (1000.0, 1900.0, 0.45, Some(CommandUnit::Microseconds)),
+            (1450.0, 1550.0, 0.5, Some(CommandUnit::Microseconds)),
+            (948.0, 1147.0, 0.5, Some(CommandUnit::Dshot)),
+            (48.0, 1047.0, 0.25, Some(CommandUnit::Dshot)),
+            (0.0, 65535.0, 0.5, None),
+            (-0.5, 1.5, 0.5, None),
+        ] {
+            assert_eq!(CommandUnit::of(low, high, nominal), unit, "{low}..{high}");
+        }
+    }
+
+    #[test]
+    fn power_tells_a_gram_from_a_newton_where_the_gain_cannot() {
+        let rows = 100;
+        let mut record = crate::testing::record(100.0, None, vec![0.5; rows], Vec::new());
+        record.voltage_v = Some(vec![16.0; rows]);
+        record.current_a = Some(vec![10.0; rows]);
+        // 160 W lift about 10 N, which is 1020 gf or 1.02 kgf.
+        for (thrust, unit) in [(10.0, None), (1020.0, Some(ResponseUnit::Grams)), (1.02, Some(ResponseUnit::Kilograms))]
+        {
+            let found = of_response(&record, Output::ThrustN, &vec![thrust; rows], None);
+            let found = found.map(|doubt| match doubt {
+                RecordDoubt::ResponseUnit { unit, .. } => unit,
+                other => panic!("{other}"),
+            });
+            assert_eq!(found, unit, "{thrust}");
+        }
+    }
+}

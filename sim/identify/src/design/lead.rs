@@ -1,0 +1,119 @@
+//! One compensator for all points of a model, as the controller computes it.
+
+use std::path::Path;
+
+use rotorlead::design::{DEFAULT_DAMPING, DEFAULT_LOOP_RATE_HZ, DesignError, LeadDesign, LeadParameters};
+use rotorlead_plant::{CoefficientFormat, CompensatorFile, Model, Point, SignalFormat, StoredCoefficients};
+use rotorlead_records::files::FileError;
+
+use super::CompensatorError;
+
+/// What a design is asked for beside the model.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DesignOptions {
+    /// Highest frequency that is to be amplified, rad/s; eq. (6).
+    pub omega_g_rad_s: f64,
+    /// Damping ratio of the poles, eq. (4).
+    pub damping: f64,
+    /// Rate at which the filter runs, hertz.
+    pub loop_rate_hz: f64,
+    /// Frequency at which the sampled filter matches C(s) exactly, rad/s; `None` for plain Tustin.
+    pub prewarp_rad_s: Option<f64>,
+}
+
+impl Default for DesignOptions {
+    /// The paper's: omega_g = 2 pi 100 rad/s, damping 1/sqrt(2), 5 kHz.
+    fn default() -> Self {
+        Self {
+            omega_g_rad_s: 200.0 * std::f64::consts::PI,
+            damping: DEFAULT_DAMPING,
+            loop_rate_hz: DEFAULT_LOOP_RATE_HZ,
+            prewarp_rad_s: None,
+        }
+    }
+}
+
+/// The paper's design, eq. (2) to (9), from the points of `model`: the zero on the fastest pole.
+///
+/// # Errors
+/// When the model has no points or gains of both signs, or the controller refuses the parameters.
+pub fn design(model: &Model, options: &DesignOptions) -> Result<LeadDesign, CompensatorError> {
+    let gain = |point: &Point| (point.nominal, point.gain);
+    if let Some(first) = model.points.first()
+        && let Some(other) = model.points.iter().find(|point| point.gain.signum() != first.gain.signum())
+    {
+        return Err(CompensatorError::GainsOfBothSigns { first: gain(first), other: gain(other) });
+    }
+    let poles: Vec<f64> = model.points.iter().map(|point| 1.0 / point.time_constant_s).collect();
+    let design = |omega_g_rad_s: f64| {
+        let lead = LeadParameters::from_poles(&poles, omega_g_rad_s)?;
+        LeadDesign::new(
+            LeadParameters { damping: options.damping, ..lead },
+            options.loop_rate_hz,
+            options.prewarp_rad_s,
+        )
+    };
+    design(options.omega_g_rad_s).map_err(|refused| match refused {
+        DesignError::L1GainTooHigh { .. } => match largest(|omega_g| design(omega_g).is_ok(), options.omega_g_rad_s) {
+            Some(largest_omega_g_rad_s) => CompensatorError::TooMuchLead { source: refused, largest_omega_g_rad_s },
+            None => CompensatorError::Refused(refused),
+        },
+        _ => CompensatorError::Refused(refused),
+    })
+}
+
+/// The highest tenth below `refused` that is accepted, where one is: found by bisection from the first one that is on
+/// the way down by tenths of itself.
+fn largest(is_accepted: impl Fn(f64) -> bool, refused: f64) -> Option<f64> {
+    let (mut high, mut low) = (refused, 0.9 * refused);
+    while !is_accepted(low) {
+        (high, low) = (low, 0.9 * low);
+        if low < 1.0 {
+            return None;
+        }
+    }
+    while high - low > 0.01 {
+        let middle = 0.5 * (low + high);
+        if is_accepted(middle) { low = middle } else { high = middle }
+    }
+    let tenth = (10.0 * low).floor() / 10.0;
+    is_accepted(tenth).then_some(tenth)
+}
+
+/// The design as `compensator.toml` holds it.
+#[must_use]
+pub fn compensator_file(design: &LeadDesign) -> CompensatorFile {
+    let lead = design.lead();
+    CompensatorFile {
+        format: 1,
+        zero_rad_s: lead.omega_z_rad_s,
+        pole_rad_s: lead.omega_f_rad_s,
+        damping: lead.damping,
+        loop_rate_hz: design.loop_rate_hz(),
+        prewarp_rad_s: design.prewarp_rad_s(),
+        coefficient_format: CoefficientFormat::Q0_32,
+        signal_format: SignalFormat::Q2_29,
+        coefficients: stored(design),
+    }
+}
+
+/// Reads a compensator and computes its coefficients again, as a controller would.
+///
+/// # Errors
+/// When the file cannot be read or is no compensator, when the controller refuses its parameters, or when the
+/// coefficients in it are others than the controller would compute.
+pub fn read_compensator(path: &Path) -> Result<LeadDesign, FileError> {
+    let file = CompensatorFile::read_matching(path, |file| redesign(file).map(|design| stored(&design)))?;
+    redesign(&file)
+        .map_err(|error| FileError::refused(path, rotorlead_records::files::Place::root().fault(error.to_string(), "")))
+}
+
+fn redesign(file: &CompensatorFile) -> Result<LeadDesign, DesignError> {
+    let lead = LeadParameters { omega_z_rad_s: file.zero_rad_s, omega_f_rad_s: file.pole_rad_s, damping: file.damping };
+    LeadDesign::new(lead, file.loop_rate_hz, file.prewarp_rad_s)
+}
+
+fn stored(design: &LeadDesign) -> StoredCoefficients {
+    let coefficients = design.coefficients();
+    StoredCoefficients { k: coefficients.k(), c: coefficients.c(), g0: coefficients.g0(), g1: coefficients.g1() }
+}

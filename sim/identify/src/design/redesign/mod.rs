@@ -1,0 +1,235 @@
+//! A compensator for an actuator with effects: what it promises, what the whole chain makes of that, and whether it is to be
+//! used.
+//!
+//! The design is that of [`design`], from the lags alone: a lead hides lags. What the effects make of it is
+//! predicted twice, by the linearized chain ([`bandwidths_with`], small deviations) and by sinusoids of a given amplitude
+//! through the controller's own filter and the simulated actuator. Where an actuator is bounded in its command or in the
+//! rate of it, and the lead would ask for more than that below the bandwidth that it promises, the lead is refused.
+
+mod limits;
+mod remarks;
+mod sweep;
+
+use rotorlead::design::LeadDesign;
+
+pub use limits::Limit;
+pub use sweep::ChainBandwidth;
+
+use rotorlead_plant::{ActiveEffect, LinearChain, Model, PlantError, Point};
+
+use limits::Bound;
+use sweep::Sweep;
+
+use super::{BandwidthPoint, Chain, CompensatorError, DesignOptions, bandwidths_with, design};
+use crate::Bandwidth;
+
+/// Amplitude of the paper's experiments.
+pub const PAPER_AMPLITUDE: f64 = 0.05;
+/// How far beyond the linear bandwidth the chain is searched.
+const SEARCHED_BEYOND: f64 = 2.5;
+/// A lead that gains less than this is not worth its noise.
+const LEAST_GAIN: f64 = 1.1;
+
+/// What is asked for beside the model.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RedesignOptions {
+    /// The design.
+    pub design: DesignOptions,
+    /// Peak deviation of the command ahead of the filter, 0..1. Near the ends of the command's range it is what room there is.
+    pub amplitude: f64,
+    /// Rate at which the ESC takes over a command, hertz.
+    pub esc_frame_hz: Option<f64>,
+}
+
+/// The bandwidths at one nominal command, with all effects.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RedesignPoint {
+    /// Of small deviations, as `rotorlead bandwidth` says them.
+    pub small: BandwidthPoint,
+    /// Amplitude of the sinusoids.
+    pub amplitude: f64,
+    /// Of sinusoids through the whole chain.
+    pub chain: ChainBandwidth,
+    /// What the lead asks of each bound of the actuator.
+    pub limits: Vec<Limit>,
+}
+
+impl RedesignPoint {
+    /// The bound that the lead would pass below its bandwidth, where it gains anything there.
+    #[must_use]
+    pub fn passed(&self) -> Option<&Limit> {
+        self.limits.iter().find(|limit| limit.passed_from_rad_s.is_some())
+    }
+}
+
+/// A compensator with what it does at each point.
+#[derive(Clone, Debug)]
+pub struct Compensated {
+    /// The compensator.
+    pub design: LeadDesign,
+    /// At each point of the model.
+    pub points: Vec<RedesignPoint>,
+}
+
+impl Compensated {
+    /// Whether no bound is passed.
+    #[must_use]
+    pub fn is_within_bounds(&self) -> bool {
+        self.points.iter().all(|point| point.passed().is_none())
+    }
+}
+
+/// What came of it.
+#[derive(Clone, Debug)]
+pub struct Redesign {
+    /// What the options ask for. To be used only where [`Compensated::is_within_bounds`].
+    pub full: Compensated,
+    /// Where that is refused: the strongest lead that stays within the bounds and gains something, if there is one.
+    pub weaker: Option<Compensated>,
+    /// What is to be said of each effect.
+    pub remarks: Vec<String>,
+}
+
+impl Redesign {
+    /// Whether the full lead is refused.
+    #[must_use]
+    pub fn is_refused(&self) -> bool {
+        !self.full.is_within_bounds()
+    }
+}
+
+/// Why there is no redesign.
+#[derive(Clone, Debug, PartialEq, thiserror::Error, miette::Diagnostic)]
+pub enum RedesignError {
+    /// No compensator can be designed.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Compensator(#[from] CompensatorError),
+    /// The model cannot be simulated.
+    #[error(transparent)]
+    #[diagnostic(transparent)]
+    Plant(#[from] PlantError),
+}
+
+/// Designs for `model` with its effects. `progress` is told whenever a lead is done at one of the model's points: at each once, and
+/// once more where a weaker lead is looked for.
+///
+/// # Errors
+/// [`RedesignError`].
+pub fn redesign(model: &Model, options: &RedesignOptions, progress: &dyn Fn()) -> Result<Redesign, RedesignError> {
+    let effects = ActiveEffect::of_model(model)?;
+    let full = design(model, &options.design)?;
+    let remarks = effects.iter().filter_map(|effect| remarks::remark(effect, &full)).collect();
+    let flown = flown(model, &effects);
+    let full = compensated(&flown, full, options, progress)?;
+    let weaker = if full.is_within_bounds() { None } else { weaker(&flown, options, progress)? };
+    Ok(Redesign { full, weaker, remarks })
+}
+
+/// The model with the effects that it has in flight too.
+fn flown(model: &Model, effects: &[ActiveEffect]) -> Model {
+    let has_flown = |kind: &str| effects.iter().any(|effect| effect.kind().id == kind && remarks::flies(effect));
+    let mut flown = model.clone();
+    flown.effects.retain(|effect| has_flown(&effect.kind));
+    flown
+}
+
+fn compensated(
+    model: &Model,
+    design: LeadDesign,
+    options: &RedesignOptions,
+    progress: &dyn Fn(),
+) -> Result<Compensated, PlantError> {
+    let points = small_with_limits(model, &design, options)?
+        .into_iter()
+        .zip(&model.points)
+        .map(|((small, amplitude, limits), point)| {
+            let chain = chain(model, &design, options, point, amplitude, small.compensated)?;
+            progress();
+            Ok(RedesignPoint { small, amplitude, chain, limits })
+        })
+        .collect::<Result<_, PlantError>>()?;
+    Ok(Compensated { design, points })
+}
+
+type WithLimits = (BandwidthPoint, f64, Vec<Limit>);
+
+/// What is known without a simulation: bandwidths of small deviations, amplitudes, and what is asked of the bounds.
+fn small_with_limits(
+    model: &Model,
+    design: &LeadDesign,
+    options: &RedesignOptions,
+) -> Result<Vec<WithLimits>, PlantError> {
+    let effects = ActiveEffect::of_model(model)?;
+    let small = bandwidths_with(model, &effects, Chain::Continuous(design.lead()));
+    let with_limits = |small: BandwidthPoint| {
+        let linear = LinearChain::of_model(model, small.nominal)?;
+        let amplitude = options.amplitude.min(small.nominal).min(1.0 - small.nominal);
+        let up_to = rad_s(small.compensated);
+        let limits = Bound::of(&effects, small.nominal).into_iter().map(|bound| {
+            let lead = |omega| design.lead().response(omega);
+            bound.against(amplitude, up_to, lead, |omega| linear.frequency_response(omega))
+        });
+        Ok((small, amplitude, limits.collect()))
+    };
+    small.into_iter().map(with_limits).collect()
+}
+
+fn chain(
+    model: &Model,
+    design: &LeadDesign,
+    options: &RedesignOptions,
+    point: &Point,
+    amplitude: f64,
+    small: Bandwidth,
+) -> Result<ChainBandwidth, PlantError> {
+    let gain = LinearChain::of_model(model, point.nominal)?.frequency_response(0.0).re;
+    if gain == 0.0 || amplitude == 0.0 {
+        // Beyond a clip nothing moves.
+        return Ok(ChainBandwidth { magnitude: Bandwidth::At(0.0), phase: Bandwidth::At(0.0) });
+    }
+    let sweep = Sweep {
+        model,
+        design,
+        esc_frame_hz: options.esc_frame_hz,
+        nominal: point.nominal,
+        amplitude,
+        time_constant_s: point.time_constant_s,
+    };
+    sweep.bandwidth(gain, (SEARCHED_BEYOND * rad_s(small)).min(sweep.highest_rad_s()))
+}
+
+/// The strongest lead within the bounds, found by halving `omega_g`.
+fn weaker(model: &Model, options: &RedesignOptions, progress: &dyn Fn()) -> Result<Option<Compensated>, PlantError> {
+    let with = |omega_g_rad_s: f64| design(model, &DesignOptions { omega_g_rad_s, ..options.design }).ok();
+    let is_within = |design: &LeadDesign| -> Result<bool, PlantError> {
+        let points = small_with_limits(model, design, options)?;
+        Ok(points.iter().all(|(_, _, limits)| limits.iter().all(|limit| limit.passed_from_rad_s.is_none())))
+    };
+    let fastest = model.points.iter().map(|point| 1.0 / point.time_constant_s).fold(0.0, f64::max);
+    let (mut low, mut high) = (fastest, options.design.omega_g_rad_s);
+    let mut best = None;
+    while high - low > 0.01 * high {
+        let middle = 0.5 * (low + high);
+        match with(middle) {
+            Some(design) if is_within(&design)? => {
+                best = Some(design);
+                low = middle;
+            }
+            Some(_) => high = middle,
+            // Too near to the pole to be a lead.
+            None => low = middle,
+        }
+    }
+    let Some(best) = best else { return Ok(None) };
+    let found = compensated(model, best, options, progress)?;
+    let gains = |point: &RedesignPoint| rad_s(point.small.compensated) > LEAST_GAIN * rad_s(point.small.uncompensated);
+    Ok(found.points.iter().any(gains).then_some(found))
+}
+
+/// The frequency, or up to where there is none.
+fn rad_s(bandwidth: Bandwidth) -> f64 {
+    match bandwidth {
+        Bandwidth::At(omega) | Bandwidth::Beyond(omega) => omega,
+    }
+}

@@ -1,0 +1,85 @@
+//! What a lead does about each effect, and what it cannot do.
+
+use rotorlead::design::LeadDesign;
+use rotorlead_plant::ActiveEffect;
+use rotorlead_plant::effect::{Linearity, Site};
+
+/// Whether a motor in flight has it too: the stand stays on the ground, and what changes with time has no bandwidth.
+pub(super) fn flies(effect: &ActiveEffect) -> bool {
+    let kind = effect.kind();
+    kind.site != Site::Stand && !(kind.site >= Site::Air && kind.linearity == Linearity::Absent)
+}
+
+/// In a sentence or two; `None` where the numbers need no remark.
+pub(super) fn remark(effect: &ActiveEffect, design: &LeadDesign) -> Option<String> {
+    let value = |name: &str| effect.value(name).unwrap_or(f64::NAN);
+    let step_peak = design.check().step_peak;
+    let peak = 10_f64.powf(design.lead().asymptotic_peak_db() / 20.0);
+    Some(match effect.kind().id {
+        "transport_delay" => format!(
+            "A delay of {:.2} ms stays: a lead cannot see what is to come. It leaves the magnitude alone and costs phase, {:.0} \
+             degrees at the poles of the filter, which brings the frequency of 90 degrees of lag down.",
+            1e3 * value("delay_s"),
+            (value("delay_s") * design.lead().omega_f_rad_s).to_degrees()
+        ),
+        "esc_frame_hold" => format!(
+            "Frames of {:.0} Hz hold each command for {:.1} ms, half of which is delay on average: a faster protocol removes it, \
+             a lead does not.",
+            value("frame_hz"),
+            1e3 / value("frame_hz")
+        ),
+        "slew_limit" => format!(
+            "Nothing in front of it makes it faster than {:.3} duty/s. Where it is a ramp or a soft start of the ESC, switch that off in its \
+             settings, and record again.",
+            value("rate_per_s")
+        ),
+        "dead_band" => format!(
+            "Changes under {:.4} are ignored, with or without the filter. It makes commands up to {peak:.1} times larger, their \
+             noise too: what the flight controller sends while hovering passes the band more often.",
+            value("width")
+        ),
+        "command_quantization" => format!(
+            "A grid of {:.4}: where the flight controller's output has it, ahead of the filter, each of its steps is answered by \
+             up to {:.4}. Send the command with a finer protocol before speeding it up.",
+            value("step"),
+            step_peak * value("step")
+        ),
+        "backlash" => format!(
+            "Play of {:.4} to either side is not undone by a lead: amplitudes near it lose gain at every frequency.",
+            value("half_width")
+        ),
+        "stand_resonance" => format!(
+            "The mode at {:.1} Hz is the stand's. It is left out here and must not be compensated: it stays on the ground. What \
+             was measured near it, around {:.0} rad/s, says little of the motor.",
+            value("frequency_hz"),
+            std::f64::consts::TAU * value("frequency_hz")
+        ),
+        "gain_drift" => format!(
+            "The gain drifts by {:.1} % with a time constant of {:.0} s. A bandwidth is counted from the static value and does \
+             not see it; a lead does not remove it, and thrust is off by as much.",
+            100.0 * value("drift"),
+            value("time_s")
+        ),
+        "supply_sag" => {
+            "The sag of the supply is below the band of the filter, and stays: a bandwidth counts from the static \
+                         value with the sag in it."
+                .to_owned()
+        }
+        "winding_heating" => {
+            "The windings heat within seconds, below the band of the filter. A lead does not cool them: after a high load thrust is \
+             lower, and the flight controller has to ask for more."
+                .to_owned()
+        }
+        "second_pole" => format!(
+            "A second lag of {:.1} ms is counted. Where it is the sensor's or the logger's, the motor is faster than said here: \
+             log the speed too.",
+            1e3 * value("time_constant_s")
+        ),
+        "asymmetric_lag" => {
+            "Rising and falling differ: one linear filter fits neither exactly, and overshoots on the faster one."
+                .to_owned()
+        }
+        "clock_skew" => "The clock of the logger is no part of the motor, and is left out.".to_owned(),
+        _ => return None,
+    })
+}

@@ -1,0 +1,134 @@
+//! What sinusoids of a given size find: the response of the whole simulated chain, with the controller's own filter in
+//! front, its loop and the ESC's frames.
+
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
+
+use nalgebra::{Matrix4, Vector4};
+use num_complex::Complex64;
+use rotorlead::compensator::Compensator;
+use rotorlead::design::LeadDesign;
+use rotorlead::throttle::Command;
+use rotorlead_plant::{Actuator, EscTiming, Law, Model, PlantError};
+
+use crate::{Bandwidth, THREE_DB};
+
+/// The search begins at this part of the pole and goes on by this factor, then halves the bracket so many times.
+const FIRST_OF_POLE: f64 = 0.1;
+const FACTOR: f64 = 1.15;
+const HALVINGS: usize = 6;
+/// Before the fit: so many time constants, and at least one period.
+const LEAD_IN: f64 = 8.0;
+/// The fit is over the first whole number of periods that last this many time constants.
+const FITTED: f64 = 2.0;
+/// Rows of a period, at least; more are left out.
+const ROWS_PER_PERIOD: f64 = 40.0;
+
+/// One nominal command, driven by sinusoids.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sweep<'a> {
+    /// What is driven, with its effects.
+    pub model: &'a Model,
+    /// The filter, and its loop's rate.
+    pub design: &'a LeadDesign,
+    /// Frames of the ESC per second.
+    pub esc_frame_hz: Option<f64>,
+    /// Command around which it is driven.
+    pub nominal: f64,
+    /// Peak deviation of the command ahead of the filter.
+    pub amplitude: f64,
+    /// Of the lag there, seconds.
+    pub time_constant_s: f64,
+}
+
+/// Where the response of the chain falls behind.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ChainBandwidth {
+    /// 3 dB under the static value.
+    pub magnitude: Bandwidth,
+    /// A quarter of a turn late: 90 degrees of phase lag.
+    pub phase: Bandwidth,
+}
+
+impl Sweep<'_> {
+    /// Both bandwidths, searched up to `limit_rad_s`. `gain` is the static value, response units per unit of command.
+    ///
+    /// # Errors
+    /// [`PlantError`] when the model cannot be simulated at this command.
+    pub fn bandwidth(&self, gain: f64, limit_rad_s: f64) -> Result<ChainBandwidth, PlantError> {
+        let beyond = Bandwidth::Beyond(limit_rad_s);
+        let mut found = ChainBandwidth { magnitude: beyond, phase: beyond };
+        let (mut low, mut phase) = (0.0, 0.0);
+        let mut omega = (FIRST_OF_POLE / self.time_constant_s).min(limit_rad_s);
+        loop {
+            let here = self.response(omega)? / gain;
+            let late = |response: Complex64, from: f64| {
+                let angle = response.arg();
+                angle - TAU * ((angle - from) / TAU).round()
+            };
+            let before = phase;
+            phase = late(here, before);
+            if found.magnitude == beyond && here.norm() < THREE_DB {
+                found.magnitude = self.between(low, omega, |response| (response / gain).norm() < THREE_DB)?;
+            }
+            if found.phase == beyond && phase < -FRAC_PI_2 {
+                found.phase = self.between(low, omega, |response| late(response / gain, before) < -FRAC_PI_2)?;
+            }
+            if omega >= limit_rad_s || (found.magnitude != beyond && found.phase != beyond) {
+                return Ok(found);
+            }
+            low = omega;
+            omega = (omega * FACTOR).min(limit_rad_s);
+        }
+    }
+
+    fn between(
+        &self,
+        mut low: f64,
+        mut high: f64,
+        is_behind: impl Fn(Complex64) -> bool,
+    ) -> Result<Bandwidth, PlantError> {
+        for _ in 0..HALVINGS {
+            let middle = 0.5 * (low + high);
+            if is_behind(self.response(middle)?) { high = middle } else { low = middle }
+        }
+        Ok(Bandwidth::At(0.5 * (low + high)))
+    }
+
+    /// Fundamental of the response over that of the command ahead of the filter, by least squares on a constant, a straight
+    /// line (what is slower than the sinusoid), cosine and sine.
+    fn response(&self, omega_rad_s: f64) -> Result<Complex64, PlantError> {
+        let timing = EscTiming { frame_hz: self.esc_frame_hz, frame_phase: 0.0 };
+        let mut actuator = Actuator::new(self.model, Law::LinearAround(self.nominal), timing)?;
+        let mut filter = Compensator::new(*self.design.coefficients(), Command::ZERO, Command::ONE);
+        filter.reset(Command::saturating_from_f64(self.nominal));
+        let rate_hz = self.design.loop_rate_hz();
+        let period_s = TAU / omega_rad_s;
+        let from = (period_s.max(LEAD_IN * self.time_constant_s) * rate_hz).ceil() as u64;
+        let periods = (FITTED * self.time_constant_s / period_s).ceil();
+        let rows = (periods * period_s * rate_hz).ceil() as u64;
+        let every = ((period_s * rate_hz / ROWS_PER_PERIOD) as u64).max(1);
+        let mut matrix = Matrix4::zeros();
+        let mut sides = Vector4::zeros();
+        for tick in 0..from + rows {
+            let time_s = tick as f64 / rate_hz;
+            let angle = omega_rad_s * time_s;
+            if tick >= from && (tick - from).is_multiple_of(every) {
+                let line = (tick - from) as f64 / rows as f64 - 0.5;
+                let row = Vector4::new(1.0, line, angle.cos(), angle.sin());
+                matrix += row * row.transpose();
+                sides += row * actuator.response();
+            }
+            let command = Command::saturating_from_f64(self.nominal + self.amplitude * angle.sin());
+            actuator.advance(filter.update(command).to_f64(), (tick + 1) as f64 / rate_hz);
+        }
+        let fitted = matrix.cholesky().map_or(Vector4::zeros(), |matrix| matrix.solve(&sides));
+        // b sin + a cos = Im (b + j a) e^(j angle), and the command is Im amplitude e^(j angle).
+        Ok(Complex64::new(fitted[3], fitted[2]) / self.amplitude)
+    }
+
+    /// A sampled chain has no response of its own above half its slower rate.
+    pub fn highest_rad_s(&self) -> f64 {
+        let rate_hz = self.design.loop_rate_hz();
+        PI * self.esc_frame_hz.map_or(rate_hz, |frame_hz| frame_hz.min(rate_hz))
+    }
+}

@@ -1,0 +1,71 @@
+//! From records to linear models: spectra, frequency responses, fits and bandwidths.
+
+mod advice;
+pub mod alignment;
+mod bandwidth;
+mod broadband;
+pub mod check;
+pub mod design;
+mod distortion;
+mod effects;
+mod error;
+mod estimate;
+mod etfe;
+mod feedback;
+mod first_order;
+mod fit_percent;
+mod frequency_response;
+mod hold;
+mod least_squares;
+mod measured;
+mod noise;
+pub mod parametric;
+mod periodic;
+mod saturation;
+mod simulation;
+mod spectra;
+pub mod stand;
+pub mod static_map;
+pub mod statistics;
+pub mod steps;
+#[cfg(any(test, feature = "testing"))]
+#[doc(hidden)]
+pub mod testing;
+mod transient;
+mod uncertainty;
+mod validate;
+
+pub use advice::with_advice;
+pub use bandwidth::{
+    Bandwidth, EtfeBandwidth, StaticValue, THREE_DB, bandwidth_of, bandwidth_of_etfe, first_frequency,
+};
+pub use broadband::{ChirpIdentification, identify_chirps, is_chirp_to_fit};
+pub use distortion::{Distortion, DistortionLevel, RobustResponse, STRONG_DISTORTION_DB};
+pub use effects::upsampled;
+pub use error::IdentifyError;
+pub use estimate::Estimate;
+pub use etfe::{Etfe, ResponsePoint};
+pub use first_order::{FirstOrderFit, FirstOrderOptions, FitLine, fit_first_order};
+pub use fit_percent::{Sample, fit_percent};
+pub use frequency_response::{FrequencyResponse, LocalPolynomial, LocalPolynomialOptions, ResponseLine};
+pub use hold::{HoldChain, Image};
+pub use least_squares::{Limits, Residuals, Solution, minimize};
+pub use measured::MeasuredBandwidth;
+pub use noise::density;
+pub use periodic::{
+    IdentifyWarning, NominalIdentification, PeriodicIdentification, PeriodicOptions, RecordResponse, SquareValidation,
+    identify_periodic,
+};
+pub use simulation::{align, run_actuator};
+pub use simulation::{offset_and_start, start_of};
+pub use spectra::response_of;
+pub use spectra::{
+    DisturbanceSign, DisturbedLine, Line, LongRecordError, NoiseSource, RemovedSinusoid, Spectrum, SpectrumOptions,
+    UnexcitedLine,
+};
+pub use transient::TransientTest;
+pub use validate::same_output;
+pub use validate::{
+    ComparedLines, ComparedRow, Comparison, Domain, FitBesideCeiling, LeftOver, RecordValidation, TableRow, table_2,
+    validate,
+};

@@ -1,0 +1,149 @@
+//! Steady responses: what a record says of the static map.
+
+use std::ops::Range;
+
+use rotorlead_records::{Output, Record};
+
+use crate::steps::{Direction, Plateau, Run, StepsError, mean_and_std, plateaus_of, without_spikes};
+
+/// A command and the response that it settles to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SteadyPoint {
+    /// The command, 0..1.
+    pub command: f64,
+    /// From which side it was reached.
+    pub direction: Direction,
+    /// Mean of the settled response.
+    pub response: f64,
+    /// Standard error of `response`, as its own rows tell it.
+    pub std: f64,
+}
+
+/// All that a record tells.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SteadyPoints {
+    /// Where the motor runs, in the order of the record.
+    pub running: Vec<SteadyPoint>,
+    /// The highest command below those at which it stands still.
+    pub still: Option<f64>,
+    /// Whether they are from a ramp: commands then contain the lag, up and down with opposite signs.
+    pub ramp: bool,
+}
+
+/// Bins of the command's range that a ramp is cut into.
+const BINS: usize = 40;
+/// Rows of a bin that is used.
+const ROWS_PER_BIN: usize = 8;
+/// A ramp has at most as many changes of direction.
+const REVERSALS: usize = 8;
+/// And moves in at least this share of its rows.
+const MOVING: f64 = 0.5;
+/// Below this share of the highest response the motor stands still.
+const STILL_SHARE: f64 = 0.01;
+
+impl SteadyPoints {
+    /// Adds what another record of the same motor tells.
+    pub fn join(&mut self, other: Self) {
+        self.running.extend(other.running);
+        self.still = match (self.still, other.still) {
+            (Some(a), Some(b)) => Some(a.max(b)),
+            (a, b) => a.or(b),
+        };
+        self.ramp |= other.ramp;
+    }
+
+    /// The plateaus of a record, or the bins of a ramp. `lag_s` is the delay and the time constant together, where known:
+    /// a ramp's commands are taken from so much earlier.
+    ///
+    /// # Errors
+    /// [`StepsError`] when the record has neither two plateaus in a row on which the motor runs nor a ramp.
+    pub fn of(record: &Record, output: Output, lag_s: Option<f64>) -> Result<Self, StepsError> {
+        match Run::of(record, output) {
+            Ok(run) => {
+                let running = run.plateaus.iter().map(point).collect();
+                let all = plateaus_of(record, output, &run.clean);
+                let highest = run.plateaus.iter().map(|p| p.mean).fold(0.0, f64::max);
+                let lowest = run.plateaus.iter().map(|p| p.command).fold(1.0, f64::min);
+                let stands = |p: &&Plateau| {
+                    p.is_long(&record.time_s)
+                        && p.command < lowest
+                        && p.mean.abs() < STILL_SHARE * highest + 4.0 * p.mean_std
+                };
+                let still = all.iter().filter(stands).map(|p| p.command).reduce(f64::max);
+                Ok(Self { running, still, ramp: false })
+            }
+            Err(error) => ramp(record, output, lag_s.unwrap_or(0.0)).ok_or(error),
+        }
+    }
+}
+
+fn point(plateau: &Plateau) -> SteadyPoint {
+    SteadyPoint {
+        command: plateau.command,
+        // The plateau that begins a record came from nowhere; it is like those reached from below.
+        direction: plateau.direction.unwrap_or(Direction::Up),
+        response: plateau.mean,
+        std: plateau.mean_std,
+    }
+}
+
+/// The bins of a ramp; `None` for a record that is none.
+fn ramp(record: &Record, output: Output, lag_s: f64) -> Option<SteadyPoints> {
+    let raw = record.response(output).filter(|y| y.len() == record.time_s.len())?;
+    if record.command.len() != raw.len() || raw.len() < ROWS_PER_BIN || !raw.iter().all(|y| y.is_finite()) {
+        return None;
+    }
+    let command = &record.command;
+    let moves: Vec<f64> = command.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let moving = moves.iter().filter(|step| **step != 0.0).count();
+    let signs: Vec<bool> = moves.iter().filter(|step| **step != 0.0).map(|step| *step > 0.0).collect();
+    let reversals = signs.windows(2).filter(|pair| pair[0] != pair[1]).count();
+    if (moving as f64) < MOVING * moves.len() as f64 || reversals > REVERSALS {
+        return None;
+    }
+    let (clean, _) = without_spikes(raw);
+    let low = command.iter().copied().fold(f64::INFINITY, f64::min);
+    let high = command.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let width = (high - low) / BINS as f64;
+    let bin_of = |u: f64| (((u - low) / width) as usize).min(BINS - 1);
+    let direction_of = |row: usize| {
+        let near = moves[..row.min(moves.len())].iter().rev().find(|step| **step != 0.0).or(moves.first());
+        if near.is_some_and(|step| *step < 0.0) { Direction::Down } else { Direction::Up }
+    };
+    // Row whose command acts at a time.
+    let at = |t: f64| record.time_s.partition_point(|&s| s <= t - lag_s).checked_sub(1);
+    let highest = clean.iter().copied().fold(0.0, f64::max);
+    let mut points = Vec::new();
+    let mut still: Option<f64> = None;
+    let mut close = |rows: Range<usize>, direction: Direction| {
+        if rows.len() < ROWS_PER_BIN {
+            return;
+        }
+        let commands: Vec<f64> =
+            rows.clone().filter_map(|row| at(record.time_s[row])).map(|row| command[row]).collect();
+        if commands.len() < rows.len() {
+            return;
+        }
+        let (command, _) = mean_and_std(&commands);
+        let (response, _) = mean_and_std(&clean[rows.clone()]);
+        // About the straight line in the bin, whose slope is that of the map.
+        let differences: Vec<f64> = clean[rows.clone()].windows(2).map(|pair| pair[1] - pair[0]).collect();
+        let std = mean_and_std(&differences).1 / 2f64.sqrt() / (rows.len() as f64).sqrt();
+        if response < STILL_SHARE * highest {
+            still = Some(still.map_or(command, |before: f64| before.max(command)));
+        } else {
+            points.push(SteadyPoint { command, direction, response, std });
+        }
+    };
+    let mut start = 0;
+    for row in 1..=clean.len() {
+        let ends = row == clean.len()
+            || bin_of(command[row]) != bin_of(command[row - 1])
+            || direction_of(row + 1) != direction_of(row);
+        if ends {
+            close(start..row, direction_of(row));
+            start = row;
+        }
+    }
+    (points.len() >= 4).then_some(SteadyPoints { running: points, still, ramp: true })
+}

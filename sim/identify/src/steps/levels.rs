@@ -1,0 +1,161 @@
+//! What is known of each level: the static map up and down, its slope, the time constants.
+
+use super::fit::Group;
+use super::plateaus::{Direction, Plateau, SAME_LEVEL};
+use crate::Estimate;
+
+/// One level of the staircase.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Level {
+    /// The command, 0..1.
+    pub command: f64,
+    /// What was seen when it was reached from below.
+    pub up: Option<Branch>,
+    /// What was seen when it was reached from above.
+    pub down: Option<Branch>,
+    /// Slope of the static map in response units per unit of command; `None` where the map does not rise
+    /// or the branch has no other level.
+    pub gain: Option<Estimate>,
+}
+
+/// A level as seen in one direction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Branch {
+    /// Mean of the settled response and its standard error, slow drift included.
+    pub mean: Estimate,
+    /// Standard deviation of the settled response: noise and ripple.
+    pub std: f64,
+    /// Time constant of the steps to here, seconds; `None` where none was usable. Its interval is
+    /// [`Estimate::interval_of_logarithm`].
+    pub time_constant_s: Option<Estimate>,
+    /// % fit over the windows of those steps, each with its own final level and onset.
+    pub fit_percent: Option<f64>,
+}
+
+impl Level {
+    /// The branch of that direction.
+    #[must_use]
+    pub fn branch(&self, direction: Direction) -> Option<&Branch> {
+        match direction {
+            Direction::Up => self.up.as_ref(),
+            Direction::Down => self.down.as_ref(),
+        }
+    }
+
+    /// The time constant of small motions about the level: that of the only direction seen, or
+    /// `2/(1/tau_up + 1/tau_down)`.
+    ///
+    /// Small motions go both ways, and a frequency response sees a lag that is between its two: near the mean of
+    /// the time constants at low frequency, near that of the rates at high. The two means differ by 4 % when one
+    /// direction is half as slow again. Of them the shorter is taken, as a compensator built on a time constant
+    /// that is too long leads too much and overshoots.
+    #[must_use]
+    pub fn time_constant_s(&self) -> Option<Estimate> {
+        let of = |branch: &Option<Branch>| branch.as_ref().and_then(|b| b.time_constant_s);
+        match (of(&self.up), of(&self.down)) {
+            (Some(up), Some(down)) => {
+                let value = 2.0 / (1.0 / up.value + 1.0 / down.value);
+                let share = |e: Estimate| 0.5 * value * value * e.std / (e.value * e.value);
+                Some(Estimate::normal(value, share(up).hypot(share(down))))
+            }
+            (one, other) => one.or(other),
+        }
+    }
+}
+
+/// The levels by increasing command, and the direction in which more of them were seen: the *main*
+/// branch, on which slopes are taken. Up and down differ by a few percent (temperature, voltage), as much
+/// as a tenth of the difference between neighbors, so a slope across branches would be wrong by that.
+///
+/// A level on which the response stands on a limit is none.
+pub(super) fn levels(plateaus: &[Plateau], groups: &[Group]) -> (Vec<Level>, Direction) {
+    let free: Vec<Plateau> = plateaus.iter().filter(|plateau| !plateau.limited).cloned().collect();
+    let plateaus = &free;
+    let mut levels: Vec<Level> = Vec::new();
+    for plateau in plateaus {
+        if !levels.iter().any(|l| (l.command - plateau.command).abs() <= SAME_LEVEL) {
+            levels.push(Level { command: plateau.command, up: None, down: None, gain: None });
+        }
+    }
+    levels.sort_by(|a, b| a.command.total_cmp(&b.command));
+    for level in &mut levels {
+        level.up = branch(level.command, Direction::Up, plateaus, groups);
+        level.down = branch(level.command, Direction::Down, plateaus, groups);
+    }
+    let seen = |d| levels.iter().filter(|l| l.branch(d).is_some()).count();
+    let (main, other) = if seen(Direction::Up) >= seen(Direction::Down) {
+        (Direction::Up, Direction::Down)
+    } else {
+        (Direction::Down, Direction::Up)
+    };
+    // The main branch last: where both have a slope, its own stands.
+    set_gains(&mut levels, other);
+    set_gains(&mut levels, main);
+    (levels, main)
+}
+
+fn branch(command: f64, direction: Direction, plateaus: &[Plateau], groups: &[Group]) -> Option<Branch> {
+    let here = |c: f64| (c - command).abs() <= SAME_LEVEL;
+    // The plateau that begins a record came from nowhere; it is a level like those reached from below.
+    let seen: Vec<&Plateau> =
+        plateaus.iter().filter(|p| here(p.command) && p.direction.unwrap_or(Direction::Up) == direction).collect();
+    if seen.is_empty() {
+        return None;
+    }
+    let n = seen.len() as f64;
+    let mean = seen.iter().map(|p| p.mean).sum::<f64>() / n;
+    let error = seen.iter().map(|p| p.mean_std * p.mean_std).sum::<f64>();
+    let variance = seen.iter().map(|p| p.std * p.std).sum::<f64>() / n;
+    let group = groups.iter().find(|g| g.direction == direction && here(g.command));
+    Some(Branch {
+        mean: Estimate::normal(mean, error.sqrt() / n),
+        std: variance.sqrt(),
+        time_constant_s: group.map(|g| g.time_constant_s),
+        fit_percent: group.map(|g| g.fit_percent),
+    })
+}
+
+/// Slopes on one branch, over the levels on which it rises. A level whose response is not above that of
+/// the one before has no gain and takes no part in its neighbors' slopes.
+fn set_gains(levels: &mut [Level], direction: Direction) {
+    let mut rising: Vec<(usize, f64, Estimate)> = Vec::new();
+    for (at, level) in levels.iter_mut().enumerate() {
+        let Some(mean) = level.branch(direction).map(|b| b.mean) else {
+            continue;
+        };
+        if rising.last().is_none_or(|last| mean.value > last.2.value) {
+            rising.push((at, level.command, mean));
+        } else {
+            level.gain = None;
+        }
+    }
+    for k in 0..rising.len() {
+        let (at, ..) = rising[k];
+        let before = k.checked_sub(1).map(|i| secant(&rising[i], &rising[k]));
+        let after = rising.get(k + 1).map(|next| secant(&rising[k], next));
+        levels[at].gain = match (before, after) {
+            // The slope at the middle of a parabola through three points.
+            (Some((b, wb)), Some((a, wa))) => {
+                let value = (b * wa + a * wb) / (wa + wb);
+                let (lo, mid, hi) = (rising[k - 1].2.std, rising[k].2.std, rising[k + 1].2.std);
+                let std = (lo * wa / wb).hypot(mid * (wa / wb - wb / wa)).hypot(hi * wb / wa) / (wa + wb);
+                Some(Estimate::normal(value, std))
+            }
+            (Some((value, width)), None) => {
+                let std = rising[k].2.std.hypot(rising[k - 1].2.std) / width;
+                Some(Estimate::normal(value, std))
+            }
+            (None, Some((value, width))) => {
+                let std = rising[k].2.std.hypot(rising[k + 1].2.std) / width;
+                Some(Estimate::normal(value, std))
+            }
+            (None, None) => levels[at].gain,
+        };
+    }
+}
+
+/// Slope and width between two levels.
+fn secant(from: &(usize, f64, Estimate), to: &(usize, f64, Estimate)) -> (f64, f64) {
+    let width = to.1 - from.1;
+    ((to.2.value - from.2.value) / width, width)
+}

@@ -1,0 +1,221 @@
+//! Where the command stands still, and where the motor runs.
+
+use std::ops::Range;
+
+use rotorlead_records::Output;
+
+/// Shortest time in seconds that counts as a plateau.
+const MIN_PLATEAU_S: f64 = 0.25;
+/// Fewest rows that count as a plateau.
+const MIN_PLATEAU_ROWS: usize = 20;
+/// Commands closer than this are the same level.
+pub const SAME_LEVEL: f64 = 1e-6;
+/// A running motor's settled speed varies by less than this share of its mean.
+const STEADY_SHARE: f64 = 0.05;
+/// Or by less than this many times what is usual in the record.
+const STEADY_TIMES_USUAL: f64 = 4.0;
+/// A running motor turns at least at this share of its fastest plateau. Commutation without a sensor
+/// works from a few percent of full speed.
+const RUNNING_SPEED_SHARE: f64 = 0.05;
+/// A response that follows the command below zero changes there by this share of its largest value...
+const FOLLOWS_SHARE: f64 = 0.05;
+/// ...and by this many standard errors.
+const FOLLOWS_TIMES_STD: f64 = 6.0;
+/// Batches whose means tell how well a plateau's mean is known.
+const BATCHES: usize = 5;
+
+/// Which way the command went to reach a level.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Direction {
+    /// From a lower command.
+    Up,
+    /// From a higher command.
+    Down,
+}
+
+/// What the response does on a plateau.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum State {
+    /// The motor runs steadily.
+    Running,
+    /// The response is steady, and not above that of a motor that stands still.
+    NotAboveZero,
+    /// It is not steady, or the plateau is too short to tell.
+    NotSteady,
+}
+
+/// A stretch of constant command and what the response settles to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plateau {
+    /// Its rows; the first is the one on which the command changes.
+    pub rows: Range<usize>,
+    /// Command that is held.
+    pub command: f64,
+    /// `None` for a plateau that begins the record.
+    pub direction: Option<Direction>,
+    /// Mean of the response over the settled rows.
+    pub mean: f64,
+    /// Standard deviation of the response over the settled rows.
+    pub std: f64,
+    /// Standard error of `mean`, from the scatter of the means of batches: it includes slow drift.
+    pub mean_std: f64,
+    /// Whether its response settled.
+    pub state: State,
+    /// Whether the response stands on a limit there: it is then no response of the motor.
+    pub limited: bool,
+}
+
+impl Plateau {
+    /// The rows taken as settled: the second half.
+    pub fn settled(&self) -> Range<usize> {
+        self.rows.start + self.rows.len() / 2..self.rows.end
+    }
+
+    /// Whether it is long enough to settle.
+    pub fn is_long(&self, time_s: &[f64]) -> bool {
+        is_long(&self.rows, time_s)
+    }
+}
+
+/// Where the stretches of constant command begin, and the end of the last one.
+fn changes(command: &[f64]) -> impl Iterator<Item = usize> {
+    let mut start = 0;
+    (0..=command.len()).filter(move |&k| {
+        let changes = k == command.len() || (command[k] - command[start]).abs() > SAME_LEVEL;
+        if changes {
+            start = k;
+        }
+        k == 0 || changes
+    })
+}
+
+/// How many stretches of constant command there are: all, and those that are long enough to settle.
+pub(super) fn count(time_s: &[f64], command: &[f64]) -> (usize, usize) {
+    let mut counts = (0, 0);
+    let mut start = 0;
+    for end in changes(command).skip(1) {
+        counts.0 += 1;
+        counts.1 += usize::from(is_long(&(start..end), time_s));
+        start = end;
+    }
+    counts
+}
+
+fn is_long(rows: &Range<usize>, time_s: &[f64]) -> bool {
+    rows.len() >= MIN_PLATEAU_ROWS && time_s[rows.end - 1] - time_s[rows.start] >= MIN_PLATEAU_S
+}
+
+/// All stretches of constant command, long or short, in order.
+///
+/// A plateau is [`State::Running`] when it is long enough to settle, its settled mean is above a share of the
+/// fastest one's, and its settled scatter is small: below a share of its mean or near what is usual in
+/// this record. That leaves out standstill, the jumps of a start without a sensor, and a motor that
+/// fell out of step.
+pub(super) fn find(time_s: &[f64], command: &[f64], y: &[f64], output: Output) -> Vec<Plateau> {
+    let mut plateaus = Vec::new();
+    let mut start = 0;
+    for end in changes(command).skip(1) {
+        let direction =
+            (start > 0).then(|| if command[start] > command[start - 1] { Direction::Up } else { Direction::Down });
+        plateaus.push(measured(start..end, command[start], direction, y));
+        start = end;
+    }
+    let long = |p: &Plateau| p.is_long(time_s);
+    let fastest = plateaus.iter().filter(|p| long(p)).map(|p| p.mean).fold(0.0, f64::max);
+    let floor = standing_share(output) * fastest;
+    let mut scatter: Vec<f64> = plateaus.iter().filter(|p| long(p) && p.mean > floor).map(|p| p.std).collect();
+    scatter.sort_by(f64::total_cmp);
+    let usual = scatter.get(scatter.len() / 2).copied().unwrap_or(0.0);
+    for p in &mut plateaus {
+        let bound = (STEADY_SHARE * p.mean).max(STEADY_TIMES_USUAL * usual);
+        p.state = match long(p) && p.std <= bound {
+            true if p.mean > floor => State::Running,
+            true => State::NotAboveZero,
+            false => State::NotSteady,
+        };
+    }
+    plateaus
+}
+
+/// Below this share of the fastest plateau's response a motor does not run.
+fn standing_share(output: Output) -> f64 {
+    match output {
+        Output::Rpm => RUNNING_SPEED_SHARE,
+        // Thrust goes with the square of the speed.
+        Output::ThrustN => RUNNING_SPEED_SHARE * RUNNING_SPEED_SHARE,
+    }
+}
+
+/// The lowest plateau of a response that is not counted from its own zero: one that follows the command where a motor
+/// that stands still would read the same at every command.
+pub(super) fn below_zero(plateaus: &[Plateau]) -> Option<&Plateau> {
+    let largest = plateaus.iter().filter(|p| p.state != State::NotSteady).map(|p| p.mean.abs()).fold(0.0, f64::max);
+    let standing = || plateaus.iter().filter(|p| p.state == State::NotAboveZero);
+    let lowest = standing().min_by(|a, b| a.mean.total_cmp(&b.mean))?;
+    let follows = |p: &Plateau| {
+        let apart = p.mean - lowest.mean;
+        p.command != lowest.command
+            && apart > FOLLOWS_SHARE * largest
+            && apart > FOLLOWS_TIMES_STD * p.mean_std.hypot(lowest.mean_std)
+    };
+    (lowest.mean < 0.0 && standing().any(follows)).then_some(lowest)
+}
+
+fn measured(rows: Range<usize>, command: f64, direction: Option<Direction>, y: &[f64]) -> Plateau {
+    let mut plateau = Plateau {
+        rows,
+        command,
+        direction,
+        mean: 0.0,
+        std: 0.0,
+        mean_std: 0.0,
+        state: State::NotSteady,
+        limited: false,
+    };
+    let settled = &y[plateau.settled()];
+    (plateau.mean, plateau.std) = mean_and_std(settled);
+    let size = settled.len() / BATCHES;
+    if size > 0 {
+        let means: Vec<f64> = settled.chunks_exact(size).take(BATCHES).map(|batch| mean_and_std(batch).0).collect();
+        plateau.mean_std = mean_and_std(&means).1 / (means.len() as f64).sqrt();
+    }
+    plateau
+}
+
+/// Mean and standard deviation (n - 1); the latter is zero for fewer than two values.
+pub fn mean_and_std(values: &[f64]) -> (f64, f64) {
+    let n = values.len() as f64;
+    if values.is_empty() {
+        return (0.0, 0.0);
+    }
+    let mean = values.iter().sum::<f64>() / n;
+    let square: f64 = values.iter().map(|v| (v - mean) * (v - mean)).sum();
+    let std = if values.len() > 1 { (square / (n - 1.0)).sqrt() } else { 0.0 };
+    (mean, std)
+}
+
+/// The longest run of plateaus on which the motor runs, as indices.
+pub(super) fn longest_run(plateaus: &[Plateau]) -> Range<usize> {
+    let mut best = 0..0;
+    let mut start = 0;
+    for k in 0..=plateaus.len() {
+        if k == plateaus.len() || plateaus[k].state != State::Running {
+            if k - start > best.len() {
+                best = start..k;
+            }
+            start = k + 1;
+        }
+    }
+    best
+}
+
+/// The first row of `first` from which the response stays near its mean: what comes before is start-up
+/// and of no use to a lag. `None` when it settles only at the end.
+pub(super) fn settled_from(first: &Plateau, y: &[f64]) -> Option<usize> {
+    let near = (5.0 * first.std).max(0.02 * first.mean.abs());
+    let outside = |&k: &usize| (y[k] - first.mean).abs() > near;
+    // Half a plateau is settled by definition of its mean; single outliers there do not count.
+    let unsettled = first.rows.start..first.settled().start;
+    let from = unsettled.rev().find(outside).map_or(first.rows.start, |k| k + 1);
+    (from < first.settled().start).then_some(from)
+}

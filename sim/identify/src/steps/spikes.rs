@@ -1,0 +1,41 @@
+//! Readings that cannot be the rotor's.
+
+/// Rows on each side of a reading that it is compared with. A median of nine rides over four bad
+/// readings in a row and leaves any monotone transient as it is.
+const HALF_WIDTH: usize = 4;
+/// A spike is further from the median of its neighbors than this many standard deviations...
+const STDS: f64 = 6.0;
+/// ...and than this share of that median. A rotor changes by less in the time of a reading or two and
+/// never goes back at once.
+const SHARE: f64 = 0.05;
+
+/// The response with spikes replaced by the median of their neighbors, and which rows those are.
+///
+/// Hampel's filter: the standard deviation is 1.4826 times the median of all distances from the running
+/// median (Pearson 2002, Outliers in process modeling and identification), so the spikes themselves do
+/// not widen it.
+pub fn without_spikes(y: &[f64]) -> (Vec<f64>, Vec<bool>) {
+    let n = y.len();
+    let center: Vec<f64> = (0..n)
+        .map(|k| {
+            let half = HALF_WIDTH.min(k).min(n - 1 - k);
+            middle(&mut y[k - half..=k + half].to_vec())
+        })
+        .collect();
+    // Standstill reads exactly zero and says nothing of the noise.
+    let mut distance: Vec<f64> = (0..n).filter(|&k| center[k] != 0.0).map(|k| (y[k] - center[k]).abs()).collect();
+    if distance.is_empty() {
+        return (y.to_vec(), vec![false; n]);
+    }
+    let std = 1.4826 * middle(&mut distance);
+    let spike: Vec<bool> =
+        (0..n).map(|k| (y[k] - center[k]).abs() > (STDS * std).max(SHARE * center[k].abs())).collect();
+    let clean = (0..n).map(|k| if spike[k] { center[k] } else { y[k] }).collect();
+    (clean, spike)
+}
+
+/// Middle value of a slice that is not empty.
+fn middle(values: &mut [f64]) -> f64 {
+    let at = values.len() / 2;
+    *values.select_nth_unstable_by(at, f64::total_cmp).1
+}

@@ -1,0 +1,262 @@
+//! One record, the model run on it, and what is left.
+
+use num_complex::Complex64;
+use rotorlead_plant::{Actuator, EscTiming, Law, Model, OperatingCurve, PlantError};
+use rotorlead_records::{Excitation, Experiment, Output, Record};
+
+use super::left_over::LeftOver;
+use super::noise::{LevelNoise, PeriodNoise};
+use super::{ComparedLines, ComparedRow, Comparison, RecordValidation};
+use crate::effects::{Rates, simulated_periods};
+use crate::fit_percent::{fit_percent, percent_when_left, spread};
+use crate::steps::Run;
+use crate::{
+    Etfe, FitLine, FrequencyResponse, HoldChain, IdentifyError, ResponseLine, Spectrum, SpectrumOptions, align,
+    offset_and_start, run_actuator, spectra, start_of,
+};
+
+/// Half width of the Hann window of what is drawn, lines: as in identification.
+const SMOOTHING_HALF_WIDTH: usize = 4;
+
+/// One record and what it is judged with.
+pub(super) struct Judge<'a> {
+    pub(super) experiment: &'a Experiment,
+    pub(super) model: &'a Model,
+    pub(super) record: &'a Record,
+}
+
+/// What comes out of the comparison.
+struct Score {
+    fit_percent: f64,
+    ceiling_percent: Option<f64>,
+    left_over: Option<LeftOver>,
+    comparison: Comparison,
+}
+
+impl Judge<'_> {
+    pub(super) fn validation(&self) -> Result<RecordValidation, IdentifyError> {
+        let record = self.record;
+        let score = match record.excitation {
+            Excitation::Multisine => self.in_frequency()?,
+            Excitation::Square | Excitation::Triangle | Excitation::Step | Excitation::Chirp => {
+                self.around_nominal()?
+            }
+            Excitation::Staircase | Excitation::Free => self.over_range()?,
+        };
+        Ok(RecordValidation {
+            file: record.file.clone(),
+            nominal: record.nominal,
+            excitation: record.excitation,
+            compensated: record.compensated,
+            role: record.role,
+            fitted: self.model.provenance.as_ref().map(|provenance| provenance.records.contains(&record.file)),
+            fit_percent: score.fit_percent,
+            ceiling_percent: score.ceiling_percent,
+            left_over: score.left_over,
+            comparison: score.comparison,
+        })
+    }
+
+    fn in_frequency(&self) -> Result<Score, IdentifyError> {
+        let lag =
+            OperatingCurve::around_without_effects(self.model, self.record.nominal).map_err(|e| self.refused(e))?.lag;
+        let mut spectrum = Spectrum::of(self.experiment, self.record, &SpectrumOptions::default())?;
+        let holds =
+            HoldChain::new(spectrum.row_rate_hz, self.experiment.command_rate_hz, self.experiment.esc_frame_hz)?;
+        let (mut expected, mut without_holds) = (Vec::new(), Vec::new());
+        if self.model.effects.is_empty() {
+            for line in &spectrum.lines {
+                let filter = if self.record.compensated {
+                    line.esc_command.ok_or_else(|| self.no_esc_command())? / line.command
+                } else {
+                    Complex64::ONE
+                };
+                without_holds.push(filter * lag.frequency_response(line.omega_rad_s));
+                let line = FitLine::new(line, &holds).behind(filter);
+                expected.push(line.seen(|omega_rad_s| lag.frequency_response(omega_rad_s)));
+            }
+        } else {
+            expected = self.simulated_lines(&mut spectrum)?;
+            // What a simulation shows has the holds in it, and they cannot be taken out again.
+            without_holds.clone_from(&expected);
+        }
+        let measured: Vec<Complex64> = spectrum.lines.iter().map(crate::Line::ratio).collect();
+        // Both the noise of the response over the command and the fit count each line alike.
+        let noise = spectrum.lines.iter().map(crate::Line::ratio_variance).sum();
+        let percent = fit_percent(&measured, &expected).ok_or_else(|| self.constant_response())?;
+        Ok(Score {
+            fit_percent: percent,
+            ceiling_percent: Some(percent_when_left(noise, spread(&measured))),
+            left_over: Some(LeftOver::at_lines(&spectrum.lines, &expected)),
+            comparison: Comparison::Frequency(compared(&spectrum, &expected, without_holds)?),
+        })
+    }
+
+    /// Response over command at the lines of a record. Effects may have no frequency response, so the record is simulated;
+    /// lines that are not in both are taken out of `spectrum`.
+    fn simulated_lines(&self, spectrum: &mut Spectrum) -> Result<Vec<Complex64>, IdentifyError> {
+        let record = self.record;
+        let (_, length) = spectra::period(record, spectrum.row_rate_hz)?;
+        let actuator = self.actuator(Law::LinearAround(record.nominal))?;
+        let rates = Rates { row_hz: spectrum.row_rate_hz, command_hz: self.experiment.command_rate_hz };
+        let response = simulated_periods(actuator, self.command()?, length, spectrum.periods, rates)
+            .map_err(|e| self.refused(e))?;
+        // Through the same estimate, which takes drift out of both alike.
+        let mut simulated = record.clone();
+        let rows = response.len();
+        for column in [&mut simulated.time_s, &mut simulated.command] {
+            column.truncate(rows);
+        }
+        if let Some(esc_command) = &mut simulated.esc_command {
+            esc_command.truncate(rows);
+        }
+        match self.experiment.output {
+            Output::ThrustN => simulated.thrust_n = Some(response),
+            Output::Rpm => simulated.rpm = Some(response),
+        }
+        let simulated = Spectrum::of(self.experiment, &simulated, &SpectrumOptions::default())?;
+        let of = |harmonic: u32| simulated.lines.iter().find(|line| line.harmonic == harmonic);
+        spectrum.lines.retain(|line| of(line.harmonic).is_some());
+        Ok(spectrum.lines.iter().filter_map(|line| Some(of(line.harmonic)?.response / line.command)).collect())
+    }
+
+    fn around_nominal(&self) -> Result<Score, IdentifyError> {
+        let record = self.record;
+        let measured = spectra::response_of(record, self.experiment.output)?;
+        let command = self.command()?;
+        let nominal = record.nominal;
+        let tau_s = OperatingCurve::around_without_effects(self.model, nominal)
+            .map_err(|e| self.refused(e))?
+            .lag
+            .time_constant_s;
+        let mut actuator = self.actuator(Law::LinearAround(nominal))?;
+        let model = run_actuator(&mut actuator, &record.time_s, command, 0);
+        let simulated = align(&record.time_s, measured, &model, tau_s);
+        let percent = fit_percent(measured, &simulated).ok_or_else(|| self.constant_response())?;
+        let residual: Vec<f64> = measured.iter().zip(&simulated).map(|(y, m)| y - m).collect();
+        let rows = measured.len() as f64;
+        let (noise, left_over) = match record.excitation {
+            Excitation::Square | Excitation::Triangle => {
+                let row_rate_hz = spectra::row_rate_hz(record, self.experiment.sample_rate_hz)?;
+                let (_, length) = spectra::period(record, row_rate_hz)?;
+                let noise = PeriodNoise::of(&residual, length);
+                (noise.as_ref().map(|noise| noise.variance * rows), noise.map(|noise| noise.left_over()))
+            }
+            Excitation::Step => {
+                let noise = Run::of(record, self.experiment.output)
+                    .ok()
+                    .and_then(|run| LevelNoise::of(&run, &record.time_s, |_| tau_s));
+                let left_over = noise.as_ref().and_then(|noise| noise.left_over(residual.iter().copied().enumerate()));
+                (noise.map(|noise| noise.variance * rows), left_over)
+            }
+            _ => (None, None),
+        };
+        Ok(Score {
+            fit_percent: percent,
+            ceiling_percent: noise.map(|noise| percent_when_left(noise, spread(measured))),
+            left_over,
+            comparison: Comparison::Time(compared_rows(&record.time_s, measured, &simulated)),
+        })
+    }
+
+    fn over_range(&self) -> Result<Score, IdentifyError> {
+        let (record, output) = (self.record, self.experiment.output);
+        let raw = spectra::response_of(record, output)?;
+        let command = self.command()?;
+        let run = (record.excitation == Excitation::Staircase).then(|| Run::of(record, output)).transpose()?;
+        let rows = run.as_ref().map_or(0..raw.len(), |run| run.rows());
+        let shown = run.as_ref().map(Run::rows_that_show);
+        let shows = |row: usize| shown.as_ref().is_none_or(|shown| shown[row - rows.start]);
+        let is_spike = |row: usize| run.as_ref().is_some_and(|run| run.spike[row]);
+        let kept: Vec<usize> = rows.clone().filter(|&row| shows(row) && !is_spike(row)).collect();
+        let mut actuator = self.actuator(Law::FollowingLevel(command[rows.start]))?;
+        let model = run_actuator(&mut actuator, &record.time_s, command, rows.start);
+        let of_kept = |values: &[f64]| kept.iter().map(|&row| values[row]).collect::<Vec<f64>>();
+        let (time_s, measured, mut simulated) = (of_kept(&record.time_s), of_kept(raw), of_kept(&model));
+        let curve = OperatingCurve::without_effects(self.model).map_err(|e| self.refused(e))?;
+        let time_constant_s = |command: f64| curve.clamped_at(command).lag.time_constant_s;
+        // The record may begin before the response has settled, and a model must not be judged by what came before.
+        let tau_s = time_constant_s(command[rows.start]);
+        let (offset, start) = match self.model.static_map {
+            Some(_) => (0.0, start_of(&time_s, &measured, &simulated, tau_s)),
+            // The integral of the gain has no zero of its own.
+            None => offset_and_start(&time_s, &measured, &simulated, tau_s),
+        };
+        let free = |t_s: f64| offset + start * (-(t_s - time_s[0]) / tau_s).exp();
+        simulated.iter_mut().zip(&time_s).for_each(|(m, &t_s)| *m += free(t_s));
+        let percent = fit_percent(&measured, &simulated).ok_or_else(|| self.constant_response())?;
+        let noise = run.as_ref().and_then(|run| LevelNoise::of(run, &record.time_s, time_constant_s));
+        let left_over = run.as_ref().zip(noise.as_ref()).and_then(|(run, noise)| {
+            let left = |row: usize| run.clean[row] - model[row] - free(record.time_s[row]);
+            noise.left_over(rows.clone().filter(|&row| shows(row)).map(|row| (row, left(row))))
+        });
+        let left = noise.map(|noise| noise.variance * measured.len() as f64);
+        Ok(Score {
+            fit_percent: percent,
+            ceiling_percent: left.map(|left| percent_when_left(left, spread(&measured))),
+            left_over,
+            comparison: Comparison::Time(compared_rows(&time_s, &measured, &simulated)),
+        })
+    }
+
+    /// What the ESC got.
+    fn command(&self) -> Result<&[f64], IdentifyError> {
+        let record = self.record;
+        let command = if record.compensated {
+            let column = record.esc_command.as_deref().filter(|column| column.len() == record.time_s.len());
+            column.ok_or_else(|| self.no_esc_command())?
+        } else {
+            &record.command
+        };
+        let constant = || IdentifyError::ConstantCommand { file: record.file.clone() };
+        if command.windows(2).any(|pair| pair[0] != pair[1]) { Ok(command) } else { Err(constant()) }
+    }
+
+    fn actuator(&self, law: Law) -> Result<Actuator, IdentifyError> {
+        let timing = EscTiming { frame_hz: self.experiment.esc_frame_hz, frame_phase: 0.0 };
+        Actuator::new(self.model, law, timing).map_err(|e| self.refused(e))
+    }
+
+    fn refused(&self, error: PlantError) -> IdentifyError {
+        match error {
+            PlantError::Range(source) => IdentifyError::NotInModel { file: self.record.file.clone(), source },
+            other => IdentifyError::Plant(other),
+        }
+    }
+
+    fn no_esc_command(&self) -> IdentifyError {
+        IdentifyError::NoEscCommand { file: self.record.file.clone() }
+    }
+
+    fn constant_response(&self) -> IdentifyError {
+        IdentifyError::ConstantResponse { file: self.record.file.clone() }
+    }
+}
+
+/// The lines for a figure: `expected` is the model with the holds, `model` without.
+fn compared(
+    spectrum: &Spectrum,
+    expected: &[Complex64],
+    model: Vec<Complex64>,
+) -> Result<ComparedLines, IdentifyError> {
+    let holds: Vec<Complex64> = expected.iter().zip(&model).map(|(seen, model)| seen / model).collect();
+    let etfe = Etfe::new(&spectrum.lines, expected, SMOOTHING_HALF_WIDTH)?.divided_by(&holds)?;
+    let line = |point: &crate::ResponsePoint| ResponseLine {
+        omega_rad_s: point.omega_rad_s,
+        response: point.response,
+        variance: point.variance,
+    };
+    Ok(ComparedLines {
+        raw: etfe.raw().iter().map(|point| point.response).collect(),
+        smoothed: FrequencyResponse {
+            lines: etfe.smoothed().iter().map(line).collect(),
+            ..FrequencyResponse::of(spectrum)
+        },
+        model,
+    })
+}
+
+fn compared_rows(time_s: &[f64], measured: &[f64], model: &[f64]) -> Vec<ComparedRow> {
+    let row = |((&time_s, &measured), &model): ((&f64, &f64), &f64)| ComparedRow { time_s, measured, model };
+    time_s.iter().zip(measured).zip(model).map(row).collect()
+}

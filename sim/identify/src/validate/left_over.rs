@@ -1,0 +1,54 @@
+//! Does the model leave more than noise?
+//!
+//! What the true model leaves has the noise's power. The ratio of the two is compared with what chance gives: F, its degrees
+//! of freedom those of the noise as the record shows it, which colored noise has fewer of than rows. The model's own
+//! parameters count as known; those of a fit to as many data raise the ratio by as little as their number over
+//! that of the degrees of freedom.
+
+use num_complex::Complex64;
+
+use crate::Line;
+use crate::statistics::f_upper_tail;
+
+/// What a model leaves of a record, beside its noise.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LeftOver {
+    /// Power of what is left over that of the noise; about 1 for the true model. At lines each is weighted by its noise, in
+    /// time each row counts alike.
+    pub power_ratio: f64,
+    /// How likely a true model leaves as much by chance.
+    pub p_value: f64,
+}
+
+impl LeftOver {
+    /// `left` and `noise` are mean powers of independent numbers, these their degrees of freedom.
+    pub(super) fn of(left: f64, dof: f64, noise: f64, noise_dof: f64) -> Self {
+        let power_ratio = if noise > 0.0 {
+            left / noise
+        } else if left > 0.0 {
+            f64::INFINITY
+        } else {
+            1.0
+        };
+        Self { power_ratio, p_value: f_upper_tail(power_ratio, dof, noise_dof) }
+    }
+
+    /// Lines of a spectrum beside the response over command that is `expected` of each.
+    ///
+    /// The variances are estimates: they make the weighted sum `v / (v - 2)` times too large on average, with `v` the degrees
+    /// of freedom of each. Neighbors share them, so that all lines have as many as there are windows of pooling.
+    pub(super) fn at_lines(lines: &[Line], expected: &[Complex64]) -> Self {
+        let largest = lines.iter().map(|line| line.ratio().norm()).fold(0.0, f64::max);
+        // The rounding of what has no noise.
+        let rounding = (1e-8 * largest).powi(2);
+        let weighted = |(line, expected): (&Line, &Complex64)| {
+            (line.ratio() - expected).norm_sqr() / line.ratio_variance().max(rounding)
+        };
+        let count = lines.len() as f64;
+        let left = lines.iter().zip(expected).map(weighted).sum::<f64>() / count;
+        let line_dof = lines.iter().map(|line| line.dof).fold(f64::INFINITY, f64::min);
+        let inflation = if line_dof > 2.5 { 1.0 / (1.0 - 2.0 / line_dof) } else { 5.0 };
+        let windows = (2.0 * count / line_dof).max(1.0);
+        Self::of(left, 2.0 * count, inflation, windows * line_dof)
+    }
+}

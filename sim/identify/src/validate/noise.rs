@@ -1,0 +1,119 @@
+//! The noise of a record in time, and over how many independent numbers it is spread.
+//!
+//! A sum of squares of `n` rows of white noise has `n` degrees of freedom; of colored noise with the spectrum `S` it has
+//!
+//! ```text
+//! 2 (sum_k S_k)^2 / sum_k S_k^2
+//! ```
+//!
+//! over the bins `k` of the transform, two degrees each (Satterthwaite's, as of Welch's spectra). In place of `S` there is an
+//! average of `v` complex samples, whose square is `1 + 1 / v` times too large on average; that is taken out.
+
+use super::left_over::LeftOver;
+use crate::spectra;
+use crate::steps::Run;
+
+/// A level has settled after this many time constants: e^-7 of the step, a thousandth, is left.
+const SETTLED_TIME_CONSTANTS: f64 = 7.0;
+/// Fewer settled rows have no spectrum worth the name.
+const FEWEST_ROWS: usize = 16;
+
+/// Degrees of freedom of noise with these powers by bin, each the average of `samples` complex ones.
+fn degrees_of_freedom(powers: impl Iterator<Item = f64>, samples: f64) -> f64 {
+    let (sum, squares) = powers.fold((0.0, 0.0), |(sum, squares), p| (sum + p, squares + p * p));
+    if squares > 0.0 { 2.0 * sum * sum / (squares * samples / (samples + 1.0)) } else { f64::INFINITY }
+}
+
+/// What of a residual does not repeat from period to period.
+///
+/// What the model gets wrong repeats and cancels, as does a response that the period has settled to; drift counts as
+/// noise.
+pub(super) struct PeriodNoise {
+    /// Variance per row.
+    pub(super) variance: f64,
+    left_over: LeftOver,
+}
+
+impl PeriodNoise {
+    /// Of a residual with this many rows in a period; `None` with fewer than two whole periods.
+    pub(super) fn of(residual: &[f64], length: usize) -> Option<Self> {
+        let periods: Vec<&[f64]> = residual.chunks_exact(length).collect();
+        if periods.len() < 2 {
+            return None;
+        }
+        let count = periods.len() as f64;
+        let variance = |row: usize| {
+            let mean = periods.iter().map(|period| period[row]).sum::<f64>() / count;
+            periods.iter().map(|period| (period[row] - mean).powi(2)).sum::<f64>() / (count - 1.0)
+        };
+        let variance = (0..length).map(variance).sum::<f64>() / length as f64;
+
+        let spectra = spectra::transform(residual, length);
+        // Without the mean, which the record leaves free, and the bin of half the row rate.
+        let bins = 1..length.div_ceil(2);
+        let mut noise = Vec::with_capacity(bins.len());
+        let mut repeats = 0.0;
+        for bin in bins {
+            let mean = spectra.iter().map(|period| period[bin]).sum::<num_complex::Complex64>() / count;
+            noise.push(spectra.iter().map(|period| (period[bin] - mean).norm_sqr()).sum::<f64>() / (count - 1.0));
+            repeats += count * mean.norm_sqr();
+        }
+        let dof = degrees_of_freedom(noise.iter().copied(), count - 1.0);
+        let left_over = LeftOver::of(repeats, dof, noise.iter().sum(), (count - 1.0) * dof);
+        Some(Self { variance, left_over })
+    }
+
+    /// The part of the residual that repeats, beside the noise of the mean over periods.
+    pub(super) fn left_over(&self) -> LeftOver {
+        self.left_over
+    }
+}
+
+/// The scatter of a response about its levels, on plateaus that are long enough to settle.
+pub(super) struct LevelNoise {
+    /// Variance per row.
+    pub(super) variance: f64,
+    dof: f64,
+    /// The rows that it is the scatter of, in the record.
+    settled: Vec<std::ops::Range<usize>>,
+}
+
+impl LevelNoise {
+    /// Of a run whose levels follow their commands with these time constants; `None` without a plateau that settles.
+    pub(super) fn of(run: &Run, time_s: &[f64], time_constant_s: impl Fn(f64) -> f64) -> Option<Self> {
+        let (mut sum, mut spread, mut settled) = (0.0, 0.0, Vec::new());
+        for plateau in &run.plateaus {
+            let rows = plateau.settled();
+            let waited_s = time_s[rows.start] - time_s[plateau.rows.start];
+            if plateau.limited
+                || rows.len() < FEWEST_ROWS
+                || waited_s < SETTLED_TIME_CONSTANTS * time_constant_s(plateau.command)
+            {
+                continue;
+            }
+            let scatter = plateau.std * plateau.std * rows.len() as f64;
+            let spectrum = &spectra::transform(&run.clean[rows.clone()], rows.len())[0];
+            let powers = spectrum[1..rows.len().div_ceil(2)].iter().map(|bin| bin.norm_sqr());
+            sum += scatter;
+            spread += scatter * scatter / degrees_of_freedom(powers, 1.0);
+            settled.push(rows);
+        }
+        let rows: usize = settled.iter().map(|rows| rows.len()).sum();
+        let dof = if spread > 0.0 { sum * sum / spread } else { f64::INFINITY };
+        (rows > 0).then(|| Self { variance: sum / rows as f64, dof, settled })
+    }
+
+    /// The residual of rows of the record, beside the noise: of those on which the levels were not measured, so that
+    /// the two are independent. `None` where there are none.
+    pub(super) fn left_over(&self, residual: impl Iterator<Item = (usize, f64)>) -> Option<LeftOver> {
+        let is_settled = |row: usize| self.settled.iter().any(|rows| rows.contains(&row));
+        let (mut sum, mut rows) = (0.0, 0.0);
+        for (_, residual) in residual.filter(|&(row, _)| !is_settled(row)) {
+            sum += residual * residual;
+            rows += 1.0;
+        }
+        let settled: usize = self.settled.iter().map(|rows| rows.len()).sum();
+        let dof = self.dof * rows / settled as f64;
+        (rows > 0.0).then(|| LeftOver::of(sum / rows, dof, self.variance, self.dof))
+    }
+}

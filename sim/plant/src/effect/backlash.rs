@@ -1,0 +1,64 @@
+//! Play between command and effect.
+
+use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
+use crate::stage::{Levels, Memory};
+
+/// The output moves only where the command pushes it.
+pub static KIND: Kind = Kind {
+    id: "backlash",
+    title: "backlash",
+    site: Site::Command,
+    equation: "v_k = min(max(v_(k-1), u_k - half_width), u_k + half_width)",
+    parameters: &[Parameter::fitted("half_width", "duty", "half the play between the two directions")
+        .possible(0.0, 0.5)
+        .log(0.001, 0.05, &[0.003, 0.01, 0.02])],
+    signature: "Small amplitudes lose gain and lag behind, by the same at every frequency. Response against command is a loop \
+                of the play's width that stays however slow the command is.",
+    confusions: &[
+        Confusion {
+            with: "dead_band",
+            experiment: "A slow triangle of ten times the play: after each turn play holds for its width and then follows \
+                         smoothly, a dead band makes stairs all the way.",
+        },
+        Confusion {
+            with: "transport_delay",
+            experiment: "Double the amplitude: the phase of play halves, that of a delay stays.",
+        },
+    ],
+    sources: &["Gelb & Vander Velde, Multiple-Input Describing Functions and Nonlinear System Design, 1968, sec. 2.3"],
+    linearity: Linearity::Absent,
+    shows: Shows::BetweenLevels,
+    check: Kind::any,
+    part: |values, _| match values[0] {
+        0.0 => Part::Nothing,
+        half_width => {
+            Part::command(Levels::new(Memory::TurningPoints(0.0), move |held: f64, input: f64| held.clamp(input - half_width, input + half_width)))
+        }
+    },
+    response: Kind::unity,
+};
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::PI;
+
+    use num_complex::Complex64;
+
+    use super::*;
+    use crate::testing::{active, fundamental};
+
+    #[test]
+    fn a_sine_through_play_has_its_describing_function() {
+        // With k = 1 - 2 b / a: Re N = (pi/2 + asin k + k sqrt(1 - k^2)) / pi, Im N = -4 b (a - b) / (pi a^2).
+        for b in [0.01_f64, 0.05, 0.08] {
+            let a = 0.1;
+            let k = 1.0 - 2.0 * b / a;
+            let n = Complex64::new(
+                (PI / 2.0 + k.asin() + k * (1.0 - k * k).sqrt()) / PI,
+                -4.0 * b * (a - b) / (PI * a * a),
+            );
+            let found = fundamental(&[active(&KIND, &[b])], a);
+            assert!((found - n).norm() < 1e-5, "{b}: {found} for {n}");
+        }
+    }
+}

@@ -1,0 +1,139 @@
+//! The kinds of effects that there are, and the rules for an `[[effect]]` of a model.
+
+use rotorlead_records::files::{Fault, Place};
+
+use super::{ActiveEffect, Kind, STANDARD, Use};
+use crate::{Effect, Model};
+
+/// Kinds of effects, in the order of the chain.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Catalog {
+    kinds: Vec<&'static Kind>,
+}
+
+/// An identifier that differs in this many letters or fewer, of every three, is taken for a slip.
+const LETTERS_PER_SLIP: usize = 3;
+
+impl Catalog {
+    /// Every kind of this crate.
+    #[must_use]
+    pub fn standard() -> Self {
+        Self { kinds: STANDARD.to_vec() }
+    }
+
+    /// With one more kind, at the end of its [`Site`](super::Site).
+    #[must_use]
+    pub fn with(mut self, kind: &'static Kind) -> Self {
+        let place = self.kinds.partition_point(|other| other.site <= kind.site);
+        self.kinds.insert(place, kind);
+        self
+    }
+
+    /// The kinds, from command to logger.
+    pub fn kinds(&self) -> impl Iterator<Item = &'static Kind> {
+        self.kinds.iter().copied()
+    }
+
+    /// The kind of that identifier.
+    #[must_use]
+    pub fn find(&self, id: &str) -> Option<&'static Kind> {
+        self.kinds().find(|kind| kind.id == id)
+    }
+
+    /// Place in the chain, counted from zero.
+    fn place(&self, kind: &Kind) -> usize {
+        self.kinds.iter().position(|other| *other == kind).unwrap_or(self.kinds.len())
+    }
+
+    /// Puts effects into the order of the chain; those of one kind stay in theirs.
+    pub fn sort(&self, effects: &mut [ActiveEffect]) {
+        effects.sort_by_key(|effect| self.place(effect.kind()));
+    }
+
+    /// The effects of `model`, in the order of the chain.
+    ///
+    /// # Errors
+    /// A fault as of [`Catalog::resolve`].
+    pub fn of_model(&self, model: &Model) -> Result<Vec<ActiveEffect>, Fault> {
+        let place = Place::root().key("effect");
+        let resolved = model.effects.iter().enumerate().map(|(index, effect)| self.resolve(effect, &place.item(index)));
+        let mut effects = resolved.collect::<Result<Vec<_>, _>>()?;
+        self.sort(&mut effects);
+        Ok(effects)
+    }
+
+    /// An `[[effect]]`, whose place in the file is `place`, as one of this catalog.
+    ///
+    /// # Errors
+    /// A fault for a kind that is not in the catalog, a parameter that the kind has not got, one that is missing, and a value
+    /// that no actuator has.
+    pub fn resolve(&self, effect: &Effect, place: &Place) -> Result<ActiveEffect, Fault> {
+        let kind = self.find(&effect.kind).ok_or_else(|| self.unknown_kind(&effect.kind, &place.key("kind")))?;
+        let names = kind.parameters.iter().map(|parameter| parameter.name);
+        let parameters = place.key("parameters");
+        if let Some(name) = effect.parameters.keys().find(|name| !names.clone().any(|known| known == *name)) {
+            let help = match nearest(name, names.clone()) {
+                Some(known) => format!("did you mean `{known}`?"),
+                None => format!("`{}` has {}", kind.id, list(names.clone())),
+            };
+            return Err(parameters.key(name).fault(format!("`{}` has no such parameter", kind.id), help));
+        }
+        let mut values = Vec::with_capacity(kind.parameters.len());
+        for parameter in kind.parameters {
+            values.push(match (effect.parameters.get(parameter.name), parameter.usage) {
+                (Some(value), _) => *value,
+                (None, Use::Optional(default)) => default,
+                (None, Use::Fitted) => {
+                    let what = format!("`{}` needs `{}`, {}", kind.id, parameter.name, parameter.meaning);
+                    return Err(place.clone().fault(what, format!("add `{}` to its parameters", parameter.name)));
+                }
+            });
+        }
+        Self::check_values(kind, &values, &parameters)?;
+        Ok(ActiveEffect::checked(kind, values))
+    }
+
+    pub(super) fn check_values(kind: &Kind, values: &[f64], place: &Place) -> Result<(), Fault> {
+        for (parameter, &value) in kind.parameters.iter().zip(values) {
+            let (from, to) = parameter.possible;
+            let place = place.key(parameter.name);
+            // A null value that is infinite is a way to say "none".
+            let none = value.is_infinite() && value == parameter.null;
+            if !(none || (value.is_finite() && (from..=to).contains(&value))) {
+                let range = match (from.is_finite(), to.is_finite()) {
+                    (true, true) => format!("from {from} to {to}"),
+                    (true, false) => format!("{from} or more, and finite"),
+                    _ => "a finite number".to_owned(),
+                };
+                let message = format!("{value} is not {range}: `{}` is {}", parameter.name, parameter.meaning);
+                let (low, high) = parameter.plausible;
+                return Err(place.fault(message, format!("plausible values are {low} to {high}")));
+            }
+        }
+        (kind.check)(values).map_err(|(index, rule)| {
+            let parameter = &kind.parameters[index];
+            place.key(parameter.name).fault(format!("{} {rule}", values[index]), "correct one of the two")
+        })
+    }
+
+    fn unknown_kind(&self, id: &str, place: &Place) -> Fault {
+        let help = match nearest(id, self.kinds().map(|kind| kind.id)) {
+            Some(known) => format!("did you mean `{known}`?"),
+            None => format!("the kinds are {}", list(self.kinds().map(|kind| kind.id))),
+        };
+        place.clone().fault(format!("`{id}` is no kind of effect that this version knows"), help)
+    }
+}
+
+/// The known name that `name` is a slip, or a part, of.
+fn nearest<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+    let near = |known: &&str| {
+        let slips = strsim::osa_distance(name, known);
+        slips * LETTERS_PER_SLIP <= known.len() || (name.len() > 3 && known.split('_').any(|word| word == name))
+    };
+    known.filter(near).min_by_key(|known| strsim::osa_distance(name, known))
+}
+
+fn list<'a>(names: impl Iterator<Item = &'a str>) -> String {
+    names.map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")
+}

@@ -1,0 +1,252 @@
+//! What a kind of effect is.
+
+use std::fmt;
+
+use num_complex::Complex64;
+
+use super::Part;
+use crate::{OperatingPoint, RotorBase};
+
+/// A kind of effect: what it is, how it shows, and how it is simulated.
+pub struct Kind {
+    /// Identifier in files: lower case with underscores.
+    pub id: &'static str,
+    /// Its name for people.
+    pub title: &'static str,
+    /// Where in the chain it acts.
+    pub site: Site,
+    /// The model equation.
+    pub equation: &'static str,
+    /// Its parameters. Values are always in this order.
+    pub parameters: &'static [Parameter],
+    /// How it shows in measurements.
+    pub signature: &'static str,
+    /// What it is mistaken for, and what tells them apart.
+    pub confusions: &'static [Confusion],
+    /// Where equation and numbers come from.
+    pub sources: &'static [&'static str],
+    /// What [`Kind::response`] means.
+    pub linearity: Linearity,
+    /// Which logs it shows in.
+    pub shows: Shows,
+    /// Refuses values that do not go together, each in its own range; gives the parameter that is wrong and why.
+    pub check: fn(&[f64]) -> Checked,
+    /// The link of the chain. [`Part::Nothing`] for null values, so that these change no digit.
+    pub part: fn(&[f64], &RotorBase) -> Part,
+    /// By what it multiplies the response of the lag around a nominal command, at a frequency in rad/s; 1 where
+    /// [`Linearity::Absent`].
+    pub response: fn(&[f64], &OperatingPoint, f64) -> Complex64,
+}
+
+/// Whether values go together: if not, the place of the parameter that is wrong among all, and what it is not.
+pub type Checked = Result<(), (usize, &'static str)>;
+
+/// Where in the chain an effect acts. The known frames of the ESC come between `Command` and `Line`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Site {
+    /// The numbers of the lag themselves.
+    Base,
+    /// The command before it reaches the ESC.
+    Command,
+    /// Between the ESC taking a command over and the motor.
+    Line,
+    /// The voltage that drives the motor.
+    Supply,
+    /// Steady response against command.
+    Map,
+    /// The rotor's way to its steady response.
+    Rotor,
+    /// From speed to thrust.
+    Air,
+    /// What carries the sensor.
+    Stand,
+    /// Sensor, filter and clock of the logger.
+    Logger,
+}
+
+/// Whether an effect has a frequency response.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Linearity {
+    /// It is linear and time-invariant: the response is exact, at any amplitude.
+    Exact,
+    /// The mean over its own rhythm is: the response leaves out the images of a sampler.
+    Mean,
+    /// The response is that for small deviations from the nominal command.
+    SmallSignal,
+    /// It has none that the amplitude or time would not change.
+    Absent,
+}
+
+/// Which records a kind shows in, if its values are large enough. Staircases and other logs that do not repeat show less than periods
+/// around one command, and more. Where a kind does not show it is not looked for: it would be the name of whatever else is the
+/// matter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shows {
+    /// All that excite it.
+    Anywhere,
+    /// Not those of a command that goes from one settled level to the next in steps larger than the effect. These only settle
+    /// somewhat elsewhere, for which there are many reasons, or somewhat later, which is a delay.
+    BetweenLevels,
+    /// Not logs of the speed: it is in the force on the stand.
+    InForce,
+    /// Not logs that do not repeat: it takes two clocks, and one stamps their rows.
+    BetweenClocks,
+    /// Logs that go through levels of many loads alone. Around one level another kind looks the same.
+    OverLevels,
+}
+
+/// One parameter of a kind.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Parameter {
+    /// Name in files, with its unit.
+    pub name: &'static str,
+    /// Unit for people; empty for plain numbers.
+    pub unit: &'static str,
+    /// What it is.
+    pub meaning: &'static str,
+    /// The value at which the effect is not there; a limit at infinity is infinite. Where another parameter makes it vanish
+    /// (a time constant of something of size 0), NaN.
+    pub null: f64,
+    /// Smallest and largest possible value. What is outside is refused, but for an infinite null value.
+    pub possible: (f64, f64),
+    /// From and to where to search for it.
+    pub plausible: (f64, f64),
+    /// How to step through the plausible range.
+    pub scale: Scale,
+    /// Where searches start.
+    pub starts: &'static [f64],
+    /// Into how many pieces the plausible range has to be cut for the response to move smoothly within each.
+    pub pieces: u32,
+    /// Whether data has to say it.
+    pub usage: Use,
+}
+
+/// How to step through a range.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scale {
+    /// In equal steps.
+    Linear,
+    /// By equal factors.
+    Log,
+}
+
+/// Whether a parameter has to be given.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Use {
+    /// It makes the effect: a model gives it, and a fit finds it.
+    Fitted,
+    /// A refinement: absent it has this value, and a fit leaves it there unless the data can tell.
+    Optional(f64),
+}
+
+/// Another kind that looks alike.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Confusion {
+    /// The other's identifier.
+    pub with: &'static str,
+    /// The experiment that tells them apart, and how.
+    pub experiment: &'static str,
+}
+
+impl Kind {
+    /// The values of an effect that does nothing, optional ones at their defaults; NaN for a parameter without a null value.
+    #[must_use]
+    pub fn null(&self) -> Vec<f64> {
+        let null = |parameter: &Parameter| match parameter.usage {
+            Use::Fitted => parameter.null,
+            Use::Optional(default) => default,
+        };
+        self.parameters.iter().map(null).collect()
+    }
+
+    /// The parameters that a fit finds, with their places among all.
+    pub fn fitted(&self) -> impl Iterator<Item = (usize, &'static Parameter)> {
+        self.parameters.iter().enumerate().filter(|(_, parameter)| parameter.usage == Use::Fitted)
+    }
+
+    /// For [`Kind::check`] of kinds whose parameters have nothing to do with each other.
+    pub fn any(_: &[f64]) -> Checked {
+        Ok(())
+    }
+
+    /// For [`Kind::response`] of kinds that leave small deviations, or the magnitude, alone.
+    pub fn unity(_: &[f64], _: &OperatingPoint, _: f64) -> Complex64 {
+        Complex64::ONE
+    }
+}
+
+impl PartialEq for Kind {
+    fn eq(&self, other: &Self) -> bool {
+        self.id == other.id
+    }
+}
+
+impl Eq for Kind {}
+
+impl fmt::Debug for Kind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.id)
+    }
+}
+
+impl Parameter {
+    /// A parameter that fits find, searched in equal steps between the ends of `plausible`, which it may also pass. To be
+    /// refined by the other constructors.
+    pub const fn fitted(name: &'static str, unit: &'static str, meaning: &'static str) -> Self {
+        Self {
+            name,
+            unit,
+            meaning,
+            null: 0.0,
+            possible: (0.0, f64::INFINITY),
+            plausible: (0.0, 1.0),
+            scale: Scale::Linear,
+            starts: &[],
+            pieces: 12,
+            usage: Use::Fitted,
+        }
+    }
+
+    /// With another null value than 0.
+    pub const fn null(mut self, null: f64) -> Self {
+        self.null = null;
+        self
+    }
+
+    /// With the range that is not refused; 0 and up unless said.
+    pub const fn possible(mut self, from: f64, to: f64) -> Self {
+        self.possible = (from, to);
+        self
+    }
+
+    /// With the range and the starts of a search, in equal steps.
+    pub const fn linear(mut self, from: f64, to: f64, starts: &'static [f64]) -> Self {
+        self.plausible = (from, to);
+        self.starts = starts;
+        self
+    }
+
+    /// The same by equal factors.
+    pub const fn log(mut self, from: f64, to: f64, starts: &'static [f64]) -> Self {
+        self.scale = Scale::Log;
+        self.linear(from, to, starts)
+    }
+
+    /// With a response that jumps about as the value moves, so that it is smooth only within one of so many pieces of the
+    /// range.
+    pub const fn jumping(mut self, pieces: u32) -> Self {
+        self.pieces = pieces;
+        self
+    }
+
+    /// With a response that moves smoothly over large parts of the range.
+    pub const fn smooth(self) -> Self {
+        self.jumping(4)
+    }
+
+    /// May be absent, and then is `default`.
+    pub const fn optional(mut self, default: f64) -> Self {
+        self.usage = Use::Optional(default);
+        self
+    }
+}

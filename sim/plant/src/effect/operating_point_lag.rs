@@ -1,0 +1,75 @@
+//! The time constant is that of the speed of the moment.
+
+use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
+use crate::{Motion, RotorTerm};
+
+/// Speeds below a tenth, or above ten times, of that of the model's numbers count as these.
+const FURTHEST: f64 = 10.0;
+
+/// A time constant that moves within a record.
+pub static KIND: Kind = Kind {
+    id: "operating_point_lag",
+    title: "lag that depends on the speed",
+    site: Site::Rotor,
+    equation: "tau = tau_nominal (nominal / speed)^exponent, with the speed as the command that would keep it, and the nominal \
+               command (the command in the model's range, for a model that spans one)",
+    parameters: &[Parameter::fitted("exponent", "", "power of the speed in one over the time constant")
+        .possible(-5.0, 5.0)
+        .linear(0.0, 2.5, &[0.5, 1.0])
+        .smooth()],
+    signature: "The pole moves with the nominal command and within a step: steps up begin slowly, steps down fast, and both by \
+                more the larger they are. Even lines that grow with the square of the amplitude.",
+    confusions: &[
+        Confusion {
+            with: "asymmetric_lag",
+            experiment: "Halve the amplitude: the difference between rising and falling steps halves, that of unequal lags stays.",
+        },
+        Confusion {
+            with: "quadratic_thrust",
+            experiment: "A slow staircase: the static map is straight where only the pole moves.",
+        },
+    ],
+    sources: &[
+        "drag torque is the square of the speed, so J dw/dt = k u - c w^2 has the pole 2 c w / J: tau ~ 1/w (Mahony, Kumar & \
+         Corke, Multirotor Aerial Vehicles, IEEE RAM 2012)",
+        "Table 1 of Charla, Yao & Voyles: the pole rises from 6.3 to 14.1 rad/s as u_nom goes from 0.40 to 0.65",
+    ],
+    linearity: Linearity::SmallSignal,
+    shows: Shows::Anywhere,
+    check: Kind::any,
+    part: |values, _| match values[0] {
+        0.0 => Part::Nothing,
+        exponent => Part::rotor(SpeedLag { exponent }),
+    },
+    response: Kind::unity,
+};
+
+struct SpeedLag {
+    exponent: f64,
+}
+
+impl RotorTerm for SpeedLag {
+    fn pace(&self, motion: &mut Motion) {
+        let relative = (motion.speed / motion.anchor.max(f64::MIN_POSITIVE)).clamp(1.0 / FURTHEST, FURTHEST);
+        motion.rate_per_s *= if self.exponent == 1.0 { relative } else { relative.powf(self.exponent) };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{active, step};
+
+    #[test]
+    fn with_tau_as_one_over_speed_a_step_is_logistic() {
+        // dx/dt = x (u - x) / (tau nominal): x = u / (1 + (u / x0 - 1) e^(-u t / (tau nominal))).
+        for d in [0.3, -0.3, 0.01] {
+            let u = 0.5 + d;
+            for (row, y) in step(d, 0.8, &[active(&KIND, &[1.0])]).iter().enumerate() {
+                let x = u / (1.0 + (u / 0.5 - 1.0) * (-u * row as f64 * 1e-3 / (0.1 * 0.5)).exp());
+                // With the command above the lag's target the response lags behind the same rate.
+                assert!((y - 10.0 * (x - 0.5)).abs() < 1e-7, "{d}, row {row}: {y} for {}", 10.0 * (x - 0.5));
+            }
+        }
+    }
+}

@@ -1,0 +1,171 @@
+//! The rules for a model's numbers, whether they come from a file or go to one.
+
+use rotorlead_records::files::{Fault, Place};
+
+use super::{Catalog, Effect, MapPolynomial, Model, Point, Provenance, StaticMap};
+
+impl Model {
+    /// Refuses numbers that no actuator has: see the errors.
+    ///
+    /// # Errors
+    /// A fault that names the first number that breaks a rule. The model has one point or more;
+    /// nominal commands are in 0..1 and increase; gains are finite; time constants are above zero;
+    /// delays and standard errors are not below zero; effects are in the [`Catalog`] with its parameters; a static map has as many responses as
+    /// commands, two or more, the commands in 0..1 and increasing; rates are above zero.
+    pub fn check(&self) -> Result<(), Fault> {
+        let root = Place::root();
+        let points = root.key("point");
+        if self.points.is_empty() {
+            return Err(points.fault(
+                "the model has no point, so there is nothing to work with",
+                "run `rotorlead identify` on an experiment: it writes a [[point]] per nominal command",
+            ));
+        }
+        for (index, point) in self.points.iter().enumerate() {
+            point.check(&points.item(index))?;
+        }
+        let nominals = self.points.iter().map(|point| point.nominal);
+        increasing(nominals, |index| points.item(index).key("nominal"))?;
+        if let Some(map) = &self.static_map {
+            map.check(&root.key("static_map"))?;
+        }
+        for (index, effect) in self.effects.iter().enumerate() {
+            let place = root.key("effect").item(index);
+            effect.check(&place)?;
+            Catalog::standard().resolve(effect, &place)?;
+        }
+        match &self.provenance {
+            Some(provenance) => provenance.check(&root.key("provenance")),
+            None => Ok(()),
+        }
+    }
+}
+
+impl Point {
+    fn check(&self, place: &Place) -> Result<(), Fault> {
+        place.key("nominal").fraction(self.nominal)?;
+        place.key("gain").finite(self.gain)?;
+        place.key("time_constant_s").positive(self.time_constant_s)?;
+        place.key("delay_s").not_negative(self.delay_s)?;
+        for (key, value) in
+            [("time_constant_up_s", self.time_constant_up_s), ("time_constant_down_s", self.time_constant_down_s)]
+        {
+            value.map_or(Ok(()), |value| place.key(key).positive(value))?;
+        }
+        for (key, value) in [
+            ("gain_std", self.gain_std),
+            ("time_constant_s_std", self.time_constant_s_std),
+            ("delay_s_std", self.delay_s_std),
+        ] {
+            value.map_or(Ok(()), |value| place.key(key).not_negative(value))?;
+        }
+        for (key, value) in [
+            ("fit_frequency_percent", self.fit_frequency_percent),
+            ("fit_square_percent", self.fit_square_percent),
+            ("fit_step_percent", self.fit_step_percent),
+        ] {
+            value.map_or(Ok(()), |value| place.key(key).finite(value))?;
+        }
+        Ok(())
+    }
+}
+
+impl StaticMap {
+    fn check(&self, place: &Place) -> Result<(), Fault> {
+        let (command, response) = (place.key("command"), place.key("response"));
+        if self.command.len() < 2 {
+            return Err(command
+                .fault("a map has two commands at least", "add commands and their responses, or remove [static_map]"));
+        }
+        if self.command.len() != self.response.len() {
+            return Err(response.fault(
+                format!("{} responses for {} commands", self.response.len(), self.command.len()),
+                "give one response per command",
+            ));
+        }
+        for (index, value) in self.command.iter().enumerate() {
+            command.item(index).fraction(*value)?;
+        }
+        for (index, value) in self.response.iter().enumerate() {
+            response.item(index).finite(*value)?;
+        }
+        increasing(self.command.iter().copied(), |index| command.item(index))?;
+        self.polynomial.as_ref().map_or(Ok(()), |polynomial| polynomial.check(&place.key("polynomial")))
+    }
+}
+
+impl MapPolynomial {
+    fn check(&self, place: &Place) -> Result<(), Fault> {
+        let (coefficients, stds) = (place.key("coefficients"), place.key("coefficients_std"));
+        if self.coefficients_std.len() != self.coefficients.len() {
+            return Err(stds.fault(
+                format!("{} standard errors for {} coefficients", self.coefficients_std.len(), self.coefficients.len()),
+                "give one standard error per coefficient",
+            ));
+        }
+        for (index, value) in self.coefficients.iter().enumerate() {
+            coefficients.item(index).finite(*value)?;
+        }
+        for (index, value) in self.coefficients_std.iter().enumerate() {
+            stds.item(index).not_negative(*value)?;
+        }
+        for (index, value) in self.range.iter().enumerate() {
+            place.key("range").item(index).fraction(*value)?;
+        }
+        for (key, value) in [("dead_zone", self.dead_zone), ("hysteresis", self.hysteresis), ("limit", self.limit)] {
+            value.map_or(Ok(()), |value| place.key(key).finite(value))?;
+        }
+        for (key, value) in [
+            ("dead_zone_std", self.dead_zone_std),
+            ("hysteresis_std", self.hysteresis_std),
+            ("limit_std", self.limit_std),
+        ] {
+            value.map_or(Ok(()), |value| place.key(key).not_negative(value))?;
+        }
+        Ok(())
+    }
+}
+
+impl Effect {
+    fn check(&self, place: &Place) -> Result<(), Fault> {
+        for (name, value) in &self.parameters {
+            place.key("parameters").key(name).finite(*value)?;
+        }
+        for (name, value) in &self.std {
+            let place = place.key("std").key(name);
+            if !self.parameters.contains_key(name) {
+                return Err(place.fault(
+                    "a standard error of a parameter that the effect has not got",
+                    "correct the name, or add the parameter",
+                ));
+            }
+            place.not_negative(*value)?;
+        }
+        Ok(())
+    }
+}
+
+impl Provenance {
+    fn check(&self, place: &Place) -> Result<(), Fault> {
+        for (key, rate) in [("command_rate_hz", self.command_rate_hz), ("esc_frame_hz", self.esc_frame_hz)] {
+            rate.map_or(Ok(()), |rate| place.key(key).positive(rate))?;
+        }
+        Ok(())
+    }
+}
+
+fn increasing(values: impl Iterator<Item = f64>, place: impl Fn(usize) -> Place) -> Result<(), Fault> {
+    let mut before: Option<f64> = None;
+    for (index, value) in values.enumerate() {
+        match before {
+            Some(before) if value == before => {
+                return Err(place(index).fault(format!("duplicate value {value}"), "remove one of the two"));
+            }
+            Some(before) if value < before => {
+                return Err(place(index).fault(format!("{value} comes after {before}"), "put them in increasing order"));
+            }
+            _ => before = Some(value),
+        }
+    }
+    Ok(())
+}

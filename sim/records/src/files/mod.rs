@@ -1,0 +1,35 @@
+//! Reading and writing files: text with located errors, output that is complete or absent.
+//!
+//! Reading ([`TextFile`], [`TomlFile`]) keeps the text, so that whatever is wrong with it, now or
+//! when its values are checked later, is shown where it stands. Of a file that is too long to keep, `TextBlocks` gives
+//! one part after the other, which know their line numbers. Writing ([`write_file`],
+//! [`OutputFolder`]) happens beside the destination and is renamed when it is complete: a run that
+//! fails half way leaves nothing that could be taken for a result.
+//!
+//! A rule on values is written once, as a function that returns a [`Fault`]: reading shows the
+//! fault in the file's text, writing refuses with it before anything is written.
+
+mod blocks;
+pub mod csv_rows;
+mod error;
+mod excerpt;
+mod fault;
+mod folder;
+mod interrupt;
+mod text;
+mod toml_file;
+mod write;
+
+#[cfg(any(test, feature = "testing"))]
+#[doc(hidden)]
+pub mod testing;
+
+pub(crate) use blocks::TextBlocks;
+pub use error::{FileError, Located};
+pub use excerpt::Excerpt;
+pub use fault::{Fault, Place};
+pub use folder::{OutputFolder, is_plain_name};
+pub use interrupt::remove_unfinished;
+pub use text::{TextFile, bytes_read};
+pub use toml_file::{TomlFile, alike, to_toml, write_toml};
+pub use write::{check_writable, write_file};

@@ -1,0 +1,30 @@
+//! Measured data: one [`Experiment`] that every tool takes.
+//!
+//! On disk it is a folder with `experiment.toml` and one CSV file per record. Both are read
+//! strictly: whatever is missing, unknown, impossible or contradictory is an error that shows file,
+//! line and column and says what to do. Nothing is guessed.
+
+mod append;
+mod column;
+mod error;
+mod experiment;
+pub mod files;
+pub mod import;
+mod inspect;
+mod long;
+mod manifest;
+mod plain;
+mod read;
+mod sampling;
+mod table;
+mod write;
+
+#[cfg(test)]
+mod tests;
+
+pub use error::RecordError;
+pub use experiment::{Excitation, Experiment, Output, Record, Role};
+pub use inspect::{Inspection, Unreadable};
+pub use long::{LONG_FILE, LongRecord, LongRows, RowCount};
+pub use read::{CommandFile, read_command_log};
+pub use sampling::{GRID_TOLERANCE, PERIOD_TOLERANCE, Periods};

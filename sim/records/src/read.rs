@@ -1,0 +1,199 @@
+//! Reading an experiment's folder.
+
+use std::path::Path;
+
+use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
+
+use super::column::Column;
+use super::manifest::{CommandKind, Entry, MANIFEST, Manifest, place};
+use super::table::Table;
+use super::{Excitation, Experiment, LongRecord, Record};
+use crate::files::{FileError, Place, TextFile, TomlFile};
+
+impl Experiment {
+    /// Reads `experiment.toml` in `folder` and the CSV file of each of its records.
+    ///
+    /// A record of constant command is accepted: some tools have a use for it, and
+    /// [`Record::is_constant`] tells.
+    ///
+    /// # Errors
+    /// When anything is missing, unknown, out of its range, or contradicts something else. The
+    /// error shows the file and the place in it, and says what to do.
+    pub fn read(folder: &Path) -> Result<Self, FileError> {
+        Self::read_kind(folder, CommandKind::Duty, true)
+    }
+
+    /// As [`Self::read`], but leaves multisine records whose file is longer than `longest` bytes ([`LONG_FILE`]) on disk:
+    /// their rows are not read, and the records are not in the experiment but beside it, in the order of the manifest.
+    /// An estimator of spectra takes them block by block ([`LongRecord::for_each_block`](super::LongRecord::for_each_block)).
+    ///
+    /// [`LONG_FILE`]: super::LONG_FILE
+    ///
+    /// # Errors
+    /// As [`Self::read`]; what is wrong with the rows that were not read shows when they are.
+    pub fn read_leaving(folder: &Path, longest: u64) -> Result<(Self, Vec<LongRecord>), FileError> {
+        Self::read_all(folder, CommandKind::Duty, true, longest)
+    }
+
+    /// Reads the folder of an experiment on a stand without a motor: `command = "force_n"`, and the column `command` is the
+    /// force put in, in newtons. Everything else is as for [`Self::read`]; `nominal` has no meaning and is zero.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    pub fn read_force(folder: &Path) -> Result<Self, FileError> {
+        Self::read_kind(folder, CommandKind::ForceN, true)
+    }
+
+    /// Reads response logs that were recorded apart from their commands: as [`Experiment::read`], but the column `command`
+    /// may be absent, and is all zeros whether it is or not. A command log ([`read_command_log`]) belongs to each.
+    ///
+    /// # Errors
+    /// As for [`Experiment::read`].
+    pub fn read_responses(folder: &Path) -> Result<Self, FileError> {
+        let mut experiment = Self::read_kind(folder, CommandKind::Duty, false)?;
+        for record in &mut experiment.records {
+            record.command = vec![0.0; record.time_s.len()];
+        }
+        Ok(experiment)
+    }
+
+    fn read_kind(folder: &Path, kind: CommandKind, with_command: bool) -> Result<Self, FileError> {
+        Self::read_all(folder, kind, with_command, u64::MAX).map(|(experiment, _)| experiment)
+    }
+
+    fn read_all(
+        folder: &Path,
+        kind: CommandKind,
+        with_command: bool,
+        longest: u64,
+    ) -> Result<(Self, Vec<LongRecord>), FileError> {
+        let path = manifest_path(folder)?;
+        let (manifest, file): (Manifest, _) = TomlFile::read(&path)?;
+        manifest.check().map_err(|fault| file.show(&fault))?;
+        if manifest.command != kind {
+            let (message, help) = match kind {
+                CommandKind::Duty => (
+                    "the command is a force, and a motor's is a duty",
+                    "this is an experiment on a stand: use `rotorlead identify --stand`",
+                ),
+                CommandKind::ForceN => (
+                    "the command is a duty, and a stand's input is a force",
+                    "set it to \"force_n\" when the column `command` is the force put into the stand, in newtons",
+                ),
+            };
+            return Err(file.show(&Place::root().key("command").fault(message, help)));
+        }
+        for (index, entry) in manifest.records.iter().enumerate() {
+            check_files(folder, index, entry, &file)?;
+        }
+        let mut experiment = Self {
+            name: manifest.name,
+            output: manifest.output,
+            sample_rate_hz: manifest.sample_rate_hz,
+            esc_frame_hz: manifest.esc_frame_hz,
+            command_rate_hz: manifest.command_rate_hz,
+            records: Vec::new(),
+        };
+        let is_long = |entry: &Entry| {
+            let length = folder.join(&entry.file).metadata().map_or(0, |file| file.len());
+            entry.excitation == Excitation::Multisine && length > longest
+        };
+        let (long, short): (Vec<_>, Vec<_>) = manifest.records.into_iter().partition(is_long);
+        let long = long
+            .into_iter()
+            .map(|entry| LongRecord {
+                path: folder.join(&entry.file),
+                header: entry.into_record(),
+                output: experiment.output,
+                stated_hz: experiment.sample_rate_hz,
+            })
+            .collect();
+        // Side by side; the error is that of the first faulty record, whichever is found first.
+        let records: Vec<_> = short
+            .into_par_iter()
+            .map(|entry| experiment.read_record(folder, entry, kind, with_command, &file))
+            .collect();
+        experiment.records = records.into_iter().collect::<Result<_, _>>()?;
+        Ok((experiment, long))
+    }
+
+    pub(super) fn read_record(
+        &self,
+        folder: &Path,
+        entry: Entry,
+        kind: CommandKind,
+        with_command: bool,
+        manifest: &TomlFile,
+    ) -> Result<Record, FileError> {
+        let text = TextFile::read(&folder.join(&entry.file))?;
+        let response = Column::of(self.output);
+        let needed: &[Column] =
+            if with_command { &[Column::TimeS, Column::Command, response] } else { &[Column::TimeS, response] };
+        let mut table = Table::read(text, needed, kind)?;
+        let mut record = entry.into_record();
+        table.fill(&mut record);
+        if let Some(stated_hz) = self.sample_rate_hz {
+            table.check_rate(&record, stated_hz, manifest)?;
+        }
+        Ok(record)
+    }
+}
+
+/// A command log as it is on disk.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CommandFile {
+    /// Times in seconds on the commanding computer's clock, strictly increasing.
+    pub time_s: Vec<f64>,
+    /// Commands, 0..1; each holds until the next row.
+    pub command: Vec<f64>,
+}
+
+/// Reads a command log: a CSV file with the columns `time_s` and `command`. Other columns of a record may be there and
+/// are left.
+///
+/// # Errors
+/// When the file is missing, or anything in it is unknown, impossible or out of its range. The error shows the place.
+pub fn read_command_log(path: &Path) -> Result<CommandFile, FileError> {
+    let mut table = Table::read(TextFile::read(path)?, &[Column::TimeS, Column::Command], CommandKind::Duty)?;
+    Ok(CommandFile { time_s: table.take(Column::TimeS), command: table.take(Column::Command) })
+}
+
+pub(super) fn manifest_path(folder: &Path) -> Result<std::path::PathBuf, FileError> {
+    if folder.is_file() {
+        let mut remedy = String::from("give the folder that holds experiment.toml");
+        if folder.extension().is_none_or(|end| end != "toml") {
+            remedy += &format!("; `rotorlead import {} --out DIR` makes one from a log", folder.display());
+        }
+        return Err(FileError::NotAFolder { path: folder.to_owned(), remedy: remedy.into() });
+    }
+    let path = folder.join(MANIFEST);
+    if path.exists() {
+        return Ok(path);
+    }
+    let (path, remedy) = if folder.exists() {
+        let remedy = "give a folder that holds an experiment.toml and one CSV file per record; \
+                      `rotorlead import` makes one from a log";
+        (path, remedy)
+    } else {
+        let remedy = "check the path; relative paths start at the current folder";
+        (folder.to_owned(), remedy)
+    };
+    Err(FileError::Missing { path, remedy })
+}
+
+/// Shows a file that is named but not there where it is named.
+pub(super) fn check_files(folder: &Path, index: usize, entry: &Entry, file: &TomlFile) -> Result<(), FileError> {
+    let named = [("file", Some(&entry.file)), ("compensator", entry.compensator.as_ref())];
+    for (key, name) in named {
+        if let Some(path) = name.map(|name| folder.join(name))
+            && !path.exists()
+        {
+            let fault = place(index).key(key).fault(
+                format!("`{}` does not exist", path.display()),
+                "correct the name, or put the file there; a record that is not to be made is taken out",
+            );
+            return Err(file.show(&fault));
+        }
+    }
+    Ok(())
+}

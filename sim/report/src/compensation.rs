@@ -1,0 +1,197 @@
+//! Compensators and compensated responses: the paper's Figs. 8 to 12.
+
+use num_complex::Complex64;
+use rotorlead::design::{LeadDesign, LeadParameters};
+use rotorlead_identify::design::BandwidthPoint;
+use rotorlead_identify::design::redesign::RedesignPoint;
+use rotorlead_identify::{
+    Bandwidth, MeasuredBandwidth, NominalIdentification, PeriodicIdentification, RecordResponse, THREE_DB,
+};
+use rotorlead_plant::Model;
+
+use super::bode::{Curve, bode};
+use super::figure::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
+
+/// The lowest frequency of a model's curve, rad/s: that of the paper's excitation.
+const FROM_RAD_S: f64 = 0.63;
+/// Highest drawn of a chain without measurement, rad/s.
+const TO_RAD_S: f64 = 1000.0;
+
+/// The level that defines a bandwidth.
+fn levels() -> [(&'static str, f64); 1] {
+    [("-3 dB", 20.0 * THREE_DB.log10())]
+}
+
+/// The compensator: as designed, and as the controller computes it.
+#[must_use]
+pub fn compensator(design: &LeadDesign) -> Figure {
+    let lead = design.lead();
+    let half = 0.98 * std::f64::consts::PI * design.loop_rate_hz();
+    let continuous = Curve::of_model("C(s)", Mark::Line, Color::Blue, (FROM_RAD_S, half), |omega| lead.response(omega));
+    let name = format!("in integers, at {} Hz", design.loop_rate_hz());
+    let sampled =
+        Curve::of_model(name, Mark::Dashes, Color::Vermilion, (FROM_RAD_S, half), |omega| design.response(omega));
+    let caption = format!(
+        "It amplifies from its zero at {:.2} rad/s up to {:.0} rad/s, so that the command moves more than the flight controller asks \
+         for: a step is answered by at most {:.2} times that step.",
+        lead.omega_z_rad_s,
+        lead.omega_g_rad_s(),
+        design.check().step_peak
+    );
+    Figure::new(FigureKind::Compensator, "Compensator", &caption, bode(&[continuous, sampled], "dB", &[]))
+}
+
+/// The model's lags over their static gain, without and with the compensator.
+#[must_use]
+pub fn simulated(model: &Model, lead: &LeadParameters) -> Figure {
+    let curves = model.points.iter().enumerate().flat_map(|(index, point)| {
+        let (group, color) = (format!("u_nom {}", point.nominal), Color::nth(index));
+        let lag = |omega: f64| 1.0 / Complex64::new(1.0, omega * point.time_constant_s);
+        let ends = (FROM_RAD_S, TO_RAD_S);
+        let with = |omega: f64| lag(omega) * lead.response(omega);
+        [
+            Curve::of_model(format!("{group}, without"), Mark::Dashes, color, ends, lag).under(&group),
+            Curve::of_model(format!("{group}, with"), Mark::Line, color, ends, with).under(&group),
+        ]
+    });
+    Figure::new(
+        FigureKind::SimulatedResponse,
+        "Response of the model over its static gain: broken without, full with the compensator",
+        "Broken lines are without, full lines with the compensator. The bandwidth is where a curve first passes -3 dB. A curve that \
+         runs along that line has a bandwidth that a tenth of a decibel moves far. Dead times are left out.",
+        bode(&curves.collect::<Vec<_>>(), "dB over the static gain", &levels()),
+    )
+}
+
+/// Measured responses without and with a compensator, over the static gain; `None` without a compensated record.
+#[must_use]
+pub fn measured(plain: &PeriodicIdentification, compensated: &PeriodicIdentification) -> Option<Figure> {
+    let mut curves = Vec::new();
+    for (index, (with, after)) in with_compensator(compensated).enumerate() {
+        let without = same(plain, with.nominal);
+        let (group, color) = (format!("u_nom {}", with.nominal), Color::nth(index));
+        let plain_of = |one: &NominalIdentification| {
+            let response = one.responses.iter().find(|response| !response.compensated)?;
+            Some((response.actuator.smoothed().to_vec(), one.fit.gain.value))
+        };
+        if let Some((points, gain)) = without.and_then(plain_of) {
+            let curve = Curve::measured(format!("{group}, without"), Mark::Dashes, color, &points, gain).under(&group);
+            curves.push(Curve { bands: Vec::new(), ..curve });
+        }
+        // Each over the static value that its bandwidth is taken from.
+        let (points, gain) = (after.actuator.smoothed(), with.fit.gain.value);
+        curves.push(Curve::measured(format!("{group}, with"), Mark::Line, color, points, gain).under(&group));
+    }
+    (!curves.is_empty()).then(|| {
+        Figure::new(
+            FigureKind::MeasuredResponse,
+            "Measured response over the static gain: broken without, full with the compensator",
+            "Broken lines are without, full lines with the compensator and their 95 % band. Where a full line stays above its broken \
+             one, the actuator has become faster.",
+            bode(&curves, "dB over the static gain", &levels()),
+        )
+    })
+}
+
+/// The compensated response: simulated beside measured; `None` without a compensated record.
+#[must_use]
+pub fn simulation_and_experiment(
+    plain: &PeriodicIdentification,
+    compensated: &PeriodicIdentification,
+    design: &LeadDesign,
+) -> Option<Figure> {
+    let mut curves = Vec::new();
+    for (index, (with, after)) in with_compensator(compensated).enumerate() {
+        let fit = &same(plain, with.nominal).unwrap_or(with).fit;
+        let (gain, measured_gain) = (fit.gain.value, with.fit.gain.value);
+        let (group, color) = (format!("u_nom {}", with.nominal), Color::nth(index));
+        let points = after.actuator.smoothed();
+        let (Some(first), Some(last)) = (points.first(), points.last()) else { continue };
+        let ends = (first.omega_rad_s, last.omega_rad_s);
+        let simulated = |omega: f64| fit.response(omega) * design.response(omega) / gain;
+        curves.push(
+            Curve::measured(format!("{group}, measured"), Mark::Dots, color, points, measured_gain).under(&group),
+        );
+        curves.push(Curve::of_model(format!("{group}, simulated"), Mark::Line, color, ends, simulated).under(&group));
+    }
+    (!curves.is_empty()).then(|| {
+        Figure::new(
+            FigureKind::SimulationAndExperiment,
+            "Compensated response: dots measured, lines the identified lags with the compensator",
+            "Dots are measured, with their 95 % band; lines are the identified lag behind the compensator. Where they part, the \
+             actuator is more than a lag: `rotorlead diagnose` says what is missing.",
+            bode(&curves, "dB over the static gain", &levels()),
+        )
+    })
+}
+
+/// The nominal commands that have a compensated record, with its response.
+fn with_compensator(found: &PeriodicIdentification) -> impl Iterator<Item = (&NominalIdentification, &RecordResponse)> {
+    found.nominals.iter().filter_map(|one| Some((one, one.responses.iter().find(|response| response.compensated)?)))
+}
+
+fn same(found: &PeriodicIdentification, nominal: f64) -> Option<&NominalIdentification> {
+    let near = |one: &&NominalIdentification| (one.nominal - nominal).abs() < 1e-6;
+    found.nominals.iter().find(near).filter(|one| one.responses.iter().any(|response| !response.compensated))
+}
+
+/// Bandwidth against nominal command: predicted, and measured where records say it.
+#[must_use]
+pub fn bandwidths(points: &[BandwidthPoint], measured: &[MeasuredBandwidth]) -> Figure {
+    let predicted = |of: fn(&BandwidthPoint) -> Bandwidth| -> Vec<(f64, f64)> {
+        points.iter().filter_map(|point| Some((point.nominal, of(point).rad_s()?))).collect()
+    };
+    let mut series = vec![
+        Series::new(
+            "without compensator, predicted",
+            Color::Vermilion,
+            Mark::Line,
+            predicted(|point| point.uncompensated),
+        ),
+        Series::new("with compensator, predicted", Color::Blue, Mark::Line, predicted(|point| point.compensated)),
+    ];
+    for (name, color, is_compensated) in
+        [("without compensator, measured", Color::Vermilion, false), ("with compensator, measured", Color::Blue, true)]
+    {
+        let found = measured.iter().filter(|one| one.compensated == is_compensated);
+        let known: Vec<_> = found.filter_map(|one| Some((one, one.bandwidth.bandwidth.rad_s()?))).collect();
+        let end = |bandwidth: Bandwidth| bandwidth.rad_s().unwrap_or(f64::INFINITY);
+        let notes = known.iter().map(|(one, _)| {
+            let (low, high) = (end(one.bandwidth.lower), end(one.bandwidth.upper));
+            format!("{}, 95 % interval {low:.2} to {high:.2} rad/s", one.file)
+        });
+        let points = known.iter().map(|(one, omega)| (one.nominal, *omega)).collect();
+        series.push(Series::new(name, color, Mark::Discs, points).with_notes(notes.collect()));
+        // Each interval stands upright at its point; between two of them nothing is drawn.
+        let interval = |(one, omega): &(&MeasuredBandwidth, f64)| {
+            let ends = [one.bandwidth.lower, one.bandwidth.upper].map(|end| end.rad_s().unwrap_or(*omega));
+            [(one.nominal, ends[0]), (one.nominal, ends[1]), (one.nominal, f64::NAN)]
+        };
+        let intervals = known.iter().flat_map(interval).collect();
+        series.push(Series::new(format!("{name}, 95 % interval"), color, Mark::Line, intervals).under(name));
+    }
+    series.retain(|series| !series.points.is_empty());
+    let panel = Panel::new(Axis::nominal(), Axis::bandwidth(), series);
+    Figure::new(
+        FigureKind::Bandwidth,
+        "Bandwidth against nominal command",
+        "The compensator's zero is at the fastest pole: the slower a level, the sooner it has fallen by 3 dB, and the less it gains.",
+        vec![Panel { height: 360, ..panel }],
+    )
+}
+
+/// Bandwidth against nominal command with effects present: of small deviations, and of sinusoids of `amplitude` through the
+/// whole chain.
+#[must_use]
+pub fn redesigned(points: &[RedesignPoint], amplitude: f64) -> Figure {
+    let small: Vec<BandwidthPoint> = points.iter().map(|point| point.small).collect();
+    let mut figure = bandwidths(&small, &[]);
+    let chain = points.iter().filter_map(|point| Some((point.small.nominal, point.chain.magnitude.rad_s()?))).collect();
+    let name = format!("with compensator, sinusoids of {amplitude} duty");
+    figure.panels[0].series.push(Series::new(name, Color::Green, Mark::Dashes, chain));
+    figure.panels[0].series.retain(|series| !series.points.is_empty());
+    figure.caption = "Where the broken line of sinusoids through the whole chain falls below that of small deviations, the actuator's \
+                      limits take what the compensator asks for."
+        .to_owned();
+    figure
+}

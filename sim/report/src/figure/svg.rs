@@ -1,0 +1,64 @@
+//! A figure as SVG.
+
+use plotters::prelude::SVGBackend;
+
+use super::drawing::PX;
+use super::{Figure, FigureError};
+
+impl Figure {
+    /// The picture as SVG text, 900 pixels wide.
+    ///
+    /// # Errors
+    /// When nothing can be drawn.
+    pub fn svg(&self) -> Result<String, FigureError> {
+        let (width, height) = self.size();
+        let mut svg = String::new();
+        self.draw(SVGBackend::with_string(&mut svg, (width, height)))?;
+        let size = |width: u32, height: u32| format!("<svg width=\"{width}\" height=\"{height}\"");
+        Ok(svg.replacen(&size(width, height), &size(width / PX, height / PX), 1))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::figure::{Axis, Color, FigureKind, Mark, Panel, Series};
+
+    fn lag(name: &str, mark: Mark) -> Series {
+        let points =
+            (0..100).map(|i| 0.5 * 1.06_f64.powi(i)).map(|omega| (omega, -10.0 * (1.0 + omega * omega).log10()));
+        Series::new(name, Color::Blue, mark, points.collect())
+    }
+
+    fn figure(series: Vec<Series>) -> Figure {
+        let panel = Panel::new(Axis::frequency(), Axis::linear("magnitude", "dB"), series);
+        Figure::new(FigureKind::Responses, "A lag", "", vec![panel])
+    }
+
+    #[test]
+    fn a_picture_holds_its_words_and_a_dot_for_each_point() {
+        let svg = figure(vec![lag("a model", Mark::Line), lag("a measurement", Mark::Dots)]).svg().unwrap();
+        for text in
+            ["A lag", "a model", "a measurement", "magnitude, dB", "frequency, rad/s", "frequency, Hz", "</svg>"]
+        {
+            assert!(svg.contains(text), "{text}");
+        }
+        assert!(svg.matches("<circle").count() >= 100, "one dot for each point");
+    }
+
+    #[test]
+    fn nothing_to_draw_is_an_error_and_not_a_picture() {
+        assert!(matches!(figure(vec![]).svg(), Err(FigureError::Empty { panel: 1, .. })));
+        let bad = Series { points: vec![(0.0, 1.0), (1.0, f64::NAN)], ..lag("", Mark::Line) };
+        assert!(matches!(figure(vec![bad]).svg(), Err(FigureError::Empty { .. })));
+    }
+
+    #[test]
+    fn a_bitmap_is_twice_as_wide_and_not_empty() {
+        let png = figure(vec![lag("a model", Mark::Line)]).png().unwrap();
+        assert_eq!(&png[1..4], b"PNG");
+        assert_eq!(u32::from_be_bytes([png[16], png[17], png[18], png[19]]), 2 * 900);
+        // Words are drawn: without its font the picture is some kilobytes smaller.
+        assert!(png.len() > 20_000, "{}", png.len());
+    }
+}

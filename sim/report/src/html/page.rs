@@ -1,0 +1,183 @@
+//! The HTML itself: a template, filled in. Whatever comes from data is escaped, by it or by `words`.
+
+use std::io::Write as _;
+
+use askama::Template;
+use base64::Engine as _;
+use flate2::Compression;
+use flate2::write::DeflateEncoder;
+use serde_json::Value;
+
+use super::swatch::swatch;
+use super::{Fact, Report, Section, Table, Verdict};
+use crate::figure::interactive::{LIBRARY, LICENSE};
+use crate::figure::{Figure, FigureError, Panel};
+
+/// How the page looks, and what it does.
+const STYLE: &str = include_str!("../../templates/report.css");
+const SCRIPT: &str = include_str!("../../templates/report.js");
+
+/// What stands over the commands.
+const AGAIN: &str = "In the folder where this was run, with the same version. The same input gives the same file.";
+
+#[derive(Template)]
+#[template(path = "report.html")]
+struct Page<'a> {
+    report: Drawn<'a>,
+    version: &'static str,
+    style: &'static str,
+    script: &'static str,
+    again: &'static str,
+    license: &'static str,
+    library: &'static str,
+    /// Of all figures in their order; empty where there is none.
+    plots: String,
+}
+
+/// A report whose figures are drawn.
+struct Drawn<'a> {
+    kind: &'a str,
+    title: &'a str,
+    verdict: &'a Verdict,
+    facts: &'a [Fact],
+    warnings: &'a [String],
+    sections: Vec<DrawnSection<'a>>,
+    commands: &'a [String],
+}
+
+struct DrawnSection<'a> {
+    name: &'a str,
+    title: &'a str,
+    text: &'a [String],
+    tables: &'a [Table],
+    figures: Vec<DrawnFigure<'a>>,
+}
+
+impl<'a> DrawnSection<'a> {
+    fn new(section: &'a Section) -> Result<Self, FigureError> {
+        let figures = section.figures.iter().map(DrawnFigure::new).collect::<Result<Vec<_>, _>>()?;
+        Ok(Self { name: &section.name, title: &section.title, text: &section.text, tables: &section.tables, figures })
+    }
+}
+
+struct DrawnFigure<'a> {
+    figure: &'a Figure,
+    still: String,
+}
+
+struct Entry<'a> {
+    name: &'a str,
+    swatch: String,
+}
+
+impl<'a> DrawnFigure<'a> {
+    fn new(figure: &'a Figure) -> Result<Self, FigureError> {
+        Ok(Self { figure, still: figure.still()? })
+    }
+
+    fn name(&self) -> &str {
+        &self.figure.name
+    }
+
+    fn title(&self) -> &str {
+        &self.figure.title
+    }
+
+    fn caption(&self) -> &str {
+        &self.figure.caption
+    }
+
+    fn panels(&self) -> &[Panel] {
+        &self.figure.panels
+    }
+
+    fn legend(&self) -> Vec<Entry<'a>> {
+        self.figure.legend().into_iter().map(|series| Entry { name: &series.group, swatch: swatch(series) }).collect()
+    }
+}
+
+/// A sentence as HTML: escaped, what stands between two backticks as code, and options of the command line in one piece.
+fn words(sentence: &str) -> String {
+    let escaped = escaped(sentence).replace("+-", "±");
+    let mut parts = escaped.split('`');
+    let mut html = whole_options(parts.next().unwrap_or_default());
+    while let Some(code) = parts.next() {
+        match parts.next() {
+            Some(after) => html.push_str(&format!("<code>{code}</code>{}", whole_options(after))),
+            // The last one is alone.
+            None => html.push_str(&format!("`{code}")),
+        }
+    }
+    html
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+}
+
+/// A command line as HTML.
+fn command_line(command: &str) -> String {
+    whole_options(&escaped(command))
+}
+
+/// The hyphens of an option are no places to break it at.
+fn whole_options(text: &str) -> String {
+    let is_option = |word: &str| word.strip_prefix("--").is_some_and(|name| name.starts_with(char::is_alphabetic));
+    let words = text
+        .split(' ')
+        .map(|word| if is_option(word) { format!("<span class=\"option\">{word}</span>") } else { word.to_owned() });
+    words.collect::<Vec<_>>().join(" ")
+}
+
+/// JSON as base64 of its compressed text, a third as long, in which there is no markup.
+fn packed(json: &Value) -> String {
+    let mut deflate = DeflateEncoder::new(Vec::new(), Compression::best());
+    deflate.write_all(json.to_string().as_bytes()).expect("memory takes all");
+    base64::prelude::BASE64_STANDARD.encode(deflate.finish().expect("memory takes all"))
+}
+
+impl Report {
+    /// The whole file.
+    ///
+    /// # Errors
+    /// When a figure cannot be drawn.
+    pub fn html(&self) -> Result<String, FigureError> {
+        let sections = self.sections.iter().map(DrawnSection::new).collect::<Result<Vec<_>, _>>()?;
+        let figures = || self.sections.iter().flat_map(|section| &section.figures);
+        let plots = figures().map(Figure::plots).collect::<Result<Vec<_>, _>>()?.concat();
+        let page = Page {
+            report: Drawn {
+                kind: &self.kind,
+                title: &self.title,
+                verdict: &self.verdict,
+                facts: &self.facts,
+                warnings: &self.warnings,
+                sections,
+                commands: &self.commands,
+            },
+            version: env!("CARGO_PKG_VERSION"),
+            style: STYLE,
+            script: SCRIPT,
+            again: AGAIN,
+            license: LICENSE,
+            library: LIBRARY,
+            plots: if plots.is_empty() { String::new() } else { packed(&Value::from(plots)) },
+        };
+        page.render().map_err(|error| FigureError::Drawing { name: self.title.clone(), reason: error.to_string() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn commands_within_a_sentence_are_set_as_code_and_nothing_is_markup() {
+        assert_eq!(words("`a < b` and `c`: 1 > 0"), "<code>a &lt; b</code> and <code>c</code>: 1 &gt; 0");
+        assert_eq!(words("a ` alone & <b>"), "a ` alone &amp; &lt;b&gt;");
+        assert_eq!(words("with --lead and -3 dB"), "with <span class=\"option\">--lead</span> and -3 dB");
+        assert_eq!(words("7.0 +- 0.1"), "7.0 ± 0.1");
+        assert_eq!(words(""), "");
+        assert_eq!(command_line("a --b 'c<d'"), "a <span class=\"option\">--b</span> 'c&lt;d'");
+    }
+}

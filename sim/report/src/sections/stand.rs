@@ -1,0 +1,52 @@
+//! A stand that was identified.
+
+use std::f64::consts::TAU;
+
+use rotorlead_identify::stand::StandIdentification;
+
+use super::estimate;
+use crate::html::{Cell, Column, Section, Table};
+use crate::stand::stand_figures;
+
+/// Its poles and zeros, and its frequency response.
+#[must_use]
+pub fn stand_section(stand: &StandIdentification) -> Section {
+    let roots = stand.poles().map(|root| ("pole", root)).chain(stand.zeros().map(|root| ("zero", root)));
+    let rows = roots.map(|(kind, root)| {
+        let frequency = root.frequency_rad_s;
+        let damping = if root.is_pair() {
+            estimate(root.damping.value, Some(root.damping.std), 1.0, 4)
+        } else {
+            Cell::text(if root.damping.value < 0.0 { "real, right half" } else { "real" })
+        };
+        vec![
+            Cell::text(kind),
+            estimate(frequency.value, Some(frequency.std), 1.0, 2),
+            estimate(frequency.value, Some(frequency.std), 1.0 / TAU, 3),
+            damping,
+        ]
+    });
+    let table = Table {
+        name: "poles_and_zeros".to_owned(),
+        caption: format!(
+            "Poles and zeros up to {:.1} Hz, as far as the lines say them; pairs count once",
+            stand.top_hz
+        ),
+        columns: vec![
+            Column::new("kind", "", ""),
+            Column::new("frequency_rad_s", "frequency", "rad/s"),
+            Column::new("frequency_hz", "frequency", "Hz"),
+            Column::new("damping", "damping ratio", ""),
+        ],
+        rows: rows.collect(),
+    };
+    let fit = &stand.fit;
+    let text = vec![format!(
+        "{} lines up to {:.1} Hz, {}: chi-square per degree of freedom {:.2}.",
+        stand.response.lines.len(),
+        stand.top_hz,
+        fit.structure,
+        fit.residual.reduced_chi_square
+    )];
+    Section { text, tables: vec![table], figures: stand_figures(stand), ..Section::new("stand", "The stand") }
+}
