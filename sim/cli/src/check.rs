@@ -5,14 +5,13 @@ use std::path::PathBuf;
 
 use clap::Args;
 use miette::Diagnostic;
-use rotorlead_identify::check::{Finding, Findings, RecordDoubt, Severity, Topic, of_lag, of_record};
+use rotorlead_identify::check::{Findings, RecordDoubt, of_lag, of_record};
 use rotorlead_identify::stand::{StandOptions, identify_stand};
-use rotorlead_identify::{FirstOrderOptions, IdentifyError, IdentifyWarning, with_advice};
+use rotorlead_identify::{Finding, IdentifyOptions, Severity, Topic, identify};
 use rotorlead_records::{Excitation, Experiment, Inspection, Role, Unreadable};
 use serde_json::json;
 use thiserror::Error;
 
-use super::identify::{Identified, identify, step_record};
 use super::outcome::{JsonOption, Outcome, paragraph};
 use super::progress;
 
@@ -168,28 +167,27 @@ fn unreadable(fault: &Unreadable, inspection: &Inspection) -> Vec<Finding> {
 /// said. `is_part` where records are missing already: that none is left to fit is no finding then.
 fn rehearse(experiment: &Experiment, is_part: bool, findings: &mut Findings) {
     let mut rest = experiment.clone();
-    let delay_level = FirstOrderOptions::default().delay_level;
     let has_multisine = has_multisine_to_fit(experiment);
     let mut is_part = is_part;
     while !rest.records.is_empty() {
         if is_part && has_multisine && !has_multisine_to_fit(&rest) {
             return;
         }
-        let report = match identify(&rest, &[], delay_level, None) {
+        let refused = match identify(&rest, &IdentifyOptions::default()) {
             Ok(identified) => {
-                warn(&rest, &identified, is_part, findings);
+                // Which records are fitted is another question once all can be read.
+                let warnings = identified.warnings.iter().filter(|warning| !is_part || warning.topic != Topic::Roles);
+                warnings.cloned().for_each(|warning| findings.warn(warning));
                 findings.extend(rest.records.iter().filter_map(|record| of_lag(record, &identified.model.points)));
                 return;
             }
-            Err(report) => report,
+            Err(refused) => refused,
         };
-        let refused = report.downcast_ref::<IdentifyError>();
-        match refused {
-            Some(error) => findings.refuse(error),
-            None if is_part => {}
-            None => findings.refuse_other(Topic::Identification, None, &*report),
+        let is_of_roles = refused.topic() == Topic::Roles;
+        if !(is_part && is_of_roles) {
+            findings.refuse(&refused);
         }
-        let Some(file) = refused.and_then(IdentifyError::file).map(str::to_owned) else { return };
+        let Some(file) = refused.file().map(str::to_owned) else { return };
         let before = rest.records.len();
         rest.records.retain(|record| record.file != file);
         if rest.records.len() == before {
@@ -202,36 +200,6 @@ fn rehearse(experiment: &Experiment, is_part: bool, findings: &mut Findings) {
 fn has_multisine_to_fit(experiment: &Experiment) -> bool {
     let is_one = |excitation, role| excitation == Excitation::Multisine && role != Some(Role::Validate);
     experiment.records.iter().any(|record| is_one(record.excitation, record.role))
-}
-
-/// The warnings of an identification that would succeed; where it `is_part`, not that a level has nothing to fit.
-pub(super) fn warn(experiment: &Experiment, identified: &Identified, is_part: bool, findings: &mut Findings) {
-    let found = identified.found.iter();
-    let typed: Vec<_> = found
-        .flat_map(|found| found.warnings.iter().chain(found.nominals.iter().flat_map(|lag| &lag.warnings)))
-        .collect();
-    for warning in &typed {
-        if !is_part || !matches!(warning, IdentifyWarning::NothingToFit { .. }) {
-            findings.warn(warning);
-        }
-    }
-    let said: Vec<String> = typed.iter().map(|warning| with_advice(*warning)).collect();
-    let fitted = if identified.found.is_none() { step_record(experiment).ok() } else { None };
-    for warning in identified.warnings.iter().filter(|warning| !said.contains(warning)) {
-        let named = experiment.records.iter().find(|record| warning.starts_with(&record.file));
-        let record = named.or(fitted);
-        findings.push(Finding {
-            severity: Severity::Warning,
-            topic: Topic::Identification,
-            file: record.map(|record| record.file.clone()),
-            row: None,
-            message: match (named, fitted) {
-                (None, Some(fitted)) => format!("{}: {warning}", fitted.file),
-                _ => warning.clone(),
-            },
-            remedy: None,
-        });
-    }
 }
 
 /// As [`rehearse`], of a stand.

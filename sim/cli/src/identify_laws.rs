@@ -2,33 +2,11 @@
 
 use std::fmt::Write as _;
 
-use rotorlead_identify::steps::{LawComparison, LawFit, compare_laws};
-use rotorlead_records::Experiment;
+use rotorlead_identify::steps::{LawComparison, LawFit};
 use serde_json::{Value, json};
 
-use super::identify::{Identified, step_record};
-
-/// Adds the comparison to what was identified from steps; null where it was not from steps or cannot be made.
-pub fn compare(experiment: &Experiment, identified: &mut Identified) -> Value {
-    if identified.detail.is_null() {
-        return Value::Null;
-    }
-    let Ok(record) = step_record(experiment) else {
-        return Value::Null;
-    };
-    match compare_laws(record, experiment.output) {
-        Ok(found) => {
-            identified.text.push_str(&describe(&found));
-            to_json(&found)
-        }
-        Err(error) => {
-            identified.warnings.push(format!("one lag was not compared with one that depends on the speed: {error}"));
-            Value::Null
-        }
-    }
-}
-
-fn describe(found: &LawComparison) -> String {
+/// The comparison for people.
+pub fn describe(found: &LawComparison) -> String {
     let mut text = String::from(
         "\n% fit of the whole run, one quadratic static map, no step adjusted by itself\n                                       \
          one static map     levels as measured\n  \
@@ -105,7 +83,8 @@ fn law(fit: &LawFit) -> String {
     text
 }
 
-fn to_json(found: &LawComparison) -> Value {
+/// The same for programs.
+pub fn to_json(found: &LawComparison) -> Value {
     let law = |fit: &LawFit| {
         json!({
             "map": fit.map,

@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser as _};
 use miette::{Diagnostic as _, miette};
-use rotorlead_identify::check::{Finding, of_record};
+use rotorlead_identify::Finding;
+use rotorlead_identify::check::of_record;
 use rotorlead_records::import::{
     ColumnChoice, Import as Taken, ImportError, ImportOptions, ImportSummary, LogFormat, import,
 };

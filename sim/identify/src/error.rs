@@ -4,7 +4,7 @@ use miette::Diagnostic;
 use rotorlead_plant::{ModelError, PlantError};
 use thiserror::Error;
 
-use super::check::Topic;
+use super::Topic;
 use super::parametric::ParametricError;
 use super::stand::StandError;
 use super::steps::StepsError;
@@ -172,6 +172,42 @@ pub enum IdentifyError {
         /// What went wrong.
         reason: &'static str,
     },
+    /// No record of a kind from which lags are identified.
+    #[error("{experiment}: no record of `excitation` multisine, step, staircase or chirp that may be fitted")]
+    #[diagnostic(help(
+        "record one (`rotorlead excite` designs a multisine), or correct `excitation` and `role` in experiment.toml"
+    ))]
+    NoRecord {
+        /// The experiment's name.
+        experiment: String,
+    },
+    /// Records do not say what was played.
+    #[error("{experiment}: {files} {verb} `free`, which does not say what was played")]
+    #[diagnostic(help(
+        "in its [[record]] of experiment.toml say what was: excitation = \"multisine\" or \"square\" with period_s in \
+         seconds, excitation = \"step\" or \"staircase\""
+    ))]
+    Free {
+        /// The experiment's name.
+        experiment: String,
+        /// The records.
+        files: String,
+        /// "is" or "are".
+        verb: &'static str,
+    },
+    /// Several records of steps, of which one is fitted.
+    #[error("{experiment}: {count} step or staircase records without a role, and one model")]
+    #[diagnostic(help("give the one to fit role = \"fit\" in experiment.toml, and the others role = \"validate\""))]
+    SeveralSteps {
+        /// The experiment's name.
+        experiment: String,
+        /// How many.
+        count: usize,
+    },
+    /// A stand is given, and lags are fitted in time.
+    #[error("a stand is divided out of multisine records and chirps, and this experiment has none")]
+    #[diagnostic(help("leave the stand out: steps are fitted in time, through the stand as it is"))]
+    StandOfSteps,
     /// No record to fit on.
     #[error("experiment {name:?} has no multisine record to fit on")]
     #[diagnostic(help("record a multisine, or set role = \"fit\" on one"))]
@@ -253,6 +289,12 @@ impl IdentifyError {
         }
     }
 
+    /// What it is about.
+    #[must_use]
+    pub fn topic(&self) -> Topic {
+        self.topic_and_causes().0
+    }
+
     /// What it is about, and the findings of the same record that would have the same cause.
     pub(super) fn topic_and_causes(&self) -> (Topic, &'static [Topic]) {
         match self {
@@ -269,6 +311,9 @@ impl IdentifyError {
             Self::NoResponse { .. } | Self::ConstantResponse { .. } => (Topic::Response, &[Topic::Response]),
             Self::Steps(StepsError::NoUsableStep { .. } | StepsError::BelowZero { .. }) => {
                 (Topic::Identification, &[Topic::Sign])
+            }
+            Self::NoRecord { .. } | Self::Free { .. } | Self::SeveralSteps { .. } | Self::NoFitRecord { .. } => {
+                (Topic::Roles, &[])
             }
             _ => (Topic::Identification, &[]),
         }

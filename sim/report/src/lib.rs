@@ -30,7 +30,7 @@ pub use figure::{Axis, Beside, Color, Figure, FigureError, FigureKind, HeatMap, 
 pub use html::{Cell, Column, Fact, Report, Section, Table, Tone, Verdict};
 pub use number::{parameter_with_std, with_std};
 pub use sections::{
-    Identification, bandwidth_diagnosis_section, bandwidth_section, design_section, diagnosis_section, diagnosis_tone,
+    bandwidth_diagnosis_section, bandwidth_section, design_section, diagnosis_section, diagnosis_tone,
     excitation_section, experiment_facts, identification_section, redesign_sections, simulation_section, stand_section,
     validation_section,
 };

@@ -11,22 +11,20 @@ use num_complex::Complex64;
 use rotorlead::design::LeadDesign;
 use rotorlead_identify::design::{BandwidthPoint, Chain, DesignOptions, bandwidths, compensator_file, design};
 use rotorlead_identify::{
-    Bandwidth, EtfeBandwidth, MeasuredBandwidth, NominalIdentification, PeriodicIdentification, PeriodicOptions,
-    RecordValidation, bandwidth_of, identify_periodic, validate,
+    Bandwidth, EtfeBandwidth, IdentifyOptions, MeasuredBandwidth, NominalIdentification, PeriodicIdentification,
+    PeriodicOptions, RecordValidation, bandwidth_of, identify, identify_periodic, validate,
 };
 use rotorlead_plant::Model;
 use rotorlead_plant::bench::{Plan, Prediction};
 use rotorlead_records::files::write_file;
 use rotorlead_report::paper::{CONTRADICTIONS, PAPER, table_1};
 use rotorlead_report::{
-    Color, Curve, Figure, FigureKind, Identification, Mark, Report, bandwidth_section, bode, design_section,
-    excitation_section, identification_section, measured_response, rad_s, simulation_and_experiment,
-    validation_section,
+    Color, Curve, Figure, FigureKind, Mark, Report, bandwidth_section, bode, design_section, excitation_section,
+    identification_section, measured_response, rad_s, simulation_and_experiment, validation_section,
 };
 use serde_json::json;
 
 use super::bandwidth::RESAMPLES;
-use super::identify::periodic_model;
 use super::outcome::{JsonOption, Outcome};
 use super::report_option::{ReportOption, check_folder, make_folder};
 use super::simulate::simulate;
@@ -93,17 +91,18 @@ impl Demo {
         let plan = Plan { seed: self.seed, ..Plan::paper(&actuators) };
         let stand = simulate(&plan, &actuators, None)?;
         let bar = progress::spinner("identifying");
-        let found = identify_periodic(&stand, &PeriodicOptions::default())?;
-        let model = periodic_model(&stand, &found);
-        let validated = validate(&stand, &model)?;
-        let design = design(&model, &DesignOptions::default())?;
+        let identified = identify(&stand, &IdentifyOptions::default())?;
+        let found = identified.lags.in_frequency().expect("the paper's plan has multisines");
+        let model = &identified.model;
+        let validated = validate(&stand, model)?;
+        let design = design(model, &DesignOptions::default())?;
         bar.finish_and_clear();
 
         let compensated_plan = plan.clone().compensated("compensator.toml");
         let compensated_stand = simulate(&compensated_plan, &actuators, Some(&design))?;
         let bar = progress::spinner("measuring");
         let compensated = identify_periodic(&compensated_stand, &PeriodicOptions::default())?;
-        let [before, after] = [&found, &compensated].map(|found| found.bandwidths(RESAMPLES, self.seed));
+        let [before, after] = [found, &compensated].map(|found| found.bandwidths(RESAMPLES, self.seed));
         let (before, after) = (before?, after?);
         bar.finish_and_clear();
         let measured = measured(&actuators, &compensated_plan, &design, &before, &after)?;
@@ -116,29 +115,22 @@ impl Demo {
         make_folder(&self.out)?;
         model.write(&self.out.join("model.toml"))?;
         compensator_file(&design).write(&self.out.join("compensator.toml"))?;
-        let drawn = bode_plot(&design, &found, &compensated);
+        let drawn = bode_plot(&design, found, &compensated);
         write_file(&figure, drawn.svg()?.as_bytes())?;
 
-        let result = Demonstrated {
-            model: &model,
-            validated: &validated,
-            design: &design,
-            simulated: &simulated,
-            measured: &measured,
-        };
+        let result =
+            Demonstrated { model, validated: &validated, design: &design, simulated: &simulated, measured: &measured };
         let written = self.report.write(|| {
-            let identification =
-                Identification { output: stand.output, model: &model, found: Some(&found), static_map: None };
             let mut bandwidth = bandwidth_section(&simulated, &[], &of_records);
-            bandwidth.figures.extend(measured_response(&found, &compensated));
-            bandwidth.figures.extend(simulation_and_experiment(&found, &compensated, &design));
+            bandwidth.figures.extend(measured_response(found, &compensated));
+            bandwidth.figures.extend(simulation_and_experiment(found, &compensated, &design));
             bandwidth.figures.push(drawn);
             let sections = vec![
                 result.beside_the_paper(),
-                identification_section(&identification),
+                identification_section(&identified, stand.output),
                 excitation_section(&stand),
                 validation_section(&validated, stand.output),
-                design_section(&design, &model),
+                design_section(&design, model),
                 bandwidth,
             ];
             let facts = report_pages::records(&stand, &self.out);

@@ -5,19 +5,20 @@ use std::path::Path;
 use miette::WrapErr as _;
 use rotorlead::design::LeadDesign;
 use rotorlead_diagnose::{Diagnosis, Options, Verdict, diagnose, fill_in_esc_commands};
-use rotorlead_identify::check::{Finding, Findings, Topic, of_record};
+use rotorlead_identify::check::{Findings, of_record};
 use rotorlead_identify::design::redesign::{PAPER_AMPLITUDE, RedesignOptions, redesign};
 use rotorlead_identify::design::{
     BandwidthPoint, Chain, ChainPhase, CompensatorError, DesignOptions, Latency, bandwidths_with, chain_phases, design,
 };
-use rotorlead_identify::{FirstOrderOptions, MeasuredBandwidth, RecordValidation, validate};
+use rotorlead_identify::{
+    Finding, Identification, IdentifyOptions, MeasuredBandwidth, RecordValidation, Topic, identify, validate,
+};
 use rotorlead_plant::{ActiveEffect, Catalog, Model};
 use rotorlead_records::{Experiment, LongRecord};
 
 use crate::bandwidth::RESAMPLES;
-use crate::check::warn;
-use crate::identify::{Identified, identify, transform};
-use crate::{diagnose as diagnosis, identify_map, progress, redesign as command};
+use crate::identify::transform;
+use crate::{diagnose as diagnosis, progress, redesign as command};
 
 /// Where the bootstrap of measured bandwidths starts.
 const SEED: u64 = 1;
@@ -27,7 +28,7 @@ pub(super) type Part<T> = Result<T, String>;
 
 /// All that was computed.
 pub(super) struct Parts {
-    pub identified: Part<Identified>,
+    pub identified: Part<Identification>,
     /// The given model, or the one identified.
     pub model: Model,
     pub validated: Part<Vec<RecordValidation>>,
@@ -69,11 +70,7 @@ impl Parts {
         let long: &[LongRecord] = &[];
         let identified = transform(experiment, long)
             .map_err(miette::Report::from)
-            .and_then(|long| identify(experiment, &long, FirstOrderOptions::default().delay_level, None))
-            .map(|mut identified| {
-                identify_map::add(experiment, &mut identified);
-                identified
-            });
+            .and_then(|long| Ok(identify(experiment, &IdentifyOptions { long: &long, ..IdentifyOptions::default() })?));
         let model = match (given, &identified) {
             (Some(model), _) => model.clone(),
             (None, Ok(identified)) => identified.model.clone(),
@@ -88,10 +85,10 @@ impl Parts {
         let mut findings = Findings::default();
         experiment.records.iter().for_each(|record| findings.extend(of_record(experiment, record, false)));
         if let Ok(identified) = &identified {
-            warn(experiment, identified, false, &mut findings);
+            identified.warnings.iter().cloned().for_each(|warning| findings.warn(warning));
         }
         bar.set_message("measuring");
-        let found = identified.as_ref().ok().and_then(|identified| identified.found.as_ref());
+        let found = identified.as_ref().ok().and_then(|identified| identified.lags.in_frequency());
         let measured = found.and_then(|found| found.bandwidths(RESAMPLES, SEED).ok()).unwrap_or_default();
         let diagnosed = with_diagnosis.then(|| {
             bar.set_message("diagnosing");

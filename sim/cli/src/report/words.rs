@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use rotorlead_diagnose::{Diagnosis, NamedEffect};
-use rotorlead_identify::check::Finding;
+use rotorlead_identify::Finding;
 use rotorlead_identify::design::DesignOptions;
 use rotorlead_records::Experiment;
 use rotorlead_report::{
@@ -15,6 +15,7 @@ use serde_json::{Value, json};
 use super::ReportCommand;
 use super::parts::{Designed, Parts};
 use crate::diagnose::verdict as diagnosed;
+use crate::identify::sections;
 use crate::identify_tables::point_json;
 use crate::lost_gain::lost_gain;
 use crate::outcome::without_mark;
@@ -37,9 +38,9 @@ impl Parts {
     }
 
     fn sections(&self, experiment: &Experiment) -> Vec<Section> {
-        let found = self.identified.as_ref().ok().and_then(|identified| identified.found.as_ref());
+        let found = self.identified.as_ref().ok().and_then(|identified| identified.lags.in_frequency());
         let mut sections = match &self.identified {
-            Ok(identified) => identified.sections(experiment),
+            Ok(identified) => sections(experiment, identified),
             Err(reason) => {
                 vec![left_out("identification", "Identified lags", reason), excitation_section(experiment)]
             }
@@ -226,7 +227,7 @@ fn left_out(name: &str, title: &str, reason: &str) -> Section {
 
 #[cfg(test)]
 mod tests {
-    use rotorlead_identify::check::{Severity, Topic};
+    use rotorlead_identify::{Severity, Topic};
 
     use super::*;
 

@@ -2,8 +2,7 @@
 
 use miette::Diagnostic;
 
-use super::{Finding, Severity, Topic};
-use crate::{IdentifyError, IdentifyWarning};
+use crate::{Finding, IdentifyError, Severity, Topic};
 
 /// What was found, in the order in which it was.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -33,12 +32,11 @@ impl Findings {
     }
 
     /// Takes in what an identification warned of, unless the rows have shown it already.
-    pub fn warn(&mut self, warning: &IdentifyWarning) {
-        let (file, topic) = (warning.file(), warning.topic());
+    pub fn warn(&mut self, warning: Finding) {
         // A gain is of a nominal command, where the rows speak of its records.
-        let is_known = topic == Topic::Sign && self.0.iter().any(|finding| finding.topic == topic);
-        if !is_known {
-            self.push(Finding::new(Severity::Warning, topic, file, warning));
+        let is_known = |finding: &Finding| finding.topic == warning.topic;
+        if warning.topic != Topic::Sign || !self.0.iter().any(is_known) {
+            self.push(warning);
         }
     }
 

@@ -4,7 +4,6 @@
 //! identification itself says of them is for the caller to add ([`Findings::refuse`], [`Findings::warn`]), so that both agree.
 
 mod doubt;
-mod finding;
 mod findings;
 mod period;
 mod repeats;
@@ -12,7 +11,6 @@ mod rows;
 mod units;
 
 pub use doubt::RecordDoubt;
-pub use finding::{Finding, Severity, Topic};
 pub use findings::Findings;
 pub use rows::{of_lag, of_record};
 pub use units::{CommandUnit, ResponseUnit};

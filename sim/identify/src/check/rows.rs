@@ -4,13 +4,14 @@ use miette::Diagnostic;
 use rotorlead_plant::Point;
 use rotorlead_records::{Excitation, Experiment, Record};
 
+use super::RecordDoubt;
 use super::period::of_period;
 use super::repeats::of_repeats;
 use super::units::{of_command, of_response, of_time, usual_interval};
-use super::{Finding, RecordDoubt, Severity, Topic};
 use crate::periodic::doubts;
 use crate::saturation::{self, Limit};
 use crate::steps::rows_after_gaps;
+use crate::{Finding, Severity, Topic};
 use crate::{IdentifyError, IdentifyWarning};
 
 /// Rows a second below which no motor's lag is seen.

@@ -3,8 +3,7 @@
 use miette::Diagnostic;
 use thiserror::Error;
 
-use crate::STRONG_DISTORTION_DB;
-use crate::check::Topic;
+use crate::{STRONG_DISTORTION_DB, Topic};
 
 /// What a user should know about an identification that succeeded.
 #[derive(Clone, Debug, PartialEq, Error, Diagnostic)]
@@ -329,6 +328,7 @@ impl IdentifyWarning {
             Self::Saturated { .. } => Topic::Saturation,
             Self::NegativeGain { .. } => Topic::Sign,
             Self::ModelTooSimple { .. } => Topic::Misfit,
+            Self::NothingToFit { .. } => Topic::Roles,
             _ => Topic::Identification,
         }
     }

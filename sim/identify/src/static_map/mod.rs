@@ -24,6 +24,7 @@ use std::fmt;
 
 use miette::Diagnostic;
 use nalgebra::{DMatrix, DVector};
+use rotorlead_plant::MapPolynomial;
 use thiserror::Error;
 
 pub use points::{SteadyPoint, SteadyPoints};
@@ -250,6 +251,27 @@ fn pooled_std(points: &[SteadyPoint]) -> Vec<f64> {
 }
 
 impl StaticMapFit {
+    /// The map as a model holds it.
+    #[must_use]
+    pub fn polynomial(&self) -> MapPolynomial {
+        let (limit, limit_std) = match self.limit {
+            Some(Limit::Saturates { command, .. }) => (Some(command.value), Some(command.std)),
+            Some(Limit::Falls { command, .. }) => (Some(command), None),
+            None => (None, None),
+        };
+        MapPolynomial {
+            range: self.range.into(),
+            coefficients: self.coefficients.iter().map(|c| c.value).collect(),
+            coefficients_std: self.coefficients.iter().map(|c| c.std).collect(),
+            dead_zone: self.dead_zone.map(|zone| zone.end.map_or(zone.runs, |end| end.value)),
+            dead_zone_std: self.dead_zone.and_then(|zone| zone.end).map(|end| end.std),
+            hysteresis: self.hysteresis.map(|width| width.value),
+            hysteresis_std: self.hysteresis.map(|width| width.std),
+            limit,
+            limit_std,
+        }
+    }
+
     /// Degree of the polynomial.
     #[must_use]
     pub fn degree(&self) -> usize {

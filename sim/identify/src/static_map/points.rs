@@ -2,9 +2,10 @@
 
 use std::ops::Range;
 
+use rotorlead_plant::StaticMap;
 use rotorlead_records::{Output, Record};
 
-use crate::steps::{Direction, Plateau, Run, StepsError, mean_and_std, plateaus_of, without_spikes};
+use crate::steps::{Direction, Plateau, Run, SAME_LEVEL, StepsError, mean_and_std, plateaus_of, without_spikes};
 
 /// A command and the response that it settles to.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,6 +51,28 @@ impl SteadyPoints {
             (a, b) => a.or(b),
         };
         self.ramp |= other.ramp;
+    }
+
+    /// The mean response of each level.
+    #[must_use]
+    pub fn levels(&self) -> StaticMap {
+        let mut sums: Vec<(f64, f64, f64)> = Vec::new();
+        let mut sorted = self.running.clone();
+        sorted.sort_by(|a, b| a.command.total_cmp(&b.command));
+        for point in sorted {
+            match sums.last_mut().filter(|last| point.command - last.0 < SAME_LEVEL) {
+                Some((_, sum, count)) => {
+                    *sum += point.response;
+                    *count += 1.0;
+                }
+                None => sums.push((point.command, point.response, 1.0)),
+            }
+        }
+        StaticMap {
+            command: sums.iter().map(|level| level.0).collect(),
+            response: sums.iter().map(|level| level.1 / level.2).collect(),
+            polynomial: None,
+        }
     }
 
     /// The plateaus of a record, or the bins of a ramp. `lag_s` is the delay and the time constant together, where known:

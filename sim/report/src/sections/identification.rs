@@ -1,7 +1,6 @@
 //! The lags that were identified.
 
-use rotorlead_identify::PeriodicIdentification;
-use rotorlead_identify::static_map::{StaticMapFit, SteadyPoints};
+use rotorlead_identify::Identification;
 use rotorlead_plant::{Model, Point};
 use rotorlead_records::Output;
 
@@ -12,40 +11,32 @@ use crate::html::{Cell, Column, Section, Table};
 use crate::static_map::static_map;
 use crate::unit::unit;
 
-/// What was identified.
-#[derive(Clone, Copy)]
-pub struct Identification<'a> {
-    /// Which response.
-    pub output: Output,
-    /// The lags.
-    pub model: &'a Model,
-    /// From frequency responses, where it was.
-    pub found: Option<&'a PeriodicIdentification>,
-    /// The static map, where records show one.
-    pub static_map: Option<(&'a SteadyPoints, &'a StaticMapFit)>,
-}
-
 /// The lags as a table, the responses that they were fitted to, and the static map.
 #[must_use]
-pub fn identification_section(identified: &Identification) -> Section {
+pub fn identification_section(identified: &Identification, output: Output) -> Section {
     let mut figures: Vec<Figure> =
-        identified.found.and_then(|found| responses(found, identified.output)).into_iter().collect();
-    figures.extend(directions(identified.model));
-    figures.extend(identified.static_map.map(|(points, fit)| static_map(points, fit, identified.output)));
+        identified.lags.in_frequency().and_then(|found| responses(found, output)).into_iter().collect();
+    figures.extend(directions(&identified.model));
+    figures.extend(identified.static_map.as_ref().map(|(points, fit)| static_map(points, fit, output)));
     let text = vec![
         "At each nominal command the actuator is a first-order lag, response = gain / (tau s + 1), with a dead time where the \
          records show one. ± is one standard error, of the noise alone."
             .to_owned(),
     ];
-    Section { text, tables: vec![lags(identified)], figures, ..Section::new("identification", "Identified lags") }
+    Section {
+        text,
+        tables: vec![lags(identified, output)],
+        figures,
+        ..Section::new("identification", "Identified lags")
+    }
 }
 
-fn lags(identified: &Identification) -> Table {
+fn lags(identified: &Identification, output: Output) -> Table {
     let points = &identified.model.points;
     let both_ways = points.iter().any(|point| point.time_constant_up_s.is_some());
     let mut columns = vec![
         Column::new("u_nom", "u_nom", "duty"),
-        Column::new("gain", "gain", unit(identified.output)),
+        Column::new("gain", "gain", unit(output)),
         Column::new("time_constant_ms", "tau", "ms"),
         Column::new("pole_rad_s", "1/tau", "rad/s"),
         Column::new("delay_ms", "dead time", "ms"),
@@ -56,7 +47,7 @@ fn lags(identified: &Identification) -> Table {
     }
     columns.push(Column::new("fit_frequency_percent", "fit in frequency", "%"));
     columns.push(Column::new("fit_square_percent", "fit on squares", "%"));
-    if identified.found.is_some() {
+    if identified.lags.in_frequency().is_some() {
         columns.push(Column::new("reduced_chi_square", "chi-square / dof", ""));
     }
     let row = |(index, point): (usize, &Point)| {
@@ -79,7 +70,7 @@ fn lags(identified: &Identification) -> Table {
         }
         row.push(Cell::optional(point.fit_frequency_percent, 2));
         row.push(Cell::optional(point.fit_square_percent, 2));
-        if let Some(found) = identified.found {
+        if let Some(found) = identified.lags.in_frequency() {
             row.push(Cell::optional(found.nominals.get(index).map(|nominal| nominal.fit.reduced_chi_square), 2));
         }
         row

@@ -15,7 +15,7 @@ pub use bandwidth_diagnosis::bandwidth_diagnosis_section;
 pub use design::design_section;
 pub use diagnosis::{diagnosis_section, diagnosis_tone};
 pub use experiment::{excitation_section, experiment_facts, simulation_section};
-pub use identification::{Identification, identification_section};
+pub use identification::identification_section;
 pub use redesign::redesign_sections;
 pub use stand::stand_section;
 pub use validation::validation_section;

@@ -39,6 +39,8 @@ pub enum Topic {
     Response,
     /// A model that does not explain a response to within its noise.
     Misfit,
+    /// Which records are fitted, and which are for validation.
+    Roles,
     /// Whatever else an identification has to say.
     Identification,
 }

@@ -1,0 +1,269 @@
+//! From an experiment to a model, by the kind of records that it has.
+
+use rotorlead_plant::{Model, Provenance};
+use rotorlead_records::{Excitation, Experiment, Record, Role};
+
+use super::stand::StandModel;
+use super::static_map::{StaticMapFit, SteadyPoints, fit_static_map};
+use super::steps::{StaircaseFit, fit_staircase};
+use super::{
+    ChirpIdentification, Finding, FirstOrderOptions, IdentifyError, IdentifyWarning, PeriodicIdentification,
+    PeriodicOptions, Severity, Spectrum, Topic, identify_chirps, identify_periodic, is_chirp_to_fit,
+};
+
+/// What an identification takes beside the records.
+#[derive(Clone, Copy, Debug)]
+pub struct IdentifyOptions<'a> {
+    /// Level of the likelihood ratio test that decides whether a lag of the frequency domain has a dead time: 0 for never, 1
+    /// for wherever the best one is above zero.
+    pub delay_level: f64,
+    /// The stand whose response is divided out of multisines and chirps.
+    pub stand: Option<&'a StandModel>,
+    /// Spectra of further multisine records, whose rows were too many to be read at once ([`Spectrum::of_long`]).
+    pub long: &'a [(Record, Spectrum)],
+}
+
+impl Default for IdentifyOptions<'_> {
+    fn default() -> Self {
+        Self { delay_level: FirstOrderOptions::default().delay_level, stand: None, long: &[] }
+    }
+}
+
+/// The lags, with what they were found by.
+#[derive(Clone, Debug)]
+pub enum Lags {
+    /// From multisines in the frequency domain, one per nominal command.
+    Multisines(PeriodicIdentification),
+    /// From chirps in the frequency domain, one per nominal command.
+    Chirps(ChirpIdentification),
+    /// From a step or staircase record in the time domain, one per level and direction.
+    Steps(StaircaseFit),
+}
+
+impl Lags {
+    /// The frequency responses behind the lags; `None` for steps.
+    #[must_use]
+    pub fn in_frequency(&self) -> Option<&PeriodicIdentification> {
+        match self {
+            Self::Multisines(found) => Some(found),
+            Self::Chirps(found) => Some(&found.lags),
+            Self::Steps(_) => None,
+        }
+    }
+
+    /// The fit of steps; `None` for the others.
+    #[must_use]
+    pub fn in_time(&self) -> Option<&StaircaseFit> {
+        match self {
+            Self::Steps(fit) => Some(fit),
+            Self::Multisines(_) | Self::Chirps(_) => None,
+        }
+    }
+}
+
+/// A motor that was identified.
+#[derive(Clone, Debug)]
+pub struct Identification {
+    /// The model: a lag at each nominal command, and the static map where records show one.
+    pub model: Model,
+    /// Where its lags come from.
+    pub lags: Lags,
+    /// The static map and the steady points that it was fitted to; `None` where records show fewer than four levels.
+    pub static_map: Option<(SteadyPoints, StaticMapFit)>,
+    /// What the user should know of it.
+    pub warnings: Vec<Finding>,
+}
+
+/// Identifies a motor from all records of an experiment that may be fitted.
+///
+/// With a multisine among them, each nominal command gets the lag `gain e^(-s delay) / (tau s + 1)` that fits its frequency
+/// response best (maximum likelihood, weighted by the noise that the periods show), and square waves judge it. Without,
+/// the one step or staircase record is fitted in time, one lag per level and direction; without those too, chirps are
+/// fitted in the frequency domain. A static map is fitted to all levels on which the motor runs steadily.
+///
+/// # Errors
+/// [`IdentifyError`] where no record may be fitted, several might be and one has to be chosen, or a record cannot be used.
+pub fn identify(experiment: &Experiment, options: &IdentifyOptions) -> Result<Identification, IdentifyError> {
+    let records = || experiment.records.iter().chain(options.long.iter().map(|(record, _)| record));
+    let has_multisine = records().any(|record| may_fit(record) && record.excitation == Excitation::Multisine);
+    let has_steps = experiment.records.iter().any(|record| may_fit(record) && is_steps(record));
+    let fit = FirstOrderOptions { delay_level: options.delay_level, ..FirstOrderOptions::default() };
+    let mut identification = if has_multisine {
+        of_multisines(experiment, options, fit)?
+    } else if !has_steps && experiment.records.iter().any(is_chirp_to_fit) {
+        of_chirps(experiment, options, &fit)?
+    } else {
+        of_steps(experiment, options)?
+    };
+    identification.add_static_map(experiment);
+    Ok(identification)
+}
+
+fn of_multisines(
+    experiment: &Experiment,
+    options: &IdentifyOptions,
+    fit: FirstOrderOptions,
+) -> Result<Identification, IdentifyError> {
+    let options = PeriodicOptions { fit, stand: options.stand, long: options.long, ..PeriodicOptions::default() };
+    let found = identify_periodic(experiment, &options)?;
+    Ok(Identification {
+        model: found.to_model(experiment),
+        warnings: warnings(&found).chain(left_out(experiment, None)).collect(),
+        lags: Lags::Multisines(found),
+        static_map: None,
+    })
+}
+
+fn of_chirps(
+    experiment: &Experiment,
+    options: &IdentifyOptions,
+    fit: &FirstOrderOptions,
+) -> Result<Identification, IdentifyError> {
+    let found = identify_chirps(experiment, fit, options.stand)?;
+    let mut model = found.lags.to_model(experiment);
+    if let Some(provenance) = &mut model.provenance {
+        provenance.records.clone_from(&found.files);
+    }
+    Ok(Identification { model, warnings: warnings(&found.lags).collect(), lags: Lags::Chirps(found), static_map: None })
+}
+
+fn of_steps(experiment: &Experiment, options: &IdentifyOptions) -> Result<Identification, IdentifyError> {
+    let record = step_record(experiment)?;
+    if options.stand.is_some() {
+        return Err(IdentifyError::StandOfSteps);
+    }
+    let fit = fit_staircase(record, experiment.output, experiment.esc_frame_hz)?;
+    let warning = |message: String| Finding {
+        severity: Severity::Warning,
+        topic: Topic::Identification,
+        file: Some(record.file.clone()),
+        row: None,
+        message: format!("{}: {message}", record.file),
+        remedy: None,
+    };
+    let warnings = fit.warnings.iter().map(|found| warning(found.to_string()));
+    Ok(Identification {
+        model: fit.to_model(env!("CARGO_PKG_VERSION"))?,
+        warnings: warnings.chain(left_out(experiment, Some(record))).collect(),
+        lags: Lags::Steps(fit),
+        static_map: None,
+    })
+}
+
+impl Identification {
+    /// Fits the static map to all records that may be fitted and are not compensated, and puts it in the model.
+    fn add_static_map(&mut self, experiment: &Experiment) {
+        let lags = self.model.points.iter().map(|point| point.time_constant_s + point.delay_s);
+        let mut lags: Vec<f64> = lags.collect();
+        lags.sort_by(f64::total_cmp);
+        let lag_s = lags.get(lags.len() / 2).copied();
+        let mut points = SteadyPoints { running: Vec::new(), still: None, ramp: false };
+        for record in experiment.records.iter().filter(|record| may_fit(record) && !record.compensated) {
+            // Most records are no staircase, and that is no fault of theirs.
+            if let Ok(found) = SteadyPoints::of(record, experiment.output, lag_s) {
+                points.join(found);
+            }
+        }
+        let Ok(fit) = fit_static_map(&points) else { return };
+        self.model.static_map.get_or_insert_with(|| points.levels()).polynomial = Some(fit.polynomial());
+        self.warnings.extend(fit.warnings.iter().map(|found| Finding {
+            severity: Severity::Warning,
+            topic: Topic::Identification,
+            file: None,
+            row: None,
+            message: found.to_string(),
+            remedy: None,
+        }));
+        self.static_map = Some((points, fit));
+    }
+}
+
+impl PeriodicIdentification {
+    /// The model of these lags, with where it is from.
+    #[must_use]
+    pub fn to_model(&self, experiment: &Experiment) -> Model {
+        Model {
+            format: 1,
+            points: self.points(),
+            static_map: None,
+            effects: Vec::new(),
+            provenance: Some(Provenance {
+                records: self.fitted_files().map(str::to_owned).collect(),
+                version: env!("CARGO_PKG_VERSION").to_owned(),
+                output: experiment.output,
+                command_rate_hz: experiment.command_rate_hz,
+                esc_frame_hz: experiment.esc_frame_hz,
+            }),
+        }
+    }
+}
+
+fn may_fit(record: &Record) -> bool {
+    record.role != Some(Role::Validate)
+}
+
+fn is_steps(record: &Record) -> bool {
+    matches!(record.excitation, Excitation::Step | Excitation::Staircase)
+}
+
+fn warnings(found: &PeriodicIdentification) -> impl Iterator<Item = Finding> {
+    let all = found.warnings.iter().chain(found.nominals.iter().flat_map(|nominal| &nominal.warnings));
+    all.map(|warning: &IdentifyWarning| Finding::new(Severity::Warning, warning.topic(), warning.file(), warning))
+}
+
+/// The one step or staircase record that is to be fitted.
+///
+/// # Errors
+/// [`IdentifyError::NoRecord`] or [`IdentifyError::Free`] where there is none, [`IdentifyError::SeveralSteps`] where one of
+/// several has to be chosen.
+pub fn step_record(experiment: &Experiment) -> Result<&Record, IdentifyError> {
+    let of_role = |role: Option<Role>| {
+        experiment.records.iter().filter(move |record| is_steps(record) && record.role == role).collect::<Vec<_>>()
+    };
+    let (marked, unmarked) = (of_role(Some(Role::Fit)), of_role(None));
+    let candidates = if marked.is_empty() { unmarked } else { marked };
+    match candidates[..] {
+        [record] => Ok(record),
+        [] => Err(nothing_to_fit(experiment)),
+        _ => Err(IdentifyError::SeveralSteps { experiment: experiment.name.clone(), count: candidates.len() }),
+    }
+}
+
+/// Why there is no record to fit: those that do not say what was played are named.
+fn nothing_to_fit(experiment: &Experiment) -> IdentifyError {
+    let free = experiment.records.iter().filter(|record| record.excitation == Excitation::Free);
+    let files: Vec<&str> = free.map(|record| record.file.as_str()).collect();
+    let experiment = experiment.name.clone();
+    match files[..] {
+        [] => IdentifyError::NoRecord { experiment },
+        [file] => IdentifyError::Free { experiment, files: file.to_owned(), verb: "is" },
+        _ => IdentifyError::Free { experiment, files: files.join(", "), verb: "are" },
+    }
+}
+
+/// The records that a lag might be fitted to by another way, and are not: multisines were, or `fitted` was. Squares are
+/// for validation.
+fn left_out(experiment: &Experiment, fitted: Option<&Record>) -> Vec<Finding> {
+    let reason =
+        fitted.map_or_else(|| String::from("multisine records come first"), |r| format!("{} is fitted", r.file));
+    let others = experiment.records.iter().filter(|record| fitted.is_none_or(|fitted| fitted.file != record.file));
+    let finding = |record: &Record| {
+        let (what, levels) = match record.excitation {
+            Excitation::Multisine | Excitation::Square => return None,
+            Excitation::Step => ("a step", "; its levels are in the static map"),
+            Excitation::Staircase => ("a staircase", "; its levels are in the static map"),
+            Excitation::Triangle => ("a triangle", ""),
+            Excitation::Chirp => ("a chirp", ""),
+            Excitation::Free => ("`free`", ""),
+        };
+        Some(Finding {
+            severity: Severity::Warning,
+            topic: Topic::Roles,
+            file: Some(record.file.clone()),
+            row: None,
+            message: format!("{} is {what}, and no lag is fitted to it: {reason}{levels}", record.file),
+            remedy: Some("identify it in a folder of its own, or give it role = \"validate\"".to_owned()),
+        })
+    };
+    others.filter(|record| may_fit(record)).filter_map(finding).collect()
+}
