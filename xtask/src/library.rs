@@ -5,15 +5,12 @@ use std::collections::BTreeSet;
 
 use serde_json::Value;
 
-use crate::board::{BOARD, BOARDS};
+use crate::board::BOARDS;
 use crate::run::{Result, cargo, output, root, run};
 use crate::setup;
 
 /// The package.
 const PACKAGE: &str = "rotorlead";
-/// Cores that the library is built for beside the host: the smallest Cortex-M, which has neither a division of 64 bits nor a
-/// compare-and-swap, and the image's.
-pub const CORES: [&str; 2] = ["thumbv6m-none-eabi", BOARD.target];
 /// Features with which it is built for each of them: the default ones, and the most that bring no board.
 const ON_CORES: [Option<&str>; 2] = [None, Some("controller")];
 /// Every package that the default features may bring.
@@ -34,7 +31,7 @@ pub fn check() -> Result {
         let mut clippy = package("clippy", feature);
         run(clippy.args(["--all-targets", "--", "-D", "warnings"]))?;
     }
-    for core in CORES {
+    for core in setup::CORES {
         let toolchain = setup::toolchain(core)?;
         for feature in ON_CORES {
             let mut build = toolchain.cargo(&["build", "--package", PACKAGE, "--lib", "--locked"]);

@@ -6,8 +6,11 @@ use std::time::Duration;
 
 use crate::board::BOARD;
 use crate::run::{Result, cargo, command, output, run_within, target_folder};
-use crate::{apt, emulator, library};
+use crate::{apt, emulator};
 
+/// Cores that the library is built for beside the host: the smallest Cortex-M, which has neither a division of 64 bits nor a
+/// compare-and-swap, and the image's.
+pub const CORES: [&str; 2] = ["thumbv6m-none-eabi", BOARD.target];
 /// Longest that a download may take. A server that cannot be reached must not hang the tests.
 const DOWNLOAD_LIMIT: Duration = Duration::from_secs(300);
 /// Debian's compiler that comes with the source of its library, and a linker.
@@ -93,7 +96,7 @@ fn needs() -> Vec<Need> {
         install: Box::new(move || add_target(target)),
     };
     let mut needs = vec![component("rustfmt", "fmt"), component("clippy", "clippy")];
-    needs.extend(library::CORES.map(target));
+    needs.extend(CORES.map(target));
     needs.push(Need {
         name: emulator_name(),
         is_there: Box::new(has_emulator),

@@ -23,6 +23,7 @@ mod measured;
 mod noise;
 pub mod parametric;
 mod periodic;
+mod sample;
 mod saturation;
 mod simulation;
 mod spectra;

@@ -4,11 +4,11 @@ mod passing;
 
 use super::effect::{ActiveEffect, Part, Site};
 use super::filter::FORGOTTEN;
-use super::integrated::IntegratedRotor;
+use super::integrated::{IntegratedRotor, IntegratedTerm};
 use super::passage::cut;
 use super::{
     CommandStage, EscFrame, FirstOrder, Interval, Memory, Model, OperatingCurve, OperatingPoint, PlantError,
-    ResponseStage, RotorBase, RotorTerm, Segment, Supply, TransportDelay,
+    ResponseStage, RotorBase, Segment, Supply, TransportDelay,
 };
 
 /// A response that later stages have to follow is cut into pieces of this part of the time in which it bends: the cubic
@@ -291,7 +291,7 @@ impl Actuator {
 #[derive(Default)]
 struct Links {
     stages: Vec<Box<dyn CommandStage>>,
-    terms: Vec<Box<dyn RotorTerm>>,
+    terms: Vec<Box<dyn IntegratedTerm>>,
     after: Vec<Box<dyn ResponseStage>>,
     skew: f64,
 }

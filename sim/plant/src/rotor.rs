@@ -1,7 +1,5 @@
 //! The rotor where it is no linear lag: what effects do to it, and to what it is fed.
 
-use super::integrated::{Alone, RotorState};
-use super::passage::Passage;
 use super::{OperatingCurve, OperatingPoint};
 
 /// What the rotor would do without any effect: the steady response and the time constant of every command.
@@ -116,11 +114,5 @@ pub trait RotorTerm: Send {
     /// What the effect knows of the supply.
     fn measured(&self, _own: f64, _motion: &Motion) -> Option<Supply> {
         None
-    }
-
-    /// Lets a rotor pass that has no other effect. Not to be implemented: it is here to be compiled for each effect by itself,
-    /// which is several times as quick as to ask for every part of every step what the effect is.
-    fn pass_alone(&self, rotor: &mut RotorState, passage: &mut Passage) {
-        rotor.pass(&Alone(self), passage);
     }
 }

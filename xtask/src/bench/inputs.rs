@@ -17,8 +17,6 @@ const GPIOA_LEVELS: u32 = 0x4002_0010;
 /// may be sent.
 const USART3_STATUS: u32 = 0x4000_4800;
 const BUSY: u32 = 1 << 5 | 1 << 3 | 1 << 7;
-/// Where it hands over the byte that has come.
-pub const LINK_DATA: u32 = 0x4000_4804;
 /// The core's interrupt control and state. While the debugger steps through a tick the emulated time runs on, and the next
 /// tick looks due, which it is not where nobody stops the core.
 const INTERRUPT_STATE: u32 = 0xE000_ED04;

@@ -3,12 +3,13 @@
 use emulator::{Debugger, Registers};
 
 use super::cycles::{Estimate, length};
-use super::inputs::LINK_DATA;
 use crate::image::Image;
 use crate::run::Result;
 
 /// Longest path that is believed: more is a path that went astray.
 const LIMIT: u32 = 20_000;
+/// The data register of USART3, where it hands over the byte that has come.
+const LINK_DATA: u32 = 0x4000_4804;
 /// Where the core puts the address to return to when it enters an interrupt, from the stack pointer on.
 const STACKED_RETURN: u32 = 0x18;
 

@@ -13,7 +13,7 @@ mod tests;
 
 use num_complex::Complex64;
 
-use super::spectra::estimate::{mean, of_mean, sample_variance};
+use super::sample::{mean, of_mean, sample_variance};
 use super::{IdentifyError, Line, Spectrum, noise};
 pub(super) use curve::off_the_curve;
 pub use local_polynomial::{LocalPolynomial, LocalPolynomialOptions};

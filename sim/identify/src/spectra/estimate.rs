@@ -6,6 +6,7 @@ use num_complex::Complex64;
 
 use super::{DisturbanceSign, DisturbedLine, Line, NoiseSource, RemovedSinusoid, SpectrumOptions, UnexcitedLine};
 use crate::noise::sinusoid::Sinusoid;
+use crate::sample::{mean, of_mean, sample_variance};
 use crate::{IdentifyError, TransientTest, frequency_response, noise, transient};
 
 /// What the computer leaves of a response that repeats exactly, relative to the largest line.
@@ -215,11 +216,6 @@ fn at(periods: &[Vec<Complex64>], bins: &[usize]) -> Vec<Vec<Complex64>> {
     periods.iter().map(|spectrum| bins.iter().map(|&bin| spectrum[bin]).collect()).collect()
 }
 
-/// Variance of one period from `residual(period, line)` around the mean over `periods`.
-pub(crate) fn sample_variance(periods: usize, lines: usize, residual: impl Fn(usize, usize) -> Complex64) -> Vec<f64> {
-    (0..lines).map(|k| (0..periods).map(|p| residual(p, k).norm_sqr()).sum::<f64>() / (periods - 1) as f64).collect()
-}
-
 /// Two periods differ by one number per bin, and a sinusoid that was fitted at `bin` has used up what the line next to it
 /// knew of the noise: its neighbors say it instead.
 fn refill(sample: &mut [f64], excited: &[usize], bin: f64) {
@@ -234,16 +230,6 @@ fn refill(sample: &mut [f64], excited: &[usize], bin: f64) {
     if count > 0 {
         sample[nearest] = sum / f64::from(count);
     }
-}
-
-pub(crate) fn of_mean(variance: &[f64], periods: usize) -> Vec<f64> {
-    variance.iter().map(|v| v / periods as f64).collect()
-}
-
-pub(crate) fn mean(periods: &[Vec<Complex64>]) -> Vec<Complex64> {
-    let count = periods.len() as f64;
-    let bins = periods.first().map_or(0, Vec::len);
-    (0..bins).map(|k| periods.iter().map(|p| p[k]).sum::<Complex64>() / count).collect()
 }
 
 /// How many bins tell the noise at a line of a single period: none of them is farther above the highest line.

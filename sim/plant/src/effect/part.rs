@@ -1,5 +1,6 @@
 //! What a kind puts into the chain.
 
+use crate::integrated::IntegratedTerm;
 use crate::{CommandStage, ResponseStage, RotorTerm};
 
 /// The link that an effect is, by where it acts.
@@ -16,7 +17,7 @@ pub enum Part {
     /// A link between command and rotor.
     Command(Box<dyn CommandStage>),
     /// A change of the rotor, or of what it is fed.
-    Rotor(Box<dyn RotorTerm>),
+    Rotor(Box<dyn IntegratedTerm>),
     /// A link between rotor and logger.
     Response(Box<dyn ResponseStage>),
     /// The logger's clock: rows stamped `t` are taken at `t (1 + skew)`.
