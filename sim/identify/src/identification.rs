@@ -83,6 +83,32 @@ pub struct Identification {
 ///
 /// # Errors
 /// [`IdentifyError`] where no record may be fitted, several might be and one has to be chosen, or a record cannot be used.
+///
+/// # Examples
+///
+/// A motor on a simulated stand, with noise:
+///
+/// ```
+/// use rotorlead_identify::{IdentifyOptions, identify};
+/// use rotorlead_plant::Model;
+/// use rotorlead_plant::bench::{Plan, run};
+///
+/// let motor: Model = toml::from_str("
+///     format = 1
+///     [[point]]
+///     nominal = 0.5
+///     gain = 10.0
+///     time_constant_s = 0.1
+/// ")?;
+/// let plan = Plan { loop_rate_hz: 500, sample_rate_hz: 500, esc_frame_hz: None, ..Plan::paper(&motor) };
+/// let stand = run(&plan, &motor, None, &|_| ())?;
+///
+/// let found = identify(&stand, &IdentifyOptions::default())?;
+/// let point = &found.model.points[0];
+/// assert!((point.time_constant_s - 0.1).abs() < 4.0 * point.time_constant_s_std.unwrap());
+/// assert!(found.warnings.is_empty());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn identify(experiment: &Experiment, options: &IdentifyOptions) -> Result<Identification, IdentifyError> {
     let records = || experiment.records.iter().chain(options.long.iter().map(|(record, _)| record));
     let has_multisine = records().any(|record| may_fit(record) && record.excitation == Excitation::Multisine);

@@ -54,6 +54,28 @@ pub struct Trace {
 /// # Errors
 /// [`PlantError::Setting`] for a drive without commands or with a time per command missing, and for a period that is not
 /// above 0.
+///
+/// # Examples
+///
+/// A step, and the response after one time constant:
+///
+/// ```
+/// use rotorlead_plant::{Actuator, Drive, EscTiming, Law, Model, Start, simulate};
+///
+/// let motor: Model = toml::from_str("
+///     format = 1
+///     [[point]]
+///     nominal = 0.5
+///     gain = 10.0
+///     time_constant_s = 0.1
+/// ")?;
+/// let mut actuator = Actuator::new(&motor, Law::LinearAround(0.5), EscTiming::default())?;
+/// let step = Drive { time_s: &[0.0], command: &[0.6] };
+///
+/// let trace = simulate(&mut actuator, step, Start::Rest(0.5), &[0.0, 0.1])?;
+/// assert!((trace.response[1] - trace.response[0] - (1.0 - (-1.0_f64).exp())).abs() < 1e-9);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn simulate(actuator: &mut Actuator, drive: Drive, start: Start, rows_s: &[f64]) -> Result<Trace, PlantError> {
     begin(actuator, (drive, Interpolation::ZeroOrderHold), start)?;
     let (count, zero_s) = (drive.time_s.len(), drive.time_s[0]);

@@ -37,6 +37,28 @@ impl Default for DesignOptions {
 ///
 /// # Errors
 /// When the model has no points or gains of both signs, or the controller refuses the parameters.
+///
+/// # Examples
+///
+/// ```
+/// use rotorlead_identify::design::{DesignOptions, design};
+/// use rotorlead_plant::Model;
+///
+/// let motor: Model = toml::from_str("
+///     format = 1
+///     [[point]]
+///     nominal = 0.5
+///     gain = 10.0
+///     time_constant_s = 0.08
+/// ")?;
+/// let design = design(&motor, &DesignOptions::default())?;
+///
+/// // The zero (2) stands on the pole, and the two new poles (5) at the geometric mean of it and omega_g.
+/// let lead = design.lead();
+/// assert!((lead.omega_z_rad_s - 12.5).abs() < 1e-9);
+/// assert!((lead.omega_f_rad_s - (12.5_f64 * 200.0 * std::f64::consts::PI).sqrt()).abs() < 1e-9);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn design(model: &Model, options: &DesignOptions) -> Result<LeadDesign, CompensatorError> {
     let gain = |point: &Point| (point.nominal, point.gain);
     if let Some(first) = model.points.first()

@@ -128,6 +128,32 @@ pub struct ComparedRow {
 /// [`IdentifyError::OtherOutput`] when the model was identified on the other response, [`IdentifyError::NotInModel`] when a
 /// record's nominal command is outside the model's points, [`IdentifyError::Plant`] when the model cannot be simulated,
 /// [`IdentifyError::NoEscCommand`] for a compensated record without that column, and what is wrong with a record itself.
+///
+/// # Examples
+///
+/// A motor that is slower than its model:
+///
+/// ```
+/// use rotorlead_identify::validate;
+/// use rotorlead_plant::Model;
+/// use rotorlead_plant::bench::{Plan, run};
+///
+/// let motor: Model = toml::from_str("
+///     format = 1
+///     [[point]]
+///     nominal = 0.5
+///     gain = 10.0
+///     time_constant_s = 0.1
+/// ")?;
+/// let plan = Plan { loop_rate_hz: 500, sample_rate_hz: 500, esc_frame_hz: None, ..Plan::paper(&motor) };
+/// let stand = run(&plan, &motor, None, &|_| ())?;
+/// let mut faster = motor.clone();
+/// faster.points[0].time_constant_s = 0.05;
+///
+/// let (right, wrong) = (validate(&stand, &motor)?, validate(&stand, &faster)?);
+/// assert!(right[0].fit_percent > wrong[0].fit_percent);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn validate(experiment: &Experiment, model: &Model) -> Result<Vec<RecordValidation>, IdentifyError> {
     same_output(experiment, model)?;
     experiment.records.iter().map(|record| Judge { experiment, model, record }.validation()).collect()
