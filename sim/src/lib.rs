@@ -11,20 +11,19 @@
 //!
 //! ```
 //! use rotorlead_identify::design::{Chain, DesignOptions, bandwidths};
-//! use rotorlead_identify::{PeriodicOptions, identify_periodic};
 //! use rotorlead_plant::bench::{Plan, run};
 //! use rotorlead_report::paper::table_1;
-//! use rotorlead_sim::design;
+//! use rotorlead_sim::{IdentifyOptions, design, identify};
 //!
 //! // What is to be found: a lag at each of six nominal commands. A multisine and a square wave at each, with noise.
 //! let actuators = table_1();
 //! let records = run(&Plan::paper(&actuators), &actuators, None, &|_| ())?;
 //!
 //! // The lags, each with its standard error.
-//! let found = identify_periodic(&records, &PeriodicOptions::default())?;
-//! for (nominal, point) in found.nominals.iter().zip(&actuators.points) {
-//!     let tau = &nominal.fit.time_constant_s;
-//!     assert!((tau.value - point.time_constant_s).abs() < 4.0 * tau.std);
+//! let found = identify(&records, &IdentifyOptions::default())?;
+//! for (found, true_point) in found.model.points.iter().zip(&actuators.points) {
+//!     let std = found.time_constant_s_std.unwrap();
+//!     assert!((found.time_constant_s - true_point.time_constant_s).abs() < 4.0 * std);
 //! }
 //!
 //! // One compensator for all of them, and the bandwidths of the paper's Table 3, rad/s.
@@ -39,6 +38,6 @@
 pub use rotorlead::compensator::Compensator;
 pub use rotorlead_diagnose::{Diagnosis, diagnose};
 pub use rotorlead_identify::design::design;
-pub use rotorlead_identify::{Estimate, validate};
+pub use rotorlead_identify::{Estimate, Identification, IdentifyOptions, identify, validate};
 pub use rotorlead_plant::{Effect, Model, simulate};
 pub use rotorlead_records::{Experiment, Record};

@@ -1,5 +1,5 @@
 //! Phases of low crest factor. Written by `cargo run --release -p rotorlead-plant --example phases`;
-//! change the recipes in `sim/src/bench/multisine/flight.rs`, not this file.
+//! change the recipes in `sim/plant/src/bench/multisine/flight.rs`, not this file.
 
 use super::Lines;
 

@@ -8,7 +8,7 @@ use crate::{Effect, Model};
 /// Kinds of effects, in the order of the chain.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Catalog {
-    kinds: Vec<&'static Kind>,
+    kinds: &'static [&'static Kind],
 }
 
 /// An identifier that differs in this many letters or fewer, of every three, is taken for a slip.
@@ -18,15 +18,7 @@ impl Catalog {
     /// Every kind of this crate.
     #[must_use]
     pub fn standard() -> Self {
-        Self { kinds: STANDARD.to_vec() }
-    }
-
-    /// With one more kind, at the end of its [`Site`](super::Site).
-    #[must_use]
-    pub fn with(mut self, kind: &'static Kind) -> Self {
-        let place = self.kinds.partition_point(|other| other.site <= kind.site);
-        self.kinds.insert(place, kind);
-        self
+        Self { kinds: STANDARD }
     }
 
     /// The kinds, from command to logger.

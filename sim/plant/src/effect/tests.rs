@@ -9,8 +9,8 @@ use rotorlead_records::files::Place;
 use super::*;
 use crate::testing::{active, actuator, model, point, seen_response, step};
 use crate::{
-    Actuator, Drive, Effect, EscTiming, Interval, Law, Memory, OperatingPoint, ResponseStage, Start, simulate,
-    simulate_periodic_response, simulate_response,
+    Actuator, Drive, Effect, EscTiming, Law, OperatingPoint, Start, simulate, simulate_periodic_response,
+    simulate_response,
 };
 
 /// Values between the ends of the plausible ranges, by shares 0..1.
@@ -431,57 +431,6 @@ fn an_effect_goes_into_a_file_and_comes_back() {
         let written = effect.to_effect(&[0.01]);
         assert_eq!(Catalog::standard().resolve(&written, &Place::root()).unwrap(), effect);
         assert_eq!(written.std.values().collect::<Vec<_>>(), [&0.01]);
-    }
-}
-
-/// A kind of its own: a sensor that shows the square of what it sees, signed. All that it takes is this, and a line in a list.
-static SQUARING: Kind = Kind {
-    id: "squaring_sensor",
-    title: "squaring sensor",
-    site: Site::Logger,
-    equation: "y + share y |y|",
-    parameters: &[Parameter::fitted("share", "", "how much of the square is in it").linear(0.0, 1.0, &[0.5])],
-    signature: "odd lines",
-    confusions: &[Confusion { with: "saturation", experiment: "turn the sensor" }],
-    sources: &["none"],
-    linearity: Linearity::SmallSignal,
-    shows: Shows::Anywhere,
-    check: Kind::any,
-    part: |values, _| if values[0] == 0.0 { Part::Nothing } else { Part::response(Squaring(values[0])) },
-    response: Kind::unity,
-};
-
-struct Squaring(f64);
-
-impl ResponseStage for Squaring {
-    fn settle(&mut self, level: f64) -> f64 {
-        level + self.0 * level * level.abs()
-    }
-
-    fn memory(&self) -> Memory {
-        Memory::Seconds(0.0)
-    }
-
-    fn advance(&mut self, signal: &mut Interval) {
-        let (y, slope) = (|y: f64| y + self.0 * y * y.abs(), |y: f64| 1.0 + 2.0 * self.0 * y.abs());
-        (signal.start, signal.start_slope) = (y(signal.start), slope(signal.start) * signal.start_slope);
-        (signal.end, signal.end_slope) = (y(signal.end), slope(signal.end) * signal.end_slope);
-    }
-}
-
-#[test]
-fn one_more_kind_is_one_static_and_one_line() {
-    let catalog = Catalog::standard().with(&SQUARING);
-    assert_eq!((catalog.kinds().count(), catalog.kinds().last()), (19, Some(&SQUARING)));
-    let mut one = model(&[(0.5, 10.0, 0.1, 0.0)]);
-    one.effects =
-        vec![active(&SQUARING, &[0.5]).to_effect(&[]), active(&transport_delay::KIND, &[0.01]).to_effect(&[])];
-    assert!(Catalog::standard().of_model(&one).is_err());
-    let effects = catalog.of_model(&one).unwrap();
-    assert_eq!(effects[1].kind(), &SQUARING);
-    for (row, y) in step(0.1, 0.4, &effects).iter().enumerate() {
-        let linear = 1.0 - (-((row as f64 * 1e-3 - 0.01).max(0.0)) / 0.1).exp();
-        assert!((y - (linear + 0.5 * linear * linear)).abs() < 1e-12);
     }
 }
 

@@ -137,7 +137,7 @@ pub enum FlightError {
 pub fn source(sets: &[(Recipe, Phases)]) -> String {
     let mut text = String::from(
         "//! Phases of low crest factor. Written by `cargo run --release -p rotorlead-plant --example phases`;\n\
-         //! change the recipes in `sim/src/bench/multisine/flight.rs`, not this file.\n\n\
+         //! change the recipes in `sim/plant/src/bench/multisine/flight.rs`, not this file.\n\n\
          use super::Lines;\n",
     );
     let mut put = |line: std::fmt::Arguments| {
