@@ -30,7 +30,7 @@ impl<'a> Adjoint<'a> {
         Self::of_split(data, record, hypothesis, delay_s, record.segments.first()?.split)
     }
 
-    /// The same of what is for a purpose. `None` where nothing is.
+    /// The same of what is in a split. `None` where nothing is.
     pub fn of_split(
         data: &Dataset,
         record: &'a Record,

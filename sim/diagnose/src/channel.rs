@@ -114,7 +114,7 @@ impl Channel {
         (0..self.measured.len()).map(sum).collect()
     }
 
-    /// The white residual of a purpose.
+    /// The white residual of a split.
     pub fn white(&self, record: &Record, split: Split, trace: &Trace) -> Vec<f64> {
         self.of(split).apply(&self.left(record, trace))
     }
@@ -123,7 +123,7 @@ impl Channel {
         if split == Split::Train { &self.fitted } else { &self.held_out }
     }
 
-    /// Minus twice the log likelihood over the rows of a purpose, with the errors that are left there.
+    /// Minus twice the log likelihood over the rows of a split, with the errors that are left there.
     pub fn deviance(&self, record: &Record, split: Split, trace: &Trace) -> f64 {
         self.of(split).deviance(&self.left(record, trace))
     }
@@ -133,7 +133,7 @@ impl Channel {
         self.measured.iter().zip(nearest).map(|(measured, model)| measured - model).collect()
     }
 
-    /// Makes its filters anew for what the trial's groups are for.
+    /// Makes its filters anew for what the dataset's groups are for.
     pub fn assign(&mut self, record: &Record) {
         let Some(log) = &record.log else { return };
         let filter = |split| log.filter(self.errors, split, false);

@@ -448,7 +448,7 @@ impl Record {
         of_segments.chain(of_groups).fold(0.0, f64::max)
     }
 
-    /// Up to which row something is compared for this purpose.
+    /// Up to which row something is compared in this split.
     pub fn end_of(&self, split: Option<Split>) -> usize {
         if let Some(log) = &self.log {
             return if split.is_none_or(|split| log.has(split)) { self.time_s.len() } else { 0 };

@@ -105,7 +105,7 @@ impl Explanation {
 pub(super) enum Built {
     /// A fit with effects, or with none.
     Explained(Fit, Vec<Found>),
-    /// Too much is left by so many effects, or more than noise by some that were believed on trial.
+    /// Too much is left by so many effects, or more than noise by some that were accepted provisionally.
     Hopeless,
 }
 

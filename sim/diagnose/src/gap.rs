@@ -140,7 +140,7 @@ pub(super) fn gaps(data: &Dataset, before: &Hypothesis, after: &Hypothesis, refi
     Gaps { total, records, splits, held_out }
 }
 
-/// Gap in total and record by record on what is there for a purpose.
+/// Gap in total and record by record on what is there in a split.
 pub(super) fn of(data: &Dataset, before: &Hypothesis, after: &Hypothesis, split: Split) -> (Gap, Vec<RecordGap>) {
     let mut total = Squares::default();
     let mut records = Vec::new();
@@ -152,7 +152,7 @@ pub(super) fn of(data: &Dataset, before: &Hypothesis, after: &Hypothesis, split:
     (total.gap(), records)
 }
 
-/// Square of the part of the gap on what is for `purpose` that the standard errors of the lags account for: a nominal command that
+/// Square of the part of the gap on what is in `split` that the standard errors of the lags account for: a nominal command that
 /// was fitted to one quiet record is known badly, and shows it on a loud one. 0 for records that do not repeat.
 ///
 /// A prediction that is linear in the numbers has the variance `J C J'`, with `C` their covariance: along each of its axes the

@@ -24,7 +24,7 @@ use super::isolated_steps::{IsolatedStep, changes, isolated_steps};
 const WAITS: usize = 400;
 const ERRORS: f64 = 8.0;
 
-/// By how much the log likelihood of what is for `purpose` grows where each change waits for a frame of its own. 0 without frames,
+/// By how much the log likelihood of what is in `split` grows where each change waits for a frame of its own. 0 without frames,
 /// and where it is known where they lie.
 pub(super) fn evidence(data: &Dataset, hypothesis: &Hypothesis, split: Split) -> f64 {
     let frames = hypothesis.effects.iter().find(|effect| effect.is_hidden_hold());

@@ -225,7 +225,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     let timing = timing::timing(data, &after.hypothesis);
     let refitted = options.model.is_none();
     let mut gaps = gap::gaps(data, &before.hypothesis, &after.hypothesis, refitted);
-    let grounds = Evidence {
+    let evidence = Evidence {
         found: !found.is_empty() || wrong.is_some(),
         numbers_alone: found.is_empty() && wrong.is_some(),
         excess: (excess_before, excess_after),
@@ -235,7 +235,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         is_timely: timing.is_steady(),
         has_logs: data.has_logs(),
     };
-    let verdict = grounds.verdict();
+    let verdict = evidence.verdict();
     let found = if verdict == Verdict::Unknown {
         (after, excess_after) = (before.clone(), excess_before);
         gaps = gap::gaps(data, &before.hypothesis, &after.hypothesis, refitted);

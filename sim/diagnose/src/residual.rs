@@ -10,7 +10,7 @@ pub(super) fn dot(a: &[Complex64], b: &[Complex64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a.re * b.re + a.im * b.im).sum()
 }
 
-/// The white residual of one record over its segments of a purpose. The state from which the record starts is compared only where
+/// The white residual of one record over its segments of a split. The state from which the record starts is compared only where
 /// that is asked for ([`Dataset::initial_condition`]): else its decay is projected out.
 pub(super) fn residual(
     data: &Dataset,
@@ -100,7 +100,7 @@ pub(super) fn time_offset_std(data: &Dataset) -> f64 {
     longest(STAMPS_OFF, false).or_else(|| longest(12_f64.sqrt().recip(), true)).unwrap_or(f64::INFINITY)
 }
 
-/// Sum of squares over what is for `purpose`. `None` where the hypothesis is impossible.
+/// Sum of squares over what is in `split`. `None` where the hypothesis is impossible.
 pub(super) fn chi_square(data: &Dataset, hypothesis: &Hypothesis, split: Split) -> Option<f64> {
     let parts: Option<Vec<f64>> = data
         .records
@@ -112,7 +112,7 @@ pub(super) fn chi_square(data: &Dataset, hypothesis: &Hypothesis, split: Split) 
     sum.is_finite().then_some(sum)
 }
 
-/// Minus twice the log likelihood of what is for `purpose`, but for a constant: [`chi-square`], and of records that do not repeat that
+/// Minus twice the log likelihood of what is in `split`, but for a constant: [`chi-square`], and of records that do not repeat that
 /// with the errors that they are left with.
 pub(super) fn deviance(data: &Dataset, hypothesis: &Hypothesis, split: Split) -> Option<f64> {
     let of_trial = |record: &Record| {

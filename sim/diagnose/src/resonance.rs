@@ -114,7 +114,7 @@ struct PointBands {
     product: Vec<Complex64>,
     power: Vec<f64>,
     /// By what a response is multiplied for a larger gain, a larger time constant, and a later clock.
-    dull: Vec<[Complex64; 3]>,
+    nuisance: Vec<[Complex64; 3]>,
     /// The inverse of the products of these with each other, and their products with the residual.
     inverse: Matrix3<f64>,
     slope: Vector3<f64>,
@@ -169,33 +169,33 @@ impl Bands {
 }
 
 impl PointBands {
-    /// `None` where there is nothing to tell the dull explanations apart by.
+    /// `None` where there is nothing to tell the nuisance parameters apart by.
     fn new(hz: &[f64], product: Vec<Complex64>, power: Vec<f64>, time_constant_s: f64) -> Option<Self> {
         let of_band = |hz: &f64| {
             let s = Complex64::new(0.0, TAU * hz);
             [Complex64::ONE, -s * time_constant_s / (1.0 + s * time_constant_s), -s * time_constant_s]
         };
-        let dull: Vec<[Complex64; 3]> = hz.iter().map(of_band).collect();
+        let nuisance: Vec<[Complex64; 3]> = hz.iter().map(of_band).collect();
         let (mut matrix, mut slope) = (Matrix3::zeros(), Vector3::zeros());
-        for ((dull, product), power) in dull.iter().zip(&product).zip(&power) {
+        for ((nuisance, product), power) in nuisance.iter().zip(&product).zip(&power) {
             for i in 0..3 {
-                slope[i] += (dull[i].conj() * product).re;
+                slope[i] += (nuisance[i].conj() * product).re;
                 for j in 0..3 {
-                    matrix[(i, j)] += power * (dull[i].conj() * dull[j]).re;
+                    matrix[(i, j)] += power * (nuisance[i].conj() * nuisance[j]).re;
                 }
             }
         }
-        Some(Self { product, power, dull, inverse: matrix.try_inverse()?, slope })
+        Some(Self { product, power, nuisance, inverse: matrix.try_inverse()?, slope })
     }
 
-    /// Product with the residual, and power, of what lies across the dull explanations in `change` times the response.
+    /// Product with the residual, and power, of what lies across the nuisance parameters in `change` times the response.
     fn across(&self, change: &[Complex64]) -> (f64, f64) {
         let (mut product, mut power, mut along) = (0.0, 0.0, Vector3::zeros());
         for (index, change) in change.iter().enumerate() {
             product += (change.conj() * self.product[index]).re;
             power += change.norm_sqr() * self.power[index];
-            for (along, dull) in along.iter_mut().zip(&self.dull[index]) {
-                *along += self.power[index] * (change.conj() * dull).re;
+            for (along, nuisance) in along.iter_mut().zip(&self.nuisance[index]) {
+                *along += self.power[index] * (change.conj() * nuisance).re;
             }
         }
         let projected = self.inverse * along;

@@ -123,7 +123,7 @@ impl Gap {
 mod tests {
     use super::*;
 
-    fn grounds() -> Evidence {
+    fn evidence() -> Evidence {
         Evidence {
             found: true,
             numbers_alone: false,
@@ -138,13 +138,14 @@ mod tests {
 
     #[test]
     fn what_leaves_noise_is_the_whole_story() {
-        assert_eq!(grounds().verdict(), Verdict::Named);
-        assert_eq!(Evidence { found: false, ..grounds() }.verdict(), Verdict::Agrees);
+        assert_eq!(evidence().verdict(), Verdict::Named);
+        assert_eq!(Evidence { found: false, ..evidence() }.verdict(), Verdict::Agrees);
     }
 
     #[test]
     fn what_leaves_more_is_a_part_of_it_or_none() {
-        let left = |sum: f64| Evidence { excess: (grounds().excess.0, Excess { sum, expected: 7000.0 }), ..grounds() };
+        let left =
+            |sum: f64| Evidence { excess: (evidence().excess.0, Excess { sum, expected: 7000.0 }), ..evidence() };
         assert_eq!(left(9000.0).verdict(), Verdict::PartlyNamed);
         assert_eq!(left(40_000.0).verdict(), Verdict::Unknown);
         assert_eq!(Evidence { found: false, ..left(9000.0) }.verdict(), Verdict::Unknown);
@@ -152,7 +153,7 @@ mod tests {
 
     #[test]
     fn names_that_what_was_held_out_does_not_bear_out_are_not_given() {
-        let gap = |after: f64| Evidence { gap: Gap { after, ..grounds().gap }, ..grounds() };
+        let gap = |after: f64| Evidence { gap: Gap { after, ..evidence().gap }, ..evidence() };
         assert_eq!(gap(0.15).verdict(), Verdict::Named);
         assert_eq!(gap(0.28).verdict(), Verdict::Unknown);
         assert_eq!(gap(0.4).verdict(), Verdict::Unknown);
@@ -160,12 +161,12 @@ mod tests {
 
     #[test]
     fn other_numbers_that_leave_more_than_noise_are_no_story() {
-        let alone = Evidence { numbers_alone: true, ..grounds() };
+        let alone = Evidence { numbers_alone: true, ..evidence() };
         assert_eq!(alone.verdict(), Verdict::Named);
-        let left = (grounds().excess.0, Excess { sum: 9000.0, expected: 7000.0 });
+        let left = (evidence().excess.0, Excess { sum: 9000.0, expected: 7000.0 });
         assert_eq!(Evidence { excess: left, ..alone }.verdict(), Verdict::Unknown);
-        let little = (grounds().excess.0, Excess { sum: 7700.0, expected: 7000.0 });
-        assert_eq!(Evidence { excess: little, ..grounds() }.verdict(), Verdict::Named);
+        let little = (evidence().excess.0, Excess { sum: 7700.0, expected: 7000.0 });
+        assert_eq!(Evidence { excess: little, ..evidence() }.verdict(), Verdict::Named);
         assert_eq!(Evidence { excess: little, ..alone }.verdict(), Verdict::Unknown);
         let steadiness = Steadiness { spread: 0.5, significance: 40.0 };
         assert_eq!(Evidence { steadiness, ..alone }.verdict(), Verdict::Unknown);
@@ -174,18 +175,18 @@ mod tests {
     #[test]
     fn a_delay_that_wanders_has_no_name() {
         for found in [false, true] {
-            assert_eq!(Evidence { is_timely: false, found, ..grounds() }.verdict(), Verdict::Unknown);
+            assert_eq!(Evidence { is_timely: false, found, ..evidence() }.verdict(), Verdict::Unknown);
         }
     }
 
     #[test]
     fn bursts_are_no_noise() {
         let steadiness = Steadiness { spread: 1.5, significance: 40.0 };
-        assert_eq!(Evidence { steadiness, ..grounds() }.verdict(), Verdict::PartlyNamed);
-        assert_eq!(Evidence { steadiness, found: false, ..grounds() }.verdict(), Verdict::Unknown);
-        let gap = Gap { before: 0.11, ..grounds().gap };
-        assert_eq!(Evidence { steadiness, gap, ..grounds() }.verdict(), Verdict::Unknown);
+        assert_eq!(Evidence { steadiness, ..evidence() }.verdict(), Verdict::PartlyNamed);
+        assert_eq!(Evidence { steadiness, found: false, ..evidence() }.verdict(), Verdict::Unknown);
+        let gap = Gap { before: 0.11, ..evidence().gap };
+        assert_eq!(Evidence { steadiness, gap, ..evidence() }.verdict(), Verdict::Unknown);
         let small = Steadiness { spread: 0.05, significance: 40.0 };
-        assert_eq!(Evidence { steadiness: small, ..grounds() }.verdict(), Verdict::Named);
+        assert_eq!(Evidence { steadiness: small, ..evidence() }.verdict(), Verdict::Named);
     }
 }

@@ -213,7 +213,7 @@ impl BandwidthDiagnosis {
     }
 }
 
-/// What of the catalog shows around single commands, and behind the numbers of the lag what is as dull: another static gain.
+/// What of the catalog shows around single commands, and behind the numbers of the lag what is as simple: another static gain.
 fn kinds(catalog: &Catalog) -> Vec<&'static Kind> {
     let shown = |kind: &&Kind| kind.shows != Shows::OverLevels;
     let mut kinds: Vec<&'static Kind> = catalog.kinds().filter(shown).collect();

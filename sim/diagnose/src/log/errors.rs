@@ -95,7 +95,7 @@ fn mean(values: &[f64], rows: &[usize]) -> f64 {
     rows.iter().map(|&row| values[row]).sum::<f64>() / rows.len().max(1) as f64
 }
 
-/// The parts of one purpose with their errors.
+/// The parts of one split with their errors.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Filter {
     parts: Vec<Part>,

@@ -68,7 +68,7 @@ pub(crate) fn gaps(
     (total.gap(), records.collect(), splits)
 }
 
-/// Squares of one log over the rows of a purpose.
+/// Squares of one log over the rows of a split.
 pub(crate) fn log_squares(
     data: &Dataset,
     record: &Record,

@@ -53,7 +53,7 @@ pub(super) struct Group {
     pub split: Split,
 }
 
-/// What a record that does not repeat has beside the rest of a trial.
+/// What a record that does not repeat has beside the rest of a dataset.
 #[derive(Clone, Debug)]
 pub(super) struct Log {
     /// Its groups, which follow each other.
@@ -91,12 +91,12 @@ impl Log {
         0.5 * steps.reduce(f64::min).unwrap_or_else(range)
     }
 
-    /// Whether it has rows for this purpose.
+    /// Whether it has rows in this split.
     pub fn has(&self, split: Split) -> bool {
         self.rows(split).next().is_some()
     }
 
-    /// Rows that are compared for a purpose, with their groups.
+    /// Rows that are compared in a split, with their groups.
     pub fn rows(&self, split: Split) -> impl Iterator<Item = (usize, &Group)> {
         let groups = self.groups.iter().filter(move |group| group.split == split);
         groups.flat_map(|group| group.rows.clone().map(move |row| (row, group))).filter(|(row, _)| self.kept[*row])
@@ -110,7 +110,7 @@ impl Log {
         self.set_filters();
     }
 
-    /// What is compared for a purpose of a column with these errors; `relative` where the size of the step counts.
+    /// What is compared in a split of a column with these errors; `relative` where the size of the step counts.
     pub fn filter(&self, errors: Errors, split: Split, relative: bool) -> Filter {
         let parts = self.groups.iter().zip(&self.parts).enumerate().filter(|(_, (group, _))| group.split == split);
         let part = |(place, (group, part)): (usize, (&Group, &Part))| {
@@ -131,7 +131,7 @@ impl Log {
         if split == Split::Train { &self.fitted } else { &self.held_out }
     }
 
-    /// The purpose whose rows say what is free: that which is fitted where there is such.
+    /// The split whose rows say what is free: that which is fitted where there is such.
     pub fn known_by(&self) -> Split {
         if self.has(Split::Train) { Split::Train } else { Split::Holdout }
     }
@@ -144,14 +144,14 @@ impl Log {
         self.set_filters();
     }
 
-    /// Minus twice the log likelihood of a difference over the rows of a purpose, with the errors that it has itself.
+    /// Minus twice the log likelihood of a difference over the rows of a split, with the errors that it has itself.
     pub fn deviance(&self, split: Split, difference: &[f64], time_s: &[f64], tau_s: f64) -> f64 {
         let free = self.free(difference, time_s, tau_s);
         let left: Vec<f64> = difference.iter().zip(free).map(|(difference, free)| difference - free).collect();
         self.of(split).deviance(&left)
     }
 
-    /// The white residual of the rows of a purpose. What a sensor's zero, and the state from which a record starts that does
+    /// The white residual of the rows of a split. What a sensor's zero, and the state from which a record starts that does
     /// not begin settled, add is taken from the rows that are fitted.
     pub fn white(&self, split: Split, difference: &[f64], time_s: &[f64], tau_s: f64) -> Vec<f64> {
         let free = self.free(difference, time_s, tau_s);

@@ -145,7 +145,7 @@ impl Search<'_> {
             };
             let tried: Vec<&Tried> = tried.iter().filter(is_one).collect();
             let is_worth_it = |tried: &&&Tried| is_worth_it(tried);
-            // The first of those that are as dull is worth most.
+            // The first of those that are equally simple scores highest.
             let Some(best) = tried.iter().filter(is_worth_it).min_by_key(|tried| parsimony_rank(tried.kind)) else {
                 break;
             };
