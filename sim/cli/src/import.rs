@@ -16,7 +16,7 @@ use serde_json::json;
 
 use super::WrongUse;
 use super::check::words;
-use super::outcome::{JsonOption, Outcome, wrapped};
+use super::outcome::{JsonOption, Outcome, wrapped, wrapped_behind};
 use super::parameters::{fraction, positive, range};
 use super::progress;
 
@@ -268,7 +268,7 @@ fn describe(summary: &ImportSummary) -> String {
         let taken = column.taken_as.as_deref().unwrap_or("-");
         let before = format!("  {:<width$}  {taken:<11}  ", column.name);
         let indent = " ".repeat(width + 17);
-        say(before + &wrapped(&column.note, WIDTH - indent.len(), &indent));
+        say(wrapped_behind(&before, &column.note, WIDTH, &indent));
     }
     for note in &summary.notes {
         say(format!("\nnote: {}", wrapped(note, WIDTH - 6, "      ")));

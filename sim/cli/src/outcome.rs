@@ -99,12 +99,23 @@ pub fn warning_lines(warning: &str) -> String {
 /// Text no wider than a terminal of 80 columns, words and paths whole; all lines but the first begin with `indent`. Ends with
 /// a line break.
 pub fn paragraph(text: &str, indent: &str) -> String {
-    let options = textwrap::Options::new(80)
+    wrapped(text, 80, indent) + "\n"
+}
+
+/// A sentence in lines of at most `width` characters; all but the first begin with `indent`, which counts.
+pub(super) fn wrapped(sentence: &str, width: usize, indent: &str) -> String {
+    wrapped_behind("", sentence, width, indent)
+}
+
+/// The same behind `first`, which counts.
+pub(super) fn wrapped_behind(first: &str, sentence: &str, width: usize, indent: &str) -> String {
+    let options = textwrap::Options::new(width)
+        .initial_indent(first)
         .subsequent_indent(indent)
         .break_words(false)
         .word_splitter(WordSplitter::NoHyphenation)
         .word_separator(WordSeparator::AsciiSpace);
-    textwrap::fill(text, options) + "\n"
+    textwrap::fill(sentence, options)
 }
 
 /// What a remark begins with, and its color on a terminal.
@@ -150,24 +161,6 @@ pub(super) fn printed(result: io::Result<()>) -> miette::Result<()> {
         Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
         printed => printed.into_diagnostic().wrap_err("cannot write to standard output"),
     }
-}
-
-/// Breaks a sentence into lines of at most `width` characters; all but the first begin with `indent`, which counts.
-pub(super) fn wrapped(sentence: &str, width: usize, indent: &str) -> String {
-    let mut lines = vec![String::new()];
-    for word in sentence.split_whitespace() {
-        let before = if lines.len() > 1 { indent.len() } else { 0 };
-        let length = lines[lines.len() - 1].len();
-        if length > 0 && before + length + 1 + word.len() > width {
-            lines.push(String::new());
-        }
-        let last = lines.len() - 1;
-        if !lines[last].is_empty() {
-            lines[last].push(' ');
-        }
-        lines[last].push_str(word);
-    }
-    lines.join(&format!("\n{indent}"))
 }
 
 /// Warnings for a place that has its own mark of them.
