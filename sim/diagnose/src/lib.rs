@@ -180,7 +180,7 @@ pub struct Options<'a> {
 ///
 /// ```
 /// use rotorlead_plant::bench::{Plan, run};
-/// use crate::{Options, diagnose};
+/// use rotorlead_diagnose::{Options, diagnose};
 /// use rotorlead_plant::{Catalog, Model};
 ///
 /// let actuator: Model = toml::from_str(

@@ -116,7 +116,7 @@ command_rate_hz = 5000
 
     #[test]
     fn points_increase() {
-        refuses("0.4", "0.5", &["model.toml:7:11", "`point` 2, `nominal`", "twice", "remove one"]);
+        refuses("0.4", "0.5", &["model.toml:7:11", "`point` 2, `nominal`", "duplicate value", "remove one"]);
         refuses("0.4", "0.6", &["model.toml:7:11", "0.5 comes after 0.6", "increasing order"]);
     }
 
