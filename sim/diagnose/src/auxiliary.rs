@@ -10,6 +10,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
+use rotorlead_numerics::sample::mean;
 use rotorlead_plant::Trace;
 use rotorlead_records::{Output, Record as SourceRecord};
 
@@ -56,7 +57,7 @@ pub(super) fn auxiliary_channels(
     }
     let rows = from..from + periods * period_rows;
     let auxiliary = |(column, values): (Column, Vec<f64>)| {
-        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        let mean = mean(&values);
         let deviation: Vec<f64> = values.iter().map(|value| value - mean).collect();
         let mut whitening = Whitening::unit(values.len());
         whitening.set_noise(&NoiseDensity::between_harmonics(&deviation, periods, rate_hz)?, rate_hz);

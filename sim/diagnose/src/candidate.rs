@@ -1,5 +1,6 @@
 //! An effect that may be there, with its values, and where searches of them start.
 
+use rotorlead_numerics::extremum::Parabola;
 use rotorlead_plant::effect::{Kind, Linearity, Parameter, Scale, Site, Use};
 
 use super::frames;
@@ -185,13 +186,11 @@ impl Candidate {
         points.sort_by(|a, b| a.0.total_cmp(&b.0));
         points.dedup_by(|a, b| a.0 == b.0);
         let place = points.iter().position(|point| point.1 == best.0)?;
-        let [(a, at_a), (b, at_b), (c, at_c)] = *points.get(place.checked_sub(1)?..place + 2)? else { return None };
-        let (before, after) = ((at_b - at_a) / (b - a), (at_c - at_b) / (c - b));
-        let bend = (after - before) / (c - a);
-        let vertex = 0.5 * (a + b) - 0.5 * before / bend;
+        let three: [(f64, f64); 3] = points.get(place.checked_sub(1)?..place + 2)?.try_into().ok()?;
+        let vertex = Parabola::through(three).lowest()?;
         let mut values = best.1.values.clone();
         values[index] = from_coordinate(parameter, vertex);
-        let is_between = bend > 0.0 && a < vertex && vertex < c;
+        let is_between = three[0].0 < vertex && vertex < three[2].0;
         Some(Self::new(best.1.kind, values)).filter(|start| is_between && (start.kind.check)(&start.values).is_ok())
     }
 }

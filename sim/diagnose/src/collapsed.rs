@@ -4,6 +4,8 @@
 //! lag no search finds the limit: without a gain a clip changes nothing. So effects are looked for from a lag with the gain of
 //! the other nominal commands as well.
 
+use rotorlead_numerics::sample::median;
+
 use super::dataset::Dataset;
 use super::fit::{Fit, fit_in};
 
@@ -14,9 +16,7 @@ const COLLAPSED: f64 = 0.4;
 /// has, or all have.
 pub(super) fn lifted(data: &Dataset, from: &Fit) -> Option<Fit> {
     let base = &from.hypothesis.base;
-    let mut gains: Vec<f64> = base.iter().map(|lag| lag.gain.abs()).collect();
-    gains.sort_by(f64::total_cmp);
-    let least = COLLAPSED * gains[gains.len() / 2];
+    let least = COLLAPSED * median(base.iter().map(|lag| lag.gain.abs()))?;
     let responds = |point: &usize| base[*point].gain.abs() > least;
     if (0..base.len()).all(|point| responds(&point)) {
         return None;

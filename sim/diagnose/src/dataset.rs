@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 
 use rotorlead_identify::{IdentifyError, response_of, upsampled};
+use rotorlead_numerics::sample::{mean, median};
 use rotorlead_plant::{Lag, OperatingCurve, Trace};
 use rotorlead_records::{Excitation, Experiment, Output, Record as SourceRecord, Role};
 
@@ -218,8 +219,7 @@ impl Record {
         let rate_hz = source.sample_rate_hz()?;
         let periods = source.periods()?;
         let rows = periods.samples * periods.count;
-        let mean = |values: &[f64]| values[..rows].iter().sum::<f64>() / rows as f64;
-        let (mean_command, mean_response) = (mean(command), mean(measured));
+        let (mean_command, mean_response) = (mean(&command[..rows]), mean(&measured[..rows]));
         let amplitude = command[..rows].iter().fold(0.0_f64, |most, u| most.max((u - mean_command).abs()));
         if command[..rows].iter().all(|u| *u == command[0]) {
             return Err(IdentifyError::ConstantCommand { file: file() }.into());
@@ -274,13 +274,11 @@ impl Record {
         let rows = from..from + measured.len();
         let command = &applied(source)?[rows.clone()];
         let time_s = source.time_s[rows.clone()].to_vec();
-        let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
         let (mean_command, mean_response) = (mean(command), mean(&measured));
         // A command that stays need not be told again.
         let changes: Vec<usize> =
             (0..command.len()).filter(|&row| row == 0 || command[row] != command[row - 1]).collect();
-        let mut intervals: Vec<f64> = time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        intervals.sort_by(f64::total_cmp);
+        let interval_s = median(time_s.windows(2).map(|pair| pair[1] - pair[0])).expect("a log has rows");
         Ok(Self {
             file: source.file.clone(),
             place: 0,
@@ -296,7 +294,7 @@ impl Record {
             mean_response,
             before: Before::Rest,
             hum: Vec::new(),
-            rate_hz: intervals[intervals.len() / 2].recip(),
+            rate_hz: interval_s.recip(),
             period_rows: time_s.len(),
             repeats: false,
             highest_hz: 0.0,

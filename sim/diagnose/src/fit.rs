@@ -1,15 +1,17 @@
 //! Least squares of white residuals over all records at once.
 //!
 //! Each record's residual depends on its own lag and on the effects, so derivatives are taken record by record and summed
-//! up into the normal equations: memory does not grow with the number of records. The step is Levenberg's and Marquardt's.
+//! up into the normal equations: memory does not grow with the number of records.
 
-use nalgebra::{Cholesky, DMatrix, Matrix2, Vector2};
+use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
+use rotorlead_numerics::least_squares::{self, Damping, Decrease, Found, NormalEquations, Strategy};
+use rotorlead_numerics::normal_equations::scaled_inverse;
 use rotorlead_plant::effect::{Site, Use};
 
 use super::candidate::{Candidate, slope};
 use super::dataset::Dataset;
 use super::hypothesis::{Coordinate, Hypothesis};
-use super::linearization::{EFFECT_STEP, Linearization, damped_step};
+use super::linearization::{EFFECT_STEP, Linearization};
 use super::residual::time_offset_std;
 
 /// Most steps of a search.
@@ -20,6 +22,8 @@ const ENOUGH: f64 = 0.05;
 const TWO_SIDED: f64 = 1.96;
 /// That of effects in the end: where many commands come to a limit or leave it, a derivative over a longer way is another one.
 const FINE_STEP: f64 = 1e-4;
+/// Added to the unit diagonal of the normal equations for the covariance: what has no effect at all has a large variance.
+const RIDGE: f64 = 1e-10;
 /// How far it is looked around for a better place where the chi-square has kinks, in coordinates, and how often.
 const LOOKS: [f64; 5] = [0.03, 0.01, 3e-3, 1e-3, 3e-4];
 const MOST_LOOKS: usize = 8;
@@ -80,20 +84,25 @@ fn search(data: &Dataset, start: &Hypothesis, coordinates: Vec<Coordinate>, pace
     let has_effects = coordinates.iter().any(|coordinate| matches!(coordinate, Coordinate::Effect { .. }));
     let mut found = descend(data, start, coordinates, EFFECT_STEP, pace)?;
     if has_effects && pace.most_steps >= MOST_STEPS {
-        found = descend(data, &found.at, found.linearization.coordinates, FINE_STEP, pace)?;
+        found = descend(data, &found.at.hypothesis, found.linearization.coordinates, FINE_STEP, pace)?;
         for _ in 0..MOST_LOOKS {
             let Some(at) = look_around(data, &found) else { break };
             let other = descend(data, &at, found.linearization.coordinates.clone(), FINE_STEP, pace)?;
             // It was evaluated to first order only.
-            if other.sum >= found.sum {
+            if other.at.sum >= found.at.sum {
                 break;
             }
             found = other;
         }
     }
-    let Descent { at, sum, linearization } = found;
-    let Linearization { coordinates, matrix, .. } = linearization;
-    Some(Fit { hypothesis: at, chi_square: sum, covariance: inverse(&matrix), information: matrix, coordinates })
+    let Linearization { coordinates, matrix, .. } = found.linearization;
+    Some(Fit {
+        hypothesis: found.at.hypothesis,
+        chi_square: found.at.sum,
+        covariance: scaled_inverse(&matrix, RIDGE),
+        information: matrix,
+        coordinates,
+    })
 }
 
 /// A better place beside a search's end along a value that acts on the command: where levels of the command come to a limit
@@ -101,19 +110,19 @@ fn search(data: &Dataset, start: &Hypothesis, coordinates: Vec<Coordinate>, pace
 /// there is none.
 fn look_around(data: &Dataset, found: &Descent) -> Option<Hypothesis> {
     let acts_on_command = |coordinate: &&Coordinate| match coordinate {
-        Coordinate::Effect { effect, .. } => found.at.effects[*effect].kind.site <= Site::Command,
+        Coordinate::Effect { effect, .. } => found.at.hypothesis.effects[*effect].kind.site <= Site::Command,
         _ => false,
     };
     let mut best: Option<(f64, Hypothesis)> = None;
     for &coordinate in found.linearization.coordinates.iter().filter(acts_on_command) {
         let others = found.linearization.coordinates.iter().copied().filter(|other| *other != coordinate).collect();
-        let linearization = Linearization::at(data, &found.at, others)?;
-        let here = found.at.get(coordinate);
+        let linearization = Linearization::at(data, &found.at.hypothesis, others)?;
+        let here = found.at.hypothesis.get(coordinate);
         for distance in LOOKS.into_iter().flat_map(|distance| [-distance, distance]) {
-            let mut moved = found.at.clone();
+            let mut moved = found.at.hypothesis.clone();
             moved.set(coordinate, here + distance);
             let Some((left, there)) = linearization.predict(data, &moved) else { continue };
-            if left < best.as_ref().map_or(found.sum - ENOUGH, |best| best.0) {
+            if left < best.as_ref().map_or(found.at.sum - ENOUGH, |best| best.0) {
                 best = Some((left, there));
             }
         }
@@ -122,10 +131,50 @@ fn look_around(data: &Dataset, found: &Descent) -> Option<Hypothesis> {
 }
 
 /// Where a search ended.
-struct Descent {
-    at: Hypothesis,
+type Descent = Found<Place, Linearization>;
+
+/// A hypothesis, its sum of squares, and half the derivatives of it by the last linearization.
+struct Place {
+    hypothesis: Hypothesis,
     sum: f64,
-    linearization: Linearization,
+    gradient: DVector<f64>,
+}
+
+/// Sum of squares of the white residuals, by these coordinates.
+struct WhiteResiduals<'a> {
+    data: &'a Dataset,
+    coordinates: Vec<Coordinate>,
+    effect_step: f64,
+}
+
+impl NormalEquations for WhiteResiduals<'_> {
+    type Point = Place;
+    type Linearization = Linearization;
+
+    fn linearize(&self, at: &mut Place) -> Option<Linearization> {
+        let coordinates = self.coordinates.clone();
+        let linearization = Linearization::with_step(self.data, &at.hypothesis, coordinates, self.effect_step)?;
+        (at.sum, at.gradient) = linearization.slope_here(self.data, &at.hypothesis)?;
+        Some(linearization)
+    }
+
+    fn matrix<'a>(&self, linearization: &'a Linearization) -> &'a DMatrix<f64> {
+        &linearization.matrix
+    }
+
+    fn moved(&self, from: &Place, step: &DVector<f64>, linearization: &Linearization) -> Option<Place> {
+        let hypothesis = linearization.moved(&from.hypothesis, step);
+        let (sum, gradient) = linearization.slope(self.data, &hypothesis)?;
+        Some(Place { hypothesis, sum, gradient })
+    }
+
+    fn sum_of_squares(&self, at: &Place) -> f64 {
+        at.sum
+    }
+
+    fn gradient(&self, at: &Place, _: &Linearization) -> DVector<f64> {
+        at.gradient.clone()
+    }
 }
 
 fn descend(
@@ -135,53 +184,14 @@ fn descend(
     effect_step: f64,
     Pace { most_steps, enough }: Pace,
 ) -> Option<Descent> {
-    let mut at = start.clone();
-    let mut linearization = Linearization::with_step(data, &at, coordinates, effect_step)?;
-    let (mut sum, mut gradient) = linearization.slope_here(data, &at)?;
-    let (mut damping, mut is_fresh) = (1e-3, true);
-    for _ in 0..most_steps {
-        let Some(step) = damped_step(&linearization.matrix, &gradient, damping) else { break };
-        let moved = linearization.moved(&at, &step);
-        let there = linearization.slope(data, &moved);
-        let gain = there.as_ref().map_or(f64::NEG_INFINITY, |there| sum - there.0);
-        let promised = -(2.0 * gradient.dot(&step) + step.dot(&(&linearization.matrix * &step)));
-        if gain > 0.0
-            && let Some(there) = there
-        {
-            at = moved;
-            (sum, gradient) = there;
-            damping = (damping * 0.2_f64).max(1e-9);
-            if gain < enough && is_fresh {
-                break;
-            }
-            is_fresh = false;
-            if gain >= 0.5 * promised && gain >= enough {
-                continue;
-            }
-        } else if is_fresh {
-            damping *= 10.0;
-            if damping > 1e3 || promised < enough {
-                break;
-            }
-            continue;
-        }
-        linearization = Linearization::with_step(data, &at, linearization.coordinates, effect_step)?;
-        (sum, gradient) = linearization.slope_here(data, &at)?;
-        is_fresh = true;
-    }
-    Some(Descent { at, sum, linearization })
-}
-
-/// Inverse with rows and columns scaled to a unit diagonal; what has no effect at all keeps a large variance.
-fn inverse(matrix: &DMatrix<f64>) -> Option<DMatrix<f64>> {
-    let scale = matrix.diagonal().map(|d| if d > 0.0 { d.sqrt().recip() } else { 1.0 });
-    let n = matrix.nrows();
-    let scaled = DMatrix::from_fn(n, n, |i, j| {
-        let value = matrix[(i, j)] * scale[i] * scale[j];
-        if i == j { value.max(1e-12) * (1.0 + 1e-10) } else { value }
-    });
-    let inverse = Cholesky::new(scaled)?.inverse();
-    Some(DMatrix::from_fn(n, n, |i, j| inverse[(i, j)] * scale[i] * scale[j]))
+    let strategy = Strategy {
+        iterations: most_steps,
+        decrease: Decrease::Absolute(enough),
+        damping: Damping::Factors,
+        reuses_jacobian: true,
+    };
+    let start = Place { hypothesis: start.clone(), sum: f64::NAN, gradient: DVector::zeros(0) };
+    least_squares::search(&WhiteResiduals { data, coordinates, effect_step }, start, &strategy)
 }
 
 impl Fit {

@@ -18,7 +18,8 @@ use std::f64::consts::{PI, TAU};
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
 use rayon::prelude::*;
-use rotorlead_identify::statistics::t_quantile;
+use rotorlead_numerics::extremum::Parabola;
+use rotorlead_numerics::statistics::t_quantile;
 use rotorlead_plant::Catalog;
 use rotorlead_plant::effect::Kind;
 use rustfft::FftPlanner;
@@ -202,9 +203,11 @@ pub(super) fn polish(data: &Dataset, fit: &Fit, effect: usize) -> Option<Hypothe
     let mut best = evaluate(near_hz + f64::from(pulled.1) * step_hz)?;
     for _ in 0..POLISHES {
         let (below, above) = (evaluate(best.1 - width_hz)?, evaluate(best.1 + width_hz)?);
-        let bend = below.0 - 2.0 * best.0 + above.0;
-        let top = if bend > 0.0 { (0.5 * (below.0 - above.0) / bend).clamp(-1.0, 1.0) } else { 0.0 };
-        let rate_std = if bend > 0.0 { (2.0 / bend).sqrt() * width_hz / best.1 } else { known.profiled_std };
+        // In widths.
+        let parabola = Parabola::through([(-1.0, below.0), (0.0, best.0), (1.0, above.0)]);
+        let lowest = parabola.lowest();
+        let top = lowest.unwrap_or(0.0).clamp(-1.0, 1.0);
+        let rate_std = lowest.map_or(known.profiled_std, |_| parabola.curvature().sqrt().recip() * width_hz / best.1);
         let top = evaluate(best.1 + width_hz * top)?;
         let candidates = [best, below, above, top];
         best = candidates.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;

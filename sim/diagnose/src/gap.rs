@@ -2,6 +2,7 @@
 //! would keep them apart.
 
 use rotorlead_identify::align;
+use rotorlead_numerics::sample::mean;
 
 use super::dataset::{Dataset, Record, Split};
 use super::fit::Fit;
@@ -220,7 +221,7 @@ pub(super) fn squares(
         let [before, after] = &simulated;
         squares.before += left(before.as_ref().ok()?);
         squares.after += left(after.as_ref().ok()?);
-        let mean = measured.iter().sum::<f64>() / measured.len() as f64;
+        let mean = mean(measured);
         squares.response += measured.iter().map(|y| (y - mean).powi(2)).sum::<f64>();
         squares.noise += segment.whitening.row_variance() * measured.len() as f64 + hum;
     }

@@ -5,6 +5,9 @@
 
 use std::f64::consts::TAU;
 
+use rotorlead_numerics::extremum::maximum;
+use rotorlead_numerics::sample::median;
+
 use crate::whitening::Whitening;
 
 /// What a grid may have, hertz.
@@ -18,8 +21,8 @@ const STANDS_OUT: f64 = 16.0;
 const SURROUNDINGS: usize = 60;
 /// Multiples that are looked for where the hum itself is there.
 const MULTIPLES: u32 = 5;
-/// How often the search for a frequency narrows by a third.
-const NARROWINGS: u32 = 30;
+/// How closely a frequency is searched between the lines beside it, as a share of their distance.
+const PRECISION: f64 = 5e-6;
 
 /// The hum in rows of a residual, above what the command excites: below, a chi-square of the motor's would pass for it. Empty where
 /// there is none.
@@ -55,10 +58,8 @@ fn find_near(rows: &[f64], rate_hz: f64, hz: f64, reach_hz: f64) -> Option<f64> 
     let near = line_of(hz - reach_hz).max(1)..(line_of(hz + reach_hz) + 1).min(spectrum.len());
     let peak = near.max_by(|a, b| spectrum[*a].norm_sqr().total_cmp(&spectrum[*b].norm_sqr()))?;
     let around = peak.saturating_sub(SURROUNDINGS)..(peak + SURROUNDINGS + 1).min(spectrum.len());
-    let mut powers: Vec<f64> = around.map(|line| spectrum[line].norm_sqr()).collect();
-    powers.sort_by(f64::total_cmp);
     // The median of an exponential variable is ln 2 of its mean.
-    let mean = powers[powers.len() / 2] / 2.0_f64.ln();
+    let mean = median(around.map(|line| spectrum[line].norm_sqr()))? / 2.0_f64.ln();
     if spectrum[peak].norm_sqr() < STANDS_OUT * mean || mean == 0.0 {
         return None;
     }
@@ -66,12 +67,7 @@ fn find_near(rows: &[f64], rate_hz: f64, hz: f64, reach_hz: f64) -> Option<f64> 
         let (re, im) = product(rows, rate_hz, hz);
         re * re + im * im
     };
-    let (mut low, mut high) = ((peak as f64 - 1.0) * line_hz, (peak as f64 + 1.0) * line_hz);
-    for _ in 0..NARROWINGS {
-        let third = (high - low) / 3.0;
-        if power(low + third) < power(high - third) { low += third } else { high -= third }
-    }
-    Some(0.5 * (low + high))
+    Some(maximum(power, (peak as f64 - 1.0) * line_hz, (peak as f64 + 1.0) * line_hz, PRECISION))
 }
 
 /// `sum x cos` and `sum x sin` at a frequency.

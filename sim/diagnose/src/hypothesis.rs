@@ -1,5 +1,6 @@
 //! A model that may be the true one: lags, a misalignment of the clocks, and effects, as numbers that can be fitted.
 
+use rotorlead_numerics::sample::mean;
 use rotorlead_plant::effect::{Kind, Site};
 use rotorlead_plant::{
     ActiveEffect, Actuator, Catalog, Drive, EscTiming, Interpolation, Lag, Memory, OperatingPoint, PlantError, Start,
@@ -219,10 +220,9 @@ impl Hypothesis {
         }
         // What changes with time changes the steady response too, of which only the mean was measured. The response moves in
         // proportion to the steady one, so two of them tell for which the mean is right.
-        let mean = |values: &[f64]| values[..rows].iter().sum::<f64>() / rows as f64;
-        let off = mean(&record.measured) - mean(&response);
+        let off = mean(&record.measured[..rows]) - mean(&response[..rows]);
         let moved = self.steady_part(data, record, &response, (steady, off))?;
-        let rise = mean(&moved);
+        let rise = mean(&moved[..rows]);
         if rise == 0.0 {
             return Ok(response);
         }

@@ -65,6 +65,7 @@ pub use verdict::Verdict;
 pub use weak_evidence::WeakEvidence;
 
 use rotorlead_identify::{Estimate, PeriodicOptions, identify_periodic, same_output};
+use rotorlead_numerics::sample::median;
 use rotorlead_plant::effect::Kind;
 use rotorlead_plant::{Catalog, Effect, Lag, Model, OperatingCurve, Point};
 use rotorlead_records::Experiment;
@@ -343,12 +344,8 @@ const UNUSUAL: f64 = 3.0;
 
 /// The medians over all nominal commands.
 fn usual_lag(found: &[(f64, Lag)]) -> Option<Lag> {
-    let median = |number: fn(&Lag) -> f64| {
-        let mut numbers: Vec<f64> = found.iter().map(|(_, lag)| number(lag)).collect();
-        numbers.sort_by(f64::total_cmp);
-        numbers.get(numbers.len() / 2).copied()
-    };
-    let (gain, time_constant_s) = (median(|lag| lag.gain)?, median(|lag| lag.time_constant_s)?);
+    let usual = |number: fn(&Lag) -> f64| median(found.iter().map(|(_, lag)| number(lag)));
+    let (gain, time_constant_s) = (usual(|lag| lag.gain)?, usual(|lag| lag.time_constant_s)?);
     (gain != 0.0 && time_constant_s > 0.0).then_some(Lag { gain, time_constant_s, delay_s: 0.0 })
 }
 

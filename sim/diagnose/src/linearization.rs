@@ -1,8 +1,10 @@
 //! Derivatives of the white residuals, taken record by record.
 
-use nalgebra::{Cholesky, DMatrix, DVector};
+use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
 use rayon::prelude::*;
+use rotorlead_numerics::least_squares::LEAST_SHARE;
+use rotorlead_numerics::normal_equations::{damped_step, diagonal};
 
 use super::dataset::{Dataset, Record, Split};
 use super::hypothesis::{Coordinate, Hypothesis};
@@ -84,17 +86,6 @@ pub(super) fn columns(
         all.push((place, column));
     }
     Some(all)
-}
-
-/// A step of Levenberg and Marquardt. `None` where the equations have no solution.
-pub(super) fn damped_step(matrix: &DMatrix<f64>, gradient: &DVector<f64>, damping: f64) -> Option<DVector<f64>> {
-    let mut damped = matrix.clone();
-    let largest = damped.diagonal().max();
-    for i in 0..damped.nrows() {
-        // A value without any effect stays where it is.
-        damped[(i, i)] += damping * matrix[(i, i)].max(1e-12 * largest);
-    }
-    Some(-Cholesky::new(damped)?.solve(gradient))
 }
 
 impl Linearization {
@@ -207,7 +198,7 @@ impl Linearization {
     }
 
     pub fn follow(&self, hypothesis: &Hypothesis, (sum, gradient): (f64, DVector<f64>)) -> Option<(f64, Hypothesis)> {
-        let step = damped_step(&self.matrix, &gradient, 1e-9)?;
+        let step = damped_step(&self.matrix, &gradient, &diagonal(&self.matrix, LEAST_SHARE), 1e-9)?;
         let left = sum + gradient.dot(&step);
         // The linearization holds nearby only.
         Some((left, self.moved(hypothesis, &step.map(|step| step.clamp(-0.5, 0.5)))))

@@ -3,6 +3,7 @@
 //! On the lines that a period has there is signal, chi-square and noise; `sum |z|^2` of the white residual over `n` lines is a
 //! chi-square of `2 n` where only noise is left. What is more than `2 n` is the chi-square, and is shared out along each axis.
 
+use rotorlead_numerics::sample::mean;
 use rotorlead_records::Excitation;
 
 use super::dataset::{Dataset, Record, Segment, Split};
@@ -322,7 +323,7 @@ fn in_time(
     let rows = segment.rows.clone();
     let mut left: Vec<f64> =
         record.measured[rows.clone()].iter().zip(&simulated[rows.clone()]).map(|(y, model)| y - model).collect();
-    let mean = left.iter().sum::<f64>() / left.len() as f64;
+    let mean = mean(&left);
     left.iter_mut().for_each(|left| *left -= mean);
     let variance = segment.whitening.row_variance();
     if variance <= 0.0 {

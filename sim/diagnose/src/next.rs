@@ -7,6 +7,7 @@
 
 use std::fmt::Write as _;
 
+use rotorlead_numerics::sample::median;
 use rotorlead_plant::Noise;
 use rotorlead_plant::bench::{Plan, PlannedRecord};
 use rotorlead_plant::effect::Kind;
@@ -71,13 +72,12 @@ pub struct NextExperiment {
 
 impl Conditions {
     pub(super) fn of(experiment: &Experiment, data: &Dataset) -> Self {
-        let mut amplitudes: Vec<f64> = data.records.iter().map(|record| record.amplitude).collect();
-        amplitudes.sort_by(f64::total_cmp);
+        let amplitude = median(data.records.iter().map(|record| record.amplitude));
         let most = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, f64::max);
         Self {
             output: experiment.output,
             nominals: data.nominals.clone(),
-            amplitude: amplitudes[amplitudes.len() / 2],
+            amplitude: amplitude.expect("there are records"),
             sample_rate_hz: most(&mut data.records.iter().map(|record| record.rate_hz)),
             command_rate_hz: experiment.command_rate_hz,
             esc_frame_hz: data.esc_frame_hz,

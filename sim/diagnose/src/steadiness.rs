@@ -6,6 +6,7 @@
 //! moments over the mean of all has the variance `1 / n`. What is more than that is the spread of a power that changes.
 
 use num_complex::Complex64;
+use rotorlead_numerics::sample::mean;
 use rustfft::FftPlanner;
 
 use super::dataset::{Dataset, Record};
@@ -47,7 +48,6 @@ pub(super) fn steadiness(data: &Dataset, hypothesis: &Hypothesis) -> Steadiness 
         let (mut means, mut square, mut chance) = (0.0, 0.0, 0.0);
         for power in powers.iter().filter(|power| power.len() / length >= FEWEST_MEANS) {
             let count = (power.len() / length) as f64;
-            let mean = |moments: &[f64]| moments.iter().sum::<f64>() / length as f64;
             square += power.chunks_exact(length).map(|moments| (mean(moments) - 1.0).powi(2)).sum::<f64>();
             // The mean of all is their own.
             chance += (count - 1.0) / length as f64;
@@ -83,6 +83,6 @@ fn power_in_time(data: &Dataset, record: &Record, hypothesis: &Hypothesis) -> Op
     lines.iter_mut().skip(periods - 1).step_by(periods).for_each(|line| *line = Complex64::ZERO);
     FftPlanner::new().plan_fft_inverse(lines.len()).process(&mut lines);
     let power: Vec<f64> = lines.iter().map(Complex64::norm_sqr).collect();
-    let mean = power.iter().sum::<f64>() / power.len() as f64;
+    let mean = mean(&power);
     (mean > 0.0).then(|| power.iter().map(|power| power / mean).collect())
 }

@@ -8,6 +8,7 @@
 //! What does not repeat cannot be tested for a controller that acts on the response, so only records whose command is
 //! known to be played are taken: a chirp, and not a `free` record.
 
+use rotorlead_numerics::sample::median;
 use rotorlead_records::{Excitation, Experiment, Record, Role};
 
 use super::periodic::{NominalIdentification, PeriodicIdentification, SAME_NOMINAL, doubts};
@@ -124,9 +125,7 @@ fn lines_of(
         }
     };
     let lines: Vec<FitLine> = found.lines.iter().skip(options.half_width).step_by(width).map(line).collect();
-    let mut variances: Vec<f64> = lines.iter().map(|line| line.variance).collect();
-    variances.sort_by(f64::total_cmp);
-    let most = LEAST_EXCITED * variances.get(variances.len() / 2).copied().unwrap_or_default();
+    let most = LEAST_EXCITED * median(lines.iter().map(|line| line.variance)).unwrap_or_default();
     Ok(lines.into_iter().filter(|line| line.variance <= most).collect())
 }
 

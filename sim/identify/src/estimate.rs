@@ -1,6 +1,6 @@
 //! A number with its uncertainty.
 
-use super::statistics::t_quantile;
+use rotorlead_numerics::statistics::t_quantile;
 
 /// An estimated parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -20,10 +20,10 @@
 //! Statistical Association* 71, 1976): `n sum r_l^2` is chi-square with `M` degrees of freedom. Only lags at which the command comes
 //! after the noise count: a model that is too simple, or noise on the record of the command, shows at the others.
 
+use rotorlead_numerics::statistics::f_upper_tail;
 use rotorlead_plant::Lag;
 
 use super::alignment::{autoregression, whiten};
-use super::statistics::f_upper_tail;
 
 /// Rows after which a controller has answered.
 const LAGS: usize = 40;

@@ -1,5 +1,6 @@
 //! From an experiment to a model, by the kind of records that it has.
 
+use rotorlead_numerics::sample::median;
 use rotorlead_plant::{Model, Provenance};
 use rotorlead_records::{Excitation, Experiment, Record, Role};
 
@@ -179,10 +180,7 @@ fn of_steps(experiment: &Experiment, options: &IdentifyOptions) -> Result<Identi
 impl Identification {
     /// Fits the static map to all records that may be fitted and are not compensated, and puts it in the model.
     fn add_static_map(&mut self, experiment: &Experiment) {
-        let lags = self.model.points.iter().map(|point| point.time_constant_s + point.delay_s);
-        let mut lags: Vec<f64> = lags.collect();
-        lags.sort_by(f64::total_cmp);
-        let lag_s = lags.get(lags.len() / 2).copied();
+        let lag_s = median(self.model.points.iter().map(|point| point.time_constant_s + point.delay_s));
         let mut points = SteadyPoints { running: Vec::new(), still: None, ramp: false };
         for record in experiment.records.iter().filter(|record| may_fit(record) && !record.compensated) {
             // Most records are no staircase, and that is no fault of theirs.

@@ -18,7 +18,6 @@ mod fit_percent;
 mod frequency_response;
 mod hold;
 mod identification;
-mod least_squares;
 mod measured;
 mod noise;
 pub mod parametric;
@@ -29,7 +28,6 @@ mod simulation;
 mod spectra;
 pub mod stand;
 pub mod static_map;
-pub mod statistics;
 pub mod steps;
 #[cfg(any(test, feature = "testing"))]
 #[doc(hidden)]
@@ -54,7 +52,6 @@ pub use fit_percent::{Sample, fit_percent};
 pub use frequency_response::{FrequencyResponse, LocalPolynomial, LocalPolynomialOptions, ResponseLine};
 pub use hold::{HoldChain, Image};
 pub use identification::{Identification, IdentifyOptions, Lags, identify, step_record};
-pub use least_squares::{Limits, Residuals, Solution, minimize};
 pub use measured::MeasuredBandwidth;
 pub use noise::density;
 pub use periodic::{

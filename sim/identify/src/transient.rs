@@ -17,8 +17,7 @@
 //! period's unexcited lines.
 
 use num_complex::Complex64;
-
-use super::statistics::f_upper_tail;
+use rotorlead_numerics::statistics::f_upper_tail;
 
 /// Lines in a group: enough for power, few enough for the noise to be flat.
 const GROUP: usize = 10;

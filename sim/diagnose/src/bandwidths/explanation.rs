@@ -1,7 +1,7 @@
 //! Explain: one effect, calibrated on one column of bandwidths, with what it predicts of both.
 
 use rotorlead_identify::Estimate;
-use rotorlead_identify::{Limits, Residuals, Solution, minimize};
+use rotorlead_numerics::least_squares::{Limits, Residuals, Solution, minimize};
 use rotorlead_plant::effect::{Kind, Linearity, Parameter};
 
 use super::case::{Case, Row};

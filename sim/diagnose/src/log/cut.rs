@@ -4,6 +4,7 @@ use std::fmt;
 
 use rotorlead_identify::IdentifyError;
 use rotorlead_identify::steps::{Run, SAME_LEVEL, StepsError, rows_after_gaps, without_spikes};
+use rotorlead_numerics::sample::median;
 use rotorlead_records::{Excitation, Output, Record as SourceRecord};
 
 use super::errors::{Errors, Filter, Part, measure, rows_of};
@@ -282,6 +283,5 @@ fn parabola_noise(time_s: &[f64], values: &[f64]) -> f64 {
         squares.push((&columns * solution - right).norm_squared() / (PARABOLA_ROWS - 3) as f64);
     }
     // The median: where the command jumps no parabola fits. Of a chi-square of 6 it is 0.891 of the mean.
-    squares.sort_by(f64::total_cmp);
-    squares.get(squares.len() / 2).map_or(0.0, |median| (median / 0.891).sqrt())
+    median(squares).map_or(0.0, |median| (median / 0.891).sqrt())
 }

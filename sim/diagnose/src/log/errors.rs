@@ -20,6 +20,8 @@
 
 use std::ops::Range;
 
+use rotorlead_numerics::sample::median;
+
 /// Independent numbers that the motion after a step is worth: about how late and how fast.
 pub(super) const PER_STEP: f64 = 3.0;
 /// The same of a tenth of a record without plateaus.
@@ -168,15 +170,10 @@ const MOVES_FOR: f64 = 6.0;
 /// Most of the step: of a lag after its time constant.
 const MOST_OF_THE_WAY: f64 = 0.63;
 
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
-}
-
 /// Sets the sizes of steps, and for how long they are compared, from the response that was measured.
 pub(super) fn measure(parts: &mut [Part], time_s: &[f64], measured: &[f64]) {
     let is_step = |part: &&Part| !part.settled.is_empty() && !part.before.is_empty();
-    let sizes = parts.iter().filter(is_step).map(|part| part.step_of(measured)).collect();
+    let sizes = parts.iter().filter(is_step).map(|part| part.step_of(measured));
     let Some(usual) = median(sizes).filter(|usual| *usual > 0.0) else { return };
     let since = |part: &Part, row: usize| part.moving.first().map_or(0.0, |(first, _)| time_s[row] - time_s[*first]);
     let most_of_the_way = |part: &Part| {
@@ -185,7 +182,7 @@ pub(super) fn measure(parts: &mut [Part], time_s: &[f64], measured: &[f64]) {
         there.map(|(row, _)| since(part, *row))
     };
     let large = parts.iter().filter(is_step).filter(|part| part.step_of(measured) >= LEAST_SIZE * usual);
-    let rise_s = median(large.filter_map(most_of_the_way).collect()).filter(|time_s| *time_s > 0.0);
+    let rise_s = median(large.filter_map(most_of_the_way)).filter(|time_s| *time_s > 0.0);
     for part in parts.iter_mut().filter(|part| is_step(&&**part)) {
         part.size = part.step_of(measured).max(LEAST_SIZE * usual);
         let Some(rise_s) = rise_s else { continue };

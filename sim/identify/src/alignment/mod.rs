@@ -30,6 +30,8 @@ use std::fmt;
 use std::ops::Range;
 
 use nalgebra::DVector;
+use rotorlead_numerics::least_squares::{Limits, Residuals as _, Solution, minimize};
+use rotorlead_numerics::sample::mean;
 
 pub use error::AlignmentError;
 pub use logs::{CommandLog, ResponseLog};
@@ -37,7 +39,6 @@ pub use merge::{Merged, MergedRows, merge};
 
 use super::Estimate;
 use super::fit_percent::fit_percent;
-use super::least_squares::{Limits, Residuals as _, Solution, minimize};
 use coarse::Candidate;
 pub(super) use color::autoregression;
 use color::rows_left;
@@ -232,7 +233,7 @@ impl Part {
             (Some(first), Some(last)) => 0.5 * (first + last),
             _ => middle_s,
         };
-        let mean = y.iter().sum::<f64>() / y.len().max(1) as f64;
+        let mean = mean(&y);
         let square: f64 = y.iter().map(|v| (v - mean) * (v - mean)).sum();
         let scale = (square / y.len().max(1) as f64).sqrt().max(f64::MIN_POSITIVE);
         y.iter_mut().for_each(|v| *v = (*v - mean) / scale);

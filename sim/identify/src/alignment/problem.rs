@@ -14,9 +14,9 @@
 use std::ops::Range;
 
 use nalgebra::DMatrix;
+use rotorlead_numerics::least_squares::Residuals;
 
 use super::color::whiten;
-use crate::least_squares::Residuals;
 
 pub(super) const DELAY: usize = 0;
 /// The logarithm of the time constant.

@@ -1,8 +1,9 @@
 //! Whether two delays explain the logs alike.
 
+use rotorlead_numerics::least_squares::Solution;
+
 use super::LEAST_ROWS;
 use super::problem::Problem;
-use crate::least_squares::Solution;
 
 /// Two delays whose log-likelihoods differ by less than this explain the logs alike.
 const SAME_LIKELIHOOD: f64 = 10.0;

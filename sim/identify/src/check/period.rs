@@ -1,5 +1,6 @@
 //! The period of a square wave or a triangle, as its rows have it. A multisine's is looked at where it is identified.
 
+use rotorlead_numerics::sample::{extent, median};
 use rotorlead_records::{Excitation, Record};
 
 use super::RecordDoubt;
@@ -31,8 +32,7 @@ pub(super) fn of_period(record: &Record) -> Option<RecordDoubt> {
 /// The median from one rise to the next, or twice the time between a rise and a fall where there is one of each.
 fn period_s(record: &Record) -> Option<f64> {
     let command = &record.command;
-    let low = command.iter().copied().fold(f64::INFINITY, f64::min);
-    let high = command.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let (low, high) = extent(command);
     let (middle, beyond) = (f64::midpoint(low, high), BEYOND_MIDDLE * (high - low));
     let (mut rises, mut falls) = (Vec::new(), Vec::new());
     let mut is_up = None;
@@ -49,13 +49,11 @@ fn period_s(record: &Record) -> Option<f64> {
         }
         is_up = Some(now);
     }
-    let mut periods: Vec<f64> =
-        [&rises, &falls].into_iter().flat_map(|edges| edges.windows(2).map(|pair| pair[1] - pair[0])).collect();
-    if periods.is_empty() {
-        return Some(2.0 * (rises.first()? - falls.first()?).abs());
+    let periods = [&rises, &falls].into_iter().flat_map(|edges| edges.windows(2).map(|pair| pair[1] - pair[0]));
+    match median(periods) {
+        Some(period_s) => Some(period_s),
+        None => Some(2.0 * (rises.first()? - falls.first()?).abs()),
     }
-    let middle = periods.len() / 2;
-    Some(*periods.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
 #[cfg(test)]

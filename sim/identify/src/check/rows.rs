@@ -1,6 +1,7 @@
 //! The rows of one record against what its experiment says.
 
 use miette::Diagnostic;
+use rotorlead_numerics::sample::mean;
 use rotorlead_plant::Point;
 use rotorlead_records::{Excitation, Experiment, Record};
 
@@ -138,7 +139,7 @@ fn command(record: &Record, add: &mut impl FnMut(Topic, Option<usize>, &dyn Diag
         && let Ok(periods) = record.periods()
     {
         let whole = &command[..periods.samples * periods.count];
-        let mean = whole.iter().sum::<f64>() / whole.len() as f64;
+        let mean = mean(whole);
         if (mean - record.nominal).abs() > SAME_NOMINAL {
             add(Topic::Command, None, &RecordDoubt::OtherNominal { file: file(), nominal: record.nominal, mean });
         }
@@ -192,7 +193,6 @@ impl Follows {
             level += (command - level) * -(-(times[1] - times[0]) / USUAL_LAG_S).exp_m1();
             lagged.push(level);
         }
-        let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
         let (x_mean, y_mean) = (mean(&lagged), mean(response));
         let (mut xx, mut yy, mut xy) = (0.0, 0.0, 0.0);
         for (x, y) in lagged.iter().zip(response) {

@@ -1,5 +1,6 @@
 //! Units that are not those of the columns, told by what numbers can be.
 
+use rotorlead_numerics::sample::{extent, mean, median};
 use rotorlead_records::{Output, Record};
 
 use super::RecordDoubt;
@@ -141,7 +142,7 @@ pub(super) fn of_command(record: &Record, output: Output) -> Option<RecordDoubt>
 /// Whether a column that should be the response is a duty around the nominal command, and moves.
 fn is_command(response: &[f64], nominal: f64) -> bool {
     let (low, high) = extent(response);
-    let mean = response.iter().sum::<f64>() / response.len() as f64;
+    let mean = mean(response);
     low >= 0.0 && high <= 1.0 && low < high && (mean - nominal).abs() <= SAME_DUTY
 }
 
@@ -188,7 +189,7 @@ fn change_after(command: &[f64], rows: f64) -> Option<f64> {
     if !(4.0..command.len() as f64 * 0.67).contains(&rows) {
         return None;
     }
-    let mean = command.iter().sum::<f64>() / command.len() as f64;
+    let mean = mean(command);
     let moves = command.iter().map(|command| (command - mean).powi(2)).sum::<f64>() / command.len() as f64;
     let later = &command[rows as usize..];
     let differs = command.iter().zip(later).map(|(a, b)| (a - b).powi(2)).sum::<f64>() / later.len() as f64;
@@ -225,25 +226,14 @@ pub(super) fn of_response(record: &Record, output: Output, response: &[f64], gai
 /// and for a thrust that has another zero.
 fn thrust_per_power(record: &Record, response: &[f64]) -> Option<f64> {
     let (voltage, current) = (record.voltage_v.as_deref()?, record.current_a.as_deref()?);
-    let powers: Vec<f64> = voltage.iter().zip(current).map(|(volts, amperes)| volts * amperes).collect();
-    let (power, thrust) = (median(&powers)?, median(response)?);
+    let powers = voltage.iter().zip(current).map(|(volts, amperes)| volts * amperes);
+    let (power, thrust) = (median(powers)?, median(response.iter().copied())?);
     (power >= LEAST_POWER_W && extent(response).0 > 0.0).then(|| thrust / power)
-}
-
-fn extent(values: &[f64]) -> (f64, f64) {
-    values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), &value| (low.min(value), high.max(value)))
-}
-
-fn median(values: &[f64]) -> Option<f64> {
-    let mut sorted = values.to_vec();
-    let middle = sorted.len() / 2;
-    (middle < sorted.len()).then(|| *sorted.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
 /// The median difference of times, above zero; `None` for fewer than two rows.
 pub(super) fn usual_interval(time_s: &[f64]) -> Option<f64> {
-    let intervals: Vec<f64> = time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    median(&intervals).filter(|interval| *interval > 0.0)
+    median(time_s.windows(2).map(|pair| pair[1] - pair[0])).filter(|interval| *interval > 0.0)
 }
 
 #[cfg(test)]

@@ -24,8 +24,8 @@ mod tests;
 
 pub use robust::RobustResponse;
 
-use super::statistics::f_upper_tail;
 use super::{NoiseSource, Spectrum, UnexcitedLine};
+use rotorlead_numerics::statistics::f_upper_tail;
 
 /// A linear model hides a strong nonlinearity when the even or odd distortion is at least this, relative to the linear
 /// response: a tenth in amplitude.

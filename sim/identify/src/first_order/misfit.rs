@@ -2,11 +2,11 @@
 
 use nalgebra::DMatrix;
 use num_complex::Complex64;
+use rotorlead_numerics::least_squares::{Limits, Residuals, Solution, minimize};
 use rotorlead_plant::Lag;
 
 use super::FitLine;
 use crate::IdentifyError;
-use crate::least_squares::{Limits, Residuals, Solution, minimize};
 
 /// The search ends when a step lowers chi-square, some hundreds, by less than this share: no parameter then moves by a
 /// thousandth of its standard error.

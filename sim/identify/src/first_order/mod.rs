@@ -22,10 +22,10 @@ mod misfit;
 mod start;
 
 use num_complex::Complex64;
+use rotorlead_numerics::least_squares::Solution;
+use rotorlead_numerics::statistics::f_upper_tail;
 use rotorlead_plant::Lag;
 
-use super::least_squares::Solution;
-use super::statistics::f_upper_tail;
 use super::uncertainty::{NoiseKnowledge, Uncertainty};
 use super::{Estimate, IdentifyError};
 pub use line::FitLine;

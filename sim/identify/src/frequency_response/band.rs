@@ -5,8 +5,9 @@
 //! with two degrees of freedom where the variance is known). Its quantile has a closed form, since
 //! `P(F > x) = (1 + x / v)^-v`.
 
+use rotorlead_numerics::statistics::t_quantile;
+
 use super::{FrequencyResponse, ResponseLine};
-use crate::statistics::t_quantile;
 
 impl FrequencyResponse {
     /// Radius of the disc around `line.response` that covers the truth with this probability (0..1), at this

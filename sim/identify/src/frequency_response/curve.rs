@@ -10,8 +10,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 use num_complex::Complex64;
-
-use crate::statistics::f_upper_tail;
+use rotorlead_numerics::statistics::f_upper_tail;
 
 /// Probability that a record without disturbance loses a line.
 const LEVEL: f64 = 1e-3;

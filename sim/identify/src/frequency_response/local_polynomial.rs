@@ -23,6 +23,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
+use rotorlead_numerics::sample::mean;
 use rotorlead_records::{Experiment, Record};
 
 use super::{FrequencyResponse, ResponseLine};
@@ -138,7 +139,7 @@ impl LocalPolynomial {
 
 /// The Fourier coefficients of a whole record around its mean.
 fn coefficients(samples: &[f64]) -> Vec<Complex64> {
-    let mean = samples.iter().sum::<f64>() / samples.len() as f64;
+    let mean = mean(samples);
     let around: Vec<f64> = samples.iter().map(|s| s - mean).collect();
     spectra::transform(&around, samples.len()).swap_remove(0)
 }

@@ -10,9 +10,9 @@
 //! freed of its bias), has a tail probability below the level, divided by the number of lines. Next to
 //! such a line hum leaks, so there a plain 1 % is enough.
 
+use rotorlead_numerics::sample::{median, window};
+use rotorlead_numerics::statistics::f_upper_tail;
 use statrs::distribution::{ContinuousCDF, Gamma};
-
-use crate::statistics::f_upper_tail;
 
 /// Probability that a record without disturbance loses a line.
 const LEVEL: f64 = 0.01;
@@ -48,9 +48,8 @@ pub(super) fn all(ratio: &[f64], dof: f64) -> Vec<bool> {
     let width = (2 * REACH + 1).min(count);
     let tails: Vec<f64> = (0..count)
         .map(|k| {
-            let mut around = ratio[super::window(k, width, count)].to_vec();
-            around.sort_by(f64::total_cmp);
-            let relative = ratio[k] / (around[width / 2] / median_share);
+            let around = median(ratio[window(k, width, count)].iter().copied()).unwrap_or_default();
+            let relative = ratio[k] / (around / median_share);
             // A median knows about half as much as a mean.
             if relative > SMALLEST_RATIO { f_upper_tail(relative, 2.0 * dof, dof * width as f64) } else { 1.0 }
         })

@@ -16,9 +16,8 @@ mod disturbed;
 mod shape;
 pub(super) mod sinusoid;
 
-use std::ops::Range;
-
 use num_complex::Complex64;
+use rotorlead_numerics::sample::window;
 
 /// The noise of a set of lines.
 pub(super) struct Pooled {
@@ -70,20 +69,6 @@ pub fn density(power: &[f64], bins: &[usize]) -> Vec<f64> {
     shape.into_iter().map(|shape| shape * mean).collect()
 }
 
-/// Averages `values` over the nearest `2 half_width + 1` neighbors, where no smooth shape is known.
-pub(super) fn moving_mean(values: &[f64], half_width: usize) -> Vec<f64> {
-    let width = (2 * half_width + 1).min(values.len());
-    let mean = |k| values[window(k, width, values.len())].iter().sum::<f64>() / width as f64;
-    (0..values.len()).map(mean).collect()
-}
-
-/// The `width` places nearest to `place` among `count`, of which there are as many. At the ends the window keeps its
-/// width and becomes one-sided.
-fn window(place: usize, width: usize, count: usize) -> Range<usize> {
-    let first = place.saturating_sub(width / 2).min(count - width);
-    first..first + width
-}
-
 /// The place of the line that stands out most; arguments as of [`pool`].
 pub(super) fn strongest(sample: &[f64], bins: &[usize], dof: f64, rounding: f64) -> Option<usize> {
     let seen: Vec<f64> = sample.iter().map(|s| s.max(rounding)).collect();
@@ -131,8 +116,6 @@ mod tests {
         assert_eq!(pooled.neighbors, 3);
         assert_eq!(pooled.variance, [2.0, 2.0, 3.0, 4.0, 4.0]);
         assert_eq!(pool(&[1.0, 3.0], &[1, 3], 1.0, 5, 0.0).variance, [2.0, 2.0]);
-        assert_eq!(moving_mean(&[1.0, 2.0, 3.0, 4.0, 5.0], 1), [2.0, 2.0, 3.0, 4.0, 4.0]);
-        assert_eq!(moving_mean(&[1.0, 3.0], 5), [2.0, 2.0]);
     }
 
     #[test]

@@ -148,6 +148,7 @@ mod tests {
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
     use rand_distr::Distribution;
+    use rotorlead_numerics::sample::mean;
 
     use super::*;
 
@@ -182,7 +183,7 @@ mod tests {
                 let shape = of(&sample, &bins, 3.0, |_| true);
                 // The scale is the pool's business.
                 let off: Vec<f64> = shape.iter().zip(&truth).map(|(s, t)| (s / t).ln()).collect();
-                let scale = off.iter().sum::<f64>() / off.len() as f64;
+                let scale = mean(&off);
                 for (square, off) in mean_square.iter_mut().zip(&off) {
                     *square += (off - scale).powi(2) / f64::from(runs);
                 }

@@ -2,10 +2,10 @@
 
 use nalgebra::DMatrix;
 use num_complex::Complex64;
+use rotorlead_numerics::least_squares::Residuals;
 
 use super::data::Data;
 use super::sections::Sections;
-use crate::least_squares::Residuals;
 
 /// Real and imaginary parts of `(model - measured) / sigma`, scaled to unit variance each.
 pub(super) struct Problem<'a> {

@@ -12,10 +12,10 @@
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use num_complex::Complex64;
+use rotorlead_numerics::least_squares::Solution;
+use rotorlead_numerics::statistics::f_upper_tail;
 
 use super::data::Data;
-use crate::least_squares::Solution;
-use crate::statistics::f_upper_tail;
 use crate::uncertainty::NoiseKnowledge;
 
 /// Neighbors of the whiteness test, and lags of the independence test.

@@ -1,6 +1,7 @@
 //! The search for the largest likelihood, from every start.
 
 use num_complex::Complex64;
+use rotorlead_numerics::least_squares::{Limits, Solution, minimize};
 
 use super::data::Data;
 use super::problem::Problem;
@@ -8,7 +9,6 @@ use super::sections::{Sections, group};
 use super::start::{Start, starts};
 use super::structure::Structure;
 use super::{ParametricError, UnstablePoles};
-use crate::least_squares::{Limits, Solution, minimize};
 
 /// The search ends when a step lowers chi-square, some hundreds, by less than this share: no parameter then moves by a
 /// thousandth of its standard error.

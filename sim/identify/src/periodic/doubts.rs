@@ -3,11 +3,12 @@
 //! A fit weighs lines by what of them does not repeat. What happens once, such as a reading of a thousand newtons or a sensor
 //! that stops, is in its numbers all the same, and often in its standard errors too. So the rows are looked at.
 
+use rotorlead_numerics::sample::mean;
+use rotorlead_numerics::statistics::f_upper_tail;
 use rotorlead_records::Record;
 
 use super::{IdentifyWarning, MODEL_LEVEL};
 use crate::saturation::Limit;
-use crate::statistics::f_upper_tail;
 use crate::steps::{MAX_RELATIVE_STD, without_spikes};
 use crate::{
     Estimate, FirstOrderFit, FirstOrderOptions, FitLine, IdentifyError, Spectrum, fit_first_order, with_advice,
@@ -56,7 +57,7 @@ pub(crate) fn of_rows(record: &Record, response: &[f64], limits: &[Limit]) -> Ve
 /// Whether a record is around another command than it says, by its whole periods.
 pub(super) fn other_nominal(record: &Record, spectrum: &Spectrum) -> Option<IdentifyWarning> {
     let whole = record.command.get(spectrum.rows_left_out..).unwrap_or_default();
-    let mean = whole.iter().sum::<f64>() / whole.len() as f64;
+    let mean = mean(whole);
     let other = IdentifyWarning::OtherNominal { file: record.file.clone(), nominal: record.nominal, mean };
     ((mean - record.nominal).abs() > SAME_OPERATING_POINT).then_some(other)
 }

@@ -3,6 +3,8 @@
 //! A blow is over in a few rows, too few to tell a limit by how often it comes up. But a peak that a sensor cuts off is flat and
 //! ends steeply, where one that it rounds to its resolution is flat and ends by a step of that resolution.
 
+use rotorlead_numerics::sample::{extent, median};
+
 /// Rows in a row on the same extreme value.
 const FEWEST_ROWS: usize = 3;
 /// A cut peak falls by at least this share of its height within two rows of its flat part.
@@ -11,10 +13,8 @@ const STEEP: f64 = 0.02;
 /// The value at which `column` was cut off, and for how many rows in a row.
 pub(super) fn peak(column: &[f64]) -> Option<(f64, usize)> {
     // At rest in all but a few rows.
-    let mut sorted = column.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let (&low, &high) = sorted.first().zip(sorted.last())?;
-    let rest = sorted[sorted.len() / 2];
+    let rest = median(column.iter().copied())?;
+    let (low, high) = extent(column);
     let extreme = if high - rest >= rest - low { high } else { low };
     let height = (extreme - rest).abs();
     let mut start = 0;

@@ -23,6 +23,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
+use rotorlead_numerics::sample::mean;
 use rotorlead_records::{Experiment, Record};
 
 use super::StandError;
@@ -43,7 +44,7 @@ const CONCENTRATED: f64 = 0.05;
 
 /// Whether the record's force is a blow.
 pub(super) fn is_blow(record: &Record) -> bool {
-    let mean = record.command.iter().sum::<f64>() / record.command.len().max(1) as f64;
+    let mean = mean(&record.command);
     let (second, fourth) = record.command.iter().fold((0.0, 0.0), |(second, fourth), u| {
         let square = (u - mean).powi(2);
         (second + square, fourth + square * square)
@@ -179,7 +180,7 @@ fn still_rings(response: &[f64]) -> bool {
         return true;
     }
     let power = |part: &[f64]| {
-        let mean = part.iter().sum::<f64>() / part.len() as f64;
+        let mean = mean(part);
         part.iter().map(|y| (y - mean).powi(2)).sum::<f64>() / part.len() as f64
     };
     let end = response.len();

@@ -24,15 +24,15 @@ use std::fmt;
 
 use miette::Diagnostic;
 use nalgebra::{DMatrix, DVector};
+use rotorlead_numerics::least_squares::Solution;
+use rotorlead_numerics::sample::moving_mean;
+use rotorlead_numerics::statistics::t_quantile;
 use rotorlead_plant::MapPolynomial;
 use thiserror::Error;
 
 pub use points::{SteadyPoint, SteadyPoints};
 
 use super::Estimate;
-use super::least_squares::Solution;
-use super::noise::moving_mean;
-use super::statistics::t_quantile;
 use super::steps::{Direction, SAME_LEVEL};
 use shape::Shape;
 

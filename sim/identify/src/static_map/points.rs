@@ -2,10 +2,11 @@
 
 use std::ops::Range;
 
+use rotorlead_numerics::sample::{mean, variance};
 use rotorlead_plant::StaticMap;
 use rotorlead_records::{Output, Record};
 
-use crate::steps::{Direction, Plateau, Run, SAME_LEVEL, StepsError, mean_and_std, plateaus_of, without_spikes};
+use crate::steps::{Direction, Plateau, Run, SAME_LEVEL, StepsError, plateaus_of, without_spikes};
 
 /// A command and the response that it settles to.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -147,11 +148,11 @@ fn ramp(record: &Record, output: Output, lag_s: f64) -> Option<SteadyPoints> {
         if commands.len() < rows.len() {
             return;
         }
-        let (command, _) = mean_and_std(&commands);
-        let (response, _) = mean_and_std(&clean[rows.clone()]);
+        let command = mean(&commands);
+        let response = mean(&clean[rows.clone()]);
         // About the straight line in the bin, whose slope is that of the map.
         let differences: Vec<f64> = clean[rows.clone()].windows(2).map(|pair| pair[1] - pair[0]).collect();
-        let std = mean_and_std(&differences).1 / 2f64.sqrt() / (rows.len() as f64).sqrt();
+        let std = (0.5 * variance(&differences)).sqrt() / (rows.len() as f64).sqrt();
         if response < STILL_SHARE * highest {
             still = Some(still.map_or(command, |before: f64| before.max(command)));
         } else {

@@ -5,9 +5,9 @@
 //! `c` and `h`, the middle and half the range of the commands, keep the powers apart.
 
 use nalgebra::DMatrix;
+use rotorlead_numerics::least_squares::{Limits, Residuals, Solution, minimize};
 
 use super::points::SteadyPoint;
-use crate::least_squares::{Limits, Residuals, Solution, minimize};
 use crate::steps::Direction;
 
 /// Which terms a candidate has.

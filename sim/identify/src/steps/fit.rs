@@ -16,13 +16,15 @@
 //! The curvature has a Gaussian prior of mean zero and standard deviation 1/2, the most that drag can make of it, so that a
 //! record of small steps only, which say nothing of it, still has a solution.
 
+use rotorlead_numerics::least_squares::{Limits, Solution, minimize};
+use rotorlead_numerics::sample::{mean, median, variance};
+
 use super::StepsError;
-use super::plateaus::{Direction, Plateau, mean_and_std};
+use super::plateaus::{Direction, Plateau};
 use super::problem::{CURVATURE, DELAY, Data, PER_STEP, Problem, steps_of};
 use super::uncertainty::{correlated, correlation};
 use crate::Estimate;
 use crate::fit_percent::{percent_when_left, spread};
-use crate::least_squares::{Limits, Solution, minimize};
 
 /// Steps that share a time constant: all that go to one command in one direction.
 #[derive(Clone, Debug)]
@@ -67,19 +69,16 @@ const FREE_ONSET_STD_S: f64 = 0.02;
 /// residuals come the noise of each step, misfit included, and the spread of the onsets for the second.
 pub(super) fn fit(data: &Data<'_>, plateaus: &[Plateau], frame_s: f64) -> Result<LagFit, StepsError> {
     let (mut steps, groups) = steps_of(data, plateaus);
-    if steps.is_empty() {
+    let Some(rise_s) = median(steps.iter().map(|s| s.rise_s)) else {
         return Err(StepsError::NoUsableStep { record: data.name.into() });
-    }
-    let mut rises: Vec<f64> = steps.iter().map(|s| s.rise_s).collect();
-    rises.sort_by(f64::total_cmp);
-    let rise_s = rises[rises.len() / 2];
+    };
     for step in &mut steps {
         let end = data.time_s[step.change] + WINDOW * rise_s;
         let rows = data.time_s[step.rows.clone()].partition_point(|&t| t < end);
         step.rows.end = step.rows.start + rows;
     }
     let intervals: Vec<f64> = data.time_s.windows(2).map(|w| w[1] - w[0]).collect();
-    let row_s = mean_and_std(&intervals).0;
+    let row_s = mean(&intervals);
     // Uniform within a row and within a frame.
     let least_onset_std_s = ((row_s * row_s + frame_s * frame_s) / 12.0).sqrt();
 
@@ -123,7 +122,7 @@ const FIRST_LOOK: Limits = Limits { iterations: 10, decrease: 1e-3 };
 /// Standard deviation of the onsets beyond what their own uncertainty explains (moments).
 fn onset_spread(problem: &Problem<'_>, rough: &Solution) -> f64 {
     let onsets: Vec<f64> = (0..problem.steps.len()).map(|k| rough.parameters[problem.onset(k)]).collect();
-    let std = mean_and_std(&onsets).1;
+    let seen = variance(&onsets);
     let variance_of = |k: usize| {
         let at = problem.onset(k);
         rough.unit_covariance.as_ref().map_or(0.0, |c| c[(at, at)])
@@ -132,7 +131,7 @@ fn onset_spread(problem: &Problem<'_>, rough: &Solution) -> f64 {
     // to all, is what the ties leave: the spread of the ties over the number of steps.
     let common = problem.onset_std_s * problem.onset_std_s / onsets.len() as f64;
     let own = (0..onsets.len()).map(|k| (variance_of(k) - common).max(0.0)).sum::<f64>() / onsets.len() as f64;
-    (std * std - own).max(0.0).sqrt()
+    (seen - own).max(0.0).sqrt()
 }
 
 /// Noise of each step in response units: that of the settled response, or what the fit leaves in its

@@ -11,6 +11,8 @@
 //!   reach it, which have the sensor's own resolution; or
 //! - it is most of what two different commands settle to.
 
+use rotorlead_numerics::sample::median;
+
 use super::plateaus::{Plateau, SAME_LEVEL};
 use crate::saturation::{FEWEST_ROWS, Limit, TIMES_THE_NEXT};
 
@@ -38,14 +40,9 @@ fn upper(plateaus: &mut [Plateau], y: &[f64], sign: f64) -> Option<Limit> {
     };
     let rows = |p: &Plateau| y[p.rows.clone()].iter().filter(|&&value| value == at).count();
     let shares: Vec<f64> = plateaus.iter().map(share).collect();
-    let mut usual: Vec<f64> = plateaus
-        .iter()
-        .zip(&shares)
-        .filter(|(_, share)| **share == 0.0)
-        .map(|(p, _)| commonest(&y[p.settled()]))
-        .collect();
-    usual.sort_by(f64::total_cmp);
-    let usual = usual.get(usual.len() / 2).copied();
+    let usual =
+        plateaus.iter().zip(&shares).filter(|(_, share)| **share == 0.0).map(|(p, _)| commonest(&y[p.settled()]));
+    let usual = median(usual);
     let settles = |k: usize| shares[k] >= MOST;
     let first = (0..plateaus.len()).find(|&k| settles(k));
     let two = first.is_some_and(|first| {

@@ -52,7 +52,7 @@ use fit::{FittedStep, LagFit};
 
 use super::Estimate;
 use super::fit_percent::fit_percent;
-pub use plateaus::{Plateau, SAME_LEVEL, mean_and_std};
+pub use plateaus::{Plateau, SAME_LEVEL};
 use problem::Data;
 pub use problem::rows_after_gaps;
 use response::{Stretch, simulate};

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use rotorlead_numerics::sample::{mean, median, variance};
 use rotorlead_records::Output;
 
 /// Shortest time in seconds that counts as a plateau.
@@ -123,9 +124,7 @@ pub(super) fn find(time_s: &[f64], command: &[f64], y: &[f64], output: Output) -
     let long = |p: &Plateau| p.is_long(time_s);
     let fastest = plateaus.iter().filter(|p| long(p)).map(|p| p.mean).fold(0.0, f64::max);
     let floor = standing_share(output) * fastest;
-    let mut scatter: Vec<f64> = plateaus.iter().filter(|p| long(p) && p.mean > floor).map(|p| p.std).collect();
-    scatter.sort_by(f64::total_cmp);
-    let usual = scatter.get(scatter.len() / 2).copied().unwrap_or(0.0);
+    let usual = median(plateaus.iter().filter(|p| long(p) && p.mean > floor).map(|p| p.std)).unwrap_or(0.0);
     for p in &mut plateaus {
         let bound = (STEADY_SHARE * p.mean).max(STEADY_TIMES_USUAL * usual);
         p.state = match long(p) && p.std <= bound {
@@ -173,25 +172,13 @@ fn measured(rows: Range<usize>, command: f64, direction: Option<Direction>, y: &
         limited: false,
     };
     let settled = &y[plateau.settled()];
-    (plateau.mean, plateau.std) = mean_and_std(settled);
+    (plateau.mean, plateau.std) = (mean(settled), variance(settled).sqrt());
     let size = settled.len() / BATCHES;
     if size > 0 {
-        let means: Vec<f64> = settled.chunks_exact(size).take(BATCHES).map(|batch| mean_and_std(batch).0).collect();
-        plateau.mean_std = mean_and_std(&means).1 / (means.len() as f64).sqrt();
+        let means: Vec<f64> = settled.chunks_exact(size).take(BATCHES).map(mean).collect();
+        plateau.mean_std = (variance(&means) / means.len() as f64).sqrt();
     }
     plateau
-}
-
-/// Mean and standard deviation (n - 1); the latter is zero for fewer than two values.
-pub fn mean_and_std(values: &[f64]) -> (f64, f64) {
-    let n = values.len() as f64;
-    if values.is_empty() {
-        return (0.0, 0.0);
-    }
-    let mean = values.iter().sum::<f64>() / n;
-    let square: f64 = values.iter().map(|v| (v - mean) * (v - mean)).sum();
-    let std = if values.len() > 1 { (square / (n - 1.0)).sqrt() } else { 0.0 };
-    (mean, std)
 }
 
 /// The longest run of plateaus on which the motor runs, as indices.

@@ -3,11 +3,12 @@
 use std::ops::Range;
 
 use nalgebra::DMatrix;
+use rotorlead_numerics::least_squares::Residuals;
+use rotorlead_numerics::sample::mean;
 
-use super::plateaus::{Direction, Plateau, SAME_LEVEL, mean_and_std};
+use super::plateaus::{Direction, Plateau, SAME_LEVEL};
 use super::response::{Stretch, value};
 use super::run::shows;
-use crate::least_squares::Residuals;
 
 /// What is fitted: the record, free of spikes.
 pub(super) struct Data<'a> {
@@ -216,7 +217,7 @@ pub(super) fn steps_of(data: &Data<'_>, plateaus: &[Plateau]) -> (Vec<Step>, Vec
         });
         let change = to.rows.start;
         let ahead = change.saturating_sub(ROWS_BEFORE).max(before.rows.start);
-        let level = mean_and_std(&data.y[ahead..change]).0;
+        let level = mean(&data.y[ahead..change]);
         let target = level + (1.0 - (-1.0f64).exp()) * (to.mean - level);
         let rising = to.mean > level;
         let risen = to.rows.clone().find(|&i| (data.y[i] > target) == rising).unwrap_or(change);

@@ -1,5 +1,7 @@
 //! Readings that cannot be the rotor's.
 
+use rotorlead_numerics::sample::median;
+
 /// Rows on each side of a reading that it is compared with. A median of nine rides over four bad
 /// readings in a row and leaves any monotone transient as it is.
 const HALF_WIDTH: usize = 4;
@@ -19,23 +21,15 @@ pub fn without_spikes(y: &[f64]) -> (Vec<f64>, Vec<bool>) {
     let center: Vec<f64> = (0..n)
         .map(|k| {
             let half = HALF_WIDTH.min(k).min(n - 1 - k);
-            middle(&mut y[k - half..=k + half].to_vec())
+            median(y[k - half..=k + half].iter().copied()).unwrap_or(y[k])
         })
         .collect();
     // Standstill reads exactly zero and says nothing of the noise.
-    let mut distance: Vec<f64> = (0..n).filter(|&k| center[k] != 0.0).map(|k| (y[k] - center[k]).abs()).collect();
-    if distance.is_empty() {
-        return (y.to_vec(), vec![false; n]);
-    }
-    let std = 1.4826 * middle(&mut distance);
+    let distances = (0..n).filter(|&k| center[k] != 0.0).map(|k| (y[k] - center[k]).abs());
+    let Some(distance) = median(distances) else { return (y.to_vec(), vec![false; n]) };
+    let std = 1.4826 * distance;
     let spike: Vec<bool> =
         (0..n).map(|k| (y[k] - center[k]).abs() > (STDS * std).max(SHARE * center[k].abs())).collect();
     let clean = (0..n).map(|k| if spike[k] { center[k] } else { y[k] }).collect();
     (clean, spike)
-}
-
-/// Middle value of a slice that is not empty.
-fn middle(values: &mut [f64]) -> f64 {
-    let at = values.len() / 2;
-    *values.select_nth_unstable_by(at, f64::total_cmp).1
 }

@@ -10,10 +10,11 @@
 //! | even to odd | rows on every other level, from the lowest on | the other levels |
 //! | odd to even | the other levels | every other level, from the lowest on |
 
+use rotorlead_numerics::sample::mean;
 use rotorlead_records::{Output, Record};
 
 use super::law::{Bench, LIMITS, LagLaw, LawFit};
-use super::plateaus::{Direction, Plateau, SAME_LEVEL, mean_and_std};
+use super::plateaus::{Direction, Plateau, SAME_LEVEL};
 use super::{Run, StepsError};
 
 /// A way of cutting a record in two.
@@ -143,6 +144,6 @@ impl Bench<'_> {
                 squares.push(((up.mean - down.mean) / (0.5 * (up.mean + down.mean))).powi(2));
             }
         }
-        (!squares.is_empty()).then(|| mean_and_std(&squares).0.sqrt())
+        (!squares.is_empty()).then(|| mean(&squares).sqrt())
     }
 }

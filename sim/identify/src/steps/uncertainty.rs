@@ -1,9 +1,9 @@
 //! Standard errors when the noise has a color.
 
 use nalgebra::DMatrix;
+use rotorlead_numerics::least_squares::Solution;
 
 use super::plateaus::Plateau;
-use crate::least_squares::Solution;
 
 /// Rows over which noise may depend on itself.
 const MAX_LAG: usize = 30;

@@ -6,9 +6,9 @@
 //! that of the degrees of freedom.
 
 use num_complex::Complex64;
+use rotorlead_numerics::statistics::f_upper_tail;
 
 use crate::Line;
-use crate::statistics::f_upper_tail;
 
 /// What a model leaves of a record, beside its noise.
 #[derive(Clone, Copy, Debug, PartialEq)]

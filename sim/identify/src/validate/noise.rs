@@ -9,6 +9,8 @@
 //! over the bins `k` of the transform, two degrees each (Satterthwaite's, as of Welch's spectra). In place of `S` there is an
 //! average of `v` complex samples, whose square is `1 + 1 / v` times too large on average; that is taken out.
 
+use rotorlead_numerics::sample::variance;
+
 use super::left_over::LeftOver;
 use crate::spectra;
 use crate::steps::Run;
@@ -42,11 +44,8 @@ impl PeriodNoise {
             return None;
         }
         let count = periods.len() as f64;
-        let variance = |row: usize| {
-            let mean = periods.iter().map(|period| period[row]).sum::<f64>() / count;
-            periods.iter().map(|period| (period[row] - mean).powi(2)).sum::<f64>() / (count - 1.0)
-        };
-        let variance = (0..length).map(variance).sum::<f64>() / length as f64;
+        let of_row = |row: usize| variance(&periods.iter().map(|period| period[row]).collect::<Vec<f64>>());
+        let variance = (0..length).map(of_row).sum::<f64>() / length as f64;
 
         let spectra = spectra::transform(residual, length);
         // Without the mean, which the record leaves free, and the bin of half the row rate.

@@ -7,7 +7,7 @@ use super::plain_columns::{Pick, Picks, option};
 use super::plain_layout::PlainTable;
 use super::quantity::{Quantity, Scale, Unit};
 use super::rows::{normalized, rows_under_command};
-use super::stamps::median;
+use super::stamps::typical_and_longest;
 use super::summary::ColumnList;
 use super::table::{Column, Table};
 use super::{DroppedRows, ImportError, ImportOptions, ImportSummary, LogFormat, MIN_ROWS, Taken, Timing};
@@ -171,9 +171,7 @@ fn times(
 }
 
 fn timing(time_s: &[f64]) -> Timing {
-    let mut intervals: Vec<f64> = time_s.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let longest = intervals.iter().copied().fold(0.0, f64::max);
-    let typical = median(&mut intervals).unwrap_or(0.0);
+    let (typical, longest) = typical_and_longest(time_s);
     let span = time_s.last().copied().unwrap_or(0.0);
     Timing {
         method: format!(

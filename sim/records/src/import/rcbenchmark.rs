@@ -12,7 +12,7 @@
 //!   not fill every row never is.
 
 use super::rows::{normalized, rows_under_command};
-use super::stamps::median;
+use super::stamps::typical_and_longest;
 use super::summary::ColumnList;
 use super::table::{Column, Table};
 use super::{DroppedRows, ImportError, ImportOptions, ImportSummary, LogFormat, MIN_ROWS, Taken, Timing};
@@ -79,9 +79,7 @@ pub(super) fn take(table: &Table, options: &ImportOptions) -> Result<Taken, Impo
         columns.left(column, format!("{} ({rate:.1} Hz): too slow to show the lag", partly(filled, rows.len())));
     }
 
-    let mut intervals: Vec<f64> = time_s.windows(2).map(|w| w[1] - w[0]).collect();
-    let typical = median(&mut intervals).unwrap_or(0.0);
-    let longest = intervals.iter().copied().fold(0.0, f64::max);
+    let (typical, longest) = typical_and_longest(&time_s);
     let timing = Timing {
         method: format!(
             "stamps of the log, sorted; intervals of {:.1} ms (median) to {:.1} ms (longest)",

@@ -1,5 +1,7 @@
 //! The times of rows, from stamps that are not to be taken at their word.
 
+use rotorlead_numerics::sample::median;
+
 /// Rows on an even grid.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct EvenGrid {
@@ -37,8 +39,8 @@ const GAP_WINDOW: usize = 300;
 pub(super) fn even_grid(stamps: &[f64]) -> EvenGrid {
     let n = stamps.len();
     let lag = (n / 4).clamp(1, 500);
-    let mut slopes: Vec<f64> = stamps.windows(lag + 1).map(|w| (w[lag] - w[0]) / lag as f64).collect();
-    let mut interval = median(&mut slopes).unwrap_or(0.0);
+    let slopes = stamps.windows(lag + 1).map(|w| (w[lag] - w[0]) / lag as f64);
+    let mut interval = median(slopes).unwrap_or(0.0);
     let mut lost = vec![0usize; n];
     let mut start = stamps.first().copied().unwrap_or(0.0);
     for _ in 0..4 {
@@ -109,14 +111,10 @@ fn line(stamps: &[f64], lost: &[usize]) -> (f64, f64) {
     (mean_y - interval * mean_x, interval)
 }
 
-/// The middle value; `None` of nothing.
-pub(super) fn median(values: &mut [f64]) -> Option<f64> {
-    if values.is_empty() {
-        return None;
-    }
-    let middle = values.len() / 2;
-    let (_, value, _) = values.select_nth_unstable_by(middle, f64::total_cmp);
-    Some(*value)
+/// The median and the longest interval between stamps; zero of fewer than two.
+pub(super) fn typical_and_longest(time_s: &[f64]) -> (f64, f64) {
+    let intervals = || time_s.windows(2).map(|pair| pair[1] - pair[0]);
+    (median(intervals()).unwrap_or(0.0), intervals().fold(0.0, f64::max))
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::stamps::median;
+use super::stamps::typical_and_longest;
 use super::{ImportError, Timing};
 
 /// Distance from the even grid, in intervals, up to which rows count as evenly spaced.
@@ -55,9 +55,7 @@ pub(super) fn stamps_kept(
     let interval = span / (time_s.len() - 1) as f64;
     let even = |(k, &t): (usize, &f64)| (t - k as f64 * interval).abs() <= EVEN_WITHIN_INTERVALS * interval;
     let is_even = time_s.iter().enumerate().all(even);
-    let mut intervals: Vec<f64> = time_s.windows(2).map(|w| w[1] - w[0]).collect();
-    let longest = intervals.iter().copied().fold(0.0, f64::max);
-    let typical = median(&mut intervals).unwrap_or(0.0);
+    let (typical, longest) = typical_and_longest(&time_s);
     let timing = Timing {
         method: format!(
             "stamps of the log; intervals of {:.3} ms (median) to {:.3} ms (longest)",

@@ -4,6 +4,7 @@ use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
 use statrs::function::beta::checked_beta_reg;
 
 /// Quantile of Student's t; of the normal distribution for infinite degrees of freedom.
+#[must_use]
 pub fn t_quantile(probability: f64, dof: f64) -> f64 {
     if dof > 1e4 {
         // The quantiles agree to 1e-4; the library's t loses digits to cancellation up there.
@@ -15,7 +16,8 @@ pub fn t_quantile(probability: f64, dof: f64) -> f64 {
 
 /// `P(F > ratio)` for `F(dof, noise_dof)`; one for a ratio that is not a number, since such a
 /// ratio rejects nothing.
-pub(super) fn f_upper_tail(ratio: f64, dof: f64, noise_dof: f64) -> f64 {
+#[must_use]
+pub fn f_upper_tail(ratio: f64, dof: f64, noise_dof: f64) -> f64 {
     if ratio.is_nan() || ratio <= 0.0 {
         return 1.0;
     }
