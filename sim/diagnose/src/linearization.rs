@@ -3,8 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
 use rayon::prelude::*;
-use rotorlead_numerics::least_squares::LEAST_SHARE;
-use rotorlead_numerics::normal_equations::{damped_step, diagonal};
+use rotorlead_numerics::normal_equations::{damped_step, floored_diagonal};
 
 use super::dataset::{Dataset, Record, Split};
 use super::hypothesis::{Coordinate, Hypothesis};
@@ -198,7 +197,7 @@ impl Linearization {
     }
 
     pub fn follow(&self, hypothesis: &Hypothesis, (sum, gradient): (f64, DVector<f64>)) -> Option<(f64, Hypothesis)> {
-        let step = damped_step(&self.matrix, &gradient, &diagonal(&self.matrix, LEAST_SHARE), 1e-9)?;
+        let step = damped_step(&self.matrix, &gradient, &floored_diagonal(&self.matrix), 1e-9)?;
         let left = sum + gradient.dot(&step);
         // The linearization holds nearby only.
         Some((left, self.moved(hypothesis, &step.map(|step| step.clamp(-0.5, 0.5)))))

@@ -6,9 +6,11 @@ const KEPT: f64 = 0.618_033_988_749_894_9;
 /// The parabola through three points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Parabola {
-    /// The middle point.
-    middle: (f64, f64),
+    /// Abscissa of the middle point.
+    middle: f64,
+    /// Slope there.
     slope: f64,
+    /// Half the second derivative.
     curvature: f64,
 }
 
@@ -18,7 +20,7 @@ impl Parabola {
     pub fn through([(a, at_a), (b, at_b), (c, at_c)]: [(f64, f64); 3]) -> Self {
         let (before, after) = ((at_b - at_a) / (b - a), (at_c - at_b) / (c - b));
         let curvature = (after - before) / (c - a);
-        Self { middle: (b, at_b), slope: before + curvature * (b - a), curvature }
+        Self { middle: b, slope: before + curvature * (b - a), curvature }
     }
 
     /// Half the second derivative: positive where it opens upward.
@@ -30,16 +32,8 @@ impl Parabola {
     /// Where it is least; `None` unless it opens upward and all three points are finite.
     #[must_use]
     pub fn lowest(&self) -> Option<f64> {
-        let lowest = self.middle.0 - 0.5 * self.slope / self.curvature;
+        let lowest = self.middle - 0.5 * self.slope / self.curvature;
         (self.curvature > 0.0 && lowest.is_finite()).then_some(lowest)
-    }
-
-    /// Its coefficients by increasing power of the abscissa.
-    #[must_use]
-    pub fn powers(&self) -> [f64; 3] {
-        let (b, at_b) = self.middle;
-        let Self { slope, curvature, .. } = *self;
-        [at_b - slope * b + curvature * b * b, slope - 2.0 * curvature * b, curvature]
     }
 }
 
@@ -77,9 +71,6 @@ mod tests {
             let parabola = Parabola::through(points);
             assert!((parabola.lowest().unwrap() - 2.0).abs() < 1e-9, "{parabola:?}");
             assert!((parabola.curvature() - 3.0).abs() < 1e-12);
-            for (found, known) in parabola.powers().into_iter().zip([17.0, -12.0, 3.0]) {
-                assert!((found - known).abs() < 1e-9, "{parabola:?}");
-            }
         }
     }
 

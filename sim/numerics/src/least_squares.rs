@@ -12,13 +12,10 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::normal_equations::{damped_step, diagonal, scaled_inverse};
+use super::normal_equations::{damped_step, floored_diagonal, scaled_inverse};
 
 /// First value of `lambda`.
 const FIRST_DAMPING: f64 = 1e-3;
-/// Least value of `D`, as a share of its largest one, where derivatives are inexact ([`Damping::Factors`]): below there is
-/// rounding.
-pub const LEAST_SHARE: f64 = 1e-12;
 /// A Jacobian serves for another step where the last one gained at least this share of what it predicted.
 const SERVES_ON: f64 = 0.5;
 
@@ -184,7 +181,7 @@ impl CurrentDamping {
         self.scale = match self.rule {
             Damping::GainRatio if self.scale.is_empty() => matrix.diagonal(),
             Damping::GainRatio => self.scale.sup(&matrix.diagonal()),
-            Damping::Factors => diagonal(matrix, LEAST_SHARE),
+            Damping::Factors => floored_diagonal(matrix),
         };
         damped_step(matrix, gradient, &self.scale, self.lambda)
     }

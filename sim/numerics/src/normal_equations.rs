@@ -2,11 +2,15 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 
-/// Diagonal of the normal matrix, no value below `least_share` of the largest: the scale by which [`damped_step`] damps.
+/// Least value of the scale of damping, as a share of its largest one: below there is the rounding of inexact derivatives.
+const LEAST_SHARE: f64 = 1e-12;
+
+/// Diagonal of the normal matrix without values below its rounding: a scale by which [`damped_step`] may damp.
 #[must_use]
-pub fn diagonal(matrix: &DMatrix<f64>, least_share: f64) -> DVector<f64> {
-    let least = least_share * matrix.diagonal().max();
-    matrix.diagonal().map(|d| d.max(least))
+pub fn floored_diagonal(matrix: &DMatrix<f64>) -> DVector<f64> {
+    let diagonal = matrix.diagonal();
+    let least = LEAST_SHARE * diagonal.max();
+    diagonal.map(|d| d.max(least))
 }
 
 /// Solves `(J'J + damping diag(scale)) step = -gradient`, with `gradient` `J'r`. `None` where the matrix is not positive
@@ -61,7 +65,7 @@ mod tests {
         let units = [1e-8, 1.0, 1e8];
         let matrix = hilbert_in_units(units);
         let inverse = scaled_inverse(&matrix, 0.0).unwrap();
-        let step = damped_step(&matrix, &DVector::from_fn(3, |i, _| units[i]), &diagonal(&matrix, 0.0), 0.0).unwrap();
+        let step = damped_step(&matrix, &DVector::from_fn(3, |i, _| units[i]), &matrix.diagonal(), 0.0).unwrap();
         for (i, row) in known.iter().enumerate() {
             for (j, value) in row.iter().enumerate() {
                 assert!((inverse[(i, j)] * units[i] * units[j] / value - 1.0).abs() < 1e-12, "{i} {j}");
@@ -85,8 +89,8 @@ mod tests {
     #[test]
     fn a_parameter_without_effect_stays() {
         let matrix = DMatrix::from_row_slice(2, 2, &[4.0, 0.0, 0.0, 0.0]);
-        let step = damped_step(&matrix, &DVector::from_vec(vec![2.0, 0.0]), &diagonal(&matrix, 0.0), 3.0).unwrap();
+        let step = damped_step(&matrix, &DVector::from_vec(vec![2.0, 0.0]), &matrix.diagonal(), 3.0).unwrap();
         assert_eq!(step.as_slice(), [-0.125, 0.0]);
-        assert_eq!(diagonal(&matrix, 0.5).as_slice(), [4.0, 2.0]);
+        assert_eq!(floored_diagonal(&matrix).as_slice(), [4.0, 4e-12]);
     }
 }

@@ -152,7 +152,7 @@ fn ramp(record: &Record, output: Output, lag_s: f64) -> Option<SteadyPoints> {
         let response = mean(&clean[rows.clone()]);
         // About the straight line in the bin, whose slope is that of the map.
         let differences: Vec<f64> = clean[rows.clone()].windows(2).map(|pair| pair[1] - pair[0]).collect();
-        let std = (0.5 * variance(&differences)).sqrt() / (rows.len() as f64).sqrt();
+        let std = variance(&differences).sqrt() / 2f64.sqrt() / (rows.len() as f64).sqrt();
         if response < STILL_SHARE * highest {
             still = Some(still.map_or(command, |before: f64| before.max(command)));
         } else {

@@ -24,7 +24,6 @@
 //! parameters have taken, and errors are infinite.
 
 use nalgebra::{DMatrix, DVector};
-use rotorlead_numerics::extremum::Parabola;
 use rotorlead_numerics::least_squares::{Limits, Residuals, Solution, minimize};
 use rotorlead_records::Record;
 
@@ -151,7 +150,8 @@ impl<'a> Bench<'a> {
     fn powers(&self, values: &[f64]) -> [f64; 3] {
         let (half, middle) = (0.5 * (self.high - self.low), 0.5 * (self.high + self.low));
         let (a, b, c) = (values[0] * self.reference, values[1] * self.reference, values[2] * self.reference);
-        Parabola::through([(middle - half, a), (middle, b), (middle + half, c)]).powers()
+        let (slope, bend) = (0.5 * (c - a) / half, 0.5 * (a + c - 2.0 * b) / (half * half));
+        [b - slope * middle + bend * middle * middle, slope - 2.0 * bend * middle, bend]
     }
 
     /// The response of the run; `false` where it has none. With `measured` the levels are the plateaus' own means.

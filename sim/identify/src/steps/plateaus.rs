@@ -176,7 +176,7 @@ fn measured(rows: Range<usize>, command: f64, direction: Option<Direction>, y: &
     let size = settled.len() / BATCHES;
     if size > 0 {
         let means: Vec<f64> = settled.chunks_exact(size).take(BATCHES).map(mean).collect();
-        plateau.mean_std = (variance(&means) / means.len() as f64).sqrt();
+        plateau.mean_std = variance(&means).sqrt() / (means.len() as f64).sqrt();
     }
     plateau
 }
