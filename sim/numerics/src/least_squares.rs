@@ -369,3 +369,85 @@ impl<R: Residuals> NormalEquations for InMemory<'_, R> {
         linearization.jacobian.tr_mul(&at.residuals)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Residuals by a function of the parameters, which is `None` where they are not defined.
+    struct By<F>(F);
+
+    impl<const N: usize, F: Fn(&[f64]) -> Option<[f64; N]>> Residuals for By<F> {
+        fn count(&self) -> usize {
+            N
+        }
+
+        fn evaluate(&self, parameters: &[f64], out: &mut [f64]) -> bool {
+            (self.0)(parameters).map(|residuals| out.copy_from_slice(&residuals)).is_some()
+        }
+    }
+
+    #[test]
+    fn what_the_data_do_not_determine_has_no_covariance() {
+        let sums = By(|p: &[f64]| Some([0.0, 1.0, 2.0].map(|data| p[0] + p[1] - data)));
+        let solution = minimize(&sums, &[0.3, 0.1], Limits::default()).unwrap();
+        assert!((solution.parameters[0] + solution.parameters[1] - 1.0).abs() < 1e-9, "{solution:?}");
+        // Rounding may leave a variance, which then is that of a number without any significant digit.
+        assert!(solution.unit_covariance.is_none_or(|covariance| covariance[(0, 0)] > 1e6));
+    }
+
+    #[test]
+    fn a_step_to_where_the_model_is_not_defined_becomes_shorter() {
+        // The first Gauss-Newton step from 10 leads to -13.
+        let logarithm = By(|p: &[f64]| (p[0] > 0.0).then(|| [p[0].ln()]));
+        let solution = minimize(&logarithm, &[10.0], Limits::default()).unwrap();
+        assert!(solution.converged && (solution.parameters[0] - 1.0).abs() < 1e-6, "{solution:?}");
+        assert_eq!(minimize(&logarithm, &[-1.0], Limits::default()), None);
+    }
+
+    #[test]
+    fn a_search_stops_at_its_limit_of_steps_and_says_so() {
+        let cubic = By(|p: &[f64]| Some([p[0].powi(3)]));
+        let solution = minimize(&cubic, &[1.0], Limits { iterations: 3, decrease: 0.0 }).unwrap();
+        assert!(!solution.converged && solution.iterations == 3, "{solution:?}");
+    }
+
+    /// `(p - 3)^2` with `p` bounded to 2.
+    struct Bounded;
+
+    impl NormalEquations for Bounded {
+        type Point = f64;
+        type Linearization = DMatrix<f64>;
+
+        fn linearize(&self, _: &mut f64) -> Option<DMatrix<f64>> {
+            Some(DMatrix::identity(1, 1))
+        }
+
+        fn matrix<'a>(&self, linearization: &'a DMatrix<f64>) -> &'a DMatrix<f64> {
+            linearization
+        }
+
+        fn moved(&self, from: &f64, step: &DVector<f64>, _: &DMatrix<f64>) -> Option<f64> {
+            Some((from + step[0]).min(2.0))
+        }
+
+        fn sum_of_squares(&self, at: &f64) -> f64 {
+            (at - 3.0).powi(2)
+        }
+
+        fn gradient(&self, at: &f64, _: &DMatrix<f64>) -> DVector<f64> {
+            DVector::from_element(1, at - 3.0)
+        }
+    }
+
+    #[test]
+    fn a_search_ends_at_a_bound() {
+        for reuses_jacobian in [false, true] {
+            let decrease = Decrease::Absolute(1e-6);
+            let strategy = Strategy { iterations: 50, decrease, damping: Damping::Factors, reuses_jacobian };
+            let found = search(&Bounded, 0.0, &strategy).unwrap();
+            assert_eq!(found.at, 2.0);
+            assert!(found.iterations < 50, "{found:?}");
+        }
+    }
+}

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use miette::Diagnostic;
 use rotorlead_device::{Calibration, DeviceError, Recorded, Session};
+use rotorlead_numerics::sample::mean;
 use rotorlead_plant::bench::file_stem;
 use rotorlead_records::{Excitation, Role};
 use serde_json::json;
@@ -162,7 +163,7 @@ impl Record {
         let excitation = self.excitation();
         let template = rotorlead_device::template(String::new(), 0.0, excitation, compensated);
         let mut record = recorded.recording.to_record(0, rows, loop_rate_hz, self.sensor.calibration(), template);
-        let mean = record.command.iter().sum::<f64>() / record.command.len().max(1) as f64;
+        let mean = mean(&record.command);
         // A mean of equal commands may round out of their range.
         let nominal = self.nominal.unwrap_or(mean.clamp(0.0, 1.0));
         let largest = record.command.iter().fold(0.0, |largest: f64, command| largest.max((command - nominal).abs()));
