@@ -122,7 +122,7 @@ const FIRST_LOOK: Limits = Limits { iterations: 10, decrease: 1e-3 };
 /// Standard deviation of the onsets beyond what their own uncertainty explains (moments).
 fn onset_spread(problem: &Problem<'_>, rough: &Solution) -> f64 {
     let onsets: Vec<f64> = (0..problem.steps.len()).map(|k| rough.parameters[problem.onset(k)]).collect();
-    let seen = variance(&onsets);
+    let std = variance(&onsets).sqrt();
     let variance_of = |k: usize| {
         let at = problem.onset(k);
         rough.unit_covariance.as_ref().map_or(0.0, |c| c[(at, at)])
@@ -131,7 +131,7 @@ fn onset_spread(problem: &Problem<'_>, rough: &Solution) -> f64 {
     // to all, is what the ties leave: the spread of the ties over the number of steps.
     let common = problem.onset_std_s * problem.onset_std_s / onsets.len() as f64;
     let own = (0..onsets.len()).map(|k| (variance_of(k) - common).max(0.0)).sum::<f64>() / onsets.len() as f64;
-    (seen - own).max(0.0).sqrt()
+    (std * std - own).max(0.0).sqrt()
 }
 
 /// Noise of each step in response units: that of the settled response, or what the fit leaves in its
