@@ -165,7 +165,11 @@ fn what_has_weak_evidence_is_named_once_it_is_recorded_for_longer() {
     let weak: Vec<&str> = found.weak_evidence.iter().map(|kind| kind.kind.id).collect();
     assert_eq!(weak, ["slew_limit"], "{:?}", found.weak_evidence);
     let next = found.next_experiment().unwrap();
-    assert!(next.words.contains("The evidence for slew-rate limit is weak: record 3 times as many periods"), "{}", next.words);
+    assert!(
+        next.words.contains("The evidence for slew-rate limit is weak: record 3 times as many periods"),
+        "{}",
+        next.words
+    );
     let plan = read_back(&next);
     let again = diagnosed(&run(&plan, &hidden, None, &|_| {}).unwrap(), None);
     let names: Vec<&str> = again.effects.iter().map(|effect| effect.kind.id).collect();
