@@ -5,7 +5,6 @@
 
 use std::f64::consts::TAU;
 
-use rotorlead_numerics::extremum::maximum;
 use rotorlead_numerics::sample::median;
 
 use crate::whitening::Whitening;
@@ -21,8 +20,8 @@ const STANDS_OUT: f64 = 16.0;
 const SURROUNDINGS: usize = 60;
 /// Multiples that are looked for where the hum itself is there.
 const MULTIPLES: u32 = 5;
-/// How closely a frequency is searched between the lines beside it, as a share of their distance.
-const PRECISION: f64 = 5e-6;
+/// How often the search for a frequency narrows by a third.
+const NARROWINGS: u32 = 30;
 
 /// The hum in rows of a residual, above what the command excites: below, a chi-square of the motor's would pass for it. Empty where
 /// there is none.
@@ -67,7 +66,12 @@ fn find_near(rows: &[f64], rate_hz: f64, hz: f64, reach_hz: f64) -> Option<f64> 
         let (re, im) = product(rows, rate_hz, hz);
         re * re + im * im
     };
-    Some(maximum(power, (peak as f64 - 1.0) * line_hz, (peak as f64 + 1.0) * line_hz, PRECISION))
+    let (mut low, mut high) = ((peak as f64 - 1.0) * line_hz, (peak as f64 + 1.0) * line_hz);
+    for _ in 0..NARROWINGS {
+        let third = (high - low) / 3.0;
+        if power(low + third) < power(high - third) { low += third } else { high -= third }
+    }
+    Some(0.5 * (low + high))
 }
 
 /// `sum x cos` and `sum x sin` at a frequency.

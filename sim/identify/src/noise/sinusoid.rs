@@ -14,7 +14,6 @@
 use std::f64::consts::{PI, TAU};
 
 use num_complex::Complex64;
-use rotorlead_numerics::extremum::maximum;
 
 /// Bins to either side of the strongest one that the sinusoid is fitted to; beyond is too little of it.
 const REACH: usize = 8;
@@ -67,7 +66,7 @@ impl Sinusoid {
         let steps = (1.0 / step).ceil() as i64;
         let best =
             (-steps..=steps).map(|i| middle + step * i as f64).max_by(|a, b| energy(*a).total_cmp(&energy(*b)))?;
-        let bin = maximum(energy, best - step, best + step, 1e-10);
+        let bin = highest(energy, best - step, best + step);
         let (_, amplitude) = projected(bin, places.clone(), 0);
 
         let core = peak.saturating_sub(CORE).max(places.start)..(peak + CORE + 1).min(places.end);
@@ -93,6 +92,17 @@ impl Sinusoid {
 fn leak(distance: f64) -> Complex64 {
     let x = PI * distance;
     if x.abs() < 1e-9 { Complex64::ONE } else { Complex64::cis(x) * (x.sin() / x) }
+}
+
+/// Where a function with one peak between `low` and `high` has it (golden section).
+fn highest(value: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
+    const RATIO: f64 = 0.618_033_988_749_894_9;
+    // 1e-10 of the interval.
+    for _ in 0..48 {
+        let (left, right) = (high - RATIO * (high - low), low + RATIO * (high - low));
+        if value(left) < value(right) { low = left } else { high = right }
+    }
+    f64::midpoint(low, high)
 }
 
 #[cfg(test)]
