@@ -17,16 +17,19 @@
 use nalgebra::{DMatrix, DVector};
 use rotorlead_plant::Trace;
 use rotorlead_records::{Output, Record as SourceRecord};
+use serde::Serialize;
 
 use super::dataset::{Record, Split};
 use super::log::{Errors, Filter};
 
 /// Which column.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub enum Column {
     /// Revolutions per minute, beside the thrust.
+    #[serde(rename = "rpm")]
     Speed,
     /// Volts.
+    #[serde(rename = "voltage_v")]
     Voltage,
 }
 

@@ -1,5 +1,6 @@
 //! A record as the diagnosis compares it: what drove the actuator, what was measured, what is fitted and what is held out.
 
+use serde::Serialize;
 use std::f64::consts::TAU;
 use std::ops::Range;
 
@@ -119,11 +120,13 @@ pub(super) struct Record {
 }
 
 /// A record that is not compared.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[serde(transparent)]
 pub struct LeftOut {
     /// Its file.
     pub file: String,
     /// Why.
+    #[serde(skip)]
     pub reason: &'static str,
 }
 

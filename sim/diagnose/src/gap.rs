@@ -3,6 +3,7 @@
 
 use rotorlead_identify::align;
 use rotorlead_numerics::sample::mean;
+use serde::Serialize;
 
 use super::dataset::{Dataset, Record, Split};
 use super::fit::Fit;
@@ -10,7 +11,7 @@ use super::hypothesis::{Coordinate, Hypothesis};
 use super::log::{self, SplitGap, log_squares};
 
 /// Gap on held-out segments, `RMS(y - yhat) / RMS(y - mean y)`.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Gap {
     /// Of the model as it was.
     pub before: f64,
@@ -21,13 +22,14 @@ pub struct Gap {
 }
 
 /// The gap of one record.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RecordGap {
     /// The record.
     pub file: String,
     /// Its nominal command.
     pub nominal: f64,
     /// The gap.
+    #[serde(flatten)]
     pub gap: Gap,
 }
 

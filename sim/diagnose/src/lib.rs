@@ -70,6 +70,8 @@ use rotorlead_plant::effect::Kind;
 use rotorlead_plant::{Catalog, Effect, Lag, Model, OperatingCurve, Point};
 use rotorlead_records::Experiment;
 
+use serde::{Serialize, Serializer};
+
 use candidate::Candidate;
 use dataset::{Dataset, Split};
 use explain::{Explanation, Search};
@@ -78,11 +80,12 @@ use prior_model::ParameterMismatch;
 use verdict::Evidence;
 
 /// An effect that is named.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct NamedEffect {
     /// What it is.
     pub kind: &'static Kind,
     /// Its parameters in the order of the kind's; those that were not searched are left out.
+    #[serde(serialize_with = "by_name")]
     pub parameters: Vec<(&'static rotorlead_plant::effect::Parameter, Estimate)>,
     /// Gain of log likelihood that it is worth beside the others.
     pub evidence: f64,
@@ -95,7 +98,7 @@ pub struct NamedEffect {
 }
 
 /// A kind that was tried alone.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct TriedKind {
     /// What it is.
     pub kind: &'static Kind,
@@ -107,17 +110,43 @@ pub struct TriedKind {
     pub score: f64,
 }
 
+/// Parameters by their names, each with its standard error and unit.
+///
+/// # Errors
+/// Those of the serializer.
+pub fn by_name<S: Serializer>(
+    parameters: &[(&'static rotorlead_plant::effect::Parameter, Estimate)],
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    #[derive(Serialize)]
+    struct Value {
+        value: f64,
+        std: f64,
+        unit: &'static str,
+    }
+    serializer.collect_map(parameters.iter().map(|(parameter, estimate)| {
+        (parameter.name, Value { value: estimate.value, std: estimate.std, unit: parameter.unit })
+    }))
+}
+
+/// A pair of what the first model and the last one leave.
+fn before_and_after<S: Serializer>((before, after): &(Excess, Excess), serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_map([("before", before), ("after", after)])
+}
+
 /// What holds where [`Diagnosis::needs_steady_start`].
 pub const NEEDS_STEADY_START: &str = "Valid only if each record starts in steady state at u_nom.";
 
 /// All that was found.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Diagnosis {
     /// In a word.
     pub verdict: Verdict,
     /// Whether a given model was evaluated; else what is before are the lags that fit best.
+    #[serde(skip)]
     pub is_of_given: bool,
     /// Where the chi-square of the first model lies.
+    #[serde(rename = "where")]
     pub locations: Vec<Location>,
     /// The effects, the most valuable first.
     pub effects: Vec<NamedEffect>,
@@ -136,26 +165,33 @@ pub struct Diagnosis {
     /// The gap on what the models were fitted to.
     pub fitted: Gap,
     /// What was not compared of records that do not repeat.
+    #[serde(rename = "rows_cut")]
     pub cut: Vec<CutRows>,
     /// Columns beside the response that had a say.
     pub columns: Vec<Column>,
     /// Records that were not compared.
+    #[serde(rename = "not_compared")]
     pub left_out: Vec<LeftOut>,
     /// Whether anything was held out; otherwise the gaps are those of what was fitted.
     pub held_out: bool,
     /// What is left over noise, before and after.
+    #[serde(serialize_with = "before_and_after")]
     pub excess: (Excess, Excess),
     /// Whether what is left is steady, as noise is.
     pub steadiness: Steadiness,
     /// Whether the delay is the same at every step.
     pub timing: Timing,
     /// The improved model.
+    #[serde(skip)]
     pub model: Model,
     /// What is left over frequency and nominal command, before and after.
+    #[serde(skip)]
     pub map: Vec<MapCell>,
     /// What is left of one record, before and after.
+    #[serde(skip)]
     pub residual: Option<Residual>,
     /// How the records were taken.
+    #[serde(skip)]
     pub conditions: Conditions,
 }
 

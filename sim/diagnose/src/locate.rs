@@ -5,6 +5,7 @@
 
 use rotorlead_numerics::sample::mean;
 use rotorlead_records::Excitation;
+use serde::Serialize;
 
 use super::dataset::{Dataset, Record, Segment, Split};
 use super::hypothesis::Hypothesis;
@@ -22,7 +23,8 @@ const SAME_AMPLITUDE: f64 = 1.1;
 const DENSITY_LINES: f64 = 48.0;
 
 /// Along what a chi-square is shared out.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Axis {
     /// Hertz.
     Frequency,
@@ -57,7 +59,7 @@ impl Axis {
 }
 
 /// A part of an axis with its share of the chi-square.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Location {
     /// Along what.
     pub axis: Axis,
@@ -77,7 +79,7 @@ const SUSPICIOUS: f64 = 3.5;
 const NOISE: f64 = 1.05;
 
 /// How much is left, and how much noise would leave.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Excess {
     /// Sum of squares of the white residual.
     pub sum: f64,

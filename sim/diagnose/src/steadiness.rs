@@ -8,6 +8,7 @@
 use num_complex::Complex64;
 use rotorlead_numerics::sample::mean;
 use rustfft::FftPlanner;
+use serde::Serialize;
 
 use super::dataset::{Dataset, Record};
 use super::explain::aligned;
@@ -24,7 +25,7 @@ const SIGNIFICANT: f64 = 8.0;
 const SPREAD: f64 = 0.2;
 
 /// How much the power of what is left changes with time.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Steadiness {
     /// Relative standard deviation of the power beyond chance, over means of the length that shows it most.
     pub spread: f64,

@@ -6,6 +6,7 @@
 //! `-p / P`, give or take `1 / sqrt(P)`. What a hypothesis lacks is the same for all changes of a record that go the same way; of their
 //! differences `sum P (w - mean w)^2` is a chi-square where nothing but noise tells them apart.
 
+use serde::Serialize;
 use std::fmt;
 
 use super::adjoint::Adjoint;
@@ -20,11 +21,12 @@ const SIGNIFICANT: f64 = 8.0;
 const SCATTERED: f64 = 0.02;
 
 /// How much the waits of changes that are alike differ, beyond what noise makes of them.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Timing {
     /// Their standard deviation, seconds: at least, since the residual grows more slowly than in proportion once a wait is long.
     pub scatter_s: f64,
     /// The same over the time constant, the mean of all nominal commands.
+    #[serde(skip)]
     pub part: f64,
     /// By how many standard deviations of noise that is beyond chance.
     pub significance: f64,

@@ -3,6 +3,7 @@
 use super::gap::Gap;
 use super::locate::Excess;
 use super::steadiness::Steadiness;
+use serde::Serialize;
 
 /// Where more than noise is left, effects that leave more than this share of the chi-square are no story at all, be it on what
 /// was fitted or on what was held out.
@@ -18,7 +19,8 @@ const ERRORS: f64 = 2.0;
 const NONE_OF_LOGS: f64 = 0.5;
 
 /// What is to be said.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// There is no gap beyond noise.
     Agrees,

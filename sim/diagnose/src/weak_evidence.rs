@@ -4,6 +4,7 @@
 //! too often. Where it does the larger part of that, it says where to look, and how much longer: evidence grows in proportion to
 //! the periods that are recorded.
 
+use serde::Serialize;
 use std::fmt;
 
 use rotorlead_plant::effect::Kind;
@@ -17,7 +18,7 @@ use super::tried::{ALIKE, LEAST_SCORE, Tried, complexity_penalty};
 const LEAST: f64 = 3.0;
 
 /// A kind whose evidence is too weak for it to be added.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct WeakEvidence {
     /// The kind.
     pub kind: &'static Kind,

@@ -15,6 +15,8 @@ use num_complex::Complex64;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
+use serde::ser::SerializeStruct as _;
+use serde::{Serialize, Serializer};
 
 use super::{Etfe, IdentifyError, ResponsePoint};
 
@@ -28,6 +30,13 @@ pub enum Bandwidth {
     At(f64),
     /// Nowhere up to this frequency in rad/s.
     Beyond(f64),
+}
+
+/// The frequency in rad/s; null where there is no crossing.
+impl Serialize for Bandwidth {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.rad_s().serialize(serializer)
+    }
 }
 
 impl Bandwidth {
@@ -108,6 +117,15 @@ pub struct EtfeBandwidth {
     pub lower: Bandwidth,
     /// Upper end of the 95 % interval; `Beyond` when it is not bounded by the lines measured.
     pub upper: Bandwidth,
+}
+
+impl Serialize for EtfeBandwidth {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut values = serializer.serialize_struct("EtfeBandwidth", 2)?;
+        values.serialize_field("bandwidth_rad_s", &self.bandwidth)?;
+        values.serialize_field("interval_rad_s", &[self.lower, self.upper])?;
+        values.end()
+    }
 }
 
 /// The first crossing of an analytic response, searched from zero up to `max_rad_s`.

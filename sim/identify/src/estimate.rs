@@ -1,6 +1,9 @@
 //! A number with its uncertainty.
 
 use rotorlead_numerics::statistics::t_quantile;
+use serde::ser::SerializeStruct as _;
+use serde::{Serialize, Serializer};
+
 
 /// An estimated parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -11,6 +14,17 @@ pub struct Estimate {
     pub std: f64,
     /// Degrees of freedom of that noise variance; infinite when the variance is known.
     pub dof: f64,
+}
+
+/// With its 95 % interval.
+impl Serialize for Estimate {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut values = serializer.serialize_struct("Estimate", 3)?;
+        values.serialize_field("value", &self.value)?;
+        values.serialize_field("std", &self.std)?;
+        values.serialize_field("interval", &self.interval(0.95))?;
+        values.end()
+    }
 }
 
 impl Estimate {

@@ -1,9 +1,11 @@
 //! The bandwidth that each multisine record shows.
 
+use serde::Serialize;
+
 use super::{EtfeBandwidth, IdentifyError, PeriodicIdentification, StaticValue, bandwidth_of_etfe};
 
 /// The bandwidth of one record.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MeasuredBandwidth {
     /// The record.
     pub file: String,
@@ -12,6 +14,7 @@ pub struct MeasuredBandwidth {
     /// Whether a compensator was in front of the ESC.
     pub compensated: bool,
     /// On the ETFE as the rows show it, holds and compensator included, with its 95 % interval.
+    #[serde(flatten)]
     pub bandwidth: EtfeBandwidth,
 }
 

@@ -3,6 +3,7 @@
 use rotorlead_identify::Estimate;
 use rotorlead_numerics::least_squares::{Limits, Residuals, Solution, minimize};
 use rotorlead_plant::effect::{Kind, Linearity, Parameter};
+use serde::Serialize;
 
 use super::case::{Case, Row};
 use super::free_parameter::{FreeParameter, first_values, free_parameters};
@@ -32,7 +33,8 @@ pub enum Scope {
 }
 
 /// What stands of an explanation after all were calibrated.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Standing {
     /// It is named.
     Chosen,
@@ -95,7 +97,7 @@ impl Explanation {
 }
 
 /// A kind that can be no explanation.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct RuledOut {
     /// What it is.
     pub kind: &'static Kind,

@@ -1,5 +1,6 @@
 //! What of a record can be compared: from where the motor runs steadily, without spikes and without what follows a gap.
 
+use serde::Serialize;
 use std::fmt;
 
 use rotorlead_identify::IdentifyError;
@@ -27,7 +28,7 @@ const SETTLED_ROWS: usize = 60;
 const NOISE_LAGS: usize = 60;
 
 /// Rows of a record that are not compared.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct CutRows {
     /// The record's file.
     pub file: String,
@@ -42,6 +43,7 @@ pub struct CutRows {
     /// Rows after gaps of the logger in which the command changed.
     pub after_gaps: usize,
     /// Rows on which the response stands on a limit of its scale, or comes back from one.
+    #[serde(skip)]
     pub limited: usize,
 }
 

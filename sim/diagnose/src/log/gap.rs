@@ -1,6 +1,7 @@
 //! How far model and log are apart on steps that were held out.
 
 use rayon::prelude::*;
+use serde::Serialize;
 
 use crate::dataset::{Dataset, Record, Split};
 use crate::fit::fit_in;
@@ -11,11 +12,12 @@ use crate::hypothesis::Hypothesis;
 const STEPS: usize = 4;
 
 /// The gap on what a split holds out.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SplitGap {
     /// What was fitted and what is evaluated, in words.
     pub split: &'static str,
     /// The gap.
+    #[serde(flatten)]
     pub gap: Gap,
 }
 

@@ -26,6 +26,8 @@ mod merge;
 mod problem;
 mod rivals;
 
+use serde::ser::SerializeStruct as _;
+use serde::{Serialize, Serializer};
 use std::fmt;
 use std::ops::Range;
 
@@ -88,6 +90,25 @@ pub struct Alignment {
     pub noise_order: usize,
     /// What is odd.
     pub warnings: Vec<AlignmentWarning>,
+}
+
+/// Delay and skew with their errors and 95 % intervals.
+impl Serialize for Alignment {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut values = serializer.serialize_struct("Alignment", 11)?;
+        values.serialize_field("delay_s", &self.delay_s.value)?;
+        values.serialize_field("delay_s_std", &self.delay_s.std)?;
+        values.serialize_field("delay_s_interval", &self.delay_s.interval(0.95))?;
+        values.serialize_field("reference_s", &self.reference_s)?;
+        values.serialize_field("skew", &self.skew.map(|skew| skew.value))?;
+        values.serialize_field("skew_std", &self.skew.map(|skew| skew.std))?;
+        values.serialize_field("skew_interval", &self.skew.map(|skew| skew.interval(0.95)))?;
+        values.serialize_field("time_constant_s", &self.time_constant_s.value)?;
+        values.serialize_field("fit_percent", &self.fit_percent)?;
+        values.serialize_field("rows", &self.rows)?;
+        values.serialize_field("gaps", &self.gaps)?;
+        values.end()
+    }
 }
 
 /// What a reader of an alignment has to know.

@@ -3,6 +3,7 @@
 use num_complex::Complex64;
 use rotorlead::design::{LeadDesign, LeadParameters};
 use rotorlead_plant::{ActiveEffect, Model, OperatingPoint, Point, hold_response};
+use serde::Serialize;
 
 use crate::{Bandwidth, bandwidth_of};
 
@@ -24,13 +25,15 @@ pub enum Chain<'a> {
 }
 
 /// The bandwidths at one nominal command.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct BandwidthPoint {
     /// Command around which they hold, 0..1.
     pub nominal: f64,
     /// Of the actuator alone.
+    #[serde(rename = "uncompensated_rad_s")]
     pub uncompensated: Bandwidth,
     /// With the compensator in front.
+    #[serde(rename = "compensated_rad_s")]
     pub compensated: Bandwidth,
 }
 

@@ -12,13 +12,15 @@
 
 use rotorlead::settings::{HIGHEST_STOP, Pulse, PulseProtocol, Settings, SettingsError, Validated, longest_pulse_us};
 use rotorlead::throttle::Command;
+use serde::Serialize;
 
 /// From a fall of the line until it is the end of a pulse: 8 samples of the input filter at 42 MHz, and the 2 us for
 /// which the line has to stay low (docs/firmware.md, "From pulse in to pulse out").
 const INPUT_FILTER_S: f64 = 2.2e-6;
 
 /// When an output frame starts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum FrameStart {
     /// At its own rate: a new value waits for the next frame.
     FreeRunning,
@@ -27,7 +29,7 @@ pub enum FrameStart {
 }
 
 /// Time that one step takes.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Delay {
     /// On average, at mid command, seconds.
     pub mean_s: f64,

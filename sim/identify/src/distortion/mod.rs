@@ -24,6 +24,9 @@ mod tests;
 
 pub use robust::RobustResponse;
 
+use serde::ser::SerializeStruct as _;
+use serde::{Serialize, Serializer};
+
 use super::{NoiseSource, Spectrum, UnexcitedLine};
 use rotorlead_numerics::statistics::f_upper_tail;
 
@@ -58,6 +61,18 @@ pub struct DistortionLevel {
     pub relative_db: f64,
     /// Tail probability of `|Y|^2` if it were noise alone.
     pub p_value: f64,
+}
+
+impl Serialize for DistortionLevel {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut values = serializer.serialize_struct("DistortionLevel", 5)?;
+        values.serialize_field("lines", &self.lines)?;
+        values.serialize_field("level_db", &self.relative_db)?;
+        values.serialize_field("p_value", &self.p_value)?;
+        values.serialize_field("seen", &self.is_seen())?;
+        values.serialize_field("strong", &self.is_strong())?;
+        values.end()
+    }
 }
 
 impl DistortionLevel {

@@ -1,7 +1,11 @@
 //! Poles and zeros with their standard errors.
 
+use std::f64::consts::TAU;
+
 use nalgebra::DVector;
 use num_complex::Complex64;
+use serde::ser::SerializeStruct as _;
+use serde::{Serialize, Serializer};
 
 use super::sections::{Placed, Section};
 use crate::Estimate;
@@ -18,6 +22,19 @@ pub struct Root {
     /// Damping ratio `-Re / |root|`: below one in magnitude for pairs, exactly one or minus one for real roots. Negative
     /// in the right half plane. For a pair's interval use [`Estimate::interval_of_logarithm`].
     pub damping: Estimate,
+}
+
+impl Serialize for Root {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut values = serializer.serialize_struct("Root", 6)?;
+        values.serialize_field("frequency_hz", &(self.frequency_rad_s.value / TAU))?;
+        values.serialize_field("frequency_hz_std", &(self.frequency_rad_s.std / TAU))?;
+        values.serialize_field("damping", &self.damping.value)?;
+        values.serialize_field("damping_std", &self.damping.std)?;
+        values.serialize_field("real_rad_s", &self.value.re)?;
+        values.serialize_field("imaginary_rad_s", &self.value.im)?;
+        values.end()
+    }
 }
 
 impl Root {

@@ -28,6 +28,7 @@ use rotorlead_numerics::least_squares::Solution;
 use rotorlead_numerics::sample::moving_mean;
 use rotorlead_numerics::statistics::t_quantile;
 use rotorlead_plant::MapPolynomial;
+use serde::Serialize;
 use thiserror::Error;
 
 pub use points::{SteadyPoint, SteadyPoints};
@@ -46,7 +47,7 @@ const POOL_HALF_WIDTH: usize = 3;
 const FALLS: f64 = 3.0;
 
 /// A static map with its uncertainty.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StaticMapFit {
     /// Coefficients in powers of the command: response units, from the constant on. They describe the middle between
     /// levels reached from below and from above.
@@ -64,15 +65,20 @@ pub struct StaticMapFit {
     /// Steady points used.
     pub points: usize,
     /// What is odd.
+    #[serde(skip)]
     pub warnings: Vec<StaticMapWarning>,
+    #[serde(skip)]
     shape: Shape,
+    #[serde(skip)]
     parameters: Vec<f64>,
+    #[serde(skip)]
     covariance: DMatrix<f64>,
+    #[serde(skip)]
     dof: f64,
 }
 
 /// Where a motor begins to turn.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct DeadZone {
     /// The highest command at which it stood still.
     pub still: f64,
@@ -83,7 +89,8 @@ pub struct DeadZone {
 }
 
 /// What happens at the top.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Limit {
     /// The response rises no more beyond a command.
     Saturates {

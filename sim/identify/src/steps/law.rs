@@ -26,6 +26,8 @@
 use nalgebra::{DMatrix, DVector};
 use rotorlead_numerics::least_squares::{Limits, Residuals, Solution, minimize};
 use rotorlead_records::Record;
+use serde::ser::SerializeStruct as _;
+use serde::{Serialize, Serializer};
 
 use super::Run;
 use super::plateaus::{Plateau, SAME_LEVEL};
@@ -62,6 +64,26 @@ pub struct LawFit {
     pub reference: f64,
     /// % fit on the rows that it was fitted to.
     pub fit_percent: f64,
+}
+
+/// Degrees of freedom are null where there are no intervals.
+impl Serialize for LawFit {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut values = serializer.serialize_struct("LawFit", 11)?;
+        values.serialize_field("map", &self.map)?;
+        values.serialize_field("plateaus", &self.plateaus)?;
+        let dof = self.has_intervals().then_some(self.time_constant_s.dof);
+        values.serialize_field("degrees_of_freedom", &dof)?;
+        values.serialize_field("delay_s", &self.delay_s.value)?;
+        values.serialize_field("delay_s_std", &self.delay_s.std)?;
+        values.serialize_field("time_constant_s", &self.time_constant_s.value)?;
+        values.serialize_field("time_constant_s_std", &self.time_constant_s.std)?;
+        values.serialize_field("reference", &self.reference)?;
+        values.serialize_field("drag_share", &self.drag_share.value)?;
+        values.serialize_field("drag_share_std", &self.drag_share.std)?;
+        values.serialize_field("fit_percent", &self.fit_percent)?;
+        values.end()
+    }
 }
 
 impl LawFit {

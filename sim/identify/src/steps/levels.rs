@@ -1,11 +1,14 @@
 //! What is known of each level: the static map up and down, its slope, the time constants.
 
+use serde::ser::SerializeStruct as _;
+use serde::{Serialize, Serializer};
+
 use super::fit::Group;
 use super::plateaus::{Direction, Plateau, SAME_LEVEL};
 use crate::Estimate;
 
 /// One level of the staircase.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Level {
     /// The command, 0..1.
     pub command: f64,
@@ -15,6 +18,7 @@ pub struct Level {
     pub down: Option<Branch>,
     /// Slope of the static map in response units per unit of command; `None` where the map does not rise
     /// or the branch has no other level.
+    #[serde(serialize_with = "value")]
     pub gain: Option<Estimate>,
 }
 
@@ -30,6 +34,23 @@ pub struct Branch {
     pub time_constant_s: Option<Estimate>,
     /// % fit over the windows of those steps, each with its own final level and onset.
     pub fit_percent: Option<f64>,
+}
+
+/// An estimate without its error.
+fn value<S: Serializer>(estimate: &Option<Estimate>, serializer: S) -> Result<S::Ok, S::Error> {
+    estimate.map(|estimate| estimate.value).serialize(serializer)
+}
+
+impl Serialize for Branch {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut values = serializer.serialize_struct("Branch", 5)?;
+        values.serialize_field("response", &self.mean.value)?;
+        values.serialize_field("response_std", &self.mean.std)?;
+        values.serialize_field("time_constant_s", &self.time_constant_s.map(|tau| tau.value))?;
+        values.serialize_field("time_constant_s_std", &self.time_constant_s.map(|tau| tau.std))?;
+        values.serialize_field("fit_percent", &self.fit_percent)?;
+        values.end()
+    }
 }
 
 impl Level {

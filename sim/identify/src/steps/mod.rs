@@ -37,6 +37,8 @@ mod splits;
 mod uncertainty;
 mod warning;
 
+use serde::ser::SerializeStruct as _;
+use serde::{Serialize, Serializer};
 use std::ops::Range;
 
 pub use error::StepsError;
@@ -96,6 +98,19 @@ pub struct StaircaseFit {
     pub simulated: Vec<f64>,
     /// What is odd about the record.
     pub warnings: Vec<StepsWarning>,
+}
+
+impl Serialize for StaircaseFit {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut values = serializer.serialize_struct("StaircaseFit", 6)?;
+        values.serialize_field("record", &self.record)?;
+        values.serialize_field("delay_s", &self.delay_s.value)?;
+        values.serialize_field("delay_s_std", &self.delay_s.std)?;
+        values.serialize_field("fit_percent", &self.fit_percent)?;
+        values.serialize_field("fit_percent_with_spikes", &self.fit_percent_with_spikes)?;
+        values.serialize_field("levels", &self.levels)?;
+        values.end()
+    }
 }
 
 /// Relative standard error above which a time constant is no basis for a design.

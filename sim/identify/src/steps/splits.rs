@@ -12,6 +12,7 @@
 
 use rotorlead_numerics::sample::mean;
 use rotorlead_records::{Output, Record};
+use serde::{Serialize, Serializer};
 
 use super::law::{Bench, LIMITS, LagLaw, LawFit};
 use super::plateaus::{Direction, Plateau, SAME_LEVEL};
@@ -30,11 +31,17 @@ pub enum Split {
     OddToEven,
 }
 
+impl Serialize for Split {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.words())
+    }
+}
+
 /// All of them.
 pub const SPLITS: [Split; 4] = [Split::UpToDown, Split::DownToUp, Split::EvenToOdd, Split::OddToEven];
 
 /// Both laws on one split.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct HeldOut {
     /// The split.
     pub split: Split,
@@ -52,7 +59,7 @@ pub struct HeldOut {
 }
 
 /// Both laws on a record.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LawComparison {
     /// The one lag, fitted to all steps.
     pub one_lag: LawFit,

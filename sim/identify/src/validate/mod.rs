@@ -29,13 +29,16 @@ pub use table::{FitBesideCeiling, TableRow, table_2};
 use num_complex::Complex64;
 use rotorlead_plant::Model;
 use rotorlead_records::{Excitation, Experiment, Role};
+use serde::ser::SerializeStruct as _;
+use serde::{Serialize, Serializer};
 
 use judge::Judge;
 
 use super::IdentifyError;
 
 /// In which domain a record is judged.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Domain {
     /// Frequency response at the excited lines.
     Frequency,
@@ -67,6 +70,26 @@ pub struct RecordValidation {
     pub left_over: Option<LeftOver>,
     /// What was compared.
     pub comparison: Comparison,
+}
+
+/// Without what was compared. What is left is infinitely more than the noise of a record without any.
+impl Serialize for RecordValidation {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut values = serializer.serialize_struct("RecordValidation", 12)?;
+        values.serialize_field("file", &self.file)?;
+        values.serialize_field("nominal", &self.nominal)?;
+        values.serialize_field("excitation", &self.excitation)?;
+        values.serialize_field("compensated", &self.compensated)?;
+        values.serialize_field("role", &self.role)?;
+        values.serialize_field("held_out", &self.fitted.map(|fitted| !fitted))?;
+        values.serialize_field("domain", &self.domain())?;
+        values.serialize_field("fit_percent", &self.fit_percent)?;
+        values.serialize_field("ceiling_percent", &self.ceiling_percent)?;
+        values.serialize_field("left_over_noise", &self.left_over.map(|left| left.power_ratio))?;
+        values.serialize_field("left_over_p_value", &self.left_over.map(|left| left.p_value))?;
+        values.serialize_field("model_error_percent", &self.model_error_percent())?;
+        values.end()
+    }
 }
 
 impl RecordValidation {

@@ -1,5 +1,6 @@
 //! What a kind of effect is.
 
+use serde::{Serialize, Serializer};
 use std::fmt;
 
 use num_complex::Complex64;
@@ -36,6 +37,13 @@ pub struct Kind {
     /// By what it multiplies the response of the lag around a nominal command, at a frequency in rad/s; 1 where
     /// [`Linearity::Absent`].
     pub response: fn(&[f64], &OperatingPoint, f64) -> Complex64,
+}
+
+/// By its name in a model file.
+impl Serialize for Kind {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(self.id)
+    }
 }
 
 /// Whether values go together: if not, the place of the parameter that is wrong among all, and what it is not.

@@ -12,6 +12,7 @@ use std::f64::consts::{FRAC_2_PI, PI};
 use num_complex::Complex64;
 use rotorlead_plant::ActiveEffect;
 use rotorlead_plant::effect::Kind;
+use serde::Serialize;
 
 use crate::THREE_DB;
 
@@ -33,7 +34,7 @@ pub(super) struct Bound {
 }
 
 /// What a lead asks of a bound.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Limit {
     /// The effect that is the bound.
     pub kind: &'static Kind,

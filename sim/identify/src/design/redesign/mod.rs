@@ -16,6 +16,7 @@ pub use limits::Limit;
 pub use sweep::ChainBandwidth;
 
 use rotorlead_plant::{ActiveEffect, LinearChain, Model, PlantError, Point};
+use serde::{Serialize, Serializer};
 
 use limits::Bound;
 use sweep::Sweep;
@@ -42,13 +43,15 @@ pub struct RedesignOptions {
 }
 
 /// The bandwidths at one nominal command, with all effects.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RedesignPoint {
     /// Of small deviations, as `rotorlead bandwidth` says them.
+    #[serde(flatten)]
     pub small: BandwidthPoint,
     /// Amplitude of the sinusoids.
     pub amplitude: f64,
     /// Of sinusoids through the whole chain.
+    #[serde(flatten)]
     pub chain: ChainBandwidth,
     /// What the lead asks of each bound of the actuator.
     pub limits: Vec<Limit>,
@@ -63,12 +66,25 @@ impl RedesignPoint {
 }
 
 /// A compensator with what it does at each point.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Compensated {
     /// The compensator.
+    #[serde(rename = "compensator", serialize_with = "lead")]
     pub design: LeadDesign,
     /// At each point of the model.
     pub points: Vec<RedesignPoint>,
+}
+
+/// The parameters of a lead.
+fn lead<S: Serializer>(design: &LeadDesign, serializer: S) -> Result<S::Ok, S::Error> {
+    let lead = design.lead();
+    serializer.collect_map([
+        ("zero_rad_s", lead.omega_z_rad_s),
+        ("pole_rad_s", lead.omega_f_rad_s),
+        ("damping", lead.damping),
+        ("omega_g_rad_s", lead.omega_g_rad_s()),
+        ("loop_rate_hz", design.loop_rate_hz()),
+    ])
 }
 
 impl Compensated {

@@ -9,6 +9,7 @@ use rotorlead::compensator::Compensator;
 use rotorlead::design::LeadDesign;
 use rotorlead::throttle::Command;
 use rotorlead_plant::{Actuator, EscTiming, Law, Model, PlantError};
+use serde::Serialize;
 
 use crate::{Bandwidth, THREE_DB};
 
@@ -41,11 +42,13 @@ pub(super) struct Sweep<'a> {
 }
 
 /// Where the response of the chain falls behind.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct ChainBandwidth {
     /// 3 dB under the static value.
+    #[serde(rename = "chain_rad_s")]
     pub magnitude: Bandwidth,
     /// A quarter of a turn late: 90 degrees of phase lag.
+    #[serde(rename = "chain_phase_rad_s")]
     pub phase: Bandwidth,
 }
 
