@@ -6,20 +6,21 @@ use std::path::PathBuf;
 use clap::Args;
 use miette::WrapErr as _;
 use rotorlead::design::{DEFAULT_LOOP_RATE_HZ, LeadDesign, LeadParameters};
-use rotorlead_identify::design::{Chain, bandwidths_with, chain_phases, read_compensator};
+use rotorlead_identify::design::{BandwidthPoint, Chain, ChainPhase, bandwidths_with, chain_phases, read_compensator};
 use rotorlead_identify::{
     IdentifyError, MeasuredBandwidth, PeriodicIdentification, PeriodicOptions, identify_periodic,
 };
-use rotorlead_plant::effect::Linearity;
+use rotorlead_plant::effect::{Kind, Linearity};
 use rotorlead_plant::{ActiveEffect, Model};
 use rotorlead_records::Experiment;
 use rotorlead_report::{
-    Fact, Report, bandwidth_json, bandwidth_section, bandwidth_table, measured_json, measured_response, measured_table,
-    simulated_response, simulation_and_experiment,
+    Fact, PointValues, Report, Table, bandwidth_section, bandwidth_table, bandwidth_values, measured_response,
+    measured_table, simulated_response, simulation_and_experiment,
 };
-use serde_json::json;
+use serde::Serialize;
+use serde_json::Value;
 
-use super::latency::{LatencyArguments, counted_delays, counted_holds, counted_json, latency_json};
+use super::latency::{LatencyArguments, counted_delays, counted_holds, latency_json};
 use super::lost_gain::lost_gain;
 use super::outcome::{JsonOption, Outcome, paragraph, without_mark};
 use super::parameters::{DesignArguments, positive};
@@ -69,6 +70,18 @@ pub struct Bandwidth {
     pub(super) json: JsonOption,
 }
 
+/// What came out, for programs.
+#[derive(Serialize)]
+struct Values {
+    points: Vec<PointValues>,
+    latency: Value,
+    warnings: Vec<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    left_out: Option<Vec<&'static Kind>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    measured: Option<Vec<MeasuredBandwidth>>,
+}
+
 impl Bandwidth {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
@@ -94,31 +107,18 @@ impl Bandwidth {
         let latency = self.latency.latency(design.as_ref().map_or(DEFAULT_LOOP_RATE_HZ, LeadDesign::loop_rate_hz))?;
         let phases = chain_phases(&model, &effects, chain, &latency, &points);
         let warning = lost_gain(&points, &phases);
-        let mut text = bandwidth_table(&points, &phases);
+        let mut text = predicted(&points, &phases).text();
         text.push_str(&counted_delays(&latency, &phases));
         text.push_str(&counted_holds(&latency, chain, &phases));
         text.push_str(&counted_effects(&effects));
         if let Some(warning) = &warning {
             writeln!(text, "\n{}", paragraph(warning, "  ").trim_end()).expect("a string takes all");
         }
-        let mut json = json!({
-            "points": bandwidth_json(&points, &phases),
-            "latency": latency_json(&latency),
-            "warnings": warning.as_slice(),
-        });
-        if let Some(counted) = counted_json(&latency, chain, &phases) {
-            json["latency"]["counted"] = counted;
-        }
-        if !effects.is_empty() {
-            let left_out = effects.iter().map(ActiveEffect::kind).filter(|kind| kind.linearity == Linearity::Absent);
-            json["left_out"] = left_out.map(|kind| kind.id).collect();
-        }
         let (mut measured, mut found) = (Vec::new(), Vec::new());
         if !self.records.is_empty() {
             (measured, found) = self.measure()?;
             text.push('\n');
-            text.push_str(&measured_table(&measured));
-            json["measured"] = measured_json(&measured);
+            text.push_str(&measured_table(&measured).text());
         }
         text.push_str(&self.report.write(|| {
             let mut section = bandwidth_section(&points, &phases, &measured);
@@ -149,7 +149,15 @@ impl Bandwidth {
                 ..report_pages::report("Bandwidth", title, verdict)
             }
         })?);
-        Ok(Outcome { text, json })
+        let left_out = effects.iter().map(ActiveEffect::kind).filter(|kind| kind.linearity == Linearity::Absent);
+        let values = Values {
+            points: bandwidth_values(&points, &phases),
+            latency: latency_json(&latency, chain, &phases),
+            warnings: warning.into_iter().collect(),
+            left_out: (!effects.is_empty()).then(|| left_out.collect()),
+            measured: (!self.records.is_empty()).then_some(measured),
+        };
+        Ok(Outcome::new(text, &values))
     }
 
     /// The bandwidths that the records show, and the responses behind them.
@@ -169,6 +177,19 @@ impl Bandwidth {
         }
         Ok((measured, all))
     }
+}
+
+/// The predicted bandwidths and phases, without and then with the compensator.
+pub fn predicted(points: &[BandwidthPoint], phases: &[ChainPhase]) -> Table {
+    bandwidth_table(points, phases).select(&[
+        "u_nom",
+        "uncompensated_rad_s",
+        "uncompensated_phase_deg",
+        "uncompensated_minus_90_rad_s",
+        "compensated_rad_s",
+        "compensated_phase_deg",
+        "compensated_minus_90_rad_s",
+    ])
 }
 
 /// What of the model's effects is in the bandwidths; nothing for a model without any.

@@ -6,12 +6,16 @@ use std::path::PathBuf;
 use clap::Args;
 use rotorlead::design::{DEFAULT_LOOP_RATE_HZ, LeadDesign};
 use rotorlead_identify::design::{Chain, bandwidths_with, chain_phases, compensator_file};
-use rotorlead_plant::{ActiveEffect, Model, Point};
+use rotorlead_plant::{ActiveEffect, Model, StoredCoefficients};
 use rotorlead_records::files::check_writable;
-use rotorlead_report::{Report, bandwidth_json, bandwidth_section, bandwidth_table, design_section};
-use serde_json::json;
+use rotorlead_report::{
+    PointValues, Report, bandwidth_section, bandwidth_values, design_section, design_table, fastest_point,
+    transfer_function,
+};
+use serde::Serialize;
+use serde_json::Value;
 
-use super::bandwidth::counted_effects;
+use super::bandwidth::{counted_effects, predicted};
 use super::latency::{LatencyArguments, counted_delays, latency_json};
 use super::lost_gain::lost_gain;
 use super::outcome::{JsonOption, Outcome, paragraph, without_mark};
@@ -43,6 +47,23 @@ pub struct Design {
     pub(super) json: JsonOption,
 }
 
+/// What came out, for programs.
+#[derive(Serialize)]
+struct Values {
+    zero_rad_s: f64,
+    pole_rad_s: f64,
+    damping: f64,
+    loop_rate_hz: f64,
+    coefficients: StoredCoefficients,
+    warnings: Vec<String>,
+    worst_deviation_db: f64,
+    pole_radii: [f64; 2],
+    l1_gain: f64,
+    step_peak: f64,
+    points: Vec<PointValues>,
+    latency: Value,
+}
+
 impl Design {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
@@ -61,7 +82,7 @@ impl Design {
         let phases = chain_phases(&model, &effects, chain, &latency, &points);
         let warnings: Vec<String> = uncertain_zero(&model).into_iter().chain(lost_gain(&points, &phases)).collect();
         let mut text = describe(&design, &model);
-        write!(text, "\nPredicted bandwidth\n\n{}", bandwidth_table(&points, &phases)).expect("a string takes all");
+        write!(text, "\n{}", predicted(&points, &phases).text()).expect("a string takes all");
         text.push_str(&counted_delays(&latency, &phases));
         text.push_str(&counted_effects(&effects));
         text.push('\n');
@@ -83,21 +104,22 @@ impl Design {
             }
         })?);
         let check = design.check();
-        let json = json!({
-            "zero_rad_s": design.lead().omega_z_rad_s,
-            "pole_rad_s": design.lead().omega_f_rad_s,
-            "damping": design.lead().damping,
-            "loop_rate_hz": design.loop_rate_hz(),
-            "coefficients": compensator_file(&design).coefficients,
-            "warnings": warnings,
-            "worst_deviation_db": check.worst_deviation_db,
-            "pole_radii": check.pole_radii,
-            "l1_gain": check.l1_gain,
-            "step_peak": check.step_peak,
-            "points": bandwidth_json(&points, &phases),
-            "latency": latency_json(&latency),
-        });
-        Ok(Outcome { text, json })
+        let lead = design.lead();
+        let values = Values {
+            zero_rad_s: lead.omega_z_rad_s,
+            pole_rad_s: lead.omega_f_rad_s,
+            damping: lead.damping,
+            loop_rate_hz: design.loop_rate_hz(),
+            coefficients: compensator_file(&design).coefficients,
+            warnings,
+            worst_deviation_db: check.worst_deviation_db,
+            pole_radii: check.pole_radii,
+            l1_gain: check.l1_gain,
+            step_peak: check.step_peak,
+            points: bandwidth_values(&points, &phases),
+            latency: latency_json(&latency, chain, &phases),
+        };
+        Ok(Outcome::new(text, &values))
     }
 }
 
@@ -105,20 +127,10 @@ impl Design {
 /// moves the compensated response by about 1 dB.
 const DOUBTFUL_PART: f64 = 0.1;
 
-/// The point with the fastest pole, on which the zero stands.
-fn fastest(model: &Model) -> Option<&Point> {
-    model.points.iter().min_by(|a, b| a.time_constant_s.total_cmp(&b.time_constant_s))
-}
-
-/// Standard error of a point's time constant, as a part of it.
-fn relative_std(point: &Point) -> Option<f64> {
-    point.time_constant_s_std.map(|std| std / point.time_constant_s)
-}
-
 /// Said when the fastest pole is known badly: the fastest of many uncertain poles is likely to be so by chance.
 fn uncertain_zero(model: &Model) -> Option<String> {
-    let point = fastest(model)?;
-    let part = relative_std(point).filter(|part| *part > DOUBTFUL_PART)?;
+    let point = fastest_point(model)?;
+    let part = point.time_constant_s_std.map(|std| std / point.time_constant_s).filter(|part| *part > DOUBTFUL_PART)?;
     Some(format!(
         "warning: the zero stands on the pole at u_nom {:.3}, whose standard error is {:.0} %. It may be the fastest by \
          chance, and then the other levels get too little lead. Measure there again, or remove its [[point]] from the model",
@@ -127,54 +139,7 @@ fn uncertain_zero(model: &Model) -> Option<String> {
     ))
 }
 
-/// The design in words, with what its check found.
+/// The design, with what its check found.
 pub fn describe(design: &LeadDesign, model: &Model) -> String {
-    let origin = fastest(model).map_or_else(String::new, |point| {
-        let std = relative_std(point).map_or_else(String::new, |part| format!(" +- {:.1} %", 100.0 * part));
-        format!(", u_nom {:.3}{std}", point.nominal)
-    });
-    let (lead, check) = (design.lead(), design.check());
-    let wf2 = lead.omega_f_rad_s.powi(2);
-    let linear = wf2 / lead.omega_z_rad_s;
-    let friction = 2.0 * lead.damping * lead.omega_f_rad_s;
-    let rounded = design.coefficients();
-    format!(
-        "\
-C(s) = ({linear:.2} s + {wf2:.2}) / (s^2 + {friction:.2} s + {wf2:.2})
-
-  zero            {:>10.4} rad/s   the fastest pole (2){origin}
-  poles           {:>10.4} rad/s   damping {:.4} (4, 5)
-  amplifies up to {:>10.2} rad/s   omega_g (6)
-  asymptotic peak {:>10.4} dB      (5)
-  gains little where the pole is slower than {:.4} rad/s
-
-Discrete at {} Hz (Tustin{})
-  coefficients, 2^-32      k {}  c {}
-                           g0 {}  g1 {}
-  deviation by rounding    {:.1e} dB at most, at {:.0} rad/s
-  pole radii               {:.8}  {:.8}
-  L1 gain                  {:.3}: a command in [0, 1] stays in [{:.2}, {:.2}]
-  a step of the command is answered by at most {:.2} times that step
-",
-        lead.omega_z_rad_s,
-        lead.omega_f_rad_s,
-        lead.damping,
-        lead.omega_g_rad_s(),
-        lead.asymptotic_peak_db(),
-        lead.slowest_helped_rad_s(),
-        design.loop_rate_hz(),
-        design.prewarp_rad_s().map_or(String::new(), |prewarp| format!(", exact at {prewarp} rad/s")),
-        rounded.k(),
-        rounded.c(),
-        rounded.g0(),
-        rounded.g1(),
-        check.worst_deviation_db,
-        check.worst_deviation_rad_s,
-        check.pole_radii[0],
-        check.pole_radii[1],
-        check.l1_gain,
-        (1.0 - check.l1_gain) / 2.0,
-        (1.0 + check.l1_gain) / 2.0,
-        check.step_peak,
-    )
+    format!("{}\n\n{}", transfer_function(design), design_table(design, model).text())
 }

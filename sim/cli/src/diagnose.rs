@@ -5,15 +5,13 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use miette::{IntoDiagnostic as _, WrapErr as _};
-use rotorlead_diagnose::{
-    Axis, Diagnosis, Gap, Location, NEEDS_STEADY_START, Options, Verdict, diagnose, fill_in_esc_commands,
-};
+use rotorlead_diagnose::{Diagnosis, NEEDS_STEADY_START, Options, Verdict, diagnose, fill_in_esc_commands};
 use rotorlead_plant::{Catalog, Model};
 use rotorlead_records::Experiment;
 use rotorlead_records::files::{check_writable, write_file};
 use rotorlead_report::Verdict as Headline;
-use rotorlead_report::{Report, diagnosis_section, diagnosis_tone, parameter_with_std};
-use serde_json::{Value, json};
+use rotorlead_report::{Report, diagnosis_section, diagnosis_tone, effect_table, excess_table, gap_table};
+use serde::Serialize;
 
 use super::diagnose_bandwidths::BandwidthArguments;
 use super::outcome::{JsonOption, Outcome, wrapped};
@@ -54,6 +52,16 @@ pub struct Diagnose {
     redesign: RedesignArguments,
     #[command(flatten)]
     pub(super) json: JsonOption,
+}
+
+/// What came out, for programs.
+#[derive(Serialize)]
+struct Values<'a> {
+    #[serde(flatten)]
+    found: &'a Diagnosis,
+    next_experiment: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    redesign: Option<super::redesign::Values>,
 }
 
 impl Diagnose {
@@ -104,11 +112,10 @@ impl Diagnose {
         if let Some(out) = &self.out_plan {
             text.push_str(&write_plan(&found, out)?);
         }
-        let mut json = values(&found);
-        let (mut sentences, mut redesign_sections) = (Vec::new(), Vec::new());
+        let (mut sentences, mut redesign_sections, mut redesign) = (Vec::new(), Vec::new(), None);
         if let Some(redesigned) = self.redesign.run(&found, experiment.esc_frame_hz)? {
             text.push_str(&redesigned.text);
-            json["redesign"] = redesigned.json;
+            redesign = Some(redesigned.values);
             sentences.push(redesigned.verdict.to_owned());
             redesign_sections = redesigned.sections;
         }
@@ -121,7 +128,8 @@ impl Diagnose {
                 ..report_pages::report("Diagnosis", format!("Diagnosis of {}", experiment.name), headline)
             }
         })?);
-        Ok(Outcome { text, json })
+        let next_experiment = found.next_experiment().map(|next| next.words);
+        Ok(Outcome::new(text, &Values { found: &found, next_experiment, redesign }))
     }
 }
 
@@ -161,37 +169,10 @@ fn words(found: &Diagnosis) -> String {
         text.push('\n');
     };
     if found.verdict != Verdict::Agrees {
-        line("\nWhere the excess chi-square of the first model lies, in percent:".to_owned());
-        for axis in [
-            Axis::Frequency,
-            Axis::Nominal,
-            Axis::Amplitude,
-            Axis::Direction,
-            Axis::Time,
-            Axis::Harmonics,
-            Axis::Excitation,
-        ] {
-            let mut parts: Vec<&Location> = found.locations.iter().filter(|part| part.axis == axis).collect();
-            parts.sort_by(|a, b| b.share.total_cmp(&a.share));
-            let shown = parts.iter().take(3).filter(|part| part.share >= 0.01).map(|part| place(part));
-            let shown = shown.collect::<Vec<_>>().join(", ");
-            if !shown.is_empty() {
-                line(format!("  {:<11} {shown}", axis.name()));
-            }
-        }
+        line(format!("\n{}", excess_table(found).text().trim_end()));
     }
     for effect in &found.effects {
-        line(format!(
-            "\n{} ({})\n  gap {:.2} % without it, {:.2} % with it; log likelihood {:+.0}",
-            effect.kind.id,
-            effect.kind.title,
-            100.0 * effect.gap_before,
-            100.0 * effect.gap_after,
-            effect.evidence
-        ));
-        for (parameter, estimate) in &effect.parameters {
-            line(format!("  {:<22} {}", parameter.name, parameter_with_std(parameter, estimate)));
-        }
+        line(format!("\n{}", effect_table(effect).text().trim_end()));
         if !effect.alternatives.is_empty() {
             let others: Vec<&str> = effect.alternatives.iter().map(|kind| kind.id).collect();
             line(format!("  the records cannot tell it from {}", others.join(", ")));
@@ -203,23 +184,7 @@ fn words(found: &Diagnosis) -> String {
     for kind in &found.weak_evidence {
         line(format!("\n{kind}"));
     }
-    let on = if found.held_out { "held-out data" } else { "the training data (nothing was held out)" };
-    line(format!(
-        "\nGap on {on}, RMS over that of the response:\n  {:.2} % before, {:.2} % after, {:.2} % noise",
-        100.0 * found.gap.before,
-        100.0 * found.gap.after,
-        100.0 * found.gap.noise_floor
-    ));
-    for split in &found.splits {
-        let Gap { before, after, noise_floor } = split.gap;
-        let percents =
-            format!("{:.2} % before, {:.2} % after, {:.2} % noise", 100.0 * before, 100.0 * after, 100.0 * noise_floor);
-        line(format!("  {:<24} {percents}", split.split));
-    }
-    if !found.splits.is_empty() {
-        let Gap { before, after, .. } = found.fitted;
-        line(format!("On all steps, which are fitted: {:.2} % before, {:.2} % after", 100.0 * before, 100.0 * after));
-    }
+    line(format!("\n{}", gap_table(found).text().trim_end()));
     if !found.columns.is_empty() {
         let columns: Vec<&str> = found.columns.iter().map(|column| column.name()).collect();
         line(format!("\nBeside the response, compared too where it says more: {}", columns.join(", ")));
@@ -234,95 +199,4 @@ fn words(found: &Diagnosis) -> String {
         line(format!("\nNext: {}", wrapped(&next.words, WIDTH - 6, "  ")));
     }
     text
-}
-
-fn place(part: &Location) -> String {
-    let (low, high) = part.range;
-    let span = |decimals: usize| {
-        let [from, to] = [low, high].map(|end| format!("{end:.decimals$}"));
-        if from == to { from } else { format!("{from} to {to}") }
-    };
-    let where_it_is = match part.axis {
-        Axis::Frequency => format!("{} Hz", span(2)),
-        Axis::Nominal if low == high => format!("{low}"),
-        Axis::Nominal => span(2),
-        Axis::Amplitude => span(3),
-        Axis::Direction => (if low > 0.0 { "rising" } else { "falling" }).to_owned(),
-        Axis::Time => format!("{} s", span(0)),
-        Axis::Harmonics if low < 2.0 => "excited lines".to_owned(),
-        Axis::Harmonics if low < 3.0 => "even lines".to_owned(),
-        Axis::Harmonics => "odd lines".to_owned(),
-        Axis::Excitation => ["multisine", "square", "triangle", "step", "staircase", "chirp", "free"]
-            .get((low as usize).saturating_sub(1))
-            .map_or_else(String::new, |name| (*name).to_owned()),
-    };
-    format!("{where_it_is}: {:.0}", 100.0 * part.share)
-}
-
-fn values(found: &Diagnosis) -> Value {
-    let finite = |value: f64| if value.is_finite() { json!(value) } else { Value::Null };
-    json!({
-        "verdict": found.verdict.name(),
-        "where": found.locations.iter().map(|part| json!({
-            "axis": part.axis.name(),
-            "range": [part.range.0, part.range.1],
-            "share": part.share,
-            "significance": part.significance,
-        })).collect::<Vec<_>>(),
-        "effects": found.effects.iter().map(|effect| json!({
-            "kind": effect.kind.id,
-            "parameters": effect.parameters.iter().map(|(parameter, estimate)| {
-                let value = json!({ "value": estimate.value, "std": finite(estimate.std), "unit": parameter.unit });
-                (parameter.name.to_owned(), value)
-            }).collect::<serde_json::Map<_, _>>(),
-            "gap_before": effect.gap_before,
-            "gap_after": effect.gap_after,
-            "evidence": effect.evidence,
-            "alternatives": effect.alternatives.iter().map(|kind| kind.id).collect::<Vec<_>>(),
-        })).collect::<Vec<_>>(),
-        "needs_steady_start": found.needs_steady_start,
-        "weak_evidence": found.weak_evidence.iter().map(|kind| json!({
-            "kind": kind.kind.id,
-            "evidence": kind.evidence,
-        })).collect::<Vec<_>>(),
-        "gap": { "before": found.gap.before, "after": found.gap.after, "noise_floor": found.gap.noise_floor },
-        "records": found.records.iter().map(|record| json!({
-            "file": record.file,
-            "nominal": record.nominal,
-            "before": record.gap.before,
-            "after": record.gap.after,
-            "noise_floor": record.gap.noise_floor,
-        })).collect::<Vec<_>>(),
-        "splits": found.splits.iter().map(|split| json!({
-            "split": split.split,
-            "before": split.gap.before,
-            "after": split.gap.after,
-            "noise_floor": split.gap.noise_floor,
-        })).collect::<Vec<_>>(),
-        "fitted": { "before": found.fitted.before, "after": found.fitted.after, "noise_floor": found.fitted.noise_floor },
-        "columns": found.columns.iter().map(|column| column.name()).collect::<Vec<_>>(),
-        "rows_cut": found.cut.iter().map(|cut| json!({
-            "file": cut.file,
-            "rows": cut.rows,
-            "start": cut.start,
-            "end": cut.end,
-            "spikes": cut.spikes,
-            "after_gaps": cut.after_gaps,
-        })).collect::<Vec<_>>(),
-        "not_compared": found.left_out.iter().map(|out| &out.file).collect::<Vec<_>>(),
-        "held_out": found.held_out,
-        "excess": {
-            "before": { "sum": found.excess.0.sum, "expected": found.excess.0.expected },
-            "after": { "sum": found.excess.1.sum, "expected": found.excess.1.expected },
-        },
-        "steadiness": { "spread": found.steadiness.spread, "significance": found.steadiness.significance },
-        "timing": { "scatter_s": found.timing.scatter_s, "significance": found.timing.significance },
-        "tried": found.tried.iter().map(|tried| json!({
-            "kind": tried.kind.id,
-            "fitted_gain": tried.fitted_gain,
-            "held_out_gain": finite(tried.held_out_gain),
-            "score": finite(tried.score),
-        })).collect::<Vec<_>>(),
-        "next_experiment": found.next_experiment().map(|next| next.words),
-    })
 }

@@ -5,15 +5,18 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use miette::WrapErr as _;
-use rotorlead_diagnose::Verdict;
 use rotorlead_diagnose::bandwidths::{
-    BandwidthDiagnosis, BandwidthOptions, BandwidthTable, Column, Explanation, Scope, Standing, diagnose_bandwidths,
+    BandwidthDiagnosis, BandwidthOptions, BandwidthTable, Column, Explanation, Scope, diagnose_bandwidths,
 };
+use rotorlead_diagnose::{Verdict, by_name};
 use rotorlead_identify::design::{DesignOptions, design, read_compensator};
 use rotorlead_plant::{Catalog, Model, Provenance};
 use rotorlead_records::files::check_writable;
 use rotorlead_report::Verdict as Headline;
-use rotorlead_report::{Report, bandwidth_diagnosis_section, diagnosis_tone, parameter_with_std};
+use rotorlead_report::{
+    Report, bandwidth_diagnosis_section, diagnosis_tone, explanations_table, parameter_table, predicted_table,
+    ratios_table,
+};
 use serde_json::{Value, json};
 
 use super::outcome::{Outcome, wrapped};
@@ -117,18 +120,14 @@ fn words(found: &BandwidthDiagnosis) -> String {
         text.push_str(line.trim_end());
         text.push('\n');
     };
-    line("\nMeasured over simulated bandwidth, and the part of the gap that lies there\n(of the squares of the logarithm):".to_owned());
-    line("  u_nom   uncompensated         compensated".to_owned());
-    for (row, parts) in found.table.rows.iter().zip(&found.parts) {
-        let cells = parts.map(|part| match part.ratio {
-            Some(ratio) => format!("{ratio:>7.3}  {:>5.1} %", 100.0 * part.share),
-            None => format!("{:>7}  {:>5}  ", "-", ""),
-        });
-        line(format!("  {:<5.3}  {}     {}", row.nominal, cells[0], cells[1]));
-    }
-    let share = |column: Column| found.parts.iter().map(|parts| parts[column as usize].share).sum::<f64>();
-    let [without, with] = Column::ALL.map(|column| 100.0 * share(column));
-    line(format!("  all             {without:>5.1} %              {with:>5.1} %"));
+    let ratios = ratios_table(found).select(&[
+        "u_nom",
+        "uncompensated_ratio",
+        "uncompensated_share_percent",
+        "compensated_ratio",
+        "compensated_share_percent",
+    ]);
+    line(format!("\n{}", ratios.text()));
     if !found.explanations.is_empty() {
         list(found, &mut line);
     }
@@ -146,18 +145,9 @@ fn words(found: &BandwidthDiagnosis) -> String {
         }
     }
     if let Some(one) = found.named() {
-        line(format!("\n{} ({})", one.name(), one.kind.title));
-        for (parameter, estimate) in &one.parameters {
-            line(format!("  {:<22} {}", parameter.name, parameter_with_std(parameter, estimate)));
-        }
-        if one.scope == Scope::Each {
-            sizes(found, one, &mut line);
-        }
-        line("  predicted (rad/s)".to_owned());
-        for (row, predicted) in found.table.rows.iter().zip(&one.predicted_rad_s) {
-            let cells = predicted.map(|value| value.map_or("-".to_owned(), |value| format!("{value:.2}")));
-            line(format!("  {:<5.3} {:>14} {:>19}", row.nominal, cells[0], cells[1]));
-        }
+        let caption = format!("{} ({})", one.name(), one.kind.title);
+        line(format!("\n{}", parameter_table(one.kind, caption, &one.parameters).text()));
+        line(format!("\n{}", predicted_table(found, one).text()));
     }
     let on = match (found.held_out, found.fitted.other()) {
         (true, held_out) => format!("the {} column, which no number was fitted to", held_out.word()),
@@ -206,57 +196,19 @@ fn verdict(found: &BandwidthDiagnosis) -> String {
 }
 
 fn list(found: &BandwidthDiagnosis, line: &mut impl FnMut(String)) {
-    let (fitted, held_out) = (found.fitted.word(), found.fitted.other().word());
-    let to = format!(
-        "Explanations, calibrated on the {fitted} column alone. RMS of ln(measured / predicted) there, and on the {held_out} \
-         column, which is only predicted:"
-    );
-    line(format!("\n{}", wrapped(&to, WIDTH, "")));
-    line(format!("    {:<28} numbers {fitted:>15} {held_out:>15}", ""));
-    line(format!(
-        "    {:<28} {:>7} {:>15.3} {}",
-        "as it is",
-        0,
-        found.fitted_gap.before,
-        held_out_cell(found.held_out.then_some(found.gap.before))
-    ));
-    for one in &found.explanations {
-        let mark = match one.standing {
-            Standing::Chosen => '*',
-            Standing::Alternative => '=',
-            Standing::Worse => ' ',
-        };
-        let (numbers, rms) = (one.numbers, one.fitted_rms);
-        line(format!("  {mark} {:<28} {numbers:>7} {rms:>15.3} {}", one.name(), held_out_cell(one.held_out_rms)));
-    }
+    line(format!("\n{}", explanations_table(found).text()));
     let rule = if found.is_asked_for {
-        "* is taken, as asked for."
+        "The chosen one is taken, as asked for."
     } else {
-        "* is chosen: of the explanations that fit the column as well as the best one, with fewer parameters than the column has \
+        "Chosen: of the explanations that fit the column as well as the best one, with fewer parameters than the column has \
          values, the one with the fewest parameters, and of these the simplest model; if there is none, the simplest model with a \
          parameter at each u_nom. The other column is not used."
     };
-    let rest = "= cannot be distinguished from it by the fitted column: as likely there, or with as many parameters as the column has values.";
+    let rest = "Alternatives cannot be distinguished from it by the fitted column: as likely there, or with as many parameters as the column has values.";
     line(format!("  {}\n  {}", wrapped(rule, WIDTH - 2, "  "), wrapped(rest, WIDTH - 2, "  ")));
 }
 
-fn held_out_cell(rms: Option<f64>) -> String {
-    rms.map_or_else(|| format!("{:>15}", "-"), |rms| format!("{rms:>15.3}"))
-}
-
-/// The parameters at each nominal command.
-fn sizes(found: &BandwidthDiagnosis, one: &Explanation, line: &mut impl FnMut(String)) {
-    for (row, values) in found.table.rows.iter().zip(&one.values) {
-        let Some(values) = values else { continue };
-        let named = one.kind.fitted().map(|(index, parameter)| {
-            format!("{} {:.4} {}", parameter.name, values[index], parameter.unit).trim_end().to_owned()
-        });
-        line(format!("  {:<5.3}  {}", row.nominal, named.collect::<Vec<_>>().join(", ")));
-    }
-}
-
 fn values(found: &BandwidthDiagnosis) -> Value {
-    let finite = |value: f64| if value.is_finite() { json!(value) } else { Value::Null };
     let share = |parts: &mut dyn Iterator<Item = f64>| parts.sum::<f64>();
     let by_nominal = found.table.rows.iter().zip(&found.parts).map(|(row, parts)| {
         json!({
@@ -273,13 +225,8 @@ fn values(found: &BandwidthDiagnosis) -> Value {
             "share": share(&mut found.parts.iter().map(|parts| parts[place].share)),
         })
     });
-    let parameters = |one: &Explanation| -> serde_json::Map<String, Value> {
-        let calibrated = one.parameters.iter().map(|(parameter, estimate)| {
-            let value = json!({ "value": estimate.value, "std": finite(estimate.std), "unit": parameter.unit });
-            (parameter.name.to_owned(), value)
-        });
-        calibrated.collect()
-    };
+    let parameters =
+        |one: &Explanation| by_name(&one.parameters, serde_json::value::Serializer).expect("names are keys");
     let at_each = |one: &Explanation| -> Vec<Value> {
         let names = || one.kind.fitted().map(|(index, parameter)| (parameter.name, index));
         let rows = found.table.rows.iter().zip(&one.values).zip(&one.predicted_rad_s);
@@ -291,7 +238,7 @@ fn values(found: &BandwidthDiagnosis) -> Value {
             json!({
                 "nominal": row.nominal,
                 "parameters": values.as_ref().map(|values| {
-                    names().map(|(name, index)| (name.to_owned(), finite(values[index]))).collect::<serde_json::Map<_, _>>()
+                    names().map(|(name, index)| (name.to_owned(), json!(values[index]))).collect::<serde_json::Map<_, _>>()
                 }),
                 "uncompensated_rad_s": predicted[0],
                 "compensated_rad_s": predicted[1],
@@ -304,22 +251,22 @@ fn values(found: &BandwidthDiagnosis) -> Value {
         .into_iter()
         .map(|one| {
             json!({
-                "kind": one.kind.id,
+                "kind": one.kind,
                 "explanation": one.name(),
                 "parameters": parameters(one),
                 "gap_before": found.gap.before,
-                "gap_after": finite(found.gap.after),
+                "gap_after": found.gap.after,
                 "evidence": one.score,
-                "alternatives": found.alternatives().iter().map(|kind| kind.id).collect::<Vec<_>>(),
+                "alternatives": found.alternatives(),
             })
         })
         .collect();
     let after = named.map_or(found.gap.before, |_| found.gap.after);
     json!({
-        "verdict": found.verdict.name(),
+        "verdict": found.verdict,
         "where": by_nominal.chain(by_column).collect::<Vec<_>>(),
         "effects": effects,
-        "gap": { "before": found.gap.before, "after": finite(after), "noise_floor": found.accuracy },
+        "gap": { "before": found.gap.before, "after": after, "noise_floor": found.accuracy },
         "gap_is": "rms_log_ratio",
         "held_out": found.held_out,
         "fitted_column": found.fitted.name(),
@@ -332,17 +279,17 @@ fn values(found: &BandwidthDiagnosis) -> Value {
         })).collect::<Vec<_>>(),
         "explanations": found.explanations.iter().map(|one| json!({
             "explanation": one.name(),
-            "kind": one.kind.id,
+            "kind": one.kind,
             "numbers": one.numbers,
-            "standing": one.standing.name(),
+            "standing": one.standing,
             "parameters": parameters(one),
             "fitted_gap": one.fitted_rms,
             "held_out_gap": one.held_out_rms,
             "log_likelihood_gain": one.score.map(|_| one.gain),
-            "evidence": one.score.and_then(|score| score.is_finite().then_some(score)),
+            "evidence": one.score,
             "points": at_each(one),
         })).collect::<Vec<_>>(),
-        "ruled_out": found.ruled_out.iter().map(|one| json!({ "kind": one.kind.id, "reason": one.reason })).collect::<Vec<_>>(),
+        "ruled_out": found.ruled_out,
         "next_experiment": found.next_experiment,
     })
 }

@@ -7,24 +7,29 @@ use clap::{Args, ValueEnum};
 use miette::{IntoDiagnostic as _, WrapErr as _};
 use rayon::iter::{IntoParallelRefIterator as _, ParallelIterator as _};
 use rotorlead_identify::stand::StandModel;
-use rotorlead_identify::steps::{LawComparison, compare_laws};
+use rotorlead_identify::steps::{LawComparison, StaircaseFit, compare_laws};
 use rotorlead_identify::{
-    Finding, FirstOrderOptions, Identification, IdentifyError, IdentifyOptions, Lags, LongRecordError, PeriodicOptions,
-    Spectrum, identify, step_record,
+    Finding, FirstOrderOptions, Identification, IdentifyError, IdentifyOptions, Lags, LongRecordError,
+    PeriodicIdentification, PeriodicOptions, Spectrum, identify, step_record,
 };
 use rotorlead_records::files::check_writable;
 use rotorlead_records::{Experiment, LongRecord, Record};
 use rotorlead_report::{
-    Report, Section, distortion_json, distortion_table, excitation_section, identification_section,
+    DistortionValues, Report, Section, excitation_section, identification_section, identification_tables,
 };
-use serde_json::json;
+use serde::Serialize;
 
-use super::identify_align::{AlignOptions, Aligned};
+use super::identify_align::{AlignOptions, Aligned, AlignmentValues};
+use super::identify_intervals::Intervals;
+use super::identify_map::MapValues;
 use super::identify_stand::{self, StandArguments};
-use super::identify_tables::{fitted_chirps, held_out, periodic_table, point_json, staircase_json, staircase_table};
+use super::identify_tables::{PointValues, fitted_chirps, held_out, staircase};
 use super::outcome::{JsonOption, Outcome, warning_lines};
 use super::report_option::ReportOption;
 use super::{WrongUse, identify_intervals, identify_laws, identify_map, progress, report_pages};
+
+/// Printed below the lags.
+const STANDARD_ERRORS: &str = "  tau is the time constant; +- is one standard error, of the noise alone.\n";
 
 /// Finds the lag at each level from the records of an experiment
 ///
@@ -70,6 +75,19 @@ enum Delay {
     Fit,
 }
 
+/// What came out, for programs.
+#[derive(Serialize)]
+struct Values<'a> {
+    points: Vec<PointValues>,
+    warnings: Vec<String>,
+    detail: Option<&'a StaircaseFit>,
+    distortion: Option<Vec<DistortionValues>>,
+    intervals: Option<Vec<Intervals>>,
+    alignment: Option<Vec<AlignmentValues>>,
+    static_map: Option<MapValues<'a>>,
+    laws: Option<&'a LawComparison>,
+}
+
 impl Identify {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
@@ -96,7 +114,7 @@ impl Identify {
                 });
                 Ok((aligned, identified, laws.transpose()))
             })?;
-        let Aligned { experiment, mut text, mut warnings, json: alignments, .. } = aligned;
+        let Aligned { experiment, mut text, mut warnings, alignments, .. } = aligned;
         identified.model.write(&self.out)?;
 
         warnings.extend(identified.warnings.iter().map(sentence));
@@ -126,17 +144,18 @@ impl Identify {
             }
         })?);
         let in_frequency = identified.lags.in_frequency();
-        let json = json!({
-            "points": identified.model.points.iter().map(point_json).collect::<Vec<_>>(),
-            "warnings": warnings,
-            "detail": identified.lags.in_time().map(staircase_json),
-            "distortion": in_frequency.filter(|_| !is_of_chirps(&identified)).map(distortion_json),
-            "intervals": in_frequency.map(identify_intervals::intervals_json),
-            "alignment": alignments,
-            "static_map": identified.static_map.as_ref().map(|(_, fit)| identify_map::to_json(fit)),
-            "laws": laws.as_ref().map(identify_laws::to_json),
-        });
-        Ok(Outcome { text, json })
+        let distortion = |found: &PeriodicIdentification| found.nominals.iter().map(DistortionValues::of).collect();
+        let values = Values {
+            points: identified.model.points.iter().cloned().map(PointValues).collect(),
+            warnings,
+            detail: identified.lags.in_time(),
+            distortion: in_frequency.filter(|_| !is_of_chirps(&identified)).map(distortion),
+            intervals: in_frequency.map(identify_intervals::intervals),
+            alignment: alignments,
+            static_map: identified.static_map.as_ref().map(|(_, fit)| MapValues::new(fit)),
+            laws: laws.as_ref(),
+        };
+        Ok(Outcome::new(text, &values))
     }
 }
 
@@ -182,14 +201,30 @@ pub fn sentence(finding: &Finding) -> String {
 
 /// All that was found, in tables.
 fn tables(experiment: &Experiment, identified: &Identification, laws: Option<&LawComparison>) -> String {
-    let of_lags = match &identified.lags {
-        Lags::Multisines(found) => {
-            periodic_table(experiment.output, found) + &held_out(experiment, found) + &distortion_table(found)
-        }
-        Lags::Chirps(found) => periodic_table(experiment.output, &found.lags) + &fitted_chirps(&found.files),
-        Lags::Steps(fit) => staircase_table(fit),
+    let tables = identification_tables(identified, experiment.output);
+    let [of_lags, others @ ..] = &tables[..] else { unreachable!("the lags are there in any case") };
+    // The model's derived numbers are left to the report.
+    let shown = [
+        "u_nom",
+        "gain",
+        "time_constant_ms",
+        "delay_ms",
+        "time_constant_up_ms",
+        "fit_up_percent",
+        "time_constant_down_ms",
+        "fit_down_percent",
+        "fit_frequency_percent",
+        "fit_square_percent",
+        "reduced_chi_square",
+    ];
+    let of_lags = of_lags.select(&shown).text();
+    let mut text = match &identified.lags {
+        Lags::Multisines(found) => of_lags + STANDARD_ERRORS + &held_out(experiment, found),
+        Lags::Chirps(found) => of_lags + STANDARD_ERRORS + &fitted_chirps(&found.files),
+        Lags::Steps(fit) => staircase(fit) + &of_lags,
     };
-    let laws = laws.map(identify_laws::describe).unwrap_or_default();
+    text.push_str(&laws.map(identify_laws::describe).unwrap_or_default());
+    text.extend(others.iter().map(|table| format!("\n{}", table.text())));
     let map = identified.static_map.as_ref().map(|(_, fit)| identify_map::describe(fit, experiment.output));
-    of_lags + &laws + &map.unwrap_or_default()
+    text + &map.unwrap_or_default()
 }

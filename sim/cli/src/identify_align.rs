@@ -10,7 +10,7 @@ use rotorlead_identify::alignment::{
     Alignment, AlignmentOptions, CommandLog, Merged, MergedRows, ResponseLog, align, merge,
 };
 use rotorlead_records::{Experiment, LONG_FILE, LongRecord, Output, Record, read_command_log};
-use serde_json::{Value, json};
+use serde::Serialize;
 
 use super::WrongUse;
 
@@ -45,6 +45,16 @@ enum Near {
     Start,
 }
 
+/// What was found of one record, for programs.
+#[derive(Serialize)]
+pub struct AlignmentValues {
+    file: String,
+    #[serde(flatten)]
+    alignment: Alignment,
+    merged_rows: usize,
+    left_out: usize,
+}
+
 /// An experiment with one clock.
 pub struct Aligned {
     pub experiment: Experiment,
@@ -53,7 +63,8 @@ pub struct Aligned {
     /// What was found, in words; empty where nothing was to be aligned.
     pub text: String,
     pub warnings: Vec<String>,
-    pub json: Value,
+    /// One per record; `None` where nothing was to be aligned.
+    pub alignments: Option<Vec<AlignmentValues>>,
 }
 
 impl AlignOptions {
@@ -61,7 +72,7 @@ impl AlignOptions {
     pub fn read(&self, folder: &Path) -> miette::Result<Aligned> {
         if self.align.is_empty() {
             let (experiment, long) = Experiment::read_leaving(folder, LONG_FILE)?;
-            return Ok(Aligned { experiment, long, text: String::new(), warnings: Vec::new(), json: Value::Null });
+            return Ok(Aligned { experiment, long, text: String::new(), warnings: Vec::new(), alignments: None });
         }
         let mut experiment = Experiment::read_responses(folder)?;
         let (logs, records) = (self.align.len(), experiment.records.len());
@@ -81,7 +92,12 @@ impl AlignOptions {
             let (alignment, merged) = self.merge(record, path, output)?;
             describe(&mut text, record, path, &alignment, &merged, self.dead_time);
             warnings.extend(alignment.warnings.iter().map(|warning| format!("{}: {warning}", record.file)));
-            found.push(to_json(record, &alignment, &merged));
+            found.push(AlignmentValues {
+                file: record.file.clone(),
+                alignment,
+                merged_rows: merged.time_s.len(),
+                left_out: merged.left_out,
+            });
             take(record, merged, output);
         }
         // The merged rows follow the command's clock.
@@ -91,7 +107,7 @@ impl AlignOptions {
             writeln!(text, "merged records written to {}", merged.display()).expect("a string takes all");
         }
         text.push('\n');
-        Ok(Aligned { experiment, long: Vec::new(), text, warnings, json: Value::Array(found) })
+        Ok(Aligned { experiment, long: Vec::new(), text, warnings, alignments: Some(found) })
     }
 
     fn merge(&self, record: &Record, path: &Path, output: Output) -> miette::Result<(Alignment, Merged)> {
@@ -162,26 +178,6 @@ fn describe(text: &mut String, record: &Record, path: &Path, found: &Alignment, 
 fn interval(estimate: Estimate, scale: f64, digits: usize) -> String {
     let (low, high) = estimate.interval(0.95);
     format!("{:.digits$} ({:.digits$} to {:.digits$})", scale * estimate.value, scale * low, scale * high)
-}
-
-fn to_json(record: &Record, found: &Alignment, merged: &Merged) -> Value {
-    let (low_s, high_s) = found.delay_s.interval(0.95);
-    json!({
-        "file": record.file,
-        "delay_s": found.delay_s.value,
-        "delay_s_std": found.delay_s.std,
-        "delay_s_interval": [low_s, high_s],
-        "reference_s": found.reference_s,
-        "skew": found.skew.map(|skew| skew.value),
-        "skew_std": found.skew.map(|skew| skew.std),
-        "skew_interval": found.skew.map(|skew| <[f64; 2]>::from(skew.interval(0.95))),
-        "time_constant_s": found.time_constant_s.value,
-        "fit_percent": found.fit_percent,
-        "rows": found.rows,
-        "gaps": found.gaps,
-        "merged_rows": merged.time_s.len(),
-        "left_out": merged.left_out,
-    })
 }
 
 fn near(text: &str) -> Result<Near, String> {

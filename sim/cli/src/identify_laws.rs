@@ -3,34 +3,15 @@
 use std::fmt::Write as _;
 
 use rotorlead_identify::steps::{LawComparison, LawFit};
-use serde_json::{Value, json};
+use rotorlead_report::laws_table;
 
 /// The comparison for people.
 pub fn describe(found: &LawComparison) -> String {
-    let mut text = String::from(
-        "\n% fit of the whole run, one quadratic static map, no step adjusted by itself\n                                       \
-         one static map     levels as measured\n  \
-         fitted on -> judged on   one lag speed-dep.  ceiling    one lag speed-dep.\n",
-    );
+    let mut text = format!("\n{}", laws_table(found).text());
     let mut say = |line: String| {
         text.push_str(&line);
         text.push('\n');
     };
-    say(format!(
-        "  {:<22} {:>9.2} {:>10.2} {:>8.2}",
-        "all -> all", found.one_lag.fit_percent, found.speed_dependent.fit_percent, found.ceiling_percent
-    ));
-    for split in &found.held_out {
-        say(format!(
-            "  {:<22} {:>9.2} {:>10.2} {:>8.2} {:>10.2} {:>10.2}",
-            split.split.words(),
-            split.one_lag_percent,
-            split.speed_dependent_percent,
-            split.ceiling_percent,
-            split.one_lag_on_measured_levels_percent,
-            split.speed_dependent_on_measured_levels_percent,
-        ));
-    }
     say(format!("  one lag: {}", law(&found.one_lag)));
     let drag = found.speed_dependent.drag_share;
     let (low, high) = drag.interval(0.95);
@@ -81,37 +62,4 @@ fn law(fit: &LawFit) -> String {
     )
     .expect("a string takes all");
     text
-}
-
-/// The same for programs.
-pub fn to_json(found: &LawComparison) -> Value {
-    let law = |fit: &LawFit| {
-        json!({
-            "map": fit.map,
-            "plateaus": fit.plateaus,
-            "degrees_of_freedom": fit.has_intervals().then_some(fit.time_constant_s.dof),
-            "delay_s": fit.delay_s.value,
-            "delay_s_std": fit.delay_s.std,
-            "time_constant_s": fit.time_constant_s.value,
-            "time_constant_s_std": fit.time_constant_s.std,
-            "reference": fit.reference,
-            "drag_share": fit.drag_share.value,
-            "drag_share_std": fit.drag_share.std,
-            "fit_percent": fit.fit_percent,
-        })
-    };
-    json!({
-        "one_lag": law(&found.one_lag),
-        "speed_dependent": law(&found.speed_dependent),
-        "ceiling_percent": found.ceiling_percent,
-        "up_down_difference": found.up_down_difference,
-        "held_out": found.held_out.iter().map(|split| json!({
-            "split": split.split.words(),
-            "one_lag_percent": split.one_lag_percent,
-            "speed_dependent_percent": split.speed_dependent_percent,
-            "ceiling_percent": split.ceiling_percent,
-            "one_lag_on_measured_levels_percent": split.one_lag_on_measured_levels_percent,
-            "speed_dependent_on_measured_levels_percent": split.speed_dependent_on_measured_levels_percent,
-        })).collect::<Vec<_>>(),
-    })
 }

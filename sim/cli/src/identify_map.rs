@@ -4,31 +4,21 @@ use rotorlead_identify::Estimate;
 use rotorlead_identify::static_map::{Limit, StaticMapFit};
 use rotorlead_records::Output;
 use rotorlead_report::unit;
-use serde_json::{Value, json};
+use serde::Serialize;
 
 fn interval(estimate: Estimate, digits: usize) -> String {
     let (low, high) = estimate.interval(0.95);
     format!("{:.digits$} ({low:.digits$} to {high:.digits$})", estimate.value)
 }
 
-/// The fit for people.
+/// What the map shows beside its polynomial.
 pub fn describe(fit: &StaticMapFit, output: Output) -> String {
-    let mut text = format!(
-        "\nstatic map over commands {:.3} to {:.3}: degree {} by F-test at 0.5 %,\n\
-         {} steady points, 95 % intervals\n",
-        fit.range.0,
-        fit.range.1,
-        fit.degree(),
-        fit.points
-    );
+    let mut text = String::new();
     let mut say = |line: String| {
         text.push_str(&line);
         text.push('\n');
     };
     let digits = if output == Output::Rpm { 1 } else { 4 };
-    for (power, coefficient) in fit.coefficients.iter().enumerate() {
-        say(format!("  u^{power} {:>42} {}", interval(*coefficient, digits), unit(output)));
-    }
     match fit.dead_zone {
         Some(zone) => {
             let bracket = format!("still at {:.3}, turning at {:.3}", zone.still, zone.runs);
@@ -66,26 +56,18 @@ pub fn describe(fit: &StaticMapFit, output: Output) -> String {
     text
 }
 
-/// The same for programs.
-pub fn to_json(fit: &StaticMapFit) -> Value {
-    let estimate =
-        |e: Estimate| json!({ "value": e.value, "std": e.std, "interval": <[f64; 2]>::from(e.interval(0.95)) });
-    json!({
-        "range": <[f64; 2]>::from(fit.range),
-        "degree": fit.degree(),
-        "coefficients": fit.coefficients.iter().map(|c| estimate(*c)).collect::<Vec<_>>(),
-        "dead_zone": fit.dead_zone.map(|zone| json!({
-            "still": zone.still, "runs": zone.runs, "end": zone.end.map(estimate),
-        })),
-        "hysteresis": fit.hysteresis.map(estimate),
-        "limit": fit.limit.map(|limit| match limit {
-            Limit::Saturates { command, response } => {
-                json!({ "kind": "saturates", "command": estimate(command), "response": estimate(response) })
-            }
-            Limit::Falls { command, by } => json!({ "kind": "falls", "command": command, "by": estimate(by) }),
-        }),
-        "points": fit.points,
-        "excess": fit.excess,
-        "linearization": fit.linearization(11),
-    })
+/// The fit for programs.
+#[derive(Serialize)]
+pub struct MapValues<'a> {
+    #[serde(flatten)]
+    fit: &'a StaticMapFit,
+    degree: usize,
+    linearization: Option<Vec<(f64, f64)>>,
+}
+
+impl<'a> MapValues<'a> {
+    /// With a table of eleven commands that make the response linear.
+    pub fn new(fit: &'a StaticMapFit) -> Self {
+        Self { fit, degree: fit.degree(), linearization: fit.linearization(11) }
+    }
 }

@@ -1,18 +1,17 @@
 //! `rotorlead identify --stand`
 
-use std::f64::consts::TAU;
 use std::fmt::Write as _;
 use std::path::Path;
 
 use clap::Args;
 use miette::{IntoDiagnostic as _, WrapErr as _};
-use rotorlead_identify::parametric::Root;
+use rotorlead_identify::parametric::{OrderScore, Root};
 use rotorlead_identify::stand::{StandIdentification, StandOptions, identify_stand};
 use rotorlead_identify::with_advice;
 use rotorlead_records::Experiment;
 use rotorlead_records::files::check_writable;
-use rotorlead_report::{Report, Tone, Verdict, stand_section, with_std};
-use serde_json::{Value, json};
+use rotorlead_report::{Report, Tone, Verdict, stand_section, stand_table, with_std};
+use serde::Serialize;
 
 use super::outcome::{Outcome, warning_lines};
 use super::report_option::ReportOption;
@@ -69,7 +68,7 @@ pub fn run(folder: &Path, out: &Path, arguments: &StandArguments, report: &Repor
             ..report_pages::report("Stand", format!("Stand of {}", experiment.name), Verdict::new(tone, usable))
         }
     })?);
-    Ok(Outcome { text, json: to_json(&stand) })
+    Ok(Outcome::new(text, &Values::of(&stand)))
 }
 
 fn table(stand: &StandIdentification) -> String {
@@ -78,8 +77,7 @@ fn table(stand: &StandIdentification) -> String {
         "{}\n\
          {} lines up to {:.1} Hz: {}, static gain {}\n\
          chi2/dof {:.2}; tail probabilities: power {:.2}, whiteness {:.2},\n\
-         independence of the force {:.2}\n\n\
-         {:>6} {:>24} {:>11} {:>24}\n",
+         independence of the force {:.2}\n\n{}",
         stand.records.join(", "),
         stand.response.lines.len(),
         stand.top_hz,
@@ -89,24 +87,8 @@ fn table(stand: &StandIdentification) -> String {
         fit.residual.power_p_value,
         fit.residual.whiteness_p_value,
         fit.residual.input_independence_p_value,
-        "",
-        "frequency (Hz)",
-        "(rad/s)",
-        "damping",
+        stand_table(stand).text(),
     );
-    for (kind, roots) in [("pole", stand.poles().collect::<Vec<_>>()), ("zero", stand.zeros().collect())] {
-        for root in roots {
-            let frequency = root.frequency_rad_s;
-            let frequency_hz = with_std(frequency.value, Some(frequency.std), 1.0 / TAU, 3);
-            let damping = if root.is_pair() {
-                with_std(root.damping.value, Some(root.damping.std), 1.0, 4)
-            } else {
-                String::from("real")
-            };
-            let half = if root.damping.value < 0.0 { "  right half" } else { "" };
-            text += &format!("  {kind:<4} {frequency_hz:>24} {:>11.2} {damping:>24}{half}\n", frequency.value);
-        }
-    }
     text += &match stand.usable_hz {
         Some(usable) => {
             let usable_hz = with_std(usable.value, Some(usable.std), 1.0, 2);
@@ -118,41 +100,58 @@ fn table(stand: &StandIdentification) -> String {
     text
 }
 
-fn to_json(stand: &StandIdentification) -> Value {
-    let roots = |roots: &mut dyn Iterator<Item = &Root>| {
-        let entry = |root: &Root| {
-            json!({
-                "frequency_hz": root.frequency_rad_s.value / TAU,
-                "frequency_hz_std": root.frequency_rad_s.std / TAU,
-                "damping": root.damping.value,
-                "damping_std": root.damping.std,
-                "real_rad_s": root.value.re,
-                "imaginary_rad_s": root.value.im,
-            })
+/// What came out, for programs.
+#[derive(Serialize)]
+struct Values<'a> {
+    records: &'a [String],
+    gain: f64,
+    gain_std: f64,
+    poles: Vec<&'a Root>,
+    zeros: Vec<&'a Root>,
+    usable_hz: Option<f64>,
+    usable_hz_std: Option<f64>,
+    top_hz: f64,
+    reduced_chi_square: f64,
+    power_p_value: f64,
+    whiteness_p_value: f64,
+    input_independence_p_value: f64,
+    orders: Vec<Order>,
+    warnings: Vec<String>,
+}
+
+/// How well a structure predicts; infinite, and so null, where nothing was found.
+#[derive(Serialize)]
+struct Order {
+    poles: usize,
+    zeros: usize,
+    held_out: f64,
+    score: f64,
+}
+
+impl<'a> Values<'a> {
+    fn of(stand: &'a StandIdentification) -> Self {
+        let (gain, residual) = (stand.fit.gain, &stand.fit.residual);
+        let order = |order: &OrderScore| Order {
+            poles: order.structure.poles,
+            zeros: order.structure.zeros,
+            held_out: order.held_out,
+            score: order.score,
         };
-        roots.map(entry).collect::<Vec<_>>()
-    };
-    let fit = &stand.fit;
-    json!({
-        "records": stand.records,
-        "gain": fit.gain.value,
-        "gain_std": fit.gain.std,
-        "poles": roots(&mut stand.poles()),
-        "zeros": roots(&mut stand.zeros()),
-        "usable_hz": stand.usable_hz.map(|usable| usable.value),
-        "usable_hz_std": stand.usable_hz.map(|usable| usable.std),
-        "top_hz": stand.top_hz,
-        "reduced_chi_square": fit.residual.reduced_chi_square,
-        "power_p_value": fit.residual.power_p_value,
-        "whiteness_p_value": fit.residual.whiteness_p_value,
-        "input_independence_p_value": fit.residual.input_independence_p_value,
-        "orders": stand.scores.iter().map(|score| json!({
-            "poles": score.structure.poles,
-            "zeros": score.structure.zeros,
-            // Infinity, where nothing was found, is null.
-            "held_out": score.held_out,
-            "score": score.score,
-        })).collect::<Vec<_>>(),
-        "warnings": stand.warnings.iter().map(with_advice).collect::<Vec<_>>(),
-    })
+        Self {
+            records: &stand.records,
+            gain: gain.value,
+            gain_std: gain.std,
+            poles: stand.poles().collect(),
+            zeros: stand.zeros().collect(),
+            usable_hz: stand.usable_hz.map(|usable| usable.value),
+            usable_hz_std: stand.usable_hz.map(|usable| usable.std),
+            top_hz: stand.top_hz,
+            reduced_chi_square: residual.reduced_chi_square,
+            power_p_value: residual.power_p_value,
+            whiteness_p_value: residual.whiteness_p_value,
+            input_independence_p_value: residual.input_independence_p_value,
+            orders: stand.scores.iter().map(order).collect(),
+            warnings: stand.warnings.iter().map(with_advice).collect(),
+        }
+    }
 }

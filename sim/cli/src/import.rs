@@ -9,14 +9,15 @@ use miette::{Diagnostic as _, miette};
 use rotorlead_identify::Finding;
 use rotorlead_identify::check::of_record;
 use rotorlead_records::import::{
-    ColumnChoice, Import as Taken, ImportError, ImportOptions, ImportSummary, LogFormat, import,
+    ColumnChoice, ColumnUse, Import as Taken, ImportError, ImportOptions, ImportSummary, LogFormat, import,
 };
 use rotorlead_records::{Excitation, Experiment};
+use rotorlead_report::{Cell, Column, Table};
 use serde_json::json;
 
 use super::WrongUse;
 use super::check::words;
-use super::outcome::{JsonOption, Outcome, wrapped, wrapped_behind};
+use super::outcome::{JsonOption, Outcome, wrapped};
 use super::parameters::{fraction, positive, range};
 use super::progress;
 
@@ -236,8 +237,6 @@ fn joined(logs: Vec<Taken>) -> miette::Result<(Experiment, Vec<ImportSummary>)> 
 
 /// Columns of a terminal that sentences keep to.
 const WIDTH: usize = 80;
-/// Characters of a column's name beyond which the rest of its line is no longer aligned.
-const LONGEST_NAME: usize = 31;
 
 fn describe(summary: &ImportSummary) -> String {
     let mut text = String::new();
@@ -261,15 +260,20 @@ fn describe(summary: &ImportSummary) -> String {
     if timing.rows_missing + timing.rows_reordered > 0 {
         say(format!("  {} rows missing, {} reordered", timing.rows_missing, timing.rows_reordered));
     }
-    let longest = summary.columns.iter().map(|column| column.name.chars().count()).max().unwrap_or(0);
-    let width = longest.clamp("column".len(), LONGEST_NAME);
-    say(format!("\n  {:<width$}  {:<11}  remark", "column", "taken as"));
-    for column in &summary.columns {
-        let taken = column.taken_as.as_deref().unwrap_or("-");
-        let before = format!("  {:<width$}  {taken:<11}  ", column.name);
-        let indent = " ".repeat(width + 17);
-        say(wrapped_behind(&before, &column.note, WIDTH, &indent));
-    }
+    let row = |column: &ColumnUse| {
+        [column.name.as_str(), column.taken_as.as_deref().unwrap_or("-"), &column.note].map(Cell::text).to_vec()
+    };
+    let columns = Table {
+        name: "columns".to_owned(),
+        caption: "Columns".to_owned(),
+        columns: vec![
+            Column::new("column", "column", ""),
+            Column::new("taken_as", "taken as", ""),
+            Column::new("remark", "remark", ""),
+        ],
+        rows: summary.columns.iter().map(row).collect(),
+    };
+    say(format!("\n{}", columns.text().trim_end()));
     for note in &summary.notes {
         say(format!("\nnote: {}", wrapped(note, WIDTH - 6, "      ")));
     }

@@ -2,7 +2,7 @@
 
 use clap::{Args, ValueEnum};
 use rotorlead::settings::{Pulse, PulseProtocol};
-use rotorlead_identify::design::{Chain, ChainPhase, Delay, FrameStart, Latency};
+use rotorlead_identify::design::{Chain, ChainPhase, FrameStart, Latency};
 use serde_json::{Value, json};
 
 use super::WrongUse;
@@ -91,29 +91,33 @@ fn name(value: impl ValueEnum) -> String {
     value.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
 }
 
-/// The latency with its steps and what they are computed from.
-pub fn latency_json(latency: &Latency) -> Value {
-    let delay = |delay: Delay| json!({ "mean_s": delay.mean_s, "worst_s": delay.worst_s });
+/// The latency with its steps, what they are computed from, and what of it the holds of a sampled chain stand for, in seconds.
+pub fn latency_json(latency: &Latency, chain: Chain, phases: &[ChainPhase]) -> Value {
     let pulse = |pulse: Pulse| json!({ "protocol": name(PulseName::from(pulse.protocol)), "frame_hz": pulse.frame_hz });
     let total = latency.total();
-    let start = match latency.frame_start {
-        FrameStart::FollowsInput => "follows_input",
-        FrameStart::FreeRunning => "free_running",
-    };
-    json!({
+    let mut json = json!({
         "mean_s": total.mean_s,
         "worst_s": total.worst_s,
         "input": pulse(latency.input),
         "output": pulse(latency.output),
-        "output_start": start,
+        "output_start": latency.frame_start,
         "loop_rate_hz": latency.loop_rate_hz,
         "steps": {
-            "input_pulse": delay(latency.input_pulse),
-            "input_filter": delay(latency.input_filter),
-            "tick": delay(latency.tick),
-            "output_frame": delay(latency.output_frame),
+            "input_pulse": latency.input_pulse,
+            "input_filter": latency.input_filter,
+            "tick": latency.tick,
+            "output_frame": latency.output_frame,
         },
-    })
+    });
+    if let (Chain::Sampled { .. }, Some(phase)) = (chain, phases.first()) {
+        json["counted"] = json!({
+            "input_pulse_s": latency.input_pulse.mean_s,
+            "input_filter_s": latency.input_filter.mean_s,
+            "tick_and_frame_uncompensated_s": phase.uncompensated.waits_s,
+            "tick_and_frame_compensated_s": phase.compensated.waits_s,
+        });
+    }
+    json
 }
 
 /// Which pure delays the phases count, to be printed below their table.
@@ -155,17 +159,6 @@ pub fn counted_holds(latency: &Latency, chain: Chain, phases: &[ChainPhase]) -> 
     };
     let known = ms(latency.input_pulse.mean_s + latency.input_filter.mean_s);
     paragraph(&format!("  With --sampled that is {known} for the pulse in and its filter, and {waits}."), "  ")
-}
-
-/// [`counted_holds`] in seconds; `None` for a continuous chain.
-pub fn counted_json(latency: &Latency, chain: Chain, phases: &[ChainPhase]) -> Option<Value> {
-    let (Chain::Sampled { .. }, Some(phase)) = (chain, phases.first()) else { return None };
-    Some(json!({
-        "input_pulse_s": latency.input_pulse.mean_s,
-        "input_filter_s": latency.input_filter.mean_s,
-        "tick_and_frame_uncompensated_s": phase.uncompensated.waits_s,
-        "tick_and_frame_compensated_s": phase.compensated.waits_s,
-    }))
 }
 
 /// The dead time of the model, in milliseconds.

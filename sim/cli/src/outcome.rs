@@ -8,6 +8,7 @@ use anstyle::{AnsiColor, Style};
 use clap::Args;
 use miette::{IntoDiagnostic as _, WrapErr as _};
 use rotorlead_records::files::{OutputFolder, check_writable, write_file};
+use serde::Serialize;
 use serde_json::Value;
 use textwrap::{WordSeparator, WordSplitter};
 
@@ -23,6 +24,11 @@ pub struct Outcome {
 }
 
 impl Outcome {
+    /// Text, and the values behind it, of which those that are not finite become null.
+    pub fn new(text: String, values: &impl Serialize) -> Self {
+        Self { text, json: serde_json::to_value(values).expect("keys are text, and no value fails to be written") }
+    }
+
     fn json_text(&self) -> String {
         format!("{:#}\n", self.json)
     }
@@ -104,13 +110,7 @@ pub fn paragraph(text: &str, indent: &str) -> String {
 
 /// A sentence in lines of at most `width` characters; all but the first begin with `indent`, which counts.
 pub(super) fn wrapped(sentence: &str, width: usize, indent: &str) -> String {
-    wrapped_behind("", sentence, width, indent)
-}
-
-/// The same behind `first`, which counts.
-pub(super) fn wrapped_behind(first: &str, sentence: &str, width: usize, indent: &str) -> String {
     let options = textwrap::Options::new(width)
-        .initial_indent(first)
         .subsequent_indent(indent)
         .break_words(false)
         .word_splitter(WordSplitter::NoHyphenation)

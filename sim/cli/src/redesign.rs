@@ -6,14 +6,13 @@ use std::path::PathBuf;
 use clap::Args;
 use miette::Diagnostic as _;
 use rotorlead_diagnose::{Diagnosis, Verdict};
-use rotorlead_identify::Bandwidth;
 use rotorlead_identify::design::compensator_file;
 use rotorlead_identify::design::redesign::{
     Compensated, Limit, PAPER_AMPLITUDE, Redesign, RedesignError, RedesignOptions, RedesignPoint, redesign,
 };
 use rotorlead_records::files::{FileError, check_writable};
-use rotorlead_report::{Section, bandwidth_cell, rad_s, redesign_sections};
-use serde_json::{Value, json};
+use rotorlead_report::{Section, bandwidth_cell, redesign_sections, redesign_table};
+use serde::Serialize;
 
 use super::WrongUse;
 use super::outcome::wrapped;
@@ -48,7 +47,7 @@ pub struct Redesigned {
     /// For people.
     pub text: String,
     /// For programs.
-    pub json: Value,
+    pub values: Values,
     /// In a sentence, for the top of a report.
     pub verdict: &'static str,
     /// For a report.
@@ -87,22 +86,30 @@ impl RedesignArguments {
             Ok(redesigned) => {
                 let notes = notes(found, &redesigned);
                 let written = self.write(&redesigned)?;
+                let (name, verdict) =
+                    if redesigned.is_refused() { ("refused", REFUSED) } else { ("designed", DESIGNED) };
+                let said = said(&redesigned, amplitude, notes.clone());
                 Redesigned {
                     text: words(&redesigned, amplitude, &notes),
-                    json: values(&redesigned, amplitude, &notes, written),
-                    verdict: if redesigned.is_refused() { REFUSED } else { DESIGNED },
-                    sections: redesign_sections(
-                        &redesigned,
-                        &found.model,
-                        amplitude,
-                        said(&redesigned, amplitude, notes),
-                    ),
+                    verdict,
+                    sections: redesign_sections(&redesigned, &found.model, amplitude, said),
+                    values: Values {
+                        verdict: name,
+                        reasons: refusals(&redesigned),
+                        designed: Some(Designed {
+                            amplitude,
+                            full: redesigned.full,
+                            weaker: redesigned.weaker,
+                            remarks: notes,
+                        }),
+                        written,
+                    },
                 }
             }
             Err(error) => not_designed(&error),
         };
         if let Some(out) = &self.out_compensator {
-            let is_written = redesigned.json["written"] == true;
+            let is_written = redesigned.values.written;
             let said = if is_written { "Written to" } else { "Nothing is written to" };
             let _ = writeln!(redesigned.text, "\n{said} {}", out.display());
         }
@@ -123,8 +130,8 @@ fn not_designed(error: &RedesignError) -> Redesigned {
     Redesigned {
         text: format!("\nRedesign: none. {}\n", wrapped(&reason, WIDTH, "  ")),
         verdict: "No compensator can be designed for the improved model.",
-        json: json!({ "verdict": "none", "reasons": [&reason], "written": false }),
         sections: vec![Section { text: vec![format!("None. {reason}")], ..Section::new("redesign", "Redesign") }],
+        values: Values { verdict: "none", reasons: vec![reason], designed: None, written: false },
     }
 }
 
@@ -175,12 +182,14 @@ fn words(redesigned: &Redesign, amplitude: f64, notes: &[String]) -> String {
             full.design.loop_rate_hz()
         ));
     }
-    line(&table(full, amplitude));
+    line("");
+    line(&redesign_table(full, amplitude).text());
     if redesigned.is_refused() {
         line(&wrapped(&strongest(redesigned), WIDTH, "  "));
     }
     if let Some(weaker) = &redesigned.weaker {
-        line(&table(weaker, amplitude));
+        line("");
+        line(&redesign_table(weaker, amplitude).text());
     }
     for note in notes {
         line(&format!("  {}", wrapped(note, WIDTH - 2, "  ")));
@@ -245,65 +254,22 @@ fn refusal(point: &RedesignPoint, limit: &Limit) -> String {
     )
 }
 
-/// Bandwidths of small deviations, and those of sinusoids through the whole chain.
-fn table(compensated: &Compensated, amplitude: f64) -> String {
-    let mut text = format!(
-        "\n  u_nom   uncompensated     compensated   whole chain, sinusoids of {amplitude}\n{:>23} {:>15} {:>13} {:>15}\n",
-        "(rad/s)", "(rad/s)", "-3 dB", "-90 degrees"
-    );
-    for RedesignPoint { small, chain, .. } in &compensated.points {
-        let [before, after] = [small.uncompensated, small.compensated].map(|bandwidth| bandwidth_cell(bandwidth, 4));
-        let [magnitude, phase] = [chain.magnitude, chain.phase].map(|bandwidth| bandwidth_cell(bandwidth, 1));
-        let _ = writeln!(text, "  {:<5.3} {before:>15} {after:>15} {magnitude:>13} {phase:>15}", small.nominal);
-    }
-    text
+/// What came of it, for programs.
+#[derive(Serialize)]
+pub struct Values {
+    verdict: &'static str,
+    reasons: Vec<String>,
+    #[serde(flatten)]
+    designed: Option<Designed>,
+    written: bool,
 }
 
-fn values(redesigned: &Redesign, amplitude: f64, notes: &[String], written: bool) -> Value {
-    json!({
-        "verdict": if redesigned.is_refused() { "refused" } else { "designed" },
-        "reasons": refusals(redesigned),
-        "amplitude": amplitude,
-        "compensator": compensator(&redesigned.full),
-        "points": points(&redesigned.full),
-        "weaker": redesigned.weaker.as_ref().map(|weaker| json!({
-            "compensator": compensator(weaker),
-            "points": points(weaker),
-        })),
-        "remarks": notes,
-        "written": written,
-    })
-}
-
-fn compensator(compensated: &Compensated) -> Value {
-    let lead = compensated.design.lead();
-    json!({
-        "zero_rad_s": lead.omega_z_rad_s,
-        "pole_rad_s": lead.omega_f_rad_s,
-        "damping": lead.damping,
-        "omega_g_rad_s": lead.omega_g_rad_s(),
-        "loop_rate_hz": compensated.design.loop_rate_hz(),
-    })
-}
-
-fn points(compensated: &Compensated) -> Value {
-    let frequency = |bandwidth: Bandwidth| rad_s(bandwidth);
-    let point = |point: &RedesignPoint| {
-        json!({
-            "nominal": point.small.nominal,
-            "uncompensated_rad_s": frequency(point.small.uncompensated),
-            "compensated_rad_s": frequency(point.small.compensated),
-            "amplitude": point.amplitude,
-            "chain_rad_s": frequency(point.chain.magnitude),
-            "chain_phase_rad_s": frequency(point.chain.phase),
-            "limits": point.limits.iter().map(|limit| json!({
-                "kind": limit.kind.id,
-                "most": limit.most,
-                "passed_from_rad_s": limit.passed_from_rad_s,
-                "largest_amplitude": limit.largest_amplitude,
-                "reachable_rad_s": limit.reachable_rad_s,
-            })).collect::<Vec<_>>(),
-        })
-    };
-    compensated.points.iter().map(point).collect()
+/// A lead and its bandwidths, where one can be designed.
+#[derive(Serialize)]
+struct Designed {
+    amplitude: f64,
+    #[serde(flatten)]
+    full: Compensated,
+    weaker: Option<Compensated>,
+    remarks: Vec<String>,
 }

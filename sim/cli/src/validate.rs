@@ -4,11 +4,11 @@ use std::path::PathBuf;
 
 use clap::Args;
 use miette::WrapErr as _;
-use rotorlead_identify::{Domain, RecordValidation, validate};
+use rotorlead_identify::{RecordValidation, validate};
 use rotorlead_plant::Model;
 use rotorlead_records::Experiment;
-use rotorlead_report::{Report, validation_by_nominal, validation_section, validation_table, verdict};
-use serde_json::{Value, json};
+use rotorlead_report::{Report, validation_by_nominal, validation_scores, validation_section, verdict};
+use serde::Serialize;
 
 use super::outcome::{JsonOption, Outcome};
 use super::report_option::ReportOption;
@@ -57,30 +57,25 @@ impl Validate {
                 report_pages::validated(&records),
             )
         })?;
-        let text = validation_table(&records) + &validation_by_nominal(&records) + "\n" + &verdict(&records) + &written;
-        let json = json!({ "records": records.iter().map(record_json).collect::<Vec<_>>() });
-        Ok(Outcome { text, json })
+        let scores = validation_scores(&records).select(&[
+            "u_nom",
+            "excitation",
+            "compensated",
+            "held_out",
+            "fit_percent",
+            "ceiling_percent",
+            "left_over_noise",
+            "p_value",
+            "file",
+        ]);
+        let by_nominal = validation_by_nominal(&records).map(|table| format!("\n{}", table.text()));
+        let text = format!("{}{}\n{}{written}", scores.text(), by_nominal.unwrap_or_default(), verdict(&records));
+        Ok(Outcome::new(text, &Values { records }))
     }
 }
 
-/// One record for programs.
-pub(super) fn record_json(record: &RecordValidation) -> Value {
-    json!({
-        "file": record.file,
-        "nominal": record.nominal,
-        "excitation": record.excitation,
-        "compensated": record.compensated,
-        "role": record.role,
-        "held_out": record.fitted.map(|fitted| !fitted),
-        "domain": match record.domain() {
-            Domain::Frequency => "frequency",
-            Domain::Time => "time",
-        },
-        "fit_percent": record.fit_percent,
-        "ceiling_percent": record.ceiling_percent,
-        // Infinity, of a record without noise, is null.
-        "left_over_noise": record.left_over.map(|left| left.power_ratio),
-        "left_over_p_value": record.left_over.map(|left| left.p_value),
-        "model_error_percent": record.model_error_percent(),
-    })
+/// How well the model explains each record.
+#[derive(Serialize)]
+struct Values {
+    records: Vec<RecordValidation>,
 }

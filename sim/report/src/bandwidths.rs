@@ -1,79 +1,35 @@
-//! Bandwidths as a table, and as JSON.
+//! Bandwidths: their tables, and their values for programs.
 
 use rotorlead_identify::design::{BandwidthPoint, ChainPhase, PhaseAtBandwidth};
 use rotorlead_identify::{Bandwidth, MeasuredBandwidth};
-use serde_json::{Value, json};
+use serde::Serialize;
 
-/// One line per nominal command, with a heading. `phases` are those of the same points.
-#[must_use]
-pub fn bandwidth_table(points: &[BandwidthPoint], phases: &[ChainPhase]) -> String {
-    let mut text = String::from(
-        "  u_nom            uncompensated                     compensated
-              -3 dB   phase  -90 deg          -3 dB   phase  -90 deg
-            (rad/s)   (deg)  (rad/s)        (rad/s)   (deg)  (rad/s)\n",
-    );
-    let cells = |bandwidth: Bandwidth, phase: &PhaseAtBandwidth| {
-        let phase_deg = phase.phase_deg.map_or_else(|| "-".to_owned(), |deg| format!("{deg:.1}"));
-        format!("{:>11} {phase_deg:>7} {:>8}", bandwidth_cell(bandwidth, 4), bandwidth_cell(phase.minus_90, 2))
-    };
-    for (point, phase) in points.iter().zip(phases) {
-        let before = cells(point.uncompensated, &phase.uncompensated);
-        let after = cells(point.compensated, &phase.compensated);
-        text.push_str(&format!("  {:<5.3} {before}    {after}\n", point.nominal));
-    }
-    text
+use crate::table::{Cell, Column, Table};
+
+/// The bandwidths at one nominal command, with the phase of the whole chain there and the frequency at which it is -90 degrees.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct PointValues {
+    #[serde(flatten)]
+    point: BandwidthPoint,
+    uncompensated_phase_deg: Option<f64>,
+    uncompensated_minus_90_rad_s: Bandwidth,
+    compensated_phase_deg: Option<f64>,
+    compensated_minus_90_rad_s: Bandwidth,
+    dead_time_s: f64,
 }
 
-/// One object per nominal command: `nominal`, and without and with the compensator the bandwidth, the phase there and the
-/// frequency of -90 degrees; null where there is none in the range searched.
+/// One value per nominal command. `phases` are those of the same points.
 #[must_use]
-pub fn bandwidth_json(points: &[BandwidthPoint], phases: &[ChainPhase]) -> Value {
-    let point = |(point, phase): (&BandwidthPoint, &ChainPhase)| {
-        json!({
-            "nominal": point.nominal,
-            "uncompensated_rad_s": rad_s(point.uncompensated),
-            "uncompensated_phase_deg": phase.uncompensated.phase_deg,
-            "uncompensated_minus_90_rad_s": rad_s(phase.uncompensated.minus_90),
-            "compensated_rad_s": rad_s(point.compensated),
-            "compensated_phase_deg": phase.compensated.phase_deg,
-            "compensated_minus_90_rad_s": rad_s(phase.compensated.minus_90),
-            "dead_time_s": phase.model_dead_time_s,
-        })
+pub fn bandwidth_values(points: &[BandwidthPoint], phases: &[ChainPhase]) -> Vec<PointValues> {
+    let values = |(point, phase): (&BandwidthPoint, &ChainPhase)| PointValues {
+        point: *point,
+        uncompensated_phase_deg: phase.uncompensated.phase_deg,
+        uncompensated_minus_90_rad_s: phase.uncompensated.minus_90,
+        compensated_phase_deg: phase.compensated.phase_deg,
+        compensated_minus_90_rad_s: phase.compensated.minus_90,
+        dead_time_s: phase.model_dead_time_s,
     };
-    points.iter().zip(phases).map(point).collect()
-}
-
-/// One line per record, with a heading, and what the intervals mean.
-#[must_use]
-pub fn measured_table(measured: &[MeasuredBandwidth]) -> String {
-    let mut text = String::from(
-        "  u_nom   compensator     measured   95 % interval     record\n                           (rad/s)   (rad/s)\n",
-    );
-    for MeasuredBandwidth { file, nominal, compensated, bandwidth } in measured {
-        let interval = format!("{} .. {}", bandwidth_cell(bandwidth.lower, 2), bandwidth_cell(bandwidth.upper, 2));
-        let value = bandwidth_cell(bandwidth.bandwidth, 2);
-        let with = if *compensated { "with" } else { "without" };
-        text.push_str(&format!("  {nominal:<5.3}   {with:<11} {value:>12}   {interval:<15}   {file}\n"));
-    }
-    text.push_str(
-        "  Where a compensated response runs almost level near -3 dB,\n  0.1 dB moves its bandwidth by a tenth.\n",
-    );
-    text
-}
-
-/// One object per record.
-#[must_use]
-pub fn measured_json(measured: &[MeasuredBandwidth]) -> Value {
-    let record = |measured: &MeasuredBandwidth| {
-        json!({
-            "file": measured.file,
-            "nominal": measured.nominal,
-            "compensated": measured.compensated,
-            "bandwidth_rad_s": rad_s(measured.bandwidth.bandwidth),
-            "interval_rad_s": [rad_s(measured.bandwidth.lower), rad_s(measured.bandwidth.upper)],
-        })
-    };
-    measured.iter().map(record).collect()
+    points.iter().zip(phases).map(values).collect()
 }
 
 /// A bandwidth in a column, or the frequency up to which there is none.
@@ -85,8 +41,75 @@ pub fn bandwidth_cell(bandwidth: Bandwidth, digits: usize) -> String {
     }
 }
 
-/// A bandwidth as a number, or null where there is none in the range searched.
+pub(crate) fn cell(bandwidth: Bandwidth, digits: usize) -> Cell {
+    Cell { text: bandwidth_cell(bandwidth, digits), value: Some(bandwidth.rad_s().unwrap_or(f64::NAN)) }
+}
+
+/// One row per nominal command, with the `phases` of the same points where they are known.
 #[must_use]
-pub fn rad_s(bandwidth: Bandwidth) -> Value {
-    bandwidth.rad_s().map_or(Value::Null, Value::from)
+pub fn bandwidth_table(points: &[BandwidthPoint], phases: &[ChainPhase]) -> Table {
+    let phase_cells = |phase: &PhaseAtBandwidth| [Cell::optional(phase.phase_deg, 1), cell(phase.minus_90, 2)];
+    let row = |(index, point): (usize, &BandwidthPoint)| {
+        let factor = point.compensated.rad_s().zip(point.uncompensated.rad_s()).map(|(after, before)| after / before);
+        let mut cells = vec![
+            Cell::number(point.nominal, 3),
+            cell(point.uncompensated, 4),
+            cell(point.compensated, 4),
+            Cell::optional(factor, 2),
+        ];
+        if let Some(phase) = phases.get(index) {
+            cells.extend([&phase.uncompensated, &phase.compensated].into_iter().flat_map(phase_cells));
+        }
+        cells
+    };
+    let mut columns = vec![
+        Column::new("u_nom", "u_nom", "duty"),
+        Column::new("uncompensated_rad_s", "without compensator", "rad/s"),
+        Column::new("compensated_rad_s", "with compensator", "rad/s"),
+        Column::new("factor", "factor", ""),
+    ];
+    if !phases.is_empty() {
+        columns.extend([
+            Column::new("uncompensated_phase_deg", "phase there without", "deg"),
+            Column::new("uncompensated_minus_90_rad_s", "-90 degrees without", "rad/s"),
+            Column::new("compensated_phase_deg", "phase there with", "deg"),
+            Column::new("compensated_minus_90_rad_s", "-90 degrees with", "rad/s"),
+        ]);
+    }
+    Table {
+        name: "table_3".to_owned(),
+        caption: "Predicted bandwidth".to_owned(),
+        columns,
+        rows: points.iter().enumerate().map(row).collect(),
+    }
+}
+
+/// One row per record.
+#[must_use]
+pub fn measured_table(measured: &[MeasuredBandwidth]) -> Table {
+    let row = |one: &MeasuredBandwidth| {
+        vec![
+            Cell::text(one.file.clone()),
+            Cell::number(one.nominal, 3),
+            Cell::text(if one.compensated { "with" } else { "without" }),
+            cell(one.bandwidth.bandwidth, 2),
+            cell(one.bandwidth.lower, 2),
+            cell(one.bandwidth.upper, 2),
+        ]
+    };
+    Table {
+        name: "measured_bandwidths".to_owned(),
+        caption: "Measured bandwidth, and its 95 % interval. Where a compensated response runs almost level near -3 dB, 0.1 dB \
+                  moves its bandwidth by a tenth."
+            .to_owned(),
+        columns: vec![
+            Column::new("file", "record", ""),
+            Column::new("u_nom", "u_nom", "duty"),
+            Column::new("compensator", "compensator", ""),
+            Column::new("bandwidth_rad_s", "bandwidth", "rad/s"),
+            Column::new("lower_rad_s", "from", "rad/s"),
+            Column::new("upper_rad_s", "to", "rad/s"),
+        ],
+        rows: measured.iter().map(row).collect(),
+    }
 }

@@ -1,86 +1,75 @@
 //! Noise and nonlinear distortion, per nominal command.
 
-use rotorlead_identify::{DistortionLevel, PeriodicIdentification};
-use serde_json::{Value, json};
+use rotorlead_identify::{DistortionLevel, NominalIdentification, PeriodicIdentification};
+use serde::Serialize;
 
-/// The levels at every nominal command whose records can tell; empty without any.
-#[must_use]
-pub fn distortion_table(found: &PeriodicIdentification) -> String {
-    let rows: String = found
-        .nominals
-        .iter()
-        .filter_map(|nominal| nominal.distortion.map(|distortion| (nominal, distortion)))
-        .map(|(nominal, distortion)| {
-            let robust = nominal.robust.as_ref();
-            format!(
-                "  {:<5.3} {:>12} {:>12} {:>12} {:>20}\n",
-                nominal.nominal,
-                decibels(distortion.noise_db()),
-                level(distortion.even),
-                level(distortion.odd),
-                robust.map_or_else(|| String::from("-"), |robust| decibels(robust.stochastic_db)),
-            )
-        })
-        .collect();
-    if rows.is_empty() {
-        return rows;
+use crate::table::{Cell, Column, Table};
+
+/// The levels at one nominal command, dB; null where its records do not tell them.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct DistortionValues {
+    nominal: f64,
+    noise_db: Option<f64>,
+    even: Option<DistortionLevel>,
+    odd: Option<DistortionLevel>,
+    realizations: Option<usize>,
+    stochastic_db: Option<f64>,
+}
+
+impl DistortionValues {
+    /// Of one nominal command.
+    #[must_use]
+    pub fn of(found: &NominalIdentification) -> Self {
+        let robust = found.robust.as_ref();
+        Self {
+            nominal: found.nominal,
+            noise_db: found.distortion.map(|distortion| distortion.noise_db()),
+            even: found.distortion.and_then(|distortion| distortion.even),
+            odd: found.distortion.and_then(|distortion| distortion.odd),
+            realizations: robust.map(|robust| robust.realizations),
+            stochastic_db: robust.map(|robust| robust.stochastic_db),
+        }
     }
-    let none_skipped = found.nominals.iter().all(|nominal| nominal.distortion.is_none_or(|d| d.odd.is_none()));
-    let hint = if none_skipped {
-        "  No odd line is skipped, so odd distortion does not show:\n  `rotorlead excite --detection` skips some.\n"
-    } else {
-        ""
-    };
-    format!(
-        "\n  u_nom   noise (dB)    even (dB)     odd (dB)   other phases (dB)\n{rows}  \
-         Of one line, mean over the periods, relative to the linear response.\n{hint}"
-    )
 }
 
-/// The same for programs: one object per nominal command.
+/// The levels at every nominal command whose records can tell; `None` without any.
 #[must_use]
-pub fn distortion_json(found: &PeriodicIdentification) -> Value {
-    let level = |level: Option<DistortionLevel>| {
-        level.map(|level| {
-            json!({
-                "lines": level.lines,
-                "level_db": finite(level.relative_db),
-                "p_value": level.p_value,
-                "seen": level.is_seen(),
-                "strong": level.is_strong(),
-            })
-        })
+pub fn distortion_table(found: &PeriodicIdentification) -> Option<Table> {
+    let known: Vec<_> = found.nominals.iter().filter(|nominal| nominal.distortion.is_some()).collect();
+    let row = |nominal: &&NominalIdentification| {
+        let DistortionValues { nominal, noise_db, even, odd, stochastic_db, .. } = DistortionValues::of(nominal);
+        vec![Cell::number(nominal, 3), decibels(noise_db), level(even), level(odd), decibels(stochastic_db)]
     };
-    found
-        .nominals
-        .iter()
-        .map(|nominal| {
-            let distortion = nominal.distortion;
-            json!({
-                "nominal": nominal.nominal,
-                "noise_db": distortion.and_then(|d| finite(d.noise_db())),
-                "even": level(distortion.and_then(|d| d.even)),
-                "odd": level(distortion.and_then(|d| d.odd)),
-                "realizations": nominal.robust.as_ref().map(|robust| robust.realizations),
-                "stochastic_db": nominal.robust.as_ref().and_then(|robust| finite(robust.stochastic_db)),
-            })
-        })
-        .collect()
+    let mut caption =
+        "Noise and distortion of one line, mean over the periods, relative to the linear response".to_owned();
+    if known.iter().all(|nominal| nominal.distortion.is_some_and(|distortion| distortion.odd.is_none())) {
+        caption +=
+            ". No odd line is skipped, so odd distortion does not show: `rotorlead excite --detection` skips some.";
+    }
+    (!known.is_empty()).then(|| Table {
+        name: "distortion".to_owned(),
+        caption,
+        columns: vec![
+            Column::new("u_nom", "u_nom", "duty"),
+            Column::new("noise_db", "noise", "dB"),
+            Column::new("even_db", "even", "dB"),
+            Column::new("odd_db", "odd", "dB"),
+            Column::new("stochastic_db", "other phases", "dB"),
+        ],
+        rows: known.iter().map(row).collect(),
+    })
 }
 
-/// JSON has no infinity.
-fn finite(value: f64) -> Option<f64> {
-    value.is_finite().then_some(value)
+fn decibels(value: Option<f64>) -> Cell {
+    match value {
+        Some(value) if !value.is_finite() => Cell::text("none"),
+        value => Cell::optional(value, 1),
+    }
 }
 
-fn decibels(value: f64) -> String {
-    finite(value).map_or_else(|| String::from("none"), |value| format!("{value:.1}"))
-}
-
-fn level(level: Option<DistortionLevel>) -> String {
+fn level(level: Option<DistortionLevel>) -> Cell {
     match level {
-        None => String::from("-"),
-        Some(level) if level.is_seen() => decibels(level.relative_db),
-        Some(_) => String::from("in noise"),
+        Some(level) if !level.is_seen() => Cell::text("in noise"),
+        level => decibels(level.map(|level| level.relative_db)),
     }
 }

@@ -16,23 +16,26 @@ pub mod paper;
 mod sections;
 mod stand;
 mod static_map;
+mod table;
 mod time_response;
 mod unit;
 mod validation;
 
-pub use bandwidths::{bandwidth_cell, bandwidth_json, bandwidth_table, measured_json, measured_table, rad_s};
+pub use bandwidths::{PointValues, bandwidth_cell, bandwidth_table, bandwidth_values, measured_table};
 pub use bode::{Band, Curve, bode};
 pub use catalog::{catalog_markdown, with_catalog};
 pub use compensation::{measured as measured_response, simulated as simulated_response, simulation_and_experiment};
-pub use distortion::{distortion_json, distortion_table};
+pub use distortion::DistortionValues;
 pub use excitation::{crest_factor, excitation};
 pub use figure::{Axis, Beside, Color, Figure, FigureError, FigureKind, HeatMap, Mark, Panel, Scale, Series};
 pub use html::{Cell, Column, Fact, Report, Section, Table, Tone, Verdict};
 pub use number::{parameter_with_std, with_std};
 pub use sections::{
-    bandwidth_diagnosis_section, bandwidth_section, design_section, diagnosis_section, diagnosis_tone,
-    excitation_section, experiment_facts, identification_section, redesign_sections, simulation_section, stand_section,
+    bandwidth_diagnosis_section, bandwidth_section, design_section, design_table, diagnosis_section, diagnosis_tone,
+    effect_table, excess_table, excitation_section, experiment_facts, explanations_table, fastest_point, gap_table,
+    identification_section, identification_tables, laws_table, parameter_table, predicted_table, ratios_table,
+    redesign_sections, redesign_table, simulation_section, stand_section, stand_table, transfer_function,
     validation_section,
 };
 pub use unit::{quantity, unit};
-pub use validation::{cells, is_wrong, validation_by_nominal, validation_table, verdict};
+pub use validation::{is_wrong, validation_by_nominal, validation_scores, verdict};

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::fmt::Write as _;
 
 use rotorlead_identify::{
-    ComparedLines, ComparedRow, Comparison, FitBesideCeiling, RecordValidation, TableRow, table_2,
+    ComparedLines, ComparedRow, Comparison, Domain, FitBesideCeiling, RecordValidation, TableRow, table_2,
 };
 use rotorlead_records::Output;
 
@@ -18,87 +18,6 @@ const LEVEL: f64 = 0.01;
 const SMALLEST_ERROR_PERCENT: f64 = 0.1;
 /// Probability that the bands of a figure hold the truth, at each line.
 const BAND: f64 = 0.95;
-
-/// Characters of a record's name that the table has room for in 80 columns.
-const LONGEST_NAME: usize = 18;
-/// What stands behind the name of a compensated record.
-const COMPENSATED: &str = " (c)";
-
-/// A name in so many characters: its middle is what is left out.
-fn shortened(name: &str, most: usize) -> String {
-    let length = name.chars().count();
-    if length <= most {
-        return name.to_owned();
-    }
-    let begin = most / 2;
-    let end = most - begin - 1;
-    name.chars().take(begin).chain(['…']).chain(name.chars().skip(length - end)).collect()
-}
-
-/// One line per record.
-#[must_use]
-pub fn validation_table(records: &[RecordValidation]) -> String {
-    let mut text = format!(
-        "  u_nom  excitation  held   % fit  ceiling  left, over noise  record\n{:21}out{:>28}{:>8}\n",
-        "", "power", "p"
-    );
-    for record in records {
-        let left = record.left_over.map_or_else(
-            || (String::from("-"), String::from("-")),
-            |left| (format!("{:.2}", left.power_ratio), probability(left.p_value)),
-        );
-        let line = format!(
-            "  {:<5.3}  {:<10}  {:<4} {:>7.2}  {:>7}  {:>8} {:>7}  {}{}\n",
-            record.nominal,
-            record.excitation.name(),
-            match record.fitted {
-                Some(true) => "no",
-                Some(false) => "yes",
-                None => "-",
-            },
-            record.fit_percent,
-            percent(record.ceiling_percent),
-            left.0,
-            left.1,
-            shortened(&record.file, if record.compensated { LONGEST_NAME - COMPENSATED.len() } else { LONGEST_NAME }),
-            if record.compensated { COMPENSATED } else { "" },
-        );
-        text.push_str(&line);
-    }
-    text.push_str("  The ceiling is what a perfect model would score on average.\n");
-    if records.iter().any(|record| record.compensated) {
-        text.push_str("  (c): with the compensator.\n");
-    }
-    text
-}
-
-/// By nominal command, as the paper's Table 2; empty without multisines and squares.
-#[must_use]
-pub fn validation_by_nominal(records: &[RecordValidation]) -> String {
-    let rows = table_2(records);
-    if rows.is_empty() {
-        return String::new();
-    }
-    let mut text =
-        String::from("\n           frequency domain      square wave\n  u_nom     % fit  ceiling     % fit  ceiling\n");
-    for row in rows {
-        let [(frequency, frequency_ceiling), (square, square_ceiling)] = cells(&row);
-        let line = format!(
-            "  {:<5.3}  {frequency:>8}  {frequency_ceiling:>7}  {square:>8}  {square_ceiling:>7}\n",
-            row.nominal
-        );
-        text.push_str(&line);
-    }
-    text
-}
-
-/// Fit and ceiling, in frequency and on the square wave.
-#[must_use]
-pub fn cells(row: &TableRow) -> [(String, String); 2] {
-    [row.frequency, row.square].map(|found: Option<FitBesideCeiling>| {
-        (percent(found.map(|found| found.fit_percent)), percent(found.and_then(|found| found.ceiling_percent)))
-    })
-}
 
 /// Whether the record shows, at a level that holds over `tested` records, that the model is wrong by an amount worth a word.
 fn shows_error(record: &RecordValidation, tested: f64) -> bool {
@@ -187,7 +106,7 @@ fn equals(p_value: f64) -> String {
 }
 
 /// A tail probability in few characters.
-pub(super) fn probability(p_value: f64) -> String {
+fn probability(p_value: f64) -> String {
     if p_value < 1e-99 {
         String::from("< 1e-99")
     } else if p_value < 1e-3 {
@@ -195,10 +114,6 @@ pub(super) fn probability(p_value: f64) -> String {
     } else {
         format!("{p_value:.3}")
     }
-}
-
-fn percent(value: Option<f64>) -> String {
-    value.map_or_else(|| String::from("-"), |value| format!("{value:.2}"))
 }
 
 /// Record and model side by side: the paper's Fig. 6 of a multisine, and its Fig. 7 of any other.
@@ -218,8 +133,60 @@ pub(super) fn figures_of(record: &RecordValidation, output: Output) -> Figure {
     }
 }
 
+/// The score of each record.
+#[must_use]
+pub fn validation_scores(records: &[RecordValidation]) -> Table {
+    let any_compensated = records.iter().any(|record| record.compensated);
+    let row = |record: &RecordValidation| {
+        let in_domain = match record.domain() {
+            Domain::Frequency => "frequency",
+            Domain::Time => "time",
+        };
+        let left = record.left_over;
+        let mut row = vec![
+            Cell::text(record.file.clone()),
+            Cell::number(record.nominal, 3),
+            Cell::text(record.excitation.name()),
+            Cell::text(match record.fitted {
+                Some(true) => "no",
+                Some(false) => "yes",
+                None => "-",
+            }),
+            Cell::text(in_domain),
+            Cell::number(record.fit_percent, 2),
+            Cell::optional(record.ceiling_percent, 2),
+            Cell::optional(left.map(|left| left.power_ratio), 2),
+            left.map_or_else(|| Cell::text("-"), |left| Cell::shown(left.p_value, probability(left.p_value))),
+            Cell::optional(record.model_error_percent(), 2),
+        ];
+        row.extend(any_compensated.then(|| Cell::text(if record.compensated { "yes" } else { "no" })));
+        row
+    };
+    let mut columns = vec![
+        Column::new("file", "record", ""),
+        Column::new("u_nom", "u_nom", "duty"),
+        Column::new("excitation", "excitation", ""),
+        Column::new("held_out", "held out", ""),
+        Column::new("domain", "compared in", ""),
+        Column::new("fit_percent", "fit", "%"),
+        Column::new("ceiling_percent", "ceiling", "%"),
+        Column::new("left_over_noise", "power over noise", ""),
+        Column::new("p_value", "p", ""),
+        Column::new("model_error_percent", "model's error", "% of the response"),
+    ];
+    columns.extend(any_compensated.then(|| Column::new("compensated", "with C(s)", "")));
+    Table {
+        name: "validation".to_owned(),
+        caption: "Fit of each record. The ceiling is what a perfect model would score on average, given its noise."
+            .to_owned(),
+        columns,
+        rows: records.iter().map(row).collect(),
+    }
+}
+
 /// By nominal command, as the paper's Table 2; `None` without multisines and squares.
-pub(super) fn table_by_nominal(records: &[RecordValidation]) -> Option<Table> {
+#[must_use]
+pub fn validation_by_nominal(records: &[RecordValidation]) -> Option<Table> {
     let row = |row: &TableRow| {
         let pair = |found: Option<FitBesideCeiling>| {
             let ceiling = found.and_then(|found| found.ceiling_percent);
@@ -280,16 +247,4 @@ fn rows_csv(rows: &[ComparedRow]) -> String {
         writeln!(csv, "{},{},{},{residual}", row.time_s, row.measured, row.model).expect("a string takes all");
     }
     csv
-}
-
-#[cfg(test)]
-mod tests {
-    use super::shortened;
-
-    #[test]
-    fn a_long_name_keeps_its_ends() {
-        assert_eq!(shortened("u040_multisine.csv", 18), "u040_multisine.csv");
-        assert_eq!(shortened("bench_2024_u040_multisine.csv", 18), "bench_202…sine.csv");
-        assert_eq!(shortened("größere_namen.csv", 9), "größ….csv");
-    }
 }

@@ -1,8 +1,8 @@
 //! What came out beside what the paper prints, for the report.
 
-use rotorlead_identify::{Bandwidth, table_2};
+use rotorlead_identify::{Bandwidth, FitBesideCeiling, table_2};
 use rotorlead_report::paper::{CONTRADICTIONS, PAPER};
-use rotorlead_report::{Cell, Column, Section, Table, Tone, Verdict, is_wrong};
+use rotorlead_report::{Cell, Column, Section, Table, Tone, Verdict, bandwidth_cell, is_wrong, with_std};
 
 use super::Demonstrated;
 use crate::report_pages;
@@ -44,8 +44,12 @@ impl Demonstrated<'_> {
         let mut text = vec!["The actuators that are simulated have the lags of the paper's Table 1.".to_owned()];
         text.push("Where the paper contradicts itself:".to_owned());
         text.extend(CONTRADICTIONS.map(str::to_owned));
-        let tables = vec![self.lags(), self.fits(), self.bandwidths()];
-        Section { text, tables, ..Section::new("paper", "Beside the paper") }
+        Section { text, tables: self.tables().into(), ..Section::new("paper", "Beside the paper") }
+    }
+
+    /// Identified lags, validation, and bandwidths simulated and measured.
+    pub(super) fn tables(&self) -> [Table; 4] {
+        [self.lags(), self.fits(), self.simulated_bandwidths(), self.measured_bandwidths()]
     }
 
     fn lags(&self) -> Table {
@@ -53,17 +57,24 @@ impl Demonstrated<'_> {
             vec![
                 Cell::number(paper.nominal, 2),
                 Cell::number(paper.gain, 4),
-                Cell::number(point.gain, 4),
+                Cell::shown(point.gain, with_std(point.gain, point.gain_std, 1.0, 4)),
+                Cell::number(1e3 / paper.omega_s_rad_s, 1),
+                Cell::shown(
+                    1e3 * point.time_constant_s,
+                    with_std(point.time_constant_s, point.time_constant_s_std, 1e3, 2),
+                ),
                 Cell::number(paper.omega_s_rad_s, 4),
                 Cell::number(1.0 / point.time_constant_s, 4),
             ]
         });
         table(
             "paper_table_1",
-            "Lags, the paper's Table 1",
+            "Identified lags K / (tau s + 1), beside those simulated (the paper's Table 1)",
             vec![
-                Column::new("paper_gain_n", "gain, paper", "N"),
+                Column::new("paper_gain_n", "K, paper", "N"),
                 Column::new("gain_n", "here", "N"),
+                Column::new("paper_time_constant_ms", "tau, paper", "ms"),
+                Column::new("time_constant_ms", "here", "ms"),
                 Column::new("paper_pole_rad_s", "1/tau, paper", "rad/s"),
                 Column::new("pole_rad_s", "here", "rad/s"),
             ],
@@ -73,55 +84,83 @@ impl Demonstrated<'_> {
 
     fn fits(&self) -> Table {
         let rows = PAPER.iter().zip(table_2(self.validated)).map(|(paper, row)| {
-            let [frequency, square] = [row.frequency, row.square].map(|fit| fit.map(|fit| fit.fit_percent));
-            vec![
-                Cell::number(paper.nominal, 2),
-                Cell::number(paper.fit_frequency_percent, 2),
-                Cell::optional(frequency, 2),
-                Cell::number(paper.fit_square_percent, 2),
-                Cell::optional(square, 2),
-            ]
+            let here = |found: Option<FitBesideCeiling>| {
+                let ceiling = found.and_then(|found| found.ceiling_percent);
+                [Cell::optional(found.map(|found| found.fit_percent), 2), Cell::optional(ceiling, 2)]
+            };
+            let mut cells = vec![Cell::number(paper.nominal, 2), Cell::number(paper.fit_frequency_percent, 2)];
+            cells.extend(here(row.frequency));
+            cells.push(Cell::number(paper.fit_square_percent, 2));
+            cells.extend(here(row.square));
+            cells
         });
         table(
             "paper_table_2",
-            "Validation, the paper's Table 2",
+            "Validation, and what noise leaves a perfect model (the paper's Table 2); squares are held out",
             vec![
                 Column::new("paper_fit_frequency_percent", "in frequency, paper", "% fit"),
                 Column::new("fit_frequency_percent", "here", "% fit"),
+                Column::new("ceiling_frequency_percent", "ceiling", "% fit"),
                 Column::new("paper_fit_square_percent", "on squares, paper", "% fit"),
                 Column::new("fit_square_percent", "here", "% fit"),
+                Column::new("ceiling_square_percent", "ceiling", "% fit"),
             ],
             rows,
         )
     }
 
-    fn bandwidths(&self) -> Table {
-        let cell = |bandwidth: Bandwidth| Cell::optional(bandwidth.rad_s(), 2);
-        let rows = PAPER.iter().zip(self.simulated).zip(self.measured).map(|((paper, simulated), measured)| {
+    fn simulated_bandwidths(&self) -> Table {
+        let cell = |bandwidth: Bandwidth| Cell::optional(bandwidth.rad_s(), 4);
+        let rows = PAPER.iter().zip(self.simulated).map(|(paper, simulated)| {
             vec![
                 Cell::number(paper.nominal, 2),
-                Cell::number(paper.simulated_rad_s.0, 2),
+                Cell::number(paper.simulated_rad_s.0, 4),
                 cell(simulated.uncompensated),
-                Cell::number(paper.simulated_rad_s.1, 2),
+                Cell::number(paper.simulated_rad_s.1, 4),
                 cell(simulated.compensated),
+            ]
+        });
+        table(
+            "paper_table_3_simulated",
+            "Bandwidth without and with the compensator, simulated: C(s) and the lag (the paper's Table 3)",
+            vec![
+                Column::new("paper_uncompensated_rad_s", "without, paper", "rad/s"),
+                Column::new("uncompensated_rad_s", "here", "rad/s"),
+                Column::new("paper_compensated_rad_s", "with, paper", "rad/s"),
+                Column::new("compensated_rad_s", "here", "rad/s"),
+            ],
+            rows,
+        )
+    }
+
+    fn measured_bandwidths(&self) -> Table {
+        let cell = |bandwidth: Bandwidth| Cell {
+            text: bandwidth_cell(bandwidth, 2),
+            value: Some(bandwidth.rad_s().unwrap_or(f64::NAN)),
+        };
+        let rows = PAPER.iter().zip(self.measured).map(|(paper, measured)| {
+            vec![
+                Cell::number(paper.nominal, 2),
                 Cell::number(paper.measured_rad_s.0, 2),
                 cell(measured.uncompensated.bandwidth),
                 Cell::number(paper.measured_rad_s.1, 2),
                 cell(measured.compensated.bandwidth),
+                cell(measured.compensated.lower),
+                cell(measured.compensated.upper),
+                cell(measured.predicted),
             ]
         });
         table(
-            "paper_table_3",
-            "Bandwidth without and with the compensator, the paper's Table 3",
+            "paper_table_3_measured",
+            "The same, measured: ETFE, the filter in integers in the loop, 95 % interval",
             vec![
-                Column::new("paper_simulated_uncompensated_rad_s", "without, simulated, paper", "rad/s"),
-                Column::new("simulated_uncompensated_rad_s", "here", "rad/s"),
-                Column::new("paper_simulated_compensated_rad_s", "with, simulated, paper", "rad/s"),
-                Column::new("simulated_compensated_rad_s", "here", "rad/s"),
-                Column::new("paper_measured_uncompensated_rad_s", "without, measured, paper", "rad/s"),
-                Column::new("measured_uncompensated_rad_s", "here", "rad/s"),
-                Column::new("paper_measured_compensated_rad_s", "with, measured, paper", "rad/s"),
-                Column::new("measured_compensated_rad_s", "here", "rad/s"),
+                Column::new("paper_uncompensated_rad_s", "without, paper", "rad/s"),
+                Column::new("uncompensated_rad_s", "here", "rad/s"),
+                Column::new("paper_compensated_rad_s", "with, paper", "rad/s"),
+                Column::new("compensated_rad_s", "here", "rad/s"),
+                Column::new("lower_rad_s", "from", "rad/s"),
+                Column::new("upper_rad_s", "to", "rad/s"),
+                Column::new("noise_free_rad_s", "noise-free", "rad/s"),
             ],
             rows,
         )

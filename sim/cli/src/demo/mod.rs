@@ -3,7 +3,7 @@
 mod beside_the_paper;
 mod text;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use miette::IntoDiagnostic as _;
@@ -14,21 +14,20 @@ use rotorlead_identify::{
     Bandwidth, EtfeBandwidth, IdentifyOptions, MeasuredBandwidth, NominalIdentification, PeriodicIdentification,
     PeriodicOptions, RecordValidation, bandwidth_of, identify, identify_periodic, validate,
 };
-use rotorlead_plant::Model;
 use rotorlead_plant::bench::{Plan, Prediction};
+use rotorlead_plant::{CompensatorFile, Model, Point};
 use rotorlead_records::files::write_file;
-use rotorlead_report::paper::{CONTRADICTIONS, PAPER, table_1};
+use rotorlead_report::paper::{CONTRADICTIONS, PAPER, PaperRow, table_1};
 use rotorlead_report::{
     Color, Curve, Figure, FigureKind, Mark, Report, bandwidth_section, bode, design_section, excitation_section,
-    identification_section, measured_response, rad_s, simulation_and_experiment, validation_section,
+    identification_section, measured_response, simulation_and_experiment, validation_section,
 };
-use serde_json::json;
+use serde::Serialize;
 
 use super::bandwidth::RESAMPLES;
 use super::outcome::{JsonOption, Outcome};
 use super::report_option::{ReportOption, check_folder, make_folder};
 use super::simulate::simulate;
-use super::validate::record_json;
 use super::{progress, report_pages};
 
 /// Nominal commands in the Bode plot: one in the middle, where compensation helps by half, and the fastest.
@@ -80,6 +79,49 @@ struct Demonstrated<'a> {
     /// By the lags of the paper and its compensator.
     simulated: &'a [BandwidthPoint],
     measured: &'a [Measured],
+}
+
+/// What came out, for programs.
+#[derive(Serialize)]
+struct Values<'a> {
+    points: &'a [Point],
+    validation: &'a [RecordValidation],
+    compensator: CompensatorFile,
+    bandwidth: Vec<Row>,
+    contradictions: [&'static str; CONTRADICTIONS.len()],
+    bode: &'a Path,
+}
+
+/// The bandwidths at one nominal command, without and with the compensator.
+#[derive(Serialize)]
+struct Row {
+    nominal: f64,
+    paper: PaperPair,
+    simulated_rad_s: [Bandwidth; 2],
+    measured_rad_s: [Bandwidth; 2],
+    measured_compensated_interval_rad_s: [Bandwidth; 2],
+    predicted_compensated_rad_s: Bandwidth,
+}
+
+/// Those that the paper prints.
+#[derive(Serialize)]
+struct PaperPair {
+    simulated_rad_s: (f64, f64),
+    measured_rad_s: (f64, f64),
+}
+
+impl Row {
+    fn of(paper: &PaperRow, simulated: &BandwidthPoint, measured: &Measured) -> Self {
+        let PaperRow { nominal, simulated_rad_s, measured_rad_s, .. } = *paper;
+        Self {
+            nominal,
+            paper: PaperPair { simulated_rad_s, measured_rad_s },
+            simulated_rad_s: [simulated.uncompensated, simulated.compensated],
+            measured_rad_s: [measured.uncompensated.bandwidth, measured.compensated.bandwidth],
+            measured_compensated_interval_rad_s: [measured.compensated.lower, measured.compensated.upper],
+            predicted_compensated_rad_s: measured.predicted,
+        }
+    }
 }
 
 impl Demo {
@@ -138,25 +180,16 @@ impl Demo {
             Report { facts, sections, ..report_pages::report("Demonstration", title, result.verdict()) }
         })?;
         let text = result.text(&self.out, &figure).into_diagnostic()? + &written;
-        let json = json!({
-            "points": model.points,
-            "validation": validated.iter().map(record_json).collect::<Vec<_>>(),
-            "compensator": compensator_file(&design),
-            "bandwidth": PAPER.iter().zip(&simulated).zip(&measured).map(|((paper, simulated), measured)| json!({
-                "nominal": paper.nominal,
-                "paper": {
-                    "simulated_rad_s": paper.simulated_rad_s,
-                    "measured_rad_s": paper.measured_rad_s,
-                },
-                "simulated_rad_s": [rad_s(simulated.uncompensated), rad_s(simulated.compensated)],
-                "measured_rad_s": [rad_s(measured.uncompensated.bandwidth), rad_s(measured.compensated.bandwidth)],
-                "measured_compensated_interval_rad_s": [rad_s(measured.compensated.lower), rad_s(measured.compensated.upper)],
-                "predicted_compensated_rad_s": rad_s(measured.predicted),
-            })).collect::<Vec<_>>(),
-            "contradictions": CONTRADICTIONS,
-            "bode": figure,
-        });
-        Ok(Outcome { text, json })
+        let bandwidth = PAPER.iter().zip(&simulated).zip(&measured);
+        let values = Values {
+            points: &model.points,
+            validation: &validated,
+            compensator: compensator_file(&design),
+            bandwidth: bandwidth.map(|((paper, simulated), measured)| Row::of(paper, simulated, measured)).collect(),
+            contradictions: CONTRADICTIONS,
+            bode: &figure,
+        };
+        Ok(Outcome::new(text, &values))
     }
 }
 

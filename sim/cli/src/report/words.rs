@@ -16,7 +16,7 @@ use super::ReportCommand;
 use super::parts::{Designed, Parts};
 use crate::diagnose::verdict as diagnosed;
 use crate::identify::sections;
-use crate::identify_tables::point_json;
+use crate::identify_tables::PointValues;
 use crate::lost_gain::lost_gain;
 use crate::outcome::without_mark;
 use crate::report_option::this_command;
@@ -142,18 +142,17 @@ impl Parts {
 
     /// The same for programs.
     pub fn json(&self, report: &Report) -> Value {
-        let left_out = |part: Option<&String>| part.map_or(Value::Null, |reason| json!(reason));
         json!({
             "verdict": report.verdict.headline,
             "sentences": report.verdict.sentences,
-            "points": self.model.points.iter().map(point_json).collect::<Vec<_>>(),
-            "diagnosis": self.diagnosed.as_ref().and_then(|part| part.as_ref().ok()).map(|found| found.verdict.name()),
+            "points": self.model.points.iter().cloned().map(PointValues).collect::<Vec<_>>(),
+            "diagnosis": self.diagnosed.as_ref().and_then(|part| part.as_ref().ok()).map(|found| found.verdict),
             "warnings": report.warnings,
             "left_out": {
-                "identification": left_out(self.identified.as_ref().err()),
-                "validation": left_out(self.validated.as_ref().err()),
-                "compensator": left_out(self.designed.as_ref().err()),
-                "diagnosis": left_out(self.diagnosed.as_ref().and_then(|part| part.as_ref().err())),
+                "identification": self.identified.as_ref().err(),
+                "validation": self.validated.as_ref().err(),
+                "compensator": self.designed.as_ref().err(),
+                "diagnosis": self.diagnosed.as_ref().and_then(|part| part.as_ref().err()),
             },
             "figures": report.sections.iter().flat_map(|section| &section.figures).map(|figure| &figure.name).collect::<Vec<_>>(),
         })

@@ -2,9 +2,8 @@
 
 mod page;
 mod swatch;
-mod table;
 
-pub use table::{Cell, Column, Table};
+pub use super::table::{Cell, Column, Table};
 
 use super::figure::Figure;
 

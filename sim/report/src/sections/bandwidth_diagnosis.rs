@@ -1,6 +1,6 @@
 //! What a diagnosis of a table of bandwidths found.
 
-use rotorlead_diagnose::bandwidths::{BandwidthDiagnosis, Column as Of, Explanation};
+use rotorlead_diagnose::bandwidths::{BandwidthDiagnosis, Column as Of, Explanation, Scope};
 
 use crate::bandwidth_diagnosis::bandwidth_diagnosis_figures;
 use crate::html::{Cell, Column, Section, Table};
@@ -18,10 +18,11 @@ pub fn bandwidth_diagnosis_section(found: &BandwidthDiagnosis) -> Section {
     if let Some(next) = &found.next_experiment {
         text.extend(format!("Next experiment: {next}").lines().map(str::to_owned));
     }
-    let mut tables = vec![rows(found)];
+    let mut tables = vec![ratios_table(found)];
     if !found.explanations.is_empty() {
-        tables.push(explanations(&found.explanations));
+        tables.push(explanations_table(found));
     }
+    tables.extend(found.named().map(|one| predicted_table(found, one)));
     if !found.ruled_out.is_empty() {
         tables.push(Table {
             name: "ruled_out".to_owned(),
@@ -38,7 +39,9 @@ pub fn bandwidth_diagnosis_section(found: &BandwidthDiagnosis) -> Section {
     Section { text, tables, figures, ..Section::new("diagnosis", "Diagnosis of the bandwidths") }
 }
 
-fn rows(found: &BandwidthDiagnosis) -> Table {
+/// Measured and simulated bandwidths, their ratio, and which part of the gap lies there.
+#[must_use]
+pub fn ratios_table(found: &BandwidthDiagnosis) -> Table {
     let rows = found.table.rows.iter().zip(&found.parts).map(|(row, parts)| {
         let mut cells = vec![Cell::number(row.nominal, 3)];
         for column in Of::ALL {
@@ -46,38 +49,58 @@ fn rows(found: &BandwidthDiagnosis) -> Table {
             cells.push(Cell::optional(row.measured_rad_s[index], 4));
             cells.push(Cell::number(parts[index].simulated_rad_s, 4));
             cells.push(Cell::optional(parts[index].ratio, 3));
+            cells.push(Cell::optional(parts[index].ratio.map(|_| 100.0 * parts[index].share), 1));
         }
         cells
     });
+    let share = |column: Of| 100.0 * found.parts.iter().map(|parts| parts[column as usize].share).sum::<f64>();
+    let [without, with] = Of::ALL.map(share);
     Table {
         name: "ratios".to_owned(),
-        caption: "Measured and simulated bandwidth without and with the compensator".to_owned(),
+        caption: format!(
+            "Measured over simulated bandwidth without and with the compensator, and the part of the gap that lies there (of \
+             the squares of the logarithm): {without:.1} % without, {with:.1} % with"
+        ),
         columns: vec![
             Column::new("u_nom", "u_nom", "duty"),
             Column::new("uncompensated_measured_rad_s", "without, measured", "rad/s"),
             Column::new("uncompensated_simulated_rad_s", "simulated", "rad/s"),
-            Column::new("uncompensated_ratio", "ratio", ""),
+            Column::new("uncompensated_ratio", "ratio without", ""),
+            Column::new("uncompensated_share_percent", "of the gap", "%"),
             Column::new("compensated_measured_rad_s", "with, measured", "rad/s"),
             Column::new("compensated_simulated_rad_s", "simulated", "rad/s"),
-            Column::new("compensated_ratio", "ratio", ""),
+            Column::new("compensated_ratio", "ratio with", ""),
+            Column::new("compensated_share_percent", "of the gap", "%"),
         ],
         rows: rows.collect(),
     }
 }
 
-fn explanations(all: &[Explanation]) -> Table {
-    let row = |one: &Explanation| {
+/// The model as it is, and each explanation, by what it leaves of either column.
+#[must_use]
+pub fn explanations_table(found: &BandwidthDiagnosis) -> Table {
+    let row = |name: String, standing: &str, numbers: usize, fitted_rms: f64, held_out_rms: Option<f64>| {
         vec![
-            Cell::text(one.name()),
-            Cell::text(one.standing.name()),
-            Cell::number(one.numbers as f64, 0),
-            Cell::number(one.fitted_rms, 3),
-            Cell::optional(one.held_out_rms, 3),
+            Cell::text(name),
+            Cell::text(standing),
+            Cell::number(numbers as f64, 0),
+            Cell::number(fitted_rms, 3),
+            Cell::optional(held_out_rms, 3),
         ]
     };
+    let as_it_is =
+        row("as it is".to_owned(), "-", 0, found.fitted_gap.before, found.held_out.then_some(found.gap.before));
+    let explained = found
+        .explanations
+        .iter()
+        .map(|one: &Explanation| row(one.name(), one.standing.name(), one.numbers, one.fitted_rms, one.held_out_rms));
+    let (fitted, held_out) = (found.fitted.word(), found.fitted.other().word());
     Table {
         name: "explanations".to_owned(),
-        caption: "Explanations: RMS of ln(measured / predicted)".to_owned(),
+        caption: format!(
+            "Explanations, calibrated on the {fitted} column alone. RMS of ln(measured / predicted) there, and on the \
+             {held_out} column, which is only predicted"
+        ),
         columns: vec![
             Column::new("explanation", "explanation", ""),
             Column::new("standing", "standing", ""),
@@ -85,6 +108,33 @@ fn explanations(all: &[Explanation]) -> Table {
             Column::new("fitted_rms", "column that was fitted", ""),
             Column::new("held_out_rms", "column that was predicted", ""),
         ],
-        rows: all.iter().map(row).collect(),
+        rows: std::iter::once(as_it_is).chain(explained).collect(),
+    }
+}
+
+/// What an explanation predicts at each nominal command, and its parameters there.
+#[must_use]
+pub fn predicted_table(found: &BandwidthDiagnosis, one: &Explanation) -> Table {
+    let rows = found.table.rows.iter().zip(&one.predicted_rad_s).zip(&one.values).map(|((row, predicted), values)| {
+        let named = one.kind.fitted().filter_map(|(index, parameter)| {
+            let value = values.as_ref().filter(|_| one.scope == Scope::Each)?[index];
+            Some(format!("{} {value:.4} {}", parameter.name, parameter.unit).trim_end().to_owned())
+        });
+        let named = named.collect::<Vec<_>>().join(", ");
+        let mut cells = vec![Cell::number(row.nominal, 3)];
+        cells.extend(predicted.map(|omega| Cell::optional(omega, 2)));
+        cells.push(Cell::text(if named.is_empty() { "the same".to_owned() } else { named }));
+        cells
+    });
+    Table {
+        name: "predicted".to_owned(),
+        caption: format!("Bandwidth as {} predicts it", one.name()),
+        columns: vec![
+            Column::new("u_nom", "u_nom", "duty"),
+            Column::new("uncompensated_rad_s", "without", "rad/s"),
+            Column::new("compensated_rad_s", "with", "rad/s"),
+            Column::new("parameters", "parameters", ""),
+        ],
+        rows: rows.collect(),
     }
 }

@@ -1,7 +1,7 @@
 //! A compensator that was designed.
 
 use rotorlead::design::LeadDesign;
-use rotorlead_plant::Model;
+use rotorlead_plant::{Model, Point};
 
 use crate::compensation::{compensator, simulated};
 use crate::html::{Cell, Column, Section, Table};
@@ -9,26 +9,47 @@ use crate::html::{Cell, Column, Section, Table};
 /// Its parameters, what the controller makes of them, and what it does to the model.
 #[must_use]
 pub fn design_section(design: &LeadDesign, model: &Model) -> Section {
+    Section {
+        text: vec![transfer_function(design)],
+        tables: vec![design_table(design, model)],
+        figures: vec![simulated(model, design.lead()), compensator(design)],
+        ..Section::new("compensator", "Compensator")
+    }
+}
+
+/// C(s) in numbers.
+#[must_use]
+pub fn transfer_function(design: &LeadDesign) -> String {
     let lead = design.lead();
-    let check = design.check();
     let omega_f2 = lead.omega_f_rad_s.powi(2);
-    let text = vec![
-        format!(
-            "C(s) = ({:.2} s + {omega_f2:.2}) / (s² + {:.2} s + {omega_f2:.2})",
-            omega_f2 / lead.omega_z_rad_s,
-            2.0 * lead.damping * lead.omega_f_rad_s
-        ),
-        format!(
-            "A step of the command is answered by at most {:.2} times that step: within the range 0 to 1 there has to be room for it.",
-            check.step_peak
-        ),
-    ];
+    format!(
+        "C(s) = ({:.2} s + {omega_f2:.2}) / (s^2 + {:.2} s + {omega_f2:.2})",
+        omega_f2 / lead.omega_z_rad_s,
+        2.0 * lead.damping * lead.omega_f_rad_s
+    )
+}
+
+/// The point with the fastest pole, on which the zero stands.
+#[must_use]
+pub fn fastest_point(model: &Model) -> Option<&Point> {
+    model.points.iter().min_by(|a, b| a.time_constant_s.total_cmp(&b.time_constant_s))
+}
+
+/// The parameters, the integers of the controller, and what the check of the filter found.
+#[must_use]
+pub fn design_table(design: &LeadDesign, model: &Model) -> Table {
+    let (lead, check, rounded) = (design.lead(), design.check(), design.coefficients());
+    let origin = fastest_point(model).map_or_else(String::new, |point| {
+        let percent = |std: f64| format!(" +- {:.1} %", 100.0 * std / point.time_constant_s);
+        format!("u_nom {:.3}{}, ", point.nominal, point.time_constant_s_std.map_or_else(String::new, percent))
+    });
+    let exact = design.prewarp_rad_s().map_or_else(String::new, |prewarp| format!(", exact at {prewarp} rad/s"));
     let row = |name: &str, value: Cell, unit: &str, meaning: &str| {
         vec![Cell::text(name), value, Cell::text(unit), Cell::text(meaning)]
     };
-    let rounded = design.coefficients();
-    let whole = |value: f64| Cell::number(value, 0);
-    let table = Table {
+    let whole = |value: i32| Cell::number(f64::from(value), 0);
+    let radius = |index: usize| Cell::number(check.pole_radii[index], 8);
+    Table {
         name: "compensator".to_owned(),
         caption: "The compensator, and the integers of the controller (2^-32)".to_owned(),
         columns: vec![
@@ -38,31 +59,41 @@ pub fn design_section(design: &LeadDesign, model: &Model) -> Section {
             Column::new("meaning", "", ""),
         ],
         rows: vec![
-            row("zero", Cell::number(lead.omega_z_rad_s, 4), "rad/s", "the fastest pole of the model"),
-            row("poles", Cell::number(lead.omega_f_rad_s, 4), "rad/s", "both"),
-            row("damping", Cell::number(lead.damping, 4), "", "of the poles"),
-            row("omega_g", Cell::number(lead.omega_g_rad_s(), 2), "rad/s", "amplifies up to here"),
-            row("asymptotic peak", Cell::number(lead.asymptotic_peak_db(), 4), "dB", ""),
+            row("zero", Cell::number(lead.omega_z_rad_s, 4), "rad/s", &format!("{origin}the fastest pole (2)")),
+            row("poles", Cell::number(lead.omega_f_rad_s, 4), "rad/s", "both (5)"),
+            row("damping", Cell::number(lead.damping, 4), "", "of the poles (4)"),
+            row("omega_g", Cell::number(lead.omega_g_rad_s(), 2), "rad/s", "amplifies up to here (6)"),
+            row("asymptotic peak", Cell::number(lead.asymptotic_peak_db(), 4), "dB", "(5)"),
             row(
                 "gains little below",
                 Cell::number(lead.slowest_helped_rad_s(), 4),
                 "rad/s",
                 "a slower lag has fallen by 3 dB before the zero lifts it",
             ),
-            row("loop rate", Cell::number(design.loop_rate_hz(), 0), "Hz", ""),
-            row("k", whole(f64::from(rounded.k())), "2^-32", ""),
-            row("c", whole(f64::from(rounded.c())), "2^-32", ""),
-            row("g0", whole(f64::from(rounded.g0())), "2^-32", ""),
-            row("g1", whole(f64::from(rounded.g1())), "2^-32", ""),
+            row("loop rate", Cell::number(design.loop_rate_hz(), 0), "Hz", &format!("Tustin{exact}")),
+            row("k", whole(rounded.k()), "2^-32", ""),
+            row("c", whole(rounded.c()), "2^-32", ""),
+            row("g0", whole(rounded.g0()), "2^-32", ""),
+            row("g1", whole(rounded.g1()), "2^-32", ""),
             row(
                 "deviation by rounding",
                 Cell::shown(check.worst_deviation_db, format!("{:.1e}", check.worst_deviation_db)),
                 "dB",
-                "at most",
+                &format!("at most, at {:.0} rad/s", check.worst_deviation_rad_s),
             ),
-            row("L1 gain", Cell::number(check.l1_gain, 3), "", "largest output for a command of one"),
+            row("pole radius", radius(0), "", "of the rounded filter"),
+            row("pole radius", radius(1), "", "of the rounded filter"),
+            row(
+                "L1 gain",
+                Cell::number(check.l1_gain, 3),
+                "",
+                &format!(
+                    "a command in [0, 1] stays in [{:.2}, {:.2}]",
+                    (1.0 - check.l1_gain) / 2.0,
+                    (1.0 + check.l1_gain) / 2.0
+                ),
+            ),
+            row("step peak", Cell::number(check.step_peak, 2), "", "of the answer to a step of one: leave room for it"),
         ],
-    };
-    let figures = vec![simulated(model, lead), compensator(design)];
-    Section { text, tables: vec![table], figures, ..Section::new("compensator", "Compensator") }
+    }
 }

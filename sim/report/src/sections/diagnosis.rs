@@ -1,7 +1,9 @@
 //! What a diagnosis found.
 
-use rotorlead_diagnose::{Diagnosis, NEEDS_STEADY_START, NamedEffect, TriedKind, Verdict};
+use rotorlead_diagnose::{Axis, Diagnosis, Gap, Location, NEEDS_STEADY_START, NamedEffect, TriedKind, Verdict};
+use rotorlead_identify::Estimate;
 use rotorlead_plant::Point;
+use rotorlead_plant::effect::{Kind, Parameter};
 
 use super::estimate;
 use crate::diagnosis::diagnosis_figures;
@@ -55,9 +57,13 @@ pub fn diagnosis_section(found: &Diagnosis, verdict: Option<&str>) -> Section {
     if let Some(next) = found.next_experiment() {
         text.push(format!("Next experiment: {}", next.words));
     }
-    let mut tables = Vec::new();
+    let mut tables = vec![gap_table(found)];
+    if found.verdict != Verdict::Agrees {
+        tables.push(excess_table(found));
+    }
     if !found.effects.is_empty() {
         tables.push(effects(&found.effects));
+        tables.extend(found.effects.iter().map(effect_table));
         tables.push(lags(found));
     }
     if !found.tried.is_empty() {
@@ -65,6 +71,116 @@ pub fn diagnosis_section(found: &Diagnosis, verdict: Option<&str>) -> Section {
     }
     let figures = diagnosis_figures(found);
     Section { text, tables, figures, ..Section::new("diagnosis", "Diagnosis") }
+}
+
+/// The gap on what was held out, or on what was fitted where nothing was; with it that on each split.
+#[must_use]
+pub fn gap_table(found: &Diagnosis) -> Table {
+    let on = if found.held_out { "held-out data" } else { "training data" };
+    let row = |name: &str, gap: &Gap| {
+        let numbers = [gap.before, gap.after, gap.noise_floor].map(|value| Cell::number(100.0 * value, 2));
+        std::iter::once(Cell::text(name)).chain(numbers).collect()
+    };
+    let mut rows: Vec<Vec<Cell>> = vec![row(on, &found.gap)];
+    rows.extend(found.splits.iter().map(|split| row(split.split, &split.gap)));
+    if !found.splits.is_empty() {
+        let Gap { before, after, .. } = found.fitted;
+        let numbers = [before, after].map(|value| Cell::number(100.0 * value, 2));
+        rows.push(
+            [Cell::text("all steps, which are fitted")].into_iter().chain(numbers).chain([Cell::text("-")]).collect(),
+        );
+    }
+    let nothing = if found.held_out { "" } else { ". Nothing was held out" };
+    Table {
+        name: "gaps".to_owned(),
+        caption: format!("Gap: RMS of the residual over that of the response{nothing}"),
+        columns: vec![
+            Column::new("on", "on", ""),
+            Column::new("before_percent", "before", "%"),
+            Column::new("after_percent", "after", "%"),
+            Column::new("noise_percent", "noise", "%"),
+        ],
+        rows,
+    }
+}
+
+/// Where the excess chi-square of the first model lies: along each axis its three largest parts.
+#[must_use]
+pub fn excess_table(found: &Diagnosis) -> Table {
+    let axes = [
+        Axis::Frequency,
+        Axis::Nominal,
+        Axis::Amplitude,
+        Axis::Direction,
+        Axis::Time,
+        Axis::Harmonics,
+        Axis::Excitation,
+    ];
+    let rows = axes.into_iter().filter_map(|axis| {
+        let mut parts: Vec<&Location> = found.locations.iter().filter(|part| part.axis == axis).collect();
+        parts.sort_by(|a, b| b.share.total_cmp(&a.share));
+        let shown = parts.iter().take(3).filter(|part| part.share >= 0.01).map(|part| place(part));
+        let shown = shown.collect::<Vec<_>>().join(", ");
+        (!shown.is_empty()).then(|| vec![Cell::text(axis.name()), Cell::text(shown)])
+    });
+    Table {
+        name: "excess".to_owned(),
+        caption: "Where the excess chi-square of the first model lies, in percent".to_owned(),
+        columns: vec![Column::new("axis", "axis", ""), Column::new("parts", "largest parts", "")],
+        rows: rows.collect(),
+    }
+}
+
+/// Where a part of the excess lies, and how large it is in percent.
+fn place(part: &Location) -> String {
+    let (low, high) = part.range;
+    let span = |decimals: usize| {
+        let [from, to] = [low, high].map(|end| format!("{end:.decimals$}"));
+        if from == to { from } else { format!("{from} to {to}") }
+    };
+    let where_it_is = match part.axis {
+        Axis::Frequency => format!("{} Hz", span(2)),
+        Axis::Nominal if low == high => format!("{low}"),
+        Axis::Nominal => span(2),
+        Axis::Amplitude => span(3),
+        Axis::Direction => (if low > 0.0 { "rising" } else { "falling" }).to_owned(),
+        Axis::Time => format!("{} s", span(0)),
+        Axis::Harmonics if low < 2.0 => "excited lines".to_owned(),
+        Axis::Harmonics if low < 3.0 => "even lines".to_owned(),
+        Axis::Harmonics => "odd lines".to_owned(),
+        Axis::Excitation => ["multisine", "square", "triangle", "step", "staircase", "chirp", "free"]
+            .get((low as usize).saturating_sub(1))
+            .map_or_else(String::new, |name| (*name).to_owned()),
+    };
+    format!("{where_it_is}: {:.0}", 100.0 * part.share)
+}
+
+/// The parameters of an effect.
+#[must_use]
+pub fn effect_table(effect: &NamedEffect) -> Table {
+    let caption = format!(
+        "{} ({}): gap {:.2} % without it, {:.2} % with it; log likelihood {:+.0}",
+        effect.kind.id,
+        effect.kind.title,
+        100.0 * effect.gap_before,
+        100.0 * effect.gap_after,
+        effect.evidence
+    );
+    parameter_table(effect.kind, caption, &effect.parameters)
+}
+
+/// Parameters with their standard errors and units.
+#[must_use]
+pub fn parameter_table(kind: &Kind, caption: String, parameters: &[(&'static Parameter, Estimate)]) -> Table {
+    let row = |(parameter, estimate): &(&'static Parameter, Estimate)| {
+        vec![Cell::text(parameter.name), Cell::text(parameter_with_std(parameter, estimate).replace("+-", "±"))]
+    };
+    Table {
+        name: format!("parameters_{}", kind.id),
+        caption,
+        columns: vec![Column::new("parameter", "parameter", ""), Column::new("value", "value", "")],
+        rows: parameters.iter().map(row).collect(),
+    }
 }
 
 /// The lags with the effects beside them: others than those that a lag alone takes on to imitate them.
@@ -92,14 +208,10 @@ fn lags(found: &Diagnosis) -> Table {
 
 fn effects(effects: &[NamedEffect]) -> Table {
     let row = |effect: &NamedEffect| {
-        let parameters = effect.parameters.iter().map(|(parameter, value)| {
-            format!("{} {}", parameter.name, parameter_with_std(parameter, value).replace("+-", "±"))
-        });
         let others: Vec<&str> = effect.alternatives.iter().map(|kind| kind.id).collect();
         vec![
             Cell::text(effect.kind.id),
             Cell::text(effect.kind.title),
-            Cell::text(parameters.collect::<Vec<_>>().join("; ")),
             Cell::number(100.0 * effect.gap_before, 2),
             Cell::number(100.0 * effect.gap_after, 2),
             Cell::number(effect.evidence, 0),
@@ -112,7 +224,6 @@ fn effects(effects: &[NamedEffect]) -> Table {
         columns: vec![
             Column::new("kind", "effect", ""),
             Column::new("title", "what it is", ""),
-            Column::new("parameters", "parameters", ""),
             Column::new("gap_without_percent", "gap without", "%"),
             Column::new("gap_with_percent", "gap with", "%"),
             Column::new("evidence", "evidence", "log likelihood"),

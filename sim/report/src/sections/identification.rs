@@ -1,10 +1,13 @@
 //! The lags that were identified.
 
-use rotorlead_identify::Identification;
+use rotorlead_identify::static_map::StaticMapFit;
+use rotorlead_identify::steps::{Branch, HeldOut, LawComparison, Level, StaircaseFit};
+use rotorlead_identify::{Estimate, Identification, Lags};
 use rotorlead_plant::{Model, Point};
 use rotorlead_records::Output;
 
 use super::estimate;
+use crate::distortion::distortion_table;
 use crate::etfe::responses;
 use crate::figure::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
 use crate::html::{Cell, Column, Section, Table};
@@ -25,9 +28,113 @@ pub fn identification_section(identified: &Identification, output: Output) -> Se
     ];
     Section {
         text,
-        tables: vec![lags(identified, output)],
+        tables: identification_tables(identified, output),
         figures,
         ..Section::new("identification", "Identified lags")
+    }
+}
+
+/// The lags, the distortion where the records show it, and the static map.
+#[must_use]
+pub fn identification_tables(identified: &Identification, output: Output) -> Vec<Table> {
+    let mut tables = vec![match &identified.lags {
+        Lags::Steps(fit) => levels(fit),
+        Lags::Multisines(_) | Lags::Chirps(_) => lags(identified, output),
+    }];
+    tables.extend(identified.lags.in_frequency().and_then(distortion_table));
+    tables.extend(identified.static_map.as_ref().map(|(_, fit)| coefficients(fit, output)));
+    tables
+}
+
+/// The lag at each level, in both directions.
+fn levels(fit: &StaircaseFit) -> Table {
+    let row = |level: &Level| {
+        let branch = |branch: &Option<Branch>| {
+            let tau = branch.and_then(|branch| branch.time_constant_s);
+            let tau = tau.map_or_else(|| Cell::text("-"), |tau| estimate(tau.value, Some(tau.std), 1e3, 1));
+            [tau, Cell::optional(branch.and_then(|branch| branch.fit_percent), 1)]
+        };
+        let mut row = vec![Cell::number(level.command, 3), Cell::optional(level.gain.map(|gain| gain.value), 0)];
+        row.extend(branch(&level.up));
+        row.extend(branch(&level.down));
+        row
+    };
+    Table {
+        name: "table_1".to_owned(),
+        caption: "Lag at each level".to_owned(),
+        columns: vec![
+            Column::new("u_nom", "level", "duty"),
+            Column::new("gain", "gain", unit(fit.output)),
+            Column::new("time_constant_up_ms", "tau up", "ms"),
+            Column::new("fit_up_percent", "fit", "%"),
+            Column::new("time_constant_down_ms", "tau down", "ms"),
+            Column::new("fit_down_percent", "fit", "%"),
+        ],
+        rows: fit.levels.iter().map(row).collect(),
+    }
+}
+
+/// The polynomial of the static map.
+fn coefficients(fit: &StaticMapFit, output: Output) -> Table {
+    let decimals = if output == Output::Rpm { 1 } else { 4 };
+    let row = |(power, coefficient): (usize, &Estimate)| {
+        let (low, high) = coefficient.interval(0.95);
+        let numbers = [coefficient.value, low, high].map(|value| Cell::number(value, decimals));
+        std::iter::once(Cell::text(format!("u^{power}"))).chain(numbers).collect()
+    };
+    Table {
+        name: "static_map".to_owned(),
+        caption: format!(
+            "Static map over commands {:.3} to {:.3}: degree {} by F-test at 0.5 %, {} steady points, 95 % intervals",
+            fit.range.0,
+            fit.range.1,
+            fit.degree(),
+            fit.points
+        ),
+        columns: vec![
+            Column::new("term", "term", ""),
+            Column::new("coefficient", "coefficient", unit(output)),
+            Column::new("lower", "from", unit(output)),
+            Column::new("upper", "to", unit(output)),
+        ],
+        rows: fit.coefficients.iter().enumerate().map(row).collect(),
+    }
+}
+
+/// Both laws of a lag on steps: those that they were fitted to, and those that they have not seen.
+#[must_use]
+pub fn laws_table(found: &LawComparison) -> Table {
+    let all = vec![
+        Cell::text("all -> all"),
+        Cell::number(found.one_lag.fit_percent, 2),
+        Cell::number(found.speed_dependent.fit_percent, 2),
+        Cell::number(found.ceiling_percent, 2),
+        Cell::text("-"),
+        Cell::text("-"),
+    ];
+    let row = |split: &HeldOut| {
+        let numbers = [
+            split.one_lag_percent,
+            split.speed_dependent_percent,
+            split.ceiling_percent,
+            split.one_lag_on_measured_levels_percent,
+            split.speed_dependent_on_measured_levels_percent,
+        ];
+        let numbers = numbers.map(|percent| Cell::number(percent, 2));
+        std::iter::once(Cell::text(split.split.words())).chain(numbers).collect()
+    };
+    Table {
+        name: "laws".to_owned(),
+        caption: "Fit of the whole run, one quadratic static map, no step adjusted by itself".to_owned(),
+        columns: vec![
+            Column::new("split", "fitted on -> judged on", ""),
+            Column::new("one_lag_percent", "one lag", "%"),
+            Column::new("speed_dependent_percent", "speed-dependent", "%"),
+            Column::new("ceiling_percent", "ceiling", "%"),
+            Column::new("one_lag_on_measured_levels_percent", "one lag, levels as measured", "%"),
+            Column::new("speed_dependent_on_measured_levels_percent", "speed-dependent, levels as measured", "%"),
+        ],
+        rows: std::iter::once(all).chain(found.held_out.iter().map(row)).collect(),
     }
 }
 
@@ -48,7 +155,7 @@ fn lags(identified: &Identification, output: Output) -> Table {
     columns.push(Column::new("fit_frequency_percent", "fit in frequency", "%"));
     columns.push(Column::new("fit_square_percent", "fit on squares", "%"));
     if identified.lags.in_frequency().is_some() {
-        columns.push(Column::new("reduced_chi_square", "chi-square / dof", ""));
+        columns.push(Column::new("reduced_chi_square", "chi2 / dof", ""));
     }
     let row = |(index, point): (usize, &Point)| {
         let delay = match point.delay_s_std {

@@ -3,8 +3,8 @@
 use rotorlead_identify::design::redesign::{Compensated, Limit, Redesign, RedesignPoint};
 use rotorlead_plant::Model;
 
-use super::bandwidth::cell;
 use super::design_section;
+use crate::bandwidths::cell;
 use crate::compensation::redesigned;
 use crate::html::{Cell, Column, Section, Table};
 
@@ -13,10 +13,11 @@ use crate::html::{Cell, Column, Section, Table};
 #[must_use]
 pub fn redesign_sections(redesign: &Redesign, model: &Model, amplitude: f64, text: Vec<String>) -> Vec<Section> {
     let full = &redesign.full;
-    let mut tables = vec![bandwidths("redesign", "Bandwidths with the effects present", full, amplitude)];
+    let mut tables = vec![redesign_table(full, amplitude)];
     if let Some(weaker) = &redesign.weaker {
-        let caption = "The same with the strongest lead that stays within the limits";
-        tables.push(bandwidths("weaker_redesign", caption, weaker, amplitude));
+        let table = redesign_table(weaker, amplitude);
+        let caption = format!("The same with the strongest lead that stays within the limits. {}", table.caption);
+        tables.push(Table { name: "weaker_redesign".to_owned(), caption, ..table });
     }
     tables.extend(limits(&full.points));
     let figures = vec![redesigned(&full.points, amplitude)];
@@ -27,7 +28,9 @@ pub fn redesign_sections(redesign: &Redesign, model: &Model, amplitude: f64, tex
     sections
 }
 
-fn bandwidths(name: &str, caption: &str, compensated: &Compensated, amplitude: f64) -> Table {
+/// Bandwidths of small deviations, and those of sinusoids of `amplitude`, duty, through the whole chain.
+#[must_use]
+pub fn redesign_table(compensated: &Compensated, amplitude: f64) -> Table {
     let row = |RedesignPoint { small, chain, .. }: &RedesignPoint| {
         vec![
             Cell::number(small.nominal, 3),
@@ -38,9 +41,10 @@ fn bandwidths(name: &str, caption: &str, compensated: &Compensated, amplitude: f
         ]
     };
     Table {
-        name: name.to_owned(),
+        name: "redesign".to_owned(),
         caption: format!(
-            "{caption}: of small deviations, and of sinusoids of {amplitude} duty through the whole chain"
+            "Bandwidths with the effects present: of small deviations, and of sinusoids of {amplitude} duty through the \
+             whole chain"
         ),
         columns: vec![
             Column::new("u_nom", "u_nom", "duty"),

@@ -11,6 +11,25 @@ use crate::stand::stand_figures;
 /// Its poles and zeros, and its frequency response.
 #[must_use]
 pub fn stand_section(stand: &StandIdentification) -> Section {
+    let fit = &stand.fit;
+    let text = vec![format!(
+        "{} lines up to {:.1} Hz, {}: chi-square per degree of freedom {:.2}.",
+        stand.response.lines.len(),
+        stand.top_hz,
+        fit.structure,
+        fit.residual.reduced_chi_square
+    )];
+    Section {
+        text,
+        tables: vec![stand_table(stand)],
+        figures: stand_figures(stand),
+        ..Section::new("stand", "The stand")
+    }
+}
+
+/// The poles, and then the zeros.
+#[must_use]
+pub fn stand_table(stand: &StandIdentification) -> Table {
     let roots = stand.poles().map(|root| ("pole", root)).chain(stand.zeros().map(|root| ("zero", root)));
     let rows = roots.map(|(kind, root)| {
         let frequency = root.frequency_rad_s;
@@ -26,7 +45,7 @@ pub fn stand_section(stand: &StandIdentification) -> Section {
             damping,
         ]
     });
-    let table = Table {
+    Table {
         name: "poles_and_zeros".to_owned(),
         caption: format!(
             "Poles and zeros up to {:.1} Hz, as far as the lines say them; pairs count once",
@@ -39,14 +58,5 @@ pub fn stand_section(stand: &StandIdentification) -> Section {
             Column::new("damping", "damping ratio", ""),
         ],
         rows: rows.collect(),
-    };
-    let fit = &stand.fit;
-    let text = vec![format!(
-        "{} lines up to {:.1} Hz, {}: chi-square per degree of freedom {:.2}.",
-        stand.response.lines.len(),
-        stand.top_hz,
-        fit.structure,
-        fit.residual.reduced_chi_square
-    )];
-    Section { text, tables: vec![table], figures: stand_figures(stand), ..Section::new("stand", "The stand") }
+    }
 }

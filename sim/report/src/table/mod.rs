@@ -1,4 +1,6 @@
-//! Tables: what is shown, and the numbers behind it.
+//! Tables: what is shown, and the numbers behind it. One description for the terminal, for a report and for CSV.
+
+mod text;
 
 /// A table with a heading for each column.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,7 +43,7 @@ impl Column {
     }
 
     /// Heading and unit, for where they stand beside each cell.
-    pub(super) fn full(&self) -> String {
+    pub(crate) fn full(&self) -> String {
         if self.unit.is_empty() { self.heading.clone() } else { format!("{}, {}", self.heading, self.unit) }
     }
 }
@@ -73,8 +75,21 @@ impl Cell {
 }
 
 impl Table {
+    /// The same with these columns alone, by their names and in this order.
+    #[must_use]
+    pub fn select(&self, names: &[&str]) -> Self {
+        let kept: Vec<usize> =
+            names.iter().filter_map(|name| self.columns.iter().position(|column| column.name == *name)).collect();
+        Self {
+            name: self.name.clone(),
+            caption: self.caption.clone(),
+            columns: kept.iter().map(|column| self.columns[*column].clone()).collect(),
+            rows: self.rows.iter().map(|row| kept.iter().map(|column| row[*column].clone()).collect()).collect(),
+        }
+    }
+
     /// Whether a column holds numbers.
-    pub(super) fn is_number(&self, column: &usize) -> bool {
+    pub(crate) fn is_number(&self, column: &usize) -> bool {
         self.rows.iter().any(|row| row.get(*column).is_some_and(|cell| cell.value.is_some()))
     }
 
