@@ -37,7 +37,7 @@ pub fn describe(fit: &StaticMapFit, output: Output) -> String {
     }
     match fit.limit {
         Some(Limit::Saturates { command, response }) => say(format!(
-            "  limited beyond command {}, at {} {}",
+            "  limited beyond command {},\n    at {} {}",
             interval(command, 4),
             interval(response, digits),
             unit(output)

@@ -129,10 +129,10 @@ pub fn laws_table(found: &LawComparison) -> Table {
         columns: vec![
             Column::new("split", "fitted on -> judged on", ""),
             Column::new("one_lag_percent", "one lag", "%"),
-            Column::new("speed_dependent_percent", "speed-dependent", "%"),
+            Column::new("speed_dependent_percent", "speed-dep.", "%"),
             Column::new("ceiling_percent", "ceiling", "%"),
-            Column::new("one_lag_on_measured_levels_percent", "one lag, levels as measured", "%"),
-            Column::new("speed_dependent_on_measured_levels_percent", "speed-dependent, levels as measured", "%"),
+            Column::new("one_lag_on_measured_levels_percent", "one lag, measured levels", "%"),
+            Column::new("speed_dependent_on_measured_levels_percent", "speed-dep., measured levels", "%"),
         ],
         rows: std::iter::once(all).chain(found.held_out.iter().map(row)).collect(),
     }

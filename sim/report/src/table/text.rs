@@ -73,7 +73,7 @@ impl Table {
     /// Gap and widths of columns that stand side by side, with headings of as few lines as will do; `None` where there is no room
     /// for them.
     fn layout(&self, columns: &[usize]) -> Option<(usize, Vec<usize>)> {
-        let room = |gap: usize| WIDTH - INDENT - gap * (columns.len() - 1);
+        let room = |gap: usize| (WIDTH - INDENT).saturating_sub(gap * (columns.len() - 1));
         let headings: Vec<String> = columns.iter().map(|column| self.heading(*column)).collect();
         let most = headings.iter().map(|heading| heading.split(' ').count()).max()?;
         let with_headings_in = |most: usize| -> Vec<usize> {
