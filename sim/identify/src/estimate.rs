@@ -4,7 +4,6 @@ use rotorlead_numerics::statistics::t_quantile;
 use serde::ser::SerializeStruct as _;
 use serde::{Serialize, Serializer};
 
-
 /// An estimated parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Estimate {
