@@ -229,7 +229,7 @@ impl fmt::Display for PulseError {
             ),
             Self::TimerTooFast { span_ticks } => write!(
                 f,
-                "the pulse range is {span_ticks} timer ticks wide: at most {} can be told apart, use a slower timer clock",
+                "the pulse range is {span_ticks} timer ticks wide: at most {} can be distinguished, use a slower timer clock",
                 PulseScale::MAX_SPAN_TICKS
             ),
         }

@@ -6,9 +6,9 @@
 //! | internal oscillator (16 MHz) and PLL | 168 MHz | 84 MHz | 1 % at 25 °C, -8 to +4.5 % over temperature |
 //! | internal oscillator | 16 MHz | 16 MHz | the same |
 //!
-//! On the internal oscillator the link, excitation and injection work, and pulses unlock no motor: they could not be told
-//! armed from disarmed. A crystal that runs is counted against the internal oscillator first; one of another frequency than
-//! the board's is not used.
+//! On the internal oscillator the link, excitation and injection work, and pulses unlock no motor: those that arm could not
+//! be distinguished from others. A crystal that runs is counted against the internal oscillator first; one of another
+//! frequency than the board's is not used.
 //!
 //! The HAL waits for oscillators without limit. So each is first tried here with a bounded wait, and the HAL is asked
 //! only for what has just been seen to run.

@@ -57,7 +57,7 @@ const DEVIATION_SHIFT: u32 = HIGH_SUM_FRACTION_BITS + GAIN_FRACTION_BITS - COMMA
 pub enum Activity {
     /// It holds the nominal command.
     Idle,
-    /// It plays until told otherwise, or for this many further periods, the current one included.
+    /// It plays until another request, or for this many further periods, the current one included.
     Running(Option<NonZeroU32>),
     /// It plays on to the next crossing of the nominal command.
     Stopping,

@@ -1,4 +1,4 @@
-//! What can be told of a case at all: whether the truth, in the generator's own model, explains its data better than
+//! What can be identified in a case at all: whether the truth, in the generator's own model, explains its data better than
 //! every rival does.
 
 use serde::{Deserialize, Serialize};
@@ -8,7 +8,7 @@ use super::fit::{Fit, Fitter};
 use super::kind::{Effect, Kind};
 use super::motor::Motor;
 
-/// How much better, in log likelihood, the truth must be than a rival to be told from it.
+/// How much better, in log likelihood, the truth must be than a rival to be distinguished from it.
 pub const MARGIN: f64 = 5.0;
 
 /// What a rival wins at most over the truth by fitting the noise of records afresh, in log likelihood.
@@ -26,7 +26,7 @@ pub const HOPELESS: f64 = -20.0;
 /// Which rivals are fitted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Rivals {
-    /// None: what can be told stays unknown.
+    /// None: what can be identified stays unknown.
     None,
     /// Those that are known to be confused with the truth.
     Family,
@@ -114,7 +114,7 @@ impl Ceiling {
 
     /// Whether the truth beats every rival by the margin.
     #[must_use]
-    pub fn is_told(&self) -> bool {
+    pub fn is_identifiable(&self) -> bool {
         self.is_needed() && self.exchanges.iter().all(|exchange| exchange.difference.highest() <= -MARGIN)
     }
 
@@ -159,7 +159,7 @@ pub fn ceiling(case: &Case, columns: &[Columns], which: Rivals) -> Option<Ceilin
     }
 }
 
-/// What a kind has to be told from. Wrong numbers are no rival, since all numbers are fitted anew.
+/// What a kind has to be distinguished from. Wrong numbers are no rival, since all numbers are fitted anew.
 fn of_kind(kind: Kind, which: Rivals) -> Vec<Kind> {
     let rivals = match which {
         Rivals::None => &[],
@@ -296,9 +296,9 @@ mod tests {
 
     #[test]
     fn told_means_better_than_nothing_and_than_every_rival_by_the_margin() {
-        assert!(ceiling(-5.0, -5.0).is_told());
-        assert!(!ceiling(-50.0, -4.9).is_told() && ceiling(-50.0, -4.9).prefers_truth());
-        assert!(!ceiling(-4.9, -50.0).is_visible() && !ceiling(-4.9, -50.0).is_told());
+        assert!(ceiling(-5.0, -5.0).is_identifiable());
+        assert!(!ceiling(-50.0, -4.9).is_identifiable() && ceiling(-50.0, -4.9).prefers_truth());
+        assert!(!ceiling(-4.9, -50.0).is_visible() && !ceiling(-4.9, -50.0).is_identifiable());
         assert!(!ceiling(-50.0, 0.1).prefers_truth());
     }
 
@@ -306,9 +306,9 @@ mod tests {
     fn a_bound_counts_as_the_value_that_it_is_below() {
         let mut known = ceiling(-50.0, -4.9);
         known.rivals.push(("backlash".to_owned(), Difference::AtMost(-120.25)));
-        assert!(!known.is_told() && known.prefers_truth());
+        assert!(!known.is_identifiable() && known.prefers_truth());
         known.rivals.remove(0);
-        assert!(known.is_told() && known.prefers_truth());
+        assert!(known.is_identifiable() && known.prefers_truth());
         let json = serde_json::to_string(&known).unwrap();
         assert_eq!(json, r#"{"nothing":-50.0,"rivals":[["backlash",{"at_most":-120.25}]]}"#);
         assert_eq!(known.rivals[0].1.to_string(), "< -120.2");
@@ -320,11 +320,11 @@ mod tests {
             |difference| Exchange { stays: "dead_band".to_owned(), comes: "backlash".to_owned(), difference };
         let mut pair = ceiling(-50.0, -20.0);
         pair.exchanges.push(exchanged(Difference::Fitted(-4.9)));
-        assert!(pair.is_needed() && !pair.is_told() && pair.prefers_truth());
+        assert!(pair.is_needed() && !pair.is_identifiable() && pair.prefers_truth());
         pair.exchanges.push(exchanged(Difference::Fitted(0.2)));
         assert!(pair.is_needed() && !pair.prefers_truth());
         pair.exchanges = vec![exchanged(Difference::AtMost(-30.0))];
-        assert!(pair.is_told() && pair.prefers_truth());
+        assert!(pair.is_identifiable() && pair.prefers_truth());
         assert_eq!(serde_json::from_str::<Ceiling>(&serde_json::to_string(&pair).unwrap()).unwrap(), pair);
     }
 
@@ -365,7 +365,7 @@ mod tests {
             let fitted = fitter.best(&[*rival], held(&case).as_ref(), None).log_likelihood - truth;
             assert!(fitted < bound && bound < HOPELESS, "{name}: {fitted} is not below {bound}");
         }
-        assert!(ceiling.is_told());
+        assert!(ceiling.is_identifiable());
     }
 
     #[test]
@@ -406,17 +406,20 @@ mod tests {
                 full.rivals.push((name.clone(), fitted));
             }
             println!(
-                "{}: {bounds} bounds of {}, told {} {}, prefers the truth {} {}, closest rival fitted {:.2} {:.2}",
+                "{}: {bounds} bounds of {}, identifiable {} {}, prefers the truth {} {}, closest rival fitted {:.2} {:.2}",
                 kind.name(),
                 quick.rivals.len(),
-                quick.is_told(),
-                full.is_told(),
+                quick.is_identifiable(),
+                full.is_identifiable(),
                 quick.prefers_truth(),
                 full.prefers_truth(),
                 closest.0,
                 closest.1
             );
-            assert_eq!((quick.is_told(), quick.prefers_truth()), (full.is_told(), full.prefers_truth()));
+            assert_eq!(
+                (quick.is_identifiable(), quick.prefers_truth()),
+                (full.is_identifiable(), full.prefers_truth())
+            );
             // A fit to some records is one more start of the fit to all.
             assert!(closest.0 > closest.1 - 0.1, "{}: {} and {}", kind.name(), closest.0, closest.1);
         }

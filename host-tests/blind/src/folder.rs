@@ -30,7 +30,7 @@ pub struct Truth {
     pub model: String,
     /// Standard deviation of the noise over the swing that an amplitude of 0.05 has.
     pub noise_level: f64,
-    /// What can be told, where it was computed.
+    /// What can be identified, where it was computed.
     pub ceiling: Option<Ceiling>,
 }
 
@@ -91,10 +91,10 @@ impl Truth {
         !ceiling.is_visible()
     }
 
-    /// Whether the truth can be told from every rival; `None` where that is unknown.
+    /// Whether the truth can be distinguished from every rival; `None` where that is unknown.
     #[must_use]
-    pub fn is_told(&self) -> Option<bool> {
-        self.ceiling.as_ref().map(Ceiling::is_told)
+    pub fn is_identifiable(&self) -> Option<bool> {
+        self.ceiling.as_ref().map(Ceiling::is_identifiable)
     }
 
     /// The kind of a single case.

@@ -9,7 +9,7 @@
 //!   late, and the logger reads up to 20 us early or late; as both are as often early as late, they are no delay.
 //! - A **folder** ([`folder`]) has what the tool reads. File names and the order of records are random, and the truth is
 //!   in another folder.
-//! - The **ceiling** ([`ceiling`], [`fit`], [`likelihood`], [`whiten`], [`solve`]) says what can be told of a case at all.
+//! - The **ceiling** ([`ceiling`], [`fit`], [`likelihood`], [`whiten`], [`solve`]) says what can be identified in a case at all.
 //! - The **score** ([`diagnosis`], [`score`], [`tally`], [`report`], [`run`]) compares answers with truths.
 //!
 //! Seeds: a case's seed is made of its set (`tune` for making the method, `report` for publishing), its class and its

@@ -24,8 +24,8 @@ Usage: blind [--tool PROGRAM | --only-ceilings] [--set tune|report] [--kinds A,B
                     catalog, three times as many pairs
   --jobs N          cases at a time, 2 by default
   --keep DIR        leaves experiments, truths and answers there; what the same program has answered before is not asked again
-  --rivals WHICH    what an effect must be told from: those known to be confused with it (default), all, or
-                    none: then what can be told at all stays unknown
+  --rivals WHICH    what an effect must be distinguished from: those known to be confused with it (default), all, or
+                    none: then what can be identified at all stays unknown
   --page FILE       writes the page there when the whole report set was run with 10 seeds or more, against all rivals
 ";
 
@@ -161,10 +161,10 @@ fn print_ceilings(scored: &[Scored]) {
         let exchanges = exchanges.map(|one| format!("{} with {} {}", one.stays, one.comes, one.difference));
         let alone = ceiling.rivals.iter().map(|(name, off)| format!("{name} {off}"));
         let rivals: Vec<String> = alone.chain(exchanges).collect();
-        let word = match (case.truth.is_invisible(), ceiling.is_told()) {
+        let word = match (case.truth.is_invisible(), ceiling.is_identifiable()) {
             (true, _) => "does not show",
-            (false, true) => "told",
-            (false, false) => "not told",
+            (false, true) => "identifiable",
+            (false, false) => "not identifiable",
         };
         println!(
             "{} {} | {} | noise {:.2} % | {word} | nothing {:.1}, {}",

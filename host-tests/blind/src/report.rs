@@ -10,7 +10,7 @@ use super::tally::{Figure, Share, ceilings, confusion, figures, intervals};
 
 /// Names of the page's parts, in order: by these a test sees whether the page is current in shape.
 pub const PARTS: [&str; 5] =
-    ["## Figures", "## What can be told at all", "## Confusion matrix", "## Parameters", "## Wrong names"];
+    ["## Figures", "## What can be identified at all", "## Confusion matrix", "## Parameters", "## Wrong names"];
 
 /// The page. `about` says by which command and version it was made.
 #[must_use]
@@ -29,8 +29,8 @@ pub fn page(cases: &[Scored], set: Set, about: &str) -> String {
     let _ = write!(
         text,
         "{}\n\nAn effect shows when the generator's own model, fitted together with gains and time constants, is better \
-         than these alone by 5 in log likelihood on the thrust. It can be told when it is better than every rival by \
-         that. Of two effects both show when they are better than either alone by that; they can be told when they are \
+         than these alone by 5 in log likelihood on the thrust. It can be identified when it is better than every rival by \
+         that. Of two effects both show when they are better than either alone by that; they can be identified when they are \
          better by that, too, than either beside any other kind.\n\n{}\n",
         PARTS[1],
         table(&ceilings(cases)),

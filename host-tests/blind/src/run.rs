@@ -28,7 +28,7 @@ pub struct Plan {
     pub cases: Vec<(Class, u64)>,
     /// Cases at a time.
     pub jobs: usize,
-    /// Which rivals decide what can be told.
+    /// Which rivals decide what can be identified.
     pub rivals: Rivals,
     /// The tool; without one only the ceilings are computed, and every answer is an error.
     pub tool: Option<PathBuf>,

@@ -83,33 +83,33 @@ pub fn figures(cases: &[Scored]) -> Vec<Figure> {
     let single = |case: &&Scored| case.truth.single().is_some();
     let visible: Vec<&Scored> = cases.iter().filter(single).filter(|case| !case.truth.is_invisible()).collect();
     let invisible: Vec<&Scored> = cases.iter().filter(single).filter(|case| case.truth.is_invisible()).collect();
-    let (told, untold): (Vec<&Scored>, Vec<&Scored>) =
-        visible.iter().copied().partition(|case| case.truth.is_told() != Some(false));
+    let (identifiable, others): (Vec<&Scored>, Vec<&Scored>) =
+        visible.iter().copied().partition(|case| case.truth.is_identifiable() != Some(false));
     let of = |class: Class| cases.iter().filter(move |case| case.truth.class == class.name());
     let pairs: Vec<&Scored> = of(Class::Pair).filter(|case| !case.truth.is_invisible()).collect();
-    let (pairs_told, pairs_untold): (Vec<&Scored>, Vec<&Scored>) =
-        pairs.iter().copied().partition(|case| case.truth.is_told() != Some(false));
+    let (pairs_identifiable, pairs_others): (Vec<&Scored>, Vec<&Scored>) =
+        pairs.iter().copied().partition(|case| case.truth.is_identifiable() != Some(false));
     let least = |low: f64| Some((low, 1.0));
     let figure = |what, share, required| Figure { what, share, required };
     vec![
         figure(
-            "singles that can be told: the first name is right",
-            Share::count(told.iter().map(|case| case.first_is_right())),
+            "singles that can be identified: the first name is right",
+            Share::count(identifiable.iter().map(|case| case.first_is_right())),
             least(0.95),
         ),
         figure(
             "singles that cannot: the truth is the first name or an alternative",
-            Share::count(untold.iter().map(|case| case.first_or_alternative())),
+            Share::count(others.iter().map(|case| case.first_or_alternative())),
             least(1.0),
         ),
         figure(
             "singles that cannot: the same, or listed as weak evidence",
-            Share::count(untold.iter().filter_map(|case| case.first_alternative_or_evidence())),
+            Share::count(others.iter().filter_map(|case| case.first_alternative_or_evidence())),
             None,
         ),
         figure(
             "singles that cannot: a wrong name",
-            Share::count(untold.iter().map(|case| case.has_wrong_name())),
+            Share::count(others.iter().map(|case| case.has_wrong_name())),
             None,
         ),
         figure(
@@ -128,10 +128,14 @@ pub fn figures(cases: &[Scored]) -> Vec<Figure> {
             least(0.9),
         ),
         figure("pairs that show: both names", Share::count(pairs.iter().map(|case| case.all_named())), least(0.8)),
-        figure("of these, can be told: both names", Share::count(pairs_told.iter().map(|case| case.all_named())), None),
+        figure(
+            "of these, can be identified: both names",
+            Share::count(pairs_identifiable.iter().map(|case| case.all_named())),
+            None,
+        ),
         figure(
             "of these, cannot: each of the two is a name or an alternative",
-            Share::count(pairs_untold.iter().map(|case| case.all_named_or_alternatives())),
+            Share::count(pairs_others.iter().map(|case| case.all_named_or_alternatives())),
             None,
         ),
         figure(
@@ -165,30 +169,33 @@ pub fn ceilings(cases: &[Scored]) -> Vec<Figure> {
         .filter_map(|case| case.truth.ceiling.as_ref())
         .collect();
     let shows: Vec<_> = singles.iter().filter(|ceiling| ceiling.is_visible()).collect();
-    let untold: Vec<_> = shows.iter().filter(|ceiling| !ceiling.is_told()).collect();
+    let others: Vec<_> = shows.iter().filter(|ceiling| !ceiling.is_identifiable()).collect();
     let pairs: Vec<_> = cases.iter().filter(|case| case.truth.class == Class::Pair.name()).collect();
     let both: Vec<_> =
         pairs.iter().filter(|case| !case.truth.is_invisible()).filter_map(|case| case.truth.ceiling.as_ref()).collect();
     let figure = |what, share| Figure { what, share, required: None };
     vec![
         figure("singles that show at all", Share::count(singles.iter().map(|ceiling| ceiling.is_visible()))),
-        figure("of these, can be told from every rival", Share::count(shows.iter().map(|ceiling| ceiling.is_told()))),
+        figure(
+            "of these, can be distinguished from every rival",
+            Share::count(shows.iter().map(|ceiling| ceiling.is_identifiable())),
+        ),
         figure(
             "of these, the likelihood prefers the truth",
             Share::count(shows.iter().map(|ceiling| ceiling.prefers_truth())),
         ),
         figure(
-            "of those that cannot be told, the likelihood prefers the truth",
-            Share::count(untold.iter().map(|ceiling| ceiling.prefers_truth())),
+            "of those that cannot be identified, the likelihood prefers the truth",
+            Share::count(others.iter().map(|ceiling| ceiling.prefers_truth())),
         ),
         figure(
-            "of those that cannot be told, better than nothing by 10",
-            Share::count(untold.iter().map(|ceiling| ceiling.nothing <= -10.0)),
+            "of those that cannot be identified, better than nothing by 10",
+            Share::count(others.iter().map(|ceiling| ceiling.nothing <= -10.0)),
         ),
         figure("pairs of which both show", Share::count(pairs.iter().map(|case| !case.truth.is_invisible()))),
         figure(
-            "of these, can be told from each of the two beside any other kind",
-            Share::count(both.iter().map(|ceiling| ceiling.is_told())),
+            "of these, can be distinguished from each of the two beside any other kind",
+            Share::count(both.iter().map(|ceiling| ceiling.is_identifiable())),
         ),
         figure(
             "of these, the likelihood prefers the truth",
@@ -248,7 +255,7 @@ mod tests {
             scored("nothing", &[], 0.0, 0.0, &naming("agrees", &[])),
             scored("outside", &[], 0.0, 0.0, &wrong),
         ];
-        assert_eq!(figure(&cases, "singles that can be told").share, Share { hits: 1, of: 2 });
+        assert_eq!(figure(&cases, "singles that can be identified").share, Share { hits: 1, of: 2 });
         assert_eq!(figure(&cases, "singles that cannot").share, Share { hits: 1, of: 1 });
         assert_eq!(figure(&cases, "nothing hidden").holds(), Some(true));
         assert_eq!(figure(&cases, "outside").holds(), Some(false));

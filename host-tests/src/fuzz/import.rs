@@ -44,7 +44,7 @@ impl FuzzedFormat {
     }
 }
 
-/// Bytes as a log of any format, which is told from them.
+/// Bytes as a log of any format, recognized by them.
 ///
 /// # Panics
 /// When the importer does, or takes what no experiment is, or refuses without saying why, where and what to do.

@@ -101,9 +101,9 @@ fn numbers_in_another_unit_than_they_are_taken_for_are_doubted_at_once() {
     let said = stand.run(import);
     assert!(said.contains("warning: ") && said.contains("time"), "{said}");
     let found = stand.json(&import.replace("--out slow", "--out again"));
-    assert_eq!(found["doubts"][0]["topic"], "time_unit", "{found:#}");
+    assert_eq!(found["findings"][0]["topic"], "time_unit", "{found:#}");
     // As they should be nothing is doubted.
-    assert_eq!(stand.json(MULTISINE)["doubts"].as_array().unwrap().len(), 0);
+    assert_eq!(stand.json(MULTISINE)["findings"].as_array().unwrap().len(), 0);
 }
 
 #[test]

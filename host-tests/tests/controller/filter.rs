@@ -208,7 +208,7 @@ fn error_db(design: &LeadDesign, inputs: &[Command], mut exact: impl FnMut(f64) 
     10.0 * (error / (output - mean * mean / ticks)).log10()
 }
 
-/// Two errors are told apart: that of the arithmetic, and that of rounding the coefficients, which is a filter with
+/// Two errors are distinguished: that of the arithmetic, and that of rounding the coefficients, which is a filter with
 /// slightly different poles and is bounded by the design's check as well.
 #[test]
 fn the_error_against_f64_is_under_minus_150_db_on_the_papers_multisine() {

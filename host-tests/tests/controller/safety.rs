@@ -318,7 +318,7 @@ fn a_save_that_fails_enables_no_outputs() {
     }
 }
 
-/// What the control hardware was told.
+/// What the control hardware received.
 #[derive(Debug, PartialEq)]
 struct HardwareTrace {
     tick_rate_hz: u32,

@@ -252,7 +252,7 @@ fn settings_are_neither_set_nor_saved_while_a_motor_turns_and_its_output_does_no
     assert!(rig.hardware.stalls.is_empty());
     assert_eq!(flash.copy().bytes, before);
 
-    // Disarmed it is saved; the board is told before and after.
+    // Disarmed it is saved; the board gets it before and after.
     assert_eq!(rig.hardware.run(only_3(low)), [NO_PULSE, NO_PULSE, NO_PULSE, STOP.into()]);
     assert_eq!(rig.ask(&Request::SaveSettings), Message::Done);
     assert_eq!(rig.hardware.stalls, [true, false]);

@@ -51,7 +51,7 @@ fn every_kind_and_sort_makes_a_folder_and_a_model_that_are_taken() {
     }
 }
 
-/// The part that is fixed: one case of most kinds, all of which can be told from the thrust alone, and empty ones.
+/// The part that is fixed: one case of most kinds, all of which can be distinguished from the thrust alone, and empty ones.
 #[test]
 fn a_fixed_part_of_the_cases_is_named_right() {
     let kinds = [

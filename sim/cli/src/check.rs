@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use miette::Diagnostic;
-use rotorlead_identify::check::{Findings, RecordDoubt, of_lag, of_record};
+use rotorlead_identify::check::{Findings, RecordFault, of_lag, of_record};
 use rotorlead_identify::stand::{StandOptions, identify_stand};
 use rotorlead_identify::{Finding, IdentifyOptions, Severity, Topic, identify};
 use rotorlead_records::{Excitation, Experiment, Inspection, Role, Unreadable};
@@ -23,8 +23,8 @@ use super::progress;
 /// of it at once, each with what to do. Nothing is written. An error is what an identification refuses; after a warning
 /// it goes on, with numbers that may be worth less.
 ///
-/// What a motor could have done is not seen: a thrust in pounds-force (4.4 times too small) is told from newtons only
-/// for a small motor, or by voltage and current; a calibration that is off by less than that is not told at all.
+/// What a motor could have done is not seen: a thrust in pounds-force (4.4 times too small) is distinguished from newtons only
+/// for a small motor, or by voltage and current; a calibration that is off by less than that is not detected.
 #[derive(Args, Debug)]
 pub struct Check {
     /// The experiment's folder
@@ -108,15 +108,15 @@ fn counted(count: usize, what: &str) -> String {
 fn findings(inspection: &Inspection) -> Vec<Finding> {
     let mut findings = Findings::default();
     if let Some(files) = inspection.not_recorded() {
-        let doubt = RecordDoubt::NotRecorded { count: files.len(), files: files.join(", ") };
-        return vec![Finding::new(Severity::Error, Topic::Files, None, &doubt)];
+        let fault = RecordFault::NotRecorded { count: files.len(), files: files.join(", ") };
+        return vec![Finding::new(Severity::Error, Topic::Files, None, &fault)];
     }
     for fault in &inspection.unreadable {
         findings.extend(unreadable(fault, inspection));
     }
     for file in &inspection.unnamed {
-        let doubt = RecordDoubt::Unnamed { file: file.clone() };
-        findings.push(Finding::new(Severity::Warning, Topic::Files, Some(file), &doubt));
+        let fault = RecordFault::Unnamed { file: file.clone() };
+        findings.push(Finding::new(Severity::Warning, Topic::Files, Some(file), &fault));
     }
     if let Some(experiment) = &inspection.experiment {
         for record in &experiment.records {

@@ -25,10 +25,10 @@ use super::progress;
 ///
 /// Reads any table of numbers as text, with commas, semicolons, tabs or blanks between its columns; RCbenchmark (Tyto) thrust-stand
 /// logs; the logs of the AutoQuad ESC32; MATLAB files of named vectors (time, command, thrust or rpm); PX4 ULog; and Betaflight
-/// blackbox. The format is told from the content. Each log becomes one record. Shows every column of a log and which of
+/// blackbox. The format is recognized by the content. Each log becomes one record. Shows every column of a log and which of
 /// them were taken.
 ///
-/// The columns of a table are told from names that say quantity and unit, such as `time_ms`, `Throttle (%)`, `thrust [g]` or
+/// The columns of a table are recognized by names that say quantity and unit, such as `time_ms`, `Throttle (%)`, `thrust [g]` or
 /// `rpm`; where they do not, --column says it. Nothing is guessed. What a table cannot say either is what drove the command:
 /// --excitation says that. Several logs of one kind of run are given at once, others are added with --append.
 #[derive(Args, Debug)]
@@ -104,7 +104,7 @@ impl Import {
         }
         // What else may be wrong is for `rotorlead check`, which sees all records together.
         let of_each = experiment.records.iter().flat_map(|record| of_record(&experiment, record, false));
-        let doubts: Vec<Finding> = of_each.filter(Finding::is_grave).collect();
+        let findings: Vec<Finding> = of_each.filter(Finding::is_grave).collect();
         if is_added {
             experiment.with_rates_of(&self.out)?.append_to(&self.out)?;
         } else {
@@ -112,13 +112,13 @@ impl Import {
         }
         bar.finish_and_clear();
         let mut text = summaries.iter().map(describe).collect::<Vec<_>>().join("\n");
-        if !doubts.is_empty() {
+        if !findings.is_empty() {
             text.push('\n');
-            doubts.iter().for_each(|doubt| text.push_str(&words(doubt)));
+            findings.iter().for_each(|finding| text.push_str(&words(finding)));
         }
         let done = if is_added { "Added to" } else { "Written to" };
         writeln!(text, "\n{done} {}", self.out.display()).expect("a string takes all");
-        Ok(Outcome { text, json: json!({ "folder": self.out, "logs": summaries, "doubts": doubts }) })
+        Ok(Outcome { text, json: json!({ "folder": self.out, "logs": summaries, "findings": findings }) })
     }
 
     fn options(&self) -> ImportOptions {

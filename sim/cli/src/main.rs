@@ -14,7 +14,7 @@ fn main() -> ExitCode {
     clean_up_when_interrupted();
     let result = Arguments::of_command_line().and_then(Arguments::run);
     if let Err(report) = &result {
-        // Nobody is left to be told when standard error is closed.
+        // Nobody is left to read it when standard error is closed.
         let _ = writeln!(stderr(), "{report:?}");
     }
     Exit::of(&result).into()

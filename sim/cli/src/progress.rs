@@ -36,7 +36,7 @@ fn left(state: &ProgressState, to: &mut dyn Write) {
     }
 }
 
-/// A sign of life for work whose steps are not told, that says `what` and for how long.
+/// A sign of life for work whose steps are not counted, that says `what` and for how long.
 pub fn spinner(what: &'static str) -> ProgressBar {
     let style =
         ProgressStyle::with_template("{spinner} {msg} {elapsed}").unwrap_or_else(|_| ProgressStyle::default_spinner());
@@ -48,7 +48,7 @@ pub fn bar(what: &'static str, steps: u64) -> ProgressBar {
     start(of_steps(steps, "{msg} {wide_bar} {pos}/{len} {left}"), what)
 }
 
-/// A bar for work whose number of steps depends on what comes out, with about so many. Each is told by [`step`].
+/// A bar for work whose number of steps depends on what comes out, with about so many. Each is reported by [`step`].
 pub fn estimate(what: &'static str, steps: u64) -> ProgressBar {
     start(of_steps(steps, "{msg} {wide_bar} {left}"), what)
 }

@@ -41,7 +41,7 @@ pub fn records(experiment: &Experiment, folder: &Path) -> Vec<Fact> {
     facts
 }
 
-/// By which two reports can be told to rest on the same files: of the description and then each record. `None` where they are not
+/// By which two reports can be identified to rest on the same files: of the description and then each record. `None` where they are not
 /// all there, as of records that were never written.
 fn checksum(experiment: &Experiment, folder: &Path) -> Option<String> {
     let mut sum = crc32fast::Hasher::new();

@@ -65,7 +65,7 @@ impl Excited {
 ///
 /// # Errors
 /// [`DeviceError`]: the controller refuses, the line loses samples, or what was played is not what was asked for. The
-/// excitation is stopped in any case. `progress` is told the rows that are there and the rows that there will be.
+/// excitation is stopped in any case. `progress` gets the rows that are there and the rows that there will be.
 pub fn play(
     session: &mut Session,
     settings: &Settings,

@@ -57,7 +57,7 @@ pub fn path(settings: &Settings, motor: u8, compensate: bool) -> Result<Channel,
 
 /// Sends `commands` to a motor's path, one per control tick, and gives what it would have sent to the ESC, held against
 /// [`path`] bit for bit. The path starts afresh, so the motor turns only once a disarmed command was among them, and
-/// afterwards is given back to the pulses. `progress` is told the outputs that are there.
+/// afterwards is given back to the pulses. `progress` gets the outputs that are there.
 ///
 /// [`INJECT_WINDOW`] requests are kept under way: while the controller works on one, the next one arrives.
 ///

@@ -121,7 +121,7 @@ pub struct Recorded {
 
 /// Records `rows` rows of a motor as it is driven, one in `divisor` ticks (0: as in the settings). Rows come by frames, so
 /// there may be up to a frame more. Nothing is repeated: a gap, or a line that breaks, ends the recording, and the rows
-/// before it are given all the same. `progress` is told the rows that are there.
+/// before it are given all the same. `progress` gets the rows that are there.
 ///
 /// # Errors
 /// [`DeviceError`], where it did not start.

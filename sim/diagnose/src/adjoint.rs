@@ -73,7 +73,7 @@ impl<'a> Adjoint<'a> {
     }
 }
 
-/// The command told at each row of a segment, and before the first.
+/// The command applied at each row of a segment, and before the first.
 pub(super) fn applied(record: &Record, segment: &Segment) -> (f64, Vec<f64>) {
     let at = |row: usize| record.command[row * record.commands_per_row];
     let first = segment.rows.start;

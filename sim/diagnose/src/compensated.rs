@@ -1,4 +1,4 @@
-//! Compensated records that do not say what the ESC was told: the compensator is then part of the chain.
+//! Compensated records that do not hold the command to the ESC: the compensator is then part of the chain.
 
 use std::path::Path;
 

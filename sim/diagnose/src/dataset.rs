@@ -82,9 +82,9 @@ pub(super) struct Record {
     pub amplitude: f64,
     /// Rows, seconds.
     pub time_s: Vec<f64>,
-    /// When the ESC was told something, seconds; several times a row where the command was updated faster than logged.
+    /// Times of the applied commands, seconds; several times a row where the command was updated faster than logged.
     pub command_s: Vec<f64>,
-    /// What it was told.
+    /// The applied commands.
     pub command: Vec<f64>,
     /// How many times a row.
     pub commands_per_row: usize,
@@ -278,7 +278,7 @@ impl Record {
         let command = &applied(source)?[rows.clone()];
         let time_s = source.time_s[rows.clone()].to_vec();
         let (mean_command, mean_response) = (mean(command), mean(&measured));
-        // A command that stays need not be told again.
+        // A command that stays is not listed again.
         let changes: Vec<usize> =
             (0..command.len()).filter(|&row| row == 0 || command[row] != command[row - 1]).collect();
         let interval_s = median(time_s.windows(2).map(|pair| pair[1] - pair[0])).expect("a log has rows");
@@ -470,7 +470,7 @@ fn repeats(command: &[f64], time_s: &[f64], period_rows: usize) -> bool {
     })
 }
 
-/// What the ESC was told at each row.
+/// The command to the ESC at each row.
 fn applied(source: &SourceRecord) -> Result<&[f64], IdentifyError> {
     if source.compensated {
         let file = || source.file.clone();

@@ -43,7 +43,7 @@ pub(super) struct Hypothesis {
     pub time_offset_s: f64,
     /// The effects, in the order in which they were found.
     pub effects: Vec<Candidate>,
-    /// Whether commands that were told between the rows are taken as a straight line from row to row: several times as quick, and
+    /// Whether commands that were applied between the rows are taken as a straight line from row to row: several times as quick, and
     /// good enough for what is small beside the response itself. See [`Hypothesis::in_rows`].
     pub in_rows: bool,
 }
@@ -327,7 +327,7 @@ impl Hypothesis {
         simulate_periodic_interpolated(&mut actuator, drive, start, &stamps, record.period_rows)
     }
 
-    /// What a record was told up to so many rows.
+    /// The applied commands of a record up to so many rows.
     fn drive<'a>(&self, record: &'a Record, rows: usize) -> (Drive<'a>, Interpolation) {
         let up_to = |time_s: &'a [f64], command: &'a [f64], last: usize| {
             let count = (last + 1).min(time_s.len());

@@ -99,7 +99,7 @@ impl Conditions {
 /// The records that tell some kinds apart.
 #[derive(Clone, Copy)]
 struct Recipe {
-    /// Kinds of which any two are told apart so.
+    /// Kinds of which any two are distinguished so.
     kinds: &'static [&'static str],
     /// Multisines of these multiples of the amplitude.
     multisines: &'static [f64],
@@ -208,7 +208,7 @@ const GENERAL: Recipe = Recipe {
 /// Where nothing is named.
 const UNKNOWN: Recipe = Recipe { triangles: true, multisines: &[0.5, 2.0], squares: &[0.5, 2.0], ..GENERAL };
 
-/// Which two kinds are slew against delay and the like: a delay is told from them by the recipe of fast multisines first.
+/// Which two kinds are slew against delay and the like: a delay is distinguished from them by the recipe of fast multisines first.
 fn recipe(one: &Kind, other: &Kind) -> &'static Recipe {
     let delay_and_pole = |a: &Kind, b: &Kind| a.id == "second_pole" && b.id == "transport_delay";
     let has = |recipe: &&Recipe| recipe.kinds.contains(&one.id) && recipe.kinds.contains(&other.id);

@@ -226,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn a_misfit_that_does_not_rise_says_nothing() {
+    fn a_chi_square_that_does_not_rise_says_nothing() {
         assert_eq!(Profile::draw(0.0, |_| Some(3.0)).unwrap().std(), None);
         assert!(Profile::draw(0.0, |_| None).is_none());
     }

@@ -17,9 +17,9 @@ use super::candidate::Candidate;
 use super::dataset::Dataset;
 use super::fit::Fit;
 
-/// Commands that are told apart, of the range 0..1 and as much again below and above: a tenth of the finest step.
+/// Commands that are distinguished, of the range 0..1 and as much again below and above: a tenth of the finest step.
 const BINS: usize = 1 << 17;
-/// The commands of the bins, from and width: limits of what an actuator is told.
+/// The commands of the bins, from and width: limits of the commands of an actuator.
 const FROM: f64 = -1.0;
 const WIDTH: f64 = 3.0;
 /// A command that changes less often than this does not go over a grid.

@@ -15,7 +15,7 @@ use super::residual::residual;
 ///
 /// Where the fit has effects that make the rotor one that is integrated, or the periods differ, a candidate's change is taken from
 /// the chain without these and added to what the fit leaves: right to first order, which is all that the linearization is, and as quick as
-/// beside no effect. Where commands are told between the rows and nothing acts on single ones, the change is taken from a straight
+/// beside no effect. Where commands are applied between the rows and nothing acts on single ones, the change is taken from a straight
 /// line from row to row, for the same reason.
 pub(super) struct ScoreTest<'a> {
     from: &'a Fit,

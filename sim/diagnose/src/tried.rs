@@ -15,7 +15,7 @@ pub(super) const LEAST_SCORE: f64 = 7.0;
 /// Of that, what is fitted has to bring this much by itself. What is held out can gain by accident: where a nominal command was
 /// fitted to little, anything that moves its lag may move it nearer.
 const LEAST_TRAINING_GAIN: f64 = 0.5 * LEAST_SCORE;
-/// Kinds within this of the best are told apart by chance only.
+/// Kinds within this of the best are distinguished by chance only.
 pub(super) const ALIKE: f64 = 5.0;
 
 /// A kind with what it would be worth.

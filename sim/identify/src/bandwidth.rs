@@ -199,7 +199,7 @@ pub fn bandwidth_of_etfe(
     let (bandwidth, level) = of(etfe, static_value)?;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut draws: Vec<Bandwidth> = (0..resamples)
-        // A draw whose static value cannot be told has no bandwidth that could be told either.
+        // A draw whose static value cannot be identified has no bandwidth that could be estimated either.
         .map(|_| {
             let resampled = etfe.resample(&mut rng);
             of(&resampled, static_value.resample(&mut rng)).map_or(Bandwidth::Beyond(top(etfe)), |(b, _)| b)

@@ -11,7 +11,7 @@
 use rotorlead_numerics::sample::median;
 use rotorlead_records::{Excitation, Experiment, Record, Role};
 
-use super::periodic::{NominalIdentification, PeriodicIdentification, SAME_NOMINAL, doubts};
+use super::periodic::{NominalIdentification, PeriodicIdentification, SAME_NOMINAL, plausibility};
 use super::stand::StandModel;
 use super::{
     FirstOrderOptions, FitLine, HoldChain, IdentifyError, IdentifyWarning, LocalPolynomial, LocalPolynomialOptions,
@@ -78,11 +78,11 @@ fn identify_nominal(
         warnings.extend(suspicions(experiment, record)?);
     }
     let fit = fit_first_order(&lines, options)?;
-    let fit = doubts::with_longer_delay(&fit, &lines, options).unwrap_or(fit);
-    if doubts::may_be_zero(fit.gain) {
-        return Err(doubts::refusal(nominal, fit.gain, &warnings));
+    let fit = plausibility::with_longer_delay(&fit, &lines, options).unwrap_or(fit);
+    if plausibility::may_be_zero(fit.gain) {
+        return Err(plausibility::refusal(nominal, fit.gain, &warnings));
     }
-    warnings.extend(doubts::of_fit(nominal, &fit, options.max_delay_s));
+    warnings.extend(plausibility::of_fit(nominal, &fit, options.max_delay_s));
     let measured: Vec<_> = lines.iter().map(|line| line.response).collect();
     let model: Vec<_> = lines.iter().map(|line| fit.response_at(line)).collect();
     Ok(NominalIdentification {
@@ -137,6 +137,6 @@ fn suspicions(experiment: &Experiment, record: &Record) -> Result<Vec<IdentifyWa
     let saturated =
         |&Limit { at, rows }: &Limit| IdentifyWarning::Saturated { file: record.file.clone(), column, rows, at };
     let mut found: Vec<IdentifyWarning> = limits.iter().map(saturated).collect();
-    found.extend(doubts::of_rows(record, response, &limits));
+    found.extend(plausibility::of_rows(record, response, &limits));
     Ok(found)
 }

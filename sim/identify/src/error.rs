@@ -141,7 +141,7 @@ pub enum IdentifyError {
     #[error("{file}: the command differs from period to period by {percent:.1} % (RMS)")]
     #[diagnostic(help(
         "correct period_s in experiment.toml, or record the excitation without gaps. If a controller acts on the response, \
-         open that loop: it answers the noise, and the motor cannot be told from it"
+         open that loop: it answers the noise, and the motor cannot be distinguished from it"
     ))]
     NotPeriodic {
         /// The record.

@@ -9,7 +9,7 @@ use serde::Serialize;
 pub enum Severity {
     /// `rotorlead identify` refuses the folder as it is.
     Error,
-    /// It does not, and its numbers may be worth less.
+    /// It does not, and its numbers may be less accurate.
     Warning,
 }
 
@@ -38,7 +38,7 @@ pub enum Topic {
     /// The response: constant, jumping, stopped.
     Response,
     /// A model that does not explain a response to within its noise.
-    Misfit,
+    GoodnessOfFit,
     /// Which records are fitted, and which are for validation.
     Roles,
     /// Whatever else an identification has to say.
@@ -63,7 +63,7 @@ pub struct Finding {
 }
 
 impl Finding {
-    /// Of an error or a doubt, in its words.
+    /// Of an error or a warning, in its words.
     pub fn new(severity: Severity, topic: Topic, file: Option<&str>, error: &dyn Diagnostic) -> Self {
         Self {
             severity,

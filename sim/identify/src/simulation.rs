@@ -63,7 +63,7 @@ pub fn offset_and_start(time_s: &[f64], measured: &[f64], model: &[f64], time_co
         r1 += error * e;
     }
     let determinant = n as f64 * s2 - s1 * s1;
-    // Singular when the record is much shorter than the lag: then only an offset can be told.
+    // Singular when the record is much shorter than the lag: then only an offset can be identified.
     if determinant > 1e-9 * n as f64 * s2 {
         ((s2 * r0 - s1 * r1) / determinant, (n as f64 * r1 - s1 * r0) / determinant)
     } else {

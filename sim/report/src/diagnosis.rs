@@ -26,7 +26,7 @@ fn ratio(excess: Excess) -> f64 {
     excess.sum / excess.expected
 }
 
-/// Power of the misfit over that of the noise, over frequency and nominal command.
+/// Power of the residual over that of the noise, over frequency and nominal command.
 fn where_(found: &Diagnosis) -> Option<Figure> {
     let cells = &found.map;
     let mut nominals: Vec<f64> = cells.iter().map(|cell| cell.nominal).collect();
@@ -70,7 +70,7 @@ fn where_(found: &Diagnosis) -> Option<Figure> {
                    at which the model is wrong.";
     Some(Figure {
         numbers: Some(csv),
-        ..Figure::new(FigureKind::Where, "Misfit over noise, in power", caption, panels)
+        ..Figure::new(FigureKind::Where, "Residual over noise, in power", caption, panels)
     })
 }
 

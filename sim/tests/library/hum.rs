@@ -31,7 +31,7 @@ fn spectrum(hum: Option<(f64, f64)>, periods: u32, warm_up_periods: u32, seed: u
     Spectrum::of(&experiment, &experiment.records[0], &SpectrumOptions::default()).unwrap()
 }
 
-/// What turns by less than 0.072 of a turn from period to period cannot be told from the response: a seventh of all
+/// What turns by less than 0.072 of a turn from period to period cannot be distinguished from the response: a seventh of all
 /// frequencies. All others are found with two periods already, and are not taken for a transient.
 #[test]
 fn hum_is_subtracted_wherever_it_turns_and_costs_no_period() {

@@ -1,11 +1,11 @@
 //! The library on data whose truth is known. One program, since each takes seconds to link.
 
 mod alignment;
+mod auxiliary_channels;
 mod chirps;
 mod diagnose;
 mod diagnose_bandwidths;
 mod diagnose_logs;
-mod doubts;
 mod holds;
 mod hum;
 mod import;
@@ -15,9 +15,9 @@ mod import_plain;
 mod import_ulog;
 mod importing;
 mod next_experiment;
+mod plausibility;
 mod redesign;
 mod static_map;
 mod steps;
 mod two_levels;
 mod validate;
-mod witnesses;

@@ -10,7 +10,7 @@ use crate::two_levels::{diagnosed, experiment, motor};
 /// Of the noise.
 const SEED: u64 = 5;
 
-/// What is proposed where `kind` was found on `model`, and `rival` cannot be told from it.
+/// What is proposed where `kind` was found on `model`, and `rival` cannot be distinguished from it.
 fn proposed(found: &Diagnosis, rival: &str) -> NextExperiment {
     let catalog = Catalog::standard();
     let mut found = found.clone();

@@ -106,7 +106,7 @@ fn the_stand_is_divided_out_of_the_motor() {
     assert!((found.fit.gain.value - 7.0).abs() < 4.0 * found.fit.gain.std, "{:?}", found.fit.gain);
     assert!(found.fit.delay_s.is_none(), "{:?}", found.fit);
     assert!(found.fit.model_p_value > 1e-4, "{:?}", found.fit);
-    // 59.6 Hz is the last line: those above 50 Hz are told, in number.
+    // 59.6 Hz is the last line: those above 50 Hz are reported, in number.
     let beyond = found.warnings.iter().find_map(|warning| match warning {
         IdentifyWarning::BeyondStand { count, lines, usable_hz, .. } => Some((*count, *lines, *usable_hz)),
         _ => None,

@@ -97,9 +97,9 @@ impl Inject {
             bar.set_length(total as u64);
             let lead_in = lead_in(start);
             let all = [&lead_in, commands].concat();
-            let told = |count: usize| bar.set_position((progress.done + count.saturating_sub(lead_in.len())) as u64);
+            let show = |count: usize| bar.set_position((progress.done + count.saturating_sub(lead_in.len())) as u64);
             let Injection { mut outputs, different, first_difference } =
-                rotorlead_device::inject(session, &settings, self.motor, compensate, &all, &told)?;
+                rotorlead_device::inject(session, &settings, self.motor, compensate, &all, &show)?;
             outputs.drain(..lead_in.len());
             done = progress.done + commands.len();
             played.push(Played { samples: all.len(), different, first_difference });

@@ -134,7 +134,7 @@ impl Record {
             if rows < rows_per_period.round() {
                 return Err(WrongUse::new(
                     format!("--seconds {} are less than one period of {period_s} s", self.seconds),
-                    "record one period at least; with two or more the noise can be told from the motor",
+                    "record one period at least; with two or more the noise can be separated from the response",
                 ));
             }
         }
@@ -188,8 +188,8 @@ impl Record {
         let esc_frame_hz = if follows { settings.input.frame_hz } else { settings.output.frame_hz };
         let folder = ExperimentFolder::new(&self.out, &settings, divisor, esc_frame_hz)?;
         let bar = progress::bar("recording", rows as u64);
-        let told = |done| bar.set_position(done as u64);
-        let recorded = rotorlead_device::record(session, &settings, self.motor, divisor, rows, &told)?;
+        let show = |done| bar.set_position(done as u64);
+        let recorded = rotorlead_device::record(session, &settings, self.motor, divisor, rows, &show)?;
         bar.finish_and_clear();
         let compensated = is_compensated(&settings, self.motor);
         let there = recorded.recording.rows().min(rows);

@@ -104,7 +104,7 @@ impl Parts {
             && found.verdict != Verdict::Agrees
         {
             // That a lag does not suffice, and to ask the diagnosis why, is answered.
-            findings.retain(|finding| finding.topic != Topic::Misfit);
+            findings.retain(|finding| finding.topic != Topic::GoodnessOfFit);
         }
         bar.set_message("designing");
         let target = match &diagnosed {

@@ -187,7 +187,7 @@ impl Parts {
     }
 }
 
-/// How large each effect is, and what it cannot be told from.
+/// How large each effect is, and what it cannot be distinguished from.
 fn sizes(found: &Diagnosis) -> Vec<String> {
     let of_effect = |effect: &NamedEffect| {
         let values = effect

@@ -4,7 +4,7 @@
 use super::explanation::{Explanation, Scope, Standing};
 use super::likelihood::Likelihood;
 
-/// Explanations whose log likelihoods differ by no more than this cannot be told apart.
+/// Explanations whose log likelihoods differ by no more than this cannot be separated.
 const INDISTINCT: f64 = 2.0;
 
 /// Marks the chosen explanation and its alternatives; gives the place of the chosen one.

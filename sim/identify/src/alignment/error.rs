@@ -3,7 +3,7 @@
 use miette::Diagnostic;
 use thiserror::Error;
 
-/// Why the delay between a command log and a response log cannot be told.
+/// Why the delay between a command log and a response log cannot be identified.
 #[derive(Clone, Debug, PartialEq, Error, Diagnostic)]
 pub enum AlignmentError {
     /// Columns of different lengths, values that are not finite, or times that do not increase.

@@ -71,7 +71,7 @@ impl ResponseLog<'_> {
         *intervals.select_nth_unstable_by(middle, f64::total_cmp).1
     }
 
-    /// The stretches of rows without a gap.
+    /// The segments of rows without a gap.
     pub(super) fn runs(&self) -> Vec<Range<usize>> {
         let longest_s = GAP_INTERVALS * self.interval_s();
         let mut runs = Vec::new();

@@ -32,9 +32,9 @@ pub struct Merged {
 const LEAST_ROWS: usize = 50;
 
 /// Puts both logs on the command's clock, moved together by the delay: what comes out shows `keep_s` of dead time, zero
-/// unless the actuator's own is known from elsewhere (it cannot be told from the latency of the logs).
+/// unless the actuator's own is known from elsewhere (it cannot be distinguished from the latency of the logs).
 ///
-/// Between rows the response is the cubic through the four around, two at the ends of a stretch; through a gap it is
+/// Between rows the response is the cubic through the four around, two at the ends of a segment; through a gap it is
 /// nothing, and the row is left out. The cubic is off by less than `0.03 (2 pi f T)^4` of a sine of frequency `f` between
 /// rows `T` apart: 1e-4 at a twenty-fifth of the row rate.
 ///
@@ -55,7 +55,7 @@ pub fn merge(
         let after = time_s.partition_point(|&t| t <= s);
         let row = after.checked_sub(1)?;
         let run = runs.iter().find(|run| run.contains(&row))?;
-        // The last row of a stretch is on it, what follows is not.
+        // The last row of a segment is on it, what follows is not.
         if time_s[row] == s {
             return Some(response.response[row]);
         }

@@ -9,13 +9,13 @@
 //! 4. what is left says the color of the noise (`color`), and the fit is done again on whitened rows: maximum likelihood,
 //!    with standard errors that hold for colored noise.
 //!
-//! # What cannot be told
+//! # What cannot be identified
 //! - **Latency from dead time.** Two logs show the sum of the offset between their clocks, the latency of both paths, the
 //!   ESC's frame (half of one on average) and the actuator's own dead time. [`merge`] takes all of it away, but for what is
 //!   known from elsewhere.
 //! - **A second, shorter lag from delay.** A filter of time constant `T2` well below the lag's shows as a delay of about `T2`.
 //! - **A lag that differs** with level or direction is fitted as one. The delay then moves by a part of the difference;
-//!   the misfit is in the noise that the interval is made of, the shift is not.
+//!   the residual is in the noise that the interval is made of, the shift is not.
 //! - **One period from the next.** Where a repeated command is cut at both ends, [`AlignmentError::Ambiguous`] says so.
 
 mod coarse;
@@ -128,7 +128,7 @@ impl fmt::Display for AlignmentWarning {
         match *self {
             Self::NoSkew => write!(
                 f,
-                "the skew of the clocks cannot be told from these logs; they were taken to run alike. Record steps near both ends"
+                "the skew of the clocks cannot be distinguished from these logs; they were taken to run alike. Record steps near both ends"
             ),
             Self::ShortLag { row_s } => write!(
                 f,

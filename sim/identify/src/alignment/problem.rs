@@ -42,7 +42,7 @@ pub(super) struct Problem<'a> {
     pub(super) time_s: &'a [f64],
     /// Scaled response.
     pub(super) response: &'a [f64],
-    /// Stretches of rows without a gap.
+    /// Segments of rows without a gap.
     pub(super) runs: &'a [Range<usize>],
     /// When the response log begins, on the command's clock and nearly.
     pub(super) start_s: f64,
@@ -165,7 +165,7 @@ impl Residuals for Problem<'_> {
 
     fn jacobian(&self, p: &[f64], out: &mut DMatrix<f64>) -> bool {
         out.fill(0.0);
-        let (tau, stretch) = (p[LAG].exp(), 1.0 + self.skew_of(p));
+        let (tau, rate) = (p[LAG].exp(), 1.0 + self.skew_of(p));
         let ok = self.march(p, |row, s, state| {
             let (left, left_by_lag) = self.start(s, tau);
             let fading = if s > self.start_s { -p[START] * left / tau } else { 0.0 };
@@ -181,7 +181,7 @@ impl Residuals for Problem<'_> {
             out[(row, OFFSET)] = 1.0;
             out[(row, START)] = left;
             if self.skew {
-                out[(row, self.skew_index())] = -slope * (self.time_s[row] - self.reference_s) / (stretch * stretch);
+                out[(row, self.skew_index())] = -slope * (self.time_s[row] - self.reference_s) / (rate * rate);
             }
         });
         for mut column in out.column_iter_mut() {

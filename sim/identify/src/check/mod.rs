@@ -3,14 +3,14 @@
 //! Records are looked at one by one ([`of_record`]), also those that an identification would not use or could not read; what an
 //! identification itself says of them is for the caller to add ([`Findings::refuse`], [`Findings::warn`]), so that both agree.
 
-mod doubt;
+mod fault;
 mod findings;
 mod period;
 mod repeats;
 mod rows;
 mod units;
 
-pub use doubt::RecordDoubt;
+pub use fault::RecordFault;
 pub use findings::Findings;
 pub use rows::{of_lag, of_record};
 pub use units::{CommandUnit, ResponseUnit};

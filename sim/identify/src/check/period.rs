@@ -3,7 +3,7 @@
 use rotorlead_numerics::sample::{extent, median};
 use rotorlead_records::{Excitation, Record};
 
-use super::RecordDoubt;
+use super::RecordFault;
 
 /// A period is the stated one within this share.
 const SAME_PERIOD: f64 = 0.01;
@@ -13,7 +13,7 @@ const SAME_ROWS: f64 = 2.0;
 const BEYOND_MIDDLE: f64 = 0.25;
 
 /// Whether the command goes up and down at another pace than stated; `None` too where it does so less than once.
-pub(super) fn of_period(record: &Record) -> Option<RecordDoubt> {
+pub(super) fn of_period(record: &Record) -> Option<RecordFault> {
     let stated_s = record.period_s?;
     if !matches!(record.excitation, Excitation::Square | Excitation::Triangle) {
         return None;
@@ -22,7 +22,7 @@ pub(super) fn of_period(record: &Record) -> Option<RecordDoubt> {
     let off_s = (found_s - stated_s).abs();
     let row_s = (record.time_s.last()? - record.time_s.first()?) / (record.time_s.len() - 1) as f64;
     let file = record.file.clone();
-    (off_s > SAME_PERIOD * stated_s && off_s > SAME_ROWS * row_s).then_some(RecordDoubt::OtherPeriod {
+    (off_s > SAME_PERIOD * stated_s && off_s > SAME_ROWS * row_s).then_some(RecordFault::OtherPeriod {
         file,
         stated_s,
         found_s,
@@ -66,8 +66,8 @@ mod tests {
     fn found(shape: impl Fn(f64) -> f64, excitation: Excitation, stated_s: f64) -> Option<f64> {
         let command: Vec<f64> = (0..12_000).map(|row| 0.5 + 0.05 * shape(f64::from(row) * ROW_S)).collect();
         let record = Record { excitation, ..record(1.0 / ROW_S, Some(stated_s), command.clone(), command) };
-        of_period(&record).map(|doubt| match doubt {
-            RecordDoubt::OtherPeriod { found_s, .. } => found_s,
+        of_period(&record).map(|fault| match fault {
+            RecordFault::OtherPeriod { found_s, .. } => found_s,
             other => panic!("{other}"),
         })
     }
@@ -81,7 +81,7 @@ mod tests {
     }
 
     #[test]
-    fn a_period_as_stated_is_no_doubt_and_another_one_is_found() {
+    fn a_period_as_stated_is_no_fault_and_another_one_is_found() {
         for period_s in [1.0, 1.7, 5.0] {
             for stated_s in [0.5, 0.9, 0.98, 1.0, 1.001, 1.1, 2.0_f64].map(|ratio| ratio * period_s) {
                 let is_same = (stated_s / period_s - 1.0).abs() < 0.01;

@@ -2,7 +2,7 @@
 
 use rotorlead_records::Record;
 
-use super::RecordDoubt;
+use super::RecordFault;
 use super::units::usual_interval;
 
 /// Changes of the response that it takes to tell.
@@ -15,7 +15,7 @@ const REGULAR: f64 = 0.8;
 const COARSE: f64 = 0.5;
 
 /// Whether readings are repeated: the response changes at regular rows only, and by steps of any size.
-pub(super) fn of_repeats(record: &Record, response: &[f64], column: &'static str) -> Option<RecordDoubt> {
+pub(super) fn of_repeats(record: &Record, response: &[f64], column: &'static str) -> Option<RecordFault> {
     let changes: Vec<usize> = (1..response.len()).filter(|&row| response[row] != response[row - 1]).collect();
     let (first, last) = (*changes.first()?, *changes.last()?);
     if changes.len() < FEWEST_CHANGES {
@@ -41,7 +41,7 @@ pub(super) fn of_repeats(record: &Record, response: &[f64], column: &'static str
     let rows_per_reading = rows_in_single as f64 / single as f64;
     let rate_hz = 1.0 / usual_interval(&record.time_s[first..=last])?;
     let readings_hz = rate_hz / rows_per_reading;
-    Some(RecordDoubt::Repeats { file: record.file.clone(), column, rows_per_reading, readings_hz })
+    Some(RecordFault::Repeats { file: record.file.clone(), column, rows_per_reading, readings_hz })
 }
 
 #[cfg(test)]
@@ -53,8 +53,8 @@ mod tests {
         let response: Vec<f64> = (0..4000).map(response).collect();
         let record = crate::testing::record(1000.0, None, vec![0.5; response.len()], response.clone());
         match of_repeats(&record, &response, "thrust_n") {
-            Some(RecordDoubt::Repeats { readings_hz, .. }) => Some(readings_hz),
-            other => other.map(|doubt| panic!("{doubt}")),
+            Some(RecordFault::Repeats { readings_hz, .. }) => Some(readings_hz),
+            other => other.map(|fault| panic!("{fault}")),
         }
     }
 

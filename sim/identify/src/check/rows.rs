@@ -5,11 +5,11 @@ use rotorlead_numerics::sample::mean;
 use rotorlead_plant::Point;
 use rotorlead_records::{Excitation, Experiment, Record};
 
-use super::RecordDoubt;
+use super::RecordFault;
 use super::period::of_period;
 use super::repeats::of_repeats;
 use super::units::{of_command, of_response, of_time, usual_interval};
-use crate::periodic::doubts;
+use crate::periodic::plausibility;
 use crate::saturation::{self, Limit};
 use crate::steps::rows_after_gaps;
 use crate::{Finding, Severity, Topic};
@@ -35,12 +35,12 @@ const USUAL_LAG_S: f64 = 0.1;
 pub fn of_record(experiment: &Experiment, record: &Record, is_force: bool) -> Vec<Finding> {
     let file = || record.file.clone();
     let mut found = Vec::new();
-    let mut add = |topic, row, doubt: &dyn Diagnostic| {
-        found.push(Finding::new(Severity::Warning, topic, Some(&record.file), doubt).at_row(row));
+    let mut add = |topic, row, fault: &dyn Diagnostic| {
+        found.push(Finding::new(Severity::Warning, topic, Some(&record.file), fault).at_row(row));
     };
     let wrong_time = of_time(record, experiment.sample_rate_hz);
-    if let Some(doubt) = &wrong_time {
-        add(Topic::TimeUnit, None, doubt);
+    if let Some(fault) = &wrong_time {
+        add(Topic::TimeUnit, None, fault);
     }
     sampling(record, wrong_time.is_none(), &mut add);
     if record.is_constant() {
@@ -48,8 +48,8 @@ pub fn of_record(experiment: &Experiment, record: &Record, is_force: bool) -> Ve
     }
     let wrong_command = of_command(record, experiment.output).filter(|_| !is_force);
     if !is_force {
-        if let Some(doubt) = &wrong_command {
-            add(Topic::CommandUnit, doubt.row(), doubt);
+        if let Some(fault) = &wrong_command {
+            add(Topic::CommandUnit, fault.row(), fault);
         } else {
             command(record, &mut add);
         }
@@ -58,7 +58,7 @@ pub fn of_record(experiment: &Experiment, record: &Record, is_force: bool) -> Ve
         && let Ok(periods) = record.periods()
         && periods.count < FEWEST_PERIODS
     {
-        add(Topic::Periods, None, &RecordDoubt::FewPeriods { file: file(), periods: periods.count });
+        add(Topic::Periods, None, &RecordFault::FewPeriods { file: file(), periods: periods.count });
     }
     let Some(response) = record.response(experiment.output) else { return found };
     let column = experiment.output.column();
@@ -66,18 +66,18 @@ pub fn of_record(experiment: &Experiment, record: &Record, is_force: bool) -> Ve
         add(Topic::Response, None, &IdentifyError::ConstantResponse { file: file() });
         return found;
     }
-    if let Some(doubt) = of_repeats(record, response, column) {
-        add(Topic::Response, None, &doubt);
+    if let Some(fault) = of_repeats(record, response, column) {
+        add(Topic::Response, None, &fault);
     }
     // Neither a gain nor a lag is known from numbers in other units.
     let is_known = !is_force && wrong_time.is_none() && wrong_command.is_none();
     if is_known && let Some(follows) = Follows::of(record, response) {
-        if let Some(doubt) = of_response(record, experiment.output, response, follows.gain()) {
-            add(Topic::ResponseUnit, None, &doubt);
+        if let Some(fault) = of_response(record, experiment.output, response, follows.gain()) {
+            add(Topic::ResponseUnit, None, &fault);
         }
         let correlation = follows.correlation;
         if correlation < AGAINST {
-            add(Topic::Sign, None, &RecordDoubt::ReversedSign { file: file(), column, correlation });
+            add(Topic::Sign, None, &RecordFault::ReversedSign { file: file(), column, correlation });
         }
     }
     for warning in unfitted(record, response, column) {
@@ -97,8 +97,8 @@ pub fn of_lag(record: &Record, points: &[Point]) -> Option<Finding> {
     let needed_hz = (ROWS_PER_LAG / time_constant_s).ceil();
     let file = record.file.clone();
     (rows_per_lag < ROWS_PER_LAG).then(|| {
-        let doubt = RecordDoubt::FewRowsPerLag { file, rate_hz, time_constant_s, rows_per_lag, needed_hz };
-        Finding::new(Severity::Warning, Topic::Sampling, Some(&record.file), &doubt)
+        let fault = RecordFault::FewRowsPerLag { file, rate_hz, time_constant_s, rows_per_lag, needed_hz };
+        Finding::new(Severity::Warning, Topic::Sampling, Some(&record.file), &fault)
     })
 }
 
@@ -110,8 +110,8 @@ fn sampling(record: &Record, is_in_seconds: bool, add: &mut impl FnMut(Topic, Op
     let needs_every_row = matches!(record.excitation, Excitation::Multisine | Excitation::Chirp);
     if let Some(&longest) = gaps.iter().max_by(|a, b| interval(**a).total_cmp(&interval(**b))) {
         let (row, longest_s) = (longest + 1, interval(longest));
-        let doubt = RecordDoubt::Gaps { file: file(), count: gaps.len(), row, longest_s };
-        add(Topic::Sampling, doubt.row(), &doubt);
+        let fault = RecordFault::Gaps { file: file(), count: gaps.len(), row, longest_s };
+        add(Topic::Sampling, fault.row(), &fault);
     } else if needs_every_row && let Err(uneven) = record.sample_rate_hz() {
         add(Topic::Sampling, uneven.row(), &uneven);
     }
@@ -119,7 +119,7 @@ fn sampling(record: &Record, is_in_seconds: bool, add: &mut impl FnMut(Topic, Op
         && let Some(interval_s) = usual_interval(&record.time_s)
         && 1.0 / interval_s < SLOWEST_HZ
     {
-        add(Topic::Sampling, None, &RecordDoubt::SlowRows { file: file(), rate_hz: 1.0 / interval_s });
+        add(Topic::Sampling, None, &RecordFault::SlowRows { file: file(), rate_hz: 1.0 / interval_s });
     }
 }
 
@@ -129,19 +129,19 @@ fn command(record: &Record, add: &mut impl FnMut(Topic, Option<usize>, &dyn Diag
     let command = &record.command;
     if matches!(record.excitation, Excitation::Multisine | Excitation::Triangle | Excitation::Chirp) {
         for Limit { at, rows } in saturation::limits(command) {
-            add(Topic::Saturation, None, &RecordDoubt::CommandCutOff { file: file(), rows, at });
+            add(Topic::Saturation, None, &RecordFault::CommandCutOff { file: file(), rows, at });
         }
     }
     // A multisine's mean is judged where it is identified.
-    if let Some(doubt) = of_period(record) {
-        add(Topic::Periods, None, &doubt);
+    if let Some(fault) = of_period(record) {
+        add(Topic::Periods, None, &fault);
     } else if matches!(record.excitation, Excitation::Square | Excitation::Triangle)
         && let Ok(periods) = record.periods()
     {
         let whole = &command[..periods.samples * periods.count];
         let mean = mean(whole);
         if (mean - record.nominal).abs() > SAME_NOMINAL {
-            add(Topic::Command, None, &RecordDoubt::OtherNominal { file: file(), nominal: record.nominal, mean });
+            add(Topic::Command, None, &RecordFault::OtherNominal { file: file(), nominal: record.nominal, mean });
         }
     }
     if let Some(stated) = record.amplitude.filter(|_| record.excitation.is_periodic() && !record.is_constant()) {
@@ -149,7 +149,7 @@ fn command(record: &Record, add: &mut impl FnMut(Topic, Option<usize>, &dyn Diag
         let high = command.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let found = (high - low) / 2.0;
         if (found / stated - 1.0).abs() > SAME_AMPLITUDE {
-            add(Topic::Command, None, &RecordDoubt::OtherAmplitude { file: file(), stated, found });
+            add(Topic::Command, None, &RecordFault::OtherAmplitude { file: file(), stated, found });
         }
     }
 }
@@ -164,7 +164,7 @@ fn unfitted(record: &Record, response: &[f64], column: &'static str) -> Vec<Iden
                 [one] => vec![*one],
                 _ => Vec::new(),
             };
-            let mut found = doubts::of_rows(record, response, &limits);
+            let mut found = plausibility::of_rows(record, response, &limits);
             found.extend(limits.into_iter().map(saturated));
             found
         }

@@ -1,9 +1,9 @@
-//! Units that are not those of the columns, told by what numbers can be.
+//! Units that are not those of the columns, by the size of the numbers.
 
 use rotorlead_numerics::sample::{extent, mean, median};
 use rotorlead_records::{Output, Record};
 
-use super::RecordDoubt;
+use super::RecordFault;
 
 /// Rows that are further apart, in seconds, show no motor.
 const SLOWEST_ROWS_S: f64 = 0.5;
@@ -128,15 +128,15 @@ impl ResponseUnit {
 }
 
 /// Whether `command` is in a unit other than a duty, or is the response.
-pub(super) fn of_command(record: &Record, output: Output) -> Option<RecordDoubt> {
+pub(super) fn of_command(record: &Record, output: Output) -> Option<RecordFault> {
     let row = record.command.iter().position(|command| !(0.0..=1.0).contains(command))?;
     let (low, high) = extent(&record.command);
     if record.response(output).is_some_and(|response| is_command(response, record.nominal)) {
         let (column, nominal) = (output.column(), record.nominal);
-        return Some(RecordDoubt::Swapped { file: record.file.clone(), row: row + 1, low, high, column, nominal });
+        return Some(RecordFault::Swapped { file: record.file.clone(), row: row + 1, low, high, column, nominal });
     }
     let unit = CommandUnit::of(low, high, record.nominal)?;
-    Some(RecordDoubt::CommandUnit { file: record.file.clone(), row: row + 1, low, high, unit })
+    Some(RecordFault::CommandUnit { file: record.file.clone(), row: row + 1, low, high, unit })
 }
 
 /// Whether a column that should be the response is a duty around the nominal command, and moves.
@@ -148,11 +148,11 @@ fn is_command(response: &[f64], nominal: f64) -> bool {
 
 /// Whether `time_s` is in a unit other than seconds: by the rate that `experiment.toml` states, by the period after which the
 /// command repeats, or by rows that no motor could be seen in.
-pub(super) fn of_time(record: &Record, stated_hz: Option<f64>) -> Option<RecordDoubt> {
+pub(super) fn of_time(record: &Record, stated_hz: Option<f64>) -> Option<RecordFault> {
     let interval = usual_interval(&record.time_s)?;
-    let doubt = |(unit, factor): (&'static str, f64), reason: String| {
+    let fault = |(unit, factor): (&'static str, f64), reason: String| {
         let interval = (interval * 1e9).round() / 1e9;
-        RecordDoubt::TimeUnit { file: record.file.clone(), interval, reason, unit, factor }
+        RecordFault::TimeUnit { file: record.file.clone(), interval, reason, unit, factor }
     };
     if let Some(stated_hz) = stated_hz {
         let is_stated = |factor: f64| (interval * stated_hz / factor - 1.0).abs() < SAME_RATE;
@@ -160,7 +160,7 @@ pub(super) fn of_time(record: &Record, stated_hz: Option<f64>) -> Option<RecordD
             return None;
         }
         if let Some(&unit) = PARTS.iter().find(|(_, factor)| is_stated(*factor)) {
-            return Some(doubt(unit, format!("and `sample_rate_hz` is {stated_hz}")));
+            return Some(fault(unit, format!("and `sample_rate_hz` is {stated_hz}")));
         }
     }
     if let Some(period_s) = record.period_s.filter(|_| record.excitation.is_periodic()) {
@@ -172,14 +172,14 @@ pub(super) fn of_time(record: &Record, stated_hz: Option<f64>) -> Option<RecordD
         let repeats = |factor: f64| change(factor).is_some_and(|change| change < REPEATS);
         if let Some(&unit) = PARTS.iter().find(|(_, factor)| repeats(*factor)) {
             let rows = (period_s * unit.1 / interval).round();
-            return Some(doubt(unit, format!("and the period of {period_s} s is one of {rows} rows")));
+            return Some(fault(unit, format!("and the period of {period_s} s is one of {rows} rows")));
         }
     }
     if interval < SLOWEST_ROWS_S {
         return None;
     }
     let unit = *PARTS.iter().find(|(_, factor)| RATES_HZ.contains(&(factor / interval)))?;
-    Some(doubt(unit, String::from("which is slower than any motor")))
+    Some(fault(unit, String::from("which is slower than any motor")))
 }
 
 /// By how much a command differs from itself so many rows later, relative to how much it moves; `None` where the record is
@@ -197,15 +197,15 @@ fn change_after(command: &[f64], rows: f64) -> Option<f64> {
 }
 
 /// Whether the response is in a unit other than its column's; `gain` is its rough static gain, where it is known.
-pub(super) fn of_response(record: &Record, output: Output, response: &[f64], gain: Option<f64>) -> Option<RecordDoubt> {
-    let doubt = |unit, evidence| Some(RecordDoubt::ResponseUnit { file: record.file.clone(), evidence, unit });
+pub(super) fn of_response(record: &Record, output: Output, response: &[f64], gain: Option<f64>) -> Option<RecordFault> {
+    let fault = |unit, evidence| Some(RecordFault::ResponseUnit { file: record.file.clone(), evidence, unit });
     if output == Output::ThrustN
         && let Some(n_per_w) = thrust_per_power(record, response)
     {
         let evidence = format!("{n_per_w:.3} N for a watt of electrical power");
         return match n_per_w {
-            n_per_w if n_per_w > THRUST_N_PER_W.1 => doubt(ResponseUnit::Grams, evidence),
-            n_per_w if n_per_w < THRUST_N_PER_W.0 => doubt(ResponseUnit::Kilograms, evidence),
+            n_per_w if n_per_w > THRUST_N_PER_W.1 => fault(ResponseUnit::Grams, evidence),
+            n_per_w if n_per_w < THRUST_N_PER_W.0 => fault(ResponseUnit::Kilograms, evidence),
             _ => None,
         };
     }
@@ -216,8 +216,8 @@ pub(super) fn of_response(record: &Record, output: Output, response: &[f64], gai
     let gain = gain?;
     let evidence = format!("full command would change it by some {gain:.2} {name}");
     match gain {
-        gain if gain > high => doubt(units.1, evidence),
-        gain if gain < low => doubt(units.0, evidence),
+        gain if gain > high => fault(units.1, evidence),
+        gain if gain < low => fault(units.0, evidence),
         _ => None,
     }
 }
@@ -268,8 +268,8 @@ mod tests {
         for (thrust, unit) in [(10.0, None), (1020.0, Some(ResponseUnit::Grams)), (1.02, Some(ResponseUnit::Kilograms))]
         {
             let found = of_response(&record, Output::ThrustN, &vec![thrust; rows], None);
-            let found = found.map(|doubt| match doubt {
-                RecordDoubt::ResponseUnit { unit, .. } => unit,
+            let found = found.map(|fault| match fault {
+                RecordFault::ResponseUnit { unit, .. } => unit,
                 other => panic!("{other}"),
             });
             assert_eq!(found, unit, "{thrust}");

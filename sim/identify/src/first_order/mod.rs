@@ -18,7 +18,7 @@
 //! F(1, v), with `v` those of the dead time's own error.
 
 mod line;
-mod misfit;
+mod problem;
 mod start;
 
 use num_complex::Complex64;
@@ -29,7 +29,7 @@ use rotorlead_plant::Lag;
 use super::uncertainty::{NoiseKnowledge, Uncertainty};
 use super::{Estimate, IdentifyError};
 pub use line::FitLine;
-use misfit::{lag_of, search};
+use problem::{lag_of, search};
 use start::start;
 
 /// How the fit is done.

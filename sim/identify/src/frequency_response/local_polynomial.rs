@@ -154,7 +154,7 @@ struct Local {
 }
 
 /// Fits both parabolas to a window whose line of interest is at `place`, of a command of this root mean square; `None`
-/// when they cannot be told apart.
+/// when they cannot be separated.
 fn fit(command: &[Complex64], response: &[Complex64], place: usize, scale: f64) -> Option<Local> {
     let width = command.len();
     let half = 0.5 * width as f64;

@@ -17,7 +17,7 @@ use num_complex::Complex64;
 
 /// Bins to either side of the strongest one that the sinusoid is fitted to; beyond is too little of it.
 const REACH: usize = 8;
-/// What turns by less than this (share of its power that is not in the mean) is not told from the response.
+/// What turns by less than this (share of its power that is not in the mean) is not distinguished from the response.
 const LEAST_TURN: f64 = 0.05;
 /// It has to explain at least this share of the scatter around its bin, else it is none.
 const LEAST_SHARE: f64 = 0.5;

@@ -44,7 +44,7 @@ pub use transfer_function::TransferFunction;
 /// What is done about poles in the right half plane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum UnstablePoles {
-    /// They are kept where the likelihood puts them, and told: [`TransferFunction::is_stable`].
+    /// They are kept where the likelihood puts them, and reported: [`TransferFunction::is_stable`].
     Report,
     /// They are reflected into the left half plane at the start, and the search stays there.
     Reflect,

@@ -113,10 +113,10 @@ impl Trials<'_> {
     /// Chi-square of the lines `to` about the fit to the lines `from`.
     fn predict(&self, structure: Structure, from: &Data, to: &Data) -> Option<f64> {
         let found = search::search(from, structure, self.options.max_delay_s, self.options.unstable).ok()?;
-        let misfit = (0..to.len()).map(|k| {
+        let chi_square = (0..to.len()).map(|k| {
             let model = to.known[k] * found.sections.response(&found.solution.parameters, to.omega_rad_s[k]);
             2.0 * (model - to.response[k]).norm_sqr() * to.weight[k].powi(2)
         });
-        Some(misfit.sum::<f64>() / self.noise.residual_inflation())
+        Some(chi_square.sum::<f64>() / self.noise.residual_inflation())
     }
 }

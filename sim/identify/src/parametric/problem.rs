@@ -1,4 +1,4 @@
-//! The misfit at the lines as a function of the sections' coefficients.
+//! The weighted residuals at the lines as a function of the sections' coefficients.
 
 use nalgebra::DMatrix;
 use num_complex::Complex64;

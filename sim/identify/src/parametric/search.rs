@@ -96,7 +96,7 @@ fn from(data: &Data, start: &Start, has_delay: bool, unstable: UnstablePoles) ->
     Some(found)
 }
 
-/// The gain of least misfit with everything else as it is.
+/// The gain of least chi-square with everything else as it is.
 fn best_gain(data: &Data, sections: &Sections, parameters: &[f64]) -> Option<f64> {
     let (mut product, mut square) = (0.0, 0.0);
     for k in 0..data.len() {

@@ -35,12 +35,12 @@ pub(super) struct Start {
     pub(super) poles: Vec<Complex64>,
     pub(super) zeros: Vec<Complex64>,
     pub(super) delay_s: f64,
-    /// Its misfit, `sum |G_k - model|^2 / sigma_k^2`.
+    /// Its chi-square, `sum |G_k - model|^2 / sigma_k^2`.
     pub(super) cost: f64,
 }
 
 /// Models to search from, best first. Dead times are tried from zero to `max_delay_s`, an eighth of the top line's
-/// period apart: the misfit has one minimum per half period. Those at the misfit's lowest minima are kept.
+/// period apart: chi-square has one minimum per half period. Those at its lowest minima are kept.
 pub(super) fn starts(data: &Data, structure: Structure, max_delay_s: f64) -> Vec<Start> {
     if !structure.has_delay {
         return at_delay(data, structure, 0.0, PASSES).into_iter().collect();
@@ -138,7 +138,7 @@ impl Pass {
         })
     }
 
-    /// The solution as roots, with its misfit. Frequencies are in units of `unit`.
+    /// The solution as roots, with its chi-square. Frequencies are in units of `unit`.
     fn start(&self, data: &Data, known: &[Complex64], unit: f64, delay_s: f64) -> Option<Start> {
         let cost: f64 = (0..data.len())
             .map(|k| {

@@ -72,11 +72,11 @@ fn a_model_that_leaves_out_a_pole_fails_all_three_tests() {
 }
 
 #[test]
-fn an_unstable_pole_is_told_or_kept_out() {
+fn an_unstable_pole_is_reported_or_kept_out() {
     let truth = |omega: f64| 7.0 / Complex64::new(1.0, -0.05 * omega);
     let response = lines(truth, 0.01, 4);
-    let told = fit_plain(&response, Structure::FIRST_ORDER).unwrap();
-    assert!(!told.transfer_function.is_stable() && told.poles[0].damping.value == -1.0, "{told:?}");
+    let fit = fit_plain(&response, Structure::FIRST_ORDER).unwrap();
+    assert!(!fit.transfer_function.is_stable() && fit.poles[0].damping.value == -1.0, "{fit:?}");
     let options = ParametricOptions { unstable: UnstablePoles::Reflect, ..ParametricOptions::default() };
     if let Ok(kept) = fit_parametric(&response, Structure::FIRST_ORDER, &|_| Complex64::ONE, &options) {
         assert!(kept.transfer_function.is_stable() && kept.residual.power_p_value < 1e-9, "{kept:?}");

@@ -4,8 +4,8 @@
 //! all their lines at once ([`fit_first_order`]), each record's ETFE is smoothed relative to that
 //! lag, and the lag is compared with the frequency response and run on the square waves.
 
-pub(super) mod doubts;
 mod found;
+pub(super) mod plausibility;
 mod transformed;
 mod warning;
 
@@ -108,10 +108,10 @@ pub fn identify_periodic(
         match identify_nominal(experiment, group, options)? {
             Found::Lag(found) => nominals.push(*found),
             Found::NothingToFit => warnings.push(IdentifyWarning::NothingToFit { nominal: group[0].0.nominal }),
-            Found::NoGain { gain, doubts } => {
+            Found::NoGain { gain, warnings: found } => {
                 let nominal = group[0].0.nominal;
-                refused.get_or_insert_with(|| doubts::refusal(nominal, gain, &doubts));
-                warnings.extend(doubts);
+                refused.get_or_insert_with(|| plausibility::refusal(nominal, gain, &found));
+                warnings.extend(found);
                 warnings.push(IdentifyWarning::GainMayBeZero { nominal, gain: gain.value, std: gain.std });
             }
         }
@@ -129,7 +129,7 @@ enum Found {
     /// A response that may as well be none of this command, and what speaks against its records.
     NoGain {
         gain: Estimate,
-        doubts: Vec<IdentifyWarning>,
+        warnings: Vec<IdentifyWarning>,
     },
 }
 
@@ -156,7 +156,7 @@ fn identify_nominal(
         return Ok(Found::NothingToFit);
     }
     let fit = fit_first_order(&lines, &options.fit)?;
-    let fit = doubts::with_longer_delay(&fit, &lines, &options.fit).unwrap_or(fit);
+    let fit = plausibility::with_longer_delay(&fit, &lines, &options.fit).unwrap_or(fit);
     if let Some(usable_hz) = options.stand.and_then(|stand| stand.usable_hz) {
         let count = lines.iter().filter(|line| line.omega_rad_s > TAU * usable_hz).count();
         if count > 0 {
@@ -171,14 +171,14 @@ fn identify_nominal(
         let (lowest_hz, pole_hz) = (lowest_rad_s / TAU, 1.0 / (TAU * fit.time_constant_s.value));
         warnings.push(IdentifyWarning::PeriodTooShort { nominal, lowest_hz, pole_hz });
     }
-    if doubts::may_be_zero(fit.gain) {
-        return Ok(Found::NoGain { gain: fit.gain, doubts: warnings });
+    if plausibility::may_be_zero(fit.gain) {
+        return Ok(Found::NoGain { gain: fit.gain, warnings });
     }
-    warnings.extend(doubts::of_fit(nominal, &fit, options.fit.max_delay_s));
+    warnings.extend(plausibility::of_fit(nominal, &fit, options.fit.max_delay_s));
     // Noise that is taken from unexcited lines has even-order distortion in it, which is much to a good fit.
     let between = |t: &Transformed<'_>| t.spectrum.noise == NoiseSource::BetweenPeriods;
     if transformed.iter().filter(|t| is_fitted(t)).all(between) {
-        warnings.extend(doubts::noise_too_large(nominal, &fit, &lines));
+        warnings.extend(plausibility::noise_too_large(nominal, &fit, &lines));
     }
 
     let validation: Vec<FitLine> = transformed

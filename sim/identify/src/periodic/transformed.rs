@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use num_complex::Complex64;
 use rotorlead_records::{Experiment, Record};
 
-use super::{IdentifyWarning, MODEL_LEVEL, PeriodicOptions, doubts};
+use super::{IdentifyWarning, MODEL_LEVEL, PeriodicOptions, plausibility};
 use crate::feedback::FeedbackTest;
 use crate::saturation::{self, Limit};
 use crate::{FirstOrderFit, FitLine, HoldChain, IdentifyError, NoiseSource, Spectrum};
@@ -137,8 +137,8 @@ pub(super) fn suspicions(
         .collect();
     // A record that stays on disk has no rows here.
     if !response.is_empty() {
-        found.extend(doubts::of_rows(record, response, &limits));
-        found.extend(doubts::other_nominal(record, spectrum));
+        found.extend(plausibility::of_rows(record, response, &limits));
+        found.extend(plausibility::other_nominal(record, spectrum));
     }
     let length = (spectrum.period_s * spectrum.row_rate_hz).round() as usize;
     let first = spectrum.rows_left_out + length * spectrum.transient.dropped;

@@ -205,7 +205,7 @@ pub enum IdentifyWarning {
     },
     /// A period that is several.
     #[error(
-        "{file}: the command repeats every {repeats_s} s and `period_s` is {period_s}: fewer periods are left to know the noise from, and distortion cannot be told from it"
+        "{file}: the command repeats every {repeats_s} s and `period_s` is {period_s}: fewer periods are left to know the noise from, and distortion cannot be distinguished from it"
     )]
     #[diagnostic(help("correct `period_s` in experiment.toml"))]
     PeriodTooLong {
@@ -327,7 +327,7 @@ impl IdentifyWarning {
             Self::OtherNominal { .. } => Topic::Command,
             Self::Saturated { .. } => Topic::Saturation,
             Self::NegativeGain { .. } => Topic::Sign,
-            Self::ModelTooSimple { .. } => Topic::Misfit,
+            Self::ModelTooSimple { .. } => Topic::GoodnessOfFit,
             Self::NothingToFit { .. } => Topic::Roles,
             _ => Topic::Identification,
         }

@@ -77,7 +77,7 @@ impl Shape {
     }
 }
 
-/// The misfit of a shape.
+/// The residuals of a shape.
 struct Problem<'a> {
     shape: Shape,
     points: &'a [SteadyPoint],

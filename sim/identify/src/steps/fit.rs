@@ -66,7 +66,7 @@ const FREE_ONSET_STD_S: f64 = 0.02;
 /// Fits all usable steps between the plateaus of a run. `frame_s` is the ESC's frame, where known.
 ///
 /// Two passes: the first with nearly free onsets and the noise of the settled response; from its
-/// residuals come the noise of each step, misfit included, and the spread of the onsets for the second.
+/// residuals come the noise of each step, model error included, and the spread of the onsets for the second.
 pub(super) fn fit(data: &Data<'_>, plateaus: &[Plateau], frame_s: f64) -> Result<LagFit, StepsError> {
     let (mut steps, groups) = steps_of(data, plateaus);
     let Some(rise_s) = median(steps.iter().map(|s| s.rise_s)) else {
@@ -99,7 +99,7 @@ pub(super) fn fit(data: &Data<'_>, plateaus: &[Plateau], frame_s: f64) -> Result
         .and_then(|look| minimize(&first, &look.parameters, LIMITS))
         .ok_or(StepsError::NotConverged { record: data.name.into(), iterations: 0 })?;
     let onset_std_s = onset_spread(&first, &rough).max(least_onset_std_s);
-    let noise = noise_with_misfit(&first, &rough.residuals);
+    let noise = noise_with_model_error(&first, &rough.residuals);
     for (step, noise) in steps.iter_mut().zip(noise) {
         step.noise = noise;
     }
@@ -135,8 +135,8 @@ fn onset_spread(problem: &Problem<'_>, rough: &Solution) -> f64 {
 }
 
 /// Noise of each step in response units: that of the settled response, or what the fit leaves in its
-/// window where that is more, so that misfit widens the intervals.
-fn noise_with_misfit(problem: &Problem<'_>, residuals: &[f64]) -> Vec<f64> {
+/// window where that is more, so that the model's error widens the intervals.
+fn noise_with_model_error(problem: &Problem<'_>, residuals: &[f64]) -> Vec<f64> {
     let mut at = 0;
     problem
         .steps

@@ -31,7 +31,7 @@ use serde::{Serialize, Serializer};
 
 use super::Run;
 use super::plateaus::{Plateau, SAME_LEVEL};
-use super::response::{Stretch, value};
+use super::response::{Segment, value};
 use super::uncertainty::correlation;
 use crate::Estimate;
 use crate::fit_percent::{percent_when_left, spread};
@@ -183,21 +183,21 @@ impl<'a> Bench<'a> {
         let rate = p[RATE].exp();
         let first = self.plateaus[0].rows.start;
         let mut ok = p[DELAY].abs() < MAX_DELAY_S && rate.is_finite();
-        // Each stretch with its own bend.
-        let stretch = |plateau: &Plateau| {
+        // Each segment with its own bend.
+        let segment = |plateau: &Plateau| {
             let u = plateau.command;
             let level = if measured { plateau.mean } else { map[0] + u * (map[1] + u * map[2]) };
             let relative = 1.0 - k + k * level / self.reference;
             let tau = 1.0 / (rate * relative);
             let bend = 0.5 * k * rate / self.reference * level * tau;
-            (Stretch { from_s: self.time_s[plateau.rows.start], level, time_constant_s: tau, delay_s: p[DELAY] }, bend)
+            (Segment { from_s: self.time_s[plateau.rows.start], level, time_constant_s: tau, delay_s: p[DELAY] }, bend)
         };
-        let (mut current, mut bend) = stretch(&self.plateaus[0]);
+        let (mut current, mut bend) = segment(&self.plateaus[0]);
         let mut excess = 0.0;
         let mut next = 1;
         for (out, &t) in out.iter_mut().zip(&self.time_s[first..]) {
             while let Some(plateau) = self.plateaus.get(next) {
-                let (following, its_bend) = stretch(plateau);
+                let (following, its_bend) = segment(plateau);
                 let switch = following.from_s + following.delay_s;
                 if switch > t {
                     break;
@@ -341,7 +341,7 @@ impl<'a> Bench<'a> {
     }
 }
 
-/// The misfit of a law on the plateaus that are used.
+/// The residuals of a law on the plateaus that are used.
 struct Problem<'a> {
     bench: &'a Bench<'a>,
     law: LagLaw,

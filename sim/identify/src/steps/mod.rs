@@ -19,7 +19,7 @@
 //! which lies between. All are one family in `k` ([`StaircaseFit::curvature`]): 0, 1 and up to 1/2. So
 //! `k` is estimated, one for the record, and time constants are always those of small motions about
 //! the level that the step leads to. It has to be estimated: on three logs of real motors it came out as
-//! 0.09, 0.44 and -1.06. The last is no motor's; fixing it at a motor's value would move the misfit of the large
+//! 0.09, 0.44 and -1.06. The last is no motor's; fixing it at a motor's value would move the residual of the large
 //! steps into their time constants, and make up and down differ where they do not.
 
 mod error;
@@ -57,7 +57,7 @@ use super::fit_percent::fit_percent;
 pub use plateaus::{Plateau, SAME_LEVEL};
 use problem::Data;
 pub use problem::rows_after_gaps;
-use response::{Stretch, simulate};
+use response::{Segment, simulate};
 pub use run::Run;
 pub(super) use run::plateaus_of;
 pub use spikes::without_spikes;
@@ -142,13 +142,13 @@ pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>)
 
     let time_s = &record.time_s[rows.clone()];
     let mut simulated = vec![0.0; rows.len()];
-    let common = stretches(&record.time_s, &plateaus, &lag, |_, plateau| {
+    let common = segments(&record.time_s, &plateaus, &lag, |_, plateau| {
         // A limit is no level of the motor, but all that is known there.
         let level = if plateau.limited { plateau.mean } else { map_response(&levels, main_direction, plateau.command) };
         (level, lag.delay_s.value)
     });
     let mut own_levels = simulated.clone();
-    let own = stretches(&record.time_s, &plateaus, &lag, |step, plateau| {
+    let own = segments(&record.time_s, &plateaus, &lag, |step, plateau| {
         step.map_or((plateau.mean, lag.delay_s.value), |s| (s.level, s.delay_s))
     });
     // The fit went through the same steps, so they have a response; should rounding say otherwise, the
@@ -195,12 +195,12 @@ fn map_response(levels: &[Level], main: Direction, command: f64) -> f64 {
 
 /// The run as the simulation takes it; `level_and_delay` gives both for each plateau and, where it was
 /// fitted, the step that leads to it. A step that was not fitted is as fast as that to the nearest level.
-fn stretches(
+fn segments(
     time_s: &[f64],
     plateaus: &[Plateau],
     lag: &LagFit,
     level_and_delay: impl Fn(Option<&FittedStep>, &Plateau) -> (f64, f64),
-) -> Vec<Stretch> {
+) -> Vec<Segment> {
     plateaus
         .iter()
         .enumerate()
@@ -211,7 +211,7 @@ fn stretches(
                 let far = |g: &fit::Group| (g.command - plateau.command).abs();
                 lag.groups.iter().min_by(|a, b| far(a).total_cmp(&far(b)))
             });
-            Stretch {
+            Segment {
                 from_s: time_s[plateau.rows.start],
                 level,
                 time_constant_s: group.map_or(f64::NAN, |g| g.time_constant_s.value),

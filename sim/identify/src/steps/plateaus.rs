@@ -45,7 +45,7 @@ pub enum State {
     NotSteady,
 }
 
-/// A stretch of constant command and what the response settles to.
+/// A segment of constant command and what the response settles to.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plateau {
     /// Its rows; the first is the one on which the command changes.
@@ -78,7 +78,7 @@ impl Plateau {
     }
 }
 
-/// Where the stretches of constant command begin, and the end of the last one.
+/// Where the segments of constant command begin, and the end of the last one.
 fn changes(command: &[f64]) -> impl Iterator<Item = usize> {
     let mut start = 0;
     (0..=command.len()).filter(move |&k| {
@@ -90,7 +90,7 @@ fn changes(command: &[f64]) -> impl Iterator<Item = usize> {
     })
 }
 
-/// How many stretches of constant command there are: all, and those that are long enough to settle.
+/// How many segments of constant command there are: all, and those that are long enough to settle.
 pub(super) fn count(time_s: &[f64], command: &[f64]) -> (usize, usize) {
     let mut counts = (0, 0);
     let mut start = 0;
@@ -106,7 +106,7 @@ fn is_long(rows: &Range<usize>, time_s: &[f64]) -> bool {
     rows.len() >= MIN_PLATEAU_ROWS && time_s[rows.end - 1] - time_s[rows.start] >= MIN_PLATEAU_S
 }
 
-/// All stretches of constant command, long or short, in order.
+/// All segments of constant command, long or short, in order.
 ///
 /// A plateau is [`State::Running`] when it is long enough to settle, its settled mean is above a share of the
 /// fastest one's, and its settled scatter is small: below a share of its mean or near what is usual in

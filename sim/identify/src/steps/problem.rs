@@ -7,7 +7,7 @@ use rotorlead_numerics::least_squares::Residuals;
 use rotorlead_numerics::sample::mean;
 
 use super::plateaus::{Direction, Plateau, SAME_LEVEL};
-use super::response::{Stretch, value};
+use super::response::{Segment, value};
 use super::run::shows;
 
 /// What is fitted: the record, free of spikes.
@@ -80,7 +80,7 @@ pub(super) const CURVATURE: usize = 1;
 const SHARED: usize = 2;
 pub(super) const PER_STEP: usize = 3;
 
-/// The misfit of `steps` as a function of the parameters.
+/// The residuals of `steps` as a function of the parameters.
 pub(super) struct Problem<'a> {
     pub(super) data: &'a Data<'a>,
     pub(super) steps: &'a [Step],
@@ -109,19 +109,19 @@ impl Problem<'_> {
         SHARED + PER_STEP * self.steps.len() + group
     }
 
-    /// Misfit of one step in units of its noise.
+    /// Residual of one step in units of its noise.
     fn step(&self, k: usize, p: &[f64], out: &mut [f64]) -> bool {
         let step = &self.steps[k];
-        let stretch = Stretch {
+        let segment = Segment {
             from_s: self.data.time_s[step.change],
             level: step.after * p[self.level(k)],
             time_constant_s: p[self.time_constant(step.group)].exp(),
             delay_s: p[DELAY] + p[self.onset(k)],
         };
-        let excess = step.before * p[self.level_before(k)] - stretch.level;
-        let mut ok = stretch.delay_s.abs() < MAX_DELAY_S;
+        let excess = step.before * p[self.level_before(k)] - segment.level;
+        let mut ok = segment.delay_s.abs() < MAX_DELAY_S;
         for (row, r) in step.rows.clone().zip(out) {
-            let w = value(&stretch, p[CURVATURE], excess, self.data.time_s[row], &mut ok);
+            let w = value(&segment, p[CURVATURE], excess, self.data.time_s[row], &mut ok);
             *r = if self.data.spike[row] { 0.0 } else { (w - self.data.y[row]) / step.noise };
         }
         ok

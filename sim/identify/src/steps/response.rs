@@ -15,9 +15,9 @@
 //!
 //! `x(t) = x0 E / (1 + k x0/W (1 - E))`, `E = exp(-t/tau)`
 
-/// A stretch of constant command.
+/// A segment of constant command.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Stretch {
+pub(super) struct Segment {
     /// When the command changes to it, seconds.
     pub(super) from_s: f64,
     /// What the response moves toward.
@@ -28,16 +28,16 @@ pub(super) struct Stretch {
     pub(super) delay_s: f64,
 }
 
-/// Writes the response at `time_s` (increasing) into `out`; it starts settled on the first stretch.
+/// Writes the response at `time_s` (increasing) into `out`; it starts settled on the first segment.
 /// `false` when the parameters have no response: a time constant that is not positive, changes that
 /// overtake each other, a curvature that makes the response run away.
-pub(super) fn simulate(stretches: &[Stretch], curvature: f64, time_s: &[f64], out: &mut [f64]) -> bool {
-    let Some(first) = stretches.first() else {
+pub(super) fn simulate(segments: &[Segment], curvature: f64, time_s: &[f64], out: &mut [f64]) -> bool {
+    let Some(first) = segments.first() else {
         return false;
     };
     let mut excess = 0.0;
     let mut current = *first;
-    let mut rest = &stretches[1..];
+    let mut rest = &segments[1..];
     let mut ok = true;
     for (&t, w) in time_s.iter().zip(out) {
         while let Some((next, later)) = rest.split_first() {
@@ -55,18 +55,18 @@ pub(super) fn simulate(stretches: &[Stretch], curvature: f64, time_s: &[f64], ou
     ok
 }
 
-/// The response at `t`, having been `excess` above the stretch's level when the change took effect; still
+/// The response at `t`, having been `excess` above the segment's level when the change took effect; still
 /// there before. Clears `ok` as [`simulate`] does.
-pub(super) fn value(stretch: &Stretch, curvature: f64, excess: f64, t: f64, ok: &mut bool) -> f64 {
-    let elapsed = t - stretch.from_s - stretch.delay_s;
-    *ok &= stretch.time_constant_s > 0.0 && stretch.level != 0.0;
+pub(super) fn value(segment: &Segment, curvature: f64, excess: f64, t: f64, ok: &mut bool) -> f64 {
+    let elapsed = t - segment.from_s - segment.delay_s;
+    *ok &= segment.time_constant_s > 0.0 && segment.level != 0.0;
     if elapsed < 0.0 {
-        return stretch.level + excess;
+        return segment.level + excess;
     }
-    let decay = (-elapsed / stretch.time_constant_s).exp();
-    let bend = 1.0 + curvature * excess / stretch.level * (1.0 - decay);
+    let decay = (-elapsed / segment.time_constant_s).exp();
+    let bend = 1.0 + curvature * excess / segment.level * (1.0 - decay);
     *ok &= bend > 0.0;
-    stretch.level + excess * decay / bend
+    segment.level + excess * decay / bend
 }
 
 #[cfg(test)]
@@ -79,19 +79,19 @@ mod tests {
         let (b, c) = (4.0, 1.2e-3);
         let torque = |w: f64| b * w + c * w * w;
         let level = [3000.0, 9000.0, 2000.0];
-        let stretch = |k: usize| {
+        let segment = |k: usize| {
             let tau = 1.0 / (b + 2.0 * c * level[k]);
             (
-                Stretch { from_s: k as f64 * 0.2, level: level[k], time_constant_s: tau, delay_s: 0.0137 },
+                Segment { from_s: k as f64 * 0.2, level: level[k], time_constant_s: tau, delay_s: 0.0137 },
                 c * level[k] * tau,
             )
         };
-        // One stretch at a time, since the curvature depends on the level in this motor.
+        // One segment at a time, since the curvature depends on the level in this motor.
         for k in 1..3 {
-            let ((to, curvature), (from, _)) = (stretch(k), stretch(k - 1));
+            let ((to, curvature), (from, _)) = (segment(k), segment(k - 1));
             let time_s: Vec<f64> = (0..150).map(|i| to.from_s + 0.0011 * i as f64).collect();
             let mut w = vec![0.0; time_s.len()];
-            assert!(simulate(&[Stretch { from_s: -10.0, ..from }, to], curvature, &time_s, &mut w));
+            assert!(simulate(&[Segment { from_s: -10.0, ..from }, to], curvature, &time_s, &mut w));
             let mut truth = level[k - 1];
             let mut t = to.from_s + to.delay_s;
             for (&at, &w) in time_s.iter().zip(&w) {

@@ -23,7 +23,7 @@ pub struct Run {
     pub(super) left_out: LeftOut,
 }
 
-/// All stretches of constant command of a record, running or not; `clean` is its response without spikes.
+/// All segments of constant command of a record, running or not; `clean` is its response without spikes.
 pub fn plateaus_of(record: &Record, output: Output, clean: &[f64]) -> Vec<Plateau> {
     plateaus::find(&record.time_s, &record.command, clean, output)
 }
@@ -37,7 +37,7 @@ impl Run {
     pub fn of(record: &Record, output: Output) -> Result<Self, StepsError> {
         let response = checked_response(record, output)?;
         let not_running = || StepsError::NotRunning { record: record.file.clone() };
-        // By the command alone, which is soon told: most records have no plateaus.
+        // By the command alone, which is quick: most records have no plateaus.
         match plateaus::count(&record.time_s, &record.command) {
             (0 | 1, _) => return Err(StepsError::ConstantCommand { record: record.file.clone() }),
             (_, 0 | 1) => return Err(not_running()),

@@ -161,7 +161,7 @@ impl fmt::Display for StepsWarning {
             Self::NotSettled { count, of, least, needed_s } => {
                 write!(
                     f,
-                    "{count} of {of} levels are left before the response settles, the shortest after {least:.1} time constants: level and time constant cannot be told apart. Hold each for {needed_s:.1} s or longer"
+                    "{count} of {of} levels are left before the response settles, the shortest after {least:.1} time constants: level and time constant cannot be separated. Hold each for {needed_s:.1} s or longer"
                 )
             }
             Self::NotRising { command } => {

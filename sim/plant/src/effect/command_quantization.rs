@@ -9,7 +9,7 @@ pub static KIND: Kind = Kind {
     title: "quantized command",
     site: Site::Command,
     equation: "v = step round(u / step)",
-    parameters: &[Parameter::fitted("step", "duty", "the distance between commands that are told apart")
+    parameters: &[Parameter::fitted("step", "duty", "the distance between commands that are distinguished")
         .possible(0.0, 0.5)
         .log(1.0 / 4096.0, 1.0 / 32.0, &[1.0 / 1024.0, 1.0 / 256.0, 1.0 / 128.0, 1.0 / 64.0])
         // The 60th step from 0 moves by a sixth of its height when all become larger by 0.3 %.

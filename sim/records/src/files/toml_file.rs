@@ -128,7 +128,7 @@ struct FileKind {
 }
 
 impl FileKind {
-    /// In the order in which they are told: keys count where those before are not there.
+    /// In the order of the file: keys count where those before are not there.
     const ALL: &'static [Self] = &[
         Self { keys: &["zero_rad_s"], name: "a compensator", source: "`rotorlead design` writes a compensator" },
         Self { keys: &["point"], name: "a model", source: "`rotorlead identify` writes a model" },

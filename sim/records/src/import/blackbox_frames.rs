@@ -1,7 +1,7 @@
 //! The blackbox container (Betaflight, *Blackbox Internals*): headers of text that name the fields and say how each is
 //! predicted and encoded, then frames. An `I` frame stands alone; a `P` frame holds differences to the two frames before.
 //!
-//! - One layout for all versions: what a log holds is told from its headers, never from the firmware's version.
+//! - One layout for all versions: what a log holds is read from its headers, never from the firmware's version.
 //! - Frames carry no checksum. A frame counts when a next one, or the end, follows right behind it, and its time moves
 //!   on plausibly. After damage all `P` frames are left out up to the next `I` frame.
 //!

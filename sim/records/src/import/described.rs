@@ -3,7 +3,7 @@
 use super::{DroppedRows, ImportError, ImportOptions, MIN_ROWS, Taken};
 use crate::Excitation;
 
-/// Commands are told apart to this: a microsecond of a pulse width from 1000 to 2000.
+/// Commands are distinguished to this: a microsecond of a pulse width from 1000 to 2000.
 const COMMAND_STEP: f64 = 1e-3;
 /// Digits beyond this are those of the arithmetic.
 const DIGITS: f64 = 1e6;

@@ -102,7 +102,7 @@ pub enum ImportError {
     UnclearColumns {
         /// The log.
         file: PathBuf,
-        /// What is not told, behind the line of the names where there is one.
+        /// What the names do not say, behind the line of the names where there is one.
         problem: String,
         /// All columns, and the options that would tell it.
         remedy: String,
@@ -325,7 +325,7 @@ pub enum ImportError {
     /// A command of a binary log outside the range that is normalized to 0..1.
     #[error("{}, `{name}`, sample {number}: {value} is outside {low}..{high}", file.display())]
     #[diagnostic(help(
-        "state the ESC's range where the command is a pulse width; a vector's unit is told from its name: `command` is \
+        "state the ESC's range where the command is a pulse width; a vector's unit is taken from its name: `command` is \
          0..1, `command_percent` 0..100, `command_us` a pulse width"
     ))]
     SampleOutOfRange {

@@ -2,7 +2,7 @@
 //!
 //! Names say what a vector is and in which unit: `time_ms`, `command_percent`, `thrust_gf`. The table
 //! of names is [`SPELLINGS`]; capitals and underscores do not matter, except in names of one letter
-//! (`t` is the time, `T` may be a torque). Nothing is told from the size of the numbers.
+//! (`t` is the time, `T` may be a torque). Nothing is concluded from the size of the numbers.
 
 use std::f64::consts::PI;
 use std::path::Path;

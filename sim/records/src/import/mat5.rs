@@ -1,7 +1,7 @@
 //! The MAT-file format, level 5 (MathWorks, *MAT-File Format*): a header of 128 bytes, then elements
 //! of a tag and data. `save -v7` puts each variable into an element of zlib data.
 //!
-//! Only full real numeric arrays are read; of all others the name and the size are told. A length is
+//! Only full real numeric arrays are read; of all others the name and the size are listed. A length is
 //! believed only as far as the bytes behind it go, so memory stays within a multiple of the file.
 
 use std::io::Read;

@@ -1,6 +1,6 @@
 //! Logs of other tools, taken as an [`Experiment`].
 //!
-//! The format is told from the content. Each format has its file: `rcbenchmark`, `esc32`, `mat`, `ulog`, `blackbox`, and
+//! The format is recognized by the content. Each format has its file: `rcbenchmark`, `esc32`, `mat`, `ulog`, `blackbox`, and
 //! `plain` for any other table. What was found in a log, what of it was taken and as what, and what was done to the rows and their
 //! times is in the [`ImportSummary`].
 
@@ -90,7 +90,7 @@ pub struct Import {
 /// Rows under which a log is no recording.
 const MIN_ROWS: usize = 100;
 
-/// Takes a log whose format is told from its content.
+/// Takes a log whose format is recognized by its content.
 ///
 /// # Errors
 /// [`ImportError`]: unreadable file, unknown format, missing or unclear column, text in a number column, command
@@ -126,7 +126,7 @@ pub fn import_bytes(file: &Path, bytes: &[u8], options: &ImportOptions) -> Resul
     taken.into_import(file, options)
 }
 
-/// Takes a log of text, whose format is told from its header. A table whose columns are stated is a plain one.
+/// Takes a log of text, whose format is recognized by its header. A table whose columns are stated is a plain one.
 fn take_table(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, ImportError> {
     let header = Table::parse_header(file, bytes).unwrap_or_default();
     let has = |names: [&str; 2]| names.iter().all(|name| header.iter().any(|column| column == name));

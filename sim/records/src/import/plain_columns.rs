@@ -1,4 +1,4 @@
-//! Which column of a plain table is what, told from the names in its header and from what is stated.
+//! Which column of a plain table is what, by the names in its header and from what is stated.
 //!
 //! A name says a quantity and a unit: `time_ms`, `Thrust [g]`, `Throttle (%)`, `rpm`. One that says a quantity alone is not
 //! taken, and what numbers look like is never looked at.
@@ -104,7 +104,7 @@ impl<'a> Found<'a> {
     }
 }
 
-/// What is not told, and the option that tells it.
+/// What the names do not say, and the option that states it.
 struct Question {
     quantity: Quantity,
     asks: String,

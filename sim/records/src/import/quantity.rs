@@ -17,7 +17,7 @@ const N_PER_LBF: f64 = 4.448_221_615_260_5;
 pub enum Quantity {
     /// The times of the rows.
     Time,
-    /// What the ESC was told.
+    /// The command to the ESC.
     Command,
     /// Thrust.
     Thrust,

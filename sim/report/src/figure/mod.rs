@@ -288,7 +288,7 @@ impl Color {
         Self::CYCLE[index % Self::CYCLE.len()]
     }
 
-    /// Red, green and blue; each can be told from white and from black.
+    /// Red, green and blue; each can be distinguished from white and from black.
     #[must_use]
     pub const fn rgb(self) -> [u8; 3] {
         match self {

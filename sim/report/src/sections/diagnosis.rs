@@ -227,7 +227,7 @@ fn effects(effects: &[NamedEffect]) -> Table {
             Column::new("gap_without_percent", "gap without", "%"),
             Column::new("gap_with_percent", "gap with", "%"),
             Column::new("evidence", "evidence", "log likelihood"),
-            Column::new("alternatives", "cannot be told from", ""),
+            Column::new("alternatives", "cannot be distinguished from", ""),
         ],
         rows: effects.iter().map(row).collect(),
     }

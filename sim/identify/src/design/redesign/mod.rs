@@ -127,7 +127,7 @@ pub enum RedesignError {
     Plant(#[from] PlantError),
 }
 
-/// Designs for `model` with its effects. `progress` is told whenever a lead is done at one of the model's points: at each once, and
+/// Designs for `model` with its effects. `progress` is called whenever a lead is done at one of the model's points: at each once, and
 /// once more where a weaker lead is looked for.
 ///
 /// # Errors

@@ -1,4 +1,4 @@
-//! The misfit of a lag at the lines as a function of its parameters, with derivatives.
+//! The weighted residuals of a lag at the lines as a function of its parameters, with derivatives.
 
 use nalgebra::DMatrix;
 use num_complex::Complex64;
@@ -15,7 +15,7 @@ const LIMITS: Limits = Limits { iterations: 100, decrease: 1e-9 };
 /// Real and imaginary parts of `(model - measured) / s` at each line, scaled to unit variance.
 ///
 /// Parameters are `K`, `tau` and, where it is searched, `Td`.
-pub(super) struct Misfit<'a> {
+pub(super) struct Problem<'a> {
     pub(super) lines: &'a [FitLine],
 }
 
@@ -29,7 +29,7 @@ fn scale(line: &FitLine) -> f64 {
     (2.0 / line.variance).sqrt()
 }
 
-impl Residuals for Misfit<'_> {
+impl Residuals for Problem<'_> {
     fn count(&self) -> usize {
         2 * self.lines.len()
     }
@@ -74,7 +74,7 @@ fn derivatives(lag: &Lag, line: &FitLine) -> [Complex64; 3] {
 /// The best lag from `start` on, its dead time searched or left at zero.
 pub(super) fn search(lines: &[FitLine], start: &Lag, with_delay: bool) -> Result<Solution, IdentifyError> {
     let start = [start.gain, start.time_constant_s, start.delay_s];
-    let solution = minimize(&Misfit { lines }, &start[..if with_delay { 3 } else { 2 }], LIMITS)
+    let solution = minimize(&Problem { lines }, &start[..if with_delay { 3 } else { 2 }], LIMITS)
         .ok_or(IdentifyError::NoFit { reason: "no starting value has a response" })?;
     if solution.converged {
         Ok(solution)
@@ -92,9 +92,9 @@ mod tests {
     fn the_jacobian_is_the_derivative() {
         let at = [10.0, 0.1, 0.004];
         let lines = lines(lag_of(&at), 0.01, 1);
-        let misfit = Misfit { lines: &lines };
+        let problem = Problem { lines: &lines };
         let (mut jacobian, mut up, mut down) = (DMatrix::zeros(300, 3), vec![0.0; 300], vec![0.0; 300]);
-        assert!(misfit.jacobian(&at, &mut jacobian));
+        assert!(problem.jacobian(&at, &mut jacobian));
         for j in 0..3 {
             let h = 1e-6 * at[j];
             let shifted = |by: f64| {
@@ -102,7 +102,7 @@ mod tests {
                 p[j] += by;
                 p
             };
-            assert!(misfit.evaluate(&shifted(h), &mut up) && misfit.evaluate(&shifted(-h), &mut down));
+            assert!(problem.evaluate(&shifted(h), &mut up) && problem.evaluate(&shifted(-h), &mut down));
             for (k, (up, down)) in up.iter().zip(&down).enumerate() {
                 let numeric = (up - down) / (2.0 * h);
                 assert!((jacobian[(k, j)] - numeric).abs() < 1e-6 * jacobian.column(j).norm(), "{k} {j}");

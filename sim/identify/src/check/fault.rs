@@ -1,13 +1,13 @@
-//! What the rows of a record say against it before anything is fitted to them.
+//! What the rows of a record show to be wrong with it, before anything is fitted.
 
 use miette::Diagnostic;
 use thiserror::Error;
 
 use super::units::{CommandUnit, ResponseUnit};
 
-/// A sign that a record is not what its folder says, or gives little.
+/// A sign that a record is not what its folder states, or holds too little information.
 #[derive(Clone, Debug, PartialEq, Error, Diagnostic)]
-pub enum RecordDoubt {
+pub enum RecordFault {
     /// Rows are missing.
     #[error(
         "{file}: {} of {longest_s:.3} s before row {row}",
@@ -220,7 +220,7 @@ pub enum RecordDoubt {
     },
 }
 
-impl RecordDoubt {
+impl RecordFault {
     /// The row concerned, from one, where it is about one.
     #[must_use]
     pub fn row(&self) -> Option<usize> {

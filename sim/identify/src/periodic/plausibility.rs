@@ -1,4 +1,4 @@
-//! Signs that a record is not what its experiment says, or that a fit to it is worth little.
+//! Signs that a record is not what its experiment states, or that a fit to it is inaccurate.
 //!
 //! A fit weighs lines by what of them does not repeat. What happens once, such as a reading of a thousand newtons or a sensor
 //! that stops, is in its numbers all the same, and often in its standard errors too. So the rows are looked at.
@@ -85,7 +85,7 @@ fn jumps(response: &[f64]) -> Vec<usize> {
 /// A sensor that has stopped stands still for this many times as long as it ever does else.
 const FROZEN_TIMES_NEXT: usize = 3;
 
-/// The longest stretch of equal readings, its first row and how many rows, where the sensor has stopped.
+/// The longest run of equal readings, its first row and how many rows, where the sensor has stopped.
 fn frozen(response: &[f64], limits: &[Limit]) -> Option<(usize, usize)> {
     let mut lengths = Vec::new();
     let mut longest = (0, 0);
@@ -111,15 +111,15 @@ pub(crate) fn may_be_zero(gain: Estimate) -> bool {
     !(low > 0.0 || high < 0.0)
 }
 
-/// The error for a gain that may be zero, with what `doubts` say of the rows.
-pub(crate) fn refusal(nominal: f64, gain: Estimate, doubts: &[IdentifyWarning]) -> IdentifyError {
-    let of_rows = |doubt: &&IdentifyWarning| {
+/// The error for a gain that may be zero, with what `warnings` say of the rows.
+pub(crate) fn refusal(nominal: f64, gain: Estimate, warnings: &[IdentifyWarning]) -> IdentifyError {
+    let of_rows = |warning: &&IdentifyWarning| {
         matches!(
-            doubt,
+            warning,
             IdentifyWarning::Jumps { .. } | IdentifyWarning::Frozen { .. } | IdentifyWarning::Saturated { .. }
         )
     };
-    let signs = doubts.iter().filter(of_rows).map(|doubt| format!(". {}", with_advice(doubt))).collect();
+    let signs = warnings.iter().filter(of_rows).map(|warning| format!(". {}", with_advice(warning))).collect();
     IdentifyError::GainMayBeZero { nominal, gain: gain.value, std: gain.std, signs }
 }
 
