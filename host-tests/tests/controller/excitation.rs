@@ -2,8 +2,8 @@
 
 use std::f64::consts::TAU;
 
-use realfft::RealFftPlanner;
 use rotorlead::excitation::{Lines, Multisine, ODD_LINES_30_HZ, ODD_LINES_45_HZ};
+use rotorlead_numerics::fourier;
 use rotorlead_plant::bench::multisine::flight::{RECIPES, Recipe, find_phases, source, sum_to_f64};
 
 const RATE_HZ: f64 = 5000.0;
@@ -43,7 +43,7 @@ fn one_period_has_the_requested_lines_with_equal_amplitudes_and_nothing_else() {
     for (lines, _, _) in SETS {
         let mut samples = period(lines);
         let count = samples.len();
-        let transform = RealFftPlanner::new().plan_fft_forward(count);
+        let transform = fourier::real_forward(count);
         let mut spectrum = transform.make_output_vec();
         transform.process(&mut samples, &mut spectrum).unwrap();
         let amplitude: Vec<f64> = spectrum.iter().map(|bin| bin.norm() * 2.0 / count as f64).collect();

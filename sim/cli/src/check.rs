@@ -12,7 +12,7 @@ use rotorlead_records::{Excitation, Experiment, Inspection, Role, Unreadable};
 use serde_json::json;
 use thiserror::Error;
 
-use super::outcome::{JsonOption, Outcome, paragraph};
+use super::outcome::{JsonOption, Outcome, Verbosity, paragraph};
 use super::progress;
 
 /// Says what is wrong with an experiment's folder, before anything is made of it
@@ -47,7 +47,7 @@ struct Faulty {
 
 impl Check {
     /// Runs the command and says what was found; fails where there is an error among it.
-    pub fn say(&self, quiet: bool) -> miette::Result<()> {
+    pub fn say(&self, verbosity: Verbosity) -> miette::Result<()> {
         self.json.check(None)?;
         let (inspection, findings) = progress::of_files("checking", &[&self.experiment], || {
             let inspection = Experiment::inspect(&self.experiment);
@@ -55,12 +55,12 @@ impl Check {
             (inspection, findings)
         });
         let errors = findings.iter().filter(|finding| finding.severity == Severity::Error).count();
-        self.json.say(self.outcome(&inspection, &findings, errors), quiet)?;
+        self.json.say(self.outcome(&inspection, &findings, errors), verbosity)?;
         if errors == 0 {
             return Ok(());
         }
         // Errors are said even to those who want nothing else.
-        let is_error = |finding: &&Finding| quiet && finding.severity == Severity::Error;
+        let is_error = |finding: &&Finding| verbosity == Verbosity::Quiet && finding.severity == Severity::Error;
         let list = findings.iter().filter(is_error).map(words).collect();
         Err(Faulty { folder: self.experiment.clone(), errors, list }.into())
     }
@@ -87,7 +87,7 @@ impl Check {
             "warnings": warnings,
             "findings": findings,
         });
-        Outcome { text, json }
+        Outcome::new(text, &json)
     }
 }
 

@@ -9,8 +9,8 @@ use rotorlead_identify::design::{Chain, bandwidths_with, chain_phases, compensat
 use rotorlead_plant::{ActiveEffect, Model, StoredCoefficients};
 use rotorlead_records::files::check_writable;
 use rotorlead_report::{
-    PointValues, Report, bandwidth_section, bandwidth_values, design_section, design_table, fastest_point,
-    transfer_function,
+    PointValues, Report, bandwidth_section, bandwidth_values, design_section, design_table, discrete_table,
+    fastest_point, transfer_function,
 };
 use serde::Serialize;
 use serde_json::Value;
@@ -119,7 +119,7 @@ impl Design {
             points: bandwidth_values(&points, &phases),
             latency: latency_json(&latency, chain, &phases),
         };
-        Ok(Outcome::new(text, &values))
+        Ok(Outcome::new(text, &values).with_detail(discrete_table(&design).text()))
     }
 }
 

@@ -129,7 +129,8 @@ impl Diagnose {
             }
         })?);
         let next_experiment = found.next_experiment().map(|next| next.words);
-        Ok(Outcome::new(text, &Values { found: &found, next_experiment, redesign }))
+        let detail = if found.verdict == Verdict::Agrees { String::new() } else { excess_table(&found).text() };
+        Ok(Outcome::new(text, &Values { found: &found, next_experiment, redesign }).with_detail(detail))
     }
 }
 
@@ -168,9 +169,6 @@ fn words(found: &Diagnosis) -> String {
         text.push_str(&line);
         text.push('\n');
     };
-    if found.verdict != Verdict::Agrees {
-        line(format!("\n{}", excess_table(found).text().trim_end()));
-    }
     for effect in &found.effects {
         line(format!("\n{}", effect_table(effect).text().trim_end()));
         if !effect.alternatives.is_empty() {

@@ -110,7 +110,7 @@ impl BandwidthArguments {
                 ..report_pages::report("Diagnosis", format!("Diagnosis of {}", table.display()), headline)
             }
         })?);
-        Ok(Outcome { text, json: values(&found) })
+        Ok(Outcome::new(text, &values(&found)))
     }
 }
 

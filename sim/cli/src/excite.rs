@@ -143,7 +143,7 @@ impl Excite {
                 .collect();
         }
         text.push_str(&self.report.write(|| self.page(&signals, samples, line_amplitude, crest_factor))?);
-        Ok(Outcome { text, json })
+        Ok(Outcome::new(text, &json))
     }
 
     /// The report: every signal over time, and its lines.

@@ -15,7 +15,7 @@ use rotorlead_identify::{
 use rotorlead_records::files::check_writable;
 use rotorlead_records::{Experiment, LongRecord, Record};
 use rotorlead_report::{
-    DistortionValues, Report, Section, excitation_section, identification_section, identification_tables,
+    DistortionValues, Report, Section, Table, excitation_section, identification_section, identification_tables,
 };
 use serde::Serialize;
 
@@ -122,7 +122,8 @@ impl Identify {
             warnings.push(format!("one lag was not compared with one that depends on the speed: {error}"));
             None
         });
-        text.push_str(&tables(&experiment, &identified, laws.as_ref()));
+        let (of_lags, detail) = tables(&experiment, &identified, laws.as_ref());
+        text.push_str(&of_lags);
         if !warnings.is_empty() {
             text.push('\n');
         }
@@ -155,7 +156,7 @@ impl Identify {
             static_map: identified.static_map.as_ref().map(|(_, fit)| MapValues::new(fit)),
             laws: laws.as_ref(),
         };
-        Ok(Outcome::new(text, &values))
+        Ok(Outcome::new(text, &values).with_detail(detail))
     }
 }
 
@@ -199,8 +200,8 @@ pub fn sentence(finding: &Finding) -> String {
     }
 }
 
-/// All that was found, in tables.
-fn tables(experiment: &Experiment, identified: &Identification, laws: Option<&LawComparison>) -> String {
+/// The lags, and the other tables as detail.
+fn tables(experiment: &Experiment, identified: &Identification, laws: Option<&LawComparison>) -> (String, String) {
     let tables = identification_tables(identified, experiment.output);
     let [of_lags, others @ ..] = &tables[..] else { unreachable!("the lags are there in any case") };
     // The model's derived numbers are left to the report.
@@ -218,13 +219,13 @@ fn tables(experiment: &Experiment, identified: &Identification, laws: Option<&La
         "reduced_chi_square",
     ];
     let of_lags = of_lags.select(&shown).text();
-    let mut text = match &identified.lags {
+    let text = match &identified.lags {
         Lags::Multisines(found) => of_lags + STANDARD_ERRORS + &held_out(experiment, found),
         Lags::Chirps(found) => of_lags + STANDARD_ERRORS + &fitted_chirps(&found.files),
         Lags::Steps(fit) => staircase(fit) + &of_lags,
     };
-    text.push_str(&laws.map(identify_laws::describe).unwrap_or_default());
-    text.extend(others.iter().map(|table| format!("\n{}", table.text())));
+    let laws = laws.map(identify_laws::describe);
     let map = identified.static_map.as_ref().map(|(_, fit)| identify_map::describe(fit, experiment.output));
-    text + &map.unwrap_or_default()
+    let detail: Vec<String> = laws.into_iter().chain(others.iter().map(Table::text)).collect();
+    (text, detail.join("\n") + &map.unwrap_or_default())
 }

@@ -7,7 +7,7 @@ use rotorlead_report::laws_table;
 
 /// The comparison for people.
 pub fn describe(found: &LawComparison) -> String {
-    let mut text = format!("\n{}", laws_table(found).text());
+    let mut text = laws_table(found).text();
     let mut say = |line: String| {
         text.push_str(&line);
         text.push('\n');

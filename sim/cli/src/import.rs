@@ -118,7 +118,7 @@ impl Import {
         }
         let done = if is_added { "Added to" } else { "Written to" };
         writeln!(text, "\n{done} {}", self.out.display()).expect("a string takes all");
-        Ok(Outcome { text, json: json!({ "folder": self.out, "logs": summaries, "findings": findings }) })
+        Ok(Outcome::new(text, &json!({ "folder": self.out, "logs": summaries, "findings": findings })))
     }
 
     fn options(&self) -> ImportOptions {

@@ -43,7 +43,7 @@ use clap::{CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 
 pub use self::exit::Exit;
 pub use self::help_pages::{HelpPage, help_pages};
-use self::outcome::{JsonOption, Outcome};
+use self::outcome::{JsonOption, Outcome, Verbosity};
 use self::report_option::ReportOption;
 pub use self::wrong_use::WrongUse;
 
@@ -55,6 +55,9 @@ pub struct Arguments {
     /// Print nothing but errors and JSON: no tables, no progress
     #[arg(long, short, global = true)]
     quiet: bool,
+    /// Print the tables too that few readers need
+    #[arg(long, short, global = true, conflicts_with = "quiet")]
+    verbose: bool,
     #[command(subcommand)]
     command: Command,
 }
@@ -114,15 +117,20 @@ impl Arguments {
     /// # Errors
     /// A report for a person: what is wrong, where, and what to do. A [`WrongUse`] where options do not go together.
     pub fn run(self) -> miette::Result<()> {
-        if self.quiet {
+        let verbosity = match (self.quiet, self.verbose) {
+            (true, _) => Verbosity::Quiet,
+            (false, true) => Verbosity::Verbose,
+            (false, false) => Verbosity::Normal,
+        };
+        if verbosity == Verbosity::Quiet {
             progress::hide();
         }
         let say = |json: &JsonOption, out, report, run: &dyn Fn() -> miette::Result<Outcome>| {
-            say(json, out, report, run, self.quiet)
+            say(json, out, report, run, verbosity)
         };
         match &self.command {
-            Command::New(command) => command.say(self.quiet),
-            Command::Check(command) => command.say(self.quiet),
+            Command::New(command) => command.say(verbosity),
+            Command::Check(command) => command.say(verbosity),
             Command::Demo(command) => say(&command.json, Some(&command.out), Some(&command.report), &|| command.run()),
             Command::Excite(command) => {
                 say(&command.json, command.out.as_deref(), Some(&command.report), &|| command.run())
@@ -143,7 +151,7 @@ impl Arguments {
                 say(&command.json, command.out_model.as_deref(), Some(&command.report), &|| command.run())
             }
             Command::Report(command) => say(&command.json, Some(&command.out), None, &|| command.run()),
-            Command::Device(command) => command.say(self.quiet),
+            Command::Device(command) => command.say(verbosity),
             Command::Completions(command) => command.run(),
             Command::Man(command) => command.run(),
         }
@@ -156,11 +164,11 @@ fn say(
     out: Option<&Path>,
     report: Option<&ReportOption>,
     run: &dyn Fn() -> miette::Result<Outcome>,
-    quiet: bool,
+    verbosity: Verbosity,
 ) -> miette::Result<()> {
     json.check(out)?;
     report.map_or(Ok(()), |report| report.check_apart(json))?;
-    json.say(run()?, quiet)
+    json.say(run()?, verbosity)
 }
 
 /// The command line with its commands; the long help of each says how it ends.

@@ -9,7 +9,7 @@ use rotorlead_plant::bench::{Plan, first_period};
 use rotorlead_records::files::OutputFolder;
 use serde_json::json;
 
-use super::outcome::{JsonOption, Outcome};
+use super::outcome::{JsonOption, Outcome, Verbosity};
 
 const PLAN: &str = include_str!("new/plan.toml");
 const EXAMPLE_MODEL: &str = include_str!("new/example-model.toml");
@@ -54,10 +54,10 @@ pub struct New {
 
 impl New {
     /// Runs the command and says what came out.
-    pub fn say(&self, quiet: bool) -> miette::Result<()> {
+    pub fn say(&self, verbosity: Verbosity) -> miette::Result<()> {
         self.json.check(Some(&self.folder))?;
         let (folder, outcome) = self.made()?;
-        self.json.say_of(folder, outcome, quiet)
+        self.json.say_of(folder, outcome, verbosity)
     }
 
     /// The folder, which lacks but its name, and what is said of it.
@@ -93,7 +93,7 @@ impl New {
             "files": files.map(|(name, ..)| name),
             "commands": REHEARSAL,
         });
-        Ok((folder, Outcome { text, json }))
+        Ok((folder, Outcome::new(text, &json)))
     }
 }
 

@@ -17,16 +17,35 @@ use super::WrongUse;
 /// What came out of a command.
 #[derive(Debug)]
 pub struct Outcome {
-    /// For people; ends with a line break.
+    /// For people, what matters first; ends with a line break.
     pub text: String,
+    /// What `--verbose` adds below the text: tables that few readers need; may be empty.
+    pub detail: String,
     /// The same for programs.
     pub json: Value,
+}
+
+/// How much of an outcome is printed for people.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verbosity {
+    /// Nothing.
+    Quiet,
+    /// The text.
+    Normal,
+    /// The text, and the detail below.
+    Verbose,
 }
 
 impl Outcome {
     /// Text, and the values behind it, of which those that are not finite become null.
     pub fn new(text: String, values: &impl Serialize) -> Self {
-        Self { text, json: serde_json::to_value(values).expect("keys are text, and no value fails to be written") }
+        let json = serde_json::to_value(values).expect("keys are text, and no value fails to be written");
+        Self { text, detail: String::new(), json }
+    }
+
+    /// The same with what `--verbose` adds.
+    pub fn with_detail(self, detail: String) -> Self {
+        Self { detail, ..self }
     }
 
     fn json_text(&self) -> String {
@@ -58,14 +77,14 @@ impl JsonOption {
         }
     }
 
-    /// Prints the outcome, or writes it, or both; `quiet` leaves the words out.
-    pub fn say(&self, outcome: Outcome, quiet: bool) -> miette::Result<()> {
+    /// Prints the outcome, or writes it, or both.
+    pub fn say(&self, outcome: Outcome, verbosity: Verbosity) -> miette::Result<()> {
         self.write(&outcome)?;
-        self.print(&outcome, quiet)
+        self.print(&outcome, verbosity)
     }
 
     /// As [`Self::say`], of a folder that lacks but its name: where the JSON cannot be written, no folder is made.
-    pub fn say_of(&self, folder: OutputFolder, outcome: Outcome, quiet: bool) -> miette::Result<()> {
+    pub fn say_of(&self, folder: OutputFolder, outcome: Outcome, verbosity: Verbosity) -> miette::Result<()> {
         let is_inside = self.file().is_some_and(|file| file.starts_with(folder.destination()));
         if is_inside {
             folder.commit()?;
@@ -74,20 +93,21 @@ impl JsonOption {
             self.write(&outcome)?;
             folder.commit()?;
         }
-        self.print(&outcome, quiet)
+        self.print(&outcome, verbosity)
     }
 
     fn write(&self, outcome: &Outcome) -> miette::Result<()> {
         self.file().map_or(Ok(()), |file| Ok(write_file(file, outcome.json_text().as_bytes())?))
     }
 
-    fn print(&self, outcome: &Outcome, quiet: bool) -> miette::Result<()> {
+    fn print(&self, outcome: &Outcome, verbosity: Verbosity) -> miette::Result<()> {
         if self.json.is_some() && self.file().is_none() {
-            print_bytes(outcome.json_text().as_bytes())
-        } else if quiet {
-            Ok(())
-        } else {
-            print(&outcome.text)
+            return print_bytes(outcome.json_text().as_bytes());
+        }
+        match verbosity {
+            Verbosity::Quiet => Ok(()),
+            Verbosity::Verbose if !outcome.detail.is_empty() => print(&format!("{}\n{}", outcome.text, outcome.detail)),
+            Verbosity::Normal | Verbosity::Verbose => print(&outcome.text),
         }
     }
 

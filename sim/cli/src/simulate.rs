@@ -100,7 +100,7 @@ impl Simulate {
                 .map(|record| json!({ "file": record.file, "nominal": record.nominal, "rows": record.time_s.len() }))
                 .collect::<Vec<_>>(),
         });
-        Ok(Outcome { text, json })
+        Ok(Outcome::new(text, &json))
     }
 }
 

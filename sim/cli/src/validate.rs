@@ -68,9 +68,14 @@ impl Validate {
             "p_value",
             "file",
         ]);
-        let by_nominal = validation_by_nominal(&records).map(|table| format!("\n{}", table.text()));
-        let text = format!("{}{}\n{}{written}", scores.text(), by_nominal.unwrap_or_default(), verdict(&records));
-        Ok(Outcome::new(text, &Values { records }))
+        let by_nominal = validation_by_nominal(&records).map(|table| table.text());
+        // Where no command has both kinds of records, each record is the summary.
+        let (first, detail) = match by_nominal {
+            Some(by_nominal) => (by_nominal, scores.text()),
+            None => (scores.text(), String::new()),
+        };
+        let text = format!("{first}\n{}{written}", verdict(&records));
+        Ok(Outcome::new(text, &Values { records }).with_detail(detail))
     }
 }
 

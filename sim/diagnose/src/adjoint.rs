@@ -7,7 +7,7 @@
 use std::f64::consts::TAU;
 
 use num_complex::Complex64;
-use rustfft::FftPlanner;
+use rotorlead_numerics::fourier;
 
 use super::dataset::{Dataset, Record, Segment, Split};
 use super::hypothesis::Hypothesis;
@@ -60,7 +60,7 @@ impl<'a> Adjoint<'a> {
             lags[line] = Complex64::from(0.5 * filter.norm_sqr());
             lags[rows - line] = lags[line];
         }
-        let inverse = FftPlanner::new().plan_fft_inverse(rows);
+        let inverse = fourier::inverse(rows);
         inverse.process(&mut g);
         inverse.process(&mut lags);
         let real = |all: Vec<Complex64>| all.into_iter().map(|value| value.re).collect();

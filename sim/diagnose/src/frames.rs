@@ -19,10 +19,10 @@ use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
 use rayon::prelude::*;
 use rotorlead_numerics::extremum::Parabola;
+use rotorlead_numerics::fourier;
 use rotorlead_numerics::statistics::t_quantile;
 use rotorlead_plant::Catalog;
 use rotorlead_plant::effect::Kind;
-use rustfft::FftPlanner;
 
 use super::adjoint::Adjoint;
 use super::candidate::Candidate;
@@ -332,19 +332,19 @@ impl Spectrum {
         let segment = adjoint.segment;
         let rows = segment.rows.len();
         let changes = changes(record, segment);
-        let mut planner = FftPlanner::new();
         let mut product = vec![Complex64::ZERO; FINER * rows];
         for ((product, change), g) in product.iter_mut().zip(&changes).zip(&adjoint.g) {
             *product = Complex64::from(change * g);
         }
-        planner.plan_fft_forward(product.len()).process(&mut product);
+        fourier::forward(product.len()).process(&mut product);
         // Power at a rate: transform over the lags of the changes' and the filter's autocorrelations.
         let mut spectrum: Vec<Complex64> = changes.iter().map(|change| Complex64::from(*change)).collect();
-        planner.plan_fft_forward(rows).process(&mut spectrum);
+        let forward = fourier::forward(rows);
+        forward.process(&mut spectrum);
         spectrum.iter_mut().for_each(|line| *line = Complex64::from(line.norm_sqr() / rows as f64));
-        planner.plan_fft_inverse(rows).process(&mut spectrum);
+        fourier::inverse(rows).process(&mut spectrum);
         spectrum.iter_mut().zip(&adjoint.lags).for_each(|(lags, filter)| *lags *= *filter);
-        planner.plan_fft_forward(rows).process(&mut spectrum);
+        forward.process(&mut spectrum);
         Some(Self {
             place: record.place,
             is_fitted: adjoint.is_fitted(),

@@ -9,8 +9,8 @@ use std::ops::Range;
 
 use num_complex::Complex64;
 use rayon::prelude::*;
+use rotorlead_numerics::fourier;
 use rotorlead_plant::effect::{Kind, Parameter};
-use rustfft::FftPlanner;
 
 use super::adjoint::{Adjoint, applied};
 use super::candidate::Candidate;
@@ -76,7 +76,7 @@ pub(super) fn steps(data: &Dataset, fit: &Fit, kind: &'static Kind) -> Vec<Candi
         spectrum.iter_mut().zip(bins).for_each(|(sum, bin)| *sum += bin);
     }
     let power: f64 = gathered.iter().map(|(_, power)| power).sum();
-    FftPlanner::new().plan_fft_forward(BINS).process(&mut spectrum);
+    fourier::forward(BINS).process(&mut spectrum);
     let gain = |line: usize| {
         let steps_per_unit = line as f64 / WIDTH;
         // The bins begin below 0, and a bin's commands are on average in its middle.

@@ -6,8 +6,8 @@
 //! moments over the mean of all has the variance `1 / n`. What is more than that is the spread of a power that changes.
 
 use num_complex::Complex64;
+use rotorlead_numerics::fourier;
 use rotorlead_numerics::sample::mean;
-use rustfft::FftPlanner;
 use serde::Serialize;
 
 use super::dataset::{Dataset, Record};
@@ -82,7 +82,7 @@ fn power_in_time(data: &Dataset, record: &Record, hypothesis: &Hypothesis) -> Op
     lines.truncate(highest as usize);
     // What repeats is evaluated elsewhere.
     lines.iter_mut().skip(periods - 1).step_by(periods).for_each(|line| *line = Complex64::ZERO);
-    FftPlanner::new().plan_fft_inverse(lines.len()).process(&mut lines);
+    fourier::inverse(lines.len()).process(&mut lines);
     let power: Vec<f64> = lines.iter().map(Complex64::norm_sqr).collect();
     let mean = mean(&power);
     (mean > 0.0).then(|| power.iter().map(|power| power / mean).collect())

@@ -12,8 +12,8 @@ use std::fmt;
 use std::sync::Arc;
 
 use num_complex::Complex64;
-use realfft::{RealFftPlanner, RealToComplex};
 use rotorlead_identify::density;
+use rotorlead_numerics::fourier::{RealToComplex, real_forward};
 
 /// Share of the row rate up to which residuals are compared: above, a logger's own filter acts.
 const HIGHEST_PART: f64 = 0.45;
@@ -74,7 +74,7 @@ pub(super) struct Whitening {
 impl Whitening {
     /// For noise that is not known yet.
     pub fn unit(rows: usize) -> Self {
-        let transform = RealFftPlanner::new().plan_fft_forward(rows);
+        let transform = real_forward(rows);
         let turns = (0..=rows / 2).map(|line| Complex64::cis(-TAU * line as f64 / rows as f64)).collect();
         Self { transform, weights: vec![1.0; rows / 2 + 1], variance: 0.0, turns }
     }

@@ -1,6 +1,6 @@
 //! The lines that a model with effects gives a periodic record: it is simulated, as effects may have no frequency response.
 
-use realfft::RealFftPlanner;
+use rotorlead_numerics::fourier;
 use rotorlead_plant::{Actuator, Drive, PlantError, Start, simulate_response};
 
 /// Periods that run before the record, from rest.
@@ -38,12 +38,11 @@ pub(super) fn simulated_periods(
 
 /// `period` with `factor` values for each of its own, by its Fourier series.
 pub fn upsampled(period: &[f64], factor: usize) -> Vec<f64> {
-    let mut planner = RealFftPlanner::new();
-    let forward = planner.plan_fft_forward(period.len());
+    let forward = fourier::real_forward(period.len());
     let mut lines = forward.make_output_vec();
     let mut fine = vec![0.0; period.len() * factor];
-    let backward = planner.plan_fft_inverse(fine.len());
-    let mut padded = backward.make_input_vec();
+    let inverse = fourier::real_inverse(fine.len());
+    let mut padded = inverse.make_input_vec();
     let mut values = period.to_vec();
     // The lengths are those that the plans ask for, so neither can fail.
     if forward.process(&mut values, &mut lines).is_ok() {
@@ -52,7 +51,7 @@ pub fn upsampled(period: &[f64], factor: usize) -> Vec<f64> {
             // The line at half the rate stands for itself and its mirror image.
             padded[lines.len() - 1] *= 0.5;
         }
-        let _ = backward.process(&mut padded, &mut fine);
+        let _ = inverse.process(&mut padded, &mut fine);
     }
     fine.iter_mut().for_each(|value| *value /= period.len() as f64);
     fine

@@ -2,9 +2,9 @@
 
 use std::f64::consts::TAU;
 
+use num_complex::Complex64;
+use rotorlead_numerics::fourier;
 use rotorlead_records::{Excitation, Record};
-use rustfft::FftPlanner;
-use rustfft::num_complex::Complex64;
 
 use super::figure::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
 
@@ -33,7 +33,7 @@ pub fn excitation(of: &str, period: &[f64], rate_hz: f64) -> Option<Figure> {
     let each = count.div_ceil(MOST);
     let over_time = period.iter().enumerate().step_by(each).map(|(k, value)| (k as f64 / rate_hz, *value)).collect();
     let mut bins: Vec<Complex64> = period.iter().map(|value| Complex64::new(*value, 0.0)).collect();
-    FftPlanner::new().plan_fft_forward(count).process(&mut bins);
+    fourier::forward(count).process(&mut bins);
     let line = |k: usize| (TAU * k as f64 * rate_hz / count as f64, 2.0 * bins[k].norm() / count as f64);
     let lines: Vec<(f64, f64)> = (1..count / 2).map(line).collect();
     let strongest = lines.iter().map(|line| line.1).fold(0.0, f64::max);

@@ -32,10 +32,10 @@ pub use html::{Cell, Column, Fact, Report, Section, Table, Tone, Verdict};
 pub use number::{parameter_with_std, with_std};
 pub use sections::{
     bandwidth_diagnosis_section, bandwidth_section, design_section, design_table, diagnosis_section, diagnosis_tone,
-    effect_table, excess_table, excitation_section, experiment_facts, explanations_table, fastest_point, gap_table,
-    identification_section, identification_tables, laws_table, parameter_table, predicted_table, ratios_table,
-    redesign_sections, redesign_table, simulation_section, stand_section, stand_table, transfer_function,
-    validation_section,
+    discrete_table, effect_table, excess_table, excitation_section, experiment_facts, explanations_table,
+    fastest_point, gap_table, identification_section, identification_tables, laws_table, parameter_table,
+    predicted_table, ratios_table, redesign_sections, redesign_table, simulation_section, stand_section, stand_table,
+    transfer_function, validation_section,
 };
 pub use unit::{quantity, unit};
 pub use validation::{is_wrong, validation_by_nominal, validation_scores, verdict};

@@ -6,11 +6,11 @@ use num_complex::Complex64;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use realfft::RealFftPlanner;
 use rotorlead_identify::Estimate;
 use rotorlead_identify::IdentifyError;
 use rotorlead_identify::parametric::{Root, TransferFunction};
 use rotorlead_identify::stand::{StandIdentification, StandOptions, StandWarning, identify_stand};
+use rotorlead_numerics::fourier;
 use rotorlead_records::{Excitation, Experiment, Output, Record};
 
 use super::tally::repeats;
@@ -38,8 +38,7 @@ fn force() -> Vec<f64> {
 /// The response to [`force`], exact since the force has nothing left at half the row rate.
 fn response() -> Vec<f64> {
     let (truth, mut force) = (truth(), force());
-    let mut planner = RealFftPlanner::<f64>::new();
-    let forward = planner.plan_fft_forward(ROWS);
+    let forward = fourier::real_forward(ROWS);
     let mut spectrum = forward.make_output_vec();
     forward.process(&mut force, &mut spectrum).unwrap();
     for (k, bin) in spectrum.iter_mut().enumerate() {
@@ -47,7 +46,7 @@ fn response() -> Vec<f64> {
     }
     spectrum[ROWS / 2] = Complex64::ZERO;
     let mut response = vec![0.0; ROWS];
-    planner.plan_fft_inverse(ROWS).process(&mut spectrum, &mut response).unwrap();
+    fourier::real_inverse(ROWS).process(&mut spectrum, &mut response).unwrap();
     response
 }
 

@@ -9,8 +9,8 @@ use num_complex::Complex64;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use realfft::RealFftPlanner;
 use rotorlead_identify::stand::{StandOptions, identify_stand};
+use rotorlead_numerics::fourier;
 use rotorlead_records::Experiment;
 
 use super::stand::{check, truth};
@@ -23,7 +23,6 @@ const ROWS: usize = 4000;
 fn blow(noise_n: f64, seed: u64) -> (Vec<f64>, Vec<f64>) {
     let truth = truth();
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut planner = RealFftPlanner::<f64>::new();
     let peak_n = 20.0 + seed as f64;
     let mut force: Vec<f64> = (0..ROWS)
         .map(|k| {
@@ -32,7 +31,7 @@ fn blow(noise_n: f64, seed: u64) -> (Vec<f64>, Vec<f64>) {
         })
         .collect();
     let recorded = force.clone();
-    let forward = planner.plan_fft_forward(ROWS);
+    let forward = fourier::real_forward(ROWS);
     let mut spectrum = forward.make_output_vec();
     forward.process(&mut force, &mut spectrum).unwrap();
     for (k, bin) in spectrum.iter_mut().enumerate() {
@@ -40,7 +39,7 @@ fn blow(noise_n: f64, seed: u64) -> (Vec<f64>, Vec<f64>) {
     }
     spectrum[ROWS / 2] = Complex64::ZERO;
     let mut thrust = vec![0.0; ROWS];
-    planner.plan_fft_inverse(ROWS).process(&mut spectrum, &mut thrust).unwrap();
+    fourier::real_inverse(ROWS).process(&mut spectrum, &mut thrust).unwrap();
     for y in &mut thrust {
         let n: f64 = StandardNormal.sample(&mut rng);
         *y = *y / ROWS as f64 + noise_n * n;

@@ -87,7 +87,7 @@ impl Excite {
             files.push(folder.add(&file_stem(nominal, Excitation::Multisine), record)?);
         }
         let text = format!("{} records, {rows} rows\nWritten to {}\n", files.len(), self.out.display());
-        Ok(Outcome { text, json: json!({ "records": files, "rows": rows }) })
+        Ok(Outcome::new(text, &json!({ "records": files, "rows": rows })))
     }
 
     /// Plays and records around one command, and says in `done` how far that is.

@@ -203,5 +203,5 @@ fn say(out: &Path, experiment: &Experiment, played: &[Played]) -> (Outcome, miet
         "different": different,
         "played": list,
     });
-    (Outcome { text, json }, differs.map_or(Ok(()), |differs| Err(differs.into())))
+    (Outcome::new(text, &json), differs.map_or(Ok(()), |differs| Err(differs.into())))
 }

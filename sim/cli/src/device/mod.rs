@@ -18,7 +18,7 @@ use rotorlead::settings::Settings;
 use rotorlead_device::{DEFAULT_BAUD, DeviceError, Session};
 use serde_json::{Value, json};
 
-use super::outcome::{JsonOption, Outcome};
+use super::outcome::{JsonOption, Outcome, Verbosity};
 use super::parameters::positive;
 
 /// Talks to a controller over its serial port, or to one in the emulator
@@ -79,10 +79,10 @@ impl Action {
 impl Device {
     /// Runs the command and says what came out. Outputs that are not the host's are said, and fail the command all the
     /// same.
-    pub fn say(&self, quiet: bool) -> miette::Result<()> {
+    pub fn say(&self, verbosity: Verbosity) -> miette::Result<()> {
         self.json.check(self.action.out())?;
         let (outcome, verdict) = self.run()?;
-        self.json.say(outcome, quiet)?;
+        self.json.say(outcome, verbosity)?;
         verdict
     }
 
@@ -97,7 +97,7 @@ impl Device {
             Action::Faults => faults(&mut session),
             Action::Stop => {
                 session.stop_excitation()?;
-                Ok(Outcome { text: "Stopping.\n".into(), json: json!({ "stopping": true }) })
+                Ok(Outcome::new("Stopping.\n".into(), &json!({ "stopping": true })))
             }
             Action::Record(options) => options.run(&mut session),
             Action::Excite(options) => options.run(&mut session),
@@ -120,7 +120,7 @@ fn info(session: &mut Session) -> miette::Result<Outcome> {
     for (motor, state) in info.motors.iter().enumerate() {
         writeln!(text, "motor {motor}: {state:?}").into_diagnostic()?;
     }
-    Ok(Outcome { text, json: serde_json::to_value(info).into_diagnostic()? })
+    Ok(Outcome::new(text, &info))
 }
 
 /// What a controller says of its crystal, start, supply, settings and jumper, with what to do about it.
@@ -170,7 +170,7 @@ fn faults(session: &mut Session) -> miette::Result<Outcome> {
     let json = serde_json::to_value(session.faults()?).into_diagnostic()?;
     let mut text = String::new();
     list("", &json, &mut text);
-    Ok(Outcome { text, json })
+    Ok(Outcome::new(text, &json))
 }
 
 /// One line for each number in `value`.
@@ -193,7 +193,7 @@ fn get(session: &mut Session, key: Option<&str>) -> miette::Result<Outcome> {
         let Some((name, value)) = known else {
             return Err(rotorlead_device::unknown(key).into());
         };
-        return Ok(Outcome { text: format!("{value}\n"), json: json!({ name: value }) });
+        return Ok(Outcome::new(format!("{value}\n"), &json!({ name: value })));
     }
     let mut text = String::new();
     let mut map = serde_json::Map::new();
@@ -201,7 +201,7 @@ fn get(session: &mut Session, key: Option<&str>) -> miette::Result<Outcome> {
         writeln!(text, "{name} = {value}").into_diagnostic()?;
         map.insert(name, Value::String(value));
     }
-    Ok(Outcome { text, json: Value::Object(map) })
+    Ok(Outcome::new(text, &Value::Object(map)))
 }
 
 fn save(session: &mut Session) -> miette::Result<Outcome> {
@@ -211,7 +211,7 @@ fn save(session: &mut Session) -> miette::Result<Outcome> {
         return Err(DeviceError::NotChosen { act: "storing them", help }.into());
     }
     session.save()?;
-    Ok(Outcome { text: "Saved.\n".into(), json: json!({ "saved": true }) })
+    Ok(Outcome::new("Saved.\n".into(), &json!({ "saved": true })))
 }
 
 /// The compensator of these settings, as the controller makes it.

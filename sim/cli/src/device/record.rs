@@ -204,7 +204,7 @@ impl Record {
         if self.excitation == Played::Free {
             text.push_str(FREE);
         }
-        Ok(Outcome { text, json: json!({ "records": [file], "rows": rows }) })
+        Ok(Outcome::new(text, &json!({ "records": [file], "rows": rows })))
     }
 
     /// Keeps the rows of a recording that ended early, and says where.

@@ -49,7 +49,7 @@ impl Set {
             json["key"] = json!(key);
             json["value"] = json!(value);
         }
-        Ok(Outcome { text, json })
+        Ok(Outcome::new(text, &json))
     }
 
     /// Names and values.

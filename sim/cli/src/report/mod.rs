@@ -63,7 +63,7 @@ impl ReportCommand {
         }
         text.push_str(&figures);
         writeln!(text, "\nReport: {}", self.out.display()).into_diagnostic()?;
-        Ok(Outcome { text, json: parts.json(&report) })
+        Ok(Outcome::new(text, &parts.json(&report)))
     }
 
     /// The model that is judged: the one given, or the one that lies with the records.

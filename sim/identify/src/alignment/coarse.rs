@@ -4,8 +4,10 @@
 //! are close enough together for the shift not to blur. Gaps take no part: both logs have a mask, and mean and variance
 //! are those of the part in common (masked normalized correlation: Padfield 2012).
 
-use realfft::RealFftPlanner;
-use realfft::num_complex::Complex64;
+use std::sync::Arc;
+
+use num_complex::Complex64;
+use rotorlead_numerics::fourier::{self, ComplexToReal, RealToComplex};
 
 use super::{AlignmentOptions, CommandLog, ResponseLog};
 
@@ -77,8 +79,8 @@ pub(super) fn candidates(
 
     let (offset, scale) = moved_and_scaled(response.response);
     let u = on_grid(command, from_s, cell_s, commands);
-    let mut transform = Correlator::new(length);
-    let u = Spectra::of(&mut transform, &u);
+    let transform = Correlator::new(length);
+    let u = Spectra::of(&transform, &u);
     let middle_s = 0.5 * (start_s + end_s);
 
     let mut found: Vec<Candidate> = Vec::new();
@@ -91,7 +93,7 @@ pub(super) fn candidates(
         }
         let y = y.finish();
         let least = LEAST_SHARE * y.mask.iter().sum::<f64>().min(commands as f64);
-        let y = Spectra::of(&mut transform, &y);
+        let y = Spectra::of(&transform, &y);
         let correlation = transform.coefficients(&u, &y, least);
         // Shifts run from minus the command's length to the response's, around the end of the transform.
         let delay_of = |shift: usize| {
@@ -168,7 +170,7 @@ struct Spectra {
 }
 
 impl Spectra {
-    fn of(transform: &mut Correlator, signal: &Masked) -> Self {
+    fn of(transform: &Correlator, signal: &Masked) -> Self {
         let square: Vec<f64> = signal.value.iter().map(|v| v * v).collect();
         Self {
             mask: transform.forward(&signal.mask),
@@ -180,16 +182,17 @@ impl Spectra {
 
 struct Correlator {
     length: usize,
-    planner: RealFftPlanner<f64>,
+    forward: Arc<dyn RealToComplex<f64>>,
+    inverse: Arc<dyn ComplexToReal<f64>>,
 }
 
 impl Correlator {
     fn new(length: usize) -> Self {
-        Self { length, planner: RealFftPlanner::new() }
+        Self { length, forward: fourier::real_forward(length), inverse: fourier::real_inverse(length) }
     }
 
-    fn forward(&mut self, values: &[f64]) -> Vec<Complex64> {
-        let fft = self.planner.plan_fft_forward(self.length);
+    fn forward(&self, values: &[f64]) -> Vec<Complex64> {
+        let fft = &self.forward;
         let (mut input, mut output) = (fft.make_input_vec(), fft.make_output_vec());
         for (to, from) in input.iter_mut().zip(values) {
             *to = *from;
@@ -199,8 +202,8 @@ impl Correlator {
     }
 
     /// `sum_i a_i b_(i + shift)` for all shifts, those below zero from the end.
-    fn correlate(&mut self, a: &[Complex64], b: &[Complex64]) -> Vec<f64> {
-        let fft = self.planner.plan_fft_inverse(self.length);
+    fn correlate(&self, a: &[Complex64], b: &[Complex64]) -> Vec<f64> {
+        let fft = &self.inverse;
         let (mut input, mut output) = (fft.make_input_vec(), fft.make_output_vec());
         for ((to, a), b) in input.iter_mut().zip(a).zip(b) {
             *to = a.conj() * b / self.length as f64;
@@ -215,7 +218,7 @@ impl Correlator {
 
     /// Correlation coefficients at all shifts; zero where fewer than `least` cells are in common or one of them is
     /// constant.
-    fn coefficients(&mut self, u: &Spectra, y: &Spectra, least: f64) -> Vec<f64> {
+    fn coefficients(&self, u: &Spectra, y: &Spectra, least: f64) -> Vec<f64> {
         let n = self.correlate(&u.mask, &y.mask);
         let (su, sy) = (self.correlate(&u.value, &y.mask), self.correlate(&u.mask, &y.value));
         let (suu, syy) = (self.correlate(&u.square, &y.mask), self.correlate(&u.mask, &y.square));

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use num_complex::Complex64;
-use realfft::{RealFftPlanner, RealToComplex};
+use rotorlead_numerics::fourier::{RealToComplex, real_forward};
 
 /// Transforms one period after the other.
 pub(super) struct PeriodTransform {
@@ -17,7 +17,7 @@ pub(super) struct PeriodTransform {
 impl PeriodTransform {
     /// For periods of `length` samples, one or more.
     pub(super) fn new(length: usize) -> Self {
-        Self::with(RealFftPlanner::new().plan_fft_forward(length))
+        Self::with(real_forward(length))
     }
 
     /// Another for periods of the same length.

@@ -5,8 +5,8 @@ use std::num::NonZeroUsize;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use nalgebra::Complex;
-use realfft::RealFftPlanner;
 use rotorlead::design::{LeadDesign, LeadParameters};
+use rotorlead_numerics::fourier;
 use rotorlead_records::{Excitation, Experiment, Output, Record};
 
 use super::*;
@@ -31,7 +31,7 @@ fn quick(plan: &Plan, model: &Model, compensator: Option<&LeadDesign>) -> Experi
 }
 
 fn spectrum(x: &[f64]) -> Vec<Complex<f64>> {
-    let fft = RealFftPlanner::new().plan_fft_forward(x.len());
+    let fft = fourier::real_forward(x.len());
     let (mut input, mut output) = (x.to_vec(), fft.make_output_vec());
     fft.process(&mut input, &mut output).unwrap();
     output

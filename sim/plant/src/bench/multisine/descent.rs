@@ -13,8 +13,8 @@ use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use nalgebra::{Cholesky, DMatrix, DVector};
-use realfft::num_complex::Complex64;
-use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
+use num_complex::Complex64;
+use rotorlead_numerics::fourier::{self, ComplexToReal, RealToComplex};
 
 use super::LineSet;
 
@@ -47,8 +47,7 @@ impl<'a> Grid<'a> {
     fn new(lines: &'a LineSet, oversampling: usize) -> Self {
         // At least four times the top harmonic: sums of two harmonics stay below half the grid.
         let samples = (lines.top_harmonic() as usize * oversampling).next_power_of_two();
-        let mut planner = RealFftPlanner::new();
-        Self { lines, forward: planner.plan_fft_forward(samples), inverse: planner.plan_fft_inverse(samples) }
+        Self { lines, forward: fourier::real_forward(samples), inverse: fourier::real_inverse(samples) }
     }
 
     fn waveform(&self, phases: &[f64]) -> Vec<f64> {

@@ -11,10 +11,10 @@ mod line_set;
 
 use std::f64::consts::{PI, TAU};
 
+use num_complex::Complex64;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use realfft::RealFftPlanner;
-use realfft::num_complex::Complex64;
+use rotorlead_numerics::fourier;
 
 pub use detection::{DetectionRecipe, DetectionSet};
 pub use error::MultisineError;
@@ -194,7 +194,7 @@ fn sampled(lines: &LineSet, phases_rad: &[f64], samples: usize) -> Vec<f64> {
         // The inverse transform has no bins for all lines: aliases are summed as they fall.
         return (0..samples).map(|i| value_and_slope(lines, phases_rad, TAU * i as f64 / samples as f64).0).collect();
     }
-    let inverse = RealFftPlanner::new().plan_fft_inverse(samples);
+    let inverse = fourier::real_inverse(samples);
     let mut spectrum = inverse.make_input_vec();
     for ((&harmonic, &amplitude), &phase) in lines.harmonics().iter().zip(lines.amplitudes()).zip(phases_rad) {
         spectrum[harmonic as usize] = Complex64::from_polar(amplitude / 2.0, phase);
