@@ -169,7 +169,7 @@ fn text_and_json_give_the_same_numbers() {
     ] {
         assert!(text.contains(&part), "no `{part}` in:\n{text}");
     }
-    let text = stand.run("validate sim --model found.toml --json v.json");
+    let text = stand.run("validate sim --model found.toml --json v.json --verbose");
     let json: Value = serde_json::from_str(&stand.read("v.json")).unwrap();
     for record in json["records"].as_array().unwrap() {
         let file = record["file"].as_str().unwrap();
@@ -180,6 +180,23 @@ fn text_and_json_give_the_same_numbers() {
     let json: Value = serde_json::from_str(&stand.read("d.json")).unwrap();
     assert!(text.contains(&format!("{:.4}", number(&json, "zero_rad_s"))));
     assert!(text.contains(&format!("{:.4}", number(&json, "pole_rad_s"))));
+}
+
+#[test]
+fn verbose_adds_the_detail_below_and_json_has_it_in_any_case() {
+    let stand = simulated();
+    stand.run("identify sim --out found.toml");
+    for (command, detail) in [
+        ("identify sim --out found.toml", "Noise and distortion"),
+        ("validate sim --model found.toml", "Fit of each record"),
+        ("design --model found.toml --out c.toml", "pole radius"),
+    ] {
+        let (short, json) = (stand.run(&format!("{command} --json a.json")), stand.read("a.json"));
+        let long = stand.run(&format!("{command} --json b.json --verbose"));
+        assert!(!short.contains(detail) && long.contains(detail), "{command}:\n{long}");
+        assert_eq!(long.strip_prefix(&short).map(|rest| rest.starts_with('\n')), Some(true), "{command}:\n{long}");
+        assert_eq!(stand.read("b.json"), json, "{command}");
+    }
 }
 
 #[test]
@@ -234,7 +251,7 @@ fn detection_multisines_are_written_by_realization_and_identify_prints_what_they
 
     stand.edit("plan.toml", "lines = 150", "lines = 150\nrealization = 2");
     stand.run("simulate --model model.toml --plan plan.toml --out run");
-    let text = stand.run("identify run --out found.toml --json found.json");
+    let text = stand.run("identify run --out found.toml --json found.json --verbose");
     assert!(text.contains("noise (dB)") && !text.contains("skips some"), "{text}");
     let json: Value = serde_json::from_str(&stand.read("found.json")).unwrap();
     let level = &json["distortion"][0];

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use rotorlead::excitation::{Lines, Multisine, ODD_LINES_30_HZ, ODD_LINES_45_HZ};
-use rotorlead_numerics::fourier;
+use rotorlead_fourier as fourier;
 use rotorlead_plant::bench::multisine::flight::{RECIPES, Recipe, find_phases, source, sum_to_f64};
 
 const RATE_HZ: f64 = 5000.0;

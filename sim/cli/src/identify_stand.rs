@@ -76,7 +76,7 @@ fn table(stand: &StandIdentification) -> String {
     let mut text = format!(
         "{}\n\
          {} lines up to {:.1} Hz: {}, static gain {}\n\
-         chi2/dof {:.2}; tail probabilities: power {:.2}, whiteness {:.2},\n\
+         chi2 per dof {:.2}; tail probabilities: power {:.2}, whiteness {:.2},\n\
          independence of the force {:.2}\n\n{}",
         stand.records.join(", "),
         stand.response.lines.len(),

@@ -7,7 +7,9 @@ use rotorlead_records::{Excitation, Experiment, Role};
 use rotorlead_report::with_std;
 use serde::Serialize;
 
-/// Which records the % fit is of.
+use super::outcome::paragraph;
+
+/// Which records each fit is of.
 pub(super) fn held_out(experiment: &Experiment, found: &PeriodicIdentification) -> String {
     let judged = |excitation: Excitation, role: Option<Role>| {
         let records = experiment.records.iter();
@@ -18,16 +20,16 @@ pub(super) fn held_out(experiment: &Experiment, found: &PeriodicIdentification) 
     let (fitted, all) = (found.fitted_files().count(), experiment.records.len());
     let by_frequency =
         if multisines > 0 { "multisines with role = \"validate\"" } else { "the fitted records themselves" };
-    let mut text = format!("  Fitted: {fitted} of {all} records. % fit, freq. is of {by_frequency}");
+    let mut text = format!("  Fitted: {fitted} of {all} records. The fit in frequency is of {by_frequency}");
     if squares > 0 {
-        text.push_str(";\n  that of squares is of records that are always held out");
+        text.push_str("; that on squares is of records that are always held out");
     }
-    text + ".\n"
+    paragraph(&(text + "."), "  ")
 }
 
 /// What lags from chirps are fitted to.
 pub(super) fn fitted_chirps(files: &[String]) -> String {
-    format!("  Fitted by the local polynomial method: {}. % fit is of these records.\n", files.join(", "))
+    format!("  Fitted by the local polynomial method: {}. The fit is of these records.\n", files.join(", "))
 }
 
 /// What a staircase says of all its levels.

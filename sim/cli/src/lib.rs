@@ -55,7 +55,7 @@ pub struct Arguments {
     /// Print nothing but errors and JSON: no tables, no progress
     #[arg(long, short, global = true)]
     quiet: bool,
-    /// Print the tables too that few readers need
+    /// Print the detail too: distortion, static map, each record's fit, the integers of a compensator, where a residual lies
     #[arg(long, short, global = true, conflicts_with = "quiet")]
     verbose: bool,
     #[command(subcommand)]

@@ -7,7 +7,7 @@
 use std::f64::consts::TAU;
 
 use num_complex::Complex64;
-use rotorlead_numerics::fourier;
+use rotorlead_fourier as fourier;
 
 use super::dataset::{Dataset, Record, Segment, Split};
 use super::hypothesis::Hypothesis;

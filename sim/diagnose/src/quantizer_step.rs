@@ -9,7 +9,7 @@ use std::ops::Range;
 
 use num_complex::Complex64;
 use rayon::prelude::*;
-use rotorlead_numerics::fourier;
+use rotorlead_fourier as fourier;
 use rotorlead_plant::effect::{Kind, Parameter};
 
 use super::adjoint::{Adjoint, applied};

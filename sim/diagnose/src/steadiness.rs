@@ -6,7 +6,7 @@
 //! moments over the mean of all has the variance `1 / n`. What is more than that is the spread of a power that changes.
 
 use num_complex::Complex64;
-use rotorlead_numerics::fourier;
+use rotorlead_fourier as fourier;
 use rotorlead_numerics::sample::mean;
 use serde::Serialize;
 

@@ -1,6 +1,6 @@
 //! The lines that a model with effects gives a periodic record: it is simulated, as effects may have no frequency response.
 
-use rotorlead_numerics::fourier;
+use rotorlead_fourier as fourier;
 use rotorlead_plant::{Actuator, Drive, PlantError, Start, simulate_response};
 
 /// Periods that run before the record, from rest.

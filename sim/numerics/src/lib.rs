@@ -1,8 +1,7 @@
-//! Numerical methods that the crates above share: Fourier transforms, nonlinear least squares, extremes of functions of one variable, and
+//! Numerical methods that the crates above share: nonlinear least squares, extremes of functions of one variable, and
 //! statistics of samples. Each is here once, and tested against published reference values.
 
 pub mod extremum;
-pub mod fourier;
 pub mod least_squares;
 pub mod normal_equations;
 pub mod sample;

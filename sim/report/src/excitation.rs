@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use num_complex::Complex64;
-use rotorlead_numerics::fourier;
+use rotorlead_fourier as fourier;
 use rotorlead_records::{Excitation, Record};
 
 use super::figure::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};

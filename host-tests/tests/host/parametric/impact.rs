@@ -9,8 +9,8 @@ use num_complex::Complex64;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
+use rotorlead_fourier as fourier;
 use rotorlead_identify::stand::{StandOptions, identify_stand};
-use rotorlead_numerics::fourier;
 use rotorlead_records::Experiment;
 
 use super::stand::{check, truth};

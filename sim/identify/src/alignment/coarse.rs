@@ -7,7 +7,7 @@
 use std::sync::Arc;
 
 use num_complex::Complex64;
-use rotorlead_numerics::fourier::{self, ComplexToReal, RealToComplex};
+use rotorlead_fourier::{self as fourier, ComplexToReal, RealToComplex};
 
 use super::{AlignmentOptions, CommandLog, ResponseLog};
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use num_complex::Complex64;
-use rotorlead_numerics::fourier::{RealToComplex, real_forward};
+use rotorlead_fourier::{RealToComplex, real_forward};
 
 /// Transforms one period after the other.
 pub(super) struct PeriodTransform {

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use nalgebra::Complex;
 use rotorlead::design::{LeadDesign, LeadParameters};
-use rotorlead_numerics::fourier;
+use rotorlead_fourier as fourier;
 use rotorlead_records::{Excitation, Experiment, Output, Record};
 
 use super::*;

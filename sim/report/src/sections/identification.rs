@@ -155,7 +155,7 @@ fn lags(identified: &Identification, output: Output) -> Table {
     columns.push(Column::new("fit_frequency_percent", "fit in frequency", "%"));
     columns.push(Column::new("fit_square_percent", "fit on squares", "%"));
     if identified.lags.in_frequency().is_some() {
-        columns.push(Column::new("reduced_chi_square", "chi2/dof", ""));
+        columns.push(Column::new("reduced_chi_square", "chi2 per dof", ""));
     }
     let row = |(index, point): (usize, &Point)| {
         let delay = match point.delay_s_std {

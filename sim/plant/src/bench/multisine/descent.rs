@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 use nalgebra::{Cholesky, DMatrix, DVector};
 use num_complex::Complex64;
-use rotorlead_numerics::fourier::{self, ComplexToReal, RealToComplex};
+use rotorlead_fourier::{self as fourier, ComplexToReal, RealToComplex};
 
 use super::LineSet;
 

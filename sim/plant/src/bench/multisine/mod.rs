@@ -14,7 +14,7 @@ use std::f64::consts::{PI, TAU};
 use num_complex::Complex64;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rotorlead_numerics::fourier;
+use rotorlead_fourier as fourier;
 
 pub use detection::{DetectionRecipe, DetectionSet};
 pub use error::MultisineError;
