@@ -276,7 +276,7 @@ fn wrong_settings_are_refused_with_the_remedy() {
         ("set motor.1.idle 0.01", "motor.1.idle is 0.00999"),
         ("set motor.1.idle 1.5", "give a command from 0 to 1"),
         ("set motor.4.idle 0.1", "there is no setting"),
-        ("set dampin 0.7", "perhaps damping"),
+        ("set dampin 0.7", "did you mean `damping`?"),
         ("set damping much", "give a number"),
         ("set stop 0.5", "stop must be 0"),
         ("set no_signal idle", "give no_pulses or stop_pulses"),

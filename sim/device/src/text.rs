@@ -2,6 +2,7 @@
 
 use rotorlead::settings::{Key, MOTORS, MotorSettings, NoSignal, Place, PulseProtocol, Settings};
 use rotorlead::throttle::{Command, Throttle};
+use rotorlead_records::files::did_you_mean;
 
 use super::DeviceError;
 
@@ -63,14 +64,11 @@ pub fn set(settings: &mut Settings, name: &str, text: &str) -> Result<(), Device
 #[must_use]
 pub fn unknown(name: &str) -> DeviceError {
     let names = entries(&Settings::default());
-    let near = names
-        .iter()
-        .map(|(known, _)| known)
-        .max_by(|a, b| strsim::jaro_winkler(a, name).total_cmp(&strsim::jaro_winkler(b, name)));
-    let near = near.map_or(String::new(), |near| format!("perhaps {near}; "));
+    let meant = did_you_mean(name, names.iter().map(|(known, _)| known.as_str()));
+    let meant = meant.map(|question| question + " ").unwrap_or_default();
     DeviceError::Setting {
         message: format!("there is no setting `{name}`"),
-        help: format!("{near}`rotorlead device get` shows them all, and motor.*.KEY means every motor"),
+        help: format!("{meant}`rotorlead device get` shows them all, and motor.*.KEY means every motor"),
     }
 }
 

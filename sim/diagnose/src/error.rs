@@ -5,7 +5,7 @@ use rotorlead_identify::IdentifyError;
 use rotorlead_identify::steps::StepsError;
 use rotorlead_plant::{ModelError, PlantError};
 use rotorlead_records::RecordError;
-use rotorlead_records::files::alike;
+use rotorlead_records::files::did_you_mean;
 use thiserror::Error;
 
 /// Data or a model from which no diagnosis follows.
@@ -100,6 +100,6 @@ fn explanations(name: &str, known: &[String]) -> String {
     if known.is_empty() {
         return "none was found".to_owned();
     }
-    let meant = alike(name, known.iter().map(String::as_str)).map(|meant| format!("did you mean `{meant}`? "));
+    let meant = did_you_mean(name, known.iter().map(String::as_str)).map(|question| question + " ");
     format!("{}there are `{}`", meant.unwrap_or_default(), known.join("`, `"))
 }

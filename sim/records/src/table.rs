@@ -10,7 +10,7 @@ use super::manifest::CommandKind;
 use super::sampling::Grid;
 use super::{Record, plain};
 use crate::files::csv_rows::{cell_span, next, quoted, reader, row_span};
-use crate::files::{FileError, Place, TextFile, TomlFile, alike};
+use crate::files::{FileError, Place, TextFile, TomlFile, did_you_mean};
 
 /// The columns of a CSV file, with the text to show errors in.
 pub(super) struct Table {
@@ -248,7 +248,7 @@ fn unknown_column(name: &str) -> String {
         return "begin the file with a header line: time_s,command,thrust_n".to_owned();
     }
     let known: Vec<_> = Column::ALL.iter().map(|column| column.name()).collect();
-    let meant = alike(name, known.iter().copied()).map(|known| format!("did you mean `{known}`? ")).unwrap_or_default();
+    let meant = did_you_mean(name, known.iter().copied()).map(|question| question + " ").unwrap_or_default();
     format!("{meant}rename or remove it; the columns are {}", known.join(", "))
 }
 

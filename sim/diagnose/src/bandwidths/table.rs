@@ -6,7 +6,7 @@ use std::path::Path;
 use csv::StringRecord;
 use rotorlead_plant::{Model, ModelError};
 use rotorlead_records::files::csv_rows::{cell_span, next, quoted, reader, row_span};
-use rotorlead_records::files::{FileError, TextFile, alike};
+use rotorlead_records::files::{FileError, TextFile, did_you_mean};
 
 /// The columns, in the order of [`HEADER`].
 const COLUMNS: [&str; 3] = ["u_nom", "uncompensated_rad_s", "compensated_rad_s"];
@@ -135,7 +135,7 @@ fn header(text: &TextFile, cells: &StringRecord) -> Result<[usize; 3], FileError
             let help = if name.parse::<f64>().is_ok() {
                 format!("begin the file with a header line: {HEADER}")
             } else {
-                let meant = alike(name, COLUMNS.into_iter()).map(|known| format!("did you mean `{known}`? "));
+                let meant = did_you_mean(name, COLUMNS.into_iter()).map(|question| question + " ");
                 format!("{}rename or remove it; the columns are {}", meant.unwrap_or_default(), COLUMNS.join(", "))
             };
             return Err(complain(text, span(), message, help));

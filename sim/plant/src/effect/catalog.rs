@@ -1,6 +1,6 @@
 //! The kinds of effects that there are, and the rules for an `[[effect]]` of a model.
 
-use rotorlead_records::files::{Fault, Place};
+use rotorlead_records::files::{Fault, Place, did_you_mean};
 
 use super::{ActiveEffect, Kind, STANDARD, Use};
 use crate::{Effect, Model};
@@ -10,9 +10,6 @@ use crate::{Effect, Model};
 pub struct Catalog {
     kinds: &'static [&'static Kind],
 }
-
-/// An identifier that differs in this many letters or fewer, of every three, is taken for a slip.
-const LETTERS_PER_SLIP: usize = 3;
 
 impl Catalog {
     /// Every kind of this crate.
@@ -64,10 +61,8 @@ impl Catalog {
         let names = kind.parameters.iter().map(|parameter| parameter.name);
         let parameters = place.key("parameters");
         if let Some(name) = effect.parameters.keys().find(|name| !names.clone().any(|known| known == *name)) {
-            let help = match nearest(name, names.clone()) {
-                Some(known) => format!("did you mean `{known}`?"),
-                None => format!("`{}` has {}", kind.id, list(names.clone())),
-            };
+            let help = did_you_mean(name, names.clone())
+                .unwrap_or_else(|| format!("`{}` has {}", kind.id, list(names.clone())));
             return Err(parameters.key(name).fault(format!("`{}` has no such parameter", kind.id), help));
         }
         let mut values = Vec::with_capacity(kind.parameters.len());
@@ -109,21 +104,10 @@ impl Catalog {
     }
 
     fn unknown_kind(&self, id: &str, place: &Place) -> Fault {
-        let help = match nearest(id, self.kinds().map(|kind| kind.id)) {
-            Some(known) => format!("did you mean `{known}`?"),
-            None => format!("the kinds are {}", list(self.kinds().map(|kind| kind.id))),
-        };
+        let ids = || self.kinds().map(|kind| kind.id);
+        let help = did_you_mean(id, ids()).unwrap_or_else(|| format!("the kinds are {}", list(ids())));
         place.clone().fault(format!("`{id}` is no kind of effect that this version knows"), help)
     }
-}
-
-/// The known name that `name` is a slip, or a part, of.
-fn nearest<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
-    let near = |known: &&str| {
-        let slips = strsim::osa_distance(name, known);
-        slips * LETTERS_PER_SLIP <= known.len() || (name.len() > 3 && known.split('_').any(|word| word == name))
-    };
-    known.filter(near).min_by_key(|known| strsim::osa_distance(name, known))
 }
 
 fn list<'a>(names: impl Iterator<Item = &'a str>) -> String {

@@ -11,6 +11,7 @@
 
 mod blocks;
 pub mod csv_rows;
+mod did_you_mean;
 mod error;
 mod excerpt;
 mod fault;
@@ -25,11 +26,12 @@ mod write;
 pub mod testing;
 
 pub(crate) use blocks::TextBlocks;
+pub use did_you_mean::did_you_mean;
 pub use error::{FileError, Located};
 pub use excerpt::Excerpt;
 pub use fault::{Fault, Place};
 pub use folder::{OutputFolder, is_plain_name};
 pub use interrupt::remove_unfinished;
 pub use text::{TextFile, bytes_read};
-pub use toml_file::{TomlFile, alike, to_toml, write_toml};
+pub use toml_file::{TomlFile, to_toml, write_toml};
 pub use write::{check_writable, write_file};

@@ -7,14 +7,12 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use toml::de::{DeTable, DeValue};
 
+use super::did_you_mean::{alike, did_you_mean};
 use super::fault::Step;
 use super::{Fault, FileError, Place, TextFile, write_file};
 
 /// The layout that this version reads and writes.
 const FORMAT: u32 = 1;
-
-/// How alike (Jaro-Winkler, 0 to 1) a key must be to a wrong one to be offered instead of it.
-const ALIKE: f64 = 0.8;
 
 /// The text of a TOML file, kept to show faults in.
 #[derive(Clone, Debug)]
@@ -231,24 +229,18 @@ pub fn to_toml<T: Serialize>(value: &T) -> String {
     toml::to_string(value).expect("plain structs of numbers, texts and lists of them are TOML")
 }
 
-/// The known name that is most like a wrong one, if any is.
-pub fn alike<'a>(wrong: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
-    let best = known.map(|known| (strsim::jaro_winkler(wrong, known), known)).max_by(|a, b| a.0.total_cmp(&b.0));
-    best.filter(|(alike, _)| *alike >= ALIKE).map(|(_, known)| known)
-}
-
 /// What to do about a message of the TOML reader.
 fn remedy(message: &str) -> String {
     let mut names = message.split('`').skip(1).step_by(2);
     let name = names.next().unwrap_or_default();
     if message.starts_with("unknown field") || message.starts_with("unknown variant") {
-        match alike(name, names) {
-            Some(known) => format!("did you mean `{known}`?"),
-            _ if message.starts_with("unknown variant") => {
+        did_you_mean(name, names).unwrap_or_else(|| {
+            if message.starts_with("unknown variant") {
                 format!("write what is expected instead of `{name}`")
+            } else {
+                format!("remove `{name}`, or use a key of those expected")
             }
-            _ => format!("remove `{name}`, or use a key of those expected"),
-        }
+        })
     } else if message.starts_with("missing field") {
         format!("add `{name}`")
     } else if message.starts_with("duplicate key") {

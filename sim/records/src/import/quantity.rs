@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 use std::str::FromStr;
 
-use crate::files::alike;
+use crate::files::did_you_mean;
 
 /// Newtons per gram-force.
 pub(super) const N_PER_GF: f64 = 9.80665e-3;
@@ -206,8 +206,8 @@ impl FromStr for ColumnChoice {
         let (name, rest) = text.split_once('=').ok_or_else(|| String::from(remedy))?;
         let quantity = Quantity::ALL.into_iter().find(|quantity| quantity.name() == name.trim()).ok_or_else(|| {
             let names = Quantity::ALL.map(Quantity::name).join(", ");
-            let meant = alike(name.trim(), Quantity::ALL.map(Quantity::name).into_iter());
-            let meant = meant.map(|known| format!(". Did you mean `{known}`?")).unwrap_or_default();
+            let meant = did_you_mean(name.trim(), Quantity::ALL.map(Quantity::name).into_iter());
+            let meant = meant.map(|question| format!("; {question}")).unwrap_or_default();
             format!("`{}` is no quantity of a record: {names}{meant}", name.trim())
         })?;
         let with_unit = rest.rsplit_once(':').map(|(header, unit)| (header, unit.trim()));
@@ -258,7 +258,7 @@ mod tests {
             ("thrust", "QUANTITY=HEADER:UNIT"),
             ("thrust=:gf", "QUANTITY=HEADER:UNIT"),
             ("force=load:gf", "`force` is no quantity of a record: time, command, thrust, rpm, voltage, current"),
-            ("thrst=load:gf", "current. Did you mean `thrust`?"),
+            ("thrst=load:gf", "current; did you mean `thrust`?"),
             ("thrust=load:ms", "`ms` is no unit of thrust: N, gf"),
             ("rpm=speed:Hz", "rpm, rev/s or rad/s"),
             ("time=t:-s", "the sign of time is not turned"),
