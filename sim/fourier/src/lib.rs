@@ -1,7 +1,7 @@
 //! Discrete Fourier transforms of any length: `X_k = sum_n x_n e^(-j 2 pi k n / N)`, and the inverse without its factor `1 / N`.
 //!
-//! The planner is generic over its numbers and would be compiled into each crate that asks for a plan, which is half of such a
-//! crate's machine code. Here it is compiled once.
+//! The planner is generic over its numbers and would be compiled into each crate that asks for a plan, which is about half of
+//! what the compiler generates for it. Here it is compiled once.
 
 use std::sync::Arc;
 

@@ -41,20 +41,25 @@ pub fn bandwidth_cell(bandwidth: Bandwidth, digits: usize) -> String {
     }
 }
 
-pub(crate) fn cell(bandwidth: Bandwidth, digits: usize) -> Cell {
-    Cell { text: bandwidth_cell(bandwidth, digits), value: Some(bandwidth.rad_s().unwrap_or(f64::NAN)) }
+impl Cell {
+    /// A bandwidth: its words and, where there is one, its number.
+    #[must_use]
+    pub fn bandwidth(bandwidth: Bandwidth, digits: usize) -> Self {
+        Self::shown(bandwidth.rad_s().unwrap_or(f64::NAN), bandwidth_cell(bandwidth, digits))
+    }
 }
 
 /// One row per nominal command, with the `phases` of the same points where they are known.
 #[must_use]
 pub fn bandwidth_table(points: &[BandwidthPoint], phases: &[ChainPhase]) -> Table {
-    let phase_cells = |phase: &PhaseAtBandwidth| [Cell::optional(phase.phase_deg, 1), cell(phase.minus_90, 2)];
+    let phase_cells =
+        |phase: &PhaseAtBandwidth| [Cell::optional(phase.phase_deg, 1), Cell::bandwidth(phase.minus_90, 2)];
     let row = |(index, point): (usize, &BandwidthPoint)| {
         let factor = point.compensated.rad_s().zip(point.uncompensated.rad_s()).map(|(after, before)| after / before);
         let mut cells = vec![
             Cell::number(point.nominal, 3),
-            cell(point.uncompensated, 4),
-            cell(point.compensated, 4),
+            Cell::bandwidth(point.uncompensated, 4),
+            Cell::bandwidth(point.compensated, 4),
             Cell::optional(factor, 2),
         ];
         if let Some(phase) = phases.get(index) {
@@ -92,9 +97,9 @@ pub fn measured_table(measured: &[MeasuredBandwidth]) -> Table {
             Cell::text(one.file.clone()),
             Cell::number(one.nominal, 3),
             Cell::text(if one.compensated { "with" } else { "without" }),
-            cell(one.bandwidth.bandwidth, 2),
-            cell(one.bandwidth.lower, 2),
-            cell(one.bandwidth.upper, 2),
+            Cell::bandwidth(one.bandwidth.bandwidth, 2),
+            Cell::bandwidth(one.bandwidth.lower, 2),
+            Cell::bandwidth(one.bandwidth.upper, 2),
         ]
     };
     Table {

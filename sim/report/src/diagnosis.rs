@@ -44,11 +44,8 @@ fn where_(found: &Diagnosis) -> Option<Figure> {
             let (from, to) = cell.band_hz;
             Some(Cell { x: (TAU * from, TAU * to), row, value: ratio(of(cell)) })
         });
-        let map = HeatMap {
-            label: "excess chi-square over noise, in power".into(),
-            range: (1.0, DARKEST),
-            cells: cells.collect(),
-        };
+        let map =
+            HeatMap { label: "residual over noise, in power".into(), range: (1.0, DARKEST), cells: cells.collect() };
         Panel {
             title: title.to_owned(),
             height: (nominals.len() as u32 * 32 + 130).max(230),
@@ -88,11 +85,11 @@ fn of_models(found: &Diagnosis, mark: Mark, before: Vec<(f64, f64)>, after: Vec<
     vec![Series::new("first model", Color::Vermilion, mark, before), improved]
 }
 
-/// What each kind is worth, tried alone.
+/// The score of each kind, tried alone.
 fn candidates(found: &Diagnosis) -> Option<Figure> {
     let tried: Vec<_> = found.tried.iter().filter(|tried| tried.score.is_finite()).collect();
     let is_named = |id: &str| found.effects.iter().any(|effect| effect.kind.id == id);
-    let mut csv = String::from("kind,named,worth,fitted_gain,held_out_gain\n");
+    let mut csv = String::from("kind,named,score,fitted_gain,held_out_gain\n");
     for tried in &tried {
         let id = tried.kind.id;
         let _ = writeln!(csv, "{id},{},{},{},{}", is_named(id), tried.score, tried.fitted_gain, tried.held_out_gain);

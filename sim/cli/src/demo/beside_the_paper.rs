@@ -2,7 +2,7 @@
 
 use rotorlead_identify::{Bandwidth, FitBesideCeiling, table_2};
 use rotorlead_report::paper::{CONTRADICTIONS, PAPER};
-use rotorlead_report::{Cell, Column, Section, Table, Tone, Verdict, bandwidth_cell, is_wrong, with_std};
+use rotorlead_report::{Cell, Column, Section, Table, Tone, Verdict, is_wrong, with_std};
 
 use super::Demonstrated;
 use crate::report_pages;
@@ -134,10 +134,7 @@ impl Demonstrated<'_> {
     }
 
     fn measured_bandwidths(&self) -> Table {
-        let cell = |bandwidth: Bandwidth| Cell {
-            text: bandwidth_cell(bandwidth, 2),
-            value: Some(bandwidth.rad_s().unwrap_or(f64::NAN)),
-        };
+        let cell = |bandwidth| Cell::bandwidth(bandwidth, 2);
         let rows = PAPER.iter().zip(self.measured).map(|(paper, measured)| {
             vec![
                 Cell::number(paper.nominal, 2),

@@ -243,7 +243,7 @@ fn tried(tried: &[TriedKind]) -> Table {
         caption: "Kinds tried alone: log likelihood gained".to_owned(),
         columns: vec![
             Column::new("kind", "kind", ""),
-            Column::new("worth", "evidence", "both, less what the search gains by chance"),
+            Column::new("score", "score", "both, less what the search gains by chance"),
             Column::new("fitted_gain", "on what was fitted", ""),
             Column::new("held_out_gain", "on what was held out", ""),
         ],

@@ -4,7 +4,6 @@ use rotorlead_identify::design::redesign::{Compensated, Limit, Redesign, Redesig
 use rotorlead_plant::Model;
 
 use super::design_section;
-use crate::bandwidths::cell;
 use crate::compensation::redesigned;
 use crate::html::{Cell, Column, Section, Table};
 
@@ -34,10 +33,10 @@ pub fn redesign_table(compensated: &Compensated, amplitude: f64) -> Table {
     let row = |RedesignPoint { small, chain, .. }: &RedesignPoint| {
         vec![
             Cell::number(small.nominal, 3),
-            cell(small.uncompensated, 4),
-            cell(small.compensated, 4),
-            cell(chain.magnitude, 1),
-            cell(chain.phase, 1),
+            Cell::bandwidth(small.uncompensated, 4),
+            Cell::bandwidth(small.compensated, 4),
+            Cell::bandwidth(chain.magnitude, 1),
+            Cell::bandwidth(chain.phase, 1),
         ]
     };
     Table {
