@@ -6,7 +6,7 @@ use rotorlead_numerics::sample::{mean, variance};
 use rotorlead_plant::StaticMap;
 use rotorlead_records::{Output, Record};
 
-use crate::steps::{Direction, Plateau, Run, SAME_LEVEL, StepsError, plateaus_of, without_spikes};
+use crate::steps::{Direction, Plateau, Run, SAME_LEVEL, State, StepsError, plateaus_of, without_spikes};
 
 /// A command and the response that it settles to.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,12 +82,14 @@ impl SteadyPoints {
     /// # Errors
     /// [`StepsError`] when the record has neither two plateaus in a row on which the motor runs nor a ramp.
     pub fn of(record: &Record, output: Output, lag_s: Option<f64>) -> Result<Self, StepsError> {
-        match Run::of(record, output) {
-            Ok(run) => {
-                let running = run.plateaus.iter().map(point).collect();
-                let all = plateaus_of(record, output, &run.clean);
-                let highest = run.plateaus.iter().map(|p| p.mean).fold(0.0, f64::max);
-                let lowest = run.plateaus.iter().map(|p| p.command).fold(1.0, f64::min);
+        match Run::all(record, output) {
+            Ok(runs) => {
+                let settles = |p: &&Plateau| p.state == State::Running;
+                let plateaus = || runs.iter().flat_map(|run| &run.plateaus).filter(settles);
+                let running = plateaus().map(point).collect();
+                let all = plateaus_of(record, output, &runs[0].clean);
+                let highest = plateaus().map(|p| p.mean).fold(0.0, f64::max);
+                let lowest = plateaus().map(|p| p.command).fold(1.0, f64::min);
                 let stands = |p: &&Plateau| {
                     p.is_long(&record.time_s)
                         && p.command < lowest

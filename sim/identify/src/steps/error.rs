@@ -29,12 +29,35 @@ pub enum StepsError {
         /// The record.
         record: String,
     },
+    /// The command is hardly ever held.
+    #[error("{record}: it is no staircase: of {segments} levels of the command {long} are held for 0.25 s and 20 rows or more")]
+    #[diagnostic(help(
+        "hold each level for at least a second. A ramp is `triangle`, a flight `free` or, where the command repeats, another \
+         `excitation` in experiment.toml"
+    ))]
+    NoPlateaus {
+        /// The record.
+        record: String,
+        /// Segments of constant command.
+        segments: usize,
+        /// Those that are held for long.
+        long: usize,
+    },
     /// No two plateaus in a row on which the motor runs steadily.
-    #[error("{record}: the motor runs steadily on no two plateaus in a row")]
+    #[error(
+        "{record}: the motor runs steadily on no two levels in a row: of {long} that are held for long it stands still or idles on \
+         {idle}, and its response is not steady on {not_steady}"
+    )]
     #[diagnostic(help("hold each level for at least a second, and begin above the command at which the motor starts"))]
     NotRunning {
         /// The record.
         record: String,
+        /// Levels that are held for long.
+        long: usize,
+        /// Of them, those on which the response is not above that of a motor that stands still.
+        idle: usize,
+        /// Of them, those on which the response is not steady.
+        not_steady: usize,
     },
     /// The response has another zero than a motor that stands still.
     #[error("{record}: the response is {response:.3} at command {command:.3}, and follows the command below zero")]
@@ -59,12 +82,17 @@ pub enum StepsError {
         /// The limit, response units.
         at: f64,
     },
-    /// Every step is smaller than the noise or goes the wrong way.
-    #[error("{record}: no step stands out of the noise in the direction of its command")]
-    #[diagnostic(help("use larger steps; 5 % of full command is usual"))]
+    /// Every step has a fault.
+    #[error("{record}: no step carries a lag. {reasons}")]
+    #[diagnostic(help(
+        "hold each level for a second or longer, log 50 rows a second or more without gaps, and step by 5 % of full command or \
+         more"
+    ))]
     NoUsableStep {
         /// The record.
         record: String,
+        /// How many steps for which reason.
+        reasons: String,
     },
     /// The search found no minimum.
     #[error("{record}: the fit did not converge after {iterations} iterations")]
@@ -92,10 +120,11 @@ impl StepsError {
             Self::NoResponse { record, .. }
             | Self::Malformed { record }
             | Self::ConstantCommand { record }
-            | Self::NotRunning { record }
+            | Self::NoPlateaus { record, .. }
+            | Self::NotRunning { record, .. }
             | Self::BelowZero { record, .. }
             | Self::AtLimit { record, .. }
-            | Self::NoUsableStep { record }
+            | Self::NoUsableStep { record, .. }
             | Self::NotConverged { record, .. }
             | Self::NoUsableLevel { record } => record,
         }

@@ -30,8 +30,9 @@ use serde::ser::SerializeStruct as _;
 use serde::{Serialize, Serializer};
 
 use super::Run;
-use super::plateaus::{Plateau, SAME_LEVEL};
+use super::plateaus::{Direction, Plateau, SAME_LEVEL, State};
 use super::response::{Segment, value};
+use super::step::{rows_that_say_nothing, steps_of};
 use super::uncertainty::correlation;
 use crate::Estimate;
 use crate::fit_percent::{percent_when_left, spread};
@@ -41,8 +42,21 @@ use crate::fit_percent::{percent_when_left, spread};
 pub enum LagLaw {
     /// One time constant for all levels.
     OneLag,
+    /// One for steps up and another for steps down.
+    PerDirection,
     /// `1/tau = b + 2 c W`.
     SpeedDependent,
+}
+
+impl LagLaw {
+    /// What is known beforehand of what it has beyond the one lag: mean and standard deviation.
+    fn known(self) -> Option<(f64, f64)> {
+        match self {
+            Self::OneLag => None,
+            Self::PerDirection => Some(RATIO_KNOWN),
+            Self::SpeedDependent => Some(DRAG_KNOWN),
+        }
+    }
 }
 
 /// A fitted law.
@@ -58,10 +72,14 @@ pub struct LawFit {
     pub delay_s: Estimate,
     /// Time constant at [`Self::reference`], seconds; use [`Estimate::interval_of_logarithm`].
     pub time_constant_s: Estimate,
-    /// `k`: which share of the rate at [`Self::reference`] is drag's. 0 for the one lag.
+    /// `k`: which share of the rate at [`Self::reference`] is drag's. 0 but for the lag that depends on the speed.
     pub drag_share: Estimate,
+    /// Logarithm of the time constant down over that up. 0 but for one lag per direction.
+    pub log_down_over_up: Estimate,
     /// The highest level, response units.
     pub reference: f64,
+    /// Covariance of the logarithms of the time constant up and of the ratio.
+    up_with_ratio: f64,
     /// % fit on the rows that it was fitted to.
     pub fit_percent: f64,
 }
@@ -69,7 +87,7 @@ pub struct LawFit {
 /// Degrees of freedom are null where there are no intervals.
 impl Serialize for LawFit {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut values = serializer.serialize_struct("LawFit", 11)?;
+        let mut values = serializer.serialize_struct("LawFit", 13)?;
         values.serialize_field("map", &self.map)?;
         values.serialize_field("plateaus", &self.plateaus)?;
         let dof = self.has_intervals().then_some(self.time_constant_s.dof);
@@ -81,6 +99,8 @@ impl Serialize for LawFit {
         values.serialize_field("reference", &self.reference)?;
         values.serialize_field("drag_share", &self.drag_share.value)?;
         values.serialize_field("drag_share_std", &self.drag_share.std)?;
+        values.serialize_field("time_constant_down_s", &self.time_constant_down_s().value)?;
+        values.serialize_field("time_constant_down_s_std", &self.time_constant_down_s().std)?;
         values.serialize_field("fit_percent", &self.fit_percent)?;
         values.end()
     }
@@ -91,8 +111,8 @@ impl LawFit {
     #[must_use]
     pub fn fewest_plateaus(&self) -> usize {
         match self.law {
-            LagLaw::OneLag => DRAG + SPARE,
-            LagLaw::SpeedDependent => DRAG + 1 + SPARE,
+            LagLaw::OneLag => EXTRA + SPARE,
+            LagLaw::PerDirection | LagLaw::SpeedDependent => EXTRA + 1 + SPARE,
         }
     }
 
@@ -100,6 +120,16 @@ impl LawFit {
     #[must_use]
     pub fn has_intervals(&self) -> bool {
         self.plateaus >= self.fewest_plateaus()
+    }
+
+    /// Time constant of steps down, seconds.
+    #[must_use]
+    pub fn time_constant_down_s(&self) -> Estimate {
+        let ratio = self.log_down_over_up;
+        let value = self.time_constant_s.value * ratio.value.exp();
+        let up = self.time_constant_s.std / self.time_constant_s.value;
+        let variance = up * up + ratio.std * ratio.std + 2.0 * self.up_with_ratio;
+        Estimate { value, std: value * variance.max(0.0).sqrt(), dof: ratio.dof }
     }
 
     /// Time constant of small motions about a steady response, seconds.
@@ -111,15 +141,18 @@ impl LawFit {
 }
 
 /// Indices of the parameters: delay, logarithm of the rate at the highest level, the map at the lowest, middle and highest
-/// command in units of the highest level, and the share of drag.
+/// command in units of the highest level, and what a law has beyond the one lag: the share of drag, or the logarithm of the
+/// time constant down over that up.
 const DELAY: usize = 0;
 const RATE: usize = 1;
 const MAP: usize = 2;
-const DRAG: usize = 5;
+const EXTRA: usize = 5;
 /// Plateaus beyond the number of parameters that intervals need.
 const SPARE: usize = 2;
-/// Mean and standard deviation of what is known of the share of drag beforehand.
+/// Mean and standard deviation of what is known of the share of drag beforehand, and of the logarithm of the time constant
+/// down over that up.
 const DRAG_KNOWN: (f64, f64) = (0.5, 0.29);
+const RATIO_KNOWN: (f64, f64) = (0.0, 0.5);
 /// As in the fit of single steps: rows that a change passes leave a search zigzagging.
 pub(super) const LIMITS: Limits = Limits { iterations: 200, decrease: 1e-7 };
 /// Delays beyond this are not searched, seconds.
@@ -131,10 +164,11 @@ const STARTS_S: [(f64, f64); 3] = [(0.0, 0.035), (0.025, 0.035), (0.005, 0.09)];
 pub(super) struct Bench<'a> {
     time_s: &'a [f64],
     y: &'a [f64],
-    spike: &'a [bool],
+    /// Rows that are neither fitted nor judged.
+    nothing: Vec<bool>,
     /// The first one from its settled rows on: what comes before may still be on its way there.
     pub(super) plateaus: Vec<Plateau>,
-    /// Whether the motor's own response shows on a plateau.
+    /// Whether the motor's own response shows on a plateau, and settles there.
     pub(super) shows: Vec<bool>,
     /// Rank of each plateau's command among the levels.
     pub(super) level: Vec<usize>,
@@ -145,6 +179,7 @@ pub(super) struct Bench<'a> {
 
 impl<'a> Bench<'a> {
     pub(super) fn of(record: &'a Record, run: &'a Run) -> Self {
+        let steps = steps_of(&record.time_s, std::slice::from_ref(run));
         let mut levels: Vec<f64> = Vec::new();
         for plateau in &run.plateaus {
             if levels.iter().all(|l| (l - plateau.command).abs() > SAME_LEVEL) {
@@ -158,9 +193,9 @@ impl<'a> Bench<'a> {
         Self {
             time_s: &record.time_s,
             y: &run.clean,
-            spike: &run.spike,
+            nothing: rows_that_say_nothing(&run.spike, std::slice::from_ref(run), &steps),
             plateaus,
-            shows: (0..run.plateaus.len()).map(|k| run.shows(k)).collect(),
+            shows: (0..run.plateaus.len()).map(|k| run.shows(k) && run.plateaus[k].state == State::Running).collect(),
             level: run.plateaus.iter().map(rank).collect(),
             low: levels[0],
             high: levels[levels.len() - 1],
@@ -179,36 +214,35 @@ impl<'a> Bench<'a> {
     /// The response of the run; `false` where it has none. With `measured` the levels are the plateaus' own means.
     fn simulate(&self, law: LagLaw, p: &[f64], measured: bool, out: &mut [f64]) -> bool {
         let map = self.powers(&p[MAP..MAP + 3]);
-        let k = if law == LagLaw::OneLag { 0.0 } else { p[DRAG] };
+        let k = if law == LagLaw::SpeedDependent { p[EXTRA] } else { 0.0 };
+        let ratio = if law == LagLaw::PerDirection { p[EXTRA].exp() } else { 1.0 };
         let rate = p[RATE].exp();
         let first = self.plateaus[0].rows.start;
         let mut ok = p[DELAY].abs() < MAX_DELAY_S && rate.is_finite();
-        // Each segment with its own bend.
         let segment = |plateau: &Plateau| {
             let u = plateau.command;
             let level = if measured { plateau.mean } else { map[0] + u * (map[1] + u * map[2]) };
-            let relative = 1.0 - k + k * level / self.reference;
-            let tau = 1.0 / (rate * relative);
-            let bend = 0.5 * k * rate / self.reference * level * tau;
-            (Segment { from_s: self.time_s[plateau.rows.start], level, time_constant_s: tau, delay_s: p[DELAY] }, bend)
+            let slower = if plateau.direction == Some(Direction::Down) { ratio } else { 1.0 };
+            let time_constant_s = slower / (rate * (1.0 - k + k * level / self.reference));
+            let bend = 0.5 * k * rate / self.reference * time_constant_s;
+            Segment { from_s: self.time_s[plateau.rows.start], level, time_constant_s, delay_s: p[DELAY], bend }
         };
-        let (mut current, mut bend) = segment(&self.plateaus[0]);
+        let mut current = segment(&self.plateaus[0]);
         let mut excess = 0.0;
         let mut next = 1;
         for (out, &t) in out.iter_mut().zip(&self.time_s[first..]) {
             while let Some(plateau) = self.plateaus.get(next) {
-                let (following, its_bend) = segment(plateau);
+                let following = segment(plateau);
                 let switch = following.from_s + following.delay_s;
                 if switch > t {
                     break;
                 }
                 // A negative delay may put the first change before the run.
-                let before = value(&current, bend, excess, switch, &mut ok);
-                excess = before - following.level;
-                (current, bend) = (following, its_bend);
+                excess = value(&current, excess, switch, &mut ok) - following.level;
+                current = following;
                 next += 1;
             }
-            *out = value(&current, bend, excess, t, &mut ok);
+            *out = value(&current, excess, t, &mut ok);
         }
         ok
     }
@@ -240,9 +274,7 @@ impl<'a> Bench<'a> {
         let scale = rough.scale * self.scatter_of_sums(&rough_solution.residuals, used);
         let problem = Problem { law, scale: scale.max(self.row_noise(used)).max(1e-9 * self.reference), ..rough };
         let mut start = rough_solution.parameters;
-        if law == LagLaw::SpeedDependent {
-            start.push(DRAG_KNOWN.0);
-        }
+        start.extend(law.known().map(|(mean, _)| mean));
         let solution = minimize(&problem, &start, LIMITS)?;
         let p = &solution.parameters;
         let plateaus = used.iter().filter(|&&u| u).count();
@@ -260,7 +292,10 @@ impl<'a> Bench<'a> {
             map: self.powers(&p[MAP..MAP + 3]),
             delay_s: estimate(DELAY),
             time_constant_s: Estimate { value: tau_s, std: tau_s * rate.std, dof },
-            drag_share: if law == LagLaw::OneLag { Estimate::normal(0.0, 0.0) } else { estimate(DRAG) },
+            drag_share: if law == LagLaw::SpeedDependent { estimate(EXTRA) } else { Estimate::normal(0.0, 0.0) },
+            log_down_over_up: if law == LagLaw::PerDirection { estimate(EXTRA) } else { Estimate::normal(0.0, 0.0) },
+            // The rate's logarithm is minus that of the time constant.
+            up_with_ratio: covariance.as_ref().filter(|_| law == LagLaw::PerDirection).map_or(0.0, |c| -c[(RATE, EXTRA)]),
             reference: self.reference,
             fit_percent: self.percent(law, p, measured, used),
         };
@@ -323,7 +358,7 @@ impl<'a> Bench<'a> {
         let first = self.plateaus[0].rows.start;
         let mut kept = Vec::new();
         let mut left = 0.0;
-        for (row, _) in self.rows().filter(|&(row, k)| judged[k] && !self.spike[row]) {
+        for (row, _) in self.rows().filter(|&(row, k)| judged[k] && !self.nothing[row]) {
             kept.push(self.y[row]);
             left += (self.y[row] - simulated[row - first]).powi(2);
         }
@@ -333,7 +368,7 @@ impl<'a> Bench<'a> {
     pub(super) fn ceiling(&self, judged: &[bool]) -> f64 {
         let mut kept = Vec::new();
         let mut left = 0.0;
-        for (row, k) in self.rows().filter(|&(row, k)| judged[k] && !self.spike[row]) {
+        for (row, k) in self.rows().filter(|&(row, k)| judged[k] && !self.nothing[row]) {
             kept.push(self.y[row]);
             left += self.plateaus[k].std.powi(2);
         }
@@ -370,12 +405,12 @@ impl Residuals for Problem<'_> {
         let first = bench.plateaus[0].rows.start;
         let (rows, ties) = out.split_at_mut(out.len() - TIES);
         for (out, (row, _)) in rows.iter_mut().zip(bench.rows().filter(|&(_, k)| self.used[k])) {
-            *out = if bench.spike[row] { 0.0 } else { (simulated[row - first] - bench.y[row]) / self.scale };
+            *out = if bench.nothing[row] { 0.0 } else { (simulated[row - first] - bench.y[row]) / self.scale };
         }
         for (tie, value) in ties.iter_mut().zip(&p[MAP..MAP + 3]) {
             *tie = MAP_TIE * (value - 0.5);
         }
-        ties[3] = p.get(DRAG).map_or(0.0, |k| (k - DRAG_KNOWN.0) / DRAG_KNOWN.1);
+        ties[3] = self.law.known().map_or(0.0, |(mean, std)| (p[EXTRA] - mean) / std);
         ok
     }
 

@@ -3,9 +3,11 @@
 use serde::ser::SerializeStruct as _;
 use serde::{Serialize, Serializer};
 
-use super::fit::Group;
-use super::plateaus::{Direction, Plateau, SAME_LEVEL};
+use super::plateaus::{Direction, Plateau, SAME_LEVEL, State};
+use super::step::Step;
+use super::TimeConstantCurve;
 use crate::Estimate;
+use rotorlead_numerics::sample;
 
 /// One level of the staircase.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -20,6 +22,9 @@ pub struct Level {
     /// or the branch has no other level.
     #[serde(serialize_with = "value")]
     pub gain: Option<Estimate>,
+    /// Time constant of small motions about the level by the curve, seconds; `None` beyond the steps that it rests on.
+    #[serde(serialize_with = "value")]
+    pub time_constant_s: Option<Estimate>,
 }
 
 /// A level as seen in one direction.
@@ -62,46 +67,33 @@ impl Level {
             Direction::Down => self.down.as_ref(),
         }
     }
-
-    /// The time constant of small motions about the level: that of the only direction seen, or
-    /// `2/(1/tau_up + 1/tau_down)`.
-    ///
-    /// Small motions go both ways, and a frequency response sees a lag that is between its two: near the mean of
-    /// the time constants at low frequency, near that of the rates at high. The two means differ by 4 % when one
-    /// direction is half as slow again. Of them the shorter is taken, as a compensator built on a time constant
-    /// that is too long leads too much and overshoots.
-    #[must_use]
-    pub fn time_constant_s(&self) -> Option<Estimate> {
-        let of = |branch: &Option<Branch>| branch.as_ref().and_then(|b| b.time_constant_s);
-        match (of(&self.up), of(&self.down)) {
-            (Some(up), Some(down)) => {
-                let value = 2.0 / (1.0 / up.value + 1.0 / down.value);
-                let share = |e: Estimate| 0.5 * value * value * e.std / (e.value * e.value);
-                Some(Estimate::normal(value, share(up).hypot(share(down))))
-            }
-            (one, other) => one.or(other),
-        }
-    }
 }
 
 /// The levels by increasing command, and the direction in which more of them were seen: the *main*
 /// branch, on which slopes are taken. Up and down differ by a few percent (temperature, voltage), as much
 /// as a tenth of the difference between neighbors, so a slope across branches would be wrong by that.
 ///
-/// A level on which the response stands on a limit is none.
-pub(super) fn levels(plateaus: &[Plateau], groups: &[Group]) -> (Vec<Level>, Direction) {
-    let free: Vec<Plateau> = plateaus.iter().filter(|plateau| !plateau.limited).cloned().collect();
+/// A level on which the response stands on a limit is none, nor is one that is too short to settle.
+pub(super) fn levels(
+    plateaus: &[Plateau],
+    steps: &[Step],
+    curve: Option<&TimeConstantCurve>,
+) -> (Vec<Level>, Direction) {
+    let is_level = |plateau: &&Plateau| !plateau.limited && plateau.state == State::Running;
+    let free: Vec<Plateau> = plateaus.iter().filter(is_level).cloned().collect();
     let plateaus = &free;
     let mut levels: Vec<Level> = Vec::new();
     for plateau in plateaus {
         if !levels.iter().any(|l| (l.command - plateau.command).abs() <= SAME_LEVEL) {
-            levels.push(Level { command: plateau.command, up: None, down: None, gain: None });
+            let curve = curve.filter(|curve| curve.holds(plateau.command));
+            let time_constant_s = curve.map(|curve| curve.at(plateau.command));
+            levels.push(Level { command: plateau.command, up: None, down: None, gain: None, time_constant_s });
         }
     }
     levels.sort_by(|a, b| a.command.total_cmp(&b.command));
     for level in &mut levels {
-        level.up = branch(level.command, Direction::Up, plateaus, groups);
-        level.down = branch(level.command, Direction::Down, plateaus, groups);
+        level.up = branch(level.command, Direction::Up, plateaus, steps);
+        level.down = branch(level.command, Direction::Down, plateaus, steps);
     }
     let seen = |d| levels.iter().filter(|l| l.branch(d).is_some()).count();
     let (main, other) = if seen(Direction::Up) >= seen(Direction::Down) {
@@ -115,7 +107,7 @@ pub(super) fn levels(plateaus: &[Plateau], groups: &[Group]) -> (Vec<Level>, Dir
     (levels, main)
 }
 
-fn branch(command: f64, direction: Direction, plateaus: &[Plateau], groups: &[Group]) -> Option<Branch> {
+fn branch(command: f64, direction: Direction, plateaus: &[Plateau], steps: &[Step]) -> Option<Branch> {
     let here = |c: f64| (c - command).abs() <= SAME_LEVEL;
     // The plateau that begins a record came from nowhere; it is a level like those reached from below.
     let seen: Vec<&Plateau> =
@@ -127,13 +119,28 @@ fn branch(command: f64, direction: Direction, plateaus: &[Plateau], groups: &[Gr
     let mean = seen.iter().map(|p| p.mean).sum::<f64>() / n;
     let error = seen.iter().map(|p| p.mean_std * p.mean_std).sum::<f64>();
     let variance = seen.iter().map(|p| p.std * p.std).sum::<f64>() / n;
-    let group = groups.iter().find(|g| g.direction == direction && here(g.command));
+    let own: Vec<&Step> = steps.iter().filter(|step| step.direction() == direction && here(step.to)).collect();
+    let percents: Vec<f64> =
+        own.iter().filter_map(|step| Some(step.time_constant_s().and(step.lag)?.fit_percent)).collect();
     Some(Branch {
         mean: Estimate::normal(mean, error.sqrt() / n),
         std: variance.sqrt(),
-        time_constant_s: group.map(|g| g.time_constant_s),
-        fit_percent: group.map(|g| g.fit_percent),
+        time_constant_s: joined(own.iter().filter_map(|step| step.time_constant_s())),
+        fit_percent: (!percents.is_empty()).then(|| sample::mean(&percents)),
     })
+}
+
+/// The weighted mean of the logarithms of time constants.
+fn joined(estimates: impl Iterator<Item = Estimate>) -> Option<Estimate> {
+    let (mut sum, mut weights, mut dof) = (0.0, 0.0, f64::INFINITY);
+    for estimate in estimates {
+        let weight = (estimate.value / estimate.std).powi(2);
+        sum += weight * estimate.value.ln();
+        weights += weight;
+        dof = estimate.dof;
+    }
+    let value = (sum / weights).exp();
+    (weights > 0.0).then(|| Estimate { value, std: value / weights.sqrt(), dof })
 }
 
 /// Slopes on one branch, over the levels on which it rises. A level whose response is not above that of

@@ -3,25 +3,27 @@
 //! [`fit_staircase`] takes a record through these stages, one file each:
 //!
 //! 1. readings that no rotor can have made are set aside (`spikes`);
-//! 2. plateaus are found, and of them the longest run on which the motor runs steadily; start-up and
+//! 2. plateaus are found, and of them the runs on which the motor runs steadily; start-up, idling and
 //!    stopping are cut off by that rule (`plateaus`, `run`), and levels on which the response stands on a limit are
 //!    marked (`limits`);
-//! 3. one lag is fitted to all steps at once (`problem` and `fit`), in closed form (`response`), with
-//!    standard errors that know the noise's color (`uncertainty`);
-//! 4. levels get their static response, slope and time constants (`levels`);
-//! 5. the whole run is simulated and compared (here).
+//! 3. steps that carry no lag are left out, each with its reason (`step`);
+//! 4. a lag is fitted to each of the others, with a common delay (`problem` and `fit`), in closed form (`response`), with
+//!    standard errors that know the noise's color and that of the time stamps (`uncertainty`);
+//! 5. a smooth curve of the time constant over operating points is laid through them, which finds steps that contradict the
+//!    others, and what they differ by beyond their own errors (`curve`);
+//! 6. levels get their static response, slope and time constants (`levels`);
+//! 7. the runs are simulated with that and compared (here).
 //!
 //! Beside it, [`compare_laws`] asks whether one lag will do or its time constant depends on the speed (`law`, `splits`).
 //!
 //! # Which law for large steps
-//! Small steps up have one time constant each. A large step down crosses many levels, and three laws are at
-//! hand: the time constant of the level it leads to; that of the level it is at; and a motor with drag,
-//! which lies between. All are one family in `k` ([`StaircaseFit::curvature`]): 0, 1 and up to 1/2. So
-//! `k` is estimated, one for the record, and time constants are always those of small motions about
-//! the level that the step leads to. It has to be estimated: on three logs of real motors it came out as
-//! 0.09, 0.44 and -1.06. The last is no motor's; fixing it at a motor's value would move the residual of the large
-//! steps into their time constants, and make up and down differ where they do not.
+//! Small steps up have one time constant each. A large step down crosses many levels, and a motor with drag is faster on
+//! the upper ones. How much is in `k` ([`StaircaseFit::curvature`]), which is estimated, one for the record; time constants
+//! are always those of small motions about the level that the step leads to. Fixing `k` at a motor's value would move the
+//! residual of the large steps into their time constants where something else starts them more gently, and make up and down
+//! differ where they do not.
 
+mod curve;
 mod error;
 mod fit;
 mod law;
@@ -34,13 +36,18 @@ mod response;
 mod run;
 mod spikes;
 mod splits;
+mod step;
 mod uncertainty;
 mod warning;
+mod warnings;
 
-use serde::ser::SerializeStruct as _;
-use serde::{Serialize, Serializer};
 use std::ops::Range;
 
+use nalgebra::DMatrix;
+use serde::ser::SerializeStruct as _;
+use serde::{Serialize, Serializer};
+
+pub use curve::TimeConstantCurve;
 pub use error::StepsError;
 pub use law::{LagLaw, LawFit};
 pub use levels::{Branch, Level};
@@ -50,17 +57,16 @@ pub use warning::{LeftOut, StepsWarning};
 
 use rotorlead_records::{Output, Record};
 
-use fit::{FittedStep, LagFit};
-
 use super::Estimate;
-use super::fit_percent::fit_percent;
-pub use plateaus::{Plateau, SAME_LEVEL};
-use problem::Data;
-pub use problem::rows_after_gaps;
+use super::fit_percent::{fit_percent, percent_when_left, spread};
+use curve::Reading;
+use fit::{Data, LagFit};
+pub use plateaus::{Plateau, SAME_LEVEL, State};
 use response::{Segment, simulate};
 pub use run::Run;
 pub(super) use run::plateaus_of;
 pub use spikes::without_spikes;
+pub use step::{Step, StepFault, StepLag, rows_after_gaps};
 
 /// A lag toward a static map, as a staircase shows it.
 #[derive(Clone, Debug, PartialEq)]
@@ -69,8 +75,12 @@ pub struct StaircaseFit {
     pub record: String,
     /// Which column was fitted.
     pub output: Output,
-    /// The rows on which the motor runs steadily.
-    pub rows: Range<usize>,
+    /// The rows on which the motor runs steadily: one range or more, parted by stops and idling.
+    pub runs: Vec<Range<usize>>,
+    /// All steps of these runs, in time, each with its lag or the reason why it has none.
+    pub steps: Vec<Step>,
+    /// The time constant over operating points; `None` where no step has one that is known.
+    pub curve: Option<TimeConstantCurve>,
     /// The levels, by increasing command.
     pub levels: Vec<Level>,
     /// The direction in which more levels were seen; gains and the static map are taken from it.
@@ -82,19 +92,24 @@ pub struct StaircaseFit {
     /// Standard deviation of single steps' delays about [`Self::delay_s`], seconds: in which part of a row
     /// or of a frame the command changed.
     pub onset_std_s: f64,
-    /// Curvature of the lag: how much faster a large step starts than a first-order lag, relative to the ratio of the
-    /// excess to the level. 0 for a first-order lag, up to 1/2 with drag; below 0 when something makes it
+    /// Standard deviation of the rows' time stamps, seconds: jitter, and whatever a lag does not explain of the way from
+    /// level to level.
+    pub stamp_std_s: f64,
+    /// Curvature of the lag: how much faster a large step down starts than a first-order lag, relative to the ratio of the
+    /// excess to the highest level. 0 for a first-order lag, about 1/2 with drag; below 0 when something makes it
     /// start more gently.
     pub curvature: Estimate,
-    /// `100 (1 - ||y - yhat|| / ||y - mean(y)||)` of the run, simulated from its first row on with one
-    /// static map, one delay and one time constant per level and direction.
+    /// `100 (1 - ||y - yhat|| / ||y - mean(y)||)` of the runs, each simulated from its first row on with one
+    /// static map, one delay and the curve of time constants.
     pub fit_percent: f64,
     /// The same with spikes.
     pub fit_percent_with_spikes: f64,
     /// The same without spikes, when every plateau has its own level and every step its own onset: what the
     /// lag alone fails to explain.
     pub fit_percent_own_levels: f64,
-    /// The simulated response over [`Self::rows`].
+    /// The same of a perfect model: what the scatter of settled rows leaves.
+    pub ceiling_percent: f64,
+    /// The simulated response over [`Self::runs`], one run behind the other.
     pub simulated: Vec<f64>,
     /// What is odd about the record.
     pub warnings: Vec<StepsWarning>,
@@ -102,18 +117,20 @@ pub struct StaircaseFit {
 
 impl Serialize for StaircaseFit {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut values = serializer.serialize_struct("StaircaseFit", 6)?;
+        let mut values = serializer.serialize_struct("StaircaseFit", 8)?;
         values.serialize_field("record", &self.record)?;
         values.serialize_field("delay_s", &self.delay_s.value)?;
         values.serialize_field("delay_s_std", &self.delay_s.std)?;
         values.serialize_field("fit_percent", &self.fit_percent)?;
         values.serialize_field("fit_percent_with_spikes", &self.fit_percent_with_spikes)?;
+        values.serialize_field("ceiling_percent", &self.ceiling_percent)?;
         values.serialize_field("levels", &self.levels)?;
+        values.serialize_field("steps", &self.steps)?;
         values.end()
     }
 }
 
-/// Relative standard error above which a time constant is no basis for a design.
+/// Relative standard error above which a time constant is not known.
 pub(super) const MAX_RELATIVE_STD: f64 = 0.35;
 
 /// Fits a lag toward a static map to a staircase.
@@ -123,57 +140,113 @@ pub(super) const MAX_RELATIVE_STD: f64 = 0.35;
 ///
 /// # Errors
 /// [`StepsError`]: no response, a command that never changes, a motor that never runs steadily, no step
-/// out of the noise.
+/// that carries a lag.
 pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>) -> Result<StaircaseFit, StepsError> {
     let raw = checked_response(record, output)?;
-    let run = Run::of(record, output)?;
-    let rows = run.rows();
-    let shown = run.rows_that_show();
-    let mut warnings = warnings_of_run(record, &run);
-    let Run { clean: y, spike, plateaus, limits, .. } = run;
-
+    let runs = Run::all(record, output)?;
+    let mut steps = step::steps_of(&record.time_s, &runs);
+    let (y, spike) = (runs[0].clean.clone(), runs[0].spike.clone());
     let data = Data { name: &record.file, time_s: &record.time_s, y: &y, spike: &spike };
     let frame_s = esc_frame_hz.filter(|&hz| hz > 0.0).map_or(0.0, |hz| 1.0 / hz);
-    let lag = fit::fit(&data, &plateaus, frame_s).map_err(|error| match (error, limits.first()) {
-        (StepsError::NoUsableStep { record }, Some(limit)) => StepsError::AtLimit { record, at: limit.at },
+    let limit = runs.iter().find_map(|run| run.limits.first());
+    let lag = fit::fit(&data, &runs, &mut steps, frame_s).map_err(|error| match (error, limit) {
+        (StepsError::NoUsableStep { record, .. }, Some(limit)) => StepsError::AtLimit { record, at: limit.at },
         (error, _) => error,
     })?;
-    let (levels, main_direction) = levels::levels(&plateaus, &lag.groups);
+    let curve = join(&mut steps, &lag);
+    let plateaus: Vec<Plateau> = runs.iter().flat_map(|run| &run.plateaus).cloned().collect();
+    let (levels, main_direction) = levels::levels(&plateaus, &steps, curve.as_ref());
 
-    let time_s = &record.time_s[rows.clone()];
-    let mut simulated = vec![0.0; rows.len()];
-    let common = segments(&record.time_s, &plateaus, &lag, |_, plateau| {
+    let mut warnings = warnings::of_runs(record, output, &runs);
+    warnings.extend(warnings::of_steps(record, &runs, &steps));
+    warnings.extend(warnings::of_fit(&levels, &lag, curve.as_ref()));
+    warnings.extend(warnings::not_settled(record, &plateaus, curve.as_ref()));
+
+    let common = |plateau: &Plateau, _: Option<&StepLag>| {
         // A limit is no level of the motor, but all that is known there.
         let level = if plateau.limited { plateau.mean } else { map_response(&levels, main_direction, plateau.command) };
         (level, lag.delay_s.value)
-    });
-    let mut own_levels = simulated.clone();
-    let own = segments(&record.time_s, &plateaus, &lag, |step, plateau| {
-        step.map_or((plateau.mean, lag.delay_s.value), |s| (s.level, s.delay_s))
-    });
-    // The fit went through the same steps, so they have a response; should rounding say otherwise, the
-    // percentages say so too.
-    let _ = simulate(&common, lag.curvature.value, time_s, &mut simulated);
-    let _ = simulate(&own, lag.curvature.value, time_s, &mut own_levels);
-    let kept = |k: usize| shown[k] && !spike[rows.start + k];
-    warnings.extend(warnings_of_fit(&levels, &lag));
-    warnings.extend(gaps(record, &rows, &plateaus));
-    warnings.extend(not_settled(record, &plateaus, &levels));
+    };
+    let own = |plateau: &Plateau, step: Option<&StepLag>| {
+        let level = if plateau.state == State::Short { common(plateau, None).0 } else { plateau.mean };
+        step.map_or((level, lag.delay_s.value), |step| (step.after, step.delay_s))
+    };
+    let simulate = |level: &dyn Fn(&Plateau, Option<&StepLag>) -> (f64, f64)| -> Vec<f64> {
+        let run = |run: &Run| response_of(run, &record.time_s, &steps, &lag, curve.as_ref(), level);
+        runs.iter().flat_map(run).collect()
+    };
+    let simulated = simulate(&common);
+    let own_levels = simulate(&own);
+    let rows: Vec<usize> = runs.iter().flat_map(Run::rows).collect();
+    let shown: Vec<bool> = runs.iter().flat_map(Run::rows_that_show).collect();
+    let nothing = step::rows_that_say_nothing(&spike, &runs, &steps);
+    let clean = |k: usize| shown[k] && !nothing[rows[k]];
+    let ceiling = || {
+        let noise = plateaus.iter().flat_map(|p| std::iter::repeat_n(p.std * p.std, p.rows.len()));
+        let left = noise.enumerate().filter(|&(k, _)| clean(k)).map(|(_, variance)| variance).sum();
+        let kept: Vec<f64> = (0..rows.len()).filter(|&k| clean(k)).map(|k| y[rows[k]]).collect();
+        percent_when_left(left, spread(&kept))
+    };
+    let percent = |of: &[f64], simulated: &[f64], kept: &dyn Fn(usize) -> bool| {
+        let pairs = (0..rows.len()).filter(|&k| kept(k)).map(|k| (of[rows[k]], simulated[k]));
+        let (y, simulated): (Vec<f64>, Vec<f64>) = pairs.unzip();
+        // Minus infinity for a response that is constant, which runs with a usable step are not.
+        fit_percent(&y, &simulated).unwrap_or(f64::NEG_INFINITY)
+    };
     Ok(StaircaseFit {
         record: record.file.clone(),
         output,
-        fit_percent: percent(&y[rows.clone()], &simulated, kept),
-        fit_percent_with_spikes: percent(&raw[rows.clone()], &simulated, |k| shown[k]),
-        fit_percent_own_levels: percent(&y[rows.clone()], &own_levels, kept),
+        fit_percent: percent(&y, &simulated, &clean),
+        fit_percent_with_spikes: percent(raw, &simulated, &|k| shown[k]),
+        fit_percent_own_levels: percent(&y, &own_levels, &clean),
+        ceiling_percent: ceiling(),
         delay_s: Estimate { value: lag.delay_s.value - 0.5 * frame_s, ..lag.delay_s },
         onset_std_s: lag.onset_std_s,
+        stamp_std_s: lag.stamp_std_s,
         curvature: lag.curvature,
-        rows,
+        runs: runs.iter().map(Run::rows).collect(),
+        steps,
+        curve,
         levels,
         main_direction,
         simulated,
         warnings,
     })
+}
+
+/// Lays the curve through the steps; marks those that are hardly known or contradict the others, and widens the intervals of
+/// all by what they differ by.
+fn join(steps: &mut [Step], lag: &LagFit) -> Option<TimeConstantCurve> {
+    let fitted: Vec<usize> = (0..steps.len()).filter(|&k| steps[k].lag.is_some()).collect();
+    let mut known = Vec::new();
+    for (place, &k) in fitted.iter().enumerate() {
+        let relative_std = lag.covariance[(place, place)].sqrt();
+        if relative_std <= MAX_RELATIVE_STD {
+            known.push(place);
+        } else {
+            steps[k].fault = Some(StepFault::Uncertain { relative_std });
+        }
+    }
+    let reading = |&place: &usize| {
+        let step = &steps[fitted[place]];
+        let log_tau = step.lag.map_or(f64::NAN, |lag| lag.time_constant_s.value.ln());
+        Reading { command: step.to, direction: step.direction(), log_tau }
+    };
+    let readings: Vec<Reading> = known.iter().map(reading).collect();
+    let covariance = DMatrix::from_fn(known.len(), known.len(), |i, j| lag.covariance[(known[i], known[j])]);
+    let (curve, left_out) = TimeConstantCurve::of(&readings, &covariance)?;
+    for (place, ratio) in left_out {
+        steps[fitted[known[place]]].fault = Some(StepFault::Contradicts { ratio });
+    }
+    for &k in &fitted {
+        let Some(lag) = &mut steps[k].lag else { continue };
+        let tau = &mut lag.time_constant_s;
+        tau.std = tau.std.hypot(tau.value * curve.between_std);
+        if curve.between_std > 0.0 {
+            tau.dof = curve.dof();
+        }
+    }
+    Some(curve)
 }
 
 fn checked_response(record: &Record, output: Output) -> Result<&[f64], StepsError> {
@@ -187,167 +260,52 @@ fn checked_response(record: &Record, output: Output) -> Result<&[f64], StepsErro
     if finite && even && forward { Ok(y) } else { Err(StepsError::Malformed { record: record.file.clone() }) }
 }
 
-/// The static map at a command: the main branch where it was seen there, else the other.
+/// The static map at a command: the main branch where it was seen there, else the other; on the straight line between two
+/// levels.
 fn map_response(levels: &[Level], main: Direction, command: f64) -> f64 {
-    let level = levels.iter().find(|l| (l.command - command).abs() <= SAME_LEVEL);
-    level.and_then(|l| l.branch(main).or(l.up.as_ref()).or(l.down.as_ref())).map_or(0.0, |b| b.mean.value)
+    let response = |l: &Level| l.branch(main).or(l.up.as_ref()).or(l.down.as_ref()).map_or(0.0, |b| b.mean.value);
+    if let Some(level) = levels.iter().find(|l| (l.command - command).abs() <= SAME_LEVEL) {
+        return response(level);
+    }
+    let above = levels.partition_point(|l| l.command < command);
+    match (above.checked_sub(1).and_then(|below| levels.get(below)), levels.get(above)) {
+        (Some(low), Some(high)) => {
+            let share = (command - low.command) / (high.command - low.command);
+            response(low) + share * (response(high) - response(low))
+        }
+        (one, other) => one.or(other).map_or(0.0, response),
+    }
 }
 
-/// The run as the simulation takes it; `level_and_delay` gives both for each plateau and, where it was
-/// fitted, the step that leads to it. A step that was not fitted is as fast as that to the nearest level.
-fn segments(
+/// The response of a run; `level_and_delay` gives both for each plateau and, where it was fitted, the step that leads to it.
+fn response_of(
+    run: &Run,
     time_s: &[f64],
-    plateaus: &[Plateau],
+    steps: &[Step],
     lag: &LagFit,
-    level_and_delay: impl Fn(Option<&FittedStep>, &Plateau) -> (f64, f64),
-) -> Vec<Segment> {
-    plateaus
+    curve: Option<&TimeConstantCurve>,
+    level_and_delay: &dyn Fn(&Plateau, Option<&StepLag>) -> (f64, f64),
+) -> Vec<f64> {
+    let rows = run.rows();
+    let segments: Vec<Segment> = run
+        .plateaus
         .iter()
-        .enumerate()
-        .map(|(k, plateau)| {
-            let step = lag.steps.iter().find(|s| s.plateau == k);
-            let (level, delay_s) = level_and_delay(step, plateau);
-            let group = step.map(|s| &lag.groups[s.group]).or_else(|| {
-                let far = |g: &fit::Group| (g.command - plateau.command).abs();
-                lag.groups.iter().min_by(|a, b| far(a).total_cmp(&far(b)))
+        .map(|plateau| {
+            let step = steps.binary_search_by_key(&plateau.rows.start, |step| step.row).ok().and_then(|k| steps[k].lag);
+            let (level, delay_s) = level_and_delay(plateau, step.as_ref());
+            // Beyond the steps that it rests on, the curve is not to be trusted further than its ends.
+            let of_curve = curve.map(|curve| {
+                let at = plateau.command.clamp(curve.range.0, curve.range.1);
+                curve.toward(at, plateau.direction.unwrap_or(Direction::Up)).value
             });
-            Segment {
-                from_s: time_s[plateau.rows.start],
-                level,
-                time_constant_s: group.map_or(f64::NAN, |g| g.time_constant_s.value),
-                delay_s,
-            }
+            let time_constant_s = of_curve.or(step.map(|step| step.time_constant_s.value)).unwrap_or(f64::NAN);
+            let bend = lag.curvature.value / lag.reference;
+            Segment { from_s: time_s[plateau.rows.start], level, time_constant_s, delay_s, bend }
         })
-        .collect()
-}
-
-/// % fit over the rows that are kept. Minus infinity for a response that is constant, which a run with a usable step is
-/// not.
-fn percent(y: &[f64], simulated: &[f64], kept: impl Fn(usize) -> bool) -> f64 {
-    let (y, simulated): (Vec<f64>, Vec<f64>) = (0..y.len()).filter(|&k| kept(k)).map(|k| (y[k], simulated[k])).unzip();
-    fit_percent(&y, &simulated).unwrap_or(f64::NEG_INFINITY)
-}
-
-/// Time constants in one direction further than this factor from their neighbors' are odd.
-const ODD_FACTOR: f64 = 1.5;
-/// Time constants up and down that differ by more than this factor, and by more than their errors, are
-/// worth a word.
-const ASYMMETRY_FACTOR: f64 = 1.2;
-
-/// What is odd about the rows.
-fn warnings_of_run(record: &Record, run: &Run) -> Vec<StepsWarning> {
-    let mut warnings = Vec::new();
-    let (rows, reason) = (run.rows(), run.left_out);
-    let spikes = run.spike[rows.clone()].iter().filter(|&&s| s).count();
-    if rows.start > 0 {
-        let until_s = record.time_s[rows.start];
-        warnings.push(StepsWarning::StartLeftOut { until_s, reason });
-    }
-    if let Some(&from_s) = record.time_s.get(rows.end) {
-        warnings.push(StepsWarning::EndLeftOut { from_s, reason });
-    }
-    if spikes > 0 {
-        warnings.push(StepsWarning::Spikes { rows: spikes });
-    }
-    for limit in &run.limits {
-        let stands = |p: &&Plateau| p.limited && run.clean[p.rows.clone()].contains(&limit.at);
-        let commands = run.plateaus.iter().filter(stands).map(|p| p.command);
-        let (low, high) = commands.fold((1.0_f64, 0.0_f64), |(low, high), u| (low.min(u), high.max(u)));
-        warnings.push(StepsWarning::Limited { rows: limit.rows, at: limit.at, commands: (low, high) });
-    }
-    warnings
-}
-
-/// What is odd about the levels and the lag.
-fn warnings_of_fit(levels: &[Level], lag: &LagFit) -> Vec<StepsWarning> {
-    let mut warnings = Vec::new();
-    for level in levels {
-        let command = level.command;
-        if level.gain.is_none() {
-            warnings.push(StepsWarning::NotRising { command });
-        }
-        match level.time_constant_s() {
-            None if level.gain.is_some() => warnings.push(StepsWarning::NoStep { command }),
-            Some(e) if e.std > MAX_RELATIVE_STD * e.value => {
-                let relative_std = e.std / e.value;
-                warnings.push(StepsWarning::Uncertain { command, relative_std });
-            }
-            _ => {}
-        }
-        if let (Some(up), Some(down)) = (level.up, level.down)
-            && let (Some(up), Some(down)) = (up.time_constant_s, down.time_constant_s)
-        {
-            let ratio = down.value / up.value;
-            let apart = Estimate::normal(down.value - up.value, down.std.hypot(up.std)).excludes(0.0);
-            if apart && !(1.0 / ASYMMETRY_FACTOR..=ASYMMETRY_FACTOR).contains(&ratio) {
-                warnings.push(StepsWarning::Asymmetric { command, ratio });
-            }
-        }
-    }
-    for direction in [Direction::Up, Direction::Down] {
-        warnings.extend(odd_ones(levels, direction));
-    }
-    let curvature = lag.curvature;
-    if curvature.excludes(0.0) {
-        warnings.push(StepsWarning::Curved { curvature: curvature.value, std: curvature.std });
-    }
-    if lag.delay_s.value < 0.0 && lag.delay_s.excludes(0.0) {
-        warnings.push(StepsWarning::NegativeDelay { delay_s: lag.delay_s.value });
-    }
-    warnings
-}
-
-/// Gaps of the log within the run.
-fn gaps(record: &Record, rows: &Range<usize>, plateaus: &[Plateau]) -> Option<StepsWarning> {
-    let (after, longest_s) = problem::rows_after_gaps(&record.time_s[rows.clone()]);
-    let begins = |p: &&Plateau| p.rows.start > rows.start && after.binary_search(&(p.rows.start - rows.start)).is_ok();
-    let steps = plateaus.iter().filter(begins).count();
-    (!after.is_empty()).then_some(StepsWarning::Gaps { count: after.len(), longest_s, steps })
-}
-
-/// A level is as good as settled after this many time constants: e^-5, 0.7 %, is left.
-const SETTLED_TIME_CONSTANTS: f64 = 5.0;
-
-/// Plateaus that are left before the response settles, as their levels' time constants say.
-fn not_settled(record: &Record, plateaus: &[Plateau], levels: &[Level]) -> Option<StepsWarning> {
-    let time_constant_s = |plateau: &Plateau| {
-        let level = levels.iter().find(|level| (level.command - plateau.command).abs() <= SAME_LEVEL)?;
-        Some(level.time_constant_s()?.value)
-    };
-    let mut slowest_s = 0.0_f64;
-    let (mut count, mut least) = (0, f64::INFINITY);
-    // The first one begins where it has settled.
-    for plateau in plateaus.iter().skip(1) {
-        let Some(tau_s) = time_constant_s(plateau) else { continue };
-        let held = (record.time_s[plateau.rows.end - 1] - record.time_s[plateau.rows.start]) / tau_s;
-        slowest_s = slowest_s.max(tau_s);
-        if held < SETTLED_TIME_CONSTANTS {
-            count += 1;
-            least = least.min(held);
-        }
-    }
-    let needed_s = SETTLED_TIME_CONSTANTS * slowest_s;
-    (count > 0).then_some(StepsWarning::NotSettled { count, of: plateaus.len() - 1, least, needed_s })
-}
-
-/// Levels whose time constant is far from those of the two levels on each side.
-fn odd_ones(levels: &[Level], direction: Direction) -> Vec<StepsWarning> {
-    let known: Vec<(f64, Estimate)> =
-        levels.iter().filter_map(|l| Some((l.command, l.branch(direction)?.time_constant_s?))).collect();
-    let mut odd = Vec::new();
-    for (k, &(command, own)) in known.iter().enumerate() {
-        let mut around: Vec<f64> =
-            (k.saturating_sub(2)..(k + 3).min(known.len())).filter(|&i| i != k).map(|i| known[i].1.value).collect();
-        if around.len() < 3 {
-            continue;
-        }
-        around.sort_by(f64::total_cmp);
-        let middle = around.len() / 2;
-        let usual = 0.5 * (around[middle] + around[(around.len() - 1) / 2]);
-        let ratio = own.value / usual;
-        if own.excludes(usual) && !(1.0 / ODD_FACTOR..=ODD_FACTOR).contains(&ratio) {
-            odd.push(StepsWarning::Odd { command, direction, ratio });
-        }
-    }
-    odd
+        .collect();
+    let mut simulated = vec![0.0; rows.len()];
+    // The fit went through the same steps, so they have a response; should rounding say otherwise, the
+    // percentages say so too.
+    let _ = simulate(&segments, &time_s[rows], &mut simulated);
+    simulated
 }

@@ -2,15 +2,14 @@
 
 use rotorlead_plant::{Lag, Model, Point, Provenance, StaticMap};
 
-use super::{MAX_RELATIVE_STD, StaircaseFit, StepsError, StepsWarning, map_response};
+use super::{StaircaseFit, StepsError, map_response};
 
 impl StaircaseFit {
-    /// The model: a point at each level that has a rising map and a time constant that is known well enough and
-    /// not odd among its neighbors', and the static map over all levels. A compensator's zero stands on the fastest
-    /// point, so one step that came out wrong would decide the whole design.
+    /// The model: a point at each level that has a rising map and lies within the curve of time constants, and the static map
+    /// over all levels.
     ///
-    /// A point's `time_constant_s` is [`super::Level::time_constant_s`]; those of both directions stand
-    /// beside it. Its delay is the record's, but not below zero. `fit_step_percent` is that of the
+    /// A point's `time_constant_s` is the curve's, so that no single step decides a design; those of single steps in both
+    /// directions stand beside it. Its delay is the record's, but not below zero. `fit_step_percent` is that of the
     /// direction with the worse fit.
     ///
     /// # Errors
@@ -39,12 +38,7 @@ impl StaircaseFit {
 
     fn point(&self, level: &super::Level) -> Option<Point> {
         let gain = level.gain?;
-        let is_odd =
-            |warning: &StepsWarning| matches!(warning, StepsWarning::Odd { command, .. } if *command == level.command);
-        if self.warnings.iter().any(is_odd) {
-            return None;
-        }
-        let time_constant = level.time_constant_s().filter(|e| e.std <= MAX_RELATIVE_STD * e.value)?;
+        let time_constant = level.time_constant_s?;
         let of = |branch: Option<super::Branch>| branch.and_then(|b| b.time_constant_s);
         let percent = |branch: Option<super::Branch>| branch.and_then(|b| b.fit_percent);
         let fit_step_percent = [percent(level.up), percent(level.down)].into_iter().flatten().reduce(f64::min);

@@ -39,9 +39,11 @@ pub enum Direction {
 pub enum State {
     /// The motor runs steadily.
     Running,
-    /// The response is steady, and not above that of a motor that stands still.
-    NotAboveZero,
-    /// It is not steady, or the plateau is too short to tell.
+    /// The response is steady, and not above that of a motor that stands still or idles.
+    Idle,
+    /// The plateau is too short to tell what the response settles to.
+    Short,
+    /// The response is not steady.
     NotSteady,
 }
 
@@ -127,9 +129,10 @@ pub(super) fn find(time_s: &[f64], command: &[f64], y: &[f64], output: Output) -
     let usual = median(plateaus.iter().filter(|p| long(p) && p.mean > floor).map(|p| p.std)).unwrap_or(0.0);
     for p in &mut plateaus {
         let bound = (STEADY_SHARE * p.mean).max(STEADY_TIMES_USUAL * usual);
-        p.state = match long(p) && p.std <= bound {
+        p.state = match p.std <= bound {
+            _ if !long(p) => State::Short,
             true if p.mean > floor => State::Running,
-            true => State::NotAboveZero,
+            true => State::Idle,
             false => State::NotSteady,
         };
     }
@@ -148,8 +151,9 @@ fn standing_share(output: Output) -> f64 {
 /// The lowest plateau of a response that is not counted from its own zero: one that follows the command where a motor
 /// that stands still would read the same at every command.
 pub(super) fn below_zero(plateaus: &[Plateau]) -> Option<&Plateau> {
-    let largest = plateaus.iter().filter(|p| p.state != State::NotSteady).map(|p| p.mean.abs()).fold(0.0, f64::max);
-    let standing = || plateaus.iter().filter(|p| p.state == State::NotAboveZero);
+    let is_steady = |p: &&Plateau| matches!(p.state, State::Running | State::Idle);
+    let largest = plateaus.iter().filter(is_steady).map(|p| p.mean.abs()).fold(0.0, f64::max);
+    let standing = || plateaus.iter().filter(|p| p.state == State::Idle);
     let lowest = standing().min_by(|a, b| a.mean.total_cmp(&b.mean))?;
     let follows = |p: &Plateau| {
         let apart = p.mean - lowest.mean;
@@ -181,19 +185,24 @@ fn measured(rows: Range<usize>, command: f64, direction: Option<Direction>, y: &
     plateau
 }
 
-/// The longest run of plateaus on which the motor runs, as indices.
-pub(super) fn longest_run(plateaus: &[Plateau]) -> Range<usize> {
-    let mut best = 0..0;
-    let mut start = 0;
-    for k in 0..=plateaus.len() {
-        if k == plateaus.len() || plateaus[k].state != State::Running {
-            if k - start > best.len() {
-                best = start..k;
+/// The runs of plateaus on which the motor runs, as indices: each begins and ends on one that settles, may pass ones that
+/// are too short for that, and has two or more that settle.
+pub(super) fn runs(plateaus: &[Plateau]) -> Vec<Range<usize>> {
+    let mut runs: Vec<Range<usize>> = Vec::new();
+    let mut is_open = false;
+    for (k, plateau) in plateaus.iter().enumerate() {
+        match (plateau.state, runs.last_mut()) {
+            (State::Running, Some(run)) if is_open => run.end = k + 1,
+            (State::Running, _) => {
+                runs.push(k..k + 1);
+                is_open = true;
             }
-            start = k + 1;
+            (State::Short, _) => {}
+            (State::Idle | State::NotSteady, _) => is_open = false,
         }
     }
-    best
+    runs.retain(|run| plateaus[run.clone()].iter().filter(|p| p.state == State::Running).count() > 1);
+    runs
 }
 
 /// The first row of `first` from which the response stays near its mean: what comes before is start-up

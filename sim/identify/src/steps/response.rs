@@ -3,17 +3,17 @@
 //! Between two changes of the command the response `w` moves toward the level `W` that the static map
 //! gives:
 //!
-//! `dw/dt = (W - w)/tau (1 + k (w - W)/W)`
+//! `dw/dt = (W - w)/tau (1 + k (w - W)/R)`, with `R` the highest level
 //!
 //! `k = 0` is the first-order lag. A motor against the propeller's drag has
 //! `dw/dt = a u - b w - c w^2 - e`, which is this with `1/tau = b + 2 c W` and
-//! `k = c W tau`: 0 without drag, 1/2 with nothing but drag. So `tau` is the time constant of small
+//! `k = c R tau`: 0 without drag, 1/2 with nothing but drag at the highest level. So `tau` is the time constant of small
 //! motions about `W`, the one a linear model needs, while a large step starts faster from above and
 //! slower from below. A negative `k` is no motor with drag: the response then starts more gently than
 //! an exponential, as behind a second lag or a slew limit. With `x = w - W` it is Bernoulli's equation and its solution is exact at any
 //! time, so sampling, uneven or not, adds no error:
 //!
-//! `x(t) = x0 E / (1 + k x0/W (1 - E))`, `E = exp(-t/tau)`
+//! `x(t) = x0 E / (1 + k x0/R (1 - E))`, `E = exp(-t/tau)`
 
 /// A segment of constant command.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,12 +26,14 @@ pub(super) struct Segment {
     pub(super) time_constant_s: f64,
     /// Delay of the change, seconds.
     pub(super) delay_s: f64,
+    /// `k/R`, one over response units.
+    pub(super) bend: f64,
 }
 
 /// Writes the response at `time_s` (increasing) into `out`; it starts settled on the first segment.
 /// `false` when the parameters have no response: a time constant that is not positive, changes that
-/// overtake each other, a curvature that makes the response run away.
-pub(super) fn simulate(segments: &[Segment], curvature: f64, time_s: &[f64], out: &mut [f64]) -> bool {
+/// overtake each other, a bend that makes the response run away.
+pub(super) fn simulate(segments: &[Segment], time_s: &[f64], out: &mut [f64]) -> bool {
     let Some(first) = segments.first() else {
         return false;
     };
@@ -46,25 +48,25 @@ pub(super) fn simulate(segments: &[Segment], curvature: f64, time_s: &[f64], out
                 break;
             }
             ok &= switch >= current.from_s + current.delay_s;
-            excess = value(&current, curvature, excess, switch, &mut ok) - next.level;
+            excess = value(&current, excess, switch, &mut ok) - next.level;
             current = *next;
             rest = later;
         }
-        *w = value(&current, curvature, excess, t, &mut ok);
+        *w = value(&current, excess, t, &mut ok);
     }
     ok
 }
 
 /// The response at `t`, having been `excess` above the segment's level when the change took effect; still
 /// there before. Clears `ok` as [`simulate`] does.
-pub(super) fn value(segment: &Segment, curvature: f64, excess: f64, t: f64, ok: &mut bool) -> f64 {
+pub(super) fn value(segment: &Segment, excess: f64, t: f64, ok: &mut bool) -> f64 {
     let elapsed = t - segment.from_s - segment.delay_s;
-    *ok &= segment.time_constant_s > 0.0 && segment.level != 0.0;
+    *ok &= segment.time_constant_s > 0.0;
     if elapsed < 0.0 {
         return segment.level + excess;
     }
     let decay = (-elapsed / segment.time_constant_s).exp();
-    let bend = 1.0 + curvature * excess / segment.level * (1.0 - decay);
+    let bend = 1.0 + segment.bend * excess * (1.0 - decay);
     *ok &= bend > 0.0;
     segment.level + excess * decay / bend
 }
@@ -81,17 +83,14 @@ mod tests {
         let level = [3000.0, 9000.0, 2000.0];
         let segment = |k: usize| {
             let tau = 1.0 / (b + 2.0 * c * level[k]);
-            (
-                Segment { from_s: k as f64 * 0.2, level: level[k], time_constant_s: tau, delay_s: 0.0137 },
-                c * level[k] * tau,
-            )
+            let from_s = k as f64 * 0.2;
+            Segment { from_s, level: level[k], time_constant_s: tau, delay_s: 0.0137, bend: c * tau }
         };
-        // One segment at a time, since the curvature depends on the level in this motor.
         for k in 1..3 {
-            let ((to, curvature), (from, _)) = (segment(k), segment(k - 1));
+            let (to, from) = (segment(k), segment(k - 1));
             let time_s: Vec<f64> = (0..150).map(|i| to.from_s + 0.0011 * i as f64).collect();
             let mut w = vec![0.0; time_s.len()];
-            assert!(simulate(&[Segment { from_s: -10.0, ..from }, to], curvature, &time_s, &mut w));
+            assert!(simulate(&[Segment { from_s: -10.0, ..from }, to], &time_s, &mut w));
             let mut truth = level[k - 1];
             let mut t = to.from_s + to.delay_s;
             for (&at, &w) in time_s.iter().zip(&w) {

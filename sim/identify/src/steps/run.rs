@@ -1,26 +1,25 @@
-//! The part of a record on which the motor runs steadily.
+//! The parts of a record on which the motor runs steadily.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use rotorlead_records::{Output, Record};
 
-use super::plateaus::{self, Plateau, State, longest_run, settled_from};
-use super::{LeftOut, StepsError, checked_response, limits, spikes};
+use super::plateaus::{self, Plateau, State, runs, settled_from};
+use super::{StepsError, checked_response, limits, spikes};
 use crate::saturation::Limit;
 
-/// The longest run of plateaus on which the motor runs steadily; start-up and stopping are cut off.
+/// Plateaus in a row between which the motor runs; start-up and stopping are cut off.
 #[derive(Clone, Debug)]
 pub struct Run {
     /// The response of the whole record, spikes replaced.
-    pub clean: Vec<f64>,
+    pub clean: Arc<[f64]>,
     /// Which rows of the record are spikes.
-    pub spike: Vec<bool>,
-    /// Two plateaus or more.
+    pub spike: Arc<[bool]>,
+    /// Two that settle, or more, and those between them that are too short to.
     pub plateaus: Vec<Plateau>,
     /// The limits that the response stands on.
     pub(super) limits: Vec<Limit>,
-    /// Why it does not begin with the record, or does not end with it.
-    pub(super) left_out: LeftOut,
 }
 
 /// All segments of constant command of a record, running or not; `clean` is its response without spikes.
@@ -29,18 +28,29 @@ pub fn plateaus_of(record: &Record, output: Output, clean: &[f64]) -> Vec<Platea
 }
 
 impl Run {
-    /// The run of a record.
+    /// The longest run of a record.
+    ///
+    /// # Errors
+    /// As [`Self::all`].
+    pub fn of(record: &Record, output: Output) -> Result<Self, StepsError> {
+        let mut runs = Self::all(record, output)?;
+        // The first of those that are equally long.
+        let longest = (0..runs.len()).rev().max_by_key(|&k| runs[k].plateaus.len()).unwrap_or(0);
+        Ok(runs.swap_remove(longest))
+    }
+
+    /// All runs of a record, one or more: stops and idling part them.
     ///
     /// # Errors
     /// [`StepsError`] without a response, without a change of the command, or without two plateaus in a row on which
     /// the motor runs steadily.
-    pub fn of(record: &Record, output: Output) -> Result<Self, StepsError> {
+    pub fn all(record: &Record, output: Output) -> Result<Vec<Self>, StepsError> {
         let response = checked_response(record, output)?;
-        let not_running = || StepsError::NotRunning { record: record.file.clone() };
         // By the command alone, which is quick: most records have no plateaus.
-        match plateaus::count(&record.time_s, &record.command) {
+        let (segments, long) = plateaus::count(&record.time_s, &record.command);
+        match (segments, long) {
             (0 | 1, _) => return Err(StepsError::ConstantCommand { record: record.file.clone() }),
-            (_, 0 | 1) => return Err(not_running()),
+            (_, 0 | 1) => return Err(StepsError::NoPlateaus { record: record.file.clone(), segments, long }),
             _ => {}
         }
         let (clean, spike) = spikes::without_spikes(response);
@@ -49,19 +59,24 @@ impl Run {
             let (command, response) = (lowest.command, lowest.mean);
             return Err(StepsError::BelowZero { record: record.file.clone(), command, response });
         }
-        let run = longest_run(&all);
-        if run.len() < 2 {
-            return Err(not_running());
-        }
-        let others = all[..run.start].iter().chain(&all[run.end..]);
-        let left_out = match others.clone().any(|p| p.state == State::NotAboveZero) {
-            true => LeftOut::NotAboveZero,
-            false => LeftOut::NotSteady,
+        let (clean, spike): (Arc<[f64]>, Arc<[bool]>) = (clean.into(), spike.into());
+        let of = |range: Range<usize>| {
+            let mut plateaus = all[range].to_vec();
+            plateaus[0].rows.start = settled_from(&plateaus[0], &clean)?;
+            let limits = limits::mark(&mut plateaus, &clean);
+            Some(Self { clean: clean.clone(), spike: spike.clone(), plateaus, limits })
         };
-        let mut plateaus = all[run].to_vec();
-        plateaus[0].rows.start = settled_from(&plateaus[0], &clean).ok_or_else(not_running)?;
-        let limits = limits::mark(&mut plateaus, &clean);
-        Ok(Self { clean, spike, plateaus, limits, left_out })
+        let found: Vec<Self> = runs(&all).into_iter().filter_map(of).collect();
+        if found.is_empty() {
+            let of_state = |state| all.iter().filter(|p| p.state == state).count();
+            return Err(StepsError::NotRunning {
+                record: record.file.clone(),
+                long,
+                idle: of_state(State::Idle),
+                not_steady: of_state(State::NotSteady),
+            });
+        }
+        Ok(found)
     }
 
     /// Whether the motor's own response shows on plateau `k` from its first row on: neither it nor the one before

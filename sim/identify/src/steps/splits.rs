@@ -63,6 +63,8 @@ pub struct HeldOut {
 pub struct LawComparison {
     /// The one lag, fitted to all steps.
     pub one_lag: LawFit,
+    /// One lag up and another down, fitted to all steps.
+    pub per_direction: LawFit,
     /// The lag that depends on the speed, fitted to all steps.
     pub speed_dependent: LawFit,
     /// What a perfect model would score on all steps.
@@ -108,10 +110,12 @@ pub fn compare_laws(record: &Record, output: Output) -> Result<LawComparison, St
     let all = bench.shows.clone();
     let not_converged = || StepsError::NotConverged { record: record.file.clone(), iterations: LIMITS.iterations };
     let (one_lag, _) = bench.fit(LagLaw::OneLag, &all, false).ok_or_else(not_converged)?;
+    let (per_direction, _) = bench.fit(LagLaw::PerDirection, &all, false).ok_or_else(not_converged)?;
     let (speed_dependent, _) = bench.fit(LagLaw::SpeedDependent, &all, false).ok_or_else(not_converged)?;
     let held_out = SPLITS.into_iter().filter_map(|split| bench.held_out(split)).collect();
     Ok(LawComparison {
         one_lag,
+        per_direction,
         speed_dependent,
         ceiling_percent: bench.ceiling(&all),
         held_out,

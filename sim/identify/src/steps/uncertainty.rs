@@ -1,7 +1,6 @@
 //! Standard errors when the noise has a color.
 
 use nalgebra::DMatrix;
-use rotorlead_numerics::least_squares::Solution;
 
 use super::plateaus::Plateau;
 
@@ -14,7 +13,7 @@ const MAX_LAG: usize = 30;
 /// Taken from the settled rows of all plateaus, each about its own straight line, and pooled in units of each
 /// plateau's variance. The residuals of the fit would not do: its parameters follow the slow part of the noise
 /// in their short windows, which is the part that matters.
-pub(super) fn correlation(y: &[f64], plateaus: &[Plateau]) -> Vec<f64> {
+pub(super) fn correlation<'p>(y: &[f64], plateaus: impl IntoIterator<Item = &'p Plateau>) -> Vec<f64> {
     let mut sums = vec![0.0; MAX_LAG + 1];
     let mut counts = vec![0.0; MAX_LAG + 1];
     for plateau in plateaus {
@@ -55,32 +54,18 @@ fn about_its_line(values: &[f64]) -> Vec<f64> {
     values.iter().enumerate().map(|(k, v)| v - line(k)).collect()
 }
 
-/// The residuals' covariance matrix times the Jacobian.
+/// The covariance matrix of a step's residuals times its Jacobian.
 ///
-/// Residuals are in units of each step's noise, so they have unit variance, and depend on their neighbors by
-/// `correlation` per lag. Between steps, and in the rows that tie parameters to what is known of them, they
-/// are independent. `windows` are the numbers of rows of the steps, in the order of the residuals; what
-/// follows are ties.
-pub(super) fn correlated(solution: &Solution, windows: &[usize], correlation: &[f64]) -> DMatrix<f64> {
-    let j = &solution.jacobian;
-    let mut product = j.clone();
-    for column in 0..j.ncols() {
-        let mut start = 0;
-        for &n in windows {
-            for i in 0..n {
-                let mut sum = j[(start + i, column)];
-                for (lag, c) in correlation.iter().enumerate().skip(1) {
-                    if i >= lag {
-                        sum += c * j[(start + i - lag, column)];
-                    }
-                    if i + lag < n {
-                        sum += c * j[(start + i + lag, column)];
-                    }
-                }
-                product[(start + i, column)] = sum;
-            }
-            start += n;
-        }
-    }
-    product
+/// Residuals are in units of the sensor's noise, which has unit variance and depends on its neighbors by
+/// `correlation` per lag; what time stamps add by `stamp_variance` does not.
+pub(super) fn correlated(jacobian: &DMatrix<f64>, correlation: &[f64], stamp_variance: &[f64]) -> DMatrix<f64> {
+    let rows = jacobian.nrows();
+    DMatrix::from_fn(rows, jacobian.ncols(), |i, column| {
+        let beside = correlation.iter().enumerate().skip(1).map(|(lag, c)| {
+            let before = if i >= lag { jacobian[(i - lag, column)] } else { 0.0 };
+            let after = if i + lag < rows { jacobian[(i + lag, column)] } else { 0.0 };
+            c * (before + after)
+        });
+        (1.0 + stamp_variance[i]) * jacobian[(i, column)] + beside.sum::<f64>()
+    })
 }

@@ -2,24 +2,32 @@
 
 use std::fmt;
 
-use super::plateaus::Direction;
-
 /// Why part of a record is left out.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LeftOut {
     /// The motor does not run steadily.
     NotSteady,
-    /// The response is steady and not above zero.
-    NotAboveZero,
+    /// The response is steady, and at most this share of its highest level: the motor stands still or idles.
+    Idle {
+        /// The highest such level over the highest of all.
+        share: f64,
+    },
+    /// Levels are too short, or alone.
+    Short,
 }
 
-impl LeftOut {
-    fn words(self) -> &'static str {
-        match self {
-            Self::NotSteady => "the motor does not run steadily there",
-            Self::NotAboveZero => {
-                "the response is not above zero there. A motor that stands still is left out rightly; if it turns, correct the sensor's zero"
-            }
+impl fmt::Display for LeftOut {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::NotSteady => f.write_str("the motor does not run steadily there"),
+            Self::Idle { share } if share.abs() < 0.0005 => f.write_str("the motor stands still there"),
+            Self::Idle { share } => write!(
+                f,
+                "the motor stands still or idles there, at {:.1} % of its highest level at most. If it runs, correct the \
+                 sensor's zero",
+                100.0 * share
+            ),
+            Self::Short => f.write_str("no two levels in a row are long enough to settle there"),
         }
     }
 }
@@ -27,22 +35,42 @@ impl LeftOut {
 /// Something odd in a staircase.
 #[derive(Clone, Debug, PartialEq)]
 pub enum StepsWarning {
+    /// Steps that carry no lag.
+    StepsLeftOut {
+        /// How many.
+        count: usize,
+        /// Of how many.
+        of: usize,
+        /// How many for which reason.
+        reasons: String,
+    },
+    /// A step whose time constant contradicts those of the others.
+    Contradicts {
+        /// When, seconds.
+        at_s: f64,
+        /// Commands before and after.
+        commands: (f64, f64),
+        /// Its time constant over what the others say.
+        ratio: f64,
+    },
+    /// Steps differ by more than their own errors explain.
+    Scattered {
+        /// Standard deviation, as a share of the time constant.
+        share: f64,
+    },
     /// Readings that no rotor can have made were left out.
     Spikes {
         /// How many.
         rows: usize,
+        /// What they are readings of.
+        column: &'static str,
     },
-    /// Part of the record before the motor ran steadily was left out.
-    StartLeftOut {
-        /// Until when, seconds.
-        until_s: f64,
-        /// Why.
-        reason: LeftOut,
-    },
-    /// Part of the record after the motor last ran steadily was left out.
-    EndLeftOut {
-        /// From when, seconds.
-        from_s: f64,
+    /// A part of the record was left out.
+    PartLeftOut {
+        /// From when, seconds; `None` from its first row on.
+        from_s: Option<f64>,
+        /// Until when, seconds; `None` to its last row.
+        until_s: Option<f64>,
         /// Why.
         reason: LeftOut,
     },
@@ -61,7 +89,7 @@ pub enum StepsWarning {
         count: usize,
         /// The longest, seconds.
         longest_s: f64,
-        /// Steps that began in one, left out.
+        /// Steps whose command or response falls in one, left out.
         steps: usize,
     },
     /// Levels that are left before the response settles.
@@ -80,37 +108,21 @@ pub enum StepsWarning {
         /// The level.
         command: f64,
     },
-    /// A level to which no usable step leads.
-    NoStep {
-        /// The level.
-        command: f64,
+    /// Levels beyond those that steps with a lag lead to.
+    Beyond {
+        /// How many.
+        count: usize,
+        /// The lowest and the highest command of a step with a lag.
+        range: (f64, f64),
     },
-    /// A time constant that its steps hardly determine.
-    Uncertain {
-        /// The level.
-        command: f64,
-        /// Its relative standard error.
-        relative_std: f64,
-    },
-    /// A time constant far from those of the levels around.
-    Odd {
-        /// The level.
-        command: f64,
-        /// The direction of its steps.
-        direction: Direction,
-        /// It, over the median of its neighbors'.
-        ratio: f64,
-    },
-    /// Steps up and down to the same level differ.
+    /// Steps up and down differ.
     Asymmetric {
-        /// The level.
-        command: f64,
         /// Time constant down over time constant up.
         ratio: f64,
     },
     /// Large steps are not those of a first-order lag.
     Curved {
-        /// the curvature.
+        /// The curvature.
         curvature: f64,
         /// Its standard error.
         std: f64,
@@ -124,93 +136,87 @@ pub enum StepsWarning {
 
 impl fmt::Display for StepsWarning {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match *self {
-            Self::Spikes { rows: 1 } => f.write_str(
-                "one reading jumps away and back; it was left out. Look at the speed probe if there are more",
+        match self {
+            Self::StepsLeftOut { count, of, reasons } => {
+                write!(f, "{count} of {of} steps carry no lag and were left out: {reasons}")
+            }
+            Self::Contradicts { at_s, commands: (from, to), ratio } => write!(
+                f,
+                "the step from {from:.3} to {to:.3} at {at_s:.2} s has a time constant of {ratio:.2} times what the other steps \
+                 say of this operating point. It was left out: repeat it"
             ),
-            Self::Spikes { rows } => {
-                write!(
-                    f,
-                    "{rows} readings jump away and back; they were left out. Look at the speed probe if there are many"
-                )
+            Self::Scattered { share } => write!(
+                f,
+                "time constants of single steps differ by {:.0} % (standard deviation) beyond their own errors; the intervals \
+                 include that. Repeat the staircase",
+                100.0 * share
+            ),
+            Self::Spikes { rows: 1, column } => {
+                write!(f, "one reading of {column} jumps away and back; it was left out")
             }
-            Self::StartLeftOut { until_s, reason } => {
-                write!(f, "everything before {until_s:.2} s was left out: {}", reason.words())
-            }
-            Self::EndLeftOut { from_s, reason } => {
-                write!(f, "everything from {from_s:.2} s was left out: {}", reason.words())
+            Self::Spikes { rows, column } => write!(
+                f,
+                "{rows} readings of {column} jump away and back; they were left out. Look at that sensor if there are many"
+            ),
+            Self::PartLeftOut { from_s, until_s, reason } => {
+                match (from_s, until_s) {
+                    (None, Some(until_s)) => write!(f, "everything before {until_s:.2} s")?,
+                    (Some(from_s), None) => write!(f, "everything from {from_s:.2} s")?,
+                    (Some(from_s), Some(until_s)) => write!(f, "what is from {from_s:.2} to {until_s:.2} s")?,
+                    (None, None) => f.write_str("everything")?,
+                }
+                write!(f, " was left out: {reason}")
             }
             Self::Limited { rows, at, commands: (low, high) } => {
                 write!(f, "{rows} rows of the response stand exactly on {at}, at ")?;
                 if low == high {
-                    write!(f, "command {low:.3}")?
+                    write!(f, "command {low:.3}")?;
                 } else {
-                    write!(f, "commands {low:.3} to {high:.3}")?
+                    write!(f, "commands {low:.3} to {high:.3}")?;
                 }
-                write!(
-                    f,
-                    ": it ran into a limit. These levels, and the steps to and from them, were left out. Widen the range of sensor and logger, or record levels within it"
+                f.write_str(
+                    ": it ran into a limit. These levels, and the steps to and from them, were left out. Widen the range of \
+                     sensor and logger, or record levels within it",
                 )
             }
-            Self::Gaps { count, longest_s, steps } => {
-                write!(
-                    f,
-                    "{count} gaps in the log, the longest {longest_s:.3} s: nothing was interpolated through them, and {steps} steps that began in one were left out"
-                )
-            }
-            Self::NotSettled { count, of, least, needed_s } => {
-                write!(
-                    f,
-                    "{count} of {of} levels are left before the response settles, the shortest after {least:.1} time constants: level and time constant cannot be separated. Hold each for {needed_s:.1} s or longer"
-                )
-            }
-            Self::NotRising { command } => {
-                write!(
-                    f,
-                    "at command {command:.3} the response is not above that of the level below; no compensator can be designed there. Stay below it in flight"
-                )
-            }
-            Self::NoStep { command } => {
-                write!(
-                    f,
-                    "no usable step leads to command {command:.3}, so its time constant is not known. Begin the staircase one level lower"
-                )
-            }
-            Self::Uncertain { command, relative_std } => {
-                write!(
-                    f,
-                    "the time constant at command {command:.3} is known to {:.0} % only; it was left out. Use a larger step or repeat it",
-                    100.0 * relative_std
-                )
-            }
-            Self::Odd { command, direction, ratio } => {
-                let way = if direction == Direction::Up { "up" } else { "down" };
-                write!(
-                    f,
-                    "the time constant of steps {way} to command {command:.3} is {ratio:.2} times that of its neighbors. It was left out, since a design rests on the fastest level: repeat this step"
-                )
-            }
-            Self::Asymmetric { command, ratio } => {
-                write!(
-                    f,
-                    "at command {command:.3} steps down take {ratio:.2} times as long as steps up; the model has the mean of the two rates"
-                )
-            }
+            Self::Gaps { count, longest_s, steps } => write!(
+                f,
+                "{count} gaps in the log, the longest {longest_s:.3} s: nothing was interpolated through them, and {steps} steps \
+                 whose command or response falls in one were left out. Log to a faster disk or at a lower rate"
+            ),
+            Self::NotSettled { count, of, least, needed_s } => write!(
+                f,
+                "{count} of {of} levels are left before the response settles, the shortest after {least:.1} time constants: \
+                 level and time constant cannot be separated. Hold each for {needed_s:.1} s or longer"
+            ),
+            Self::NotRising { command } => write!(
+                f,
+                "at command {command:.3} the response is not above that of the level below; no compensator can be designed \
+                 there. Stay below it in flight"
+            ),
+            Self::Beyond { count, range: (low, high) } => write!(
+                f,
+                "{count} levels have no point in the model: steps with a known lag lead to commands from {low:.3} to \
+                 {high:.3} only. Begin the staircase one level lower and end it one level higher, or repeat the steps at its ends"
+            ),
+            Self::Asymmetric { ratio } => write!(
+                f,
+                "steps down take {ratio:.2} times as long as steps up; the model has the mean of the two rates"
+            ),
             Self::Curved { curvature, std } => {
-                let what = if curvature < 0.0 {
+                let what = if *curvature < 0.0 {
                     "start more gently than a first-order lag, as behind a second lag or a slew limit"
                 } else {
                     "slow down as the rotor does, as drag makes them"
                 };
                 write!(f, "large steps {what} (curvature of the lag {curvature:.2}, standard error {std:.2})")
             }
-            Self::NegativeDelay { delay_s } => {
-                write!(
-                    f,
-                    "the response begins {:.1} ms before its row says that the command changed: the log stamps commands late. The model has no delay",
-                    -1e3 * delay_s
-                )
-            }
+            Self::NegativeDelay { delay_s } => write!(
+                f,
+                "the response begins {:.1} ms before its row says that the command changed: the log stamps commands late. The \
+                 model has no delay",
+                -1e3 * delay_s
+            ),
         }
     }
 }
