@@ -121,11 +121,11 @@ fn rcbenchmark_log() {
         assert!((32.0..38.0).contains(&tau_ms(fit, command, Direction::Down)));
     }
     // The erratic start before 16 s of the log, and the top step.
-    let start_s = it.log.experiment.records[0].time_s[fit.rows.start] + 1.35;
+    let start_s = it.log.experiment.records[0].time_s[fit.runs[0].start] + 1.35;
     assert!((15.5..16.0).contains(&start_s), "{start_s}");
     let falling = |w: &StepsWarning| matches!(w, StepsWarning::NotRising { command } if *command > 0.94);
     assert!(fit.warnings.iter().any(falling));
-    assert!(fit.warnings.contains(&StepsWarning::Spikes { rows: 26 }));
+    assert!(fit.warnings.contains(&StepsWarning::Spikes { rows: 26, column: "rpm" }));
     assert!(fit.curvature.value < -0.9, "{:?}", fit.curvature);
     // Without 0.15, to which no step leads, and 0.80, whose one step came out twice as fast as its neighbors.
     assert_eq!(it.model.points.len(), 14);
@@ -243,7 +243,7 @@ fn map_of(it: &Identified) -> StaticMapFit {
 /// The log's two columns as two logs, the response on a clock that is 1.234 s behind and 400 ppm fast: what changes is known.
 fn check_alignment(it: &Identified) {
     let record = &it.log.experiment.records[0];
-    let rows = it.fit.rows.clone();
+    let rows = it.fit.runs[0].clone();
     let (time_s, command) = (&record.time_s[rows.clone()], &record.command[rows.clone()]);
     let y = &record.rpm.as_ref().unwrap()[rows];
     let moved: Vec<f64> = time_s.iter().map(|t| t * (1.0 + 400e-6) - 1.234).collect();

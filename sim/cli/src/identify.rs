@@ -13,23 +13,28 @@ use rotorlead_identify::{
     PeriodicIdentification, PeriodicOptions, Spectrum, identify, step_record,
 };
 use rotorlead_records::files::check_writable;
-use rotorlead_records::{Experiment, LongRecord, Record};
+use rotorlead_records::{Experiment, LongRecord, Output, Record};
 use rotorlead_report::{
     DistortionValues, Report, Section, Table, excitation_section, identification_section, identification_tables,
 };
 use serde::Serialize;
 
 use super::identify_align::{AlignOptions, Aligned, AlignmentValues};
+use super::identify_headline::headline;
 use super::identify_intervals::Intervals;
 use super::identify_map::MapValues;
+use super::identify_output::OtherOutput;
 use super::identify_stand::{self, StandArguments};
 use super::identify_tables::{PointValues, fitted_chirps, held_out, staircase};
-use super::outcome::{JsonOption, Outcome, warning_lines};
+use super::outcome::{JsonOption, Outcome, paragraph, warning_lines};
 use super::report_option::ReportOption;
 use super::{WrongUse, identify_intervals, identify_laws, identify_map, progress, report_pages};
 
 /// Printed below the lags.
 const STANDARD_ERRORS: &str = "  tau is the time constant; +- is one standard error, of the noise alone.\n";
+
+/// Warnings that are printed; what further ones say changes the answer less.
+const MOST_WARNINGS: usize = 4;
 
 /// Finds the lag at each level from the records of an experiment
 ///
@@ -56,12 +61,33 @@ pub struct Identify {
     /// A stand identified with --stand, which is divided out of multisine records
     #[arg(long, value_name = "FILE")]
     stand_model: Option<PathBuf>,
+    /// Which column is the response; what the experiment says unless given
+    #[arg(long, value_enum)]
+    output: Option<Response>,
     #[command(flatten)]
     align: AlignOptions,
     #[command(flatten)]
     pub(super) report: ReportOption,
     #[command(flatten)]
     pub(super) json: JsonOption,
+}
+
+/// A column that may be the response.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Response {
+    /// `thrust_n`
+    Thrust,
+    /// `rpm`
+    Rpm,
+}
+
+impl From<Response> for Output {
+    fn from(response: Response) -> Self {
+        match response {
+            Response::Thrust => Self::ThrustN,
+            Response::Rpm => Self::Rpm,
+        }
+    }
 }
 
 /// Whether a dead time is fitted.
@@ -78,6 +104,9 @@ enum Delay {
 /// What came out, for programs.
 #[derive(Serialize)]
 struct Values<'a> {
+    headline: String,
+    output: Output,
+    other_output: Option<OtherOutput>,
     points: Vec<PointValues>,
     warnings: Vec<String>,
     detail: Option<&'a StaircaseFit>,
@@ -105,7 +134,10 @@ impl Identify {
         let nothing = || format!("nothing was identified from `{}`", self.experiment.display());
         let (aligned, identified, laws) =
             progress::of_files("identifying", &[&self.experiment], || -> miette::Result<_> {
-                let aligned = self.align.read(&self.experiment)?;
+                let mut aligned = self.align.read(&self.experiment)?;
+                if let Some(output) = self.output {
+                    aligned.experiment.output = output.into();
+                }
                 let long = transform(&aligned.experiment, &aligned.long).wrap_err_with(nothing)?;
                 let options = IdentifyOptions { delay_level, stand: stand.as_ref(), long: &long };
                 let identified = identify(&aligned.experiment, &options).map_err(refused).wrap_err_with(nothing)?;
@@ -122,12 +154,26 @@ impl Identify {
             warnings.push(format!("one lag was not compared with one that depends on the speed: {error}"));
             None
         });
-        let (of_lags, detail) = tables(&experiment, &identified, laws.as_ref());
+        let (of_lags, mut detail) = tables(&experiment, &identified, laws.as_ref());
+        let headline = headline(&identified);
+        text.push_str(&paragraph(&headline, "  "));
+        let other = identified.lags.in_time().and_then(|fit| OtherOutput::of(&experiment, fit));
+        if let Some(other) = &other {
+            text.push_str(&paragraph(&other.sentence(experiment.output), "  "));
+        }
+        text.push('\n');
         text.push_str(&of_lags);
         if !warnings.is_empty() {
             text.push('\n');
         }
-        text.extend(warnings.iter().map(|warning| warning_lines(warning)));
+        let (first, folded) = warnings.split_at(warnings.len().min(MOST_WARNINGS));
+        text.extend(first.iter().map(|warning| warning_lines(warning)));
+        if !folded.is_empty() {
+            writeln!(text, "{} further warnings, of less weight: --verbose prints them", folded.len())
+                .into_diagnostic()?;
+            detail.push('\n');
+            detail.extend(folded.iter().map(|warning| warning_lines(warning)));
+        }
         writeln!(text, "\nWritten to {}", self.out.display()).into_diagnostic()?;
         text.push_str(&self.report.write(|| {
             let verdict = report_pages::identified(&identified.model, warnings.len());
@@ -147,6 +193,9 @@ impl Identify {
         let in_frequency = identified.lags.in_frequency();
         let distortion = |found: &PeriodicIdentification| found.nominals.iter().map(DistortionValues::of).collect();
         let values = Values {
+            headline,
+            output: experiment.output,
+            other_output: other,
             points: identified.model.points.iter().cloned().map(PointValues).collect(),
             warnings,
             detail: identified.lags.in_time(),
@@ -209,6 +258,8 @@ fn tables(experiment: &Experiment, identified: &Identification, laws: Option<&La
         "u_nom",
         "gain",
         "time_constant_ms",
+        "lower",
+        "upper",
         "delay_ms",
         "time_constant_up_ms",
         "fit_up_percent",

@@ -4,7 +4,6 @@ use rotorlead_identify::PeriodicIdentification;
 use rotorlead_identify::steps::StaircaseFit;
 use rotorlead_plant::Point;
 use rotorlead_records::{Excitation, Experiment, Role};
-use rotorlead_report::with_std;
 use serde::Serialize;
 
 use super::outcome::paragraph;
@@ -32,17 +31,10 @@ pub(super) fn fitted_chirps(files: &[String]) -> String {
     format!("  Fitted by the local polynomial method: {}. The fit is of these records.\n", files.join(", "))
 }
 
-/// What a staircase says of all its levels.
+/// Which record the steps are of, and how many of them the lags rest on.
 pub(super) fn staircase(fit: &StaircaseFit) -> String {
-    format!(
-        "{}: % fit {:.1} of one lag toward one static map\n\
-         ({:.1} with readings that were set aside)\n\
-         delay {} ms as logged\n\n",
-        fit.record,
-        fit.fit_percent,
-        fit.fit_percent_with_spikes,
-        with_std(fit.delay_s.value, Some(fit.delay_s.std), 1e3, 1),
-    )
+    let known = fit.steps.iter().filter(|step| step.time_constant_s().is_some()).count();
+    paragraph(&format!("{}: {known} of {} steps carry a lag. tau in ms:", fit.record, fit.steps.len()), "  ")
 }
 
 /// One point with every key of the contract: what is not known is null, not absent as in a model's file.

@@ -443,7 +443,7 @@ fn improved(model: Option<&Model>, data: &Dataset, fit: &fit::Fit, effects: &[Na
         }
         _ => (points.collect(), model.and_then(|model| model.static_map.clone())),
     };
-    Model { format: 1, points, static_map, effects: effects.collect(), provenance: None }
+    Model { format: 1, points, static_map, time_constant_curve: None, effects: effects.collect(), provenance: None }
 }
 
 /// The points and the map of a model over many levels, all off by as much as the numbers at one command.

@@ -210,6 +210,7 @@ impl PeriodicIdentification {
             format: 1,
             points: self.points(),
             static_map: None,
+            time_constant_curve: None,
             effects: Vec::new(),
             provenance: Some(Provenance {
                 records: self.fitted_files().map(str::to_owned).collect(),

@@ -159,7 +159,8 @@ fn log(fault: Fault, seed: u64) -> Log {
                 if rng.random_bool(0.6) {
                     let from = time_s[row] + between(&mut rng, 0.0, 0.03);
                     let until = from + between(&mut rng, 0.06, 0.12);
-                    let inside: Vec<usize> = (row + 1..time_s.len()).filter(|&k| (from..until).contains(&time_s[k])).collect();
+                    let inside: Vec<usize> =
+                        (row + 1..time_s.len()).filter(|&k| (from..until).contains(&time_s[k])).collect();
                     inside.iter().for_each(|&k| kept[k] = false);
                     if let (Some(&first), Some(&last)) = (inside.first(), inside.last())
                         && last + 1 < rpm.len()
@@ -209,7 +210,8 @@ fn log(fault: Fault, seed: u64) -> Log {
         (time_s[first_rows[k]], from, to, bound(rows, &motor, motor.time_constant_s(from, to), rise / noise_std))
     });
     let steps = steps.collect();
-    let only_kept = |values: Vec<f64>| values.into_iter().zip(&kept).filter(|(_, kept)| **kept).map(|(v, _)| v).collect();
+    let only_kept =
+        |values: Vec<f64>| values.into_iter().zip(&kept).filter(|(_, kept)| **kept).map(|(v, _)| v).collect();
     let record = Record {
         file: "log.csv".into(),
         nominal: 0.5,

@@ -45,7 +45,7 @@ pub use filter::{Interval, ResponseStage};
 pub use first_order::FirstOrder;
 pub use hold::frames_per_pattern;
 pub use hold::{hold_delay_s, hold_response, hold_response_at_phase};
-pub use model::{Effect, Lag, MapPolynomial, Model, ModelError, Point, Provenance, StaticMap};
+pub use model::{Effect, Lag, MapPolynomial, Model, ModelError, Point, Provenance, StaticMap, TimeConstantBand};
 pub use noise::{Color, Noise, SensorNoise};
 pub use operating::{OperatingCurve, OperatingPoint};
 pub use rotor::{Motion, RotorBase, RotorTerm, Supply};

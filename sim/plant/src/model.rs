@@ -18,6 +18,9 @@ pub struct Model {
     /// Steady response against command.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub static_map: Option<StaticMap>,
+    /// The time constant over operating points with its band, where it comes from steps.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub time_constant_curve: Option<TimeConstantBand>,
     /// What the actuator does beyond a first-order lag.
     #[serde(rename = "effect", default, skip_serializing_if = "Vec::is_empty")]
     pub effects: Vec<Effect>,
@@ -63,6 +66,20 @@ pub struct Point {
     /// % fit on the steps of this level, where there are any.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fit_step_percent: Option<f64>,
+}
+
+/// Time constants of small motions at a set of operating points, each with its 95 % interval.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TimeConstantBand {
+    /// Commands, increasing, 0..1.
+    pub nominal: Vec<f64>,
+    /// Time constants, seconds.
+    pub time_constant_s: Vec<f64>,
+    /// Lower ends of their intervals, seconds.
+    pub low_s: Vec<f64>,
+    /// Upper ends of their intervals, seconds.
+    pub high_s: Vec<f64>,
 }
 
 /// Steady response at a set of commands, linear between them.

@@ -2,7 +2,7 @@
 
 use rotorlead_records::files::{Fault, Place};
 
-use super::{Catalog, Effect, MapPolynomial, Model, Point, Provenance, StaticMap};
+use super::{Catalog, Effect, MapPolynomial, Model, Point, Provenance, StaticMap, TimeConstantBand};
 
 impl Model {
     /// Refuses numbers that no actuator has: see the errors.
@@ -28,6 +28,9 @@ impl Model {
         increasing(nominals, |index| points.item(index).key("nominal"))?;
         if let Some(map) = &self.static_map {
             map.check(&root.key("static_map"))?;
+        }
+        if let Some(band) = &self.time_constant_curve {
+            band.check(&root.key("time_constant_curve"))?;
         }
         for (index, effect) in self.effects.iter().enumerate() {
             let place = root.key("effect").item(index);
@@ -67,6 +70,25 @@ impl Point {
             value.map_or(Ok(()), |value| place.key(key).finite(value))?;
         }
         Ok(())
+    }
+}
+
+impl TimeConstantBand {
+    fn check(&self, place: &Place) -> Result<(), Fault> {
+        let nominal = place.key("nominal");
+        for (key, values) in
+            [("time_constant_s", &self.time_constant_s), ("low_s", &self.low_s), ("high_s", &self.high_s)]
+        {
+            let place = place.key(key);
+            if values.len() != self.nominal.len() {
+                let (found, needed) = (values.len(), self.nominal.len());
+                let problem = format!("there are {found} values for {needed} of `nominal`");
+                return Err(place.fault(problem, "give one for each, or remove [time_constant_curve]"));
+            }
+            values.iter().enumerate().try_for_each(|(index, value)| place.item(index).positive(*value))?;
+        }
+        self.nominal.iter().enumerate().try_for_each(|(index, value)| nominal.item(index).fraction(*value))?;
+        increasing(self.nominal.iter().copied(), |index| nominal.item(index))
     }
 }
 

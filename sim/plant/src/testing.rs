@@ -20,6 +20,7 @@ pub fn model(points: &[(f64, f64, f64, f64)]) -> Model {
             })
             .collect(),
         static_map: None,
+        time_constant_curve: None,
         effects: Vec::new(),
         provenance: None,
     }

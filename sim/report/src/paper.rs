@@ -72,6 +72,7 @@ pub fn table_1() -> Model {
         format: 1,
         points: PAPER.iter().map(point).collect(),
         static_map: None,
+        time_constant_curve: None,
         effects: Vec::new(),
         provenance: None,
     }

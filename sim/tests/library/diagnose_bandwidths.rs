@@ -24,7 +24,14 @@ fn model() -> Model {
     let point = |&(nominal, gain, pole_rad_s, _, _): &(f64, f64, f64, f64, f64)| {
         Point::new(nominal, Lag { gain, time_constant_s: 1.0 / pole_rad_s, delay_s: 0.0 })
     };
-    Model { format: 1, points: PAPER.iter().map(point).collect(), static_map: None, effects: vec![], provenance: None }
+    Model {
+        time_constant_curve: None,
+        format: 1,
+        points: PAPER.iter().map(point).collect(),
+        static_map: None,
+        effects: vec![],
+        provenance: None,
+    }
 }
 
 fn lead() -> LeadParameters {

@@ -26,6 +26,7 @@ fn motor(effects: &[(&str, &[(&str, f64)])]) -> Model {
         format: 1,
         points: vec![Point::new(NOMINAL, lag)],
         static_map: Some(StaticMap { command: vec![0.0, 1.0], response: vec![-1.0, 11.0], polynomial: None }),
+        time_constant_curve: None,
         effects: effects.iter().map(effect).collect(),
         provenance: None,
     }

@@ -7,7 +7,14 @@ use rotorlead_plant::bench::{Plan, Prediction};
 use rotorlead_plant::{Lag, Model, Point};
 
 fn motor(lag: Lag) -> Model {
-    Model { format: 1, points: vec![Point::new(0.5, lag)], static_map: None, effects: Vec::new(), provenance: None }
+    Model {
+        time_constant_curve: None,
+        format: 1,
+        points: vec![Point::new(0.5, lag)],
+        static_map: None,
+        effects: Vec::new(),
+        provenance: None,
+    }
 }
 
 /// Largest relative deviation of the chain's images from the exact response at the rows, over the lines to 45 Hz.

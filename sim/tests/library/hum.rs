@@ -10,7 +10,14 @@ use rotorlead_records::Excitation;
 
 fn motor() -> Model {
     let lag = Lag { gain: 10.0, time_constant_s: 0.1, delay_s: 0.0 };
-    Model { format: 1, points: vec![Point::new(0.5, lag)], static_map: None, effects: Vec::new(), provenance: None }
+    Model {
+        time_constant_curve: None,
+        format: 1,
+        points: vec![Point::new(0.5, lag)],
+        static_map: None,
+        effects: Vec::new(),
+        provenance: None,
+    }
 }
 
 /// A record with this hum, hertz and newtons, at 200 rows per second.

@@ -13,7 +13,14 @@ use rotorlead_records::{Excitation, Experiment};
 const PERIOD_ROWS: usize = 2000;
 
 fn model(lag: Lag) -> Model {
-    Model { format: 1, points: vec![Point::new(0.5, lag)], static_map: None, effects: Vec::new(), provenance: None }
+    Model {
+        time_constant_curve: None,
+        format: 1,
+        points: vec![Point::new(0.5, lag)],
+        static_map: None,
+        effects: Vec::new(),
+        provenance: None,
+    }
 }
 
 const LAG: Lag = Lag { gain: 10.0, time_constant_s: 0.1, delay_s: 0.0 };

@@ -16,6 +16,7 @@ fn motor(effects: &[(&str, &[(&str, f64)])]) -> Model {
         std: [].into(),
     };
     Model {
+        time_constant_curve: None,
         format: 1,
         points: vec![point(0.5, 10.1718, 0.107_655_4), point(0.65, 16.1063, 0.070_783_9)],
         static_map: None,

@@ -275,10 +275,10 @@ fn odd_parts_are_left_out_and_named() {
         rpm[k] *= 0.6;
     }
     let fit = fitted(&record);
-    let start_s = record.time_s[fit.rows.start];
+    let start_s = record.time_s[fit.runs[0].start];
     assert!((1.5..2.2).contains(&start_s), "{start_s}");
-    assert!(fit.warnings.contains(&StepsWarning::Spikes { rows: spikes.len() }), "{:?}", fit.warnings);
-    assert!(fit.warnings.iter().any(|w| matches!(w, StepsWarning::StartLeftOut { .. })));
+    assert!(fit.warnings.contains(&StepsWarning::Spikes { rows: spikes.len(), column: "rpm" }), "{:?}", fit.warnings);
+    assert!(fit.warnings.iter().any(|w| matches!(w, StepsWarning::PartLeftOut { from_s: None, .. })));
     let dropped = |w: &StepsWarning| matches!(w, StepsWarning::NotRising { command } if (command - 0.9).abs() < 1e-9);
     let top = fit.levels.last().unwrap();
     assert!(top.gain.is_none() && fit.warnings.iter().any(dropped), "{top:?}");

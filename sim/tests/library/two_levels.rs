@@ -14,6 +14,7 @@ pub fn motor(effect: Option<(&str, &[(&str, f64)])>) -> Model {
         std: [].into(),
     });
     Model {
+        time_constant_curve: None,
         format: 1,
         points: vec![point(0.4, 10.0, 0.16), point(0.6, 13.5, 0.085)],
         static_map: None,

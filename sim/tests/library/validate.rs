@@ -18,6 +18,7 @@ fn point(nominal: f64, gain: f64, time_constant_s: f64) -> Point {
 /// Two points of Table 1 and what lies between.
 fn motor() -> Model {
     Model {
+        time_constant_curve: None,
         format: 1,
         points: vec![point(0.4, 9.9955, 1.0 / 6.2758), point(0.6, 13.4519, 1.0 / 11.7439)],
         static_map: Some(StaticMap {

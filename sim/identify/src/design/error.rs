@@ -22,6 +22,28 @@ pub enum CompensatorError {
         /// The same of a point whose gain has another sign.
         other: (f64, f64),
     },
+    /// The time constant that the zero would stand on is hardly known.
+    #[error(
+        "the fastest time constant of the model, {:.1} ms at command {nominal:.3}, is known to be within {:.1} and {:.1} ms only: \
+         a factor of {factor:.2}, where a design takes {MOST_FACTOR}",
+        1e3 * .time_constant_s, 1e3 * .low_s, 1e3 * .high_s
+    )]
+    #[diagnostic(help(
+        "record more steps to commands around {nominal:.3}, up and down, each level held for a second or longer, and logged \
+         without gaps; then identify again"
+    ))]
+    NotKnown {
+        /// Command at which the motor is fastest.
+        nominal: f64,
+        /// The time constant there, seconds.
+        time_constant_s: f64,
+        /// Lower end of its 95 % interval, seconds.
+        low_s: f64,
+        /// Upper end of its 95 % interval, seconds.
+        high_s: f64,
+        /// By how much it may be off.
+        factor: f64,
+    },
     /// The model's fastest motor is too slow for the bandwidth asked for: the filter's headroom cannot hold the lead.
     #[error("the fastest pole of the model is too slow for this omega_g")]
     #[diagnostic(help("the highest --omega-g that this model allows is {largest_omega_g_rad_s:.1} rad/s"))]
@@ -32,6 +54,10 @@ pub enum CompensatorError {
         largest_omega_g_rad_s: f64,
     },
 }
+
+/// The largest factor by which a 95 % interval may be off its time constant for a design. A zero that is off by a factor changes the
+/// gain of a loop by as much above the pole; with this one, a loop of the usual gain margin of 2 keeps a quarter of it.
+pub(super) const MOST_FACTOR: f64 = 1.6;
 
 /// What to do, by the options of `rotorlead design`.
 fn remedy(error: &DesignError) -> &'static str {

@@ -7,6 +7,7 @@ use rotorlead_plant::{CoefficientFormat, CompensatorFile, Model, Point, SignalFo
 use rotorlead_records::files::FileError;
 
 use super::CompensatorError;
+use super::error::MOST_FACTOR;
 
 /// What a design is asked for beside the model.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,7 +37,8 @@ impl Default for DesignOptions {
 /// The paper's design, eq. (2) to (9), from the points of `model`: the zero on the fastest pole.
 ///
 /// # Errors
-/// When the model has no points or gains of both signs, or the controller refuses the parameters.
+/// When the model has no points, gains of both signs, or a time constant that is hardly known, or the controller refuses the
+/// parameters.
 ///
 /// # Examples
 ///
@@ -66,6 +68,7 @@ pub fn design(model: &Model, options: &DesignOptions) -> Result<LeadDesign, Comp
     {
         return Err(CompensatorError::GainsOfBothSigns { first: gain(first), other: gain(other) });
     }
+    check_band(model)?;
     let poles: Vec<f64> = model.points.iter().map(|point| 1.0 / point.time_constant_s).collect();
     let design = |omega_g_rad_s: f64| {
         let lead = LeadParameters::from_poles(&poles, omega_g_rad_s)?;
@@ -82,6 +85,21 @@ pub fn design(model: &Model, options: &DesignOptions) -> Result<LeadDesign, Comp
         },
         _ => CompensatorError::Refused(refused),
     })
+}
+
+/// Refuses a zero on a time constant that is hardly known.
+fn check_band(model: &Model) -> Result<(), CompensatorError> {
+    let Some(band) = &model.time_constant_curve else { return Ok(()) };
+    let fastest = model.points.iter().min_by(|a, b| a.time_constant_s.total_cmp(&b.time_constant_s));
+    let Some(Point { nominal, time_constant_s, .. }) = fastest.cloned() else { return Ok(()) };
+    let near = |k: &usize| (band.nominal[*k] - nominal).abs();
+    let Some(k) = (0..band.nominal.len()).min_by(|a, b| near(a).total_cmp(&near(b))) else { return Ok(()) };
+    let (low_s, high_s) = (band.low_s[k], band.high_s[k]);
+    let factor = f64::max(high_s / time_constant_s, time_constant_s / low_s);
+    match factor <= MOST_FACTOR {
+        true => Ok(()),
+        false => Err(CompensatorError::NotKnown { nominal, time_constant_s, low_s, high_s, factor }),
+    }
 }
 
 /// The highest tenth below `refused` that is accepted, where one is: found by bisection from the first one that is on

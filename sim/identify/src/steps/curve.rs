@@ -21,6 +21,7 @@
 
 use nalgebra::{Cholesky, DMatrix, DVector, SMatrix, SVector};
 use rotorlead_numerics::statistics::t_quantile;
+use rotorlead_plant::TimeConstantBand;
 
 use super::plateaus::Direction;
 use crate::Estimate;
@@ -56,6 +57,8 @@ pub struct TimeConstantCurve {
     covariance: Covariance,
     /// Degrees of freedom behind the band.
     dof: f64,
+    /// What the coefficients are multiplied with on average, over the steps up and over those down.
+    average_rows: [Option<Coefficients>; 2],
 }
 
 /// Most of the steps that may be left out as contradicting the others.
@@ -116,6 +119,28 @@ impl TimeConstantCurve {
     #[must_use]
     pub fn down_over_up(&self) -> Estimate {
         self.estimate(self.coefficients[TERMS - 1], &Coefficients::ith(TERMS - 1, 1.0))
+    }
+
+    /// The time constant of the steps in one direction, averaged over them as they were recorded, seconds; `None` without any.
+    #[must_use]
+    pub fn average(&self, direction: Direction) -> Option<Estimate> {
+        let row = self.average_rows[usize::from(direction == Direction::Down)]?;
+        Some(self.estimate(row.dot(&self.coefficients), &row))
+    }
+
+    /// The curve at some commands, of which those beyond the steps that it rests on are left out.
+    #[must_use]
+    pub fn band(&self, commands: impl Iterator<Item = f64>) -> TimeConstantBand {
+        let mut band = TimeConstantBand { nominal: vec![], time_constant_s: vec![], low_s: vec![], high_s: vec![] };
+        for command in commands.filter(|command| self.holds(*command)) {
+            let tau = self.at(command);
+            let (low_s, high_s) = tau.interval_of_logarithm(0.95);
+            band.nominal.push(command);
+            band.time_constant_s.push(tau.value);
+            band.low_s.push(low_s);
+            band.high_s.push(high_s);
+        }
+        band
     }
 
     /// Degrees of freedom behind its band.
@@ -201,6 +226,10 @@ fn fit(readings: &[Reading], covariance: &DMatrix<f64>, used: &[usize]) -> Optio
     }
     let (coefficients, covariance, _) = at(high)?;
     let commands = || used.iter().map(|&k| readings[k].command);
+    let average_rows = [Direction::Up, Direction::Down].map(|direction| {
+        let own = || used.iter().zip(&rows).filter(|(k, _)| readings[**k].direction == direction).map(|(_, row)| row);
+        (own().count() > 0).then(|| own().sum::<Coefficients>() / own().count() as f64)
+    });
     Some(TimeConstantCurve {
         range: (commands().fold(f64::INFINITY, f64::min), commands().fold(f64::NEG_INFINITY, f64::max)),
         steps: count,
@@ -208,5 +237,6 @@ fn fit(readings: &[Reading], covariance: &DMatrix<f64>, used: &[usize]) -> Optio
         coefficients,
         covariance,
         dof: if says_scatter { dof } else { f64::INFINITY },
+        average_rows,
     })
 }

@@ -30,7 +30,9 @@ pub enum StepsError {
         record: String,
     },
     /// The command is hardly ever held.
-    #[error("{record}: it is no staircase: of {segments} levels of the command {long} are held for 0.25 s and 20 rows or more")]
+    #[error(
+        "{record}: it is no staircase: of {segments} levels of the command {long} are held for 0.25 s and 20 rows or more"
+    )]
     #[diagnostic(help(
         "hold each level for at least a second. A ramp is `triangle`, a flight `free` or, where the command repeats, another \
          `excitation` in experiment.toml"

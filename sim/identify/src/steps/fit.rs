@@ -112,14 +112,20 @@ pub(super) fn fit(data: &Data<'_>, runs: &[Run], steps: &mut [Step], frame_s: f6
         .chunks(batches)
         .collect::<Vec<_>>()
         .into_par_iter()
-        .map(|steps| first_pass(&Problem { steps, onset_std_s: first_onset_std_s, curvature: CURVATURE_KNOWN, reference }, rise_s))
+        .map(|steps| {
+            first_pass(
+                &Problem { steps, onset_std_s: first_onset_std_s, curvature: CURVATURE_KNOWN, reference },
+                rise_s,
+            )
+        })
         .collect::<Option<_>>()
         .ok_or_else(|| StepsError::NotConverged { record: data.name.into(), iterations: 0 })?;
     let of_onsets = windows.chunks(batches).zip(&rough).map(|(steps, rough)| {
         let problem = Problem { steps, onset_std_s: first_onset_std_s, curvature: CURVATURE_KNOWN, reference };
         (onset_variance(&problem, rough), steps.len() as f64)
     });
-    let (sum, count) = of_onsets.fold((0.0, 0.0), |(sum, count), (variance, steps)| (sum + variance * steps, count + steps));
+    let (sum, count) =
+        of_onsets.fold((0.0, 0.0), |(sum, count), (variance, steps)| (sum + variance * steps, count + steps));
     let onset_std_s = (sum / count).sqrt().max(least_onset_std_s);
     let stamp_std_s = weigh(&mut windows, batches, &rough, reference, row_s);
 
@@ -137,7 +143,9 @@ pub(super) fn fit(data: &Data<'_>, runs: &[Run], steps: &mut [Step], frame_s: f6
         .zip(rough)
         .collect::<Vec<_>>()
         .into_par_iter()
-        .map(|(steps, rough)| Fitted::from(&Problem { steps, onset_std_s, curvature, reference }, rough.at.parameters, LIMITS))
+        .map(|(steps, rough)| {
+            Fitted::from(&Problem { steps, onset_std_s, curvature, reference }, rough.at.parameters, LIMITS)
+        })
         .map(|fitted| fitted.filter(|fitted| fitted.converged))
         .collect::<Option<_>>()
         .ok_or_else(|| StepsError::NotConverged { record: data.name.into(), iterations: LIMITS.iterations })?;
@@ -220,8 +228,8 @@ impl Fitted {
     fn covariance(&self, problem: &Problem<'_>, correlation: &[f64]) -> Option<DMatrix<f64>> {
         let unit = scaled_inverse(&self.linearization.matrix, 0.0)?;
         let blocks = self.linearization.blocks.iter().zip(problem.steps);
-        let filling = blocks
-            .map(|(block, window)| block.tr_mul(&correlated(block, correlation, &window.stamp_variance)));
+        let filling =
+            blocks.map(|(block, window)| block.tr_mul(&correlated(block, correlation, &window.stamp_variance)));
         Some(&unit * problem.scattered(filling) * &unit)
     }
 }
@@ -340,7 +348,8 @@ fn weigh(windows: &mut [Window], batch: usize, rough: &[Fitted], reference: f64,
         for (k, (window, slope)) in steps.iter_mut().zip(&own).enumerate() {
             let (block, residuals) = (&fitted.linearization.blocks[k], &fitted.at.residuals[k]);
             let places: Vec<usize> = (0..block.ncols()).map(|local| Problem::place(k, local)).collect();
-            let local = unit.as_ref().map(|u| DMatrix::from_fn(places.len(), places.len(), |i, j| u[(places[i], places[j])]));
+            let local =
+                unit.as_ref().map(|u| DMatrix::from_fn(places.len(), places.len(), |i, j| u[(places[i], places[j])]));
             for row in 0..window.y.len() {
                 let weight = window.weight[row];
                 if weight == 0.0 {

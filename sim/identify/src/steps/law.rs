@@ -295,7 +295,10 @@ impl<'a> Bench<'a> {
             drag_share: if law == LagLaw::SpeedDependent { estimate(EXTRA) } else { Estimate::normal(0.0, 0.0) },
             log_down_over_up: if law == LagLaw::PerDirection { estimate(EXTRA) } else { Estimate::normal(0.0, 0.0) },
             // The rate's logarithm is minus that of the time constant.
-            up_with_ratio: covariance.as_ref().filter(|_| law == LagLaw::PerDirection).map_or(0.0, |c| -c[(RATE, EXTRA)]),
+            up_with_ratio: covariance
+                .as_ref()
+                .filter(|_| law == LagLaw::PerDirection)
+                .map_or(0.0, |c| -c[(RATE, EXTRA)]),
             reference: self.reference,
             fit_percent: self.percent(law, p, measured, used),
         };

@@ -3,9 +3,9 @@
 use serde::ser::SerializeStruct as _;
 use serde::{Serialize, Serializer};
 
+use super::TimeConstantCurve;
 use super::plateaus::{Direction, Plateau, SAME_LEVEL, State};
 use super::step::Step;
-use super::TimeConstantCurve;
 use crate::Estimate;
 use rotorlead_numerics::sample;
 

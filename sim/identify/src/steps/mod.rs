@@ -157,10 +157,11 @@ pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>)
     let plateaus: Vec<Plateau> = runs.iter().flat_map(|run| &run.plateaus).cloned().collect();
     let (levels, main_direction) = levels::levels(&plateaus, &steps, curve.as_ref());
 
-    let mut warnings = warnings::of_runs(record, output, &runs);
-    warnings.extend(warnings::of_steps(record, &runs, &steps));
-    warnings.extend(warnings::of_fit(&levels, &lag, curve.as_ref()));
+    // Those first that change the answer most.
+    let mut warnings = warnings::of_steps(record, &runs, &steps);
     warnings.extend(warnings::not_settled(record, &plateaus, curve.as_ref()));
+    warnings.extend(warnings::of_fit(&levels, &lag, curve.as_ref()));
+    warnings.extend(warnings::of_runs(record, output, &runs));
 
     let common = |plateau: &Plateau, _: Option<&StepLag>| {
         // A limit is no level of the motor, but all that is known there.

@@ -24,7 +24,8 @@ impl StaircaseFit {
         Ok(Model {
             format: 1,
             points,
-            static_map: Some(StaticMap { command, response, polynomial: None }),
+            static_map: Some(StaticMap { command: command.clone(), response, polynomial: None }),
+            time_constant_curve: self.curve.as_ref().map(|curve| curve.band(command.iter().copied())),
             effects: Vec::new(),
             provenance: Some(Provenance {
                 records: vec![self.record.clone()],

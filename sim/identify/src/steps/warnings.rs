@@ -1,4 +1,4 @@
-//! Which warnings a fit gives, those first that change the answer most.
+//! Which warnings a fit gives.
 
 use std::collections::BTreeMap;
 

@@ -1,7 +1,7 @@
 //! The lags that were identified.
 
 use rotorlead_identify::static_map::StaticMapFit;
-use rotorlead_identify::steps::{Branch, HeldOut, LawComparison, Level, StaircaseFit};
+use rotorlead_identify::steps::{Branch, HeldOut, LawComparison, Level, StaircaseFit, Step};
 use rotorlead_identify::{Estimate, Identification, Lags};
 use rotorlead_plant::{Model, Point};
 use rotorlead_records::Output;
@@ -41,36 +41,90 @@ pub fn identification_tables(identified: &Identification, output: Output) -> Vec
         Lags::Steps(fit) => levels(fit),
         Lags::Multisines(_) | Lags::Chirps(_) => lags(identified, output),
     }];
+    tables.extend(identified.lags.in_time().map(steps_table));
     tables.extend(identified.lags.in_frequency().and_then(distortion_table));
     tables.extend(identified.static_map.as_ref().map(|(_, fit)| coefficients(fit, output)));
     tables
 }
 
-/// The lag at each level, in both directions.
+/// The lag at each level: by the curve, and by the steps to it in both directions.
 fn levels(fit: &StaircaseFit) -> Table {
     let row = |level: &Level| {
+        let milliseconds = |tau: Option<f64>| Cell::optional(tau.map(|tau| 1e3 * tau), 1);
+        let interval = level.time_constant_s.map(|tau| tau.interval_of_logarithm(0.95));
         let branch = |branch: &Option<Branch>| {
             let tau = branch.and_then(|branch| branch.time_constant_s);
             let tau = tau.map_or_else(|| Cell::text("-"), |tau| estimate(tau.value, Some(tau.std), 1e3, 1));
             [tau, Cell::optional(branch.and_then(|branch| branch.fit_percent), 1)]
         };
-        let mut row = vec![Cell::number(level.command, 3), Cell::optional(level.gain.map(|gain| gain.value), 0)];
+        let mut row = vec![
+            Cell::number(level.command, 3),
+            Cell::optional(level.gain.map(|gain| gain.value), gain_decimals(fit.output)),
+            milliseconds(level.time_constant_s.map(|tau| tau.value)),
+            milliseconds(interval.map(|interval| interval.0)),
+            milliseconds(interval.map(|interval| interval.1)),
+        ];
         row.extend(branch(&level.up));
         row.extend(branch(&level.down));
         row
     };
     Table {
         name: "table_1".to_owned(),
-        caption: "Lag at each level".to_owned(),
+        caption: "Lag at each level: tau of small motions by the curve through all steps, with its 95 % band; tau of the steps \
+                  to this level"
+            .to_owned(),
         columns: vec![
             Column::new("u_nom", "level", "duty"),
             Column::new("gain", "gain", unit(fit.output)),
+            Column::new("time_constant_ms", "tau", "ms"),
+            Column::new("lower", "from", "ms"),
+            Column::new("upper", "to", "ms"),
             Column::new("time_constant_up_ms", "tau up", "ms"),
             Column::new("fit_up_percent", "fit", "%"),
             Column::new("time_constant_down_ms", "tau down", "ms"),
             Column::new("fit_down_percent", "fit", "%"),
         ],
         rows: fit.levels.iter().map(row).collect(),
+    }
+}
+
+/// Decimals of a gain: in newtons it is a few, in revolutions per minute thousands.
+fn gain_decimals(output: Output) -> usize {
+    if output == Output::Rpm { 0 } else { 3 }
+}
+
+/// Every step, with its lag or the reason why it has none.
+#[must_use]
+pub fn steps_table(fit: &StaircaseFit) -> Table {
+    let row = |step: &Step| {
+        let tau = step.time_constant_s();
+        let interval = tau.map(|tau| tau.interval_of_logarithm(0.95));
+        let milliseconds = |value: Option<f64>| Cell::optional(value.map(|value| 1e3 * value), 1);
+        vec![
+            Cell::number(step.at_s, 2),
+            Cell::number(step.from, 3),
+            Cell::number(step.to, 3),
+            milliseconds(tau.map(|tau| tau.value)),
+            milliseconds(interval.map(|interval| interval.0)),
+            milliseconds(interval.map(|interval| interval.1)),
+            milliseconds(tau.and(step.lag).map(|lag| lag.delay_s)),
+            Cell::text(step.fault.map(|fault| fault.to_string()).unwrap_or_default()),
+        ]
+    };
+    Table {
+        name: "steps".to_owned(),
+        caption: "Every step, with 95 % intervals that hold what single steps differ by".to_owned(),
+        columns: vec![
+            Column::new("time_s", "time", "s"),
+            Column::new("from", "from", "duty"),
+            Column::new("to", "to", "duty"),
+            Column::new("time_constant_ms", "tau", "ms"),
+            Column::new("lower", "lower", "ms"),
+            Column::new("upper", "upper", "ms"),
+            Column::new("delay_ms", "delay", "ms"),
+            Column::new("left_out", "left out because", ""),
+        ],
+        rows: fit.steps.iter().map(row).collect(),
     }
 }
 

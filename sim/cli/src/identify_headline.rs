@@ -1,0 +1,71 @@
+//! `rotorlead identify`: what came out, in one sentence.
+
+use rotorlead_identify::design::{DesignOptions, design};
+use rotorlead_identify::steps::{Direction, StaircaseFit};
+use rotorlead_identify::{Estimate, Identification, Lags};
+use rotorlead_numerics::sample::extent;
+use rotorlead_plant::Point;
+
+/// The time constants, the dead time, how well they explain the records, and whether a compensator may be built on them.
+pub fn headline(identified: &Identification) -> String {
+    let lag = match &identified.lags {
+        Lags::Steps(fit) => of_steps(fit),
+        Lags::Multisines(_) | Lags::Chirps(_) => of_points(&identified.model.points),
+    };
+    let usable = match design(&identified.model, &DesignOptions::default()) {
+        Ok(_) => "usable".to_owned(),
+        Err(refused) => format!("not usable for a compensator, because {refused}"),
+    };
+    format!("{lag}: {usable}")
+}
+
+/// The lag of the steps, averaged over those in one direction.
+fn of_steps(fit: &StaircaseFit) -> String {
+    let average = |(direction, way)| {
+        let tau = fit.curve.as_ref()?.average(direction)?;
+        let range = range_ms(tau.interval_of_logarithm(0.95));
+        Some((format!("{:.0} ms {way}", 1e3 * tau.value), range))
+    };
+    let known: Vec<(String, String)> =
+        [(Direction::Up, "up"), (Direction::Down, "down")].into_iter().filter_map(average).collect();
+    let lag = match &known[..] {
+        [] => "time constant unknown".to_owned(),
+        _ => {
+            let (lags, ranges): (Vec<String>, Vec<String>) = known.into_iter().unzip();
+            format!("{} (95 %: {})", lags.join(", "), ranges.join(" and "))
+        }
+    };
+    let delay = format!("dead time {:.0} ms ({})", 1e3 * fit.delay_s.value, range_ms(fit.delay_s.interval(0.95)));
+    format!("{lag}, {delay}, fit {:.1} % of a possible {:.1} %", fit.fit_percent, fit.ceiling_percent)
+}
+
+fn of_points(points: &[Point]) -> String {
+    let tau = |point: &Point| Estimate::normal(point.time_constant_s, point.time_constant_s_std.unwrap_or(f64::NAN));
+    let (low, high) = extent(&points.iter().map(|point| point.nominal).collect::<Vec<f64>>());
+    let delays: Vec<f64> = points.iter().map(|point| point.delay_s).collect();
+    let delay = match extent(&delays) {
+        (_, longest) if longest > 0.0 => format!("dead time up to {:.1} ms", 1e3 * longest),
+        _ => "no dead time".to_owned(),
+    };
+    let fits: Vec<f64> = points.iter().filter_map(|point| point.fit_frequency_percent).collect();
+    let fit = match extent(&fits) {
+        _ if fits.is_empty() => String::new(),
+        (worst, _) => format!(", fit {worst:.1} % in frequency or better"),
+    };
+    let at = if low < high { format!("at u_nom {low} to {high}") } else { format!("at u_nom {low}") };
+    format!("{} {at}, {delay}{fit}", of_range("time constants", points.iter().map(tau)))
+}
+
+/// One number or two, as the estimates go.
+fn of_range(what: &str, estimates: impl Iterator<Item = Estimate>) -> String {
+    let values: Vec<f64> = estimates.map(|estimate| 1e3 * estimate.value).collect();
+    match extent(&values) {
+        _ if values.is_empty() => format!("{what} unknown"),
+        (low, high) if format!("{low:.0}") == format!("{high:.0}") => format!("{what} of {low:.0} ms"),
+        (low, high) => format!("{what} of {low:.0} to {high:.0} ms"),
+    }
+}
+
+fn range_ms((low, high): (f64, f64)) -> String {
+    format!("{:.0} to {:.0}", 1e3 * low, 1e3 * high)
+}
