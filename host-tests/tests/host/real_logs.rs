@@ -73,7 +73,7 @@ fn check_model(it: &Identified) {
     for p in points {
         assert!(p.gain > 0.0 && p.delay_s >= 0.0, "{p:?}");
         assert!((0.015..0.09).contains(&p.time_constant_s), "{p:?}");
-        assert!(p.fit_step_percent.unwrap() > 75.0, "{p:?}");
+        assert!(p.fit_step_percent.is_none_or(|percent| percent > 75.0), "{p:?}");
     }
     let map = it.model.static_map.as_ref().unwrap();
     assert_eq!(map.command.len(), it.fit.levels.len());
@@ -116,9 +116,9 @@ fn rcbenchmark_log() {
     // Commands wait for the next of the stand's 20 ms frames: uniform, so 5.8 ms.
     assert!((0.005..0.008).contains(&fit.onset_std_s), "{}", fit.onset_std_s);
     assert!((33.0..37.0).contains(&median_tau_up_ms(fit)));
-    assert!((46.0..55.0).contains(&tau_ms(fit, 0.20, Direction::Up)));
+    assert!((40.0..55.0).contains(&tau_ms(fit, 0.20, Direction::Up)));
     for command in [0.3, 0.5, 0.7] {
-        assert!((32.0..38.0).contains(&tau_ms(fit, command, Direction::Down)));
+        assert!((36.0..47.0).contains(&tau_ms(fit, command, Direction::Down)));
     }
     // The erratic start before 16 s of the log, and the top step.
     let start_s = it.log.experiment.records[0].time_s[fit.runs[0].start] + 1.35;
@@ -126,9 +126,12 @@ fn rcbenchmark_log() {
     let falling = |w: &StepsWarning| matches!(w, StepsWarning::NotRising { command } if *command > 0.94);
     assert!(fit.warnings.iter().any(falling));
     assert!(fit.warnings.contains(&StepsWarning::Spikes { rows: 26, column: "rpm" }));
-    assert!(fit.curvature.value < -0.9, "{:?}", fit.curvature);
-    // Without 0.15, to which no step leads, and 0.80, whose one step came out twice as fast as its neighbors.
-    assert_eq!(it.model.points.len(), 14);
+    // Without 0.15, to which no step leads. The step to 0.80 came out twice as fast as its neighbors, and the curve does not
+    // follow it.
+    assert_eq!(it.model.points.len(), 15);
+    let at =
+        |command: f64| it.model.points.iter().find(|p| (p.nominal - command).abs() < 1e-6).unwrap().time_constant_s;
+    assert!(tau_ms(fit, 0.80, Direction::Up) < 22.0 && at(0.80) > 0.030);
     assert!(it.model.points.iter().all(|p| p.nominal < 0.91));
 }
 
@@ -152,7 +155,7 @@ fn esc32_log_f60() {
     assert!((57.0..68.0).contains(&tau_ms(fit, 0.25, Direction::Down)));
     assert!((30.0..34.5).contains(&tau_ms(fit, 0.25, Direction::Up)));
     assert!((47.0..54.0).contains(&tau_ms(fit, 0.50, Direction::Down)));
-    assert_eq!(it.model.points.len(), 17);
+    assert_eq!(it.model.points.len(), 18);
     assert!(it.model.points.iter().all(|p| p.nominal < 0.96), "full duty slows it down");
 }
 

@@ -47,9 +47,10 @@ const MOST_STEPS: usize = 96;
 const WINDOW: f64 = 8.0;
 /// Onsets in the first pass, in which they are nearly free, seconds.
 const FREE_ONSET_STD_S: f64 = 0.02;
-/// The least and the most that drag makes of the curvature.
-const CURVATURES: (f64, f64) = (0.0, 0.5);
-/// What is known of it beforehand: the middle, and a standard deviation that hardly holds it.
+/// The least and the most that drag makes of the curvature: `c R` is at most half the rate at the highest level, which is seldom
+/// more than twice the usual one.
+const CURVATURES: (f64, f64) = (0.0, 1.0);
+/// What is known of it beforehand: a motor's, and a standard deviation that hardly holds it.
 const CURVATURE_KNOWN: (f64, f64) = (0.25, 0.5);
 /// Standard deviation by which it is held to an end of its range.
 const CURVATURE_HELD_STD: f64 = 1e-4;
@@ -61,8 +62,8 @@ const MOVED: f64 = 3.0;
 pub(super) struct LagFit {
     pub(super) delay_s: Estimate,
     pub(super) curvature: Estimate,
-    /// The highest level, to which the curvature is relative, response units.
-    pub(super) reference: f64,
+    /// Curvature per unit of response and second of time constant: the bend over the time constant.
+    pub(super) bend_per_s: f64,
     /// Standard deviation of the onsets, seconds.
     pub(super) onset_std_s: f64,
     /// Standard deviation of time stamps, seconds.
@@ -100,6 +101,7 @@ pub(super) fn fit(data: &Data<'_>, runs: &[Run], steps: &mut [Step], frame_s: f6
     // Uniform within a row and within a frame.
     let least_onset_std_s = ((row_s * row_s + frame_s * frame_s) / 12.0).sqrt();
     let plateaus = || runs.iter().flat_map(|run| &run.plateaus);
+    let usual_s = rise_s;
     let reference = plateaus().map(|plateau| plateau.mean).fold(f64::MIN_POSITIVE, f64::max);
     let quantum = quantum(data, runs);
     let (after_gaps, _) = rows_after_gaps(data.time_s);
@@ -114,20 +116,20 @@ pub(super) fn fit(data: &Data<'_>, runs: &[Run], steps: &mut [Step], frame_s: f6
         .into_par_iter()
         .map(|steps| {
             first_pass(
-                &Problem { steps, onset_std_s: first_onset_std_s, curvature: CURVATURE_KNOWN, reference },
+                &Problem { steps, onset_std_s: first_onset_std_s, curvature: CURVATURE_KNOWN, reference, usual_s },
                 rise_s,
             )
         })
         .collect::<Option<_>>()
         .ok_or_else(|| StepsError::NotConverged { record: data.name.into(), iterations: 0 })?;
     let of_onsets = windows.chunks(batches).zip(&rough).map(|(steps, rough)| {
-        let problem = Problem { steps, onset_std_s: first_onset_std_s, curvature: CURVATURE_KNOWN, reference };
+        let problem = Problem { steps, onset_std_s: first_onset_std_s, curvature: CURVATURE_KNOWN, reference, usual_s };
         (onset_variance(&problem, rough), steps.len() as f64)
     });
     let (sum, count) =
         of_onsets.fold((0.0, 0.0), |(sum, count), (variance, steps)| (sum + variance * steps, count + steps));
     let onset_std_s = (sum / count).sqrt().max(least_onset_std_s);
-    let stamp_std_s = weigh(&mut windows, batches, &rough, reference, row_s);
+    let stamp_std_s = weigh(&mut windows, batches, &rough, (reference, usual_s), row_s);
 
     let curvature = {
         let of_batches: Vec<f64> = rough.iter().map(|fitted| fitted.at.parameters[CURVATURE]).collect();
@@ -144,7 +146,7 @@ pub(super) fn fit(data: &Data<'_>, runs: &[Run], steps: &mut [Step], frame_s: f6
         .collect::<Vec<_>>()
         .into_par_iter()
         .map(|(steps, rough)| {
-            Fitted::from(&Problem { steps, onset_std_s, curvature, reference }, rough.at.parameters, LIMITS)
+            Fitted::from(&Problem { steps, onset_std_s, curvature, reference, usual_s }, rough.at.parameters, LIMITS)
         })
         .map(|fitted| fitted.filter(|fitted| fitted.converged))
         .collect::<Option<_>>()
@@ -153,14 +155,17 @@ pub(super) fn fit(data: &Data<'_>, runs: &[Run], steps: &mut [Step], frame_s: f6
     let mut result = LagFit {
         delay_s: Estimate::normal(0.0, 0.0),
         curvature: Estimate::normal(0.0, 0.0),
-        reference,
+        bend_per_s: 0.0,
         onset_std_s,
         stamp_std_s,
         covariance: DMatrix::zeros(windows.len(), windows.len()),
     };
     let (mut delays, mut curvatures) = (Vec::new(), Vec::new());
-    for (batch, (problem, fitted)) in
-        windows.chunks(batches).map(|steps| Problem { steps, onset_std_s, curvature, reference }).zip(&fits).enumerate()
+    for (batch, (problem, fitted)) in windows
+        .chunks(batches)
+        .map(|steps| Problem { steps, onset_std_s, curvature, reference, usual_s })
+        .zip(&fits)
+        .enumerate()
     {
         let covariance = fitted.covariance(&problem, &correlation);
         let own: Vec<usize> = (batch * batches..windows.len()).take(batches).collect();
@@ -186,7 +191,11 @@ pub(super) fn fit(data: &Data<'_>, runs: &[Run], steps: &mut [Step], frame_s: f6
         }
     }
     result.delay_s = pooled(&delays);
-    result.curvature = pooled(&curvatures);
+    let curvature = pooled(&curvatures);
+    result.bend_per_s = curvature.value / reference / usual_s;
+    let taus = steps.iter().filter_map(|step| Some(step.lag?.time_constant_s.value));
+    let scale = median(taus).unwrap_or(usual_s) / usual_s;
+    result.curvature = Estimate::normal(scale * curvature.value, scale * curvature.std);
     Ok(result)
 }
 
@@ -336,13 +345,15 @@ fn onset_variance(problem: &Problem<'_>, rough: &Fitted) -> f64 {
 }
 
 /// Gives each row the standard deviation that a first fit suggests; the standard deviation of stamps.
-fn weigh(windows: &mut [Window], batch: usize, rough: &[Fitted], reference: f64, row_s: f64) -> f64 {
+fn weigh(windows: &mut [Window], batch: usize, rough: &[Fitted], units: (f64, f64), row_s: f64) -> f64 {
+    let (reference, usual_s) = units;
     let (mut excess, mut scale) = (0.0, 0.0);
     let mut slopes = Vec::with_capacity(windows.len());
     for (steps, fitted) in windows.chunks_mut(batch).zip(rough) {
         let unit = scaled_inverse(&fitted.linearization.matrix, 0.0);
         let own: Vec<Vec<f64>> = {
-            let problem = Problem { steps, onset_std_s: FREE_ONSET_STD_S, curvature: CURVATURE_KNOWN, reference };
+            let problem =
+                Problem { steps, onset_std_s: FREE_ONSET_STD_S, curvature: CURVATURE_KNOWN, reference, usual_s };
             (0..steps.len()).map(|k| problem.slope(k, &fitted.at.parameters, row_s)).collect()
         };
         for (k, (window, slope)) in steps.iter_mut().zip(&own).enumerate() {

@@ -96,8 +96,7 @@ pub struct StaircaseFit {
     /// level to level.
     pub stamp_std_s: f64,
     /// Curvature of the lag: how much faster a large step down starts than a first-order lag, relative to the ratio of the
-    /// excess to the highest level. 0 for a first-order lag, about 1/2 with drag; below 0 when something makes it
-    /// start more gently.
+    /// excess to the highest level, at the median time constant. 0 for a first-order lag, about 1/2 with drag.
     pub curvature: Estimate,
     /// `100 (1 - ||y - yhat|| / ||y - mean(y)||)` of the runs, each simulated from its first row on with one
     /// static map, one delay and the curve of time constants.
@@ -300,7 +299,7 @@ fn response_of(
                 curve.toward(at, plateau.direction.unwrap_or(Direction::Up)).value
             });
             let time_constant_s = of_curve.or(step.map(|step| step.time_constant_s.value)).unwrap_or(f64::NAN);
-            let bend = lag.curvature.value / lag.reference;
+            let bend = lag.bend_per_s * time_constant_s;
             Segment { from_s: time_s[plateau.rows.start], level, time_constant_s, delay_s, bend }
         })
         .collect();

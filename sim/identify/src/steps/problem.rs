@@ -46,8 +46,9 @@ pub(super) struct Problem<'a> {
     pub(super) onset_std_s: f64,
     /// What is known of the curvature beforehand: mean and standard deviation.
     pub(super) curvature: (f64, f64),
-    /// The highest level, response units.
+    /// The highest level, response units, and the usual time to 63 % of a step, seconds: the units of the curvature.
     pub(super) reference: f64,
+    pub(super) usual_s: f64,
 }
 
 /// The parameters and what they leave.
@@ -98,12 +99,13 @@ impl Problem<'_> {
     /// The same, so many seconds later than the rows.
     fn moved(&self, k: usize, p: &[f64], later_s: f64, out: &mut [f64]) -> bool {
         let step = &self.steps[k];
+        let time_constant_s = p[Self::time_constant(k)].exp();
         let segment = Segment {
             from_s: step.change_s,
             level: step.after * p[Self::level(k)],
-            time_constant_s: p[Self::time_constant(k)].exp(),
+            time_constant_s,
             delay_s: p[DELAY] + p[Self::onset(k)],
-            bend: p[CURVATURE] / self.reference,
+            bend: p[CURVATURE] / self.reference * time_constant_s / self.usual_s,
         };
         let excess = step.before * p[Self::level_before(k)] - segment.level;
         let mut ok = segment.delay_s.abs() < MAX_DELAY_S;

@@ -7,10 +7,9 @@
 //!
 //! `k = 0` is the first-order lag. A motor against the propeller's drag has
 //! `dw/dt = a u - b w - c w^2 - e`, which is this with `1/tau = b + 2 c W` and
-//! `k = c R tau`: 0 without drag, 1/2 with nothing but drag at the highest level. So `tau` is the time constant of small
+//! `k = c R tau`: 0 without drag, 1/2 with nothing but drag at the highest level, more below it. So `tau` is the time constant of small
 //! motions about `W`, the one a linear model needs, while a large step starts faster from above and
-//! slower from below. A negative `k` is no motor with drag: the response then starts more gently than
-//! an exponential, as behind a second lag or a slew limit. With `x = w - W` it is Bernoulli's equation and its solution is exact at any
+//! slower from below. With `x = w - W` it is Bernoulli's equation and its solution is exact at any
 //! time, so sampling, uneven or not, adds no error:
 //!
 //! `x(t) = x0 E / (1 + k x0/R (1 - E))`, `E = exp(-t/tau)`

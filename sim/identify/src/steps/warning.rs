@@ -203,14 +203,11 @@ impl fmt::Display for StepsWarning {
                 f,
                 "steps down take {ratio:.2} times as long as steps up; the model has the mean of the two rates"
             ),
-            Self::Curved { curvature, std } => {
-                let what = if *curvature < 0.0 {
-                    "start more gently than a first-order lag, as behind a second lag or a slew limit"
-                } else {
-                    "slow down as the rotor does, as drag makes them"
-                };
-                write!(f, "large steps {what} (curvature of the lag {curvature:.2}, standard error {std:.2})")
-            }
+            Self::Curved { curvature, std } => write!(
+                f,
+                "large steps slow down as the rotor does, as drag makes them (curvature of the lag {curvature:.2}, standard error \
+                 {std:.2}); time constants are those of small motions"
+            ),
             Self::NegativeDelay { delay_s } => write!(
                 f,
                 "the response begins {:.1} ms before its row says that the command changed: the log stamps commands late. The \

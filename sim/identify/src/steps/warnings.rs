@@ -14,6 +14,8 @@ use super::{LeftOut, Level, Run, StepsWarning, TimeConstantCurve};
 const ASYMMETRY_FACTOR: f64 = 1.2;
 /// So is a standard deviation between steps of this share.
 const SCATTER: f64 = 0.05;
+/// And a curvature from here on: it changes the middle of the largest step by 2 %.
+const LEAST_CURVATURE: f64 = 0.1;
 /// A level is as good as settled after this many time constants: e^-5, 0.7 %, is left.
 const SETTLED_TIME_CONSTANTS: f64 = 5.0;
 
@@ -120,7 +122,8 @@ pub(super) fn of_fit(levels: &[Level], lag: &LagFit, curve: Option<&TimeConstant
     let falls = |level: &&Level| level.gain.is_none();
     warnings.extend(levels.iter().filter(falls).map(|level| StepsWarning::NotRising { command: level.command }));
     let curvature = lag.curvature;
-    if curvature.excludes(0.0) {
+    // At an end of its range it is held there.
+    if curvature.value > LEAST_CURVATURE && curvature.excludes(0.0) {
         warnings.push(StepsWarning::Curved { curvature: curvature.value, std: curvature.std });
     }
     if lag.delay_s.value < 0.0 && lag.delay_s.excludes(0.0) {
