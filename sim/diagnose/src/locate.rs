@@ -269,6 +269,7 @@ pub(super) fn excitation_number(excitation: Excitation) -> f64 {
         Excitation::Staircase => 5.0,
         Excitation::Chirp => 6.0,
         Excitation::Free => 7.0,
+        Excitation::Steady => 8.0,
     }
 }
 

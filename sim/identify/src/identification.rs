@@ -274,7 +274,8 @@ fn left_out(experiment: &Experiment, fitted: Option<&Record>) -> Vec<Finding> {
     let others = experiment.records.iter().filter(|record| fitted.is_none_or(|fitted| fitted.file != record.file));
     let finding = |record: &Record| {
         let (what, levels) = match record.excitation {
-            Excitation::Multisine | Excitation::Square => return None,
+            // A table of steady points has no lag in it.
+            Excitation::Multisine | Excitation::Square | Excitation::Steady => return None,
             Excitation::Step => ("a step", "; its levels are in the static map"),
             Excitation::Staircase => ("a staircase", "; its levels are in the static map"),
             Excitation::Triangle => ("a triangle", ""),

@@ -59,14 +59,25 @@ pub enum Excitation {
     Staircase,
     /// A sine of changing frequency.
     Chirp,
+    /// A table of steady operating points, one in each row, in the order in which they were measured. Where the points have no
+    /// times they are numbered, so that a row's time says nothing of a lag.
+    Steady,
     /// Anything else.
     Free,
 }
 
 impl Excitation {
     /// Every one.
-    pub const ALL: [Self; 7] =
-        [Self::Multisine, Self::Square, Self::Triangle, Self::Step, Self::Staircase, Self::Chirp, Self::Free];
+    pub const ALL: [Self; 8] = [
+        Self::Multisine,
+        Self::Square,
+        Self::Triangle,
+        Self::Step,
+        Self::Staircase,
+        Self::Chirp,
+        Self::Steady,
+        Self::Free,
+    ];
 
     /// Whether it repeats, so that its record has a period.
     #[must_use]
@@ -84,6 +95,7 @@ impl Excitation {
             Self::Step => "step",
             Self::Staircase => "staircase",
             Self::Chirp => "chirp",
+            Self::Steady => "steady",
             Self::Free => "free",
         }
     }

@@ -38,11 +38,15 @@ pub fn of_record(experiment: &Experiment, record: &Record, is_force: bool) -> Ve
     let mut add = |topic, row, fault: &dyn Diagnostic| {
         found.push(Finding::new(Severity::Warning, topic, Some(&record.file), fault).at_row(row));
     };
-    let wrong_time = of_time(record, experiment.sample_rate_hz);
+    // Steady points are as far apart as it took to reach them.
+    let is_steady = record.excitation == Excitation::Steady;
+    let wrong_time = of_time(record, experiment.sample_rate_hz).filter(|_| !is_steady);
     if let Some(fault) = &wrong_time {
         add(Topic::TimeUnit, None, fault);
     }
-    sampling(record, wrong_time.is_none(), &mut add);
+    if !is_steady {
+        sampling(record, wrong_time.is_none(), &mut add);
+    }
     if record.is_constant() {
         add(Topic::Command, None, &IdentifyError::ConstantCommand { file: file() });
     }

@@ -41,7 +41,7 @@ impl Judge<'_> {
             Excitation::Square | Excitation::Triangle | Excitation::Step | Excitation::Chirp => {
                 self.around_nominal()?
             }
-            Excitation::Staircase | Excitation::Free => self.over_range()?,
+            Excitation::Staircase | Excitation::Steady | Excitation::Free => self.over_range()?,
         };
         Ok(RecordValidation {
             file: record.file.clone(),

@@ -148,7 +148,7 @@ fn place(part: &Location) -> String {
         Axis::Harmonics if low < 2.0 => "excited lines".to_owned(),
         Axis::Harmonics if low < 3.0 => "even lines".to_owned(),
         Axis::Harmonics => "odd lines".to_owned(),
-        Axis::Excitation => ["multisine", "square", "triangle", "step", "staircase", "chirp", "free"]
+        Axis::Excitation => ["multisine", "square", "triangle", "step", "staircase", "chirp", "free", "steady"]
             .get((low as usize).saturating_sub(1))
             .map_or_else(String::new, |name| (*name).to_owned()),
     };
