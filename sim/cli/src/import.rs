@@ -11,7 +11,7 @@ use rotorlead_identify::check::of_record;
 use rotorlead_records::import::{
     ColumnChoice, ColumnUse, Import as Taken, ImportError, ImportOptions, ImportSummary, LogFormat, import,
 };
-use rotorlead_records::{Excitation, Experiment};
+use rotorlead_records::{Excitation, Experiment, Output};
 use rotorlead_report::{Cell, Column, Table};
 use serde_json::json;
 
@@ -29,8 +29,11 @@ use super::progress;
 /// them were taken.
 ///
 /// The columns of a table are recognized by names that say quantity and unit, such as `time_ms`, `Throttle (%)`, `thrust [g]` or
-/// `rpm`; where they do not, --column says it. Nothing is guessed. What a table cannot say either is what drove the command:
-/// --excitation says that. Several logs of one kind of run are given at once, others are added with --append.
+/// `rpm`; where they do not, --column says it. One unit is guessed, and said to be: that of a command whose numbers can be DShot's
+/// alone. What a table cannot say either is what drove the command: --excitation says that. Several logs of one kind of run are
+/// given at once, others are added with --append.
+///
+/// A table of steady points, one in each row, becomes a record of the excitation `steady`: it gives a static map and no lag.
 #[derive(Args, Debug)]
 pub struct Import {
     /// The logs, each of which becomes a record
@@ -45,12 +48,20 @@ pub struct Import {
     /// What to call the experiment; unless given, the log's file name, and of several logs the folder's
     #[arg(long, conflicts_with = "append")]
     name: Option<String>,
-    /// What a column is: QUANTITY is time (UNIT s, ms, us or clock: hh:mm:ss), command (us, percent or duty), thrust (N, gf, kgf,
-    /// lbf or ozf), rpm (rpm, rev/s or rad/s), voltage (V, mV) or current (A, mA); as in --column time=t:ms. A minus before the
-    /// unit turns the sign: thrust=load:-gf. May be given once for each quantity
+    /// What a column is: QUANTITY is time (UNIT s, ms, us or clock: hh:mm:ss), command (us, percent, dshot or duty), thrust (N, gf,
+    /// kgf, lbf or ozf), rpm (rpm, rev/s or rad/s), voltage (V, mV) or current (A, mA); as in --column time=t:ms. A minus before
+    /// the unit turns the sign: thrust=load:-gf. Rows in which such a column is blank are left out. May be given once for each
+    /// quantity
     #[arg(long, value_name = "QUANTITY=HEADER:UNIT")]
     column: Vec<ColumnChoice>,
-    /// What drove the command; needed for a plain table, staircase for other logs unless given
+    /// Which of the two is the response, where a log has both; the summary says which it is and why
+    #[arg(long, value_name = "RESPONSE", value_parser = outputs())]
+    output: Option<Output>,
+    /// Subtract the mean thrust at rest, of the rows at zero command before the run or else after it
+    #[arg(long)]
+    tare: bool,
+    /// What drove the command; needed for a plain table, staircase for other logs unless given. `steady`: each row is a steady
+    /// point of its own, as in a table of averages
     #[arg(long, value_name = "KIND", value_parser = excitations())]
     excitation: Option<Excitation>,
     /// Period of a multisine, square or triangle, in seconds
@@ -129,6 +140,8 @@ impl Import {
             motor: self.motor.unwrap_or(default.motor),
             log: self.log,
             columns: self.column.clone(),
+            output: self.output,
+            tare: self.tare,
             seconds: self.seconds,
             excitation: self.excitation,
             period_s: self.period_s,
@@ -182,7 +195,7 @@ impl Import {
         if self.pulse_us.is_some() && !log.pulse_widths {
             return refuse("--pulse-us", "its command is a duty already, no pulse width");
         }
-        if !self.column.is_empty() && format != LogFormat::Plain {
+        if !self.column.is_empty() && !matches!(format, LogFormat::Plain | LogFormat::RcBenchmark) {
             return refuse("--column", "it is no table of text");
         }
         Ok(())
@@ -210,8 +223,8 @@ fn joined(logs: Vec<Taken>) -> miette::Result<(Experiment, Vec<ImportSummary>)> 
         };
         if experiment.output != whole.output {
             return Err(miette!(
-                help = "import them into different folders, or state with --column what is missing",
-                "`{}` and `{}` do not have the same response: one has thrust, the other rpm alone",
+                help = "choose one with --output, import them into different folders, or state with --column what is missing",
+                "`{}` and `{}` do not have the same response: it is the thrust of one and the rpm of the other",
                 summaries[0].file.display(),
                 summary.file.display()
             ));
@@ -301,6 +314,11 @@ fn seconds(text: &str) -> Result<(f64, f64), String> {
 /// [`fraction`] above zero.
 fn amplitude(text: &str) -> Result<f64, String> {
     fraction(text).ok().filter(|value| *value > 0.0).ok_or_else(|| String::from("a number above 0, up to 1, is needed"))
+}
+
+fn outputs() -> impl clap::builder::TypedValueParser<Value = Output> {
+    PossibleValuesParser::new(["thrust", "rpm"])
+        .map(|name| if name == "thrust" { Output::ThrustN } else { Output::Rpm })
 }
 
 fn excitations() -> impl clap::builder::TypedValueParser<Value = Excitation> {

@@ -7,8 +7,8 @@ use serde::Serialize;
 
 use super::Experiment;
 use super::manifest::{Entry, MANIFEST, Manifest, place};
-use super::write::csv_text;
-use crate::files::{FileError, Place, TextFile, TomlFile, to_toml, write_file};
+use super::write::csv_parts;
+use crate::files::{FileError, Place, TextFile, TomlFile, to_toml, write_file, write_file_parts};
 
 /// What is added to the text of `experiment.toml`.
 #[derive(Serialize)]
@@ -113,7 +113,7 @@ impl Experiment {
         }
         let write = || {
             for record in &self.records {
-                write_file(&folder.join(&record.file), csv_text(record).as_bytes())?;
+                write_file_parts(&folder.join(&record.file), csv_parts(record))?;
             }
             text.as_ref().map_or(Ok(()), |text| write_file(&path, text.as_bytes()))
         };

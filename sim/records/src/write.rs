@@ -10,6 +10,8 @@ use crate::files::{Fault, FileError, OutputFolder, Place, to_toml};
 
 /// Room for one number and its comma, bytes: the shortest text that reads back as the same number.
 const CELL: usize = 20;
+/// Rows whose text is in memory at a time.
+const PART_ROWS: usize = 1 << 14;
 
 impl Experiment {
     /// Writes the experiment as a new folder, which appears when it is complete.
@@ -40,7 +42,7 @@ impl Experiment {
         }
         folder.write(MANIFEST, to_toml(&manifest).as_bytes())?;
         for record in &self.records {
-            folder.write(&record.file, csv_text(record).as_bytes())?;
+            folder.write_parts(&record.file, csv_parts(record))?;
         }
         Ok(())
     }
@@ -89,22 +91,26 @@ impl Experiment {
     }
 }
 
-/// The CSV text of a record: names and numbers, none of which needs quotes.
-pub(super) fn csv_text(record: &Record) -> String {
+/// The CSV text of a record, in parts: names and numbers, none of which needs quotes.
+pub(super) fn csv_parts(record: &Record) -> impl Iterator<Item = String> {
     let columns: Vec<_> = Column::ALL.into_iter().filter_map(|column| Some((column, column.values(record)?))).collect();
     let names: Vec<_> = columns.iter().map(|(column, _)| column.name()).collect();
-    let mut text = String::with_capacity(record.time_s.len() * columns.len() * CELL);
-    text.push_str(&names.join(","));
-    text.push('\n');
-    let mut digits = ryu::Buffer::new();
-    for row in 0..record.time_s.len() {
-        for (index, (_, values)) in columns.iter().enumerate() {
-            if index > 0 {
-                text.push(',');
+    let header = format!("{}\n", names.join(","));
+    let rows = record.time_s.len();
+    let parts = (0..rows).step_by(PART_ROWS).map(move |first| {
+        let end = rows.min(first + PART_ROWS);
+        let mut text = String::with_capacity((end - first) * columns.len() * CELL);
+        let mut digits = ryu::Buffer::new();
+        for row in first..end {
+            for (index, (_, values)) in columns.iter().enumerate() {
+                if index > 0 {
+                    text.push(',');
+                }
+                text.push_str(digits.format(values[row]));
             }
-            text.push_str(digits.format(values[row]));
+            text.push('\n');
         }
-        text.push('\n');
-    }
-    text
+        text
+    });
+    std::iter::once(header).chain(parts)
 }

@@ -11,6 +11,7 @@ mod hum;
 mod import;
 mod import_blackbox;
 mod import_mat;
+mod import_odd;
 mod import_plain;
 mod import_ulog;
 mod importing;

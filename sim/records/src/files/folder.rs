@@ -1,14 +1,14 @@
 //! A folder that is complete or absent.
 
 use std::fs::{self, File};
-use std::io::{self, Write};
+use std::io;
 use std::path::{Component, Path, PathBuf};
 
 use tempfile::TempDir;
 
 use super::FileError;
 use super::interrupt::unless_interrupted;
-use super::write::{existing_parent, parent, sync_folder, temporary};
+use super::write::{existing_parent, parent, sync_folder, temporary, write_all};
 
 /// A folder under construction: built beside its destination, renamed to it by
 /// [`OutputFolder::commit`], removed when dropped before.
@@ -64,10 +64,18 @@ impl OutputFolder {
     /// When [`is_plain_name`] refuses the name, the folder has such a file already, or the
     /// operating system refuses.
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), FileError> {
+        self.write_parts(name, [bytes])
+    }
+
+    /// [`OutputFolder::write`] of a file that comes in parts, one after the other.
+    ///
+    /// # Errors
+    /// As for [`OutputFolder::write`].
+    pub fn write_parts<P: AsRef<[u8]>>(&self, name: &str, parts: impl IntoIterator<Item = P>) -> Result<(), FileError> {
         if !is_plain_name(name) {
             return Err(FileError::NotInside { name: name.to_owned(), folder: self.destination.clone() });
         }
-        write_through(&self.building().join(name), bytes).map_err(failed("write", &self.destination.join(name)))
+        write_through(&self.building().join(name), parts).map_err(failed("write", &self.destination.join(name)))
     }
 
     /// Renames the folder to its destination.
@@ -114,12 +122,12 @@ fn refuse_in_use(destination: &Path) -> Result<(), FileError> {
     }
 }
 
-fn write_through(path: &Path, bytes: &[u8]) -> io::Result<()> {
+fn write_through<P: AsRef<[u8]>>(path: &Path, parts: impl IntoIterator<Item = P>) -> io::Result<()> {
     let mut file = unless_interrupted(|| {
         fs::create_dir_all(parent(path))?;
         File::create_new(path)
     })?;
-    file.write_all(bytes)?;
+    write_all(&mut file, parts)?;
     file.sync_all()
 }
 

@@ -34,4 +34,4 @@ pub use folder::{OutputFolder, is_plain_name};
 pub use interrupt::remove_unfinished;
 pub use text::{TextFile, bytes_read};
 pub use toml_file::{TomlFile, to_toml, write_toml};
-pub use write::{check_writable, write_file};
+pub use write::{check_writable, write_file, write_file_parts};

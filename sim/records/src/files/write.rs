@@ -17,17 +17,25 @@ use super::interrupt::{make_unfinished, unless_interrupted};
 /// # Errors
 /// When `path` is a folder, its folder does not exist, or the operating system refuses.
 pub fn write_file(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
+    write_file_parts(path, [bytes])
+}
+
+/// [`write_file`] of a file that comes in parts, one after the other.
+///
+/// # Errors
+/// As for [`write_file`].
+pub fn write_file_parts<P: AsRef<[u8]>>(path: &Path, parts: impl IntoIterator<Item = P>) -> Result<(), FileError> {
     let failed = |source| FileError::Io { action: "write", path: path.to_owned(), source };
     match fs::metadata(path) {
         Ok(found) if found.is_dir() => Err(FileError::NotAFile { path: path.to_owned() }),
         Ok(found) if found.is_file() => {
             let target = fs::canonicalize(path).map_err(failed)?;
-            replace(&target, bytes).map_err(failed)
+            replace(&target, parts).map_err(failed)
         }
-        Ok(_) => fs::write(path, bytes).map_err(failed),
+        Ok(_) => File::create(path).and_then(|file| write_all(file, parts)).map_err(failed),
         Err(_) => {
             existing_parent(path)?;
-            replace(path, bytes).map_err(failed)
+            replace(path, parts).map_err(failed)
         }
     }
 }
@@ -51,9 +59,13 @@ pub fn check_writable(path: &Path) -> Result<(), FileError> {
     temporary(&target, 0o666, |builder| builder.tempfile_in(parent(&target))).map(drop).map_err(failed)
 }
 
-fn replace(target: &Path, bytes: &[u8]) -> io::Result<()> {
+pub(super) fn write_all<P: AsRef<[u8]>>(mut file: impl Write, parts: impl IntoIterator<Item = P>) -> io::Result<()> {
+    parts.into_iter().try_for_each(|part| file.write_all(part.as_ref()))
+}
+
+fn replace<P: AsRef<[u8]>>(target: &Path, parts: impl IntoIterator<Item = P>) -> io::Result<()> {
     let mut file = temporary(target, 0o666, |builder| builder.tempfile_in(parent(target)))?;
-    file.write_all(bytes)?;
+    write_all(&mut file, parts)?;
     file.as_file().sync_all()?;
     unless_interrupted(|| file.persist(target).map_err(|error| error.error))?;
     sync_folder(parent(target));

@@ -9,12 +9,12 @@
 use std::path::Path;
 
 use super::blackbox_frames::{Log, Rows};
+use super::quantity::DSHOT;
 use super::summary::{ColumnUse, DroppedRows};
 use super::vectors::{normalized, stamps_kept};
 use super::{ImportError, ImportOptions, ImportSummary, LogFormat, MIN_ROWS, Taken};
+use crate::{Excitation, Output};
 
-/// DSHOT numbers of no and of full throttle.
-const DSHOT: (f64, f64) = (48.0, 2047.0);
 /// Bit of `features` that says that motors turn both ways.
 const FEATURE_3D: i64 = 1 << 12;
 /// Volts in a unit of `vbatLatest`.
@@ -83,6 +83,8 @@ pub(super) fn take(file: &Path, bytes: &[u8], logs: &[&[u8]], options: &ImportOp
         ColumnUse { name: (*name).into(), taken_as: taken_as.map(String::from), note }
     };
     Ok(Taken {
+        output: Output::Rpm,
+        usual: Some(Excitation::Staircase),
         summary: ImportSummary {
             file: file.into(),
             format: LogFormat::Blackbox,

@@ -1,6 +1,6 @@
 //! What a log does not say of itself: the part of it that is one record, and what drove the command in it.
 
-use super::{DroppedRows, ImportError, ImportOptions, MIN_ROWS, Taken};
+use super::{DroppedRows, ImportError, ImportOptions, MIN_ROWS, MIN_STEADY_POINTS, Taken};
 use crate::Excitation;
 
 /// Commands are distinguished to this: a microsecond of a pulse width from 1000 to 2000.
@@ -31,7 +31,8 @@ impl Taken {
         if rows == 0 {
             return Ok(());
         }
-        if end - first < MIN_ROWS {
+        let least = if self.usual == Some(Excitation::Steady) { MIN_STEADY_POINTS } else { MIN_ROWS };
+        if end - first < least {
             let lasts_s = self.time_s.last().copied().unwrap_or(0.0);
             let file = self.summary.file.clone();
             return Err(ImportError::OutsideLog { file, from_s, to_s, rows: end - first, lasts_s });
@@ -50,12 +51,8 @@ impl Taken {
         Ok(())
     }
 
-    /// What the command is, as stated and as its rows say. `usual` is what drives logs of this format unless stated.
-    pub(super) fn described(
-        &self,
-        options: &ImportOptions,
-        usual: Option<Excitation>,
-    ) -> Result<Described, ImportError> {
+    /// What the command is, as stated and as its rows say.
+    pub(super) fn described(&self, options: &ImportOptions) -> Result<Described, ImportError> {
         let file = || self.summary.file.clone();
         let low = self.command.iter().copied().fold(f64::INFINITY, f64::min);
         let high = self.command.iter().copied().fold(0.0, f64::max);
@@ -63,7 +60,7 @@ impl Taken {
         if high <= low {
             return Err(ImportError::ConstantCommand { file: file(), command: high, rows: self.command.len() });
         }
-        let excitation = options.excitation.or(usual).ok_or_else(|| ImportError::NoExcitation { file: file() })?;
+        let excitation = options.excitation.or(self.usual).ok_or_else(|| ImportError::NoExcitation { file: file() })?;
         let period_s = options.period_s.filter(|_| excitation.is_periodic());
         let (found, how) = self.nominal(excitation, period_s, (low, high));
         let (nominal, how) = options.nominal.map_or((found, how), |nominal| (nominal, String::from("as stated")));

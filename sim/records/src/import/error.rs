@@ -18,18 +18,30 @@ pub enum ImportError {
         /// What the system said.
         source: std::io::Error,
     },
-    /// The file is not valid CSV or not UTF-8.
-    #[error("{}: not valid CSV", file.display())]
-    #[diagnostic(help("export the log again as comma-separated UTF-8 text"))]
-    Csv {
-        /// The log.
+    /// A folder is given for a log.
+    #[error("{}: it is a folder, and no log", file.display())]
+    #[diagnostic(help("give the logs in it, each by its name"))]
+    Folder {
+        /// The folder.
         file: PathBuf,
-        /// What the reader said, with the line.
-        source: csv::Error,
+    },
+    /// A file of another kind.
+    #[error("{}: {kind}, and no log", file.display())]
+    #[diagnostic(help("{remedy}"))]
+    NoLog {
+        /// The file.
+        file: PathBuf,
+        /// What it is.
+        kind: &'static str,
+        /// How a log comes of it.
+        remedy: &'static str,
     },
     /// Nothing but a header, or less.
     #[error("{}: {rows} usable row(s); at least {needed} are needed", file.display())]
-    #[diagnostic(help("check that the recording ran while the command was on"))]
+    #[diagnostic(help(
+        "check that the recording ran while the command was on; where each row is a steady point, say so with \
+         `--excitation steady`: four are enough"
+    ))]
     TooFewRows {
         /// The log.
         file: PathBuf,
@@ -84,6 +96,17 @@ pub enum ImportError {
         file: PathBuf,
         /// The start of its first line.
         header: String,
+    },
+    /// Bytes among the text that are none.
+    #[error("{}, line {line}: a null byte: the file is damaged, or a binary log that is not known", file.display())]
+    #[diagnostic(help(
+        "copy the file again, or export it as text; of binary logs MATLAB, ULog and blackbox are taken"
+    ))]
+    NotText {
+        /// The log.
+        file: PathBuf,
+        /// Line, from 1.
+        line: usize,
     },
     /// Text in another encoding.
     #[error("{}, line {line}: not UTF-8 text, nor a binary log that is known", file.display())]
@@ -159,8 +182,30 @@ pub enum ImportError {
         /// What is there.
         text: String,
     },
+    /// The header stands among the rows.
+    #[error("{}, line {line}: the header stands here once more", file.display())]
+    #[diagnostic(help("two logs are in one file: cut it there and import the parts one by one"))]
+    SecondHeader {
+        /// The log.
+        file: PathBuf,
+        /// Line, the first being 1.
+        line: u64,
+    },
+    /// A comma that may be a decimal mark or a separator of thousands.
+    #[error("{}, line {line}, column `{column}`: `{text}` may be a number of thousands or have a decimal comma", file.display())]
+    #[diagnostic(help("export the log with decimal points and without separators of thousands"))]
+    UnclearComma {
+        /// The log.
+        file: PathBuf,
+        /// Line, the header being 1.
+        line: u64,
+        /// The column.
+        column: String,
+        /// What is there.
+        text: String,
+    },
     /// A value is missing between rows that have it.
-    #[error("{}, line {line}, column `{column}`: empty, though rows before and after have a value", file.display())]
+    #[error("{}, line {line}, column `{column}`: {found}, though rows before and after have a value", file.display())]
     #[diagnostic(help("delete the row, or cut the log there and import the parts one by one"))]
     Blank {
         /// The log.
@@ -169,6 +214,101 @@ pub enum ImportError {
         line: u64,
         /// The column.
         column: String,
+        /// What is there.
+        found: String,
+    },
+    /// A column that is needed has hardly a number.
+    #[error("{}, line {line}, column `{column}`: empty, as in {blank} of {rows} rows", file.display())]
+    #[diagnostic(help(
+        "a column that is asked for, or that is the response, needs a number in more than half of the rows: choose another \
+         with --output or --column, or record it at the rate of the other columns"
+    ))]
+    MostlyBlank {
+        /// The log.
+        file: PathBuf,
+        /// The first line without a number, the header being 1.
+        line: u64,
+        /// The column.
+        column: String,
+        /// Rows without a number.
+        blank: usize,
+        /// Rows.
+        rows: usize,
+    },
+    /// The command is blank throughout.
+    #[error("{}, column `{column}`: empty in all {rows} rows, so the log does not have the command", file.display())]
+    #[diagnostic(help(
+        "record with the output switched on; where the command was logged apart, `rotorlead identify --align LOG` merges it with \
+         the response, whose experiment then needs no column `command`"
+    ))]
+    NoCommand {
+        /// The log.
+        file: PathBuf,
+        /// The column.
+        column: String,
+        /// Rows.
+        rows: usize,
+    },
+    /// A response is asked for that the log does not have.
+    #[error("{}: no column was taken as {output}, which is to be the response", file.display())]
+    #[diagnostic(help("name its column with --column, or choose the other response with --output"))]
+    NoSuchOutput {
+        /// The log.
+        file: PathBuf,
+        /// The column of the record.
+        output: &'static str,
+    },
+    /// There is no thrust at rest to take the zero from.
+    #[error("{}: --tare needs {needed}, and {problem}", file.display())]
+    #[diagnostic(help("leave --tare out, or record with the motor at rest for a second before the run"))]
+    NoRest {
+        /// The log.
+        file: PathBuf,
+        /// What the zero is taken from.
+        needed: &'static str,
+        /// What there is instead.
+        problem: String,
+    },
+    /// Times that are in another unit than was taken.
+    #[error(
+        "{}, column `{column}`: rows {interval_s} s apart that last {:.1} hours are no recording of a motor",
+        file.display(),
+        lasts_s / 3600.0
+    )]
+    #[diagnostic(help(
+        "its unit is another: state it, as in `--column time='{column}:ms'`; where each row is a steady point, say so with \
+         `--excitation steady`"
+    ))]
+    TimeUnit {
+        /// The log.
+        file: PathBuf,
+        /// The column of the times.
+        column: String,
+        /// The median interval, seconds.
+        interval_s: f64,
+        /// The last row, seconds.
+        lasts_s: f64,
+    },
+    /// A number that no motor of a multicopter reaches.
+    #[error("{}, line {line}, column `{column}`: `{value}` in {unit} is more than {most}, which cannot be", file.display())]
+    #[diagnostic(help(
+        "where its unit is another, state it with `{remedy}`; where the value is a glitch, delete the row"
+    ))]
+    Impossible {
+        /// The log.
+        file: PathBuf,
+        /// Line, the header being 1.
+        line: u64,
+        /// The column.
+        column: String,
+        /// What is there.
+        value: String,
+        /// The unit that it was taken in.
+        unit: &'static str,
+        /// What can be.
+        most: String,
+        /// The option that states another unit.
+        remedy: String,
     },
     /// A command outside the range that is normalized to 0..1.
     #[error("{}, line {line}, column `{column}`: {value} is outside {low}..{high}", file.display())]
@@ -205,7 +345,10 @@ pub enum ImportError {
     },
     /// Time runs backwards by more than rows can overtake each other.
     #[error("{}, line {line}, column `{column}`: time runs backwards by {by_s} s", file.display())]
-    #[diagnostic(help("this looks like two logs in one file: cut it there and import the parts one by one"))]
+    #[diagnostic(help(
+        "this looks like two logs in one file: cut it there and import the parts one by one; where each row is a steady point, \
+         say so with `--excitation steady`"
+    ))]
     TimeRunsBack {
         /// The log.
         file: PathBuf,

@@ -6,15 +6,19 @@
 //!   when it reads its port, several at a time, to the millisecond of its own clock. The rows are put
 //!   back on their grid, and rows that were lost on the way leave a gap.
 
+use std::borrow::Cow;
+use std::path::Path;
+
 use jiff::civil::DateTime;
 
 use super::stamps::{EvenGrid, even_grid};
 use super::summary::ColumnList;
-use super::table::{Column, Table};
+use super::table::{Reading, Table};
 use super::{DroppedRows, ImportError, ImportSummary, LogFormat, MIN_ROWS, Taken, Timing};
+use crate::{Excitation, Output};
 
-pub(super) const TIME: &str = "Timestamp";
-pub(super) const COMMAND: &str = "Duty";
+const TIME: &str = "Timestamp";
+const COMMAND: &str = "Duty";
 const SPEED: &str = "RPM";
 const VOLTAGE: &str = "Batt. Volts";
 const CURRENT: &str = "Amps";
@@ -22,56 +26,72 @@ const CURRENT: &str = "Amps";
 /// RMS distance from the grid, in intervals, beyond which the stamps say that the rows are not even.
 const MAX_RESIDUAL_INTERVALS: f64 = 5.0;
 
-pub(super) fn take(table: &Table) -> Result<Taken, ImportError> {
+/// The log, where its header is that of one.
+pub(super) fn table<'a>(file: &Path, text: &'a str) -> Option<Table<'a>> {
+    let (names, rows) = text.split_once('\n').unwrap_or((text, ""));
+    let header: Vec<String> = names.split(',').map(|name| name.trim().to_owned()).collect();
+    let has = |name: &str| header.iter().any(|column| column == name);
+    (has(TIME) && has(COMMAND)).then(|| Table::new(file, header, Cow::Borrowed(rows), b',', 1))
+}
+
+pub(super) fn take(table: &Table<'_>) -> Result<Taken, ImportError> {
     let mut columns = ColumnList::new(table);
-    let time = table.need(TIME)?;
-    let duty = table.need(COMMAND)?;
-    let speed = table.need(SPEED)?;
-    let rows: Vec<usize> = (0..table.rows.len()).collect();
-    if rows.len() < MIN_ROWS {
-        return Err(ImportError::TooFewRows { file: table.file.clone(), rows: rows.len(), needed: MIN_ROWS });
+    let need = |name: &str| {
+        table.find(name).ok_or_else(|| ImportError::MissingColumn { file: table.file.clone(), column: name.into() })
+    };
+    let (time, duty, speed) = (need(TIME)?, need(COMMAND)?, need(SPEED)?);
+    let (voltage, current) = (table.find(VOLTAGE), table.find(CURRENT));
+    let read: Vec<_> =
+        [Some(duty), Some(speed), voltage, current].into_iter().flatten().map(|c| (c, Reading::Decimal)).collect();
+    let mut numbers = table.numbers(&read)?.into_iter();
+    let mut values = || numbers.next().unwrap_or_default();
+    let (mut command, rpm) = (values(), values());
+    let rows = command.len();
+    if rows < MIN_ROWS {
+        return Err(ImportError::TooFewRows { file: table.file.clone(), rows, needed: MIN_ROWS });
     }
-    let grid = times(table, time, &rows)?;
-    let mut command = Vec::with_capacity(rows.len());
-    for &row in &rows {
-        let value = duty.required(row)?;
-        if !(0.0..=100.0).contains(&value) {
+    let grid = times(table, time)?;
+    for (column, values) in [(duty, &command), (speed, &rpm)] {
+        if let Some(blank) = values.iter().position(|value| value.is_nan()) {
+            return Err(table.blank(blank, column));
+        }
+    }
+    for (row, value) in command.iter_mut().enumerate() {
+        if !(0.0..=100.0).contains(value) {
             return Err(ImportError::OutOfRange {
                 file: table.file.clone(),
-                line: duty.line(row),
-                column: duty.name().into(),
-                value,
+                line: table.line(row),
+                column: COMMAND.into(),
+                value: *value,
                 low: 0.0,
                 high: 100.0,
             });
         }
-        command.push(value / 100.0);
+        *value /= 100.0;
     }
-    let rpm = rows.iter().map(|&row| speed.required(row)).collect::<Result<Vec<_>, _>>()?;
     columns.taken(time, "time_s", "put on an even grid, from the first row taken");
     columns.taken(duty, "command", "percent / 100");
     columns.taken(speed, "rpm", "as the ESC gives it");
-    let mut optional = |name: &str, taken_as: &str| -> Result<Option<Vec<f64>>, ImportError> {
-        let Some(column) = table.find(name) else {
-            return Ok(None);
-        };
-        let (values, filled) = column.where_filled(&rows)?;
-        match values {
-            Some(_) => columns.taken(column, taken_as, "as it stands"),
-            None => columns.left(column, format!("filled in {filled} of {} rows", rows.len())),
+    let mut optional = |column: Option<usize>, taken_as: &str| {
+        let (column, values) = (column?, numbers.next()?);
+        let filled = values.iter().filter(|value| !value.is_nan()).count();
+        if filled < rows {
+            columns.left(column, format!("filled in {filled} of {rows} rows"));
+            return None;
         }
-        Ok(values)
+        columns.taken(column, taken_as, "as it stands");
+        Some(values)
     };
-    let voltage_v = optional(VOLTAGE, "voltage_v")?;
-    let current_a = optional(CURRENT, "current_a")?;
+    let voltage_v = optional(voltage, "voltage_v");
+    let current_a = optional(current, "current_a");
 
     let rate_hz = grid.interval_s.recip();
     Ok(Taken {
         summary: ImportSummary {
             file: table.file.clone(),
             format: LogFormat::Esc32,
-            rows_read: table.rows.len(),
-            rows_taken: rows.len(),
+            rows_read: rows,
+            rows_taken: rows,
             columns: columns.into_vec(),
             dropped: Vec::<DroppedRows>::new(),
             timing: Timing {
@@ -93,6 +113,8 @@ pub(super) fn take(table: &Table) -> Result<Taken, ImportError> {
         },
         // A gap ends evenness: then the times speak, not a rate.
         sample_rate_hz: (grid.rows_missing == 0).then_some(rate_hz),
+        output: Output::Rpm,
+        usual: Some(Excitation::Staircase),
         time_s: grid.time_s,
         command,
         thrust_n: None,
@@ -103,31 +125,24 @@ pub(super) fn take(table: &Table) -> Result<Taken, ImportError> {
 }
 
 /// The rows' times on their grid.
-fn times(table: &Table, time: Column<'_>, rows: &[usize]) -> Result<EvenGrid, ImportError> {
-    let mut stamps: Vec<f64> = Vec::with_capacity(rows.len());
+fn times(table: &Table<'_>, column: usize) -> Result<EvenGrid, ImportError> {
+    let mut stamps: Vec<f64> = Vec::new();
     let mut first = None;
-    for &row in rows {
-        let text = time.text(row);
-        let (moment, fraction) = parse(text).ok_or_else(|| ImportError::TimeStamp {
-            file: table.file.clone(),
-            line: time.line(row),
-            column: time.name().into(),
-            text: text.into(),
-        })?;
+    table.each(|row| {
+        let (file, line, column, text) = (table.file.clone(), row.line, TIME.into(), row.text(column));
+        let Some((moment, fraction)) = parse(text) else {
+            return Err(ImportError::TimeStamp { file, line, column, text: text.into() });
+        };
         let origin = *first.get_or_insert(moment);
         let stamp = moment.duration_since(origin).as_secs_f64() + fraction;
         if let Some(&before) = stamps.last()
             && stamp < before
         {
-            return Err(ImportError::TimeRunsBack {
-                file: table.file.clone(),
-                line: time.line(row),
-                column: time.name().into(),
-                by_s: before - stamp,
-            });
+            return Err(ImportError::TimeRunsBack { file, line, column, by_s: before - stamp });
         }
         stamps.push(stamp);
-    }
+        Ok(())
+    })?;
     let grid = even_grid(&stamps);
     let bound = MAX_RESIDUAL_INTERVALS * grid.interval_s;
     if !(grid.interval_s > 0.0 && grid.residual_rms_s <= bound) {

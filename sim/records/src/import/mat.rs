@@ -12,6 +12,7 @@ use super::quantity::{N_PER_GF, Quantity};
 use super::summary::{ColumnUse, DroppedRows};
 use super::vectors::{normalized, stamps_kept};
 use super::{ImportError, ImportOptions, ImportSummary, LogFormat, MIN_ROWS, Taken};
+use crate::{Excitation, Output};
 
 /// How a vector's numbers become those of the column.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -182,6 +183,8 @@ pub(super) fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result
         notes.push(String::from("thrust and speed are both there: the experiment's response is the thrust"));
     }
     Ok(Taken {
+        output: if thrust_n.is_some() { Output::ThrustN } else { Output::Rpm },
+        usual: Some(Excitation::Staircase),
         summary: ImportSummary {
             file: file.into(),
             format: LogFormat::Mat,

@@ -9,17 +9,19 @@ mod blackbox_frames;
 mod described;
 mod error;
 mod esc32;
+mod foreign;
 mod mat;
 mod mat5;
 mod plain;
 mod plain_columns;
 mod plain_layout;
+mod plain_response;
 mod quantity;
 mod rcbenchmark;
-mod rows;
 mod stamps;
 mod summary;
 mod table;
+mod tare;
 mod ulog;
 mod ulog_messages;
 mod vectors;
@@ -33,7 +35,6 @@ pub use summary::{ColumnUse, DroppedRows, ImportSummary, LogFormat, Timing};
 use super::{Excitation, Experiment, Output, Record};
 use described::Described;
 use plain_layout::PlainTable;
-use table::Table;
 
 /// What a log does not say of itself.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,11 +48,15 @@ pub struct ImportOptions {
     pub motor: usize,
     /// Which log to take of a file that has several, from 1; the longest where absent.
     pub log: Option<usize>,
-    /// Which column of a plain table is what, where its names do not say it; at most one for a quantity.
+    /// Which column of a table is what, where its names do not say it; at most one for a quantity.
     pub columns: Vec<ColumnChoice>,
     /// The part to take, in seconds from the first row: from the first of the two on, and before the second.
     pub seconds: Option<(f64, f64)>,
-    /// What drove the command. A plain table needs it; other logs are staircases where absent.
+    /// Which column is the response, where the log has both.
+    pub output: Option<Output>,
+    /// Whether the mean thrust of the motor at rest is subtracted: a stand that was not set to zero.
+    pub tare: bool,
+    /// What drove the command. A plain table needs it, unless its rows are steady points; other logs are staircases where absent.
     pub excitation: Option<Excitation>,
     /// The period of an excitation that has one, seconds.
     pub period_s: Option<f64>,
@@ -69,6 +74,8 @@ impl Default for ImportOptions {
             motor: 1,
             log: None,
             columns: Vec::new(),
+            output: None,
+            tare: false,
             seconds: None,
             excitation: None,
             period_s: None,
@@ -89,13 +96,22 @@ pub struct Import {
 
 /// Rows under which a log is no recording.
 const MIN_ROWS: usize = 100;
+/// Steady points under which there is no static map: a curve of three coefficients goes through any three.
+const MIN_STEADY_POINTS: usize = 4;
+/// Rows further apart are of another unit of time, or of no recording of a motor, seconds.
+const LONGEST_INTERVAL_S: f64 = 10.0;
+/// A recording that lasts longer is in another unit of time: a day, seconds.
+const LONGEST_RECORD_S: f64 = 86_400.0;
 
 /// Takes a log whose format is recognized by its content.
 ///
 /// # Errors
 /// [`ImportError`]: unreadable file, unknown format, missing or unclear column, text in a number column, command
-/// outside its range or constant, time that runs backwards, too few rows, a damaged binary file.
+/// outside its range or constant, time that runs backwards, too few rows, numbers that cannot be, a damaged binary file.
 pub fn import(file: &Path, options: &ImportOptions) -> Result<Import, ImportError> {
+    if file.is_dir() {
+        return Err(ImportError::Folder { file: file.into() });
+    }
     let bytes = std::fs::read(file).map_err(|source| ImportError::Read { file: file.into(), source })?;
     import_bytes(file, &bytes, options)
 }
@@ -119,23 +135,26 @@ pub fn import_bytes(file: &Path, bytes: &[u8], options: &ImportOptions) -> Resul
         Some(mat5::Header::Hdf5) => return Err(ImportError::Hdf5 { file: file.into() }),
         None if ulog_messages::is_ulog(bytes) => ulog::take(file, bytes, options)?,
         None => match &blackbox_frames::logs(bytes)[..] {
-            [] => take_table(file, bytes, options)?,
+            [] => {
+                foreign::refuse(file, bytes)?;
+                let (text, is_utf16) = foreign::text(file, bytes)?;
+                let mut taken = take_text(file, &text, options)?;
+                if is_utf16 {
+                    taken.summary.notes.push(String::from("the log is UTF-16 text, and was read as such"));
+                }
+                taken
+            }
             logs => blackbox::take(file, bytes, logs, options)?,
         },
     };
     taken.into_import(file, options)
 }
 
-/// Takes a log of text, whose format is recognized by its header. A table whose columns are stated is a plain one.
-fn take_table(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, ImportError> {
-    let header = Table::parse_header(file, bytes).unwrap_or_default();
-    let has = |names: [&str; 2]| names.iter().all(|name| header.iter().any(|column| column == name));
-    if options.columns.is_empty() && has([esc32::TIME, esc32::COMMAND]) {
-        esc32::take(&Table::parse(file, bytes)?)
-    } else if options.columns.is_empty() && has([rcbenchmark::TIME, rcbenchmark::COMMAND]) {
-        rcbenchmark::take(&Table::parse(file, bytes)?, options)
-    } else {
-        plain::take(PlainTable::parse(file, bytes)?, options)
+/// Takes a log of text, whose format is recognized by its header. An ESC's log whose columns are stated is a table like any other.
+fn take_text(file: &Path, text: &str, options: &ImportOptions) -> Result<Taken, ImportError> {
+    match esc32::table(file, text).filter(|_| options.columns.is_empty()) {
+        Some(table) => esc32::take(&table),
+        None => plain::take_table(PlainTable::parse(file, text)?, options),
     }
 }
 
@@ -143,24 +162,28 @@ fn take_table(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Take
 struct Taken {
     time_s: Vec<f64>,
     command: Vec<f64>,
-    /// Thrust; the response where there is one.
     thrust_n: Option<Vec<f64>>,
     rpm: Option<Vec<f64>>,
     voltage_v: Option<Vec<f64>>,
     current_a: Option<Vec<f64>>,
     /// Rows per second where evenly spaced without a gap.
     sample_rate_hz: Option<f64>,
+    /// Which of the two is the response.
+    output: Output,
+    /// What drives logs of this kind, unless stated.
+    usual: Option<Excitation>,
     summary: ImportSummary,
 }
 
 impl Taken {
     fn into_import(mut self, file: &Path, options: &ImportOptions) -> Result<Import, ImportError> {
         self.cut(options)?;
+        self.check_response(options)?;
+        self.tare(options)?;
         let stem = file.file_stem().map_or_else(|| "log".into(), |s| s.to_string_lossy().into_owned());
-        let usual = (self.summary.format != LogFormat::Plain).then_some(Excitation::Staircase);
-        let Described { excitation, period_s, nominal, amplitude, note } = self.described(options, usual)?;
+        let Described { excitation, period_s, nominal, amplitude, note } = self.described(options)?;
+        self.check_times(excitation)?;
         self.summary.notes.extend(note);
-        let output = if self.thrust_n.is_some() { Output::ThrustN } else { Output::Rpm };
         let record = Record {
             file: record_file(&stem, options),
             nominal,
@@ -181,7 +204,7 @@ impl Taken {
         Ok(Import {
             experiment: Experiment {
                 name: options.name.clone().unwrap_or(stem),
-                output,
+                output: self.output,
                 sample_rate_hz: self.sample_rate_hz,
                 esc_frame_hz: None,
                 command_rate_hz: None,
@@ -189,6 +212,34 @@ impl Taken {
             },
             summary: self.summary,
         })
+    }
+}
+
+impl Taken {
+    /// Makes the response what is asked for, which has to be there.
+    fn check_response(&mut self, options: &ImportOptions) -> Result<(), ImportError> {
+        self.output = options.output.unwrap_or(self.output);
+        let response = match self.output {
+            Output::ThrustN => &self.thrust_n,
+            Output::Rpm => &self.rpm,
+        };
+        if response.is_none() {
+            let (file, output) = (self.summary.file.clone(), self.output.column());
+            return Err(ImportError::NoSuchOutput { file, output });
+        }
+        Ok(())
+    }
+
+    /// Refuses rows so far apart that their times are in another unit. Steady points are as far apart as it took to reach them.
+    fn check_times(&self, excitation: Excitation) -> Result<(), ImportError> {
+        let (interval_s, _) = stamps::typical_and_longest(&self.time_s);
+        let lasts_s = self.time_s.last().copied().unwrap_or(0.0);
+        if excitation == Excitation::Steady || (interval_s <= LONGEST_INTERVAL_S && lasts_s <= LONGEST_RECORD_S) {
+            return Ok(());
+        }
+        let taken_as_time = |column: &&ColumnUse| column.taken_as.as_deref() == Some("time_s");
+        let column = self.summary.columns.iter().find(taken_as_time).map_or("time", |column| column.name.as_str());
+        Err(ImportError::TimeUnit { file: self.summary.file.clone(), column: column.into(), interval_s, lasts_s })
     }
 }
 

@@ -1,101 +1,165 @@
-//! Plain tables: any logger's rows of numbers, with or without lines above them, separated by commas, semicolons or tabs.
+//! Tables: any logger's rows of numbers, with or without lines above them, separated by commas, semicolons or tabs.
 //!
-//! `plain_layout` finds the table, `plain_columns` says which column is what. Stamps are kept as they are, from the first row
-//! taken; a row with the stamp of the row before it is left out.
+//! `plain_layout` finds the table, `plain_columns` says which column is what, `plain_response` which of thrust and speed is the
+//! response. Stamps are kept as they are, from the first row taken; a row with the stamp of the row before it is left out.
 
-use super::plain_columns::{Pick, Picks, option};
+use std::mem::take;
+
+use rotorlead_numerics::sample::median;
+
+use super::plain_columns::{Pick, Picks, is_electrical, option, other_speed};
 use super::plain_layout::PlainTable;
-use super::quantity::{Quantity, Scale, Unit};
-use super::rows::{normalized, rows_under_command};
+use super::plain_response::{Columns, Decision};
+use super::quantity::{DSHOT, Quantity, Scale, Unit};
+use super::rcbenchmark::{self, MAX_OVERTAKING_S};
 use super::stamps::typical_and_longest;
 use super::summary::ColumnList;
-use super::table::{Column, Table};
-use super::{DroppedRows, ImportError, ImportOptions, ImportSummary, LogFormat, MIN_ROWS, Taken, Timing};
+use super::table::Table;
+use super::{
+    DroppedRows, ImportError, ImportOptions, ImportSummary, LogFormat, MIN_ROWS, MIN_STEADY_POINTS, Taken, Timing,
+};
+use crate::{Excitation, Output};
 
 /// Seconds of a day.
 const DAY_S: f64 = 86_400.0;
 /// Share of thrust readings below zero from which on the sign is mentioned.
 const MOSTLY: f64 = 0.5;
+/// Rows further apart than this are slower than the lag of any motor of a multicopter, seconds.
+const SLOWER_THAN_A_LAG_S: f64 = 0.5;
+/// A logger's rows are more than a table of steady points has.
+const MOST_STEADY_POINTS: usize = 1000;
+/// Share of rows whose command is another than in the row before, from which on each row is a point of its own.
+const NEARLY_ALL: f64 = 0.9;
+/// Share of the greatest speed by which two sensors of it may differ.
+const OTHER_SPEED: f64 = 0.05;
+/// A rotor of a multicopter does not turn faster, revolutions per minute.
+const MOST_RPM: f64 = 200_000.0;
+/// No such rotor pulls more, newtons.
+const MOST_N: f64 = 10_000.0;
 
-pub(super) fn take(mut plain: PlainTable, options: &ImportOptions) -> Result<Taken, ImportError> {
-    let mut notes = std::mem::take(&mut plain.notes);
-    let mut columns = ColumnList::new(&plain.table);
-    let places: Vec<usize> =
-        Picks::of(&plain, &options.columns, &mut columns)?.all().map(|pick| pick.column.index()).collect();
-    if places.iter().any(|place| holds(&plain.table, *place, ',')) && plain.separator != b',' {
-        plain.table.decimal_comma = !places.iter().any(|place| holds(&plain.table, *place, '.'));
-        if plain.table.decimal_comma {
-            notes.push(String::from("a comma in a number is its decimal mark: there is no point in any"));
-        }
-    }
+pub(super) fn take_table(mut plain: PlainTable<'_>, options: &ImportOptions) -> Result<Taken, ImportError> {
+    let is_stand = rcbenchmark::is_header(&plain.table.header);
+    let mut notes = take(&mut plain.notes);
+    let mut list = ColumnList::new(&plain.table);
+    let needs_time = options.excitation != Some(Excitation::Steady);
+    let picks = Picks::of(&plain, &options.columns, needs_time, &mut list)?;
+    let places: Vec<usize> = picks.all().map(|pick| pick.column).collect();
+    notes.extend(plain.table.settle_commas(&places)?.map(String::from));
     let table = &plain.table;
-    let picks = Picks::of(&plain, &options.columns, &mut columns)?;
 
-    let mut dropped = Vec::new();
-    let rows = rows_under_command(table, picks.command.column, &mut dropped)?;
-    let (rows, time_s) = times(table, picks.time, rows, &mut dropped)?;
-    if rows.len() < MIN_ROWS {
-        return Err(ImportError::TooFewRows { file: table.file.clone(), rows: rows.len(), needed: MIN_ROWS });
-    }
-    columns.taken(
-        picks.time.column,
-        Quantity::Time.column(),
-        format!("{}, from the first row taken", picks.time.unit.name),
-    );
-
-    let signal = picks.command.column;
-    let is_pulse = picks.command.unit.scale == Scale::Pulse;
-    let (low, high) = match picks.command.unit.scale {
-        Scale::Pulse => options.esc_signal_us,
-        Scale::Ratio(times, over) => (0.0, over / times),
-        // Of a time alone.
-        Scale::Clock => (0.0, 1.0),
+    let read: Vec<_> = picks.all().map(|pick| (pick.column, pick.reading())).collect();
+    let mut numbers = table.numbers(&read)?.into_iter();
+    let mut values = |pick: Option<Pick>| pick.and_then(|_| numbers.next());
+    let mut rows = Rows {
+        table,
+        first: 0,
+        time: values(picks.time).unwrap_or_default(),
+        command: values(Some(picks.command)).unwrap_or_default(),
+        thrust: values(picks.thrust),
+        speed: values(picks.speed),
+        voltage: values(picks.voltage),
+        current: values(picks.current),
+        dropped: Vec::new(),
+        reordered: 0,
     };
-    let command = normalized(table, signal, &rows, (low, high))?;
-    let stated = if is_pulse { " µs become 0..1, stated and not measured" } else { " become 0..1" };
-    columns.taken(signal, Quantity::Command.column(), format!("{low}..{high}{stated}"));
-
-    let mut optional = |pick: Option<Pick<'_>>| -> Result<Option<Vec<f64>>, ImportError> {
-        let Some(pick) = pick else { return Ok(None) };
-        let (values, filled) = pick.column.where_filled(&rows)?;
-        match values {
-            Some(_) => columns.taken(pick.column, pick.unit.quantity.column(), conversion(pick)),
-            None => columns.left(pick.column, format!("filled in {filled} of {} rows", rows.len())),
-        }
-        let Some(mut values) = values else { return Ok(None) };
-        for (value, &row) in values.iter_mut().zip(&rows) {
-            *value = finite(table, pick, row, converted(pick, *value))?;
-        }
-        Ok(Some(values))
-    };
-    let thrust_n = optional(picks.thrust)?;
-    let rpm = optional(picks.speed)?;
-    let voltage_v = optional(picks.voltage)?;
-    let current_a = optional(picks.current)?;
-    if thrust_n.is_none() && rpm.is_none() {
-        // One of the two is there, and has a hole.
-        for pick in [picks.thrust, picks.speed].into_iter().flatten() {
-            rows.iter().try_for_each(|&row| pick.column.required(row).map(drop))?;
-        }
+    let rows_read = rows.command.len();
+    rows.cut_to_the_command(picks.command)?;
+    let command_note = rows.normalize_command(picks.command, options, &mut notes)?;
+    for (pick, values) in [
+        (picks.thrust, &mut rows.thrust),
+        (picks.speed, &mut rows.speed),
+        (picks.voltage, &mut rows.voltage),
+        (picks.current, &mut rows.current),
+    ] {
+        convert(table, rows.first, pick, values)?;
     }
+
+    let is_steady = rows.find_times(picks.time, is_stand, options, &mut notes)?;
+    let columns = Columns {
+        table,
+        first_row: rows.first,
+        thrust: picks.thrust.zip(rows.thrust.as_deref()),
+        speed: picks.speed.zip(rows.speed.as_deref()),
+        others: [(picks.voltage, &rows.voltage), (picks.current, &rows.current)]
+            .into_iter()
+            .filter_map(|(pick, values)| pick.zip(values.as_deref()))
+            .collect(),
+    };
+    let Decision { output, note, needed } = columns.decide(options.output, is_stand)?;
+    notes.extend(note);
+    rows.leave_out_blanks(&needed);
+    rows.leave_out_repeated();
+    let count = rows.command.len();
+    let least = if is_steady { MIN_STEADY_POINTS } else { MIN_ROWS };
+    if count < least {
+        return Err(ImportError::TooFewRows { file: table.file.clone(), rows: count, needed: least });
+    }
+
+    if let Some(time) = picks.time {
+        list.taken(time.column, Quantity::Time.column(), format!("{}, from the first row taken", time.unit.name));
+    }
+    list.taken(picks.command.column, Quantity::Command.column(), command_note);
+    let span = rows.time.last().copied().unwrap_or(0.0);
+    let mut complete = |pick: Option<Pick>, values: &mut Option<Vec<f64>>| {
+        let (Some(pick), Some(found)) = (pick, values.as_ref()) else { return None };
+        let filled = found.iter().filter(|value| !value.is_nan()).count();
+        let is_idle = pick.unit.quantity == Quantity::Speed
+            && output == Output::ThrustN
+            && !pick.is_stated
+            && found.iter().all(|value| *value == 0.0);
+        if filled == count && !is_idle {
+            list.taken(pick.column, pick.unit.quantity.column(), conversion(pick));
+            return values.take();
+        }
+        let mut why = format!("filled in {filled} of {count} rows ({:.1} Hz)", filled as f64 / span);
+        if is_idle {
+            why = String::from("zero in every row");
+        } else if matches!(pick.unit.quantity, Quantity::Thrust | Quantity::Speed) {
+            why += match 2 * filled > count {
+                true => format!(": `--output {}` takes it and leaves out the other rows", pick.unit.quantity.name()),
+                false => String::from(": too slow to show the lag"),
+            }
+            .as_str();
+        }
+        list.left(pick.column, why);
+        None
+    };
+    let thrust_n = complete(picks.thrust, &mut rows.thrust);
+    let rpm = complete(picks.speed, &mut rows.speed);
+    let voltage_v = complete(picks.voltage, &mut rows.voltage);
+    let current_a = complete(picks.current, &mut rows.current);
     if let (Some(pick), Some(thrust_n)) = (picks.thrust, &thrust_n) {
-        notes.extend(reversed(pick, thrust_n));
+        notes.extend(reversed(table, pick, thrust_n));
     }
-
+    if let (Some(name), true) = (picks.speed.map(|pick| &table.header[pick.column]), rpm.is_some())
+        && is_electrical(name)
+    {
+        notes.push(format!(
+            "speed is `{name}` as it stands, which is right for the rotor only if the number of poles was set in the stand's \
+             software"
+        ));
+        notes.extend(picks.speed.and_then(|pick| differing_speeds(&plain, pick)));
+    }
     Ok(Taken {
         summary: ImportSummary {
             file: table.file.clone(),
-            format: LogFormat::Plain,
-            rows_read: table.rows.len(),
-            rows_taken: rows.len(),
-            columns: columns.into_vec(),
-            dropped,
-            timing: timing(&time_s),
-            pulse_widths: is_pulse,
+            format: if is_stand { LogFormat::RcBenchmark } else { LogFormat::Plain },
+            rows_read,
+            rows_taken: count,
+            columns: list.into_vec(),
+            dropped: rows.dropped,
+            timing: timing(&rows.time, rows.reordered),
+            pulse_widths: picks.command.unit.scale == Scale::Pulse,
             notes,
         },
-        time_s,
-        command,
+        usual: match (is_steady, is_stand) {
+            (true, _) => Some(Excitation::Steady),
+            (false, true) => Some(Excitation::Staircase),
+            (false, false) => None,
+        },
+        output,
+        time_s: rows.time,
+        command: rows.command,
         thrust_n,
         rpm,
         voltage_v,
@@ -104,116 +168,333 @@ pub(super) fn take(mut plain: PlainTable, options: &ImportOptions) -> Result<Tak
     })
 }
 
-/// Whether a cell of the column at `place` has the character in it.
-fn holds(table: &Table, place: usize, mark: char) -> bool {
-    let column = Column::at(table, place);
-    (0..table.rows.len()).any(|row| column.text(row).contains(mark))
+/// The numbers of the rows that are still to be taken, NaN where there are none.
+struct Rows<'a> {
+    table: &'a Table<'a>,
+    /// Which row of the table the first one is.
+    first: usize,
+    time: Vec<f64>,
+    command: Vec<f64>,
+    thrust: Option<Vec<f64>>,
+    speed: Option<Vec<f64>>,
+    voltage: Option<Vec<f64>>,
+    current: Option<Vec<f64>>,
+    dropped: Vec<DroppedRows>,
+    reordered: usize,
 }
 
-/// The rows without those that repeat a stamp, and their times from the first.
-fn times(
-    table: &Table,
-    time: Pick<'_>,
-    rows: Vec<usize>,
-    dropped: &mut Vec<DroppedRows>,
-) -> Result<(Vec<usize>, Vec<f64>), ImportError> {
-    let mut kept: Vec<usize> = Vec::with_capacity(rows.len());
-    let mut stamps: Vec<f64> = Vec::with_capacity(rows.len());
-    let mut days_s = 0.0;
-    for &row in &rows {
-        let stamp = match time.unit.scale {
-            Scale::Clock => days_s + time.column.clock_s(row)?,
-            _ => time.column.required(row)?,
-        };
-        // A clock that runs back by more than half a day has passed midnight.
-        let is_past_midnight = |before: &&f64| time.unit.scale == Scale::Clock && **before - stamp > DAY_S / 2.0;
-        let stamp = match stamps.last().filter(is_past_midnight) {
-            Some(_) => {
-                days_s += DAY_S;
-                stamp + DAY_S
-            }
-            None => stamp,
-        };
-        match stamps.last() {
-            Some(&before) if stamp < before => {
-                return Err(ImportError::TimeRunsBack {
-                    file: table.file.clone(),
-                    line: time.column.line(row),
-                    column: time.column.name().into(),
-                    by_s: converted(time, before - stamp),
-                });
-            }
-            Some(&before) if stamp == before => {}
-            _ => {
-                stamps.push(stamp);
-                kept.push(row);
-            }
+impl Rows<'_> {
+    fn columns(&mut self) -> impl Iterator<Item = &mut Vec<f64>> {
+        let optional = [&mut self.thrust, &mut self.speed, &mut self.voltage, &mut self.current];
+        [&mut self.time, &mut self.command]
+            .into_iter()
+            .filter(|column| !column.is_empty())
+            .chain(optional.into_iter().flatten())
+    }
+
+    fn left_out(&mut self, rows: usize, reason: impl Into<String>) {
+        if rows > 0 {
+            self.dropped.push(DroppedRows { rows, reason: reason.into() });
         }
     }
-    if kept.len() < rows.len() {
-        let reason = String::from("same time stamp as the row before");
-        dropped.push(DroppedRows { rows: rows.len() - kept.len(), reason });
+
+    /// Keeps the rows from the first to the last that has a command; one without between them is an error.
+    fn cut_to_the_command(&mut self, command: Pick) -> Result<(), ImportError> {
+        let has = |value: &f64| !value.is_nan();
+        let Some(first) = self.command.iter().position(has) else {
+            let (file, column) = (self.table.file.clone(), self.table.header[command.column].clone());
+            return Err(ImportError::NoCommand { file, column, rows: self.command.len() });
+        };
+        let end = self.command.iter().rposition(has).map_or(first, |last| last + 1);
+        if let Some(blank) = self.command[first..end].iter().position(|value| value.is_nan()) {
+            return Err(self.table.blank(first + blank, command.column));
+        }
+        let after = self.command.len() - end;
+        self.left_out(first, "no command yet");
+        self.left_out(after, "no command any more");
+        for column in self.columns() {
+            column.truncate(end);
+            column.drain(..first);
+        }
+        self.first = first;
+        Ok(())
     }
-    let start = stamps.first().copied().unwrap_or(0.0);
-    let since_start =
-        stamps.iter().zip(&kept).map(|(stamp, row)| finite(table, time, *row, converted(time, stamp - start)));
-    let time_s = since_start.collect::<Result<Vec<f64>, _>>()?;
-    // Stamps that differ in their last digit may be the same in seconds.
-    match time_s.windows(2).position(|pair| pair[1] <= pair[0]) {
-        Some(at) => Err(ImportError::TimeRunsBack {
-            file: table.file.clone(),
-            line: time.column.line(kept[at + 1]),
-            column: time.column.name().into(),
-            by_s: 0.0,
-        }),
-        None => Ok((kept, time_s)),
+
+    /// Puts the command on 0..1 and says how.
+    fn normalize_command(
+        &mut self,
+        pick: Pick,
+        options: &ImportOptions,
+        notes: &mut Vec<String>,
+    ) -> Result<String, ImportError> {
+        let (low, high) = match pick.unit.scale {
+            Scale::Pulse => options.esc_signal_us,
+            Scale::Dshot => (0.0, DSHOT.1),
+            Scale::Ratio(times, over) => (0.0, over / times),
+            // Of a time alone.
+            Scale::Clock => (0.0, 1.0),
+        };
+        if let Some(at) = self.command.iter().position(|value| !(low..=high).contains(value)) {
+            return Err(ImportError::OutOfRange {
+                file: self.table.file.clone(),
+                line: self.table.line(self.first + at),
+                column: self.table.header[pick.column].clone(),
+                value: self.command[at],
+                low,
+                high,
+            });
+        }
+        if pick.unit.scale != Scale::Dshot {
+            self.command.iter_mut().for_each(|value| *value = (*value - low) / (high - low));
+            let stated = if pick.unit.scale == Scale::Pulse {
+                " µs become 0..1, stated and not measured"
+            } else {
+                " become 0..1"
+            };
+            return Ok(format!("{low}..{high}{stated}"));
+        }
+        let (low, high) = DSHOT;
+        let orders = self.command.iter().filter(|value| **value > 0.0 && **value < low).count();
+        if orders > 0 {
+            notes.push(format!(
+                "{orders} rows have a DShot number from 1 to 47: an order to the ESC, which is given while the motor stands; taken \
+                 as stop"
+            ));
+        }
+        self.command.iter_mut().for_each(|value| *value = ((*value - low) / (high - low)).max(0.0));
+        let range = format!("DShot: {low}..{high} become 0..1, 0 is stop");
+        if !pick.is_guessed {
+            return Ok(range);
+        }
+        let name = &self.table.header[pick.column];
+        notes.push(format!(
+            "the unit of `{name}` is guessed: its numbers are whole, begin below those of pulse widths and end above those of \
+             percents, so that they are taken as DShot's. `{}` states another unit: us, percent or duty",
+            option(Quantity::Command, name, "UNIT")
+        ));
+        Ok(format!("{range}; guessed"))
+    }
+
+    /// Makes seconds from the first row of the stamps, in their order, and finds out whether each row is a steady point, whose
+    /// stamps may be anything.
+    fn find_times(
+        &mut self,
+        pick: Option<Pick>,
+        is_stand: bool,
+        options: &ImportOptions,
+        notes: &mut Vec<String>,
+    ) -> Result<bool, ImportError> {
+        let is_stated = options.excitation == Some(Excitation::Steady);
+        let Some(pick) = pick else {
+            self.time = numbered(self.command.len());
+            notes.push(String::from("the table has no time: its points are numbered, one a second"));
+            return Ok(true);
+        };
+        if let Some(at) = self.time.iter().position(|stamp| stamp.is_nan()) {
+            return Err(self.table.blank(self.first + at, pick.column));
+        }
+        if pick.unit.scale == Scale::Clock {
+            go_on_behind_midnight(&mut self.time);
+        }
+        let start = self.time.first().copied().unwrap_or(0.0);
+        self.time.iter_mut().for_each(|stamp| *stamp = converted(pick, *stamp - start));
+        let is_shown = options.excitation.is_none() && self.are_points();
+        if !is_stated && !is_shown {
+            self.sort(pick, if is_stand { MAX_OVERTAKING_S } else { 0.0 })?;
+            return Ok(false);
+        }
+        let found = if is_shown { "the rows are slower than any lag, and each has another command: " } else { "" };
+        let increases = self.time.is_sorted_by(|a, b| a < b);
+        let numbering =
+            if increases { "" } else { ". Their times do not increase, so they are numbered, one a second" };
+        let other = if is_shown { ". `--excitation` says where they are anything else" } else { "" };
+        notes.push(format!(
+            "{found}{} steady points, which give a static map and no lag{numbering}{other}",
+            self.command.len()
+        ));
+        if !increases {
+            self.time = numbered(self.command.len());
+        }
+        Ok(true)
+    }
+
+    /// Whether rows are further apart than a lag lasts, and each of another command than the one before.
+    fn are_points(&self) -> bool {
+        let rows = self.command.len();
+        if !(MIN_STEADY_POINTS..=MOST_STEADY_POINTS).contains(&rows) {
+            return false;
+        }
+        let changes = self.command.windows(2).filter(|pair| pair[0] != pair[1]).count();
+        let interval = median(self.time.windows(2).map(|pair| (pair[1] - pair[0]).abs())).unwrap_or(0.0);
+        changes as f64 > NEARLY_ALL * (rows - 1) as f64 && interval > SLOWER_THAN_A_LAG_S
+    }
+
+    /// Sorts rows that overtake each other by no more than `most_s`; more is an error.
+    fn sort(&mut self, pick: Pick, most_s: f64) -> Result<(), ImportError> {
+        let mut latest = f64::NEG_INFINITY;
+        for (at, &time) in self.time.iter().enumerate() {
+            if latest - time > most_s {
+                return Err(ImportError::TimeRunsBack {
+                    file: self.table.file.clone(),
+                    line: self.table.line(self.first + at),
+                    column: self.table.header[pick.column].clone(),
+                    // To the nanosecond: digits beyond are those of the subtraction.
+                    by_s: ((latest - time) * 1e9).round() / 1e9,
+                });
+            }
+            self.reordered += usize::from(time < latest);
+            latest = latest.max(time);
+        }
+        if self.reordered > 0 {
+            let mut order: Vec<usize> = (0..self.time.len()).collect();
+            // Stable: equal stamps keep the log's order.
+            order.sort_by(|a, b| self.time[*a].total_cmp(&self.time[*b]));
+            for column in self.columns() {
+                *column = order.iter().map(|row| column[*row]).collect();
+            }
+            let start = self.time[0];
+            self.time.iter_mut().for_each(|time| *time -= start);
+        }
+        Ok(())
+    }
+
+    /// Leaves out the rows that are blank in one of the columns that are needed.
+    fn leave_out_blanks(&mut self, needed: &[Pick]) {
+        for pick in needed {
+            let values = match pick.unit.quantity {
+                Quantity::Thrust => &self.thrust,
+                Quantity::Speed => &self.speed,
+                Quantity::Voltage => &self.voltage,
+                _ => &self.current,
+            };
+            let keep: Vec<bool> = values.iter().flatten().map(|value| !value.is_nan()).collect();
+            let name = &self.table.header[pick.column];
+            self.retain(&keep, format!("`{name}` is blank"));
+        }
+    }
+
+    fn leave_out_repeated(&mut self) {
+        let differs = |row: usize| row == 0 || self.time[row] > self.time[row - 1];
+        let keep: Vec<bool> = (0..self.time.len()).map(differs).collect();
+        self.retain(&keep, "same time stamp as the row before");
+        // The first row may be one of those that were left out.
+        let start = self.time.first().copied().unwrap_or(0.0);
+        self.time.iter_mut().for_each(|time| *time -= start);
+    }
+
+    fn retain(&mut self, keep: &[bool], reason: impl Into<String>) {
+        let rows = keep.iter().filter(|keep| !**keep).count();
+        if rows == 0 {
+            return;
+        }
+        self.left_out(rows, reason);
+        for column in self.columns() {
+            let mut kept = keep.iter();
+            column.retain(|_| kept.next().copied().unwrap_or(true));
+        }
     }
 }
 
-fn timing(time_s: &[f64]) -> Timing {
+/// Times of points that have none.
+fn numbered(points: usize) -> Vec<f64> {
+    (0..points).map(|point| point as f64).collect()
+}
+
+/// Adds a day where a clock runs back by more than half of one.
+fn go_on_behind_midnight(stamps: &mut [f64]) {
+    let (mut days_s, mut before) = (0.0, f64::NEG_INFINITY);
+    for stamp in stamps {
+        if before - (*stamp + days_s) > DAY_S / 2.0 {
+            days_s += DAY_S;
+        }
+        *stamp += days_s;
+        before = *stamp;
+    }
+}
+
+fn timing(time_s: &[f64], reordered: usize) -> Timing {
     let (typical, longest) = typical_and_longest(time_s);
     let span = time_s.last().copied().unwrap_or(0.0);
+    let sorted = if reordered > 0 { ", sorted" } else { "" };
     Timing {
         method: format!(
-            "stamps of the log; intervals of {:.3} ms (median) to {:.3} ms (longest)",
+            "stamps of the log{sorted}; intervals of {:.3} ms (median) to {:.3} ms (longest)",
             typical * 1e3,
             longest * 1e3
         ),
         rate_hz: (time_s.len() - 1) as f64 / span,
-        rows_reordered: 0,
+        rows_reordered: reordered,
         rows_missing: 0,
         residual_rms_s: None,
         residual_max_s: None,
     }
 }
 
-/// A number as a record has it; that of a pulse width is not one of these.
-fn converted(pick: Pick<'_>, value: f64) -> f64 {
-    let sign = if pick.is_reversed { -1.0 } else { 1.0 };
-    match pick.unit.scale {
-        Scale::Ratio(times, over) => sign * value * times / over,
-        Scale::Pulse | Scale::Clock => sign * value,
-    }
-}
-
-/// `value`, which came of the cell of `row`, unless it has become too large.
-fn finite(table: &Table, pick: Pick<'_>, row: usize, value: f64) -> Result<f64, ImportError> {
-    if value.is_finite() {
-        return Ok(value);
-    }
-    Err(ImportError::NotANumber {
-        file: table.file.clone(),
-        line: pick.column.line(row),
-        column: pick.column.name().into(),
-        text: pick.column.text(row).into(),
+/// What is to be said of an electrical speed that is not the optical one beside it: at low speed the motor's voltage shows none.
+fn differing_speeds(plain: &PlainTable<'_>, electrical: Pick) -> Option<String> {
+    let optical = other_speed(plain, electrical)?;
+    let numbers = plain.table.numbers(&[electrical, optical].map(|pick| (pick.column, pick.reading()))).ok()?;
+    let [one, other] = &numbers[..] else { return None };
+    let most = other.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
+    let pairs = one.iter().zip(other).map(|(a, b)| (converted(electrical, *a), converted(optical, *b)));
+    let differ = pairs.filter(|(a, b)| (a - b).abs() > OTHER_SPEED * converted(optical, most)).count();
+    let [one, other] = [electrical, optical].map(|pick| &plain.table.header[pick.column]);
+    (differ > 0).then(|| {
+        format!(
+            "`{one}` and `{other}` differ by more than {} % of full speed in {differ} of {} rows: `{}` takes the other one",
+            100.0 * OTHER_SPEED,
+            numbers[0].len(),
+            option(Quantity::Speed, other, optical.unit.name)
+        )
     })
 }
 
+/// Puts the numbers of a column in the unit of a record, where they are within what can be. `first` is the row of the table that
+/// they begin with.
+fn convert(
+    table: &Table<'_>,
+    first: usize,
+    pick: Option<Pick>,
+    values: &mut Option<Vec<f64>>,
+) -> Result<(), ImportError> {
+    let (Some(pick), Some(values)) = (pick, values) else { return Ok(()) };
+    let (most, unit) = match pick.unit.quantity {
+        Quantity::Thrust => (MOST_N, "N"),
+        Quantity::Speed => (MOST_RPM, "rpm"),
+        _ => (f64::MAX, ""),
+    };
+    for (row, value) in values.iter_mut().enumerate() {
+        let found = converted(pick, *value);
+        if found.abs() > most {
+            return Err(ImportError::Impossible {
+                file: table.file.clone(),
+                line: table.line(first + row),
+                column: table.header[pick.column].clone(),
+                value: table.at(first + row, |row| row.text(pick.column).to_owned()).unwrap_or_default(),
+                unit: pick.unit.name,
+                most: format!("{most} {unit}"),
+                remedy: option(pick.unit.quantity, &table.header[pick.column], "UNIT"),
+            });
+        }
+        *value = found;
+    }
+    Ok(())
+}
+
+/// A number as a record has it; that of a command is not one of these.
+fn converted(pick: Pick, value: f64) -> f64 {
+    let sign = if pick.is_reversed { -1.0 } else { 1.0 };
+    match pick.unit.scale {
+        Scale::Ratio(times, over) => sign * value * times / over,
+        Scale::Pulse | Scale::Dshot | Scale::Clock => sign * value,
+    }
+}
+
 /// What [`converted`] does, in words.
-fn conversion(pick: Pick<'_>) -> String {
+fn conversion(pick: Pick) -> String {
     let Unit { name, scale, .. } = pick.unit;
     let factor = match scale {
-        Scale::Ratio(1.0, 1.0) | Scale::Pulse | Scale::Clock => String::new(),
+        Scale::Ratio(1.0, 1.0) | Scale::Pulse | Scale::Dshot | Scale::Clock => String::new(),
         Scale::Ratio(times, 1.0) => format!(", times {times}"),
         Scale::Ratio(times, over) => format!(", times {}", times / over),
     };
@@ -221,7 +502,7 @@ fn conversion(pick: Pick<'_>) -> String {
 }
 
 /// What is to be said of a thrust that pulls where it should push.
-fn reversed(pick: Pick<'_>, thrust_n: &[f64]) -> Option<String> {
+fn reversed(table: &Table<'_>, pick: Pick, thrust_n: &[f64]) -> Option<String> {
     let below = thrust_n.iter().filter(|thrust| **thrust < 0.0).count();
     let other_sign = if pick.is_reversed { "" } else { "-" };
     (below as f64 > MOSTLY * thrust_n.len() as f64).then(|| {
@@ -229,7 +510,7 @@ fn reversed(pick: Pick<'_>, thrust_n: &[f64]) -> Option<String> {
             "thrust is below zero in {below} of {} rows; where the sensor reads the other way round, turn its sign by \
              `{}`",
             thrust_n.len(),
-            option(Quantity::Thrust, pick.column.name(), &format!("{other_sign}{}", pick.unit.name))
+            option(Quantity::Thrust, &table.header[pick.column], &format!("{other_sign}{}", pick.unit.name))
         )
     })
 }

@@ -1,37 +1,59 @@
 //! Which column of a plain table is what, by the names in its header and from what is stated.
 //!
 //! A name says a quantity and a unit: `time_ms`, `Thrust [g]`, `Throttle (%)`, `rpm`. One that says a quantity alone is not
-//! taken, and what numbers look like is never looked at.
+//! taken. What numbers look like is looked at in two places: a command without a unit whose numbers can be DShot's alone is
+//! taken as that, and of several columns of one quantity one that never moves is not taken.
 
 use super::ImportError;
 use super::plain_layout::PlainTable;
-use super::quantity::{ColumnChoice, Quantity, Unit};
+use super::quantity::{ColumnChoice, DSHOT, Quantity, Scale, Unit};
 use super::summary::ColumnList;
-use super::table::Column;
+use super::table::{Reading, seconds_since_midnight};
 
-/// A column that is taken.
-#[derive(Clone, Copy)]
-pub(super) struct Pick<'a> {
-    pub(super) column: Column<'a>,
+/// Above this a whole number from below [`LEAST_PULSE_US`] is one of DShot: percents end at 100, pulses of OneShot125 at 250, and
+/// ten bits at 1023.
+const MOST_OF_OTHERS: f64 = 1024.0;
+/// Pulses that an ESC of PWM takes are not shorter, microseconds.
+const LEAST_PULSE_US: f64 = 800.0;
+/// Rounding of whole numbers that were averaged.
+const WHOLE: f64 = 1e-6;
+
+/// A column that may be taken.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pick {
+    /// Its place in the header.
+    pub(super) column: usize,
     pub(super) unit: Unit,
     pub(super) is_reversed: bool,
+    /// Whether it was named by [`ColumnChoice`], so that it has to be taken.
+    pub(super) is_stated: bool,
+    /// Whether the unit comes of the numbers.
+    pub(super) is_guessed: bool,
 }
 
-/// The columns that are taken. One of thrust and speed is there.
-pub(super) struct Picks<'a> {
-    pub(super) time: Pick<'a>,
-    pub(super) command: Pick<'a>,
-    pub(super) thrust: Option<Pick<'a>>,
-    pub(super) speed: Option<Pick<'a>>,
-    pub(super) voltage: Option<Pick<'a>>,
-    pub(super) current: Option<Pick<'a>>,
+impl Pick {
+    pub(super) fn reading(self) -> Reading {
+        if self.unit.scale == Scale::Clock { Reading::Clock } else { Reading::Decimal }
+    }
 }
 
-impl<'a> Picks<'a> {
-    /// What is stated in `choices`, and the rest from the names; `list` learns why columns are left.
+/// The columns that may be taken. One of thrust and speed is there.
+pub(super) struct Picks {
+    /// `None` where it is not needed.
+    pub(super) time: Option<Pick>,
+    pub(super) command: Pick,
+    pub(super) thrust: Option<Pick>,
+    pub(super) speed: Option<Pick>,
+    pub(super) voltage: Option<Pick>,
+    pub(super) current: Option<Pick>,
+}
+
+impl Picks {
+    /// What is stated in `choices`, and the rest from the names; `list` learns why columns are left. Steady points need no time.
     pub(super) fn of(
-        plain: &'a PlainTable,
+        plain: &PlainTable<'_>,
         choices: &[ColumnChoice],
+        needs_time: bool,
         list: &mut ColumnList,
     ) -> Result<Self, ImportError> {
         let of = |quantity| find(plain, quantity, choices);
@@ -47,7 +69,10 @@ impl<'a> Picks<'a> {
                 None
             }
         };
-        let time = need(of(Quantity::Time)?, "time", Quantity::Time);
+        let time = match of(Quantity::Time)? {
+            Found::Nothing if !needs_time => None,
+            found => need(found, "time", Quantity::Time),
+        };
         let command = need(of(Quantity::Command)?, "command", Quantity::Command);
         let (thrust, speed) = match (of(Quantity::Thrust)?, of(Quantity::Speed)?) {
             (Found::Nothing, Found::Nothing) => {
@@ -57,7 +82,7 @@ impl<'a> Picks<'a> {
             (thrust, speed) => (need(thrust, "", Quantity::Thrust), speed.pick()),
         };
         let (voltage, current) = (of(Quantity::Voltage)?.pick(), of(Quantity::Current)?.pick());
-        let (Some(time), Some(command), true) = (time, command, questions.is_empty()) else {
+        let (Some(command), true) = (command, questions.is_empty()) else {
             return Err(ask(plain, &questions));
         };
         let picks = Self { time, command, thrust, speed, voltage, current };
@@ -65,21 +90,21 @@ impl<'a> Picks<'a> {
         Ok(picks)
     }
 
-    /// Every column that is taken.
-    pub(super) fn all(&self) -> impl Iterator<Item = Pick<'a>> {
-        [Some(self.time), Some(self.command), self.thrust, self.speed, self.voltage, self.current].into_iter().flatten()
+    /// Every column that may be taken.
+    pub(super) fn all(&self) -> impl Iterator<Item = Pick> {
+        [self.time, Some(self.command), self.thrust, self.speed, self.voltage, self.current].into_iter().flatten()
     }
 
-    fn say_why_others_are_left(&self, plain: &PlainTable, list: &mut ColumnList) {
-        for index in 0..plain.table.header.len() {
-            let column = Column::at(&plain.table, index);
-            if self.all().any(|pick| pick.column.index() == index) {
+    fn say_why_others_are_left(&self, plain: &PlainTable<'_>, list: &mut ColumnList) {
+        for column in 0..plain.table.header.len() {
+            if self.all().any(|pick| pick.column == column) {
                 continue;
             }
-            let Some(said) = Said::of(plain, index) else { continue };
+            let Some(said) = Said::of(plain, column) else { continue };
             let name = said.quantity.name();
             let is_taken = self.all().any(|pick| pick.unit.quantity == said.quantity);
             match said.unit {
+                _ if is_taken && !moves(plain, column) => list.left(column, "zero or blank in every row"),
                 _ if is_taken => list.left(column, format!("another column was taken as {}", said.quantity.column())),
                 Some(_) => list.left(column, format!("one of several that are called {name}")),
                 None => list.left(column, format!("{name} in no unit that is known: {}", said.quantity.units())),
@@ -89,14 +114,14 @@ impl<'a> Picks<'a> {
 }
 
 /// What the search for one quantity comes to.
-enum Found<'a> {
-    Pick(Pick<'a>),
+enum Found {
+    Pick(Pick),
     Unclear(Question),
     Nothing,
 }
 
-impl<'a> Found<'a> {
-    fn pick(self) -> Option<Pick<'a>> {
+impl Found {
+    fn pick(self) -> Option<Pick> {
         match self {
             Self::Pick(pick) => Some(pick),
             _ => None,
@@ -115,6 +140,20 @@ impl Question {
     fn new(quantity: Quantity, header: &str, asks: String) -> Self {
         Self { quantity, asks, option: option(quantity, header, "UNIT") }
     }
+
+    /// What else may be meant where a log has no such column.
+    fn otherwise(&self) -> Option<&'static str> {
+        let is_missing = self.option.contains("=HEADER:");
+        match self.quantity {
+            Quantity::Time if is_missing => {
+                Some(". Where each row is a steady point, `--excitation steady` needs no time")
+            }
+            Quantity::Command if is_missing => Some(
+                ". Where the command was logged apart, `rotorlead identify --align LOG` merges it with the response",
+            ),
+            _ => None,
+        }
+    }
 }
 
 /// `--column` as it is typed in a shell.
@@ -129,7 +168,7 @@ pub(super) fn option(quantity: Quantity, header: &str, unit: &str) -> String {
     format!("--column {}", quoted.unwrap_or(value))
 }
 
-fn find<'a>(plain: &'a PlainTable, quantity: Quantity, choices: &[ColumnChoice]) -> Result<Found<'a>, ImportError> {
+fn find(plain: &PlainTable<'_>, quantity: Quantity, choices: &[ColumnChoice]) -> Result<Found, ImportError> {
     let header = &plain.table.header;
     let (index, stated) = if let Some(choice) = choices.iter().find(|choice| choice.quantity == quantity) {
         let mut named = (0..header.len()).filter(|index| header[*index] == choice.header);
@@ -149,45 +188,110 @@ fn find<'a>(plain: &'a PlainTable, quantity: Quantity, choices: &[ColumnChoice])
         match named[..] {
             [] => return Ok(Found::Nothing),
             [index] => (index, None),
-            [one, other, ..] => {
-                let asks = format!("`{}` and `{}` are both called {}", header[one], header[other], quantity.name());
-                return Ok(Found::Unclear(Question::new(quantity, &header[one], asks)));
-            }
+            [one, other, ..] => match one_of(plain, &named) {
+                Some(index) => (index, None),
+                None => {
+                    let asks = format!("`{}` and `{}` are both called {}", header[one], header[other], quantity.name());
+                    return Ok(Found::Unclear(Question::new(quantity, &header[one], asks)));
+                }
+            },
         }
     };
-    let column = Column::at(&plain.table, index);
     let is_reversed = stated.is_some_and(|choice| choice.is_reversed);
     let written = written(plain, index);
     let named = written.as_deref().and_then(|text| Unit::named(quantity, text));
-    let own = || own_command(plain, index, quantity).or_else(|| shown_by_clock(column, quantity));
+    let own = || own_command(plain, index, quantity).or_else(|| shown_by_clock(plain, index, quantity));
     let unit = stated.and_then(|choice| choice.unit).or(named).or_else(own);
+    // A unit that is written and not known is another.
+    let guess = || guessed(plain, index, quantity).filter(|_| written.is_none());
+    let (unit, is_guessed) = unit.map_or_else(|| (guess(), true), |unit| (Some(unit), false));
     Ok(match unit {
-        Some(unit) => Found::Pick(Pick { column, unit, is_reversed }),
+        Some(unit) => Found::Pick(Pick { column: index, unit, is_reversed, is_stated: stated.is_some(), is_guessed }),
         None => {
             let in_what = match written {
                 Some(written) if Said::of(plain, index).is_some() => format!("in `{written}`, which is not known here"),
                 _ => String::from("without a unit"),
             };
-            let asks = format!("`{}` is the {} {in_what}", column.name(), quantity.name());
-            Found::Unclear(Question::new(quantity, column.name(), asks))
+            let asks = format!("`{}` is the {} {in_what}", header[index], quantity.name());
+            Found::Unclear(Question::new(quantity, &header[index], asks))
         }
     })
 }
 
+/// Which of several columns of one quantity is taken: the only one that moves, or of an electrical and an optical speed the
+/// electrical one. Where none moves, one that has numbers; `None` where it is not clear.
+fn one_of(plain: &PlainTable<'_>, named: &[usize]) -> Option<usize> {
+    let moving: Vec<usize> = named.iter().copied().filter(|column| moves(plain, *column)).collect();
+    match moving[..] {
+        [one] => Some(one),
+        [] => named.iter().copied().find(|column| has_numbers(plain, *column)).or(named.first().copied()),
+        _ => moving.into_iter().find(|column| is_electrical(&plain.table.header[*column])),
+    }
+}
+
+/// Whether a name is that of a speed which a stand derives from the motor's voltage.
+pub(super) fn is_electrical(name: &str) -> bool {
+    split(name).0 == "motor electrical speed"
+}
+
+/// Another column of a speed, in a unit that is known, that moves.
+pub(super) fn other_speed(plain: &PlainTable<'_>, pick: Pick) -> Option<Pick> {
+    let of = |column| {
+        let said = Said::of(plain, column).filter(|said| said.quantity == Quantity::Speed && column != pick.column)?;
+        let unit = said.unit.filter(|_| moves(plain, column))?;
+        Some(Pick { column, unit, is_reversed: false, is_stated: false, is_guessed: false })
+    };
+    (0..plain.table.header.len()).find_map(of)
+}
+
+fn has_numbers(plain: &PlainTable<'_>, column: usize) -> bool {
+    plain.table.first(|row| (!row.text(column).is_empty()).then_some(())).is_some()
+}
+
+/// Whether a column is anything but zero or blank.
+pub(super) fn moves(plain: &PlainTable<'_>, column: usize) -> bool {
+    let is_zero = |text: &str| text.is_empty() || text.parse().is_ok_and(|value: f64| value == 0.0);
+    plain.table.first(|row| (!is_zero(row.text(column))).then_some(())).is_some()
+}
+
+/// The unit of a command that its numbers show: whole ones that are no microseconds, since some are too small, and no percents
+/// or the like, since some are too large, but each of them one of DShot.
+fn guessed(plain: &PlainTable<'_>, column: usize, quantity: Quantity) -> Option<Unit> {
+    if quantity != Quantity::Command {
+        return None;
+    }
+    let [values] = &plain.table.numbers(&[(column, Reading::Decimal)]).ok()?[..] else { return None };
+    let is_dshot = |value: &f64| {
+        let is_whole = (value - value.round()).abs() < WHOLE;
+        value.is_nan() || *value == 0.0 || (is_whole && (DSHOT.0..=DSHOT.1).contains(value))
+    };
+    let least = values.iter().copied().filter(|value| *value > 0.0).fold(f64::INFINITY, f64::min);
+    let most = values.iter().copied().fold(0.0, f64::max);
+    let is_none_else = least < LEAST_PULSE_US && most > MOST_OF_OTHERS;
+    (is_none_else && values.iter().all(is_dshot)).then(|| Unit::named(quantity, "dshot")).flatten()
+}
+
 /// The column `command` beside those of a record, which is such a record's: a duty.
-fn own_command(plain: &PlainTable, index: usize, quantity: Quantity) -> Option<Unit> {
+fn own_command(plain: &PlainTable<'_>, index: usize, quantity: Quantity) -> Option<Unit> {
     let has = |name: &str| plain.table.header.iter().any(|column| column == name);
     let is_own = has("time_s") && (has("thrust_n") || has("rpm")) && plain.table.header[index] == "command";
     (is_own && quantity == Quantity::Command).then(|| Unit::named(quantity, "duty")).flatten()
 }
 
 /// A time that is read off a clock says so in every row; numbers say nothing.
-fn shown_by_clock(column: Column<'_>, quantity: Quantity) -> Option<Unit> {
-    (quantity == Quantity::Time && column.shows_a_clock()).then(|| Unit::named(quantity, "clock")).flatten()
+fn shown_by_clock(plain: &PlainTable<'_>, column: usize, quantity: Quantity) -> Option<Unit> {
+    let first_filled = || {
+        plain.table.first(|row| {
+            let text = row.text(column);
+            (!text.is_empty()).then(|| seconds_since_midnight(text).is_some())
+        })
+    };
+    let is_clock = quantity == Quantity::Time && first_filled() == Some(true);
+    is_clock.then(|| Unit::named(quantity, "clock")).flatten()
 }
 
 /// The error that asks all questions at once.
-fn ask(plain: &PlainTable, questions: &[Question]) -> ImportError {
+fn ask(plain: &PlainTable<'_>, questions: &[Question]) -> ImportError {
     let joined = |of: &dyn Fn(&Question) -> String, with: &str| questions.iter().map(of).collect::<Vec<_>>().join(with);
     let place = plain.header_line.map(|line| format!(", line {line}")).unwrap_or_default();
     let unit = |question: &Question| format!("{} in {}", question.quantity.name(), question.quantity.units());
@@ -195,16 +299,17 @@ fn ask(plain: &PlainTable, questions: &[Question]) -> ImportError {
         file: plain.table.file.clone(),
         problem: format!("{place}: {}", joined(&|question| question.asks.clone(), "; ")),
         remedy: format!(
-            "the columns are {}. Nothing is guessed: say which is what, and in which unit, with `{}` ({})",
+            "the columns are {}. Say which is what, and in which unit, with `{}` ({}){}",
             listed(plain),
             joined(&|question| question.option.clone(), " "),
-            joined(&unit, "; ")
+            joined(&unit, "; "),
+            questions.iter().filter_map(Question::otherwise).collect::<String>()
         ),
     }
 }
 
 /// The columns' names, for messages.
-fn listed(plain: &PlainTable) -> String {
+fn listed(plain: &PlainTable<'_>) -> String {
     let names = plain.table.header.iter().filter(|name| !name.is_empty());
     names.map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")
 }
@@ -217,14 +322,13 @@ struct Said {
 }
 
 impl Said {
-    fn of(plain: &PlainTable, index: usize) -> Option<Self> {
+    fn of(plain: &PlainTable<'_>, index: usize) -> Option<Self> {
         let (base, in_name) = split(&plain.table.header[index]);
         let named = Quantity::ALL.into_iter().find(|quantity| quantity.spellings().contains(&base.as_str()));
-        // A unit in front of which there is no more than what turns is a name too.
+        // A unit may be a name of its own.
         let quantity = match named {
             Some(quantity) => quantity,
-            None if base.is_empty() && in_name.as_deref().is_some_and(is_rpm) => Quantity::Speed,
-            None => return None,
+            None => in_name.as_deref().filter(|_| base.is_empty()).and_then(named_by_unit)?,
         };
         let written = in_name.or_else(|| below(plain, index));
         let unit = written.as_deref().and_then(|written| Unit::named(quantity, written));
@@ -234,17 +338,22 @@ impl Said {
     }
 }
 
-fn is_rpm(unit: &str) -> bool {
-    unit.eq_ignore_ascii_case("rpm")
+/// The quantity of a unit that is a name of its own.
+fn named_by_unit(unit: &str) -> Option<Quantity> {
+    match unit.to_lowercase().as_str() {
+        "rpm" => Some(Quantity::Speed),
+        "dshot" => Some(Quantity::Command),
+        _ => None,
+    }
 }
 
 /// The unit that is written in a column's name, or below it.
-fn written(plain: &PlainTable, index: usize) -> Option<String> {
+fn written(plain: &PlainTable<'_>, index: usize) -> Option<String> {
     split(&plain.table.header[index]).1.or_else(|| below(plain, index))
 }
 
 /// The unit in the line of units.
-fn below(plain: &PlainTable, index: usize) -> Option<String> {
+fn below(plain: &PlainTable<'_>, index: usize) -> Option<String> {
     plain.units.get(index).filter(|unit| !unit.is_empty()).cloned()
 }
 
@@ -259,7 +368,7 @@ fn split(name: &str) -> (String, Option<String>) {
     let last = &name[start..];
     // `duty` is more often the name of a command than its unit.
     let is_unit = Unit::is_any(last) && !last.eq_ignore_ascii_case("duty");
-    if is_unit && (start > 0 || is_rpm(last)) {
+    if is_unit && (start > 0 || named_by_unit(last).is_some()) {
         let base = words(&name[..start]);
         return (base.strip_suffix(" in").map(str::to_owned).unwrap_or(base), Some(last.to_owned()));
     }
@@ -278,14 +387,18 @@ mod tests {
 
     use super::*;
 
-    fn plain(header: &str) -> PlainTable {
-        let text = format!("{header}\n{}\n", vec!["0.5"; header.split(',').count()].join(","));
-        PlainTable::parse(Path::new("log.csv"), text.as_bytes()).unwrap()
+    fn text(header: &str) -> String {
+        format!("{header}\n{}\n", vec!["0.5"; header.split(',').count()].join(","))
+    }
+
+    fn plain(text: &str) -> PlainTable<'_> {
+        PlainTable::parse(Path::new("log.csv"), text).unwrap()
     }
 
     /// What each name of a header is taken as.
     fn said(header: &str) -> Vec<Option<(&'static str, Option<&'static str>)>> {
-        let plain = plain(header);
+        let text = text(header);
+        let plain = plain(&text);
         let of = |index| Said::of(&plain, index).map(|said| (said.quantity.name(), said.unit.map(|unit| unit.name)));
         (0..plain.table.header.len()).map(of).collect()
     }
@@ -331,13 +444,14 @@ mod tests {
     }
 
     fn picked(header: &str, choices: &[&str]) -> Result<Vec<String>, ImportError> {
-        let plain = plain(header);
+        let text = text(header);
+        let plain = plain(&text);
         let choices: Vec<ColumnChoice> = choices.iter().map(|choice| choice.parse().unwrap()).collect();
         let mut list = ColumnList::new(&plain.table);
-        let picks = Picks::of(&plain, &choices, &mut list)?;
-        let show = |pick: Pick<'_>| {
+        let picks = Picks::of(&plain, &choices, true, &mut list)?;
+        let show = |pick: Pick| {
             let sign = if pick.is_reversed { "-" } else { "" };
-            format!("{} {}: {sign}{}", pick.unit.quantity.name(), pick.column.name(), pick.unit.name)
+            format!("{} {}: {sign}{}", pick.unit.quantity.name(), plain.table.header[pick.column], pick.unit.name)
         };
         Ok(picks.all().map(show).collect())
     }

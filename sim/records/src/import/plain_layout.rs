@@ -17,9 +17,8 @@ const REMARK: [&str; 3] = ["#", "%", "//"];
 const LEAST_NUMBERS: usize = 2;
 
 /// A plain table, with what its header says.
-pub(super) struct PlainTable {
-    pub(super) table: Table,
-    pub(super) separator: u8,
+pub(super) struct PlainTable<'a> {
+    pub(super) table: Table<'a>,
     /// Units from a line of their own below the names, column by column.
     pub(super) units: Vec<String>,
     /// The line of the names, from 1; `None` where there is none, and columns are called `#1`, `#2` and so on.
@@ -28,14 +27,9 @@ pub(super) struct PlainTable {
     pub(super) notes: Vec<String>,
 }
 
-impl PlainTable {
-    /// Reads `bytes`, which are `file`'s.
-    pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<Self, ImportError> {
-        let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-        let text = std::str::from_utf8(bytes).map_err(|error| {
-            let line = bytes[..error.valid_up_to()].iter().filter(|byte| **byte == b'\n').count() + 1;
-            ImportError::NotUtf8 { file: file.into(), line }
-        })?;
+impl<'a> PlainTable<'a> {
+    /// Finds the table in `text`, which is `file`'s.
+    pub(super) fn parse(file: &Path, text: &'a str) -> Result<Self, ImportError> {
         let separated = |text| Some((FirstRow::find(text, LEAST_NUMBERS)?, Cow::Borrowed(text)));
         let Some((first, text)) = separated(text).or_else(|| with_tabs_for_blanks(text)) else {
             let header = text.lines().find(|line| !line.trim().is_empty()).unwrap_or_default();
@@ -83,9 +77,17 @@ impl PlainTable {
                 (None, (1..=first.cells).map(|place| format!("#{place}")).collect())
             }
         };
-        let rows = &text.as_bytes()[first.offset..];
-        let table = Table::parse_rows(file, header, rows, first.separator, first.line as u64)?;
-        Ok(Self { table, separator: first.separator, units, header_line, notes })
+        let rows = match text {
+            Cow::Borrowed(text) => Cow::Borrowed(&text[first.offset..]),
+            Cow::Owned(mut text) => Cow::Owned(text.split_off(first.offset)),
+        };
+        let table = Table::new(file, header, rows, first.separator, first.line as u64);
+        match table.remarks() {
+            0 => {}
+            1 => notes.push(String::from("1 line of remarks (`#`) among or behind the rows left out")),
+            lines => notes.push(format!("{lines} lines of remarks (`#`) among or behind the rows left out")),
+        }
+        Ok(Self { table, units, header_line, notes })
     }
 }
 

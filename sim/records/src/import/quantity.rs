@@ -12,6 +12,9 @@ const N_PER_OZF: f64 = N_PER_LBF / 16.0;
 /// Newtons per pound-force.
 const N_PER_LBF: f64 = 4.448_221_615_260_5;
 
+/// DShot numbers of no and of full throttle.
+pub(super) const DSHOT: (f64, f64) = (48.0, 2047.0);
+
 /// What a column measures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
@@ -62,7 +65,7 @@ impl Quantity {
     pub(super) fn units(self) -> &'static str {
         match self {
             Self::Time => "s, ms, us or clock (hh:mm:ss)",
-            Self::Command => "us (pulse width), percent or duty (0..1)",
+            Self::Command => "us (pulse width), percent, dshot or duty (0..1)",
             Self::Thrust => "N, gf (also g), kgf (also kg), lbf (also lb) or ozf (also oz)",
             Self::Speed => "rpm, rev/s or rad/s",
             Self::Voltage => "V or mV",
@@ -107,6 +110,7 @@ impl Quantity {
                 "optical",
                 "optical speed",
                 "motor optical speed",
+                "motor electrical speed",
             ],
             Self::Voltage => &["voltage", "battery voltage", "supply voltage", "bus voltage", "vbat"],
             Self::Current => &["current", "battery current", "supply current", "esc current"],
@@ -121,6 +125,8 @@ pub(super) enum Scale {
     Ratio(f64, f64),
     /// The stated range of pulse widths becomes 0..1.
     Pulse,
+    /// A number of the DShot protocol: 0 stops the motor, 1 to 47 are orders to the ESC, the rest is its range.
+    Dshot,
     /// A reading of the clock, as in `13:07:59.250`, becomes seconds since midnight.
     Clock,
 }
@@ -150,6 +156,7 @@ const UNITS: &[Unit] = &[
     unit(Quantity::Time, Scale::Clock, &["clock", "hh:mm:ss", "h:m:s", "hh:mm:ss.sss", "hh:mm:ss.ms"]),
     unit(Quantity::Command, Scale::Pulse, MICRO),
     unit(Quantity::Command, Scale::Ratio(1.0, 100.0), &["percent", "%", "pct"]),
+    unit(Quantity::Command, Scale::Dshot, &["dshot"]),
     unit(Quantity::Command, Scale::Ratio(1.0, 1.0), &["duty", "0..1", "0-1"]),
     unit(Quantity::Thrust, Scale::Ratio(1.0, 1.0), &["N", "newton", "newtons"]),
     unit(Quantity::Thrust, Scale::Ratio(N_PER_GF, 1.0), &["gf", "g", "gram", "grams"]),

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use serde::Serialize;
 
-use super::table::{Column, Table};
+use super::table::Table;
 
 /// The formats that can be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -91,33 +91,29 @@ pub(super) struct ColumnList {
 }
 
 impl ColumnList {
-    /// All of `table`'s columns, none taken so far. Trailing commas are no columns.
-    pub(super) fn new(table: &Table) -> Self {
-        let columns = table
-            .header
-            .iter()
-            .filter(|name| !name.is_empty())
-            .map(|name| ColumnUse { name: name.clone(), taken_as: None, note: "no part of an experiment".into() })
-            .collect();
-        Self { columns }
+    /// All of `table`'s columns, none taken so far.
+    pub(super) fn new(table: &Table<'_>) -> Self {
+        let left = |name: &String| ColumnUse {
+            name: name.clone(),
+            taken_as: None,
+            note: String::from("no part of an experiment"),
+        };
+        Self { columns: table.header.iter().map(left).collect() }
     }
 
-    pub(super) fn taken(&mut self, column: Column<'_>, taken_as: &str, note: impl Into<String>) {
-        self.set(column, Some(taken_as.into()), note.into());
+    pub(super) fn taken(&mut self, column: usize, taken_as: &str, note: impl Into<String>) {
+        self.columns[column].taken_as = Some(taken_as.into());
+        self.columns[column].note = note.into();
     }
 
-    pub(super) fn left(&mut self, column: Column<'_>, note: impl Into<String>) {
-        self.set(column, None, note.into());
+    pub(super) fn left(&mut self, column: usize, note: impl Into<String>) {
+        self.columns[column].taken_as = None;
+        self.columns[column].note = note.into();
     }
 
-    fn set(&mut self, column: Column<'_>, taken_as: Option<String>, note: String) {
-        if let Some(entry) = self.columns.iter_mut().find(|c| c.name == column.name()) {
-            entry.taken_as = taken_as;
-            entry.note = note;
-        }
-    }
-
-    pub(super) fn into_vec(self) -> Vec<ColumnUse> {
+    /// All of them; trailing commas are no columns.
+    pub(super) fn into_vec(mut self) -> Vec<ColumnUse> {
+        self.columns.retain(|column| !column.name.is_empty());
         self.columns
     }
 }

@@ -1,188 +1,294 @@
-//! A log as text cells that know their line, and the strict reading of numbers from it.
+//! A log as rows of text cells that know their line, and the strict reading of numbers from it.
+//!
+//! The cells are not kept: a log may be larger than the memory that its cells would take. Each question about a column goes
+//! through the text once.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
-use csv::StringRecord;
+use csv::ByteRecord;
+use memchr::memchr_iter;
 
 use super::ImportError;
 
-/// A CSV file in memory: trimmed header names, and rows with the line they start on.
-pub(super) struct Table {
+/// A table in memory: trimmed header names, and the text of its rows.
+pub(super) struct Table<'a> {
     pub(super) file: PathBuf,
     pub(super) header: Vec<String>,
-    pub(super) rows: Vec<Row>,
-    /// Whether a comma in a number is its decimal mark; otherwise it makes it none.
-    pub(super) decimal_comma: bool,
+    /// What a comma in a number is.
+    pub(super) comma: Comma,
+    text: Cow<'a, str>,
+    separator: u8,
+    /// Lines of the file before `text`.
+    lines_before: u64,
 }
 
-/// One line of the log.
-pub(super) struct Row {
+/// What a comma in a number is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Comma {
+    /// Nothing that belongs in a number.
+    Wrong,
+    /// The decimal mark.
+    Decimal,
+    /// A separator of thousands.
+    Thousands,
+}
+
+/// How the cells of a column become numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Reading {
+    /// Decimal numbers.
+    Decimal,
+    /// Readings of a clock, in seconds since midnight.
+    Clock,
+}
+
+/// One row.
+pub(super) struct Row<'r> {
+    /// Where it begins in the file, from 1.
     pub(super) line: u64,
-    cells: StringRecord,
+    cells: &'r ByteRecord,
 }
 
-/// A column of a [`Table`], found by name.
-#[derive(Clone, Copy)]
-pub(super) struct Column<'a> {
-    table: &'a Table,
-    index: usize,
+impl Row<'_> {
+    /// The text at `column`; empty where the row ends before it.
+    pub(super) fn text(&self, column: usize) -> &str {
+        // Cells of a text are text.
+        std::str::from_utf8(self.bytes(column)).unwrap_or("")
+    }
+
+    fn bytes(&self, column: usize) -> &[u8] {
+        self.cells.get(column).unwrap_or(b"").trim_ascii()
+    }
 }
 
-impl Table {
-    /// Reads all of `bytes`, which are `file`'s. A byte-order mark is skipped, rows may be shorter or
-    /// longer than the header (both formats end lines with stray commas), lines without any value are
-    /// left out.
-    pub(super) fn parse(file: &Path, bytes: &[u8]) -> Result<Self, ImportError> {
-        let mut reader = reader(bytes);
-        let header = header(file, &mut reader)?;
-        Ok(Self { file: file.into(), header, rows: rows(file, &mut reader, 0)?, decimal_comma: false })
+/// What a cell is as a number.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Cell {
+    Number(f64),
+    /// Nothing, or a word for it.
+    Blank,
+    /// Text that is no number.
+    Text,
+}
+
+/// What programs write where they have no number, in small letters, signs apart.
+const BLANKS: [&str; 16] = [
+    "",
+    "nan",
+    "inf",
+    "infinity",
+    "na",
+    "n/a",
+    "#n/a",
+    "#value!",
+    "#div/0!",
+    "null",
+    "none",
+    "-nan(ind)",
+    "nan(ind)",
+    "1.#qnan",
+    "1.#ind",
+    "1.#inf",
+];
+
+impl Cell {
+    fn of(text: &[u8], comma: Comma) -> Self {
+        if let Ok(value) = fast_float2::parse::<f64, _>(text)
+            && value.is_finite()
+        {
+            return Self::Number(value);
+        }
+        let text = String::from_utf8_lossy(text).to_lowercase();
+        if BLANKS.contains(&text.trim_start_matches(['-', '+'])) {
+            return Self::Blank;
+        }
+        let text = match comma {
+            Comma::Wrong => return Self::Text,
+            Comma::Decimal => text.replacen(',', ".", 1),
+            Comma::Thousands if Grouping::of(&text).is_some_and(|found| found != Grouping::Not) => {
+                text.replace(',', "")
+            }
+            Comma::Thousands => return Self::Text,
+        };
+        text.parse().ok().filter(|value: &f64| value.is_finite()).map_or(Self::Text, Self::Number)
+    }
+}
+
+/// What the commas of a number may be, as far as it says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Grouping {
+    /// Separators of thousands: `1,234,567` or `1,234.5`.
+    Sure,
+    /// Either: `1,234`.
+    Possible,
+    /// A decimal mark: `1,5` or `0,250`.
+    Not,
+}
+
+impl Grouping {
+    /// `None` of what has no comma, or is no number whatever its commas are.
+    fn of(text: &str) -> Option<Self> {
+        let number = text.trim_start_matches(['-', '+']);
+        let (whole, fraction) = number.split_once('.').map_or((number, None), |(whole, rest)| (whole, Some(rest)));
+        let is_digits = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
+        let (first, groups) = whole.split_once(',')?;
+        let is_grouped = matches!(first.len(), 1..=3)
+            && is_digits(first)
+            && !first.starts_with('0')
+            && groups.split(',').all(|group| group.len() == 3 && is_digits(group));
+        match (is_grouped, fraction) {
+            (true, Some(fraction)) => is_digits(fraction).then_some(Self::Sure),
+            (true, None) => Some(if groups.contains(',') { Self::Sure } else { Self::Possible }),
+            (false, None) => whole.replacen(',', ".", 1).parse::<f64>().is_ok().then_some(Self::Not),
+            (false, Some(_)) => None,
+        }
+    }
+}
+
+impl<'a> Table<'a> {
+    /// The table whose names are `header` and whose rows are `text`, which begins behind `lines_before` lines of `file`. Rows may be
+    /// shorter or longer than the header.
+    pub(super) fn new(file: &Path, header: Vec<String>, text: Cow<'a, str>, separator: u8, lines_before: u64) -> Self {
+        Self { file: file.into(), header, comma: Comma::Wrong, text, separator, lines_before }
     }
 
-    /// The header that [`Self::parse`] reads.
-    pub(super) fn parse_header(file: &Path, bytes: &[u8]) -> Result<Vec<String>, ImportError> {
-        header(file, &mut reader(bytes))
+    /// The place of the column of that name.
+    pub(super) fn find(&self, name: &str) -> Option<usize> {
+        self.header.iter().position(|column| column == name)
     }
 
-    /// Reads `bytes`, which are `file`'s from the line after `lines_before` on and have no header: that is `header`. Lines
-    /// that begin with `#` are left out, like those without any value.
-    pub(super) fn parse_rows(
-        file: &Path,
-        header: Vec<String>,
-        bytes: &[u8],
-        separator: u8,
-        lines_before: u64,
-    ) -> Result<Self, ImportError> {
+    /// Shows each row that has a value, but no line that begins with `#`, to `see`; in the order of the file.
+    pub(super) fn each<E>(&self, mut see: impl FnMut(&Row<'_>) -> Result<(), E>) -> Result<(), E> {
         let mut reader = csv::ReaderBuilder::new()
-            .delimiter(separator)
+            .delimiter(self.separator)
             .has_headers(false)
             .comment(Some(b'#'))
             .flexible(true)
-            .trim(csv::Trim::All)
-            .from_reader(bytes);
-        let rows = rows(file, &mut reader, lines_before)?;
-        Ok(Self { file: file.into(), header, rows, decimal_comma: false })
-    }
-
-    /// The column of that name, if there is one.
-    pub(super) fn find(&self, name: &str) -> Option<Column<'_>> {
-        let index = self.header.iter().position(|h| h == name)?;
-        Some(Column { table: self, index })
-    }
-
-    /// The column of that name, or an error that names it.
-    pub(super) fn need(&self, name: &str) -> Result<Column<'_>, ImportError> {
-        self.find(name).ok_or_else(|| ImportError::MissingColumn { file: self.file.clone(), column: name.into() })
-    }
-}
-
-/// A reader of all of a log.
-fn reader(bytes: &[u8]) -> csv::Reader<&[u8]> {
-    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    csv::ReaderBuilder::new().flexible(true).trim(csv::Trim::All).from_reader(bytes)
-}
-
-fn header(file: &Path, reader: &mut csv::Reader<&[u8]>) -> Result<Vec<String>, ImportError> {
-    let header = reader.headers().map_err(|source| ImportError::Csv { file: file.into(), source })?;
-    Ok(header.iter().map(String::from).collect())
-}
-
-/// The rows that have a value, of a reader that begins after `lines_before`.
-fn rows(file: &Path, reader: &mut csv::Reader<&[u8]>, lines_before: u64) -> Result<Vec<Row>, ImportError> {
-    let mut rows = Vec::new();
-    for cells in reader.records() {
-        let cells = cells.map_err(|source| ImportError::Csv { file: file.into(), source })?;
-        if cells.iter().any(|cell| !cell.is_empty()) {
-            let line = lines_before + cells.position().map_or(0, csv::Position::line);
-            rows.push(Row { line, cells });
+            .from_reader(self.text.as_bytes());
+        let mut cells = ByteRecord::new();
+        // Bytes in memory cannot fail to be read, and rows may have any length.
+        while reader.read_byte_record(&mut cells).unwrap_or(false) {
+            if cells.iter().any(|cell| !cell.trim_ascii().is_empty()) {
+                let line = self.lines_before + cells.position().map_or(0, csv::Position::line);
+                see(&Row { line, cells: &cells })?;
+            }
         }
-    }
-    Ok(rows)
-}
-
-impl<'a> Column<'a> {
-    /// The column at `index` of the header.
-    pub(super) fn at(table: &'a Table, index: usize) -> Self {
-        Self { table, index }
+        Ok(())
     }
 
-    /// Its place in the header.
-    pub(super) fn index(self) -> usize {
-        self.index
+    /// The first thing that `find` finds in a row.
+    pub(super) fn first<T>(&self, mut find: impl FnMut(&Row<'_>) -> Option<T>) -> Option<T> {
+        self.each(|row| find(row).map_or(Ok(()), Err)).err()
     }
 
-    pub(super) fn name(self) -> &'a str {
-        &self.table.header[self.index]
+    /// Lines of remarks among the rows.
+    pub(super) fn remarks(&self) -> usize {
+        let is_remark = |at: &usize| self.text.as_bytes().get(at + 1) == Some(&b'#');
+        memchr_iter(b'\n', self.text.as_bytes()).filter(is_remark).count() + usize::from(self.text.starts_with('#'))
     }
 
-    /// The text in `row`; empty where the row ends before this column.
-    pub(super) fn text(self, row: usize) -> &'a str {
-        self.table.rows[row].cells.get(self.index).unwrap_or("")
+    /// Row `index`, as `see` sees it.
+    pub(super) fn at<T>(&self, index: usize, see: impl Fn(&Row<'_>) -> T) -> Option<T> {
+        let mut before = 0;
+        self.first(|row| {
+            before += 1;
+            (before > index).then(|| see(row))
+        })
     }
 
-    /// Line of `row` in the file, the header being 1.
-    pub(super) fn line(self, row: usize) -> u64 {
-        self.table.rows[row].line
+    /// The line of row `index`.
+    pub(super) fn line(&self, index: usize) -> u64 {
+        self.at(index, |row| row.line).unwrap_or(0)
     }
 
-    /// The number in `row`, `None` where the cell is empty.
-    pub(super) fn number(self, row: usize) -> Result<Option<f64>, ImportError> {
-        let text = self.text(row);
-        if text.is_empty() {
+    /// The numbers of each of `columns`, row by row; NaN where a cell is blank.
+    pub(super) fn numbers(&self, columns: &[(usize, Reading)]) -> Result<Vec<Vec<f64>>, ImportError> {
+        let lines = memchr_iter(b'\n', self.text.as_bytes()).count() + 1;
+        let mut numbers = vec![Vec::new(); columns.len()];
+        for values in &mut numbers {
+            values.reserve_exact(lines);
+        }
+        self.each(|row| {
+            for (values, &(column, reading)) in numbers.iter_mut().zip(columns) {
+                let cell = match reading {
+                    Reading::Decimal => Cell::of(row.bytes(column), self.comma),
+                    Reading::Clock => match seconds_since_midnight(row.text(column)) {
+                        Some(seconds) => Cell::Number(seconds),
+                        None if row.text(column).is_empty() => Cell::Blank,
+                        None => Cell::Text,
+                    },
+                };
+                values.push(match cell {
+                    Cell::Number(value) => value,
+                    Cell::Blank => f64::NAN,
+                    Cell::Text => return Err(self.text_for_a_number(row, column)),
+                });
+            }
+            Ok(())
+        })?;
+        Ok(numbers)
+    }
+
+    fn text_for_a_number(&self, row: &Row<'_>, column: usize) -> ImportError {
+        let (file, line, text) = (self.file.clone(), row.line, row.text(column));
+        let name = &self.header[column];
+        if text == name {
+            return ImportError::SecondHeader { file, line };
+        }
+        ImportError::NotANumber { file, line, column: name.clone(), text: text.into() }
+    }
+
+    /// The error of a blank in `column` in row `index`.
+    pub(super) fn blank(&self, index: usize, column: usize) -> ImportError {
+        let (line, text) = self.at(index, |row| (row.line, row.text(column).to_owned())).unwrap_or_default();
+        let found = if text.is_empty() { String::from("empty") } else { format!("`{text}`") };
+        ImportError::Blank { file: self.file.clone(), line, column: self.header[column].clone(), found }
+    }
+
+    /// Finds out what commas in the numbers of `columns` are, and says it.
+    pub(super) fn settle_commas(&mut self, columns: &[usize]) -> Result<Option<&'static str>, ImportError> {
+        // Where commas are between the cells, one in a number is in quotes.
+        let mark = if self.separator == b',' { b'"' } else { b',' };
+        if memchr::memchr(mark, self.text.as_bytes()).is_none() {
             return Ok(None);
         }
-        let parsed = match text.split_once(',') {
-            Some((whole, fraction)) if self.table.decimal_comma => format!("{whole}.{fraction}").parse::<f64>(),
-            _ => text.parse::<f64>(),
-        };
-        match parsed {
-            Ok(value) if value.is_finite() => Ok(Some(value)),
-            _ => Err(ImportError::NotANumber {
-                file: self.table.file.clone(),
-                line: self.line(row),
-                column: self.name().into(),
-                text: text.into(),
-            }),
-        }
-    }
-
-    /// Whether its first filled cell is a reading of a clock.
-    pub(super) fn shows_a_clock(self) -> bool {
-        let mut filled = (0..self.table.rows.len()).map(|row| self.text(row)).filter(|text| !text.is_empty());
-        filled.next().is_some_and(|text| seconds_since_midnight(text).is_some())
-    }
-
-    /// The reading of the clock in `row`, in seconds since midnight.
-    pub(super) fn clock_s(self, row: usize) -> Result<f64, ImportError> {
-        let text = self.text(row);
-        seconds_since_midnight(text).ok_or_else(|| {
-            let (file, line, column) = (self.table.file.clone(), self.line(row), self.name().into());
-            if text.is_empty() {
-                ImportError::Blank { file, line, column }
-            } else {
-                ImportError::NotANumber { file, line, column, text: text.into() }
+        let (mut thousands, mut decimal, mut points, mut either) = (false, false, false, None);
+        let seen: Result<(), ImportError> = self.each(|row| {
+            for &column in columns {
+                let text = row.text(column);
+                match Grouping::of(text) {
+                    Some(Grouping::Sure) => thousands = true,
+                    Some(Grouping::Not) => decimal = true,
+                    Some(Grouping::Possible) => {
+                        either.get_or_insert_with(|| (row.line, column, text.to_owned()));
+                    }
+                    None => points |= text.contains('.'),
+                }
             }
+            Ok(())
+        });
+        seen?;
+        let is_any = thousands || decimal || either.is_some();
+        self.comma = match (decimal, thousands || points, either) {
+            (true, false, _) => Comma::Decimal,
+            (false, true, _) if is_any => Comma::Thousands,
+            (false, false, Some((line, column, text))) => {
+                let column = self.header[column].clone();
+                return Err(ImportError::UnclearComma { file: self.file.clone(), line, column, text });
+            }
+            _ => Comma::Wrong,
+        };
+        Ok(match self.comma {
+            Comma::Wrong => None,
+            Comma::Decimal => Some("a comma in a number is its decimal mark: there is no point in any"),
+            Comma::Thousands => Some("a comma in a number separates its thousands: the decimal mark is a point"),
         })
-    }
-
-    /// The number in `row`; an empty cell is an error.
-    pub(super) fn required(self, row: usize) -> Result<f64, ImportError> {
-        self.number(row)?.ok_or_else(|| ImportError::Blank {
-            file: self.table.file.clone(),
-            line: self.line(row),
-            column: self.name().into(),
-        })
-    }
-
-    /// The numbers of `rows`, or `None` when not every one of them is filled; and how many are.
-    pub(super) fn where_filled(self, rows: &[usize]) -> Result<(Option<Vec<f64>>, usize), ImportError> {
-        let cells = rows.iter().map(|&row| self.number(row)).collect::<Result<Vec<_>, _>>()?;
-        let filled = cells.iter().flatten().count();
-        Ok((cells.into_iter().collect(), filled))
     }
 }
 
 /// Of `13:07:59.250`, with or without a date in front of it; the fraction may have a comma.
-fn seconds_since_midnight(text: &str) -> Option<f64> {
+pub(super) fn seconds_since_midnight(text: &str) -> Option<f64> {
     let is_of_date = |c: char| c.is_ascii_digit() || "-/.".contains(c);
     let time = match text.rsplit_once([' ', 'T']) {
         Some((date, time)) if date.chars().all(is_of_date) => time,
@@ -223,6 +329,36 @@ mod tests {
             ["", "12.5", "12:30", "24:00:00", "12:60:00", "12:30:61", "1:2:3:4", "a 12:30:00", "12:30:-1", "12:+3:00"]
         {
             assert_eq!(seconds_since_midnight(text), None, "{text}");
+        }
+    }
+    #[test]
+    fn commas_are_told_apart_where_a_number_says_it() {
+        for (text, expected) in [
+            ("1,234,567", Some(Grouping::Sure)),
+            ("-1,234.5", Some(Grouping::Sure)),
+            ("1,200", Some(Grouping::Possible)),
+            ("1,5", Some(Grouping::Not)),
+            ("0,250", Some(Grouping::Not)),
+            ("1234,567", Some(Grouping::Not)),
+            ("1.5", None),
+            ("1200", None),
+            ("1,2,3", None),
+            ("1.234,5", None),
+            ("a,b", None),
+        ] {
+            assert_eq!(Grouping::of(text), expected, "{text}");
+        }
+        assert_eq!(Cell::of(b"1,234,567", Comma::Thousands), Cell::Number(1_234_567.0));
+        assert_eq!(Cell::of(b"1,5", Comma::Decimal), Cell::Number(1.5));
+        assert_eq!(Cell::of(b"1,5", Comma::Thousands), Cell::Text);
+        assert_eq!(Cell::of(b"1,5", Comma::Wrong), Cell::Text);
+    }
+
+    #[test]
+    fn words_for_no_number_are_blanks() {
+        for text in ["", "NaN", "-nan", "inf", "-Infinity", "N/A", "#N/A", "null", "-1.#IND", "1e999"] {
+            let expected = if text == "1e999" { Cell::Text } else { Cell::Blank };
+            assert_eq!(Cell::of(text.as_bytes(), Comma::Wrong), expected, "{text}");
         }
     }
 }

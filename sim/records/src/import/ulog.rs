@@ -12,6 +12,7 @@ use super::summary::{ColumnUse, DroppedRows};
 use super::ulog_messages::{Log, Place, Topic};
 use super::vectors::{normalized, stamps_kept};
 use super::{ImportError, ImportOptions, ImportSummary, LogFormat, MIN_ROWS, Taken};
+use crate::{Excitation, Output};
 
 const MOTORS: &str = "actuator_motors";
 const OUTPUTS: &str = "actuator_outputs";
@@ -112,6 +113,8 @@ pub(super) fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result
         notes.push(format!("the logger lost data {} time(s): a command may be held too long there", log.dropouts));
     }
     Ok(Taken {
+        output: Output::Rpm,
+        usual: Some(Excitation::Staircase),
         summary: ImportSummary {
             file: file.into(),
             format: LogFormat::Ulog,

@@ -1,0 +1,103 @@
+//! Which of thrust and speed is the response of a record, and which rows it needs.
+//!
+//! What is asked for by `--output` or `--column` is taken, or the import fails. Otherwise a thrust that is filled in each row is the
+//! response, and else the one of both that is filled in more rows. Of a stand whose thrust goes through filters, which delay it
+//! more than the speed, it is the speed.
+
+use super::ImportError;
+use super::plain_columns::Pick;
+use super::table::Table;
+use crate::Output;
+
+/// The columns that may be a response, and those beside them.
+pub(super) struct Columns<'a> {
+    pub(super) table: &'a Table<'a>,
+    /// Which row of the table the columns begin with.
+    pub(super) first_row: usize,
+    pub(super) thrust: Option<(Pick, &'a [f64])>,
+    pub(super) speed: Option<(Pick, &'a [f64])>,
+    /// Voltage and current.
+    pub(super) others: Vec<(Pick, &'a [f64])>,
+}
+
+/// What becomes the response.
+pub(super) struct Decision {
+    pub(super) output: Output,
+    /// Why it is this of two.
+    pub(super) note: Option<String>,
+    /// Columns that need a number in each row taken.
+    pub(super) needed: Vec<Pick>,
+}
+
+impl Columns<'_> {
+    /// What is `stated`, or what the numbers allow; `is_filtered` where the thrust is known to lag behind the speed.
+    pub(super) fn decide(&self, stated: Option<Output>, is_filtered: bool) -> Result<Decision, ImportError> {
+        let rows = [self.thrust, self.speed].into_iter().flatten().map(|(_, values)| values.len()).max().unwrap_or(0);
+        let filled = |column: Option<(Pick, &[f64])>| {
+            column.map_or(0, |(_, values)| values.iter().filter(|value| !value.is_nan()).count())
+        };
+        let (thrust, speed) = (filled(self.thrust), filled(self.speed));
+        // A probe that was not connected reads zero.
+        let is_idle = self.speed.is_some_and(|(_, values)| values.iter().all(|value| *value == 0.0 || value.is_nan()));
+        let has_thrust = 2 * thrust > rows;
+        let (output, why) = match (stated, self.thrust, self.speed) {
+            (Some(output), ..) => (output, String::from("as stated")),
+            (None, Some(_), None) => (Output::ThrustN, String::new()),
+            (None, None, _) => (Output::Rpm, String::new()),
+            (None, Some(_), Some(_)) if is_idle && has_thrust => {
+                (Output::ThrustN, String::from("the speed is zero or blank in every row"))
+            }
+            (None, Some(_), Some(_)) if thrust == rows && speed == rows && is_filtered => {
+                (Output::Rpm, String::from("the stand filters its thrust, which lags behind the speed by that"))
+            }
+            (None, Some(_), Some(_)) if thrust == rows && speed == rows => {
+                let why =
+                    "both are in every row. Where a stand filters its thrust, the speed is the safer basis of a lag";
+                (Output::ThrustN, String::from(why))
+            }
+            (None, Some(_), Some(_)) if thrust == rows => {
+                (Output::ThrustN, format!("the speed is in {speed} of {rows} rows alone"))
+            }
+            (None, Some(_), Some(_)) if thrust > speed => {
+                (Output::ThrustN, format!("it is in {thrust} of {rows} rows, the speed in {speed}"))
+            }
+            (None, Some(_), Some(_)) => (Output::Rpm, format!("the thrust is in {thrust} of {rows} rows alone")),
+        };
+        let (name, other, response) = match output {
+            Output::ThrustN => ("thrust", "rpm", self.thrust),
+            Output::Rpm => ("speed", "thrust", self.speed),
+        };
+        let Some(response) = response else {
+            return Err(ImportError::NoSuchOutput { file: self.table.file.clone(), output: output.column() });
+        };
+        let has_both = self.thrust.is_some() && self.speed.is_some();
+        let note = match stated {
+            _ if !has_both => None,
+            Some(_) => Some(format!("the response is the {name}, {why}")),
+            None => Some(format!("the response is the {name}: {why}. `--output {other}` takes the other one")),
+        };
+        let columns = [self.thrust, self.speed].into_iter().flatten().chain(self.others.iter().copied());
+        let mut needed = Vec::new();
+        for (pick, values) in columns {
+            if pick.column == response.0.column || pick.is_stated {
+                self.check_blanks(pick, values)?;
+                needed.push(pick);
+            }
+        }
+        Ok(Decision { output, note, needed })
+    }
+
+    /// Refuses a column with more blanks than numbers.
+    fn check_blanks(&self, pick: Pick, values: &[f64]) -> Result<(), ImportError> {
+        let filled = values.iter().filter(|value| !value.is_nan()).count();
+        let first = values.iter().position(|value| value.is_nan());
+        let Some(first) = first.filter(|_| 2 * filled <= values.len()) else { return Ok(()) };
+        Err(ImportError::MostlyBlank {
+            file: self.table.file.clone(),
+            line: self.table.line(self.first_row + first),
+            column: self.table.header[pick.column].clone(),
+            blank: values.len() - filled,
+            rows: values.len(),
+        })
+    }
+}
