@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use rotorlead_records::{Excitation, Experiment};
+use rotorlead_records::{Excitation, Experiment, Output};
 
 use crate::stand::Stand;
 
@@ -219,4 +219,87 @@ fn a_log_that_is_given_for_a_folder_leads_to_import() {
     let said = String::from_utf8(assert.get_output().stdout.clone()).unwrap();
     let said = said.split_whitespace().collect::<Vec<_>>().join(" ");
     assert!(said.contains("`rotorlead import logs/u050_square.csv --out DIR` makes one from a log"), "{said}");
+}
+
+/// A log of the second folder of measured data.
+fn small_motor(name: &str) -> Option<String> {
+    host_tests::real_log(&format!("../sar_simulation/{name}")).map(|file| file.display().to_string())
+}
+
+/// What is printed, without line breaks.
+fn summary(stand: &Stand, arguments: &str) -> String {
+    stand.run(arguments).split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+#[test]
+fn a_stands_log_with_dshot_and_rad_per_second_is_taken_at_the_first_try() {
+    let Some(log) = small_motor("micro_2023-12-17_162234.csv") else { return };
+    let stand = Stand::new();
+    let text = summary(&stand, &format!("import {log} --out motor"));
+    for part in [
+        "3706 of 3707 rows taken",
+        "19 lines of remarks",
+        "DShot: 48..2047 become 0..1, 0 is stop; guessed",
+        "the response is the speed: the thrust is in 3313 of 3707 rows alone. `--output thrust` takes the other one",
+    ] {
+        assert!(text.contains(part), "no `{part}` in {text}");
+    }
+    let experiment = Experiment::read(&stand.path("motor")).unwrap();
+    let record = &experiment.records[0];
+    assert_eq!((experiment.output, record.excitation), (Output::Rpm, Excitation::Staircase));
+    // Its fastest reading, 4777.2 rad/s.
+    let fastest = record.rpm.as_ref().unwrap().iter().copied().fold(0.0, f64::max);
+    assert!((fastest * std::f64::consts::PI / 30.0 - 4777.210_508_8).abs() < 1e-3, "{fastest}");
+    // The other response is taken when it is asked for, without the rows that do not have it.
+    let text = summary(&stand, &format!("import {log} --output thrust --out thrust"));
+    assert!(text.contains("394 rows left out: `Thrust (gf)` is blank"), "{text}");
+    assert_eq!(Experiment::read(&stand.path("thrust")).unwrap().output, Output::ThrustN);
+}
+
+#[test]
+fn an_untared_stand_is_mentioned_and_tared() {
+    let Some(log) = small_motor("so_v5_2023-12-13_130935.csv") else { return };
+    let stand = Stand::new();
+    let import = format!("import {log} --output thrust");
+    let at_rest = |folder: &str| {
+        let record = Experiment::read(&stand.path(folder)).unwrap().records.remove(0);
+        let rest = record.command.iter().take_while(|command| **command == 0.0).count();
+        record.thrust_n.unwrap()[..rest].iter().sum::<f64>() / rest as f64
+    };
+    let text = summary(&stand, &format!("{import} --out raw"));
+    assert!(text.contains("thrust at rest is -0.") && text.contains("`--tare` subtracts that"), "{text}");
+    assert!(at_rest("raw") < -0.2, "{}", at_rest("raw"));
+    let text = summary(&stand, &format!("{import} --tare --out tared"));
+    assert!(text.contains("N subtracted from the thrust"), "{text}");
+    assert!(at_rest("tared").abs() < 1e-9, "{}", at_rest("tared"));
+}
+
+#[test]
+fn a_table_of_averages_is_a_static_map() {
+    let Some(log) = small_motor("so_v5_steps_2024-02-06_103903.csv") else { return };
+    let stand = Stand::new();
+    let text = summary(&stand, &format!("import {log} --out map"));
+    for part in [
+        "51 of 51 rows taken",
+        "51 steady points, which give a static map and no lag",
+        "they are numbered",
+        "differ by",
+    ] {
+        assert!(text.contains(part), "no `{part}` in {text}");
+    }
+    let record = Experiment::read(&stand.path("map")).unwrap().records.remove(0);
+    assert_eq!((record.excitation, record.time_s.len(), record.time_s[50]), (Excitation::Steady, 51, 50.0));
+    assert!(record.thrust_n.is_some() && record.rpm.is_some());
+}
+
+#[test]
+fn a_log_without_its_command_leads_to_align() {
+    let Some(log) = host_tests::real_log("Log_2019-11-05_171350.csv") else { return };
+    let stand = Stand::new();
+    let log = log.display();
+    stand.refuses(
+        &format!("import {log} --out motor"),
+        1,
+        &["empty in all 4814 rows", "`rotorlead identify --align LOG`"],
+    );
 }

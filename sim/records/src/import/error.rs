@@ -154,7 +154,7 @@ pub enum ImportError {
     #[error("{}: the log does not say what drove the command", file.display())]
     #[diagnostic(help(
         "say it: `--excitation multisine`, `square` or `triangle`, each with `--period-s SECONDS`; `staircase` (levels held \
-         one after the other), `step` (one), `chirp`, or `free` for anything else"
+         one after the other), `step` (one), `chirp`, `steady` (each row is a steady point), or `free` for anything else"
     ))]
     NoExcitation {
         /// The log.

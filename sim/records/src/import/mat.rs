@@ -179,8 +179,10 @@ pub(super) fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result
         Some(rows.iter().map(|&row| source.values[row]).collect())
     });
     let mut notes = Vec::new();
-    if thrust_n.is_some() && rpm.is_some() {
-        notes.push(String::from("thrust and speed are both there: the experiment's response is the thrust"));
+    if thrust_n.is_some() && rpm.is_some() && options.output.is_none() {
+        notes.push(String::from(
+            "thrust and speed are both there: the experiment's response is the thrust; `--output rpm` takes the speed",
+        ));
     }
     Ok(Taken {
         output: if thrust_n.is_some() { Output::ThrustN } else { Output::Rpm },

@@ -24,6 +24,9 @@ const GAP_INTERVALS: f64 = 2.5;
 /// for a reader to work off what piled up while it waited.
 const GAP_WINDOW: usize = 300;
 
+/// Intervals of which a median is known as well as of more.
+const MOST_INTERVALS: usize = 1 << 17;
+
 /// Puts rows that were *sent* evenly spaced, but stamped when the host came round to reading them,
 /// back on their grid.
 ///
@@ -111,10 +114,12 @@ fn line(stamps: &[f64], lost: &[usize]) -> (f64, f64) {
     (mean_y - interval * mean_x, interval)
 }
 
-/// The median and the longest interval between stamps; zero of fewer than two.
+/// The median and the longest interval between stamps; zero of fewer than two. Of more than [`MOST_INTERVALS`] the median is that
+/// of every second, third and so on.
 pub(super) fn typical_and_longest(time_s: &[f64]) -> (f64, f64) {
     let intervals = || time_s.windows(2).map(|pair| pair[1] - pair[0]);
-    (median(intervals()).unwrap_or(0.0), intervals().fold(0.0, f64::max))
+    let every = time_s.len().div_ceil(MOST_INTERVALS).max(1);
+    (median(intervals().step_by(every)).unwrap_or(0.0), intervals().fold(0.0, f64::max))
 }
 
 #[cfg(test)]
