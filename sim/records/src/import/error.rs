@@ -290,7 +290,7 @@ pub enum ImportError {
         lasts_s: f64,
     },
     /// A number that no motor of a multicopter reaches.
-    #[error("{}, line {line}, column `{column}`: `{value}` in {unit} is more than {most}, which cannot be", file.display())]
+    #[error("{}, line {line}, column `{column}`: {problem}, which cannot be", file.display())]
     #[diagnostic(help(
         "where its unit is another, state it with `{remedy}`; where the value is a glitch, delete the row"
     ))]
@@ -301,12 +301,8 @@ pub enum ImportError {
         line: u64,
         /// The column.
         column: String,
-        /// What is there.
-        value: String,
-        /// The unit that it was taken in.
-        unit: &'static str,
-        /// What can be.
-        most: String,
+        /// What is there, in the unit that it was taken in, and the most that can be.
+        problem: String,
         /// The option that states another unit.
         remedy: String,
     },

@@ -466,14 +466,15 @@ fn convert(
     for (row, value) in values.iter_mut().enumerate() {
         let found = converted(pick, *value);
         if found.abs() > most {
+            let name = &table.header[pick.column];
+            let (line, text) =
+                table.at(first + row, |row| (row.line, row.text(pick.column).to_owned())).unwrap_or_default();
             return Err(ImportError::Impossible {
                 file: table.file.clone(),
-                line: table.line(first + row),
-                column: table.header[pick.column].clone(),
-                value: table.at(first + row, |row| row.text(pick.column).to_owned()).unwrap_or_default(),
-                unit: pick.unit.name,
-                most: format!("{most} {unit}"),
-                remedy: option(pick.unit.quantity, &table.header[pick.column], "UNIT"),
+                line,
+                column: name.clone(),
+                problem: format!("`{text}` in {} is more than {most} {unit}", pick.unit.name),
+                remedy: option(pick.unit.quantity, name, "UNIT"),
             });
         }
         *value = found;

@@ -32,36 +32,11 @@ pub(super) struct Decision {
 impl Columns<'_> {
     /// What is `stated`, or what the numbers allow; `is_filtered` where the thrust is known to lag behind the speed.
     pub(super) fn decide(&self, stated: Option<Output>, is_filtered: bool) -> Result<Decision, ImportError> {
-        let rows = [self.thrust, self.speed].into_iter().flatten().map(|(_, values)| values.len()).max().unwrap_or(0);
-        let filled = |column: Option<(Pick, &[f64])>| {
-            column.map_or(0, |(_, values)| values.iter().filter(|value| !value.is_nan()).count())
-        };
-        let (thrust, speed) = (filled(self.thrust), filled(self.speed));
-        // A probe that was not connected reads zero.
-        let is_idle = self.speed.is_some_and(|(_, values)| values.iter().all(|value| *value == 0.0 || value.is_nan()));
-        let has_thrust = 2 * thrust > rows;
         let (output, why) = match (stated, self.thrust, self.speed) {
             (Some(output), ..) => (output, String::from("as stated")),
-            (None, Some(_), None) => (Output::ThrustN, String::new()),
+            (None, _, None) => (Output::ThrustN, String::new()),
             (None, None, _) => (Output::Rpm, String::new()),
-            (None, Some(_), Some(_)) if is_idle && has_thrust => {
-                (Output::ThrustN, String::from("the speed is zero or blank in every row"))
-            }
-            (None, Some(_), Some(_)) if thrust == rows && speed == rows && is_filtered => {
-                (Output::Rpm, String::from("the stand filters its thrust, which lags behind the speed by that"))
-            }
-            (None, Some(_), Some(_)) if thrust == rows && speed == rows => {
-                let why =
-                    "both are in every row. Where a stand filters its thrust, the speed is the safer basis of a lag";
-                (Output::ThrustN, String::from(why))
-            }
-            (None, Some(_), Some(_)) if thrust == rows => {
-                (Output::ThrustN, format!("the speed is in {speed} of {rows} rows alone"))
-            }
-            (None, Some(_), Some(_)) if thrust > speed => {
-                (Output::ThrustN, format!("it is in {thrust} of {rows} rows, the speed in {speed}"))
-            }
-            (None, Some(_), Some(_)) => (Output::Rpm, format!("the thrust is in {thrust} of {rows} rows alone")),
+            (None, Some((_, thrust)), Some((_, speed))) => of_both(thrust, speed, is_filtered),
         };
         let (name, other, response) = match output {
             Output::ThrustN => ("thrust", "rpm", self.thrust),
@@ -99,5 +74,26 @@ impl Columns<'_> {
             blank: values.len() - filled,
             rows: values.len(),
         })
+    }
+}
+
+/// Which of both is the response where nobody has said it, and why.
+fn of_both(thrust: &[f64], speed: &[f64], is_filtered: bool) -> (Output, String) {
+    let rows = thrust.len();
+    let filled = |values: &[f64]| values.iter().filter(|value| !value.is_nan()).count();
+    let is_idle = speed.iter().all(|value| *value == 0.0 || value.is_nan());
+    let (thrust, speed) = (filled(thrust), filled(speed));
+    // A probe that was not connected reads zero.
+    if is_idle && 2 * thrust > rows {
+        (Output::ThrustN, String::from("the speed is zero or blank in every row"))
+    } else if thrust == rows && speed == rows && is_filtered {
+        (Output::Rpm, String::from("the stand filters its thrust, which lags behind the speed by that"))
+    } else if thrust == rows && speed == rows {
+        let why = "both are in every row. Where a stand filters its thrust, the speed is the safer basis of a lag";
+        (Output::ThrustN, String::from(why))
+    } else if thrust > speed {
+        (Output::ThrustN, format!("the speed is in {speed} of {rows} rows alone, the thrust in {thrust}"))
+    } else {
+        (Output::Rpm, format!("the thrust is in {thrust} of {rows} rows alone"))
     }
 }
