@@ -10,7 +10,7 @@ const LEAST_POINTS: usize = 1;
 /// A rotor has come to rest this long after its command has gone to zero, seconds.
 const COMES_TO_REST_S: f64 = 2.0;
 /// Share of the greatest thrust from which on a thrust at rest is mentioned.
-const SHARE: f64 = 0.02;
+const SHARE: f64 = 0.01;
 /// Standard errors of a mean at rest within which it may be zero.
 const ERRORS: f64 = 4.0;
 
