@@ -30,6 +30,7 @@ use std::path::Path;
 
 pub use error::ImportError;
 pub use quantity::{ColumnChoice, Quantity, Unit};
+pub use stamps::spread_bursts;
 pub use summary::{ColumnUse, DroppedRows, ImportSummary, LogFormat, Timing};
 
 use super::{Excitation, Experiment, Output, Record};

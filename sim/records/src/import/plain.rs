@@ -12,7 +12,7 @@ use super::plain_layout::PlainTable;
 use super::plain_response::{Columns, Decision};
 use super::quantity::{DSHOT, Quantity, Scale, Unit};
 use super::rcbenchmark::{self, MAX_OVERTAKING_S};
-use super::stamps::typical_and_longest;
+use super::stamps::{spread_bursts, typical_and_longest};
 use super::summary::ColumnList;
 use super::table::Table;
 use super::{
@@ -300,6 +300,13 @@ impl Rows<'_> {
         self.time.iter_mut().for_each(|stamp| *stamp = converted(pick, *stamp - start));
         let is_shown = options.excitation.is_none() && self.are_points();
         if !is_stated && !is_shown {
+            if let Some(even) = spread_bursts(&self.time) {
+                self.time = even;
+                notes.push(String::from(
+                    "time stamps come in bursts, as of a host that reads several rows at a time: the rows were spread evenly",
+                ));
+                return Ok(false);
+            }
             self.sort(pick, if is_stand { MAX_OVERTAKING_S } else { 0.0 })?;
             return Ok(false);
         }

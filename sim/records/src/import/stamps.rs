@@ -71,6 +71,27 @@ pub(super) fn even_grid(stamps: &[f64]) -> EvenGrid {
     }
 }
 
+/// An interval below this share of the usual one is within a burst.
+const BURST_SHARE: f64 = 0.25;
+/// Stamps come in bursts where this share of the intervals is within one.
+const MOSTLY_BURSTS: f64 = 0.4;
+
+/// The times of rows whose stamps come in bursts, as of a host that reads several rows at a time: [`even_grid`]. `None` where
+/// they do not, or run back.
+#[must_use]
+pub fn spread_bursts(stamps_s: &[f64]) -> Option<Vec<f64>> {
+    if stamps_s.len() < 3 || !stamps_s.is_sorted() {
+        return None;
+    }
+    let usual_s = (stamps_s[stamps_s.len() - 1] - stamps_s[0]) / (stamps_s.len() - 1) as f64;
+    let within = stamps_s.windows(2).filter(|pair| pair[1] - pair[0] < BURST_SHARE * usual_s).count();
+    if (within as f64) < MOSTLY_BURSTS * (stamps_s.len() - 1) as f64 {
+        return None;
+    }
+    let grid = even_grid(stamps_s);
+    (grid.interval_s > 0.0).then_some(grid.time_s)
+}
+
 /// For every row, how many rows were lost before it.
 fn lost_rows(stamps: &[f64], interval: f64) -> Vec<usize> {
     let n = stamps.len();
