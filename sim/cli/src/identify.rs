@@ -274,9 +274,12 @@ fn tables(experiment: &Experiment, identified: &Identification, laws: Option<&La
         Lags::Multisines(found) => of_lags + STANDARD_ERRORS + &held_out(experiment, found),
         Lags::Chirps(found) => of_lags + STANDARD_ERRORS + &fitted_chirps(&found.files),
         Lags::Steps(fit) => staircase(fit) + &of_lags,
+        Lags::None => String::new(),
     };
     let laws = laws.map(identify_laws::describe);
     let map = identified.static_map.as_ref().map(|(_, fit)| identify_map::describe(fit, experiment.output));
     let detail: Vec<String> = laws.into_iter().chain(others.iter().map(Table::text)).collect();
-    (text, detail.join("\n") + &map.unwrap_or_default())
+    let detail = detail.join("\n") + &map.unwrap_or_default();
+    // A static map is all that there is to say then.
+    if matches!(identified.lags, Lags::None) { (detail, String::new()) } else { (text, detail) }
 }

@@ -11,6 +11,12 @@ pub fn headline(identified: &Identification) -> String {
     let lag = match &identified.lags {
         Lags::Steps(fit) => of_steps(fit),
         Lags::Multisines(_) | Lags::Chirps(_) => of_points(&identified.model.points),
+        Lags::None => {
+            let points = identified.static_map.as_ref().map_or(0, |(_, fit)| fit.points);
+            return format!(
+                "static map of {points} steady points, no lag: not usable for a compensator; record a staircase"
+            );
+        }
     };
     let usable = match design(&identified.model, &DesignOptions::default()) {
         Ok(_) => "usable".to_owned(),

@@ -32,6 +32,15 @@ pub enum IdentifyError {
         /// What it may be.
         range: &'static str,
     },
+    /// Tables of steady points with too few of them.
+    #[error(
+        "{experiment}: its tables have fewer than four steady points on which the motor runs, too few for a static map"
+    )]
+    #[diagnostic(help("record more levels, or a staircase: steps show the lag as well"))]
+    NoStaticMap {
+        /// The experiment.
+        experiment: String,
+    },
     /// Periods that cannot be averaged.
     #[error("{periods} periods of {lines} lines cannot be averaged")]
     #[diagnostic(help("give two periods or more, each with one number per harmonic, harmonics increasing"))]

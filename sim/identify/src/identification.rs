@@ -5,7 +5,7 @@ use rotorlead_plant::{Model, Provenance};
 use rotorlead_records::{Excitation, Experiment, Record, Role};
 
 use super::stand::StandModel;
-use super::static_map::{StaticMapFit, SteadyPoints, fit_static_map};
+use super::static_map::{StaticMapFit, SteadyPoints, SteadySource, fit_static_map};
 use super::steps::{StaircaseFit, fit_staircase};
 use super::{
     ChirpIdentification, Finding, FirstOrderOptions, IdentifyError, IdentifyWarning, PeriodicIdentification,
@@ -39,6 +39,8 @@ pub enum Lags {
     Chirps(ChirpIdentification),
     /// From a step or staircase record in the time domain, one per level and direction.
     Steps(StaircaseFit),
+    /// None: the records are tables of steady points, which show a static map alone.
+    None,
 }
 
 impl Lags {
@@ -48,7 +50,7 @@ impl Lags {
         match self {
             Self::Multisines(found) => Some(found),
             Self::Chirps(found) => Some(&found.lags),
-            Self::Steps(_) => None,
+            Self::Steps(_) | Self::None => None,
         }
     }
 
@@ -57,7 +59,7 @@ impl Lags {
     pub fn in_time(&self) -> Option<&StaircaseFit> {
         match self {
             Self::Steps(fit) => Some(fit),
-            Self::Multisines(_) | Self::Chirps(_) => None,
+            Self::Multisines(_) | Self::Chirps(_) | Self::None => None,
         }
     }
 }
@@ -80,7 +82,8 @@ pub struct Identification {
 /// With a multisine among them, each nominal command gets the lag `gain e^(-s delay) / (tau s + 1)` that fits its frequency
 /// response best (maximum likelihood, weighted by the noise that the periods show), and square waves judge it. Without,
 /// the one step or staircase record is fitted in time, one lag per level and direction; without those too, chirps are
-/// fitted in the frequency domain. A static map is fitted to all levels on which the motor runs steadily.
+/// fitted in the frequency domain. A static map is fitted to all levels on which the motor runs steadily; tables of steady points
+/// give that alone.
 ///
 /// # Errors
 /// [`IdentifyError`] where no record may be fitted, several might be and one has to be chosen, or a record cannot be used.
@@ -119,11 +122,16 @@ pub fn identify(experiment: &Experiment, options: &IdentifyOptions) -> Result<Id
         of_multisines(experiment, options, fit)?
     } else if !has_steps && experiment.records.iter().any(is_chirp_to_fit) {
         of_chirps(experiment, options, &fit)?
+    } else if !has_steps && records().any(|record| may_fit(record) && record.excitation == Excitation::Steady) {
+        of_steady_points(experiment)
     } else {
         of_steps(experiment, options)?
     };
     identification.add_static_map(experiment);
-    Ok(identification)
+    match (&identification.lags, &identification.static_map) {
+        (Lags::None, None) => Err(IdentifyError::NoStaticMap { experiment: experiment.name.clone() }),
+        _ => Ok(identification),
+    }
 }
 
 fn of_multisines(
@@ -177,11 +185,31 @@ fn of_steps(experiment: &Experiment, options: &IdentifyOptions) -> Result<Identi
     })
 }
 
+/// Nothing of a lag; the static map is added to it.
+fn of_steady_points(experiment: &Experiment) -> Identification {
+    let used = experiment.records.iter().filter(|record| may_fit(record) && record.excitation == Excitation::Steady);
+    let model = Model {
+        format: 1,
+        points: Vec::new(),
+        static_map: None,
+        time_constant_curve: None,
+        effects: Vec::new(),
+        provenance: Some(Provenance {
+            records: used.map(|record| record.file.clone()).collect(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            output: experiment.output,
+            command_rate_hz: None,
+            esc_frame_hz: None,
+        }),
+    };
+    Identification { model, lags: Lags::None, static_map: None, warnings: Vec::new() }
+}
+
 impl Identification {
     /// Fits the static map to all records that may be fitted and are not compensated, and puts it in the model.
     fn add_static_map(&mut self, experiment: &Experiment) {
         let lag_s = median(self.model.points.iter().map(|point| point.time_constant_s + point.delay_s));
-        let mut points = SteadyPoints { running: Vec::new(), still: None, ramp: false };
+        let mut points = SteadyPoints { running: Vec::new(), still: None, source: SteadySource::Plateaus };
         for record in experiment.records.iter().filter(|record| may_fit(record) && !record.compensated) {
             // Most records are no staircase, and that is no fault of theirs.
             if let Ok(found) = SteadyPoints::of(record, experiment.output, lag_s) {

@@ -8,6 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution as _, Normal};
 use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
 use rotorlead_identify::steps::{StaircaseFit, fit_staircase};
+use rotorlead_records::import::spread_bursts;
 use rotorlead_records::{Excitation, Output, Record};
 
 const SEEDS: u64 = 400;
@@ -25,7 +26,7 @@ enum Fault {
     RepeatedRows,
     /// Speed in steps of 60 rpm.
     Quantized,
-    /// Rows wait for the host and get its stamps in bursts of three.
+    /// Even rows wait for the host and get its stamps in bursts of two to six, which the import spreads.
     Bursts,
     /// Some rows are missing where the command changes.
     MissingEdges,
@@ -126,7 +127,8 @@ fn log(fault: Fault, seed: u64) -> Log {
         while t < until || rows < 5 {
             time_s.push(t);
             command.push(u);
-            t += interval_s * between(&mut rng, 0.8, 1.2);
+            let uneven = if fault == Fault::Bursts { 1.0 } else { between(&mut rng, 0.8, 1.2) };
+            t += interval_s * uneven;
             rows += 1;
         }
     }
@@ -185,11 +187,14 @@ fn log(fault: Fault, seed: u64) -> Log {
         }
         Fault::Quantized => rpm.iter_mut().for_each(|rpm| *rpm = 60.0 * (*rpm / 60.0).round()),
         Fault::Bursts => {
-            for burst in time_s.chunks_mut(3) {
-                let last = burst[burst.len() - 1];
-                let count = burst.len();
-                burst.iter_mut().enumerate().for_each(|(k, t)| *t = last - 2e-4 * (count - 1 - k) as f64);
+            let mut rest = &mut time_s[..];
+            while !rest.is_empty() {
+                let count = rng.random_range(2..7).min(rest.len());
+                let (burst, others) = std::mem::take(&mut rest).split_at_mut(count);
+                burst.fill(burst[count - 1]);
+                rest = others;
             }
+            time_s = spread_bursts(&time_s).expect("stamps in bursts");
         }
         Fault::MissingEdges => {
             for &row in &first_rows[1..] {

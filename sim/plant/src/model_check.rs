@@ -8,18 +8,15 @@ impl Model {
     /// Refuses numbers that no actuator has: see the errors.
     ///
     /// # Errors
-    /// A fault that names the first number that breaks a rule. The model has one point or more;
+    /// A fault that names the first number that breaks a rule. The model has one point or more, or a static map;
     /// nominal commands are in 0..1 and increase; gains are finite; time constants are above zero;
     /// delays and standard errors are not below zero; effects are in the [`Catalog`] with its parameters; a static map has as many responses as
     /// commands, two or more, the commands in 0..1 and increasing; rates are above zero.
     pub fn check(&self) -> Result<(), Fault> {
         let root = Place::root();
         let points = root.key("point");
-        if self.points.is_empty() {
-            return Err(points.fault(
-                "the model has no point, so there is nothing to work with",
-                "run `rotorlead identify` on an experiment: it writes a [[point]] per nominal command",
-            ));
+        if self.points.is_empty() && self.static_map.is_none() {
+            return Err(self.no_point());
         }
         for (index, point) in self.points.iter().enumerate() {
             point.check(&points.item(index))?;
@@ -41,6 +38,23 @@ impl Model {
             Some(provenance) => provenance.check(&root.key("provenance")),
             None => Ok(()),
         }
+    }
+}
+
+impl Model {
+    /// What is said of a model without a point.
+    pub(super) fn no_point(&self) -> Fault {
+        let (problem, remedy) = match self.static_map {
+            Some(_) => (
+                "the model has a static map alone and no point: nothing is known of its lag",
+                "record a staircase and run `rotorlead identify` on it: it writes a [[point]] per level",
+            ),
+            None => (
+                "the model has no point, so there is nothing to work with",
+                "run `rotorlead identify` on an experiment: it writes a [[point]] per nominal command",
+            ),
+        };
+        Place::root().key("point").fault(problem, remedy)
     }
 }
 

@@ -10,18 +10,22 @@ impl Model {
     /// Reads and checks a model.
     ///
     /// # Errors
-    /// When the file is missing or is no model: an unknown key, a missing one, or a number that
-    /// [`Model::check`] refuses. The error shows the place in the file.
+    /// When the file is missing or is no model: an unknown key, a missing one, a number that
+    /// [`Model::check`] refuses, or no point. The error shows the place in the file.
     pub fn read(path: &Path) -> Result<Self, FileError> {
         let (model, file): (Self, _) = TomlFile::read(path)?;
         model.check().map_err(|fault| file.show(&fault))?;
+        // One of a table of steady points is for people alone.
+        if model.points.is_empty() {
+            return Err(file.show(&model.no_point()));
+        }
         Ok(model)
     }
 
     /// Checks a model and writes it, complete or not at all.
     ///
     /// # Errors
-    /// When reading it back would refuse it, or the file cannot be written.
+    /// When [`Model::check`] refuses it, or the file cannot be written.
     pub fn write(&self, path: &Path) -> Result<(), FileError> {
         self.check().map_err(|fault| FileError::refused(path, fault))?;
         write_toml(path, self)

@@ -5,7 +5,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rotorlead_identify::Estimate;
 use rotorlead_identify::static_map::{
-    Limit, StaticMapError, StaticMapFit, StaticMapWarning, SteadyPoint, SteadyPoints, fit_static_map,
+    Limit, StaticMapError, StaticMapFit, StaticMapWarning, SteadyPoint, SteadyPoints, SteadySource, fit_static_map,
 };
 use rotorlead_identify::steps::Direction;
 use rotorlead_records::{Excitation, Output, Record};
@@ -54,7 +54,7 @@ fn staircase(truth: &Truth, seed: u64) -> SteadyPoints {
             SteadyPoint { command, direction, response, std: STD * (chi_square / 4.0).sqrt() }
         })
         .collect();
-    SteadyPoints { running, still: Some(0.05), ramp: false }
+    SteadyPoints { running, still: Some(0.05), source: SteadySource::Plateaus }
 }
 
 /// The terms of the truth in powers of the command itself.
@@ -290,7 +290,7 @@ fn too_few_levels_are_refused_and_a_record_without_any_is() {
     let mut few = staircase(&QUADRATIC, 7);
     few.running.truncate(3);
     assert_eq!(fit_static_map(&few), Err(StaticMapError::TooFewLevels { levels: 3 }));
-    let none = SteadyPoints { running: Vec::new(), still: None, ramp: false };
+    let none = SteadyPoints { running: Vec::new(), still: None, source: SteadySource::Plateaus };
     assert_eq!(fit_static_map(&none), Err(StaticMapError::TooFewLevels { levels: 0 }));
     let quiet = shell(vec![0.0, 0.1, 0.2], vec![0.5; 3], vec![1.0; 3], Excitation::Free);
     assert!(SteadyPoints::of(&quiet, Output::ThrustN, None).is_err());

@@ -31,7 +31,7 @@ use rotorlead_plant::MapPolynomial;
 use serde::Serialize;
 use thiserror::Error;
 
-pub use points::{SteadyPoint, SteadyPoints};
+pub use points::{SteadyPoint, SteadyPoints, SteadySource};
 
 use super::Estimate;
 use super::steps::{Direction, SAME_LEVEL};
@@ -378,10 +378,10 @@ impl StaticMapFit {
             let runs = self.range.0;
             DeadZone { still, runs, end: self.zero_crossing().filter(|end| consistent(*end, still, runs)) }
         });
-        if steady.ramp && self.hysteresis.is_some() {
+        if steady.source == SteadySource::Ramp && self.hysteresis.is_some() {
             self.warnings.push(StaticMapWarning::RampLag);
         }
-        if self.excess > 3.0 {
+        if steady.source != SteadySource::Averages && self.excess > 3.0 {
             self.warnings.push(StaticMapWarning::Excess { times: self.excess });
         }
         if let Some(command) = self.first_not_rising() {

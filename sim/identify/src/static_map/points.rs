@@ -2,9 +2,9 @@
 
 use std::ops::Range;
 
-use rotorlead_numerics::sample::{mean, variance};
+use rotorlead_numerics::sample::{extent, mean, variance};
 use rotorlead_plant::StaticMap;
-use rotorlead_records::{Output, Record};
+use rotorlead_records::{Excitation, Output, Record};
 
 use crate::steps::{Direction, Plateau, Run, SAME_LEVEL, State, StepsError, plateaus_of, without_spikes};
 
@@ -28,8 +28,19 @@ pub struct SteadyPoints {
     pub running: Vec<SteadyPoint>,
     /// The highest command below those at which it stands still.
     pub still: Option<f64>,
-    /// Whether they are from a ramp: commands then contain the lag, up and down with opposite signs.
-    pub ramp: bool,
+    /// What they are taken from.
+    pub source: SteadySource,
+}
+
+/// What steady points are taken from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum SteadySource {
+    /// The settled rows of plateaus.
+    Plateaus,
+    /// Rows of a table that are averages each: how well they are known is not in the table.
+    Averages,
+    /// Bins of a ramp: commands then contain the lag, up and down with opposite signs.
+    Ramp,
 }
 
 /// Bins of the command's range that a ramp is cut into.
@@ -51,7 +62,7 @@ impl SteadyPoints {
             (Some(a), Some(b)) => Some(a.max(b)),
             (a, b) => a.or(b),
         };
-        self.ramp |= other.ramp;
+        self.source = self.source.max(other.source);
     }
 
     /// The mean response of each level.
@@ -76,12 +87,15 @@ impl SteadyPoints {
         }
     }
 
-    /// The plateaus of a record, or the bins of a ramp. `lag_s` is the delay and the time constant together, where known:
+    /// The plateaus of a record, its rows where they are averages, or the bins of a ramp. `lag_s` is the delay and the time constant together, where known:
     /// a ramp's commands are taken from so much earlier.
     ///
     /// # Errors
     /// [`StepsError`] when the record has neither two plateaus in a row on which the motor runs nor a ramp.
     pub fn of(record: &Record, output: Output, lag_s: Option<f64>) -> Result<Self, StepsError> {
+        if record.excitation == Excitation::Steady {
+            return Self::of_averages(record, output);
+        }
         match Run::all(record, output) {
             Ok(runs) => {
                 let settles = |p: &&Plateau| p.state == State::Running;
@@ -96,10 +110,33 @@ impl SteadyPoints {
                         && p.mean.abs() < STILL_SHARE * highest + 4.0 * p.mean_std
                 };
                 let still = all.iter().filter(stands).map(|p| p.command).reduce(f64::max);
-                Ok(Self { running, still, ramp: false })
+                Ok(Self { running, still, source: SteadySource::Plateaus })
             }
             Err(error) => ramp(record, output, lag_s.unwrap_or(0.0)).ok_or(error),
         }
+    }
+}
+
+impl SteadyPoints {
+    /// The rows of a table of averages.
+    fn of_averages(record: &Record, output: Output) -> Result<Self, StepsError> {
+        let no_response = || StepsError::NoResponse { record: record.file.clone(), column: output.column() };
+        let response = record.response(output).ok_or_else(no_response)?;
+        let (_, highest) = extent(response);
+        let stands = |response: f64| response.abs() < STILL_SHARE * highest;
+        let rows = || record.command.iter().zip(response);
+        let still = rows().filter(|(_, response)| stands(**response)).map(|(command, _)| *command);
+        let mut before = f64::NEG_INFINITY;
+        let point = |(&command, &response): (&f64, &f64)| {
+            let direction = if command < before { Direction::Down } else { Direction::Up };
+            before = command;
+            // All alike: the table does not say better.
+            SteadyPoint { command, direction, response, std: STILL_SHARE * highest }
+        };
+        let running: Vec<SteadyPoint> = rows().map(point).filter(|point| !stands(point.response)).collect();
+        let lowest = running.iter().map(|point| point.command).fold(f64::INFINITY, f64::min);
+        let still = still.filter(|command| *command < lowest).reduce(f64::max);
+        Ok(Self { running, still, source: SteadySource::Averages })
     }
 }
 
@@ -171,5 +208,5 @@ fn ramp(record: &Record, output: Output, lag_s: f64) -> Option<SteadyPoints> {
             start = row;
         }
     }
-    (points.len() >= 4).then_some(SteadyPoints { running: points, still, ramp: true })
+    (points.len() >= 4).then_some(SteadyPoints { running: points, still, source: SteadySource::Ramp })
 }

@@ -39,7 +39,7 @@ pub fn identification_section(identified: &Identification, output: Output) -> Se
 pub fn identification_tables(identified: &Identification, output: Output) -> Vec<Table> {
     let mut tables = vec![match &identified.lags {
         Lags::Steps(fit) => levels(fit),
-        Lags::Multisines(_) | Lags::Chirps(_) => lags(identified, output),
+        Lags::Multisines(_) | Lags::Chirps(_) | Lags::None => lags(identified, output),
     }];
     tables.extend(identified.lags.in_time().map(steps_table));
     tables.extend(identified.lags.in_frequency().and_then(distortion_table));
