@@ -20,7 +20,7 @@ use rotorlead_records::{Output, Record as SourceRecord};
 use serde::Serialize;
 
 use super::dataset::{Record, Split};
-use super::log::{Errors, Filter};
+use super::log::{Blocks, Errors, Filter};
 
 /// Which column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -83,10 +83,14 @@ pub(super) fn columns(source: &SourceRecord, output: Output, rows: std::ops::Ran
 }
 
 /// The columns of a record that does not repeat.
-pub(super) fn channels(source: &SourceRecord, output: Output, rows: std::ops::Range<usize>) -> Vec<Channel> {
-    let channel = |(column, measured)| Channel {
+pub(super) fn channels(
+    source: &SourceRecord,
+    output: Output,
+    (rows, blocks): (std::ops::Range<usize>, &Blocks),
+) -> Vec<Channel> {
+    let channel = |(column, measured): (Column, Vec<f64>)| Channel {
         column,
-        measured,
+        measured: blocks.means(&measured),
         errors: Errors::default(),
         fitted: Filter::default(),
         held_out: Filter::default(),

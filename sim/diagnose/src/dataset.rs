@@ -273,11 +273,10 @@ impl Record {
 
     /// A record that does not repeat.
     fn of_log(source: &SourceRecord, output: Output, prepared: Prepared, point: usize) -> Result<Self, DiagnoseError> {
-        let Prepared { from, measured, log } = prepared;
-        let rows = from..from + measured.len();
+        let Prepared { rows, blocks, measured, mean_response, log } = prepared;
         let command = &applied(source)?[rows.clone()];
-        let time_s = source.time_s[rows.clone()].to_vec();
-        let (mean_command, mean_response) = (mean(command), mean(&measured));
+        let time_s = &source.time_s[rows.clone()];
+        let mean_command = mean(command);
         // A command that stays is not listed again.
         let changes: Vec<usize> =
             (0..command.len()).filter(|&row| row == 0 || command[row] != command[row - 1]).collect();
@@ -298,14 +297,14 @@ impl Record {
             before: Before::Rest,
             hum: Vec::new(),
             rate_hz: interval_s.recip(),
-            period_rows: time_s.len(),
+            period_rows: measured.len(),
             repeats: false,
             highest_hz: 0.0,
             segments: Vec::new(),
-            time_s,
+            time_s: blocks.means(time_s),
             measured,
             log: Some(log),
-            channels: channels(source, output, rows),
+            channels: channels(source, output, (rows, &blocks)),
             auxiliary_channels: Vec::new(),
         })
     }

@@ -293,22 +293,7 @@ impl Hypothesis {
         }
         let (mut actuator, start, stamps) = known.actuator(data, record, record.time_s.len(), steady).ok()?;
         let drive = Drive { time_s: &record.command_s, command: &record.command };
-        let Some(log) = &record.log else { return simulate(&mut actuator, drive, start, &stamps).ok() };
-        // Only what is looked at; 0 elsewhere.
-        let rows: Vec<usize> = (0..stamps.len()).filter(|&row| log.searched[row]).collect();
-        let seen: Vec<f64> = rows.iter().map(|&row| stamps[row]).collect();
-        let trace = simulate(&mut actuator, drive, start, &seen).ok()?;
-        let spread = |values: &[f64]| {
-            let mut all = vec![0.0; if values.is_empty() { 0 } else { stamps.len() }];
-            rows.iter().zip(values).for_each(|(&row, value)| all[row] = *value);
-            all
-        };
-        Some(Trace {
-            response: spread(&trace.response),
-            speed: spread(&trace.speed),
-            voltage_v: spread(&trace.voltage_v),
-            current_a: spread(&trace.current_a),
-        })
+        simulate(&mut actuator, drive, start, &stamps).ok()
     }
 
     /// The same with the steady response at the nominal command.
@@ -333,6 +318,9 @@ impl Hypothesis {
             let count = (last + 1).min(time_s.len());
             Drive { time_s: &time_s[..count], command: &command[..count] }
         };
+        if record.log.is_some() {
+            return (Drive { time_s: &record.command_s, command: &record.command }, Interpolation::ZeroOrderHold);
+        }
         let last = rows.saturating_sub(1);
         if self.in_rows && !record.first_order_hold.is_empty() {
             return (up_to(&record.time_s, &record.first_order_hold, last), Interpolation::FirstOrderHold);

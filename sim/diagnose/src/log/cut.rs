@@ -2,13 +2,15 @@
 
 use serde::Serialize;
 use std::fmt;
+use std::ops::Range;
 
 use rotorlead_identify::IdentifyError;
 use rotorlead_identify::steps::{Run, SAME_LEVEL, StepsError, rows_after_gaps, without_spikes};
-use rotorlead_numerics::sample::median;
+use rotorlead_numerics::sample::{mean, median};
 use rotorlead_records::{Excitation, Output, Record as SourceRecord};
 
-use super::errors::{Errors, Filter, Part, measure, rows_of};
+use super::errors::{Part, measure, rows_of};
+use super::rows::Blocks;
 use super::{Group, Log};
 use crate::DiagnoseError;
 use crate::dataset::Split;
@@ -22,8 +24,10 @@ const AFTER_GAP_S: f64 = 0.5;
 const PARABOLA_ROWS: usize = 9;
 /// Noise below this share of the response's range is taken for this.
 const LEAST_NOISE: f64 = 1e-5;
-/// Where a plateau has settled, about so many of its rows are searched on: they all say the same.
-const SETTLED_ROWS: usize = 60;
+/// Where a plateau has settled its rows all say the same: they are compared as so many means.
+const SETTLED_BLOCKS: usize = 12;
+/// A step is compared at about so many rows while it goes most of the way, or at all that there are.
+const ROWS_PER_RISE: f64 = 12.0;
 /// Rows over which the correlation of the noise is summed.
 const NOISE_LAGS: usize = 60;
 
@@ -40,8 +44,12 @@ pub struct CutRows {
     pub end: usize,
     /// Readings that no rotor can have made.
     pub spikes: usize,
-    /// Rows after gaps of the logger in which the command changed.
+    /// Rows after gaps of the logger during a step.
     pub after_gaps: usize,
+    /// Steps of which therefore only the level is compared.
+    pub stalled_steps: usize,
+    /// Steps of the record.
+    pub steps: usize,
     /// Rows on which the response stands on a limit of its scale, or comes back from one.
     #[serde(skip)]
     pub limited: usize,
@@ -61,7 +69,7 @@ impl fmt::Display for CutRows {
             (self.start, "before the motor runs steadily"),
             (self.end, "after it stops"),
             (self.spikes, "that are spikes"),
-            (self.after_gaps, "after gaps of the logger in which the command changed"),
+            (self.after_gaps, "after gaps of the logger during a step"),
             (self.limited, "on which the response stands on a limit of its scale"),
         ];
         let said = parts.iter().filter(|(rows, _)| *rows > 0).map(|(rows, what)| format!("{rows} {what}"));
@@ -72,10 +80,14 @@ impl fmt::Display for CutRows {
 
 /// A record's rows from the first that is compared to the last, with what was measured there.
 pub(crate) struct Prepared {
-    /// The first row of the record that is taken.
-    pub from: usize,
-    /// The response, spikes replaced.
+    /// The rows of the record that are taken.
+    pub rows: Range<usize>,
+    /// What of them is compared.
+    pub blocks: Blocks,
+    /// The response of each block.
     pub measured: Vec<f64>,
+    /// Its mean over all rows that are taken.
+    pub mean_response: f64,
     /// The rest.
     pub log: Log,
 }
@@ -102,17 +114,17 @@ pub(crate) fn prepare(source: &SourceRecord, output: Output) -> Result<Option<Pr
     // A record of anything may well be a staircase.
     let whole = |run: &Run| 2 * run.rows().len() > source.time_s.len();
     Ok(match run {
-        Some(run) if stepped || whole(&run) => Some(of_run(source, run)),
+        Some(run) if stepped || whole(&run) => Some(of_run(source, run, output == Output::Rpm)),
         _ if stepped => None,
         _ => Some(of_whole(source, response)),
     })
 }
 
-/// The longest run of plateaus.
-fn of_run(source: &SourceRecord, run: Run) -> Prepared {
+/// The longest run of plateaus. The static map is free where `has_free_map` says so.
+fn of_run(source: &SourceRecord, run: Run, has_free_map: bool) -> Prepared {
     let rows = run.rows();
     let time_s = &source.time_s[rows.clone()];
-    let measured = run.clean[rows.clone()].to_vec();
+    let measured = &run.clean[rows.clone()];
     let mut kept: Vec<bool> = run.spike[rows.clone()].iter().map(|spike| !spike).collect();
     let spikes = kept.iter().filter(|kept| !**kept).count();
     let mut limited = 0;
@@ -123,21 +135,12 @@ fn of_run(source: &SourceRecord, run: Run) -> Prepared {
     let mut levels: Vec<f64> = run.plateaus.iter().map(|plateau| plateau.command).collect();
     levels.sort_by(f64::total_cmp);
     levels.dedup_by(|a, b| (*a - *b).abs() <= SAME_LEVEL);
-    let floor = LEAST_NOISE * range(&measured);
-    let (gaps, _) = rows_after_gaps(time_s);
+    let floor = LEAST_NOISE * range(measured);
     let mut groups: Vec<Group> = Vec::new();
-    let mut after_gaps = 0;
     let mut before = run.plateaus[0].command;
     for plateau in &run.plateaus {
         let mut own = plateau.clone();
         own.rows = plateau.rows.start - rows.start..plateau.rows.end - rows.start;
-        // Nobody knows when in a gap the command changed.
-        if gaps.binary_search(&own.rows.start).is_ok() && !groups.is_empty() {
-            for kept in &mut kept[own.rows.start..own.settled().start] {
-                after_gaps += usize::from(*kept);
-                *kept = false;
-            }
-        }
         groups.push(Group {
             rows: own.rows.clone(),
             command: own.command,
@@ -149,18 +152,80 @@ fn of_run(source: &SourceRecord, run: Run) -> Prepared {
         });
         before = plateau.command;
     }
-    let cut = CutRows {
+    let mut parts = parts(&groups, &kept);
+    let rise_s = measure(&mut parts, time_s, measured, &rows_after_gaps(time_s).0);
+    let mut cut = CutRows {
         file: source.file.clone(),
         rows: source.time_s.len(),
         start: rows.start,
         end: source.time_s.len() - rows.end,
         spikes,
-        after_gaps,
         limited,
+        steps: groups.len() - 1,
+        ..CutRows::default()
     };
-    let rows_per_sample = rows_per_sample(&measured, &groups);
-    let log = log(groups, kept, cut, true, rows_per_sample, time_s, &measured);
-    Prepared { from: rows.start, measured, log }
+    for part in &mut parts {
+        let stalled = part.cut_after_stall();
+        cut.stalled_steps += usize::from(stalled > 0);
+        cut.after_gaps += stalled;
+    }
+    let rows_per_sample = rows_per_sample(measured, &groups);
+    // Of a step that much faster rows show no more.
+    let interval_s = median(time_s.windows(2).map(|pair| pair[1] - pair[0])).unwrap_or_default();
+    let width = rise_s.map_or(1, |rise_s| (rise_s / ROWS_PER_RISE / interval_s) as usize);
+    let mut blocks = Blocks::default();
+    let mut settled: Range<usize> = 0..0;
+    for (place, (group, part)) in groups.iter_mut().zip(&mut parts).enumerate() {
+        let from = blocks.len();
+        let moving: Vec<usize> = part.moving.iter().map(|(row, _)| *row).collect();
+        // The row on which the command changes may stand for the level before.
+        let (first, later) = moving.split_at(moving.len().min(1));
+        let first = blocks.add(first, 1);
+        let later = blocks.add(later, width);
+        let begin = moving.last().map_or(group.rows.start, |last| last + 1).max(part.stalled.end);
+        let resting = rows_of(begin..part.settled.first().copied().unwrap_or(group.rows.end), &kept);
+        blocks.add(&resting, resting.len().div_ceil(SETTLED_BLOCKS));
+        let before = std::mem::replace(&mut settled, blocks.add(&part.settled, part.settled.len().div_ceil(SETTLED_BLOCKS)));
+        part.moving = first.chain(later).map(|block| (block, 0.0)).collect();
+        part.before = if place == 0 { Vec::new() } else { before.collect() };
+        part.settled = settled.clone().collect();
+        group.rows = from..blocks.len();
+    }
+    if has_free_map {
+        free_map(&groups, &mut parts);
+    }
+    prepared(rows, blocks, measured, Log { has_free_map, ..Log::new(groups, parts, cut, true, rows_per_sample) })
+}
+
+/// What of each group of rows is compared: where it moves, and where it has settled.
+fn parts(groups: &[Group], kept: &[bool]) -> Vec<Part> {
+    let settled = |group: &Group| group.plateau.as_ref().map_or_else(Vec::new, |own| rows_of(own.settled(), kept));
+    let part = |(index, group): (usize, &Group)| {
+        let begin = group.plateau.as_ref().map_or(group.rows.end, |plateau| plateau.settled().start);
+        // Of the plateau that a record begins with nothing moves.
+        let is_first_level = index == 0 && group.plateau.is_some();
+        let moving = rows_of(group.rows.start..if is_first_level { group.rows.start } else { begin }, kept);
+        Part {
+            settled: settled(group),
+            before: index.checked_sub(1).map(|before| settled(&groups[before])).unwrap_or_default(),
+            moving: moving.into_iter().map(|row| (row, 0.0)).collect(),
+            ..Part::default()
+        }
+    };
+    groups.iter().enumerate().map(part).collect()
+}
+
+/// The static map is free, a number for each level: of `n` visits to a level `n - 1` say something, and no level is known better
+/// than its own scatter says.
+fn free_map(groups: &[Group], parts: &mut [Part]) {
+    let visits = |rank: usize, parts: &[Part]| {
+        groups.iter().zip(parts).filter(|(group, part)| group.rank == rank && !part.settled.is_empty()).count()
+    };
+    for (place, group) in groups.iter().enumerate() {
+        let visits = visits(group.rank, parts).max(1) as f64;
+        let least = group.plateau.as_ref().map_or(0.0, |plateau| plateau.mean_std);
+        (parts[place].independent_level, parts[place].level_std) = ((visits - 1.0) / visits, least);
+    }
 }
 
 /// All rows of a record without plateaus.
@@ -179,68 +244,28 @@ fn of_whole(source: &SourceRecord, response: &[f64]) -> Prepared {
     }
     let noise = parabola_noise(time_s, &measured).max(LEAST_NOISE * range(&measured));
     let count = time_s.len();
-    let blocks = BLOCKS.min(count / (2 * PARABOLA_ROWS)).max(1);
-    let groups = (0..blocks).map(|block| {
-        let rows = block * count / blocks..(block + 1) * count / blocks;
+    let number = BLOCKS.min(count / (2 * PARABOLA_ROWS)).max(1);
+    let groups = (0..number).map(|block| {
+        let rows = block * count / number..(block + 1) * count / number;
         let command = source.command[rows.clone()].iter().sum::<f64>() / rows.len() as f64;
         Group { rows, command, step: 0.0, plateau: None, rank: block, noise, split: Split::Train }
     });
-    let groups = groups.collect();
-    let cut = CutRows { file: source.file.clone(), rows: count, start: 0, end: 0, spikes, after_gaps, limited: 0 };
-    let log = log(groups, kept, cut, false, 1.0, time_s, &measured);
-    Prepared { from: 0, measured, log }
+    let mut groups: Vec<Group> = groups.collect();
+    let mut parts = parts(&groups, &kept);
+    let mut blocks = Blocks::default();
+    for (group, part) in groups.iter_mut().zip(&mut parts) {
+        let moving: Vec<usize> = part.moving.iter().map(|(row, _)| *row).collect();
+        group.rows = blocks.add(&moving, 1);
+        part.moving = group.rows.clone().map(|block| (block, 0.0)).collect();
+    }
+    let cut = CutRows { file: source.file.clone(), rows: count, spikes, after_gaps, ..CutRows::default() };
+    prepared(0..count, blocks, &measured, Log::new(groups, parts, cut, false, 1.0))
 }
 
-fn log(
-    groups: Vec<Group>,
-    kept: Vec<bool>,
-    cut: CutRows,
-    begins_settled: bool,
-    rows_per_sample: f64,
-    time_s: &[f64],
-    measured: &[f64],
-) -> Log {
-    let parts = |(index, group): (usize, &Group)| {
-        let settled = |group: &Group| {
-            group.plateau.as_ref().map_or_else(Vec::new, |plateau| {
-                rows_of(plateau.settled(), &kept, (plateau.settled().len() / SETTLED_ROWS).max(1))
-            })
-        };
-        let begin = group.plateau.as_ref().map_or(group.rows.end, |plateau| plateau.settled().start);
-        let before = index.checked_sub(1).map(|before| settled(&groups[before]));
-        // Of the plateau that a record begins with nothing moves.
-        let moving = if before.is_none() && group.plateau.is_some() { group.rows.start } else { begin };
-        let moving = rows_of(group.rows.start..moving, &kept, 1);
-        Part {
-            settled: settled(group),
-            before: before.unwrap_or_default(),
-            moving: moving.into_iter().map(|row| (row, 0.0)).collect(),
-            size: 1.0,
-            left: 0.0,
-            enters: None,
-        }
-    };
-    let mut parts: Vec<Part> = groups.iter().enumerate().map(parts).collect();
-    measure(&mut parts, time_s, measured);
-    let mut searched = vec![false; kept.len()];
-    for part in &parts {
-        part.settled.iter().chain(part.moving.iter().map(|(row, _)| row)).for_each(|row| searched[*row] = true);
-    }
-    let mut log = Log {
-        searched,
-        parts,
-        kept,
-        cut,
-        begins_settled,
-        has_role: false,
-        rows_per_sample,
-        errors: Errors::default(),
-        fitted: Filter::default(),
-        held_out: Filter::default(),
-        groups,
-    };
+fn prepared(rows: Range<usize>, blocks: Blocks, measured: &[f64], log: Log) -> Prepared {
+    let mut log = Log { scatter: blocks.scatter(measured), ..log };
     log.set_filters();
-    log
+    Prepared { rows, measured: blocks.means(measured), mean_response: mean(measured), blocks, log }
 }
 
 fn range(values: &[f64]) -> f64 {

@@ -45,7 +45,7 @@ impl Default for Errors {
 }
 
 /// What of a group is compared.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(crate) struct Part {
     /// Settled rows, without those that are not compared; empty without a level.
     pub settled: Vec<usize>,
@@ -59,9 +59,45 @@ pub(crate) struct Part {
     pub left: f64,
     /// That row, and its standard deviation, where it stands for the level before.
     pub enters: Option<(usize, f64)>,
+    /// How many independent numbers the level is.
+    pub independent_level: f64,
+    /// Standard error of the level by its own scatter, where it cannot be known better.
+    pub level_std: f64,
+    /// The part of the motion that is compared.
+    pub shown: f64,
+    /// Rows of the motion before which the logger stood still, up to where it has settled.
+    pub stalled: Range<usize>,
+}
+
+impl Default for Part {
+    fn default() -> Self {
+        Self {
+            settled: Vec::new(),
+            before: Vec::new(),
+            moving: Vec::new(),
+            size: 1.0,
+            left: 0.0,
+            enters: None,
+            independent_level: 1.0,
+            level_std: 0.0,
+            shown: 1.0,
+            stalled: 0..0,
+        }
+    }
 }
 
 impl Part {
+    /// Leaves out the motion after the logger stood still: such a logger reads what is old when it goes on, and catches up
+    /// faster than any motor. Gives the number of rows.
+    pub fn cut_after_stall(&mut self) -> usize {
+        let all = self.moving.len();
+        self.moving.retain(|(row, _)| !self.stalled.contains(row));
+        if all > 0 {
+            self.shown = self.moving.len() as f64 / all as f64;
+        }
+        all - self.moving.len()
+    }
+
     /// As one whose plateau before is held out: on the row on which the command changes, which is `first`, the response is still
     /// on the level before, and that row says by how much that is off.
     pub fn entered(self, first: usize, noise: f64) -> Self {
@@ -88,12 +124,12 @@ impl Part {
         match (self.moving.is_empty(), self.settled.is_empty()) {
             (true, _) => 0.0,
             (false, true) => PER_BLOCK,
-            (false, false) => PER_STEP,
+            (false, false) => PER_STEP * self.shown,
         }
     }
 }
 
-fn mean(values: &[f64], rows: &[usize]) -> f64 {
+pub(super) fn mean(values: &[f64], rows: &[usize]) -> f64 {
     rows.iter().map(|&row| values[row]).sum::<f64>() / rows.len().max(1) as f64
 }
 
@@ -107,7 +143,8 @@ pub(crate) struct Filter {
 impl Filter {
     /// `relative` where the size of the step counts.
     pub fn new(errors: Errors, parts: impl Iterator<Item = Part>, relative: bool) -> Self {
-        let sized = parts.map(|part| if relative { part } else { Part { size: 1.0, ..part } });
+        let alone = |part| Part { size: 1.0, independent_level: 1.0, level_std: 0.0, ..part };
+        let sized = parts.map(|part| if relative { part } else { alone(part) });
         Self { parts: sized.collect(), errors }
     }
 
@@ -136,16 +173,18 @@ impl Filter {
     fn mean_squares(&self, values: &[f64]) -> [(f64, f64); 2] {
         let unit = Self { errors: Errors::default(), parts: self.parts.clone() };
         let mut white = unit.apply(values).into_iter();
-        let (mut level, mut moving) = ((0.0, 0.0), (0.0, 0.0));
+        let (mut level, mut moving, mut least) = ((0.0, 0.0), (0.0, 0.0), 0.0);
         for part in &self.parts {
             if !part.settled.is_empty() {
-                level = (level.0 + 1.0, level.1 + white.next().map_or(0.0, |left| left * left));
+                level = (level.0 + part.independent_level, level.1 + white.next().map_or(0.0, |left| left * left));
+                least += part.independent_level * part.level_std.powi(2);
             }
             // A row is off by its noise, too, and says little of how far levels are off.
             let _ = part.enters.and_then(|_| white.next());
             let squares: f64 = white.by_ref().take(part.moving.len()).map(|left| left * left).sum();
             moving = (moving.0 + part.independent(), moving.1 + squares);
         }
+        level.1 = level.1.max(least);
         [level, moving].map(|(count, sum)| (count, if count > 0.0 { (sum / count).max(LEAST) } else { 1.0 }))
     }
 
@@ -170,19 +209,28 @@ const MOVES_FOR: f64 = 6.0;
 /// Most of the step: of a lag after its time constant.
 const MOST_OF_THE_WAY: f64 = 0.63;
 
-/// Sets the sizes of steps, and for how long they are compared, from the response that was measured.
-pub(super) fn measure(parts: &mut [Part], time_s: &[f64], measured: &[f64]) {
+/// Sets the sizes of steps, and for how long they are compared, from the response that was measured; `after_gaps` are the rows
+/// before which the logger stood still. Gives the time in which the response goes most of the usual step.
+pub(super) fn measure(parts: &mut [Part], time_s: &[f64], measured: &[f64], after_gaps: &[usize]) -> Option<f64> {
     let is_step = |part: &&Part| !part.settled.is_empty() && !part.before.is_empty();
     let sizes = parts.iter().filter(is_step).map(|part| part.step_of(measured));
-    let Some(usual) = median(sizes).filter(|usual| *usual > 0.0) else { return };
+    let usual = median(sizes).filter(|usual| *usual > 0.0)?;
     let since = |part: &Part, row: usize| part.moving.first().map_or(0.0, |(first, _)| time_s[row] - time_s[*first]);
+    let first_gap = |part: &Part| {
+        let (first, last) = (part.moving.first()?.0, part.moving.last()?.0);
+        after_gaps.iter().copied().find(|row| (first..=last).contains(row))
+    };
     let most_of_the_way = |part: &Part| {
         let (before, most) = (mean(measured, &part.before), MOST_OF_THE_WAY * part.step_of(measured));
-        let there = part.moving.iter().find(|(row, _)| (measured[*row] - before).abs() > most);
-        there.map(|(row, _)| since(part, *row))
+        let (there, _) = part.moving.iter().find(|(row, _)| (measured[*row] - before).abs() > most)?;
+        let stalls = first_gap(part).is_some_and(|gap| gap <= *there);
+        Some((stalls, since(part, *there)))
     };
     let large = parts.iter().filter(is_step).filter(|part| part.step_of(measured) >= LEAST_SIZE * usual);
-    let rise_s = median(large.filter_map(most_of_the_way)).filter(|time_s| *time_s > 0.0);
+    let rises: Vec<(bool, f64)> = large.filter_map(most_of_the_way).collect();
+    // Steps during which the logger stood still say little of how long they take.
+    let shown = median(rises.iter().filter(|(stalls, _)| !stalls).map(|(_, rise_s)| *rise_s));
+    let rise_s = shown.or_else(|| median(rises.iter().map(|(_, rise_s)| *rise_s))).filter(|time_s| *time_s > 0.0);
     for part in parts.iter_mut().filter(|part| is_step(&&**part)) {
         part.size = part.step_of(measured).max(LEAST_SIZE * usual);
         let Some(rise_s) = rise_s else { continue };
@@ -191,12 +239,16 @@ pub(super) fn measure(parts: &mut [Part], time_s: &[f64], measured: &[f64]) {
         part.left = part.step_of(measured) * (interval_s / 12_f64.sqrt() / rise_s).min(1.0);
         let moves = part.moving.iter().take_while(|(row, _)| since(part, *row) <= MOVES_FOR * rise_s).count();
         part.moving.truncate(moves);
+        if let Some(gap) = first_gap(part) {
+            part.stalled = gap..part.settled[0];
+        }
     }
+    rise_s
 }
 
-/// The rows of a range that are compared, one of so many.
-pub(super) fn rows_of(range: Range<usize>, kept: &[bool], sparse: usize) -> Vec<usize> {
-    range.filter(|row| row.is_multiple_of(sparse) && kept[*row]).collect()
+/// The rows of a range that are compared.
+pub(super) fn rows_of(range: Range<usize>, kept: &[bool]) -> Vec<usize> {
+    range.filter(|row| kept[*row]).collect()
 }
 
 #[cfg(test)]
@@ -207,7 +259,7 @@ mod tests {
     fn filter() -> Filter {
         let moving = (10..15).map(|row| (row, 0.0)).collect();
         let mut part =
-            Part { settled: (15..20).collect(), before: (0..10).collect(), moving, size: 1.0, left: 0.0, enters: None };
+            Part { settled: (15..20).collect(), before: (0..10).collect(), moving, ..Part::default() };
         let simulated: Vec<f64> = (0..20).map(|row| f64::from((row - 9).clamp(0, 5)) * 0.2).collect();
         part.follow(&simulated);
         Filter::new(Errors { level: 0.5, moving: 1.0 }, std::iter::once(part), true)

@@ -83,14 +83,19 @@ pub(crate) fn log_squares(
         let difference = hypothesis.difference(data, record)?;
         let tau_s = hypothesis.base[record.point].time_constant_s;
         let free = log.free(&difference, &record.time_s, tau_s);
-        Some(log.rows(split).map(|(row, _)| (difference[row] - free[row]).powi(2)).sum::<f64>())
+        let square = |row: usize| {
+            let (rows, scatter) = log.scatter[row];
+            rows * (difference[row] - free[row]).powi(2) + scatter
+        };
+        Some(log.rows(split).map(|(row, _)| square(row)).sum::<f64>())
     };
-    let rows: Vec<(usize, f64)> = log.rows(split).map(|(row, group)| (row, group.noise)).collect();
-    let mean = rows.iter().map(|(row, _)| record.measured[*row]).sum::<f64>() / rows.len() as f64;
+    let rows = || log.rows(split).map(|(row, group)| (log.scatter[row], record.measured[row], group.noise));
+    let count: f64 = rows().map(|((rows, _), ..)| rows).sum();
+    let mean = rows().map(|((rows, _), measured, _)| rows * measured).sum::<f64>() / count;
     Some(Squares {
         before: left(before)?,
         after: left(after)?,
-        noise: rows.iter().map(|(_, noise)| noise * noise).sum(),
-        response: rows.iter().map(|(row, _)| (record.measured[*row] - mean).powi(2)).sum(),
+        noise: rows().map(|((rows, _), _, noise)| rows * noise * noise).sum(),
+        response: rows().map(|((rows, scatter), measured, _)| rows * (measured - mean).powi(2) + scatter).sum(),
     })
 }

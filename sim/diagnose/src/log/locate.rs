@@ -12,32 +12,36 @@ const TIMES: f64 = 10.0;
 /// Levels are put together to this many ranges.
 const LEVELS: f64 = 5.0;
 
-/// What a row leaves, with its excess.
+/// What each row leaves: its place, how many rows of the record it is, and the sum of squares of what these leave over noise.
 fn rows<'a>(
     data: &Dataset,
     record: &'a Record,
     hypothesis: &Hypothesis,
     split: Split,
-) -> Option<Vec<(usize, &'a super::Group, f64)>> {
+) -> Option<Vec<(usize, &'a super::Group, Excess)>> {
     let log = record.log.as_ref()?;
     let difference = hypothesis.difference(data, record)?;
     let free = log.free(&difference, &record.time_s, hypothesis.base[record.point].time_constant_s);
-    Some(log.rows(split).map(|(row, group)| (row, group, difference[row] - free[row])).collect())
+    let unit = log.rows_per_sample.recip();
+    let excess = |row: usize, noise: f64| {
+        let (rows, scatter) = log.scatter[row];
+        let square = rows * (difference[row] - free[row]).powi(2) + scatter;
+        Excess { sum: unit * square / (noise * noise), expected: unit * rows }
+    };
+    Some(log.rows(split).map(|(row, group)| (row, group, excess(row, group.noise))).collect())
 }
 
 /// What a hypothesis leaves of a log.
 pub(crate) fn excess(data: &Dataset, record: &Record, hypothesis: &Hypothesis, split: Split) -> Option<Excess> {
-    let per_sample = record.log.as_ref()?.rows_per_sample;
     let rows = rows(data, record, hypothesis, split)?;
-    let sum = rows.iter().map(|(_, group, left)| (left / group.noise).powi(2)).sum::<f64>();
-    Some(Excess { sum: sum / per_sample, expected: rows.len() as f64 / per_sample })
+    let sum = |part: fn(&Excess) -> f64| rows.iter().map(|(_, _, excess)| part(excess)).sum();
+    Some(Excess { sum: sum(|excess| excess.sum), expected: sum(|excess| excess.expected) })
 }
 
 /// Shares the chi-square of a log out.
 pub(crate) fn add(data: &Dataset, record: &Record, hypothesis: &Hypothesis, parts: &mut LogParts) {
     let Some(rows) = rows(data, record, hypothesis, Split::Train) else { return };
     let Some(log) = &record.log else { return };
-    let unit = log.rows_per_sample.recip();
     let kind = excitation_number(record.excitation);
     let (begin_s, end_s) = (record.time_s[0], record.time_s[record.time_s.len() - 1]);
     let length_s = end_s - begin_s;
@@ -48,8 +52,7 @@ pub(crate) fn add(data: &Dataset, record: &Record, hypothesis: &Hypothesis, part
         let index = if width > 0.0 { ((value - low) / width).floor().clamp(0.0, count - 1.0) } else { 0.0 };
         (low + index * width, low + (index + 1.0) * width)
     };
-    for (row, group, left) in rows {
-        let excess = Excess { sum: unit * (left / group.noise).powi(2), expected: unit };
+    for (row, group, excess) in rows {
         parts.time.add(bin(record.time_s[row] - begin_s, 0.0, length_s, TIMES), excess);
         parts.nominal.add(bin(group.command, low, high, LEVELS), excess);
         parts.excitation.add((kind, kind), excess);

@@ -13,6 +13,7 @@ mod cut;
 mod errors;
 mod gap;
 mod locate;
+mod rows;
 mod search;
 mod split;
 mod start;
@@ -29,6 +30,7 @@ pub(super) use start::first_lag;
 use rotorlead_identify::steps::Plateau;
 
 use errors::Part;
+pub(super) use rows::Blocks;
 
 use super::dataset::Split;
 pub(super) use errors::{Errors, Filter};
@@ -58,14 +60,14 @@ pub(super) struct Group {
 pub(super) struct Log {
     /// Its groups, which follow each other.
     pub groups: Vec<Group>,
-    /// Whether each row is compared.
-    pub kept: Vec<bool>,
-    /// Whether a search looks at it: most of those that are compared, and few of those that have settled.
-    pub searched: Vec<bool>,
+    /// How many rows of the record each row stands for, and the sum of squares of their response about its mean.
+    pub scatter: Vec<(f64, f64)>,
     /// What was cut out.
     pub cut: CutRows,
     /// Whether it begins settled on a level.
     pub begins_settled: bool,
+    /// Whether the static map is free, a number for each level.
+    pub has_free_map: bool,
     /// Whether the experiment says what it is for.
     pub has_role: bool,
     /// Rows of noise that are worth one independent row.
@@ -79,6 +81,22 @@ pub(super) struct Log {
 }
 
 impl Log {
+    fn new(groups: Vec<Group>, parts: Vec<Part>, cut: CutRows, begins_settled: bool, rows_per_sample: f64) -> Self {
+        Self {
+            groups,
+            parts,
+            cut,
+            begins_settled,
+            rows_per_sample,
+            scatter: Vec::new(),
+            has_free_map: false,
+            has_role: false,
+            errors: Errors::default(),
+            fitted: Filter::default(),
+            held_out: Filter::default(),
+        }
+    }
+
     /// Deviation of the command about a level that the log stands for: half its smallest step, or half of what the command goes
     /// through where there are no plateaus.
     pub fn amplitude(&self, command: &[f64]) -> f64 {
@@ -99,7 +117,7 @@ impl Log {
     /// Rows that are compared in a split, with their groups.
     pub fn rows(&self, split: Split) -> impl Iterator<Item = (usize, &Group)> {
         let groups = self.groups.iter().filter(move |group| group.split == split);
-        groups.flat_map(|group| group.rows.clone().map(move |row| (row, group))).filter(|(row, _)| self.kept[*row])
+        groups.flat_map(|group| group.rows.clone().map(move |row| (row, group)))
     }
 
     /// Says anew what each group is for.
@@ -159,8 +177,11 @@ impl Log {
         self.of(split).apply(&left)
     }
 
-    /// What of a difference is offset and start, at each row.
+    /// What of a difference is offset and start, at each row; what the static map is off by where that is free.
     pub fn free(&self, difference: &[f64], time_s: &[f64], tau_s: f64) -> Vec<f64> {
+        if self.has_free_map {
+            return self.off_the_map(difference);
+        }
         let filter = self.of(self.known_by());
         let ones = vec![1.0; time_s.len()];
         let begin_s = time_s.first().copied().unwrap_or_default();
@@ -178,5 +199,31 @@ impl Log {
             (0.0, 0.0)
         };
         decay.iter().map(|decay| offset + start * decay).collect()
+    }
+
+    /// What each level is off by, the mean over all visits, and on the way from one to the next the part of both.
+    fn off_the_map(&self, difference: &[f64]) -> Vec<f64> {
+        let levels = self.groups.iter().map(|group| group.rank + 1).max().unwrap_or(0);
+        let mut sums = vec![(0.0, 0.0); levels];
+        for (group, part) in self.groups.iter().zip(&self.parts).filter(|(_, part)| !part.settled.is_empty()) {
+            let (sum, visits) = &mut sums[group.rank];
+            *sum += errors::mean(difference, &part.settled);
+            *visits += 1.0;
+        }
+        let off = |group: &Group| {
+            let (sum, visits) = sums[group.rank];
+            if visits > 0.0 { sum / visits } else { 0.0 }
+        };
+        let mut free = vec![0.0; difference.len()];
+        let mut before = 0.0;
+        for (place, (group, part)) in self.groups.iter().zip(&self.parts).enumerate() {
+            let own = off(group);
+            free[group.rows.clone()].fill(own);
+            if place > 0 {
+                part.moving.iter().for_each(|(row, way)| free[*row] = (1.0 - way) * before + way * own);
+            }
+            before = own;
+        }
+        free
     }
 }

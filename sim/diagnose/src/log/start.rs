@@ -12,8 +12,9 @@ const FACTOR: f64 = 1.5;
 /// The lag with offset that fits a log best, rows independent: good enough to begin a search with.
 pub(crate) fn first_lag(record: &Record) -> Option<Lag> {
     let log = record.log.as_ref()?;
-    let rows: Vec<usize> = (0..record.time_s.len()).filter(|&row| log.kept[row]).collect();
-    let mean = |values: &[f64]| rows.iter().map(|&row| values[row]).sum::<f64>() / rows.len() as f64;
+    let count: f64 = log.scatter.iter().map(|(rows, _)| rows).sum();
+    let mean =
+        |values: &[f64]| values.iter().zip(&log.scatter).map(|(value, (rows, _))| rows * value).sum::<f64>() / count;
     let mut best: Option<(f64, Lag)> = None;
     let mut time_constant_s = FROM_S;
     while time_constant_s < TO_S {
@@ -24,11 +25,11 @@ pub(crate) fn first_lag(record: &Record) -> Option<Lag> {
         let unit = simulate_response(&mut actuator, drive, Start::Rest(record.command[0]), &record.time_s).ok()?;
         let (x_mean, y_mean) = (mean(&unit), mean(&record.measured));
         let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
-        for &row in &rows {
+        for (row, (rows, _)) in log.scatter.iter().enumerate() {
             let (x, y) = (unit[row] - x_mean, record.measured[row] - y_mean);
-            xx += x * x;
-            xy += x * y;
-            yy += y * y;
+            xx += rows * x * x;
+            xy += rows * x * y;
+            yy += rows * y * y;
         }
         let left = yy - xy * xy / xx;
         if xx > 0.0 && xy != 0.0 && best.as_ref().is_none_or(|best| left < best.0) {
