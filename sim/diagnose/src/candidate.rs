@@ -59,16 +59,19 @@ impl Candidate {
     /// Whether no value lies beyond its plausible range, seen from where the effect vanishes, by more than it may be `off`, which
     /// is asked for by the value's place.
     pub fn is_plausible(&self, off: impl Fn(usize) -> f64) -> bool {
-        let beyond = |(index, parameter): (usize, &Parameter)| {
-            let (value, (low, high)) = (self.values[index], parameter.plausible);
-            // Of a value without such a place, whose null is no number, both ends count.
-            let vanishes_above = parameter.null >= high;
-            let vanishes_below = parameter.null <= low;
-            let off = off(index).min(AT_MOST_OFF * (high - low));
-            let (above, below) = (value > high + off && !vanishes_above, value < low - off && !vanishes_below);
-            above || below
-        };
-        !Self::searched(self.kind).any(beyond)
+        Self::searched(self.kind).all(|(index, _)| self.is_value_plausible(index, off(index)))
+    }
+
+    /// The same of one value, which may be `off`.
+    pub fn is_value_plausible(&self, index: usize, off: f64) -> bool {
+        let parameter = &self.kind.parameters[index];
+        let (value, (low, high)) = (self.values[index], parameter.plausible);
+        // Of a value without such a place, whose null is no number, both ends count.
+        let vanishes_above = parameter.null >= high;
+        let vanishes_below = parameter.null <= low;
+        let off = off.min(AT_MOST_OFF * (high - low));
+        let (above, below) = (value > high + off && !vanishes_above, value < low - off && !vanishes_below);
+        !(above || below)
     }
 
     /// Places of the values that a search may change.

@@ -16,6 +16,7 @@ use super::dataset::{Before, Dataset, Record, Split};
 use super::fit::{Fit, fit, fit_in};
 use super::hypothesis::Hypothesis;
 use super::locate::excess;
+use super::log::Decision;
 use super::prediction::Near;
 use super::profile::profile_non_smooth;
 use super::scan::Scan;
@@ -92,12 +93,14 @@ pub(super) struct Explanation {
     pub tried: Vec<Tried>,
     /// Effects with weak evidence beside the lags alone.
     pub weak_evidence: Vec<WeakEvidence>,
+    /// What became of each kind, in records that do not repeat.
+    pub decisions: Vec<Decision>,
 }
 
 impl Explanation {
     /// That nothing explains what `before` leaves.
     fn of_nothing(before: Fit, tried: Vec<Tried>, weak_evidence: Vec<WeakEvidence>) -> Self {
-        Self { after: before.clone(), before, found: Vec::new(), tried, weak_evidence }
+        Self { after: before.clone(), before, found: Vec::new(), tried, weak_evidence, decisions: Vec::new() }
     }
 }
 
@@ -376,7 +379,7 @@ impl Search<'_> {
             }
         };
         let after = profile_non_smooth(&self.data, after)?;
-        Some(Explanation { before, after, found, tried, weak_evidence })
+        Some(Explanation { before, after, found, tried, weak_evidence, decisions: Vec::new() })
     }
 
     /// Adds the effect that is worth most, beginning with one of those that were tried beside the lags alone, `first_tried`, until

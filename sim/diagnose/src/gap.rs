@@ -128,19 +128,22 @@ pub(super) struct Gaps {
     pub splits: Vec<SplitGap>,
     /// Whether anything is held out.
     pub held_out: bool,
+    /// Of records that do not repeat: what is left of levels and of the motion that were held out.
+    pub left: log::Left,
 }
 
 /// Gaps on what is held out; on what was fitted where nothing is. Where a split is not for good each model is fitted anew to
 /// what is left, the first one only where `refitted` says so.
 pub(super) fn gaps(data: &Dataset, before: &Hypothesis, after: &Hypothesis, refitted: bool) -> Gaps {
-    let (total, records, splits) = log::gaps(data, before, after, refitted);
+    let (total, records, splits, left) = log::gaps(data, before, after, refitted);
     if !splits.is_empty() {
-        return Gaps { total, records, splits, held_out: true };
+        return Gaps { total, records, splits, held_out: true, left };
     }
     let held_out = data.records.iter().any(|record| record.end_of(Some(Split::Holdout)) > 0);
     let split = if held_out { Split::Holdout } else { Split::Train };
     let (total, records) = of(data, before, after, split);
-    Gaps { total, records, splits, held_out }
+    let left = log::Left::of((data, before), (data, after), split).unwrap_or_default();
+    Gaps { total, records, splits, held_out, left }
 }
 
 /// Gap in total and record by record on what is there in a split.

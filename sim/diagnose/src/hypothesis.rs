@@ -15,6 +15,11 @@ use super::frames;
 /// How far a value may leave its plausible range in a search, in widths of the range.
 const BEYOND: f64 = 0.5;
 
+/// Shortest time constant that is searched, seconds.
+const LEAST_TIME_CONSTANT_S: f64 = 1e-4;
+/// The same in parts of the time between rows of records that do not repeat.
+const LEAST_PART_OF_ROW: f64 = 0.1;
+
 /// Gain of a lag that does not respond: its logarithm is searched.
 const LEAST_GAIN: f64 = 1e-9;
 
@@ -46,6 +51,9 @@ pub(super) struct Hypothesis {
     /// Whether commands that were applied between the rows are taken as a straight line from row to row: several times as quick, and
     /// good enough for what is small beside the response itself. See [`Hypothesis::in_rows`].
     pub in_rows: bool,
+    /// No time constant is searched below this, seconds: rows that are much farther apart do not show it, and a chain with it is
+    /// simulated in as short steps.
+    pub least_s: f64,
 }
 
 /// What one coordinate of a search is.
@@ -69,7 +77,16 @@ pub(super) enum Coordinate {
 impl Hypothesis {
     /// Lags only.
     pub fn of_lags(base: Vec<BasePoint>) -> Self {
-        Self { base, time_offset_s: 0.0, effects: Vec::new(), in_rows: false }
+        Self { base, time_offset_s: 0.0, effects: Vec::new(), in_rows: false, least_s: LEAST_TIME_CONSTANT_S }
+    }
+
+    /// The same with the shortest time constant that rows of logs as far apart show.
+    pub fn as_rows_show(mut self, data: &Dataset) -> Self {
+        let part = |record: &Record| record.log.as_ref().map(|_| LEAST_PART_OF_ROW / record.rate_hz);
+        // Of several records that with the shortest interval shows most.
+        let shortest = data.records.iter().map(|record| part(record).unwrap_or(0.0)).fold(f64::INFINITY, f64::min);
+        self.least_s = self.least_s.max(if shortest.is_finite() { shortest } else { 0.0 });
+        self
     }
 
     /// With one more effect.
@@ -131,7 +148,7 @@ impl Hypothesis {
                 let gain = &mut self.base[point].gain;
                 *gain = to.exp().max(LEAST_GAIN).copysign(*gain);
             }
-            Coordinate::TimeConstant(point) => self.base[point].time_constant_s = to.exp().clamp(1e-4, 100.0),
+            Coordinate::TimeConstant(point) => self.base[point].time_constant_s = to.exp().clamp(self.least_s, 100.0),
             Coordinate::TimeOffset => self.time_offset_s = to,
             Coordinate::Effect { effect, value } => {
                 let candidate = &mut self.effects[effect];

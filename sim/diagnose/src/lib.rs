@@ -57,7 +57,7 @@ pub use dataset::LeftOut;
 pub use error::DiagnoseError;
 pub use gap::{Gap, RecordGap, Residual};
 pub use locate::{Axis, Excess, Location, MapCell};
-pub use log::{CutRows, SplitGap};
+pub use log::{CutRows, Decision, SplitGap};
 pub use next::{Conditions, NextExperiment};
 pub use steadiness::Steadiness;
 pub use timing::Timing;
@@ -152,6 +152,9 @@ pub struct Diagnosis {
     pub effects: Vec<NamedEffect>,
     /// What was tried alone, best first.
     pub tried: Vec<TriedKind>,
+    /// What became of each kind, of records that do not repeat.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub decisions: Vec<Decision>,
     /// Effects with weak evidence, where the records agree with the model.
     pub weak_evidence: Vec<WeakEvidence>,
     /// Whether the effects rest on how the records begin, too: see [`NEEDS_STEADY_START`].
@@ -249,7 +252,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     let mut search = Search { data, catalog: options.catalog, progress: options.progress, lags: true };
     let explanation =
         search.explain(&Hypothesis::of_lags(base.clone())).ok_or(DiagnoseError::NoFit { what: "a first-order lag" })?;
-    let (Explanation { before, mut after, found, tried, weak_evidence }, mut wrong) = match untouched {
+    let (Explanation { before, mut after, found, tried, weak_evidence, decisions }, mut wrong) = match untouched {
         Some(untouched) => prior_model::compared(&mut search, untouched, &base, explanation)
             .ok_or(DiagnoseError::NoFit { what: "the given lags" })?,
         None => (explanation, None),
@@ -262,6 +265,11 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     let timing = timing::timing(data, &after.hypothesis);
     let refitted = options.model.is_none();
     let mut gaps = gap::gaps(data, &before.hypothesis, &after.hypothesis, refitted);
+    let own = data.weighed_by(&before.hypothesis);
+    let fitted_left = own.as_ref().and_then(|own| {
+        log::Left::of((own, &before.hypothesis), (data, &after.hypothesis), Split::Train)
+    });
+    let fitted_left = fitted_left.unwrap_or_default().shares();
     let evidence = Evidence {
         found: !found.is_empty() || wrong.is_some(),
         numbers_alone: found.is_empty() && wrong.is_some(),
@@ -270,7 +278,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         unsure: gap::unsure(data, &after, if gaps.held_out { Split::Holdout } else { Split::Train }),
         steadiness,
         is_timely: timing.is_steady(),
-        has_logs: data.has_logs(),
+        left_of_logs: data.has_logs().then(|| [fitted_left, gaps.left.shares()]),
     };
     let verdict = evidence.verdict();
     let found = if verdict == Verdict::Unknown {
@@ -281,7 +289,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     } else {
         found
     };
-    let gap::Gaps { total: gap, records, splits, held_out } = gaps;
+    let gap::Gaps { total: gap, records, splits, held_out, .. } = gaps;
     let mut effects = Vec::new();
     for (index, found) in found.into_iter().enumerate() {
         let without = after.hypothesis.without(index);
@@ -309,6 +317,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     Ok(Diagnosis {
         verdict,
         is_of_given: options.model.is_some(),
+        decisions: decided(decisions, verdict, evidence.left_of_logs),
         weak_evidence: if verdict == Verdict::Agrees { weak_evidence } else { Vec::new() },
         needs_steady_start: data.initial_condition == dataset::InitialCondition::Steady && verdict != Verdict::Unknown,
         locations: locate::locate(data, &before.hypothesis),
@@ -338,6 +347,24 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         steadiness,
         timing,
     })
+}
+
+/// What became of each kind in the end: where no explanation was accepted, nothing was added.
+fn decided(mut decisions: Vec<Decision>, verdict: Verdict, left: Option<[[f64; 2]; 2]>) -> Vec<Decision> {
+    if verdict != Verdict::Unknown {
+        return decisions;
+    }
+    let [_, [levels, motion]] = left.unwrap_or([[1.0; 2]; 2]);
+    for decision in decisions.iter_mut().filter(|decision| decision.is_added) {
+        decision.is_added = false;
+        decision.failed = vec![format!(
+            "explanation: leaves {:.0} % of the power of the held-out levels and {:.0} % of that of the held-out motion, at most              {:.0} % of either accepted",
+            100.0 * levels,
+            100.0 * motion,
+            100.0 * verdict::NONE_OF_LOGS
+        )];
+    }
+    decisions
 }
 
 /// The lags to begin with: the given model's, or those that the records show.

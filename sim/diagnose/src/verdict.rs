@@ -14,9 +14,10 @@ const HALF: f64 = 0.5;
 /// Standard errors by which the lags may be off.
 const ERRORS: f64 = 2.0;
 /// [`NONE`] for records that do not repeat: levels of the whole range, over minutes, are off for more reasons than have a name, and
-/// effects are a story there from where they explain more of the power of the gap than they leave. What keeps wrong names out is
+/// effects explain them from where they explain more of the power of the gap than they leave; or more of the power of what is left of
+/// the motion, or of the levels, on which an effect acts. What keeps wrong names out is
 /// their worth; `how_often_something_is_named_where_levels_are_off` counts them.
-const NONE_OF_LOGS: f64 = 0.5;
+pub(super) const NONE_OF_LOGS: f64 = 0.5;
 
 /// What is to be said.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -62,8 +63,9 @@ pub(super) struct Evidence {
     pub steadiness: Steadiness,
     /// Whether the delay is the same at every step.
     pub is_timely: bool,
-    /// Whether there are records that do not repeat.
-    pub has_logs: bool,
+    /// Where there are records that do not repeat: the shares of the power that is left of levels and of the motion, on what was
+    /// fitted and on what was held out.
+    pub left_of_logs: Option<[[f64; 2]; 2]>,
 }
 
 impl Evidence {
@@ -84,8 +86,8 @@ impl Evidence {
             let Gap { after, noise_floor, .. } = self.gap.squared();
             after < WIDE * WIDE * noise_floor + self.allowed() || self.left() < HALF
         } else {
-            let none = if self.has_logs { NONE_OF_LOGS } else { NONE };
-            part < none && self.left() < none
+            let none = if self.left_of_logs.is_some() { NONE_OF_LOGS } else { NONE };
+            part < none && self.left() < none || self.explains_levels_or_motion()
         };
         let explains = explains && (is_steady || self.outweighs_bursts());
         // An effect that nothing explains moves gain and lag too: other numbers that leave more than noise are its shadow.
@@ -95,6 +97,15 @@ impl Evidence {
             (true, false) => Verdict::PartlyNamed,
             (false, _) => Verdict::Unknown,
         }
+    }
+
+    /// Whether most of the power of levels, or of the motion, is explained, and none is added to the held-out gap.
+    fn explains_levels_or_motion(&self) -> bool {
+        let Gap { before, after, .. } = self.gap;
+        let most = |[fitted, held_out]: [[f64; 2]; 2]| {
+            (0..2).any(|part| fitted[part] < NONE_OF_LOGS && held_out[part] < NONE_OF_LOGS)
+        };
+        after <= before && self.left_of_logs.is_some_and(most)
     }
 
     /// Square of the gap that lags may leave that were fitted to little, with nothing else wrong.
@@ -134,7 +145,7 @@ mod tests {
             unsure: 0.0,
             steadiness: Steadiness::default(),
             is_timely: true,
-            has_logs: false,
+            left_of_logs: None,
         }
     }
 

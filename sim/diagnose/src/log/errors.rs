@@ -194,6 +194,11 @@ impl Filter {
         Errors { level, moving }
     }
 
+    /// Numbers and sums of squares of levels and of the motion.
+    pub fn squares(&self, values: &[f64]) -> [(f64, f64); 2] {
+        self.mean_squares(values).map(|(count, mean)| (count, count * mean))
+    }
+
     /// Minus twice the log likelihood of values with the errors that they have, but for a constant.
     pub fn deviance(&self, values: &[f64]) -> f64 {
         self.mean_squares(values).iter().map(|(count, square)| count * square.ln()).sum()

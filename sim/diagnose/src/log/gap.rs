@@ -21,6 +21,52 @@ pub struct SplitGap {
     pub gap: Gap,
 }
 
+/// How large levels and motion are off, before and after: they are compared separately, and an effect acts on either.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Left {
+    /// Numbers and sums of squares of both before, and after.
+    before: [(f64, f64); 2],
+    after: [(f64, f64); 2],
+}
+
+impl Left {
+    /// That of the records over a split, each hypothesis by the errors that it leaves itself.
+    pub fn of(
+        (own, before): (&Dataset, &Hypothesis),
+        (data, after): (&Dataset, &Hypothesis),
+        split: Split,
+    ) -> Option<Self> {
+        let sum = |data: &Dataset, hypothesis: &Hypothesis| {
+            let mut sum = [(0.0, 0.0); 2];
+            for record in &data.records {
+                let Some(log) = &record.log else { continue };
+                let difference = hypothesis.difference(data, record)?;
+                let tau_s = hypothesis.base[record.point].time_constant_s;
+                for (sum, part) in sum.iter_mut().zip(log.squares(split, &difference, &record.time_s, tau_s)) {
+                    *sum = (sum.0 + part.0, sum.1 + part.1);
+                }
+            }
+            Some(sum)
+        };
+        Some(Self { before: sum(own, before)?, after: sum(data, after)? })
+    }
+
+    fn add(&mut self, other: Self) {
+        for (sum, other) in [(&mut self.before, other.before), (&mut self.after, other.after)] {
+            sum.iter_mut().zip(other).for_each(|(sum, other)| *sum = (sum.0 + other.0, sum.1 + other.1));
+        }
+    }
+
+    /// The share of the power that is left of levels and of the motion; 1 of what is not compared.
+    pub fn shares(&self) -> [f64; 2] {
+        let share = |part: usize| {
+            let ((count, before), (_, after)) = (self.before[part], self.after[part]);
+            if count > 0.0 && before > 0.0 { after / before } else { 1.0 }
+        };
+        [share(0), share(1)]
+    }
+}
+
 /// Gap in total, record by record and split by split, each model fitted anew to the fitted part of each split; the first one
 /// only where `refitted` says so.
 pub(crate) fn gaps(
@@ -28,12 +74,12 @@ pub(crate) fn gaps(
     before: &Hypothesis,
     after: &Hypothesis,
     refitted: bool,
-) -> (Gap, Vec<RecordGap>, Vec<SplitGap>) {
+) -> (Gap, Vec<RecordGap>, Vec<SplitGap>, Left) {
     let folds = data.folds();
     // Each with the errors that it leaves itself.
     let own = if folds.is_empty() { None } else { data.weighed_by(before) };
     let own = own.map_or_else(|| folds.clone(), |data| data.folds());
-    let evaluated: Vec<(&'static str, Vec<(usize, Squares)>)> = folds
+    let evaluated: Vec<(&'static str, Vec<(usize, Squares)>, Left)> = folds
         .par_iter()
         .zip(&own)
         .map(|((words, fold), (_, own))| {
@@ -46,13 +92,16 @@ pub(crate) fn gaps(
                 fold.records.iter().enumerate().filter(|(_, record)| record.end_of(Some(Split::Holdout)) > 0);
             let evaluated = held_out
                 .filter_map(|(place, record)| Some((place, squares(fold, record, &before, &after, Split::Holdout)?)));
-            (*words, evaluated.collect())
+            let left = Left::of((own, &before), (fold, &after), Split::Holdout).unwrap_or_default();
+            (*words, evaluated.collect(), left)
         })
         .collect();
     let mut total = Squares::default();
     let mut records = vec![Squares::default(); data.records.len()];
     let mut splits = Vec::new();
-    for (split, parts) in evaluated {
+    let mut left = Left::default();
+    for (split, parts, of_split) in evaluated {
+        left.add(of_split);
         let mut sum = Squares::default();
         for (place, part) in parts {
             records[place].add(part);
@@ -67,7 +116,7 @@ pub(crate) fn gaps(
         nominal: record.nominal,
         gap: squares.gap(),
     });
-    (total.gap(), records.collect(), splits)
+    (total.gap(), records.collect(), splits, left)
 }
 
 /// Squares of one log over the rows of a split.

@@ -23,8 +23,9 @@ use std::ops::Range;
 pub use cut::CutRows;
 pub(super) use cut::{Prepared, prepare};
 pub use gap::SplitGap;
-pub(super) use gap::{gaps, log_squares};
+pub(super) use gap::{Left, gaps, log_squares};
 pub(super) use locate::{add, excess};
+pub use search::Decision;
 pub(super) use start::first_lag;
 
 use rotorlead_identify::steps::Plateau;
@@ -160,6 +161,13 @@ impl Log {
         self.set_filters();
         self.errors = self.of(self.known_by()).errors_of(residual);
         self.set_filters();
+    }
+
+    /// Numbers and sums of squares of levels and of the motion over the rows of a split.
+    pub fn squares(&self, split: Split, difference: &[f64], time_s: &[f64], tau_s: f64) -> [(f64, f64); 2] {
+        let free = self.free(difference, time_s, tau_s);
+        let left: Vec<f64> = difference.iter().zip(free).map(|(difference, free)| difference - free).collect();
+        self.of(split).squares(&left)
     }
 
     /// Minus twice the log likelihood of a difference over the rows of a split, with the errors that it has itself.

@@ -6,10 +6,12 @@
 //!
 //! Staircases show fewer kinds than periodic records do, each from its best start.
 
-use rotorlead_plant::effect::{Kind, Shows, Site};
+use rotorlead_plant::effect::{Kind, Parameter, Shows, Site};
 use rotorlead_records::Output;
+use serde::Serialize;
 
 use super::split::Folds;
+use crate::candidate::Candidate;
 use crate::dataset::{Dataset, Record, Split};
 use crate::explain::{Explanation, FIRST_STEPS, Found, Search};
 use crate::fit::{Fit, fit_in};
@@ -27,6 +29,10 @@ const MOST_FINISHED: usize = 3;
 const LAST_STEPS: usize = 8;
 /// What an effect is worth at least that is named. More than where periods repeat: what a log leaves is estimated from the log itself.
 const LEAST_SCORE_IN_LOGS: f64 = 10.0;
+/// Rows by which a logger stamps late at most, beyond what an ESC and its link delay: one in which it waits for the next, and some in
+/// buffers.
+const LOGGER_ROWS: f64 = 4.0;
+
 impl Dataset {
     /// Whether any record does not repeat.
     pub fn has_logs(&self) -> bool {
@@ -37,11 +43,34 @@ impl Dataset {
     fn can_show(&self, kind: &Kind) -> bool {
         let any_repeats = || self.records.iter().any(|record| record.log.is_none());
         match kind.shows {
+            // A static map that is free has no curvature left to find.
+            Shows::Anywhere if kind.site == Site::Map => {
+                self.records.iter().any(|record| record.log.as_ref().is_none_or(|log| !log.has_free_map))
+            }
             Shows::Anywhere | Shows::OverLevels => true,
             Shows::BetweenLevels => self.records.iter().any(|record| !record.goes_from_level_to_level()),
             Shows::BetweenClocks => any_repeats(),
             Shows::InForce => self.output == Output::ThrustN,
         }
+    }
+
+    /// Which value of an effect lies beyond its plausible range. A delay in a log is that of the logger as well, which stamps up to
+    /// some rows late.
+    fn implausible(&self, candidate: &Candidate) -> Option<String> {
+        let mut own = candidate.clone();
+        if candidate.kind.site == Site::Line {
+            let row_s = self.records.iter().map(|record| record.rate_hz.recip()).fold(0.0, f64::max);
+            own.values[0] = (own.values[0] - LOGGER_ROWS * row_s).max(own.kind.parameters[0].plausible.0);
+        }
+        let beyond = |(index, parameter): (usize, &'static Parameter)| {
+            (!own.is_value_plausible(index, 0.0)).then(|| {
+                let (low, high) = parameter.plausible;
+                let value = candidate.values[index];
+                let unit = if parameter.unit.is_empty() { String::new() } else { format!(" {}", parameter.unit) };
+                format!("plausible range: {} {value:.3}{unit}, expected {low} to {high}", parameter.name)
+            })
+        };
+        Candidate::searched(candidate.kind).find_map(beyond)
     }
 
     /// With the errors that a hypothesis leaves.
@@ -69,6 +98,40 @@ fn parsimony_rank(kind: &Kind) -> usize {
         Site::Map => 0,
         Site::Line => 1,
         _ => 2,
+    }
+}
+
+/// What became of a kind in a log.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Decision {
+    /// The kind.
+    pub kind: &'static Kind,
+    /// What it was tried beside.
+    pub beside: Vec<&'static Kind>,
+    /// Gain of log likelihood over what is fitted; after a few steps of a search only where no score is known.
+    pub fitted_gain: f64,
+    /// The mean gain over what is held out; `None` where the fitted gain was too far behind to go on.
+    pub held_out_gain: Option<f64>,
+    /// Both, less what the search would gain by chance.
+    pub score: Option<f64>,
+    /// What it failed, empty for a kind that was added.
+    pub failed: Vec<String>,
+    /// Whether it was added.
+    pub is_added: bool,
+}
+
+impl Decision {
+    /// That of a kind that was tried to the end.
+    fn of(tried: &Tried, beside: &[&'static Kind], failed: Vec<String>) -> Self {
+        Self {
+            kind: tried.kind,
+            beside: beside.to_vec(),
+            fitted_gain: tried.fitted_gain,
+            held_out_gain: Some(tried.held_out_gain),
+            score: Some(tried.score()),
+            is_added: failed.is_empty(),
+            failed,
+        }
     }
 }
 
@@ -104,17 +167,22 @@ impl Search<'_> {
             self.find_initial_condition(base);
             self.take_hum_out(base)?;
         }
-        let before = self.settle(base, true)?;
+        let before = self.settle(&base.clone().as_rows_show(&self.data), true)?;
         let mut current = before.clone();
         let mut first_tried = None;
         let mut named: Vec<Named> = Vec::new();
         let mut dropped: Vec<&'static Kind> = Vec::new();
+        let mut decisions: Vec<Decision> = Vec::new();
         loop {
-            current = self.extend(current, &mut named, &dropped, &mut first_tried)?;
+            current = self.extend(current, &mut named, &dropped, (&mut first_tried, &mut decisions))?;
             let (after, found, redundant) = self.eliminate(current, &named)?;
             if redundant.is_empty() {
                 let tried = first_tried.unwrap_or_default();
-                return Some(Explanation { before, after, found, tried, weak_evidence: Vec::new() });
+                return Some(Explanation { before, after, found, tried, weak_evidence: Vec::new(), decisions });
+            }
+            for decision in decisions.iter_mut().filter(|decision| redundant.contains(&decision.kind)) {
+                decision.is_added = false;
+                decision.failed = vec!["redundant beside the others".to_owned()];
             }
             // What stood in the place of others is gone, and does not come back: the search ends.
             named.retain(|named| !redundant.contains(&named.kind));
@@ -129,45 +197,78 @@ impl Search<'_> {
         mut current: Fit,
         named: &mut Vec<Named>,
         dropped: &[&'static Kind],
-        first_tried: &mut Option<Vec<Tried>>,
+        (first_tried, decisions): (&mut Option<Vec<Tried>>, &mut Vec<Decision>),
     ) -> Option<Fit> {
         while named.len() < MOST_EFFECTS {
             let exclude: Vec<&'static Kind> =
                 named.iter().map(|named| named.kind).chain(dropped.iter().copied()).collect();
-            let tried = self.tries_on_logs(&current, &exclude);
+            let beside: Vec<&'static Kind> = named.iter().map(|named| named.kind).collect();
+            let (tried, others) = self.tries_on_logs(&current, &exclude);
             first_tried.get_or_insert_with(|| tried.clone());
-            // Something like an effect, but larger than it can be, is none of the catalog; nor is one that may as well not be
-            // there.
-            let is_one = |tried: &&Tried| {
-                let hypothesis = &tried.fit.hypothesis;
-                let last = hypothesis.effects.len() - 1;
-                hypothesis.effects[last].is_plausible(|_| 0.0) && tried.fit.excludes_absence(last)
-            };
-            let tried: Vec<&Tried> = tried.iter().filter(is_one).collect();
-            let is_worth_it = |tried: &&&Tried| is_worth_it(tried);
+            let judged: Vec<(&Tried, Vec<String>)> = tried.iter().map(|tried| (tried, self.failed(tried))).collect();
             // The first of those that are equally simple scores highest.
-            let Some(best) = tried.iter().filter(is_worth_it).min_by_key(|tried| parsimony_rank(tried.kind)) else {
-                break;
-            };
-            let is_alike = |other: &&&Tried| other.kind != best.kind && (best.score() - other.score()).abs() < ALIKE;
-            let alternatives = tried.iter().filter(is_alike).map(|other| other.kind).collect();
+            let passed = judged.iter().filter(|(_, failed)| failed.is_empty()).map(|(tried, _)| *tried);
+            let best = passed.clone().min_by_key(|tried| parsimony_rank(tried.kind));
+            // What is tried beside more is known better.
+            let is_again = |kind: &Kind| tried.iter().any(|tried| tried.kind.id == kind.id) || others.iter().any(|(other, _)| other.id == kind.id);
+            decisions.retain(|decision| decision.is_added || !is_again(decision.kind));
+            for (tried, failed) in &judged {
+                let is_best = best.is_some_and(|best| best.kind == tried.kind);
+                let mut decision = Decision::of(tried, &beside, failed.clone());
+                decision.is_added = is_best;
+                decisions.push(decision);
+            }
+            let is_first = |kind: &Kind| decisions.iter().all(|decision| decision.kind.id != kind.id);
+            let further: Vec<Decision> = others.iter().filter(|(kind, _)| is_first(kind)).map(|(kind, fitted_gain)| Decision {
+                kind,
+                beside: beside.clone(),
+                fitted_gain: *fitted_gain,
+                held_out_gain: None,
+                score: None,
+                failed: vec![format!("training gain: behind the {MOST_FINISHED} that gain most")],
+                is_added: false,
+            }).collect();
+            decisions.extend(further);
+            let Some(best) = best else { break };
+            let is_alike = |other: &&Tried| other.kind != best.kind && (best.score() - other.score()).abs() < ALIKE;
+            let alternatives = passed.filter(is_alike).map(|other| other.kind).collect();
             named.push(Named { kind: best.kind, alternatives });
             current = self.settle(&best.fit.hypothesis.clone(), true)?;
         }
         Some(current)
     }
 
-    /// Kinds that improve on `from`, best first.
-    fn tries_on_logs(&self, from: &Fit, exclude: &[&'static Kind]) -> Vec<Tried> {
-        let Some(score_test) = ScoreTest::new(&self.data, from) else { return Vec::new() };
-        let Some(scan) = Scan::new(&self.data, from) else { return Vec::new() };
+    /// The tests that a kind fails which was tried to the end. Something like an effect, but larger than it can be, is none of the
+    /// catalog; nor is one that may as well not be there.
+    fn failed(&self, tried: &Tried) -> Vec<String> {
+        let hypothesis = &tried.fit.hypothesis;
+        let last = hypothesis.effects.len() - 1;
+        let mut failed = Vec::new();
+        if tried.score() < LEAST_SCORE_IN_LOGS {
+            failed.push(format!("score: below {LEAST_SCORE_IN_LOGS}"));
+        }
+        if tried.held_out_gain < 0.0 {
+            failed.push("held-out gain: below 0".to_owned());
+        }
+        failed.extend(self.data.implausible(&hypothesis.effects[last]));
+        if !tried.fit.excludes_absence(last) {
+            failed.push("95 % interval: includes no effect".to_owned());
+        }
+        failed
+    }
+
+    /// Kinds that were tried beside `from` to the end, best first, and what the others gained on what is fitted.
+    fn tries_on_logs(&self, from: &Fit, exclude: &[&'static Kind]) -> (Vec<Tried>, Vec<(&'static Kind, f64)>) {
+        let nothing = || (Vec::new(), Vec::new());
+        let Some(score_test) = ScoreTest::new(&self.data, from) else { return nothing() };
+        let Some(scan) = Scan::new(&self.data, from) else { return nothing() };
         let kinds = self.catalog.kinds().filter(|kind| kind.id != "parameter_error" && !exclude.contains(kind));
         let mut screened: Vec<(f64, Hypothesis, &'static Kind)> = Vec::new();
         for kind in kinds.filter(|kind| self.data.can_show(kind)) {
             screened.extend(self.screen(&score_test, &scan, from, kind).into_iter().next());
             (self.progress)();
         }
-        let Some(before) = self.evaluated(from) else { return Vec::new() };
+        let Some(before) = self.evaluated(from) else { return nothing() };
         let mut followed: Vec<(Evaluated, &'static Kind)> = Vec::new();
         for (_, start, kind) in screened {
             let fit = fit_in(&self.data, &start, true, FIRST_STEPS);
@@ -178,17 +279,19 @@ impl Search<'_> {
         }
         followed.sort_by(|a, b| a.0.deviance.total_cmp(&b.0.deviance));
         let folds = Folds::of(&before.data, from);
-        let promising =
-            |(place, (_, kind)): &(usize, (Evaluated, &Kind))| *place < MOST_FINISHED || parsimony_rank(kind) < 2;
-        let finished = followed.into_iter().enumerate().filter(promising).filter_map(|(_, (evaluated, kind))| {
-            let evaluated = Evaluated::of(&evaluated.data, &evaluated.fit, LAST_STEPS)?;
+        let mut others = Vec::new();
+        let mut all: Vec<Tried> = Vec::new();
+        for (place, (evaluated, kind)) in followed.into_iter().enumerate() {
+            if place >= MOST_FINISHED && parsimony_rank(kind) >= 2 {
+                others.push((kind, 0.5 * (before.deviance - evaluated.deviance)));
+                continue;
+            }
+            let evaluated = Evaluated::of(&evaluated.data, &evaluated.fit, LAST_STEPS);
             (self.progress)();
-            let tried = tried(&before, &folds, evaluated, kind);
-            Some(tried)
-        });
-        let mut all: Vec<Tried> = finished.collect();
+            all.extend(evaluated.map(|evaluated| tried(&before, &folds, evaluated, kind)));
+        }
         all.sort_by(by_score);
-        all
+        (all, others)
     }
 
     fn evaluated(&self, fit: &Fit) -> Option<Evaluated> {
