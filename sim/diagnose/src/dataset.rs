@@ -152,15 +152,17 @@ pub(super) struct Dataset {
 }
 
 impl Dataset {
-    /// Prepares the records of an experiment.
+    /// Prepares the records of an experiment, to be compared with a given model or with one that is found.
     ///
     /// # Errors
     /// [`DiagnoseError`] where no record can be compared, or one is not what it says it is.
-    pub fn new(experiment: &Experiment) -> Result<Self, DiagnoseError> {
+    pub fn new(experiment: &Experiment, is_model_given: bool) -> Result<Self, DiagnoseError> {
+        // How a speed follows from the command is read off level by level, and is not an effect. That of a given model is judged.
+        let has_free_map = !is_model_given && experiment.output == Output::Rpm;
         let mut left_out = Vec::new();
         let mut sources: Vec<(&SourceRecord, Option<Prepared>)> = Vec::new();
         for source in &experiment.records {
-            let prepared = if source.excitation.is_periodic() { None } else { prepare(source, experiment.output)? };
+            let prepared = if source.excitation.is_periodic() { None } else { prepare(source, experiment.output, has_free_map)? };
             if source.excitation.is_periodic() || prepared.is_some() {
                 sources.push((source, prepared));
             } else {

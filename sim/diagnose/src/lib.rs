@@ -244,7 +244,7 @@ pub struct Options<'a> {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis, DiagnoseError> {
-    let mut data = Dataset::new(experiment)?;
+    let mut data = Dataset::new(experiment, options.model.is_some())?;
     data.check_fitted()?;
     data.curve = options.model.map(|model| data.curve_through(model)).transpose()?.flatten();
     let base = first_model(experiment, &data, options.model)?;

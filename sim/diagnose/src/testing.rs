@@ -46,7 +46,7 @@ pub(super) fn records_with_command_rate(
 
 /// What is compared of them, and the lags to begin with.
 pub(super) fn data(records: &Experiment) -> (Dataset, Vec<BasePoint>) {
-    let data = Dataset::new(records).unwrap();
+    let data = Dataset::new(records, false).unwrap();
     let base = first_model(records, &data, None).unwrap();
     (data, base)
 }

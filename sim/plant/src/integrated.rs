@@ -67,6 +67,8 @@ pub struct RotorState {
     base: RotorBase,
     /// One over the time constant of the linear model.
     linear_per_s: f64,
+    /// The part of the time constant that a step may take: [`STEP_PART`], or more.
+    step_part: f64,
     state: State,
     drive: f64,
 }
@@ -162,7 +164,12 @@ impl IntegratedRotor {
             RotorBase::Linear(point) => 1.0 / point.lag.time_constant_s,
             RotorBase::Level(_) => f64::NAN,
         };
-        Ok(Self { rotor: RotorState { base, linear_per_s, state: State::default(), drive: 0.0 }, terms })
+        Ok(Self { rotor: RotorState { base, linear_per_s, step_part: STEP_PART, state: State::default(), drive: 0.0 }, terms })
+    }
+
+    /// Lets steps be so many times as long.
+    pub(super) fn lengthen_steps(&mut self, times: f64) {
+        self.rotor.step_part = (times * self.rotor.step_part).min(SETTLED_PART);
     }
 
     /// Puts the rotor at rest: the command has been `command` for ever.
@@ -285,7 +292,7 @@ impl RotorState {
     fn steps(&self, begin: &Slopes, piece: Segment, duration_s: f64) -> usize {
         // A command at which the rotor is infinitely fast is no number of steps; a model with it is refused before.
         let time_constants = duration_s * begin.rate_per_s;
-        if time_constants <= STEP_PART {
+        if time_constants <= self.step_part {
             return 1;
         }
         ((time_constants / self.step_part(begin, piece)).ceil() as usize).clamp(1, 100_000)
@@ -295,14 +302,14 @@ impl RotorState {
     /// and with the way that is left.
     fn step_part(&self, begin: &Slopes, piece: Segment) -> f64 {
         if piece.slope_per_s != 0.0 {
-            return STEP_PART;
+            return self.step_part;
         }
         let Slopes { of, rate_per_s } = begin;
         let gain = self.base.at(piece.level).lag.gain.abs();
         let own = of.own.iter().fold(0.0_f64, |most, slope| most.max(slope.abs()));
         let left = of.speed.abs().max(of.response.abs() / gain.max(f64::MIN_POSITIVE)).max(own) / rate_per_s;
         // What is not a number is far from settled.
-        if left < SETTLED { (STEP_PART * (SETTLED / left).powf(0.2)).min(SETTLED_PART) } else { STEP_PART }
+        if left < SETTLED { (self.step_part * (SETTLED / left).powf(0.2)).min(SETTLED_PART) } else { self.step_part }
     }
 
     fn advance<T: Terms + ?Sized>(

@@ -92,11 +92,16 @@ pub(crate) struct Prepared {
     pub log: Log,
 }
 
-/// Prepares a record that does not repeat. `Ok(None)` where the motor does not run steadily.
+/// Prepares a record that does not repeat; between plateaus with a number for each level in place of a static map where
+/// `has_free_map` says so. `Ok(None)` where the motor does not run steadily.
 ///
 /// # Errors
 /// [`DiagnoseError`] for a record without a response, and a command or response that never changes.
-pub(crate) fn prepare(source: &SourceRecord, output: Output) -> Result<Option<Prepared>, DiagnoseError> {
+pub(crate) fn prepare(
+    source: &SourceRecord,
+    output: Output,
+    has_free_map: bool,
+) -> Result<Option<Prepared>, DiagnoseError> {
     let response = rotorlead_identify::response_of(source, output)?;
     let constant = |values: &[f64]| values.iter().all(|value| *value == values[0]);
     if constant(&source.command) {
@@ -114,7 +119,7 @@ pub(crate) fn prepare(source: &SourceRecord, output: Output) -> Result<Option<Pr
     // A record of anything may well be a staircase.
     let whole = |run: &Run| 2 * run.rows().len() > source.time_s.len();
     Ok(match run {
-        Some(run) if stepped || whole(&run) => Some(of_run(source, run, output == Output::Rpm)),
+        Some(run) if stepped || whole(&run) => Some(of_run(source, run, has_free_map)),
         _ if stepped => None,
         _ => Some(of_whole(source, response)),
     })
@@ -263,9 +268,10 @@ fn of_whole(source: &SourceRecord, response: &[f64]) -> Prepared {
 }
 
 fn prepared(rows: Range<usize>, blocks: Blocks, measured: &[f64], log: Log) -> Prepared {
-    let mut log = Log { scatter: blocks.scatter(measured), ..log };
+    let means = blocks.means(measured);
+    let mut log = Log { scatter: blocks.scatter(measured), measured: means.clone(), ..log };
     log.set_filters();
-    Prepared { rows, measured: blocks.means(measured), mean_response: mean(measured), blocks, log }
+    Prepared { rows, measured: means, mean_response: mean(measured), blocks, log }
 }
 
 fn range(values: &[f64]) -> f64 {

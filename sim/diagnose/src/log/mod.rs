@@ -61,6 +61,8 @@ pub(super) struct Group {
 pub(super) struct Log {
     /// Its groups, which follow each other.
     pub groups: Vec<Group>,
+    /// The response at each row.
+    measured: Vec<f64>,
     /// How many rows of the record each row stands for, and the sum of squares of their response about its mean.
     pub scatter: Vec<(f64, f64)>,
     /// What was cut out.
@@ -89,6 +91,7 @@ impl Log {
             cut,
             begins_settled,
             rows_per_sample,
+            measured: Vec::new(),
             scatter: Vec::new(),
             has_free_map: false,
             has_role: false,
@@ -209,7 +212,12 @@ impl Log {
         decay.iter().map(|decay| offset + start * decay).collect()
     }
 
-    /// What each level is off by, the mean over all visits, and on the way from one to the next the part of both.
+    /// What of a difference the static map accounts for. A level is off by the mean over all visits to it. A step goes from one
+    /// measured level to the next, by the part of the way that the simulated response has gone:
+    ///
+    /// ```text
+    /// left = y - (1 - w) before - w level,   w = (simulated - its level before) / (its level - its level before)
+    /// ```
     fn off_the_map(&self, difference: &[f64]) -> Vec<f64> {
         let levels = self.groups.iter().map(|group| group.rank + 1).max().unwrap_or(0);
         let mut sums = vec![(0.0, 0.0); levels];
@@ -223,14 +231,29 @@ impl Log {
             if visits > 0.0 { sum / visits } else { 0.0 }
         };
         let mut free = vec![0.0; difference.len()];
-        let mut before = 0.0;
-        for (place, (group, part)) in self.groups.iter().zip(&self.parts).enumerate() {
+        for group in &self.groups {
+            free[group.rows.clone()].fill(off(group));
+        }
+        for (place, (group, part)) in self.groups.iter().zip(&self.parts).enumerate().skip(1) {
             let own = off(group);
-            free[group.rows.clone()].fill(own);
-            if place > 0 {
-                part.moving.iter().for_each(|(row, way)| free[*row] = (1.0 - way) * before + way * own);
+            if part.settled.is_empty() || part.before.is_empty() {
+                continue;
             }
-            before = own;
+            let before = off(&self.groups[place - 1]);
+            let of_rows = |values: &dyn Fn(usize) -> f64, rows: &[usize]| {
+                rows.iter().map(|&row| values(row)).sum::<f64>() / rows.len() as f64
+            };
+            let measured = |row: usize| self.measured[row];
+            let simulated = |row: usize| self.measured[row] - difference[row];
+            let [from, to] = [&part.before, &part.settled].map(|rows| of_rows(&measured, rows));
+            let [start, end] = [&part.before, &part.settled].map(|rows| of_rows(&simulated, rows));
+            let off_level = [errors::mean(difference, &part.before) - before, errors::mean(difference, &part.settled) - own];
+            for (row, _) in &part.moving {
+                let way = (simulated(*row) - start) / (end - start);
+                let way = if way.is_finite() { way.clamp(-1.0, 2.0) } else { 1.0 };
+                let left = self.measured[*row] - (1.0 - way) * from - way * to;
+                free[*row] = difference[*row] - left - (1.0 - way) * off_level[0] - way * off_level[1];
+            }
         }
         free
     }

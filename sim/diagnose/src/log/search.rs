@@ -167,7 +167,7 @@ impl Search<'_> {
             self.find_initial_condition(base);
             self.take_hum_out(base)?;
         }
-        let before = self.settle(&base.clone().as_rows_show(&self.data), true)?;
+        let before = self.settle(&base.clone().of_what_shows(&self.data), true)?;
         let mut current = before.clone();
         let mut first_tried = None;
         let mut named: Vec<Named> = Vec::new();
