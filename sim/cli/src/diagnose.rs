@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use miette::{IntoDiagnostic as _, WrapErr as _};
-use rotorlead_diagnose::{Diagnosis, NEEDS_STEADY_START, Options, Verdict, diagnose, fill_in_esc_commands};
+use rotorlead_diagnose::{Decision, Diagnosis, NEEDS_STEADY_START, Options, Verdict, diagnose, fill_in_esc_commands};
 use rotorlead_plant::{Catalog, Model};
 use rotorlead_records::Experiment;
 use rotorlead_records::files::{check_writable, write_file};
@@ -153,6 +153,31 @@ pub(super) fn verdict(found: &Diagnosis) -> String {
     }
 }
 
+/// What became of each kind that was tried on logs, those that were added first.
+fn decisions(found: &Diagnosis) -> String {
+    let mut order: Vec<&Decision> = found.decisions.iter().collect();
+    order.sort_by_key(|decision| !decision.is_added);
+    let mut lines = vec!["Effects tried, with the log likelihood that each gains on training and held-out steps".to_owned()];
+    lines.extend(order.into_iter().map(|decision| {
+        let ids: Vec<&str> = decision.beside.iter().map(|kind| kind.id).collect();
+        let beside = if ids.is_empty() { String::new() } else { format!(" beside {}", ids.join(", ")) };
+        let gains = match (decision.held_out_gain, decision.score) {
+            (Some(held_out), Some(score)) => {
+                format!("{:+.1} training, {held_out:+.1} held-out, score {score:.1}", decision.fitted_gain)
+            }
+            _ => format!("{:+.1} training", decision.fitted_gain),
+        };
+        let outcome = match decision.is_added {
+            true => "added: passes every test".to_owned(),
+            false if decision.failed.is_empty() => "not added: passes every test, but another one comes first".to_owned(),
+            false => format!("not added. Fails {}", decision.failed.join("; ")),
+        };
+        let text = format!("  {}{beside}: {gains}; {outcome}", decision.kind.id);
+        wrapped(&text, WIDTH, "    ")
+    }));
+    lines.join("\n")
+}
+
 fn words(found: &Diagnosis) -> String {
     let mut text = format!("{}\n", verdict(found));
     if !found.steadiness.is_noise() {
@@ -176,6 +201,12 @@ fn words(found: &Diagnosis) -> String {
             line(format!("  the records cannot tell it from {}", others.join(", ")));
         }
     }
+    if let Some(lateness) = &found.lateness {
+        line(format!("\n{}", wrapped(&lateness.to_string(), WIDTH, "  ")));
+    }
+    if !found.decisions.is_empty() && found.verdict != Verdict::Agrees {
+        line(format!("\n{}", decisions(found)));
+    }
     if found.needs_steady_start {
         line(format!("\n{}", wrapped(NEEDS_STEADY_START, WIDTH, "")));
     }
@@ -188,7 +219,20 @@ fn words(found: &Diagnosis) -> String {
         line(format!("\nBeside the response, compared too where it says more: {}", columns.join(", ")));
     }
     for cut in found.cut.iter().filter(|cut| !cut.is_empty()) {
-        line(format!("\nRows not compared of {cut}"));
+        line(format!("\n{}", wrapped(&format!("Rows not compared of {cut}"), WIDTH, "  ")));
+        if cut.stalled_steps > 0 {
+            let text = format!(
+                "{}: the log stands still during {} of {} steps, for longer than the step takes to begin. Of these only the levels are \
+                 compared, and how late they begin at least: what a log reads when it goes on is old. Find out why it stalls",
+                cut.file, cut.stalled_steps, cut.steps
+            );
+            line(wrapped(&text, WIDTH, "  "));
+        }
+    }
+    if found.has_free_map {
+        let text = "The speed that each level settles to is taken as measured, as `identify` does: curvature of the static map is part of \
+                    the model, and no effect.";
+        line(format!("\n{}", wrapped(text, WIDTH, "  ")));
     }
     for out in &found.left_out {
         line(format!("\nNot compared: {}: {}", out.file, out.reason));

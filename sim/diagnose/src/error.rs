@@ -86,6 +86,16 @@ pub enum DiagnoseError {
     #[error(transparent)]
     #[diagnostic(transparent)]
     Plant(#[from] PlantError),
+    /// Model and records are not of the same thing.
+    #[error("the model misses the response by {percent:.2e} % of its own RMS about its mean, expected less than 100 % or so")]
+    #[diagnostic(help(
+        "check that the command is 0 to 1 and the response in N or rpm (`rotorlead check DIR` shows both), and that a model given \
+         with --model is of this motor"
+    ))]
+    NoComparison {
+        /// The gap.
+        percent: f64,
+    },
     /// The search found no value at which the model can be simulated.
     #[error("the model of {what} cannot be compared with these records")]
     #[diagnostic(help("check the records' units and their nominal commands against the model's"))]

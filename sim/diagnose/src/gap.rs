@@ -5,6 +5,7 @@ use rotorlead_identify::align;
 use rotorlead_numerics::sample::mean;
 use serde::Serialize;
 
+use super::DiagnoseError;
 use super::dataset::{Dataset, Record, Split};
 use super::fit::Fit;
 use super::hypothesis::{Coordinate, Hypothesis};
@@ -19,6 +20,18 @@ pub struct Gap {
     pub after: f64,
     /// What the noise of the records leaves to a perfect one.
     pub noise_floor: f64,
+}
+
+/// A gap above this is no disagreement of a model with its records: both are not of the same thing.
+const MOST_GAP: f64 = 100.0;
+
+impl Gap {
+    /// # Errors
+    /// [`DiagnoseError::NoComparison`] for a gap that no model of the records has.
+    pub(super) fn check(self) -> Result<(), DiagnoseError> {
+        let largest = [self.before, self.after].into_iter().fold(0.0, |most: f64, gap| if gap > most || gap.is_nan() { gap } else { most });
+        if largest < MOST_GAP { Ok(()) } else { Err(DiagnoseError::NoComparison { percent: 100.0 * largest }) }
+    }
 }
 
 /// The gap of one record.

@@ -18,7 +18,7 @@ const BEYOND: f64 = 0.5;
 /// Shortest time constant that is searched, seconds.
 const LEAST_TIME_CONSTANT_S: f64 = 1e-4;
 /// The same in parts of the time between rows of records that do not repeat.
-const LEAST_PART_OF_ROW: f64 = 0.1;
+const LEAST_PART_OF_ROW: f64 = 0.3;
 
 /// Records that do not repeat are simulated in steps that are so many times as long as usual: models of them are off by a part in a
 /// thousand at best, and this by one in a hundred thousand.

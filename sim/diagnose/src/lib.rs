@@ -57,7 +57,7 @@ pub use dataset::LeftOut;
 pub use error::DiagnoseError;
 pub use gap::{Gap, RecordGap, Residual};
 pub use locate::{Axis, Excess, Location, MapCell};
-pub use log::{CutRows, Decision, SplitGap};
+pub use log::{CutRows, Decision, Lateness, SplitGap};
 pub use next::{Conditions, NextExperiment};
 pub use steadiness::Steadiness;
 pub use timing::Timing;
@@ -155,6 +155,9 @@ pub struct Diagnosis {
     /// What became of each kind, of records that do not repeat.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub decisions: Vec<Decision>,
+    /// Whose delay it is, where records that do not repeat show one.
+    #[serde(rename = "delay", skip_serializing_if = "Option::is_none")]
+    pub lateness: Option<Lateness>,
     /// Effects with weak evidence, where the records agree with the model.
     pub weak_evidence: Vec<WeakEvidence>,
     /// Whether the effects rest on how the records begin, too: see [`NEEDS_STEADY_START`].
@@ -175,6 +178,9 @@ pub struct Diagnosis {
     /// Records that were not compared.
     #[serde(rename = "not_compared")]
     pub left_out: Vec<LeftOut>,
+    /// Whether the static map of logs is free, a number for each level.
+    #[serde(skip)]
+    pub has_free_map: bool,
     /// Whether anything was held out; otherwise the gaps are those of what was fitted.
     pub held_out: bool,
     /// What is left over noise, before and after.
@@ -290,6 +296,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         found
     };
     let gap::Gaps { total: gap, records, splits, held_out, .. } = gaps;
+    gap.check()?;
     let mut effects = Vec::new();
     for (index, found) in found.into_iter().enumerate() {
         let without = after.hypothesis.without(index);
@@ -317,6 +324,8 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     Ok(Diagnosis {
         verdict,
         is_of_given: options.model.is_some(),
+        has_free_map: data.records.iter().any(|record| record.log.as_ref().is_some_and(|log| log.has_free_map)),
+        lateness: Lateness::of(data, &after.hypothesis),
         decisions: decided(decisions, verdict, evidence.left_of_logs),
         weak_evidence: if verdict == Verdict::Agrees { weak_evidence } else { Vec::new() },
         needs_steady_start: data.initial_condition == dataset::InitialCondition::Steady && verdict != Verdict::Unknown,

@@ -10,7 +10,7 @@ use std::fmt::Write as _;
 use rotorlead_numerics::sample::median;
 use rotorlead_plant::Noise;
 use rotorlead_plant::bench::{Plan, PlannedRecord};
-use rotorlead_plant::effect::Kind;
+use rotorlead_plant::effect::{Kind, Site};
 use rotorlead_records::{Excitation, Experiment, Output};
 
 use super::dataset::{Dataset, Record};
@@ -34,6 +34,15 @@ const OTHER_TURN: f64 = 1.37;
 const TRIANGLE_HALF_S: f64 = 10.0;
 /// Periods of a square wave or a triangle.
 const SQUARE_PERIODS: u32 = 3;
+/// Levels of a staircase closer than this are one.
+const SAME_LEVEL: f64 = 0.005;
+/// Most levels of a staircase that is asked for.
+const MOST_LEVELS: usize = 8;
+/// Rows in a time constant that show how a step begins.
+const ROWS_PER_LAG: f64 = 10.0;
+/// Time constants, and seconds, for which a level is held at least.
+const HOLD_LAGS: f64 = 20.0;
+const LEAST_HOLD_S: f64 = 2.0;
 /// Smallest amplitude that is worth a record, and how much two of one nominal command differ.
 const SMALLEST_AMPLITUDE: f64 = 0.002;
 const SAME_AMPLITUDE: f64 = 1.05;
@@ -57,6 +66,44 @@ pub struct Conditions {
     pub periods: u32,
     /// Standard deviation of the noise of a row, response units, the largest of the records.
     pub noise_std: f64,
+    /// How staircases were taken, where nothing repeats.
+    pub staircase: Option<StaircaseConditions>,
+}
+
+/// How staircases were taken.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StaircaseConditions {
+    /// The levels, increasing.
+    pub levels: Vec<f64>,
+    /// Median time for which a level is held, seconds.
+    pub hold_s: f64,
+    /// Columns of supply and speed that are not in the files.
+    pub not_logged: Vec<&'static str>,
+}
+
+impl StaircaseConditions {
+    /// `None` where records repeat: then there is a controller that plays others.
+    fn of(experiment: &Experiment, data: &Dataset) -> Option<Self> {
+        let mut levels = Vec::new();
+        let mut holds_s = Vec::new();
+        for record in &data.records {
+            let log = record.log.as_ref()?;
+            for group in log.groups.iter().filter(|group| group.plateau.is_some() && !group.rows.is_empty()) {
+                levels.push(group.command);
+                holds_s.push(record.time_s[group.rows.end - 1] - record.time_s[group.rows.start]);
+            }
+        }
+        levels.sort_by(f64::total_cmp);
+        levels.dedup_by(|a, b| (*a - *b).abs() < SAME_LEVEL);
+        let sources = || experiment.records.iter().filter(|source| !source.excitation.is_periodic());
+        let columns = [
+            ("speed", sources().all(|source| source.rpm.is_some())),
+            ("voltage", sources().all(|source| source.voltage_v.is_some())),
+            ("current", sources().all(|source| source.current_a.is_some())),
+        ];
+        let not_logged = columns.into_iter().filter(|(_, is_there)| !is_there).map(|(name, _)| name).collect();
+        (levels.len() > 1).then_some(Self { levels, hold_s: median(holds_s)?, not_logged })
+    }
 }
 
 /// An experiment that is yet to be done.
@@ -83,6 +130,7 @@ impl Conditions {
             esc_frame_hz: data.esc_frame_hz,
             periods: data.records.iter().map(|record| record.periods() as u32).max().unwrap_or(1),
             noise_std: most(&mut data.records.iter().map(Record::noise_std)),
+            staircase: StaircaseConditions::of(experiment, data),
         }
     }
 
@@ -223,6 +271,9 @@ impl Diagnosis {
     /// The experiment that would say more; `None` where no further experiment is needed.
     #[must_use]
     pub fn next_experiment(&self) -> Option<NextExperiment> {
+        if let Some(conditions) = &self.conditions.staircase {
+            return self.next_staircase(conditions);
+        }
         if !self.timing.is_steady() {
             let words = "Log when each command is sent and when the ESC takes it over, beside the speed, and repeat the records as \
                          they are: what waits differently each time sits in front of the motor, in a driver, a bus or a filter.";
@@ -270,6 +321,77 @@ impl Diagnosis {
         let width = open.parameters.iter().find(|(parameter, _)| parameter.unit == "duty");
         let name = format!("{} or {}", open.kind.id, other.id);
         Some(self.planned(recipe, &name, words, width.map(|(_, estimate)| estimate.value)))
+    }
+
+    /// What can be done where staircases were logged: others, logged at another rate, with another supply.
+    fn next_staircase(&self, conditions: &StaircaseConditions) -> Option<NextExperiment> {
+        let effects = &self.effects;
+        let is_open = matches!(self.verdict, Verdict::Unknown | Verdict::PartlyNamed)
+            || !self.weak_evidence.is_empty()
+            || effects.iter().any(|effect| !effect.alternatives.is_empty());
+        if !is_open && self.lateness.is_none() {
+            return None;
+        }
+        let mut words = Vec::new();
+        let rows_hz = self.conditions.sample_rate_hz;
+        if self.lateness.is_some() {
+            words.push(format!(
+                "Log the same steps at half and at twice the {rows_hz:.0} rows a second: a delay that follows the time between rows is \
+                 the logger's, one that stays is the ESC's or the motor's."
+            ));
+        }
+        let lag_s = self.model.points.iter().map(|point| point.time_constant_s).fold(f64::INFINITY, f64::min);
+        let needed_hz = ROWS_PER_LAG / lag_s;
+        let hold_s = (HOLD_LAGS * lag_s).max(LEAST_HOLD_S).max(conditions.hold_s.min(2.0 * LEAST_HOLD_S));
+        let (low, high) = (conditions.levels[0], conditions.levels[conditions.levels.len() - 1]);
+        if is_open {
+            let rate = if rows_hz < needed_hz {
+                format!("{:.0} rows a second or more ({rows_hz:.0} so far)", 10.0 * (0.1 * needed_hz).ceil())
+            } else {
+                "as many rows a second as so far".to_owned()
+            };
+            words.push(format!(
+                "Run a staircase up and down again, {} levels from {low:.2} to {high:.2}, each held for {hold_s:.1} s, and large steps up \
+                 and down between {low:.2} and {high:.2}, with {rate}: what differs between up and down, or grows with the step, shows \
+                 there.",
+                conditions.levels.len().min(MOST_LEVELS)
+            ));
+        }
+        let supply = |kind: &Kind| kind.site == Site::Supply;
+        if effects.iter().any(|effect| supply(effect.kind) || effect.alternatives.iter().any(|kind| supply(kind))) {
+            words.push(
+                "Repeat it with another supply, a bench supply in place of a battery or a full battery in place of an empty one: a sag \
+                 goes with the supply, heat does not."
+                    .to_owned(),
+            );
+        }
+        if is_open && !conditions.not_logged.is_empty() {
+            words.push(format!("Log the {} too.", conditions.not_logged.join(" and the ")));
+        }
+        let nominal = round(0.5 * (low + high));
+        let mut up: Vec<f64> = spread(&conditions.levels, MOST_LEVELS);
+        let down: Vec<f64> = up.iter().rev().skip(1).copied().collect();
+        up.extend(down);
+        let staircase = |levels: Vec<f64>| PlannedRecord {
+            levels: Some(levels.into_iter().map(round).collect()),
+            hold_s: Some(round(hold_s)),
+            ..PlannedRecord::new(nominal, Excitation::Staircase)
+        };
+        let rate_hz = if self.lateness.is_some() { needed_hz.max(2.0 * rows_hz) } else { needed_hz.max(rows_hz) };
+        let rate_hz = rate_hz.min(f64::from(SAMPLE_RATE_HZ)) as u32;
+        let plan = Plan {
+            format: 1,
+            name: "staircase".to_owned(),
+            seed: 1,
+            loop_rate_hz: LOOP_RATE_HZ,
+            sample_rate_hz: divisor_from(rate_hz),
+            esc_frame_hz: self.conditions.esc_frame_hz,
+            esc_frame_phase: 0.0,
+            compensator: None,
+            noise: Noise::default(),
+            records: vec![staircase(up), staircase(vec![low, high, low, high, low])],
+        };
+        Some(NextExperiment { words: words.join(" "), plan, device: Vec::new() })
     }
 
     /// The kinds to which the records lean, as an enumeration.
@@ -345,6 +467,17 @@ impl Diagnosis {
         let device = on_a_device(&plan, recipe.needs);
         NextExperiment { words, plan, device }
     }
+}
+
+/// So many of some values at most, from the first to the last.
+fn spread(values: &[f64], most: usize) -> Vec<f64> {
+    let count = values.len().min(most);
+    (0..count).map(|place| values[place * (values.len() - 1) / (count - 1).max(1)]).collect()
+}
+
+/// The lowest rate, this or more, that goes into the loop's.
+fn divisor_from(rate_hz: u32) -> u32 {
+    (rate_hz.max(1)..=LOOP_RATE_HZ).find(|rate| LOOP_RATE_HZ.is_multiple_of(*rate)).unwrap_or(LOOP_RATE_HZ)
 }
 
 /// To four decimals, as people write commands.
@@ -431,7 +564,9 @@ impl NextExperiment {
             let _ = writeln!(text, "# {line}");
         }
         let _ = writeln!(text, "#\n# On a simulated actuator: rotorlead simulate --model MODEL --plan THIS --out DIR");
-        let _ = writeln!(text, "# On a controller, records into one folder, which rotorlead diagnose takes:");
+        if !self.device.is_empty() {
+            let _ = writeln!(text, "# On a controller, records into one folder, which rotorlead diagnose takes:");
+        }
         for line in &self.device {
             let _ = writeln!(text, "#   {line}");
         }

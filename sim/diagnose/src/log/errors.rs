@@ -194,9 +194,14 @@ impl Filter {
         Errors { level, moving }
     }
 
-    /// Numbers and sums of squares of levels and of the motion.
-    pub fn squares(&self, values: &[f64]) -> [(f64, f64); 2] {
-        self.mean_squares(values).map(|(count, mean)| (count, count * mean))
+    /// Number and sum of squares of levels, and the mean square of each step's motion.
+    pub fn squares(&self, values: &[f64]) -> ((f64, f64), Vec<f64>) {
+        let [(count, level), _] = self.mean_squares(values);
+        let moving = self.parts.iter().filter(|part| !part.moving.is_empty()).map(|part| {
+            let alone = Self { errors: Errors::default(), parts: vec![part.clone()] };
+            alone.mean_squares(values)[1].1
+        });
+        ((count, count * level), moving.collect())
     }
 
     /// Minus twice the log likelihood of values with the errors that they have, but for a constant.

@@ -1,6 +1,7 @@
 //! How far model and log are apart on steps that were held out.
 
 use rayon::prelude::*;
+use rotorlead_numerics::sample::mean;
 use serde::Serialize;
 
 use crate::dataset::{Dataset, Record, Split};
@@ -21,12 +22,39 @@ pub struct SplitGap {
     pub gap: Gap,
 }
 
-/// How large levels and motion are off, before and after: they are compared separately, and an effect acts on either.
-#[derive(Clone, Copy, Debug, Default)]
+/// How far levels and motion are off, before and after: they are compared separately, and an effect acts on either.
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Left {
-    /// Numbers and sums of squares of both before, and after.
-    before: [(f64, f64); 2],
-    after: [(f64, f64); 2],
+    before: Squared,
+    after: Squared,
+}
+
+/// Squares of what a hypothesis leaves.
+#[derive(Clone, Debug, Default)]
+struct Squared {
+    /// Number of independent levels, and their sum of squares.
+    levels: (f64, f64),
+    /// The mean square of the motion of each step.
+    steps: Vec<f64>,
+}
+
+impl Squared {
+    fn of(data: &Dataset, hypothesis: &Hypothesis, split: Split) -> Option<Self> {
+        let mut all = Self::default();
+        for record in &data.records {
+            let Some(log) = &record.log else { continue };
+            let difference = hypothesis.difference(data, record)?;
+            let tau_s = hypothesis.base[record.point].time_constant_s;
+            let (levels, steps) = log.squares(split, &difference, &record.time_s, tau_s);
+            all.add(Self { levels, steps });
+        }
+        Some(all)
+    }
+
+    fn add(&mut self, other: Self) {
+        self.levels = (self.levels.0 + other.levels.0, self.levels.1 + other.levels.1);
+        self.steps.extend(other.steps);
+    }
 }
 
 impl Left {
@@ -36,34 +64,22 @@ impl Left {
         (data, after): (&Dataset, &Hypothesis),
         split: Split,
     ) -> Option<Self> {
-        let sum = |data: &Dataset, hypothesis: &Hypothesis| {
-            let mut sum = [(0.0, 0.0); 2];
-            for record in &data.records {
-                let Some(log) = &record.log else { continue };
-                let difference = hypothesis.difference(data, record)?;
-                let tau_s = hypothesis.base[record.point].time_constant_s;
-                for (sum, part) in sum.iter_mut().zip(log.squares(split, &difference, &record.time_s, tau_s)) {
-                    *sum = (sum.0 + part.0, sum.1 + part.1);
-                }
-            }
-            Some(sum)
-        };
-        Some(Self { before: sum(own, before)?, after: sum(data, after)? })
+        Some(Self { before: Squared::of(own, before, split)?, after: Squared::of(data, after, split)? })
     }
 
     fn add(&mut self, other: Self) {
-        for (sum, other) in [(&mut self.before, other.before), (&mut self.after, other.after)] {
-            sum.iter_mut().zip(other).for_each(|(sum, other)| *sum = (sum.0 + other.0, sum.1 + other.1));
-        }
+        self.before.add(other.before);
+        self.after.add(other.after);
     }
 
-    /// The share of the power that is left of levels and of the motion; 1 of what is not compared.
+    /// The share of the power that is left of levels, and of the motion of a typical step: the geometric mean over all steps, since
+    /// a motor that loses step once leaves more than all the others. 1 of what is not compared.
     pub fn shares(&self) -> [f64; 2] {
-        let share = |part: usize| {
-            let ((count, before), (_, after)) = (self.before[part], self.after[part]);
-            if count > 0.0 && before > 0.0 { after / before } else { 1.0 }
-        };
-        [share(0), share(1)]
+        let ((count, before), (_, after)) = (self.before.levels, self.after.levels);
+        let of_levels = if count > 0.0 && before > 0.0 { after / before } else { 1.0 };
+        let pairs = self.before.steps.iter().zip(&self.after.steps);
+        let logs: Vec<f64> = pairs.map(|(before, after)| (after / before).ln()).filter(|log| log.is_finite()).collect();
+        [of_levels, if logs.is_empty() { 1.0 } else { mean(&logs).exp() }]
     }
 }
 

@@ -12,6 +12,7 @@
 mod cut;
 mod errors;
 mod gap;
+mod lateness;
 mod locate;
 mod rows;
 mod search;
@@ -23,6 +24,7 @@ use std::ops::Range;
 pub use cut::CutRows;
 pub(super) use cut::{Prepared, prepare};
 pub use gap::SplitGap;
+pub use lateness::Lateness;
 pub(super) use gap::{Left, gaps, log_squares};
 pub(super) use locate::{add, excess};
 pub use search::Decision;
@@ -166,8 +168,14 @@ impl Log {
         self.set_filters();
     }
 
-    /// Numbers and sums of squares of levels and of the motion over the rows of a split.
-    pub fn squares(&self, split: Split, difference: &[f64], time_s: &[f64], tau_s: f64) -> [(f64, f64); 2] {
+    /// Number and sum of squares of levels, and the mean square of each step's motion, over the rows of a split.
+    pub fn squares(
+        &self,
+        split: Split,
+        difference: &[f64],
+        time_s: &[f64],
+        tau_s: f64,
+    ) -> ((f64, f64), Vec<f64>) {
         let free = self.free(difference, time_s, tau_s);
         let left: Vec<f64> = difference.iter().zip(free).map(|(difference, free)| difference - free).collect();
         self.of(split).squares(&left)

@@ -21,8 +21,8 @@ use crate::scan::Scan;
 use crate::score_test::ScoreTest;
 use crate::tried::{ALIKE, Tried, by_score, complexity_penalty};
 
-/// Most effects that are named: a staircase goes through the whole range of a motor, where more shows than around one command.
-const MOST_EFFECTS: usize = 5;
+/// Most effects that are named.
+const MOST_EFFECTS: usize = 3;
 /// How many kinds are finished and evaluated by what is held out, after a few steps of a search of each.
 const MOST_FINISHED: usize = 3;
 /// Steps of a search that finishes: the chi-square is of models and not of noise, so the last digits mean nothing.

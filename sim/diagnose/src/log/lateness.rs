@@ -1,0 +1,135 @@
+//! Whose delay it is: how late each step is, beside how far the rows of the log are apart.
+//!
+//! A log does not say where a delay arises. A logger that stamps what it receives adds the time of its link and its buffers, and that goes
+//! with the time between its rows; an ESC adds its frame. How far the moments at which steps are half way scatter about the model says
+//! how much of it differs from step to step.
+
+use serde::Serialize;
+use std::fmt;
+
+use rotorlead_numerics::sample::variance;
+use rotorlead_plant::effect::Site;
+
+use super::errors::{Part, mean};
+use crate::dataset::{Dataset, Record};
+use crate::hypothesis::Hypothesis;
+
+/// Longest frame of an ESC's pulses, seconds: 50 Hz. Digital commands take less than a millisecond.
+const LONGEST_FRAME_S: f64 = 0.02;
+/// A step is where it is half way.
+const HALF_WAY: f64 = 0.5;
+/// From so many times the scatter of stamps on, steps differ by more than these.
+const MORE_THAN_STAMPS: f64 = 2.0;
+
+/// A delay beside what the log shows of its own timing.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Lateness {
+    /// The delay of the model, seconds.
+    pub delay_s: f64,
+    /// Median time between rows, seconds.
+    pub row_s: f64,
+    /// Standard deviation from step to step, seconds.
+    pub scatter_s: f64,
+    /// Steps that show it.
+    pub steps: usize,
+    /// Steps during which the log stands still, which do not.
+    pub stalled_steps: usize,
+}
+
+impl Lateness {
+    /// That of a hypothesis with a delay in logs. `None` where it has none, or no step shows it.
+    pub(crate) fn of(data: &Dataset, hypothesis: &Hypothesis) -> Option<Self> {
+        let delay = hypothesis.effects.iter().find(|candidate| candidate.kind.site == Site::Line)?;
+        let mut late_s = Vec::new();
+        let (mut stalled_steps, mut row_s) = (0, 0.0_f64);
+        for record in &data.records {
+            let Some(log) = &record.log else { continue };
+            stalled_steps += log.cut.stalled_steps;
+            row_s = row_s.max(record.rate_hz.recip());
+            let difference = hypothesis.difference(data, record)?;
+            let simulated: Vec<f64> = record.measured.iter().zip(difference).map(|(y, off)| y - off).collect();
+            late_s.extend(log.parts.iter().filter_map(|part| late(record, part, &simulated)));
+        }
+        (late_s.len() > 1).then(|| Self {
+            delay_s: delay.values[0],
+            row_s,
+            scatter_s: variance(&late_s).sqrt(),
+            steps: late_s.len(),
+            stalled_steps,
+        })
+    }
+
+    /// The delay in rows of the log.
+    #[must_use]
+    pub fn rows(&self) -> f64 {
+        self.delay_s / self.row_s
+    }
+
+    /// Scatter of steps whose stamps lie anywhere within a row.
+    fn of_stamps_s(&self) -> f64 {
+        self.row_s / 12_f64.sqrt()
+    }
+}
+
+/// By how much the measured response is half way later than the simulated one.
+fn late(record: &Record, part: &Part, simulated: &[f64]) -> Option<f64> {
+    if part.settled.is_empty() || part.before.is_empty() || part.shown < 1.0 {
+        return None;
+    }
+    let half_way_s = |values: &[f64]| {
+        let (from, to) = (mean(values, &part.before), mean(values, &part.settled));
+        let way = |row: usize| (values[row] - from) / (to - from);
+        let pair = part.moving.windows(2).find(|pair| way(pair[0].0) < HALF_WAY && way(pair[1].0) >= HALF_WAY)?;
+        let (first, next) = (pair[0].0, pair[1].0);
+        let share = (HALF_WAY - way(first)) / (way(next) - way(first));
+        Some(record.time_s[first] + share * (record.time_s[next] - record.time_s[first]))
+    };
+    Some(half_way_s(&record.measured)? - half_way_s(simulated)?)
+}
+
+impl fmt::Display for Lateness {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let ms = |seconds: f64| 1e3 * seconds;
+        write!(
+            f,
+            "Whose delay: {:.1} ms are {:.1} rows of this log, which are {:.1} ms apart. From step to step it varies by {:.1} ms RMS ({} \
+             steps); stamps that lie anywhere within a row make {:.1} ms.",
+            ms(self.delay_s),
+            self.rows(),
+            ms(self.row_s),
+            ms(self.scatter_s),
+            self.steps,
+            ms(self.of_stamps_s()),
+        )?;
+        if self.stalled_steps > 0 {
+            write!(
+                f,
+                " The log stands still during {} more steps, as only a logger or its link does.",
+                self.stalled_steps
+            )?;
+        }
+        if self.rows() < 1.0 {
+            f.write_str(" A delay of less than a row may be that of the stamps alone.")?;
+        } else {
+            write!(
+                f,
+                " An ESC's frame accounts for {:.0} ms at most (pulses at 50 Hz; less than 1 ms of a digital command).",
+                ms(LONGEST_FRAME_S)
+            )?;
+            f.write_str(if self.delay_s > LONGEST_FRAME_S || self.stalled_steps > 0 {
+                " So the logger or its link is the more likely one."
+            } else {
+                " So either is possible."
+            })?;
+        }
+        if self.scatter_s > MORE_THAN_STAMPS * self.of_stamps_s() {
+            f.write_str(" It varies by more than stamps do: something waits for a different time at each step.")?;
+        }
+        write!(
+            f,
+            " A logger's delay is harmless: leave it out of the model. One of the ESC or the motor makes a lead worthless above {:.0} \
+             rad/s, one over the delay. This log alone does not decide it; the same steps at another row rate do.",
+            self.delay_s.recip()
+        )
+    }
+}
