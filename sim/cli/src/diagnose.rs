@@ -149,6 +149,10 @@ pub(super) fn verdict(found: &Diagnosis) -> String {
         Verdict::Agrees => "Model and measurement agree: the residual is noise.".to_owned(),
         Verdict::Named => format!("Missing in the model: {}.", names()),
         Verdict::PartlyNamed => format!("Missing in the model: {}. A part of the residual stays unexplained.", names()),
+        Verdict::Unknown if found.has_free_map => format!(
+            "One lag with the measured static map misses {:.1} % of the response, and no effect of the catalog explains it.",
+            100.0 * found.gap.before
+        ),
         Verdict::Unknown => "Model and measurement disagree, and no effect of the catalog explains it.".to_owned(),
     }
 }
@@ -179,7 +183,7 @@ fn decisions(found: &Diagnosis) -> String {
 }
 
 fn words(found: &Diagnosis) -> String {
-    let mut text = format!("{}\n", verdict(found));
+    let mut text = format!("{}\n", wrapped(&verdict(found), WIDTH, "  "));
     if !found.steadiness.is_noise() {
         let _ = writeln!(
             text,

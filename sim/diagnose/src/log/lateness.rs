@@ -1,7 +1,7 @@
 //! Whose delay it is: how late each step is, beside how far the rows of the log are apart.
 //!
 //! A log does not say where a delay arises. A logger that stamps what it receives adds the time of its link and its buffers, and that goes
-//! with the time between its rows; an ESC adds its frame. How far the moments at which steps are half way scatter about the model says
+//! with the time between its rows; an ESC adds its frame. How far the moments at which steps have begun scatter about the model says
 //! how much of it differs from step to step.
 
 use serde::Serialize;
@@ -16,10 +16,14 @@ use crate::hypothesis::Hypothesis;
 
 /// Longest frame of an ESC's pulses, seconds: 50 Hz. Digital commands take less than a millisecond.
 const LONGEST_FRAME_S: f64 = 0.02;
-/// A step is where it is half way.
-const HALF_WAY: f64 = 0.5;
-/// From so many times the scatter of stamps on, steps differ by more than these.
-const MORE_THAN_STAMPS: f64 = 2.0;
+/// Rows by which a logger stamps late by itself: the one in which it waits for the next, and some in its buffers.
+const LOGGER_ROWS: f64 = 5.0;
+/// A step has begun where it has gone this part of the way: early enough for the lag to say little of when.
+const BEGUN: f64 = 0.3;
+/// Lags differ from step to step by this part of the model's.
+const LAGS_DIFFER: f64 = 0.2;
+/// From so many times that which stamps and unequal lags make of it, steps differ by more than these.
+const MORE: f64 = 2.0;
 
 /// A delay beside what the log shows of its own timing.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -30,6 +34,9 @@ pub struct Lateness {
     pub row_s: f64,
     /// Standard deviation from step to step, seconds.
     pub scatter_s: f64,
+    /// What unequal lags make of that, seconds.
+    #[serde(skip)]
+    of_lags_s: f64,
     /// Steps that show it.
     pub steps: usize,
     /// Steps during which the log stands still, which do not.
@@ -54,6 +61,7 @@ impl Lateness {
             delay_s: delay.values[0],
             row_s,
             scatter_s: variance(&late_s).sqrt(),
+            of_lags_s: -LAGS_DIFFER * (1.0 - BEGUN).ln() * hypothesis.base[0].time_constant_s,
             steps: late_s.len(),
             stalled_steps,
         })
@@ -71,20 +79,20 @@ impl Lateness {
     }
 }
 
-/// By how much the measured response is half way later than the simulated one.
+/// By how much the measured response has begun later than the simulated one.
 fn late(record: &Record, part: &Part, simulated: &[f64]) -> Option<f64> {
     if part.settled.is_empty() || part.before.is_empty() || part.shown < 1.0 {
         return None;
     }
-    let half_way_s = |values: &[f64]| {
+    let begun_s = |values: &[f64]| {
         let (from, to) = (mean(values, &part.before), mean(values, &part.settled));
         let way = |row: usize| (values[row] - from) / (to - from);
-        let pair = part.moving.windows(2).find(|pair| way(pair[0].0) < HALF_WAY && way(pair[1].0) >= HALF_WAY)?;
+        let pair = part.moving.windows(2).find(|pair| way(pair[0].0) < BEGUN && way(pair[1].0) >= BEGUN)?;
         let (first, next) = (pair[0].0, pair[1].0);
-        let share = (HALF_WAY - way(first)) / (way(next) - way(first));
+        let share = (BEGUN - way(first)) / (way(next) - way(first));
         Some(record.time_s[first] + share * (record.time_s[next] - record.time_s[first]))
     };
-    Some(half_way_s(&record.measured)? - half_way_s(simulated)?)
+    Some(begun_s(&record.measured)? - begun_s(simulated)?)
 }
 
 impl fmt::Display for Lateness {
@@ -108,22 +116,31 @@ impl fmt::Display for Lateness {
                 self.stalled_steps
             )?;
         }
+        let frame_ms = ms(LONGEST_FRAME_S);
+        let is_of_rows = self.rows() <= LOGGER_ROWS;
         if self.rows() < 1.0 {
             f.write_str(" A delay of less than a row may be that of the stamps alone.")?;
+        } else if self.delay_s <= LONGEST_FRAME_S && self.stalled_steps == 0 {
+            write!(
+                f,
+                " A logger that waits and buffers is late by some rows, an ESC by its frame, up to {frame_ms:.0} ms of pulses at 50 Hz: \
+                 either is possible."
+            )?;
+        } else if is_of_rows || self.stalled_steps > 0 {
+            write!(
+                f,
+                " A logger that waits and buffers is late by some rows; an ESC by its frame, {frame_ms:.0} ms at most (pulses at 50 Hz) and \
+                 less than 1 ms of a digital command. So the logger or its link is the more likely one."
+            )?;
         } else {
             write!(
                 f,
-                " An ESC's frame accounts for {:.0} ms at most (pulses at 50 Hz; less than 1 ms of a digital command).",
-                ms(LONGEST_FRAME_S)
+                " That is more than the few rows of a logger and more than the {frame_ms:.0} ms of an ESC's frame: look for a filter or a \
+                 link with a delay of its own."
             )?;
-            f.write_str(if self.delay_s > LONGEST_FRAME_S || self.stalled_steps > 0 {
-                " So the logger or its link is the more likely one."
-            } else {
-                " So either is possible."
-            })?;
         }
-        if self.scatter_s > MORE_THAN_STAMPS * self.of_stamps_s() {
-            f.write_str(" It varies by more than stamps do: something waits for a different time at each step.")?;
+        if self.scatter_s > MORE * self.of_stamps_s().hypot(self.of_lags_s) {
+            f.write_str(" It varies by more than stamps and unequal lags do: something waits for another time at each step.")?;
         }
         write!(
             f,

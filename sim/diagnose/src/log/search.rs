@@ -56,7 +56,8 @@ impl Dataset {
 
     /// Which value of an effect lies beyond its plausible range. A delay in a log is that of the logger as well, which stamps up to
     /// some rows late.
-    fn implausible(&self, candidate: &Candidate) -> Option<String> {
+    fn implausible(&self, hypothesis: &Hypothesis) -> Option<String> {
+        let candidate = hypothesis.effects.last()?;
         let mut own = candidate.clone();
         if candidate.kind.site == Site::Line {
             let row_s = self.records.iter().map(|record| record.rate_hz.recip()).fold(0.0, f64::max);
@@ -70,7 +71,15 @@ impl Dataset {
                 format!("plausible range: {} {value:.3}{unit}, expected {low} to {high}", parameter.name)
             })
         };
-        Candidate::searched(candidate.kind).find_map(beyond)
+        // Two lags in a row are the same in either order: the longer one is the rotor's.
+        let lag_s = hypothesis.base.iter().map(|point| point.time_constant_s).fold(f64::INFINITY, f64::min);
+        let is_second = |parameter: &Parameter| parameter.unit == "s" && parameter.null == 0.0;
+        let longer = |(index, parameter): (usize, &'static Parameter)| {
+            let value = own.values[index];
+            (own.kind.site > Site::Rotor && is_second(parameter) && value > lag_s)
+                .then(|| format!("plausible range: {} {value:.4} s, expected less than the rotor's lag of {lag_s:.4} s", parameter.name))
+        };
+        Candidate::searched(candidate.kind).find_map(|value| beyond(value).or_else(|| longer(value)))
     }
 
     /// With the errors that a hypothesis leaves.
@@ -250,7 +259,7 @@ impl Search<'_> {
         if tried.held_out_gain < 0.0 {
             failed.push("held-out gain: below 0".to_owned());
         }
-        failed.extend(self.data.implausible(&hypothesis.effects[last]));
+        failed.extend(self.data.implausible(hypothesis));
         if !tried.fit.excludes_absence(last) {
             failed.push("95 % interval: includes no effect".to_owned());
         }
