@@ -349,3 +349,91 @@ fn what_cannot_be_compared_is_refused_by_name() {
     let found = try_to_diagnose(&experiment(vec![record(), restless]), None).unwrap();
     assert_eq!((found.verdict, &*found.left_out[0].file), (Verdict::Agrees, "restless.csv"));
 }
+
+impl Log {
+    /// A log of the speed, whose map is the model's, with rows after the logger stood still for 90 ms during every other step.
+    fn of_speed(self, stalls: bool) -> Experiment {
+        let scale = 1000.0;
+        let mut record = self.record(&[]);
+        record.rpm = record.thrust_n.take().map(|thrust| thrust.iter().map(|thrust| scale * thrust).collect());
+        if stalls {
+            let steps: Vec<f64> =
+                (61..record.command.len()).filter(|k| record.command[*k] != record.command[k - 1]).map(|k| record.time_s[k]).collect();
+            let is_stalled = |t: f64| steps.iter().step_by(2).any(|step_s| (0.01..0.1).contains(&(t - step_s)));
+            // What it reads when it goes on is from when it stopped.
+            let late = |t: f64| if steps.iter().step_by(2).any(|step_s| (0.1..0.13).contains(&(t - step_s))) { 0.06 } else { 0.0 };
+            let rpm = record.rpm.clone().unwrap();
+            let read_at = |t: f64| rpm[record.time_s.partition_point(|other| *other < t).min(rpm.len() - 1)];
+            let read: Vec<f64> = record.time_s.iter().map(|t| read_at(t - late(*t))).collect();
+            let kept: Vec<usize> = (0..read.len()).filter(|k| !is_stalled(record.time_s[*k])).collect();
+            let of_kept = |values: &[f64]| kept.iter().map(|k| values[*k]).collect::<Vec<f64>>();
+            record.rpm = Some(of_kept(&read));
+            (record.time_s, record.command) = (of_kept(&record.time_s), of_kept(&record.command));
+        }
+        Experiment { output: Output::Rpm, ..experiment(vec![record]) }
+    }
+}
+
+const DELAYED: (&str, &[(&str, f64)]) = ("transport_delay", &[("delay_s", 0.03)]);
+
+#[test]
+fn the_map_of_a_speed_is_measured_and_no_effect_and_its_delay_is_named() {
+    let map = ("quadratic_thrust", &[("curvature_per_duty", -0.7)][..]);
+    let found = try_to_diagnose(&Log::of(&motor(&[map, DELAYED]), 21).of_speed(false), None).unwrap();
+    let kinds: Vec<&str> = found.effects.iter().map(|effect| effect.kind.id).collect();
+    assert_eq!((found.verdict, &kinds[..]), (Verdict::Named, &["transport_delay"][..]), "{:?}", found.decisions);
+    assert!((found.effects[0].parameters[0].1.value - 0.03).abs() < 0.002, "{:?}", found.effects);
+    assert!((found.model.points[0].time_constant_s / 0.06 - 1.0).abs() < 0.05, "{:?}", found.model.points);
+    let alone = try_to_diagnose(&Log::of(&motor(&[map]), 22).of_speed(false), None).unwrap();
+    assert_eq!(alone.verdict, Verdict::Agrees, "{:?} {:?}", alone.effects, alone.decisions);
+}
+
+#[test]
+fn steps_during_which_the_log_stands_still_do_not_make_the_delay_longer() {
+    let found = try_to_diagnose(&Log::of(&motor(&[DELAYED]), 23).of_speed(true), None).unwrap();
+    assert!(found.effects.len() == 1 && found.effects[0].kind.id == "transport_delay", "{:?}", found.decisions);
+    assert!((found.effects[0].parameters[0].1.value - 0.03).abs() < 0.003, "{:?}", found.effects);
+    assert_eq!((found.cut[0].stalled_steps, found.cut[0].steps), (6, 12));
+    let lateness = found.lateness.unwrap();
+    assert!(lateness.stalled_steps == 6 && lateness.scatter_s < 0.006, "{lateness:?}");
+    assert!(lateness.to_string().contains("stands still during 6 more steps"), "{lateness}");
+}
+
+#[test]
+fn every_kind_that_was_tried_says_what_it_failed() {
+    let found = try_to_diagnose(&Log::of(&motor(&[DELAYED]), 24).of_speed(false), None).unwrap();
+    assert!(found.decisions.len() > 5, "{:?}", found.decisions);
+    for decision in &found.decisions {
+        assert_eq!(decision.is_added, decision.failed.is_empty(), "{decision:?}");
+        assert_eq!(decision.is_added, decision.kind.id == "transport_delay", "{decision:?}");
+    }
+}
+
+#[test]
+fn after_a_staircase_other_staircases_are_asked_for_and_no_column_that_is_there() {
+    let mut experiment = Log::of(&motor(&[DELAYED]), 25).of_speed(false);
+    let rows = experiment.records[0].time_s.len();
+    let found = try_to_diagnose(&experiment, None).unwrap();
+    let next = found.next_experiment().unwrap();
+    assert!(next.words.contains("at half and at twice the") && next.device.is_empty(), "{}", next.words);
+    assert!(next.plan.records.iter().all(|record| record.excitation == Excitation::Staircase));
+    next.plan.check().unwrap();
+    // A part of the levels is off, so that something stays open.
+    for (k, rpm) in experiment.records[0].rpm.as_mut().unwrap().iter_mut().enumerate() {
+        *rpm *= 1.0 + 0.03 * (k as f64 / rows as f64 * 40.0).sin();
+    }
+    let open = |experiment: &Experiment| try_to_diagnose(experiment, None).unwrap().next_experiment().unwrap().words;
+    assert!(open(&experiment).contains("Log the voltage and the current too."), "{}", open(&experiment));
+    experiment.records[0].voltage_v = Some((0..rows).map(|k| 16.0 + 0.01 * (k % 3) as f64).collect());
+    assert!(open(&experiment).contains("Log the current too."), "{}", open(&experiment));
+}
+
+#[test]
+fn a_model_that_cannot_be_of_these_records_is_refused_with_what_to_check() {
+    let experiment = experiment(vec![Log::of(&motor(&[]), 26).record(&[])]);
+    let mut absurd = motor(&[]);
+    absurd.points[0].gain *= 1e26;
+    absurd.static_map = None;
+    let refused = try_to_diagnose(&experiment, Some(&absurd)).unwrap_err();
+    assert!(matches!(refused, DiagnoseError::NoComparison { percent } if percent > 1e20), "{refused}");
+}

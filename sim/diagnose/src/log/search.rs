@@ -15,6 +15,7 @@ use crate::candidate::Candidate;
 use crate::dataset::{Dataset, Record, Split};
 use crate::explain::{Explanation, FIRST_STEPS, Found, Search};
 use crate::fit::{Fit, fit_in};
+use crate::gap::gaps;
 use crate::hypothesis::Hypothesis;
 use crate::residual::deviance;
 use crate::scan::Scan;
@@ -144,6 +145,9 @@ impl Decision {
     }
 }
 
+/// A kind that was dropped again, and the test that it fails beside the others.
+type Dropped = (&'static Kind, String);
+
 /// A kind that was added, with those that would have done as well.
 struct Named {
     kind: &'static Kind,
@@ -189,10 +193,12 @@ impl Search<'_> {
                 let tried = first_tried.unwrap_or_default();
                 return Some(Explanation { before, after, found, tried, weak_evidence: Vec::new(), decisions });
             }
-            for decision in decisions.iter_mut().filter(|decision| redundant.contains(&decision.kind)) {
-                decision.is_added = false;
-                decision.failed = vec!["redundant beside the others".to_owned()];
+            for (kind, why) in &redundant {
+                for decision in decisions.iter_mut().filter(|decision| decision.kind.id == kind.id) {
+                    (decision.is_added, decision.failed) = (false, vec![why.clone()]);
+                }
             }
+            let redundant: Vec<&'static Kind> = redundant.into_iter().map(|(kind, _)| kind).collect();
             // What stood in the place of others is gone, and does not come back: the search ends.
             named.retain(|named| !redundant.contains(&named.kind));
             dropped.extend(redundant);
@@ -308,15 +314,16 @@ impl Search<'_> {
         Some(Evaluated { data: self.data.clone(), fit: fit.clone(), deviance })
     }
 
-    /// Drops one after the other what the others make redundant, or what may as well not be there beside them. Nothing is
-    /// exchanged, and what would have done as well is taken from when each was found.
-    fn eliminate(&mut self, mut current: Fit, named: &[Named]) -> Option<(Fit, Vec<Found>, Vec<&'static Kind>)> {
+    /// Drops one after the other what the others make redundant, or what may as well not be there beside them, and what makes the
+    /// held-out gap wider: each with why. Nothing is exchanged, and what would have done as well is taken from when each was found.
+    fn eliminate(&mut self, mut current: Fit, named: &[Named]) -> Option<(Fit, Vec<Found>, Vec<Dropped>)> {
         let mut redundant = Vec::new();
         loop {
             let now = self.evaluated(&current)?;
-            let (mut found, mut applied) = (Vec::new(), Vec::new());
+            let (mut found, mut fails) = (Vec::new(), Vec::new());
             for (effect, candidate) in current.hypothesis.effects.iter().enumerate() {
                 let rest = fit_in(&self.data, &current.hypothesis.without(effect), true, LAST_STEPS)?;
+                let gap = gaps(&self.data, &rest.hypothesis, &current.hypothesis, true).total;
                 let rest = Evaluated::of(&self.data, &rest, FIRST_STEPS)?;
                 let folds = Folds::of(&rest.data, &rest.fit);
                 let with = Evaluated { data: now.data.clone(), fit: now.fit.clone(), ..now };
@@ -327,14 +334,25 @@ impl Search<'_> {
                     named.alternatives.iter().filter(|kind| is_free(kind)).copied().collect()
                 });
                 found.push(Found { kind: candidate.kind, score: tried.score(), alternatives });
-                applied.push(is_worth_it(&tried) && current.excludes_absence(effect));
+                fails.push(if !is_worth_it(&tried) {
+                    Some("score: too little beside the others".to_owned())
+                } else if !current.excludes_absence(effect) {
+                    Some("95 % interval: includes no effect beside the others".to_owned())
+                } else {
+                    let wider = format!(
+                        "held-out gap: {:.2} % without it, {:.2} % with it",
+                        100.0 * gap.before,
+                        100.0 * gap.after
+                    );
+                    (gap.after > gap.before).then_some(wider)
+                });
                 (self.progress)();
             }
-            let untold = (0..found.len()).filter(|effect| !applied[*effect]);
-            let Some(least) = untold.min_by(|a, b| found[*a].score.total_cmp(&found[*b].score)) else {
+            let failing = fails.into_iter().enumerate().filter_map(|(effect, why)| Some((effect, why?)));
+            let Some((least, why)) = failing.min_by(|a, b| found[a.0].score.total_cmp(&found[b.0].score)) else {
                 return Some((current, found, redundant));
             };
-            redundant.push(found[least].kind);
+            redundant.push((found[least].kind, why));
             current = self.settle(&current.hypothesis.without(least), true)?;
         }
     }
