@@ -161,7 +161,8 @@ pub(super) fn verdict(found: &Diagnosis) -> String {
 fn decisions(found: &Diagnosis) -> String {
     let mut order: Vec<&Decision> = found.decisions.iter().collect();
     order.sort_by_key(|decision| !decision.is_added);
-    let mut lines = vec!["Effects tried, with the log likelihood that each gains on training and held-out steps".to_owned()];
+    let mut lines =
+        vec!["Effects tried, with the log likelihood that each gains on training and held-out steps".to_owned()];
     lines.extend(order.into_iter().map(|decision| {
         let ids: Vec<&str> = decision.beside.iter().map(|kind| kind.id).collect();
         let beside = if ids.is_empty() { String::new() } else { format!(" beside {}", ids.join(", ")) };
@@ -173,7 +174,9 @@ fn decisions(found: &Diagnosis) -> String {
         };
         let outcome = match decision.is_added {
             true => "added: passes every test".to_owned(),
-            false if decision.failed.is_empty() => "not added: passes every test, but another one comes first".to_owned(),
+            false if decision.failed.is_empty() => {
+                "not added: passes every test, but another one comes first".to_owned()
+            }
             false => format!("not added. Fails {}", decision.failed.join("; ")),
         };
         let text = format!("  {}{beside}: {gains}; {outcome}", decision.kind.id);

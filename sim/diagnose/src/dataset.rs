@@ -162,7 +162,8 @@ impl Dataset {
         let mut left_out = Vec::new();
         let mut sources: Vec<(&SourceRecord, Option<Prepared>)> = Vec::new();
         for source in &experiment.records {
-            let prepared = if source.excitation.is_periodic() { None } else { prepare(source, experiment.output, has_free_map)? };
+            let prepared =
+                if source.excitation.is_periodic() { None } else { prepare(source, experiment.output, has_free_map)? };
             if source.excitation.is_periodic() || prepared.is_some() {
                 sources.push((source, prepared));
             } else {

@@ -87,7 +87,9 @@ pub enum DiagnoseError {
     #[diagnostic(transparent)]
     Plant(#[from] PlantError),
     /// Model and records are not of the same thing.
-    #[error("the model misses the response by {percent:.2e} % of its own RMS about its mean, expected less than 100 % or so")]
+    #[error(
+        "the model misses the response by {percent:.2e} % of its own RMS about its mean, expected less than 100 % or so"
+    )]
     #[diagnostic(help(
         "check that the command is 0 to 1 and the response in N or rpm (`rotorlead check DIR` shows both), and that a model given \
          with --model is of this motor"

@@ -29,7 +29,9 @@ impl Gap {
     /// # Errors
     /// [`DiagnoseError::NoComparison`] for a gap that no model of the records has.
     pub(super) fn check(self) -> Result<(), DiagnoseError> {
-        let largest = [self.before, self.after].into_iter().fold(0.0, |most: f64, gap| if gap > most || gap.is_nan() { gap } else { most });
+        let largest = [self.before, self.after]
+            .into_iter()
+            .fold(0.0, |most: f64, gap| if gap > most || gap.is_nan() { gap } else { most });
         if largest < MOST_GAP { Ok(()) } else { Err(DiagnoseError::NoComparison { percent: 100.0 * largest }) }
     }
 }

@@ -83,7 +83,14 @@ pub(super) enum Coordinate {
 impl Hypothesis {
     /// Lags only.
     pub fn of_lags(base: Vec<BasePoint>) -> Self {
-        Self { base, time_offset_s: 0.0, effects: Vec::new(), in_rows: false, least_s: LEAST_TIME_CONSTANT_S, has_free_map: false }
+        Self {
+            base,
+            time_offset_s: 0.0,
+            effects: Vec::new(),
+            in_rows: false,
+            least_s: LEAST_TIME_CONSTANT_S,
+            has_free_map: false,
+        }
     }
 
     /// The same with what logs show: no time constant that is much shorter than the time between rows, and no gain where the static

@@ -272,9 +272,8 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     let refitted = options.model.is_none();
     let mut gaps = gap::gaps(data, &before.hypothesis, &after.hypothesis, refitted);
     let own = data.weighed_by(&before.hypothesis);
-    let fitted_left = own.as_ref().and_then(|own| {
-        log::Left::of((own, &before.hypothesis), (data, &after.hypothesis), Split::Train)
-    });
+    let fitted_left =
+        own.as_ref().and_then(|own| log::Left::of((own, &before.hypothesis), (data, &after.hypothesis), Split::Train));
     let fitted_left = fitted_left.unwrap_or_default().shares();
     let evidence = Evidence {
         found: !found.is_empty() || wrong.is_some(),

@@ -164,7 +164,10 @@ impl IntegratedRotor {
             RotorBase::Linear(point) => 1.0 / point.lag.time_constant_s,
             RotorBase::Level(_) => f64::NAN,
         };
-        Ok(Self { rotor: RotorState { base, linear_per_s, step_part: STEP_PART, state: State::default(), drive: 0.0 }, terms })
+        Ok(Self {
+            rotor: RotorState { base, linear_per_s, step_part: STEP_PART, state: State::default(), drive: 0.0 },
+            terms,
+        })
     }
 
     /// Lets steps be so many times as long.

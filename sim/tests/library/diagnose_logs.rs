@@ -357,11 +357,15 @@ impl Log {
         let mut record = self.record(&[]);
         record.rpm = record.thrust_n.take().map(|thrust| thrust.iter().map(|thrust| scale * thrust).collect());
         if stalls {
-            let steps: Vec<f64> =
-                (61..record.command.len()).filter(|k| record.command[*k] != record.command[k - 1]).map(|k| record.time_s[k]).collect();
+            let steps: Vec<f64> = (61..record.command.len())
+                .filter(|k| record.command[*k] != record.command[k - 1])
+                .map(|k| record.time_s[k])
+                .collect();
             let is_stalled = |t: f64| steps.iter().step_by(2).any(|step_s| (0.01..0.1).contains(&(t - step_s)));
             // What it reads when it goes on is from when it stopped.
-            let late = |t: f64| if steps.iter().step_by(2).any(|step_s| (0.1..0.13).contains(&(t - step_s))) { 0.06 } else { 0.0 };
+            let late = |t: f64| {
+                if steps.iter().step_by(2).any(|step_s| (0.1..0.13).contains(&(t - step_s))) { 0.06 } else { 0.0 }
+            };
             let rpm = record.rpm.clone().unwrap();
             let read_at = |t: f64| rpm[record.time_s.partition_point(|other| *other < t).min(rpm.len() - 1)];
             let read: Vec<f64> = record.time_s.iter().map(|t| read_at(t - late(*t))).collect();

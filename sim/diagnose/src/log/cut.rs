@@ -190,7 +190,8 @@ fn of_run(source: &SourceRecord, run: Run, has_free_map: bool) -> Prepared {
         let begin = moving.last().map_or(group.rows.start, |last| last + 1).max(part.stalled.end);
         let resting = rows_of(begin..part.settled.first().copied().unwrap_or(group.rows.end), &kept);
         blocks.add(&resting, resting.len().div_ceil(SETTLED_BLOCKS));
-        let before = std::mem::replace(&mut settled, blocks.add(&part.settled, part.settled.len().div_ceil(SETTLED_BLOCKS)));
+        let before =
+            std::mem::replace(&mut settled, blocks.add(&part.settled, part.settled.len().div_ceil(SETTLED_BLOCKS)));
         part.moving = first.chain(later).map(|block| (block, 0.0)).collect();
         part.before = if place == 0 { Vec::new() } else { before.collect() };
         part.settled = settled.clone().collect();

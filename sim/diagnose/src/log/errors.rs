@@ -268,8 +268,7 @@ mod tests {
     /// Two plateaus of ten rows, and the way between them in five.
     fn filter() -> Filter {
         let moving = (10..15).map(|row| (row, 0.0)).collect();
-        let mut part =
-            Part { settled: (15..20).collect(), before: (0..10).collect(), moving, ..Part::default() };
+        let mut part = Part { settled: (15..20).collect(), before: (0..10).collect(), moving, ..Part::default() };
         let simulated: Vec<f64> = (0..20).map(|row| f64::from((row - 9).clamp(0, 5)) * 0.2).collect();
         part.follow(&simulated);
         Filter::new(Errors { level: 0.5, moving: 1.0 }, std::iter::once(part), true)

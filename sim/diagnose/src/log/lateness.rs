@@ -140,7 +140,9 @@ impl fmt::Display for Lateness {
             )?;
         }
         if self.scatter_s > MORE * self.of_stamps_s().hypot(self.of_lags_s) {
-            f.write_str(" It varies by more than stamps and unequal lags do: something waits for another time at each step.")?;
+            f.write_str(
+                " It varies by more than stamps and unequal lags do: something waits for another time at each step.",
+            )?;
         }
         write!(
             f,

@@ -24,8 +24,8 @@ use std::ops::Range;
 pub use cut::CutRows;
 pub(super) use cut::{Prepared, prepare};
 pub use gap::SplitGap;
-pub use lateness::Lateness;
 pub(super) use gap::{Left, gaps, log_squares};
+pub use lateness::Lateness;
 pub(super) use locate::{add, excess};
 pub use search::Decision;
 pub(super) use start::first_lag;
@@ -169,13 +169,7 @@ impl Log {
     }
 
     /// Number and sum of squares of levels, and the mean square of each step's motion, over the rows of a split.
-    pub fn squares(
-        &self,
-        split: Split,
-        difference: &[f64],
-        time_s: &[f64],
-        tau_s: f64,
-    ) -> ((f64, f64), Vec<f64>) {
+    pub fn squares(&self, split: Split, difference: &[f64], time_s: &[f64], tau_s: f64) -> ((f64, f64), Vec<f64>) {
         let free = self.free(difference, time_s, tau_s);
         let left: Vec<f64> = difference.iter().zip(free).map(|(difference, free)| difference - free).collect();
         self.of(split).squares(&left)
@@ -255,7 +249,8 @@ impl Log {
             let simulated = |row: usize| self.measured[row] - difference[row];
             let [from, to] = [&part.before, &part.settled].map(|rows| of_rows(&measured, rows));
             let [start, end] = [&part.before, &part.settled].map(|rows| of_rows(&simulated, rows));
-            let off_level = [errors::mean(difference, &part.before) - before, errors::mean(difference, &part.settled) - own];
+            let off_level =
+                [errors::mean(difference, &part.before) - before, errors::mean(difference, &part.settled) - own];
             for (row, _) in &part.moving {
                 let way = (simulated(*row) - start) / (end - start);
                 let way = if way.is_finite() { way.clamp(-1.0, 2.0) } else { 1.0 };

@@ -77,8 +77,12 @@ impl Dataset {
         let is_second = |parameter: &Parameter| parameter.unit == "s" && parameter.null == 0.0;
         let longer = |(index, parameter): (usize, &'static Parameter)| {
             let value = own.values[index];
-            (own.kind.site > Site::Rotor && is_second(parameter) && value > lag_s)
-                .then(|| format!("plausible range: {} {value:.4} s, expected less than the rotor's lag of {lag_s:.4} s", parameter.name))
+            (own.kind.site > Site::Rotor && is_second(parameter) && value > lag_s).then(|| {
+                format!(
+                    "plausible range: {} {value:.4} s, expected less than the rotor's lag of {lag_s:.4} s",
+                    parameter.name
+                )
+            })
         };
         Candidate::searched(candidate.kind).find_map(|value| beyond(value).or_else(|| longer(value)))
     }
@@ -225,7 +229,10 @@ impl Search<'_> {
             let passed = judged.iter().filter(|(_, failed)| failed.is_empty()).map(|(tried, _)| *tried);
             let best = passed.clone().min_by_key(|tried| parsimony_rank(tried.kind));
             // What is tried beside more is known better.
-            let is_again = |kind: &Kind| tried.iter().any(|tried| tried.kind.id == kind.id) || others.iter().any(|(other, _)| other.id == kind.id);
+            let is_again = |kind: &Kind| {
+                tried.iter().any(|tried| tried.kind.id == kind.id)
+                    || others.iter().any(|(other, _)| other.id == kind.id)
+            };
             decisions.retain(|decision| decision.is_added || !is_again(decision.kind));
             for (tried, failed) in &judged {
                 let is_best = best.is_some_and(|best| best.kind == tried.kind);
@@ -234,15 +241,19 @@ impl Search<'_> {
                 decisions.push(decision);
             }
             let is_first = |kind: &Kind| decisions.iter().all(|decision| decision.kind.id != kind.id);
-            let further: Vec<Decision> = others.iter().filter(|(kind, _)| is_first(kind)).map(|(kind, fitted_gain)| Decision {
-                kind,
-                beside: beside.clone(),
-                fitted_gain: *fitted_gain,
-                held_out_gain: None,
-                score: None,
-                failed: vec![format!("training gain: behind the {MOST_FINISHED} that gain most")],
-                is_added: false,
-            }).collect();
+            let further: Vec<Decision> = others
+                .iter()
+                .filter(|(kind, _)| is_first(kind))
+                .map(|(kind, fitted_gain)| Decision {
+                    kind,
+                    beside: beside.clone(),
+                    fitted_gain: *fitted_gain,
+                    held_out_gain: None,
+                    score: None,
+                    failed: vec![format!("training gain: behind the {MOST_FINISHED} that gain most")],
+                    is_added: false,
+                })
+                .collect();
             decisions.extend(further);
             let Some(best) = best else { break };
             let is_alike = |other: &&Tried| other.kind != best.kind && (best.score() - other.score()).abs() < ALIKE;
