@@ -343,6 +343,8 @@ impl Diagnosis {
         let lag_s = self.model.points.iter().map(|point| point.time_constant_s).fold(f64::INFINITY, f64::min);
         let needed_hz = ROWS_PER_LAG / lag_s;
         let hold_s = (HOLD_LAGS * lag_s).max(LEAST_HOLD_S).max(conditions.hold_s.min(2.0 * LEAST_HOLD_S));
+        // To a tenth of a second, which is a whole number of rows.
+        let hold_s = (10.0 * hold_s).ceil() / 10.0;
         let (low, high) = (conditions.levels[0], conditions.levels[conditions.levels.len() - 1]);
         if is_open {
             let rate = if rows_hz < needed_hz {
@@ -374,7 +376,7 @@ impl Diagnosis {
         up.extend(down);
         let staircase = |levels: Vec<f64>| PlannedRecord {
             levels: Some(levels.into_iter().map(round).collect()),
-            hold_s: Some(round(hold_s)),
+            hold_s: Some(hold_s),
             ..PlannedRecord::new(nominal, Excitation::Staircase)
         };
         let rate_hz = if self.lateness.is_some() { needed_hz.max(2.0 * rows_hz) } else { needed_hz.max(rows_hz) };
@@ -475,9 +477,10 @@ fn spread(values: &[f64], most: usize) -> Vec<f64> {
     (0..count).map(|place| values[place * (values.len() - 1) / (count - 1).max(1)]).collect()
 }
 
-/// The lowest rate, this or more, that goes into the loop's.
+/// The lowest rate, this or more, that goes into the loop's and has whole tenths of a second.
 fn divisor_from(rate_hz: u32) -> u32 {
-    (rate_hz.max(1)..=LOOP_RATE_HZ).find(|rate| LOOP_RATE_HZ.is_multiple_of(*rate)).unwrap_or(LOOP_RATE_HZ)
+    let fits = |rate: &u32| LOOP_RATE_HZ.is_multiple_of(*rate) && rate.is_multiple_of(10);
+    (rate_hz.max(1)..=LOOP_RATE_HZ).find(fits).unwrap_or(LOOP_RATE_HZ)
 }
 
 /// To four decimals, as people write commands.
