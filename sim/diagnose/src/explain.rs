@@ -107,7 +107,7 @@ impl Explanation {
 /// What came of adding effects.
 pub(super) enum Built {
     /// A fit with effects, or with none.
-    Explained(Fit, Vec<Found>),
+    Explained(Box<Fit>, Vec<Found>),
     /// Too much is left by so many effects, or more than noise by some that were accepted provisionally.
     Hopeless,
 }
@@ -116,7 +116,7 @@ impl Built {
     /// The fit with effects, or with none; `None` where there was no hope.
     pub fn explained(self) -> Option<(Fit, Vec<Found>)> {
         match self {
-            Self::Explained(fit, found) => Some((fit, found)),
+            Self::Explained(fit, found) => Some((*fit, found)),
             Self::Hopeless => None,
         }
     }
@@ -357,16 +357,16 @@ impl Search<'_> {
         let weak_evidence = weak_evidence::weak_evidence(promised, &tried);
         let (after, found) = match self.one_at_a_time(&before, &tried)? {
             Built::Explained(after, found) if found.is_empty() => {
-                self.in_noise_of(noise, |search| search.explain_starts(&before)).unwrap_or((after, found))
+                self.in_noise_of(noise, |search| search.explain_starts(&before)).unwrap_or((*after, found))
             }
             // Two that leave a little may stand in for two others.
             Built::Explained(after, found) if found.len() >= ENOUGH_EFFECTS && !self.is_surely_noise(&after) => {
                 let others = self.in_noise_of(noise, |search| {
                     search.two_at_once(&tried).filter(|(others, _)| search.is_surely_noise(others))
                 });
-                others.unwrap_or((after, found))
+                others.unwrap_or((*after, found))
             }
-            Built::Explained(after, found) => (after, found),
+            Built::Explained(after, found) => (*after, found),
             Built::Hopeless => {
                 self.data.clone_from(&noise);
                 match self.two_at_once(&tried) {
@@ -424,7 +424,7 @@ impl Search<'_> {
             _ => self.review(current, Some(last_tried))?,
         };
         let is_believed = !has_to_explain_all || self.explains_all(&after);
-        Some(if is_believed { Built::Explained(after, found) } else { Built::Hopeless })
+        Some(if is_believed { Built::Explained(Box::new(after), found) } else { Built::Hopeless })
     }
 
     /// Searches in the noise that the lags alone were evaluated by, which what was tried since may have changed. Where nothing is found

@@ -83,6 +83,9 @@ impl Left {
     }
 }
 
+/// What a split holds out, in words: squares by the place of the record, and what is left of levels and motion.
+type OfSplit = (&'static str, Vec<(usize, Squares)>, Left);
+
 /// Gap in total, record by record and split by split, each model fitted anew to the fitted part of each split; the first one
 /// only where `refitted` says so.
 pub(crate) fn gaps(
@@ -95,7 +98,7 @@ pub(crate) fn gaps(
     // Each with the errors that it leaves itself.
     let own = if folds.is_empty() { None } else { data.weighed_by(before) };
     let own = own.map_or_else(|| folds.clone(), |data| data.folds());
-    let evaluated: Vec<(&'static str, Vec<(usize, Squares)>, Left)> = folds
+    let evaluated: Vec<OfSplit> = folds
         .par_iter()
         .zip(&own)
         .map(|((words, fold), (_, own))| {
