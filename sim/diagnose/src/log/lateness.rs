@@ -7,7 +7,7 @@
 use serde::Serialize;
 use std::fmt;
 
-use rotorlead_numerics::sample::variance;
+use rotorlead_numerics::sample::median;
 use rotorlead_plant::effect::Site;
 
 use super::errors::{Part, mean};
@@ -25,6 +25,11 @@ const LAGS_DIFFER: f64 = 0.2;
 /// From so many times that which stamps and unequal lags make of it, steps differ by more than these.
 const MORE: f64 = 2.0;
 
+/// A step is one where it has this part of the size by which it is compared: smaller ones count as half of the usual one.
+const LEAST_SIZE: f64 = 0.9;
+/// Standard deviation of a Gaussian over the median of its absolute deviations.
+const STD_OF_MEDIAN: f64 = 1.4826;
+
 /// A delay beside what the log shows of its own timing.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Lateness {
@@ -32,7 +37,7 @@ pub struct Lateness {
     pub delay_s: f64,
     /// Median time between rows, seconds.
     pub row_s: f64,
-    /// Standard deviation from step to step, seconds.
+    /// Standard deviation from step to step by the median of the deviations, seconds.
     pub scatter_s: f64,
     /// What unequal lags make of that, seconds.
     #[serde(skip)]
@@ -57,10 +62,13 @@ impl Lateness {
             let simulated: Vec<f64> = record.measured.iter().zip(difference).map(|(y, off)| y - off).collect();
             late_s.extend(log.parts.iter().filter_map(|part| late(record, part, &simulated)));
         }
-        (late_s.len() > 1).then(|| Self {
+        // A motor that loses step once says nothing of the others.
+        let usual_s = median(late_s.iter().copied()).filter(|_| late_s.len() > 1)?;
+        let off_s = median(late_s.iter().map(|late_s| (late_s - usual_s).abs()))?;
+        Some(Self {
             delay_s: delay.values[0],
             row_s,
-            scatter_s: variance(&late_s).sqrt(),
+            scatter_s: STD_OF_MEDIAN * off_s,
             of_lags_s: -LAGS_DIFFER * (1.0 - BEGUN).ln() * hypothesis.base[0].time_constant_s,
             steps: late_s.len(),
             stalled_steps,
@@ -84,6 +92,11 @@ fn late(record: &Record, part: &Part, simulated: &[f64]) -> Option<f64> {
     if part.settled.is_empty() || part.before.is_empty() || part.shown < 1.0 {
         return None;
     }
+    // A step that is hardly one, or goes the other way, does not show when it begins.
+    let step = |values: &[f64]| mean(values, &part.settled) - mean(values, &part.before);
+    if step(&record.measured).abs() < LEAST_SIZE * part.size || step(&record.measured) * step(simulated) <= 0.0 {
+        return None;
+    }
     let begun_s = |values: &[f64]| {
         let (from, to) = (mean(values, &part.before), mean(values, &part.settled));
         let way = |row: usize| (values[row] - from) / (to - from);
@@ -100,7 +113,7 @@ impl fmt::Display for Lateness {
         let ms = |seconds: f64| 1e3 * seconds;
         write!(
             f,
-            "Whose delay: {:.1} ms are {:.1} rows of this log, which are {:.1} ms apart. From step to step it varies by {:.1} ms RMS ({} \
+            "Whose delay: {:.1} ms are {:.1} rows of this log, which are {:.1} ms apart. From step to step it varies by {:.1} ms ({} \
              steps); stamps that lie anywhere within a row make {:.1} ms.",
             ms(self.delay_s),
             self.rows(),
