@@ -249,7 +249,7 @@ fn a_stands_log_with_dshot_and_rad_per_second_is_taken_at_the_first_try() {
     assert_eq!((experiment.output, record.excitation), (Output::Rpm, Excitation::Staircase));
     // Its fastest reading, 4777.2 rad/s.
     let fastest = record.rpm.as_ref().unwrap().iter().copied().fold(0.0, f64::max);
-    assert!((fastest * std::f64::consts::PI / 30.0 - 4777.210_508_8).abs() < 1e-3, "{fastest}");
+    assert!((fastest * std::f64::consts::PI / 30.0 - 4_777.210_508_8).abs() < 1e-3, "{fastest}");
     // The other response is taken when it is asked for, without the rows that do not have it.
     let text = summary(&stand, &format!("import {log} --output thrust --out thrust"));
     assert!(text.contains("394 rows left out: `Thrust (gf)` is blank"), "{text}");
