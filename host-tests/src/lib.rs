@@ -29,7 +29,9 @@ use rotorlead::throttle::Command;
 pub fn real_log(name: &str) -> Option<PathBuf> {
     let folder = std::env::var_os("ROTORLEAD_DATA")
         .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data"), PathBuf::from);
-    let file = folder.join("alspitz_esc_test").join(name);
+    let sets = ["alspitz_esc_test", "sar_simulation"].map(|set| folder.join(set).join(name));
+    let [first, _] = &sets;
+    let file = sets.iter().find(|file| file.exists()).unwrap_or(first).clone();
     if !file.exists() {
         let message = format!("{} is not there", file.display());
         assert!(std::env::var_os("CI").is_none(), "{message}");

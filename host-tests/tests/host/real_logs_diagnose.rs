@@ -167,12 +167,12 @@ fn esc32_log_f40() {
     check(&found, &["winding_heating"], 98.0);
 }
 
-/// By hand the delay is 29.9 ms. The five rows at command 753 end the run; without them it goes on.
+/// By hand the delay is 29.9 ms. The five rows at command 753 are too short to settle; the run goes on with and without them.
 #[test]
-fn log_of_a_small_motor_with_and_without_the_rows_that_end_its_run() {
-    for (without, names) in [(None, &["transport_delay"][..]), (Some(753.0), &["transport_delay", "supply_sag"][..])] {
+fn log_of_a_small_motor_with_and_without_a_level_of_five_rows() {
+    for without in [None, Some(753.0)] {
         let Some(found) = of_dshot("micro_2023-12-17_162234.csv", without) else { return };
-        check(&found, names, 95.0);
+        check(&found, &["transport_delay", "supply_sag"], 95.0);
         let (delay_ms, lateness) = delay_ms(&found.0);
         assert!((27.0..34.0).contains(&delay_ms), "{delay_ms}");
         assert!((2.0..3.0).contains(&lateness.rows()) && lateness.stalled_steps > 0, "{lateness:?}");

@@ -238,7 +238,7 @@ pub fn transform(experiment: &Experiment, long: &[LongRecord]) -> Result<Vec<(Re
 
 /// The parts of a report: what was played, and what came out.
 pub fn sections(experiment: &Experiment, identified: &Identification) -> Vec<Section> {
-    vec![identification_section(identified, experiment.output), excitation_section(experiment)]
+    vec![identification_section(identified, experiment), excitation_section(experiment)]
 }
 
 /// A warning in a sentence: what is wrong, and behind a semicolon what to do about it.

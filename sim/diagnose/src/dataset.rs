@@ -162,6 +162,11 @@ impl Dataset {
         let mut left_out = Vec::new();
         let mut sources: Vec<(&SourceRecord, Option<Prepared>)> = Vec::new();
         for source in &experiment.records {
+            if source.excitation == Excitation::Steady {
+                let reason = "a table of steady points shows no motion";
+                left_out.push(LeftOut { file: source.file.clone(), reason });
+                continue;
+            }
             let prepared =
                 if source.excitation.is_periodic() { None } else { prepare(source, experiment.output, has_free_map)? };
             if source.excitation.is_periodic() || prepared.is_some() {

@@ -16,6 +16,7 @@ pub mod paper;
 mod sections;
 mod stand;
 mod static_map;
+mod steps;
 mod table;
 mod time_response;
 mod unit;

@@ -169,7 +169,7 @@ impl Demo {
             bandwidth.figures.push(drawn);
             let sections = vec![
                 result.beside_the_paper(),
-                identification_section(&identified, stand.output),
+                identification_section(&identified, &stand),
                 excitation_section(&stand),
                 validation_section(&validated, stand.output),
                 design_section(&design, model),

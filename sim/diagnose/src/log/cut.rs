@@ -112,7 +112,7 @@ pub(crate) fn prepare(
     }
     let run = match Run::of(source, output) {
         Ok(run) => Some(run),
-        Err(StepsError::NotRunning { .. }) => None,
+        Err(StepsError::NotRunning { .. } | StepsError::NoPlateaus { .. }) => None,
         Err(error) => return Err(DiagnoseError::Steps(error)),
     };
     let stepped = matches!(source.excitation, Excitation::Step | Excitation::Staircase);

@@ -48,8 +48,8 @@ const WINDOW: f64 = 8.0;
 /// Onsets in the first pass, in which they are nearly free, seconds.
 const FREE_ONSET_STD_S: f64 = 0.02;
 /// The least and the most that drag makes of the curvature: `c R` is at most half the rate at the highest level, which is seldom
-/// more than twice the usual one.
-const CURVATURES: (f64, f64) = (0.0, 1.0);
+/// more than 1.4 times the usual one.
+const CURVATURES: (f64, f64) = (0.0, 0.7);
 /// What is known of it beforehand: a motor's, and a standard deviation that hardly holds it.
 const CURVATURE_KNOWN: (f64, f64) = (0.25, 0.5);
 /// Standard deviation by which it is held to an end of its range.
@@ -187,6 +187,7 @@ pub(super) fn fit(data: &Data<'_>, runs: &[Run], steps: &mut [Step], frame_s: f6
                 after: window.after * p[Problem::level(i)],
                 before: window.before * p[Problem::level_before(i)],
                 fit_percent: percent(window, &problem, i, p),
+                bend: p[CURVATURE] / reference / usual_s * tau_s,
             });
         }
     }

@@ -9,6 +9,7 @@ use rotorlead_numerics::sample::{mean, median};
 
 use super::Run;
 use super::plateaus::{Direction, Plateau, State};
+use super::response::{Segment, value};
 use crate::Estimate;
 
 /// Rows of a window that are before its step.
@@ -153,6 +154,24 @@ pub struct StepLag {
     pub before: f64,
     /// % fit over its window.
     pub fit_percent: f64,
+    /// How much faster than an exponential it starts, per unit of the response (`response`).
+    pub(super) bend: f64,
+}
+
+impl StepLag {
+    /// The fitted response, so many seconds after the command.
+    #[must_use]
+    pub fn response(&self, after_s: f64) -> f64 {
+        let segment = Segment {
+            from_s: 0.0,
+            level: self.after,
+            time_constant_s: self.time_constant_s.value,
+            delay_s: self.delay_s,
+            bend: self.bend,
+        };
+        // The fit has a response; should rounding say otherwise, it is drawn as it comes out.
+        value(&segment, self.before - self.after, after_s, &mut true)
+    }
 }
 
 impl Step {

@@ -32,7 +32,9 @@ pub enum FigureKind {
     Demonstration,
     /// Command and response of a record.
     Record,
-    /// Time constants upward and downward.
+    /// Steps of a staircase laid over each other.
+    Steps,
+    /// Time constants over operating points.
     TimeConstants,
     /// Where a model is wrong.
     Where,
@@ -50,10 +52,11 @@ pub enum FigureKind {
 
 impl FigureKind {
     /// All of them, in the order of the work.
-    pub const ALL: [Self; 21] = [
+    pub const ALL: [Self; 22] = [
         Self::Record,
         Self::Excitation,
         Self::StaticMap,
+        Self::Steps,
         Self::TimeConstants,
         Self::StandResponse,
         Self::PoleZeroMap,
@@ -92,6 +95,7 @@ impl FigureKind {
             Self::SimulationAndExperiment => "fig_12_simulation_and_experiment",
             Self::Demonstration => "bode",
             Self::Record => "record",
+            Self::Steps => "steps",
             Self::TimeConstants => "time_constants",
             Self::Where => "where",
             Self::Candidates => "candidates",

@@ -3,23 +3,29 @@
 use rotorlead_identify::static_map::StaticMapFit;
 use rotorlead_identify::steps::{Branch, HeldOut, LawComparison, Level, StaircaseFit, Step};
 use rotorlead_identify::{Estimate, Identification, Lags};
-use rotorlead_plant::{Model, Point};
-use rotorlead_records::Output;
+use rotorlead_plant::Point;
+use rotorlead_records::{Experiment, Output};
 
 use super::estimate;
 use crate::distortion::distortion_table;
 use crate::etfe::responses;
-use crate::figure::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
+use crate::figure::Figure;
 use crate::html::{Cell, Column, Section, Table};
 use crate::static_map::static_map;
+use crate::steps::{steps, time_constant_curve};
 use crate::unit::unit;
 
 /// The lags as a table, the responses that they were fitted to, and the static map.
 #[must_use]
-pub fn identification_section(identified: &Identification, output: Output) -> Section {
+pub fn identification_section(identified: &Identification, experiment: &Experiment) -> Section {
+    let output = experiment.output;
     let mut figures: Vec<Figure> =
         identified.lags.in_frequency().and_then(|found| responses(found, output)).into_iter().collect();
-    figures.extend(directions(&identified.model));
+    if let Some(fit) = identified.lags.in_time() {
+        let record = experiment.records.iter().find(|record| record.file == fit.record);
+        figures.extend(record.and_then(|record| steps(fit, record)));
+        figures.extend(time_constant_curve(fit));
+    }
     figures.extend(identified.static_map.as_ref().map(|(points, fit)| static_map(points, fit, output)));
     let text = vec![
         "At each nominal command the actuator is a first-order lag, response = gain / (tau s + 1), with a dead time where the \
@@ -242,24 +248,4 @@ fn lags(identified: &Identification, output: Output) -> Table {
         columns,
         rows: points.iter().enumerate().map(row).collect(),
     }
-}
-
-/// Time constants upward and downward, where steps tell them apart.
-fn directions(model: &Model) -> Option<Figure> {
-    let points = |tau: fn(&Point) -> Option<f64>| -> Vec<(f64, f64)> {
-        model.points.iter().filter_map(|point| Some((point.nominal, 1e3 * tau(point)?))).collect()
-    };
-    let mut series = vec![
-        Series::new("upward", Color::Blue, Mark::Discs, points(|point| point.time_constant_up_s)),
-        Series::new("downward", Color::Vermilion, Mark::Rings, points(|point| point.time_constant_down_s)),
-    ];
-    series.retain(|series| !series.points.is_empty());
-    (!series.is_empty()).then(|| {
-        Figure::new(
-            FigureKind::TimeConstants,
-            "Time constants upward and downward",
-            "An actuator that slows down later than it speeds up is not one lag: `rotorlead diagnose` weighs that.",
-            vec![Panel::new(Axis::nominal(), Axis::linear("time constant", "ms"), series)],
-        )
-    })
 }
