@@ -316,7 +316,7 @@ fn log_of_a_small_motor() {
     assert_eq!(faults(|fault| matches!(fault, StepFault::ResponseInGap { .. })), 2);
     assert_eq!(faults(|fault| matches!(fault, StepFault::Short)), 2);
     assert_eq!(fit.runs.len(), 1);
-    assert!(fit.runs[0].end + 10 > it.log.experiment.records[0].time_s.len() || fit.steps.last().unwrap().at_s > 41.0);
+    assert!(fit.steps.last().unwrap().at_s > 40.0, "the run goes on behind the level of five rows");
     let cut = fit
         .warnings
         .iter()
@@ -325,8 +325,8 @@ fn log_of_a_small_motor() {
     let curve = fit.curve.as_ref().unwrap();
     let average = |direction| 1e3 * curve.average(direction).unwrap().value;
     println!("  up {:.1} ms, down {:.1} ms", average(Direction::Up), average(Direction::Down));
-    assert!((24.0..30.0).contains(&average(Direction::Up)) || (average(Direction::Up) - 27.0).abs() < 2.7);
-    assert!((average(Direction::Down) - 34.0).abs() < 3.4);
+    // Single steps of the stand's software scatter by 2.6 and 3.1 ms.
+    assert!((average(Direction::Up) - 27.0).abs() < 3.2 && (average(Direction::Down) - 34.0).abs() < 3.1);
     let laws = compare_laws(&it.log.experiment.records[0], it.log.experiment.output).unwrap();
     let (tau_ms, delay_ms) = (1e3 * laws.one_lag.time_constant_s.value, 1e3 * laws.one_lag.delay_s.value);
     println!("  one lag {tau_ms:.2} ms + {delay_ms:.2} ms, {:.2} %", laws.one_lag.fit_percent);
@@ -368,7 +368,7 @@ fn table_of_steady_points() {
     let found = identify(&log.experiment, &IdentifyOptions::default()).unwrap();
     assert!(matches!(found.lags, Lags::None) && found.model.points.is_empty());
     let map = found.model.static_map.as_ref().unwrap();
-    assert!(map.command.len() > 20 && map.response.is_sorted(), "{map:?}");
+    assert!(map.command.len() == 15 && map.response.is_sorted(), "{map:?}");
     let (_, fit) = found.static_map.as_ref().unwrap();
     // By hand from the table: 433.6 rad/s at DShot 200.
     let response = fit.response((200.0 - 48.0) / (2047.0 - 48.0)).value;
