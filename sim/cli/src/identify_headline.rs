@@ -1,6 +1,6 @@
 //! `rotorlead identify`: what came out, in one sentence.
 
-use rotorlead_identify::design::{DesignOptions, design};
+use rotorlead_identify::design::{CompensatorError, DesignOptions, design};
 use rotorlead_identify::steps::{Direction, StaircaseFit};
 use rotorlead_identify::{Estimate, Identification, Lags};
 use rotorlead_numerics::sample::extent;
@@ -20,6 +20,9 @@ pub fn headline(identified: &Identification) -> String {
     };
     let usable = match design(&identified.model, &DesignOptions::default()) {
         Ok(_) => "usable".to_owned(),
+        Err(CompensatorError::TooMuchLead { largest_omega_g_rad_s, .. }) => {
+            format!("usable, with --omega-g {largest_omega_g_rad_s:.0} at most")
+        }
         Err(refused) => format!("not usable for a compensator, because {refused}"),
     };
     format!("{lag}: {usable}")

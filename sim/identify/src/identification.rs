@@ -38,7 +38,7 @@ pub enum Lags {
     /// From chirps in the frequency domain, one per nominal command.
     Chirps(ChirpIdentification),
     /// From a step or staircase record in the time domain, one per level and direction.
-    Steps(StaircaseFit),
+    Steps(Box<StaircaseFit>),
     /// None: the records are tables of steady points, which show a static map alone.
     None,
 }
@@ -58,7 +58,7 @@ impl Lags {
     #[must_use]
     pub fn in_time(&self) -> Option<&StaircaseFit> {
         match self {
-            Self::Steps(fit) => Some(fit),
+            Self::Steps(fit) => Some(fit.as_ref()),
             Self::Multisines(_) | Self::Chirps(_) | Self::None => None,
         }
     }
@@ -180,7 +180,7 @@ fn of_steps(experiment: &Experiment, options: &IdentifyOptions) -> Result<Identi
     Ok(Identification {
         model: fit.to_model(env!("CARGO_PKG_VERSION"))?,
         warnings: warnings.chain(left_out(experiment, Some(record))).collect(),
-        lags: Lags::Steps(fit),
+        lags: Lags::Steps(Box::new(fit)),
         static_map: None,
     })
 }

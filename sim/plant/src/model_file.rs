@@ -214,7 +214,7 @@ command_rate_hz = 5000
                 })
                 .collect();
             let std = parameters.keys().take(1).map(|name| (name.clone(), 0.5)).collect();
-            Model {
+            Model { time_constant_curve: None,
                 format: 1,
                 points,
                 static_map: response.map(|response| StaticMap {

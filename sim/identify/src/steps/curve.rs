@@ -217,7 +217,8 @@ fn fit(readings: &[Reading], covariance: &DMatrix<f64>, used: &[usize]) -> Optio
     let says_scatter = count >= FEWEST_FOR_SCATTER;
     let least = if says_scatter { 0.0 } else { USUAL_SCATTER * USUAL_SCATTER };
     let (mut low, mut high) = (least, least);
-    if at(least)?.2 > dof {
+    // One step alone differs from nothing.
+    if count > 1 && at(least)?.2 > dof {
         high = MOST_BETWEEN_STD * MOST_BETWEEN_STD;
         for _ in 0..BISECTIONS {
             let middle = 0.5 * (low + high);

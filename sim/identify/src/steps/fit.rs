@@ -374,10 +374,10 @@ fn weigh(windows: &mut [Window], batch: usize, rough: &[Fitted], units: (f64, f6
                 excess += left * steep;
                 scale += steep * steep;
             }
-            for row in 1..window.y.len() {
-                let has_moved = slope[row].abs() * row_s * window.weight[row] > MOVED;
-                if has_moved && window.y[row] == window.y[row - 1] {
-                    window.weight[row] = 0.0;
+            let repeats = window.y.windows(2).map(|pair| pair[0] == pair[1]);
+            for ((weight, slope), repeats) in window.weight[1..].iter_mut().zip(&slope[1..]).zip(repeats) {
+                if repeats && slope.abs() * row_s * *weight > MOVED {
+                    *weight = 0.0;
                 }
             }
         }

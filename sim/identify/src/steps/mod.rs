@@ -171,7 +171,7 @@ pub fn fit_staircase(record: &Record, output: Output, esc_frame_hz: Option<f64>)
         let level = if plateau.state == State::Short { common(plateau, None).0 } else { plateau.mean };
         step.map_or((level, lag.delay_s.value), |step| (step.after, step.delay_s))
     };
-    let simulate = |level: &dyn Fn(&Plateau, Option<&StepLag>) -> (f64, f64)| -> Vec<f64> {
+    let simulate = |level: &LevelAndDelay<'_>| -> Vec<f64> {
         let run = |run: &Run| response_of(run, &record.time_s, &steps, &lag, curve.as_ref(), level);
         runs.iter().flat_map(run).collect()
     };
@@ -277,6 +277,9 @@ fn map_response(levels: &[Level], main: Direction, command: f64) -> f64 {
     }
 }
 
+/// The level of a plateau and the delay to it, by what is known of the step that leads to it.
+type LevelAndDelay<'a> = dyn Fn(&Plateau, Option<&StepLag>) -> (f64, f64) + 'a;
+
 /// The response of a run; `level_and_delay` gives both for each plateau and, where it was fitted, the step that leads to it.
 fn response_of(
     run: &Run,
@@ -284,7 +287,7 @@ fn response_of(
     steps: &[Step],
     lag: &LagFit,
     curve: Option<&TimeConstantCurve>,
-    level_and_delay: &dyn Fn(&Plateau, Option<&StepLag>) -> (f64, f64),
+    level_and_delay: &LevelAndDelay<'_>,
 ) -> Vec<f64> {
     let rows = run.rows();
     let segments: Vec<Segment> = run

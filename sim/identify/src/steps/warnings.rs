@@ -111,7 +111,8 @@ pub(super) fn of_fit(levels: &[Level], lag: &LagFit, curve: Option<&TimeConstant
         if count > 0 {
             warnings.push(StepsWarning::Beyond { count, range: curve.range });
         }
-        if curve.between_std > SCATTER {
+        // Of few steps it is taken from other motors.
+        if curve.between_std > SCATTER && curve.dof().is_finite() {
             warnings.push(StepsWarning::Scattered { share: curve.between_std });
         }
         let ratio = curve.down_over_up();
