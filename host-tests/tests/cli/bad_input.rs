@@ -79,7 +79,7 @@ fn gains_of_both_signs_are_not_designed_from() {
 fn a_folder_is_not_taken_for_a_file_nor_a_file_for_a_folder() {
     let stand = Stand::new();
     stand.refuses("bandwidth --model stand", 1, &["`stand` is a folder, not a file", "name of a file"]);
-    stand.refuses("import stand --out imported", 1, &["stand", "directory"]);
+    stand.refuses("import stand --out imported", 1, &["stand: it is a folder", "give the logs in it"]);
     stand.refuses("identify model.toml --out m.toml", 1, &["`model.toml` is not a folder", "holds experiment.toml"]);
     stand.refuses("demo --out model.toml", 1, &["`model.toml` is not a folder"]);
 }
@@ -275,7 +275,7 @@ fn a_wrong_compensator_is_shown() {
 fn a_damaged_log_is_refused_at_its_line_and_column() {
     for (log, line, from, to, parts) in [
         ("esc32.csv", 12, ",15,4", ",fast,4", &["line 12, column `Duty`: `fast`", "correct the value"][..]),
-        ("esc32.csv", 12, ",15,4", ",NaN,4", &["line 12, column `Duty`: `NaN`", "finite"]),
+        ("esc32.csv", 12, ",15,4", ",NaN,4", &["line 12, column `Duty`: `NaN`", "delete the row"]),
         ("esc32.csv", 12, ",15,4", ",150,4", &["line 12, column `Duty`", "150"]),
         ("esc32.csv", 1, "RPM", "Speed", &["line 1", "column `RPM` is missing", "record the log again"]),
         ("esc32.csv", 9, "2019-11-07 ", "yesterday ", &["line 9, column `Timestamp`", "YYYY-MM-DD"]),

@@ -161,8 +161,7 @@ pub(super) fn verdict(found: &Diagnosis) -> String {
 fn decisions(found: &Diagnosis) -> String {
     let mut order: Vec<&Decision> = found.decisions.iter().collect();
     order.sort_by_key(|decision| !decision.is_added);
-    let mut lines =
-        vec!["Effects tried, with the log likelihood that each gains on training and held-out steps".to_owned()];
+    let mut lines = vec!["Effects tried, with the log likelihood gained on training and held-out steps".to_owned()];
     lines.extend(order.into_iter().map(|decision| {
         let ids: Vec<&str> = decision.beside.iter().map(|kind| kind.id).collect();
         let beside = if ids.is_empty() { String::new() } else { format!(" beside {}", ids.join(", ")) };

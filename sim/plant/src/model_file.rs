@@ -162,8 +162,13 @@ command_rate_hz = 5000
         let parts = ["model.toml", "`point` 2, `time_constant_s`", "NaN", "give a value"];
         assert_report(error, &parts);
         model.points.clear();
+        let map = model.static_map.take();
         assert_report(model.write(&path).unwrap_err(), &["no point", "rotorlead identify"]);
         assert!(scratch.names().is_empty());
+        // A static map alone is a result, but nothing can be designed from it.
+        model.static_map = map;
+        model.write(&path).unwrap();
+        assert_report(Model::read(&path).unwrap_err(), &["a static map alone", "record a staircase"]);
     }
 
     fn any_point() -> impl Strategy<Value = Point> {

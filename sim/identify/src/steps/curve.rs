@@ -40,9 +40,9 @@ type Coefficients = SVector<f64, TERMS>;
 type Covariance = SMatrix<f64, TERMS, TERMS>;
 
 /// Mean and standard deviation of what is known of slope, bend and direction beforehand. Drag alone makes the logarithm fall by
-/// 0 to about 1.5 from low to full command; it falls steadily; and steps down take up to half as long again or, where the ESC
-/// brakes, a little less than steps up.
-const PRIOR: [(f64, f64); TERMS - 1] = [(-0.5, 0.75), (0.0, 0.75), (0.1, 0.3)];
+/// 0 to about 1.5 from low to full command; it falls steadily; and steps down differ from steps up by a third or so either way, as the ESC
+/// lets coast or brakes.
+const PRIOR: [(f64, f64); TERMS - 1] = [(-0.5, 0.75), (0.0, 0.75), (0.0, 0.3)];
 
 /// The time constant of small motions over the operating points that steps lead to.
 #[derive(Clone, Debug, PartialEq)]

@@ -100,12 +100,21 @@ impl Split {
     }
 }
 
-/// Fits both laws to all steps of a record, and to each part of each split.
+/// Rows of a run that are compared; further ones take their time and say the same again.
+const MOST_ROWS: usize = 60_000;
+/// Plateaus that are compared, however long they are.
+const FEWEST_PLATEAUS: usize = 12;
+
+/// Fits all laws to the steps of a record's longest run, and to each part of each split: of a long one to those of its first
+/// 60 000 rows.
 ///
 /// # Errors
 /// [`StepsError`] when the motor runs steadily on no two plateaus in a row, or the fit to all steps does not converge.
 pub fn compare_laws(record: &Record, output: Output) -> Result<LawComparison, StepsError> {
-    let run = Run::of(record, output)?;
+    let mut run = Run::of(record, output)?;
+    let first = run.rows().start;
+    let within = run.plateaus.partition_point(|plateau| plateau.rows.end - first <= MOST_ROWS);
+    run.plateaus.truncate(within.max(FEWEST_PLATEAUS));
     let bench = Bench::of(record, &run);
     let all = bench.shows.clone();
     let not_converged = || StepsError::NotConverged { record: record.file.clone(), iterations: LIMITS.iterations };

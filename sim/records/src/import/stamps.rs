@@ -76,7 +76,7 @@ const BURST_SHARE: f64 = 0.25;
 /// Stamps come in bursts where this share of the intervals is within one.
 const MOSTLY_BURSTS: f64 = 0.4;
 
-/// The times of rows whose stamps come in bursts, as of a host that reads several rows at a time: [`even_grid`]. `None` where
+/// The times of rows whose stamps come in bursts, as of a host that reads several rows at a time, on an even grid. `None` where
 /// they do not, or run back.
 #[must_use]
 pub fn spread_bursts(stamps_s: &[f64]) -> Option<Vec<f64>> {
