@@ -366,7 +366,8 @@ fn decided(mut decisions: Vec<Decision>, verdict: Verdict, left: Option<[[f64; 2
     for decision in decisions.iter_mut().filter(|decision| decision.is_added) {
         decision.is_added = false;
         decision.failed = vec![format!(
-            "explanation: leaves {:.0} % of the power of the held-out levels and {:.0} % of that of the held-out motion, at most              {:.0} % of either accepted",
+            "explanation: leaves {:.0} % of the power of the held-out levels and {:.0} % of that of the held-out motion, at most \
+             {:.0} % of either accepted",
             100.0 * levels,
             100.0 * motion,
             100.0 * verdict::NONE_OF_LOGS

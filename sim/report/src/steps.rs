@@ -1,5 +1,6 @@
 //! Steps of a staircase laid over each other, and the time constant over operating points.
 
+use rotorlead_identify::Estimate;
 use rotorlead_identify::steps::{Direction, StaircaseFit, Step, StepFault};
 use rotorlead_records::Record;
 
@@ -9,6 +10,8 @@ use crate::figure::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
 const MOST_DRAWN: usize = 24;
 /// Rows that are drawn of a step, in time constants after its delay.
 const DRAWN_TIME_CONSTANTS: f64 = 8.0;
+/// What is drawn of the time before the command, as a share of that after it.
+const DRAWN_BEFORE: f64 = 0.15;
 /// Points of a fitted response.
 const FITTED_POINTS: usize = 60;
 /// Points of the curve.
@@ -51,7 +54,8 @@ pub fn steps(fit: &StaircaseFit, record: &Record) -> Option<Figure> {
 /// The rows of a step, and its fit where it is used.
 fn of_step(step: &Step, record: &Record, response: &[f64], until_s: f64) -> Vec<Series> {
     let share = |value: f64| (value - step.before) / (step.after - step.before);
-    let rows = step.window.clone().filter(|&row| record.time_s[row] - step.at_s < until_s);
+    let is_drawn = |row: &usize| (-DRAWN_BEFORE * until_s..until_s).contains(&(record.time_s[*row] - step.at_s));
+    let rows = step.window.clone().filter(is_drawn);
     let points: Vec<(f64, f64)> =
         rows.map(|row| (1e3 * (record.time_s[row] - step.at_s), share(response[row]))).collect();
     let name = format!("{:.2} s: {:.3} to {:.3}", step.at_s, step.from, step.to);
@@ -61,7 +65,7 @@ fn of_step(step: &Step, record: &Record, response: &[f64], until_s: f64) -> Vec<
         if let Some(first) = notes.first_mut() {
             *first = fault.to_string();
         }
-        let left_out = Series::new(format!("{name}, left out"), Color::Gray, Mark::Crosses, points).with_notes(notes);
+        let left_out = Series::new(format!("{name}, left out"), Color::Gray, Mark::Dots, points).with_notes(notes);
         return vec![group(left_out, "left out")];
     }
     let Some(lag) = step.lag else { return Vec::new() };
@@ -93,9 +97,15 @@ pub fn time_constant_curve(fit: &StaircaseFit) -> Option<Figure> {
     ] {
         let own = || fit.steps.iter().filter(|step| step.direction() == direction);
         let known = own().filter_map(|step| Some((step.to, step.time_constant_s()?)));
-        let (points, band): (Vec<_>, Vec<_>) =
-            known.map(|(to, tau)| ((to, 1e3 * tau.value), milliseconds(tau.interval_of_logarithm(0.95)))).unzip();
-        series.push(Series::new(name, color, mark, points).with_band(band));
+        let with_interval = |(to, tau): (f64, Estimate)| {
+            let (low, high) = milliseconds(tau.interval_of_logarithm(0.95));
+            // Upright at its point; between two of them nothing is drawn.
+            ((to, 1e3 * tau.value), [(to, low), (to, high), (to, f64::NAN)])
+        };
+        let (points, intervals): (Vec<_>, Vec<_>) = known.map(with_interval).unzip();
+        series.push(Series::new(name, color, mark, points));
+        let intervals = intervals.concat();
+        series.push(Series::new(format!("{name}, 95 % interval"), color, Mark::Line, intervals).under(name));
         let contradicts = |step: &&Step| matches!(step.fault, Some(StepFault::Contradicts { .. }));
         let left_out = own().filter(contradicts);
         let points: Vec<(f64, f64)> =

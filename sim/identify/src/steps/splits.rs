@@ -101,12 +101,12 @@ impl Split {
 }
 
 /// Rows of a run that are compared; further ones take their time and say the same again.
-const MOST_ROWS: usize = 60_000;
+const MOST_ROWS: usize = 30_000;
 /// Plateaus that are compared, however long they are.
 const FEWEST_PLATEAUS: usize = 12;
 
 /// Fits all laws to the steps of a record's longest run, and to each part of each split: of a long one to those of its first
-/// 60 000 rows.
+/// 30 000 rows.
 ///
 /// # Errors
 /// [`StepsError`] when the motor runs steadily on no two plateaus in a row, or the fit to all steps does not converge.

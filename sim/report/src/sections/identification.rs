@@ -118,7 +118,7 @@ pub fn steps_table(fit: &StaircaseFit) -> Table {
         ]
     };
     Table {
-        name: "steps".to_owned(),
+        name: "each_step".to_owned(),
         caption: "Every step, with 95 % intervals that hold what single steps differ by".to_owned(),
         columns: vec![
             Column::new("time_s", "time", "s"),
