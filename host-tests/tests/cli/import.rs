@@ -300,6 +300,6 @@ fn a_log_without_its_command_leads_to_align() {
     stand.refuses(
         &format!("import {log} --out motor"),
         1,
-        &["empty in all 4814 rows", "`rotorlead identify --align LOG`"],
+        &["empty in all 4814 rows", "`--no-command`", "`rotorlead identify --align LOG`"],
     );
 }

@@ -15,3 +15,4 @@ mod new;
 mod output;
 mod stand;
 mod terminal;
+mod two_logs;

@@ -254,7 +254,7 @@ fn check_alignment(it: &Identified) {
     let y = &record.rpm.as_ref().unwrap()[rows];
     let moved: Vec<f64> = time_s.iter().map(|t| t * (1.0 + 400e-6) - 1.234).collect();
     let of = |time: &[f64]| {
-        let log = CommandLog { name: "command", time_s, command };
+        let log = CommandLog { name: "command", time_s, command, response: None };
         let response = ResponseLog { name: "response", time_s: time, response: y };
         let options = AlignmentOptions { within_s: Some(3.0), ..AlignmentOptions::default() };
         align(&log, &response, &options).unwrap()

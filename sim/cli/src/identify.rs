@@ -140,13 +140,17 @@ impl Identify {
                 }
                 let long = transform(&aligned.experiment, &aligned.long).wrap_err_with(nothing)?;
                 let options = IdentifyOptions { delay_level, stand: stand.as_ref(), long: &long };
-                let identified = identify(&aligned.experiment, &options).map_err(refused).wrap_err_with(nothing)?;
+                // How the logs were merged may say why nothing comes of them.
+                let identified = identify(&aligned.experiment, &options)
+                    .inspect_err(|_| eprint!("{}", aligned.text))
+                    .map_err(refused)
+                    .wrap_err_with(nothing)?;
                 let laws = identified.lags.in_time().map(|_| {
                     compare_laws(step_record(&aligned.experiment)?, aligned.experiment.output).map_err(Into::into)
                 });
                 Ok((aligned, identified, laws.transpose()))
             })?;
-        let Aligned { experiment, mut text, mut warnings, alignments, .. } = aligned;
+        let Aligned { experiment, text: of_alignment, mut warnings, alignments, .. } = aligned;
         identified.model.write(&self.out)?;
 
         warnings.extend(identified.warnings.iter().map(sentence));
@@ -156,10 +160,15 @@ impl Identify {
         });
         let (of_lags, mut detail) = tables(&experiment, &identified, laws.as_ref());
         let headline = headline(&identified);
-        text.push_str(&paragraph(&headline, "  "));
+        let mut text = paragraph(&headline, "  ");
         let other = identified.lags.in_time().and_then(|fit| OtherOutput::of(&experiment, fit));
         if let Some(other) = &other {
             text.push_str(&paragraph(&other.sentence(experiment.output), "  "));
+        }
+        if !of_alignment.is_empty() {
+            text.push('\n');
+            text.push_str(of_alignment.trim_end_matches('\n'));
+            text.push('\n');
         }
         text.push('\n');
         text.push_str(&of_lags);

@@ -17,8 +17,9 @@ use super::WrongUse;
 /// How logs are merged.
 #[derive(Args, Debug)]
 pub struct AlignOptions {
-    /// A command log (CSV: time_s, command) on a clock of its own, to be merged with the record; once per record, in
-    /// their order. The records then need no column `command`
+    /// A command log (CSV: time_s, command) on a clock of its own, to be merged with the record; once per record, in their order.
+    /// The records then need no column `command`. Where the log has the record's response too, as an ESC's log has the speed, the
+    /// two are aligned by that
     #[arg(long, value_name = "LOG")]
     align: Vec<PathBuf>,
     /// Where the delay is expected: the response's clock less the command's, in seconds, or `start` where the first rows of
@@ -90,7 +91,7 @@ impl AlignOptions {
                 return Err(WrongUse::new(message, "log both commands with the response").into());
             }
             let (alignment, merged) = self.merge(record, path, output)?;
-            describe(&mut text, record, path, &alignment, &merged, self.dead_time);
+            describe(&mut text, (record, output), path, &alignment, &merged, self.dead_time);
             warnings.extend(alignment.warnings.iter().map(|warning| format!("{}: {warning}", record.file)));
             found.push(AlignmentValues {
                 file: record.file.clone(),
@@ -113,7 +114,8 @@ impl AlignOptions {
     fn merge(&self, record: &Record, path: &Path, output: Output) -> miette::Result<(Alignment, Merged)> {
         let file = read_command_log(path)?;
         let name = path.display().to_string();
-        let command = CommandLog { name: &name, time_s: &file.time_s, command: &file.command };
+        let shared = file.response(output);
+        let command = CommandLog { name: &name, time_s: &file.time_s, command: &file.command, response: shared };
         let response = record.response(output).unwrap_or_default();
         let response = ResponseLog { name: &record.file, time_s: &record.time_s, response };
         let near_s = match (self.align_near, record.time_s.first(), file.time_s.first()) {
@@ -123,8 +125,9 @@ impl AlignOptions {
         };
         let options = AlignmentOptions { near_s, within_s: self.align_within, ..AlignmentOptions::default() };
         let rows = if record.excitation.is_periodic() { MergedRows::OfCommand } else { MergedRows::OfResponse };
-        let aligned = align(&command, &response, &options)
-            .and_then(|alignment| Ok((merge(&command, &response, &alignment, rows, self.dead_time)?, alignment)));
+        let aligned = align(&command, &response, &options).and_then(|found| {
+            Ok((merge(&command, &response, &beside(record, output), &found, rows, self.dead_time)?, found))
+        });
         let (merged, alignment) = aligned
             .map_err(miette::Report::from)
             .wrap_err_with(|| format!("`{}` and `{}` were not aligned", record.file, path.display()))?;
@@ -132,18 +135,45 @@ impl AlignOptions {
     }
 }
 
-/// Puts the merged columns in the record's place. Columns on the logger's clock that were not merged are left out.
-fn take(record: &mut Record, merged: Merged, output: Output) {
-    record.time_s = merged.time_s;
-    record.command = merged.command;
-    (record.thrust_n, record.rpm) = match output {
-        Output::ThrustN => (Some(merged.response), None),
-        Output::Rpm => (None, Some(merged.response)),
+/// The columns of a record beside its response, on the logger's clock.
+fn beside(record: &Record, output: Output) -> Vec<&[f64]> {
+    let other = match output {
+        Output::ThrustN => &record.rpm,
+        Output::Rpm => &record.thrust_n,
     };
-    (record.esc_command, record.voltage_v, record.current_a) = (None, None, None);
+    [other, &record.voltage_v, &record.current_a].into_iter().filter_map(Option::as_deref).collect()
 }
 
-fn describe(text: &mut String, record: &Record, path: &Path, found: &Alignment, merged: &Merged, dead_time_s: f64) {
+/// Puts the merged columns in the record's place, and what their command says of a record that was without.
+fn take(record: &mut Record, merged: Merged, output: Output) {
+    let mut beside = merged.beside.into_iter();
+    let (response, other) = match output {
+        Output::ThrustN => (&mut record.thrust_n, &mut record.rpm),
+        Output::Rpm => (&mut record.rpm, &mut record.thrust_n),
+    };
+    *response = Some(merged.response);
+    for column in [other, &mut record.voltage_v, &mut record.current_a].into_iter().flatten() {
+        *column = beside.next().unwrap_or_default();
+    }
+    record.esc_command = None;
+    record.time_s = merged.time_s;
+    record.command = merged.command;
+    if !record.excitation.is_periodic() {
+        let low = record.command.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = record.command.iter().copied().fold(0.0, f64::max);
+        record.nominal = 0.5 * (low + high);
+        record.amplitude = Some(0.5 * (high - low)).filter(|amplitude| *amplitude > 0.0);
+    }
+}
+
+fn describe(
+    text: &mut String,
+    (record, output): (&Record, Output),
+    path: &Path,
+    found: &Alignment,
+    merged: &Merged,
+    dead_time_s: f64,
+) {
     let mut say = |line: String| {
         text.push_str(&line);
         text.push('\n');
@@ -158,13 +188,13 @@ fn describe(text: &mut String, record: &Record, path: &Path, found: &Alignment, 
         Some(skew) => say(format!("  the response's clock is faster by {} ppm (95 %)", interval(skew, 1e6, 1))),
         None => say(String::from("  the clocks were taken to run alike")),
     }
+    let how = match found.time_constant_s {
+        Some(tau_s) => format!("fitted with a lag of {:.1} ms", 1e3 * tau_s.value),
+        None => format!("by the {} in both logs", output.column()),
+    };
     say(format!(
-        "  fitted with a lag of {:.1} ms, % fit {:.1}, noise of order {},\n    over {} rows with {} gaps",
-        1e3 * found.time_constant_s.value,
-        found.fit_percent,
-        found.noise_order,
-        found.rows,
-        found.gaps
+        "  {how}, % fit {:.1}, noise of order {},\n    over {} rows with {} gaps",
+        found.fit_percent, found.noise_order, found.rows, found.gaps
     ));
     say(format!(
         "  {} merged rows, {} left out for want of the other log;\n    \

@@ -54,6 +54,9 @@ pub struct Import {
     /// quantity
     #[arg(long, value_name = "QUANTITY=HEADER:UNIT")]
     column: Vec<ColumnChoice>,
+    /// The command was logged apart, on another clock: take the log without it. `rotorlead identify --align` merges the two
+    #[arg(long, conflicts_with_all = ["pulse_us", "append"])]
+    no_command: bool,
     /// Which of the two is the response, where a log has both; the summary says which it is and why
     #[arg(long, value_name = "RESPONSE", value_parser = outputs())]
     output: Option<Output>,
@@ -114,10 +117,14 @@ impl Import {
             experiment.name = folder.to_string_lossy().into_owned();
         }
         // What else may be wrong is for `rotorlead check`, which sees all records together.
-        let of_each = experiment.records.iter().flat_map(|record| of_record(&experiment, record, false));
+        // Of a log without its command that is after it is merged.
+        let whole = experiment.records.iter().filter(|_| !self.no_command);
+        let of_each = whole.flat_map(|record| of_record(&experiment, record, false));
         let findings: Vec<Finding> = of_each.filter(Finding::is_grave).collect();
         if is_added {
             experiment.with_rates_of(&self.out)?.append_to(&self.out)?;
+        } else if self.no_command {
+            experiment.write_responses(&self.out)?;
         } else {
             experiment.write(&self.out)?;
         }
@@ -141,6 +148,7 @@ impl Import {
             log: self.log,
             columns: self.column.clone(),
             output: self.output,
+            without_command: self.no_command,
             tare: self.tare,
             seconds: self.seconds,
             excitation: self.excitation,

@@ -103,7 +103,7 @@ impl Experiment {
             manifest.check().map_err(|fault| refused(&path, fault))?;
         }
         for record in &self.records {
-            self.check_columns(record).map_err(|fault| refused(&folder.join(&record.file), fault))?;
+            self.check_columns(record, &self.needed()).map_err(|fault| refused(&folder.join(&record.file), fault))?;
             if let Some(name) = record.compensator.as_deref().filter(|name| !folder.join(name).exists()) {
                 let fault = Place::root()
                     .key("record")

@@ -50,7 +50,7 @@ impl Column {
     pub(super) fn values(self, record: &Record) -> Option<&[f64]> {
         match self {
             Self::TimeS => Some(&record.time_s),
-            Self::Command => Some(&record.command),
+            Self::Command => Some(&record.command[..]).filter(|command| !command.is_empty()),
             Self::ThrustN => record.thrust_n.as_deref(),
             Self::Rpm => record.rpm.as_deref(),
             Self::EscCommand => record.esc_command.as_deref(),

@@ -133,7 +133,7 @@ pub struct Record {
     pub role: Option<Role>,
     /// Time in seconds, strictly increasing.
     pub time_s: Vec<f64>,
-    /// Command before any compensator, 0..1.
+    /// Command before any compensator, 0..1; empty where it was logged apart.
     pub command: Vec<f64>,
     /// Thrust in newtons.
     pub thrust_n: Option<Vec<f64>>,

@@ -7,7 +7,7 @@ use rayon::iter::{IntoParallelIterator as _, ParallelIterator as _};
 use super::column::Column;
 use super::manifest::{CommandKind, Entry, MANIFEST, Manifest, place};
 use super::table::Table;
-use super::{Excitation, Experiment, LongRecord, Record};
+use super::{Excitation, Experiment, LongRecord, Output, Record};
 use crate::files::{FileError, Place, TextFile, TomlFile};
 
 impl Experiment {
@@ -146,16 +146,33 @@ pub struct CommandFile {
     pub time_s: Vec<f64>,
     /// Commands, 0..1; each holds until the next row.
     pub command: Vec<f64>,
+    /// Thrust in newtons, where it was logged beside the command.
+    pub thrust_n: Option<Vec<f64>>,
+    /// Rotor speed in revolutions per minute, where it was logged beside the command.
+    pub rpm: Option<Vec<f64>>,
 }
 
-/// Reads a command log: a CSV file with the columns `time_s` and `command`. Other columns of a record may be there and
-/// are left.
+impl CommandFile {
+    /// The response of that name, where it was logged beside the command.
+    #[must_use]
+    pub fn response(&self, output: Output) -> Option<&[f64]> {
+        match output {
+            Output::ThrustN => self.thrust_n.as_deref(),
+            Output::Rpm => self.rpm.as_deref(),
+        }
+    }
+}
+
+/// Reads a command log: a CSV file with the columns `time_s` and `command`. A response may be there too; other columns of a record
+/// may be there and are left.
 ///
 /// # Errors
 /// When the file is missing, or anything in it is unknown, impossible or out of its range. The error shows the place.
 pub fn read_command_log(path: &Path) -> Result<CommandFile, FileError> {
     let mut table = Table::read(TextFile::read(path)?, &[Column::TimeS, Column::Command], CommandKind::Duty)?;
-    Ok(CommandFile { time_s: table.take(Column::TimeS), command: table.take(Column::Command) })
+    let mut take = |column| Some(table.take(column)).filter(|values| !values.is_empty());
+    let (thrust_n, rpm) = (take(Column::ThrustN), take(Column::Rpm));
+    Ok(CommandFile { time_s: table.take(Column::TimeS), command: table.take(Column::Command), thrust_n, rpm })
 }
 
 pub(super) fn manifest_path(folder: &Path) -> Result<std::path::PathBuf, FileError> {

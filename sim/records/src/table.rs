@@ -227,7 +227,11 @@ fn header(text: &TextFile, row: &StringRecord, needed: &[Column]) -> Result<Vec<
             let line = row_span(text, row);
             let message = format!("column `{}` is missing", column.name());
             let help = match (column, needed.contains(&Column::Command)) {
-                (Column::TimeS | Column::Command, true) if needed.len() > 2 => {
+                (Column::Command, true) if needed.len() > 2 => {
+                    "add it: every record has time_s, command and its response. Where the command was logged apart, \
+                     `rotorlead identify --align LOG` merges the two"
+                }
+                (Column::TimeS, true) if needed.len() > 2 => {
                     "add it: every record has time_s, command and its response"
                 }
                 (Column::TimeS | Column::Command, true) => "add it: a command log has time_s and command",

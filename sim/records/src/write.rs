@@ -29,16 +29,36 @@ impl Experiment {
         folder.commit()
     }
 
+    /// As [`Experiment::write`], for response logs that were recorded apart from their commands: a record may be without a command,
+    /// and then its file has no such column. [`Experiment::read_responses`] reads them.
+    ///
+    /// # Errors
+    /// As for [`Experiment::write`].
+    pub fn write_responses(&self, folder: &Path) -> Result<(), FileError> {
+        let folder = OutputFolder::create(folder)?;
+        self.write_columns(&folder, &[Column::of(self.output)])?;
+        folder.commit()
+    }
+
     /// Writes the experiment into a folder under construction, which may hold other files too.
     ///
     /// # Errors
     /// As for [`Experiment::write`].
     pub fn write_into(&self, folder: &OutputFolder) -> Result<(), FileError> {
+        self.write_columns(folder, &self.needed())
+    }
+
+    /// The columns that every record has.
+    pub(super) fn needed(&self) -> [Column; 2] {
+        [Column::Command, Column::of(self.output)]
+    }
+
+    fn write_columns(&self, folder: &OutputFolder, needed: &[Column]) -> Result<(), FileError> {
         let refused = |name: &str, fault| FileError::refused(&folder.destination().join(name), fault);
         let manifest = Manifest::of(self);
         manifest.check().map_err(|fault| refused(MANIFEST, fault))?;
         for record in &self.records {
-            self.check_columns(record).map_err(|fault| refused(&record.file, fault))?;
+            self.check_columns(record, needed).map_err(|fault| refused(&record.file, fault))?;
         }
         folder.write(MANIFEST, to_toml(&manifest).as_bytes())?;
         for record in &self.records {
@@ -47,19 +67,19 @@ impl Experiment {
         Ok(())
     }
 
-    /// What reading checks of a CSV file, for the columns in memory.
-    pub(super) fn check_columns(&self, record: &Record) -> Result<(), Fault> {
+    /// What reading checks of a CSV file, for the columns in memory; `needed` are there, beside the times.
+    pub(super) fn check_columns(&self, record: &Record, needed: &[Column]) -> Result<(), Fault> {
         let rows = record.time_s.len();
         let place = |column: Column| Place::root().key(column.name());
         if rows < LEAST_ROWS {
             return Err(place(Column::TimeS).fault(format!("too few rows: {rows}"), TOO_FEW_ROWS));
         }
-        let response = Column::of(self.output);
-        if response.values(record).is_none() {
-            return Err(place(response).fault(
-                "the column is missing",
-                "add it, or set the experiment's output to the response that was measured",
-            ));
+        if let Some(missing) = needed.iter().find(|column| column.values(record).is_none()) {
+            let help = match missing {
+                Column::Command => "add it: every record has time_s, command and its response",
+                _ => "add it, or set the experiment's output to the response that was measured",
+            };
+            return Err(place(*missing).fault("the column is missing", help));
         }
         for column in Column::ALL {
             let Some(values) = column.values(record) else {

@@ -50,7 +50,7 @@ struct Logs {
 
 impl Logs {
     fn command(&self) -> CommandLog<'_> {
-        CommandLog { name: "command.csv", time_s: &self.command_time_s, command: &self.command }
+        CommandLog { name: "command.csv", time_s: &self.command_time_s, command: &self.command, response: None }
     }
 
     fn response(&self) -> ResponseLog<'_> {
@@ -101,8 +101,7 @@ fn logs(bench: &Bench, seed: u64) -> Logs {
     }
     // Rows of the logger's clock, uneven by a fifth of an interval.
     let mut time_s = Vec::new();
-    let mut clean = Vec::new();
-    let (mut w, mut now, mut row) = (static_map(command[0]), 0.0, 0);
+    let mut true_s = Vec::new();
     let rows = (bench.length_s * ROW_HZ) as usize;
     for k in 0..rows {
         let t = (k as f64 + rng.random_range(-0.1..0.1)) / ROW_HZ + 0.3;
@@ -110,18 +109,10 @@ fn logs(bench: &Bench, seed: u64) -> Logs {
         if s < 0.0 || s > bench.length_s {
             continue;
         }
-        while command_time_s.get(row + 1).is_some_and(|&at| at <= s) {
-            let level = static_map(command[row]);
-            w = level + (w - level) * (-(command_time_s[row + 1] - now) / TAU_S).exp();
-            now = command_time_s[row + 1];
-            row += 1;
-        }
-        let level = static_map(command[row]);
-        w = level + (w - level) * (-(s - now) / TAU_S).exp();
-        now = s;
         time_s.push(t);
-        clean.push(w);
+        true_s.push(s);
     }
+    let clean = speeds(&command_time_s, &command, true_s.into_iter());
     let mut colored = 0.0;
     let response = clean
         .iter()
@@ -256,7 +247,7 @@ fn clocks_may_start_anywhere() {
         let truth_s = truth_s(offset_s + 0.012, bench.skew, &found);
         assert!((found.delay_s.value - truth_s).abs() < 4.0 * found.delay_s.std + 1e-9, "{found:?} {truth_s}");
         assert!(found.delay_s.std < 2e-4 && found.fit_percent > 99.0, "{found:?}");
-        assert!((found.time_constant_s.value - TAU_S).abs() < 1e-3, "{found:?}");
+        assert!((found.time_constant_s.unwrap().value - TAU_S).abs() < 1e-3, "{found:?}");
     }
 }
 
@@ -279,7 +270,7 @@ fn a_gap_costs_its_rows_and_no_more() {
 
     let (from_s, to_s) = (found.command_time_s(logs.time_s[699]), found.command_time_s(logs.time_s[700]));
     for rows in [MergedRows::OfCommand, MergedRows::OfResponse] {
-        let merged = merge(&logs.command(), &logs.response(), &found, rows, 0.0).unwrap();
+        let merged = merge(&logs.command(), &logs.response(), &[], &found, rows, 0.0).unwrap();
         assert_eq!(merged.gaps, 1);
         assert!(merged.time_s.is_sorted_by(|a, b| a < b));
         let inside = |t: &&f64| **t > from_s + 1e-9 && **t < to_s - 1e-9;
@@ -293,7 +284,7 @@ fn merged_rows_are_on_the_clock_of_the_command() {
     let bench = Bench { drive: Drive::Multisine, noise_std: 0.1, ..QUIET };
     let measured = logs(&bench, 5);
     let found = measured.align_within(0.5).unwrap();
-    let merged = merge(&measured.command(), &measured.response(), &found, MergedRows::OfCommand, 0.0).unwrap();
+    let merged = merge(&measured.command(), &measured.response(), &[], &found, MergedRows::OfCommand, 0.0).unwrap();
     // Every row of the command is there but for the ends, and its time is untouched.
     assert!(merged.time_s.len() + merged.left_out == measured.command_time_s.len() && merged.left_out < 500);
     // The same motor with its rows at the command's, from the same events.
@@ -314,7 +305,7 @@ fn merged_rows_are_on_the_clock_of_the_command() {
 
     let steps = logs(&QUIET, 6);
     let found = steps.align().unwrap();
-    let merged = merge(&steps.command(), &steps.response(), &found, MergedRows::OfResponse, 0.0).unwrap();
+    let merged = merge(&steps.command(), &steps.response(), &[], &found, MergedRows::OfResponse, 0.0).unwrap();
     let mut changes = 0;
     for k in 1..merged.time_s.len() {
         if merged.command[k] != merged.command[k - 1] {
@@ -324,7 +315,7 @@ fn merged_rows_are_on_the_clock_of_the_command() {
     }
     assert!(changes + 3 > steps.command_time_s.len(), "{changes}");
     // A dead time that is known stays in.
-    let kept = merge(&steps.command(), &steps.response(), &found, MergedRows::OfResponse, 0.005).unwrap();
+    let kept = merge(&steps.command(), &steps.response(), &[], &found, MergedRows::OfResponse, 0.005).unwrap();
     let of = |m: &rotorlead_identify::alignment::Merged| {
         let at = m.response.iter().position(|y| *y == steps.response[500]).unwrap();
         m.time_s[at]
@@ -391,7 +382,7 @@ fn what_cannot_be_told_is_refused() {
         align(
             &good.command(),
             &good.response(),
-            &AlignmentOptions { within_s: Some(1e-4), max_skew: 0.0, ..AlignmentOptions::default() }
+            &AlignmentOptions { within_s: Some(1e-4), max_skew: Some(0.0), ..AlignmentOptions::default() }
         ),
         Err(AlignmentError::NoOverlap { .. })
     ));
@@ -431,4 +422,97 @@ fn a_command_that_repeats_is_told_unless_the_delay_is_limited() {
         let truth_s = truth_s(bench.offset_s, bench.skew, &found);
         assert!((found.delay_s.value - truth_s).abs() < 4.0 * found.delay_s.std, "{seed}: {found:?}");
     }
+}
+
+/// Rotor speed at times that increase, on the command's clock: from event to event in closed form.
+fn speeds(command_time_s: &[f64], command: &[f64], times_s: impl Iterator<Item = f64>) -> Vec<f64> {
+    let (mut w, mut now, mut row) = (static_map(command[0]), 0.0, 0);
+    let mut advance = |s: f64| {
+        while command_time_s.get(row + 1).is_some_and(|&at| at <= s) {
+            let level = static_map(command[row]);
+            w = level + (w - level) * (-(command_time_s[row + 1] - now) / TAU_S).exp();
+            now = command_time_s[row + 1];
+            row += 1;
+        }
+        let level = static_map(command[row]);
+        w = level + (w - level) * (-(s - now) / TAU_S).exp();
+        now = s;
+        w
+    };
+    times_s.map(&mut advance).collect()
+}
+
+/// One speed on two meters, as of an ESC and of a stand: a staircase, rows at 100 and at 80 Hz, noise of each meter of its own, rows
+/// of the ESC stamped together and late together, spikes in a tenth of a second here and there, and clocks of which one may be none.
+struct TwoMeters {
+    esc_time_s: Vec<f64>,
+    command: Vec<f64>,
+    esc_rpm: Vec<f64>,
+    stand_time_s: Vec<f64>,
+    stand_rpm: Vec<f64>,
+    offset_s: f64,
+    skew: f64,
+}
+
+fn two_meters(seed: u64) -> TwoMeters {
+    let mut rng = ChaCha8Rng::seed_from_u64(2_000_000 + seed);
+    let (mut at_s, mut levels) = (vec![0.0], vec![0.1]);
+    while at_s.last().is_some_and(|t| *t < 38.0) {
+        at_s.push(at_s[at_s.len() - 1] + rng.random_range(1.5..2.5));
+        levels.push(if levels.len() % 6 == 5 { 0.1 } else { levels[levels.len() - 1] + rng.random_range(0.03..0.15) });
+    }
+    let length_s = at_s[at_s.len() - 1] + 2.0;
+    let skew = [0.0, 3e-4, -2e-3, 0.083, -0.05][seed as usize % 5];
+    let offset_s = rng.random_range(-20.0..20.0);
+    let mut noise = |std: f64| std * Distribution::<f64>::sample(&StandardNormal, &mut rng);
+    let true_s: Vec<f64> = (0..(100.0 * length_s) as usize).map(|k| k as f64 / 100.0).collect();
+    let mut late_s = 0.0;
+    let esc_time_s = true_s.iter().enumerate().map(|(k, t)| {
+        if k % 70 == 0 {
+            late_s = noise(2e-3).clamp(-4e-3, 4e-3);
+        }
+        t + late_s
+    });
+    let esc_time_s: Vec<f64> = esc_time_s.collect();
+    let command = true_s.iter().map(|t| levels[at_s.partition_point(|at| at <= t) - 1]).collect();
+    let mut esc_rpm = speeds(&at_s, &levels, true_s.iter().copied());
+    for (k, rpm) in esc_rpm.iter_mut().enumerate() {
+        *rpm += noise(20.0) + if k % 700 < 10 { 900.0 } else { 0.0 };
+    }
+    let stand_s: Vec<f64> = (0..(80.0 * length_s) as usize).map(|k| k as f64 / 80.0).collect();
+    let mut stand_rpm = speeds(&at_s, &levels, stand_s.iter().copied());
+    stand_rpm.iter_mut().for_each(|rpm| *rpm = 1.02 * *rpm + noise(15.0));
+    let stand_time_s = stand_s.iter().map(|s| offset_s + (1.0 + skew) * s).collect();
+    TwoMeters { esc_time_s, command, esc_rpm, stand_time_s, stand_rpm, offset_s, skew }
+}
+
+impl TwoMeters {
+    fn align(&self) -> Result<Alignment, AlignmentError> {
+        let (time_s, response) = (&self.esc_time_s, Some(&self.esc_rpm[..]));
+        let command = CommandLog { name: "esc.csv", time_s, command: &self.command, response };
+        let stand = ResponseLog { name: "stand.csv", time_s: &self.stand_time_s, response: &self.stand_rpm };
+        align(&command, &stand, &AlignmentOptions::default())
+    }
+}
+
+#[test]
+fn a_speed_on_two_meters_gives_delay_and_skew_with_intervals_that_hold() {
+    let repeats = 100;
+    let (mut delays, mut skews, mut worst_s) = (0, 0, 0.0f64);
+    for seed in 0..repeats {
+        let meters = two_meters(seed);
+        let found = meters.align().unwrap_or_else(|error| panic!("{seed}: {error}"));
+        let skew = found.skew.unwrap_or_else(|| panic!("{seed}: {found:?}"));
+        let error_s = found.delay_s.value - truth_s(meters.offset_s, meters.skew, &found);
+        worst_s = worst_s.max(error_s.abs());
+        delays += u64::from(found.delay_s.excludes(found.delay_s.value - error_s));
+        skews += u64::from(skew.excludes(meters.skew));
+        assert!(found.time_constant_s.is_none() && found.delay_s.std < 2e-3, "{seed}: {found:?}");
+        let warned = found.warnings.iter().any(|warning| matches!(warning, AlignmentWarning::NoClock { .. }));
+        assert_eq!(warned, meters.skew.abs() > 0.01, "{seed}: {found:?}");
+    }
+    println!("{repeats} logs: {delays} delays and {skews} skews outside of their 95 % intervals, worst {worst_s:.4} s");
+    // Over 400 logs 93.5 % of the delays and 94.3 % of the skews were inside.
+    assert!((1..=12).contains(&delays) && (1..=12).contains(&skews), "{delays} {skews}");
+    assert!(worst_s < 4e-3, "{worst_s}");
 }

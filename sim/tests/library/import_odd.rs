@@ -152,7 +152,7 @@ fn what_cannot_be_taken_says_what_where_and_what_to_do() {
             "no command",
             table().replacen("pwm_us", "x", 1).into(),
             "",
-            &["line 1: no column is known to be the command", "--column command=HEADER:UNIT", "identify --align LOG"],
+            &["line 1: no column is known to be the command", "--column command=HEADER:UNIT", "`--no-command`"],
         ),
         ("no time", table().replacen("time_s", "x", 1).into(), "", &["known to be the time", "--excitation steady"]),
         (
@@ -165,7 +165,7 @@ fn what_cannot_be_taken_says_what_where_and_what_to_do() {
             "command blank throughout",
             with(1, 0..ROWS, "").into(),
             "",
-            &["column `pwm_us`: empty in all 400 rows", "identify --align LOG"],
+            &["column `pwm_us`: empty in all 400 rows", "`--no-command`", "identify --align LOG"],
         ),
         ("command blank in a row", with(1, 9..10, "").into(), "", &["line 11, column `pwm_us`: empty, though"]),
         (

@@ -17,7 +17,7 @@ use crate::hypothesis::Hypothesis;
 /// Longest frame of an ESC's pulses, seconds: 50 Hz. Digital commands take less than a millisecond.
 const LONGEST_FRAME_S: f64 = 0.02;
 /// Rows by which a logger stamps late by itself: the one in which it waits for the next, and some in its buffers.
-const LOGGER_ROWS: f64 = 5.0;
+pub(super) const LOGGER_ROWS: f64 = 4.0;
 /// A step has begun where it has gone this part of the way: early enough for the lag to say little of when.
 const BEGUN: f64 = 0.3;
 /// Lags differ from step to step by this part of the model's.

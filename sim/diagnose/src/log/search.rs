@@ -10,6 +10,7 @@ use rotorlead_plant::effect::{Kind, Parameter, Shows, Site};
 use rotorlead_records::Output;
 use serde::Serialize;
 
+use super::lateness::LOGGER_ROWS;
 use super::split::Folds;
 use crate::candidate::Candidate;
 use crate::dataset::{Dataset, Record, Split};
@@ -30,9 +31,6 @@ const MOST_FINISHED: usize = 3;
 const LAST_STEPS: usize = 8;
 /// What an effect is worth at least that is named. More than where periods repeat: what a log leaves is estimated from the log itself.
 const LEAST_SCORE_IN_LOGS: f64 = 10.0;
-/// Rows by which a logger stamps late at most, beyond what an ESC and its link delay: one in which it waits for the next, and some in
-/// buffers.
-const LOGGER_ROWS: f64 = 4.0;
 
 impl Dataset {
     /// Whether any record does not repeat.

@@ -9,6 +9,7 @@ use std::sync::Arc;
 use num_complex::Complex64;
 use rotorlead_fourier::{self as fourier, ComplexToReal, RealToComplex};
 
+use super::logs::Drive;
 use super::{AlignmentOptions, CommandLog, ResponseLog};
 
 /// A place to begin.
@@ -67,24 +68,26 @@ impl Masked {
 /// The best shifts, best first.
 pub(super) fn candidates(
     command: &CommandLog<'_>,
+    drive: &Drive,
     response: &ResponseLog<'_>,
     options: &AlignmentOptions,
+    max_skew: f64,
 ) -> Vec<Candidate> {
     let ((from_s, to_s), (start_s, end_s)) = (command.span_s(), response.span_s());
     let span_s = (to_s - from_s) + (end_s - start_s);
     let cell_s = (2.0 * response.interval_s()).max(span_s / MOST_CELLS);
     let cells = |length_s: f64| (length_s / cell_s) as usize + 2;
     let commands = cells(to_s - from_s);
-    let length = (commands + cells((end_s - start_s) * (1.0 + options.max_skew))).next_power_of_two();
+    let length = (commands + cells((end_s - start_s) / (1.0 - max_skew))).next_power_of_two();
 
     let (offset, scale) = moved_and_scaled(response.response);
-    let u = on_grid(command, from_s, cell_s, commands);
+    let u = on_grid(command, &drive.values, from_s, cell_s, commands);
     let transform = Correlator::new(length);
     let u = Spectra::of(&transform, &u);
     let middle_s = 0.5 * (start_s + end_s);
 
     let mut found: Vec<Candidate> = Vec::new();
-    for skew in skews(end_s - start_s, options.max_skew) {
+    for skew in skews(end_s - start_s, max_skew) {
         let scaled = |t: f64| middle_s + (t - middle_s) / (1.0 + skew);
         let first_s = scaled(start_s);
         let mut y = Masked::zeros(length);
@@ -131,9 +134,8 @@ fn skews(span_s: f64, most: f64) -> Vec<f64> {
     (-count..=count).map(|k| f64::from(k) * most / f64::from(count.max(1))).collect()
 }
 
-/// The command's mean over each cell.
-fn on_grid(command: &CommandLog<'_>, from_s: f64, cell_s: f64, cells: usize) -> Masked {
-    let middle = 0.5;
+/// The mean over each cell of what the command log has.
+fn on_grid(command: &CommandLog<'_>, values: &[f64], from_s: f64, cell_s: f64, cells: usize) -> Masked {
     let mut grid = Masked::zeros(cells);
     let (_, to_s) = command.span_s();
     let mut row = 0;
@@ -148,7 +150,7 @@ fn on_grid(command: &CommandLog<'_>, from_s: f64, cell_s: f64, cells: usize) -> 
                 row += 1;
             }
             let until_s = command.time_s.get(row + 1).map_or(end_s, |&t| t.min(end_s));
-            sum += (command.command[row] - middle) * (until_s - at_s);
+            sum += values[row] * (until_s - at_s);
             at_s = until_s;
         }
         grid.add(cell, sum / cell_s);

@@ -16,6 +16,25 @@ pub struct CommandLog<'a> {
     pub time_s: &'a [f64],
     /// Commands, 0..1; each holds until the next row.
     pub command: &'a [f64],
+    /// The response of the other log, where it was measured beside the command too; in any unit, straight from row to row.
+    pub response: Option<&'a [f64]>,
+}
+
+/// What both logs show, on the clock of the command log.
+#[derive(Clone, Debug)]
+pub(super) struct Drive {
+    /// Moved and scaled to -1..1.
+    pub(super) values: Vec<f64>,
+    pub(super) kind: DriveKind,
+}
+
+/// How the response log follows what it shares with the command log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum DriveKind {
+    /// A command, which holds from row to row: through a lag.
+    Command,
+    /// The response itself, measured twice: at once.
+    Response,
 }
 
 /// What was measured, on the logger's clock.
@@ -35,7 +54,21 @@ impl CommandLog<'_> {
         if self.command.windows(2).all(|pair| pair[0] == pair[1]) {
             return Err(AlignmentError::ConstantCommand { log: self.name.into() });
         }
+        let Some(response) = self.response else { return Ok(()) };
+        well_formed(self.name, self.time_s, response)?;
+        if response.windows(2).all(|pair| pair[0] == pair[1]) {
+            return Err(AlignmentError::ConstantResponse { log: self.name.into() });
+        }
         Ok(())
+    }
+
+    /// What it shares with the response log: the response where it has that, else its cause.
+    pub(super) fn drive(&self) -> Drive {
+        let kind = if self.response.is_some() { DriveKind::Response } else { DriveKind::Command };
+        let values = self.response.unwrap_or(self.command);
+        let low = values.iter().copied().fold(f64::INFINITY, f64::min);
+        let high = values.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        Drive { values: values.iter().map(|v| (2.0 * v - low - high) / (high - low)).collect(), kind }
     }
 
     /// First and last time.

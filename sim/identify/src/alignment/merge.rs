@@ -22,6 +22,8 @@ pub struct Merged {
     pub command: Vec<f64>,
     /// The response at each row.
     pub response: Vec<f64>,
+    /// The other columns of the response log at each row, in their order.
+    pub beside: Vec<Vec<f64>>,
     /// Rows of the chosen log for which the other has nothing, left out.
     pub left_out: usize,
     /// Gaps of the response log within the merged time.
@@ -32,9 +34,10 @@ pub struct Merged {
 const LEAST_ROWS: usize = 50;
 
 /// Puts both logs on the command's clock, moved together by the delay: what comes out shows `keep_s` of dead time, zero
-/// unless the actuator's own is known from elsewhere (it cannot be distinguished from the latency of the logs).
+/// unless the actuator's own is known from elsewhere (it cannot be distinguished from the latency of the logs). `beside` are other
+/// columns of the response log, as long as its response.
 ///
-/// Between rows the response is the cubic through the four around, two at the ends of a segment; through a gap it is
+/// Between rows a column is the cubic through the four around, two at the ends of a segment; through a gap it is
 /// nothing, and the row is left out. The cubic is off by less than `0.03 (2 pi f T)^4` of a sine of frequency `f` between
 /// rows `T` apart: 1e-4 at a twenty-fifth of the row rate.
 ///
@@ -43,6 +46,7 @@ const LEAST_ROWS: usize = 50;
 pub fn merge(
     command: &CommandLog<'_>,
     response: &ResponseLog<'_>,
+    beside: &[&[f64]],
     alignment: &Alignment,
     rows: MergedRows,
     keep_s: f64,
@@ -51,30 +55,35 @@ pub fn merge(
     // The response's rows on the command's clock.
     let time_s: Vec<f64> = response.time_s.iter().map(|&t| alignment.command_time_s(t) + keep_s).collect();
     let runs = response.runs();
-    let held_at = |s: f64| -> Option<f64> {
+    let columns: Vec<&[f64]> = std::iter::once(response.response).chain(beside.iter().copied()).collect();
+    let held_at = |s: f64| -> Option<Vec<f64>> {
         let after = time_s.partition_point(|&t| t <= s);
         let row = after.checked_sub(1)?;
         let run = runs.iter().find(|run| run.contains(&row))?;
         // The last row of a segment is on it, what follows is not.
         if time_s[row] == s {
-            return Some(response.response[row]);
+            return Some(columns.iter().map(|column| column[row]).collect());
         }
         (after < run.end).then(|| {
-            let first = row.saturating_sub(1).max(run.start);
-            let end = (row + 3).min(run.end);
-            if end - first == 4 {
-                lagrange(&time_s[first..end], &response.response[first..end], s)
-            } else {
-                lagrange(&time_s[row..row + 2], &response.response[row..row + 2], s)
-            }
+            let cubic = row.saturating_sub(1).max(run.start)..(row + 3).min(run.end);
+            let around = if cubic.len() == 4 { cubic } else { row..row + 2 };
+            columns.iter().map(|column| lagrange(&time_s[around.clone()], &column[around.clone()], s)).collect()
         })
     };
-    let mut merged = Merged { time_s: Vec::new(), command: Vec::new(), response: Vec::new(), left_out: 0, gaps: 0 };
-    let mut push = |s: f64, u: f64, y: f64| {
+    let mut merged = Merged {
+        time_s: Vec::new(),
+        command: Vec::new(),
+        response: Vec::new(),
+        beside: Vec::new(),
+        left_out: 0,
+        gaps: 0,
+    };
+    let mut rows_of: Vec<Vec<f64>> = vec![Vec::new(); columns.len()];
+    let mut push = |s: f64, u: f64, values: Vec<f64>| {
         if merged.time_s.last().is_none_or(|&last| s > last) {
             merged.time_s.push(s);
             merged.command.push(u);
-            merged.response.push(y);
+            rows_of.iter_mut().zip(values).for_each(|(column, value)| column.push(value));
         }
     };
     let mut left_out = 0;
@@ -82,7 +91,7 @@ pub fn merge(
         MergedRows::OfCommand => {
             for (&s, &u) in command.time_s.iter().zip(command.command) {
                 match held_at(s) {
-                    Some(y) => push(s, u, y),
+                    Some(values) => push(s, u, values),
                     None => left_out += 1,
                 }
             }
@@ -92,20 +101,22 @@ pub fn merge(
                 .filter(|&k| command.command[k] != command.command[k - 1])
                 .map(|k| (command.time_s[k], command.command[k]))
                 .peekable();
-            for (&s, &y) in time_s.iter().zip(response.response) {
+            for (row, &s) in time_s.iter().enumerate() {
                 while let Some((at_s, u)) = changes.next_if(|change| change.0 < s) {
-                    if let Some(y) = held_at(at_s) {
-                        push(at_s, u, y);
+                    if let Some(values) = held_at(at_s) {
+                        push(at_s, u, values);
                     }
                 }
                 if (from_s..=to_s).contains(&s) {
-                    push(s, command.at(s), y);
+                    push(s, command.at(s), columns.iter().map(|column| column[row]).collect());
                 } else {
                     left_out += 1;
                 }
             }
         }
     }
+    merged.response = rows_of.remove(0);
+    merged.beside = rows_of;
     merged.left_out = left_out;
     let within = |run: &&std::ops::Range<usize>| (from_s..=to_s).contains(&time_s[run.start]) && run.start > 0;
     merged.gaps = runs.iter().filter(within).count();

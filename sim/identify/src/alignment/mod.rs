@@ -9,6 +9,9 @@
 //! 4. what is left says the color of the noise (`color`), and the fit is done again on whitened rows: maximum likelihood,
 //!    with standard errors that hold for colored noise.
 //!
+//! Where both logs have the response, it is what aligns them, without a lag; delay and skew then come from each second by itself
+//! (`blocks`).
+//!
 //! # What cannot be identified
 //! - **Latency from dead time.** Two logs show the sum of the offset between their clocks, the latency of both paths, the
 //!   ESC's frame (half of one on average) and the actuator's own dead time. [`merge`] takes all of it away, but for what is
@@ -18,6 +21,7 @@
 //!   the residual is in the noise that the interval is made of, the shift is not.
 //! - **One period from the next.** Where a repeated command is cut at both ends, [`AlignmentError::Ambiguous`] says so.
 
+mod blocks;
 mod coarse;
 mod color;
 mod error;
@@ -45,7 +49,8 @@ use coarse::Candidate;
 pub(super) use color::autoregression;
 use color::rows_left;
 pub(super) use color::whiten;
-use problem::{DELAY, GAIN, LAG, MOST_POWERS, Problem};
+use logs::{Drive, DriveKind};
+use problem::{DELAY, GAIN, MOST_POWERS, Problem};
 
 /// Where to search.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,14 +60,20 @@ pub struct AlignmentOptions {
     /// Greatest distance of the delay from `near_s`, either way, seconds; `None`: any at which half of the shorter log is
     /// in common.
     pub within_s: Option<f64>,
-    /// Greatest difference of the clocks' rates, relative; 0 when both logs have one clock.
-    pub max_skew: f64,
+    /// Greatest difference of the clocks' rates, relative, below 0.5; 0 when both logs have one clock. `None`: what the logs allow
+    /// to search, [`MAX_SKEW`] where a command drives a response and [`MAX_SKEW_OF_RESPONSES`] where both have the response.
+    pub max_skew: Option<f64>,
 }
 
+/// More than any oscillator is off by.
+pub const MAX_SKEW: f64 = 5e-3;
+/// More than loggers were seen to be off by that count their rows and not their time: 1 in 12.
+pub const MAX_SKEW_OF_RESPONSES: f64 = 0.12;
+
 impl Default for AlignmentOptions {
-    /// Any delay, and 5000 ppm, more than any oscillator is off by.
+    /// Any delay, and any skew that the logs allow to search.
     fn default() -> Self {
-        Self { near_s: 0.0, within_s: None, max_skew: 5e-3 }
+        Self { near_s: 0.0, within_s: None, max_skew: None }
     }
 }
 
@@ -78,9 +89,10 @@ pub struct Alignment {
     pub skew: Option<Estimate>,
     /// Where the delay is counted: the middle of the rows in common, on the logger's clock, seconds.
     pub reference_s: f64,
-    /// Time constant of the lag that was fitted beside, seconds.
-    pub time_constant_s: Estimate,
-    /// % fit of the lag behind its static polynomial.
+    /// Time constant of the lag that was fitted beside, seconds; `None` where the logs have the response in common, which follows
+    /// itself without one.
+    pub time_constant_s: Option<Estimate>,
+    /// % fit of the lag behind its static polynomial, or of the one response by the other.
     pub fit_percent: f64,
     /// Rows of the response that were used.
     pub rows: usize,
@@ -103,7 +115,7 @@ impl Serialize for Alignment {
         values.serialize_field("skew", &self.skew.map(|skew| skew.value))?;
         values.serialize_field("skew_std", &self.skew.map(|skew| skew.std))?;
         values.serialize_field("skew_interval", &self.skew.map(|skew| skew.interval(0.95)))?;
-        values.serialize_field("time_constant_s", &self.time_constant_s.value)?;
+        values.serialize_field("time_constant_s", &self.time_constant_s.map(|tau| tau.value))?;
         values.serialize_field("fit_percent", &self.fit_percent)?;
         values.serialize_field("rows", &self.rows)?;
         values.serialize_field("gaps", &self.gaps)?;
@@ -116,6 +128,11 @@ impl Serialize for Alignment {
 pub enum AlignmentWarning {
     /// The logs do not tell the clocks' rates apart.
     NoSkew,
+    /// The clocks differ by more than any oscillator is off by, so that one of the logs' times is none.
+    NoClock {
+        /// How much faster the response's clock runs, relative.
+        skew: f64,
+    },
     /// The lag is shorter than the time between rows.
     ShortLag {
         /// Time between rows, seconds.
@@ -129,6 +146,13 @@ impl fmt::Display for AlignmentWarning {
             Self::NoSkew => write!(
                 f,
                 "the skew of the clocks cannot be distinguished from these logs; they were taken to run alike. Record steps near both ends"
+            ),
+            Self::NoClock { skew } => write!(
+                f,
+                "the response's clock is {} by {:.2} %, more than any clock is off by: one of the two logs does not have the time. The \
+                 time constants are those of the command's clock; look which of the two agrees with a watch",
+                if skew > 0.0 { "fast" } else { "slow" },
+                1e2 * skew.abs()
             ),
             Self::ShortLag { row_s } => write!(
                 f,
@@ -174,14 +198,18 @@ pub fn align(
 ) -> Result<Alignment, AlignmentError> {
     command.check()?;
     response.check()?;
-    let candidates = coarse::candidates(command, response, options);
+    let drive = command.drive();
+    let max_skew = options.max_skew.unwrap_or(match drive.kind {
+        DriveKind::Command => MAX_SKEW,
+        DriveKind::Response => MAX_SKEW_OF_RESPONSES,
+    });
+    let candidates = coarse::candidates(command, &drive, response, options, max_skew);
     if candidates.is_empty() {
         return Err(match options.within_s {
             Some(within_s) => AlignmentError::NoOverlap { within_s, near_s: options.near_s },
             None => AlignmentError::NotRelated { log: response.name.into() },
         });
     }
-    let scaled = scaled_command(command.command);
     let parts: Vec<Part> = candidates.iter().map(|c| Part::of(command, response, c)).collect();
     if let Some(rows) = parts.iter().map(|part| part.time_s.len()).max().filter(|&rows| rows < LEAST_ROWS) {
         return Err(AlignmentError::TooShort { log: response.name.into(), rows, needed: LEAST_ROWS });
@@ -192,7 +220,7 @@ pub fn align(
         .zip(&candidates)
         .filter(|(part, _)| part.time_s.len() >= LEAST_ROWS)
         .filter_map(|(part, candidate)| {
-            let problem = part.problem(command, &scaled, options.max_skew > 0.0);
+            let problem = part.problem(command, &drive, max_skew > 0.0);
             let solution = first_look(&problem, part, candidate)?;
             Some((part, problem, solution))
         })
@@ -201,23 +229,23 @@ pub fn align(
     tried.sort_by(|a, b| variance(&a.2).total_cmp(&variance(&b.2)));
     let mut tried = tried.into_iter();
     let (part, mut problem, look) = tried.next().ok_or_else(not_converged)?;
-    let solution = whitened(&mut problem, &look.parameters).ok_or_else(not_converged)?;
+    let solution = refined(&mut problem, &look.parameters).ok_or_else(not_converged)?;
 
     // Of two delays that explain the logs alike neither is the delay.
     for (_, mut rival, look) in tried {
-        let Some(found) = whitened(&mut rival, &look.parameters) else { continue };
+        let Some(found) = refined(&mut rival, &look.parameters) else { continue };
         // Both at the logger's time zero, as the rows in common differ and their middles with them.
         let delay_s = |problem: &Problem<'_>, s: &Solution| {
             s.parameters[DELAY] - problem.skew_of(&s.parameters) * problem.reference_s
         };
         let (first_s, second_s) = (delay_s(&problem, &solution), delay_s(&rival, &found));
-        let apart = (first_s - second_s).abs() > 3.0 * solution.parameters[LAG].exp();
+        let apart = (first_s - second_s).abs() > 3.0 * problem.tau_of(&solution.parameters).max(response.interval_s());
         if apart && rivals::alike((&problem, &solution), (&rival, &found)) {
             let (first_s, second_s) = (solution.parameters[DELAY], found.parameters[DELAY]);
             return Err(AlignmentError::Ambiguous { first_s, second_s });
         }
     }
-    judged(response, options, part, problem, solution)
+    judged(response, options, max_skew, part, problem, solution)
 }
 
 /// The rows in common at a candidate's shift.
@@ -268,33 +296,30 @@ impl Part {
         }
     }
 
-    fn problem<'a>(&'a self, command: &'a CommandLog<'_>, scaled: &'a [f64], skew: bool) -> Problem<'a> {
+    fn problem<'a>(&'a self, command: &'a CommandLog<'_>, drive: &'a Drive, skew: bool) -> Problem<'a> {
         Problem {
             command_time_s: command.time_s,
-            command: scaled,
+            drive: &drive.values,
+            kind: drive.kind,
             time_s: &self.time_s,
             response: &self.response,
             runs: &self.runs,
             start_s: self.start_s,
             reference_s: self.reference_s,
-            powers: powers(scaled),
+            powers: powers(drive),
             skew,
             color: Vec::new(),
         }
     }
 }
 
-/// Commands moved and scaled to -1..1.
-fn scaled_command(command: &[f64]) -> Vec<f64> {
-    let low = command.iter().copied().fold(f64::INFINITY, f64::min);
-    let high = command.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    command.iter().map(|u| (2.0 * u - low - high) / (high - low)).collect()
-}
-
-/// As many powers as the command has levels to tell them, less one for the offset.
-fn powers(scaled: &[f64]) -> usize {
+/// As many powers as the command has levels to tell them, less one for the offset; of a response it is itself.
+fn powers(drive: &Drive) -> usize {
+    if drive.kind == DriveKind::Response {
+        return 1;
+    }
     let mut levels: Vec<f64> = Vec::new();
-    for &v in scaled {
+    for &v in &drive.values {
         if levels.iter().all(|level| (level - v).abs() > 0.02) {
             levels.push(v);
             if levels.len() > MOST_POWERS {
@@ -308,11 +333,14 @@ fn powers(scaled: &[f64]) -> usize {
 /// A few steps from each start; the best of them.
 fn first_look(problem: &Problem<'_>, part: &Part, candidate: &Candidate) -> Option<Solution> {
     let mut best: Option<Solution> = None;
-    for tau_s in STARTS_S {
+    let starts_s = if problem.lag_index().is_some() { &STARTS_S[..] } else { &[0.0] };
+    for &tau_s in starts_s {
         // The correlation peaks at the delay and most of the lag together.
         let mut start = vec![0.0; problem.parameters()];
         start[DELAY] = part.delay_s - 0.7 * tau_s;
-        start[LAG] = tau_s.ln();
+        if let Some(lag) = problem.lag_index() {
+            start[lag] = tau_s.ln();
+        }
         if problem.skew {
             start[problem.skew_index()] = candidate.skew;
         }
@@ -320,7 +348,11 @@ fn first_look(problem: &Problem<'_>, part: &Part, candidate: &Candidate) -> Opti
         let normal = columns.tr_mul(&columns);
         let right = columns.tr_mul(&DVector::from_column_slice(problem.response));
         let linear = normal.svd(true, true).solve(&right, 1e-9).ok()?;
-        start[LAG + 1..LAG + 1 + linear.len()].copy_from_slice(linear.as_slice());
+        let (of_rows, begins) = linear.as_slice().split_at(1 + problem.powers);
+        start[GAIN - 1..GAIN + problem.powers].copy_from_slice(of_rows);
+        if let (Some(lag), Some(begins)) = (problem.lag_index(), begins.first()) {
+            start[lag + 1] = *begins;
+        }
         if let Some(found) = minimize(problem, &start, FIRST_LOOK)
             && best.as_ref().is_none_or(|b| found.sum_of_squares < b.sum_of_squares)
         {
@@ -328,6 +360,15 @@ fn first_look(problem: &Problem<'_>, part: &Part, candidate: &Candidate) -> Opti
         }
     }
     best
+}
+
+/// The best fit of either kind. Two meters of one response differ by spikes and stamps and not by a stationary noise, whose color
+/// would make wrong delays look like right ones: there it is least squares alone.
+fn refined(problem: &mut Problem<'_>, start: &[f64]) -> Option<Solution> {
+    match problem.kind {
+        DriveKind::Command => whitened(problem, start),
+        DriveKind::Response => minimize(problem, start, LIMITS).filter(|solution| solution.converged),
+    }
 }
 
 /// The maximum-likelihood fit: least squares, then twice the color of what is left and least squares on whitened rows.
@@ -363,6 +404,7 @@ fn degrees_of_freedom(problem: &Problem<'_>) -> f64 {
 fn judged(
     response: &ResponseLog<'_>,
     options: &AlignmentOptions,
+    max_skew: f64,
     part: &Part,
     mut problem: Problem<'_>,
     mut solution: Solution,
@@ -373,12 +415,23 @@ fn judged(
         let index = problem.skew_index();
         let std =
             solution.unit_covariance.as_ref().map(|c| (c[(index, index)] * white_variance(&problem, &solution)).sqrt());
-        if std.is_none_or(|std| std > 0.5 * options.max_skew) {
+        if std.is_none_or(|std| std > 0.5 * max_skew) {
+            let mut start = solution.parameters.clone();
+            start.remove(index);
             problem.skew = false;
             warnings.push(AlignmentWarning::NoSkew);
-            let start = solution.parameters[..problem.parameters()].to_vec();
             solution = whitened(&mut problem, &start).ok_or_else(|| AlignmentError::NotConverged { log: log() })?;
         }
+    }
+    let is_response = problem.kind == DriveKind::Response;
+    let line = is_response.then(|| blocks::line(&problem, &solution.parameters)).flatten();
+    match &line {
+        Some(line) => solution.parameters.clone_from(&line.parameters),
+        None if is_response => {
+            let start = solution.parameters.clone();
+            solution = whitened(&mut problem, &start).ok_or_else(|| AlignmentError::NotConverged { log: log() })?;
+        }
+        None => {}
     }
     let dof = degrees_of_freedom(&problem);
     let variance = white_variance(&problem, &solution);
@@ -391,13 +444,21 @@ fn judged(
     if !wald.is_some_and(|wald| wald > RELATED) {
         return Err(AlignmentError::NotRelated { log: log() });
     }
-    let estimate =
-        |index: usize| Estimate { value: solution.parameters[index], std: covariance[(index, index)].sqrt(), dof };
+    let estimate = |index: usize| {
+        let value = solution.parameters[index];
+        match &line {
+            Some(line) if index == DELAY => Estimate { value, std: line.delay_std_s, dof: line.dof },
+            Some(line) => Estimate { value, std: line.skew_std, dof: line.dof },
+            None => Estimate { value, std: covariance[(index, index)].sqrt(), dof },
+        }
+    };
     let mut delay_s = estimate(DELAY);
-    let lag = estimate(LAG);
-    let tau_s = lag.value.exp();
+    let time_constant_s = problem.lag_index().map(|lag| {
+        let (lag, tau_s) = (estimate(lag), solution.parameters[lag].exp());
+        Estimate { value: tau_s, std: tau_s * lag.std, dof }
+    });
     let row_s = response.interval_s();
-    if tau_s < row_s {
+    if time_constant_s.is_some_and(|tau_s| tau_s.value < row_s) {
         warnings.push(AlignmentWarning::ShortLag { row_s });
         delay_s.std = delay_s.std.hypot(row_s / 12f64.sqrt());
     }
@@ -409,8 +470,11 @@ fn judged(
         return Err(AlignmentError::NoOverlap { within_s, near_s });
     }
     let skew = problem.skew.then(|| estimate(problem.skew_index()));
-    if let Some(skew) = skew.filter(|skew| skew.value.abs() > options.max_skew) {
-        return Err(AlignmentError::SkewOutOfRange { ppm: 1e6 * skew.value, limit_ppm: 1e6 * options.max_skew });
+    if let Some(skew) = skew.filter(|skew| skew.value.abs() > max_skew) {
+        return Err(AlignmentError::SkewOutOfRange { ppm: 1e6 * skew.value, limit_ppm: 1e6 * max_skew });
+    }
+    if let Some(skew) = skew.filter(|skew| skew.value.abs() > MAX_SKEW) {
+        warnings.push(AlignmentWarning::NoClock { skew: skew.value });
     }
     let noise_order = problem.color.len();
     problem.color.clear();
@@ -421,7 +485,7 @@ fn judged(
         delay_s,
         skew,
         reference_s: part.reference_s,
-        time_constant_s: Estimate { value: tau_s, std: tau_s * lag.std, dof },
+        time_constant_s,
         fit_percent: fit_percent(&part.response, &modeled).unwrap_or(f64::NEG_INFINITY),
         rows: part.time_s.len(),
         gaps: part.runs.len() - 1,

@@ -10,6 +10,9 @@
 //!
 //! with `v` the command, moved and scaled to -1..1. The last term is the state in which the log begins. A command stands
 //! still from row to row, so all of this is exact at any time, and so are the derivatives.
+//!
+//! Where both logs have the response, there is no lag between the two: `x_1 = v`, the command log's response, straight from row to
+//! row, and the state in which the log begins falls away.
 
 use std::ops::Range;
 
@@ -17,13 +20,13 @@ use nalgebra::DMatrix;
 use rotorlead_numerics::least_squares::Residuals;
 
 use super::color::whiten;
+use super::logs::DriveKind;
 
 pub(super) const DELAY: usize = 0;
-/// The logarithm of the time constant.
-pub(super) const LAG: usize = 1;
-const OFFSET: usize = 2;
-const START: usize = 3;
-pub(super) const GAIN: usize = 4;
+const OFFSET: usize = 1;
+/// The first of the gains. Behind the last are the skew, the logarithm of the time constant, and the state in which the log begins,
+/// each where it is fitted.
+pub(super) const GAIN: usize = 2;
 /// Powers of the command at most.
 pub(super) const MOST_POWERS: usize = 3;
 
@@ -36,8 +39,9 @@ const START_TIE: f64 = 1e-3;
 pub(super) struct Problem<'a> {
     /// Times of the command's rows on its own clock.
     pub(super) command_time_s: &'a [f64],
-    /// Scaled commands.
-    pub(super) command: &'a [f64],
+    /// Scaled commands, or the command log's response.
+    pub(super) drive: &'a [f64],
+    pub(super) kind: DriveKind,
     /// Rows of the response.
     pub(super) time_s: &'a [f64],
     /// Scaled response.
@@ -50,7 +54,7 @@ pub(super) struct Problem<'a> {
     pub(super) reference_s: f64,
     /// Powers of the command, 1 to [`MOST_POWERS`].
     pub(super) powers: usize,
-    /// Whether the skew is the last parameter; else it is zero.
+    /// Whether the skew is fitted; else it is zero.
     pub(super) skew: bool,
     /// Autoregression of the noise.
     pub(super) color: Vec<f64>,
@@ -61,13 +65,14 @@ pub(super) struct Problem<'a> {
 struct State {
     x: [f64; MOST_POWERS],
     by_lag: [f64; MOST_POWERS],
-    /// What it moves toward.
-    to: [f64; MOST_POWERS],
+    /// Its rate, per second.
+    rate: [f64; MOST_POWERS],
 }
 
 impl Problem<'_> {
     pub(super) fn parameters(&self) -> usize {
-        GAIN + self.powers + usize::from(self.skew)
+        let of_lag = if self.kind == DriveKind::Command { 2 } else { 0 };
+        GAIN + self.powers + usize::from(self.skew) + of_lag
     }
 
     /// Index of the skew, where it is fitted.
@@ -75,14 +80,41 @@ impl Problem<'_> {
         GAIN + self.powers
     }
 
+    /// Index of the logarithm of the time constant, where there is a lag; that of the state in which the log begins is the next.
+    pub(super) fn lag_index(&self) -> Option<usize> {
+        (self.kind == DriveKind::Command).then_some(GAIN + self.powers + usize::from(self.skew))
+    }
+
+    /// Time constant in seconds; zero without a lag.
+    pub(super) fn tau_of(&self, p: &[f64]) -> f64 {
+        self.lag_index().map_or(0.0, |lag| p[lag].exp())
+    }
+
     pub(super) fn skew_of(&self, p: &[f64]) -> f64 {
         if self.skew { p[self.skew_index()] } else { 0.0 }
     }
 
-    /// Visits each row with its number, its time on the command's clock and the state there.
-    fn march(&self, p: &[f64], mut visit: impl FnMut(usize, f64, &State)) -> bool {
-        let (skew, tau) = (self.skew_of(p), p[LAG].exp());
-        if !(skew.abs() < 0.5 && tau > 1e-6 && tau < 1e3) {
+    /// Visits each row with its number, its time on the command's clock and the state there; false where the parameters are none.
+    fn march(&self, p: &[f64], visit: impl FnMut(usize, f64, &State)) -> bool {
+        let skew = self.skew_of(p);
+        let times = self.time_s.iter().map(|t| self.reference_s - p[DELAY] + (t - self.reference_s) / (1.0 + skew));
+        match self.lag_index() {
+            _ if skew.abs() >= 0.5 => false,
+            Some(lag) => self.march_lagged(p[lag].exp(), times, visit),
+            None => {
+                self.march_straight(times, visit);
+                true
+            }
+        }
+    }
+
+    fn march_lagged(
+        &self,
+        tau: f64,
+        times: impl Iterator<Item = f64>,
+        mut visit: impl FnMut(usize, f64, &State),
+    ) -> bool {
+        if !(tau > 1e-6 && tau < 1e3) {
             return false;
         }
         let toward = |v: f64| {
@@ -94,34 +126,54 @@ impl Problem<'_> {
             }
             to
         };
-        let mut state = State { to: toward(self.command[0]), ..State::default() };
-        state.x = state.to;
+        let mut to = toward(self.drive[0]);
+        let mut state = State { x: to, ..State::default() };
         let (mut now, mut next) = (self.command_time_s[0], 1);
-        let advance = |state: &mut State, by_s: f64| {
+        let advance = |state: &mut State, to: &[f64; MOST_POWERS], by_s: f64| {
             let h = by_s / tau;
             let decay = (-h).exp();
             for j in 0..self.powers {
-                let excess = state.x[j] - state.to[j];
+                let excess = state.x[j] - to[j];
                 state.by_lag[j] = (state.by_lag[j] + excess * h) * decay;
-                state.x[j] = state.to[j] + excess * decay;
+                state.x[j] = to[j] + excess * decay;
             }
         };
-        for (row, t) in self.time_s.iter().enumerate() {
-            let s = self.reference_s - p[DELAY] + (t - self.reference_s) / (1.0 + skew);
-            while next < self.command.len() && self.command_time_s[next] <= s {
-                advance(&mut state, self.command_time_s[next] - now);
+        for (row, s) in times.enumerate() {
+            while next < self.drive.len() && self.command_time_s[next] <= s {
+                advance(&mut state, &to, self.command_time_s[next] - now);
                 now = self.command_time_s[next];
-                state.to = toward(self.command[next]);
+                to = toward(self.drive[next]);
                 next += 1;
             }
             // Before the log begins nothing has changed yet.
             if s > now {
-                advance(&mut state, s - now);
+                advance(&mut state, &to, s - now);
                 now = s;
+            }
+            for j in 0..self.powers {
+                state.rate[j] = (to[j] - state.x[j]) / tau;
             }
             visit(row, s, &state);
         }
         true
+    }
+
+    fn march_straight(&self, times: impl Iterator<Item = f64>, mut visit: impl FnMut(usize, f64, &State)) {
+        let last = self.drive.len() - 1;
+        let mut next = 1;
+        for (row, s) in times.enumerate() {
+            while next < last && self.command_time_s[next] <= s {
+                next += 1;
+            }
+            let (from_s, to_s) = (self.command_time_s[next - 1], self.command_time_s[next]);
+            let (from, to) = (self.drive[next - 1], self.drive[next]);
+            let rate = (to - from) / (to_s - from_s);
+            let mut state = State::default();
+            // Beyond its ends the log goes on as it is there.
+            state.x[0] = from + rate * (s.clamp(from_s, to_s) - from_s);
+            state.rate[0] = if (from_s..to_s).contains(&s) { rate } else { 0.0 };
+            visit(row, s, &state);
+        }
     }
 
     /// How much of the state in which the log began is left, and its derivative by the logarithm of the time constant.
@@ -131,15 +183,19 @@ impl Problem<'_> {
         (left, left * elapsed)
     }
 
-    /// The columns that the linear parameters multiply, at `p`'s delay, lag and skew; row by row.
+    /// The columns that the linear parameters multiply, at `p`'s delay, lag and skew; row by row. Offset and gains, and last the
+    /// state in which the log begins where there is one.
     pub(super) fn regressors(&self, p: &[f64]) -> Option<DMatrix<f64>> {
-        let mut columns = DMatrix::zeros(self.time_s.len(), 2 + self.powers);
-        let tau = p[LAG].exp();
+        let start = self.lag_index().map(|_| 1 + self.powers);
+        let mut columns = DMatrix::zeros(self.time_s.len(), 1 + self.powers + usize::from(start.is_some()));
+        let tau = self.tau_of(p);
         self.march(p, |row, s, state| {
             columns[(row, 0)] = 1.0;
-            columns[(row, 1)] = self.start(s, tau).0;
             for j in 0..self.powers {
-                columns[(row, 2 + j)] = state.x[j];
+                columns[(row, 1 + j)] = state.x[j];
+            }
+            if let Some(start) = start {
+                columns[(row, start)] = self.start(s, tau).0;
             }
         })
         .then_some(columns)
@@ -149,37 +205,44 @@ impl Problem<'_> {
 impl Residuals for Problem<'_> {
     /// The rows, and the tie of the state in which the log begins.
     fn count(&self) -> usize {
-        self.time_s.len() + 1
+        self.time_s.len() + usize::from(self.lag_index().is_some())
     }
 
     fn evaluate(&self, p: &[f64], out: &mut [f64]) -> bool {
-        let tau = p[LAG].exp();
+        let tau = self.tau_of(p);
+        let begins = self.lag_index().map(|lag| p[lag + 1]);
         let ok = self.march(p, |row, s, state| {
             let moved: f64 = state.x[..self.powers].iter().zip(&p[GAIN..]).map(|(x, g)| g * x).sum();
-            out[row] = p[OFFSET] + p[START] * self.start(s, tau).0 + moved - self.response[row];
+            let begun = begins.map_or(0.0, |begins| begins * self.start(s, tau).0);
+            out[row] = p[OFFSET] + begun + moved - self.response[row];
         });
         whiten(out, self.runs, &self.color);
-        out[self.time_s.len()] = START_TIE * p[START];
+        if let Some(begins) = begins {
+            out[self.time_s.len()] = START_TIE * begins;
+        }
         ok
     }
 
     fn jacobian(&self, p: &[f64], out: &mut DMatrix<f64>) -> bool {
         out.fill(0.0);
-        let (tau, rate) = (p[LAG].exp(), 1.0 + self.skew_of(p));
+        let (tau, rate) = (self.tau_of(p), 1.0 + self.skew_of(p));
         let ok = self.march(p, |row, s, state| {
-            let (left, left_by_lag) = self.start(s, tau);
-            let fading = if s > self.start_s { -p[START] * left / tau } else { 0.0 };
-            let (mut slope, mut by_lag) = (fading, p[START] * left_by_lag);
+            let (mut slope, mut by_lag) = (0.0, 0.0);
             for j in 0..self.powers {
                 let gain = p[GAIN + j];
-                slope += gain * (state.to[j] - state.x[j]) / tau;
+                slope += gain * state.rate[j];
                 by_lag += gain * state.by_lag[j];
                 out[(row, GAIN + j)] = state.x[j];
             }
+            if let Some(lag) = self.lag_index() {
+                let begins = p[lag + 1];
+                let (left, left_by_lag) = self.start(s, tau);
+                slope += if s > self.start_s { -begins * left / tau } else { 0.0 };
+                out[(row, lag)] = by_lag + begins * left_by_lag;
+                out[(row, lag + 1)] = left;
+            }
             out[(row, DELAY)] = -slope;
-            out[(row, LAG)] = by_lag;
             out[(row, OFFSET)] = 1.0;
-            out[(row, START)] = left;
             if self.skew {
                 out[(row, self.skew_index())] = -slope * (self.time_s[row] - self.reference_s) / (rate * rate);
             }
@@ -187,7 +250,9 @@ impl Residuals for Problem<'_> {
         for mut column in out.column_iter_mut() {
             whiten(column.as_mut_slice(), self.runs, &self.color);
         }
-        out[(self.time_s.len(), START)] = START_TIE;
+        if let Some(lag) = self.lag_index() {
+            out[(self.time_s.len(), lag + 1)] = START_TIE;
+        }
         ok
     }
 }
@@ -202,9 +267,10 @@ mod tests {
         let command = [-1.0, 0.3, 1.0, -0.4, 0.7];
         let time_s: Vec<f64> = (0..90).map(|k| 0.0107 * f64::from(k)).collect();
         let response = vec![0.0; 90];
-        let problem = Problem {
+        let lagged = Problem {
             command_time_s: &command_time_s,
-            command: &command,
+            drive: &command,
+            kind: DriveKind::Command,
             time_s: &time_s,
             response: &response,
             runs: &[0..40, 40..90],
@@ -214,17 +280,24 @@ mod tests {
             skew: true,
             color: vec![0.6, -0.2],
         };
-        let p = [0.0123, (0.07f64).ln(), 0.4, 0.2, 1.1, -0.3, 0.15, 0.002];
-        let mut exact = DMatrix::zeros(91, p.len());
-        assert!(problem.jacobian(&p, &mut exact));
-        let (mut ahead, mut behind) = (vec![0.0; 91], vec![0.0; 91]);
+        check(&lagged, &[0.0123, 0.4, 1.1, -0.3, 0.15, 0.002, (0.07f64).ln(), 0.2]);
+        let straight = Problem { kind: DriveKind::Response, powers: 1, ..lagged };
+        check(&straight, &[0.0123, 0.4, 1.1, 0.002]);
+    }
+
+    fn check(problem: &Problem<'_>, p: &[f64]) {
+        assert_eq!(p.len(), problem.parameters());
+        let rows = problem.count();
+        let mut exact = DMatrix::zeros(rows, p.len());
+        assert!(problem.jacobian(p, &mut exact));
+        let (mut ahead, mut behind) = (vec![0.0; rows], vec![0.0; rows]);
         for j in 0..p.len() {
             let h = 1e-7;
-            let (mut high, mut low) = (p, p);
+            let (mut high, mut low) = (p.to_vec(), p.to_vec());
             high[j] += h;
             low[j] -= h;
             assert!(problem.evaluate(&high, &mut ahead) && problem.evaluate(&low, &mut behind));
-            for row in 0..91 {
+            for row in 0..rows {
                 let difference = (ahead[row] - behind[row]) / (2.0 * h);
                 assert!((difference - exact[(row, j)]).abs() < 1e-6, "{row} {j}: {difference} {}", exact[(row, j)]);
             }

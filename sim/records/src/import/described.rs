@@ -16,7 +16,7 @@ pub(super) struct Described {
     pub(super) excitation: Excitation,
     pub(super) period_s: Option<f64>,
     pub(super) nominal: f64,
-    pub(super) amplitude: f64,
+    pub(super) amplitude: Option<f64>,
     /// The same in words, where it is not what every log of its format is.
     pub(super) note: Option<String>,
 }
@@ -39,7 +39,8 @@ impl Taken {
         }
         let columns = [&mut self.time_s, &mut self.command].into_iter();
         let optional = [&mut self.thrust_n, &mut self.rpm, &mut self.voltage_v, &mut self.current_a];
-        for column in columns.chain(optional.into_iter().flatten()) {
+        let is_there = |column: &&mut Vec<f64>| !column.is_empty();
+        for column in columns.chain(optional.into_iter().flatten()).filter(is_there) {
             column.truncate(end);
             column.drain(..first);
         }
@@ -54,6 +55,9 @@ impl Taken {
     /// What the command is, as stated and as its rows say.
     pub(super) fn described(&self, options: &ImportOptions) -> Result<Described, ImportError> {
         let file = || self.summary.file.clone();
+        if options.without_command {
+            return Ok(self.apart(options));
+        }
         let low = self.command.iter().copied().fold(f64::INFINITY, f64::min);
         let high = self.command.iter().copied().fold(0.0, f64::max);
         // A folder of it could not be written: a record says how far its command moves.
@@ -74,7 +78,22 @@ impl Taken {
         let note =
             format!("{}{period}, nominal {nominal:.3} ({how}), amplitude {amplitude:.3} ({extent})", excitation.name());
         let is_usual = options.excitation.is_none() && options.nominal.is_none() && options.amplitude.is_none();
+        let amplitude = Some(amplitude);
         Ok(Described { excitation, period_s, nominal, amplitude, note: (!is_usual).then_some(note) })
+    }
+
+    /// What is stated of a command that is in another log.
+    fn apart(&self, options: &ImportOptions) -> Described {
+        let excitation = options.excitation.or(self.usual).unwrap_or(Excitation::Staircase);
+        Described {
+            excitation,
+            period_s: options.period_s.filter(|_| excitation.is_periodic()),
+            nominal: options.nominal.unwrap_or(0.0),
+            amplitude: options.amplitude,
+            note: Some(String::from(
+                "taken without a command, as one that was logged apart: `rotorlead identify --align LOG` merges the two",
+            )),
+        }
     }
 
     /// The command around which a record was run, and how it was found.

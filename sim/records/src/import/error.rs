@@ -238,8 +238,8 @@ pub enum ImportError {
     /// The command is blank throughout.
     #[error("{}, column `{column}`: empty in all {rows} rows, so the log does not have the command", file.display())]
     #[diagnostic(help(
-        "record with the output switched on; where the command was logged apart, `rotorlead identify --align LOG` merges it with \
-         the response, whose experiment then needs no column `command`"
+        "record with the output switched on; where the command was logged apart, `--no-command` takes the log without it, and \
+         `rotorlead identify --align LOG` merges the two"
     ))]
     NoCommand {
         /// The log.

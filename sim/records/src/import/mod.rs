@@ -55,6 +55,8 @@ pub struct ImportOptions {
     pub seconds: Option<(f64, f64)>,
     /// Which column is the response, where the log has both.
     pub output: Option<Output>,
+    /// Whether the command was logged apart, so that none is taken of this log.
+    pub without_command: bool,
     /// Whether the mean thrust of the motor at rest is subtracted: a stand that was not set to zero.
     pub tare: bool,
     /// What drove the command. A plain table needs it, unless its rows are steady points; other logs are staircases where absent.
@@ -76,6 +78,7 @@ impl Default for ImportOptions {
             log: None,
             columns: Vec::new(),
             output: None,
+            without_command: false,
             tare: false,
             seconds: None,
             excitation: None,
@@ -178,6 +181,9 @@ struct Taken {
 
 impl Taken {
     fn into_import(mut self, file: &Path, options: &ImportOptions) -> Result<Import, ImportError> {
+        if options.without_command {
+            self.command.clear();
+        }
         self.cut(options)?;
         self.check_response(options)?;
         self.tare(options)?;
@@ -190,7 +196,7 @@ impl Taken {
             nominal,
             excitation,
             period_s,
-            amplitude: Some(amplitude),
+            amplitude,
             compensated: false,
             compensator: None,
             role: None,

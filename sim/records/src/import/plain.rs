@@ -41,8 +41,7 @@ pub(super) fn take_table(mut plain: PlainTable<'_>, options: &ImportOptions) -> 
     let is_stand = rcbenchmark::is_header(&plain.table.header);
     let mut notes = take(&mut plain.notes);
     let mut list = ColumnList::new(&plain.table);
-    let needs_time = options.excitation != Some(Excitation::Steady);
-    let picks = Picks::of(&plain, &options.columns, needs_time, &mut list)?;
+    let picks = Picks::of(&plain, options, &mut list)?;
     let places: Vec<usize> = picks.all().map(|pick| pick.column).collect();
     notes.extend(plain.table.settle_commas(&places)?.map(String::from));
     let table = &plain.table;
@@ -54,7 +53,7 @@ pub(super) fn take_table(mut plain: PlainTable<'_>, options: &ImportOptions) -> 
         table,
         first: 0,
         time: values(picks.time).unwrap_or_default(),
-        command: values(Some(picks.command)).unwrap_or_default(),
+        command: values(picks.command).unwrap_or_default(),
         thrust: values(picks.thrust),
         speed: values(picks.speed),
         voltage: values(picks.voltage),
@@ -62,9 +61,12 @@ pub(super) fn take_table(mut plain: PlainTable<'_>, options: &ImportOptions) -> 
         dropped: Vec::new(),
         reordered: 0,
     };
-    let rows_read = rows.command.len();
-    rows.cut_to_the_command(picks.command)?;
-    let command_note = rows.normalize_command(picks.command, options, &mut notes)?;
+    let rows_read = rows.time.len().max(rows.command.len());
+    let mut command_note = String::new();
+    if let Some(command) = picks.command {
+        rows.cut_to_the_command(command)?;
+        command_note = rows.normalize_command(command, options, &mut notes)?;
+    }
     for (pick, values) in [
         (picks.thrust, &mut rows.thrust),
         (picks.speed, &mut rows.speed),
@@ -89,7 +91,7 @@ pub(super) fn take_table(mut plain: PlainTable<'_>, options: &ImportOptions) -> 
     notes.extend(note);
     rows.leave_out_blanks(&needed);
     rows.leave_out_repeated();
-    let count = rows.command.len();
+    let count = rows.time.len();
     let least = if is_steady { MIN_STEADY_POINTS } else { MIN_ROWS };
     if count < least {
         return Err(ImportError::TooFewRows { file: table.file.clone(), rows: count, needed: least });
@@ -98,7 +100,9 @@ pub(super) fn take_table(mut plain: PlainTable<'_>, options: &ImportOptions) -> 
     if let Some(time) = picks.time {
         list.taken(time.column, Quantity::Time.column(), format!("{}, from the first row taken", time.unit.name));
     }
-    list.taken(picks.command.column, Quantity::Command.column(), command_note);
+    if let Some(command) = picks.command {
+        list.taken(command.column, Quantity::Command.column(), command_note);
+    }
     let span = rows.time.last().copied().unwrap_or(0.0);
     let mut complete = |pick: Option<Pick>, values: &mut Option<Vec<f64>>| {
         let (Some(pick), Some(found)) = (pick, values.as_ref()) else { return None };
@@ -149,7 +153,7 @@ pub(super) fn take_table(mut plain: PlainTable<'_>, options: &ImportOptions) -> 
             columns: list.into_vec(),
             dropped: rows.dropped,
             timing: timing(&rows.time, rows.reordered),
-            pulse_widths: picks.command.unit.scale == Scale::Pulse,
+            pulse_widths: picks.command.is_some_and(|command| command.unit.scale == Scale::Pulse),
             notes,
         },
         usual: match (is_steady, is_stand) {

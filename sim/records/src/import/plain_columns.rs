@@ -4,11 +4,12 @@
 //! taken. What numbers look like is looked at in two places: a command without a unit whose numbers can be DShot's alone is
 //! taken as that, and of several columns of one quantity one that never moves is not taken.
 
-use super::ImportError;
 use super::plain_layout::PlainTable;
 use super::quantity::{ColumnChoice, DSHOT, Quantity, Scale, Unit};
 use super::summary::ColumnList;
 use super::table::{Reading, seconds_since_midnight};
+use super::{ImportError, ImportOptions};
+use crate::Excitation;
 
 /// Above this a whole number from below [`LEAST_PULSE_US`] is one of DShot: percents end at 100, pulses of OneShot125 at 250, and
 /// ten bits at 1023.
@@ -41,7 +42,8 @@ impl Pick {
 pub(super) struct Picks {
     /// `None` where it is not needed.
     pub(super) time: Option<Pick>,
-    pub(super) command: Pick,
+    /// `None` where it was logged apart.
+    pub(super) command: Option<Pick>,
     pub(super) thrust: Option<Pick>,
     pub(super) speed: Option<Pick>,
     pub(super) voltage: Option<Pick>,
@@ -49,14 +51,15 @@ pub(super) struct Picks {
 }
 
 impl Picks {
-    /// What is stated in `choices`, and the rest from the names; `list` learns why columns are left. Steady points need no time.
+    /// What is stated, and the rest from the names; `list` learns why columns are left. Steady points need no time, and a log whose
+    /// command is elsewhere none of that.
     pub(super) fn of(
         plain: &PlainTable<'_>,
-        choices: &[ColumnChoice],
-        needs_time: bool,
+        options: &ImportOptions,
         list: &mut ColumnList,
     ) -> Result<Self, ImportError> {
-        let of = |quantity| find(plain, quantity, choices);
+        let needs_time = options.excitation != Some(Excitation::Steady);
+        let of = |quantity| find(plain, quantity, &options.columns);
         let mut questions = Vec::new();
         let mut need = |found, asks: &str, quantity| match found {
             Found::Pick(pick) => Some(pick),
@@ -73,7 +76,10 @@ impl Picks {
             Found::Nothing if !needs_time => None,
             found => need(found, "time", Quantity::Time),
         };
-        let command = need(of(Quantity::Command)?, "command", Quantity::Command);
+        let command = match options.without_command {
+            true => None,
+            false => need(of(Quantity::Command)?, "command", Quantity::Command),
+        };
         let (thrust, speed) = match (of(Quantity::Thrust)?, of(Quantity::Speed)?) {
             (Found::Nothing, Found::Nothing) => {
                 (need(Found::Nothing, "thrust, and none the rpm", Quantity::Thrust), None)
@@ -82,9 +88,9 @@ impl Picks {
             (thrust, speed) => (need(thrust, "", Quantity::Thrust), speed.pick()),
         };
         let (voltage, current) = (of(Quantity::Voltage)?.pick(), of(Quantity::Current)?.pick());
-        let (Some(command), true) = (command, questions.is_empty()) else {
+        if !questions.is_empty() {
             return Err(ask(plain, &questions));
-        };
+        }
         let picks = Self { time, command, thrust, speed, voltage, current };
         picks.say_why_others_are_left(plain, list);
         Ok(picks)
@@ -92,7 +98,7 @@ impl Picks {
 
     /// Every column that may be taken.
     pub(super) fn all(&self) -> impl Iterator<Item = Pick> {
-        [self.time, Some(self.command), self.thrust, self.speed, self.voltage, self.current].into_iter().flatten()
+        [self.time, self.command, self.thrust, self.speed, self.voltage, self.current].into_iter().flatten()
     }
 
     fn say_why_others_are_left(&self, plain: &PlainTable<'_>, list: &mut ColumnList) {
@@ -149,7 +155,8 @@ impl Question {
                 Some(". Where each row is a steady point, `--excitation steady` needs no time")
             }
             Quantity::Command if is_missing => Some(
-                ". Where the command was logged apart, `rotorlead identify --align LOG` merges it with the response",
+                ". Where the command was logged apart, `--no-command` takes the log without it, and `rotorlead identify --align \
+                 LOG` merges the two",
             ),
             _ => None,
         }
