@@ -137,6 +137,7 @@ impl Identify {
                 let mut aligned = self.align.read(&self.experiment)?;
                 if let Some(output) = self.output {
                     aligned.experiment.output = output.into();
+                    check_output(&aligned.experiment)?;
                 }
                 let long = transform(&aligned.experiment, &aligned.long).wrap_err_with(nothing)?;
                 let options = IdentifyOptions { delay_level, stand: stand.as_ref(), long: &long };
@@ -216,6 +217,17 @@ impl Identify {
         };
         Ok(Outcome::new(text, &values).with_detail(detail))
     }
+}
+
+/// Refuses a response that is asked for and was not taken.
+fn check_output(experiment: &Experiment) -> Result<(), WrongUse> {
+    let column = experiment.output.column();
+    experiment.records.iter().find(|record| record.response(experiment.output).is_none()).map_or(Ok(()), |record| {
+        let message = format!("--output asks for `{column}`, and `{}` has no such column", record.file);
+        let remedy = "leave --output out, or take the other response of the log with `rotorlead import --output`: where it is slower \
+                      than the one that was taken, rows without it are left out";
+        Err(WrongUse::new(message, remedy))
+    })
 }
 
 /// That no stand is divided out of steps is said of the option.

@@ -16,6 +16,8 @@ use super::figure::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
 const FROM_RAD_S: f64 = 0.63;
 /// Highest drawn of a chain without measurement, rad/s.
 const TO_RAD_S: f64 = 1000.0;
+/// Lowest phase drawn of a chain without measurement, degrees.
+const LOWEST_PHASE_DEG: f64 = -360.0;
 
 /// The level that defines a bandwidth.
 fn levels() -> [(&'static str, f64); 1] {
@@ -46,7 +48,9 @@ pub fn compensator(design: &LeadDesign) -> Figure {
 pub fn simulated(model: &Model, lead: &LeadParameters) -> Figure {
     let curves = model.points.iter().enumerate().flat_map(|(index, point)| {
         let (group, color) = (format!("u_nom {}", point.nominal), Color::nth(index));
-        let lag = |omega: f64| 1.0 / Complex64::new(1.0, omega * point.time_constant_s);
+        let lag = |omega: f64| {
+            Complex64::from_polar(1.0, -omega * point.delay_s) / Complex64::new(1.0, omega * point.time_constant_s)
+        };
         let ends = (FROM_RAD_S, TO_RAD_S);
         let with = |omega: f64| lag(omega) * lead.response(omega);
         [
@@ -54,12 +58,18 @@ pub fn simulated(model: &Model, lead: &LeadParameters) -> Figure {
             Curve::of_model(format!("{group}, with"), Mark::Line, color, ends, with).under(&group),
         ]
     });
+    let mut panels = bode(&curves.collect::<Vec<_>>(), "dB over the static gain", &levels());
+    // A dead time turns without end, and nothing is controlled there.
+    for phase in panels.iter_mut().skip(1).flat_map(|panel| &mut panel.series) {
+        phase.points.retain(|(_, degrees)| *degrees > LOWEST_PHASE_DEG);
+    }
     Figure::new(
         FigureKind::SimulatedResponse,
         "Response of the model over its static gain: broken without, full with the compensator",
         "Broken lines are without, full lines with the compensator. The bandwidth is where a curve first passes -3 dB. A curve that \
-         runs along that line has a bandwidth that a tenth of a decibel moves far. Dead times are left out.",
-        bode(&curves.collect::<Vec<_>>(), "dB over the static gain", &levels()),
+         runs along that line has a bandwidth that a tenth of a decibel moves far. The phase has the model's dead time in it, which no \
+         compensator takes out.",
+        panels,
     )
 }
 
@@ -135,9 +145,10 @@ fn same(found: &PeriodicIdentification, nominal: f64) -> Option<&NominalIdentifi
     found.nominals.iter().find(near).filter(|one| one.responses.iter().any(|response| !response.compensated))
 }
 
-/// Bandwidth against nominal command: predicted, and measured where records say it.
+/// Bandwidth against nominal command: predicted, and measured where records say it. `None` where that is one command, of which the
+/// table says as much.
 #[must_use]
-pub fn bandwidths(points: &[BandwidthPoint], measured: &[MeasuredBandwidth]) -> Figure {
+pub fn bandwidths(points: &[BandwidthPoint], measured: &[MeasuredBandwidth]) -> Option<Figure> {
     let predicted = |of: fn(&BandwidthPoint) -> Bandwidth| -> Vec<(f64, f64)> {
         points.iter().filter_map(|point| Some((point.nominal, of(point).rad_s()?))).collect()
     };
@@ -171,21 +182,28 @@ pub fn bandwidths(points: &[BandwidthPoint], measured: &[MeasuredBandwidth]) -> 
         series.push(Series::new(format!("{name}, 95 % interval"), color, Mark::Line, intervals).under(name));
     }
     series.retain(|series| !series.points.is_empty());
-    let panel = Panel::new(Axis::nominal(), Axis::bandwidth(), series);
-    Figure::new(
-        FigureKind::Bandwidth,
-        "Bandwidth against nominal command",
-        "The compensator's zero is at the fastest pole: the slower a level, the sooner it has fallen by 3 dB, and the less it gains.",
-        vec![Panel { height: 360, ..panel }],
-    )
+    let (low, high) = series
+        .iter()
+        .flat_map(|series| &series.points)
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), (nominal, _)| (low.min(*nominal), high.max(*nominal)));
+    (low < high).then(|| {
+        let panel = Panel::new(Axis::nominal(), Axis::bandwidth(), series);
+        Figure::new(
+            FigureKind::Bandwidth,
+            "Bandwidth against nominal command",
+            "The compensator's zero is at the fastest pole: the slower a level, the sooner it has fallen by 3 dB, and the less it \
+             gains.",
+            vec![Panel { height: 360, ..panel }],
+        )
+    })
 }
 
 /// Bandwidth against nominal command with effects present: of small deviations, and of sinusoids of `amplitude` through the
-/// whole chain.
+/// whole chain. `None` as for [`bandwidths`].
 #[must_use]
-pub fn redesigned(points: &[RedesignPoint], amplitude: f64) -> Figure {
+pub fn redesigned(points: &[RedesignPoint], amplitude: f64) -> Option<Figure> {
     let small: Vec<BandwidthPoint> = points.iter().map(|point| point.small).collect();
-    let mut figure = bandwidths(&small, &[]);
+    let mut figure = bandwidths(&small, &[])?;
     let chain = points.iter().filter_map(|point| Some((point.small.nominal, point.chain.magnitude.rad_s()?))).collect();
     let name = format!("with compensator, sinusoids of {amplitude} duty");
     figure.panels[0].series.push(Series::new(name, Color::Green, Mark::Dashes, chain));
@@ -193,5 +211,5 @@ pub fn redesigned(points: &[RedesignPoint], amplitude: f64) -> Figure {
     figure.caption = "Where the broken line of sinusoids through the whole chain falls below that of small deviations, the actuator's \
                       limits take what the compensator asks for."
         .to_owned();
-    figure
+    Some(figure)
 }

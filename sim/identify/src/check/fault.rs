@@ -14,8 +14,7 @@ pub enum RecordFault {
         if *count == 1 { String::from("one gap") } else { format!("{count} gaps, the longest") }
     )]
     #[diagnostic(help(
-        "cut the record at its gaps, or record again: nothing is filled in. A multisine or a chirp needs every row; steps are \
-         fitted around gaps where experiment.toml states no `sample_rate_hz`"
+        "cut the record at its gaps, or record again: nothing is filled in, and a multisine or a chirp needs every row"
     ))]
     Gaps {
         /// The record.

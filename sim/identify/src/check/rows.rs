@@ -109,9 +109,11 @@ pub fn of_lag(record: &Record, points: &[Point]) -> Option<Finding> {
 /// Gaps, uneven rows and slow ones. Slow rows are none where the times are in another unit.
 fn sampling(record: &Record, is_in_seconds: bool, add: &mut impl FnMut(Topic, Option<usize>, &dyn Diagnostic)) {
     let file = || record.file.clone();
-    let (gaps, _) = rows_after_gaps(&record.time_s);
-    let interval = |row: usize| record.time_s[row] - record.time_s[row - 1];
     let needs_every_row = matches!(record.excitation, Excitation::Multisine | Excitation::Chirp);
+    let interval = |row: usize| record.time_s[row] - record.time_s[row - 1];
+    // Steps are fitted around gaps, and the fit says what they cost.
+    let is_of_steps = matches!(record.excitation, Excitation::Step | Excitation::Staircase);
+    let gaps = if is_of_steps { Vec::new() } else { rows_after_gaps(&record.time_s).0 };
     if let Some(&longest) = gaps.iter().max_by(|a, b| interval(**a).total_cmp(&interval(**b))) {
         let (row, longest_s) = (longest + 1, interval(longest));
         let fault = RecordFault::Gaps { file: file(), count: gaps.len(), row, longest_s };

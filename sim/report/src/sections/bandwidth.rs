@@ -25,5 +25,6 @@ pub fn bandwidth_section(points: &[BandwidthPoint], phases: &[ChainPhase], measu
     if !measured.is_empty() {
         tables.push(measured_table(measured));
     }
-    Section { text, tables, figures: vec![bandwidths(points, measured)], ..Section::new("bandwidth", "Bandwidth") }
+    let figures = bandwidths(points, measured).into_iter().collect();
+    Section { text, tables, figures, ..Section::new("bandwidth", "Bandwidth") }
 }

@@ -19,7 +19,7 @@ pub fn redesign_sections(redesign: &Redesign, model: &Model, amplitude: f64, tex
         tables.push(Table { name: "weaker_redesign".to_owned(), caption, ..table });
     }
     tables.extend(limits(&full.points));
-    let figures = vec![redesigned(&full.points, amplitude)];
+    let figures = redesigned(&full.points, amplitude).into_iter().collect();
     let mut sections = vec![Section { text, tables, figures, ..Section::new("redesign", "Redesign") }];
     if !redesign.is_refused() {
         sections.push(design_section(&full.design, model));
