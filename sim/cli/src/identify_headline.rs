@@ -44,7 +44,13 @@ fn of_steps(fit: &StaircaseFit) -> String {
             format!("{} (95 %: {})", lags.join(", "), ranges.join(" and "))
         }
     };
-    let delay = format!("dead time {:.0} ms ({})", 1e3 * fit.delay_s.value, range_ms(fit.delay_s.interval(0.95)));
+    let (low, high) = fit.delay_s.interval(0.95);
+    let most_ms = (1e3 * high).round();
+    let delay = if fit.delay_s.value <= 0.0 && most_ms >= 0.0 {
+        format!("no dead time ({:.0} ms at most)", most_ms.max(0.0))
+    } else {
+        format!("dead time {:.0} ms ({})", 1e3 * fit.delay_s.value, range_ms((low, high)))
+    };
     format!("{lag}, {delay}, fit {:.1} % of a possible {:.1} %", fit.fit_percent, fit.ceiling_percent)
 }
 

@@ -181,8 +181,14 @@ impl fmt::Display for StepsWarning {
             }
             Self::Gaps { count, longest_s, steps } => write!(
                 f,
-                "{count} gaps in the log, the longest {longest_s:.3} s: nothing was interpolated through them, and {steps} steps \
-                 whose command or response falls in one were left out. Log to a faster disk or at a lower rate"
+                "{} in the log, the longest {longest_s:.3} s: nothing was interpolated through them, and {} left out because \
+                 command or response falls in one. Log to a faster disk or at a lower rate",
+                counted(*count, "gap"),
+                match steps {
+                    0 => String::from("no step was"),
+                    1 => String::from("one step was"),
+                    _ => format!("{steps} steps were"),
+                }
             ),
             Self::NotSettled { count, of, least, needed_s } => write!(
                 f,
@@ -196,8 +202,9 @@ impl fmt::Display for StepsWarning {
             ),
             Self::Beyond { count, range: (low, high) } => write!(
                 f,
-                "{count} levels have no point in the model: steps with a known lag lead to commands from {low:.3} to \
-                 {high:.3} only. Begin the staircase one level lower and end it one level higher, or repeat the steps at its ends"
+                "{} no point in the model: steps with a known lag lead to commands from {low:.3} to {high:.3} only. Begin the \
+                 staircase one level lower and end it one level higher, or repeat the steps at its ends",
+                if *count == 1 { String::from("one level has") } else { format!("{count} levels have") }
             ),
             Self::Asymmetric { ratio } => write!(
                 f,
@@ -216,4 +223,9 @@ impl fmt::Display for StepsWarning {
             ),
         }
     }
+}
+
+/// "1 gap", "2 gaps".
+fn counted(count: usize, what: &str) -> String {
+    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }
