@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use miette::{IntoDiagnostic as _, WrapErr as _};
-use rotorlead_diagnose::{Decision, Diagnosis, NEEDS_STEADY_START, Options, Verdict, diagnose, fill_in_esc_commands};
+use rotorlead_diagnose::{Diagnosis, NEEDS_STEADY_START, Options, Verdict, diagnose, fill_in_esc_commands};
 use rotorlead_plant::{Catalog, Model};
 use rotorlead_records::Experiment;
 use rotorlead_records::files::{check_writable, write_file};
@@ -157,12 +157,10 @@ pub(super) fn verdict(found: &Diagnosis) -> String {
     }
 }
 
-/// What became of each kind that was tried on logs, those that were added first.
+/// What became of each kind that was tried on logs.
 fn decisions(found: &Diagnosis) -> String {
-    let mut order: Vec<&Decision> = found.decisions.iter().collect();
-    order.sort_by_key(|decision| !decision.is_added);
     let mut lines = vec!["Effects tried, with the log likelihood gained on training and held-out steps".to_owned()];
-    lines.extend(order.into_iter().map(|decision| {
+    lines.extend(found.decisions.iter().map(|decision| {
         let ids: Vec<&str> = decision.beside.iter().map(|kind| kind.id).collect();
         let beside = if ids.is_empty() { String::new() } else { format!(" beside {}", ids.join(", ")) };
         let gains = match (decision.held_out_gain, decision.score) {
@@ -171,14 +169,7 @@ fn decisions(found: &Diagnosis) -> String {
             }
             _ => format!("{:+.1} training", decision.fitted_gain),
         };
-        let outcome = match decision.is_added {
-            true => "added: passes every test".to_owned(),
-            false if decision.failed.is_empty() => {
-                "not added: passes every test, but another one comes first".to_owned()
-            }
-            false => format!("not added. Fails {}", decision.failed.join("; ")),
-        };
-        let text = format!("  {}{beside}: {gains}; {outcome}", decision.kind.id);
+        let text = format!("  {}{beside}: {gains}; {}", decision.kind.id, decision.outcome());
         wrapped(&text, WIDTH, "    ")
     }));
     lines.join("\n")
@@ -226,13 +217,8 @@ fn words(found: &Diagnosis) -> String {
     }
     for cut in found.cut.iter().filter(|cut| !cut.is_empty()) {
         line(format!("\n{}", wrapped(&format!("Rows not compared of {cut}"), WIDTH, "  ")));
-        if cut.stalled_steps > 0 {
-            let text = format!(
-                "{}: the log stands still during {} of {} steps, for longer than the step takes to begin. Of these only the levels are \
-                 compared, and how late they begin at least: what a log reads when it goes on is old. Find out why it stalls",
-                cut.file, cut.stalled_steps, cut.steps
-            );
-            line(wrapped(&text, WIDTH, "  "));
+        if let Some(stalls) = cut.stalls() {
+            line(wrapped(&stalls, WIDTH, "  "));
         }
     }
     if found.has_free_map {

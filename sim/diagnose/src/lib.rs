@@ -357,8 +357,9 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     })
 }
 
-/// What became of each kind in the end: where no explanation was accepted, nothing was added.
+/// What became of each kind in the end, those that were added first: where no explanation was accepted, nothing was added.
 fn decided(mut decisions: Vec<Decision>, verdict: Verdict, left: Option<[[f64; 2]; 2]>) -> Vec<Decision> {
+    decisions.sort_by_key(|decision| !decision.is_added);
     if verdict != Verdict::Unknown {
         return decisions;
     }

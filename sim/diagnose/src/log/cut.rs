@@ -61,6 +61,18 @@ impl CutRows {
     pub fn is_empty(&self) -> bool {
         self.start + self.end + self.spikes + self.after_gaps + self.limited == 0
     }
+
+    /// Of how many steps the log shows nothing but the level, and why; `None` where it shows all.
+    #[must_use]
+    pub fn stalls(&self) -> Option<String> {
+        (self.stalled_steps > 0).then(|| {
+            format!(
+                "{}: the log stands still during {} of {} steps, for longer than the step takes to begin. Of these only the levels are \
+                 compared, and how late they begin at least: what a log reads when it goes on is old. Find out why it stalls",
+                self.file, self.stalled_steps, self.steps
+            )
+        })
+    }
 }
 
 impl fmt::Display for CutRows {

@@ -133,6 +133,16 @@ pub struct Decision {
 }
 
 impl Decision {
+    /// What became of it, in words.
+    #[must_use]
+    pub fn outcome(&self) -> String {
+        match self.is_added {
+            true => "added: passes every test".to_owned(),
+            false if self.failed.is_empty() => "not added: passes every test, but another one comes first".to_owned(),
+            false => format!("not added. Fails {}", self.failed.join("; ")),
+        }
+    }
+
     /// That of a kind that was tried to the end.
     fn of(tried: &Tried, beside: &[&'static Kind], failed: Vec<String>) -> Self {
         Self {

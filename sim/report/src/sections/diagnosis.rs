@@ -1,6 +1,8 @@
 //! What a diagnosis found.
 
-use rotorlead_diagnose::{Axis, Diagnosis, Gap, Location, NEEDS_STEADY_START, NamedEffect, TriedKind, Verdict};
+use rotorlead_diagnose::{
+    Axis, CutRows, Decision, Diagnosis, Gap, Location, NEEDS_STEADY_START, NamedEffect, TriedKind, Verdict,
+};
 use rotorlead_identify::Estimate;
 use rotorlead_plant::Point;
 use rotorlead_plant::effect::{Kind, Parameter};
@@ -51,6 +53,11 @@ pub fn diagnosis_section(found: &Diagnosis, verdict: Option<&str>) -> Section {
         text.push(NEEDS_STEADY_START.to_owned());
     }
     text.extend(found.weak_evidence.iter().map(ToString::to_string));
+    text.extend(found.lateness.iter().map(ToString::to_string));
+    for cut in found.cut.iter().filter(|cut| !cut.is_empty()) {
+        text.push(format!("Rows not compared of {cut}."));
+    }
+    text.extend(found.cut.iter().filter_map(CutRows::stalls));
     for out in &found.left_out {
         text.push(format!("Not compared: {}: {}", out.file, out.reason));
     }
@@ -68,6 +75,9 @@ pub fn diagnosis_section(found: &Diagnosis, verdict: Option<&str>) -> Section {
     }
     if !found.tried.is_empty() {
         tables.push(tried(&found.tried));
+    }
+    if !found.decisions.is_empty() && found.verdict != Verdict::Agrees {
+        tables.push(decisions(&found.decisions));
     }
     let figures = diagnosis_figures(found);
     Section { text, tables, figures, ..Section::new("diagnosis", "Diagnosis") }
@@ -230,6 +240,34 @@ fn effects(effects: &[NamedEffect]) -> Table {
             Column::new("alternatives", "cannot be distinguished from", ""),
         ],
         rows: effects.iter().map(row).collect(),
+    }
+}
+
+/// What became of each kind that was tried on logs, and why.
+fn decisions(decisions: &[Decision]) -> Table {
+    let row = |decision: &Decision| {
+        let beside: Vec<&str> = decision.beside.iter().map(|kind| kind.id).collect();
+        vec![
+            Cell::text(decision.kind.id),
+            Cell::text(beside.join(", ")),
+            Cell::number(decision.fitted_gain, 1),
+            Cell::optional(decision.held_out_gain, 1),
+            Cell::optional(decision.score, 1),
+            Cell::text(decision.outcome()),
+        ]
+    };
+    Table {
+        name: "decisions".to_owned(),
+        caption: "Kinds tried in turn on steps: log likelihood gained, and what became of each".to_owned(),
+        columns: vec![
+            Column::new("kind", "kind", ""),
+            Column::new("beside", "beside", ""),
+            Column::new("fitted_gain", "on training steps", ""),
+            Column::new("held_out_gain", "on held-out steps", ""),
+            Column::new("score", "score", "both, less what the search gains by chance"),
+            Column::new("outcome", "outcome", ""),
+        ],
+        rows: decisions.iter().map(row).collect(),
     }
 }
 
