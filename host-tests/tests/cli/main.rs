@@ -13,6 +13,7 @@ mod interrupted;
 mod latency;
 mod new;
 mod output;
+mod report_of_steps;
 mod stand;
 mod terminal;
 mod two_logs;

@@ -13,7 +13,7 @@ use rotorlead_identify::design::{
 use rotorlead_identify::{
     Finding, Identification, IdentifyOptions, MeasuredBandwidth, RecordValidation, Topic, identify, validate,
 };
-use rotorlead_plant::{ActiveEffect, Catalog, Model};
+use rotorlead_plant::{ActiveEffect, Catalog, Effect, Model};
 use rotorlead_records::{Experiment, LongRecord};
 
 use crate::bandwidth::RESAMPLES;
@@ -22,6 +22,8 @@ use crate::{diagnose as diagnosis, progress, redesign as command};
 
 /// Where the bootstrap of measured bandwidths starts.
 const SEED: u64 = 1;
+/// The effect that is part of a point too.
+const DEAD_TIME: &str = "transport_delay";
 
 /// What came of one part: a result, or why there is none.
 pub(super) type Part<T> = Result<T, String>;
@@ -107,26 +109,40 @@ impl Parts {
             findings.retain(|finding| finding.topic != Topic::GoodnessOfFit);
         }
         bar.set_message("designing");
-        let target = match &diagnosed {
-            Some(Ok(found)) if found.verdict != Verdict::Agrees => &found.model,
-            _ => &model,
+        let lacking = match &diagnosed {
+            Some(Ok(found)) if found.verdict != Verdict::Agrees => Some(found),
+            _ => None,
         };
-        let lowered_omega_g_rad_s = lowered(target);
+        let is_of_steps = identified.as_ref().is_ok_and(|identified| identified.lags.in_time().is_some());
+        let extended = lacking.map(|found| if is_of_steps { with_effects(&model, found) } else { found.model.clone() });
+        let lowered_omega_g_rad_s = lowered(extended.as_ref().unwrap_or(&model));
         let mut options = DesignOptions::default();
         options.omega_g_rad_s = lowered_omega_g_rad_s.unwrap_or(options.omega_g_rad_s);
         let designed = if findings.iter().any(Finding::is_grave) {
             Err("the numbers of the records are in doubt, and a compensator would rest on them".to_owned())
         } else {
-            match &diagnosed {
-                Some(Ok(found)) if found.verdict != Verdict::Agrees => {
-                    designed_with_effects(found, options, experiment)
+            match lacking.zip(extended) {
+                Some((found, extended)) => {
+                    let with_effects = designed_with_effects(found, extended, options, experiment);
+                    match with_effects {
+                        // Lags of steps have in them what the effects do to a step, and would have it twice.
+                        Ok(Designed { remarks, .. }) if is_of_steps => {
+                            designed(&model, options).map(|designed| Designed { remarks, ..designed })
+                        }
+                        with_effects => with_effects,
+                    }
                 }
-                _ => designed(&model, options),
+                None => designed(&model, options),
             }
         };
         bar.finish_and_clear();
         let identified = identified.map_err(|error| said(&error));
         Ok(Self { identified, model, validated, designed, lowered_omega_g_rad_s, measured, diagnosed, findings })
+    }
+
+    /// Whether the lags are those of steps.
+    pub fn is_of_steps(&self) -> bool {
+        self.identified.as_ref().is_ok_and(|identified| identified.lags.in_time().is_some())
     }
 
     /// What a diagnosis found to be missing.
@@ -152,20 +168,32 @@ fn designed(model: &Model, options: DesignOptions) -> Part<Designed> {
     Ok(Designed { design, points, phases, model: model.clone(), remarks: Vec::new() })
 }
 
+/// A model of steps with what was missing in it, which says whether a lead is of use at all. Its lags are those of each level, where a
+/// diagnosis of steps has one for all, and its dead time is theirs.
+fn with_effects(model: &Model, found: &Diagnosis) -> Model {
+    let is_known = |effect: &&Effect| effect.kind != DEAD_TIME || model.points.iter().all(|point| point.delay_s == 0.0);
+    Model { effects: found.model.effects.iter().filter(is_known).cloned().collect(), ..model.clone() }
+}
+
 /// For the model with what was missing in it; none where it would ask for more than the actuator follows.
-fn designed_with_effects(found: &Diagnosis, design: DesignOptions, experiment: &Experiment) -> Part<Designed> {
+fn designed_with_effects(
+    found: &Diagnosis,
+    model: Model,
+    design: DesignOptions,
+    experiment: &Experiment,
+) -> Part<Designed> {
     let options = RedesignOptions { design, amplitude: PAPER_AMPLITUDE, esc_frame_hz: experiment.esc_frame_hz };
-    let redesigned = redesign(&found.model, &options, &|| ()).map_err(|error| said(&error.into()))?;
+    let redesigned = redesign(&model, &options, &|| ()).map_err(|error| said(&error.into()))?;
     let remarks = command::notes(found, &redesigned);
     if let Some(refusal) = command::refusals(&redesigned).last() {
         let reasons = std::iter::once(refusal).chain(&remarks).map(|reason| reason.trim_end_matches('.'));
         return Err(reasons.collect::<Vec<_>>().join(". "));
     }
-    let effects = ActiveEffect::of_model(&found.model).map_err(|error| said(&error.into()))?;
+    let effects = ActiveEffect::of_model(&model).map_err(|error| said(&error.into()))?;
     let design = redesigned.full.design;
     let points: Vec<_> = redesigned.full.points.into_iter().map(|point| point.small).collect();
-    let phases = phases(&found.model, &effects, &design, &points);
-    Ok(Designed { design, points, phases, model: found.model.clone(), remarks })
+    let phases = phases(&model, &effects, &design, &points);
+    Ok(Designed { design, points, phases, model, remarks })
 }
 
 fn phases(model: &Model, effects: &[ActiveEffect], design: &LeadDesign, points: &[BandwidthPoint]) -> Vec<ChainPhase> {

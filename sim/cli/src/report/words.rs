@@ -59,7 +59,7 @@ impl Parts {
         match &self.designed {
             Ok(Designed { design, points, phases, model, remarks }) => {
                 let mut compensator = design_section(design, model);
-                if self.missing().is_some() {
+                if self.missing().is_some() && !self.is_of_steps() {
                     compensator.text.insert(0, "For the model that the diagnosis has extended.".to_owned());
                 }
                 if let Some(omega_g) = self.lowered_omega_g_rad_s {
@@ -96,7 +96,8 @@ impl Parts {
         if let Some(Ok(found)) = &self.diagnosed {
             verdicts.push(Verdict::new(diagnosis_tone(found.verdict), diagnosed(found)).with(sizes(found)));
         }
-        match self.missing() {
+        // A diagnosis of steps has one lag for all levels, beside which those of each level stay.
+        match self.missing().filter(|_| !self.is_of_steps()) {
             Some(found) => {
                 let lags = format!("With that in the model: {}.", report_pages::lags(&found.model));
                 verdicts.push(report_pages::warned(Verdict::new(Tone::Plain, lags), warnings));
@@ -173,7 +174,8 @@ impl Parts {
         let judged = given.map(|_| format!(" --model {model}")).unwrap_or_default();
         let omega_g = self.lowered_omega_g_rad_s.map(|omega_g| format!(" --omega-g {omega_g:.1}")).unwrap_or_default();
         let (extended, compensated) = (" --out-model improved.toml", " --redesign --out-compensator compensator.toml");
-        if self.missing().is_some() {
+        // Steps have their lags level by level, which the compensator is designed for with or without effects.
+        if self.missing().is_some() && !self.is_of_steps() {
             commands.push(format!("rotorlead diagnose {folder}{judged}{extended}{compensated}{omega_g}"));
             return commands;
         }

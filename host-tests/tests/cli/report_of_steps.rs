@@ -1,0 +1,34 @@
+//! What a report says of logs of real motors, beside what the single commands say.
+
+use crate::stand::Stand;
+
+/// `identify`, `design`, `bandwidth` and `report` have one set of numbers, whatever the diagnosis finds beside it.
+#[test]
+fn a_report_on_steps_has_the_numbers_of_the_single_commands() {
+    for log in ["Log_2019-11-09_181347.csv", "so_v5_2023-12-13_130935.csv"] {
+        let Some(file) = host_tests::real_log(log) else { return };
+        let stand = Stand::new();
+        stand.run(&format!("import {} --out log", file.display()));
+        stand.run("identify log --out m.toml");
+        let bandwidth = stand.json("bandwidth --model m.toml");
+        let extent = |key: &str| {
+            let values = bandwidth["points"].as_array().unwrap().iter().filter_map(|point| point[key].as_f64());
+            values.fold((f64::INFINITY, 0.0), |(low, high): (f64, f64), value| (low.min(value), high.max(value)))
+        };
+        let (without, with) = (extent("uncompensated_rad_s"), extent("compensated_rad_s"));
+        stand.run("report log --out r.html --json r.json");
+        let report: serde_json::Value = serde_json::from_str(&stand.read("r.json")).unwrap();
+        let said = report["sentences"].to_string();
+        let expected = format!(
+            "Predicted bandwidth: {:.1} to {:.1} rad/s without, {:.1} to {:.1} rad/s with the compensator.",
+            without.0, without.1, with.0, with.1
+        );
+        assert!(said.contains(&expected), "no `{expected}` in {said}");
+        assert_eq!(report["points"], stand.json("identify log --out again.toml")["points"]);
+        // The diagnosis names something, and its one lag for all levels stands beside them nowhere.
+        assert_ne!(report["diagnosis"], "agrees", "{report:#}");
+        assert!(!said.contains("With that in the model"), "{said}");
+        let page = stand.read("r.html");
+        assert!(page.contains("Kinds tried in turn on steps") && page.contains("Whose delay"), "{log}");
+    }
+}
