@@ -132,10 +132,10 @@ impl Problem<'_> {
         let advance = |state: &mut State, to: &[f64; MOST_POWERS], by_s: f64| {
             let h = by_s / tau;
             let decay = (-h).exp();
-            for j in 0..self.powers {
-                let excess = state.x[j] - to[j];
-                state.by_lag[j] = (state.by_lag[j] + excess * h) * decay;
-                state.x[j] = to[j] + excess * decay;
+            for ((x, by_lag), to) in state.x.iter_mut().zip(&mut state.by_lag).zip(to).take(self.powers) {
+                let excess = *x - to;
+                *by_lag = (*by_lag + excess * h) * decay;
+                *x = to + excess * decay;
             }
         };
         for (row, s) in times.enumerate() {
@@ -150,8 +150,8 @@ impl Problem<'_> {
                 advance(&mut state, &to, s - now);
                 now = s;
             }
-            for j in 0..self.powers {
-                state.rate[j] = (to[j] - state.x[j]) / tau;
+            for ((rate, x), to) in state.rate.iter_mut().zip(&state.x).zip(&to).take(self.powers) {
+                *rate = (to - x) / tau;
             }
             visit(row, s, &state);
         }

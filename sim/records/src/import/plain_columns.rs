@@ -455,7 +455,8 @@ mod tests {
         let plain = plain(&text);
         let choices: Vec<ColumnChoice> = choices.iter().map(|choice| choice.parse().unwrap()).collect();
         let mut list = ColumnList::new(&plain.table);
-        let picks = Picks::of(&plain, &choices, true, &mut list)?;
+        let options = ImportOptions { columns: choices, ..ImportOptions::default() };
+        let picks = Picks::of(&plain, &options, &mut list)?;
         let show = |pick: Pick| {
             let sign = if pick.is_reversed { "-" } else { "" };
             format!("{} {}: {sign}{}", pick.unit.quantity.name(), plain.table.header[pick.column], pick.unit.name)
