@@ -32,3 +32,18 @@ fn a_report_on_steps_has_the_numbers_of_the_single_commands() {
         assert!(page.contains("Kinds tried in turn on steps") && page.contains("Whose delay"), "{log}");
     }
 }
+
+#[test]
+fn a_report_on_a_table_of_averages_has_its_static_map_and_says_what_cannot_be_known() {
+    let Some(file) = host_tests::real_log("so_v5_steps_2024-02-06_103903.csv") else { return };
+    let stand = Stand::new();
+    stand.run(&format!("import {} --out log", file.display()));
+    stand.run("report log --out r.html --json r.json");
+    let report: serde_json::Value = serde_json::from_str(&stand.read("r.json")).unwrap();
+    assert_eq!(report["points"], serde_json::json!([]));
+    for part in ["validation", "compensator", "diagnosis"] {
+        assert!(report["left_out"][part].is_string(), "{part}: {report:#}");
+    }
+    assert!(report["left_out"]["validation"].to_string().contains("a static map alone"), "{report:#}");
+    assert!(stand.read("r.html").contains("Static map"));
+}

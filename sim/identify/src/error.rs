@@ -246,6 +246,10 @@ pub enum IdentifyError {
         /// The experiment's response.
         experiment: &'static str,
     },
+    /// The model has a static map and no lag.
+    #[error("the model has a static map alone: nothing is known of its lag")]
+    #[diagnostic(help("record a staircase and identify a model from it"))]
+    NoPoints,
     /// A compensated record does not say what the ESC got.
     #[error("{file}: compensated, but without a column `esc_command`")]
     #[diagnostic(help("record the command after the compensator as esc_command"))]

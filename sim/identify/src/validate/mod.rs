@@ -179,6 +179,9 @@ pub struct ComparedRow {
 /// ```
 pub fn validate(experiment: &Experiment, model: &Model) -> Result<Vec<RecordValidation>, IdentifyError> {
     same_output(experiment, model)?;
+    if model.points.is_empty() {
+        return Err(IdentifyError::NoPoints);
+    }
     experiment.records.iter().map(|record| Judge { experiment, model, record }.validation()).collect()
 }
 
