@@ -85,6 +85,7 @@ pub mod controller;
 pub mod design;
 pub mod esc_output;
 pub mod excitation;
+pub mod inverse;
 #[cfg(feature = "link")]
 pub mod link;
 #[cfg(feature = "settings")]

@@ -5,12 +5,14 @@
 
 mod check;
 mod error;
+mod inverse;
 mod lead;
 mod recurrence;
 mod tustin;
 
 pub use check::DesignCheck;
 pub use error::DesignError;
+pub use inverse::{CurvePoint, InverseDesign, InverseError, LARGEST_ROUNDING_ERROR, ReferenceModel};
 pub use lead::LeadParameters;
 pub use tustin::LeadDesign;
 
