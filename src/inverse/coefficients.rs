@@ -37,11 +37,11 @@ struct Gain {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum TableError {
     /// `g` is at most 1/2: `h` does not fit its format.
-    TooLow { index: usize },
+    GainTooLow { index: usize },
     /// `g` is at least 512, and does not fit its format.
-    TooHigh { index: usize },
+    GainTooHigh { index: usize },
     /// `g` differs from that of the next point by more than a factor of 1.25.
-    TooSteep { index: usize },
+    StepTooLarge { index: usize },
 }
 
 impl Coefficients {
@@ -51,16 +51,16 @@ impl Coefficients {
         let mut table = [Gain::default(); TABLE_POINTS];
         for (index, (point, &gain)) in table.iter_mut().zip(&gains).enumerate() {
             if gain <= 1 << (GAIN_BITS - 1) {
-                return Err(TableError::TooLow { index });
+                return Err(TableError::GainTooLow { index });
             }
-            let g = i32::try_from(gain).map_err(|_| TableError::TooHigh { index })?;
+            let g = i32::try_from(gain).map_err(|_| TableError::GainTooHigh { index })?;
             let one = 1_i64 << (COEFFICIENT_BITS + GAIN_BITS);
             // At most 2^31 - 1: the least gain is a step above 1/2.
             *point = Gain { g, h: ((one + gain / 2) / gain) as i32 };
         }
         for (index, (&gain, &next)) in gains.iter().zip(gains.iter().skip(1)).enumerate() {
             if 4 * gain > 5 * next || 4 * next > 5 * gain {
-                return Err(TableError::TooSteep { index });
+                return Err(TableError::StepTooLarge { index });
             }
         }
         Ok(Self { a, b, table })
@@ -119,5 +119,46 @@ impl Interval {
     #[inline]
     fn between(&self, low: i32, high: i32) -> i32 {
         low + shift_rounded::<FRACTION_SHIFT>(product(high - low, self.fraction)) as i32
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LOWEST: i64 = (1 << (GAIN_BITS - 1)) + 1;
+    const HIGHEST: i64 = i32::MAX as i64;
+
+    fn table(gains: [i64; TABLE_POINTS]) -> Result<Coefficients, TableError> {
+        Coefficients::new(1 << 20, 1 << 21, gains)
+    }
+
+    #[test]
+    fn a_table_is_refused_at_the_first_gain_out_of_range() {
+        let with = |gain| core::array::from_fn(|i| if i == 7 { gain } else { 1 << GAIN_BITS });
+        assert_eq!(table([LOWEST - 1; TABLE_POINTS]), Err(TableError::GainTooLow { index: 0 }));
+        assert_eq!(table([HIGHEST + 1; TABLE_POINTS]), Err(TableError::GainTooHigh { index: 0 }));
+        assert_eq!(table(with(i64::MAX)), Err(TableError::GainTooHigh { index: 7 }));
+        assert_eq!(table(with(i64::MIN)), Err(TableError::GainTooLow { index: 7 }));
+        assert_eq!(table(with((5 << GAIN_BITS) / 4 + 1)), Err(TableError::StepTooLarge { index: 6 }));
+        assert!(table(with((5 << GAIN_BITS) / 4)).is_ok());
+        assert!(table([LOWEST; TABLE_POINTS]).is_ok() && table([HIGHEST; TABLE_POINTS]).is_ok());
+    }
+
+    /// Their product is what keeps the conditioning within 64 bits.
+    #[test]
+    fn g_and_h_are_inverse_at_the_points_and_within_a_part_in_80_between() {
+        for low in [LOWEST, 4 << GAIN_BITS, HIGHEST / 5 * 4] {
+            let coefficients = table(core::array::from_fn(|i| low + low / 4 * (i as i64 % 2))).unwrap();
+            for v in (0..=1 << FRACTION_BITS).step_by(1 << 16) {
+                let place = coefficients.at(v);
+                let product = product(place.g(), place.h()) as f64 / (1_u64 << (GAIN_BITS + COEFFICIENT_BITS)) as f64;
+                assert!((0.999_999..1.0126).contains(&product), "{product} at {v}");
+                if v % (1 << FRACTION_SHIFT) == 0 {
+                    assert!(product < 1.000_001, "{product} at {v}");
+                    assert_eq!(place.g(), coefficients.gains()[(v >> FRACTION_SHIFT) as usize]);
+                }
+            }
+        }
     }
 }

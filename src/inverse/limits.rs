@@ -79,3 +79,19 @@ impl Limits {
         Throttle::from_bits(bits).clamp_in_order(low.max(self.min), high.min(self.max))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ends_are_rounded_to_the_step_and_the_slew_is_in_steps() {
+        let command = Command::saturating_from_bits;
+        let limits = Limits::new(command((5 << STEP_SHIFT) + 4095), command((9 << STEP_SHIFT) + 4096), 3).unwrap();
+        assert_eq!((limits.min().to_bits(), limits.max().to_bits()), (5 << STEP_SHIFT, 10 << STEP_SHIFT));
+        assert_eq!(limits.slew_per_tick(), 3 << STEP_SHIFT);
+        assert_eq!(Limits::new(Command::ZERO, Command::ONE, u32::MAX).unwrap().slew_per_tick(), Command::ONE.to_bits());
+        assert_eq!(Limits::new(Command::ONE, Command::ZERO, 1), None);
+        assert_eq!(Limits::new(Command::ZERO, Command::ONE, 0), None);
+    }
+}

@@ -59,8 +59,6 @@ mod coefficients;
 mod fixed_point;
 mod limits;
 mod recurrence;
-#[cfg(test)]
-mod tests;
 
 pub(crate) use coefficients::TableError;
 pub use coefficients::{COEFFICIENT_BITS, Coefficients, GAIN_BITS, TABLE_POINTS};

@@ -106,3 +106,91 @@ impl ConditionedInverse {
         &self.limits
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::TABLE_POINTS;
+    use super::*;
+    use std::vec::Vec;
+
+    const ONE: i32 = Command::ONE.to_bits();
+
+    /// Coefficients at the ends of their ranges: the lowest and highest `A`, `B` and `g`, and the steepest tables.
+    fn extreme_coefficients() -> Vec<Coefficients> {
+        let (lowest, highest) = ((1_i64 << (GAIN_BITS - 1)) + 1, i64::from(i32::MAX));
+        let zigzag = |low: i64| core::array::from_fn(|i| if i % 2 == 0 { low } else { low * 5 / 4 });
+        let tables: [[i64; TABLE_POINTS]; 4] =
+            [[lowest; TABLE_POINTS], [highest; TABLE_POINTS], zigzag(lowest), zigzag(highest / 5 * 4)];
+        let one = 1 << COEFFICIENT_BITS;
+        let mut all = Vec::new();
+        for a in [1, one / 2 - 1] {
+            for b in [1, one] {
+                all.extend(tables.iter().map(|table| Coefficients::new(a, b, *table).unwrap()));
+            }
+        }
+        all
+    }
+
+    fn extreme_limits() -> Vec<Limits> {
+        let ranges = [(Command::ZERO, Command::ONE), (Command::ZERO, Command::ZERO), (Command::ONE, Command::ONE)];
+        let slews = [1, Limits::UNLIMITED_STEPS];
+        slews.iter().flat_map(|&slew| ranges.map(|(min, max)| Limits::new(min, max, slew).unwrap())).collect()
+    }
+
+    /// Tests run with overflow checks: a sum that overflows panics.
+    #[test]
+    fn nothing_overflows_from_any_state() {
+        let commands = [0, 1, (1 << 24) - 1, 1 << 24, ONE / 2 + 4095, ONE - 1, ONE].map(Command::saturating_from_bits);
+        let pairs = commands.iter().flat_map(|v| commands.map(|u| (*v, u)));
+        let states: Vec<_> = pairs.flat_map(|(v, u)| commands.map(|input| [v, u, input])).collect();
+        for coefficients in extreme_coefficients() {
+            for limits in extreme_limits() {
+                for x in [i32::MIN, i32::MIN + 1, -ONE, -1, 0, 1, ONE, i32::MAX] {
+                    for [v, u, input] in &states {
+                        let (v, u) = (limits.confined(v.to_bits()), limits.nearest_output(*u));
+                        let mut inverse = ConditionedInverse { limits, v, x, u };
+                        for _ in 0..4 {
+                            let output = inverse.update(&coefficients, *input);
+                            assert!((limits.min()..=limits.max()).contains(&output));
+                            assert!((limits.min()..=limits.max()).contains(&inverse.rotor_state()));
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// The bound of `docs/inverse.md`: from rest `x` stays under 2.05, and so 4 is never reached.
+    #[test]
+    fn the_increment_stays_within_its_format() {
+        let mut random = 1_u64;
+        for coefficients in extreme_coefficients() {
+            for limits in extreme_limits() {
+                let mut inverse = ConditionedInverse::at_rest(limits, Command::ZERO);
+                for tick in 0..2000 {
+                    random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                    let input = [0, ONE, (random >> 34) as i32 & (ONE - 1)][(random >> 32) as usize % 3];
+                    // First held until it saturates, then at random.
+                    let input = if tick < 1000 { ONE * ((tick / 250) % 2) } else { input };
+                    inverse.update(&coefficients, Command::saturating_from_bits(input));
+                    assert!(f64::from(inverse.x).abs() <= 2.05 * f64::from(ONE), "{}", inverse.x);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn at_rest_it_passes_the_command_rounded_and_confined() {
+        let [coefficients, ..] = extreme_coefficients()[..] else { panic!("no coefficients") };
+        let command = Command::saturating_from_f64;
+        let limits = Limits::new(command(0.25), command(0.75), 1).unwrap();
+        for (level, output) in [(0.0, 0.25), (0.5 + 3e-6, 0.5), (0.5 + 1e-5, 0.5 + 1.0 / 65_536.0), (1.0, 0.75)] {
+            let mut inverse = ConditionedInverse::at_rest(limits, Command::ONE);
+            inverse.reset(command(level));
+            for _ in 0..10 {
+                assert_eq!(inverse.update(&coefficients, command(level)), command(output));
+                assert_eq!((inverse.rotor_state(), inverse.x), (command(output), 0));
+            }
+        }
+    }
+}

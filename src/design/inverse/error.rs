@@ -87,14 +87,15 @@ pub enum InverseError {
 
 impl InverseError {
     /// The table's own error, in terms of the rotor.
-    pub(super) fn of_table(error: TableError, poles_rad_s: &[f64; TABLE_POINTS], omega_f_rad_s: f64) -> Self {
+    pub(super) fn of_table(error: TableError, poles_rad_s: &[f64; TABLE_POINTS]) -> Self {
         let tau_s = |index: usize| poles_rad_s.get(index).map_or(0.0, |pole| 1.0 / pole);
-        let (TableError::TooLow { index } | TableError::TooHigh { index } | TableError::TooSteep { index }) = error;
+        let (TableError::GainTooLow { index } | TableError::GainTooHigh { index } | TableError::StepTooLarge { index }) =
+            error;
         let (command, tau_s, next_tau_s) = (table_command(index), tau_s(index), tau_s(index + 1));
         match error {
-            TableError::TooLow { .. } => Self::RotorTooFast { command, tau_s, min_omega_f_rad_s: 0.5 / tau_s },
-            TableError::TooHigh { .. } => Self::RotorTooSlow { command, tau_s, max_omega_f_rad_s: 512.0 / tau_s },
-            TableError::TooSteep { .. } => Self::CurveTooSteep { command, tau_s, next_tau_s },
+            TableError::GainTooLow { .. } => Self::RotorTooFast { command, tau_s, min_omega_f_rad_s: 0.5 / tau_s },
+            TableError::GainTooHigh { .. } => Self::RotorTooSlow { command, tau_s, max_omega_f_rad_s: 512.0 / tau_s },
+            TableError::StepTooLarge { .. } => Self::CurveTooSteep { command, tau_s, next_tau_s },
         }
     }
 }

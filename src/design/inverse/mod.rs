@@ -47,7 +47,7 @@ impl InverseDesign {
         let poles_rad_s = curve::expanded(curve)?;
         let gains = poles_rad_s.map(|pole| rint(a / -expm1(-pole / loop_rate_hz) * FORMAT_G) as i64);
         let coefficients = Coefficients::new(rint(a * FORMAT_A) as i32, rint(b * FORMAT_A) as i32, gains)
-            .map_err(|error| InverseError::of_table(error, &poles_rad_s, reference.omega_f_rad_s))?;
+            .map_err(|error| InverseError::of_table(error, &poles_rad_s))?;
         let rounding_error = rounding::checked_error(&coefficients)?;
         Ok(Self { reference, loop_rate_hz, coefficients, rounding_error })
     }

@@ -27,7 +27,7 @@ impl ReferenceModel {
     ///
     /// Its characteristic polynomial is `z^2 - (2 - B - A^2) z + 1 - B`, so `1 - B` is the product of the poles and `A^2`
     /// that of their distances from 1: `A^2 = (1 - E)^2 + 4 E sin^2(omega_d T / 2)`, a form without cancellation.
-    pub fn discrete(&self, loop_rate_hz: f64) -> Result<Discrete, DesignError> {
+    pub(super) fn discrete(&self, loop_rate_hz: f64) -> Result<Discrete, DesignError> {
         let omega_f_rad_s = within("omega_f_rad_s", self.omega_f_rad_s, FREQUENCY_RANGE_RAD_S)?;
         let damping = within("damping", self.damping, DAMPING_RANGE)?;
         let max_rad_s = FASTEST_POLE_RAD * loop_rate_hz;
