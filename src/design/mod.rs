@@ -1,4 +1,5 @@
-//! From identified motors to the compensator: C(s), its discrete image, and the checks that a design must pass.
+//! From identified motors to the compensator: C(s), its discrete image, and the checks that a design must pass. Also from
+//! a rotor's curve of time constants to the conditioned inverse ([`InverseDesign`]).
 //!
 //! Equation numbers are those of the paper. Everything here is `f64` with `libm`, in a fixed order of operations, so
 //! that a controller that computes its coefficients at start-up gets those of the host, bit for bit.

@@ -64,7 +64,7 @@ pub enum InverseError {
     },
     /// Rounding could keep the steady output from its reference.
     RoundingTooLarge {
-        /// The command of the table at which it could.
+        /// The command of the table at which the rotor is slowest.
         command: f64,
         /// Largest bound allowed on the error, in steps of 2^-29.
         max: f64,
@@ -138,8 +138,8 @@ impl fmt::Display for InverseError {
             ),
             Self::RoundingTooLarge { command, max } => write!(
                 f,
-                "rounding could move the steady output at command {command:.4} by more than {max} steps of 2^-29, half a step \
-                 of the output: lower loop_rate_hz"
+                "rounding could move the steady output by more than {max} steps of 2^-29, half a step of the output, where the \
+                 rotor is slowest, at command {command:.4}: lower loop_rate_hz"
             ),
             Self::LimitsCrossed { min, max } => {
                 write!(f, "min is {:.4}, above max, {:.4}: exchange them", min.to_f64(), max.to_f64())

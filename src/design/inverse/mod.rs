@@ -86,7 +86,7 @@ impl InverseDesign {
         &self.coefficients
     }
 
-    /// Bound on the error of the steady output by rounding, before it is rounded to its own step, in steps of 2^-29; at
+    /// Bound on the error of `v` and `u*` at rest by rounding, in steps of 2^-29; at
     /// most [`LARGEST_ROUNDING_ERROR`].
     #[must_use]
     pub const fn rounding_error(&self) -> f64 {

@@ -13,28 +13,29 @@ pub const LARGEST_ROUNDING_ERROR: f64 = (1_u32 << (FRACTION_BITS - OUTPUT_BITS -
 /// The impulse responses are summed until the state is this small, relative to the impulse.
 const RESPONSE_END: f64 = 1e-9;
 
-/// The bound over the whole table; the error when it is too large.
+/// The bound over the whole table, for `v` as for `u*`; the error when it is too large.
 ///
-/// It is half the L1 gain from both rounding errors to `u*`. For a gain `g` that is `sum |d[n] + g x[n]|`, a convex
-/// function of `g`, so over the table it is largest at the lowest or highest `g`.
+/// It is half the L1 gain from both rounding errors to `d + g x`, which is `u* - r` at the gain `g`, and `v - r` at 0. The
+/// gain `sum |d[n] + g x[n]|` is a convex function of `g`, so it is largest at 0 or at the highest `g`.
 pub(super) fn checked_error(coefficients: &Coefficients) -> Result<f64, InverseError> {
     let gains = coefficients.gains();
-    let mut worst = 0.0;
-    let ends = [gains.iter().enumerate().min_by_key(|(_, g)| **g), gains.iter().enumerate().max_by_key(|(_, g)| **g)];
-    for (index, &gain) in ends.into_iter().flatten() {
-        let error = rounding_error(coefficients, f64::from(gain) / FORMAT_G);
-        if error > LARGEST_ROUNDING_ERROR {
-            return Err(InverseError::RoundingTooLarge { command: table_command(index), max: LARGEST_ROUNDING_ERROR });
-        }
-        if error > worst {
-            worst = error;
+    let (mut slowest, mut highest) = (0, 0);
+    for (index, &gain) in gains.iter().enumerate() {
+        if gain > highest {
+            (slowest, highest) = (index, gain);
         }
     }
-    Ok(worst)
+    let of_v = rounding_error(coefficients, 0.0);
+    let of_output = rounding_error(coefficients, f64::from(highest) / FORMAT_G);
+    let error = if of_v > of_output { of_v } else { of_output };
+    if error > LARGEST_ROUNDING_ERROR {
+        return Err(InverseError::RoundingTooLarge { command: table_command(slowest), max: LARGEST_ROUNDING_ERROR });
+    }
+    Ok(error)
 }
 
-/// Half the sum of the L1 gains from an error in step 1 and from one in step 5 to `u*`, at the gain `g`. Cut short when it
-/// exceeds [`LARGEST_ROUNDING_ERROR`].
+/// Half the sum of the L1 gains from an error in step 1 and from one in step 5 to `d + g x`. Cut short when it exceeds
+/// [`LARGEST_ROUNDING_ERROR`].
 fn rounding_error(coefficients: &Coefficients, g: f64) -> f64 {
     let (a, b) = (f64::from(coefficients.a()) / FORMAT_A, f64::from(coefficients.b()) / FORMAT_A);
     let mut error = 0.0;
