@@ -1,6 +1,8 @@
-//! The conditioned inverse against its claims: exact steady output, limits, precision, and what it makes of a rotor.
+//! The conditioned inverse against its claims: exact steady output, limits, bumpless switching, precision.
 
-use host_tests::{TABLE_1, cases};
+mod response;
+
+use host_tests::cases;
 use proptest::prelude::*;
 use rotorlead::design::{CurvePoint, InverseDesign, ReferenceModel};
 use rotorlead::inverse::{ConditionedInverse, Limits, OUTPUT_BITS, TABLE_POINTS};
@@ -8,9 +10,6 @@ use rotorlead::throttle::Command;
 
 /// One step of the output, 2^-16.
 const STEP: f64 = 1.0 / (1_u32 << OUTPUT_BITS) as f64;
-/// Slew limits of ESCs, units of the command per second: none, and 16, 6 and 2 % per millisecond.
-const SLEWS_PER_S: [f64; 4] = [0.0, 160.0, 60.0, 20.0];
-
 fn command(value: f64) -> Command {
     Command::saturating_from_f64(value)
 }
@@ -71,19 +70,6 @@ fn cases_within(loop_rates_hz: (f64, f64), fastest_rad_s: f64) -> impl Strategy<
             Some(Case { design, curve, limits })
         },
     )
-}
-
-/// The rotor of the paper's Table 1. Outside of it the curve is assumed: 2.6 rad/s at 0 and 24 rad/s at 1.
-fn paper_curve() -> Vec<CurvePoint> {
-    let ends = [(0.0, 2.6), (1.0, 24.0)];
-    let mut poles: Vec<_> = TABLE_1.iter().map(|&(command, _, pole)| (command, pole)).chain(ends).collect();
-    poles.sort_by(|a, b| a.0.total_cmp(&b.0));
-    poles.into_iter().map(|(command, pole)| CurvePoint { command, tau_s: 1.0 / pole }).collect()
-}
-
-fn paper_inverse() -> InverseDesign {
-    let reference = ReferenceModel { omega_f_rad_s: 94.2156, damping: 0.5_f64.sqrt() };
-    InverseDesign::new(reference, 5000.0, &paper_curve()).expect("a design")
 }
 
 /// `1 / tau` of a curve at `command`.
@@ -170,6 +156,10 @@ proptest! {
         let want = command(rounded(command(reference).to_f64())).clamp_to(case.limits.min(), case.limits.max());
         for _ in 0..ticks / 4 {
             prop_assert_eq!(inverse.update(coefficients, command(reference)), want);
+            let deviation = f64::from(inverse.rotor_state().to_bits() - want.to_bits());
+            // Towards an end of the range the rotor creeps under a limited command.
+            let at_end = want == case.limits.min() || want == case.limits.max();
+            prop_assert!(at_end || deviation.abs() <= case.design.rounding_error(), "{deviation} steps of 2^-29");
         }
     }
 }
@@ -223,82 +213,6 @@ proptest! {
         prop_assert_eq!(inverse.output(), want);
         for _ in 0..100 {
             prop_assert_eq!(inverse.update(case.design.coefficients(), command(level)), want);
-        }
-    }
-}
-
-/// A simulated response to a step: rise time 10 to 90 % and overshoot over the step.
-struct Response {
-    rise_s: f64,
-    overshoot: f64,
-}
-
-/// The response of the rotor of Table 1, in units of the command, to a `drive` that gives the command of each tick.
-fn response(from: f64, to: f64, seconds: f64, mut drive: impl FnMut() -> f64) -> Response {
-    let (curve, rate) = (paper_curve(), 5000.0);
-    let (mut v, mut peak) = (from, 0.0_f64);
-    let (mut at_10, mut at_90) = (None, None);
-    for tick in 0..(seconds * rate) as u32 {
-        v += (drive() - v) * (1.0 - (-pole_at(&curve, v) / rate).exp());
-        let part = (v - from) / (to - from);
-        let seconds = f64::from(tick + 1) / rate;
-        at_10 = at_10.or((part >= 0.1).then_some(seconds));
-        at_90 = at_90.or((part >= 0.9).then_some(seconds));
-        peak = peak.max(part);
-    }
-    let rise_s = at_90.zip(at_10).map_or(f64::INFINITY, |(end, begin)| end - begin);
-    Response { rise_s, overshoot: peak - 1.0 }
-}
-
-fn inverse_response(from: f64, to: f64, slew_per_s: f64) -> Response {
-    let design = paper_inverse();
-    let limits = design.limits(command(0.05), Command::ONE, slew_per_s).expect("limits");
-    let mut inverse = ConditionedInverse::at_rest(limits, command(from));
-    response(from, to, 2.0, || inverse.update(design.coefficients(), command(to)).to_f64())
-}
-
-/// The rise when the command runs to its limit and never brakes.
-fn physical_bound_s(from: f64, to: f64, slew_per_s: f64) -> f64 {
-    let slew = if slew_per_s == 0.0 { 1.0 } else { slew_per_s / 5000.0 };
-    let (mut u, limit) = (from, if to > from { 1.0 } else { 0.05 });
-    response(from, to, 2.0, || {
-        u += (limit - u).clamp(-slew, slew);
-        u
-    })
-    .rise_s
-}
-
-#[test]
-fn steps_at_every_operating_point_rise_as_fast_and_overshoot_as_little_as_specified() {
-    // At 0.3, the fall from 0.40 to 0.10 at the idle limit decides: the physical bound is 303 ms.
-    for (size, rise_ms) in
-        [(0.02, 22.0..23.5), (0.05, 22.0..24.5), (0.1, 22.0..49.0), (0.2, 31.0..129.0), (0.3, 50.0..305.0)]
-    {
-        let (mut fastest_ms, mut slowest_ms, mut overshoot) = (f64::INFINITY, 0.0_f64, 0.0_f64);
-        for (nominal, _, _) in TABLE_1 {
-            for to in [nominal + size, nominal - size] {
-                let response = inverse_response(nominal, to, 0.0);
-                fastest_ms = fastest_ms.min(1e3 * response.rise_s);
-                slowest_ms = slowest_ms.max(1e3 * response.rise_s);
-                overshoot = overshoot.max(response.overshoot);
-            }
-        }
-        println!("step {size}: rise {fastest_ms:.1} to {slowest_ms:.1} ms, overshoot {:.2} %", 100.0 * overshoot);
-        assert!(rise_ms.contains(&fastest_ms) && rise_ms.contains(&slowest_ms), "{fastest_ms} to {slowest_ms}");
-        assert!(overshoot <= 0.06, "{overshoot}");
-    }
-}
-
-proptest! {
-    #![proptest_config(cases(300))]
-
-    #[test]
-    fn a_limited_step_is_nearly_as_fast_as_the_limits_allow(from in 0.40..0.65_f64, size in -0.3..0.3_f64) {
-        for slew_per_s in SLEWS_PER_S {
-            let (response, bound_s) =
-                (inverse_response(from, from + size, slew_per_s), physical_bound_s(from, from + size, slew_per_s));
-            prop_assert!(response.overshoot <= 0.06, "{}", response.overshoot);
-            prop_assert!(bound_s <= 0.025 || response.rise_s <= 1.3 * bound_s, "{} for {bound_s}", response.rise_s);
         }
     }
 }
