@@ -10,6 +10,7 @@ use rotorlead::throttle::Command;
 
 /// One step of the output, 2^-16.
 const STEP: f64 = 1.0 / (1_u32 << OUTPUT_BITS) as f64;
+
 fn command(value: f64) -> Command {
     Command::saturating_from_f64(value)
 }
@@ -23,14 +24,15 @@ struct Case {
 }
 
 impl Case {
-    /// Seconds after which the output rests on a constant input.
+    /// Seconds after which the output rests on a constant input. Towards an input one step of the output from the end of the
+    /// range, the limited command moves the rotor for up to `ln 2^16` time constants.
     fn settling_s(&self) -> f64 {
         let slowest_s = self.curve.iter().map(|point| point.tau_s).fold(0.0, f64::max);
         let reference = self.design.reference();
         let slew_per_tick = f64::from(self.limits.slew_per_tick()) / f64::from(Command::ONE.to_bits());
-        8.0 * slowest_s
+        12.0 * slowest_s
             + 30.0 * reference.damping.max(1.0) / reference.damping.min(1.0) / reference.omega_f_rad_s
-            + 4.0 / (slew_per_tick * self.design.loop_rate_hz())
+            + 3.0 / (slew_per_tick * self.design.loop_rate_hz())
     }
 
     fn settling_ticks(&self) -> u32 {
@@ -38,22 +40,13 @@ impl Case {
     }
 }
 
-/// Accepted designs from a slow loop with the fastest reference model to a fast one, with curves of 1 to 9 points.
+/// Accepted designs: loop rates of 200 Hz to 10 kHz, `omega_f T` up to its limit of 0.4, curves of 1 to 9 points.
 fn any_case() -> impl Strategy<Value = Case> {
-    cases_within((200.0, 10_000.0), 4000.0)
-}
-
-/// Those of the controller's loop rates, and of natural frequencies that a motor is asked for.
-fn usual_case() -> impl Strategy<Value = Case> {
-    cases_within((1000.0, 10_000.0), 200.0)
-}
-
-fn cases_within(loop_rates_hz: (f64, f64), fastest_rad_s: f64) -> impl Strategy<Value = Case> {
     let log = |low: f64, high: f64| (low.ln()..high.ln()).prop_map(f64::exp);
-    let reference = (log(loop_rates_hz.0, loop_rates_hz.1), log(10.0, fastest_rad_s), 0.3..2.0_f64);
-    let curve = (proptest::collection::vec(0.5..1.6_f64, 1..=9), log(0.5, 40.0));
+    let reference = (log(200.0, 10_000.0), log(20.0, 4000.0), 0.3..2.0_f64);
+    let curve = (proptest::collection::vec(0.5..1.6_f64, 1..=9), log(0.5, 20.0));
     let range = (0.0..0.5_f64, 0.5..=1.0_f64, any::<[bool; 2]>());
-    let slew_per_s = prop_oneof![Just(0.0), log(1.0, 500.0)];
+    let slew_per_s = prop_oneof![Just(0.0), log(4.0, 500.0)];
     (reference, curve, range, slew_per_s).prop_filter_map(
         "refused",
         |((loop_rate_hz, omega_f_rad_s, damping), (ratios, slowest), (low, high, [from_0, to_1]), slew_per_s)| {
@@ -70,6 +63,16 @@ fn cases_within(loop_rates_hz: (f64, f64), fastest_rad_s: f64) -> impl Strategy<
             Some(Case { design, curve, limits })
         },
     )
+}
+
+/// Those in which a step of the reference moves the output of the next tick by at most twice its size: `g A <= 2`.
+fn calm_case() -> impl Strategy<Value = Case> {
+    any_case().prop_filter("lively", |case| {
+        let coefficients = case.design.coefficients();
+        let highest = coefficients.gains().into_iter().max().map_or(0.0, f64::from);
+        let (g, a) = (highest / 2.0_f64.powi(22), f64::from(coefficients.a()) / 2.0_f64.powi(30));
+        g * a <= 2.0
+    })
 }
 
 /// `1 / tau` of a curve at `command`.
@@ -154,7 +157,7 @@ proptest! {
             inverse.update(coefficients, command(reference));
         }
         let want = command(rounded(command(reference).to_f64())).clamp_to(case.limits.min(), case.limits.max());
-        for _ in 0..ticks / 4 {
+        for _ in 0..ticks / 8 {
             prop_assert_eq!(inverse.update(coefficients, command(reference)), want);
             let deviation = f64::from(inverse.rotor_state().to_bits() - want.to_bits());
             // Towards an end of the range the rotor creeps under a limited command.
@@ -174,7 +177,7 @@ proptest! {
     #![proptest_config(cases(1000))]
 
     #[test]
-    fn it_is_within_8_steps_of_the_unrounded_recurrence(case in usual_case(), references in any_references()) {
+    fn it_is_within_8_steps_of_the_unrounded_recurrence(case in calm_case(), references in any_references()) {
         let mut inverse = ConditionedInverse::at_rest(case.limits, command(references[0].0));
         let mut exact = Exact::at_rest(&case, command(references[0].0));
         for (reference, part) in references {
