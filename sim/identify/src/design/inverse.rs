@@ -249,7 +249,7 @@ mod tests {
         assert_eq!((tau(0.4), tau(0.65)), (first, last));
         assert!((tau(0.35) / (0.9 * first) - 1.0).abs() < 1e-12);
         assert!((tau(1.0) / (0.9 * last * 0.65) - 1.0).abs() < 1e-12 && tau(0.7) < 0.9 * last);
-        assert_eq!(found.curve.first().map(|point| point.command), Some(0.35));
+        assert!((found.curve[0].command - 0.35).abs() < 1e-12 && found.curve.len() == 9, "{:?}", found.curve);
         let robust = InverseOptions { setting: Some(Setting::Robust), ..InverseOptions::default() };
         let robust = design_inverse(&with_band(0.1), &robust).unwrap();
         for (one, other) in robust.curve.iter().zip(&found.curve) {
@@ -279,7 +279,7 @@ mod tests {
         let with = |options: InverseOptions| design_inverse(&model, &options).unwrap_err();
         let slow = InverseOptions { slew_per_s: 0.01, ..InverseOptions::default() };
         let crossed = InverseOptions { range: (0.6, 0.2), ..InverseOptions::default() };
-        let fast = InverseOptions { loop_rate_hz: 20_000.0, ..InverseOptions::default() };
+        let fast = InverseOptions { loop_rate_hz: 50_000.0, ..InverseOptions::default() };
         for options in [slow, crossed, fast] {
             assert!(matches!(with(options), CompensatorError::InverseRefused(_)), "{options:?}");
         }
@@ -295,6 +295,6 @@ mod tests {
         band.high_s = band.time_constant_s.clone();
         let found = design_inverse(&model, &InverseOptions::default()).unwrap();
         assert!(found.curve.len() <= TABLE_POINTS && found.curve.is_sorted_by(|a, b| a.command < b.command));
-        assert_eq!(found.measured, (0.2, 0.9));
+        assert!(found.measured.0 == 0.2 && (found.measured.1 - 0.9).abs() < 1e-12, "{:?}", found.measured);
     }
 }
