@@ -9,7 +9,8 @@
 //!
 //! that cancels the lag and puts a faster, well damped one in its place (Charla, Yao and Voyles, "On Enhancing the
 //! Bandwidth of the Actuator Dynamics in a Multi-rotor Aerial Vehicle", eq. 3), as a fixed-point section that runs
-//! at 5 kHz on a microcontroller, and bit for bit the same on a host.
+//! at 5 kHz on a microcontroller, and bit for bit the same on a host. Where the time constant is known over the command,
+//! [`inverse`] has what makes the motor equally fast at every operating point.
 //!
 //! # In a control loop of your own
 //!
@@ -42,7 +43,7 @@
 //!
 //! | feature | what it brings | for |
 //! |---|---|---|
-//! | none | the filter and its design, pulses in ([`capture`]) and out ([`esc_output`]), the safety states of a [`channel`], [`excitation`] | a control loop of your own |
+//! | none | the filter, the inverse and their design, pulses in ([`capture`]) and out ([`esc_output`]), the safety states of a [`channel`], [`excitation`] | a control loop of your own |
 //! | `settings` | `settings`: what a controller stores, its ranges, and its form in flash | a firmware with two sectors of flash (`embedded-storage`) |
 //! | `link` | `link`: framed messages between a controller and a host | a firmware with a serial line, and its host |
 //! | `controller` | `controller`: the whole controller but for its hardware, as traits | a board of your own: see `docs/boards.md` |
@@ -62,6 +63,7 @@
 //! | what an ESC gets: a command, or no pulse | [`throttle::EscCommand`] | Q2.29 in an `i32`, [0, 1], or -1 for no pulse |
 //! | filtered command, with headroom | [`throttle::Throttle`] | Q2.29 in an `i32`, [-4, 4) |
 //! | filter coefficients | [`biquad::Coefficients`] | Q0.32 in an `i32`, [-0.5, 0.5) |
+//! | coefficients and gains of the inverse | [`inverse::Coefficients`] | Q1.30 and Q9.22 in an `i32` |
 //! | phase of a sinusoid | `u32` | turns, 2^32 to the turn |
 //! | frequencies of a design | `f64` | rad/s (`_rad_s`), rates in hertz (`_hz`) |
 //!
@@ -85,6 +87,7 @@ pub mod controller;
 pub mod design;
 pub mod esc_output;
 pub mod excitation;
+pub mod inverse;
 #[cfg(feature = "link")]
 pub mod link;
 #[cfg(feature = "settings")]

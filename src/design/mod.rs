@@ -1,16 +1,19 @@
-//! From identified motors to the compensator: C(s), its discrete image, and the checks that a design must pass.
+//! From identified motors to the compensator: C(s), its discrete image, and the checks that a design must pass. Also from
+//! a rotor's curve of time constants to the conditioned inverse ([`InverseDesign`]).
 //!
 //! Equation numbers are those of the paper. Everything here is `f64` with `libm`, in a fixed order of operations, so
 //! that a controller that computes its coefficients at start-up gets those of the host, bit for bit.
 
 mod check;
 mod error;
+mod inverse;
 mod lead;
 mod recurrence;
 mod tustin;
 
 pub use check::DesignCheck;
 pub use error::DesignError;
+pub use inverse::{CurvePoint, InverseDesign, InverseError, LARGEST_ROUNDING_ERROR, ReferenceModel};
 pub use lead::LeadParameters;
 pub use tustin::LeadDesign;
 

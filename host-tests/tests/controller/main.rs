@@ -9,6 +9,7 @@ mod esc_output;
 mod excitation;
 mod filter;
 mod fuzz;
+mod inverse;
 mod latency;
 mod link;
 mod load;

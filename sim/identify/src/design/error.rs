@@ -1,8 +1,10 @@
 //! Why there is no compensator.
 
 use miette::Diagnostic;
-use rotorlead::design::DesignError;
+use rotorlead::design::{DesignError, InverseError};
 use thiserror::Error;
+
+use super::inverse::MOST_OVER_REFERENCE;
 
 /// Why no compensator can be designed from a model.
 #[derive(Clone, Copy, Debug, PartialEq, Error, Diagnostic)]
@@ -44,6 +46,39 @@ pub enum CompensatorError {
         /// By how much it may be off.
         factor: f64,
     },
+    /// The controller's design refuses the inverse.
+    #[error(transparent)]
+    #[diagnostic(help("{}", inverse_remedy(.0)))]
+    InverseRefused(#[from] InverseError),
+    /// An inverse needs time constants over the command.
+    #[error("the model has {points} operating points, and an inverse needs the time constant over two or more")]
+    #[diagnostic(help(
+        "record steps over the range of commands, or a multisine around each of several, and identify again"
+    ))]
+    OneOperatingPoint {
+        /// How many.
+        points: usize,
+    },
+    /// A time constant may be so much shorter than the inverse takes it for that the rotor overshoots.
+    #[error(
+        "the time constant at command {nominal:.3}, {:.1} ms, may be as short as {:.1} ms: the response would exceed the reference \
+         model by a factor of {factor:.2}, where {MOST_OVER_REFERENCE} is allowed",
+        1e3 * .time_constant_s, 1e3 * .low_s
+    )]
+    #[diagnostic(help(
+        "record more steps to commands around {nominal:.3} and identify again, or design a lead, which needs the fastest time \
+         constant alone"
+    ))]
+    NotKnownForInverse {
+        /// Command at which it is worst.
+        nominal: f64,
+        /// The time constant there, seconds.
+        time_constant_s: f64,
+        /// The shortest that the records allow, seconds.
+        low_s: f64,
+        /// Response over that of the reference model, at its natural frequency.
+        factor: f64,
+    },
     /// The model's fastest motor is too slow for the bandwidth asked for: the filter's headroom cannot hold the lead.
     #[error("the fastest pole of the model is too slow for this omega_g")]
     #[diagnostic(help("the highest --omega-g that this model allows is {largest_omega_g_rad_s:.1} rad/s"))]
@@ -58,6 +93,19 @@ pub enum CompensatorError {
 /// The largest factor by which a 95 % interval may be off its time constant for a design. A zero that is off by a factor changes the
 /// gain of a loop by as much above the pole; with this one, a loop of the usual gain margin of 2 keeps a quarter of it.
 pub(super) const MOST_FACTOR: f64 = 1.6;
+
+/// What to do about a curve or a reference model.
+fn inverse_remedy(error: &InverseError) -> &'static str {
+    match error {
+        InverseError::RotorTooFast { .. } => "raise the natural frequency, or design a lead",
+        InverseError::RotorTooSlow { .. } => "lower the natural frequency",
+        InverseError::CurveTooSteep { .. } => "record steps between these commands, and identify again",
+        InverseError::RoundingTooLarge { .. } => "lower --loop-rate",
+        InverseError::SlewTooSlow { .. } => "declare the ESC's slew limit, or none",
+        InverseError::LimitsCrossed { .. } => "give the lowest command first",
+        _ => "give a value within the range",
+    }
+}
 
 /// What to do, by the options of `rotorlead design`.
 fn remedy(error: &DesignError) -> &'static str {

@@ -2,6 +2,7 @@
 
 mod bandwidths;
 mod error;
+mod inverse;
 mod latency;
 mod lead;
 mod phase;
@@ -9,6 +10,7 @@ pub mod redesign;
 
 pub use bandwidths::{BandwidthPoint, Chain, bandwidths, bandwidths_with};
 pub use error::CompensatorError;
+pub use inverse::{InverseCompensator, InverseOptions, MOST_OVER_REFERENCE, Setting, design_inverse};
 pub use latency::{Delay, FrameStart, Latency};
 pub use lead::{DesignOptions, compensator_file, design, read_compensator};
 pub use phase::{ChainPhase, PhaseAtBandwidth, chain_phases};

@@ -1,0 +1,105 @@
+//! From a rotor's curve of time constants to the conditioned inverse.
+
+mod curve;
+mod error;
+mod reference;
+mod rounding;
+#[cfg(test)]
+mod tests;
+
+pub use curve::CurvePoint;
+pub use error::InverseError;
+pub use reference::ReferenceModel;
+pub use rounding::LARGEST_ROUNDING_ERROR;
+
+use libm::{expm1, floor, rint};
+
+use super::LOOP_RATE_RANGE_HZ;
+use super::error::within;
+use crate::inverse::{COEFFICIENT_BITS, Coefficients, GAIN_BITS, Limits, OUTPUT_BITS, TABLE_POINTS};
+use crate::throttle::Command;
+use reference::Discrete;
+
+/// Range of slew limits in units of the command per second; 0 is no limit.
+const SLEW_RANGE_PER_S: (f64, f64) = (0.0, 1e6);
+
+/// A checked design: the coefficients of a [`ConditionedInverse`](crate::inverse::ConditionedInverse) for a reference
+/// model, a loop rate and a rotor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct InverseDesign {
+    reference: ReferenceModel,
+    loop_rate_hz: f64,
+    coefficients: Coefficients,
+    rounding_error: f64,
+}
+
+impl InverseDesign {
+    /// Designs the inverse of the rotor with `curve` along `reference`, at `loop_rate_hz`, 50 to 100000.
+    ///
+    /// `curve` has 1 to 33 points in increasing order of the command. Between them `1 / tau` is interpolated linearly, and
+    /// before the first and after the last it is constant. The equations are those of [`crate::inverse`].
+    ///
+    /// # Errors
+    /// See [`InverseError`]. Nothing saturates in silence.
+    pub fn new(reference: ReferenceModel, loop_rate_hz: f64, curve: &[CurvePoint]) -> Result<Self, InverseError> {
+        within("loop_rate_hz", loop_rate_hz, LOOP_RATE_RANGE_HZ)?;
+        let Discrete { a, b } = reference.discrete(loop_rate_hz)?;
+        let poles_rad_s = curve::expanded(curve)?;
+        let gains = poles_rad_s.map(|pole| rint(a / -expm1(-pole / loop_rate_hz) * FORMAT_G) as i64);
+        let coefficients = Coefficients::new(rint(a * FORMAT_A) as i32, rint(b * FORMAT_A) as i32, gains)
+            .map_err(|error| InverseError::of_table(error, &poles_rad_s))?;
+        let rounding_error = rounding::checked_error(&coefficients)?;
+        Ok(Self { reference, loop_rate_hz, coefficients, rounding_error })
+    }
+
+    /// What the output can do: its range [`min`, `max`] and its slew in units of the command per second, 0 for no limit.
+    /// The ends are rounded to the output's step of 2^-16, the slew down to whole steps per tick.
+    ///
+    /// # Errors
+    /// When `min` is above `max`, or `slew_per_s` is not finite, negative, or positive and less than a step per tick.
+    pub fn limits(&self, min: Command, max: Command, slew_per_s: f64) -> Result<Limits, InverseError> {
+        let slew_per_s = within("slew_per_s", slew_per_s, SLEW_RANGE_PER_S)?;
+        let steps_per_tick = slew_per_s / self.loop_rate_hz * f64::from(1_u32 << OUTPUT_BITS);
+        let slew_steps = if slew_per_s == 0.0 { Limits::UNLIMITED_STEPS } else { floor(steps_per_tick) as u32 };
+        if slew_steps == 0 {
+            let min_per_s = self.loop_rate_hz / f64::from(1_u32 << OUTPUT_BITS);
+            return Err(InverseError::SlewTooSlow { slew_per_s, min_per_s });
+        }
+        Limits::new(min, max, slew_steps).ok_or(InverseError::LimitsCrossed { min, max })
+    }
+
+    /// The reference model.
+    #[must_use]
+    pub const fn reference(&self) -> &ReferenceModel {
+        &self.reference
+    }
+
+    /// Ticks per second.
+    #[must_use]
+    pub const fn loop_rate_hz(&self) -> f64 {
+        self.loop_rate_hz
+    }
+
+    /// The coefficients of the recurrence.
+    #[must_use]
+    pub const fn coefficients(&self) -> &Coefficients {
+        &self.coefficients
+    }
+
+    /// Bound on the error of `v` and `u*` at rest by rounding, in steps of 2^-29; at
+    /// most [`LARGEST_ROUNDING_ERROR`].
+    #[must_use]
+    pub const fn rounding_error(&self) -> f64 {
+        self.rounding_error
+    }
+}
+
+/// 1.0 in the format of `A`, `B` and `h`.
+const FORMAT_A: f64 = (1_u64 << COEFFICIENT_BITS) as f64;
+/// 1.0 in the format of `g`.
+const FORMAT_G: f64 = (1_u64 << GAIN_BITS) as f64;
+
+/// The command of a point of the table.
+const fn table_command(index: usize) -> f64 {
+    index as f64 / (TABLE_POINTS - 1) as f64
+}

@@ -1,0 +1,51 @@
+//! What rounding in the recurrence does to the steady output.
+
+use libm::fabs;
+
+use super::{FORMAT_A, FORMAT_G, InverseError, table_command};
+use crate::inverse::{Coefficients, OUTPUT_BITS};
+use crate::throttle::FRACTION_BITS;
+
+/// Largest bound on the error of `u*` at rest, in steps of 2^-29: half a step of the output, less one for the rounding of
+/// `u*` itself.
+pub const LARGEST_ROUNDING_ERROR: f64 = (1_u32 << (FRACTION_BITS - OUTPUT_BITS - 1)) as f64 - 1.0;
+
+/// The impulse responses are summed until the state is this small, relative to the impulse.
+const RESPONSE_END: f64 = 1e-9;
+
+/// The bound over the whole table, for `v` as for `u*`; the error when it is too large.
+///
+/// It is half the L1 gain from both rounding errors to `d + g x`, which is `u* - r` at the gain `g`, and `v - r` at 0. The
+/// gain `sum |d[n] + g x[n]|` is a convex function of `g`, so it is largest at 0 or at the highest `g`.
+pub(super) fn checked_error(coefficients: &Coefficients) -> Result<f64, InverseError> {
+    let gains = coefficients.gains();
+    let (mut slowest, mut highest) = (0, 0);
+    for (index, &gain) in gains.iter().enumerate() {
+        if gain > highest {
+            (slowest, highest) = (index, gain);
+        }
+    }
+    let of_v = rounding_error(coefficients, 0.0);
+    let of_output = rounding_error(coefficients, f64::from(highest) / FORMAT_G);
+    let error = if of_v > of_output { of_v } else { of_output };
+    if error > LARGEST_ROUNDING_ERROR {
+        return Err(InverseError::RoundingTooLarge { command: table_command(slowest), max: LARGEST_ROUNDING_ERROR });
+    }
+    Ok(error)
+}
+
+/// Half the sum of the L1 gains from an error in step 1 and from one in step 5 to `d + g x`. Cut short when it exceeds
+/// [`LARGEST_ROUNDING_ERROR`].
+fn rounding_error(coefficients: &Coefficients, g: f64) -> f64 {
+    let (a, b) = (f64::from(coefficients.a()) / FORMAT_A, f64::from(coefficients.b()) / FORMAT_A);
+    let mut error = 0.0;
+    // `d = v - r` and `x` after step 1: of the tick of an error in step 1, and of the tick after one in step 5.
+    for (mut d, mut x) in [(0.0, 1.0), (1.0, -a)] {
+        while d * d + x * x > RESPONSE_END * RESPONSE_END && error <= LARGEST_ROUNDING_ERROR {
+            error += 0.5 * fabs(d + g * x);
+            d += a * x;
+            x -= a * d + b * x;
+        }
+    }
+    error
+}
