@@ -11,6 +11,7 @@ use rotorlead_plant::Model;
 
 use super::bode::{Curve, bode};
 use super::figure::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
+use super::number::at_nominal;
 
 /// The lowest frequency of a model's curve, rad/s: that of the paper's excitation.
 const FROM_RAD_S: f64 = 0.63;
@@ -47,7 +48,7 @@ pub fn compensator(design: &LeadDesign) -> Figure {
 #[must_use]
 pub fn simulated(model: &Model, lead: &LeadParameters) -> Figure {
     let curves = model.points.iter().enumerate().flat_map(|(index, point)| {
-        let (group, color) = (format!("u_nom {}", point.nominal), Color::nth(index));
+        let (group, color) = (at_nominal(point.nominal), Color::nth(index));
         let lag = |omega: f64| {
             Complex64::from_polar(1.0, -omega * point.delay_s) / Complex64::new(1.0, omega * point.time_constant_s)
         };
@@ -79,7 +80,7 @@ pub fn measured(plain: &PeriodicIdentification, compensated: &PeriodicIdentifica
     let mut curves = Vec::new();
     for (index, (with, after)) in with_compensator(compensated).enumerate() {
         let without = same(plain, with.nominal);
-        let (group, color) = (format!("u_nom {}", with.nominal), Color::nth(index));
+        let (group, color) = (at_nominal(with.nominal), Color::nth(index));
         let plain_of = |one: &NominalIdentification| {
             let response = one.responses.iter().find(|response| !response.compensated)?;
             Some((response.actuator.smoothed().to_vec(), one.fit.gain.value))
@@ -114,7 +115,7 @@ pub fn simulation_and_experiment(
     for (index, (with, after)) in with_compensator(compensated).enumerate() {
         let fit = &same(plain, with.nominal).unwrap_or(with).fit;
         let (gain, measured_gain) = (fit.gain.value, with.fit.gain.value);
-        let (group, color) = (format!("u_nom {}", with.nominal), Color::nth(index));
+        let (group, color) = (at_nominal(with.nominal), Color::nth(index));
         let points = after.actuator.smoothed();
         let (Some(first), Some(last)) = (points.first(), points.last()) else { continue };
         let ends = (first.omega_rad_s, last.omega_rad_s);

@@ -5,6 +5,7 @@ use rotorlead_records::Output;
 
 use super::bode::{Curve, bode};
 use super::figure::{Color, Figure, FigureKind, Mark};
+use super::number::at_nominal;
 use super::unit::gain_decibels;
 
 /// All nominal commands together: the smoothed estimates with their bands, and the lags. `None` without a record that is
@@ -15,7 +16,7 @@ pub fn responses(found: &PeriodicIdentification, output: Output) -> Option<Figur
         let response = nominal.responses.iter().find(|response| !response.compensated)?;
         let points = response.actuator.smoothed();
         let ends = (points.first()?.omega_rad_s, points.last()?.omega_rad_s);
-        let (group, color) = (format!("u_nom {}", nominal.nominal), Color::nth(index));
+        let (group, color) = (at_nominal(nominal.nominal), Color::nth(index));
         let measured = Curve::measured(format!("{group}, measured"), Mark::Dots, color, points, 1.0);
         let lag = |omega: f64| nominal.fit.response(omega);
         let model = Curve::of_model(format!("{group}, lag"), Mark::Line, color, ends, lag);

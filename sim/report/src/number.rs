@@ -25,6 +25,12 @@ pub fn with_std(value: f64, std: Option<f64>, scale: f64, digits: usize) -> Stri
     }
 }
 
+/// `u_nom 0.4`: a nominal command to a thousandth, which is a microsecond of its pulse.
+#[must_use]
+pub fn at_nominal(nominal: f64) -> String {
+    format!("u_nom {}", (1e3 * nominal).round() / 1e3)
+}
+
 /// A parameter of an effect with its standard error and unit; where the data say no more than its bounds do, these.
 #[must_use]
 pub fn parameter_with_std(parameter: &Parameter, estimate: &Estimate) -> String {
