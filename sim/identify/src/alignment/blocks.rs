@@ -2,13 +2,13 @@
 //!
 //! Two meters of one speed disagree by more than noise: stamps come in bursts, and each meter has its own spikes. Rows of a change
 //! are then wrong together, by a delay of their own, and least squares over all rows would follow the worst second with an interval
-//! that knows nothing of it. So each second tells its own delay,
+//! that knows nothing of it. So the delay of each second is estimated by itself,
 //!
 //! `d_b = sum z (y - x) / sum z j`, `j = dx / dD`, `z = (x(D + h) - x(D - h)) / 2 h`,
 //!
 //! all with their mean over the second taken off, with the variance `s_b^2 sum z^2 / (sum z j)^2` of its residuals `s_b`. The wider
 //! slope `z` is an instrument (Ljung, section 7.6): with `j` in its place the noise of the one meter, which is not in the other, would
-//! tell of every delay that it is right. Then `d = D + sigma (t - t_ref)` goes through the seconds as an M-estimate with Tukey's
+//! pull every estimate to zero. Then `d = D + sigma (t - t_ref)` goes through the seconds as an M-estimate with Tukey's
 //! biweight (Maronna, Martin, Yohai, *Robust Statistics*, chapter 4), whose covariance is that of how far the seconds scatter.
 
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2};
@@ -27,7 +27,7 @@ const WIDER: f64 = 3.0;
 const AGREE: f64 = 0.3;
 /// A standard error beyond this is no delay, seconds.
 const VAGUE_S: f64 = 0.02;
-/// Fewer seconds that tell a delay leave the line to least squares.
+/// With fewer seconds that have an estimate, the line is left to least squares.
 const LEAST_BLOCKS: usize = 6;
 /// Tukey's constant: 95 % of the efficiency of least squares where nothing is wrong.
 const TUKEY: f64 = 4.685;
@@ -48,7 +48,7 @@ pub(super) struct Line {
     pub(super) dof: f64,
 }
 
-/// What one second tells.
+/// The estimate of one second.
 struct Block {
     /// From the reference on, in seconds of the skew's factor.
     lever_s: f64,
@@ -57,7 +57,7 @@ struct Block {
     variance: f64,
 }
 
-/// The line, from parameters that are near it; `None` where too few seconds tell a delay.
+/// The line, from parameters that are near it; `None` where too few seconds have an estimate.
 pub(super) fn line(problem: &Problem<'_>, start: &[f64]) -> Option<Line> {
     let mut p = start.to_vec();
     for round in 0..ROUNDS {
@@ -127,7 +127,7 @@ fn blocks(problem: &Problem<'_>, p: &[f64]) -> Option<Vec<Block>> {
     Some(found)
 }
 
-/// By how much rows are late beyond the model, and the variance of that; `None` where it is not told.
+/// By how much rows are late beyond the model, and the variance of that; `None` where it is not identifiable.
 fn delay_of(residuals: &[f64], slopes: &[f64], wider: &[f64]) -> Option<(f64, f64)> {
     let rows = residuals.len();
     if rows < LEAST_ROWS {

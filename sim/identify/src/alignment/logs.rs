@@ -16,7 +16,8 @@ pub struct CommandLog<'a> {
     pub time_s: &'a [f64],
     /// Commands, 0..1; each holds until the next row.
     pub command: &'a [f64],
-    /// The response of the other log, where it was measured beside the command too; in any unit, straight from row to row.
+    /// The response of the other log, where it was measured beside the command too; in any unit, with a first-order hold
+    /// between rows.
     pub response: Option<&'a [f64]>,
 }
 

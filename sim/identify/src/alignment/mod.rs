@@ -348,10 +348,10 @@ fn first_look(problem: &Problem<'_>, part: &Part, candidate: &Candidate) -> Opti
         let normal = columns.tr_mul(&columns);
         let right = columns.tr_mul(&DVector::from_column_slice(problem.response));
         let linear = normal.svd(true, true).solve(&right, 1e-9).ok()?;
-        let (of_rows, begins) = linear.as_slice().split_at(1 + problem.powers);
+        let (of_rows, initial) = linear.as_slice().split_at(1 + problem.powers);
         start[GAIN - 1..GAIN + problem.powers].copy_from_slice(of_rows);
-        if let (Some(lag), Some(begins)) = (problem.lag_index(), begins.first()) {
-            start[lag + 1] = *begins;
+        if let (Some(lag), Some(initial)) = (problem.lag_index(), initial.first()) {
+            start[lag + 1] = *initial;
         }
         if let Some(found) = minimize(problem, &start, FIRST_LOOK)
             && best.as_ref().is_none_or(|b| found.sum_of_squares < b.sum_of_squares)

@@ -8,11 +8,11 @@
 //!
 //! `y(t) = offset + sum_j g_j x_j(s) + g_0 e^(-(s - s_start) / tau)`, `tau dx_j/ds = v^j - x_j`
 //!
-//! with `v` the command, moved and scaled to -1..1. The last term is the state in which the log begins. A command stands
+//! with `v` the command, moved and scaled to -1..1. The last term is the initial condition. A command stands
 //! still from row to row, so all of this is exact at any time, and so are the derivatives.
 //!
-//! Where both logs have the response, there is no lag between the two: `x_1 = v`, the command log's response, straight from row to
-//! row, and the state in which the log begins falls away.
+//! Where both logs have the response, there is no lag between the two: `x_1 = v`, the command log's response with a first-order hold
+//! between rows, and its initial condition falls away.
 
 use std::ops::Range;
 
@@ -24,8 +24,7 @@ use super::logs::DriveKind;
 
 pub(super) const DELAY: usize = 0;
 const OFFSET: usize = 1;
-/// The first of the gains. Behind the last are the skew, the logarithm of the time constant, and the state in which the log begins,
-/// each where it is fitted.
+/// The first of the gains. Behind the last are the skew, the logarithm of the time constant, and the initial condition, each where it is fitted.
 pub(super) const GAIN: usize = 2;
 /// Powers of the command at most.
 pub(super) const MOST_POWERS: usize = 3;
@@ -80,7 +79,7 @@ impl Problem<'_> {
         GAIN + self.powers
     }
 
-    /// Index of the logarithm of the time constant, where there is a lag; that of the state in which the log begins is the next.
+    /// Index of the logarithm of the time constant, where there is a lag; that of the initial condition is the next.
     pub(super) fn lag_index(&self) -> Option<usize> {
         (self.kind == DriveKind::Command).then_some(GAIN + self.powers + usize::from(self.skew))
     }
@@ -102,7 +101,7 @@ impl Problem<'_> {
             _ if skew.abs() >= 0.5 => false,
             Some(lag) => self.march_lagged(p[lag].exp(), times, visit),
             None => {
-                self.march_straight(times, visit);
+                self.march_first_order_hold(times, visit);
                 true
             }
         }
@@ -158,7 +157,7 @@ impl Problem<'_> {
         true
     }
 
-    fn march_straight(&self, times: impl Iterator<Item = f64>, mut visit: impl FnMut(usize, f64, &State)) {
+    fn march_first_order_hold(&self, times: impl Iterator<Item = f64>, mut visit: impl FnMut(usize, f64, &State)) {
         let last = self.drive.len() - 1;
         let mut next = 1;
         for (row, s) in times.enumerate() {
@@ -184,7 +183,7 @@ impl Problem<'_> {
     }
 
     /// The columns that the linear parameters multiply, at `p`'s delay, lag and skew; row by row. Offset and gains, and last the
-    /// state in which the log begins where there is one.
+    /// initial condition where there is one.
     pub(super) fn regressors(&self, p: &[f64]) -> Option<DMatrix<f64>> {
         let start = self.lag_index().map(|_| 1 + self.powers);
         let mut columns = DMatrix::zeros(self.time_s.len(), 1 + self.powers + usize::from(start.is_some()));
@@ -203,22 +202,22 @@ impl Problem<'_> {
 }
 
 impl Residuals for Problem<'_> {
-    /// The rows, and the tie of the state in which the log begins.
+    /// The rows, and the prior of the initial condition.
     fn count(&self) -> usize {
         self.time_s.len() + usize::from(self.lag_index().is_some())
     }
 
     fn evaluate(&self, p: &[f64], out: &mut [f64]) -> bool {
         let tau = self.tau_of(p);
-        let begins = self.lag_index().map(|lag| p[lag + 1]);
+        let initial = self.lag_index().map(|lag| p[lag + 1]);
         let ok = self.march(p, |row, s, state| {
             let moved: f64 = state.x[..self.powers].iter().zip(&p[GAIN..]).map(|(x, g)| g * x).sum();
-            let begun = begins.map_or(0.0, |begins| begins * self.start(s, tau).0);
-            out[row] = p[OFFSET] + begun + moved - self.response[row];
+            let from_start = initial.map_or(0.0, |initial| initial * self.start(s, tau).0);
+            out[row] = p[OFFSET] + from_start + moved - self.response[row];
         });
         whiten(out, self.runs, &self.color);
-        if let Some(begins) = begins {
-            out[self.time_s.len()] = START_TIE * begins;
+        if let Some(initial) = initial {
+            out[self.time_s.len()] = START_TIE * initial;
         }
         ok
     }
@@ -235,10 +234,10 @@ impl Residuals for Problem<'_> {
                 out[(row, GAIN + j)] = state.x[j];
             }
             if let Some(lag) = self.lag_index() {
-                let begins = p[lag + 1];
+                let initial = p[lag + 1];
                 let (left, left_by_lag) = self.start(s, tau);
-                slope += if s > self.start_s { -begins * left / tau } else { 0.0 };
-                out[(row, lag)] = by_lag + begins * left_by_lag;
+                slope += if s > self.start_s { -initial * left / tau } else { 0.0 };
+                out[(row, lag)] = by_lag + initial * left_by_lag;
                 out[(row, lag + 1)] = left;
             }
             out[(row, DELAY)] = -slope;
@@ -281,8 +280,8 @@ mod tests {
             color: vec![0.6, -0.2],
         };
         check(&lagged, &[0.0123, 0.4, 1.1, -0.3, 0.15, 0.002, (0.07f64).ln(), 0.2]);
-        let straight = Problem { kind: DriveKind::Response, powers: 1, ..lagged };
-        check(&straight, &[0.0123, 0.4, 1.1, 0.002]);
+        let held = Problem { kind: DriveKind::Response, powers: 1, ..lagged };
+        check(&held, &[0.0123, 0.4, 1.1, 0.002]);
     }
 
     fn check(problem: &Problem<'_>, p: &[f64]) {
