@@ -115,3 +115,13 @@ fn a_log_without_a_command_takes_no_option_about_one() {
     stand.refuses(&format!("{import} --pulse-us 1000..2000"), 2, &["--no-command", "--pulse-us"]);
     stand.refuses(&format!("{import} --append"), 2, &["--no-command", "--append"]);
 }
+
+/// Two staircases look alike, and are of two motors.
+#[test]
+fn the_log_of_another_run_is_refused() {
+    let Some(stand) = imported(&PAIRS[1]) else { return };
+    let Some(other) = host_tests::real_log(PAIRS[0].esc) else { return };
+    stand.run(&format!("import {} --out other", other.display()));
+    let align = format!("identify apart --align other/{} --out m.toml", PAIRS[0].esc);
+    stand.refuses(&align, 1, &["agree to 81.7 % fit only", "of the same run"]);
+}

@@ -57,6 +57,20 @@ pub enum AlignmentError {
         /// The response log.
         log: String,
     },
+    /// Both logs have the response, and not the same one.
+    #[error(
+        "{log}: at the best delay the responses of the two logs agree to {fit_percent:.1} % fit only, where two meters of one run \
+         agree to 90 %"
+    )]
+    #[diagnostic(help(
+        "check that the two logs are of the same run, and that one of the two speeds does not follow the other through a filter"
+    ))]
+    OtherRun {
+        /// The response log.
+        log: String,
+        /// The % fit.
+        fit_percent: f64,
+    },
     /// Two delays explain the logs alike.
     #[error("delays of {first_s:.3} s and {second_s:.3} s explain the logs equally well")]
     #[diagnostic(help(

@@ -183,6 +183,9 @@ const FIRST_LOOK: Limits = Limits { iterations: 8, decrease: 1e-3 };
 const LIMITS: Limits = Limits { iterations: 100, decrease: 1e-8 };
 /// Gains further from zero than this, in the sense of Wald's chi-square, are no chance, the search over all shifts included.
 const RELATED: f64 = 60.0;
+/// Two meters of one response agree to this % fit or better: those of two real pairs of logs to 94.5 and 95.2, and the staircases of
+/// two different motors to 82.
+const SAME_RUN_PERCENT: f64 = 90.0;
 /// A standard error beyond this is no delay, seconds.
 const VAGUE_S: f64 = 0.05;
 
@@ -481,12 +484,16 @@ fn judged(
     let mut residuals = vec![0.0; problem.count()];
     problem.evaluate(&solution.parameters, &mut residuals);
     let modeled: Vec<f64> = part.response.iter().zip(&residuals).map(|(y, r)| y + r).collect();
+    let fit_percent = fit_percent(&part.response, &modeled).unwrap_or(f64::NEG_INFINITY);
+    if is_response && fit_percent < SAME_RUN_PERCENT {
+        return Err(AlignmentError::OtherRun { log: log(), fit_percent });
+    }
     Ok(Alignment {
         delay_s,
         skew,
         reference_s: part.reference_s,
         time_constant_s,
-        fit_percent: fit_percent(&part.response, &modeled).unwrap_or(f64::NEG_INFINITY),
+        fit_percent,
         rows: part.time_s.len(),
         gaps: part.runs.len() - 1,
         noise_order,
