@@ -114,6 +114,21 @@ filter!(
     Throttle::to_bits
 );
 
+filter!(
+    rotorlead_inverse,
+    ConditionedInverse,
+    inverse::Coefficients,
+    Command,
+    Command,
+    |inverse: &mut ConditionedInverse, coefficients: &inverse::Coefficients, x| inverse.update(coefficients, x),
+    |inverse: &mut ConditionedInverse, coefficients: &inverse::Coefficients, x: &[Command], y: &mut [Command]| {
+        for (x, y) in x.iter().zip(y) {
+            *y = inverse.update(coefficients, *x);
+        }
+    },
+    Command::to_bits
+);
+
 /// Coefficients of idsp, with as many bits after the binary point as the samples.
 type IdspBiquad = idsp::iir::Biquad<Q32<{ FRACTION_BITS as i8 }>>;
 filter!(
@@ -163,7 +178,8 @@ fn counted(timer: &TIM2, section: &mut Section, coefficients: &Coefficients, blo
 
 /// Every function of every filter.
 pub fn run(timer: &TIM2, clocks: &RCC) {
-    let Ok(coefficients) = controller::coefficients(&Validated::default()) else { return };
+    let defaults = Validated::default();
+    let Ok([Filter::Lead(coefficients), ..]) = controller::filters(&defaults) else { return };
     // The textbook's coefficients, with a0 = 1 and y = b x - a y: see `rotorlead::biquad`.
     let part = |bits: i32| f64::from(bits) / 4_294_967_296.0;
     let (k, c, g0, g1) =
@@ -172,6 +188,16 @@ pub fn run(timer: &TIM2, clocks: &RCC) {
 
     let start = Command::saturating_from_bits(LEVELS[0]);
     rotorlead_section::run(Section::at_level(start), &coefficients, Command::saturating_from_bits);
+
+    // The paper's motors.
+    let curve = [CurvePoint { command: 0.40, tau_s: 0.159 }, CurvePoint { command: 0.65, tau_s: 0.071 }];
+    let Ok(design) = InverseDesign::new(defaults.inverse.reference(), LOOP_RATE_HZ, &curve) else { return };
+    let Ok(limits) = design.limits(Command::ZERO, Command::ONE, defaults.inverse.slew_per_s) else { return };
+    let inverse = ConditionedInverse::at_rest(limits, start);
+    rotorlead_inverse::run(inverse, design.coefficients(), Command::saturating_from_bits);
+    let limited =
+        black_box(rotorlead_inverse::limited as fn(&mut ConditionedInverse, &inverse::Coefficients) -> Command);
+    let _ = black_box(limited(black_box(&mut { inverse }), black_box(design.coefficients())));
 
     let nearest = |value: f64| Q32::from_bits((value * ONE + if value < 0.0 { -0.5 } else { 0.5 }) as i32);
     let dither = IdspBiquad { ba: [b0, b1, b2, -a1, -a2].map(nearest) };

@@ -13,10 +13,10 @@ use std::path::{Path, PathBuf};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use rotorlead::controller;
-use rotorlead::design::{LeadDesign, LeadParameters};
+use rotorlead::design::{CurvePoint, LeadDesign, LeadParameters, RotorCurve};
 use rotorlead::settings::{
-    ExcitationLimits, FASTEST_RAW_DUTY_HZ, HIGHEST_STOP, Lead, MotorSettings, NoSignal, Pulse, PulseProtocol,
-    SHORTEST_LEVEL_US, Settings, Validated,
+    CompensatorKind, ExcitationLimits, FASTEST_RAW_DUTY_HZ, HIGHEST_STOP, Inverse, Lead, MotorSettings, NoSignal,
+    Pulse, PulseProtocol, SHORTEST_LEVEL_US, Settings, Validated,
 };
 use rotorlead::throttle::Command;
 
@@ -145,12 +145,14 @@ pub fn any_settings() -> impl Strategy<Value = Validated> {
     let motors = [motor(), motor(), motor(), motor()];
     let log = |low: f64, high: f64| (low.ln()..high.ln()).prop_map(f64::exp);
     let lead = proptest::option::of((log(0.001, 0.4), log(1.01, 30.0), 0.3..2.0_f64));
-    let rates = (prop_oneof![Just(5000_u32), 1000..=10_000_u32], lead, 1..=5000_u16);
+    // Time constants at rest and at full throttle, times the natural frequency.
+    let inverse = (log(0.002, 0.4), 0.3..2.0_f64, log(0.6, 30.0), 0.3..1.0_f64, any::<[bool; 2]>(), 0.0..0.5_f64);
+    let rates = (prop_oneof![Just(5000_u32), 1000..=10_000_u32], lead, inverse, 1..=5000_u16);
     let rest = (no_signal, 0..=60_000_u16, 0.0..=1.0_f64);
     (rates, rest, pulse(), pulse(), motors, excitation).prop_filter_map(
         "no filter",
         |(
-            (loop_rate_hz, lead, recorder_divisor),
+            (loop_rate_hz, lead, inverse, recorder_divisor),
             (no_signal, stop_pulses_ms, stop),
             input,
             output,
@@ -166,6 +168,19 @@ pub fn any_settings() -> impl Strategy<Value = Validated> {
                 PulseProtocol::StandardPwm | PulseProtocol::OneShot125 => (0, Command::ONE.to_bits()),
             };
             let level = |part: f64| stop + 1 + (part * f64::from(highest - stop - 1)) as i32;
+            let (angle, damping, lag, shrink, [is_inverse, is_limited], from) = inverse;
+            let natural_rad_s = angle * f64::from(loop_rate_hz);
+            let inverse = Inverse {
+                natural_rad_s,
+                damping,
+                slew_per_s: if is_limited { 20.0 } else { 0.0 },
+                compensate_from: Command::saturating_from_f64(from).to_bits(),
+                compensate_to: Command::saturating_from_f64(from + 0.5).to_bits(),
+            };
+            let compensator = if is_inverse { CompensatorKind::Inverse } else { CompensatorKind::Lead };
+            let ends = [(0.0, lag), (1.0, lag * shrink)];
+            let ends = ends.map(|(command, lag)| CurvePoint { command, tau_s: lag / natural_rad_s });
+            let curve = is_inverse.then(|| RotorCurve::through(&ends).ok()).flatten();
             let motors = motors.map(|(levels, compensate, hold_ms)| MotorSettings {
                 compensate,
                 disarming: level(levels[0]),
@@ -173,6 +188,7 @@ pub fn any_settings() -> impl Strategy<Value = Validated> {
                 idle: level(levels[2]),
                 max: level(levels[3]),
                 hold_ms,
+                curve,
             });
             let lead = lead.map_or(Settings::default().lead, |(pole, ratio, damping)| {
                 let omega_f_rad_s = pole * f64::from(loop_rate_hz);
@@ -180,7 +196,9 @@ pub fn any_settings() -> impl Strategy<Value = Validated> {
             });
             let settings = Settings {
                 loop_rate_hz,
+                compensator,
                 lead,
+                inverse,
                 input,
                 output,
                 stop,
@@ -191,7 +209,7 @@ pub fn any_settings() -> impl Strategy<Value = Validated> {
                 recorder_divisor,
             };
             let settings = settings.validate().ok()?;
-            controller::coefficients(&settings).ok().map(|_| settings)
+            controller::filters(&settings).ok().map(|_| settings)
         },
     )
 }

@@ -59,9 +59,8 @@ mod settings;
 pub use excitation::{End, Excitation, ExcitationRequest, Phase, Refusal};
 pub use settings::{ChannelSettings, ChannelSettingsError, ExcitationLimits, LONGEST_RAMP_TICKS, NoSignal};
 
-use crate::biquad::Coefficients;
 use crate::capture::Reading;
-use crate::compensator::Compensator;
+use crate::compensator::{Compensator, Filter};
 use crate::throttle::{Command, EscCommand, PulseScale};
 use excitation::Player;
 
@@ -154,17 +153,36 @@ impl Channel {
     ///
     /// # Errors
     /// When the settings contradict each other.
-    pub fn new(settings: &ChannelSettings, coefficients: Coefficients) -> Result<Self, ChannelSettingsError> {
+    pub fn new(settings: &ChannelSettings, filter: impl Into<Filter>) -> Result<Self, ChannelSettingsError> {
         settings.validate()?;
         Ok(Self {
             mode: Mode::NoSignal,
             command: settings.stop,
-            compensator: Compensator::new(coefficients, settings.idle, settings.max),
+            compensator: Compensator::new(filter, settings.idle, settings.max),
             settings: *settings,
             stop_ticks_left: 0,
             last_end: None,
             dead_man_ends: 0,
         })
+    }
+
+    /// The channel as [`Self::new`] made it, with the filter in the path or not.
+    #[must_use]
+    pub fn afresh(&self, is_enabled: bool) -> Self {
+        let ChannelSettings { stop: command, idle, .. } = self.settings;
+        let mut compensator = self.compensator;
+        compensator.set_enabled(is_enabled);
+        compensator.reset(idle);
+        let settings = self.settings;
+        Self {
+            mode: Mode::NoSignal,
+            command,
+            compensator,
+            settings,
+            stop_ticks_left: 0,
+            last_end: None,
+            dead_man_ends: 0,
+        }
     }
 
     /// One control tick: what the input has, to what the ESC gets.

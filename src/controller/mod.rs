@@ -16,6 +16,7 @@
 mod clock;
 mod control;
 mod control_access;
+mod filters;
 pub mod hardware;
 mod inputs;
 pub mod load;
@@ -30,6 +31,7 @@ mod tick;
 pub use clock::{ClockReport, check_crystal, check_timer};
 pub use control::Control;
 pub use control_access::{ControlAccess, ControlHandle, Counts};
+pub use filters::{FilterError, filters};
 pub use hardware::BoardFacts;
 pub use inputs::Inputs;
 pub use pacing::{FrameAction, FramePacer, InputPulse};
@@ -40,9 +42,8 @@ pub use start::{Ends, Queues, Started, start};
 pub use supervision::Supervisor;
 pub use tick::{INJECT_QUEUE, Motor, MotorQueues, Outputs, RECORD_QUEUE, Tick};
 
-use crate::biquad::Coefficients;
 use crate::channel::{Channel, ChannelSettings, ExcitationLimits, LONGEST_RAMP_TICKS};
-use crate::design::{DesignError, LeadDesign};
+use crate::compensator::Filter;
 use crate::settings::{DEAD_MAN_MS, MOTORS, Validated};
 use crate::throttle::Command;
 
@@ -82,23 +83,14 @@ pub fn channel_settings(settings: &Validated, motor: usize) -> ChannelSettings {
     }
 }
 
-/// The compensator's coefficients. Some hundred milliseconds of double precision in software on the controller, and the
-/// same bits as on a host.
-///
-/// # Errors
-/// When the design is refused.
-pub fn coefficients(settings: &Validated) -> Result<Coefficients, DesignError> {
-    let design = LeadDesign::new(settings.lead.into(), f64::from(settings.loop_rate_hz), None)?;
-    Ok(*design.coefficients())
-}
-
 /// One channel for each motor; `None` when the limits of one contradict each other, which they do not once validated.
 #[must_use]
-pub fn channels(settings: &Validated, coefficients: Coefficients) -> Option<[Channel; MOTORS]> {
-    let channel = |motor| {
-        let mut channel = Channel::new(&channel_settings(settings, motor), coefficients).ok()?;
+pub fn channels(settings: &Validated, filters: [Filter; MOTORS]) -> Option<[Channel; MOTORS]> {
+    let channel = |motor, filter| {
+        let mut channel = Channel::new(&channel_settings(settings, motor), filter).ok()?;
         channel.set_enabled(settings.motors.get(motor)?.compensate);
         Some(channel)
     };
-    Some([channel(0)?, channel(1)?, channel(2)?, channel(3)?])
+    let [a, b, c, d] = filters;
+    Some([channel(0, a)?, channel(1, b)?, channel(2, c)?, channel(3, d)?])
 }

@@ -6,10 +6,9 @@ use heapless::spsc::{Consumer, Producer};
 
 use super::{
     BoardFacts, ControlAccess, Counts, INJECT_QUEUE, Motor, Outputs, RECORD_QUEUE, Tick, channel_settings, channels,
-    coefficients, load,
+    filters, load,
 };
-use crate::biquad::Coefficients;
-use crate::channel::{Channel, Excitation, ExcitationRequest, Refusal as ChannelRefusal, State};
+use crate::channel::{Excitation, ExcitationRequest, Refusal as ChannelRefusal, State};
 use crate::link::{
     ExciteRequest, Faults, FrameFaults, INJECT_WINDOW, Info, InjectRequest, Injector, MAX_LOAD_PERCENT, Message,
     RecordRequest, Recorder, Refusal, Request, Sample, Source, Tagged,
@@ -30,7 +29,6 @@ pub struct HandlerQueues {
 /// Takes requests, one at a time, and gives what is to be sent.
 pub struct RequestHandler<F> {
     settings: Validated,
-    coefficients: Coefficients,
     origin: Origin,
     store: Store<F>,
     queues: HandlerQueues,
@@ -54,17 +52,11 @@ enum PendingReply {
 const PENDING: usize = MOTORS * INJECT_WINDOW + 1;
 
 impl<F: NorFlash> RequestHandler<F> {
-    /// With the settings as they were loaded, and the coefficients that they give.
-    pub fn new(
-        settings: Validated,
-        origin: Origin,
-        coefficients: Coefficients,
-        store: Store<F>,
-        queues: HandlerQueues,
-    ) -> Self {
+    /// With the settings as they were loaded.
+    pub fn new(settings: Validated, origin: Origin, store: Store<F>, queues: HandlerQueues) -> Self {
         let injectors = [const { Injector::new() }; MOTORS];
         let (recorder, stopping, pending) = (None, None, Deque::new());
-        Self { settings, coefficients, origin, store, queues, injectors, recorder, stopping, pending }
+        Self { settings, origin, store, queues, injectors, recorder, stopping, pending }
     }
 
     /// The settings in use.
@@ -187,8 +179,8 @@ impl<F: NorFlash> RequestHandler<F> {
     fn set(&mut self, settings: Settings, board: &mut impl ControlAccess) -> Result<Message, Refusal> {
         at_rest(board)?;
         let settings = settings.validate().map_err(Refusal::Settings)?;
-        let coefficients = coefficients(&settings).map_err(|_| Refusal::Design)?;
-        let channels = channels(&settings, coefficients).ok_or(Refusal::Design)?;
+        let filters = filters(&settings).map_err(|_| Refusal::Design)?;
+        let channels = channels(&settings, filters).ok_or(Refusal::Design)?;
         // The design took its time: somebody may have armed meanwhile, and may still.
         pause(board)?;
         let reconfigured = board.reconfigure(&settings, channels);
@@ -197,7 +189,6 @@ impl<F: NorFlash> RequestHandler<F> {
         for motor in 0..MOTORS {
             self.forget_injection(motor);
         }
-        self.coefficients = coefficients;
         self.origin = Origin::Host;
         let warnings = settings.warnings();
         self.settings = settings;
@@ -229,9 +220,6 @@ impl<F: NorFlash> RequestHandler<F> {
         if index >= MOTORS {
             return Err(Refusal::UnknownMotor);
         }
-        let limits = channel_settings(&self.settings, index);
-        let mut channel = Channel::new(&limits, self.coefficients).map_err(|_| Refusal::Design)?;
-        channel.set_enabled(compensate);
         if source == Source::Inject {
             may_drive(board)?;
         }
@@ -245,6 +233,7 @@ impl<F: NorFlash> RequestHandler<F> {
                 State::Excitation(_) => Err(Refusal::Exciting),
                 state if !state.is_at_rest() => Err(Refusal::NotDisarmed { motor }),
                 _ => {
+                    let channel = path.channel().afresh(compensate);
                     path.restart(channel, source);
                     Ok(())
                 }

@@ -7,9 +7,8 @@ use super::hardware::{BoardFacts, CaptureTimer, ControlHardware};
 use super::plan::Plan;
 use super::{
     Control, HandlerQueues, INJECT_QUEUE, Inputs, Motor, MotorQueues, Outputs, RECORD_QUEUE, RequestHandler, Tick,
-    channels, coefficients,
+    channels, filters,
 };
-use crate::biquad::Coefficients;
 use crate::channel::Channel;
 use crate::link::Sample;
 use crate::settings::{MOTORS, Origin, Store, Validated};
@@ -42,7 +41,6 @@ pub struct Started<C, H, F> {
 
 /// Settings as a controller runs with them.
 struct Usable {
-    coefficients: Coefficients,
     channels: [Channel; MOTORS],
     plan: Plan,
 }
@@ -50,10 +48,9 @@ struct Usable {
 impl Usable {
     /// `None` where the filter cannot be designed, or a timer does not suit the pulses.
     fn new(settings: &Validated, facts: &BoardFacts, tells_pulses_apart: bool) -> Option<Self> {
-        let coefficients = coefficients(settings).ok()?;
-        let channels = channels(settings, coefficients)?;
+        let channels = channels(settings, filters(settings).ok()?)?;
         let plan = Plan::new(settings, facts.clocks.timer_hz, tells_pulses_apart)?;
-        Some(Self { coefficients, channels, plan })
+        Some(Self { channels, plan })
     }
 }
 
@@ -83,7 +80,7 @@ pub fn start<C: CaptureTimer, H: ControlHardware, F: NorFlash>(
             (settings, Origin::DefaultsBad, usable.expect("the defaults suit every clock"))
         }
     };
-    let Usable { coefficients, channels, plan } = usable;
+    let Usable { channels, plan } = usable;
     let outputs = if origin.is_chosen() { Outputs::Enabled } else { Outputs::Low };
     let (inject_in, inject_out) = unzip(queues.inject);
     let (outputs_in, outputs_out) = unzip(queues.outputs);
@@ -95,7 +92,7 @@ pub fn start<C: CaptureTimer, H: ControlHardware, F: NorFlash>(
     Started {
         inputs: Inputs::new(capture, plan.timing),
         control: Control::start(hardware, tick, &plan, settings.loop_rate_hz),
-        handler: RequestHandler::new(settings, origin, coefficients, store, queues),
+        handler: RequestHandler::new(settings, origin, store, queues),
         origin,
     }
 }

@@ -13,7 +13,10 @@ mod tustin;
 
 pub use check::DesignCheck;
 pub use error::DesignError;
-pub use inverse::{CurvePoint, InverseDesign, InverseError, LARGEST_ROUNDING_ERROR, ReferenceModel};
+pub use inverse::{
+    CurvePoint, InverseDesign, InverseError, LARGEST_ROUNDING_ERROR, ReferenceModel, RotorCurve, SLEW_RANGE_PER_S,
+    TIME_CONSTANT_RANGE_S,
+};
 pub use lead::LeadParameters;
 pub use tustin::LeadDesign;
 

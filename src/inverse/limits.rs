@@ -14,30 +14,51 @@ pub(super) const fn to_output_step(value: i64) -> i64 {
     shift_rounded::<STEP_SHIFT>(value) << STEP_SHIFT
 }
 
-/// The range of the output and its largest change per tick, in multiples of its step of 2^-16. Made by
-/// [`InverseDesign::limits`](crate::design::InverseDesign::limits).
+/// Largest change of the output per tick, a multiple of its step of 2^-16. Made by
+/// [`InverseDesign::slew_limit`](crate::design::InverseDesign::slew_limit).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SlewLimit {
+    /// In 2^-29, at least one step of the output.
+    per_tick: i32,
+}
+
+impl SlewLimit {
+    /// The whole range in a tick: nothing is limited.
+    pub const NONE: Self = Self { per_tick: Command::ONE.to_bits() };
+
+    /// So many steps of the output per tick; `None` for 0.
+    pub(crate) fn from_steps(steps: u32) -> Option<Self> {
+        let steps = steps.min(1 << OUTPUT_BITS);
+        (steps > 0).then_some(Self { per_tick: (steps << STEP_SHIFT) as i32 })
+    }
+
+    /// The change per tick in 2^-29; 2^29 where there is no limit.
+    #[must_use]
+    pub const fn per_tick(self) -> i32 {
+        self.per_tick
+    }
+}
+
+/// The range of the output, in multiples of its step of 2^-16, and its slew.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
     min: Command,
     /// At least `min`.
     max: Command,
-    /// In 2^-29, at least one step of the output. 2^29 where there is no limit.
-    slew_per_tick: i32,
+    slew: SlewLimit,
 }
 
 impl Limits {
-    /// The slew, in steps of the output per tick, that limits nothing: the whole range.
-    pub(crate) const UNLIMITED_STEPS: u32 = 1 << OUTPUT_BITS;
-
-    /// The range [`min`, `max`], each rounded to the nearest step of the output, and a slew of `slew_steps` of these
-    /// steps per tick. `None` where `min` is above `max` or `slew_steps` is 0.
-    pub(crate) fn new(min: Command, max: Command, slew_steps: u32) -> Option<Self> {
-        if min > max || slew_steps == 0 {
-            return None;
-        }
-        let slew_per_tick = slew_steps.min(Self::UNLIMITED_STEPS) << STEP_SHIFT;
-        let rounded = |command: Command| Command::saturating_from_bits(to_output_step(command.to_bits().into()) as i32);
-        Some(Self { min: rounded(min), max: rounded(max), slew_per_tick: slew_per_tick as i32 })
+    /// The steps of the output from `min` to `max`. Where there is none, as where `min` is above `max`, the one nearest to
+    /// `min` alone.
+    #[must_use]
+    pub const fn new(min: Command, max: Command, slew: SlewLimit) -> Self {
+        const STEP: i32 = 1 << STEP_SHIFT;
+        // Cannot wrap: commands are at most 2^29.
+        let (low, high) = ((min.to_bits() + STEP - 1) & -STEP, max.to_bits() & -STEP);
+        let nearest = to_output_step(min.to_bits() as i64) as i32;
+        let (low, high) = if low <= high { (low, high) } else { (nearest, nearest) };
+        Self { min: Command::saturating_from_bits(low), max: Command::saturating_from_bits(high), slew }
     }
 
     /// The lowest output.
@@ -52,10 +73,10 @@ impl Limits {
         self.max
     }
 
-    /// Largest change of the output per tick, in 2^-29; 2^29 where there is no limit.
+    /// The largest change of the output per tick.
     #[must_use]
-    pub const fn slew_per_tick(&self) -> i32 {
-        self.slew_per_tick
+    pub const fn slew(&self) -> SlewLimit {
+        self.slew
     }
 
     /// The nearest command in the range.
@@ -74,8 +95,8 @@ impl Limits {
     #[inline]
     pub(super) fn reachable(&self, bits: i32, last: Command) -> Command {
         // Cannot wrap: both terms are in 0..=2^29.
-        let low = Command::saturating_from_bits(last.to_bits() - self.slew_per_tick);
-        let high = Command::saturating_from_bits(last.to_bits() + self.slew_per_tick);
+        let low = Command::saturating_from_bits(last.to_bits() - self.slew.per_tick);
+        let high = Command::saturating_from_bits(last.to_bits() + self.slew.per_tick);
         Throttle::from_bits(bits).clamp_in_order(low.max(self.min), high.min(self.max))
     }
 }
@@ -85,13 +106,22 @@ mod tests {
     use super::*;
 
     #[test]
-    fn ends_are_rounded_to_the_step_and_the_slew_is_in_steps() {
+    fn ends_are_rounded_inward_and_the_slew_is_in_steps() {
         let command = Command::saturating_from_bits;
-        let limits = Limits::new(command((5 << STEP_SHIFT) + 4095), command((9 << STEP_SHIFT) + 4096), 3).unwrap();
-        assert_eq!((limits.min().to_bits(), limits.max().to_bits()), (5 << STEP_SHIFT, 10 << STEP_SHIFT));
-        assert_eq!(limits.slew_per_tick(), 3 << STEP_SHIFT);
-        assert_eq!(Limits::new(Command::ZERO, Command::ONE, u32::MAX).unwrap().slew_per_tick(), Command::ONE.to_bits());
-        assert_eq!(Limits::new(Command::ONE, Command::ZERO, 1), None);
-        assert_eq!(Limits::new(Command::ZERO, Command::ONE, 0), None);
+        let slew = SlewLimit::from_steps(3).unwrap();
+        let ends = |low, high| {
+            let limits = Limits::new(command(low), command(high), slew);
+            (limits.min().to_bits(), limits.max().to_bits())
+        };
+        const STEP: i32 = 1 << STEP_SHIFT;
+        assert_eq!(ends(5 * STEP + 1, 9 * STEP + STEP - 1), (6 * STEP, 9 * STEP));
+        assert_eq!(ends(0, Command::ONE.to_bits()), (0, Command::ONE.to_bits()));
+        // Nothing between them, and the wrong way round.
+        assert_eq!(ends(5 * STEP + 1, 5 * STEP + 2), (5 * STEP, 5 * STEP));
+        assert_eq!(ends(Command::ONE.to_bits() - 1, Command::ONE.to_bits() - 1), [Command::ONE.to_bits(); 2].into());
+        assert_eq!(ends(9 * STEP, 5 * STEP), (9 * STEP, 9 * STEP));
+        assert_eq!(slew.per_tick(), 3 * STEP);
+        assert_eq!(SlewLimit::from_steps(u32::MAX), Some(SlewLimit::NONE));
+        assert_eq!(SlewLimit::from_steps(0), None);
     }
 }

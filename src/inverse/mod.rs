@@ -45,8 +45,8 @@
 //! | `A`, `B`, `h` | coefficients, within [0, 2) | Q1.30 in an `i32` |
 //! | `g` | gain of the inverse, within (1/2, 512) | Q9.22 in an `i32` |
 //!
-//! Products are 64 bits wide and rounded to the nearest, halves upward. `r`, `min` and `max` are rounded to the step of
-//! the output, 2^-16, and `s` down to it.
+//! Products are 64 bits wide and rounded to the nearest, halves upward. `r` is rounded to the step of the output, 2^-16, and
+//! `min`, `max` and `s` inward to it.
 //!
 //! - **The steady output is the reference**, rounded to 2^-16, to the last bit. Condition: the rounding errors of steps 1
 //!   and 5 move `u*` by less than half a step of the output, which [`crate::design::InverseDesign`] checks.
@@ -62,5 +62,5 @@ mod recurrence;
 
 pub(crate) use coefficients::TableError;
 pub use coefficients::{COEFFICIENT_BITS, Coefficients, GAIN_BITS, TABLE_POINTS};
-pub use limits::{Limits, OUTPUT_BITS};
+pub use limits::{Limits, OUTPUT_BITS, SlewLimit};
 pub use recurrence::ConditionedInverse;

@@ -109,7 +109,7 @@ impl ConditionedInverse {
 
 #[cfg(test)]
 mod tests {
-    use super::super::TABLE_POINTS;
+    use super::super::{SlewLimit, TABLE_POINTS};
     use super::*;
     use std::vec::Vec;
 
@@ -133,8 +133,8 @@ mod tests {
 
     fn extreme_limits() -> Vec<Limits> {
         let ranges = [(Command::ZERO, Command::ONE), (Command::ZERO, Command::ZERO), (Command::ONE, Command::ONE)];
-        let slews = [1, Limits::UNLIMITED_STEPS];
-        slews.iter().flat_map(|&slew| ranges.map(|(min, max)| Limits::new(min, max, slew).unwrap())).collect()
+        let slews = [SlewLimit::from_steps(1).unwrap(), SlewLimit::NONE];
+        slews.iter().flat_map(|&slew| ranges.map(|(min, max)| Limits::new(min, max, slew))).collect()
     }
 
     /// Tests run with overflow checks: a sum that overflows panics.
@@ -183,7 +183,7 @@ mod tests {
     fn at_rest_it_passes_the_command_rounded_and_confined() {
         let [coefficients, ..] = extreme_coefficients()[..] else { panic!("no coefficients") };
         let command = Command::saturating_from_f64;
-        let limits = Limits::new(command(0.25), command(0.75), 1).unwrap();
+        let limits = Limits::new(command(0.25), command(0.75), SlewLimit::from_steps(1).unwrap());
         for (level, output) in [(0.0, 0.25), (0.5 + 3e-6, 0.5), (0.5 + 1e-5, 0.5 + 1.0 / 65_536.0), (1.0, 0.75)] {
             let mut inverse = ConditionedInverse::at_rest(limits, Command::ONE);
             inverse.reset(command(level));

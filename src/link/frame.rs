@@ -10,9 +10,9 @@ use serde::de::DeserializeOwned;
 use crate::checksum::CHECKSUM;
 
 /// Version of the messages, the first byte of every frame.
-pub const VERSION: u8 = 3;
-/// Largest envelope: version, tag, body and checksum. The longest message is a [`Record`](super::Record) of noise, of some
-/// 680 bytes; settings with curves of 33 points for each of four motors in `f32`, which are to come, are some 750.
+pub const VERSION: u8 = 4;
+/// Largest envelope: version, tag, body and checksum. The longest messages are settings with a curve for each motor, of some
+/// 750 bytes, and a [`Record`](super::Record) of noise, of some 680.
 pub const PAYLOAD_BYTES: usize = 1024;
 /// Largest frame: the envelope, a byte of COBS for every 254, and the zeros around it.
 pub const FRAME_BYTES: usize = 2 + PAYLOAD_BYTES + PAYLOAD_BYTES / 254 + 1;

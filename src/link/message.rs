@@ -173,7 +173,7 @@ pub enum Refusal {
     },
     /// 4: the settings are wrong.
     Settings(SettingsError),
-    /// 5: the compensator cannot be designed at this loop rate.
+    /// 5: the compensator cannot be designed with these numbers at this loop rate.
     Design,
     /// 6: the flash did not take the settings; the old ones are still stored.
     SaveFailed,
@@ -254,7 +254,7 @@ impl fmt::Display for Refusal {
                 super::MAX_LOAD_PERCENT
             ),
             Self::Settings(error) => error.fmt(f),
-            Self::Design => write!(f, "the compensator cannot be designed at this loop rate"),
+            Self::Design => write!(f, "the compensator cannot be designed with these numbers at this loop rate"),
             Self::SaveFailed => write!(f, "the flash did not take the settings; the old ones are still stored"),
             Self::CommandOutsideLimits { min_command, max_command, max_amplitude } => write!(
                 f,

@@ -10,12 +10,24 @@ use serde::{Deserialize, Serialize};
 pub enum Key {
     /// [`Settings::loop_rate_hz`](super::Settings::loop_rate_hz)
     LoopRateHz,
+    /// [`Settings::compensator`](super::Settings::compensator)
+    Compensator,
     /// [`Lead::omega_z_rad_s`](super::Lead::omega_z_rad_s)
     OmegaZRadS,
     /// [`Lead::omega_f_rad_s`](super::Lead::omega_f_rad_s)
     OmegaFRadS,
     /// [`Lead::damping`](super::Lead::damping)
     Damping,
+    /// [`Inverse::natural_rad_s`](super::Inverse::natural_rad_s)
+    InverseNaturalRadS,
+    /// [`Inverse::damping`](super::Inverse::damping)
+    InverseDamping,
+    /// [`Inverse::slew_per_s`](super::Inverse::slew_per_s)
+    InverseSlewPerS,
+    /// [`Inverse::compensate_from`](super::Inverse::compensate_from)
+    InverseCompensateFrom,
+    /// [`Inverse::compensate_to`](super::Inverse::compensate_to)
+    InverseCompensateTo,
     /// The protocol of [`Settings::input`](super::Settings::input)
     InputProtocol,
     /// The frame rate of [`Settings::input`](super::Settings::input)
@@ -42,6 +54,8 @@ pub enum Key {
     Max,
     /// [`MotorSettings::hold_ms`](super::MotorSettings::hold_ms)
     HoldMs,
+    /// [`MotorSettings::curve`](super::MotorSettings::curve)
+    TimeConstantS,
     /// [`ExcitationLimits::max_duration_s`](super::ExcitationLimits::max_duration_s)
     ExcitationMaxDurationS,
     /// [`ExcitationLimits::max_command`](super::ExcitationLimits::max_command)
@@ -58,11 +72,17 @@ pub enum Key {
 
 impl Key {
     /// Every key, in the order of the settings.
-    pub const ALL: [Self; 23] = [
+    pub const ALL: [Self; 30] = [
         Self::LoopRateHz,
+        Self::Compensator,
         Self::OmegaZRadS,
         Self::OmegaFRadS,
         Self::Damping,
+        Self::InverseNaturalRadS,
+        Self::InverseDamping,
+        Self::InverseSlewPerS,
+        Self::InverseCompensateFrom,
+        Self::InverseCompensateTo,
         Self::InputProtocol,
         Self::InputFrameHz,
         Self::OutputProtocol,
@@ -76,6 +96,7 @@ impl Key {
         Self::Idle,
         Self::Max,
         Self::HoldMs,
+        Self::TimeConstantS,
         Self::ExcitationMaxDurationS,
         Self::ExcitationMaxCommand,
         Self::ExcitationMaxAmplitude,
@@ -89,9 +110,15 @@ impl Key {
     pub const fn name(self) -> &'static str {
         match self {
             Self::LoopRateHz => "loop_rate_hz",
+            Self::Compensator => "compensator",
             Self::OmegaZRadS => "omega_z_rad_s",
             Self::OmegaFRadS => "omega_f_rad_s",
             Self::Damping => "damping",
+            Self::InverseNaturalRadS => "inverse.natural_rad_s",
+            Self::InverseDamping => "inverse.damping",
+            Self::InverseSlewPerS => "inverse.slew_per_s",
+            Self::InverseCompensateFrom => "inverse.compensate_from",
+            Self::InverseCompensateTo => "inverse.compensate_to",
             Self::InputProtocol => "input.protocol",
             Self::InputFrameHz => "input.frame_hz",
             Self::OutputProtocol => "output.protocol",
@@ -105,6 +132,7 @@ impl Key {
             Self::Idle => "idle",
             Self::Max => "max",
             Self::HoldMs => "hold_ms",
+            Self::TimeConstantS => "time_constant_s",
             Self::ExcitationMaxDurationS => "excitation.max_duration_s",
             Self::ExcitationMaxCommand => "excitation.max_command",
             Self::ExcitationMaxAmplitude => "excitation.max_amplitude",
@@ -117,7 +145,16 @@ impl Key {
     /// Whether each motor has one.
     #[must_use]
     pub const fn is_of_a_motor(self) -> bool {
-        matches!(self, Self::Compensate | Self::Disarming | Self::Arming | Self::Idle | Self::Max | Self::HoldMs)
+        matches!(
+            self,
+            Self::Compensate
+                | Self::Disarming
+                | Self::Arming
+                | Self::Idle
+                | Self::Max
+                | Self::HoldMs
+                | Self::TimeConstantS
+        )
     }
 }
 

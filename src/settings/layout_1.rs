@@ -66,6 +66,7 @@ impl Settings1 {
                 ramp_ms: self.excitation.ramp_ms,
             },
             recorder_divisor: self.recorder_divisor,
+            ..today
         }
     }
 }
@@ -84,6 +85,7 @@ impl Motor1 {
             idle: self.idle,
             max: self.max,
             hold_ms: self.hold_ms,
+            curve: None,
         }
     }
 }

@@ -1,13 +1,15 @@
 //! What a controller stores: its parameters, their ranges, and their form in flash.
 //!
 //! [`Settings`] are numbers; [`Settings::validate`] says whether they may be used, and is asked before they are set and
-//! after they are loaded. The filter's coefficients are not among them: [`LeadDesign`](crate::design::LeadDesign)
-//! makes those from [`Settings::lead`] at start-up, on the controller as on the host.
+//! after they are loaded. The filter's coefficients are not among them: [`crate::design`] makes those at start-up, on the
+//! controller as on the host.
 //!
 //! [`Store`] keeps them in flash, twice. Settings of an older layout are migrated when they are loaded.
 
+mod compensator;
 mod key;
 mod layout_1;
+mod layout_2;
 mod store;
 mod validate;
 
@@ -15,10 +17,11 @@ use libm::sqrt;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use crate::design::{DEFAULT_DAMPING, LeadParameters};
+use crate::design::{DEFAULT_DAMPING, RotorCurve};
 use crate::throttle::{Command, Protocol};
 
 pub use crate::channel::NoSignal;
+pub use compensator::{CompensatorKind, Inverse, Lead};
 pub use key::{Key, Place};
 pub use store::{Loaded, Origin, SaveError, Store};
 pub use validate::{
@@ -40,13 +43,22 @@ const DEFAULT_INPUT: Pulse = Pulse { protocol: PulseProtocol::StandardPwm, frame
 /// What nearly every ESC understands. Its frames may come closer than the input's, so that they can follow those.
 const DEFAULT_OUTPUT: Pulse = Pulse { protocol: PulseProtocol::StandardPwm, frame_hz: 450 };
 
+/// The slowest of the ESCs whose slew is known, 2 % per millisecond: declared too slow, it costs speed, too fast, it may break an
+/// ESC's lock.
+const DEFAULT_SLEW_PER_S: f64 = 20.0;
+
 /// Everything that a controller stores. Levels are commands in Q2.29 ([`Command::to_bits`]).
 ///
 /// | key | range | default |
 /// |---|---|---|
 /// | `loop_rate_hz` | 1000..=10000 | 5000 |
+/// | `compensator` | lead, inverse | lead |
 /// | `omega_z_rad_s`, `omega_f_rad_s` | above 0, the zero below the poles | the paper's, 14.13 and 94.2 |
 /// | `damping` | 0.3..=2 | 1/sqrt 2 |
+/// | `inverse.natural_rad_s` | above 0 | the paper's, 94.2 |
+/// | `inverse.damping` | 0.3..=2 | 1/sqrt 2 |
+/// | `inverse.slew_per_s` | 0 (no limit)..=1e6 | 20, 2 % per millisecond |
+/// | `inverse.compensate_from`, `inverse.compensate_to` | 0..=1, in this order | 0, 1 |
 /// | `input.protocol`, `output.protocol` | raw_duty, standard_pwm, oneshot125 | standard_pwm |
 /// | `input.frame_hz`, `output.frame_hz` | 40..=3703, and the longest pulse fits; raw duty up to 1500 | 400, 450 |
 /// | `stop` | 0; raw duty: 20 µs of the frame up to 0.03 | 0 |
@@ -58,6 +70,7 @@ const DEFAULT_OUTPUT: Pulse = Pulse { protocol: PulseProtocol::StandardPwm, fram
 /// | `motor.N.idle` | `arming` or above | 0.05 |
 /// | `motor.N.max` | above `idle`, 1 or below | 1 |
 /// | `motor.N.hold_ms` | 0..=1000 | 100 |
+/// | `motor.N.time_constant_s` | 33 of 1e-6..=1000, or none; needed where `compensator` is inverse | none |
 /// | `excitation.max_duration_s` | 1..=600 | 120 |
 /// | `excitation.max_command` | 0..=1 | 0.75 |
 /// | `excitation.max_amplitude` | above 0, 0.25 or below | 0.1 |
@@ -68,8 +81,12 @@ const DEFAULT_OUTPUT: Pulse = Pulse { protocol: PulseProtocol::StandardPwm, fram
 pub struct Settings {
     /// Ticks of the control loop per second.
     pub loop_rate_hz: u32,
-    /// The compensator, one for all motors.
+    /// What the compensators run.
+    pub compensator: CompensatorKind,
+    /// The lead, one for all motors.
     pub lead: Lead,
+    /// The inverse, but for each motor's curve.
+    pub inverse: Inverse,
     /// The flight controller's pulses.
     pub input: Pulse,
     /// The ESCs' pulses. All come from one timer, so there is one kind.
@@ -89,31 +106,8 @@ pub struct Settings {
     pub recorder_divisor: u16,
 }
 
-/// The continuous compensator, as stored. See [`LeadParameters`].
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
-pub struct Lead {
-    /// Frequency of the zero, rad/s.
-    pub omega_z_rad_s: f64,
-    /// Frequency of the pair of poles, rad/s.
-    pub omega_f_rad_s: f64,
-    /// Damping ratio of the poles.
-    pub damping: f64,
-}
-
-impl From<Lead> for LeadParameters {
-    fn from(Lead { omega_z_rad_s, omega_f_rad_s, damping }: Lead) -> Self {
-        Self { omega_z_rad_s, omega_f_rad_s, damping }
-    }
-}
-
-impl From<LeadParameters> for Lead {
-    fn from(LeadParameters { omega_z_rad_s, omega_f_rad_s, damping }: LeadParameters) -> Self {
-        Self { omega_z_rad_s, omega_f_rad_s, damping }
-    }
-}
-
 /// One motor's own parameters.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Schema)]
 pub struct MotorSettings {
     /// Whether the compensator is in the path.
     pub compensate: bool,
@@ -127,6 +121,8 @@ pub struct MotorSettings {
     pub max: i32,
     /// How long the last command is held when the input is lost, milliseconds.
     pub hold_ms: u16,
+    /// The rotor's time constants over the command; `None` where they are not known.
+    pub curve: Option<RotorCurve>,
 }
 
 /// How a command is expressed as a pulse, and how often.
@@ -186,7 +182,15 @@ impl Default for Settings {
         let omega_f_rad_s = sqrt(omega_z_rad_s * omega_g_rad_s);
         Self {
             loop_rate_hz: 5000,
+            compensator: CompensatorKind::Lead,
             lead: Lead { omega_z_rad_s, omega_f_rad_s, damping: DEFAULT_DAMPING },
+            inverse: Inverse {
+                natural_rad_s: omega_f_rad_s,
+                damping: DEFAULT_DAMPING,
+                slew_per_s: DEFAULT_SLEW_PER_S,
+                compensate_from: 0,
+                compensate_to: percent(100),
+            },
             input: DEFAULT_INPUT,
             output: DEFAULT_OUTPUT,
             stop: 0,
@@ -214,6 +218,7 @@ impl Default for MotorSettings {
             idle: percent(5),
             max: percent(100),
             hold_ms: 100,
+            curve: None,
         }
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! Each copy has an erase sector of its own, which is written as a log: a save goes to the first [`PAGE_BYTES`] behind the
 //! last used ones, and the sector is erased only when it is full (a 128 KiB sector of an STM32F405 stalls the core for up
-//! to two seconds; with today's settings, which take one page, this is once in 256 saves). The copy is what the last
+//! to two seconds; settings without curves take one page, and this is once in 256 saves). The copy is what the last
 //! used pages hold.
 //!
 //! ```text
@@ -41,18 +41,19 @@ use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 use super::layout_1::{self, Settings1};
+use super::layout_2::{self, Settings2};
 use super::{Settings, Validated};
 use crate::checksum::CHECKSUM;
 
 /// Where sets begin: at a multiple of so many bytes.
 pub const PAGE_BYTES: usize = 512;
-/// Longest set, two pages. Curves of 33 points for each of four motors in `f32`, which are to come, are 528 bytes of it.
+/// Longest set, two pages: with a curve for each of the four motors some 750 bytes.
 const SET_BYTES: usize = 2 * PAGE_BYTES;
 
 /// `RLST`, little-endian.
 const MAGIC: [u8; 4] = *b"RLST";
 /// Number of the settings' layout.
-const LAYOUT: u16 = 2;
+const LAYOUT: u16 = 3;
 const HEADER_BYTES: usize = 12;
 const CHECKSUM_BYTES: usize = 4;
 /// An erased byte.
@@ -291,6 +292,7 @@ fn decode(set: &[u8]) -> Option<Copy> {
     let layout = u16::from_le_bytes(*layout);
     let settings = match layout {
         layout_1::LAYOUT => whole::<Settings1>(body)?.migrate(),
+        layout_2::LAYOUT => whole::<Settings2>(body)?.migrate(),
         LAYOUT => whole::<Settings>(body)?,
         _ => return None,
     };

@@ -6,8 +6,8 @@ use core::ops::Deref;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use super::{Key, MotorSettings, Place, Pulse, PulseProtocol, Settings};
-use crate::design::{DAMPING_RANGE, LeadParameters};
+use super::{CompensatorKind, Key, MotorSettings, Place, Pulse, PulseProtocol, Settings};
+use crate::design::{DAMPING_RANGE, LeadParameters, SLEW_RANGE_PER_S, TIME_CONSTANT_RANGE_S};
 use crate::throttle::Command;
 
 /// Frame rates in hertz: from a slow servo output to the fastest that OneShot125 is run at.
@@ -57,6 +57,8 @@ pub enum Problem {
     },
     /// The zero is not below the poles.
     ZeroNotBelowPoles,
+    /// The inverse has no time constants of this motor.
+    NoCurve,
     /// A stop command above 0 with a protocol whose 0 has a pulse of its own.
     StopWithoutRawDuty,
     /// The longest pulse, with a gap of [`SHORTEST_LEVEL_US`], does not fit the frame.
@@ -84,6 +86,12 @@ impl fmt::Display for SettingsError {
                 write!(f, "{place} is {value}, outside its range {min} to {max}")
             }
             Problem::ZeroNotBelowPoles => write!(f, "{place} is not below omega_f_rad_s: there is nothing to speed up"),
+            Problem::NoCurve => {
+                write!(
+                    f,
+                    "{place} is none: with compensator inverse it must be given, from the motor's identified model"
+                )
+            }
             Problem::StopWithoutRawDuty => {
                 write!(f, "{place} must be 0 unless output.protocol is raw_duty, whose 0 has no pulse")
             }
@@ -214,6 +222,7 @@ impl Settings {
         if self.lead.omega_z_rad_s >= self.lead.omega_f_rad_s {
             return Err(SettingsError { place: whole(Key::OmegaZRadS), problem: Problem::ZeroNotBelowPoles });
         }
+        self.check_inverse(fastest_rad_s)?;
         pulse(whole(Key::InputFrameHz), self.input)?;
         pulse(whole(Key::OutputFrameHz), self.output)?;
         self.check_stop(whole(Key::Stop))?;
@@ -231,6 +240,32 @@ impl Settings {
 
         let warnings = self.warnings();
         Ok(Validated { settings: self, warnings })
+    }
+
+    /// An inverse, and where it is used the time constants of every motor.
+    fn check_inverse(&self, fastest_rad_s: f64) -> Result<(), SettingsError> {
+        let whole = |key| Place { key, motor: None };
+        let inverse = &self.inverse;
+        within(whole(Key::InverseNaturalRadS), inverse.natural_rad_s, (f64::MIN_POSITIVE, fastest_rad_s))?;
+        within(whole(Key::InverseDamping), inverse.damping, DAMPING_RANGE)?;
+        within(whole(Key::InverseSlewPerS), inverse.slew_per_s, SLEW_RANGE_PER_S)?;
+        level(whole(Key::InverseCompensateFrom), inverse.compensate_from, (0, ONE))?;
+        level(whole(Key::InverseCompensateTo), inverse.compensate_to, (inverse.compensate_from, ONE))?;
+        for (index, motor) in (0..).zip(&self.motors) {
+            let place = Place { key: Key::TimeConstantS, motor: Some(index) };
+            match &motor.curve {
+                Some(curve) => {
+                    for tau_s in curve.time_constants_s() {
+                        within(place, f64::from(tau_s), TIME_CONSTANT_RANGE_S)?;
+                    }
+                }
+                None if self.compensator == CompensatorKind::Inverse => {
+                    return Err(SettingsError { place, problem: Problem::NoCurve });
+                }
+                None => {}
+            }
+        }
+        Ok(())
     }
 
     /// A stop command that stops, and raw duties that have edges.
@@ -269,8 +304,21 @@ impl Settings {
         self.output.protocol != PulseProtocol::RawDuty && is_between && input_hz < self.loop_rate_hz
     }
 
+    /// The highest frequency that the compensator of the fastest motor amplifies, rad/s.
+    fn omega_g_rad_s(&self) -> f64 {
+        if self.compensator == CompensatorKind::Lead {
+            return LeadParameters::from(self.lead).omega_g_rad_s();
+        }
+        // The inverse of the rotor with the time constant tau is a lead with its zero on 1 / tau: eq. (5) of the paper.
+        let curves = self.motors.iter().filter_map(|motor| motor.curve);
+        let shortest_s = curves.fold(f64::INFINITY, |shortest, curve| {
+            curve.time_constants_s().iter().fold(shortest, |shortest, &tau_s| shortest.min(f64::from(tau_s)))
+        });
+        self.inverse.natural_rad_s * self.inverse.natural_rad_s * shortest_s
+    }
+
     fn warnings(&self) -> Warnings {
-        let omega_g_hz = LeadParameters::from(self.lead).omega_g_rad_s() / (2.0 * core::f64::consts::PI);
+        let omega_g_hz = self.omega_g_rad_s() / (2.0 * core::f64::consts::PI);
         // Without the compensator in any path nothing is amplified.
         let is_used = self.motors.iter().any(|motor| motor.compensate);
         let slow = |pulse: Pulse| is_used && f64::from(pulse.frame_hz) < 2.0 * omega_g_hz;

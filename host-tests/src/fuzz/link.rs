@@ -69,7 +69,7 @@ pub fn fuzz_settings(bytes: &[u8]) {
     load_and_save(content);
 
     let body = &bytes[..bytes.len().min(SECTOR / 2 - 16)];
-    for layout in [1, LAYOUT] {
+    for layout in [1, 2, LAYOUT] {
         let mut content = vec![0xff; 2 * SECTOR];
         let set = stored(layout, 1, body);
         content[..set.len()].copy_from_slice(&set);
@@ -91,7 +91,7 @@ fn load_and_save(content: Vec<u8>) {
 }
 
 /// Today's layout of stored settings.
-pub const LAYOUT: u16 = 2;
+pub const LAYOUT: u16 = 3;
 
 /// A stored set around any body, as the documentation of `rotorlead::settings` has it.
 #[must_use]

@@ -136,8 +136,7 @@ fn play(settings: &Validated, plan: &Plan, drift: f64, commands: Commands, inter
 }
 
 fn channels(settings: &Validated) -> [rotorlead::channel::Channel; MOTORS] {
-    let coefficients = rotorlead::controller::coefficients(settings).unwrap();
-    rotorlead::controller::channels(settings, coefficients).unwrap()
+    rotorlead::controller::channels(settings, rotorlead::controller::filters(settings).unwrap()).unwrap()
 }
 
 /// Drifts of a flight controller's crystal, and one of an oscillator.

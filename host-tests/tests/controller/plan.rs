@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use rotorlead::capture::Signal;
 use rotorlead::channel::Input;
 use rotorlead::controller::{
-    ClockReport, Plan, Supervisor, channel_settings, channels, check_crystal, check_timer, coefficients,
+    ClockReport, Plan, Supervisor, channel_settings, channels, check_crystal, check_timer, filters,
 };
 use rotorlead::link::{Clock, CrystalCheck};
 use rotorlead::settings::{
@@ -125,7 +125,7 @@ proptest! {
         let plan = Plan::new(&settings, timer_hz, true).expect("valid settings suit every clock");
         let stop = Command::saturating_from_bits(settings.stop);
         let stop_ticks = plan.output_scale.to_width_ticks(stop.into());
-        let [mut channel, ..] = channels(&settings, coefficients(&settings).unwrap()).unwrap();
+        let [mut channel, ..] = channels(&settings, filters(&settings).unwrap()).unwrap();
         for (input, ticks) in inputs {
             for _ in 0..ticks {
                 let width = plan.output_scale.to_width_ticks(channel.tick(input));

@@ -6,7 +6,7 @@ use host_tests::emulator::{HostLate, Machine, PATIENCE, PortWrite, Start, image,
 use host_tests::flash::Flash;
 use host_tests::{TABLE_1, multisine};
 use rotorlead::channel::{Channel, Excitation, ExcitationRequest, Input};
-use rotorlead::controller::{Plan, channel_settings, channels, coefficients, load};
+use rotorlead::controller::{Plan, channel_settings, channels, filters, load};
 use rotorlead::link::{
     ChannelState, Clock, ExciteRequest, InjectRequest, LineSet, MAX_LOAD_PERCENT, Message, NO_PULSE, Record,
     RecordRequest, Refusal, Request, ResetReason, Series, Source,
@@ -62,7 +62,7 @@ fn ready(start: &Start, settings: &Settings) -> Machine {
 
 /// The host library's channel of motor 0 with these settings.
 fn reference(settings: &Validated) -> Channel {
-    let [mut channel, ..] = channels(settings, coefficients(settings).unwrap()).unwrap();
+    let [mut channel, ..] = channels(settings, filters(settings).unwrap()).unwrap();
     channel.set_enabled(true);
     channel
 }
@@ -342,7 +342,7 @@ fn the_controller_designs_the_same_filter_as_the_host() {
     let mut machine = Machine::boot(&Start::new(&image));
     let mut settings = Settings::default();
     settings.lead.omega_z_rad_s = 3.0;
-    assert!(coefficients(&settings.clone().validate().unwrap()).is_err());
+    assert!(filters(&settings.clone().validate().unwrap()).is_err());
     assert_eq!(machine.link.ask(&Request::SetSettings(settings)), Message::Refused(Refusal::Design));
 }
 
@@ -375,7 +375,7 @@ fn the_excitation_is_the_host_generators_bit_for_bit() {
         amplitude,
         duration_ticks: 20 * settings.loop_rate_hz,
     };
-    let mut channel = channels(&settings, coefficients(&settings).unwrap()).unwrap()[0].clone();
+    let mut channel = channels(&settings, filters(&settings).unwrap()).unwrap()[0].clone();
     channel.start_excitation(Excitation::new(&limits, &checked, f64::from(settings.loop_rate_hz)).unwrap()).unwrap();
     // Commands before and after the filter, from the first tick of the ramp.
     let expected: Vec<(i32, i32)> = std::iter::from_fn(|| {

@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use rotorlead::channel::{Channel, Input};
-use rotorlead::controller::{channels, coefficients};
+use rotorlead::controller::{channels, filters};
 use rotorlead::link::{INJECT_SAMPLES, INJECT_WINDOW, InjectRequest, Message, Request, Series, Source};
 use rotorlead::settings::Settings;
 use rotorlead::throttle::{Command, EscCommand};
@@ -44,8 +44,8 @@ pub fn path(settings: &Settings, motor: u8, compensate: bool) -> Result<Channel,
         help: "flash the firmware that belongs to this program",
     };
     let settings = settings.clone().validate().map_err(|error| refused(error.to_string()))?;
-    let coefficients = coefficients(&settings).map_err(|error| refused(error.to_string()))?;
-    let channels = channels(&settings, coefficients).ok_or_else(|| refused("limits out of order".into()))?;
+    let filters = filters(&settings).map_err(|error| refused(error.to_string()))?;
+    let channels = channels(&settings, filters).ok_or_else(|| refused("limits out of order".into()))?;
     let count = channels.len();
     let mut channel = channels.into_iter().nth(usize::from(motor)).ok_or_else(|| DeviceError::Option {
         message: format!("there is no motor {motor}"),

@@ -1,6 +1,7 @@
 //! Settings by name, as on the command line.
 
-use rotorlead::settings::{Key, MOTORS, MotorSettings, NoSignal, Place, PulseProtocol, Settings};
+use rotorlead::design::{CurvePoint, RotorCurve};
+use rotorlead::settings::{CompensatorKind, Key, MOTORS, MotorSettings, NoSignal, Place, PulseProtocol, Settings};
 use rotorlead::throttle::{Command, Throttle};
 use rotorlead_records::files::did_you_mean;
 
@@ -12,6 +13,8 @@ const PROTOCOLS: [(&str, PulseProtocol); 3] = [
     ("standard_pwm", PulseProtocol::StandardPwm),
     ("oneshot125", PulseProtocol::OneShot125),
 ];
+/// What a compensator runs.
+const KINDS: [(&str, CompensatorKind); 2] = [("lead", CompensatorKind::Lead), ("inverse", CompensatorKind::Inverse)];
 /// What an output does without a signal.
 const NO_SIGNAL: [(&str, NoSignal); 2] = [("no_pulses", NoSignal::NoPulses), ("stop_pulses", NoSignal::StopPulses)];
 
@@ -79,18 +82,27 @@ enum Value<'a> {
     Count(&'a mut u16),
     Level(&'a mut i32),
     Switch(&'a mut bool),
+    Kind(&'a mut CompensatorKind),
+    Curve(&'a mut Option<RotorCurve>),
     Protocol(&'a mut PulseProtocol),
     NoSignal(&'a mut NoSignal),
 }
 
 impl<'a> Value<'a> {
     fn of(settings: &'a mut Settings, key: Key, motor: usize) -> Self {
-        let MotorSettings { compensate, disarming, arming, idle, max, hold_ms } = &mut settings.motors[motor];
+        let MotorSettings { compensate, disarming, arming, idle, max, hold_ms, curve } = &mut settings.motors[motor];
+        let inverse = &mut settings.inverse;
         match key {
             Key::LoopRateHz => Self::Rate(&mut settings.loop_rate_hz),
+            Key::Compensator => Self::Kind(&mut settings.compensator),
             Key::OmegaZRadS => Self::Number(&mut settings.lead.omega_z_rad_s),
             Key::OmegaFRadS => Self::Number(&mut settings.lead.omega_f_rad_s),
             Key::Damping => Self::Number(&mut settings.lead.damping),
+            Key::InverseNaturalRadS => Self::Number(&mut inverse.natural_rad_s),
+            Key::InverseDamping => Self::Number(&mut inverse.damping),
+            Key::InverseSlewPerS => Self::Number(&mut inverse.slew_per_s),
+            Key::InverseCompensateFrom => Self::Level(&mut inverse.compensate_from),
+            Key::InverseCompensateTo => Self::Level(&mut inverse.compensate_to),
             Key::InputProtocol => Self::Protocol(&mut settings.input.protocol),
             Key::InputFrameHz => Self::Count(&mut settings.input.frame_hz),
             Key::OutputProtocol => Self::Protocol(&mut settings.output.protocol),
@@ -104,6 +116,7 @@ impl<'a> Value<'a> {
             Key::Idle => Self::Level(idle),
             Key::Max => Self::Level(max),
             Key::HoldMs => Self::Count(hold_ms),
+            Key::TimeConstantS => Self::Curve(curve),
             Key::ExcitationMaxDurationS => Self::Count(&mut settings.excitation.max_duration_s),
             Key::ExcitationMaxCommand => Self::Level(&mut settings.excitation.max_command),
             Key::ExcitationMaxAmplitude => Self::Level(&mut settings.excitation.max_amplitude),
@@ -128,6 +141,8 @@ impl<'a> Value<'a> {
                 shown.into_iter().find(same).unwrap_or_else(|| value.to_string())
             }
             Self::Switch(value) => value.to_string(),
+            Self::Kind(value) => name_of(&KINDS, **value),
+            Self::Curve(value) => value.as_ref().map_or_else(|| NO_CURVE.to_owned(), shown_curve),
             Self::Protocol(value) => name_of(&PROTOCOLS, **value),
             Self::NoSignal(value) => name_of(&NO_SIGNAL, **value),
         }
@@ -154,10 +169,42 @@ impl<'a> Value<'a> {
                 *place = Command::saturating_from_f64(value).to_bits();
                 Ok(())
             }
+            Self::Kind(place) => choose(&KINDS, place, text),
+            Self::Curve(place) => {
+                *place = if text == NO_CURVE { None } else { Some(read_curve(text)?) };
+                Ok(())
+            }
             Self::Protocol(place) => choose(&PROTOCOLS, place, text),
             Self::NoSignal(place) => choose(&NO_SIGNAL, place, text),
         }
     }
+}
+
+/// A motor whose time constants are not known.
+const NO_CURVE: &str = "none";
+
+/// `COMMAND:SECONDS,...` for the points of the table, without those inside a run of equal time constants.
+fn shown_curve(curve: &RotorCurve) -> String {
+    let tau_s = curve.time_constants_s();
+    let last = tau_s.len() - 1;
+    let is_needed = |index: &usize| match *index {
+        index if index > 0 && index < last => tau_s[index - 1] != tau_s[index] || tau_s[index] != tau_s[index + 1],
+        _ => true,
+    };
+    let points: Vec<String> =
+        (0..=last).filter(is_needed).map(|index| format!("{}:{}", index as f64 / last as f64, tau_s[index])).collect();
+    points.join(",")
+}
+
+/// The curve through `COMMAND:SECONDS,...`; the error says what is wrong with it.
+fn read_curve(text: &str) -> Result<RotorCurve, String> {
+    let form = || "give COMMAND:SECONDS[,COMMAND:SECONDS ...], as 0.40:0.159,0.65:0.071, or none".to_owned();
+    let point = |point: &str| {
+        let (command, tau_s) = point.split_once(':')?;
+        Some(CurvePoint { command: command.trim().parse().ok()?, tau_s: tau_s.trim().parse().ok()? })
+    };
+    let points: Vec<CurvePoint> = text.split(',').map(point).collect::<Option<_>>().ok_or_else(form)?;
+    RotorCurve::through(&points).map_err(|error| error.to_string())
 }
 
 /// The name of a value among those that there are.

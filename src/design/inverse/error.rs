@@ -3,6 +3,7 @@
 use core::fmt;
 
 use super::super::DesignError;
+use super::rounding::LONGEST_RESPONSE_TICKS;
 use super::table_command;
 use crate::inverse::{OUTPUT_BITS, TABLE_POINTS, TableError};
 use crate::throttle::Command;
@@ -62,6 +63,8 @@ pub enum InverseError {
         /// The rotor's time constant at its end.
         next_tau_s: f64,
     },
+    /// The response of the reference model takes more control ticks than a controller has time to check.
+    ResponseTooLong,
     /// Rounding could keep the steady output from its reference.
     RoundingTooLarge {
         /// The command of the table at which the rotor is slowest.
@@ -135,6 +138,11 @@ impl fmt::Display for InverseError {
                 "tau_s changes from {tau_s:.4} at command {command:.4} to {next_tau_s:.4} at {:.4}: the gain of the inverse \
                  may change by a factor of 1.25 at most over 1/32 of the command; check the points on either side",
                 command + table_command(1)
+            ),
+            Self::ResponseTooLong => write!(
+                f,
+                "the reference model takes more than {LONGEST_RESPONSE_TICKS} ticks to settle: raise omega_f_rad_s, lower \
+                 damping, or lower loop_rate_hz"
             ),
             Self::RoundingTooLarge { command, max } => write!(
                 f,

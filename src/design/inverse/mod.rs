@@ -7,7 +7,7 @@ mod rounding;
 #[cfg(test)]
 mod tests;
 
-pub use curve::CurvePoint;
+pub use curve::{CurvePoint, RotorCurve, TIME_CONSTANT_RANGE_S};
 pub use error::InverseError;
 pub use reference::ReferenceModel;
 pub use rounding::LARGEST_ROUNDING_ERROR;
@@ -16,12 +16,13 @@ use libm::{expm1, floor, rint};
 
 use super::LOOP_RATE_RANGE_HZ;
 use super::error::within;
-use crate::inverse::{COEFFICIENT_BITS, Coefficients, GAIN_BITS, Limits, OUTPUT_BITS, TABLE_POINTS};
+use crate::compensator::{CommandRange, InverseFilter};
+use crate::inverse::{COEFFICIENT_BITS, Coefficients, GAIN_BITS, Limits, OUTPUT_BITS, SlewLimit, TABLE_POINTS};
 use crate::throttle::Command;
 use reference::Discrete;
 
 /// Range of slew limits in units of the command per second; 0 is no limit.
-const SLEW_RANGE_PER_S: (f64, f64) = (0.0, 1e6);
+pub const SLEW_RANGE_PER_S: (f64, f64) = (0.0, 1e6);
 
 /// A checked design: the coefficients of a [`ConditionedInverse`](crate::inverse::ConditionedInverse) for a reference
 /// model, a loop rate and a rotor.
@@ -34,17 +35,23 @@ pub struct InverseDesign {
 }
 
 impl InverseDesign {
-    /// Designs the inverse of the rotor with `curve` along `reference`, at `loop_rate_hz`, 50 to 100000.
-    ///
-    /// `curve` has 1 to 33 points in increasing order of the command. Between them `1 / tau` is interpolated linearly, and
-    /// before the first and after the last it is constant. The equations are those of [`crate::inverse`].
+    /// Designs the inverse of the rotor with the curve through `points` ([`RotorCurve::through`]) along `reference`, at
+    /// `loop_rate_hz`, 50 to 100000.
     ///
     /// # Errors
     /// See [`InverseError`]. Nothing saturates in silence.
-    pub fn new(reference: ReferenceModel, loop_rate_hz: f64, curve: &[CurvePoint]) -> Result<Self, InverseError> {
+    pub fn new(reference: ReferenceModel, loop_rate_hz: f64, points: &[CurvePoint]) -> Result<Self, InverseError> {
+        Self::of_curve(reference, loop_rate_hz, &RotorCurve::through(points)?)
+    }
+
+    /// The same for a curve as a controller stores it. The equations are those of [`crate::inverse`].
+    ///
+    /// # Errors
+    /// See [`InverseError`].
+    pub fn of_curve(reference: ReferenceModel, loop_rate_hz: f64, curve: &RotorCurve) -> Result<Self, InverseError> {
         within("loop_rate_hz", loop_rate_hz, LOOP_RATE_RANGE_HZ)?;
         let Discrete { a, b } = reference.discrete(loop_rate_hz)?;
-        let poles_rad_s = curve::expanded(curve)?;
+        let poles_rad_s = curve.poles_rad_s()?;
         let gains = poles_rad_s.map(|pole| rint(a / -expm1(-pole / loop_rate_hz) * FORMAT_G) as i64);
         let coefficients = Coefficients::new(rint(a * FORMAT_A) as i32, rint(b * FORMAT_A) as i32, gains)
             .map_err(|error| InverseError::of_table(error, &poles_rad_s))?;
@@ -52,20 +59,41 @@ impl InverseDesign {
         Ok(Self { reference, loop_rate_hz, coefficients, rounding_error })
     }
 
-    /// What the output can do: its range [`min`, `max`] and its slew in units of the command per second, 0 for no limit.
-    /// The ends are rounded to the output's step of 2^-16, the slew down to whole steps per tick.
+    /// A slew limit in units of the command per second, 0 for none. It is rounded down to whole steps of the output, 2^-16,
+    /// per tick.
     ///
     /// # Errors
-    /// When `min` is above `max`, or `slew_per_s` is not finite, negative, or positive and less than a step per tick.
-    pub fn limits(&self, min: Command, max: Command, slew_per_s: f64) -> Result<Limits, InverseError> {
+    /// When it is not finite, negative, or positive and less than a step per tick.
+    pub fn slew_limit(&self, slew_per_s: f64) -> Result<SlewLimit, InverseError> {
         let slew_per_s = within("slew_per_s", slew_per_s, SLEW_RANGE_PER_S)?;
-        let steps_per_tick = slew_per_s / self.loop_rate_hz * f64::from(1_u32 << OUTPUT_BITS);
-        let slew_steps = if slew_per_s == 0.0 { Limits::UNLIMITED_STEPS } else { floor(steps_per_tick) as u32 };
-        if slew_steps == 0 {
-            let min_per_s = self.loop_rate_hz / f64::from(1_u32 << OUTPUT_BITS);
-            return Err(InverseError::SlewTooSlow { slew_per_s, min_per_s });
+        if slew_per_s == 0.0 {
+            return Ok(SlewLimit::NONE);
         }
-        Limits::new(min, max, slew_steps).ok_or(InverseError::LimitsCrossed { min, max })
+        let steps = floor(slew_per_s / self.loop_rate_hz * f64::from(1_u32 << OUTPUT_BITS)) as u32;
+        let min_per_s = self.loop_rate_hz / f64::from(1_u32 << OUTPUT_BITS);
+        SlewLimit::from_steps(steps).ok_or(InverseError::SlewTooSlow { slew_per_s, min_per_s })
+    }
+
+    /// What the output can do: its range [`min`, `max`] and its slew, as of [`Self::slew_limit`]. The ends are rounded inward to
+    /// the output's step of 2^-16.
+    ///
+    /// # Errors
+    /// When `min` is above `max`, or the slew is refused.
+    pub fn limits(&self, min: Command, max: Command, slew_per_s: f64) -> Result<Limits, InverseError> {
+        let slew = self.slew_limit(slew_per_s)?;
+        if min > max {
+            return Err(InverseError::LimitsCrossed { min, max });
+        }
+        Ok(Limits::new(min, max, slew))
+    }
+
+    /// The filter of a [`Compensator`](crate::compensator::Compensator) with a slew as of [`Self::slew_limit`], which is bypassed
+    /// for commands outside `range`.
+    ///
+    /// # Errors
+    /// When the slew is refused.
+    pub fn filter(&self, slew_per_s: f64, range: CommandRange) -> Result<InverseFilter, InverseError> {
+        Ok(InverseFilter { coefficients: self.coefficients, slew: self.slew_limit(slew_per_s)?, range })
     }
 
     /// The reference model.

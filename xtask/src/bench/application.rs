@@ -418,11 +418,11 @@ struct Library {
 
 impl Library {
     fn new(settings: &Validated, timer_hz: u32) -> Result<Self> {
-        let coefficients = controller::coefficients(settings).map_err(|error| error.to_string())?;
+        let filters = controller::filters(settings).map_err(|error| error.to_string())?;
         let plan = Plan::new(settings, timer_hz, true).ok_or("the timers do not suit the settings")?;
         Ok(Self {
             decoders: std::array::from_fn(|_| Decoder::new(plan.timing)),
-            channels: controller::channels(settings, coefficients).ok_or("the settings contradict each other")?,
+            channels: controller::channels(settings, filters).ok_or("the settings contradict each other")?,
             plan,
         })
     }

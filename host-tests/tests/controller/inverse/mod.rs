@@ -29,7 +29,7 @@ impl Case {
     fn settling_s(&self) -> f64 {
         let slowest_s = self.curve.iter().map(|point| point.tau_s).fold(0.0, f64::max);
         let reference = self.design.reference();
-        let slew_per_tick = f64::from(self.limits.slew_per_tick()) / f64::from(Command::ONE.to_bits());
+        let slew_per_tick = f64::from(self.limits.slew().per_tick()) / f64::from(Command::ONE.to_bits());
         12.0 * slowest_s
             + 30.0 * reference.damping.max(1.0) / reference.damping.min(1.0) / reference.omega_f_rad_s
             + 3.0 / (slew_per_tick * self.design.loop_rate_hz())
@@ -113,7 +113,7 @@ impl Exact {
         let a = (1.0 + decay * decay - 2.0 * decay * cosine).sqrt();
         let gains = std::array::from_fn(|i| a / (1.0 - (-pole_at(&case.curve, i as f64 / 32.0) / rate).exp()));
         let (min, max) = (case.limits.min().to_f64(), case.limits.max().to_f64());
-        let slew = f64::from(case.limits.slew_per_tick()) / f64::from(Command::ONE.to_bits());
+        let slew = f64::from(case.limits.slew().per_tick()) / f64::from(Command::ONE.to_bits());
         let level = rounded(level.to_f64()).clamp(min, max);
         Self { a, b: 1.0 - decay * decay, gains, min, max, slew, v: level, x: 0.0, u: level }
     }
@@ -198,7 +198,7 @@ proptest! {
                 let last = inverse.output();
                 let output = inverse.update(case.design.coefficients(), command(reference));
                 prop_assert!((min..=max).contains(&output) && (min..=max).contains(&inverse.rotor_state()));
-                prop_assert!((output.to_bits() - last.to_bits()).abs() <= case.limits.slew_per_tick());
+                prop_assert!((output.to_bits() - last.to_bits()).abs() <= case.limits.slew().per_tick());
                 prop_assert_eq!(output.to_bits() % (1 << 13), 0);
             }
         }

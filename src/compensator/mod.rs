@@ -1,22 +1,28 @@
-//! The compensator of one motor: the section, its output limits, and bumpless switching.
+//! The compensator of one motor: its filter, the limits of its output, and bumpless switching.
+
+mod filter;
+
+pub use filter::{CommandRange, Filter, InverseFilter};
 
 use core::num::NonZeroI32;
 
-use crate::biquad::{COEFFICIENT_BITS, Coefficients, Section};
 use crate::throttle::{Command, Throttle};
+use filter::RunningFilter;
 
-/// The lead compensator of one motor.
+/// The compensator of one motor: a lead, or a conditioned inverse.
 ///
-/// - **Limits without wind-up.** The section runs unclamped within its headroom. Only the output is clamped, to
-///   [`min`, `max`]. So the output leaves a limit on the tick on which the unclamped filter re-enters the range.
+/// - **Limits without wind-up.** The section of a lead runs unclamped within its headroom. Only the output is clamped, to
+///   [`min`, `max`]. So the output leaves a limit on the tick on which the unclamped filter re-enters the range. An
+///   [inverse](crate::inverse) has the limits in its own state.
 /// - **Bumpless switching.** On the tick of a switch the output `y` moves towards the target, which is the output of
 ///   the new path, by at most the size of its last increment: `|y[n] - y[n-1]| <= |y[n-1] - y[n-2]|`. The difference
-///   that remains is an offset from the target. From then on it decays with a time constant of `2 / |k|` ticks, that
-///   of complex poles of the section, and loses at once whatever a limit cuts off. In steady state there is no
-///   difference, and switching changes no output bit.
+///   that remains is an offset from the target. From then on it decays with the time constant of complex poles of the
+///   filter, and loses at once whatever a limit cuts off. In steady state a lead makes no difference, and switching
+///   changes no output bit; an inverse makes one of at most half a step of its output, 2^-17.
 /// - **Bypass.** The output is the input, clamped. When the filter is switched in again it starts at rest at the last
-///   input, however long it was bypassed. The error of this initial condition decays with the section's poles: 15 ms
+///   input, however long it was bypassed. The error of this initial condition decays with the filter's poles: 15 ms
 ///   for the paper's compensator.
+/// - **Range.** Where the curve of an inverse is not known it is bypassed, and switched in again when the command returns.
 ///
 /// # Examples
 ///
@@ -42,9 +48,10 @@ use crate::throttle::{Command, Throttle};
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Compensator {
-    coefficients: Coefficients,
-    /// At rest at the last input while the filter is bypassed.
-    section: Section,
+    /// At rest at the last input while it is bypassed.
+    filter: RunningFilter,
+    /// Whether the filter is in the path for the commands that it covers.
+    is_enabled: bool,
     min: Command,
     /// At least `min`.
     max: Command,
@@ -56,7 +63,7 @@ pub struct Compensator {
 /// What the output follows.
 #[derive(Clone, Copy, Debug)]
 enum Path {
-    /// The section, clamped.
+    /// The filter, within the limits.
     Filter,
     /// The input, clamped.
     Bypass,
@@ -79,7 +86,7 @@ enum State {
         /// Of the path left, 0 for none. A switch back before the tick restores it.
         offset: i32,
     },
-    /// The section was restarted at another level. The tick limits the output increment, on either path.
+    /// The filter was restarted at another level. The tick limits the output increment, on either path.
     Restart { path: Path },
 }
 
@@ -125,22 +132,19 @@ impl State {
 impl Compensator {
     /// A compensator with its filter in the path and at rest at `min`. Its outputs are in [`min`, `max`]. If `min` is
     /// above `max`, every output is `min`.
+    ///
+    /// Outputs of an inverse are multiples of 2^-16. Where there is none from `min` to `max` they are the nearest to `min`.
     #[must_use]
-    pub const fn new(coefficients: Coefficients, min: Command, max: Command) -> Self {
-        Self {
-            coefficients,
-            section: Section::at_level(min),
-            min,
-            max: if max.to_bits() < min.to_bits() { min } else { max },
-            state: State::Filter,
-            outputs: [min; 2],
-        }
+    pub fn new(filter: impl Into<Filter>, min: Command, max: Command) -> Self {
+        let max = max.max(min);
+        let filter = RunningFilter::at_rest(filter.into(), min, max);
+        Self { filter, is_enabled: true, min, max, state: State::Filter, outputs: [min; 2] }
     }
 
     /// Puts the filter and the past outputs at rest at `level`. The output may jump: at an input of `level` the next
     /// output is `level`, clamped. A switch of [`Self::set_enabled`] that waits for the next tick is done at once.
     pub const fn reset(&mut self, level: Command) {
-        self.section = Section::at_level(level);
+        self.filter.reset(level);
         self.outputs = [level.clamp_to(self.min, self.max); 2];
         self.state = State::after(self.state.path(), 0);
     }
@@ -149,20 +153,21 @@ impl Compensator {
     /// switch, and the offset that remains decays. For an input that returns after an outage: the change of the input
     /// during the outage is not answered as a step.
     pub const fn restart(&mut self, level: Command) {
-        self.section = Section::at_level(level);
+        self.filter.reset(level);
         self.state = State::Restart { path: self.state.path() };
     }
 
     /// Switches the filter in (`true`) or bypasses it (`false`) from the next tick on, without a jump of the output.
     /// Only the last call before a tick counts: a switch there and back changes nothing.
     pub const fn set_enabled(&mut self, enabled: bool) {
+        self.is_enabled = enabled;
         self.state = self.state.switched(Path::new(enabled));
     }
 
-    /// Whether the next tick has the filter in its path.
+    /// Whether the next tick has the filter in its path, if it covers the command.
     #[must_use]
     pub const fn is_enabled(&self) -> bool {
-        matches!(self.state.path(), Path::Filter)
+        self.is_enabled
     }
 
     /// The last output, in [`min`, `max`]. Before the first tick, the level at rest, clamped.
@@ -175,7 +180,7 @@ impl Compensator {
     /// the command for the ESC, in [`min`, `max`].
     #[inline]
     pub fn update(&mut self, input: Command) -> Command {
-        if !matches!(self.state, State::Filter) {
+        if !matches!(self.state, State::Filter) || !self.filter.covers(input) {
             return self.update_any(input);
         }
         self.update_filter(input)
@@ -184,31 +189,27 @@ impl Compensator {
     /// [`Self::update`] in the state [`State::Filter`].
     #[inline(never)]
     fn update_filter(&mut self, input: Command) -> Command {
-        let output = self.filter(input);
+        let output = self.filter.update(input);
         self.outputs = [self.outputs[1], output];
         output
-    }
-
-    #[inline]
-    fn filter(&mut self, input: Command) -> Command {
-        self.section.update(&self.coefficients, input).clamp_in_order(self.min, self.max)
     }
 
     /// [`Self::update`] in any state.
     #[inline(never)]
     fn update_any(&mut self, input: Command) -> Command {
-        let path = self.state.path();
+        let path = Path::new(self.is_enabled && self.filter.covers(input));
+        self.state = self.state.switched(path);
         let target = match path {
-            Path::Filter => self.filter(input),
+            Path::Filter => self.filter.update(input),
             Path::Bypass => {
-                self.section = Section::at_level(input);
+                self.filter.reset(input);
                 Throttle::from(input).clamp_in_order(self.min, self.max)
             }
         };
         let output = match self.state {
             State::Filter | State::Bypass => target,
             State::Decay { offset, .. } => {
-                let offset = offset.get() - decay_step(offset.get(), &self.coefficients);
+                let offset = offset.get() - self.filter.decay_step(offset.get());
                 Throttle::from_bits(target.to_bits() + offset).clamp_in_order(self.min, self.max)
             }
             State::Switch { .. } | State::Restart { .. } => {
@@ -224,37 +225,5 @@ impl Compensator {
         self.state = State::after(path, output.to_bits() - target.to_bits());
         self.outputs = [self.outputs[1], output];
         output
-    }
-}
-
-/// What `offset` loses in one tick, in LSB: `|k| / 2` of itself, rounded away from zero so that the decay ends.
-///
-/// The product of the section's poles is `1 + k`, so complex poles have the radius `sqrt(1 + k)`, about `1 - |k| / 2`:
-/// the offset decays as fast as the filter's own response would. A slower decay drives the motor past its command. A
-/// faster one is the step that bumpless switching is to prevent.
-const fn decay_step(offset: i32, coefficients: &Coefficients) -> i32 {
-    let product = offset as i64 * -(coefficients.k() as i64);
-    (product >> (COEFFICIENT_BITS + 1)) as i32 + (offset > 0) as i32
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{Coefficients, decay_step};
-
-    #[test]
-    fn a_decay_ends_without_changing_sign() {
-        // The smallest and the largest |k|, and that of the paper's compensator.
-        for (k, ticks) in [(-5462, 60_000_000), (i32::MIN, 100), (-112_938_246, 2000)] {
-            let coefficients = Coefficients::new(k, 4096, 1, 1).unwrap();
-            for start in [1, -1, 255, -255, 256, -256, 1 << 29, -(1 << 29)] {
-                let mut offset: i32 = start;
-                for _ in 0..ticks {
-                    let next = offset - decay_step(offset, &coefficients);
-                    assert!(next.signum() * start.signum() >= 0 && (next.abs() < offset.abs() || offset == 0));
-                    offset = next;
-                }
-                assert_eq!(offset, 0, "from {start}");
-            }
-        }
     }
 }

@@ -1,0 +1,161 @@
+//! What shapes a command: the section of a lead compensator, or a conditioned inverse.
+
+use crate::biquad::{self, Section};
+use crate::inverse::{self, ConditionedInverse, Limits, SlewLimit};
+use crate::throttle::Command;
+
+/// What a compensator runs, as a checked design gives it.
+// One for each motor, for as long as it lives.
+#[allow(clippy::large_enum_variant)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Filter {
+    /// A lead, of a [`LeadDesign`](crate::design::LeadDesign).
+    Lead(biquad::Coefficients),
+    /// A conditioned inverse, of an [`InverseDesign`](crate::design::InverseDesign).
+    Inverse(InverseFilter),
+}
+
+/// A conditioned inverse with what it is allowed to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct InverseFilter {
+    /// Its reference model and the rotor's curve.
+    pub coefficients: inverse::Coefficients,
+    /// Largest change of the output per tick.
+    pub slew: SlewLimit,
+    /// The commands for which the curve is known. It is bypassed at others.
+    pub range: CommandRange,
+}
+
+/// Commands from `lowest` to `highest`, both included.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CommandRange {
+    /// The lowest.
+    pub lowest: Command,
+    /// The highest.
+    pub highest: Command,
+}
+
+impl CommandRange {
+    /// Every command.
+    pub const FULL: Self = Self { lowest: Command::ZERO, highest: Command::ONE };
+
+    #[inline]
+    fn contains(&self, command: Command) -> bool {
+        self.lowest <= command && command <= self.highest
+    }
+}
+
+impl From<biquad::Coefficients> for Filter {
+    fn from(coefficients: biquad::Coefficients) -> Self {
+        Self::Lead(coefficients)
+    }
+}
+
+impl From<InverseFilter> for Filter {
+    fn from(filter: InverseFilter) -> Self {
+        Self::Inverse(filter)
+    }
+}
+
+/// A [`Filter`] with its state. Its outputs are within the limits that it was made with.
+#[allow(clippy::large_enum_variant)] // As `Filter`.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum RunningFilter {
+    Lead { coefficients: biquad::Coefficients, section: Section, min: Command, max: Command },
+    Inverse { coefficients: inverse::Coefficients, inverse: ConditionedInverse, range: CommandRange },
+}
+
+impl RunningFilter {
+    /// At rest at `min`, which is at most `max`.
+    pub fn at_rest(filter: Filter, min: Command, max: Command) -> Self {
+        match filter {
+            Filter::Lead(coefficients) => Self::Lead { coefficients, section: Section::at_level(min), min, max },
+            Filter::Inverse(InverseFilter { coefficients, slew, range }) => {
+                let inverse = ConditionedInverse::at_rest(Limits::new(min, max, slew), min);
+                Self::Inverse { coefficients, inverse, range }
+            }
+        }
+    }
+
+    /// Puts it at rest at `level`.
+    #[inline]
+    pub const fn reset(&mut self, level: Command) {
+        match self {
+            Self::Lead { section, .. } => *section = Section::at_level(level),
+            Self::Inverse { inverse, .. } => inverse.reset(level),
+        }
+    }
+
+    /// Whether it may shape this command.
+    #[inline]
+    pub fn covers(&self, command: Command) -> bool {
+        match self {
+            Self::Lead { .. } => true,
+            Self::Inverse { range, .. } => range.contains(command),
+        }
+    }
+
+    /// One control tick.
+    #[inline]
+    pub fn update(&mut self, input: Command) -> Command {
+        match self {
+            Self::Lead { coefficients, section, min, max } => {
+                section.update(coefficients, input).clamp_in_order(*min, *max)
+            }
+            Self::Inverse { coefficients, inverse, .. } => inverse.update(coefficients, input),
+        }
+    }
+
+    /// What an offset of the output loses in one tick, in LSB: `(1 - p) / 2` of itself, where `p` is the product of the
+    /// filter's poles; rounded away from zero, so that the decay ends.
+    ///
+    /// Complex poles have the radius `sqrt(p)`, about `1 - (1 - p) / 2`: the offset decays as fast as the filter's own
+    /// response would. A slower decay drives the motor past its command. A faster one is the step that bumpless switching
+    /// is to prevent.
+    pub fn decay_step(&self, offset: i32) -> i32 {
+        let (one_less_product, bits) = match self {
+            // p = 1 + k
+            Self::Lead { coefficients, .. } => (-i64::from(coefficients.k()), biquad::COEFFICIENT_BITS),
+            // p = 1 - B
+            Self::Inverse { coefficients, .. } => (i64::from(coefficients.b()), inverse::COEFFICIENT_BITS),
+        };
+        let product = i64::from(offset) * one_less_product;
+        (product >> (bits + 1)) as i32 + i32::from(offset > 0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Every kind with its slowest and its fastest poles, and those of the paper's compensator.
+    #[test]
+    fn a_decay_ends_without_changing_sign() {
+        let lead = |k| Filter::from(biquad::Coefficients::new(k, 4096, 1, 1).unwrap());
+        let inverse = |b| {
+            let gains = [1 << inverse::GAIN_BITS; inverse::TABLE_POINTS];
+            let coefficients = inverse::Coefficients::new(1 << 20, b, gains).unwrap();
+            Filter::Inverse(InverseFilter { coefficients, slew: SlewLimit::NONE, range: CommandRange::FULL })
+        };
+        let slow_and_fast = [
+            (lead(-5462), 60_000_000),
+            (lead(i32::MIN), 100),
+            (lead(-112_938_246), 2000),
+            (inverse(1366), 60_000_000),
+            (inverse(1 << 30), 100),
+            (inverse(28_234_561), 2000),
+        ];
+        for (filter, ticks) in slow_and_fast {
+            let filter = RunningFilter::at_rest(filter, Command::ZERO, Command::ONE);
+            for start in [1, -1, 255, -255, 256, -256, 1 << 29, -(1 << 29)] {
+                let mut offset: i32 = start;
+                for _ in 0..ticks {
+                    let next = offset - filter.decay_step(offset);
+                    assert!(next.signum() * start.signum() >= 0 && (next.abs() < offset.abs() || offset == 0));
+                    offset = next;
+                }
+                assert_eq!(offset, 0, "from {start}");
+            }
+        }
+    }
+}
