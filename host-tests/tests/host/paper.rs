@@ -45,7 +45,7 @@ fn what_runs_has_the_bandwidths_of_what_was_designed_within_a_fifth_of_a_percent
     let model = table_1();
     let design = paper_design();
     let continuous = bandwidths(&model, Chain::Continuous(design.lead()));
-    let sampled = bandwidths(&model, Chain::Sampled { design: &design, esc_frame_hz: Some(600.0) });
+    let sampled = bandwidths(&model, Chain::Sampled { design: &design.into(), esc_frame_hz: Some(600.0) });
     for (continuous, sampled) in continuous.iter().zip(&sampled) {
         let ratio = sampled.compensated.rad_s().unwrap() / continuous.compensated.rad_s().unwrap();
         assert!((ratio - 1.0).abs() < 0.002, "u_nom {}: {ratio}", continuous.nominal);
@@ -58,7 +58,7 @@ fn compensated_run() -> (Plan, Model, Experiment) {
     let mut plan = Plan::paper(&model).compensated("compensator.toml");
     plan.records.retain(|record| record.excitation == Excitation::Multisine);
     plan.noise = Noise::default();
-    let experiment = run(&plan, &model, Some(&paper_design()), &|_| ()).unwrap();
+    let experiment = run(&plan, &model, Some(&paper_design().into()), &|_| ()).unwrap();
     (plan, model, experiment)
 }
 
@@ -66,7 +66,7 @@ fn predictions(plan: &Plan, model: &Model) -> Vec<f64> {
     TABLE_1
         .iter()
         .map(|&(nominal, ..)| {
-            let prediction = Prediction::new(plan, model, nominal, Some(&paper_design())).unwrap();
+            let prediction = Prediction::new(plan, model, nominal, Some(&paper_design().into())).unwrap();
             bandwidth_of(|omega| prediction.response(omega), 2.0 * PI * 44.9).rad_s().unwrap()
         })
         .collect()

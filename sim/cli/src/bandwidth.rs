@@ -5,17 +5,17 @@ use std::path::PathBuf;
 
 use clap::Args;
 use miette::WrapErr as _;
-use rotorlead::design::{DEFAULT_LOOP_RATE_HZ, LeadDesign, LeadParameters};
-use rotorlead_identify::design::{BandwidthPoint, Chain, ChainPhase, bandwidths_with, chain_phases, read_compensator};
+use rotorlead::design::{DEFAULT_LOOP_RATE_HZ, LeadParameters};
+use rotorlead_identify::design::{BandwidthPoint, Chain, ChainPhase, StepPoint, bandwidths_with, chain_phases, steps};
 use rotorlead_identify::{
     IdentifyError, MeasuredBandwidth, PeriodicIdentification, PeriodicOptions, identify_periodic,
 };
 use rotorlead_plant::effect::{Kind, Linearity};
-use rotorlead_plant::{ActiveEffect, Model};
+use rotorlead_plant::{ActiveEffect, CompensatorDesign, Model};
 use rotorlead_records::Experiment;
 use rotorlead_report::{
-    Fact, PointValues, Report, Table, bandwidth_section, bandwidth_table, bandwidth_values, measured_response,
-    measured_table, simulated_response, simulation_and_experiment,
+    Fact, PointValues, Report, Table, bandwidth_section, bandwidth_table, bandwidth_values, in_short,
+    measured_response, measured_table, simulated_response, simulation_and_experiment, steps_table,
 };
 use serde::Serialize;
 use serde_json::Value;
@@ -23,9 +23,9 @@ use serde_json::Value;
 use super::latency::{LatencyArguments, counted_delays, counted_holds, latency_json};
 use super::lost_gain::lost_gain;
 use super::outcome::{JsonOption, Outcome, paragraph, without_mark};
-use super::parameters::{DesignArguments, positive};
+use super::parameters::{DesignArguments, positive, step_size};
 use super::report_option::ReportOption;
-use super::{progress, report_pages};
+use super::{WrongUse, progress, report_pages};
 
 /// Bootstrap draws behind the interval of a measured bandwidth.
 pub const RESAMPLES: usize = 1000;
@@ -45,10 +45,10 @@ pub struct Bandwidth {
     #[arg(long, value_name = "FILE")]
     model: PathBuf,
     /// The compensator, as `rotorlead design` writes it
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["lead", "omega_g", "damping", "loop_rate", "prewarp"])]
+    #[arg(long, value_name = "FILE", conflicts_with = "lead")]
     compensator: Option<PathBuf>,
     /// A continuous compensator by its parameters: zero and poles in rad/s, and damping
-    #[arg(long, value_name = "ZERO,POLES,DAMPING", value_parser = lead, allow_hyphen_values = true, conflicts_with_all = ["sampled", "omega_g", "damping", "loop_rate", "prewarp"])]
+    #[arg(long, value_name = "ZERO,POLES,DAMPING", value_parser = lead, allow_hyphen_values = true, conflicts_with = "sampled")]
     lead: Option<LeadParameters>,
     /// Count the filter with its rounded coefficients, and the holds of its loop and of the ESC
     #[arg(long)]
@@ -57,6 +57,9 @@ pub struct Bandwidth {
     /// that follow the input's pulses come at --input-frame
     #[arg(long, value_name = "HZ", requires = "sampled", value_parser = positive, allow_negative_numbers = true)]
     esc_frame: Option<f64>,
+    /// Also simulate steps of these sizes, up and down, through the controller's own filter with its limits and the ESC's frames
+    #[arg(long, value_name = "SIZE", value_delimiter = ',', conflicts_with = "lead", value_parser = step_size, allow_negative_numbers = true)]
+    steps: Vec<f64>,
     /// Also measure the bandwidths of this experiment's multisine records; may be given several times
     #[arg(long, value_name = "DIR")]
     records: Vec<PathBuf>,
@@ -77,6 +80,8 @@ struct Values {
     latency: Value,
     warnings: Vec<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    steps: Option<Vec<StepPoint>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     left_out: Option<Vec<&'static Kind>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     measured: Option<Vec<MeasuredBandwidth>>,
@@ -88,23 +93,35 @@ impl Bandwidth {
         self.report.check(None)?;
         // Before files are read: it may be wrong use.
         self.latency.latency(DEFAULT_LOOP_RATE_HZ)?;
+        self.parameters.options()?;
+        if self.parameters.is_given() && (self.lead.is_some() || self.compensator.is_some()) {
+            return Err(WrongUse::new(
+                "--kind and the parameters of a compensator are those of one that is designed here",
+                "leave them out, or leave --compensator and --lead out",
+            )
+            .into());
+        }
         let model = Model::read(&self.model)?;
         let effects = ActiveEffect::of_model(&model)?;
         let design = match (&self.lead, &self.compensator) {
             (Some(_), _) => None,
-            (None, Some(file)) => Some(read_compensator(file)?),
-            (None, None) => Some(self.parameters.design(&model, &self.model)?),
+            (None, Some(file)) => Some(CompensatorDesign::read(file)?),
+            (None, None) => Some(self.parameters.design(&model, &self.model)?.compensator()),
         };
         let identified = model.provenance.as_ref().and_then(|provenance| provenance.esc_frame_hz);
         let esc_frame_hz = self.esc_frame.or(identified);
-        let lead =
-            design.as_ref().map(LeadDesign::lead).or(self.lead.as_ref()).expect("one is designed where none is given");
-        let chain = match &design {
-            Some(design) if self.sampled => Chain::Sampled { design, esc_frame_hz },
-            _ => Chain::Continuous(lead),
+        let chain = match (&design, &self.lead) {
+            (Some(design), _) if self.sampled => Chain::Sampled { design, esc_frame_hz },
+            (Some(design), _) => Chain::Designed(design),
+            (None, lead) => Chain::Continuous(lead.as_ref().expect("one is designed where none is given")),
+        };
+        let lead_at = |nominal: f64| match &design {
+            Some(design) => design.lead_at(nominal),
+            None => self.lead,
         };
         let points = bandwidths_with(&model, &effects, chain);
-        let latency = self.latency.latency(design.as_ref().map_or(DEFAULT_LOOP_RATE_HZ, LeadDesign::loop_rate_hz))?;
+        let latency =
+            self.latency.latency(design.as_ref().map_or(DEFAULT_LOOP_RATE_HZ, CompensatorDesign::loop_rate_hz))?;
         let phases = chain_phases(&model, &effects, chain, &latency, &points);
         let warning = lost_gain(&points, &phases);
         let mut text = predicted(&points, &phases).text();
@@ -114,6 +131,12 @@ impl Bandwidth {
         if let Some(warning) = &warning {
             writeln!(text, "\n{}", paragraph(warning, "  ").trim_end()).expect("a string takes all");
         }
+        let mut stepped = None;
+        if let Some(design) = design.as_ref().filter(|_| !self.steps.is_empty()) {
+            let found = steps(&model, design, esc_frame_hz, &self.steps)?;
+            writeln!(text, "\n{}", steps_table(&found).text().trim_end()).expect("a string takes all");
+            stepped = Some(found);
+        }
         let (mut measured, mut found) = (Vec::new(), Vec::new());
         if !self.records.is_empty() {
             (measured, found) = self.measure()?;
@@ -122,21 +145,26 @@ impl Bandwidth {
         }
         text.push_str(&self.report.write(|| {
             let mut section = bandwidth_section(&points, &phases, &measured);
-            section.figures.push(simulated_response(&model, lead));
+            section.figures.push(simulated_response(&model, &lead_at));
+            section.tables.extend(stepped.as_deref().map(steps_table));
             // Without and with compensator may be in different folders.
             let nominals = found.into_iter().flat_map(|found| found.nominals).collect();
             let all = PeriodicIdentification { nominals, warnings: Vec::new() };
             section.figures.extend(measured_response(&all, &all));
             section.figures.extend(design.as_ref().and_then(|design| simulation_and_experiment(&all, &all, design)));
             let mut facts = vec![report_pages::file("Model", &self.model)];
-            let lead = format!(
-                "zero {:.4} rad/s, poles {:.4} rad/s, damping {:.4}",
-                lead.omega_z_rad_s, lead.omega_f_rad_s, lead.damping
-            );
+            let parameters = match (&design, &self.lead) {
+                (Some(design), _) => in_short(design),
+                (None, Some(lead)) => format!(
+                    "zero {:.4} rad/s, poles {:.4} rad/s, damping {:.4}",
+                    lead.omega_z_rad_s, lead.omega_f_rad_s, lead.damping
+                ),
+                (None, None) => String::new(),
+            };
             facts.push(
                 self.compensator
                     .as_deref()
-                    .map_or(Fact::new("Compensator", lead), |file| report_pages::file("Compensator", file)),
+                    .map_or(Fact::new("Compensator", parameters), |file| report_pages::file("Compensator", file)),
             );
             facts.extend(self.records.iter().map(|folder| report_pages::file("Records", folder)));
             facts.push(report_pages::version());
@@ -154,6 +182,7 @@ impl Bandwidth {
             points: bandwidth_values(&points, &phases),
             latency: latency_json(&latency, chain, &phases),
             warnings: warning.into_iter().collect(),
+            steps: stepped,
             left_out: (!effects.is_empty()).then(|| left_out.collect()),
             measured: (!self.records.is_empty()).then_some(measured),
         };

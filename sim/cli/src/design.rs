@@ -5,12 +5,14 @@ use std::path::PathBuf;
 
 use clap::Args;
 use rotorlead::design::{DEFAULT_LOOP_RATE_HZ, LeadDesign};
-use rotorlead_identify::design::{Chain, bandwidths_with, chain_phases, compensator_file};
-use rotorlead_plant::{ActiveEffect, Model, StoredCoefficients};
+use rotorlead_identify::design::{
+    Chain, DesignedInverse, MOST_OVER_REFERENCE, REACH, Setting, bandwidths_with, chain_phases,
+};
+use rotorlead_plant::{ActiveEffect, CompensatorDesign, LeadFile, Model, StoredCoefficients, StoredCompensator};
 use rotorlead_records::files::check_writable;
 use rotorlead_report::{
-    PointValues, Report, bandwidth_section, bandwidth_values, design_section, design_table, discrete_table,
-    fastest_point, transfer_function,
+    PointValues, Report, bandwidth_section, bandwidth_values, curve_table, design_section, design_table,
+    discrete_table, fastest_point, inverse_equation, inverse_table, transfer_function,
 };
 use serde::Serialize;
 use serde_json::Value;
@@ -19,14 +21,15 @@ use super::bandwidth::{counted_effects, predicted};
 use super::latency::{LatencyArguments, counted_delays, latency_json};
 use super::lost_gain::lost_gain;
 use super::outcome::{JsonOption, Outcome, paragraph, without_mark};
-use super::parameters::DesignArguments;
+use super::parameters::{DesignArguments, Designed};
 use super::report_option::ReportOption;
 use super::report_pages;
 
 /// Designs one compensator for all points of a model
 ///
-/// The zero is put on the fastest pole of the model, and the two poles where the filter amplifies up to omega_g.
-/// Writes the parameters and the integers that a controller makes of them; refuses what its format cannot hold.
+/// The zero of a lead is put on the fastest pole of the model, and the two poles where the filter amplifies up to omega_g. An
+/// inverse (--kind inverse) makes the rotor equally fast at every point, with the limits of its command in its state; it is
+/// refused where a time constant is known too badly. Writes the parameters and the integers that a controller makes of them; refuses what its format cannot hold.
 /// Predicts the bandwidths and the phase of the whole chain as `rotorlead bandwidth` does, and warns where dead time makes
 /// the gained bandwidth worthless.
 #[derive(Args, Debug)]
@@ -49,7 +52,15 @@ pub struct Design {
 
 /// What came out, for programs.
 #[derive(Serialize)]
-struct Values {
+#[serde(untagged)]
+enum Values {
+    Lead(LeadValues),
+    Inverse(InverseValues),
+}
+
+/// Of a lead.
+#[derive(Serialize)]
+struct LeadValues {
     zero_rad_s: f64,
     pole_rad_s: f64,
     damping: f64,
@@ -64,24 +75,56 @@ struct Values {
     latency: Value,
 }
 
+/// Of an inverse.
+#[derive(Serialize)]
+struct InverseValues {
+    #[serde(flatten)]
+    stored: StoredCompensator,
+    setting: &'static str,
+    /// The lowest and the highest command at which the time constant was measured.
+    measured: [f64; 2],
+    /// Where the response may exceed the reference model most, and by which factor.
+    worst: Worst,
+    rounding_error: f64,
+    step_peak: f64,
+    warnings: Vec<String>,
+    points: Vec<PointValues>,
+    latency: Value,
+}
+
+#[derive(Serialize)]
+struct Worst {
+    nominal: f64,
+    over_reference: f64,
+}
+
 impl Design {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
         // Before anything is read or written: it may be wrong use.
         self.latency.latency(DEFAULT_LOOP_RATE_HZ)?;
+        self.parameters.options()?;
         let model = Model::read(&self.model)?;
         check_writable(&self.out)?;
         self.report.check(Some(&self.out))?;
         let effects = ActiveEffect::of_model(&model)?;
-        let design = self.parameters.design(&model, &self.model)?;
-        compensator_file(&design).write(&self.out)?;
+        let designed = self.parameters.design(&model, &self.model)?;
+        let compensator = designed.compensator();
+        compensator.write(&self.out)?;
 
-        let chain = Chain::Continuous(design.lead());
+        let chain = Chain::Designed(&compensator);
         let points = bandwidths_with(&model, &effects, chain);
-        let latency = self.latency.latency(design.loop_rate_hz())?;
+        let latency = self.latency.latency(compensator.loop_rate_hz())?;
         let phases = chain_phases(&model, &effects, chain, &latency, &points);
-        let warnings: Vec<String> = uncertain_zero(&model).into_iter().chain(lost_gain(&points, &phases)).collect();
-        let mut text = describe(&design, &model);
+        let doubts = match &designed {
+            Designed::Lead(_) => uncertain_zero(&model).into_iter().collect(),
+            Designed::Inverse(inverse) => doubts(inverse),
+        };
+        let warnings: Vec<String> = doubts.into_iter().chain(lost_gain(&points, &phases)).collect();
+        let (mut text, detail) = match &designed {
+            Designed::Lead(design) => (describe(design, &model), discrete_table(design).text()),
+            Designed::Inverse(inverse) => described_inverse(&compensator, inverse),
+        };
         write!(text, "\n{}", predicted(&points, &phases).text()).expect("a string takes all");
         text.push_str(&counted_delays(&latency, &phases));
         text.push_str(&counted_effects(&effects));
@@ -91,7 +134,7 @@ impl Design {
         }
         writeln!(text, "Written to {}", self.out.display()).expect("a string takes all");
         text.push_str(&self.report.write(|| {
-            let verdict = report_pages::designed(&design, &points, warnings.len());
+            let verdict = report_pages::designed(&compensator, &points, warnings.len());
             Report {
                 facts: vec![
                     report_pages::file("Model", &self.model),
@@ -99,28 +142,86 @@ impl Design {
                     report_pages::version(),
                 ],
                 warnings: without_mark(&warnings),
-                sections: vec![design_section(&design, &model), bandwidth_section(&points, &phases, &[])],
+                sections: vec![design_section(&compensator, &model), bandwidth_section(&points, &phases, &[])],
                 ..report_pages::report("Design", format!("Compensator for {}", self.model.display()), verdict)
             }
         })?);
-        let check = design.check();
-        let lead = design.lead();
-        let values = Values {
-            zero_rad_s: lead.omega_z_rad_s,
-            pole_rad_s: lead.omega_f_rad_s,
-            damping: lead.damping,
-            loop_rate_hz: design.loop_rate_hz(),
-            coefficients: compensator_file(&design).coefficients,
-            warnings,
-            worst_deviation_db: check.worst_deviation_db,
-            pole_radii: check.pole_radii,
-            l1_gain: check.l1_gain,
-            step_peak: check.step_peak,
-            points: bandwidth_values(&points, &phases),
-            latency: latency_json(&latency, chain, &phases),
+        let (points, latency) = (bandwidth_values(&points, &phases), latency_json(&latency, chain, &phases));
+        let values = match (&designed, compensator.stored()) {
+            (Designed::Lead(design), StoredCompensator::Lead(LeadFile { coefficients, .. })) => {
+                let (check, lead) = (design.check(), design.lead());
+                Values::Lead(LeadValues {
+                    zero_rad_s: lead.omega_z_rad_s,
+                    pole_rad_s: lead.omega_f_rad_s,
+                    damping: lead.damping,
+                    loop_rate_hz: design.loop_rate_hz(),
+                    coefficients,
+                    warnings,
+                    worst_deviation_db: check.worst_deviation_db,
+                    pole_radii: check.pole_radii,
+                    l1_gain: check.l1_gain,
+                    step_peak: check.step_peak,
+                    points,
+                    latency,
+                })
+            }
+            (Designed::Lead(_), StoredCompensator::Inverse(_)) => unreachable!("a lead is stored as one"),
+            (Designed::Inverse(inverse), stored) => Values::Inverse(InverseValues {
+                stored,
+                setting: setting_name(inverse.setting),
+                measured: inverse.measured.into(),
+                worst: Worst { nominal: inverse.worst.0, over_reference: inverse.worst.1 },
+                rounding_error: inverse.compensator.design().rounding_error(),
+                step_peak: compensator.step_peak(),
+                warnings,
+                points,
+                latency,
+            }),
         };
-        Ok(Outcome::new(text, &values).with_detail(discrete_table(&design).text()))
+        Ok(Outcome::new(text, &values).with_detail(detail))
     }
+}
+
+fn setting_name(setting: Setting) -> &'static str {
+    match setting {
+        Setting::Exact => "exact",
+        Setting::Robust => "robust",
+    }
+}
+
+/// The inverse with what its check found, and its curve.
+fn described_inverse(compensator: &CompensatorDesign, designed: &DesignedInverse) -> (String, String) {
+    let inverse = &designed.compensator;
+    let mut text = format!("{}\n\n{}", inverse_equation(inverse), inverse_table(compensator, inverse).text());
+    let (nominal, factor) = designed.worst;
+    let said = format!(
+        "Setting {}: by the intervals of the time constants the response is at most {factor:.3} times that of the reference model, at \
+         command {nominal:.3}; {MOST_OVER_REFERENCE} is allowed.",
+        setting_name(designed.setting)
+    );
+    text.push_str(&paragraph(&said, ""));
+    (text, curve_table(inverse).text())
+}
+
+/// What is to be known of an inverse before it flies.
+fn doubts(designed: &DesignedInverse) -> Vec<String> {
+    let range = designed.compensator.range();
+    let ((from, to), (low, high)) = (range.compensated, designed.measured);
+    let mut doubts = Vec::new();
+    if from < low - REACH || to > high + REACH {
+        doubts.push(format!(
+            "warning: the inverse is in the path from {from:.3} to {to:.3}, and the time constant is measured from {low:.3} to {high:.3} \
+             only. A table that is longer than the truth makes the rotor overshoot: measure there, or narrow --compensate-range"
+        ));
+    }
+    if range.slew_per_s.is_none() {
+        doubts.push(
+            "warning: no --slew is declared. Where the ESC has a limit the motor falls behind what the inverse reckons with, and \
+             too fast a voltage step can break an ESC's lock. Without its settings at hand declare 20, 2 % per millisecond"
+                .to_owned(),
+        );
+    }
+    doubts
 }
 
 /// Standard error of the fastest time constant, as a part of it, above which a zero on its pole is doubtful: a tenth

@@ -9,7 +9,8 @@ use rotorlead_diagnose::bandwidths::{
     BandwidthDiagnosis, BandwidthOptions, BandwidthTable, Column, Explanation, Scope, diagnose_bandwidths,
 };
 use rotorlead_diagnose::{Verdict, by_name};
-use rotorlead_identify::design::{DesignOptions, design, read_compensator};
+use rotorlead_identify::design::{DesignOptions, design};
+use rotorlead_plant::CompensatorDesign;
 use rotorlead_plant::{Catalog, Model, Provenance};
 use rotorlead_records::files::check_writable;
 use rotorlead_report::Verdict as Headline;
@@ -77,7 +78,13 @@ impl BandwidthArguments {
         };
         let measured = BandwidthTable::read(table, model, fitted)?;
         let design = match &self.compensator {
-            Some(file) => read_compensator(file)?,
+            Some(file) => *CompensatorDesign::read(file)?.as_lead().ok_or_else(|| {
+                miette::miette!(
+                    help = "give the compensator of the table: one for a lead; an inverse has a bandwidth of its own at each point",
+                    "`{}` is an inverse, and bandwidths are diagnosed behind a lead",
+                    file.display()
+                )
+            })?,
             None => design(model, &DesignOptions::default()).map_err(miette::Report::from).wrap_err_with(|| {
                 format!("`{}` gives no compensator: give yours, --compensator", model_file.display())
             })?,

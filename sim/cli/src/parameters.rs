@@ -2,50 +2,162 @@
 
 use std::path::Path;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use miette::WrapErr as _;
-use rotorlead::design::LeadDesign;
-use rotorlead_identify::design::{DesignOptions, design};
-use rotorlead_plant::Model;
+use rotorlead_identify::design::redesign::KindOptions;
+use rotorlead_identify::design::{DesignOptions, DesignedInverse, InverseOptions, Setting, design, design_inverse};
+use rotorlead_plant::{CompensatorDesign, Model};
+
+use super::WrongUse;
 
 /// The parameters of a design.
 #[derive(Args, Clone, Debug)]
 pub struct DesignArguments {
-    /// Highest frequency that is to be amplified; 2 pi 100 rad/s, the paper's, unless given
+    /// What to design: the paper's lead, whose zero is on the fastest pole, or an inverse, whose zero follows the rotor; see
+    /// docs/inverse.md
+    #[arg(long, value_enum, default_value_t = Kind::Lead)]
+    kind: Kind,
+    /// Highest frequency that a lead is to amplify; 2 pi 100 rad/s, the paper's, unless given
     #[arg(long, value_name = "RAD_S", value_parser = positive, allow_negative_numbers = true)]
     omega_g: Option<f64>,
-    /// Damping ratio of the compensator's poles; 1/sqrt(2) unless given
+    /// Damping ratio of the poles; 1/sqrt(2) unless given
     #[arg(long, value_name = "RATIO", value_parser = positive, allow_negative_numbers = true)]
     damping: Option<f64>,
     /// Rate at which the filter runs; 5000 Hz unless given
     #[arg(long, value_name = "HZ", value_parser = positive, allow_negative_numbers = true)]
     loop_rate: Option<f64>,
-    /// Frequency at which the sampled filter is to match the continuous one exactly
+    /// Frequency at which the sampled lead is to match the continuous one exactly
     #[arg(long, value_name = "RAD_S", value_parser = positive, allow_negative_numbers = true)]
     prewarp: Option<f64>,
+    /// Natural frequency of an inverse's reference model; 94.2 rad/s unless given, and 125 with --setting robust
+    #[arg(long, value_name = "RAD_S", value_parser = positive, allow_negative_numbers = true)]
+    natural: Option<f64>,
+    /// Table of an inverse: the time constants as they are, or nine tenths of them; exact where they are known well enough
+    /// unless given
+    #[arg(long, value_enum)]
+    setting: Option<SettingName>,
+    /// Most by which the ESC changes its output per second, for an inverse: 20 is 2 % per millisecond; no limit unless given
+    #[arg(long, value_name = "PER_S", value_parser = positive, allow_negative_numbers = true)]
+    slew: Option<f64>,
+    /// Lowest and highest command that the ESC gets, for an inverse; 0..1 unless given
+    #[arg(long, value_name = "LOW..HIGH", value_parser = commands, allow_negative_numbers = true)]
+    output_range: Option<(f64, f64)>,
+    /// Commands of the flight controller for which an inverse is in the path; the measured ones and 0.05 beyond unless given
+    #[arg(long, value_name = "LOW..HIGH", value_parser = commands, allow_negative_numbers = true)]
+    compensate_range: Option<(f64, f64)>,
+}
+
+/// The kinds of compensator.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Kind {
+    /// The paper's lead
+    Lead,
+    /// A conditioned inverse
+    Inverse,
+}
+
+/// The settings of an inverse.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum SettingName {
+    /// The time constants of the model
+    Exact,
+    /// Nine tenths of them, and a faster reference model
+    Robust,
+}
+
+/// A compensator with what its design says of it.
+// There is one of them.
+#[allow(clippy::large_enum_variant)]
+pub enum Designed {
+    /// A lead.
+    Lead(rotorlead::design::LeadDesign),
+    /// An inverse.
+    Inverse(DesignedInverse),
+}
+
+impl Designed {
+    /// What runs.
+    pub fn compensator(&self) -> CompensatorDesign {
+        match self {
+            Self::Lead(design) => (*design).into(),
+            Self::Inverse(designed) => designed.compensator.clone().into(),
+        }
+    }
 }
 
 impl DesignArguments {
     /// Designs for `model`, which was read from `file`.
-    pub fn design(&self, model: &Model, file: &Path) -> miette::Result<LeadDesign> {
-        design(model, &self.options())
-            .map_err(miette::Report::from)
-            .wrap_err_with(|| format!("`{}` gives no compensator", file.display()))
+    pub fn design(&self, model: &Model, file: &Path) -> miette::Result<Designed> {
+        let designed = match self.options()? {
+            KindOptions::Lead(options) => design(model, &options).map(Designed::Lead),
+            KindOptions::Inverse(options) => design_inverse(model, &options).map(Designed::Inverse),
+        };
+        designed.map_err(miette::Report::from).wrap_err_with(|| format!("`{}` gives no compensator", file.display()))
     }
 
     /// Whether any was given.
     pub fn is_given(&self) -> bool {
-        self.omega_g.or(self.damping).or(self.loop_rate).or(self.prewarp).is_some()
+        let numbers = [self.omega_g, self.damping, self.loop_rate, self.prewarp, self.natural, self.slew];
+        let ranges = [self.output_range, self.compensate_range];
+        self.kind != Kind::Lead
+            || self.setting.is_some()
+            || numbers.iter().any(Option::is_some)
+            || ranges.iter().any(Option::is_some)
     }
 
-    /// What was given, and the paper's values for the rest.
-    pub fn options(&self) -> DesignOptions {
-        let default = DesignOptions::default();
-        DesignOptions {
-            omega_g_rad_s: self.omega_g.unwrap_or(default.omega_g_rad_s),
-            damping: self.damping.unwrap_or(default.damping),
-            loop_rate_hz: self.loop_rate.unwrap_or(default.loop_rate_hz),
-            prewarp_rad_s: self.prewarp,
+    /// What was given, and the defaults for the rest.
+    ///
+    /// # Errors
+    /// When an option of the other kind was given.
+    pub fn options(&self) -> Result<KindOptions, WrongUse> {
+        let of_other = |given: &[(&str, bool)]| match given.iter().find(|(_, is_given)| *is_given) {
+            Some((option, _)) => Err(WrongUse::new(
+                format!("{option} is no option of this kind of compensator"),
+                "leave it out, or change --kind",
+            )),
+            None => Ok(()),
+        };
+        let of_inverse = [
+            ("--natural", self.natural.is_some()),
+            ("--setting", self.setting.is_some()),
+            ("--slew", self.slew.is_some()),
+            ("--output-range", self.output_range.is_some()),
+            ("--compensate-range", self.compensate_range.is_some()),
+        ];
+        let of_lead = [("--omega-g", self.omega_g.is_some()), ("--prewarp", self.prewarp.is_some())];
+        match self.kind {
+            Kind::Lead => {
+                of_other(&of_inverse)?;
+                let default = DesignOptions::default();
+                Ok(KindOptions::Lead(DesignOptions {
+                    omega_g_rad_s: self.omega_g.unwrap_or(default.omega_g_rad_s),
+                    damping: self.damping.unwrap_or(default.damping),
+                    loop_rate_hz: self.loop_rate.unwrap_or(default.loop_rate_hz),
+                    prewarp_rad_s: self.prewarp,
+                }))
+            }
+            Kind::Inverse => {
+                of_other(&of_lead)?;
+                let default = InverseOptions::default();
+                Ok(KindOptions::Inverse(InverseOptions {
+                    setting: self.setting.map(SettingName::setting),
+                    omega_f_rad_s: self.natural,
+                    damping: self.damping.unwrap_or(default.damping),
+                    loop_rate_hz: self.loop_rate.unwrap_or(default.loop_rate_hz),
+                    range: self.output_range.unwrap_or(default.range),
+                    slew_per_s: self.slew,
+                    compensated: self.compensate_range,
+                }))
+            }
+        }
+    }
+}
+
+impl SettingName {
+    fn setting(self) -> Setting {
+        match self {
+            Self::Exact => Setting::Exact,
+            Self::Robust => Setting::Robust,
         }
     }
 }
@@ -58,11 +170,27 @@ pub fn positive(text: &str) -> Result<f64, String> {
     }
 }
 
+/// Sizes of steps, `SIZE[,SIZE...]`, is parsed one by one.
+pub fn step_size(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value > 0.0 && value <= 1.0 => Ok(value),
+        _ => Err(String::from("a size of a step, above 0 and up to 1, is needed")),
+    }
+}
+
 /// A number from 0 to 1.
 pub fn fraction(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(value) if (0.0..=1.0).contains(&value) => Ok(value),
         _ => Err(String::from("a number from 0 to 1 is needed")),
+    }
+}
+
+/// `LOW..HIGH`, both commands from 0 to 1, the first lower.
+pub fn commands(text: &str) -> Result<(f64, f64), String> {
+    match range(text) {
+        Ok((low, high)) if low >= 0.0 && high <= 1.0 => Ok((low, high)),
+        _ => Err(String::from("write it as LOW..HIGH, two commands from 0 to 1 with LOW below HIGH, as in 0.05..1")),
     }
 }
 

@@ -6,12 +6,11 @@ use std::path::PathBuf;
 use clap::Args;
 use miette::Diagnostic as _;
 use rotorlead_diagnose::{Diagnosis, Verdict};
-use rotorlead_identify::design::compensator_file;
 use rotorlead_identify::design::redesign::{
     Compensated, Limit, PAPER_AMPLITUDE, Redesign, RedesignError, RedesignOptions, RedesignPoint, redesign,
 };
 use rotorlead_records::files::{FileError, check_writable};
-use rotorlead_report::{Section, bandwidth_cell, redesign_sections, redesign_table};
+use rotorlead_report::{Section, bandwidth_cell, in_short, redesign_sections, redesign_table};
 use serde::Serialize;
 
 use super::WrongUse;
@@ -59,11 +58,12 @@ impl RedesignArguments {
     pub fn check(&self) -> miette::Result<()> {
         if self.parameters.is_given() && !self.redesign {
             return Err(WrongUse::new(
-                "--omega-g, --damping, --loop-rate and --prewarp are those of a redesign",
+                "--kind and the parameters of a compensator are those of a redesign",
                 "add --redesign, or leave them out",
             )
             .into());
         }
+        self.parameters.options()?;
         Ok(self.out_compensator.as_deref().map_or(Ok(()), check_writable)?)
     }
 
@@ -73,12 +73,12 @@ impl RedesignArguments {
     }
 
     /// Designs for the model that was found, where that is asked for. `esc_frame_hz` is that of the experiment.
-    pub fn run(&self, found: &Diagnosis, esc_frame_hz: Option<f64>) -> Result<Option<Redesigned>, FileError> {
+    pub fn run(&self, found: &Diagnosis, esc_frame_hz: Option<f64>) -> miette::Result<Option<Redesigned>> {
         if !self.redesign {
             return Ok(None);
         }
         let amplitude = self.at_amplitude.unwrap_or(PAPER_AMPLITUDE);
-        let options = RedesignOptions { design: self.parameters.options(), amplitude, esc_frame_hz };
+        let options = RedesignOptions { design: self.parameters.options()?, amplitude, esc_frame_hz };
         let bar = progress::estimate("designing", found.model.points.len() as u64);
         let designed = redesign(&found.model, &options, &|| progress::step(&bar));
         bar.finish_and_clear();
@@ -119,7 +119,7 @@ impl RedesignArguments {
     /// Writes the compensator that is to be used, and says whether there was one to write.
     fn write(&self, redesigned: &Redesign) -> Result<bool, FileError> {
         let Some(out) = self.out_compensator.as_deref().filter(|_| !redesigned.is_refused()) else { return Ok(false) };
-        compensator_file(&redesigned.full.design).write(out)?;
+        redesigned.full.design.write(out)?;
         Ok(true)
     }
 }
@@ -173,14 +173,7 @@ fn words(redesigned: &Redesign, amplitude: f64, notes: &[String]) -> String {
         }
         line("\nWhat the refused lead would do:");
     } else {
-        let lead = full.design.lead();
-        line(&format!(
-            "\nRedesign: zero {:.4} rad/s, poles {:.4} rad/s, damping {:.4}, {} Hz",
-            lead.omega_z_rad_s,
-            lead.omega_f_rad_s,
-            lead.damping,
-            full.design.loop_rate_hz()
-        ));
+        line(&wrapped(&format!("\nRedesign: {}", in_short(&full.design)), WIDTH, "  "));
     }
     line("");
     line(&redesign_table(full, amplitude).text());
@@ -208,7 +201,7 @@ fn said(redesigned: &Redesign, amplitude: f64, notes: Vec<String>) -> Vec<String
         said.push(strongest(redesigned));
     } else {
         said.push(format!(
-            "The lead is designed from the improved model. Its bandwidths are predicted for small deviations, and by sinusoids of \
+            "The compensator is designed from the improved model. Its bandwidths are predicted for small deviations, and by sinusoids of \
              {amplitude} duty through the controller's own filter and the simulated actuator."
         ));
     }
@@ -218,10 +211,10 @@ fn said(redesigned: &Redesign, amplitude: f64, notes: Vec<String>) -> Vec<String
 
 /// What there is in place of a lead that is refused.
 fn strongest(redesigned: &Redesign) -> String {
-    let Some(weaker) = &redesigned.weaker else {
+    let weaker = redesigned.weaker.as_ref().and_then(|weaker| weaker.design.as_lead());
+    let Some(lead) = weaker.map(|design| design.lead()) else {
         return "No weaker lead is worth having at this amplitude either.".to_owned();
     };
-    let lead = weaker.design.lead();
     format!(
         "The strongest lead that stays within the limits at this amplitude: --omega-g {:.1} (poles {:.2} rad/s)",
         (10.0 * lead.omega_g_rad_s()).floor() / 10.0,

@@ -2,10 +2,9 @@
 
 use std::path::Path;
 
-use rotorlead::design::LeadDesign;
 use rotorlead_identify::design::BandwidthPoint;
 use rotorlead_identify::{Bandwidth, EtfeBandwidth, MeasuredBandwidth, RecordValidation};
-use rotorlead_plant::Model;
+use rotorlead_plant::{CompensatorDesign, Model};
 use rotorlead_records::Experiment;
 use rotorlead_report::{Fact, Report, Tone, Verdict, experiment_facts, is_wrong};
 
@@ -161,11 +160,11 @@ fn is_other(points: &[BandwidthPoint], measured: &MeasuredBandwidth) -> bool {
 }
 
 /// What a design gave, in sentences.
-pub fn designed(design: &LeadDesign, points: &[BandwidthPoint], warnings: usize) -> Verdict {
+pub fn designed(design: &CompensatorDesign, points: &[BandwidthPoint], warnings: usize) -> Verdict {
     let tone = if warnings == 0 { Tone::Good } else { Tone::Attention };
     let room = format!(
         "A step of the command becomes up to {:.2} times as large: leave room for it, or the command is clipped.",
-        design.check().step_peak
+        design.step_peak()
     );
     Verdict::new(tone, faster(points)).with(vec![room])
 }

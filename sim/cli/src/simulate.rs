@@ -5,10 +5,8 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use miette::{Diagnostic as _, WrapErr as _};
-use rotorlead::design::LeadDesign;
-use rotorlead_identify::design::{compensator_file, read_compensator};
-use rotorlead_plant::Model;
 use rotorlead_plant::bench::{Plan, run};
+use rotorlead_plant::{CompensatorDesign, Model};
 use rotorlead_records::files::{OutputFolder, Place, TomlFile};
 use rotorlead_records::{Excitation, Experiment};
 use rotorlead_report::{Fact, Report, Tone, Verdict, simulation_section};
@@ -57,9 +55,9 @@ impl Simulate {
             plan.seed = seed;
         }
         let design = match (&self.compensator, &plan.compensator, &self.plan) {
-            (Some(file), ..) => Some(read_compensator(file)?),
-            (None, Some(file), Some(plan)) => Some(read_compensator(&beside(plan, file))?),
-            (None, Some(file), None) => Some(read_compensator(file)?),
+            (Some(file), ..) => Some(CompensatorDesign::read(file)?),
+            (None, Some(file), Some(plan)) => Some(CompensatorDesign::read(&beside(plan, file))?),
+            (None, Some(file), None) => Some(CompensatorDesign::read(file)?),
             (None, None, _) => None,
         };
         if design.is_some() {
@@ -73,7 +71,7 @@ impl Simulate {
         })?;
         experiment.write_into(&folder)?;
         if let Some(design) = &design {
-            compensator_file(design).write(&folder.building().join("compensator.toml"))?;
+            design.write(&folder.building().join("compensator.toml"))?;
         }
         folder.commit()?;
 
@@ -105,7 +103,7 @@ impl Simulate {
 }
 
 /// Runs a plan with a bar.
-pub fn simulate(plan: &Plan, model: &Model, design: Option<&LeadDesign>) -> miette::Result<Experiment> {
+pub fn simulate(plan: &Plan, model: &Model, design: Option<&CompensatorDesign>) -> miette::Result<Experiment> {
     let bar = progress::bar("simulating", 1);
     let experiment = run(plan, model, design, &|progress| {
         bar.set_length(progress.total as u64);

@@ -19,4 +19,4 @@ pub use inject::{Difference, Injection, inject, path};
 pub use port::{DEFAULT_BAUD, Port, open};
 pub use recording::{Calibration, Recorded, Recording, record, template};
 pub use session::Session;
-pub use text::{entries, set, unknown};
+pub use text::{curve_text, entries, set, unknown};

@@ -142,7 +142,7 @@ impl<'a> Value<'a> {
             }
             Self::Switch(value) => value.to_string(),
             Self::Kind(value) => name_of(&KINDS, **value),
-            Self::Curve(value) => value.as_ref().map_or_else(|| NO_CURVE.to_owned(), shown_curve),
+            Self::Curve(value) => value.as_ref().map_or_else(|| NO_CURVE.to_owned(), curve_text),
             Self::Protocol(value) => name_of(&PROTOCOLS, **value),
             Self::NoSignal(value) => name_of(&NO_SIGNAL, **value),
         }
@@ -183,8 +183,9 @@ impl<'a> Value<'a> {
 /// A motor whose time constants are not known.
 const NO_CURVE: &str = "none";
 
-/// `COMMAND:SECONDS,...` for the points of the table, without those inside a run of equal time constants.
-fn shown_curve(curve: &RotorCurve) -> String {
+/// A curve as a setting: `COMMAND:SECONDS,...` for the points of the table, without those inside a run of equal time constants.
+#[must_use]
+pub fn curve_text(curve: &RotorCurve) -> String {
     let tau_s = curve.time_constants_s();
     let last = tau_s.len() - 1;
     let is_needed = |index: &usize| match *index {

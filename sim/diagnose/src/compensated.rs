@@ -2,9 +2,8 @@
 
 use std::path::Path;
 
-use rotorlead::compensator::Compensator;
 use rotorlead::throttle::Command;
-use rotorlead_identify::design::read_compensator;
+use rotorlead_plant::CompensatorDesign;
 use rotorlead_records::files::FileError;
 use rotorlead_records::{Experiment, Record};
 
@@ -20,10 +19,9 @@ pub fn fill_in_esc_commands(experiment: &mut Experiment, folder: &Path) -> Resul
         else {
             continue;
         };
-        let design = read_compensator(&folder.join(name))?;
-        let mut compensator = Compensator::new(*design.coefficients(), Command::ZERO, Command::ONE);
+        let design = CompensatorDesign::read(&folder.join(name))?;
         let first = record.command.first().copied().unwrap_or_default();
-        compensator.reset(Command::saturating_from_f64(first));
+        let mut compensator = design.running(Command::saturating_from_f64(first));
         let applied = filtered(record, design.loop_rate_hz(), |input| {
             compensator.update(Command::saturating_from_f64(input)).to_f64()
         });
@@ -50,7 +48,7 @@ fn filtered(record: &Record, rate_hz: f64, mut filter: impl FnMut(f64) -> f64) -
 
 #[cfg(test)]
 mod tests {
-    use rotorlead_identify::design::{DesignOptions, compensator_file, design};
+    use rotorlead_identify::design::{DesignOptions, InverseOptions, design, design_inverse};
     use rotorlead_identify::testing::{experiment, record};
     use rotorlead_plant::testing::table_1;
     use rotorlead_records::files::testing::Scratch;
@@ -59,9 +57,16 @@ mod tests {
 
     #[test]
     fn the_column_is_what_the_filter_of_the_file_makes_of_the_command() {
+        let lead = design(&table_1(), &DesignOptions::default()).unwrap().into();
+        let inverse = design_inverse(&table_1(), &InverseOptions::default()).unwrap().compensator.into();
+        for compensator in [lead, inverse] {
+            fills_in(&compensator);
+        }
+    }
+
+    fn fills_in(compensator: &CompensatorDesign) {
         let scratch = Scratch::new();
-        let lead = design(&table_1(), &DesignOptions::default()).unwrap();
-        compensator_file(&lead).write(&scratch.path().join("compensator.toml")).unwrap();
+        compensator.write(&scratch.path().join("compensator.toml")).unwrap();
         let step: Vec<f64> = (0..400).map(|row| if row < 100 { 0.4 } else { 0.45 }).collect();
         let still = vec![1.0; step.len()];
         let mut experiment = experiment(500.0, vec![record(500.0, None, step, still)]);
@@ -75,7 +80,7 @@ mod tests {
         // It leads, and comes to rest at the command.
         let most = applied[100..120].iter().fold(0.0_f64, |most, u| most.max(*u));
         // A row's mean comes near the largest of its ticks, and does not pass it.
-        let peak = 0.4 + 0.05 * lead.check().step_peak;
+        let peak = 0.4 + 0.05 * compensator.step_peak();
         assert!(most < peak && most - 0.4 > 0.9 * (peak - 0.4), "{most} {peak}");
         assert!((applied[399] - 0.45).abs() < 1e-4, "{}", applied[399]);
         experiment.records[0].esc_command = None;

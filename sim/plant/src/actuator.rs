@@ -63,6 +63,9 @@ pub enum Law {
     LinearAround(f64),
     /// Gain and time constant of the level; the dead time is that at the given command, for ever.
     FollowingLevel(f64),
+    /// Gain and time constant of the rotor's own speed, as a command; the dead time is that at the given command, for ever. The
+    /// one for commands that are far from what the rotor does, as those of an inverse are.
+    FollowingSpeed(f64),
 }
 
 impl Actuator {
@@ -79,6 +82,11 @@ impl Actuator {
             }
             Law::FollowingLevel(command) => {
                 Self::following_level(OperatingCurve::without_effects(model)?, command, &effects, timing)
+            }
+            Law::FollowingSpeed(command) => {
+                let curve = OperatingCurve::without_effects(model)?;
+                let delay_s = curve.clamped_at(command).lag.delay_s;
+                Self::chain(RotorBase::Speed(curve), command, delay_s, &effects, timing)
             }
         }
     }
@@ -138,7 +146,11 @@ impl Actuator {
         behind.iter().for_each(|effect| links.add(effect.part(&base), &mut base));
 
         let ramps = links.stages.iter().any(|stage| stage.makes_ramps());
-        let exact = links.terms.is_empty() && !(ramps && matches!(base, RotorBase::Level(_)));
+        let exact = match &base {
+            RotorBase::Linear(_) => links.terms.is_empty(),
+            RotorBase::Level(_) => links.terms.is_empty() && !ramps,
+            RotorBase::Speed(_) => false,
+        };
         let tau_s = base.at(start).lag.time_constant_s;
         let rotor = if exact {
             Rotor::Exact(FirstOrder::on(base, start))
@@ -394,6 +406,35 @@ mod tests {
             let worst = worst_deviation(&step(delay_s, EscTiming::default()), delay_s);
             assert!(worst < 1e-12, "off by {worst:e} with a delay of {delay_s} s");
         }
+    }
+
+    /// Against the equation itself in steps a hundredth as long.
+    #[test]
+    fn a_rotor_that_follows_its_speed_has_the_time_constant_and_the_response_of_it() {
+        let curve = OperatingCurve::new(&testing::table_1()).unwrap();
+        let law = Law::FollowingSpeed(0.4);
+        let mut actuator = Actuator::new(&testing::table_1(), law, EscTiming::default()).unwrap();
+        let (mut v, mut worst) = (0.4, 0.0_f64);
+        for tick in 1..=5000_u32 {
+            let u = if tick < 1000 { 0.9 } else { 0.45 };
+            for _ in 0..100 {
+                v += 2e-6 * (u - v) / curve.clamped_at(v).lag.time_constant_s;
+            }
+            actuator.advance(u, f64::from(tick) * 2e-4);
+            worst = worst.max((actuator.speed() - v).abs());
+            assert!((actuator.response() - curve.steady_response(actuator.speed())).abs() < 1e-12);
+        }
+        assert!(worst < 2e-5, "{worst:e}");
+        // Small signals see the linear rotor.
+        let tenth = 0.1 * testing::table_1().points[2].time_constant_s;
+        let mut linear = Actuator::new(&testing::table_1(), Law::LinearAround(0.5), EscTiming::default()).unwrap();
+        let mut following = Actuator::new(&testing::table_1(), Law::FollowingSpeed(0.5), EscTiming::default()).unwrap();
+        let start = (linear.response(), following.response());
+        for actuator in [&mut linear, &mut following] {
+            actuator.advance(0.5001, tenth);
+        }
+        let ratio = (following.response() - start.1) / (linear.response() - start.0);
+        assert!((ratio - 1.0).abs() < 1e-3, "{ratio}");
     }
 
     #[test]

@@ -97,7 +97,8 @@ impl FirstOrder {
     pub(super) fn on(base: RotorBase, command: f64) -> Self {
         match base {
             RotorBase::Linear(point) => Self::at_rest(Law::Linear(point), command),
-            RotorBase::Level(curve) => Self::at_rest(Law::Level(curve), command),
+            // The plant that follows its own speed has no closed form, and is integrated.
+            RotorBase::Level(curve) | RotorBase::Speed(curve) => Self::at_rest(Law::Level(curve), command),
         }
     }
 

@@ -56,6 +56,8 @@ pub(super) struct Slopes {
 /// response = y + gain bend_behind(x - anchor)
 /// ```
 ///
+/// On [`RotorBase::Speed`] the response is that of the speed itself, `y = steady(x) + gain bend(x - anchor)`.
+///
 /// Steps end where the command changes, so that they see no corner of it.
 pub(super) struct IntegratedRotor {
     rotor: RotorState,
@@ -162,7 +164,7 @@ impl IntegratedRotor {
         }
         let linear_per_s = match &base {
             RotorBase::Linear(point) => 1.0 / point.lag.time_constant_s,
-            RotorBase::Level(_) => f64::NAN,
+            RotorBase::Level(_) | RotorBase::Speed(_) => f64::NAN,
         };
         Ok(Self {
             rotor: RotorState { base, linear_per_s, step_part: STEP_PART, state: State::default(), drive: 0.0 },
@@ -372,6 +374,7 @@ impl RotorState {
         let rate_per_s = match &self.base {
             RotorBase::Linear(_) => self.linear_per_s,
             RotorBase::Level(curve) => 1.0 / curve.clamped_at(command).lag.time_constant_s,
+            RotorBase::Speed(curve) => 1.0 / curve.clamped_at(speed).lag.time_constant_s,
         };
         Motion { drive: command, speed, anchor: self.base.anchor(command), rate_per_s }
     }
@@ -382,7 +385,7 @@ impl RotorState {
         let bent = terms.bend(deviation);
         match &self.base {
             RotorBase::Linear(point) => point.response + point.lag.gain * (deviation + bent),
-            RotorBase::Level(curve) => {
+            RotorBase::Level(curve) | RotorBase::Speed(curve) => {
                 let point = curve.clamped_at(motion.drive);
                 point.response + point.lag.gain * bent
             }
@@ -402,7 +405,13 @@ impl RotorState {
     /// The response of the moment.
     fn output<T: Terms + ?Sized>(&self, terms: &T) -> f64 {
         let State { speed, response, .. } = self.state;
-        let bent = terms.bend_behind(speed - self.base.anchor(speed));
+        let deviation = speed - self.base.anchor(speed);
+        let (response, bent) = match &self.base {
+            RotorBase::Speed(curve) => {
+                (curve.steady_response(speed), terms.bend(deviation) + terms.bend_behind(deviation))
+            }
+            RotorBase::Linear(_) | RotorBase::Level(_) => (response, terms.bend_behind(deviation)),
+        };
         if bent == 0.0 { response } else { response + self.base.at(speed).lag.gain * bent }
     }
 
@@ -412,8 +421,15 @@ impl RotorState {
         let speed = self.state.speed;
         let anchor = self.base.anchor(speed);
         let width = 1e-3;
-        let bend = |speed: f64| terms.bend_behind(speed - anchor);
+        let is_of_speed = matches!(self.base, RotorBase::Speed(_));
+        let bend = |speed: f64| {
+            let deviation = speed - anchor;
+            terms.bend_behind(deviation) + if is_of_speed { terms.bend(deviation) } else { 0.0 }
+        };
         let bent = (bend(speed + width) - bend(speed - width)) / (2.0 * width);
+        if is_of_speed {
+            return self.base.at(speed).lag.gain * (1.0 + bent) * slopes.speed;
+        }
         if bent == 0.0 { slopes.response } else { slopes.response + self.base.at(speed).lag.gain * bent * slopes.speed }
     }
 }

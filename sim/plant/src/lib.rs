@@ -7,7 +7,7 @@
 
 mod actuator;
 pub mod bench;
-mod compensator_file;
+mod compensator;
 mod delay;
 mod drive;
 pub mod effect;
@@ -17,7 +17,6 @@ mod filter;
 mod first_order;
 mod hold;
 mod integrated;
-mod inverse_file;
 mod model;
 mod model_check;
 mod model_file;
@@ -34,7 +33,10 @@ mod stage;
 pub mod testing;
 
 pub use actuator::{Actuator, EscTiming, Law};
-pub use compensator_file::{CoefficientFormat, CompensatorFile, SignalFormat, StoredCoefficients};
+pub use compensator::{
+    CoefficientFormat, CompensatorDesign, GainFormat, InverseCompensator, InverseFile, InverseKind, InverseRange,
+    LeadFile, LeadKind, ReferenceFormat, SignalFormat, StoredCoefficients, StoredCompensator, StoredInverse,
+};
 pub use delay::TransportDelay;
 pub use drive::Drive;
 pub use drive::Interpolation;
@@ -46,7 +48,6 @@ pub use filter::{Interval, ResponseStage};
 pub use first_order::FirstOrder;
 pub use hold::frames_per_pattern;
 pub use hold::{hold_delay_s, hold_response, hold_response_at_phase};
-pub use inverse_file::{GainFormat, InverseFile, InverseKind, ReferenceFormat, StoredInverse};
 pub use model::{Effect, Lag, MapPolynomial, Model, ModelError, Point, Provenance, StaticMap, TimeConstantBand};
 pub use noise::{Color, Noise, SensorNoise};
 pub use operating::{OperatingCurve, OperatingPoint};

@@ -9,6 +9,8 @@ pub enum RotorBase {
     Linear(OperatingPoint),
     /// The numbers of the command of the moment.
     Level(OperatingCurve),
+    /// The numbers of the rotor's own speed `v`, as a command: `dv/dt = (u - v) / tau(v)`, and the steady response of `v`.
+    Speed(OperatingCurve),
 }
 
 impl RotorBase {
@@ -20,7 +22,7 @@ impl RotorBase {
                 let response = point.response + point.lag.gain * (command - point.nominal);
                 OperatingPoint { nominal: command, response, lag: point.lag }
             }
-            Self::Level(curve) => curve.clamped_at(command),
+            Self::Level(curve) | Self::Speed(curve) => curve.clamped_at(command),
         }
     }
 
@@ -31,7 +33,7 @@ impl RotorBase {
                 point.lag.gain *= gain;
                 point.lag.time_constant_s *= time_constant;
             }
-            Self::Level(curve) => curve.scale(gain, time_constant),
+            Self::Level(curve) | Self::Speed(curve) => curve.scale(gain, time_constant),
         }
     }
 
@@ -41,7 +43,7 @@ impl RotorBase {
     pub fn anchor(&self, command: f64) -> f64 {
         match self {
             Self::Linear(point) => point.nominal,
-            Self::Level(curve) => {
+            Self::Level(curve) | Self::Speed(curve) => {
                 let (from, to) = curve.range();
                 command.clamp(from, to)
             }
@@ -54,7 +56,7 @@ impl RotorBase {
     pub fn supplied_at(&self) -> f64 {
         match self {
             Self::Linear(point) => point.nominal,
-            Self::Level(_) => 0.0,
+            Self::Level(_) | Self::Speed(_) => 0.0,
         }
     }
 }

@@ -1,13 +1,13 @@
 //! Compensators and compensated responses: the paper's Figs. 8 to 12.
 
 use num_complex::Complex64;
-use rotorlead::design::{LeadDesign, LeadParameters};
+use rotorlead::design::LeadParameters;
 use rotorlead_identify::design::BandwidthPoint;
 use rotorlead_identify::design::redesign::RedesignPoint;
 use rotorlead_identify::{
     Bandwidth, MeasuredBandwidth, NominalIdentification, PeriodicIdentification, RecordResponse, THREE_DB,
 };
-use rotorlead_plant::Model;
+use rotorlead_plant::{CompensatorDesign, Model};
 
 use super::bode::{Curve, bode};
 use super::figure::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
@@ -27,33 +27,55 @@ fn levels() -> [(&'static str, f64); 1] {
 
 /// The compensator: as designed, and as the controller computes it.
 #[must_use]
-pub fn compensator(design: &LeadDesign) -> Figure {
-    let lead = design.lead();
+pub fn compensator(design: &CompensatorDesign, model: &Model) -> Figure {
     let half = 0.98 * std::f64::consts::PI * design.loop_rate_hz();
-    let continuous = Curve::of_model("C(s)", Mark::Line, Color::Blue, (FROM_RAD_S, half), |omega| lead.response(omega));
-    let name = format!("in integers, at {} Hz", design.loop_rate_hz());
-    let sampled =
-        Curve::of_model(name, Mark::Dashes, Color::Vermilion, (FROM_RAD_S, half), |omega| design.response(omega));
-    let caption = format!(
-        "It amplifies from its zero at {:.2} rad/s up to {:.0} rad/s, so that the command moves more than the flight controller asks \
-         for: a step is answered by at most {:.2} times that step.",
-        lead.omega_z_rad_s,
-        lead.omega_g_rad_s(),
-        design.check().step_peak
-    );
-    Figure::new(FigureKind::Compensator, "Compensator", &caption, bode(&[continuous, sampled], "dB", &[]))
+    let ends = (FROM_RAD_S, half);
+    let rate = format!("in integers, at {} Hz", design.loop_rate_hz());
+    let mut curves = Vec::new();
+    let caption = match design {
+        CompensatorDesign::Lead(design) => {
+            let lead = design.lead();
+            curves.push(Curve::of_model("C(s)", Mark::Line, Color::Blue, ends, |omega| lead.response(omega)));
+            curves.push(Curve::of_model(rate, Mark::Dashes, Color::Vermilion, ends, |omega| design.response(omega)));
+            format!(
+                "It amplifies from its zero at {:.2} rad/s up to {:.0} rad/s, so that the command moves more than the flight controller \
+                 asks for: a step is answered by at most {:.2} times that step.",
+                lead.omega_z_rad_s,
+                lead.omega_g_rad_s(),
+                design.check().step_peak
+            )
+        }
+        CompensatorDesign::Inverse(_) => {
+            for (index, point) in model.points.iter().enumerate() {
+                let Some(lead) = design.lead_at(point.nominal) else { continue };
+                let (name, color) = (at_nominal(point.nominal), Color::nth(index));
+                let continuous = |omega: f64| lead.response(omega);
+                let sampled = |omega: f64| design.response(point.nominal, omega);
+                curves.push(Curve::of_model(name.clone(), Mark::Line, color, ends, continuous).under(&name));
+                let sampled = Curve::of_model(format!("{name}, {rate}"), Mark::Dashes, color, ends, sampled);
+                curves.push(sampled.under(&name));
+            }
+            format!(
+                "For small signals around each level it is a lead with its zero on the pole of the rotor there. At the slowest level a \
+                 step would be answered by {:.2} times that step; the limits of the command are in its state.",
+                design.step_peak()
+            )
+        }
+    };
+    Figure::new(FigureKind::Compensator, "Compensator", &caption, bode(&curves, "dB", &[]))
 }
 
-/// The model's lags over their static gain, without and with the compensator.
+/// The model's lags over their static gain, without and with the compensator, which at each nominal command is a lead or nothing.
 #[must_use]
-pub fn simulated(model: &Model, lead: &LeadParameters) -> Figure {
+pub fn simulated(model: &Model, lead_at: &dyn Fn(f64) -> Option<LeadParameters>) -> Figure {
     let curves = model.points.iter().enumerate().flat_map(|(index, point)| {
         let (group, color) = (at_nominal(point.nominal), Color::nth(index));
         let lag = |omega: f64| {
             Complex64::from_polar(1.0, -omega * point.delay_s) / Complex64::new(1.0, omega * point.time_constant_s)
         };
         let ends = (FROM_RAD_S, TO_RAD_S);
-        let with = |omega: f64| lag(omega) * lead.response(omega);
+        let lead = lead_at(point.nominal);
+        let with = |omega: f64| lag(omega) * lead.map_or(Complex64::ONE, |lead| lead.response(omega));
         [
             Curve::of_model(format!("{group}, without"), Mark::Dashes, color, ends, lag).under(&group),
             Curve::of_model(format!("{group}, with"), Mark::Line, color, ends, with).under(&group),
@@ -109,7 +131,7 @@ pub fn measured(plain: &PeriodicIdentification, compensated: &PeriodicIdentifica
 pub fn simulation_and_experiment(
     plain: &PeriodicIdentification,
     compensated: &PeriodicIdentification,
-    design: &LeadDesign,
+    design: &CompensatorDesign,
 ) -> Option<Figure> {
     let mut curves = Vec::new();
     for (index, (with, after)) in with_compensator(compensated).enumerate() {
@@ -119,7 +141,7 @@ pub fn simulation_and_experiment(
         let points = after.actuator.smoothed();
         let (Some(first), Some(last)) = (points.first(), points.last()) else { continue };
         let ends = (first.omega_rad_s, last.omega_rad_s);
-        let simulated = |omega: f64| fit.response(omega) * design.response(omega) / gain;
+        let simulated = |omega: f64| fit.response(omega) * design.response(with.nominal, omega) / gain;
         curves.push(
             Curve::measured(format!("{group}, measured"), Mark::Dots, color, points, measured_gain).under(&group),
         );
@@ -192,8 +214,8 @@ pub fn bandwidths(points: &[BandwidthPoint], measured: &[MeasuredBandwidth]) -> 
         Figure::new(
             FigureKind::Bandwidth,
             "Bandwidth against nominal command",
-            "The compensator's zero is at the fastest pole: the slower a level, the sooner it has fallen by 3 dB, and the less it \
-             gains.",
+            "The zero of a lead is at the fastest pole: the slower a level, the sooner it has fallen by 3 dB, and the less a lead \
+             gains. An inverse has a zero for each level.",
             vec![Panel { height: 360, ..panel }],
         )
     })

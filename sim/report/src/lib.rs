@@ -13,6 +13,7 @@ mod figure;
 mod html;
 mod number;
 pub mod paper;
+mod predicted_steps;
 mod sections;
 mod stand;
 mod static_map;
@@ -31,12 +32,13 @@ pub use excitation::{crest_factor, excitation};
 pub use figure::{Axis, Beside, Color, Figure, FigureError, FigureKind, HeatMap, Mark, Panel, Scale, Series};
 pub use html::{Cell, Column, Fact, Report, Section, Table, Tone, Verdict};
 pub use number::{parameter_with_std, with_std};
+pub use predicted_steps::steps_table;
 pub use sections::{
-    bandwidth_diagnosis_section, bandwidth_section, design_section, design_table, diagnosis_section, diagnosis_tone,
-    discrete_table, effect_table, excess_table, excitation_section, experiment_facts, explanations_table,
-    fastest_point, gap_table, identification_section, identification_tables, laws_table, parameter_table,
-    predicted_table, ratios_table, redesign_sections, redesign_table, simulation_section, stand_section, stand_table,
-    transfer_function, validation_section,
+    bandwidth_diagnosis_section, bandwidth_section, curve_table, design_section, design_table, diagnosis_section,
+    diagnosis_tone, discrete_table, effect_table, excess_table, excitation_section, experiment_facts,
+    explanations_table, fastest_point, gap_table, identification_section, identification_tables, in_short,
+    inverse_equation, inverse_table, laws_table, parameter_table, predicted_table, ratios_table, redesign_sections,
+    redesign_table, simulation_section, stand_section, stand_table, transfer_function, validation_section,
 };
 pub use unit::{quantity, unit};
 pub use validation::{is_wrong, validation_by_nominal, validation_scores, verdict};

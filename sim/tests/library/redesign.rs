@@ -2,8 +2,8 @@
 
 use rotorlead_diagnose::{Options, Verdict, diagnose};
 use rotorlead_identify::Bandwidth;
-use rotorlead_identify::design::redesign::{Redesign, RedesignOptions, redesign};
-use rotorlead_identify::design::{Chain, DesignOptions, bandwidths, design};
+use rotorlead_identify::design::redesign::{KindOptions, Redesign, RedesignOptions, redesign};
+use rotorlead_identify::design::{Chain, DesignOptions, InverseOptions, bandwidths, design, steps};
 use rotorlead_plant::bench::{Plan, run};
 use rotorlead_plant::{Catalog, Effect, Lag, Model, Noise, Point};
 
@@ -25,12 +25,12 @@ fn motor(effects: &[(&str, &[(&str, f64)])]) -> Model {
     }
 }
 
-fn options(amplitude: f64) -> RedesignOptions {
-    RedesignOptions { design: DesignOptions::default(), amplitude, esc_frame_hz: None }
+fn options_at(amplitude: f64) -> RedesignOptions {
+    RedesignOptions { design: KindOptions::Lead(DesignOptions::default()), amplitude, esc_frame_hz: None }
 }
 
 fn redesigned(model: &Model, amplitude: f64) -> Redesign {
-    redesign(model, &options(amplitude), &|| ()).unwrap()
+    redesign(model, &options_at(amplitude), &|| ()).unwrap()
 }
 
 fn at(bandwidth: Bandwidth) -> f64 {
@@ -42,11 +42,11 @@ fn without_effects_it_is_what_design_and_bandwidth_give() {
     let model = motor(&[]);
     let found = redesigned(&model, 0.05);
     let plain = design(&model, &DesignOptions::default()).unwrap();
-    assert_eq!(found.full.design.coefficients(), plain.coefficients());
+    assert!(found.full.design.runs_as(&plain.into()));
     let small: Vec<_> = found.full.points.iter().map(|point| point.small).collect();
     assert_eq!(small, bandwidths(&model, Chain::Continuous(plain.lead())));
     // And the whole chain, driven by sinusoids, has the bandwidth that the sampled one is computed to have.
-    let sampled = bandwidths(&model, Chain::Sampled { design: &plain, esc_frame_hz: None });
+    let sampled = bandwidths(&model, Chain::Sampled { design: &plain.into(), esc_frame_hz: None });
     for (point, sampled) in found.full.points.iter().zip(sampled) {
         let ratio = at(point.chain.magnitude) / at(sampled.compensated);
         assert!((ratio - 1.0).abs() < 3e-3, "{}: {ratio}", sampled.nominal);
@@ -62,7 +62,7 @@ fn a_delay_lowers_the_frequency_of_ninety_degrees_by_what_it_costs_and_is_said()
     let (before, after) = (plain.full.points[1].chain, delayed.full.points[1].chain);
     assert!((at(after.magnitude) / at(before.magnitude) - 1.0).abs() < 3e-3, "{after:?}");
     // The zero stands on this pole: poles alone are left, w_f^2 / (s^2 + 2 zeta w_f s + w_f^2), late by half a tick's hold.
-    let lead = delayed.full.design.lead();
+    let lead = delayed.full.design.as_lead().unwrap().lead();
     let late = |omega: f64, delay_s: f64| {
         let x = omega / lead.omega_f_rad_s;
         (2.0 * lead.damping * x).atan2(1.0 - x * x) + omega * (delay_s + 1e-4)
@@ -85,8 +85,9 @@ fn a_limit_of_rate_or_level_that_the_lead_would_pass_refuses_it_and_the_bounds_t
         let limit = point.passed().unwrap();
         assert_eq!(limit.kind.id, kind);
         let from = limit.passed_from_rad_s.unwrap();
-        let asked =
-            0.05 * found.full.design.lead().response(from).norm() * if kind == "slew_limit" { from } else { 1.0 };
+        let asked = 0.05
+            * found.full.design.lead_at(0.5).unwrap().response(from).norm()
+            * if kind == "slew_limit" { from } else { 1.0 };
         assert!((asked / limit.most - 1.0).abs() < 0.03, "{kind}: {asked} of {}", limit.most);
         // What is promised is reached by amplitudes up to the one that is said, and not by the one that was asked for.
         let promised = at(point.small.compensated);
@@ -101,6 +102,37 @@ fn a_limit_of_rate_or_level_that_the_lead_would_pass_refuses_it_and_the_bounds_t
                 let ratio = at(point.chain.magnitude) / at(point.small.compensated);
                 assert!((ratio - 1.0).abs() < 0.02, "{kind}: {point:?}");
             }
+        }
+    }
+}
+
+/// What refuses a lead is what an inverse reckons with.
+#[test]
+fn the_limits_of_the_actuator_are_those_of_an_inverse() {
+    for (kind, parameter, value) in [("slew_limit", "rate_per_s", 5.0), ("saturation", "max", 0.75)] {
+        let model = motor(&[(kind, &[(parameter, value)])]);
+        let options = InverseOptions::default();
+        let options = RedesignOptions { design: KindOptions::Inverse(options), ..options_at(0.005) };
+        let found = redesign(&model, &options, &|| ()).unwrap();
+        assert!(!found.is_refused() && found.weaker.is_none());
+        let range = found.full.design.as_inverse().unwrap().range();
+        match kind {
+            "slew_limit" => assert_eq!((range.slew_per_s, range.max), (Some(value), 1.0)),
+            _ => assert_eq!((range.slew_per_s, range.max), (None, value)),
+        }
+        for point in &found.full.points {
+            let (promised, reached) = (at(point.small.compensated), at(point.chain.magnitude));
+            assert!(
+                (promised / 94.2 - 1.0).abs() < 0.02 && (reached / promised - 1.0).abs() < 0.03,
+                "{kind}: {point:?}"
+            );
+        }
+        // A large step, which a lead that is clipped would answer with its lag. Thrust overshoots by more than the speed, since its
+        // gain rises with it: 12 % over the step up to 0.6.
+        let stepped = steps(&model, &found.full.design, None, &[0.1]).unwrap();
+        for point in stepped.iter().filter(|point| point.nominal + point.step < 0.7) {
+            let (without, with) = (point.uncompensated, point.compensated);
+            assert!(with.overshoot < 0.05 * 1.25 && with.rise_s.unwrap() < 0.6 * without.rise_s.unwrap(), "{kind}: {point:?}");
         }
     }
 }

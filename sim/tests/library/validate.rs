@@ -74,7 +74,7 @@ fn experiment(sigma_n: f64) -> Experiment {
 fn compensated(sigma_n: f64) -> Experiment {
     let mut plan = plan(sigma_n);
     plan.compensator = Some("compensator.toml".into());
-    run(&plan, &motor(), Some(&compensator()), &|_| {}).unwrap()
+    run(&plan, &motor(), Some(&compensator().into()), &|_| {}).unwrap()
 }
 
 fn show(found: &[RecordValidation]) {

@@ -9,13 +9,13 @@ use clap::Args;
 use miette::IntoDiagnostic as _;
 use num_complex::Complex64;
 use rotorlead::design::LeadDesign;
-use rotorlead_identify::design::{BandwidthPoint, Chain, DesignOptions, bandwidths, compensator_file, design};
+use rotorlead_identify::design::{BandwidthPoint, Chain, DesignOptions, bandwidths, design};
 use rotorlead_identify::{
     Bandwidth, EtfeBandwidth, IdentifyOptions, MeasuredBandwidth, NominalIdentification, PeriodicIdentification,
     PeriodicOptions, RecordValidation, bandwidth_of, identify, identify_periodic, validate,
 };
 use rotorlead_plant::bench::{Plan, Prediction};
-use rotorlead_plant::{CompensatorFile, Model, Point};
+use rotorlead_plant::{CompensatorDesign, Model, Point, StoredCompensator};
 use rotorlead_records::files::write_file;
 use rotorlead_report::paper::{CONTRADICTIONS, PAPER, PaperRow, table_1};
 use rotorlead_report::{
@@ -86,7 +86,7 @@ struct Demonstrated<'a> {
 struct Values<'a> {
     points: &'a [Point],
     validation: &'a [RecordValidation],
-    compensator: CompensatorFile,
+    compensator: StoredCompensator,
     bandwidth: Vec<Row>,
     contradictions: [&'static str; CONTRADICTIONS.len()],
     bode: &'a Path,
@@ -141,13 +141,14 @@ impl Demo {
         bar.finish_and_clear();
 
         let compensated_plan = plan.clone().compensated("compensator.toml");
-        let compensated_stand = simulate(&compensated_plan, &actuators, Some(&design))?;
+        let compensator = CompensatorDesign::from(design);
+        let compensated_stand = simulate(&compensated_plan, &actuators, Some(&compensator))?;
         let bar = progress::spinner("measuring");
         let compensated = identify_periodic(&compensated_stand, &PeriodicOptions::default())?;
         let [before, after] = [found, &compensated].map(|found| found.bandwidths(RESAMPLES, self.seed));
         let (before, after) = (before?, after?);
         bar.finish_and_clear();
-        let measured = measured(&actuators, &compensated_plan, &design, &before, &after)?;
+        let measured = measured(&actuators, &compensated_plan, &compensator, &before, &after)?;
         let of_records = [before, after].concat();
         // The paper's own simulation: the lags of Table 1 and the compensator that they give.
         let papers_design = rotorlead_identify::design::design(&actuators, &DesignOptions::default())?;
@@ -156,7 +157,7 @@ impl Demo {
         let figure = self.out.join("bode.svg");
         make_folder(&self.out)?;
         model.write(&self.out.join("model.toml"))?;
-        compensator_file(&design).write(&self.out.join("compensator.toml"))?;
+        compensator.write(&self.out.join("compensator.toml"))?;
         let drawn = bode_plot(&design, found, &compensated);
         write_file(&figure, drawn.svg()?.as_bytes())?;
 
@@ -165,14 +166,14 @@ impl Demo {
         let written = self.report.write(|| {
             let mut bandwidth = bandwidth_section(&simulated, &[], &of_records);
             bandwidth.figures.extend(measured_response(found, &compensated));
-            bandwidth.figures.extend(simulation_and_experiment(found, &compensated, &design));
+            bandwidth.figures.extend(simulation_and_experiment(found, &compensated, &compensator));
             bandwidth.figures.push(drawn);
             let sections = vec![
                 result.beside_the_paper(),
                 identification_section(&identified, &stand),
                 excitation_section(&stand),
                 validation_section(&validated, stand.output),
-                design_section(&design, model),
+                design_section(&compensator, model),
                 bandwidth,
             ];
             let facts = report_pages::records(&stand, &self.out);
@@ -184,7 +185,7 @@ impl Demo {
         let values = Values {
             points: &model.points,
             validation: &validated,
-            compensator: compensator_file(&design),
+            compensator: compensator.stored(),
             bandwidth: bandwidth.map(|((paper, simulated), measured)| Row::of(paper, simulated, measured)).collect(),
             contradictions: CONTRADICTIONS,
             bode: &figure,
@@ -197,7 +198,7 @@ impl Demo {
 fn measured(
     actuators: &Model,
     plan: &Plan,
-    design: &LeadDesign,
+    design: &CompensatorDesign,
     before: &[MeasuredBandwidth],
     after: &[MeasuredBandwidth],
 ) -> miette::Result<Vec<Measured>> {

@@ -72,7 +72,7 @@ impl Excite {
     pub(super) fn run(&self, session: &mut Session) -> miette::Result<Outcome> {
         let settings = session.settings()?;
         // No input is live: output frames come at their own rate.
-        let folder = ExperimentFolder::new(&self.out, &settings, self.divisor, settings.output.frame_hz)?;
+        let folder = ExperimentFolder::new(&self.out, &settings, self.motor, self.divisor, settings.output.frame_hz)?;
         let (mut files, mut rows) = (Vec::new(), 0);
         for (index, &nominal) in self.nominal.iter().enumerate() {
             let done = std::cell::Cell::new((0, 0));

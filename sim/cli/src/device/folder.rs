@@ -3,9 +3,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use rotorlead::design::LeadDesign;
 use rotorlead::settings::Settings;
-use rotorlead_identify::design::compensator_file;
+use rotorlead_plant::CompensatorDesign;
 use rotorlead_records::files::{FileError, OutputFolder};
 use rotorlead_records::{Experiment, Output, Record};
 
@@ -17,16 +16,22 @@ pub struct ExperimentFolder<'a> {
     path: &'a Path,
     /// The experiment without records.
     header: Experiment,
-    design: LeadDesign,
+    design: CompensatorDesign,
 }
 
 impl<'a> ExperimentFolder<'a> {
-    /// The folder at `path`, for records of a controller with these settings, one row in `divisor` ticks, whose output frames
-    /// come at `esc_frame_hz`.
+    /// The folder at `path`, for records of a controller's motor with these settings, one row in `divisor` ticks, whose
+    /// output frames come at `esc_frame_hz`.
     ///
     /// # Errors
     /// When records like these cannot go there, so that it is said before the work.
-    pub fn new(path: &'a Path, settings: &Settings, divisor: u16, esc_frame_hz: u16) -> miette::Result<Self> {
+    pub fn new(
+        path: &'a Path,
+        settings: &Settings,
+        motor: u8,
+        divisor: u16,
+        esc_frame_hz: u16,
+    ) -> miette::Result<Self> {
         let loop_rate_hz = f64::from(settings.loop_rate_hz);
         let header = Experiment {
             name: "recorded by the controller".into(),
@@ -41,7 +46,7 @@ impl<'a> ExperimentFolder<'a> {
         } else {
             OutputFolder::create(path)?;
         }
-        Ok(Self { path, header, design: design(settings)? })
+        Ok(Self { path, header, design: design(settings, motor)? })
     }
 
     /// Adds a record under the first free name that begins with `stem`, which is returned.
@@ -92,7 +97,7 @@ impl<'a> ExperimentFolder<'a> {
     fn compensator(&self, path: &Path) -> Result<(String, Vec<u8>), FileError> {
         let scratch = tempfile::tempdir().map_err(|source| io("create", &std::env::temp_dir(), source))?;
         let file = scratch.path().join("compensator.toml");
-        compensator_file(&self.design).write(&file)?;
+        self.design.write(&file)?;
         let text = fs::read(&file).map_err(|source| io("read", &file, source))?;
         let names = (1..).map(|n| numbered("compensator", n, ".toml"));
         let fits = |name: &String| fs::read(path.join(name)).map_or(!path.join(name).exists(), |there| there == text);

@@ -5,12 +5,10 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use miette::Diagnostic;
-use rotorlead::design::LeadDesign;
 use rotorlead::throttle::Command;
 use rotorlead_device::{DeviceError, Difference, Injection, Session};
-use rotorlead_identify::design::{compensator_file, read_compensator};
-use rotorlead_plant::Model;
 use rotorlead_plant::bench::{Plan, run_through};
+use rotorlead_plant::{CompensatorDesign, Model};
 use rotorlead_records::Experiment;
 use rotorlead_records::files::OutputFolder;
 use serde_json::{Value, json};
@@ -83,7 +81,7 @@ impl Inject {
         let settings = session.settings()?;
         let compensate = self.compensate.unwrap_or_else(|| is_compensated(&settings, self.motor));
         let model = Model::read(&self.model)?;
-        let design = design(&settings)?;
+        let design = design(&settings, self.motor)?;
         let plan = self.plan(&model, &design, compensate, settings.loop_rate_hz)?;
         // Before the work, so that a motor that does not exist or a folder in the way is found early.
         rotorlead_device::path(&settings, self.motor, compensate)?;
@@ -117,14 +115,20 @@ impl Inject {
         })?;
         experiment.write_into(&folder)?;
         if compensate {
-            compensator_file(&design).write(&folder.building().join("compensator.toml"))?;
+            design.write(&folder.building().join("compensator.toml"))?;
         }
         folder.commit()?;
         Ok(say(&self.out, &experiment, &played))
     }
 
     /// What to run, with the controller's own compensator or none.
-    fn plan(&self, model: &Model, design: &LeadDesign, compensate: bool, loop_rate_hz: u32) -> miette::Result<Plan> {
+    fn plan(
+        &self,
+        model: &Model,
+        design: &CompensatorDesign,
+        compensate: bool,
+        loop_rate_hz: u32,
+    ) -> miette::Result<Plan> {
         let paper = || Plan { loop_rate_hz, ..Plan::paper(model) };
         let own = "compensator.toml";
         let Some(file) = &self.plan else {
@@ -144,11 +148,11 @@ impl Inject {
         }
         if let Some(named) = &plan.compensator {
             let named = file.parent().unwrap_or(Path::new("")).join(named);
-            if !compensate || read_compensator(&named)?.coefficients() != design.coefficients() {
+            if !compensate || !CompensatorDesign::read(&named)?.runs_as(design) {
                 return Err(WrongUse::new(
                     format!("`{}` names `{}`, which is not what the controller has", file.display(), named.display()),
-                    "give --compensate true, set omega_z_rad_s, omega_f_rad_s and damping in the controller, or remove \
-                     `compensator` from the plan: the controller's own is used",
+                    "give --compensate true, set the compensator in the controller with `rotorlead device set --compensator`, or \
+                     remove `compensator` from the plan: the controller's own is used",
                 )
                 .into());
             }

@@ -1,5 +1,6 @@
 //! `rotorlead device`
 
+mod compensator;
 mod excite;
 mod folder;
 mod inject;
@@ -12,10 +13,12 @@ use std::time::Duration;
 
 use clap::{Args, Subcommand};
 use miette::IntoDiagnostic as _;
-use rotorlead::design::LeadDesign;
+use rotorlead::design::{CurvePoint, InverseError, LeadDesign};
 use rotorlead::link::{BrownOut, CrystalCheck, Info};
-use rotorlead::settings::Settings;
+use rotorlead::settings::{CompensatorKind, Settings};
+use rotorlead::throttle::Throttle;
 use rotorlead_device::{DEFAULT_BAUD, DeviceError, Session};
+use rotorlead_plant::{CompensatorDesign, InverseCompensator, InverseRange};
 use serde_json::{Value, json};
 
 use super::outcome::{JsonOption, Outcome, Verbosity};
@@ -214,10 +217,38 @@ fn save(session: &mut Session) -> miette::Result<Outcome> {
     Ok(Outcome::new("Saved.\n".into(), &json!({ "saved": true })))
 }
 
-/// The compensator of these settings, as the controller makes it.
-fn design(settings: &Settings) -> miette::Result<LeadDesign> {
-    LeadDesign::new(settings.lead.into(), f64::from(settings.loop_rate_hz), None)
-        .map_err(|error| miette::miette!(help = "change omega_z_rad_s, omega_f_rad_s or damping", "{error}"))
+/// What to change where a motor's inverse is refused.
+const INVERSE_KEYS: &str =
+    "change motor.*.time_constant_s, inverse.natural_rad_s, inverse.damping or inverse.slew_per_s";
+
+/// The compensator of a motor by these settings, as the controller makes it.
+fn design(settings: &Settings, motor: u8) -> miette::Result<CompensatorDesign> {
+    let loop_rate_hz = f64::from(settings.loop_rate_hz);
+    if settings.compensator == CompensatorKind::Lead {
+        let design = LeadDesign::new(settings.lead.into(), loop_rate_hz, None);
+        return design
+            .map(CompensatorDesign::from)
+            .map_err(|error| miette::miette!(help = "change omega_z_rad_s, omega_f_rad_s or damping", "{error}"));
+    }
+    let of_motor = settings.motors.get(usize::from(motor)).copied().unwrap_or_default();
+    let level = |bits: i32| Throttle::from_bits(bits).to_f64();
+    let of_curve = || {
+        let tau_s = of_motor.curve.ok_or(InverseError::NoPoints)?.time_constants_s();
+        let command = |index: usize| index as f64 / (tau_s.len() - 1) as f64;
+        let points = tau_s.iter().enumerate();
+        let points = points.map(|(index, &tau_s)| CurvePoint { command: command(index), tau_s: f64::from(tau_s) });
+        let inverse = &settings.inverse;
+        let range = InverseRange {
+            min: level(of_motor.idle),
+            max: level(of_motor.max),
+            slew_per_s: (inverse.slew_per_s > 0.0).then_some(inverse.slew_per_s),
+            compensated: (level(inverse.compensate_from), level(inverse.compensate_to)),
+        };
+        InverseCompensator::new(inverse.reference(), loop_rate_hz, points.collect(), &range)
+    };
+    of_curve()
+        .map(CompensatorDesign::from)
+        .map_err(|error: InverseError| miette::miette!(help = INVERSE_KEYS, "motor {motor}: {error}"))
 }
 
 /// Whether the compensator is in a motor's path.

@@ -186,7 +186,7 @@ impl Record {
         // Those of a flight controller, whose pulses the output frames may follow.
         let follows = settings.clone().validate().is_ok_and(|settings| settings.output_follows_input());
         let esc_frame_hz = if follows { settings.input.frame_hz } else { settings.output.frame_hz };
-        let folder = ExperimentFolder::new(&self.out, &settings, divisor, esc_frame_hz)?;
+        let folder = ExperimentFolder::new(&self.out, &settings, self.motor, divisor, esc_frame_hz)?;
         let bar = progress::bar("recording", rows as u64);
         let show = |done| bar.set_position(done as u64);
         let recorded = rotorlead_device::record(session, &settings, self.motor, divisor, rows, &show)?;

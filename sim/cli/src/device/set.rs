@@ -1,12 +1,13 @@
 //! `rotorlead device set`
 
 use clap::Args;
-use rotorlead::settings::Key;
+use rotorlead::settings::{CompensatorKind, Key, MOTORS};
 use rotorlead_device::{DeviceError, Session, change};
 use serde_json::{Map, Value, json};
 
 use super::super::WrongUse;
 use super::super::outcome::{Outcome, warning_lines};
+use super::compensator::CompensatorArguments;
 use super::design;
 
 #[derive(Args, Debug)]
@@ -14,8 +15,10 @@ pub struct Set {
     /// Which setting, as `get` shows them, or motor.*.KEY for every motor; and to what. Levels are commands from 0 to 1.
     /// Settings that depend on each other go into one command. On a controller whose settings nobody has chosen,
     /// output.protocol has to be among them
-    #[arg(value_names = ["KEY", "VALUE"], num_args = 2.., required = true)]
+    #[arg(value_names = ["KEY", "VALUE"], num_args = 2.., required_unless_present = "compensator")]
     pairs: Vec<String>,
+    #[command(flatten)]
+    compensator: CompensatorArguments,
 }
 
 impl Set {
@@ -23,7 +26,9 @@ impl Set {
         let changes = self.changes()?;
         // Here rather than by the controller: the reasons are the same, and a design says more.
         let settings = change(&session.settings()?, &changes)?;
-        design(&settings)?;
+        for motor in 0..MOTORS as u8 {
+            design(&settings, motor)?;
+        }
         let is_protocol_given = changes.iter().any(|(key, _)| key == Key::OutputProtocol.name());
         if !is_protocol_given && !session.info()?.outputs_enabled {
             let help = format!(
@@ -39,6 +44,9 @@ impl Set {
             text.push_str(&format!("{key} = {value}, "));
         }
         text.push_str("until the power goes; `rotorlead device save` stores it\n");
+        if settings.compensator == CompensatorKind::Inverse {
+            text.push_str("the output of an inverse stays within each motor's idle and max\n");
+        }
         for warning in &warnings {
             text.push_str(&warning_lines(warning));
         }
@@ -53,11 +61,13 @@ impl Set {
     }
 
     /// Names and values.
-    fn changes(&self) -> Result<Vec<(String, String)>, WrongUse> {
+    fn changes(&self) -> miette::Result<Vec<(String, String)>> {
         let (pairs, rest) = self.pairs.as_chunks::<2>();
         if let [key] = rest {
-            return Err(WrongUse::new(format!("`{key}` has no value"), "give KEY VALUE [KEY VALUE ...]"));
+            return Err(WrongUse::new(format!("`{key}` has no value"), "give KEY VALUE [KEY VALUE ...]").into());
         }
-        Ok(pairs.iter().map(|[key, value]| (key.clone(), value.clone())).collect())
+        let mut changes = self.compensator.changes()?;
+        changes.extend(pairs.iter().map(|[key, value]| (key.clone(), value.clone())));
+        Ok(changes)
     }
 }

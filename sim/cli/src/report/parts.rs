@@ -3,17 +3,16 @@
 use std::path::Path;
 
 use miette::WrapErr as _;
-use rotorlead::design::LeadDesign;
 use rotorlead_diagnose::{Diagnosis, Options, Verdict, diagnose, fill_in_esc_commands};
 use rotorlead_identify::check::{Findings, of_record};
-use rotorlead_identify::design::redesign::{PAPER_AMPLITUDE, RedesignOptions, redesign};
+use rotorlead_identify::design::redesign::{KindOptions, PAPER_AMPLITUDE, RedesignOptions, redesign};
 use rotorlead_identify::design::{
     BandwidthPoint, Chain, ChainPhase, CompensatorError, DesignOptions, Latency, bandwidths_with, chain_phases, design,
 };
 use rotorlead_identify::{
     Finding, Identification, IdentifyOptions, MeasuredBandwidth, RecordValidation, Topic, identify, validate,
 };
-use rotorlead_plant::{ActiveEffect, Catalog, Effect, Model};
+use rotorlead_plant::{ActiveEffect, Catalog, CompensatorDesign, Effect, Model};
 use rotorlead_records::{Experiment, LongRecord};
 
 use crate::bandwidth::RESAMPLES;
@@ -45,7 +44,7 @@ pub(super) struct Parts {
 
 /// A compensator, and what it was designed for.
 pub(super) struct Designed {
-    pub design: LeadDesign,
+    pub design: CompensatorDesign,
     pub points: Vec<BandwidthPoint>,
     /// Of the whole chain, with a controller's default pulses.
     pub phases: Vec<ChainPhase>,
@@ -162,8 +161,8 @@ fn lowered(model: &Model) -> Option<f64> {
 /// For the model as it is, as `rotorlead bandwidth` does.
 fn designed(model: &Model, options: DesignOptions) -> Part<Designed> {
     let effects = ActiveEffect::of_model(model).map_err(|error| said(&error.into()))?;
-    let design = design(model, &options).map_err(|error| said(&error.into()))?;
-    let points = bandwidths_with(model, &effects, Chain::Continuous(design.lead()));
+    let design = CompensatorDesign::from(design(model, &options).map_err(|error| said(&error.into()))?);
+    let points = bandwidths_with(model, &effects, Chain::Designed(&design));
     let phases = phases(model, &effects, &design, &points);
     Ok(Designed { design, points, phases, model: model.clone(), remarks: Vec::new() })
 }
@@ -182,7 +181,11 @@ fn designed_with_effects(
     design: DesignOptions,
     experiment: &Experiment,
 ) -> Part<Designed> {
-    let options = RedesignOptions { design, amplitude: PAPER_AMPLITUDE, esc_frame_hz: experiment.esc_frame_hz };
+    let options = RedesignOptions {
+        design: KindOptions::Lead(design),
+        amplitude: PAPER_AMPLITUDE,
+        esc_frame_hz: experiment.esc_frame_hz,
+    };
     let redesigned = redesign(&model, &options, &|| ()).map_err(|error| said(&error.into()))?;
     let remarks = command::notes(found, &redesigned);
     if let Some(refusal) = command::refusals(&redesigned).last() {
@@ -196,7 +199,12 @@ fn designed_with_effects(
     Ok(Designed { design, points, phases, model, remarks })
 }
 
-fn phases(model: &Model, effects: &[ActiveEffect], design: &LeadDesign, points: &[BandwidthPoint]) -> Vec<ChainPhase> {
+fn phases(
+    model: &Model,
+    effects: &[ActiveEffect],
+    design: &CompensatorDesign,
+    points: &[BandwidthPoint],
+) -> Vec<ChainPhase> {
     let latency = Latency::standard(design.loop_rate_hz());
-    chain_phases(model, effects, Chain::Continuous(design.lead()), &latency, points)
+    chain_phases(model, effects, Chain::Designed(design), &latency, points)
 }

@@ -1,8 +1,8 @@
 //! The bandwidth at each point of a model, before and after compensation.
 
 use num_complex::Complex64;
-use rotorlead::design::{LeadDesign, LeadParameters};
-use rotorlead_plant::{ActiveEffect, Model, OperatingPoint, Point, hold_response};
+use rotorlead::design::LeadParameters;
+use rotorlead_plant::{ActiveEffect, CompensatorDesign, Model, OperatingPoint, Point, hold_response};
 use serde::Serialize;
 
 use crate::{Bandwidth, bandwidth_of};
@@ -15,10 +15,12 @@ const SEARCHED_UP_TO_RAD_S: f64 = 1e4;
 pub enum Chain<'a> {
     /// C(s) and the lag, as the paper's Table 3 simulates them.
     Continuous(&'a LeadParameters),
-    /// What runs: the section with its rounded coefficients, the hold of its loop and that of the ESC's frame.
+    /// The same of a design, where an inverse is the lead that it is for small signals at each point.
+    Designed(&'a CompensatorDesign),
+    /// What runs: the filter with its rounded coefficients, the hold of its loop and that of the ESC's frame.
     Sampled {
-        /// The section and its loop.
-        design: &'a LeadDesign,
+        /// The filter and its loop.
+        design: &'a CompensatorDesign,
         /// Rate at which the ESC takes over a command, hertz; `None` for an ESC without frames.
         esc_frame_hz: Option<f64>,
     },
@@ -59,7 +61,7 @@ pub fn bandwidths_with(model: &Model, effects: &[ActiveEffect], chain: Chain) ->
         BandwidthPoint {
             nominal: point.nominal,
             uncompensated: bandwidth_of(actuator, limit),
-            compensated: bandwidth_of(|omega| chain.filter(omega) * actuator(omega), limit),
+            compensated: bandwidth_of(|omega| chain.filter(point.nominal, omega) * actuator(omega), limit),
         }
     };
     model.points.iter().map(at).collect()
@@ -71,16 +73,17 @@ fn lag(point: &Point, omega_rad_s: f64) -> Complex64 {
 }
 
 impl Chain<'_> {
-    pub(super) fn filter(&self, omega_rad_s: f64) -> Complex64 {
+    pub(super) fn filter(&self, nominal: f64, omega_rad_s: f64) -> Complex64 {
         match self {
             Self::Continuous(lead) => lead.response(omega_rad_s),
-            Self::Sampled { design, .. } => design.response(omega_rad_s),
+            Self::Designed(design) => design.lead_at(nominal).map_or(Complex64::ONE, |lead| lead.response(omega_rad_s)),
+            Self::Sampled { design, .. } => design.response(nominal, omega_rad_s),
         }
     }
 
     pub(super) fn holds(&self, omega_rad_s: f64) -> Complex64 {
         match self {
-            Self::Continuous(_) => Complex64::ONE,
+            Self::Continuous(_) | Self::Designed(_) => Complex64::ONE,
             Self::Sampled { design, esc_frame_hz } => hold_response(design.loop_rate_hz(), *esc_frame_hz, omega_rad_s),
         }
     }
@@ -88,7 +91,7 @@ impl Chain<'_> {
     /// A sampled system has no response of its own above half its rate.
     pub(super) fn limit_rad_s(&self) -> f64 {
         match self {
-            Self::Continuous(_) => SEARCHED_UP_TO_RAD_S,
+            Self::Continuous(_) | Self::Designed(_) => SEARCHED_UP_TO_RAD_S,
             Self::Sampled { design, esc_frame_hz } => {
                 let rate_hz = esc_frame_hz.map_or(design.loop_rate_hz(), |frame| frame.min(design.loop_rate_hz()));
                 SEARCHED_UP_TO_RAD_S.min(std::f64::consts::PI * rate_hz)

@@ -50,15 +50,6 @@ pub enum CompensatorError {
     #[error(transparent)]
     #[diagnostic(help("{}", inverse_remedy(.0)))]
     InverseRefused(#[from] InverseError),
-    /// An inverse needs time constants over the command.
-    #[error("the model has {points} operating points, and an inverse needs the time constant over two or more")]
-    #[diagnostic(help(
-        "record steps over the range of commands, or a multisine around each of several, and identify again"
-    ))]
-    OneOperatingPoint {
-        /// How many.
-        points: usize,
-    },
     /// A time constant may be so much shorter than the inverse takes it for that the rotor overshoots.
     #[error(
         "the time constant at command {nominal:.3}, {:.1} ms, may be as short as {:.1} ms: the response would exceed the reference \
@@ -97,11 +88,13 @@ pub(super) const MOST_FACTOR: f64 = 1.6;
 /// What to do about a curve or a reference model.
 fn inverse_remedy(error: &InverseError) -> &'static str {
     match error {
-        InverseError::RotorTooFast { .. } => "raise the natural frequency, or design a lead",
-        InverseError::RotorTooSlow { .. } => "lower the natural frequency",
+        InverseError::NoPoints => "run `rotorlead identify` first: it finds the points of a model",
+        InverseError::RotorTooFast { .. } => "raise --natural, or design a lead",
+        InverseError::RotorTooSlow { .. } => "lower --natural",
         InverseError::CurveTooSteep { .. } => "record steps between these commands, and identify again",
         InverseError::RoundingTooLarge { .. } => "lower --loop-rate",
-        InverseError::SlewTooSlow { .. } => "declare the ESC's slew limit, or none",
+        InverseError::ResponseTooLong => "raise --natural, or lower --damping or --loop-rate",
+        InverseError::SlewTooSlow { .. } => "raise --slew to the ESC's own limit, or leave it out",
         InverseError::LimitsCrossed { .. } => "give the lowest command first",
         _ => "give a value within the range",
     }

@@ -10,10 +10,9 @@
 //!
 //! which rises with the frequency, and is largest at `omega_f` for the shortest time constant that the records allow.
 
-use rotorlead::design::{CurvePoint, DEFAULT_DAMPING, DEFAULT_LOOP_RATE_HZ, InverseDesign, ReferenceModel};
-use rotorlead::inverse::{Limits, TABLE_POINTS};
-use rotorlead::throttle::Command;
-use rotorlead_plant::{Model, Point};
+use rotorlead::design::{CurvePoint, DEFAULT_DAMPING, DEFAULT_LOOP_RATE_HZ, InverseError, ReferenceModel};
+use rotorlead::inverse::TABLE_POINTS;
+use rotorlead_plant::{Effect, InverseCompensator, InverseRange, Model, Point};
 
 use super::CompensatorError;
 
@@ -21,8 +20,9 @@ use super::CompensatorError;
 pub const MOST_OVER_REFERENCE: f64 = 1.12;
 /// Part of the time constants that the robust setting puts in its table.
 const ROBUST_PART: f64 = 0.9;
-/// How far beyond the measured commands the curve reaches the bound at which it goes on.
-const REACH: f64 = 0.05;
+/// How far beyond the measured commands the curve reaches the bound at which it goes on, and the inverse is used unless another range
+/// is asked for.
+pub const REACH: f64 = 0.05;
 /// Standard errors to either end of a 95 % interval.
 const STANDARD_ERRORS: f64 = 1.96;
 
@@ -39,8 +39,10 @@ pub struct InverseOptions {
     pub loop_rate_hz: f64,
     /// The lowest and the highest command that the ESC gets, 0..1.
     pub range: (f64, f64),
-    /// What the ESC changes its output by at most, units of the command per second; 0 for no limit.
-    pub slew_per_s: f64,
+    /// What the ESC changes its output by at most, units of the command per second; `None` for no limit.
+    pub slew_per_s: Option<f64>,
+    /// The lowest and the highest command for which the inverse is in the path; `None`: the measured ones and 0.05 beyond them.
+    pub compensated: Option<(f64, f64)>,
 }
 
 impl Default for InverseOptions {
@@ -52,7 +54,8 @@ impl Default for InverseOptions {
             damping: DEFAULT_DAMPING,
             loop_rate_hz: DEFAULT_LOOP_RATE_HZ,
             range: (0.0, 1.0),
-            slew_per_s: 0.0,
+            slew_per_s: None,
+            compensated: None,
         }
     }
 }
@@ -87,13 +90,9 @@ impl Setting {
 
 /// A conditioned inverse for a model.
 #[derive(Clone, Debug, PartialEq)]
-pub struct InverseCompensator {
-    /// What the controller runs.
-    pub design: InverseDesign,
-    /// What its output can do.
-    pub limits: Limits,
-    /// The curve that it was designed from, beyond the measured commands too.
-    pub curve: Vec<CurvePoint>,
+pub struct DesignedInverse {
+    /// What the controller runs. Its points are beyond the measured commands too.
+    pub compensator: InverseCompensator,
     /// How sure of the time constants it is.
     pub setting: Setting,
     /// The lowest and the highest command at which the time constant was measured.
@@ -111,15 +110,17 @@ struct Known {
     low_s: f64,
 }
 
-/// Designs the inverse of `model`, with the time constants of its curve, or else of its points.
+/// Designs the inverse of `model`, with the time constants of its curve, or else of its points, and with those of its effects that
+/// change them: a wrong time constant, and of unequal ones up and down the shorter.
 ///
 /// Beyond the measured commands the curve goes on at the lower end of the interval of the last time constant, and upward it falls as
 /// the rotor becomes faster: a table that is too short costs speed, and one that is too long makes the rotor overshoot.
 ///
 /// # Errors
-/// When the model has one operating point or none, a time constant that is too badly known, or the controller refuses the curve.
-pub fn design_inverse(model: &Model, options: &InverseOptions) -> Result<InverseCompensator, CompensatorError> {
-    let known = known(model)?;
+/// When the model has no operating point, a time constant is too badly known, or the controller refuses the curve.
+pub fn design_inverse(model: &Model, options: &InverseOptions) -> Result<DesignedInverse, CompensatorError> {
+    let known = known(model);
+    let (Some(&first), Some(&last)) = (known.first(), known.last()) else { return Err(InverseError::NoPoints.into()) };
     let settings = options.setting.map_or_else(|| vec![Setting::Exact, Setting::Robust], |setting| vec![setting]);
     let over = |setting: Setting| {
         let omega = options.omega_f_rad_s.unwrap_or(setting.omega_f_rad_s());
@@ -129,7 +130,7 @@ pub fn design_inverse(model: &Model, options: &InverseOptions) -> Result<Inverse
     let judged: Vec<(Setting, (f64, f64))> = settings.into_iter().map(|setting| (setting, over(setting))).collect();
     let Some(&(setting, worst)) = judged.iter().find(|(_, (_, factor))| *factor <= MOST_OVER_REFERENCE) else {
         let (_, (nominal, factor)) = judged[judged.len() - 1];
-        let at = known.iter().find(|known| known.command == nominal).unwrap_or(&known[0]);
+        let at = known.iter().find(|known| known.command == nominal).unwrap_or(&first);
         return Err(CompensatorError::NotKnownForInverse {
             nominal,
             time_constant_s: at.tau_s,
@@ -141,12 +142,17 @@ pub fn design_inverse(model: &Model, options: &InverseOptions) -> Result<Inverse
         omega_f_rad_s: options.omega_f_rad_s.unwrap_or(setting.omega_f_rad_s()),
         damping: options.damping,
     };
-    let curve = curve(&known, setting);
-    let design = InverseDesign::new(reference, options.loop_rate_hz, &curve)?;
-    let [min, max] = [options.range.0, options.range.1].map(Command::saturating_from_f64);
-    let limits = design.limits(min, max, options.slew_per_s)?;
-    let measured = (known[0].command, known[known.len() - 1].command);
-    Ok(InverseCompensator { design, limits, curve, setting, measured, worst })
+    let measured = (first.command, last.command);
+    let reached = ((measured.0 - REACH).max(0.0), (measured.1 + REACH).min(1.0));
+    let range = InverseRange {
+        min: options.range.0,
+        max: options.range.1,
+        slew_per_s: options.slew_per_s,
+        compensated: options.compensated.unwrap_or(reached),
+    };
+    let compensator =
+        InverseCompensator::new(reference, options.loop_rate_hz, curve(&known, (first, last), setting), &range)?;
+    Ok(DesignedInverse { compensator, setting, measured, worst })
 }
 
 /// The response over that of the reference model, at its natural frequency.
@@ -156,8 +162,8 @@ fn over_reference(omega_f_rad_s: f64, table_s: f64, tau_s: f64) -> f64 {
 }
 
 /// The time constants of a model with the lower ends of their intervals, in order of the command.
-fn known(model: &Model) -> Result<Vec<Known>, CompensatorError> {
-    let known: Vec<Known> = match &model.time_constant_curve {
+fn known(model: &Model) -> Vec<Known> {
+    let mut known: Vec<Known> = match &model.time_constant_curve {
         Some(band) => {
             let rows = band.nominal.iter().zip(&band.time_constant_s).zip(&band.low_s);
             rows.map(|((&command, &tau_s), &low_s)| Known { command, tau_s, low_s }).collect()
@@ -172,15 +178,38 @@ fn known(model: &Model) -> Result<Vec<Known>, CompensatorError> {
             model.points.iter().map(of).collect()
         }
     };
-    if known.len() < 2 {
-        return Err(CompensatorError::OneOperatingPoint { points: known.len() });
+    for effect in &model.effects {
+        let (factor, shortest) = of_time_constant(effect);
+        for known in &mut known {
+            known.tau_s *= factor;
+            known.low_s *= shortest;
+        }
     }
-    Ok(known)
+    known
+}
+
+/// What an effect multiplies the time constant by, and its lower end: that of the faster direction where they are unequal.
+fn of_time_constant(effect: &Effect) -> (f64, f64) {
+    let with_std = |name: &str| {
+        let value = effect.parameters.get(name).copied()?;
+        Some((value, STANDARD_ERRORS * effect.std.get(name).copied().unwrap_or(0.0)))
+    };
+    match effect.kind.as_str() {
+        "parameter_error" => with_std("time_constant_error").map_or((1.0, 1.0), |(error, off)| {
+            // A ratio, as the time constant itself.
+            let factor = 1.0 + error;
+            (factor, factor * (-off / factor).exp())
+        }),
+        "asymmetric_lag" => with_std("ratio").map_or((1.0, 1.0), |(ratio, off)| {
+            let faster = ratio.max(1.0 / ratio).sqrt();
+            (1.0 / faster, (-0.5 * off / ratio).exp() / faster)
+        }),
+        _ => (1.0, 1.0),
+    }
 }
 
 /// The curve of a setting, over all commands.
-fn curve(known: &[Known], setting: Setting) -> Vec<CurvePoint> {
-    let (first, last) = (known[0], known[known.len() - 1]);
+fn curve(known: &[Known], (first, last): (Known, Known), setting: Setting) -> Vec<CurvePoint> {
     let part = setting.part();
     let point = |command: f64, tau_s: f64| CurvePoint { command, tau_s: part * tau_s };
     let inside = thinned(known);
@@ -229,7 +258,8 @@ mod tests {
         for (share, setting) in [(0.0, Setting::Exact), (0.1, Setting::Exact), (0.15, Setting::Robust)] {
             let found = of(share).unwrap();
             assert_eq!(found.setting, setting, "{share}");
-            assert_eq!(found.design.reference().omega_f_rad_s, setting.omega_f_rad_s());
+            assert_eq!(found.compensator.design().reference().omega_f_rad_s, setting.omega_f_rad_s());
+            assert_eq!(found.compensator.range().compensated, (0.4 - REACH, 0.65 + REACH));
             assert!(found.worst.1 <= MOST_OVER_REFERENCE && found.measured == (0.4, 0.65), "{found:?}");
         }
         // A tenth is 1.11, a fifth 1.25.
@@ -244,15 +274,16 @@ mod tests {
     #[test]
     fn beyond_what_was_measured_the_curve_is_at_its_lower_bound_and_falls_upward() {
         let found = design_inverse(&with_band(0.1), &InverseOptions::default()).unwrap();
-        let tau = |command: f64| found.curve.iter().find(|point| (point.command - command).abs() < 1e-9).unwrap().tau_s;
+        let points = found.compensator.points();
+        let tau = |command: f64| points.iter().find(|point| (point.command - command).abs() < 1e-9).unwrap().tau_s;
         let (first, last) = (table_1().points[0].time_constant_s, table_1().points[5].time_constant_s);
         assert_eq!((tau(0.4), tau(0.65)), (first, last));
         assert!((tau(0.35) / (0.9 * first) - 1.0).abs() < 1e-12);
         assert!((tau(1.0) / (0.9 * last * 0.65) - 1.0).abs() < 1e-12 && tau(0.7) < 0.9 * last);
-        assert!((found.curve[0].command - 0.35).abs() < 1e-12 && found.curve.len() == 9, "{:?}", found.curve);
+        assert!((points[0].command - 0.35).abs() < 1e-12 && points.len() == 9, "{points:?}");
         let robust = InverseOptions { setting: Some(Setting::Robust), ..InverseOptions::default() };
         let robust = design_inverse(&with_band(0.1), &robust).unwrap();
-        for (one, other) in robust.curve.iter().zip(&found.curve) {
+        for (one, other) in robust.compensator.points().iter().zip(points) {
             assert!((one.tau_s / (0.9 * other.tau_s) - 1.0).abs() < 1e-12);
         }
     }
@@ -268,16 +299,40 @@ mod tests {
             matches!(refused, CompensatorError::NotKnownForInverse { nominal, .. } if nominal == named),
             "{refused}"
         );
+        // One point is a curve around it: as long below, shorter above.
         model.points.truncate(1);
+        let one = design_inverse(&model, &InverseOptions::default()).unwrap();
+        assert_eq!((one.measured, one.compensator.range().compensated), ((0.4, 0.4), (0.4 - REACH, 0.4 + REACH)));
+        model.points.clear();
         let refused = design_inverse(&model, &InverseOptions::default()).unwrap_err();
-        assert_eq!(refused, CompensatorError::OneOperatingPoint { points: 1 });
+        assert_eq!(refused, CompensatorError::InverseRefused(InverseError::NoPoints));
+    }
+
+    #[test]
+    fn effects_on_the_time_constant_are_in_the_table() {
+        let with = |kind: &str, name: &str, value: f64, std: f64| {
+            let of = |value: f64| [(name.to_owned(), value)].into();
+            let effect = Effect { kind: kind.to_owned(), parameters: of(value), std: of(std) };
+            design_inverse(&Model { effects: vec![effect], ..table_1() }, &InverseOptions::default())
+        };
+        let first_s = |found: DesignedInverse| {
+            let points = found.compensator.points().iter();
+            points.filter(|point| point.command == 0.4).map(|point| point.tau_s).sum::<f64>()
+                / table_1().points[0].time_constant_s
+        };
+        assert!((first_s(with("parameter_error", "time_constant_error", -0.2, 0.01).unwrap()) - 0.8).abs() < 1e-12);
+        for ratio in [1.69, 1.0 / 1.69] {
+            assert!((first_s(with("asymmetric_lag", "ratio", ratio, 0.0).unwrap()) - 1.0 / 1.3).abs() < 1e-12);
+        }
+        let unknown = with("parameter_error", "time_constant_error", -0.2, 0.15).unwrap_err();
+        assert!(matches!(unknown, CompensatorError::NotKnownForInverse { .. }), "{unknown}");
     }
 
     #[test]
     fn what_the_controller_refuses_is_refused() {
         let model = with_band(0.05);
         let with = |options: InverseOptions| design_inverse(&model, &options).unwrap_err();
-        let slow = InverseOptions { slew_per_s: 0.01, ..InverseOptions::default() };
+        let slow = InverseOptions { slew_per_s: Some(0.01), ..InverseOptions::default() };
         let crossed = InverseOptions { range: (0.6, 0.2), ..InverseOptions::default() };
         let fast = InverseOptions { loop_rate_hz: 50_000.0, ..InverseOptions::default() };
         for options in [slow, crossed, fast] {
@@ -294,7 +349,8 @@ mod tests {
         band.low_s = band.time_constant_s.iter().map(|tau_s| 0.95 * tau_s).collect();
         band.high_s = band.time_constant_s.clone();
         let found = design_inverse(&model, &InverseOptions::default()).unwrap();
-        assert!(found.curve.len() <= TABLE_POINTS && found.curve.is_sorted_by(|a, b| a.command < b.command));
+        let points = found.compensator.points();
+        assert!(points.len() <= TABLE_POINTS && points.is_sorted_by(|a, b| a.command < b.command));
         assert!(found.measured.0 == 0.2 && (found.measured.1 - 0.9).abs() < 1e-12, "{:?}", found.measured);
     }
 }

@@ -1,10 +1,7 @@
 //! One compensator for all points of a model, as the controller computes it.
 
-use std::path::Path;
-
 use rotorlead::design::{DEFAULT_DAMPING, DEFAULT_LOOP_RATE_HZ, DesignError, LeadDesign, LeadParameters};
-use rotorlead_plant::{CoefficientFormat, CompensatorFile, Model, Point, SignalFormat, StoredCoefficients};
-use rotorlead_records::files::FileError;
+use rotorlead_plant::{Model, Point};
 
 use super::CompensatorError;
 use super::error::MOST_FACTOR;
@@ -118,42 +115,4 @@ fn largest(is_accepted: impl Fn(f64) -> bool, refused: f64) -> Option<f64> {
     }
     let tenth = (10.0 * low).floor() / 10.0;
     is_accepted(tenth).then_some(tenth)
-}
-
-/// The design as `compensator.toml` holds it.
-#[must_use]
-pub fn compensator_file(design: &LeadDesign) -> CompensatorFile {
-    let lead = design.lead();
-    CompensatorFile {
-        format: 1,
-        zero_rad_s: lead.omega_z_rad_s,
-        pole_rad_s: lead.omega_f_rad_s,
-        damping: lead.damping,
-        loop_rate_hz: design.loop_rate_hz(),
-        prewarp_rad_s: design.prewarp_rad_s(),
-        coefficient_format: CoefficientFormat::Q0_32,
-        signal_format: SignalFormat::Q2_29,
-        coefficients: stored(design),
-    }
-}
-
-/// Reads a compensator and computes its coefficients again, as a controller would.
-///
-/// # Errors
-/// When the file cannot be read or is no compensator, when the controller refuses its parameters, or when the
-/// coefficients in it are others than the controller would compute.
-pub fn read_compensator(path: &Path) -> Result<LeadDesign, FileError> {
-    let file = CompensatorFile::read_matching(path, |file| redesign(file).map(|design| stored(&design)))?;
-    redesign(&file)
-        .map_err(|error| FileError::refused(path, rotorlead_records::files::Place::root().fault(error.to_string(), "")))
-}
-
-fn redesign(file: &CompensatorFile) -> Result<LeadDesign, DesignError> {
-    let lead = LeadParameters { omega_z_rad_s: file.zero_rad_s, omega_f_rad_s: file.pole_rad_s, damping: file.damping };
-    LeadDesign::new(lead, file.loop_rate_hz, file.prewarp_rad_s)
-}
-
-fn stored(design: &LeadDesign) -> StoredCoefficients {
-    let coefficients = design.coefficients();
-    StoredCoefficients { k: coefficients.k(), c: coefficients.c(), g0: coefficients.g0(), g1: coefficients.g1() }
 }

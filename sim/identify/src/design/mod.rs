@@ -7,10 +7,12 @@ mod latency;
 mod lead;
 mod phase;
 pub mod redesign;
+mod steps;
 
 pub use bandwidths::{BandwidthPoint, Chain, bandwidths, bandwidths_with};
 pub use error::CompensatorError;
-pub use inverse::{InverseCompensator, InverseOptions, MOST_OVER_REFERENCE, Setting, design_inverse};
+pub use inverse::{DesignedInverse, InverseOptions, MOST_OVER_REFERENCE, REACH, Setting, design_inverse};
 pub use latency::{Delay, FrameStart, Latency};
-pub use lead::{DesignOptions, compensator_file, design, read_compensator};
+pub use lead::{DesignOptions, design};
 pub use phase::{ChainPhase, PhaseAtBandwidth, chain_phases};
+pub use steps::{StepPoint, StepResponse, steps};

@@ -84,7 +84,7 @@ pub fn chain_phases(
         };
         let [passed_on_s, filtered_s] = chain.waits_s(latency);
         let uncompensated = |omega: f64| shape(omega) - omega * passed_on_s;
-        let compensated = |omega: f64| shape(omega) - omega * filtered_s + chain.filter(omega).arg();
+        let compensated = |omega: f64| shape(omega) - omega * filtered_s + chain.filter(point.nominal, omega).arg();
         let limit_rad_s = chain.limit_rad_s();
         let phase = |phase_rad: &dyn Fn(f64) -> f64, waits_s: f64, bandwidth: Bandwidth| PhaseAtBandwidth {
             late_s: known_s + waits_s,
@@ -113,7 +113,7 @@ impl Chain<'_> {
     /// what the filter makes of it.
     fn waits_s(&self, latency: &Latency) -> [f64; 2] {
         match self {
-            Self::Continuous(_) => [latency.tick.mean_s + latency.output_frame.mean_s; 2],
+            Self::Continuous(_) | Self::Designed(_) => [latency.tick.mean_s + latency.output_frame.mean_s; 2],
             Self::Sampled { design, esc_frame_hz: None } => {
                 [hold_delay_s(design.loop_rate_hz(), None) + latency.output_frame.mean_s; 2]
             }
@@ -130,7 +130,7 @@ impl Chain<'_> {
 #[cfg(test)]
 mod tests {
     use rotorlead_plant::testing::table_1;
-    use rotorlead_plant::{Catalog, Effect, hold_response};
+    use rotorlead_plant::{Catalog, CompensatorDesign, Effect, hold_response};
 
     use super::*;
     use crate::design::{DesignOptions, bandwidths, bandwidths_with, design};
@@ -224,7 +224,7 @@ mod tests {
         let free = Latency::new(pulse, pulse, 5000.0).unwrap();
         let beyond_s = free.input_pulse.mean_s + free.input_filter.mean_s;
         for (esc_frame_hz, late_s) in [(Some(400.0), beyond_s), (None, beyond_s + free.output_frame.mean_s)] {
-            let chain = Chain::Sampled { design: &design, esc_frame_hz };
+            let chain = Chain::Sampled { design: &CompensatorDesign::from(design), esc_frame_hz };
             let points = bandwidths(&model, chain);
             for (found, point) in chain_phases(&model, &[], chain, &free, &points).iter().zip(&model.points) {
                 let omega = found.compensated.minus_90.rad_s().unwrap();
@@ -294,7 +294,7 @@ mod tests {
         let design = design(&model, &DesignOptions::default()).unwrap();
         let following = Latency::standard(5000.0);
         assert_eq!(following.frame_start, FrameStart::FollowsInput);
-        let chain = Chain::Sampled { design: &design, esc_frame_hz: Some(399.3) };
+        let chain = Chain::Sampled { design: &CompensatorDesign::from(design), esc_frame_hz: Some(399.3) };
         let [passed_on_s, filtered_s] = chain.waits_s(&following);
         let section = tustin(design.lead());
         for omega in [30.0, 60.0, 94.0, 125.0] {

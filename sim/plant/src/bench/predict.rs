@@ -1,11 +1,12 @@
 //! What an estimate from a run of the bench should find.
 
 use nalgebra::Complex;
-use rotorlead::design::LeadDesign;
 
 use super::run::check_compensator;
 use super::{BenchError, Plan};
-use crate::{Lag, Model, OperatingCurve, SAME_MOMENT_FRAMES, frames_per_pattern, hold_response_at_phase};
+use crate::{
+    CompensatorDesign, Lag, Model, OperatingCurve, SAME_MOMENT_FRAMES, frames_per_pattern, hold_response_at_phase,
+};
 
 /// The longest pattern of ticks, frames and rows, in ticks, that [`Prediction::response_at_rows`] follows.
 const LONGEST_PATTERN_TICKS: f64 = 1e5;
@@ -18,7 +19,7 @@ const LONGEST_PATTERN_TICKS: f64 = 1e5;
 /// H(e^(j omega T))  x  hold of loop and ESC frame  x  gain e^(-j omega delay) / (1 + j omega time_constant)
 /// ```
 ///
-/// with `H` the compensator's section with its rounded coefficients (1 without one), the mean response of the holds
+/// with `H` the compensator with its rounded coefficients, for small signals around the nominal command (1 without one), the mean response of the holds
 /// ([`hold_response`](crate::hold_response)) and the plant of paper eq. (1).
 ///
 /// [`Prediction::response_at_rows`] is what the transfer function estimate from a periodic record in steady state
@@ -29,7 +30,8 @@ const LONGEST_PATTERN_TICKS: f64 = 1e5;
 /// Both hold while no command is clipped. They leave out the rounding of commands and of the section's state, 2^-29.
 #[derive(Clone, Debug)]
 pub struct Prediction {
-    compensator: Option<LeadDesign>,
+    compensator: Option<CompensatorDesign>,
+    nominal: f64,
     command_rate_hz: f64,
     ticks_per_row: f64,
     esc_frame_hz: Option<f64>,
@@ -43,11 +45,17 @@ impl Prediction {
     ///
     /// # Errors
     /// [`BenchError`] when plan, model and compensator do not go together, or the model has no points around `nominal`.
-    pub fn new(plan: &Plan, model: &Model, nominal: f64, compensator: Option<&LeadDesign>) -> Result<Self, BenchError> {
+    pub fn new(
+        plan: &Plan,
+        model: &Model,
+        nominal: f64,
+        compensator: Option<&CompensatorDesign>,
+    ) -> Result<Self, BenchError> {
         plan.check()?;
         check_compensator(plan, compensator)?;
         Ok(Self {
-            compensator: compensator.copied(),
+            compensator: compensator.cloned(),
+            nominal,
             command_rate_hz: f64::from(plan.loop_rate_hz),
             ticks_per_row: f64::from(plan.loop_rate_hz) / f64::from(plan.sample_rate_hz),
             esc_frame_hz: plan.esc_frame_hz,
@@ -127,6 +135,6 @@ impl Prediction {
     }
 
     fn compensator_response(&self, omega_rad_s: f64) -> Complex<f64> {
-        self.compensator.map_or(Complex::new(1.0, 0.0), |design| design.response(omega_rad_s))
+        self.compensator.as_ref().map_or(Complex::new(1.0, 0.0), |design| design.response(self.nominal, omega_rad_s))
     }
 }

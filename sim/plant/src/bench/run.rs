@@ -6,15 +6,13 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 
-use rotorlead::compensator::Compensator;
-use rotorlead::design::LeadDesign;
 use rotorlead::throttle::Command;
 use rotorlead_records::files::Place;
 use rotorlead_records::{Excitation, Experiment, Output, Record};
 
 use super::signal::Signal;
 use super::{BenchError, Plan, PlannedRecord};
-use crate::{Actuator, EscTiming, Law, Model, Noise, PlantError, SensorNoise};
+use crate::{Actuator, CompensatorDesign, EscTiming, Law, Model, Noise, PlantError, SensorNoise};
 
 /// How far a run is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,7 +30,8 @@ pub struct Progress {
 /// A row at time `t` has the command that takes effect at `t` (before and, in a compensated record, after the
 /// compensator) and the response at `t`, which that command has not yet changed. Multisines, square waves and single
 /// steps run on the plant that is linear around the record's nominal command, staircases on the one that follows the
-/// level; see [`FirstOrder`](crate::FirstOrder). The effects of the model are in it, and a supply whose voltage the
+/// level; see [`FirstOrder`](crate::FirstOrder). Behind an inverse all of them run on the one that follows the rotor's speed
+/// ([`Law::FollowingSpeed`]). The effects of the model are in it, and a supply whose voltage the
 /// model says has its columns.
 ///
 /// The result depends on the arguments alone: each record has its own stream of noise, by the plan's seed and its place
@@ -43,7 +42,7 @@ pub struct Progress {
 pub fn run(
     plan: &Plan,
     model: &Model,
-    compensator: Option<&LeadDesign>,
+    compensator: Option<&CompensatorDesign>,
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<Experiment, BenchError> {
     let threads = thread::available_parallelism().unwrap_or(NonZeroUsize::MIN);
@@ -58,7 +57,7 @@ pub fn run_on(
     threads: NonZeroUsize,
     plan: &Plan,
     model: &Model,
-    compensator: Option<&LeadDesign>,
+    compensator: Option<&CompensatorDesign>,
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<Experiment, BenchError> {
     check(plan, model, compensator)?;
@@ -98,7 +97,7 @@ pub fn run_on(
 pub fn run_through<E: From<BenchError>>(
     plan: &Plan,
     model: &Model,
-    compensator: Option<&LeadDesign>,
+    compensator: Option<&CompensatorDesign>,
     mut esc: impl FnMut(Progress, Command, &[Command]) -> Result<Vec<Command>, E>,
 ) -> Result<Experiment, E> {
     check(plan, model, compensator)?;
@@ -122,7 +121,11 @@ pub fn run_through<E: From<BenchError>>(
 }
 
 /// What there is to run, record by record.
-fn jobs<'a>(plan: &'a Plan, model: &'a Model, compensator: Option<&'a LeadDesign>) -> Result<Vec<Job<'a>>, BenchError> {
+fn jobs<'a>(
+    plan: &'a Plan,
+    model: &'a Model,
+    compensator: Option<&'a CompensatorDesign>,
+) -> Result<Vec<Job<'a>>, BenchError> {
     let output = output_of(model);
     plan.records
         .iter()
@@ -170,7 +173,7 @@ pub fn add_noise(experiment: &mut Experiment, noise: Noise, seed: u64) -> Result
     Ok(())
 }
 
-fn check(plan: &Plan, model: &Model, compensator: Option<&LeadDesign>) -> Result<(), BenchError> {
+fn check(plan: &Plan, model: &Model, compensator: Option<&CompensatorDesign>) -> Result<(), BenchError> {
     plan.check()?;
     check_compensator(plan, compensator)?;
     if output_of(model) == Output::Rpm && !plan.noise.is_silent() {
@@ -180,7 +183,7 @@ fn check(plan: &Plan, model: &Model, compensator: Option<&LeadDesign>) -> Result
 }
 
 /// Refuses a compensator that is not the plan's.
-pub(super) fn check_compensator(plan: &Plan, compensator: Option<&LeadDesign>) -> Result<(), BenchError> {
+pub(super) fn check_compensator(plan: &Plan, compensator: Option<&CompensatorDesign>) -> Result<(), BenchError> {
     match (&plan.compensator, compensator) {
         (Some(file), None) => Err(BenchError::CompensatorMissing { file: file.display().to_string() }),
         (None, Some(_)) => Err(BenchError::CompensatorNotNamed),
@@ -228,7 +231,7 @@ struct Job<'a> {
     file: String,
     signal: Signal,
     model: &'a Model,
-    compensator: Option<&'a LeadDesign>,
+    compensator: Option<&'a CompensatorDesign>,
     output: Output,
 }
 
@@ -239,11 +242,7 @@ impl Job<'_> {
 
     /// The controller's own filter.
     fn filter(&self) -> impl FnMut(Command) -> Command {
-        let mut compensator = self.compensator.map(|design| {
-            let mut compensator = Compensator::new(*design.coefficients(), Command::ZERO, Command::ONE);
-            compensator.reset(self.signal.start);
-            compensator
-        });
+        let mut compensator = self.compensator.map(|design| design.running(self.signal.start));
         move |sample| compensator.as_mut().map_or(sample, |compensator| compensator.update(sample))
     }
 
@@ -252,7 +251,10 @@ impl Job<'_> {
         let loop_rate_hz = f64::from(self.plan.loop_rate_hz);
         let sample_rate_hz = f64::from(self.plan.sample_rate_hz);
         let ticks_per_row = (self.plan.loop_rate_hz / self.plan.sample_rate_hz) as usize;
+        let is_inverse = self.compensator.is_some_and(|design| design.as_inverse().is_some());
         let law = match self.record.excitation {
+            // Its commands are far from what the rotor does, and its table follows the rotor.
+            _ if is_inverse => Law::FollowingSpeed(start.to_f64()),
             Excitation::Staircase => Law::FollowingLevel(start.to_f64()),
             _ => Law::LinearAround(self.record.nominal),
         };

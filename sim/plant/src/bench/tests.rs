@@ -11,14 +11,16 @@ use rotorlead_records::{Excitation, Experiment, Output, Record};
 
 use super::*;
 use crate::testing::{model, table_1};
-use crate::{Actuator, Color, Drive, Effect, EscTiming, Law, Model, Noise, Provenance, Start, simulate};
+use crate::{
+    Actuator, Color, CompensatorDesign, Drive, Effect, EscTiming, Law, Model, Noise, Provenance, Start, simulate,
+};
 
 /// How far the mean response is from what rows at every tick find.
 const MEAN_AT_TICKS: f64 = 2e-5;
 
-fn paper_lead() -> LeadDesign {
+fn paper_lead() -> CompensatorDesign {
     let poles: Vec<f64> = table_1().points.iter().map(|p| 1.0 / p.time_constant_s).collect();
-    LeadDesign::new(LeadParameters::from_poles(&poles, TAU * 100.0).unwrap(), 5000.0, None).unwrap()
+    LeadDesign::new(LeadParameters::from_poles(&poles, TAU * 100.0).unwrap(), 5000.0, None).unwrap().into()
 }
 
 fn silent(mut plan: Plan) -> Plan {
@@ -26,7 +28,7 @@ fn silent(mut plan: Plan) -> Plan {
     plan
 }
 
-fn quick(plan: &Plan, model: &Model, compensator: Option<&LeadDesign>) -> Experiment {
+fn quick(plan: &Plan, model: &Model, compensator: Option<&CompensatorDesign>) -> Experiment {
     run(plan, model, compensator, &|_| {}).unwrap()
 }
 
@@ -267,7 +269,7 @@ fn what_does_not_go_together_is_refused() {
     let compensated = plain.clone().compensated("c.toml");
     assert_eq!(refused(&compensated, &table_1(), None), BenchError::CompensatorMissing { file: "c.toml".into() });
     assert_eq!(refused(&plain, &table_1(), Some(&lead)), BenchError::CompensatorNotNamed);
-    let slow = LeadDesign::new(*lead.lead(), 2000.0, None).unwrap();
+    let slow = LeadDesign::new(*lead.as_lead().unwrap().lead(), 2000.0, None).unwrap().into();
     assert!(matches!(refused(&compensated, &table_1(), Some(&slow)), BenchError::LoopRate { .. }));
     assert!(matches!(refused(&plain, &model(&[(0.5, 1.0, 0.1, 0.0)]), None), BenchError::Plant(_)));
 

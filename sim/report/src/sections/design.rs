@@ -1,19 +1,135 @@
 //! A compensator that was designed.
 
-use rotorlead::design::LeadDesign;
-use rotorlead_plant::{Model, Point};
+use rotorlead::design::{CurvePoint, LeadDesign};
+use rotorlead_plant::{CompensatorDesign, InverseCompensator, Model, Point};
 
 use crate::compensation::{compensator, simulated};
 use crate::html::{Cell, Column, Section, Table};
 
 /// Its parameters, what the controller makes of them, and what it does to the model.
 #[must_use]
-pub fn design_section(design: &LeadDesign, model: &Model) -> Section {
+pub fn design_section(design: &CompensatorDesign, model: &Model) -> Section {
+    let (text, tables) = match design {
+        CompensatorDesign::Lead(lead) => {
+            (transfer_function(lead), vec![design_table(lead, model), discrete_table(lead)])
+        }
+        CompensatorDesign::Inverse(inverse) => {
+            (inverse_equation(inverse), vec![inverse_table(design, inverse), curve_table(inverse)])
+        }
+    };
+    let lead_at = |nominal: f64| design.lead_at(nominal);
     Section {
-        text: vec![transfer_function(design)],
-        tables: vec![design_table(design, model), discrete_table(design)],
-        figures: vec![simulated(model, design.lead()), compensator(design)],
+        text: vec![text],
+        tables,
+        figures: vec![simulated(model, &lead_at), compensator(design, model)],
         ..Section::new("compensator", "Compensator")
+    }
+}
+
+/// The parameters of either kind in a line.
+#[must_use]
+pub fn in_short(design: &CompensatorDesign) -> String {
+    match design {
+        CompensatorDesign::Lead(design) => {
+            let lead = design.lead();
+            format!(
+                "zero {:.4} rad/s, poles {:.4} rad/s, damping {:.4}, {} Hz",
+                lead.omega_z_rad_s,
+                lead.omega_f_rad_s,
+                lead.damping,
+                design.loop_rate_hz()
+            )
+        }
+        CompensatorDesign::Inverse(inverse) => {
+            let (reference, range) = (inverse.design().reference(), inverse.range());
+            let slew = range.slew_per_s.map_or_else(String::new, |slew_per_s| format!(", slew {slew_per_s} duty/s"));
+            format!(
+                "inverse, natural frequency {:.4} rad/s, damping {:.4}, {} Hz, output {} to {} duty{slew}",
+                reference.omega_f_rad_s,
+                reference.damping,
+                inverse.design().loop_rate_hz(),
+                range.min,
+                range.max
+            )
+        }
+    }
+}
+
+/// The recurrence's continuous form in numbers.
+#[must_use]
+pub fn inverse_equation(inverse: &InverseCompensator) -> String {
+    let reference = inverse.design().reference();
+    let omega_f2 = reference.omega_f_rad_s.powi(2);
+    format!(
+        "u = v + tau(v) dv/dt, d2v/dt2 = {omega_f2:.2} (r - v) - {:.2} dv/dt",
+        2.0 * reference.damping * reference.omega_f_rad_s
+    )
+}
+
+/// The parameters of an inverse.
+#[must_use]
+pub fn inverse_table(design: &CompensatorDesign, inverse: &InverseCompensator) -> Table {
+    let (reference, range, own) = (inverse.design().reference(), inverse.range(), inverse.design());
+    let (from, to) = range.compensated;
+    parameters(
+        "inverse",
+        "The inverse",
+        vec![
+            row(
+                "natural frequency",
+                Cell::number(reference.omega_f_rad_s, 4),
+                "rad/s",
+                "of the response at every point",
+            ),
+            row("damping", Cell::number(reference.damping, 4), "", ""),
+            row("loop rate", Cell::number(own.loop_rate_hz(), 0), "Hz", ""),
+            row("lowest output", Cell::number(range.min, 4), "duty", ""),
+            row("highest output", Cell::number(range.max, 4), "duty", ""),
+            row(
+                "slew",
+                Cell::optional(range.slew_per_s, 2),
+                "duty/s",
+                "most by which the output changes; none: no limit",
+            ),
+            row("in the path from", Cell::number(from, 4), "duty", "bypassed below this command"),
+            row("in the path up to", Cell::number(to, 4), "duty", "bypassed above this command"),
+            row(
+                "step peak",
+                Cell::number(design.step_peak(), 2),
+                "",
+                "of the answer to a step of one at the slowest point, without limits",
+            ),
+            row(
+                "rounding",
+                Cell::number(own.rounding_error(), 0),
+                "2^-29",
+                "at most, of the output at rest; half a step of the output is 4096",
+            ),
+        ],
+    )
+}
+
+/// The curve of an inverse, with the gains of its table there.
+#[must_use]
+pub fn curve_table(inverse: &InverseCompensator) -> Table {
+    let row = |point: &CurvePoint| {
+        vec![
+            Cell::number(point.command, 3),
+            Cell::number(1e3 * point.tau_s, 2),
+            Cell::number(inverse.gain_at(point.command), 3),
+            Cell::text(if inverse.covers(point.command) { "" } else { "bypassed" }),
+        ]
+    };
+    Table {
+        name: "curve".to_owned(),
+        caption: "Time constants of the table, and the gains that they give".to_owned(),
+        columns: vec![
+            Column::new("command", "v", "duty"),
+            Column::new("time_constant_ms", "tau", "ms"),
+            Column::new("gain", "g", ""),
+            Column::new("path", "", ""),
+        ],
+        rows: inverse.points().iter().map(row).collect(),
     }
 }
 

@@ -12,7 +12,10 @@ mod validation;
 
 pub use bandwidth::bandwidth_section;
 pub use bandwidth_diagnosis::{bandwidth_diagnosis_section, explanations_table, predicted_table, ratios_table};
-pub use design::{design_section, design_table, discrete_table, fastest_point, transfer_function};
+pub use design::{
+    curve_table, design_section, design_table, discrete_table, fastest_point, in_short, inverse_equation,
+    inverse_table, transfer_function,
+};
 pub use diagnosis::{diagnosis_section, diagnosis_tone, effect_table, excess_table, gap_table, parameter_table};
 pub use experiment::{excitation_section, experiment_facts, simulation_section};
 pub use identification::{identification_section, identification_tables, laws_table};

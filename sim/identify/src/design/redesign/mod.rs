@@ -10,18 +10,18 @@ mod limits;
 mod remarks;
 mod sweep;
 
-use rotorlead::design::LeadDesign;
-
 pub use limits::Limit;
 pub use sweep::ChainBandwidth;
 
-use rotorlead_plant::{ActiveEffect, LinearChain, Model, PlantError, Point};
+use rotorlead_plant::{ActiveEffect, CompensatorDesign, LinearChain, Model, PlantError, Point};
 use serde::{Serialize, Serializer};
 
 use limits::Bound;
 use sweep::Sweep;
 
-use super::{BandwidthPoint, Chain, CompensatorError, DesignOptions, bandwidths_with, design};
+use super::{
+    BandwidthPoint, Chain, CompensatorError, DesignOptions, InverseOptions, bandwidths_with, design, design_inverse,
+};
 use crate::Bandwidth;
 
 /// Amplitude of the paper's experiments.
@@ -31,11 +31,20 @@ const SEARCHED_BEYOND: f64 = 2.5;
 /// A lead that gains less than this is not worth its noise.
 const LEAST_GAIN: f64 = 1.1;
 
+/// Which kind of compensator, and what is asked of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum KindOptions {
+    /// A lead.
+    Lead(DesignOptions),
+    /// A conditioned inverse.
+    Inverse(InverseOptions),
+}
+
 /// What is asked for beside the model.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RedesignOptions {
     /// The design.
-    pub design: DesignOptions,
+    pub design: KindOptions,
     /// Peak deviation of the command ahead of the filter, 0..1. Near the ends of the command's range it is what room there is.
     pub amplitude: f64,
     /// Rate at which the ESC takes over a command, hertz.
@@ -69,22 +78,39 @@ impl RedesignPoint {
 #[derive(Clone, Debug, Serialize)]
 pub struct Compensated {
     /// The compensator.
-    #[serde(rename = "compensator", serialize_with = "lead")]
-    pub design: LeadDesign,
+    #[serde(rename = "compensator", serialize_with = "parameters")]
+    pub design: CompensatorDesign,
     /// At each point of the model.
     pub points: Vec<RedesignPoint>,
 }
 
-/// The parameters of a lead.
-fn lead<S: Serializer>(design: &LeadDesign, serializer: S) -> Result<S::Ok, S::Error> {
-    let lead = design.lead();
-    serializer.collect_map([
-        ("zero_rad_s", lead.omega_z_rad_s),
-        ("pole_rad_s", lead.omega_f_rad_s),
-        ("damping", lead.damping),
-        ("omega_g_rad_s", lead.omega_g_rad_s()),
-        ("loop_rate_hz", design.loop_rate_hz()),
-    ])
+/// The parameters of a compensator.
+fn parameters<S: Serializer>(design: &CompensatorDesign, serializer: S) -> Result<S::Ok, S::Error> {
+    let loop_rate = ("loop_rate_hz", design.loop_rate_hz());
+    match design {
+        CompensatorDesign::Lead(design) => {
+            let lead = design.lead();
+            serializer.collect_map([
+                ("zero_rad_s", lead.omega_z_rad_s),
+                ("pole_rad_s", lead.omega_f_rad_s),
+                ("damping", lead.damping),
+                ("omega_g_rad_s", lead.omega_g_rad_s()),
+                loop_rate,
+            ])
+        }
+        CompensatorDesign::Inverse(inverse) => {
+            let (reference, range) = (inverse.design().reference(), inverse.range());
+            let slew = range.slew_per_s.map(|slew_per_s| ("slew_per_s", slew_per_s));
+            let rest = [
+                ("natural_rad_s", reference.omega_f_rad_s),
+                ("damping", reference.damping),
+                ("min", range.min),
+                ("max", range.max),
+                loop_rate,
+            ];
+            serializer.collect_map(rest.into_iter().chain(slew))
+        }
+    }
 }
 
 impl Compensated {
@@ -127,19 +153,46 @@ pub enum RedesignError {
     Plant(#[from] PlantError),
 }
 
-/// Designs for `model` with its effects. `progress` is called whenever a lead is done at one of the model's points: at each once, and
-/// once more where a weaker lead is looked for.
+/// Designs for `model` with its effects. The limits that they set are those of an inverse; a lead that would pass them is refused.
+/// `progress` is called whenever a compensator is done at one of the model's points: at each once, and once more where a weaker lead
+/// is looked for.
 ///
 /// # Errors
 /// [`RedesignError`].
 pub fn redesign(model: &Model, options: &RedesignOptions, progress: &dyn Fn()) -> Result<Redesign, RedesignError> {
     let effects = ActiveEffect::of_model(model)?;
-    let full = design(model, &options.design)?;
+    let full = match &options.design {
+        KindOptions::Lead(options) => CompensatorDesign::from(design(model, options)?),
+        KindOptions::Inverse(options) => design_inverse(model, &limited(*options, &effects))?.compensator.into(),
+    };
     let remarks = effects.iter().filter_map(|effect| remarks::remark(effect, &full)).collect();
     let flown = flown(model, &effects);
     let full = compensated(&flown, full, options, progress)?;
-    let weaker = if full.is_within_bounds() { None } else { weaker(&flown, options, progress)? };
+    let weaker = match &options.design {
+        KindOptions::Lead(lead) if !full.is_within_bounds() => weaker(&flown, lead, options, progress)?,
+        _ => None,
+    };
     Ok(Redesign { full, weaker, remarks })
+}
+
+/// With the limits of the actuator where they are closer than those that are declared.
+fn limited(options: InverseOptions, effects: &[ActiveEffect]) -> InverseOptions {
+    effects.iter().fold(options, |mut options, effect| {
+        match effect.kind().id {
+            "slew_limit" => {
+                let rate_per_s = effect.value("rate_per_s");
+                options.slew_per_s = options.slew_per_s.into_iter().chain(rate_per_s).reduce(f64::min);
+            }
+            "saturation" => {
+                let (low, high) = options.range;
+                let max = effect.value("max").map_or(high, |max| max.min(high));
+                let min = effect.value("min").map_or(low, |min| min.max(low));
+                options.range = (min, max);
+            }
+            _ => {}
+        }
+        options
+    })
 }
 
 /// The model with the effects that it has in flight too.
@@ -152,7 +205,7 @@ fn flown(model: &Model, effects: &[ActiveEffect]) -> Model {
 
 fn compensated(
     model: &Model,
-    design: LeadDesign,
+    design: CompensatorDesign,
     options: &RedesignOptions,
     progress: &dyn Fn(),
 ) -> Result<Compensated, PlantError> {
@@ -173,27 +226,29 @@ type WithLimits = (BandwidthPoint, f64, Vec<Limit>);
 /// What is known without a simulation: bandwidths of small deviations, amplitudes, and what is asked of the bounds.
 fn small_with_limits(
     model: &Model,
-    design: &LeadDesign,
+    design: &CompensatorDesign,
     options: &RedesignOptions,
 ) -> Result<Vec<WithLimits>, PlantError> {
     let effects = ActiveEffect::of_model(model)?;
-    let small = bandwidths_with(model, &effects, Chain::Continuous(design.lead()));
+    let small = bandwidths_with(model, &effects, Chain::Designed(design));
     let with_limits = |small: BandwidthPoint| {
         let linear = LinearChain::of_model(model, small.nominal)?;
         let amplitude = options.amplitude.min(small.nominal).min(1.0 - small.nominal);
         let up_to = rad_s(small.compensated);
-        let limits = Bound::of(&effects, small.nominal).into_iter().map(|bound| {
+        let limits = design.as_lead().map_or_else(Vec::new, |design| {
             let lead = |omega| design.lead().response(omega);
-            bound.against(amplitude, up_to, lead, |omega| linear.frequency_response(omega))
+            let against =
+                |bound: Bound| bound.against(amplitude, up_to, lead, |omega| linear.frequency_response(omega));
+            Bound::of(&effects, small.nominal).into_iter().map(against).collect()
         });
-        Ok((small, amplitude, limits.collect()))
+        Ok((small, amplitude, limits))
     };
     small.into_iter().map(with_limits).collect()
 }
 
 fn chain(
     model: &Model,
-    design: &LeadDesign,
+    design: &CompensatorDesign,
     options: &RedesignOptions,
     point: &Point,
     amplitude: f64,
@@ -216,14 +271,20 @@ fn chain(
 }
 
 /// The strongest lead within the bounds, found by halving `omega_g`.
-fn weaker(model: &Model, options: &RedesignOptions, progress: &dyn Fn()) -> Result<Option<Compensated>, PlantError> {
-    let with = |omega_g_rad_s: f64| design(model, &DesignOptions { omega_g_rad_s, ..options.design }).ok();
-    let is_within = |design: &LeadDesign| -> Result<bool, PlantError> {
+fn weaker(
+    model: &Model,
+    lead: &DesignOptions,
+    options: &RedesignOptions,
+    progress: &dyn Fn(),
+) -> Result<Option<Compensated>, PlantError> {
+    let with =
+        |omega_g_rad_s: f64| design(model, &DesignOptions { omega_g_rad_s, ..*lead }).ok().map(CompensatorDesign::from);
+    let is_within = |design: &CompensatorDesign| -> Result<bool, PlantError> {
         let points = small_with_limits(model, design, options)?;
         Ok(points.iter().all(|(_, _, limits)| limits.iter().all(|limit| limit.passed_from_rad_s.is_none())))
     };
     let fastest = model.points.iter().map(|point| 1.0 / point.time_constant_s).fold(0.0, f64::max);
-    let (mut low, mut high) = (fastest, options.design.omega_g_rad_s);
+    let (mut low, mut high) = (fastest, lead.omega_g_rad_s);
     let mut best = None;
     while high - low > 0.01 * high {
         let middle = 0.5 * (low + high);

@@ -1,8 +1,7 @@
 //! What a lead does about each effect, and what it cannot do.
 
-use rotorlead::design::LeadDesign;
-use rotorlead_plant::ActiveEffect;
 use rotorlead_plant::effect::{Linearity, Site};
+use rotorlead_plant::{ActiveEffect, CompensatorDesign};
 
 /// Whether a motor in flight has it too: the stand stays on the ground, and what changes with time has no bandwidth.
 pub(super) fn flies(effect: &ActiveEffect) -> bool {
@@ -11,22 +10,28 @@ pub(super) fn flies(effect: &ActiveEffect) -> bool {
 }
 
 /// In a sentence or two; `None` where the numbers need no remark.
-pub(super) fn remark(effect: &ActiveEffect, design: &LeadDesign) -> Option<String> {
+pub(super) fn remark(effect: &ActiveEffect, design: &CompensatorDesign) -> Option<String> {
     let value = |name: &str| effect.value(name).unwrap_or(f64::NAN);
-    let step_peak = design.check().step_peak;
-    let peak = 10_f64.powf(design.lead().asymptotic_peak_db() / 20.0);
+    let step_peak = design.step_peak();
+    let peak = 10_f64.powf(design.asymptotic_peak_db() / 20.0);
+    let is_inverse = design.as_inverse().is_some();
     Some(match effect.kind().id {
         "transport_delay" => format!(
             "A delay of {:.2} ms stays: a lead cannot see what is to come. It leaves the magnitude alone and costs phase, {:.0} \
              degrees at the poles of the filter, which brings the frequency of 90 degrees of lag down.",
             1e3 * value("delay_s"),
-            (value("delay_s") * design.lead().omega_f_rad_s).to_degrees()
+            (value("delay_s") * design.natural_rad_s()).to_degrees()
         ),
         "esc_frame_hold" => format!(
             "Frames of {:.0} Hz hold each command for {:.1} ms, half of which is delay on average: a faster protocol removes it, \
              a lead does not.",
             value("frame_hz"),
             1e3 / value("frame_hz")
+        ),
+        "slew_limit" if is_inverse => format!(
+            "Nothing in front of it makes it faster than {:.3} duty/s. The inverse is designed with this limit, and its state is that of a \
+             rotor that gets no more.",
+            value("rate_per_s")
         ),
         "slew_limit" => format!(
             "Nothing in front of it makes it faster than {:.3} duty/s. Where it is a ramp or a soft start of the ESC, switch that off in its \
@@ -75,6 +80,11 @@ pub(super) fn remark(effect: &ActiveEffect, design: &LeadDesign) -> Option<Strin
              log the speed too.",
             1e3 * value("time_constant_s")
         ),
+        "asymmetric_lag" if is_inverse => {
+            "Rising and falling differ: the table has the shorter time constant, so that neither overshoots, and the other direction \
+             stays slower."
+                .to_owned()
+        }
         "asymmetric_lag" => {
             "Rising and falling differ: one linear filter fits neither exactly, and overshoots on the faster one."
                 .to_owned()

@@ -5,10 +5,8 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use nalgebra::{Matrix4, Vector4};
 use num_complex::Complex64;
-use rotorlead::compensator::Compensator;
-use rotorlead::design::LeadDesign;
 use rotorlead::throttle::Command;
-use rotorlead_plant::{Actuator, EscTiming, Law, Model, PlantError};
+use rotorlead_plant::{Actuator, CompensatorDesign, EscTiming, Law, Model, PlantError};
 use serde::Serialize;
 
 use crate::{Bandwidth, THREE_DB};
@@ -30,7 +28,7 @@ pub(super) struct Sweep<'a> {
     /// What is driven, with its effects.
     pub model: &'a Model,
     /// The filter, and its loop's rate.
-    pub design: &'a LeadDesign,
+    pub design: &'a CompensatorDesign,
     /// Frames of the ESC per second.
     pub esc_frame_hz: Option<f64>,
     /// Command around which it is driven.
@@ -101,9 +99,12 @@ impl Sweep<'_> {
     /// line (what is slower than the sinusoid), cosine and sine.
     fn response(&self, omega_rad_s: f64) -> Result<Complex64, PlantError> {
         let timing = EscTiming { frame_hz: self.esc_frame_hz, frame_phase: 0.0 };
-        let mut actuator = Actuator::new(self.model, Law::LinearAround(self.nominal), timing)?;
-        let mut filter = Compensator::new(*self.design.coefficients(), Command::ZERO, Command::ONE);
-        filter.reset(Command::saturating_from_f64(self.nominal));
+        let law = match self.design {
+            CompensatorDesign::Lead(_) => Law::LinearAround(self.nominal),
+            CompensatorDesign::Inverse(_) => Law::FollowingSpeed(self.nominal),
+        };
+        let mut actuator = Actuator::new(self.model, law, timing)?;
+        let mut filter = self.design.running(Command::saturating_from_f64(self.nominal));
         let rate_hz = self.design.loop_rate_hz();
         let period_s = TAU / omega_rad_s;
         let from = (period_s.max(LEAD_IN * self.time_constant_s) * rate_hz).ceil() as u64;

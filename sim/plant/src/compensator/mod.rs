@@ -1,0 +1,216 @@
+//! A compensator as it is designed, stored in `compensator.toml`, and run: a lead, or a conditioned inverse.
+
+mod inverse;
+mod inverse_file;
+mod lead_file;
+mod stored;
+
+pub use inverse::{InverseCompensator, InverseRange};
+pub use inverse_file::{GainFormat, InverseFile, InverseKind, ReferenceFormat, StoredInverse};
+pub use lead_file::{CoefficientFormat, LeadFile, LeadKind, SignalFormat, StoredCoefficients};
+
+use std::path::Path;
+
+use num_complex::Complex64;
+use rotorlead::compensator::Compensator;
+use rotorlead::design::{LeadDesign, LeadParameters};
+use rotorlead::throttle::Command;
+use rotorlead_records::files::{FileError, Place, TomlFile};
+use serde::{Deserialize, Serialize};
+
+use stored::CompensatorFile;
+
+/// A checked design of either kind.
+// There are few of them.
+#[allow(clippy::large_enum_variant)]
+#[derive(Clone, Debug, PartialEq)]
+pub enum CompensatorDesign {
+    /// The paper's C(s).
+    Lead(LeadDesign),
+    /// A conditioned inverse.
+    Inverse(InverseCompensator),
+}
+
+/// A compensator as its file holds it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum StoredCompensator {
+    /// Of a lead.
+    Lead(LeadFile),
+    /// Of an inverse.
+    Inverse(InverseFile),
+}
+
+/// The key that says which kind a file holds.
+#[derive(Deserialize)]
+struct Kind {
+    kind: Option<String>,
+}
+
+impl CompensatorDesign {
+    /// Reads a compensator and computes its integers again, as a controller would.
+    ///
+    /// # Errors
+    /// When the file cannot be read or is no compensator, when the controller refuses its parameters, or when the integers in it
+    /// are others than the controller would compute. The error shows the place in the file.
+    pub fn read(path: &Path) -> Result<Self, FileError> {
+        // What has no such key, and what cannot be read, is said by the reader of the kind that came first.
+        let kind = TomlFile::read::<Kind>(path).ok().and_then(|(read, file)| Some((read.kind?, file)));
+        match kind.as_ref().map(|(kind, file)| (kind.as_str(), file)) {
+            None | Some(("lead", _)) => Ok(Self::Lead(LeadFile::read(path)?)),
+            Some(("inverse", _)) => Ok(Self::Inverse(InverseFile::read(path)?)),
+            Some((other, file)) => Err(file.show(
+                &Place::root()
+                    .key("kind")
+                    .fault(format!("`{other}` is no kind of compensator"), "give `lead` or `inverse`"),
+            )),
+        }
+    }
+
+    /// Writes it, complete or not at all.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub fn write(&self, path: &Path) -> Result<(), FileError> {
+        match self.stored() {
+            StoredCompensator::Lead(file) => file.write(path),
+            StoredCompensator::Inverse(file) => file.write(path),
+        }
+    }
+
+    /// What its file holds.
+    #[must_use]
+    pub fn stored(&self) -> StoredCompensator {
+        match self {
+            Self::Lead(design) => StoredCompensator::Lead(LeadFile::of(design)),
+            Self::Inverse(inverse) => StoredCompensator::Inverse(InverseFile::of(inverse)),
+        }
+    }
+
+    /// The controller's own code, at rest at `start`. The output of a lead is limited to the range of a command, that of an
+    /// inverse to its own.
+    #[must_use]
+    pub fn running(&self, start: Command) -> Compensator {
+        let mut compensator = match self {
+            Self::Lead(design) => Compensator::new(*design.coefficients(), Command::ZERO, Command::ONE),
+            Self::Inverse(inverse) => inverse.running(),
+        };
+        compensator.reset(start);
+        compensator
+    }
+
+    /// Whether the controller would make the same of it, bit for bit: the same coefficients and limits.
+    #[must_use]
+    pub fn runs_as(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Lead(one), Self::Lead(other)) => one.coefficients() == other.coefficients(),
+            (Self::Inverse(one), Self::Inverse(other)) => one.runs_as(other),
+            _ => false,
+        }
+    }
+
+    /// Ticks per second.
+    #[must_use]
+    pub fn loop_rate_hz(&self) -> f64 {
+        match self {
+            Self::Lead(design) => design.loop_rate_hz(),
+            Self::Inverse(inverse) => inverse.design().loop_rate_hz(),
+        }
+    }
+
+    /// The lead, if it is one.
+    #[must_use]
+    pub fn as_lead(&self) -> Option<&LeadDesign> {
+        match self {
+            Self::Lead(design) => Some(design),
+            Self::Inverse(_) => None,
+        }
+    }
+
+    /// The inverse, if it is one.
+    #[must_use]
+    pub fn as_inverse(&self) -> Option<&InverseCompensator> {
+        match self {
+            Self::Lead(_) => None,
+            Self::Inverse(inverse) => Some(inverse),
+        }
+    }
+
+    /// The continuous lead that it is for small signals around `nominal`; `None` where an inverse is bypassed.
+    #[must_use]
+    pub fn lead_at(&self, nominal: f64) -> Option<LeadParameters> {
+        match self {
+            Self::Lead(design) => Some(*design.lead()),
+            Self::Inverse(inverse) => inverse.lead_at(nominal),
+        }
+    }
+
+    /// Natural frequency of the poles, or of the reference model, rad/s.
+    #[must_use]
+    pub fn natural_rad_s(&self) -> f64 {
+        match self {
+            Self::Lead(design) => design.lead().omega_f_rad_s,
+            Self::Inverse(inverse) => inverse.design().reference().omega_f_rad_s,
+        }
+    }
+
+    /// Largest answer to a step of one: leave room for it. That of an inverse is at its slowest point, without its limits.
+    #[must_use]
+    pub fn step_peak(&self) -> f64 {
+        match self {
+            Self::Lead(design) => design.check().step_peak,
+            Self::Inverse(inverse) => inverse.step_peak(),
+        }
+    }
+
+    /// Asymptotic peak of the amplification, dB; that of an inverse at its slowest point.
+    #[must_use]
+    pub fn asymptotic_peak_db(&self) -> f64 {
+        match self {
+            Self::Lead(design) => design.lead().asymptotic_peak_db(),
+            Self::Inverse(inverse) => {
+                let lead = inverse.slowest().and_then(|point| inverse.lead_at(point.command));
+                lead.map_or(0.0, |lead| lead.asymptotic_peak_db())
+            }
+        }
+    }
+
+    /// The response of the rounded recurrence to small signals around `nominal`, 1 at 0 rad/s.
+    #[must_use]
+    pub fn response(&self, nominal: f64, omega_rad_s: f64) -> Complex64 {
+        match self {
+            Self::Lead(design) => design.response(omega_rad_s),
+            Self::Inverse(inverse) => inverse.response(nominal, omega_rad_s),
+        }
+    }
+}
+
+impl From<LeadDesign> for CompensatorDesign {
+    fn from(design: LeadDesign) -> Self {
+        Self::Lead(design)
+    }
+}
+
+impl From<InverseCompensator> for CompensatorDesign {
+    fn from(inverse: InverseCompensator) -> Self {
+        Self::Inverse(inverse)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rotorlead_records::files::testing::{Scratch, assert_report};
+
+    use super::*;
+
+    #[test]
+    fn what_is_no_kind_of_compensator_is_named() {
+        let scratch = Scratch::new();
+        let read = |text: &str| CompensatorDesign::read(&scratch.file("c.toml", text)).unwrap_err();
+        assert_report(read("format = 1\nkind = \"pid\"\n"), &["c.toml:2:8", "`pid`", "`lead` or `inverse`"]);
+        assert_report(read("format = 1\nkind = 3\n"), &["c.toml:2:8"]);
+        assert_report(read("format = 1\nkind = \"inverse\"\nzero_rad_s = 3\n"), &["zero_rad_s"]);
+        let missing = CompensatorDesign::read(&scratch.path().join("d.toml")).unwrap_err();
+        assert_report(missing, &["d.toml", "does not exist", "check the path"]);
+    }
+}

@@ -1,0 +1,66 @@
+//! What both kinds of file have in common: parameters, and the integers that the controller computes of them.
+
+use std::fmt::Display;
+use std::path::Path;
+
+use rotorlead_records::files::{Fault, FileError, Place, TomlFile, write_toml};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+/// A compensator's file. The parameters are what counts: a controller computes the integers from them at start-up. The integers are
+/// in the file to be compared: they tell whether two programs mean the same filter.
+pub(super) trait CompensatorFile: DeserializeOwned + Serialize {
+    /// What is designed from it.
+    type Design;
+
+    /// The file of a design.
+    fn of(design: &Self::Design) -> Self;
+
+    /// Refuses parameters that make no filter at any number format.
+    fn check(&self) -> Result<(), Fault>;
+
+    /// The controller's own design; its error is the reason why it refuses the parameters.
+    fn design(&self) -> Result<Self::Design, impl Display>;
+
+    /// The stored integers with their places, in an order that depends on their number alone.
+    fn integers(&self) -> Vec<(Place, i32)>;
+
+    /// Reads a file, and refuses it unless the controller makes the stored integers of its parameters.
+    fn read(path: &Path) -> Result<Self::Design, FileError> {
+        let (stored, file): (Self, _) = TomlFile::read(path)?;
+        stored.check().map_err(|fault| file.show(&fault))?;
+        let design = stored.design().map_err(|reason| {
+            file.show(&Place::root().fault(
+                format!("no filter can be made of these parameters: {reason}"),
+                "run `rotorlead design`, or correct the parameter",
+            ))
+        })?;
+        same(&stored.integers(), &Self::of(&design).integers()).map_err(|fault| file.show(&fault))?;
+        Ok(design)
+    }
+
+    /// Checks a file and writes it, complete or not at all.
+    fn write(&self, path: &Path) -> Result<(), FileError> {
+        self.check().map_err(|fault| FileError::refused(path, fault))?;
+        write_toml(path, self)
+    }
+}
+
+fn same(stored: &[(Place, i32)], computed: &[(Place, i32)]) -> Result<(), Fault> {
+    let differs = |place: &Place, stored: String, computed: String| {
+        Err(place.clone().fault(
+            format!("{stored} is stored, but the parameters give {computed}"),
+            "a parameter or an integer was changed by hand, or another version wrote the file: run `rotorlead design` again",
+        ))
+    };
+    for ((place, stored), (_, computed)) in stored.iter().zip(computed) {
+        if stored != computed {
+            return differs(place, stored.to_string(), computed.to_string());
+        }
+    }
+    if stored.len() == computed.len() {
+        return Ok(());
+    }
+    let count = |integers: &[(Place, i32)]| format!("{} integers", integers.len());
+    differs(&Place::root().key("coefficients"), count(stored), count(computed))
+}
