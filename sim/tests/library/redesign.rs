@@ -130,9 +130,12 @@ fn the_limits_of_the_actuator_are_those_of_an_inverse() {
         // A large step, which a lead that is clipped would answer with its lag. Thrust overshoots by more than the speed, since its
         // gain rises with it: 12 % over the step up to 0.6.
         let stepped = steps(&model, &found.full.design, None, &[0.1]).unwrap();
-        for point in stepped.iter().filter(|point| point.nominal + point.step < 0.7) {
+        for point in stepped.iter().filter(|point| (0.45..0.7).contains(&(point.nominal + point.step))) {
             let (without, with) = (point.uncompensated, point.compensated);
-            assert!(with.overshoot < 0.05 * 1.25 && with.rise_s.unwrap() < 0.6 * without.rise_s.unwrap(), "{kind}: {point:?}");
+            assert!(
+                with.overshoot < 0.05 * 1.25 && with.rise_s.unwrap() < 0.6 * without.rise_s.unwrap(),
+                "{kind}: {point:?}"
+            );
         }
     }
 }

@@ -1,7 +1,10 @@
 //! `rotorlead demo`
 
 mod beside_the_paper;
+mod inverse;
 mod text;
+
+use inverse::InverseDemonstration;
 
 use std::path::{Path, PathBuf};
 
@@ -42,7 +45,7 @@ const DRAWN_UP_TO_RAD_S: f64 = 282.0;
 /// beside what the paper prints.
 #[derive(Args, Debug)]
 pub struct Demo {
-    /// Where the model, the compensator and the Bode plot go; those of an earlier run are replaced
+    /// Where the model, the compensators and the figures go; those of an earlier run are replaced
     #[arg(long, value_name = "DIR", default_value = "demo-out")]
     pub(super) out: PathBuf,
     /// Seed of the thrust noise
@@ -79,6 +82,7 @@ struct Demonstrated<'a> {
     /// By the lags of the paper and its compensator.
     simulated: &'a [BandwidthPoint],
     measured: &'a [Measured],
+    inverse: &'a InverseDemonstration,
 }
 
 /// What came out, for programs.
@@ -88,8 +92,10 @@ struct Values<'a> {
     validation: &'a [RecordValidation],
     compensator: StoredCompensator,
     bandwidth: Vec<Row>,
+    inverse: Vec<inverse::Row>,
     contradictions: [&'static str; CONTRADICTIONS.len()],
     bode: &'a Path,
+    steps: &'a Path,
 }
 
 /// The bandwidths at one nominal command, without and with the compensator.
@@ -154,20 +160,32 @@ impl Demo {
         let papers_design = rotorlead_identify::design::design(&actuators, &DesignOptions::default())?;
         let simulated = bandwidths(&actuators, Chain::Continuous(papers_design.lead()));
 
-        let figure = self.out.join("bode.svg");
+        let inverse = InverseDemonstration::of(&actuators, model, &plan, &compensator)?;
+
+        let (figure, steps) = (self.out.join("bode.svg"), self.out.join("steps.svg"));
         make_folder(&self.out)?;
         model.write(&self.out.join("model.toml"))?;
         compensator.write(&self.out.join("compensator.toml"))?;
         let drawn = bode_plot(&design, found, &compensated);
         write_file(&figure, drawn.svg()?.as_bytes())?;
+        inverse.design.write(&self.out.join("inverse.toml"))?;
+        write_file(&steps, inverse.figure.svg()?.as_bytes())?;
 
-        let result =
-            Demonstrated { model, validated: &validated, design: &design, simulated: &simulated, measured: &measured };
+        let result = Demonstrated {
+            model,
+            validated: &validated,
+            design: &design,
+            simulated: &simulated,
+            measured: &measured,
+            inverse: &inverse,
+        };
         let written = self.report.write(|| {
             let mut bandwidth = bandwidth_section(&simulated, &[], &of_records);
             bandwidth.figures.extend(measured_response(found, &compensated));
             bandwidth.figures.extend(simulation_and_experiment(found, &compensated, &compensator));
             bandwidth.figures.push(drawn);
+            bandwidth.tables.push(inverse.table());
+            bandwidth.figures.push(inverse.figure.clone());
             let sections = vec![
                 result.beside_the_paper(),
                 identification_section(&identified, &stand),
@@ -180,7 +198,7 @@ impl Demo {
             let title = "The paper's method on simulated actuators";
             Report { facts, sections, ..report_pages::report("Demonstration", title, result.verdict()) }
         })?;
-        let text = result.text(&self.out, &figure).into_diagnostic()? + &written;
+        let text = result.text(&self.out, [&figure, &steps]).into_diagnostic()? + &written;
         let bandwidth = PAPER.iter().zip(&simulated).zip(&measured);
         let values = Values {
             points: &model.points,
@@ -188,7 +206,9 @@ impl Demo {
             compensator: compensator.stored(),
             bandwidth: bandwidth.map(|((paper, simulated), measured)| Row::of(paper, simulated, measured)).collect(),
             contradictions: CONTRADICTIONS,
+            inverse: inverse.rows(),
             bode: &figure,
+            steps: &steps,
         };
         Ok(Outcome::new(text, &values))
     }

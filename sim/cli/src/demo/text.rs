@@ -12,7 +12,7 @@ use crate::outcome::wrapped;
 
 impl Demonstrated<'_> {
     /// For people.
-    pub(super) fn text(&self, folder: &Path, figure: &Path) -> Result<String, std::fmt::Error> {
+    pub(super) fn text(&self, folder: &Path, [bode, steps]: [&Path; 2]) -> Result<String, std::fmt::Error> {
         let Self { model, validated, design, .. } = *self;
         let mut out = String::new();
         let [lags, fits, simulated, measured] = self.tables();
@@ -31,12 +31,21 @@ impl Demonstrated<'_> {
              a lag; ours are measured on simulated lags, so they meet the simulation."
         )?;
 
+        writeln!(out, "\n{}", self.inverse.table().text().trim_end())?;
+        writeln!(
+            out,
+            "  Measured with an amplitude of 0.02: by the paper's 0.05 the command of the\n  \
+             slowest actuator would meet its limits. Beyond 0.05 outside the commands that\n  \
+             were measured the inverse is bypassed."
+        )?;
+
         writeln!(out, "\nWhere the paper contradicts itself\n")?;
         for contradiction in CONTRADICTIONS {
             writeln!(out, "  - {}", wrapped(contradiction, 76, "    "))?;
         }
-        writeln!(out, "\nBode plot: {}", figure.display())?;
-        writeln!(out, "Model and compensator: {}", folder.display())?;
+        writeln!(out, "\nBode plot: {}", bode.display())?;
+        writeln!(out, "Steps: {}", steps.display())?;
+        writeln!(out, "Model and compensators: {}", folder.display())?;
         Ok(out)
     }
 }

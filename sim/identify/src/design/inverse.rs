@@ -143,7 +143,7 @@ pub fn design_inverse(model: &Model, options: &InverseOptions) -> Result<Designe
         damping: options.damping,
     };
     let measured = (first.command, last.command);
-    let reached = ((measured.0 - REACH).max(0.0), (measured.1 + REACH).min(1.0));
+    let reached = (decimal((measured.0 - REACH).max(0.0)), decimal((measured.1 + REACH).min(1.0)));
     let range = InverseRange {
         min: options.range.0,
         max: options.range.1,
@@ -213,13 +213,18 @@ fn curve(known: &[Known], (first, last): (Known, Known), setting: Setting) -> Ve
     let part = setting.part();
     let point = |command: f64, tau_s: f64| CurvePoint { command, tau_s: part * tau_s };
     let inside = thinned(known);
-    let below = (first.command > 0.0).then(|| point((first.command - REACH).max(0.0), first.low_s));
+    let below = (first.command > 0.0).then(|| point(decimal((first.command - REACH).max(0.0)), first.low_s));
     // The pole of a rotor goes about with its speed, and so with the command.
     let falling = |command: f64| point(command, last.low_s * last.command / command);
-    let next = (last.command + REACH).min(1.0);
+    let next = decimal((last.command + REACH).min(1.0));
     let above = [Some(next).filter(|next| *next > last.command), Some(1.0).filter(|_| next < 1.0)];
     let above = above.into_iter().flatten().map(falling);
     below.into_iter().chain(inside.iter().map(|known| point(known.command, known.tau_s))).chain(above).collect()
+}
+
+/// To a millionth, so that the sum of two decimals is one.
+fn decimal(command: f64) -> f64 {
+    (1e6 * command).round() / 1e6
 }
 
 /// As many points as the controller's table has beside those beyond the ends.
@@ -259,7 +264,7 @@ mod tests {
             let found = of(share).unwrap();
             assert_eq!(found.setting, setting, "{share}");
             assert_eq!(found.compensator.design().reference().omega_f_rad_s, setting.omega_f_rad_s());
-            assert_eq!(found.compensator.range().compensated, (0.4 - REACH, 0.65 + REACH));
+            assert_eq!(found.compensator.range().compensated, (0.35, 0.7));
             assert!(found.worst.1 <= MOST_OVER_REFERENCE && found.measured == (0.4, 0.65), "{found:?}");
         }
         // A tenth is 1.11, a fifth 1.25.
@@ -302,7 +307,7 @@ mod tests {
         // One point is a curve around it: as long below, shorter above.
         model.points.truncate(1);
         let one = design_inverse(&model, &InverseOptions::default()).unwrap();
-        assert_eq!((one.measured, one.compensator.range().compensated), ((0.4, 0.4), (0.4 - REACH, 0.4 + REACH)));
+        assert_eq!((one.measured, one.compensator.range().compensated), ((0.4, 0.4), (0.35, 0.45)));
         model.points.clear();
         let refused = design_inverse(&model, &InverseOptions::default()).unwrap_err();
         assert_eq!(refused, CompensatorError::InverseRefused(InverseError::NoPoints));

@@ -15,4 +15,4 @@ pub use inverse::{DesignedInverse, InverseOptions, MOST_OVER_REFERENCE, REACH, S
 pub use latency::{Delay, FrameStart, Latency};
 pub use lead::{DesignOptions, design};
 pub use phase::{ChainPhase, PhaseAtBandwidth, chain_phases};
-pub use steps::{StepPoint, StepResponse, steps};
+pub use steps::{StepPoint, StepResponse, Stepped, steps};

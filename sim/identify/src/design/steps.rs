@@ -46,34 +46,61 @@ pub fn steps(
     sizes: &[f64],
 ) -> Result<Vec<StepPoint>, PlantError> {
     let longest_s = model.points.iter().map(|point| point.time_constant_s).fold(0.0, f64::max);
+    let (rate_hz, duration_s) = (design.loop_rate_hz(), FOLLOWED * longest_s);
     let mut found = Vec::new();
-    for point in &model.points {
+    for nominal in model.points.iter().map(|point| point.nominal) {
         for step in sizes.iter().flat_map(|size| [*size, -size]) {
-            let end = point.nominal + step;
-            if !(0.0..=1.0).contains(&end) {
+            if !(0.0..=1.0).contains(&(nominal + step)) {
                 continue;
             }
-            let of = |filter: &mut dyn FnMut(Command) -> Command| {
-                let timing = EscTiming { frame_hz: esc_frame_hz, frame_phase: 0.0 };
-                let mut actuator = Actuator::new(model, Law::FollowingSpeed(point.nominal), timing)?;
-                let (rate_hz, command) = (design.loop_rate_hz(), Command::saturating_from_f64(end));
-                let mut responses = vec![actuator.response()];
-                for tick in 1..=(FOLLOWED * longest_s * rate_hz) as u32 {
-                    actuator.advance(filter(command).to_f64(), f64::from(tick) / rate_hz);
-                    responses.push(actuator.response());
-                }
-                Ok::<_, PlantError>(StepResponse::of(&responses, rate_hz))
-            };
-            let mut running = design.running(Command::saturating_from_f64(point.nominal));
+            let followed = Stepped { model, esc_frame_hz, nominal, step, rate_hz, duration_s };
             found.push(StepPoint {
-                nominal: point.nominal,
+                nominal,
                 step,
-                uncompensated: of(&mut |command| command)?,
-                compensated: of(&mut |command| running.update(command))?,
+                uncompensated: StepResponse::of(&followed.responses(None)?, rate_hz),
+                compensated: StepResponse::of(&followed.responses(Some(design))?, rate_hz),
             });
         }
     }
     Ok(found)
+}
+
+/// A step at one nominal command, as [`steps`] simulates it.
+#[derive(Clone, Copy, Debug)]
+pub struct Stepped<'a> {
+    /// What is driven, with its effects.
+    pub model: &'a Model,
+    /// Rate at which the ESC takes over a command, hertz; `None` for an ESC without frames.
+    pub esc_frame_hz: Option<f64>,
+    /// The command before the step, 0..1.
+    pub nominal: f64,
+    /// Size of the step, a command; negative downward.
+    pub step: f64,
+    /// Commands per second.
+    pub rate_hz: f64,
+    /// How long it is followed, seconds.
+    pub duration_s: f64,
+}
+
+impl Stepped<'_> {
+    /// The response at the step and after every tick, in response units, without or with a compensator, whose loop rate is that of
+    /// the commands.
+    ///
+    /// # Errors
+    /// [`PlantError`] when the model cannot be simulated.
+    pub fn responses(&self, design: Option<&CompensatorDesign>) -> Result<Vec<f64>, PlantError> {
+        let timing = EscTiming { frame_hz: self.esc_frame_hz, frame_phase: 0.0 };
+        let mut actuator = Actuator::new(self.model, Law::FollowingSpeed(self.nominal), timing)?;
+        let mut running = design.map(|design| design.running(Command::saturating_from_f64(self.nominal)));
+        let command = Command::saturating_from_f64(self.nominal + self.step);
+        let mut responses = vec![actuator.response()];
+        for tick in 1..=(self.duration_s * self.rate_hz) as u32 {
+            let to_esc = running.as_mut().map_or(command, |running| running.update(command));
+            actuator.advance(to_esc.to_f64(), f64::from(tick) / self.rate_hz);
+            responses.push(actuator.response());
+        }
+        Ok(responses)
+    }
 }
 
 impl StepResponse {

@@ -30,6 +30,8 @@ pub enum FigureKind {
     SimulationAndExperiment,
     /// Two levels of the demonstration, models and measurements together.
     Demonstration,
+    /// Steps of the demonstration, without and with compensators.
+    DemonstratedSteps,
     /// Command and response of a record.
     Record,
     /// Steps of a staircase laid over each other.
@@ -52,7 +54,7 @@ pub enum FigureKind {
 
 impl FigureKind {
     /// All of them, in the order of the work.
-    pub const ALL: [Self; 22] = [
+    pub const ALL: [Self; 23] = [
         Self::Record,
         Self::Excitation,
         Self::StaticMap,
@@ -69,6 +71,7 @@ impl FigureKind {
         Self::Bandwidth,
         Self::SimulationAndExperiment,
         Self::Demonstration,
+        Self::DemonstratedSteps,
         Self::Where,
         Self::Candidates,
         Self::Gap,
@@ -94,6 +97,7 @@ impl FigureKind {
             Self::Bandwidth => "fig_11_bandwidth",
             Self::SimulationAndExperiment => "fig_12_simulation_and_experiment",
             Self::Demonstration => "bode",
+            Self::DemonstratedSteps => "demonstrated_steps",
             Self::Record => "record",
             Self::Steps => "steps",
             Self::TimeConstants => "time_constants",
