@@ -1,6 +1,7 @@
 //! Identification, design and diagnosis together with the controller's code, the blind cases and the real logs.
 
 mod blind;
+mod blind_inverse;
 mod docs;
 mod frequency_response;
 mod identification;

@@ -20,6 +20,7 @@ use rotorlead_report::{
 use serde::Serialize;
 use serde_json::Value;
 
+use super::deviations::{self, Deviations};
 use super::latency::{LatencyArguments, counted_delays, counted_holds, latency_json};
 use super::lost_gain::lost_gain;
 use super::outcome::{JsonOption, Outcome, paragraph, without_mark};
@@ -60,6 +61,9 @@ pub struct Bandwidth {
     /// Also simulate steps of these sizes, up and down, through the controller's own filter with its limits and the ESC's frames
     #[arg(long, value_name = "SIZE", value_delimiter = ',', conflicts_with = "lead", value_parser = step_size, allow_negative_numbers = true)]
     steps: Vec<f64>,
+    /// Also simulate actuators that differ from the model (time constants, sag, delays, a second lag), beside the paper's lead
+    #[arg(long, conflicts_with = "lead")]
+    robustness: bool,
     /// Also measure the bandwidths of this experiment's multisine records; may be given several times
     #[arg(long, value_name = "DIR")]
     records: Vec<PathBuf>,
@@ -81,6 +85,8 @@ struct Values {
     warnings: Vec<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     steps: Option<Vec<StepPoint>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    robustness: Option<Vec<deviations::Values>>,
     #[serde(skip_serializing_if = "Option::is_none")]
     left_out: Option<Vec<&'static Kind>>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -137,6 +143,11 @@ impl Bandwidth {
             writeln!(text, "\n{}", steps_table(&found).text().trim_end()).expect("a string takes all");
             stepped = Some(found);
         }
+        let differing = design.as_ref().filter(|_| self.robustness);
+        let differing = differing.map(|design| Deviations::of(&model, design, esc_frame_hz)).transpose()?;
+        if let Some(differing) = &differing {
+            writeln!(text, "\n{}", differing.table().text().trim_end()).expect("a string takes all");
+        }
         let (mut measured, mut found) = (Vec::new(), Vec::new());
         if !self.records.is_empty() {
             (measured, found) = self.measure()?;
@@ -147,6 +158,7 @@ impl Bandwidth {
             let mut section = bandwidth_section(&points, &phases, &measured);
             section.figures.push(simulated_response(&model, &lead_at));
             section.tables.extend(stepped.as_deref().map(steps_table));
+            section.tables.extend(differing.as_ref().map(Deviations::table));
             // Without and with compensator may be in different folders.
             let nominals = found.into_iter().flat_map(|found| found.nominals).collect();
             let all = PeriodicIdentification { nominals, warnings: Vec::new() };
@@ -183,6 +195,7 @@ impl Bandwidth {
             latency: latency_json(&latency, chain, &phases),
             warnings: warning.into_iter().collect(),
             steps: stepped,
+            robustness: differing.as_ref().map(Deviations::values),
             left_out: (!effects.is_empty()).then(|| left_out.collect()),
             measured: (!self.records.is_empty()).then_some(measured),
         };

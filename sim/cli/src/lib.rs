@@ -6,6 +6,7 @@ mod check;
 mod completions;
 mod demo;
 mod design;
+mod deviations;
 mod device;
 mod diagnose;
 mod diagnose_bandwidths;

@@ -32,7 +32,7 @@ pub use excitation::{crest_factor, excitation};
 pub use figure::{Axis, Beside, Color, Figure, FigureError, FigureKind, HeatMap, Mark, Panel, Scale, Series};
 pub use html::{Cell, Column, Fact, Report, Section, Table, Tone, Verdict};
 pub use number::{parameter_with_std, with_std};
-pub use predicted_steps::steps_table;
+pub use predicted_steps::{robustness_table, steps_table};
 pub use sections::{
     bandwidth_diagnosis_section, bandwidth_section, curve_table, design_section, design_table, diagnosis_section,
     diagnosis_tone, discrete_table, effect_table, excess_table, excitation_section, experiment_facts,

@@ -1,6 +1,6 @@
-//! Predicted steps, without and with a compensator.
+//! Predicted steps, without and with a compensator, and what is left of one where the actuator differs.
 
-use rotorlead_identify::design::{StepPoint, StepResponse};
+use rotorlead_identify::design::{DEVIATIONS, Robustness, StepPoint, StepResponse};
 
 use crate::html::{Cell, Column, Table};
 
@@ -31,5 +31,39 @@ pub fn steps_table(steps: &[StepPoint]) -> Table {
             column("compensated_settling_ms", "settling with", "ms"),
         ],
         rows: steps.iter().map(row).collect(),
+    }
+}
+
+/// What compensators do where the actuator differs from its model: each has a name and a row for each of [`DEVIATIONS`].
+#[must_use]
+pub fn robustness_table(compensators: &[(&str, Vec<Robustness>)]) -> Table {
+    let rows = compensators.iter().flat_map(|(name, found)| {
+        DEVIATIONS.iter().zip(found).map(move |(deviation, found)| {
+            vec![
+                Cell::text(*name),
+                Cell::text(deviation.name),
+                Cell::bandwidth(found.lowest, 1),
+                Cell::bandwidth(found.highest, 1),
+                Cell::bandwidth(found.lowest_phase, 1),
+                Cell::number(found.peak_db, 2),
+                Cell::number(100.0 * found.overshoot, 1),
+            ]
+        })
+    });
+    let column = |key, heading, unit| Column::new(key, heading, unit);
+    Table {
+        name: "robustness".to_owned(),
+        caption: "Where the actuator differs from its model: over all points, by small sinusoids and by steps of 0.05"
+            .to_owned(),
+        columns: vec![
+            column("compensator", "", ""),
+            column("deviation", "actuator", ""),
+            column("lowest_rad_s", "lowest bandwidth", "rad/s"),
+            column("highest_rad_s", "highest bandwidth", "rad/s"),
+            column("lowest_phase_rad_s", "lowest -90 degrees", "rad/s"),
+            column("peak_db", "peak", "dB"),
+            column("overshoot_percent", "overshoot", "%"),
+        ],
+        rows: rows.collect(),
     }
 }

@@ -7,6 +7,7 @@ mod latency;
 mod lead;
 mod phase;
 pub mod redesign;
+mod robustness;
 mod steps;
 
 pub use bandwidths::{BandwidthPoint, Chain, bandwidths, bandwidths_with};
@@ -15,4 +16,5 @@ pub use inverse::{DesignedInverse, InverseOptions, MOST_OVER_REFERENCE, REACH, S
 pub use latency::{Delay, FrameStart, Latency};
 pub use lead::{DesignOptions, design};
 pub use phase::{ChainPhase, PhaseAtBandwidth, chain_phases};
+pub use robustness::{DEVIATIONS, Deviation, Robustness, robustness};
 pub use steps::{StepPoint, StepResponse, Stepped, steps};

@@ -8,7 +8,7 @@
 
 mod limits;
 mod remarks;
-mod sweep;
+pub(super) mod sweep;
 
 pub use limits::Limit;
 pub use sweep::ChainBandwidth;

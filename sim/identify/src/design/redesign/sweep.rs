@@ -15,6 +15,8 @@ use crate::{Bandwidth, THREE_DB};
 const FIRST_OF_POLE: f64 = 0.1;
 const FACTOR: f64 = 1.15;
 const HALVINGS: usize = 6;
+/// A sinusoid at this part of the pole is as good as at rest.
+const STATIC_OF_POLE: f64 = 0.02;
 /// Before the fit: so many time constants, and at least one period.
 const LEAD_IN: f64 = 8.0;
 /// The fit is over the first whole number of periods that last this many time constants.
@@ -24,7 +26,7 @@ const ROWS_PER_PERIOD: f64 = 40.0;
 
 /// One nominal command, driven by sinusoids.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Sweep<'a> {
+pub(in crate::design) struct Sweep<'a> {
     /// What is driven, with its effects.
     pub model: &'a Model,
     /// The filter, and its loop's rate.
@@ -50,18 +52,40 @@ pub struct ChainBandwidth {
     pub phase: Bandwidth,
 }
 
+/// Both bandwidths, and the largest response over the static one on the way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(in crate::design) struct Swept {
+    pub bandwidth: ChainBandwidth,
+    pub peak: f64,
+}
+
 impl Sweep<'_> {
     /// Both bandwidths, searched up to `limit_rad_s`. `gain` is the static value, response units per unit of command.
     ///
     /// # Errors
     /// [`PlantError`] when the model cannot be simulated at this command.
     pub fn bandwidth(&self, gain: f64, limit_rad_s: f64) -> Result<ChainBandwidth, PlantError> {
+        Ok(self.swept(gain, limit_rad_s)?.bandwidth)
+    }
+
+    /// The same over the response to the slowest sinusoid, where the static value of the simulated actuator is not known.
+    ///
+    /// # Errors
+    /// As [`Self::bandwidth`].
+    pub fn over_static(&self, limit_rad_s: f64) -> Result<Swept, PlantError> {
+        let gain = self.response(STATIC_OF_POLE / self.time_constant_s)?.norm();
+        self.swept(gain, limit_rad_s)
+    }
+
+    fn swept(&self, gain: f64, limit_rad_s: f64) -> Result<Swept, PlantError> {
         let beyond = Bandwidth::Beyond(limit_rad_s);
         let mut found = ChainBandwidth { magnitude: beyond, phase: beyond };
+        let mut peak = 1.0_f64;
         let (mut low, mut phase) = (0.0, 0.0);
         let mut omega = (FIRST_OF_POLE / self.time_constant_s).min(limit_rad_s);
         loop {
             let here = self.response(omega)? / gain;
+            peak = peak.max(here.norm());
             let late = |response: Complex64, from: f64| {
                 let angle = response.arg();
                 angle - TAU * ((angle - from) / TAU).round()
@@ -75,7 +99,7 @@ impl Sweep<'_> {
                 found.phase = self.between(low, omega, |response| late(response / gain, before) < -FRAC_PI_2)?;
             }
             if omega >= limit_rad_s || (found.magnitude != beyond && found.phase != beyond) {
-                return Ok(found);
+                return Ok(Swept { bandwidth: found, peak });
             }
             low = omega;
             omega = (omega * FACTOR).min(limit_rad_s);

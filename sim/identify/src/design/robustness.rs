@@ -1,0 +1,168 @@
+//! What is left of a bandwidth where the actuator is not as its model says.
+
+use rotorlead_plant::{CompensatorDesign, Effect, Model, PlantError};
+use serde::Serialize;
+
+use super::redesign::sweep::Sweep;
+use super::steps;
+use crate::Bandwidth;
+
+/// Amplitude of the sinusoids: small signals, which meet no limit.
+const AMPLITUDE: f64 = 0.005;
+/// Size of the steps.
+const STEP: f64 = 0.05;
+/// How far the sinusoids are searched for a bandwidth, in natural frequencies.
+const SEARCHED: f64 = 2.5;
+
+/// One way in which an actuator differs from its model.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Deviation {
+    /// In a few words.
+    pub name: &'static str,
+    /// The effect that it is, with its parameters; `None` for the model itself.
+    effect: Option<(&'static str, &'static [(&'static str, f64)])>,
+}
+
+/// Time constants that are off, a supply that sags by a tenth at a speed of 0.5, delays, and a second lag.
+pub const DEVIATIONS: [Deviation; 11] = [
+    Deviation { name: "as the model", effect: None },
+    time_constant("tau -20 %", &[("gain_error", 0.0), ("time_constant_error", -0.2)]),
+    time_constant("tau -10 %", &[("gain_error", 0.0), ("time_constant_error", -0.1)]),
+    time_constant("tau +10 %", &[("gain_error", 0.0), ("time_constant_error", 0.1)]),
+    time_constant("tau +20 %", &[("gain_error", 0.0), ("time_constant_error", 0.2)]),
+    time_constant("tau +40 %", &[("gain_error", 0.0), ("time_constant_error", 0.4)]),
+    Deviation {
+        name: "sag 10 %",
+        effect: Some((
+            "supply_sag",
+            &[("polarization_drop", 0.0), ("polarization_s", 1.0), ("resistive_drop", 0.1), ("current_exponent", 3.0)],
+        )),
+    },
+    Deviation { name: "delay 3 ms", effect: Some(("transport_delay", &[("delay_s", 0.003)])) },
+    Deviation { name: "delay 10 ms", effect: Some(("transport_delay", &[("delay_s", 0.010)])) },
+    Deviation { name: "delay 26 ms", effect: Some(("transport_delay", &[("delay_s", 0.026)])) },
+    Deviation { name: "second pole 5 ms", effect: Some(("second_pole", &[("time_constant_s", 0.005)])) },
+];
+
+const fn time_constant(name: &'static str, parameters: &'static [(&'static str, f64)]) -> Deviation {
+    Deviation { name, effect: Some(("parameter_error", parameters)) }
+}
+
+/// What a compensator does on an actuator that differs: the worst and the best over the points of the model.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Robustness {
+    /// The lowest bandwidth.
+    #[serde(rename = "lowest_rad_s")]
+    pub lowest: Bandwidth,
+    /// The highest bandwidth.
+    #[serde(rename = "highest_rad_s")]
+    pub highest: Bandwidth,
+    /// The lowest frequency at which the response is 90 degrees late.
+    #[serde(rename = "lowest_phase_rad_s")]
+    pub lowest_phase: Bandwidth,
+    /// The largest response over that at rest, dB.
+    pub peak_db: f64,
+    /// The largest overshoot of steps by 0.05 up and down, as a part of the step.
+    pub overshoot: f64,
+}
+
+/// `design` on the actuator of `model` that differs by `deviation` beside the effects that it has, by sinusoids and steps through the
+/// controller's own filter.
+///
+/// # Errors
+/// [`PlantError`] when the actuator cannot be simulated.
+pub fn robustness(
+    model: &Model,
+    design: &CompensatorDesign,
+    deviation: &Deviation,
+    esc_frame_hz: Option<f64>,
+) -> Result<Robustness, PlantError> {
+    let mut differing = model.clone();
+    differing.effects.extend(deviation.effect.map(|(kind, parameters)| Effect {
+        kind: kind.to_owned(),
+        parameters: parameters.iter().map(|&(name, value)| (name.to_owned(), value)).collect(),
+        std: [].into(),
+    }));
+    let mut found = Robustness {
+        lowest: Bandwidth::Beyond(f64::INFINITY),
+        highest: Bandwidth::At(0.0),
+        lowest_phase: Bandwidth::Beyond(f64::INFINITY),
+        peak_db: 0.0,
+        overshoot: 0.0,
+    };
+    for point in &model.points {
+        let sweep = Sweep {
+            model: &differing,
+            design,
+            esc_frame_hz,
+            nominal: point.nominal,
+            amplitude: AMPLITUDE,
+            time_constant_s: point.time_constant_s,
+        };
+        let limit_rad_s = (SEARCHED * design.natural_rad_s()).min(sweep.highest_rad_s());
+        let swept = sweep.over_static(limit_rad_s)?;
+        found.lowest = lower(found.lowest, swept.bandwidth.magnitude);
+        found.lowest_phase = lower(found.lowest_phase, swept.bandwidth.phase);
+        if rad_s(swept.bandwidth.magnitude) > rad_s(found.highest) {
+            found.highest = swept.bandwidth.magnitude;
+        }
+        found.peak_db = found.peak_db.max(20.0 * swept.peak.log10());
+    }
+    // Beyond the points the inverse may be bypassed, and no lead is meant.
+    let covered = |command: f64| design.lead_at(command).is_some();
+    for step in steps(&differing, design, esc_frame_hz, &[STEP])? {
+        if covered(step.nominal) && covered(step.nominal + step.step) {
+            found.overshoot = found.overshoot.max(step.compensated.overshoot);
+        }
+    }
+    Ok(found)
+}
+
+fn lower(one: Bandwidth, other: Bandwidth) -> Bandwidth {
+    if rad_s(other) < rad_s(one) { other } else { one }
+}
+
+/// The frequency, or up to where there is none.
+fn rad_s(bandwidth: Bandwidth) -> f64 {
+    match bandwidth {
+        Bandwidth::At(omega) | Bandwidth::Beyond(omega) => omega,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rotorlead_plant::testing::table_1;
+
+    use super::super::{DesignOptions, InverseOptions, design, design_inverse};
+    use super::*;
+
+    fn of(design: &CompensatorDesign, name: &str) -> Robustness {
+        let deviation = DEVIATIONS.iter().find(|deviation| deviation.name == name).unwrap();
+        // Two points are as good as six, and a third of the time.
+        let mut model = table_1();
+        model.points = vec![model.points[0].clone(), model.points[5].clone()];
+        robustness(&model, design, deviation, Some(600.0)).unwrap()
+    }
+
+    #[test]
+    fn a_table_that_is_too_long_overshoots_and_one_that_is_too_short_is_slow() {
+        let inverse = design_inverse(&table_1(), &InverseOptions::default()).unwrap().compensator.into();
+        let (as_it_is, short, long) =
+            (of(&inverse, "as the model"), of(&inverse, "tau -20 %"), of(&inverse, "tau +20 %"));
+        assert!(rad_s(as_it_is.lowest) > 90.0 && as_it_is.peak_db < 0.3 && as_it_is.overshoot < 0.06, "{as_it_is:?}");
+        // About 4 % and 0.9 % for each percent.
+        assert!((0.18..0.32).contains(&short.overshoot) && short.peak_db > 1.0, "{short:?}");
+        assert!(rad_s(long.lowest) < 0.85 * rad_s(as_it_is.lowest) && long.overshoot < 0.05, "{long:?}");
+    }
+
+    #[test]
+    fn a_delay_changes_no_magnitude_and_costs_phase() {
+        let inverse = design_inverse(&table_1(), &InverseOptions::default()).unwrap().compensator.into();
+        let (as_it_is, late) = (of(&inverse, "as the model"), of(&inverse, "delay 10 ms"));
+        assert!((rad_s(late.lowest) / rad_s(as_it_is.lowest) - 1.0).abs() < 0.01, "{late:?}");
+        assert!(rad_s(late.lowest_phase) < 0.7 * rad_s(as_it_is.lowest_phase), "{late:?}");
+        let lead = design(&table_1(), &DesignOptions::default()).unwrap().into();
+        let lead = of(&lead, "as the model");
+        assert!(rad_s(lead.lowest) < 9.0 && rad_s(lead.highest) > 90.0, "{lead:?}");
+    }
+}
