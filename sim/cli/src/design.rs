@@ -118,7 +118,7 @@ impl Design {
         let phases = chain_phases(&model, &effects, chain, &latency, &points);
         let doubts = match &designed {
             Designed::Lead(_) => uncertain_zero(&model).into_iter().collect(),
-            Designed::Inverse(inverse) => doubts(inverse),
+            Designed::Inverse(inverse) => doubts(&model, inverse),
         };
         let warnings: Vec<String> = doubts.into_iter().chain(lost_gain(&points, &phases)).collect();
         let (mut text, detail) = match &designed {
@@ -204,7 +204,7 @@ fn described_inverse(compensator: &CompensatorDesign, designed: &DesignedInverse
 }
 
 /// What is to be known of an inverse before it flies.
-fn doubts(designed: &DesignedInverse) -> Vec<String> {
+fn doubts(model: &Model, designed: &DesignedInverse) -> Vec<String> {
     let range = designed.compensator.range();
     let ((from, to), (low, high)) = (range.compensated, designed.measured);
     let mut doubts = Vec::new();
@@ -212,6 +212,12 @@ fn doubts(designed: &DesignedInverse) -> Vec<String> {
         doubts.push(format!(
             "warning: the inverse is in the path from {from:.3} to {to:.3}, and the time constant is measured from {low:.3} to {high:.3} \
              only. A table that is longer than the truth makes the rotor overshoot: measure there, or narrow --compensate-range"
+        ));
+    }
+    if let Some(ratio) = model.time_constant_curve.as_ref().and_then(|curve| curve.down_over_up) {
+        doubts.push(format!(
+            "warning: steps down take {ratio:.2} times as long as steps up. The table has the time constants of the faster direction, so \
+             that neither overshoots; the other one stays slower than the bandwidth says"
         ));
     }
     if range.slew_per_s.is_none() {

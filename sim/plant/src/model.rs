@@ -80,6 +80,10 @@ pub struct TimeConstantBand {
     pub low_s: Vec<f64>,
     /// Upper ends of their intervals, seconds.
     pub high_s: Vec<f64>,
+    /// The time constant of steps down over that of steps up, where they are known to differ. The time constants are then those of
+    /// the mean of the two rates.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub down_over_up: Option<f64>,
 }
 
 /// Steady response at a set of commands, linear between them.

@@ -101,6 +101,7 @@ impl TimeConstantBand {
             }
             values.iter().enumerate().try_for_each(|(index, value)| place.item(index).positive(*value))?;
         }
+        self.down_over_up.map_or(Ok(()), |ratio| place.key("down_over_up").positive(ratio))?;
         self.nominal.iter().enumerate().try_for_each(|(index, value)| nominal.item(index).fraction(*value))?;
         increasing(self.nominal.iter().copied(), |index| nominal.item(index))
     }

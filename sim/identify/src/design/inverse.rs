@@ -111,7 +111,7 @@ struct Known {
 }
 
 /// Designs the inverse of `model`, with the time constants of its curve, or else of its points, and with those of its effects that
-/// change them: a wrong time constant, and of unequal ones up and down the shorter.
+/// change them: a wrong time constant, and of unequal ones up and down the shorter, so that neither direction overshoots.
 ///
 /// Beyond the measured commands the curve goes on at the lower end of the interval of the last time constant, and upward it falls as
 /// the rotor becomes faster: a table that is too short costs speed, and one that is too long makes the rotor overshoot.
@@ -165,8 +165,13 @@ fn over_reference(omega_f_rad_s: f64, table_s: f64, tau_s: f64) -> f64 {
 fn known(model: &Model) -> Vec<Known> {
     let mut known: Vec<Known> = match &model.time_constant_curve {
         Some(band) => {
+            // The table has the faster direction.
+            let is_effect = model.effects.iter().any(|effect| effect.kind == "asymmetric_lag");
+            let ratio = band.down_over_up.filter(|_| !is_effect);
+            let faster = ratio.map_or(1.0, |ratio| 0.5 * (1.0 + ratio.min(1.0 / ratio)));
             let rows = band.nominal.iter().zip(&band.time_constant_s).zip(&band.low_s);
-            rows.map(|((&command, &tau_s), &low_s)| Known { command, tau_s, low_s }).collect()
+            rows.map(|((&command, &tau_s), &low_s)| Known { command, tau_s: faster * tau_s, low_s: faster * low_s })
+                .collect()
         }
         None => {
             let of = |point: &Point| {
@@ -253,6 +258,7 @@ mod tests {
             low_s: scaled(1.0 - share),
             high_s: scaled(1.0 + share),
             time_constant_s: tau_s.clone(),
+            down_over_up: None,
         };
         Model { time_constant_curve: Some(band), ..table_1() }
     }
@@ -331,6 +337,20 @@ mod tests {
         }
         let unknown = with("parameter_error", "time_constant_error", -0.2, 0.15).unwrap_err();
         assert!(matches!(unknown, CompensatorError::NotKnownForInverse { .. }), "{unknown}");
+    }
+
+    #[test]
+    fn of_unequal_directions_the_table_has_the_faster() {
+        let first_s = |ratio: Option<f64>| {
+            let mut model = with_band(0.05);
+            model.time_constant_curve.as_mut().unwrap().down_over_up = ratio;
+            let found = design_inverse(&model, &InverseOptions::default()).unwrap();
+            found.compensator.points().iter().find(|point| point.command == 0.4).unwrap().tau_s
+        };
+        // Up 0.1 s and down 0.15 s are 0.12 s in the mean of the rates.
+        for ratio in [1.5, 1.0 / 1.5] {
+            assert!((first_s(Some(ratio)) / first_s(None) - 0.1 / 0.12).abs() < 1e-12);
+        }
     }
 
     #[test]

@@ -61,6 +61,9 @@ pub struct TimeConstantCurve {
     average_rows: [Option<Coefficients>; 2],
 }
 
+/// Time constants up and down that differ by more than this factor, and by more than their errors, are
+/// worth a word.
+const ASYMMETRY_FACTOR: f64 = 1.2;
 /// Most of the steps that may be left out as contradicting the others.
 const MOST_LEFT_OUT: f64 = 0.25;
 /// Level of the test that leaves them out, over all of them.
@@ -121,6 +124,14 @@ impl TimeConstantCurve {
         self.estimate(self.coefficients[TERMS - 1], &Coefficients::ith(TERMS - 1, 1.0))
     }
 
+    /// The time constant of steps down over that of steps up, where they are known to differ and by more than is worth a word.
+    #[must_use]
+    pub fn asymmetry(&self) -> Option<f64> {
+        let ratio = self.down_over_up();
+        let differs = ratio.excludes(1.0) && !(1.0 / ASYMMETRY_FACTOR..=ASYMMETRY_FACTOR).contains(&ratio.value);
+        differs.then_some(ratio.value)
+    }
+
     /// The time constant of the steps in one direction, averaged over them as they were recorded, seconds; `None` without any.
     #[must_use]
     pub fn average(&self, direction: Direction) -> Option<Estimate> {
@@ -131,7 +142,13 @@ impl TimeConstantCurve {
     /// The curve at some commands, of which those beyond the steps that it rests on are left out.
     #[must_use]
     pub fn band(&self, commands: impl Iterator<Item = f64>) -> TimeConstantBand {
-        let mut band = TimeConstantBand { nominal: vec![], time_constant_s: vec![], low_s: vec![], high_s: vec![] };
+        let mut band = TimeConstantBand {
+            nominal: vec![],
+            time_constant_s: vec![],
+            low_s: vec![],
+            high_s: vec![],
+            down_over_up: self.asymmetry(),
+        };
         for command in commands.filter(|command| self.holds(*command)) {
             let tau = self.at(command);
             let (low_s, high_s) = tau.interval_of_logarithm(0.95);

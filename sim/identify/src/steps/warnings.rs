@@ -9,10 +9,7 @@ use super::plateaus::{Plateau, State};
 use super::step::{Step, StepFault, rows_after_gaps};
 use super::{LeftOut, Level, Run, StepsWarning, TimeConstantCurve};
 
-/// Time constants up and down that differ by more than this factor, and by more than their errors, are
-/// worth a word.
-const ASYMMETRY_FACTOR: f64 = 1.2;
-/// So is a standard deviation between steps of this share.
+/// A standard deviation between steps of this share is worth a word.
 const SCATTER: f64 = 0.05;
 /// And a curvature from here on: it changes the middle of the largest step by 2 %.
 const LEAST_CURVATURE: f64 = 0.1;
@@ -115,10 +112,7 @@ pub(super) fn of_fit(levels: &[Level], lag: &LagFit, curve: Option<&TimeConstant
         if curve.between_std > SCATTER && curve.dof().is_finite() {
             warnings.push(StepsWarning::Scattered { share: curve.between_std });
         }
-        let ratio = curve.down_over_up();
-        if ratio.excludes(1.0) && !(1.0 / ASYMMETRY_FACTOR..=ASYMMETRY_FACTOR).contains(&ratio.value) {
-            warnings.push(StepsWarning::Asymmetric { ratio: ratio.value });
-        }
+        warnings.extend(curve.asymmetry().map(|ratio| StepsWarning::Asymmetric { ratio }));
     }
     let falls = |level: &&Level| level.gain.is_none();
     warnings.extend(levels.iter().filter(falls).map(|level| StepsWarning::NotRising { command: level.command }));
