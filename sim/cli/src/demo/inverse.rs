@@ -138,7 +138,8 @@ fn figure(
     let rate_hz = lead.loop_rate_hz();
     let mut panels = Vec::new();
     for step in DRAWN_STEPS {
-        let stepped = Stepped { model: actuators, esc_frame_hz, nominal, step, rate_hz, duration_s: DRAWN_S };
+        let stepped =
+            Stepped { model: actuators, esc_frame_hz, nominal, step, rate_hz, duration_s: DRAWN_S, supply: 1.0 };
         let mut series = Vec::new();
         // One end for all: that of the actuator alone, a second on.
         let long = Stepped { duration_s: 3.0, ..stepped }.responses(None)?;

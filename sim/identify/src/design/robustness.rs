@@ -4,7 +4,7 @@ use rotorlead_plant::{CompensatorDesign, Effect, Model, PlantError};
 use serde::Serialize;
 
 use super::redesign::sweep::Sweep;
-use super::steps;
+use super::steps::steps_at;
 use crate::Bandwidth;
 
 /// Amplitude of the sinusoids: small signals, which meet no limit.
@@ -21,32 +21,40 @@ pub struct Deviation {
     pub name: &'static str,
     /// The effect that it is, with its parameters; `None` for the model itself.
     effect: Option<(&'static str, &'static [(&'static str, f64)])>,
+    /// Voltage of the supply over that of the model.
+    supply: f64,
 }
 
-/// Time constants that are off, a supply that sags by a tenth at a speed of 0.5, delays, and a second lag.
-pub const DEVIATIONS: [Deviation; 11] = [
-    Deviation { name: "as the model", effect: None },
-    time_constant("tau -20 %", &[("gain_error", 0.0), ("time_constant_error", -0.2)]),
-    time_constant("tau -10 %", &[("gain_error", 0.0), ("time_constant_error", -0.1)]),
-    time_constant("tau +10 %", &[("gain_error", 0.0), ("time_constant_error", 0.1)]),
-    time_constant("tau +20 %", &[("gain_error", 0.0), ("time_constant_error", 0.2)]),
-    time_constant("tau +40 %", &[("gain_error", 0.0), ("time_constant_error", 0.4)]),
-    Deviation {
-        name: "sag 10 %",
-        effect: Some((
-            "supply_sag",
-            &[("polarization_drop", 0.0), ("polarization_s", 1.0), ("resistive_drop", 0.1), ("current_exponent", 3.0)],
-        )),
-    },
-    Deviation { name: "delay 3 ms", effect: Some(("transport_delay", &[("delay_s", 0.003)])) },
-    Deviation { name: "delay 10 ms", effect: Some(("transport_delay", &[("delay_s", 0.010)])) },
-    Deviation { name: "delay 26 ms", effect: Some(("transport_delay", &[("delay_s", 0.026)])) },
-    Deviation { name: "second pole 5 ms", effect: Some(("second_pole", &[("time_constant_s", 0.005)])) },
+impl Deviation {
+    const fn by(name: &'static str, effect: &'static str, parameters: &'static [(&'static str, f64)]) -> Self {
+        Self { name, effect: Some((effect, parameters)), supply: 1.0 }
+    }
+
+    const fn supply(name: &'static str, supply: f64) -> Self {
+        Self { name, effect: None, supply }
+    }
+}
+
+/// Time constants that are off, a lower voltage, a supply that loses a tenth by its resistance at a speed of 0.5, delays, and a second
+/// lag.
+pub const DEVIATIONS: [Deviation; 12] = [
+    Deviation::supply("as the model", 1.0),
+    Deviation::by("tau -20 %", "parameter_error", &[("gain_error", 0.0), ("time_constant_error", -0.2)]),
+    Deviation::by("tau -10 %", "parameter_error", &[("gain_error", 0.0), ("time_constant_error", -0.1)]),
+    Deviation::by("tau +10 %", "parameter_error", &[("gain_error", 0.0), ("time_constant_error", 0.1)]),
+    Deviation::by("tau +20 %", "parameter_error", &[("gain_error", 0.0), ("time_constant_error", 0.2)]),
+    Deviation::by("tau +40 %", "parameter_error", &[("gain_error", 0.0), ("time_constant_error", 0.4)]),
+    Deviation::supply("voltage -10 %", 0.9),
+    Deviation::by(
+        "resistive sag 10 %",
+        "supply_sag",
+        &[("polarization_drop", 0.0), ("polarization_s", 1.0), ("resistive_drop", 0.1), ("current_exponent", 3.0)],
+    ),
+    Deviation::by("delay 3 ms", "transport_delay", &[("delay_s", 0.003)]),
+    Deviation::by("delay 10 ms", "transport_delay", &[("delay_s", 0.010)]),
+    Deviation::by("delay 26 ms", "transport_delay", &[("delay_s", 0.026)]),
+    Deviation::by("second pole 5 ms", "second_pole", &[("time_constant_s", 0.005)]),
 ];
-
-const fn time_constant(name: &'static str, parameters: &'static [(&'static str, f64)]) -> Deviation {
-    Deviation { name, effect: Some(("parameter_error", parameters)) }
-}
 
 /// What a compensator does on an actuator that differs: the worst and the best over the points of the model.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -98,6 +106,7 @@ pub fn robustness(
             nominal: point.nominal,
             amplitude: AMPLITUDE,
             time_constant_s: point.time_constant_s,
+            supply: deviation.supply,
         };
         let limit_rad_s = (SEARCHED * design.natural_rad_s()).min(sweep.highest_rad_s());
         let swept = sweep.over_static(limit_rad_s)?;
@@ -110,7 +119,7 @@ pub fn robustness(
     }
     // Beyond the points the inverse may be bypassed, and no lead is meant.
     let covered = |command: f64| design.lead_at(command).is_some();
-    for step in steps(&differing, design, esc_frame_hz, &[STEP])? {
+    for step in steps_at(deviation.supply, &differing, design, esc_frame_hz, &[STEP])? {
         if covered(step.nominal) && covered(step.nominal + step.step) {
             found.overshoot = found.overshoot.max(step.compensated.overshoot);
         }

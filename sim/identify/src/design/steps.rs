@@ -45,6 +45,17 @@ pub fn steps(
     esc_frame_hz: Option<f64>,
     sizes: &[f64],
 ) -> Result<Vec<StepPoint>, PlantError> {
+    steps_at(1.0, model, design, esc_frame_hz, sizes)
+}
+
+/// The same at a voltage of so many of the model's.
+pub(super) fn steps_at(
+    supply: f64,
+    model: &Model,
+    design: &CompensatorDesign,
+    esc_frame_hz: Option<f64>,
+    sizes: &[f64],
+) -> Result<Vec<StepPoint>, PlantError> {
     let longest_s = model.points.iter().map(|point| point.time_constant_s).fold(0.0, f64::max);
     let (rate_hz, duration_s) = (design.loop_rate_hz(), FOLLOWED * longest_s);
     let mut found = Vec::new();
@@ -53,7 +64,7 @@ pub fn steps(
             if !(0.0..=1.0).contains(&(nominal + step)) {
                 continue;
             }
-            let followed = Stepped { model, esc_frame_hz, nominal, step, rate_hz, duration_s };
+            let followed = Stepped { model, esc_frame_hz, nominal, step, rate_hz, duration_s, supply };
             found.push(StepPoint {
                 nominal,
                 step,
@@ -80,6 +91,8 @@ pub struct Stepped<'a> {
     pub rate_hz: f64,
     /// How long it is followed, seconds.
     pub duration_s: f64,
+    /// Voltage of the supply over that of the model: what the rotor gets of a command.
+    pub supply: f64,
 }
 
 impl Stepped<'_> {
@@ -90,13 +103,13 @@ impl Stepped<'_> {
     /// [`PlantError`] when the model cannot be simulated.
     pub fn responses(&self, design: Option<&CompensatorDesign>) -> Result<Vec<f64>, PlantError> {
         let timing = EscTiming { frame_hz: self.esc_frame_hz, frame_phase: 0.0 };
-        let mut actuator = Actuator::new(self.model, Law::FollowingSpeed(self.nominal), timing)?;
+        let mut actuator = Actuator::new(self.model, Law::FollowingSpeed(self.supply * self.nominal), timing)?;
         let mut running = design.map(|design| design.running(Command::saturating_from_f64(self.nominal)));
         let command = Command::saturating_from_f64(self.nominal + self.step);
         let mut responses = vec![actuator.response()];
         for tick in 1..=(self.duration_s * self.rate_hz) as u32 {
             let to_esc = running.as_mut().map_or(command, |running| running.update(command));
-            actuator.advance(to_esc.to_f64(), f64::from(tick) / self.rate_hz);
+            actuator.advance(self.supply * to_esc.to_f64(), f64::from(tick) / self.rate_hz);
             responses.push(actuator.response());
         }
         Ok(responses)

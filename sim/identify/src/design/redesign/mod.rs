@@ -266,6 +266,7 @@ fn chain(
         nominal: point.nominal,
         amplitude,
         time_constant_s: point.time_constant_s,
+        supply: 1.0,
     };
     sweep.bandwidth(gain, (SEARCHED_BEYOND * rad_s(small)).min(sweep.highest_rad_s()))
 }

@@ -39,6 +39,8 @@ pub(in crate::design) struct Sweep<'a> {
     pub amplitude: f64,
     /// Of the lag there, seconds.
     pub time_constant_s: f64,
+    /// Voltage of the supply over that of the model: what the rotor gets of a command.
+    pub supply: f64,
 }
 
 /// Where the response of the chain falls behind.
@@ -124,8 +126,8 @@ impl Sweep<'_> {
     fn response(&self, omega_rad_s: f64) -> Result<Complex64, PlantError> {
         let timing = EscTiming { frame_hz: self.esc_frame_hz, frame_phase: 0.0 };
         let law = match self.design {
-            CompensatorDesign::Lead(_) => Law::LinearAround(self.nominal),
-            CompensatorDesign::Inverse(_) => Law::FollowingSpeed(self.nominal),
+            CompensatorDesign::Lead(_) if self.supply == 1.0 => Law::LinearAround(self.nominal),
+            _ => Law::FollowingSpeed(self.supply * self.nominal),
         };
         let mut actuator = Actuator::new(self.model, law, timing)?;
         let mut filter = self.design.running(Command::saturating_from_f64(self.nominal));
@@ -147,7 +149,7 @@ impl Sweep<'_> {
                 sides += row * actuator.response();
             }
             let command = Command::saturating_from_f64(self.nominal + self.amplitude * angle.sin());
-            actuator.advance(filter.update(command).to_f64(), (tick + 1) as f64 / rate_hz);
+            actuator.advance(self.supply * filter.update(command).to_f64(), (tick + 1) as f64 / rate_hz);
         }
         let fitted = matrix.cholesky().map_or(Vector4::zeros(), |matrix| matrix.solve(&sides));
         // b sin + a cos = Im (b + j a) e^(j angle), and the command is Im amplitude e^(j angle).
