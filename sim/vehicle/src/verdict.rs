@@ -1,0 +1,238 @@
+//! What the comparison says in words, bad news too.
+
+use serde::Serialize;
+
+use crate::study::{AtLatency, Row, Study};
+
+/// Ratios closer to 1 than this make no difference.
+const SAME: f64 = 0.05;
+
+/// What an actuator is worth beside the bare one, by bandwidth and disturbance peak.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Worth {
+    /// Better in one, and no worse in the other; or a gain set where the bare actuator has none.
+    Better,
+    /// No difference.
+    Same,
+    /// Better in one and worse in the other.
+    Mixed,
+    /// Worse in one, and no better in the other.
+    Worse,
+}
+
+impl Worth {
+    /// In one word.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Better => "better",
+            Self::Same => "same",
+            Self::Mixed => "mixed",
+            Self::Worse => "worse",
+        }
+    }
+}
+
+/// An actuator's results over those of the bare one.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Ratios {
+    /// Rate-loop bandwidths.
+    pub bandwidth: f64,
+    /// Disturbance peaks.
+    pub disturbance_peak: f64,
+    /// Settling times, where both settle.
+    pub settling: Option<f64>,
+}
+
+impl Row {
+    /// The results over those of `bare`, where both have some.
+    #[must_use]
+    pub fn ratios(&self, bare: &Self) -> Option<Ratios> {
+        let (own, bare) = (self.performance.as_ref()?, bare.performance.as_ref()?);
+        Some(Ratios {
+            bandwidth: own.margins.bandwidth_rad_s / bare.margins.bandwidth_rad_s,
+            disturbance_peak: own.disturbance_peak_deg / bare.disturbance_peak_deg,
+            settling: own.settling_s.zip(bare.settling_s).map(|(own, bare)| own / bare),
+        })
+    }
+
+    /// What it is worth beside `bare`; `None` for an actuator that has no gain set where the bare one has none either.
+    #[must_use]
+    pub fn worth(&self, bare: &Self) -> Option<Worth> {
+        let Some(Ratios { bandwidth, disturbance_peak, .. }) = self.ratios(bare) else {
+            return match (&self.performance, &bare.performance) {
+                (Some(_), None) => Some(Worth::Better),
+                (None, Some(_)) => Some(Worth::Worse),
+                _ => None,
+            };
+        };
+        let is_better = bandwidth > 1.0 + SAME || disturbance_peak < 1.0 - SAME;
+        let is_worse = bandwidth < 1.0 - SAME || disturbance_peak > 1.0 + SAME;
+        Some(match (is_better, is_worse) {
+            (true, false) => Worth::Better,
+            (false, true) => Worth::Worse,
+            (true, true) => Worth::Mixed,
+            (false, false) => Worth::Same,
+        })
+    }
+}
+
+impl AtLatency {
+    /// The verdict on `rows`, which are this latency's, in a sentence per worth; `where_` says where they were tuned.
+    fn verdict(&self, rows: &[Row], where_: &str) -> Vec<String> {
+        let Some((bare, others)) = rows.split_first() else { return Vec::new() };
+        let sentence = |worth: Worth| {
+            let named: Vec<String> =
+                others.iter().filter(|row| row.worth(bare) == Some(worth)).map(|row| said(row, bare)).collect();
+            (!named.is_empty()).then(|| {
+                let (latency_ms, named) = (1e3 * self.latency_s, named.join(", "));
+                format!("{where_}, latency {latency_ms:.0} ms: {}: {named}.", comparison(worth))
+            })
+        };
+        [Worth::Worse, Worth::Mixed, Worth::Same, Worth::Better].into_iter().filter_map(sentence).collect()
+    }
+}
+
+fn comparison(worth: Worth) -> &'static str {
+    match worth {
+        Worth::Better => "better than none",
+        Worth::Same => "no different from none",
+        Worth::Mixed => "better than none in one of the two and worse in the other",
+        Worth::Worse => "worse than none",
+    }
+}
+
+fn said(row: &Row, bare: &Row) -> String {
+    let name = row.actuator.name();
+    row.ratios(bare).map_or_else(
+        || name.clone(),
+        |ratios| format!("{name} (bandwidth x{:.2}, peak x{:.2})", ratios.bandwidth, ratios.disturbance_peak),
+    )
+}
+
+/// What the study says, one sentence each: first what compensation is worth at one operating point and over the range, for each
+/// latency, and then what a latency does to gains that were tuned for another.
+#[must_use]
+pub fn findings(study: &Study, hover: f64, range: [f64; 2]) -> Vec<String> {
+    let mut found = Vec::new();
+    for at in &study.latencies {
+        found.extend(at.verdict(&at.hover, &format!("At {hover:.2} alone")));
+        found.extend(at.verdict(&at.range, &format!("One gain set for {:.2} to {:.2}", range[0], range[1])));
+    }
+    if let [first, .., last] = &study.latencies[..] {
+        found.extend(kept_gains(first, last, study.rule.max_sensitivity));
+    }
+    found
+}
+
+fn kept_gains(first: &AtLatency, last: &AtLatency, limit: f64) -> Option<String> {
+    let stable: Vec<f64> = last.kept_gains.iter().filter_map(|kept| kept.max_sensitivity).collect();
+    let unstable = last.kept_gains.len() - stable.len();
+    let [least, most] = [f64::min, f64::max].map(|end| stable.iter().copied().reduce(end));
+    let (from_ms, to_ms) = (1e3 * first.latency_s, 1e3 * last.latency_s);
+    let has_grown = unstable > 0 || most.is_some_and(|most| most > limit);
+    let ranges = least.zip(most).map(|(least, most)| format!("a largest sensitivity of {least:.1} to {most:.1}"));
+    let unstable = (unstable > 0).then(|| format!("{unstable} loops that are not stable"));
+    let both: Vec<String> = ranges.into_iter().chain(unstable).collect();
+    (has_grown && !both.is_empty()).then(|| {
+        format!(
+            "Gains for {from_ms:.0} ms give at {to_ms:.0} ms {}, where {limit} is allowed: tune for the latency of the vehicle.",
+            both.join(" and ")
+        )
+    })
+}
+
+/// The whole in one sentence: where the compensator does not pay, that comes first.
+#[must_use]
+pub fn headline(study: &Study) -> String {
+    let Some(first) = study.latencies.first() else { return "Nothing was compared.".to_owned() };
+    let worths = |rows: &[Row]| -> Vec<Option<Worth>> {
+        let Some((bare, others)) = rows.split_first() else { return Vec::new() };
+        let compensators = others.iter().filter(|row| !row.actuator.needs_a_sensor());
+        compensators.map(|row| row.worth(bare)).collect()
+    };
+    let [hover, range] = [worths(&first.hover), worths(&first.range)];
+    let count = |all: &[Option<Worth>], worth: Worth| all.iter().filter(|one| **one == Some(worth)).count();
+    let of = |all: &[Option<Worth>]| {
+        format!(
+            "{} of {} compensators are better than none and {} worse",
+            count(all, Worth::Better),
+            all.len(),
+            count(all, Worth::Worse)
+        )
+    };
+    let at_one = "At one hover point, where a D term can cancel the rotor's pole,";
+    format!("{at_one} {}; with one gain set for the range {}.", of(&hover), of(&range))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::actuator::ActuatorKind;
+    use crate::response::Margins;
+    use crate::study::{KeptGains, Performance};
+    use crate::tuning::{Gains, TuningRule};
+
+    fn row(actuator: ActuatorKind, bandwidth_rad_s: f64, disturbance_peak_deg: f64) -> Row {
+        let gains = Gains { rate_p_1_s: 1.0, integral_time_s: 1.0, derivative_time_s: 0.0, attitude_p_1_s: 1.0 };
+        let margins = Margins { max_sensitivity: 1.6, phase_margin_deg: 50.0, actuator_noise: 0.01, bandwidth_rad_s };
+        let performance =
+            Performance { gains, margins, disturbance_peak_deg, settling_s: Some(0.1), disturbed: Vec::new() };
+        Row { actuator, performance: Some(performance) }
+    }
+
+    const INVERSE: ActuatorKind = ActuatorKind::Inverse { omega_f_rad_s: 150.0 };
+
+    #[test]
+    fn worth_is_by_bandwidth_and_peak() {
+        let bare = row(ActuatorKind::None, 80.0, 1.0);
+        for (bandwidth, peak, expected) in [
+            (100.0, 0.5, Worth::Better),
+            (100.0, 1.02, Worth::Better),
+            (82.0, 0.98, Worth::Same),
+            (100.0, 1.4, Worth::Mixed),
+            (60.0, 2.0, Worth::Worse),
+            (81.0, 1.2, Worth::Worse),
+        ] {
+            assert_eq!(row(INVERSE, bandwidth, peak).worth(&bare), Some(expected), "{bandwidth}, {peak}");
+        }
+        let none = Row { actuator: ActuatorKind::None, performance: None };
+        assert_eq!(bare.worth(&none), Some(Worth::Better));
+        assert_eq!(none.worth(&bare), Some(Worth::Worse));
+        assert_eq!(none.worth(&none), None);
+    }
+
+    #[test]
+    fn bad_news_come_first_and_by_name() {
+        let rows = |bandwidth: f64| {
+            vec![row(ActuatorKind::None, 80.0, 1.0), row(INVERSE, 100.0, 0.5), row(ActuatorKind::Lead, bandwidth, 2.0)]
+        };
+        let at = |latency_s: f64, sensitivity: Option<f64>| AtLatency {
+            latency_s,
+            hover: rows(60.0),
+            range: rows(80.0),
+            without_d: Vec::new(),
+            kept_gains: vec![KeptGains { actuator: INVERSE, max_sensitivity: sensitivity }],
+        };
+        let study = Study {
+            rule: TuningRule::default(),
+            latencies: vec![at(0.002, Some(1.6)), at(0.012, Some(4.8))],
+            lateral: Vec::new(),
+            refused: Vec::new(),
+        };
+        let found = findings(&study, 0.5, [0.4, 0.65]);
+        assert_eq!(found[0], "At 0.50 alone, latency 2 ms: worse than none: paper's C (bandwidth x0.75, peak x2.00).");
+        assert!(found[1].contains("better than none: inverse 150 (bandwidth x1.25, peak x0.50)"), "{}", found[1]);
+        let last = found.last().unwrap();
+        assert!(
+            last.contains("at 12 ms a largest sensitivity of 4.8") && last.contains("tune for the latency"),
+            "{last}"
+        );
+        assert!(
+            headline(&study).contains("1 of 2 compensators are better than none and 1 worse"),
+            "{}",
+            headline(&study)
+        );
+    }
+}
