@@ -21,6 +21,7 @@ mod table;
 mod time_response;
 mod unit;
 mod validation;
+mod vehicle;
 
 pub use bandwidths::{PointValues, bandwidth_cell, bandwidth_table, bandwidth_values, measured_table};
 pub use bode::{Band, Curve, bode};
@@ -36,7 +37,8 @@ pub use sections::{
     discrete_table, effect_table, excess_table, excitation_section, experiment_facts, explanations_table,
     fastest_point, gap_table, identification_section, identification_tables, laws_table, parameter_table,
     predicted_table, ratios_table, redesign_sections, redesign_table, simulation_section, stand_section, stand_table,
-    transfer_function, validation_section,
+    transfer_function, validation_section, vehicle_force_table, vehicle_gains_table, vehicle_other_table,
+    vehicle_section, vehicle_table,
 };
 pub use unit::{quantity, unit};
 pub use validation::{is_wrong, validation_by_nominal, validation_scores, verdict};

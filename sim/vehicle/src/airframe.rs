@@ -167,7 +167,7 @@ impl Airframe {
         let roll = &self.roll;
         place.key("inertia_kg_m2").positive(roll.inertia_kg_m2)?;
         place.key("arm_m").positive(roll.arm_m)?;
-        if roll.motors < 2 || roll.motors % 2 != 0 {
+        if roll.motors < 2 || !roll.motors.is_multiple_of(2) {
             return Err(place.key("motors").fault(
                 format!("{} is not an even number of 2 or more", roll.motors),
                 "count the motors on both sides of the axis; those on it do not act on it",
@@ -274,7 +274,7 @@ mod tests {
     #[test]
     fn the_default_is_an_airframe_that_reads_back() {
         let scratch = Scratch::new();
-        let airframe = Airframe::read(&scratch.file("airframe.toml", &text())).unwrap();
+        let airframe = Airframe::read(&scratch.file("airframe.toml", text())).unwrap();
         assert_eq!(airframe, Airframe::default());
     }
 
@@ -302,7 +302,7 @@ mod tests {
             let good = text();
             assert!(good.contains(from), "no `{from}` in\n{good}");
             let scratch = Scratch::new();
-            let path = scratch.file("airframe.toml", &good.replacen(from, to, 1));
+            let path = scratch.file("airframe.toml", good.replacen(from, to, 1));
             let all = [&["airframe.toml:", "help: "], parts].concat();
             assert_report(Airframe::read(&path).unwrap_err(), &all);
         }

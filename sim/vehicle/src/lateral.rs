@@ -60,7 +60,8 @@ impl Allocation {
         wanted[1] = 1.0;
         let thrust = inverse * wanted;
         // Of a singular matrix, rounding leaves an inverse that is none.
-        if !((wrench * inverse - Matrix6::identity()).amax() < 1e-6) {
+        let residual = (wrench * inverse - Matrix6::identity()).amax();
+        if residual.is_nan() || residual > 1e-6 {
             return Err(VehicleError::NotFullyActuated);
         }
         Ok(Self { thrust: thrust.into(), force: std::array::from_fn(|rotor| wrench[(1, rotor)]) })
@@ -82,7 +83,7 @@ pub fn force_n(
     let mut commands = [nominal; 6];
     let ticks = (duration_s * TICK_HZ).round() as usize;
     let step = |tick: usize| {
-        if tick % per_control == 0 {
+        if tick.is_multiple_of(per_control) {
             let force = command_n(tick as f64 / TICK_HZ);
             commands = allocation.thrust.map(|per_n| rotor.command_of(hover_n + per_n * force, range));
         }

@@ -49,7 +49,8 @@ pub struct PointResponse {
 }
 
 impl PointResponse {
-    /// The axis with `actuator` at the hover command `nominal` and with `latency_s`.
+    /// The axis with `actuator` at the hover command `nominal` and with `latency_s`, to
+    /// which the dead time of the model is added.
     ///
     /// The chain is: command held for a period of the controller, latency, actuator at 5 kHz, lag of the rotor, and an integrator
     /// for the body. Images of the sampling are left out: at the lowest of them the chain is under a thousandth.
@@ -60,7 +61,7 @@ impl PointResponse {
         let steps = (FREQUENCIES - 1) as f64;
         let omega_rad_s: Vec<f64> =
             (0..FREQUENCIES).map(|index| LOWEST_RAD_S * (highest / LOWEST_RAD_S).powf(index as f64 / steps)).collect();
-        let latency_s = latency_ticks(latency_s) as f64 / TICK_HZ;
+        let latency_s = latency_ticks(latency_s + rotor.delay_s(nominal)) as f64 / TICK_HZ;
         let low_pass = GyroLowPass::new(controller.gyro_low_pass_hz, TICK_HZ);
         let pole = rotor.pole_rad_s(nominal);
         let roll = &airframe.roll;

@@ -66,18 +66,19 @@ impl RollAxis<'_> {
         let force_n = roll.inertia_kg_m2 / (f64::from(roll.motors) * roll.arm_m);
         let per_side_m = 0.5 * f64::from(roll.motors) * roll.arm_m;
 
+        let latency_s = self.latency_s + self.rotor.delay_s(self.nominal);
         let mut pid = Pid::new(self.gains.rate(), controller.d_low_pass_hz, controller.rate_hz);
         let mut low_pass = GyroLowPass::new(controller.gyro_low_pass_hz, TICK_HZ);
         let side = || Side { running: self.actuator.started(self.nominal), v: self.nominal };
         let mut sides = [side(), side()];
-        let mut waiting: VecDeque<[f64; 2]> = vec![[self.nominal; 2]; latency_ticks(self.latency_s)].into();
+        let mut waiting: VecDeque<[f64; 2]> = vec![[self.nominal; 2]; latency_ticks(latency_s)].into();
         let mut commands = [self.nominal; 2];
         let (mut angle, mut rate, mut is_saturated) = (0.0, 0.0, false);
         let mut motion = Motion::default();
         for tick in 0..(duration_s * TICK_HZ).round() as usize {
             let time_s = tick as f64 * tick_s;
             let measured = low_pass.update(rate);
-            if tick % per_control == 0 {
+            if tick.is_multiple_of(per_control) {
                 let acceleration = pid.update(rate_setpoint(time_s, angle) - measured, is_saturated);
                 let thrusts = [1.0, -1.0].map(|sign| hover_n + sign * acceleration * force_n);
                 is_saturated = thrusts.iter().any(|thrust| !(least_n..=most_n).contains(thrust));

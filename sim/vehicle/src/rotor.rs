@@ -22,7 +22,7 @@ pub struct Rotor {
 }
 
 impl Rotor {
-    /// The rotor of `model`, without its effects and dead time.
+    /// The rotor of `model`, without its effects.
     ///
     /// # Errors
     /// When the model is impossible or its gain is not above zero.
@@ -53,6 +53,12 @@ impl Rotor {
             (None, Some(&end)) | (Some(end), None) => beyond(end),
             (None, None) => f64::NAN,
         }
+    }
+
+    /// Dead time of the model at `command`, seconds.
+    #[must_use]
+    pub fn delay_s(&self, command: f64) -> f64 {
+        self.thrust.clamped_at(command).lag.delay_s
     }
 
     /// Slope of the thrust at `command`, newtons per unit of command.

@@ -22,7 +22,7 @@ const DRAWN_S: f64 = 0.8;
 /// How much of a force step is kept for figures, seconds.
 const DRAWN_FORCE_S: f64 = 0.4;
 /// One of so many ticks is kept for figures.
-const DRAWN_EVERY: usize = 10;
+const DRAWN_EVERY: usize = 20;
 
 /// Everything that came out.
 #[derive(Clone, Debug, Serialize)]

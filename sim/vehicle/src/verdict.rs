@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::study::{AtLatency, Row, Study};
+use crate::study::{AtLatency, ForceRow, Row, Study};
 
 /// Ratios closer to 1 than this make no difference.
 const SAME: f64 = 0.05;
@@ -79,27 +79,27 @@ impl Row {
 }
 
 impl AtLatency {
-    /// The verdict on `rows`, which are this latency's, in a sentence per worth; `where_` says where they were tuned.
-    fn verdict(&self, rows: &[Row], where_: &str) -> Vec<String> {
-        let Some((bare, others)) = rows.split_first() else { return Vec::new() };
-        let sentence = |worth: Worth| {
+    /// The verdict on `rows`, which are this latency's, in one sentence that begins with `tuned`, the bad news first.
+    fn verdict(&self, rows: &[Row], tuned: &str) -> Option<String> {
+        let (bare, others) = rows.split_first()?;
+        let clause = |worth: Worth| {
             let named: Vec<String> =
                 others.iter().filter(|row| row.worth(bare) == Some(worth)).map(|row| said(row, bare)).collect();
-            (!named.is_empty()).then(|| {
-                let (latency_ms, named) = (1e3 * self.latency_s, named.join(", "));
-                format!("{where_}, latency {latency_ms:.0} ms: {}: {named}.", comparison(worth))
-            })
+            (!named.is_empty()).then(|| format!("{}: {}", comparison(worth), named.join(", ")))
         };
-        [Worth::Worse, Worth::Mixed, Worth::Same, Worth::Better].into_iter().filter_map(sentence).collect()
+        let clauses: Vec<String> =
+            [Worth::Worse, Worth::Mixed, Worth::Same, Worth::Better].into_iter().filter_map(clause).collect();
+        let latency_ms = 1e3 * self.latency_s;
+        (!clauses.is_empty()).then(|| format!("{tuned}, latency {latency_ms:.1} ms. {}.", clauses.join(". ")))
     }
 }
 
 fn comparison(worth: Worth) -> &'static str {
     match worth {
-        Worth::Better => "better than none",
-        Worth::Same => "no different from none",
-        Worth::Mixed => "better than none in one of the two and worse in the other",
-        Worth::Worse => "worse than none",
+        Worth::Better => "Better than none",
+        Worth::Same => "No different from none",
+        Worth::Mixed => "Better in one of the two and worse in the other",
+        Worth::Worse => "Worse than none",
     }
 }
 
@@ -111,19 +111,37 @@ fn said(row: &Row, bare: &Row) -> String {
     )
 }
 
-/// What the study says, one sentence each: first what compensation is worth at one operating point and over the range, for each
-/// latency, and then what a latency does to gains that were tuned for another.
+/// What the study says, a paragraph each: what compensation is worth at one operating point and over the range, for each latency;
+/// what it does to lateral force; and what a latency does to gains that were tuned for another.
 #[must_use]
 pub fn findings(study: &Study, hover: f64, range: [f64; 2]) -> Vec<String> {
     let mut found = Vec::new();
     for at in &study.latencies {
-        found.extend(at.verdict(&at.hover, &format!("At {hover:.2} alone")));
+        found.extend(at.verdict(&at.hover, &format!("Tuned for {hover:.2} alone")));
         found.extend(at.verdict(&at.range, &format!("One gain set for {:.2} to {:.2}", range[0], range[1])));
     }
+    found.extend(lateral(study));
     if let [first, .., last] = &study.latencies[..] {
         found.extend(kept_gains(first, last, study.rule.max_sensitivity));
     }
     found
+}
+
+fn lateral(study: &Study) -> Option<String> {
+    let (bare, others) = study.lateral.split_first()?;
+    let rise_s = bare.performance.rise_s?;
+    let one = |row: &ForceRow| {
+        let rise = row.performance.rise_s.map_or("never".to_owned(), |own| format!("x{:.2}", own / rise_s));
+        format!("{} {rise}", row.actuator.name())
+    };
+    let named: Vec<String> = others.iter().map(one).collect();
+    let rise_ms = 1e3 * rise_s;
+    (!named.is_empty()).then(|| {
+        format!(
+            "Lateral force, around which no loop is closed, rises in {rise_ms:.0} ms with none. Over that: {}.",
+            named.join(", ")
+        )
+    })
 }
 
 fn kept_gains(first: &AtLatency, last: &AtLatency, limit: f64) -> Option<String> {
@@ -137,7 +155,7 @@ fn kept_gains(first: &AtLatency, last: &AtLatency, limit: f64) -> Option<String>
     let both: Vec<String> = ranges.into_iter().chain(unstable).collect();
     (has_grown && !both.is_empty()).then(|| {
         format!(
-            "Gains for {from_ms:.0} ms give at {to_ms:.0} ms {}, where {limit} is allowed: tune for the latency of the vehicle.",
+            "Gains for {from_ms:.1} ms give at {to_ms:.1} ms {}, where {limit} is allowed: tune for the latency of the vehicle.",
             both.join(" and ")
         )
     })
@@ -156,10 +174,10 @@ pub fn headline(study: &Study) -> String {
     let count = |all: &[Option<Worth>], worth: Worth| all.iter().filter(|one| **one == Some(worth)).count();
     let of = |all: &[Option<Worth>]| {
         format!(
-            "{} of {} compensators are better than none and {} worse",
-            count(all, Worth::Better),
+            "{} of {} compensators make the vehicle worse and {} make it better",
+            count(all, Worth::Worse),
             all.len(),
-            count(all, Worth::Worse)
+            count(all, Worth::Better)
         )
     };
     let at_one = "At one hover point, where a D term can cancel the rotor's pole,";
@@ -222,15 +240,23 @@ mod tests {
             refused: Vec::new(),
         };
         let found = findings(&study, 0.5, [0.4, 0.65]);
-        assert_eq!(found[0], "At 0.50 alone, latency 2 ms: worse than none: paper's C (bandwidth x0.75, peak x2.00).");
-        assert!(found[1].contains("better than none: inverse 150 (bandwidth x1.25, peak x0.50)"), "{}", found[1]);
+        assert_eq!(
+            found[0],
+            "Tuned for 0.50 alone, latency 2.0 ms. Worse than none: paper's C (bandwidth x0.75, peak x2.00). Better than none: \
+             inverse 150 (bandwidth x1.25, peak x0.50)."
+        );
+        assert!(
+            found[1].starts_with("One gain set for 0.40 to 0.65, latency 2.0 ms. Worse than none:"),
+            "{}",
+            found[1]
+        );
         let last = found.last().unwrap();
         assert!(
-            last.contains("at 12 ms a largest sensitivity of 4.8") && last.contains("tune for the latency"),
+            last.contains("at 12.0 ms a largest sensitivity of 4.8") && last.contains("tune for the latency"),
             "{last}"
         );
         assert!(
-            headline(&study).contains("1 of 2 compensators are better than none and 1 worse"),
+            headline(&study).contains("1 of 2 compensators make the vehicle worse and 1 make it better"),
             "{}",
             headline(&study)
         );
