@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use clap::Args;
-use miette::IntoDiagnostic as _;
+use miette::{IntoDiagnostic as _, WrapErr as _};
 use rotorlead_plant::Model;
 use rotorlead_report::paper::table_1;
 use rotorlead_report::{
@@ -74,7 +74,12 @@ impl Vehicle {
         let bar = progress::bar("tuning and simulating", steps(&airframe));
         let compared = study(&airframe, &model, &|| bar.inc(1));
         bar.finish_and_clear();
-        let compared = compared?;
+        let compared = compared.map_err(miette::Report::from);
+        // The default model and the default airframe go together: it is a file that does not.
+        let compared = match self.model.as_ref().or(self.airframe.as_ref()) {
+            Some(file) => compared.wrap_err_with(|| format!("`{}`", file.display()))?,
+            None => compared?,
+        };
 
         let found = findings(&compared, airframe.hover.command, airframe.hover.range);
         let mut text = self.text(&compared, &airframe, &model, &found).into_diagnostic()?;

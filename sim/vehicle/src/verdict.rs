@@ -6,6 +6,8 @@ use crate::study::{AtLatency, ForceRow, Row, Study};
 
 /// Ratios closer to 1 than this make no difference.
 const SAME: f64 = 0.05;
+/// A gain set is limited by noise from this part of the limit on.
+const AT_LIMIT: f64 = 0.99;
 
 /// What an actuator is worth beside the bare one, by bandwidth and disturbance peak.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -119,12 +121,26 @@ pub fn findings(study: &Study, hover: f64, range: [f64; 2]) -> Vec<String> {
     for at in &study.latencies {
         found.extend(at.verdict(&at.hover, &format!("Tuned for {hover:.2} alone")));
         found.extend(at.verdict(&at.range, &format!("One gain set for {:.2} to {:.2}", range[0], range[1])));
+        found.extend(noise(at, hover, study.rule.actuator_noise));
     }
     found.extend(lateral(study));
     if let [first, .., last] = &study.latencies[..] {
         found.extend(kept_gains(first, last, study.rule.max_sensitivity));
     }
     found
+}
+
+/// Said where the noise and not the margins limits the bare actuator at hover: there the comparison rests on the noise.
+fn noise(at: &AtLatency, hover: f64, limit: f64) -> Option<String> {
+    let bare = at.hover.first()?.performance.as_ref()?;
+    let is_limited = bare.margins.actuator_noise > AT_LIMIT * limit;
+    let latency_ms = 1e3 * at.latency_s;
+    is_limited.then(|| {
+        format!(
+            "At {hover:.2}, latency {latency_ms:.1} ms, the gyro's noise limits the gain of none, and not the margins: none is better \
+             with a quieter gyro and worse with a noisier one. Give the noise that the gyro has in flight."
+        )
+    })
 }
 
 fn lateral(study: &Study) -> Option<String> {
@@ -222,6 +238,22 @@ mod tests {
     }
 
     #[test]
+    fn a_comparison_that_rests_on_the_noise_says_so() {
+        let mut bare = row(ActuatorKind::None, 80.0, 1.0);
+        let at = |bare: &Row| AtLatency {
+            latency_s: 0.002,
+            hover: vec![bare.clone()],
+            range: Vec::new(),
+            without_d: Vec::new(),
+            kept_gains: Vec::new(),
+        };
+        assert_eq!(noise(&at(&bare), 0.5, 0.02), None);
+        bare.performance.as_mut().unwrap().margins.actuator_noise = 0.0199;
+        let said = noise(&at(&bare), 0.5, 0.02).unwrap();
+        assert!(said.contains("none is better with a quieter gyro"), "{said}");
+    }
+
+    #[test]
     fn bad_news_come_first_and_by_name() {
         let rows = |bandwidth: f64| {
             vec![row(ActuatorKind::None, 80.0, 1.0), row(INVERSE, 100.0, 0.5), row(ActuatorKind::Lead, bandwidth, 2.0)]
@@ -250,6 +282,7 @@ mod tests {
             "{}",
             found[1]
         );
+        assert!(!found.iter().any(|one| one.contains("quieter gyro")), "{found:?}");
         let last = found.last().unwrap();
         assert!(
             last.contains("at 12.0 ms a largest sensitivity of 4.8") && last.contains("tune for the latency"),
