@@ -165,15 +165,20 @@ impl Airframe {
 
     fn check_roll(&self, place: &Place) -> Result<(), Fault> {
         let roll = &self.roll;
-        place.key("inertia_kg_m2").positive(roll.inertia_kg_m2)?;
-        place.key("arm_m").positive(roll.arm_m)?;
+        for (key, value, low, high) in [
+            ("inertia_kg_m2", roll.inertia_kg_m2, 1e-7, 1e3),
+            ("arm_m", roll.arm_m, 1e-3, 10.0),
+            ("disturbance_n_m", roll.disturbance_n_m, 1e-9, 1e4),
+        ] {
+            place.key(key).positive(value)?;
+            within(place.key(key), value, low, high, "give it in SI units: kg m2, m, N m")?;
+        }
         if roll.motors < 2 || !roll.motors.is_multiple_of(2) {
             return Err(place.key("motors").fault(
                 format!("{} is not an even number of 2 or more", roll.motors),
                 "count the motors on both sides of the axis; those on it do not act on it",
             ));
         }
-        place.key("disturbance_n_m").positive(roll.disturbance_n_m)?;
         within(place.key("step_deg"), roll.step_deg, 0.01, 30.0, "give a step of some degrees")
     }
 
@@ -247,6 +252,7 @@ impl Lateral {
         within(place.key("tilt_deg"), self.tilt_deg, 1.0, 80.0, "without a tilt there is no lateral force")?;
         for (key, value) in [("arm_m", self.arm_m), ("step_n", self.step_n), ("sine_n", self.sine_n)] {
             place.key(key).positive(value)?;
+            within(place.key(key), value, 1e-6, 1e4, "give it in SI units: m, N")?;
         }
         place.key("drag_m").not_negative(self.drag_m)?;
         within(place.key("sine_hz"), self.sine_hz, 0.1, 50.0, "give a frequency that a vehicle may follow")
@@ -286,6 +292,7 @@ mod tests {
             ("inertia_kg_m2 = 0.0125", "inertia_kg_m2 = \"0.0125\"", &["`inertia_kg_m2`", "a text in quotes"]),
             ("inertia_kg_m2 = 0.0125", "inertia = 0.0125", &["unknown field `inertia`", "inertia_kg_m2"]),
             ("inertia_kg_m2 = 0.0125\n", "", &["missing field `inertia_kg_m2`", "add `inertia_kg_m2`"]),
+            ("inertia_kg_m2 = 0.0125", "inertia_kg_m2 = 12500.0", &["`inertia_kg_m2`", "SI units"]),
             ("motors = 4", "motors = 3", &["`motors`", "even number"]),
             ("arm_m = 0.159", "arm_m = 0", &["`roll`, `arm_m`", "above 0"]),
             ("step_deg = 1.0", "step_deg = 90.0", &["`step_deg`", "0.01 to 30"]),

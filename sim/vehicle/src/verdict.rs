@@ -6,6 +6,8 @@ use crate::study::{AtLatency, ForceRow, Row, Study};
 
 /// Ratios closer to 1 than this make no difference.
 const SAME: f64 = 0.05;
+/// Beyond this angle, degrees, a vehicle is turned over, and no axis is on its own.
+const TURNED_OVER_DEG: f64 = 45.0;
 /// A gain set is limited by noise from this part of the limit on.
 const AT_LIMIT: f64 = 0.99;
 
@@ -84,6 +86,13 @@ impl AtLatency {
     /// The verdict on `rows`, which are this latency's, in one sentence that begins with `tuned`, the bad news first.
     fn verdict(&self, rows: &[Row], tuned: &str) -> Option<String> {
         let (bare, others) = rows.split_first()?;
+        if rows.iter().all(|row| row.performance.is_none()) {
+            let latency_ms = 1e3 * self.latency_s;
+            return Some(format!(
+                "{tuned}, latency {latency_ms:.1} ms. No actuator has gains that keep the margins: shorten the latency, or check noise, \
+                 inertia and arm of the airframe."
+            ));
+        }
         let clause = |worth: Worth| {
             let named: Vec<String> =
                 others.iter().filter(|row| row.worth(bare) == Some(worth)).map(|row| said(row, bare)).collect();
@@ -123,6 +132,7 @@ pub fn findings(study: &Study, hover: f64, range: [f64; 2]) -> Vec<String> {
         found.extend(at.verdict(&at.range, &format!("One gain set for {:.2} to {:.2}", range[0], range[1])));
         found.extend(noise(at, hover, study.rule.actuator_noise));
     }
+    found.extend(turned_over(study));
     found.extend(lateral(study));
     if let [first, .., last] = &study.latencies[..] {
         found.extend(kept_gains(first, last, study.rule.max_sensitivity));
@@ -137,8 +147,23 @@ fn noise(at: &AtLatency, hover: f64, limit: f64) -> Option<String> {
     let latency_ms = 1e3 * at.latency_s;
     is_limited.then(|| {
         format!(
-            "At {hover:.2}, latency {latency_ms:.1} ms, the gyro's noise limits the gain of none, and not the margins: none is better \
-             with a quieter gyro and worse with a noisier one. Give the noise that the gyro has in flight."
+            "At {hover:.2}, latency {latency_ms:.1} ms, it is the gyro's noise and not the margins that limits the bare motor. With a \
+             quieter gyro it gains on the others, with a noisier one it loses: give the noise that the gyro has in flight."
+        )
+    })
+}
+
+fn turned_over(study: &Study) -> Option<String> {
+    let all = study.latencies.iter().flat_map(|at| at.hover.iter().chain(&at.range));
+    let peaks = all.filter_map(|row| Some((row.actuator.name(), row.performance.as_ref()?.disturbance_peak_deg)));
+    let mut names: Vec<String> = peaks.filter(|(_, peak)| *peak > TURNED_OVER_DEG).map(|(name, _)| name).collect();
+    names.sort();
+    names.dedup();
+    (!names.is_empty()).then(|| {
+        format!(
+            "The disturbance turns the vehicle over with {}: by more than {TURNED_OVER_DEG} degrees, where peaks mean nothing. Lower \
+             `disturbance_n_m` of [roll], or check its inertia.",
+            names.join(", ")
         )
     })
 }
@@ -181,6 +206,10 @@ fn kept_gains(first: &AtLatency, last: &AtLatency, limit: f64) -> Option<String>
 #[must_use]
 pub fn headline(study: &Study) -> String {
     let Some(first) = study.latencies.first() else { return "Nothing was compared.".to_owned() };
+    let is_any = [&first.hover, &first.range].into_iter().flatten().any(|row| row.performance.is_some());
+    if !is_any {
+        return "No actuator has gains that keep the margins in this vehicle.".to_owned();
+    }
     let worths = |rows: &[Row]| -> Vec<Option<Worth>> {
         let Some((bare, others)) = rows.split_first() else { return Vec::new() };
         let compensators = others.iter().filter(|row| !row.actuator.needs_a_sensor());
@@ -250,7 +279,31 @@ mod tests {
         assert_eq!(noise(&at(&bare), 0.5, 0.02), None);
         bare.performance.as_mut().unwrap().margins.actuator_noise = 0.0199;
         let said = noise(&at(&bare), 0.5, 0.02).unwrap();
-        assert!(said.contains("none is better with a quieter gyro"), "{said}");
+        assert!(said.contains("limits the bare motor"), "{said}");
+    }
+
+    #[test]
+    fn a_vehicle_without_gains_or_turned_over_is_no_comparison() {
+        let at = |rows: Vec<Row>| AtLatency {
+            latency_s: 0.1,
+            hover: rows.clone(),
+            range: rows,
+            without_d: Vec::new(),
+            kept_gains: Vec::new(),
+        };
+        let study = |rows: Vec<Row>| Study {
+            rule: TuningRule::default(),
+            latencies: vec![at(rows)],
+            lateral: Vec::new(),
+            refused: Vec::new(),
+        };
+        let none = Row { actuator: ActuatorKind::None, performance: None };
+        let without = study(vec![none.clone(), Row { actuator: INVERSE, performance: None }]);
+        assert!(headline(&without).starts_with("No actuator has gains"));
+        assert!(findings(&without, 0.5, [0.4, 0.6])[0].contains("shorten the latency"));
+        let over = study(vec![none, row(INVERSE, 10.0, 60.0)]);
+        let found = findings(&over, 0.5, [0.4, 0.6]);
+        assert!(found.iter().any(|one| one.contains("turns the vehicle over with inverse 150")), "{found:?}");
     }
 
     #[test]

@@ -70,7 +70,7 @@ fn cells(row: &Row, bare: &Row) -> Vec<Cell> {
     let ratios = row.ratios(bare);
     let is_bare = row.actuator == bare.actuator;
     let verdict = match row.worth(bare) {
-        _ if own.is_none() => "no gains keep the margins",
+        _ if own.is_none() => "no gains",
         _ if is_bare => "",
         worth => worth.map_or("", |worth| worth.word()),
     };
