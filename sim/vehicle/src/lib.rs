@@ -19,6 +19,7 @@ mod rotor;
 mod study;
 mod tuning;
 mod verdict;
+mod worth;
 
 pub use actuator::ActuatorKind;
 pub use airframe::{Actuators, Airframe, Controller, Hover, Lateral, Roll};
@@ -27,7 +28,8 @@ pub use lateral::ForcePerformance;
 pub use response::Margins;
 pub use study::{AtLatency, ForceRow, KeptGains, Performance, Refused, Row, Study, steps, study};
 pub use tuning::{Gains, TuningRule};
-pub use verdict::{Ratios, Worth, findings, headline};
+pub use verdict::{findings, headline};
+pub use worth::{Ratios, Worth};
 
 use rotorlead::design::DEFAULT_LOOP_RATE_HZ;
 

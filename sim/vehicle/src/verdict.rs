@@ -1,86 +1,12 @@
 //! What the comparison says in words, bad news too.
 
-use serde::Serialize;
-
 use crate::study::{AtLatency, ForceRow, Row, Study};
+use crate::worth::Worth;
 
-/// Ratios closer to 1 than this make no difference.
-const SAME: f64 = 0.05;
 /// Beyond this angle, degrees, a vehicle is turned over, and no axis is on its own.
 const TURNED_OVER_DEG: f64 = 45.0;
 /// A gain set is limited by noise from this part of the limit on.
 const AT_LIMIT: f64 = 0.99;
-
-/// What an actuator is worth beside the bare one, by bandwidth and disturbance peak.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Worth {
-    /// Better in one, and no worse in the other; or a gain set where the bare actuator has none.
-    Better,
-    /// No difference.
-    Same,
-    /// Better in one and worse in the other.
-    Mixed,
-    /// Worse in one, and no better in the other.
-    Worse,
-}
-
-impl Worth {
-    /// In one word.
-    #[must_use]
-    pub fn word(self) -> &'static str {
-        match self {
-            Self::Better => "better",
-            Self::Same => "same",
-            Self::Mixed => "mixed",
-            Self::Worse => "worse",
-        }
-    }
-}
-
-/// An actuator's results over those of the bare one.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Ratios {
-    /// Rate-loop bandwidths.
-    pub bandwidth: f64,
-    /// Disturbance peaks.
-    pub disturbance_peak: f64,
-    /// Settling times, where both settle.
-    pub settling: Option<f64>,
-}
-
-impl Row {
-    /// The results over those of `bare`, where both have some.
-    #[must_use]
-    pub fn ratios(&self, bare: &Self) -> Option<Ratios> {
-        let (own, bare) = (self.performance.as_ref()?, bare.performance.as_ref()?);
-        Some(Ratios {
-            bandwidth: own.margins.bandwidth_rad_s / bare.margins.bandwidth_rad_s,
-            disturbance_peak: own.disturbance_peak_deg / bare.disturbance_peak_deg,
-            settling: own.settling_s.zip(bare.settling_s).map(|(own, bare)| own / bare),
-        })
-    }
-
-    /// What it is worth beside `bare`; `None` for an actuator that has no gain set where the bare one has none either.
-    #[must_use]
-    pub fn worth(&self, bare: &Self) -> Option<Worth> {
-        let Some(Ratios { bandwidth, disturbance_peak, .. }) = self.ratios(bare) else {
-            return match (&self.performance, &bare.performance) {
-                (Some(_), None) => Some(Worth::Better),
-                (None, Some(_)) => Some(Worth::Worse),
-                _ => None,
-            };
-        };
-        let is_better = bandwidth > 1.0 + SAME || disturbance_peak < 1.0 - SAME;
-        let is_worse = bandwidth < 1.0 - SAME || disturbance_peak > 1.0 + SAME;
-        Some(match (is_better, is_worse) {
-            (true, false) => Worth::Better,
-            (false, true) => Worth::Worse,
-            (true, true) => Worth::Mixed,
-            (false, false) => Worth::Same,
-        })
-    }
-}
 
 impl AtLatency {
     /// The verdict on `rows`, which are this latency's, in one sentence that begins with `tuned`, the bad news first.
@@ -246,25 +172,6 @@ mod tests {
     }
 
     const INVERSE: ActuatorKind = ActuatorKind::Inverse { omega_f_rad_s: 150.0 };
-
-    #[test]
-    fn worth_is_by_bandwidth_and_peak() {
-        let bare = row(ActuatorKind::None, 80.0, 1.0);
-        for (bandwidth, peak, expected) in [
-            (100.0, 0.5, Worth::Better),
-            (100.0, 1.02, Worth::Better),
-            (82.0, 0.98, Worth::Same),
-            (100.0, 1.4, Worth::Mixed),
-            (60.0, 2.0, Worth::Worse),
-            (81.0, 1.2, Worth::Worse),
-        ] {
-            assert_eq!(row(INVERSE, bandwidth, peak).worth(&bare), Some(expected), "{bandwidth}, {peak}");
-        }
-        let none = Row { actuator: ActuatorKind::None, performance: None };
-        assert_eq!(bare.worth(&none), Some(Worth::Better));
-        assert_eq!(none.worth(&bare), Some(Worth::Worse));
-        assert_eq!(none.worth(&none), None);
-    }
 
     #[test]
     fn a_comparison_that_rests_on_the_noise_says_so() {
