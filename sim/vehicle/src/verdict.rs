@@ -73,7 +73,7 @@ fn noise(at: &AtLatency, hover: f64, limit: f64) -> Option<String> {
     let latency_ms = 1e3 * at.latency_s;
     is_limited.then(|| {
         format!(
-            "At {hover:.2}, latency {latency_ms:.1} ms, it is the gyro's noise and not the margins that limits the bare motor. With a \
+            "At {hover:.2}, latency {latency_ms:.1} ms, the gyro's noise limits the bare motor. With a \
              quieter gyro it gains on the others, with a noisier one it loses: give the noise that the gyro has in flight."
         )
     })
