@@ -10,11 +10,12 @@ const LOGS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/tests/data");
 const READ_EXPERIMENT: [&str; 2] = ["identify stand --out found.toml", "validate stand --model model.toml"];
 
 /// Commands that read a model.
-const READ_MODEL: [&str; 4] = [
+const READ_MODEL: [&str; 5] = [
     "design --model model.toml --out c.toml",
     "bandwidth --model model.toml",
     "simulate --model model.toml --out sim",
     "validate stand --model model.toml",
+    "vehicle --airframe airframe.toml --model model.toml",
 ];
 
 /// A stand that also has a compensator, `c.toml`.
@@ -38,6 +39,8 @@ fn a_missing_file_is_named() {
         ("simulate --model nowhere.toml --out sim", "`nowhere.toml` does not exist"),
         ("simulate --model model.toml --plan nowhere.toml --out sim", "`nowhere.toml` does not exist"),
         ("simulate --model model.toml --compensator nowhere.toml --out sim", "`nowhere.toml` does not exist"),
+        ("vehicle --airframe nowhere.toml", "`nowhere.toml` does not exist"),
+        ("vehicle --model nowhere.toml", "`nowhere.toml` does not exist"),
         ("import nowhere.csv --out imported", "nowhere.csv"),
     ] {
         let remedy = if arguments.starts_with("identify .") { "rotorlead import" } else { "check the path" };
@@ -55,10 +58,13 @@ fn another_kind_of_file_is_named_and_no_key_of_it_is_to_be_removed() {
     stand.write("plan.toml", PLAN);
     let model = ["and a model is needed", "`rotorlead identify` writes a model"];
     let compensator = ["and a compensator is needed", "`rotorlead design` writes a compensator"];
+    let airframe = ["and an airframe is needed", "`docs/vehicle.md` has one"];
     let plan = ["and a plan is needed", "`rotorlead new` writes a plan"];
     for (arguments, is, needed) in [
         ("design --model c.toml --out x.toml", "this is a compensator", model),
         ("bandwidth --model plan.toml", "this is a plan", model),
+        ("vehicle --airframe model.toml", "this is a model", airframe),
+        ("vehicle --model airframe.toml", "this is an airframe", model),
         ("validate stand --model stand/experiment.toml", "this is the description of an experiment", model),
         ("simulate --model model.toml --plan model.toml --out sim", "this is a model", plan),
         ("bandwidth --model model.toml --compensator model.toml", "this is a model", compensator),
@@ -350,6 +356,7 @@ fn json_that_cannot_be_written_is_said_before_anything_else_is() {
         "validate stand --model model.toml",
         "design --model model.toml --out c.toml",
         "bandwidth --model model.toml",
+        "vehicle",
         "simulate --model model.toml --out sim",
         "excite --out e.csv",
         "demo --out demo",

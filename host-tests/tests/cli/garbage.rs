@@ -3,7 +3,7 @@
 use rand::{Rng as _, RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
 
-use crate::stand::{MODEL, PLAN, Stand};
+use crate::stand::{AIRFRAME, MODEL, PLAN, Stand};
 
 /// Files per kind and command.
 const FILES: usize = 6;
@@ -31,7 +31,7 @@ fn damaged(random: &mut ChaCha8Rng, good: &str) -> Vec<u8> {
 }
 
 /// Commands with the file of theirs that is spoiled.
-const COMMANDS: [(&str, &str); 8] = [
+const COMMANDS: [(&str, &str); 9] = [
     ("identify stand --out found.toml", "stand/experiment.toml"),
     ("identify stand --out found.toml", "stand/step.csv"),
     ("validate stand --model model.toml", "stand/step.csv"),
@@ -39,6 +39,7 @@ const COMMANDS: [(&str, &str); 8] = [
     ("bandwidth --model model.toml", "model.toml"),
     ("bandwidth --model model.toml --compensator spoiled.toml", "spoiled.toml"),
     ("simulate --model model.toml --plan plan.toml --out sim", "plan.toml"),
+    ("vehicle --airframe airframe.toml --model model.toml", "airframe.toml"),
     ("import spoiled.csv --out imported", "spoiled.csv"),
 ];
 
@@ -60,6 +61,7 @@ fn one_damaged_byte_in_a_good_file_is_refused_and_named() {
     for (arguments, spoiled, good) in [
         ("design --model model.toml --out c.toml", "model.toml", MODEL),
         ("simulate --model model.toml --plan plan.toml --out sim", "plan.toml", PLAN),
+        ("vehicle --airframe airframe.toml --model model.toml", "airframe.toml", AIRFRAME),
     ] {
         for _ in 0..FILES {
             let stand = Stand::new();

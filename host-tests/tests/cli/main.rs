@@ -17,3 +17,4 @@ mod report_of_steps;
 mod stand;
 mod terminal;
 mod two_logs;
+mod vehicle;

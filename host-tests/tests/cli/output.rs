@@ -72,6 +72,7 @@ fn help_says_units_and_defaults() {
         ("identify", &["[default: auto]", "experiment's folder"]),
         ("validate", &["%", "experiment's folder"]),
         ("design", &["<RAD_S>", "rad/s", "<HZ>", "5000 Hz unless given", "1/sqrt(2) unless given"]),
+        ("vehicle", &["a quadrotor of 450 mm unless given", "Table 1 unless given", "docs/vehicle.md"]),
         ("bandwidth", &["3 dB", "rad/s", "<HZ>", "one is designed from the model"]),
     ] {
         let help = flowing(&Stand::new().run(&format!("{command} --help")));
@@ -142,6 +143,7 @@ fn nothing_but_json_is_on_standard_output_of_any_command() {
         "bandwidth --model found.toml --compensator c.toml",
         "excite --band 0.1..2 --rate 100 --starts 1",
         &format!("import {log} --out imported"),
+        "vehicle --airframe airframe.toml --model model.toml",
         "demo",
     ] {
         let assert = stand.command(&format!("{arguments} --json -")).assert().code(0);

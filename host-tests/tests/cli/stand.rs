@@ -23,6 +23,29 @@ gain = 7.1
 time_constant_s = 0.06
 ";
 
+/// A vehicle that hovers where the model holds, with one latency and few actuators.
+pub const AIRFRAME: &str = "\
+format = 1
+[roll]
+inertia_kg_m2 = 0.0125
+arm_m = 0.159
+motors = 4
+disturbance_n_m = 0.3
+step_deg = 1.0
+[controller]
+rate_hz = 1000
+gyro_low_pass_hz = 90
+d_low_pass_hz = 60
+integral_time_s = 0.3
+latency_s = [0.002]
+gyro_noise_deg_s_sqrt_hz = 0.05
+[hover]
+command = 0.45
+range = [0.4, 0.5]
+[actuators]
+inverse_rad_s = [150]
+";
+
 /// A multisine to fit and a square wave to validate, with little noise.
 pub const PLAN: &str = "\
 format = 1
@@ -74,7 +97,7 @@ excitation = \"step\"
 amplitude = 0.1
 ";
 
-/// A folder with `model.toml`, `plan.toml` and the experiment `stand`, and the program in it.
+/// A folder with `model.toml`, `plan.toml`, `airframe.toml` and the experiment `stand`, and the program in it.
 pub struct Stand(tempfile::TempDir);
 
 impl Stand {
@@ -83,6 +106,7 @@ impl Stand {
         fs::create_dir(stand.path("stand")).unwrap();
         stand.write("model.toml", MODEL);
         stand.write("plan.toml", PLAN);
+        stand.write("airframe.toml", AIRFRAME);
         stand.write("stand/experiment.toml", STEP);
         stand.write("stand/step.csv", step_csv());
         stand

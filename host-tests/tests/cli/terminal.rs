@@ -237,6 +237,7 @@ fn what_is_printed_fits_80_columns() {
         "check rc",
         "check bb",
         "diagnose esc",
+        "vehicle --verbose",
         "demo --out demo",
     ] {
         let output = stand.command(arguments).output().unwrap();

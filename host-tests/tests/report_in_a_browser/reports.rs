@@ -27,7 +27,7 @@ const HAMMER: &str = "format = 1\nname = \"hammer\"\ncommand = \"force_n\"\noutp
                       [[record]]\nfile = \"blow.csv\"\nnominal = 0\nexcitation = \"free\"\n";
 
 /// What is run, and the report that it writes, if any.
-const RUNS: [(&str, Option<&str>); 16] = [
+const RUNS: [(&str, Option<&str>); 17] = [
     ("simulate --model limited.toml --plan plan.toml --out stand --report simulate.html", Some("simulate")),
     ("report stand --out report.html", Some("report")),
     ("identify stand --out found.toml --report identify.html", Some("identify")),
@@ -50,6 +50,7 @@ const RUNS: [(&str, Option<&str>); 16] = [
     ("simulate --model curved.toml --plan stairs-plan.toml --out stairs", None),
     ("report stairs --out stairs.html", Some("stairs")),
     ("identify stairs --out stairs.toml --report stairs-identify.html", Some("stairs-identify")),
+    ("vehicle --report vehicle.html", Some("vehicle")),
     ("demo --out demo --report demo.html", Some("demo")),
 ];
 

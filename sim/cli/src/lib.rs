@@ -37,6 +37,7 @@ mod report_option;
 mod report_pages;
 mod simulate;
 mod validate;
+mod vehicle;
 mod wrong_use;
 
 use std::io::{Write as _, stdout};
@@ -88,6 +89,7 @@ enum Command {
     Validate(validate::Validate),
     Design(design::Design),
     Bandwidth(bandwidth::Bandwidth),
+    Vehicle(vehicle::Vehicle),
     Diagnose(diagnose::Diagnose),
     Report(report::ReportCommand),
     Device(device::Device),
@@ -150,6 +152,7 @@ impl Arguments {
                 say(&command.json, Some(&command.out), Some(&command.report), &|| command.run())
             }
             Command::Bandwidth(command) => say(&command.json, None, Some(&command.report), &|| command.run()),
+            Command::Vehicle(command) => say(&command.json, None, Some(&command.report), &|| command.run()),
             Command::Diagnose(command) => {
                 say(&command.json, command.out_model.as_deref(), Some(&command.report), &|| command.run())
             }

@@ -22,6 +22,7 @@ mod table;
 mod time_response;
 mod unit;
 mod validation;
+mod vehicle;
 
 pub use bandwidths::{PointValues, bandwidth_cell, bandwidth_table, bandwidth_values, measured_table};
 pub use bode::{Band, Curve, bode};
@@ -39,6 +40,7 @@ pub use sections::{
     explanations_table, fastest_point, gap_table, identification_section, identification_tables, in_short,
     inverse_equation, inverse_table, laws_table, parameter_table, predicted_table, ratios_table, redesign_sections,
     redesign_table, simulation_section, stand_section, stand_table, transfer_function, validation_section,
+    vehicle_force_table, vehicle_gains_table, vehicle_other_table, vehicle_section, vehicle_table,
 };
 pub use unit::{quantity, unit};
 pub use validation::{is_wrong, validation_by_nominal, validation_scores, verdict};

@@ -1,7 +1,7 @@
 //! A conditioned inverse with what it was designed from and what its output can do.
 
 use num_complex::Complex64;
-use rotorlead::compensator::{CommandRange, Compensator, InverseFilter};
+use rotorlead::compensator::{CommandRange, InverseFilter};
 use rotorlead::design::{CurvePoint, InverseDesign, InverseError, LeadParameters, ReferenceModel, RotorCurve};
 use rotorlead::inverse::{COEFFICIENT_BITS, GAIN_BITS, TABLE_POINTS};
 use rotorlead::throttle::Command;
@@ -87,15 +87,17 @@ impl InverseCompensator {
         (self.compensated.0..=self.compensated.1).contains(&command)
     }
 
-    /// The controller's own code.
-    pub(super) fn running(&self) -> Compensator {
-        let [min, max] = [self.min, self.max].map(Command::saturating_from_f64);
-        Compensator::new(self.filter, min, max)
+    pub(super) fn filter(&self) -> InverseFilter {
+        self.filter
+    }
+
+    /// The lowest and the highest output.
+    pub(super) fn ends(&self) -> (Command, Command) {
+        (Command::saturating_from_f64(self.min), Command::saturating_from_f64(self.max))
     }
 
     pub(super) fn runs_as(&self, other: &Self) -> bool {
-        let ends = |inverse: &Self| [inverse.min, inverse.max].map(Command::saturating_from_f64);
-        self.filter == other.filter && ends(self) == ends(other)
+        self.filter == other.filter && self.ends() == other.ends()
     }
 
     /// `omega_f^2 (tau s + 1) / (s^2 + 2 damping omega_f s + omega_f^2)` with the time constant of the table.

@@ -12,7 +12,7 @@ pub use lead_file::{CoefficientFormat, LeadFile, LeadKind, SignalFormat, StoredC
 use std::path::Path;
 
 use num_complex::Complex64;
-use rotorlead::compensator::Compensator;
+use rotorlead::compensator::{Compensator, Filter};
 use rotorlead::design::{LeadDesign, LeadParameters};
 use rotorlead::throttle::Command;
 use rotorlead_records::files::{FileError, Place, TomlFile};
@@ -91,12 +91,22 @@ impl CompensatorDesign {
     /// inverse to its own.
     #[must_use]
     pub fn running(&self, start: Command) -> Compensator {
-        let mut compensator = match self {
-            Self::Lead(design) => Compensator::new(*design.coefficients(), Command::ZERO, Command::ONE),
-            Self::Inverse(inverse) => inverse.running(),
+        let (min, max) = match self {
+            Self::Lead(_) => (Command::ZERO, Command::ONE),
+            Self::Inverse(inverse) => inverse.ends(),
         };
+        let mut compensator = Compensator::new(self.filter(), min, max);
         compensator.reset(start);
         compensator
+    }
+
+    /// What a [`Compensator`] is made of, without the limits of its output.
+    #[must_use]
+    pub fn filter(&self) -> Filter {
+        match self {
+            Self::Lead(design) => (*design.coefficients()).into(),
+            Self::Inverse(inverse) => inverse.filter().into(),
+        }
     }
 
     /// Whether the controller would make the same of it, bit for bit: the same coefficients and limits.

@@ -130,6 +130,7 @@ impl FileKind {
     const ALL: &'static [Self] = &[
         Self { keys: &["zero_rad_s"], name: "a compensator", source: "`rotorlead design` writes a compensator" },
         Self { keys: &["point"], name: "a model", source: "`rotorlead identify` writes a model" },
+        Self { keys: &["roll"], name: "an airframe", source: "`docs/vehicle.md` has one to begin with" },
         Self {
             keys: &["output", "command"],
             name: "the description of an experiment",

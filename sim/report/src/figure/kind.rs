@@ -50,11 +50,17 @@ pub enum FigureKind {
     Bandwidths,
     /// What explains a table of bandwidths.
     Explanations,
+    /// Rate-loop bandwidths of a vehicle with different actuators.
+    VehicleBandwidth,
+    /// How far a torque turns a vehicle.
+    VehicleDisturbance,
+    /// A step of lateral force.
+    VehicleForce,
 }
 
 impl FigureKind {
     /// All of them, in the order of the work.
-    pub const ALL: [Self; 23] = [
+    pub const ALL: [Self; 26] = [
         Self::Record,
         Self::Excitation,
         Self::StaticMap,
@@ -78,6 +84,9 @@ impl FigureKind {
         Self::Residual,
         Self::Bandwidths,
         Self::Explanations,
+        Self::VehicleBandwidth,
+        Self::VehicleDisturbance,
+        Self::VehicleForce,
     ];
 
     /// How the names of its files begin.
@@ -107,6 +116,9 @@ impl FigureKind {
             Self::Residual => "residual",
             Self::Bandwidths => "bandwidths",
             Self::Explanations => "explanations",
+            Self::VehicleBandwidth => "vehicle_bandwidth",
+            Self::VehicleDisturbance => "vehicle_disturbance",
+            Self::VehicleForce => "vehicle_force",
         }
     }
 }
@@ -121,7 +133,7 @@ mod tests {
         let mut numbers = FigureKind::ALL.map(|kind| kind as usize);
         numbers.sort_unstable();
         assert_eq!(numbers.to_vec(), (0..FigureKind::ALL.len()).collect::<Vec<_>>());
-        assert_eq!(FigureKind::Explanations as usize + 1, FigureKind::ALL.len(), "the last one is listed");
+        assert_eq!(FigureKind::VehicleForce as usize + 1, FigureKind::ALL.len(), "the last one is listed");
         let mut ids = FigureKind::ALL.map(FigureKind::id).to_vec();
         ids.sort_unstable();
         ids.dedup();

@@ -9,6 +9,7 @@ mod identification;
 mod redesign;
 mod stand;
 mod validation;
+mod vehicle;
 
 pub use bandwidth::bandwidth_section;
 pub use bandwidth_diagnosis::{bandwidth_diagnosis_section, explanations_table, predicted_table, ratios_table};
@@ -22,6 +23,7 @@ pub use identification::{identification_section, identification_tables, laws_tab
 pub use redesign::{redesign_sections, redesign_table};
 pub use stand::{stand_section, stand_table};
 pub use validation::validation_section;
+pub use vehicle::{vehicle_force_table, vehicle_gains_table, vehicle_other_table, vehicle_section, vehicle_table};
 
 use super::html::Cell;
 use super::number::with_std;

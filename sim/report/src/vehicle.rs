@@ -1,0 +1,89 @@
+//! Figures of a comparison of actuators in a vehicle.
+
+use rotorlead_vehicle::{Airframe, Row, Study};
+
+use super::figure::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
+
+/// Height of a panel among several, pixels.
+const HEIGHT: u32 = 240;
+
+/// Bandwidths and disturbances at each latency, and lateral force where there is some.
+pub fn vehicle_figures(study: &Study, airframe: &Airframe) -> Vec<Figure> {
+    [bandwidths(study, airframe), disturbances(study, airframe)].into_iter().chain(force(study)).collect()
+}
+
+fn at_hover(airframe: &Airframe) -> String {
+    format!("tuned for {:.2} alone", airframe.hover.command)
+}
+
+fn over_range(airframe: &Airframe) -> String {
+    let [from, to] = airframe.hover.range;
+    format!("one gain set for {from:.2} to {to:.2}, worst")
+}
+
+fn bandwidths(study: &Study, airframe: &Airframe) -> Figure {
+    let panel = |at: &rotorlead_vehicle::AtLatency| {
+        let names = at.hover.iter().map(|row| row.actuator.name()).collect();
+        let points = |rows: &[Row]| {
+            let known = rows
+                .iter()
+                .enumerate()
+                .filter_map(|(index, row)| Some((row.performance.as_ref()?.margins.bandwidth_rad_s, index as f64)));
+            known.collect()
+        };
+        let series = vec![
+            Series::new(at_hover(airframe), Color::Blue, Mark::Discs, points(&at.hover)),
+            Series::new(over_range(airframe), Color::Vermilion, Mark::Rings, points(&at.range)),
+        ];
+        let y = Axis::names("actuator", names);
+        Panel { title: latency(at.latency_s), height: HEIGHT, ..Panel::new(Axis::bandwidth(), y, series) }
+    };
+    Figure::new(
+        FigureKind::VehicleBandwidth,
+        "Bandwidth of the rate loop with each actuator",
+        "Every controller is tuned to the same margins. A ring left of its disc is what one gain set for all hover commands costs.",
+        study.latencies.iter().map(panel).collect(),
+    )
+}
+
+fn disturbances(study: &Study, airframe: &Airframe) -> Figure {
+    let panel = |rows: &[Row], title: String| {
+        let series = rows.iter().enumerate().filter_map(|(index, row)| {
+            let points = row.performance.as_ref()?.disturbed.clone();
+            Some(Series::new(row.actuator.name(), Color::nth(index), Mark::Line, points))
+        });
+        let axes = (Axis::linear("time", "s"), Axis::linear("roll angle", "degrees"));
+        Panel { title, height: HEIGHT, ..Panel::new(axes.0, axes.1, series.collect()) }
+    };
+    let panels = study.latencies.iter().flat_map(|at| {
+        let title = |rows: String| format!("{}, {rows}", latency(at.latency_s));
+        [panel(&at.hover, title(at_hover(airframe))), panel(&at.range, title(over_range(airframe)))]
+    });
+    Figure::new(
+        FigureKind::VehicleDisturbance,
+        format!("Roll angle after a torque of {} N m", airframe.roll.disturbance_n_m),
+        "A lower peak is a stiffer vehicle. What is left after it decays with the integral time.",
+        panels.collect(),
+    )
+}
+
+fn force(study: &Study) -> Option<Figure> {
+    let series = study
+        .lateral
+        .iter()
+        .enumerate()
+        .map(|(index, row)| Series::new(row.actuator.name(), Color::nth(index), Mark::Line, row.step.clone()));
+    let panel = Panel::new(Axis::linear("time", "s"), Axis::linear("lateral force", "N"), series.collect());
+    (!study.lateral.is_empty()).then(|| {
+        Figure::new(
+            FigureKind::VehicleForce,
+            "Step of the lateral force of a hexarotor with tilted rotors",
+            "No loop is closed around the force: what is seen is the actuators.",
+            vec![panel],
+        )
+    })
+}
+
+fn latency(latency_s: f64) -> String {
+    format!("latency {:.1} ms", 1e3 * latency_s)
+}

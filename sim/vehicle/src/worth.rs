@@ -1,0 +1,116 @@
+//! What an actuator is worth beside the bare one.
+
+use serde::Serialize;
+
+use crate::study::Row;
+
+/// Ratios closer to 1 than this make no difference.
+const SAME: f64 = 0.05;
+/// What an actuator is worth beside the bare one, by bandwidth and disturbance peak.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Worth {
+    /// Better in one, and no worse in the other; or a gain set where the bare actuator has none.
+    Better,
+    /// No difference.
+    Same,
+    /// Better in one and worse in the other.
+    Mixed,
+    /// Worse in one, and no better in the other.
+    Worse,
+}
+
+impl Worth {
+    /// In one word.
+    #[must_use]
+    pub fn word(self) -> &'static str {
+        match self {
+            Self::Better => "better",
+            Self::Same => "same",
+            Self::Mixed => "mixed",
+            Self::Worse => "worse",
+        }
+    }
+}
+
+/// An actuator's results over those of the bare one.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Ratios {
+    /// Rate-loop bandwidths.
+    pub bandwidth: f64,
+    /// Disturbance peaks.
+    pub disturbance_peak: f64,
+    /// Settling times, where both settle.
+    pub settling: Option<f64>,
+}
+
+impl Row {
+    /// The results over those of `bare`, where both have some.
+    #[must_use]
+    pub fn ratios(&self, bare: &Self) -> Option<Ratios> {
+        let (own, bare) = (self.performance.as_ref()?, bare.performance.as_ref()?);
+        Some(Ratios {
+            bandwidth: own.margins.bandwidth_rad_s / bare.margins.bandwidth_rad_s,
+            disturbance_peak: own.disturbance_peak_deg / bare.disturbance_peak_deg,
+            settling: own.settling_s.zip(bare.settling_s).map(|(own, bare)| own / bare),
+        })
+    }
+
+    /// What it is worth beside `bare`; `None` for an actuator that has no gain set where the bare one has none either.
+    #[must_use]
+    pub fn worth(&self, bare: &Self) -> Option<Worth> {
+        let Some(Ratios { bandwidth, disturbance_peak, .. }) = self.ratios(bare) else {
+            return match (&self.performance, &bare.performance) {
+                (Some(_), None) => Some(Worth::Better),
+                (None, Some(_)) => Some(Worth::Worse),
+                _ => None,
+            };
+        };
+        let is_better = bandwidth > 1.0 + SAME || disturbance_peak < 1.0 - SAME;
+        let is_worse = bandwidth < 1.0 - SAME || disturbance_peak > 1.0 + SAME;
+        Some(match (is_better, is_worse) {
+            (true, false) => Worth::Better,
+            (false, true) => Worth::Worse,
+            (true, true) => Worth::Mixed,
+            (false, false) => Worth::Same,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::actuator::ActuatorKind;
+    use crate::response::Margins;
+    use crate::study::Performance;
+    use crate::tuning::Gains;
+
+    fn row(actuator: ActuatorKind, bandwidth_rad_s: f64, disturbance_peak_deg: f64) -> Row {
+        let gains = Gains { rate_p_1_s: 1.0, integral_time_s: 1.0, derivative_time_s: 0.0, attitude_p_1_s: 1.0 };
+        let margins = Margins { max_sensitivity: 1.6, phase_margin_deg: 50.0, actuator_noise: 0.01, bandwidth_rad_s };
+        let performance =
+            Performance { gains, margins, disturbance_peak_deg, settling_s: Some(0.1), disturbed: Vec::new() };
+        Row { actuator, performance: Some(performance) }
+    }
+
+    const INVERSE: ActuatorKind = ActuatorKind::Inverse { omega_f_rad_s: 150.0 };
+
+    #[test]
+    fn worth_is_by_bandwidth_and_peak() {
+        let bare = row(ActuatorKind::None, 80.0, 1.0);
+        for (bandwidth, peak, expected) in [
+            (100.0, 0.5, Worth::Better),
+            (100.0, 1.02, Worth::Better),
+            (82.0, 0.98, Worth::Same),
+            (100.0, 1.4, Worth::Mixed),
+            (60.0, 2.0, Worth::Worse),
+            (81.0, 1.2, Worth::Worse),
+        ] {
+            assert_eq!(row(INVERSE, bandwidth, peak).worth(&bare), Some(expected), "{bandwidth}, {peak}");
+        }
+        let none = Row { actuator: ActuatorKind::None, performance: None };
+        assert_eq!(bare.worth(&none), Some(Worth::Better));
+        assert_eq!(none.worth(&bare), Some(Worth::Worse));
+        assert_eq!(none.worth(&none), None);
+    }
+}
