@@ -1,6 +1,6 @@
 //! What the conditioned inverse makes of a simulated rotor: rise, overshoot and bandwidth at every operating point.
 
-use host_tests::{TABLE_1, cases};
+use host_tests::{TABLE_1, cases, paper_curve};
 use proptest::prelude::*;
 use rotorlead::design::{CurvePoint, InverseDesign, ReferenceModel};
 use rotorlead::excitation::{Multisine, ODD_LINES_45_HZ};
@@ -11,14 +11,6 @@ use super::{command, pole_at};
 
 /// Slew limits of ESCs, units of the command per second: none, and 16, 6 and 2 % per millisecond.
 const SLEWS_PER_S: [f64; 4] = [0.0, 160.0, 60.0, 20.0];
-
-/// The rotor of the paper's Table 1. Outside of it the curve is assumed: 2.6 rad/s at 0 and 24 rad/s at 1.
-fn paper_curve() -> Vec<CurvePoint> {
-    let ends = [(0.0, 2.6), (1.0, 24.0)];
-    let mut poles: Vec<_> = TABLE_1.iter().map(|&(command, _, pole)| (command, pole)).chain(ends).collect();
-    poles.sort_by(|a, b| a.0.total_cmp(&b.0));
-    poles.into_iter().map(|(command, pole)| CurvePoint { command, tau_s: 1.0 / pole }).collect()
-}
 
 /// The inverse at 5 kHz of a rotor whose time constants are `tau_factor` times those of Table 1.
 fn paper_inverse(omega_f_rad_s: f64, tau_factor: f64) -> InverseDesign {

@@ -12,6 +12,7 @@ use std::time::Duration;
 
 use clap::{Args, Subcommand};
 use miette::IntoDiagnostic as _;
+use rotorlead::controller::FilterError;
 use rotorlead::design::LeadDesign;
 use rotorlead::link::{BrownOut, CrystalCheck, Info};
 use rotorlead::settings::Settings;
@@ -214,10 +215,21 @@ fn save(session: &mut Session) -> miette::Result<Outcome> {
     Ok(Outcome::new("Saved.\n".into(), &json!({ "saved": true })))
 }
 
+/// What to do where a filter cannot be designed.
+fn design_remedy(error: &FilterError) -> String {
+    match error {
+        FilterError::Lead(_) => "change omega_z_rad_s, omega_f_rad_s or damping".to_owned(),
+        FilterError::Inverse { motor, .. } => format!(
+            "change inverse.natural_rad_s, inverse.damping, inverse.slew_per_s, loop_rate_hz or motor.{motor}.time_constant_s"
+        ),
+    }
+}
+
 /// The compensator of these settings, as the controller makes it.
 fn design(settings: &Settings) -> miette::Result<LeadDesign> {
     LeadDesign::new(settings.lead.into(), f64::from(settings.loop_rate_hz), None)
-        .map_err(|error| miette::miette!(help = "change omega_z_rad_s, omega_f_rad_s or damping", "{error}"))
+        .map_err(FilterError::Lead)
+        .map_err(|error| miette::miette!(help = design_remedy(&error), "{error}"))
 }
 
 /// Whether the compensator is in a motor's path.
