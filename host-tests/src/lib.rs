@@ -88,6 +88,65 @@ pub fn paper_curve() -> Vec<CurvePoint> {
     poles.map(|(command, pole)| CurvePoint { command, tau_s: 1.0 / pole }).collect()
 }
 
+/// `1 / tau` of a curve at `command`, interpolated linearly, rad/s.
+///
+/// # Panics
+/// For a curve without points.
+#[must_use]
+pub fn pole_at(curve: &[CurvePoint], command: f64) -> f64 {
+    let pole = |point: &CurvePoint| 1.0 / point.tau_s;
+    let upper = curve.iter().position(|point| point.command >= command);
+    match upper {
+        None => pole(&curve[curve.len() - 1]),
+        Some(0) => pole(&curve[0]),
+        Some(upper) => {
+            let (low, high) = (&curve[upper - 1], &curve[upper]);
+            pole(low) + (command - low.command) / (high.command - low.command) * (pole(high) - pole(low))
+        }
+    }
+}
+
+/// An ESC that holds a command until its next frame, for a loop at 5 kHz.
+pub struct EscFrames {
+    per_tick: f64,
+    /// Of a frame that has begun.
+    part: f64,
+    held: f64,
+}
+
+impl EscFrames {
+    /// One that has `held` already.
+    #[must_use]
+    pub fn new(frame_hz: f64, held: f64) -> Self {
+        Self { per_tick: frame_hz / 5000.0, part: 1.0, held }
+    }
+
+    /// What the rotor gets in a tick whose command is `command`.
+    pub fn hold(&mut self, command: f64) -> f64 {
+        if self.part >= 1.0 {
+            self.part -= 1.0;
+            self.held = command;
+        }
+        self.part += self.per_tick;
+        self.held
+    }
+}
+
+/// Gain from `input` to `output` at a multiple of the frequency of which they are one period.
+#[must_use]
+pub fn gain_at(input: &[f64], output: &[f64], harmonic: usize) -> f64 {
+    let magnitude = |signal: &[f64]| {
+        let turn = std::f64::consts::TAU * harmonic as f64 / signal.len() as f64;
+        let (mut re, mut im) = (0.0, 0.0);
+        for (n, value) in signal.iter().enumerate() {
+            let (sin, cos) = (turn * n as f64).sin_cos();
+            (re, im) = (re + value * cos, im + value * sin);
+        }
+        f64::hypot(re, im)
+    };
+    magnitude(output) / magnitude(input)
+}
+
 /// The inverse of the paper's motors with the paper's poles, at 5 kHz.
 ///
 /// # Panics

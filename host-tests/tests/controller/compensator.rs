@@ -3,11 +3,12 @@
 use std::f64::consts::TAU;
 
 use host_tests::{
-    any_design, any_filter, any_inverse, cases, multisine, paper_curve, paper_design, paper_filters, settled,
+    any_design, any_filter, any_inverse, cases, multisine, paper_curve, paper_design, paper_filters, pole_at, settled,
 };
 use proptest::prelude::*;
 use rotorlead::biquad::Section;
 use rotorlead::compensator::{CommandRange, Compensator, Filter};
+use rotorlead::design::CurvePoint;
 use rotorlead::inverse::{ConditionedInverse, Limits};
 use rotorlead::throttle::{Command, FRACTION_BITS, Throttle};
 
@@ -324,6 +325,7 @@ fn a_step_that_the_slew_limits_comes_back_without_delay() {
     compensator.reset(command(0.4));
     let slew = command(20.0 / 5000.0).to_bits();
     let (mut last, mut limited) = (command(0.4).to_bits(), 0);
+    let curve = paper_curve();
     let (mut rotor, mut peak) = (0.4, 0.0_f64);
     for _ in 0..5000 {
         let output = compensator.update(command(0.7));
@@ -331,22 +333,13 @@ fn a_step_that_the_slew_limits_comes_back_without_delay() {
         assert!(change <= slew);
         limited += u32::from(change > slew - 2 * HALF_STEP);
         last = output.to_bits();
-        rotor += (output.to_f64() - rotor) * rotor_pole(rotor) / 5000.0;
+        rotor += (output.to_f64() - rotor) * pole_at(&curve, rotor) / 5000.0;
         peak = peak.max(rotor);
     }
     println!("{limited} ticks at the slew, overshoot {:.2} %", (peak - 0.7) / 0.3 * 1e2);
     assert!(limited > 50, "the slew was to limit the step, in {limited} ticks");
     assert!(peak - 0.7 < 0.06 * 0.3, "wound up: {peak}");
     assert_eq!(compensator.output(), settled(&filter, command(0.7)));
-}
-
-/// `1 / tau` of the paper's motors at `v`.
-fn rotor_pole(v: f64) -> f64 {
-    let curve = paper_curve();
-    let upper = curve.iter().position(|point| point.command >= v).unwrap_or(curve.len() - 1).max(1);
-    let (low, high) = (curve[upper - 1], curve[upper]);
-    let part = (v - low.command) / (high.command - low.command);
-    1.0 / low.tau_s + part * (1.0 / high.tau_s - 1.0 / low.tau_s)
 }
 
 /// Whenever the compensator is taken out after a step, a leftover that fades too slowly drives the motor past its command.
@@ -356,9 +349,9 @@ fn taken_out_after_a_step_it_does_not_drive_the_motor_past_its_command() {
     let (from, to) = (0.4, 0.5);
     let pole = paper_design().lead().omega_z_rad_s;
     let [lead, inverse] = paper_filters();
-    let motors: [(Filter, fn(f64, f64) -> f64, f64); 2] =
-        [(lead, |_, pole| pole, 0.125), (inverse, |v, _| rotor_pole(v), 0.13)];
-    for (filter, pole_at, most) in motors {
+    // That of the fastest operating point, for which the lead is, and one that depends on the speed.
+    let fastest = vec![CurvePoint { command: 0.0, tau_s: 1.0 / pole }];
+    for (filter, curve, most) in [(lead, fastest, 0.125), (inverse, paper_curve(), 0.13)] {
         let overshoot = |taken_out_at: usize| {
             let mut compensator = Compensator::new(filter, Command::ZERO, Command::ONE);
             compensator.reset(command(from));
@@ -367,7 +360,7 @@ fn taken_out_after_a_step_it_does_not_drive_the_motor_past_its_command() {
                 if tick == taken_out_at {
                     compensator.set_enabled(false);
                 }
-                motor += pole_at(motor, pole) / 5000.0 * (compensator.update(command(to)).to_f64() - motor);
+                motor += pole_at(&curve, motor) / 5000.0 * (compensator.update(command(to)).to_f64() - motor);
                 highest = f64::max(highest, motor);
             }
             (highest - to) / (to - from)

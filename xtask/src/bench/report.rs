@@ -190,8 +190,7 @@ impl Report {
         }
         let Interrupts { tick_1ch, tick_4ch, capture_1, capture_4, link_byte, link_both, excitations, .. } =
             &self.interrupts;
-        let Interrupts { tick_4ch_inverse, tick_arming, tick_arming_inverse, excitation_inverse, .. } =
-            &self.interrupts;
+        let Interrupts { tick_4ch_inverse, excitation_inverse, .. } = &self.interrupts;
         let tick = tick_4ch_inverse.worst.instructions;
         let what = format!("a tick of four motors with inverses takes {tick} instructions");
         hold(tick < MOST_INSTRUCTIONS_TICK_INVERSE, what);
@@ -199,8 +198,6 @@ impl Report {
             ("tick of one motor", tick_1ch, TICK_CYCLES),
             ("tick of four motors", tick_4ch, TICK_CYCLES),
             ("tick of four motors with inverses", tick_4ch_inverse, TICK_CYCLES),
-            ("tick that arms four motors", tick_arming, TICK_CYCLES),
-            ("tick that arms four motors with inverses", tick_arming_inverse, TICK_CYCLES),
             ("capture of one edge", capture_1, CAPTURE_CYCLES),
             ("capture of four edges", capture_4, CAPTURE_CYCLES),
             ("byte of the link", link_byte, BYTE_CYCLES),

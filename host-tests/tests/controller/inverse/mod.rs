@@ -2,7 +2,7 @@
 
 mod response;
 
-use host_tests::{any_inverse, cases, settling_s};
+use host_tests::{any_inverse, cases, pole_at, settling_s};
 use proptest::prelude::*;
 use rotorlead::design::{CurvePoint, InverseDesign, ReferenceModel};
 use rotorlead::inverse::{ConditionedInverse, Limits, OUTPUT_BITS, TABLE_POINTS};
@@ -56,20 +56,6 @@ fn calm_case() -> impl Strategy<Value = Case> {
         let (g, a) = (highest / 2.0_f64.powi(22), f64::from(coefficients.a()) / 2.0_f64.powi(30));
         g * a <= 2.0
     })
-}
-
-/// `1 / tau` of a curve at `command`.
-fn pole_at(curve: &[CurvePoint], command: f64) -> f64 {
-    let pole = |point: &CurvePoint| 1.0 / point.tau_s;
-    let upper = curve.iter().position(|point| point.command >= command);
-    match upper {
-        None => pole(&curve[curve.len() - 1]),
-        Some(0) => pole(&curve[0]),
-        Some(upper) => {
-            let (low, high) = (&curve[upper - 1], &curve[upper]);
-            pole(low) + (command - low.command) / (high.command - low.command) * (pole(high) - pole(low))
-        }
-    }
 }
 
 /// The recurrence in `f64`, from its equations: neither the coefficients nor the output are rounded.
