@@ -263,6 +263,24 @@ fn an_inverse_is_set_used_stored_and_shown() {
     assert_eq!(bench.device("get motor.1.time_constant_s").unwrap()["motor.1.time_constant_s"], "none");
 }
 
+/// What a folder says of its records is read again by other commands.
+#[test]
+fn no_record_of_an_inverse_is_said_to_be_of_the_lead() {
+    let bench = Bench::new(Trouble::None, FAST);
+    bench.device(&format!("set compensator inverse motor.*.time_constant_s {CURVE} motor.1.compensate true")).unwrap();
+    for arguments in [
+        format!("excite --motor 1 --nominal 0.5 --periods 1 --out @stand {SENSOR}"),
+        format!("record --motor 1 --seconds 1 --out @stand {SENSOR}"),
+        "inject --motor 1 --model @model.toml --out @stand".to_owned(),
+    ] {
+        let error = bench.device(&arguments).unwrap_err();
+        assert!(error.contains("motor 1 has an inverse") && error.contains("motor.1.compensate false"), "{error}");
+        assert!(!bench.path("stand").exists());
+    }
+    // Without it in the path a record is a record.
+    bench.device(&format!("excite --motor 0 --nominal 0.5 --periods 1 --out @stand {SENSOR}")).unwrap();
+}
+
 #[test]
 fn an_inverse_without_curves_is_refused_with_the_key_that_it_takes() {
     let bench = Bench::new(Trouble::None, FAST);

@@ -146,6 +146,6 @@ fn large_steps_with_a_slew_limit_are_the_hosts_bit_for_bit() {
         let at_ends = outputs[2..].iter().filter(|&&output| output == 1.0 || output < 0.0501).count();
         println!("{slew_per_s}: {limited} ticks at the slew, {at_ends} at an end of the range");
         assert!(changes.clone().all(|change| change <= slew));
-        assert!(limited > 100 && at_ends > 100, "{limited} {at_ends}");
+        assert!(limited > 30 && at_ends > 100, "{limited} {at_ends}");
     }
 }

@@ -14,6 +14,7 @@ use thiserror::Error;
 
 use super::folder::ExperimentFolder;
 use super::record::Sensor;
+use super::{check_describable, is_compensated};
 use crate::outcome::Outcome;
 use crate::parameters::{fraction, positive};
 use crate::progress;
@@ -71,6 +72,7 @@ struct Broken {
 impl Excite {
     pub(super) fn run(&self, session: &mut Session) -> miette::Result<Outcome> {
         let settings = session.settings()?;
+        check_describable(&settings, self.motor, is_compensated(&settings, self.motor))?;
         // No input is live: output frames come at their own rate.
         let folder = ExperimentFolder::new(&self.out, &settings, self.divisor, settings.output.frame_hz)?;
         let (mut files, mut rows) = (Vec::new(), 0);

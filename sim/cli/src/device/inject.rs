@@ -16,7 +16,7 @@ use rotorlead_records::files::OutputFolder;
 use serde_json::{Value, json};
 use thiserror::Error;
 
-use super::{design, is_compensated};
+use super::{check_describable, design, is_compensated};
 use crate::WrongUse;
 use crate::outcome::Outcome;
 use crate::progress;
@@ -82,6 +82,7 @@ impl Inject {
     pub(super) fn run(&self, session: &mut Session) -> miette::Result<(Outcome, miette::Result<()>)> {
         let settings = session.settings()?;
         let compensate = self.compensate.unwrap_or_else(|| is_compensated(&settings, self.motor));
+        check_describable(&settings, self.motor, compensate)?;
         let model = Model::read(&self.model)?;
         let design = design(&settings)?;
         let plan = self.plan(&model, &design, compensate, settings.loop_rate_hz)?;

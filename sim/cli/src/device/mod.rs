@@ -15,7 +15,7 @@ use miette::IntoDiagnostic as _;
 use rotorlead::controller::FilterError;
 use rotorlead::design::LeadDesign;
 use rotorlead::link::{BrownOut, CrystalCheck, Info};
-use rotorlead::settings::Settings;
+use rotorlead::settings::{CompensatorKind, Settings};
 use rotorlead_device::{DEFAULT_BAUD, DeviceError, Session};
 use serde_json::{Value, json};
 
@@ -230,6 +230,20 @@ fn design(settings: &Settings) -> miette::Result<LeadDesign> {
     LeadDesign::new(settings.lead.into(), f64::from(settings.loop_rate_hz), None)
         .map_err(FilterError::Lead)
         .map_err(|error| miette::miette!(help = design_remedy(&error), "{error}"))
+}
+
+/// Refuses to make records through an inverse: a folder's `compensator.toml` is written of the lead's settings.
+fn check_describable(settings: &Settings, motor: u8, is_compensated: bool) -> miette::Result<()> {
+    if is_compensated && settings.compensator == CompensatorKind::Inverse {
+        return Err(miette::miette!(
+            help = format!(
+                "`rotorlead device set motor.{motor}.compensate false` for a record without it, or compensator lead"
+            ),
+            "motor {motor} has an inverse in its path, and records through an inverse are not written: their folder would name \
+             the lead as their compensator"
+        ));
+    }
+    Ok(())
 }
 
 /// Whether the compensator is in a motor's path.

@@ -12,7 +12,7 @@ use serde_json::json;
 use thiserror::Error;
 
 use super::folder::ExperimentFolder;
-use super::is_compensated;
+use super::{check_describable, is_compensated};
 use crate::WrongUse;
 use crate::outcome::Outcome;
 use crate::parameters::{fraction, positive};
@@ -180,6 +180,7 @@ impl Record {
 
     pub(super) fn run(&self, session: &mut Session) -> miette::Result<Outcome> {
         let settings = session.settings()?;
+        check_describable(&settings, self.motor, is_compensated(&settings, self.motor))?;
         let divisor = self.divisor.unwrap_or(settings.recorder_divisor);
         let loop_rate_hz = f64::from(settings.loop_rate_hz);
         let rows = self.rows(loop_rate_hz / f64::from(divisor))?;
