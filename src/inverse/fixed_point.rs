@@ -1,6 +1,9 @@
 //! Products of words, rounded.
 
-use core::hint::cold_path;
+/// Marks the path that calls it as unlikely, as `core::hint::cold_path` of newer compilers does.
+#[cold]
+#[inline(always)]
+pub(super) const fn cold_path() {}
 
 /// The 64-bit product of two words.
 pub(super) const fn product(a: i32, b: i32) -> i64 {

@@ -1,8 +1,6 @@
 //! The tick.
 
-use core::hint::cold_path;
-
-use super::fixed_point::{add_high_product, product, shift_rounded, shifted_30_saturated};
+use super::fixed_point::{add_high_product, cold_path, product, shift_rounded, shifted_30_saturated};
 use super::limits::{HALF_STEP, STEP_SHIFT, command_of, nearest_steps};
 use super::{COEFFICIENT_BITS, Coefficients, GAIN_BITS, Limits};
 use crate::throttle::Command;
