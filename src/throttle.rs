@@ -85,6 +85,13 @@ impl Command {
         Throttle(bits).clamp_to(Self::ZERO, Self::ONE)
     }
 
+    /// From Q2.29 that is known to be within 0..=1.
+    #[inline]
+    pub(crate) const fn from_bits_in_range(bits: i32) -> Self {
+        debug_assert!(0 <= bits && bits <= ONE_BITS);
+        Self(bits)
+    }
+
     /// To Q2.29, 0..=2^29.
     #[must_use]
     pub const fn to_bits(self) -> i32 {

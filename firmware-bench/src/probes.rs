@@ -7,7 +7,10 @@ use dsp_fixedpoint::Q32;
 use dsp_process::SplitProcess;
 use idsp::iir::DirectForm1Dither;
 use rotorlead::biquad::{Coefficients, Section};
+use rotorlead::compensator::Filter;
 use rotorlead::controller;
+use rotorlead::design::{CurvePoint, InverseDesign};
+use rotorlead::inverse::{self, ConditionedInverse};
 use rotorlead::settings::Validated;
 use rotorlead::throttle::{Command, FRACTION_BITS, Throttle};
 use stm32f4xx_hal::pac::{RCC, TIM2};
@@ -18,7 +21,7 @@ const BLOCK: usize = 32;
 const MOTORS: usize = 4;
 /// Ticks after a step until the output counts as steady: 20 s.
 const SETTLING: u32 = 100_000;
-/// A step from here to there.
+/// A step from here to there. No multiples of the step of an output with 16 bits.
 const LEVELS: [i32; 2] = [271_828_182, 314_159_265];
 /// One in Q2.29.
 const ONE: f64 = (1_u64 << FRACTION_BITS) as f64;
@@ -52,15 +55,16 @@ macro_rules! filter {
                     black_box(&[x; BLOCK]),
                     black_box(&mut outputs),
                 );
-                let _ =
-                    black_box(black_box(size as fn(usize) -> usize)(size_of::<$state>() + size_of::<$coefficients>()));
+                for bytes in [size_of::<$state>(), size_of::<$coefficients>()] {
+                    let _ = black_box(black_box(size as fn(usize) -> usize)(bytes));
+                }
                 let steady = black_box(steady as fn(&mut $state, &$coefficients, $input) -> i32);
                 let _ = steady(black_box(&mut one), black_box(coefficients), from_bits(LEVELS[1]));
             }
 
             /// One sample.
             #[inline(never)]
-            fn call(state: &mut $state, coefficients: &$coefficients, x: $input) -> $output {
+            pub fn call(state: &mut $state, coefficients: &$coefficients, x: $input) -> $output {
                 $update(state, coefficients, x)
             }
 
@@ -159,7 +163,17 @@ filter!(
     |y: f32| (y * ONE as f32) as i32
 );
 
-/// Size of a state and its coefficients, for whoever looks at the argument.
+/// Time constants of the paper's motors, and the commands at which they were measured.
+const PAPER_CURVE: [CurvePoint; 6] = [
+    CurvePoint { command: 0.40, tau_s: 1.0 / 6.2758 },
+    CurvePoint { command: 0.45, tau_s: 1.0 / 7.3524 },
+    CurvePoint { command: 0.50, tau_s: 1.0 / 9.2889 },
+    CurvePoint { command: 0.55, tau_s: 1.0 / 9.9130 },
+    CurvePoint { command: 0.60, tau_s: 1.0 / 11.7439 },
+    CurvePoint { command: 0.65, tau_s: 1.0 / 14.1275 },
+];
+
+/// Size of a state or of its coefficients, for whoever looks at the argument.
 #[inline(never)]
 fn size(bytes: usize) -> usize {
     bytes
@@ -189,15 +203,16 @@ pub fn run(timer: &TIM2, clocks: &RCC) {
     let start = Command::saturating_from_bits(LEVELS[0]);
     rotorlead_section::run(Section::at_level(start), &coefficients, Command::saturating_from_bits);
 
-    // The paper's motors.
-    let curve = [CurvePoint { command: 0.40, tau_s: 0.159 }, CurvePoint { command: 0.65, tau_s: 0.071 }];
-    let Ok(design) = InverseDesign::new(defaults.inverse.reference(), LOOP_RATE_HZ, &curve) else { return };
+    let reference = defaults.inverse.reference();
+    let Ok(design) = InverseDesign::new(reference, f64::from(defaults.loop_rate_hz), &PAPER_CURVE) else { return };
     let Ok(limits) = design.limits(Command::ZERO, Command::ONE, defaults.inverse.slew_per_s) else { return };
-    let inverse = ConditionedInverse::at_rest(limits, start);
+    let mut inverse = ConditionedInverse::at_rest(limits, start);
     rotorlead_inverse::run(inverse, design.coefficients(), Command::saturating_from_bits);
+    // Once more from rest: the slew limits the first tick of a step.
+    let far = Command::saturating_from_bits(LEVELS[1]);
     let limited =
-        black_box(rotorlead_inverse::limited as fn(&mut ConditionedInverse, &inverse::Coefficients) -> Command);
-    let _ = black_box(limited(black_box(&mut { inverse }), black_box(design.coefficients())));
+        black_box(rotorlead_inverse::call as fn(&mut ConditionedInverse, &inverse::Coefficients, Command) -> Command);
+    let _ = black_box(limited(black_box(&mut inverse), black_box(design.coefficients()), black_box(far)));
 
     let nearest = |value: f64| Q32::from_bits((value * ONE + if value < 0.0 { -0.5 } else { 0.5 }) as i32);
     let dither = IdspBiquad { ba: [b0, b1, b2, -a1, -a2].map(nearest) };

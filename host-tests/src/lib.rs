@@ -12,13 +12,15 @@ use std::path::{Path, PathBuf};
 
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
+use rotorlead::compensator::{CommandRange, Filter};
 use rotorlead::controller;
-use rotorlead::design::{CurvePoint, LeadDesign, LeadParameters, RotorCurve};
+use rotorlead::design::{CurvePoint, InverseDesign, LeadDesign, LeadParameters, ReferenceModel, RotorCurve};
+use rotorlead::inverse::OUTPUT_BITS;
 use rotorlead::settings::{
     CompensatorKind, ExcitationLimits, FASTEST_RAW_DUTY_HZ, HIGHEST_STOP, Inverse, Lead, MotorSettings, NoSignal,
     Pulse, PulseProtocol, SHORTEST_LEVEL_US, Settings, Validated,
 };
-use rotorlead::throttle::Command;
+use rotorlead::throttle::{Command, FRACTION_BITS};
 
 /// A log of a real motor. The logs are not in this repository: they are looked for in `$ROTORLEAD_DATA`, else in `shared/data`
 /// beside the workspace. Without them this is `None`, and says that the test is skipped.
@@ -78,6 +80,103 @@ pub fn paper_design() -> LeadDesign {
     LeadDesign::new(lead, 5000.0, None).expect("the paper's design")
 }
 
+/// The time constants of Table 1. Outside of it the curve is assumed: 2.6 rad/s at 0 and 24 rad/s at 1.
+#[must_use]
+pub fn paper_curve() -> Vec<CurvePoint> {
+    let table = TABLE_1.map(|(command, _, pole)| (command, pole));
+    let poles = [(0.0, 2.6)].into_iter().chain(table).chain([(1.0, 24.0)]);
+    poles.map(|(command, pole)| CurvePoint { command, tau_s: 1.0 / pole }).collect()
+}
+
+/// `1 / tau` of a curve at `command`, interpolated linearly, rad/s.
+///
+/// # Panics
+/// For a curve without points.
+#[must_use]
+pub fn pole_at(curve: &[CurvePoint], command: f64) -> f64 {
+    let pole = |point: &CurvePoint| 1.0 / point.tau_s;
+    let upper = curve.iter().position(|point| point.command >= command);
+    match upper {
+        None => pole(&curve[curve.len() - 1]),
+        Some(0) => pole(&curve[0]),
+        Some(upper) => {
+            let (low, high) = (&curve[upper - 1], &curve[upper]);
+            pole(low) + (command - low.command) / (high.command - low.command) * (pole(high) - pole(low))
+        }
+    }
+}
+
+/// An ESC that holds a command until its next frame, for a loop at 5 kHz.
+pub struct EscFrames {
+    per_tick: f64,
+    /// Of a frame that has begun.
+    part: f64,
+    held: f64,
+}
+
+impl EscFrames {
+    /// One that has `held` already.
+    #[must_use]
+    pub fn new(frame_hz: f64, held: f64) -> Self {
+        Self { per_tick: frame_hz / 5000.0, part: 1.0, held }
+    }
+
+    /// What the rotor gets in a tick whose command is `command`.
+    pub fn hold(&mut self, command: f64) -> f64 {
+        if self.part >= 1.0 {
+            self.part -= 1.0;
+            self.held = command;
+        }
+        self.part += self.per_tick;
+        self.held
+    }
+}
+
+/// Gain from `input` to `output` at a multiple of the frequency of which they are one period.
+#[must_use]
+pub fn gain_at(input: &[f64], output: &[f64], harmonic: usize) -> f64 {
+    let magnitude = |signal: &[f64]| {
+        let turn = std::f64::consts::TAU * harmonic as f64 / signal.len() as f64;
+        let (mut re, mut im) = (0.0, 0.0);
+        for (n, value) in signal.iter().enumerate() {
+            let (sin, cos) = (turn * n as f64).sin_cos();
+            (re, im) = (re + value * cos, im + value * sin);
+        }
+        f64::hypot(re, im)
+    };
+    magnitude(output) / magnitude(input)
+}
+
+/// The inverse of the paper's motors with the paper's poles, at 5 kHz.
+///
+/// # Panics
+/// When it is refused.
+#[must_use]
+pub fn paper_inverse() -> InverseDesign {
+    let reference = ReferenceModel { omega_f_rad_s: paper_design().lead().omega_f_rad_s, damping: 0.5_f64.sqrt() };
+    InverseDesign::new(reference, 5000.0, &paper_curve()).expect("the paper's motors")
+}
+
+/// What compensators run for the paper's motors: the lead, and the inverse with a slew of 2 % per millisecond.
+///
+/// # Panics
+/// When one is refused.
+#[must_use]
+pub fn paper_filters() -> [Filter; 2] {
+    let inverse = paper_inverse().filter(20.0, CommandRange::FULL).expect("a slew of many steps per tick");
+    [(*paper_design().coefficients()).into(), inverse.into()]
+}
+
+/// What a filter makes of a constant command once it has settled: an inverse, the nearest multiple of its output's step.
+#[must_use]
+pub fn settled(filter: &Filter, command: Command) -> Command {
+    const STEP: i32 = 1 << (FRACTION_BITS - OUTPUT_BITS);
+    match filter {
+        Filter::Lead(_) => command,
+        Filter::Inverse(_) => Command::saturating_from_bits((command.to_bits() + STEP / 2) / STEP * STEP),
+    }
+}
+
 /// Property tests with a fixed seed: the same cases on every machine and every day.
 #[must_use]
 pub fn cases(cases: u32) -> ProptestConfig {
@@ -101,6 +200,82 @@ pub fn any_parameters() -> impl Strategy<Value = (LeadParameters, f64, Option<f6
 /// Accepted designs. Six in ten of [`any_parameters`] are.
 pub fn any_design() -> impl Strategy<Value = LeadDesign> {
     any_parameters().prop_filter_map("refused", |(lead, rate, prewarp)| LeadDesign::new(lead, rate, prewarp).ok())
+}
+
+/// Accepted inverses with the curves they were made from: loop rates of 200 Hz to 10 kHz, `omega_f T` up to its limit of 0.4,
+/// curves of 1 to 9 points.
+pub fn any_inverse() -> impl Strategy<Value = (InverseDesign, Vec<CurvePoint>)> {
+    let log = |low: f64, high: f64| (low.ln()..high.ln()).prop_map(f64::exp);
+    let reference = (log(200.0, 10_000.0), log(20.0, 4000.0), 0.3..2.0_f64);
+    let curve = (proptest::collection::vec(0.5..1.6_f64, 1..=9), log(0.5, 20.0));
+    (reference, curve).prop_filter_map("refused", |((loop_rate_hz, omega_f_rad_s, damping), (ratios, slowest))| {
+        let last = (ratios.len() - 1).max(1) as f64;
+        let mut tau_s = slowest / omega_f_rad_s;
+        let mut curve = Vec::new();
+        for (i, ratio) in ratios.iter().enumerate() {
+            tau_s *= ratio;
+            curve.push(CurvePoint { command: i as f64 / last, tau_s });
+        }
+        let design = InverseDesign::new(ReferenceModel { omega_f_rad_s, damping }, loop_rate_hz, &curve).ok()?;
+        Some((design, curve))
+    })
+}
+
+/// Seconds after which an inverse rests on a constant command. Towards one that is a step of the output from the end of the
+/// range, the limited command moves the rotor for up to `ln 2^16` time constants.
+#[must_use]
+pub fn settling_s(design: &InverseDesign, curve: &[CurvePoint], slew_per_tick: f64) -> f64 {
+    let slowest_s = curve.iter().map(|point| point.tau_s).fold(0.0, f64::max);
+    let reference = design.reference();
+    12.0 * slowest_s
+        + 30.0 * reference.damping.max(1.0) / reference.damping.min(1.0) / reference.omega_f_rad_s
+        + 3.0 / (slew_per_tick * design.loop_rate_hz())
+}
+
+/// What a compensator runs, with what tests hold it to.
+#[derive(Clone, Copy, Debug)]
+pub struct AnyFilter {
+    /// It.
+    pub filter: Filter,
+    /// Ticks after which it rests on a constant command, and the offset of a switch is gone.
+    pub settling_ticks: u64,
+}
+
+impl AnyFilter {
+    /// Whether it is in the path where it is enabled.
+    #[must_use]
+    pub fn covers(&self, command: Command) -> bool {
+        match self.filter {
+            Filter::Lead(_) => true,
+            Filter::Inverse(inverse) => (inverse.range.lowest..=inverse.range.highest).contains(&command),
+        }
+    }
+}
+
+/// Accepted leads and inverses, some with a slew limit, some for a part of the range only.
+pub fn any_filter() -> impl Strategy<Value = AnyFilter> {
+    let lead = any_design().prop_map(|design| {
+        // 30 time constants of the slower pole, and the drift of the section.
+        let slowest = 1.0 / (1.0 - design.check().pole_radii[0]);
+        let drift = 1.0 / design.coefficients().c() as f64 * 2.0_f64.powi(32);
+        let settling_ticks = (30.0 * slowest + 10.0 * drift) as u64;
+        AnyFilter { filter: (*design.coefficients()).into(), settling_ticks }
+    });
+    let slew_per_s = prop_oneof![Just(0.0), (4_f64.ln()..500_f64.ln()).prop_map(f64::exp)];
+    let range = proptest::option::of((0.0..0.5_f64, 0.5..1.0_f64));
+    let inverse =
+        (any_inverse(), slew_per_s, range).prop_filter_map("refused", |((design, curve), slew_per_s, range)| {
+            let command = Command::saturating_from_f64;
+            let range = range
+                .map_or(CommandRange::FULL, |(from, to)| CommandRange { lowest: command(from), highest: command(to) });
+            let filter = design.filter(slew_per_s, range).ok()?;
+            let slew_per_tick = f64::from(filter.slew.per_tick()) / f64::from(Command::ONE.to_bits());
+            let response_ticks = settling_s(&design, &curve, slew_per_tick) * design.loop_rate_hz();
+            // The offset loses B / 2 of itself in a tick, and a step of 2^-29 at least.
+            let decay_ticks = 50.0 * 2.0_f64.powi(30) / f64::from(design.coefficients().b());
+            Some(AnyFilter { filter: filter.into(), settling_ticks: (response_ticks + decay_ticks) as u64 })
+        });
+    prop_oneof![lead, inverse]
 }
 
 /// Valid settings over the whole range of each, whose filter can be designed: protocols, rates, levels,

@@ -61,18 +61,59 @@ impl From<InverseFilter> for Filter {
 #[allow(clippy::large_enum_variant)] // As `Filter`.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum RunningFilter {
-    Lead { coefficients: biquad::Coefficients, section: Section, min: Command, max: Command },
-    Inverse { coefficients: inverse::Coefficients, inverse: ConditionedInverse, range: CommandRange },
+    Lead(RunningLead),
+    Inverse(RunningInverse),
+}
+
+/// A section with the limits of its output.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RunningLead {
+    coefficients: biquad::Coefficients,
+    section: Section,
+    min: Command,
+    max: Command,
+}
+
+impl RunningLead {
+    /// One control tick.
+    #[inline]
+    pub fn update(&mut self, input: Command) -> Command {
+        self.section.update(&self.coefficients, input).clamp_in_order(self.min, self.max)
+    }
+}
+
+/// A conditioned inverse with the commands that it may shape.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RunningInverse {
+    coefficients: inverse::Coefficients,
+    inverse: ConditionedInverse,
+    range: CommandRange,
+}
+
+impl RunningInverse {
+    /// Whether it may shape this command.
+    #[inline]
+    pub fn covers(&self, command: Command) -> bool {
+        self.range.contains(command)
+    }
+
+    /// One control tick.
+    #[inline]
+    pub fn update(&mut self, input: Command) -> Command {
+        self.inverse.update(&self.coefficients, input)
+    }
 }
 
 impl RunningFilter {
     /// At rest at `min`, which is at most `max`.
     pub fn at_rest(filter: Filter, min: Command, max: Command) -> Self {
         match filter {
-            Filter::Lead(coefficients) => Self::Lead { coefficients, section: Section::at_level(min), min, max },
+            Filter::Lead(coefficients) => {
+                Self::Lead(RunningLead { coefficients, section: Section::at_level(min), min, max })
+            }
             Filter::Inverse(InverseFilter { coefficients, slew, range }) => {
                 let inverse = ConditionedInverse::at_rest(Limits::new(min, max, slew), min);
-                Self::Inverse { coefficients, inverse, range }
+                Self::Inverse(RunningInverse { coefficients, inverse, range })
             }
         }
     }
@@ -81,8 +122,8 @@ impl RunningFilter {
     #[inline]
     pub const fn reset(&mut self, level: Command) {
         match self {
-            Self::Lead { section, .. } => *section = Section::at_level(level),
-            Self::Inverse { inverse, .. } => inverse.reset(level),
+            Self::Lead(lead) => lead.section = Section::at_level(level),
+            Self::Inverse(inverse) => inverse.inverse.reset(level),
         }
     }
 
@@ -90,19 +131,16 @@ impl RunningFilter {
     #[inline]
     pub fn covers(&self, command: Command) -> bool {
         match self {
-            Self::Lead { .. } => true,
-            Self::Inverse { range, .. } => range.contains(command),
+            Self::Lead(_) => true,
+            Self::Inverse(inverse) => inverse.covers(command),
         }
     }
 
     /// One control tick.
-    #[inline]
     pub fn update(&mut self, input: Command) -> Command {
         match self {
-            Self::Lead { coefficients, section, min, max } => {
-                section.update(coefficients, input).clamp_in_order(*min, *max)
-            }
-            Self::Inverse { coefficients, inverse, .. } => inverse.update(coefficients, input),
+            Self::Lead(lead) => lead.update(input),
+            Self::Inverse(inverse) => inverse.update(input),
         }
     }
 
@@ -115,9 +153,9 @@ impl RunningFilter {
     pub fn decay_step(&self, offset: i32) -> i32 {
         let (one_less_product, bits) = match self {
             // p = 1 + k
-            Self::Lead { coefficients, .. } => (-i64::from(coefficients.k()), biquad::COEFFICIENT_BITS),
+            Self::Lead(lead) => (-i64::from(lead.coefficients.k()), biquad::COEFFICIENT_BITS),
             // p = 1 - B
-            Self::Inverse { coefficients, .. } => (i64::from(coefficients.b()), inverse::COEFFICIENT_BITS),
+            Self::Inverse(inverse) => (i64::from(inverse.coefficients.b()), inverse::COEFFICIENT_BITS),
         };
         let product = i64::from(offset) * one_less_product;
         (product >> (bits + 1)) as i32 + i32::from(offset > 0)

@@ -180,7 +180,7 @@ impl Compensator {
     /// the command for the ESC, in [`min`, `max`].
     #[inline]
     pub fn update(&mut self, input: Command) -> Command {
-        if !matches!(self.state, State::Filter) || !self.filter.covers(input) {
+        if !matches!(self.state, State::Filter) {
             return self.update_any(input);
         }
         self.update_filter(input)
@@ -189,9 +189,23 @@ impl Compensator {
     /// [`Self::update`] in the state [`State::Filter`].
     #[inline(never)]
     fn update_filter(&mut self, input: Command) -> Command {
-        let output = self.filter.update(input);
+        let RunningFilter::Lead(lead) = &mut self.filter else { return self.update_inverse(input) };
+        let output = lead.update(input);
         self.outputs = [self.outputs[1], output];
         output
+    }
+
+    /// The same for an inverse. Apart from the lead, which needs few registers.
+    #[inline(never)]
+    fn update_inverse(&mut self, input: Command) -> Command {
+        match &mut self.filter {
+            RunningFilter::Inverse(inverse) if inverse.covers(input) => {
+                let output = inverse.update(input);
+                self.outputs = [self.outputs[1], output];
+                output
+            }
+            _ => self.update_any(input),
+        }
     }
 
     /// [`Self::update`] in any state.

@@ -14,7 +14,7 @@ pub enum FilterError {
     Lead(DesignError),
     /// A motor's inverse is refused.
     Inverse {
-        /// The motor.
+        /// The motor, from 0.
         motor: usize,
         /// Why.
         error: InverseError,
@@ -25,18 +25,21 @@ impl fmt::Display for FilterError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Lead(error) => error.fmt(f),
-            Self::Inverse { motor, error } => write!(f, "motor {motor}: {error}"),
+            Self::Inverse { motor, error } => {
+                write!(f, "no inverse can be made of inverse.* and motor.{motor}.time_constant_s: {error}")
+            }
         }
     }
 }
 
 impl core::error::Error for FilterError {}
 
-/// The filter of each motor. Some hundred milliseconds of double precision in software on the controller, and the same
-/// bits as on a host.
+/// The filter of each motor, in their order: the lead of [`Settings::lead`] for all, or the inverse of [`Settings::inverse`] along
+/// each motor's own [`MotorSettings::curve`]. Some hundred milliseconds of double precision in software on the controller, and
+/// the same bits as on a host.
 ///
 /// # Errors
-/// When a design is refused.
+/// [`FilterError`]: when the design of one is refused.
 pub fn filters(settings: &Validated) -> Result<[Filter; MOTORS], FilterError> {
     match settings.compensator {
         CompensatorKind::Lead => {

@@ -9,8 +9,9 @@
 
 use crate::link::{BYTES_PER_S, RECORD_SAMPLE_BYTES};
 
-/// A control tick: of four armed motors with new pulses, or of an excitation that is recorded, without its lines.
-pub const TICK_CYCLES: u32 = 1300;
+/// A control tick: of four armed motors with new pulses and with inverses of which the slew limits each, or of an excitation
+/// that is recorded, without its lines. With leads it is some 350 less.
+pub const TICK_CYCLES: u32 = 1400;
 /// A line of the excitation.
 pub const LINE_CYCLES: u32 = 30;
 /// An interrupt for one byte of the link, either way.

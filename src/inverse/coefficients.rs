@@ -1,6 +1,6 @@
 //! The reference model and the rotor's curve, as the tick uses them.
 
-use super::fixed_point::{product, shift_rounded};
+use super::fixed_point::add_high_product;
 use crate::throttle::FRACTION_BITS;
 
 /// Bits after the binary point of `A`, `B` and `h`.
@@ -13,6 +13,9 @@ pub const TABLE_POINTS: usize = 33;
 /// Bits of `v` below the index of the table.
 const FRACTION_SHIFT: u32 = FRACTION_BITS - (TABLE_POINTS as u32 - 1).ilog2();
 
+/// From there to Q1.30.
+const PART_SHIFT: u32 = 30 - FRACTION_SHIFT;
+
 /// Coefficients of a [`ConditionedInverse`](super::ConditionedInverse): 272 bytes. They are apart from the state, so that
 /// motors with one curve can share them.
 ///
@@ -20,7 +23,8 @@ const FRACTION_SHIFT: u32 = FRACTION_BITS - (TABLE_POINTS as u32 - 1).ilog2();
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Coefficients {
     a: i32,
-    b: i32,
+    /// `1 - B` in Q1.30, within [0, 1).
+    one_less_b: i32,
     table: [Gain; TABLE_POINTS],
 }
 
@@ -63,7 +67,7 @@ impl Coefficients {
                 return Err(TableError::StepTooLarge { index });
             }
         }
-        Ok(Self { a, b, table })
+        Ok(Self { a, one_less_b: (1 << COEFFICIENT_BITS) - b, table })
     }
 
     /// `A`, the gain of the reference model, about `omega_f T`. Q1.30, within (0, 1/2).
@@ -75,7 +79,13 @@ impl Coefficients {
     /// `B`, the damping of the reference model, about `2 zeta omega_f T`. Q1.30, within (0, 1].
     #[must_use]
     pub const fn b(&self) -> i32 {
-        self.b
+        (1 << COEFFICIENT_BITS) - self.one_less_b
+    }
+
+    /// `1 - B`. Q1.30, within [0, 1).
+    #[inline]
+    pub(super) const fn one_less_b(&self) -> i32 {
+        self.one_less_b
     }
 
     /// The gains `g_i` of the inverse at `v = i / 32`, about `omega_f tau`. Q9.22, within (1/2, 512).
@@ -86,44 +96,46 @@ impl Coefficients {
 
     /// Where `v` lies in the table; `v` is in Q2.29, within 0..=2^29.
     #[inline]
-    pub(super) fn at(&self, v: i32) -> Interval {
+    pub(super) fn at(&self, v: i32) -> Interval<'_> {
         // The last interval includes its upper end.
         let index = (v >> FRACTION_SHIFT).clamp(0, TABLE_POINTS as i32 - 2);
-        let fraction = v - (index << FRACTION_SHIFT);
-        Interval { low: self.table[index as usize], high: self.table[index as usize + 1], fraction }
+        let part = (v - (index << FRACTION_SHIFT)) << PART_SHIFT;
+        Interval { ends: [&self.table[index as usize], &self.table[index as usize + 1]], part }
     }
 }
 
 /// A place between two points of the table.
-pub(super) struct Interval {
-    low: Gain,
-    high: Gain,
-    /// Of the way from `low` to `high`, 0..=2^24.
-    fraction: i32,
+pub(super) struct Interval<'a> {
+    ends: [&'a Gain; 2],
+    /// Of the way from the first to the second, Q1.30, 0..=2^30.
+    part: i32,
 }
 
-impl Interval {
+impl Interval<'_> {
     /// `g(v)` in Q9.22.
     #[inline]
     pub fn g(&self) -> i32 {
-        self.between(self.low.g, self.high.g)
+        let [low, high] = self.ends;
+        self.between(low.g, high.g)
     }
 
     /// `h(v)` in Q1.30.
     #[inline]
     pub fn h(&self) -> i32 {
-        self.between(self.low.h, self.high.h)
+        let [low, high] = self.ends;
+        self.between(low.h, high.h)
     }
 
-    /// Between two positive numbers, and so without overflow.
+    /// Between two positive numbers within a factor of 1.25: four times their difference is under 2^31.
     #[inline]
     fn between(&self, low: i32, high: i32) -> i32 {
-        low + shift_rounded::<FRACTION_SHIFT>(product(high - low, self.fraction)) as i32
+        add_high_product(low, (high - low) << 2, self.part)
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::fixed_point::product;
     use super::*;
 
     const LOWEST: i64 = (1 << (GAIN_BITS - 1)) + 1;

@@ -1,50 +1,65 @@
 //! What the output can do: its range, its slew and its step.
 
-use super::fixed_point::shift_rounded;
-use crate::throttle::{Command, FRACTION_BITS, Throttle};
+use super::fixed_point::Range;
+use crate::throttle::{Command, FRACTION_BITS};
 
 /// Bits after the binary point of the output: its step is 2^-16.
 pub const OUTPUT_BITS: u32 = 16;
 
 /// Steps of a [`Command`] per step of the output, as a power of two.
-const STEP_SHIFT: u32 = FRACTION_BITS - OUTPUT_BITS;
+pub(super) const STEP_SHIFT: u32 = FRACTION_BITS - OUTPUT_BITS;
+/// Half a step of the output.
+pub(super) const HALF_STEP: i32 = 1 << (STEP_SHIFT - 1);
 
-/// The nearest multiple of the output's step, halves upward. `value` is in 2^-29, of a magnitude under 2^62.
-pub(super) const fn to_output_step(value: i64) -> i64 {
-    shift_rounded::<STEP_SHIFT>(value) << STEP_SHIFT
+/// So many steps of the output, which are a command.
+#[inline]
+pub(super) const fn command_of(steps: i32) -> Command {
+    Command::from_bits_in_range(steps << STEP_SHIFT)
+}
+
+/// The nearest number of steps of the output, halves upward.
+#[inline]
+pub(super) const fn nearest_steps(command: Command) -> i32 {
+    // Cannot wrap: commands are at most 2^29.
+    (command.to_bits() + HALF_STEP) >> STEP_SHIFT
 }
 
 /// Largest change of the output per tick, a multiple of its step of 2^-16. Made by
 /// [`InverseDesign::slew_limit`](crate::design::InverseDesign::slew_limit).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SlewLimit {
-    /// In 2^-29, at least one step of the output.
-    per_tick: i32,
+    /// 1 to 2^16 steps of the output.
+    steps: i32,
 }
 
 impl SlewLimit {
     /// The whole range in a tick: nothing is limited.
-    pub const NONE: Self = Self { per_tick: Command::ONE.to_bits() };
+    pub const NONE: Self = Self { steps: 1 << OUTPUT_BITS };
 
     /// So many steps of the output per tick; `None` for 0.
     pub(crate) fn from_steps(steps: u32) -> Option<Self> {
         let steps = steps.min(1 << OUTPUT_BITS);
-        (steps > 0).then_some(Self { per_tick: (steps << STEP_SHIFT) as i32 })
+        (steps > 0).then_some(Self { steps: steps.cast_signed() })
     }
 
     /// The change per tick in 2^-29; 2^29 where there is no limit.
     #[must_use]
     pub const fn per_tick(self) -> i32 {
-        self.per_tick
+        self.steps << STEP_SHIFT
+    }
+
+    /// The same in steps of the output.
+    #[inline]
+    pub(super) const fn steps(self) -> i32 {
+        self.steps
     }
 }
 
 /// The range of the output, in multiples of its step of 2^-16, and its slew.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
-    min: Command,
-    /// At least `min`.
-    max: Command,
+    /// In steps of the output, within 0..=2^16.
+    range: Range,
     slew: SlewLimit,
 }
 
@@ -53,24 +68,24 @@ impl Limits {
     /// `min` alone.
     #[must_use]
     pub const fn new(min: Command, max: Command, slew: SlewLimit) -> Self {
-        const STEP: i32 = 1 << STEP_SHIFT;
         // Cannot wrap: commands are at most 2^29.
-        let (low, high) = ((min.to_bits() + STEP - 1) & -STEP, max.to_bits() & -STEP);
-        let nearest = to_output_step(min.to_bits() as i64) as i32;
-        let (low, high) = if low <= high { (low, high) } else { (nearest, nearest) };
-        Self { min: Command::saturating_from_bits(low), max: Command::saturating_from_bits(high), slew }
+        let low = (min.to_bits() + 2 * HALF_STEP - 1) >> STEP_SHIFT;
+        let high = max.to_bits() >> STEP_SHIFT;
+        let range =
+            if low <= high { Range { min: low, span: high - low } } else { Range { min: nearest_steps(min), span: 0 } };
+        Self { range, slew }
     }
 
     /// The lowest output.
     #[must_use]
     pub const fn min(&self) -> Command {
-        self.min
+        command_of(self.range.min)
     }
 
     /// The highest output.
     #[must_use]
     pub const fn max(&self) -> Command {
-        self.max
+        command_of(self.range.min + self.range.span)
     }
 
     /// The largest change of the output per tick.
@@ -79,25 +94,16 @@ impl Limits {
         self.slew
     }
 
-    /// The nearest command in the range.
+    /// The range in steps of the output.
     #[inline]
-    pub(super) const fn confined(&self, bits: i32) -> Command {
-        Throttle::from_bits(bits).clamp_in_order(self.min, self.max)
+    pub(super) const fn steps(&self) -> Range {
+        self.range
     }
 
-    /// The nearest output: a multiple of the step, in the range.
+    /// The range in LSB of a command.
     #[inline]
-    pub(super) const fn nearest_output(&self, command: Command) -> Command {
-        self.confined(to_output_step(command.to_bits() as i64) as i32)
-    }
-
-    /// The nearest output in the range and within the slew of `last`, which is an output.
-    #[inline]
-    pub(super) fn reachable(&self, bits: i32, last: Command) -> Command {
-        // Cannot wrap: both terms are in 0..=2^29.
-        let low = Command::saturating_from_bits(last.to_bits() - self.slew.per_tick);
-        let high = Command::saturating_from_bits(last.to_bits() + self.slew.per_tick);
-        Throttle::from_bits(bits).clamp_in_order(low.max(self.min), high.min(self.max))
+    pub(super) const fn bits(&self) -> Range {
+        Range { min: self.range.min << STEP_SHIFT, span: self.range.span << STEP_SHIFT }
     }
 }
 

@@ -41,7 +41,7 @@
 //! |---|---|---|
 //! | `v`, `r`, `u` | command, within [0, 1] | Q2.29 in an `i32` |
 //! | `x` | increment of `v`, over `A` | Q2.29 in an `i32` |
-//! | `u*` | command before rounding and limits | 29 bits after the point in an `i64` |
+//! | `u*` | command before rounding and limits | 51 bits after the point in an `i64` |
 //! | `A`, `B`, `h` | coefficients, within [0, 2) | Q1.30 in an `i32` |
 //! | `g` | gain of the inverse, within (1/2, 512) | Q9.22 in an `i32` |
 //!

@@ -126,6 +126,8 @@ pub struct Store<F, const PAGE: usize = PAGE_BYTES> {
 
 /// What a sector holds.
 #[derive(Clone, Debug, PartialEq)]
+// One at a time, and nothing here has a heap.
+#[allow(clippy::large_enum_variant)]
 enum Copy {
     Blank,
     Bad,

@@ -1,10 +1,11 @@
 //! Any bytes on the line, and in the settings' flash.
 
+use rotorlead::design::RotorCurve;
 use rotorlead::link::{
     CHECKSUM, ExciteRequest, FRAME_BYTES, Faults, InjectRequest, Injected, LineSet, Message, PAYLOAD_BYTES, Receiver,
     Record, RecordRequest, Request, Series, Source, VERSION, encode,
 };
-use rotorlead::settings::{Origin, Pulse, PulseProtocol, Settings, Store, Validated};
+use rotorlead::settings::{CompensatorKind, Origin, Pulse, PulseProtocol, Settings, Store, Validated};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
@@ -140,6 +141,7 @@ pub fn link_corpus() -> Vec<(&'static str, Vec<u8>)> {
         ("info", body(&Request::Info)),
         ("get_settings", body(&Request::GetSettings)),
         ("set_settings", body(&Request::SetSettings(Settings::default()))),
+        ("set_settings_curves", body(&Request::SetSettings(with_curves()))),
         ("save_settings", body(&Request::SaveSettings)),
         ("set_mode", body(&Request::SetMode { motor: 3, source: Source::Inject, compensate: true })),
         ("excite", body(&Request::Excite(excite))),
@@ -156,8 +158,21 @@ pub fn link_corpus() -> Vec<(&'static str, Vec<u8>)> {
     ]
 }
 
-/// Bytes to start a fuzzer of [`fuzz_settings`] from: stored settings of each protocol, with and without a slot around
-/// them, and a whole flash.
+/// An inverse with the paper's curve for each motor: the longest settings.
+fn with_curves() -> Settings {
+    let mut settings = Settings { compensator: CompensatorKind::Inverse, ..Settings::default() };
+    let curve = RotorCurve::through(&crate::paper_curve()).ok();
+    settings.motors.iter_mut().for_each(|motor| motor.curve = curve);
+    settings
+}
+
+/// The defaults in the second layout.
+const LAYOUT_2: &str = "8827e17a14ae47412c4015144196cb8d5740cd3b7f669ea0e63f01900301c2030000d00f00a8b8bd14b2e6cc19b2e6cc19\
+    80808080046400a8b8bd14b2e6cc19b2e6cc1980808080046400a8b8bd14b2e6cc19b2e6cc1980808080046400a8b8bd14b2e6cc19b2e6cc19\
+    808080800464788080808003e6cc9933b817d00f01";
+
+/// Bytes to start a fuzzer of [`fuzz_settings`] from: stored settings of each protocol, with curves and of the second layout, with
+/// and without a slot around them, and a whole flash.
 ///
 /// # Panics
 /// Never: every set fits.
@@ -169,6 +184,8 @@ pub fn settings_corpus() -> Vec<(&'static str, Vec<u8>)> {
     let duty = Settings { input: paper, output: paper, stop: 1 << 23, ..Settings::default() };
     let oneshot = Settings { input: fast, output: fast, loop_rate_hz: 10_000, ..Settings::default() };
     let defaults = body(&Settings::default());
+    let digits = LAYOUT_2.as_bytes().chunks(2).map(|pair| std::str::from_utf8(pair).expect("digits"));
+    let layout_2 = digits.map(|pair| u8::from_str_radix(pair, 16).expect("digits")).collect();
     let mut flash = vec![0xff; 2 * SECTOR];
     for (start, sequence) in [(0, 2), (SECTOR / 2, 4), (SECTOR, 3)] {
         let slot = stored(LAYOUT, sequence, &defaults);
@@ -179,6 +196,8 @@ pub fn settings_corpus() -> Vec<(&'static str, Vec<u8>)> {
         ("defaults", defaults.clone()),
         ("duty", body(&duty)),
         ("oneshot", body(&oneshot)),
+        ("curves", body(&with_curves())),
+        ("layout_2", layout_2),
         ("set", stored(LAYOUT, 1, &defaults)),
         ("flash", flash),
     ]

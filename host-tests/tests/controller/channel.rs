@@ -3,14 +3,14 @@
 use std::num::NonZeroU32;
 
 use host_tests::line::{LOOP_HZ, Line, TICKS_PER_POLL, TIMER_HZ, us};
-use host_tests::{cases, paper_design};
+use host_tests::{any_filter, cases, paper_design, paper_filters, settled};
 use proptest::prelude::*;
 use rotorlead::capture::{Decoder, Timing};
 use rotorlead::channel::{
     Channel, ChannelSettings, ChannelSettingsError, End, Excitation, ExcitationLimits, ExcitationRequest, Input,
     NoSignal, Phase, Refusal, State,
 };
-use rotorlead::compensator::Compensator;
+use rotorlead::compensator::{Compensator, Filter};
 use rotorlead::excitation::{ExcitationError, Multisine, ODD_LINES_30_HZ};
 use rotorlead::throttle::{Command, EscCommand, Protocol, PulseScale};
 
@@ -35,13 +35,26 @@ fn fresh() -> Channel {
     Channel::new(&settings(), *paper_design().coefficients()).unwrap()
 }
 
+fn fresh_with(filter: Filter) -> Channel {
+    Channel::new(&settings(), filter).unwrap()
+}
+
 /// Armed and at rest at `level`.
 fn armed(level: f64) -> Channel {
-    let mut channel = fresh();
+    armed_with((*paper_design().coefficients()).into(), level)
+}
+
+fn armed_with(filter: Filter, level: f64) -> Channel {
+    let mut channel = fresh_with(filter);
     channel.tick(live(0.0));
-    assert_eq!(channel.tick(live(level)), command(level));
+    assert_eq!(channel.tick(live(level)), steady(&filter, level));
     assert_eq!(channel.state(), State::Armed);
     channel
+}
+
+/// The output at rest at `level`.
+fn steady(filter: &Filter, level: f64) -> Command {
+    settled(filter, command(level))
 }
 
 fn request(nominal: f64, amplitude: f64, duration_ticks: u32) -> ExcitationRequest {
@@ -112,77 +125,97 @@ fn a_command_that_trembles_about_the_threshold_arms_once() {
 
 #[test]
 fn arming_makes_no_kick() {
-    for level in [0.05, 0.1, 0.5, 1.0] {
-        let mut channel = fresh();
-        channel.tick(live(0.0));
-        for _ in 0..1000 {
-            assert_eq!(channel.tick(live(level)), command(level).max(settings().idle));
+    for filter in paper_filters() {
+        let idle = steady(&filter, settings().idle.to_f64()).max(settings().idle);
+        for level in [0.05, 0.1, 0.5, 1.0] {
+            let mut channel = fresh_with(filter);
+            channel.tick(live(0.0));
+            let first = channel.tick(live(level));
+            assert!(first >= settings().idle && first <= steady(&filter, level).max(idle), "{level}: {first:?}");
+            for _ in 0..1000 {
+                assert_eq!(channel.tick(live(level)), first);
+            }
         }
     }
 }
 
 #[test]
 fn a_motor_stop_passes_on_its_own_tick_whatever_the_filter_does() {
-    let mut channel = armed(0.3);
-    for n in 0..50 {
-        channel.tick(live(0.3 + 0.01 * f64::from(n)));
+    for filter in paper_filters() {
+        let mut channel = armed_with(filter, 0.3);
+        for n in 0..50 {
+            channel.tick(live(0.3 + 0.01 * f64::from(n)));
+        }
+        assert_eq!(channel.tick(live(0.0)), STOP);
+        assert_eq!(channel.state(), State::Disarmed);
+        // And nothing of what the filter did is left.
+        assert_eq!(channel.tick(live(0.2)), steady(&filter, 0.2));
+        assert_eq!(channel.tick(Input::Unchanged), steady(&filter, 0.2));
     }
-    assert_eq!(channel.tick(live(0.0)), STOP);
-    assert_eq!(channel.state(), State::Disarmed);
-    // And nothing of what the filter did is left.
-    assert_eq!(channel.tick(live(0.2)), command(0.2));
-    assert_eq!(channel.tick(Input::Unchanged), command(0.2));
 }
 
 #[test]
 fn armed_the_output_is_the_compensator_bit_for_bit() {
-    let mut channel = armed(0.5);
-    let mut compensator = Compensator::new(*paper_design().coefficients(), settings().idle, settings().max);
-    compensator.reset(command(0.5));
-    for n in 0..5000 {
-        let value = command(0.5 + 0.2 * (f64::from(n) * 0.01).sin());
-        assert_eq!(channel.tick(Input::Command(value)), compensator.update(value));
+    for filter in paper_filters() {
+        let mut channel = armed_with(filter, 0.5);
+        let mut compensator = Compensator::new(filter, settings().idle, settings().max);
+        compensator.reset(command(0.5));
+        for n in 0..5000 {
+            let value = command(0.5 + 0.2 * (f64::from(n) * 0.01).sin());
+            assert_eq!(channel.tick(Input::Command(value)), compensator.update(value));
+        }
     }
 }
 
-/// Unclamped, the filter's answer to this step is below zero for 20 ms.
+/// Unclamped, the lead's answer to this step is below zero for 20 ms. The lowest output of an inverse is the first multiple
+/// of its step that is not below idle.
 #[test]
 fn a_step_down_while_armed_stops_at_idle_and_not_at_stop() {
-    let mut channel = armed(0.5);
-    let outputs: Vec<EscCommand> = (0..2000).map(|_| channel.tick(live(0.3))).collect();
-    assert_eq!(outputs.iter().min(), Some(&settings().idle.into()));
-    assert!(outputs.iter().filter(|&&output| output == settings().idle).count() > 100);
-    assert_eq!(outputs.last(), Some(&command(0.3).into()));
+    for filter in paper_filters() {
+        let mut channel = armed_with(filter, 0.5);
+        let outputs: Vec<EscCommand> = (0..4000).map(|_| channel.tick(live(0.3))).collect();
+        let lowest = outputs.iter().min().unwrap().command().unwrap();
+        let idle = settings().idle;
+        assert!(lowest >= idle && lowest.to_bits() - idle.to_bits() < 1 << 13, "{lowest:?}");
+        let at_lowest = outputs.iter().filter(|&&output| output == lowest).count();
+        println!("{at_lowest} ticks at idle");
+        assert!(at_lowest > 100);
+        assert_eq!(outputs.last(), Some(&steady(&filter, 0.3).into()));
+    }
 }
 
 #[test]
 fn on_loss_the_last_command_is_held_then_come_stop_pulses_and_then_none() {
-    let mut channel = armed(0.6);
-    for n in 1..=settings().hold_ticks {
-        assert_eq!(channel.tick(Input::Lost), command(0.6), "tick {n}");
-        assert_eq!(channel.state(), State::Holding);
-    }
-    for _ in 0..settings().stop_pulse_ticks {
-        assert_eq!(channel.tick(Input::Lost), STOP);
-        assert_eq!(channel.state(), State::Lost);
-    }
-    for _ in 0..10_000 {
-        assert_eq!(channel.tick(Input::Lost), NO_PULSE);
-        assert_eq!(channel.state(), State::Lost);
+    for filter in paper_filters() {
+        let mut channel = armed_with(filter, 0.6);
+        for n in 1..=settings().hold_ticks {
+            assert_eq!(channel.tick(Input::Lost), steady(&filter, 0.6), "tick {n}");
+            assert_eq!(channel.state(), State::Holding);
+        }
+        for _ in 0..settings().stop_pulse_ticks {
+            assert_eq!(channel.tick(Input::Lost), STOP);
+            assert_eq!(channel.state(), State::Lost);
+        }
+        for _ in 0..10_000 {
+            assert_eq!(channel.tick(Input::Lost), NO_PULSE);
+            assert_eq!(channel.state(), State::Lost);
+        }
     }
 }
 
 /// Lost at the peak of the answer to a step, which is three times the step: that is not what is held.
 #[test]
 fn the_hold_settles_on_the_command_and_not_on_the_filters_peak() {
-    let mut channel = armed(0.4);
-    let peak = (0..60).map(|_| channel.tick(live(0.5))).max().unwrap();
-    assert!(peak > command(0.7));
-    let mut output = NO_PULSE;
-    for _ in 0..settings().hold_ticks {
-        output = channel.tick(Input::Lost);
+    for filter in paper_filters() {
+        let mut channel = armed_with(filter, 0.4);
+        let peak = (0..60).map(|_| channel.tick(live(0.5))).max().unwrap();
+        assert!(peak > command(0.6), "{peak:?}");
+        let mut output = NO_PULSE;
+        for _ in 0..settings().hold_ticks {
+            output = channel.tick(Input::Lost);
+        }
+        assert!((output.command().unwrap().to_f64() - 0.5).abs() < 0.01, "{output:?}");
     }
-    assert!((output.command().unwrap().to_f64() - 0.5).abs() < 0.01, "{output:?}");
 }
 
 #[test]
@@ -207,26 +240,33 @@ fn without_a_hold_time_stop_comes_at_once() {
 
 #[test]
 fn a_return_within_the_hold_time_starts_where_the_output_is() {
-    let mut channel = armed(0.5);
-    for _ in 0..settings().hold_ticks {
-        assert_eq!(channel.tick(Input::Lost), command(0.5));
-    }
-    // 0.7 would kick the filter to the end of the range: 0.5 + 3.43 * 0.2. What is left over fades by |k| / 2 a tick.
-    let fade = -f64::from(paper_design().coefficients().k()) / 2.0_f64.powi(33);
-    let mut last = command(0.5);
-    for n in 0..5000 {
-        let output = channel.tick(live(0.7)).command().unwrap();
-        assert!(output >= last && output <= command(0.7), "tick {n}: {output:?} after {last:?}");
-        assert!(output.to_f64() - last.to_f64() <= 0.2 * fade + 1e-8, "tick {n}");
-        last = output;
-    }
-    assert_eq!(last, command(0.7));
-    assert_eq!(channel.state(), State::Armed);
+    for filter in paper_filters() {
+        let mut channel = armed_with(filter, 0.5);
+        for _ in 0..settings().hold_ticks {
+            assert_eq!(channel.tick(Input::Lost), command(0.5));
+        }
+        // 0.7 would kick a filter to the end of the range: the lead to 0.5 + 3.43 * 0.2. What is left over fades by |k| / 2 or
+        // B / 2 a tick.
+        let fade = match filter {
+            Filter::Lead(coefficients) => -f64::from(coefficients.k()) / 2.0_f64.powi(33),
+            Filter::Inverse(inverse) => f64::from(inverse.coefficients.b()) / 2.0_f64.powi(31),
+        };
+        let end = steady(&filter, 0.7);
+        let mut last = command(0.5);
+        for n in 0..5000 {
+            let output = channel.tick(live(0.7)).command().unwrap();
+            assert!(output >= last && output <= end, "tick {n}: {output:?} after {last:?}");
+            assert!(output.to_f64() - last.to_f64() <= 0.2001 * fade + 1e-8, "tick {n}");
+            last = output;
+        }
+        assert_eq!(last, end);
+        assert_eq!(channel.state(), State::Armed);
 
-    // To the same command: no bit changes.
-    channel.tick(Input::Lost);
-    for _ in 0..1000 {
-        assert_eq!(channel.tick(live(0.7)), command(0.7));
+        // To the same command: no bit changes.
+        channel.tick(Input::Lost);
+        for _ in 0..1000 {
+            assert_eq!(channel.tick(live(0.7)), end);
+        }
     }
 }
 
@@ -253,26 +293,55 @@ fn a_return_after_the_stop_must_be_seen_disarmed_first() {
 /// A brown-out: the flight controller goes on flying, the channel starts anew.
 #[test]
 fn a_reset_while_armed_leaves_the_motor_stopped_until_a_disarmed_command_was_seen() {
-    let mut channel = armed(0.5);
-    channel.tick(live(0.5));
-    channel = fresh();
-    for _ in 0..20 * LOOP_HZ {
-        assert_eq!(channel.tick(live(0.5)), NO_PULSE);
+    for filter in paper_filters() {
+        let mut channel = armed_with(filter, 0.5);
+        channel.tick(live(0.5));
+        for mut channel in [fresh_with(filter), channel.afresh(true)] {
+            for _ in 0..20 * LOOP_HZ {
+                assert_eq!(channel.tick(live(0.5)), NO_PULSE);
+            }
+            assert_eq!(channel.tick(live(0.01)), STOP);
+            assert_eq!(channel.tick(live(0.5)), command(0.5));
+        }
     }
-    assert_eq!(channel.tick(live(0.01)), STOP);
-    assert_eq!(channel.tick(live(0.5)), command(0.5));
+}
+
+/// Whatever it did before.
+#[test]
+fn made_afresh_a_channel_is_as_it_was_made() {
+    for filter in paper_filters() {
+        for is_enabled in [true, false] {
+            let mut used = armed_with(filter, 0.5);
+            for n in 0..50 {
+                used.tick(live(0.5 + 0.001 * f64::from(n)));
+            }
+            used.set_enabled(!is_enabled);
+            used.tick(live(0.9));
+            let mut new = fresh_with(filter);
+            new.set_enabled(is_enabled);
+            let mut afresh = used.afresh(is_enabled);
+            for input in [0.0, 0.3, 0.35, 0.6, 0.2, 0.0, 0.5].map(live) {
+                for _ in 0..100 {
+                    assert_eq!(afresh.tick(input), new.tick(input));
+                    assert_eq!((afresh.state(), afresh.command()), (new.state(), new.command()));
+                }
+            }
+        }
+    }
 }
 
 #[test]
 fn switched_out_the_channel_is_a_wire_within_its_limits() {
-    let mut channel = fresh();
-    channel.set_enabled(false);
-    channel.tick(live(0.0));
-    for value in [0.5, 0.9, 0.045, 0.31] {
-        assert_eq!(channel.tick(live(value)), command(value).max(settings().idle));
+    for filter in paper_filters() {
+        let mut channel = fresh_with(filter);
+        channel.set_enabled(false);
+        channel.tick(live(0.0));
+        for value in [0.5, 0.9, 0.045, 0.31] {
+            assert_eq!(channel.tick(live(value)), command(value).max(settings().idle));
+        }
+        channel.tick(Input::Lost);
+        assert_eq!(channel.tick(live(0.8)), command(0.8), "a return has nothing to smooth");
     }
-    channel.tick(Input::Lost);
-    assert_eq!(channel.tick(live(0.8)), command(0.8), "a return has nothing to smooth");
 }
 
 /// Everything from the pin to the pulse: good pulses, silence, noise, good pulses again.
@@ -379,20 +448,31 @@ fn before_an_excitation_the_esc_has_stop_pulses_for_3_s_to_arm() {
 
 #[test]
 fn an_excitation_goes_through_the_filter_where_it_is_in_the_path() {
-    let mut channel = fresh();
-    channel.start_excitation(excitation(1000)).unwrap();
-    while channel.state() != State::Excitation(Phase::Playing) {
-        channel.keep_alive();
-        channel.tick(Input::Nothing);
+    for filter in paper_filters() {
+        let mut channel = fresh_with(filter);
+        let mut compensator = Compensator::new(filter, settings().idle, settings().max);
+        channel.start_excitation(excitation(1000)).unwrap();
+        let (mut was_armed, mut played, mut differs) = (false, 0, 0);
+        while played < 1000 {
+            channel.keep_alive();
+            let output = channel.tick(Input::Nothing);
+            let level = channel.command();
+            let is_armed = level >= settings().arming_threshold;
+            if is_armed {
+                if !was_armed {
+                    compensator.reset(level);
+                }
+                assert_eq!(output, compensator.update(level), "the filter's own answer");
+                assert!(output >= settings().idle);
+            }
+            was_armed = is_armed;
+            if channel.state() == State::Excitation(Phase::Playing) {
+                played += 1;
+                differs += u32::from(output != level);
+            }
+        }
+        assert!(differs > 900);
     }
-    let mut differs = 0;
-    for _ in 0..1000 {
-        channel.keep_alive();
-        let output = channel.tick(Input::Nothing);
-        assert!(output >= settings().idle);
-        differs += u32::from(output != channel.command());
-    }
-    assert!(differs > 900);
 }
 
 /// The host vanishes: on the ramp up, or while the lines are played.
@@ -650,9 +730,10 @@ proptest! {
     fn whatever_happens_no_motor_turns_that_should_not(
         events in proptest::collection::vec(any_event(), 1..60),
         settings in any_settings(),
+        filter in any_filter(),
     ) {
         let made = Excitation::new(&settings, &request(0.5, 0.05, 200), 5000.0).unwrap();
-        let mut channel = Channel::new(&settings, *paper_design().coefficients()).unwrap();
+        let mut channel = Channel::new(&settings, filter.filter).unwrap();
         let (mut last_live, mut lost_ticks, mut disarmed_seen) = (None, 0_u32, false);
         let (mut excited, mut silent_ticks) = (false, 0_u32);
         // Ticks since somebody had the motor.
@@ -725,9 +806,10 @@ proptest! {
     fn after_loss_and_hold_the_motor_is_stopped(
         levels in proptest::collection::vec((0.0..1.0_f64, 1..400_u32), 1..10),
         hold_ticks in 0..1000_u32,
+        filter in any_filter(),
     ) {
         let settings = ChannelSettings { hold_ticks, ..settings() };
-        let mut channel = Channel::new(&settings, *paper_design().coefficients()).unwrap();
+        let mut channel = Channel::new(&settings, filter.filter).unwrap();
         channel.tick(live(0.0));
         for (level, ticks) in levels {
             for _ in 0..ticks {

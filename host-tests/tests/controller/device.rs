@@ -5,10 +5,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::Parser as _;
-use host_tests::TABLE_1;
 use host_tests::stand_in::{Pace, Stand, StandIn, TIMER_HZ, Trouble};
+use host_tests::{TABLE_1, cases};
+use proptest::prelude::*;
 use rotorlead::capture::Signal;
 use rotorlead::channel::Input;
+use rotorlead::design::{CurvePoint, RotorCurve};
 use rotorlead::excitation::{Multisine, ODD_LINES_30_HZ};
 use rotorlead::link::{
     FRAME_BYTES, INJECT_SAMPLES, INJECT_WINDOW, InjectRequest, Injected, Message, Request, Series, VERSION, encode,
@@ -16,7 +18,7 @@ use rotorlead::link::{
 use rotorlead::settings::Settings;
 use rotorlead::throttle::{Command, EscCommand};
 use rotorlead_cli::Arguments;
-use rotorlead_device::path;
+use rotorlead_device::{entries, path, set};
 use rotorlead_plant::bench::{BenchError, Plan, run_through};
 use rotorlead_plant::{Actuator, EscTiming, Law, Model};
 use rotorlead_records::{Excitation, Experiment, Role};
@@ -229,6 +231,159 @@ fn a_key_that_needs_another_one_is_refused_with_a_command_that_works() {
     assert!(error.contains("even with output.protocol raw_duty") && error.contains("0.0090 to 0.0300"), "{error}");
     let error = bench.device("set omega_f_rad_s 10").unwrap_err();
     assert!(error.contains("`set omega_f_rad_s 10 omega_z_rad_s VALUE`"), "{error}");
+}
+
+/// The paper's motors, as they are given on the command line.
+const CURVE: &str = "0.40:0.159,0.45:0.136,0.50:0.108,0.55:0.101,0.60:0.085,0.65:0.071";
+
+#[test]
+fn an_inverse_is_set_used_stored_and_shown() {
+    let bench = Bench::new(Trouble::None, FAST);
+    let all = "compensator inverse inverse.natural_rad_s 100 inverse.damping 0.75 inverse.slew_per_s 60 \
+               inverse.compensate_from 0.3 inverse.compensate_to 0.7";
+    bench.device(&format!("set {all} motor.*.time_constant_s {CURVE} motor.2.time_constant_s 0.5:0.1")).unwrap();
+    bench.device("save").unwrap();
+    let shown = bench.device("get").unwrap();
+    for pair in all.split_whitespace().collect::<Vec<_>>().chunks(2) {
+        assert_eq!(shown[pair[0]], pair[1], "{shown}");
+    }
+    assert_eq!(shown["motor.2.time_constant_s"], "0:0.1,1:0.1");
+    // As the controller stores it: at every 32nd of the command where it changes.
+    let stored = shown["motor.1.time_constant_s"].as_str().unwrap();
+    assert!(
+        stored.starts_with("0:0.159,0.375:0.159,0.40625:0.1557") && stored.ends_with("0.65625:0.071,1:0.071"),
+        "{stored}"
+    );
+    // And what is shown can be set.
+    for (key, value) in shown.as_object().unwrap() {
+        bench.device(&format!("set {key} {}", value.as_str().unwrap())).unwrap();
+    }
+    assert_eq!(bench.device("get").unwrap(), shown);
+    bench.device("set compensator lead motor.*.time_constant_s none").unwrap();
+    assert_eq!(bench.device("get motor.1.time_constant_s").unwrap()["motor.1.time_constant_s"], "none");
+}
+
+/// What a folder says of its records is read again by other commands.
+#[test]
+fn no_record_of_an_inverse_is_said_to_be_of_the_lead() {
+    let bench = Bench::new(Trouble::None, FAST);
+    bench.device(&format!("set compensator inverse motor.*.time_constant_s {CURVE} motor.1.compensate true")).unwrap();
+    for arguments in [
+        format!("excite --motor 1 --nominal 0.5 --periods 1 --out @stand {SENSOR}"),
+        format!("record --motor 1 --seconds 1 --out @stand {SENSOR}"),
+        "inject --motor 1 --model @model.toml --out @stand".to_owned(),
+    ] {
+        let error = bench.device(&arguments).unwrap_err();
+        assert!(error.contains("motor 1 has an inverse") && error.contains("motor.1.compensate false"), "{error}");
+        assert!(!bench.path("stand").exists());
+    }
+    // Without it in the path a record is a record.
+    bench.device(&format!("excite --motor 0 --nominal 0.5 --periods 1 --out @stand {SENSOR}")).unwrap();
+}
+
+#[test]
+fn an_inverse_without_curves_is_refused_with_the_key_that_it_takes() {
+    let bench = Bench::new(Trouble::None, FAST);
+    let before = bench.device("get").unwrap();
+    let known =
+        format!("motor.0.time_constant_s {CURVE} motor.1.time_constant_s {CURVE} motor.3.time_constant_s {CURVE}");
+    for (arguments, said) in [
+        ("set compensator inverse".to_owned(), "`set compensator inverse motor.*.time_constant_s COMMAND:SECONDS,...`"),
+        (format!("set compensator inverse {known}"), "motor.2.time_constant_s COMMAND:SECONDS,...`"),
+        (
+            format!("set compensator inverse motor.*.time_constant_s {CURVE} motor.3.time_constant_s none"),
+            "motor.3.time_constant_s is none",
+        ),
+        ("set compensator inverse motor.*.time_constant_s none".to_owned(), "motor.0.time_constant_s is none"),
+    ] {
+        let error = bench.device(&arguments).unwrap_err();
+        assert!(error.contains(said) && error.contains("identified model"), "{arguments}: {error}");
+        assert_eq!(bench.device("get").unwrap(), before);
+    }
+    // With the curves it is taken, and not given up by removing one.
+    bench.device(&format!("set compensator inverse motor.*.time_constant_s {CURVE}")).unwrap();
+    let error = bench.device("set motor.1.time_constant_s none").unwrap_err();
+    assert!(error.contains("motor.1.time_constant_s is none: with compensator inverse"), "{error}");
+}
+
+#[test]
+fn wrong_curves_and_inverses_are_refused_with_what_is_wrong() {
+    let bench = Bench::new(Trouble::None, FAST);
+    bench.device(&format!("set compensator inverse motor.*.time_constant_s {CURVE}")).unwrap();
+    let before = bench.device("get").unwrap();
+    let form = "give COMMAND:SECONDS,..., as 0.40:0.159,0.65:0.071, or none";
+    let many = (0..34).map(|n| format!("{}:0.1", f64::from(n) / 40.0)).collect::<Vec<_>>().join(",");
+    for (value, said) in [
+        ("0.4", form),
+        ("0.4:x", form),
+        (":", form),
+        ("0.4:0.1,", form),
+        ("0.4:0.1;0.5:0.1", form),
+        ("None", form),
+        ("0.5:0.1,0.4:0.1", "point 1 of the curve: command is 0.4, not above that of the point before, 0.5"),
+        ("0.5:0.1,0.5:0.2", "point 1 of the curve: command is 0.5, not above"),
+        ("0.4:-1", "point 0 of the curve: tau_s is -1, outside its range"),
+        ("0.4:0.1,1.1:0.1", "point 1 of the curve: command is 1.1, outside its range 0 to 1"),
+        ("0.4:nan", "point 0 of the curve: tau_s is not a finite number"),
+        ("0.4:1e9", "outside its range"),
+        (&many, "the curve has 34 points, more than 33"),
+        // Curves of which there is no inverse.
+        ("0.4:0.001", "the rotor is faster than the inverse can slow down"),
+        ("0.5:0.1,0.53:0.2", "tau_s changes from 0.1000 at command 0.5000"),
+    ] {
+        let error = bench.device(&format!("set motor.3.time_constant_s {value}")).unwrap_err();
+        assert!(error.contains(said) && error.contains("motor.3.time_constant_s"), "{value}: {error}");
+        assert_eq!(bench.device("get").unwrap(), before);
+    }
+    for (arguments, said) in [
+        ("compensator inverted", "give lead or inverse"),
+        ("compensator lead inverse.damping 0.2", "inverse.damping is 0.2"),
+        ("inverse.natural_rad_s 2001", "inverse.natural_rad_s is 2001"),
+        ("inverse.slew_per_s 1e7", "inverse.slew_per_s is 10000000"),
+        ("inverse.slew_per_s 0.01", "slew_per_s is 0.01, less than one step of the output"),
+        ("inverse.compensate_from 0.8 inverse.compensate_to 0.7", "inverse.compensate_to is 0.69"),
+        ("inverse.compensate_to 1.5", "give a command from 0 to 1"),
+        ("inverse.natural 90", "did you mean `inverse.natural_rad_s`?"),
+        ("time_constant_s 0.4:0.1", "motor.*.KEY"),
+        ("inverse.natural_rad_s 3", "inverse.natural_rad_s"),
+    ] {
+        let error = bench.device(&format!("set {arguments}")).unwrap_err();
+        assert!(error.contains(said), "{arguments}: {error}");
+        assert_eq!(bench.device("get").unwrap(), before);
+    }
+}
+
+proptest! {
+    #![proptest_config(cases(500))]
+
+    /// Whatever was stored: from points, and as 33 time constants of any size.
+    #[test]
+    fn a_curve_that_is_shown_is_read_to_the_last_bit(
+        drawn in proptest::array::uniform32(-13.8..6.9_f64),
+        runs in proptest::collection::vec(0..33_usize, 0..20),
+        points in proptest::collection::vec((0.0..=1.0_f64, -13.8..6.9_f64), 1..8),
+        is_drawn in any::<bool>(),
+    ) {
+        let curve = if is_drawn {
+            let mut tau_s: [f32; 33] = std::array::from_fn(|index| (drawn[index % 32].exp() as f32).clamp(1.1e-6, 999.0));
+            runs.iter().filter(|&&index| index > 0).for_each(|&index| tau_s[index] = tau_s[index - 1]);
+            RotorCurve::from_time_constants_s(tau_s)
+        } else {
+            let mut points: Vec<_> = points.iter().map(|&(command, tau)| CurvePoint { command, tau_s: tau.exp().clamp(1.1e-6, 999.0) }).collect();
+            points.sort_by(|a, b| a.command.total_cmp(&b.command));
+            points.dedup_by(|a, b| a.command == b.command);
+            RotorCurve::through(&points).unwrap()
+        };
+        let name = "motor.1.time_constant_s";
+        let mut settings = Settings::default();
+        settings.motors[1].curve = Some(curve);
+        let (_, shown) = entries(&settings).into_iter().find(|(key, _)| key == name).unwrap();
+        let mut read = Settings::default();
+        set(&mut read, name, &shown).unwrap();
+        let bits = |settings: &Settings| settings.motors[1].curve.unwrap().time_constants_s().map(f32::to_bits);
+        prop_assert_eq!(bits(&read), bits(&settings), "{}", shown);
+        prop_assert!(read.motors[0].curve.is_none());
+    }
 }
 
 /// The outputs of a [`Trouble::BlankFlash`] are low, and stay so.

@@ -33,14 +33,16 @@ fn receive<T: DeserializeOwned>(receiver: &mut Receiver<T>, bytes: &[u8]) -> Vec
     bytes.iter().filter_map(|&byte| receiver.push(byte)).collect()
 }
 
-/// The default settings: loop rate; zero, poles and damping as `f64`; input and output; stop, what there is without a
-/// signal, stop pulses; four motors of compensate, disarming, arming, idle, max, hold; the excitation's duration, command,
-/// amplitude, time to arm and ramp; the divisor.
+/// The default settings: loop rate; lead or inverse; the lead's zero, poles and damping as `f64`; the inverse's natural
+/// frequency, damping and slew as `f64`, and its range; input and output; stop, what there is without a signal, stop pulses;
+/// four motors of compensate, disarming, arming, idle, max, hold, curve; the excitation's duration, command, amplitude, time
+/// to arm and ramp; the divisor.
 macro_rules! DEFAULTS {
     () => {
-        "8827 e17a14ae47412c40 15144196cb8d5740 cd3b7f669ea0e63f 019003 01c203 00 00 d00f \
-         00 a8b8bd14 b2e6cc19 b2e6cc19 8080808004 64 00 a8b8bd14 b2e6cc19 b2e6cc19 8080808004 64 \
-         00 a8b8bd14 b2e6cc19 b2e6cc19 8080808004 64 00 a8b8bd14 b2e6cc19 b2e6cc19 8080808004 64 \
+        "8827 00 e17a14ae47412c40 15144196cb8d5740 cd3b7f669ea0e63f \
+         15144196cb8d5740 cd3b7f669ea0e63f 0000000000003440 00 8080808004 019003 01c203 00 00 d00f \
+         00 a8b8bd14 b2e6cc19 b2e6cc19 8080808004 64 00 00 a8b8bd14 b2e6cc19 b2e6cc19 8080808004 64 00 \
+         00 a8b8bd14 b2e6cc19 b2e6cc19 8080808004 64 00 00 a8b8bd14 b2e6cc19 b2e6cc19 8080808004 64 00 \
          78 8080808003 e6cc9933 b817 d00f 01"
     };
 }
@@ -114,11 +116,12 @@ fn messages() -> Vec<(Message, &'static str)> {
         (refused(Refusal::NotDisarmed { motor: 3 }), "010103"),
         (refused(Refusal::NoSettings), "0102"),
         (refused(Refusal::InputLive { motor: 3 }), "010303"),
-        (error(place, out_of_range), "0104 0300 00 0000000000000840 000000000000d03f 0000000000000040"),
-        (error(place, Problem::ZeroNotBelowPoles), "0104030001"),
-        (error(Place { key: Key::Stop, motor: None }, Problem::StopWithoutRawDuty), "0104080002"),
-        (error(place, Problem::PulseTooLong { longest_us: 2000, max_frame_hz: 495 }), "0104030003d00fef03"),
-        (error(motor_max, Problem::NoEdges { min: 0.25, max: 2.0 }), "01040f010204000000000000d03f0000000000000040"),
+        (error(place, out_of_range), "0104 0400 00 0000000000000840 000000000000d03f 0000000000000040"),
+        (error(place, Problem::ZeroNotBelowPoles), "0104040001"),
+        (error(Place { key: Key::TimeConstantS, motor: Some(3) }, Problem::NoCurve), "010417010302"),
+        (error(Place { key: Key::Stop, motor: None }, Problem::StopWithoutRawDuty), "01040e0003"),
+        (error(place, Problem::PulseTooLong { longest_us: 2000, max_frame_hz: 495 }), "0104040004d00fef03"),
+        (error(motor_max, Problem::NoEdges { min: 0.25, max: 2.0 }), "010415010205000000000000d03f0000000000000040"),
         (refused(Refusal::Design), "0105"),
         (refused(Refusal::SaveFailed), "0106"),
         (refused(Refusal::CommandOutsideLimits { min_command: 1, max_command: 2, max_amplitude: 3 }), "0107020406"),
@@ -187,7 +190,7 @@ fn the_bytes_of_every_message_are_as_written() {
 
 #[test]
 fn a_whole_frame_is_as_written() {
-    assert_eq!(hex(&framed(9, &Request::Faults)), "000803090afe101e6f00");
+    assert_eq!(hex(&framed(9, &Request::Faults)), "000804090a9774ee1b00");
 }
 
 /// One frame of each kind, and another good one after them.

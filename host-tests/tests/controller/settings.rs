@@ -2,12 +2,15 @@
 
 use host_tests::flash::Flash;
 use host_tests::fuzz::{LAYOUT, fuzz_settings, stored};
-use host_tests::{OMEGA_G_RAD_S, cases, paper_design};
+use host_tests::{OMEGA_G_RAD_S, cases, paper_curve, paper_design};
 use proptest::prelude::*;
-use rotorlead::design::LeadDesign;
+use rotorlead::compensator::{CommandRange, Filter, InverseFilter};
+use rotorlead::controller::{FilterError, filters};
+use rotorlead::design::{CurvePoint, InverseDesign, InverseError, LeadDesign, RotorCurve};
+use rotorlead::link::{FRAME_BYTES, Message, PAYLOAD_BYTES, Request, encode};
 use rotorlead::settings::{
-    Key, NoSignal, Origin, Place, Problem, Pulse, PulseProtocol, SaveError, Settings, SettingsError, Store, Validated,
-    Warning,
+    CompensatorKind, ExcitationLimits, Inverse, Key, Lead, MOTORS, NoSignal, Origin, Place, Problem, Pulse,
+    PulseProtocol, SaveError, Settings, SettingsError, Store, Validated, Warning,
 };
 use rotorlead::throttle::Command;
 
@@ -25,6 +28,23 @@ fn numbered(number: u16) -> Validated {
     let mut settings = Settings { recorder_divisor: number + 1, ..Settings::default() };
     settings.lead.omega_z_rad_s = 10.0 + f64::from(number) / 1000.0;
     settings.validate().unwrap()
+}
+
+/// The same with an inverse, and a curve for each motor: a set of two pages.
+fn numbered_with_curves(number: u16) -> Validated {
+    let mut settings = Settings::clone(&numbered(number));
+    settings.compensator = CompensatorKind::Inverse;
+    for (motor, factor) in settings.motors.iter_mut().zip([1.0, 0.9, 1.1, 1.2]) {
+        let factor = factor + 0.001 * f64::from(number);
+        let points = paper_curve().into_iter().map(|point| CurvePoint { tau_s: factor * point.tau_s, ..point });
+        motor.curve = Some(RotorCurve::through(&points.collect::<Vec<_>>()).unwrap());
+    }
+    settings.validate().unwrap()
+}
+
+/// The curve of a motor whose time constant is the same at every command, but for one.
+fn curve_with(index: usize, tau_s: f32) -> Option<RotorCurve> {
+    Some(RotorCurve::from_time_constants_s(std::array::from_fn(|i| if i == index { tau_s } else { 0.1 })))
 }
 
 /// A flash in which the sets 0 to `saves - 1` were saved one after the other.
@@ -62,6 +82,31 @@ fn a_value_outside_its_range_is_refused_by_name() {
         ("omega_f_rad_s", |s| s.lead.omega_f_rad_s = 2001.0),
         ("damping", |s| s.lead.damping = 0.29),
         ("damping", |s| s.lead.damping = f64::NAN),
+        ("inverse.natural_rad_s", |s| s.inverse.natural_rad_s = 0.0),
+        ("inverse.natural_rad_s", |s| s.inverse.natural_rad_s = f64::NAN),
+        ("inverse.natural_rad_s", |s| s.inverse.natural_rad_s = 2001.0),
+        ("inverse.damping", |s| s.inverse.damping = 0.29),
+        ("inverse.damping", |s| s.inverse.damping = 2.01),
+        ("inverse.damping", |s| s.inverse.damping = f64::NAN),
+        ("inverse.slew_per_s", |s| s.inverse.slew_per_s = -1.0),
+        ("inverse.slew_per_s", |s| s.inverse.slew_per_s = 1.1e6),
+        ("inverse.slew_per_s", |s| s.inverse.slew_per_s = f64::NAN),
+        ("inverse.compensate_from", |s| s.inverse.compensate_from = -1),
+        ("inverse.compensate_from", |s| s.inverse.compensate_from = Command::ONE.to_bits() + 1),
+        ("inverse.compensate_to", |s| s.inverse.compensate_to = Command::ONE.to_bits() + 1),
+        ("inverse.compensate_to", |s| {
+            s.inverse.compensate_from = bits(0.5);
+            s.inverse.compensate_to = bits(0.5) - 1;
+        }),
+        ("motor.0.time_constant_s", |s| s.motors[0].curve = curve_with(0, 0.0)),
+        ("motor.1.time_constant_s", |s| s.motors[1].curve = curve_with(13, f32::NAN)),
+        ("motor.2.time_constant_s", |s| s.motors[2].curve = curve_with(32, 1001.0)),
+        ("motor.3.time_constant_s", |s| s.motors[3].curve = curve_with(7, -0.1)),
+        ("motor.0.time_constant_s", |s| s.compensator = CompensatorKind::Inverse),
+        ("motor.2.time_constant_s", |s| {
+            s.compensator = CompensatorKind::Inverse;
+            [0, 1, 3].into_iter().for_each(|motor| s.motors[motor].curve = curve_with(0, 0.1));
+        }),
         ("input.frame_hz", |s| s.input.frame_hz = 39),
         ("input.frame_hz", |s| s.input.frame_hz = 4001),
         ("output.frame_hz", |s| s.output.frame_hz = 0),
@@ -108,6 +153,134 @@ fn a_value_outside_its_range_is_refused_by_name() {
         let loaded = store(flash).load();
         assert_eq!((loaded.settings, loaded.origin), (Validated::default(), Origin::DefaultsBad), "{name}");
     }
+}
+
+/// The ends of their ranges are taken, and a curve may be stored for a lead too.
+#[test]
+fn the_ends_of_an_inverses_ranges_are_taken() {
+    let taken: &[fn(&mut Settings)] = &[
+        |s| s.inverse.natural_rad_s = 2000.0,
+        |s| s.inverse.damping = 0.3,
+        |s| s.inverse.damping = 2.0,
+        |s| s.inverse.slew_per_s = 0.0,
+        |s| s.inverse.slew_per_s = 1e6,
+        |s| (s.inverse.compensate_from, s.inverse.compensate_to) = (0, 0),
+        |s| (s.inverse.compensate_from, s.inverse.compensate_to) = (Command::ONE.to_bits(), Command::ONE.to_bits()),
+        |s| s.motors[1].curve = curve_with(3, 1000.0),
+        |s| s.motors[1].curve = curve_with(3, 1.001e-6),
+    ];
+    for (index, change) in taken.iter().enumerate() {
+        let mut settings = Settings::default();
+        change(&mut settings);
+        let checked = settings.validate();
+        assert!(checked.is_ok(), "{index}: {checked:?}");
+    }
+}
+
+#[test]
+fn an_inverse_takes_the_curve_of_every_motor() {
+    for missing in 0..MOTORS {
+        let mut settings = Settings::clone(&numbered_with_curves(1));
+        settings.motors[missing].curve = None;
+        let place = Place { key: Key::TimeConstantS, motor: Some(missing as u8) };
+        assert_eq!(settings.clone().validate(), Err(SettingsError { place, problem: Problem::NoCurve }));
+        // A lead does not need it.
+        settings.compensator = CompensatorKind::Lead;
+        assert!(settings.validate().is_ok());
+    }
+}
+
+/// On the controller's path from settings, and on the host's from the same points: the same integers.
+#[test]
+fn each_motor_gets_the_inverse_of_its_own_points() {
+    let mut settings = Settings { loop_rate_hz: 4000, compensator: CompensatorKind::Inverse, ..Settings::default() };
+    settings.inverse = Inverse {
+        natural_rad_s: 120.0,
+        damping: 0.8,
+        slew_per_s: 60.0,
+        compensate_from: bits(0.25),
+        compensate_to: bits(0.75),
+    };
+    let points = [1.0, 0.9, 1.1, 1.3].map(|factor| {
+        let curve = paper_curve().into_iter().map(|point| CurvePoint { tau_s: factor * point.tau_s, ..point });
+        curve.collect::<Vec<_>>()
+    });
+    for (motor, points) in settings.motors.iter_mut().zip(&points) {
+        motor.curve = Some(RotorCurve::through(points).unwrap());
+    }
+    let reference = settings.inverse.reference();
+    let range = CommandRange {
+        lowest: Command::saturating_from_bits(settings.inverse.compensate_from),
+        highest: Command::saturating_from_bits(settings.inverse.compensate_to),
+    };
+    let settings = settings.validate().unwrap();
+    for (filter, points) in filters(&settings).unwrap().into_iter().zip(&points) {
+        let design = InverseDesign::new(reference, 4000.0, points).unwrap();
+        // 60 a second are 983 whole steps of 2^-16 in a tick of 250 us.
+        let slew = design.slew_limit(60.0).unwrap();
+        assert_eq!(slew.per_tick(), 983 << 13);
+        assert_eq!(filter, Filter::Inverse(InverseFilter { coefficients: *design.coefficients(), slew, range }));
+    }
+    let [a, b, ..] = filters(&settings).unwrap();
+    assert_ne!(a, b);
+}
+
+#[test]
+fn an_inverse_that_cannot_be_designed_is_refused_with_its_motor() {
+    let mut settings = Settings::clone(&numbered_with_curves(0));
+    settings.motors[2].curve = curve_with(5, 0.2);
+    let error = filters(&settings.validate().unwrap()).unwrap_err();
+    let FilterError::Inverse { motor: 2, error: InverseError::CurveTooSteep { .. } } = error else {
+        panic!("{error:?}")
+    };
+    assert!(error.to_string().contains("motor.2.time_constant_s"), "{error}");
+
+    let mut settings = Settings::clone(&numbered_with_curves(0));
+    settings.inverse.slew_per_s = 0.01;
+    let error = filters(&settings.validate().unwrap()).unwrap_err();
+    assert!(matches!(error, FilterError::Inverse { motor: 0, error: InverseError::SlewTooSlow { .. } }), "{error:?}");
+    assert!(error.to_string().contains("slew_per_s is 0.01"), "{error}");
+}
+
+/// The longest of every number.
+#[test]
+fn the_longest_set_fits_its_pages_and_a_frame() {
+    let one = Command::ONE.to_bits();
+    let mut settings = Settings::clone(&numbered_with_curves(0));
+    settings.loop_rate_hz = 10_000;
+    (settings.inverse.compensate_from, settings.inverse.compensate_to) = (one - 1, one);
+    let fast = Pulse { protocol: PulseProtocol::RawDuty, frame_hz: 600 };
+    (settings.input, settings.output, settings.stop, settings.stop_pulses_ms) = (fast, fast, bits(0.03), 60_000);
+    for motor in &mut settings.motors {
+        (motor.disarming, motor.arming, motor.idle, motor.max) = (bits(0.5), bits(0.6), bits(0.7), bits(0.9));
+        motor.hold_ms = 1000;
+    }
+    settings.excitation = ExcitationLimits {
+        max_duration_s: 600,
+        max_command: one,
+        max_amplitude: bits(0.25),
+        arm_ms: 10_000,
+        ramp_ms: 10_000,
+    };
+    settings.recorder_divisor = 5000;
+    let settings = settings.validate().unwrap();
+
+    let body = postcard::to_stdvec(&*settings).unwrap();
+    let set = stored(LAYOUT, 1, &body);
+    assert_eq!((body.len(), set.len()), (717, 733));
+    assert!(set.len() <= 2 * PAGE);
+    let mut stored = store(Nor::blank());
+    stored.save(&settings).unwrap();
+    assert_eq!((stored.load().settings, stored.load().origin), (settings.clone(), Origin::Stored));
+
+    let mut frame = [0; FRAME_BYTES];
+    let settings = Settings::clone(&settings);
+    // Version, tag, kind of message, body and checksum; a byte of COBS for 254, and a zero at either end.
+    let payload = 3 + body.len() + 4;
+    assert!(payload <= PAYLOAD_BYTES);
+    let bound = payload + payload / 254 + 1 + 2;
+    assert!(encode(1, &Request::SetSettings(settings.clone()), &mut frame).unwrap() <= bound);
+    assert!(encode(1, &Message::Settings(settings), &mut frame).unwrap() <= bound);
 }
 
 #[test]
@@ -279,6 +452,52 @@ fn settings_of_the_first_layout_are_migrated_and_ground_nobody() {
     assert_eq!(store(flash).load().origin, Origin::DefaultsBad);
 }
 
+/// The bytes of the second layout: loop rate; zero, poles and damping as `f64`; input and output; stop, what there is without a
+/// signal, stop pulses; four motors of compensate, disarming, arming, idle, max, hold; the excitation's duration, command,
+/// amplitude, time to arm and ramp; the divisor.
+const LAYOUT_2: &str = "a01f 0000000000002c40 0000000000005940 000000000000e83f 029003 012c 00 01 d00f \
+     00 a8b8bd14 b2e6cc19 b2e6cc19 8080808004 64 00 a8b8bd14 b2e6cc19 b2e6cc19 8080808004 64 \
+     01 a8b8bd14 b2e6cc19 b2e6cc19 8080808002 9601 00 a8b8bd14 b2e6cc19 b2e6cc19 8080808004 64 \
+     3c 8080808003 e6cc9933 b817 d00f 07";
+
+#[test]
+fn settings_of_the_second_layout_are_migrated_to_a_lead_without_curves() {
+    let hex: String = LAYOUT_2.split_whitespace().collect();
+    let digits = hex.as_bytes().chunks(2).map(|pair| std::str::from_utf8(pair).unwrap());
+    let body: Vec<u8> = digits.map(|pair| u8::from_str_radix(pair, 16).unwrap()).collect();
+    let bytes = stored(2, 5, &body);
+    let mut flash = Nor::blank();
+    for start in [0, SECTOR] {
+        flash.bytes[start..start + bytes.len()].copy_from_slice(&bytes);
+    }
+    let mut store = store(flash);
+    let loaded = store.load();
+    assert_eq!(loaded.origin, Origin::Migrated);
+    let mut expected = Settings {
+        loop_rate_hz: 4000,
+        lead: Lead { omega_z_rad_s: 14.0, omega_f_rad_s: 100.0, damping: 0.75 },
+        input: Pulse { protocol: PulseProtocol::OneShot125, frame_hz: 400 },
+        output: Pulse { protocol: PulseProtocol::StandardPwm, frame_hz: 44 },
+        no_signal: NoSignal::StopPulses,
+        recorder_divisor: 7,
+        ..Settings::default()
+    };
+    expected.motors[2].compensate = true;
+    expected.motors[2].max = bits(0.5);
+    expected.motors[2].hold_ms = 150;
+    expected.excitation.max_duration_s = 60;
+    assert_eq!(*loaded.settings, expected);
+    assert_eq!(loaded.settings.compensator, CompensatorKind::Lead);
+    assert!(loaded.settings.motors.iter().all(|motor| motor.curve.is_none()));
+    // The next save has today's layout. A set that was cut short has none.
+    store.save(&loaded.settings).unwrap();
+    assert_eq!((store.load().settings, store.load().origin), (loaded.settings, Origin::Stored));
+    let mut flash = Nor::blank();
+    let bytes = stored(2, 5, &body[..body.len() - 1]);
+    flash.bytes[..bytes.len()].copy_from_slice(&bytes);
+    assert_eq!(self::store(flash).load().origin, Origin::DefaultsBad);
+}
+
 #[test]
 fn what_was_saved_is_loaded_through_many_saves_and_few_erases() {
     let mut store = store(Nor::blank());
@@ -402,47 +621,53 @@ fn a_worn_byte_is_found_when_it_is_written_and_the_old_set_stays() {
     assert_eq!(store.load().settings, numbered(0));
 }
 
-/// What sets will be once they have grown: with pages of 128 bytes they take two.
+/// Settings with four curves take two pages.
 #[test]
 fn a_set_of_two_pages_is_as_safe() {
-    const HALF: usize = 128;
-    let store = |flash: Nor| Store::<Nor, HALF>::with_pages(flash, Nor::SECTORS);
-    let mut filled = store(Nor::blank());
-    for number in 0..37 {
-        filled.save(&numbered(number)).unwrap();
-        let loaded = filled.load();
-        assert_eq!((loaded.settings, loaded.origin), (numbered(number), Origin::Stored));
-    }
-    // Eight sets to a sector.
-    let flash = filled.into_flash();
+    let filled = |saves: u16| {
+        let mut filled = store(Nor::blank());
+        for number in 0..saves {
+            filled.save(&numbered_with_curves(number)).unwrap();
+            let loaded = filled.load();
+            assert_eq!((loaded.settings, loaded.origin), (numbered_with_curves(number), Origin::Stored));
+        }
+        filled.into_flash()
+    };
+    // Two sets to a sector.
+    let flash = filled(9);
     assert_eq!(flash.erases, 2 * 4);
-    assert!(flash.bytes[HALF..2 * HALF].iter().any(|&byte| byte != 0xff), "a set takes a second page");
+    assert!(flash.bytes[PAGE..2 * PAGE].iter().any(|&byte| byte != 0xff), "a set takes a second page");
     for address in 0..flash.bytes.len() {
         for wrong in [0x00, 0xff, flash.bytes[address] ^ 0x01, flash.bytes[address] ^ 0x80] {
             let mut flash = flash.clone();
             flash.bytes[address] = wrong;
-            assert_eq!(store(flash).load().settings, numbered(36), "byte {address} is {wrong:#x}");
+            assert_eq!(store(flash).load().settings, numbered_with_curves(8), "byte {address} is {wrong:#x}");
         }
     }
-    // With an erase and without.
-    for saves in [37, 40] {
-        let mut before = store(Nor::blank());
-        (0..saves).for_each(|number| before.save(&numbered(number)).unwrap());
-        let before = before.into_flash();
-        let mut whole = store(before.clone());
-        whole.save(&numbered(100)).unwrap();
-        let steps = whole.into_flash().steps - before.steps;
+    // Without an erase and with one; after sets of one page, and before one.
+    let mixed = |sets: &[Validated]| {
+        let mut store = store(Nor::blank());
+        sets.iter().for_each(|set| store.save(set).unwrap());
+        store.into_flash()
+    };
+    let (long, short) = (numbered_with_curves(100), numbered(101));
+    for (before, old, new) in [
+        (filled(1), numbered_with_curves(0), &long),
+        (filled(2), numbered_with_curves(1), &long),
+        (mixed(&[numbered(0), numbered(1), numbered(2)]), numbered(2), &long),
+        (mixed(&[numbered(0), numbered_with_curves(1)]), numbered_with_curves(1), &short),
+    ] {
         let mut seen = [0; 2];
-        for cut in 0..steps {
-            let mut cut_short = store(Nor { cut_after: Some(cut), ..before.clone() });
-            assert_eq!(cut_short.save(&numbered(100)), Err(SaveError::Flash));
-            let mut left = cut_short.into_flash();
-            left.power_on();
-            let loaded = store(left).load().settings;
-            let is_new = loaded == numbered(100);
-            assert!(is_new || loaded == numbered(saves - 1), "cut after {cut} bytes");
+        for left in cuts(&before, new) {
+            let loaded = store(left.clone()).load().settings;
+            let is_new = loaded == *new;
+            assert!(is_new || loaded == old);
             seen[usize::from(is_new)] += 1;
+            let mut mended = store(left);
+            mended.save(&numbered_with_curves(9)).unwrap();
+            assert_eq!((mended.load().settings, mended.load().origin), (numbered_with_curves(9), Origin::Stored));
         }
+        println!("{} cuts leave the old set, {} the new one", seen[0], seen[1]);
         assert!(seen[0] > 0 && seen[1] > 0);
     }
 }

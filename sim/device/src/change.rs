@@ -2,6 +2,7 @@
 
 use rotorlead::settings::{Key, MOTORS, Place, Problem, Settings, SettingsError, Validated};
 
+use super::text::CURVE;
 use super::{DeviceError, entries, set};
 
 /// Makes `changes`, names and values, in their order, and checks the result as a whole: all of them, or none.
@@ -41,6 +42,13 @@ impl Remedy {
             }
             if is_given(place) || others.iter().any(|(other, _)| *other == place) {
                 return Self { others, left: Some(error) };
+            }
+            if error.problem == Problem::NoCurve {
+                // Nobody but the user has the time constants: which motors lack them.
+                let lacking = (0..).zip(&settings.motors).filter(|(_, motor)| motor.curve.is_none());
+                let places = lacking.map(|(motor, _)| Place { key: Key::TimeConstantS, motor: Some(motor) });
+                others.extend(places.filter(|place| !is_given(*place)).map(|place| (place, CURVE.into())));
+                break;
             }
             let Some(value) = value.filter(|value| set(&mut settings, &place.to_string(), value).is_ok()) else {
                 others.push((place, "VALUE".into()));

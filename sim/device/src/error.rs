@@ -153,7 +153,10 @@ fn remedy(refusal: &Refusal) -> &'static str {
         Refusal::TooSlow { .. } => "lower loop_rate_hz, use fewer lines, or find out why the faster clock does not run",
         Refusal::InputLive { .. } => "disconnect the flight controller's signal: only the host may drive the motor",
         Refusal::Settings(_) => "correct the value; `rotorlead device get` shows what is set",
-        Refusal::Design => "change omega_z_rad_s, omega_f_rad_s or damping; `rotorlead design` makes ones that fit",
+        Refusal::Design => {
+            "change omega_z_rad_s, omega_f_rad_s or damping, or with compensator inverse the keys inverse.* or \
+             motor.*.time_constant_s; `rotorlead design` makes ones that fit"
+        }
         Refusal::SaveFailed => "the flash may be worn out: use another controller",
         Refusal::CommandOutsideLimits { .. } => "lower --nominal or --amplitude, or raise the excitation's limits",
         Refusal::TooLong { .. } => "play fewer periods, or raise excitation.max_duration_s",

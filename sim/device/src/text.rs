@@ -182,6 +182,8 @@ impl<'a> Value<'a> {
 
 /// A motor whose time constants are not known.
 const NO_CURVE: &str = "none";
+/// The form of time constants.
+pub const CURVE: &str = "COMMAND:SECONDS,...";
 
 /// A curve as a setting: `COMMAND:SECONDS,...` for the points of the table, without those inside a run of equal time constants.
 #[must_use]
@@ -199,7 +201,7 @@ pub fn curve_text(curve: &RotorCurve) -> String {
 
 /// The curve through `COMMAND:SECONDS,...`; the error says what is wrong with it.
 fn read_curve(text: &str) -> Result<RotorCurve, String> {
-    let form = || "give COMMAND:SECONDS[,COMMAND:SECONDS ...], as 0.40:0.159,0.65:0.071, or none".to_owned();
+    let form = || format!("give {CURVE}, as 0.40:0.159,0.65:0.071, or {NO_CURVE}");
     let point = |point: &str| {
         let (command, tau_s) = point.split_once(':')?;
         Some(CurvePoint { command: command.trim().parse().ok()?, tau_s: tau_s.trim().parse().ok()? })

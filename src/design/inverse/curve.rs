@@ -98,6 +98,8 @@ fn pole_at(curve: &[CurvePoint], command: f64) -> Option<f64> {
     let above = curve.iter().find(|point| point.command >= command);
     let below = curve.iter().rev().find(|point| point.command < command);
     match (below, above) {
+        // To the last bit: through its own table a curve is itself again.
+        (_, Some(point)) if point.command == command => Some(point.pole_rad_s()),
         (Some(low), Some(high)) => {
             let part = (command - low.command) / (high.command - low.command);
             Some(low.pole_rad_s() + part * (high.pole_rad_s() - low.pole_rad_s()))

@@ -125,13 +125,13 @@ impl fmt::Display for InverseError {
             ),
             Self::RotorTooFast { command, tau_s, min_omega_f_rad_s } => write!(
                 f,
-                "tau_s is {tau_s:.4} at command {command:.4}: the rotor is faster than the inverse can slow down; raise \
-                 omega_f_rad_s above {min_omega_f_rad_s:.2}"
+                "tau_s is {tau_s:.4} at command {command:.4}: the rotor is faster than the inverse can slow down; raise the \
+                 natural frequency above {min_omega_f_rad_s:.2} rad/s"
             ),
             Self::RotorTooSlow { command, tau_s, max_omega_f_rad_s } => write!(
                 f,
-                "tau_s is {tau_s:.4} at command {command:.4}: the gain of the inverse does not fit its format; lower \
-                 omega_f_rad_s below {max_omega_f_rad_s:.2}"
+                "tau_s is {tau_s:.4} at command {command:.4}: the gain of the inverse does not fit its format; lower the \
+                 natural frequency below {max_omega_f_rad_s:.2} rad/s"
             ),
             Self::CurveTooSteep { command, tau_s, next_tau_s } => write!(
                 f,
@@ -141,8 +141,8 @@ impl fmt::Display for InverseError {
             ),
             Self::ResponseTooLong => write!(
                 f,
-                "the reference model takes more than {LONGEST_RESPONSE_TICKS} ticks to settle: raise omega_f_rad_s, lower \
-                 damping, or lower loop_rate_hz"
+                "the reference model takes more than {LONGEST_RESPONSE_TICKS} ticks to settle: raise its natural \
+                 frequency, lower its damping, or lower loop_rate_hz"
             ),
             Self::RoundingTooLarge { command, max } => write!(
                 f,

@@ -92,7 +92,7 @@ fn every_refusal_names_the_parameter_its_place_and_the_remedy() {
         (points(&[point(1.1, 0.1)]), "point 0 of the curve: command is 1.1, outside its range 0 to 1"),
         (points(&[point(0.5, 0.1), point(0.5, 0.2)]), "point 1 of the curve: command is 0.5, not above"),
         (points(&flat(0.005)), "tau_s is 0.0050 at command 0.0000: the rotor is faster"),
-        (points(&flat(6.0)), "lower omega_f_rad_s below 85.33"),
+        (points(&flat(6.0)), "lower the natural frequency below 85.33 rad/s"),
         (
             points(&[point(0.5, 0.1), point(0.53, 0.2)]),
             "tau_s changes from 0.1000 at command 0.5000 to 0.2000 at 0.5312",

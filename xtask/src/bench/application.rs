@@ -5,12 +5,13 @@ use std::net::TcpStream;
 use std::path::Path;
 use std::time::Duration;
 
-use emulator::Debugger;
+use emulator::{Debugger, Process};
 use rotorlead::capture::{Decoder, Level, PULSES_TO_LIVE};
 use rotorlead::channel::{Channel, Excitation, ExcitationRequest, Input, Phase, State};
 use rotorlead::controller::{self, Plan, channel_settings};
+use rotorlead::design::{CurvePoint, RotorCurve};
 use rotorlead::link::{ExciteRequest, FRAME_BYTES, LineSet, Message, Receiver, RecordRequest, Request, Source, encode};
-use rotorlead::settings::{Pulse, PulseProtocol, Settings, Validated};
+use rotorlead::settings::{CompensatorKind, Pulse, PulseProtocol, Settings, Validated};
 use rotorlead::throttle::Command;
 
 use super::inputs::{INPUTS, Inputs};
@@ -44,8 +45,8 @@ const SYSTICK_ON: u32 = 0b111;
 const INTERRUPT_CONTROL: u32 = 0xE000_ED04;
 const SYSTICK_NOT_PENDING: u32 = 1 << 25;
 
-/// Frames until an input is live and disarmed.
-const DISARMED_FRAMES: u32 = PULSES_TO_LIVE as u32;
+/// Frames until an input is live and its motor disarmed: the first pulse that counts is the second one.
+const DISARMED_FRAMES: u32 = PULSES_TO_LIVE as u32 + 2;
 /// Frames that are measured while armed. The command steps in each, so that the compensator works.
 const ARMED_FRAMES: u32 = 2;
 /// Bytes of the link that are measured: those of a short request and the begin of its answer.
@@ -110,6 +111,9 @@ pub struct Interrupts {
     pub tick_4ch: Costs,
     /// The ticks around that in which all four arm, which starts their filters.
     pub tick_arming: Costs,
+    /// The same two with the inverse in each path.
+    pub tick_4ch_inverse: Costs,
+    pub tick_arming_inverse: Costs,
     /// The capture of an edge of one input, and of edges of all four at once.
     pub capture_1: Costs,
     pub capture_4: Costs,
@@ -119,6 +123,8 @@ pub struct Interrupts {
     pub link_both: Costs,
     /// The control tick of an excitation that is recorded, with so many lines.
     pub excitations: [(u32, Costs); 2],
+    /// The same with the inverse in the path, and the more lines.
+    pub excitation_inverse: (u32, Costs),
     /// What the lowest priority locks for a request in flight, and for those that are refused unless all motors are at rest.
     pub requests: Locked,
     pub requests_at_rest: Locked,
@@ -134,50 +140,18 @@ impl Interrupts {
     }
 }
 
+/// Commands of the paper's operating points, and the motor's poles there, rad/s (Table 1).
+const PAPER_POLES_RAD_S: [(f64, f64); 6] =
+    [(0.40, 6.2758), (0.45, 7.3524), (0.50, 9.2889), (0.55, 9.9130), (0.60, 11.7439), (0.65, 14.1275)];
+
 /// The application's own mark that its clock tells pulses apart.
 const PULSES_ARE_EXACT: &str = "rotorlead_firmware::board::parts::PULSES_ARE_EXACT";
 
 /// Measures them.
 pub fn measure(image_path: &Path, image: &Image) -> Result<Interrupts> {
-    let Machine { mut debugger, mut link, qemu: _qemu } = Machine::start(image_path)?;
-    let address = |name: &str| {
-        let index = image.function_named(name).ok_or_else(|| format!("the image has no interrupt {name}"))?;
-        Ok::<_, String>(image.functions[index].address)
-    };
-    let handlers = Handlers { tick: address(TICK)?, capture: address(CAPTURE)?, link: address(LINK)? };
-    debugger.run_to(handlers.tick)?;
-    check_priorities(&mut debugger)?;
-    // The emulator has no crystal, and without one the application does not let pulses arm.
-    let exact = image.static_named(PULSES_ARE_EXACT).ok_or_else(|| format!("the image has no {PULSES_ARE_EXACT}"))?;
-    debugger.set_byte(exact, 1)?;
-
-    let mut settings = Settings { input: INPUT, output: OUTPUT, ..Settings::default() };
-    settings.motors.iter_mut().for_each(|motor| motor.compensate = true);
-    let timer_hz = set(&mut debugger, &mut link, &settings)?;
-    let settings = settings.validate().map_err(|error| error.to_string())?;
-    let library = Library::new(&settings, timer_hz)?;
-    let divider = debugger.read(TIM3_PRESCALER)? + 1;
-    if divider != library.plan.frames.divider {
-        return Err(format!(
-            "the outputs' timer is divided by {divider}, and by the plan by {:?}",
-            library.plan.frames
-        ));
-    }
-    for handler in [handlers.tick, handlers.capture, handlers.link] {
-        debugger.add_breakpoint(handler)?;
-    }
-    let mut stand = Stand {
-        debugger,
-        link,
-        image,
-        handlers,
-        inputs: Inputs::default(),
-        counts_per_us: timer_hz / 1_000_000,
-        counts_per_tick: timer_hz / settings.loop_rate_hz,
-        counts_per_frame: timer_hz / u32::from(settings.input.frame_hz),
-        until_frame: 0,
-        library,
-    };
+    let settings = flight_settings();
+    let mut stand = Stand::new(image_path, image, &settings)?;
+    check_priorities(&mut stand.debugger)?;
     let one = [true, false, false, false];
     stand.fly(one, DISARMED_US, DISARMED_FRAMES)?;
     let one = stand.fly_armed(one)?;
@@ -185,23 +159,58 @@ pub fn measure(image_path: &Path, image: &Image) -> Result<Interrupts> {
     stand.fly(four, DISARMED_US, DISARMED_FRAMES)?;
     let four = stand.fly_armed(four)?;
     let (link_byte, link_both) = stand.link_bytes()?;
+    drop(stand);
+    let inverse = measure_inverse(image_path, image)?;
     let (requests, requests_at_rest) = measure_requests(image_path, image)?;
     Ok(Interrupts {
         tick_1ch: one.ticks,
         tick_4ch: four.ticks,
         tick_arming: four.arming,
+        tick_4ch_inverse: inverse.ticks,
+        tick_arming_inverse: inverse.arming,
         capture_1: one.captures,
         capture_4: four.captures,
         link_byte,
         link_both,
         excitations: [
-            measure_excitation(image_path, image, handlers, LineSet::Odd30Hz)?,
-            measure_excitation(image_path, image, handlers, LineSet::Odd45Hz)?,
+            measure_excitation(image_path, image, &excitation_settings(), LineSet::Odd30Hz)?,
+            measure_excitation(image_path, image, &excitation_settings(), LineSet::Odd45Hz)?,
         ],
+        excitation_inverse: measure_excitation(
+            image_path,
+            image,
+            &with_inverse(excitation_settings())?,
+            LineSet::Odd45Hz,
+        )?,
         requests,
         requests_at_rest,
         loop_rate_hz: settings.loop_rate_hz,
     })
+}
+
+/// Settings of a flight with the lead in every path.
+fn flight_settings() -> Settings {
+    let mut settings = Settings { input: INPUT, output: OUTPUT, ..Settings::default() };
+    settings.motors.iter_mut().for_each(|motor| motor.compensate = true);
+    settings
+}
+
+/// The same settings with the inverse of the paper's motors.
+fn with_inverse(mut settings: Settings) -> Result<Settings> {
+    let points = PAPER_POLES_RAD_S.map(|(command, pole)| CurvePoint { command, tau_s: 1.0 / pole });
+    let curve = RotorCurve::through(&points).map_err(|error| error.to_string())?;
+    settings.compensator = CompensatorKind::Inverse;
+    settings.motors.iter_mut().for_each(|motor| motor.curve = Some(curve));
+    Ok(settings)
+}
+
+/// Ticks of four motors with the inverse in every path. The commands step by more than the slew allows in a tick, so that it
+/// limits some outputs.
+fn measure_inverse(image_path: &Path, image: &Image) -> Result<Flight> {
+    let mut stand = Stand::new(image_path, image, &with_inverse(flight_settings())?)?;
+    let four = [true; INPUTS];
+    stand.fly(four, DISARMED_US, DISARMED_FRAMES)?;
+    stand.fly_armed(four)
 }
 
 /// Runs while `meanwhile` asks over the link, and on until the controller has nothing more to send: the interrupt of an
@@ -256,11 +265,11 @@ fn excite_request(lines: LineSet) -> ExciteRequest {
 
 /// Number of the lines, and what control ticks cost in which motor 0 plays them, through its compensator, and is recorded.
 /// Its pulses are held against the library's.
-fn measure_excitation(image_path: &Path, image: &Image, handlers: Handlers, lines: LineSet) -> Result<(u32, Costs)> {
+fn measure_excitation(image_path: &Path, image: &Image, settings: &Settings, lines: LineSet) -> Result<(u32, Costs)> {
     let Machine { mut debugger, mut link, qemu: _qemu } = Machine::start(image_path)?;
+    let handlers = Handlers::of(image)?;
     debugger.run_to(handlers.tick)?;
-    let settings = excitation_settings();
-    let timer_hz = set(&mut debugger, &mut link, &settings)?;
+    let timer_hz = set(&mut debugger, &mut link, settings)?;
     // The first tick that is measured is the excitation's first.
     stop_ticks(&mut debugger)?;
     let request = excite_request(lines);
@@ -278,7 +287,7 @@ fn measure_excitation(image_path: &Path, image: &Image, handlers: Handlers, line
     }
     debugger.store(SYSTICK_CONTROL, SYSTICK_ON)?;
 
-    let settings = settings.validate().map_err(|error| error.to_string())?;
+    let settings = settings.clone().validate().map_err(|error| error.to_string())?;
     let mut library = Library::new(&settings, timer_hz)?;
     let checked = ExcitationRequest {
         lines: lines.lines(),
@@ -450,9 +459,47 @@ struct Stand<'a> {
     /// From now to the rise of the next pulses.
     until_frame: u32,
     library: Library,
+    _qemu: Process,
 }
 
-impl Stand<'_> {
+impl<'a> Stand<'a> {
+    /// A controller that runs with these settings, and has a clock that it trusts.
+    fn new(image_path: &Path, image: &'a Image, settings: &Settings) -> Result<Self> {
+        let Machine { mut debugger, mut link, qemu } = Machine::start(image_path)?;
+        let handlers = Handlers::of(image)?;
+        debugger.run_to(handlers.tick)?;
+        // The emulator has no crystal, and without one the application does not let pulses arm.
+        let exact =
+            image.static_named(PULSES_ARE_EXACT).ok_or_else(|| format!("the image has no {PULSES_ARE_EXACT}"))?;
+        debugger.set_byte(exact, 1)?;
+        let timer_hz = set(&mut debugger, &mut link, settings)?;
+        let settings = settings.clone().validate().map_err(|error| error.to_string())?;
+        let library = Library::new(&settings, timer_hz)?;
+        let divider = debugger.read(TIM3_PRESCALER)? + 1;
+        if divider != library.plan.frames.divider {
+            return Err(format!(
+                "the outputs' timer is divided by {divider}, and by the plan by {:?}",
+                library.plan.frames
+            ));
+        }
+        for handler in [handlers.tick, handlers.capture, handlers.link] {
+            debugger.add_breakpoint(handler)?;
+        }
+        Ok(Self {
+            debugger,
+            link,
+            image,
+            handlers,
+            inputs: Inputs::default(),
+            counts_per_us: timer_hz / 1_000_000,
+            counts_per_tick: timer_hz / settings.loop_rate_hz,
+            counts_per_frame: timer_hz / u32::from(settings.input.frame_hz),
+            until_frame: 0,
+            library,
+            _qemu: qemu,
+        })
+    }
+
     /// Pulses at some inputs, all at once, for so many frames: what the ticks and the captures cost.
     fn fly(&mut self, who: [bool; INPUTS], width_us: u32, frames: u32) -> Result<(Costs, Costs)> {
         let (mut ticks, mut captures) = (Costs::default(), Costs::default());
@@ -488,6 +535,11 @@ impl Stand<'_> {
             let (tick, capture) = self.fly(who, ARMED_US[frame as usize % 2], 1)?;
             ticks.merge(tick);
             captures.merge(capture);
+        }
+        for (channel, _) in self.library.channels.iter().zip(who).filter(|(_, who)| *who) {
+            if channel.state() != State::Armed {
+                return Err(format!("a motor that was to fly is {:?}", channel.state()));
+            }
         }
         Ok(Flight { arming, ticks, captures })
     }
@@ -564,6 +616,16 @@ struct Handlers {
     tick: u32,
     capture: u32,
     link: u32,
+}
+
+impl Handlers {
+    fn of(image: &Image) -> Result<Self> {
+        let address = |name: &str| {
+            let index = image.function_named(name).ok_or_else(|| format!("the image has no interrupt {name}"))?;
+            Ok::<_, String>(image.functions[index].address)
+        };
+        Ok(Self { tick: address(TICK)?, capture: address(CAPTURE)?, link: address(LINK)? })
+    }
 }
 
 impl Costs {

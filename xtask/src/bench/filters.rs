@@ -8,16 +8,20 @@ use crate::image::Image;
 use crate::run::Result;
 
 /// The module in the image, and what its name is in tables and in JSON.
-const FILTERS: [(&str, &str, &str); 3] = [
-    ("rotorlead_section", "rotorlead", "biquad"),
+const FILTERS: [(&str, &str, &str); 4] = [
+    ("rotorlead_section", "rotorlead lead", "biquad"),
+    (INVERSE, "rotorlead inverse", "inverse"),
     ("idsp_dither", "idsp 0.23 Dither", "idsp_dither"),
     ("biquad_f32", "biquad 0.6 f32 DF1", "biquad_f32"),
 ];
+/// The one with a tick of another length, in which its slew limits the output, and with an output of 16 bits.
+const INVERSE: &str = "rotorlead_inverse";
 /// Samples of a block, and motors of a tick, as in the image.
 const BLOCK: u32 = 32;
 const MOTORS: u32 = 4;
-/// The level at which the image lets filters settle, Q2.29.
+/// The level at which the image lets filters settle, Q2.29, and the nearest output of the inverse, 2^-16.
 const LEVEL: i32 = 314_159_265;
+const LEVEL_OF_INVERSE: i32 = (LEVEL + (1 << 12)) & -(1 << 13);
 
 /// One filter's figures.
 #[derive(Clone, Debug)]
@@ -32,13 +36,21 @@ pub struct Filter {
     pub motors: Cost,
     /// A block of 32 samples, for all of them.
     pub block: Cost,
-    /// State and coefficients.
-    pub bytes: u32,
-    /// What is left of a step after 20 s, in steps of 2^-29.
+    /// A call in which a limit changes the output, where that takes another path.
+    pub limited: Option<Cost>,
+    /// Bytes of the state, and of the coefficients.
+    pub state_bytes: u32,
+    pub coefficient_bytes: u32,
+    /// What is left of a step after 20 s, in steps of 2^-29, from the nearest output that there is.
     pub steady_error: i32,
 }
 
 impl Filter {
+    /// State and coefficients.
+    pub const fn bytes(&self) -> u32 {
+        self.state_bytes + self.coefficient_bytes
+    }
+
     /// Instructions per sample of the four motors.
     pub fn per_motor(&self) -> f64 {
         f64::from(self.motors.instructions) / f64::from(MOTORS)
@@ -75,10 +87,14 @@ impl Bench<'_> {
         let call = self.cost(&of("call"))?;
         let motors = self.cost(&of("motors"))?;
         let block = self.cost(&of("block"))?;
-        let bytes = self.result("size")?;
-        let steady = self.result(&of("steady"))?;
-        let steady_error = steady.cast_signed() - LEVEL;
-        Ok(Filter { name, key, call, motors, block, bytes, steady_error })
+        let [state_bytes, coefficient_bytes] = [self.result("size")?, self.result("size")?];
+        let steady = self.result(&of("steady"))?.cast_signed();
+        let (level, limited) = match module {
+            INVERSE => (LEVEL_OF_INVERSE, Some(self.cost(&of("call"))?)),
+            _ => (LEVEL, None),
+        };
+        let steady_error = steady - level;
+        Ok(Filter { name, key, call, motors, block, limited, state_bytes, coefficient_bytes, steady_error })
     }
 
     /// Two more blocks take as many nanoseconds more of the emulator's time as they have instructions when executed

@@ -25,7 +25,11 @@ const MOST_INSTRUCTIONS_CALL: u32 = 22;
 /// Of a block, with the loop, and a 32nd part of what the function needs to enter and return.
 const MOST_INSTRUCTIONS_SAMPLE: f64 = 13.1;
 const MOST_BYTES: u32 = 40;
-const MOST_INSTRUCTIONS_TICK: u32 = 600;
+const MOST_INSTRUCTIONS_TICK: u32 = 640;
+/// The same of the inverse: a call, a call in which a limit changes the output, and a tick of four motors.
+const MOST_INSTRUCTIONS_INVERSE: u32 = 60;
+const MOST_INSTRUCTIONS_LIMITED: u32 = 80;
+const MOST_INSTRUCTIONS_TICK_INVERSE: u32 = 900;
 
 /// Everything that was measured.
 pub struct Report {
@@ -37,18 +41,21 @@ pub struct Report {
 
 impl Report {
     /// Share of the core's time that four armed motors take at most, estimated.
-    fn cpu_share(&self) -> f64 {
-        let cycles = f64::from(self.interrupts.tick_4ch.worst.cycles + INTERRUPT);
+    fn cpu_share(&self, tick: &Costs) -> f64 {
+        let cycles = f64::from(tick.worst.cycles + INTERRUPT);
         cycles * f64::from(self.interrupts.loop_rate_hz) / CORE_HZ
     }
 
     /// For how long each interrupt may be kept waiting while motors fly: its name, what it waits for, and cycles at both
     /// clocks, `None` where bytes at the full rate of the line, both ways, leave it no time.
     fn waits(&self) -> [Wait; 3] {
-        let Interrupts { tick_4ch, excitations, capture_4, link_both, requests, .. } = &self.interrupts;
+        let Interrupts { tick_4ch, tick_4ch_inverse, excitations, excitation_inverse, .. } = &self.interrupts;
+        let Interrupts { capture_4, link_both, requests, .. } = &self.interrupts;
         let cycles = |costs: &Costs| u64::from(costs.worst.cycles + INTERRUPT);
         let [(_, few), (_, many)] = excitations;
-        let in_tick = tick_4ch.locked.max(few.locked).max(many.locked).max(capture_4.locked);
+        let in_tick = [tick_4ch_inverse, few, many, &excitation_inverse.1, capture_4]
+            .into_iter()
+            .fold(tick_4ch.locked, |longest, costs| longest.max(costs.locked));
         let (bytes, captures) = (in_tick.bytes.max(requests.bytes), in_tick.captures.max(requests.captures));
         // The control tick does not wait for its own locks.
         let ticks = requests.ticks;
@@ -72,23 +79,31 @@ impl Report {
     pub fn json(&self) -> Value {
         let mut all = serde_json::Map::new();
         for filter in &self.filters {
-            let figures = json!({
+            let mut figures = json!({
                 "instructions_call": filter.call.instructions,
                 "instructions_inlined": filter.per_motor(),
                 "instructions_block32": filter.per_sample(),
-                "bytes": filter.bytes,
+                "bytes": filter.bytes(),
+                "state_bytes": filter.state_bytes,
+                "coefficient_bytes": filter.coefficient_bytes,
                 "steady_error": filter.steady_error,
                 "estimated_cycles_call": filter.call.cycles,
                 "estimated_cycles_block32": filter.cycles_per_sample(),
             });
+            if let Some(limited) = filter.limited {
+                figures["instructions_limited"] = json!(limited.instructions);
+                figures["estimated_cycles_limited"] = json!(limited.cycles);
+            }
             all.insert(filter.key.to_owned(), figures);
         }
         let Interrupts { tick_1ch, tick_4ch, tick_arming, capture_1, capture_4, link_byte, link_both, .. } =
             &self.interrupts;
         let Interrupts { excitations, requests, requests_at_rest, loop_rate_hz, .. } = &self.interrupts;
-        for (lines, costs) in excitations {
+        let Interrupts { tick_4ch_inverse, tick_arming_inverse, excitation_inverse, .. } = &self.interrupts;
+        let excitations = excitations.iter().map(|excitation| ("", excitation));
+        for (suffix, (lines, costs)) in excitations.chain([("_inverse", excitation_inverse)]) {
             all.insert(
-                format!("excitation_{lines}"),
+                format!("excitation_{lines}{suffix}"),
                 json!({
                     "instructions": costs.worst.instructions,
                     "instructions_mean": costs.mean(),
@@ -120,7 +135,18 @@ impl Report {
                 "instructions_4ch_mean": tick_4ch.mean(),
                 "estimated_cycles_4ch": tick_4ch.worst.cycles + INTERRUPT,
                 "loop_rate_hz": loop_rate_hz,
-                "cpu_share": self.cpu_share(),
+                "cpu_share": self.cpu_share(tick_4ch),
+            }),
+        );
+        all.insert(
+            "tick_inverse".to_owned(),
+            json!({
+                "instructions_4ch": tick_4ch_inverse.worst.instructions,
+                "instructions_arming": tick_arming_inverse.worst.instructions,
+                "instructions_4ch_mean": tick_4ch_inverse.mean(),
+                "estimated_cycles_4ch": tick_4ch_inverse.worst.cycles + INTERRUPT,
+                "loop_rate_hz": loop_rate_hz,
+                "cpu_share": self.cpu_share(tick_4ch_inverse),
             }),
         );
         all.insert(
@@ -149,15 +175,29 @@ impl Report {
         let (call, sample) = (ours.call.instructions, ours.per_sample());
         hold(call <= MOST_INSTRUCTIONS_CALL, format!("a call takes {call} instructions"));
         hold(sample <= MOST_INSTRUCTIONS_SAMPLE, format!("a sample of a block takes {sample} instructions"));
-        hold(ours.bytes <= MOST_BYTES, format!("state and coefficients are {} bytes", ours.bytes));
+        hold(ours.bytes() <= MOST_BYTES, format!("state and coefficients are {} bytes", ours.bytes()));
         hold(ours.steady_error == 0, format!("the steady output is off by {}", ours.steady_error));
         let tick = self.interrupts.tick_4ch.worst.instructions;
         hold(tick < MOST_INSTRUCTIONS_TICK, format!("a tick of four motors takes {tick} instructions"));
+        for inverse in self.filters.iter().filter(|filter| filter.limited.is_some()) {
+            let call = inverse.call.instructions;
+            hold(call <= MOST_INSTRUCTIONS_INVERSE, format!("a call of the inverse takes {call} instructions"));
+            let limited = inverse.limited.map_or(0, |limited| limited.instructions);
+            let what = format!("a limited call of the inverse takes {limited} instructions, and a free one {call}");
+            hold((call + 1..=MOST_INSTRUCTIONS_LIMITED).contains(&limited), what);
+            let what = format!("the steady output of the inverse is off by {}", inverse.steady_error);
+            hold(inverse.steady_error == 0, what);
+        }
         let Interrupts { tick_1ch, tick_4ch, capture_1, capture_4, link_byte, link_both, excitations, .. } =
             &self.interrupts;
+        let Interrupts { tick_4ch_inverse, excitation_inverse, .. } = &self.interrupts;
+        let tick = tick_4ch_inverse.worst.instructions;
+        let what = format!("a tick of four motors with inverses takes {tick} instructions");
+        hold(tick < MOST_INSTRUCTIONS_TICK_INVERSE, what);
         for (name, costs, limit) in [
             ("tick of one motor", tick_1ch, TICK_CYCLES),
             ("tick of four motors", tick_4ch, TICK_CYCLES),
+            ("tick of four motors with inverses", tick_4ch_inverse, TICK_CYCLES),
             ("capture of one edge", capture_1, CAPTURE_CYCLES),
             ("capture of four edges", capture_4, CAPTURE_CYCLES),
             ("byte of the link", link_byte, BYTE_CYCLES),
@@ -169,7 +209,7 @@ impl Report {
         let what =
             format!("a byte is taken after {taken} cycles, and after {BYTE_TAKEN_CYCLES} by src/controller/load.rs");
         hold((ENTRY + 1..=BYTE_TAKEN_CYCLES).contains(&taken), what);
-        for (lines, costs) in excitations {
+        for (lines, costs) in excitations.iter().chain([excitation_inverse]) {
             let (cycles, limit) = (costs.worst.cycles + INTERRUPT, TICK_CYCLES + lines * LINE_CYCLES);
             let what =
                 format!("a tick with {lines} lines takes {cycles} cycles, and {limit} by src/controller/load.rs");
@@ -190,7 +230,7 @@ impl Report {
             let no_dearer = call <= peer.call.instructions
                 && sample <= peer.per_sample()
                 && ours.per_motor() <= peer.per_motor()
-                && ours.bytes <= peer.bytes;
+                && ours.bytes() <= peer.bytes();
             hold(no_dearer, format!("{} is cheaper", peer.name));
         }
         missed
@@ -258,18 +298,29 @@ impl fmt::Display for Report {
         writeln!(f, "Instructions on a Cortex-M4F, counted in QEMU; cycles are estimated from the instructions\n")?;
         writeln!(
             f,
-            "{:<20} {:>6} {:>8} {:>10} {:>6} {:>13} {:>12} {:>12}",
-            "filter, per sample", "call", "inlined", "block 32", "bytes", "steady error", "call, est.", "block, est."
+            "{:<20} {:>6} {:>8} {:>8} {:>10} {:>6} {:>6} {:>13} {:>12} {:>12}",
+            "filter, per sample",
+            "call",
+            "limited",
+            "inlined",
+            "block 32",
+            "state",
+            "coeff.",
+            "steady error",
+            "call, est.",
+            "block, est."
         )?;
         for filter in &self.filters {
             writeln!(
                 f,
-                "{:<20} {:>6} {:>8.2} {:>10.2} {:>6} {:>13} {:>12} {:>12.1}",
+                "{:<20} {:>6} {:>8} {:>8.2} {:>10.2} {:>6} {:>6} {:>13} {:>12} {:>12.1}",
                 filter.name,
                 filter.call.instructions,
+                filter.limited.map_or_else(|| "same".to_owned(), |limited| limited.instructions.to_string()),
                 filter.per_motor(),
                 filter.per_sample(),
-                filter.bytes,
+                filter.state_bytes,
+                filter.coefficient_bytes,
                 filter.steady_error,
                 filter.call.cycles,
                 filter.cycles_per_sample(),
@@ -278,6 +329,7 @@ impl fmt::Display for Report {
         let Interrupts { tick_1ch, tick_4ch, tick_arming, capture_1, capture_4, link_byte, link_both, .. } =
             &self.interrupts;
         let Interrupts { excitations, requests, requests_at_rest, loop_rate_hz, .. } = &self.interrupts;
+        let Interrupts { tick_4ch_inverse, tick_arming_inverse, excitation_inverse, .. } = &self.interrupts;
         writeln!(f, "\n{:<46} {:>6} {:>6} {:>12}", "interrupt of the application", "mean", "worst", "cycles, est.")?;
         let mut row = |name: &str, costs: &Costs| {
             let worst = costs.worst;
@@ -287,18 +339,23 @@ impl fmt::Display for Report {
         row("control tick, one motor armed", tick_1ch)?;
         row("control tick, four motors armed", tick_4ch)?;
         row("control tick that arms all four", tick_arming)?;
+        row("control tick, four motors armed, inverse", tick_4ch_inverse)?;
+        row("control tick that arms all four, inverse", tick_arming_inverse)?;
         for (lines, costs) in excitations {
             row(&format!("control tick, {lines} lines on one motor, recorded"), costs)?;
         }
+        let (lines, costs) = excitation_inverse;
+        row(&format!("the same with the inverse, {lines} lines"), costs)?;
         row("capture of an edge of one input", capture_1)?;
         row("capture of edges of four inputs at once", capture_4)?;
         row("byte of the link, one way", link_byte)?;
         row("bytes of the link both ways, and one lost", link_both)?;
         writeln!(
             f,
-            "\nThe worst tick of four motors at {loop_rate_hz} Hz takes {:.1} % of a core at 168 MHz, estimated. A line of \
-             an excitation takes {:.1} cycles, estimated.",
-            100.0 * self.cpu_share(),
+            "\nThe worst tick of four motors at {loop_rate_hz} Hz takes {:.1} % of a core at 168 MHz, estimated, and {:.1} % \
+             with the inverse. A line of an excitation takes {:.1} cycles, estimated.",
+            100.0 * self.cpu_share(tick_4ch),
+            100.0 * self.cpu_share(tick_4ch_inverse),
             self.interrupts.cycles_per_line()
         )?;
 

@@ -2,7 +2,7 @@
 
 mod response;
 
-use host_tests::cases;
+use host_tests::{any_inverse, cases, pole_at, settling_s};
 use proptest::prelude::*;
 use rotorlead::design::{CurvePoint, InverseDesign, ReferenceModel};
 use rotorlead::inverse::{ConditionedInverse, Limits, OUTPUT_BITS, TABLE_POINTS};
@@ -24,15 +24,9 @@ struct Case {
 }
 
 impl Case {
-    /// Seconds after which the output rests on a constant input. Towards an input one step of the output from the end of the
-    /// range, the limited command moves the rotor for up to `ln 2^16` time constants.
     fn settling_s(&self) -> f64 {
-        let slowest_s = self.curve.iter().map(|point| point.tau_s).fold(0.0, f64::max);
-        let reference = self.design.reference();
         let slew_per_tick = f64::from(self.limits.slew().per_tick()) / f64::from(Command::ONE.to_bits());
-        12.0 * slowest_s
-            + 30.0 * reference.damping.max(1.0) / reference.damping.min(1.0) / reference.omega_f_rad_s
-            + 3.0 / (slew_per_tick * self.design.loop_rate_hz())
+        settling_s(&self.design, &self.curve, slew_per_tick)
     }
 
     fn settling_ticks(&self) -> u32 {
@@ -40,24 +34,13 @@ impl Case {
     }
 }
 
-/// Accepted designs: loop rates of 200 Hz to 10 kHz, `omega_f T` up to its limit of 0.4, curves of 1 to 9 points.
+/// Accepted designs with limits of the output.
 fn any_case() -> impl Strategy<Value = Case> {
-    let log = |low: f64, high: f64| (low.ln()..high.ln()).prop_map(f64::exp);
-    let reference = (log(200.0, 10_000.0), log(20.0, 4000.0), 0.3..2.0_f64);
-    let curve = (proptest::collection::vec(0.5..1.6_f64, 1..=9), log(0.5, 20.0));
     let range = (0.0..0.5_f64, 0.5..=1.0_f64, any::<[bool; 2]>());
-    let slew_per_s = prop_oneof![Just(0.0), log(4.0, 500.0)];
-    (reference, curve, range, slew_per_s).prop_filter_map(
+    let slew_per_s = prop_oneof![Just(0.0), (4_f64.ln()..500_f64.ln()).prop_map(f64::exp)];
+    (any_inverse(), range, slew_per_s).prop_filter_map(
         "refused",
-        |((loop_rate_hz, omega_f_rad_s, damping), (ratios, slowest), (low, high, [from_0, to_1]), slew_per_s)| {
-            let last = (ratios.len() - 1).max(1) as f64;
-            let mut tau_s = slowest / omega_f_rad_s;
-            let mut curve = Vec::new();
-            for (i, ratio) in ratios.iter().enumerate() {
-                tau_s *= ratio;
-                curve.push(CurvePoint { command: i as f64 / last, tau_s });
-            }
-            let design = InverseDesign::new(ReferenceModel { omega_f_rad_s, damping }, loop_rate_hz, &curve).ok()?;
+        |((design, curve), (low, high, [from_0, to_1]), slew_per_s)| {
             let (low, high) = (if from_0 { 0.0 } else { low }, if to_1 { 1.0 } else { high });
             let limits = design.limits(command(low), command(high), slew_per_s).ok()?;
             Some(Case { design, curve, limits })
@@ -73,20 +56,6 @@ fn calm_case() -> impl Strategy<Value = Case> {
         let (g, a) = (highest / 2.0_f64.powi(22), f64::from(coefficients.a()) / 2.0_f64.powi(30));
         g * a <= 2.0
     })
-}
-
-/// `1 / tau` of a curve at `command`.
-fn pole_at(curve: &[CurvePoint], command: f64) -> f64 {
-    let pole = |point: &CurvePoint| 1.0 / point.tau_s;
-    let upper = curve.iter().position(|point| point.command >= command);
-    match upper {
-        None => pole(&curve[curve.len() - 1]),
-        Some(0) => pole(&curve[0]),
-        Some(upper) => {
-            let (low, high) = (&curve[upper - 1], &curve[upper]);
-            pole(low) + (command - low.command) / (high.command - low.command) * (pole(high) - pole(low))
-        }
-    }
 }
 
 /// The recurrence in `f64`, from its equations: neither the coefficients nor the output are rounded.

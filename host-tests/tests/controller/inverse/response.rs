@@ -1,24 +1,16 @@
 //! What the conditioned inverse makes of a simulated rotor: rise, overshoot and bandwidth at every operating point.
 
-use host_tests::{TABLE_1, cases};
+use host_tests::{EscFrames, TABLE_1, cases, gain_at, paper_curve, pole_at};
 use proptest::prelude::*;
 use rotorlead::design::{CurvePoint, InverseDesign, ReferenceModel};
 use rotorlead::excitation::{Multisine, ODD_LINES_45_HZ};
 use rotorlead::inverse::ConditionedInverse;
 use rotorlead::throttle::Command;
 
-use super::{command, pole_at};
+use super::command;
 
 /// Slew limits of ESCs, units of the command per second: none, and 16, 6 and 2 % per millisecond.
 const SLEWS_PER_S: [f64; 4] = [0.0, 160.0, 60.0, 20.0];
-
-/// The rotor of the paper's Table 1. Outside of it the curve is assumed: 2.6 rad/s at 0 and 24 rad/s at 1.
-fn paper_curve() -> Vec<CurvePoint> {
-    let ends = [(0.0, 2.6), (1.0, 24.0)];
-    let mut poles: Vec<_> = TABLE_1.iter().map(|&(command, _, pole)| (command, pole)).chain(ends).collect();
-    poles.sort_by(|a, b| a.0.total_cmp(&b.0));
-    poles.into_iter().map(|(command, pole)| CurvePoint { command, tau_s: 1.0 / pole }).collect()
-}
 
 /// The inverse at 5 kHz of a rotor whose time constants are `tau_factor` times those of Table 1.
 fn paper_inverse(omega_f_rad_s: f64, tau_factor: f64) -> InverseDesign {
@@ -30,30 +22,6 @@ fn paper_inverse(omega_f_rad_s: f64, tau_factor: f64) -> InverseDesign {
 
 /// How often the ESC takes over a command: at every tick, and at the paper's 600 Hz.
 const ESC_FRAMES_HZ: [f64; 2] = [5000.0, 600.0];
-
-/// The ESC, which holds a command until its next frame.
-struct EscFrames {
-    per_tick: f64,
-    /// Of a frame that has begun.
-    part: f64,
-    held: f64,
-}
-
-impl EscFrames {
-    fn new(frame_hz: f64, held: f64) -> Self {
-        Self { per_tick: frame_hz / 5000.0, part: 1.0, held }
-    }
-
-    /// What the rotor gets in a tick whose command is `command`.
-    fn hold(&mut self, command: f64) -> f64 {
-        if self.part >= 1.0 {
-            self.part -= 1.0;
-            self.held = command;
-        }
-        self.part += self.per_tick;
-        self.held
-    }
-}
 
 /// A simulated response to a step: rise time 10 to 90 % and overshoot over the step.
 struct Response {
@@ -157,19 +125,10 @@ fn bandwidth(design: &InverseDesign, nominal: f64, amplitude: f64, tau_factor: f
         v += (u - v) * (1.0 - (-pole_at(&curve, v) / (tau_factor * rate)).exp());
     }
     let output = &output[input.len()..];
-    let magnitude = |signal: &[f64], harmonic: usize| {
-        let turn = std::f64::consts::TAU * harmonic as f64 / signal.len() as f64;
-        let (mut re, mut im) = (0.0, 0.0);
-        for (n, value) in signal.iter().enumerate() {
-            let (sin, cos) = (turn * n as f64).sin_cos();
-            (re, im) = (re + value * cos, im + value * sin);
-        }
-        re.hypot(im)
-    };
     // Every sixth line below 13 Hz, all above: harmonics of 0.1 Hz.
     let mut peak_db = f64::NEG_INFINITY;
     for harmonic in (1..130).step_by(12).chain((131..260).step_by(2)) {
-        let gain_db = 20.0 * (magnitude(output, harmonic) / magnitude(&input, harmonic)).log10();
+        let gain_db = 20.0 * gain_at(&input, output, harmonic).log10();
         if gain_db < -3.0 {
             return (std::f64::consts::TAU * 0.1 * harmonic as f64, peak_db);
         }

@@ -13,6 +13,7 @@ use std::time::Duration;
 
 use clap::{Args, Subcommand};
 use miette::IntoDiagnostic as _;
+use rotorlead::controller::FilterError;
 use rotorlead::design::{CurvePoint, InverseError, LeadDesign};
 use rotorlead::link::{BrownOut, CrystalCheck, Info};
 use rotorlead::settings::{CompensatorKind, Settings};
@@ -217,9 +218,15 @@ fn save(session: &mut Session) -> miette::Result<Outcome> {
     Ok(Outcome::new("Saved.\n".into(), &json!({ "saved": true })))
 }
 
-/// What to change where a motor's inverse is refused.
-const INVERSE_KEYS: &str =
-    "change motor.*.time_constant_s, inverse.natural_rad_s, inverse.damping or inverse.slew_per_s";
+/// What to do where a filter cannot be designed.
+fn design_remedy(error: &FilterError) -> String {
+    match error {
+        FilterError::Lead(_) => "change omega_z_rad_s, omega_f_rad_s or damping".to_owned(),
+        FilterError::Inverse { motor, .. } => format!(
+            "change inverse.natural_rad_s, inverse.damping, inverse.slew_per_s, loop_rate_hz or motor.{motor}.time_constant_s"
+        ),
+    }
+}
 
 /// The compensator of a motor by these settings, as the controller makes it.
 fn design(settings: &Settings, motor: u8) -> miette::Result<CompensatorDesign> {
@@ -228,7 +235,8 @@ fn design(settings: &Settings, motor: u8) -> miette::Result<CompensatorDesign> {
         let design = LeadDesign::new(settings.lead.into(), loop_rate_hz, None);
         return design
             .map(CompensatorDesign::from)
-            .map_err(|error| miette::miette!(help = "change omega_z_rad_s, omega_f_rad_s or damping", "{error}"));
+            .map_err(FilterError::Lead)
+            .map_err(|error| miette::miette!(help = design_remedy(&error), "{error}"));
     }
     let of_motor = settings.motors.get(usize::from(motor)).copied().unwrap_or_default();
     let level = |bits: i32| Throttle::from_bits(bits).to_f64();
@@ -248,7 +256,8 @@ fn design(settings: &Settings, motor: u8) -> miette::Result<CompensatorDesign> {
     };
     of_curve()
         .map(CompensatorDesign::from)
-        .map_err(|error: InverseError| miette::miette!(help = INVERSE_KEYS, "motor {motor}: {error}"))
+        .map_err(|error| FilterError::Inverse { motor: usize::from(motor), error })
+        .map_err(|error| miette::miette!(help = design_remedy(&error), "{error}"))
 }
 
 /// Whether the compensator is in a motor's path.

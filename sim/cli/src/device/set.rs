@@ -1,20 +1,22 @@
 //! `rotorlead device set`
 
 use clap::Args;
-use rotorlead::settings::{CompensatorKind, Key, MOTORS};
+use miette::miette;
+use rotorlead::controller::filters;
+use rotorlead::settings::{CompensatorKind, Key};
 use rotorlead_device::{DeviceError, Session, change};
 use serde_json::{Map, Value, json};
 
 use super::super::WrongUse;
 use super::super::outcome::{Outcome, warning_lines};
 use super::compensator::CompensatorArguments;
-use super::design;
+use super::design_remedy;
 
 #[derive(Args, Debug)]
 pub struct Set {
-    /// Which setting, as `get` shows them, or motor.*.KEY for every motor; and to what. Levels are commands from 0 to 1.
-    /// Settings that depend on each other go into one command. On a controller whose settings nobody has chosen,
-    /// output.protocol has to be among them
+    /// Which setting, as `get` shows them, or motor.*.KEY for every motor; and to what. Levels are commands from 0 to 1,
+    /// time constants COMMAND:SECONDS,... or none. Settings that depend on each other go into one command. On a
+    /// controller whose settings nobody has chosen, output.protocol has to be among them
     #[arg(value_names = ["KEY", "VALUE"], num_args = 2.., required_unless_present = "compensator")]
     pairs: Vec<String>,
     #[command(flatten)]
@@ -26,9 +28,7 @@ impl Set {
         let changes = self.changes()?;
         // Here rather than by the controller: the reasons are the same, and a design says more.
         let settings = change(&session.settings()?, &changes)?;
-        for motor in 0..MOTORS as u8 {
-            design(&settings, motor)?;
-        }
+        filters(&settings).map_err(|error| miette!(help = design_remedy(&error), "{error}"))?;
         let is_protocol_given = changes.iter().any(|(key, _)| key == Key::OutputProtocol.name());
         if !is_protocol_given && !session.info()?.outputs_enabled {
             let help = format!(
