@@ -39,6 +39,7 @@ Usage: cargo xtask COMMAND
   statistics
            decides at full count what is claimed of estimates: coverage, spread, bias, orders; some hours. REPEATS and CASE
            make it shorter
+  inverse  prints what the conditioned inverse is held to, and what its integers do on the paper's motors; a part of test
   bench    measures filters, the simulated stand and identification side by side, in one run;
            with --firmware [--json FILE] instructions on the controller's core, in QEMU;
            with --identify [--largest] [--json FILE] identification alone, from CSV files to a model, beside NumPy and SciPy
@@ -98,6 +99,7 @@ fn task<'a>(arguments: &'a [&'a str]) -> Option<Task<'a>> {
         ["blind", options @ ..] => Box::new(move || blind::run_cases(options)),
         ["fuzz", target, options @ ..] => Box::new(move || fuzz::fuzz(target, options)),
         ["statistics"] => Box::new(statistics::all),
+        ["inverse"] => Box::new(statistics::inverse),
         ["bench"] => Box::new(bench::all),
         ["bench", "--firmware"] => Box::new(|| bench::firmware(None)),
         ["bench", "--firmware", "--json", file] => Box::new(move || bench::firmware(Some(file))),

@@ -5,15 +5,22 @@ use crate::run::{Result, cargo, run};
 
 /// Package, its target, and what the names of its tests contain: tests that are not run by default since they take from a minute to
 /// an hour, and that decide by counting what the documentation claims.
-const CLAIMS: [(&str, &[&str], &str); 7] = [
+const CLAIMS: [(&str, &[&str], &str); 8] = [
     ("host-tests", &["--test", "host"], "full_count"),
     ("host-tests", &["--test", "host"], "order_8_is_chosen"),
     ("host-tests", &["--test", "host"], "frequency_response::"),
+    ("host-tests", &["--test", "host"], "blind_inverse::"),
     ("rotorlead-sim", &["--test", "library"], "alignment::"),
     ("rotorlead-sim", &["--test", "library"], "static_map::"),
     ("rotorlead-sim", &["--test", "library"], "full_count"),
     ("rotorlead-identify", &["--lib"], "frequency_response::"),
 ];
+
+/// Prints the acceptance table of the conditioned inverse.
+pub fn inverse() -> Result {
+    let test = ["test", "--release", "--locked", "--package", "host-tests", "--test", "controller"];
+    run(cargo(&test).args(["--", "the_acceptance_table", "--nocapture"]))
+}
 
 /// Runs all of them in release with what they print, the rest too where one fails.
 pub fn all() -> Result {

@@ -407,6 +407,19 @@ fn options_that_make_no_sense_are_wrong_use() {
         ("bandwidth --model model.toml --sampled --esc-frame -600", "above zero"),
         ("bandwidth --model model.toml --esc-frame 600", "--sampled"),
         ("bandwidth --model model.toml --compensator c.toml --omega-g 9", "cannot be used with"),
+        ("bandwidth --model model.toml --compensator c.toml --kind inverse", "cannot be used with"),
+        ("bandwidth --model model.toml --lead 1,20,0.7 --slew 20", "cannot be used with"),
+        ("bandwidth --model model.toml --steps 0", "above 0 and up to 1"),
+        ("bandwidth --model model.toml --steps 0.05,1.5", "above 0 and up to 1"),
+        ("bandwidth --model model.toml --lead 1,20,0.7 --robustness", "cannot be used with"),
+        ("design --model model.toml --out c.toml --kind pid", "[possible values: lead, inverse]"),
+        ("design --model model.toml --out c.toml --kind inverse --omega-g 9", "change --kind"),
+        ("design --model model.toml --out c.toml --kind inverse --prewarp 9", "change --kind"),
+        ("design --model model.toml --out c.toml --slew 20", "change --kind"),
+        ("design --model model.toml --out c.toml --setting robust", "change --kind"),
+        ("design --model model.toml --out c.toml --kind inverse --slew 0", "above zero"),
+        ("design --model model.toml --out c.toml --kind inverse --output-range 0.5..0.2", "LOW below HIGH"),
+        ("design --model model.toml --out c.toml --kind inverse --compensate-range 0.2..1.5", "from 0 to 1"),
     ] {
         stand.refuses(arguments, 2, &[part]);
     }
@@ -415,9 +428,15 @@ fn options_that_make_no_sense_are_wrong_use() {
 #[test]
 fn a_design_that_the_controller_refuses_names_model_and_option() {
     let stand = Stand::new();
-    for (arguments, part) in
-        [("--omega-g 5", "raise --omega-g"), ("--omega-g 1e5", "--omega-g"), ("--loop-rate 60", "--loop-rate")]
-    {
+    for (arguments, part) in [
+        ("--omega-g 5", "raise --omega-g"),
+        ("--omega-g 1e5", "--omega-g"),
+        ("--loop-rate 60", "--loop-rate"),
+        ("--kind inverse --natural 4000", "too close to Nyquist"),
+        ("--kind inverse --natural 1", "raise --natural"),
+        ("--kind inverse --loop-rate 40000", "lower --loop-rate"),
+        ("--kind inverse --slew 0.01", "raise --slew"),
+    ] {
         stand.refuses(&format!("design --model model.toml --out c.toml {arguments}"), 1, &["`model.toml`", part]);
         stand.refuses(&format!("bandwidth --model model.toml {arguments}"), 1, &["`model.toml`", part]);
     }

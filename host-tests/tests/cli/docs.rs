@@ -47,7 +47,7 @@ const fn page(file: &'static str, commands: usize) -> Page {
 }
 
 /// Every page with commands.
-const PAGES: [Page; 10] = [
+const PAGES: [Page; 11] = [
     Page { brought: Some(("log.csv", "sim/tests/data/rcbenchmark.csv")), ..page("README.md", 8) },
     page("docs/tutorial.md", 30),
     page("docs/figures.md", 12),
@@ -57,6 +57,7 @@ const PAGES: [Page; 10] = [
     page("docs/diagnosis.md", 8),
     page("docs/firmware.md", 4),
     page("docs/wiring.md", 2),
+    page("docs/inverse.md", 4),
     page("docs/vehicle.md", 6),
 ];
 
@@ -318,6 +319,12 @@ fn the_page_on_diagnosis_from_bandwidths_shows_what_its_commands_print() {
 #[test]
 fn the_page_on_diagnosis_shows_what_its_commands_print() {
     holds("docs/diagnosis.md");
+}
+
+#[cfg(unix)]
+#[test]
+fn the_page_on_the_inverse_shows_what_its_commands_print() {
+    holds("docs/inverse.md");
 }
 
 #[cfg(unix)]

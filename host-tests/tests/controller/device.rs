@@ -19,8 +19,9 @@ use rotorlead::settings::Settings;
 use rotorlead::throttle::{Command, EscCommand};
 use rotorlead_cli::Arguments;
 use rotorlead_device::{entries, path, set};
+use rotorlead_identify::design::{DesignOptions, InverseOptions, design, design_inverse};
 use rotorlead_plant::bench::{BenchError, Plan, run_through};
-use rotorlead_plant::{Actuator, EscTiming, Law, Model};
+use rotorlead_plant::{Actuator, CompensatorDesign, EscTiming, Law, Model};
 use rotorlead_records::{Excitation, Experiment, Role};
 use serde_json::Value;
 
@@ -265,20 +266,44 @@ fn an_inverse_is_set_used_stored_and_shown() {
 
 /// What a folder says of its records is read again by other commands.
 #[test]
-fn no_record_of_an_inverse_is_said_to_be_of_the_lead() {
+fn a_record_of_an_inverse_has_the_inverse_beside_it() {
     let bench = Bench::new(Trouble::None, FAST);
     bench.device(&format!("set compensator inverse motor.*.time_constant_s {CURVE} motor.1.compensate true")).unwrap();
-    for arguments in [
-        format!("excite --motor 1 --nominal 0.5 --periods 1 --out @stand {SENSOR}"),
-        format!("record --motor 1 --seconds 1 --out @stand {SENSOR}"),
-        "inject --motor 1 --model @model.toml --out @stand".to_owned(),
+    for (folder, arguments) in [
+        ("excited", format!("excite --motor 1 --nominal 0.5 --periods 1 --out @excited {SENSOR}")),
+        ("injected", "inject --motor 1 --model @model.toml --out @injected".to_owned()),
     ] {
-        let error = bench.device(&arguments).unwrap_err();
-        assert!(error.contains("motor 1 has an inverse") && error.contains("motor.1.compensate false"), "{error}");
-        assert!(!bench.path("stand").exists());
+        bench.device(&arguments).unwrap();
+        let design = CompensatorDesign::read(&bench.path(folder).join("compensator.toml")).unwrap();
+        let inverse = design.as_inverse().unwrap();
+        // The limits are the motor's.
+        let range = inverse.range();
+        assert!((range.min - 0.05).abs() < 1e-8 && range.max == 1.0, "{folder}: {range:?}");
+        assert_eq!(inverse.design().loop_rate_hz(), 5000.0);
     }
-    // Without it in the path a record is a record.
-    bench.device(&format!("excite --motor 0 --nominal 0.5 --periods 1 --out @stand {SENSOR}")).unwrap();
+    // Without it in the path a record has none.
+    bench.device(&format!("excite --motor 0 --nominal 0.5 --periods 1 --out @plain {SENSOR}")).unwrap();
+    assert!(!bench.path("plain").join("compensator.toml").exists());
+}
+
+/// The file that a design writes, as the controller takes it, and as it comes back beside a record.
+#[test]
+fn a_compensator_is_set_from_its_file() {
+    let bench = Bench::new(Trouble::None, FAST);
+    let model = Model::read(&bench.path("model.toml")).unwrap();
+    let options = InverseOptions { slew_per_s: Some(20.0), range: (0.05, 1.0), ..InverseOptions::default() };
+    let inverse: CompensatorDesign = design_inverse(&model, &options).unwrap().compensator.into();
+    let lead: CompensatorDesign =
+        design(&model, &DesignOptions { omega_g_rad_s: 300.0, ..DesignOptions::default() }).unwrap().into();
+    for (number, design) in [inverse, lead].into_iter().enumerate() {
+        design.write(&bench.path("compensator.toml")).unwrap();
+        bench.device("set --compensator @compensator.toml motor.1.compensate true").unwrap();
+        bench.device(&format!("excite --motor 1 --nominal 0.5 --periods 1 --out @stand{number} {SENSOR}")).unwrap();
+        let back = CompensatorDesign::read(&bench.path(&format!("stand{number}/compensator.toml"))).unwrap();
+        assert!(back.runs_as(&design), "{back:?}");
+    }
+    let error = bench.device("set --compensator @model.toml").unwrap_err();
+    assert!(error.contains("a model") && error.contains("a compensator is needed"), "{error}");
 }
 
 #[test]

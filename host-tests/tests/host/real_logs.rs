@@ -4,7 +4,9 @@
 
 use host_tests::real_log;
 use rotorlead_identify::alignment::{AlignmentOptions, CommandLog, ResponseLog, align};
-use rotorlead_identify::design::{Chain, DesignOptions, bandwidths, design};
+use rotorlead_identify::design::{
+    Chain, CompensatorError, DesignOptions, InverseOptions, Setting, bandwidths, design, design_inverse,
+};
 use rotorlead_identify::static_map::{Limit, StaticMapFit, SteadyPoints, fit_static_map};
 use rotorlead_identify::steps::{
     Direction, LawComparison, StaircaseFit, StepFault, StepsWarning, compare_laws, fit_staircase,
@@ -180,6 +182,14 @@ fn esc32_log_f40() {
     assert!((33.0..40.0).contains(&tau_ms(fit, 0.25, Direction::Up)));
     assert_eq!(it.model.points.len(), 18);
     assert_eq!(it.model.points.last().unwrap().nominal, 1.0, "here full duty is the fastest");
+
+    // What docs/inverse.md says of it.
+    let inverse = design_inverse(&it.model, &InverseOptions::default()).unwrap();
+    assert_eq!((inverse.setting, inverse.compensator.range().compensated), (Setting::Robust, (0.1, 1.0)));
+    assert!((1.09..1.12).contains(&inverse.worst.1), "{:?}", inverse.worst);
+    let table_s = inverse.compensator.points().iter().find(|point| point.command == 0.5).unwrap().tau_s;
+    let point_s = it.model.points.iter().find(|point| point.nominal == 0.5).unwrap().time_constant_s;
+    assert!((table_s / point_s / 0.9 - 0.86).abs() < 0.01, "{}", table_s / point_s);
 }
 
 /// Both laws on all steps and on steps that they have not seen; the splits are `steps::SPLITS`.
@@ -359,6 +369,10 @@ fn log_of_a_larger_motor_whose_logger_stalls() {
     }
     let design = design(&it.model, &DesignOptions::default()).unwrap();
     assert!((25.0..40.0).contains(&design.lead().omega_z_rad_s), "{:?}", design.lead());
+    // What is known of three levels is too little for an inverse.
+    let refused = design_inverse(&it.model, &InverseOptions::default()).unwrap_err();
+    let CompensatorError::NotKnownForInverse { nominal, factor, .. } = refused else { panic!("{refused}") };
+    assert!((nominal - 0.591).abs() < 1e-3 && factor > 1.2, "{refused}");
 }
 
 /// A table whose rows are averages gives a static map and no lag.

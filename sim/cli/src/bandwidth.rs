@@ -26,7 +26,7 @@ use super::lost_gain::lost_gain;
 use super::outcome::{JsonOption, Outcome, paragraph, without_mark};
 use super::parameters::{DesignArguments, positive, step_size};
 use super::report_option::ReportOption;
-use super::{WrongUse, progress, report_pages};
+use super::{progress, report_pages};
 
 /// Bootstrap draws behind the interval of a measured bandwidth.
 pub const RESAMPLES: usize = 1000;
@@ -46,10 +46,10 @@ pub struct Bandwidth {
     #[arg(long, value_name = "FILE")]
     model: PathBuf,
     /// The compensator, as `rotorlead design` writes it
-    #[arg(long, value_name = "FILE", conflicts_with = "lead")]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["lead", "kind", "omega_g", "damping", "loop_rate", "prewarp", "natural", "setting", "slew", "output_range", "compensate_range"])]
     compensator: Option<PathBuf>,
     /// A continuous compensator by its parameters: zero and poles in rad/s, and damping
-    #[arg(long, value_name = "ZERO,POLES,DAMPING", value_parser = lead, allow_hyphen_values = true, conflicts_with = "sampled")]
+    #[arg(long, value_name = "ZERO,POLES,DAMPING", value_parser = lead, allow_hyphen_values = true, conflicts_with_all = ["sampled", "kind", "omega_g", "damping", "loop_rate", "prewarp", "natural", "setting", "slew", "output_range", "compensate_range"])]
     lead: Option<LeadParameters>,
     /// Count the filter with its rounded coefficients, and the holds of its loop and of the ESC
     #[arg(long)]
@@ -100,13 +100,6 @@ impl Bandwidth {
         // Before files are read: it may be wrong use.
         self.latency.latency(DEFAULT_LOOP_RATE_HZ)?;
         self.parameters.options()?;
-        if self.parameters.is_given() && (self.lead.is_some() || self.compensator.is_some()) {
-            return Err(WrongUse::new(
-                "--kind and the parameters of a compensator are those of one that is designed here",
-                "leave them out, or leave --compensator and --lead out",
-            )
-            .into());
-        }
         let model = Model::read(&self.model)?;
         let effects = ActiveEffect::of_model(&model)?;
         let design = match (&self.lead, &self.compensator) {

@@ -93,6 +93,8 @@ pub fn designed(airframe: &Airframe, model: &Model, rotor: &Rotor) -> Result<Vec
             omega_f_rad_s: Some(omega_f_rad_s),
             loop_rate_hz: TICK_HZ,
             range,
+            // Over the whole range: what is assumed beyond the measured commands is what the rotor here does.
+            compensated: Some((0.0, 1.0)),
             ..InverseOptions::default()
         };
         all.push(match design_inverse(model, &options) {

@@ -1,5 +1,6 @@
 //! The conditioned inverse against its claims: exact steady output, limits, bumpless switching, precision.
 
+mod acceptance;
 mod response;
 
 use host_tests::{any_inverse, cases, pole_at, settling_s};

@@ -10,10 +10,10 @@ use rotorlead::throttle::Command;
 use super::command;
 
 /// Slew limits of ESCs, units of the command per second: none, and 16, 6 and 2 % per millisecond.
-const SLEWS_PER_S: [f64; 4] = [0.0, 160.0, 60.0, 20.0];
+pub(super) const SLEWS_PER_S: [f64; 4] = [0.0, 160.0, 60.0, 20.0];
 
 /// The inverse at 5 kHz of a rotor whose time constants are `tau_factor` times those of Table 1.
-fn paper_inverse(omega_f_rad_s: f64, tau_factor: f64) -> InverseDesign {
+pub(super) fn paper_inverse(omega_f_rad_s: f64, tau_factor: f64) -> InverseDesign {
     let curve: Vec<_> =
         paper_curve().iter().map(|point| CurvePoint { tau_s: tau_factor * point.tau_s, ..*point }).collect();
     let reference = ReferenceModel { omega_f_rad_s, damping: 0.5_f64.sqrt() };
@@ -24,9 +24,9 @@ fn paper_inverse(omega_f_rad_s: f64, tau_factor: f64) -> InverseDesign {
 const ESC_FRAMES_HZ: [f64; 2] = [5000.0, 600.0];
 
 /// A simulated response to a step: rise time 10 to 90 % and overshoot over the step.
-struct Response {
-    rise_s: f64,
-    overshoot: f64,
+pub(super) struct Response {
+    pub rise_s: f64,
+    pub overshoot: f64,
 }
 
 /// The response of the rotor of Table 1, in units of the command, behind an ESC with frames, to a `drive` that gives the command of
@@ -48,7 +48,7 @@ fn response(from: f64, to: f64, seconds: f64, frame_hz: f64, mut drive: impl FnM
     Response { rise_s, overshoot: peak - 1.0 }
 }
 
-fn inverse_response(from: f64, to: f64, slew_per_s: f64, frame_hz: f64) -> Response {
+pub(super) fn inverse_response(from: f64, to: f64, slew_per_s: f64, frame_hz: f64) -> Response {
     let design = paper_inverse(94.2156, 1.0);
     let limits = design.limits(command(0.05), Command::ONE, slew_per_s).expect("limits");
     let mut inverse = ConditionedInverse::at_rest(limits, command(from));
@@ -56,7 +56,7 @@ fn inverse_response(from: f64, to: f64, slew_per_s: f64, frame_hz: f64) -> Respo
 }
 
 /// The rise when the command runs to its limit and never brakes.
-fn physical_bound_s(from: f64, to: f64, slew_per_s: f64, frame_hz: f64) -> f64 {
+pub(super) fn physical_bound_s(from: f64, to: f64, slew_per_s: f64, frame_hz: f64) -> f64 {
     let slew = if slew_per_s == 0.0 { 1.0 } else { slew_per_s / 5000.0 };
     let (mut u, limit) = (from, if to > from { 1.0 } else { 0.05 });
     response(from, to, 2.0, frame_hz, || {
@@ -109,7 +109,13 @@ proptest! {
 /// Bandwidth at -3 dB, rad/s, and peak, decibels, of `v` over the reference: a multisine up to 45 Hz with the peak `amplitude`
 /// around `nominal`, its second period, on a rotor whose time constants are `tau_factor` times those of Table 1, behind an ESC with
 /// frames.
-fn bandwidth(design: &InverseDesign, nominal: f64, amplitude: f64, tau_factor: f64, frame_hz: f64) -> (f64, f64) {
+pub(super) fn bandwidth(
+    design: &InverseDesign,
+    nominal: f64,
+    amplitude: f64,
+    tau_factor: f64,
+    frame_hz: f64,
+) -> (f64, f64) {
     let (curve, rate) = (paper_curve(), 5000.0);
     let mut multisine = Multisine::new(ODD_LINES_45_HZ, nominal, amplitude, rate).expect("a multisine");
     multisine.start(None);

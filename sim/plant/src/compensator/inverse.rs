@@ -3,7 +3,7 @@
 use num_complex::Complex64;
 use rotorlead::compensator::{CommandRange, InverseFilter};
 use rotorlead::design::{CurvePoint, InverseDesign, InverseError, LeadParameters, ReferenceModel, RotorCurve};
-use rotorlead::inverse::{COEFFICIENT_BITS, GAIN_BITS, TABLE_POINTS};
+use rotorlead::inverse::{COEFFICIENT_BITS, GAIN_BITS, Limits, TABLE_POINTS};
 use rotorlead::throttle::Command;
 
 /// Time constants of the reference model until a step has long had its peak.
@@ -97,7 +97,9 @@ impl InverseCompensator {
     }
 
     pub(super) fn runs_as(&self, other: &Self) -> bool {
-        self.filter == other.filter && self.ends() == other.ends()
+        // By what is left of the ends in steps of the output.
+        let limits = |inverse: &Self| Limits::new(inverse.ends().0, inverse.ends().1, inverse.filter.slew);
+        self.filter == other.filter && limits(self) == limits(other)
     }
 
     /// `omega_f^2 (tau s + 1) / (s^2 + 2 damping omega_f s + omega_f^2)` with the time constant of the table.
