@@ -49,6 +49,7 @@ const fn page(file: &'static str, commands: usize) -> Page {
 /// Every page with commands.
 const PAGES: [Page; 11] = [
     Page { brought: Some(("log.csv", "sim/tests/data/rcbenchmark.csv")), ..page("README.md", 8) },
+    page("docs/inverse.md", 4),
     page("docs/tutorial.md", 30),
     page("docs/figures.md", 12),
     page("docs/identification.md", 4),
@@ -57,7 +58,6 @@ const PAGES: [Page; 11] = [
     page("docs/diagnosis.md", 8),
     page("docs/firmware.md", 4),
     page("docs/wiring.md", 2),
-    page("docs/inverse.md", 4),
     page("docs/vehicle.md", 6),
 ];
 

@@ -208,7 +208,8 @@ fn doubts(model: &Model, designed: &DesignedInverse) -> Vec<String> {
     let range = designed.compensator.range();
     let ((from, to), (low, high)) = (range.compensated, designed.measured);
     let mut doubts = Vec::new();
-    if from < low - REACH || to > high + REACH {
+    // To a millionth, as the default is.
+    if from < low - REACH - 1e-6 || to > high + REACH + 1e-6 {
         doubts.push(format!(
             "warning: the inverse is in the path from {from:.3} to {to:.3}, and the time constant is measured from {low:.3} to {high:.3} \
              only. A table that is longer than the truth makes the rotor overshoot: measure there, or narrow --compensate-range"

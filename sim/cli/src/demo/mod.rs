@@ -162,7 +162,7 @@ impl Demo {
 
         let inverse = InverseDemonstration::of(&actuators, model, &plan, &compensator)?;
 
-        let (figure, steps) = (self.out.join("bode.svg"), self.out.join("steps.svg"));
+        let (figure, steps) = (self.out.join("bode.svg"), self.out.join("demonstrated_steps.svg"));
         make_folder(&self.out)?;
         model.write(&self.out.join("model.toml"))?;
         compensator.write(&self.out.join("compensator.toml"))?;
