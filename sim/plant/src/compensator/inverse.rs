@@ -169,12 +169,14 @@ fn b(design: &InverseDesign) -> f64 {
 mod tests {
     use std::f64::consts::TAU;
 
+    use rotorlead::design::DEFAULT_DAMPING;
+
     use super::super::CompensatorDesign;
     use super::*;
 
     fn inverse(compensated: (f64, f64)) -> InverseCompensator {
         let points = [(0.40, 0.159), (0.65, 0.071)].map(|(command, tau_s)| CurvePoint { command, tau_s });
-        let reference = ReferenceModel { omega_f_rad_s: 94.2, damping: 0.7071 };
+        let reference = ReferenceModel { omega_f_rad_s: 94.2, damping: DEFAULT_DAMPING };
         let range = InverseRange { min: 0.0, max: 1.0, slew_per_s: None, compensated };
         InverseCompensator::new(reference, 5000.0, points.to_vec(), &range).unwrap()
     }
