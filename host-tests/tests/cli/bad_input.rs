@@ -434,7 +434,7 @@ fn a_design_that_the_controller_refuses_names_model_and_option() {
         ("--loop-rate 60", "--loop-rate"),
         ("--kind inverse --natural 4000", "too close to Nyquist"),
         ("--kind inverse --natural 1", "raise --natural"),
-        ("--kind inverse --loop-rate 40000", "lower --loop-rate"),
+        ("--kind inverse --loop-rate 100000", "--loop-rate"),
         ("--kind inverse --slew 0.01", "raise --slew"),
     ] {
         stand.refuses(&format!("design --model model.toml --out c.toml {arguments}"), 1, &["`model.toml`", part]);
