@@ -10,6 +10,7 @@ mod good_paths;
 mod identify_stand;
 mod import;
 mod interrupted;
+mod inverse;
 mod latency;
 mod new;
 mod output;

@@ -15,6 +15,7 @@ use rotorlead_records::files::{check_writable, write_file};
 use parts::Parts;
 
 use super::outcome::{JsonOption, Outcome, wrapped};
+use super::parameters::Kind;
 use super::report_option::FiguresOption;
 
 /// Width of what is said.
@@ -35,6 +36,9 @@ pub struct ReportCommand {
     /// The model to be judged; unless given, DIR/model.toml where it is there, or else the lags that the records show
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
+    /// What to design: the paper's lead, or an inverse
+    #[arg(long, value_enum, default_value_t = Kind::Lead)]
+    kind: Kind,
     /// Leave the diagnosis out, which takes the longest
     #[arg(long)]
     no_diagnosis: bool,
@@ -52,7 +56,7 @@ impl ReportCommand {
         let given = self.given();
         let model = given.as_deref().map(Model::read).transpose()?;
         let experiment = Experiment::read(&self.experiment)?;
-        let parts = Parts::of(&experiment, &self.experiment, model.as_ref(), !self.no_diagnosis)?;
+        let parts = Parts::of(&experiment, &self.experiment, model.as_ref(), !self.no_diagnosis, self.kind)?;
         let report = parts.report(self, &experiment, given.as_deref());
         let figures = self.figures.write(&report)?;
         write_file(&self.out, report.html()?.as_bytes())?;

@@ -7,7 +7,8 @@ use rotorlead_diagnose::{Diagnosis, Options, Verdict, diagnose, fill_in_esc_comm
 use rotorlead_identify::check::{Findings, of_record};
 use rotorlead_identify::design::redesign::{KindOptions, PAPER_AMPLITUDE, RedesignOptions, redesign};
 use rotorlead_identify::design::{
-    BandwidthPoint, Chain, ChainPhase, CompensatorError, DesignOptions, Latency, bandwidths_with, chain_phases, design,
+    BandwidthPoint, Chain, ChainPhase, CompensatorError, DesignOptions, InverseOptions, Latency, bandwidths_with,
+    chain_phases, design, design_inverse,
 };
 use rotorlead_identify::{
     Finding, Identification, IdentifyOptions, MeasuredBandwidth, RecordValidation, Topic, identify, validate,
@@ -17,6 +18,7 @@ use rotorlead_records::{Experiment, LongRecord};
 
 use crate::bandwidth::RESAMPLES;
 use crate::identify::transform;
+use crate::parameters::Kind;
 use crate::{diagnose as diagnosis, progress, redesign as command};
 
 /// Where the bootstrap of measured bandwidths starts.
@@ -66,6 +68,7 @@ impl Parts {
         folder: &Path,
         given: Option<&Model>,
         with_diagnosis: bool,
+        kind: Kind,
     ) -> miette::Result<Self> {
         let bar = progress::estimate("identifying", diagnosis::STEPS);
         let long: &[LongRecord] = &[];
@@ -114,9 +117,18 @@ impl Parts {
         };
         let is_of_steps = identified.as_ref().is_ok_and(|identified| identified.lags.in_time().is_some());
         let extended = lacking.map(|found| if is_of_steps { with_effects(&model, found) } else { found.model.clone() });
-        let lowered_omega_g_rad_s = lowered(extended.as_ref().unwrap_or(&model));
-        let mut options = DesignOptions::default();
-        options.omega_g_rad_s = lowered_omega_g_rad_s.unwrap_or(options.omega_g_rad_s);
+        let lowered_omega_g_rad_s = match kind {
+            Kind::Lead => lowered(extended.as_ref().unwrap_or(&model)),
+            Kind::Inverse => None,
+        };
+        let options = match kind {
+            Kind::Lead => {
+                let mut options = DesignOptions::default();
+                options.omega_g_rad_s = lowered_omega_g_rad_s.unwrap_or(options.omega_g_rad_s);
+                KindOptions::Lead(options)
+            }
+            Kind::Inverse => KindOptions::Inverse(InverseOptions::default()),
+        };
         let designed = if findings.iter().any(Finding::is_grave) {
             Err("the numbers of the records are in doubt, and a compensator would rest on them".to_owned())
         } else {
@@ -159,9 +171,13 @@ fn lowered(model: &Model) -> Option<f64> {
 }
 
 /// For the model as it is, as `rotorlead bandwidth` does.
-fn designed(model: &Model, options: DesignOptions) -> Part<Designed> {
+fn designed(model: &Model, options: KindOptions) -> Part<Designed> {
     let effects = ActiveEffect::of_model(model).map_err(|error| said(&error.into()))?;
-    let design = CompensatorDesign::from(design(model, &options).map_err(|error| said(&error.into()))?);
+    let design = match options {
+        KindOptions::Lead(options) => design(model, &options).map(CompensatorDesign::from),
+        KindOptions::Inverse(options) => design_inverse(model, &options).map(|found| found.compensator.into()),
+    };
+    let design = design.map_err(|error| said(&error.into()))?;
     let points = bandwidths_with(model, &effects, Chain::Designed(&design));
     let phases = phases(model, &effects, &design, &points);
     Ok(Designed { design, points, phases, model: model.clone(), remarks: Vec::new() })
@@ -178,14 +194,10 @@ fn with_effects(model: &Model, found: &Diagnosis) -> Model {
 fn designed_with_effects(
     found: &Diagnosis,
     model: Model,
-    design: DesignOptions,
+    design: KindOptions,
     experiment: &Experiment,
 ) -> Part<Designed> {
-    let options = RedesignOptions {
-        design: KindOptions::Lead(design),
-        amplitude: PAPER_AMPLITUDE,
-        esc_frame_hz: experiment.esc_frame_hz,
-    };
+    let options = RedesignOptions { design, amplitude: PAPER_AMPLITUDE, esc_frame_hz: experiment.esc_frame_hz };
     let redesigned = redesign(&model, &options, &|| ()).map_err(|error| said(&error.into()))?;
     let remarks = command::notes(found, &redesigned);
     if let Some(refusal) = command::refusals(&redesigned).last() {

@@ -19,6 +19,7 @@ use crate::identify::sections;
 use crate::identify_tables::PointValues;
 use crate::lost_gain::lost_gain;
 use crate::outcome::without_mark;
+use crate::parameters::Kind;
 use crate::report_option::this_command;
 use crate::report_pages;
 
@@ -30,7 +31,7 @@ impl Parts {
         Report {
             facts: [report_pages::records(experiment, &command.experiment), judged.into_iter().collect()].concat(),
             sections: self.sections(experiment),
-            commands: self.commands(&command.experiment, given),
+            commands: self.commands(&command.experiment, given, command.kind),
             verdict: self.verdict(warnings.len()),
             warnings,
             ..report_pages::report("Experiment", experiment.name.clone(), Verdict::new(Tone::Plain, ""))
@@ -160,7 +161,7 @@ impl Parts {
     }
 
     /// The report again, and each part by itself.
-    fn commands(&self, folder: &Path, given: Option<&Path>) -> Vec<String> {
+    fn commands(&self, folder: &Path, given: Option<&Path>, kind: Kind) -> Vec<String> {
         let quoted = |path: &Path| {
             let path = path.display().to_string();
             shlex::try_quote(&path).map_or_else(|_| path.clone(), std::borrow::Cow::into_owned)
@@ -172,17 +173,21 @@ impl Parts {
         }
         commands.push(format!("rotorlead validate {folder} --model {model}"));
         let judged = given.map(|_| format!(" --model {model}")).unwrap_or_default();
-        let omega_g = self.lowered_omega_g_rad_s.map(|omega_g| format!(" --omega-g {omega_g:.1}")).unwrap_or_default();
+        let own = match (kind, self.lowered_omega_g_rad_s) {
+            (Kind::Lead, Some(omega_g)) => format!(" --omega-g {omega_g:.1}"),
+            (Kind::Lead, None) => String::new(),
+            (Kind::Inverse, _) => " --kind inverse".to_owned(),
+        };
         let (extended, compensated) = (" --out-model improved.toml", " --redesign --out-compensator compensator.toml");
         // Steps have their lags level by level, which the compensator is designed for with or without effects.
         if self.missing().is_some() && !self.is_of_steps() {
-            commands.push(format!("rotorlead diagnose {folder}{judged}{extended}{compensated}{omega_g}"));
+            commands.push(format!("rotorlead diagnose {folder}{judged}{extended}{compensated}{own}"));
             return commands;
         }
         commands.push(format!("rotorlead diagnose {folder}{judged}"));
         if self.designed.is_ok() {
-            commands.push(format!("rotorlead design --model {model}{omega_g} --out compensator.toml"));
-            let with = if omega_g.is_empty() { "" } else { " --compensator compensator.toml" };
+            commands.push(format!("rotorlead design --model {model}{own} --out compensator.toml"));
+            let with = if own.is_empty() { "" } else { " --compensator compensator.toml" };
             commands.push(format!("rotorlead bandwidth --model {model}{with} --records {folder}"));
         }
         commands
