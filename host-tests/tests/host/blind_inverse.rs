@@ -20,7 +20,8 @@ use rotorlead_records::Experiment;
 const HIDDEN: [Kind; 3] = [Kind::AsymmetricLag, Kind::SecondPole, Kind::SlewLimit];
 /// Small signals.
 const AMPLITUDE: f64 = 0.005;
-const STEP: f64 = 0.02;
+/// The motor of the records has one lag around each nominal command, and the table moves: a step as small as that.
+const STEP: f64 = 0.005;
 /// Seconds before the fit and in it, and of a step.
 const LEAD_IN_S: f64 = 1.5;
 const FITTED_S: f64 = 0.4;
