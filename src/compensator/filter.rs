@@ -127,6 +127,15 @@ impl RunningFilter {
         }
     }
 
+    /// A tick without it: the input is `input`, and the ESC gets `output`. A section rests at its input; an inverse knows what a rotor
+    /// does that gets the output, which lags behind.
+    pub fn bypass(&mut self, input: Command, output: Command) {
+        match self {
+            Self::Lead(lead) => lead.section = Section::at_level(input),
+            Self::Inverse(RunningInverse { coefficients, inverse, .. }) => inverse.follow(coefficients, output),
+        }
+    }
+
     /// Whether it may shape this command.
     #[inline]
     pub fn covers(&self, command: Command) -> bool {

@@ -19,9 +19,9 @@ use filter::RunningFilter;
 ///   that remains is an offset from the target. From then on it decays with the time constant of complex poles of the
 ///   filter, and loses at once whatever a limit cuts off. In steady state a lead makes no difference, and switching
 ///   changes no output bit; an inverse makes one of at most half a step of its output, 2^-17.
-/// - **Bypass.** The output is the input, clamped. When the filter is switched in again it starts at rest at the last
-///   input, however long it was bypassed. The error of this initial condition decays with the filter's poles: 15 ms
-///   for the paper's compensator.
+/// - **Bypass.** The output is the input, clamped. When a lead is switched in again it starts at rest at the last input,
+///   however long it was bypassed. The error of this initial condition decays with the filter's poles: 15 ms for the
+///   paper's compensator. An inverse starts with the state of a rotor that got the outputs meanwhile.
 /// - **Range.** Where the curve of an inverse is not known it is bypassed, and switched in again when the command returns.
 ///
 /// # Examples
@@ -48,7 +48,6 @@ use filter::RunningFilter;
 /// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Compensator {
-    /// At rest at the last input while it is bypassed.
     filter: RunningFilter,
     /// Whether the filter is in the path for the commands that it covers.
     is_enabled: bool,
@@ -215,10 +214,7 @@ impl Compensator {
         self.state = self.state.switched(path);
         let target = match path {
             Path::Filter => self.filter.update(input),
-            Path::Bypass => {
-                self.filter.reset(input);
-                Throttle::from(input).clamp_in_order(self.min, self.max)
-            }
+            Path::Bypass => Throttle::from(input).clamp_in_order(self.min, self.max),
         };
         let output = match self.state {
             State::Filter | State::Bypass => target,
@@ -237,6 +233,9 @@ impl Compensator {
         // From the clamped output: an offset that kept what the clamp cut off would hold the output at the limit after
         // the path has left it.
         self.state = State::after(path, output.to_bits() - target.to_bits());
+        if matches!(path, Path::Bypass) {
+            self.filter.bypass(input, output);
+        }
         self.outputs = [self.outputs[1], output];
         output
     }

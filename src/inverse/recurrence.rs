@@ -8,7 +8,7 @@ use crate::throttle::Command;
 /// The conditioned inverse of one motor: 24 bytes. See the [module](super).
 ///
 /// - **Start and switching.** [`Self::reset`] puts it at rest at a command. As long as the input is that command, so is
-///   every output, to the step of the output: nothing jumps when the inverse takes over from a bypass.
+///   every output, to the step of the output. [`Self::follow`] keeps its state while it is bypassed.
 /// - **Limits.** Every output is within the range of its [`Limits`], and differs from the last by at most their slew. The
 ///   state is that of a rotor that got this output, so the output leaves a limit as soon as the reference model asks for
 ///   less.
@@ -58,8 +58,7 @@ impl ConditionedInverse {
         Self { limits, v: u << STEP_SHIFT, x: 0, u }
     }
 
-    /// Puts the state at rest at `level`, as [`Self::at_rest`]. To switch the inverse in, reset it to the command that the
-    /// ESC got last.
+    /// Puts the state at rest at `level`, as [`Self::at_rest`].
     pub const fn reset(&mut self, level: Command) {
         *self = Self::at_rest(self.limits, level);
     }
@@ -99,6 +98,16 @@ impl ConditionedInverse {
         let shortfall = i64::from(((u << STEP_SHIFT) + HALF_STEP).cast_unsigned()) - (sum >> GAIN_BITS);
         let correction = shift_rounded::<COEFFICIENT_BITS>(shortfall * i64::from(place.h().cast_unsigned()));
         self.advance(coefficients, (i64::from(x) + correction) as i32, u)
+    }
+
+    /// One control tick in which the ESC gets `output` from elsewhere: steps 4 and 5, so that the state is that of a rotor that got
+    /// it. Whenever the inverse is switched in it goes on from there.
+    pub fn follow(&mut self, coefficients: &Coefficients, output: Command) {
+        let u = self.limits.steps().confined(nearest_steps(output));
+        let h = coefficients.at(self.v).h();
+        // `|u - v|` is at most 1 and `h` under 2, which fits.
+        let x = shift_rounded::<COEFFICIENT_BITS>(i64::from((u << STEP_SHIFT) - self.v) * i64::from(h.cast_unsigned()));
+        self.advance(coefficients, x as i32, u);
     }
 
     /// Step 5: the rotor moves by `A x`. `u` is in steps of the output.

@@ -8,7 +8,7 @@ use host_tests::{
 use proptest::prelude::*;
 use rotorlead::biquad::Section;
 use rotorlead::compensator::{CommandRange, Compensator, Filter};
-use rotorlead::design::CurvePoint;
+use rotorlead::design::{CurvePoint, DEFAULT_DAMPING, InverseDesign, ReferenceModel};
 use rotorlead::inverse::{ConditionedInverse, Limits};
 use rotorlead::throttle::{Command, FRACTION_BITS, Throttle};
 
@@ -374,5 +374,33 @@ fn taken_out_after_a_step_it_does_not_drive_the_motor_past_its_command() {
             worst * 1e2
         );
         assert!(worst < most, "{worst} at {at}");
+    }
+}
+
+/// A command that leaves the range of the inverse for less than the rotor's lag: where the inverse returns with the state of a rotor that
+/// rests at that command, it brakes one that never got there.
+#[test]
+fn a_short_way_out_of_its_range_leaves_the_rotor_where_it_is() {
+    let curve = paper_curve();
+    let reference = ReferenceModel { omega_f_rad_s: 94.2, damping: DEFAULT_DAMPING };
+    let design = InverseDesign::new(reference, 5000.0, &curve).unwrap();
+    let range = CommandRange { lowest: command(0.35), highest: command(0.70) };
+    for (level, outside) in [(0.5, 0.75), (0.65, 0.95), (0.45, 0.1)] {
+        for ticks in [1, 20, 100, 300] {
+            let mut compensator = Compensator::new(design.filter(0.0, range).unwrap(), command(0.05), Command::ONE);
+            compensator.reset(command(level));
+            let mut v: f64 = level;
+            let (mut least, mut most) = (v, v);
+            for tick in 0..5000 {
+                let input = if (1000..1000 + ticks).contains(&tick) { outside } else { level };
+                let u = compensator.update(command(input)).to_f64();
+                v += (u - v) * -(-pole_at(&curve, v) / 5000.0).exp_m1();
+                (least, most) = (least.min(v), most.max(v));
+            }
+            // What it overshoots on its way back is a part of the way.
+            let way = (most - level).max(level - least);
+            let beyond = if outside > level { level - least } else { most - level };
+            assert!(beyond < 0.06 * way + 2e-4, "{level} {outside} {ticks}: {least} to {most}");
+        }
     }
 }
