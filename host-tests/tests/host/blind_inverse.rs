@@ -18,14 +18,16 @@ use rotorlead_records::Experiment;
 
 /// What is hidden: what an inverse could be harmed by.
 const HIDDEN: [Kind; 3] = [Kind::AsymmetricLag, Kind::SecondPole, Kind::SlewLimit];
-/// Small signals.
-const AMPLITUDE: f64 = 0.005;
-/// The motor of the records has one lag around each nominal command, and the table moves: a step as small as that.
+/// The motor of the records has one lag around each nominal command, and the table moves: signals as small as that, and still a hundred
+/// steps of the output.
+const AMPLITUDE: f64 = 0.002;
 const STEP: f64 = 0.005;
 /// Seconds before the fit and in it, and of a step.
-const LEAD_IN_S: f64 = 1.5;
-const FITTED_S: f64 = 0.4;
+const LEAD_IN_S: f64 = 3.0;
+const FITTED_S: f64 = 1.6;
 const STEP_LENGTH_S: f64 = 3.0;
+/// How far a bandwidth is searched for, in natural frequencies.
+const SEARCHED: f64 = 2.5;
 
 /// What an inverse does at one point: by prediction, or in truth.
 #[derive(Clone, Copy, Debug)]
@@ -83,9 +85,15 @@ fn response(setup: &Setup, point: Point, design: &CompensatorDesign, omega: f64)
 }
 
 fn in_truth(setup: &Setup, point: Point, design: &CompensatorDesign) -> Done {
-    let mut omega = 2.0;
-    while omega < 2.5 * design.natural_rad_s() && response(setup, point, design, omega) > 10_f64.powf(-0.15) {
-        omega *= 1.03;
+    let is_behind = |omega: f64| response(setup, point, design, omega) < 10_f64.powf(-0.15);
+    let searched = SEARCHED * design.natural_rad_s();
+    let (mut low, mut high) = (2.0, 2.0);
+    while high < searched && !is_behind(high) {
+        (low, high) = (high, 1.15 * high);
+    }
+    while high > 1.01 * low && high < searched {
+        let middle = 0.5 * (low + high);
+        *if is_behind(middle) { &mut high } else { &mut low } = middle;
     }
     let ticks = (STEP_LENGTH_S * design.loop_rate_hz()) as usize;
     let overshoot = [STEP, -STEP].map(|step| {
@@ -93,7 +101,7 @@ fn in_truth(setup: &Setup, point: Point, design: &CompensatorDesign) -> Done {
         let (start, end) = (force[0], force[force.len() - 1]);
         force.iter().fold(0.0, |most, force| f64::max(most, (force - start) / (end - start) - 1.0))
     });
-    Done { bandwidth_rad_s: omega, overshoot: overshoot[0].max(overshoot[1]) }
+    Done { bandwidth_rad_s: low, overshoot: overshoot[0].max(overshoot[1]) }
 }
 
 /// Whether a table of these time constants may be used on the true motor: by its faster direction.
@@ -128,8 +136,9 @@ fn outcome(case: &Case) -> Outcome {
     let points = redesigned.full.points.iter().zip(&case.motor.points).map(|(predicted, point)| {
         let of_point = stepped.iter().filter(|step| step.nominal == predicted.small.nominal);
         let overshoot = of_point.map(|step| step.compensated.overshoot).fold(0.0, f64::max);
-        let bandwidth_rad_s =
-            predicted.chain.magnitude.rad_s().unwrap_or(f64::INFINITY).min(2.5 * design.natural_rad_s());
+        // What the records promise.
+        let at_least = predicted.at_least.expect("a time constant is never known exactly");
+        let bandwidth_rad_s = at_least.rad_s().unwrap_or(f64::INFINITY).min(SEARCHED * design.natural_rad_s());
         (Done { bandwidth_rad_s, overshoot }, in_truth(&setup, *point, design))
     });
     Outcome { points: Some(points.collect()), may_be_designed }
@@ -147,8 +156,18 @@ fn count(set: Set, cases: u64) {
             designed += u32::from(outcome.points.is_some());
             may_be += u32::from(outcome.may_be_designed);
             both += u32::from(outcome.points.is_some() && outcome.may_be_designed);
+            let points = || outcome.points.iter().flatten();
+            let least = points().map(|(predicted, found)| found.bandwidth_rad_s / predicted.bandwidth_rad_s);
+            let most = points().map(|(predicted, found)| found.overshoot - predicted.overshoot);
+            println!(
+                "{} {number}: designed {}, at least {:.2} of the bandwidth, overshoot {:+.3} beyond",
+                kind.name(),
+                outcome.points.is_some(),
+                least.fold(f64::NAN, f64::min),
+                most.fold(f64::NAN, f64::max),
+            );
             if !outcome.reaches() || outcome.overshoots() {
-                println!("{} {number}: {outcome:?}", kind.name());
+                println!("{outcome:?}");
                 failed.push(format!("{} {number}", kind.name()));
             }
         }

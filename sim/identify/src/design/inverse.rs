@@ -24,7 +24,7 @@ const ROBUST_PART: f64 = 0.9;
 /// is asked for.
 pub const REACH: f64 = 0.05;
 /// Standard errors to either end of a 95 % interval.
-const STANDARD_ERRORS: f64 = 1.96;
+pub(super) const STANDARD_ERRORS: f64 = 1.96;
 
 /// What an inverse is asked for beside the model.
 #[derive(Clone, Copy, Debug, PartialEq)]

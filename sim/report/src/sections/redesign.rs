@@ -30,12 +30,13 @@ pub fn redesign_sections(redesign: &Redesign, model: &Model, amplitude: f64, tex
 /// Bandwidths of small deviations, and those of sinusoids of `amplitude`, duty, through the whole chain.
 #[must_use]
 pub fn redesign_table(compensated: &Compensated, amplitude: f64) -> Table {
-    let row = |RedesignPoint { small, chain, .. }: &RedesignPoint| {
+    let row = |RedesignPoint { small, chain, at_least, .. }: &RedesignPoint| {
         vec![
             Cell::number(small.nominal, 3),
             Cell::bandwidth(small.uncompensated, 4),
             Cell::bandwidth(small.compensated, 4),
             Cell::bandwidth(chain.magnitude, 1),
+            at_least.map_or_else(|| Cell::optional(None, 1), |at_least| Cell::bandwidth(at_least, 1)),
             Cell::bandwidth(chain.phase, 1),
         ]
     };
@@ -50,6 +51,7 @@ pub fn redesign_table(compensated: &Compensated, amplitude: f64) -> Table {
             Column::new("uncompensated_rad_s", "without compensator", "rad/s"),
             Column::new("compensated_rad_s", "with compensator", "rad/s"),
             Column::new("chain_rad_s", "whole chain to -3 dB", "rad/s"),
+            Column::new("chain_at_least_rad_s", "at least (95 %)", "rad/s"),
             Column::new("chain_phase_rad_s", "whole chain to -90 degrees", "rad/s"),
         ],
         rows: compensated.points.iter().map(row).collect(),

@@ -8,6 +8,7 @@
 
 mod limits;
 mod remarks;
+mod slowest;
 pub(super) mod sweep;
 
 pub use limits::Limit;
@@ -17,6 +18,7 @@ use rotorlead_plant::{ActiveEffect, CompensatorDesign, LinearChain, Model, Plant
 use serde::{Serialize, Serializer};
 
 use limits::Bound;
+use slowest::slowest;
 use sweep::Sweep;
 
 use super::{
@@ -62,6 +64,10 @@ pub struct RedesignPoint {
     /// Of sinusoids through the whole chain.
     #[serde(flatten)]
     pub chain: ChainBandwidth,
+    /// The bandwidth to -3 dB of the same where the rotor is as slow as the records allow, at 95 %; `None` where the model does not say
+    /// how well its time constants are known.
+    #[serde(rename = "chain_at_least_rad_s")]
+    pub at_least: Option<Bandwidth>,
     /// What the lead asks of each bound of the actuator.
     pub limits: Vec<Limit>,
 }
@@ -209,13 +215,16 @@ fn compensated(
     options: &RedesignOptions,
     progress: &dyn Fn(),
 ) -> Result<Compensated, PlantError> {
+    let slowest = slowest(model);
     let points = small_with_limits(model, &design, options)?
         .into_iter()
         .zip(&model.points)
         .map(|((small, amplitude, limits), point)| {
-            let chain = chain(model, &design, options, point, amplitude, small.compensated)?;
+            let chain = |model: &Model| chain(model, &design, options, point, amplitude, small.compensated);
+            let at_least = slowest.as_ref().map(chain).transpose()?.map(|chain| chain.magnitude);
+            let chain = chain(model)?;
             progress();
-            Ok(RedesignPoint { small, amplitude, chain, limits })
+            Ok(RedesignPoint { small, amplitude, chain, at_least, limits })
         })
         .collect::<Result<_, PlantError>>()?;
     Ok(Compensated { design, points })

@@ -18,9 +18,10 @@ const HALVINGS: usize = 6;
 /// A sinusoid at this part of the pole is as good as at rest.
 const STATIC_OF_POLE: f64 = 0.02;
 /// Before the fit: so many time constants, and at least one period.
-const LEAD_IN: f64 = 8.0;
-/// The fit is over the first whole number of periods that last this many time constants.
-const FITTED: f64 = 2.0;
+const LEAD_IN: f64 = 12.0;
+/// The fit is over the first whole number of periods that last this many time constants: around a sinusoid whose two halves are not
+/// followed alike, the mean settles as slowly as that, and a shorter fit is off by a percent.
+const FITTED: f64 = 10.0;
 /// Rows of a period, at least; more are left out.
 const ROWS_PER_PERIOD: f64 = 40.0;
 
