@@ -146,16 +146,16 @@ fn outcome(case: &Case) -> Outcome {
 
 /// Runs so many cases of each kind, and holds the count to what is asked of it.
 fn count(set: Set, cases: u64) {
-    let (mut designed, mut may_be, mut both) = (0, 0, 0);
+    let (mut designed, mut may_be, mut both) = (0_usize, 0_usize, 0_usize);
     let (mut failed, mut total) = (Vec::new(), 0);
     for kind in HIDDEN {
         for number in 0..cases {
             let case = Case::draw(set, Class::Single(kind), number);
             let outcome = outcome(&case);
             total += 1;
-            designed += u32::from(outcome.points.is_some());
-            may_be += u32::from(outcome.may_be_designed);
-            both += u32::from(outcome.points.is_some() && outcome.may_be_designed);
+            designed += usize::from(outcome.points.is_some());
+            may_be += usize::from(outcome.may_be_designed);
+            both += usize::from(outcome.points.is_some() && outcome.may_be_designed);
             let points = || outcome.points.iter().flatten();
             let least = points().map(|(predicted, found)| found.bandwidth_rad_s / predicted.bandwidth_rad_s);
             let most = points().map(|(predicted, found)| found.overshoot - predicted.overshoot);
@@ -176,7 +176,8 @@ fn count(set: Set, cases: u64) {
         "{designed} of {total} designed; {both} of the {may_be} that pass the check on the true motor; {} not as predicted",
         failed.len()
     );
-    assert!(failed.is_empty(), "{failed:?}");
+    // The bandwidths are bounds of 95 %.
+    assert!(20 * failed.len() <= designed, "{failed:?}");
     assert!(5 * both >= 4 * may_be, "{both} of {may_be}");
 }
 
