@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use miette::WrapErr as _;
-use rotorlead_diagnose::bandwidths::{
+use rotorlead_diagnose::bandwidth_table::{
     BandwidthDiagnosis, BandwidthOptions, BandwidthTable, Column, Explanation, Scope, diagnose_bandwidths,
 };
 use rotorlead_diagnose::{Verdict, by_name};
@@ -238,7 +238,7 @@ fn values(found: &BandwidthDiagnosis) -> Value {
         let names = || one.kind.fitted().map(|(index, parameter)| (parameter.name, index));
         let rows = found.table.rows.iter().zip(&one.values).zip(&one.predicted_rad_s);
         let row = |((row, values), predicted): (
-            (&rotorlead_diagnose::bandwidths::BandwidthRow, _),
+            (&rotorlead_diagnose::bandwidth_table::BandwidthRow, _),
             &[Option<f64>; 2],
         )| {
             let values: &Option<Vec<f64>> = values;

@@ -1,12 +1,15 @@
 //! Small experiments for tests: a motor at two nominal commands, which begins each record there.
 
+use std::sync::Arc;
+
 use rotorlead_plant::bench::{Plan, PlannedRecord, run};
 use rotorlead_plant::{Model, Noise};
 use rotorlead_records::{Excitation, Experiment};
 
-use super::dataset::Dataset;
-use super::first_model;
-use super::hypothesis::BasePoint;
+use crate::data::dataset::Dataset;
+use crate::diagnose::first_model;
+use crate::likelihood::Likelihood;
+use crate::model::hypothesis::BasePoint;
 
 const MOTOR: &str = "format = 1\npoint = [\n\
                      { nominal = 0.4, gain = 10.0, time_constant_s = 0.16 },\n\
@@ -44,9 +47,9 @@ pub(super) fn records_with_command_rate(
     run(&plan, &model, None, &|_| {}).unwrap()
 }
 
-/// What is compared of them, and the lags to begin with.
-pub(super) fn data(records: &Experiment) -> (Dataset, Vec<BasePoint>) {
+/// What is compared of them, by weights that are not known yet, and the lags to begin with.
+pub(super) fn likelihood(records: &Experiment) -> (Likelihood, Vec<BasePoint>) {
     let data = Dataset::new(records, false).unwrap();
     let base = first_model(records, &data, None).unwrap();
-    (data, base)
+    (Likelihood::unit(Arc::new(data)), base)
 }

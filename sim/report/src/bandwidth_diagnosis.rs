@@ -1,6 +1,6 @@
 //! What a diagnosis of a table of bandwidths found, as figures.
 
-use rotorlead_diagnose::bandwidths::{BandwidthDiagnosis, Column, Explanation, Standing};
+use rotorlead_diagnose::bandwidth_table::{BandwidthDiagnosis, Column, Explanation, Standing};
 
 use super::figure::{Axis, Color, Figure, FigureKind, Mark, Panel, Series};
 

@@ -2,7 +2,7 @@
 
 use rotorlead::design::LeadParameters;
 use rotorlead_diagnose::Verdict;
-use rotorlead_diagnose::bandwidths::{
+use rotorlead_diagnose::bandwidth_table::{
     BandwidthDiagnosis, BandwidthOptions, BandwidthRow, BandwidthTable, Column, Explanation, Scope, Standing,
     diagnose_bandwidths,
 };

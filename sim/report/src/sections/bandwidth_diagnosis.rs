@@ -1,6 +1,6 @@
 //! What a diagnosis of a table of bandwidths found.
 
-use rotorlead_diagnose::bandwidths::{BandwidthDiagnosis, Column as Of, Explanation, Scope};
+use rotorlead_diagnose::bandwidth_table::{BandwidthDiagnosis, Column as Of, Explanation, Scope};
 
 use crate::bandwidth_diagnosis::bandwidth_diagnosis_figures;
 use crate::html::{Cell, Column, Section, Table};

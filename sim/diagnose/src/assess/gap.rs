@@ -1,0 +1,256 @@
+//! Confirm: how far simulation and measurement are apart on what was held out, before and after, and how far noise alone
+//! would keep them apart.
+
+use rotorlead_identify::align;
+use rotorlead_numerics::sample::mean;
+use serde::Serialize;
+
+use super::plateau_gap::{self, SplitGap};
+use crate::DiagnoseError;
+use crate::data::dataset::{Record, Split};
+use crate::estimate::fit::Fit;
+use crate::likelihood::Likelihood;
+use crate::model::hypothesis::{Coordinate, Hypothesis};
+
+/// Gap on held-out segments, `RMS(y - yhat) / RMS(y - mean y)`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Gap {
+    /// Of the model as it was.
+    pub before: f64,
+    /// Of the improved one.
+    pub after: f64,
+    /// What the noise of the records leaves to a perfect one.
+    pub noise_floor: f64,
+}
+
+/// A gap above this is no disagreement of a model with its records: both are not of the same thing.
+const MOST_GAP: f64 = 100.0;
+
+impl Gap {
+    /// # Errors
+    /// [`DiagnoseError::NoComparison`] for a gap that no model of the records has.
+    pub(crate) fn check(self) -> Result<(), DiagnoseError> {
+        let largest = [self.before, self.after]
+            .into_iter()
+            .fold(0.0, |most: f64, gap| if gap > most || gap.is_nan() { gap } else { most });
+        if largest < MOST_GAP { Ok(()) } else { Err(DiagnoseError::NoComparison { percent: 100.0 * largest }) }
+    }
+}
+
+/// The gap of one record.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct RecordGap {
+    /// The record.
+    pub file: String,
+    /// Its nominal command.
+    pub nominal: f64,
+    /// The gap.
+    #[serde(flatten)]
+    pub gap: Gap,
+}
+
+/// What is left of the record that the first model explains worst, over one period, in means of so many rows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Residual {
+    /// The record.
+    pub file: String,
+    /// Rows of a mean.
+    pub rows: usize,
+    /// Middle of each, seconds.
+    pub time_s: Vec<f64>,
+    /// Measured less simulated by the first model, response units.
+    pub before: Vec<f64>,
+    /// The same by the improved one.
+    pub after: Vec<f64>,
+    /// Standard deviation of such a mean if the noise were white.
+    pub noise_std: f64,
+}
+
+/// How far a logarithm is moved at most for a standard error: a number that is not known at all is no excuse.
+const FARTHEST_OFF: f64 = 0.2;
+/// Most means of a [`Residual`].
+const MOST_MEANS: usize = 500;
+
+/// [`Residual`] of the first period of what is compared; `None` where nothing can be simulated.
+pub(crate) fn residual(
+    likelihood: &Likelihood,
+    records: &[RecordGap],
+    before: &Hypothesis,
+    after: &Hypothesis,
+    held_out: bool,
+) -> Option<Residual> {
+    let over = |record: &&RecordGap| record.gap.before / record.gap.noise_floor.max(1e-12);
+    let worst = records.iter().max_by(|a, b| over(a).total_cmp(&over(b)))?;
+    let record = likelihood.data.records.iter().find(|record| record.file == worst.file)?;
+    let split = if held_out { Split::Holdout } else { Split::Train };
+    let (segment, whitening) = likelihood.periodic(record)?.segments(split).next()?;
+    let rows = segment.rows.clone();
+    let (time_s, measured) = (&record.time_s[rows.clone()], &record.measured[rows.clone()]);
+    let period = record.period_rows.min(rows.len());
+    let width = period.div_ceil(MOST_MEANS);
+    let means = |values: &[f64]| -> Vec<f64> {
+        values[..period].chunks_exact(width).map(|chunk| chunk.iter().sum::<f64>() / width as f64).collect()
+    };
+    let left = |hypothesis: &Hypothesis| -> Option<Vec<f64>> {
+        let simulated = hypothesis.simulate(&likelihood.data, record, rows.end).ok()?;
+        let tau_s = before.base[record.point].time_constant_s;
+        let aligned = align(time_s, measured, &simulated[rows.clone()], tau_s);
+        Some(means(&measured.iter().zip(aligned).map(|(y, model)| y - model).collect::<Vec<_>>()))
+    };
+    Some(Residual {
+        file: record.file.clone(),
+        rows: width,
+        time_s: means(time_s),
+        before: left(before)?,
+        after: left(after)?,
+        noise_std: (whitening.row_variance() / width as f64).sqrt(),
+    })
+}
+
+/// Sums of squares, to be divided at the end.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Squares {
+    pub before: f64,
+    pub after: f64,
+    pub noise: f64,
+    pub response: f64,
+}
+
+impl Squares {
+    pub fn add(&mut self, other: Self) {
+        self.before += other.before;
+        self.after += other.after;
+        self.noise += other.noise;
+        self.response += other.response;
+    }
+
+    pub fn is_any(&self) -> bool {
+        self.response > 0.0
+    }
+
+    pub fn gap(self) -> Gap {
+        let part = |sum: f64| (sum / self.response).sqrt();
+        Gap { before: part(self.before), after: part(self.after), noise_floor: part(self.noise) }
+    }
+}
+
+/// All gaps between two models and the records.
+pub(crate) struct Gaps {
+    /// In total.
+    pub total: Gap,
+    /// Record by record.
+    pub records: Vec<RecordGap>,
+    /// Split by split, where records are split more than one way.
+    pub splits: Vec<SplitGap>,
+    /// Whether anything is held out.
+    pub held_out: bool,
+    /// Of records that do not repeat: what is left of levels and of the motion that were held out.
+    pub left: plateau_gap::Left,
+}
+
+/// Gaps on what is held out; on what was fitted where nothing is. Where a split is not for good each model is fitted anew to
+/// what is left, the first one only where `refitted` says so.
+pub(crate) fn gaps(likelihood: &Likelihood, before: &Hypothesis, after: &Hypothesis, refitted: bool) -> Gaps {
+    let (total, records, splits, left) = plateau_gap::gaps(likelihood, before, after, refitted);
+    if !splits.is_empty() {
+        return Gaps { total, records, splits, held_out: true, left };
+    }
+    let held_out = likelihood.data.records.iter().any(|record| likelihood.has(record, Split::Holdout));
+    let split = if held_out { Split::Holdout } else { Split::Train };
+    let (total, records) = of(likelihood, before, after, split);
+    let left = plateau_gap::Left::of((likelihood, before), (likelihood, after), split).unwrap_or_default();
+    Gaps { total, records, splits, held_out, left }
+}
+
+/// Gap in total and record by record on what is there in a split.
+pub(crate) fn of(
+    likelihood: &Likelihood,
+    before: &Hypothesis,
+    after: &Hypothesis,
+    split: Split,
+) -> (Gap, Vec<RecordGap>) {
+    let mut total = Squares::default();
+    let mut records = Vec::new();
+    for record in likelihood.data.records.iter().filter(|record| likelihood.has(record, split)) {
+        let Some(squares) = squares(likelihood, record, before, after, split) else { continue };
+        total.add(squares);
+        records.push(RecordGap { file: record.file.clone(), nominal: record.nominal, gap: squares.gap() });
+    }
+    (total.gap(), records)
+}
+
+/// Square of the part of the gap on what is in `split` that the standard errors of the lags account for: a nominal command that
+/// was fitted to one quiet record is known badly, and shows it on a loud one. 0 for records that do not repeat.
+///
+/// A prediction that is linear in the numbers has the variance `J C J'`, with `C` their covariance: along each of its axes the
+/// record is simulated once more, one standard error away.
+pub(crate) fn unsure(likelihood: &Likelihood, fit: &Fit, split: Split) -> f64 {
+    let of_trial = |record: &Record| {
+        let rows = likelihood.of(record).end_of(split);
+        let here = fit.hypothesis.simulate(&likelihood.data, record, rows).ok()?;
+        let coordinates = [Coordinate::Gain(record.point), Coordinate::TimeConstant(record.point)];
+        let axes = fit.covariance_of(coordinates)?.symmetric_eigen();
+        let mut sum = 0.0;
+        for (variance, axis) in axes.eigenvalues.iter().zip(axes.eigenvectors.column_iter()) {
+            let mut moved = fit.hypothesis.clone();
+            for (coordinate, part) in coordinates.into_iter().zip(axis.iter()) {
+                let off = (variance.max(0.0).sqrt() * part).clamp(-FARTHEST_OFF, FARTHEST_OFF);
+                moved.set(coordinate, moved.get(coordinate) + off);
+            }
+            let there = moved.simulate(&likelihood.data, record, rows).ok()?;
+            for segment in record.segments.iter().filter(|segment| segment.split == split) {
+                sum += scatter(segment.rows.clone().map(|row| there[row] - here[row]));
+            }
+        }
+        let segments = record.segments.iter().filter(|segment| segment.split == split);
+        let response: f64 =
+            segments.map(|segment| scatter(record.measured[segment.rows.clone()].iter().copied())).sum();
+        Some((sum, response))
+    };
+    let compared =
+        likelihood.data.records.iter().filter(|record| record.log.is_none() && likelihood.has(record, split));
+    let (sum, response) =
+        compared.filter_map(of_trial).fold((0.0, 0.0), |(sum, all), (off, response)| (sum + off, all + response));
+    if response > 0.0 { sum / response } else { 0.0 }
+}
+
+/// Sum of squares around the mean.
+fn scatter(values: impl Iterator<Item = f64> + Clone) -> f64 {
+    let (sum, count) = values.clone().fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
+    let mean = if count > 0.0 { sum / count } else { 0.0 };
+    values.map(|value| (value - mean).powi(2)).sum()
+}
+
+pub(crate) fn squares(
+    likelihood: &Likelihood,
+    record: &Record,
+    before: &Hypothesis,
+    after: &Hypothesis,
+    split: Split,
+) -> Option<Squares> {
+    if record.log.is_some() {
+        return plateau_gap::log_squares(likelihood, record, before, after, split);
+    }
+    let rows = likelihood.of(record).end_of(split);
+    let simulated = [before, after].map(|hypothesis| hypothesis.simulate(&likelihood.data, record, rows));
+    let mut squares = Squares::default();
+    for (segment, whitening) in likelihood.periodic(record)?.segments(split) {
+        let rows = segment.rows.clone();
+        let (time_s, measured) = (&record.time_s[rows.clone()], &record.measured[rows.clone()]);
+        // Hum was taken out of what is fitted; it is noise all the same.
+        let hum: f64 = record.hum.get(rows.clone()).unwrap_or_default().iter().map(|hum| hum * hum).sum();
+        let left = |model: &[f64]| {
+            // A sensor's zero and the state at the begin are no part of what a model says.
+            let tau_s = before.base[record.point].time_constant_s;
+            let aligned = align(time_s, measured, &model[rows.clone()], tau_s);
+            aligned.iter().zip(measured).map(|(model, y)| (y - model).powi(2)).sum::<f64>() + hum
+        };
+        let [before, after] = &simulated;
+        squares.before += left(before.as_ref().ok()?);
+        squares.after += left(after.as_ref().ok()?);
+        let mean = mean(measured);
+        squares.response += measured.iter().map(|y| (y - mean).powi(2)).sum::<f64>();
+        squares.noise += whitening.row_variance() * measured.len() as f64 + hum;
+    }
+    Some(squares)
+}

@@ -1,0 +1,10 @@
+//! What a model leaves: where, whether it is noise, and how large the gap is.
+
+pub(crate) mod gap;
+pub(crate) mod lateness;
+pub(crate) mod locate;
+pub(crate) mod plateau_excess;
+pub(crate) mod plateau_gap;
+pub(crate) mod steadiness;
+pub(crate) mod timing;
+pub(crate) mod verdict;

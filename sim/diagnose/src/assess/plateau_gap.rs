@@ -1,0 +1,166 @@
+//! How far model and log are apart on steps that were held out.
+
+use rayon::prelude::*;
+use rotorlead_numerics::sample::mean;
+use serde::Serialize;
+
+use crate::assess::gap::{Gap, RecordGap, Squares, squares};
+use crate::data::dataset::{Record, Split};
+use crate::estimate::fit::fit_in;
+use crate::likelihood::Likelihood;
+use crate::model::hypothesis::Hypothesis;
+
+/// Steps of a search on a part of the steps.
+const STEPS: usize = 4;
+
+/// The gap on what a split holds out.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SplitGap {
+    /// What was fitted and what is evaluated, in words.
+    pub split: &'static str,
+    /// The gap.
+    #[serde(flatten)]
+    pub gap: Gap,
+}
+
+/// How far levels and motion are off, before and after: they are compared separately, and an effect acts on either.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Left {
+    before: Squared,
+    after: Squared,
+}
+
+/// Squares of what a hypothesis leaves.
+#[derive(Clone, Debug, Default)]
+struct Squared {
+    /// Number of independent levels, and their sum of squares.
+    levels: (f64, f64),
+    /// The mean square of the motion of each step.
+    steps: Vec<f64>,
+}
+
+impl Squared {
+    fn of(likelihood: &Likelihood, hypothesis: &Hypothesis, split: Split) -> Option<Self> {
+        let mut all = Self::default();
+        for record in &likelihood.data.records {
+            let Some(plateaus) = likelihood.plateaus(record) else { continue };
+            let (levels, steps) = plateaus.squares(hypothesis, split)?;
+            all.add(Self { levels, steps });
+        }
+        Some(all)
+    }
+
+    fn add(&mut self, other: Self) {
+        self.levels = (self.levels.0 + other.levels.0, self.levels.1 + other.levels.1);
+        self.steps.extend(other.steps);
+    }
+}
+
+impl Left {
+    /// That of the records over a split, each hypothesis by the errors that it leaves itself.
+    pub fn of(
+        (own, before): (&Likelihood, &Hypothesis),
+        (likelihood, after): (&Likelihood, &Hypothesis),
+        split: Split,
+    ) -> Option<Self> {
+        Some(Self { before: Squared::of(own, before, split)?, after: Squared::of(likelihood, after, split)? })
+    }
+
+    fn add(&mut self, other: Self) {
+        self.before.add(other.before);
+        self.after.add(other.after);
+    }
+
+    /// The share of the power that is left of levels, and of the motion of a typical step: the geometric mean over all steps, since
+    /// a motor that loses step once leaves more than all the others. 1 of what is not compared.
+    pub fn shares(&self) -> [f64; 2] {
+        let ((count, before), (_, after)) = (self.before.levels, self.after.levels);
+        let of_levels = if count > 0.0 && before > 0.0 { after / before } else { 1.0 };
+        let pairs = self.before.steps.iter().zip(&self.after.steps);
+        let logs: Vec<f64> = pairs.map(|(before, after)| (after / before).ln()).filter(|log| log.is_finite()).collect();
+        [of_levels, if logs.is_empty() { 1.0 } else { mean(&logs).exp() }]
+    }
+}
+
+/// What a split holds out, in words: squares by the place of the record, and what is left of levels and motion.
+type OfSplit = (&'static str, Vec<(usize, Squares)>, Left);
+
+/// Gap in total, record by record and split by split, each model fitted anew to the fitted part of each split; the first one
+/// only where `refitted` says so.
+pub(crate) fn gaps(
+    likelihood: &Likelihood,
+    before: &Hypothesis,
+    after: &Hypothesis,
+    refitted: bool,
+) -> (Gap, Vec<RecordGap>, Vec<SplitGap>, Left) {
+    let folds = likelihood.folds();
+    // Each with the errors that it leaves itself.
+    let own = if folds.is_empty() { None } else { likelihood.with_errors_of(before) };
+    let own = own.map_or_else(|| folds.clone(), |own| own.folds());
+    let evaluated: Vec<OfSplit> = folds
+        .par_iter()
+        .zip(&own)
+        .map(|((words, fold), (_, own))| {
+            let fitted = |fold: &Likelihood, hypothesis: &Hypothesis| {
+                fit_in(fold, hypothesis, true, STEPS).map_or_else(|| hypothesis.clone(), |fit| fit.hypothesis)
+            };
+            let before = if refitted { fitted(own, before) } else { before.clone() };
+            let after = fitted(fold, after);
+            let held_out = fold.data.records.iter().enumerate().filter(|(_, record)| fold.has(record, Split::Holdout));
+            let evaluated = held_out
+                .filter_map(|(place, record)| Some((place, squares(fold, record, &before, &after, Split::Holdout)?)));
+            let left = Left::of((own, &before), (fold, &after), Split::Holdout).unwrap_or_default();
+            (*words, evaluated.collect(), left)
+        })
+        .collect();
+    let mut total = Squares::default();
+    let mut records = vec![Squares::default(); likelihood.data.records.len()];
+    let mut splits = Vec::new();
+    let mut left = Left::default();
+    for (split, parts, of_split) in evaluated {
+        left.add(of_split);
+        let mut sum = Squares::default();
+        for (place, part) in parts {
+            records[place].add(part);
+            sum.add(part);
+        }
+        total.add(sum);
+        splits.push(SplitGap { split, gap: sum.gap() });
+    }
+    let evaluated = likelihood.data.records.iter().zip(&records).filter(|(_, squares)| squares.is_any());
+    let records = evaluated.map(|(record, squares)| RecordGap {
+        file: record.file.clone(),
+        nominal: record.nominal,
+        gap: squares.gap(),
+    });
+    (total.gap(), records.collect(), splits, left)
+}
+
+/// Squares of one log over the rows of a split.
+pub(crate) fn log_squares(
+    likelihood: &Likelihood,
+    record: &Record,
+    before: &Hypothesis,
+    after: &Hypothesis,
+    split: Split,
+) -> Option<Squares> {
+    let plateaus = likelihood.plateaus(record)?;
+    let log = plateaus.log();
+    let left = |hypothesis: &Hypothesis| {
+        let left = plateaus.left(hypothesis)?;
+        let square = |row: usize| {
+            let (rows, scatter) = log.scatter[row];
+            rows * left[row].powi(2) + scatter
+        };
+        Some(plateaus.rows(split).map(|(row, _)| square(row)).sum::<f64>())
+    };
+    let rows = || plateaus.rows(split).map(|(row, group)| (log.scatter[row], record.measured[row], group.noise));
+    let count: f64 = rows().map(|((rows, _), ..)| rows).sum();
+    let mean = rows().map(|((rows, _), measured, _)| rows * measured).sum::<f64>() / count;
+    Some(Squares {
+        before: left(before)?,
+        after: left(after)?,
+        noise: rows().map(|((rows, _), _, noise)| rows * noise * noise).sum(),
+        response: rows().map(|((rows, scatter), measured, _)| rows * (measured - mean).powi(2) + scatter).sum(),
+    })
+}

@@ -1,0 +1,89 @@
+//! Whether what an explanation leaves is steady noise.
+//!
+//! What comes and goes without repeating with the period (a motor that loses step, a logger that drops rows) lies between
+//! the harmonics, where the density takes it for noise: no gap shows it. But noise is equally strong at all times. Its white
+//! lines are independent complex normal numbers, and so is their unitary transform back into time: the mean square of `n`
+//! moments over the mean of all has the variance `1 / n`. What is more than that is the spread of a power that changes.
+
+use num_complex::Complex64;
+use rotorlead_fourier as fourier;
+use rotorlead_numerics::sample::mean;
+use serde::Serialize;
+
+use crate::assess::locate::BEYOND_EXCITED;
+use crate::data::dataset::Record;
+use crate::likelihood::Likelihood;
+use crate::model::hypothesis::Hypothesis;
+use crate::noise::whitening::{NoiseDensity, Whitening};
+
+/// Moments of a mean, a factor apart, each twice the inverse of the compared bandwidth.
+const LENGTHS: [usize; 5] = [1, 4, 16, 64, 256];
+/// Fewest means of a record.
+const FEWEST_MEANS: usize = 8;
+/// Noise whose power is not steady by more standard deviations than this, and by more than this part of itself, is none.
+const SIGNIFICANT: f64 = 8.0;
+const SPREAD: f64 = 0.2;
+
+/// How much the power of what is left changes with time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Steadiness {
+    /// Relative standard deviation of the power beyond chance, over means of the length that shows it most.
+    pub spread: f64,
+    /// By how many standard deviations of steady noise that is beyond chance.
+    pub significance: f64,
+}
+
+impl Steadiness {
+    /// Whether it can be noise.
+    #[must_use]
+    pub fn is_noise(&self) -> bool {
+        self.significance < SIGNIFICANT || self.spread < SPREAD
+    }
+}
+
+/// Judges what `hypothesis` leaves between the harmonics of all records with more than one period.
+pub(crate) fn steadiness(likelihood: &Likelihood, hypothesis: &Hypothesis) -> Steadiness {
+    let powers: Vec<Vec<f64>> =
+        likelihood.data.records.iter().filter_map(|record| power_in_time(likelihood, record, hypothesis)).collect();
+    let of_length = |length: usize| {
+        let (mut means, mut square, mut chance) = (0.0, 0.0, 0.0);
+        for power in powers.iter().filter(|power| power.len() / length >= FEWEST_MEANS) {
+            let count = (power.len() / length) as f64;
+            square += power.chunks_exact(length).map(|moments| (mean(moments) - 1.0).powi(2)).sum::<f64>();
+            // The mean of all is their own.
+            chance += (count - 1.0) / length as f64;
+            means += count;
+        }
+        if means == 0.0 {
+            return Steadiness::default();
+        }
+        // The fourth central moment of a gamma variable of shape n and mean 1 is 3 / n^2 + 6 / n^3.
+        let variance = (2.0 + 6.0 / length as f64) / (length as f64).powi(2);
+        let beyond = (square - chance) / means;
+        Steadiness { spread: beyond.max(0.0).sqrt(), significance: beyond / (variance / means).sqrt() }
+    };
+    let all = LENGTHS.map(of_length);
+    all.into_iter().max_by(|a, b| a.significance.total_cmp(&b.significance)).unwrap_or_default()
+}
+
+/// Power of what is left between the harmonics over time, its mean 1, as often as the compared band asks for.
+fn power_in_time(likelihood: &Likelihood, record: &Record, hypothesis: &Hypothesis) -> Option<Vec<f64>> {
+    let periods = record.periods();
+    if periods < 2 {
+        return None;
+    }
+    let (_, mut left) = hypothesis.aligned(&likelihood.data, record)?;
+    left.truncate(periods * record.period_rows);
+    let density = NoiseDensity::between_harmonics(&left, periods, record.rate_hz)?;
+    let mut whitening = Whitening::unit(left.len());
+    whitening.set_noise(&density, record.rate_hz);
+    let mut lines = whitening.apply(&left);
+    let highest = BEYOND_EXCITED * record.highest_hz * left.len() as f64 / record.rate_hz;
+    lines.truncate(highest as usize);
+    // What repeats is evaluated elsewhere.
+    lines.iter_mut().skip(periods - 1).step_by(periods).for_each(|line| *line = Complex64::ZERO);
+    fourier::inverse(lines.len()).process(&mut lines);
+    let power: Vec<f64> = lines.iter().map(Complex64::norm_sqr).collect();
+    let mean = mean(&power);
+    (mean > 0.0).then(|| power.iter().map(|power| power / mean).collect())
+}

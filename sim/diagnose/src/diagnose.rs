@@ -1,0 +1,347 @@
+//! The diagnosis of an experiment, from its records to what is said of them.
+
+use std::collections::BTreeMap;
+
+use rotorlead_identify::{Estimate, PeriodicOptions, identify_periodic, same_output};
+use rotorlead_numerics::sample::median;
+use rotorlead_plant::effect::Parameter;
+use rotorlead_plant::{Catalog, Effect, Lag, Model, OperatingCurve, Point, StaticMap};
+use rotorlead_records::Experiment;
+
+use crate::assess::lateness::Lateness;
+use crate::assess::verdict::{self, Evidence, Verdict};
+use crate::assess::{gap, locate, plateau_gap, steadiness, timing};
+use crate::data::columns::Column;
+use crate::data::dataset::{self, Dataset, Split};
+use crate::error::DiagnoseError;
+use crate::estimate::{first_lag, fit};
+use crate::likelihood::hold_delay;
+use crate::likelihood::{InitialCondition, Likelihood};
+use crate::model::candidate::{self, Candidate};
+use crate::model::hypothesis::{BasePoint, Coordinate, Hypothesis};
+use crate::outcome::{Diagnosis, NamedEffect, TriedKind};
+use crate::plan::Conditions;
+use crate::select::explain::{Explanation, Search};
+use crate::select::plateau_search::Decision;
+use crate::select::prior_model::{self, ParameterMismatch};
+
+/// How it is done.
+#[derive(Clone, Copy)]
+pub struct Options<'a> {
+    /// The model to be evaluated; without one, the lags that `identify` finds.
+    pub model: Option<&'a Model>,
+    /// The kinds that may be named.
+    pub catalog: &'a Catalog,
+    /// Told whenever a step is done.
+    pub progress: &'a dyn Fn(),
+}
+
+/// Diagnoses an experiment.
+///
+/// # Errors
+/// [`DiagnoseError`].
+///
+/// # Examples
+///
+/// An ESC that follows its command at 0.6 of the range per second at most:
+///
+/// ```
+/// use rotorlead_plant::bench::{Plan, run};
+/// use rotorlead_diagnose::{Options, diagnose};
+/// use rotorlead_plant::{Catalog, Model};
+///
+/// let actuator: Model = toml::from_str(
+///     r#"
+///     format = 1
+///     [[point]]
+///     nominal = 0.5
+///     gain = 10.0
+///     time_constant_s = 0.1
+///     [[effect]]
+///     kind = "slew_limit"
+///     parameters = { rate_per_s = 0.6 }
+///     "#,
+/// )?;
+/// let plan = Plan { loop_rate_hz: 200, sample_rate_hz: 200, esc_frame_hz: None, ..Plan::paper(&actuator) };
+/// let records = run(&plan, &actuator, None, &|_| ())?;
+///
+/// let found = diagnose(&records, &Options { model: None, catalog: &Catalog::standard(), progress: &|| () })?;
+/// assert_eq!(found.effects[0].kind.id, "slew_limit");
+/// assert!(found.gap.after < 0.5 * found.gap.before);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis, DiagnoseError> {
+    let mut data = Dataset::new(experiment, options.model.is_some())?;
+    data.check_fitted()?;
+    data.curve = options.model.map(|model| data.curve_through(model)).transpose()?.flatten();
+    let base = first_model(experiment, &data, options.model)?;
+    let lags = Hypothesis::of_lags(base.clone());
+    let no_lag = DiagnoseError::NoFit { what: "a first-order lag" };
+    let Some(mut search) = Search::prepared(&data, &lags, (options.catalog, options.progress), true) else {
+        return Err(no_lag);
+    };
+    let explanation = search.explain(&lags).ok_or(no_lag)?;
+    let (Explanation { before, mut after, found, tried, weak_evidence, decisions }, mut wrong) = match options.model {
+        Some(_) => prior_model::compared(&mut search, &data, &base, explanation)
+            .ok_or(DiagnoseError::NoFit { what: "the given lags" })?,
+        None => (explanation, None),
+    };
+    // Weighed by the noise that the best explanation leaves.
+    let likelihood = &search.likelihood;
+    let data = &*likelihood.data;
+    let excess = |hypothesis| locate::excess(likelihood, hypothesis, Split::Train);
+    let (excess_before, mut excess_after) = (excess(&before.hypothesis), excess(&after.hypothesis));
+    let steadiness = steadiness::steadiness(likelihood, &after.hypothesis);
+    let timing = timing::timing(likelihood, &after.hypothesis);
+    let refitted = options.model.is_none();
+    let mut gaps = gap::gaps(likelihood, &before.hypothesis, &after.hypothesis, refitted);
+    let own = likelihood.with_errors_of(&before.hypothesis);
+    let fitted_left = own.as_ref().and_then(|own| {
+        plateau_gap::Left::of((own, &before.hypothesis), (likelihood, &after.hypothesis), Split::Train)
+    });
+    let fitted_left = fitted_left.unwrap_or_default().shares();
+    let evidence = Evidence {
+        found: !found.is_empty() || wrong.is_some(),
+        numbers_alone: found.is_empty() && wrong.is_some(),
+        excess: (excess_before, excess_after),
+        gap: gaps.total,
+        unsure: gap::unsure(likelihood, &after, if gaps.held_out { Split::Holdout } else { Split::Train }),
+        steadiness,
+        is_timely: timing.is_steady(),
+        left_of_logs: data.has_logs().then(|| [fitted_left, gaps.left.shares()]),
+    };
+    let verdict = evidence.verdict();
+    let found = if verdict == Verdict::Unknown {
+        (after, excess_after) = (before.clone(), excess_before);
+        gaps = gap::gaps(likelihood, &before.hypothesis, &after.hypothesis, refitted);
+        wrong = None;
+        Vec::new()
+    } else {
+        found
+    };
+    let gap::Gaps { total: gap, records, splits, held_out, .. } = gaps;
+    gap.check()?;
+    let mut effects = Vec::new();
+    for (index, found) in found.into_iter().enumerate() {
+        let without = after.hypothesis.without(index);
+        let without = fit::fit(likelihood, &without, true).map_or(without, |fit| fit.hypothesis);
+        let alone = gap::gaps(likelihood, &without, &after.hypothesis, true).total;
+        effects.push(NamedEffect {
+            kind: found.kind,
+            parameters: estimates(likelihood, &after, index),
+            evidence: found.score,
+            alternatives: found.alternatives,
+            gap_before: alone.before,
+            gap_after: alone.after,
+        });
+    }
+    let model = improved(options.model, likelihood, &after, &effects);
+    if let Some(ParameterMismatch { evidence, parameters, given }) = wrong
+        && let Some(kind) = options.catalog.find("parameter_error")
+    {
+        let alone = gap::gaps(likelihood, &given, &after.hypothesis, false).total;
+        let parameters = kind.parameters.iter().zip(parameters).collect();
+        let (gap_before, gap_after) = (alone.before, alone.after);
+        effects.push(NamedEffect { kind, parameters, evidence, alternatives: Vec::new(), gap_before, gap_after });
+        effects.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+    }
+    Ok(Diagnosis {
+        verdict,
+        is_of_given: options.model.is_some(),
+        has_free_map: data.records.iter().any(|record| record.log.as_ref().is_some_and(|log| log.has_free_map)),
+        lateness: Lateness::of(likelihood, &after.hypothesis),
+        decisions: decided(decisions, verdict, evidence.left_of_logs),
+        weak_evidence: if verdict == Verdict::Agrees { weak_evidence } else { Vec::new() },
+        needs_steady_start: likelihood.initial_condition == InitialCondition::Steady && verdict != Verdict::Unknown,
+        locations: locate::locate(likelihood, &before.hypothesis),
+        tried: tried
+            .iter()
+            .map(|tried| TriedKind {
+                kind: tried.kind,
+                fitted_gain: tried.fitted_gain,
+                held_out_gain: tried.held_out_gain,
+                score: tried.score(),
+            })
+            .collect(),
+        model,
+        effects,
+        gap,
+        splits,
+        fitted: gap::of(likelihood, &before.hypothesis, &after.hypothesis, Split::Train).0,
+        cut: data.records.iter().filter_map(|record| Some(record.log.as_ref()?.cut.clone())).collect(),
+        columns: columns(data),
+        left_out: data.left_out.clone(),
+        conditions: Conditions::of(experiment, likelihood),
+        map: locate::map(likelihood, &before.hypothesis, &after.hypothesis),
+        residual: gap::residual(likelihood, &records, &before.hypothesis, &after.hypothesis, held_out),
+        records,
+        held_out,
+        excess: (excess_before, excess_after),
+        steadiness,
+        timing,
+    })
+}
+
+/// What became of each kind in the end, those that were added first: where no explanation was accepted, nothing was added.
+fn decided(mut decisions: Vec<Decision>, verdict: Verdict, left: Option<[[f64; 2]; 2]>) -> Vec<Decision> {
+    decisions.sort_by_key(|decision| !decision.is_added);
+    if verdict != Verdict::Unknown {
+        return decisions;
+    }
+    let [_, [levels, motion]] = left.unwrap_or([[1.0; 2]; 2]);
+    for decision in decisions.iter_mut().filter(|decision| decision.is_added) {
+        decision.is_added = false;
+        decision.failed = vec![format!(
+            "explanation: leaves {:.0} % of the power of the held-out levels and {:.0} % of that of the held-out motion, at most \
+             {:.0} % of either accepted",
+            100.0 * levels,
+            100.0 * motion,
+            100.0 * verdict::NONE_OF_LOGS
+        )];
+    }
+    decisions
+}
+
+/// The lags to begin with: the given model's, or those that the records show.
+pub(crate) fn first_model(
+    experiment: &Experiment,
+    data: &Dataset,
+    model: Option<&Model>,
+) -> Result<Vec<BasePoint>, DiagnoseError> {
+    let of_lag = |lag: Lag| BasePoint { gain: lag.gain, time_constant_s: lag.time_constant_s, delay_s: lag.delay_s };
+    if let Some(model) = model {
+        same_output(experiment, model)?;
+        if let Some(effect) = model.effects.first() {
+            return Err(DiagnoseError::ModelHasEffects { kind: effect.kind.clone() });
+        }
+        return data.nominals.iter().map(|nominal| Ok(of_lag(model.at(*nominal)?))).collect();
+    }
+    let is_periodic = |record: &dataset::Record| record.log.is_none();
+    let mut found: Vec<(f64, Lag)> = Vec::new();
+    if data.records.iter().any(is_periodic) {
+        let identified = identify_periodic(experiment, &PeriodicOptions::default())?;
+        found.extend(identified.points().iter().map(|point| (point.nominal, point.lag())));
+    }
+    for record in data.records.iter().filter(|record| !is_periodic(record)) {
+        found.extend(first_lag::first_lag(record).map(|lag| (record.nominal, lag)));
+    }
+    let usual = usual_lag(&found).ok_or(DiagnoseError::NoFit { what: "a first-order lag" })?;
+    let base = data.nominals.iter().map(|nominal| {
+        let distance = |found: &&(f64, Lag)| (found.0 - nominal).abs();
+        let near = found.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).map_or(usual, |(_, lag)| *lag);
+        let is_unusual = |part: f64| !(1.0 / UNUSUAL..=UNUSUAL).contains(&part);
+        let off = is_unusual(near.gain / usual.gain) || is_unusual(near.time_constant_s / usual.time_constant_s);
+        // A delay is an effect, and has to be found.
+        BasePoint { delay_s: 0.0, ..of_lag(if off { usual } else { near }) }
+    });
+    Ok(base.collect())
+}
+
+/// A lag whose numbers differ by more than this factor from the usual ones is no place to begin: an effect has spoiled it.
+const UNUSUAL: f64 = 3.0;
+
+/// The medians over all nominal commands.
+fn usual_lag(found: &[(f64, Lag)]) -> Option<Lag> {
+    let usual = |number: fn(&Lag) -> f64| median(found.iter().map(|(_, lag)| number(lag)));
+    let (gain, time_constant_s) = (usual(|lag| lag.gain)?, usual(|lag| lag.time_constant_s)?);
+    (gain != 0.0 && time_constant_s > 0.0).then_some(Lag { gain, time_constant_s, delay_s: 0.0 })
+}
+
+/// The values of an effect with their standard errors.
+fn estimates(likelihood: &Likelihood, fit: &fit::Fit, effect: usize) -> Vec<(&'static Parameter, Estimate)> {
+    let candidate = &fit.hypothesis.effects[effect];
+    let searched = Candidate::searched(candidate.kind);
+    let estimate = |(value, parameter): (usize, &'static Parameter)| {
+        let slope = candidate::slope(parameter, candidate.values[value]);
+        let coordinate = Coordinate::Effect { effect, value };
+        let std = if candidate.is_non_smooth() || !candidate.phases.is_empty() {
+            Some(candidate.profiled_std)
+        } else {
+            fit.std(coordinate).map(|std| hold_delay::with_scatter(likelihood, &fit.hypothesis, candidate, std))
+        };
+        (parameter, Estimate::normal(candidate.values[value], std.unwrap_or(f64::INFINITY) * slope.abs()))
+    };
+    searched.map(estimate).collect()
+}
+
+/// Columns beside the response in any record.
+fn columns(data: &Dataset) -> Vec<Column> {
+    let any = |column: &Column| data.records.iter().any(|record| record.columns().any(|there| there == *column));
+    [Column::Speed, Column::Voltage].into_iter().filter(any).collect()
+}
+
+/// The model with the lags and effects of a fit.
+fn improved(model: Option<&Model>, likelihood: &Likelihood, fit: &fit::Fit, effects: &[NamedEffect]) -> Model {
+    let points =
+        likelihood.data.nominals.iter().zip(&fit.hypothesis.base).enumerate().map(|(index, (nominal, base))| {
+            let lag = Lag { gain: base.gain, time_constant_s: base.time_constant_s, delay_s: base.delay_s };
+            let mut point = Point::new(*nominal, lag);
+            point.gain_std = fit.std(Coordinate::Gain(index)).map(|std| std * base.gain.abs());
+            point.time_constant_s_std = fit.std(Coordinate::TimeConstant(index)).map(|std| std * base.time_constant_s);
+            point
+        });
+    let effects = effects.iter().zip(&fit.hypothesis.effects).map(|(named, candidate)| Effect {
+        kind: named.kind.id.to_owned(),
+        parameters: named
+            .kind
+            .parameters
+            .iter()
+            .zip(&candidate.values)
+            .map(|(parameter, value)| (parameter.name.to_owned(), *value))
+            .collect(),
+        std: named
+            .parameters
+            .iter()
+            .filter(|(_, estimate)| estimate.std.is_finite())
+            .map(|(parameter, estimate)| (parameter.name.to_owned(), estimate.std))
+            .collect::<BTreeMap<_, _>>(),
+    });
+    let (points, static_map) = match (model, &likelihood.data.curve) {
+        (Some(model), Some((_, given)))
+            if likelihood.data.records.iter().any(|record| likelihood.data.curve_of(record).is_some()) =>
+        {
+            scaled(model, &fit.hypothesis.base[0], given[0])
+        }
+        _ => (points.collect(), model.and_then(|model| model.static_map.clone())),
+    };
+    Model { format: 1, points, static_map, time_constant_curve: None, effects: effects.collect(), provenance: None }
+}
+
+/// The points and the map of a model over many levels, all off by as much as the numbers at one command.
+fn scaled(model: &Model, found: &BasePoint, given: Lag) -> (Vec<Point>, Option<StaticMap>) {
+    let (gain, slower) = (found.gain / given.gain, found.time_constant_s / given.time_constant_s);
+    let point = |point: &Point| {
+        let lag =
+            Lag { gain: point.gain * gain, time_constant_s: point.time_constant_s * slower, delay_s: point.delay_s };
+        Point::new(point.nominal, lag)
+    };
+    let map = model.static_map.as_ref().map(|map| StaticMap {
+        response: map.response.iter().map(|response| response * gain).collect(),
+        polynomial: None,
+        command: map.command.clone(),
+    });
+    (model.points.iter().map(point).collect(), map)
+}
+
+impl Dataset {
+    /// The curve of a model that says more than one level, for records that go through many.
+    fn curve_through(&self, model: &Model) -> Result<Option<(OperatingCurve, Vec<Lag>)>, DiagnoseError> {
+        if model.points.len() < 2 && model.static_map.is_none() {
+            return Ok(None);
+        }
+        let curve = OperatingCurve::without_effects(model)?;
+        let given = self.nominals.iter().map(|nominal| model.at(*nominal)).collect::<Result<_, _>>()?;
+        Ok(Some((curve, given)))
+    }
+
+    /// Every nominal command needs something to fit.
+    fn check_fitted(&self) -> Result<(), DiagnoseError> {
+        for (point, nominal) in self.nominals.iter().enumerate() {
+            let is_fitted = |record: &dataset::Record| record.point == point && record.is_fitted();
+            if !self.records.iter().any(is_fitted) {
+                return Err(DiagnoseError::NominalWithoutFit { nominal: *nominal });
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,187 @@
+//! What a fit says of what it has not seen, its numbers known no better than they are.
+//!
+//! Where a nominal command was fitted to one quiet record, its lag is off by more than a loud one forgives, and any effect that moves
+//! the lag there wins by accident. With `r` the white residual of what was not seen, `J` its derivatives by the numbers `p` of the fit
+//! and `A` their information, the inverse of their covariance, minus twice the log likelihood of what was not seen is, but for a
+//! constant,
+//!
+//! ```text
+//! min over p of  r(p)'r(p) + (p - p0)' A (p - p0),  + ln det (A + J'J) - ln det A
+//! ```
+//!
+//! (Laplace's method; for a linear model it is the predictive density: Bishop, Pattern Recognition and Machine Learning, sec. 3.3.2
+//! and 4.4). The numbers move as far as they were left open, at the complexity penalty of having been left open.
+
+use nalgebra::{Cholesky, DMatrix, DVector};
+use num_complex::Complex64;
+use rayon::prelude::*;
+
+use crate::data::dataset::{Record, Split};
+use crate::estimate::fit::Fit;
+use crate::estimate::linearization::{EFFECT_STEP, columns};
+use crate::likelihood::Likelihood;
+use crate::model::hypothesis::Hypothesis;
+use crate::noise::whitening::dot;
+
+/// What is known of every number before: that it is right but for a factor of `e`, or its plausible range.
+const INFORMATION_BEFORE: f64 = 1.0;
+/// Steps to where the numbers move end where one promises less than this.
+const ENOUGH: f64 = 1.0;
+
+/// How near it has to be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Near {
+    /// As far as derivatives at the fit say.
+    FirstOrder,
+    /// Where the numbers move to, in a few steps.
+    Moved,
+}
+
+impl Near {
+    fn most_steps(self) -> usize {
+        match self {
+            Self::FirstOrder => 1,
+            Self::Moved => 3,
+        }
+    }
+}
+
+/// What one record adds.
+struct Part {
+    squares: f64,
+    slopes: Vec<(usize, f64)>,
+    products: Vec<(usize, usize, f64)>,
+}
+
+/// Minus twice the log likelihood of what is held out, but for a constant. `None` where the fit is impossible there.
+pub(crate) fn deviance(likelihood: &Likelihood, fit: &Fit, near: Near) -> Option<f64> {
+    let held_out: Vec<&Record> =
+        likelihood.data.records.iter().filter(|record| likelihood.has(record, Split::Holdout)).collect();
+    let gain = |record: &Record, hypothesis: &Hypothesis, at: &[Complex64]| {
+        likelihood.of(record).by_gain(hypothesis, Split::Holdout, at)
+    };
+    let white = |record: &Record, hypothesis: &Hypothesis| likelihood.residual(record, hypothesis, Split::Holdout);
+    deviance_of(&held_out, (fit, near), (white, gain))
+}
+
+/// The same of what `white` makes of these records, the derivative of which by the gain `by_gain` may know.
+pub(crate) fn deviance_of(
+    unseen: &[&Record],
+    (fit, near): (&Fit, Near),
+    (white, by_gain): (
+        impl Fn(&Record, &Hypothesis) -> Option<Vec<Complex64>> + Sync,
+        impl Fn(&Record, &Hypothesis, &[Complex64]) -> Option<Vec<Complex64>> + Sync,
+    ),
+) -> Option<f64> {
+    let count = fit.coordinates.len();
+    let information = DMatrix::identity(count, count) * INFORMATION_BEFORE + &fit.information;
+    let known = Cholesky::new(information.clone())?.ln_determinant();
+    let begin = DVector::from_iterator(count, fit.coordinates.iter().map(|one| fit.hypothesis.get(*one)));
+    let mut best = f64::INFINITY;
+    let mut moved = DVector::zeros(count);
+    for _ in 0..near.most_steps() {
+        let mut hypothesis = fit.hypothesis.clone();
+        for (place, coordinate) in fit.coordinates.iter().enumerate() {
+            hypothesis.set(*coordinate, begin[place] + moved[place]);
+        }
+        let of_trial = |record: &&Record| {
+            let at = white(record, &hypothesis)?;
+            let by = (&fit.coordinates[..], EFFECT_STEP);
+            let by_gain = || by_gain(record, &hypothesis, &at);
+            let columns = columns(record, &hypothesis, by, (&at, by_gain), |hypothesis| white(record, hypothesis))?;
+            let slopes = columns.iter().map(|(i, a)| (*i, dot(a, &at))).collect();
+            let products =
+                columns.iter().flat_map(|(i, a)| columns.iter().map(move |(j, b)| (*i, *j, dot(a, b)))).collect();
+            Some(Part { squares: dot(&at, &at), slopes, products })
+        };
+        let parts: Option<Vec<Part>> = unseen.par_iter().map(of_trial).collect();
+        // Where the numbers moved to what no actuator has, what the step before promised is all that is known.
+        let Some(parts) = parts else { break };
+        let away = &information * &moved;
+        let (mut squares, mut slope, mut after) = (moved.dot(&away), away, information.clone());
+        for part in parts {
+            squares += part.squares;
+            part.slopes.into_iter().for_each(|(i, value)| slope[i] += value);
+            part.products.into_iter().for_each(|(i, j, value)| after[(i, j)] += value);
+        }
+        let Some(after) = Cholesky::new(after) else { break };
+        let step = after.solve(&slope);
+        let promised = slope.dot(&step);
+        // Nor is a step too far taken.
+        if squares > best + ENOUGH {
+            break;
+        }
+        best = squares - promised + after.ln_determinant() - known;
+        if promised < ENOUGH {
+            break;
+        }
+        moved -= step;
+    }
+    best.is_finite().then_some(best)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicBool, Ordering};
+
+    use rotorlead_records::{Excitation, Role};
+
+    use super::*;
+    use crate::estimate::settle::settle;
+    use crate::model::hypothesis::Hypothesis;
+    use crate::testing::{likelihood, records};
+
+    /// Lags that were fitted to quiet records, beside loud ones that are held out.
+    fn of_quiet_records() -> (Likelihood, Fit) {
+        let mut records = records("", 0.005, 1);
+        for record in &mut records.records {
+            let is_loud = record.excitation == Excitation::Square;
+            record.role = Some(if is_loud { Role::Validate } else { Role::Fit });
+        }
+        let (likelihood, base) = likelihood(&records);
+        settle(&likelihood, &Hypothesis::of_lags(base), true).unwrap()
+    }
+
+    #[test]
+    fn what_was_promised_counts_where_the_numbers_cannot_be_followed_farther() {
+        let (likelihood, fit) = of_quiet_records();
+        let held_out: Vec<&Record> =
+            likelihood.data.records.iter().filter(|record| likelihood.has(record, Split::Holdout)).collect();
+        let near = |hypothesis: &Hypothesis| {
+            let lags = hypothesis.base.iter().zip(&fit.hypothesis.base);
+            lags.into_iter().all(|(lag, own)| (lag.time_constant_s / own.time_constant_s).ln().abs() < 0.01)
+        };
+        let gain = |record: &Record, hypothesis: &Hypothesis, at: &[Complex64]| {
+            likelihood.of(record).by_gain(hypothesis, Split::Holdout, at)
+        };
+        let was_refused = AtomicBool::new(false);
+        let white = |record: &Record, hypothesis: &Hypothesis| {
+            if !near(hypothesis) {
+                was_refused.store(true, Ordering::Relaxed);
+                return None;
+            }
+            likelihood.residual(record, hypothesis, Split::Holdout)
+        };
+        let promised = deviance(&likelihood, &fit, Near::FirstOrder);
+        assert!(promised.is_some());
+        assert_eq!(deviance_of(&held_out, (&fit, Near::Moved), (white, gain)), promised);
+        assert!(was_refused.into_inner(), "the numbers have to move");
+        // What cannot be had at the fit itself cannot be predicted at all.
+        assert_eq!(deviance_of(&held_out, (&fit, Near::Moved), (|_, _| None, |_, _, _| None)), None);
+    }
+
+    #[test]
+    fn a_lag_that_was_fitted_to_a_quiet_record_is_not_held_against_itself_on_a_loud_one() {
+        let (likelihood, fit) = of_quiet_records();
+        let mut truth = fit.hypothesis.clone();
+        for (point, (gain, time_constant_s)) in truth.base.iter_mut().zip([(10.0, 0.16), (13.5, 0.085)]) {
+            (point.gain, point.time_constant_s) = (gain, time_constant_s);
+        }
+        let plain = |hypothesis: &Hypothesis| likelihood.chi_square(hypothesis, Split::Holdout).unwrap();
+        let over_truth = plain(&fit.hypothesis) - plain(&truth);
+        assert!(over_truth > 200.0, "{over_truth}");
+        // Four numbers that were left open by factors of ten or so cost some units each.
+        let predicted = deviance(&likelihood, &fit, Near::Moved).unwrap() - plain(&truth);
+        assert!((0.0..40.0).contains(&predicted), "{predicted}");
+    }
+}

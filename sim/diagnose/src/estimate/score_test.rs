@@ -1,0 +1,129 @@
+//! Candidates beside a fit, evaluated by what they would change.
+
+use num_complex::Complex64;
+use rayon::prelude::*;
+use rotorlead_plant::effect::Site;
+
+use crate::data::dataset::{Record, Split};
+use crate::estimate::fit::Fit;
+use crate::estimate::linearization::Linearization;
+use crate::likelihood::Likelihood;
+use crate::model::candidate::Candidate;
+use crate::model::hypothesis::Hypothesis;
+
+/// Judges candidates beside a fit by what they would change.
+///
+/// Where the fit has effects that make the rotor one that is integrated, or the periods differ, a candidate's change is taken from
+/// the chain without these and added to what the fit leaves: right to first order, which is all that the linearization is, and as quick as
+/// beside no effect. Where commands are applied between the rows and nothing acts on single ones, the change is taken from a straight
+/// line from row to row, for the same reason.
+pub(crate) struct ScoreTest<'a> {
+    from: &'a Fit,
+    linearization: Linearization,
+    own: Chain,
+    /// In rows; `None` where `own` is as quick.
+    in_rows: Option<Chain>,
+}
+
+/// What changes are taken from.
+struct Chain {
+    quick: Hypothesis,
+    /// By record what the fit leaves less what this leaves; empty where it is the fit's own.
+    offsets: Vec<Vec<Complex64>>,
+}
+
+/// Whether a chain with it takes much longer.
+fn is_slow(candidate: &Candidate) -> bool {
+    matches!(candidate.kind.site, Site::Supply | Site::Map | Site::Rotor) || candidate.drifts()
+}
+
+impl Chain {
+    /// That of `quick`, where `left` is what the fit leaves of each record.
+    fn new(likelihood: &Likelihood, quick: Hypothesis, left: &[&[Complex64]]) -> Option<Self> {
+        let of_record = |(record, left): (&Record, &&[Complex64])| {
+            if left.is_empty() {
+                return Some(Vec::new());
+            }
+            let mut offset = likelihood.residual(record, &quick, Split::Train)?;
+            offset.iter_mut().zip(*left).for_each(|(offset, left)| *offset = left - *offset);
+            Some(offset)
+        };
+        let offsets: Option<Vec<_>> = likelihood.data.records.par_iter().zip(left).map(of_record).collect();
+        Some(Self { offsets: offsets?, quick })
+    }
+}
+
+impl<'a> ScoreTest<'a> {
+    /// Beside `from`. `None` where its derivatives are not defined.
+    pub fn new(likelihood: &Likelihood, from: &'a Fit) -> Option<Self> {
+        let linearization = from.linearization(likelihood)?;
+        let mut quick = from.hypothesis.clone();
+        quick.effects.retain(|candidate| !is_slow(candidate));
+        let in_rows = match likelihood.data.records.iter().find_map(|record| quick.in_rows(record)) {
+            Some(in_rows) => Some(Chain::new(likelihood, in_rows, &linearization.left())?),
+            None => None,
+        };
+        let is_shorter = quick.effects.len() < from.hypothesis.effects.len();
+        let own = if is_shorter {
+            Chain::new(likelihood, quick, &linearization.left())?
+        } else {
+            Chain { quick, offsets: Vec::new() }
+        };
+        Some(Self { from, linearization, own, in_rows })
+    }
+
+    /// The sum of squares that is left with one more effect, and all of it moved there. With the misalignment of the fit, or
+    /// without any.
+    pub fn predict(&self, likelihood: &Likelihood, candidate: &Candidate, aligned: bool) -> Option<(f64, Hypothesis)> {
+        let chain = self.in_rows.as_ref().filter(|_| candidate.is_even()).unwrap_or(&self.own);
+        let mut with = self.from.hypothesis.with(candidate.clone());
+        let mut quick = chain.quick.with(candidate.clone());
+        if aligned {
+            (with.time_offset_s, quick.time_offset_s) = (0.0, 0.0);
+        }
+        let slope = self.linearization.slope_of(likelihood, &with, |place, record| {
+            let mut left = likelihood.residual(record, &quick, Split::Train)?;
+            if let Some(offset) = chain.offsets.get(place) {
+                left.iter_mut().zip(offset).for_each(|(left, offset)| *left += offset);
+            }
+            Some(left)
+        })?;
+        self.linearization.follow(&with, slope)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rotorlead_plant::Catalog;
+
+    use super::*;
+    use crate::estimate::settle::settle;
+    use crate::testing::{likelihood, records_with_command_rate};
+
+    #[test]
+    fn what_is_judged_in_rows_is_what_all_commands_say() {
+        let pole = "[[effect]]\nkind = \"second_pole\"\nparameters = { time_constant_s = 0.012 }\n";
+        let (likelihood, base) = likelihood(&records_with_command_rate(pole, (0.05, 1), (2000, 400)));
+        let catalog = Catalog::standard();
+        let (likelihood, from) = settle(&likelihood, &Hypothesis::of_lags(base), true).unwrap();
+        let likelihood = &likelihood;
+        let score_test = ScoreTest::new(likelihood, &from).unwrap();
+        assert!(score_test.in_rows.is_some());
+        let mut predicted = 0;
+        for kind in catalog.kinds().filter(|kind| kind.id != "parameter_error") {
+            let start = Candidate::starts(kind, false)[0].clone();
+            let (left, _) = score_test.predict(likelihood, &start, false).unwrap();
+            let (exact, _) =
+                score_test.linearization.predict(likelihood, &from.hypothesis.with(start.clone())).unwrap();
+            let changed = (from.chi_square - exact).abs();
+            assert!(
+                (left - exact).abs() < 0.03 * changed + 0.5,
+                "{}: {left} for {exact} of {}",
+                kind.id,
+                from.chi_square
+            );
+            predicted += usize::from(start.is_even());
+        }
+        assert!(predicted > 8, "{predicted} in rows");
+    }
+}

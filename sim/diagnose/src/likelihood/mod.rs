@@ -1,0 +1,231 @@
+//! How well a hypothesis agrees with the records.
+//!
+//! A record's likelihood is that of its white residual: numbers that are independent, with variance 1, where only noise is left. What makes
+//! it white are weights, which are taken from what a hypothesis leaves: a value beside the records, which do not change.
+
+pub(crate) mod adjoint;
+pub(crate) mod hold_delay;
+pub(crate) mod isolated_steps;
+pub(crate) mod periodic;
+pub(crate) mod plateaus;
+
+use std::sync::Arc;
+
+use num_complex::Complex64;
+use rayon::prelude::*;
+use rotorlead_identify::steps::{SPLITS, Split as StepSplit};
+
+use crate::data::dataset::{Dataset, Record, Split};
+use crate::data::plateaus::split::is_fitted;
+use crate::model::hypothesis::Hypothesis;
+use crate::noise::whitening::dot;
+use periodic::{Periodic, PeriodicWeights};
+use plateaus::{PlateauWeights, Plateaus};
+
+/// Groups that each side of a split has to have.
+const LEAST_GROUPS: usize = 2;
+/// Part of a row by which the stamps of a record may be off in the mean.
+const STAMPS_OFF: f64 = 0.005;
+
+/// Whether the response at the begin of a record is compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum InitialCondition {
+    /// It may be anything.
+    Free,
+    /// It is what was before ([`Before`](crate::data::dataset::Before)).
+    Steady,
+}
+
+/// What a record is weighed by.
+#[derive(Clone, Debug)]
+pub(crate) enum RecordWeights {
+    /// One that repeats.
+    Periodic(PeriodicWeights),
+    /// One that does not.
+    Plateaus(PlateauWeights),
+}
+
+impl RecordWeights {
+    fn unit(record: &Record) -> Self {
+        match &record.log {
+            Some(log) => Self::Plateaus(PlateauWeights::unit(log, record.channels.len())),
+            None => Self::Periodic(PeriodicWeights::unit(record)),
+        }
+    }
+}
+
+/// The likelihood of one record.
+pub(crate) trait RecordLikelihood {
+    /// Up to which row something is compared in a split; 0 where nothing is.
+    fn end_of(&self, split: Split) -> usize;
+
+    /// The white residual over a split. `None` for values that no actuator has.
+    fn residual(&self, hypothesis: &Hypothesis, split: Split) -> Option<Vec<Complex64>>;
+
+    /// Derivative of [`Self::residual`], which is `at` with `hypothesis`, by the logarithm of the lag's gain. `None` where the gain has
+    /// another part in it.
+    fn by_gain(&self, _: &Hypothesis, _: Split, _at: &[Complex64]) -> Option<Vec<Complex64>> {
+        None
+    }
+
+    /// Minus twice the log likelihood over a split, but for a constant, by the errors that the hypothesis leaves itself.
+    fn deviance(&self, hypothesis: &Hypothesis, split: Split) -> Option<f64>;
+
+    /// The weights that a hypothesis gives, by what it leaves beside what is free.
+    fn weighed(&self, hypothesis: &Hypothesis) -> Option<RecordWeights>;
+
+    /// Standard deviation of the noise of a row.
+    fn noise_std(&self) -> f64;
+}
+
+/// Records with what they are weighed by.
+#[derive(Clone, Debug)]
+pub(crate) struct Likelihood {
+    /// The records.
+    pub data: Arc<Dataset>,
+    /// By the place of the record.
+    weights: Vec<Arc<RecordWeights>>,
+    /// Whether the response at the begin of each record is compared.
+    pub initial_condition: InitialCondition,
+    /// Whether it is of a part, which may not determine all that is searched: values are then tied to where the effect is not.
+    pub is_part: bool,
+}
+
+impl Likelihood {
+    /// For noise that is not known yet.
+    pub fn unit(data: Arc<Dataset>) -> Self {
+        let weights = data.records.iter().map(|record| Arc::new(RecordWeights::unit(record))).collect();
+        Self { data, weights, initial_condition: InitialCondition::Free, is_part: false }
+    }
+
+    /// That of one record.
+    pub fn of<'a>(&'a self, record: &'a Record) -> Box<dyn RecordLikelihood + 'a> {
+        match &*self.weights[record.place] {
+            RecordWeights::Periodic(weights) => {
+                Box::new(Periodic::new(&self.data, record, weights, self.initial_condition))
+            }
+            RecordWeights::Plateaus(weights) => Box::new(Plateaus::new(&self.data, record, weights)),
+        }
+    }
+
+    /// The record where it repeats.
+    pub fn periodic<'a>(&'a self, record: &'a Record) -> Option<Periodic<'a>> {
+        match &*self.weights[record.place] {
+            RecordWeights::Periodic(weights) => {
+                Some(Periodic::new(&self.data, record, weights, self.initial_condition))
+            }
+            RecordWeights::Plateaus(_) => None,
+        }
+    }
+
+    /// The record where it does not repeat.
+    pub fn plateaus<'a>(&'a self, record: &'a Record) -> Option<Plateaus<'a>> {
+        match &*self.weights[record.place] {
+            RecordWeights::Periodic(_) => None,
+            RecordWeights::Plateaus(weights) => Some(Plateaus::new(&self.data, record, weights)),
+        }
+    }
+
+    /// Whether something of a record is in a split.
+    pub fn has(&self, record: &Record, split: Split) -> bool {
+        self.of(record).end_of(split) > 0
+    }
+
+    /// The records of which something is in a split.
+    pub fn compared(&self, split: Split) -> Vec<&Record> {
+        self.data.records.iter().filter(|record| self.has(record, split)).collect()
+    }
+
+    /// The white residual of one record over a split.
+    pub fn residual(&self, record: &Record, hypothesis: &Hypothesis, split: Split) -> Option<Vec<Complex64>> {
+        self.of(record).residual(hypothesis, split)
+    }
+
+    /// Sum of squares of the white residuals over a split. `None` where the hypothesis is impossible.
+    pub fn chi_square(&self, hypothesis: &Hypothesis, split: Split) -> Option<f64> {
+        self.sum(hypothesis, split, |of| of.residual(hypothesis, split).map(|white| dot(&white, &white)))
+    }
+
+    /// Minus twice the log likelihood over a split, but for a constant: [`Self::chi_square`], and of records that do not repeat that
+    /// with the errors that they are left with.
+    pub fn deviance(&self, hypothesis: &Hypothesis, split: Split) -> Option<f64> {
+        self.sum(hypothesis, split, |of| of.deviance(hypothesis, split))
+    }
+
+    fn sum(
+        &self,
+        hypothesis: &Hypothesis,
+        split: Split,
+        of: impl Fn(&dyn RecordLikelihood) -> Option<f64> + Sync,
+    ) -> Option<f64> {
+        let parts: Option<Vec<f64>> =
+            self.compared(split).into_par_iter().map(|record| of(&*self.of(record))).collect();
+        let sum = parts?.iter().sum::<f64>() + (hypothesis.time_offset_s / self.time_offset_std()).powi(2);
+        sum.is_finite().then_some(sum)
+    }
+
+    /// How far the rows of the records leave the alignment open. A command takes effect at its row and the response is that of
+    /// its row's moment, so what is left is a logger's own jitter, whose mean over a record is small. Of a log nobody knows where
+    /// in its interval a row was taken: a uniform error of one row has this standard deviation.
+    pub fn time_offset_std(&self) -> f64 {
+        let longest = |part: f64, are_logs: bool| {
+            let there = self.data.records.iter().filter(|record| record.log.is_some() == are_logs);
+            there.map(|record| part / record.rate_hz).reduce(f64::max)
+        };
+        longest(STAMPS_OFF, false).or_else(|| longest(12_f64.sqrt().recip(), true)).unwrap_or(f64::INFINITY)
+    }
+
+    /// The same records by the weights that a hypothesis gives; those of a record for which it is impossible stay.
+    pub fn weighed(&self, hypothesis: &Hypothesis) -> Self {
+        let weighed = |record: &Record| match self.of(record).weighed(hypothesis) {
+            Some(weights) => Arc::new(weights),
+            None => Arc::clone(&self.weights[record.place]),
+        };
+        Self { weights: self.data.records.par_iter().map(weighed).collect(), ..self.clone() }
+    }
+
+    /// The same with the errors that a hypothesis leaves of records that do not repeat. `None` where it is impossible.
+    pub fn with_errors_of(&self, hypothesis: &Hypothesis) -> Option<Self> {
+        let weighed = |record: &Record| match self.plateaus(record) {
+            Some(plateaus) => plateaus.weighed(hypothesis).map(Arc::new),
+            None => Some(Arc::clone(&self.weights[record.place])),
+        };
+        let weights: Option<Vec<_>> = self.data.records.iter().map(weighed).collect();
+        Some(Self { weights: weights?, ..self.clone() })
+    }
+
+    /// One record that is fitted, the first period of each of its segments where it repeats.
+    pub fn of_one_period(&self, record: &Record) -> Self {
+        let mut weights = self.weights.clone();
+        if let RecordWeights::Periodic(own) = &*self.weights[record.place] {
+            weights[record.place] = Arc::new(RecordWeights::Periodic(own.of_one_period(record)));
+        }
+        let data = self.data.with_records(vec![record.with_one_period_fitted()]);
+        Self { data: Arc::new(data), weights, ..self.clone() }
+    }
+
+    /// The splits that the records are long enough for, in words and as records with other purposes. Empty where there are no
+    /// logs, or the experiment says itself what is held out.
+    pub fn folds(&self) -> Vec<(&'static str, Self)> {
+        let is_split_up = self.data.records.iter().filter_map(|record| record.log.as_ref()).any(|log| !log.has_role);
+        if !is_split_up {
+            return Vec::new();
+        }
+        SPLITS.into_iter().filter_map(|split| self.fold(split).map(|fold| (split.words(), fold))).collect()
+    }
+
+    fn fold(&self, split: StepSplit) -> Option<Self> {
+        let mut fold = Self { is_part: true, ..self.clone() };
+        let (mut fitted, mut held_out) = (0, 0);
+        for (place, record) in self.data.records.iter().enumerate() {
+            let Some(log) = record.log.as_ref().filter(|log| !log.has_role) else { continue };
+            let RecordWeights::Plateaus(own) = &*self.weights[record.place] else { continue };
+            let assigned =
+                own.assigned(|group| if is_fitted(split, (log, place), group) { Split::Train } else { Split::Holdout });
+            fitted += assigned.count(Split::Train);
+            held_out += assigned.count(Split::Holdout);
+            fold.weights[record.place] = Arc::new(RecordWeights::Plateaus(assigned));
+        }
+        (fitted >= LEAST_GROUPS && held_out >= LEAST_GROUPS).then_some(fold)
+    }
+}

@@ -1,0 +1,129 @@
+//! The likelihood of records that repeat: white lines of a spectrum, one sum of squares over all of them.
+
+use num_complex::Complex64;
+
+use super::{InitialCondition, RecordLikelihood, RecordWeights};
+use crate::data::dataset::{Dataset, Record, Segment, Split};
+use crate::model::hypothesis::Hypothesis;
+use crate::noise::whitening::{NoiseDensity, Whitening, dot};
+
+/// What the segments of a record that repeats are weighed by, one for each.
+#[derive(Clone, Debug)]
+pub(crate) struct PeriodicWeights(Vec<Whitening>);
+
+impl PeriodicWeights {
+    /// For noise that is not known yet.
+    pub fn unit(record: &Record) -> Self {
+        Self(record.segments.iter().map(|segment| Whitening::unit(segment.rows.len())).collect())
+    }
+
+    /// Those of the record's segments that are fitted, each for its first period alone.
+    pub fn of_one_period(&self, record: &Record) -> Self {
+        Self(
+            record.segments_of(Split::Train).map(|(place, segment)| self.0[place].shortened(segment.periods)).collect(),
+        )
+    }
+}
+
+/// A record that repeats, with what it is weighed by.
+pub(crate) struct Periodic<'a> {
+    data: &'a Dataset,
+    record: &'a Record,
+    weights: &'a PeriodicWeights,
+    initial_condition: InitialCondition,
+}
+
+impl<'a> Periodic<'a> {
+    pub fn new(
+        data: &'a Dataset,
+        record: &'a Record,
+        weights: &'a PeriodicWeights,
+        initial_condition: InitialCondition,
+    ) -> Self {
+        Self { data, record, weights, initial_condition }
+    }
+
+    /// Its segments of a split, each with what makes its residual white.
+    pub fn segments(&self, split: Split) -> impl Iterator<Item = (&'a Segment, &'a Whitening)> {
+        let weights = self.weights;
+        self.record.segments_of(split).map(|(place, segment)| (segment, &weights.0[place]))
+    }
+
+    fn whiten(&self, hypothesis: &Hypothesis, split: Split, difference: &[f64]) -> Vec<Complex64> {
+        let mut all = Vec::new();
+        for (segment, whitening) in self.segments(split) {
+            let mut white = whitening.apply(&difference[segment.rows.clone()]);
+            if segment.rows.start == 0 && self.initial_condition == InitialCondition::Free {
+                let decay = self.decay(hypothesis, whitening);
+                let share = dot(&decay, &white) / dot(&decay, &decay);
+                if share.is_finite() {
+                    white.iter_mut().zip(&decay).for_each(|(white, decay)| *white -= decay * share);
+                }
+            }
+            all.append(&mut white);
+        }
+        all
+    }
+
+    /// A white decay of the lag from 1 on, in response units, at the begin of a segment.
+    fn decay(&self, hypothesis: &Hypothesis, whitening: &Whitening) -> Vec<Complex64> {
+        let tau_s = hypothesis.base[self.record.point].time_constant_s;
+        whitening.apply_to_decay((-1.0 / (self.record.rate_hz * tau_s)).exp())
+    }
+
+    fn difference(&self, hypothesis: &Hypothesis, rows: usize) -> Option<Vec<f64>> {
+        let simulated = hypothesis.simulate(self.data, self.record, rows).ok()?;
+        Some(self.record.measured.iter().zip(&simulated).map(|(y, model)| y - model).collect())
+    }
+
+    /// By how much the response is off at its begin, and the variance of that by noise.
+    pub fn off_at_start(&self, hypothesis: &Hypothesis) -> Option<(f64, f64)> {
+        let mut segments = self.record.segments.iter().zip(&self.weights.0);
+        let (segment, whitening) = segments.find(|(segment, _)| segment.rows.start == 0)?;
+        let difference = self.difference(hypothesis, segment.rows.end)?;
+        let white = whitening.apply(&difference[segment.rows.clone()]);
+        let decay = self.decay(hypothesis, whitening);
+        let power = dot(&decay, &decay);
+        (power > 0.0).then(|| (dot(&decay, &white) / power, power.recip()))
+    }
+}
+
+impl RecordLikelihood for Periodic<'_> {
+    fn end_of(&self, split: Split) -> usize {
+        self.record.segments_of(split).map(|(_, segment)| segment.rows.end).max().unwrap_or(0)
+    }
+
+    /// The state from which the record starts is compared only where that is asked for: else its decay is projected out.
+    fn residual(&self, hypothesis: &Hypothesis, split: Split) -> Option<Vec<Complex64>> {
+        Some(self.whiten(hypothesis, split, &self.difference(hypothesis, self.end_of(split))?))
+    }
+
+    fn by_gain(&self, hypothesis: &Hypothesis, split: Split, at: &[Complex64]) -> Option<Vec<Complex64>> {
+        // The simulated response is the mean of the measured one plus the gain times what all else makes of the command; so the
+        // derivative is the residual less what the measurement itself comes to.
+        (!hypothesis.drifts()).then(|| {
+            let measured = self.whiten(hypothesis, split, &self.record.measured);
+            at.iter().zip(measured).map(|(at, measured)| at - measured).collect()
+        })
+    }
+
+    fn deviance(&self, hypothesis: &Hypothesis, split: Split) -> Option<f64> {
+        self.residual(hypothesis, split).map(|white| dot(&white, &white))
+    }
+
+    /// By what of the residual of the whole record does not repeat.
+    fn weighed(&self, hypothesis: &Hypothesis) -> Option<RecordWeights> {
+        let (_, left) = hypothesis.aligned(self.data, self.record)?;
+        let periods = self.record.periods();
+        let rows = 0..periods * self.record.period_rows;
+        let mut weights = self.weights.clone();
+        if let Some(density) = NoiseDensity::between_harmonics(&left[rows], periods, self.record.rate_hz) {
+            weights.0.iter_mut().for_each(|whitening| whitening.set_noise(&density, self.record.rate_hz));
+        }
+        Some(RecordWeights::Periodic(weights))
+    }
+
+    fn noise_std(&self) -> f64 {
+        self.weights.0.iter().map(|whitening| whitening.row_variance().sqrt()).fold(0.0, f64::max)
+    }
+}

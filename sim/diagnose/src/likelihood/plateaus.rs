@@ -1,0 +1,307 @@
+//! The likelihood of records that do not repeat.
+//!
+//! What of them is compared, and by which errors, is said in [`plateau_errors`](crate::noise::plateau_errors). Beside the response they
+//! may show the speed, and the voltage of the supply. These separate what the response alone cannot: a second pole of the sensor, a
+//! lead of the inflow and a mode of the stand are in the thrust and not in the speed; a sag of the supply is in the voltage, a drift
+//! of the gain is not. So each column that is there adds its own white residual to that of the response:
+//!
+//! | column | model | free |
+//! |---|---|---|
+//! | `rpm` beside `thrust_n` | the simulated speed | a parabola of it: thrust is the square of the revolutions, more or less |
+//! | `voltage_v` | the supply's voltage over that without load: 1 without an effect on the supply | the voltage without load |
+//!
+//! What is free is projected out, so a column says nothing of the gain of the response, and a model without a supply is not to
+//! blame for the level of its voltage. The current is not used: no effect says it without the voltage.
+
+use std::sync::Arc;
+
+use nalgebra::{DMatrix, DVector};
+use num_complex::Complex64;
+use rotorlead_plant::Trace;
+
+use super::{RecordLikelihood, RecordWeights};
+use crate::data::columns::Channel;
+use crate::data::dataset::{Dataset, Record, Split};
+use crate::data::plateaus::{Group, Log};
+use crate::model::hypothesis::Hypothesis;
+use crate::noise::plateau_errors::{Errors, Filter, Part, mean};
+
+/// What a record that does not repeat is weighed by.
+#[derive(Clone, Debug)]
+pub(crate) struct PlateauWeights {
+    /// The record's plateaus.
+    log: Arc<Log>,
+    /// What each group is for.
+    splits: Vec<Split>,
+    /// What of each group is compared, with the way that the response goes there.
+    parts: Vec<Part>,
+    response: Filters,
+    /// Of each column beside the response.
+    channels: Vec<Filters>,
+}
+
+/// Errors, and what of a column is compared by them in either split.
+#[derive(Clone, Debug, Default)]
+struct Filters {
+    errors: Errors,
+    train: Filter,
+    holdout: Filter,
+}
+
+impl Filters {
+    fn of(&self, split: Split) -> &Filter {
+        if split == Split::Train { &self.train } else { &self.holdout }
+    }
+}
+
+impl PlateauWeights {
+    /// For errors that are not known yet, all groups for what the experiment says.
+    pub fn unit(log: &Arc<Log>, channels: usize) -> Self {
+        let weights = Self {
+            log: Arc::clone(log),
+            splits: log.groups.iter().map(|group| group.split).collect(),
+            parts: log.parts.clone(),
+            response: Filters::default(),
+            channels: vec![Filters::default(); channels],
+        };
+        weights.with_filters()
+    }
+
+    /// The same errors with the groups for something else.
+    pub fn assigned(&self, split: impl Fn(&Group) -> Split) -> Self {
+        Self { splits: self.log.groups.iter().map(split).collect(), ..self.clone() }.with_filters()
+    }
+
+    fn with_filters(mut self) -> Self {
+        self.response = self.filters(self.response.errors, true);
+        self.channels = self.channels.iter().map(|channel| self.filters(channel.errors, false)).collect();
+        self
+    }
+
+    /// What is compared of a column with these errors; `relative` where the size of the step counts.
+    fn filters(&self, errors: Errors, relative: bool) -> Filters {
+        let filter = |split| {
+            let parts = self.groups().zip(&self.parts).enumerate().filter(|(_, ((_, own), _))| *own == split);
+            let part = |(place, ((group, _), part)): (usize, ((&Group, Split), &Part))| {
+                let is_kept_out = |before: usize| self.splits[before] == Split::Holdout;
+                let enters = split == Split::Train && place.checked_sub(1).is_some_and(is_kept_out);
+                // The noise is that of the response.
+                if enters && relative { part.clone().entered(group.rows.start, group.noise) } else { part.clone() }
+            };
+            Filter::new(errors, parts.map(part), relative)
+        };
+        Filters { errors, train: filter(Split::Train), holdout: filter(Split::Holdout) }
+    }
+
+    fn groups(&self) -> impl Iterator<Item = (&Group, Split)> {
+        self.log.groups.iter().zip(self.splits.iter().copied())
+    }
+
+    /// How many groups there are in a split.
+    pub fn count(&self, split: Split) -> usize {
+        self.splits.iter().filter(|own| **own == split).count()
+    }
+
+    /// Whether there are rows in a split.
+    fn has(&self, split: Split) -> bool {
+        self.groups().any(|(group, own)| own == split && !group.rows.is_empty())
+    }
+
+    /// The split whose rows say what is free: that which is fitted where there is such.
+    fn known_by(&self) -> Split {
+        if self.has(Split::Train) { Split::Train } else { Split::Holdout }
+    }
+
+    /// With the errors of a residual of all rows. `simulated` is what it is the residual of.
+    fn weighed(mut self, residual: &[f64], simulated: &[f64]) -> Self {
+        self.parts.iter_mut().for_each(|part| part.follow(simulated));
+        let unweighed = self.filters(self.response.errors, true);
+        self.response = self.filters(unweighed.of(self.known_by()).errors_of(residual), true);
+        self
+    }
+
+    /// What of a difference is offset and start, at each row; what the static map is off by where that is free.
+    fn free(&self, difference: &[f64], time_s: &[f64], tau_s: f64) -> Vec<f64> {
+        if self.log.has_free_map {
+            return self.off_the_map(difference);
+        }
+        let filter = self.response.of(self.known_by());
+        let ones = vec![1.0; time_s.len()];
+        let begin_s = time_s.first().copied().unwrap_or_default();
+        let decay_at = |time_s: &f64| if self.log.begins_settled { 0.0 } else { (-(time_s - begin_s) / tau_s).exp() };
+        let decay: Vec<f64> = time_s.iter().map(decay_at).collect();
+        let (a, b, r) = (filter.apply(&ones), filter.apply(&decay), filter.apply(difference));
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let (aa, ab, bb, ar, br) = (dot(&a, &a), dot(&a, &b), dot(&b, &b), dot(&a, &r), dot(&b, &r));
+        let determinant = aa * bb - ab * ab;
+        let (offset, start) = if determinant > 1e-9 * aa * bb {
+            ((bb * ar - ab * br) / determinant, (aa * br - ab * ar) / determinant)
+        } else if aa > 0.0 {
+            (ar / aa, 0.0)
+        } else {
+            (0.0, 0.0)
+        };
+        decay.iter().map(|decay| offset + start * decay).collect()
+    }
+
+    /// What of a difference the static map accounts for. A level is off by the mean over all visits to it. A step goes from one
+    /// measured level to the next, by the part of the way that the simulated response has gone:
+    ///
+    /// ```text
+    /// left = y - (1 - w) before - w level,   w = (simulated - its level before) / (its level - its level before)
+    /// ```
+    fn off_the_map(&self, difference: &[f64]) -> Vec<f64> {
+        let levels = self.log.groups.iter().map(|group| group.rank + 1).max().unwrap_or(0);
+        let mut sums = vec![(0.0, 0.0); levels];
+        for (group, part) in self.log.groups.iter().zip(&self.parts).filter(|(_, part)| !part.settled.is_empty()) {
+            let (sum, visits) = &mut sums[group.rank];
+            *sum += mean(difference, &part.settled);
+            *visits += 1.0;
+        }
+        let off = |group: &Group| {
+            let (sum, visits) = sums[group.rank];
+            if visits > 0.0 { sum / visits } else { 0.0 }
+        };
+        let mut free = vec![0.0; difference.len()];
+        for group in &self.log.groups {
+            free[group.rows.clone()].fill(off(group));
+        }
+        for (place, (group, part)) in self.log.groups.iter().zip(&self.parts).enumerate().skip(1) {
+            let own = off(group);
+            if part.settled.is_empty() || part.before.is_empty() {
+                continue;
+            }
+            let before = off(&self.log.groups[place - 1]);
+            let of_rows = |values: &dyn Fn(usize) -> f64, rows: &[usize]| {
+                rows.iter().map(|&row| values(row)).sum::<f64>() / rows.len() as f64
+            };
+            let measured = |row: usize| self.log.measured[row];
+            let simulated = |row: usize| self.log.measured[row] - difference[row];
+            let [from, to] = [&part.before, &part.settled].map(|rows| of_rows(&measured, rows));
+            let [start, end] = [&part.before, &part.settled].map(|rows| of_rows(&simulated, rows));
+            let off_level = [mean(difference, &part.before) - before, mean(difference, &part.settled) - own];
+            for (row, _) in &part.moving {
+                let way = (simulated(*row) - start) / (end - start);
+                let way = if way.is_finite() { way.clamp(-1.0, 2.0) } else { 1.0 };
+                let left = self.log.measured[*row] - (1.0 - way) * from - way * to;
+                free[*row] = difference[*row] - left - (1.0 - way) * off_level[0] - way * off_level[1];
+            }
+        }
+        free
+    }
+}
+
+/// A record that does not repeat, with what it is weighed by.
+pub(crate) struct Plateaus<'a> {
+    data: &'a Dataset,
+    record: &'a Record,
+    weights: &'a PlateauWeights,
+}
+
+impl<'a> Plateaus<'a> {
+    pub fn new(data: &'a Dataset, record: &'a Record, weights: &'a PlateauWeights) -> Self {
+        Self { data, record, weights }
+    }
+
+    /// The plateaus.
+    pub fn log(&self) -> &'a Log {
+        &self.weights.log
+    }
+
+    /// What a hypothesis leaves at each row, beside what is free.
+    pub fn left(&self, hypothesis: &Hypothesis) -> Option<Vec<f64>> {
+        Some(self.beside_free(hypothesis, &hypothesis.difference(self.data, self.record)?))
+    }
+
+    fn beside_free(&self, hypothesis: &Hypothesis, difference: &[f64]) -> Vec<f64> {
+        let tau_s = hypothesis.base[self.record.point].time_constant_s;
+        let free = self.weights.free(difference, &self.record.time_s, tau_s);
+        difference.iter().zip(free).map(|(difference, free)| difference - free).collect()
+    }
+
+    /// Rows that are compared in a split, with their groups.
+    pub fn rows(&self, split: Split) -> impl Iterator<Item = (usize, &'a Group)> {
+        let groups = self.weights.groups().filter(move |(_, own)| *own == split);
+        groups.flat_map(|(group, _)| group.rows.clone().map(move |row| (row, group)))
+    }
+
+    /// Number and sum of squares of levels, and the mean square of each step's motion, over the rows of a split.
+    pub fn squares(&self, hypothesis: &Hypothesis, split: Split) -> Option<((f64, f64), Vec<f64>)> {
+        Some(self.weights.response.of(split).squares(&self.left(hypothesis)?))
+    }
+
+    /// Columns beside the response, with their filters.
+    fn channels(&self) -> impl Iterator<Item = (&Channel, &Filters)> {
+        self.record.channels.iter().zip(&self.weights.channels)
+    }
+
+    /// What a model leaves of a column beside the sum of its predictions that comes nearest, by the rows that are fitted where there
+    /// are such.
+    fn left_of(&self, channel: &Channel, filter: &Filter, trace: &Trace) -> Vec<f64> {
+        let columns = channel.column.predicted(trace, channel.measured.len());
+        let white: Vec<Vec<f64>> = columns.iter().map(|column| filter.apply(column)).collect();
+        let measured = filter.apply(&channel.measured);
+        // Each column over its length, since they differ by orders of magnitude; one that never moves says nothing.
+        let lengths: Vec<f64> = white.iter().map(|column| dot(column, column).sqrt()).collect();
+        let scale = |index: usize| if lengths[index] > 0.0 { lengths[index].recip() } else { 0.0 };
+        let count = columns.len();
+        let matrix = DMatrix::from_fn(count, count, |i, j| dot(&white[i], &white[j]) * scale(i) * scale(j));
+        let right = DVector::from_fn(count, |i, _| dot(&white[i], &measured) * scale(i));
+        let solution = matrix.svd(true, true).solve(&right, 1e-9).unwrap_or_else(|_| DVector::zeros(count));
+        let factors: Vec<f64> = solution.iter().enumerate().map(|(index, factor)| factor * scale(index)).collect();
+        let nearest =
+            |row: usize| columns.iter().zip(&factors).map(|(column, factor)| factor * column[row]).sum::<f64>();
+        channel.measured.iter().enumerate().map(|(row, measured)| measured - nearest(row)).collect()
+    }
+}
+
+impl RecordLikelihood for Plateaus<'_> {
+    fn end_of(&self, split: Split) -> usize {
+        if self.weights.has(split) { self.record.time_s.len() } else { 0 }
+    }
+
+    fn residual(&self, hypothesis: &Hypothesis, split: Split) -> Option<Vec<Complex64>> {
+        let (difference, trace) = hypothesis.seen(self.data, self.record)?;
+        let white = self.weights.response.of(split).apply(&self.beside_free(hypothesis, &difference));
+        let known_by = self.weights.known_by();
+        let beside = self.channels().flat_map(|(channel, filters)| {
+            filters.of(split).apply(&self.left_of(channel, filters.of(known_by), &trace))
+        });
+        Some(white.into_iter().chain(beside).map(Complex64::from).collect())
+    }
+
+    fn deviance(&self, hypothesis: &Hypothesis, split: Split) -> Option<f64> {
+        let (difference, trace) = hypothesis.seen(self.data, self.record)?;
+        let known_by = self.weights.known_by();
+        let of_channel = |(channel, filters): (&Channel, &Filters)| {
+            filters.of(split).deviance(&self.left_of(channel, filters.of(known_by), &trace))
+        };
+        let channels: f64 = self.channels().map(of_channel).sum();
+        Some(self.weights.response.of(split).deviance(&self.beside_free(hypothesis, &difference)) + channels)
+    }
+
+    fn weighed(&self, hypothesis: &Hypothesis) -> Option<RecordWeights> {
+        let left = self.left(hypothesis)?;
+        let simulated: Vec<f64> = self.record.measured.iter().zip(&left).map(|(y, left)| y - left).collect();
+        let mut weights = self.weights.clone().weighed(&left, &simulated);
+        if !self.record.channels.is_empty() {
+            let trace = hypothesis.trace(self.data, self.record)?;
+            let known_by = weights.known_by();
+            let of_channel = |(channel, old): (&Channel, &Filters)| {
+                let unweighed = weights.filters(old.errors, false);
+                let filter = unweighed.of(known_by);
+                weights.filters(filter.errors_of(&self.left_of(channel, filter, &trace)), false)
+            };
+            weights.channels = self.channels().map(of_channel).collect();
+        }
+        Some(RecordWeights::Plateaus(weights))
+    }
+
+    fn noise_std(&self) -> f64 {
+        self.log().groups.iter().map(|group| group.noise).fold(0.0, f64::max)
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}

@@ -1,0 +1,254 @@
+//! An effect that may be there, with its values, and where searches of them start.
+
+use rotorlead_numerics::extremum::Parabola;
+use rotorlead_plant::effect::{Kind, Linearity, Parameter, Scale, Site, Use};
+
+use super::frame_hold;
+
+/// Part of its plausible range by which a value may lie beyond it, being an estimate.
+const AT_MOST_OFF: f64 = 0.1;
+
+/// Most pieces of the plausible range of a single value that are tried on all records.
+pub(crate) const GRID: u32 = 12;
+
+/// An effect with its values.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Candidate {
+    /// What it is.
+    pub kind: &'static Kind,
+    /// All its values.
+    pub values: Vec<f64>,
+    /// Of frames: the part of a frame from the first command of each record to its first frame, by the record's place. Empty
+    /// where it is not known.
+    pub phases: Vec<f64>,
+    /// Standard deviation of the coordinate of its single value where a profile of the chi-square says it; else infinite.
+    pub profiled_std: f64,
+}
+
+impl Candidate {
+    /// An effect whose frames, if it has any, may lie anywhere.
+    pub fn new(kind: &'static Kind, values: Vec<f64>) -> Self {
+        Self { kind, values, phases: Vec::new(), profiled_std: f64::INFINITY }
+    }
+
+    /// Whether the response depends in jumps on its single value.
+    pub fn is_non_smooth(&self) -> bool {
+        Self::searched(self.kind).any(|(_, parameter)| parameter.pieces > GRID)
+    }
+
+    /// Whether the steady response changes with time.
+    pub fn drifts(&self) -> bool {
+        self.kind.site >= Site::Air && self.kind.linearity == Linearity::Absent
+    }
+
+    /// Whether it has frames.
+    pub fn has_frames(&self) -> bool {
+        frame_hold::has_frames(self.kind)
+    }
+
+    /// Whether it has frames that may lie anywhere.
+    pub fn is_hidden_hold(&self) -> bool {
+        self.has_frames() && self.phases.is_empty()
+    }
+
+    /// Whether it acts on no single command, so that a straight line from row to row serves as well.
+    pub fn is_even(&self) -> bool {
+        self.kind.site > Site::Command || self.is_hidden_hold()
+    }
+
+    /// Whether no value lies beyond its plausible range, seen from where the effect vanishes, by more than it may be `off`, which
+    /// is asked for by the value's place.
+    pub fn is_plausible(&self, off: impl Fn(usize) -> f64) -> bool {
+        Self::searched(self.kind).all(|(index, _)| self.is_value_plausible(index, off(index)))
+    }
+
+    /// The same of one value, which may be `off`.
+    pub fn is_value_plausible(&self, index: usize, off: f64) -> bool {
+        let parameter = &self.kind.parameters[index];
+        let (value, (low, high)) = (self.values[index], parameter.plausible);
+        // Of a value without such a place, whose null is no number, both ends count.
+        let vanishes_above = parameter.null >= high;
+        let vanishes_below = parameter.null <= low;
+        let off = off.min(AT_MOST_OFF * (high - low));
+        let (above, below) = (value > high + off && !vanishes_above, value < low - off && !vanishes_below);
+        !(above || below)
+    }
+
+    /// Places of the values that a search may change.
+    pub fn searched(kind: &'static Kind) -> impl Iterator<Item = (usize, &'static Parameter)> {
+        let is_searched = |parameter: &Parameter| match parameter.usage {
+            Use::Fitted => true,
+            // An optional one with several starts has to be right for the rest to fit at all.
+            Use::Optional(_) => parameter.starts.len() > 1,
+        };
+        kind.parameters.iter().enumerate().filter(move |(_, parameter)| is_searched(parameter))
+    }
+
+    /// Where searches of a value start. One that has a sign may have the other one: speed is bent the other way than thrust.
+    fn both_ways(parameter: &Parameter) -> Vec<f64> {
+        let mut starts = parameter.starts.to_vec();
+        let is_one_sided = parameter.scale == Scale::Linear && parameter.starts.iter().all(|start| *start > 0.0);
+        if is_one_sided && parameter.null == 0.0 && parameter.plausible.0 < 0.0 {
+            let others = parameter.starts.iter().flat_map(|start| [-start, -0.4 * start]);
+            starts.extend(others.filter(|start| *start >= parameter.plausible.0));
+        }
+        starts
+    }
+
+    /// Every combination of starts, of either sign where `both_ways` says so; of a single value its whole plausible range as well,
+    /// since a limit that no command reaches does not say which way to go.
+    pub fn starts(kind: &'static Kind, both_ways: bool) -> Vec<Self> {
+        let mut all = vec![kind.null()];
+        let searched: Vec<_> = Self::searched(kind).collect();
+        if let [(index, parameter)] = searched[..] {
+            let mut starts = Self::grid(kind, GRID.min(parameter.pieces));
+            starts.extend(parameter.starts.iter().map(|&start| {
+                let mut values = all[0].clone();
+                values[index] = start;
+                Self::new(kind, values)
+            }));
+            starts.retain(|start| (kind.check)(&start.values).is_ok());
+            return starts;
+        }
+        for (index, parameter) in searched {
+            let with = |values: &Vec<f64>, start: f64| {
+                let mut values = values.clone();
+                values[index] = start;
+                values
+            };
+            let starts = if both_ways { Self::both_ways(parameter) } else { parameter.starts.to_vec() };
+            all = all.iter().flat_map(|values| starts.iter().map(|&start| with(values, start))).collect();
+        }
+        all.into_iter()
+            .map(|values| Self::new(kind, values))
+            .filter(|start| (kind.check)(&start.values).is_ok())
+            .collect()
+    }
+}
+
+impl Candidate {
+    /// The plausible range of a single value from end to end, in so many pieces. Empty for several values.
+    pub fn grid(kind: &'static Kind, pieces: u32) -> Vec<Self> {
+        let searched: Vec<_> = Self::searched(kind).collect();
+        let [(index, parameter)] = searched[..] else { return Vec::new() };
+        let (low, high) = parameter.plausible;
+        let (low, high) = (to_coordinate(parameter, low), to_coordinate(parameter, high));
+        let at = |k: u32| {
+            let mut values = kind.null();
+            values[index] = from_coordinate(parameter, low + (high - low) * f64::from(k) / f64::from(pieces));
+            Self::new(kind, values)
+        };
+        (0..=pieces).map(at).filter(|candidate| (kind.check)(&candidate.values).is_ok()).collect()
+    }
+
+    /// Around it on both sides: `share` of a piece of its single value's range away, in so many steps. Empty for several values.
+    pub fn around(&self, share: f64, steps: u32) -> Vec<Self> {
+        let searched: Vec<_> = Self::searched(self.kind).collect();
+        let [(index, parameter)] = searched[..] else { return Vec::new() };
+        let (low, high) = parameter.plausible;
+        let piece = (to_coordinate(parameter, high) - to_coordinate(parameter, low)) / f64::from(parameter.pieces);
+        let here = to_coordinate(parameter, self.values[index]);
+        let at = |offset: f64| {
+            let mut values = self.values.clone();
+            values[index] = from_coordinate(parameter, here + offset * piece);
+            Self::new(self.kind, values)
+        };
+        let offsets = (1..=steps).map(|step| share * f64::from(step) / f64::from(steps));
+        let around = offsets.flat_map(|offset| [at(-offset), at(offset)]);
+        around.filter(|candidate| (candidate.kind.check)(&candidate.values).is_ok()).collect()
+    }
+
+    /// Half way from the best of some starts of a single value to its neighbors on either side.
+    pub fn around_best<T>(evaluated: &[(f64, Self, T)]) -> Vec<Self> {
+        let best = evaluated.iter().min_by(|a, b| a.0.total_cmp(&b.0));
+        let Some(((_, best, _), (index, parameter))) =
+            best.zip(best.and_then(|best| Self::searched(best.1.kind).next()))
+        else {
+            return Vec::new();
+        };
+        let at = |candidate: &Self| to_coordinate(parameter, candidate.values[index]);
+        let here = at(best);
+        let others = || evaluated.iter().map(|(_, other, _)| at(other));
+        let below = others().filter(|other| *other < here).fold(f64::NEG_INFINITY, f64::max);
+        let above = others().filter(|other| *other > here).fold(f64::INFINITY, f64::min);
+        let between = [below, above].into_iter().filter(|other| other.is_finite()).map(|other| {
+            let mut values = best.values.clone();
+            values[index] = from_coordinate(parameter, 0.5 * (here + other));
+            Self::new(best.kind, values)
+        });
+        between.filter(|start| (start.kind.check)(&start.values).is_ok()).collect()
+    }
+
+    /// Where a parabola through the best of some starts of a single value and its neighbors has its vertex: closer than halving
+    /// comes where the effect is much smaller than the spacing of the starts. `None` where there is none between the neighbors.
+    pub fn vertex<T>(evaluated: &[(f64, Self, T)]) -> Option<Self> {
+        let best = evaluated.iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let (index, parameter) = Self::searched(best.1.kind).next()?;
+        let mut points: Vec<(f64, f64)> =
+            evaluated.iter().map(|(left, other, _)| (to_coordinate(parameter, other.values[index]), *left)).collect();
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        points.dedup_by(|a, b| a.0 == b.0);
+        let place = points.iter().position(|point| point.1 == best.0)?;
+        let three: [(f64, f64); 3] = points.get(place.checked_sub(1)?..place + 2)?.try_into().ok()?;
+        let vertex = Parabola::through(three).lowest()?;
+        let mut values = best.1.values.clone();
+        values[index] = from_coordinate(parameter, vertex);
+        let is_between = three[0].0 < vertex && vertex < three[2].0;
+        Some(Self::new(best.1.kind, values)).filter(|start| is_between && (start.kind.check)(&start.values).is_ok())
+    }
+}
+
+/// A value as a coordinate in which a unit step is a fair step.
+pub(crate) fn to_coordinate(parameter: &Parameter, value: f64) -> f64 {
+    match parameter.scale {
+        Scale::Log => value.ln(),
+        Scale::Linear => value / (parameter.plausible.1 - parameter.plausible.0),
+    }
+}
+
+pub(crate) fn from_coordinate(parameter: &Parameter, coordinate: f64) -> f64 {
+    match parameter.scale {
+        Scale::Log => coordinate.exp(),
+        Scale::Linear => coordinate * (parameter.plausible.1 - parameter.plausible.0),
+    }
+}
+
+/// How fast the value moves with its coordinate.
+pub(crate) fn slope(parameter: &Parameter, value: f64) -> f64 {
+    match parameter.scale {
+        Scale::Log => value,
+        Scale::Linear => parameter.plausible.1 - parameter.plausible.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rotorlead_plant::Catalog;
+
+    use super::*;
+
+    fn skewed(skew_ppm: f64) -> Candidate {
+        let kind = Catalog::standard().find("clock_skew").unwrap();
+        Candidate::new(kind, vec![skew_ppm])
+    }
+
+    #[test]
+    fn a_vertex_is_found_between_starts_that_are_all_worse_than_nothing() {
+        let evaluated = |skews: &[f64]| -> Vec<(f64, Candidate, ())> {
+            skews.iter().map(|skew| ((skew - 18.0).powi(2), skewed(*skew), ())).collect()
+        };
+        let vertex = Candidate::vertex(&evaluated(&[-300.0, 0.0, 300.0, -40.0, 41.0])).unwrap();
+        assert!((vertex.values[0] - 18.0).abs() < 1e-9, "{:?}", vertex.values);
+        // The best is at the end: there is nothing between.
+        assert_eq!(Candidate::vertex(&evaluated(&[0.0, -40.0])), None);
+    }
+
+    #[test]
+    fn a_value_beyond_its_range_is_plausible_by_as_much_as_it_may_be_off() {
+        let most = skewed(0.0).kind.parameters[0].plausible.1;
+        assert!(skewed(most).is_plausible(|_| 0.0) && !skewed(1.01 * most).is_plausible(|_| 0.0));
+        assert!(skewed(1.01 * most).is_plausible(|_| 0.02 * most));
+        // A value that is not known at all is no excuse.
+        assert!(!skewed(1.5 * most).is_plausible(|_| f64::INFINITY));
+    }
+}

@@ -1,0 +1,123 @@
+//! Mains hum in a record: sinusoids near 50 or 60 Hz and their multiples, whose exact frequency the grid decides.
+//!
+//! Their frequency is no whole number of periods of a record, so they leak onto its lines; and where it is, they repeat as the
+//! response does. Neither is noise that a smooth density describes, nor anything that a motor does.
+
+use std::f64::consts::TAU;
+
+use rotorlead_numerics::sample::median;
+
+use crate::noise::whitening::Whitening;
+
+/// What a grid may have, hertz.
+const MAINS_HZ: [f64; 2] = [50.0, 60.0];
+/// How far the grid may be off.
+const OFF: f64 = 0.005;
+/// A line has to stand out of its surroundings by this factor of power. The largest of some hundred lines of noise is over
+/// it once in thousands of records.
+const STANDS_OUT: f64 = 16.0;
+/// Lines to either side that are the surroundings.
+const SURROUNDINGS: usize = 60;
+/// Multiples that are looked for where the hum itself is there.
+const MULTIPLES: u32 = 5;
+/// How often the search for a frequency narrows by a third.
+const NARROWINGS: u32 = 30;
+
+/// The hum in rows of a residual, above what the command excites: below, a chi-square of the motor's would pass for it. Empty where
+/// there is none.
+pub(crate) fn find(residual: &[f64], rate_hz: f64, excited_hz: f64) -> Vec<f64> {
+    let mut hum = Vec::new();
+    for mains_hz in MAINS_HZ.into_iter().filter(|mains_hz| mains_hz * (1.0 - OFF) > excited_hz) {
+        let mut left = residual.to_vec();
+        let Some(fundamental_hz) = find_near(&left, rate_hz, mains_hz, mains_hz * OFF) else { continue };
+        let resolution_hz = rate_hz / residual.len() as f64;
+        let mut sum = vec![0.0; residual.len()];
+        for multiple in 1..=MULTIPLES {
+            let hz = f64::from(multiple) * fundamental_hz;
+            if let Some(hz) = find_near(&left, rate_hz, hz, f64::from(multiple) * resolution_hz) {
+                let sinusoid = sinusoid_at(&left, rate_hz, hz);
+                left.iter_mut().zip(&sinusoid).for_each(|(left, part)| *left -= part);
+                sum.iter_mut().zip(&sinusoid).for_each(|(sum, part)| *sum += part);
+            }
+        }
+        if hum.is_empty() {
+            hum = sum;
+        } else {
+            hum.iter_mut().zip(&sum).for_each(|(hum, part)| *hum += part);
+        }
+    }
+    hum
+}
+
+/// The frequency of the sinusoid that stands out within `reach_hz` of `hz`. `None` where none does.
+fn find_near(rows: &[f64], rate_hz: f64, hz: f64, reach_hz: f64) -> Option<f64> {
+    let spectrum = Whitening::unit(rows.len()).spectrum(rows);
+    let line_hz = rate_hz / rows.len() as f64;
+    let line_of = |hz: f64| (hz / line_hz).round() as usize;
+    let near = line_of(hz - reach_hz).max(1)..(line_of(hz + reach_hz) + 1).min(spectrum.len());
+    let peak = near.max_by(|a, b| spectrum[*a].norm_sqr().total_cmp(&spectrum[*b].norm_sqr()))?;
+    let around = peak.saturating_sub(SURROUNDINGS)..(peak + SURROUNDINGS + 1).min(spectrum.len());
+    // The median of an exponential variable is ln 2 of its mean.
+    let mean = median(around.map(|line| spectrum[line].norm_sqr()))? / 2.0_f64.ln();
+    if spectrum[peak].norm_sqr() < STANDS_OUT * mean || mean == 0.0 {
+        return None;
+    }
+    let power = |hz: f64| {
+        let (re, im) = product(rows, rate_hz, hz);
+        re * re + im * im
+    };
+    let (mut low, mut high) = ((peak as f64 - 1.0) * line_hz, (peak as f64 + 1.0) * line_hz);
+    for _ in 0..NARROWINGS {
+        let third = (high - low) / 3.0;
+        if power(low + third) < power(high - third) { low += third } else { high -= third }
+    }
+    Some(0.5 * (low + high))
+}
+
+/// `sum x cos` and `sum x sin` at a frequency.
+fn product(rows: &[f64], rate_hz: f64, hz: f64) -> (f64, f64) {
+    let step = num_complex::Complex64::cis(TAU * hz / rate_hz);
+    let mut turn = num_complex::Complex64::ONE;
+    let (mut re, mut im) = (0.0, 0.0);
+    for x in rows {
+        re += x * turn.re;
+        im += x * turn.im;
+        turn *= step;
+    }
+    (re, im)
+}
+
+/// The sinusoid of that frequency that fits best, by least squares over many of its periods.
+fn sinusoid_at(rows: &[f64], rate_hz: f64, hz: f64) -> Vec<f64> {
+    let (re, im) = product(rows, rate_hz, hz);
+    let scale = 2.0 / rows.len() as f64;
+    let angle = TAU * hz / rate_hz;
+    (0..rows.len()).map(|row| scale * (re * (angle * row as f64).cos() + im * (angle * row as f64).sin())).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::{Distribution, StandardNormal};
+
+    use super::*;
+
+    #[test]
+    fn hum_is_taken_out_to_below_the_noise_and_noise_stays() {
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        let noise: Vec<f64> = (0..30_000).map(|_| StandardNormal.sample(&mut rng)).collect();
+        assert!(find(&noise, 1000.0, 30.0).is_empty());
+        for hz in [49.93, 50.0, 60.11] {
+            let hum: Vec<f64> = (0..30_000)
+                .map(|row| TAU * hz * f64::from(row) / 1000.0)
+                .map(|angle| (angle + 1.0).sin() + 0.3 * (3.0 * angle + 2.0).sin())
+                .collect();
+            let rows: Vec<f64> = noise.iter().zip(&hum).map(|(noise, hum)| noise + hum).collect();
+            let off: f64 = find(&rows, 1000.0, 30.0).iter().zip(&hum).map(|(found, hum)| (found - hum).powi(2)).sum();
+            // Amplitude, phase and frequency of two sinusoids take about one row's variance each.
+            assert!(off < 25.0, "{hz} Hz: {off}");
+            assert!(find(&rows, 1000.0, 80.0).is_empty(), "what is excited is the motor's");
+        }
+    }
+}

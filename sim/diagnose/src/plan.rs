@@ -1,0 +1,588 @@
+//! The experiment that would say more: in words, as a plan that `rotorlead simulate` runs, and as the commands that run it on
+//! a controller.
+//!
+//! What separates two kinds is known from the catalog ([`Confusion`](rotorlead_plant::effect::Confusion)); here it becomes
+//! records. Multisines are those that the controller plays itself (`rotorlead device excite`). Square waves and triangles it
+//! does not: these are sent by whatever drives its input, and recorded (`rotorlead device record`).
+
+use std::fmt::Write as _;
+
+use rotorlead_numerics::sample::median;
+use rotorlead_plant::Noise;
+use rotorlead_plant::bench::{Plan, PlannedRecord};
+use rotorlead_plant::effect::{Kind, Site};
+use rotorlead_records::{Excitation, Experiment, Output};
+
+use crate::data::dataset::Dataset;
+use crate::likelihood::Likelihood;
+use crate::{Diagnosis, Verdict};
+
+/// Rates of a plan where those of the records are too low or do not go together, hertz.
+const LOOP_RATE_HZ: u32 = 5000;
+const SAMPLE_RATE_HZ: u32 = 1000;
+/// Rows per second that multisines of 225 lines need, and those of 150.
+const RATE_FOR_45_HZ: f64 = 100.0;
+const RATE_FOR_30_HZ: f64 = 66.0;
+/// Rows of a frame that show its images.
+const ROWS_PER_FRAME: f64 = 4.0;
+/// Most nominal commands of an experiment that does not need them all.
+const FEW_NOMINALS: usize = 3;
+/// A triangle goes over so many widths of what it is to show.
+const WIDTHS: f64 = 10.0;
+/// The second triangle is larger by this factor, so that it turns elsewhere between the steps of a grid.
+const OTHER_TURN: f64 = 1.37;
+/// Half the period of a triangle, seconds.
+const TRIANGLE_HALF_S: f64 = 10.0;
+/// Periods of a square wave or a triangle.
+const SQUARE_PERIODS: u32 = 3;
+/// Levels of a staircase closer than this are one.
+const SAME_LEVEL: f64 = 0.005;
+/// Most levels of a staircase that is asked for.
+const MOST_LEVELS: usize = 8;
+/// Rows in a time constant that show how a step begins.
+const ROWS_PER_LAG: f64 = 10.0;
+/// Time constants, and seconds, for which a level is held at least.
+const HOLD_LAGS: f64 = 20.0;
+const LEAST_HOLD_S: f64 = 2.0;
+/// Smallest amplitude that is worth a record, and how much two of one nominal command differ.
+const SMALLEST_AMPLITUDE: f64 = 0.002;
+const SAME_AMPLITUDE: f64 = 1.05;
+
+/// How the records were taken: what more of them have to have in common with them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Conditions {
+    /// What the response is.
+    pub output: Output,
+    /// The nominal commands, increasing.
+    pub nominals: Vec<f64>,
+    /// Median over the records of the largest deviation of the command.
+    pub amplitude: f64,
+    /// Rows per second.
+    pub sample_rate_hz: f64,
+    /// Rate at which the command is updated, hertz, where that is faster.
+    pub command_rate_hz: Option<f64>,
+    /// Frames of the ESC per second, where the experiment says it.
+    pub esc_frame_hz: Option<f64>,
+    /// Most periods of a record.
+    pub periods: u32,
+    /// Standard deviation of the noise of a row, response units, the largest of the records.
+    pub noise_std: f64,
+    /// How staircases were taken, where nothing repeats.
+    pub staircase: Option<StaircaseConditions>,
+}
+
+/// How staircases were taken.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StaircaseConditions {
+    /// The levels, increasing.
+    pub levels: Vec<f64>,
+    /// Median time for which a level is held, seconds.
+    pub hold_s: f64,
+    /// Columns of supply and speed that are not in the files.
+    pub not_logged: Vec<&'static str>,
+}
+
+impl StaircaseConditions {
+    /// `None` where records repeat: then there is a controller that plays others.
+    fn of(experiment: &Experiment, data: &Dataset) -> Option<Self> {
+        let mut levels = Vec::new();
+        let mut holds_s = Vec::new();
+        for record in &data.records {
+            let log = record.log.as_ref()?;
+            for group in log.groups.iter().filter(|group| group.plateau.is_some() && !group.rows.is_empty()) {
+                levels.push(group.command);
+                holds_s.push(record.time_s[group.rows.end - 1] - record.time_s[group.rows.start]);
+            }
+        }
+        levels.sort_by(f64::total_cmp);
+        levels.dedup_by(|a, b| (*a - *b).abs() < SAME_LEVEL);
+        let sources = || experiment.records.iter().filter(|source| !source.excitation.is_periodic());
+        let columns = [
+            ("speed", sources().all(|source| source.rpm.is_some())),
+            ("voltage", sources().all(|source| source.voltage_v.is_some())),
+            ("current", sources().all(|source| source.current_a.is_some())),
+        ];
+        let not_logged = columns.into_iter().filter(|(_, is_there)| !is_there).map(|(name, _)| name).collect();
+        (levels.len() > 1).then_some(Self { levels, hold_s: median(holds_s)?, not_logged })
+    }
+}
+
+/// An experiment that is yet to be done.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NextExperiment {
+    /// What to do and what to look at.
+    pub words: String,
+    /// The records.
+    pub plan: Plan,
+    /// What has to be set or wired for it, and the commands for a controller, line by line.
+    pub device: Vec<String>,
+}
+
+impl Conditions {
+    pub(crate) fn of(experiment: &Experiment, likelihood: &Likelihood) -> Self {
+        let data = &*likelihood.data;
+        let amplitude = median(data.records.iter().map(|record| record.amplitude));
+        let most = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, f64::max);
+        Self {
+            output: experiment.output,
+            nominals: data.nominals.clone(),
+            amplitude: amplitude.expect("there are records"),
+            sample_rate_hz: most(&mut data.records.iter().map(|record| record.rate_hz)),
+            command_rate_hz: experiment.command_rate_hz,
+            esc_frame_hz: data.esc_frame_hz,
+            periods: data.records.iter().map(|record| record.periods() as u32).max().unwrap_or(1),
+            noise_std: most(&mut data.records.iter().map(|record| likelihood.of(record).noise_std())),
+            staircase: StaircaseConditions::of(experiment, data),
+        }
+    }
+
+    /// A few of the nominal commands, from the first to the last.
+    fn few(&self) -> Vec<f64> {
+        let last = self.nominals.len() - 1;
+        if self.nominals.len() <= FEW_NOMINALS {
+            return self.nominals.clone();
+        }
+        (0..FEW_NOMINALS).map(|k| self.nominals[k * last / (FEW_NOMINALS - 1)]).collect()
+    }
+}
+
+/// The records that tell some kinds apart.
+#[derive(Clone, Copy)]
+struct Recipe {
+    /// Kinds of which any two are distinguished so.
+    kinds: &'static [&'static str],
+    /// Multisines of these multiples of the amplitude.
+    multisines: &'static [f64],
+    /// Square waves of these multiples.
+    squares: &'static [f64],
+    /// Half their period, seconds, and how many.
+    square_half_s: f64,
+    square_periods: u32,
+    /// Whether slow triangles belong to it.
+    triangles: bool,
+    /// Whether multisines go up to 44.9 Hz, and not to 29.9.
+    is_fast: bool,
+    /// Periods of a multisine over those of the records, and at least so many.
+    longer: (u32, u32),
+    /// All nominal commands, the highest first.
+    is_reversed: bool,
+    /// Once more, lower by the amplitude.
+    is_lowered: bool,
+    /// What has to be done beside it.
+    needs: &'static str,
+}
+
+const NOTHING: Recipe = Recipe {
+    kinds: &[],
+    multisines: &[1.0],
+    squares: &[],
+    square_half_s: 5.0,
+    square_periods: SQUARE_PERIODS,
+    triangles: false,
+    is_fast: false,
+    longer: (1, 4),
+    is_reversed: false,
+    is_lowered: false,
+    needs: "",
+};
+
+/// The first that has both kinds is taken.
+const RECIPES: &[Recipe] = &[
+    Recipe {
+        kinds: &["transport_delay", "esc_frame_hold"],
+        is_fast: true,
+        longer: (2, 8),
+        needs: "Where the ESC's protocol can be set to another frame rate, do it all once more at half the rate: half a frame of \
+                delay goes with it.",
+        ..NOTHING
+    },
+    Recipe {
+        kinds: &["dead_band", "command_quantization", "backlash"],
+        multisines: &[0.3, 1.0],
+        triangles: true,
+        ..NOTHING
+    },
+    Recipe { kinds: &["saturation", "quadratic_thrust"], multisines: &[0.5, 1.0], is_lowered: true, ..NOTHING },
+    Recipe {
+        kinds: &["saturation", "slew_limit", "second_pole", "backlash", "transport_delay"],
+        multisines: &[0.25, 0.5, 1.0, 2.0],
+        squares: &[0.5, 2.0],
+        ..NOTHING
+    },
+    Recipe {
+        kinds: &["asymmetric_lag", "operating_point_lag", "quadratic_thrust"],
+        multisines: &[0.5, 2.0],
+        squares: &[0.5, 2.0],
+        triangles: true,
+        ..NOTHING
+    },
+    Recipe {
+        kinds: &["supply_sag", "winding_heating", "gain_drift", "inflow_lead", "parameter_error"],
+        is_fast: true,
+        squares: &[1.0],
+        square_half_s: 20.0,
+        longer: (3, 12),
+        is_reversed: true,
+        needs: "Log voltage and current too. A bench supply in place of the battery takes sag away.",
+        ..NOTHING
+    },
+    Recipe { kinds: &["clock_skew", "transport_delay", "gain_drift"], longer: (5, 30), ..NOTHING },
+    Recipe {
+        kinds: &[
+            "second_pole",
+            "transport_delay",
+            "esc_frame_hold",
+            "parameter_error",
+            "inflow_lead",
+            "stand_resonance",
+            "operating_point_lag",
+            "supply_sag",
+        ],
+        is_fast: true,
+        longer: (3, 12),
+        needs: "Log the speed too: a pole or a mode of sensor and stand is not in it.",
+        ..NOTHING
+    },
+];
+
+/// For all else.
+const GENERAL: Recipe = Recipe {
+    multisines: &[0.5, 1.0, 2.0],
+    squares: &[1.0],
+    is_fast: true,
+    longer: (2, 8),
+    needs: "Log the speed, the voltage and the current too.",
+    ..NOTHING
+};
+
+/// Where nothing is named.
+const UNKNOWN: Recipe = Recipe { triangles: true, multisines: &[0.5, 2.0], squares: &[0.5, 2.0], ..GENERAL };
+
+/// Which two kinds are slew against delay and the like: a delay is distinguished from them by the recipe of fast multisines first.
+fn recipe(one: &Kind, other: &Kind) -> &'static Recipe {
+    let delay_and_pole = |a: &Kind, b: &Kind| a.id == "second_pole" && b.id == "transport_delay";
+    let has = |recipe: &&Recipe| recipe.kinds.contains(&one.id) && recipe.kinds.contains(&other.id);
+    let mut found = RECIPES.iter().filter(has);
+    if delay_and_pole(one, other) || delay_and_pole(other, one) {
+        return found.next_back().unwrap_or(&GENERAL);
+    }
+    found.next().unwrap_or(&GENERAL)
+}
+
+impl Diagnosis {
+    /// The experiment that would say more; `None` where no further experiment is needed.
+    #[must_use]
+    pub fn next_experiment(&self) -> Option<NextExperiment> {
+        if let Some(conditions) = &self.conditions.staircase {
+            return self.next_staircase(conditions);
+        }
+        if !self.timing.is_steady() {
+            let words = "Log when each command is sent and when the ESC takes it over, beside the speed, and repeat the records as \
+                         they are: what waits differently each time sits in front of the motor, in a driver, a bus or a filter.";
+            return Some(self.planned(&UNKNOWN, "untimely", words.to_owned(), None));
+        }
+        if !self.steadiness.is_noise() {
+            let words = "Log the speed, the voltage and the current too, and repeat the records as they are: what comes and goes \
+                         in the speed as well is the motor's or the ESC's, else the stand's or the logger's. Look for rows that \
+                         repeat and for steps that the motor loses.";
+            return Some(self.planned(&UNKNOWN, "unsteady", words.to_owned(), None));
+        }
+        if self.verdict == Verdict::Unknown {
+            let words = "Repeat the records at half and at twice the amplitude, log the speed, the voltage and the current too, \
+                         and let each record go on for twice as long: what stays, grows or vanishes says where to look.";
+            return Some(self.planned(&UNKNOWN, "unknown", words.to_owned(), None));
+        }
+        if let Some(most) = self.weak_evidence.first() {
+            let times = most.times_longer();
+            let words = format!(
+                "The evidence for {} is weak: record {times} times as many periods. The evidence for a real effect grows with them, \
+                 that of chance does not.",
+                self.weak_evidence_in_words()
+            );
+            let square_periods = SQUARE_PERIODS * times;
+            let recipe =
+                Recipe { squares: &[1.0], square_periods, longer: (times, 4 * times), is_reversed: true, ..NOTHING };
+            return Some(self.planned(&recipe, "weak_evidence", words, None));
+        }
+        let open = self.effects.iter().find(|effect| !effect.alternatives.is_empty())?;
+        let advice = |other: &Kind| {
+            let of = |kind: &Kind, with: &Kind| {
+                kind.confusions.iter().find(|confusion| confusion.with == with.id).map(|confusion| confusion.experiment)
+            };
+            of(open.kind, other).or_else(|| of(other, open.kind))
+        };
+        // The first rival that the catalog has an answer for.
+        let rivals = &open.alternatives;
+        let other = rivals.iter().copied().find(|other| advice(other).is_some()).unwrap_or(rivals[0]);
+        let recipe = recipe(open.kind, other);
+        let words = advice(other).map_or_else(
+            || format!("To tell {} from {}: repeat the records at other amplitudes.", open.kind.title, other.title),
+            str::to_owned,
+        );
+        // A width in duty says how large a triangle has to be.
+        let width = open.parameters.iter().find(|(parameter, _)| parameter.unit == "duty");
+        let name = format!("{} or {}", open.kind.id, other.id);
+        Some(self.planned(recipe, &name, words, width.map(|(_, estimate)| estimate.value)))
+    }
+
+    /// What can be done where staircases were logged: others, logged at another rate, with another supply.
+    fn next_staircase(&self, conditions: &StaircaseConditions) -> Option<NextExperiment> {
+        let effects = &self.effects;
+        let is_open = matches!(self.verdict, Verdict::Unknown | Verdict::PartlyNamed)
+            || !self.weak_evidence.is_empty()
+            || effects.iter().any(|effect| !effect.alternatives.is_empty());
+        if !is_open && self.lateness.is_none() {
+            return None;
+        }
+        let mut words = Vec::new();
+        let rows_hz = self.conditions.sample_rate_hz;
+        if self.lateness.is_some() {
+            words.push(format!(
+                "Log the same steps at half and at twice the {rows_hz:.0} rows a second: a delay that follows the time between rows is \
+                 the logger's, one that stays is the ESC's or the motor's."
+            ));
+        }
+        let lag_s = self.model.points.iter().map(|point| point.time_constant_s).fold(f64::INFINITY, f64::min);
+        let needed_hz = ROWS_PER_LAG / lag_s;
+        let hold_s = (HOLD_LAGS * lag_s).max(LEAST_HOLD_S).max(conditions.hold_s.min(2.0 * LEAST_HOLD_S));
+        // To a tenth of a second, which is a whole number of rows.
+        let hold_s = (10.0 * hold_s).ceil() / 10.0;
+        let (low, high) = (conditions.levels[0], conditions.levels[conditions.levels.len() - 1]);
+        if is_open {
+            let rate = if rows_hz < needed_hz {
+                format!("{:.0} rows a second or more ({rows_hz:.0} so far)", 10.0 * (0.1 * needed_hz).ceil())
+            } else {
+                "as many rows a second as so far".to_owned()
+            };
+            words.push(format!(
+                "Run a staircase up and down again, {} levels from {low:.2} to {high:.2}, each held for {hold_s:.1} s, and large steps up \
+                 and down between {low:.2} and {high:.2}, with {rate}: what differs between up and down, or grows with the step, shows \
+                 there.",
+                conditions.levels.len().min(MOST_LEVELS)
+            ));
+        }
+        let supply = |kind: &Kind| kind.site == Site::Supply;
+        if effects.iter().any(|effect| supply(effect.kind) || effect.alternatives.iter().any(|kind| supply(kind))) {
+            words.push(
+                "Repeat it with another supply, a bench supply in place of a battery or a full battery in place of an empty one: a sag \
+                 goes with the supply, heat does not."
+                    .to_owned(),
+            );
+        }
+        if is_open && !conditions.not_logged.is_empty() {
+            words.push(format!("Log the {} too.", conditions.not_logged.join(" and the ")));
+        }
+        let nominal = round(0.5 * (low + high));
+        let mut up: Vec<f64> = spread(&conditions.levels, MOST_LEVELS);
+        let down: Vec<f64> = up.iter().rev().skip(1).copied().collect();
+        up.extend(down);
+        let staircase = |levels: Vec<f64>| PlannedRecord {
+            levels: Some(levels.into_iter().map(round).collect()),
+            hold_s: Some(hold_s),
+            ..PlannedRecord::new(nominal, Excitation::Staircase)
+        };
+        let rate_hz = if self.lateness.is_some() { needed_hz.max(2.0 * rows_hz) } else { needed_hz.max(rows_hz) };
+        let rate_hz = rate_hz.min(f64::from(SAMPLE_RATE_HZ)) as u32;
+        let plan = Plan {
+            format: 1,
+            name: "staircase".to_owned(),
+            seed: 1,
+            loop_rate_hz: LOOP_RATE_HZ,
+            sample_rate_hz: divisor_from(rate_hz),
+            esc_frame_hz: self.conditions.esc_frame_hz,
+            esc_frame_phase: 0.0,
+            compensator: None,
+            noise: Noise::default(),
+            records: vec![staircase(up), staircase(vec![low, high, low, high, low])],
+        };
+        Some(NextExperiment { words: words.join(" "), plan, device: Vec::new() })
+    }
+
+    /// The kinds to which the records lean, as an enumeration.
+    fn weak_evidence_in_words(&self) -> String {
+        let titles: Vec<&str> = self.weak_evidence.iter().map(|suspect| suspect.kind.title).collect();
+        titles.join(", or ")
+    }
+
+    fn planned(&self, recipe: &Recipe, name: &str, words: String, width: Option<f64>) -> NextExperiment {
+        let conditions = &self.conditions;
+        let frame_hz = self.effects.iter().find(|effect| effect.kind.id == "esc_frame_hold");
+        let frame_hz = frame_hz.and_then(|effect| effect.parameters.first()).map(|(_, estimate)| estimate.value);
+        let frame_hz = frame_hz.filter(|_| recipe.kinds.contains(&"esc_frame_hold"));
+        let (loop_rate_hz, sample_rate_hz) = rates(conditions, recipe.is_fast, frame_hz);
+        let lines = if recipe.is_fast && f64::from(sample_rate_hz) >= RATE_FOR_45_HZ { 225 } else { 150 };
+        let periods = (recipe.longer.0 * conditions.periods).clamp(recipe.longer.1, 3 * recipe.longer.1);
+        let mut nominals = if recipe.is_reversed { conditions.nominals.clone() } else { conditions.few() };
+        if recipe.is_reversed {
+            nominals.reverse();
+        }
+        let mut records: Vec<PlannedRecord> = Vec::new();
+        let mut add =
+            |nominal: f64, excitation: Excitation, amplitude: f64, half_period_s: Option<f64>, periods: u32| {
+                let amplitude = round(amplitude.min(nominal).min(1.0 - nominal));
+                let is_alike = |other: &PlannedRecord| {
+                    (other.nominal, other.excitation) == (nominal, excitation)
+                        && other.amplitude.is_some_and(|other| (other / amplitude).ln().abs() < SAME_AMPLITUDE.ln())
+                };
+                if amplitude < SMALLEST_AMPLITUDE || records.iter().any(is_alike) {
+                    return;
+                }
+                records.push(PlannedRecord {
+                    amplitude: Some(amplitude),
+                    lines: (excitation == Excitation::Multisine).then_some(lines),
+                    half_period_s,
+                    periods: Some(periods),
+                    ..PlannedRecord::new(nominal, excitation)
+                });
+            };
+        for &nominal in &nominals {
+            let lower = round(nominal - conditions.amplitude);
+            let first = conditions.nominals[0];
+            for around in [Some(nominal), (recipe.is_lowered && lower >= first).then_some(lower)].into_iter().flatten()
+            {
+                for factor in recipe.multisines {
+                    add(around, Excitation::Multisine, factor * conditions.amplitude, None, periods);
+                }
+                for factor in recipe.squares {
+                    let half_s = Some(recipe.square_half_s);
+                    add(around, Excitation::Square, factor * conditions.amplitude, half_s, recipe.square_periods);
+                }
+            }
+            if recipe.triangles {
+                let amplitude = conditions.amplitude.max(WIDTHS * width.unwrap_or(0.0)).min(0.2);
+                for factor in [1.0, OTHER_TURN] {
+                    add(nominal, Excitation::Triangle, factor * amplitude, Some(TRIANGLE_HALF_S), SQUARE_PERIODS);
+                }
+            }
+        }
+        let sigma_n = if conditions.output == Output::Rpm { 0.0 } else { conditions.noise_std };
+        let plan = Plan {
+            format: 1,
+            name: name.to_owned(),
+            seed: 1,
+            loop_rate_hz,
+            sample_rate_hz,
+            esc_frame_hz: conditions.esc_frame_hz,
+            esc_frame_phase: 0.0,
+            compensator: None,
+            noise: Noise { sigma_n: if sigma_n.is_finite() { sigma_n } else { 0.0 }, ..Noise::default() },
+            records,
+        };
+        let device = on_a_device(&plan, recipe.needs);
+        NextExperiment { words, plan, device }
+    }
+}
+
+/// So many of some values at most, from the first to the last.
+fn spread(values: &[f64], most: usize) -> Vec<f64> {
+    let count = values.len().min(most);
+    (0..count).map(|place| values[place * (values.len() - 1) / (count - 1).max(1)]).collect()
+}
+
+/// The lowest rate, this or more, that goes into the loop's and has whole tenths of a second.
+fn divisor_from(rate_hz: u32) -> u32 {
+    let fits = |rate: &u32| LOOP_RATE_HZ.is_multiple_of(*rate) && rate.is_multiple_of(10);
+    (rate_hz.max(1)..=LOOP_RATE_HZ).find(fits).unwrap_or(LOOP_RATE_HZ)
+}
+
+/// To four decimals, as people write commands.
+fn round(value: f64) -> f64 {
+    (1e4 * value).round() / 1e4
+}
+
+/// Rates of loop and rows: those of the records where these go together and are high enough.
+fn rates(conditions: &Conditions, is_fast: bool, frame_hz: Option<f64>) -> (u32, u32) {
+    let rows_hz = conditions.sample_rate_hz.round();
+    let loop_hz = conditions.command_rate_hz.map_or(rows_hz, f64::round);
+    let needed = if is_fast { RATE_FOR_45_HZ } else { RATE_FOR_30_HZ };
+    let needed = frame_hz.map_or(needed, |frame_hz| needed.max(ROWS_PER_FRAME * frame_hz));
+    let is_whole = (conditions.sample_rate_hz - rows_hz).abs() < 1e-6 * rows_hz && loop_hz % rows_hz == 0.0;
+    if is_whole && rows_hz >= needed && (50.0..=100_000.0).contains(&loop_hz) {
+        return (loop_hz as u32, rows_hz as u32);
+    }
+    let sample = (1..=LOOP_RATE_HZ / SAMPLE_RATE_HZ).rev().map(|divisor| LOOP_RATE_HZ / divisor);
+    let mut enough = sample.filter(|rate| LOOP_RATE_HZ.is_multiple_of(*rate) && f64::from(*rate) >= needed);
+    (LOOP_RATE_HZ, enough.next().unwrap_or(LOOP_RATE_HZ))
+}
+
+/// How it is run on a controller.
+fn on_a_device(plan: &Plan, needs: &str) -> Vec<String> {
+    let mut lines = Vec::new();
+    if !needs.is_empty() {
+        lines.push(needs.to_owned());
+    }
+    // Of the controller's own ticks: what is simulated may have another loop.
+    let divisor = (LOOP_RATE_HZ / plan.sample_rate_hz).max(1);
+    let common = "rotorlead device --port PORT";
+    let sensor = "--out DIR --newtons-per-count N --zero-count COUNT";
+    // Multisines of one size are one command; the order of the records stays.
+    let mut group: Option<(&PlannedRecord, Vec<String>)> = None;
+    let say = |(record, nominals): (&PlannedRecord, Vec<String>)| {
+        let hz = if record.lines == Some(225) { "45hz" } else { "30hz" };
+        format!(
+            "{common} excite --nominal {} --amplitude {} --lines {hz} --periods {} --divisor {divisor} {sensor}",
+            nominals.join(","),
+            record.amplitude.unwrap_or_default(),
+            record.periods.unwrap_or_default(),
+        )
+    };
+    let is_multisine = |record: &&PlannedRecord| record.excitation == Excitation::Multisine;
+    let mut multisines: Vec<&PlannedRecord> = plan.records.iter().filter(is_multisine).collect();
+    // By amplitude, nominal commands in their order.
+    multisines.sort_by(|a, b| a.amplitude.unwrap_or_default().total_cmp(&b.amplitude.unwrap_or_default()));
+    for record in multisines {
+        match &mut group {
+            Some((first, nominals)) if first.amplitude == record.amplitude => nominals.push(record.nominal.to_string()),
+            _ => lines.extend(group.replace((record, vec![record.nominal.to_string()])).map(say)),
+        }
+    }
+    lines.extend(group.map(say));
+    let others: Vec<&PlannedRecord> = plan.records.iter().filter(|record| !is_multisine(record)).collect();
+    if !others.is_empty() {
+        lines.push(
+            "The controller does not play the rest itself: send it from the flight controller or a generator, and record it."
+                .to_owned(),
+        );
+    }
+    for record in others {
+        let period_s = 2.0 * record.half_period_s.unwrap_or_default();
+        let excitation = if record.excitation == Excitation::Triangle { "triangle" } else { "square" };
+        lines.push(format!(
+            "{common} record --excitation {excitation} --nominal {} --amplitude {} --period-s {period_s} --seconds {} --divisor \
+             {divisor} {sensor}",
+            record.nominal,
+            record.amplitude.unwrap_or_default(),
+            period_s * f64::from(record.periods.unwrap_or_default()),
+        ));
+    }
+    lines
+}
+
+impl NextExperiment {
+    /// The plan as a file, with what is to be done in its comments.
+    ///
+    /// # Errors
+    /// When the plan cannot be written as TOML, which no plan of this crate is.
+    pub fn file(&self) -> Result<String, toml::ser::Error> {
+        let mut text = String::new();
+        for line in textwrap::wrap(&self.words, 100) {
+            let _ = writeln!(text, "# {line}");
+        }
+        let _ = writeln!(text, "#\n# On a simulated actuator: rotorlead simulate --model MODEL --plan THIS --out DIR");
+        if !self.device.is_empty() {
+            let _ = writeln!(text, "# On a controller, records into one folder, which rotorlead diagnose takes:");
+        }
+        for line in &self.device {
+            let _ = writeln!(text, "#   {line}");
+        }
+        if let Some(frame_hz) = self.plan.esc_frame_hz {
+            let _ = writeln!(
+                text,
+                "# esc_frame_hz is that of the ESC's protocol: say here what it is set to ({frame_hz} so far)."
+            );
+        }
+        text.push('\n');
+        text.push_str(&toml::to_string(&self.plan)?);
+        Ok(text)
+    }
+}

@@ -1,0 +1,33 @@
+//! Limits that few commands pass, and by little.
+//!
+//! A limit above all commands changes nothing, and one below many changes much: between both a grid over the plausible range
+//! finds no slope that leads to a limit that cuts off the last hundredth of a square wave.
+
+use rotorlead_plant::effect::Kind;
+
+use crate::data::dataset::Record;
+use crate::likelihood::Likelihood;
+use crate::model::candidate::Candidate;
+
+/// Parts of the amplitude that are cut off.
+const CUT_OFF: [f64; 2] = [0.01, 0.1];
+/// Commands closer than this are the same.
+const SAME: f64 = 1e-4;
+
+/// Limits a little below the highest commands of the records; none for other kinds.
+pub(crate) fn starts(likelihood: &Likelihood, kind: &'static Kind) -> Vec<Candidate> {
+    let is_limit = kind.id == "saturation" && !likelihood.data.has_logs();
+    let Some((place, _)) = Candidate::searched(kind).next().filter(|_| is_limit) else { return Vec::new() };
+    let top = |record: &Record| (record.command.iter().copied().fold(f64::NEG_INFINITY, f64::max), record.amplitude);
+    let mut tops: Vec<(f64, f64)> = likelihood.data.records.iter().map(top).collect();
+    // The larger amplitude first where tops are the same.
+    tops.sort_by(|a, b| a.0.total_cmp(&b.0).then(b.1.total_cmp(&a.1)));
+    tops.dedup_by(|a, b| a.0 - b.0 < SAME);
+    let limits = tops.iter().flat_map(|(top, amplitude)| CUT_OFF.map(|part| top - part * amplitude));
+    let limited = limits.map(|limit| {
+        let mut values = kind.null();
+        values[place] = limit;
+        Candidate::new(kind, values)
+    });
+    limited.filter(|candidate| (kind.check)(&candidate.values).is_ok()).collect()
+}

@@ -1,0 +1,116 @@
+//! Grids of commands: which steps a residual speaks of, all at once.
+//!
+//! Rounding to a grid of step `q` adds to the command `-(q/pi) sum_k (-1)^(k+1) sin(2 pi k u / q) / k`, a function of the command
+//! alone. The inner product of a residual with the first term is `sum_n g_n sin(2 pi u_n / q)`, so with the products `g` gathered
+//! by command one transform shows all steps.
+
+use std::f64::consts::PI;
+use std::ops::Range;
+
+use num_complex::Complex64;
+use rayon::prelude::*;
+use rotorlead_fourier as fourier;
+use rotorlead_plant::effect::{Kind, Parameter};
+
+use crate::estimate::fit::Fit;
+use crate::likelihood::Likelihood;
+use crate::likelihood::adjoint::{Adjoint, applied};
+use crate::model::candidate::Candidate;
+
+/// Commands that are distinguished, of the range 0..1 and as much again below and above: a tenth of the finest step.
+const BINS: usize = 1 << 17;
+/// The commands of the bins, from and width: limits of the commands of an actuator.
+const FROM: f64 = -1.0;
+const WIDTH: f64 = 3.0;
+/// A command that changes less often than this does not go over a grid.
+const FEWEST_CHANGES: usize = 100;
+/// Steps that are looked at more closely.
+const STEPS: usize = 10;
+
+/// Whether a kind is a grid.
+pub(crate) fn is_quantizer(kind: &Kind) -> bool {
+    kind.id == "command_quantization"
+}
+
+/// The grid near `candidate` of which a whole number of steps makes the range of the command, as of any counter. `None` for other
+/// kinds.
+pub(crate) fn whole(candidate: &Candidate) -> Option<Candidate> {
+    let (place, _) = Candidate::searched(candidate.kind).next().filter(|_| is_quantizer(candidate.kind))?;
+    let mut whole = candidate.clone();
+    whole.values[place] = candidate.values[place].recip().round().recip();
+    (candidate.kind.check)(&whole.values).is_ok().then_some(whole)
+}
+
+/// The lines of the transform that are looked at: line `l` has `l` steps over the width of the bins.
+pub(crate) fn lines(parameter: &Parameter) -> Range<usize> {
+    let (least, most) = parameter.plausible;
+    (WIDTH / most) as usize..(WIDTH / least) as usize
+}
+
+/// Steps that the residual of `fit` speaks of, the loudest first.
+pub(crate) fn steps(likelihood: &Likelihood, fit: &Fit, kind: &'static Kind) -> Vec<Candidate> {
+    let Some((place, parameter)) = Candidate::searched(kind).next() else { return Vec::new() };
+    let gathered: Vec<(Vec<f64>, f64)> = likelihood
+        .data
+        .records
+        .par_iter()
+        .filter_map(|record| {
+            let adjoint = Adjoint::of(likelihood, record, &fit.hypothesis, 0.0).filter(Adjoint::is_fitted)?;
+            let applied = applied(record, adjoint.segment).1;
+            // The few levels of a square wave suit every other grid.
+            if applied.windows(2).filter(|pair| pair[0] != pair[1]).count() < FEWEST_CHANGES {
+                return None;
+            }
+            let mut bins = vec![0.0; BINS];
+            for (applied, g) in applied.iter().zip(&adjoint.g) {
+                let bin = ((applied - FROM) / WIDTH * BINS as f64) as usize;
+                // An impulse of a row's length.
+                bins[bin.min(BINS - 1)] += g / record.rate_hz;
+            }
+            // Of a sinusoid in time whose power is spread evenly over the lines.
+            let power = 0.5 * adjoint.lags[0] / record.rate_hz.powi(2) * adjoint.g.len() as f64;
+            Some((bins, power))
+        })
+        .collect();
+    let mut spectrum = vec![Complex64::ZERO; BINS];
+    for (bins, _) in &gathered {
+        spectrum.iter_mut().zip(bins).for_each(|(sum, bin)| *sum += bin);
+    }
+    let power: f64 = gathered.iter().map(|(_, power)| power).sum();
+    fourier::forward(BINS).process(&mut spectrum);
+    let gain = |line: usize| {
+        let steps_per_unit = line as f64 / WIDTH;
+        // The bins begin below 0, and a bin's commands are on average in its middle.
+        let turned = spectrum[line] * Complex64::cis(-2.0 * PI * steps_per_unit * (FROM + 0.5 * WIDTH / BINS as f64));
+        let size = 1.0 / (PI * steps_per_unit);
+        // The transform has e^(-j x): its imaginary part is minus the product with the sine.
+        2.0 * size * turned.im - size * size * power
+    };
+    let mut gains: Vec<(f64, usize)> = lines(parameter).map(|line| (gain(line), line)).collect();
+    gains.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let candidate = |(_, line): &(f64, usize)| {
+        let mut values = kind.null();
+        values[place] = WIDTH / *line as f64;
+        Candidate::new(kind, values)
+    };
+    gains.iter().take(STEPS).map(candidate).filter(|candidate| (kind.check)(&candidate.values).is_ok()).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use rotorlead_plant::Catalog;
+
+    use super::*;
+
+    #[test]
+    fn a_grid_near_that_of_a_counter_has_a_whole_number_of_steps() {
+        let near = |id: &str, value: f64| {
+            let kind = Catalog::standard().find(id).unwrap();
+            let mut candidate = Candidate::new(kind, kind.null());
+            candidate.values[0] = value;
+            whole(&candidate)
+        };
+        assert_eq!(near("command_quantization", 0.011_765).unwrap().values[0], 1.0 / 85.0);
+        assert_eq!(near("dead_band", 0.011_765), None);
+    }
+}

@@ -1,0 +1,53 @@
+//! What the columns beside the response say for one fit over another.
+
+use num_complex::Complex64;
+
+use crate::data::dataset::Record;
+use crate::estimate::fit::Fit;
+use crate::estimate::prediction::{self, Near};
+use crate::likelihood::Likelihood;
+use crate::model::hypothesis::Hypothesis;
+
+/// What each fit is worth by the columns, less than the best of them. `None` where there are no columns.
+///
+/// The numbers of a fit are known as well as the response tells them, and a column may tell them better: see [`prediction`].
+pub(crate) fn auxiliary_gains(likelihood: &Likelihood, fits: &[&Fit]) -> Option<Vec<f64>> {
+    let auxiliary_gains: Vec<&Record> =
+        likelihood.data.records.iter().filter(|record| !record.auxiliary_channels.is_empty()).collect();
+    let numbers: usize =
+        auxiliary_gains.iter().flat_map(|record| &record.auxiliary_channels).map(|one| 2 * one.measured.len()).sum();
+    let left = |record: &Record, hypothesis: &Hypothesis| {
+        // A trace is of all commands.
+        if hypothesis.in_rows {
+            return None;
+        }
+        let trace = hypothesis.trace(&likelihood.data, record)?;
+        let all: Option<Vec<Vec<Complex64>>> =
+            record.auxiliary_channels.iter().map(|auxiliary| auxiliary.left(&trace)).collect();
+        Some(all?.concat())
+    };
+    let squares: Option<Vec<f64>> = fits
+        .iter()
+        .map(|fit| prediction::deviance_of(&auxiliary_gains, (fit, Near::Moved), (left, |_, _, _| None)))
+        .collect();
+    (!auxiliary_gains.is_empty()).then(|| Some(gains(&squares?, numbers as f64))).flatten()
+}
+
+/// What each is worth by the squares of `numbers` numbers that the columns have left with it, the best 0.
+fn gains(squares: &[f64], numbers: f64) -> Vec<f64> {
+    let least = squares.iter().copied().fold(f64::INFINITY, f64::min);
+    let known = (least / numbers.max(1.0)).max(1.0);
+    squares.iter().map(|squares| 0.5 * (least - squares) / known).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_the_best_leaves_over_the_noise_makes_the_others_no_more_certain() {
+        assert_eq!(gains(&[100.0, 120.0], 100.0), [0.0, -10.0]);
+        // Nobody explains the column: a tenth more is little.
+        assert_eq!(gains(&[1100.0, 1000.0], 100.0), [-5.0, 0.0]);
+    }
+}

@@ -1,0 +1,380 @@
+//! The search for effects where records do not repeat.
+//!
+//! The steps are those of `explain`; what differs is how a kind is evaluated. What a model misses of a log is not noise but its own
+//! error, whose size is not known beforehand and shrinks as effects are found. So each explanation is evaluated by the errors that it
+//! leaves itself (`errors`): a generalized likelihood ratio, on all steps and on what the splits hold out.
+//!
+//! Staircases show fewer kinds than periodic records do, each from its best start.
+
+use rotorlead_plant::effect::{Kind, Parameter, Shows, Site};
+use rotorlead_records::Output;
+use serde::Serialize;
+
+use super::folds::Folds;
+use crate::assess::gap::gaps;
+use crate::assess::lateness::LOGGER_ROWS;
+use crate::data::dataset::{Dataset, Record, Split};
+use crate::estimate::fit::{Fit, fit_in};
+use crate::estimate::score_test::ScoreTest;
+use crate::likelihood::Likelihood;
+use crate::model::candidate::Candidate;
+use crate::model::hypothesis::Hypothesis;
+use crate::propose::scan::Scan;
+use crate::select::explain::{Explanation, FIRST_STEPS, Found, Search};
+use crate::select::tried::{ALIKE, Tried, by_score, complexity_penalty};
+
+/// Most effects that are named.
+const MOST_EFFECTS: usize = 3;
+/// How many kinds are finished and evaluated by what is held out, after a few steps of a search of each.
+const MOST_FINISHED: usize = 3;
+/// Steps of a search that finishes: the chi-square is of models and not of noise, so the last digits mean nothing.
+const LAST_STEPS: usize = 8;
+/// What an effect is worth at least that is named. More than where periods repeat: what a log leaves is estimated from the log itself.
+const LEAST_SCORE_IN_LOGS: f64 = 10.0;
+
+impl Dataset {
+    /// Whether the records can show a kind.
+    fn can_show(&self, kind: &Kind) -> bool {
+        let any_repeats = || self.records.iter().any(|record| record.log.is_none());
+        match kind.shows {
+            // A static map that is free has no curvature left to find.
+            Shows::Anywhere if kind.site == Site::Map => {
+                self.records.iter().any(|record| record.log.as_ref().is_none_or(|log| !log.has_free_map))
+            }
+            Shows::Anywhere | Shows::OverLevels => true,
+            Shows::BetweenLevels => self.records.iter().any(|record| !record.goes_from_level_to_level()),
+            Shows::BetweenClocks => any_repeats(),
+            Shows::InForce => self.output == Output::ThrustN,
+        }
+    }
+
+    /// Which value of an effect lies beyond its plausible range. A delay in a log is that of the logger as well, which stamps up to
+    /// some rows late.
+    fn implausible(&self, hypothesis: &Hypothesis) -> Option<String> {
+        let candidate = hypothesis.effects.last()?;
+        let mut own = candidate.clone();
+        if candidate.kind.site == Site::Line {
+            let row_s = self.records.iter().map(|record| record.rate_hz.recip()).fold(0.0, f64::max);
+            own.values[0] = (own.values[0] - LOGGER_ROWS * row_s).max(own.kind.parameters[0].plausible.0);
+        }
+        let beyond = |(index, parameter): (usize, &'static Parameter)| {
+            (!own.is_value_plausible(index, 0.0)).then(|| {
+                let (low, high) = parameter.plausible;
+                let value = candidate.values[index];
+                let unit = if parameter.unit.is_empty() { String::new() } else { format!(" {}", parameter.unit) };
+                format!("plausible range: {} {value:.3}{unit}, expected {low} to {high}", parameter.name)
+            })
+        };
+        // Two lags in a row are the same in either order: the longer one is the rotor's.
+        let lag_s = hypothesis.base.iter().map(|point| point.time_constant_s).fold(f64::INFINITY, f64::min);
+        let is_second = |parameter: &Parameter| parameter.unit == "s" && parameter.null == 0.0;
+        let longer = |(index, parameter): (usize, &'static Parameter)| {
+            let value = own.values[index];
+            (own.kind.site > Site::Rotor && is_second(parameter) && value > lag_s).then(|| {
+                format!(
+                    "plausible range: {} {value:.4} s, expected less than the rotor's lag of {lag_s:.4} s",
+                    parameter.name
+                )
+            })
+        };
+        Candidate::searched(candidate.kind).find_map(|value| beyond(value).or_else(|| longer(value)))
+    }
+}
+
+impl Record {
+    fn goes_from_level_to_level(&self) -> bool {
+        self.log.as_ref().is_some_and(|log| log.begins_settled)
+    }
+}
+
+/// Parsimony rank of a kind, the simplest first: a map that is not straight, as levels are soon read off, and a response that
+/// is late as a whole, as a logger's may well be. Both pass for whatever else moves levels or slows the motor, so they come first
+/// where they are worth it, and each of the others has to be worth something beside them. They are dropped where one makes them
+/// redundant.
+fn parsimony_rank(kind: &Kind) -> usize {
+    match kind.site {
+        Site::Map => 0,
+        Site::Line => 1,
+        _ => 2,
+    }
+}
+
+/// What became of a kind in a log.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Decision {
+    /// The kind.
+    pub kind: &'static Kind,
+    /// What it was tried beside.
+    pub beside: Vec<&'static Kind>,
+    /// Gain of log likelihood over what is fitted; after a few steps of a search only where no score is known.
+    pub fitted_gain: f64,
+    /// The mean gain over what is held out; `None` where the fitted gain was too far behind to go on.
+    pub held_out_gain: Option<f64>,
+    /// Both, less what the search would gain by chance.
+    pub score: Option<f64>,
+    /// What it failed, empty for a kind that was added.
+    pub failed: Vec<String>,
+    /// Whether it was added.
+    pub is_added: bool,
+}
+
+impl Decision {
+    /// What became of it, in words.
+    #[must_use]
+    pub fn outcome(&self) -> String {
+        match self.is_added {
+            true => "added: passes every test".to_owned(),
+            false if self.failed.is_empty() => "not added: passes every test, but another one comes first".to_owned(),
+            false => format!("not added. Fails {}", self.failed.join("; ")),
+        }
+    }
+
+    /// That of a kind that was tried to the end.
+    fn of(tried: &Tried, beside: &[&'static Kind], failed: Vec<String>) -> Self {
+        Self {
+            kind: tried.kind,
+            beside: beside.to_vec(),
+            fitted_gain: tried.fitted_gain,
+            held_out_gain: Some(tried.held_out_gain),
+            score: Some(tried.score()),
+            is_added: failed.is_empty(),
+            failed,
+        }
+    }
+}
+
+/// A kind that was dropped again, and the test that it fails beside the others.
+type Dropped = (&'static Kind, String);
+
+/// A kind that was added, with those that would have done as well.
+struct Named {
+    kind: &'static Kind,
+    alternatives: Vec<&'static Kind>,
+}
+
+/// An explanation with the errors that it leaves.
+struct Evaluated {
+    likelihood: Likelihood,
+    fit: Fit,
+    /// Minus twice the log likelihood, but for a constant.
+    deviance: f64,
+}
+
+impl Evaluated {
+    /// Fits once more with the errors that `fit` leaves.
+    fn of(likelihood: &Likelihood, fit: &Fit, steps: usize) -> Option<Self> {
+        let weighed = likelihood.with_errors_of(&fit.hypothesis)?;
+        let fit = fit_in(&weighed, &fit.hypothesis, true, steps)?;
+        let likelihood = weighed.with_errors_of(&fit.hypothesis)?;
+        let deviance = likelihood.deviance(&fit.hypothesis, Split::Train)?;
+        Some(Self { likelihood, fit, deviance })
+    }
+}
+
+impl Search<'_> {
+    /// Finds the effects.
+    pub(crate) fn explain_logs(&mut self, base: &Hypothesis) -> Option<Explanation> {
+        let before = self.settle(&base.clone().of_what_shows(&self.likelihood.data), true)?;
+        let mut current = before.clone();
+        let mut first_tried = None;
+        let mut named: Vec<Named> = Vec::new();
+        let mut dropped: Vec<&'static Kind> = Vec::new();
+        let mut decisions: Vec<Decision> = Vec::new();
+        loop {
+            current = self.extend(current, &mut named, &dropped, (&mut first_tried, &mut decisions))?;
+            let (after, found, redundant) = self.eliminate(current, &named)?;
+            if redundant.is_empty() {
+                let tried = first_tried.unwrap_or_default();
+                return Some(Explanation { before, after, found, tried, weak_evidence: Vec::new(), decisions });
+            }
+            for (kind, why) in &redundant {
+                for decision in decisions.iter_mut().filter(|decision| decision.kind.id == kind.id) {
+                    (decision.is_added, decision.failed) = (false, vec![why.clone()]);
+                }
+            }
+            let redundant: Vec<&'static Kind> = redundant.into_iter().map(|(kind, _)| kind).collect();
+            // What stood in the place of others is gone, and does not come back: the search ends.
+            named.retain(|named| !redundant.contains(&named.kind));
+            dropped.extend(redundant);
+            current = after;
+        }
+    }
+
+    /// Adds effects to `current` one at a time as long as any is worth it.
+    fn extend(
+        &mut self,
+        mut current: Fit,
+        named: &mut Vec<Named>,
+        dropped: &[&'static Kind],
+        (first_tried, decisions): (&mut Option<Vec<Tried>>, &mut Vec<Decision>),
+    ) -> Option<Fit> {
+        while named.len() < MOST_EFFECTS {
+            let exclude: Vec<&'static Kind> =
+                named.iter().map(|named| named.kind).chain(dropped.iter().copied()).collect();
+            let beside: Vec<&'static Kind> = named.iter().map(|named| named.kind).collect();
+            let (tried, others) = self.tries_on_logs(&current, &exclude);
+            first_tried.get_or_insert_with(|| tried.clone());
+            let judged: Vec<(&Tried, Vec<String>)> = tried.iter().map(|tried| (tried, self.failed(tried))).collect();
+            // The first of those that are equally simple scores highest.
+            let passed = judged.iter().filter(|(_, failed)| failed.is_empty()).map(|(tried, _)| *tried);
+            let best = passed.clone().min_by_key(|tried| parsimony_rank(tried.kind));
+            // What is tried beside more is known better.
+            let is_again = |kind: &Kind| {
+                tried.iter().any(|tried| tried.kind.id == kind.id)
+                    || others.iter().any(|(other, _)| other.id == kind.id)
+            };
+            decisions.retain(|decision| decision.is_added || !is_again(decision.kind));
+            for (tried, failed) in &judged {
+                let is_best = best.is_some_and(|best| best.kind == tried.kind);
+                let mut decision = Decision::of(tried, &beside, failed.clone());
+                decision.is_added = is_best;
+                decisions.push(decision);
+            }
+            let is_first = |kind: &Kind| decisions.iter().all(|decision| decision.kind.id != kind.id);
+            let further: Vec<Decision> = others
+                .iter()
+                .filter(|(kind, _)| is_first(kind))
+                .map(|(kind, fitted_gain)| Decision {
+                    kind,
+                    beside: beside.clone(),
+                    fitted_gain: *fitted_gain,
+                    held_out_gain: None,
+                    score: None,
+                    failed: vec![format!("training gain: behind the {MOST_FINISHED} that gain most")],
+                    is_added: false,
+                })
+                .collect();
+            decisions.extend(further);
+            let Some(best) = best else { break };
+            let is_alike = |other: &&Tried| other.kind != best.kind && (best.score() - other.score()).abs() < ALIKE;
+            let alternatives = passed.filter(is_alike).map(|other| other.kind).collect();
+            named.push(Named { kind: best.kind, alternatives });
+            current = self.settle(&best.fit.hypothesis.clone(), true)?;
+        }
+        Some(current)
+    }
+
+    /// The tests that a kind fails which was tried to the end. Something like an effect, but larger than it can be, is none of the
+    /// catalog; nor is one that may as well not be there.
+    fn failed(&self, tried: &Tried) -> Vec<String> {
+        let hypothesis = &tried.fit.hypothesis;
+        let last = hypothesis.effects.len() - 1;
+        let mut failed = Vec::new();
+        if tried.score() < LEAST_SCORE_IN_LOGS {
+            failed.push(format!("score: below {LEAST_SCORE_IN_LOGS}"));
+        }
+        if tried.held_out_gain < 0.0 {
+            failed.push("held-out gain: below 0".to_owned());
+        }
+        failed.extend(self.likelihood.data.implausible(hypothesis));
+        if !tried.fit.excludes_absence(last) {
+            failed.push("95 % interval: includes no effect".to_owned());
+        }
+        failed
+    }
+
+    /// Kinds that were tried beside `from` to the end, best first, and what the others gained on what is fitted.
+    fn tries_on_logs(&self, from: &Fit, exclude: &[&'static Kind]) -> (Vec<Tried>, Vec<(&'static Kind, f64)>) {
+        let nothing = || (Vec::new(), Vec::new());
+        let Some(score_test) = ScoreTest::new(&self.likelihood, from) else { return nothing() };
+        let Some(scan) = Scan::new(&self.likelihood, from) else { return nothing() };
+        let kinds = self.catalog.kinds().filter(|kind| kind.id != "parameter_error" && !exclude.contains(kind));
+        let mut screened: Vec<(f64, Hypothesis, &'static Kind)> = Vec::new();
+        for kind in kinds.filter(|kind| self.likelihood.data.can_show(kind)) {
+            screened.extend(self.screen(&score_test, &scan, from, kind).into_iter().next());
+            (self.progress)();
+        }
+        let Some(before) = self.evaluated(from) else { return nothing() };
+        let mut followed: Vec<(Evaluated, &'static Kind)> = Vec::new();
+        for (_, start, kind) in screened {
+            let fit = fit_in(&self.likelihood, &start, true, FIRST_STEPS);
+            followed.extend(
+                fit.and_then(|fit| Evaluated::of(&self.likelihood, &fit, FIRST_STEPS))
+                    .map(|evaluated| (evaluated, kind)),
+            );
+            (self.progress)();
+        }
+        followed.sort_by(|a, b| a.0.deviance.total_cmp(&b.0.deviance));
+        let folds = Folds::of(&before.likelihood, from);
+        let mut others = Vec::new();
+        let mut all: Vec<Tried> = Vec::new();
+        for (place, (evaluated, kind)) in followed.into_iter().enumerate() {
+            if place >= MOST_FINISHED && parsimony_rank(kind) >= 2 {
+                others.push((kind, 0.5 * (before.deviance - evaluated.deviance)));
+                continue;
+            }
+            let evaluated = Evaluated::of(&evaluated.likelihood, &evaluated.fit, LAST_STEPS);
+            (self.progress)();
+            all.extend(evaluated.map(|evaluated| tried(&before, &folds, evaluated, kind)));
+        }
+        all.sort_by(by_score);
+        (all, others)
+    }
+
+    fn evaluated(&self, fit: &Fit) -> Option<Evaluated> {
+        let deviance = self.likelihood.deviance(&fit.hypothesis, Split::Train)?;
+        Some(Evaluated { likelihood: self.likelihood.clone(), fit: fit.clone(), deviance })
+    }
+
+    /// Drops one after the other what the others make redundant, or what may as well not be there beside them, and what makes the
+    /// held-out gap wider: each with why. Nothing is exchanged, and what would have done as well is taken from when each was found.
+    fn eliminate(&mut self, mut current: Fit, named: &[Named]) -> Option<(Fit, Vec<Found>, Vec<Dropped>)> {
+        let mut redundant = Vec::new();
+        loop {
+            let now = self.evaluated(&current)?;
+            let (mut found, mut fails) = (Vec::new(), Vec::new());
+            for (effect, candidate) in current.hypothesis.effects.iter().enumerate() {
+                let rest = fit_in(&self.likelihood, &current.hypothesis.without(effect), true, LAST_STEPS)?;
+                let gap = gaps(&self.likelihood, &rest.hypothesis, &current.hypothesis, true).total;
+                let rest = Evaluated::of(&self.likelihood, &rest, FIRST_STEPS)?;
+                let folds = Folds::of(&rest.likelihood, &rest.fit);
+                let with = Evaluated { likelihood: now.likelihood.clone(), fit: now.fit.clone(), ..now };
+                let tried = tried(&rest, &folds, with, candidate.kind);
+                let named = named.iter().find(|named| named.kind == candidate.kind);
+                let is_free = |kind: &&Kind| current.hypothesis.effects.iter().all(|effect| effect.kind != *kind);
+                let alternatives = named.map_or_else(Vec::new, |named| {
+                    named.alternatives.iter().filter(|kind| is_free(kind)).copied().collect()
+                });
+                found.push(Found { kind: candidate.kind, score: tried.score(), alternatives });
+                fails.push(if !is_worth_it(&tried) {
+                    Some("score: too little beside the others".to_owned())
+                } else if !current.excludes_absence(effect) {
+                    Some("95 % interval: includes no effect beside the others".to_owned())
+                } else {
+                    let wider = format!(
+                        "held-out gap: {:.2} % without it, {:.2} % with it",
+                        100.0 * gap.before,
+                        100.0 * gap.after
+                    );
+                    (gap.after > gap.before).then_some(wider)
+                });
+                (self.progress)();
+            }
+            let failing = fails.into_iter().enumerate().filter_map(|(effect, why)| Some((effect, why?)));
+            let Some((least, why)) = failing.min_by(|a, b| found[a.0].score.total_cmp(&found[b.0].score)) else {
+                return Some((current, found, redundant));
+            };
+            redundant.push((found[least].kind, why));
+            current = self.settle(&current.hypothesis.without(least), true)?;
+        }
+    }
+}
+
+/// Whether an effect is worth a name, and what was held out bears it out.
+fn is_worth_it(tried: &Tried) -> bool {
+    tried.score() >= LEAST_SCORE_IN_LOGS && tried.held_out_gain >= 0.0
+}
+
+/// What the last effect of a evaluated explanation is worth.
+fn tried(before: &Evaluated, folds: &Folds, with: Evaluated, kind: &'static Kind) -> Tried {
+    let fitted_gain = 0.5 * (before.deviance - with.deviance);
+    let held_out_gain = folds.gain(&with.likelihood, &with.fit.hypothesis).unwrap_or(0.0);
+    Tried {
+        kind,
+        fit: with.fit,
+        fitted_gain,
+        held_out_gain,
+        complexity_penalty: complexity_penalty(kind),
+        auxiliary_gain: 0.0,
+    }
+}

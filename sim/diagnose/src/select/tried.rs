@@ -1,0 +1,84 @@
+//! A kind that was fitted, and whether what it gains is worth a name.
+
+use std::cmp::Ordering;
+
+use rotorlead_plant::effect::{Kind, Parameter};
+
+use crate::estimate::fit::Fit;
+use crate::model::candidate::{Candidate, GRID};
+use crate::propose::{quantizer_step, resonance};
+
+/// An effect is named for at least this worth. Noise alone gives a kind of one value as much once in 16 000 experiments (half of a
+/// chi-square of one degree of freedom beyond 8), and one of 17 kinds of one or two values once in some hundreds. How often
+/// that is, `cargo xtask blind` counts.
+pub(crate) const LEAST_SCORE: f64 = 7.0;
+/// Of that, what is fitted has to bring this much by itself. What is held out can gain by accident: where a nominal command was
+/// fitted to little, anything that moves its lag may move it nearer.
+const LEAST_TRAINING_GAIN: f64 = 0.5 * LEAST_SCORE;
+/// Kinds within this of the best are distinguished by chance only.
+pub(crate) const ALIKE: f64 = 5.0;
+
+/// A kind with what it would be worth.
+#[derive(Clone, Debug)]
+pub(crate) struct Tried {
+    /// The kind.
+    pub kind: &'static Kind,
+    /// The fit with it; its effect is the last one.
+    pub fit: Fit,
+    /// Gain of log likelihood over what is fitted.
+    pub fitted_gain: f64,
+    /// Gain of log likelihood over what is held out.
+    pub held_out_gain: f64,
+    /// What the search itself would gain by chance: see [`complexity_penalty`].
+    pub complexity_penalty: f64,
+    /// What the columns beside the response say for it, over the best of those between which they were asked; 0 or less.
+    pub auxiliary_gain: f64,
+}
+
+impl Tried {
+    /// Whether no value lies farther from where the effect vanishes than any actuator of its kind is plausible to have it.
+    pub fn is_plausible(&self) -> bool {
+        self.fit.is_plausible()
+    }
+
+    /// Whether it is worth enough.
+    pub fn is_worth_a_name(&self) -> bool {
+        self.score() >= LEAST_SCORE && self.exceeds_least_gain()
+    }
+
+    /// Something like an effect, but larger than it can be, is none of the catalog.
+    pub fn may_be_named(&self) -> bool {
+        self.is_worth_a_name() && self.is_plausible()
+    }
+
+    /// Whether it gains enough on what is fitted, whatever it does for what is held out.
+    pub fn exceeds_least_gain(&self) -> bool {
+        self.fitted_gain - self.complexity_penalty >= LEAST_TRAINING_GAIN
+    }
+
+    /// What it is worth, in units of log likelihood.
+    pub fn score(&self) -> f64 {
+        self.fitted_gain - self.complexity_penalty + self.held_out_gain + self.auxiliary_gain
+    }
+}
+
+/// What a search for a kind would gain on average where there is nothing: one for each number that it moves (Akaike 1974). Where
+/// the response jumps about as the value moves, or a peak is narrow, each of many places is a trial of its own, and the best of `n`
+/// trials has `ln n` more (the tail of the log likelihood's gain by chance is exponential).
+pub(crate) fn complexity_penalty(kind: &'static Kind) -> f64 {
+    let of_value = |parameter: &Parameter| {
+        let places = if quantizer_step::is_quantizer(kind) {
+            quantizer_step::lines(parameter).len() as u32
+        } else {
+            parameter.pieces
+        };
+        1.0 + if parameter.pieces > GRID { f64::from(places).ln() } else { 0.0 }
+    };
+    let of_values: f64 = Candidate::searched(kind).map(|(_, parameter)| of_value(parameter)).sum();
+    of_values + if resonance::is_mode(kind) { (resonance::frequencies(kind) as f64).ln() } else { 0.0 }
+}
+
+/// The most valuable first, of those that may be named.
+pub(crate) fn by_score(a: &Tried, b: &Tried) -> Ordering {
+    b.exceeds_least_gain().cmp(&a.exceeds_least_gain()).then(b.score().total_cmp(&a.score()))
+}

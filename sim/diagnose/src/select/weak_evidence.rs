@@ -1,0 +1,76 @@
+//! Effects with weak evidence, where no effect has enough to be added.
+//!
+//! An effect whose log likelihood does not outweigh the search for it is not named: among so many kinds noise alone would do as much
+//! too often. Where it does the larger part of that, it says where to look, and how much longer: evidence grows in proportion to
+//! the periods that are recorded.
+
+use serde::Serialize;
+use std::fmt;
+
+use rotorlead_plant::effect::Kind;
+
+use crate::estimate::fit::Fit;
+use crate::select::explain::Screened;
+use crate::select::tried::{ALIKE, LEAST_SCORE, Tried, complexity_penalty};
+
+/// Gain of log likelihood beyond the complexity penalty from which on records lean to a kind. For a kind of one value noise alone does so in one
+/// of 200 experiments: half of a chi-square of one degree of freedom is beyond 4 that often.
+const LEAST: f64 = 3.0;
+
+/// A kind whose evidence is too weak for it to be added.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct WeakEvidence {
+    /// The kind.
+    pub kind: &'static Kind,
+    /// Gain of log likelihood on what is fitted, less what the search itself would gain by chance.
+    pub evidence: f64,
+}
+
+impl WeakEvidence {
+    /// How many times as long records like these have to be for it to be named.
+    #[must_use]
+    pub fn times_longer(&self) -> u32 {
+        (LEAST_SCORE / self.evidence.max(LEAST)).ceil().max(2.0) as u32
+    }
+}
+
+impl fmt::Display for WeakEvidence {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { kind, evidence } = self;
+        write!(
+            f,
+            "Weak evidence for {} ({}): log-likelihood {evidence:+.1} beyond its complexity penalty, where {LEAST_SCORE} is needed; \
+             not added.",
+            kind.id, kind.title
+        )
+    }
+}
+
+/// What each kind would gain on `from`, as far as the linearization holds.
+pub(crate) fn promised(from: &Fit, screened: &[Screened]) -> Vec<WeakEvidence> {
+    let mut promised: Vec<WeakEvidence> = Vec::new();
+    // The best start of a kind comes first.
+    for (left, _, kind) in screened {
+        if promised.iter().all(|other| other.kind != *kind) {
+            promised.push(WeakEvidence { kind, evidence: 0.5 * (from.chi_square - left) - complexity_penalty(kind) });
+        }
+    }
+    promised
+}
+
+/// Those to which the records lean, the strongest first. What was `tried` to the end is known better than by what it promised; what
+/// came out with values that no actuator has is none.
+pub(crate) fn weak_evidence(promised: Vec<WeakEvidence>, tried: &[Tried]) -> Vec<WeakEvidence> {
+    let of = |promised: WeakEvidence| match tried.iter().find(|tried| tried.kind == promised.kind) {
+        Some(tried) => {
+            let evidence = tried.fitted_gain - tried.complexity_penalty;
+            tried.is_plausible().then_some(WeakEvidence { evidence, ..promised })
+        }
+        None => Some(promised),
+    };
+    let mut weak_evidence: Vec<WeakEvidence> = promised.into_iter().filter_map(of).collect();
+    weak_evidence.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
+    let best = weak_evidence.first().map_or(0.0, |best| best.evidence);
+    weak_evidence.retain(|suspect| suspect.evidence >= LEAST && best - suspect.evidence < ALIKE);
+    weak_evidence
+}
