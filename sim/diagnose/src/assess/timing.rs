@@ -2,7 +2,7 @@
 //!
 //! A delay that wanders is to a multisine a low pass, and to its periods noise: on average it looks like a second pole, a slower lag or
 //! frames, and every one of these would be a wrong name. Single changes show it. To first order in the wait `w` of a change, the sum
-//! of squares of the residual grows by `P w^2 + 2 p w` (see [`crate::waits`]), so it is answered later than by the hypothesis by
+//! of squares of the residual grows by `P w^2 + 2 p w` (see [`crate::likelihood::hold_delay`]), so it is answered later than by the hypothesis by
 //! `-p / P`, give or take `1 / sqrt(P)`. What a hypothesis lacks is the same for all changes of a record that go the same way; of their
 //! differences `sum P (w - mean w)^2` is a chi-square where nothing but noise tells them apart.
 

@@ -1,7 +1,7 @@
 //! The response at standstill is not the gain of the fitted lag.
 
 use num_complex::Complex64;
-use rotorlead_plant::effect::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
+use rotorlead_plant::effect::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
 
 /// A gain that differs between the static value, on which the 3 dB of a bandwidth are counted, and all frequencies that
 /// the lag was fitted to: the limit of an infinitely slow change. A lower static gain makes the bandwidth larger without
@@ -32,6 +32,7 @@ pub(super) static KIND: Kind = Kind {
     ],
     linearity: Linearity::SmallSignal,
     shows: Shows::Anywhere,
+    search: Search::Values,
     check: |_| Ok(()),
     part: |_, _| Part::Nothing,
     response: |values, _, omega_rad_s| Complex64::from(if omega_rad_s == 0.0 { values[0] } else { 1.0 }),

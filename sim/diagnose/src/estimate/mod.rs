@@ -2,6 +2,7 @@
 
 pub(crate) mod first_lag;
 pub(crate) mod fit;
+pub(crate) mod frame_rate;
 pub(crate) mod linearization;
 pub(crate) mod prediction;
 pub(crate) mod prepare;

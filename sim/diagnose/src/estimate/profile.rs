@@ -25,12 +25,12 @@
 //!
 //! with `x_c` how far that is. For `c = 24` a parabola gives 1.38 of the curvature's standard error. The larger of the two counts.
 
+use super::frame_rate;
 use crate::estimate::fit::{Fit, MOST_STEPS, fit_of};
 use crate::estimate::linearization::Linearization;
 use crate::likelihood::Likelihood;
 use crate::model::candidate::Candidate;
 use crate::model::hypothesis::{Coordinate, Hypothesis};
-use crate::propose::frames;
 
 /// How near the best value the profile begins, in coordinates, how far it goes, and by which factor in a step.
 const NEAREST: f64 = 1e-7;
@@ -162,7 +162,7 @@ pub(crate) fn profile_non_smooth(likelihood: &Likelihood, fit: Fit) -> Option<Fi
         let found = if settled.hypothesis.effects[effect].phases.is_empty() {
             settle(likelihood, &settled.hypothesis, Coordinate::Effect { effect, value }, &others)?
         } else {
-            frames::settle_rate(likelihood, &settled.hypothesis, effect)?
+            frame_rate::settle_rate(likelihood, &settled.hypothesis, effect)?
         };
         settled = fit_of(likelihood, &found, others.clone(), MOST_STEPS)?;
     }

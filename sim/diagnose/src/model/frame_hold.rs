@@ -1,7 +1,7 @@
 //! Frames of an ESC that may lie anywhere.
 
 use rotorlead_plant::Catalog;
-use rotorlead_plant::effect::Kind;
+use rotorlead_plant::effect::{Kind, Search};
 
 use super::candidate::Candidate;
 
@@ -10,7 +10,7 @@ pub(crate) const PHASE: usize = 1;
 
 /// Whether a kind has frames.
 pub(crate) fn has_frames(kind: &Kind) -> bool {
-    kind.id == "esc_frame_hold"
+    kind.search == Search::Frames
 }
 
 /// Two delays whose mean is what frames of this rate do where they may lie anywhere: a wait that is uniform over a frame. The

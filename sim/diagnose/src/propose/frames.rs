@@ -15,15 +15,13 @@
 
 use std::f64::consts::{PI, TAU};
 
-use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
 use rayon::prelude::*;
 use rotorlead_fourier as fourier;
-use rotorlead_numerics::extremum::Parabola;
-use rotorlead_numerics::statistics::t_quantile;
 
 use crate::data::dataset::{Record, Split};
 use crate::estimate::fit::Fit;
+use crate::estimate::frame_rate::{at_rate, refined};
 use crate::likelihood::Likelihood;
 use crate::likelihood::adjoint::Adjoint;
 use crate::likelihood::isolated_steps::{IsolatedStep, changes, isolated_steps};
@@ -33,24 +31,12 @@ use crate::model::hypothesis::Hypothesis;
 const NEAR: f64 = 1.5;
 /// Offsets at which a phase is tried once more.
 const PHASE_OFFSETS: [f64; 9] = [0.0, -0.05, 0.05, -0.12, 0.12, -0.22, 0.22, -0.37, 0.37];
-/// How far around the best of these a parabola is laid, each time nearer.
-const PHASE_WIDTHS: [f64; 3] = [0.025, 0.01, 0.004];
-/// How often a known rate is polished, with half the width each time.
-const POLISHES: usize = 3;
-/// Before that it is looked for to either side, in parts of a frame over the length of a record and so many steps: what else was wrong
-/// with the chain may have pulled it away.
-const PULLED: f64 = 0.04;
-const PULLED_STEPS: i32 = 5;
 /// Where all of the sawtooth is tried, in standard deviations of the rate by its first term.
 const WIDTHS: [f64; 4] = [-2.0, -1.0, 1.0, 2.0];
 /// Peaks that are tried so.
 const PEAKS: usize = 5;
 /// Phases at which frames are tried where changes are few.
 const STEP_PHASES: u32 = 24;
-/// A profile over rates goes to where the chi-square has grown by this much, in so many doublings of its width, and has so many pieces.
-const WIDE_ENOUGH: f64 = 60.0;
-const MOST_WIDENINGS: usize = 10;
-const RATES: u32 = 14;
 /// Rates per line of a record's transform.
 const FINER: usize = 4;
 /// The sum of squares that a rate has to gain beyond two per record: chance gains that once in thousands of experiments.
@@ -168,117 +154,6 @@ fn anywhere(likelihood: &Likelihood, known: &Hypothesis, effect: usize) -> Hypot
     hypothesis
 }
 
-/// The rate and the phases once more, beside what `fit` has found with them.
-pub(crate) fn polish(likelihood: &Likelihood, fit: &Fit, effect: usize) -> Option<Hypothesis> {
-    let known = &fit.hypothesis.effects[effect];
-    let (near_hz, mut width_hz) = (known.values[0], 2.0 * known.profiled_std * known.values[0]);
-    let evaluate = |hz: f64| {
-        let hypothesis = at_rate(likelihood, &fit.hypothesis, effect, hz);
-        likelihood.chi_square(&hypothesis, Split::Train).map(|left| (left, hz, hypothesis))
-    };
-    let lengths_s = likelihood
-        .data
-        .records
-        .iter()
-        .flat_map(|record| record.segments.first().map(|segment| segment.rows.len() as f64 / record.rate_hz));
-    let step_hz = PULLED / lengths_s.fold(0.0, f64::max);
-    let pulled = |step: i32| {
-        let hypothesis = moved(likelihood, &fit.hypothesis, effect, near_hz + f64::from(step) * step_hz);
-        likelihood.chi_square(&hypothesis, Split::Train).map(|left| (left, step))
-    };
-    let pulled = (-PULLED_STEPS..=PULLED_STEPS).filter_map(pulled).min_by(|a, b| a.0.total_cmp(&b.0))?;
-    let mut best = evaluate(near_hz + f64::from(pulled.1) * step_hz)?;
-    for _ in 0..POLISHES {
-        let (below, above) = (evaluate(best.1 - width_hz)?, evaluate(best.1 + width_hz)?);
-        // In widths.
-        let parabola = Parabola::through([(-1.0, below.0), (0.0, best.0), (1.0, above.0)]);
-        let lowest = parabola.lowest();
-        let top = lowest.unwrap_or(0.0).clamp(-1.0, 1.0);
-        let rate_std = lowest.map_or(known.profiled_std, |_| parabola.curvature().sqrt().recip() * width_hz / best.1);
-        let top = evaluate(best.1 + width_hz * top)?;
-        let candidates = [best, below, above, top];
-        best = candidates.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
-        best.2.effects[effect].profiled_std = rate_std;
-        width_hz *= 0.5;
-    }
-    Some(best.2)
-}
-
-/// `known` with the rate that the records agree on, and how well they do.
-///
-/// Command by command changes from one frame to the next as the rate moves, so the chi-square is jagged. But over a range in which it
-/// grows by much more than that, each record's is a parabola `b_r x + c_r x^2` of the rate's offset `x`, and all of them together are
-/// least at `x = -sum b / (2 sum c)`. By noise alone `1 / sum c` is the variance of that. A controller whose commands come early
-/// and late adds to it, differently in each record: the variance is not less than that by what the records, which have their
-/// phases to themselves, differ by (`sum g_r^2 / (2 sum c)^2`, `g_r` the slope of each at `x`; White 1982). Of few records that is itself
-/// known badly: as wide as Student's t is, so that 1.96 of it are the interval of 95 %.
-pub(crate) fn settle_rate(likelihood: &Likelihood, known: &Hypothesis, effect: usize) -> Option<Hypothesis> {
-    let near = &known.effects[effect];
-    let hz = near.values[0];
-    let evaluate = |offset_hz: f64| -> Option<Vec<f64>> {
-        let hypothesis = at_rate(likelihood, known, effect, hz + offset_hz);
-        let fitted = likelihood.data.records.par_iter().filter(|record| likelihood.has(record, Split::Train));
-        let left = |record: &Record| likelihood.residual(record, &hypothesis, Split::Train);
-        fitted.map(|record| Some(left(record)?.iter().map(Complex64::norm_sqr).sum::<f64>())).collect()
-    };
-    let here: f64 = evaluate(0.0)?.iter().sum();
-    let mut width_hz = near.profiled_std.min(1e-4) * hz;
-    for _ in 0..MOST_WIDENINGS {
-        let sides = [-width_hz, width_hz].map(|offset_hz| evaluate(offset_hz).map(|left| left.iter().sum::<f64>()));
-        if sides.iter().all(|left| left.is_none_or(|left| left > here + WIDE_ENOUGH)) {
-            break;
-        }
-        width_hz *= 2.0;
-    }
-    let half = f64::from(RATES / 2);
-    // Offsets in widths.
-    let offsets: Vec<f64> = (0..=RATES).map(|place| (f64::from(place) - half) / half).collect();
-    let left: Vec<Vec<f64>> = offsets.iter().map(|offset| evaluate(offset * width_hz)).collect::<Option<_>>()?;
-    let design = DMatrix::from_fn(offsets.len(), 3, |row, power| offsets[row].powi(power as i32));
-    let inverse = (design.transpose() * &design).try_inverse()? * design.transpose();
-    let records = left.first()?.len();
-    let parabolas: Vec<DVector<f64>> =
-        (0..records).map(|record| &inverse * DVector::from_fn(offsets.len(), |row, _| left[row][record])).collect();
-    let sum = |power: usize| parabolas.iter().map(|parabola| parabola[power]).sum::<f64>();
-    let bend = sum(2);
-    if bend <= 0.0 {
-        return Some(known.clone());
-    }
-    let best = (-0.5 * sum(1) / bend).clamp(-1.0, 1.0);
-    let slopes: f64 = parabolas.iter().map(|parabola| (parabola[1] + 2.0 * parabola[2] * best).powi(2)).sum();
-    let free = (records as f64 - 1.0).max(1.0);
-    let wide = t_quantile(0.975, free) / t_quantile(0.975, f64::INFINITY);
-    let variance = bend.recip().max(wide * wide * records as f64 / free * slopes / (2.0 * bend).powi(2));
-    let mut settled = at_rate(likelihood, known, effect, hz + best * width_hz);
-    settled.effects[effect].profiled_std = variance.sqrt() * width_hz / hz;
-    Some(settled)
-}
-
-/// `known` with frames of a rate near its own, in the middle of each record where they are.
-fn moved(likelihood: &Likelihood, known: &Hypothesis, effect: usize, hz: f64) -> Hypothesis {
-    let mut hypothesis = known.clone();
-    let frames = &mut hypothesis.effects[effect];
-    let near_hz = std::mem::replace(&mut frames.values[0], hz);
-    for (record, phase) in likelihood.data.records.iter().zip(&mut frames.phases) {
-        let rows = record.segments.first().map_or(0.0, |segment| 0.5 * (segment.rows.start + segment.rows.end) as f64);
-        *phase += (hz - near_hz) * rows / record.rate_hz;
-    }
-    hypothesis
-}
-
-/// `known` with frames of a rate near its own, where the rows of each record leave least.
-pub(crate) fn at_rate(likelihood: &Likelihood, known: &Hypothesis, effect: usize, hz: f64) -> Hypothesis {
-    let mut hypothesis = moved(likelihood, known, effect, hz);
-    let phases = likelihood
-        .data
-        .records
-        .par_iter()
-        .map(|record| refined(likelihood, record, hypothesis.clone(), effect, &[0.0]));
-    let phases = phases.collect();
-    hypothesis.effects[effect].phases = phases;
-    hypothesis
-}
-
 /// With frames of this rate, in each record where its rows leave least, at these offsets from where its spectrum says.
 fn placed(
     likelihood: &Likelihood,
@@ -298,35 +173,6 @@ fn placed(
     let phases: Vec<f64> = likelihood.data.records.par_iter().map(phase).collect();
     hypothesis.effects[effect].phases = phases;
     hypothesis
-}
-
-/// The phase of one record near that of `hypothesis` where its rows leave least: the first term of the sawtooth is not all
-/// of it.
-fn refined(
-    likelihood: &Likelihood,
-    record: &Record,
-    mut hypothesis: Hypothesis,
-    effect: usize,
-    offsets: &[f64],
-) -> f64 {
-    let begin = hypothesis.effects[effect].phases[record.place];
-    let Some(split) = record.segments.first().map(|segment| segment.split) else { return begin };
-    let mut left_at = |phase: f64| {
-        hypothesis.effects[effect].phases[record.place] = phase.rem_euclid(1.0);
-        let white = likelihood.residual(record, &hypothesis, split);
-        white.map_or(f64::INFINITY, |white| white.iter().map(Complex64::norm_sqr).sum::<f64>())
-    };
-    let least =
-        |at: Vec<(f64, f64)>| at.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::INFINITY, begin));
-    let (mut left, mut phase) = least(offsets.iter().map(|offset| (left_at(begin + offset), begin + offset)).collect());
-    for width in PHASE_WIDTHS {
-        let (below, above) = (left_at(phase - width), left_at(phase + width));
-        let bend = below - 2.0 * left + above;
-        let top = if bend > 0.0 { (0.5 * (below - above) / bend).clamp(-1.0, 1.0) } else { 0.0 };
-        let top = phase + width * top;
-        (left, phase) = least(vec![(left, phase), (below, phase - width), (above, phase + width), (left_at(top), top)]);
-    }
-    phase.rem_euclid(1.0)
 }
 
 impl Spectrum {

@@ -12,6 +12,8 @@ use rayon::prelude::*;
 use rotorlead_fourier as fourier;
 use rotorlead_plant::effect::{Kind, Parameter};
 
+use super::scan::Scan;
+use super::{Proposal, Starts};
 use crate::estimate::fit::Fit;
 use crate::likelihood::Likelihood;
 use crate::likelihood::adjoint::{Adjoint, applied};
@@ -27,28 +29,38 @@ const FEWEST_CHANGES: usize = 100;
 /// Steps that are looked at more closely.
 const STEPS: usize = 10;
 
-/// Whether a kind is a grid.
-pub(crate) fn is_quantizer(kind: &Kind) -> bool {
-    kind.id == "command_quantization"
-}
+/// The step of a grid.
+pub(super) struct QuantizerStep;
 
-/// The grid near `candidate` of which a whole number of steps makes the range of the command, as of any counter. `None` for other
-/// kinds.
-pub(crate) fn whole(candidate: &Candidate) -> Option<Candidate> {
-    let (place, _) = Candidate::searched(candidate.kind).next().filter(|_| is_quantizer(candidate.kind))?;
-    let mut whole = candidate.clone();
-    whole.values[place] = candidate.values[place].recip().round().recip();
-    (candidate.kind.check)(&whole.values).is_ok().then_some(whole)
+impl Proposal for QuantizerStep {
+    fn starts(&self, likelihood: &Likelihood, from: &Fit, _: &Scan, kind: &'static Kind) -> Starts {
+        let candidates = steps(likelihood, from, kind);
+        let is_in_valley = !candidates.is_empty();
+        let general = || Candidate::starts(kind, likelihood.data.has_logs());
+        Starts { candidates: if is_in_valley { candidates } else { general() }, is_in_valley }
+    }
+
+    fn places(&self, kind: &'static Kind) -> f64 {
+        Candidate::searched(kind).map(|(_, parameter)| lines(parameter).len() as f64).product()
+    }
+
+    /// The grid of which a whole number of steps makes the range of the command, as of any counter.
+    fn rounded(&self, candidate: &Candidate) -> Option<Candidate> {
+        let (place, _) = Candidate::searched(candidate.kind).next()?;
+        let mut whole = candidate.clone();
+        whole.values[place] = candidate.values[place].recip().round().recip();
+        (candidate.kind.check)(&whole.values).is_ok().then_some(whole)
+    }
 }
 
 /// The lines of the transform that are looked at: line `l` has `l` steps over the width of the bins.
-pub(crate) fn lines(parameter: &Parameter) -> Range<usize> {
+fn lines(parameter: &Parameter) -> Range<usize> {
     let (least, most) = parameter.plausible;
     (WIDTH / most) as usize..(WIDTH / least) as usize
 }
 
 /// Steps that the residual of `fit` speaks of, the loudest first.
-pub(crate) fn steps(likelihood: &Likelihood, fit: &Fit, kind: &'static Kind) -> Vec<Candidate> {
+fn steps(likelihood: &Likelihood, fit: &Fit, kind: &'static Kind) -> Vec<Candidate> {
     let Some((place, parameter)) = Candidate::searched(kind).next() else { return Vec::new() };
     let gathered: Vec<(Vec<f64>, f64)> = likelihood
         .data
@@ -104,13 +116,9 @@ mod tests {
 
     #[test]
     fn a_grid_near_that_of_a_counter_has_a_whole_number_of_steps() {
-        let near = |id: &str, value: f64| {
-            let kind = Catalog::standard().find(id).unwrap();
-            let mut candidate = Candidate::new(kind, kind.null());
-            candidate.values[0] = value;
-            whole(&candidate)
-        };
-        assert_eq!(near("command_quantization", 0.011_765).unwrap().values[0], 1.0 / 85.0);
-        assert_eq!(near("dead_band", 0.011_765), None);
+        let kind = Catalog::standard().find("command_quantization").unwrap();
+        let mut candidate = Candidate::new(kind, kind.null());
+        candidate.values[0] = 0.011_765;
+        assert_eq!(QuantizerStep.rounded(&candidate).unwrap().values[0], 1.0 / 85.0);
     }
 }

@@ -4,13 +4,13 @@ use rotorlead_plant::effect::Kind;
 
 use crate::data::dataset::Split;
 use crate::estimate::fit::{Fit, fit, fit_behind};
-use crate::estimate::prediction;
 use crate::estimate::prediction::Near;
 use crate::estimate::profile::MOVES;
+use crate::estimate::{frame_rate, prediction};
 use crate::likelihood::hold_delay;
 use crate::model::candidate::Candidate;
 use crate::model::hypothesis::Hypothesis;
-use crate::propose::{frames, quantizer_step};
+use crate::propose::{self, frames};
 use crate::select::explain::Search;
 use crate::select::tried::{Tried, complexity_penalty};
 
@@ -56,13 +56,13 @@ impl Search<'_> {
     pub fn framed(&self, mean: &Fit, effect: usize, behind: f64) -> Option<Fit> {
         let framed = frames::find(&self.likelihood, mean, effect, behind)?;
         let framed = fit(&self.likelihood, &framed, self.lags)?;
-        fit(&self.likelihood, &frames::polish(&self.likelihood, &framed, effect)?, self.lags)
+        fit(&self.likelihood, &frame_rate::polish(&self.likelihood, &framed, effect)?, self.lags)
     }
 
     /// `found` with the steps of a grid such that they make a whole range, where that fits as well: what is fitted may not say on
     /// which side of a step a command lies that is held out.
     fn whole(&self, found: Fit) -> Fit {
-        let last = found.hypothesis.effects.last().and_then(quantizer_step::whole);
+        let last = found.hypothesis.effects.last().and_then(|last| propose::of(last.kind).rounded(last));
         let whole = last.and_then(|last| {
             let mut whole = found.hypothesis.clone();
             *whole.effects.last_mut()? = last;

@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 use rotorlead_plant::Catalog;
-use rotorlead_plant::effect::{Kind, Shows};
+use rotorlead_plant::effect::{Kind, Shows, Site};
 
 use super::auxiliary;
 use super::plateau_search::Decision;
@@ -24,10 +24,10 @@ use crate::estimate::profile::profile_non_smooth;
 use crate::estimate::score_test::ScoreTest;
 use crate::estimate::settle::settle;
 use crate::likelihood::Likelihood;
-use crate::model::candidate::{Candidate, GRID};
+use crate::model::candidate::Candidate;
 use crate::model::hypothesis::Hypothesis;
 use crate::propose::scan::Scan;
-use crate::propose::{clips, collapsed, quantizer_step, resonance};
+use crate::propose::{self, collapsed};
 use crate::select::tried::{ALIKE, LEAST_SCORE, Tried, by_score, complexity_penalty};
 use crate::select::weak_evidence::{self, WeakEvidence};
 
@@ -150,7 +150,7 @@ impl Search<'_> {
         for near in std::iter::once(from).chain(&lifted) {
             let Some(score_test) = ScoreTest::new(&self.likelihood, near) else { continue };
             let Some(scan) = Scan::new(&self.likelihood, near) else { continue };
-            let kinds = self.catalog.kinds().filter(|kind| kind.id != "parameter_error" && !exclude.contains(kind));
+            let kinds = self.catalog.kinds().filter(|kind| kind.site != Site::Base && !exclude.contains(kind));
             for kind in kinds.filter(|kind| kind.shows != Shows::OverLevels) {
                 screened.extend(self.screen(&score_test, &scan, near, kind));
                 (self.progress)();
@@ -214,7 +214,7 @@ impl Search<'_> {
         self.compare_auxiliary_channels(&mut tried);
         // A hold whose frames do not show is, by all that is known, a delay.
         let hidden = |tried: &Tried| tried.fit.hypothesis.effects.last().is_some_and(Candidate::is_hidden_hold);
-        if let Some(delay) = tried.iter().position(|tried| tried.kind.id == "transport_delay")
+        if let Some(delay) = tried.iter().position(|tried| tried.kind.site == Site::Line)
             && tried.first().is_some_and(hidden)
             && tried[0].score() - tried[delay].score() < ALIKE
         {
@@ -254,17 +254,9 @@ impl Search<'_> {
             evaluated.par_extend(starts.into_par_iter().filter_map(looked));
             evaluated.sort_by(|a, b| a.0.total_cmp(&b.0));
         };
-        let valleys = if quantizer_step::is_quantizer(kind) {
-            quantizer_step::steps(&self.likelihood, from, kind)
-        } else {
-            scan.valleys(kind, GRID)
-        };
-        let is_jumping = !valleys.is_empty();
-        let modes = if resonance::is_mode(kind) { resonance::modes(&self.likelihood, from, kind) } else { Vec::new() };
-        let starts = [valleys, modes].into_iter().find(|starts| !starts.is_empty());
-        look(&mut evaluated, starts.unwrap_or_else(|| Candidate::starts(kind, self.likelihood.data.has_logs())));
-        look(&mut evaluated, clips::starts(&self.likelihood, kind));
-        if is_jumping {
+        let starts = propose::of(kind).starts(&self.likelihood, from, scan, kind);
+        look(&mut evaluated, starts.candidates);
+        if starts.is_in_valley {
             // Down into the lowest.
             for round in 0..VALLEY_LOOKS {
                 let Some(best) = evaluated.first().map(|best| best.1.clone()) else { break };

@@ -278,7 +278,7 @@ impl Search<'_> {
         let nothing = || (Vec::new(), Vec::new());
         let Some(score_test) = ScoreTest::new(&self.likelihood, from) else { return nothing() };
         let Some(scan) = Scan::new(&self.likelihood, from) else { return nothing() };
-        let kinds = self.catalog.kinds().filter(|kind| kind.id != "parameter_error" && !exclude.contains(kind));
+        let kinds = self.catalog.kinds().filter(|kind| kind.site != Site::Base && !exclude.contains(kind));
         let mut screened: Vec<(f64, Hypothesis, &'static Kind)> = Vec::new();
         for kind in kinds.filter(|kind| self.likelihood.data.can_show(kind)) {
             screened.extend(self.screen(&score_test, &scan, from, kind).into_iter().next());

@@ -2,11 +2,11 @@
 
 use std::cmp::Ordering;
 
-use rotorlead_plant::effect::{Kind, Parameter};
+use rotorlead_plant::effect::Kind;
 
 use crate::estimate::fit::Fit;
-use crate::model::candidate::{Candidate, GRID};
-use crate::propose::{quantizer_step, resonance};
+use crate::model::candidate::Candidate;
+use crate::propose;
 
 /// An effect is named for at least this worth. Noise alone gives a kind of one value as much once in 16 000 experiments (half of a
 /// chi-square of one degree of freedom beyond 8), and one of 17 kinds of one or two values once in some hundreds. How often
@@ -66,16 +66,7 @@ impl Tried {
 /// the response jumps about as the value moves, or a peak is narrow, each of many places is a trial of its own, and the best of `n`
 /// trials has `ln n` more (the tail of the log likelihood's gain by chance is exponential).
 pub(crate) fn complexity_penalty(kind: &'static Kind) -> f64 {
-    let of_value = |parameter: &Parameter| {
-        let places = if quantizer_step::is_quantizer(kind) {
-            quantizer_step::lines(parameter).len() as u32
-        } else {
-            parameter.pieces
-        };
-        1.0 + if parameter.pieces > GRID { f64::from(places).ln() } else { 0.0 }
-    };
-    let of_values: f64 = Candidate::searched(kind).map(|(_, parameter)| of_value(parameter)).sum();
-    of_values + if resonance::is_mode(kind) { (resonance::frequencies(kind) as f64).ln() } else { 0.0 }
+    Candidate::searched(kind).count() as f64 + propose::of(kind).places(kind).ln()
 }
 
 /// The most valuable first, of those that may be named.

@@ -1,6 +1,6 @@
 //! Speeding up and slowing down take different times.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
 use crate::{Motion, RotorTerm};
 
 /// Two time constants, one for each direction.
@@ -32,6 +32,7 @@ pub static KIND: Kind = Kind {
     ],
     linearity: Linearity::Absent,
     shows: Shows::Anywhere,
+    search: Search::Values,
     check: Kind::any,
     part: |values, _| match values[0] {
         1.0 => Part::Nothing,

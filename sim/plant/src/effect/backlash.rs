@@ -1,6 +1,6 @@
 //! Play between command and effect.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
 use crate::stage::{Levels, Memory};
 
 /// The output moves only where the command pushes it.
@@ -28,6 +28,7 @@ pub static KIND: Kind = Kind {
     sources: &["Gelb & Vander Velde, Multiple-Input Describing Functions and Nonlinear System Design, 1968, sec. 2.3"],
     linearity: Linearity::Absent,
     shows: Shows::BetweenLevels,
+    search: Search::Values,
     check: Kind::any,
     part: |values, _| match values[0] {
         0.0 => Part::Nothing,

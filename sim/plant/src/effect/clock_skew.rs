@@ -1,6 +1,6 @@
 //! Two clocks.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
 
 /// The logger's clock runs differently from the controller's.
 pub static KIND: Kind = Kind {
@@ -22,6 +22,7 @@ pub static KIND: Kind = Kind {
     sources: &["crystals differ by 10 to 100 ppm, ceramic resonators and RC oscillators by up to 2000"],
     linearity: Linearity::Absent,
     shows: Shows::BetweenClocks,
+    search: Search::Values,
     check: Kind::any,
     part: |values, _| match values[0] {
         0.0 => Part::Nothing,

@@ -1,6 +1,6 @@
 //! The command is rounded to a grid.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
 use crate::stage::{Levels, Memory};
 
 /// Rounds the command to whole steps, as a protocol or a timer does.
@@ -33,6 +33,7 @@ pub static KIND: Kind = Kind {
     ],
     linearity: Linearity::Absent,
     shows: Shows::BetweenLevels,
+    search: Search::Steps,
     check: Kind::any,
     part: |values, _| match values[0] {
         0.0 => Part::Nothing,

@@ -1,6 +1,6 @@
 //! Small changes of the command are ignored.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
 use crate::stage::{Levels, Memory};
 
 /// Keeps the last command until the new one differs from it by the width.
@@ -32,6 +32,7 @@ pub static KIND: Kind = Kind {
     ],
     linearity: Linearity::Absent,
     shows: Shows::BetweenLevels,
+    search: Search::Values,
     check: Kind::any,
     part: |values, _| match values[0] {
         0.0 => Part::Nothing,

@@ -2,7 +2,7 @@
 
 use num_complex::Complex64;
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
 use crate::EscFrame;
 use crate::hold::zero_order_hold;
 
@@ -35,6 +35,7 @@ pub static KIND: Kind = Kind {
     ],
     linearity: Linearity::Mean,
     shows: Shows::BetweenLevels,
+    search: Search::Frames,
     check: Kind::any,
     part: |values, _| match EscFrame::new(values[0], values[1].rem_euclid(1.0)) {
         Ok(frame) => Part::command(frame),

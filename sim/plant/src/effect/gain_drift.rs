@@ -1,6 +1,6 @@
 //! Thrust changes slowly with time.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
 use crate::filter::{FORGOTTEN, Mode};
 use crate::{Interval, Memory, ResponseStage, RotorBase};
 
@@ -41,6 +41,7 @@ pub static KIND: Kind = Kind {
     sources: &["magnets and windings lose 3 to 15 % while they heat over 10 to 60 s; strain gauges drift alike"],
     linearity: Linearity::Absent,
     shows: Shows::Anywhere,
+    search: Search::Values,
     check: Kind::any,
     part: |values, base| match values[0] {
         0.0 => Part::Nothing,

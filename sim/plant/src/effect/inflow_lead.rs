@@ -2,7 +2,7 @@
 
 use num_complex::Complex64;
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
 use crate::filter::{FORGOTTEN, Mode};
 use crate::{Interval, Memory, ResponseStage};
 
@@ -50,6 +50,7 @@ pub static KIND: Kind = Kind {
     ],
     linearity: Linearity::Exact,
     shows: Shows::InForce,
+    search: Search::Values,
     check: Kind::any,
     part: |values, _| match values[0] {
         1.0 => Part::Nothing,

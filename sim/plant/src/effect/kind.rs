@@ -30,6 +30,8 @@ pub struct Kind {
     pub linearity: Linearity,
     /// Which logs it shows in.
     pub shows: Shows,
+    /// How its values are looked for.
+    pub search: Search,
     /// Refuses values that do not go together, each in its own range; gives the parameter that is wrong and why.
     pub check: fn(&[f64]) -> Checked,
     /// The link of the chain. [`Part::Nothing`] for null values, so that these change no digit.
@@ -101,6 +103,21 @@ pub enum Shows {
     BetweenClocks,
     /// Logs that go through levels of many loads alone. Around one level another kind looks the same.
     OverLevels,
+}
+
+/// What a residual says of where the values of a kind may lie, beyond its starts and plausible ranges.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Search {
+    /// Nothing.
+    Values,
+    /// Which distance between commands it repeats with: that of the steps of a grid.
+    Steps,
+    /// How often something waits for the next frame.
+    Frames,
+    /// The frequency and the width of a peak.
+    Peak,
+    /// Nothing, but it lies a little below the highest commands, or it changes nothing or much.
+    Limit,
 }
 
 /// One parameter of a kind.

@@ -12,7 +12,7 @@ mod part;
 
 pub use active::{ActiveEffect, LinearChain};
 pub use catalog::Catalog;
-pub use kind::{Checked, Confusion, Kind, Linearity, Parameter, Scale, Shows, Site, Use};
+pub use kind::{Checked, Confusion, Kind, Linearity, Parameter, Scale, Search, Shows, Site, Use};
 pub use part::Part;
 
 /// The modules of the kinds, and all of them in the order of the chain.

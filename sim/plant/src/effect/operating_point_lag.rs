@@ -1,6 +1,6 @@
 //! The time constant is that of the speed of the moment.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
 use crate::{Motion, RotorTerm};
 
 /// Speeds below a tenth, or above ten times, of that of the model's numbers count as these.
@@ -36,6 +36,7 @@ pub static KIND: Kind = Kind {
     ],
     linearity: Linearity::SmallSignal,
     shows: Shows::Anywhere,
+    search: Search::Values,
     check: Kind::any,
     part: |values, _| match values[0] {
         0.0 => Part::Nothing,

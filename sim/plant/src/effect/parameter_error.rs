@@ -2,7 +2,7 @@
 
 use num_complex::Complex64;
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
 
 /// A first-order lag whose gain or time constant is not the model's.
 pub static KIND: Kind = Kind {
@@ -34,6 +34,7 @@ pub static KIND: Kind = Kind {
     sources: &["Charla, Yao & Voyles, eq. (1): the model itself"],
     linearity: Linearity::Exact,
     shows: Shows::Anywhere,
+    search: Search::Values,
     check: Kind::any,
     part: |values, _| match *values {
         [0.0, 0.0] => Part::Nothing,

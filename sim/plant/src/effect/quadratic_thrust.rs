@@ -1,6 +1,6 @@
 //! Curvature of steady thrust against command.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
 use crate::RotorTerm;
 
 /// A parabola in place of the straight line.
@@ -42,6 +42,7 @@ pub static KIND: Kind = Kind {
     ],
     linearity: Linearity::SmallSignal,
     shows: Shows::Anywhere,
+    search: Search::Values,
     check: Kind::any,
     part: |values, _| match values[0] {
         0.0 => Part::Nothing,

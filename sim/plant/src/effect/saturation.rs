@@ -2,7 +2,7 @@
 
 use num_complex::Complex64;
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
 use crate::stage::{Levels, Memory};
 
 /// Clips the command, as a limit of current or power does.
@@ -41,6 +41,7 @@ pub static KIND: Kind = Kind {
     ],
     linearity: Linearity::SmallSignal,
     shows: Shows::Anywhere,
+    search: Search::Limit,
     check: |values| if values[1] < values[0] { Ok(()) } else { Err((1, "is not below `max`")) },
     part: |values, _| {
         let (max, min) = (values[0], values[1]);

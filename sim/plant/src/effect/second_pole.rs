@@ -2,7 +2,7 @@
 
 use num_complex::Complex64;
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
 use crate::filter::{FORGOTTEN, Mode};
 use crate::{Interval, Memory, ResponseStage};
 
@@ -35,6 +35,7 @@ pub static KIND: Kind = Kind {
     ],
     linearity: Linearity::Exact,
     shows: Shows::Anywhere,
+    search: Search::Values,
     check: Kind::any,
     part: |values, _| match values[0] {
         0.0 => Part::Nothing,

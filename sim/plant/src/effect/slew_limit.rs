@@ -1,6 +1,6 @@
 //! The command can change only so fast.
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
 use crate::{CommandStage, Memory, Segment};
 
 /// Follows the command at no more than a rate, the same up and down.
@@ -31,6 +31,7 @@ pub static KIND: Kind = Kind {
     ],
     linearity: Linearity::SmallSignal,
     shows: Shows::Anywhere,
+    search: Search::Values,
     check: Kind::any,
     part: |values, _| match values[0] {
         f64::INFINITY => Part::Nothing,

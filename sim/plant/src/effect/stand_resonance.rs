@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use num_complex::Complex64;
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
 use crate::filter::{FORGOTTEN, Mode};
 use crate::{Interval, Memory, ResponseStage};
 
@@ -43,6 +43,7 @@ pub static KIND: Kind = Kind {
     ],
     linearity: Linearity::Exact,
     shows: Shows::InForce,
+    search: Search::Peak,
     check: Kind::any,
     part: |values, _| match values[0] {
         0.0 => Part::Nothing,

@@ -2,7 +2,7 @@
 
 use num_complex::Complex64;
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
 use crate::filter::FORGOTTEN;
 use crate::{Motion, RotorBase, RotorTerm, Supply};
 
@@ -70,6 +70,7 @@ pub static KIND: Kind = Kind {
     ],
     linearity: Linearity::SmallSignal,
     shows: Shows::Anywhere,
+    search: Search::Values,
     check: Kind::any,
     part: |values, base| match (values[0], values[2]) {
         // A supply that is stiff still has a voltage to show.

@@ -2,7 +2,7 @@
 
 use num_complex::Complex64;
 
-use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
 use crate::TransportDelay;
 
 /// A delay beyond that of the model's points.
@@ -38,6 +38,7 @@ pub static KIND: Kind = Kind {
     ],
     linearity: Linearity::Exact,
     shows: Shows::Anywhere,
+    search: Search::Values,
     check: Kind::any,
     part: |values, _| match TransportDelay::new(values[0]) {
         Ok(delay) if values[0] > 0.0 => Part::command(delay),

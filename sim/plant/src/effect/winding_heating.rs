@@ -3,7 +3,7 @@
 use num_complex::Complex64;
 
 use super::supply_sag::{HOVER, speed_at_rest};
-use super::{Confusion, Kind, Linearity, Parameter, Part, Shows, Site};
+use super::{Confusion, Kind, Linearity, Parameter, Part, Search, Shows, Site};
 use crate::filter::FORGOTTEN;
 use crate::{Motion, RotorBase, RotorTerm};
 
@@ -53,6 +53,7 @@ pub static KIND: Kind = Kind {
     ],
     linearity: Linearity::SmallSignal,
     shows: Shows::OverLevels,
+    search: Search::Values,
     check: Kind::any,
     part: |values, base| match values[0] {
         0.0 => Part::Nothing,

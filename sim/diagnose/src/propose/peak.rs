@@ -18,9 +18,11 @@ use std::f64::consts::TAU;
 use nalgebra::{Matrix3, Vector3};
 use num_complex::Complex64;
 use rayon::prelude::*;
-use rotorlead_plant::effect::{Kind, Linearity, Parameter, Scale, Site};
+use rotorlead_plant::effect::{Kind, Parameter, Scale};
 use rotorlead_plant::{Lag, OperatingPoint};
 
+use super::scan::Scan;
+use super::{Proposal, Starts, Values};
 use crate::data::dataset::{Record, Split};
 use crate::estimate::fit::Fit;
 use crate::likelihood::Likelihood;
@@ -34,19 +36,27 @@ const PIECES: usize = 6;
 /// Places that are looked at more closely.
 const PLACES: usize = 6;
 
-/// Whether a kind is a mode behind the motor.
-pub(crate) fn is_mode(kind: &Kind) -> bool {
-    kind.site == Site::Stand && kind.linearity == Linearity::Exact
-}
+/// The peak of a mode behind the motor.
+pub(super) struct Peak;
 
-/// At how many frequencies modes are looked for.
-pub(crate) fn frequencies(kind: &'static Kind) -> usize {
-    let shape = Candidate::searched(kind).filter(|(_, parameter)| !parameter.null.is_finite());
-    PIECES_PER_START * shape.map(|(_, parameter)| parameter.starts.len()).max().unwrap_or(0) + 1
+impl Proposal for Peak {
+    fn starts(&self, likelihood: &Likelihood, from: &Fit, scan: &Scan, kind: &'static Kind) -> Starts {
+        let candidates = modes(likelihood, from, kind);
+        if candidates.is_empty() {
+            return Values.starts(likelihood, from, scan, kind);
+        }
+        Starts { candidates, is_in_valley: false }
+    }
+
+    /// At how many frequencies modes are looked for.
+    fn places(&self, kind: &'static Kind) -> f64 {
+        let shape = Candidate::searched(kind).filter(|(_, parameter)| !parameter.null.is_finite());
+        (PIECES_PER_START * shape.map(|(_, parameter)| parameter.starts.len()).max().unwrap_or(0) + 1) as f64
+    }
 }
 
 /// The modes that the residual of `fit` speaks of most, the loudest first. Empty where no record repeats.
-pub(crate) fn modes(likelihood: &Likelihood, fit: &Fit, kind: &'static Kind) -> Vec<Candidate> {
+fn modes(likelihood: &Likelihood, fit: &Fit, kind: &'static Kind) -> Vec<Candidate> {
     let searched: Vec<_> = Candidate::searched(kind).collect();
     let Some(size) = searched.iter().position(|(_, parameter)| parameter.null.is_finite()) else { return Vec::new() };
     let mut shape = searched;

@@ -5,7 +5,10 @@
 
 use rotorlead_plant::effect::Kind;
 
+use super::scan::Scan;
+use super::{Proposal, Starts, Values};
 use crate::data::dataset::Record;
+use crate::estimate::fit::Fit;
 use crate::likelihood::Likelihood;
 use crate::model::candidate::Candidate;
 
@@ -14,10 +17,22 @@ const CUT_OFF: [f64; 2] = [0.01, 0.1];
 /// Commands closer than this are the same.
 const SAME: f64 = 1e-4;
 
-/// Limits a little below the highest commands of the records; none for other kinds.
-pub(crate) fn starts(likelihood: &Likelihood, kind: &'static Kind) -> Vec<Candidate> {
-    let is_limit = kind.id == "saturation" && !likelihood.data.has_logs();
-    let Some((place, _)) = Candidate::searched(kind).next().filter(|_| is_limit) else { return Vec::new() };
+/// A limit of the command.
+pub(super) struct Limit;
+
+impl Proposal for Limit {
+    fn starts(&self, likelihood: &Likelihood, from: &Fit, scan: &Scan, kind: &'static Kind) -> Starts {
+        let mut starts = Values.starts(likelihood, from, scan, kind);
+        if !likelihood.data.has_logs() {
+            starts.candidates.extend(below_the_highest(likelihood, kind));
+        }
+        starts
+    }
+}
+
+/// Limits a little below the highest commands of the records.
+fn below_the_highest(likelihood: &Likelihood, kind: &'static Kind) -> Vec<Candidate> {
+    let Some((place, _)) = Candidate::searched(kind).next() else { return Vec::new() };
     let top = |record: &Record| (record.command.iter().copied().fold(f64::NEG_INFINITY, f64::max), record.amplitude);
     let mut tops: Vec<(f64, f64)> = likelihood.data.records.iter().map(top).collect();
     // The larger amplitude first where tops are the same.
