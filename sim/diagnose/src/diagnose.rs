@@ -12,7 +12,7 @@ use crate::assess::lateness::Lateness;
 use crate::assess::verdict::{self, Evidence, Verdict};
 use crate::assess::{gap, locate, plateau_gap, steadiness, timing};
 use crate::data::columns::Column;
-use crate::data::dataset::{self, Dataset, Split};
+use crate::data::dataset::{Dataset, Record, Split};
 use crate::error::DiagnoseError;
 use crate::estimate::{first_lag, fit};
 use crate::likelihood::hold_delay;
@@ -89,7 +89,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     // Weighed by the noise that the best explanation leaves.
     let likelihood = &search.likelihood;
     let data = &*likelihood.data;
-    let excess = |hypothesis| locate::excess(likelihood, hypothesis, Split::Train);
+    let excess = |hypothesis| likelihood.excess(hypothesis, Split::Train);
     let (excess_before, mut excess_after) = (excess(&before.hypothesis), excess(&after.hypothesis));
     let steadiness = steadiness::steadiness(likelihood, &after.hypothesis);
     let timing = timing::timing(likelihood, &after.hypothesis);
@@ -148,7 +148,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     Ok(Diagnosis {
         verdict,
         is_of_given: options.model.is_some(),
-        has_free_map: data.records.iter().any(|record| record.log.as_ref().is_some_and(|log| log.has_free_map)),
+        has_free_map: data.records.iter().any(Record::has_free_map),
         lateness: Lateness::of(likelihood, &after.hypothesis),
         decisions: decided(decisions, verdict, evidence.left_of_logs),
         weak_evidence: if verdict == Verdict::Agrees { weak_evidence } else { Vec::new() },
@@ -216,7 +216,7 @@ pub(crate) fn first_model(
         }
         return data.nominals.iter().map(|nominal| Ok(of_lag(model.at(*nominal)?))).collect();
     }
-    let is_periodic = |record: &dataset::Record| record.log.is_none();
+    let is_periodic = |record: &Record| record.log.is_none();
     let mut found: Vec<(f64, Lag)> = Vec::new();
     if data.records.iter().any(is_periodic) {
         let identified = identify_periodic(experiment, &PeriodicOptions::default())?;
@@ -337,7 +337,7 @@ impl Dataset {
     /// Every nominal command needs something to fit.
     fn check_fitted(&self) -> Result<(), DiagnoseError> {
         for (point, nominal) in self.nominals.iter().enumerate() {
-            let is_fitted = |record: &dataset::Record| record.point == point && record.is_fitted();
+            let is_fitted = |record: &Record| record.point == point && record.is_fitted();
             if !self.records.iter().any(is_fitted) {
                 return Err(DiagnoseError::NominalWithoutFit { nominal: *nominal });
             }

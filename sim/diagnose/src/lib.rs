@@ -23,7 +23,7 @@ mod testing;
 
 pub use assess::gap::{Gap, RecordGap, Residual};
 pub use assess::lateness::Lateness;
-pub use assess::locate::{Axis, Excess, Location, MapCell};
+pub use assess::locate::{Axis, Location, MapCell};
 pub use assess::plateau_gap::SplitGap;
 pub use assess::steadiness::Steadiness;
 pub use assess::timing::Timing;
@@ -34,6 +34,7 @@ pub use data::dataset::LeftOut;
 pub use data::plateaus::cut::CutRows;
 pub use diagnose::{Options, diagnose};
 pub use error::DiagnoseError;
+pub use likelihood::excess::Excess;
 pub use outcome::{Diagnosis, NEEDS_STEADY_START, NamedEffect, TriedKind, by_name};
 pub use plan::{Conditions, NextExperiment};
 pub use select::plateau_search::Decision;

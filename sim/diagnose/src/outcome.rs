@@ -7,7 +7,7 @@ use serde::{Serialize, Serializer};
 
 use crate::assess::gap::{Gap, RecordGap, Residual};
 use crate::assess::lateness::Lateness;
-use crate::assess::locate::{Excess, Location, MapCell};
+use crate::assess::locate::{Location, MapCell};
 use crate::assess::plateau_gap::SplitGap;
 use crate::assess::steadiness::Steadiness;
 use crate::assess::timing::Timing;
@@ -15,6 +15,7 @@ use crate::assess::verdict::Verdict;
 use crate::data::columns::Column;
 use crate::data::dataset::LeftOut;
 use crate::data::plateaus::cut::CutRows;
+use crate::likelihood::excess::Excess;
 use crate::plan::Conditions;
 use crate::select::plateau_search::Decision;
 use crate::select::weak_evidence::WeakEvidence;

@@ -2,14 +2,13 @@
 //! would keep them apart.
 
 use rotorlead_identify::align;
-use rotorlead_numerics::sample::mean;
 use serde::Serialize;
 
 use super::plateau_gap::{self, SplitGap};
 use crate::DiagnoseError;
 use crate::data::dataset::{Record, Split};
 use crate::estimate::fit::Fit;
-use crate::likelihood::Likelihood;
+use crate::likelihood::{Likelihood, Power, RecordLikelihood as _};
 use crate::model::hypothesis::{Coordinate, Hypothesis};
 
 /// Gap on held-out segments, `RMS(y - yhat) / RMS(y - mean y)`.
@@ -185,8 +184,8 @@ pub(crate) fn of(
 /// A prediction that is linear in the numbers has the variance `J C J'`, with `C` their covariance: along each of its axes the
 /// record is simulated once more, one standard error away.
 pub(crate) fn unsure(likelihood: &Likelihood, fit: &Fit, split: Split) -> f64 {
-    let of_trial = |record: &Record| {
-        let rows = likelihood.of(record).end_of(split);
+    let of_record = |record: &Record| {
+        let rows = likelihood.periodic(record)?.end_of(split);
         let here = fit.hypothesis.simulate(&likelihood.data, record, rows).ok()?;
         let coordinates = [Coordinate::Gain(record.point), Coordinate::TimeConstant(record.point)];
         let axes = fit.covariance_of(coordinates)?.symmetric_eigen();
@@ -207,10 +206,9 @@ pub(crate) fn unsure(likelihood: &Likelihood, fit: &Fit, split: Split) -> f64 {
             segments.map(|segment| scatter(record.measured[segment.rows.clone()].iter().copied())).sum();
         Some((sum, response))
     };
-    let compared =
-        likelihood.data.records.iter().filter(|record| record.log.is_none() && likelihood.has(record, split));
+    let compared = likelihood.data.records.iter().filter(|record| likelihood.has(record, split));
     let (sum, response) =
-        compared.filter_map(of_trial).fold((0.0, 0.0), |(sum, all), (off, response)| (sum + off, all + response));
+        compared.filter_map(of_record).fold((0.0, 0.0), |(sum, all), (off, response)| (sum + off, all + response));
     if response > 0.0 { sum / response } else { 0.0 }
 }
 
@@ -221,6 +219,7 @@ fn scatter(values: impl Iterator<Item = f64> + Clone) -> f64 {
     values.map(|value| (value - mean).powi(2)).sum()
 }
 
+/// Sums of squares of one record in a split, by both models.
 pub(crate) fn squares(
     likelihood: &Likelihood,
     record: &Record,
@@ -228,29 +227,9 @@ pub(crate) fn squares(
     after: &Hypothesis,
     split: Split,
 ) -> Option<Squares> {
-    if record.log.is_some() {
-        return plateau_gap::log_squares(likelihood, record, before, after, split);
-    }
-    let rows = likelihood.of(record).end_of(split);
-    let simulated = [before, after].map(|hypothesis| hypothesis.simulate(&likelihood.data, record, rows));
-    let mut squares = Squares::default();
-    for (segment, whitening) in likelihood.periodic(record)?.segments(split) {
-        let rows = segment.rows.clone();
-        let (time_s, measured) = (&record.time_s[rows.clone()], &record.measured[rows.clone()]);
-        // Hum was taken out of what is fitted; it is noise all the same.
-        let hum: f64 = record.hum.get(rows.clone()).unwrap_or_default().iter().map(|hum| hum * hum).sum();
-        let left = |model: &[f64]| {
-            // A sensor's zero and the state at the begin are no part of what a model says.
-            let tau_s = before.base[record.point].time_constant_s;
-            let aligned = align(time_s, measured, &model[rows.clone()], tau_s);
-            aligned.iter().zip(measured).map(|(model, y)| (y - model).powi(2)).sum::<f64>() + hum
-        };
-        let [before, after] = &simulated;
-        squares.before += left(before.as_ref().ok()?);
-        squares.after += left(after.as_ref().ok()?);
-        let mean = mean(measured);
-        squares.response += measured.iter().map(|y| (y - mean).powi(2)).sum::<f64>();
-        squares.noise += whitening.row_variance() * measured.len() as f64 + hum;
-    }
-    Some(squares)
+    let of = likelihood.of(record);
+    let tau_s = before.base[record.point].time_constant_s;
+    let Power { response, noise } = of.power(split);
+    let left = |hypothesis| of.squares(hypothesis, tau_s, split);
+    Some(Squares { before: left(before)?, after: left(after)?, noise, response })
 }

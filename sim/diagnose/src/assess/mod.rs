@@ -3,7 +3,6 @@
 pub(crate) mod gap;
 pub(crate) mod lateness;
 pub(crate) mod locate;
-pub(crate) mod plateau_excess;
 pub(crate) mod plateau_gap;
 pub(crate) mod steadiness;
 pub(crate) mod timing;

@@ -5,7 +5,7 @@ use rotorlead_numerics::sample::mean;
 use serde::Serialize;
 
 use crate::assess::gap::{Gap, RecordGap, Squares, squares};
-use crate::data::dataset::{Record, Split};
+use crate::data::dataset::Split;
 use crate::estimate::fit::fit_in;
 use crate::likelihood::Likelihood;
 use crate::model::hypothesis::Hypothesis;
@@ -44,7 +44,7 @@ impl Squared {
         let mut all = Self::default();
         for record in &likelihood.data.records {
             let Some(plateaus) = likelihood.plateaus(record) else { continue };
-            let (levels, steps) = plateaus.squares(hypothesis, split)?;
+            let (levels, steps) = plateaus.levels_and_motion(hypothesis, split)?;
             all.add(Self { levels, steps });
         }
         Some(all)
@@ -134,33 +134,4 @@ pub(crate) fn gaps(
         gap: squares.gap(),
     });
     (total.gap(), records.collect(), splits, left)
-}
-
-/// Squares of one log over the rows of a split.
-pub(crate) fn log_squares(
-    likelihood: &Likelihood,
-    record: &Record,
-    before: &Hypothesis,
-    after: &Hypothesis,
-    split: Split,
-) -> Option<Squares> {
-    let plateaus = likelihood.plateaus(record)?;
-    let log = plateaus.log();
-    let left = |hypothesis: &Hypothesis| {
-        let left = plateaus.left(hypothesis)?;
-        let square = |row: usize| {
-            let (rows, scatter) = log.scatter[row];
-            rows * left[row].powi(2) + scatter
-        };
-        Some(plateaus.rows(split).map(|(row, _)| square(row)).sum::<f64>())
-    };
-    let rows = || plateaus.rows(split).map(|(row, group)| (log.scatter[row], record.measured[row], group.noise));
-    let count: f64 = rows().map(|((rows, _), ..)| rows).sum();
-    let mean = rows().map(|((rows, _), measured, _)| rows * measured).sum::<f64>() / count;
-    Some(Squares {
-        before: left(before)?,
-        after: left(after)?,
-        noise: rows().map(|((rows, _), _, noise)| rows * noise * noise).sum(),
-        response: rows().map(|((rows, scatter), measured, _)| rows * (measured - mean).powi(2) + scatter).sum(),
-    })
 }

@@ -10,9 +10,9 @@ use rotorlead_fourier as fourier;
 use rotorlead_numerics::sample::mean;
 use serde::Serialize;
 
-use crate::assess::locate::BEYOND_EXCITED;
 use crate::data::dataset::Record;
 use crate::likelihood::Likelihood;
+use crate::likelihood::periodic::BEYOND_EXCITED;
 use crate::model::hypothesis::Hypothesis;
 use crate::noise::whitening::{NoiseDensity, Whitening};
 

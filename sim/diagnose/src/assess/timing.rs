@@ -61,7 +61,7 @@ struct Scatter {
 
 /// Judges what `hypothesis` leaves of the changes that stand alone.
 pub(crate) fn timing(likelihood: &Likelihood, hypothesis: &Hypothesis) -> Timing {
-    let all = likelihood.data.records.iter().filter(|record| record.log.is_none());
+    let all = likelihood.data.records.iter();
     let all = all.flat_map(|record| {
         [Split::Train, Split::Holdout].map(|split| of_segment(likelihood, record, hypothesis, split))
     });

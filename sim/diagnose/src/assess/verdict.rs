@@ -1,8 +1,8 @@
 //! What is to be said of it all, in a word.
 
 use crate::assess::gap::Gap;
-use crate::assess::locate::Excess;
 use crate::assess::steadiness::Steadiness;
+use crate::likelihood::excess::Excess;
 use serde::Serialize;
 
 /// Where more than noise is left, effects that leave more than this share of the chi-square are no story at all, be it on what

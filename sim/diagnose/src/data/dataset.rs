@@ -204,6 +204,11 @@ impl Dataset {
         self.records.iter().any(|record| record.log.is_some())
     }
 
+    /// Whether any record repeats.
+    pub fn has_periodic(&self) -> bool {
+        self.records.iter().any(|record| record.log.is_none())
+    }
+
     /// The same with other records.
     pub fn with_records(&self, records: Vec<Record>) -> Self {
         Self {

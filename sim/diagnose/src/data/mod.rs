@@ -4,4 +4,5 @@ pub(crate) mod auxiliary;
 pub(crate) mod columns;
 pub(crate) mod compensated;
 pub(crate) mod dataset;
+mod drive;
 pub(crate) mod plateaus;

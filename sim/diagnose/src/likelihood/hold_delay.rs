@@ -57,11 +57,11 @@ fn of_edges(
     frame_s: f64,
     of: impl Fn(&IsolatedStep) -> f64 + Sync,
 ) -> f64 {
-    let of_trial = |record: &Record| {
+    let of_record = |record: &Record| {
         let adjoint = Adjoint::of_split(likelihood, record, hypothesis, 0.5 * frame_s, split)?;
         Some(isolated_steps(record, &adjoint, &changes(record, adjoint.segment)).iter().map(&of).sum::<f64>())
     };
-    likelihood.data.records.par_iter().filter(|record| record.log.is_none()).filter_map(of_trial).sum()
+    likelihood.data.records.par_iter().filter_map(of_record).sum()
 }
 
 /// `ln (1/T) integral exp(-p w - P w^2 / 2) dw` from `-T/2` to `T/2`, over what of it counts.

@@ -4,6 +4,7 @@
 //! it white are weights, which are taken from what a hypothesis leaves: a value beside the records, which do not change.
 
 pub(crate) mod adjoint;
+pub(crate) mod excess;
 pub(crate) mod hold_delay;
 pub(crate) mod isolated_steps;
 pub(crate) mod periodic;
@@ -19,6 +20,7 @@ use crate::data::dataset::{Dataset, Record, Split};
 use crate::data::plateaus::split::is_fitted;
 use crate::model::hypothesis::Hypothesis;
 use crate::noise::whitening::dot;
+use excess::{Excess, Term};
 use periodic::{Periodic, PeriodicWeights};
 use plateaus::{PlateauWeights, Plateaus};
 
@@ -74,8 +76,32 @@ pub(crate) trait RecordLikelihood {
     /// The weights that a hypothesis gives, by what it leaves beside what is free.
     fn weighed(&self, hypothesis: &Hypothesis) -> Option<RecordWeights>;
 
+    /// What a hypothesis leaves over noise, number by number. Empty where it is impossible.
+    fn terms(&self, hypothesis: &Hypothesis, split: Split) -> Vec<Term>;
+
+    /// The same row by row over time, where [`Self::terms`] are not. Empty elsewhere.
+    fn terms_in_time(&self, _: &Hypothesis, _: Split) -> Vec<Term> {
+        Vec::new()
+    }
+
+    /// Sum of squares of what a hypothesis leaves, response units, beside a sensor's zero and the state at the begin, which decays with
+    /// `tau_s`. `None` where it is impossible.
+    fn squares(&self, hypothesis: &Hypothesis, tau_s: f64, split: Split) -> Option<f64>;
+
+    /// Sums of squares of the response about its mean, and of the noise in it.
+    fn power(&self, split: Split) -> Power;
+
     /// Standard deviation of the noise of a row.
     fn noise_std(&self) -> f64;
+}
+
+/// Sums of squares, response units.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Power {
+    /// Of the response about its mean.
+    pub response: f64,
+    /// Of the noise in it.
+    pub noise: f64,
 }
 
 /// Records with what they are weighed by.
@@ -162,6 +188,14 @@ impl Likelihood {
             self.compared(split).into_par_iter().map(|record| of(&*self.of(record))).collect();
         let sum = parts?.iter().sum::<f64>() + (hypothesis.time_offset_s / self.time_offset_std()).powi(2);
         sum.is_finite().then_some(sum)
+    }
+
+    /// What a hypothesis leaves over noise.
+    pub fn excess(&self, hypothesis: &Hypothesis, split: Split) -> Excess {
+        let mut total = Excess::default();
+        let terms = self.data.records.iter().flat_map(|record| self.of(record).terms(hypothesis, split));
+        terms.for_each(|term| total.add(term.excess));
+        total
     }
 
     /// How far the rows of the records leave the alignment open. A command takes effect at its row and the response is that of

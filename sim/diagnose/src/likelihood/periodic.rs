@@ -1,11 +1,19 @@
 //! The likelihood of records that repeat: white lines of a spectrum, one sum of squares over all of them.
 
 use num_complex::Complex64;
+use rotorlead_identify::align;
+use rotorlead_numerics::sample::mean;
 
-use super::{InitialCondition, RecordLikelihood, RecordWeights};
+use super::excess::{Excess, Line, Term};
+use super::{InitialCondition, Power, RecordLikelihood, RecordWeights};
 use crate::data::dataset::{Dataset, Record, Segment, Split};
 use crate::model::hypothesis::Hypothesis;
 use crate::noise::whitening::{NoiseDensity, Whitening, dot};
+
+/// Lines are compared up to this multiple of the highest excited frequency: what a nonlinearity adds lies there too.
+pub(crate) const BEYOND_EXCITED: f64 = 2.0;
+/// A line is excited where the command has this part of its strongest line there.
+const EXCITED: f64 = 1e-3;
 
 /// What the segments of a record that repeats are weighed by, one for each.
 #[derive(Clone, Debug)]
@@ -76,6 +84,12 @@ impl<'a> Periodic<'a> {
         Some(self.record.measured.iter().zip(&simulated).map(|(y, model)| y - model).collect())
     }
 
+    /// Sum of squares of the hum that was taken out of a segment: it is noise all the same.
+    fn hum(&self, segment: &Segment) -> f64 {
+        let hum = self.record.hum.get(segment.rows.clone()).unwrap_or_default();
+        hum.iter().map(|hum| hum * hum).sum()
+    }
+
     /// By how much the response is off at its begin, and the variance of that by noise.
     pub fn off_at_start(&self, hypothesis: &Hypothesis) -> Option<(f64, f64)> {
         let mut segments = self.record.segments.iter().zip(&self.weights.0);
@@ -121,6 +135,89 @@ impl RecordLikelihood for Periodic<'_> {
             weights.0.iter_mut().for_each(|whitening| whitening.set_noise(&density, self.record.rate_hz));
         }
         Some(RecordWeights::Periodic(weights))
+    }
+
+    fn terms(&self, hypothesis: &Hypothesis, split: Split) -> Vec<Term> {
+        let record = self.record;
+        if self.end_of(split) == 0 {
+            return Vec::new();
+        }
+        let Some(white) = self.residual(hypothesis, split) else { return Vec::new() };
+        let applied: Vec<f64> =
+            record.command.iter().step_by(record.commands_per_row).take(record.period_rows).copied().collect();
+        let command = Whitening::unit(record.period_rows).spectrum(&applied);
+        let strongest = command.iter().skip(1).map(|line| line.norm()).fold(0.0, f64::max);
+        let period_hz = record.rate_hz / record.period_rows as f64;
+        let mut white = &white[..];
+        let mut all = Vec::new();
+        for (segment, whitening) in self.segments(split) {
+            let (own, rest) = white.split_at(whitening.lines());
+            white = rest;
+            // What repeats lies on every so many lines.
+            for (place, z) in own.iter().skip(segment.periods - 1).step_by(segment.periods).enumerate() {
+                let harmonic = place + 1;
+                let hz = harmonic as f64 * period_hz;
+                if hz <= BEYOND_EXCITED * record.highest_hz {
+                    let is_excited = command.get(harmonic).is_some_and(|line| line.norm() > EXCITED * strongest);
+                    all.push(Term {
+                        excess: Excess { sum: z.norm_sqr(), expected: 2.0 },
+                        line: Some(Line { hz, is_excited, is_even: harmonic.is_multiple_of(2) }),
+                        nominal: Some((record.nominal, record.nominal)),
+                        ..Term::default()
+                    });
+                }
+            }
+        }
+        all
+    }
+
+    /// Period by period, and while the response rises or falls.
+    fn terms_in_time(&self, hypothesis: &Hypothesis, split: Split) -> Vec<Term> {
+        let record = self.record;
+        let period_s = record.period_rows as f64 / record.rate_hz;
+        let mut all = Vec::new();
+        for (segment, whitening) in self.segments(split) {
+            let Ok(simulated) = hypothesis.simulate(self.data, record, segment.rows.end) else { continue };
+            let variance = whitening.row_variance();
+            if variance <= 0.0 {
+                continue;
+            }
+            let left: Vec<f64> = segment.rows.clone().map(|row| record.measured[row] - simulated[row]).collect();
+            let mean = mean(&left);
+            all.extend(segment.rows.clone().zip(left).map(|(row, left)| {
+                let period = (row / record.period_rows) as f64;
+                Term {
+                    excess: Excess { sum: (left - mean).powi(2) / variance, expected: 1.0 },
+                    time_s: Some((period * period_s, (period + 1.0) * period_s)),
+                    direction: row.checked_sub(1).map(|before| (simulated[row] - simulated[before]).signum()),
+                    ..Term::default()
+                }
+            }));
+        }
+        all
+    }
+
+    fn squares(&self, hypothesis: &Hypothesis, tau_s: f64, split: Split) -> Option<f64> {
+        let simulated = hypothesis.simulate(self.data, self.record, self.end_of(split)).ok()?;
+        let of_segment = |segment: &Segment| {
+            let rows = segment.rows.clone();
+            let (time_s, measured) = (&self.record.time_s[rows.clone()], &self.record.measured[rows.clone()]);
+            let aligned = align(time_s, measured, &simulated[rows.clone()], tau_s);
+            let left: f64 = aligned.iter().zip(measured).map(|(model, y)| (y - model).powi(2)).sum();
+            left + self.hum(segment)
+        };
+        Some(self.segments(split).map(|(segment, _)| of_segment(segment)).sum())
+    }
+
+    fn power(&self, split: Split) -> Power {
+        let mut power = Power::default();
+        for (segment, whitening) in self.segments(split) {
+            let measured = &self.record.measured[segment.rows.clone()];
+            let mean = mean(measured);
+            power.response += measured.iter().map(|y| (y - mean).powi(2)).sum::<f64>();
+            power.noise += whitening.row_variance() * measured.len() as f64 + self.hum(segment);
+        }
+        power
     }
 
     fn noise_std(&self) -> f64 {

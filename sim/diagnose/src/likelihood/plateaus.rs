@@ -19,12 +19,18 @@ use nalgebra::{DMatrix, DVector};
 use num_complex::Complex64;
 use rotorlead_plant::Trace;
 
-use super::{RecordLikelihood, RecordWeights};
+use super::excess::{Excess, Term};
+use super::{Power, RecordLikelihood, RecordWeights};
 use crate::data::columns::Channel;
 use crate::data::dataset::{Dataset, Record, Split};
 use crate::data::plateaus::{Group, Log};
 use crate::model::hypothesis::Hypothesis;
 use crate::noise::plateau_errors::{Errors, Filter, Part, mean};
+
+/// Parts of the time of a record.
+const TIMES: f64 = 10.0;
+/// Levels are put together to this many ranges.
+const LEVELS: f64 = 5.0;
 
 /// What a record that does not repeat is weighed by.
 #[derive(Clone, Debug)]
@@ -226,8 +232,14 @@ impl<'a> Plateaus<'a> {
     }
 
     /// Number and sum of squares of levels, and the mean square of each step's motion, over the rows of a split.
-    pub fn squares(&self, hypothesis: &Hypothesis, split: Split) -> Option<((f64, f64), Vec<f64>)> {
+    pub fn levels_and_motion(&self, hypothesis: &Hypothesis, split: Split) -> Option<((f64, f64), Vec<f64>)> {
         Some(self.weights.response.of(split).squares(&self.left(hypothesis)?))
+    }
+
+    /// Sum of squares of the rows of the record that a row stands for.
+    fn square(&self, row: usize, left: &[f64]) -> f64 {
+        let (rows, scatter) = self.log().scatter[row];
+        rows * left[row].powi(2) + scatter
     }
 
     /// Columns beside the response, with their filters.
@@ -297,9 +309,59 @@ impl RecordLikelihood for Plateaus<'_> {
         Some(RecordWeights::Plateaus(weights))
     }
 
+    fn terms(&self, hypothesis: &Hypothesis, split: Split) -> Vec<Term> {
+        let Some(left) = self.left(hypothesis) else { return Vec::new() };
+        let (log, record) = (self.log(), self.record);
+        let unit = log.rows_per_sample.recip();
+        let length_s = record.time_s[record.time_s.len() - 1] - record.time_s[0];
+        let commands = || log.groups.iter().map(|group| group.command);
+        let (low, high) = (commands().fold(f64::INFINITY, f64::min), commands().fold(f64::NEG_INFINITY, f64::max));
+        let of_row = |(row, group): (usize, &Group)| {
+            let (rows, _) = log.scatter[row];
+            let moved = (group.step != 0.0).then_some(group.step);
+            Term {
+                excess: Excess {
+                    sum: unit * self.square(row, &left) / (group.noise * group.noise),
+                    expected: unit * rows,
+                },
+                line: None,
+                nominal: Some(bin(group.command, low, high, LEVELS)),
+                // Steps of a staircase are alike or much larger: whole hundredths of the command.
+                step: moved.map(|step| (100.0 * step.abs()).round() / 100.0),
+                direction: moved.map(f64::signum),
+                time_s: Some(bin(record.time_s[row] - record.time_s[0], 0.0, length_s, TIMES)),
+            }
+        };
+        self.rows(split).map(of_row).collect()
+    }
+
+    /// The state at the begin and the zero are those that [`RecordLikelihood::residual`] leaves out.
+    fn squares(&self, hypothesis: &Hypothesis, _: f64, split: Split) -> Option<f64> {
+        let left = self.left(hypothesis)?;
+        Some(self.rows(split).map(|(row, _)| self.square(row, &left)).sum())
+    }
+
+    fn power(&self, split: Split) -> Power {
+        let log = self.log();
+        let rows = || self.rows(split).map(|(row, group)| (log.scatter[row], self.record.measured[row], group.noise));
+        let count: f64 = rows().map(|((rows, _), ..)| rows).sum();
+        let mean = rows().map(|((rows, _), measured, _)| rows * measured).sum::<f64>() / count;
+        Power {
+            response: rows().map(|((rows, scatter), measured, _)| rows * (measured - mean).powi(2) + scatter).sum(),
+            noise: rows().map(|((rows, _), _, noise)| rows * noise * noise).sum(),
+        }
+    }
+
     fn noise_std(&self) -> f64 {
         self.log().groups.iter().map(|group| group.noise).fold(0.0, f64::max)
     }
+}
+
+/// The part of a range that a value is in, of so many.
+fn bin(value: f64, low: f64, high: f64, count: f64) -> (f64, f64) {
+    let width = (high - low) / count;
+    let index = if width > 0.0 { ((value - low) / width).floor().clamp(0.0, count - 1.0) } else { 0.0 };
+    (low + index * width, low + (index + 1.0) * width)
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {

@@ -4,26 +4,20 @@ use rotorlead_identify::offset_and_start;
 use rotorlead_numerics::sample::mean;
 use rotorlead_plant::effect::{Kind, Site};
 use rotorlead_plant::{
-    ActiveEffect, Actuator, Catalog, Drive, EscTiming, Interpolation, Lag, Memory, OperatingPoint, PlantError, Start,
-    Trace, simulate, simulate_interpolated, simulate_periodic_interpolated, simulate_response,
+    ActiveEffect, Actuator, Catalog, Drive, EscTiming, Lag, OperatingPoint, PlantError, Start, Trace, simulate,
+    simulate_interpolated, simulate_periodic_interpolated, simulate_response,
 };
 
 use super::candidate::{Candidate, from_coordinate, to_coordinate};
 use super::frame_hold;
 use crate::data::columns::Column;
-use crate::data::dataset::{Before, Dataset, Record};
+use crate::data::dataset::{Dataset, Record};
 
 /// How far a value may leave its plausible range in a search, in widths of the range.
 const BEYOND: f64 = 0.5;
 
 /// Shortest time constant that is searched, seconds.
 const LEAST_TIME_CONSTANT_S: f64 = 1e-4;
-/// The same in parts of the time between rows of records that do not repeat.
-const LEAST_PART_OF_ROW: f64 = 0.3;
-
-/// Records that do not repeat are simulated in steps that are so many times as long as usual: models of them are off by a part in a
-/// thousand at best, and this by one in a hundred thousand.
-const LONGER_STEPS: f64 = 2.5;
 
 /// Gain of a lag that does not respond: its logarithm is searched.
 const LEAST_GAIN: f64 = 1e-9;
@@ -97,11 +91,9 @@ impl Hypothesis {
     /// The same with what logs show: no time constant that is much shorter than the time between rows, and no gain where the static
     /// map is free.
     pub fn of_what_shows(mut self, data: &Dataset) -> Self {
-        let is_free = |record: &Record| record.log.as_ref().is_some_and(|log| log.has_free_map);
-        self.has_free_map = data.records.iter().all(is_free);
-        let part = |record: &Record| record.log.as_ref().map(|_| LEAST_PART_OF_ROW / record.rate_hz);
+        self.has_free_map = data.records.iter().all(Record::has_free_map);
         // Of several records that with the shortest interval shows most.
-        let shortest = data.records.iter().map(|record| part(record).unwrap_or(0.0)).fold(f64::INFINITY, f64::min);
+        let shortest = data.records.iter().map(Record::least_time_constant_s).fold(f64::INFINITY, f64::min);
         self.least_s = self.least_s.max(if shortest.is_finite() { shortest } else { 0.0 });
         self
     }
@@ -352,27 +344,11 @@ impl Hypothesis {
         response: f64,
     ) -> Result<Vec<f64>, PlantError> {
         let (mut actuator, start, stamps) = self.actuator(data, record, rows, response)?;
-        let drive = self.drive(record, rows);
+        let drive = record.drive(rows, self.in_rows);
         if !record.repeats {
             return simulate_interpolated(&mut actuator, drive, start, &stamps);
         }
         simulate_periodic_interpolated(&mut actuator, drive, start, &stamps, record.period_rows)
-    }
-
-    /// The applied commands of a record up to so many rows.
-    fn drive<'a>(&self, record: &'a Record, rows: usize) -> (Drive<'a>, Interpolation) {
-        let up_to = |time_s: &'a [f64], command: &'a [f64], last: usize| {
-            let count = (last + 1).min(time_s.len());
-            Drive { time_s: &time_s[..count], command: &command[..count] }
-        };
-        if record.log.is_some() {
-            return (Drive { time_s: &record.command_s, command: &record.command }, Interpolation::ZeroOrderHold);
-        }
-        let last = rows.saturating_sub(1);
-        if self.in_rows && !record.first_order_hold.is_empty() {
-            return (up_to(&record.time_s, &record.first_order_hold, last), Interpolation::FirstOrderHold);
-        }
-        (up_to(&record.command_s, &record.command, last * record.commands_per_row), Interpolation::ZeroOrderHold)
     }
 
     /// The actuator, what was before a record, and the moments of its rows.
@@ -407,20 +383,9 @@ impl Hypothesis {
             }
             None => Actuator::with_effects(point, &effects, timing)?,
         };
-        let actuator = if record.log.is_some() { actuator.in_longer_steps(LONGER_STEPS) } else { actuator };
+        let actuator = actuator.in_longer_steps(record.step_factor());
         let stamps: Vec<f64> = record.time_s[..rows].iter().map(|time_s| time_s - self.time_offset_s).collect();
-        let start = match record.before {
-            _ if record.log.is_some() => Start::Rest(record.command[0]),
-            Before::Rest => Start::Rest(record.nominal),
-            Before::Periods => {
-                let period_s = record.period_rows as f64 / record.rate_hz;
-                let lead_s = match actuator.memory() {
-                    Memory::Seconds(memory_s) => memory_s.min(period_s),
-                    Memory::TurningPoints(_) | Memory::Lasting => period_s,
-                };
-                Start::Running { period_s, lead_s }
-            }
-        };
+        let start = record.start(actuator.memory());
         Ok((actuator, start, stamps))
     }
 }

@@ -22,9 +22,9 @@ use rotorlead_fourier as fourier;
 use crate::data::dataset::{Record, Split};
 use crate::estimate::fit::Fit;
 use crate::estimate::frame_rate::{at_rate, refined};
-use crate::likelihood::Likelihood;
 use crate::likelihood::adjoint::Adjoint;
 use crate::likelihood::isolated_steps::{IsolatedStep, changes, isolated_steps};
+use crate::likelihood::{Likelihood, RecordLikelihood as _};
 use crate::model::hypothesis::Hypothesis;
 
 /// The rate is looked for within this factor of the one that half a frame of delay tells.
@@ -135,12 +135,12 @@ pub(crate) fn find(likelihood: &Likelihood, fit: &Fit, effect: usize, behind: f6
 pub(crate) fn are_missed(likelihood: &Likelihood, fit: &Fit, effect: usize, found: Option<f64>) -> bool {
     let with = anywhere(likelihood, &fit.hypothesis, effect);
     let difference = |record: &Record| {
-        let white = |hypothesis| likelihood.residual(record, hypothesis, Split::Train);
+        let periodic = likelihood.periodic(record)?;
+        let white = |hypothesis| periodic.residual(hypothesis, Split::Train);
         let (mean, framed) = (white(&fit.hypothesis)?, white(&with)?);
         Some(mean.iter().zip(&framed).map(|(mean, framed)| (mean - framed).norm_sqr()).sum::<f64>())
     };
-    let shown: f64 =
-        likelihood.data.records.par_iter().filter(|record| record.log.is_none()).filter_map(difference).sum();
+    let shown: f64 = likelihood.data.records.par_iter().filter_map(difference).sum();
     let gained = found.map_or(0.0, |found| fit.chi_square - found);
     shown > SEEN && gained < MISSED * shown
 }

@@ -23,13 +23,21 @@ pub(crate) struct Scan<'a> {
 impl<'a> Scan<'a> {
     /// On the largest record of each excitation near the middle nominal command that is fitted; there the command goes through
     /// most levels. Multisines and triangles go through many, and each has valleys that the other does not show; the two levels
-    /// of a square wave count where there is nothing else. `None` where nothing is.
+    /// of a square wave count where there is nothing else. `None` where the derivatives
+    /// of the lags are not defined.
     pub fn new(likelihood: &Likelihood, from: &'a Fit) -> Option<Self> {
         let is_fitted = |record: &&Record| likelihood.has(record, Split::Train);
         let middle = 0.5 * (likelihood.data.nominals.first()? + likelihood.data.nominals.last()?);
         let off = |record: &Record| (record.nominal - middle).abs() - record.amplitude;
         let largest = |is_one: &dyn Fn(Excitation) -> bool| {
-            let those = likelihood.data.records.iter().filter(is_fitted).filter(|record| is_one(record.excitation));
+            // A log stands on few levels: there are no valleys but these.
+            let those = likelihood
+                .data
+                .records
+                .iter()
+                .filter(|record| likelihood.periodic(record).is_some())
+                .filter(is_fitted)
+                .filter(|record| is_one(record.excitation));
             those.min_by(|a, b| off(a).total_cmp(&off(b)))
         };
         let mut chosen: Vec<&Record> = [Excitation::Multisine, Excitation::Triangle]
@@ -47,7 +55,7 @@ impl<'a> Scan<'a> {
                 Some((of_record, score_test))
             })
             .collect();
-        records.filter(|records| !records.is_empty()).map(|records| Self { records })
+        Some(Self { records: records? })
     }
 
     /// The lowest valleys of a kind over the plausible range of its value. Empty for kinds without such.
@@ -58,8 +66,7 @@ impl<'a> Scan<'a> {
         }
         let candidates = Candidate::grid(kind, pieces);
         let mut found: Vec<Candidate> = Vec::new();
-        // A log stands on few levels: there are no valleys but these.
-        for (likelihood, score_test) in self.records.iter().filter(|(likelihood, _)| !likelihood.data.has_logs()) {
+        for (likelihood, score_test) in &self.records {
             let left: Vec<f64> = candidates
                 .par_iter()
                 .map(|candidate| {

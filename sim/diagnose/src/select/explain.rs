@@ -14,7 +14,6 @@ use rotorlead_plant::effect::{Kind, Shows, Site};
 
 use super::auxiliary;
 use super::plateau_search::Decision;
-use crate::assess::locate::excess;
 use crate::assess::steadiness::steadiness;
 use crate::data::dataset::{Dataset, Split};
 use crate::estimate::fit::{Fit, fit_in};
@@ -275,7 +274,7 @@ impl Search<'_> {
 
     /// The part of the chi-square of `before` that `fit` leaves; 0 where it leaves no more than noise.
     fn leaves(&self, fit: &Fit, before: &Fit) -> f64 {
-        let left = |fit: &Fit| excess(&self.likelihood, &fit.hypothesis, Split::Train);
+        let left = |fit: &Fit| self.likelihood.excess(&fit.hypothesis, Split::Train);
         if left(fit).is_noise() { 0.0 } else { left(fit).over() / left(before).over() }
     }
 
@@ -374,12 +373,12 @@ impl Search<'_> {
     }
 
     fn is_surely_noise(&self, fit: &Fit) -> bool {
-        excess(&self.likelihood, &fit.hypothesis, Split::Train).is_surely_noise()
+        self.likelihood.excess(&fit.hypothesis, Split::Train).is_surely_noise()
     }
 
     /// Whether `fit` leaves nothing but noise.
     pub fn explains_all(&self, fit: &Fit) -> bool {
-        excess(&self.likelihood, &fit.hypothesis, Split::Train).is_noise()
+        self.likelihood.excess(&fit.hypothesis, Split::Train).is_noise()
             && steadiness(&self.likelihood, &fit.hypothesis).is_noise()
     }
 

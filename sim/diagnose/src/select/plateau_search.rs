@@ -35,15 +35,12 @@ const LEAST_SCORE_IN_LOGS: f64 = 10.0;
 impl Dataset {
     /// Whether the records can show a kind.
     fn can_show(&self, kind: &Kind) -> bool {
-        let any_repeats = || self.records.iter().any(|record| record.log.is_none());
         match kind.shows {
             // A static map that is free has no curvature left to find.
-            Shows::Anywhere if kind.site == Site::Map => {
-                self.records.iter().any(|record| record.log.as_ref().is_none_or(|log| !log.has_free_map))
-            }
+            Shows::Anywhere if kind.site == Site::Map => !self.records.iter().all(Record::has_free_map),
             Shows::Anywhere | Shows::OverLevels => true,
             Shows::BetweenLevels => self.records.iter().any(|record| !record.goes_from_level_to_level()),
-            Shows::BetweenClocks => any_repeats(),
+            Shows::BetweenClocks => self.has_periodic(),
             Shows::InForce => self.output == Output::ThrustN,
         }
     }
@@ -78,12 +75,6 @@ impl Dataset {
             })
         };
         Candidate::searched(candidate.kind).find_map(|value| beyond(value).or_else(|| longer(value)))
-    }
-}
-
-impl Record {
-    fn goes_from_level_to_level(&self) -> bool {
-        self.log.as_ref().is_some_and(|log| log.begins_settled)
     }
 }
 

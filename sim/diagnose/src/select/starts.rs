@@ -15,10 +15,10 @@
 //! An effect with which `s` vanishes is better by the logarithm, and by no more: that all begins are off for reasons of their own stays
 //! possible.
 
-use crate::assess::locate::Excess;
 use crate::data::dataset::Record;
 use crate::estimate::fit::{Fit, fit};
 use crate::estimate::prediction::{self, Near};
+use crate::likelihood::excess::Excess;
 use crate::likelihood::{InitialCondition, Likelihood};
 use crate::model::hypothesis::Hypothesis;
 use crate::select::explain::{Found, Search};

@@ -1,0 +1,90 @@
+//! What a hypothesis leaves of the records over what noise leaves.
+//!
+//! Of a record that repeats it is looked for on the lines that a period has: there is signal, chi-square and noise. `sum |z|^2` of the
+//! white residual over `n` lines is a chi-square of `2 n` where only noise is left. Of one that does not repeat it is the square of each
+//! row's residual over the variance of the noise there, which is 1 on average where only noise is left; rows of correlated noise count
+//! as fewer.
+
+use serde::Serialize;
+
+/// The noise density is a mean over this many lines, so its own error adds to that of a sum over many.
+const DENSITY_LINES: f64 = 48.0;
+/// A chi-square of fewer standard deviations than this is no chi-square.
+const SIGNIFICANT: f64 = 5.0;
+/// The same for a story that many others look like.
+const SUSPICIOUS: f64 = 3.5;
+/// What is left is the noise, its density being an estimate, where it is no more than this times it in power.
+const NOISE: f64 = 1.05;
+
+/// How much is left, and how much noise would leave.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Excess {
+    /// Sum of squares of the white residual.
+    pub sum: f64,
+    /// What noise leaves on average: two per line.
+    pub expected: f64,
+}
+
+impl Excess {
+    pub(crate) fn add(&mut self, other: Self) {
+        self.sum += other.sum;
+        self.expected += other.expected;
+    }
+
+    /// What is more than noise.
+    #[must_use]
+    pub fn over(&self) -> f64 {
+        self.sum - self.expected
+    }
+
+    /// Whether it is no more than noise leaves, whose density is an estimate.
+    #[must_use]
+    pub fn is_noise(&self) -> bool {
+        self.significance() < SIGNIFICANT || self.sum < NOISE * self.expected
+    }
+
+    /// Whether it is so little more that a story which many others look like may be believed.
+    #[must_use]
+    pub fn is_surely_noise(&self) -> bool {
+        self.significance() < SUSPICIOUS || self.sum < NOISE * self.expected
+    }
+
+    /// The same in standard deviations.
+    #[must_use]
+    pub fn significance(&self) -> f64 {
+        if self.expected == 0.0 {
+            return 0.0;
+        }
+        // 2 n for the chi-square of n degrees of freedom, as much again for the density's own error where it rests on few.
+        let variance = 2.0 * self.expected * (1.0 + self.expected / (self.expected + DENSITY_LINES));
+        self.over() / variance.sqrt()
+    }
+}
+
+/// Something that is left, with where it lies along what it lies on.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Term {
+    /// How much.
+    pub excess: Excess,
+    /// The line of a spectrum that it is on.
+    pub line: Option<Line>,
+    /// From and to in commands.
+    pub nominal: Option<(f64, f64)>,
+    /// Size of the last step, a command.
+    pub step: Option<f64>,
+    /// 1 upward and -1 downward.
+    pub direction: Option<f64>,
+    /// From and to in seconds from the begin of the record.
+    pub time_s: Option<(f64, f64)>,
+}
+
+/// A line that a period has.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Line {
+    /// Its frequency.
+    pub hz: f64,
+    /// Whether the command has it.
+    pub is_excited: bool,
+    /// Whether it is an even multiple of the frequency of the period.
+    pub is_even: bool,
+}
