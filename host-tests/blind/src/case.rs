@@ -13,6 +13,7 @@ use super::noise::Noise;
 use super::outside::{Outside, Sort};
 use super::path::{Timing, means, pieces};
 use super::setup::Setup;
+use super::shape::Shape;
 
 /// Grid on which data are made, in seconds.
 pub const STEP_S: f64 = 50e-6;
@@ -66,6 +67,8 @@ pub enum Class {
     Empty,
     /// Two effects of distinct kinds.
     Pair,
+    /// One effect, whose law is a little other than the catalog's.
+    Perturbed,
     /// Something that no catalog names.
     Outside,
 }
@@ -78,6 +81,7 @@ impl Class {
             Self::Single(kind) => kind.name(),
             Self::Empty => "nothing",
             Self::Pair => "pair",
+            Self::Perturbed => "perturbed",
             Self::Outside => "outside",
         }
     }
@@ -88,6 +92,7 @@ impl Class {
             Self::Empty => 100,
             Self::Pair => 101,
             Self::Outside => 102,
+            Self::Perturbed => 103,
         }
     }
 }
@@ -148,6 +153,8 @@ pub struct Case {
     pub motor: Motor,
     /// What is hidden.
     pub effects: Vec<Effect>,
+    /// By what its law is bent.
+    pub shape: Shape,
     /// What is hidden and has no name.
     pub outside: Option<Outside>,
     /// Resistance's share of a supply's drop.
@@ -170,10 +177,16 @@ impl Case {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let rng = &mut rng;
         let motor = Motor::draw(rng);
+        let mut shape = Shape::default();
         let (effects, outside) = match class {
             Class::Single(kind) => (vec![kind.draw(rng)], None),
             Class::Empty => (Vec::new(), None),
             Class::Pair => (draw_pair(rng), None),
+            Class::Perturbed => {
+                let kind = Shape::KINDS[number as usize % Shape::KINDS.len()];
+                shape = Shape::draw(kind, rng);
+                (vec![Shape::draw_effect(kind, rng)], None)
+            }
             Class::Outside => {
                 let sorts: &[Sort] = match set {
                     Set::Tune => &Sort::TUNE,
@@ -193,13 +206,26 @@ impl Case {
         let resistance_share = rng.random_range(0.0..0.5);
         let has_more_columns = rng.random_bool(0.5);
         let runs = draw_runs(motor.points.len(), &motor, rng);
-        Self { class, number, seed, motor, effects, outside, resistance_share, noise, given, has_more_columns, runs }
+        Self {
+            class,
+            number,
+            seed,
+            motor,
+            effects,
+            shape,
+            outside,
+            resistance_share,
+            noise,
+            given,
+            has_more_columns,
+            runs,
+        }
     }
 
     /// The chain with what is hidden in it.
     #[must_use]
     pub fn setup(&self) -> Setup {
-        Setup::of(&self.effects, self.resistance_share)
+        Setup { shape: self.shape, ..Setup::of(&self.effects, self.resistance_share) }
     }
 
     /// Makes one record's columns.

@@ -150,7 +150,8 @@ pub fn ceiling(case: &Case, columns: &[Columns], which: Rivals) -> Option<Ceilin
     }
     let fitter = &mut Fitter::new(case, columns);
     match case.class {
-        Class::Empty | Class::Outside => None,
+        // No law of the catalog is the truth of one that is bent.
+        Class::Empty | Class::Outside | Class::Perturbed => None,
         Class::Pair => Some(of_pair(fitter, case, which)),
         Class::Single(kind) => {
             let kinds = if kind == Kind::ParameterError { Vec::new() } else { vec![kind] };

@@ -18,6 +18,8 @@ use super::setup::Setup;
 const CURRENT_EXPONENT: i32 = 3;
 /// The command, and with it the speed, at which a supply's drops are stated.
 const HOVER: f64 = 0.5;
+/// The paper's amplitude, at which laws that are bent are bent by as much as they say.
+const AMPLITUDE: f64 = 0.05;
 
 /// The current at a speed, relative to that at hover.
 #[must_use]
@@ -66,7 +68,9 @@ impl Chain<'_> {
     /// The thrust that a command has in the end, at relative voltage 1 and without drift.
     fn target_n(&self, command: f64) -> f64 {
         let deviation = command - self.point.nominal;
-        self.point.rest_n + self.point.gain_n * (deviation + self.setup.curvature * deviation * deviation)
+        let Setup { curvature, shape, .. } = self.setup;
+        let cubic = shape.cubic * deviation / AMPLITUDE;
+        self.point.rest_n + self.point.gain_n * (deviation + curvature * deviation * deviation * (1.0 + cubic))
     }
 
     fn plain(&self, means: &[f64]) -> (Vec<f64>, Vec<f64>) {
@@ -86,24 +90,35 @@ impl Chain<'_> {
         let (setup, point, step_s) = (self.setup, &self.point, self.step_s);
         let supplied = setup.sag_depth != 0.0 || setup.sag_resistance != 0.0;
         let current = |thrust: f64| if supplied { relative_current(point.speed(thrust)) } else { 0.0 };
-        let rest_current = current(point.rest_n);
+        let by_command = |command: f64| (command / HOVER).powi(2);
+        let rest_current = if setup.shape.sags_by_command { by_command(point.nominal) } else { current(point.rest_n) };
         let raw_voltage = |slow: f64, current: f64| 1.0 - setup.sag_depth * slow - setup.sag_resistance * current;
         let rest_voltage = raw_voltage(rest_current, rest_current);
         let (slower, faster) = (setup.ratio.sqrt(), 1.0 / setup.ratio.sqrt());
+        let swing_n = 2.0 * AMPLITUDE * point.gain_n;
         let lag = |thrust: f64, target: f64| {
             let tau = point.time_constant_s * if target >= thrust { faster } else { slower };
+            let way = setup.shape.unevenness_of_way * ((target - thrust) / swing_n).abs();
+            let tau = tau * if target >= thrust { faster } else { slower }.powf(way);
             // A rotor that nearly stands does not become infinitely slow.
-            tau * (point.speed(thrust) / point.nominal).max(0.1).powf(-setup.exponent)
+            let speed = (point.speed(thrust) / point.nominal).max(0.1);
+            let of_speed = || (1.0 - setup.exponent * (speed - 1.0)).max(0.1);
+            tau * if setup.shape.linear_lag { of_speed() } else { speed.powf(-setup.exponent) }
         };
         // The change is that of the first time constant.
         let reach = setup.drift_change / (1.0 - (-1.0_f64).exp());
-        let drift = |time_s: f64| reach * (1.0 - (-time_s / setup.drift_time_s).exp());
+        let drift = |time_s: f64| {
+            if setup.shape.ramp {
+                return setup.drift_change * time_s / setup.drift_time_s;
+            }
+            reach * (1.0 - (-time_s / setup.drift_time_s).exp())
+        };
         let drifts = setup.drift_change != 0.0;
         // What stays of a deviation after half a step and a whole one, for a time constant.
         let decays = |tau: f64| ((-step_s / 2.0 / tau).exp(), (-step_s / tau).exp());
         let (rising, falling) = (decays(point.time_constant_s * faster), decays(point.time_constant_s * slower));
         let decay = |thrust: f64, target: f64| {
-            if setup.exponent != 0.0 {
+            if setup.exponent != 0.0 || setup.shape.unevenness_of_way != 0.0 {
                 return decays(lag(thrust, target));
             }
             if target >= thrust { rising } else { falling }
@@ -118,19 +133,20 @@ impl Chain<'_> {
         let slow_half = (-step_s / 2.0 / setup.sag_time_s).exp();
         for (index, mean) in means.iter().enumerate() {
             let gain = if drifts { 1.0 + drift((index as f64 + 0.5) * step_s) } else { 1.0 };
+            let loaded = |thrust: f64| if setup.shape.sags_by_command { by_command(*mean) } else { current(thrust) };
             let target = |thrust: f64, slow: f64| {
-                let ratio = if supplied { raw_voltage(slow, current(thrust)) / rest_voltage } else { 1.0 };
+                let ratio = if supplied { raw_voltage(slow, loaded(thrust)) / rest_voltage } else { 1.0 };
                 gain * self.target_n(mean * ratio)
             };
             let first = target(thrust, slow);
             let middle = first + (thrust - first) * decay(thrust, first).0;
-            let middle_slow = if supplied { blend(current(thrust), slow, slow_half) } else { 0.0 };
+            let middle_slow = if supplied { blend(loaded(thrust), slow, slow_half) } else { 0.0 };
             let second = target(middle, middle_slow);
             thrust = second + (thrust - second) * decay(middle, second).1;
             out.push(thrust);
             if supplied {
-                slow = blend(current(middle), slow, slow_half * slow_half);
-                voltage.push(raw_voltage(slow, current(thrust)) / rest_voltage);
+                slow = blend(loaded(middle), slow, slow_half * slow_half);
+                voltage.push(raw_voltage(slow, loaded(thrust)) / rest_voltage);
             }
         }
         (out, voltage)
@@ -148,9 +164,13 @@ impl Chain<'_> {
                 through * to + (1.0 - through) * lagged
             });
         }
-        if setup.pole_s > 0.0 {
-            let mut lag = Lag::at_rest(setup.pole_s, self.step_s, rest);
-            filter(&mut force, |from, to| lag.step(from, to));
+        // A delay that lags does so anywhere in a linear chain.
+        let third_s = setup.shape.third_lag * setup.pole_s;
+        for lag_s in [setup.pole_s - third_s, third_s, setup.shape.delay_that_lags * setup.delay_s] {
+            if lag_s > 0.0 {
+                let mut lag = Lag::at_rest(lag_s, self.step_s, rest);
+                filter(&mut force, |from, to| lag.step(from, to));
+            }
         }
         if setup.participation != 0.0 && setup.stand_hz > 0.0 {
             let mut mode = Mode::at_rest(setup.stand_hz, setup.stand_damping, self.step_s, rest);

@@ -38,6 +38,7 @@ pub mod report;
 pub mod run;
 pub mod score;
 pub mod setup;
+pub mod shape;
 pub mod solve;
 pub mod tally;
 pub mod whiten;

@@ -47,36 +47,38 @@ impl Timing {
 pub fn pieces(commands: &[f64], nominal: f64, setup: &Setup, timing: &Timing) -> Vec<Piece> {
     let mut values = Vec::with_capacity(commands.len());
     let quantized = |value: f64| if setup.step > 0.0 { (value / setup.step).round() * setup.step } else { value };
-    let rest = quantized(nominal.min(setup.upper));
+    let rest = quantized(setup.shape.clipped(nominal, setup.upper));
     let (mut held, mut play) = (rest, rest);
     for command in commands {
-        let value = quantized(command.min(setup.upper));
+        let value = quantized(setup.shape.clipped(*command, setup.upper));
         // The tiny part keeps sums of steps of exactly one width from hanging on the last bit.
         if (value - held).abs() >= setup.dead_band * (1.0 - 1e-9) {
-            held = value;
+            held = value - setup.shape.left_behind * setup.dead_band.copysign(value - held);
         }
         play = play.clamp(held - setup.half_play, held + setup.half_play);
-        values.push(play);
+        values.push(play + setup.shape.compliance * (held - play));
     }
-    let mut pieces = slewed(&values, rest, setup.slope_per_s, &timing.take_over_s);
+    let slopes = [setup.slope_per_s, setup.slope_per_s * (1.0 - setup.shape.slower_down)];
+    let mut pieces = slewed(&values, rest, slopes, &timing.take_over_s);
     if setup.frame_hz.is_finite() {
         pieces = framed(&pieces, setup.frame_hz, timing);
     }
     if setup.delay_s > 0.0 {
         for piece in &mut pieces[1..] {
-            piece.start_s += setup.delay_s;
+            piece.start_s += setup.delay_s * (1.0 - setup.shape.delay_that_lags);
         }
     }
     pieces
 }
 
-/// The first piece is the rest before time zero.
-fn slewed(values: &[f64], rest: f64, slope_per_s: f64, times_s: &[f64]) -> Vec<Piece> {
+/// With these slopes upward and downward. The first piece is the rest before time zero.
+fn slewed(values: &[f64], rest: f64, [up, down]: [f64; 2], times_s: &[f64]) -> Vec<Piece> {
     let mut pieces = Vec::with_capacity(values.len() + 1);
     pieces.push(Piece { start_s: f64::NEG_INFINITY, value: rest, slope_per_s: 0.0 });
     let mut now = rest;
     for (index, (value, start_s)) in values.iter().zip(times_s).enumerate() {
         let until_s = times_s.get(index + 1).copied().unwrap_or(f64::INFINITY);
+        let slope_per_s = if *value >= now { up } else { down };
         let needed_s = (value - now).abs() / slope_per_s;
         if needed_s <= 0.0 {
             pieces.push(Piece { start_s: *start_s, value: *value, slope_per_s: 0.0 });

@@ -13,6 +13,7 @@ use super::diagnosis::Diagnosis;
 use super::folder::{self, Paths, Truth};
 use super::kind::Kind;
 use super::score::Scored;
+use super::shape::Shape;
 
 /// How long the tool may take over a case before it counts as no answer.
 const LIMIT: Duration = Duration::from_secs(600);
@@ -45,7 +46,13 @@ pub struct Plan {
 #[must_use]
 pub fn cases(seeds: u64, only: &[Class]) -> Vec<(Class, u64)> {
     let singles = Kind::ALL.into_iter().map(|kind| (Class::Single(kind), seeds));
-    let others = [(Class::Empty, 4 * seeds), (Class::Pair, 3 * seeds), (Class::Outside, 2 * seeds)];
+    let perturbed = seeds * Shape::KINDS.len() as u64;
+    let others = [
+        (Class::Empty, 4 * seeds),
+        (Class::Pair, 3 * seeds),
+        (Class::Outside, 2 * seeds),
+        (Class::Perturbed, perturbed),
+    ];
     singles
         .chain(others)
         .filter(|(class, _)| only.is_empty() || only.contains(class))
@@ -173,7 +180,7 @@ fn ask(tool: &Path, paths: &Paths, answer: &Path) -> Result<Result<Diagnosis, St
 
 /// The ceiling from the cache, or computed and put there. Its key is the data.
 fn cached_ceiling(plan: &Plan, case: &Case, columns: &[Columns]) -> Result<Option<Ceiling>, String> {
-    if matches!(case.class, Class::Empty | Class::Outside) || plan.rivals == Rivals::None {
+    if matches!(case.class, Class::Empty | Class::Outside | Class::Perturbed) || plan.rivals == Rivals::None {
         return Ok(None);
     }
     // FNV-1a.

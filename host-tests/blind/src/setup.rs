@@ -1,6 +1,7 @@
 //! A list of effects as the numbers that the chain runs with.
 
 use super::kind::{Effect, Kind};
+use super::shape::Shape;
 
 /// Everything that can be set on the chain. What is not hidden has its null value: no limit, no step, no lag.
 #[derive(Clone, Debug, PartialEq)]
@@ -49,6 +50,8 @@ pub struct Setup {
     pub participation: f64,
     /// How much longer the logger's second is, in parts per million.
     pub skew_ppm: f64,
+    /// By what the laws of all this are bent.
+    pub shape: Shape,
 }
 
 impl Default for Setup {
@@ -76,6 +79,7 @@ impl Default for Setup {
             stand_damping: 1.0,
             participation: 0.0,
             skew_ppm: 0.0,
+            shape: Shape::default(),
         }
     }
 }
@@ -126,6 +130,7 @@ impl Setup {
             slope_per_s: self.slope_per_s,
             frame_hz: self.frame_hz,
             delay_s: self.delay_s,
+            shape: self.shape,
             ..Self::default()
         }
     }
@@ -141,6 +146,7 @@ impl Setup {
             && self.pole_s == 0.0
             && self.participation == 0.0
             && self.skew_ppm == 0.0
+            && self.shape.delay_that_lags == 0.0
     }
 
     /// Whether the rotor's lag is a fixed first-order lag on a fixed map, which has an exact step.

@@ -127,6 +127,16 @@ pub fn figures(cases: &[Scored]) -> Vec<Figure> {
             Share::count(of(Class::Outside).map(Scored::admits)),
             least(0.9),
         ),
+        figure(
+            "a law a little other than the catalog's: the first name is right",
+            Share::count(of(Class::Perturbed).map(Scored::first_is_right)),
+            least(0.8),
+        ),
+        figure(
+            "a law a little other than the catalog's: another's name, in its place or beside it",
+            Share::count(of(Class::Perturbed).map(Scored::has_wrong_name)),
+            Some((0.0, 0.05)),
+        ),
         figure("pairs that show: both names", Share::count(pairs.iter().map(|case| case.all_named())), least(0.8)),
         figure(
             "of these, can be identified: both names",
