@@ -164,9 +164,8 @@ impl Chain<'_> {
                 through * to + (1.0 - through) * lagged
             });
         }
-        // A delay that lags does so anywhere in a linear chain.
         let third_s = setup.shape.third_lag * setup.pole_s;
-        for lag_s in [setup.pole_s - third_s, third_s, setup.shape.delay_that_lags * setup.delay_s] {
+        for lag_s in [setup.pole_s - third_s, third_s] {
             if lag_s > 0.0 {
                 let mut lag = Lag::at_rest(lag_s, self.step_s, rest);
                 filter(&mut force, |from, to| lag.step(from, to));

@@ -13,6 +13,9 @@ pub struct Diagnosis {
     pub verdict: Verdict,
     /// The named effects, the most important first.
     pub effects: Vec<Named>,
+    /// Effects that are significant and do not matter.
+    #[serde(default)]
+    pub minor: Vec<Named>,
     /// Effects with weak evidence; `None` of a tool that does not say it.
     #[serde(default)]
     pub weak_evidence: Option<Vec<WeakEvidence>>,

@@ -52,8 +52,8 @@ pub fn pieces(commands: &[f64], nominal: f64, setup: &Setup, timing: &Timing) ->
     for command in commands {
         let value = quantized(setup.shape.clipped(*command, setup.upper));
         // The tiny part keeps sums of steps of exactly one width from hanging on the last bit.
-        if (value - held).abs() >= setup.dead_band * (1.0 - 1e-9) {
-            held = value - setup.shape.left_behind * setup.dead_band.copysign(value - held);
+        if (value - held).abs() >= setup.dead_band * setup.shape.width_at(value - nominal) * (1.0 - 1e-9) {
+            held = value;
         }
         play = play.clamp(held - setup.half_play, held + setup.half_play);
         values.push(play + setup.shape.compliance * (held - play));
@@ -65,7 +65,7 @@ pub fn pieces(commands: &[f64], nominal: f64, setup: &Setup, timing: &Timing) ->
     }
     if setup.delay_s > 0.0 {
         for piece in &mut pieces[1..] {
-            piece.start_s += setup.delay_s * (1.0 - setup.shape.delay_that_lags);
+            piece.start_s += setup.delay_s;
         }
     }
     pieces

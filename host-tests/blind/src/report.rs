@@ -21,7 +21,8 @@ pub fn page(cases: &[Scored], set: Set, about: &str) -> String {
         text,
         "Made by {about} from the `{}` set: {} cases. The `tune` set is for making the method, the `report` set for this \
          page; they share no seed and no sort of effect outside the catalog. The data come from code that shares nothing \
-         with the simulator. Intervals are Wilson's, of 95 %.\n\n",
+         with the simulator. A kind that is said to be significant and not to matter (`minor`) counts as named where it is \
+         hidden, and is no wrong name. Intervals are Wilson's, of 95 %.\n\n",
         set.name(),
         cases.len(),
     );

@@ -37,12 +37,17 @@ impl Scored {
         self.answer.as_ref().map_or(&[], |answer| &answer.effects)
     }
 
+    /// The names, and then the kinds that are said not to matter.
+    fn mentioned(&self) -> impl Iterator<Item = &Named> {
+        self.answer.iter().flat_map(|answer| answer.effects.iter().chain(&answer.minor))
+    }
+
     /// What the table calls the answer: the first name, or `agrees`, `unknown`, `error`.
     #[must_use]
     pub fn first(&self) -> &str {
         match &self.answer {
             Err(_) => "error",
-            Ok(answer) => match (answer.verdict, answer.effects.first()) {
+            Ok(answer) => match (answer.verdict, self.mentioned().next()) {
                 (_, Some(effect)) => &effect.kind,
                 (Verdict::Agrees, None) => "agrees",
                 (_, None) => "unknown",
@@ -54,17 +59,17 @@ impl Scored {
         self.truth.effects.iter().any(|hidden| hidden.kind == name)
     }
 
-    /// The first name is a hidden effect's.
+    /// The first name is a hidden effect's, or the first kind that is said not to matter where there is no name.
     #[must_use]
     pub fn first_is_right(&self) -> bool {
-        self.names().first().is_some_and(|named| self.is_hidden(&named.kind))
+        self.mentioned().next().is_some_and(|named| self.is_hidden(&named.kind))
     }
 
     /// The first name is right, or the truth stands among its alternatives.
     #[must_use]
     pub fn first_or_alternative(&self) -> bool {
         let alternative = |named: &Named| named.alternatives.iter().any(|name| self.is_hidden(name));
-        self.names().first().is_some_and(|named| self.is_hidden(&named.kind) || alternative(named))
+        self.mentioned().next().is_some_and(|named| self.is_hidden(&named.kind) || alternative(named))
     }
 
     /// The truth is the first name, stands among its alternatives, or is what the records are said to lean to; `None` where the tool
@@ -81,10 +86,10 @@ impl Scored {
         self.answer.as_ref().ok()?.weak_evidence.as_deref()
     }
 
-    /// Both effects of a pair, and everything hidden in general, are named.
+    /// Both effects of a pair, and everything hidden in general, are named, or said not to matter.
     #[must_use]
     pub fn all_named(&self) -> bool {
-        self.truth.effects.iter().all(|hidden| self.names().iter().any(|named| named.kind == hidden.kind))
+        self.truth.effects.iter().all(|hidden| self.mentioned().any(|named| named.kind == hidden.kind))
     }
 
     /// Everything hidden is a name or stands among the alternatives of one.
@@ -92,7 +97,7 @@ impl Scored {
     pub fn all_named_or_alternatives(&self) -> bool {
         let says =
             |named: &Named, hidden: &Hidden| named.kind == hidden.kind || named.alternatives.contains(&hidden.kind);
-        self.truth.effects.iter().all(|hidden| self.names().iter().any(|named| says(named, hidden)))
+        self.truth.effects.iter().all(|hidden| self.mentioned().any(|named| says(named, hidden)))
     }
 
     /// Some name is neither hidden nor has a hidden one among its alternatives.
@@ -103,10 +108,10 @@ impl Scored {
             .any(|named| !self.is_hidden(&named.kind) && !named.alternatives.iter().any(|name| self.is_hidden(name)))
     }
 
-    /// No name is given.
+    /// No name is given, nor a kind that does not matter.
     #[must_use]
     pub fn names_nothing(&self) -> bool {
-        self.answer.is_ok() && self.names().is_empty()
+        self.answer.is_ok() && self.mentioned().next().is_none()
     }
 
     /// `unknown`, or `partly_named` without a wrong name.

@@ -146,7 +146,6 @@ impl Setup {
             && self.pole_s == 0.0
             && self.participation == 0.0
             && self.skew_ppm == 0.0
-            && self.shape.delay_that_lags == 0.0
     }
 
     /// Whether the rotor's lag is a fixed first-order lag on a fixed map, which has an exact step.

@@ -27,17 +27,15 @@ pub struct Shape {
     pub sags_by_command: bool,
     /// Whether the lag is linear in the speed, in place of a power of it.
     pub linear_lag: bool,
-    /// The part of a delay that is a lag.
-    pub delay_that_lags: f64,
-    /// The part of a dead band by which the output stays behind where a change passes.
-    pub left_behind: f64,
+    /// The part by which the width of a dead band grows with a deviation of the paper's amplitude.
+    pub width_of_command: f64,
     /// The part of the motion within a play that comes through.
     pub compliance: f64,
 }
 
 impl Shape {
-    /// The kinds that have another law.
-    pub const KINDS: [Kind; 11] = [
+    /// The kinds that have another law. A delay that is in part a lag is two effects of the catalog.
+    pub const KINDS: [Kind; 10] = [
         Kind::SlewLimit,
         Kind::Saturation,
         Kind::SecondPole,
@@ -46,7 +44,6 @@ impl Shape {
         Kind::QuadraticThrust,
         Kind::SupplySag,
         Kind::OperatingPointLag,
-        Kind::TransportDelay,
         Kind::DeadBand,
         Kind::Backlash,
     ];
@@ -65,8 +62,7 @@ impl Shape {
             Kind::QuadraticThrust => Self { cubic: bent, ..none },
             Kind::SupplySag => Self { sags_by_command: true, ..none },
             Kind::OperatingPointLag => Self { linear_lag: true, ..none },
-            Kind::TransportDelay => Self { delay_that_lags: bent, ..none },
-            Kind::DeadBand => Self { left_behind: bent, ..none },
+            Kind::DeadBand => Self { width_of_command: bent, ..none },
             Kind::Backlash => Self { compliance: bent, ..none },
             _ => none,
         }
@@ -82,7 +78,7 @@ impl Shape {
             let shows = match kind {
                 Kind::SlewLimit => value < 1.0,
                 Kind::Saturation => value < 0.69,
-                Kind::SecondPole | Kind::TransportDelay => value > 3e-3,
+                Kind::SecondPole => value > 3e-3,
                 Kind::DeadBand => value > 0.004,
                 Kind::Backlash => value > 0.006,
                 _ => true,
@@ -91,6 +87,12 @@ impl Shape {
                 return effect;
             }
         }
+    }
+
+    /// The factor of the width of a dead band at a deviation from the nominal command.
+    #[must_use]
+    pub fn width_at(&self, deviation: f64) -> f64 {
+        1.0 + self.width_of_command * deviation / 0.05
     }
 
     /// A command behind a clip at `upper`.

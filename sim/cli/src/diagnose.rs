@@ -197,6 +197,13 @@ fn words(found: &Diagnosis) -> String {
             let others: Vec<&str> = effect.alternatives.iter().map(|kind| kind.id).collect();
             line(format!("  the records cannot tell it from {}", others.join(", ")));
         }
+        if let Some(reservation) = &effect.reservation {
+            line(wrapped(
+                &format!("  fails {reservation}; named, since nothing but noise is left with it"),
+                WIDTH,
+                "  ",
+            ));
+        }
     }
     if let Some(lateness) = &found.lateness {
         line(format!("\n{}", wrapped(&lateness.to_string(), WIDTH, "  ")));
@@ -206,6 +213,9 @@ fn words(found: &Diagnosis) -> String {
     }
     if found.needs_steady_start {
         line(format!("\n{}", wrapped(NEEDS_STEADY_START, WIDTH, "")));
+    }
+    for minor in &found.minor {
+        line(format!("\n{}", wrapped(&minor.to_string(), WIDTH, "  ")));
     }
     for kind in &found.weak_evidence {
         line(format!("\n{kind}"));

@@ -9,6 +9,7 @@ use rotorlead_plant::{Catalog, Effect, Lag, Model, OperatingCurve, Point, Static
 use rotorlead_records::Experiment;
 
 use crate::assess::lateness::Lateness;
+use crate::assess::minor::{self, MINOR, MinorEffect, OF_ITS_LAW};
 use crate::assess::verdict::{self, Evidence, Verdict};
 use crate::assess::{gap, locate, plateau_gap, steadiness, timing};
 use crate::data::columns::Column;
@@ -21,9 +22,10 @@ use crate::model::candidate::{self, Candidate};
 use crate::model::hypothesis::{BasePoint, Coordinate, Hypothesis};
 use crate::outcome::{Diagnosis, NamedEffect, TriedKind};
 use crate::plan::Conditions;
-use crate::select::explain::{Explanation, Search};
+use crate::select::explain::{Explanation, Found, Search};
 use crate::select::plateau_search::Decision;
 use crate::select::prior_model::{self, ParameterMismatch};
+use crate::select::tried::Tried;
 
 /// How it is done.
 #[derive(Clone, Copy)]
@@ -89,6 +91,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     // Weighed by the noise that the best explanation leaves.
     let likelihood = &search.likelihood;
     let data = &*likelihood.data;
+    let (found, mut minor) = without_minor(likelihood, &mut after, found);
     let excess = |hypothesis| likelihood.excess(hypothesis, Split::Train);
     let (excess_before, mut excess_after) = (excess(&before.hypothesis), excess(&after.hypothesis));
     let steadiness = steadiness::steadiness(likelihood, &after.hypothesis);
@@ -108,6 +111,8 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         unsure: gap::unsure(likelihood, &after, if gaps.held_out { Split::Holdout } else { Split::Train }),
         steadiness,
         is_timely: timing.is_steady(),
+        left_share: likelihood.excess_share(&after.hypothesis, Split::Train),
+        is_rejected: rejected(likelihood, &before, &tried, &mut minor),
         left_of_logs: data.has_logs().then(|| [fitted_left, gaps.left.shares()]),
     };
     let verdict = evidence.verdict();
@@ -131,6 +136,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
             parameters: estimates(likelihood, &after, index),
             evidence: found.score,
             alternatives: found.alternatives,
+            reservation: after.reservation(index),
             gap_before: alone.before,
             gap_after: alone.after,
         });
@@ -142,7 +148,15 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         let alone = gap::gaps(likelihood, &given, &after.hypothesis, false).total;
         let parameters = kind.parameters.iter().zip(parameters).collect();
         let (gap_before, gap_after) = (alone.before, alone.after);
-        effects.push(NamedEffect { kind, parameters, evidence, alternatives: Vec::new(), gap_before, gap_after });
+        effects.push(NamedEffect {
+            kind,
+            parameters,
+            evidence,
+            alternatives: Vec::new(),
+            reservation: None,
+            gap_before,
+            gap_after,
+        });
         effects.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
     }
     Ok(Diagnosis {
@@ -165,6 +179,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
             .collect(),
         model,
         effects,
+        minor,
         gap,
         splits,
         fitted: gap::of(likelihood, &before.hypothesis, &after.hypothesis, Split::Train).0,
@@ -180,6 +195,52 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         steadiness,
         timing,
     })
+}
+
+/// The effects that matter, and those that do not, which are taken out of the fit: the least of them first, since it may be another's
+/// shadow. What changes little beside the largest, and leaves more than noise, is what its law is off by: it is no effect either.
+fn without_minor(
+    likelihood: &Likelihood,
+    after: &mut fit::Fit,
+    mut found: Vec<Found>,
+) -> (Vec<Found>, Vec<MinorEffect>) {
+    let mut minor = Vec::new();
+    loop {
+        let of_effect = |effect: usize| {
+            let without = fit::fit(likelihood, &after.hypothesis.without(effect), true)?;
+            Some((minor::share(likelihood, &after.hypothesis, &without.hypothesis), effect, without))
+        };
+        let mut shares: Vec<_> = (0..found.len()).filter_map(of_effect).collect();
+        shares.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let largest = shares.first().map_or(0.0, |largest| largest.0);
+        let Some((share, effect, without)) = shares.pop() else { break };
+        let is_of_law =
+            share < OF_ITS_LAW * largest && !likelihood.excess(&after.hypothesis, Split::Train).is_surely_noise();
+        if share >= MINOR && !is_of_law {
+            break;
+        }
+        let Found { kind, score: evidence, .. } = found.remove(effect);
+        if share < MINOR {
+            minor.push(MinorEffect { kind, evidence, share });
+        }
+        *after = without;
+    }
+    minor.sort_by(|a: &MinorEffect, b| b.evidence.total_cmp(&a.evidence));
+    (found, minor)
+}
+
+/// Whether a kind that was tried beside the lags alone is worth a name and matters. Those that do not matter are added to `minor`.
+fn rejected(likelihood: &Likelihood, before: &fit::Fit, tried: &[Tried], minor: &mut Vec<MinorEffect>) -> bool {
+    let mut is_rejected = false;
+    for tried in tried.iter().filter(|tried| tried.is_worth_a_name()) {
+        let share = minor::share(likelihood, &tried.fit.hypothesis, &before.hypothesis);
+        if share >= MINOR {
+            is_rejected = true;
+        } else if minor.is_empty() {
+            minor.push(MinorEffect { kind: tried.kind, evidence: tried.score(), share });
+        }
+    }
+    is_rejected
 }
 
 /// What became of each kind in the end, those that were added first: where no explanation was accepted, nothing was added.

@@ -24,6 +24,7 @@ mod testing;
 pub use assess::gap::{Gap, RecordGap, Residual};
 pub use assess::lateness::Lateness;
 pub use assess::locate::{Axis, Location, MapCell};
+pub use assess::minor::MinorEffect;
 pub use assess::plateau_gap::SplitGap;
 pub use assess::steadiness::Steadiness;
 pub use assess::timing::Timing;

@@ -8,6 +8,7 @@ use serde::{Serialize, Serializer};
 use crate::assess::gap::{Gap, RecordGap, Residual};
 use crate::assess::lateness::Lateness;
 use crate::assess::locate::{Location, MapCell};
+use crate::assess::minor::MinorEffect;
 use crate::assess::plateau_gap::SplitGap;
 use crate::assess::steadiness::Steadiness;
 use crate::assess::timing::Timing;
@@ -32,6 +33,9 @@ pub struct NamedEffect {
     pub evidence: f64,
     /// Kinds that the data cannot tell from it.
     pub alternatives: Vec<&'static Kind>,
+    /// What speaks against it all the same.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub reservation: Option<String>,
     /// Gap without it and with it, the others present.
     pub gap_before: f64,
     /// Gap with it.
@@ -88,6 +92,8 @@ pub struct Diagnosis {
     pub locations: Vec<Location>,
     /// The effects, the most valuable first.
     pub effects: Vec<NamedEffect>,
+    /// Effects that are significant and do not matter, in the order of their evidence. No model has them.
+    pub minor: Vec<MinorEffect>,
     /// What was tried alone, best first.
     pub tried: Vec<TriedKind>,
     /// What became of each kind, of records that do not repeat.

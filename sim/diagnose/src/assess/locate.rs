@@ -167,7 +167,8 @@ pub(crate) fn locate(likelihood: &Likelihood, hypothesis: &Hypothesis) -> Vec<Lo
     let at = |value: f64| (value, value);
     for record in &likelihood.data.records {
         let of = likelihood.of(record);
-        for Term { excess, line, nominal: commands, step, direction: way, time_s } in of.terms(hypothesis, Split::Train)
+        for Term { excess, line, nominal: commands, step, direction: way, time_s, .. } in
+            of.terms(hypothesis, Split::Train)
         {
             if let Some(line) = line {
                 frequency.add(band(line.hz), excess);

@@ -3,6 +3,7 @@
 pub(crate) mod gap;
 pub(crate) mod lateness;
 pub(crate) mod locate;
+pub(crate) mod minor;
 pub(crate) mod plateau_gap;
 pub(crate) mod steadiness;
 pub(crate) mod timing;

@@ -1,6 +1,7 @@
 //! What is to be said of it all, in a word.
 
 use crate::assess::gap::Gap;
+use crate::assess::minor::MINOR;
 use crate::assess::steadiness::Steadiness;
 use crate::likelihood::excess::Excess;
 use serde::Serialize;
@@ -59,6 +60,10 @@ pub(crate) struct Evidence {
     pub gap: Gap,
     /// Square of the part of that gap which the standard errors of the lags account for.
     pub unsure: f64,
+    /// RMS of what is left of what was fitted beside noise, over that of the noise.
+    pub left_share: f64,
+    /// Whether a kind that matters is worth a name beside the lags alone.
+    pub is_rejected: bool,
     /// Whether what does not repeat can be noise.
     pub steadiness: Steadiness,
     /// Whether the delay is the same at every step.
@@ -79,10 +84,14 @@ impl Evidence {
             return Verdict::Unknown;
         }
         if !self.found {
-            return if is_noise && is_steady { Verdict::Agrees } else { Verdict::Unknown };
+            // No test rejects: neither that of the residual nor that of any kind.
+            let agrees = after.is_surely_noise() && is_steady && !self.is_rejected;
+            return if agrees { Verdict::Agrees } else { Verdict::Unknown };
         }
         let part = after.over() / before.over();
-        let explains = if is_noise {
+        // What is left may be significant, and not matter.
+        let is_all = is_noise || self.left_of_logs.is_none() && self.left_share < MINOR;
+        let explains = if is_all {
             let Gap { after, noise_floor, .. } = self.gap.squared();
             after < WIDE * WIDE * noise_floor + self.allowed() || self.left() < HALF
         } else {
@@ -92,7 +101,7 @@ impl Evidence {
         let explains = explains && (is_steady || self.outweighs_bursts());
         // An effect that nothing explains moves gain and lag too: other numbers that leave more than noise are its shadow.
         let explains = explains && (!self.numbers_alone || is_steady && after.is_surely_noise());
-        match (explains, is_noise && is_steady) {
+        match (explains, is_all && is_steady) {
             (true, true) => Verdict::Named,
             (true, false) => Verdict::PartlyNamed,
             (false, _) => Verdict::Unknown,
@@ -143,6 +152,8 @@ mod tests {
             excess: (Excess { sum: 90_000.0, expected: 7000.0 }, Excess { sum: 7100.0, expected: 7000.0 }),
             gap: Gap { before: 0.3, after: 0.1, noise_floor: 0.1 },
             unsure: 0.0,
+            left_share: 1.0,
+            is_rejected: false,
             steadiness: Steadiness::default(),
             is_timely: true,
             left_of_logs: None,

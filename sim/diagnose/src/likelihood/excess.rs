@@ -66,6 +66,8 @@ impl Excess {
 pub(crate) struct Term {
     /// How much.
     pub excess: Excess,
+    /// The sum of squares over all rows, response units, that an excess of one is.
+    pub scale: f64,
     /// The line of a spectrum that it is on.
     pub line: Option<Line>,
     /// From and to in commands.

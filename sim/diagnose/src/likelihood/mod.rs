@@ -15,6 +15,7 @@ use std::sync::Arc;
 use num_complex::Complex64;
 use rayon::prelude::*;
 use rotorlead_identify::steps::{SPLITS, Split as StepSplit};
+use rotorlead_records::Excitation;
 
 use crate::data::dataset::{Dataset, Record, Split};
 use crate::data::plateaus::split::is_fitted;
@@ -87,6 +88,10 @@ pub(crate) trait RecordLikelihood {
     /// Sum of squares of what a hypothesis leaves, response units, beside a sensor's zero and the state at the begin, which decays with
     /// `tau_s`. `None` where it is impossible.
     fn squares(&self, hypothesis: &Hypothesis, tau_s: f64, split: Split) -> Option<f64>;
+
+    /// Sum of squares of the change from one prediction to another, beside what [`Self::squares`] leaves out. `None` where either is
+    /// impossible.
+    fn change(&self, one: &Hypothesis, other: &Hypothesis, tau_s: f64, split: Split) -> Option<f64>;
 
     /// Sums of squares of the response about its mean, and of the noise in it.
     fn power(&self, split: Split) -> Power;
@@ -198,6 +203,17 @@ impl Likelihood {
         total
     }
 
+    /// RMS of what a hypothesis leaves beside noise, over that of the noise. 0 where there is no more than noise.
+    pub fn excess_share(&self, hypothesis: &Hypothesis, split: Split) -> f64 {
+        let (mut over, mut noise) = (0.0, 0.0);
+        for record in self.data.records.iter().filter(|record| self.has(record, split)) {
+            let of = self.of(record);
+            over += of.terms(hypothesis, split).iter().map(|term| term.excess.over() * term.scale).sum::<f64>();
+            noise += of.power(split).noise;
+        }
+        if noise > 0.0 { (over.max(0.0) / noise).sqrt() } else { 0.0 }
+    }
+
     /// How far the rows of the records leave the alignment open. A command takes effect at its row and the response is that of
     /// its row's moment, so what is left is a logger's own jitter, whose mean over a record is small. Of a log nobody knows where
     /// in its interval a row was taken: a uniform error of one row has this standard deviation.
@@ -228,14 +244,34 @@ impl Likelihood {
         Some(Self { weights: weights?, ..self.clone() })
     }
 
-    /// One record that is fitted, the first period of each of its segments where it repeats.
-    pub fn of_one_period(&self, record: &Record) -> Self {
+    /// Some records, the first period of what is fitted of them where they repeat.
+    pub fn of_one_period(&self, records: &[&Record]) -> Self {
         let mut weights = self.weights.clone();
-        if let RecordWeights::Periodic(own) = &*self.weights[record.place] {
-            weights[record.place] = Arc::new(RecordWeights::Periodic(own.of_one_period(record)));
+        for record in records {
+            if let RecordWeights::Periodic(own) = &*self.weights[record.place] {
+                weights[record.place] = Arc::new(RecordWeights::Periodic(own.of_one_period(record)));
+            }
         }
-        let data = self.data.with_records(vec![record.with_one_period_fitted()]);
-        Self { data: Arc::new(data), weights, ..self.clone() }
+        let shorter = records.iter().map(|record| record.with_one_period_fitted()).collect();
+        Self { data: Arc::new(self.data.with_records(shorter)), weights, ..self.clone() }
+    }
+
+    /// A part of the records that shows most of what all of them do, for a first look: one period of each excitation at the lowest, a
+    /// middle and the highest nominal command. `None` where that is not much less, and where records do not repeat.
+    pub fn for_first_look(&self) -> Option<Self> {
+        let mut fitted = self.compared(Split::Train);
+        if self.data.has_logs() {
+            return None;
+        }
+        fitted.sort_by(|a, b| a.nominal.total_cmp(&b.nominal));
+        let mut chosen: Vec<&Record> = Vec::new();
+        for excitation in [Excitation::Multisine, Excitation::Square, Excitation::Triangle] {
+            let those: Vec<&Record> = fitted.iter().copied().filter(|record| record.excitation == excitation).collect();
+            let mut places: Vec<usize> = [0, those.len() / 2, those.len().saturating_sub(1)].to_vec();
+            places.dedup();
+            chosen.extend(places.into_iter().filter_map(|place| those.get(place)));
+        }
+        (2 * chosen.len() <= fitted.len() && !chosen.is_empty()).then(|| self.of_one_period(&chosen))
     }
 
     /// The splits that the records are long enough for, in words and as records with other purposes. Empty where there are no

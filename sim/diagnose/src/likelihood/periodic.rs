@@ -154,6 +154,7 @@ impl RecordLikelihood for Periodic<'_> {
             let (own, rest) = white.split_at(whitening.lines());
             white = rest;
             // What repeats lies on every so many lines.
+            let per_row = 2.0 / segment.rows.len() as f64;
             for (place, z) in own.iter().skip(segment.periods - 1).step_by(segment.periods).enumerate() {
                 let harmonic = place + 1;
                 let hz = harmonic as f64 * period_hz;
@@ -161,6 +162,8 @@ impl RecordLikelihood for Periodic<'_> {
                     let is_excited = command.get(harmonic).is_some_and(|line| line.norm() > EXCITED * strongest);
                     all.push(Term {
                         excess: Excess { sum: z.norm_sqr(), expected: 2.0 },
+                        // Parseval's theorem: a line and its mirror image.
+                        scale: per_row * whitening.weights()[harmonic * segment.periods].powi(-2),
                         line: Some(Line { hz, is_excited, is_even: harmonic.is_multiple_of(2) }),
                         nominal: Some((record.nominal, record.nominal)),
                         ..Term::default()
@@ -205,6 +208,19 @@ impl RecordLikelihood for Periodic<'_> {
             let aligned = align(time_s, measured, &simulated[rows.clone()], tau_s);
             let left: f64 = aligned.iter().zip(measured).map(|(model, y)| (y - model).powi(2)).sum();
             left + self.hum(segment)
+        };
+        Some(self.segments(split).map(|(segment, _)| of_segment(segment)).sum())
+    }
+
+    fn change(&self, one: &Hypothesis, other: &Hypothesis, tau_s: f64, split: Split) -> Option<f64> {
+        let end = self.end_of(split);
+        let one = one.simulate(self.data, self.record, end).ok()?;
+        let other = other.simulate(self.data, self.record, end).ok()?;
+        let of_segment = |segment: &Segment| {
+            let rows = segment.rows.clone();
+            let (time_s, one) = (&self.record.time_s[rows.clone()], &one[rows.clone()]);
+            let aligned = align(time_s, one, &other[rows], tau_s);
+            aligned.iter().zip(one).map(|(other, one)| (one - other).powi(2)).sum::<f64>()
         };
         Some(self.segments(split).map(|(segment, _)| of_segment(segment)).sum())
     }

@@ -324,6 +324,7 @@ impl RecordLikelihood for Plateaus<'_> {
                     sum: unit * self.square(row, &left) / (group.noise * group.noise),
                     expected: unit * rows,
                 },
+                scale: group.noise * group.noise / unit,
                 line: None,
                 nominal: Some(bin(group.command, low, high, LEVELS)),
                 // Steps of a staircase are alike or much larger: whole hundredths of the command.
@@ -339,6 +340,12 @@ impl RecordLikelihood for Plateaus<'_> {
     fn squares(&self, hypothesis: &Hypothesis, _: f64, split: Split) -> Option<f64> {
         let left = self.left(hypothesis)?;
         Some(self.rows(split).map(|(row, _)| self.square(row, &left)).sum())
+    }
+
+    fn change(&self, one: &Hypothesis, other: &Hypothesis, _: f64, split: Split) -> Option<f64> {
+        let (one, other) = (self.left(one)?, self.left(other)?);
+        let of_row = |row: usize| self.log().scatter[row].0 * (one[row] - other[row]).powi(2);
+        Some(self.rows(split).map(|(row, _)| of_row(row)).sum())
     }
 
     fn power(&self, split: Split) -> Power {

@@ -62,6 +62,15 @@ impl Candidate {
         Self::searched(self.kind).all(|(index, _)| self.is_value_plausible(index, off(index)))
     }
 
+    /// Which value lies beyond its plausible range by more than it may be `off`, in words.
+    pub fn beyond_range(&self, off: impl Fn(usize) -> f64) -> Option<String> {
+        let (index, parameter) =
+            Self::searched(self.kind).find(|(index, _)| !self.is_value_plausible(*index, off(*index)))?;
+        let (low, high) = parameter.plausible;
+        let unit = if parameter.unit.is_empty() { String::new() } else { format!(" {}", parameter.unit) };
+        Some(format!("plausible range: {} {:.3}{unit}, expected {low} to {high}", parameter.name, self.values[index]))
+    }
+
     /// The same of one value, which may be `off`.
     pub fn is_value_plausible(&self, index: usize, off: f64) -> bool {
         let parameter = &self.kind.parameters[index];

@@ -50,7 +50,7 @@ impl<'a> Scan<'a> {
         let records: Option<Vec<_>> = chosen
             .into_iter()
             .map(|record| {
-                let of_record = likelihood.of_one_period(record);
+                let of_record = likelihood.of_one_period(&[record]);
                 let score_test = ScoreTest::new(&of_record, from)?;
                 Some((of_record, score_test))
             })

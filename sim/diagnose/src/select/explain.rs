@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 use rotorlead_plant::Catalog;
-use rotorlead_plant::effect::{Kind, Shows, Site};
+use rotorlead_plant::effect::{Kind, Linearity, Shows, Site};
 
 use super::auxiliary;
 use super::plateau_search::Decision;
@@ -35,11 +35,16 @@ pub(crate) const MOST_EFFECTS: usize = 3;
 /// So many effects that leave more than this part of the chi-square are no explanation, and none is looked for.
 const ENOUGH_EFFECTS: usize = 2;
 const HOPELESS: f64 = 0.15;
+/// What leaves less than this part of the chi-square is believed though a kind that fits no actuator leaves less alone: the law of an
+/// actuator may be a little other than the catalog's.
+const ALL_BUT_LITTLE: f64 = 0.05;
 /// How many kinds are fitted after the screening, and from which share of the best gain on.
 const MOST_FITTED: usize = 7;
 const PROMISING: f64 = 0.2;
 /// Share of the least worth that the screening has to promise.
 const PROMISED: f64 = 0.7;
+/// Starts of a kind that are looked at on all records.
+const MOST_LOOKED_AT_AGAIN: usize = 3;
 /// Starts that are followed of one kind.
 const MOST_STARTS: usize = 2;
 /// Steps after which the kinds are compared; after these so many go on, and all that are close.
@@ -108,6 +113,12 @@ impl Built {
     }
 }
 
+/// A part of the records, and a score test on it.
+pub(crate) struct FirstLook<'a> {
+    likelihood: Likelihood,
+    score_test: ScoreTest<'a>,
+}
+
 /// Everything that may be tried, and on what.
 pub(crate) struct Search<'a> {
     /// The records, by the weights of now.
@@ -149,9 +160,13 @@ impl Search<'_> {
         for near in std::iter::once(from).chain(&lifted) {
             let Some(score_test) = ScoreTest::new(&self.likelihood, near) else { continue };
             let Some(scan) = Scan::new(&self.likelihood, near) else { continue };
+            let first_look = self.likelihood.for_first_look().and_then(|likelihood| {
+                let score_test = ScoreTest::new(&likelihood, near)?;
+                Some(FirstLook { likelihood, score_test })
+            });
             let kinds = self.catalog.kinds().filter(|kind| kind.site != Site::Base && !exclude.contains(kind));
             for kind in kinds.filter(|kind| kind.shows != Shows::OverLevels) {
-                screened.extend(self.screen(&score_test, &scan, near, kind));
+                screened.extend(self.screen((&score_test, first_look.as_ref()), &scan, near, kind));
                 (self.progress)();
             }
         }
@@ -237,19 +252,30 @@ impl Search<'_> {
 
     /// Starts of a kind with what they would leave. Around the best of a single value it looks closer: a limit is felt only
     /// where the commands are.
-    pub fn screen(&self, score_test: &ScoreTest, scan: &Scan, from: &Fit, kind: &'static Kind) -> Vec<Screened> {
+    ///
+    /// All that is looked at by `first_look`, where there is one, which is quick; what is best there by `score_test`.
+    pub fn screen(
+        &self,
+        (score_test, first_look): (&ScoreTest, Option<&FirstLook>),
+        scan: &Scan,
+        from: &Fit,
+        kind: &'static Kind,
+    ) -> Vec<Screened> {
         // Where the alignment has taken over much of a delay, a start that brings its own is evaluated without it too: so far the
         // linearization does not hold.
         let has_time_offset = from.has_time_offset(&self.likelihood);
-        let likelihood = &self.likelihood;
-        let evaluate = |start: &Candidate| {
+        // What is slow shows over all of a record.
+        let first_look = first_look.filter(|_| kind.linearity != Linearity::Absent || kind.site <= Site::Rotor);
+        let evaluate = |(likelihood, score_test): (&Likelihood, &ScoreTest), start: &Candidate| {
             let with = score_test.predict(likelihood, start, false);
             let without = has_time_offset.then(|| score_test.predict(likelihood, start, true)).flatten();
             [with, without].into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0))
         };
+        let by_all = (&self.likelihood, score_test);
+        let by = first_look.map_or(by_all, |look| (&look.likelihood, &look.score_test));
         let mut evaluated: Vec<(f64, Candidate, Hypothesis)> = Vec::new();
         let look = |evaluated: &mut Vec<(f64, Candidate, Hypothesis)>, starts: Vec<Candidate>| {
-            let looked = |start: Candidate| evaluate(&start).map(|(left, moved)| (left, start, moved));
+            let looked = |start: Candidate| evaluate(by, &start).map(|(left, moved)| (left, start, moved));
             evaluated.par_extend(starts.into_par_iter().filter_map(looked));
             evaluated.sort_by(|a, b| a.0.total_cmp(&b.0));
         };
@@ -268,6 +294,13 @@ impl Search<'_> {
             }
             let vertex = Candidate::vertex(&evaluated);
             look(&mut evaluated, vertex.into_iter().collect());
+        }
+        if first_look.is_some() {
+            evaluated.truncate(MOST_LOOKED_AT_AGAIN);
+            let starts = evaluated.into_iter().map(|(_, start, _)| start);
+            evaluated =
+                starts.filter_map(|start| evaluate(by_all, &start).map(|(left, moved)| (left, start, moved))).collect();
+            evaluated.sort_by(|a, b| a.0.total_cmp(&b.0));
         }
         evaluated.into_iter().map(|(left, _, moved)| (left, moved, kind)).collect()
     }
@@ -291,7 +324,9 @@ impl Search<'_> {
         let weak_evidence = weak_evidence::weak_evidence(promised, &tried);
         let (after, found) = match self.one_at_a_time(&before, &tried)? {
             Built::Explained(after, found) if found.is_empty() => {
-                self.in_noise_of(noise, |search| search.explain_starts(&before)).unwrap_or((*after, found))
+                let of_starts = self.in_noise_of(noise.clone(), |search| search.explain_starts(&before));
+                let beyond = || self.in_noise_of(noise, |search| search.beyond_its_range(&tried));
+                of_starts.or_else(beyond).unwrap_or((*after, found))
             }
             // Two that leave a little may stand in for two others.
             Built::Explained(after, found) if found.len() >= ENOUGH_EFFECTS && !self.is_surely_noise(&after) => {
@@ -357,8 +392,21 @@ impl Search<'_> {
             }
             _ => self.review(current, Some(last_tried))?,
         };
-        let is_believed = !has_to_explain_all || self.explains_all(&after);
+        let is_believed =
+            !has_to_explain_all || self.explains_all(&after) || self.leaves(&after, before) < ALL_BUT_LITTLE;
         Some(if is_believed { Built::Explained(Box::new(after), found) } else { Built::Hopeless })
+    }
+
+    /// The best of the kinds that were `tried` with which nothing but noise is left, though a value lies beyond its plausible range: the
+    /// law of an actuator may be a little other than the catalog's, and it is said of the effect.
+    fn beyond_its_range(&mut self, tried: &[Tried]) -> Option<(Fit, Vec<Found>)> {
+        let best = tried.iter().find(|tried| tried.is_worth_a_name())?;
+        let fit = self.settle(&best.fit.hypothesis, self.lags)?;
+        let is_all = self.explains_all(&fit);
+        if !is_all {
+            return None;
+        }
+        Some((fit, vec![Found { kind: best.kind, score: best.score(), alternatives: Vec::new() }]))
     }
 
     /// Searches in the noise that the lags alone were evaluated by, which what was tried since may have changed. Where nothing is found

@@ -54,14 +54,6 @@ impl Dataset {
             let row_s = self.records.iter().map(|record| record.rate_hz.recip()).fold(0.0, f64::max);
             own.values[0] = (own.values[0] - LOGGER_ROWS * row_s).max(own.kind.parameters[0].plausible.0);
         }
-        let beyond = |(index, parameter): (usize, &'static Parameter)| {
-            (!own.is_value_plausible(index, 0.0)).then(|| {
-                let (low, high) = parameter.plausible;
-                let value = candidate.values[index];
-                let unit = if parameter.unit.is_empty() { String::new() } else { format!(" {}", parameter.unit) };
-                format!("plausible range: {} {value:.3}{unit}, expected {low} to {high}", parameter.name)
-            })
-        };
         // Two lags in a row are the same in either order: the longer one is the rotor's.
         let lag_s = hypothesis.base.iter().map(|point| point.time_constant_s).fold(f64::INFINITY, f64::min);
         let is_second = |parameter: &Parameter| parameter.unit == "s" && parameter.null == 0.0;
@@ -74,7 +66,7 @@ impl Dataset {
                 )
             })
         };
-        Candidate::searched(candidate.kind).find_map(|value| beyond(value).or_else(|| longer(value)))
+        own.beyond_range(|_| 0.0).or_else(|| Candidate::searched(candidate.kind).find_map(longer))
     }
 }
 
@@ -272,7 +264,7 @@ impl Search<'_> {
         let kinds = self.catalog.kinds().filter(|kind| kind.site != Site::Base && !exclude.contains(kind));
         let mut screened: Vec<(f64, Hypothesis, &'static Kind)> = Vec::new();
         for kind in kinds.filter(|kind| self.likelihood.data.can_show(kind)) {
-            screened.extend(self.screen(&score_test, &scan, from, kind).into_iter().next());
+            screened.extend(self.screen((&score_test, None), &scan, from, kind).into_iter().next());
             (self.progress)();
         }
         let Some(before) = self.evaluated(from) else { return nothing() };

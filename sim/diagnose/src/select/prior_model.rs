@@ -41,6 +41,11 @@ pub(crate) fn compared(
     let given = Hypothesis { base: base.to_vec(), ..explanation.after.hypothesis.clone() };
     let with_effects = fit(&search.likelihood, &given, false)?;
     let mut wrong = wrong_numbers(base, &with_effects, &explanation.after);
+    // Beside effects, what was held out has to bear out that the numbers are others.
+    let held_out = |fit: &Fit| search.likelihood.chi_square(&fit.hypothesis, Split::Holdout);
+    if !explanation.found.is_empty() && held_out(&explanation.after)? > held_out(&with_effects)? {
+        wrong = None;
+    }
     let of_lags = Hypothesis::of_lags(base.to_vec());
     if wrong.is_some()
         && explanation.found.is_empty()

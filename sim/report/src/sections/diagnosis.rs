@@ -52,6 +52,9 @@ pub fn diagnosis_section(found: &Diagnosis, verdict: Option<&str>) -> Section {
     if found.needs_steady_start {
         text.push(NEEDS_STEADY_START.to_owned());
     }
+    let reservations = found.effects.iter().filter_map(|effect| Some((effect.kind, effect.reservation.as_ref()?)));
+    text.extend(reservations.map(|(kind, reservation)| format!("{} fails {reservation}.", kind.id)));
+    text.extend(found.minor.iter().map(ToString::to_string));
     text.extend(found.weak_evidence.iter().map(ToString::to_string));
     text.extend(found.lateness.iter().map(ToString::to_string));
     for cut in found.cut.iter().filter(|cut| !cut.is_empty()) {
