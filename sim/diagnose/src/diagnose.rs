@@ -9,7 +9,7 @@ use rotorlead_plant::{Catalog, Effect, Lag, Model, OperatingCurve, Point, Static
 use rotorlead_records::Experiment;
 
 use crate::assess::lateness::Lateness;
-use crate::assess::minor::{self, MINOR, MinorEffect, OF_ITS_LAW};
+use crate::assess::minor::{self, MINOR, MinorEffect, OF_ITS_LAW, SURELY_OF_ITS_LAW};
 use crate::assess::verdict::{self, Evidence, Verdict};
 use crate::assess::{gap, locate, plateau_gap, steadiness, timing};
 use crate::data::columns::Column;
@@ -214,8 +214,8 @@ fn without_minor(
         shares.sort_by(|a, b| b.0.total_cmp(&a.0));
         let largest = shares.first().map_or(0.0, |largest| largest.0);
         let Some((share, effect, without)) = shares.pop() else { break };
-        let is_of_law =
-            share < OF_ITS_LAW * largest && !likelihood.excess(&after.hypothesis, Split::Train).is_surely_noise();
+        let is_all = likelihood.excess(&after.hypothesis, Split::Train).is_surely_noise();
+        let is_of_law = share < if is_all { SURELY_OF_ITS_LAW } else { OF_ITS_LAW } * largest;
         if share >= MINOR && !is_of_law {
             break;
         }
