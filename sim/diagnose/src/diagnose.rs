@@ -136,7 +136,8 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
             parameters: estimates(likelihood, &after, index),
             evidence: found.score,
             alternatives: found.alternatives,
-            reservation: after.reservation(index),
+            // Of an estimate, a tenth of the range is no reason.
+            reservation: after.hypothesis.effects[index].beyond_range(|_| f64::INFINITY),
             gap_before: alone.before,
             gap_after: alone.after,
         });
@@ -404,5 +405,40 @@ impl Dataset {
             }
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::records;
+
+    fn found(effects: &str) -> Diagnosis {
+        let catalog = Catalog::standard();
+        diagnose(&records(effects, 0.05, 1), &Options { model: None, catalog: &catalog, progress: &|| {} }).unwrap()
+    }
+
+    const SLOW: &str = "[[effect]]\nkind = \"asymmetric_lag\"\nparameters = { ratio = 1.6 }\n";
+
+    #[test]
+    fn what_is_significant_and_changes_little_is_minor() {
+        let skewed = "[[effect]]\nkind = \"clock_skew\"\nparameters = { skew_ppm = 30.0 }\n";
+        let both = found(&[SLOW, skewed].concat());
+        let named: Vec<&str> = both.effects.iter().map(|effect| effect.kind.id).collect();
+        assert_eq!((both.verdict, named), (Verdict::Named, vec!["asymmetric_lag"]), "{:?}", both.minor);
+        assert_eq!(both.minor.len(), 1, "{:?}", both.minor);
+        let MinorEffect { kind, evidence, share } = both.minor[0];
+        assert!(kind.id == "clock_skew" && evidence > 7.0 && share < MINOR, "{:?}", both.minor);
+        assert!(both.model.effects.iter().all(|effect| effect.kind != "clock_skew"));
+    }
+
+    #[test]
+    fn an_effect_that_is_larger_than_it_should_be_is_named_with_its_reservation() {
+        let large = "[[effect]]\nkind = \"gain_drift\"\nparameters = { drift = -0.4, time_s = 60.0 }\n";
+        let found = found(large);
+        let drift = &found.effects[0];
+        assert_eq!((drift.kind.id, found.effects.len(), found.verdict), ("gain_drift", 1, Verdict::Named));
+        assert!(drift.reservation.as_ref().is_some_and(|why| why.contains("expected")), "{:?}", drift.parameters);
+        assert!(found.gap.after < 0.5 * found.gap.before, "{:?}", found.gap);
     }
 }

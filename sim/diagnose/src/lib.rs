@@ -1,9 +1,10 @@
 //! Where simulation and measurement disagree, which effect is missing, and how much smaller the gap becomes with it.
 //!
-//! Four steps, a file each: `locate` shares the chi-square out over frequency, nominal command, amplitude and more;
-//! `explain` finds the effects of the catalog that the chi-square asks for; the improved [`Model`] has them; `gap` compares
-//! both models with what was held out. All of it rests on white residuals (`whitening`): where only noise is left, their
-//! sum of squares is a chi-square.
+//! One way up, a folder each: `noise` (spectra, errors), `data` (records, which do not change), `model` (hypotheses and their response),
+//! `likelihood` (white residuals by weights that are values: where only noise is left, their sum of squares is a chi-square), `estimate`
+//! (fits and what they predict), `propose` (where searches begin), `assess` (what is left, and what matters), `select` (which effects
+//! the records ask for), `diagnose` and `plan` (the answer, and the experiment that would say more). `bandwidth_table` does the same
+//! with a table of bandwidths in place of records.
 
 mod assess;
 pub mod bandwidth_table;

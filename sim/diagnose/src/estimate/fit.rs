@@ -231,15 +231,6 @@ impl Fit {
         })
     }
 
-    /// What speaks against one of its effects all the same: a value beyond its plausible range by more than it may be off.
-    pub fn reservation(&self, effect: usize) -> Option<String> {
-        let candidate = &self.hypothesis.effects[effect];
-        candidate.beyond_range(|value| {
-            let std = self.std(Coordinate::Effect { effect, value }).unwrap_or(0.0);
-            TWO_SIDED * std * slope(&candidate.kind.parameters[value], candidate.values[value]).abs()
-        })
-    }
-
     /// Standard deviation of a coordinate, by the noise.
     pub fn std(&self, coordinate: Coordinate) -> Option<f64> {
         let place = self.coordinates.iter().position(|other| *other == coordinate)?;

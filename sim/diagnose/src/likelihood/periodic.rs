@@ -219,7 +219,15 @@ impl RecordLikelihood for Periodic<'_> {
         let of_segment = |segment: &Segment| {
             let rows = segment.rows.clone();
             let (time_s, one) = (&self.record.time_s[rows.clone()], &one[rows.clone()]);
-            let aligned = align(time_s, one, &other[rows], tau_s);
+            let other = &other[rows];
+            let aligned = match self.initial_condition {
+                InitialCondition::Free => align(time_s, one, other, tau_s),
+                // The state at the begin is a part of what is predicted.
+                InitialCondition::Steady => {
+                    let offset = mean(one) - mean(other);
+                    other.iter().map(|other| other + offset).collect()
+                }
+            };
             aligned.iter().zip(one).map(|(other, one)| (one - other).powi(2)).sum::<f64>()
         };
         Some(self.segments(split).map(|(segment, _)| of_segment(segment)).sum())
