@@ -8,6 +8,7 @@ use rotorlead_plant::effect::Parameter;
 use rotorlead_plant::{Catalog, Effect, Lag, Model, OperatingCurve, Point, StaticMap};
 use rotorlead_records::Experiment;
 
+use crate::assess::conditions::Conditions;
 use crate::assess::lateness::Lateness;
 use crate::assess::minor::{self, MINOR, MinorEffect, OF_ITS_LAW, SURELY_OF_ITS_LAW};
 use crate::assess::verdict::{self, Evidence, Verdict};
@@ -21,7 +22,6 @@ use crate::likelihood::{InitialCondition, Likelihood};
 use crate::model::candidate::{self, Candidate};
 use crate::model::hypothesis::{BasePoint, Coordinate, Hypothesis};
 use crate::outcome::{Diagnosis, NamedEffect, TriedKind};
-use crate::plan::Conditions;
 use crate::select::explain::{Explanation, Found, Search};
 use crate::select::plateau_search::Decision;
 use crate::select::prior_model::{self, ParameterMismatch};

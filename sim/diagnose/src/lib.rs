@@ -22,6 +22,7 @@ mod select;
 #[cfg(test)]
 mod testing;
 
+pub use assess::conditions::Conditions;
 pub use assess::gap::{Gap, RecordGap, Residual};
 pub use assess::lateness::Lateness;
 pub use assess::locate::{Axis, Location, MapCell};
@@ -38,6 +39,6 @@ pub use diagnose::{Options, diagnose};
 pub use error::DiagnoseError;
 pub use likelihood::excess::Excess;
 pub use outcome::{Diagnosis, NEEDS_STEADY_START, NamedEffect, TriedKind, by_name};
-pub use plan::{Conditions, NextExperiment};
+pub use plan::NextExperiment;
 pub use select::plateau_search::Decision;
 pub use select::weak_evidence::WeakEvidence;

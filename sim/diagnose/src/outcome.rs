@@ -5,6 +5,7 @@ use rotorlead_plant::Model;
 use rotorlead_plant::effect::{Kind, Parameter};
 use serde::{Serialize, Serializer};
 
+use crate::assess::conditions::Conditions;
 use crate::assess::gap::{Gap, RecordGap, Residual};
 use crate::assess::lateness::Lateness;
 use crate::assess::locate::{Location, MapCell};
@@ -17,7 +18,6 @@ use crate::data::columns::Column;
 use crate::data::dataset::LeftOut;
 use crate::data::plateaus::cut::CutRows;
 use crate::likelihood::excess::Excess;
-use crate::plan::Conditions;
 use crate::select::plateau_search::Decision;
 use crate::select::weak_evidence::WeakEvidence;
 

@@ -1,5 +1,6 @@
 //! What a model leaves: where, whether it is noise, and how large the gap is.
 
+pub(crate) mod conditions;
 pub(crate) mod gap;
 pub(crate) mod lateness;
 pub(crate) mod locate;

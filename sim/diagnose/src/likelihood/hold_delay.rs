@@ -10,7 +10,7 @@
 //! ```
 //!
 //! It falls where the waits are all alike, and rises where they are not. Nothing is fitted for it. Where the frames of the records are
-//! found ([`crate::estimate::frame_rate`]) the waits are not free any more, and that says more.
+//! found (`estimate::frame_rate`) the waits are not free any more, and that says more.
 
 use rayon::prelude::*;
 
