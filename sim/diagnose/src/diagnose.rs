@@ -230,7 +230,7 @@ fn without_minor(
     (found, minor)
 }
 
-/// Whether a kind that was tried beside the lags alone is worth a name and matters. Those that do not matter are added to `minor`.
+/// Whether a kind that was tried beside the lags alone scores enough for a name and matters. Those that do not matter are added to `minor`.
 fn rejected(likelihood: &Likelihood, before: &fit::Fit, tried: &[Tried], minor: &mut Vec<MinorEffect>) -> bool {
     let mut is_rejected = false;
     for tried in tried.iter().filter(|tried| tried.is_worth_a_name()) {

@@ -84,7 +84,7 @@ pub(crate) fn deviance_of(
         for (place, coordinate) in fit.coordinates.iter().enumerate() {
             hypothesis.set(*coordinate, begin[place] + moved[place]);
         }
-        let of_trial = |record: &&Record| {
+        let of_record = |record: &&Record| {
             let at = white(record, &hypothesis)?;
             let by = (&fit.coordinates[..], EFFECT_STEP);
             let by_gain = || by_gain(record, &hypothesis, &at);
@@ -94,7 +94,7 @@ pub(crate) fn deviance_of(
                 columns.iter().flat_map(|(i, a)| columns.iter().map(move |(j, b)| (*i, *j, dot(a, b)))).collect();
             Some(Part { squares: dot(&at, &at), slopes, products })
         };
-        let parts: Option<Vec<Part>> = unseen.par_iter().map(of_trial).collect();
+        let parts: Option<Vec<Part>> = unseen.par_iter().map(of_record).collect();
         // Where the numbers moved to what no actuator has, what the step before promised is all that is known.
         let Some(parts) = parts else { break };
         let away = &information * &moved;

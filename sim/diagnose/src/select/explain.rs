@@ -41,7 +41,7 @@ const ALL_BUT_LITTLE: f64 = 0.05;
 /// How many kinds are fitted after the screening, and from which share of the best gain on.
 const MOST_FITTED: usize = 7;
 const PROMISING: f64 = 0.2;
-/// Share of the least worth that the screening has to promise.
+/// Share of the least score that the screening has to promise.
 const PROMISED: f64 = 0.7;
 /// Starts of a kind that are looked at on all records.
 const MOST_LOOKED_AT_AGAIN: usize = 3;
@@ -65,7 +65,7 @@ pub(crate) type Screened = (f64, Hypothesis, &'static Kind);
 pub(crate) struct Found {
     /// The kind.
     pub kind: &'static Kind,
-    /// What it is worth beside the others that were found.
+    /// Its score beside the others that were found.
     pub score: f64,
     /// Others that would do as well in its place.
     pub alternatives: Vec<&'static Kind>,
@@ -351,8 +351,8 @@ impl Search<'_> {
         Some(Explanation { before, after, found, tried, weak_evidence, decisions: Vec::new() })
     }
 
-    /// Adds the effect that is worth most, beginning with one of those that were tried beside the lags alone, `first_tried`, until
-    /// nothing is worth a name.
+    /// Adds the effect that scores highest, beginning with one of those that were tried beside the lags alone, `first_tried`, until
+    /// nothing scores enough.
     pub fn one_at_a_time(&mut self, before: &Fit, first_tried: &[Tried]) -> Option<Built> {
         let mut current = before.clone();
         let mut effects: Vec<Tried> = Vec::new();

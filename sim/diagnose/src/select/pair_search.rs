@@ -12,7 +12,7 @@ use crate::model::hypothesis::Hypothesis;
 use crate::select::explain::{FIRST_STEPS, Found, MOST_FINISHED, Search};
 use crate::select::tried::Tried;
 
-/// Kinds that are worth less than this part of the best alone are no beginnings; the best so many are.
+/// Kinds that score less than this part of the best alone are no beginnings; the best so many are.
 const BEGINNING: f64 = 0.2;
 const MOST_BEGINNINGS: usize = 4;
 

@@ -6,7 +6,7 @@ use crate::estimate::fit::{Fit, fit};
 use crate::select::explain::{Found, MOST_EFFECTS, MOST_FINISHED, Search};
 use crate::select::tried::{ALIKE, Tried};
 
-/// What was worth less than this part of the best is not tried again.
+/// What scored less than this part of the best is not tried again.
 const AGAIN: f64 = 0.2;
 
 impl Search<'_> {

@@ -77,7 +77,7 @@ impl Search<'_> {
         self.with_starts(&free, before, deviance(&off_before))
     }
 
-    fn with_starts(&mut self, free: &Likelihood, before: &Fit, surprise_before: f64) -> Option<(Fit, Vec<Found>)> {
+    fn with_starts(&mut self, free: &Likelihood, before: &Fit, deviance_before: f64) -> Option<(Fit, Vec<Found>)> {
         let from = fit(&self.likelihood, &before.hypothesis, self.lags)?;
         let tried = self.tries(&from, &[]);
         let (after, mut found) = self.one_at_a_time(&from, &tried)?.explained()?;
@@ -88,7 +88,7 @@ impl Search<'_> {
         // Next to begins that may be anything.
         let freed = fit(free, &after.hypothesis, self.lags)?;
         let held_out = |fit| prediction::deviance(free, fit, Near::Moved);
-        let gain = before.chi_square - freed.chi_square + held_out(before)? - held_out(&freed)? + surprise_before
+        let gain = before.chi_square - freed.chi_square + held_out(before)? - held_out(&freed)? + deviance_before
             - deviance(&off_after);
         let complexity_penalty: f64 =
             after.hypothesis.effects.iter().map(|effect| complexity_penalty(effect.kind)).sum();

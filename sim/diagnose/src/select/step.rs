@@ -15,12 +15,12 @@ pub(crate) struct Step {
     pub tried: Tried,
     /// The fit with it, by the noise that it leaves.
     pub fit: Fit,
-    /// Whether another kind was worth more by more than chance.
+    /// Whether another kind scored higher by more than chance.
     pub is_backtracking: bool,
 }
 
 impl Search<'_> {
-    /// The next effect among kinds that were tried, the best first. A detour only as `is_first`. `None` where none may be named.
+    /// The next effect among kinds that were tried, the best first. Backtracking only as `is_first`. `None` where none may be named.
     pub fn next_effect(&mut self, tried: &[Tried], is_first: bool) -> Option<Step> {
         let best = tried.first()?;
         for tried in tried.iter().filter(|tried| tried.is_worth_a_name()) {

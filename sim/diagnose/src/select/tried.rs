@@ -1,4 +1,4 @@
-//! A kind that was fitted, and whether what it gains is worth a name.
+//! A kind that was fitted, and its score.
 
 use std::cmp::Ordering;
 
@@ -41,7 +41,7 @@ impl Tried {
         self.fit.is_plausible()
     }
 
-    /// Whether it is worth enough.
+    /// Whether its score is high enough.
     pub fn is_worth_a_name(&self) -> bool {
         self.score() >= LEAST_SCORE && self.exceeds_least_gain()
     }
