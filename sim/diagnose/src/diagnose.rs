@@ -199,14 +199,14 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
 }
 
 /// The effects that matter, and those that do not, which are taken out of the fit: the least of them first, since it may be another's
-/// shadow. What changes little beside the largest, and leaves more than noise, is what its law is off by: it is no effect either.
+/// shadow. One that is alone stays. What changes little beside the largest, and leaves more than noise, is what its law is off by: it is no effect either.
 fn without_minor(
     likelihood: &Likelihood,
     after: &mut fit::Fit,
     mut found: Vec<Found>,
 ) -> (Vec<Found>, Vec<MinorEffect>) {
     let mut minor = Vec::new();
-    loop {
+    while found.len() > 1 {
         let of_effect = |effect: usize| {
             let without = fit::fit(likelihood, &after.hypothesis.without(effect), true)?;
             Some((minor::share(likelihood, &after.hypothesis, &without.hypothesis), effect, without))

@@ -188,8 +188,8 @@ fn a_delay_that_wanders_has_no_name_and_its_spread_is_said() {
     let found = diagnosed(&records, None);
     assert_eq!(found.verdict, Verdict::Unknown, "{:?}", found.effects);
     assert!(!found.timing.is_steady(), "{:?}", found.timing);
-    // Of 14 ms: waits of a fifth of the lag are said to be at least so long.
+    // Of 14 ms: waits of a fifth of the lag are said to be at least so long, a lower bound by what the best wrong name leaves.
     let most_s = 0.02 / 2.0_f64.sqrt();
-    assert!((0.25 * most_s..1.05 * most_s).contains(&found.timing.scatter_s), "{:?}", found.timing);
+    assert!((0.24 * most_s..1.05 * most_s).contains(&found.timing.scatter_s), "{:?}", found.timing);
     assert!(found.next_experiment().unwrap().words.contains("when each command is sent"));
 }
