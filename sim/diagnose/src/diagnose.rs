@@ -112,7 +112,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         steadiness,
         is_timely: timing.is_steady(),
         left_share: likelihood.excess_share(&after.hypothesis, Split::Train),
-        is_rejected: rejected(likelihood, &before, &tried, &mut minor),
+        is_rejected: found.is_empty() && rejected(likelihood, &before, &tried, &mut minor),
         left_of_logs: data.has_logs().then(|| [fitted_left, gaps.left.shares()]),
     };
     let verdict = evidence.verdict();
@@ -436,6 +436,7 @@ mod tests {
     fn an_effect_that_is_larger_than_it_should_be_is_named_with_its_reservation() {
         let large = "[[effect]]\nkind = \"gain_drift\"\nparameters = { drift = -0.4, time_s = 60.0 }\n";
         let found = found(large);
+        assert!(found.minor.is_empty(), "{:?}", found.minor);
         let drift = &found.effects[0];
         assert_eq!((drift.kind.id, found.effects.len(), found.verdict), ("gain_drift", 1, Verdict::Named));
         assert!(drift.reservation.as_ref().is_some_and(|why| why.contains("expected")), "{:?}", drift.parameters);
