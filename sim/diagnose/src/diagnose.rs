@@ -91,7 +91,11 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     // Weighed by the noise that the best explanation leaves.
     let likelihood = &search.likelihood;
     let data = &*likelihood.data;
-    let (found, mut minor) = without_minor(likelihood, &mut after, found);
+    // Of what does not repeat the search itself drops what adds nothing: what is left there is the model's own error, and no noise.
+    let (found, mut minor) = match data.has_logs() {
+        true => (found, Vec::new()),
+        false => without_minor(likelihood, &mut after, found, options.model.is_some()),
+    };
     let excess = |hypothesis| likelihood.excess(hypothesis, Split::Train);
     let (excess_before, mut excess_after) = (excess(&before.hypothesis), excess(&after.hypothesis));
     let steadiness = steadiness::steadiness(likelihood, &after.hypothesis);
@@ -120,6 +124,8 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
         (after, excess_after) = (before.clone(), excess_before);
         gaps = gap::gaps(likelihood, &before.hypothesis, &after.hypothesis, refitted);
         wrong = None;
+        // They were so beside what is not believed.
+        minor.clear();
         Vec::new()
     } else {
         found
@@ -199,16 +205,24 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
 }
 
 /// The effects that matter, and those that do not, which are taken out of the fit: the least of them first, since it may be another's
-/// shadow. One that is alone stays. What changes little beside the largest, and leaves more than noise, is what its law is off by: it is no effect either.
+/// shadow. One that is alone stays. What changes little beside the largest, and leaves more than noise, is what its law is off by: it is
+/// no effect either. Where a model `is_given` its lags stay as they are in `after`.
 fn without_minor(
     likelihood: &Likelihood,
     after: &mut fit::Fit,
     mut found: Vec<Found>,
+    is_given: bool,
 ) -> (Vec<Found>, Vec<MinorEffect>) {
     let mut minor = Vec::new();
     while found.len() > 1 {
         let of_effect = |effect: usize| {
-            let without = fit::fit(likelihood, &after.hypothesis.without(effect), true)?;
+            let without = after.hypothesis.without(effect);
+            let mut fitted = fit::fit(likelihood, &without, true)?;
+            if is_given {
+                // How well the lags are known stays what it is with them free.
+                fitted.hypothesis = fit::fit(likelihood, &without, false)?.hypothesis;
+            }
+            let without = fitted;
             Some((minor::share(likelihood, &after.hypothesis, &without.hypothesis), effect, without))
         };
         let mut shares: Vec<_> = (0..found.len()).filter_map(of_effect).collect();
@@ -230,17 +244,17 @@ fn without_minor(
     (found, minor)
 }
 
-/// Whether a kind that was tried beside the lags alone scores enough for a name and matters. Those that do not matter are added to `minor`.
+/// Whether a kind that was tried beside the lags alone scores enough for a name and matters. Where none does, the best of those that do
+/// not matter is added to `minor`.
 fn rejected(likelihood: &Likelihood, before: &fit::Fit, tried: &[Tried], minor: &mut Vec<MinorEffect>) -> bool {
-    let mut is_rejected = false;
-    for tried in tried.iter().filter(|tried| tried.is_worth_a_name()) {
-        let share = minor::share(likelihood, &tried.fit.hypothesis, &before.hypothesis);
-        if share >= MINOR {
-            is_rejected = true;
-        } else if minor.is_empty() {
-            minor.push(MinorEffect { kind: tried.kind, evidence: tried.score(), share });
-        }
-    }
+    let of_tried = |tried: &Tried| MinorEffect {
+        kind: tried.kind,
+        evidence: tried.score(),
+        share: minor::share(likelihood, &tried.fit.hypothesis, &before.hypothesis),
+    };
+    let scored: Vec<MinorEffect> = tried.iter().filter(|tried| tried.is_worth_a_name()).map(of_tried).collect();
+    let is_rejected = scored.iter().any(|one| one.share >= MINOR);
+    minor.extend(scored.first().copied().filter(|_| !is_rejected));
     is_rejected
 }
 
