@@ -35,7 +35,7 @@ pub struct Plan {
     pub tool: Option<PathBuf>,
     /// Where folders and truths are written; they stay there if `keep`.
     pub folder: PathBuf,
-    /// Whether the experiments' folders stay. Then answers that are there are not asked for again.
+    /// Whether the experiments' folders stay, which are written without a tool too. Then answers that are there are not asked for again.
     pub keep: bool,
     /// Where ceilings are kept from run to run.
     pub cache: PathBuf,
@@ -120,11 +120,18 @@ fn one(plan: &Plan, class: Class, number: u64) -> Result<Scored, String> {
     let columns: Vec<Columns> = (0..case.runs.len()).map(|index| case.record(index)).collect();
     let ceiling = cached_ceiling(plan, &case, &columns)?;
     let truth = Truth::of(&case, ceiling);
-    let Some(tool) = &plan.tool else { return Ok(Scored { truth, answer: Err("the tool was not run".to_owned()) }) };
     let name = folder::name(&case);
     let truth_path = plan.folder.join("truth").join(format!("{name}.json"));
     let answer_path = plan.folder.join("answers").join(format!("{name}.json"));
     let text = serde_json::to_string_pretty(&truth).map_err(|error| error.to_string())?;
+    let of_folder = |error: std::io::Error| format!("{}: {error}", plan.folder.display());
+    let Some(tool) = &plan.tool else {
+        if plan.keep {
+            folder::write(&case, &columns, &plan.folder.join("cases")).map_err(of_folder)?;
+            write(&truth_path, &text)?;
+        }
+        return Ok(Scored { truth, answer: Err("the tool was not run".to_owned()) });
+    };
     if plan.keep && truth_path.exists() {
         // What was broken off is no answer, and what failed may do so again.
         if let Some(answer) = fs::read_to_string(&answer_path).ok().and_then(|json| Diagnosis::parse(&json).ok()) {
@@ -132,8 +139,7 @@ fn one(plan: &Plan, class: Class, number: u64) -> Result<Scored, String> {
             return Ok(Scored { truth, answer: Ok(answer) });
         }
     }
-    let paths = folder::write(&case, &columns, &plan.folder.join("cases"))
-        .map_err(|error| format!("{}: {error}", plan.folder.display()))?;
+    let paths = folder::write(&case, &columns, &plan.folder.join("cases")).map_err(of_folder)?;
     let answer = ask(tool, &paths, &answer_path)?;
     write(&truth_path, &text)?;
     if !plan.keep {

@@ -92,12 +92,17 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     let likelihood = &search.likelihood;
     let data = &*likelihood.data;
     // Of what does not repeat the search itself drops what adds nothing: what is left there is the model's own error, and no noise.
+    let with_minor = after.hypothesis.clone();
     let (found, mut minor) = match data.has_logs() {
         true => (found, Vec::new()),
         false => without_minor(likelihood, &mut after, found, options.model.is_some()),
     };
     let excess = |hypothesis| likelihood.excess(hypothesis, Split::Train);
     let (excess_before, mut excess_after) = (excess(&before.hypothesis), excess(&after.hypothesis));
+    if found.is_empty() {
+        // What does not matter may be significant, and still be all there is.
+        excess_after = excess(&with_minor);
+    }
     let steadiness = steadiness::steadiness(likelihood, &after.hypothesis);
     let timing = timing::timing(likelihood, &after.hypothesis);
     let refitted = options.model.is_none();
@@ -205,7 +210,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
 }
 
 /// The effects that matter, and those that do not, which are taken out of the fit: the least of them first, since it may be another's
-/// shadow. One that is alone stays. What changes little beside the largest, and leaves more than noise, is what its law is off by: it is
+/// shadow. What changes little beside the largest, and leaves more than noise, is what its law is off by: it is
 /// no effect either. Where a model `is_given` its lags stay as they are in `after`.
 fn without_minor(
     likelihood: &Likelihood,
@@ -214,7 +219,7 @@ fn without_minor(
     is_given: bool,
 ) -> (Vec<Found>, Vec<MinorEffect>) {
     let mut minor = Vec::new();
-    while found.len() > 1 {
+    while !found.is_empty() {
         let of_effect = |effect: usize| {
             let without = after.hypothesis.without(effect);
             let mut fitted = fit::fit(likelihood, &without, true)?;
@@ -230,7 +235,7 @@ fn without_minor(
         let largest = shares.first().map_or(0.0, |largest| largest.0);
         let Some((share, effect, without)) = shares.pop() else { break };
         let is_all = likelihood.excess(&after.hypothesis, Split::Train).is_surely_noise();
-        let is_of_law = share < if is_all { SURELY_OF_ITS_LAW } else { OF_ITS_LAW } * largest;
+        let is_of_law = found.len() > 1 && share < if is_all { SURELY_OF_ITS_LAW } else { OF_ITS_LAW } * largest;
         if share >= MINOR && !is_of_law {
             break;
         }
@@ -252,9 +257,14 @@ fn rejected(likelihood: &Likelihood, before: &fit::Fit, tried: &[Tried], minor: 
         evidence: tried.score(),
         share: minor::share(likelihood, &tried.fit.hypothesis, &before.hypothesis),
     };
-    let scored: Vec<MinorEffect> = tried.iter().filter(|tried| tried.is_worth_a_name()).map(of_tried).collect();
+    // What does not matter beside all else has been looked at.
+    let is_new = |tried: &&Tried| minor.iter().all(|minor| minor.kind != tried.kind);
+    let scored: Vec<MinorEffect> =
+        tried.iter().filter(|tried| tried.is_worth_a_name()).filter(is_new).map(of_tried).collect();
     let is_rejected = scored.iter().any(|one| one.share >= MINOR);
-    minor.extend(scored.first().copied().filter(|_| !is_rejected));
+    if minor.is_empty() {
+        minor.extend(scored.first().copied().filter(|_| !is_rejected));
+    }
     is_rejected
 }
 

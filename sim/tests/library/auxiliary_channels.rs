@@ -40,14 +40,14 @@ fn the_speed_tells_a_late_command_from_a_slow_sensor() {
     let late = ("transport_delay", "delay_s", "second_pole");
     let slow = ("second_pole", "time_constant_s", "transport_delay");
     for (kind, name, like) in [late, slow] {
-        let hidden = motor(Some((kind, &[(name, 0.001)])));
+        let hidden = motor(Some((kind, &[(name, 0.002)])));
         let thrust = experiment(&hidden, 5);
         let (first, others) = names(&diagnosed(&thrust, None));
         let mut all = [&[first][..], &others].concat();
         all.sort_unstable();
         let mut any = [kind, like];
         any.sort_unstable();
-        assert_eq!(all, any, "{kind}: a millisecond of thrust at 200 rows a second tells none of them");
+        assert_eq!(all, any, "{kind}: two milliseconds of thrust at 200 rows a second tells none of them");
 
         let found = diagnosed(&with_speed(&hidden, thrust), None);
         assert_eq!(found.columns, [Column::Speed, Column::Voltage]);
@@ -57,7 +57,7 @@ fn the_speed_tells_a_late_command_from_a_slow_sensor() {
 
 #[test]
 fn a_speed_that_is_nothing_but_noise_tells_nothing() {
-    let hidden = motor(Some(("second_pole", &[("time_constant_s", 0.001)])));
+    let hidden = motor(Some(("second_pole", &[("time_constant_s", 0.002)])));
     let mut deaf = with_speed(&hidden, experiment(&hidden, 5));
     let noise = Normal::new(6_000.0, 300.0).unwrap();
     let mut random = ChaCha8Rng::seed_from_u64(12);

@@ -127,7 +127,7 @@ fn of_two_likes_the_proposed_experiment_names_the_right_one() {
         ("backlash", &[("half_width", 0.0032)], &["dead_band"]),
         ("slew_limit", &[("rate_per_s", 0.4)], &["saturation"]),
         ("operating_point_lag", &[("exponent", 1.3)], &["asymmetric_lag"]),
-        ("quadratic_thrust", &[("curvature_per_duty", 1.0)], &["asymmetric_lag"]),
+        ("quadratic_thrust", &[("curvature_per_duty", 2.0)], &["asymmetric_lag"]),
         ("supply_sag", &sag, &["gain_drift"]),
         ("gain_drift", &drift, &["supply_sag"]),
         ("inflow_lead", &inflow, &["supply_sag"]),
@@ -158,7 +158,7 @@ fn told_apart(kind: &str, parameters: &[(&str, f64)], rivals: &[&str]) {
 }
 
 #[test]
-fn what_has_weak_evidence_is_named_once_it_is_recorded_for_longer() {
+fn what_has_weak_evidence_is_found_once_it_is_recorded_for_longer() {
     let hidden = motor(Some(("slew_limit", &[("rate_per_s", 160.0)])));
     let found = diagnosed(&experiment(&hidden, SEED), None);
     assert_eq!(found.verdict, Verdict::Agrees, "{:?}", found.effects);
@@ -172,8 +172,9 @@ fn what_has_weak_evidence_is_named_once_it_is_recorded_for_longer() {
     );
     let plan = read_back(&next);
     let again = diagnosed(&run(&plan, &hidden, None, &|_| {}).unwrap(), None);
-    let names: Vec<&str> = again.effects.iter().map(|effect| effect.kind.id).collect();
-    assert_eq!((again.verdict, &names[..]), (Verdict::Named, &["slew_limit"][..]), "{:?}", again.weak_evidence);
+    // It makes no difference to whoever uses the model.
+    let minor: Vec<&str> = again.minor.iter().map(|minor| minor.kind.id).collect();
+    assert_eq!((again.verdict, again.effects.len(), &minor[..]), (Verdict::Agrees, 0, &["slew_limit"][..]));
 }
 
 /// Runs a plan on the hidden actuator: the diagnosis names `kind` and nothing else.

@@ -13,9 +13,13 @@ use crate::run::{Result, cargo, release_folder, run, target_folder};
 const LOOP_HZ: usize = 5000;
 const RATE_HZ: usize = 1000;
 const PERIOD_ROWS: usize = 10 * RATE_HZ;
-/// Runs of each case, of which the quickest counts; more rows than these are run once.
+/// Runs of each case, the median of which counts; more rows than these are run once.
 const RUNS: usize = 3;
 const MANY_ROWS: usize = 500_000;
+/// Motors of the blind cases whose supply sags, the slowest of which counts, and those with two effects and with one outside the
+/// catalog, by `--seeds`.
+const SAGS: &str = "20";
+const OTHERS: &str = "1";
 /// Periods of a record: 12 records of three have 360 000 rows.
 const PERIODS: [usize; 3] = [3, 9, 30];
 
@@ -30,7 +34,7 @@ const POINTS: [(f64, f64, f64); 6] = [
 ];
 
 /// What is hidden in the actuator, as tables of a model: nothing, effects by what they make of the chain, and two at once.
-const HIDDEN: [(&str, &str); 7] = [
+const HIDDEN: [(&str, &str); 8] = [
     ("nothing", ""),
     ("second_pole", "[[effect]]\nkind = \"second_pole\"\nparameters = { time_constant_s = 0.012 }\n"),
     ("slew_limit", "[[effect]]\nkind = \"slew_limit\"\nparameters = { rate_per_s = 0.6 }\n"),
@@ -40,6 +44,7 @@ const HIDDEN: [(&str, &str); 7] = [
         "supply_sag",
         "[[effect]]\nkind = \"supply_sag\"\nparameters = { polarization_drop = 0.08, polarization_s = 0.6 }\n",
     ),
+    ("asymmetric_lag", "[[effect]]\nkind = \"asymmetric_lag\"\nparameters = { ratio = 1.5 }\n"),
     (
         "two effects",
         "[[effect]]\nkind = \"dead_band\"\nparameters = { width = 0.006 }\n\
@@ -52,7 +57,7 @@ const GROWING: usize = 1;
 /// One case.
 #[derive(Clone, Debug)]
 struct Row {
-    hidden: &'static str,
+    hidden: String,
     rows: usize,
     cost: Cost,
     /// What was said, and what was named.
@@ -66,30 +71,84 @@ struct Report(Vec<Row>);
 
 /// Measures, prints and writes.
 pub fn diagnose(json: Option<&str>) -> Result {
-    run(&mut cargo(&["build", "--release", "--package", "rotorlead-cli", "--bin", "rotorlead", "--locked"]))?;
-    let tool = release_folder().join(format!("rotorlead{}", std::env::consts::EXE_SUFFIX));
+    run(&mut cargo(&["build", "--release", "--bin", "rotorlead", "--bin", "blind", "--locked"]))?;
+    let program = |name: &str| release_folder().join(format!("{name}{}", std::env::consts::EXE_SUFFIX));
     let folder = target_folder().join("bench-diagnose");
     let removed = || match std::fs::remove_dir_all(&folder) {
         Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(format!("{}: {error}", folder.display())),
         _ => Ok(()),
     };
     removed()?;
-    let report = measure_all(&tool, &folder);
+    let report = measure_all(&program("rotorlead"), &program("blind"), &folder);
     // The files are large: they go whatever happened.
     removed()?;
     let report = Report(report?);
     super::say(&report, &report.json(), json)
 }
 
-fn measure_all(tool: &Path, folder: &Path) -> Result<Vec<Row>> {
-    std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+fn measure_all(tool: &Path, blind: &Path, folder: &Path) -> Result<Vec<Row>> {
+    std::fs::create_dir_all(folder).map_err(|error| in_words(folder, &error))?;
     let cases = (0..HIDDEN.len()).map(|hidden| (hidden, PERIODS[0]));
     let growing = PERIODS[1..].iter().map(|periods| (GROWING, *periods));
-    cases.chain(growing).map(|(hidden, periods)| one(tool, folder, HIDDEN[hidden], periods)).collect()
+    let mut rows: Vec<Row> =
+        cases.chain(growing).map(|(hidden, periods)| one(tool, folder, HIDDEN[hidden], periods)).collect::<Result<_>>()?;
+    rows.push(slowest_sag(tool, &blind_cases(blind, &folder.join("sags"), "supply_sag", SAGS)?)?);
+    for case in blind_cases(blind, &folder.join("others"), "pair,outside", OTHERS)? {
+        rows.push(case.row(tool, RUNS)?);
+    }
+    Ok(rows)
 }
 
-fn one(tool: &Path, folder: &Path, (hidden, effects): (&'static str, &'static str), periods: usize) -> Result<Row> {
-    let rows = 2 * POINTS.len() * periods * PERIOD_ROWS;
+fn in_words(path: &Path, error: &dyn fmt::Display) -> String {
+    format!("{}: {error}", path.display())
+}
+
+/// An experiment.
+struct Case {
+    hidden: String,
+    data: PathBuf,
+    /// The model that it is compared with, if any.
+    model: Option<PathBuf>,
+}
+
+impl Case {
+    /// What its diagnosis costs, by the median of so many runs.
+    fn row(&self, tool: &Path, runs: usize) -> Result<Row> {
+        let mut costs: Vec<Cost> = Vec::with_capacity(runs);
+        for _ in 0..runs {
+            let mut diagnose = Command::new(tool);
+            diagnose.arg("diagnose").arg(&self.data).args(["--json", "-"]).stderr(Stdio::null());
+            if let Some(model) = &self.model {
+                diagnose.arg("--model").arg(model);
+            }
+            costs.push(measure(&mut diagnose)?);
+        }
+        costs.sort_by(|a, b| a.wall_s.total_cmp(&b.wall_s));
+        let cost = costs.swap_remove(costs.len() / 2);
+        let found: Value = serde_json::from_str(&cost.output).map_err(|error| format!("rotorlead diagnose: {error}"))?;
+        let kinds = found["effects"].as_array().map(Vec::as_slice).unwrap_or_default().iter();
+        let named = kinds.filter_map(|effect| effect["kind"].as_str().map(str::to_owned)).collect();
+        let verdict = found["verdict"].as_str().unwrap_or_default().to_owned();
+        Ok(Row { hidden: self.hidden.clone(), rows: self.rows()?, cost, verdict, named })
+    }
+
+    /// Rows of all its records.
+    fn rows(&self) -> Result<usize> {
+        let mut rows = 0;
+        for entry in std::fs::read_dir(&self.data).map_err(|error| in_words(&self.data, &error))? {
+            let path = entry.map_err(|error| in_words(&self.data, &error))?.path();
+            if path.extension().is_some_and(|extension| extension == "csv") {
+                let text = std::fs::read(&path).map_err(|error| in_words(&path, &error))?;
+                // The first line is the header.
+                rows += text.iter().filter(|byte| **byte == b'\n').count().saturating_sub(1);
+            }
+        }
+        Ok(rows)
+    }
+}
+
+/// A case of the tool's own simulation.
+fn one(tool: &Path, folder: &Path, (hidden, effects): (&str, &str), periods: usize) -> Result<Row> {
     let mut model = String::from("format = 1\n");
     let mut plan = format!(
         "format = 1\nname = \"speed\"\nseed = 1\nloop_rate_hz = {LOOP_HZ}\nsample_rate_hz = {RATE_HZ}\n[noise]\nsigma_n = 0.02\n"
@@ -103,7 +162,7 @@ fn one(tool: &Path, folder: &Path, (hidden, effects): (&'static str, &'static st
     }
     let write = |name: &str, text: &str| -> Result<PathBuf> {
         let path = folder.join(name);
-        std::fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))?;
+        std::fs::write(&path, text).map_err(|error| in_words(&path, &error))?;
         Ok(path)
     };
     let (model, plan) = (write("model.toml", &(model + effects))?, write("plan.toml", &plan)?);
@@ -111,20 +170,47 @@ fn one(tool: &Path, folder: &Path, (hidden, effects): (&'static str, &'static st
     let mut simulate = Command::new(tool);
     simulate.arg("simulate").arg("--model").arg(model).arg("--plan").arg(plan).arg("--out").arg(&data);
     run(simulate.stdout(Stdio::null()))?;
-    let mut quickest: Option<Cost> = None;
-    for _ in 0..if rows > MANY_ROWS { 1 } else { RUNS } {
-        let cost = measure(Command::new(tool).arg("diagnose").arg(&data).args(["--json", "-"]).stderr(Stdio::null()))?;
-        if quickest.as_ref().is_none_or(|best| cost.wall_s < best.wall_s) {
-            quickest = Some(cost);
+    let is_long = 2 * POINTS.len() * periods * PERIOD_ROWS > MANY_ROWS;
+    let case = Case { hidden: hidden.to_owned(), data: data.clone(), model: None };
+    let row = case.row(tool, if is_long { 1 } else { RUNS })?;
+    std::fs::remove_dir_all(&data).map_err(|error| in_words(&data, &error))?;
+    Ok(row)
+}
+
+/// Blind cases of these kinds, by the names of their files, which say nothing of them.
+fn blind_cases(blind: &Path, folder: &Path, kinds: &str, seeds: &str) -> Result<Vec<Case>> {
+    let mut make = Command::new(blind);
+    make.args(["--only-ceilings", "--set", "tune", "--rivals", "none", "--kinds", kinds, "--seeds", seeds, "--keep"]);
+    run(make.arg(folder).stdout(Stdio::null()).stderr(Stdio::null()))?;
+    let truths = folder.join("truth");
+    let mut cases = Vec::new();
+    for entry in std::fs::read_dir(&truths).map_err(|error| in_words(&truths, &error))? {
+        let path = entry.map_err(|error| in_words(&truths, &error))?.path();
+        let text = std::fs::read_to_string(&path).map_err(|error| in_words(&path, &error))?;
+        let truth: Value = serde_json::from_str(&text).map_err(|error| in_words(&path, &error))?;
+        let kinds = truth["effects"].as_array().map(Vec::as_slice).unwrap_or_default().iter();
+        let hidden: Vec<&str> = kinds.filter_map(|effect| effect["kind"].as_str()).collect();
+        let hidden = if hidden.is_empty() { "outside".to_owned() } else { hidden.join(" + ") };
+        let data = folder.join("cases").join(path.file_stem().unwrap_or_default());
+        let model = data.join("model.toml");
+        cases.push(Case { hidden, data, model: model.is_file().then_some(model) });
+    }
+    cases.sort_by(|a, b| (&a.hidden, &a.data).cmp(&(&b.hidden, &b.data)));
+    Ok(cases)
+}
+
+/// The slowest of some cases, by one run of each.
+fn slowest_sag(tool: &Path, cases: &[Case]) -> Result<Row> {
+    let mut slowest: Option<(f64, &Case)> = None;
+    for case in cases {
+        let wall_s = case.row(tool, 1)?.cost.wall_s;
+        if slowest.is_none_or(|(most_s, _)| wall_s > most_s) {
+            slowest = Some((wall_s, case));
         }
     }
-    std::fs::remove_dir_all(&data).map_err(|error| format!("{}: {error}", data.display()))?;
-    let cost = quickest.ok_or("nothing was run")?;
-    let found: Value = serde_json::from_str(&cost.output).map_err(|error| format!("rotorlead diagnose: {error}"))?;
-    let kinds = found["effects"].as_array().map(Vec::as_slice).unwrap_or_default().iter();
-    let named = kinds.filter_map(|effect| effect["kind"].as_str().map(str::to_owned)).collect();
-    let verdict = found["verdict"].as_str().unwrap_or_default().to_owned();
-    Ok(Row { hidden, rows, cost, verdict, named })
+    let (_, slowest) = slowest.ok_or("no case was made")?;
+    let row = slowest.row(tool, RUNS)?;
+    Ok(Row { hidden: format!("slowest of {SAGS}: {}", row.hidden), ..row })
 }
 
 impl Report {
@@ -159,10 +245,10 @@ impl fmt::Display for Report {
             f,
             "From CSV files to a diagnosis, the whole catalog, 12 records of commands at {LOOP_HZ} Hz, {cores} cores"
         )?;
-        writeln!(f, "(the quickest of {RUNS} runs; of more than {MANY_ROWS} rows one run)\n")?;
+        writeln!(f, "(the median of {RUNS} runs; of more than {MANY_ROWS} rows one run; the last rows are blind cases)\n")?;
         writeln!(
             f,
-            "{:>9} {:<14} {:>8} {:>8} {:>9}  {:<13} named",
+            "{:>9} {:<32} {:>8} {:>8} {:>9}  {:<13} named",
             "rows", "hidden", "wall s", "cpu s", "peak MiB", "verdict"
         )?;
         let or_dash = |value: Option<f64>, digits: usize| {
@@ -171,7 +257,7 @@ impl fmt::Display for Report {
         for row in &self.0 {
             writeln!(
                 f,
-                "{:>9} {:<14} {:>8.2} {:>8} {:>9}  {:<13} {}",
+                "{:>9} {:<32} {:>8.2} {:>8} {:>9}  {:<13} {}",
                 row.rows,
                 row.hidden,
                 row.cost.wall_s,
@@ -183,6 +269,15 @@ impl fmt::Display for Report {
         }
         let growth: Vec<String> =
             self.growth().iter().map(|(rows, ratio)| format!("{ratio:.2} at {rows} rows")).collect();
-        writeln!(f, "\ntime per row over that of the smallest: {}", growth.join(", "))
+        let mut walls_s: Vec<f64> = self.0.iter().filter(|row| row.rows <= MANY_ROWS).map(|row| row.cost.wall_s).collect();
+        walls_s.sort_by(f64::total_cmp);
+        let at = |place: usize| walls_s.get(place).copied().unwrap_or(f64::NAN);
+        writeln!(
+            f,
+            "\nof those of up to {MANY_ROWS} rows: median {:.2} s, longest {:.2} s",
+            at(walls_s.len() / 2),
+            at(walls_s.len().saturating_sub(1))
+        )?;
+        writeln!(f, "time per row over that of the smallest: {}", growth.join(", "))
     }
 }

@@ -129,7 +129,9 @@ impl Squares {
 
     pub fn gap(self) -> Gap {
         let part = |sum: f64| (sum / self.response).sqrt();
-        Gap { before: part(self.before), after: part(self.after), noise_floor: part(self.noise) }
+        // Noise is a part of what is left: an estimate beyond it has taken what drifts for noise.
+        let noise = self.noise.min(self.before).min(self.after);
+        Gap { before: part(self.before), after: part(self.after), noise_floor: part(noise) }
     }
 }
 

@@ -14,6 +14,7 @@ use rotorlead_plant::effect::{Kind, Linearity, Shows, Site};
 
 use super::auxiliary;
 use super::plateau_search::Decision;
+use crate::assess::minor::MINOR;
 use crate::assess::steadiness::steadiness;
 use crate::data::dataset::{Dataset, Split};
 use crate::estimate::fit::{Fit, fit_in};
@@ -374,6 +375,9 @@ impl Search<'_> {
             has_to_explain_all |= step.is_backtracking;
             effects.push(step.tried);
             current = self.in_frames(step.fit)?;
+            if self.is_little(&current) {
+                break;
+            }
             if effects.len() >= ENOUGH_EFFECTS {
                 match self.leaves(&current, before) {
                     0.0 => break,
@@ -418,6 +422,13 @@ impl Search<'_> {
             self.likelihood = own;
         }
         found
+    }
+
+    /// Whether what `fit` leaves beside noise is too little for a further effect to matter.
+    fn is_little(&self, fit: &Fit) -> bool {
+        let left = |split| self.likelihood.excess_share(&fit.hypothesis, split);
+        [Split::Train, Split::Holdout].into_iter().all(|split| left(split) < MINOR)
+            && steadiness(&self.likelihood, &fit.hypothesis).is_noise()
     }
 
     fn is_surely_noise(&self, fit: &Fit) -> bool {
