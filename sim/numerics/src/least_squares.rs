@@ -41,6 +41,11 @@ pub trait NormalEquations {
         linearization: &Self::Linearization,
     ) -> Option<Self::Point>;
 
+    /// Whether a bound keeps a parameter where it is when a step would move it by so much. The others then step without it.
+    fn is_blocked(&self, _at: &Self::Point, _parameter: usize, _step: f64) -> bool {
+        false
+    }
+
     /// `S` at a point.
     fn sum_of_squares(&self, at: &Self::Point) -> f64;
 
@@ -125,7 +130,8 @@ pub fn search<N: NormalEquations>(
         iterations += 1;
         let matrix = model.matrix(&linearization);
         let least = strategy.decrease.of(sum);
-        let Some(step) = damping.step(matrix, &gradient) else {
+        let is_blocked = |parameter: usize, step: f64| model.is_blocked(&at, parameter, step);
+        let Some(step) = damping.free_step(matrix, &gradient, is_blocked) else {
             if damping.raise() {
                 continue;
             }
@@ -175,6 +181,31 @@ struct CurrentDamping {
 impl CurrentDamping {
     fn new(rule: Damping) -> Self {
         Self { rule, lambda: FIRST_DAMPING, growth: 2.0, scale: DVector::zeros(0) }
+    }
+
+    /// [`Self::step`] of the parameters that no bound holds against it. A bound that is left in promises what cannot be had, and the
+    /// others make room for it.
+    fn free_step(
+        &mut self,
+        matrix: &DMatrix<f64>,
+        gradient: &DVector<f64>,
+        is_blocked: impl Fn(usize, f64) -> bool,
+    ) -> Option<DVector<f64>> {
+        let (mut matrix, mut gradient) = (matrix.clone(), gradient.clone());
+        loop {
+            let step = self.step(&matrix, &gradient)?;
+            let blocked: Vec<usize> = (0..step.len()).filter(|i| step[*i] != 0.0 && is_blocked(*i, step[*i])).collect();
+            if blocked.is_empty() {
+                return Some(step);
+            }
+            for place in blocked {
+                let own = matrix[(place, place)];
+                matrix.row_mut(place).fill(0.0);
+                matrix.column_mut(place).fill(0.0);
+                matrix[(place, place)] = own;
+                gradient[place] = 0.0;
+            }
+        }
     }
 
     fn step(&mut self, matrix: &DMatrix<f64>, gradient: &DVector<f64>) -> Option<DVector<f64>> {
@@ -438,6 +469,47 @@ mod tests {
         fn gradient(&self, at: &f64, _: &DMatrix<f64>) -> DVector<f64> {
             DVector::from_element(1, at - 3.0)
         }
+    }
+
+    /// `(p - 1)^2 + (p + q + 1)^2` with `q` at least 0: best at `p = q = 0`, and a step that lets `q` go moves `p` to 1.
+    struct HeldBack;
+
+    impl NormalEquations for HeldBack {
+        type Point = [f64; 2];
+        type Linearization = DMatrix<f64>;
+
+        fn linearize(&self, _: &mut [f64; 2]) -> Option<DMatrix<f64>> {
+            Some(DMatrix::from_row_slice(2, 2, &[2.0, 1.0, 1.0, 1.0]))
+        }
+
+        fn matrix<'a>(&self, linearization: &'a DMatrix<f64>) -> &'a DMatrix<f64> {
+            linearization
+        }
+
+        fn moved(&self, [p, q]: &[f64; 2], step: &DVector<f64>, _: &DMatrix<f64>) -> Option<[f64; 2]> {
+            Some([p + step[0], (q + step[1]).max(0.0)])
+        }
+
+        fn is_blocked(&self, [_, q]: &[f64; 2], parameter: usize, step: f64) -> bool {
+            parameter == 1 && *q == 0.0 && step < 0.0
+        }
+
+        fn sum_of_squares(&self, [p, q]: &[f64; 2]) -> f64 {
+            (p - 1.0).powi(2) + (p + q + 1.0).powi(2)
+        }
+
+        fn gradient(&self, [p, q]: &[f64; 2], _: &DMatrix<f64>) -> DVector<f64> {
+            DVector::from_column_slice(&[2.0 * p + q, p + q + 1.0])
+        }
+    }
+
+    #[test]
+    fn a_parameter_at_its_bound_does_not_lead_the_others_astray() {
+        let decrease = Decrease::Absolute(1e-9);
+        let strategy = Strategy { iterations: 50, decrease, damping: Damping::Factors, reuses_jacobian: false };
+        let found = search(&HeldBack, [-0.5, 0.0], &strategy).unwrap();
+        assert!(found.at[0].abs() < 1e-4 && found.at[1] == 0.0, "{found:?}");
+        assert!(found.converged && found.iterations < 6, "{found:?}");
     }
 
     #[test]

@@ -167,6 +167,14 @@ impl NormalEquations for WhiteResiduals<'_> {
         Some(Place { hypothesis, sum, gradient })
     }
 
+    fn is_blocked(&self, at: &Place, parameter: usize, step: f64) -> bool {
+        let coordinate = self.coordinates[parameter];
+        let here = at.hypothesis.get(coordinate);
+        let mut moved = at.hypothesis.clone();
+        moved.set(coordinate, here + step);
+        moved.get(coordinate) == here
+    }
+
     fn sum_of_squares(&self, at: &Place) -> f64 {
         at.sum
     }
