@@ -90,8 +90,10 @@ fn measure_all(tool: &Path, blind: &Path, folder: &Path) -> Result<Vec<Row>> {
     std::fs::create_dir_all(folder).map_err(|error| in_words(folder, &error))?;
     let cases = (0..HIDDEN.len()).map(|hidden| (hidden, PERIODS[0]));
     let growing = PERIODS[1..].iter().map(|periods| (GROWING, *periods));
-    let mut rows: Vec<Row> =
-        cases.chain(growing).map(|(hidden, periods)| one(tool, folder, HIDDEN[hidden], periods)).collect::<Result<_>>()?;
+    let mut rows: Vec<Row> = cases
+        .chain(growing)
+        .map(|(hidden, periods)| one(tool, folder, HIDDEN[hidden], periods))
+        .collect::<Result<_>>()?;
     rows.push(slowest_sag(tool, &blind_cases(blind, &folder.join("sags"), "supply_sag", SAGS)?)?);
     for case in blind_cases(blind, &folder.join("others"), "pair,outside", OTHERS)? {
         rows.push(case.row(tool, RUNS)?);
@@ -125,7 +127,8 @@ impl Case {
         }
         costs.sort_by(|a, b| a.wall_s.total_cmp(&b.wall_s));
         let cost = costs.swap_remove(costs.len() / 2);
-        let found: Value = serde_json::from_str(&cost.output).map_err(|error| format!("rotorlead diagnose: {error}"))?;
+        let found: Value =
+            serde_json::from_str(&cost.output).map_err(|error| format!("rotorlead diagnose: {error}"))?;
         let kinds = found["effects"].as_array().map(Vec::as_slice).unwrap_or_default().iter();
         let named = kinds.filter_map(|effect| effect["kind"].as_str().map(str::to_owned)).collect();
         let verdict = found["verdict"].as_str().unwrap_or_default().to_owned();
@@ -245,7 +248,10 @@ impl fmt::Display for Report {
             f,
             "From CSV files to a diagnosis, the whole catalog, 12 records of commands at {LOOP_HZ} Hz, {cores} cores"
         )?;
-        writeln!(f, "(the median of {RUNS} runs; of more than {MANY_ROWS} rows one run; the last rows are blind cases)\n")?;
+        writeln!(
+            f,
+            "(the median of {RUNS} runs; of more than {MANY_ROWS} rows one run; the last rows are blind cases)\n"
+        )?;
         writeln!(
             f,
             "{:>9} {:<32} {:>8} {:>8} {:>9}  {:<13} named",
@@ -269,7 +275,8 @@ impl fmt::Display for Report {
         }
         let growth: Vec<String> =
             self.growth().iter().map(|(rows, ratio)| format!("{ratio:.2} at {rows} rows")).collect();
-        let mut walls_s: Vec<f64> = self.0.iter().filter(|row| row.rows <= MANY_ROWS).map(|row| row.cost.wall_s).collect();
+        let mut walls_s: Vec<f64> =
+            self.0.iter().filter(|row| row.rows <= MANY_ROWS).map(|row| row.cost.wall_s).collect();
         walls_s.sort_by(f64::total_cmp);
         let at = |place: usize| walls_s.get(place).copied().unwrap_or(f64::NAN);
         writeln!(

@@ -15,8 +15,8 @@ use crate::model::hypothesis::{Coordinate, Hypothesis};
 
 /// Most steps of a search.
 pub(crate) const MOST_STEPS: usize = 25;
-/// A search ends where a step gains less than this in the sum of squares: a twentieth of what one parameter gains by chance.
-const ENOUGH: f64 = 0.05;
+/// A search ends where a step gains less than this in the sum of squares: a fifth of what one parameter gains by chance.
+const ENOUGH: f64 = 0.2;
 /// Standard deviations of an interval of 95 %.
 const TWO_SIDED: f64 = 1.96;
 /// That of effects in the end: where many commands come to a limit or leave it, a derivative over a longer way is another one.

@@ -256,8 +256,8 @@ impl Likelihood {
         Self { data: Arc::new(self.data.with_records(shorter)), weights, ..self.clone() }
     }
 
-    /// A part of the records that shows most of what all of them do, for a first look: one period of each excitation at the lowest, a
-    /// middle and the highest nominal command. `None` where that is not much less, and where records do not repeat.
+    /// A part of the records that shows most of what all of them do, for a first look: one period of each excitation at the lowest and
+    /// at the highest nominal command. `None` where that is not much less, and where records do not repeat.
     pub fn for_first_look(&self) -> Option<Self> {
         let mut fitted = self.compared(Split::Train);
         if self.data.has_logs() {
@@ -267,7 +267,7 @@ impl Likelihood {
         let mut chosen: Vec<&Record> = Vec::new();
         for excitation in [Excitation::Multisine, Excitation::Square, Excitation::Triangle] {
             let those: Vec<&Record> = fitted.iter().copied().filter(|record| record.excitation == excitation).collect();
-            let mut places: Vec<usize> = [0, those.len() / 2, those.len().saturating_sub(1)].to_vec();
+            let mut places: Vec<usize> = [0, those.len().saturating_sub(1)].to_vec();
             places.dedup();
             chosen.extend(places.into_iter().filter_map(|place| those.get(place)));
         }

@@ -10,6 +10,8 @@ const AT_MOST_OFF: f64 = 0.1;
 
 /// Most pieces of the plausible range of a single value that are tried on all records.
 pub(crate) const GRID: u32 = 12;
+/// Starts closer than this in all coordinates are one: a quarter of a range, or of a factor of e.
+const NEAR: f64 = 0.25;
 
 /// An effect with its values.
 #[derive(Clone, Debug, PartialEq)]
@@ -54,6 +56,15 @@ impl Candidate {
     /// Whether it acts on no single command, so that a straight line from row to row serves as well.
     pub fn is_even(&self) -> bool {
         self.kind.site > Site::Command || self.is_hidden_hold()
+    }
+
+    /// Whether a search from here ends where one from the other does, as far as the values say: where the response does not jump
+    /// about as they move.
+    pub fn is_near(&self, other: &Self) -> bool {
+        Self::searched(self.kind).all(|(place, parameter)| {
+            let [here, there] = [self, other].map(|one| to_coordinate(parameter, one.values[place]));
+            parameter.pieces <= GRID && (here - there).abs() < NEAR
+        })
     }
 
     /// Whether no value lies beyond its plausible range, seen from where the effect vanishes, by more than it may be `off`, which

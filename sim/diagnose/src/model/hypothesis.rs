@@ -118,6 +118,14 @@ impl Hypothesis {
         fewer
     }
 
+    /// The same with one of its effects as the last.
+    pub fn with_last(&self, effect: usize) -> Self {
+        let mut moved = self.clone();
+        let last = moved.effects.remove(effect);
+        moved.effects.push(last);
+        moved
+    }
+
     /// What a search changes; the lags only where `lags` says so.
     pub fn coordinates(&self, lags: bool) -> Vec<Coordinate> {
         let mut all = Vec::new();

@@ -53,6 +53,8 @@ pub(crate) const FIRST_STEPS: usize = 3;
 /// How often the screening halves the distance to the neighbors of the best start.
 const CLOSER_LOOKS: usize = 3;
 pub(crate) const MOST_FINISHED: usize = 3;
+/// What scores less than this part of the best is not searched to the end.
+pub(crate) const AGAIN: f64 = 0.2;
 /// How often the screening looks around in a narrow valley, in how many steps to either side, and how much nearer each time.
 const VALLEY_LOOKS: i32 = 5;
 const VALLEY_STEPS: u32 = 4;
@@ -177,35 +179,40 @@ impl Search<'_> {
 
     /// Kinds that improve on `from`, best first.
     pub fn tries(&self, from: &Fit, exclude: &[&'static Kind]) -> Vec<Tried> {
-        self.tries_of(from, self.screened(from, exclude))
+        self.tries_of(from, self.screened(from, exclude), None)
     }
 
-    /// Kinds that improve on `from` of those that were screened, best first.
-    fn tries_of(&self, from: &Fit, screened: Vec<Screened>) -> Vec<Tried> {
+    /// Kinds that improve on `from` of those that were screened, best first; with `own`, which they have to compete with.
+    pub fn tries_of(&self, from: &Fit, screened: Vec<Screened>, own: Option<Tried>) -> Vec<Tried> {
         let best = screened.first().map_or(0.0, |best| from.chi_square - best.0);
+        let best = own.as_ref().map_or(best, |own| best.max(2.0 * own.fitted_gain));
+        let fewest = if own.is_some() { 0 } else { MOST_FINISHED };
         let beside = self.beside(from);
-        let mut kinds: Vec<(&'static Kind, usize)> = Vec::new();
+        let mut kinds: Vec<(&'static Kind, Vec<Candidate>)> = Vec::new();
         let mut tried: Vec<Tried> = Vec::new();
         for (left, start, kind) in screened {
             let place = kinds.iter().position(|(other, _)| *other == kind);
             let gain = from.chi_square - left;
             // What promises much less than has to be there is not worth a search; a gain of log likelihood is half of this.
-            if gain < 2.0 * PROMISED * LEAST_SCORE || (gain < PROMISING * best && place.is_none() && kinds.len() >= 3) {
+            if gain < 2.0 * PROMISED * LEAST_SCORE
+                || (gain < PROMISING * best && place.is_none() && kinds.len() >= fewest)
+            {
                 continue;
             }
             let place = match place {
                 Some(place) => place,
                 None if kinds.len() < MOST_FITTED => {
-                    kinds.push((kind, 0));
+                    kinds.push((kind, Vec::new()));
                     kinds.len() - 1
                 }
                 None => continue,
             };
             let followed = &mut kinds[place].1;
-            if *followed >= MOST_STARTS {
+            let is_known = start.effects.last().is_some_and(|start| followed.iter().any(|other| start.is_near(other)));
+            if followed.len() >= MOST_STARTS || is_known {
                 continue;
             }
-            *followed += 1;
+            followed.extend(start.effects.last().cloned());
             let Some(fit) = fit_in(&self.likelihood, &start, self.lags, FIRST_STEPS) else { continue };
             let found = self.tried(&beside, (fit, Near::FirstOrder), kind, complexity_penalty(kind));
             match tried.iter_mut().find(|other| other.kind == kind) {
@@ -215,10 +222,13 @@ impl Search<'_> {
             }
             (self.progress)();
         }
+        let own_kind = own.as_ref().map(|own| own.kind);
+        tried.extend(own);
         tried.sort_by(by_score);
         let best = tried.first().map_or(0.0, Tried::score);
         for (place, tried) in tried.iter_mut().enumerate() {
-            if place < MOST_FINISHED || best - tried.score() < MOST_FINISHED as f64 * ALIKE {
+            let may_be_best = place < MOST_FINISHED && tried.score() > AGAIN * best;
+            if (may_be_best || best - tried.score() < MOST_FINISHED as f64 * ALIKE) && Some(tried.kind) != own_kind {
                 let start = tried.fit.hypothesis.clone();
                 if let Some(finished) = self.attempt(&beside, &start, tried.kind, best - tried.score()) {
                     *tried = finished;
@@ -321,7 +331,7 @@ impl Search<'_> {
         let noise = self.likelihood.clone();
         let screened = self.screened(&before, &[]);
         let promised = weak_evidence::promised(&before, &screened);
-        let tried = self.tries_of(&before, screened);
+        let tried = self.tries_of(&before, screened, None);
         let weak_evidence = weak_evidence::weak_evidence(promised, &tried);
         let (after, found) = match self.one_at_a_time(&before, &tried)? {
             Built::Explained(after, found) if found.is_empty() => {

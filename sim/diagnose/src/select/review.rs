@@ -3,21 +3,20 @@
 use rotorlead_plant::effect::Kind;
 
 use crate::estimate::fit::{Fit, fit};
-use crate::select::explain::{Found, MOST_EFFECTS, MOST_FINISHED, Search};
+use crate::select::explain::{AGAIN, Found, MOST_EFFECTS, MOST_FINISHED, Search};
 use crate::select::tried::{ALIKE, Tried};
 
-/// What scored less than this part of the best is not tried again.
-const AGAIN: f64 = 0.2;
-
 impl Search<'_> {
-    /// Kinds that were tried beside `from`, as it was found then, by the noise of now: those that may be the best.
-    fn again(&self, from: &Fit, tried: &[Tried]) -> Vec<Tried> {
+    /// Kinds that were tried beside `from`, as it was found then, by the noise of now: those that may be the best, and `own`.
+    fn again(&self, from: &Fit, tried: &[Tried], own: Option<Tried>) -> Vec<Tried> {
         let best = tried.first().map_or(0.0, Tried::score);
-        let is_near = |other: &&Tried| other.score() > AGAIN * best;
+        let own_kind = own.as_ref().map(|own| own.kind);
+        let is_near = |other: &&Tried| other.score() > AGAIN * best && Some(other.kind) != own_kind;
         let near = tried.iter().filter(is_near).take(MOST_FINISHED);
         let beside = self.beside(from);
         let mut again: Vec<Tried> = near
             .filter_map(|tried| self.attempt(&beside, &tried.fit.hypothesis, tried.kind, best - tried.score()))
+            .chain(own)
             .collect();
         self.compare_auxiliary_channels(&mut again);
         again
@@ -32,20 +31,14 @@ impl Search<'_> {
         while effect < current.hypothesis.effects.len() {
             let kind = current.hypothesis.effects[effect].kind;
             let rest = fit(&self.likelihood, &current.hypothesis.without(effect), self.lags)?;
-            let others: Vec<&'static Kind> = rest.hypothesis.effects.iter().map(|other| other.kind).collect();
+            let named: Vec<&'static Kind> = current.hypothesis.effects.iter().map(|other| other.kind).collect();
             let is_last = effect + 1 == current.hypothesis.effects.len();
-            let mut tried = match last_tried.take_if(|_| is_last) {
-                Some(tried) => self.again(&rest, &tried),
-                None => self.tries(&rest, &others),
+            // From the fit that it has. Its effect is the last one as far as that is asked for.
+            let own = self.attempt(&self.beside(&rest), &current.hypothesis.with_last(effect), kind, 0.0);
+            let tried = match last_tried.take_if(|_| is_last) {
+                Some(tried) => self.again(&rest, &tried, own),
+                None => self.tries_of(&rest, self.screened(&rest, &named), own),
             };
-            // The fit that it has may be better than what the search from the rest finds.
-            if let Some(own) = self.attempt(&self.beside(&rest), &current.hypothesis, kind, 0.0) {
-                tried.retain(|other| other.kind != kind || other.score() > own.score());
-                if !tried.iter().any(|other| other.kind == kind) {
-                    tried.push(own);
-                }
-                self.compare_auxiliary_channels(&mut tried);
-            }
             let most = tried.first().map_or(0.0, Tried::score);
             let Some(best) = tried.iter().find(|best| best.may_be_named() && most - best.score() < ALIKE) else {
                 current = rest;
