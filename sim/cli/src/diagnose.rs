@@ -146,9 +146,19 @@ fn write_plan(found: &Diagnosis, out: &Path) -> miette::Result<String> {
 pub(super) fn verdict(found: &Diagnosis) -> String {
     let names = || found.effects.iter().map(|effect| effect.kind.title).collect::<Vec<_>>().join(", and ");
     match found.verdict {
-        Verdict::Agrees => "Model and measurement agree: the residual is noise.".to_owned(),
+        Verdict::Agrees if found.minor.is_empty() => "Model and measurement agree: the residual is noise.".to_owned(),
+        Verdict::Agrees => "Model and measurement agree: the residual is noise and what does not matter.".to_owned(),
         Verdict::Named => format!("Missing in the model: {}.", names()),
-        Verdict::PartlyNamed => format!("Missing in the model: {}. A part of the residual stays unexplained.", names()),
+        Verdict::PartlyNamed => {
+            let left = found.excess.1;
+            // Where this is not the test that rejects, it is that of stationarity, which has a line of its own.
+            let by = if left.is_noise() {
+                String::new()
+            } else {
+                format!(": its chi-square is {:.0} where noise leaves {:.0}", left.sum, left.expected)
+            };
+            format!("Missing in the model: {}. A part of the residual stays unexplained{by}.", names())
+        }
         Verdict::Unknown if found.has_free_map => format!(
             "One lag with the measured static map misses {:.1} % of the response, and no effect of the catalog explains it.",
             100.0 * found.gap.before

@@ -15,6 +15,9 @@ const BANDS_PER_DECADE: f64 = 3.0;
 /// Records whose amplitudes differ by less than this factor count as one amplitude.
 const SAME_AMPLITUDE: f64 = 1.1;
 
+/// Ranges whose ends are no farther apart than this part of their width are one.
+const SAME_RANGE: f64 = 1e-3;
+
 /// Along what a chi-square is shared out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -105,7 +108,7 @@ struct Parts(Vec<((f64, f64), Excess)>);
 
 impl Parts {
     fn add(&mut self, range: (f64, f64), excess: Excess) {
-        match self.0.iter_mut().find(|(other, _)| *other == range) {
+        match self.0.iter_mut().find(|(other, _)| are_same(*other, range)) {
             Some((_, part)) => part.add(excess),
             None => self.0.push((range, excess)),
         }
@@ -123,6 +126,12 @@ impl Parts {
         });
         if total > 0.0 { located.collect() } else { Vec::new() }
     }
+}
+
+/// Whether two ranges are one: periods are as long as the stamps of their record say, which differ by some microseconds.
+fn are_same(one: (f64, f64), other: (f64, f64)) -> bool {
+    let apart = (one.0 - other.0).abs().max((one.1 - other.1).abs());
+    apart <= SAME_RANGE * (one.1 - one.0)
 }
 
 fn band(hz: f64) -> (f64, f64) {
@@ -196,4 +205,22 @@ pub(crate) fn locate(likelihood: &Likelihood, hypothesis: &Hypothesis) -> Vec<Lo
         (Axis::Excitation, excitation),
     ];
     all.into_iter().flat_map(|(axis, parts)| parts.locations(axis)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn periods_whose_lengths_differ_by_microseconds_are_one_part() {
+        let excess = Excess { sum: 3.0, expected: 1.0 };
+        let mut parts = Parts::default();
+        for range in [(0.0, 10.0), (10.0, 20.0), (0.0, 10.000_002), (9.999_998, 20.000_004), (0.0, 5.0)] {
+            parts.add(range, excess);
+        }
+        let located = parts.locations(Axis::Time);
+        assert_eq!(located.len(), 3, "{located:?}");
+        // What has no width is itself alone.
+        assert!(are_same((1.0, 1.0), (1.0, 1.0)) && !are_same((1.0, 1.0), (1.0 + 1e-9, 1.0)));
+    }
 }
