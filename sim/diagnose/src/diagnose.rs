@@ -22,8 +22,8 @@ use crate::likelihood::{InitialCondition, Likelihood};
 use crate::model::candidate::{self, Candidate};
 use crate::model::hypothesis::{BasePoint, Coordinate, Hypothesis};
 use crate::outcome::{Diagnosis, NamedEffect, TriedKind};
+use crate::select::decision::Decision;
 use crate::select::explain::{Explanation, Found, Search};
-use crate::select::plateau_search::Decision;
 use crate::select::prior_model::{self, ParameterMismatch};
 use crate::select::tried::Tried;
 

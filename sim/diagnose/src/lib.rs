@@ -40,5 +40,5 @@ pub use error::DiagnoseError;
 pub use likelihood::excess::Excess;
 pub use outcome::{Diagnosis, NEEDS_STEADY_START, NamedEffect, TriedKind, by_name};
 pub use plan::NextExperiment;
-pub use select::plateau_search::Decision;
+pub use select::decision::Decision;
 pub use select::weak_evidence::WeakEvidence;

@@ -18,7 +18,7 @@ use crate::data::columns::Column;
 use crate::data::dataset::LeftOut;
 use crate::data::plateaus::cut::CutRows;
 use crate::likelihood::excess::Excess;
-use crate::select::plateau_search::Decision;
+use crate::select::decision::Decision;
 use crate::select::weak_evidence::WeakEvidence;
 
 /// An effect that is named.

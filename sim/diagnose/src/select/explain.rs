@@ -8,60 +8,22 @@
 
 use std::sync::Arc;
 
-use rayon::prelude::*;
 use rotorlead_plant::Catalog;
-use rotorlead_plant::effect::{Kind, Linearity, Shows, Site};
+use rotorlead_plant::effect::Kind;
 
-use super::auxiliary;
-use super::plateau_search::Decision;
+use super::decision::Decision;
 use crate::assess::minor::MINOR;
 use crate::assess::steadiness::steadiness;
 use crate::data::dataset::{Dataset, Split};
-use crate::estimate::fit::{Fit, fit_in};
-use crate::estimate::prediction::Near;
+use crate::estimate::fit::Fit;
 use crate::estimate::prepare::prepared;
 use crate::estimate::profile::profile_non_smooth;
-use crate::estimate::score_test::ScoreTest;
 use crate::estimate::settle::settle;
 use crate::likelihood::Likelihood;
-use crate::model::candidate::Candidate;
 use crate::model::hypothesis::Hypothesis;
-use crate::propose::scan::Scan;
-use crate::propose::{self, collapsed};
-use crate::select::tried::{ALIKE, LEAST_SCORE, Tried, by_score, complexity_penalty};
+use crate::select::policy::{ALIKE, ALL_BUT_LITTLE, ENOUGH_EFFECTS, HOPELESS, MOST_EFFECTS};
+use crate::select::tried::Tried;
 use crate::select::weak_evidence::{self, WeakEvidence};
-
-/// Most effects that are named.
-pub(crate) const MOST_EFFECTS: usize = 3;
-/// So many effects that leave more than this part of the chi-square are no explanation, and none is looked for.
-const ENOUGH_EFFECTS: usize = 2;
-const HOPELESS: f64 = 0.15;
-/// What leaves less than this part of the chi-square is believed though a kind that fits no actuator leaves less alone: the law of an
-/// actuator may be a little other than the catalog's.
-const ALL_BUT_LITTLE: f64 = 0.05;
-/// How many kinds are fitted after the screening, and from which share of the best gain on.
-const MOST_FITTED: usize = 7;
-const PROMISING: f64 = 0.2;
-/// Share of the least score that the screening has to promise.
-const PROMISED: f64 = 0.7;
-/// Starts of a kind that are looked at on all records.
-const MOST_LOOKED_AT_AGAIN: usize = 3;
-/// Starts that are followed of one kind.
-const MOST_STARTS: usize = 2;
-/// Steps after which the kinds are compared; after these so many go on, and all that are close.
-pub(crate) const FIRST_STEPS: usize = 3;
-/// How often the screening halves the distance to the neighbors of the best start.
-const CLOSER_LOOKS: usize = 3;
-pub(crate) const MOST_FINISHED: usize = 3;
-/// What scores less than this part of the best is not searched to the end.
-pub(crate) const AGAIN: f64 = 0.2;
-/// How often the screening looks around in a narrow valley, in how many steps to either side, and how much nearer each time.
-const VALLEY_LOOKS: i32 = 5;
-const VALLEY_STEPS: u32 = 4;
-const VALLEY_NARROWING: f64 = 0.25;
-
-/// What a start of a kind would leave of the chi-square, and the hypothesis that it leads to.
-pub(crate) type Screened = (f64, Hypothesis, &'static Kind);
 
 /// An effect that was found.
 #[derive(Clone, Debug)]
@@ -116,12 +78,6 @@ impl Built {
     }
 }
 
-/// A part of the records, and a score test on it.
-pub(crate) struct FirstLook<'a> {
-    likelihood: Likelihood,
-    score_test: ScoreTest<'a>,
-}
-
 /// Everything that may be tried, and on what.
 pub(crate) struct Search<'a> {
     /// The records, by the weights of now.
@@ -154,166 +110,6 @@ impl Search<'_> {
         let (likelihood, fit) = settle(&self.likelihood, start, lags)?;
         self.likelihood = likelihood;
         Some(fit)
-    }
-
-    /// Starts of all kinds but those to `exclude`, with what they would leave beside `from` as far as the linearization holds, best first.
-    pub fn screened(&self, from: &Fit, exclude: &[&'static Kind]) -> Vec<Screened> {
-        let lifted = self.lags.then(|| collapsed::lifted(&self.likelihood, from)).flatten();
-        let mut screened = Vec::new();
-        for near in std::iter::once(from).chain(&lifted) {
-            let Some(score_test) = ScoreTest::new(&self.likelihood, near) else { continue };
-            let Some(scan) = Scan::new(&self.likelihood, near) else { continue };
-            let first_look = self.likelihood.for_first_look().and_then(|likelihood| {
-                let score_test = ScoreTest::new(&likelihood, near)?;
-                Some(FirstLook { likelihood, score_test })
-            });
-            let kinds = self.catalog.kinds().filter(|kind| kind.site != Site::Base && !exclude.contains(kind));
-            for kind in kinds.filter(|kind| kind.shows != Shows::OverLevels) {
-                screened.extend(self.screen((&score_test, first_look.as_ref()), &scan, near, kind));
-                (self.progress)();
-            }
-        }
-        screened.sort_by(|a: &Screened, b| a.0.total_cmp(&b.0));
-        screened
-    }
-
-    /// Kinds that improve on `from`, best first.
-    pub fn tries(&self, from: &Fit, exclude: &[&'static Kind]) -> Vec<Tried> {
-        self.tries_of(from, self.screened(from, exclude), None)
-    }
-
-    /// Kinds that improve on `from` of those that were screened, best first; with `own`, which they have to compete with.
-    pub fn tries_of(&self, from: &Fit, screened: Vec<Screened>, own: Option<Tried>) -> Vec<Tried> {
-        let best = screened.first().map_or(0.0, |best| from.chi_square - best.0);
-        let best = own.as_ref().map_or(best, |own| best.max(2.0 * own.fitted_gain));
-        let fewest = if own.is_some() { 0 } else { MOST_FINISHED };
-        let beside = self.beside(from);
-        let mut kinds: Vec<(&'static Kind, Vec<Candidate>)> = Vec::new();
-        let mut tried: Vec<Tried> = Vec::new();
-        for (left, start, kind) in screened {
-            let place = kinds.iter().position(|(other, _)| *other == kind);
-            let gain = from.chi_square - left;
-            // What promises much less than has to be there is not worth a search; a gain of log likelihood is half of this.
-            if gain < 2.0 * PROMISED * LEAST_SCORE
-                || (gain < PROMISING * best && place.is_none() && kinds.len() >= fewest)
-            {
-                continue;
-            }
-            let place = match place {
-                Some(place) => place,
-                None if kinds.len() < MOST_FITTED => {
-                    kinds.push((kind, Vec::new()));
-                    kinds.len() - 1
-                }
-                None => continue,
-            };
-            let followed = &mut kinds[place].1;
-            let is_known = start.effects.last().is_some_and(|start| followed.iter().any(|other| start.is_near(other)));
-            if followed.len() >= MOST_STARTS || is_known {
-                continue;
-            }
-            followed.extend(start.effects.last().cloned());
-            let Some(fit) = fit_in(&self.likelihood, &start, self.lags, FIRST_STEPS) else { continue };
-            let found = self.tried(&beside, (fit, Near::FirstOrder), kind, complexity_penalty(kind));
-            match tried.iter_mut().find(|other| other.kind == kind) {
-                Some(other) if found.fitted_gain > other.fitted_gain => *other = found,
-                Some(_) => {}
-                None => tried.push(found),
-            }
-            (self.progress)();
-        }
-        let own_kind = own.as_ref().map(|own| own.kind);
-        tried.extend(own);
-        tried.sort_by(by_score);
-        let best = tried.first().map_or(0.0, Tried::score);
-        for (place, tried) in tried.iter_mut().enumerate() {
-            let may_be_best = place < MOST_FINISHED && tried.score() > AGAIN * best;
-            if (may_be_best || best - tried.score() < MOST_FINISHED as f64 * ALIKE) && Some(tried.kind) != own_kind {
-                let start = tried.fit.hypothesis.clone();
-                if let Some(finished) = self.attempt(&beside, &start, tried.kind, best - tried.score()) {
-                    *tried = finished;
-                }
-                (self.progress)();
-            }
-        }
-        self.compare_auxiliary_channels(&mut tried);
-        // A hold whose frames do not show is, by all that is known, a delay.
-        let hidden = |tried: &Tried| tried.fit.hypothesis.effects.last().is_some_and(Candidate::is_hidden_hold);
-        if let Some(delay) = tried.iter().position(|tried| tried.kind.site == Site::Line)
-            && tried.first().is_some_and(hidden)
-            && tried[0].score() - tried[delay].score() < ALIKE
-        {
-            tried[..=delay].rotate_right(1);
-        }
-        tried
-    }
-
-    /// Lets the columns beside the response speak where kinds, the best first, are within chance of the best.
-    pub fn compare_auxiliary_channels(&self, tried: &mut [Tried]) {
-        tried.iter_mut().for_each(|tried| tried.auxiliary_gain = 0.0);
-        tried.sort_by(by_score);
-        let alike = tried.iter().take_while(|other| tried[0].score() - other.score() < ALIKE).count();
-        let fits: Vec<&Fit> = tried[..alike].iter().map(|tried| &tried.fit).collect();
-        let Some(gains) = (alike > 1).then(|| auxiliary::auxiliary_gains(&self.likelihood, &fits)).flatten() else {
-            return;
-        };
-        tried[..alike].iter_mut().zip(gains).for_each(|(tried, gain)| tried.auxiliary_gain = gain);
-        tried.sort_by(by_score);
-    }
-
-    /// Starts of a kind with what they would leave. Around the best of a single value it looks closer: a limit is felt only
-    /// where the commands are.
-    ///
-    /// All that is looked at by `first_look`, where there is one, which is quick; what is best there by `score_test`.
-    pub fn screen(
-        &self,
-        (score_test, first_look): (&ScoreTest, Option<&FirstLook>),
-        scan: &Scan,
-        from: &Fit,
-        kind: &'static Kind,
-    ) -> Vec<Screened> {
-        // Where the alignment has taken over much of a delay, a start that brings its own is evaluated without it too: so far the
-        // linearization does not hold.
-        let has_time_offset = from.has_time_offset(&self.likelihood);
-        // What is slow shows over all of a record.
-        let first_look = first_look.filter(|_| kind.linearity != Linearity::Absent || kind.site <= Site::Rotor);
-        let evaluate = |(likelihood, score_test): (&Likelihood, &ScoreTest), start: &Candidate| {
-            let with = score_test.predict(likelihood, start, false);
-            let without = has_time_offset.then(|| score_test.predict(likelihood, start, true)).flatten();
-            [with, without].into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0))
-        };
-        let by_all = (&self.likelihood, score_test);
-        let by = first_look.map_or(by_all, |look| (&look.likelihood, &look.score_test));
-        let mut evaluated: Vec<(f64, Candidate, Hypothesis)> = Vec::new();
-        let look = |evaluated: &mut Vec<(f64, Candidate, Hypothesis)>, starts: Vec<Candidate>| {
-            let looked = |start: Candidate| evaluate(by, &start).map(|(left, moved)| (left, start, moved));
-            evaluated.par_extend(starts.into_par_iter().filter_map(looked));
-            evaluated.sort_by(|a, b| a.0.total_cmp(&b.0));
-        };
-        let starts = propose::of(kind).starts(&self.likelihood, from, scan, kind);
-        look(&mut evaluated, starts.candidates);
-        if starts.is_in_valley {
-            // Down into the lowest.
-            for round in 0..VALLEY_LOOKS {
-                let Some(best) = evaluated.first().map(|best| best.1.clone()) else { break };
-                look(&mut evaluated, best.around(VALLEY_NARROWING.powi(round), VALLEY_STEPS));
-            }
-        } else if Candidate::searched(kind).count() == 1 {
-            for _ in 0..CLOSER_LOOKS {
-                let between = Candidate::around_best(&evaluated);
-                look(&mut evaluated, between);
-            }
-            let vertex = Candidate::vertex(&evaluated);
-            look(&mut evaluated, vertex.into_iter().collect());
-        }
-        if first_look.is_some() {
-            evaluated.truncate(MOST_LOOKED_AT_AGAIN);
-            let starts = evaluated.into_iter().map(|(_, start, _)| start);
-            evaluated =
-                starts.filter_map(|start| evaluate(by_all, &start).map(|(left, moved)| (left, start, moved))).collect();
-            evaluated.sort_by(|a, b| a.0.total_cmp(&b.0));
-        }
-        evaluated.into_iter().map(|(left, _, moved)| (left, moved, kind)).collect()
     }
 
     /// The part of the chi-square of `before` that `fit` leaves; 0 where it leaves no more than noise.

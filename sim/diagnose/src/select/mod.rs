@@ -2,13 +2,17 @@
 
 pub(crate) mod attempt;
 pub(crate) mod auxiliary;
+pub(crate) mod decision;
 pub(crate) mod explain;
 pub(crate) mod folds;
 pub(crate) mod pair_search;
 pub(crate) mod plateau_search;
+pub(crate) mod policy;
 pub(crate) mod prior_model;
 pub(crate) mod review;
+pub(crate) mod screen;
 pub(crate) mod starts;
 pub(crate) mod step;
 pub(crate) mod tried;
+pub(crate) mod tries;
 pub(crate) mod weak_evidence;

@@ -9,12 +9,9 @@ use rotorlead_plant::effect::Kind;
 use crate::estimate::fit::{Fit, fit_in};
 use crate::model::candidate::Candidate;
 use crate::model::hypothesis::Hypothesis;
-use crate::select::explain::{FIRST_STEPS, Found, MOST_FINISHED, Search};
+use crate::select::explain::{Found, Search};
+use crate::select::policy::{FIRST_STEPS, MOST_BEGINNINGS, MOST_FINISHED, PART_OF_BEST};
 use crate::select::tried::Tried;
-
-/// Kinds that score less than this part of the best alone are no beginnings; the best so many are.
-const BEGINNING: f64 = 0.2;
-const MOST_BEGINNINGS: usize = 4;
 
 /// Two kinds with what they promise to leave of the chi-square.
 struct Pair {
@@ -59,7 +56,7 @@ impl Search<'_> {
     /// Pairs of kinds, the most promising first.
     fn pairs(&self, tried: &[Tried]) -> Vec<Pair> {
         let best = tried.first().map_or(0.0, Tried::score);
-        let beginnings = tried.iter().filter(|tried| tried.may_be_named() && tried.score() > BEGINNING * best);
+        let beginnings = tried.iter().filter(|tried| tried.may_be_named() && tried.score() > PART_OF_BEST * best);
         let mut pairs: Vec<Pair> = Vec::new();
         for first in beginnings.take(MOST_BEGINNINGS) {
             // The best start of a kind comes first.

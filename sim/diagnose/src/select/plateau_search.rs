@@ -8,7 +8,6 @@
 
 use rotorlead_plant::effect::{Kind, Parameter, Shows, Site};
 use rotorlead_records::Output;
-use serde::Serialize;
 
 use super::folds::Folds;
 use crate::assess::gap::gaps;
@@ -20,17 +19,12 @@ use crate::likelihood::Likelihood;
 use crate::model::candidate::Candidate;
 use crate::model::hypothesis::Hypothesis;
 use crate::propose::scan::Scan;
-use crate::select::explain::{Explanation, FIRST_STEPS, Found, Search};
-use crate::select::tried::{ALIKE, Tried, by_score, complexity_penalty};
-
-/// Most effects that are named.
-const MOST_EFFECTS: usize = 3;
-/// How many kinds are finished and evaluated by what is held out, after a few steps of a search of each.
-const MOST_FINISHED: usize = 3;
-/// Steps of a search that finishes: the chi-square is of models and not of noise, so the last digits mean nothing.
-const LAST_STEPS: usize = 8;
-/// What an effect is worth at least that is named. More than where periods repeat: what a log leaves is estimated from the log itself.
-const LEAST_SCORE_IN_LOGS: f64 = 10.0;
+use crate::select::decision::Decision;
+use crate::select::explain::{Explanation, Found, Search};
+use crate::select::policy::{
+    ALIKE, FIRST_STEPS, LAST_STEPS, LEAST_SCORE_IN_LOGS, MOST_EFFECTS, MOST_FINISHED, parsimony_rank,
+};
+use crate::select::tried::{Tried, by_score, complexity_penalty};
 
 impl Dataset {
     /// Whether the records can show a kind.
@@ -67,62 +61,6 @@ impl Dataset {
             })
         };
         own.beyond_range(|_| 0.0).or_else(|| Candidate::searched(candidate.kind).find_map(longer))
-    }
-}
-
-/// Parsimony rank of a kind, the simplest first: a map that is not straight, as levels are soon read off, and a response that
-/// is late as a whole, as a logger's may well be. Both pass for whatever else moves levels or slows the motor, so they come first
-/// where they are worth it, and each of the others has to be worth something beside them. They are dropped where one makes them
-/// redundant.
-fn parsimony_rank(kind: &Kind) -> usize {
-    match kind.site {
-        Site::Map => 0,
-        Site::Line => 1,
-        _ => 2,
-    }
-}
-
-/// What became of a kind in a log.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Decision {
-    /// The kind.
-    pub kind: &'static Kind,
-    /// What it was tried beside.
-    pub beside: Vec<&'static Kind>,
-    /// Gain of log likelihood over what is fitted; after a few steps of a search only where no score is known.
-    pub fitted_gain: f64,
-    /// The mean gain over what is held out; `None` where the fitted gain was too far behind to go on.
-    pub held_out_gain: Option<f64>,
-    /// Both, less what the search would gain by chance.
-    pub score: Option<f64>,
-    /// What it failed, empty for a kind that was added.
-    pub failed: Vec<String>,
-    /// Whether it was added.
-    pub is_added: bool,
-}
-
-impl Decision {
-    /// What became of it, in words.
-    #[must_use]
-    pub fn outcome(&self) -> String {
-        match self.is_added {
-            true => "added: passes every test".to_owned(),
-            false if self.failed.is_empty() => "not added: passes every test, but another one comes first".to_owned(),
-            false => format!("not added. Fails {}", self.failed.join("; ")),
-        }
-    }
-
-    /// That of a kind that was tried to the end.
-    fn of(tried: &Tried, beside: &[&'static Kind], failed: Vec<String>) -> Self {
-        Self {
-            kind: tried.kind,
-            beside: beside.to_vec(),
-            fitted_gain: tried.fitted_gain,
-            held_out_gain: Some(tried.held_out_gain),
-            score: Some(tried.score()),
-            is_added: failed.is_empty(),
-            failed,
-        }
     }
 }
 

@@ -7,14 +7,7 @@ use crate::estimate::fit::{Fit, fit};
 use crate::likelihood::Likelihood;
 use crate::model::hypothesis::{BasePoint, Coordinate, Hypothesis};
 use crate::select::explain::{Explanation, Search};
-
-/// Wrong numbers of a given model count as an effect from this gain of log likelihood on, over one per number.
-const LEAST_SCORE_OF_NUMBERS: f64 = 10.0;
-/// A lag is another one than the given where its squared distance in standard errors is more than this: for two numbers noise
-/// alone exceeds it once in 100 times.
-const IMPROVED: f64 = 9.2;
-/// Beside another effect they have to be this wrong, too: what exactly the lag is in its presence is a matter of definition.
-const LEAST_ERROR_BESIDE: f64 = 0.08;
+use crate::select::policy::{IMPROVED, LEAST_ERROR_BESIDE, LEAST_SCORE_OF_NUMBERS};
 
 /// That the numbers of a given model are wrong.
 pub(crate) struct ParameterMismatch {

@@ -3,15 +3,16 @@
 use rotorlead_plant::effect::Kind;
 
 use crate::estimate::fit::{Fit, fit};
-use crate::select::explain::{AGAIN, Found, MOST_EFFECTS, MOST_FINISHED, Search};
-use crate::select::tried::{ALIKE, Tried};
+use crate::select::explain::{Found, Search};
+use crate::select::policy::{ALIKE, MOST_EFFECTS, MOST_FINISHED, PART_OF_BEST};
+use crate::select::tried::Tried;
 
 impl Search<'_> {
     /// Kinds that were tried beside `from`, as it was found then, by the noise of now: those that may be the best, and `own`.
     fn again(&self, from: &Fit, tried: &[Tried], own: Option<Tried>) -> Vec<Tried> {
         let best = tried.first().map_or(0.0, Tried::score);
         let own_kind = own.as_ref().map(|own| own.kind);
-        let is_near = |other: &&Tried| other.score() > AGAIN * best && Some(other.kind) != own_kind;
+        let is_near = |other: &&Tried| other.score() > PART_OF_BEST * best && Some(other.kind) != own_kind;
         let near = tried.iter().filter(is_near).take(MOST_FINISHED);
         let beside = self.beside(from);
         let mut again: Vec<Tried> = near

@@ -22,7 +22,8 @@ use crate::likelihood::excess::Excess;
 use crate::likelihood::{InitialCondition, Likelihood};
 use crate::model::hypothesis::Hypothesis;
 use crate::select::explain::{Found, Search};
-use crate::select::tried::{LEAST_SCORE, complexity_penalty};
+use crate::select::policy::LEAST_SCORE;
+use crate::select::tried::complexity_penalty;
 
 /// Scatters that are tried, in parts of the swing: from well below what is ever seen to a begin anywhere, so many to a decade.
 const LEAST_SCATTER: f64 = 1e-4;

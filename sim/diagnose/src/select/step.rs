@@ -7,7 +7,8 @@
 
 use crate::estimate::fit::Fit;
 use crate::select::explain::Search;
-use crate::select::tried::{ALIKE, Tried};
+use crate::select::policy::ALIKE;
+use crate::select::tried::Tried;
 
 /// An effect that is taken.
 pub(crate) struct Step {

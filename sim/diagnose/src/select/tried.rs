@@ -7,16 +7,7 @@ use rotorlead_plant::effect::Kind;
 use crate::estimate::fit::Fit;
 use crate::model::candidate::Candidate;
 use crate::propose;
-
-/// An effect is named for at least this worth. Noise alone gives a kind of one value as much once in 16 000 experiments (half of a
-/// chi-square of one degree of freedom beyond 8), and one of 17 kinds of one or two values once in some hundreds. How often
-/// that is, `cargo xtask blind` counts.
-pub(crate) const LEAST_SCORE: f64 = 7.0;
-/// Of that, what is fitted has to bring this much by itself. What is held out can gain by accident: where a nominal command was
-/// fitted to little, anything that moves its lag may move it nearer.
-const LEAST_TRAINING_GAIN: f64 = 0.5 * LEAST_SCORE;
-/// Kinds within this of the best are distinguished by chance only.
-pub(crate) const ALIKE: f64 = 5.0;
+use crate::select::policy::{LEAST_SCORE, LEAST_TRAINING_GAIN};
 
 /// A kind with what it would be worth.
 #[derive(Clone, Debug)]

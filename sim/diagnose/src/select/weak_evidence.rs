@@ -10,12 +10,9 @@ use std::fmt;
 use rotorlead_plant::effect::Kind;
 
 use crate::estimate::fit::Fit;
-use crate::select::explain::Screened;
-use crate::select::tried::{ALIKE, LEAST_SCORE, Tried, complexity_penalty};
-
-/// Gain of log likelihood beyond the complexity penalty from which on records lean to a kind. For a kind of one value noise alone does so in one
-/// of 200 experiments: half of a chi-square of one degree of freedom is beyond 4 that often.
-const LEAST: f64 = 3.0;
+use crate::select::policy::{ALIKE, LEAST_SCORE, LEAST_WEAK_EVIDENCE};
+use crate::select::screen::Screened;
+use crate::select::tried::{Tried, complexity_penalty};
 
 /// A kind whose evidence is too weak for it to be added.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -30,7 +27,7 @@ impl WeakEvidence {
     /// How many times as long records like these have to be for it to be named.
     #[must_use]
     pub fn times_longer(&self) -> u32 {
-        (LEAST_SCORE / self.evidence.max(LEAST)).ceil().max(2.0) as u32
+        (LEAST_SCORE / self.evidence.max(LEAST_WEAK_EVIDENCE)).ceil().max(2.0) as u32
     }
 }
 
@@ -71,6 +68,6 @@ pub(crate) fn weak_evidence(promised: Vec<WeakEvidence>, tried: &[Tried]) -> Vec
     let mut weak_evidence: Vec<WeakEvidence> = promised.into_iter().filter_map(of).collect();
     weak_evidence.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
     let best = weak_evidence.first().map_or(0.0, |best| best.evidence);
-    weak_evidence.retain(|suspect| suspect.evidence >= LEAST && best - suspect.evidence < ALIKE);
+    weak_evidence.retain(|suspect| suspect.evidence >= LEAST_WEAK_EVIDENCE && best - suspect.evidence < ALIKE);
     weak_evidence
 }
