@@ -444,16 +444,23 @@ mod tests {
 
     const SLOW: &str = "[[effect]]\nkind = \"asymmetric_lag\"\nparameters = { ratio = 1.6 }\n";
 
+    const SKEWED: &str = "[[effect]]\nkind = \"clock_skew\"\nparameters = { skew_ppm = 30.0 }\n";
+
     #[test]
     fn what_is_significant_and_changes_little_is_minor() {
-        let skewed = "[[effect]]\nkind = \"clock_skew\"\nparameters = { skew_ppm = 30.0 }\n";
-        let both = found(&[SLOW, skewed].concat());
+        let skewed = found(SKEWED);
+        assert_eq!((skewed.verdict, skewed.effects.len(), skewed.minor.len()), (Verdict::Agrees, 0, 1), "{skewed:?}");
+        let MinorEffect { kind, evidence, share } = skewed.minor[0];
+        assert!(kind.id == "clock_skew" && evidence > 7.0 && share < MINOR, "{:?}", skewed.minor);
+        assert!(skewed.model.effects.is_empty());
+    }
+
+    #[test]
+    fn where_little_is_left_beside_an_effect_no_other_is_looked_for() {
+        let both = found(&[SLOW, SKEWED].concat());
         let named: Vec<&str> = both.effects.iter().map(|effect| effect.kind.id).collect();
         assert_eq!((both.verdict, named), (Verdict::Named, vec!["asymmetric_lag"]), "{:?}", both.minor);
-        assert_eq!(both.minor.len(), 1, "{:?}", both.minor);
-        let MinorEffect { kind, evidence, share } = both.minor[0];
-        assert!(kind.id == "clock_skew" && evidence > 7.0 && share < MINOR, "{:?}", both.minor);
-        assert!(both.model.effects.iter().all(|effect| effect.kind != "clock_skew"));
+        assert_eq!(both.minor, []);
     }
 
     #[test]
