@@ -23,7 +23,8 @@ Usage: blind [--tool PROGRAM | --only-ceilings] [--set tune|report] [--kinds A,B
   --seeds N         cases of each kind, 10 by default; four times as many with nothing hidden, twice as many outside the
                     catalog, three times as many pairs, and as many of each kind whose law is bent
   --jobs N          cases at a time, 2 by default
-  --keep DIR        leaves experiments, truths and answers there, experiments and truths without a program too; what the same program has answered before is not asked again
+  --keep DIR        leaves experiments, truths and answers there; what the same program has answered before is not asked
+                    again; with --only-ceilings experiments and truths
   --rivals WHICH    what an effect must be distinguished from: those known to be confused with it (default), all, or
                     none: then what can be identified at all stays unknown
   --page FILE       writes the page there when the whole report set was run with 10 seeds or more, against all rivals

@@ -35,7 +35,8 @@ pub struct Plan {
     pub tool: Option<PathBuf>,
     /// Where folders and truths are written; they stay there if `keep`.
     pub folder: PathBuf,
-    /// Whether the experiments' folders stay, which are written without a tool too. Then answers that are there are not asked for again.
+    /// Whether the experiments' folders stay, which then are written without a tool too, and answers that are there are not asked for
+    /// again.
     pub keep: bool,
     /// Where ceilings are kept from run to run.
     pub cache: PathBuf,

@@ -91,8 +91,8 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
     // Weighed by the noise that the best explanation leaves.
     let likelihood = &search.likelihood;
     let data = &*likelihood.data;
-    // Of what does not repeat the search itself drops what adds nothing: what is left there is the model's own error, and no noise.
     let with_minor = after.hypothesis.clone();
+    // Of what does not repeat the search itself drops what adds nothing: what is left there is the model's own error, and no noise.
     let (found, mut minor) = match data.has_logs() {
         true => (found, Vec::new()),
         false => without_minor(likelihood, &mut after, found, options.model.is_some()),
@@ -210,8 +210,7 @@ pub fn diagnose(experiment: &Experiment, options: &Options) -> Result<Diagnosis,
 }
 
 /// The effects that matter, and those that do not, which are taken out of the fit: the least of them first, since it may be another's
-/// shadow. What changes little beside the largest, and leaves more than noise, is what its law is off by: it is
-/// no effect either. Where a model `is_given` its lags stay as they are in `after`.
+/// shadow. What changes little beside the largest, and leaves more than noise, is what its law is off by: it is no effect either. Where a model `is_given` its lags stay as they are in `after`.
 fn without_minor(
     likelihood: &Likelihood,
     after: &mut fit::Fit,
@@ -260,7 +259,7 @@ fn rejected(likelihood: &Likelihood, before: &fit::Fit, tried: &[Tried], minor: 
     // What does not matter beside all else has been looked at.
     let is_new = |tried: &&Tried| minor.iter().all(|minor| minor.kind != tried.kind);
     let scored: Vec<MinorEffect> =
-        tried.iter().filter(|tried| tried.is_worth_a_name()).filter(is_new).map(of_tried).collect();
+        tried.iter().filter(|tried| tried.scores_enough()).filter(is_new).map(of_tried).collect();
     let is_rejected = scored.iter().any(|one| one.share >= MINOR);
     if minor.is_empty() {
         minor.extend(scored.first().copied().filter(|_| !is_rejected));

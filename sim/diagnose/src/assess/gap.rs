@@ -235,3 +235,14 @@ pub(crate) fn squares(
     let left = |hypothesis| of.squares(hypothesis, tau_s, split);
     Some(Squares { before: left(before)?, after: left(after)?, noise, response })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_more_is_noise_than_is_left() {
+        let floor = |noise: f64| Squares { before: 4.0, after: 1.0, noise, response: 1.0 }.gap().noise_floor;
+        assert_eq!((floor(0.25), floor(9.0)), (0.5, 1.0));
+    }
+}

@@ -253,6 +253,20 @@ mod tests {
     }
 
     #[test]
+    fn starts_are_one_where_all_values_are_close_and_the_response_does_not_jump() {
+        let candidate = |id: &str, values: &[f64]| {
+            let mut all = Candidate::new(Catalog::standard().find(id).unwrap(), Vec::new());
+            all.values = all.kind.null();
+            all.values[..values.len()].copy_from_slice(values);
+            all
+        };
+        let pole = |time_constant_s: f64| candidate("second_pole", &[time_constant_s]);
+        assert!(pole(0.010).is_near(&pole(0.012)) && !pole(0.010).is_near(&pole(0.015)));
+        let grid = candidate("command_quantization", &[0.01]);
+        assert!(!grid.is_near(&grid.clone()));
+    }
+
+    #[test]
     fn a_vertex_is_found_between_starts_that_are_all_worse_than_nothing() {
         let evaluated = |skews: &[f64]| -> Vec<(f64, Candidate, ())> {
             skews.iter().map(|skew| ((skew - 18.0).powi(2), skewed(*skew), ())).collect()

@@ -171,7 +171,7 @@ impl Search<'_> {
                 last_tried = self.tries(&current, &named);
             }
             // Before the noise is taken from what it leaves, which may be long.
-            let best = last_tried.iter().find(|tried| tried.is_worth_a_name());
+            let best = last_tried.iter().find(|tried| tried.scores_enough());
             if effects.len() + 1 == ENOUGH_EFFECTS
                 && best.is_some_and(|best| self.leaves(&best.fit, before) > 2.0 * HOPELESS)
             {
@@ -210,7 +210,7 @@ impl Search<'_> {
     /// The best of the kinds that were `tried` with which nothing but noise is left, though a value lies beyond its plausible range: the
     /// law of an actuator may be a little other than the catalog's, and it is said of the effect.
     fn beyond_its_range(&mut self, tried: &[Tried]) -> Option<(Fit, Vec<Found>)> {
-        let best = tried.iter().find(|tried| tried.is_worth_a_name())?;
+        let best = tried.iter().find(|tried| tried.scores_enough())?;
         let fit = self.settle(&best.fit.hypothesis, self.lags)?;
         let is_all = self.explains_all(&fit);
         if !is_all {

@@ -12,7 +12,7 @@ pub(crate) const HOPELESS: f64 = 0.15;
 /// actuator may be a little other than the catalog's.
 pub(crate) const ALL_BUT_LITTLE: f64 = 0.05;
 
-/// An effect is named for at least this worth. Noise alone gives a kind of one value as much once in 16 000 experiments (half of a
+/// An effect is named for at least this penalized score. Noise alone gives a kind of one value as much once in 16 000 experiments (half of a
 /// chi-square of one degree of freedom beyond 8), and one of 17 kinds of one or two values once in some hundreds. How often
 /// that is, `cargo xtask blind` counts.
 pub(crate) const LEAST_SCORE: f64 = 7.0;
@@ -23,7 +23,7 @@ pub(crate) const LEAST_TRAINING_GAIN: f64 = 0.5 * LEAST_SCORE;
 pub(crate) const LEAST_SCORE_IN_LOGS: f64 = 10.0;
 /// Kinds within this of the best are distinguished by chance only.
 pub(crate) const ALIKE: f64 = 5.0;
-/// Gain of log likelihood beyond the complexity penalty from which on records lean to a kind. For a kind of one value noise alone does
+/// Gain of log likelihood beyond the complexity penalty from which on a kind has weak evidence. For a kind of one value noise alone does
 /// so in one of 200 experiments: half of a chi-square of one degree of freedom is beyond 4 that often.
 pub(crate) const LEAST_WEAK_EVIDENCE: f64 = 3.0;
 
@@ -53,8 +53,7 @@ pub(crate) const MOST_BEGINNINGS: usize = 4;
 
 /// Parsimony rank of a kind where periods do not repeat, the simplest first: a map that is not straight, as levels are soon read off, and
 /// a response that is late as a whole, as a logger's may well be. Both pass for whatever else moves levels or slows the motor, so they
-/// come first where they are worth it, and each of the others has to be worth something beside them. They are dropped where one makes
-/// them redundant.
+/// come first where they score enough, and each of the others has to do so beside them. They are dropped where one makes them redundant.
 pub(crate) fn parsimony_rank(kind: &Kind) -> usize {
     match kind.site {
         Site::Map => 0,

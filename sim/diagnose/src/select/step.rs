@@ -24,7 +24,7 @@ impl Search<'_> {
     /// The next effect among kinds that were tried, the best first. Backtracking only as `is_first`. `None` where none may be named.
     pub fn next_effect(&mut self, tried: &[Tried], is_first: bool) -> Option<Step> {
         let best = tried.first()?;
-        for tried in tried.iter().filter(|tried| tried.is_worth_a_name()) {
+        for tried in tried.iter().filter(|tried| tried.scores_enough()) {
             let is_backtracking = best.score() - tried.score() >= ALIKE;
             let is_best = tried.kind == best.kind;
             if (is_backtracking && !is_first) || !(is_best || tried.is_plausible()) {

@@ -33,13 +33,13 @@ impl Tried {
     }
 
     /// Whether its score is high enough.
-    pub fn is_worth_a_name(&self) -> bool {
+    pub fn scores_enough(&self) -> bool {
         self.score() >= LEAST_SCORE && self.exceeds_least_gain()
     }
 
     /// Something like an effect, but larger than it can be, is none of the catalog.
     pub fn may_be_named(&self) -> bool {
-        self.is_worth_a_name() && self.is_plausible()
+        self.scores_enough() && self.is_plausible()
     }
 
     /// Whether it gains enough on what is fitted, whatever it does for what is held out.

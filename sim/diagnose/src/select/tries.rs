@@ -74,12 +74,12 @@ impl Search<'_> {
     }
 }
 
-/// The starts that are worth a search, of those that were screened, the most promising first.
+/// The starts to search from, of those that were screened, the most promising first.
 fn promising(from: &Fit, screened: Vec<Screened>, own: Option<&Tried>) -> Vec<(Hypothesis, &'static Kind)> {
     // A gain of log likelihood is half of one of the chi-square.
     let best = screened.first().map_or(0.0, |best| from.chi_square - best.0);
     let best = own.map_or(best, |own| best.max(2.0 * own.fitted_gain));
-    // Where there is nothing to compete with, what comes next is worth to be known.
+    // Where there is nothing to compete with, the result says what comes next.
     let fewest = if own.is_some() { 0 } else { MOST_FINISHED };
     let mut chosen: Vec<(Hypothesis, &'static Kind)> = Vec::new();
     let mut kinds: Vec<&'static Kind> = Vec::new();
@@ -87,7 +87,7 @@ fn promising(from: &Fit, screened: Vec<Screened>, own: Option<&Tried>) -> Vec<(H
         let gain = from.chi_square - left;
         let is_new = !kinds.contains(&kind);
         let is_behind = is_new && (kinds.len() >= MOST_FITTED || kinds.len() >= fewest && gain < PART_OF_BEST * best);
-        // What promises much less than has to be there is not worth a search.
+        // What promises much less than has to be there is not searched.
         if gain < 2.0 * PROMISED * LEAST_SCORE || is_behind {
             continue;
         }
