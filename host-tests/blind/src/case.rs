@@ -53,7 +53,7 @@ impl Set {
     fn base(self) -> u64 {
         match self {
             Self::Tune => 0x7440_0000_0000,
-            Self::Report => 0x4e97_0000_0000,
+            Self::Report => 0x5b2d_0000_0000,
         }
     }
 }

@@ -7,6 +7,7 @@ use rotorlead_numerics::extremum::Parabola;
 use rotorlead_numerics::statistics::t_quantile;
 
 use super::fit::Fit;
+use super::stair;
 use crate::data::dataset::{Record, Split};
 use crate::likelihood::Likelihood;
 use crate::model::hypothesis::Hypothesis;
@@ -67,7 +68,8 @@ pub(crate) fn polish(likelihood: &Likelihood, fit: &Fit, effect: usize) -> Optio
 /// least at `x = -sum b / (2 sum c)`. By noise alone `1 / sum c` is the variance of that. A controller whose commands come early
 /// and late adds to it, differently in each record: the variance is not less than that by what the records, which have their
 /// phases to themselves, differ by (`sum g_r^2 / (2 sum c)^2`, `g_r` the slope of each at `x`; White 1982). Of few records that is itself
-/// known badly: as wide as Student's t is, so that 1.96 of it are the interval of 95 %.
+/// known badly: as wide as Student's t is, so that 1.96 of it are the interval of 95 %. And the stair under the parabola has long tails
+/// ([`stair`]).
 pub(crate) fn settle_rate(likelihood: &Likelihood, known: &Hypothesis, effect: usize) -> Option<Hypothesis> {
     let near = &known.effects[effect];
     let hz = near.values[0];
@@ -106,7 +108,7 @@ pub(crate) fn settle_rate(likelihood: &Likelihood, known: &Hypothesis, effect: u
     let wide = t_quantile(0.975, free) / t_quantile(0.975, f64::INFINITY);
     let variance = bend.recip().max(wide * wide * records as f64 / free * slopes / (2.0 * bend).powi(2));
     let mut settled = at_rate(likelihood, known, effect, hz + best * width_hz);
-    settled.effects[effect].profiled_std = variance.sqrt() * width_hz / hz;
+    settled.effects[effect].profiled_std = stair::std_of_parabola(variance.sqrt()) * width_hz / hz;
     Some(settled)
 }
 

@@ -9,3 +9,4 @@ pub(crate) mod prepare;
 pub(crate) mod profile;
 pub(crate) mod score_test;
 pub(crate) mod settle;
+pub(crate) mod stair;

@@ -11,21 +11,10 @@
 //!
 //! which is the curvature's standard error where `S` is a parabola.
 //!
-//! Where the steps are many and small, few points of the profile see all of them. Each command that changes sides adds its own part
-//! `d` to the mean of `S`, and a random one of the variance `4 d` by the noise: on either side `S` is a random walk upward. With `u` the
-//! mean of `S`, the place of the least is that of the largest of `W(u) - |u| / 2`, `W` a Wiener process on both sides. It lies within
-//! 11.03 of the middle in 95 of 100 (Yao, Approximating the distribution of the maximum likelihood estimate of the change-point,
-//! Annals of Statistics 15, 1987), more than 1.96 of its standard deviations, `sqrt(26)`: the tails are long. Seen from its least,
-//! which it does not go below, `S` first rises by `c` where `u` is `c - 4` on average: the mean time that a walk of drift 1 and
-//! variance 4 takes that is conditioned to stay above 0, `c coth(c / 4) - 4`. So that 1.96 of it are the interval of 95 %,
-//!
-//! ```text
-//! std = 11.03 / 1.96 / (c - 4) (x_c(right) + x_c(left)) / 2
-//! ```
-//!
-//! with `x_c` how far that is. For `c = 24` a parabola gives 1.38 of the curvature's standard error. The larger of the two counts.
+//! Where the steps are many and small, few points of the profile see all of them, and the tails are long ([`stair`]). The larger of
+//! the two counts.
 
-use super::frame_rate;
+use super::{frame_rate, stair};
 use crate::estimate::fit::{Fit, MOST_STEPS, fit_of};
 use crate::estimate::linearization::Linearization;
 use crate::likelihood::Likelihood;
@@ -46,10 +35,6 @@ pub(crate) const MOVES: f64 = 4.0;
 const FILLED: usize = 120;
 /// The ends of a profile lie below this part of its top, or it says nothing.
 const OPEN: f64 = 0.1;
-/// The place where `W(u) - |u| / 2` is largest lies within this in 95 of 100, by the deviations that a normal one has there; and how
-/// much sooner than on average a walk has risen that is seen from its least.
-const YAO: f64 = 11.03 / 1.96;
-const SOONER: f64 = 4.0;
 
 /// The chi-square along one coordinate.
 struct Profile {
@@ -127,7 +112,7 @@ impl Profile {
         let left = rise(&mut self.points[..place].iter().rev());
         // Where one side does not rise so far, the other one says it.
         let sides: Vec<f64> = [left, right].into_iter().flatten().collect();
-        (!sides.is_empty()).then(|| YAO / (LOST - SOONER) * sides.iter().sum::<f64>() / sides.len() as f64)
+        (!sides.is_empty()).then(|| stair::std(sides.iter().sum::<f64>() / sides.len() as f64, LOST))
     }
 
     /// Root of the mean square distance from the best. `None` where the profile has not come down at its ends.

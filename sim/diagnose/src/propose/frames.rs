@@ -33,8 +33,10 @@ const NEAR: f64 = 1.5;
 const PHASE_OFFSETS: [f64; 9] = [0.0, -0.05, 0.05, -0.12, 0.12, -0.22, 0.22, -0.37, 0.37];
 /// Where all of the sawtooth is tried, in standard deviations of the rate by its first term.
 const WIDTHS: [f64; 4] = [-2.0, -1.0, 1.0, 2.0];
-/// Peaks that are tried so.
-const PEAKS: usize = 5;
+/// Peaks that are tried with the whole chain; of so many the top is looked for at places between two rates.
+const PEAKS: usize = 12;
+const COARSE_PEAKS: usize = 150;
+const BETWEEN: i32 = 4;
 /// Phases at which frames are tried where changes are few.
 const STEP_PHASES: u32 = 24;
 /// Rates per line of a record's transform.
@@ -65,7 +67,7 @@ struct Spectrum {
 }
 
 /// The hypothesis of `fit` with the rate and the phases of the frames of its `effect`. `None` where the records do not show
-/// them, or where all that they may gain is less than what the hypothesis is `behind` another, in log likelihood.
+/// them, where another rate does as well as the best by chance, or where all that they may gain is less than what the hypothesis is `behind` another, in log likelihood.
 pub(crate) fn find(likelihood: &Likelihood, fit: &Fit, effect: usize, behind: f64) -> Option<Hypothesis> {
     let about_hz = fit.hypothesis.effects[effect].values[0];
     if !about_hz.is_finite() {
@@ -85,28 +87,27 @@ pub(crate) fn find(likelihood: &Likelihood, fit: &Fit, effect: usize, behind: f6
     let nyquist_hz = fitted().map(|spectrum| 0.5 * spectrum.rate_hz).fold(f64::INFINITY, f64::min);
     let gain = |hz: f64| fitted().map(|spectrum| spectrum.gain(hz)).sum::<f64>();
     let (low, high) = (about_hz / NEAR, (about_hz * NEAR).min(nyquist_hz));
-    let steps = ((high - low) / step_hz).max(0.0) as u32;
-    let at = |step: u32| low + f64::from(step) * step_hz;
-    let gains: Vec<f64> = (0..steps).into_par_iter().map(|step| gain(at(step))).collect();
-    let is_peak = |step: &usize| {
-        let beside = |other: Option<&f64>| other.is_none_or(|other| *other <= gains[*step]);
-        beside(step.checked_sub(1).and_then(|below| gains.get(below))) && beside(gains.get(step + 1))
-    };
-    let mut peaks: Vec<usize> = (0..gains.len()).filter(is_peak).collect();
-    peaks.sort_by(|a, b| gains[*b].total_cmp(&gains[*a]));
-    peaks.truncate(PEAKS);
+    let peaks = peaks(gain, (low, high), step_hz);
     // What is held out may gain as much again.
-    let most = gains[*peaks.first()?];
+    let most = peaks.first()?.0;
     if most - 2.0 * (records as f64) < LEAST_GAIN || most < behind {
         return None;
     }
-    // Now with all of the sawtooth and the whole chain: the peaks, and then a few of the best one's widths.
+    // Now with all of the sawtooth and the whole chain.
     let weighed = |hz: f64, hypothesis: Hypothesis| {
         likelihood.chi_square(&hypothesis, Split::Train).map(|left| (left, hz, hypothesis))
     };
-    let peaks = peaks.into_iter().map(|peak| at(peak as u32));
-    let peaks = peaks.filter_map(|hz| weighed(hz, placed(likelihood, fit, effect, &spectra, hz, &[0.0])));
-    let (_, peak_hz, _) = peaks.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let peaks =
+        peaks.into_iter().filter_map(|(_, hz)| weighed(hz, placed(likelihood, fit, effect, &spectra, hz, &[0.0])));
+    let mut peaks: Vec<_> = peaks.collect();
+    peaks.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let (least, peak_hz) = peaks.first().map(|peak| (peak.0, peak.1))?;
+    // Of so many rates that say nothing, the best takes this much from the chi-square by chance.
+    let by_chance = 2.0 * ((high - low) / (FINER as f64 * step_hz)).ln();
+    if peaks.iter().any(|peak| peak.0 < least + by_chance && (peak.1 - peak_hz).abs() > FINER as f64 * step_hz) {
+        return None;
+    }
+    // A few of its widths.
     let peak = weighed(peak_hz, placed(likelihood, fit, effect, &spectra, peak_hz, &PHASE_OFFSETS))?;
     let known = peak.2.clone();
     let evaluate = |hz: f64| weighed(hz, at_rate(likelihood, &known, effect, hz));
@@ -127,6 +128,28 @@ pub(crate) fn find(likelihood: &Likelihood, fit: &Fit, effect: usize, behind: f6
     let (_, hz, mut hypothesis) = evaluated.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
     hypothesis.effects[effect].profiled_std = std_hz / hz;
     Some(hypothesis)
+}
+
+/// The highest peaks of `gain` over a range, the best first: what is gained, and where.
+fn peaks(gain: impl Fn(f64) -> f64 + Sync, (low, high): (f64, f64), step_hz: f64) -> Vec<(f64, f64)> {
+    let at = |step: usize| low + step as f64 * step_hz;
+    let gains: Vec<f64> =
+        (0..((high - low) / step_hz).max(0.0) as usize).into_par_iter().map(|step| gain(at(step))).collect();
+    let is_peak = |step: &usize| {
+        let beside = |other: Option<&f64>| other.is_none_or(|other| *other <= gains[*step]);
+        beside(step.checked_sub(1).and_then(|below| gains.get(below))) && beside(gains.get(step + 1))
+    };
+    let mut coarse: Vec<usize> = (0..gains.len()).filter(is_peak).collect();
+    coarse.sort_by(|a, b| gains[*b].total_cmp(&gains[*a]));
+    coarse.truncate(COARSE_PEAKS);
+    let finer = |step: usize| {
+        let between = (-BETWEEN..=BETWEEN).map(|part| at(step) + f64::from(part) / f64::from(BETWEEN) * step_hz);
+        between.map(|hz| (gain(hz), hz)).max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((gains[step], at(step)))
+    };
+    let mut peaks: Vec<(f64, f64)> = coarse.into_par_iter().map(finer).collect();
+    peaks.sort_by(|a, b| b.0.total_cmp(&a.0));
+    peaks.truncate(PEAKS);
+    peaks
 }
 
 /// Whether frames of the rate of `effect`, which lie anywhere in `fit`, would be seen if they were there: the sum of squares by which
