@@ -19,8 +19,20 @@ pub struct Diagnosis {
     /// Effects with weak evidence; `None` of a tool that does not say it.
     #[serde(default)]
     pub weak_evidence: Option<Vec<WeakEvidence>>,
+    /// Kinds that were tried beside the lags alone.
+    #[serde(default)]
+    pub tried: Vec<Tried>,
     /// The gap on held-out records.
     pub gap: Gap,
+}
+
+/// A kind that was tried.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+pub struct Tried {
+    /// Its name.
+    pub kind: String,
+    /// By how much the log likelihood grows, less the complexity penalty.
+    pub score: f64,
 }
 
 /// Whether there is a gap, and whether it has a name.

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use super::case::{Class, Set};
 use super::kind::Kind;
 use super::score::Scored;
-use super::tally::{Figure, Share, ceilings, confusion, figures, intervals};
+use super::tally::{Figure, by_parameter, ceilings, confusion, figures};
 
 /// Names of the page's parts, in order: by these a test sees whether the page is current in shape.
 pub const PARTS: [&str; 5] =
@@ -22,7 +22,8 @@ pub fn page(cases: &[Scored], set: Set, about: &str) -> String {
         "Made by {about} from the `{}` set: {} cases. The `tune` set is for making the method, the `report` set for this \
          page; they share no seed and no sort of effect outside the catalog. The data come from code that shares nothing \
          with the simulator. A kind that is said to be significant and not to matter (`minor`) counts as named where it is \
-         hidden, and is no wrong name. Intervals are Wilson's, of 95 %.\n\n",
+         hidden, and is no wrong name. Intervals are Wilson's, of 95 %: what is required counts as missed only where they \
+         exclude it. `p` is how often as unlikely a count happens where intervals hold in 95 of 100.\n\n",
         set.name(),
         cases.len(),
     );
@@ -55,11 +56,7 @@ fn table(figures: &[Figure]) -> String {
             Some((low, high)) if high >= 1.0 => format!(">= {:.1} %", 100.0 * low),
             Some((low, high)) => format!("{:.0} to {:.0} %", 100.0 * low, 100.0 * high),
         };
-        let holds = match figure.holds() {
-            None => "",
-            Some(true) => "yes",
-            Some(false) => "no",
-        };
+        let holds = figure.judgment().map_or(String::new(), |judgment| judgment.to_string());
         let _ = writeln!(text, "| {} | {} | {required} | {holds} |", figure.what, figure.share);
     }
     text
@@ -88,18 +85,12 @@ fn matrix(cases: &[Scored]) -> String {
 }
 
 fn parameters(cases: &[Scored]) -> String {
-    let mut by_name: BTreeMap<(String, String), (Vec<bool>, f64)> = BTreeMap::new();
-    for interval in intervals(cases) {
-        let entry = by_name.entry((interval.kind.clone(), interval.parameter.clone())).or_default();
-        entry.0.push(interval.holds());
-        entry.1 += interval.off;
-    }
     let mut text = String::from(
-        "| kind | parameter | within its interval | mean deviation in standard deviations |\n|---|---|---|---|\n",
+        "| kind | parameter | within its interval | p | mean deviation in standard deviations |\n|---|---|---|---|---|\n",
     );
-    for ((kind, parameter), (holds, sum)) in by_name {
-        let mean = sum / holds.len() as f64;
-        let _ = writeln!(text, "| {kind} | {parameter} | {} | {mean:.2} |", Share::count(holds));
+    for ((kind, name), parameter) in by_parameter(cases) {
+        let (share, p_value, mean) = (parameter.share, parameter.p_value(), parameter.mean_off);
+        let _ = writeln!(text, "| {kind} | {name} | {share} | {p_value:.2} | {mean:.2} |");
     }
     text
 }

@@ -4,6 +4,9 @@ use super::diagnosis::{Diagnosis, Named, Verdict, WeakEvidence};
 use super::folder::{Hidden, Truth};
 use super::kind::Kind;
 
+/// The score from which on a kind may be named, as docs/diagnosis.md says.
+const ENOUGH: f64 = 7.0;
+
 /// A case and what became of it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scored {
@@ -106,6 +109,15 @@ impl Scored {
         self.names()
             .iter()
             .any(|named| !self.is_hidden(&named.kind) && !named.alternatives.iter().any(|name| self.is_hidden(name)))
+    }
+
+    /// It agrees, though a kind that was tried scores enough for a name, and none is said not to matter.
+    #[must_use]
+    pub fn agrees_against_evidence(&self) -> bool {
+        self.answer.as_ref().is_ok_and(|answer| {
+            let is_over = answer.tried.iter().any(|tried| tried.score >= ENOUGH);
+            answer.verdict == Verdict::Agrees && answer.minor.is_empty() && is_over
+        })
     }
 
     /// No name is given, nor a kind that does not matter.
@@ -217,6 +229,21 @@ pub(super) mod tests {
         assert!(right.names_nothing() && !right.has_wrong_name());
         assert_eq!(single(Kind::DeadBand, &leaning).first_alternative_or_evidence(), Some(false));
         assert_eq!(single(Kind::Backlash, &json).first_alternative_or_evidence(), None);
+    }
+
+    #[test]
+    fn agreement_against_evidence_is_seen() {
+        let tried = |score: f64| {
+            naming("agrees", &[]).replacen(
+                '{',
+                &format!(r#"{{"tried": [{{"kind": "slew_limit", "score": {score}}}],"#),
+                1,
+            )
+        };
+        assert!(single(Kind::SlewLimit, &tried(8.0)).agrees_against_evidence());
+        assert!(!single(Kind::SlewLimit, &tried(6.0)).agrees_against_evidence());
+        let minor = tried(8.0).replacen('{', r#"{"minor": [{"kind": "slew_limit"}],"#, 1);
+        assert!(!single(Kind::SlewLimit, &minor).agrees_against_evidence());
     }
 
     #[test]
