@@ -56,7 +56,7 @@ pub(crate) struct Segment {
     pub periods: usize,
 }
 
-/// One record, prepared.
+/// One record, prepared. Rows are shared with its copies.
 #[derive(Clone, Debug)]
 pub(crate) struct Record {
     /// The record's file.
@@ -72,18 +72,18 @@ pub(crate) struct Record {
     /// Largest deviation of the command from its mean.
     pub amplitude: f64,
     /// Rows, seconds.
-    pub time_s: Vec<f64>,
+    pub time_s: Arc<[f64]>,
     /// Times of the applied commands, seconds; several times a row where the command was updated faster than logged.
-    pub command_s: Vec<f64>,
+    pub command_s: Arc<[f64]>,
     /// The applied commands.
-    pub command: Vec<f64>,
+    pub command: Arc<[f64]>,
     /// How many times a row.
     pub commands_per_row: usize,
     /// The command half a tick before each row, through which a line from row to row goes where several commands are held between
     /// two; empty where there is one in each row, or such a line is too far off.
-    pub first_order_hold: Vec<f64>,
+    pub first_order_hold: Arc<[f64]>,
     /// The response.
-    pub measured: Vec<f64>,
+    pub measured: Arc<[f64]>,
     /// Mean command and response over the whole periods.
     pub mean_command: f64,
     /// Mean response over the whole periods.
@@ -173,6 +173,7 @@ impl Dataset {
         // Where the experiment itself keeps records back, these are what is held out.
         let kept_back = sources.iter().any(|(source, _)| source.role == Some(Role::Validate));
         let mut records = Vec::new();
+        let mut times = Vec::new();
         for (place, (source, prepared)) in sources.into_iter().enumerate() {
             let point = nominals.iter().position(|nominal| (nominal - source.nominal).abs() < SAME_NOMINAL);
             let point = point.unwrap_or_default();
@@ -182,6 +183,7 @@ impl Dataset {
             };
             record.place = place;
             record.split(source.role, kept_back);
+            record.share_times(&mut times);
             records.push(record);
         }
         if records.is_empty() {
@@ -245,6 +247,7 @@ impl Record {
         if measured[..rows].iter().all(|y| *y == measured[0]) {
             return Err(IdentifyError::ConstantResponse { file: file() }.into());
         }
+        let time_s: Arc<[f64]> = source.time_s.as_slice().into();
         let mut record = Self {
             file: file(),
             place: 0,
@@ -252,12 +255,12 @@ impl Record {
             nominal: source.nominal,
             excitation: source.excitation,
             amplitude,
-            time_s: source.time_s.clone(),
-            command_s: source.time_s.clone(),
-            command: command.to_vec(),
+            time_s: Arc::clone(&time_s),
+            command_s: time_s,
+            command: command.into(),
             commands_per_row: 1,
-            first_order_hold: Vec::new(),
-            measured: measured.to_vec(),
+            first_order_hold: Arc::default(),
+            measured: measured.into(),
             mean_command,
             mean_response,
             before: Before::Rest,
@@ -306,7 +309,7 @@ impl Record {
             command_s: changes.iter().map(|&row| time_s[row]).collect(),
             command: changes.iter().map(|&row| command[row]).collect(),
             commands_per_row: 1,
-            first_order_hold: Vec::new(),
+            first_order_hold: Arc::default(),
             mean_command,
             mean_response,
             before: Before::Rest,
@@ -316,8 +319,8 @@ impl Record {
             repeats: false,
             highest_hz: 0.0,
             segments: Vec::new(),
-            time_s: blocks.means(time_s),
-            measured,
+            time_s: blocks.means(time_s).into(),
+            measured: measured.into(),
             log: Some(Arc::new(log)),
             channels: channels(source, output, (rows, &blocks)),
             auxiliary_channels: Vec::new(),
@@ -351,6 +354,16 @@ impl Record {
         let before = |tick: usize| self.command[tick.checked_sub(1).unwrap_or(period - 1)];
         let rows = (0..self.command.len()).step_by(self.commands_per_row);
         self.first_order_hold = rows.map(|tick| 0.5 * (before(tick) + self.command[tick])).collect();
+    }
+
+    /// With what is among `known` of its times, which then has the others: many records are taken at the same ones.
+    fn share_times(&mut self, known: &mut Vec<Arc<[f64]>>) {
+        for times in [&mut self.time_s, &mut self.command_s] {
+            match known.iter().find(|known| *known == times) {
+                Some(known) => *times = Arc::clone(known),
+                None => known.push(Arc::clone(times)),
+            }
+        }
     }
 
     /// Whole periods in the record.
@@ -395,7 +408,9 @@ impl Record {
     /// Without mains hum: what of it a residual of the whole record shows.
     pub fn without_hum(mut self, residual: &[f64]) -> Self {
         let hum = hum::find(residual, self.rate_hz, self.highest_hz);
-        self.measured.iter_mut().zip(&hum).for_each(|(measured, hum)| *measured -= hum);
+        if !hum.is_empty() {
+            self.measured = self.measured.iter().zip(&hum).map(|(measured, hum)| measured - hum).collect();
+        }
         Self { hum, ..self }
     }
 
