@@ -248,22 +248,21 @@ fn without_minor(
     (found, minor)
 }
 
-/// Whether a kind that was tried beside the lags alone scores enough for a name and matters. Where none does, the best of those that do
-/// not matter is added to `minor`.
+/// Whether a kind that was tried beside the lags alone scores enough for a name and matters. Where those that score enough do not matter,
+/// the best of them is the only one of `minor`. Where there are some, they have been tried beside each other, and these are their
+/// shadows.
 fn rejected(likelihood: &Likelihood, before: &fit::Fit, tried: &[Tried], minor: &mut Vec<MinorEffect>) -> bool {
+    if !minor.is_empty() {
+        return false;
+    }
     let of_tried = |tried: &Tried| MinorEffect {
         kind: tried.kind,
         evidence: tried.score(),
         share: minor::share(likelihood, &tried.fit.hypothesis, &before.hypothesis),
     };
-    // What does not matter beside all else has been looked at.
-    let is_new = |tried: &&Tried| minor.iter().all(|minor| minor.kind != tried.kind);
-    let scored: Vec<MinorEffect> =
-        tried.iter().filter(|tried| tried.scores_enough()).filter(is_new).map(of_tried).collect();
+    let scored: Vec<MinorEffect> = tried.iter().filter(|tried| tried.scores_enough()).map(of_tried).collect();
     let is_rejected = scored.iter().any(|one| one.share >= MINOR);
-    if minor.is_empty() {
-        minor.extend(scored.first().copied().filter(|_| !is_rejected));
-    }
+    minor.extend(scored.first().copied().filter(|_| !is_rejected));
     is_rejected
 }
 
