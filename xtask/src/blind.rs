@@ -16,6 +16,20 @@ pub fn run_cases(options: &[&str]) -> Result {
     if judges {
         let tool = release_folder().join(format!("rotorlead{}", std::env::consts::EXE_SUFFIX));
         judge.arg("--tool").arg(tool).arg("--page").arg(root().join(PAGE));
+        if let Some(program) = described() {
+            judge.args(["--program", &program]);
+        }
     }
     run(&mut judge)
+}
+
+/// What git calls the tree; `None` where it is none of git's.
+fn described() -> Option<String> {
+    let output = std::process::Command::new("git")
+        .args(["describe", "--always", "--dirty"])
+        .current_dir(root())
+        .output()
+        .ok()?;
+    let text = String::from_utf8(output.stdout).ok()?;
+    output.status.success().then(|| text.trim().to_owned())
 }

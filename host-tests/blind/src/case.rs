@@ -50,7 +50,8 @@ impl Set {
     }
 
     /// The first of its seeds; the sets are far apart.
-    fn base(self) -> u64 {
+    #[must_use]
+    pub fn base(self) -> u64 {
         match self {
             Self::Tune => 0x7440_0000_0000,
             Self::Report => 0x5b2d_0000_0000,

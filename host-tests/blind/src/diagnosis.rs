@@ -31,8 +31,10 @@ pub struct Diagnosis {
 pub struct Tried {
     /// Its name.
     pub kind: String,
-    /// By how much the log likelihood grows, less the complexity penalty.
-    pub score: f64,
+    /// By how much the log likelihood grows, less the complexity penalty; `None` of a kind that cannot be had at any.
+    pub score: Option<f64>,
+    /// What of that is by what was held out.
+    pub held_out_gain: Option<f64>,
 }
 
 /// Whether there is a gap, and whether it has a name.
@@ -87,6 +89,19 @@ pub struct Gap {
     pub after: f64,
     /// What noise alone leaves.
     pub noise_floor: f64,
+}
+
+/// The score from which on a kind may be named, and how much of it has to be by what was fitted, as docs/diagnosis.md says.
+const ENOUGH: f64 = 7.0;
+const ENOUGH_FITTED: f64 = 3.5;
+
+impl Tried {
+    /// Whether it may be named.
+    #[must_use]
+    pub fn scores_enough(&self) -> bool {
+        let (Some(score), Some(held_out_gain)) = (self.score, self.held_out_gain) else { return false };
+        score >= ENOUGH && score - held_out_gain >= ENOUGH_FITTED
+    }
 }
 
 impl Diagnosis {

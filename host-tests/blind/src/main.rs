@@ -13,7 +13,7 @@ use blind_cases::score::Scored;
 
 const HELP: &str = "\
 Usage: blind [--tool PROGRAM | --only-ceilings] [--set tune|report] [--kinds A,B] [--seeds N] [--jobs N] [--keep DIR]
-             [--rivals none|family|all] [--page FILE]
+             [--rivals none|family|all] [--program NAME] [--page FILE]
 
   --tool PROGRAM    the program to judge
   --only-ceilings   judges no program, but prints the log likelihoods of all rivals less that of the truth; with a `<`
@@ -27,11 +27,13 @@ Usage: blind [--tool PROGRAM | --only-ceilings] [--set tune|report] [--kinds A,B
                     again; with --only-ceilings experiments and truths
   --rivals WHICH    what an effect must be distinguished from: those known to be confused with it (default), all, or
                     none: then what can be identified at all stays unknown
+  --program NAME    what the page calls the program that is judged, as `git describe` does
   --page FILE       writes the page there when the whole report set was run with 10 seeds or more, against all rivals
 ";
 
 struct Options {
     plan: Plan,
+    program: Option<String>,
     page: Option<PathBuf>,
     is_whole: bool,
     seeds: u64,
@@ -63,7 +65,8 @@ fn main() -> ExitCode {
 
 fn read(arguments: &[String]) -> Result<Options, String> {
     let (mut set, mut only, mut seeds, mut jobs) = (Set::Tune, Vec::new(), 10, 2);
-    let (mut tool, mut only_ceilings, mut keep, mut rivals, mut page) = (None, false, None, Rivals::Family, None);
+    let (mut tool, mut only_ceilings, mut keep, mut rivals) = (None, false, None, Rivals::Family);
+    let (mut program, mut page) = (None, None);
     let mut left = arguments.iter();
     while let Some(name) = left.next() {
         if name == "--only-ceilings" {
@@ -84,6 +87,7 @@ fn read(arguments: &[String]) -> Result<Options, String> {
             "--seeds" => seeds = number()?,
             "--jobs" => jobs = number()? as usize,
             "--keep" => keep = Some(PathBuf::from(value)),
+            "--program" => program = Some(value.clone()),
             "--page" => page = Some(PathBuf::from(value)),
             "--rivals" => {
                 rivals = [Rivals::None, Rivals::Family, Rivals::All]
@@ -106,7 +110,7 @@ fn read(arguments: &[String]) -> Result<Options, String> {
     let cache = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target/blind-ceilings");
     let keep = keep.is_some();
     let plan = Plan { set, cases: cases(seeds, &only), jobs, rivals, tool, folder, keep, cache };
-    Ok(Options { plan, page, is_whole, seeds, _scratch: scratch })
+    Ok(Options { plan, program, page, is_whole, seeds, _scratch: scratch })
 }
 
 fn class(name: &str) -> Result<Class, String> {
@@ -126,12 +130,14 @@ fn judge(options: &Options) -> Result<(), String> {
         print_ceilings(&scored);
         return Ok(());
     }
+    let Options { plan, seeds, program, .. } = options;
+    let (set, rivals) = (plan.set, plan.rivals.name());
     let about = format!(
-        "`cargo xtask blind --set {} --seeds {} --rivals {}` of version {}",
-        options.plan.set.name(),
-        options.seeds,
-        options.plan.rivals.name(),
-        env!("CARGO_PKG_VERSION")
+        "`cargo xtask blind --set {} --seeds {seeds} --rivals {rivals}` of version {}{}, with seeds from {:#x} on,",
+        set.name(),
+        env!("CARGO_PKG_VERSION"),
+        program.as_ref().map_or(String::new(), |program| format!(" ({program})")),
+        set.base(),
     );
     let text = page(&scored, options.plan.set, &about);
     println!("{text}");

@@ -1,6 +1,6 @@
 //! The figures as a page of Markdown.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
 use super::case::{Class, Set};

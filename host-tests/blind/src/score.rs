@@ -1,11 +1,8 @@
 //! One answer against the truth.
 
-use super::diagnosis::{Diagnosis, Named, Verdict, WeakEvidence};
+use super::diagnosis::{Diagnosis, Named, Tried, Verdict, WeakEvidence};
 use super::folder::{Hidden, Truth};
 use super::kind::Kind;
-
-/// The score from which on a kind may be named, as docs/diagnosis.md says.
-const ENOUGH: f64 = 7.0;
 
 /// A case and what became of it.
 #[derive(Clone, Debug, PartialEq)]
@@ -115,7 +112,7 @@ impl Scored {
     #[must_use]
     pub fn agrees_against_evidence(&self) -> bool {
         self.answer.as_ref().is_ok_and(|answer| {
-            let is_over = answer.tried.iter().any(|tried| tried.score >= ENOUGH);
+            let is_over = answer.tried.iter().any(Tried::scores_enough);
             answer.verdict == Verdict::Agrees && answer.minor.is_empty() && is_over
         })
     }
@@ -236,7 +233,7 @@ pub(super) mod tests {
         let tried = |score: f64| {
             naming("agrees", &[]).replacen(
                 '{',
-                &format!(r#"{{"tried": [{{"kind": "slew_limit", "score": {score}}}],"#),
+                &format!(r#"{{"tried": [{{"kind": "slew_limit", "score": {score}, "held_out_gain": 2.0}}],"#),
                 1,
             )
         };

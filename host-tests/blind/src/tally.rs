@@ -250,10 +250,11 @@ pub fn ceilings(cases: &[Scored]) -> Vec<Figure> {
     ]
 }
 
-/// The intervals of effects that show.
+/// The intervals of effects that show and follow the law of the catalog: one that is bent has no such parameter.
 #[must_use]
 pub fn intervals(cases: &[Scored]) -> Vec<Interval> {
-    cases.iter().filter(|case| !case.truth.is_invisible()).flat_map(Scored::intervals).collect()
+    let follows = |case: &&Scored| case.truth.class != Class::Perturbed.name() && !case.truth.is_invisible();
+    cases.iter().filter(follows).flat_map(Scored::intervals).collect()
 }
 
 /// The intervals of one parameter.
