@@ -43,7 +43,8 @@ impl Interval {
     }
 }
 
-/// One link behind the rotor: it takes the response as it is and gives what the next link sees.
+/// One link behind the rotor: it takes the response as it is and gives what the next link sees. Of a signal that is not a number, as a
+/// fit may come by on its way, it makes one that is none either, and does not panic ([`f64::clamp`] does).
 pub trait ResponseStage: Send {
     /// Puts the stage in the state it has when its input has been `level` for ever; gives its output then.
     fn settle(&mut self, level: f64) -> f64;

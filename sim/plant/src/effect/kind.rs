@@ -83,7 +83,7 @@ pub enum Linearity {
     Mean,
     /// The response is that for small deviations from the nominal command.
     SmallSignal,
-    /// It has none that the amplitude or time would not change.
+    /// It has none that the amplitude or time would not change. Behind the rotor: its steady response drifts with the time in a record.
     Absent,
 }
 
