@@ -43,7 +43,7 @@
 //!
 //! | feature | what it brings | for |
 //! |---|---|---|
-//! | none | the filter, the inverse and their design, pulses in ([`capture`]) and out ([`esc_output`]), the safety states of a [`channel`], [`excitation`] | a control loop of your own |
+//! | none | the filter, the inverse and their design, pulses in ([`capture`]) and out ([`esc_output`]), [`dshot`], the safety states of a [`channel`], [`excitation`] | a control loop of your own |
 //! | `settings` | `settings`: what a controller stores, its ranges, and its form in flash | a firmware with two sectors of flash (`embedded-storage`) |
 //! | `link` | `link`: framed messages between a controller and a host | a firmware with a serial line, and its host |
 //! | `controller` | `controller`: the whole controller but for its hardware, as traits | a board of your own: see `docs/boards.md` |
@@ -85,6 +85,7 @@ pub mod compensator;
 #[cfg(feature = "controller")]
 pub mod controller;
 pub mod design;
+pub mod dshot;
 pub mod esc_output;
 pub mod excitation;
 pub mod inverse;

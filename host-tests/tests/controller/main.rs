@@ -5,6 +5,7 @@ mod channel;
 mod compensator;
 mod design;
 mod device;
+mod dshot;
 mod esc_output;
 mod excitation;
 mod filter;

@@ -1,0 +1,231 @@
+//! From the frames of a flight controller to those of an ESC.
+//!
+//! The flight controller keeps the time: each valid frame makes one go out, and none goes out without one, since an ESC takes the
+//! end of its frames for the end of the flight. The filter runs at a rate of its own; a frame of throttle carries its newest output.
+//! Instructions pass as they came, each of their repeats, since an ESC counts these.
+
+use super::{Checksum, Content, Frame, Value};
+use crate::throttle::Command;
+
+/// Frames that may wait for an output that is slower than the input: an instruction is repeated 6 to 10 times.
+pub const QUEUED: usize = 16;
+
+/// What a frame of throttle is to carry.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Newest {
+    /// Nothing may go out: the motor's channel gives no pulse.
+    Silence,
+    /// The motor is to stand.
+    Stop,
+    /// What the filter gave last.
+    Throttle(Command),
+}
+
+/// What came in, and what became of it, wrapping.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Frames with a right checksum.
+    pub valid: u32,
+    /// Frames with a wrong one.
+    pub bad_checksums: u32,
+    /// Frames of throttle that a newer one overtook, while the output was busy.
+    pub overtaken: u32,
+    /// Instructions that found the queue full.
+    pub dropped: u32,
+}
+
+/// A frame that is due.
+#[derive(Clone, Copy)]
+enum Due {
+    /// As it came.
+    Instruction(Frame),
+    /// With the newest output, and the sender's wish for a report.
+    Throttle { reports: bool },
+}
+
+/// One motor's frames, from one line to the other.
+pub struct Relay {
+    input: Checksum,
+    output: Checksum,
+    /// A ring: `waiting` of them from `first` on.
+    due: [Due; QUEUED],
+    first: usize,
+    waiting: usize,
+    counts: Counts,
+}
+
+impl Relay {
+    /// Between lines with these checksums.
+    #[must_use]
+    pub const fn new(input: Checksum, output: Checksum) -> Self {
+        let due = [Due::Throttle { reports: false }; QUEUED];
+        Self {
+            input,
+            output,
+            due,
+            first: 0,
+            waiting: 0,
+            counts: Counts { valid: 0, bad_checksums: 0, overtaken: 0, dropped: 0 },
+        }
+    }
+
+    /// Takes a frame in: what it says to the filter, or `None` for one that is damaged, which makes nothing go out.
+    pub fn receive(&mut self, bits: u16) -> Option<Content> {
+        let Ok(frame) = Frame::from_bits(bits, self.input) else {
+            self.counts.bad_checksums = self.counts.bad_checksums.wrapping_add(1);
+            return None;
+        };
+        self.counts.valid = self.counts.valid.wrapping_add(1);
+        let content = frame.value().content();
+        match content {
+            Content::Instruction(_) => self.push(Due::Instruction(frame)),
+            Content::Throttle(_) => self.push_throttle(frame.reports()),
+        }
+        Some(content)
+    }
+
+    /// What goes out next, once the output is free. A frame of throttle that must not go out is gone.
+    pub fn next(&mut self, newest: Newest) -> Option<Frame> {
+        if self.waiting == 0 {
+            return None;
+        }
+        let due = self.due.get(self.first).copied()?;
+        self.first = (self.first + 1) % QUEUED;
+        self.waiting -= 1;
+        match (due, newest) {
+            (Due::Instruction(frame), _) => Some(Frame::new(frame.value(), frame.reports(), self.output)),
+            (Due::Throttle { .. }, Newest::Silence) => None,
+            (Due::Throttle { reports }, Newest::Stop) => Some(Frame::new(Value::STOP, reports, self.output)),
+            (Due::Throttle { reports }, Newest::Throttle(command)) => {
+                Some(Frame::new(Value::from_command(command), reports, self.output))
+            }
+        }
+    }
+
+    /// Forgets what waits: the line was lost, or the output is to be silent.
+    pub const fn clear(&mut self) {
+        self.waiting = 0;
+    }
+
+    /// What came in, and what became of it.
+    #[must_use]
+    pub const fn counts(&self) -> Counts {
+        self.counts
+    }
+
+    /// A throttle that waits last gives way: both would carry the newest output.
+    fn push_throttle(&mut self, reports: bool) {
+        let last = (self.first + self.waiting + QUEUED - 1) % QUEUED;
+        match self.due.get_mut(last) {
+            Some(due @ Due::Throttle { .. }) if self.waiting > 0 => {
+                *due = Due::Throttle { reports };
+                self.counts.overtaken = self.counts.overtaken.wrapping_add(1);
+            }
+            _ => self.push(Due::Throttle { reports }),
+        }
+    }
+
+    fn push(&mut self, due: Due) {
+        let next = (self.first + self.waiting) % QUEUED;
+        match self.due.get_mut(next) {
+            Some(free) if self.waiting < QUEUED => {
+                *free = due;
+                self.waiting += 1;
+            }
+            _ => self.counts.dropped = self.counts.dropped.wrapping_add(1),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::vec::Vec;
+
+    use super::*;
+
+    fn bits(value: u16, reports: bool) -> u16 {
+        Frame::new(Value::new(value).unwrap(), reports, Checksum::Normal).to_bits()
+    }
+
+    fn relay() -> Relay {
+        Relay::new(Checksum::Normal, Checksum::Normal)
+    }
+
+    #[test]
+    fn each_throttle_carries_the_newest_output_and_the_wish_for_a_report() {
+        let mut relay = relay();
+        for reports in [false, true] {
+            assert_eq!(relay.receive(bits(1047, reports)), Some(Value::new(1047).unwrap().content()));
+            let frame = relay.next(Newest::Throttle(Command::ONE)).unwrap();
+            assert_eq!((frame.value(), frame.reports()), (Value::MAX, reports));
+            assert_eq!(relay.next(Newest::Throttle(Command::ONE)), None);
+        }
+    }
+
+    #[test]
+    fn every_instruction_passes_as_it_came_and_as_often() {
+        let mut relay = relay();
+        for instruction in 0..48_u16 {
+            for repeat in 0..10 {
+                let sent = bits(instruction, repeat % 2 == 0);
+                assert_eq!(relay.receive(sent), Some(Content::Instruction(instruction as u8)));
+                // Whatever the filter would have.
+                let newest = [Newest::Silence, Newest::Stop, Newest::Throttle(Command::ONE)][repeat % 3];
+                assert_eq!(relay.next(newest).map(Frame::to_bits), Some(sent));
+            }
+        }
+        assert_eq!(relay.counts(), Counts { valid: 480, ..Counts::default() });
+    }
+
+    #[test]
+    fn nothing_goes_out_for_a_damaged_frame_or_without_one() {
+        let mut relay = relay();
+        assert_eq!(relay.next(Newest::Throttle(Command::ONE)), None);
+        assert_eq!(relay.receive(bits(1047, false) ^ 0x100), None);
+        assert_eq!(relay.next(Newest::Throttle(Command::ONE)), None);
+        assert_eq!(relay.counts(), Counts { bad_checksums: 1, ..Counts::default() });
+    }
+
+    #[test]
+    fn a_silent_channel_lets_no_throttle_out_and_a_stopped_one_lets_stops() {
+        let mut relay = relay();
+        relay.receive(bits(1047, true));
+        assert_eq!(relay.next(Newest::Silence), None);
+        assert_eq!(relay.next(Newest::Throttle(Command::ONE)), None);
+        relay.receive(bits(1047, true));
+        assert_eq!(relay.next(Newest::Stop).map(Frame::to_bits), Some(bits(0, true)));
+    }
+
+    #[test]
+    fn a_slow_output_loses_old_throttles_and_no_instruction() {
+        let mut relay = relay();
+        for value in [1000, 1001, 7, 7, 7, 1002, 1003, 1004] {
+            relay.receive(bits(value, false));
+        }
+        let out: Vec<u16> = std::iter::from_fn(|| relay.next(Newest::Throttle(Command::ZERO)))
+            .map(|frame| frame.value().get())
+            .collect();
+        assert_eq!(out, [48, 7, 7, 7, 48]);
+        assert_eq!(relay.counts(), Counts { valid: 8, overtaken: 3, ..Counts::default() });
+        // Round and round, and over the brim.
+        for _ in 0..5 {
+            for _ in 0..QUEUED + 2 {
+                relay.receive(bits(20, false));
+            }
+            assert_eq!(std::iter::from_fn(|| relay.next(Newest::Silence)).count(), QUEUED);
+        }
+        assert_eq!(relay.counts().dropped, 10);
+        relay.receive(bits(20, false));
+        relay.clear();
+        assert_eq!(relay.next(Newest::Stop), None);
+    }
+
+    #[test]
+    fn the_two_lines_may_have_checksums_of_their_own() {
+        let mut relay = Relay::new(Checksum::Normal, Checksum::Inverted);
+        relay.receive(bits(21, true));
+        let frame = relay.next(Newest::Silence).unwrap();
+        assert_eq!(Frame::from_bits(frame.to_bits(), Checksum::Inverted), Ok(frame));
+        assert!(Frame::from_bits(frame.to_bits(), Checksum::Normal).is_err());
+    }
+}
