@@ -172,7 +172,7 @@ mod tests {
 
     #[test]
     fn a_period_is_a_mantissa_times_a_power_of_two() {
-        assert_eq!(Reply { payload: 0b010_1_0010_1001 }.period_us(), Some(297 << 2));
-        assert_eq!(Reply { payload: 0b111_1_1111_1110 }.period_us(), Some(510 << 7));
+        assert_eq!(Reply { payload: (2 << 9) | 297 }.period_us(), Some(297 << 2));
+        assert_eq!(Reply { payload: (7 << 9) | 510 }.period_us(), Some(510 << 7));
     }
 }
