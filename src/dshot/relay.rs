@@ -2,7 +2,8 @@
 //!
 //! The flight controller keeps the time: each valid frame makes one go out, and none goes out without one, since an ESC takes the
 //! end of its frames for the end of the flight. The filter runs at a rate of its own; a frame of throttle carries its newest output.
-//! Instructions pass as they came, each of their repeats, since an ESC counts these.
+//! Instructions pass as they came, each of their repeats, since an ESC counts these. Where the motor's channel gives no pulse there
+//! is no frame either.
 
 use super::{Checksum, Content, Frame, Value};
 use crate::throttle::Command;
@@ -13,7 +14,7 @@ pub const QUEUED: usize = 16;
 /// What a frame of throttle is to carry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Newest {
-    /// Nothing may go out: the motor's channel gives no pulse.
+    /// Nothing may go out, not even an instruction: the motor's channel gives no pulse, and an ESC arms on stops.
     Silence,
     /// The motor is to stand.
     Stop,
@@ -84,7 +85,7 @@ impl Relay {
         Some(content)
     }
 
-    /// What goes out next, once the output is free. A frame of throttle that must not go out is gone.
+    /// What goes out next, once the output is free. A frame that must not go out is gone.
     pub fn next(&mut self, newest: Newest) -> Option<Frame> {
         if self.waiting == 0 {
             return None;
@@ -93,8 +94,8 @@ impl Relay {
         self.first = (self.first + 1) % QUEUED;
         self.waiting -= 1;
         match (due, newest) {
+            (_, Newest::Silence) => None,
             (Due::Instruction(frame), _) => Some(Frame::new(frame.value(), frame.reports(), self.output)),
-            (Due::Throttle { .. }, Newest::Silence) => None,
             (Due::Throttle { reports }, Newest::Stop) => Some(Frame::new(Value::STOP, reports, self.output)),
             (Due::Throttle { reports }, Newest::Throttle(command)) => {
                 Some(Frame::new(Value::from_command(command), reports, self.output))
@@ -170,7 +171,7 @@ mod tests {
                 let sent = bits(instruction, repeat % 2 == 0);
                 assert_eq!(relay.receive(sent), Some(Content::Instruction(instruction as u8)));
                 // Whatever the filter would have.
-                let newest = [Newest::Silence, Newest::Stop, Newest::Throttle(Command::ONE)][repeat % 3];
+                let newest = [Newest::Stop, Newest::Throttle(Command::ONE)][repeat / 2 % 2];
                 assert_eq!(relay.next(newest).map(Frame::to_bits), Some(sent));
             }
         }
@@ -187,8 +188,10 @@ mod tests {
     }
 
     #[test]
-    fn a_silent_channel_lets_no_throttle_out_and_a_stopped_one_lets_stops() {
+    fn a_silent_channel_lets_nothing_out_and_a_stopped_one_lets_stops() {
         let mut relay = relay();
+        relay.receive(bits(0, false));
+        assert_eq!(relay.next(Newest::Silence), None);
         relay.receive(bits(1047, true));
         assert_eq!(relay.next(Newest::Silence), None);
         assert_eq!(relay.next(Newest::Throttle(Command::ONE)), None);
@@ -212,7 +215,7 @@ mod tests {
             for _ in 0..QUEUED + 2 {
                 relay.receive(bits(20, false));
             }
-            assert_eq!(std::iter::from_fn(|| relay.next(Newest::Silence)).count(), QUEUED);
+            assert_eq!(std::iter::from_fn(|| relay.next(Newest::Stop)).count(), QUEUED);
         }
         assert_eq!(relay.counts().dropped, 10);
         relay.receive(bits(20, false));
@@ -224,7 +227,7 @@ mod tests {
     fn the_two_lines_may_have_checksums_of_their_own() {
         let mut relay = Relay::new(Checksum::Normal, Checksum::Inverted);
         relay.receive(bits(21, true));
-        let frame = relay.next(Newest::Silence).unwrap();
+        let frame = relay.next(Newest::Stop).unwrap();
         assert_eq!(Frame::from_bits(frame.to_bits(), Checksum::Inverted), Ok(frame));
         assert!(Frame::from_bits(frame.to_bits(), Checksum::Normal).is_err());
     }

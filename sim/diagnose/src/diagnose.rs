@@ -433,7 +433,7 @@ impl Dataset {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::records;
+    use crate::testing::{likelihood, records};
 
     fn found(effects: &str) -> Diagnosis {
         let catalog = Catalog::standard();
@@ -451,6 +451,21 @@ mod tests {
         let MinorEffect { kind, evidence, share } = skewed.minor[0];
         assert!(kind.id == "clock_skew" && evidence > 7.0 && share < MINOR, "{:?}", skewed.minor);
         assert!(skewed.model.effects.is_empty());
+    }
+
+    #[test]
+    fn shadows_of_what_does_not_matter_reject_nothing() {
+        let (likelihood, base) = likelihood(&records(SLOW, 0.05, 1));
+        let catalog = Catalog::standard();
+        let mut search = Search { likelihood, catalog: &catalog, progress: &|| {}, lags: true };
+        let before = search.settle(&Hypothesis::of_lags(base), true).unwrap();
+        let tried = search.tries(&before, &[]);
+        let rejected = |minor: &mut Vec<MinorEffect>| rejected(&search.likelihood, &before, &tried, minor);
+        assert!(rejected(&mut Vec::new()));
+        let found = MinorEffect { kind: tried[0].kind, evidence: 50.0, share: 0.5 * MINOR };
+        let mut minor = vec![found];
+        assert!(!rejected(&mut minor));
+        assert_eq!(minor, [found]);
     }
 
     #[test]
