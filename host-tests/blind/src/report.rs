@@ -23,7 +23,8 @@ pub fn page(cases: &[Scored], set: Set, about: &str) -> String {
          page; they share no seed and no sort of effect outside the catalog. The data come from code that shares nothing \
          with the simulator. A kind that is said to be significant and not to matter (`minor`) counts as named where it is \
          hidden, and is no wrong name. Intervals are Wilson's, of 95 %: what is required counts as missed only where they \
-         exclude it. `p` is how often as unlikely a count happens where intervals hold in 95 of 100.\n\n",
+         exclude it. `p` is how often as unlikely a count happens where intervals hold in 95 of 100; a law that is bent has \
+         no such parameter, and is not counted there.\n\n",
         set.name(),
         cases.len(),
     );
