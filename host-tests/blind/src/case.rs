@@ -54,7 +54,7 @@ impl Set {
     pub fn base(self) -> u64 {
         match self {
             Self::Tune => 0x7440_0000_0000,
-            Self::Report => 0x5b2d_0000_0000,
+            Self::Report => 0x71c9_0000_0000,
         }
     }
 }
