@@ -5,6 +5,8 @@
 
 use core::fmt;
 
+use crate::dshot::{self, Speed};
+
 /// Bits after the binary point of [`Command`] and [`Throttle`].
 pub const FRACTION_BITS: u32 = 29;
 
@@ -174,7 +176,7 @@ impl From<Command> for EscCommand {
     }
 }
 
-/// How a command is expressed as the width of a pulse.
+/// How a command is expressed on a line: as the width of a pulse, or as a number in a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Protocol {
     /// The command is the duty cycle itself: 0 is no pulse and 1 the whole frame. The paper's ESC takes it at 600 Hz.
@@ -186,13 +188,16 @@ pub enum Protocol {
     StandardPwm,
     /// OneShot125: the servo pulse at an eighth of its length, 125 to 250 µs.
     OneShot125,
+    /// DShot: frames of 16 bits. What stands for a width is a throttle value, and for that of a stop the one below them.
+    Dshot(Speed),
 }
 
 impl Protocol {
     /// Raw duty as in the paper: 600 Hz.
     pub const PAPER: Self = Self::RawDuty { frame_hz: 600 };
 
-    /// Widths of the shortest and the longest pulse in ticks of a timer that counts at `timer_hz`, to the nearest tick.
+    /// Widths of the shortest and the longest pulse in ticks of a timer that counts at `timer_hz`, to the nearest tick. DShot
+    /// needs no timer.
     fn range_ticks(self, timer_hz: u32) -> Option<(u64, u64)> {
         let timer_hz = u64::from(timer_hz);
         let microseconds = |us: u64| (us * timer_hz + 500_000) / 1_000_000;
@@ -204,6 +209,7 @@ impl Protocol {
             }
             Self::StandardPwm => Some((microseconds(1000), microseconds(2000))),
             Self::OneShot125 => Some((microseconds(125), microseconds(250))),
+            Self::Dshot(_) => Some((dshot::BELOW_THROTTLE.into(), dshot::HIGHEST.into())),
         }
     }
 }
@@ -281,11 +287,17 @@ impl PulseScale {
         if span_ticks < Self::MIN_SPAN_TICKS {
             return Err(PulseError::TimerTooSlow { span_ticks });
         }
+        Ok(Self::of_span(low as u32, span_ticks))
+    }
+
+    /// The conversion for widths from `low_ticks` to `span_ticks` above, which is within its range.
+    pub(crate) const fn of_span(low_ticks: u32, span_ticks: u32) -> Self {
+        let span = span_ticks as u64;
         // With floor(log2(span)) + 2 bits the reciprocal is in (2^30, 2^31], and its rounding moves a command by at
         // most span / 2 / 2^shift <= 1/4 of a step.
         let shift = span_ticks.ilog2() + 2;
         let reciprocal = ((1_u64 << (FRACTION_BITS + shift)) + span / 2) / span;
-        Ok(Self { low_ticks: low as u32, span_ticks, reciprocal: reciprocal as u32, normalizer: 1 << (32 - shift) })
+        Self { low_ticks, span_ticks, reciprocal: reciprocal as u32, normalizer: 1 << (32 - shift) }
     }
 
     /// Width of the pulse that means 0.
@@ -340,9 +352,9 @@ mod tests {
     #[test]
     fn every_pulse_survives_the_round_trip_to_the_tick() {
         for timer_hz in TIMERS_HZ {
-            for protocol in
-                [Protocol::PAPER, Protocol::RawDuty { frame_hz: 4000 }, Protocol::StandardPwm, Protocol::OneShot125]
-            {
+            let dshot = Protocol::Dshot(Speed::Dshot600);
+            let raw_duty = Protocol::RawDuty { frame_hz: 4000 };
+            for protocol in [Protocol::PAPER, raw_duty, Protocol::StandardPwm, Protocol::OneShot125, dshot] {
                 let scale = PulseScale::new(protocol, timer_hz).unwrap();
                 for ticks in scale.low_ticks()..=scale.high_ticks() {
                     assert_eq!(scale.to_ticks(scale.to_command(ticks)), ticks, "{protocol:?} at {timer_hz} Hz");

@@ -1,5 +1,6 @@
 //! A board in memory: what the traits of `rotorlead::controller::hardware` ask for, with everything open to a test.
 
+use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, MutexGuard};
 
 use embedded_storage::nor_flash::NorFlash;
@@ -10,6 +11,7 @@ use rotorlead::controller::{
     self, BoardFacts, ClockReport, Control, ControlAccess, ControlHandle, Counts, Ends, Inputs, Queues, RequestHandler,
     Started, Tick,
 };
+use rotorlead::dshot::{Frame, Speed, Word};
 use rotorlead::link::{BrownOut, Clock, CrystalCheck, Refusal, ResetReason};
 use rotorlead::settings::{MOTORS, Origin, Store, Validated};
 use rtic_core::Exclusive;
@@ -35,7 +37,7 @@ pub const INTERNAL: ClockReport =
 /// What a board with these clocks says of itself.
 #[must_use]
 pub const fn facts(clocks: ClockReport) -> BoardFacts {
-    BoardFacts { clocks, reset: ResetReason::PowerOn, brown_out: BrownOut::Level3 }
+    BoardFacts { clocks, reset: ResetReason::PowerOn, brown_out: BrownOut::Level3, speaks_dshot: true }
 }
 
 /// A timer whose count and edges a test sets, be it in use.
@@ -102,6 +104,16 @@ pub struct TestOutputs {
     pub feeds: u32,
     /// Whether the watchdog is patient.
     pub patient: bool,
+    /// Speed of the inputs' frames, where these have frames.
+    pub input_speed: Option<Speed>,
+    /// Words at the inputs that were not taken yet.
+    pub words: [VecDeque<Word>; MOTORS],
+    /// Speed of the outputs' frames, where these have frames.
+    pub output_speed: Option<Speed>,
+    /// Frames that went out.
+    pub sent: [Vec<Frame>; MOTORS],
+    /// Whether the outputs take no frame now.
+    pub is_busy: bool,
 }
 
 impl TestOutputs {
@@ -135,9 +147,11 @@ impl ControlHardware for TestOutputs {
     fn set_frames(&mut self, divider: u32, counts: u32) {
         self.next_widths = [0; MOTORS];
         self.frames = (divider, counts);
+        self.output_speed = None;
     }
 
     fn set_widths(&mut self, counts: [u32; MOTORS]) {
+        assert_eq!(self.output_speed, None, "a width for outputs that have frames");
         self.next_widths = counts;
     }
 
@@ -180,6 +194,29 @@ impl ControlHardware for TestOutputs {
 
     fn set_watchdog_patient(&mut self, patient: bool) {
         self.patient = patient;
+    }
+
+    fn set_input_frames(&mut self, speed: Option<Speed>) {
+        self.input_speed = speed;
+        self.words = Default::default();
+    }
+
+    fn take_word(&mut self, motor: usize) -> Option<Word> {
+        self.words[motor].pop_front()
+    }
+
+    fn set_output_frames(&mut self, speed: Speed) {
+        self.next_widths = [0; MOTORS];
+        self.output_speed = Some(speed);
+    }
+
+    fn can_send(&self, _: usize) -> bool {
+        !self.is_busy
+    }
+
+    fn send(&mut self, motor: usize, frame: Frame) {
+        assert!(self.output_speed.is_some(), "a frame for outputs that have pulses");
+        self.sent[motor].push(frame);
     }
 }
 

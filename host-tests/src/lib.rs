@@ -278,8 +278,8 @@ pub fn any_filter() -> impl Strategy<Value = AnyFilter> {
     prop_oneof![lead, inverse]
 }
 
-/// Valid settings over the whole range of each, whose filter can be designed: protocols, rates, levels,
-/// times, leads.
+/// Valid settings over the whole range of each, whose filter can be designed: protocols with pulses, rates, levels, times,
+/// leads.
 pub fn any_settings() -> impl Strategy<Value = Validated> {
     let protocol =
         || prop_oneof![Just(PulseProtocol::RawDuty), Just(PulseProtocol::StandardPwm), Just(PulseProtocol::OneShot125)];
@@ -288,7 +288,7 @@ pub fn any_settings() -> impl Strategy<Value = Validated> {
             let fastest = match protocol {
                 PulseProtocol::RawDuty => FASTEST_RAW_DUTY_HZ,
                 PulseProtocol::StandardPwm => 495,
-                PulseProtocol::OneShot125 => 3703,
+                _ => 3703,
             };
             Pulse { protocol, frame_hz: 40 + (frame_hz - 40) % (fastest - 39) }
         })
@@ -340,7 +340,7 @@ pub fn any_settings() -> impl Strategy<Value = Validated> {
                     Command::saturating_from_f64(shortest + (0.03 - shortest) * stop).to_bits().min(HIGHEST_STOP),
                     Command::saturating_from_f64(1.0 - shortest).to_bits(),
                 ),
-                PulseProtocol::StandardPwm | PulseProtocol::OneShot125 => (0, Command::ONE.to_bits()),
+                _ => (0, Command::ONE.to_bits()),
             };
             let level = |part: f64| stop + 1 + (part * f64::from(highest - stop - 1)) as i32;
             let (angle, damping, lag, shrink, [is_inverse, is_limited], from) = inverse;

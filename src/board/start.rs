@@ -70,7 +70,7 @@ impl Board {
         let capture = Capture::new(device.TIM2, input_port(), pins, &mut rcc);
 
         let serial = Serial::new(device.USART3, (gpioc.pc10, gpioc.pc11), queues.received, queues.to_send, &mut rcc);
-        let facts = BoardFacts { clocks, reset, brown_out: supply::brown_out(&device.FLASH) };
+        let facts = BoardFacts { clocks, reset, brown_out: supply::brown_out(&device.FLASH), speaks_dshot: false };
         Self {
             capture,
             control: ControlParts {

@@ -28,6 +28,7 @@ mod reading;
 mod timing;
 
 pub use reading::Reading;
+pub(crate) use timing::TIMEOUT_MS;
 pub use timing::{FASTEST_FRAME_HZ, SLOWEST_FRAME_HZ, SLOWEST_POLL_HZ, Timing, TimingError};
 
 /// Good pulses in a row that make an input live.

@@ -15,7 +15,7 @@ pub const SLOWEST_POLL_HZ: u32 = 100;
 /// servo lead last some hundreds of nanoseconds.
 const GLITCH_US: u32 = 2;
 /// The input counts as lost when no pulse was accepted for this long, in milliseconds: four frames at the slowest rate.
-const TIMEOUT_MS: u32 = 100;
+pub(crate) const TIMEOUT_MS: u32 = 100;
 /// Edges between two polls beyond those of good pulses that are let pass: those of two glitches.
 const SPARE_EDGES: u32 = 4;
 /// Longest timeout in timer ticks. Ages of time stamps are compared as signed differences, which hold 2^31; half of it
@@ -48,6 +48,8 @@ pub struct Timing {
 pub enum TimingError {
     /// The protocol does not go with the timer.
     Pulse(PulseError),
+    /// The protocol has frames of bits, and no pulses.
+    NoPulses,
     /// The frame rate is outside [`SLOWEST_FRAME_HZ`] to [`FASTEST_FRAME_HZ`].
     FrameRate {
         /// The frame rate.
@@ -73,6 +75,9 @@ impl fmt::Display for TimingError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
             Self::Pulse(error) => error.fmt(f),
+            Self::NoPulses => {
+                f.write_str("DShot has frames of bits, and no pulses to decode: use `dshot::Receiver` for such an input")
+            }
             Self::FrameRate { frame_hz } => write!(
                 f,
                 "frame_hz is {frame_hz}: an input can be read from {SLOWEST_FRAME_HZ} to {FASTEST_FRAME_HZ} frames a second"
@@ -121,6 +126,7 @@ impl Timing {
                 let slowest = timer_hz / SLOWEST_FRAME_HZ;
                 (low - beyond, high + beyond, high - high / 10, slowest + slowest / 10)
             }
+            Protocol::Dshot(_) => return Err(TimingError::NoPulses),
         };
         let frames_per_poll = timer_hz / poll_hz / min_period + 1;
         let edges_per_poll = 2 * frames_per_poll + SPARE_EDGES;

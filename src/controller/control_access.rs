@@ -63,12 +63,16 @@ where
     }
 
     fn reconfigure(&mut self, settings: &Validated, channels: [Channel; MOTORS]) -> Result<(), Refusal> {
-        let timer_hz = self.hardware.facts().clocks.timer_hz;
-        let plan = Plan::new(settings, timer_hz, self.hardware.tells_pulses_apart()).ok_or(Refusal::Design)?;
+        let facts = self.hardware.facts();
+        if !facts.suits(settings) {
+            return Err(Refusal::NoDshot);
+        }
+        let tells_pulses_apart = self.hardware.tells_pulses_apart();
+        let plan = Plan::new(settings, facts.clocks.timer_hz, tells_pulses_apart).ok_or(Refusal::Design)?;
         // At once, or a tick would read pulses of one protocol on the scale of the other.
         self.inputs.lock(|inputs| {
             self.control.lock(|control| control.reconfigure(settings, channels, &plan));
-            inputs.set_timing(plan.timing);
+            inputs.set_timing(plan.input.timing());
         });
         Ok(())
     }
@@ -83,10 +87,13 @@ where
     }
 
     fn counts(&mut self) -> Counts {
+        let (missed_deadlines, frames) =
+            self.control.lock(|control| (control.missed_deadlines(), control.frame_faults()));
+        let pulses = self.inputs.lock(|inputs| inputs.faults());
         Counts {
             link_overruns: self.hardware.link_overruns(),
-            missed_deadlines: self.control.lock(|control| control.missed_deadlines()),
-            motors: self.inputs.lock(|inputs| inputs.faults()),
+            missed_deadlines,
+            motors: pulses.or(frames).unwrap_or_default(),
         }
     }
 

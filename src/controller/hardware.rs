@@ -4,8 +4,9 @@
 //! calls them.
 
 use super::ClockReport;
+use crate::dshot::{Frame, Speed, Word};
 use crate::link::{BrownOut, ResetReason};
-use crate::settings::MOTORS;
+use crate::settings::{MOTORS, Settings};
 
 /// One edge of an input, as a timer stamped it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,8 +32,8 @@ pub trait CaptureTimer {
 
 /// What the control task drives.
 pub trait ControlHardware {
-    /// Sets the timer of the outputs: its divider, from 1, and the length of its frames, counts, from 2 to 2^16. All outputs
-    /// are low until the next widths.
+    /// The outputs have pulses. Sets their timer: its divider, from 1, and the length of its frames, counts, from 2 to 2^16. All
+    /// outputs are low until the next widths.
     fn set_frames(&mut self, divider: u32, counts: u32);
     /// Widths of the pulses from the next frame on, in counts; 0 is a line that stays low. A pulse that runs is not cut.
     fn set_widths(&mut self, counts: [u32; MOTORS]);
@@ -56,6 +57,22 @@ pub trait ControlHardware {
     fn feed_watchdog(&mut self);
     /// Sets the watchdog's time: some control ticks, or (`true`) the seconds that the erasing of flash takes.
     fn set_watchdog_patient(&mut self, patient: bool);
+
+    /// The inputs have frames of DShot, which come as words, or (`None`) pulses, whose edges come to the [`CaptureTimer`]. This and
+    /// what follows is called with a speed only where [`BoardFacts::speaks_dshot`].
+    fn set_input_frames(&mut self, _speed: Option<Speed>) {}
+    /// The oldest word of an input that was not taken yet. A board holds 8 of each input.
+    fn take_word(&mut self, _motor: usize) -> Option<Word> {
+        None
+    }
+    /// The outputs have frames of DShot. All are low until the next frame.
+    fn set_output_frames(&mut self, _speed: Speed) {}
+    /// Whether an output takes a frame now: the last one has begun.
+    fn can_send(&self, _motor: usize) -> bool {
+        false
+    }
+    /// Sends a frame, once the one before it is over.
+    fn send(&mut self, _motor: usize, _frame: Frame) {}
 }
 
 /// What only the board knows, and does not change.
@@ -67,6 +84,17 @@ pub struct BoardFacts {
     pub reset: ResetReason,
     /// The supply voltage at which the chip resets.
     pub brown_out: BrownOut,
+    /// Whether its pins can have frames of DShot.
+    pub speaks_dshot: bool,
+}
+
+impl BoardFacts {
+    /// Whether the pins can do what settings ask for.
+    #[must_use]
+    pub const fn suits(&self, settings: &Settings) -> bool {
+        let has_frames = settings.input.protocol.dshot().is_some() || settings.output.protocol.dshot().is_some();
+        self.speaks_dshot || !has_frames
+    }
 }
 
 /// What the answers to the host need, from the lowest priority.

@@ -8,22 +8,23 @@ use crate::settings::MOTORS;
 /// A capturing timer and a decoder for each input. The capture interrupt and the control task share it.
 pub struct Inputs<T> {
     timer: T,
-    decoders: [Decoder; MOTORS],
+    /// `None` where the inputs have frames of DShot, which the control task takes.
+    decoders: Option<[Decoder; MOTORS]>,
     /// Whether the interrupt of an input is off.
     is_any_off: bool,
 }
 
 impl<T: CaptureTimer> Inputs<T> {
     /// With decoders that know nothing of their lines yet.
-    pub fn new(timer: T, timing: Timing) -> Self {
-        Self { timer, decoders: core::array::from_fn(|_| Decoder::new(timing)), is_any_off: false }
+    pub fn new(timer: T, timing: Option<Timing>) -> Self {
+        Self { timer, decoders: timing.map(decoders), is_any_off: false }
     }
 
     /// The capture interrupt: gives the edges that were captured to their decoders.
     #[inline]
     pub fn capture(&mut self) {
         let edges = self.timer.take();
-        for (decoder, edge) in self.decoders.iter_mut().zip(edges) {
+        for (decoder, edge) in self.decoders.iter_mut().flatten().zip(edges) {
             let Some(Edge { timestamp, is_high, overcapture }) = edge else { continue };
             if overcapture {
                 decoder.overcapture();
@@ -40,7 +41,7 @@ impl<T: CaptureTimer> Inputs<T> {
     pub fn poll(&mut self) -> [Reading; MOTORS] {
         let now = self.timer.now();
         let mut readings = [Reading::NOTHING; MOTORS];
-        for (decoder, reading) in self.decoders.iter_mut().zip(&mut readings) {
+        for (decoder, reading) in self.decoders.iter_mut().flatten().zip(&mut readings) {
             *reading = decoder.read(now);
         }
         if self.is_any_off {
@@ -49,31 +50,37 @@ impl<T: CaptureTimer> Inputs<T> {
         readings
     }
 
-    /// New limits; the decoders know nothing of their lines afterwards.
-    pub fn set_timing(&mut self, timing: Timing) {
-        self.decoders.iter_mut().for_each(|decoder| *decoder = Decoder::new(timing));
+    /// New limits, or no pulses; the decoders know nothing of their lines afterwards.
+    pub fn set_timing(&mut self, timing: Option<Timing>) {
+        self.decoders = timing.map(decoders);
         self.listen();
     }
 
-    /// What was wrong at each input since the start.
+    /// What was wrong at each input since the settings were set; `None` where they have no pulses.
     #[must_use]
-    pub fn faults(&self) -> [MotorFaults; MOTORS] {
-        self.decoders.each_ref().map(|decoder| {
+    pub fn faults(&self) -> Option<[MotorFaults; MOTORS]> {
+        let decoders = self.decoders.as_ref()?;
+        Some(decoders.each_ref().map(|decoder| {
             let Faults { glitches, missing_edges, out_of_range, too_soon, floods, losses } = decoder.faults();
-            MotorFaults { glitches, missing_edges, out_of_range, too_soon, lost: losses, masked: floods }
-        })
+            MotorFaults { glitches, missing_edges, out_of_range, too_soon, lost: losses, masked: floods, bad_frames: 0 }
+        }))
     }
 
     /// Whether an interrupt is off or to be off: all others are on.
     #[inline]
     fn is_any_masked(&self) -> bool {
-        self.decoders.iter().any(Decoder::is_masked)
+        self.decoders.iter().flatten().any(Decoder::is_masked)
     }
 
     #[cold]
     #[inline(never)]
     fn listen(&mut self) {
         self.is_any_off = self.is_any_masked();
-        self.timer.listen(self.decoders.each_ref().map(|decoder| !decoder.is_masked()));
+        let decoders = self.decoders.as_ref();
+        self.timer.listen(decoders.map_or([false; MOTORS], |decoders| decoders.each_ref().map(|one| !one.is_masked())));
     }
+}
+
+fn decoders(timing: Timing) -> [Decoder; MOTORS] {
+    core::array::from_fn(|_| Decoder::new(timing))
 }

@@ -1,7 +1,8 @@
 //! What settings mean for the timers of a board.
 
-use crate::capture::Timing;
-use crate::settings::{Validated, longest_pulse_us};
+use crate::capture::{TIMEOUT_MS, Timing};
+use crate::dshot::Speed;
+use crate::settings::{Validated, pulse_range_us};
 use crate::throttle::{Command, EscCommand, Protocol, PulseScale};
 
 /// Counts of the timer that puts out the pulses: 16 bits.
@@ -42,9 +43,8 @@ impl Frames {
                 return shortest;
             }
             let input_frame = counter_hz.checked_div(input_hz).unwrap_or(0);
-            let range = match longest_pulse_us(settings.input.protocol) {
-                // From half of the longest.
-                Some(microseconds) => counter_hz / 1_000_000 * microseconds / 2,
+            let range = match pulse_range_us(settings.input.protocol) {
+                Some((shortest, longest)) => counter_hz / 1_000_000 * (longest - shortest),
                 None => input_frame,
             };
             let tick = counter_hz.checked_div(settings.loop_rate_hz).unwrap_or(0);
@@ -72,50 +72,130 @@ impl Frames {
     }
 }
 
+/// When frames of DShot go out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FrameRate {
+    /// One for each that came in.
+    Relayed,
+    /// One in so many control ticks.
+    Ticks(u32),
+}
+
+/// What the inputs have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum InputPlan {
+    /// What they take for a pulse.
+    Pulses(Timing),
+    /// Frames.
+    Dshot {
+        /// Of this speed.
+        speed: Speed,
+        /// The last one is good for so many control ticks.
+        timeout_ticks: u32,
+    },
+}
+
+impl InputPlan {
+    fn new(settings: &Validated, timer_hz: u32) -> Option<Self> {
+        let rate_hz = settings.loop_rate_hz;
+        Some(match settings.input.protocol.dshot() {
+            Some(speed) => Self::Dshot { speed, timeout_ticks: super::ticks(TIMEOUT_MS, rate_hz) },
+            None => Self::Pulses(Timing::new(settings.input.protocol(), timer_hz, rate_hz).ok()?),
+        })
+    }
+
+    /// Of the pulses, where there are any.
+    #[must_use]
+    pub const fn timing(&self) -> Option<Timing> {
+        match self {
+            Self::Pulses(timing) => Some(*timing),
+            Self::Dshot { .. } => None,
+        }
+    }
+}
+
+/// What the outputs have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OutputPlan {
+    /// Pulses.
+    Pulses {
+        /// What they mean.
+        scale: PulseScale,
+        /// Their frames.
+        frames: Frames,
+    },
+    /// Frames of bits.
+    Dshot {
+        /// Of this speed.
+        speed: Speed,
+        /// When.
+        rate: FrameRate,
+    },
+}
+
+impl OutputPlan {
+    fn new(settings: &Validated, timer_hz: u32) -> Option<Self> {
+        if let Some(speed) = settings.output.protocol.dshot() {
+            let ticks = settings.loop_rate_hz.div_ceil(u32::from(settings.output.frame_hz).max(1));
+            let rate = if settings.relays_frames() { FrameRate::Relayed } else { FrameRate::Ticks(ticks) };
+            return Some(Self::Dshot { speed, rate });
+        }
+        let frames = Frames::new(settings, timer_hz)?;
+        let scale = PulseScale::new(settings.output.protocol(), frames.counter_hz).ok()?;
+        // A pulse without a gap behind it would be a line that is always high.
+        (longest_pulse_ticks(settings, scale) < frames.shortest).then_some(Self::Pulses { scale, frames })
+    }
+
+    /// Scale and frames of the pulses, where there are any.
+    #[must_use]
+    pub const fn pulses(&self) -> Option<(PulseScale, Frames)> {
+        match self {
+            Self::Pulses { scale, frames } => Some((*scale, *frames)),
+            Self::Dshot { .. } => None,
+        }
+    }
+}
+
 /// Everything that settings mean for a board.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Plan {
-    /// What the inputs take for a pulse.
-    pub timing: Timing,
+    /// The inputs.
+    pub input: InputPlan,
     /// What their pulses mean.
     pub input_scale: PulseScale,
-    /// The pulses of the outputs.
-    pub output_scale: PulseScale,
-    /// The frames of the outputs.
-    pub frames: Frames,
+    /// The outputs.
+    pub output: OutputPlan,
 }
 
 impl Plan {
     /// For capture and output timers that count at `timer_hz`. Where they do not tell pulses apart
     /// ([`ClockReport::tells_pulses_apart`](super::ClockReport::tells_pulses_apart)) every pulse counts as an armed one, which
-    /// no motor turns on that has not been seen disarmed, and which ends an excitation or an injection.
+    /// no motor turns on that has not been seen disarmed, and which ends an excitation or an injection. The numbers in frames of
+    /// DShot need no clock.
     ///
     /// `None` where a timer does not suit the pulses.
     #[must_use]
     pub fn new(settings: &Validated, timer_hz: u32, tells_pulses_apart: bool) -> Option<Self> {
-        let input = settings.input.protocol();
-        let frames = Frames::new(settings, timer_hz)?;
-        let output_scale = PulseScale::new(settings.output.protocol(), frames.counter_hz).ok()?;
-        let plan = Self {
-            timing: Timing::new(input, timer_hz, settings.loop_rate_hz).ok()?,
-            input_scale: if tells_pulses_apart { PulseScale::new(input, timer_hz).ok()? } else { PulseScale::FULL },
-            output_scale,
-            frames,
+        let input = InputPlan::new(settings, timer_hz)?;
+        let is_readable = tells_pulses_apart || input.timing().is_none();
+        let input_scale = if is_readable {
+            PulseScale::new(settings.input.protocol(), timer_hz).ok()?
+        } else {
+            PulseScale::FULL
         };
-        // A pulse without a gap behind it would be a line that is always high.
-        (plan.longest_pulse_ticks(settings) < frames.shortest).then_some(plan)
+        Some(Self { input, input_scale, output: OutputPlan::new(settings, timer_hz)? })
     }
+}
 
-    /// Width of the longest pulse that an output may have, in counts.
-    #[must_use]
-    pub fn longest_pulse_ticks(&self, settings: &Validated) -> u32 {
-        let highest = match longest_pulse_us(settings.output.protocol) {
-            Some(_) => Command::ONE,
-            // No channel puts out more.
-            None => settings.motors.iter().fold(Command::ZERO, |highest, motor| {
-                highest.max(Command::saturating_from_bits(motor.max.max(settings.stop)))
-            }),
-        };
-        self.output_scale.to_width_ticks(EscCommand::from(highest))
-    }
+/// Width of the longest pulse that an output may have, in counts.
+#[must_use]
+pub fn longest_pulse_ticks(settings: &Validated, output_scale: PulseScale) -> u32 {
+    let highest = match pulse_range_us(settings.output.protocol) {
+        Some(_) => Command::ONE,
+        // No channel puts out more.
+        None => settings.motors.iter().fold(Command::ZERO, |highest, motor| {
+            highest.max(Command::saturating_from_bits(motor.max.max(settings.stop)))
+        }),
+    };
+    output_scale.to_width_ticks(EscCommand::from(highest))
 }

@@ -140,7 +140,7 @@ impl<F: NorFlash> RequestHandler<F> {
     }
 
     fn info(&self, board: &mut impl ControlAccess) -> Info {
-        let BoardFacts { clocks, reset, brown_out } = board.facts();
+        let BoardFacts { clocks, reset, brown_out, .. } = board.facts();
         let (ticks, outputs, motors) =
             board.tick(|tick| (tick.ticks(), tick.outputs(), tick.motors().each_ref().map(|motor| motor.state())));
         let version = |text: &str| text.parse().unwrap_or(0);

@@ -49,7 +49,7 @@ impl Usable {
     /// `None` where the filter cannot be designed, or a timer does not suit the pulses.
     fn new(settings: &Validated, facts: &BoardFacts, tells_pulses_apart: bool) -> Option<Self> {
         let channels = channels(settings, filters(settings).ok()?)?;
-        let plan = Plan::new(settings, facts.clocks.timer_hz, tells_pulses_apart)?;
+        let plan = Plan::new(settings, facts.clocks.timer_hz, tells_pulses_apart).filter(|_| facts.suits(settings))?;
         Some(Self { channels, plan })
     }
 }
@@ -90,7 +90,7 @@ pub fn start<C: CaptureTimer, H: ControlHardware, F: NorFlash>(
     let tick = Tick::new(motors, outputs, plan.input_scale, settings.loop_rate_hz, samples_in);
     let queues = HandlerQueues { inject: inject_in, outputs: outputs_out, samples: samples_out };
     Started {
-        inputs: Inputs::new(capture, plan.timing),
+        inputs: Inputs::new(capture, plan.input.timing()),
         control: Control::start(hardware, tick, &plan, settings.loop_rate_hz),
         handler: RequestHandler::new(settings, origin, store, queues),
         origin,

@@ -107,6 +107,12 @@ impl Motor {
         matches!(self.unpaused(), CommandSource::Inject | CommandSource::EndingInjection)
     }
 
+    /// Whether the host drives the motor: an injection or an excitation.
+    #[must_use]
+    const fn is_bench_driven(&self) -> bool {
+        self.is_injected() || matches!(self.channel.state(), State::Excitation(_))
+    }
+
     /// Whether pulses come at its input, or came until a moment ago, be they of another protocol, and whatever drives the
     /// motor.
     #[must_use]
@@ -356,6 +362,12 @@ impl Tick {
         }
         self.record(adc);
         self.motors.each_ref().map(|motor| motor.output)
+    }
+
+    /// The outputs of the motors that the host drives, and no pulse for all others.
+    #[must_use]
+    pub fn bench_commands(&self) -> [EscCommand; MOTORS] {
+        self.motors.each_ref().map(|motor| if motor.is_bench_driven() { motor.output } else { EscCommand::NO_PULSE })
     }
 
     /// What the first of the inputs at which pulses come had in the last tick.

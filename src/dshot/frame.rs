@@ -2,16 +2,13 @@
 
 use core::fmt;
 
-use crate::throttle::{Command, FRACTION_BITS};
+use crate::throttle::{Command, PulseScale};
 
-/// Where throttle begins, and its steps above that.
-const FIRST_THROTTLE: u16 = 48;
-const STEPS: u32 = 1999;
-/// `2^29 / 1999`, and 2^16 times what is left over: a step as a command.
-const STEP_BITS: u32 = (1 << FRACTION_BITS) / STEPS;
-const STEP_REST: u32 = ((((1 << FRACTION_BITS) % STEPS) << 16) + STEPS / 2) / STEPS;
-/// Bits of a command that are below what a step can tell.
-const FINER_BITS: u32 = FRACTION_BITS - 16;
+/// The value below the lowest throttle. On the line it is an instruction; here it is where a command begins, and means a stop.
+pub const BELOW_THROTTLE: u16 = 47;
+/// The highest throttle, and the highest value.
+pub const HIGHEST: u16 = 2047;
+const SCALE: PulseScale = PulseScale::of_span(BELOW_THROTTLE as u32, (HIGHEST - BELOW_THROTTLE) as u32);
 
 /// How the four last bits follow from the twelve before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,7 +39,7 @@ pub struct Value(u16);
 pub enum Content {
     /// An instruction to the ESC, 0..=47; 0 stops the motor.
     Instruction(u8),
-    /// How fast the motor is to turn: [`Command::ZERO`] is the slowest, and no stop.
+    /// How fast the motor is to turn, above [`Command::ZERO`].
     Throttle(Command),
 }
 
@@ -50,14 +47,14 @@ impl Value {
     /// Stops the motor, and disarms it.
     pub const STOP: Self = Self(0);
     /// The highest value.
-    pub const MAX: Self = Self(FIRST_THROTTLE + STEPS as u16);
+    pub const MAX: Self = Self(HIGHEST);
 
-    /// The throttle nearest to a command, 48..=2047, to 2 % of a step.
+    /// The value nearest to a command: `47 + 2000 command`, where 47 is a stop.
     #[must_use]
     pub const fn from_command(command: Command) -> Self {
-        // At most 2^16 times 1999, and half.
-        let sixteenth = (command.to_bits().cast_unsigned() + (1 << (FINER_BITS - 1))) >> FINER_BITS;
-        Self(FIRST_THROTTLE + ((sixteenth * STEPS + (1 << 15)) >> 16) as u16)
+        // At most 2047.
+        let value = SCALE.to_ticks(command) as u16;
+        if value > BELOW_THROTTLE { Self(value) } else { Self::STOP }
     }
 
     /// From a number; `None` above 2047.
@@ -75,13 +72,10 @@ impl Value {
     /// What it means. [`Value::from_command`] gives every throttle back exactly.
     #[must_use]
     pub const fn content(self) -> Content {
-        if self.0 < FIRST_THROTTLE {
+        if self.0 <= BELOW_THROTTLE {
             return Content::Instruction(self.0 as u8);
         }
-        // Up to 1999, so that the products stay below 2^29 and 2^27.
-        let steps = (self.0 - FIRST_THROTTLE) as u32;
-        let bits = steps * STEP_BITS + ((steps * STEP_REST + (1 << 15)) >> 16);
-        Content::Throttle(Command::saturating_from_bits(bits.cast_signed()))
+        Content::Throttle(SCALE.to_command(self.0 as u32))
     }
 }
 
@@ -141,31 +135,33 @@ mod tests {
     use std::collections::HashSet;
 
     use super::*;
+    use crate::throttle::FRACTION_BITS;
 
     #[test]
     fn every_throttle_comes_back_exactly_and_in_order() {
         let mut before = None;
-        for number in FIRST_THROTTLE..=Value::MAX.get() {
+        for number in BELOW_THROTTLE + 1..=HIGHEST {
             let value = Value::new(number).unwrap();
             let Content::Throttle(command) = value.content() else { panic!("{number}") };
             assert_eq!(Value::from_command(command), value);
-            let exact = f64::from(number - FIRST_THROTTLE) / f64::from(STEPS);
-            assert!((command.to_f64() - exact).abs() * f64::from(1_u32 << FRACTION_BITS) < 0.52, "{number}");
+            let exact = (f64::from(number) - 47.0) / 2000.0;
+            assert!((command.to_f64() - exact).abs() * f64::from(1_u32 << FRACTION_BITS) <= 0.75, "{number}");
             assert!(before.replace(command) < Some(command));
         }
         assert_eq!(Value::from_command(Command::ONE), Value::MAX);
-        assert_eq!(Value::from_command(Command::ZERO).get(), FIRST_THROTTLE);
+        assert_eq!(Value::from_command(Command::ZERO), Value::STOP);
         assert_eq!(Value::MAX.content(), Content::Throttle(Command::ONE));
-        assert_eq!(Value::new(Value::MAX.get() + 1), None);
+        assert_eq!(Value::new(HIGHEST + 1), None);
     }
 
     #[test]
-    fn a_command_goes_to_the_nearest_throttle() {
+    fn a_command_goes_to_the_nearest_throttle_and_no_instruction_but_the_stop() {
         for step in 0..20_000_u32 {
             let place = f64::from(step) / 19_999.0;
             let value = Value::from_command(Command::saturating_from_f64(place));
-            let off = f64::from(value.get() - FIRST_THROTTLE) - place * f64::from(STEPS);
-            assert!(off.abs() <= 0.52, "{place}: {off}");
+            assert!(value == Value::STOP || value.get() > BELOW_THROTTLE);
+            let off = f64::from(value.get().max(BELOW_THROTTLE)) - 47.0 - place * 2000.0;
+            assert!(off.abs() <= 0.5 + 1e-5, "{place}: {off}");
         }
     }
 

@@ -6,21 +6,10 @@
 //! is no frame either.
 
 use super::{Checksum, Content, Frame, Value};
-use crate::throttle::Command;
+use crate::throttle::EscCommand;
 
 /// Frames that may wait for an output that is slower than the input: an instruction is repeated 6 to 10 times.
 pub const QUEUED: usize = 16;
-
-/// What a frame of throttle is to carry.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Newest {
-    /// Nothing may go out, not even an instruction: the motor's channel gives no pulse, and an ESC arms on stops.
-    Silence,
-    /// The motor is to stand.
-    Stop,
-    /// What the filter gave last.
-    Throttle(Command),
-}
 
 /// What came in, and what became of it, wrapping.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -85,22 +74,20 @@ impl Relay {
         Some(content)
     }
 
-    /// What goes out next, once the output is free. A frame that must not go out is gone.
-    pub fn next(&mut self, newest: Newest) -> Option<Frame> {
+    /// What goes out next, once the output is free, where `newest` is what the channel gave last. Where that is no pulse nothing
+    /// may go out, not even an instruction, since an ESC arms on stops: the frame is gone.
+    pub fn next(&mut self, newest: EscCommand) -> Option<Frame> {
         if self.waiting == 0 {
             return None;
         }
         let due = self.due.get(self.first).copied()?;
         self.first = (self.first + 1) % QUEUED;
         self.waiting -= 1;
-        match (due, newest) {
-            (_, Newest::Silence) => None,
-            (Due::Instruction(frame), _) => Some(Frame::new(frame.value(), frame.reports(), self.output)),
-            (Due::Throttle { reports }, Newest::Stop) => Some(Frame::new(Value::STOP, reports, self.output)),
-            (Due::Throttle { reports }, Newest::Throttle(command)) => {
-                Some(Frame::new(Value::from_command(command), reports, self.output))
-            }
-        }
+        let command = newest.command()?;
+        Some(match due {
+            Due::Instruction(frame) => Frame::new(frame.value(), frame.reports(), self.output),
+            Due::Throttle { reports } => Frame::new(Value::from_command(command), reports, self.output),
+        })
     }
 
     /// Forgets what waits: the line was lost, or the output is to be silent.
@@ -143,6 +130,10 @@ mod tests {
     use std::vec::Vec;
 
     use super::*;
+    use crate::throttle::Command;
+
+    const FULL: EscCommand = EscCommand::from_bits(Command::ONE.to_bits());
+    const STOP: EscCommand = EscCommand::from_bits(0);
 
     fn bits(value: u16, reports: bool) -> u16 {
         Frame::new(Value::new(value).unwrap(), reports, Checksum::Normal).to_bits()
@@ -157,9 +148,9 @@ mod tests {
         let mut relay = relay();
         for reports in [false, true] {
             assert_eq!(relay.receive(bits(1047, reports)), Some(Value::new(1047).unwrap().content()));
-            let frame = relay.next(Newest::Throttle(Command::ONE)).unwrap();
+            let frame = relay.next(FULL).unwrap();
             assert_eq!((frame.value(), frame.reports()), (Value::MAX, reports));
-            assert_eq!(relay.next(Newest::Throttle(Command::ONE)), None);
+            assert_eq!(relay.next(FULL), None);
         }
     }
 
@@ -171,7 +162,7 @@ mod tests {
                 let sent = bits(instruction, repeat % 2 == 0);
                 assert_eq!(relay.receive(sent), Some(Content::Instruction(instruction as u8)));
                 // Whatever the filter would have.
-                let newest = [Newest::Stop, Newest::Throttle(Command::ONE)][repeat / 2 % 2];
+                let newest = [STOP, FULL][repeat / 2 % 2];
                 assert_eq!(relay.next(newest).map(Frame::to_bits), Some(sent));
             }
         }
@@ -181,9 +172,9 @@ mod tests {
     #[test]
     fn nothing_goes_out_for_a_damaged_frame_or_without_one() {
         let mut relay = relay();
-        assert_eq!(relay.next(Newest::Throttle(Command::ONE)), None);
+        assert_eq!(relay.next(FULL), None);
         assert_eq!(relay.receive(bits(1047, false) ^ 0x100), None);
-        assert_eq!(relay.next(Newest::Throttle(Command::ONE)), None);
+        assert_eq!(relay.next(FULL), None);
         assert_eq!(relay.counts(), Counts { bad_checksums: 1, ..Counts::default() });
     }
 
@@ -191,12 +182,12 @@ mod tests {
     fn a_silent_channel_lets_nothing_out_and_a_stopped_one_lets_stops() {
         let mut relay = relay();
         relay.receive(bits(0, false));
-        assert_eq!(relay.next(Newest::Silence), None);
+        assert_eq!(relay.next(EscCommand::NO_PULSE), None);
         relay.receive(bits(1047, true));
-        assert_eq!(relay.next(Newest::Silence), None);
-        assert_eq!(relay.next(Newest::Throttle(Command::ONE)), None);
+        assert_eq!(relay.next(EscCommand::NO_PULSE), None);
+        assert_eq!(relay.next(FULL), None);
         relay.receive(bits(1047, true));
-        assert_eq!(relay.next(Newest::Stop).map(Frame::to_bits), Some(bits(0, true)));
+        assert_eq!(relay.next(STOP).map(Frame::to_bits), Some(bits(0, true)));
     }
 
     #[test]
@@ -205,7 +196,7 @@ mod tests {
         for value in [1000, 1001, 7, 7, 7, 1002, 1003, 1004] {
             relay.receive(bits(value, false));
         }
-        let out: Vec<u16> = std::iter::from_fn(|| relay.next(Newest::Throttle(Command::ZERO)))
+        let out: Vec<u16> = std::iter::from_fn(|| relay.next(EscCommand::from(Command::saturating_from_f64(0.0005))))
             .map(|frame| frame.value().get())
             .collect();
         assert_eq!(out, [48, 7, 7, 7, 48]);
@@ -215,19 +206,19 @@ mod tests {
             for _ in 0..QUEUED + 2 {
                 relay.receive(bits(20, false));
             }
-            assert_eq!(std::iter::from_fn(|| relay.next(Newest::Stop)).count(), QUEUED);
+            assert_eq!(std::iter::from_fn(|| relay.next(STOP)).count(), QUEUED);
         }
         assert_eq!(relay.counts().dropped, 10);
         relay.receive(bits(20, false));
         relay.clear();
-        assert_eq!(relay.next(Newest::Stop), None);
+        assert_eq!(relay.next(STOP), None);
     }
 
     #[test]
     fn the_two_lines_may_have_checksums_of_their_own() {
         let mut relay = Relay::new(Checksum::Normal, Checksum::Inverted);
         relay.receive(bits(21, true));
-        let frame = relay.next(Newest::Stop).unwrap();
+        let frame = relay.next(STOP).unwrap();
         assert_eq!(Frame::from_bits(frame.to_bits(), Checksum::Inverted), Ok(frame));
         assert!(Frame::from_bits(frame.to_bits(), Checksum::Normal).is_err());
     }

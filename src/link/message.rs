@@ -222,12 +222,18 @@ pub enum Refusal {
         /// The motor.
         motor: u8,
     },
+    /// 17: this board does not speak DShot.
+    NoDshot,
 }
 
 impl fmt::Display for Refusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let number = |bits: i32| crate::throttle::Throttle::from_bits(bits).to_f64();
         match *self {
+            Self::NoDshot => f.write_str(
+                "the pins of this board do not speak DShot; choose raw_duty, standard_pwm or oneshot125 for input.protocol and \
+                 output.protocol",
+            ),
             Self::UnknownMotor => write!(f, "there is no such motor; they are 0 to {}", MOTORS - 1),
             Self::NotDisarmed { motor } => write!(f, "motor {motor} is not disarmed"),
             Self::NoSettings => write!(
@@ -473,6 +479,8 @@ pub struct MotorFaults {
     pub lost: u32,
     /// Times that the input was masked, since it had more edges than its frame rate allows.
     pub masked: u32,
+    /// DShot: what came and is no frame, by its length or its checksum.
+    pub bad_frames: u32,
 }
 
 /// What injected commands came to.

@@ -18,6 +18,7 @@ use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 use crate::design::{DEFAULT_DAMPING, RotorCurve};
+use crate::dshot::Speed;
 use crate::throttle::{Command, Protocol};
 
 pub use crate::channel::NoSignal;
@@ -25,8 +26,8 @@ pub use compensator::{CompensatorKind, Inverse, Lead};
 pub use key::{Key, Place};
 pub use store::{Loaded, Origin, SaveError, Store};
 pub use validate::{
-    FASTEST_RAW_DUTY_HZ, FRAME_RANGE_HZ, HIGHEST_STOP, Problem, SHORTEST_LEVEL_US, SettingsError, Validated, Warning,
-    Warnings, longest_pulse_us,
+    DSHOT_FRAME_RANGE_HZ, FASTEST_RAW_DUTY_HZ, FRAME_RANGE_HZ, HIGHEST_STOP, Problem, SHORTEST_LEVEL_US, SettingsError,
+    Validated, Warning, Warnings, pulse_range_us,
 };
 
 /// Motors of one controller.
@@ -59,8 +60,8 @@ const DEFAULT_SLEW_PER_S: f64 = 20.0;
 /// | `inverse.damping` | 0.3..=2 | 1/sqrt 2 |
 /// | `inverse.slew_per_s` | 0 (no limit)..=1e6 | 20, 2 % per millisecond |
 /// | `inverse.compensate_from`, `inverse.compensate_to` | 0..=1, in this order | 0, 1 |
-/// | `input.protocol`, `output.protocol` | raw_duty, standard_pwm, oneshot125 | standard_pwm |
-/// | `input.frame_hz`, `output.frame_hz` | 40..=3703, and the longest pulse fits; raw duty up to 1500 | 400, 450 |
+/// | `input.protocol`, `output.protocol` | raw_duty, standard_pwm, oneshot125, dshot150, dshot300, dshot600 | standard_pwm |
+/// | `input.frame_hz`, `output.frame_hz` | 40..=3703, and the longest pulse fits; raw duty up to 1500; DShot up to 10000 | 400, 450 |
 /// | `stop` | 0; raw duty: 20 µs of the frame up to 0.03 | 0 |
 /// | `no_signal` | no_pulses, stop_pulses | no_pulses |
 /// | `stop_pulses_ms` | 0..=60000 | 2000 |
@@ -143,6 +144,25 @@ pub enum PulseProtocol {
     StandardPwm,
     /// 125 to 250 µs.
     OneShot125,
+    /// Frames of bits, at 150 kbit/s. Their rate counts at an output whose input has pulses.
+    Dshot150,
+    /// The same at 300 kbit/s.
+    Dshot300,
+    /// The same at 600 kbit/s.
+    Dshot600,
+}
+
+impl PulseProtocol {
+    /// The speed of its bits, where it has any.
+    #[must_use]
+    pub const fn dshot(self) -> Option<Speed> {
+        match self {
+            Self::RawDuty | Self::StandardPwm | Self::OneShot125 => None,
+            Self::Dshot150 => Some(Speed::Dshot150),
+            Self::Dshot300 => Some(Speed::Dshot300),
+            Self::Dshot600 => Some(Speed::Dshot600),
+        }
+    }
 }
 
 impl Pulse {
@@ -153,6 +173,9 @@ impl Pulse {
             PulseProtocol::RawDuty => Protocol::RawDuty { frame_hz: u32::from(self.frame_hz) },
             PulseProtocol::StandardPwm => Protocol::StandardPwm,
             PulseProtocol::OneShot125 => Protocol::OneShot125,
+            PulseProtocol::Dshot150 => Protocol::Dshot(Speed::Dshot150),
+            PulseProtocol::Dshot300 => Protocol::Dshot(Speed::Dshot300),
+            PulseProtocol::Dshot600 => Protocol::Dshot(Speed::Dshot600),
         }
     }
 }

@@ -12,6 +12,8 @@ use crate::throttle::Command;
 
 /// Frame rates in hertz: from a slow servo output to the fastest that OneShot125 is run at.
 pub const FRAME_RANGE_HZ: (u16, u16) = (40, 4000);
+/// Frame rates of DShot: up to one in each tick of the fastest loop.
+pub const DSHOT_FRAME_RANGE_HZ: (u16, u16) = (FRAME_RANGE_HZ.0, LOOP_RATE_RANGE_HZ.1 as u16);
 /// A line is high, and low, for at least this long in every frame, microseconds. It must outlast the capture's glitch
 /// filter and the slew of an opto-coupled input, which is a few microseconds.
 pub const SHORTEST_LEVEL_US: u32 = 20;
@@ -301,7 +303,14 @@ impl Settings {
     pub fn output_follows_input(&self) -> bool {
         let (input_hz, output_hz) = (u32::from(self.input.frame_hz), u32::from(self.output.frame_hz));
         let is_between = input_hz < output_hz && output_hz < 2 * input_hz;
-        self.output.protocol != PulseProtocol::RawDuty && is_between && input_hz < self.loop_rate_hz
+        let has_length = self.output.protocol != PulseProtocol::RawDuty && self.output.protocol.dshot().is_none();
+        has_length && is_between && input_hz < self.loop_rate_hz
+    }
+
+    /// Whether each frame that goes out answers one that came in: DShot at both ends.
+    #[must_use]
+    pub const fn relays_frames(&self) -> bool {
+        self.input.protocol.dshot().is_some() && self.output.protocol.dshot().is_some()
     }
 
     /// The highest frequency that the compensator of the fastest motor amplifies, rad/s.
@@ -324,8 +333,10 @@ impl Settings {
         let slow = |pulse: Pulse| is_used && f64::from(pulse.frame_hz) < 2.0 * omega_g_hz;
         Warnings {
             slow_input: slow(self.input),
-            slow_output: slow(self.output),
+            // Frames that are relayed come as often as the input's.
+            slow_output: !self.relays_frames() && slow(self.output),
             cannot_follow: self.output.protocol != PulseProtocol::RawDuty
+                && self.output.protocol.dshot().is_none()
                 && self.output.frame_hz <= self.input.frame_hz,
             low_arming: self.motors.iter().any(|motor| motor.arming < LOW_ARMING),
         }
@@ -347,26 +358,34 @@ impl MotorSettings {
     }
 }
 
-/// The longest pulse of a protocol, microseconds; a raw duty has none: it is bounded by the levels.
+/// The shortest and the longest pulse of a protocol, microseconds, and for DShot the length of a frame, rounded up; a raw duty
+/// has none: it is bounded by the levels.
 #[must_use]
-pub const fn longest_pulse_us(protocol: PulseProtocol) -> Option<u32> {
+pub const fn pulse_range_us(protocol: PulseProtocol) -> Option<(u32, u32)> {
     match protocol {
         PulseProtocol::RawDuty => None,
-        PulseProtocol::StandardPwm => Some(2000),
-        PulseProtocol::OneShot125 => Some(250),
+        PulseProtocol::StandardPwm => Some((1000, 2000)),
+        PulseProtocol::OneShot125 => Some((125, 250)),
+        PulseProtocol::Dshot150 => Some((107, 107)),
+        PulseProtocol::Dshot300 => Some((54, 54)),
+        PulseProtocol::Dshot600 => Some((27, 27)),
     }
 }
 
 /// A frame rate within its range, whose frame holds the longest pulse and a gap.
 fn pulse(place: Place, pulse: Pulse) -> Result<(), SettingsError> {
-    within(place, pulse.frame_hz, FRAME_RANGE_HZ)?;
+    if pulse.protocol.dshot().is_some() {
+        within(place, pulse.frame_hz, DSHOT_FRAME_RANGE_HZ)?;
+    } else {
+        within(place, pulse.frame_hz, FRAME_RANGE_HZ)?;
+    }
     if pulse.protocol == PulseProtocol::RawDuty {
         return within(place, pulse.frame_hz, (FRAME_RANGE_HZ.0, FASTEST_RAW_DUTY_HZ));
     }
-    let Some(longest_us) = longest_pulse_us(pulse.protocol) else { return Ok(()) };
+    let Some((_, longest_us)) = pulse_range_us(pulse.protocol) else { return Ok(()) };
     let max_frame_hz = 1_000_000 / (longest_us + SHORTEST_LEVEL_US);
     if u32::from(pulse.frame_hz) > max_frame_hz {
-        // Under 10^6 / 250: fits.
+        // Under 10^6 / 27: fits.
         let problem = Problem::PulseTooLong { longest_us, max_frame_hz: max_frame_hz as u16 };
         return Err(SettingsError { place, problem });
     }

@@ -4,7 +4,7 @@ use host_tests::board::{CRYSTAL, TestBoard, TestOutputs, facts};
 use host_tests::flash::Flash;
 use host_tests::rig::SECTOR;
 use rotorlead::capture::{Reading, Signal};
-use rotorlead::controller::{Control, FrameAction, FramePacer, Frames, InputPulse, Plan};
+use rotorlead::controller::{Control, FrameAction, FramePacer, Frames, InputPulse, OutputPlan, Plan};
 use rotorlead::settings::{MOTORS, Pulse, PulseProtocol, Settings, Store, Validated};
 use rotorlead::throttle::{Command, PulseScale};
 use rotorlead_identify::design::Latency as ModelLatency;
@@ -67,10 +67,17 @@ fn latency(settings: &Validated, drift: f64, commands: Commands) -> (Latency, [f
     play(settings, &Plan::new(settings, CRYSTAL.timer_hz, true).unwrap(), drift, commands, 0)
 }
 
+/// The frames of outputs with pulses.
+fn frames(plan: &Plan) -> Frames {
+    plan.output.pulses().expect("outputs with pulses").1
+}
+
 /// [`latency`] of frames that run by themselves.
 fn free_latency(settings: &Validated, drift: f64) -> Latency {
     let mut plan = Plan::new(settings, CRYSTAL.timer_hz, true).unwrap();
-    plan.frames.longest = plan.frames.shortest;
+    if let OutputPlan::Pulses { frames, .. } = &mut plan.output {
+        frames.longest = frames.shortest;
+    }
     play(settings, &plan, drift, Commands::AroundHalf, 0).0
 }
 
@@ -86,7 +93,7 @@ fn play(settings: &Validated, plan: &Plan, drift: f64, commands: Commands, inter
     control.hardware_mut().interrupted = interrupted;
 
     let input = PulseScale::new(settings.input.protocol(), timer_hz).unwrap();
-    let counter_hz = f64::from(plan.frames.counter_hz);
+    let counter_hz = f64::from(frames(plan).counter_hz);
     let tick_s = 1.0 / f64::from(settings.loop_rate_hz);
     let counts_per_tick = counter_hz * tick_s;
     let period_s = (1.0 + drift) / f64::from(settings.input.frame_hz);
@@ -244,7 +251,7 @@ fn frames_never_come_faster_than_their_rate_and_no_pulse_is_cut() {
             for commands in [Commands::AroundHalf, Commands::Steps] {
                 let settings = settings(PulseProtocol::StandardPwm, input_hz, output_hz);
                 let plan = Plan::new(&settings, CRYSTAL.timer_hz, true).unwrap();
-                let interrupted = plan.frames.restart_margin;
+                let interrupted = frames(&plan).restart_margin;
                 let (_, [shortest, longest]) = play(&settings, &plan, drift, commands, interrupted);
                 assert!(shortest >= 1.0 / f64::from(output_hz) - 1e-9, "{input_hz} -> {output_hz}: {shortest} s");
                 let waits =
@@ -259,7 +266,7 @@ fn frames_never_come_faster_than_their_rate_and_no_pulse_is_cut() {
 #[test]
 fn without_pulses_frames_come_at_their_rate() {
     let Frames { shortest, longest, restart_margin, .. } =
-        Plan::new(&Validated::default(), CRYSTAL.timer_hz, true).unwrap().frames;
+        frames(&Plan::new(&Validated::default(), CRYSTAL.timer_hz, true).unwrap());
     let mut pacer = FramePacer::new(&Frames { divider: 1, counter_hz: 1, shortest, longest, restart_margin });
     assert_eq!(pacer.tick(InputPulse::None, 100), FrameAction::EndAt(shortest));
     for count in [3000, 100, 3000] {

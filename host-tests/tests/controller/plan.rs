@@ -7,7 +7,7 @@ use proptest::prelude::*;
 use rotorlead::capture::Signal;
 use rotorlead::channel::Input;
 use rotorlead::controller::{
-    ClockReport, Plan, Supervisor, channel_settings, channels, check_crystal, check_timer, filters,
+    ClockReport, Plan, Supervisor, channel_settings, channels, check_crystal, check_timer, filters, longest_pulse_ticks,
 };
 use rotorlead::link::{Clock, CrystalCheck};
 use rotorlead::settings::{
@@ -52,7 +52,7 @@ fn every_protocol_at_every_frame_rate_suits_every_clock() {
                     let settings = with(input, output);
                     let at = format!("{output:?} after {input_hz} Hz at {timer_hz} Hz");
                     let plan = Plan::new(&settings, timer_hz, true).unwrap_or_else(|| panic!("{at}: refused"));
-                    let frames = plan.frames;
+                    let (scale, frames) = plan.output.pulses().unwrap();
                     let us = |counts: u32| 1e6 * f64::from(counts) / f64::from(frames.counter_hz);
                     let count_us = us(1);
                     // The rate of the frames, to the nearest count; a protocol that follows is never faster.
@@ -63,18 +63,18 @@ fn every_protocol_at_every_frame_rate_suits_every_clock() {
                     assert!(frames.longest <= 1 << 16 && frames.shortest <= frames.longest, "{at}: {frames:?}");
                     assert_eq!(frames.follow_input(), settings.output_follows_input(), "{at}");
                     // The longest pulse leaves its gap.
-                    let gap_us = us(frames.shortest) - us(plan.longest_pulse_ticks(&settings));
+                    let gap_us = us(frames.shortest) - us(longest_pulse_ticks(&settings, scale));
                     assert!(gap_us >= f64::from(SHORTEST_LEVEL_US) - 2.0 * count_us, "{at}: a gap of {gap_us} us");
                     // The stop has an edge, and is what its protocol says.
                     let stop = EscCommand::from(Command::saturating_from_bits(settings.stop));
-                    let stop_us = us(plan.output_scale.to_width_ticks(stop));
+                    let stop_us = us(scale.to_width_ticks(stop));
                     let expected_us = match protocol {
                         PulseProtocol::RawDuty => 20.0,
                         PulseProtocol::StandardPwm => 1000.0,
-                        PulseProtocol::OneShot125 => 125.0,
+                        _ => 125.0,
                     };
                     assert!((stop_us - expected_us).abs() <= count_us, "{at}: a stop of {stop_us} us");
-                    assert_eq!(plan.output_scale.to_width_ticks(EscCommand::NO_PULSE), 0);
+                    assert_eq!(scale.to_width_ticks(EscCommand::NO_PULSE), 0);
                     count += 1;
                 }
             }
@@ -123,16 +123,17 @@ proptest! {
     ) {
         let timer_hz = timers_hz()[clock];
         let plan = Plan::new(&settings, timer_hz, true).expect("valid settings suit every clock");
+        let (scale, _) = plan.output.pulses().unwrap();
         let stop = Command::saturating_from_bits(settings.stop);
-        let stop_ticks = plan.output_scale.to_width_ticks(stop.into());
+        let stop_ticks = scale.to_width_ticks(stop.into());
         let [mut channel, ..] = channels(&settings, filters(&settings).unwrap()).unwrap();
         for (input, ticks) in inputs {
             for _ in 0..ticks {
-                let width = plan.output_scale.to_width_ticks(channel.tick(input));
+                let width = scale.to_width_ticks(channel.tick(input));
                 if channel.state().is_at_rest() {
                     prop_assert!(width <= stop_ticks, "{width} in {:?}, the stop is {stop_ticks}", channel.state());
                 }
-                prop_assert!(width <= plan.longest_pulse_ticks(&settings));
+                prop_assert!(width <= longest_pulse_ticks(&settings, scale));
             }
         }
     }
@@ -248,7 +249,7 @@ fn the_watchdog_is_fed_while_the_lowest_priority_runs_every_20_s() {
 #[test]
 fn the_page_on_wiring_has_the_counts_and_the_rate_of_the_outputs() {
     let page = include_str!("../../../docs/wiring.md").split_whitespace().collect::<Vec<_>>().join(" ");
-    let frames = |settings: &Validated| Plan::new(settings, CRYSTAL.timer_hz, true).unwrap().frames;
+    let frames = |settings: &Validated| Plan::new(settings, CRYSTAL.timer_hz, true).unwrap().output.pulses().unwrap().1;
     let default = frames(&Validated::default());
     let raw = Pulse { protocol: PulseProtocol::RawDuty, frame_hz: 600 };
     let raw = frames(&with(Settings::default().input, raw));

@@ -6,13 +6,13 @@ use host_tests::emulator::{HostLate, Machine, PATIENCE, PortWrite, Start, image,
 use host_tests::flash::Flash;
 use host_tests::{TABLE_1, multisine};
 use rotorlead::channel::{Channel, Excitation, ExcitationRequest, Input};
-use rotorlead::controller::{Plan, channel_settings, channels, filters, load};
+use rotorlead::controller::{Frames, Plan, channel_settings, channels, filters, load};
 use rotorlead::link::{
     ChannelState, Clock, ExciteRequest, InjectRequest, LineSet, MAX_LOAD_PERCENT, Message, NO_PULSE, Record,
     RecordRequest, Refusal, Request, ResetReason, Series, Source,
 };
 use rotorlead::settings::{NoSignal, Origin, Pulse, PulseProtocol, Settings, Store, Validated};
-use rotorlead::throttle::{Command, EscCommand};
+use rotorlead::throttle::{Command, EscCommand, PulseScale};
 
 /// Where there is nothing to be executed.
 const NOTHING: u32 = 0x6000_0000;
@@ -77,9 +77,19 @@ fn plan(machine: &mut Machine, settings: &Settings) -> Plan {
     Plan::new(&valid(settings), info.timer_hz, info.may_arm).unwrap()
 }
 
+/// What the pulses of its outputs mean.
+fn scale(plan: &Plan) -> PulseScale {
+    plan.output.pulses().expect("outputs with pulses").0
+}
+
+/// The frames of its outputs.
+fn frames(plan: &Plan) -> Frames {
+    plan.output.pulses().expect("outputs with pulses").1
+}
+
 /// Counts of the stop pulse.
 fn stop_width(plan: &Plan, settings: &Settings) -> u32 {
-    plan.output_scale.to_ticks(Command::saturating_from_bits(settings.stop))
+    scale(plan).to_ticks(Command::saturating_from_bits(settings.stop))
 }
 
 /// What stands in the compare registers.
@@ -205,9 +215,9 @@ fn pulses_are_as_planned(settings: &Settings) {
     keeping_up(|| {
         let mut machine = ready(&Start::new(&image), settings);
         let plan = plan(&mut machine, settings);
-        assert_eq!(machine.monitor.word(PRESCALER), plan.frames.divider - 1, "{settings:?}");
+        assert_eq!(machine.monitor.word(PRESCALER), frames(&plan).divider - 1, "{settings:?}");
         // No input is live.
-        assert_eq!(machine.monitor.word(RELOAD), plan.frames.shortest - 1, "{settings:?}");
+        assert_eq!(machine.monitor.word(RELOAD), frames(&plan).shortest - 1, "{settings:?}");
         assert_eq!(widths(&mut machine), [0; 4], "{settings:?}");
 
         machine.link.take_over();
@@ -229,7 +239,7 @@ fn pulses_are_as_planned(settings: &Settings) {
             }
             is_injected(&mut machine)?;
             assert_eq!(outputs, expected, "{settings:?}");
-            let width = |bits: i32| plan.output_scale.to_width_ticks(EscCommand::from_bits(bits));
+            let width = |bits: i32| scale(&plan).to_width_ticks(EscCommand::from_bits(bits));
             first += ramp.len();
             let is_held = ramp.chunks(BLOCK).any(|block| register == width(block[BLOCK - 1].to_bits()));
             let played = outputs[BLOCK - 1..].iter().filter(|&&bits| width(bits) == register).count();
@@ -270,7 +280,7 @@ fn the_papers_raw_duty_of_injected_commands_stands_in_the_registers_of_the_timer
     settings.no_signal = NoSignal::StopPulses;
     let mut machine = ready(&Start::new(&image), &settings);
     let plan = plan(&mut machine, &settings);
-    let stop = (0.0125 * f64::from(plan.frames.shortest)).round() as u32;
+    let stop = (0.0125 * f64::from(frames(&plan).shortest)).round() as u32;
     assert_eq!(stop_width(&plan, &settings), stop);
     wait("the stop pulse", || widths(&mut machine) == [stop; 4]);
 }
@@ -291,7 +301,7 @@ fn a_host_that_goes_silent_at_a_peak_leaves_the_command_and_then_the_stop() {
     keeping_up(|| {
         let mut machine = ready(&Start::new(&image), &settings);
         let plan = plan(&mut machine, &settings);
-        let width = |bits: i32| plan.output_scale.to_width_ticks(EscCommand::from_bits(bits));
+        let width = |bits: i32| scale(&plan).to_width_ticks(EscCommand::from_bits(bits));
         machine.link.take_over();
         assert_eq!(machine.link.inject(0, &commands)?, outputs[..=peak]);
         machine.monitor.stop();

@@ -14,14 +14,15 @@ pub struct LatencyArguments {
     /// Pulses of the flight controller, for the latency that the phases count
     #[arg(long, value_name = "PROTOCOL", value_enum, default_value = "standard_pwm")]
     input_protocol: PulseName,
-    /// Their rate; 400 Hz for standard_pwm, 2000 for oneshot125 and 600 for raw_duty unless given
+    /// Their rate; 400 Hz for standard_pwm, 2000 for oneshot125, 600 for raw_duty and 4000 for DShot unless given
     #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
     input_frame: Option<u16>,
     /// Pulses to the ESC; as the input's unless given
     #[arg(long, value_name = "PROTOCOL", value_enum)]
     output_protocol: Option<PulseName>,
-    /// Their highest rate; 450 Hz for standard_pwm, 2400 for oneshot125 and 600 for raw_duty unless given. Above
-    /// --input-frame and under twice that, frames start with the input's pulses; otherwise, and for raw_duty, at this rate
+    /// Their highest rate; 450 Hz for standard_pwm, 2400 for oneshot125, 600 for raw_duty and 5000 for DShot unless given. Above
+    /// --input-frame and under twice that, frames start with the input's pulses; otherwise, and for raw_duty, at this rate. DShot
+    /// in and out goes out as it comes
     #[arg(long, value_name = "HZ", allow_negative_numbers = true)]
     output_frame: Option<u16>,
 }
@@ -38,6 +39,12 @@ enum PulseName {
     /// The duty cycle is the command
     #[value(name = "raw_duty")]
     RawDuty,
+    /// Frames at 150 kbit/s
+    Dshot150,
+    /// Frames at 300 kbit/s
+    Dshot300,
+    /// Frames at 600 kbit/s
+    Dshot600,
 }
 
 impl From<PulseName> for PulseProtocol {
@@ -46,6 +53,9 @@ impl From<PulseName> for PulseProtocol {
             PulseName::StandardPwm => Self::StandardPwm,
             PulseName::OneShot125 => Self::OneShot125,
             PulseName::RawDuty => Self::RawDuty,
+            PulseName::Dshot150 => Self::Dshot150,
+            PulseName::Dshot300 => Self::Dshot300,
+            PulseName::Dshot600 => Self::Dshot600,
         }
     }
 }
@@ -57,6 +67,7 @@ const fn default_frames_hz(protocol: PulseProtocol) -> (u16, u16) {
         PulseProtocol::StandardPwm => (400, 450),
         PulseProtocol::OneShot125 => (2000, 2400),
         PulseProtocol::RawDuty => (600, 600),
+        PulseProtocol::Dshot150 | PulseProtocol::Dshot300 | PulseProtocol::Dshot600 => (4000, 5000),
     }
 }
 
@@ -82,6 +93,9 @@ impl From<PulseProtocol> for PulseName {
             PulseProtocol::StandardPwm => Self::StandardPwm,
             PulseProtocol::OneShot125 => Self::OneShot125,
             PulseProtocol::RawDuty => Self::RawDuty,
+            PulseProtocol::Dshot150 => Self::Dshot150,
+            PulseProtocol::Dshot300 => Self::Dshot300,
+            PulseProtocol::Dshot600 => Self::Dshot600,
         }
     }
 }

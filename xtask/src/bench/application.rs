@@ -8,11 +8,11 @@ use std::time::Duration;
 use emulator::{Debugger, Process};
 use rotorlead::capture::{Decoder, Level, PULSES_TO_LIVE};
 use rotorlead::channel::{Channel, Excitation, ExcitationRequest, Input, Phase, State};
-use rotorlead::controller::{self, Plan, channel_settings};
+use rotorlead::controller::{self, Frames, Plan, channel_settings};
 use rotorlead::design::{CurvePoint, RotorCurve};
 use rotorlead::link::{ExciteRequest, FRAME_BYTES, LineSet, Message, Receiver, RecordRequest, Request, Source, encode};
 use rotorlead::settings::{CompensatorKind, Pulse, PulseProtocol, Settings, Validated};
-use rotorlead::throttle::Command;
+use rotorlead::throttle::{Command, PulseScale};
 
 use super::inputs::{INPUTS, Inputs};
 use super::machine::Machine;
@@ -423,16 +423,22 @@ struct Library {
     decoders: [Decoder; INPUTS],
     channels: [Channel; INPUTS],
     plan: Plan,
+    output_scale: PulseScale,
+    frames: Frames,
 }
 
 impl Library {
     fn new(settings: &Validated, timer_hz: u32) -> Result<Self> {
         let filters = controller::filters(settings).map_err(|error| error.to_string())?;
         let plan = Plan::new(settings, timer_hz, true).ok_or("the timers do not suit the settings")?;
+        let pulses = plan.input.timing().zip(plan.output.pulses());
+        let (timing, (output_scale, frames)) = pulses.ok_or("what is measured has pulses in and out")?;
         Ok(Self {
-            decoders: std::array::from_fn(|_| Decoder::new(plan.timing)),
+            decoders: std::array::from_fn(|_| Decoder::new(timing)),
             channels: controller::channels(settings, filters).ok_or("the settings contradict each other")?,
             plan,
+            output_scale,
+            frames,
         })
     }
 
@@ -440,7 +446,7 @@ impl Library {
         let mut widths = [0; INPUTS];
         for ((decoder, channel), width) in self.decoders.iter_mut().zip(&mut self.channels).zip(&mut widths) {
             let input = Input::from_reading(decoder.poll(now).into(), &self.plan.input_scale);
-            *width = self.plan.output_scale.to_width_ticks(channel.tick(input));
+            *width = self.output_scale.to_width_ticks(channel.tick(input));
         }
         widths
     }
@@ -476,11 +482,8 @@ impl<'a> Stand<'a> {
         let settings = settings.clone().validate().map_err(|error| error.to_string())?;
         let library = Library::new(&settings, timer_hz)?;
         let divider = debugger.read(TIM3_PRESCALER)? + 1;
-        if divider != library.plan.frames.divider {
-            return Err(format!(
-                "the outputs' timer is divided by {divider}, and by the plan by {:?}",
-                library.plan.frames
-            ));
+        if divider != library.frames.divider {
+            return Err(format!("the outputs' timer is divided by {divider}, and by the plan by {:?}", library.frames));
         }
         for handler in [handlers.tick, handlers.capture, handlers.link] {
             debugger.add_breakpoint(handler)?;

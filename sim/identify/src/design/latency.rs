@@ -10,13 +10,15 @@
 //! It counts from the beginning of the input pulse to the beginning of the output pulse that carries its value. The time
 //! until the flight controller sends its next pulse, and the length of the pulse out, lie outside of the controller.
 
-use rotorlead::settings::{HIGHEST_STOP, Pulse, PulseProtocol, Settings, SettingsError, Validated, longest_pulse_us};
+use rotorlead::settings::{HIGHEST_STOP, Pulse, PulseProtocol, Settings, SettingsError, Validated, pulse_range_us};
 use rotorlead::throttle::Command;
 use serde::Serialize;
 
 /// From a fall of the line until it is the end of a pulse: 8 samples of the input filter at 42 MHz, and the 2 us for
 /// which the line has to stay low (docs/firmware.md, "From pulse in to pulse out").
 const INPUT_FILTER_S: f64 = 2.2e-6;
+/// After a frame of DShot the line stays low for so many of its bits until it is the frame's end.
+const DSHOT_GAP_BITS: f64 = 1.0;
 
 /// When an output frame starts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -96,7 +98,13 @@ impl Latency {
         let (shortest_s, longest_s) = pulse_range_s(input);
         // The loop's rate need not be one that a controller takes.
         let follows = settings.output_follows_input() && f64::from(input.frame_hz) < loop_rate_hz;
-        let (frame_start, output_frame) = if follows {
+        let (frame_start, output_frame) = if settings.relays_frames() {
+            (FrameStart::FollowsInput, Delay::default())
+        } else if output.protocol.dshot().is_some() {
+            // A frame goes out at every tick, or at one in so many.
+            let ticks_per_frame = (loop_rate_hz * frame_s(output)).ceil().max(1.0);
+            (FrameStart::FreeRunning, Delay::wait((ticks_per_frame - 1.0) * tick_s))
+        } else if follows {
             // A pulse that is read too soon after another one waits for the frame under way, until no more than the length of
             // that frame after the other one has gone out. This is shorter than the input's frame: so the one that waits is not
             // later than the other one was, and none is later than the longest pulse that waits for nothing.
@@ -111,7 +119,7 @@ impl Latency {
             loop_rate_hz,
             frame_start,
             input_pulse: Delay { mean_s: 0.5 * (shortest_s + longest_s), worst_s: longest_s },
-            input_filter: Delay { mean_s: INPUT_FILTER_S, worst_s: INPUT_FILTER_S },
+            input_filter: Delay { mean_s: input_filter_s(input), worst_s: input_filter_s(input) },
             tick: Delay::wait(tick_s),
             output_frame,
         }
@@ -149,11 +157,15 @@ fn frame_s(pulse: Pulse) -> f64 {
 
 /// The shortest and the longest pulse, seconds.
 fn pulse_range_s(pulse: Pulse) -> (f64, f64) {
-    match longest_pulse_us(pulse.protocol) {
-        // Servo pulses and their eighths are half as long at command 0 as at 1.
-        Some(longest_us) => (0.5e-6 * f64::from(longest_us), 1e-6 * f64::from(longest_us)),
+    match pulse_range_us(pulse.protocol) {
+        Some((shortest_us, longest_us)) => (1e-6 * f64::from(shortest_us), 1e-6 * f64::from(longest_us)),
         None => (0.0, frame_s(pulse)),
     }
+}
+
+/// From the end of a pulse until it is known as one.
+fn input_filter_s(pulse: Pulse) -> f64 {
+    pulse.protocol.dshot().map_or(INPUT_FILTER_S, |speed| DSHOT_GAP_BITS / f64::from(speed.bits_per_s()))
 }
 
 #[cfg(test)]

@@ -1,0 +1,87 @@
+//! DShot at the inputs and the outputs: frames instead of pulses.
+
+use super::hardware::ControlHardware;
+use crate::capture::Reading;
+use crate::dshot::{Checksum, Frame, Receiver, Relay, Value};
+use crate::link::MotorFaults;
+use crate::settings::MOTORS;
+use crate::throttle::EscCommand;
+
+/// Words of an input that a control tick takes: as many as a board holds. Those of the fastest line at the slowest loop are 20,
+/// and a flight controller sends no more than one in 125 µs.
+const WORDS_PER_TICK: usize = 8;
+
+/// What the four lines say.
+pub struct FrameInputs([Receiver; MOTORS]);
+
+impl FrameInputs {
+    /// Of lines whose last frame is good for so many ticks.
+    pub fn new(timeout_ticks: u32) -> Self {
+        let relay = || Relay::new(Checksum::Normal, Checksum::Normal);
+        Self(core::array::from_fn(|_| Receiver::new(relay(), timeout_ticks)))
+    }
+
+    /// Once per control tick: takes the words that have come, and says what has become of each input.
+    pub fn read(&mut self, hardware: &mut impl ControlHardware) -> [Reading; MOTORS] {
+        let mut readings = [Reading::NOTHING; MOTORS];
+        for (motor, (receiver, reading)) in self.0.iter_mut().zip(&mut readings).enumerate() {
+            for _ in 0..WORDS_PER_TICK {
+                let Some(word) = hardware.take_word(motor) else { break };
+                receiver.receive(word);
+            }
+            *reading = receiver.read();
+        }
+        readings
+    }
+
+    /// Lets a frame out for each that came in, as far as the outputs take them; without `outputs` of DShot they are gone.
+    pub fn relay(&mut self, outputs: [EscCommand; MOTORS], hardware: &mut impl ControlHardware) {
+        for (motor, (receiver, output)) in self.0.iter_mut().zip(outputs).enumerate() {
+            for _ in 0..WORDS_PER_TICK {
+                if !hardware.can_send(motor) {
+                    break;
+                }
+                let Some(frame) = receiver.next(output) else { break };
+                hardware.send(motor, frame);
+            }
+        }
+    }
+
+    /// What was wrong at each input.
+    pub fn faults(&self) -> [MotorFaults; MOTORS] {
+        self.0.each_ref().map(|receiver| MotorFaults {
+            bad_frames: receiver.bad_frames(),
+            lost: receiver.losses(),
+            ..MotorFaults::default()
+        })
+    }
+}
+
+/// Frames for inputs with pulses: one in so many ticks.
+pub struct FrameClock {
+    ticks_per_frame: u32,
+    ticks_left: u32,
+}
+
+impl FrameClock {
+    /// The first frame goes out with the next tick.
+    pub const fn new(ticks_per_frame: u32) -> Self {
+        Self { ticks_per_frame, ticks_left: 1 }
+    }
+
+    /// One control tick. No pulse is no frame.
+    pub fn tick(&mut self, outputs: [EscCommand; MOTORS], hardware: &mut impl ControlHardware) {
+        self.ticks_left = self.ticks_left.saturating_sub(1);
+        if self.ticks_left > 0 {
+            return;
+        }
+        self.ticks_left = self.ticks_per_frame;
+        for (motor, output) in outputs.into_iter().enumerate() {
+            if let Some(command) = output.command()
+                && hardware.can_send(motor)
+            {
+                hardware.send(motor, Frame::new(Value::from_command(command), false, Checksum::Normal));
+            }
+        }
+    }
+}

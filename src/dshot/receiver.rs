@@ -1,0 +1,232 @@
+//! One motor's DShot input: from words to what the control tick reads, and to the frames that are to go on.
+
+use super::{Content, Frame, Relay, Value};
+use crate::capture::{PULSES_TO_LIVE, Reading};
+use crate::throttle::EscCommand;
+
+/// What came on a line between two gaps: its bits, the first the highest, behind a one that says how many there are.
+///
+/// A line with frames of another speed, or with pulses, has gaps elsewhere, so its words have other lengths. That matters:
+/// frames of half the speed, read bit by bit, would be ones throughout, which is a frame of full throttle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Word(u32);
+
+impl Word {
+    /// From the bits behind a one.
+    #[must_use]
+    pub const fn new(behind_one: u32) -> Self {
+        Self(behind_one)
+    }
+
+    /// The 16 bits of a frame, where there are just so many.
+    const fn frame_bits(self) -> Option<u16> {
+        if self.0 >> 16 == 1 { Some(self.0 as u16) } else { None }
+    }
+}
+
+impl From<Frame> for Word {
+    fn from(frame: Frame) -> Self {
+        Self(1 << 16 | frame.to_bits() as u32)
+    }
+}
+
+/// Whether the last frame is to be believed.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Liveness {
+    Never,
+    Live,
+    Lost,
+}
+
+/// Takes the words of one line in, once per control tick, and lets frames out. See [`Relay`] for which.
+///
+/// A line is live from [`PULSES_TO_LIVE`] valid frames in a row on, and lost when none has come for the timeout. An instruction
+/// reads as a stop, since an ESC that follows one gives no throttle.
+pub struct Receiver {
+    relay: Relay,
+    liveness: Liveness,
+    timeout_polls: u32,
+    /// Polls since the last valid frame, and since the last word of any kind, up to the timeout.
+    silent_polls: u32,
+    idle_polls: u32,
+    /// Valid frames in a row while the line is not live.
+    in_row: u8,
+    /// Of the last valid frame that was not read yet.
+    newest: Option<Content>,
+    /// Words of another length than a frame's.
+    bad_lengths: u32,
+    losses: u32,
+}
+
+impl Receiver {
+    /// For a line whose last frame is good for so many calls of [`Self::read`].
+    #[must_use]
+    pub const fn new(relay: Relay, timeout_polls: u32) -> Self {
+        Self {
+            relay,
+            liveness: Liveness::Never,
+            timeout_polls,
+            silent_polls: timeout_polls,
+            idle_polls: timeout_polls,
+            in_row: 0,
+            newest: None,
+            bad_lengths: 0,
+            losses: 0,
+        }
+    }
+
+    /// A word has come.
+    pub fn receive(&mut self, word: Word) {
+        self.idle_polls = 0;
+        let Some(bits) = word.frame_bits() else {
+            self.bad_lengths = self.bad_lengths.wrapping_add(1);
+            self.in_row = 0;
+            return;
+        };
+        let Some(content) = self.relay.receive(bits) else {
+            self.in_row = 0;
+            return;
+        };
+        self.silent_polls = 0;
+        self.newest = Some(content);
+        self.in_row = self.in_row.saturating_add(1);
+        if self.in_row >= PULSES_TO_LIVE {
+            self.liveness = Liveness::Live;
+        }
+    }
+
+    /// Once per control tick, after its words: what has become of the input. A pulse's width is the value of a throttle, and for
+    /// a stop the one below ([`super::BELOW_THROTTLE`]), as [`Protocol::Dshot`](crate::throttle::Protocol::Dshot) has it.
+    pub fn read(&mut self) -> Reading {
+        let newest = self.newest.take();
+        if self.silent_polls >= self.timeout_polls {
+            self.lose();
+        }
+        let is_idle = self.idle_polls >= self.timeout_polls;
+        self.silent_polls = self.silent_polls.saturating_add(1);
+        self.idle_polls = self.idle_polls.saturating_add(1);
+        match self.liveness {
+            Liveness::Live => newest.map_or(Reading::UNCHANGED, |content| Reading::pulse(width(content))),
+            _ if !is_idle => Reading::UNREADABLE,
+            Liveness::Never => Reading::NOTHING,
+            Liveness::Lost => Reading::LOST,
+        }
+    }
+
+    /// The next frame that is to go out ([`Relay::next`]).
+    pub fn next(&mut self, newest: EscCommand) -> Option<Frame> {
+        self.relay.next(newest)
+    }
+
+    /// Words that are no frames, for their length or for their checksum, wrapping.
+    #[must_use]
+    pub const fn bad_frames(&self) -> u32 {
+        self.bad_lengths.wrapping_add(self.relay.counts().bad_checksums)
+    }
+
+    /// Times that the line was lost, wrapping.
+    #[must_use]
+    pub const fn losses(&self) -> u32 {
+        self.losses
+    }
+
+    fn lose(&mut self) {
+        self.in_row = 0;
+        self.relay.clear();
+        if self.liveness == Liveness::Live {
+            self.liveness = Liveness::Lost;
+            self.losses = self.losses.wrapping_add(1);
+        }
+    }
+}
+
+/// As the width of a pulse.
+const fn width(content: Content) -> u32 {
+    match content {
+        Content::Instruction(_) => super::BELOW_THROTTLE as u32,
+        Content::Throttle(command) => Value::from_command(command).get() as u32,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Checksum;
+    use super::*;
+    use crate::throttle::Command;
+
+    const TIMEOUT: u32 = 10;
+
+    fn receiver() -> Receiver {
+        Receiver::new(Relay::new(Checksum::Normal, Checksum::Normal), TIMEOUT)
+    }
+
+    fn word(value: u16) -> Word {
+        Frame::new(Value::new(value).unwrap(), false, Checksum::Normal).into()
+    }
+
+    fn live() -> Receiver {
+        let mut receiver = receiver();
+        for _ in 0..PULSES_TO_LIVE {
+            receiver.receive(word(0));
+            let _ = receiver.read();
+        }
+        receiver
+    }
+
+    #[test]
+    fn a_line_is_live_after_good_frames_in_a_row_and_lost_without_any() {
+        let mut receiver = receiver();
+        assert_eq!(receiver.read(), Reading::NOTHING);
+        for _ in 1..PULSES_TO_LIVE {
+            receiver.receive(word(1000));
+            assert_eq!(receiver.read(), Reading::UNREADABLE, "driven, and not live");
+        }
+        receiver.receive(word(1000));
+        assert_eq!(receiver.read(), Reading::pulse(1000));
+        for _ in 1..TIMEOUT {
+            assert_eq!(receiver.read(), Reading::UNCHANGED);
+        }
+        assert_eq!(receiver.read(), Reading::LOST);
+        assert_eq!(receiver.losses(), 1);
+        receiver.receive(word(1000));
+        assert_eq!(receiver.read(), Reading::UNREADABLE, "one frame is no flight controller");
+    }
+
+    #[test]
+    fn damaged_words_are_counted_make_nothing_go_out_and_do_not_keep_a_line_alive() {
+        let mut receiver = live();
+        while receiver.next(EscCommand::from(Command::ZERO)).is_some() {}
+        let good = word(1000);
+        let mut bad = 0;
+        for poll in 0..TIMEOUT {
+            // A bit short, a bit long, and a bit wrong.
+            for damaged in [good.0 >> 1, good.0 << 1, good.0 ^ 4] {
+                receiver.receive(Word::new(damaged));
+                bad += 1;
+                assert_eq!(receiver.next(EscCommand::from(Command::ONE)), None);
+            }
+            assert_eq!(receiver.read() == Reading::UNCHANGED, poll + 1 < TIMEOUT, "poll {poll}");
+        }
+        assert_eq!(receiver.read(), Reading::UNREADABLE);
+        assert_eq!((receiver.bad_frames(), receiver.losses()), (bad, 1));
+    }
+
+    #[test]
+    fn stops_and_instructions_read_as_a_stop_and_the_newest_frame_counts() {
+        let mut receiver = live();
+        for (values, read) in [(&[0_u16][..], 47), (&[1000, 20], 47), (&[20, 48], 48), (&[0, 2047], 2047)] {
+            values.iter().for_each(|value| receiver.receive(word(*value)));
+            assert_eq!(receiver.read(), Reading::pulse(read), "{values:?}");
+        }
+    }
+
+    #[test]
+    fn what_waits_is_gone_with_the_line() {
+        let mut receiver = live();
+        receiver.receive(word(5));
+        for _ in 0..=TIMEOUT {
+            let _ = receiver.read();
+        }
+        assert_eq!(receiver.next(EscCommand::from(Command::ZERO)), None);
+    }
+}
