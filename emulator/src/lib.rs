@@ -5,6 +5,7 @@
 mod debugger;
 mod process;
 mod qemu;
+pub mod rp2040;
 
 use std::process::{Command, Stdio};
 use std::time::Duration;

@@ -1,8 +1,10 @@
-//! Installs what a Rust toolchain may lack: formatter, lints, the targets, the emulator, and a browser.
+//! Installs what a Rust toolchain may lack: formatter, lints, the targets, the emulators, and a browser.
 
 use std::path::Path;
 use std::process::Command;
 use std::time::Duration;
+
+use ::emulator::rp2040;
 
 use crate::board::BOARD;
 use crate::run::{Result, cargo, command, output, run_within, target_folder};
@@ -18,6 +20,9 @@ const DEBIAN_PACKAGES: [&str; 4] = ["rustc-web", "cargo-web", "rust-web-src", "l
 /// Where that compiler and its library's source are.
 const DEBIAN_FOLDER: &str = "/usr/bin";
 const DEBIAN_SOURCE: &str = "lib/rustlib/src/rust/library/core/Cargo.toml";
+
+/// Debian's package of the program that installs packages for node.
+const NPM: &str = "npm";
 
 /// Debian's package of Chromium, and the names under which it or its like may be there.
 const BROWSER_PACKAGE: &str = "chromium";
@@ -102,12 +107,44 @@ fn needs() -> Vec<Need> {
         is_there: Box::new(has_emulator),
         install: Box::new(|| apt::install_at_least(emulator::PACKAGE, emulator::OLDEST)),
     });
+    needs.extend(rp2040_needs());
     needs.push(Need {
         name: BROWSER_PACKAGE.to_owned(),
         is_there: Box::new(|| BROWSERS.iter().any(|program| runs(program, &["--version"]))),
         install: Box::new(|| apt::install(&[BROWSER_PACKAGE])),
     });
     needs
+}
+
+/// The emulator of the RP2040, and what executes it.
+fn rp2040_needs() -> [Need; 3] {
+    let has_package = || rp2040::is_installed(&rp2040::package_folder());
+    [
+        Need {
+            name: format!("node {} or later", rp2040::OLDEST_NODE),
+            is_there: Box::new(|| rp2040::node_version().is_some_and(|version| version >= rp2040::OLDEST_NODE)),
+            install: Box::new(|| apt::install_at_least(rp2040::NODE_PACKAGE, rp2040::OLDEST_NODE)),
+        },
+        Need {
+            name: NPM.to_owned(),
+            // Needed only for the package.
+            is_there: Box::new(move || has_package() || runs(NPM, &["--version"])),
+            install: Box::new(|| apt::install(&[NPM])),
+        },
+        Need {
+            name: format!("{} {}", rp2040::NPM_PACKAGE, rp2040::VERSION),
+            is_there: Box::new(has_package),
+            install: Box::new(install_rp2040),
+        },
+    ]
+}
+
+/// Installs npm's package into cargo's target folder, from the registry that npm is set to.
+fn install_rp2040() -> Result {
+    let package = format!("{}@{}", rp2040::NPM_PACKAGE, rp2040::VERSION);
+    let folder = rp2040::package_folder();
+    let arguments = ["install", "--no-package-lock", "--no-audit", "--no-fund", "--prefix"];
+    run_within(command(NPM, &arguments).arg(folder).arg(package), DOWNLOAD_LIMIT)
 }
 
 /// Installs what is missing, and says what.

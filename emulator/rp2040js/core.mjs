@@ -1,0 +1,74 @@
+// The core: sleep, the time that an exception takes, and faults, none of which rp2040js models.
+
+const HARD_FAULT = 3;
+// From the request to the first instruction of the handler: Cortex-M0+ TRM, without wait states.
+const EXCEPTION_ENTRY_CYCLES = 15;
+const ROM_END = 0x4000;
+
+export class Core {
+  constructor(machine, rp2040, rom) {
+    this.machine = machine;
+    this.cpu = rp2040.core;
+    this.rom = rom;
+    this.isAsleep = false;
+    this.isLocked = false;
+    this.fault = null;
+    rp2040.onBreak = (code) => this.blame(`BKPT or UDF ${code}`);
+  }
+
+  // Whether the core waits: for an interrupt, or for ever after a fault in the handler of faults.
+  sleeps() {
+    if (this.isAsleep) {
+      this.isAsleep = !this.isWoken();
+    }
+    return this.isAsleep || this.isLocked;
+  }
+
+  // Masked by PRIMASK or not, a pending interrupt ends the sleep.
+  isWoken() {
+    const { cpu } = this;
+    const interrupts = cpu.pendingInterrupts & cpu.enabledInterrupts;
+    return interrupts !== 0 || cpu.pendingSystick || cpu.pendingPendSV || cpu.pendingSVCall;
+  }
+
+  // Executes an instruction, or enters an exception. Returns the cycles that it takes.
+  step() {
+    const { cpu } = this;
+    if (cpu.interruptsUpdated && cpu.checkForInterrupts()) {
+      return EXCEPTION_ENTRY_CYCLES;
+    }
+    const pc = (cpu.PC & ~1) >>> 0;
+    if (pc < ROM_END) {
+      return this.rom.call(this, pc);
+    }
+    if (this.rom.isFlashBusy) {
+      this.rom.checkFetch(this, pc);
+    }
+    const cycles = cpu.executeInstruction();
+    if (cpu.waiting) {
+      // rp2040js would take the interrupt that ends the sleep whatever PRIMASK says.
+      cpu.waiting = false;
+      this.isAsleep = true;
+    }
+    return this.fault === null ? cycles : cycles + this.enterHardFault(pc);
+  }
+
+  // Makes the instruction that is executed fault.
+  blame(what) {
+    this.fault ??= what;
+  }
+
+  enterHardFault(pc) {
+    const { cpu, machine } = this;
+    const isInHandler = cpu.IPSR === HARD_FAULT;
+    machine.fault(pc, isInHandler ? `lockup: ${this.fault}` : this.fault);
+    this.fault = null;
+    if (isInHandler) {
+      this.isLocked = true;
+      return 0;
+    }
+    cpu.PC = pc;
+    cpu.exceptionEntry(HARD_FAULT);
+    return EXCEPTION_ENTRY_CYCLES;
+  }
+}

@@ -1,0 +1,173 @@
+//! The crate `rp2040-emu`, in this process.
+
+use rp2040_emu::{Config, Emulator, EmulatorBuilder};
+
+use super::{CYCLES_PER_S, Edge, Error, Fault, Flash, PINS, Region, Run, Trace, Write};
+
+/// What the crate has of flash.
+const FLASH_SIZE: usize = 2 << 20;
+/// Where the vectors are: behind the second stage of the boot, which is not executed.
+const VECTORS: u32 = 0x100;
+const WAIT_FOR_INTERRUPT: u32 = 0xBF30;
+/// Where the program counter is in what an exception pushes.
+const STACKED_PC: u32 = 24;
+const STACK_POINTER: usize = 13;
+/// The number of an exception in the flags, and of the first that is an interrupt.
+const EXCEPTION: u32 = 0x1FF;
+const FIRST_INTERRUPT: u32 = 16;
+/// The interrupts of the timer and of PIO.
+const LEVEL_INTERRUPTS: u32 = 0x78F;
+const RAM: u32 = 0x2000_0000;
+const PERIPHERALS: u32 = 0x4000_0000;
+
+pub(super) fn run(run: &Run, flash: &[Flash]) -> Result<Trace, Error> {
+    let mut machine = Machine::new(run, flash)?;
+    while machine.emulator.cycles() < run.until_cycle && machine.faults.is_empty() {
+        machine.step()?;
+    }
+    Ok(machine.into_trace(run))
+}
+
+/// The emulator, and how far the run is.
+struct Machine {
+    emulator: Emulator,
+    /// What is still to come, latest first.
+    inputs: Vec<Edge>,
+    writes: Vec<Write>,
+    /// Pins that are driven from outside, and their levels.
+    driven: u32,
+    driven_levels: u32,
+    watched: u32,
+    levels: u32,
+    edges: Vec<Edge>,
+    faults: Vec<Fault>,
+}
+
+impl Machine {
+    fn new(run: &Run, flash: &[Flash]) -> Result<Self, Error> {
+        let unsupported = [("input of the UART", !run.uart_in.is_empty()), ("flash to write", run.power_cut.is_some())];
+        if let Some((what, _)) = unsupported.into_iter().find(|(_, is_needed)| *is_needed) {
+            return Err(Error::Unsupported(what));
+        }
+        // One instruction a step: between two of them the emulator looks at the world.
+        let builder = EmulatorBuilder::new(Config { sys_clk_hz: CYCLES_PER_S as u32 }).step_quantum(1);
+        let mut emulator = builder.build().map_err(|_| Error::Unsupported("serial execution"))?;
+        emulator.reset();
+        emulator.load_flash(&contents(flash)?);
+        emulator.direct_boot_from_flash(VECTORS);
+        let mut inputs = run.inputs.clone();
+        inputs.sort_by_key(|edge| std::cmp::Reverse(edge.cycle));
+        let mut writes = run.writes.clone();
+        writes.sort_by_key(|write| std::cmp::Reverse(write.cycle));
+        let watched = run.watch.iter().fold(0, |pins, pin| pins | 1 << pin);
+        let (edges, faults) = (Vec::new(), Vec::new());
+        Ok(Self { emulator, inputs, writes, driven: 0, driven_levels: 0, watched, levels: 0, edges, faults })
+    }
+
+    fn step(&mut self) -> Result<(), Error> {
+        let cycle = self.emulator.cycles();
+        self.stimulate(cycle);
+        let pc = self.emulator.core(0).reg(15);
+        let cycles = self.emulator.step().map_err(|_| Error::StandsStill { cycle })?;
+        self.trace_pins();
+        self.forget_interrupt();
+        self.look_at_core(pc);
+        if cycles == 0 && self.faults.is_empty() { Err(Error::StandsStill { cycle }) } else { Ok(()) }
+    }
+
+    /// Does what the world outside does by now.
+    fn stimulate(&mut self, cycle: u64) {
+        while let Some(edge) = self.inputs.pop_if(|edge| edge.cycle <= cycle) {
+            let pin = 1 << edge.pin;
+            self.driven |= pin;
+            self.driven_levels = if edge.is_high { self.driven_levels | pin } else { self.driven_levels & !pin };
+        }
+        while let Some(Write { address, value, .. }) = self.writes.pop_if(|write| write.cycle <= cycle) {
+            if (RAM..PERIPHERALS).contains(&address) {
+                self.emulator.poke(address, value);
+            } else {
+                self.emulator.mmio_write32(address, value);
+            }
+        }
+        let bus = &mut self.emulator.bus;
+        // The bit of a pad that pulls its pin up.
+        let pulled = bus.pads_bank0.pads.iter().enumerate().fold(0, |pins, (pin, pad)| pins | (pad >> 3 & 1) << pin);
+        // What is driven from outside wins in the emulator; on the bench the chip's pins are the stronger.
+        let outputs = bus.sio.gpio_oe | bus.pio[0].pad_oe | bus.pio[1].pad_oe;
+        bus.external_gpio_in_mask = (self.driven | pulled) & !outputs;
+        bus.external_gpio_in_override = (self.driven_levels & self.driven) | (pulled & !self.driven);
+    }
+
+    fn trace_pins(&mut self) {
+        let levels = self.emulator.bus.gpio_in & self.watched;
+        let changed = levels ^ self.levels;
+        self.levels = levels;
+        if changed != 0 {
+            let cycle = self.emulator.cycles();
+            let pins = (0..PINS).filter(|pin| changed >> pin & 1 != 0);
+            self.edges.extend(pins.map(|pin| Edge { cycle, pin, is_high: levels >> pin & 1 != 0 }));
+        }
+    }
+
+    /// Keeps a handler from being entered again for the request that it serves: the emulator notes a request that still
+    /// stands as a new one.
+    fn forget_interrupt(&mut self) {
+        let exception = self.emulator.cores[0].regs.xpsr & EXCEPTION;
+        if let Some(line) = exception.checked_sub(FIRST_INTERRUPT)
+            && LEVEL_INTERRUPTS >> line & 1 != 0
+        {
+            self.emulator.bus.nvics[0].clear_pending(line as u8);
+        }
+    }
+
+    /// Notices a fault, and wakes the core that sleeps: in the emulator, PIO sleeps with it. Firmware looks again at what
+    /// it waits for.
+    fn look_at_core(&mut self, pc: u32) {
+        let bus = &mut self.emulator.bus;
+        bus.wfe_waiting[0] = false;
+        let opcode = bus.peek32(pc & !3) >> (8 * (pc & 2)) & 0xFFFF;
+        let core = &mut self.emulator.cores[0];
+        let fault = if core.is_in_hardfault() {
+            let stacked = core.reg(STACK_POINTER).wrapping_add(STACKED_PC);
+            Some((bus.peek32(stacked), "hard fault"))
+        } else if core.is_halted() && opcode != WAIT_FOR_INTERRUPT {
+            Some((pc, "the core has halted"))
+        } else {
+            core.wake();
+            None
+        };
+        let cycle = self.emulator.cycles();
+        self.faults.extend(fault.map(|(pc, what)| Fault { cycle, pc, what: what.to_owned() }));
+    }
+
+    fn into_trace(mut self, run: &Run) -> Trace {
+        let memory = run.memory.iter().map(|region| self.read(*region)).collect();
+        Trace {
+            cycles: self.emulator.cycles(),
+            edges: self.edges,
+            uart: self.emulator.drain_uart0_tx_log(),
+            resets: Vec::new(),
+            faults: self.faults,
+            memory,
+            flash_operations: 0,
+            power_is_cut: false,
+            unmodelled: Vec::new(),
+        }
+    }
+
+    fn read(&self, region: Region) -> Vec<u8> {
+        let byte = |address: u32| self.emulator.peek(address & !3).to_le_bytes()[(address & 3) as usize];
+        (0..region.length).map(|index| byte(region.address + index)).collect()
+    }
+}
+
+/// The flash as a whole.
+fn contents(flash: &[Flash]) -> Result<Vec<u8>, Error> {
+    let mut contents = vec![0xFF; FLASH_SIZE];
+    for Flash { offset, bytes } in flash {
+        let start = *offset as usize;
+        let place = contents.get_mut(start..start + bytes.len()).ok_or(Error::Unsupported("flash behind 2 MiB"))?;
+        place.copy_from_slice(bytes);
+    }
+    Ok(contents)
+}

@@ -1,0 +1,158 @@
+//! rp2040js: a script that node executes, with a run on its input and the trace on its output.
+
+use std::io::{ErrorKind, Write as _};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+use serde::Serialize;
+
+use super::{Error, Flash, Run, Trace};
+
+/// npm's package that has the emulator. Its inside is used, so the version is exact.
+pub const NPM_PACKAGE: &str = "rp2040js";
+/// The version of that package.
+pub const VERSION: &str = "1.4.1";
+/// Debian's package that has node.
+pub const NODE_PACKAGE: &str = "nodejs";
+/// First major version of node that the emulator runs in.
+pub const OLDEST_NODE: u32 = 18;
+
+const PROGRAM: &str = "node";
+const SCRIPT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/rp2040js/run.mjs");
+
+/// Where `cargo xtask setup` installs the emulator: in cargo's target folder.
+#[must_use]
+pub fn package_folder() -> PathBuf {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the crate is a folder of the workspace");
+    root.join(std::env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into())).join(NPM_PACKAGE)
+}
+
+/// Major version of the node that is installed; `None` where none runs.
+#[must_use]
+pub fn node_version() -> Option<u32> {
+    let output = Command::new(PROGRAM).arg("--version").stdin(Stdio::null()).stderr(Stdio::null()).output().ok()?;
+    String::from_utf8_lossy(&output.stdout).strip_prefix('v')?.split('.').next()?.parse().ok()
+}
+
+/// Whether a folder has the emulator in its version.
+#[must_use]
+pub fn is_installed(folder: &Path) -> bool {
+    let description = std::fs::read(folder.join("node_modules").join(NPM_PACKAGE).join("package.json"));
+    let description = description.ok().and_then(|text| serde_json::from_slice::<serde_json::Value>(&text).ok());
+    description.is_some_and(|description| description["version"] == VERSION)
+}
+
+/// A run as the script takes it.
+#[derive(Serialize)]
+struct Request<'a> {
+    flash: &'a [Flash],
+    #[serde(flatten)]
+    run: &'a Run,
+}
+
+pub(super) fn run(run: &Run, flash: &[Flash]) -> Result<Trace, Error> {
+    run_in(PROGRAM, &package_folder(), run, flash)
+}
+
+fn run_in(program: &str, folder: &Path, run: &Run, flash: &[Flash]) -> Result<Trace, Error> {
+    if !is_installed(folder) {
+        return Err(Error::NotInstalled(format!("{NPM_PACKAGE} {VERSION} is not in {}", folder.display())));
+    }
+    let request = serde_json::to_vec(&Request { flash, run }).map_err(|error| Error::Node(error.to_string()))?;
+    let mut command = Command::new(program);
+    let output = execute(command.arg(SCRIPT).arg(folder), &request).map_err(|error| match error.kind() {
+        ErrorKind::NotFound => Error::NotInstalled(format!("there is no {program}")),
+        _ => Error::Node(error.to_string()),
+    })?;
+    if !output.status.success() {
+        let said = String::from_utf8_lossy(&output.stderr);
+        return Err(Error::Node(format!("{program} ended with {}: {}", output.status, said.trim())));
+    }
+    serde_json::from_slice(&output.stdout).map_err(|error| Error::Node(format!("its trace: {error}")))
+}
+
+/// What the program prints when it gets this input. It reads all of it before it prints anything.
+fn execute(command: &mut Command, input: &[u8]) -> std::io::Result<Output> {
+    let mut child = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn()?;
+    // Closes the pipe, too. A program that has ended early says why on its other output.
+    let written = child.stdin.take().map_or(Ok(()), |mut pipe| pipe.write_all(input));
+    let output = child.wait_with_output()?;
+    if output.status.success() { written.map(|()| output) } else { Ok(output) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rp2040::{Bytes, Edge, Fault, PowerCut, Region, Reset, Write};
+
+    #[test]
+    fn a_missing_package_names_its_remedy() {
+        let error = run_in(PROGRAM, Path::new("nowhere"), &Run::new("image", 1), &[]).unwrap_err();
+        assert_eq!(error.to_string(), "rp2040js 1.4.1 is not in nowhere; `cargo xtask setup` installs it");
+    }
+
+    /// What `look` finds of a folder that seems to have the package in a version.
+    fn with_package<T>(version: &str, look: impl FnOnce(&Path) -> T) -> T {
+        let folder = std::env::temp_dir().join(format!("{NPM_PACKAGE}-{version}-{}", std::process::id()));
+        let package = folder.join("node_modules").join(NPM_PACKAGE);
+        std::fs::create_dir_all(&package).unwrap();
+        std::fs::write(package.join("package.json"), format!("{{\"version\": \"{version}\"}}")).unwrap();
+        let found = look(&folder);
+        std::fs::remove_dir_all(&folder).unwrap();
+        found
+    }
+
+    #[test]
+    fn a_missing_node_names_its_remedy() {
+        let run = Run::new("image", 1);
+        let error = with_package(VERSION, |folder| run_in("no-such-node", folder, &run, &[]).unwrap_err());
+        assert_eq!(error.to_string(), "there is no no-such-node; `cargo xtask setup` installs it");
+    }
+
+    #[test]
+    fn another_version_is_not_the_emulator() {
+        assert!(!with_package("1.3.0", is_installed));
+    }
+
+    #[test]
+    fn the_script_gets_flat_names() {
+        let mut run = Run::new("image", 9);
+        run.inputs = vec![Edge { cycle: 1, pin: 2, is_high: true }];
+        run.uart_in = vec![Bytes { cycle: 3, bytes: vec![4] }];
+        run.writes = vec![Write { cycle: 5, address: 6, value: 7 }];
+        run.watch = vec![8];
+        run.memory = vec![Region { address: 10, length: 11 }];
+        run.power_cut = Some(PowerCut { operation: 12, bytes: 13 });
+        let flash = [Flash { offset: 14, bytes: vec![15, 16] }];
+        let expected = serde_json::json!({
+            "flash": [{ "offset": 14, "bytes": [15, 16] }],
+            "inputs": [{ "cycle": 1, "pin": 2, "is_high": true }],
+            "uart_in": [{ "cycle": 3, "bytes": [4] }],
+            "writes": [{ "cycle": 5, "address": 6, "value": 7 }],
+            "watch": [8],
+            "memory": [{ "address": 10, "length": 11 }],
+            "power_cut": { "operation": 12, "bytes": 13 },
+            "until_cycle": 9,
+        });
+        assert_eq!(serde_json::to_value(Request { flash: &flash, run: &run }).unwrap(), expected);
+    }
+
+    #[test]
+    fn a_trace_is_read_from_what_the_script_prints() {
+        let text = r#"{"cycles": 100, "edges": [{"cycle": 1, "pin": 2, "is_high": true}], "uart": [3],
+            "resets": [{"cycle": 4, "is_forced": false}], "faults": [{"cycle": 5, "pc": 6, "what": "BKPT"}],
+            "memory": [[7, 8], []], "flash_operations": 2, "power_is_cut": false, "unmodelled": ["UART0"]}"#;
+        let expected = Trace {
+            cycles: 100,
+            edges: vec![Edge { cycle: 1, pin: 2, is_high: true }],
+            uart: vec![3],
+            resets: vec![Reset { cycle: 4, is_forced: false }],
+            faults: vec![Fault { cycle: 5, pc: 6, what: "BKPT".to_owned() }],
+            memory: vec![vec![7, 8], vec![]],
+            flash_operations: 2,
+            power_is_cut: false,
+            unmodelled: vec!["UART0".to_owned()],
+        };
+        assert_eq!(serde_json::from_str::<Trace>(text).unwrap(), expected);
+    }
+}

@@ -1,0 +1,115 @@
+//! What a run is: the image, and what the world outside does to the chip.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Error, PINS};
+
+/// A change of the level at a pin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Edge {
+    /// When, in cycles of 125 MHz since the core was started.
+    pub cycle: u64,
+    /// Number of the GPIO.
+    pub pin: u8,
+    /// The level from then on.
+    pub is_high: bool,
+}
+
+/// Bytes in flash.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Flash {
+    /// Where the first is, from the start of the flash.
+    pub offset: u32,
+    /// The bytes.
+    pub bytes: Vec<u8>,
+}
+
+/// Bytes that are sent to UART0, one after the other at the speed that the firmware has set.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Bytes {
+    /// When the first start bit comes; behind bytes that are still on the line if need be.
+    pub cycle: u64,
+    /// The bytes.
+    pub bytes: Vec<u8>,
+}
+
+/// A word that is put into memory, or a register of a peripheral.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Write {
+    /// When.
+    pub cycle: u64,
+    /// Where: a multiple of 4.
+    pub address: u32,
+    /// The word.
+    pub value: u32,
+}
+
+/// Bytes of RAM or flash.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Region {
+    /// Where the first is. Flash starts at 0x1000_0000.
+    pub address: u32,
+    /// How many there are.
+    pub length: u32,
+}
+
+/// A loss of power while the flash is written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct PowerCut {
+    /// In which call of `flash_range_erase` or `flash_range_program`, from 0.
+    pub operation: u32,
+    /// How many bytes of it are done by then.
+    pub bytes: u32,
+}
+
+/// An image, and what happens to the chip that executes it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Run {
+    /// The image, an ELF file.
+    #[serde(skip)]
+    pub image: PathBuf,
+    /// What is in flash beside the image, or instead of parts of it. Everything else of the flash is erased.
+    #[serde(skip)]
+    pub flash: Vec<Flash>,
+    /// Edges that are driven into pins, in any order. Edges at cycle 0 are levels at the start. A pin is driven from its
+    /// first edge on, except while the chip drives it; before that its pull decides.
+    pub inputs: Vec<Edge>,
+    /// Bytes that UART0 receives.
+    pub uart_in: Vec<Bytes>,
+    /// Words that are put into memory.
+    pub writes: Vec<Write>,
+    /// The pins whose edges are traced.
+    pub watch: Vec<u8>,
+    /// What is read when the run has ended.
+    pub memory: Vec<Region>,
+    /// A loss of power, which ends the run.
+    pub power_cut: Option<PowerCut>,
+    /// When the run ends, give or take an instruction.
+    pub until_cycle: u64,
+}
+
+impl Run {
+    /// A run in which nothing happens from outside.
+    #[must_use]
+    pub fn new(image: impl Into<PathBuf>, until_cycle: u64) -> Self {
+        Self {
+            image: image.into(),
+            flash: Vec::new(),
+            inputs: Vec::new(),
+            uart_in: Vec::new(),
+            writes: Vec::new(),
+            watch: Vec::new(),
+            memory: Vec::new(),
+            power_cut: None,
+            until_cycle,
+        }
+    }
+
+    /// An error that names a pin that the chip does not have.
+    pub(super) fn check(&self) -> Result<(), Error> {
+        let pins = self.inputs.iter().map(|edge| edge.pin).chain(self.watch.iter().copied());
+        pins.into_iter().find(|pin| *pin >= PINS).map_or(Ok(()), |pin| Err(Error::Pin { pin }))
+    }
+}

@@ -1,0 +1,60 @@
+//! What came of a run.
+
+use serde::Deserialize;
+
+use super::Edge;
+
+/// A reset by the watchdog, after which the image has started again. RAM, and the watchdog's scratch registers and
+/// reason, outlive it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+pub struct Reset {
+    /// When.
+    pub cycle: u64,
+    /// Whether the firmware asked for it, and not the time ran out.
+    pub is_forced: bool,
+}
+
+/// What a core must not do: a breakpoint or an undefined instruction, an access to where nothing is, a call of the boot
+/// ROM that cannot be served, an instruction fetched from a flash that is being written.
+///
+/// The core enters its handler of hard faults, as on the chip; where it was in it already, it locks up and says so.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+pub struct Fault {
+    /// When.
+    pub cycle: u64,
+    /// Address of the instruction.
+    pub pc: u32,
+    /// What, in words for a person.
+    pub what: String,
+}
+
+/// What came of a run.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+pub struct Trace {
+    /// When the run ended.
+    pub cycles: u64,
+    /// Edges at the watched pins, in order: of what the chip drives, and of what the test and the pulls do while it does
+    /// not. Every pin is low before its first.
+    pub edges: Vec<Edge>,
+    /// Bytes that UART0 has sent.
+    pub uart: Vec<u8>,
+    /// Resets by the watchdog.
+    pub resets: Vec<Reset>,
+    /// What went wrong in the core.
+    pub faults: Vec<Fault>,
+    /// The bytes of [`super::Run::memory`], one element for each of its regions.
+    pub memory: Vec<Vec<u8>>,
+    /// Calls of `flash_range_erase` and `flash_range_program`.
+    pub flash_operations: u32,
+    /// Whether power was lost.
+    pub power_is_cut: bool,
+    /// What the firmware used that the emulator does not have, each once.
+    pub unmodelled: Vec<String>,
+}
+
+impl Trace {
+    /// Edges of one pin.
+    pub fn edges_of(&self, pin: u8) -> impl Iterator<Item = Edge> {
+        self.edges.iter().copied().filter(move |edge| edge.pin == pin)
+    }
+}
