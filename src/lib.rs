@@ -39,7 +39,7 @@
 //!
 //! # Features
 //!
-//! No feature is on by default. Each of `settings`, `link`, `controller` and `stm32f405` includes those before it.
+//! No feature is on by default. Each of `settings`, `link`, `controller` and `stm32f405` includes those before it, and `stm32f405` includes `systick`.
 //!
 //! | feature | what it brings | for |
 //! |---|---|---|
@@ -47,6 +47,7 @@
 //! | `settings` | `settings`: what a controller stores, its ranges, and its form in flash | a firmware with two sectors of flash (`embedded-storage`) |
 //! | `link` | `link`: framed messages between a controller and a host | a firmware with a serial line, and its host |
 //! | `controller` | `controller`: the whole controller but for its hardware, as traits | a board of your own: see `docs/boards.md` |
+//! | `systick` | `systick`: the timer of the control task, on any Cortex-M | a board of your own with such a core |
 //! | `stm32f405` | the board and the binary `rotorlead-firmware`, its HAL, RTIC, defmt, memory map and linker arguments | the application on that board, and nothing else |
 //! | `planted-panic` | a panic in the control task | the test of the check that finds panics |
 //!
@@ -93,4 +94,6 @@ pub mod inverse;
 pub mod link;
 #[cfg(feature = "settings")]
 pub mod settings;
+#[cfg(all(feature = "systick", target_os = "none"))]
+pub mod systick;
 pub mod throttle;

@@ -133,7 +133,7 @@ mod app {
     /// least, to take the stamp away. A stamp that is overwritten is seen and counted.
     #[task(binds = TIM2, priority = 4, shared = [inputs])]
     fn capture(mut cx: capture::Context) {
-        cx.shared.inputs.lock(Inputs::capture);
+        cx.shared.inputs.lock(|inputs| inputs.capture());
     }
 
     /// The control task: newest pulse of each input, through its channel, to its output.

@@ -14,8 +14,6 @@ pub mod capture;
 #[cfg(target_os = "none")]
 pub mod clocks;
 #[cfg(target_os = "none")]
-pub mod control_timer;
-#[cfg(target_os = "none")]
 pub mod outputs;
 #[cfg(target_os = "none")]
 #[allow(unsafe_code, reason = "memory that survives a reset, and the handlers of faults")]

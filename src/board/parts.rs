@@ -4,12 +4,12 @@ use core::sync::atomic::{AtomicBool, Ordering};
 
 use rotorlead::controller::BoardFacts;
 use rotorlead::controller::hardware::{ControlHardware, RequestHardware};
+use rotorlead::systick::ControlTimer;
 use stm32f4xx_hal::gpio::{Input, PC12};
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::watchdog::IndependentWatchdog;
 
 use super::MOTORS;
-use super::control_timer::ControlTimer;
 use super::outputs::Outputs;
 use super::serial;
 use super::thrust_adc::ThrustAdc;

@@ -1,7 +1,7 @@
 //! What happens when the firmware cannot go on: the outputs go low at the pin, the reason is stored where a reset does not
 //! reach it, and the controller restarts.
 //!
-//! The record lies in RAM that start-up does not clear, with a checksum: RAM survives every reset but the loss of power.
+//! [`Record`] says what is stored, in RAM that start-up does not clear.
 
 use core::mem::MaybeUninit;
 use core::panic::PanicInfo;
@@ -9,51 +9,9 @@ use core::ptr::addr_of_mut;
 
 use cortex_m::peripheral::SCB;
 use cortex_m_rt::exception;
-use rotorlead::link::{PANIC_FILE_BYTES, PanicPlace, ResetReason};
+use rotorlead::controller::Record;
+use rotorlead::link::ResetReason;
 use stm32f4xx_hal::pac::RCC;
-
-/// Bytes kept of a file's name.
-pub const FILE_BYTES: usize = PANIC_FILE_BYTES;
-
-const PANIC: u32 = 1;
-const FAULT: u32 = 2;
-const CRYSTAL_LOST: u32 = 3;
-const STRAY: u32 = 4;
-const SUPPLY_LOW: u32 = 5;
-
-#[derive(Clone, Copy)]
-#[repr(C)]
-struct Record {
-    kind: u32,
-    words: [u32; 2],
-    file: [u8; FILE_BYTES],
-    checksum: u32,
-}
-
-impl Record {
-    const fn new(kind: u32, words: [u32; 2], file: [u8; FILE_BYTES]) -> Self {
-        let mut record = Self { kind, words, file, checksum: 0 };
-        record.checksum = record.sum();
-        record
-    }
-
-    /// FNV-1a over everything before the checksum. Memory that lost its power does not match by accident.
-    const fn sum(&self) -> u32 {
-        let mut hash: u32 = 0x811C_9DC5;
-        let words = [self.kind, self.words[0], self.words[1]];
-        let mut n = 0;
-        while n < words.len() {
-            hash = (hash ^ words[n]).wrapping_mul(0x0100_0193);
-            n += 1;
-        }
-        n = 0;
-        while n < FILE_BYTES {
-            hash = (hash ^ self.file[n] as u32).wrapping_mul(0x0100_0193);
-            n += 1;
-        }
-        hash
-    }
-}
 
 #[unsafe(link_section = ".uninit.postmortem")]
 static mut RECORD: MaybeUninit<Record> = MaybeUninit::uninit();
@@ -68,15 +26,8 @@ pub fn take(rcc: &RCC) -> ResetReason {
     let record = unsafe { place.cast::<Record>().read_volatile() };
     // SAFETY: as above.
     unsafe { place.cast::<u32>().write_volatile(0) };
-    if record.checksum == record.sum() {
-        match record.kind {
-            PANIC => return ResetReason::Panic(PanicPlace { line: record.words[0], file: record.file }),
-            FAULT => return ResetReason::Fault { program_counter: record.words[0], status: record.words[1] },
-            CRYSTAL_LOST => return ResetReason::CrystalLost,
-            STRAY => return ResetReason::StrayInterrupt(record.words[0] as i16),
-            SUPPLY_LOW => return ResetReason::SupplyLow,
-            _ => {}
-        }
+    if let Some(reason) = record.reason() {
+        return reason;
     }
     // The first start after power came sets both.
     if flags.porrstf().bit() {
@@ -92,15 +43,10 @@ pub fn take(rcc: &RCC) -> ResetReason {
     }
 }
 
-/// Outputs low first of all; then the record with the end of a file's name, which tells files apart; and a reset.
-fn end(kind: u32, words: [u32; 2], file: &str) -> ! {
+/// Outputs low first of all; then the record, and a reset.
+fn end(record: Record) -> ! {
     cortex_m::interrupt::disable();
     super::outputs_low();
-    let mut name = [0; FILE_BYTES];
-    for (to, from) in name.iter_mut().rev().zip(file.bytes().rev()) {
-        *to = from;
-    }
-    let record = Record::new(kind, words, name);
     // SAFETY: interrupts are off and this does not return, so nothing else has it.
     unsafe { addr_of_mut!(RECORD).cast::<Record>().write_volatile(record) };
     SCB::sys_reset()
@@ -108,25 +54,25 @@ fn end(kind: u32, words: [u32; 2], file: &str) -> ! {
 
 /// The supply has fallen below the threshold of the voltage detector.
 pub fn supply_low() -> ! {
-    end(SUPPLY_LOW, [0; 2], "")
+    end(Record::supply_low())
 }
 
 #[panic_handler]
 #[inline(never)]
 fn panic(info: &PanicInfo<'_>) -> ! {
     let (line, file) = info.location().map_or((0, ""), |location| (location.line(), location.file()));
-    end(PANIC, [line, 0], file)
+    end(Record::panic(line, file))
 }
 
 // The crystal died: RCC has gone over to the internal oscillator by itself.
 #[exception]
 unsafe fn NonMaskableInt() -> ! {
-    end(CRYSTAL_LOST, [0; 2], "")
+    end(Record::crystal_lost())
 }
 
 #[exception]
 unsafe fn DefaultHandler(number: i16) -> ! {
-    end(STRAY, [number as u32, 0], "")
+    end(Record::stray_interrupt(number))
 }
 
 // A stack that ran over is no place to push anything: the handler starts on a fresh one, with the old pointer in r0.
@@ -163,5 +109,5 @@ unsafe extern "C" fn hard_fault(stack_pointer: *const u32) -> ! {
     let program_counter = if readable { unsafe { stack_pointer.add(PROGRAM_COUNTER).read_volatile() } } else { 0 };
     // SAFETY: a read without side effects of a register that always exists.
     let status = unsafe { (*SCB::PTR).cfsr.read() };
-    end(FAULT, [program_counter, status], "")
+    end(Record::fault(program_counter, status))
 }

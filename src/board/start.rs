@@ -2,13 +2,13 @@
 
 use heapless::spsc::{Consumer, Producer};
 use rotorlead::controller::BoardFacts;
+use rotorlead::systick::ControlTimer;
 use stm32f4xx_hal::pac::{GPIOA, GPIOC, Peripherals};
 use stm32f4xx_hal::prelude::*;
 use stm32f4xx_hal::watchdog::IndependentWatchdog;
 
 use super::capture::{self, Capture};
 use super::clocks;
-use super::control_timer::ControlTimer;
 use super::outputs::{self, Outputs};
 use super::serial::{RECEIVE_QUEUE, SEND_QUEUE, Serial};
 use super::settings_flash::SettingsFlash;

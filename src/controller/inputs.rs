@@ -20,12 +20,14 @@ impl<T: CaptureTimer> Inputs<T> {
         Self { timer, decoders: timing.map(decoders), is_any_off: false }
     }
 
-    /// The capture interrupt: gives the edges that were captured to their decoders.
+    /// The capture interrupt: gives the edges that were captured to their decoders. Whether there were any.
     #[inline]
-    pub fn capture(&mut self) {
+    pub fn capture(&mut self) -> bool {
         let edges = self.timer.take();
+        let mut has_edges = false;
         for (decoder, edge) in self.decoders.iter_mut().flatten().zip(edges) {
             let Some(Edge { timestamp, is_high, overcapture }) = edge else { continue };
+            has_edges = true;
             if overcapture {
                 decoder.overcapture();
             }
@@ -34,6 +36,7 @@ impl<T: CaptureTimer> Inputs<T> {
         if self.is_any_masked() {
             self.listen();
         }
+        has_edges
     }
 
     /// Once per control tick: what has become of each input. The capture interrupt waits meanwhile, and only so long.

@@ -1,0 +1,196 @@
+//! The inputs: a machine of PIO0 for each, which stamps edges or collects the bits of DShot.
+//!
+//! With pulses all four count together, at the core's clock over [`COUNT_CYCLES`], from the beginning of a microsecond of the timer
+//! on, so that the timer says what their count is now. A stamp holds 31 bits of it and the level after the edge. A machine's queue
+//! holds 8 stamps or words; one that finds it full is lost, and raises a flag.
+
+use core::sync::atomic::{AtomicU32, Ordering};
+
+use pio::{Program, pio_asm};
+use rotorlead::controller::hardware::{CaptureTimer, Edge};
+use rotorlead::dshot::{Speed, Word};
+use rotorlead::settings::MOTORS;
+use rp2040_hal::pac::io_bank0::gpio::gpio_ctrl::FUNCSEL_A;
+use rp2040_hal::pac::TIMER;
+
+use crate::clocks::CORE_HZ;
+use crate::pinout::INPUT_1;
+use crate::pins::{Pins, Pull};
+use crate::state_machines::{Block, Direction, Divider, StateMachines};
+
+/// Cycles of the core between two counts: those of the stamping loop.
+pub const COUNT_CYCLES: u32 = 5;
+/// Counts in a microsecond.
+const COUNTS_PER_US: u32 = CORE_HZ / COUNT_CYCLES / 1_000_000;
+/// The machines start so many counts after a microsecond's beginning at most: the loop that waits for it takes 10 cycles, and the
+/// start 20.
+const START_COUNTS: u32 = 30 / COUNT_CYCLES;
+/// Reads of the timer, of 5 cycles at least, within which a microsecond begins.
+const READS_PER_US: u32 = CORE_HZ / 1_000_000 / 5 + 1;
+/// Cycles of a machine in a bit of DShot, as the program has them.
+const BIT_CYCLES: u32 = 32;
+
+/// The timer's microsecond from which the stamps count.
+static STARTED_US: AtomicU32 = AtomicU32::new(0);
+
+/// Counts down, one in 5 cycles on every path, and pushes the count and the level after an edge.
+fn stamps() -> Program<32> {
+    pio_asm!(
+        "    mov x, !null",
+        "    set y, 1",
+        "    jmp low",
+        "still_high:",
+        "    jmp high [2]",
+        ".wrap_target",
+        "low:",
+        "    jmp x-- low_pin",
+        "low_pin:",
+        "    jmp pin rise",
+        "    jmp low [2]",
+        "rise:",
+        "    in x, 31",
+        "    in y, 1",
+        "    push noblock",
+        "high:",
+        "    jmp x-- high_pin",
+        "high_pin:",
+        "    jmp pin still_high",
+        "    in x, 31",
+        "    in null, 1",
+        "    push noblock",
+        ".wrap",
+    )
+    .program
+}
+
+/// Collects the bits of a frame: from each rise to the middle between the ends of a zero's pulse and a one's, 3/8 and 6/8 of a bit,
+/// and takes the level. A line that stays low for about a bit ends a word: within a frame no low is as long, and within one of half
+/// the speed that of every zero is longer. The word has a one before its bits.
+fn words() -> Program<32> {
+    pio_asm!(
+        "    set y, 1",
+        ".wrap_target",
+        "    mov isr, y",
+        "    wait 1 pin 0",
+        "bit:",
+        "    nop [15]",
+        "    in pins, 1",
+        "    wait 0 pin 0",
+        "    set x, 13",
+        "low:",
+        "    jmp pin bit",
+        "    jmp x-- low",
+        "    push noblock",
+        ".wrap",
+    )
+    .program
+}
+
+fn machines() -> StateMachines {
+    StateMachines::of(Block::Inputs)
+}
+
+/// Gives the inputs' pins to the machines, which do nothing yet.
+pub fn connect(pins: &Pins) {
+    for gpio in (INPUT_1..).take(MOTORS) {
+        pins.set(gpio, FUNCSEL_A::PIO0, Pull::Down);
+    }
+}
+
+/// The inputs while they have pulses.
+pub struct Capture {
+    machines: StateMachines,
+    timer: TIMER,
+    listening: [bool; MOTORS],
+}
+
+impl Capture {
+    /// Of pins that are connected.
+    pub fn new(timer: TIMER) -> Self {
+        Self { machines: machines(), timer, listening: [true; MOTORS] }
+    }
+
+    /// A stamp, which came within 43 s of now.
+    #[inline]
+    fn edge(&self, now: u32, input: usize, stamp: u32) -> Edge {
+        let count = !stamp >> 1;
+        // Of all counts with these 31 bits the nearest to now.
+        let age = (now.wrapping_sub(count) << 1).cast_signed() >> 1;
+        Edge {
+            timestamp: now.wrapping_sub(age.cast_unsigned()),
+            is_high: stamp & 1 != 0,
+            overcapture: self.machines.has_lost(input),
+        }
+    }
+}
+
+impl CaptureTimer for Capture {
+    /// At most 1.3 µs early: what was stamped since then is a little later than now.
+    #[inline]
+    fn now(&self) -> u32 {
+        let microseconds = self.timer.timerawl().read().bits().wrapping_sub(STARTED_US.load(Ordering::Relaxed));
+        microseconds.wrapping_mul(COUNTS_PER_US).wrapping_sub(START_COUNTS)
+    }
+
+    #[inline]
+    fn take(&mut self) -> [Option<Edge>; MOTORS] {
+        let mut edges = [None; MOTORS];
+        if self.machines.are_empty() {
+            return edges;
+        }
+        let now = self.now();
+        for (input, (edge, is_listening)) in edges.iter_mut().zip(self.listening).enumerate() {
+            if let Some(stamp) = self.machines.pop(input)
+                && is_listening
+            {
+                *edge = Some(self.edge(now, input, stamp));
+            }
+        }
+        edges
+    }
+
+    fn listen(&mut self, inputs: [bool; MOTORS]) {
+        self.listening = inputs;
+    }
+}
+
+/// What the control task has of the inputs: it changes what they have, and takes words.
+pub struct InputFrames {
+    machines: StateMachines,
+    timer: TIMER,
+}
+
+impl InputFrames {
+    /// Of pins that are connected.
+    pub fn new(timer: TIMER) -> Self {
+        Self { machines: machines(), timer }
+    }
+
+    /// Frames of this speed from now on, or pulses.
+    pub fn set(&mut self, speed: Option<Speed>) {
+        match speed {
+            None => self.stamp(),
+            Some(speed) => {
+                let divider = Divider::of(CORE_HZ, speed.bits_per_s() * BIT_CYCLES);
+                self.machines.load(&words(), divider, Direction::In, INPUT_1);
+                self.machines.start();
+            }
+        }
+    }
+
+    /// The oldest word of an input.
+    #[inline]
+    pub fn take(&mut self, input: usize) -> Option<Word> {
+        self.machines.pop(input).map(Word::new)
+    }
+
+    fn stamp(&self) {
+        self.machines.load(&stamps(), Divider::ONE, Direction::In, INPUT_1);
+        let microsecond = || self.timer.timerawl().read().bits();
+        let before = microsecond();
+        // A timer that stands still is found out by its clock's check.
+        let _ = (0..READS_PER_US).any(|_| microsecond() != before);
+        self.machines.start();
+        STARTED_US.store(before.wrapping_add(1), Ordering::Relaxed);
+    }
+}

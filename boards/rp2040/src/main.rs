@@ -1,0 +1,182 @@
+//! The firmware for an RP2040: wires the library to the pins of a Raspberry Pi Pico.
+//!
+//! On a host the same binary prints the pin-out.
+#![cfg_attr(target_os = "none", no_std, no_main)]
+
+mod pinout;
+
+#[cfg(target_os = "none")]
+mod clocks;
+#[cfg(target_os = "none")]
+mod inputs;
+#[cfg(target_os = "none")]
+mod outputs;
+#[cfg(target_os = "none")]
+mod parts;
+#[cfg(target_os = "none")]
+mod pins;
+#[cfg(target_os = "none")]
+#[allow(unsafe_code, reason = "memory that survives a reset, and the handlers of faults")]
+mod postmortem;
+#[cfg(target_os = "none")]
+mod serial;
+#[cfg(target_os = "none")]
+#[allow(unsafe_code, reason = "the flash is read at its addresses, and written by the boot ROM")]
+mod settings_flash;
+#[cfg(target_os = "none")]
+mod start;
+#[cfg(target_os = "none")]
+mod state_machines;
+#[cfg(target_os = "none")]
+mod thrust_adc;
+#[cfg(target_os = "none")]
+mod watchdog;
+
+/// What the boot ROM runs first: it lets the flash be read four bits at a time.
+#[cfg(target_os = "none")]
+#[allow(unsafe_code, reason = "it lies where the boot ROM looks for it")]
+#[unsafe(link_section = ".boot2")]
+#[used]
+static BOOT2: [u8; 256] = rp2040_boot2::BOOT_LOADER_W25Q080;
+
+#[cfg(not(target_os = "none"))]
+fn main() {
+    println!("Pins of the RP2040, and those of a Raspberry Pi Pico");
+    for pin in &pinout::PINS {
+        let pico = pin.pico.map_or_else(String::new, |number| format!("pin {number}"));
+        println!("  GP{:<4} {pico:<8} {}", pin.gpio, pin.use_);
+    }
+}
+
+/// Tasks and what they share. Priorities: control 4, bytes of the link 2, idle 0.
+///
+/// The edges of the inputs wait in the queues of their state machines, 8 of each, until the control task takes them. That is an
+/// exception of the core, which only a critical section keeps off: so a lock of the idle task lets no interrupt in at all. The UART
+/// holds 32 bytes meanwhile.
+#[cfg(target_os = "none")]
+#[rtic::app(device = rp2040_hal::pac, peripherals = true)]
+mod app {
+    use core::sync::atomic::{AtomicBool, Ordering};
+
+    use defmt_rtt as _;
+    use heapless::spsc::{Consumer, Producer, Queue};
+    use rotorlead::controller::hardware::RequestHardware as _;
+    use rotorlead::controller::{
+        self, Control, ControlHandle, INJECT_QUEUE, Inputs, LAMP_STEP_MS, Lamp, RECORD_QUEUE, Server, Started,
+    };
+    use rotorlead::link::Sample;
+    use rotorlead::settings::{MOTORS, Store};
+    use rotorlead::throttle::{Command, EscCommand};
+    use rp2040_hal::pac::{Interrupt, TIMER};
+
+    use crate::inputs::Capture;
+    use crate::parts::{BoardStatus, ControlParts};
+    use crate::pinout::LED;
+    use crate::serial::{RECEIVE_QUEUE, SEND_QUEUE, Serial};
+    use crate::settings_flash::{COPIES, SettingsFlash};
+    use crate::start::{Board, Queues};
+
+    /// Set by the idle task whenever it comes round, and cleared by the control task.
+    static IDLE_RAN: AtomicBool = AtomicBool::new(false);
+    /// Edges that an input's queue holds.
+    const EDGES_HELD: usize = 8;
+
+    #[shared]
+    struct Shared {
+        inputs: Inputs<Capture>,
+        control: Control<ControlParts>,
+    }
+
+    #[local]
+    struct Local {
+        server: Server<SettingsFlash>,
+        status: BoardStatus,
+        received: Consumer<'static, u8, RECEIVE_QUEUE>,
+        to_send: Producer<'static, u8, SEND_QUEUE>,
+        serial: Serial,
+        timer: TIMER,
+    }
+
+    #[init(local = [
+        receive_queue: Queue<u8, RECEIVE_QUEUE> = Queue::new(),
+        send_queue: Queue<u8, SEND_QUEUE> = Queue::new(),
+        inject_queues: [Queue<Command, INJECT_QUEUE>; MOTORS] = [const { Queue::new() }; MOTORS],
+        output_queues: [Queue<EscCommand, INJECT_QUEUE>; MOTORS] = [const { Queue::new() }; MOTORS],
+        sample_queue: Queue<Sample, RECORD_QUEUE> = Queue::new(),
+    ])]
+    fn init(cx: init::Context) -> (Shared, Local) {
+        let (received_in, received) = cx.local.receive_queue.split();
+        let (to_send, to_send_out) = cx.local.send_queue.split();
+        let queues = Queues { received: received_in, to_send: to_send_out };
+        let Board { capture, control, serial, flash, status, timer } = Board::new(cx.device, cx.core, queues);
+        let facts = status.facts;
+        defmt::info!("started: {}", defmt::Debug2Format(&facts));
+        let queues = controller::Queues {
+            inject: cx.local.inject_queues.each_mut().map(Queue::split),
+            outputs: cx.local.output_queues.each_mut().map(Queue::split),
+            samples: cx.local.sample_queue.split(),
+        };
+        let store = Store::new(flash, COPIES);
+        let Started { inputs, control, handler, origin } =
+            controller::start(capture, control, store, &facts, status.tells_pulses_apart(), queues);
+        defmt::info!("settings: {}", defmt::Debug2Format(&origin));
+        let local = Local { server: Server::new(handler), status, received, to_send, serial, timer };
+        (Shared { inputs, control }, local)
+    }
+
+    /// Talks to the host, lights the lamp, and does whatever takes long.
+    #[idle(shared = [inputs, control], local = [server, status, received, to_send, timer])]
+    fn idle(cx: idle::Context) -> ! {
+        let idle::LocalResources { server, status, received, to_send, timer, .. } = cx.local;
+        let idle::SharedResources { inputs, mut control, .. } = cx.shared;
+        let mut board = ControlHandle { inputs, control: &mut control, hardware: status };
+        let mut lamp_step = 0;
+        loop {
+            IDLE_RAN.store(true, Ordering::Relaxed);
+            while to_send.ready() {
+                let Some(byte) = server.next_byte() else { break };
+                let _ = to_send.enqueue(byte);
+            }
+            if to_send.len() > 0 {
+                rtic::pend(Interrupt::UART0_IRQ);
+            }
+            server.poll(|| received.dequeue(), &mut board);
+            let milliseconds = timer.timerawl().read().bits() / 1000;
+            if milliseconds / LAMP_STEP_MS != lamp_step {
+                lamp_step = milliseconds / LAMP_STEP_MS;
+                show(&mut board, milliseconds);
+            }
+        }
+    }
+
+    /// Lights the lamp, or not.
+    fn show(board: &mut impl controller::ControlAccess, milliseconds: u32) {
+        let is_bench_enabled = board.is_bench_enabled();
+        let tells_pulses_apart = board.facts().clocks.tells_pulses_apart();
+        let lamp = board.tick(|tick| Lamp::of(tick, is_bench_enabled, tells_pulses_apart));
+        crate::pins::Pins::steal().put(LED, lamp.is_on(milliseconds));
+    }
+
+    /// Bytes of the link.
+    #[task(binds = UART0_IRQ, priority = 2, local = [serial])]
+    fn link_bytes(cx: link_bytes::Context) {
+        cx.local.serial.exchange();
+    }
+
+    /// The control task: newest pulse or frame of each input, through its channel, to its output.
+    ///
+    /// Deadline: the next tick, 200 µs at 5 kHz. When it is missed the outputs repeat their last pulse and the filters
+    /// lose a step of time; it is counted and reported as `missed_deadlines`. Two in a row end an excitation. When it is
+    /// missed for 20 ms on end the watchdog resets the controller: its pins are pulled down.
+    #[task(binds = SysTick, priority = 4, shared = [inputs, control])]
+    fn control(mut cx: control::Context) {
+        let readings = cx.shared.inputs.lock(|inputs| {
+            let _ = (0..EDGES_HELD).all(|_| inputs.capture());
+            inputs.poll()
+        });
+        // No swap: the lowest priority does not run between the two.
+        let idle_ran = IDLE_RAN.load(Ordering::Relaxed);
+        IDLE_RAN.store(false, Ordering::Relaxed);
+        cx.shared.control.lock(|control| control.run(readings, idle_ran));
+    }
+}

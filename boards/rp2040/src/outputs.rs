@@ -1,0 +1,180 @@
+//! The outputs: channels of two PWM slices for pulses, and machines of PIO1 for frames of DShot.
+//!
+//! Both slices start together, and count alike. Their compare registers are taken over when a slice wraps: a new width takes effect
+//! with the next frame, so a pulse is never cut or doubled. The pulse begins with the frame.
+//!
+//! The length of a frame is taken over when it wraps, too, so the frame that runs cannot be made shorter by its register. It is ended
+//! instead: a slice that is set to its last count wraps with the next. That is done at the first tick at which the frame has its new
+//! length.
+
+use pio::{Program, pio_asm};
+use rotorlead::dshot::{Frame, Speed};
+use rotorlead::settings::MOTORS;
+use rp2040_hal::pac::io_bank0::gpio::gpio_ctrl::FUNCSEL_A;
+use rp2040_hal::pac::pwm::CH;
+use rp2040_hal::pac::PWM;
+
+use crate::clocks::CORE_HZ;
+use crate::inputs::COUNT_CYCLES;
+use crate::pinout::OUTPUT_1;
+use crate::pins::{Pins, Pull};
+use crate::state_machines::{Block, Direction, Divider, StateMachines};
+
+/// The slices of the outputs.
+const SLICES: [usize; 2] = [3, 4];
+/// Cycles of a machine in a bit of DShot.
+const BIT_CYCLES: u32 = 8;
+/// A frame that ends by itself within so many counts is left to: reading its count and ending it takes some 40 cycles.
+const MARGIN: u32 = 20;
+/// Frames that may wait in a machine's queue beside the one that goes out.
+const MOST_WAITING: u32 = 2;
+
+/// Sends the 16 bits of a word: high for 3 of 8 cycles for a zero and 6 for a one; then the line stays low for 12 bits at least.
+fn frames() -> Program<32> {
+    pio_asm!(
+        ".side_set 1",
+        ".wrap_target",
+        "    pull block side 0",
+        "bit:",
+        "    out x, 1 side 1 [1]",
+        "    jmp !x zero side 1",
+        "    jmp tail side 1 [2]",
+        "zero:",
+        "    nop side 0 [2]",
+        "tail:",
+        "    jmp !osre bit side 0 [1]",
+        "    set y, 5 side 0",
+        "gap:",
+        "    jmp y-- gap side 0 [15]",
+        ".wrap",
+    )
+    .program
+}
+
+/// The outputs.
+pub struct Outputs {
+    slices: PWM,
+    machines: StateMachines,
+    pins: Pins,
+    /// Counts of a frame, and after how many it is ended.
+    counts: u32,
+    end: u32,
+}
+
+impl Outputs {
+    /// Low.
+    pub fn new(slices: PWM, pins: Pins) -> Self {
+        let outputs = Self { slices, machines: StateMachines::of(Block::Outputs), pins, counts: 0, end: 0 };
+        outputs.force_low();
+        outputs
+    }
+
+    /// Pulses from now on: frames of so many counts of the timer's clock over `divider`, low until the next widths.
+    pub fn set_frames(&mut self, divider: u32, counts: u32) {
+        self.force_low();
+        let counts = counts.clamp(1, 1 << 16);
+        // The slowest frames take a divider of 50.
+        let divider = divider.saturating_mul(COUNT_CYCLES).clamp(1, u8::MAX.into()) as u8;
+        for slice in self.slices() {
+            slice.csr().reset();
+            slice.div().write(|w| w.int().variant(divider));
+            slice.ctr().reset();
+            slice.cc().reset();
+            slice.top().write(|w| w.top().variant((counts - 1) as u16));
+        }
+        (self.counts, self.end) = (counts, counts);
+        // Both at once.
+        self.slices.en().write(|w| {
+            w.ch3().set_bit();
+            w.ch4().set_bit()
+        });
+        self.connect(FUNCSEL_A::PWM);
+    }
+
+    /// Frames of DShot from now on, low until the first.
+    pub fn set_speed(&mut self, speed: Speed) {
+        self.force_low();
+        // Whole cycles, so that all bits have one length: 0.2 % short.
+        let divider = Divider::whole(CORE_HZ, speed.bits_per_s() * BIT_CYCLES);
+        self.machines.load(&frames(), divider, Direction::Out, OUTPUT_1);
+        self.machines.start();
+        self.connect(FUNCSEL_A::PIO1);
+    }
+
+    /// Widths of the next pulses, in counts.
+    #[inline]
+    pub fn set(&mut self, widths: [u32; MOTORS]) {
+        let [first, second, third, fourth] = widths.map(|width| width.min(u16::MAX.into()) as u16);
+        for (slice, (a, b)) in self.slices().into_iter().zip([(first, second), (third, fourth)]) {
+            slice.cc().write(|w| {
+                w.a().variant(a);
+                w.b().variant(b)
+            });
+        }
+        if self.end < self.counts {
+            let count = self.frame_count();
+            if count >= self.end && count + MARGIN < self.counts {
+                self.restart_frame();
+            }
+        }
+    }
+
+    /// Counts since the frame began.
+    #[inline]
+    pub fn frame_count(&self) -> u32 {
+        self.slices.ch(SLICES[0]).ctr().read().bits()
+    }
+
+    /// Begins the next frame.
+    #[inline]
+    pub fn restart_frame(&mut self) {
+        for slice in self.slices() {
+            slice.ctr().write(|w| w.ctr().variant((self.counts - 1) as u16));
+        }
+    }
+
+    /// Ends this frame and those after it at the first tick at which they have lasted for so many counts.
+    #[inline]
+    pub fn end_frame_at(&mut self, counts: u32) {
+        self.end = counts;
+        if self.frame_count() >= counts {
+            self.restart_frame();
+        }
+    }
+
+    /// Whether a frame of DShot goes out before long.
+    #[inline]
+    pub fn can_send(&self, motor: usize) -> bool {
+        self.machines.waiting(motor) < MOST_WAITING
+    }
+
+    /// Sends one.
+    #[inline]
+    pub fn send(&mut self, motor: usize, frame: Frame) {
+        self.machines.push(motor, u32::from(frame.to_bits()) << 16);
+    }
+
+    fn force_low(&self) {
+        connect_low(&self.pins);
+        self.slices.en().reset();
+        self.machines.stop();
+    }
+
+    fn connect(&self, function: FUNCSEL_A) {
+        for gpio in (OUTPUT_1..).take(MOTORS) {
+            self.pins.set(gpio, function, Pull::Down);
+        }
+    }
+
+    #[inline]
+    fn slices(&self) -> [&CH; 2] {
+        SLICES.map(|slice| self.slices.ch(slice))
+    }
+}
+
+/// Takes the outputs' pins from whatever drives them, and holds them low.
+pub fn connect_low(pins: &Pins) {
+    for gpio in (OUTPUT_1..).take(MOTORS) {
+        pins.set_low_output(gpio);
+    }
+}

@@ -1,0 +1,161 @@
+//! The last two sectors of the flash, where the settings are stored.
+//!
+//! The flash cannot be read while it is erased (45 ms, 400 ms at most) or written, so the boot ROM's functions do it from RAM, with
+//! interrupts off.
+
+use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
+use rp2040_hal::rom_data;
+
+/// Where the flash is read.
+const READ_ADDRESS: usize = 0x1000_0000;
+/// The first of the two sectors, behind the image (memory.x).
+const START: u32 = 0x1F_E000;
+const SECTOR_BYTES: u32 = 4096;
+const BYTES: u32 = 2 * SECTOR_BYTES;
+/// What the flash writes at once.
+const PAGE_BYTES: usize = 256;
+/// A larger unit of erasing, and its command, which the ROM takes where it can; here it never can.
+const BLOCK_BYTES: u32 = 1 << 16;
+const BLOCK_ERASE: u8 = 0xD8;
+
+/// Where the two copies of the settings are, as offsets.
+pub const COPIES: [u32; 2] = [0, SECTOR_BYTES];
+
+/// The two sectors.
+pub struct SettingsFlash(());
+
+impl SettingsFlash {
+    /// Once.
+    pub const fn new() -> Self {
+        Self(())
+    }
+}
+
+/// Why an operation was not done.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FlashError {
+    /// Beyond the two sectors.
+    OutOfBounds,
+    /// Not on a page or sector boundary.
+    NotAligned,
+    /// What is read afterwards is not what was asked for.
+    Failed,
+}
+
+impl NorFlashError for FlashError {
+    fn kind(&self) -> NorFlashErrorKind {
+        match self {
+            Self::OutOfBounds => NorFlashErrorKind::OutOfBounds,
+            Self::NotAligned => NorFlashErrorKind::NotAligned,
+            Self::Failed => NorFlashErrorKind::Other,
+        }
+    }
+}
+
+impl ErrorType for SettingsFlash {
+    type Error = FlashError;
+}
+
+fn check(offset: u32, length: usize, unit: usize) -> Result<(), FlashError> {
+    let length = u32::try_from(length).map_err(|_| FlashError::OutOfBounds)?;
+    let end = offset.checked_add(length).ok_or(FlashError::OutOfBounds)?;
+    if end > BYTES {
+        return Err(FlashError::OutOfBounds);
+    }
+    let unit = unit as u32;
+    if offset.is_multiple_of(unit) && length.is_multiple_of(unit) { Ok(()) } else { Err(FlashError::NotAligned) }
+}
+
+fn byte(offset: u32) -> u8 {
+    // SAFETY: the callers have checked the offset; the flash holds no Rust object there.
+    unsafe { ((READ_ADDRESS + (START + offset) as usize) as *const u8).read_volatile() }
+}
+
+/// The ROM's functions, found before the flash is away.
+struct Rom {
+    connect: unsafe extern "C" fn(),
+    exit_xip: unsafe extern "C" fn(),
+    erase: unsafe extern "C" fn(u32, usize, u32, u8),
+    program: unsafe extern "C" fn(u32, *const u8, usize),
+    flush: unsafe extern "C" fn(),
+    enter_xip: unsafe extern "C" fn(),
+}
+
+/// What the flash is to do, at an offset from its beginning.
+#[derive(Clone, Copy)]
+enum Operation {
+    Erase { from: u32, length: u32 },
+    Program { from: u32, page: *const u8 },
+}
+
+/// Runs an operation with the flash away: nothing that lies in it may be touched until it is back.
+#[inline(never)]
+#[unsafe(link_section = ".data.ram_func")]
+fn run(rom: &Rom, operation: Operation) {
+    // SAFETY: interrupts are off, and this and the ROM's functions are all that runs; the operation was checked.
+    unsafe {
+        (rom.connect)();
+        (rom.exit_xip)();
+        match operation {
+            Operation::Erase { from, length } => (rom.erase)(from, length as usize, BLOCK_BYTES, BLOCK_ERASE),
+            Operation::Program { from, page } => (rom.program)(from, page, PAGE_BYTES),
+        }
+        (rom.flush)();
+        (rom.enter_xip)();
+    }
+}
+
+fn operate(operation: Operation) {
+    let rom = Rom {
+        connect: rom_data::connect_internal_flash::ptr(),
+        exit_xip: rom_data::flash_exit_xip::ptr(),
+        erase: rom_data::flash_range_erase::ptr(),
+        program: rom_data::flash_range_program::ptr(),
+        flush: rom_data::flash_flush_cache::ptr(),
+        enter_xip: rom_data::flash_enter_cmd_xip::ptr(),
+    };
+    cortex_m::interrupt::free(|_| run(&rom, operation));
+}
+
+impl ReadNorFlash for SettingsFlash {
+    const READ_SIZE: usize = 1;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
+        check(offset, bytes.len(), Self::READ_SIZE)?;
+        for (place, to) in (offset..).zip(bytes) {
+            *to = byte(place);
+        }
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        BYTES as usize
+    }
+}
+
+impl NorFlash for SettingsFlash {
+    const WRITE_SIZE: usize = PAGE_BYTES;
+    const ERASE_SIZE: usize = SECTOR_BYTES as usize;
+
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
+        let length = to.checked_sub(from).ok_or(FlashError::OutOfBounds)?;
+        check(from, length as usize, Self::ERASE_SIZE)?;
+        operate(Operation::Erase { from: START + from, length });
+        if (from..to).all(|offset| byte(offset) == 0xff) { Ok(()) } else { Err(FlashError::Failed) }
+    }
+
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
+        check(offset, bytes.len(), PAGE_BYTES)?;
+        let (pages, _) = bytes.as_chunks::<PAGE_BYTES>();
+        for (from, page) in (offset..).step_by(PAGE_BYTES).zip(pages) {
+            // From RAM: the bytes may lie in the flash.
+            let copy = *page;
+            operate(Operation::Program { from: START + from, page: copy.as_ptr() });
+        }
+        if (offset..).zip(bytes).all(|(place, expected)| byte(place) == *expected) {
+            Ok(())
+        } else {
+            Err(FlashError::Failed)
+        }
+    }
+}

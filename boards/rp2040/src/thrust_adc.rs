@@ -1,0 +1,39 @@
+//! The converter, input 0: the amplifier of the thrust sensor, one conversion per control tick.
+
+use rp2040_hal::pac::ADC;
+
+use crate::pinout::THRUST;
+use crate::pins::Pins;
+
+/// The converter: 12 bits in 96 cycles of 48 MHz, 2 µs.
+pub struct ThrustAdc {
+    converter: ADC,
+    last: u16,
+}
+
+impl ThrustAdc {
+    /// Switches it on, out of reset.
+    pub fn new(converter: ADC, pins: &Pins) -> Self {
+        pins.set_analog(THRUST);
+        converter.cs().write(|w| {
+            w.en().set_bit();
+            w.ainsel().variant(0)
+        });
+        Self { converter, last: 0 }
+    }
+
+    /// Begins a conversion.
+    #[inline]
+    pub fn start(&mut self) {
+        self.converter.cs().modify(|_, w| w.start_once().set_bit());
+    }
+
+    /// The result of the last one that has ended. Does not wait.
+    #[inline]
+    pub fn read(&mut self) -> u16 {
+        if self.converter.cs().read().ready().bit() {
+            self.last = self.converter.result().read().result().bits();
+        }
+        self.last
+    }
+}

@@ -1,0 +1,68 @@
+//! The watchdog: counts the crystal's microseconds, and resets all but the clocks when it is not fed.
+
+use rp2040_hal::pac::{PSM, WATCHDOG};
+
+/// Longest time without a feed while starting or while the flash stalls, the longest that there is: the design of the filter is some
+/// 200 ms of double precision in software, and two sectors are erased in 0.8 s at most.
+const PATIENT_US: u32 = 8_000_000;
+/// Longest time without a feed from the control task, 100 of its ticks.
+const RUN_US: u32 = 20_000;
+/// The counter goes down by two in a microsecond: RP2040-E1.
+const COUNTS_PER_US: u32 = 2;
+
+/// The watchdog, running.
+pub struct Watchdog {
+    registers: WATCHDOG,
+    load: u32,
+}
+
+impl Watchdog {
+    /// Runs, with the longer of its two times, and goes on while a debug probe halts the core: the last pulses must not go on.
+    pub fn start(registers: WATCHDOG, power: &PSM) -> Self {
+        let mut watchdog = Self { registers, load: 0 };
+        // All but the two oscillators, which the crystal's clock needs to go on.
+        power.wdsel().write(|w| {
+            w.rosc().clear_bit();
+            w.xosc().clear_bit();
+            all_others(w)
+        });
+        watchdog.set_patient(true);
+        watchdog.registers.ctrl().write(|w| {
+            w.pause_dbg0().clear_bit();
+            w.pause_dbg1().clear_bit();
+            w.pause_jtag().clear_bit();
+            w.enable().set_bit()
+        });
+        watchdog
+    }
+
+    /// One of its two times, from now on.
+    pub fn set_patient(&mut self, patient: bool) {
+        self.load = COUNTS_PER_US * if patient { PATIENT_US } else { RUN_US };
+        self.feed();
+    }
+
+    /// Begins the time anew.
+    #[inline]
+    pub fn feed(&mut self) {
+        self.registers.load().write(|w| w.load().variant(self.load));
+    }
+}
+
+fn all_others(w: &mut rp2040_hal::pac::psm::wdsel::W) -> &mut rp2040_hal::pac::psm::wdsel::W {
+    w.clocks().set_bit();
+    w.resets().set_bit();
+    w.busfabric().set_bit();
+    w.rom().set_bit();
+    w.sram0().set_bit();
+    w.sram1().set_bit();
+    w.sram2().set_bit();
+    w.sram3().set_bit();
+    w.sram4().set_bit();
+    w.sram5().set_bit();
+    w.xip().set_bit();
+    w.vreg_and_chip_reset().set_bit();
+    w.sio().set_bit();
+    w.proc0().set_bit();
+    w.proc1().set_bit()
+}
