@@ -5,13 +5,15 @@ use std::path::PathBuf;
 use std::{env, fs};
 
 fn main() {
-    println!("cargo:rerun-if-changed=memory.x");
+    println!("cargo:rerun-if-changed=src/board/board.x");
     println!("cargo:rerun-if-changed=build.rs");
     let is_board = env::var_os("CARGO_FEATURE_STM32F405").is_some();
     if !is_board || env::var("CARGO_CFG_TARGET_OS").as_deref() != Ok("none") {
         return;
     }
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
+    fs::write(out.join("board.x"), include_str!("src/board/board.x")).expect("OUT_DIR is writable");
+    // The linker looks for memory.x in the folder that cargo runs in, and then here: for a package that was taken from elsewhere.
     fs::write(out.join("memory.x"), include_str!("memory.x")).expect("OUT_DIR is writable");
     println!("cargo:rustc-link-search={}", out.display());
     // The vector table and sections (cortex-m-rt), and the table of log messages (defmt).

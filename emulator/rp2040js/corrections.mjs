@@ -33,6 +33,8 @@ function correctSystick(ppb) {
   const SYST_CVR = 0x018;
   const { systickAlarm, systickTimer } = ppb;
   const write = ppb.writeUint32;
+  // The largest reload value, and one more.
+  systickTimer.top = 0x1ffffff;
   const reload = () => systickTimer.set(ppb.systickReload + 1);
   const fire = systickAlarm.callback;
   systickAlarm.callback = () => {

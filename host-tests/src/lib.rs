@@ -5,6 +5,7 @@ pub mod emulator;
 pub mod flash;
 pub mod fuzz;
 pub mod line;
+pub mod pins;
 pub mod rig;
 pub mod stand_in;
 

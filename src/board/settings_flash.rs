@@ -7,7 +7,7 @@
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
 use stm32f4xx_hal::pac::FLASH;
 
-/// First address of sector 10, behind the image (memory.x).
+/// First address of sector 10, behind the image (board.x).
 const START: usize = 0x080C_0000;
 /// Sectors 10 and 11.
 const SECTORS: u8 = 2;

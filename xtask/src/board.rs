@@ -67,12 +67,12 @@ mod tests {
 
     #[test]
     fn the_regions_are_those_of_the_memory_map() {
-        let script = include_str!("../../memory.x");
+        let script = include_str!("../../src/board/board.x");
         let region = |name: &str, range: &std::ops::Range<u32>| {
             format!("{name} : ORIGIN = {:#010x}, LENGTH = {}K", range.start, range.len() / 1024)
         };
         for expected in [region("FLASH", &FLASH), region("RAM", &STM32F405.ram)] {
-            assert!(script.contains(&expected), "memory.x has no `{expected}`");
+            assert!(script.contains(&expected), "board.x has no `{expected}`");
         }
     }
 

@@ -8,7 +8,7 @@ use rp2040_hal::rom_data;
 
 /// Where the flash is read.
 const READ_ADDRESS: usize = 0x1000_0000;
-/// The first of the two sectors, behind the image (memory.x).
+/// The first of the two sectors, behind the image (board.x).
 const START: u32 = 0x1F_E000;
 const SECTOR_BYTES: u32 = 4096;
 const BYTES: u32 = 2 * SECTOR_BYTES;

@@ -39,7 +39,7 @@ pub fn panicking_image() -> PathBuf {
     named("ROTORLEAD_PANICKING_IMAGE")
 }
 
-fn named(variable: &str) -> PathBuf {
+pub(crate) fn named(variable: &str) -> PathBuf {
     std::env::var_os(variable).unwrap_or_else(|| panic!("{variable} names no image; `cargo xtask test` does")).into()
 }
 
@@ -166,7 +166,7 @@ impl Machine {
     }
 }
 
-/// Address of the settings' first sector: memory.x.
+/// Address of the settings' first sector: src/board/board.x.
 const SETTINGS_ADDRESS: u32 = 0x080C_0000;
 
 /// Bytes from an address on in Intel's format: QEMU takes raw ones only up to the size of a RAM that this board has not.

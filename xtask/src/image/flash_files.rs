@@ -10,7 +10,7 @@ use object::{Endianness, elf};
 
 use crate::run::Result;
 
-/// Flash that the image may take, sectors 0 to 9: the region `FLASH` of memory.x.
+/// Flash that the image may take, sectors 0 to 9: the region `FLASH` of board.x.
 pub const FLASH: Range<u32> = 0x0800_0000..0x080C_0000;
 /// Flash that holds the settings, sectors 10 and 11: see src/board/settings_flash.rs.
 const SETTINGS: Range<u32> = 0x080C_0000..0x0810_0000;
@@ -125,7 +125,7 @@ fn append(content: &mut Vec<u8>, address: u32, data: &[u8]) -> Result {
     }
     if address < FLASH.start || end > u64::from(FLASH.end) {
         return Err(format!(
-            "data for {address:#010x} to {end:#010x} is outside of the image's flash, {:#010x} to {:#010x} (memory.x)",
+            "data for {address:#010x} to {end:#010x} is outside of the image's flash, {:#010x} to {:#010x} (board.x)",
             FLASH.start, FLASH.end
         ));
     }

@@ -1,0 +1,112 @@
+//! The pins of an RP2040 that runs the image: what a flight controller puts on its inputs, and what comes out.
+//!
+//! Time is in cycles of 125 MHz since the core was started.
+
+use std::path::PathBuf;
+
+use emulator::rp2040::{CYCLES_PER_S, Edge, Emulator, Flash as Bytes, Run, Trace};
+use rotorlead::settings::{MOTORS, Settings, Store};
+
+use crate::flash::Flash;
+
+/// The first of the four inputs and of the four outputs: `boards/rp2040/src/pinout.rs`.
+pub const INPUT_1: u8 = 2;
+/// See [`INPUT_1`].
+pub const OUTPUT_1: u8 = 6;
+/// The jumper that allows excitation and injection.
+pub const JUMPER: u8 = 10;
+/// The lamp.
+pub const LED: u8 = 25;
+/// Cycles in a count of the pulses.
+pub const COUNT_CYCLES: u64 = 5;
+/// Where the settings are in the flash, and its sectors.
+const SETTINGS_OFFSET: u32 = 0x1F_E000;
+const SECTOR: usize = 4096;
+
+/// The image that `cargo xtask test` has built.
+///
+/// # Panics
+/// When it has not.
+#[must_use]
+pub fn image() -> PathBuf {
+    crate::emulator::named("ROTORLEAD_RP2040_IMAGE")
+}
+
+/// Cycles in so many microseconds.
+#[must_use]
+pub fn us(us: f64) -> u64 {
+    (us * CYCLES_PER_S as f64 / 1e6).round() as u64
+}
+
+/// Cycles in so many milliseconds.
+#[must_use]
+pub fn ms(ms: f64) -> u64 {
+    us(1e3 * ms)
+}
+
+/// The flash of a controller on which somebody has set these.
+///
+/// # Panics
+/// When they are not valid.
+#[must_use]
+pub fn stored(settings: &Settings) -> Bytes {
+    let settings = settings.clone().validate().unwrap_or_else(|error| panic!("{error}"));
+    let mut store = Store::new(Flash::<SECTOR>::blank(), Flash::<SECTOR>::SECTORS);
+    store.save(&settings).unwrap_or_else(|error| panic!("{error:?}"));
+    Bytes { offset: SETTINGS_OFFSET, bytes: store.into_flash().bytes }
+}
+
+/// A line with pulses: from `start` on one each `period`, with the width that `width` gives for its number, until `end`.
+pub fn pulses(pin: u8, start: u64, period: u64, end: u64, mut width: impl FnMut(u64) -> u64) -> Vec<Edge> {
+    let mut edges = vec![Edge { cycle: 0, pin, is_high: false }];
+    for (n, rise) in (start..end).step_by(period as usize).enumerate() {
+        edges.push(Edge { cycle: rise, pin, is_high: true });
+        edges.push(Edge { cycle: rise + width(n as u64), pin, is_high: false });
+    }
+    edges
+}
+
+/// A pulse at a pin: when it began, and how long it was, in cycles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Pulse {
+    /// Its rise.
+    pub rise: u64,
+    /// From there to its fall.
+    pub width: u64,
+}
+
+/// The whole pulses of a pin.
+#[must_use]
+pub fn pulses_of(trace: &Trace, pin: u8) -> Vec<Pulse> {
+    let mut rise = None;
+    trace
+        .edges_of(pin)
+        .filter_map(|edge| {
+            if edge.is_high {
+                rise = Some(edge.cycle);
+                return None;
+            }
+            rise.take().map(|rise| Pulse { rise, width: edge.cycle - rise })
+        })
+        .collect()
+}
+
+/// A controller with these settings, until `end`, with its outputs watched.
+#[must_use]
+pub fn run(settings: &Settings, end: u64) -> Run {
+    let mut run = Run::new(image(), end);
+    run.flash.push(stored(settings));
+    run.watch.extend((OUTPUT_1..).take(MOTORS));
+    run
+}
+
+/// What came of it.
+///
+/// # Panics
+/// When the emulator does not run, or the core went wrong.
+#[must_use]
+pub fn trace(emulator: Emulator, run: &Run) -> Trace {
+    let trace = emulator.run(run).unwrap_or_else(|error| panic!("{error}"));
+    assert!(trace.faults.is_empty(), "{:?}", trace.faults);
+    trace
+}
