@@ -6,6 +6,7 @@ const XIP_CTRL = 0x14000;
 export function correct(rp2040, { BasePeripheral, FIFO }) {
   correctTimer(rp2040.peripherals[TIMER]);
   correctSystick(rp2040.ppb);
+  correctVectors(rp2040);
   correctSoftwarePends(rp2040);
   correctPwm(rp2040.pwm);
   for (const block of rp2040.pio) {
@@ -48,6 +49,16 @@ function correctSystick(ppb) {
     } else {
       write.call(ppb, offset, value);
     }
+  };
+}
+
+// A handler starts at its address, and not one byte behind: the lowest bit of a vector says Thumb. Code that adds the program
+// counter to an offset, as tables of jumps do, would be off.
+function correctVectors({ core }) {
+  const enter = core.exceptionEntry;
+  core.exceptionEntry = (number) => {
+    enter.call(core, number);
+    core.PC &= ~1;
   };
 }
 

@@ -5,6 +5,7 @@
 use std::path::PathBuf;
 
 use emulator::rp2040::{CYCLES_PER_S, Edge, Emulator, Flash as Bytes, Run, Trace};
+use rotorlead::dshot::Speed;
 use rotorlead::settings::{MOTORS, Settings, Store};
 
 use crate::flash::Flash;
@@ -17,8 +18,6 @@ pub const OUTPUT_1: u8 = 6;
 pub const JUMPER: u8 = 10;
 /// The lamp.
 pub const LED: u8 = 25;
-/// Cycles in a count of the pulses.
-pub const COUNT_CYCLES: u64 = 5;
 /// Where the settings are in the flash, and its sectors.
 const SETTINGS_OFFSET: u32 = 0x1F_E000;
 const SECTOR: usize = 4096;
@@ -109,4 +108,62 @@ pub fn trace(emulator: Emulator, run: &Run) -> Trace {
     let trace = emulator.run(run).unwrap_or_else(|error| panic!("{error}"));
     assert!(trace.faults.is_empty(), "{:?}", trace.faults);
     trace
+}
+
+/// Cycles of a bit of DShot, to the nearest.
+#[must_use]
+pub fn bit_cycles(speed: Speed) -> u64 {
+    (CYCLES_PER_S + u64::from(speed.bits_per_s()) / 2) / u64::from(speed.bits_per_s())
+}
+
+/// A line with frames of DShot, each with when its first bit rises: 3/8 of a bit high for a zero, 6/8 for a one.
+pub fn frames(pin: u8, speed: Speed, frames: impl IntoIterator<Item = (u64, u16)>) -> Vec<Edge> {
+    let bit = CYCLES_PER_S as f64 / f64::from(speed.bits_per_s());
+    let mut edges = vec![Edge { cycle: 0, pin, is_high: false }];
+    for (start, bits) in frames {
+        for n in 0..16 {
+            let rise = start as f64 + f64::from(n) * bit;
+            let high = if bits >> (15 - n) & 1 == 1 { 0.75 } else { 0.375 };
+            edges.push(Edge { cycle: rise.round() as u64, pin, is_high: true });
+            edges.push(Edge { cycle: (rise + high * bit).round() as u64, pin, is_high: false });
+        }
+    }
+    edges
+}
+
+/// What a pin has sent as frames of DShot: when each began, and its bits.
+///
+/// # Panics
+/// Where a pulse or a bit has not its length to so many cycles and a part in 500, or a frame not 16 bits.
+#[must_use]
+pub fn frames_of(trace: &Trace, pin: u8, speed: Speed, cycles: f64) -> Vec<(u64, u16)> {
+    let bit = bit_cycles(speed) as f64;
+    let near = |length: u64, bits: f64| (length as f64 - bits * bit).abs() <= cycles + bits * bit / 500.0;
+    let mut frames: Vec<(u64, Vec<bool>)> = Vec::new();
+    let mut last_rise = None;
+    for pulse in pulses_of(trace, pin) {
+        let is_one = near(pulse.width, 0.75);
+        assert!(is_one || near(pulse.width, 0.375), "a pulse of {} cycles at {}", pulse.width, pulse.rise);
+        match (frames.last_mut(), last_rise.map(|last| pulse.rise - last)) {
+            (Some((_, bits)), Some(apart)) if bits.len() < 16 => {
+                assert!(near(apart, 1.0), "a bit of {apart} cycles at {}", pulse.rise);
+                bits.push(is_one);
+            }
+            (_, apart) => {
+                assert!(apart.is_none_or(|apart| apart as f64 > 3.0 * bit), "no gap before {}", pulse.rise);
+                frames.push((pulse.rise, vec![is_one]));
+            }
+        }
+        last_rise = Some(pulse.rise);
+    }
+    // The run may have ended within a frame.
+    let is_cut = frames.last().is_some_and(|(start, _)| trace.cycles < start + 16 * bit_cycles(speed));
+    frames.truncate(frames.len() - usize::from(is_cut));
+    frames
+        .into_iter()
+        .map(|(start, bits)| {
+            assert_eq!(bits.len(), 16, "the frame at {start} is short");
+            (start, bits.iter().fold(0, |word, &bit| word << 1 | u16::from(bit)))
+        })
+        .collect()
 }

@@ -23,9 +23,10 @@ impl<T: CaptureTimer> Inputs<T> {
     /// The capture interrupt: gives the edges that were captured to their decoders. Whether there were any.
     #[inline]
     pub fn capture(&mut self) -> bool {
+        let Some(decoders) = &mut self.decoders else { return false };
         let edges = self.timer.take();
         let mut has_edges = false;
-        for (decoder, edge) in self.decoders.iter_mut().flatten().zip(edges) {
+        for (decoder, edge) in decoders.iter_mut().zip(edges) {
             let Some(Edge { timestamp, is_high, overcapture }) = edge else { continue };
             has_edges = true;
             if overcapture {

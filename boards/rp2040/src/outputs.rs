@@ -3,9 +3,8 @@
 //! Both slices start together, and count alike. Their compare registers are taken over when a slice wraps: a new width takes effect
 //! with the next frame, so a pulse is never cut or doubled. The pulse begins with the frame.
 //!
-//! The length of a frame is taken over when it wraps, too, so the frame that runs cannot be made shorter by its register. It is ended
-//! instead: a slice that is set to its last count wraps with the next. That is done at the first tick at which the frame has its new
-//! length.
+//! The length of a frame is taken over when it wraps, too, so the frame that runs cannot be made shorter by its register. Its counter
+//! is set forward instead, as soon as the pulse is over: it then wraps when the frame has its new length, to a count or two.
 
 use pio::{Program, pio_asm};
 use rotorlead::dshot::{Frame, Speed};
@@ -24,7 +23,7 @@ use crate::state_machines::{Block, Direction, Divider, StateMachines};
 const SLICES: [usize; 2] = [3, 4];
 /// Cycles of a machine in a bit of DShot.
 const BIT_CYCLES: u32 = 8;
-/// A frame that ends by itself within so many counts is left to: reading its count and ending it takes some 40 cycles.
+/// A frame that ends by itself within so many counts is left to: from reading its count to setting it takes some 40 cycles.
 const MARGIN: u32 = 20;
 /// Frames that may wait in a machine's queue beside the one that goes out.
 const MOST_WAITING: u32 = 2;
@@ -56,15 +55,22 @@ pub struct Outputs {
     slices: PWM,
     machines: StateMachines,
     pins: Pins,
-    /// Counts of a frame, and after how many it is ended.
+    /// Counts of a frame that ends by itself, and after how many it is to end.
     counts: u32,
     end: u32,
+    /// Counts that were left out of the frame that runs.
+    skipped: u32,
+    /// The counter at the last tick: it has wrapped since where it is lower.
+    last: u32,
+    /// The longest of the widths that were written last, and of those of the frame that runs.
+    written: u32,
+    running: u32,
 }
 
 impl Outputs {
     /// Low.
     pub fn new(slices: PWM, pins: Pins) -> Self {
-        let outputs = Self { slices, machines: StateMachines::of(Block::Outputs), pins, counts: 0, end: 0 };
+        let outputs = Self { slices, machines: StateMachines::of(Block::Outputs), pins, counts: 1, end: 1, skipped: 0, last: 0, written: 0, running: 0 };
         outputs.force_low();
         outputs
     }
@@ -83,6 +89,7 @@ impl Outputs {
             slice.top().write(|w| w.top().variant((counts - 1) as u16));
         }
         (self.counts, self.end) = (counts, counts);
+        (self.skipped, self.last, self.written, self.running) = (0, 0, 0, 0);
         // Both at once.
         self.slices.en().write(|w| {
             w.ch3().set_bit();
@@ -101,9 +108,14 @@ impl Outputs {
         self.connect(FUNCSEL_A::PIO1);
     }
 
-    /// Widths of the next pulses, in counts.
+    /// Widths of the next pulses, in counts. Once in each tick, of which every frame has more than one.
     #[inline]
     pub fn set(&mut self, widths: [u32; MOTORS]) {
+        let count = self.counter();
+        if count < self.last {
+            (self.running, self.skipped) = (self.written, 0);
+        }
+        self.last = count;
         let [first, second, third, fourth] = widths.map(|width| width.min(u16::MAX.into()) as u16);
         for (slice, (a, b)) in self.slices().into_iter().zip([(first, second), (third, fourth)]) {
             slice.cc().write(|w| {
@@ -111,34 +123,51 @@ impl Outputs {
                 w.b().variant(b)
             });
         }
-        if self.end < self.counts {
-            let count = self.frame_count();
-            if count >= self.end && count + MARGIN < self.counts {
-                self.restart_frame();
-            }
-        }
+        self.written = first.max(second).max(third).max(fourth).into();
+        self.hurry();
     }
 
     /// Counts since the frame began.
     #[inline]
     pub fn frame_count(&self) -> u32 {
-        self.slices.ch(SLICES[0]).ctr().read().bits()
+        self.counter().saturating_sub(self.skipped)
     }
 
-    /// Begins the next frame.
+    /// Begins the next frame: a slice that is set to its last count wraps with the next.
     #[inline]
     pub fn restart_frame(&mut self) {
-        for slice in self.slices() {
-            slice.ctr().write(|w| w.ctr().variant((self.counts - 1) as u16));
-        }
+        self.set_counter(self.counts - 1);
     }
 
-    /// Ends this frame and those after it at the first tick at which they have lasted for so many counts.
+    /// Ends this frame and those after it when they have lasted for so many counts.
     #[inline]
     pub fn end_frame_at(&mut self, counts: u32) {
         self.end = counts;
-        if self.frame_count() >= counts {
-            self.restart_frame();
+        self.hurry();
+    }
+
+    /// Leaves out what the frame that runs is to be shorter, once its pulses are over.
+    #[inline]
+    fn hurry(&mut self) {
+        let count = self.counter();
+        let is_over = count > self.running && count + MARGIN < self.counts;
+        if self.skipped == 0 && self.end < self.counts && is_over {
+            self.skipped = self.counts - self.end;
+            self.set_counter((count + self.skipped).min(self.counts - 1));
+        }
+    }
+
+    #[inline]
+    fn counter(&self) -> u32 {
+        self.slices.ch(SLICES[0]).ctr().read().bits()
+    }
+
+    /// Both slices, one some cycles after the other.
+    #[inline]
+    fn set_counter(&mut self, count: u32) {
+        self.last = count;
+        for slice in self.slices() {
+            slice.ctr().write(|w| w.ctr().variant(count as u16));
         }
     }
 
