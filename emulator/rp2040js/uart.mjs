@@ -6,6 +6,7 @@ export class Uart {
     [this.uart] = rp2040.uart;
     this.uart.onByte = (byte) => machine.uart.push(byte);
     storeRegisters(this.uart);
+    correctTransmitInterrupt(this.uart);
   }
 
   // 16 samples a bit. A UART without a divider has no bits: any time will do, as the bytes are lost.
@@ -40,6 +41,23 @@ function storeRegisters(uart) {
       stored.set(offset, offset === 0x04 ? 0 : value);
     } else {
       writeUint32.call(uart, offset, value);
+    }
+  };
+}
+
+// The interrupt of the sender comes when it runs empty (PL011 TRM, 2.8.2). rp2040js raises it for as long as it is empty, which is
+// always, and so for ever.
+function correctTransmitInterrupt(uart) {
+  const [UARTDR, TXINTR] = [0x00, 1 << 5];
+  uart.checkInterrupts = () => {
+    uart.rp2040.setInterrupt(uart.irq, (uart.interruptStatus & uart.interruptMask) !== 0);
+  };
+  const { writeUint32 } = uart;
+  uart.writeUint32 = (offset, value) => {
+    writeUint32.call(uart, offset, value);
+    if (offset === UARTDR) {
+      uart.interruptStatus |= TXINTR;
+      uart.checkInterrupts();
     }
   };
 }

@@ -22,9 +22,12 @@ impl Lamp {
     /// Of this state.
     #[must_use]
     pub fn of(tick: &Tick, is_bench_enabled: bool, tells_pulses_apart: bool) -> Self {
-        if tick.turning().is_some() {
+        if tick.outputs() == Outputs::Low {
+            // Whatever the inputs ask for.
+            Self::Useless
+        } else if tick.turning().is_some() {
             Self::Turning
-        } else if tick.outputs() == Outputs::Low || !tells_pulses_apart {
+        } else if !tells_pulses_apart {
             Self::Useless
         } else if is_bench_enabled {
             Self::Bench

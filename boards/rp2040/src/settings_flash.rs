@@ -1,7 +1,8 @@
 //! The last two sectors of the flash, where the settings are stored.
 //!
 //! The flash cannot be read while it is erased (45 ms, 400 ms at most) or written, so the boot ROM's functions do it from RAM, with
-//! interrupts off.
+//! interrupts off. Afterwards the second stage of the boot, which lies in the first 256 bytes of the flash, runs again from RAM: it
+//! sets up the fast way of reading, and what the ROM has for that is some eight times slower.
 
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
 use rp2040_hal::rom_data;
@@ -71,14 +72,25 @@ fn byte(offset: u32) -> u8 {
     unsafe { ((READ_ADDRESS + (START + offset) as usize) as *const u8).read_volatile() }
 }
 
-/// The ROM's functions, found before the flash is away.
+/// Words of the second stage of the boot.
+const BOOT2_WORDS: usize = 64;
+
+/// What runs while the flash is away: the ROM's functions, and a copy of the second stage.
 struct Rom {
     connect: unsafe extern "C" fn(),
     exit_xip: unsafe extern "C" fn(),
     erase: unsafe extern "C" fn(u32, usize, u32, u8),
     program: unsafe extern "C" fn(u32, *const u8, usize),
     flush: unsafe extern "C" fn(),
-    enter_xip: unsafe extern "C" fn(),
+    boot2: [u32; BOOT2_WORDS],
+}
+
+/// In the address of a function: its code is Thumb.
+const THUMB: usize = 1;
+
+fn boot2_word(place: usize) -> u32 {
+    // SAFETY: the first 256 bytes of the flash; no Rust object is there but the stage itself, as bytes.
+    unsafe { (READ_ADDRESS as *const u32).add(place % BOOT2_WORDS).read_volatile() }
 }
 
 /// What the flash is to do, at an offset from its beginning.
@@ -101,7 +113,9 @@ fn run(rom: &Rom, operation: Operation) {
             Operation::Program { from, page } => (rom.program)(from, page, PAGE_BYTES),
         }
         (rom.flush)();
-        (rom.enter_xip)();
+        // Its first bytes are its code, and it returns to where it was called from (RP2040 datasheet, 2.8.1.3.1).
+        let boot2: unsafe extern "C" fn() = core::mem::transmute(rom.boot2.as_ptr().addr() | THUMB);
+        boot2();
     }
 }
 
@@ -112,7 +126,7 @@ fn operate(operation: Operation) {
         erase: rom_data::flash_range_erase::ptr(),
         program: rom_data::flash_range_program::ptr(),
         flush: rom_data::flash_flush_cache::ptr(),
-        enter_xip: rom_data::flash_enter_cmd_xip::ptr(),
+        boot2: core::array::from_fn(boot2_word),
     };
     cortex_m::interrupt::free(|_| run(&rom, operation));
 }

@@ -4,5 +4,6 @@
 //! test needs the image and the emulators: `cargo xtask test` gives both.
 
 mod frames;
+mod link;
 mod pulses;
 mod safety;

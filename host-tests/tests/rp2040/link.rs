@@ -1,0 +1,105 @@
+//! The link, and the settings that it stores.
+
+use emulator::rp2040::{Bytes, Emulator, Flash as Stored, PowerCut, Region, Run, Trace};
+use host_tests::flash::Flash;
+use host_tests::pins::{self, INPUT_1, OUTPUT_1, ms, pulses, pulses_of, us};
+use rotorlead::dshot::Speed;
+use rotorlead::link::{Clock, FRAME_BYTES, Message, Receiver, Request, encode};
+use rotorlead::settings::{Origin, Pulse, PulseProtocol, Settings, Store};
+
+/// When the controller answers for sure.
+const STARTED: u64 = 37_500_000;
+/// Where the settings are when the run has ended.
+const SETTINGS: Region = Region { address: 0x101F_E000, length: 8192 };
+const SECTOR: usize = 4096;
+
+/// Frames of requests, the first at `cycle` and each so many milliseconds after the one before.
+fn requests(cycle: u64, apart_ms: f64, requests: &[Request]) -> Vec<Bytes> {
+    let frame = |(tag, request): (u8, &Request)| {
+        let mut bytes = [0; FRAME_BYTES];
+        let length = encode(tag, request, &mut bytes).unwrap();
+        Bytes { cycle: cycle + u64::from(tag - 1) * ms(apart_ms), bytes: bytes[..length].to_vec() }
+    };
+    (1..).zip(requests).map(frame).collect()
+}
+
+/// What was answered, in order.
+fn answers(trace: &Trace) -> Vec<Message> {
+    let mut receiver = Receiver::<Message>::new();
+    trace.uart.iter().filter_map(|byte| receiver.push(*byte)).map(|tagged| tagged.message).collect()
+}
+
+#[test]
+#[ignore = "needs the image and the emulators: cargo xtask test"]
+fn the_controller_says_what_it_is() {
+    let mut run = pins::run(&Settings::default(), STARTED + ms(40.0));
+    run.uart_in = requests(STARTED, 10.0, &[Request::Info, Request::GetSettings]);
+    let trace = pins::trace(Emulator::Node, &run);
+    let answers = answers(&trace);
+    let [Message::Info(info), Message::Settings(settings)] = &answers[..] else { panic!("{answers:?}") };
+    assert_eq!((info.clock, info.core_hz, info.timer_hz), (Clock::Crystal, 125_000_000, 25_000_000));
+    assert!(info.may_arm, "{info:?}");
+    assert_eq!(*settings, Settings::default());
+}
+
+/// Other settings than the defaults, in every way that matters at a pin.
+fn chosen() -> Settings {
+    let dshot = Pulse { protocol: PulseProtocol::Dshot600, frame_hz: 4000 };
+    Settings { output: dshot, ..Settings::default() }
+}
+
+/// A controller with the defaults on which somebody sets others and saves them.
+fn saving() -> Run {
+    let mut run = pins::run(&Settings::default(), STARTED + ms(700.0));
+    run.uart_in = requests(STARTED, 300.0, &[Request::SetSettings(chosen()), Request::SaveSettings]);
+    run.memory.push(SETTINGS);
+    run
+}
+
+fn load(bytes: &[u8]) -> (Settings, Origin) {
+    let loaded = Store::new(Flash::<SECTOR>::holding(bytes.to_vec()), Flash::<SECTOR>::SECTORS).load();
+    (loaded.settings.into_settings(), loaded.origin)
+}
+
+/// Whether a controller with this flash puts out what the settings ask for: pulses for the defaults, frames for the others.
+fn check_outputs(flash: &[u8], is_new: bool) {
+    let mut run = Run::new(pins::image(), STARTED + ms(30.0));
+    run.flash.push(Stored { offset: SETTINGS.address - 0x1000_0000, bytes: flash.to_vec() });
+    run.watch.push(OUTPUT_1);
+    run.inputs = pulses(INPUT_1, us(500.0), us(2500.0), run.until_cycle, |_| us(1000.0));
+    let trace = pins::trace(Emulator::Node, &run);
+    if is_new {
+        assert!(pins::frames_of(&trace, OUTPUT_1, Speed::Dshot600, 1.0).len() > 20);
+    } else {
+        let pulses = pulses_of(&trace, OUTPUT_1);
+        assert!(pulses.len() > 10 && pulses.iter().all(|pulse| pulse.width == us(1000.0)), "{pulses:?}");
+    }
+}
+
+#[test]
+#[ignore = "needs the image and the emulators: cargo xtask test"]
+fn settings_are_saved_and_a_power_cut_at_any_operation_leaves_the_old_or_the_new() {
+    let trace = pins::trace(Emulator::Node, &saving());
+    assert_eq!(answers(&trace).len(), 2, "{:?}", answers(&trace));
+    assert!(trace.resets.is_empty(), "{:?}", trace.resets);
+    assert_eq!(load(&trace.memory[0]), (chosen(), Origin::Stored));
+    check_outputs(&trace.memory[0], true);
+    let operations = trace.flash_operations;
+    assert!(operations >= 2, "an erase and a page at least: {operations}");
+    let mut seen = [0; 2];
+    for operation in 0..operations {
+        for bytes in [0, 100, 255] {
+            let run = Run { power_cut: Some(PowerCut { operation, bytes }), ..saving() };
+            let trace = pins::trace(Emulator::Node, &run);
+            assert!(trace.power_is_cut, "operation {operation}");
+            let (settings, origin) = load(&trace.memory[0]);
+            assert!(matches!(origin, Origin::Stored | Origin::StoredOnce), "operation {operation}, byte {bytes}: {origin:?}");
+            let is_new = settings == chosen();
+            assert!(is_new || settings == Settings::default(), "operation {operation}, byte {bytes}: {settings:?}");
+            check_outputs(&trace.memory[0], is_new);
+            seen[usize::from(is_new)] += 1;
+        }
+    }
+    println!("{operations} operations: {} cuts left the old settings, {} the new", seen[0], seen[1]);
+    assert!(seen.iter().all(|count| *count > 0), "{seen:?}");
+}
