@@ -75,9 +75,9 @@ impl fmt::Display for TimingError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match *self {
             Self::Pulse(error) => error.fmt(f),
-            Self::NoPulses => {
-                f.write_str("DShot has frames of bits, and no pulses to decode: use `dshot::Receiver` for such an input")
-            }
+            Self::NoPulses => f.write_str(
+                "DShot has frames of bits, and no pulses to decode: use `dshot::Receiver` for such an input",
+            ),
             Self::FrameRate { frame_hz } => write!(
                 f,
                 "frame_hz is {frame_hz}: an input can be read from {SLOWEST_FRAME_HZ} to {FASTEST_FRAME_HZ} frames a second"

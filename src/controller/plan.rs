@@ -178,11 +178,8 @@ impl Plan {
     pub fn new(settings: &Validated, timer_hz: u32, tells_pulses_apart: bool) -> Option<Self> {
         let input = InputPlan::new(settings, timer_hz)?;
         let is_readable = tells_pulses_apart || input.timing().is_none();
-        let input_scale = if is_readable {
-            PulseScale::new(settings.input.protocol(), timer_hz).ok()?
-        } else {
-            PulseScale::FULL
-        };
+        let input_scale =
+            if is_readable { PulseScale::new(settings.input.protocol(), timer_hz).ok()? } else { PulseScale::FULL };
         Some(Self { input, input_scale, output: OutputPlan::new(settings, timer_hz)? })
     }
 }

@@ -4,25 +4,25 @@ use std::path::Path;
 
 use emulator::{Pace, Qemu};
 
-use crate::board::BOARD;
+use crate::board::EMULATED;
 use crate::run::{Result, run};
 
 /// The program.
-pub const PROGRAM: &str = BOARD.emulator.program;
+pub const PROGRAM: &str = EMULATED.program;
 /// The package that has it.
-pub const PACKAGE: &str = BOARD.emulator.package;
+pub const PACKAGE: &str = EMULATED.package;
 /// First major version that has what the application needs of the board.
-pub const OLDEST: u32 = BOARD.emulator.oldest;
+pub const OLDEST: u32 = EMULATED.oldest;
 /// TCP port of the emulated link, unless the caller says otherwise.
 pub const DEFAULT_PORT: u16 = 5740;
 
 /// Major version of the QEMU that is installed.
 pub fn version() -> Option<u32> {
-    BOARD.emulator.version()
+    EMULATED.version()
 }
 
 /// Runs the image until it is interrupted, with its link on a TCP port of this machine: `tcp:127.0.0.1:PORT`.
 pub fn run_image(image: &Path, port: u16) -> Result {
     eprintln!("xtask: the link is at tcp:127.0.0.1:{port}; Ctrl-C ends the emulator");
-    run(&mut Qemu::new(BOARD.emulator, image, Pace::RealTime).serve_link(port).into_command())
+    run(&mut Qemu::new(EMULATED, image, Pace::RealTime).serve_link(port).into_command())
 }

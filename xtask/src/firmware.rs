@@ -2,68 +2,73 @@
 
 use std::path::PathBuf;
 
-use crate::board::BOARD;
+use crate::board::{BOARD, BOARDS, Board, PROBE_CHIP, RP2040};
 use crate::image::{Calls, Function, Image, flash_files};
 use crate::readme::{self, Sizes};
 use crate::run::{Result, cargo, command, output, run, target_folder};
 use crate::{emulator, setup};
 
-/// Interrupts of the path from pulse to pulse, of the link's bytes and of the supply: those that must never panic. The
-/// names are those of the vector table.
-pub const NO_PANIC: [&str; 4] = [SUPPLY, LINK, CAPTURE, TICK];
-/// The detector of the supply's voltage.
-const SUPPLY: &str = BOARD.interrupts.supply;
 /// The capture of the inputs.
-pub const CAPTURE: &str = BOARD.interrupts.capture;
+pub const CAPTURE: &str = BOARD.interrupts.capture.expect("the board has such an interrupt");
 /// The control task.
 pub const TICK: &str = BOARD.interrupts.tick;
 /// The link's bytes.
 pub const LINK: &str = BOARD.interrupts.link;
-/// What the core stores at an interrupt with the floating-point unit on, 26 words, and a word to align them.
-const EXCEPTION_FRAME_BYTES: u32 = 27 * 4;
 /// A feature of the firmware that puts an indexing panic into its control task.
 const PLANTED: &str = "planted-panic";
 /// The test that runs the paper's experiment at every level.
 const EVERY_LEVEL: &str = "every_level_of_the_paper";
 
-/// Builds the image, prints its sizes, checks it, and writes it as raw binary and as Intel HEX.
-pub fn build() -> Result<Sizes> {
-    let path = build_image(&[])?;
-    flash_files::remove(&path)?;
+/// The board of a name.
+///
+/// # Errors
+/// The names that there are.
+pub fn board(name: &str) -> Result<&'static Board> {
+    BOARDS.into_iter().find(|board| board.name == name).ok_or_else(|| {
+        let names: Vec<_> = BOARDS.iter().map(|board| board.name).collect();
+        format!("there is no board `{name}`: it may be {}", names.join(" or "))
+    })
+}
+
+/// Builds the image, prints its sizes, checks it, and writes the files that flash it.
+pub fn build(board: &'static Board) -> Result<Sizes> {
+    let path = build_image(board, &[])?;
+    let map = &board.flash;
+    flash_files::remove(map, &path)?;
     let bytes = std::fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))?;
     let image = Image::read(&bytes)?;
     println!("image  {}", path.display());
-    println!("flash  {:>7} bytes of {}", image.flash_bytes, flash_files::FLASH.len());
-    println!("RAM    {:>7} bytes of {}", image.ram_bytes, BOARD.ram.len());
-    let stack = stack(&image)?;
-    no_panic(&image)?;
-    println!("panics none reachable from {}", NO_PANIC.join(", "));
-    let files = flash_files::write(&bytes, &path, image.stack_start)?;
+    println!("flash  {:>7} bytes of {}", image.flash_bytes, map.image.len());
+    println!("RAM    {:>7} bytes of {}", image.ram_bytes, board.ram.len());
+    let stack = stack(board, &image)?;
+    no_panic(board, &image)?;
+    println!("panics none reachable from {}", board.interrupts.path().collect::<Vec<_>>().join(", "));
+    let files = flash_files::write(map, &bytes, &path, image.stack_start)?;
     println!("bin    {:>7} bytes: {}", files.bin.bytes, files.bin.path.display());
-    println!("hex    {:>7} bytes: {}", files.hex.bytes, files.hex.path.display());
+    println!("{:<6} {:>7} bytes: {}", map.form.extension(), files.formed.bytes, files.formed.path.display());
     Ok(Sizes { flash: image.flash_bytes, ram: image.ram_bytes, stack })
 }
 
-/// Builds the image for the controller and gives its path.
-pub fn build_image(features: &[&str]) -> Result<PathBuf> {
-    let toolchain = setup::target()?;
+/// Builds the image for a board and gives its path.
+pub fn build_image(board: &Board, features: &[&str]) -> Result<PathBuf> {
+    let toolchain = setup::toolchain(board.target)?;
     // Variants have a folder of their own, so that the image that is flashed is never one of them.
     let variant = if features.is_empty() { None } else { Some(target_folder().join("variant")) };
-    let features = [&[BOARD.feature], features].concat().join(",");
-    let mut build = toolchain.cargo(&["build", "--package", "rotorlead", "--bin", BOARD.binary, "--locked"]);
-    build.args(["--profile", "firmware", "--features", &features]);
+    let features: Vec<&str> = board.feature.into_iter().chain(features.iter().copied()).collect();
+    let mut build = toolchain.cargo(&["build", "--package", board.package, "--bin", board.binary, "--locked"]);
+    build.args(["--profile", "firmware", "--features", &features.join(",")]);
     if let Some(folder) = &variant {
         build.env("CARGO_TARGET_DIR", folder);
     }
     run(&mut build)?;
-    let folder = variant.map_or_else(|| toolchain.folder(), |folder| folder.join(BOARD.target));
-    Ok(folder.join("firmware").join(BOARD.binary))
+    let folder = variant.map_or_else(|| toolchain.folder(), |folder| folder.join(board.target));
+    Ok(folder.join("firmware").join(board.binary))
 }
 
 /// Runs the image in the emulator.
 pub fn emulate(port: u16) -> Result {
     setup::emulator()?;
-    emulator::run_image(&build_image(&[])?, port)
+    emulator::run_image(&build_image(BOARD, &[])?, port)
 }
 
 /// Flashes the image with a debug probe and shows its log.
@@ -71,18 +76,19 @@ pub fn flash() -> Result {
     if output(&mut command("probe-rs", &["--version"])).is_none() {
         return Err("probe-rs is missing: `cargo install probe-rs-tools --locked` installs it".to_owned());
     }
-    let path = build_image(&[])?;
+    let path = build_image(BOARD, &[])?;
     // A core that the probe halts in its reset or fault would leave the last pulses running.
-    let options = ["run", "--chip", BOARD.probe_chip, "--no-catch-reset", "--no-catch-hardfault"];
+    let options = ["run", "--chip", PROBE_CHIP, "--no-catch-reset", "--no-catch-hardfault"];
     run(command("probe-rs", &options).arg(path))
 }
 
 /// What `build` checks, what the README says of sizes, and that the check for panics finds one that is planted.
 pub fn check() -> Result {
-    readme::check(build()?)?;
-    let panicking = build_image(&[PLANTED])?;
+    readme::check(build(BOARD)?)?;
+    build(&RP2040)?;
+    let panicking = build_image(BOARD, &[PLANTED])?;
     let bytes = std::fs::read(&panicking).map_err(|error| format!("{}: {error}", panicking.display()))?;
-    match no_panic(&Image::read(&bytes)?) {
+    match no_panic(BOARD, &Image::read(&bytes)?) {
         Ok(()) => Err("the check for panics does not see the one that was planted".to_owned()),
         Err(found) => {
             eprintln!("xtask: as it should, the check finds the planted panic: {found}");
@@ -91,24 +97,29 @@ pub fn check() -> Result {
     }
 }
 
-/// What the image does in the emulator, but for what takes as long at every level of the paper.
+/// What the images do in the emulators, but for what takes as long at every level of the paper.
 pub fn test() -> Result {
-    in_emulator(&["--skip", EVERY_LEVEL])
+    in_emulator(&["--test", "emulator", "--test", "rp2040"], &["--skip", EVERY_LEVEL])
 }
 
 /// The paper's experiment at every level, with the image in the loop.
 pub fn every_level() -> Result {
-    in_emulator(&[EVERY_LEVEL])
+    in_emulator(&["--test", "emulator"], &[EVERY_LEVEL])
 }
 
-fn in_emulator(options: &[&str]) -> Result {
+fn in_emulator(targets: &[&str], options: &[&str]) -> Result {
     setup::emulator()?;
-    let (panicking, image) = (build_image(&[PLANTED])?, build_image(&[])?);
+    let (panicking, image) = (build_image(BOARD, &[PLANTED])?, build_image(BOARD, &[])?);
+    let rp2040 = build_image(&RP2040, &[])?;
     // Of the whole workspace, as the other tests are: of one package alone its dependencies would be compiled anew.
-    let mut test = cargo(&["test", "--workspace", "--locked", "--test", "emulator", "--", "--ignored"]);
+    let mut test = cargo(&["test", "--workspace", "--locked"]);
+    test.args(targets).args(["--", "--ignored"]);
     // The emulated time does not wait for a machine that is busy with more emulators than it has cores.
     test.args(["--test-threads", "2"]).args(options);
-    run(test.env("ROTORLEAD_IMAGE", image).env("ROTORLEAD_PANICKING_IMAGE", panicking))
+    test.env("ROTORLEAD_IMAGE", image)
+        .env("ROTORLEAD_PANICKING_IMAGE", panicking)
+        .env("ROTORLEAD_RP2040_IMAGE", rp2040);
+    run(&mut test)
 }
 
 /// Everything that ends in a panic goes through here.
@@ -116,12 +127,12 @@ fn panics(function: &Function) -> bool {
     function.names.iter().any(|name| name.contains("core::panicking::") || name.contains("rust_begin_unwind"))
 }
 
-fn no_panic(image: &Image) -> Result {
+fn no_panic(board: &Board, image: &Image) -> Result {
     let calls = Calls::of(image);
     if !image.functions.iter().any(panics) {
         return Err("the image has no panic handler: the names that this looks for have changed".to_owned());
     }
-    for name in NO_PANIC {
+    for name in board.interrupts.path() {
         let root = image.function_named(name).ok_or_else(|| format!("the image has no interrupt {name}"))?;
         let indirect = calls.indirect(root);
         if !indirect.is_empty() {
@@ -135,14 +146,15 @@ fn no_panic(image: &Image) -> Result {
 }
 
 /// Deepest stack: the idle task, and on top of it one interrupt of each priority.
-fn stack(image: &Image) -> Result<u64> {
+fn stack(board: &Board, image: &Image) -> Result<u64> {
     let calls = Calls::of(image);
     let mut total = 0;
-    for name in ["Reset", TICK, CAPTURE, LINK, SUPPLY].iter().chain(BOARD.interrupts.above) {
+    let interrupts = &board.interrupts;
+    for name in ["Reset"].into_iter().chain(interrupts.path()).chain(interrupts.above.iter().copied()) {
         let root = image.function_named(name).ok_or_else(|| format!("the image has no function {name}"))?;
         // Handlers of faults and panics do not return: they throw the stack away.
         let depth = calls.depth(root, &panics)?;
-        let frame = if *name == "Reset" { 0 } else { EXCEPTION_FRAME_BYTES };
+        let frame = if name == "Reset" { 0 } else { interrupts.frame_bytes };
         total += depth.bytes + frame;
         println!("stack  {:>7} bytes for {name}: {}", depth.bytes + frame, depth.path.join(" -> "));
     }

@@ -122,7 +122,7 @@ fn dependencies(manifest: &Value, features: &[String]) -> Result {
         return Err(format!("the default features bring {}", others.join(", ")));
     }
     println!("the default features bring {}", Vec::from_iter(default).join(", "));
-    let is_board = |feature: &String| BOARDS.iter().any(|board| board.feature == feature);
+    let is_board = |feature: &String| BOARDS.iter().any(|board| board.feature == Some(feature.as_str()));
     let of_boards: BTreeSet<String> =
         features.iter().filter(|feature| is_board(feature)).flat_map(|board| own_packages(manifest, board)).collect();
     if of_boards.is_empty() {

@@ -23,9 +23,10 @@ const HELP: &str = "\
 Usage: cargo xtask COMMAND
 
   setup    installs what the other commands need beside a Rust toolchain
-  build    builds the image for the controller; prints what flash, RAM and stack it takes; fails if one of its interrupts can
-           panic; writes the image beside the linked file as raw binary for address 0x08000000 (.bin) and as Intel HEX (.hex),
-           and checks both; with --update-readme writes the sizes into the README
+  build    [--board stm32f405|rp2040] builds the image for the controller; prints what flash, RAM and stack it takes; fails if
+           one of its interrupts can panic; writes the image beside the linked file as raw binary for the flash's first address
+           (.bin), and as Intel HEX (.hex), or for the RP2040 as UF2 (.uf2) for its drive, and checks both; with --update-readme
+           writes the sizes of the STM32F405's into the README
   emulate  [PORT] runs that image in QEMU, with its link on a TCP port
   flash    flashes that image with a debug probe, and shows its log
   test     every test there is: formatting, lints, documentation, host tests, and the controller's image: its build, its checks,
@@ -33,7 +34,7 @@ Usage: cargo xtask COMMAND
            with --setup installs what is missing first, and says what;
            with --quick formatting, lints, unit tests, and those of the controller and of the command line
   check-image, test-image
-           the controller's image: its build and what is checked of it; what it does in QEMU; parts of test
+           the controller's images: their build and what is checked of them; what they do in the emulators; parts of test
   library  the library as another firmware takes it: without a board, with each feature alone, for other cores, as a package;
            a part of test
   statistics
@@ -80,8 +81,9 @@ type Task<'a> = Box<dyn FnOnce() -> run::Result + 'a>;
 fn task<'a>(arguments: &'a [&'a str]) -> Option<Task<'a>> {
     Some(match arguments {
         ["setup"] => Box::new(setup::all),
-        ["build"] => Box::new(|| firmware::build().map(drop)),
-        ["build", "--update-readme"] => Box::new(|| firmware::build().and_then(readme::update)),
+        ["build"] => Box::new(|| firmware::build(board::BOARD).map(drop)),
+        ["build", "--board", name] => Box::new(move || firmware::build(firmware::board(name)?).map(drop)),
+        ["build", "--update-readme"] => Box::new(|| firmware::build(board::BOARD).and_then(readme::update)),
         ["emulate"] => Box::new(|| firmware::emulate(emulator::DEFAULT_PORT)),
         ["emulate", port] => Box::new(move || {
             let port = port.parse().map_err(|_| format!("{port} is not a TCP port"))?;

@@ -10,8 +10,8 @@ use pio::{Program, pio_asm};
 use rotorlead::controller::hardware::{CaptureTimer, Edge};
 use rotorlead::dshot::{Speed, Word};
 use rotorlead::settings::MOTORS;
-use rp2040_hal::pac::io_bank0::gpio::gpio_ctrl::FUNCSEL_A;
 use rp2040_hal::pac::TIMER;
+use rp2040_hal::pac::io_bank0::gpio::gpio_ctrl::FUNCSEL_A;
 
 use crate::clocks::CORE_HZ;
 use crate::pinout::INPUT_1;

@@ -9,9 +9,9 @@
 use pio::{Program, pio_asm};
 use rotorlead::dshot::{Frame, Speed};
 use rotorlead::settings::MOTORS;
+use rp2040_hal::pac::PWM;
 use rp2040_hal::pac::io_bank0::gpio::gpio_ctrl::FUNCSEL_A;
 use rp2040_hal::pac::pwm::CH;
-use rp2040_hal::pac::PWM;
 
 use crate::clocks::CORE_HZ;
 use crate::inputs::COUNT_CYCLES;
@@ -70,7 +70,17 @@ pub struct Outputs {
 impl Outputs {
     /// Low.
     pub fn new(slices: PWM, pins: Pins) -> Self {
-        let outputs = Self { slices, machines: StateMachines::of(Block::Outputs), pins, counts: 1, end: 1, skipped: 0, last: 0, written: 0, running: 0 };
+        let outputs = Self {
+            slices,
+            machines: StateMachines::of(Block::Outputs),
+            pins,
+            counts: 1,
+            end: 1,
+            skipped: 0,
+            last: 0,
+            written: 0,
+            running: 0,
+        };
         outputs.force_low();
         outputs
     }

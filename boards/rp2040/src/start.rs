@@ -62,12 +62,8 @@ impl Board {
         pins.set(JUMPER, FUNCSEL_A::SIO, Pull::Up);
         inputs::connect(&pins);
 
-        let parts = Parts {
-            crystal: device.XOSC,
-            system_pll: device.PLL_SYS,
-            usb_pll: device.PLL_USB,
-            clocks: device.CLOCKS,
-        };
+        let parts =
+            Parts { crystal: device.XOSC, system_pll: device.PLL_SYS, usb_pll: device.PLL_USB, clocks: device.CLOCKS };
         if clocks::start(&parts, &device.RESETS, &device.WATCHDOG).is_none() {
             try_again(&pins);
         }

@@ -87,7 +87,15 @@ fn messages() -> Vec<(Message, &'static str)> {
     };
     let panicked = Info { reset: ResetReason::Panic(PanicPlace::new("a.rs", 97)), ..info };
     let link = FrameFaults { truncated: 1, corrupted: 2, oversized: 3, other_version: 4, unknown: 5 };
-    let motor = MotorFaults { glitches: 10, missing_edges: 11, out_of_range: 12, too_soon: 13, masked: 14, lost: 15, bad_frames: 16 };
+    let motor = MotorFaults {
+        glitches: 10,
+        missing_edges: 11,
+        out_of_range: 12,
+        too_soon: 13,
+        masked: 14,
+        lost: 15,
+        bad_frames: 16,
+    };
     let faults = Faults {
         link,
         link_overruns: 6,
@@ -153,7 +161,10 @@ fn messages() -> Vec<(Message, &'static str)> {
             }),
             "0401000100",
         ),
-        (Message::Faults(faults), "05 0102030405 06 07 08 09 0a0b0c0d0f0e10 00000000000000 00000000000000 0a0b0c0d0f0e10"),
+        (
+            Message::Faults(faults),
+            "05 0102030405 06 07 08 09 0a0b0c0d0f0e10 00000000000000 00000000000000 0a0b0c0d0f0e10",
+        ),
         (
             Message::Injected(Injected { first: 128, outputs: series(&[1 << 29, 1 << 29]) }),
             "06 8001 02 8080808004 ffffffff03",

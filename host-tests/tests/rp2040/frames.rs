@@ -24,7 +24,8 @@ fn frames_of(emulator: Emulator, trace: &Trace, motor: u8, speed: Speed) -> Vec<
 }
 
 fn settings(input: PulseProtocol, output: PulseProtocol) -> Settings {
-    let pulse = |protocol: PulseProtocol| Pulse { protocol, frame_hz: if protocol.dshot().is_some() { 4000 } else { 400 } };
+    let pulse =
+        |protocol: PulseProtocol| Pulse { protocol, frame_hz: if protocol.dshot().is_some() { 4000 } else { 400 } };
     Settings { input: pulse(input), output: pulse(output), ..Settings::default() }
 }
 
@@ -60,7 +61,8 @@ fn each_frame_makes_one_go_out_with_its_value_at_every_speed_and_output() {
             let trace = pins::trace(emulator, &run);
             for motor in 0..4 {
                 let sent = frames_of(emulator, &trace, motor, speed);
-                let first = sent.iter().position(|(_, bits)| *bits != frame(0, false) && *bits != frame(0, true)).unwrap();
+                let first =
+                    sent.iter().position(|(_, bits)| *bits != frame(0, false) && *bits != frame(0, true)).unwrap();
                 let passed: Vec<u16> = sent[first..].iter().map(|(_, bits)| *bits).collect();
                 let expected: Vec<u16> = (armed..).map(|n| frame(value(n), n % 3 == 0)).take(passed.len()).collect();
                 assert_eq!(passed, expected, "{emulator:?}, {protocol:?}, output {motor}");
@@ -72,7 +74,10 @@ fn each_frame_makes_one_go_out_with_its_value_at_every_speed_and_output() {
                 assert!(most_us <= limit_us, "{emulator:?}, {protocol:?}: {most_us} us");
                 if motor == 0 {
                     let least_us = late.min().unwrap() as f64 / 125.0;
-                    println!("{protocol:?}, {emulator:?}: {} frames, {least_us:.0} to {most_us:.0} us late", passed.len());
+                    println!(
+                        "{protocol:?}, {emulator:?}: {} frames, {least_us:.0} to {most_us:.0} us late",
+                        passed.len()
+                    );
                 }
             }
         }
@@ -132,7 +137,11 @@ fn damaged_frames_and_those_of_another_speed_make_nothing_go_out() {
         assert!(good.abs_diff(expected) <= 1, "{emulator:?}: {good} of {expected}");
         assert!(sent[first..].iter().all(|(_, bits)| *bits == frame(1000, false)), "{emulator:?}");
         for motor in 1..4 {
-            assert_eq!(trace.edges_of(OUTPUT_1 + motor).filter(|edge| edge.is_high).count(), 0, "{emulator:?}, {motor}");
+            assert_eq!(
+                trace.edges_of(OUTPUT_1 + motor).filter(|edge| edge.is_high).count(),
+                0,
+                "{emulator:?}, {motor}"
+            );
         }
     }
 }
@@ -175,7 +184,9 @@ fn frames_become_pulses() {
     let armed = first_after_start(period);
     let mut run = pins::run(&settings, STARTED + ms(20.0));
     for motor in 0..4 {
-        line(&mut run, motor, Speed::Dshot300, period, |n| frame(if n < armed { 0 } else { 1047 + 100 * u16::from(motor) }, false));
+        line(&mut run, motor, Speed::Dshot300, period, |n| {
+            frame(if n < armed { 0 } else { 1047 + 100 * u16::from(motor) }, false)
+        });
     }
     let trace = pins::trace(Emulator::Node, &run);
     for motor in 0..4_u8 {

@@ -93,7 +93,10 @@ fn settings_are_saved_and_a_power_cut_at_any_operation_leaves_the_old_or_the_new
             let trace = pins::trace(Emulator::Node, &run);
             assert!(trace.power_is_cut, "operation {operation}");
             let (settings, origin) = load(&trace.memory[0]);
-            assert!(matches!(origin, Origin::Stored | Origin::StoredOnce), "operation {operation}, byte {bytes}: {origin:?}");
+            assert!(
+                matches!(origin, Origin::Stored | Origin::StoredOnce),
+                "operation {operation}, byte {bytes}: {origin:?}"
+            );
             let is_new = settings == chosen();
             assert!(is_new || settings == Settings::default(), "operation {operation}, byte {bytes}: {settings:?}");
             check_outputs(&trace.memory[0], is_new);

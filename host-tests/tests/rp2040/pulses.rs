@@ -91,11 +91,20 @@ struct Step {
 impl Step {
     /// A flight controller that sends a pulse in every 12 ticks, which ends in the middle of one.
     fn run() -> Self {
-        let settings = Settings { input: PulseSettings { frame_hz: 417, ..Settings::default().input }, ..standard(true) };
+        let settings =
+            Settings { input: PulseSettings { frame_hz: 417, ..Settings::default().input }, ..standard(true) };
         let period = 12 * TICK;
         let end = STARTED + ms(450.0);
         let steps_at = STARTED / period + 40;
-        let width = |n: u64| us(if n < 150 { 1000.0 } else if n < steps_at { 1400.0 } else { 1500.0 });
+        let width = |n: u64| {
+            us(if n < 150 {
+                1000.0
+            } else if n < steps_at {
+                1400.0
+            } else {
+                1500.0
+            })
+        };
         let run = |start: u64, end: u64| {
             let mut run = pins::run(&settings, end);
             for motor in 0..4 {
@@ -141,11 +150,17 @@ fn a_step_is_within_half_a_count_of_double_precision_and_small_errors_are_not() 
     let step = Step::run();
     let omega_f = (14.1275 * 200.0 * std::f64::consts::PI).sqrt();
     assert!(step.pulses.iter().all(|pulses| pulses.len() == step.ticks.len() && pulses.len() > 80), "{:?}", step.ticks);
-    let [exact, off, early] = [(omega_f, 0), (omega_f * 1.001, 0), (omega_f, 1)].map(|(omega, n)| step.deviation(omega, n));
+    let [exact, off, early] =
+        [(omega_f, 0), (omega_f * 1.001, 0), (omega_f, 1)].map(|(omega, n)| step.deviation(omega, n));
     let longest = step.pulses.iter().flatten().map(|pulse| pulse.width).max().unwrap();
     let count_ns = 8.0 * step.count_cycles;
-    println!("a step from 1400 to 1500 us, rp2040js: at most {exact:.3} counts of {count_ns} ns from double precision;");
-    println!("  with omega_f 0.1 % higher {off:.1}, a tick early {early:.1}; the longest pulse {:.1} us", longest as f64 / 125.0);
+    println!(
+        "a step from 1400 to 1500 us, rp2040js: at most {exact:.3} counts of {count_ns} ns from double precision;"
+    );
+    println!(
+        "  with omega_f 0.1 % higher {off:.1}, a tick early {early:.1}; the longest pulse {:.1} us",
+        longest as f64 / 125.0
+    );
     assert!(exact <= 0.502, "{exact} counts");
     assert!(off > 1.0 && early > 1.0, "{off} and {early}: the check would not see errors");
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use emulator::{Debugger, Listener, Pace, Process, Qemu};
 
-use crate::board::BOARD;
+use crate::board::EMULATED;
 use crate::run::Result;
 use crate::setup;
 
@@ -24,7 +24,7 @@ impl Machine {
     pub fn start(image: &Path) -> Result<Self> {
         setup::emulator()?;
         let (link, debugger) = (Listener::new()?, Listener::new()?);
-        let qemu = Qemu::new(BOARD.emulator, image, Pace::RealTime);
+        let qemu = Qemu::new(EMULATED, image, Pace::RealTime);
         let mut qemu = qemu.connect_link(&link).connect_debugger(&debugger).halted().start()?;
         let (link, debugger) = (link.accept(&mut qemu)?, debugger.accept(&mut qemu)?);
         Ok(Self { debugger: Debugger::new(debugger), link, qemu })

@@ -13,6 +13,7 @@ mod trace;
 
 use std::path::{Path, PathBuf};
 
+use crate::board::BOARD;
 use crate::image::Image;
 use crate::run::{Result, cargo, run};
 use crate::{firmware, setup};
@@ -50,7 +51,7 @@ fn say(table: &impl std::fmt::Display, numbers: &serde_json::Value, json: Option
 }
 
 fn measure() -> Result<report::Report> {
-    let path = firmware::build_image(&[])?;
+    let path = firmware::build_image(BOARD, &[])?;
     let interrupts = with_image(&path, |image| application::measure(&path, image))?;
     let path = build_filters()?;
     let filters = with_image(&path, |image| filters::measure(&path, image))?;

@@ -153,11 +153,18 @@ impl<'a> Calls<'a> {
     }
 }
 
+fn word(image: &Image, address: u32) -> Option<i32> {
+    let (low, high) = (image.halfword(address)?, image.halfword(address + 2)?);
+    Some((u32::from(high) << 16 | u32::from(low)).cast_signed())
+}
+
 fn node(image: &Image, index: usize) -> Node {
     let function = &image.functions[index];
     let mut node = Node::default();
     let end = function.address + function.size;
     let mut address = function.address;
+    // What the low registers were loaded with last.
+    let mut loaded = [None; 8];
     while address < end {
         if image.is_data(address) {
             address += 2;
@@ -180,6 +187,16 @@ fn node(image: &Image, index: usize) -> Node {
             Effect::GoesSomewhere => node.indirect = true,
             Effect::Pushes(bytes) => node.frame_bytes += bytes,
             Effect::PushesSomething => node.unbounded = true,
+            Effect::Loads(register, from) => {
+                if let Some(place) = loaded.get_mut(register as usize) {
+                    *place = word(image, from);
+                }
+            }
+            Effect::AddsToStack(register) => match loaded.get(register as usize).copied().flatten() {
+                // What is added back was taken before.
+                Some(bytes) => node.frame_bytes += bytes.min(0).unsigned_abs(),
+                None => node.unbounded = true,
+            },
         }
         address += length;
     }

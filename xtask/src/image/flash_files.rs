@@ -1,4 +1,5 @@
-//! The files that a flashing tool takes: what a linked image stores in flash, as raw binary and as Intel HEX.
+//! The files that flash an image: what it stores, as raw binary, and as Intel HEX for a flashing tool or as UF2 for a boot ROM that
+//! shows itself as a drive.
 
 use std::fs;
 use std::ops::Range;
@@ -8,12 +9,62 @@ use ihex::{Reader, Record};
 use object::read::elf::{FileHeader, ProgramHeader};
 use object::{Endianness, elf};
 
+use super::uf2;
 use crate::run::Result;
 
-/// Flash that the image may take, sectors 0 to 9: the region `FLASH` of board.x.
-pub const FLASH: Range<u32> = 0x0800_0000..0x080C_0000;
-/// Flash that holds the settings, sectors 10 and 11: see src/board/settings_flash.rs.
-const SETTINGS: Range<u32> = 0x080C_0000..0x0810_0000;
+/// What is where in a board's flash.
+#[derive(Debug)]
+pub struct FlashMap {
+    /// The image may take this.
+    pub image: Range<u32>,
+    /// Where the settings are.
+    pub settings: Range<u32>,
+    /// Where the image's vector table is.
+    pub vectors: u32,
+    /// The form beside the raw binary.
+    pub form: Form,
+}
+
+/// A form of the flash's content.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Form {
+    /// Intel HEX.
+    Hex,
+    /// UF2, for a chip of this family.
+    Uf2(uf2::Family),
+}
+
+impl Form {
+    /// How the name of such a file ends.
+    pub const fn extension(self) -> &'static str {
+        match self {
+            Self::Hex => "hex",
+            Self::Uf2(_) => "uf2",
+        }
+    }
+
+    fn encode(self, start: u32, content: &[u8]) -> Result<Vec<u8>> {
+        match self {
+            Self::Hex => to_hex(start, content).map(String::into_bytes),
+            Self::Uf2(family) => Ok(uf2::encode(family, start, content)),
+        }
+    }
+
+    /// The content of such a file from the start of the flash on.
+    fn decode(self, map: &FlashMap, file: &[u8]) -> Result<Vec<u8>> {
+        match self {
+            Self::Hex => from_hex(map, std::str::from_utf8(file).map_err(|error| error.to_string())?),
+            Self::Uf2(family) => {
+                let mut content = Vec::new();
+                for (address, bytes) in uf2::decode(family, file)? {
+                    append(map, &mut content, address, bytes)?;
+                }
+                Ok(content)
+            }
+        }
+    }
+}
+
 /// Value of an erased byte.
 const ERASED: u8 = 0xFF;
 /// Data bytes in a HEX record. It divides 64 KiB, so no record crosses into the next upper address.
@@ -32,28 +83,28 @@ pub struct FlashFile {
 pub struct FlashFiles {
     /// The flash's content from its first address on, gaps filled with 0xff.
     pub bin: FlashFile,
-    /// The same as Intel HEX.
-    pub hex: FlashFile,
+    /// The same in the board's form.
+    pub formed: FlashFile,
 }
 
 /// Writes both files beside the linked image, reads them back and checks them.
 ///
 /// # Errors
 /// When a file cannot be written, a segment lies outside of the image's flash, or what was written is not the image.
-pub fn write(file: &[u8], path: &Path, stack_start: u32) -> Result<FlashFiles> {
-    remove(path)?;
-    let content = content(file)?;
-    let text = to_hex(&content)?;
-    let [bin, hex] = paths(path);
+pub fn write(map: &FlashMap, file: &[u8], path: &Path, stack_start: u32) -> Result<FlashFiles> {
+    remove(map, path)?;
+    let content = content(map, file)?;
+    let encoded = map.form.encode(map.image.start, &content)?;
+    let [bin, formed] = paths(map, path);
     fs::write(&bin, &content).map_err(|error| format!("{}: {error}", bin.display()))?;
-    fs::write(&hex, &text).map_err(|error| format!("{}: {error}", hex.display()))?;
-    if let Err(error) = check(&bin, &hex, stack_start) {
-        remove(path)?;
+    fs::write(&formed, &encoded).map_err(|error| format!("{}: {error}", formed.display()))?;
+    if let Err(error) = check(map, &bin, &formed, stack_start) {
+        remove(map, path)?;
         return Err(error);
     }
     Ok(FlashFiles {
         bin: FlashFile { path: bin, bytes: content.len() },
-        hex: FlashFile { path: hex, bytes: text.len() },
+        formed: FlashFile { path: formed, bytes: encoded.len() },
     })
 }
 
@@ -61,8 +112,8 @@ pub fn write(file: &[u8], path: &Path, stack_start: u32) -> Result<FlashFiles> {
 ///
 /// # Errors
 /// When a file is there and cannot be removed.
-pub fn remove(path: &Path) -> Result {
-    for file in paths(path) {
+pub fn remove(map: &FlashMap, path: &Path) -> Result {
+    for file in paths(map, path) {
         match fs::remove_file(&file) {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
                 return Err(format!("{}: {error}", file.display()));
@@ -73,23 +124,28 @@ pub fn remove(path: &Path) -> Result {
     Ok(())
 }
 
-/// Paths of the raw binary and of the Intel HEX file.
-fn paths(path: &Path) -> [PathBuf; 2] {
-    ["bin", "hex"].map(|extension| path.with_extension(extension))
+/// Paths of the raw binary and of the file in the board's form.
+fn paths(map: &FlashMap, path: &Path) -> [PathBuf; 2] {
+    ["bin", map.form.extension()].map(|extension| path.with_extension(extension))
 }
 
-/// Checks the files as they are on disk: the HEX file decodes to the raw binary, which begins with the vector table.
-fn check(bin: &Path, hex: &Path, stack_start: u32) -> Result {
+/// Checks the files as they are on disk: the one in the board's form decodes to the raw binary, which has the vector table.
+fn check(map: &FlashMap, bin: &Path, formed: &Path, stack_start: u32) -> Result {
     let content = fs::read(bin).map_err(|error| format!("{}: {error}", bin.display()))?;
-    let text = fs::read_to_string(hex).map_err(|error| format!("{}: {error}", hex.display()))?;
-    if from_hex(&text)? != content {
-        return Err(format!("{} does not decode to {}", hex.display(), bin.display()));
+    let encoded = fs::read(formed).map_err(|error| format!("{}: {error}", formed.display()))?;
+    let mut decoded = map.form.decode(map, &encoded)?;
+    // UF2 has whole pages.
+    if decoded.len() > content.len() && decoded.split_off(content.len()).iter().any(|byte| *byte != ERASED) {
+        return Err(format!("{} has more than {}", formed.display(), bin.display()));
     }
-    check_vectors(&content, stack_start)
+    if decoded != content {
+        return Err(format!("{} does not decode to {}", formed.display(), bin.display()));
+    }
+    check_vectors(map, &content, stack_start)
 }
 
 /// Content of the flash, from its first address on, that the segments of a linked image make.
-fn content(file: &[u8]) -> Result<Vec<u8>> {
+fn content(map: &FlashMap, file: &[u8]) -> Result<Vec<u8>> {
     let header = elf::FileHeader32::<Endianness>::parse(file).map_err(|error| error.to_string())?;
     let endian = header.endian().map_err(|error| error.to_string())?;
     let mut segments = Vec::new();
@@ -108,28 +164,28 @@ fn content(file: &[u8]) -> Result<Vec<u8>> {
     segments.sort_by_key(|(address, _)| *address);
     let mut content = Vec::new();
     for (address, data) in segments {
-        append(&mut content, address, data)?;
+        append(map, &mut content, address, data)?;
     }
     Ok(content)
 }
 
 /// Puts data at an address behind what is there, and fills the gap.
-fn append(content: &mut Vec<u8>, address: u32, data: &[u8]) -> Result {
+fn append(map: &FlashMap, content: &mut Vec<u8>, address: u32, data: &[u8]) -> Result {
+    let FlashMap { image, settings, .. } = map;
     let end = u64::from(address) + data.len() as u64;
-    if (FLASH.start..SETTINGS.end).contains(&address) && end > u64::from(SETTINGS.start) {
+    if (image.start..settings.end).contains(&address) && end > u64::from(settings.start) {
         return Err(format!(
-            "data for {address:#010x} to {end:#010x} would overwrite the settings in sectors 10 and 11, which begin at \
-             {:#010x}",
-            SETTINGS.start
+            "data for {address:#010x} to {end:#010x} would overwrite the settings, which begin at {:#010x}",
+            settings.start
         ));
     }
-    if address < FLASH.start || end > u64::from(FLASH.end) {
+    if address < image.start || end > u64::from(image.end) {
         return Err(format!(
             "data for {address:#010x} to {end:#010x} is outside of the image's flash, {:#010x} to {:#010x} (board.x)",
-            FLASH.start, FLASH.end
+            image.start, image.end
         ));
     }
-    let offset = (address - FLASH.start) as usize;
+    let offset = (address - image.start) as usize;
     if offset < content.len() {
         return Err(format!("two pieces of data are for {address:#010x}"));
     }
@@ -139,11 +195,11 @@ fn append(content: &mut Vec<u8>, address: u32, data: &[u8]) -> Result {
 }
 
 /// The flash's content as Intel HEX.
-fn to_hex(content: &[u8]) -> Result<String> {
+fn to_hex(start: u32, content: &[u8]) -> Result<String> {
     let mut records = Vec::new();
     let mut upper = None;
     for (index, value) in content.chunks(RECORD_BYTES).enumerate() {
-        let address = FLASH.start + (index * RECORD_BYTES) as u32;
+        let address = start + (index * RECORD_BYTES) as u32;
         let high = (address >> 16) as u16;
         if upper.replace(high) != Some(high) {
             records.push(Record::ExtendedLinearAddress(high));
@@ -155,13 +211,13 @@ fn to_hex(content: &[u8]) -> Result<String> {
 }
 
 /// The flash's content from Intel HEX, records in the order of their addresses.
-fn from_hex(text: &str) -> Result<Vec<u8>> {
+fn from_hex(map: &FlashMap, text: &str) -> Result<Vec<u8>> {
     let mut content = Vec::new();
     let mut upper = 0;
     for (index, record) in Reader::new(text).enumerate() {
         match record.map_err(|error| format!("HEX record {}: {error}", index + 1))? {
             Record::ExtendedLinearAddress(high) => upper = u32::from(high) << 16,
-            Record::Data { offset, value } => append(&mut content, upper | u32::from(offset), &value)?,
+            Record::Data { offset, value } => append(map, &mut content, upper | u32::from(offset), &value)?,
             Record::EndOfFile => return Ok(content),
             other => return Err(format!("HEX record {}: {other:?} is not expected", index + 1)),
         }
@@ -170,19 +226,20 @@ fn from_hex(text: &str) -> Result<Vec<u8>> {
 }
 
 /// Checks the first two words of the vector table: the initial stack pointer and the address of the reset handler.
-fn check_vectors(content: &[u8], stack_start: u32) -> Result {
-    let Some((&[a, b, c, d, e, f, g, h], _)) = content.split_first_chunk() else {
+fn check_vectors(map: &FlashMap, content: &[u8], stack_start: u32) -> Result {
+    let table = content.get((map.vectors - map.image.start) as usize..).unwrap_or_default();
+    let Some((&[a, b, c, d, e, f, g, h], _)) = table.split_first_chunk() else {
         return Err(format!("the image has {} bytes: too short for a vector table", content.len()));
     };
     let (stack, reset) = (u32::from_le_bytes([a, b, c, d]), u32::from_le_bytes([e, f, g, h]));
     if stack != stack_start {
         return Err(format!("the initial stack pointer is {stack:#010x}, and _stack_start is {stack_start:#010x}"));
     }
-    let end = FLASH.start + content.len() as u32;
-    if reset % 2 == 0 || !(FLASH.start..end).contains(&reset) {
+    let end = map.image.start + content.len() as u32;
+    if reset % 2 == 0 || !(map.vectors..end).contains(&reset) {
         return Err(format!(
             "the reset handler is at {reset:#010x}: an odd address (Thumb code) from {:#010x} to {end:#010x} was expected",
-            FLASH.start
+            map.vectors
         ));
     }
     Ok(())
@@ -194,7 +251,12 @@ mod tests {
     use object::endian::{Endianness, U16, U32};
     use object::pod::bytes_of;
 
-    use super::{ERASED, FLASH, SETTINGS, check_vectors, content, from_hex, to_hex, write};
+    use super::{ERASED, FlashMap, check_vectors, content, from_hex, to_hex, write};
+    use crate::board::STM32F405;
+
+    const MAP: &FlashMap = &STM32F405.flash;
+    const FLASH: std::ops::Range<u32> = MAP.image.start..MAP.image.end;
+    const SETTINGS: std::ops::Range<u32> = MAP.settings.start..MAP.settings.end;
 
     const LITTLE: Endianness = Endianness::Little;
     const RAM: u32 = 0x2000_0000;
@@ -261,13 +323,6 @@ mod tests {
     }
 
     #[test]
-    fn the_flash_of_the_image_ends_where_the_settings_begin() {
-        let driver = include_str!("../../../src/board/settings_flash.rs");
-        assert!(driver.contains("const START: usize = 0x080C_0000;"));
-        assert_eq!(SETTINGS.start, FLASH.end);
-    }
-
-    #[test]
     fn data_is_stored_at_its_physical_address_and_gaps_read_as_erased() {
         let file = linked(&[
             (PT_LOAD, RAM, FLASH.start + 12, &[5, 6, 7]),
@@ -276,27 +331,27 @@ mod tests {
             (PT_NOTE, 0, 0, &[9]),
         ]);
         let gap = [ERASED; 8];
-        assert_eq!(content(&file).unwrap(), [&[1, 2, 3, 4][..], &gap, &[5, 6, 7]].concat());
+        assert_eq!(content(MAP, &file).unwrap(), [&[1, 2, 3, 4][..], &gap, &[5, 6, 7]].concat());
     }
 
     #[test]
     fn a_segment_outside_of_the_flash_is_refused() {
         for address in [0, FLASH.start - 2, SETTINGS.end, 0x1000_0000, RAM, u32::MAX - 1] {
             let file = linked(&[(PT_LOAD, FLASH.start, FLASH.start, &[0; 8]), (PT_LOAD, address, address, &[0; 4])]);
-            let error = content(&file).unwrap_err();
+            let error = content(MAP, &file).unwrap_err();
             assert!(error.contains("outside of the image's flash"), "{error}");
         }
-        assert!(content(&linked(&[])).is_err());
+        assert!(content(MAP, &linked(&[])).is_err());
     }
 
     #[test]
     fn a_segment_that_reaches_into_the_settings_is_refused() {
         for address in [SETTINGS.start - 2, SETTINGS.start, SETTINGS.end - 4] {
-            let error = content(&linked(&[(PT_LOAD, RAM, address, &[0; 4])])).unwrap_err();
+            let error = content(MAP, &linked(&[(PT_LOAD, RAM, address, &[0; 4])])).unwrap_err();
             assert!(error.contains("overwrite the settings"), "{error}");
         }
         let whole = vec![0; FLASH.len()];
-        assert_eq!(content(&linked(&[(PT_LOAD, FLASH.start, FLASH.start, &whole)])).unwrap(), whole);
+        assert_eq!(content(MAP, &linked(&[(PT_LOAD, FLASH.start, FLASH.start, &whole)])).unwrap(), whole);
     }
 
     #[test]
@@ -305,36 +360,36 @@ mod tests {
             (PT_LOAD, FLASH.start, FLASH.start, &[0; 8]),
             (PT_LOAD, FLASH.start + 7, FLASH.start + 7, &[0; 8]),
         ]);
-        assert_eq!(content(&file).unwrap_err(), "two pieces of data are for 0x08000007");
+        assert_eq!(content(MAP, &file).unwrap_err(), "two pieces of data are for 0x08000007");
     }
 
     #[test]
     fn a_hex_file_decodes_to_the_binary() {
         for bytes in [1, 15, 16, 17, 65_536, 65_537, 150_001] {
             let content: Vec<u8> = (0..bytes).map(|index| (index * 31 % 251) as u8).collect();
-            let hex = to_hex(&content).unwrap();
+            let hex = to_hex(FLASH.start, &content).unwrap();
             assert!(hex.starts_with(":020000040800F2\n") && hex.ends_with(":00000001FF\n"));
-            assert_eq!(from_hex(&hex).unwrap(), content);
+            assert_eq!(from_hex(MAP, &hex).unwrap(), content);
         }
     }
 
     #[test]
     fn a_hex_file_that_is_damaged_does_not_decode() {
-        let hex = to_hex(&[0x12; 40]).unwrap();
-        assert!(from_hex(&hex.replacen("12", "13", 1)).unwrap_err().contains("checksum"));
-        assert!(from_hex(hex.trim_end().trim_end_matches(":00000001FF")).is_err());
+        let hex = to_hex(FLASH.start, &[0x12; 40]).unwrap();
+        assert!(from_hex(MAP, &hex.replacen("12", "13", 1)).unwrap_err().contains("checksum"));
+        assert!(from_hex(MAP, hex.trim_end().trim_end_matches(":00000001FF")).is_err());
     }
 
     #[test]
     fn the_vector_table_begins_with_the_stack_and_an_odd_address_in_the_image() {
         let file = |stack, reset| [vectors(stack, reset), vec![0; 8]].concat();
         let inside = FLASH.start + 9;
-        assert_eq!(check_vectors(&file(STACK, inside), STACK), Ok(()));
-        assert!(check_vectors(&file(STACK - 8, inside), STACK).unwrap_err().contains("_stack_start"));
+        assert_eq!(check_vectors(MAP, &file(STACK, inside), STACK), Ok(()));
+        assert!(check_vectors(MAP, &file(STACK - 8, inside), STACK).unwrap_err().contains("_stack_start"));
         for reset in [inside - 1, FLASH.start + 17, RAM + 1, u32::MAX] {
-            assert!(check_vectors(&file(STACK, reset), STACK).unwrap_err().contains("reset handler"));
+            assert!(check_vectors(MAP, &file(STACK, reset), STACK).unwrap_err().contains("reset handler"));
         }
-        assert!(check_vectors(&[0; 7], STACK).is_err());
+        assert!(check_vectors(MAP, &[0; 7], STACK).is_err());
     }
 
     #[test]
@@ -345,14 +400,14 @@ mod tests {
         let table = vectors(STACK, FLASH.start + 9);
         let file = linked(&[(PT_LOAD, FLASH.start, FLASH.start, &table), (PT_LOAD, RAM, FLASH.start + 8, &[7; 8])]);
 
-        let files = write(&file, &path, STACK).unwrap();
+        let files = write(MAP, &file, &path, STACK).unwrap();
         let stored = std::fs::read(&files.bin.path).unwrap();
         assert_eq!(stored, [&table[..], &[7; 8]].concat());
         assert_eq!(files.bin.bytes, stored.len());
-        assert_eq!(std::fs::read(&files.hex.path).unwrap().len(), files.hex.bytes);
+        assert_eq!(std::fs::read(&files.formed.path).unwrap().len(), files.formed.bytes);
 
-        assert!(write(&file, &path, STACK + 8).is_err());
-        assert!(!files.bin.path.exists() && !files.hex.path.exists());
+        assert!(write(MAP, &file, &path, STACK + 8).is_err());
+        assert!(!files.bin.path.exists() && !files.formed.path.exists());
         std::fs::remove_dir_all(&folder).unwrap();
     }
 }

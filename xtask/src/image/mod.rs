@@ -3,6 +3,7 @@
 mod calls;
 pub mod flash_files;
 mod thumb;
+pub mod uf2;
 
 use object::read::elf::{ElfFile32, FileHeader, ProgramHeader};
 use object::{Object, ObjectSection, ObjectSymbol, SectionFlags, SectionKind, SymbolKind, elf};

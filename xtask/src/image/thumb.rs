@@ -1,4 +1,4 @@
-//! Just enough of the Thumb-2 instruction set to know what a function calls and how deep its stack grows
+//! Just enough of the Thumb and Thumb-2 instruction sets to know what a function calls and how deep its stack grows
 //! (ARM DDI 0403E, the encodings are named there).
 
 /// What one instruction means for calls and the stack.
@@ -14,6 +14,10 @@ pub enum Effect {
     Pushes(u32),
     /// Takes an amount of stack that depends on a register.
     PushesSomething,
+    /// Loads the word at an address into a register.
+    Loads(u32, u32),
+    /// Adds a register to the stack pointer: how a core without wide immediates takes a large frame.
+    AddsToStack(u32),
 }
 
 /// Length in bytes and effect of the instruction at `address` that starts with these halfwords.
@@ -35,8 +39,11 @@ fn narrow(address: u32, code: u16) -> Effect {
         0xE0..=0xE7 => jump(sign_extend(code & 0x7FF, 11) * 2),
         // BX and BLX of anything but the link register.
         0x47 if code & 0x78 != 14 << 3 => Effect::GoesSomewhere,
-        // MOV to the program counter.
-        0x46 if code & 0x87 == 0x87 => Effect::GoesSomewhere,
+        // LDR (literal, T1).
+        0x48..=0x4F => Effect::Loads(code >> 8 & 7, (address + 4 & !3) + 4 * (code & 0xFF)),
+        // ADD of a register to the stack pointer. ADD and MOV to the program counter are jumps through a table of the function's
+        // own: LLVM calls and leaves through a register by BLX and BX alone.
+        0x44 if code & 0x87 == 0x85 => Effect::AddsToStack(code >> 3 & 0xF),
         // MOV to the stack pointer: only frame pointers do that, on the way out.
         _ => Effect::None,
     }
@@ -126,6 +133,8 @@ mod tests {
         assert_eq!(pushes(0xF5AD, 0x7D00), 512, "sub.w sp, sp, #512");
         assert_eq!(pushes(0xF2AD, 0x4D04), 1028, "subw sp, sp, #1028");
         assert_eq!(decode(0, 0xEBAD, 0x0D0C).1, Effect::PushesSomething, "sub.w sp, sp, ip");
+        assert_eq!(decode(0x1000_3F9A, 0x44B5, 0), (2, Effect::AddsToStack(6)), "add sp, r6");
+        assert_eq!(decode(0x1001_3B32, 0x4AF6, 0), (2, Effect::Loads(2, 0x1001_3F0C)), "ldr r2, [pc, #984]");
     }
 
     #[test]
@@ -138,6 +147,8 @@ mod tests {
         assert_eq!(decode(0x0800_0200, 0xF43F, 0xAFFE), (4, Effect::Goes(0x0800_0200)), "beq.w .");
         assert_eq!(decode(0, 0x4798, 0), (2, Effect::GoesSomewhere), "blx r3");
         assert_eq!(decode(0, 0x4770, 0), (2, Effect::None), "bx lr");
+        assert_eq!(decode(0, 0x468F, 0), (2, Effect::None), "mov pc, r1");
+        assert_eq!(decode(0, 0x44AF, 0), (2, Effect::None), "add pc, r5");
         assert_eq!(decode(0, 0xF3BF, 0x8F4F), (4, Effect::None), "dsb sy");
     }
 }
