@@ -1,5 +1,5 @@
-//! Tells the linker where the memories of the application's board are. Does nothing on a host, nor for a firmware that takes
-//! the library without the board.
+//! Tells the library what its core lacks, and the linker where the memories of the application's board are: this only for that
+//! board, and not for a firmware that takes the library without it.
 
 use std::path::PathBuf;
 use std::{env, fs};
@@ -7,6 +7,11 @@ use std::{env, fs};
 fn main() {
     println!("cargo:rerun-if-changed=src/board/board.x");
     println!("cargo:rerun-if-changed=build.rs");
+    println!("cargo:rustc-check-cfg=cfg(narrow_multiplier)");
+    // The ARMv6-M cores have no product of 64 bits: src/multiply.rs.
+    if env::var("TARGET").is_ok_and(|target| target.starts_with("thumbv6m")) {
+        println!("cargo:rustc-cfg=narrow_multiplier");
+    }
     let is_board = env::var_os("CARGO_FEATURE_STM32F405").is_some();
     if !is_board || env::var("CARGO_CFG_TARGET_OS").as_deref() != Ok("none") {
         return;

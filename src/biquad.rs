@@ -25,6 +25,7 @@
 //!
 //! `docs/fixed-point.md` has the proofs, the reasons for this form, and its precision.
 
+use crate::multiply::signed;
 use crate::throttle::{Command, Throttle};
 
 /// Bits after the binary point of the coefficients.
@@ -108,13 +109,12 @@ impl Section {
         // Cannot wrap: both inputs are in 0..=2^29.
         let dx = x.wrapping_sub(self.x);
         let error = x.saturating_sub(self.y);
-        let product = |a: i32, b: i32| i64::from(a) * i64::from(b);
         // The terms that depend on the last output come last: they are on the critical path from tick to tick.
         // Partial sums may wrap. The complete sum fits: its high word is the next dy, and |dy| < 4 (see the module).
         let sum = (i64::from(self.dy) << 32 | i64::from(self.remainder))
-            .wrapping_add(product(coefficients.g1, self.dx).wrapping_add(product(coefficients.g0, dx)))
-            .wrapping_add(product(coefficients.k, self.dy))
-            .wrapping_add(product(coefficients.c, error));
+            .wrapping_add(signed(coefficients.g1, self.dx).wrapping_add(signed(coefficients.g0, dx)))
+            .wrapping_add(signed(coefficients.k, self.dy))
+            .wrapping_add(signed(coefficients.c, error));
         self.dy = (sum >> 32) as i32;
         self.remainder = sum as u32;
         self.y = self.y.saturating_add(self.dy);

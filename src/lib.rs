@@ -92,6 +92,7 @@ pub mod excitation;
 pub mod inverse;
 #[cfg(feature = "link")]
 pub mod link;
+mod multiply;
 #[cfg(feature = "settings")]
 pub mod settings;
 #[cfg(all(feature = "systick", target_os = "none"))]

@@ -6,6 +6,7 @@
 use core::fmt;
 
 use crate::dshot::{self, Speed};
+use crate::multiply::unsigned;
 
 /// Bits after the binary point of [`Command`] and [`Throttle`].
 pub const FRACTION_BITS: u32 = 29;
@@ -320,7 +321,7 @@ impl PulseScale {
         let above = if above < self.span_ticks { above } else { self.span_ticks };
         // above * normalizer < 2^31 and reciprocal <= 2^31: the product has 62 bits, and its high word costs no shift. At
         // the top it is within 1/4 of a step of 1, and so rounded to it.
-        let product = above.wrapping_mul(self.normalizer) as u64 * self.reciprocal as u64;
+        let product = unsigned(above.wrapping_mul(self.normalizer), self.reciprocal);
         Command(((product + HALF) >> 32) as i32)
     }
 
@@ -329,7 +330,7 @@ impl PulseScale {
     #[must_use]
     pub const fn to_ticks(&self, command: Command) -> u32 {
         // A command has at most 30 bits and the span 29, 32 with the shift.
-        let product = command.0.cast_unsigned() as u64 * (self.span_ticks << (32 - FRACTION_BITS)) as u64;
+        let product = unsigned(command.0.cast_unsigned(), self.span_ticks << (32 - FRACTION_BITS));
         self.low_ticks + ((product + HALF) >> 32) as u32
     }
 

@@ -2,6 +2,7 @@
 
 use crate::biquad::{self, Section};
 use crate::inverse::{self, ConditionedInverse, Limits, SlewLimit};
+use crate::multiply::signed;
 use crate::throttle::Command;
 
 /// What a compensator runs, as a checked design gives it.
@@ -160,13 +161,12 @@ impl RunningFilter {
     /// response would. A slower decay drives the motor past its command. A faster one is the step that bumpless switching
     /// is to prevent.
     pub fn decay_step(&self, offset: i32) -> i32 {
-        let (one_less_product, bits) = match self {
+        let (product, bits) = match self {
             // p = 1 + k
-            Self::Lead(lead) => (-i64::from(lead.coefficients.k()), biquad::COEFFICIENT_BITS),
+            Self::Lead(lead) => (-signed(offset, lead.coefficients.k()), biquad::COEFFICIENT_BITS),
             // p = 1 - B
-            Self::Inverse(inverse) => (i64::from(inverse.coefficients.b()), inverse::COEFFICIENT_BITS),
+            Self::Inverse(inverse) => (signed(offset, inverse.coefficients.b()), inverse::COEFFICIENT_BITS),
         };
-        let product = i64::from(offset) * one_less_product;
         (product >> (bits + 1)) as i32 + i32::from(offset > 0)
     }
 }

@@ -101,7 +101,7 @@ const COEFFICIENT_BITS: [i32; COEFFICIENTS] = {
 /// `sum + a b / 2^32`, rounded down: one instruction (SMMLA) on a Cortex-M4.
 #[inline(always)]
 const fn multiply_accumulate_high(sum: i32, a: i32, b: i32) -> i32 {
-    sum.wrapping_add(((a as i64 * b as i64) >> 32) as i32)
+    sum.wrapping_add((crate::multiply::signed(a, b) >> 32) as i32)
 }
 
 /// What [`Self::cosine`] needs to know of a quarter wave.
@@ -139,7 +139,7 @@ impl QuarterWave {
         p = multiply_accumulate_high(c2, minus_square, p);
         p = multiply_accumulate_high(c1, minus_square, p);
         p = multiply_accumulate_high(c0, minus_square, p);
-        i64::from(x) * i64::from(p)
+        crate::multiply::signed(x, p)
     }
 }
 

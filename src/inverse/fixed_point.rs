@@ -1,14 +1,11 @@
 //! Products of words, rounded.
 
+pub(super) use crate::multiply::signed as product;
+
 /// Marks the path that calls it as unlikely, as `core::hint::cold_path` of newer compilers does.
 #[cold]
 #[inline(always)]
 pub(super) const fn cold_path() {}
-
-/// The 64-bit product of two words.
-pub(super) const fn product(a: i32, b: i32) -> i64 {
-    a as i64 * b as i64
-}
 
 /// `value / 2^SHIFT`, to the nearest integer, halves upward. `value` is at least `2^(SHIFT - 1)` below the largest `i64`.
 pub(super) const fn shift_rounded<const SHIFT: u32>(value: i64) -> i64 {
