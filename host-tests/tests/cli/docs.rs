@@ -47,7 +47,7 @@ const fn page(file: &'static str, commands: usize) -> Page {
 }
 
 /// Every page with commands.
-const PAGES: [Page; 11] = [
+const PAGES: [Page; 12] = [
     Page { brought: Some(("log.csv", "sim/tests/data/rcbenchmark.csv")), ..page("README.md", 8) },
     page("docs/inverse.md", 4),
     page("docs/tutorial.md", 30),
@@ -57,6 +57,7 @@ const PAGES: [Page; 11] = [
     page("docs/diagnosis-from-bandwidths.md", 3),
     page("docs/diagnosis.md", 8),
     page("docs/firmware.md", 4),
+    page("docs/board-rp2040.md", 3),
     page("docs/wiring.md", 2),
     page("docs/vehicle.md", 6),
 ];
@@ -337,6 +338,7 @@ fn the_page_on_the_vehicle_shows_what_its_commands_print() {
 #[test]
 fn the_pages_on_the_controller_name_commands_that_there_are() {
     holds("docs/firmware.md");
+    holds("docs/board-rp2040.md");
     holds("docs/wiring.md");
 }
 

@@ -201,7 +201,7 @@ fn the_bytes_of_every_message_are_as_written() {
 
 #[test]
 fn a_whole_frame_is_as_written() {
-    assert_eq!(hex(&framed(9, &Request::Faults)), "000805090a9774ee1b00");
+    assert_eq!(hex(&framed(9, &Request::Faults)), "000805090ae9e6afbe00");
 }
 
 /// One frame of each kind, and another good one after them.

@@ -9,6 +9,8 @@ use rotorlead_device::{entries, set};
 
 #[path = "../../../src/board/pinout.rs"]
 mod pinout;
+#[path = "../../../boards/rp2040/src/pinout.rs"]
+mod rp2040_pinout;
 
 /// A file of the repository.
 fn file(name: &str) -> String {
@@ -96,6 +98,36 @@ fn the_settings_have_the_names_and_defaults_of_the_code() {
             }
             _ => assert_eq!(row[2], *value, "{name}"),
         }
+    }
+}
+
+#[test]
+fn the_pins_of_the_rp2040_are_those_of_its_firmware() {
+    let rows = table(&file("docs/board-rp2040.md"), "| GPIO ");
+    let used: Vec<[String; 2]> = rp2040_pinout::PINS
+        .iter()
+        .map(|pin| [format!("GP{}", pin.gpio), pin.pico.map_or_else(String::new, |number| number.to_string())])
+        .collect();
+    let written: Vec<[String; 2]> = rows.iter().map(|row| [row[0].clone(), row[1].clone()]).collect();
+    assert_eq!(written, used);
+}
+
+#[test]
+fn every_proof_that_the_page_of_the_rp2040_names_is_a_test() {
+    let sources =
+        ["frames", "link", "pulses", "safety"].map(|name| file(&format!("host-tests/tests/rp2040/{name}.rs")));
+    let tests: Vec<&str> = sources
+        .iter()
+        .flat_map(|source| source.split("#[test]").skip(1))
+        .filter_map(|test| test.split_once("fn ")?.1.split('(').next())
+        .collect();
+    let rows = table(&file("docs/board-rp2040.md"), "| scenario ");
+    let named: Vec<&str> = rows.iter().map(|row| code(&row[1])).collect();
+    for test in &named {
+        assert!(tests.contains(test), "{test} is no test");
+    }
+    for test in &tests {
+        assert!(named.contains(test), "the page does not name {test}");
     }
 }
 
