@@ -110,6 +110,10 @@ fn the_pins_of_the_rp2040_are_those_of_its_firmware() {
         .collect();
     let written: Vec<[String; 2]> = rows.iter().map(|row| [row[0].clone(), row[1].clone()]).collect();
     assert_eq!(written, used);
+    for (row, pin) in rows.iter().zip(&rp2040_pinout::PINS) {
+        let what = pin.use_.split(&[',', ' ']).next().unwrap();
+        assert!(row[2].contains(what), "GP{} is for the {what}: {}", pin.gpio, row[2]);
+    }
 }
 
 #[test]

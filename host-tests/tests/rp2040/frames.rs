@@ -122,7 +122,7 @@ fn damaged_frames_and_those_of_another_speed_make_nothing_go_out() {
     for emulator in EMULATORS {
         let mut run = pins::run(&settings, STARTED + ms(12.0));
         // One frame in three has a wrong bit.
-        let damage = |n: u64| if n > armed && n % 3 == 0 { 1 << (n % 16) } else { 0 };
+        let damage = |n: u64| if n > armed && n.is_multiple_of(3) { 1 << (n % 16) } else { 0 };
         line(&mut run, 0, Speed::Dshot600, period, |n| frame(value(n), false) ^ damage(n));
         // The flight controller speaks DShot300 and 150, from a stop to the full throttle, of which all bits are ones.
         line(&mut run, 1, Speed::Dshot300, period, |n| if n < armed { frame(0, false) } else { 0xffff });
