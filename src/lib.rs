@@ -51,7 +51,8 @@
 //! | `stm32f405` | the board and the binary `rotorlead-firmware`, its HAL, RTIC, defmt, memory map and linker arguments | the application on that board, and nothing else |
 //! | `planted-panic` | a panic in the control task | the test of the check that finds panics |
 //!
-//! Without `stm32f405` the library depends on no chip, takes no critical section, and passes no argument to the linker. The
+//! Without `stm32f405` the library depends on no chip, takes no critical section, and passes no argument to the linker; `systick`
+//! brings the crate `cortex-m`. The
 //! tests build it for a Cortex-M0 (`thumbv6m-none-eabi`), a Cortex-M4F (`thumbv7em-none-eabihf`) and a host. The queues of
 //! `controller` are those of `heapless` 0.8. They load and store their indices and never exchange them, so a core without
 //! compare-and-swap needs neither `portable-atomic` nor a critical section.

@@ -9,6 +9,7 @@ export class Core {
   constructor(machine, rp2040, rom) {
     this.machine = machine;
     this.cpu = rp2040.core;
+    machine.handlers.watch(this.cpu);
     this.rom = rom;
     this.isAsleep = false;
     this.isLocked = false;
@@ -33,7 +34,7 @@ export class Core {
 
   // Executes an instruction, or enters an exception. Returns the cycles that it takes.
   step() {
-    const { cpu } = this;
+    const { cpu, machine } = this;
     if (cpu.interruptsUpdated && cpu.checkForInterrupts()) {
       return EXCEPTION_ENTRY_CYCLES;
     }
@@ -45,6 +46,9 @@ export class Core {
       this.rom.checkFetch(this, pc);
     }
     const cycles = cpu.executeInstruction();
+    if (machine.handlers.isReturning) {
+      machine.handlers.leave(machine.now + cycles);
+    }
     if (cpu.waiting) {
       // rp2040js would take the interrupt that ends the sleep whatever PRIMASK says.
       cpu.waiting = false;

@@ -1,6 +1,7 @@
 // Emulated time: executes the core, and between its instructions everything that has come due.
 
 import { Chip, CYCLE_NS } from './chip.mjs';
+import { Handlers } from './handlers.mjs';
 import { Stimuli } from './stimuli.mjs';
 
 export class Machine {
@@ -18,6 +19,7 @@ export class Machine {
     // A reset of the chip that waits for the end of the instruction.
     this.bite = null;
     this.stimuli = new Stimuli(run);
+    this.handlers = new Handlers(this, run.handlers_from);
     this.watched = run.watch.reduce((mask, pin) => mask | (1 << pin), 0);
     this.chip = new Chip(this, null);
     for (const { offset, bytes } of run.flash) {
@@ -127,6 +129,7 @@ export class Machine {
       uart,
       resets,
       faults,
+      handlers: this.handlers.trace(),
       memory,
       flash_operations: flashOperations,
       power_is_cut: powerIsCut,

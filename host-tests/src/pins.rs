@@ -4,7 +4,8 @@
 
 use std::path::PathBuf;
 
-use emulator::rp2040::{CYCLES_PER_S, Edge, Emulator, Flash as Bytes, Run, Trace};
+pub use emulator::rp2040::pulses;
+use emulator::rp2040::{self, CYCLES_PER_S, Edge, Emulator, Flash as Bytes, Run, Trace};
 use rotorlead::dshot::Speed;
 use rotorlead::settings::{MOTORS, Settings, Store};
 
@@ -53,16 +54,6 @@ pub fn stored(settings: &Settings) -> Bytes {
     let mut store = Store::new(Flash::<SECTOR>::blank(), Flash::<SECTOR>::SECTORS);
     store.save(&settings).unwrap_or_else(|error| panic!("{error:?}"));
     Bytes { offset: SETTINGS_OFFSET, bytes: store.into_flash().bytes }
-}
-
-/// A line with pulses: from `start` on one each `period`, with the width that `width` gives for its number, until `end`.
-pub fn pulses(pin: u8, start: u64, period: u64, end: u64, mut width: impl FnMut(u64) -> u64) -> Vec<Edge> {
-    let mut edges = vec![Edge { cycle: 0, pin, is_high: false }];
-    for (n, rise) in (start..end).step_by(period as usize).enumerate() {
-        edges.push(Edge { cycle: rise, pin, is_high: true });
-        edges.push(Edge { cycle: rise + width(n as u64), pin, is_high: false });
-    }
-    edges
 }
 
 /// A pulse at a pin: when it began, and how long it was, in cycles.
@@ -116,19 +107,9 @@ pub fn bit_cycles(speed: Speed) -> u64 {
     (CYCLES_PER_S + u64::from(speed.bits_per_s()) / 2) / u64::from(speed.bits_per_s())
 }
 
-/// A line with frames of DShot, each with when its first bit rises: 3/8 of a bit high for a zero, 6/8 for a one.
+/// A line with frames of DShot ([`rp2040::frames`]).
 pub fn frames(pin: u8, speed: Speed, frames: impl IntoIterator<Item = (u64, u16)>) -> Vec<Edge> {
-    let bit = CYCLES_PER_S as f64 / f64::from(speed.bits_per_s());
-    let mut edges = vec![Edge { cycle: 0, pin, is_high: false }];
-    for (start, bits) in frames {
-        for n in 0..16 {
-            let rise = start as f64 + f64::from(n) * bit;
-            let high = if bits >> (15 - n) & 1 == 1 { 0.75 } else { 0.375 };
-            edges.push(Edge { cycle: rise.round() as u64, pin, is_high: true });
-            edges.push(Edge { cycle: (rise + high * bit).round() as u64, pin, is_high: false });
-        }
-    }
-    edges
+    rp2040::frames(pin, speed.bits_per_s(), frames)
 }
 
 /// What a pin has sent as frames of DShot: when each began, and its bits.

@@ -28,6 +28,7 @@ mod reading;
 mod timing;
 
 pub use reading::Reading;
+#[cfg(feature = "controller")]
 pub(crate) use timing::TIMEOUT_MS;
 pub use timing::{FASTEST_FRAME_HZ, SLOWEST_FRAME_HZ, SLOWEST_POLL_HZ, Timing, TimingError};
 

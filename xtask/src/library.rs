@@ -17,6 +17,8 @@ const ON_CORES: [Option<&str>; 2] = [None, Some("controller")];
 const DEFAULT_PACKAGES: [&str; 5] = ["autocfg", "embedded-hal", "libm", "num-complex", "num-traits"];
 /// Packages whose presence would ask something of a firmware: an implementation of locks or of atomics.
 const LOCKS: [&str; 2] = ["critical-section", "portable-atomic"];
+/// The feature for a kind of core, whose package names the first of these.
+const OF_A_CORE: &str = "systick";
 /// What the manifest says of the package, beside its name.
 const METADATA: [&str; 6] = ["description", "license", "readme", "rust_version", "keywords", "categories"];
 
@@ -130,8 +132,9 @@ fn dependencies(manifest: &Value, features: &[String]) -> Result {
     }
     for feature in features.iter().filter(|feature| !is_board(feature)) {
         let found = tree(Some(feature))?;
+        let locks = LOCKS.into_iter().filter(|_| feature != OF_A_CORE);
         let wrong: Vec<&str> =
-            of_boards.iter().map(String::as_str).chain(LOCKS).filter(|name| found.contains(*name)).collect();
+            of_boards.iter().map(String::as_str).chain(locks).filter(|name| found.contains(*name)).collect();
         if !wrong.is_empty() {
             return Err(format!("the feature {feature} brings {}", wrong.join(", ")));
         }

@@ -42,7 +42,8 @@ Usage: cargo xtask COMMAND
            make it shorter
   inverse  prints what the conditioned inverse is held to, and what its integers do on the paper's motors; a part of test
   bench    measures filters, the simulated stand and identification side by side, in one run;
-           with --firmware [--json FILE] instructions on the controller's core, in QEMU;
+           with --firmware [--board stm32f405|rp2040] [--json FILE] instructions on the controller's core, in QEMU, or for the
+           RP2040 cycles of its interrupts and of its start, in rp2040js;
            with --identify [--largest] [--json FILE] identification alone, from CSV files to a model, beside NumPy and SciPy
            where PYTHON (python3 if not set) has them; --largest goes to 10^8 rows: minutes, and 5 GB in target/
            with --diagnose [--json FILE] a diagnosis with the whole catalog, and how its time grows with the rows
@@ -103,8 +104,12 @@ fn task<'a>(arguments: &'a [&'a str]) -> Option<Task<'a>> {
         ["statistics"] => Box::new(statistics::all),
         ["inverse"] => Box::new(statistics::inverse),
         ["bench"] => Box::new(bench::all),
-        ["bench", "--firmware"] => Box::new(|| bench::firmware(None)),
-        ["bench", "--firmware", "--json", file] => Box::new(move || bench::firmware(Some(file))),
+        ["bench", "--firmware"] => Box::new(|| bench::firmware(board::BOARD, None)),
+        ["bench", "--firmware", "--json", file] => Box::new(move || bench::firmware(board::BOARD, Some(file))),
+        ["bench", "--firmware", "--board", name] => Box::new(move || bench::firmware(firmware::board(name)?, None)),
+        ["bench", "--firmware", "--board", name, "--json", file] => {
+            Box::new(move || bench::firmware(firmware::board(name)?, Some(file)))
+        }
         ["bench", "--identify"] => Box::new(|| bench::identify(false, None)),
         ["bench", "--identify", "--json", file] => Box::new(move || bench::identify(false, Some(file))),
         ["bench", "--identify", "--largest"] => Box::new(|| bench::identify(true, None)),

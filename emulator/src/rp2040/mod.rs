@@ -21,12 +21,14 @@ mod image;
 mod native;
 mod node;
 mod run;
+mod signals;
 mod trace;
 
 pub use error::Error;
 pub use node::{NODE_PACKAGE, NPM_PACKAGE, OLDEST_NODE, VERSION, is_installed, node_version, package_folder};
 pub use run::{Bytes, Edge, Flash, PowerCut, Region, Run, Write};
-pub use trace::{Fault, Reset, Trace};
+pub use signals::{frames, pulses};
+pub use trace::{Fault, Handler, Reset, Trace};
 
 /// Cycles of the emulated clock in a second. Time runs at this rate from the first instruction on: the slower clocks of
 /// the start are not modelled.

@@ -148,6 +148,7 @@ impl Machine {
             uart: self.emulator.drain_uart0_tx_log(),
             resets: Vec::new(),
             faults: self.faults,
+            handlers: Vec::new(),
             memory,
             flash_operations: 0,
             power_is_cut: false,

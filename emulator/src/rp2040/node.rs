@@ -83,7 +83,7 @@ fn execute(command: &mut Command, input: &[u8]) -> std::io::Result<Output> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rp2040::{Bytes, Edge, Fault, PowerCut, Region, Reset, Write};
+    use crate::rp2040::{Bytes, Edge, Fault, Handler, PowerCut, Region, Reset, Write};
 
     #[test]
     fn a_missing_package_names_its_remedy() {
@@ -121,6 +121,7 @@ mod tests {
         run.uart_in = vec![Bytes { cycle: 3, bytes: vec![4] }];
         run.writes = vec![Write { cycle: 5, address: 6, value: 7 }];
         run.watch = vec![8];
+        run.handlers_from = 17;
         run.memory = vec![Region { address: 10, length: 11 }];
         run.power_cut = Some(PowerCut { operation: 12, bytes: 13 });
         let flash = [Flash { offset: 14, bytes: vec![15, 16] }];
@@ -130,6 +131,7 @@ mod tests {
             "uart_in": [{ "cycle": 3, "bytes": [4] }],
             "writes": [{ "cycle": 5, "address": 6, "value": 7 }],
             "watch": [8],
+            "handlers_from": 17,
             "memory": [{ "address": 10, "length": 11 }],
             "power_cut": { "operation": 12, "bytes": 13 },
             "until_cycle": 9,
@@ -141,6 +143,7 @@ mod tests {
     fn a_trace_is_read_from_what_the_script_prints() {
         let text = r#"{"cycles": 100, "edges": [{"cycle": 1, "pin": 2, "is_high": true}], "uart": [3],
             "resets": [{"cycle": 4, "is_forced": false}], "faults": [{"cycle": 5, "pc": 6, "what": "BKPT"}],
+            "handlers": [{"exception": 15, "first_cycle": 10, "calls": 11, "total_cycles": 12, "most_cycles": 13}],
             "memory": [[7, 8], []], "flash_operations": 2, "power_is_cut": false, "unmodelled": ["UART0"]}"#;
         let expected = Trace {
             cycles: 100,
@@ -148,6 +151,7 @@ mod tests {
             uart: vec![3],
             resets: vec![Reset { cycle: 4, is_forced: false }],
             faults: vec![Fault { cycle: 5, pc: 6, what: "BKPT".to_owned() }],
+            handlers: vec![Handler { exception: 15, first_cycle: 10, calls: 11, total_cycles: 12, most_cycles: 13 }],
             memory: vec![vec![7, 8], vec![]],
             flash_operations: 2,
             power_is_cut: false,

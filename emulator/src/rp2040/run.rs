@@ -82,6 +82,8 @@ pub struct Run {
     pub writes: Vec<Write>,
     /// The pins whose edges are traced.
     pub watch: Vec<u8>,
+    /// The cycle from which on calls of exception handlers are counted: [`super::Trace::handlers`].
+    pub handlers_from: u64,
     /// What is read when the run has ended.
     pub memory: Vec<Region>,
     /// A loss of power, which ends the run.
@@ -101,6 +103,7 @@ impl Run {
             uart_in: Vec::new(),
             writes: Vec::new(),
             watch: Vec::new(),
+            handlers_from: 0,
             memory: Vec::new(),
             power_cut: None,
             until_cycle,

@@ -28,6 +28,25 @@ pub struct Fault {
     pub what: String,
 }
 
+/// The handler of an exception.
+///
+/// A call lasts from the first of the 15 cycles of the exception's entry to the end of the instruction that returns; the
+/// unstacking behind it is not modelled. The calls that interrupt it are subtracted: the sum over all handlers is the time that
+/// the core spends in them. A call that has not returned at the end of the run is not counted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+pub struct Handler {
+    /// Number of the exception: 15 is SysTick, 16 and up are the interrupts.
+    pub exception: u32,
+    /// When its first call began, counted or not.
+    pub first_cycle: u64,
+    /// Calls that began at [`super::Run::handlers_from`] or later.
+    pub calls: u64,
+    /// Cycles of these calls together.
+    pub total_cycles: u64,
+    /// Cycles of the longest of them.
+    pub most_cycles: u64,
+}
+
 /// What came of a run.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 pub struct Trace {
@@ -42,6 +61,8 @@ pub struct Trace {
     pub resets: Vec<Reset>,
     /// What went wrong in the core.
     pub faults: Vec<Fault>,
+    /// The handlers that were called, by their exceptions' numbers. Empty in [`super::Emulator::Native`].
+    pub handlers: Vec<Handler>,
     /// The bytes of [`super::Run::memory`], one element for each of its regions.
     pub memory: Vec<Vec<u8>>,
     /// Calls of `flash_range_erase` and `flash_range_program`.
@@ -56,5 +77,11 @@ impl Trace {
     /// Edges of one pin.
     pub fn edges_of(&self, pin: u8) -> impl Iterator<Item = Edge> {
         self.edges.iter().copied().filter(move |edge| edge.pin == pin)
+    }
+
+    /// The handler of an exception; `None` where it was never called.
+    #[must_use]
+    pub fn handler(&self, exception: u32) -> Option<&Handler> {
+        self.handlers.iter().find(|handler| handler.exception == exception)
     }
 }

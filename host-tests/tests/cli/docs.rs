@@ -57,7 +57,7 @@ const PAGES: [Page; 12] = [
     page("docs/diagnosis-from-bandwidths.md", 3),
     page("docs/diagnosis.md", 8),
     page("docs/firmware.md", 4),
-    page("docs/board-rp2040.md", 3),
+    page("docs/board-rp2040.md", 4),
     page("docs/wiring.md", 2),
     page("docs/vehicle.md", 6),
 ];

@@ -196,7 +196,7 @@ fn flight_settings() -> Settings {
 }
 
 /// The same settings with the inverse of the paper's motors.
-fn with_inverse(mut settings: Settings) -> Result<Settings> {
+pub(super) fn with_inverse(mut settings: Settings) -> Result<Settings> {
     let points = PAPER_POLES_RAD_S.map(|(command, pole)| CurvePoint { command, tau_s: 1.0 / pole });
     let curve = RotorCurve::through(&points).map_err(|error| error.to_string())?;
     settings.compensator = CompensatorKind::Inverse;

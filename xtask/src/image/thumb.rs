@@ -40,7 +40,7 @@ fn narrow(address: u32, code: u16) -> Effect {
         // BX and BLX of anything but the link register.
         0x47 if code & 0x78 != 14 << 3 => Effect::GoesSomewhere,
         // LDR (literal, T1).
-        0x48..=0x4F => Effect::Loads(code >> 8 & 7, (address + 4 & !3) + 4 * (code & 0xFF)),
+        0x48..=0x4F => Effect::Loads(code >> 8 & 7, ((address + 4) & !3) + 4 * (code & 0xFF)),
         // ADD of a register to the stack pointer. ADD and MOV to the program counter are jumps through a table of the function's
         // own: LLVM calls and leaves through a register by BLX and BX alone.
         0x44 if code & 0x87 == 0x85 => Effect::AddsToStack(code >> 3 & 0xF),

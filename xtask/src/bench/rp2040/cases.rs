@@ -1,0 +1,195 @@
+//! What the controller does while it is measured: four motors that are disarmed first, and then follow new commands.
+
+use emulator::rp2040::{Bytes, CYCLES_PER_S, Edge, Run, frames, pulses};
+use rotorlead::dshot::{Checksum, Frame, Speed, Value};
+use rotorlead::link::{FRAME_BYTES, Request, encode};
+use rotorlead::settings::{MOTORS, Pulse, PulseProtocol, Settings};
+
+use super::flash;
+use crate::bench::application::with_inverse;
+use crate::run::Result;
+
+/// The first of the four inputs and of the four outputs.
+pub const INPUT_1: u8 = 2;
+pub const OUTPUT_1: u8 = 6;
+/// When the flight controller arms the motors: behind the start of the controller, which designs the lead, or four inverses.
+const ARMED: u64 = ms(330);
+const ARMED_INVERSE: u64 = ms(1330);
+/// How long after that calls begin to be counted, and for how long.
+const SETTLED: u64 = ms(30);
+const COUNTED: u64 = ms(90);
+/// When the lines begin: within the start of the controller.
+const LINES_BEGIN: u64 = ms(1);
+/// Nothing begins so shortly before the end that it would outlast it.
+const BEFORE_END: u64 = ms(3);
+/// From one request of the host to the next.
+const REQUEST_PERIOD: u64 = ms(10);
+
+/// Pulses: standard PWM at its defaults, in at 400 Hz and out at up to 450 Hz. All four inputs have a new one in the same tick.
+const PULSE_PERIOD: u64 = CYCLES_PER_S / 400;
+const STOP_US: u64 = 1000;
+/// Pulses of an armed motor, by turns: they step by more than the inverse's slew allows in a tick.
+const ARMED_US: [u64; 4] = [1400, 1500, 1420, 1550];
+
+/// Frames of DShot.
+const SPEED: Speed = Speed::Dshot600;
+const FRAME_HZ: u16 = 4000;
+const FRAME_PERIOD: u64 = CYCLES_PER_S / FRAME_HZ as u64;
+/// Their values in turn while armed: from the first on, each so much above the one before, within a range.
+const ARMED_VALUES: (u64, u64, u64) = (800, 97, 400);
+
+/// What is held of the start: with the design of one lead, and of four inverses, which is for each motor some five times as long.
+const START_S: f64 = 0.3;
+const START_WITH_INVERSES_S: f64 = 1.2;
+
+const fn ms(ms: u64) -> u64 {
+    ms * CYCLES_PER_S / 1000
+}
+
+const fn us(us: u64) -> u64 {
+    us * CYCLES_PER_S / 1_000_000
+}
+
+/// What is put on the four inputs.
+#[derive(Clone, Copy)]
+enum Lines {
+    Pulses,
+    Frames,
+}
+
+/// Something that the controller does.
+pub struct Case {
+    pub key: &'static str,
+    pub name: &'static str,
+    pub settings: Settings,
+    /// When the motors are armed.
+    pub armed: u64,
+    /// The first control tick is to come earlier than this, seconds after the reset.
+    pub latest_start_s: f64,
+    lines: Lines,
+}
+
+impl Case {
+    /// Everything that is measured.
+    pub fn all() -> Result<[Self; 4]> {
+        let (pass, lead) = (settings(false), settings(true));
+        let dshot = Pulse { protocol: PulseProtocol::Dshot600, frame_hz: FRAME_HZ };
+        let case =
+            |key, name, settings, lines| Self { key, name, settings, armed: ARMED, latest_start_s: START_S, lines };
+        let inverse = case("inverse", "pulses, inverse", with_inverse(lead.clone())?, Lines::Pulses);
+        Ok([
+            case("pass", "pulses, no compensator", pass, Lines::Pulses),
+            case("lead", "pulses, lead", lead.clone(), Lines::Pulses),
+            Self { armed: ARMED_INVERSE, latest_start_s: START_WITH_INVERSES_S, ..inverse },
+            case("dshot", "DShot600, lead", Settings { input: dshot, output: dshot, ..lead }, Lines::Frames),
+        ])
+    }
+
+    /// From when on calls are counted.
+    pub fn from(&self) -> u64 {
+        self.armed + SETTLED
+    }
+
+    fn end(&self) -> u64 {
+        self.from() + COUNTED
+    }
+
+    /// The last cycle at which something begins on a line.
+    fn last(&self) -> u64 {
+        self.end() - BEFORE_END
+    }
+
+    /// The case as a run of an image, in which a host asks over the link, too.
+    pub fn run(&self, image: &std::path::Path) -> Result<Run> {
+        let mut run = Run::new(image, self.end());
+        run.flash.push(flash::stored(&self.settings)?);
+        run.inputs.extend((INPUT_1..).take(MOTORS).flat_map(|pin| self.line(pin)));
+        run.uart_in = requests(self.from(), self.last())?;
+        run.watch.extend((OUTPUT_1..).take(MOTORS));
+        run.handlers_from = self.from();
+        Ok(run)
+    }
+
+    fn line(&self, pin: u8) -> Vec<Edge> {
+        match self.lines {
+            Lines::Pulses => pulses(pin, LINES_BEGIN, PULSE_PERIOD, self.last(), |n| {
+                let is_armed = LINES_BEGIN + n * PULSE_PERIOD >= self.armed;
+                us(if is_armed { ARMED_US[n as usize % ARMED_US.len()] } else { STOP_US })
+            }),
+            Lines::Frames => {
+                let starts = (LINES_BEGIN..self.last()).step_by(FRAME_PERIOD as usize);
+                frames(
+                    pin,
+                    SPEED.bits_per_s(),
+                    (0..).zip(starts).map(|(n, start)| (start, frame(n, start >= self.armed))),
+                )
+            }
+        }
+    }
+
+    /// The longest time that an output is high which stops its motor: a pulse, or a bit that is a zero.
+    pub fn longest_stop(&self) -> u64 {
+        match self.lines {
+            Lines::Pulses => us(STOP_US),
+            Lines::Frames => CYCLES_PER_S * 3 / 8 / u64::from(SPEED.bits_per_s()),
+        }
+    }
+}
+
+fn settings(compensate: bool) -> Settings {
+    let mut settings = Settings::default();
+    settings.motors.iter_mut().for_each(|motor| motor.compensate = compensate);
+    settings
+}
+
+fn frame(n: u64, is_armed: bool) -> u16 {
+    let (first, step, range) = ARMED_VALUES;
+    let value = if is_armed { first + n * step % range } else { 0 };
+    let value = Value::new(value as u16).expect("values are below 2048");
+    Frame::new(value, false, Checksum::Normal).to_bits()
+}
+
+/// A short request each so often, which has the link receive and send.
+fn requests(from: u64, last: u64) -> Result<Vec<Bytes>> {
+    let mut frame = [0; FRAME_BYTES];
+    let length = encode(1, &Request::Info, &mut frame).map_err(|error| error.to_string())?;
+    let at = |cycle| Bytes { cycle, bytes: frame[..length].to_vec() };
+    Ok((from..last).step_by(REQUEST_PERIOD as usize).map(at).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_pins_are_the_boards() {
+        let pinout = include_str!("../../../../boards/rp2040/src/pinout.rs");
+        for (name, pin) in [("INPUT_1", INPUT_1), ("OUTPUT_1", OUTPUT_1)] {
+            assert!(pinout.contains(&format!("pub const {name}: u8 = {pin};")), "{name}");
+        }
+    }
+
+    #[test]
+    fn lines_stop_the_motor_first_and_no_longer_once_it_is_armed() {
+        for case in Case::all().unwrap() {
+            let line = case.line(INPUT_1);
+            let (highs, _) = line[1..].as_chunks::<2>();
+            let longest = |from: u64, to: u64| {
+                let within = highs.iter().filter(|[rise, _]| (from..to).contains(&rise.cycle));
+                within.map(|[rise, fall]| fall.cycle - rise.cycle).max().unwrap()
+            };
+            assert!(longest(0, case.armed).abs_diff(case.longest_stop()) <= 1, "{}", case.key);
+            assert!(longest(case.from(), case.end()) > case.longest_stop() * 6 / 5, "{}", case.key);
+            assert!(line.iter().all(|edge| edge.cycle < case.end()), "{}", case.key);
+        }
+    }
+
+    #[test]
+    fn every_case_is_one_that_the_controller_takes() {
+        for case in Case::all().unwrap() {
+            let run = case.run(std::path::Path::new("image")).unwrap();
+            assert_eq!((run.flash.len(), run.watch.as_slice()), (1, &[6, 7, 8, 9][..]), "{}", case.key);
+            assert!(run.uart_in.len() >= 8, "{}", case.key);
+        }
+    }
+}
