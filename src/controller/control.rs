@@ -125,7 +125,7 @@ impl<H: ControlHardware> Control<H> {
     }
 
     /// Other settings. Every motor is at rest; the outputs are low until the next tick.
-    pub fn reconfigure(&mut self, settings: &Validated, channels: [Channel; MOTORS], plan: &Plan) {
+    pub fn reconfigure(&mut self, settings: &Validated, channels: &[Channel; MOTORS], plan: &Plan) {
         self.inputs = start_inputs(&plan.input, &mut self.hardware);
         self.outputs = OutputPath::start(&plan.output, &mut self.hardware);
         self.hardware.set_tick_rate(settings.loop_rate_hz);

@@ -71,7 +71,7 @@ where
         let plan = Plan::new(settings, facts.clocks.timer_hz, tells_pulses_apart).ok_or(Refusal::Design)?;
         // At once, or a tick would read pulses of one protocol on the scale of the other.
         self.inputs.lock(|inputs| {
-            self.control.lock(|control| control.reconfigure(settings, channels, &plan));
+            self.control.lock(|control| control.reconfigure(settings, &channels, &plan));
             inputs.set_timing(plan.input.timing());
         });
         Ok(())

@@ -34,7 +34,7 @@ impl<T: CaptureTimer> Inputs<T> {
             }
             decoder.edge(timestamp, if is_high { Level::High } else { Level::Low });
         }
-        if self.is_any_masked() {
+        if decoders.iter().any(Decoder::is_masked) {
             self.listen();
         }
         has_edges
@@ -45,7 +45,8 @@ impl<T: CaptureTimer> Inputs<T> {
     pub fn poll(&mut self) -> [Reading; MOTORS] {
         let now = self.timer.now();
         let mut readings = [Reading::NOTHING; MOTORS];
-        for (decoder, reading) in self.decoders.iter_mut().flatten().zip(&mut readings) {
+        let Some(decoders) = &mut self.decoders else { return readings };
+        for (decoder, reading) in decoders.iter_mut().zip(&mut readings) {
             *reading = decoder.read(now);
         }
         if self.is_any_off {
@@ -56,7 +57,11 @@ impl<T: CaptureTimer> Inputs<T> {
 
     /// New limits, or no pulses; the decoders know nothing of their lines afterwards.
     pub fn set_timing(&mut self, timing: Option<Timing>) {
-        self.decoders = timing.map(decoders);
+        match (timing, &mut self.decoders) {
+            // In place: the capture interrupt and the control task wait meanwhile.
+            (Some(timing), Some(decoders)) => decoders.iter_mut().for_each(|one| *one = Decoder::new(timing)),
+            _ => self.decoders = timing.map(decoders),
+        }
         self.listen();
     }
 
@@ -73,7 +78,7 @@ impl<T: CaptureTimer> Inputs<T> {
     /// Whether an interrupt is off or to be off: all others are on.
     #[inline]
     fn is_any_masked(&self) -> bool {
-        self.decoders.iter().flatten().any(Decoder::is_masked)
+        self.decoders.as_ref().is_some_and(|decoders| decoders.iter().any(Decoder::is_masked))
     }
 
     #[cold]

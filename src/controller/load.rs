@@ -11,7 +11,7 @@ use crate::link::{BYTES_PER_S, RECORD_SAMPLE_BYTES};
 
 /// A control tick: of four armed motors with new pulses and with inverses of which the slew limits each, or of an excitation
 /// that is recorded, without its lines. With leads it is some 350 less.
-pub const TICK_CYCLES: u32 = 1400;
+pub const TICK_CYCLES: u32 = 1420;
 /// A line of the excitation.
 pub const LINE_CYCLES: u32 = 30;
 /// An interrupt for one byte of the link, either way.
@@ -19,7 +19,7 @@ pub const BYTE_CYCLES: u32 = 100;
 /// Of that, until the received byte is taken from the UART, which can then hold the next one.
 pub const BYTE_TAKEN_CYCLES: u32 = 45;
 /// A capture interrupt with an edge of each input.
-pub const CAPTURE_CYCLES: u32 = 530;
+pub const CAPTURE_CYCLES: u32 = 545;
 
 /// Bytes of a keep-alive's frame, and of its answer's: an envelope of 7 bytes, its COBS byte and two zeros.
 const KEEP_ALIVE_BYTES: u32 = 10;

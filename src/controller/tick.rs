@@ -412,9 +412,9 @@ impl Tick {
     }
 
     /// New channels, a new meaning of the input's pulses, and a new rate. A host has chosen them, so pulses may go out.
-    pub fn reconfigure(&mut self, channels: [Channel; MOTORS], input_scale: PulseScale, loop_rate_hz: u32) {
+    pub fn reconfigure(&mut self, channels: &[Channel; MOTORS], input_scale: PulseScale, loop_rate_hz: u32) {
         for (motor, channel) in self.motors.iter_mut().zip(channels) {
-            motor.restart(channel, Source::Pulse);
+            motor.restart(channel.clone(), Source::Pulse);
         }
         self.enable_outputs();
         self.common.input_scale = input_scale;

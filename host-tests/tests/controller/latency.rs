@@ -87,7 +87,7 @@ fn play(settings: &Validated, plan: &Plan, drift: f64, commands: Commands, inter
     let mut store = Store::new(Flash::<SECTOR>::blank(), Flash::<SECTOR>::SECTORS);
     store.save(settings).unwrap();
     let (mut board, ..) = TestBoard::start(store, facts(CRYSTAL));
-    board.control.reconfigure(settings, channels(settings), plan);
+    board.control.reconfigure(settings, &channels(settings), plan);
     let control: &mut Control<TestOutputs> = &mut board.control;
     control.hardware_mut().starts.clear();
     control.hardware_mut().interrupted = interrupted;
