@@ -32,6 +32,15 @@ pub fn image() -> PathBuf {
     crate::emulator::named("ROTORLEAD_RP2040_IMAGE")
 }
 
+/// The same with a panic in its control task, which strikes when the first output goes above one half.
+///
+/// # Panics
+/// When `cargo xtask test` has not named it.
+#[must_use]
+pub fn panicking_image() -> PathBuf {
+    crate::emulator::named("ROTORLEAD_PANICKING_RP2040_IMAGE")
+}
+
 /// Cycles in so many microseconds.
 #[must_use]
 pub fn us(us: f64) -> u64 {

@@ -110,7 +110,7 @@ pub fn every_level() -> Result {
 fn in_emulator(targets: &[&str], options: &[&str]) -> Result {
     setup::emulator()?;
     let (panicking, image) = (build_image(BOARD, &[PLANTED])?, build_image(BOARD, &[])?);
-    let rp2040 = build_image(&RP2040, &[])?;
+    let (panicking_rp2040, rp2040) = (build_image(&RP2040, &[PLANTED])?, build_image(&RP2040, &[])?);
     // Of the whole workspace, as the other tests are: of one package alone its dependencies would be compiled anew.
     let mut test = cargo(&["test", "--workspace", "--locked"]);
     test.args(targets).args(["--", "--ignored"]);
@@ -118,7 +118,8 @@ fn in_emulator(targets: &[&str], options: &[&str]) -> Result {
     test.args(["--test-threads", "2"]).args(options);
     test.env("ROTORLEAD_IMAGE", image)
         .env("ROTORLEAD_PANICKING_IMAGE", panicking)
-        .env("ROTORLEAD_RP2040_IMAGE", rp2040);
+        .env("ROTORLEAD_RP2040_IMAGE", rp2040)
+        .env("ROTORLEAD_PANICKING_RP2040_IMAGE", panicking_rp2040);
     run(&mut test)
 }
 

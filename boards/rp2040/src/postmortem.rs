@@ -7,7 +7,6 @@ use core::mem::MaybeUninit;
 use core::panic::PanicInfo;
 use core::ptr::addr_of_mut;
 
-use cortex_m::peripheral::SCB;
 use cortex_m_rt::exception;
 use rotorlead::controller::Record;
 use rotorlead::link::ResetReason;
@@ -52,7 +51,7 @@ fn end(record: Record) -> ! {
     crate::outputs::connect_low(&Pins::steal());
     // SAFETY: interrupts are off and this does not return, so nothing else has it.
     unsafe { addr_of_mut!(RECORD).cast::<Record>().write_volatile(record) };
-    SCB::sys_reset()
+    crate::watchdog::reset()
 }
 
 #[panic_handler]

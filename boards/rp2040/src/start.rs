@@ -1,6 +1,5 @@
 //! From reset to a running board.
 
-use cortex_m::peripheral::SCB;
 use heapless::spsc::{Consumer, Producer};
 use rotorlead::controller::BoardFacts;
 use rotorlead::link::BrownOut;
@@ -130,7 +129,7 @@ fn try_again(pins: &Pins) -> ! {
         pins.put(LED, false);
         cortex_m::asm::delay(FLASH_CYCLES);
     }
-    SCB::sys_reset()
+    crate::watchdog::reset()
 }
 
 /// The timer, to read its microseconds.

@@ -1,5 +1,6 @@
-//! The watchdog: counts the crystal's microseconds, and resets all but the clocks when it is not fed.
+//! The watchdog: counts the crystal's microseconds, and resets all but the oscillators when it is not fed.
 
+use cortex_m::peripheral::SCB;
 use rp2040_hal::pac::{PSM, WATCHDOG};
 
 /// Longest time without a feed while starting or while the flash stalls, the longest that there is: the design of the filter is some
@@ -20,12 +21,7 @@ impl Watchdog {
     /// Runs, with the longer of its two times, and goes on while a debug probe halts the core: the last pulses must not go on.
     pub fn start(registers: WATCHDOG, power: &PSM) -> Self {
         let mut watchdog = Self { registers, load: 0 };
-        // All but the two oscillators, which the crystal's clock needs to go on.
-        power.wdsel().write(|w| {
-            w.rosc().clear_bit();
-            w.xosc().clear_bit();
-            all_others(w)
-        });
+        select(power);
         watchdog.set_patient(true);
         watchdog.registers.ctrl().write(|w| {
             w.pause_dbg0().clear_bit();
@@ -47,6 +43,30 @@ impl Watchdog {
     pub fn feed(&mut self) {
         self.registers.load().write(|w| w.load().variant(self.load));
     }
+}
+
+/// Cycles after which a reset that was asked for should have come.
+const RESET_CYCLES: u32 = 1000;
+
+/// Resets as the watchdog does: of the core alone, which is what its own request resets, pins and timers would not know. From a handler
+/// that does not return.
+#[allow(unsafe_code)]
+pub fn reset() -> ! {
+    // SAFETY: interrupts are off and this does not return, so nobody else has them.
+    let (registers, power) = unsafe { (WATCHDOG::steal(), PSM::steal()) };
+    select(&power);
+    registers.ctrl().modify(|_, w| w.trigger().set_bit());
+    cortex_m::asm::delay(RESET_CYCLES);
+    SCB::sys_reset()
+}
+
+/// What the watchdog resets: all but the two oscillators, on which its clock goes on.
+fn select(power: &PSM) {
+    power.wdsel().write(|w| {
+        w.rosc().clear_bit();
+        w.xosc().clear_bit();
+        all_others(w)
+    });
 }
 
 fn all_others(w: &mut rp2040_hal::pac::psm::wdsel::W) -> &mut rp2040_hal::pac::psm::wdsel::W {

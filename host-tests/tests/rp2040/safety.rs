@@ -1,7 +1,8 @@
 //! What the outputs do when something is wrong.
 
-use emulator::rp2040::{Edge, Emulator, Run, Trace, Write};
+use emulator::rp2040::{Bytes, Edge, Emulator, Run, Trace, Write};
 use host_tests::pins::{self, INPUT_1, LED, OUTPUT_1, ms, pulses, pulses_of, us};
+use rotorlead::link::{FRAME_BYTES, Message, Receiver, Request, ResetReason, encode};
 use rotorlead::settings::{NoSignal, Settings};
 
 /// When the controller runs for sure.
@@ -126,4 +127,40 @@ fn a_control_task_that_stops_is_reset_with_the_outputs_low() {
     let is_high = trace.edges_of(OUTPUT_1).take_while(|edge| edge.cycle <= reset.cycle).last().unwrap().is_high;
     assert!(!is_high, "high at the reset");
     assert_eq!(trace.edges_of(OUTPUT_1).filter(|edge| edge.cycle > reset.cycle).count(), 0);
+}
+
+#[test]
+#[ignore = "needs the image and the emulators: cargo xtask test"]
+fn a_panic_takes_the_outputs_low_and_is_told_after_the_restart() {
+    let settings = Settings::default();
+    let panics_at = STARTED + ms(20.0);
+    let mut run = Run { image: pins::panicking_image(), ..pins::run(&settings, panics_at + ms(320.0)) };
+    let width = |n: u64| match n * PERIOD {
+        start if start < STARTED => us(1000.0),
+        start if start < panics_at => us(1400.0),
+        _ => us(1600.0),
+    };
+    for motor in 0..4 {
+        run.inputs.extend(pulses(INPUT_1 + motor, us(500.0), PERIOD, run.until_cycle, width));
+    }
+    let mut frame = [0; FRAME_BYTES];
+    let length = encode(1, &Request::Info, &mut frame).unwrap();
+    run.uart_in.push(Bytes { cycle: panics_at + ms(300.0), bytes: frame[..length].to_vec() });
+    let trace = pins::trace(Emulator::Node, &run);
+    let [reset] = trace.resets[..] else { panic!("{:?}", trace.resets) };
+    assert!(reset.is_forced);
+    assert!((panics_at..panics_at + ms(6.0)).contains(&reset.cycle), "{} ms", reset.cycle as f64 / 125e3);
+    for motor in 0..4 {
+        let levels: Vec<Edge> = trace.edges_of(OUTPUT_1 + motor).collect();
+        let is_high = levels.iter().take_while(|edge| edge.cycle < reset.cycle).last().unwrap().is_high;
+        assert!(!is_high, "output {motor} at the reset");
+        // The flight controller is armed: no pulse until it disarms.
+        assert_eq!(levels.iter().filter(|edge| edge.cycle > reset.cycle && edge.is_high).count(), 0, "output {motor}");
+    }
+    let mut receiver = Receiver::<Message>::new();
+    let answers: Vec<_> =
+        trace.uart.iter().filter_map(|byte| receiver.push(*byte)).map(|tagged| tagged.message).collect();
+    let [Message::Info(info)] = &answers[..] else { panic!("{answers:?}") };
+    let ResetReason::Panic(place) = info.reset else { panic!("{:?}", info.reset) };
+    assert!(place.file.ends_with(b"control.rs"), "{place:?}");
 }
