@@ -38,9 +38,9 @@ const FRAME_PERIOD: u64 = CYCLES_PER_S / FRAME_HZ as u64;
 /// Their values in turn while armed: from the first on, each so much above the one before, within a range.
 const ARMED_VALUES: (u64, u64, u64) = (800, 97, 400);
 
-/// What is held of the start: with the design of one lead, and of four inverses, which is for each motor some five times as long.
+/// What is held of the start: with the design of one lead, and of four inverses, which have one for each motor.
 const START_S: f64 = 0.3;
-const START_WITH_INVERSES_S: f64 = 1.2;
+const START_WITH_INVERSES_S: f64 = 0.5;
 
 const fn ms(ms: u64) -> u64 {
     ms * CYCLES_PER_S / 1000
