@@ -25,12 +25,12 @@ pub const CORE_HZ: u32 = 125_000_000;
 const SYSTEM_PLL: (u16, u8, u8) = (125, 6, 2);
 /// Of the USB PLL: 1200 MHz, and 48 MHz.
 const USB_PLL: (u16, u8, u8) = (100, 5, 5);
-/// Start-up of the crystal in 256 of its periods: 1 ms.
-const CRYSTAL_DELAY: u16 = (CRYSTAL_HZ / 1000 / 256) as u16;
-/// Reads of a status register before an oscillator counts as dead. A read takes at least 5 cycles of 8 MHz: 60 ms.
-const PATIENCE: u32 = 100_000;
-/// Microseconds for which the core's counter is compared with the timer.
-const COMPARISON_US: u32 = 100;
+/// Start-up of the crystal in 256 of its periods: 63 ms. One is enough on a Pico, and not for every crystal of other boards.
+const CRYSTAL_DELAY: u16 = 63 * (CRYSTAL_HZ / 1000 / 256) as u16;
+/// Reads of a status register before an oscillator counts as dead. A read takes at least 5 cycles of 12 MHz: 0.4 s.
+const PATIENCE: u32 = 1_000_000;
+/// Microseconds for which the core's counter is compared with the timer: long beside a miss of the flash's cache at either end.
+const COMPARISON_US: u32 = 10_000;
 
 /// What the clocks are made of.
 pub struct Parts {

@@ -23,8 +23,9 @@ use crate::state_machines::{Block, Direction, Divider, StateMachines};
 const SLICES: [usize; 2] = [3, 4];
 /// Cycles of a machine in a bit of DShot.
 const BIT_CYCLES: u32 = 8;
-/// A frame that ends by itself within so many counts is left to: from reading its count to setting it takes some 40 cycles.
-const MARGIN: u32 = 20;
+/// What may pass between reading a counter and setting it, in counts: 10 µs, some misses of the flash's cache. A frame that ends by itself
+/// within that is left to, and pulses are over only when that has passed since.
+const MARGIN: u32 = 250;
 /// Frames that may wait in a machine's queue beside the one that goes out.
 const MOST_WAITING: u32 = 2;
 
@@ -133,7 +134,14 @@ impl Outputs {
                 w.b().variant(b)
             });
         }
-        self.written = first.max(second).max(third).max(fourth).into();
+        let written = first.max(second).max(third).max(fourth).into();
+        if self.counter() < count {
+            // It has wrapped meanwhile: which widths run is not known.
+            (self.running, self.skipped, self.last) = (self.written.max(written), 0, 0);
+            self.written = self.running;
+            return;
+        }
+        self.written = written;
         self.hurry();
     }
 
@@ -160,7 +168,7 @@ impl Outputs {
     #[inline]
     fn hurry(&mut self) {
         let count = self.counter();
-        let is_over = count > self.running && count + MARGIN < self.counts;
+        let is_over = count > self.running + MARGIN && count + MARGIN < self.counts;
         if self.skipped == 0 && self.end < self.counts && is_over {
             self.skipped = self.counts - self.end;
             self.set_counter((count + self.skipped).min(self.counts - 1));

@@ -49,7 +49,8 @@ pub struct StateMachines(Block);
 
 /// Bits of all machines in the control register: run, restart, restart the divider.
 const ALL: u32 = (1 << MOTORS) - 1;
-const RESTART: u32 = ALL << 4 | ALL << 8;
+const RESTART: u32 = ALL << 4;
+const RESTART_DIVIDERS: u32 = ALL << 8;
 /// In the registers of the queues: one bit of each machine.
 const RECEIVE_EMPTY: u32 = ALL << 8;
 
@@ -110,14 +111,14 @@ impl StateMachines {
     #[allow(unsafe_code)]
     pub fn start(&self) {
         // SAFETY: as above.
-        self.registers().ctrl().write(|w| unsafe { w.bits(ALL | RESTART) });
+        self.registers().ctrl().write(|w| unsafe { w.bits(ALL | RESTART_DIVIDERS) });
     }
 
-    /// Halts all where they are.
+    /// Halts all, and forgets what they waited for: an instruction that is given to them must not wait for a delay that is left.
     #[allow(unsafe_code)]
     pub fn stop(&self) {
         // SAFETY: as above.
-        self.registers().ctrl().write(|w| unsafe { w.bits(0) });
+        self.registers().ctrl().write(|w| unsafe { w.bits(RESTART) });
     }
 
     /// Whether no machine has a word.

@@ -196,7 +196,7 @@ fn pulses_that_a_controller_refuses_are_wrong_use() {
     let stand = Stand::new();
     for command in ["design --model model.toml --out c.toml", "bandwidth --model model.toml"] {
         for (options, parts) in [
-            ("--input-protocol dshot600", &["--input-protocol", "standard_pwm", "oneshot125", "raw_duty"][..]),
+            ("--input-protocol dshot1200", &["--input-protocol", "standard_pwm", "oneshot125", "raw_duty"][..]),
             ("--input-frame 500", &["input.frame_hz", "2000 us", "use 495 Hz or less", "--input-frame"]),
             ("--output-protocol oneshot125 --output-frame 4000", &["output.frame_hz", "use 3703 Hz or less"]),
             ("--input-protocol raw_duty --input-frame 1501", &["input.frame_hz is 1501", "40 to 1500"]),

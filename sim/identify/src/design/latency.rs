@@ -173,7 +173,7 @@ mod tests {
     use rotorlead::settings::{FASTEST_RAW_DUTY_HZ, Key};
 
     use super::*;
-    use PulseProtocol::{OneShot125, RawDuty, StandardPwm};
+    use PulseProtocol::{Dshot300, Dshot600, OneShot125, RawDuty, StandardPwm};
 
     fn of(protocol: PulseProtocol, input_hz: u16, output_hz: u16) -> Latency {
         let pulse = |frame_hz| Pulse { protocol, frame_hz };
@@ -232,6 +232,20 @@ mod tests {
             assert_eq!(of(StandardPwm, input_hz, output_hz).frame_start, start, "{input_hz} -> {output_hz}");
         }
         assert_eq!(of(RawDuty, 400, 450).frame_start, FrameStart::FreeRunning);
+    }
+
+    #[test]
+    fn frames_wait_for_a_tick_and_those_for_pulses_for_theirs() {
+        // A frame of 27 us, a gap of a bit, half a tick.
+        let relayed = of(Dshot600, 4000, 4000);
+        assert_eq!(relayed.frame_start, FrameStart::FollowsInput);
+        assert!((relayed.total().mean_s - (27.0 + 1e6 / 600e3 + 100.0) * 1e-6).abs() < 1e-12, "{relayed:?}");
+        let pulse = |protocol, frame_hz| Pulse { protocol, frame_hz };
+        for (output_hz, ticks) in [(5000, 1.0), (4000, 2.0), (1000, 5.0)] {
+            let mixed = Latency::new(pulse(StandardPwm, 400), pulse(Dshot300, output_hz), 5000.0).unwrap();
+            assert_eq!(mixed.frame_start, FrameStart::FreeRunning);
+            assert!((mixed.output_frame.worst_s - (ticks - 1.0) * 200e-6).abs() < 1e-12, "{mixed:?}");
+        }
     }
 
     #[test]
