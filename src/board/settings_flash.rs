@@ -4,7 +4,7 @@
 //! the same flash. The HAL's own driver finds the flash's size in a register that the emulator has not got, and writes
 //! by bytes.
 
-use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
+use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
 use stm32f4xx_hal::pac::FLASH;
 
 /// First address of sector 10, behind the image (board.x).
@@ -30,7 +30,10 @@ impl SettingsFlash {
         Self(flash)
     }
 
-    fn unlocked(&mut self, operate: impl FnOnce(&mut Self) -> Result<(), FlashError>) -> Result<(), FlashError> {
+    fn unlocked(
+        &mut self,
+        operate: impl FnOnce(&mut Self) -> Result<(), NorFlashErrorKind>,
+    ) -> Result<(), NorFlashErrorKind> {
         for key in [0x4567_0123, 0xCDEF_89AB] {
             self.0.keyr().write(|w| w.key().set(key));
         }
@@ -59,7 +62,7 @@ impl SettingsFlash {
         });
     }
 
-    fn finish(&mut self) -> Result<(), FlashError> {
+    fn finish(&mut self) -> Result<(), NorFlashErrorKind> {
         for _ in 0..PATIENCE {
             let status = self.0.sr().read();
             if status.bsy().bit_is_clear() {
@@ -68,49 +71,28 @@ impl SettingsFlash {
                     || status.pgaerr().bit()
                     || status.wrperr().bit()
                     || status.operr().bit();
-                return if bad { Err(FlashError::Failed) } else { Ok(()) };
+                return if bad { Err(NorFlashErrorKind::Other) } else { Ok(()) };
             }
         }
-        Err(FlashError::Failed)
-    }
-}
-
-/// Why an operation was not done.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum FlashError {
-    /// Beyond the two sectors.
-    OutOfBounds,
-    /// Not on a word or sector boundary.
-    NotAligned,
-    /// The flash says so.
-    Failed,
-}
-
-impl NorFlashError for FlashError {
-    fn kind(&self) -> NorFlashErrorKind {
-        match self {
-            Self::OutOfBounds => NorFlashErrorKind::OutOfBounds,
-            Self::NotAligned => NorFlashErrorKind::NotAligned,
-            Self::Failed => NorFlashErrorKind::Other,
-        }
+        Err(NorFlashErrorKind::Other)
     }
 }
 
 impl ErrorType for SettingsFlash {
-    type Error = FlashError;
+    type Error = NorFlashErrorKind;
 }
 
 /// The part of the sectors from `offset` on.
-fn bounds(offset: u32, length: usize) -> Result<usize, FlashError> {
+fn bounds(offset: u32, length: usize) -> Result<usize, NorFlashErrorKind> {
     let offset = offset as usize;
-    let end = offset.checked_add(length).ok_or(FlashError::OutOfBounds)?;
-    if end > BYTES { Err(FlashError::OutOfBounds) } else { Ok(START + offset) }
+    let end = offset.checked_add(length).ok_or(NorFlashErrorKind::OutOfBounds)?;
+    if end > BYTES { Err(NorFlashErrorKind::OutOfBounds) } else { Ok(START + offset) }
 }
 
 impl ReadNorFlash for SettingsFlash {
     const READ_SIZE: usize = 1;
 
-    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
         let start = bounds(offset, bytes.len())? as *const u8;
         for (n, byte) in bytes.iter_mut().enumerate() {
             // SAFETY: within the two sectors, which exist on every STM32F405RG and hold no Rust object.
@@ -128,12 +110,12 @@ impl NorFlash for SettingsFlash {
     const WRITE_SIZE: usize = 4;
     const ERASE_SIZE: usize = SECTOR_BYTES;
 
-    fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
-        let length = to.checked_sub(from).ok_or(FlashError::OutOfBounds)? as usize;
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), NorFlashErrorKind> {
+        let length = to.checked_sub(from).ok_or(NorFlashErrorKind::OutOfBounds)? as usize;
         bounds(from, length)?;
         let (first, count) = (from as usize / SECTOR_BYTES, length / SECTOR_BYTES);
         if !(from as usize).is_multiple_of(SECTOR_BYTES) || !length.is_multiple_of(SECTOR_BYTES) {
-            return Err(FlashError::NotAligned);
+            return Err(NorFlashErrorKind::NotAligned);
         }
         self.unlocked(|flash| {
             for sector in first..first + count {
@@ -151,11 +133,11 @@ impl NorFlash for SettingsFlash {
         })
     }
 
-    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
         let start = bounds(offset, bytes.len())? as *mut u32;
-        let (words, []) = bytes.as_chunks::<4>() else { return Err(FlashError::NotAligned) };
+        let (words, []) = bytes.as_chunks::<4>() else { return Err(NorFlashErrorKind::NotAligned) };
         if !offset.is_multiple_of(4) {
-            return Err(FlashError::NotAligned);
+            return Err(NorFlashErrorKind::NotAligned);
         }
         self.unlocked(|flash| {
             flash.0.cr().write(|w| {

@@ -4,6 +4,7 @@ use std::fs::File;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
+use crate::board::RP2040;
 use crate::run::{Result, cargo, command, run, target_folder};
 use crate::setup;
 
@@ -86,7 +87,10 @@ impl Times {
         pages.env("RUSTDOCFLAGS", "-D warnings");
         let mut counts = xtask("bench");
         counts.arg("--firmware");
-        let checks = lints().commands.into_iter().chain([pages, xtask("library"), xtask("check-image"), counts]);
+        let mut cycles = xtask("bench");
+        cycles.args(["--firmware", "--board", RP2040.name]);
+        let last = [pages, xtask("library"), xtask("check-image"), counts, cycles];
+        let checks = lints().commands.into_iter().chain(last);
         self.beside([
             part("host tests", [host]),
             part("reports in a browser", [browser]),

@@ -4,7 +4,7 @@
 //! interrupts off. Afterwards the second stage of the boot, which lies in the first 256 bytes of the flash, runs again from RAM: it
 //! sets up the fast way of reading, and what the ROM has for that is some eight times slower.
 
-use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
+use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
 use rp2040_hal::rom_data;
 
 /// Where the flash is read.
@@ -32,39 +32,18 @@ impl SettingsFlash {
     }
 }
 
-/// Why an operation was not done.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum FlashError {
-    /// Beyond the two sectors.
-    OutOfBounds,
-    /// Not on a page or sector boundary.
-    NotAligned,
-    /// What is read afterwards is not what was asked for.
-    Failed,
-}
-
-impl NorFlashError for FlashError {
-    fn kind(&self) -> NorFlashErrorKind {
-        match self {
-            Self::OutOfBounds => NorFlashErrorKind::OutOfBounds,
-            Self::NotAligned => NorFlashErrorKind::NotAligned,
-            Self::Failed => NorFlashErrorKind::Other,
-        }
-    }
-}
-
 impl ErrorType for SettingsFlash {
-    type Error = FlashError;
+    type Error = NorFlashErrorKind;
 }
 
-fn check(offset: u32, length: usize, unit: usize) -> Result<(), FlashError> {
-    let length = u32::try_from(length).map_err(|_| FlashError::OutOfBounds)?;
-    let end = offset.checked_add(length).ok_or(FlashError::OutOfBounds)?;
+fn check(offset: u32, length: usize, unit: usize) -> Result<(), NorFlashErrorKind> {
+    let length = u32::try_from(length).map_err(|_| NorFlashErrorKind::OutOfBounds)?;
+    let end = offset.checked_add(length).ok_or(NorFlashErrorKind::OutOfBounds)?;
     if end > BYTES {
-        return Err(FlashError::OutOfBounds);
+        return Err(NorFlashErrorKind::OutOfBounds);
     }
     let unit = unit as u32;
-    if offset.is_multiple_of(unit) && length.is_multiple_of(unit) { Ok(()) } else { Err(FlashError::NotAligned) }
+    if offset.is_multiple_of(unit) && length.is_multiple_of(unit) { Ok(()) } else { Err(NorFlashErrorKind::NotAligned) }
 }
 
 fn byte(offset: u32) -> u8 {
@@ -134,7 +113,7 @@ fn operate(operation: Operation) {
 impl ReadNorFlash for SettingsFlash {
     const READ_SIZE: usize = 1;
 
-    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FlashError> {
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
         check(offset, bytes.len(), Self::READ_SIZE)?;
         for (place, to) in (offset..).zip(bytes) {
             *to = byte(place);
@@ -151,14 +130,14 @@ impl NorFlash for SettingsFlash {
     const WRITE_SIZE: usize = PAGE_BYTES;
     const ERASE_SIZE: usize = SECTOR_BYTES as usize;
 
-    fn erase(&mut self, from: u32, to: u32) -> Result<(), FlashError> {
-        let length = to.checked_sub(from).ok_or(FlashError::OutOfBounds)?;
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), NorFlashErrorKind> {
+        let length = to.checked_sub(from).ok_or(NorFlashErrorKind::OutOfBounds)?;
         check(from, length as usize, Self::ERASE_SIZE)?;
         operate(Operation::Erase { from: START + from, length });
-        if (from..to).all(|offset| byte(offset) == 0xff) { Ok(()) } else { Err(FlashError::Failed) }
+        if (from..to).all(|offset| byte(offset) == 0xff) { Ok(()) } else { Err(NorFlashErrorKind::Other) }
     }
 
-    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FlashError> {
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
         check(offset, bytes.len(), PAGE_BYTES)?;
         let (pages, _) = bytes.as_chunks::<PAGE_BYTES>();
         for (from, page) in (offset..).step_by(PAGE_BYTES).zip(pages) {
@@ -169,7 +148,7 @@ impl NorFlash for SettingsFlash {
         if (offset..).zip(bytes).all(|(place, expected)| byte(place) == *expected) {
             Ok(())
         } else {
-            Err(FlashError::Failed)
+            Err(NorFlashErrorKind::Other)
         }
     }
 }

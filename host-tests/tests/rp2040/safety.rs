@@ -131,7 +131,7 @@ fn a_control_task_that_stops_is_reset_with_the_outputs_low() {
 
 #[test]
 #[ignore = "needs the image and the emulators: cargo xtask test"]
-fn a_panic_takes_the_outputs_low_and_is_told_after_the_restart() {
+fn a_panic_takes_the_outputs_low_and_info_names_it_after_the_restart() {
     let settings = Settings::default();
     let panics_at = STARTED + ms(20.0);
     let mut run = Run { image: pins::panicking_image(), ..pins::run(&settings, panics_at + ms(320.0)) };

@@ -7,6 +7,10 @@ use serde_json::{Value, json};
 
 /// What the project holds: four motors take less than this share of the core, in the longest tick, too.
 const MOST_SHARE: f64 = 0.40;
+/// The page with these figures.
+const PAGE: &str = include_str!("../../../../docs/board-rp2040.md");
+/// How far its figures may be off.
+const PAGE_TOLERANCE: f64 = 0.05;
 /// A tick at either end of the count may be in it or not.
 const TICKS_AT_ENDS: u64 = 1;
 
@@ -60,6 +64,28 @@ impl Row {
         self.start_cycles as f64 / CYCLES_PER_S as f64
     }
 
+    /// What the table of the page has of it: cycles of a tick, mean and most, shares in percent, and the start in milliseconds.
+    fn figures(&self) -> [f64; 5] {
+        let percent = |share: f64| 100.0 * share;
+        let (mean, most) = (self.tick.mean(), self.tick.most as f64);
+        [mean, most, percent(self.share()), percent(self.most_share()), 1e3 * self.start_s()]
+    }
+
+    /// As a row of that table.
+    fn written(&self) -> String {
+        let [mean, most, share, most_share, start] = self.figures();
+        format!("| {} | {mean:.0} | {most:.0} | {share:.1} % | {most_share:.1} % | {start:.0} ms |", self.name)
+    }
+
+    /// Whether a page has such a row.
+    fn is_written(&self, page: &str) -> bool {
+        let head = format!("| {} |", self.name);
+        let rows = page.lines().filter_map(|line| line.strip_prefix(&head));
+        let numbers = |row: &str| -> Vec<f64> { row.split_whitespace().filter_map(|word| word.parse().ok()).collect() };
+        let is_near = |(written, found): (&f64, f64)| (written - found).abs() <= PAGE_TOLERANCE * found;
+        rows.map(numbers).any(|row| row.len() == 5 && row.iter().zip(self.figures()).all(is_near))
+    }
+
     fn json(&self) -> Value {
         json!({
             "ticks": self.tick.calls,
@@ -88,6 +114,10 @@ impl Report {
 
     /// What does not hold, in words.
     pub fn missed(&self) -> Vec<String> {
+        self.missed_beside(PAGE)
+    }
+
+    fn missed_beside(&self, page: &str) -> Vec<String> {
         let mut missed = Vec::new();
         for row in &self.rows {
             let mut hold = |holds: bool, what: String| {
@@ -106,6 +136,7 @@ impl Report {
             let expected = row.counted_cycles / row.tick_cycles;
             let what = format!("{} control ticks came instead of {expected}", row.tick.calls);
             hold(row.tick.calls.abs_diff(expected) <= TICKS_AT_ENDS, what);
+            hold(row.is_written(page), format!("docs/board-rp2040.md does not say, to 5 %: {}", row.written()));
         }
         missed
     }
@@ -160,7 +191,7 @@ mod tests {
     };
 
     fn missed(row: Row) -> Vec<String> {
-        Report { rows: vec![row] }.missed()
+        Report { rows: vec![row] }.missed_beside(&row.written())
     }
 
     #[test]
@@ -185,6 +216,19 @@ mod tests {
         ] {
             assert_eq!(missed(row), [format!("pulses, lead: {expected}")]);
         }
+    }
+
+    #[test]
+    fn a_page_with_other_figures_is_missed() {
+        let page = "| pulses, lead | 4700 | 7200 | 20.5 % | 30.0 % | 100 ms |";
+        assert!(GOOD.is_written(page));
+        for (figure, other) in
+            [("4700", "4800"), ("7200", "7100"), ("20.5", "21.1"), ("100", "94"), ("lead", "inverse")]
+        {
+            assert!(!GOOD.is_written(&page.replacen(figure, other, 1)), "{other}");
+        }
+        let missed = Report { rows: vec![GOOD] }.missed_beside("");
+        assert_eq!(missed, [format!("pulses, lead: docs/board-rp2040.md does not say, to 5 %: {}", GOOD.written())]);
     }
 
     #[test]
