@@ -42,9 +42,6 @@ export class Core {
     if (pc < ROM_END) {
       return this.rom.call(this, pc);
     }
-    if (this.rom.isFlashBusy) {
-      this.rom.checkFetch(this, pc);
-    }
     const cycles = cpu.executeInstruction();
     if (machine.handlers.isReturning) {
       machine.handlers.leave(machine.now + cycles);

@@ -8,6 +8,8 @@ const PAGE = 256;
 const ERASE_CYCLES = 5_625_000;
 const PROGRAM_CYCLES = 50_000;
 const CALL_CYCLES = 100;
+// Interrupts are taken while the ROM waits for the flash, so often.
+const WAIT_CYCLES = 20;
 
 // Where the functions are said to be. No other address of the ROM may be called.
 const LOOKUP = 0x100;
@@ -23,6 +25,9 @@ export class Rom {
     this.rp2040 = rp2040;
     // From the exit from execution in place to its return: the flash cannot be read.
     this.isFlashBusy = false;
+    // Cycles that are left of the operation that waits, and what it does at its end.
+    this.left = 0;
+    this.finish = null;
     // "Mu", 1, version 2; then 16 bits each: the table of functions, that of data, the function that looks up.
     rp2040.bootrom.set([0x0201754d, TABLE | (TABLE << 16), LOOKUP | 1], 4);
     const ssi = rp2040.peripherals[SSI];
@@ -32,13 +37,25 @@ export class Rom {
       // A second stage of the boot that is run again ends with this.
       this.isFlashBusy &&= !(offset === SSIENR && value === 1);
     };
+    // Everything that is read of the flash: instructions, constants, vectors.
+    for (const name of ['readUint32', 'readUint16', 'readUint8']) {
+      const read = rp2040[name];
+      rp2040[name] = (address) => {
+        if (this.isFlashBusy && address >= FLASH_START && address < FLASH_END) {
+          machine.chip.core.blame('the flash was read while it was written');
+        }
+        return read.call(rp2040, address);
+      };
+    }
   }
 
-  // Does what the function at `pc` does, and returns from it. Returns the cycles that it takes.
+  // Does what the function at `pc` does, and returns from it. Returns the cycles that it takes, or the first of them.
   call(core, pc) {
     const { cpu } = core;
+    if (this.left > 0) {
+      return this.wait(core, pc);
+    }
     const [r0, r1, r2] = cpu.registers;
-    let cycles = CALL_CYCLES;
     switch (pc) {
       case LOOKUP:
         cpu.registers[0] = FUNCTIONS[String.fromCharCode(r1 & 0xff, (r1 >> 8) & 0xff)] ?? 0;
@@ -55,20 +72,35 @@ export class Rom {
         break;
       case FUNCTIONS.RE:
         this.check(core, r0, r1, SECTOR);
-        this.write(r0, r1, () => 0xff);
-        cycles = (r1 / SECTOR) * ERASE_CYCLES;
-        break;
+        this.left = (r1 / SECTOR) * ERASE_CYCLES;
+        this.finish = () => this.write(r0, r1, () => 0xff);
+        return this.wait(core, pc);
       case FUNCTIONS.RP:
         this.check(core, r0, r2, PAGE);
         // Programming clears bits only.
-        this.write(r0, r2, (before, index) => before & this.rp2040.readUint8(r1 + index));
-        cycles = (r2 / PAGE) * PROGRAM_CYCLES;
-        break;
+        this.left = (r2 / PAGE) * PROGRAM_CYCLES;
+        this.finish = () =>
+          this.write(r0, r2, (before, index) => before & this.rp2040.readUint8(r1 + index));
+        return this.wait(core, pc);
       default:
         core.blame(`call of the boot ROM at 0x${pc.toString(16)}, which is not there`);
     }
     cpu.PC = cpu.LR & ~1;
-    return core.fault === null ? cycles : core.enterHardFault(pc);
+    return core.fault === null ? CALL_CYCLES : core.enterHardFault(pc);
+  }
+
+  wait(core, pc) {
+    if (core.fault !== null) {
+      this.left = 0;
+      return core.enterHardFault(pc);
+    }
+    this.left -= WAIT_CYCLES;
+    if (this.left <= 0) {
+      this.left = 0;
+      this.finish();
+      core.cpu.PC = core.cpu.LR & ~1;
+    }
+    return WAIT_CYCLES;
   }
 
   check(core, offset, count, unit) {
@@ -88,12 +120,6 @@ export class Rom {
     const length = machine.powerIsCut ? Math.min(cut.bytes, count) : count;
     for (let index = 0; index < length; index++) {
       rp2040.flash[offset + index] = change(rp2040.flash[offset + index], index);
-    }
-  }
-
-  checkFetch(core, pc) {
-    if (pc >= FLASH_START && pc < FLASH_END) {
-      core.blame('an instruction was fetched from the flash while it was written');
     }
   }
 }

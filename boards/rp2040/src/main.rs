@@ -6,6 +6,9 @@
 mod pinout;
 
 #[cfg(target_os = "none")]
+#[allow(unsafe_code, reason = "it lies where the boot ROM looks for it, and tells the core where its vectors are")]
+mod boot;
+#[cfg(target_os = "none")]
 mod clocks;
 #[cfg(target_os = "none")]
 mod inputs;
@@ -31,13 +34,6 @@ mod state_machines;
 mod thrust_adc;
 #[cfg(target_os = "none")]
 mod watchdog;
-
-/// What the boot ROM runs first: it lets the flash be read four bits at a time.
-#[cfg(target_os = "none")]
-#[allow(unsafe_code, reason = "it lies where the boot ROM looks for it")]
-#[unsafe(link_section = ".boot2")]
-#[used]
-static BOOT2: [u8; 256] = rp2040_boot2::BOOT_LOADER_W25Q080;
 
 #[cfg(not(target_os = "none"))]
 fn main() {

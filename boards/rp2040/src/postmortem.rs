@@ -69,7 +69,7 @@ unsafe fn DefaultHandler(number: i16) -> ! {
 // A stack that ran over is no place to push anything: the handler starts on a fresh one, with the old pointer in r0.
 core::arch::global_asm!(
     ".syntax unified",
-    ".section .HardFault.user, \"ax\", %progbits",
+    ".section .text.HardFault, \"ax\", %progbits",
     ".global HardFault",
     ".type HardFault, %function",
     ".thumb_func",

@@ -1,8 +1,8 @@
 //! The last two sectors of the flash, where the settings are stored.
 //!
-//! The flash cannot be read while it is erased (45 ms, 400 ms at most) or written, so the boot ROM's functions do it from RAM, with
-//! interrupts off. Afterwards the second stage of the boot, which lies in the first 256 bytes of the flash, runs again from RAM: it
-//! sets up the fast way of reading, and what the ROM has for that is some eight times slower.
+//! The boot ROM's functions erase them (45 ms, 400 ms at most) and write them. The flash cannot be read meanwhile, and all code is in
+//! RAM. Afterwards the second stage of the boot, which lies in the first 256 bytes of the flash, runs again from a copy: it sets up the
+//! fast way of reading, and what the ROM has for that is some eight times slower.
 
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
 use rp2040_hal::rom_data;
@@ -79,11 +79,17 @@ enum Operation {
     Program { from: u32, page: *const u8 },
 }
 
-/// Runs an operation with the flash away: nothing that lies in it may be touched until it is back.
-#[inline(never)]
-#[unsafe(link_section = ".data.ram_func")]
-fn run(rom: &Rom, operation: Operation) {
-    // SAFETY: interrupts are off, and this and the ROM's functions are all that runs; the operation was checked.
+/// Runs an operation, with the flash away meanwhile. Interrupts go on: what they need is in RAM.
+fn operate(operation: Operation) {
+    let rom = Rom {
+        connect: rom_data::connect_internal_flash::ptr(),
+        exit_xip: rom_data::flash_exit_xip::ptr(),
+        erase: rom_data::flash_range_erase::ptr(),
+        program: rom_data::flash_range_program::ptr(),
+        flush: rom_data::flash_flush_cache::ptr(),
+        boot2: core::array::from_fn(boot2_word),
+    };
+    // SAFETY: no code, constant or vector lies in the flash; the operation was checked.
     unsafe {
         (rom.connect)();
         (rom.exit_xip)();
@@ -96,18 +102,6 @@ fn run(rom: &Rom, operation: Operation) {
         let boot2: unsafe extern "C" fn() = core::mem::transmute(rom.boot2.as_ptr().addr() | THUMB);
         boot2();
     }
-}
-
-fn operate(operation: Operation) {
-    let rom = Rom {
-        connect: rom_data::connect_internal_flash::ptr(),
-        exit_xip: rom_data::flash_exit_xip::ptr(),
-        erase: rom_data::flash_range_erase::ptr(),
-        program: rom_data::flash_range_program::ptr(),
-        flush: rom_data::flash_flush_cache::ptr(),
-        boot2: core::array::from_fn(boot2_word),
-    };
-    cortex_m::interrupt::free(|_| run(&rom, operation));
 }
 
 impl ReadNorFlash for SettingsFlash {

@@ -7,6 +7,7 @@ use rotorlead::systick::ControlTimer;
 use rp2040_hal::pac::io_bank0::gpio::gpio_ctrl::FUNCSEL_A;
 use rp2040_hal::pac::{Peripherals, RESETS, TIMER};
 
+use crate::boot;
 use crate::clocks::{self, Parts};
 use crate::inputs::{self, Capture, InputFrames};
 use crate::outputs::Outputs;
@@ -53,6 +54,7 @@ pub struct Board {
 impl Board {
     /// Sets everything up. Interrupts are off meanwhile. The pins are inputs with a pull-down from a reset on.
     pub fn new(device: Peripherals, mut core: cortex_m::Peripherals, queues: Queues) -> Self {
+        boot::move_vectors(&mut core.SCB);
         let reset = postmortem::take(&device.WATCHDOG, &device.VREG_AND_CHIP_RESET);
         leave_reset(&device.RESETS);
         let pins = Pins::new(device.IO_BANK0, device.PADS_BANK0, device.SIO);

@@ -106,3 +106,21 @@ fn settings_are_saved_and_a_power_cut_at_any_operation_leaves_the_old_or_the_new
     println!("{operations} operations: {} cuts left the old settings, {} the new", seen[0], seen[1]);
     assert!(seen.iter().all(|count| *count > 0), "{seen:?}");
 }
+
+#[test]
+#[ignore = "needs the image and the emulators: cargo xtask test"]
+fn frames_go_on_while_the_flash_is_erased_and_written() {
+    let mut run = pins::run(&chosen(), STARTED + ms(300.0));
+    let saved_at = STARTED + ms(100.0);
+    run.uart_in = requests(saved_at, 0.0, &[Request::SaveSettings]);
+    run.inputs = pulses(INPUT_1, us(500.0), us(2500.0), run.until_cycle, |_| us(1000.0));
+    run.watch.push(OUTPUT_1);
+    let trace = pins::trace(Emulator::Node, &run);
+    assert!(trace.faults.is_empty(), "{:?}", trace.faults);
+    assert_eq!(trace.flash_operations, 2, "an erase and a page");
+    let sent = pins::frames_of(&trace, OUTPUT_1, Speed::Dshot600, 1.0);
+    let during: Vec<u64> = sent.iter().map(|(cycle, _)| *cycle).filter(|cycle| *cycle > saved_at).collect();
+    let longest = during.windows(2).map(|pair| pair[1] - pair[0]).max().unwrap();
+    assert!(longest <= ms(0.5), "a gap of {} us", longest as f64 / 125.0);
+    assert!(sent.iter().all(|(_, bits)| *bits == 0), "a stop and nothing else");
+}
