@@ -24,6 +24,8 @@ pub struct Board {
     pub flash: FlashMap,
     /// Its interrupts.
     pub interrupts: Interrupts,
+    /// Page that says what the image takes.
+    pub sizes_page: &'static str,
 }
 
 /// Interrupts of the application, by their names in the vector table.
@@ -76,6 +78,7 @@ pub const STM32F405: Board = Board {
         // 26 words with the floating-point unit on.
         frame_bytes: 27 * 4,
     },
+    sizes_page: "README.md",
 };
 
 /// What probe-rs calls the chip of the STM32F405, for `cargo xtask flash`.
@@ -105,6 +108,7 @@ pub const RP2040: Board = Board {
         above: &[],
         frame_bytes: 9 * 4,
     },
+    sizes_page: "docs/board-rp2040.md",
 };
 
 /// Every board.

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use crate::board::{BOARD, BOARDS, Board, PROBE_CHIP, RP2040};
 use crate::image::{Calls, Function, Image, flash_files};
-use crate::readme::{self, Sizes};
 use crate::run::{Result, cargo, command, output, run, target_folder};
+use crate::sizes::{self, Sizes};
 use crate::{emulator, setup};
 
 /// The capture of the inputs.
@@ -82,10 +82,16 @@ pub fn flash() -> Result {
     run(command("probe-rs", &options).arg(path))
 }
 
-/// What `build` checks, what the README says of sizes, and that the check for panics finds one that is planted.
+/// Writes into each board's page what its image takes.
+pub fn state_sizes() -> Result {
+    BOARDS.into_iter().try_for_each(|board| sizes::update(board, build(board)?))
+}
+
+/// What `build` checks, what the pages say of sizes, and that the check for panics finds one that is planted.
 pub fn check() -> Result {
-    readme::check(build(BOARD)?)?;
-    build(&RP2040)?;
+    for board in BOARDS {
+        sizes::check(board, build(board)?)?;
+    }
     let panicking = build_image(BOARD, &[PLANTED])?;
     let bytes = std::fs::read(&panicking).map_err(|error| format!("{}: {error}", panicking.display()))?;
     match no_panic(BOARD, &Image::read(&bytes)?) {
@@ -149,10 +155,14 @@ fn no_panic(board: &Board, image: &Image) -> Result {
 /// Deepest stack: the idle task, and on top of it one interrupt of each priority.
 fn stack(board: &Board, image: &Image) -> Result<u64> {
     let calls = Calls::of(image);
+    let function = |name| image.function_named(name).ok_or_else(|| format!("the image has no function {name}"));
+    if !calls.reachable(function("Reset")?).contains(&function("main")?) {
+        return Err("the way from Reset to main is not seen, so the stack of all that it calls is not known".to_owned());
+    }
     let mut total = 0;
     let interrupts = &board.interrupts;
     for name in ["Reset"].into_iter().chain(interrupts.path()).chain(interrupts.above.iter().copied()) {
-        let root = image.function_named(name).ok_or_else(|| format!("the image has no function {name}"))?;
+        let root = function(name)?;
         // Handlers of faults and panics do not return: they throw the stack away.
         let depth = calls.depth(root, &panics)?;
         let frame = if name == "Reset" { 0 } else { interrupts.frame_bytes };

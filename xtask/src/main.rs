@@ -11,9 +11,9 @@ mod firmware;
 mod fuzz;
 mod image;
 mod library;
-mod readme;
 mod run;
 mod setup;
+mod sizes;
 mod statistics;
 mod test;
 
@@ -26,7 +26,7 @@ Usage: cargo xtask COMMAND
   build    [--board stm32f405|rp2040] builds the image for the controller; prints what flash, RAM and stack it takes; fails if
            one of its interrupts can panic; writes the image beside the linked file as raw binary for the flash's first address
            (.bin), and as Intel HEX (.hex), or for the RP2040 as UF2 (.uf2) for its drive, and checks both; with --update-readme
-           writes the sizes of the STM32F405's into the README
+           writes the sizes of both boards' into the README and the RP2040's page
   emulate  [PORT] runs that image in QEMU, with its link on a TCP port
   flash    flashes that image with a debug probe, and shows its log
   test     every test there is: formatting, lints, documentation, host tests, and the controller's image: its build, its checks,
@@ -84,7 +84,7 @@ fn task<'a>(arguments: &'a [&'a str]) -> Option<Task<'a>> {
         ["setup"] => Box::new(setup::all),
         ["build"] => Box::new(|| firmware::build(board::BOARD).map(drop)),
         ["build", "--board", name] => Box::new(move || firmware::build(firmware::board(name)?).map(drop)),
-        ["build", "--update-readme"] => Box::new(|| firmware::build(board::BOARD).and_then(readme::update)),
+        ["build", "--update-readme"] => Box::new(firmware::state_sizes),
         ["emulate"] => Box::new(|| firmware::emulate(emulator::DEFAULT_PORT)),
         ["emulate", port] => Box::new(move || {
             let port = port.parse().map_err(|_| format!("{port} is not a TCP port"))?;

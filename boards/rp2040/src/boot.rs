@@ -5,6 +5,7 @@
 //! data (board.x), from a flash that is not needed any more until settings are read.
 
 use cortex_m::peripheral::SCB;
+use rp2040_hal::pac::ROSC;
 
 /// What the boot ROM runs first: it lets the flash be read four bits at a time.
 #[unsafe(link_section = ".boot2")]
@@ -12,8 +13,7 @@ use cortex_m::peripheral::SCB;
 static BOOT2: [u8; 256] = rp2040_boot2::BOOT_LOADER_W25Q080;
 
 // Before the copy, and so in the flash: lets the ring oscillator, which is the clock until the crystal runs, drive the core at 14 to
-// 96 MHz instead of 1.8 to 12 MHz. Its divider is 16 after a reset, and here 2 (RP2040 datasheet, 2.17.4). The copy takes some 40 ms
-// then, and 350 ms otherwise.
+// 96 MHz instead of 1.8 to 12 MHz. The copy takes some 40 ms then, and 350 ms otherwise.
 core::arch::global_asm!(
     ".syntax unified",
     ".section .Reset, \"ax\", %progbits",
@@ -28,12 +28,21 @@ core::arch::global_asm!(
     ".ltorg",
     ".size __pre_init, . - __pre_init",
     divider = const ROSC_DIV,
-    value = const ROSC_DIV_PASS + 2,
+    value = const DIV_PASS + COPY_DIVIDER,
 );
 
-/// The divider's register, and what makes a value valid.
+/// The register of the ring oscillator's divider, and what makes a value valid (RP2040 datasheet, 2.17.8).
 const ROSC_DIV: u32 = 0x4006_0010;
-const ROSC_DIV_PASS: u32 = 0xaa0;
+const DIV_PASS: u32 = 0xaa0;
+/// The divider while the image is copied, and after a reset: 1.8 to 12 MHz (2.17.4).
+const COPY_DIVIDER: u32 = 2;
+const RESET_DIVIDER: u32 = 16;
+
+/// Gives the ring oscillator the rate back that it has after a reset.
+pub fn slow_ring_oscillator(oscillator: &ROSC) {
+    // SAFETY: a divider that the datasheet names.
+    oscillator.div().write(|w| unsafe { w.bits(DIV_PASS + RESET_DIVIDER) });
+}
 
 /// Vectors of an ARMv6-M core with its 32 interrupts.
 const VECTORS: usize = 16 + 32;

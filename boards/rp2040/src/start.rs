@@ -55,6 +55,7 @@ impl Board {
     /// Sets everything up. Interrupts are off meanwhile. The pins are inputs with a pull-down from a reset on.
     pub fn new(device: Peripherals, mut core: cortex_m::Peripherals, queues: Queues) -> Self {
         boot::move_vectors(&mut core.SCB);
+        boot::slow_ring_oscillator(&device.ROSC);
         let reset = postmortem::take(&device.WATCHDOG, &device.VREG_AND_CHIP_RESET);
         leave_reset(&device.RESETS);
         let pins = Pins::new(device.IO_BANK0, device.PADS_BANK0, device.SIO);

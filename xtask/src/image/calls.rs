@@ -21,6 +21,9 @@ struct Node {
     unbounded: bool,
 }
 
+/// How names begin of the jumps that the linker adds where a call reaches too far for an ARMv6-M: from the flash to RAM.
+const LONG_JUMP: &str = "__Thumbv6MABSLongThunk_";
+
 /// The graph of calls.
 pub struct Calls<'a> {
     image: &'a Image,
@@ -162,6 +165,10 @@ fn node(image: &Image, index: usize) -> Node {
     let function = &image.functions[index];
     let mut node = Node::default();
     let end = function.address + function.size;
+    if function.name().starts_with(LONG_JUMP) {
+        // Its last word is where it goes; its instructions put that on the stack and return to it.
+        node.calls.extend(word(image, end - 4).and_then(|to| image.function_at(to.cast_unsigned() & !1)));
+    }
     let mut address = function.address;
     // What the low registers were loaded with last.
     let mut loaded = [None; 8];

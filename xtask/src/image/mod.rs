@@ -117,7 +117,7 @@ impl Image {
             if sh_flags & u64::from(elf::SHF_ALLOC) == 0 {
                 continue;
             }
-            if sh_flags & u64::from(elf::SHF_WRITE) != 0 && section.address() >= 0x2000_0000 {
+            if section.address() >= 0x2000_0000 {
                 image.ram_bytes += section.size();
             }
             if section.kind() != SectionKind::UninitializedData {

@@ -1,7 +1,8 @@
-//! What the README says of the image's size, held against what a build measures.
+//! What a board's page says of its image's size, held against what a build measures.
 
 use std::fs;
 
+use crate::board::Board;
 use crate::run::{Result, root};
 
 /// How the line begins that has the figures.
@@ -16,16 +17,16 @@ pub struct Sizes {
     pub stack: u64,
 }
 
-/// An error where the README states less than the image takes.
-pub fn check(sizes: Sizes) -> Result {
-    let text = read()?;
-    let line = text.lines().find(|line| line.starts_with(BEGIN));
-    let stated = line.and_then(stated).ok_or_else(|| format!("the README has no line with {BEGIN:?}"))?;
+/// An error where the page states less than the image takes.
+pub fn check(board: &Board, sizes: Sizes) -> Result {
+    let page = board.sizes_page;
+    let line_of = |text: &str| text.lines().find(|line| line.starts_with(BEGIN)).and_then(stated);
+    let stated = line_of(&read(page)?).ok_or_else(|| format!("{page} has no line with {BEGIN:?}"))?;
     let parts = [("flash", sizes.flash), ("RAM", sizes.ram), ("stack", sizes.stack)];
     for ((name, bytes), stated_kib) in parts.into_iter().zip(stated) {
         if bytes.div_ceil(1024) > stated_kib {
             return Err(format!(
-                "the image takes {bytes} bytes of {name}, and the README says {stated_kib} KiB: \
+                "the image takes {bytes} bytes of {name}, and {page} says {stated_kib} KiB: \
                  `cargo xtask build --update-readme` corrects it"
             ));
         }
@@ -33,18 +34,19 @@ pub fn check(sizes: Sizes) -> Result {
     Ok(())
 }
 
-/// Writes what was measured into the README.
-pub fn update(sizes: Sizes) -> Result {
-    let text = read()?;
-    let lines: Vec<_> =
-        text.lines().map(|line| if line.starts_with(BEGIN) { sentence(sizes) } else { line.to_owned() }).collect();
-    let path = root().join("README.md");
+/// Writes what was measured into the page.
+pub fn update(board: &Board, sizes: Sizes) -> Result {
+    let lines: Vec<_> = read(board.sizes_page)?
+        .lines()
+        .map(|line| if line.starts_with(BEGIN) { sentence(sizes) } else { line.to_owned() })
+        .collect();
+    let path = root().join(board.sizes_page);
     fs::write(&path, lines.join("\n") + "\n").map_err(|error| format!("{}: {error}", path.display()))?;
-    check(sizes)
+    check(board, sizes)
 }
 
-fn read() -> Result<String> {
-    let path = root().join("README.md");
+fn read(page: &str) -> Result<String> {
+    let path = root().join(page);
     fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))
 }
 
