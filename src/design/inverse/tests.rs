@@ -51,13 +51,13 @@ fn the_pole_is_linear_between_points_and_constant_beyond() {
     assert_eq!(RotorCurve::through(&flat(0.1)).unwrap().time_constants_s(), [0.1; TABLE_POINTS]);
 }
 
-/// 2.6 rad/s, the slowest rotor for which the bound was computed independently.
+/// 2.6 rad/s, the slowest rotor for which the sum was computed independently; the bound on it is up to 0.1 % above.
 #[test]
 fn the_bound_on_rounding_grows_with_the_loop_rate_until_it_is_refused() {
     let slowest = flat(1.0 / 2.6);
     for (loop_rate_hz, steps) in [(1000.0, 390.0), (5000.0, 1922.0), (8000.0, 3071.0), (10_000.0, 3837.0)] {
         let error = InverseDesign::new(REFERENCE, loop_rate_hz, &slowest).unwrap().rounding_error();
-        assert!((error - steps).abs() < 1.0, "{error} steps at {loop_rate_hz} Hz");
+        assert!(error > steps - 1.0 && error < 1.001 * steps + 1.0, "{error} steps at {loop_rate_hz} Hz");
     }
     let refused = InverseDesign::new(REFERENCE, 11_000.0, &slowest).unwrap_err();
     assert!(matches!(refused, InverseError::RoundingTooLarge { .. }), "{refused}");
@@ -98,7 +98,7 @@ fn every_refusal_names_the_parameter_its_place_and_the_remedy() {
             "tau_s changes from 0.1000 at command 0.5000 to 0.2000 at 0.5312",
         ),
         (points(&flat(1.0)), "lower loop_rate_hz"),
-        (with(6.0, 0.7, 5e3), "takes more than 16384 ticks"),
+        (with(6.0, 0.7, 5e3), "takes more than 8192 ticks"),
     ] {
         let text = format!("{error}");
         assert!(text.contains(words), "{text:?} does not contain {words:?}");
