@@ -15,6 +15,7 @@ mod feedback;
 mod finding;
 mod first_order;
 mod fit_percent;
+pub mod fleet;
 mod frequency_response;
 mod hold;
 mod identification;

@@ -1,0 +1,63 @@
+//! How a motor changes with time.
+
+use rotorlead_numerics::statistics::{f_upper_tail, t_quantile};
+
+use super::share;
+
+/// Logs of a motor below which a line through them says nothing.
+const FEWEST: usize = 4;
+/// The unit of time.
+const DAYS_PER_MONTH: f64 = 365.25 / 12.0;
+
+/// A line through the deviations of one motor's logs over time, by least squares.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Drift {
+    /// Share per month.
+    pub per_month: f64,
+    /// Its 95 % interval, from the scatter about the line.
+    pub interval: [f64; 2],
+    /// Probability of such a slope, up or down, where there is none.
+    pub p_value: f64,
+    slope_per_day: f64,
+    middle_day: f64,
+    middle: f64,
+}
+
+impl Drift {
+    /// Through `(day, deviation)`; `None` of fewer than four, of one day, and of logs without scatter.
+    pub(super) fn through(logs: &[(f64, f64)]) -> Option<Self> {
+        if logs.len() < FEWEST {
+            return None;
+        }
+        let count = logs.len() as f64;
+        let middle_day = logs.iter().map(|(day, _)| day).sum::<f64>() / count;
+        let middle = logs.iter().map(|(_, deviation)| deviation).sum::<f64>() / count;
+        let spread: f64 = logs.iter().map(|(day, _)| (day - middle_day).powi(2)).sum();
+        let slope_per_day =
+            logs.iter().map(|(day, deviation)| (day - middle_day) * (deviation - middle)).sum::<f64>() / spread;
+        let scatter: f64 = logs
+            .iter()
+            .map(|(day, deviation)| (deviation - middle - slope_per_day * (day - middle_day)).powi(2))
+            .sum();
+        let dof = count - 2.0;
+        let std = (scatter / dof / spread).sqrt();
+        if !slope_per_day.is_finite() || std == 0.0 {
+            return None;
+        }
+        let half = t_quantile(0.975, dof) * std;
+        let month = |slope: f64| share(slope * DAYS_PER_MONTH);
+        Some(Self {
+            per_month: month(slope_per_day),
+            interval: [month(slope_per_day - half), month(slope_per_day + half)],
+            p_value: f_upper_tail((slope_per_day / std).powi(2), 1.0, dof),
+            slope_per_day,
+            middle_day,
+            middle,
+        })
+    }
+
+    /// The line at a day.
+    pub(super) fn at(&self, day: f64) -> f64 {
+        self.middle + self.slope_per_day * (day - self.middle_day)
+    }
+}

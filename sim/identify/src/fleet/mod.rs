@@ -1,0 +1,67 @@
+//! Many logs side by side: how each differs from the others, how a motor changes from month to month, and which stand out.
+//!
+//! Logs are compared at the commands that they share. With `ln tau` of log `i` at command `j`, the deviation of a log is the mean over
+//! `j` of `ln tau_ij - median_i(ln tau_ij)`: a share by which its time constant is longer than usual, whatever the levels are. The same
+//! holds of the gain. All that follows are statistics of one such number per log.
+
+mod compare;
+mod drift;
+mod outlying;
+
+pub use compare::{Comparison, FewLogs, LogDeviation, MotorDeviation, compare};
+pub use drift::Drift;
+pub use outlying::{FEWEST_SCORED, OUTLYING_SCORE};
+
+/// Commands are the same within this.
+pub const SAME_NOMINAL: f64 = 0.01;
+/// Logs that a command must have for a usual value.
+pub const FEWEST_LOGS: usize = 3;
+
+/// What is compared.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quantity {
+    /// Seconds.
+    TimeConstant,
+    /// Newtons or revolutions per minute, per unit of the command.
+    Gain,
+}
+
+/// One log, identified.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Log {
+    /// Which motor it is of.
+    pub motor: String,
+    /// Days since any day that all logs share; `None` where nobody knows.
+    pub day: Option<f64>,
+    /// What was found, by nominal command.
+    pub points: Vec<LogPoint>,
+}
+
+/// A log at one command.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LogPoint {
+    /// From 0 to 1.
+    pub nominal: f64,
+    /// Above 0.
+    pub time_constant_s: f64,
+    /// Of any sign but 0.
+    pub gain: f64,
+}
+
+impl LogPoint {
+    fn logarithm(&self, quantity: Quantity) -> f64 {
+        match quantity {
+            Quantity::TimeConstant => self.time_constant_s.ln(),
+            Quantity::Gain => self.gain.abs().ln(),
+        }
+    }
+}
+
+/// A share as people say it, of a difference of logarithms: 0.05 is 5 % more.
+#[must_use]
+pub fn share(logarithm: f64) -> f64 {
+    logarithm.exp_m1()
+}
+
+#[cfg(test)]
+mod tests;
