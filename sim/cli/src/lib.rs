@@ -12,6 +12,7 @@ mod diagnose;
 mod diagnose_bandwidths;
 mod excite;
 mod exit;
+mod fleet;
 mod help_pages;
 mod identify;
 mod identify_align;
@@ -91,6 +92,7 @@ enum Command {
     Bandwidth(bandwidth::Bandwidth),
     Vehicle(vehicle::Vehicle),
     Diagnose(diagnose::Diagnose),
+    Fleet(fleet::Fleet),
     Report(report::ReportCommand),
     Device(device::Device),
     Completions(completions::Completions),
@@ -156,6 +158,7 @@ impl Arguments {
             Command::Diagnose(command) => {
                 say(&command.json, command.out_model.as_deref(), Some(&command.report), &|| command.run())
             }
+            Command::Fleet(command) => say(&command.json, None, Some(&command.report), &|| command.run()),
             Command::Report(command) => say(&command.json, Some(&command.out), None, &|| command.run()),
             Command::Device(command) => command.say(verbosity),
             Command::Completions(command) => command.run(),

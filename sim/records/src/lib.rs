@@ -9,6 +9,7 @@ mod column;
 mod error;
 mod experiment;
 pub mod files;
+mod fleet;
 pub mod import;
 mod inspect;
 mod long;
@@ -24,6 +25,7 @@ mod tests;
 
 pub use error::RecordError;
 pub use experiment::{Excitation, Experiment, Output, Record, Role};
+pub use fleet::{FleetList, FleetLog};
 pub use inspect::{Inspection, Unreadable};
 pub use long::{LONG_FILE, LongRecord, LongRows, RowCount};
 pub use read::{CommandFile, read_command_log};

@@ -35,12 +35,13 @@ pub use html::{Cell, Column, Fact, Report, Section, Table, Tone, Verdict};
 pub use number::{parameter_with_std, with_std};
 pub use predicted_steps::{robustness_table, steps_table};
 pub use sections::{
-    bandwidth_diagnosis_section, bandwidth_section, curve_table, design_section, design_table, diagnosis_section,
-    diagnosis_tone, discrete_table, effect_table, excess_table, excitation_section, experiment_facts,
-    explanations_table, fastest_point, gap_table, identification_section, identification_tables, in_short,
-    inverse_equation, inverse_table, laws_table, parameter_table, predicted_table, ratios_table, redesign_sections,
-    redesign_table, simulation_section, stand_section, stand_table, transfer_function, validation_section,
-    vehicle_force_table, vehicle_gains_table, vehicle_other_table, vehicle_section, vehicle_table,
+    FleetRow, bandwidth_diagnosis_section, bandwidth_section, curve_table, design_section, design_table,
+    diagnosis_section, diagnosis_tone, discrete_table, effect_table, excess_table, excitation_section,
+    experiment_facts, explanations_table, fastest_point, fleet_section, gap_table, identification_section,
+    identification_tables, in_short, inverse_equation, inverse_table, laws_table, logs_table, motors_table,
+    parameter_table, predicted_table, ratios_table, redesign_sections, redesign_table, simulation_section,
+    stand_section, stand_table, transfer_function, usual_table, validation_section, vehicle_force_table,
+    vehicle_gains_table, vehicle_other_table, vehicle_section, vehicle_table,
 };
 pub use unit::{quantity, unit};
 pub use validation::{is_wrong, validation_by_nominal, validation_scores, verdict};

@@ -180,11 +180,7 @@ fn find_drifts(motors: &mut BTreeMap<String, MotorDeviation>) {
 }
 
 /// Each log against the median of its motor's others, which it does not pull to itself.
-fn log_scores(
-    logs: &[Log],
-    deviations: &[Option<f64>],
-    motors: &BTreeMap<String, MotorDeviation>,
-) -> Vec<Option<f64>> {
+fn log_scores(logs: &[Log], deviations: &[Option<f64>], motors: &BTreeMap<String, MotorDeviation>) -> Vec<Option<f64>> {
     let residual = |index: usize| {
         let log = &logs[index];
         let motor = motors.get(&log.motor).filter(|motor| motor.logs >= FEWEST_LOGS)?;

@@ -35,10 +35,8 @@ impl Drift {
         let spread: f64 = logs.iter().map(|(day, _)| (day - middle_day).powi(2)).sum();
         let slope_per_day =
             logs.iter().map(|(day, deviation)| (day - middle_day) * (deviation - middle)).sum::<f64>() / spread;
-        let scatter: f64 = logs
-            .iter()
-            .map(|(day, deviation)| (deviation - middle - slope_per_day * (day - middle_day)).powi(2))
-            .sum();
+        let scatter: f64 =
+            logs.iter().map(|(day, deviation)| (deviation - middle - slope_per_day * (day - middle_day)).powi(2)).sum();
         let dof = count - 2.0;
         let std = (scatter / dof / spread).sqrt();
         if !slope_per_day.is_finite() || std == 0.0 {

@@ -5,6 +5,7 @@ mod bandwidth_diagnosis;
 mod design;
 mod diagnosis;
 mod experiment;
+mod fleet;
 mod identification;
 mod redesign;
 mod stand;
@@ -19,6 +20,7 @@ pub use design::{
 };
 pub use diagnosis::{diagnosis_section, diagnosis_tone, effect_table, excess_table, gap_table, parameter_table};
 pub use experiment::{excitation_section, experiment_facts, simulation_section};
+pub use fleet::{FleetRow, fleet_section, logs_table, motors_table, usual_table};
 pub use identification::{identification_section, identification_tables, laws_table};
 pub use redesign::{redesign_sections, redesign_table};
 pub use stand::{stand_section, stand_table};
