@@ -25,6 +25,7 @@ export class Chip {
       for (const memory of ['flash', 'flash16', 'flashView', 'sram', 'sramView']) {
         this.rp2040[memory] = before.rp2040[memory];
       }
+      this.rp2040.adc.channelValues = before.rp2040.adc.channelValues;
     }
     this.rp2040.logger = new Log(machine, this);
     correct(this.rp2040, machine.rp2040js);

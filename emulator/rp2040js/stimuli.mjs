@@ -1,4 +1,5 @@
-// What the world outside does to the chip, each at its cycle: edges at pins, bytes for the UART, words put into memory.
+// What the world outside does to the chip, each at its cycle: edges at pins, voltages at the converter, bytes for the UART,
+// words put into memory.
 
 const BITS_OF_A_BYTE = 10;
 
@@ -6,6 +7,10 @@ export class Stimuli {
   constructor(run) {
     this.queue = [
       ...run.inputs.map(({ cycle, pin, is_high }) => ({ cycle, apply: ({ chip }) => chip.pads.drive(pin, is_high) })),
+      ...run.analog.map(({ cycle, input, count }) => ({
+        cycle,
+        apply: ({ chip }) => (chip.rp2040.adc.channelValues[input] = count),
+      })),
       ...run.writes.map(({ cycle, address, value }) => ({
         cycle,
         apply: ({ chip }) => chip.rp2040.writeUint32(address, value),

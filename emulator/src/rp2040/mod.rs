@@ -26,7 +26,7 @@ mod trace;
 
 pub use error::Error;
 pub use node::{NODE_PACKAGE, NPM_PACKAGE, OLDEST_NODE, VERSION, is_installed, node_version, package_folder};
-pub use run::{Bytes, Edge, Flash, PowerCut, Region, Run, Write};
+pub use run::{Analog, Bytes, Edge, Flash, PowerCut, Region, Run, Write};
 pub use signals::{frames, pulses};
 pub use trace::{Fault, Handler, Reset, Trace};
 

@@ -45,7 +45,11 @@ struct Machine {
 
 impl Machine {
     fn new(run: &Run, flash: &[Flash]) -> Result<Self, Error> {
-        let unsupported = [("input of the UART", !run.uart_in.is_empty()), ("flash to write", run.power_cut.is_some())];
+        let unsupported = [
+            ("input of the UART", !run.uart_in.is_empty()),
+            ("voltages at the converter", !run.analog.is_empty()),
+            ("flash to write", run.power_cut.is_some()),
+        ];
         if let Some((what, _)) = unsupported.into_iter().find(|(_, is_needed)| *is_needed) {
             return Err(Error::Unsupported(what));
         }

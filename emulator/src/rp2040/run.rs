@@ -35,6 +35,17 @@ pub struct Bytes {
     pub bytes: Vec<u8>,
 }
 
+/// A voltage at an input of the converter, as the count that a conversion gives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Analog {
+    /// From when on.
+    pub cycle: u64,
+    /// Number of the input: 0 is GPIO 26.
+    pub input: u8,
+    /// The count, 12 bits.
+    pub count: u16,
+}
+
 /// A word that is put into memory, or a register of a peripheral.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Write {
@@ -76,6 +87,8 @@ pub struct Run {
     /// Edges that are driven into pins, in any order. Edges at cycle 0 are levels at the start. A pin is driven from its
     /// first edge on, except while the chip drives it; before that its pull decides.
     pub inputs: Vec<Edge>,
+    /// Voltages at the converter, which are 0 before.
+    pub analog: Vec<Analog>,
     /// Bytes that UART0 receives.
     pub uart_in: Vec<Bytes>,
     /// Words that are put into memory.
@@ -100,6 +113,7 @@ impl Run {
             image: image.into(),
             flash: Vec::new(),
             inputs: Vec::new(),
+            analog: Vec::new(),
             uart_in: Vec::new(),
             writes: Vec::new(),
             watch: Vec::new(),
