@@ -5,5 +5,6 @@
 
 mod frames;
 mod link;
+mod load;
 mod pulses;
 mod safety;
