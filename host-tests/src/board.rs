@@ -92,6 +92,8 @@ pub struct TestOutputs {
     pub widths: [u32; MOTORS],
     /// Times at which frames began, in counts since the start; while [`Self::advance`] is called.
     pub starts: Vec<u64>,
+    /// The same with the widths of the pulses that began with each.
+    pub pulses: Vec<(u64, [u32; MOTORS])>,
     /// Counts since the start.
     pub time: u64,
     /// Counts for which interrupts keep the control task from ending a frame that it has decided to end.
@@ -114,6 +116,8 @@ pub struct TestOutputs {
     pub sent: [Vec<Frame>; MOTORS],
     /// Whether the outputs take no frame now.
     pub is_busy: bool,
+    /// What the converter of the thrust sensor gives.
+    pub conversion: u16,
 }
 
 impl TestOutputs {
@@ -140,6 +144,7 @@ impl TestOutputs {
         self.count = 0;
         self.widths = self.next_widths;
         self.starts.push(self.time);
+        self.pulses.push((self.time, self.widths));
     }
 }
 
@@ -185,7 +190,7 @@ impl ControlHardware for TestOutputs {
     fn start_conversion(&mut self) {}
 
     fn conversion(&mut self) -> u16 {
-        0
+        self.conversion
     }
 
     fn feed_watchdog(&mut self) {

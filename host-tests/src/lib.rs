@@ -7,6 +7,7 @@ pub mod fuzz;
 pub mod line;
 pub mod pins;
 pub mod rig;
+pub mod scenario;
 pub mod stand_in;
 
 use std::path::{Path, PathBuf};

@@ -77,9 +77,13 @@ pub struct Pulse {
 /// The whole pulses of a pin.
 #[must_use]
 pub fn pulses_of(trace: &Trace, pin: u8) -> Vec<Pulse> {
+    pulses_in(trace.edges_of(pin))
+}
+
+/// The whole pulses in the edges of one pin.
+pub fn pulses_in(edges: impl Iterator<Item = Edge>) -> Vec<Pulse> {
     let mut rise = None;
-    trace
-        .edges_of(pin)
+    edges
         .filter_map(|edge| {
             if edge.is_high {
                 rise = Some(edge.cycle);
@@ -127,33 +131,52 @@ pub fn frames(pin: u8, speed: Speed, frames: impl IntoIterator<Item = (u64, u16)
 /// Where a pulse or a bit has not its length to so many cycles and a part in 500, or a frame not 16 bits.
 #[must_use]
 pub fn frames_of(trace: &Trace, pin: u8, speed: Speed, cycles: f64) -> Vec<(u64, u16)> {
+    frames_in(trace.edges_of(pin), trace.cycles, speed, cycles).unwrap_or_else(|problem| panic!("{problem}"))
+}
+
+/// The frames of DShot in the edges of one pin up to `end`.
+///
+/// # Errors
+/// Where a pulse or a bit has not its length to so many cycles and a part in 500, or a frame not 16 bits.
+pub fn frames_in(
+    edges: impl Iterator<Item = Edge>,
+    end: u64,
+    speed: Speed,
+    cycles: f64,
+) -> Result<Vec<(u64, u16)>, String> {
     let bit = bit_cycles(speed) as f64;
     let near = |length: u64, bits: f64| (length as f64 - bits * bit).abs() <= cycles + bits * bit / 500.0;
     let mut frames: Vec<(u64, Vec<bool>)> = Vec::new();
     let mut last_rise = None;
-    for pulse in pulses_of(trace, pin) {
+    for pulse in pulses_in(edges) {
         let is_one = near(pulse.width, 0.75);
-        assert!(is_one || near(pulse.width, 0.375), "a pulse of {} cycles at {}", pulse.width, pulse.rise);
+        if !is_one && !near(pulse.width, 0.375) {
+            return Err(format!("a pulse of {} cycles at {}", pulse.width, pulse.rise));
+        }
         match (frames.last_mut(), last_rise.map(|last| pulse.rise - last)) {
             (Some((_, bits)), Some(apart)) if bits.len() < 16 => {
-                assert!(near(apart, 1.0), "a bit of {apart} cycles at {}", pulse.rise);
+                if !near(apart, 1.0) {
+                    return Err(format!("a bit of {apart} cycles at {}", pulse.rise));
+                }
                 bits.push(is_one);
             }
             (_, apart) => {
-                assert!(apart.is_none_or(|apart| apart as f64 > 3.0 * bit), "no gap before {}", pulse.rise);
+                if apart.is_some_and(|apart| apart as f64 <= 3.0 * bit) {
+                    return Err(format!("no gap before {}", pulse.rise));
+                }
                 frames.push((pulse.rise, vec![is_one]));
             }
         }
         last_rise = Some(pulse.rise);
     }
     // The run may have ended within a frame.
-    let is_cut = frames.last().is_some_and(|(start, _)| trace.cycles < start + 16 * bit_cycles(speed));
+    let is_cut = frames.last().is_some_and(|(start, _)| end < start + 16 * bit_cycles(speed));
     frames.truncate(frames.len() - usize::from(is_cut));
     frames
         .into_iter()
-        .map(|(start, bits)| {
-            assert_eq!(bits.len(), 16, "the frame at {start} is short");
-            (start, bits.iter().fold(0, |word, &bit| word << 1 | u16::from(bit)))
+        .map(|(start, bits)| match bits.len() {
+            16 => Ok((start, bits.iter().fold(0, |word, &bit| word << 1 | u16::from(bit)))),
+            short => Err(format!("the frame at {start} has {short} bits")),
         })
         .collect()
 }
