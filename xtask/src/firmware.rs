@@ -1,6 +1,7 @@
 //! The image for the controller: builds it, checks it, and writes it as files for flashing.
 
 use std::path::PathBuf;
+use std::process::Command;
 
 use crate::board::{BOARD, BOARDS, Board, PROBE_CHIP, RP2040};
 use crate::image::{Calls, Function, Image, flash_files};
@@ -16,6 +17,8 @@ pub const TICK: &str = BOARD.interrupts.tick;
 pub const LINK: &str = BOARD.interrupts.link;
 /// A feature of the firmware that puts an indexing panic into its control task.
 const PLANTED: &str = "planted-panic";
+/// Set, tests write the pages that they hold.
+const UPDATE: &str = "ROTORLEAD_UPDATE_PAGES";
 /// The test that runs the paper's experiment at every level.
 const EVERY_LEVEL: &str = "every_level_of_the_paper";
 
@@ -103,30 +106,38 @@ pub fn check() -> Result {
     }
 }
 
-/// What the images do in the emulators, but for what takes as long at every level of the paper.
-pub fn test() -> Result {
-    in_emulator(&["--test", "emulator", "--test", "rp2040"], &["--skip", EVERY_LEVEL])
+/// What the images do in the emulators, but for what takes as long at every level of the paper. The tests hold the table of
+/// scenarios in `docs/firmware.md`, or with `is_update` write it.
+pub fn test(is_update: bool) -> Result {
+    let mut tests = in_emulator(&["emulator", "rp2040", "scenarios"], &["--skip", EVERY_LEVEL])?;
+    if !is_update {
+        return run(&mut tests);
+    }
+    run(tests.env(UPDATE, "1"))?;
+    // What the library alone proves of a row of that table.
+    run(cargo(&["test", "--workspace", "--locked", "--test", "controller", "a_power_cut"]).env(UPDATE, "1"))
 }
 
 /// The paper's experiment at every level, with the image in the loop.
 pub fn every_level() -> Result {
-    in_emulator(&["--test", "emulator"], &[EVERY_LEVEL])
+    run(&mut in_emulator(&["emulator"], &[EVERY_LEVEL])?)
 }
 
-fn in_emulator(targets: &[&str], options: &[&str]) -> Result {
+/// The tests of these targets, with the images.
+fn in_emulator(targets: &[&str], options: &[&str]) -> Result<Command> {
     setup::emulator()?;
     let (panicking, image) = (build_image(BOARD, &[PLANTED])?, build_image(BOARD, &[])?);
     let (panicking_rp2040, rp2040) = (build_image(&RP2040, &[PLANTED])?, build_image(&RP2040, &[])?);
     // Of the whole workspace, as the other tests are: of one package alone its dependencies would be compiled anew.
     let mut test = cargo(&["test", "--workspace", "--locked"]);
-    test.args(targets).args(["--", "--ignored"]);
+    test.args(targets.iter().flat_map(|target| ["--test", target])).args(["--", "--include-ignored"]);
     // The emulated time does not wait for a machine that is busy with more emulators than it has cores.
     test.args(["--test-threads", "2"]).args(options);
     test.env("ROTORLEAD_IMAGE", image)
         .env("ROTORLEAD_PANICKING_IMAGE", panicking)
         .env("ROTORLEAD_RP2040_IMAGE", rp2040)
         .env("ROTORLEAD_PANICKING_RP2040_IMAGE", panicking_rp2040);
-    run(&mut test)
+    Ok(test)
 }
 
 /// Everything that ends in a panic goes through here.

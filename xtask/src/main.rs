@@ -34,7 +34,8 @@ Usage: cargo xtask COMMAND
            with --setup installs what is missing first, and says what;
            with --quick formatting, lints, unit tests, and those of the controller and of the command line
   check-image, test-image
-           the controller's images: their build and what is checked of them; what they do in the emulators; parts of test
+           the controller's images: their build and what is checked of them; what they do in the emulators; parts of test;
+           test-image --update-page writes the table of scenarios in docs/firmware.md instead of holding it
   library  the library as another firmware takes it: without a board, with each feature alone, for other cores, as a package;
            a part of test
   statistics
@@ -96,7 +97,8 @@ fn task<'a>(arguments: &'a [&'a str]) -> Option<Task<'a>> {
         ["test", "--setup"] => Box::new(|| test::all(true)),
         ["test", "--quick"] => Box::new(test::quick),
         ["check-image"] => Box::new(firmware::check),
-        ["test-image"] => Box::new(firmware::test),
+        ["test-image"] => Box::new(|| firmware::test(false)),
+        ["test-image", "--update-page"] => Box::new(|| firmware::test(true)),
         ["docs"] => Box::new(docs::write),
         ["answers", options @ ..] => Box::new(move || answers::run_cases(options)),
         ["blind", options @ ..] => Box::new(move || blind::run_cases(options)),

@@ -158,16 +158,15 @@ impl Outcome {
     }
 
     /// The last whole pulse of an output, microseconds; 0 where there was none.
-    ///
-    /// # Errors
-    /// Never.
-    pub fn last_width_us(&self, motor: u8) -> Result<f64, Miss> {
-        Ok(match &self.outputs {
-            Outputs::Edges { .. } => {
-                self.pulses(motor)?.last().map_or(0.0, |pulse| pulse.width as f64 / us(1.0) as f64)
+    #[must_use]
+    pub fn last_width_us(&self, motor: u8) -> f64 {
+        match &self.outputs {
+            Outputs::Edges { edges, .. } => {
+                let edges = edges.iter().copied().filter(|edge| edge.pin == OUTPUT_1 + motor);
+                pins::pulses_in(edges).last().map_or(0.0, |pulse| pulse.width as f64 / us(1.0) as f64)
             }
             Outputs::Registers(widths) => widths.last().map_or(0.0, |widths| widths[usize::from(motor)]),
-        })
+        }
     }
 
     /// The faults that the controller said last.

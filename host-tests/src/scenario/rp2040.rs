@@ -21,7 +21,7 @@ impl Target for Rp2040 {
 
     fn play(&self, play: &Play) -> Result<Outcome, Miss> {
         if self.0 == Emulator::Native {
-            self.check_native(play)?;
+            Self::check_native(play)?;
         }
         let mut run = Run::new(pins::image(), play.end);
         run.flash.extend(play.settings.as_ref().map(pins::stored));
@@ -46,18 +46,15 @@ impl Target for Rp2040 {
 
 impl Rp2040 {
     /// What rp2040-emu lacks. Without PWM an output never rises, which would prove nothing.
-    fn check_native(&self, play: &Play) -> Result<(), Miss> {
-        let has_frames = play.settings.as_ref().is_some_and(|settings| settings.output.protocol.dshot().is_some());
-        if !has_frames {
-            return Err(Miss::Cannot("no PWM"));
-        }
+    fn check_native(play: &Play) -> Result<(), Miss> {
         if !play.requests.is_empty() {
             return Err(Miss::Cannot("no receiver"));
         }
         if !play.thrust.is_empty() {
             return Err(Miss::Cannot("no converter"));
         }
-        Ok(())
+        let has_frames = play.settings.as_ref().is_some_and(|settings| settings.output.protocol.dshot().is_some());
+        if has_frames { Ok(()) } else { Err(Miss::Cannot("no PWM")) }
     }
 }
 

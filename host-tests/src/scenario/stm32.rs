@@ -42,7 +42,7 @@ fn check(play: &Play) -> Result<(), Miss> {
     let needs_jumper = |request: &Request| {
         matches!(request, Request::SetMode { source: Source::Inject, .. } | Request::Excite(_) | Request::Inject(_))
     };
-    let is_driven = play.settings.is_some() && play.requests.iter().any(|(_, request)| needs_jumper(request));
+    let is_driven = play.requests.iter().any(|(_, request)| needs_jumper(request));
     if !is_fitted || is_driven && play.edges.is_empty() {
         return Err(Miss::Cannot("no jumper"));
     }

@@ -62,6 +62,16 @@ pub fn hold(row: &str, column: Column, proof: &Proof) {
     );
 }
 
+/// Holds the cells of the targets that lack something.
+///
+/// # Panics
+/// As [`hold`].
+pub fn hold_cannot(row: &str, cells: &[(Column, &'static str)]) {
+    for &(column, what) in cells {
+        hold(row, column, &Err(Miss::Cannot(what)));
+    }
+}
+
 /// The names of the page's rows, in order.
 ///
 /// # Panics

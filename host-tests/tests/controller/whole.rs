@@ -4,6 +4,8 @@ use host_tests::board::{CRYSTAL, INTERNAL, INTERNAL_PLL, facts};
 use host_tests::flash::Flash;
 use host_tests::line::{LOOP_HZ, Line, TICKS_PER_POLL, TIMER_HZ, decode, us};
 use host_tests::rig::{Rig, SECTOR, SharedFlash, saved};
+use host_tests::scenario::table::{self, Column};
+use host_tests::scenario::yes;
 use host_tests::{any_settings, cases};
 use proptest::prelude::*;
 use rotorlead::capture::{Decoder, Level, Signal, Timing};
@@ -1183,6 +1185,7 @@ fn a_power_cut_at_any_byte_of_a_save_turns_no_motor_then_or_at_the_next_start() 
         println!("{saves_before} saves before: {old} cuts leave the old set, {new} the new one");
         assert!(old > 0 && new > 0);
     }
+    table::hold(table::POWER_CUT, Column::Mocks, &yes());
 }
 
 // --- Anything -----------------------------------------------------------------------------------------------------

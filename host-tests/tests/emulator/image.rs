@@ -4,6 +4,8 @@ use std::time::{Duration, Instant};
 
 use host_tests::emulator::{HostLate, Machine, PATIENCE, PortWrite, Start, image, keeping_up, panicking_image};
 use host_tests::flash::Flash;
+use host_tests::scenario::table::{self, Column};
+use host_tests::scenario::yes;
 use host_tests::{TABLE_1, multisine};
 use rotorlead::channel::{Channel, Excitation, ExcitationRequest, Input};
 use rotorlead::controller::{Frames, Plan, channel_settings, channels, filters, load};
@@ -706,6 +708,7 @@ fn a_panic_forces_the_outputs_low_and_is_reported_after_the_reset() {
     }
     let stop = stop_width(&plan(&mut machine, &settings), &settings);
     assert_eq!(widths(&mut machine), [stop; 4]);
+    table::hold(table::PANIC, Column::Stm32, &yes());
 }
 
 #[test]

@@ -3,6 +3,8 @@
 use emulator::rp2040::{Bytes, Emulator, Flash as Stored, PowerCut, Region, Run, Trace};
 use host_tests::flash::Flash;
 use host_tests::pins::{self, INPUT_1, OUTPUT_1, ms, pulses, pulses_of, us};
+use host_tests::scenario::table::{self, Column};
+use host_tests::scenario::yes;
 use rotorlead::dshot::Speed;
 use rotorlead::link::{Clock, FRAME_BYTES, Message, Receiver, Request, encode};
 use rotorlead::settings::{Origin, Pulse, PulseProtocol, Settings, Store};
@@ -105,6 +107,8 @@ fn settings_are_saved_and_a_power_cut_at_any_operation_leaves_the_old_or_the_new
     }
     println!("{operations} operations: {} cuts left the old settings, {} the new", seen[0], seen[1]);
     assert!(seen.iter().all(|count| *count > 0), "{seen:?}");
+    table::hold_cannot(table::POWER_CUT, &[(Column::Stm32, "no flash"), (Column::Rp2040Emu, "no ROM")]);
+    table::hold(table::POWER_CUT, Column::Rp2040js, &yes());
 }
 
 #[test]

@@ -1,10 +1,8 @@
-//! What the image for the RP2040 does at its pins, in two emulators that others have written.
+//! What belongs to the RP2040 alone, in its emulators: settings in its flash, its watchdog, its panic, and the cycles of its core.
 //!
-//! Levels are driven into its inputs, and the edges at its outputs are compared with what the library or an `f64` model says. Each
-//! test needs the image and the emulators: `cargo xtask test` gives both.
+//! What must hold of every controller is in `tests/scenarios`. Each test needs the image and the emulators: `cargo xtask test`
+//! gives both.
 
-mod frames;
 mod link;
 mod load;
-mod pulses;
 mod safety;

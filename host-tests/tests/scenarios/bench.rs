@@ -232,7 +232,7 @@ fn injection(target: &dyn Target) -> Proof {
     hold(outputs.len() == expected.len() && different.is_none(), || {
         format!("{} outputs, of which number {different:?} is the first that differs", outputs.len())
     })?;
-    let width_us = outcome.last_width_us(0)?;
+    let width_us = outcome.last_width_us(0);
     hold((width_us - 1500.0).abs() < 0.1, || format!("{width_us} µs while 0.5 is held"))?;
     outcome.hold_low(1..4)?;
     Ok(format!("{} samples", outputs.len()))
@@ -296,8 +296,11 @@ fn too_slow(target: &dyn Target) -> Proof {
 
 /// The records of a play.
 fn records(outcome: &Outcome) -> Vec<&Record> {
-    let record = |answer| if let &Message::Record(ref record) = answer { Some(record) } else { None };
-    outcome.answers.iter().filter_map(record).collect()
+    let records = outcome.answers.iter().filter_map(|answer| match answer {
+        Message::Record(record) => Some(record),
+        _ => None,
+    });
+    records.collect()
 }
 
 /// One tick in so many is recorded: what QEMU's line carries.

@@ -73,17 +73,30 @@ fn the_library_on_a_board_in_memory_plays_every_scenario() {
     proofs.iter().for_each(|(name, proof)| table::hold(name, Mocks.column(), proof));
 }
 
+/// Each control of a scenario must make it fail, and without one it must hold.
+fn check_controls(scenario: &Scenario, target: &dyn Target) {
+    assert!(!scenario.controls.is_empty(), "{}", scenario.name);
+    let proof = (scenario.prove)(target);
+    assert!(proof.is_ok(), "{}: {proof:?}", scenario.name);
+    for (what, spoil) in scenario.controls {
+        match (scenario.prove)(&Spoiled { target, spoil: *spoil }) {
+            Err(Miss::Wrong(found)) => println!("{}, {what}: {found}", scenario.name),
+            other => panic!("{}, {what}: {other:?}", scenario.name),
+        }
+    }
+}
+
 #[test]
 fn whatever_spoils_a_scenario_makes_it_fail() {
-    for scenario in ALL {
-        assert!(!scenario.controls.is_empty(), "{}", scenario.name);
-        assert!((scenario.prove)(&Mocks).is_ok(), "{} fails without", scenario.name);
-        for (what, spoil) in scenario.controls {
-            match (scenario.prove)(&Spoiled { target: &Mocks, spoil: *spoil }) {
-                Err(Miss::Wrong(found)) => println!("{}, {what}: {found}", scenario.name),
-                other => panic!("{}, {what}: {other:?}", scenario.name),
-            }
-        }
+    ALL.iter().for_each(|scenario| check_controls(scenario, &Mocks));
+}
+
+/// Of all, those that are exact to a tick, and those of the jumper.
+#[test]
+#[ignore = "needs the images and the emulators: cargo xtask test"]
+fn what_spoils_a_scenario_makes_it_fail_at_the_pins_too() {
+    for scenario in [safety::LOST_TO_THE_TICK, safety::THRESHOLDS, bench::JUMPER] {
+        check_controls(&scenario, &Rp2040(Emulator::Node));
     }
 }
 
