@@ -6,6 +6,7 @@ export class Stimuli {
   constructor(run) {
     this.queue = [
       ...run.inputs.map(({ cycle, pin, is_high }) => ({ cycle, apply: ({ chip }) => chip.pads.drive(pin, is_high) })),
+      ...run.releases.map(({ cycle, pin }) => ({ cycle, apply: ({ chip }) => chip.pads.drive(pin, null) })),
       ...run.writes.map(({ cycle, address, value }) => ({
         cycle,
         apply: ({ chip }) => chip.rp2040.writeUint32(address, value),
@@ -16,6 +17,16 @@ export class Stimuli {
     // Bytes on the line, and when the last bit of the first of them has arrived.
     this.line = [];
     this.arrival = Infinity;
+    this.update();
+  }
+
+  // Something that is to happen, be it in the middle of a run.
+  add(cycle, apply) {
+    let place = this.queue.length;
+    while (place > this.index && this.queue[place - 1].cycle > cycle) {
+      place--;
+    }
+    this.queue.splice(place, 0, { cycle, apply });
     this.update();
   }
 

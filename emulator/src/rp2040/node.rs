@@ -148,6 +148,7 @@ mod tests {
         let expected = Trace {
             cycles: 100,
             edges: vec![Edge { cycle: 1, pin: 2, is_high: true }],
+            conflicts: Vec::new(),
             uart: vec![3],
             resets: vec![Reset { cycle: 4, is_forced: false }],
             faults: vec![Fault { cycle: 5, pc: 6, what: "BKPT".to_owned() }],
