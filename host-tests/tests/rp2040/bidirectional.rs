@@ -134,7 +134,9 @@ fn sent(emulator: Emulator, trace: &Trace, pin: u8, speed: Speed) -> Vec<u16> {
     let near = |cycles: u64, bits: f64| (cycles as f64 - bits * bit).abs() <= slack(emulator) + 2.0;
     let edges = edges_between(trace, pin, STARTED, trace.cycles - us(400.0));
     let mut frames = Vec::new();
-    let mut rest = &edges[edges.iter().position(|edge| !edge.1).unwrap()..];
+    // The first may be cut: behind a reply the line is at rest.
+    let first = edges.windows(2).position(|pair| !pair[1].1 && pair[1].0 - pair[0].0 > us(50.0)).unwrap() + 1;
+    let mut rest = &edges[first..];
     while let [(start, false), ..] = *rest {
         let (lows, _) = rest[..2 * FRAME_BITS as usize].as_chunks::<2>();
         let mut bits = 0;
