@@ -2,6 +2,7 @@
 
 import { Chip, CYCLE_NS } from './chip.mjs';
 import { Handlers } from './handlers.mjs';
+import { Responders } from './responders.mjs';
 import { Stimuli } from './stimuli.mjs';
 
 export class Machine {
@@ -10,6 +11,7 @@ export class Machine {
     this.request = run;
     this.now = 0;
     this.edges = [];
+    this.conflicts = [];
     this.uart = [];
     this.resets = [];
     this.faults = [];
@@ -19,6 +21,7 @@ export class Machine {
     // A reset of the chip that waits for the end of the instruction.
     this.bite = null;
     this.stimuli = new Stimuli(run);
+    this.responders = new Responders(this, run.responders);
     this.handlers = new Handlers(this, run.handlers_from);
     this.watched = run.watch.reduce((mask, pin) => mask | (1 << pin), 0);
     this.chip = new Chip(this, null);
@@ -101,10 +104,17 @@ export class Machine {
     this.chip.alarms.nanosCounter = (cycle - this.chip.base) * CYCLE_NS;
   }
 
-  edge(pin, isHigh) {
+  edge(pin, isHigh, isDriven) {
+    if (!isHigh && !isDriven) {
+      this.responders.fall(pin);
+    }
     if ((this.watched >> pin) & 1) {
       this.edges.push({ cycle: this.now, pin, is_high: isHigh });
     }
+  }
+
+  conflict(pin) {
+    this.conflicts.push({ cycle: this.now, pin });
   }
 
   fault(pc, what) {
@@ -120,12 +130,13 @@ export class Machine {
   }
 
   trace() {
-    const { edges, uart, resets, faults, chip, request, now } = this;
+    const { edges, conflicts, uart, resets, faults, chip, request, now } = this;
     const memory = request.memory.map(({ address, length }) => chip.read(address, length));
     const { flashOperations, powerIsCut, unmodelled } = this;
     return {
       cycles: now,
       edges,
+      conflicts,
       uart,
       resets,
       faults,

@@ -11,6 +11,7 @@ export class Pads {
     this.pins = rp2040.gpio;
     this.external = before?.external ?? this.pins.map(() => null);
     this.levels = before?.levels ?? this.pins.map(() => false);
+    this.conflicting = this.pins.map(() => false);
     // What the peripherals see of all pins.
     this.inputs = 0;
     for (const pin of this.pins) {
@@ -25,14 +26,20 @@ export class Pads {
     }
   }
 
+  // A level from outside, or `null` where nothing drives the pin from there.
   drive(index, isHigh) {
     this.external[index] = isHigh;
     this.update(index);
   }
 
+  isOutput(index) {
+    const pin = this.pins[index];
+    return pin.outputEnable && !pin.outputDisable;
+  }
+
   level(index) {
     const pin = this.pins[index];
-    if (pin.outputEnable && !pin.outputDisable) {
+    if (this.isOutput(index)) {
       return pin.outputValue;
     }
     if (this.external[index] !== null) {
@@ -45,9 +52,15 @@ export class Pads {
   update(index) {
     const pin = this.pins[index];
     const level = this.level(index);
+    const isDriven = this.external[index] !== null;
+    const isConflicting = isDriven && this.isOutput(index);
+    if (isConflicting && !this.conflicting[index]) {
+      this.machine.conflict(index);
+    }
+    this.conflicting[index] = isConflicting;
     if (level !== this.levels[index]) {
       this.levels[index] = level;
-      this.machine.edge(index, level);
+      this.machine.edge(index, level, isDriven);
     }
     if (level !== pin.rawInputValue) {
       this.pio.pinChanges(index);

@@ -11,6 +11,7 @@ export class Stimuli {
         cycle,
         apply: ({ chip }) => (chip.rp2040.adc.channelValues[input] = count),
       })),
+      ...run.releases.map(({ cycle, pin }) => ({ cycle, apply: ({ chip }) => chip.pads.drive(pin, null) })),
       ...run.writes.map(({ cycle, address, value }) => ({
         cycle,
         apply: ({ chip }) => chip.rp2040.writeUint32(address, value),
@@ -21,6 +22,16 @@ export class Stimuli {
     // Bytes on the line, and when the last bit of the first of them has arrived.
     this.line = [];
     this.arrival = Infinity;
+    this.update();
+  }
+
+  // Something that is to happen, be it in the middle of a run.
+  add(cycle, apply) {
+    let place = this.queue.length;
+    while (place > this.index && this.queue[place - 1].cycle > cycle) {
+      place--;
+    }
+    this.queue.splice(place, 0, { cycle, apply });
     this.update();
   }
 

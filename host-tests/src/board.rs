@@ -11,7 +11,7 @@ use rotorlead::controller::{
     self, BoardFacts, ClockReport, Control, ControlAccess, ControlHandle, Counts, Ends, Inputs, Queues, RequestHandler,
     Started, Tick,
 };
-use rotorlead::dshot::{Frame, Speed, Word};
+use rotorlead::dshot::{Frame, Line, Offer, ReplyWindow, Word};
 use rotorlead::link::{BrownOut, Clock, CrystalCheck, Refusal, ResetReason};
 use rotorlead::settings::{MOTORS, Origin, Store, Validated};
 use rtic_core::Exclusive;
@@ -106,18 +106,24 @@ pub struct TestOutputs {
     pub feeds: u32,
     /// Whether the watchdog is patient.
     pub patient: bool,
-    /// Speed of the inputs' frames, where these have frames.
-    pub input_speed: Option<Speed>,
+    /// What the inputs' lines have, where these have frames.
+    pub input_line: Option<Line>,
     /// Words at the inputs that were not taken yet.
     pub words: [VecDeque<Word>; MOTORS],
-    /// Speed of the outputs' frames, where these have frames.
-    pub output_speed: Option<Speed>,
+    /// What the outputs' lines have, where these have frames.
+    pub output_line: Option<Line>,
     /// Frames that went out.
     pub sent: [Vec<Frame>; MOTORS],
     /// Whether the outputs take no frame now.
     pub is_busy: bool,
     /// What the converter of the thrust sensor gives.
     pub conversion: u16,
+    /// What the outputs were behind frames, and was not taken yet.
+    pub windows: [VecDeque<ReplyWindow>; MOTORS],
+    /// What the inputs have offered, one after the other.
+    pub offers: [Vec<Offer>; MOTORS],
+    /// Whether the last of them went out.
+    pub are_taken: [bool; MOTORS],
 }
 
 impl TestOutputs {
@@ -152,11 +158,11 @@ impl ControlHardware for TestOutputs {
     fn set_frames(&mut self, divider: u32, counts: u32) {
         self.next_widths = [0; MOTORS];
         self.frames = (divider, counts);
-        self.output_speed = None;
+        self.output_line = None;
     }
 
     fn set_widths(&mut self, counts: [u32; MOTORS]) {
-        assert_eq!(self.output_speed, None, "a width for outputs that have frames");
+        assert_eq!(self.output_line, None, "a width for outputs that have frames");
         self.next_widths = counts;
     }
 
@@ -201,8 +207,8 @@ impl ControlHardware for TestOutputs {
         self.patient = patient;
     }
 
-    fn set_input_frames(&mut self, speed: Option<Speed>) {
-        self.input_speed = speed;
+    fn set_input_frames(&mut self, line: Option<Line>) {
+        self.input_line = line;
         self.words = Default::default();
     }
 
@@ -210,9 +216,9 @@ impl ControlHardware for TestOutputs {
         self.words[motor].pop_front()
     }
 
-    fn set_output_frames(&mut self, speed: Speed) {
+    fn set_output_frames(&mut self, line: Line) {
         self.next_widths = [0; MOTORS];
-        self.output_speed = Some(speed);
+        self.output_line = Some(line);
     }
 
     fn can_send(&self, _: usize) -> bool {
@@ -220,8 +226,22 @@ impl ControlHardware for TestOutputs {
     }
 
     fn send(&mut self, motor: usize, frame: Frame) {
-        assert!(self.output_speed.is_some(), "a frame for outputs that have pulses");
+        assert!(self.output_line.is_some(), "a frame for outputs that have pulses");
         self.sent[motor].push(frame);
+    }
+
+    fn take_reply(&mut self, motor: usize) -> Option<ReplyWindow> {
+        self.windows[motor].pop_front()
+    }
+
+    fn offer_reply(&mut self, motor: usize, offer: Offer) {
+        assert!(self.input_line.is_some_and(|line| line.is_bidirectional), "a reply on a line that has none");
+        self.offers[motor].push(offer);
+        self.are_taken[motor] = false;
+    }
+
+    fn is_offer_taken(&self, motor: usize) -> bool {
+        self.are_taken[motor]
     }
 }
 

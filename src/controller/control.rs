@@ -4,10 +4,12 @@ use super::frames::{FrameClock, FrameInputs};
 use super::hardware::ControlHardware;
 use super::pacing::{FrameAction, FramePacer, InputPulse};
 use super::plan::{FrameRate, InputPlan, OutputPlan, Plan};
+use super::replies::Replies;
 use super::supervision::Supervisor;
 use super::tick::Tick;
 use crate::capture::Reading;
 use crate::channel::Channel;
+use crate::dshot::Line;
 use crate::link::MotorFaults;
 use crate::settings::{MOTORS, Validated};
 use crate::throttle::{EscCommand, PulseScale};
@@ -30,11 +32,11 @@ impl OutputPath {
                 hardware.set_frames(frames.divider, frames.longest);
                 Self::Pulses { scale, pacer: frames.follow_input().then(|| FramePacer::new(&frames)) }
             }
-            OutputPlan::Dshot { speed, rate } => {
-                hardware.set_output_frames(speed);
+            OutputPlan::Dshot { line, rate } => {
+                hardware.set_output_frames(line);
                 match rate {
-                    FrameRate::Relayed => Self::Relay(FrameClock::new(1)),
-                    FrameRate::Ticks(ticks) => Self::Frames(FrameClock::new(ticks)),
+                    FrameRate::Relayed => Self::Relay(FrameClock::new(1, line.checksum())),
+                    FrameRate::Ticks(ticks) => Self::Frames(FrameClock::new(ticks, line.checksum())),
                 }
             }
         }
@@ -42,17 +44,26 @@ impl OutputPath {
 }
 
 /// Sets the inputs up; `None` where the capture timer has them.
-fn start_inputs(plan: &InputPlan, hardware: &mut impl ControlHardware) -> Option<FrameInputs> {
-    match *plan {
+fn start_inputs(plan: &Plan, hardware: &mut impl ControlHardware) -> Option<FrameInputs> {
+    match plan.input {
         InputPlan::Pulses(_) => {
             hardware.set_input_frames(None);
             None
         }
-        InputPlan::Dshot { speed, timeout_ticks } => {
-            hardware.set_input_frames(Some(speed));
-            Some(FrameInputs::new(timeout_ticks))
+        InputPlan::Dshot { line, timeout_ticks } => {
+            hardware.set_input_frames(Some(line));
+            // With pulses at the outputs nothing is relayed.
+            let output = plan.output.line().map_or(line.checksum(), Line::checksum);
+            Some(FrameInputs::new(timeout_ticks, line.checksum(), output))
         }
     }
+}
+
+/// What is to become of the ESCs' replies; `None` where there are none.
+fn replies(plan: &Plan, loop_rate_hz: u32) -> Option<Replies> {
+    let is_relayed = matches!(plan.input, InputPlan::Dshot { line: Line { is_bidirectional: true, .. }, .. });
+    let output = plan.output.line().filter(|line| line.is_bidirectional);
+    output.map(|_| Replies::new(is_relayed, loop_rate_hz))
 }
 
 /// What the control task has.
@@ -61,29 +72,35 @@ pub struct Control<H> {
     hardware: H,
     inputs: Option<FrameInputs>,
     outputs: OutputPath,
+    replies: Option<Replies>,
     supervisor: Supervisor,
 }
 
 impl<H: ControlHardware> Control<H> {
     /// Sets the rates and starts the ticks; the outputs are low until the first.
     pub fn start(mut hardware: H, tick: Tick, plan: &Plan, loop_rate_hz: u32) -> Self {
-        let inputs = start_inputs(&plan.input, &mut hardware);
+        let inputs = start_inputs(plan, &mut hardware);
         let outputs = OutputPath::start(&plan.output, &mut hardware);
         hardware.set_tick_rate(loop_rate_hz);
         hardware.set_watchdog_patient(false);
         hardware.start_ticks();
-        Self { tick, hardware, inputs, outputs, supervisor: Supervisor::new(loop_rate_hz) }
+        let replies = replies(plan, loop_rate_hz);
+        Self { tick, hardware, inputs, outputs, replies, supervisor: Supervisor::new(loop_rate_hz) }
     }
 
     /// One tick: what the inputs have, to what the outputs get. `readings`: of inputs with pulses; those with frames are read
     /// here. `idle_ran`: the lowest priority has run since the last one.
     #[inline]
     pub fn run(&mut self, readings: [Reading; MOTORS], idle_ran: bool) {
-        let Self { tick, hardware, inputs, outputs, supervisor } = self;
+        let Self { tick, hardware, inputs, outputs, replies, supervisor } = self;
         let readings = match inputs {
             None => readings,
             Some(inputs) => inputs.read(hardware),
         };
+        if let Some(replies) = replies {
+            let are_live = inputs.as_ref().map_or([false; MOTORS], FrameInputs::are_live);
+            let _ = replies.tick(are_live, hardware);
+        }
         if tick.is_recording() {
             hardware.start_conversion();
         }
@@ -126,8 +143,9 @@ impl<H: ControlHardware> Control<H> {
 
     /// Other settings. Every motor is at rest; the outputs are low until the next tick.
     pub fn reconfigure(&mut self, settings: &Validated, channels: &[Channel; MOTORS], plan: &Plan) {
-        self.inputs = start_inputs(&plan.input, &mut self.hardware);
+        self.inputs = start_inputs(plan, &mut self.hardware);
         self.outputs = OutputPath::start(&plan.output, &mut self.hardware);
+        self.replies = replies(plan, settings.loop_rate_hz);
         self.hardware.set_tick_rate(settings.loop_rate_hz);
         self.supervisor.set_rate(settings.loop_rate_hz);
         self.tick.reconfigure(channels, plan.input_scale, settings.loop_rate_hz);
@@ -139,10 +157,22 @@ impl<H: ControlHardware> Control<H> {
         self.supervisor.missed()
     }
 
-    /// What was wrong with the frames of each input since the settings were set; `None` where they have pulses.
+    /// The flash will stall the core (`true`), or has done so (`false`).
+    pub fn flash_stalls(&mut self, stalls: bool) {
+        self.hardware.set_watchdog_patient(stalls);
+        if let Some(replies) = &mut self.replies {
+            replies.withdraw(&mut self.hardware);
+        }
+    }
+
+    /// What was wrong at each motor since the settings were set: with `pulses` at its input, or with frames, and at its ESC.
     #[must_use]
-    pub fn frame_faults(&self) -> Option<[MotorFaults; MOTORS]> {
-        self.inputs.as_ref().map(FrameInputs::faults)
+    pub fn faults(&self, pulses: Option<[MotorFaults; MOTORS]>) -> [MotorFaults; MOTORS] {
+        let mut faults = pulses.or_else(|| self.inputs.as_ref().map(FrameInputs::faults)).unwrap_or_default();
+        if let Some(replies) = &self.replies {
+            replies.count(&mut faults);
+        }
+        faults
     }
 }
 

@@ -78,7 +78,7 @@ where
     }
 
     fn flash_stalls(&mut self, stalls: bool) {
-        self.control.lock(|control| control.hardware_mut().set_watchdog_patient(stalls));
+        self.control.lock(|control| control.flash_stalls(stalls));
         self.hardware.wait_for_watchdog();
     }
 
@@ -87,14 +87,10 @@ where
     }
 
     fn counts(&mut self) -> Counts {
-        let (missed_deadlines, frames) =
-            self.control.lock(|control| (control.missed_deadlines(), control.frame_faults()));
         let pulses = self.inputs.lock(|inputs| inputs.faults());
-        Counts {
-            link_overruns: self.hardware.link_overruns(),
-            missed_deadlines,
-            motors: pulses.or(frames).unwrap_or_default(),
-        }
+        let (missed_deadlines, motors) =
+            self.control.lock(|control| (control.missed_deadlines(), control.faults(pulses)));
+        Counts { link_overruns: self.hardware.link_overruns(), missed_deadlines, motors }
     }
 
     fn is_bench_enabled(&mut self) -> bool {

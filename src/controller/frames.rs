@@ -15,10 +15,14 @@ const WORDS_PER_TICK: usize = 8;
 pub struct FrameInputs([Receiver; MOTORS]);
 
 impl FrameInputs {
-    /// Of lines whose last frame is good for so many ticks.
-    pub fn new(timeout_ticks: u32) -> Self {
-        let relay = || Relay::new(Checksum::Normal, Checksum::Normal);
-        Self(core::array::from_fn(|_| Receiver::new(relay(), timeout_ticks)))
+    /// Of lines whose last frame is good for so many ticks, with frames of these checksums in and out.
+    pub fn new(timeout_ticks: u32, input: Checksum, output: Checksum) -> Self {
+        Self(core::array::from_fn(|_| Receiver::new(Relay::new(input, output), timeout_ticks)))
+    }
+
+    /// Which lines are live.
+    pub fn are_live(&self) -> [bool; MOTORS] {
+        self.0.each_ref().map(Receiver::is_live)
     }
 
     /// Once per control tick: takes the words that have come, and says what has become of each input.
@@ -59,14 +63,15 @@ impl FrameInputs {
 
 /// Frames for inputs with pulses: one in so many ticks.
 pub struct FrameClock {
+    checksum: Checksum,
     ticks_per_frame: u32,
     ticks_left: u32,
 }
 
 impl FrameClock {
     /// The first frame goes out with the next tick.
-    pub const fn new(ticks_per_frame: u32) -> Self {
-        Self { ticks_per_frame, ticks_left: 1 }
+    pub const fn new(ticks_per_frame: u32, checksum: Checksum) -> Self {
+        Self { checksum, ticks_per_frame, ticks_left: 1 }
     }
 
     /// One control tick. No pulse is no frame.
@@ -80,7 +85,7 @@ impl FrameClock {
             if let Some(command) = output.command()
                 && hardware.can_send(motor)
             {
-                hardware.send(motor, Frame::new(Value::from_command(command), false, Checksum::Normal));
+                hardware.send(motor, Frame::new(Value::from_command(command), false, self.checksum));
             }
         }
     }

@@ -4,7 +4,7 @@
 //! calls them.
 
 use super::ClockReport;
-use crate::dshot::{Frame, Speed, Word};
+use crate::dshot::{Frame, Line, Offer, ReplyWindow, Word};
 use crate::link::{BrownOut, ResetReason};
 use crate::settings::{MOTORS, Settings};
 
@@ -59,20 +59,34 @@ pub trait ControlHardware {
     fn set_watchdog_patient(&mut self, patient: bool);
 
     /// The inputs have frames of DShot, which come as words, or (`None`) pulses, whose edges come to the [`CaptureTimer`]. This and
-    /// what follows is called with a speed only where [`BoardFacts::speaks_dshot`].
-    fn set_input_frames(&mut self, _speed: Option<Speed>) {}
+    /// what follows is called with a line only where [`BoardFacts::speaks_dshot`].
+    ///
+    /// A bidirectional line is pulled up, and driven by the board only for a reply.
+    fn set_input_frames(&mut self, _line: Option<Line>) {}
     /// The oldest word of an input that was not taken yet. A board holds 8 of each input.
     fn take_word(&mut self, _motor: usize) -> Option<Word> {
         None
     }
-    /// The outputs have frames of DShot. All are low until the next frame.
-    fn set_output_frames(&mut self, _speed: Speed) {}
+    /// The outputs have frames of DShot. All are low until the next frame; on a bidirectional line, pulled up, and the board drives
+    /// them only for its frames.
+    fn set_output_frames(&mut self, _line: Line) {}
     /// Whether an output takes a frame now: the last one has begun.
     fn can_send(&self, _motor: usize) -> bool {
         false
     }
     /// Sends a frame, once the one before it is over.
     fn send(&mut self, _motor: usize, _frame: Frame) {}
+    /// What a bidirectional output was behind its oldest frame for which that was not asked yet. A board holds 2 of each output.
+    fn take_reply(&mut self, _motor: usize) -> Option<ReplyWindow> {
+        None
+    }
+    /// A bidirectional input answers each frame with this from now on, 25 to 35 µs after the frame's end. It starts no reply
+    /// where the line is low meanwhile, or where that was no frame of 16 bits.
+    fn offer_reply(&mut self, _motor: usize, _offer: Offer) {}
+    /// Whether the last offer has gone out.
+    fn is_offer_taken(&self, _motor: usize) -> bool {
+        false
+    }
 }
 
 /// What only the board knows, and does not change.

@@ -71,7 +71,8 @@ impl<T: CaptureTimer> Inputs<T> {
         let decoders = self.decoders.as_ref()?;
         Some(decoders.each_ref().map(|decoder| {
             let Faults { glitches, missing_edges, out_of_range, too_soon, floods, losses } = decoder.faults();
-            MotorFaults { glitches, missing_edges, out_of_range, too_soon, lost: losses, masked: floods, bad_frames: 0 }
+            let default = MotorFaults::default();
+            MotorFaults { glitches, missing_edges, out_of_range, too_soon, lost: losses, masked: floods, ..default }
         }))
     }
 

@@ -25,6 +25,7 @@ pub mod load;
 mod pacing;
 mod plan;
 mod postmortem;
+mod replies;
 mod request_handler;
 mod server;
 mod start;

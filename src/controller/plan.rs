@@ -1,7 +1,7 @@
 //! What settings mean for the timers of a board.
 
 use crate::capture::{TIMEOUT_MS, Timing};
-use crate::dshot::Speed;
+use crate::dshot::Line;
 use crate::settings::{Validated, pulse_range_us};
 use crate::throttle::{Command, EscCommand, Protocol, PulseScale};
 
@@ -88,8 +88,8 @@ pub enum InputPlan {
     Pulses(Timing),
     /// Frames.
     Dshot {
-        /// Of this speed.
-        speed: Speed,
+        /// On such lines.
+        line: Line,
         /// The last one is good for so many control ticks.
         timeout_ticks: u32,
     },
@@ -99,7 +99,7 @@ impl InputPlan {
     fn new(settings: &Validated, timer_hz: u32) -> Option<Self> {
         let rate_hz = settings.loop_rate_hz;
         Some(match settings.input.protocol.dshot() {
-            Some(speed) => Self::Dshot { speed, timeout_ticks: super::ticks(TIMEOUT_MS, rate_hz) },
+            Some(line) => Self::Dshot { line, timeout_ticks: super::ticks(TIMEOUT_MS, rate_hz) },
             None => Self::Pulses(Timing::new(settings.input.protocol(), timer_hz, rate_hz).ok()?),
         })
     }
@@ -126,8 +126,8 @@ pub enum OutputPlan {
     },
     /// Frames of bits.
     Dshot {
-        /// Of this speed.
-        speed: Speed,
+        /// On such lines.
+        line: Line,
         /// When.
         rate: FrameRate,
     },
@@ -135,15 +135,24 @@ pub enum OutputPlan {
 
 impl OutputPlan {
     fn new(settings: &Validated, timer_hz: u32) -> Option<Self> {
-        if let Some(speed) = settings.output.protocol.dshot() {
+        if let Some(line) = settings.output.protocol.dshot() {
             let ticks = settings.loop_rate_hz.div_ceil(u32::from(settings.output.frame_hz).max(1));
             let rate = if settings.relays_frames() { FrameRate::Relayed } else { FrameRate::Ticks(ticks) };
-            return Some(Self::Dshot { speed, rate });
+            return Some(Self::Dshot { line, rate });
         }
         let frames = Frames::new(settings, timer_hz)?;
         let scale = PulseScale::new(settings.output.protocol(), frames.counter_hz).ok()?;
         // A pulse without a gap behind it would be a line that is always high.
         (longest_pulse_ticks(settings, scale) < frames.shortest).then_some(Self::Pulses { scale, frames })
+    }
+
+    /// The lines with frames of bits, where there are any.
+    #[must_use]
+    pub const fn line(&self) -> Option<Line> {
+        match self {
+            Self::Dshot { line, .. } => Some(*line),
+            Self::Pulses { .. } => None,
+        }
     }
 
     /// Scale and frames of the pulses, where there are any.

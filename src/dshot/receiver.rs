@@ -118,6 +118,12 @@ impl Receiver {
         self.relay.next(newest)
     }
 
+    /// Whether valid frames come.
+    #[must_use]
+    pub fn is_live(&self) -> bool {
+        self.liveness == Liveness::Live
+    }
+
     /// Words that are no frames, for their length or for their checksum, wrapping.
     #[must_use]
     pub const fn bad_frames(&self) -> u32 {

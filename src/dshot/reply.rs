@@ -8,8 +8,9 @@
 //! eeem mmmm mmmm cccc    an electrical turn takes m 2^e microseconds
 //! ```
 //!
-//! with the inverted checksum of the first twelve. A motor that stands has the longest time that there is, m = 511 and e = 7. Source:
-//! Betaflight, `src/main/drivers/dshot.c`.
+//! with the inverted checksum of the first twelve. A motor that stands has the longest time that there is, m = 511 and e = 7. A time
+//! has the smallest e that it can have: twelve bits with an e above 0 and an m below 256 are no time but extended telemetry, such as
+//! a temperature. Source: Betaflight, `src/main/drivers/dshot.c`.
 
 use core::fmt;
 
@@ -48,6 +49,8 @@ pub enum BadReply {
     Group,
     /// The checksum is not that of the bits.
     Checksum,
+    /// It came so late that its end was not waited for.
+    Cut,
 }
 
 impl fmt::Display for BadReply {
@@ -57,6 +60,7 @@ impl fmt::Display for BadReply {
                 "an ESC's answer has bits that the code does not: the line is disturbed, or was read at another rate"
             }
             Self::Checksum => "the checksum of an ESC's answer is wrong: the line is disturbed",
+            Self::Cut => "an ESC's answer came too late: the ESC has another speed, or the line is disturbed",
         })
     }
 }
@@ -104,6 +108,18 @@ impl Reply {
         levels
     }
 
+    /// One with these twelve bits.
+    #[must_use]
+    pub const fn from_payload(payload: u16) -> Self {
+        Self { payload: payload & 0xfff }
+    }
+
+    /// Its twelve bits.
+    #[must_use]
+    pub const fn payload(self) -> u16 {
+        self.payload
+    }
+
     /// Of an electrical turn of so many microseconds, to the nearest that can be said, rounded down; `None` is a motor that stands.
     #[must_use]
     pub fn from_period_us(period_us: Option<u32>) -> Self {
@@ -115,10 +131,16 @@ impl Reply {
         Self { payload: ((exponent << 9) | (period_us >> exponent)) as u16 }
     }
 
-    /// Microseconds of an electrical turn; `None` of a motor that stands.
+    /// Whether it is extended telemetry, and says nothing of an electrical turn.
+    #[must_use]
+    pub const fn is_extended(self) -> bool {
+        self.payload >> 9 != 0 && self.payload & 0x100 == 0
+    }
+
+    /// Microseconds of an electrical turn; `None` of a motor that stands, and of extended telemetry.
     #[must_use]
     pub const fn period_us(self) -> Option<u32> {
-        if self.payload == STANDS {
+        if self.payload == STANDS || self.is_extended() {
             return None;
         }
         let (exponent, mantissa) = (self.payload >> 9, self.payload & 0x1ff);
@@ -164,6 +186,7 @@ mod tests {
         for period_us in 1..65_408 {
             let said = Reply::from_period_us(Some(period_us)).period_us().unwrap();
             assert!(said <= period_us && period_us - said <= period_us / 256, "{period_us}: {said}");
+            assert!(!Reply::from_period_us(Some(period_us)).is_extended());
         }
         assert_eq!(Reply::from_period_us(None).period_us(), None);
         assert_eq!(Reply::from_period_us(Some(65_536)).period_us(), None);

@@ -464,7 +464,7 @@ pub struct Faults {
     pub motors: [MotorFaults; MOTORS],
 }
 
-/// What went wrong at one motor's input.
+/// What went wrong at one motor's input, and what came from its ESC.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Schema)]
 pub struct MotorFaults {
     /// Pulses too short to be one.
@@ -481,6 +481,10 @@ pub struct MotorFaults {
     pub masked: u32,
     /// DShot: what came and is no frame, by its length or its checksum.
     pub bad_frames: u32,
+    /// Bidirectional DShot: replies of the ESC.
+    pub replies: u32,
+    /// Bidirectional DShot: what the ESC's line had behind a frame and is no reply, by its code or its checksum.
+    pub bad_replies: u32,
 }
 
 /// What injected commands came to.

@@ -18,7 +18,7 @@ use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
 use crate::design::{DEFAULT_DAMPING, RotorCurve};
-use crate::dshot::Speed;
+use crate::dshot::{Line, Speed};
 use crate::throttle::{Command, Protocol};
 
 pub use crate::channel::NoSignal;
@@ -60,7 +60,7 @@ const DEFAULT_SLEW_PER_S: f64 = 20.0;
 /// | `inverse.damping` | 0.3..=2 | 1/sqrt 2 |
 /// | `inverse.slew_per_s` | 0 (no limit)..=1e6 | 20, 2 % per millisecond |
 /// | `inverse.compensate_from`, `inverse.compensate_to` | 0..=1, in this order | 0, 1 |
-/// | `input.protocol`, `output.protocol` | raw_duty, standard_pwm, oneshot125, dshot150, dshot300, dshot600 | standard_pwm |
+/// | `input.protocol`, `output.protocol` | raw_duty, standard_pwm, oneshot125, dshot150, dshot300, dshot600, dshot300_bidirectional, dshot600_bidirectional | standard_pwm |
 /// | `input.frame_hz`, `output.frame_hz` | 40..=3703, and the longest pulse fits; raw duty up to 1500; DShot up to 10000 | 400, 450 |
 /// | `stop` | 0; raw duty: 20 µs of the frame up to 0.03 | 0 |
 /// | `no_signal` | no_pulses, stop_pulses | no_pulses |
@@ -150,18 +150,30 @@ pub enum PulseProtocol {
     Dshot300,
     /// The same at 600 kbit/s.
     Dshot600,
+    /// Frames at 300 kbit/s that the ESC answers. An input has them only where the output has such frames, too.
+    Dshot300Bidirectional,
+    /// The same at 600 kbit/s.
+    Dshot600Bidirectional,
 }
 
 impl PulseProtocol {
-    /// The speed of its bits, where it has any.
+    /// What its line has, where that is DShot.
     #[must_use]
-    pub const fn dshot(self) -> Option<Speed> {
+    pub const fn dshot(self) -> Option<Line> {
         match self {
             Self::RawDuty | Self::StandardPwm | Self::OneShot125 => None,
-            Self::Dshot150 => Some(Speed::Dshot150),
-            Self::Dshot300 => Some(Speed::Dshot300),
-            Self::Dshot600 => Some(Speed::Dshot600),
+            Self::Dshot150 => Some(Line::one_way(Speed::Dshot150)),
+            Self::Dshot300 => Some(Line::one_way(Speed::Dshot300)),
+            Self::Dshot600 => Some(Line::one_way(Speed::Dshot600)),
+            Self::Dshot300Bidirectional => Some(Line::bidirectional(Speed::Dshot300)),
+            Self::Dshot600Bidirectional => Some(Line::bidirectional(Speed::Dshot600)),
         }
+    }
+
+    /// Whether its frames are answered.
+    #[must_use]
+    pub const fn is_bidirectional(self) -> bool {
+        matches!(self.dshot(), Some(Line { is_bidirectional: true, .. }))
     }
 }
 
@@ -174,8 +186,8 @@ impl Pulse {
             PulseProtocol::StandardPwm => Protocol::StandardPwm,
             PulseProtocol::OneShot125 => Protocol::OneShot125,
             PulseProtocol::Dshot150 => Protocol::Dshot(Speed::Dshot150),
-            PulseProtocol::Dshot300 => Protocol::Dshot(Speed::Dshot300),
-            PulseProtocol::Dshot600 => Protocol::Dshot(Speed::Dshot600),
+            PulseProtocol::Dshot300 | PulseProtocol::Dshot300Bidirectional => Protocol::Dshot(Speed::Dshot300),
+            PulseProtocol::Dshot600 | PulseProtocol::Dshot600Bidirectional => Protocol::Dshot(Speed::Dshot600),
         }
     }
 }

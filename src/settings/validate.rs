@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{CompensatorKind, Key, MotorSettings, Place, Pulse, PulseProtocol, Settings};
 use crate::design::{DAMPING_RANGE, LeadParameters, SLEW_RANGE_PER_S, TIME_CONSTANT_RANGE_S};
+use crate::dshot::WINDOW_LEVELS;
 use crate::throttle::Command;
 
 /// Frame rates in hertz: from a slow servo output to the fastest that OneShot125 is run at.
@@ -78,6 +79,8 @@ pub enum Problem {
         /// Highest duty allowed at this frame rate.
         max: f64,
     },
+    /// The flight controller waits for replies, and the outputs' protocol has none.
+    NoReplies,
 }
 
 impl fmt::Display for SettingsError {
@@ -101,6 +104,11 @@ impl fmt::Display for SettingsError {
                 f,
                 "{place}: the longest pulse, {longest_us} us, and a gap of {SHORTEST_LEVEL_US} us do not fit the frame; \
                  use {max_frame_hz} Hz or less, or a shorter protocol"
+            ),
+            Problem::NoReplies => write!(
+                f,
+                "{place} is bidirectional, so the flight controller waits for the ESCs' replies: output.protocol must be \
+                 bidirectional, too"
             ),
             Problem::NoEdges { min, max } => write!(
                 f,
@@ -227,6 +235,9 @@ impl Settings {
         self.check_inverse(fastest_rad_s)?;
         pulse(whole(Key::InputFrameHz), self.input)?;
         pulse(whole(Key::OutputFrameHz), self.output)?;
+        if self.input.protocol.is_bidirectional() && !self.output.protocol.is_bidirectional() {
+            return Err(SettingsError { place: whole(Key::InputProtocol), problem: Problem::NoReplies });
+        }
         self.check_stop(whole(Key::Stop))?;
         within(whole(Key::StopPulsesMs), self.stop_pulses_ms, STOP_PULSES_RANGE_MS)?;
         for (index, motor) in (0..).zip(&self.motors) {
@@ -367,8 +378,16 @@ pub const fn pulse_range_us(protocol: PulseProtocol) -> Option<(u32, u32)> {
         PulseProtocol::StandardPwm => Some((1000, 2000)),
         PulseProtocol::OneShot125 => Some((125, 250)),
         PulseProtocol::Dshot150 => Some((107, 107)),
-        PulseProtocol::Dshot300 => Some((54, 54)),
-        PulseProtocol::Dshot600 => Some((27, 27)),
+        PulseProtocol::Dshot300 | PulseProtocol::Dshot300Bidirectional => Some((54, 54)),
+        PulseProtocol::Dshot600 | PulseProtocol::Dshot600Bidirectional => Some((27, 27)),
+    }
+}
+
+/// For how long a line is left to the reply behind a frame, microseconds, rounded up.
+const fn reply_us(protocol: PulseProtocol) -> u32 {
+    match protocol.dshot() {
+        Some(line) if line.is_bidirectional => (WINDOW_LEVELS * 1_000_000).div_ceil(line.speed.reply_levels_per_s()),
+        _ => 0,
     }
 }
 
@@ -383,6 +402,7 @@ fn pulse(place: Place, pulse: Pulse) -> Result<(), SettingsError> {
         return within(place, pulse.frame_hz, (FRAME_RANGE_HZ.0, FASTEST_RAW_DUTY_HZ));
     }
     let Some((_, longest_us)) = pulse_range_us(pulse.protocol) else { return Ok(()) };
+    let longest_us = longest_us + reply_us(pulse.protocol);
     let max_frame_hz = 1_000_000 / (longest_us + SHORTEST_LEVEL_US);
     if u32::from(pulse.frame_hz) > max_frame_hz {
         // Under 10^6 / 27: fits.

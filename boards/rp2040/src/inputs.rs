@@ -8,7 +8,7 @@ use core::sync::atomic::{AtomicU32, Ordering};
 
 use pio::{Program, pio_asm};
 use rotorlead::controller::hardware::{CaptureTimer, Edge};
-use rotorlead::dshot::{Speed, Word};
+use rotorlead::dshot::{Line, Offer, REPLY_BITS, Word};
 use rotorlead::settings::MOTORS;
 use rp2040_hal::pac::TIMER;
 use rp2040_hal::pac::io_bank0::gpio::gpio_ctrl::FUNCSEL_A;
@@ -29,6 +29,14 @@ const START_COUNTS: u32 = 30 / COUNT_CYCLES;
 const READS_PER_US: u32 = CORE_HZ / 1_000_000 / 5 + 1;
 /// Cycles of a machine in a bit of DShot, as the program has them.
 const BIT_CYCLES: u32 = 32;
+/// The same where frames are answered: 32 in a bit of the reply.
+const ANSWERED_BIT_CYCLES: u32 = 40;
+/// From the end of a frame to its reply, microseconds: what ESCs do.
+const REPLY_DELAY_US: u32 = 30;
+/// Cycles of that delay in which the program does not count, 30 to 37 of them: up to the gap's end, and from there to the reply.
+const UNCOUNTED_CYCLES: u32 = 34;
+/// Bits of a word that count the delay, in turns of 2 cycles.
+const DELAY_BITS: u32 = 10;
 
 /// The timer's microsecond from which the stamps count.
 static STARTED_US: AtomicU32 = AtomicU32::new(0);
@@ -81,6 +89,58 @@ fn words() -> Program<32> {
         "    jmp pin bit",
         "    jmp x-- low",
         "    push noblock",
+        ".wrap",
+    )
+    .program
+}
+
+/// Collects the bits of a frame on a line that idles high, as above, inverted and with a line that stays high for some 3/4 of a bit
+/// behind them. Behind 16 of them it takes the newest word that waits, or the last one again, and unless that is 0 counts the turns that
+/// its first bits say. If the line is still high then it drives it, with the levels that are the rest of the word, and lets go
+/// of it high. A line that falls meanwhile is the first bit of a frame.
+fn answered_words() -> Program<32> {
+    pio_asm!(
+        "collected:",
+        "    set y, 1",
+        "    mov isr, y",
+        "    out y, 16",
+        "    jmp y-- some",
+        ".wrap_target",
+        "begin:",
+        "    wait 0 pin 0",
+        "bit:",
+        "    nop [18]",
+        "    in pins, 1",
+        "    wait 1 pin 0",
+        "    set y, 14",
+        "high:",
+        "    jmp pin no_fall",
+        "    jmp bit",
+        "no_fall:",
+        "    jmp y-- high",
+        "    mov osr, isr",
+        "    push noblock",
+        "    jmp collected",
+        "some:",
+        "    jmp y-- begin",
+        "newest:",
+        "    pull noblock",
+        "    mov x, osr",
+        "    mov y, status",
+        "    jmp !y newest",
+        "    jmp !x begin",
+        "    out y, 10",
+        "delay:",
+        "    jmp pin still_high",
+        "    jmp bit",
+        "still_high:",
+        "    jmp y-- delay",
+        "    set pindirs, 1",
+        "level:",
+        "    out pins, 1 [30]",
+        "    jmp !osre level",
+        "    set pins, 1 [7]",
+        "    set pindirs, 0",
         ".wrap",
     )
     .program
@@ -158,30 +218,62 @@ impl CaptureTimer for Capture {
 pub struct InputFrames {
     machines: StateMachines,
     timer: TIMER,
+    pins: Pins,
+    /// Where frames are answered: what turns their bits, and turns of the delay.
+    mask: u32,
+    reply_delay: u32,
 }
 
 impl InputFrames {
     /// Of pins that are connected.
     pub fn new(timer: TIMER) -> Self {
-        Self { machines: machines(), timer }
+        Self { machines: machines(), timer, pins: Pins::steal(), mask: 0, reply_delay: 0 }
     }
 
-    /// Frames of this speed from now on, or pulses.
-    pub fn set(&mut self, speed: Option<Speed>) {
-        match speed {
-            None => self.stamp(),
-            Some(speed) => {
-                let divider = Divider::of(CORE_HZ, speed.bits_per_s() * BIT_CYCLES);
-                self.machines.load(&words(), divider, Direction::In, INPUT_1);
-                self.machines.start();
-            }
+    /// Frames on such lines from now on, or pulses.
+    pub fn set(&mut self, line: Option<Line>) {
+        self.mask = 0;
+        let is_answered = line.is_some_and(|line| line.is_bidirectional);
+        for gpio in (INPUT_1..).take(MOTORS) {
+            self.pins.set(gpio, FUNCSEL_A::PIO0, if is_answered { Pull::Up } else { Pull::Down });
         }
+        let Some(Line { speed, .. }) = line else { return self.stamp() };
+        if is_answered {
+            let rate_hz = speed.bits_per_s() * ANSWERED_BIT_CYCLES;
+            // The one before the bits is the program's.
+            self.mask = 0xffff;
+            self.reply_delay = (rate_hz / 1_000_000 * REPLY_DELAY_US - UNCOUNTED_CYCLES) / 2 - 1;
+            let direction = Direction::Both { out: DELAY_BITS + REPLY_BITS, collected: None };
+            self.machines.load(&answered_words(), Divider::of(CORE_HZ, rate_hz), direction, INPUT_1);
+        } else {
+            let divider = Divider::of(CORE_HZ, speed.bits_per_s() * BIT_CYCLES);
+            self.machines.load(&words(), divider, Direction::In, INPUT_1);
+        }
+        self.machines.start();
     }
 
     /// The oldest word of an input.
     #[inline]
     pub fn take(&mut self, input: usize) -> Option<Word> {
-        self.machines.pop(input).map(Word::new)
+        self.machines.pop(input).map(|bits| Word::new(bits ^ self.mask))
+    }
+
+    /// What each frame is answered with from now on: the delay, and the levels behind it.
+    #[inline]
+    pub fn offer(&mut self, input: usize, offer: Offer) {
+        let word = match offer {
+            Offer::Reply(reply) => {
+                (self.reply_delay << REPLY_BITS | reply.to_levels()) << (u32::BITS - DELAY_BITS - REPLY_BITS)
+            }
+            Offer::None => 0,
+        };
+        self.machines.push(input, word);
+    }
+
+    /// Whether a frame has come since the last offer.
+    #[inline]
+    pub fn is_offer_taken(&self, input: usize) -> bool {
+        self.machines.waiting(input) == 0
     }
 
     fn stamp(&self) {

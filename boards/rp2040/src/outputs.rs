@@ -7,7 +7,7 @@
 //! is set forward instead, as soon as the pulse is over: it then wraps when the frame has its new length, to a count or two.
 
 use pio::{Program, pio_asm};
-use rotorlead::dshot::{Frame, Speed};
+use rotorlead::dshot::{Frame, Line, ReplyWindow, WINDOW_LEVELS, WORD_LEVELS};
 use rotorlead::settings::MOTORS;
 use rp2040_hal::pac::PWM;
 use rp2040_hal::pac::io_bank0::gpio::gpio_ctrl::FUNCSEL_A;
@@ -21,13 +21,16 @@ use crate::state_machines::{Block, Direction, Divider, StateMachines};
 
 /// The slices of the outputs.
 const SLICES: [usize; 2] = [3, 4];
-/// Cycles of a machine in a bit of DShot.
+/// Cycles of a machine in a bit of DShot, and in one that is answered: 32 in a bit of the reply.
 const BIT_CYCLES: u32 = 8;
+const ANSWERED_BIT_CYCLES: u32 = 40;
 /// What may pass between reading a counter and setting it, in counts: 10 µs, some misses of the flash's cache. A frame that ends by itself
 /// within that is left to, and pulses are over only when that has passed since.
 const MARGIN: u32 = 250;
-/// Frames that may wait in a machine's queue beside the one that goes out.
+/// Frames that may wait in a machine's queue beside the one that goes out. With those that are answered it is one: the levels behind two
+/// are as many as the other queue holds, and a machine that finds that full stands.
 const MOST_WAITING: u32 = 2;
+const MOST_WAITING_ANSWERED: u32 = 1;
 
 /// Sends the 16 bits of a word: high for 3 of 8 cycles for a zero and 6 for a one; then the line stays low for 12 bits at least.
 fn frames() -> Program<32> {
@@ -51,10 +54,55 @@ fn frames() -> Program<32> {
     .program
 }
 
+/// Sends the 16 upper bits of a word, inverted, on a line that idles high: low for 15 of 40 cycles for a zero and 30 for a one. Then
+/// lets go of the line, and takes as many of its levels as the lower bits say, and one more: half a bit of a reply, 16 cycles, after
+/// each edge, and a whole one later as long as there is no other. A level is that after the last edge, and not the pin's, which may
+/// just have changed: then it would count twice.
+fn answered_frames() -> Program<32> {
+    pio_asm!(
+        ".wrap_target",
+        "frame:",
+        "    pull block",
+        "    set pindirs, 1 [7]",
+        "bit:",
+        "    set pins, 0 [14]",
+        "    out pins, 1 [14]",
+        "    set pins, 1 [8]",
+        "    jmp !osre bit",
+        "    set pindirs, 0",
+        "    out x, 16",
+        "high:",
+        "    set y, 6",
+        "still_high:",
+        "    jmp pin no_fall",
+        "    jmp low",
+        "no_fall:",
+        "    jmp y-- still_high",
+        "    set y, 1",
+        "    in y, 1",
+        "    set y, 13",
+        "    jmp x-- still_high",
+        "    jmp frame",
+        "low:",
+        "    set y, 6",
+        "still_low:",
+        "    jmp pin high",
+        "    jmp y-- still_low",
+        "    in null, 1",
+        "    set y, 13 [1]",
+        "    jmp x-- still_low",
+        ".wrap",
+    )
+    .program
+}
+
 /// The outputs.
 pub struct Outputs {
     slices: PWM,
     machines: StateMachines,
+    /// What makes the word of a frame: with those that are answered it turns the bits, and says below them how many levels are taken.
+    mask: u32,
+    most_waiting: u32,
     pins: Pins,
     /// Counts of a frame that ends by itself, and after how many it is to end.
     counts: u32,
@@ -74,6 +122,8 @@ impl Outputs {
         let outputs = Self {
             slices,
             machines: StateMachines::of(Block::Outputs),
+            mask: 0,
+            most_waiting: MOST_WAITING,
             pins,
             counts: 1,
             end: 1,
@@ -106,17 +156,27 @@ impl Outputs {
             w.ch3().set_bit();
             w.ch4().set_bit()
         });
-        self.connect(FUNCSEL_A::PWM);
+        self.connect(FUNCSEL_A::PWM, Pull::Down);
     }
 
-    /// Frames of DShot from now on, low until the first.
-    pub fn set_speed(&mut self, speed: Speed) {
+    /// Frames of DShot from now on, low until the first; with those that are answered the lines are pulled up.
+    pub fn set_line(&mut self, line: Line) {
         self.force_low();
-        // Whole cycles, so that all bits have one length: 0.2 % short.
-        let divider = Divider::whole(CORE_HZ, speed.bits_per_s() * BIT_CYCLES);
-        self.machines.load(&frames(), divider, Direction::Out, OUTPUT_1);
+        let pull = if line.is_bidirectional {
+            (self.mask, self.most_waiting) = (0xffff_0000 | (WINDOW_LEVELS - 1), MOST_WAITING_ANSWERED);
+            let divider = Divider::of(CORE_HZ, line.speed.bits_per_s() * ANSWERED_BIT_CYCLES);
+            let direction = Direction::Both { out: 16, collected: Some(WORD_LEVELS) };
+            self.machines.load(&answered_frames(), divider, direction, OUTPUT_1);
+            Pull::Up
+        } else {
+            (self.mask, self.most_waiting) = (0, MOST_WAITING);
+            // Whole cycles, so that all bits have one length: 0.2 % short.
+            let divider = Divider::whole(CORE_HZ, line.speed.bits_per_s() * BIT_CYCLES);
+            self.machines.load(&frames(), divider, Direction::Out, OUTPUT_1);
+            Pull::Down
+        };
         self.machines.start();
-        self.connect(FUNCSEL_A::PIO1);
+        self.connect(FUNCSEL_A::PIO1, pull);
     }
 
     /// Widths of the next pulses, in counts. Once in each tick, of which every frame has more than one.
@@ -192,13 +252,19 @@ impl Outputs {
     /// Whether a frame of DShot goes out before long.
     #[inline]
     pub fn can_send(&self, motor: usize) -> bool {
-        self.machines.waiting(motor) < MOST_WAITING
+        self.machines.waiting(motor) < self.most_waiting
     }
 
     /// Sends one.
     #[inline]
     pub fn send(&mut self, motor: usize, frame: Frame) {
-        self.machines.push(motor, u32::from(frame.to_bits()) << 16);
+        self.machines.push(motor, u32::from(frame.to_bits()) << 16 ^ self.mask);
+    }
+
+    /// What a line was behind a frame.
+    #[inline]
+    pub fn take_reply(&mut self, motor: usize) -> Option<ReplyWindow> {
+        self.machines.pop_two(motor).map(|(first, second)| ReplyWindow::new(first, second))
     }
 
     fn force_low(&self) {
@@ -207,9 +273,9 @@ impl Outputs {
         self.machines.stop();
     }
 
-    fn connect(&self, function: FUNCSEL_A) {
+    fn connect(&self, function: FUNCSEL_A, pull: Pull) {
         for gpio in (OUTPUT_1..).take(MOTORS) {
-            self.pins.set(gpio, function, Pull::Down);
+            self.pins.set(gpio, function, pull);
         }
     }
 

@@ -3,7 +3,7 @@
 use core::sync::atomic::Ordering;
 
 use rotorlead::controller::hardware::{BoardFacts, ControlHardware, RequestHardware};
-use rotorlead::dshot::{Frame, Speed, Word};
+use rotorlead::dshot::{Frame, Line, Offer, ReplyWindow, Word};
 use rotorlead::settings::MOTORS;
 use rotorlead::systick::ControlTimer;
 
@@ -86,8 +86,8 @@ impl ControlHardware for ControlParts {
         self.watchdog.set_patient(patient);
     }
 
-    fn set_input_frames(&mut self, speed: Option<Speed>) {
-        self.input_frames.set(speed);
+    fn set_input_frames(&mut self, line: Option<Line>) {
+        self.input_frames.set(line);
     }
 
     #[inline]
@@ -95,8 +95,8 @@ impl ControlHardware for ControlParts {
         self.input_frames.take(motor)
     }
 
-    fn set_output_frames(&mut self, speed: Speed) {
-        self.outputs.set_speed(speed);
+    fn set_output_frames(&mut self, line: Line) {
+        self.outputs.set_line(line);
     }
 
     #[inline]
@@ -107,6 +107,21 @@ impl ControlHardware for ControlParts {
     #[inline]
     fn send(&mut self, motor: usize, frame: Frame) {
         self.outputs.send(motor, frame);
+    }
+
+    #[inline]
+    fn take_reply(&mut self, motor: usize) -> Option<ReplyWindow> {
+        self.outputs.take_reply(motor)
+    }
+
+    #[inline]
+    fn offer_reply(&mut self, motor: usize, offer: Offer) {
+        self.input_frames.offer(motor, offer);
+    }
+
+    #[inline]
+    fn is_offer_taken(&self, motor: usize) -> bool {
+        self.input_frames.is_offer_taken(motor)
     }
 }
 

@@ -26,13 +26,22 @@ impl Divider {
     }
 }
 
-/// What a machine is connected to, and which way its queues are joined.
+/// What a machine does with its pin, and what its queues hold.
 #[derive(Clone, Copy)]
 pub enum Direction {
-    /// Bits come in at a pin, and words go out to a queue of 8.
+    /// Bits come in, and words go out to a queue of 8.
     In,
-    /// Words come from a queue of 8, and bits go out at a pin, 16 of a word, the highest first.
+    /// Words come from a queue of 8, and bits go out, 16 of a word, the highest first. The pin is an output, and side-set.
     Out,
+    /// Both ways, with two queues of 4. The program turns the pin round, which is an input at first, and would be high. A word
+    /// that comes from the queue is used up when so many of its bits have gone out, and one that is collected goes to the queue
+    /// by itself with so many bits, if it does at all.
+    Both {
+        /// Bits of a word that go out.
+        out: u32,
+        /// Bits of a word that has come in.
+        collected: Option<u32>,
+    },
 }
 
 /// Which of the two blocks.
@@ -53,6 +62,13 @@ const RESTART: u32 = ALL << 4;
 const RESTART_DIVIDERS: u32 = ALL << 8;
 /// In the registers of the queues: one bit of each machine.
 const RECEIVE_EMPTY: u32 = ALL << 8;
+
+/// Instructions for a machine that stands (RP2040 datasheet, 3.4): `set pins, 1`, `set pindirs`, `mov x, null` and `mov osr, null`.
+const SET_PIN_HIGH: u32 = 0xE001;
+const SET_INPUT: u32 = 0xE080;
+const SET_OUTPUT: u32 = 0xE081;
+const CLEAR_X: u32 = 0xA023;
+const CLEAR_OSR: u32 = 0xA0E3;
 
 impl StateMachines {
     /// Of a block that is out of reset.
@@ -83,22 +99,29 @@ impl StateMachines {
         }
         for (machine, pin) in block.sm_iter().zip(u32::from(first_pin)..) {
             let wrap = u32::from(program.wrap.source) << 12 | u32::from(program.wrap.target) << 7;
-            let (shift, pins) = match direction {
-                // Both shift to the left. The queues are joined: bits 31 and 30.
-                Direction::In => (1 << 31, pin << 15),
-                Direction::Out => (1 << 30 | 16 << 25, 1 << 29 | 1 << 26 | pin << 10 | pin << 5),
+            // Words are shifted to the left. Bits 31 and 30 join the queues, bit 16 lets collected words go by themselves.
+            let (shift, pins, turn): (u32, u32, &[u32]) = match direction {
+                Direction::In => (1 << 31, pin << 15, &[SET_INPUT]),
+                Direction::Out => (1 << 30 | 16 << 25, 1 << 29 | pin << 10, &[SET_OUTPUT]),
+                Direction::Both { out, collected } => {
+                    let collects = collected.map_or(0, |bits| bits << 20 | 1 << 16);
+                    let turn = &[SET_PIN_HIGH, SET_INPUT, CLEAR_X, CLEAR_OSR];
+                    (out << 25 | collects, 1 << 20 | pin << 15 | pin, turn)
+                }
             };
             // SAFETY: fields as the datasheet has them (RP2040, 3.7).
             unsafe {
                 machine.sm_clkdiv().write(|w| w.bits(divider.0 << 8));
-                machine.sm_execctrl().write(|w| w.bits(pin << 24 | wrap));
-                // A change of the joining empties the queues.
-                machine.sm_shiftctrl().write(|w| w.bits(shift ^ 3 << 30));
+                // `mov y, status` is all ones where no word waits to go out.
+                machine.sm_execctrl().write(|w| w.bits(pin << 24 | wrap | 1));
+                // Each change of the joining empties the queues.
+                machine.sm_shiftctrl().write(|w| w.bits(1 << 31));
+                machine.sm_shiftctrl().write(|w| w.bits(1 << 30));
                 machine.sm_shiftctrl().write(|w| w.bits(shift));
-                machine.sm_pinctrl().write(|w| w.bits(pins));
-                if matches!(direction, Direction::Out) {
-                    // `set pindirs, 1`: the pin is an output.
-                    machine.sm_instr().write(|w| w.bits(0xE081));
+                // One pin can be set.
+                machine.sm_pinctrl().write(|w| w.bits(pins | 1 << 26 | pin << 5));
+                for instruction in turn {
+                    machine.sm_instr().write(|w| w.bits(*instruction));
                 }
                 // `jmp 0`.
                 machine.sm_instr().write(|w| w.bits(0));
@@ -125,6 +148,17 @@ impl StateMachines {
     #[inline]
     pub fn are_empty(&self) -> bool {
         self.registers().fstat().read().bits() & RECEIVE_EMPTY == RECEIVE_EMPTY
+    }
+
+    /// The two oldest words of a machine.
+    #[inline]
+    pub fn pop_two(&self, motor: usize) -> Option<(u32, u32)> {
+        let has_two = self.registers().flevel().read().bits() >> (8 * motor + 4) & 0xf >= 2;
+        if motor >= MOTORS || !has_two {
+            return None;
+        }
+        let queue = self.registers().rxf(motor);
+        Some((queue.read().bits(), queue.read().bits()))
     }
 
     /// The oldest word of a machine.

@@ -20,14 +20,16 @@ mod image;
 #[cfg(feature = "native")]
 mod native;
 mod node;
+mod responder;
 mod run;
 mod signals;
 mod trace;
 
 pub use error::Error;
 pub use node::{NODE_PACKAGE, NPM_PACKAGE, OLDEST_NODE, VERSION, is_installed, node_version, package_folder};
+pub use responder::{Conflict, Drive, Release, Responder};
 pub use run::{Analog, Bytes, Edge, Flash, PowerCut, Region, Run, Write};
-pub use signals::{frames, pulses};
+pub use signals::{frames, frames_of_idle_high, pulses, reply};
 pub use trace::{Fault, Handler, Reset, Trace};
 
 /// Cycles of the emulated clock in a second. Time runs at this rate from the first instruction on: the slower clocks of

@@ -83,7 +83,9 @@ fn execute(command: &mut Command, input: &[u8]) -> std::io::Result<Output> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rp2040::{Bytes, Edge, Fault, Handler, PowerCut, Region, Reset, Write};
+    use crate::rp2040::{
+        Bytes, Conflict, Drive, Edge, Fault, Handler, PowerCut, Region, Release, Reset, Responder, Write,
+    };
 
     #[test]
     fn a_missing_package_names_its_remedy() {
@@ -118,6 +120,9 @@ mod tests {
     fn the_script_gets_flat_names() {
         let mut run = Run::new("image", 9);
         run.inputs = vec![Edge { cycle: 1, pin: 2, is_high: true }];
+        run.releases = vec![Release { cycle: 18, pin: 19 }];
+        let answers = vec![vec![Drive { after: 20, level: None }]];
+        run.responders = vec![Responder { pin: 21, falls: 22, answers }];
         run.uart_in = vec![Bytes { cycle: 3, bytes: vec![4] }];
         run.writes = vec![Write { cycle: 5, address: 6, value: 7 }];
         run.watch = vec![8];
@@ -128,6 +133,8 @@ mod tests {
         let expected = serde_json::json!({
             "flash": [{ "offset": 14, "bytes": [15, 16] }],
             "inputs": [{ "cycle": 1, "pin": 2, "is_high": true }],
+            "releases": [{ "cycle": 18, "pin": 19 }],
+            "responders": [{ "pin": 21, "falls": 22, "answers": [[{ "after": 20, "level": null }]] }],
             "uart_in": [{ "cycle": 3, "bytes": [4] }],
             "writes": [{ "cycle": 5, "address": 6, "value": 7 }],
             "watch": [8],
@@ -141,13 +148,15 @@ mod tests {
 
     #[test]
     fn a_trace_is_read_from_what_the_script_prints() {
-        let text = r#"{"cycles": 100, "edges": [{"cycle": 1, "pin": 2, "is_high": true}], "uart": [3],
+        let text = r#"{"cycles": 100, "edges": [{"cycle": 1, "pin": 2, "is_high": true}],
+            "conflicts": [{"cycle": 14, "pin": 15}], "uart": [3],
             "resets": [{"cycle": 4, "is_forced": false}], "faults": [{"cycle": 5, "pc": 6, "what": "BKPT"}],
             "handlers": [{"exception": 15, "first_cycle": 10, "calls": 11, "total_cycles": 12, "most_cycles": 13}],
             "memory": [[7, 8], []], "flash_operations": 2, "power_is_cut": false, "unmodelled": ["UART0"]}"#;
         let expected = Trace {
             cycles: 100,
             edges: vec![Edge { cycle: 1, pin: 2, is_high: true }],
+            conflicts: vec![Conflict { cycle: 14, pin: 15 }],
             uart: vec![3],
             resets: vec![Reset { cycle: 4, is_forced: false }],
             faults: vec![Fault { cycle: 5, pc: 6, what: "BKPT".to_owned() }],

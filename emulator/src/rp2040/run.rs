@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Error, PINS};
+use super::{Error, PINS, Release, Responder};
 
 /// A change of the level at a pin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -89,6 +89,10 @@ pub struct Run {
     pub inputs: Vec<Edge>,
     /// Voltages at the converter, which are 0 before.
     pub analog: Vec<Analog>,
+    /// Ends of this, each up to the pin's next edge.
+    pub releases: Vec<Release>,
+    /// What answers on lines of the chip.
+    pub responders: Vec<Responder>,
     /// Bytes that UART0 receives.
     pub uart_in: Vec<Bytes>,
     /// Words that are put into memory.
@@ -114,6 +118,8 @@ impl Run {
             flash: Vec::new(),
             inputs: Vec::new(),
             analog: Vec::new(),
+            releases: Vec::new(),
+            responders: Vec::new(),
             uart_in: Vec::new(),
             writes: Vec::new(),
             watch: Vec::new(),
@@ -127,6 +133,8 @@ impl Run {
     /// An error that names a pin that the chip does not have.
     pub(super) fn check(&self) -> Result<(), Error> {
         let pins = self.inputs.iter().map(|edge| edge.pin).chain(self.watch.iter().copied());
-        pins.into_iter().find(|pin| *pin >= PINS).map_or(Ok(()), |pin| Err(Error::Pin { pin }))
+        let pins = pins.chain(self.releases.iter().map(|release| release.pin));
+        let mut pins = pins.chain(self.responders.iter().map(|responder| responder.pin));
+        pins.find(|pin| *pin >= PINS).map_or(Ok(()), |pin| Err(Error::Pin { pin }))
     }
 }

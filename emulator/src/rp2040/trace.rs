@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-use super::Edge;
+use super::{Conflict, Edge};
 
 /// A reset by the watchdog, after which the image has started again. RAM, and the watchdog's scratch registers and
 /// reason, outlive it.
@@ -55,6 +55,8 @@ pub struct Trace {
     /// Edges at the watched pins, in order: of what the chip drives, and of what the test and the pulls do while it does
     /// not. Every pin is low before its first.
     pub edges: Vec<Edge>,
+    /// Where chip and world drove a pin at once, each time that it began.
+    pub conflicts: Vec<Conflict>,
     /// Bytes that UART0 has sent.
     pub uart: Vec<u8>,
     /// Resets by the watchdog.

@@ -4,7 +4,7 @@
 use emulator::rp2040::{CYCLES_PER_S, Edge, frames};
 use rotorlead::controller::hardware::Edge as Capture;
 use rotorlead::controller::{ClockReport, LAMP_STEP_MS, Lamp};
-use rotorlead::dshot::{Speed, Word};
+use rotorlead::dshot::{Line, Speed, Word};
 use rotorlead::link::BAUD;
 use rotorlead::settings::MOTORS;
 
@@ -120,8 +120,8 @@ impl<'a> Board<'a> {
                 continue;
             }
             let motor = usize::from(edge.pin - INPUT_1);
-            if let Some(speed) = board.control.hardware_mut().input_speed {
-                if let Some(word) = self.words[motor].edge(edge, speed) {
+            if let Some(line) = board.control.hardware_mut().input_line {
+                if let Some(word) = self.words[motor].edge(edge, line.speed) {
                     board.control.hardware_mut().words[motor].push_back(word);
                 }
             } else if board.capture.get().listening[motor] {
@@ -132,7 +132,7 @@ impl<'a> Board<'a> {
             }
         }
         let hardware = rig.hardware.board.control.hardware_mut();
-        if let Some(speed) = hardware.input_speed {
+        if let Some(Line { speed, .. }) = hardware.input_line {
             for (line, words) in self.words.iter_mut().zip(&mut hardware.words) {
                 words.extend(line.pause(now, speed));
             }
@@ -150,7 +150,7 @@ impl<'a> Board<'a> {
     /// Lets the counter of the outputs go on up to now, and notes the pulses that begin.
     fn count(&mut self) {
         let hardware = self.rig.hardware.board.control.hardware_mut();
-        if hardware.output_speed.is_some() {
+        if hardware.output_line.is_some() {
             self.counted = self.now;
             return;
         }
@@ -171,7 +171,7 @@ impl<'a> Board<'a> {
     /// Notes the frames that the tick has sent, each behind the one before.
     fn send(&mut self) {
         let hardware = self.rig.hardware.board.control.hardware_mut();
-        let Some(speed) = hardware.output_speed else { return };
+        let Some(Line { speed, .. }) = hardware.output_line else { return };
         for (motor, sent) in hardware.sent.iter_mut().enumerate() {
             for frame in sent.drain(..) {
                 let start = self.free[motor].max(self.now);

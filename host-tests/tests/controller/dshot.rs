@@ -5,9 +5,12 @@ use host_tests::board::{CRYSTAL, TestBoard, facts};
 use host_tests::flash::Flash;
 use rotorlead::channel::Input;
 use rotorlead::controller::{BoardFacts, ControlAccess as _, channels, filters};
-use rotorlead::dshot::{Checksum, Content, Frame, Speed, Value, Word};
+use rotorlead::dshot::{
+    Checksum, Content, FRESH_MS, Frame, Line, Offer, REPLY_BITS, Reply, ReplyWindow, Speed, Value, WINDOW_LEVELS,
+    WORD_LEVELS, Word,
+};
 use rotorlead::link::{ExciteRequest, FrameFaults, LineSet, Message, Refusal, Request, Tagged};
-use rotorlead::settings::{Origin, Pulse, PulseProtocol, Settings, Store, Validated};
+use rotorlead::settings::{Key, Origin, Problem, Pulse, PulseProtocol, Settings, Store, Validated};
 use rotorlead::throttle::Command;
 
 const SECTOR: usize = 4096;
@@ -64,8 +67,8 @@ fn sent(board: &mut TestBoard, motor: usize) -> Vec<u16> {
 fn a_frame_that_goes_out_has_what_the_channel_gives_and_the_compensators_answer() {
     let settings = settings(PulseProtocol::Dshot600, PulseProtocol::Dshot300);
     let (mut board, _) = start(&settings, facts(CRYSTAL));
-    assert_eq!(board.control.hardware_mut().input_speed, Some(Speed::Dshot600));
-    assert_eq!(board.control.hardware_mut().output_speed, Some(Speed::Dshot300));
+    assert_eq!(board.control.hardware_mut().input_line, Some(Line::one_way(Speed::Dshot600)));
+    assert_eq!(board.control.hardware_mut().output_line, Some(Line::one_way(Speed::Dshot300)));
     (0..10).for_each(|_| tick(&mut board, 0));
     // Three frames make an input live: none goes out before.
     assert_eq!(sent(&mut board, 0), [0; 8]);
@@ -130,7 +133,7 @@ fn a_board_without_dshot_refuses_it_and_does_not_start_with_it() {
         assert_eq!(origin, Origin::DefaultsBad);
         let channels = channels(&settings, filters(&settings).unwrap()).unwrap();
         assert_eq!(board.reconfigure(&settings, channels), Err(Refusal::NoDshot));
-        assert_eq!(board.control.hardware_mut().output_speed, None);
+        assert_eq!(board.control.hardware_mut().output_line, None);
     }
 }
 
@@ -150,4 +153,105 @@ fn frames_of_an_input_are_counted_and_its_pulses_are_left_alone() {
     // 100 ms without a frame.
     (0..510).for_each(|_| run(&mut board));
     assert_eq!(board.counts().motors.map(|motor| motor.lost), [1; 4]);
+}
+
+/// What a line is behind a frame when the ESC says this some 30 µs later.
+fn window(levels: u32) -> ReplyWindow {
+    let behind = WINDOW_LEVELS - REPLY_BITS - 23;
+    let levels = !(u64::from(!levels & ((1 << REPLY_BITS) - 1)) << behind);
+    ReplyWindow::new((levels >> WORD_LEVELS) as u32, levels as u32)
+}
+
+/// A control tick with a frame of a bidirectional line at every input, and what the ESCs have answered.
+fn answered_tick(board: &mut TestBoard, replies: [Option<u32>; 4]) {
+    let frame = Frame::new(Value::new(0).unwrap(), false, Checksum::Inverted);
+    let hardware = board.control.hardware_mut();
+    for (motor, reply) in replies.into_iter().enumerate() {
+        hardware.words[motor].push_back(Word::from(frame));
+        hardware.windows[motor].push_back(window(reply.unwrap_or(u32::MAX)));
+    }
+    run(board);
+}
+
+fn offers(board: &mut TestBoard) -> [Vec<Offer>; 4] {
+    let hardware = board.control.hardware_mut();
+    hardware.are_taken = [true; 4];
+    std::mem::take(&mut hardware.offers)
+}
+
+#[test]
+fn replies_go_to_the_flight_controller_of_their_motor_and_are_counted() {
+    let settings = settings(PulseProtocol::Dshot600Bidirectional, PulseProtocol::Dshot300Bidirectional);
+    let (mut board, _) = start(&settings, facts(CRYSTAL));
+    let hardware = board.control.hardware_mut();
+    assert_eq!(hardware.input_line, Some(Line::bidirectional(Speed::Dshot600)));
+    assert_eq!(hardware.output_line, Some(Line::bidirectional(Speed::Dshot300)));
+    hardware.are_taken = [true; 4];
+    let reply = Reply::from_period_us(Some(700));
+    let good = Some(reply.to_levels());
+    // Before its input is live a motor's replies go nowhere.
+    for _ in 0..2 {
+        answered_tick(&mut board, [good; 4]);
+        assert!(offers(&mut board).iter().all(Vec::is_empty));
+    }
+    answered_tick(&mut board, [good, Some(reply.to_levels() ^ 1), None, good]);
+    let [first, bad, none, fourth] = offers(&mut board);
+    assert_eq!((&first[..], &fourth[..]), (&[Offer::Reply(reply)][..], &[Offer::Reply(reply)][..]));
+    assert!(bad.is_empty() && none.is_empty());
+    let frame = board.control.hardware_mut().sent[0].last().copied().unwrap();
+    assert_eq!(Frame::from_bits(frame.to_bits(), Checksum::Inverted), Ok(frame));
+    let counts = board.counts().motors.map(|motor| (motor.replies, motor.bad_replies));
+    assert_eq!(counts, [(3, 0), (2, 1), (2, 0), (3, 0)]);
+    // Then the ESCs are silent.
+    let fresh_ticks = FRESH_MS * settings.loop_rate_hz / 1000;
+    (1..fresh_ticks).for_each(|_| answered_tick(&mut board, [None; 4]));
+    assert!(offers(&mut board).iter().all(Vec::is_empty));
+    answered_tick(&mut board, [None; 4]);
+    assert_eq!(offers(&mut board), [vec![Offer::None], vec![], vec![], vec![Offer::None]]);
+}
+
+#[test]
+fn no_reply_is_offered_while_the_flash_stalls_the_core() {
+    let settings = settings(PulseProtocol::Dshot300Bidirectional, PulseProtocol::Dshot300Bidirectional);
+    let (mut board, _) = start(&settings, facts(CRYSTAL));
+    let _ = offers(&mut board);
+    let good = Some(Reply::from_period_us(None).to_levels());
+    (0..5).for_each(|_| answered_tick(&mut board, [good; 4]));
+    assert_eq!(offers(&mut board).map(|offers| offers.len()), [1; 4], "and nothing more before it was taken");
+    board.flash_stalls(true);
+    assert_eq!(offers(&mut board), [const { [Offer::None] }; 4].map(Vec::from));
+}
+
+#[test]
+fn outputs_alone_may_be_bidirectional_and_inputs_alone_are_refused() {
+    let one_way = settings(PulseProtocol::StandardPwm, PulseProtocol::Dshot600Bidirectional);
+    let (mut board, _) = start(&one_way, facts(CRYSTAL));
+    board.control.hardware_mut().windows[2].push_back(window(Reply::from_period_us(Some(99)).to_levels()));
+    run(&mut board);
+    assert_eq!(board.counts().motors.map(|motor| motor.replies), [0, 0, 1, 0]);
+    for output in [PulseProtocol::StandardPwm, PulseProtocol::Dshot600] {
+        let mut refused = one_way.clone().into_settings();
+        refused.input = Pulse { protocol: PulseProtocol::Dshot300Bidirectional, frame_hz: 2500 };
+        refused.output = Pulse { protocol: output, frame_hz: 400 };
+        let error = refused.validate().unwrap_err();
+        assert_eq!((error.place.key, error.problem), (Key::InputProtocol, Problem::NoReplies));
+        assert!(error.to_string().contains("output.protocol must be bidirectional, too"), "{error}");
+    }
+}
+
+#[test]
+fn frames_come_no_faster_than_their_replies_let_them() {
+    for (protocol, most_hz) in
+        [(PulseProtocol::Dshot300Bidirectional, 4464), (PulseProtocol::Dshot600Bidirectional, 8196)]
+    {
+        let mut settings = settings(PulseProtocol::StandardPwm, protocol).into_settings();
+        settings.output.frame_hz = most_hz;
+        assert!(settings.clone().validate().is_ok(), "{protocol:?}");
+        settings.output.frame_hz += 1;
+        let problem = settings.validate().unwrap_err().problem;
+        assert!(
+            matches!(problem, Problem::PulseTooLong { max_frame_hz, .. } if max_frame_hz == most_hz),
+            "{problem:?}"
+        );
+    }
 }

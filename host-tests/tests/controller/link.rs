@@ -95,6 +95,8 @@ fn messages() -> Vec<(Message, &'static str)> {
         masked: 14,
         lost: 15,
         bad_frames: 16,
+        replies: 17,
+        bad_replies: 18,
     };
     let faults = Faults {
         link,
@@ -129,6 +131,7 @@ fn messages() -> Vec<(Message, &'static str)> {
         (error(Place { key: Key::TimeConstantS, motor: Some(3) }, Problem::NoCurve), "010417010302"),
         (error(Place { key: Key::Stop, motor: None }, Problem::StopWithoutRawDuty), "01040e0003"),
         (error(place, Problem::PulseTooLong { longest_us: 2000, max_frame_hz: 495 }), "0104040004d00fef03"),
+        (error(Place { key: Key::InputProtocol, motor: None }, Problem::NoReplies), "01040a0006"),
         (error(motor_max, Problem::NoEdges { min: 0.25, max: 2.0 }), "010415010205000000000000d03f0000000000000040"),
         (refused(Refusal::Design), "0105"),
         (refused(Refusal::SaveFailed), "0106"),
@@ -163,7 +166,7 @@ fn messages() -> Vec<(Message, &'static str)> {
         ),
         (
             Message::Faults(faults),
-            "05 0102030405 06 07 08 09 0a0b0c0d0f0e10 00000000000000 00000000000000 0a0b0c0d0f0e10",
+            "05 0102030405 06 07 08 09 0a0b0c0d0f0e101112 000000000000000000 000000000000000000 0a0b0c0d0f0e101112",
         ),
         (
             Message::Injected(Injected { first: 128, outputs: series(&[1 << 29, 1 << 29]) }),
@@ -201,7 +204,7 @@ fn the_bytes_of_every_message_are_as_written() {
 
 #[test]
 fn a_whole_frame_is_as_written() {
-    assert_eq!(hex(&framed(9, &Request::Faults)), "000805090ae9e6afbe00");
+    assert_eq!(hex(&framed(9, &Request::Faults)), "000806090a9a26815400");
 }
 
 /// One frame of each kind, and another good one after them.

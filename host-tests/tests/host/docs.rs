@@ -117,6 +117,25 @@ fn the_pins_of_the_rp2040_are_those_of_its_firmware() {
 }
 
 #[test]
+fn every_proof_that_the_page_of_the_rp2040_names_is_a_test() {
+    let sources =
+        ["bidirectional", "link", "load", "safety"].map(|name| file(&format!("host-tests/tests/rp2040/{name}.rs")));
+    let tests: Vec<&str> = sources
+        .iter()
+        .flat_map(|source| source.split("#[test]").skip(1))
+        .filter_map(|test| test.split_once("fn ")?.1.split('(').next())
+        .collect();
+    let rows = table(&file("docs/board-rp2040.md"), "| scenario ");
+    let named: Vec<&str> = rows.iter().map(|row| code(&row[1])).collect();
+    for test in &named {
+        assert!(tests.contains(test), "{test} is no test");
+    }
+    for test in &tests {
+        assert!(named.contains(test), "the page does not name {test}");
+    }
+}
+
+#[test]
 fn the_settings_are_accepted_in_the_ranges_that_are_written_and_not_beyond() {
     let mut checked = 0;
     for row in table(&file("docs/firmware.md"), "| key ") {

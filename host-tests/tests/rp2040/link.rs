@@ -16,7 +16,7 @@ const SETTINGS: Region = Region { address: 0x101F_E000, length: 8192 };
 const SECTOR: usize = 4096;
 
 /// Frames of requests, the first at `cycle` and each so many milliseconds after the one before.
-fn requests(cycle: u64, apart_ms: f64, requests: &[Request]) -> Vec<Bytes> {
+pub fn requests(cycle: u64, apart_ms: f64, requests: &[Request]) -> Vec<Bytes> {
     let frame = |(tag, request): (u8, &Request)| {
         let mut bytes = [0; FRAME_BYTES];
         let length = encode(tag, request, &mut bytes).unwrap();
@@ -26,7 +26,7 @@ fn requests(cycle: u64, apart_ms: f64, requests: &[Request]) -> Vec<Bytes> {
 }
 
 /// What was answered, in order.
-fn answers(trace: &Trace) -> Vec<Message> {
+pub fn answers(trace: &Trace) -> Vec<Message> {
     let mut receiver = Receiver::<Message>::new();
     trace.uart.iter().filter_map(|byte| receiver.push(*byte)).map(|tagged| tagged.message).collect()
 }

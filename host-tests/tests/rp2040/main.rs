@@ -3,6 +3,7 @@
 //! What must hold of every controller is in `tests/scenarios`. Each test needs the image and the emulators: `cargo xtask test`
 //! gives both.
 
+mod bidirectional;
 mod link;
 mod load;
 mod safety;

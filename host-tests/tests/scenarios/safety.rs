@@ -55,7 +55,7 @@ pub const WRONG_PROTOCOL: Scenario = Scenario {
         let (speed, end) = (settings.input.protocol.dshot(), play.end);
         play.edges.retain(|edge| edge.pin != INPUT_1);
         match speed {
-            Some(speed) => play.frames(0, speed, us(250.0), |_| Some(frame(0, false))),
+            Some(line) => play.frames(0, line.speed, us(250.0), |_| Some(frame(0, false))),
             None => play.pulses(0, PERIOD, end, |_| 1000.0),
         }
     })],

@@ -45,6 +45,12 @@ enum PulseName {
     Dshot300,
     /// Frames at 600 kbit/s
     Dshot600,
+    /// Frames at 300 kbit/s that the ESC answers
+    #[value(name = "dshot300_bidirectional")]
+    Dshot300Bidirectional,
+    /// Frames at 600 kbit/s that the ESC answers
+    #[value(name = "dshot600_bidirectional")]
+    Dshot600Bidirectional,
 }
 
 impl From<PulseName> for PulseProtocol {
@@ -56,6 +62,8 @@ impl From<PulseName> for PulseProtocol {
             PulseName::Dshot150 => Self::Dshot150,
             PulseName::Dshot300 => Self::Dshot300,
             PulseName::Dshot600 => Self::Dshot600,
+            PulseName::Dshot300Bidirectional => Self::Dshot300Bidirectional,
+            PulseName::Dshot600Bidirectional => Self::Dshot600Bidirectional,
         }
     }
 }
@@ -68,6 +76,7 @@ const fn default_frames_hz(protocol: PulseProtocol) -> (u16, u16) {
         PulseProtocol::OneShot125 => (2000, 2400),
         PulseProtocol::RawDuty => (600, 600),
         PulseProtocol::Dshot150 | PulseProtocol::Dshot300 | PulseProtocol::Dshot600 => (4000, 5000),
+        PulseProtocol::Dshot300Bidirectional | PulseProtocol::Dshot600Bidirectional => (4000, 4000),
     }
 }
 
@@ -96,6 +105,8 @@ impl From<PulseProtocol> for PulseName {
             PulseProtocol::Dshot150 => Self::Dshot150,
             PulseProtocol::Dshot300 => Self::Dshot300,
             PulseProtocol::Dshot600 => Self::Dshot600,
+            PulseProtocol::Dshot300Bidirectional => Self::Dshot300Bidirectional,
+            PulseProtocol::Dshot600Bidirectional => Self::Dshot600Bidirectional,
         }
     }
 }

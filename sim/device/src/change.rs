@@ -107,6 +107,6 @@ fn nearest(settings: &Settings, error: SettingsError) -> Option<String> {
         }
         Problem::PulseTooLong { max_frame_hz, .. } => Some(max_frame_hz.to_string()),
         Problem::StopWithoutRawDuty => Some("0".into()),
-        Problem::ZeroNotBelowPoles | Problem::NoCurve => None,
+        Problem::ZeroNotBelowPoles | Problem::NoCurve | Problem::NoReplies => None,
     }
 }

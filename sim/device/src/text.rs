@@ -8,13 +8,15 @@ use rotorlead_records::files::did_you_mean;
 use super::DeviceError;
 
 /// Names of the protocols.
-const PROTOCOLS: [(&str, PulseProtocol); 6] = [
+const PROTOCOLS: [(&str, PulseProtocol); 8] = [
     ("raw_duty", PulseProtocol::RawDuty),
     ("standard_pwm", PulseProtocol::StandardPwm),
     ("oneshot125", PulseProtocol::OneShot125),
     ("dshot150", PulseProtocol::Dshot150),
     ("dshot300", PulseProtocol::Dshot300),
     ("dshot600", PulseProtocol::Dshot600),
+    ("dshot300_bidirectional", PulseProtocol::Dshot300Bidirectional),
+    ("dshot600_bidirectional", PulseProtocol::Dshot600Bidirectional),
 ];
 /// What a compensator runs.
 const KINDS: [(&str, CompensatorKind); 2] = [("lead", CompensatorKind::Lead), ("inverse", CompensatorKind::Inverse)];

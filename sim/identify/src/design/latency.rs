@@ -165,7 +165,7 @@ fn pulse_range_s(pulse: Pulse) -> (f64, f64) {
 
 /// From the end of a pulse until it is known as one.
 fn input_filter_s(pulse: Pulse) -> f64 {
-    pulse.protocol.dshot().map_or(INPUT_FILTER_S, |speed| DSHOT_GAP_BITS / f64::from(speed.bits_per_s()))
+    pulse.protocol.dshot().map_or(INPUT_FILTER_S, |line| DSHOT_GAP_BITS / f64::from(line.speed.bits_per_s()))
 }
 
 #[cfg(test)]

@@ -99,6 +99,7 @@ mod tests {
         Trace {
             cycles: case.from() + 1000,
             edges,
+            conflicts: Vec::new(),
             uart: Vec::new(),
             resets: Vec::new(),
             faults: Vec::new(),
