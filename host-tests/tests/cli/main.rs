@@ -5,6 +5,7 @@ mod check;
 mod diagnose;
 mod diagnose_bandwidths;
 mod docs;
+mod fleet;
 mod garbage;
 mod good_paths;
 mod identify_stand;

@@ -174,26 +174,29 @@ fn noted(rows: &[FleetRow], time_constants: &Comparison, gains: &Comparison) -> 
 }
 
 fn verdict(values: &Values) -> Verdict {
-    let count = |wanted: fn(&Deviation) -> bool| {
+    let motors = |wanted: fn(&Deviation) -> bool| {
         values
             .motors
             .iter()
             .filter(|motor| wanted(&motor.time_constant) || motor.gain.as_ref().is_some_and(wanted))
             .count()
     };
-    let drifting = count(|deviation| deviation.drifts);
-    let outlying = count(|deviation| deviation.stands_out);
+    let drifting = motors(|deviation| deviation.drifts);
+    let outlying = motors(|deviation| deviation.stands_out);
     let logs = values.logs.iter().filter(|log| log.stands_out).count();
     let missing = values.logs.iter().filter(|log| log.time_constant_share.is_none()).count();
+    let count = |count: usize, one: &str, many: &str| format!("{count} {}", if count == 1 { one } else { many });
     let mut said = vec![
         format!(
-            "{} logs of {} motors: {outlying} motors stand out, {drifting} drift",
-            values.logs.len(),
-            values.motors.len()
+            "{} of {}: {}, {}",
+            count(values.logs.len(), "log", "logs"),
+            count(values.motors.len(), "motor", "motors"),
+            count(outlying, "motor stands out", "motors stand out"),
+            count(drifting, "drifts", "drift")
         ),
-        format!("{logs} logs stand out"),
+        count(logs, "log stands out", "logs stand out"),
     ];
-    said.extend((missing > 0).then(|| format!("{missing} were not compared")));
+    said.extend((missing > 0).then(|| count(missing, "log was not compared", "logs were not compared")));
     let tone = if outlying + drifting + logs + missing > 0 { Tone::Attention } else { Tone::Good };
     Verdict::new(tone, format!("{}.", said.join("; ")))
 }

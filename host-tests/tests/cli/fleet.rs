@@ -1,0 +1,134 @@
+//! `rotorlead fleet`: 200 logs that each was identified by itself, by an engine that is not ours, and what is no fleet.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::process::Command;
+
+use rand::SeedableRng as _;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution as _, Normal};
+use serde_json::Value;
+
+use crate::stand::{Stand, program};
+
+const MOTORS: usize = 20;
+const MONTHS: usize = 10;
+const PLAN: &str = r#"format = 1
+name = "a month"
+seed = 5
+sample_rate_hz = 200
+loop_rate_hz = 200
+[noise]
+sigma_n = 0.02
+[[record]]
+nominal = 0.4
+excitation = "multisine"
+amplitude = 0.05
+lines = 150
+periods = 3
+[[record]]
+nominal = 0.6
+excitation = "multisine"
+amplitude = 0.05
+lines = 150
+periods = 3
+"#;
+
+/// Motors that differ by 2 %, logs that differ by 1 %. The fifth motor is slower by a quarter, the twelfth becomes slower by 1.5 % a month,
+/// and one log of the eighth has four fifths of the gain.
+fn write_fleet(stand: &Stand) {
+    let mut random = ChaCha8Rng::seed_from_u64(7);
+    let [of_motors, of_logs] = [0.02, 0.01].map(|std| Normal::new(0.0, std).unwrap());
+    let (mut list, mut jobs) = ("log,motor,date\n".to_owned(), String::new());
+    fs::create_dir(stand.path("fleet")).unwrap();
+    for motor in 1..=MOTORS {
+        let own = of_motors.sample(&mut random) + if motor == 5 { 0.25 } else { 0.0 };
+        for month in 0..MONTHS {
+            let drift = if motor == 12 { 0.015 * month as f64 } else { 0.0 };
+            let tau = f64::exp(own + drift + of_logs.sample(&mut random));
+            let gain = f64::exp(of_logs.sample(&mut random)) * if (motor, month) == (8, 6) { 0.8 } else { 1.0 };
+            let log = format!("m{motor:02}_{month}");
+            writeln!(list, "{log},M{motor:02},2026-{:02}-15", month + 1).unwrap();
+            writeln!(jobs, "{log} {}", 100 * motor + month).unwrap();
+            let point = |nominal: f64, usual_gain: f64, usual_tau_s: f64| {
+                let (gain, tau_s) = (usual_gain * gain, usual_tau_s * tau);
+                format!("[[point]]\nnominal = {nominal}\ngain = {gain}\ntime_constant_s = {tau_s}\n")
+            };
+            let model = format!("format = 1\n{}{}", point(0.4, 10.5, 0.15), point(0.6, 13.5, 0.08));
+            stand.write(&format!("{log}.toml"), model);
+        }
+    }
+    stand.write("fleet/fleet.csv", list);
+    stand.write("jobs.txt", jobs);
+    stand.write("plan.toml", PLAN);
+}
+
+/// Runs a command line for each line of a file, two at a time.
+fn each(stand: &Stand, file: &str, line: &str) {
+    let program = program().get_program().to_owned();
+    let status = Command::new("xargs")
+        .args(["-P2", "-L1", "sh", "-c", line])
+        .stdin(fs::File::open(stand.path(file)).unwrap())
+        .env("ROTORLEAD", program)
+        .current_dir(stand.path("."))
+        .status()
+        .expect("xargs is missing: it is part of findutils");
+    assert!(status.success(), "{line}: {status}");
+}
+
+fn names(values: &Value, key: &str, wanted: impl Fn(&Value) -> bool) -> Vec<String> {
+    let wanted = values[key].as_array().unwrap().iter().filter(|value| wanted(value));
+    wanted.map(|value| value[key.trim_end_matches('s')].as_str().unwrap().to_owned()).collect()
+}
+
+#[test]
+fn of_200_logs_those_stand_out_that_were_made_so() {
+    let stand = Stand::new();
+    write_fleet(&stand);
+    each(&stand, "jobs.txt", r#""$ROTORLEAD" simulate -q --model $0.toml --plan plan.toml --seed $1 --out fleet/$0"#);
+    let begin = std::time::Instant::now();
+    each(&stand, "jobs.txt", r#""$ROTORLEAD" identify -q fleet/$0 --out fleet/$0/model.toml"#);
+    let logs = MOTORS * MONTHS;
+    println!(
+        "{logs} logs identified, two at a time: {:.0} ms for each",
+        1e3 * begin.elapsed().as_secs_f64() / logs as f64
+    );
+    let found = stand.json("fleet fleet");
+    assert_eq!(names(&found, "logs", |log| log["stands_out"] == true), ["m08_6"]);
+    let of_tau = |key: &'static str| names(&found, "motors", |motor| motor["time_constant"][key] == true);
+    assert!(of_tau("stands_out").contains(&"M05".to_owned()), "{:?}", of_tau("stands_out"));
+    assert_eq!(of_tau("drifts"), ["M12"]);
+    let drift = &found["motors"][11]["time_constant"];
+    let [low, high] = [0, 1].map(|end| drift["drift_interval"][end].as_f64().unwrap());
+    assert!(low < 0.0151 && 0.0151 < high, "1.5 % a month is not in {low} to {high}");
+    let text = stand.run("fleet fleet");
+    assert!(text.contains("200 logs of 20 motors") && text.contains("1 drifts; 1 log stands out."), "{text}");
+
+    // One that was not identified, and one whose diagnosis says something.
+    fs::remove_file(stand.path("fleet/m01_0/model.toml")).unwrap();
+    stand.write("fleet/m02_0/diagnose.json", r#"{"verdict": "named", "effects": [{"kind": "backlash"}]}"#);
+    let text = stand.run("fleet fleet");
+    assert!(text.contains("not identified: no model.toml") && text.contains("1 log was not compared"), "{text}");
+    assert!(text.contains("diagnosis: named backlash"), "{text}");
+}
+
+#[test]
+fn what_is_no_fleet_is_refused_with_its_place_and_a_remedy() {
+    let stand = Stand::new();
+    fs::create_dir_all(stand.path("fleet/a")).unwrap();
+    stand.refuses("fleet fleet", 1, &["fleet.csv", "does not exist", "check the path"]);
+    stand.write("fleet/fleet.csv", "log,motor\na,M1\n");
+    stand.refuses("fleet fleet", 1, &["no command is shared by 3 logs", "0 of its 1 logs", "rotorlead identify"]);
+    stand.write("fleet/a/model.toml", "format = 1\n");
+    stand.refuses("fleet fleet", 1, &["model.toml:1:1", "no point"]);
+    fs::remove_file(stand.path("fleet/a/model.toml")).unwrap();
+    stand.write("fleet/a/diagnose.json", "{}");
+    stand.refuses(
+        "fleet fleet",
+        1,
+        &["diagnose.json", "not what `rotorlead diagnose --json` writes", "diagnose the log again"],
+    );
+    stand.write("fleet/fleet.csv", "log,motor,date\na,M1,last week\n");
+    stand.refuses("fleet fleet", 1, &["fleet.csv:2:6", "`last week` is not a date", "2026-03-02"]);
+    stand.refuses("fleet", 2, &["<DIR>"]);
+}
