@@ -110,10 +110,33 @@ impl Command {
         Self(libm::rint(value.clamp(0.0, 1.0) * f64::from(ONE_BITS)) as i32)
     }
 
+    /// The same for a number of single precision, which a core with an FPU of only that converts in some instructions.
+    #[must_use]
+    #[inline]
+    pub fn saturating_from_f32(value: f32) -> Self {
+        // Exact: the factor is a power of two. Not a number fails every comparison, and a cast of it gives 0.
+        let scaled = value * ONE_BITS as f32;
+        if scaled >= ONE_BITS as f32 {
+            Self::ONE
+        } else if scaled > 0.0 {
+            Self(libm::rintf(scaled) as i32)
+        } else {
+            Self::ZERO
+        }
+    }
+
     /// The value as a number, 0..=1. Exact.
     #[must_use]
     pub fn to_f64(self) -> f64 {
         Throttle::from(self).to_f64()
+    }
+
+    /// The nearest number of single precision, 0..=1: to 2^-25 at worst.
+    #[must_use]
+    #[inline]
+    pub fn to_f32(self) -> f32 {
+        // Exact but for the conversion: the factor is a power of two.
+        self.0 as f32 * (1.0 / ONE_BITS as f32)
     }
 
     /// The nearest command in [`min`, `max`]; see [`Throttle::clamp_to`].
@@ -413,6 +436,20 @@ mod tests {
         assert_eq!(Command::saturating_from_bits(i32::MIN), Command::ZERO);
         assert_eq!(Command::saturating_from_bits(i32::MAX), Command::ONE);
         assert_eq!(Command::saturating_from_f64(0.65).to_f64(), libm::rint(0.65 * 536_870_912.0) / 536_870_912.0);
+    }
+
+    #[test]
+    fn single_precision_gives_the_commands_of_double() {
+        let ends = [f32::NAN, -f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MIN, f32::MAX, -0.0, f32::MIN_POSITIVE];
+        let steps = (0..=1_u32 << 12).map(|step| step as f32 / 4096.0);
+        // Where single precision is finer than a command: around its halves, which are rounded to even.
+        let fine = (0..1_u32 << 14).map(|step| step as f32 / 8192.0 / ONE_BITS as f32);
+        let patterns = (0..f32::INFINITY.to_bits()).step_by(9973).map(f32::from_bits);
+        for value in ends.into_iter().chain(steps).chain(fine).chain(patterns) {
+            let command = Command::saturating_from_f32(value);
+            assert_eq!(command, Command::saturating_from_f64(f64::from(value)), "{value:e}");
+            assert_eq!(command.to_f32(), command.to_f64() as f32, "{value:e}");
+        }
     }
 
     #[test]

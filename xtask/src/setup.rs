@@ -1,4 +1,4 @@
-//! Installs what a Rust toolchain may lack: formatter, lints, the targets, the emulators, and a browser.
+//! Installs what a Rust toolchain may lack: formatter, lints, the targets, compilers for C and C++, the emulators, and a browser.
 
 use std::path::Path;
 use std::process::Command;
@@ -23,6 +23,10 @@ const DEBIAN_SOURCE: &str = "lib/rustlib/src/rust/library/core/Cargo.toml";
 
 /// Debian's package of the program that installs packages for node.
 const NPM: &str = "npm";
+
+/// Compilers for the examples of the C interface, and Debian's package that has both.
+const COMPILERS: [&str; 2] = ["cc", "c++"];
+const COMPILERS_PACKAGE: &str = "g++";
 
 /// Debian's package of Chromium, and the names under which it or its like may be there.
 const BROWSER_PACKAGE: &str = "chromium";
@@ -106,6 +110,11 @@ fn needs() -> Vec<Need> {
         name: emulator_name(),
         is_there: Box::new(has_emulator),
         install: Box::new(|| apt::install_at_least(emulator::PACKAGE, emulator::OLDEST)),
+    });
+    needs.push(Need {
+        name: "a compiler for C and C++, cc and c++".to_owned(),
+        is_there: Box::new(|| COMPILERS.iter().all(|program| runs(program, &["--version"]))),
+        install: Box::new(|| apt::install(&[COMPILERS_PACKAGE])),
     });
     needs.extend(rp2040_needs());
     needs.push(Need {

@@ -1,0 +1,158 @@
+//! What programs in C and C++ get is what the library gives, bit for bit, and every status can be provoked from C.
+//!
+//! `CC` and `CXX` in the environment name other compilers than `cc` and `c++`. One that is missing is a failure.
+
+use std::collections::BTreeSet;
+use std::ffi::CStr;
+use std::path::{Path, PathBuf};
+use std::process::{Command as Process, Output};
+use std::sync::LazyLock;
+
+use rotorlead::compensator::{CommandRange, Compensator};
+use rotorlead::design::{CurvePoint, InverseDesign, LeadDesign, LeadParameters, ReferenceModel};
+use rotorlead::throttle::Command;
+
+/// Rates of the loops of flight controllers, hertz.
+const LOOP_RATES_HZ: [u32; 4] = [1000, 2000, 4000, 8000];
+
+/// The archive, built once. In a folder of its own: cargo holds the other one's lock while it builds.
+static ARCHIVE: LazyLock<PathBuf> = LazyLock::new(|| {
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("archive");
+    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let mut build = Process::new(cargo);
+    build.args(["build", "--package", "rotorlead-c", "--lib", "--locked", "--target-dir"]).arg(&folder);
+    succeeds(&mut build, "cargo");
+    folder.join("debug/librotorlead_c.a")
+});
+
+fn source(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join(name)
+}
+
+/// What it prints. It has to be there, and to succeed.
+#[track_caller]
+fn succeeds(process: &mut Process, needs: &str) -> String {
+    let ended = process.output();
+    let Output { status, stdout, stderr } = ended.unwrap_or_else(|error| {
+        panic!("{}: {error}: this test needs {needs}; `cargo xtask setup` installs it", process.get_program().display())
+    });
+    assert!(status.success(), "{process:?}:\n{}", String::from_utf8_lossy(&stderr));
+    String::from_utf8(stdout).unwrap()
+}
+
+/// A program in C or C++.
+struct Program {
+    path: PathBuf,
+    _folder: tempfile::TempDir,
+}
+
+impl Program {
+    #[track_caller]
+    fn build(file: &str, standard: &str) -> Self {
+        let is_c = file.ends_with(".c");
+        let (variable, usual) = if is_c { ("CC", "cc") } else { ("CXX", "c++") };
+        let compiler = std::env::var(variable).unwrap_or_else(|_| usual.to_owned());
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("program");
+        let mut build = Process::new(compiler);
+        build.args(["-Wall", "-Wextra", "-Werror", "-pedantic", "-I"]).arg(source("include"));
+        build.arg(format!("-std={standard}")).arg(source(file)).arg(&*ARCHIVE).args(["-lpthread", "-ldl", "-lm", "-o"]);
+        succeeds(build.arg(&path), if is_c { "a C compiler" } else { "a C++ compiler" });
+        Self { path, _folder: folder }
+    }
+
+    #[track_caller]
+    fn run(&self, arguments: &[String]) -> String {
+        succeeds(Process::new(&self.path).args(arguments), "the program")
+    }
+}
+
+/// What the programs have in place of a random number.
+fn scattered(number: u32) -> u32 {
+    number.wrapping_mul(2_654_435_761)
+}
+
+/// `examples/lead.c` in Rust.
+fn lead(loop_rate_hz: u32) -> Vec<u32> {
+    let idle = 0.05_f32;
+    let lead = LeadParameters::from_poles(&[6.2758, 9.2889, 14.1275], 628.32).unwrap();
+    let design = LeadDesign::new(lead, f64::from(loop_rate_hz), None).unwrap();
+    let level = Command::saturating_from_f64(f64::from(idle));
+    let mut motors = [Compensator::new(*design.coefficients(), level, Command::ONE); 4];
+    let mut outputs = Vec::new();
+    for tick in 0..5000_u32 {
+        for (number, motor) in motors.iter_mut().enumerate() {
+            if tick < 50 || tick / 1000 == 3 {
+                motor.reset(level);
+                outputs.push(0.0);
+                continue;
+            }
+            let random = scattered(tick / 100 * 4 + number as u32 + 1);
+            let command = idle + (1.0 - idle) * (random >> 8) as f32 / 16_777_216.0;
+            outputs.push(motor.update(Command::saturating_from_f64(f64::from(command))).to_f64() as f32);
+        }
+    }
+    outputs.into_iter().map(f32::to_bits).collect()
+}
+
+/// `examples/inverse.cpp` in Rust.
+fn inverse(loop_rate_hz: u32) -> Vec<i32> {
+    let points = [(0.40, 0.1593), (0.45, 0.1360), (0.50, 0.1077), (0.55, 0.1009), (0.60, 0.0852), (0.65, 0.0708)];
+    let points = points.map(|(command, tau_s)| CurvePoint { command, tau_s });
+    let reference = ReferenceModel { omega_f_rad_s: 94.2, damping: 0.7071 };
+    let design = InverseDesign::new(reference, f64::from(loop_rate_hz), &points).unwrap();
+    let range =
+        CommandRange { lowest: Command::saturating_from_f64(0.35), highest: Command::saturating_from_f64(0.70) };
+    let min = Command::saturating_from_f64(0.05);
+    let mut motor = Compensator::new(design.filter(160.0, range).unwrap(), min, Command::ONE);
+    let command =
+        |tick: u32| Command::saturating_from_bits(((scattered(tick / 100 + 1) >> 4) + (1 << 27)).cast_signed());
+    let tick = |tick| {
+        if tick % 1500 == 0 {
+            motor.set_enabled(tick / 1500 % 2 == 0);
+        }
+        if tick % 7000 == 6999 {
+            motor.restart(command(tick));
+        }
+        motor.update(command(tick)).to_bits()
+    };
+    (0..20_000).map(tick).collect()
+}
+
+#[test]
+fn a_lead_in_c_is_that_of_the_library_at_every_rate() {
+    for standard in ["c99", "c11"] {
+        let program = Program::build("examples/lead.c", standard);
+        for rate in LOOP_RATES_HZ {
+            let printed = program.run(&[rate.to_string()]);
+            let printed: Vec<u32> = printed.lines().map(|line| u32::from_str_radix(line, 16).unwrap()).collect();
+            assert_eq!(printed, lead(rate), "{standard}, {rate} Hz");
+        }
+    }
+}
+
+#[test]
+fn an_inverse_in_cpp_is_that_of_the_library_at_every_rate() {
+    for standard in ["c++11", "c++17"] {
+        let program = Program::build("examples/inverse.cpp", standard);
+        for rate in LOOP_RATES_HZ {
+            let printed = program.run(&[rate.to_string()]);
+            let printed: Vec<i32> = printed.lines().map(|line| line.parse().unwrap()).collect();
+            assert_eq!(printed, inverse(rate), "{standard}, {rate} Hz");
+        }
+    }
+}
+
+#[test]
+fn every_status_is_provoked_from_c() {
+    let printed = Program::build("tests/errors.c", "c99").run(&[]);
+    let numbers: BTreeSet<i32> = printed.lines().map(|line| line.split(' ').next().unwrap().parse().unwrap()).collect();
+    // SAFETY: the function gives a constant that ends with 0.
+    #[allow(unsafe_code)]
+    let text = |number| unsafe { CStr::from_ptr(rotorlead_c::rotorlead_status_text(number)) }.to_str().unwrap();
+    let all: BTreeSet<i32> = (0..).take_while(|number| text(*number) != "no such status").collect();
+    assert_eq!(numbers, all);
+    for number in [-1, i32::MIN, i32::MAX] {
+        assert_eq!(text(number), "no such status");
+    }
+}
