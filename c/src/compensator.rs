@@ -99,6 +99,8 @@ pub unsafe extern "C" fn rotorlead_step(
         }
         (Ok(inner), Ok(output)) => (inner, output),
     };
+    #[cfg(feature = "planted-panic")]
+    core::hint::black_box([command.q29][core::hint::black_box(usize::from(command.q29 > 1 << 28))]);
     output.write(inner.update(command.into()).into());
     Status::Ok
 }

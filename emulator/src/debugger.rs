@@ -13,6 +13,8 @@ const PROGRAM_COUNTER: usize = 15;
 /// The flags and the state of IT blocks, as the protocol numbers it, and the latter's bits.
 const XPSR: usize = 25;
 const IT_BLOCK: u32 = 0x0600_FC00;
+/// Number of the first register of the FPU.
+const FLOAT_REGISTERS: usize = 26;
 /// Start of 8 bytes of RAM that no image uses: the end of the 128 KiB.
 const SCRATCH: u32 = 0x2001_FFF0;
 
@@ -172,6 +174,18 @@ impl Debugger {
     pub fn read(&mut self, address: u32) -> Result<u32> {
         let text = self.exchange(&format!("m{address:x},4"))?;
         hex_words(&text).next().ok_or_else(|| format!("QEMU cannot read {address:#x}: {text}"))
+    }
+
+    /// Sets words of RAM.
+    pub fn set_words(&mut self, address: u32, words: &[u32]) -> Result {
+        let digits: String = words.iter().map(|word| format!("{:08x}", word.swap_bytes())).collect();
+        self.command(&format!("M{address:x},{:x}:{digits}", 4 * words.len()))
+    }
+
+    /// Gives a register of the FPU a value, as two registers of single precision: the first two make register 0.
+    pub fn set_float_register(&mut self, index: usize, words: [u32; 2]) -> Result {
+        let [low, high] = words.map(u32::swap_bytes);
+        self.command(&format!("P{:x}={low:08x}{high:08x}", FLOAT_REGISTERS + index))
     }
 
     /// Sets a byte of RAM.

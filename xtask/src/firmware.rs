@@ -16,7 +16,7 @@ pub const TICK: &str = BOARD.interrupts.tick;
 /// The link's bytes.
 pub const LINK: &str = BOARD.interrupts.link;
 /// A feature of the firmware that puts an indexing panic into its control task.
-const PLANTED: &str = "planted-panic";
+pub const PLANTED: &str = "planted-panic";
 /// Set, tests write the pages that they hold.
 const UPDATE: &str = "ROTORLEAD_UPDATE_PAGES";
 /// The test that runs the paper's experiment at every level.
@@ -152,15 +152,21 @@ fn no_panic(board: &Board, image: &Image) -> Result {
     }
     for name in board.interrupts.path() {
         let root = image.function_named(name).ok_or_else(|| format!("the image has no interrupt {name}"))?;
-        let indirect = calls.indirect(root);
-        if !indirect.is_empty() {
-            return Err(format!("{name} calls through pointers, in {}", indirect.join(", ")));
-        }
-        if let Some(path) = calls.path(root, panics) {
-            return Err(format!("{name} can panic: {}", path.join(" -> ")));
-        }
+        cannot_panic(&calls, root, name)?;
     }
     Ok(())
+}
+
+/// An error where a function can panic, or calls through a pointer, so that nobody knows.
+pub fn cannot_panic(calls: &Calls<'_>, root: usize, name: &str) -> Result {
+    let indirect = calls.indirect(root);
+    if !indirect.is_empty() {
+        return Err(format!("{name} calls through pointers, in {}", indirect.join(", ")));
+    }
+    match calls.path(root, panics) {
+        Some(path) => Err(format!("{name} can panic: {}", path.join(" -> "))),
+        None => Ok(()),
+    }
 }
 
 /// Deepest stack: the idle task, and on top of it one interrupt of each priority.

@@ -5,6 +5,7 @@ mod apt;
 mod bench;
 mod blind;
 mod board;
+mod c_interface;
 mod docs;
 mod emulator;
 mod firmware;
@@ -26,7 +27,8 @@ Usage: cargo xtask COMMAND
   build    [--board stm32f405|rp2040] builds the image for the controller; prints what flash, RAM and stack it takes; fails if
            one of its interrupts can panic; writes the image beside the linked file as raw binary for the flash's first address
            (.bin), and as Intel HEX (.hex), or for the RP2040 as UF2 (.uf2) for its drive, and checks both; with --update-readme
-           writes the sizes of both boards' into the README and the RP2040's page
+           writes the sizes of both boards' into the README and the RP2040's page;
+           with --c the archives of the C interface for a Cortex-M4F and a Cortex-M7, their sizes and their stack
   emulate  [PORT] runs that image in QEMU, with its link on a TCP port
   flash    flashes that image with a debug probe, and shows its log
   test     every test there is: formatting, lints, documentation, host tests, and the controller's image: its build, its checks,
@@ -45,6 +47,7 @@ Usage: cargo xtask COMMAND
   bench    measures filters, the simulated stand and identification side by side, in one run;
            with --firmware [--board stm32f405|rp2040] [--json FILE] instructions on the controller's core, in QEMU, or for the
            RP2040 cycles of its interrupts and of its start, in rp2040js;
+           with --c what a step costs from C on both cores, and that it gives the library's bits, in QEMU;
            with --identify [--largest] [--json FILE] identification alone, from CSV files to a model, beside NumPy and SciPy
            where PYTHON (python3 if not set) has them; --largest goes to 10^8 rows: minutes, and 5 GB in target/
            with --diagnose [--json FILE] a diagnosis with the whole catalog, and how its time grows with the rows
@@ -85,6 +88,7 @@ fn task<'a>(arguments: &'a [&'a str]) -> Option<Task<'a>> {
         ["setup"] => Box::new(setup::all),
         ["build"] => Box::new(|| firmware::build(board::BOARD).map(drop)),
         ["build", "--board", name] => Box::new(move || firmware::build(firmware::board(name)?).map(drop)),
+        ["build", "--c"] => Box::new(c_interface::build),
         ["build", "--update-readme"] => Box::new(firmware::state_sizes),
         ["emulate"] => Box::new(|| firmware::emulate(emulator::DEFAULT_PORT)),
         ["emulate", port] => Box::new(move || {
@@ -112,6 +116,7 @@ fn task<'a>(arguments: &'a [&'a str]) -> Option<Task<'a>> {
         ["bench", "--firmware", "--board", name, "--json", file] => {
             Box::new(move || bench::firmware(firmware::board(name)?, Some(file)))
         }
+        ["bench", "--c"] => Box::new(c_interface::bench),
         ["bench", "--identify"] => Box::new(|| bench::identify(false, None)),
         ["bench", "--identify", "--json", file] => Box::new(move || bench::identify(false, Some(file))),
         ["bench", "--identify", "--largest"] => Box::new(|| bench::identify(true, None)),

@@ -75,6 +75,19 @@ impl Toolchain {
         }
     }
 
+    /// Its linker, for an archive without a program.
+    pub fn linker(self) -> Result<Command> {
+        match self.origin {
+            Origin::Rustup => {
+                let said = |what| output(&mut command("rustc", &["--print", what])).ok_or("rustc says nothing");
+                let (sysroot, host) = (said("sysroot")?, said("host-tuple")?);
+                let folder = Path::new(sysroot.trim()).join("lib/rustlib").join(host.trim());
+                Ok(command(&folder.join("bin/rust-lld").to_string_lossy(), &["-flavor", "gnu"]))
+            }
+            Origin::Debian => Ok(command("ld.lld", &[])),
+        }
+    }
+
     /// Where its builds end up.
     pub fn folder(self) -> std::path::PathBuf {
         let folder = match self.origin {

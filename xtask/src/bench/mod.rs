@@ -6,11 +6,11 @@ mod diagnose;
 mod filters;
 mod host;
 mod inputs;
-mod machine;
+pub mod machine;
 mod process;
 mod report;
 mod rp2040;
-mod trace;
+pub mod trace;
 
 use std::path::{Path, PathBuf};
 
