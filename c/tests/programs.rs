@@ -13,7 +13,7 @@ use rotorlead::design::{CurvePoint, InverseDesign, LeadDesign, LeadParameters, R
 use rotorlead::throttle::Command;
 
 /// Rates of the loops of flight controllers, hertz.
-const LOOP_RATES_HZ: [u32; 4] = [1000, 2000, 4000, 8000];
+const LOOP_RATES_HZ: [u32; 5] = [400, 1000, 2000, 4000, 8000];
 
 /// The archive, built once. In a folder of its own: cargo holds the other one's lock while it builds.
 static ARCHIVE: LazyLock<PathBuf> = LazyLock::new(|| {
@@ -155,4 +155,15 @@ fn every_status_is_provoked_from_c() {
     for number in [-1, i32::MIN, i32::MAX] {
         assert_eq!(text(number), "no such status");
     }
+}
+
+#[test]
+fn the_function_of_the_page_compiles() {
+    let page = std::fs::read_to_string(source("../docs/c-interface.md")).unwrap();
+    let blocks: Vec<&str> = page.split("```c\n").skip(1).map(|rest| rest.split("```").next().unwrap()).collect();
+    assert_eq!(blocks.len(), 1);
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("page.c");
+    std::fs::write(&file, format!("{}\nint main(void)\n{{\n    return 0;\n}}\n", blocks[0])).unwrap();
+    Program::build(file.to_str().unwrap(), "c99");
 }

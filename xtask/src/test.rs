@@ -89,7 +89,10 @@ impl Times {
         counts.arg("--firmware");
         let mut cycles = xtask("bench");
         cycles.args(["--firmware", "--board", RP2040.name]);
-        let last = [pages, xtask("library"), xtask("check-image"), counts, cycles];
+        let [mut c_sizes, mut c_counts] = [xtask("build"), xtask("bench")];
+        c_sizes.arg("--c");
+        c_counts.arg("--c");
+        let last = [pages, xtask("library"), xtask("check-image"), c_sizes, counts, c_counts, cycles];
         let checks = lints().commands.into_iter().chain(last);
         self.beside([
             part("host tests", [host]),

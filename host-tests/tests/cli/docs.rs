@@ -47,7 +47,7 @@ const fn page(file: &'static str, commands: usize) -> Page {
 }
 
 /// Every page with commands.
-const PAGES: [Page; 12] = [
+const PAGES: [Page; 13] = [
     Page { brought: Some(("log.csv", "sim/tests/data/rcbenchmark.csv")), ..page("README.md", 8) },
     page("docs/inverse.md", 4),
     page("docs/tutorial.md", 30),
@@ -58,6 +58,7 @@ const PAGES: [Page; 12] = [
     page("docs/diagnosis.md", 8),
     page("docs/firmware.md", 4),
     page("docs/board-rp2040.md", 4),
+    page("docs/c-interface.md", 2),
     page("docs/wiring.md", 2),
     page("docs/vehicle.md", 6),
 ];
@@ -171,6 +172,8 @@ fn run(page: &str, brought: Option<(&str, &str)>) -> usize {
                 }
             }
             "" | "text" | "toml" | "csv" => {}
+            // Compiled by the tests of the C interface.
+            "c" => {}
             other => panic!("{page}: a block of `{other}` would be neither run nor compared"),
         }
     }
@@ -339,6 +342,7 @@ fn the_page_on_the_vehicle_shows_what_its_commands_print() {
 fn the_pages_on_the_controller_name_commands_that_there_are() {
     holds("docs/firmware.md");
     holds("docs/board-rp2040.md");
+    holds("docs/c-interface.md");
     holds("docs/wiring.md");
 }
 
