@@ -13,7 +13,9 @@ use rotorlead::design::{CurvePoint, InverseDesign, LeadDesign, LeadParameters, R
 use rotorlead::throttle::Command;
 
 /// Rates of the loops of flight controllers, hertz.
-const LOOP_RATES_HZ: [u32; 5] = [400, 1000, 2000, 4000, 8000];
+const LOOP_RATES_HZ: [u32; 4] = [1000, 2000, 4000, 8000];
+/// That of a slow one, at which the example's lead is refused and its inverse is not.
+const SLOW_RATE_HZ: u32 = 400;
 
 /// The archive, built once. In a folder of its own: cargo holds the other one's lock while it builds.
 static ARCHIVE: LazyLock<PathBuf> = LazyLock::new(|| {
@@ -99,7 +101,7 @@ fn lead(loop_rate_hz: u32) -> Vec<u32> {
 fn inverse(loop_rate_hz: u32) -> Vec<i32> {
     let points = [(0.40, 0.1593), (0.45, 0.1360), (0.50, 0.1077), (0.55, 0.1009), (0.60, 0.0852), (0.65, 0.0708)];
     let points = points.map(|(command, tau_s)| CurvePoint { command, tau_s });
-    let reference = ReferenceModel { omega_f_rad_s: 94.2, damping: 0.7071 };
+    let reference = ReferenceModel { omega_f_rad_s: 94.2, damping: 0.71 };
     let design = InverseDesign::new(reference, f64::from(loop_rate_hz), &points).unwrap();
     let range =
         CommandRange { lowest: Command::saturating_from_f64(0.35), highest: Command::saturating_from_f64(0.70) };
@@ -131,11 +133,23 @@ fn a_lead_in_c_is_that_of_the_library_at_every_rate() {
     }
 }
 
+/// Its coefficient g0 would be more than 1/2.
+#[test]
+fn a_loop_that_is_too_slow_for_a_lead_is_refused_with_the_remedy() {
+    let program = Program::build("examples/lead.c", "c99");
+    let ended = Process::new(&program.path).arg(SLOW_RATE_HZ.to_string()).output().unwrap();
+    assert!(!ended.status.success() && ended.stdout.is_empty());
+    let said = String::from_utf8(ended.stderr).unwrap();
+    assert!(said.starts_with("a coefficient does not fit its format") && said.contains("loop_rate_hz"), "{said}");
+    let slower = LeadParameters::from_poles(&[6.2758, 9.2889, 14.1275], 470.0).unwrap();
+    assert!(LeadDesign::new(slower, f64::from(SLOW_RATE_HZ), None).is_ok());
+}
+
 #[test]
 fn an_inverse_in_cpp_is_that_of_the_library_at_every_rate() {
     for standard in ["c++11", "c++17"] {
         let program = Program::build("examples/inverse.cpp", standard);
-        for rate in LOOP_RATES_HZ {
+        for rate in LOOP_RATES_HZ.into_iter().chain([SLOW_RATE_HZ]) {
             let printed = program.run(&[rate.to_string()]);
             let printed: Vec<i32> = printed.lines().map(|line| line.parse().unwrap()).collect();
             assert_eq!(printed, inverse(rate), "{standard}, {rate} Hz");

@@ -224,9 +224,13 @@ fn the_error_against_f64_is_under_minus_150_db_on_the_papers_multisine() {
         let arithmetic_db = error_db(&design, &inputs, |u| unrounded.update(u));
         let mut textbook = DirectForm::tustin(design.lead(), design.loop_rate_hz(), None, level);
         let total_db = error_db(&design, &inputs, |u| textbook.update(u));
-        println!("{rate_hz} Hz, u_nom {u_nom:.2}: arithmetic {arithmetic_db:.1} dB, with rounded coefficients {total_db:.1} dB");
+        println!(
+            "{rate_hz} Hz, u_nom {u_nom:.2}: arithmetic {arithmetic_db:.1} dB, with rounded coefficients {total_db:.1} dB"
+        );
         assert!(arithmetic_db <= -150.0, "{arithmetic_db} dB");
-        assert!(total_db <= 20.0 * (10.0_f64.powf(design.check().worst_deviation_db / 20.0) - 1.0).log10() + 1.0);
+        // Where the loop is slow the coefficients are so exact that the arithmetic shows.
+        let rounded = 10.0_f64.powf(design.check().worst_deviation_db / 20.0) - 1.0;
+        assert!(total_db <= 20.0 * (rounded + 10.0_f64.powf(arithmetic_db / 20.0)).log10() + 1.0, "{total_db} dB");
     }
 }
 

@@ -5,7 +5,7 @@
 
 use emulator::Debugger;
 use rotorlead::compensator::{CommandRange, Compensator};
-use rotorlead::design::{CurvePoint, InverseDesign, LeadDesign, LeadParameters, ReferenceModel};
+use rotorlead::design::{CurvePoint, DEFAULT_DAMPING, InverseDesign, LeadDesign, LeadParameters, ReferenceModel};
 use rotorlead::throttle::Command;
 
 use super::archive::{Core, functions};
@@ -23,8 +23,9 @@ const SWITCHES_AT: usize = TICKS as usize / 8;
 /// Ticks until the mixer's command changes.
 const HOLD: u32 = 12;
 
-const LEAD: LeadParameters = LeadParameters { omega_z_rad_s: 14.1275, omega_f_rad_s: 94.2156, damping: 0.7071 };
-const REFERENCE: ReferenceModel = ReferenceModel { omega_f_rad_s: 94.2156, damping: 0.7071 };
+const LEAD: LeadParameters =
+    LeadParameters { omega_z_rad_s: 14.1275, omega_f_rad_s: 94.2156, damping: DEFAULT_DAMPING };
+const REFERENCE: ReferenceModel = ReferenceModel { omega_f_rad_s: 94.2156, damping: DEFAULT_DAMPING };
 const POINTS: [CurvePoint; 3] = [
     CurvePoint { command: 0.40, tau_s: 0.1593 },
     CurvePoint { command: 0.50, tau_s: 0.1077 },
