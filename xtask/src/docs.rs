@@ -2,7 +2,7 @@
 
 use crate::run::{Result, cargo, run};
 
-/// Writes the catalog of effects, the pages of the commands, what the commands in all pages print, and their figures: the
+/// Writes the catalog of effects, the pages of the commands, the header of the C interface, what the commands in all pages print, and their figures: the
 /// tests that compare them write them instead.
 pub fn write() -> Result {
     // Of the whole workspace, as the tests are: of one package alone the crates have other features, and all would be compiled anew.
@@ -12,5 +12,6 @@ pub fn write() -> Result {
     };
     // These are tests of the program's own package, which builds it: the next show what it prints.
     written("pages", "")?;
+    written("header", "")?;
     written("cli", "docs::")
 }

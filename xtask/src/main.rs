@@ -58,7 +58,7 @@ Usage: cargo xtask COMMAND
            or with --estimates to 0.05 of a standard deviation; with --freeze keeps those of today; a quarter of an hour
   fuzz     TARGET [--merge] [OPTION ...] fuzzes what comes from outside, with options of libFuzzer; with --merge stores what was found;
            takes a nightly compiler and cargo-fuzz: fuzz/README.md
-  docs     writes the pages under docs anew: the catalog of effects, the help of the commands, what the commands that the pages
+  docs     writes the pages under docs anew: the catalog of effects, the help of the commands, the C header, what the commands that the pages
            show print, and the figures that they draw
   help     prints this
 ";
