@@ -63,7 +63,8 @@ pub fn move_vectors(scb: &mut SCB) {
     // SAFETY: nothing else touches the table, and it is complete before the core looks at it. The addresses are those of the core.
     unsafe {
         let table = &raw mut RAM_VECTORS;
-        (*table).0 = __vector_table;
-        scb.vtor.write(table.addr() as u32);
+        (&raw mut (*table).0).write_volatile(__vector_table);
+        cortex_m::asm::dsb();
+        scb.vtor.write(table.expose_provenance() as u32);
     }
 }

@@ -99,7 +99,7 @@ fn operate(operation: Operation) {
         }
         (rom.flush)();
         // Its first bytes are its code, and it returns to where it was called from (RP2040 datasheet, 2.8.1.3.1).
-        let boot2: unsafe extern "C" fn() = core::mem::transmute(rom.boot2.as_ptr().addr() | THUMB);
+        let boot2: unsafe extern "C" fn() = core::mem::transmute(rom.boot2.as_ptr().expose_provenance() | THUMB);
         boot2();
     }
 }

@@ -123,7 +123,9 @@ fn frames_go_on_while_the_flash_is_erased_and_written() {
     assert!(trace.faults.is_empty(), "{:?}", trace.faults);
     assert_eq!(trace.flash_operations, 2, "an erase and a page");
     let sent = pins::frames_of(&trace, OUTPUT_1, Speed::Dshot600, 1.0);
-    let during: Vec<u64> = sent.iter().map(|(cycle, _)| *cycle).filter(|cycle| *cycle > saved_at).collect();
+    let until = run.until_cycle;
+    let during = sent.iter().map(|(cycle, _)| *cycle).filter(|cycle| *cycle > saved_at);
+    let during: Vec<u64> = std::iter::once(saved_at).chain(during).chain([until]).collect();
     let longest = during.windows(2).map(|pair| pair[1] - pair[0]).max().unwrap();
     assert!(longest <= ms(0.5), "a gap of {} us", longest as f64 / 125.0);
     assert!(sent.iter().all(|(_, bits)| *bits == 0), "a stop and nothing else");
