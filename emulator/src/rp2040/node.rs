@@ -84,7 +84,7 @@ fn execute(command: &mut Command, input: &[u8]) -> std::io::Result<Output> {
 mod tests {
     use super::*;
     use crate::rp2040::{
-        Bytes, Conflict, Drive, Edge, Fault, Handler, PowerCut, Region, Release, Reset, Responder, Write,
+        Analog, Bytes, Conflict, Drive, Edge, Fault, Handler, PowerCut, Region, Release, Reset, Responder, Write,
     };
 
     #[test]
@@ -120,6 +120,7 @@ mod tests {
     fn the_script_gets_flat_names() {
         let mut run = Run::new("image", 9);
         run.inputs = vec![Edge { cycle: 1, pin: 2, is_high: true }];
+        run.analog = vec![Analog { cycle: 23, input: 24, count: 25 }];
         run.releases = vec![Release { cycle: 18, pin: 19 }];
         let answers = vec![vec![Drive { after: 20, level: None }]];
         run.responders = vec![Responder { pin: 21, falls: 22, answers }];
@@ -133,6 +134,7 @@ mod tests {
         let expected = serde_json::json!({
             "flash": [{ "offset": 14, "bytes": [15, 16] }],
             "inputs": [{ "cycle": 1, "pin": 2, "is_high": true }],
+            "analog": [{ "cycle": 23, "input": 24, "count": 25 }],
             "releases": [{ "cycle": 18, "pin": 19 }],
             "responders": [{ "pin": 21, "falls": 22, "answers": [[{ "after": 20, "level": null }]] }],
             "uart_in": [{ "cycle": 3, "bytes": [4] }],
