@@ -131,6 +131,6 @@ fn what_is_no_fleet_is_refused_with_its_place_and_a_remedy() {
         &["diagnose.json", "not what `rotorlead diagnose --json` writes", "diagnose the log again"],
     );
     stand.write("fleet/fleet.csv", "log,motor,date\na,M1,last week\n");
-    stand.refuses("fleet fleet", 1, &["fleet.csv:2:6", "last week is not a date", "2026-03-02"]);
+    stand.refuses("fleet fleet", 1, &["fleet.csv:2:6", "`last week` is not a date", "2026-03-02"]);
     stand.refuses("fleet", 2, &["<DIR>"]);
 }

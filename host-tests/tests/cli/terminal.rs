@@ -309,7 +309,7 @@ mod pseudo {
     #[test]
     fn long_work_shows_its_progress_with_the_time_left_unless_quiet() {
         let stand = Stand::new();
-        stand.edit("plan.toml", "periods = 2", "periods = 390");
+        stand.edit("plan.toml", "periods = 2", "periods = 900");
         let simulate = "simulate --model model.toml --plan plan.toml --out";
         let (text, status) = shown(&stand, &format!("{simulate} a"), &[]);
         assert_eq!(status, Some(0), "{text}");

@@ -65,7 +65,7 @@ impl FleetList {
             if !folders.insert(log.folder.clone()) {
                 return Err(text.complaint(
                     cell_span(&text, &row, columns.folder),
-                    format!("the log {} is listed twice", quoted(&log.folder)),
+                    format!("the log `{}` is listed twice", quoted(&log.folder)),
                     "again here",
                     "remove one of its rows",
                 ));
@@ -96,7 +96,7 @@ impl Columns {
                     did_you_mean(name, COLUMNS.iter().copied()).map_or_else(String::new, |guess| format!("; {guess}"));
                 return Err(text.complaint(
                     cell_span(text, header, index),
-                    format!("unknown column {}", quoted(name)),
+                    format!("unknown column `{}`", quoted(name)),
                     "here",
                     format!("the columns are log, motor and date{guess}"),
                 ));
@@ -138,7 +138,7 @@ impl Columns {
             Some((index, cell)) => Some(cell.parse().map_err(|_| {
                 text.complaint(
                     cell_span(text, row, index),
-                    format!("{} is not a date", quoted(cell)),
+                    format!("`{}` is not a date", quoted(cell)),
                     "here",
                     "write year, month and day, as in 2026-03-02, or nothing",
                 )
