@@ -309,7 +309,8 @@ mod pseudo {
     #[test]
     fn long_work_shows_its_progress_with_the_time_left_unless_quiet() {
         let stand = Stand::new();
-        stand.edit("plan.toml", "periods = 2", "periods = 900");
+        stand.edit("plan.toml", "periods = 2", "periods = 390");
+        stand.edit("plan.toml", "seed = 1\n", "seed = 1\nsample_rate_hz = 2500\n");
         let simulate = "simulate --model model.toml --plan plan.toml --out";
         let (text, status) = shown(&stand, &format!("{simulate} a"), &[]);
         assert_eq!(status, Some(0), "{text}");
