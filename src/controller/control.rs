@@ -165,14 +165,14 @@ impl<H: ControlHardware> Control<H> {
         }
     }
 
-    /// What was wrong at each motor since the settings were set: with `pulses` at its input, or with frames, and at its ESC.
-    #[must_use]
-    pub fn faults(&self, pulses: Option<[MotorFaults; MOTORS]>) -> [MotorFaults; MOTORS] {
-        let mut faults = pulses.or_else(|| self.inputs.as_ref().map(FrameInputs::faults)).unwrap_or_default();
-        if let Some(replies) = &self.replies {
-            replies.count(&mut faults);
+    /// Puts in what was wrong at each motor since the settings were set: at inputs that have frames, and with the replies of ESCs.
+    pub fn count_faults(&self, faults: &mut [MotorFaults; MOTORS]) {
+        if let Some(inputs) = &self.inputs {
+            *faults = inputs.faults();
         }
-        faults
+        if let Some(replies) = &self.replies {
+            replies.count(faults);
+        }
     }
 }
 

@@ -87,9 +87,11 @@ where
     }
 
     fn counts(&mut self) -> Counts {
-        let pulses = self.inputs.lock(|inputs| inputs.faults());
-        let (missed_deadlines, motors) =
-            self.control.lock(|control| (control.missed_deadlines(), control.faults(pulses)));
+        let mut motors = self.inputs.lock(|inputs| inputs.faults()).unwrap_or_default();
+        let missed_deadlines = self.control.lock(|control| {
+            control.count_faults(&mut motors);
+            control.missed_deadlines()
+        });
         Counts { link_overruns: self.hardware.link_overruns(), missed_deadlines, motors }
     }
 

@@ -25,7 +25,7 @@ const MOST_INSTRUCTIONS_CALL: u32 = 22;
 /// Of a block, with the loop, and a 32nd part of what the function needs to enter and return.
 const MOST_INSTRUCTIONS_SAMPLE: f64 = 13.1;
 const MOST_BYTES: u32 = 40;
-const MOST_INSTRUCTIONS_TICK: u32 = 640;
+const MOST_INSTRUCTIONS_TICK: u32 = 650;
 /// The same of the inverse: a call, a call in which a limit changes the output, and a tick of four motors.
 const MOST_INSTRUCTIONS_INVERSE: u32 = 60;
 const MOST_INSTRUCTIONS_LIMITED: u32 = 80;
