@@ -13,6 +13,7 @@ mod diagnose_bandwidths;
 mod excite;
 mod exit;
 mod fleet;
+mod export;
 mod help_pages;
 mod identify;
 mod identify_align;
@@ -91,6 +92,7 @@ enum Command {
     Design(design::Design),
     Bandwidth(bandwidth::Bandwidth),
     Vehicle(vehicle::Vehicle),
+    Export(export::Export),
     Diagnose(diagnose::Diagnose),
     Fleet(fleet::Fleet),
     Report(report::ReportCommand),
@@ -155,6 +157,7 @@ impl Arguments {
             }
             Command::Bandwidth(command) => say(&command.json, None, Some(&command.report), &|| command.run()),
             Command::Vehicle(command) => say(&command.json, None, Some(&command.report), &|| command.run()),
+            Command::Export(command) => say(&command.json, None, None, &|| command.run()),
             Command::Diagnose(command) => {
                 say(&command.json, command.out_model.as_deref(), Some(&command.report), &|| command.run())
             }

@@ -27,6 +27,7 @@ mod sample;
 mod saturation;
 mod simulation;
 mod spectra;
+pub mod stack_parameters;
 pub mod stand;
 pub mod static_map;
 pub mod steps;

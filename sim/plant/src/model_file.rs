@@ -13,13 +13,26 @@ impl Model {
     /// When the file is missing or is no model: an unknown key, a missing one, a number that
     /// [`Model::check`] refuses, or no point. The error shows the place in the file.
     pub fn read(path: &Path) -> Result<Self, FileError> {
-        let (model, file): (Self, _) = TomlFile::read(path)?;
-        model.check().map_err(|fault| file.show(&fault))?;
-        // One of a table of steady points is for people alone.
+        let (model, file) = Self::checked(path)?;
+        // A table of steady points tells no lag.
         if model.points.is_empty() {
             return Err(file.show(&model.no_point()));
         }
         Ok(model)
+    }
+
+    /// As [`Model::read`], also of a model that has a static map and no point.
+    ///
+    /// # Errors
+    /// As [`Model::read`], but for that.
+    pub fn read_with_map_alone(path: &Path) -> Result<Self, FileError> {
+        Ok(Self::checked(path)?.0)
+    }
+
+    fn checked(path: &Path) -> Result<(Self, TomlFile), FileError> {
+        let (model, file): (Self, _) = TomlFile::read(path)?;
+        model.check().map_err(|fault| file.show(&fault))?;
+        Ok((model, file))
     }
 
     /// Checks a model and writes it, complete or not at all.

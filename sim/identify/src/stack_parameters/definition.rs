@@ -1,0 +1,251 @@
+//! What each stack defines, where it says so, and which of a model's numbers that is.
+
+use std::f64::consts::TAU;
+
+use serde::Serialize;
+
+use super::law::ThrustLaw;
+
+/// A flight stack or simulator.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Stack {
+    /// Betaflight.
+    Betaflight,
+    /// PX4.
+    Px4,
+    /// ArduPilot.
+    Ardupilot,
+    /// Paparazzi.
+    Paparazzi,
+    /// Indiflight.
+    Indiflight,
+    /// Gazebo's multicopter motor plugins.
+    Gazebo,
+}
+
+impl Stack {
+    /// Every one.
+    pub const ALL: [Self; 6] =
+        [Self::Betaflight, Self::Px4, Self::Ardupilot, Self::Paparazzi, Self::Indiflight, Self::Gazebo];
+
+    /// What it is asked for.
+    #[must_use]
+    pub fn definitions(self) -> &'static [Definition] {
+        match self {
+            Self::Betaflight => &BETAFLIGHT,
+            Self::Px4 => &PX4,
+            Self::Ardupilot => &ARDUPILOT,
+            Self::Paparazzi => &PAPARAZZI,
+            Self::Indiflight => &INDIFLIGHT,
+            Self::Gazebo => &GAZEBO,
+        }
+    }
+
+    /// The commands that are its lowest and highest motor output as it is delivered; `None` for a stack none of whose
+    /// parameters depends on them.
+    #[must_use]
+    pub fn output_range(self) -> Option<(f64, f64)> {
+        match self {
+            // `dshot_idle_value`, later `motor_idle`, is 550: 5.5 %.
+            Self::Betaflight => Some((0.055, 1.0)),
+            // MOT_SPIN_MIN and MOT_SPIN_MAX.
+            Self::Ardupilot => Some((0.15, 0.95)),
+            Self::Px4 | Self::Indiflight | Self::Gazebo => Some((0.0, 1.0)),
+            Self::Paparazzi => None,
+        }
+    }
+
+    /// Whether one of its parameters is taken at a command.
+    #[must_use]
+    pub fn has_time_constant(self) -> bool {
+        self.definitions().iter().any(|definition| definition.quantity.is_lag())
+    }
+
+    /// Whether it takes one value for each motor.
+    #[must_use]
+    pub fn is_per_motor(self) -> bool {
+        matches!(self, Self::Paparazzi | Self::Indiflight)
+    }
+}
+
+/// One parameter as its stack defines it.
+#[derive(Debug, PartialEq, Serialize)]
+pub struct Definition {
+    /// Its name there.
+    pub name: &'static str,
+    /// Its unit; `1` for a number.
+    pub unit: &'static str,
+    /// What it means.
+    pub definition: &'static str,
+    /// The file that says so.
+    pub source: &'static str,
+    /// Which of the model's numbers it is.
+    #[serde(skip)]
+    pub(super) quantity: Quantity,
+    /// What that number, in SI units, is multiplied by.
+    #[serde(skip)]
+    pub(super) scale: f64,
+    /// Whether the stack takes whole numbers alone.
+    #[serde(skip)]
+    pub(super) is_integer: bool,
+    /// What the stack takes at least and at most, where it bounds it.
+    #[serde(skip)]
+    pub(super) bounds: Option<(f64, f64)>,
+}
+
+/// A number of a model.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Quantity {
+    /// The parameter of a law of thrust over motor output.
+    ThrustCurve(ThrustLaw),
+    /// Time constant, seconds.
+    TimeConstant,
+    /// Its inverse, rad/s.
+    CornerFrequency,
+    /// Time constant of a rising speed, seconds.
+    TimeConstantUp,
+    /// Time constant of a falling speed, seconds.
+    TimeConstantDown,
+    /// Rotor speed at the highest motor output, rad/s.
+    TopSpeed,
+    /// Thrust over the square of the rotor speed, N/(rad/s)^2.
+    MotorConstant,
+}
+
+impl Quantity {
+    pub(super) fn is_lag(self) -> bool {
+        matches!(self, Self::TimeConstant | Self::CornerFrequency | Self::TimeConstantUp | Self::TimeConstantDown)
+    }
+}
+
+const fn definition(
+    name: &'static str,
+    unit: &'static str,
+    quantity: Quantity,
+    definition: &'static str,
+    source: &'static str,
+) -> Definition {
+    Definition { name, unit, definition, source, quantity, scale: 1.0, is_integer: false, bounds: None }
+}
+
+const BETAFLIGHT: [Definition; 1] = [Definition {
+    scale: 100.0,
+    is_integer: true,
+    bounds: Some((0.0, 150.0)),
+    ..definition(
+        "thrust_linear",
+        "%",
+        Quantity::ThrustCurve(ThrustLaw::Boost),
+        "the motor output that gives a share y of the full thrust is y (1 + thrust_linear/100 (1 - y)^2), both counted \
+         from the idle; the law of firmware since pull request 9740 (2020) and without 15226 (2026)",
+        "betaflight/betaflight src/main/flight/pid.c, pidApplyThrustLinearization; pull request 9740; bounds: src/main/cli/settings.c",
+    )
+}];
+
+const PX4: [Definition; 1] = [Definition {
+    bounds: Some((0.0, 1.0)),
+    ..definition(
+        "THR_MDL_FAC",
+        "1",
+        Quantity::ThrustCurve(ThrustLaw::Quadratic),
+        "rel_thrust = THR_MDL_FAC rel_signal^2 + (1 - THR_MDL_FAC) rel_signal, both from 0 to 1",
+        "PX4/PX4-Autopilot src/lib/mixer_module/motor_params.yaml at 1cf10fee3b82",
+    )
+}];
+
+const ARDUPILOT: [Definition; 1] = [Definition {
+    bounds: Some((-1.0, 1.0)),
+    ..definition(
+        "MOT_THST_EXPO",
+        "1",
+        Quantity::ThrustCurve(ThrustLaw::Quadratic),
+        "thrust = MOT_THST_EXPO r^2 + (1 - MOT_THST_EXPO) r, where r is 0 at MOT_SPIN_MIN and 1 at MOT_SPIN_MAX",
+        "ArduPilot/ardupilot libraries/AP_Motors/AP_Motors_Thrust_Linearization.cpp at 04dc0b71a37d",
+    )
+}];
+
+const PAPARAZZI: [Definition; 1] = [definition(
+    "ACT_FREQ",
+    "rad/s",
+    Quantity::CornerFrequency,
+    "corner frequency of the actuator as a continuous first-order lag, 1 / time constant; in the section whose prefix is \
+     STABILIZATION_INDI_",
+    "paparazzi/paparazzi sw/airborne/firmwares/rotorcraft/stabilization/stabilization_indi.c, STABILIZATION_INDI_ACT_FREQ",
+)];
+
+const INDIFLIGHT_SOURCE: &str = "tudelft/indiflight src/main/flight/indi_init.c at 033c5791ad93";
+
+const INDIFLIGHT: [Definition; 3] = [
+    Definition {
+        scale: 1000.0,
+        is_integer: true,
+        // A byte, of which the firmware takes 1 for 0.
+        bounds: Some((1.0, 255.0)),
+        ..definition(
+            "indi_act_time_constant_ms",
+            "ms",
+            Quantity::TimeConstant,
+            "time constant of the actuator as a first-order lag",
+            INDIFLIGHT_SOURCE,
+        )
+    },
+    Definition {
+        scale: 100.0,
+        is_integer: true,
+        // The firmware clips it to these.
+        bounds: Some((2.5, 70.0)),
+        ..definition(
+            "indi_act_nonlinearity",
+            "%",
+            Quantity::ThrustCurve(ThrustLaw::Quadratic),
+            "force = k d^2 + (1 - k) d with k = indi_act_nonlinearity/100, force and motor output d from 0 to 1",
+            "tudelft/indiflight src/main/flight/indi.c at f25495626 (indiOutputCurve, updateLinearization)",
+        )
+    },
+    Definition {
+        scale: 60.0 / TAU,
+        is_integer: true,
+        ..definition(
+            "indi_act_max_rpm",
+            "rpm",
+            Quantity::TopSpeed,
+            "rotor speed at the full motor output",
+            INDIFLIGHT_SOURCE,
+        )
+    },
+];
+
+const GAZEBO_SOURCE: &str =
+    "gazebosim/gz-sim src/systems/multicopter_motor_model/MulticopterMotorModel.cc at 061b93b14bc8";
+
+const GAZEBO: [Definition; 4] = [
+    definition(
+        "timeConstantUp",
+        "s",
+        Quantity::TimeConstantUp,
+        "time constant of the first-order filter of the rotor speed while it rises",
+        GAZEBO_SOURCE,
+    ),
+    definition(
+        "timeConstantDown",
+        "s",
+        Quantity::TimeConstantDown,
+        "time constant of the first-order filter of the rotor speed while it falls",
+        GAZEBO_SOURCE,
+    ),
+    definition(
+        "maxRotVelocity",
+        "rad/s",
+        Quantity::TopSpeed,
+        "highest rotor speed that the motor may be commanded",
+        GAZEBO_SOURCE,
+    ),
+    definition(
+        "motorConstant",
+        "N/(rad/s)^2",
+        Quantity::MotorConstant,
+        "thrust = motorConstant (rotor speed)^2",
+        GAZEBO_SOURCE,
+    ),
+];

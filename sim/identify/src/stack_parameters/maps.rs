@@ -1,0 +1,86 @@
+//! Steady thrust and steady speed over the command, from the model and from records.
+
+use rotorlead_plant::{MapPolynomial, Model, StaticMap};
+use rotorlead_records::{Experiment, Output};
+
+use crate::static_map::{SteadyPoints, SteadySource, fit_static_map};
+
+/// A level this close to an end of the motor output is that end: 5 us of a pulse's 1000. A thrust that goes with the
+/// square of the command differs by 1 % there.
+const END: f64 = 0.005;
+
+/// Steady responses where they are known.
+#[derive(Debug, Default)]
+pub(super) struct Maps {
+    pub(super) thrust_n: Option<StaticMap>,
+    pub(super) rpm: Option<StaticMap>,
+}
+
+impl Maps {
+    /// The model's map, and the records' where the model has none of that response.
+    pub(super) fn of(model: &Model, experiment: Option<&Experiment>) -> Self {
+        let output = model.provenance.as_ref().map(|provenance| provenance.output);
+        let of = |wanted| {
+            let of_model = model.static_map.clone().filter(|_| output == Some(wanted));
+            of_model.or_else(|| of_records(experiment?, wanted))
+        };
+        Self { thrust_n: of(Output::ThrustN), rpm: of(Output::Rpm) }
+    }
+}
+
+fn of_records(experiment: &Experiment, output: Output) -> Option<StaticMap> {
+    let mut points = SteadyPoints { running: Vec::new(), still: None, source: SteadySource::Plateaus };
+    for record in experiment.records.iter().filter(|record| !record.compensated) {
+        // Most records are no staircase, or lack the response.
+        if let Ok(found) = SteadyPoints::of(record, output, None) {
+            points.join(found);
+        }
+    }
+    let polynomial = fit_static_map(&points).ok()?.polynomial();
+    Some(StaticMap { polynomial: Some(polynomial), ..points.levels() })
+}
+
+/// Commands and responses of a map between two commands.
+pub(super) fn between(map: &StaticMap, (low, high): (f64, f64)) -> impl Iterator<Item = (f64, f64)> + '_ {
+    let levels = map.command.iter().copied().zip(map.response.iter().copied());
+    levels.filter(move |(command, _)| (low - END..=high + END).contains(command))
+}
+
+/// Refuses a map without a level at the highest motor output, to which a stack refers thrust and speed.
+pub(super) fn check_top(map: &StaticMap, (low, high): (f64, f64)) -> Result<(), String> {
+    let (highest, _) = between(map, (low, high)).last().unwrap_or((0.0, 0.0));
+    if highest < high - END {
+        return Err(format!(
+            "the stack's highest motor output is a command of {high}, and the highest level measured up to there is {highest:.3}: \
+             measure that one, or limit the stack's output and say so with the option output-range"
+        ));
+    }
+    Ok(())
+}
+
+/// Refuses a map that begins above a lowest motor output which is not standstill: the stack counts thrust from there.
+pub(super) fn check_bottom(map: &StaticMap, bottom: f64) -> Result<(), String> {
+    let lowest = map.command.first().copied().unwrap_or(1.0);
+    if bottom > 0.0 && lowest > bottom + END {
+        return Err(format!(
+            "the lowest command measured is {lowest:.3}, and the stack's lowest motor output is {bottom}: measure down to it, or \
+             say with the option output-range what the stack's is"
+        ));
+    }
+    Ok(())
+}
+
+/// Scatter of the levels around the map's polynomial with its degrees of freedom; `None` without as many levels.
+pub(super) fn scatter(map: &StaticMap) -> Option<(f64, f64)> {
+    let polynomial = map.polynomial.as_ref()?;
+    let [low, high] = polynomial.range;
+    let misses: Vec<f64> =
+        between(map, (low, high)).map(|(command, response)| response - value(polynomial, command)).collect();
+    let dof = misses.len().checked_sub(polynomial.coefficients.len()).filter(|dof| *dof > 0)? as f64;
+    Some(((misses.iter().map(|miss| miss * miss).sum::<f64>() / dof).sqrt(), dof))
+}
+
+fn value(polynomial: &MapPolynomial, command: f64) -> f64 {
+    let limited = polynomial.limit.map_or(command, |limit| command.min(limit));
+    polynomial.coefficients.iter().rev().fold(0.0, |sum, coefficient| sum * limited + coefficient)
+}

@@ -1,0 +1,221 @@
+//! What flight stacks and simulators call the numbers of a model: their thrust curves, time constants and rotor constants.
+//!
+//! Each parameter has its stack's own [`Definition`] and normalization, an interval that covers with 95 %, and is refused
+//! where the model or the records cannot tell it.
+
+mod definition;
+mod fit;
+mod lag;
+mod law;
+mod maps;
+mod rotor;
+
+use rotorlead_plant::Model;
+use rotorlead_records::Experiment;
+use serde::Serialize;
+
+use definition::Quantity;
+pub use definition::{Definition, Stack};
+use lag::{Band, Direction, Lag};
+use law::ThrustLaw;
+use maps::Maps;
+
+/// What a person says of the vehicle.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StackOptions {
+    /// The command at which a time constant is taken, 0..1; the middle of those measured unless given.
+    pub at: Option<f64>,
+    /// The commands that the stack's lowest and highest motor outputs are, 0..1; [`Stack::output_range`] unless given.
+    pub output_range: Option<(f64, f64)>,
+}
+
+/// One parameter of a stack.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Parameter {
+    /// What it is.
+    #[serde(flatten)]
+    pub definition: &'static Definition,
+    /// Its value as the stack takes it, rounded where the stack takes integers.
+    pub value: f64,
+    /// Lower end of its 95 % interval; `None` where the model has no uncertainty for it.
+    pub low: Option<f64>,
+    /// Upper end.
+    pub high: Option<f64>,
+    /// The command at which it is taken, where it depends on it.
+    pub at: Option<f64>,
+    /// The lowest and the highest command whose measurements it is from.
+    pub measured: (f64, f64),
+    /// The worst error of the stack's law over them, % of full thrust.
+    pub worst_error_percent: Option<f64>,
+    /// What to know before it is flown.
+    pub notes: Vec<String>,
+}
+
+/// A parameter that is not known.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Refusal {
+    /// The parameter.
+    pub name: &'static str,
+    /// What is missing, and what to do.
+    pub why: String,
+}
+
+/// All that is known for a stack.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct StackParameters {
+    /// The stack.
+    pub stack: Stack,
+    /// What is known.
+    pub parameters: Vec<Parameter>,
+    /// What is not.
+    pub refused: Vec<Refusal>,
+}
+
+/// A model's parameters under the names of `stack`. `experiment` adds the responses that the model does not have: thrust
+/// beside speed, or the other way around.
+#[must_use]
+pub fn stack_parameters(
+    stack: Stack,
+    model: &Model,
+    experiment: Option<&Experiment>,
+    options: StackOptions,
+) -> StackParameters {
+    let maps = Maps::of(model, experiment);
+    // A stack without one has no parameter that depends on it.
+    let range = options.output_range.or(stack.output_range()).unwrap_or((0.0, 1.0));
+    let known = Known { model, maps, at: options.at, range };
+    let (mut parameters, mut refused) = (Vec::new(), Vec::new());
+    for definition in stack.definitions() {
+        match known.raw(definition.quantity).and_then(|raw| raw.in_units_of(definition)) {
+            Ok(parameter) => parameters.push(parameter),
+            Err(why) => refused.push(Refusal { name: definition.name, why }),
+        }
+    }
+    StackParameters { stack, parameters, refused }
+}
+
+/// What is known of the motor, and where it is asked for.
+struct Known<'a> {
+    model: &'a Model,
+    maps: Maps,
+    at: Option<f64>,
+    range: (f64, f64),
+}
+
+/// A quantity in SI units.
+struct Raw {
+    band: Band,
+    at: Option<f64>,
+    measured: (f64, f64),
+    worst_error_percent: Option<f64>,
+    notes: Vec<String>,
+}
+
+impl Known<'_> {
+    fn raw(&self, quantity: Quantity) -> Result<Raw, String> {
+        match quantity {
+            Quantity::ThrustCurve(law) => self.thrust_curve(law),
+            Quantity::TimeConstant => self.lag(|lag| Ok(lag.time_constant_s)),
+            Quantity::CornerFrequency => self.lag(|lag| Ok(lag.time_constant_s.inverse())),
+            Quantity::TimeConstantUp => self.lag(|lag| lag.directed(self.model, Direction::Up)),
+            Quantity::TimeConstantDown => self.lag(|lag| lag.directed(self.model, Direction::Down)),
+            Quantity::TopSpeed => {
+                let (band, command) = rotor::top_speed_rad_s(&self.maps, self.range)?;
+                let measured = (command, command);
+                Ok(Raw { band, at: Some(command), measured, worst_error_percent: None, notes: Vec::new() })
+            }
+            Quantity::MotorConstant => {
+                let found = rotor::motor_constant(&self.maps)?;
+                let worst_error_percent = Some(found.worst_error_percent);
+                let (band, measured) = (found.n_per_rad2_s2, found.measured);
+                Ok(Raw { band, at: None, measured, worst_error_percent, notes: Vec::new() })
+            }
+        }
+    }
+
+    fn lag(&self, band: impl Fn(Lag) -> Result<Band, String>) -> Result<Raw, String> {
+        let lag = Lag::of(self.model, self.at)?;
+        let mut notes = Vec::new();
+        if self.at.is_none() {
+            notes.push(String::from(
+                "taken in the middle of the commands measured: say that of hover with the option at",
+            ));
+        }
+        if lag.delay_s > 0.0 {
+            notes.push(format!("a dead time of {:.1} ms is beside it, and not in it", 1e3 * lag.delay_s));
+        }
+        Ok(Raw { band: band(lag)?, at: Some(lag.at), measured: lag.measured, worst_error_percent: None, notes })
+    }
+
+    fn thrust_curve(&self, law: ThrustLaw) -> Result<Raw, String> {
+        let (low, high) = self.range;
+        let (map, is_speed) = match (&self.maps.thrust_n, &self.maps.rpm) {
+            (Some(map), _) => (map, false),
+            (None, Some(map)) => (map, true),
+            (None, None) => {
+                return Err(String::from(
+                    "neither thrust nor rotor speed is known at steady levels: identify a staircase, or give its folder with the option records",
+                ));
+            }
+        };
+        maps::check_top(map, self.range)?;
+        maps::check_bottom(map, low)?;
+        let levels: Vec<(f64, f64)> = maps::between(map, self.range)
+            .map(|(command, response)| (command, if is_speed { response * response } else { response }))
+            .collect();
+        let found = fit::fit(law, &levels, self.range)?;
+        let mut notes = vec![format!(
+            "holds for motor outputs from {low} to {high} of the command, which the option output-range changes"
+        )];
+        if !found.parameter.excludes(0.0) {
+            notes.push(String::from(
+                "0, which is no linearization, is in the interval: the measurement does not ask for one",
+            ));
+        }
+        if is_speed {
+            notes.push(String::from("no thrust was measured: it is taken to go with the square of the rotor speed"));
+        }
+        Ok(Raw {
+            band: Band::of(found.parameter),
+            at: None,
+            measured: found.measured,
+            worst_error_percent: Some(found.worst_error_percent),
+            notes,
+        })
+    }
+}
+
+impl Raw {
+    /// The parameter in its stack's unit, whole where the stack wants it so; refused beyond what the stack takes.
+    fn in_units_of(mut self, definition: &'static Definition) -> Result<Parameter, String> {
+        let Band { value: exact, low, high } = self.band.times(definition.scale);
+        let value = if definition.is_integer { exact.round() } else { exact };
+        if let Some((least, most)) = definition.bounds.filter(|(least, most)| !(*least..=*most).contains(&value)) {
+            let interval = match (low, high) {
+                (Some(low), Some(high)) => format!(" ({low:.4} to {high:.4})"),
+                _ => String::new(),
+            };
+            return Err(format!(
+                "the measurement says {exact:.4}{interval}, and the stack takes {least} to {most}: it cannot describe this motor{}",
+                self.worst_error_percent
+                    .map_or(String::new(), |worst| format!(" (worst error of its law {worst:.1} % of full thrust)"))
+            ));
+        }
+        if definition.is_integer {
+            self.notes.push(format!("rounded from {exact:.3}: the stack takes whole numbers"));
+        }
+        Ok(Parameter {
+            definition,
+            value,
+            low,
+            high,
+            at: self.at,
+            measured: self.measured,
+            worst_error_percent: self.worst_error_percent,
+            notes: self.notes,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests;

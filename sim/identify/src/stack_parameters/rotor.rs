@@ -1,0 +1,78 @@
+//! Rotor constants: the highest speed, and thrust over the square of the speed.
+
+use std::f64::consts::TAU;
+
+use rotorlead_numerics::statistics::t_quantile;
+
+use super::lag::Band;
+use super::maps::{Maps, between, check_top, scatter};
+use crate::Estimate;
+
+/// Rotor speed of one revolution per minute, rad/s.
+const RPM: f64 = TAU / 60.0;
+/// Levels that tell thrust over speed squared, and an error.
+const LEAST_LEVELS: usize = 3;
+/// Commands closer than this are the same level in two responses of one record.
+const SAME_LEVEL: f64 = crate::steps::SAME_LEVEL;
+
+/// Thrust over the square of the rotor speed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct MotorConstant {
+    pub(super) n_per_rad2_s2: Band,
+    pub(super) measured: (f64, f64),
+    /// % of the highest thrust.
+    pub(super) worst_error_percent: f64,
+}
+
+/// The rotor speed at the highest motor output, rad/s, and the command of its level. Its interval is of the scatter of the
+/// levels around their polynomial.
+pub(super) fn top_speed_rad_s(maps: &Maps, range: (f64, f64)) -> Result<(Band, f64), String> {
+    let map = maps.rpm.as_ref().ok_or(
+        "no rotor speed is known: identify records of `rpm`, or give records that have it beside the thrust with the option records",
+    )?;
+    check_top(map, range)?;
+    let (command, rpm) = between(map, range).last().ok_or("no level is in the motor's output range")?;
+    if rpm <= 0.0 {
+        return Err(format!("the rotor speed at a command of {command} is {rpm} rpm: check its column"));
+    }
+    let reach = scatter(map).map(|(std, dof)| t_quantile(0.975, dof) * std);
+    let end = |sign: f64| reach.map(|reach| rpm + sign * reach);
+    Ok((Band { value: rpm, low: end(-1.0), high: end(1.0) }.times(RPM), command))
+}
+
+/// Least squares through zero over the levels that have both responses.
+pub(super) fn motor_constant(maps: &Maps) -> Result<MotorConstant, String> {
+    let (Some(thrust), Some(rpm)) = (&maps.thrust_n, &maps.rpm) else {
+        let lacks = if maps.thrust_n.is_some() { "rotor speed" } else { "thrust" };
+        return Err(format!(
+            "no {lacks} is known at steady levels: give an experiment whose records have thrust_n and rpm with the option records"
+        ));
+    };
+    let both: Vec<(f64, f64, f64)> = between(thrust, (0.0, 1.0))
+        .filter_map(|(command, thrust)| {
+            let same = |(other, _): &(f64, f64)| (other - command).abs() <= SAME_LEVEL;
+            let (_, rpm) = between(rpm, (0.0, 1.0)).find(same)?;
+            Some((command, thrust, (rpm * RPM).powi(2)))
+        })
+        .collect();
+    if both.len() < LEAST_LEVELS {
+        return Err(format!(
+            "{} levels have thrust and rotor speed, and {LEAST_LEVELS} are needed: record a staircase with both",
+            both.len()
+        ));
+    }
+    let square: f64 = both.iter().map(|(_, _, speed)| speed * speed).sum();
+    let value = both.iter().map(|(_, thrust, speed)| thrust * speed).sum::<f64>() / square;
+    if value <= 0.0 {
+        return Err(String::from("the thrust falls with the rotor speed: check the sign of the load cell"));
+    }
+    let misses = || both.iter().map(|(_, thrust, speed)| (thrust - value * speed).abs());
+    let dof = (both.len() - 1) as f64;
+    let std = (misses().map(|miss| miss * miss).sum::<f64>() / dof / square).sqrt();
+    let full = both.iter().map(|(_, thrust, _)| *thrust).fold(f64::MIN_POSITIVE, f64::max);
+    Ok(MotorConstant {
+        n_per_rad2_s2: Band::of(Estimate { value, std, dof }),
+        measured: (both[0].0, both[both.len() - 1].0),
+        worst_error_percent: 100.0 * misses().fold(0.0, f64::max) / full,
+    })
+}
