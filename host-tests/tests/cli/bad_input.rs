@@ -10,12 +10,13 @@ const LOGS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/tests/data");
 const READ_EXPERIMENT: [&str; 2] = ["identify stand --out found.toml", "validate stand --model model.toml"];
 
 /// Commands that read a model.
-const READ_MODEL: [&str; 5] = [
+const READ_MODEL: [&str; 6] = [
     "design --model model.toml --out c.toml",
     "bandwidth --model model.toml",
     "simulate --model model.toml --out sim",
     "validate stand --model model.toml",
     "vehicle --airframe airframe.toml --model model.toml",
+    "export --for paparazzi --model model.toml",
 ];
 
 /// A stand that also has a compensator, `c.toml`.
@@ -39,6 +40,7 @@ fn a_missing_file_is_named() {
         ("simulate --model nowhere.toml --out sim", "`nowhere.toml` does not exist"),
         ("simulate --model model.toml --plan nowhere.toml --out sim", "`nowhere.toml` does not exist"),
         ("simulate --model model.toml --compensator nowhere.toml --out sim", "`nowhere.toml` does not exist"),
+        ("export --for px4 --model nowhere.toml", "`nowhere.toml` does not exist"),
         ("vehicle --airframe nowhere.toml", "`nowhere.toml` does not exist"),
         ("vehicle --model nowhere.toml", "`nowhere.toml` does not exist"),
         ("import nowhere.csv --out imported", "nowhere.csv"),

@@ -61,6 +61,7 @@ const PAGES: [Page; 13] = [
     page("docs/c-interface.md", 2),
     page("docs/wiring.md", 2),
     page("docs/vehicle.md", 6),
+    page("docs/export.md", 6),
 ];
 
 /// One fenced block, and the file's name on the line before it.

@@ -6,6 +6,7 @@ mod diagnose;
 mod diagnose_bandwidths;
 mod docs;
 mod fleet;
+mod export;
 mod garbage;
 mod good_paths;
 mod identify_stand;

@@ -1,0 +1,162 @@
+//! `export`: the syntax of each stack, and what is refused.
+
+use serde_json::Value;
+
+use crate::stand::Stand;
+
+/// Steps told time constants of both directions apart; the speed goes with the square root of the command, so that thrust is linear.
+const STEPPED: &str = "\
+format = 1
+[[point]]
+nominal = 0.25
+gain = 10000
+time_constant_s = 0.04
+time_constant_up_s = 0.03
+time_constant_down_s = 0.06
+[[point]]
+nominal = 0.81
+gain = 8000
+time_constant_s = 0.04
+[static_map]
+command = [0.04, 0.16, 0.25, 0.49, 0.81, 1.0]
+response = [4000, 8000, 10000, 14000, 18000, 20000]
+[time_constant_curve]
+nominal = [0.25, 0.81]
+time_constant_s = [0.04, 0.04]
+low_s = [0.038, 0.038]
+high_s = [0.042, 0.042]
+down_over_up = 2
+[provenance]
+records = []
+version = \"0\"
+output = \"rpm\"
+";
+
+fn stepped() -> Stand {
+    let stand = Stand::new();
+    stand.write("stepped.toml", STEPPED);
+    // 1e-6 N/(rad/s)^2: 10 000 rpm are 1047.1976 rad/s.
+    std::fs::create_dir(stand.path("table")).unwrap();
+    stand.write(
+        "table/experiment.toml",
+        "format = 1\nname = \"table\"\ncommand = \"duty\"\noutput = \"thrust_n\"\n[[record]]\nfile = \"steady.csv\"\n\
+         nominal = 0.5\nexcitation = \"steady\"\n",
+    );
+    let row = |(row, (command, rpm)): (usize, (f64, f64))| {
+        format!("{row},{command},{},{rpm}\n", 1e-6 * (rpm * std::f64::consts::PI / 30.0).powi(2))
+    };
+    let rows = [(0.1, 4000.0), (0.3, 9000.0), (0.5, 12_000.0), (0.7, 15_000.0), (0.9, 18_000.0), (1.0, 20_000.0)];
+    let rows: String = rows.into_iter().enumerate().map(row).collect();
+    stand.write("table/steady.csv", format!("time_s,command,thrust_n,rpm\n{rows}"));
+    stand
+}
+
+/// What stands in a parameter's line, and its value of the JSON.
+#[track_caller]
+fn prints(stand: &Stand, arguments: &str, lines: &[&str]) -> Value {
+    let text = stand.run(&format!("export --model stepped.toml {arguments}"));
+    for line in lines {
+        assert!(text.lines().any(|printed| printed == *line), "no `{line}` in:\n{text}");
+    }
+    stand.json(&format!("export --model stepped.toml {arguments}"))
+}
+
+#[test]
+fn each_stack_gets_its_own_syntax() {
+    let stand = stepped();
+    prints(&stand, "--for betaflight --output-range 0.04..1", &["set thrust_linear = 0"]);
+    prints(
+        &stand,
+        "--for ardupilot --output-range 0.04..1 --records table",
+        &["# source: ArduPilot/ardupilot libraries/AP_Motors/AP_Motors_Thrust_Linearization.cpp at 04dc0b71a37d"],
+    );
+    prints(&stand, "--for paparazzi --motors 3", &["<define name=\"ACT_FREQ\" value=\"{25, 25, 25}\"/>"]);
+    prints(
+        &stand,
+        "--for indiflight --records table --at 0.3",
+        &["set indi_act_time_constant_ms = 40,40,40,40", "set indi_act_max_rpm = 20000,20000,20000,20000"],
+    );
+    let json = prints(
+        &stand,
+        "--for gazebo --records table",
+        &[
+            "<timeConstantUp>0.03000</timeConstantUp>",
+            "<timeConstantDown>0.06000</timeConstantDown>",
+            "<maxRotVelocity>2094</maxRotVelocity>",
+            "<motorConstant>1.000e-6</motorConstant>",
+        ],
+    );
+    assert_eq!(json["stack"], "gazebo");
+    let up = &json["parameters"][0];
+    assert_eq!((&up["name"], &up["unit"]), (&Value::from("timeConstantUp"), &Value::from("s")), "{json:#}");
+    for (key, value) in [("value", 0.03), ("low", 0.0285), ("high", 0.0315), ("at", 0.53)] {
+        assert!((up[key].as_f64().unwrap() - value).abs() < 1e-12, "{key}: {json:#}");
+    }
+    for key in ["definition", "source"] {
+        assert!(up[key].as_str().is_some_and(|text| !text.is_empty()), "{key}: {json:#}");
+    }
+    assert_eq!(json["refused"], Value::Array(Vec::new()));
+}
+
+#[test]
+fn a_comment_in_xml_has_no_double_hyphen() {
+    let stand = stepped();
+    for stack in ["paparazzi", "gazebo"] {
+        let text = stand.run(&format!("export --for {stack} --model stepped.toml"));
+        let inside = text.replace("<!--", "").replace("-->", "");
+        assert!(!inside.contains("--"), "{text}");
+    }
+}
+
+#[test]
+fn a_static_map_without_a_lag_is_enough_for_a_thrust_curve() {
+    let stand = stepped();
+    stand.run("identify table --out map.toml");
+    let json = stand.json("export --for px4 --model map.toml");
+    let factor = json["parameters"][0]["value"].as_f64().unwrap();
+    assert!((0.0..=1.0).contains(&factor), "{json:#}");
+    stand.refuses("export --for paparazzi --model map.toml", 1, &["ACT_FREQ", "no time constant", "staircase"]);
+}
+
+#[test]
+fn what_is_known_is_printed_beside_what_is_not() {
+    let stand = stepped();
+    let json = prints(&stand, "--for gazebo", &["<maxRotVelocity>2094</maxRotVelocity>"]);
+    assert_eq!(json["refused"][0]["name"], "motorConstant", "{json:#}");
+    assert!(json["refused"][0]["why"].as_str().unwrap().contains("no thrust"), "{json:#}");
+    let json = prints(&stand, "--for indiflight --at 0.9", &["set indi_act_max_rpm = 20000,20000,20000,20000"]);
+    assert!(json["refused"][0]["why"].as_str().unwrap().contains("0.25 to 0.81, and not at 0.9"), "{json:#}");
+}
+
+#[test]
+fn nothing_known_is_a_failure_with_every_reason() {
+    let stand = stepped();
+    stand.refuses(
+        "export --for gazebo --model model.toml",
+        1,
+        &["timeConstantUp", "timeConstantDown", "maxRotVelocity", "motorConstant", "docs/export.md"],
+    );
+    stand.edit("stepped.toml", "0.81, 1.0]", "0.81, 0.9]");
+    stand.refuses("export --for px4 --model stepped.toml", 1, &["THR_MDL_FAC", "command of 1", "0.900"]);
+}
+
+#[test]
+fn wrong_use_is_told() {
+    let stand = stepped();
+    for (arguments, parts) in [
+        ("--for inav", &["inav", "betaflight"][..]),
+        ("", &["--for"]),
+        ("--for px4 --at 0.5", &["--at", "px4 has none"]),
+        ("--for paparazzi --output-range 0..1", &["--output-range", "paparazzi has none"]),
+        ("--for gazebo --motors 4", &["--motors", "gazebo has none"]),
+        ("--for paparazzi --motors 0", &["--motors", "0"]),
+        ("--for paparazzi --at 1.5", &["--at", "1.5"]),
+        ("--for paparazzi --at nan", &["--at", "nan"]),
+        ("--for px4 --output-range 0.9..0.1", &["--output-range", "LOW..HIGH"]),
+        ("--for px4 --output-range 0..1.2", &["--output-range", "from 0 to 1"]),
+        ("--for px4 --json stepped.toml", &["stepped.toml", "written over"]),
+    ] {
+        stand.refuses(&format!("export --model stepped.toml {arguments}"), 2, parts);
+    }
+    stand.refuses("export --for px4 --model stepped.toml --records nowhere", 1, &["`nowhere` does not exist"]);
+}
