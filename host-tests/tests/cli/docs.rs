@@ -61,7 +61,7 @@ const PAGES: [Page; 13] = [
     page("docs/c-interface.md", 2),
     page("docs/wiring.md", 2),
     page("docs/vehicle.md", 6),
-    page("docs/export.md", 6),
+    page("docs/export.md", 4),
 ];
 
 /// One fenced block, and the file's name on the line before it.
@@ -321,6 +321,11 @@ fn the_page_on_diagnosis_from_bandwidths_shows_what_its_commands_print() {
 }
 
 #[cfg(unix)]
+#[test]
+fn the_page_on_export_shows_what_its_commands_print() {
+    holds("docs/export.md");
+}
+
 #[test]
 fn the_page_on_diagnosis_shows_what_its_commands_print() {
     holds("docs/diagnosis.md");

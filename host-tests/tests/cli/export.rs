@@ -65,11 +65,8 @@ fn prints(stand: &Stand, arguments: &str, lines: &[&str]) -> Value {
 fn each_stack_gets_its_own_syntax() {
     let stand = stepped();
     prints(&stand, "--for betaflight --output-range 0.04..1", &["set thrust_linear = 0"]);
-    prints(
-        &stand,
-        "--for ardupilot --output-range 0.04..1 --records table",
-        &["# source: ArduPilot/ardupilot libraries/AP_Motors/AP_Motors_Thrust_Linearization.cpp at 04dc0b71a37d"],
-    );
+    prints(&stand, "--for ardupilot --output-range 0.04..1", &["MOT_THST_EXPO,0"]);
+    prints(&stand, "--for px4", &["param set THR_MDL_FAC 0"]);
     prints(&stand, "--for paparazzi --motors 3", &["<define name=\"ACT_FREQ\" value=\"{25, 25, 25}\"/>"]);
     prints(
         &stand,
@@ -123,7 +120,7 @@ fn what_is_known_is_printed_beside_what_is_not() {
     let stand = stepped();
     let json = prints(&stand, "--for gazebo", &["<maxRotVelocity>2094</maxRotVelocity>"]);
     assert_eq!(json["refused"][0]["name"], "motorConstant", "{json:#}");
-    assert!(json["refused"][0]["why"].as_str().unwrap().contains("no thrust"), "{json:#}");
+    assert!(json["refused"][0]["why"].as_str().unwrap().contains("on the same levels"), "{json:#}");
     let json = prints(&stand, "--for indiflight --at 0.9", &["set indi_act_max_rpm = 20000,20000,20000,20000"]);
     assert!(json["refused"][0]["why"].as_str().unwrap().contains("0.25 to 0.81, and not at 0.9"), "{json:#}");
 }

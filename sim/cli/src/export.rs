@@ -160,13 +160,17 @@ fn about(parameter: &Parameter) -> Vec<String> {
     lines
 }
 
+/// Magnitude below which a number is what rounding leaves of zero.
+const ROUNDING: f64 = 1e-12;
+
 /// Four significant digits, or all of a whole number.
 fn digits(value: f64) -> String {
+    let value = if value.abs() < ROUNDING { 0.0 } else { value };
     if value == value.trunc() && value.abs() < 1e9 {
         return format!("{value}");
     }
     let decimals = 3 - value.abs().log10().floor() as i32;
-    if decimals > 9 { format!("{value:.3e}") } else { format!("{value:.*}", decimals.max(0) as usize) }
+    if decimals > 6 { format!("{value:.3e}") } else { format!("{value:.*}", decimals.max(0) as usize) }
 }
 
 /// A command to a thousandth.

@@ -14,17 +14,25 @@ const END: f64 = 0.005;
 pub(super) struct Maps {
     pub(super) thrust_n: Option<StaticMap>,
     pub(super) rpm: Option<StaticMap>,
+    /// Thrust and rotor speed of the same records, where these have both.
+    pub(super) thrust_n_and_rpm: Option<(StaticMap, StaticMap)>,
 }
 
 impl Maps {
     /// The model's map, and the records' where the model has none of that response.
     pub(super) fn of(model: &Model, experiment: Option<&Experiment>) -> Self {
         let output = model.provenance.as_ref().map(|provenance| provenance.output);
-        let of = |wanted| {
+        let [thrust_n, rpm] = [Output::ThrustN, Output::Rpm]
+            .map(|wanted| experiment.and_then(|experiment| of_records(experiment, wanted)));
+        let of = |wanted, of_records: &Option<StaticMap>| {
             let of_model = model.static_map.clone().filter(|_| output == Some(wanted));
-            of_model.or_else(|| of_records(experiment?, wanted))
+            of_model.or_else(|| of_records.clone())
         };
-        Self { thrust_n: of(Output::ThrustN), rpm: of(Output::Rpm) }
+        Self {
+            thrust_n: of(Output::ThrustN, &thrust_n),
+            rpm: of(Output::Rpm, &rpm),
+            thrust_n_and_rpm: thrust_n.zip(rpm),
+        }
     }
 }
 

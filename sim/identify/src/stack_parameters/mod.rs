@@ -189,7 +189,8 @@ impl Raw {
     /// The parameter in its stack's unit, whole where the stack wants it so; refused beyond what the stack takes.
     fn in_units_of(mut self, definition: &'static Definition) -> Result<Parameter, String> {
         let Band { value: exact, low, high } = self.band.times(definition.scale);
-        let value = if definition.is_integer { exact.round() } else { exact };
+        // Plus zero: a stack need not know a minus zero.
+        let value = if definition.is_integer { exact.round() + 0.0 } else { exact };
         if let Some((least, most)) = definition.bounds.filter(|(least, most)| !(*least..=*most).contains(&value)) {
             let interval = match (low, high) {
                 (Some(low), Some(high)) => format!(" ({low:.4} to {high:.4})"),

@@ -42,12 +42,10 @@ pub(super) fn top_speed_rad_s(maps: &Maps, range: (f64, f64)) -> Result<(Band, f
 
 /// Least squares through zero over the levels that have both responses.
 pub(super) fn motor_constant(maps: &Maps) -> Result<MotorConstant, String> {
-    let (Some(thrust), Some(rpm)) = (&maps.thrust_n, &maps.rpm) else {
-        let lacks = if maps.thrust_n.is_some() { "rotor speed" } else { "thrust" };
-        return Err(format!(
-            "no {lacks} is known at steady levels: give an experiment whose records have thrust_n and rpm with the option records"
-        ));
-    };
+    let (thrust, rpm) = maps.thrust_n_and_rpm.as_ref().ok_or(
+        "thrust and rotor speed are not known on the same levels: give an experiment whose records have thrust_n and rpm with the \
+         option records",
+    )?;
     let both: Vec<(f64, f64, f64)> = between(thrust, (0.0, 1.0))
         .filter_map(|(command, thrust)| {
             let same = |(other, _): &(f64, f64)| (other - command).abs() <= SAME_LEVEL;
