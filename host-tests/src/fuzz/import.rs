@@ -8,6 +8,13 @@ use miette::Diagnostic as _;
 use rotorlead_records::Excitation;
 use rotorlead_records::import::{Import, ImportOptions, import_bytes};
 
+/// A sample log of the importers' tests.
+macro_rules! sample {
+    ($name:literal) => {
+        include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/tests/data/", $name))
+    };
+}
+
 /// What messages have to call the log.
 const FILE: &str = "fuzzed.log";
 
@@ -16,6 +23,8 @@ const FILE: &str = "fuzzed.log";
 pub enum FuzzedFormat {
     /// Of Betaflight.
     Blackbox,
+    /// Of ArduPilot.
+    DataFlash,
     /// Of an ESC's telemetry.
     Esc32,
     /// Of MATLAB.
@@ -38,7 +47,7 @@ impl FuzzedFormat {
     pub fn memory_bound(self, length: usize) -> usize {
         let per_byte = match self {
             Self::Mat => 64 * 32,
-            Self::Blackbox | Self::Esc32 | Self::Plain | Self::RcBenchmark | Self::Ulog => 200,
+            Self::Blackbox | Self::DataFlash | Self::Esc32 | Self::Plain | Self::RcBenchmark | Self::Ulog => 200,
         };
         (4 << 20) + per_byte * length
     }
@@ -50,9 +59,14 @@ impl FuzzedFormat {
 /// When the importer does, or takes what no experiment is, or refuses without saying why, where and what to do.
 fn check(bytes: &[u8]) {
     // What a plain table does not say. A period has rows to find, and a mean.
-    let options =
+    let multisine =
         ImportOptions { excitation: Some(Excitation::Multisine), period_s: Some(0.1), ..ImportOptions::default() };
-    match import_bytes(Path::new(FILE), bytes, &options) {
+    check_with(bytes, &multisine);
+}
+
+/// The same where a flight is none to refuse.
+fn check_with(bytes: &[u8], options: &ImportOptions) {
+    match import_bytes(Path::new(FILE), bytes, options) {
         Ok(Import { experiment, summary }) => {
             let [record] = &experiment.records[..] else { panic!("{} records", experiment.records.len()) };
             assert!(record.time_s.is_sorted_by(|a, b| a < b), "time does not increase");
@@ -76,12 +90,26 @@ fn check(bytes: &[u8]) {
     }
 }
 
+/// An autopilot's log as one of a flight.
+fn check_free(bytes: &[u8]) {
+    check_with(bytes, &ImportOptions { excitation: Some(Excitation::Free), ..ImportOptions::default() });
+}
+
 /// The first byte says whether the others are a log as they are or what comes behind `prefix`.
 fn check_behind(prefix: &[u8], data: &[u8]) {
     match data {
         [form, bytes @ ..] if form % 2 == 1 => check(&[prefix, bytes].concat()),
         [_, bytes @ ..] => check(bytes),
         [] => check(&[]),
+    }
+}
+
+/// [`check_behind`], and the second bit says whether a flight is refused.
+fn check_autopilot_behind(prefix: &[u8], data: &[u8]) {
+    match data {
+        [form, bytes @ ..] if form & 3 == 3 => check_free(&[prefix, bytes].concat()),
+        [form, bytes @ ..] if form & 3 == 2 => check_free(bytes),
+        data => check_behind(prefix, data),
     }
 }
 
@@ -107,7 +135,7 @@ pub fn fuzz_import_esc32(data: &[u8]) {
 
 /// Behind a byte that chooses: any log, or the messages of a ULog.
 pub fn fuzz_import_ulog(data: &[u8]) {
-    check_behind(ULOG, data);
+    check_autopilot_behind(ULOG, data);
 }
 
 /// Behind a byte that chooses: any log, the elements of a MATLAB file in either byte order, or what is in one compressed
@@ -140,15 +168,16 @@ fn packed(bytes: &[u8], level: Compression) -> Vec<u8> {
 
 /// Behind a byte that chooses: any log, or a blackbox behind its first two lines.
 pub fn fuzz_import_blackbox(data: &[u8]) {
-    check_behind(b"H Product:Blackbox flight data recorder by Nicholas Sherlock\nH Data version:2\n", data);
+    check_autopilot_behind(b"H Product:Blackbox flight data recorder by Nicholas Sherlock\nH Data version:2\n", data);
 }
 
-/// A sample log of the importers' tests.
-macro_rules! sample {
-    ($name:literal) => {
-        include_bytes!(concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/tests/data/", $name))
-    };
+/// Behind a byte that chooses: any log, or the messages of a DataFlash log behind the format of formats.
+pub fn fuzz_import_dataflash(data: &[u8]) {
+    check_autopilot_behind(&sample!("bench.bin")[..FMT_LENGTH], data);
 }
+
+/// Bytes of the message that begins a DataFlash log.
+const FMT_LENGTH: usize = 89;
 
 /// The first `count` lines.
 fn lines(text: &[u8], count: usize) -> Vec<u8> {
@@ -217,6 +246,36 @@ pub fn import_ulog_corpus() -> Vec<(&'static str, Vec<u8>)> {
     ]
 }
 
+/// Bytes to start [`fuzz_import_dataflash`] from: the beginnings of the samples, and the shortest messages.
+#[must_use]
+pub fn import_dataflash_corpus() -> Vec<(&'static str, Vec<u8>)> {
+    let (bench, chirp) = (sample!("bench.bin"), sample!("chirp.bin"));
+    let format = |kind: u8, name: &[u8; 4], kinds: &[u8], labels: &[u8], length: u8| {
+        let mut format = [&[0xa3, 0x95, 128, kind, length][..], name, kinds].concat();
+        format.resize(25, 0);
+        format.extend(labels);
+        format.resize(FMT_LENGTH, 0);
+        format
+    };
+    let mut short = format(1, b"ECRP", b"BBBB", b"TimeUS,PWM,Freq,RPM", 7);
+    for k in 0..200 {
+        short.extend([0xa3, 0x95, 1, k, 100 + k % 7, k, k]);
+    }
+    let mut pair = format(1, b"RCOU", b"BBB", b"TimeUS,C1,C2", 6);
+    pair.extend(format(2, b"ESC\0", b"BBB", b"TimeUS,Instance,RPM", 6));
+    for k in 0..200 {
+        pair.extend([0xa3, 0x95, 1, k, 100 + k % 7, 100 + k % 5, 0xa3, 0x95, 2, k, 0, k]);
+    }
+    vec![
+        ("bench", behind(0, &[&bench[..12_000]])),
+        ("messages", behind(1, &[&bench[FMT_LENGTH..9000]])),
+        ("flight", behind(2, &[&bench[..12_000]])),
+        ("chirp", behind(0, &[&chirp[..6000]])),
+        ("shortest_chirp", behind(3, &[&short])),
+        ("shortest_pair", behind(3, &[&pair])),
+    ]
+}
+
 /// Bytes to start [`fuzz_import_mat`] from: the sample, vectors of bytes, one to be packed, and packed ones of which the
 /// last is a thousand times its length.
 #[must_use]
@@ -265,7 +324,7 @@ pub fn import_blackbox_corpus() -> Vec<(&'static str, Vec<u8>)> {
                    H Firmware revision:Betaflight 4.5.0 (x) Y\nI\x01\x50\x20P";
     let frames = [headers.as_bytes(), &b"I\x02\x50\x20"[..], &b"P".repeat(400)].concat();
     vec![
-        ("sample", behind(0, &[&file[..second + 3500]])),
+        ("sample", behind(2, &[&file[..second + 3500]])),
         ("frames", behind(1, &[&lines(&file[second..], 30)[80..], &file[second + 1300..second + 4000]])),
         ("shortest_frames", behind(1, &[&frames])),
     ]

@@ -22,9 +22,10 @@ pub struct Fuzzer {
 }
 
 /// Every fuzzer.
-pub const FUZZERS: [Fuzzer; 9] = [
+pub const FUZZERS: [Fuzzer; 10] = [
     fuzzer("capture", fuzz_capture, capture_corpus, None),
     fuzzer("import_blackbox", fuzz_import_blackbox, import_blackbox_corpus, Some(FuzzedFormat::Blackbox)),
+    fuzzer("import_dataflash", fuzz_import_dataflash, import_dataflash_corpus, Some(FuzzedFormat::DataFlash)),
     fuzzer("import_esc32", fuzz_import_esc32, import_esc32_corpus, Some(FuzzedFormat::Esc32)),
     fuzzer("import_mat", fuzz_import_mat, import_mat_corpus, Some(FuzzedFormat::Mat)),
     fuzzer("import_plain", fuzz_import_plain, import_plain_corpus, Some(FuzzedFormat::Plain)),

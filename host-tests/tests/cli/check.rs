@@ -371,9 +371,13 @@ fn an_experiment_toml_that_cannot_be_read_is_shown() {
 
 #[test]
 fn what_import_gives_is_taken() {
-    for log in ["rcbenchmark.csv", "esc32.csv", "blackbox.bbl", "esc_status.ulg", "vectors.mat"] {
+    let logs =
+        ["rcbenchmark.csv", "esc32.csv", "blackbox.bbl", "esc_status.ulg", "bench.bin", "chirp.bin", "vectors.mat"];
+    for log in logs {
         let stand = Stand::new();
-        stand.run(&format!("import {LOGS}/{log} --out good"));
+        // The blackbox is of a flight.
+        let flight = if log == "blackbox.bbl" { "--excitation free" } else { "" };
+        stand.run(&format!("import {LOGS}/{log} {flight} --out good"));
         let (found, status) = findings(&stand, "good");
         let identified = stand.command("identify good --out found.toml").output().unwrap().status.code();
         assert_eq!(identified, Some(status), "{log}: `identify` does otherwise: {found:#?}");

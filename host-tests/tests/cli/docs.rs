@@ -38,17 +38,22 @@ struct Page {
     file: &'static str,
     /// How many commands it has at least.
     commands: usize,
-    /// What its reader has already: a file's name, and what it is here.
-    brought: Option<(&'static str, &'static str)>,
+    /// What its reader has already: files' names, and what they are here.
+    brought: &'static [(&'static str, &'static str)],
 }
 
 const fn page(file: &'static str, commands: usize) -> Page {
-    Page { file, commands, brought: None }
+    Page { file, commands, brought: &[] }
 }
+
+/// What autopilots logged.
+const AUTOPILOT_LOGS: &[(&str, &str)] =
+    &[("chirp.bin", "sim/tests/data/chirp.bin"), ("bench.bin", "sim/tests/data/bench.bin")];
 
 /// Every page with commands.
 const PAGES: [Page; 13] = [
-    Page { brought: Some(("log.csv", "sim/tests/data/rcbenchmark.csv")), ..page("README.md", 8) },
+    Page { brought: &[("log.csv", "sim/tests/data/rcbenchmark.csv")], ..page("README.md", 8) },
+    Page { brought: AUTOPILOT_LOGS, ..page("docs/autopilot-logs.md", 4) },
     page("docs/inverse.md", 4),
     page("docs/tutorial.md", 30),
     page("docs/figures.md", 12),
@@ -139,13 +144,13 @@ fn parse(page: &str, command: &str) {
 }
 
 /// Runs a page; gives the number of its commands.
-fn run(page: &str, brought: Option<(&str, &str)>) -> usize {
+fn run(page: &str, brought: &[(&str, &str)]) -> usize {
     let path = root().join(page);
     let text = std::fs::read_to_string(&path).unwrap();
     let is_update = std::env::var_os("ROTORLEAD_UPDATE_PAGES").is_some();
     let mut updated = text.clone();
     let folder = tempfile::tempdir().unwrap();
-    if let Some((name, source)) = brought {
+    for (name, source) in brought {
         std::fs::copy(root().join(source), folder.path().join(name)).unwrap();
     }
     let mut count = 0;

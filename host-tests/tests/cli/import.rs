@@ -303,3 +303,55 @@ fn a_log_without_its_command_leads_to_align() {
         &["empty in all 4814 rows", "`--no-command`", "`rotorlead identify --align LOG`"],
     );
 }
+
+const LOGS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/tests/data");
+
+#[test]
+fn the_chirp_of_an_autopilot_gives_a_model_and_its_frequency_response() {
+    let stand = Stand::new();
+    let found = stand.json(&format!("import {LOGS}/chirp.bin --out chirp"));
+    assert_eq!(found["logs"][0]["format"], "dataflash");
+    assert_eq!(found["findings"].as_array().unwrap().len(), 0, "{found:#}");
+    assert!(stand.run("identify chirp --out model.toml").contains("coherence 0.9"));
+    let found = stand.json("identify chirp --out again.toml");
+    let point = &found["points"][0];
+    // Of the log: 14 rpm per microsecond of 1000, 80 ms, and telemetry that is 30 ms old.
+    for (key, truth) in [("gain", 14_000.0), ("time_constant_s", 0.08), ("delay_s", 0.03)] {
+        let value = point[key].as_f64().unwrap();
+        assert!((value / truth - 1.0).abs() < 0.02, "{key}: {value}");
+    }
+    let lines = found["frequency_responses"][0]["lines"].as_array().unwrap();
+    assert_eq!(found["frequency_responses"][0]["file"], "chirp.csv");
+    assert!(lines.len() > 20);
+    for line in lines {
+        let number = |key: &str| line[key].as_f64().unwrap();
+        let (frequency_hz, magnitude, coherence) = (number("frequency_hz"), number("magnitude"), number("coherence"));
+        assert!((0.1..16.0).contains(&frequency_hz) && (0.5..=1.0).contains(&coherence), "{line}");
+        let (low, high) =
+            (line["magnitude_interval"][0].as_f64().unwrap(), line["magnitude_interval"][1].as_f64().unwrap());
+        assert!(low < magnitude && magnitude < high, "{line}");
+    }
+    // Of another sweep, and no chirp of a motor that is asked for.
+    stand.run(&format!("import {LOGS}/chirp.bin --log 1 --out first"));
+    stand.refuses(&format!("import {LOGS}/chirp.bin --log 3 --out third"), 1, &["no log 3 in it, but 2"]);
+    stand.refuses(&format!("import {LOGS}/chirp.bin --motor 1 --out motor"), 1, &["`command` of motor 1", "`RCOU`"]);
+    stand.refuses(&format!("import {LOGS}/bench.bin --log 1 --out bench"), 1, &["no log 1 in it, but 0"]);
+    stand.refuses(&format!("import {LOGS}/bench.bin --column time=t:s --out bench"), 2, &["it is no table of text"]);
+    let bytes = fs::read(format!("{LOGS}/bench.bin")).unwrap();
+    let cut = bytes.windows(11).position(|part| part == b"MOT_PWM_MAX").unwrap();
+    fs::write(stand.path("open.bin"), [&bytes[..cut], b"x", &bytes[cut + 1..]].concat()).unwrap();
+    stand.refuses("import open.bin --out open", 2, &["no parameter says which pulse widths", "--pulse-us LOW..HIGH"]);
+    stand.run("import open.bin --pulse-us 1100..1900 --out open");
+}
+
+#[test]
+fn a_flight_is_refused_and_taken_as_free_alone() {
+    let stand = Stand::new();
+    stand.refuses(
+        &format!("import {LOGS}/blackbox.bbl --out flight"),
+        1,
+        &["a flight, and no bench run", "one motor at a time"],
+    );
+    stand.run(&format!("import {LOGS}/blackbox.bbl --excitation free --out flight"));
+    stand.refuses("identify flight --out model.toml", 1, &["free"]);
+}

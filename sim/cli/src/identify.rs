@@ -9,8 +9,8 @@ use rayon::iter::{IntoParallelRefIterator as _, ParallelIterator as _};
 use rotorlead_identify::stand::StandModel;
 use rotorlead_identify::steps::{LawComparison, StaircaseFit, compare_laws};
 use rotorlead_identify::{
-    Finding, FirstOrderOptions, Identification, IdentifyError, IdentifyOptions, Lags, LongRecordError,
-    PeriodicIdentification, PeriodicOptions, Spectrum, identify, step_record,
+    ChirpIdentification, Finding, FirstOrderOptions, Identification, IdentifyError, IdentifyOptions, Lags,
+    LongRecordError, PeriodicIdentification, PeriodicOptions, Spectrum, identify, step_record,
 };
 use rotorlead_records::files::check_writable;
 use rotorlead_records::{Experiment, LongRecord, Output, Record};
@@ -25,7 +25,7 @@ use super::identify_intervals::Intervals;
 use super::identify_map::MapValues;
 use super::identify_output::OtherOutput;
 use super::identify_stand::{self, StandArguments};
-use super::identify_tables::{PointValues, fitted_chirps, held_out, staircase};
+use super::identify_tables::{ChirpValues, PointValues, fitted_chirps, held_out, staircase};
 use super::outcome::{JsonOption, Outcome, paragraph, warning_lines};
 use super::report_option::ReportOption;
 use super::{WrongUse, identify_intervals, identify_laws, identify_map, progress, report_pages};
@@ -112,6 +112,8 @@ struct Values<'a> {
     detail: Option<&'a StaircaseFit>,
     distortion: Option<Vec<DistortionValues>>,
     intervals: Option<Vec<Intervals>>,
+    /// Of chirps.
+    frequency_responses: Option<Vec<ChirpValues<'a>>>,
     alignment: Option<Vec<AlignmentValues>>,
     static_map: Option<MapValues<'a>>,
     laws: Option<&'a LawComparison>,
@@ -209,8 +211,10 @@ impl Identify {
             points: identified.model.points.iter().cloned().map(PointValues).collect(),
             warnings,
             detail: identified.lags.in_time(),
-            distortion: in_frequency.filter(|_| !is_of_chirps(&identified)).map(distortion),
+            distortion: in_frequency.filter(|_| chirps(&identified).is_none()).map(distortion),
             intervals: in_frequency.map(identify_intervals::intervals),
+            frequency_responses: chirps(&identified)
+                .map(|found| found.responses.iter().map(ChirpValues::new).collect()),
             alignment: alignments,
             static_map: identified.static_map.as_ref().map(|(_, fit)| MapValues::new(fit)),
             laws: laws.as_ref(),
@@ -242,8 +246,11 @@ fn refused(error: IdentifyError) -> miette::Report {
     }
 }
 
-fn is_of_chirps(identified: &Identification) -> bool {
-    matches!(identified.lags, Lags::Chirps(_))
+fn chirps(identified: &Identification) -> Option<&ChirpIdentification> {
+    match &identified.lags {
+        Lags::Chirps(found) => Some(found),
+        _ => None,
+    }
 }
 
 /// The spectra of records that stay on disk, side by side.
@@ -293,7 +300,7 @@ fn tables(experiment: &Experiment, identified: &Identification, laws: Option<&La
     let of_lags = of_lags.select(&shown).text();
     let text = match &identified.lags {
         Lags::Multisines(found) => of_lags + STANDARD_ERRORS + &held_out(experiment, found),
-        Lags::Chirps(found) => of_lags + STANDARD_ERRORS + &fitted_chirps(&found.files),
+        Lags::Chirps(found) => of_lags + STANDARD_ERRORS + &fitted_chirps(found),
         Lags::Steps(fit) => staircase(fit) + &of_lags,
         Lags::None => String::new(),
     };

@@ -1,7 +1,10 @@
 //! `rotorlead identify`: its tables, for people and as JSON.
 
-use rotorlead_identify::PeriodicIdentification;
+use std::f64::consts::TAU;
+
 use rotorlead_identify::steps::StaircaseFit;
+use rotorlead_identify::{ChirpIdentification, ChirpResponse, PeriodicIdentification, ResponseLine};
+use rotorlead_numerics::sample::median;
 use rotorlead_plant::Point;
 use rotorlead_records::{Excitation, Experiment, Role};
 use serde::Serialize;
@@ -26,9 +29,61 @@ pub(super) fn held_out(experiment: &Experiment, found: &PeriodicIdentification) 
     paragraph(&(text + "."), "  ")
 }
 
-/// What lags from chirps are fitted to.
-pub(super) fn fitted_chirps(files: &[String]) -> String {
-    format!("  Fitted by the local polynomial method: {}. The fit is of these records.\n", files.join(", "))
+/// What lags from chirps are fitted to, and how far the response follows the command in each.
+pub(super) fn fitted_chirps(found: &ChirpIdentification) -> String {
+    let mut text = String::from("  Fitted by the local polynomial method: ");
+    text += &format!("{}. The fit is of these records.\n", found.files.join(", "));
+    let coherences = found.responses.iter().filter_map(coherence);
+    text.extend(coherences.map(|sentence| paragraph(&sentence, "  ")));
+    text
+}
+
+/// The coherence of a chirp over its band, and where it is lowest.
+fn coherence(chirp: &ChirpResponse) -> Option<String> {
+    let lines = chirp.response.lines.iter().map(|line| line.omega_rad_s / TAU).zip(chirp.coherence.iter().copied());
+    let (lowest_hz, lowest) = lines.min_by(|a, b| a.1.total_cmp(&b.1))?;
+    let usual = median(chirp.coherence.iter().copied())?;
+    let hz = |line: Option<&ResponseLine>| line.map_or(0.0, |line| line.omega_rad_s / TAU);
+    let (from_hz, to_hz) = (hz(chirp.response.lines.first()), hz(chirp.response.lines.last()));
+    Some(format!(
+        "{}: coherence {usual:.3} (median) from {from_hz:.2} to {to_hz:.2} Hz, lowest {lowest:.3} at {lowest_hz:.2} Hz.",
+        chirp.file
+    ))
+}
+
+/// The frequency response of a chirp, for programs.
+#[derive(Serialize)]
+pub(super) struct ChirpValues<'a> {
+    file: &'a str,
+    lines: Vec<LineValues>,
+}
+
+/// One line, with the 95 % intervals of magnitude and phase.
+#[derive(Serialize)]
+struct LineValues {
+    frequency_hz: f64,
+    magnitude: f64,
+    magnitude_interval: (f64, f64),
+    phase_deg: f64,
+    phase_interval_deg: (f64, f64),
+    coherence: f64,
+}
+
+impl<'a> ChirpValues<'a> {
+    pub(super) fn new(chirp: &'a ChirpResponse) -> Self {
+        let values = |(line, &coherence): (&ResponseLine, &f64)| {
+            let (low, high) = chirp.response.phase_interval_rad(line, 0.95);
+            LineValues {
+                frequency_hz: line.omega_rad_s / TAU,
+                magnitude: line.response.norm(),
+                magnitude_interval: chirp.response.magnitude_interval(line, 0.95),
+                phase_deg: line.response.arg().to_degrees(),
+                phase_interval_deg: (low.to_degrees(), high.to_degrees()),
+                coherence,
+            }
+        };
+        Self { file: &chirp.file, lines: chirp.response.lines.iter().zip(&chirp.coherence).map(values).collect() }
+    }
 }
 
 /// Which record the steps are of, and how many of them the lags rest on.

@@ -24,14 +24,16 @@ use super::progress;
 /// Takes logs of other tools as an experiment
 ///
 /// Reads any table of numbers as text, with commas, semicolons, tabs or blanks between its columns; RCbenchmark (Tyto) thrust-stand
-/// logs; the logs of the AutoQuad ESC32; MATLAB files of named vectors (time, command, thrust or rpm); PX4 ULog; and Betaflight
-/// blackbox. The format is recognized by the content. Each log becomes one record. Shows every column of a log and which of
+/// logs; the logs of the AutoQuad ESC32; MATLAB files of named vectors (time, command, thrust or rpm); PX4 ULog; ArduPilot
+/// DataFlash (.bin), with the chirps of its actuator chirp applet; and Betaflight blackbox. The format is recognized by the content. Each log becomes one record. Shows every column of a log and which of
 /// them were taken.
 ///
 /// The columns of a table are recognized by names that say quantity and unit, such as `time_ms`, `Throttle (%)`, `thrust [g]` or
 /// `rpm`; where they do not, --column says it. One unit is guessed, and said to be: that of a command whose numbers can be DShot's
 /// alone. What a table cannot say either is what drove the command: --excitation says that. Several logs of one kind of run are
 /// given at once, others are added with --append.
+///
+/// A flight is refused: where the commands of several motors move, each in its own way, a controller answers what the motors do.
 ///
 /// A table of steady points, one in each row, becomes a record of the excitation `steady`: it gives a static map and no lag.
 #[derive(Args, Debug)]
@@ -63,7 +65,7 @@ pub struct Import {
     /// Subtract the mean thrust at rest, of the rows at zero command before the run or else after it
     #[arg(long)]
     tare: bool,
-    /// What drove the command; needed for a plain table, staircase for other logs unless given. `steady`: each row is a steady
+    /// What drove the command; needed for a plain table, chirp for those of a DataFlash log and staircase for other logs unless given. `steady`: each row is a steady
     /// point of its own, as in a table of averages
     #[arg(long, value_name = "KIND", value_parser = excitations())]
     excitation: Option<Excitation>,
@@ -79,13 +81,14 @@ pub struct Import {
     /// Which part of the log to take, in seconds from its first row; all of it unless given
     #[arg(long, value_name = "FROM..TO", value_parser = seconds, allow_hyphen_values = true)]
     seconds: Option<(f64, f64)>,
-    /// Pulse widths in microseconds that mean 0 and 1, where the log's command is a pulse width; 1000..2000 unless given
+    /// Pulse widths in microseconds that mean 0 and 1, where the log's command is a pulse width; 1000..2000 unless given, and of
+    /// DataFlash what its parameters MOT_PWM_MIN and MOT_PWM_MAX say
     #[arg(long, value_name = "LOW..HIGH", value_parser = pulses, allow_hyphen_values = true)]
     pulse_us: Option<(f64, f64)>,
-    /// Which motor to take of a flight log, from 1; the first unless given
+    /// Which motor to take of an autopilot's log, from 1; the first unless given, or the chirp of a DataFlash log that has one
     #[arg(long, value_name = "N")]
     motor: Option<usize>,
-    /// Which log to take of a blackbox file that has several, from 1; the longest unless given
+    /// Which log to take of a blackbox file that has several, or which chirp of a DataFlash log, from 1; the longest unless given
     #[arg(long, value_name = "N")]
     log: Option<usize>,
     #[command(flatten)]
@@ -140,11 +143,10 @@ impl Import {
     }
 
     fn options(&self) -> ImportOptions {
-        let default = ImportOptions::default();
         ImportOptions {
             name: self.name.clone(),
-            esc_signal_us: self.pulse_us.unwrap_or(default.esc_signal_us),
-            motor: self.motor.unwrap_or(default.motor),
+            esc_signal_us: self.pulse_us,
+            motor: self.motor,
             log: self.log,
             columns: self.column.clone(),
             output: self.output,
@@ -194,11 +196,11 @@ impl Import {
             let message = format!("{option} does not go with `{}`: {reason}", file.display());
             Err(WrongUse::new(message, format!("leave {option} out")))
         };
-        if self.motor.is_some() && !matches!(format, LogFormat::Ulog | LogFormat::Blackbox) {
-            return refuse("--motor", "it is no flight log");
+        if self.motor.is_some() && !matches!(format, LogFormat::Ulog | LogFormat::Blackbox | LogFormat::DataFlash) {
+            return refuse("--motor", "it is no autopilot's log");
         }
-        if self.log.is_some() && format != LogFormat::Blackbox {
-            return refuse("--log", "it is no blackbox file");
+        if self.log.is_some() && !matches!(format, LogFormat::Blackbox | LogFormat::DataFlash) {
+            return refuse("--log", "it is no blackbox file, and no DataFlash log");
         }
         if self.pulse_us.is_some() && !log.pulse_widths {
             return refuse("--pulse-us", "its command is a duty already, no pulse width");
@@ -214,7 +216,9 @@ impl Import {
 fn wrong_use_or_log(error: ImportError) -> miette::Report {
     let remedy = error.help().map(|help| help.to_string()).unwrap_or_default();
     match error {
-        ImportError::NoExcitation { .. } => WrongUse::new(error.to_string(), remedy).into(),
+        ImportError::NoExcitation { .. } | ImportError::NoPulseRange { .. } => {
+            WrongUse::new(error.to_string(), remedy).into()
+        }
         error => error.into(),
     }
 }

@@ -7,6 +7,8 @@
 //!
 //! What does not repeat cannot be tested for a controller that acts on the response, so only records whose command is
 //! known to be played are taken: a chirp, and not a `free` record.
+//!
+//! Rows need not be even: [`EvenRows`].
 
 use rotorlead_numerics::sample::median;
 use rotorlead_records::{Excitation, Experiment, Record, Role};
@@ -14,9 +16,10 @@ use rotorlead_records::{Excitation, Experiment, Record, Role};
 use super::periodic::{NominalIdentification, PeriodicIdentification, SAME_NOMINAL, plausibility};
 use super::stand::StandModel;
 use super::{
-    FirstOrderOptions, FitLine, HoldChain, IdentifyError, IdentifyWarning, LocalPolynomial, LocalPolynomialOptions,
-    fit_first_order, fit_percent, spectra,
+    FirstOrderOptions, FitLine, FrequencyResponse, HoldChain, IdentifyError, IdentifyWarning, LocalPolynomial,
+    LocalPolynomialOptions, ResponseLine, fit_first_order, fit_percent, spectra,
 };
+use crate::even_rows::{EvenRows, HIGHEST_OF_UNEVEN_RATE};
 use crate::saturation::{self, Limit};
 
 /// The highest line that is used, as a share of the row rate: above, the sensor's own filter shows.
@@ -33,6 +36,19 @@ pub struct ChirpIdentification {
     pub lags: PeriodicIdentification,
     /// The records that they were fitted to.
     pub files: Vec<String>,
+    /// The frequency response of each.
+    pub responses: Vec<ChirpResponse>,
+}
+
+/// The frequency response of a chirp, as its rows show it: holds, and a stand, are in it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ChirpResponse {
+    /// The record.
+    pub file: String,
+    /// At one line per window of the local polynomial method, where the chirp was.
+    pub response: FrequencyResponse,
+    /// Coherence of command and response at each line, 0..1.
+    pub coherence: Vec<f64>,
 }
 
 /// Whether a lag can be fitted to a record as to a chirp.
@@ -54,15 +70,17 @@ pub fn identify_chirps(
 ) -> Result<ChirpIdentification, IdentifyError> {
     let mut records: Vec<&Record> = experiment.records.iter().filter(|record| is_chirp_to_fit(record)).collect();
     records.sort_by(|a, b| a.nominal.total_cmp(&b.nominal));
-    let (mut nominals, mut files) = (Vec::new(), Vec::new());
+    let (mut nominals, mut files, mut responses) = (Vec::new(), Vec::new(), Vec::new());
     for group in records.chunk_by(|a, b| b.nominal - a.nominal < SAME_NOMINAL) {
-        nominals.push(identify_nominal(experiment, group, options, stand)?);
+        let (nominal, of_records) = identify_nominal(experiment, group, options, stand)?;
+        nominals.push(nominal);
+        responses.extend(of_records);
         files.extend(group.iter().map(|record| record.file.clone()));
     }
     if nominals.is_empty() {
         return Err(IdentifyError::NoFitRecord { name: experiment.name.clone() });
     }
-    Ok(ChirpIdentification { lags: PeriodicIdentification { nominals, warnings: Vec::new() }, files })
+    Ok(ChirpIdentification { lags: PeriodicIdentification { nominals, warnings: Vec::new() }, files, responses })
 }
 
 fn identify_nominal(
@@ -70,11 +88,14 @@ fn identify_nominal(
     group: &[&Record],
     options: &FirstOrderOptions,
     stand: Option<&StandModel>,
-) -> Result<NominalIdentification, IdentifyError> {
+) -> Result<(NominalIdentification, Vec<ChirpResponse>), IdentifyError> {
     let nominal = group[0].nominal;
-    let (mut lines, mut warnings) = (Vec::new(), Vec::new());
+    let (mut lines, mut responses, mut warnings) = (Vec::new(), Vec::new(), Vec::new());
     for record in group {
-        lines.extend(lines_of(experiment, record, stand)?);
+        let even = EvenRows::of(record, experiment.output, experiment.sample_rate_hz)?;
+        let (response, row_rate_hz) = response_of(experiment, record, even.as_ref())?;
+        lines.extend(lines_of(experiment, &response.response, row_rate_hz, stand)?);
+        responses.push(response);
         warnings.extend(suspicions(experiment, record)?);
     }
     let fit = fit_first_order(&lines, options)?;
@@ -85,7 +106,7 @@ fn identify_nominal(
     warnings.extend(plausibility::of_fit(nominal, &fit, options.max_delay_s));
     let measured: Vec<_> = lines.iter().map(|line| line.response).collect();
     let model: Vec<_> = lines.iter().map(|line| fit.response_at(line)).collect();
-    Ok(NominalIdentification {
+    let found = NominalIdentification {
         nominal,
         fit_frequency_percent: fit_percent(&measured, &model),
         fit,
@@ -94,27 +115,48 @@ fn identify_nominal(
         robust: None,
         squares: Vec::new(),
         warnings,
-    })
+    };
+    Ok((found, responses))
 }
 
-/// One line per window of the local polynomial method, behind the holds and the stand.
-fn lines_of(
+/// One line per window of the local polynomial method, where the chirp was, and the rows per second of the command that they are
+/// of: those of the even rows where the record's own are not.
+fn response_of(
     experiment: &Experiment,
     record: &Record,
+    even: Option<&EvenRows>,
+) -> Result<(ChirpResponse, f64), IdentifyError> {
+    let mut options = LocalPolynomialOptions::default();
+    let (rows, highest_hz) = match even {
+        Some(even) => (&even.record, HIGHEST_OF_UNEVEN_RATE * even.log_rate_hz),
+        None => (record, HIGHEST_OF_ROW_RATE * spectra::row_rate_hz(record, experiment.sample_rate_hz)?),
+    };
+    let row_rate_hz = spectra::row_rate_hz(rows, experiment.sample_rate_hz)?;
+    options.band_hz.1 = options.band_hz.1.min(highest_hz);
+    let LocalPolynomial { response, coherence, .. } = LocalPolynomial::of(experiment, rows, &options)?;
+    let width = 2 * options.half_width + 1;
+    let lines = response.lines.iter().zip(coherence).skip(options.half_width).step_by(width);
+    let lines: Vec<(ResponseLine, f64)> = lines.map(|(line, coherence)| (*line, coherence)).collect();
+    let most = LEAST_EXCITED * median(lines.iter().map(|(line, _)| line.variance)).unwrap_or_default();
+    let (lines, coherence) = lines.into_iter().filter(|(line, _)| line.variance <= most).unzip();
+    let response = FrequencyResponse { lines, ..response };
+    Ok((ChirpResponse { file: record.file.clone(), response, coherence }, row_rate_hz))
+}
+
+/// The lines behind the holds and the stand, for a fit.
+fn lines_of(
+    experiment: &Experiment,
+    response: &FrequencyResponse,
+    row_rate_hz: f64,
     stand: Option<&StandModel>,
 ) -> Result<Vec<FitLine>, IdentifyError> {
-    let row_rate_hz = spectra::row_rate_hz(record, experiment.sample_rate_hz)?;
-    let mut options = LocalPolynomialOptions::default();
-    options.band_hz.1 = options.band_hz.1.min(HIGHEST_OF_ROW_RATE * row_rate_hz);
-    let found = LocalPolynomial::of(experiment, record, &options)?.response;
     let holds = HoldChain::new(row_rate_hz, experiment.command_rate_hz, experiment.esc_frame_hz)?;
-    let width = 2 * options.half_width + 1;
-    let line = |line: &super::ResponseLine| {
+    let line = |line: &ResponseLine| {
         let line = FitLine {
             omega_rad_s: line.omega_rad_s,
             response: line.response,
             variance: line.variance,
-            dof: 2.0 * found.degrees_of_freedom,
+            dof: 2.0 * response.degrees_of_freedom,
             // One line per window, with the noise of that window alone.
             pooled: 1.0,
             images: holds.images(line.omega_rad_s),
@@ -124,9 +166,7 @@ fn lines_of(
             None => line,
         }
     };
-    let lines: Vec<FitLine> = found.lines.iter().skip(options.half_width).step_by(width).map(line).collect();
-    let most = LEAST_EXCITED * median(lines.iter().map(|line| line.variance)).unwrap_or_default();
-    Ok(lines.into_iter().filter(|line| line.variance <= most).collect())
+    Ok(response.lines.iter().map(line).collect())
 }
 
 /// What makes a record unfit for a linear model, and shows in its rows.

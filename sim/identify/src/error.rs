@@ -79,6 +79,25 @@ pub enum IdentifyError {
         /// By how much, in rows.
         off_by: f64,
     },
+    /// Rows are missing, so that the command is not known for a while.
+    #[error(
+        "{file}: {:.0} ms lie between two rows, where {:.1} ms are usual: what the command was in between is not known",
+        1e3 * interval_s,
+        1e3 * usual_s
+    )]
+    #[diagnostic(help(
+        "import the longer part on its own, with --seconds, or record again: the logger lost rows there"
+    ))]
+    Gap {
+        /// The record.
+        file: String,
+        /// Index of the row behind the gap, from 0.
+        row: usize,
+        /// How long it is, seconds.
+        interval_s: f64,
+        /// The median interval, seconds.
+        usual_s: f64,
+    },
     /// The period is not a whole number of rows.
     #[error("{file}: a period of {} s is {} rows, not a whole number of four or more", plain(*period_s), plain(*rows))]
     #[diagnostic(help(
@@ -279,6 +298,7 @@ impl IdentifyError {
             Self::NoPeriod { file }
             | Self::NoResponse { file, .. }
             | Self::UnevenRows { file, .. }
+            | Self::Gap { file, .. }
             | Self::PeriodRows { file, .. }
             | Self::TooShort { file, .. }
             | Self::ConstantCommand { file }
@@ -297,7 +317,7 @@ impl IdentifyError {
     #[must_use]
     pub fn row(&self) -> Option<usize> {
         match self {
-            Self::UnevenRows { row, .. } => Some(row + 1),
+            Self::UnevenRows { row, .. } | Self::Gap { row, .. } => Some(row + 1),
             _ => None,
         }
     }

@@ -11,6 +11,7 @@ mod effects;
 mod error;
 mod estimate;
 mod etfe;
+mod even_rows;
 mod feedback;
 mod finding;
 mod first_order;
@@ -42,7 +43,7 @@ pub use advice::with_advice;
 pub use bandwidth::{
     Bandwidth, EtfeBandwidth, StaticValue, THREE_DB, bandwidth_of, bandwidth_of_etfe, first_frequency,
 };
-pub use broadband::{ChirpIdentification, identify_chirps, is_chirp_to_fit};
+pub use broadband::{ChirpIdentification, ChirpResponse, identify_chirps, is_chirp_to_fit};
 pub use distortion::{Distortion, DistortionLevel, RobustResponse, STRONG_DISTORTION_DB};
 pub use effects::upsampled;
 pub use error::IdentifyError;

@@ -107,3 +107,114 @@ fn a_chirp_that_shows_no_gain_or_stood_on_a_limit_says_so() {
     held_out.records[0].role = Some(Role::Validate);
     assert!(matches!(identified(&held_out), Err(IdentifyError::NoFitRecord { .. })));
 }
+
+/// The rows of a script: 5 ms and what it took itself, up to 2 ms and now and then 6 ms. An exponential sweep from 0.5 to 15 Hz in 30 s, on
+/// a motor that spins up when it begins; the speed is the telemetry's, `age_s` old and renewed every `renewed_s`.
+fn uneven_chirp(sigma: f64, age_s: f64, renewed_s: f64, seed: u64) -> Experiment {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let noise = Normal::new(0.0, sigma).unwrap();
+    let took = Normal::new(0.0, 1.0).unwrap();
+    let (low_hz, high_hz, dwell_s, whole_s) = (0.5, 15.0, 4.0, 30.0_f64);
+    let rate = f64::ln(high_hz / low_hz) / (whole_s - dwell_s);
+    let (mut time_s, mut command) = (vec![0.0], Vec::new());
+    while let Some(&t) = time_s.last().filter(|t| **t < whole_s) {
+        let along = f64::max(t - dwell_s, 0.0);
+        let phase =
+            if t < dwell_s { TAU * low_hz * (t - dwell_s) } else { TAU * low_hz / rate * (rate * along).exp_m1() };
+        command.push(0.45 + 0.1 * f64::min(t / 5.0, 1.0) * phase.sin());
+        let late: f64 = took.sample(&mut rng);
+        time_s.push(t + 0.005 + 0.001 * late.abs() + if late > 2.3 { 0.006 } else { 0.0 });
+    }
+    time_s.pop();
+    // The state at each row, from rest, and by its exponential between rows.
+    let mut states = vec![0.0];
+    for row in 1..time_s.len() {
+        let decay = (-(time_s[row] - time_s[row - 1]) / TIME_CONSTANT_S).exp();
+        states.push(command[row - 1] + (states[row - 1] - command[row - 1]) * decay);
+    }
+    let state_at = |t: f64| {
+        let row = time_s.partition_point(|row| *row <= t);
+        if row == 0 {
+            return 0.0;
+        }
+        command[row - 1] + (states[row - 1] - command[row - 1]) * (-(t - time_s[row - 1]) / TIME_CONSTANT_S).exp()
+    };
+    let mut before = (f64::NAN, 0.0);
+    let seen = time_s.iter().map(|&t| {
+        let renewed = if renewed_s > 0.0 { (t / renewed_s).floor() * renewed_s } else { t };
+        if renewed != before.0 {
+            before = (renewed, GAIN * state_at(renewed - age_s) + noise.sample(&mut rng));
+        }
+        before.1
+    });
+    let rpm = seen.collect();
+    let mut experiment = chirp(0.05, seed);
+    experiment.output = Output::Rpm;
+    experiment.sample_rate_hz = None;
+    let record = &mut experiment.records[0];
+    (record.time_s, record.command, record.thrust_n, record.rpm) = (time_s, command, None, Some(rpm));
+    experiment
+}
+
+/// What intervals of 95 % hold of gain, time constant and delay, over this many records, and the mean error of each in shares of
+/// its truth.
+fn coverage(repeats: u64, age_s: f64, renewed_s: f64, sigma: f64) -> ([u32; 3], [f64; 3]) {
+    let (mut held, mut bias) = ([0; 3], [0.0; 3]);
+    for seed in 1..=repeats {
+        let found = identified(&uneven_chirp(sigma, age_s, renewed_s, seed)).unwrap();
+        let fit = &found.lags.nominals[0].fit;
+        let delay_s = fit.delay_s.expect("10 ms and more are many standard errors");
+        // A report that is renewed every so often is half of that older on average.
+        let truths = [GAIN, TIME_CONSTANT_S, age_s + 0.5 * renewed_s];
+        for (k, (estimate, truth)) in [fit.gain, fit.time_constant_s, delay_s].into_iter().zip(truths).enumerate() {
+            held[k] += u32::from(!estimate.excludes(truth));
+            bias[k] += (estimate.value / truth - 1.0) / repeats as f64;
+        }
+    }
+    println!("age {age_s} s, renewed every {renewed_s} s: {held:?} of {repeats} held, mean error {bias:.4?}");
+    (held, bias)
+}
+
+#[test]
+fn uneven_rows_and_old_telemetry_give_lag_and_delay_within_their_intervals() {
+    let repeats = 100;
+    for age_s in [0.01, 0.03, 0.05] {
+        let (held, bias) = coverage(repeats, age_s, 0.0, 0.05);
+        // 100 at 0.95: fewer than 88 in one of 1000 (binomial).
+        assert!(held.iter().all(|&held| held >= 88), "{held:?}");
+        assert!(bias.iter().all(|bias| bias.abs() < 0.01), "{bias:?}");
+    }
+}
+
+#[test]
+fn telemetry_that_is_renewed_more_seldom_than_rows_is_half_of_that_older() {
+    let (_, bias) = coverage(20, 0.02, 0.02, 0.02);
+    assert!(bias[0].abs() < 0.01 && bias[1].abs() < 0.02 && bias[2].abs() < 0.05, "{bias:?}");
+}
+
+#[test]
+fn rows_that_the_logger_lost_are_told() {
+    let mut experiment = uneven_chirp(0.05, 0.02, 0.0, 1);
+    let record = &mut experiment.records[0];
+    for time in &mut record.time_s[1000..] {
+        *time += 0.3;
+    }
+    let error = identified(&experiment).unwrap_err();
+    assert!(matches!(error, IdentifyError::Gap { row: 1000, .. }), "{error}");
+    // Rows that are said to be even have to be.
+    experiment.sample_rate_hz = Some(180.0);
+    assert!(matches!(identified(&experiment), Err(IdentifyError::UnevenRows { .. })));
+}
+
+#[test]
+fn coherence_is_high_where_the_response_follows_and_low_in_noise() {
+    let coherence = |sigma: f64| {
+        let found = identified(&uneven_chirp(sigma, 0.02, 0.0, 1)).unwrap();
+        let chirp = &found.responses[0];
+        assert_eq!(chirp.coherence.len(), chirp.response.lines.len());
+        chirp.coherence.iter().sum::<f64>() / chirp.coherence.len() as f64
+    };
+    let (quiet, loud) = (coherence(0.002), coherence(0.5));
+    println!("{quiet} {loud}");
+    assert!(quiet > 0.99 && loud < 0.8 && loud > 0.2, "{quiet} {loud}");
+}

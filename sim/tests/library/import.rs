@@ -71,15 +71,15 @@ fn the_summary_says_what_became_of_every_column() {
 #[test]
 fn the_range_of_the_esc_signal_can_be_stated() {
     let options =
-        ImportOptions { name: Some("run 3".into()), esc_signal_us: (1100.0, 1900.0), ..ImportOptions::default() };
+        ImportOptions { name: Some("run 3".into()), esc_signal_us: Some((1100.0, 1900.0)), ..ImportOptions::default() };
     let Import { experiment, .. } = import(&sample("rcbenchmark.csv"), &options).unwrap();
     assert_eq!(experiment.name, "run 3");
     assert_eq!(experiment.records[0].command[0], 0.125);
-    let narrow = ImportOptions { esc_signal_us: (1000.0, 1250.0), ..ImportOptions::default() };
+    let narrow = ImportOptions { esc_signal_us: Some((1000.0, 1250.0)), ..ImportOptions::default() };
     let error = import(&sample("rcbenchmark.csv"), &narrow).unwrap_err();
     assert!(matches!(error, ImportError::OutOfRange { line: 122, value: 1300.0, .. }), "{error:?}");
     for esc_signal_us in [(2000.0, 1000.0), (1000.0, f64::NAN)] {
-        let options = ImportOptions { esc_signal_us, ..ImportOptions::default() };
+        let options = ImportOptions { esc_signal_us: Some(esc_signal_us), ..ImportOptions::default() };
         let error = import(&sample("rcbenchmark.csv"), &options).unwrap_err();
         assert!(matches!(error, ImportError::SignalRange { .. }));
     }

@@ -5,8 +5,9 @@ use std::path::PathBuf;
 
 use miette::Diagnostic as _;
 use proptest::prelude::*;
-use rotorlead_records::Output;
+use rotorlead_identify::{IdentifyOptions, identify};
 use rotorlead_records::import::{Import, ImportError, ImportOptions, LogFormat, import};
+use rotorlead_records::{Excitation, Output};
 
 use crate::importing::{self, message as refusal};
 
@@ -15,7 +16,7 @@ fn sample() -> PathBuf {
 }
 
 fn options(motor: usize, log: Option<usize>) -> ImportOptions {
-    ImportOptions { motor, log, ..ImportOptions::default() }
+    ImportOptions { motor: Some(motor), log, excitation: Some(Excitation::Free), ..ImportOptions::default() }
 }
 
 fn imported(bytes: &[u8], motor: usize) -> Result<Import, ImportError> {
@@ -329,7 +330,7 @@ fn headers_that_leave_the_units_open_are_refused() {
 #[test]
 fn pulses_are_scaled_by_the_stated_range() {
     let log = closed(flight(header(&FIELDS, REVISION, 1), &FIELDS, FRAMES));
-    let wide = ImportOptions { esc_signal_us: (0.0, 2500.0), ..ImportOptions::default() };
+    let wide = ImportOptions { esc_signal_us: Some((0.0, 2500.0)), ..options(1, None) };
     let taken = importing::imported(&log, &wide).unwrap();
     assert!(taken.summary.pulse_widths);
     let expected: Vec<f64> = (0..FRAMES).map(|k| f64::from(motor(k, 0)) / 2500.0).collect();
@@ -471,4 +472,73 @@ proptest! {
             Err(error) => prop_assert!(error.help().is_some()),
         }
     }
+}
+
+/// A log of frames that stand alone, of four motors at 1 kHz, by millisecond.
+fn plain_log(frames: u32, motors: impl Fn(u32) -> [u32; 4], erpm: impl Fn(u32) -> [u32; 4]) -> Vec<u8> {
+    let names = "loopIteration,time,motor[0],motor[1],motor[2],motor[3],eRPM[0],eRPM[1],eRPM[2],eRPM[3]";
+    let of_fields = |code: &str| [code; 10].join(",");
+    let mut log = format!(
+        "H Product:Blackbox flight data recorder by Nicholas Sherlock\nH Data version:2\nH I interval:1\nH P interval:1\n\
+         H Field I name:{names}\nH Field I signed:{zeros}\nH Field I predictor:{zeros}\nH Field I encoding:{ones}\n\
+         H Field P predictor:{zeros}\nH Field P encoding:{ones}\nH Firmware revision:{REVISION}\nH features:0\n\
+         H motor_pwm_protocol:6\nH motor_poles:14\n",
+        zeros = of_fields("0"),
+        ones = of_fields("1"),
+    )
+    .into_bytes();
+    for k in 0..frames {
+        log.push(b'I');
+        let numbers = [k, 1_000_000 + 1000 * k].into_iter().chain(motors(k)).chain(erpm(k));
+        numbers.for_each(|number| unsigned(&mut log, number));
+    }
+    closed(log)
+}
+
+/// What `motor` does, in hundreds of electrical revolutions per minute: 50 ms behind the square root of its range, seen 8 ms late.
+fn speeds(frames: u32, motor: impl Fn(u32) -> u32) -> Vec<u32> {
+    let (mut speed, decay) = (0.0, (-1.0_f64 / 50.0).exp());
+    let mut seen = vec![0; 8];
+    for k in 0..frames {
+        seen.push(f64::round(speed) as u32);
+        let level = 1600.0 * ((f64::from(motor(k)) - 48.0) / 1999.0).max(0.0).sqrt();
+        speed = level + (speed - level) * decay;
+    }
+    seen
+}
+
+#[test]
+fn a_bench_run_gives_a_model() {
+    let staircase = |k: u32| [248, 448, 748, 1148, 848, 548][(k / 1000).min(5) as usize];
+    let seen = speeds(6000, staircase);
+    let log = plain_log(6000, |k| [staircase(k), 0, 0, 0], |k| [seen[k as usize], 0, 0, 0]);
+    let taken = importing::imported(&log, &ImportOptions::default()).unwrap();
+    let found = identify(&taken.experiment, &IdentifyOptions::default()).unwrap();
+    assert!(found.model.points.len() >= 3);
+    println!("{:?} {:?}", found.lags.in_time().unwrap().delay_s, found.model.points);
+    for point in &found.model.points {
+        assert!((point.time_constant_s - 0.05).abs() < 0.002, "{point:?}");
+    }
+    assert!((found.lags.in_time().unwrap().delay_s.value - 0.008).abs() < 0.002);
+    // All four at once, as by the master slider, are no flight.
+    let log = plain_log(6000, |k| [staircase(k); 4], |k| [seen[k as usize]; 4]);
+    assert!(importing::imported(&log, &ImportOptions::default()).is_ok());
+}
+
+#[test]
+fn a_flight_is_refused() {
+    // A mixer: throttle, and what roll, pitch and yaw add to or take from each motor.
+    let motors = |k: u32| {
+        let t = f64::from(k) * 1e-3;
+        let throttle = 700.0 + 100.0 * (0.8 * t).sin();
+        let [roll, pitch, yaw] =
+            [(23.0, 40.0), (17.0, 30.0), (5.0, 15.0)].map(|(w, size): (f64, f64)| size * (w * t).sin());
+        [[1.0, 1.0, 1.0], [-1.0, 1.0, -1.0], [1.0, -1.0, -1.0], [-1.0, -1.0, 1.0]]
+            .map(|[r, p, y]: [f64; 3]| (throttle + r * roll + p * pitch + y * yaw) as u32)
+    };
+    let seen = speeds(4000, |k| motors(k)[0]);
+    let log = plain_log(4000, motors, |k| [seen[k as usize]; 4]);
+    let text = refusal(importing::imported(&log, &ImportOptions::default()));
+    assert!(text.contains("a flight, and no bench run") && text.contains("--excitation free"), "{text}");
+    assert!(imported(&log, 1).is_ok());
 }

@@ -15,7 +15,7 @@ fn sample() -> PathBuf {
 }
 
 fn imported(bytes: &[u8], motor: usize) -> Result<Import, ImportError> {
-    importing::imported(bytes, &ImportOptions { motor, ..ImportOptions::default() })
+    importing::imported(bytes, &ImportOptions { motor: Some(motor), ..ImportOptions::default() })
 }
 
 /// Status messages of the sample; every fourth repeats the report before.
@@ -266,4 +266,30 @@ proptest! {
             Err(error) => prop_assert!(error.help().is_some()),
         }
     }
+}
+
+#[test]
+fn a_flight_is_refused() {
+    let bytes = sample_bytes(true);
+    let moved = |own: bool| {
+        // All four commands of each message, whose first is motor 1.
+        let mut bytes = bytes.clone();
+        let mut k = 0_u32;
+        for at in 0..bytes.len() - 40 {
+            if bytes[at..at + 5] == [2 + 8 + 4 + 16, 0, b'D', 2, 0] {
+                for motor in 0..4 {
+                    let own = if own { 0.01 * f64::from(k * 7 % 13) * f64::from(motor + 1) } else { 0.0 };
+                    let value = 0.4 + 0.01 * f64::from(k * 3 % 11) + own;
+                    let place = at + 5 + 12 + 4 * motor as usize;
+                    bytes[place..place + 4].copy_from_slice(&(value as f32).to_le_bytes());
+                }
+                k += 1;
+            }
+        }
+        assert_eq!(u64::from(k), COMMANDS);
+        bytes
+    };
+    let text = refusal(imported(&moved(true), 1));
+    assert!(text.contains("a flight, and no bench run") && text.contains("that of motor 2, 3, 4"), "{text}");
+    assert!(imported(&moved(false), 1).is_ok());
 }

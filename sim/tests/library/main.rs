@@ -10,6 +10,7 @@ mod holds;
 mod hum;
 mod import;
 mod import_blackbox;
+mod import_dataflash;
 mod import_mat;
 mod import_odd;
 mod import_plain;

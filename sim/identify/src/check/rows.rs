@@ -109,7 +109,8 @@ pub fn of_lag(record: &Record, points: &[Point]) -> Option<Finding> {
 /// Gaps, uneven rows and slow ones. Slow rows are none where the times are in another unit.
 fn sampling(record: &Record, is_in_seconds: bool, add: &mut impl FnMut(Topic, Option<usize>, &dyn Diagnostic)) {
     let file = || record.file.clone();
-    let needs_every_row = matches!(record.excitation, Excitation::Multisine | Excitation::Chirp);
+    // A chirp is put on even rows where its own are not.
+    let needs_every_row = record.excitation == Excitation::Multisine;
     let interval = |row: usize| record.time_s[row] - record.time_s[row - 1];
     // Steps are fitted around gaps, and the fit says what they cost.
     let is_of_steps = matches!(record.excitation, Excitation::Step | Excitation::Staircase);

@@ -12,11 +12,13 @@ use super::blackbox_frames::{Log, Rows};
 use super::quantity::DSHOT;
 use super::summary::{ColumnUse, DroppedRows};
 use super::vectors::{normalized, stamps_kept};
-use super::{ImportError, ImportOptions, ImportSummary, LogFormat, MIN_ROWS, Taken};
+use super::{ImportError, ImportOptions, ImportSummary, LogFormat, MIN_ROWS, Taken, flight};
 use crate::{Excitation, Output};
 
 /// Bit of `features` that says that motors turn both ways.
 const FEATURE_3D: i64 = 1 << 12;
+/// Motors of a log.
+const MOST_MOTORS: usize = 8;
 /// Volts in a unit of `vbatLatest`.
 const VOLTS: f64 = 0.01;
 
@@ -27,14 +29,15 @@ pub(super) fn take(file: &Path, bytes: &[u8], logs: &[&[u8]], options: &ImportOp
     let offset = bytes.len() - logs[number..].iter().map(|log| log.len()).sum::<usize>();
     let damaged = |at: usize, problem| ImportError::Damaged { file: file.into(), offset: offset + at, problem };
     let log = Log::read(logs[number]).map_err(|damage| damaged(damage.offset, damage.problem))?;
+    let number_of_motor = options.motor.unwrap_or(1);
     let missing = |signal: &'static str, known: &str| ImportError::MissingTopic {
         file: file.into(),
         signal,
         known: known.into(),
-        motor: options.motor,
+        motor: number_of_motor,
     };
     check_firmware(file, &log)?;
-    let motor = options.motor.checked_sub(1).ok_or_else(|| missing("command", "motors are numbered from 1"))?;
+    let motor = number_of_motor.checked_sub(1).ok_or_else(|| missing("command", "motors are numbered from 1"))?;
     let (command_name, speed_name) = (format!("motor[{motor}]"), format!("eRPM[{motor}]"));
     let command = log.field(&command_name).ok_or_else(|| missing("command", "the field `motor[]`"))?;
     let speed = log.field(&speed_name).ok_or_else(|| {
@@ -43,7 +46,7 @@ pub(super) fn take(file: &Path, bytes: &[u8], logs: &[&[u8]], options: &ImportOp
     let poles = poles(file, &log)?;
     let (range, pulse_widths) = match dshot(file, &log)? {
         true => (DSHOT, false),
-        false => (options.esc_signal_us, true),
+        false => (options.pulse_range(), true),
     };
 
     let frames = log.rows([Some(command), Some(speed), log.field("vbatLatest")]);
@@ -57,6 +60,7 @@ pub(super) fn take(file: &Path, bytes: &[u8], logs: &[&[u8]], options: &ImportOp
     }
     let column = |k: usize| rows.iter().map(|&row| f64::from(frames.rows[row].1[k])).collect::<Vec<_>>();
     let drive = normalized(file, &command_name, &rows, column(0), range)?;
+    refuse_flight(file, options, &log, (motor, command, range), frames.rows[rows[0]].0)?;
     let rpm: Vec<f64> = column(1).into_iter().map(|erpm| erpm * 200.0 / poles).collect();
     if rpm.iter().all(|&rpm| rpm == 0.0) {
         notes.push(format!("`{speed_name}` is zero throughout: the motor never turned, or its ESC does not report"));
@@ -104,6 +108,26 @@ pub(super) fn take(file: &Path, bytes: &[u8], logs: &[&[u8]], options: &ImportOp
         current_a: None,
         sample_rate_hz,
     })
+}
+
+/// Looks at the commands of all motors, whose frames are read again: seldom are there many, and often millions of rows. Seconds count
+/// from `origin_us`.
+fn refuse_flight(
+    file: &Path,
+    options: &ImportOptions,
+    log: &Log<'_>,
+    (motor, command, range): (usize, usize, (f64, f64)),
+    origin_us: i64,
+) -> Result<(), ImportError> {
+    let scaled = |value: i32| f64::max(f64::from(value) - range.0, 0.0) / (range.1 - range.0);
+    for other in (0..MOST_MOTORS).filter(|&other| other != motor) {
+        let Some(field) = log.field(&format!("motor[{other}]")) else { continue };
+        let rows = log.rows([Some(command), Some(field)]).rows;
+        let time_s: Vec<f64> = rows.iter().map(|(time_us, _)| (time_us - origin_us) as f64 * 1e-6).collect();
+        let of_motor = |k: usize| rows.iter().map(|(_, row)| scaled(row[k])).collect::<Vec<f64>>();
+        flight::refuse(file, options, motor + 1, &time_s, &of_motor(0), &[(other + 1, of_motor(1))])?;
+    }
+    Ok(())
 }
 
 /// The place of the log to take: the one that was asked for, or the longest.

@@ -89,7 +89,7 @@ pub enum ImportError {
     #[error("{}: no known log format, and no table: no line of it has two numbers. It begins with: {header}", file.display())]
     #[diagnostic(help(
         "known: tables of numbers separated by commas, semicolons, tabs or blanks; RCbenchmark, AutoQuad ESC32, MATLAB files of \
-         named vectors (`save -v7`), PX4 ULog and Betaflight blackbox. Export the log again as one of them"
+         named vectors (`save -v7`), PX4 ULog, ArduPilot DataFlash (.bin) and Betaflight blackbox. Export the log again as one of them"
     ))]
     UnknownFormat {
         /// The log.
@@ -100,7 +100,7 @@ pub enum ImportError {
     /// Bytes among the text that are none.
     #[error("{}, line {line}: a null byte: the file is damaged, or a binary log that is not known", file.display())]
     #[diagnostic(help(
-        "copy the file again, or export it as text; of binary logs MATLAB, ULog and blackbox are taken"
+        "copy the file again, or export it as text; of binary logs MATLAB, ULog, DataFlash and blackbox are taken"
     ))]
     NotText {
         /// The log.
@@ -111,7 +111,7 @@ pub enum ImportError {
     /// Text in another encoding.
     #[error("{}, line {line}: not UTF-8 text, nor a binary log that is known", file.display())]
     #[diagnostic(help(
-        "export the log again as UTF-8 text; RCbenchmark, ESC32, MATLAB, ULog and blackbox are taken too"
+        "export the log again as UTF-8 text; RCbenchmark, ESC32, MATLAB, ULog, DataFlash and blackbox are taken too"
     ))]
     NotUtf8 {
         /// The log.
@@ -159,6 +159,34 @@ pub enum ImportError {
     NoExcitation {
         /// The log.
         file: PathBuf,
+    },
+    /// An autopilot's log does not say which pulse widths mean no and full command.
+    #[error("{}: no parameter says which pulse widths mean no and full command", file.display())]
+    #[diagnostic(help(
+        "state them with --pulse-us LOW..HIGH, as the ESC was calibrated; a log has them as MOT_PWM_MIN and MOT_PWM_MAX (Q_M_PWM_MIN \
+         and Q_M_PWM_MAX of a quadplane), where these are not 0"
+    ))]
+    NoPulseRange {
+        /// The log.
+        file: PathBuf,
+    },
+    /// A flight, whose commands are those of a controller.
+    #[error(
+        "{}: a flight, and no bench run: while the command of motor {motor} moves, so does that of motor {others}, each in its own way",
+        file.display()
+    )]
+    #[diagnostic(help(
+        "a controller answers what the motors do, so that a lag of such a record is that of its loop: run one motor at a time on a \
+         bench, by the motor test of the configurator or the actuator chirp applet; --seconds takes the part of a log that is such a \
+         run, and `--excitation free` takes the log as a record that no lag is fitted to"
+    ))]
+    Flight {
+        /// The log.
+        file: PathBuf,
+        /// The motor that was asked for, from 1.
+        motor: usize,
+        /// The others that move, from 1.
+        others: String,
     },
     /// A column that the format always has is missing.
     #[error("{}, line 1: column `{column}` is missing", file.display())]
@@ -426,7 +454,7 @@ pub enum ImportError {
     },
     /// A log of that number, in a file that has fewer.
     #[error("{}: there is no log {log} in it, but {logs}", file.display())]
-    #[diagnostic(help("logs are numbered from 1, in the order of the file"))]
+    #[diagnostic(help("logs, or the chirps of a DataFlash log, are numbered from 1, in the order of the file"))]
     NoSuchLog {
         /// The file.
         file: PathBuf,

@@ -32,6 +32,7 @@ const KINDS: &[(&[u8], &str, &str)] = &[
         "an SQLite database",
         "export the table with the rows as CSV, as `sqlite3 -header -csv` does",
     ),
+    (b"FMT, 128,", "a DataFlash log as text", "give the log that it was made of, whose name ends in .bin"),
     (b"PAR1", "a Parquet file", DATA),
     (b"TDSm", "a LabVIEW log (TDMS)", DATA),
     (

@@ -146,7 +146,7 @@ pub(super) fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result
         }
         entry.note = match source.scale {
             Scale::Pulse => {
-                let (low, high) = options.esc_signal_us;
+                let (low, high) = options.pulse_range();
                 format!("{low}..{high} µs become 0..1, stated and not measured")
             }
             Scale::Factor(1.0) => String::from("as it stands"),
@@ -161,7 +161,7 @@ pub(super) fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result
     let drive = column_of(&command)?;
     let thrust_n = thrust.as_ref().map(&mut column_of).transpose()?;
     let rpm = speed.as_ref().map(&mut column_of).transpose()?;
-    let range = if command.scale == Scale::Pulse { options.esc_signal_us } else { (0.0, 1.0) };
+    let range = if command.scale == Scale::Pulse { options.pulse_range() } else { (0.0, 1.0) };
     let drive = normalized(file, &command.name, &rows, drive, range)?;
     let (time_s, sample_rate_hz, timing) = stamps_kept(file, &time.name, &rows, time_s)?;
     columns[time.column].note.push_str(", from the first row taken");

@@ -1,15 +1,19 @@
 //! Logs of other tools, taken as an [`Experiment`].
 //!
-//! The format is recognized by the content. Each format has its file: `rcbenchmark`, `esc32`, `mat`, `ulog`, `blackbox`, and
-//! `plain` for any other table. What was found in a log, what of it was taken and as what, and what was done to the rows and their
+//! The format is recognized by the content. Each format has its file: `rcbenchmark`, `esc32`, `mat`, `ulog`, `blackbox`,
+//! `dataflash`, and `plain` for any other table. What was found in a log, what of it was taken and as what, and what was done to the rows and their
 //! times is in the [`ImportSummary`].
 
 mod blackbox;
 mod blackbox_frames;
+mod dataflash;
+mod dataflash_messages;
 mod described;
 mod error;
 mod esc32;
+mod flight;
 mod foreign;
+mod held;
 mod mat;
 mod mat5;
 mod plain;
@@ -42,12 +46,13 @@ use plain_layout::PlainTable;
 pub struct ImportOptions {
     /// What to call the experiment; the log's file name where absent.
     pub name: Option<String>,
-    /// Pulse widths in microseconds that mean command 0 and command 1; 1000 and 2000 unless stated.
-    /// Used for logs whose command is a pulse width.
-    pub esc_signal_us: (f64, f64),
-    /// Which motor to take of a flight log, from 1.
-    pub motor: usize,
-    /// Which log to take of a file that has several, from 1; the longest where absent.
+    /// Pulse widths in microseconds that mean command 0 and command 1, for logs whose command is a pulse width. Where absent 1000 and
+    /// 2000, or what a log's own parameters say.
+    pub esc_signal_us: Option<(f64, f64)>,
+    /// Which motor to take of an autopilot's log, from 1; the first where absent. Of a DataFlash log with chirps, which do not say
+    /// whose they are, it is the chirp that is taken where absent.
+    pub motor: Option<usize>,
+    /// Which log, or chirp, to take of a file that has several, from 1; the longest where absent.
     pub log: Option<usize>,
     /// Which column of a table is what, where its names do not say it; at most one for a quantity.
     pub columns: Vec<ColumnChoice>,
@@ -73,8 +78,8 @@ impl Default for ImportOptions {
     fn default() -> Self {
         Self {
             name: None,
-            esc_signal_us: (1000.0, 2000.0),
-            motor: 1,
+            esc_signal_us: None,
+            motor: None,
             log: None,
             columns: Vec::new(),
             output: None,
@@ -86,6 +91,13 @@ impl Default for ImportOptions {
             nominal: None,
             amplitude: None,
         }
+    }
+}
+
+impl ImportOptions {
+    /// The stated pulse widths of command 0 and 1, or those of a standard ESC, microseconds.
+    fn pulse_range(&self) -> (f64, f64) {
+        self.esc_signal_us.unwrap_or((1000.0, 2000.0))
     }
 }
 
@@ -130,7 +142,7 @@ pub fn import_bytes(file: &Path, bytes: &[u8], options: &ImportOptions) -> Resul
     if bytes.iter().all(u8::is_ascii_whitespace) {
         return Err(ImportError::Empty { file: file.into() });
     }
-    let (low_us, high_us) = options.esc_signal_us;
+    let (low_us, high_us) = options.pulse_range();
     if !(low_us.is_finite() && high_us.is_finite() && low_us < high_us) {
         return Err(ImportError::SignalRange { low_us, high_us });
     }
@@ -138,6 +150,7 @@ pub fn import_bytes(file: &Path, bytes: &[u8], options: &ImportOptions) -> Resul
         Some(mat5::Header::Level5) => mat::take(file, bytes, options)?,
         Some(mat5::Header::Hdf5) => return Err(ImportError::Hdf5 { file: file.into() }),
         None if ulog_messages::is_ulog(bytes) => ulog::take(file, bytes, options)?,
+        None if dataflash_messages::is_dataflash(bytes) => dataflash::take(file, bytes, options)?,
         None => match &blackbox_frames::logs(bytes)[..] {
             [] => {
                 foreign::refuse(file, bytes)?;

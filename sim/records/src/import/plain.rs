@@ -232,7 +232,7 @@ impl Rows<'_> {
         notes: &mut Vec<String>,
     ) -> Result<String, ImportError> {
         let (low, high) = match pick.unit.scale {
-            Scale::Pulse => options.esc_signal_us,
+            Scale::Pulse => options.pulse_range(),
             Scale::Dshot => (0.0, DSHOT.1),
             Scale::Ratio(times, over) => (0.0, over / times),
             // Of a time alone.

@@ -16,10 +16,13 @@ pub enum LogFormat {
     Esc32,
     /// MATLAB file of named vectors, saved with `-v6` or `-v7`.
     Mat,
-    /// Flight log of the PX4 autopilot.
+    /// Log of the PX4 autopilot.
     Ulog,
-    /// Flight log of Betaflight.
+    /// Log of Betaflight.
     Blackbox,
+    /// Log of the ArduPilot autopilot.
+    #[serde(rename = "dataflash")]
+    DataFlash,
     /// Any table of numbers with a header, as text.
     Plain,
 }

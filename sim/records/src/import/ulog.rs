@@ -8,10 +8,11 @@
 
 use std::path::Path;
 
-use super::summary::{ColumnUse, DroppedRows};
+use super::held::{Held, hold};
+use super::summary::ColumnUse;
 use super::ulog_messages::{Log, Place, Topic};
 use super::vectors::{normalized, stamps_kept};
-use super::{ImportError, ImportOptions, ImportSummary, LogFormat, MIN_ROWS, Taken};
+use super::{ImportError, ImportOptions, ImportSummary, LogFormat, MIN_ROWS, Taken, flight};
 use crate::{Excitation, Output};
 
 const MOTORS: &str = "actuator_motors";
@@ -19,6 +20,8 @@ const OUTPUTS: &str = "actuator_outputs";
 const STATUS: &str = "esc_status";
 /// `esc_report.actuator_function` of motor 1 is one more.
 const MOTOR_FUNCTION: f64 = 100.0;
+/// Commands in one `actuator_motors`, or `actuator_outputs`.
+const MOST_MOTORS: usize = 16;
 /// ESCs in one `esc_status`.
 const ESCS: usize = 8;
 
@@ -35,16 +38,17 @@ pub(super) fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result
             problem: "the log ends before anything was logged",
         });
     }
+    let number = options.motor.unwrap_or(1);
     let missing = |signal: &'static str, known: &str| ImportError::MissingTopic {
         file: file.into(),
         signal,
         known: known.into(),
-        motor: options.motor,
+        motor: number,
     };
     let mut notes = Vec::new();
-    let motor = options.motor.checked_sub(1).ok_or_else(|| missing("command", "motors are numbered from 1"))?;
+    let motor = number.checked_sub(1).ok_or_else(|| missing("command", "motors are numbered from 1"))?;
 
-    let commands = [(MOTORS, "control", (0.0, 1.0)), (OUTPUTS, "output", options.esc_signal_us)];
+    let commands = [(MOTORS, "control", (0.0, 1.0)), (OUTPUTS, "output", options.pulse_range())];
     let found = commands.into_iter().find_map(|(name, field, range)| {
         let topic = log.topic(name)?;
         Some((topic, field, range, log.place(name, field, motor, None)?, log.place(name, "timestamp", 0, None)?))
@@ -57,7 +61,7 @@ pub(super) fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result
     if pulse_widths {
         notes.push(format!(
             "the command is output channel {} of instance {}, which is motor {} only if the airframe is wired so",
-            options.motor, topic.instance, options.motor
+            number, topic.instance, number
         ));
     }
 
@@ -70,11 +74,14 @@ pub(super) fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result
     let response = samples(file, &speed_name, status, speed_place, own_stamp)?;
 
     let rows_read = response.len();
-    let Held { rows, command: held, dropped } = hold(&command, &response);
+    let held = hold(&command, &response);
+    notes.extend(held.note(&command, &response));
+    let Held { rows, command: held, dropped } = held;
     if rows.len() < MIN_ROWS {
         return Err(ImportError::TooFewRows { file: file.into(), rows: rows.len(), needed: MIN_ROWS });
     }
     let held = normalized(file, &command_name, &rows, held, range)?;
+    refuse_flight(file, options, &log, (topic, field, range), (motor, &command), response[rows[0]].0)?;
     let stamps = rows.iter().map(|&row| response[row].0 * 1e-6).collect();
     let (time_s, sample_rate_hz, timing) = stamps_kept(file, &format!("{STATUS}.esc[{esc}].timestamp"), &rows, stamps)?;
     let rpm = rows.iter().map(|&row| response[row].1.abs()).collect();
@@ -136,6 +143,28 @@ pub(super) fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result
     })
 }
 
+/// Looks at the commands of all motors that are not switched off throughout; seconds count from `origin_us`.
+fn refuse_flight(
+    file: &Path,
+    options: &ImportOptions,
+    log: &Log<'_>,
+    (topic, field, range): (&Topic<'_>, &str, (f64, f64)),
+    (motor, command): (usize, &[(f64, f64)]),
+    origin_us: f64,
+) -> Result<(), ImportError> {
+    let scaled = |value: f64| (value - range.0) / (range.1 - range.0);
+    let of_motor = |other: usize| {
+        let place = log.place(topic.name, field, other, None)?;
+        let values: Option<Vec<f64>> = topic.rows.iter().map(|row| place.read(row).map(scaled)).collect();
+        Some((other + 1, values?))
+    };
+    let others: Vec<(usize, Vec<f64>)> =
+        (0..MOST_MOTORS).filter(|&other| other != motor).filter_map(of_motor).collect();
+    let time_s: Vec<f64> = command.iter().map(|sample| (sample.0 - origin_us) * 1e-6).collect();
+    let command: Vec<f64> = command.iter().map(|sample| scaled(sample.1)).collect();
+    flight::refuse(file, options, motor + 1, &time_s, &command, &others)
+}
+
 fn column(name: String, taken_as: Option<&str>, note: &str) -> ColumnUse {
     ColumnUse { name, taken_as: taken_as.map(String::from), note: note.into() }
 }
@@ -173,58 +202,4 @@ fn samples(
         name: name.into(),
         problem: "a message is shorter than its format".into(),
     })
-}
-
-/// The rows of the response that have a command, and that command.
-struct Held {
-    rows: Vec<usize>,
-    command: Vec<f64>,
-    dropped: Vec<DroppedRows>,
-}
-
-/// Holds the last command to each stamp of the response. After the last command it is held for the
-/// longest interval between commands, and no longer. A command of NaN is none: PX4 writes it for a
-/// motor that is switched off.
-fn hold(command: &[(f64, f64)], response: &[(f64, f64)]) -> Held {
-    let longest = command.windows(2).map(|w| w[1].0 - w[0].0).fold(0.0, f64::max);
-    let end = command.last().map_or(f64::NEG_INFINITY, |last| last.0 + longest);
-    let mut held = Held { rows: Vec::new(), command: Vec::new(), dropped: Vec::new() };
-    let (mut early, mut late, mut off, mut same, mut none) = (0, 0, 0, 0, 0);
-    let mut next = 0;
-    let mut before = f64::NAN;
-    for (row, &(stamp, speed)) in response.iter().enumerate() {
-        while command.get(next).is_some_and(|c| c.0 <= stamp) {
-            next += 1;
-        }
-        // A stamp of zero is that of an ESC that has not reported yet.
-        if stamp == 0.0 || !speed.is_finite() {
-            none += 1;
-        } else if stamp == before {
-            same += 1;
-        } else if next == 0 {
-            early += 1;
-        } else if stamp > end {
-            late += 1;
-        } else if command[next - 1].1.is_nan() {
-            off += 1;
-        } else {
-            held.rows.push(row);
-            held.command.push(command[next - 1].1);
-        }
-        before = stamp;
-    }
-    let reasons = [
-        (none, "the ESC had not reported yet"),
-        (same, "the same report as in the row before"),
-        (early, "no command yet"),
-        (late, "no command any more"),
-        (off, "the motor is switched off (command NaN)"),
-    ];
-    held.dropped.extend(
-        reasons
-            .into_iter()
-            .filter(|(rows, _)| *rows > 0)
-            .map(|(rows, reason)| DroppedRows { rows, reason: reason.into() }),
-    );
-    held
 }

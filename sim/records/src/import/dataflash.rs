@@ -1,0 +1,328 @@
+//! DataFlash logs of ArduPilot: a chirp of its applet, or a motor's output and the speed that its ESC reports.
+//!
+//! - *A chirp* of the actuator chirp applet: the messages `ECRP`, whose rows have the pulse width that was put out and the speed at that
+//!   moment. A row's command holds until the next row. Each sweep is a chirp of its own.
+//! - *Otherwise* `RCOU`, the pulse widths of the outputs, and `ESC`, whose instances count outputs from zero. A report has its own
+//!   stamp; the command is held to it. Which output a motor is on is said by the parameters `SERVOn_FUNCTION`.
+//! - Pulse widths become 0..1 by the parameters that state the ESC's range, `MOT_PWM_MIN` and `MOT_PWM_MAX` (`Q_M_` of a quadplane),
+//!   unless a range is stated.
+
+use std::path::Path;
+
+use super::dataflash_messages::{Log, Messages};
+use super::held::{Held, hold};
+use super::summary::{ColumnUse, DroppedRows};
+use super::vectors::{normalized, stamps_kept};
+use super::{ImportError, ImportOptions, ImportSummary, LogFormat, MIN_ROWS, Taken, flight};
+use crate::{Excitation, Output};
+
+const CHIRP: &str = "ECRP";
+const OUTPUTS: &str = "RCOU";
+const REPORTS: &str = "ESC";
+/// Outputs in `RCOU`.
+const CHANNELS: usize = 14;
+/// Rows of a chirp come every 5 ms; after as long, seconds, another has begun.
+const CHIRP_PAUSE_S: f64 = 1.0;
+/// The frequency of a chirp never falls; where it is below this share of that before, another has begun.
+const CHIRP_RESTART: f64 = 0.9;
+const STAMP: &str = "microseconds, from the first row taken";
+
+pub(super) fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result<Taken, ImportError> {
+    let log = Log::read(bytes, &[CHIRP, OUTPUTS, REPORTS]);
+    if log.bytes_lost > bytes.len() / 2 {
+        let problem = "from here on, more bytes belong to no message than to one";
+        return Err(ImportError::Damaged { file: file.into(), offset: log.first_damage, problem });
+    }
+    let mut taken = match (log.messages(CHIRP), options.motor) {
+        (Some(rows), None) => chirp(file, &log, rows, options)?,
+        _ => outputs(file, &log, options)?,
+    };
+    let notes = &mut taken.summary.notes;
+    if log.damaged > 0 {
+        notes.push(format!(
+            "the log is damaged in {} place(s), the first at byte {}: {} bytes there belong to no message, and the record may \
+             have gaps",
+            log.damaged, log.first_damage, log.bytes_lost
+        ));
+    }
+    if log.cut {
+        notes.push("the log ends within a message, as when power is cut; all whole messages were read".into());
+    }
+    let known = |name: &str| taken.summary.columns.iter().any(|column| column.name.split('.').next() == Some(name));
+    let others: Vec<&str> = log.logged().map(|messages| messages.name).filter(|name| !known(name)).collect();
+    let other = |name: &str| column(name.into(), None, "no part of an experiment");
+    taken.summary.columns.extend(others.into_iter().map(other));
+    Ok(taken)
+}
+
+/// The longest chirp, or the one that was asked for.
+fn chirp(file: &Path, log: &Log<'_>, rows: &Messages<'_>, options: &ImportOptions) -> Result<Taken, ImportError> {
+    let [time_us, pulse_us, frequency_hz, rpm] =
+        ["TimeUS", "PWM", "Freq", "RPM"].map(|label| column_of(file, rows, label));
+    let (time_us, pulse_us, frequency_hz, rpm) = (time_us?, pulse_us?, frequency_hz?, rpm?);
+    let begins = |row: &usize| {
+        time_us[*row] - time_us[row - 1] > 1e6 * CHIRP_PAUSE_S
+            || frequency_hz[*row] < CHIRP_RESTART * frequency_hz[row - 1]
+    };
+    let mut starts: Vec<usize> = (1..time_us.len()).filter(begins).collect();
+    starts.insert(0, 0);
+    starts.push(time_us.len());
+    let chirps: Vec<_> = starts.windows(2).map(|pair| pair[0]..pair[1]).collect();
+    let longest = chirps.iter().map(ExactSizeIterator::len).max();
+    let mut notes = Vec::new();
+    let number = match options.log {
+        Some(log) => log
+            .checked_sub(1)
+            .filter(|&place| place < chirps.len())
+            .ok_or_else(|| ImportError::NoSuchLog { file: file.into(), log, logs: chirps.len() })?,
+        None => chirps.iter().position(|chirp| Some(chirp.len()) == longest).unwrap_or(0),
+    };
+    if chirps.len() > 1 && options.log.is_none() {
+        notes.push(format!("{} chirps are in the log: taken is number {}, the longest", chirps.len(), number + 1));
+    }
+    let of_chirp = chirps[number].clone();
+    let rows_read = of_chirp.len();
+    // The applet writes -1 where it has no report.
+    let rows: Vec<usize> = of_chirp.filter(|&row| rpm[row].is_finite() && rpm[row] >= 0.0).collect();
+    check_count(file, rows.len())?;
+    let range = pulse_range(file, log, time_us[rows[0]], options, &mut notes)?;
+    let command = normalized(file, "ECRP.PWM", &rows, picked(&pulse_us, &rows), range)?;
+    let stamps = rows.iter().map(|&row| time_us[row] * 1e-6).collect();
+    let (time_s, sample_rate_hz, timing) = stamps_kept(file, "ECRP.TimeUS", &rows, stamps)?;
+    let speed = picked(&rpm, &rows);
+    if let Some(note) = age_of_reports(&time_s, &speed) {
+        notes.push(note);
+    }
+    let (low_hz, high_hz) = (frequency_hz[rows[0]], frequency_hz[rows[rows.len() - 1]]);
+    notes.push(format!("a chirp from {low_hz:.2} to {high_hz:.2} Hz, as its rows say"));
+    let columns = vec![
+        column("ECRP.TimeUS".into(), Some("time_s"), STAMP),
+        column("ECRP.PWM".into(), Some("command"), &format!("{}..{} become 0..1", range.0, range.1)),
+        column("ECRP.Freq".into(), None, "the frequency of the chirp"),
+        column("ECRP.RPM".into(), Some("rpm"), "as it stands"),
+    ];
+    let dropped = rows_read - rows.len();
+    let dropped = (dropped > 0).then(|| DroppedRows { rows: dropped, reason: "the ESC had not reported".into() });
+    let summary = ImportSummary {
+        file: file.into(),
+        format: LogFormat::DataFlash,
+        rows_read,
+        rows_taken: rows.len(),
+        columns,
+        dropped: dropped.into_iter().collect(),
+        timing,
+        pulse_widths: true,
+        notes,
+    };
+    let usual = Some(Excitation::Chirp);
+    Ok(taken(summary, time_s, command, speed, sample_rate_hz, usual))
+}
+
+/// One output, and what its ESC reports.
+fn outputs(file: &Path, log: &Log<'_>, options: &ImportOptions) -> Result<Taken, ImportError> {
+    let number = options.motor.unwrap_or(1);
+    let missing = |signal: &'static str, known: &str| {
+        let known = format!("{known}; or `ECRP`, which the actuator chirp applet writes");
+        ImportError::MissingTopic { file: file.into(), signal, known, motor: number }
+    };
+    if let Some(log) = options.log {
+        return Err(ImportError::NoSuchLog { file: file.into(), log, logs: 0 });
+    }
+    let mut notes = Vec::new();
+    let outputs = log.messages(OUTPUTS).ok_or_else(|| missing("command", "`RCOU`"))?;
+    let reports = log.messages(REPORTS).ok_or_else(|| missing("rpm", "`ESC`, which needs ESCs with telemetry"))?;
+    let time_us = column_of(file, outputs, "TimeUS")?;
+    let motors = motors(log);
+    let output = match motors.iter().find(|(motor, _)| *motor == number) {
+        Some((_, output)) => *output,
+        None if motors.is_empty() && (1..=CHANNELS).contains(&number) => {
+            notes.push(format!("no parameter says which output motor {number} is on: taken is output {number}"));
+            number
+        }
+        None => {
+            return Err(missing(
+                "command",
+                "a parameter `SERVOn_FUNCTION` that puts that motor on an output of `RCOU`",
+            ));
+        }
+    };
+    let channel = |output: usize| column_of(file, outputs, &format!("C{output}"));
+    let pulses = channel(output)?;
+    let off = |pulse: &f64| if *pulse == 0.0 { f64::NAN } else { *pulse };
+    let command: Vec<(f64, f64)> = time_us.iter().copied().zip(pulses.iter().map(off)).collect();
+
+    let (report_us, instance) = (column_of(file, reports, "TimeUS")?, column_of(file, reports, "Instance")?);
+    // Without the autopilot's slew, which draws a line on from the last two reports.
+    let speed_label = if reports.place("RawRPM").is_some() { "RawRPM" } else { "RPM" };
+    let speeds = column_of(file, reports, speed_label)?;
+    let of_esc: Vec<usize> = (0..instance.len()).filter(|&row| instance[row] == (output - 1) as f64).collect();
+    if of_esc.is_empty() {
+        let found = format!("reports of the ESC at output {output}, instance {} of `ESC`", output - 1);
+        return Err(missing("rpm", &found));
+    }
+    let response: Vec<(f64, f64)> = of_esc.iter().map(|&row| (report_us[row], speeds[row])).collect();
+
+    let held = hold(&command, &response);
+    check_count(file, held.rows.len())?;
+    notes.extend(held.note(&command, &response));
+    let Held { rows, command: held, dropped } = held;
+    let range = pulse_range(file, log, response[rows[0]].0, options, &mut notes)?;
+    let name = format!("{OUTPUTS}.C{output}");
+    let command = normalized(file, &name, &rows, held, range)?;
+    let stamps = rows.iter().map(|&row| response[row].0 * 1e-6).collect();
+    let (time_s, sample_rate_hz, timing) = stamps_kept(file, "ESC.TimeUS", &rows, stamps)?;
+    let scaled = |pulse: &f64| (pulse - range.0) / (range.1 - range.0);
+    let output_s: Vec<f64> = time_us.iter().map(|time| (time - response[rows[0]].0) * 1e-6).collect();
+    let put_out: Vec<f64> = pulses.iter().map(scaled).collect();
+    flight::refuse(file, options, number, &output_s, &put_out, &others(channel, number, &motors, scaled))?;
+    let rpm: Vec<f64> = rows.iter().map(|&row| response[row].1.abs()).collect();
+
+    let esc = output - 1;
+    let mut columns = vec![
+        column(format!("ESC.TimeUS[{esc}]"), Some("time_s"), STAMP),
+        column(name, Some("command"), &format!("{}..{} become 0..1; held to the ESC's stamps", range.0, range.1)),
+        column(format!("ESC.{speed_label}[{esc}]"), Some("rpm"), "magnitude, as the ESC reports it"),
+    ];
+    let mut optional = |label: &str, taken_as: &str| {
+        let values = reports.place(label).and_then(|_| column_of(file, reports, label).ok())?;
+        let values: Vec<f64> = rows.iter().map(|&row| values[of_esc[row]]).collect();
+        let is_there = values.iter().all(|value| value.is_finite()) && values.iter().any(|&value| value != 0.0);
+        let (taken_as, note) =
+            if is_there { (Some(taken_as), "as it stands") } else { (None, "the ESC does not report it") };
+        columns.push(column(format!("ESC.{label}[{esc}]"), taken_as, note));
+        is_there.then_some(values)
+    };
+    let (voltage_v, current_a) = (optional("Volt", "voltage_v"), optional("Curr", "current_a"));
+    let summary = ImportSummary {
+        file: file.into(),
+        format: LogFormat::DataFlash,
+        rows_read: response.len(),
+        rows_taken: rows.len(),
+        columns,
+        dropped,
+        timing,
+        pulse_widths: true,
+        notes,
+    };
+    Ok(Taken {
+        voltage_v,
+        current_a,
+        ..taken(summary, time_s, command, rpm, sample_rate_hz, Some(Excitation::Staircase))
+    })
+}
+
+/// The outputs of the other motors, or of all channels where it is not said which are motors: their numbers and commands, scaled.
+fn others(
+    channel: impl Fn(usize) -> Result<Vec<f64>, ImportError>,
+    number: usize,
+    motors: &[(usize, usize)],
+    scaled: impl Fn(&f64) -> f64,
+) -> Vec<(usize, Vec<f64>)> {
+    let channels: Vec<(usize, usize)> = (1..=CHANNELS).map(|output| (output, output)).collect();
+    let all = if motors.is_empty() { &channels } else { motors };
+    let others = all.iter().filter(|(motor, _)| *motor != number);
+    let command = |output: usize| Some(channel(output).ok()?.iter().map(&scaled).collect());
+    others.filter_map(|&(motor, output)| Some((motor, command(output)?))).collect()
+}
+
+/// Motors and their outputs, both from 1, as the parameters say.
+fn motors(log: &Log<'_>) -> Vec<(usize, usize)> {
+    let motor = |function: f64| match function as u32 {
+        33..=40 => Some(function as usize - 32),
+        82..=85 => Some(function as usize - 73),
+        _ => None,
+    };
+    let of_output = |output: usize| {
+        let function = log.parameter(&format!("SERVO{output}_FUNCTION"), f64::INFINITY)?;
+        Some((motor(function)?, output))
+    };
+    (1..=CHANNELS).filter_map(of_output).collect()
+}
+
+/// The pulse widths that mean 0 and 1: those that are stated, or the parameters'.
+fn pulse_range(
+    file: &Path,
+    log: &Log<'_>,
+    at_us: f64,
+    options: &ImportOptions,
+    notes: &mut Vec<String>,
+) -> Result<(f64, f64), ImportError> {
+    if let Some(range) = options.esc_signal_us {
+        return Ok(range);
+    }
+    for prefix in ["MOT", "Q_M"] {
+        let parameter = |end: &str| log.parameter(&format!("{prefix}_PWM_{end}"), at_us);
+        if let (Some(low), Some(high)) = (parameter("MIN"), parameter("MAX"))
+            && low > 0.0
+            && low < high
+        {
+            notes.push(format!(
+                "pulse widths {low}..{high} become 0..1, as the parameters {prefix}_PWM_MIN and {prefix}_PWM_MAX say"
+            ));
+            return Ok((low, high));
+        }
+    }
+    Err(ImportError::NoPulseRange { file: file.into() })
+}
+
+/// What the ESC's reports are old, where rows repeat them.
+fn age_of_reports(time_s: &[f64], rpm: &[f64]) -> Option<String> {
+    let changes = rpm.windows(2).filter(|pair| pair[0] != pair[1]).count();
+    if changes == 0 || 2 * changes > time_s.len() {
+        return None;
+    }
+    let every_ms = 1e3 * (time_s[time_s.len() - 1] - time_s[0]) / changes as f64;
+    Some(format!(
+        "the speed changes every {every_ms:.0} ms on average, as the ESC reports it: half of that, and what the telemetry takes, \
+         is in the dead time that is found"
+    ))
+}
+
+fn check_count(file: &Path, rows: usize) -> Result<(), ImportError> {
+    if rows < MIN_ROWS {
+        return Err(ImportError::TooFewRows { file: file.into(), rows, needed: MIN_ROWS });
+    }
+    Ok(())
+}
+
+/// A field of all messages.
+fn column_of(file: &Path, messages: &Messages<'_>, label: &str) -> Result<Vec<f64>, ImportError> {
+    let fault = |problem: &str| ImportError::Vector {
+        file: file.into(),
+        name: format!("{}.{label}", messages.name),
+        problem: problem.into(),
+    };
+    let place = messages.place(label).ok_or_else(|| fault("the message has no such field"))?;
+    let values: Option<Vec<f64>> = messages.rows.iter().map(|row| place.read(row)).collect();
+    values.ok_or_else(|| fault("no number, or a message that is shorter than its format"))
+}
+
+fn picked(values: &[f64], rows: &[usize]) -> Vec<f64> {
+    rows.iter().map(|&row| values[row]).collect()
+}
+
+fn column(name: String, taken_as: Option<&str>, note: &str) -> ColumnUse {
+    ColumnUse { name, taken_as: taken_as.map(String::from), note: note.into() }
+}
+
+fn taken(
+    summary: ImportSummary,
+    time_s: Vec<f64>,
+    command: Vec<f64>,
+    rpm: Vec<f64>,
+    sample_rate_hz: Option<f64>,
+    usual: Option<Excitation>,
+) -> Taken {
+    Taken {
+        time_s,
+        command,
+        thrust_n: None,
+        rpm: Some(rpm),
+        voltage_v: None,
+        current_a: None,
+        sample_rate_hz,
+        output: Output::Rpm,
+        usual,
+        summary,
+    }
+}
