@@ -25,9 +25,13 @@ use crate::saturation::{self, Limit};
 /// The highest line that is used, as a share of the row rate: above, the sensor's own filter shows.
 const HIGHEST_OF_ROW_RATE: f64 = 0.45;
 
-/// Lines with more than this many times the usual noise are beyond the chirp: they would weigh nothing in the fit, and be
-/// all of its % fit.
-const LEAST_EXCITED: f64 = 100.0;
+/// Lines whose command has less than this share of its largest power are beyond the chirp: 30 dB, of which the sweep itself
+/// takes 25 where it is exponential from 0.1 to 30 Hz.
+const LEAST_EXCITED: f64 = 1e-3;
+
+/// Lines with more than this many times the usual variance are those at which the command is hardly told from the run-up: they would
+/// weigh nothing in the fit, and be all of its % fit.
+const MOST_UNCERTAIN: f64 = 100.0;
 
 /// Lags from chirps.
 #[derive(Clone, Debug, PartialEq)]
@@ -133,13 +137,16 @@ fn response_of(
     };
     let row_rate_hz = spectra::row_rate_hz(rows, experiment.sample_rate_hz)?;
     options.band_hz.1 = options.band_hz.1.min(highest_hz);
-    let LocalPolynomial { response, coherence, .. } = LocalPolynomial::of(experiment, rows, &options)?;
+    let found = LocalPolynomial::of(experiment, rows, &options)?;
     let width = 2 * options.half_width + 1;
-    let lines = response.lines.iter().zip(coherence).skip(options.half_width).step_by(width);
-    let lines: Vec<(ResponseLine, f64)> = lines.map(|(line, coherence)| (*line, coherence)).collect();
-    let most = LEAST_EXCITED * median(lines.iter().map(|(line, _)| line.variance)).unwrap_or_default();
-    let (lines, coherence) = lines.into_iter().filter(|(line, _)| line.variance <= most).unzip();
-    let response = FrequencyResponse { lines, ..response };
+    let least = LEAST_EXCITED * found.command_power.iter().copied().fold(0.0, f64::max);
+    let of_windows = (options.half_width..found.response.lines.len()).step_by(width);
+    let excited: Vec<usize> = of_windows.filter(|&k| found.command_power[k] >= least).collect();
+    let variance = |k: &usize| found.response.lines[*k].variance;
+    let most = MOST_UNCERTAIN * median(excited.iter().map(variance)).unwrap_or_default();
+    let certain = excited.into_iter().filter(|k| variance(k) <= most);
+    let (lines, coherence) = certain.map(|k| (found.response.lines[k], found.coherence(k))).unzip();
+    let response = FrequencyResponse { lines, ..found.response };
     Ok((ChirpResponse { file: record.file.clone(), response, coherence }, row_rate_hz))
 }
 

@@ -15,13 +15,25 @@
 use rotorlead_numerics::sample::median;
 use rotorlead_records::{Output, Record};
 
-use super::steps::rows_after_gaps;
 use super::{IdentifyError, spectra};
 
 /// Even rows per row of the log.
 const DENSER: usize = 4;
+/// An interval this many times the usual one is a gap, in which rows were lost and the command is not known. A script that was kept
+/// waiting for a moment held it meanwhile.
+const LONGEST_WAIT: f64 = 10.0;
 /// The highest frequency that even rows show as it was, as a share of the log's rows per second.
 pub(super) const HIGHEST_OF_UNEVEN_RATE: f64 = 0.15;
+
+/// Rows that come after a gap.
+pub(super) fn gaps(times: &[f64]) -> Vec<usize> {
+    let longest_s = LONGEST_WAIT * usual_interval(times);
+    (1..times.len()).filter(|&row| times[row] - times[row - 1] > longest_s).collect()
+}
+
+fn usual_interval(times: &[f64]) -> f64 {
+    median(times.windows(2).map(|pair| pair[1] - pair[0])).unwrap_or(0.0)
+}
 
 /// Even rows, and the rate of the log's own.
 pub(super) struct EvenRows {
@@ -41,11 +53,9 @@ impl EvenRows {
             return Ok(None);
         }
         let times = &record.time_s;
-        let intervals = || times.windows(2).map(|pair| pair[1] - pair[0]);
-        let usual_s = median(intervals()).unwrap_or(0.0);
-        if let Some((row, interval_s)) = intervals().enumerate().find(|(_, interval)| *interval > LONGEST_GAP * usual_s)
-        {
-            return Err(IdentifyError::Gap { file: record.file.clone(), row: row + 1, interval_s, usual_s });
+        if let Some(&row) = gaps(times).first() {
+            let (interval_s, usual_s) = (times[row] - times[row - 1], usual_interval(times));
+            return Err(IdentifyError::Gap { file: record.file.clone(), row, interval_s, usual_s });
         }
         let (first_s, rows) = (times[0], times.len());
         let log_rate_hz = (rows - 1) as f64 / (times[rows - 1] - first_s);

@@ -279,7 +279,8 @@ fn the_sample_is_taken_number_by_number() {
         assert_eq!(use_of("vbatLatest"), Ok("voltage_v".into()));
         assert_eq!(use_of("amperageLatest"), Err("the current of all motors".into()));
         assert_eq!(use_of(&format!("motor[{}]", number % 4)), Err("another motor".into()));
-        assert_eq!(summary.notes, ["2 logs are in the file: taken is number 2, the longest"]);
+        assert_eq!(summary.notes[0], "2 logs are in the file: taken is number 2, the longest");
+        assert!(summary.notes.len() == 2 && summary.notes[1].starts_with("free, "), "{:?}", summary.notes);
     }
 }
 
@@ -287,7 +288,7 @@ fn the_sample_is_taken_number_by_number() {
 fn another_log_of_the_file_can_be_asked_for() {
     let second = import(&sample(), &options(1, Some(2))).unwrap();
     check_frames(&second, 1, &(STOPPED..FRAMES).collect::<Vec<_>>());
-    assert!(second.summary.notes.is_empty(), "{:?}", second.summary.notes);
+    assert!(second.summary.notes[0].starts_with("free, "), "{:?}", second.summary.notes);
     let few = importing::imported(&sample_bytes(), &options(1, Some(1)));
     assert!(refusal(few).contains("30 usable row(s)"));
     for log in [0, 3, usize::MAX] {
@@ -428,7 +429,7 @@ fn a_log_cut_anywhere_gives_its_whole_frames_or_an_error() {
     // Behind a cut, the storage is as it was erased.
     let erased = [&log[..start + 6000], &[0xff; 4096]].concat();
     let taken = imported(&erased, 1).unwrap();
-    assert!(taken.summary.notes.len() == 1 && taken.summary.notes[0].contains("not closed"));
+    assert!(taken.summary.notes.len() == 2 && taken.summary.notes[0].contains("not closed"));
 }
 
 #[test]

@@ -119,7 +119,6 @@ fn each_sweep_of_the_applet_is_a_chirp_and_what_the_other_reader_sees() {
     let sum: f64 = rows.iter().map(|(_, rpm)| rpm).sum::<f64>() - dropped as f64;
     assert!((sum - sum_of("RPM").1).abs() < 1e-3);
     // The part of the second sweep, row by row.
-    let origin = seen("chirp.bin", "ECRP", "TimeUS").iter().find(|(_, time)| *time > 9e6).unwrap().1;
     let first_us = {
         let row = seen("chirp.bin", "ECRP", "TimeUS").into_iter().zip(seen("chirp.bin", "ECRP", "RPM"));
         let found =
@@ -133,7 +132,7 @@ fn each_sweep_of_the_applet_is_a_chirp_and_what_the_other_reader_sees() {
             rpm.iter().position(|r| r == value && *r > 0.0).map(|row| time * 1e-6 - two.time_s[row])
         })
         .unwrap();
-    assert!(start * 1e6 >= origin);
+    assert!((9.0..9.1).contains(&start), "{start}");
     for (time, value) in first_us {
         let row = two.time_s.iter().position(|t| (t + start - time * 1e-6).abs() < 1e-6).unwrap();
         assert_eq!(rpm[row], value);
@@ -153,7 +152,9 @@ fn the_chirp_of_the_applet_gives_its_lag_and_delay() {
         assert!((estimate.value / truth - 1.0).abs() < 0.02, "{estimate:?} {truth}");
     }
     let coherence = &chirps.responses[0].coherence;
-    assert!(coherence.len() > 20 && coherence.iter().all(|c| (0.9..=1.0).contains(c)), "{coherence:?}");
+    assert!(coherence.len() > 20 && coherence.iter().all(|c| (0.8..=1.0).contains(c)), "{coherence:?}");
+    let highest_hz = chirps.responses[0].response.lines.last().unwrap().omega_rad_s / std::f64::consts::TAU;
+    assert!((13.0..17.0).contains(&highest_hz), "{highest_hz}");
 }
 
 /// 60 ms and 15 ms; the command was logged every 20 ms.

@@ -9,6 +9,7 @@ use super::RecordFault;
 use super::period::of_period;
 use super::repeats::of_repeats;
 use super::units::{of_command, of_response, of_time, usual_interval};
+use crate::even_rows;
 use crate::periodic::plausibility;
 use crate::saturation::{self, Limit};
 use crate::steps::rows_after_gaps;
@@ -112,9 +113,12 @@ fn sampling(record: &Record, is_in_seconds: bool, add: &mut impl FnMut(Topic, Op
     // A chirp is put on even rows where its own are not.
     let needs_every_row = record.excitation == Excitation::Multisine;
     let interval = |row: usize| record.time_s[row] - record.time_s[row - 1];
-    // Steps are fitted around gaps, and the fit says what they cost.
-    let is_of_steps = matches!(record.excitation, Excitation::Step | Excitation::Staircase);
-    let gaps = if is_of_steps { Vec::new() } else { rows_after_gaps(&record.time_s).0 };
+    let gaps = match record.excitation {
+        // Steps are fitted around gaps, and the fit says what they cost.
+        Excitation::Step | Excitation::Staircase => Vec::new(),
+        Excitation::Chirp => even_rows::gaps(&record.time_s),
+        _ => rows_after_gaps(&record.time_s).0,
+    };
     if let Some(&longest) = gaps.iter().max_by(|a, b| interval(**a).total_cmp(&interval(**b))) {
         let (row, longest_s) = (longest + 1, interval(longest));
         let fault = RecordFault::Gaps { file: file(), count: gaps.len(), row, longest_s };

@@ -62,9 +62,8 @@ pub struct LocalPolynomial {
     pub response: FrequencyResponse,
     /// Noise variance `E |V|^2` of the response's Fourier coefficient at each line, `(2 / N) sum y e^(-j w t)`.
     pub noise_variance: Vec<f64>,
-    /// Coherence of command and response at each line, 0..1: the share of the response's power, its transient aside, that
-    /// `G` makes of the command.
-    pub coherence: Vec<f64>,
+    /// Mean power `|U|^2` of the command's Fourier coefficients in the window of each line.
+    pub command_power: Vec<f64>,
     /// Lines of the band around which the command does not tell response and transient apart.
     pub left_out: usize,
 }
@@ -113,7 +112,7 @@ impl LocalPolynomial {
         let last = ((high_hz / bin_hz).floor() as usize).min(bins.end - 1);
         let mut lines = Vec::new();
         let mut noise_variance = Vec::new();
-        let mut coherence = Vec::new();
+        let mut command_power = Vec::new();
         let mut left_out = 0;
         for bin in first..=last {
             let from = bin.saturating_sub(options.half_width).clamp(bins.start, bins.end - width);
@@ -129,8 +128,7 @@ impl LocalPolynomial {
                         variance: local.gain_of_noise * local.noise,
                     });
                     noise_variance.push(local.noise);
-                    let followed = power * local.response.norm_sqr();
-                    coherence.push(followed / (followed + local.noise));
+                    command_power.push(power);
                 }
                 None => left_out += 1,
             }
@@ -142,9 +140,19 @@ impl LocalPolynomial {
         Ok(Self {
             response: FrequencyResponse { lines, degrees_of_freedom, periods: 1 },
             noise_variance,
-            coherence,
+            command_power,
             left_out,
         })
+    }
+}
+
+impl LocalPolynomial {
+    /// Coherence of command and response at line `k`, 0..1: the share of the response's power, its transient aside, that `G`
+    /// makes of the command.
+    #[must_use]
+    pub fn coherence(&self, k: usize) -> f64 {
+        let followed = self.command_power[k] * self.response.lines[k].response.norm_sqr();
+        followed / (followed + self.noise_variance[k])
     }
 }
 
