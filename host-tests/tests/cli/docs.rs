@@ -338,6 +338,12 @@ fn the_page_on_diagnosis_shows_what_its_commands_print() {
 
 #[cfg(unix)]
 #[test]
+fn the_page_on_autopilot_logs_shows_what_its_commands_print() {
+    holds("docs/autopilot-logs.md");
+}
+
+#[cfg(unix)]
+#[test]
 fn the_page_on_the_inverse_shows_what_its_commands_print() {
     holds("docs/inverse.md");
 }

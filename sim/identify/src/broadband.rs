@@ -29,9 +29,9 @@ const HIGHEST_OF_ROW_RATE: f64 = 0.45;
 /// takes 25 where it is exponential from 0.1 to 30 Hz.
 const LEAST_EXCITED: f64 = 1e-3;
 
-/// Lines with more than this many times the usual variance are those at which the command is hardly told from the run-up: they would
-/// weigh nothing in the fit, and be all of its % fit.
-const MOST_UNCERTAIN: f64 = 100.0;
+/// Lines at which noise makes this many times as much of the response as it usually does of a command of their power: the command
+/// is hardly told from the run-up there. They would weigh nothing in the fit, and be all of its % fit.
+const MOST_CONFUSED: f64 = 100.0;
 
 /// Lags from chirps.
 #[derive(Clone, Debug, PartialEq)]
@@ -142,9 +142,10 @@ fn response_of(
     let least = LEAST_EXCITED * found.command_power.iter().copied().fold(0.0, f64::max);
     let of_windows = (options.half_width..found.response.lines.len()).step_by(width);
     let excited: Vec<usize> = of_windows.filter(|&k| found.command_power[k] >= least).collect();
-    let variance = |k: &usize| found.response.lines[*k].variance;
-    let most = MOST_UNCERTAIN * median(excited.iter().map(variance)).unwrap_or_default();
-    let certain = excited.into_iter().filter(|k| variance(k) <= most);
+    // Of the rows of the command alone: what the response's noise happens to be chooses no line.
+    let confusion = |k: &usize| found.command_power[*k] * found.response.lines[*k].variance / found.noise_variance[*k];
+    let most = MOST_CONFUSED * median(excited.iter().map(confusion)).unwrap_or_default();
+    let certain = excited.into_iter().filter(|k| confusion(k).is_nan() || confusion(k) <= most);
     let (lines, coherence) = certain.map(|k| (found.response.lines[k], found.coherence(k))).unzip();
     let response = FrequencyResponse { lines, ..found.response };
     Ok((ChirpResponse { file: record.file.clone(), response, coherence }, row_rate_hz))

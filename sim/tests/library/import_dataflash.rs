@@ -152,9 +152,9 @@ fn the_chirp_of_the_applet_gives_its_lag_and_delay() {
         assert!((estimate.value / truth - 1.0).abs() < 0.02, "{estimate:?} {truth}");
     }
     let coherence = &chirps.responses[0].coherence;
-    assert!(coherence.len() > 20 && coherence.iter().all(|c| (0.8..=1.0).contains(c)), "{coherence:?}");
+    assert!(coherence.len() > 12 && coherence.iter().all(|c| (0.98..=1.0).contains(c)), "{coherence:?}");
     let highest_hz = chirps.responses[0].response.lines.last().unwrap().omega_rad_s / std::f64::consts::TAU;
-    assert!((13.0..17.0).contains(&highest_hz), "{highest_hz}");
+    assert!((9.0..15.0).contains(&highest_hz), "{highest_hz}");
 }
 
 /// 60 ms and 15 ms; the command was logged every 20 ms.
