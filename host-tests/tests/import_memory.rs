@@ -37,5 +37,5 @@ fn memory_is_bounded_by_the_length_of_the_log() {
         // The meter counts.
         assert!(worst > 1.0, "{name}");
     }
-    assert_eq!(formats, 6);
+    assert_eq!(formats, 7);
 }

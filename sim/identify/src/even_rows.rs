@@ -82,14 +82,11 @@ fn held_means(times: &[f64], command: &[f64], from_s: &[f64], step_s: f64) -> Ve
         while times.get(row + 1).is_some_and(|next| *next <= from) {
             row += 1;
         }
-        let (mut at, mut sum) = (from, 0.0);
-        for held in row..times.len() {
+        let (mut at, mut sum, mut held) = (from, 0.0, row);
+        while at < end {
             let until = times.get(held + 1).map_or(end, |next| next.min(end));
             sum += command[held] * (until - at);
-            at = until;
-            if until >= end {
-                break;
-            }
+            (at, held) = (until, held + 1);
         }
         sum / step_s
     };

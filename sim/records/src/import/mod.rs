@@ -42,7 +42,7 @@ use described::Described;
 use plain_layout::PlainTable;
 
 /// What a log does not say of itself.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct ImportOptions {
     /// What to call the experiment; the log's file name where absent.
     pub name: Option<String>,
@@ -72,26 +72,6 @@ pub struct ImportOptions {
     pub nominal: Option<f64>,
     /// Peak deviation of the command, 0..1; found from the rows where absent.
     pub amplitude: Option<f64>,
-}
-
-impl Default for ImportOptions {
-    fn default() -> Self {
-        Self {
-            name: None,
-            esc_signal_us: None,
-            motor: None,
-            log: None,
-            columns: Vec::new(),
-            output: None,
-            without_command: false,
-            tare: false,
-            seconds: None,
-            excitation: None,
-            period_s: None,
-            nominal: None,
-            amplitude: None,
-        }
-    }
 }
 
 impl ImportOptions {
