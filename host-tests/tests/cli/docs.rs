@@ -51,7 +51,7 @@ const AUTOPILOT_LOGS: &[(&str, &str)] =
     &[("chirp.bin", "sim/tests/data/chirp.bin"), ("bench.bin", "sim/tests/data/bench.bin")];
 
 /// Every page with commands.
-const PAGES: [Page; 13] = [
+const PAGES: [Page; 15] = [
     Page { brought: &[("log.csv", "sim/tests/data/rcbenchmark.csv")], ..page("README.md", 8) },
     Page { brought: AUTOPILOT_LOGS, ..page("docs/autopilot-logs.md", 4) },
     page("docs/inverse.md", 4),
