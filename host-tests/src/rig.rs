@@ -9,7 +9,7 @@ use embedded_storage::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use rotorlead::capture::Signal;
 use rotorlead::channel::Channel;
 use rotorlead::controller::{BoardFacts, ControlAccess, Counts, Server, Tick};
-use rotorlead::link::{FRAME_BYTES, Message, Receiver, Refusal, Request, Tagged, encode};
+use rotorlead::link::{FRAME_BYTES, Message, Receiver, Refusal, Request, Sensed, Tagged, encode};
 use rotorlead::settings::{MOTORS, Origin, Settings, Store, Validated};
 use rotorlead::throttle::{Command, EscCommand, PulseScale};
 
@@ -98,7 +98,7 @@ impl Hardware {
 
     /// One control tick.
     pub fn run(&mut self, signals: [Signal; MOTORS]) -> [EscCommand; MOTORS] {
-        self.tick_mut().run(signals.map(Into::into), || 0)
+        self.tick_mut().run(signals.map(Into::into), |_| Sensed::adc(0))
     }
 }
 

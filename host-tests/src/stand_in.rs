@@ -13,7 +13,9 @@ use std::time::{Duration, Instant};
 
 use rotorlead::capture::Signal;
 use rotorlead::controller::RequestHandler;
-use rotorlead::link::{FRAME_BYTES, INJECT_WINDOW, Message, Receiver, Request, Series, Tagged, VERSION, encode};
+use rotorlead::link::{
+    FRAME_BYTES, INJECT_WINDOW, Message, Receiver, Request, Sensed, Series, Tagged, VERSION, encode,
+};
 use rotorlead::settings::{Store, Validated};
 use rotorlead::throttle::Command;
 
@@ -80,8 +82,8 @@ impl Default for Pace {
 pub struct Stand {
     /// Time in seconds, to what the input of motor 0 has.
     pub input: Box<dyn FnMut(f64) -> Signal>,
-    /// The command that went to the ESC of motor 0 until now, and the time in seconds, to the converter's count.
-    pub thrust: Box<dyn FnMut(f64, f64) -> u16>,
+    /// The command that went to the ESC of motor 0 until now, and the time in seconds, to what is measured of it.
+    pub sensed: Box<dyn FnMut(f64, f64) -> Sensed>,
 }
 
 /// Timer ticks per second of the input's pulses.
@@ -289,9 +291,9 @@ impl Controller {
         for _ in 0..ticks {
             self.ticks += 1;
             let time_s = self.ticks as f64 / rate_hz;
-            let adc = (self.stand.thrust)(self.output, time_s);
+            let sensed = (self.stand.sensed)(self.output, time_s);
             let signals = [(self.stand.input)(time_s), Signal::Nothing, Signal::Nothing, Signal::Nothing];
-            self.output = self.board.tick_mut().run(signals.map(Into::into), || adc)[0]
+            self.output = self.board.tick_mut().run(signals.map(Into::into), |_| sensed)[0]
                 .command()
                 .unwrap_or(Command::ZERO)
                 .to_f64();

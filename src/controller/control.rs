@@ -10,7 +10,7 @@ use super::tick::Tick;
 use crate::capture::Reading;
 use crate::channel::Channel;
 use crate::dshot::Line;
-use crate::link::MotorFaults;
+use crate::link::{MotorFaults, NO_TURN, Sensed};
 use crate::settings::{MOTORS, Validated};
 use crate::throttle::{EscCommand, PulseScale};
 
@@ -34,9 +34,10 @@ impl OutputPath {
             }
             OutputPlan::Dshot { line, rate } => {
                 hardware.set_output_frames(line);
+                let clock = FrameClock::new(rate.ticks(), line.checksum());
                 match rate {
-                    FrameRate::Relayed => Self::Relay(FrameClock::new(1, line.checksum())),
-                    FrameRate::Ticks(ticks) => Self::Frames(FrameClock::new(ticks, line.checksum())),
+                    FrameRate::Relayed => Self::Relay(clock),
+                    FrameRate::Ticks(_) => Self::Frames(clock),
                 }
             }
         }
@@ -62,8 +63,12 @@ fn start_inputs(plan: &Plan, hardware: &mut impl ControlHardware) -> Option<Fram
 /// What is to become of the ESCs' replies; `None` where there are none.
 fn replies(plan: &Plan, loop_rate_hz: u32) -> Option<Replies> {
     let is_relayed = matches!(plan.input, InputPlan::Dshot { line: Line { is_bidirectional: true, .. }, .. });
-    let output = plan.output.line().filter(|line| line.is_bidirectional);
-    output.map(|_| Replies::new(is_relayed, loop_rate_hz))
+    match plan.output {
+        OutputPlan::Dshot { line: Line { is_bidirectional: true, .. }, rate } => {
+            Some(Replies::new(is_relayed, rate.ticks(), loop_rate_hz))
+        }
+        _ => None,
+    }
 }
 
 /// What the control task has.
@@ -99,12 +104,16 @@ impl<H: ControlHardware> Control<H> {
         };
         if let Some(replies) = replies {
             let are_live = inputs.as_ref().map_or([false; MOTORS], FrameInputs::are_live);
-            let _ = replies.tick(are_live, hardware);
+            replies.tick(are_live, hardware);
         }
         if tick.is_recording() {
             hardware.start_conversion();
         }
-        let commands = tick.run(readings, || hardware.conversion());
+        let replies = replies.as_ref();
+        let commands = tick.run(readings, |motor| Sensed {
+            adc: hardware.conversion(),
+            turn_us: replies.map_or(NO_TURN, |replies| replies.turn_us(motor)),
+        });
         #[cfg(feature = "planted-panic")]
         let _ = {
             use core::hint::black_box;

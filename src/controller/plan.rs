@@ -81,6 +81,17 @@ pub enum FrameRate {
     Ticks(u32),
 }
 
+impl FrameRate {
+    /// From one frame to the next, in control ticks, where none came in.
+    #[must_use]
+    pub const fn ticks(self) -> u32 {
+        match self {
+            Self::Relayed => 1,
+            Self::Ticks(ticks) => ticks,
+        }
+    }
+}
+
 /// What the inputs have.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InputPlan {

@@ -6,7 +6,7 @@ use super::pacing::InputPulse;
 use crate::capture::Reading;
 use crate::channel::{Channel, Excitation, Input, Refusal as ChannelRefusal, State};
 use crate::link::{
-    ChannelState, INJECT_SAMPLES, INJECT_TIMEOUT_MS, INJECT_WINDOW, NO_INPUT, RecordClock, Sample, Source,
+    ChannelState, INJECT_SAMPLES, INJECT_TIMEOUT_MS, INJECT_WINDOW, NO_INPUT, RecordClock, Sample, Sensed, Source,
 };
 use crate::settings::MOTORS;
 use crate::throttle::{Command, EscCommand, PulseScale};
@@ -335,10 +335,10 @@ impl Tick {
 
     /// One tick: what the inputs have, to what the ESCs get.
     ///
-    /// Integer, without division, heap or panic; every loop is over the motors. The converter's count is asked for after
+    /// Integer, without division, heap or panic; every loop is over the motors. What is measured of a motor is asked for after
     /// the motors, and only where it is recorded: a conversion that began with the tick is done by then.
     #[inline]
-    pub fn run(&mut self, readings: [Reading; MOTORS], adc: impl FnOnce() -> u16) -> [EscCommand; MOTORS] {
+    pub fn run(&mut self, readings: [Reading; MOTORS], sensed: impl FnOnce(usize) -> Sensed) -> [EscCommand; MOTORS] {
         self.ticks = self.ticks.wrapping_add(1);
         for (motor, reading) in self.motors.iter_mut().zip(&readings) {
             motor.run(*reading, &self.common);
@@ -360,7 +360,7 @@ impl Tick {
         if self.outputs == Outputs::Low {
             self.motors.iter_mut().for_each(|motor| motor.output = EscCommand::NO_PULSE);
         }
-        self.record(adc);
+        self.record(sensed);
         self.motors.each_ref().map(|motor| motor.output)
     }
 
@@ -389,12 +389,13 @@ impl Tick {
     }
 
     #[inline]
-    fn record(&mut self, adc: impl FnOnce() -> u16) {
+    fn record(&mut self, sensed: impl FnOnce(usize) -> Sensed) {
         let Some((index, clock)) = &mut self.recording else { return };
-        let Some(motor) = self.motors.get(usize::from(*index)) else { return };
+        let index = usize::from(*index);
+        let Some(motor) = self.motors.get(index) else { return };
         let Some(tick) = clock.tick() else { return };
         let before = motor.channel.command().to_bits();
-        let sample = Sample { tick, input: motor.input, before, after: motor.output.to_bits(), adc: adc() };
+        let sample = Sample { tick, input: motor.input, before, after: motor.output.to_bits(), sensed: sensed(index) };
         if self.samples.enqueue(sample).is_err() {
             self.samples_dropped = self.samples_dropped.wrapping_add(1);
         }

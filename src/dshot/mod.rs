@@ -19,7 +19,7 @@ mod reply_window;
 pub use frame::{BELOW_THROTTLE, BadChecksum, Checksum, Content, Frame, HIGHEST, Value};
 pub use receiver::{Receiver, Word};
 pub use relay::{Counts, QUEUED, Relay};
-pub use reply::{BadReply, REPLY_BITS, Reply};
+pub use reply::{BadReply, LONGEST_TURN_US, REPLY_BITS, Reply};
 pub use reply_relay::{FRESH_MS, Offer, ReplyRelay};
 pub use reply_window::{ReplyWindow, WINDOW_LEVELS, WORD_LEVELS};
 

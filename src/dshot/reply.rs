@@ -35,6 +35,8 @@ const NIBBLES: [u8; 32] = {
 };
 /// The payload of a motor that stands.
 const STANDS: u16 = 0xfff;
+/// The longest electrical turn that an answer can say, which a motor that stands has.
+pub const LONGEST_TURN_US: u16 = 511 << 7;
 
 /// An answer: twelve bits with a right checksum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -137,14 +139,23 @@ impl Reply {
         self.payload >> 9 != 0 && self.payload & 0x100 == 0
     }
 
-    /// Microseconds of an electrical turn; `None` of a motor that stands, and of extended telemetry.
+    /// Microseconds of an electrical turn, [`LONGEST_TURN_US`] of a motor that stands; `None` of extended telemetry.
     #[must_use]
-    pub const fn period_us(self) -> Option<u32> {
-        if self.payload == STANDS || self.is_extended() {
+    pub const fn turn_us(self) -> Option<u16> {
+        if self.is_extended() {
             return None;
         }
         let (exponent, mantissa) = (self.payload >> 9, self.payload & 0x1ff);
-        Some((mantissa as u32) << exponent)
+        Some(mantissa << exponent)
+    }
+
+    /// Microseconds of an electrical turn; `None` of a motor that stands, and of extended telemetry.
+    #[must_use]
+    pub const fn period_us(self) -> Option<u32> {
+        match self.turn_us() {
+            Some(turn_us) if turn_us < LONGEST_TURN_US => Some(turn_us as u32),
+            _ => None,
+        }
     }
 }
 

@@ -10,7 +10,7 @@ use serde::de::DeserializeOwned;
 use crate::checksum::CHECKSUM;
 
 /// Version of the messages, the first byte of every frame.
-pub const VERSION: u8 = 6;
+pub const VERSION: u8 = 7;
 /// Largest envelope: version, tag, body and checksum. The longest messages are settings with a curve for each motor, of some
 /// 750 bytes, and a [`Record`](super::Record) of noise, of some 680.
 pub const PAYLOAD_BYTES: usize = 1024;

@@ -516,4 +516,7 @@ pub struct Record {
     pub after: Series<RECORD_SAMPLES>,
     /// The thrust sensor's channel of the converter, counts, taken in the same tick before the command changed.
     pub adc: Series<RECORD_SAMPLES>,
+    /// Bidirectional DShot: an electrical turn in microseconds, of the ESC's newest reply before the tick; 65408 where the motor
+    /// stands, and [`NO_TURN`](super::NO_TURN) where there is none.
+    pub turn_us: Series<RECORD_SAMPLES>,
 }

@@ -37,16 +37,16 @@ pub use message::{
     LineSet, Message, MotorFaults, PANIC_FILE_BYTES, PanicPlace, RECORD_SAMPLES, Record, RecordRequest, Refusal,
     Request, ResetReason, Source,
 };
-pub use recorder::{NO_INPUT, NO_PULSE, RecordClock, Recorder, Sample};
+pub use recorder::{NO_INPUT, NO_PULSE, NO_TURN, RecordClock, Recorder, Sample, Sensed};
 pub use series::{Full, Series};
 
 /// Bits per second of the link, each way. It divides the bus clocks of the STM32F405's clock sources exactly.
 pub const BAUD: u32 = 1_000_000;
 /// Bytes per second: a start bit, 8 bits of data and a stop bit each.
 pub const BYTES_PER_S: u32 = BAUD / 10;
-/// Most bytes that a sample of the recorder takes, rounded up: 5 for each of its three commands, 3 for a count of 12 bits,
-/// and its share of the frame around [`RECORD_SAMPLES`] of them.
-pub const RECORD_SAMPLE_BYTES: u32 = 19;
+/// Most bytes that a sample of the recorder takes, rounded up: 5 for each of its three commands, 3 for a count of 12 bits and
+/// 3 for a turn of 16, and its share of the frame around [`RECORD_SAMPLES`] of them.
+pub const RECORD_SAMPLE_BYTES: u32 = 22;
 /// Highest part of a control tick that an excitation and the link may take, percent. What is left is for the captures, for
 /// cache misses, which the estimate leaves out, and for the lowest priority.
 pub const MAX_LOAD_PERCENT: u32 = 80;

@@ -6,6 +6,25 @@ use super::{RECORD_SAMPLES, Record, Series};
 pub const NO_INPUT: i32 = -1;
 /// [`Sample::after`], and an output of an injection, where the ESC gets no pulse.
 pub const NO_PULSE: i32 = crate::throttle::EscCommand::NO_PULSE.to_bits();
+/// [`Sensed::turn_us`] where no ESC has said it lately.
+pub const NO_TURN: i32 = -1;
+
+/// What is measured of one motor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sensed {
+    /// The converter's count.
+    pub adc: u16,
+    /// Microseconds of an electrical turn as the ESC's newest reply has them, or [`NO_TURN`].
+    pub turn_us: i32,
+}
+
+impl Sensed {
+    /// A count, and no ESC that replies.
+    #[must_use]
+    pub const fn adc(adc: u16) -> Self {
+        Self { adc, turn_us: NO_TURN }
+    }
+}
 
 /// One tick of one motor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,8 +37,8 @@ pub struct Sample {
     pub before: i32,
     /// The command after it, Q2.29, or [`NO_PULSE`].
     pub after: i32,
-    /// The converter's count.
-    pub adc: u16,
+    /// What is measured.
+    pub sensed: Sensed,
 }
 
 /// Says in the control tick whether this one is recorded, and its number. Lives beside the tick; the samples go through
@@ -104,7 +123,8 @@ impl Recorder {
             (&mut record.input, sample.input),
             (&mut record.before, sample.before),
             (&mut record.after, sample.after),
-            (&mut record.adc, i32::from(sample.adc)),
+            (&mut record.adc, i32::from(sample.sensed.adc)),
+            (&mut record.turn_us, sample.sensed.turn_us),
         ];
         for (column, value) in columns {
             let _ = column.push(value);
@@ -120,5 +140,5 @@ impl Recorder {
 
 const fn empty(motor: u8, divisor: u16) -> Record {
     const NONE: Series<RECORD_SAMPLES> = Series::new();
-    Record { motor, divisor, first_tick: 0, input: NONE, before: NONE, after: NONE, adc: NONE }
+    Record { motor, divisor, first_tick: 0, input: NONE, before: NONE, after: NONE, adc: NONE, turn_us: NONE }
 }

@@ -130,7 +130,8 @@ pub fn link_corpus() -> Vec<(&'static str, Vec<u8>)> {
         input: column.clone(),
         before: column.clone(),
         after: column.clone(),
-        adc: column,
+        adc: column.clone(),
+        turn_us: column,
     };
     let mut line = vec![1, 2, 3];
     for request in [Request::Info, Request::KeepAlive, Request::Faults] {

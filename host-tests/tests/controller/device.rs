@@ -11,9 +11,11 @@ use proptest::prelude::*;
 use rotorlead::capture::Signal;
 use rotorlead::channel::Input;
 use rotorlead::design::{CurvePoint, RotorCurve};
+use rotorlead::dshot::Reply;
 use rotorlead::excitation::{Multisine, ODD_LINES_30_HZ};
 use rotorlead::link::{
-    FRAME_BYTES, INJECT_SAMPLES, INJECT_WINDOW, InjectRequest, Injected, Message, Request, Series, VERSION, encode,
+    FRAME_BYTES, INJECT_SAMPLES, INJECT_WINDOW, InjectRequest, Injected, Message, NO_TURN, Request, Sensed, Series,
+    VERSION, encode,
 };
 use rotorlead::settings::Settings;
 use rotorlead::throttle::{Command, EscCommand};
@@ -22,7 +24,7 @@ use rotorlead_device::{entries, path, set};
 use rotorlead_identify::design::{DesignOptions, InverseOptions, design, design_inverse};
 use rotorlead_plant::bench::{BenchError, Plan, run_through};
 use rotorlead_plant::{Actuator, CompensatorDesign, EscTiming, Law, Model};
-use rotorlead_records::{Excitation, Experiment, Role};
+use rotorlead_records::{Excitation, Experiment, Output, Role};
 use serde_json::Value;
 
 const NEWTONS_PER_COUNT: f64 = 2e-4;
@@ -30,6 +32,8 @@ const ZERO_COUNT: f64 = 10_000.0;
 const NOMINAL: f64 = 0.5;
 /// The paper's motor at 0.5.
 const GAIN: f64 = 10.1718;
+/// Of the ESC's replies.
+const RPM_PER_NEWTON: f64 = 3000.0;
 const TIME_CONSTANT_S: f64 = 1.0 / 9.2889;
 
 /// Faster than time, where the controller's clock has to run for long.
@@ -50,6 +54,13 @@ impl Bench {
         Self::with_frames(trouble, pace, OUTPUT_HZ, |_| Signal::Nothing)
     }
 
+    /// With an ESC that says how fast its motor turns, until so many seconds have passed.
+    fn with_replies(until_s: f64) -> Self {
+        let bench = Self::with(Trouble::None, FAST, OUTPUT_HZ, until_s, |_| Signal::Nothing);
+        bench.device("set output.protocol dshot600_bidirectional").unwrap();
+        bench
+    }
+
     /// With pulses at the input, which the output frames follow.
     fn driven(trouble: Trouble, pace: Pace, input: impl FnMut(f64) -> Signal + Send + 'static) -> Self {
         Self::with_frames(trouble, pace, INPUT_HZ, input)
@@ -61,15 +72,27 @@ impl Bench {
         frame_hz: f64,
         input: impl FnMut(f64) -> Signal + Send + 'static,
     ) -> Self {
+        Self::with(trouble, pace, frame_hz, 0.0, input)
+    }
+
+    fn with(
+        trouble: Trouble,
+        pace: Pace,
+        frame_hz: f64,
+        replies_until_s: f64,
+        input: impl FnMut(f64) -> Signal + Send + 'static,
+    ) -> Self {
         let stand = move || {
             let timing = EscTiming { frame_hz: Some(frame_hz), frame_phase: 0.0 };
             let mut motor = Actuator::new(&model(), Law::LinearAround(NOMINAL), timing).unwrap();
             motor.settle(0.0);
-            let thrust = move |command: f64, time_s: f64| {
+            let sensed = move |command: f64, time_s: f64| {
                 motor.advance(command, time_s);
-                (motor.response() / NEWTONS_PER_COUNT + ZERO_COUNT).round() as u16
+                let response = motor.response();
+                let adc = (response / NEWTONS_PER_COUNT + ZERO_COUNT).round() as u16;
+                Sensed { turn_us: if time_s < replies_until_s { turn_us(response) } else { NO_TURN }, adc }
             };
-            Stand { input: Box::new(input), thrust: Box::new(thrust) }
+            Stand { input: Box::new(input), sensed: Box::new(sensed) }
         };
         let controller = StandIn::start(trouble, pace, stand);
         let folder = tempfile::tempdir().unwrap();
@@ -133,6 +156,13 @@ fn model() -> Model {
     let text =
         format!("format = 1\n[[point]]\nnominal = {NOMINAL}\ngain = {GAIN}\ntime_constant_s = {TIME_CONSTANT_S}\n");
     toml::from_str(&text).unwrap()
+}
+
+/// What the ESC of a motor of 14 poles says, whose speed answers as the thrust does.
+fn turn_us(response: f64) -> i32 {
+    let rpm = RPM_PER_NEWTON * response;
+    let period_us = (rpm > 1.0).then(|| (120e6 / (14.0 * rpm)) as u32);
+    Reply::from_period_us(period_us).turn_us().map_or(NO_TURN, i32::from)
 }
 
 const SENSOR: &str = "--newtons-per-count 2e-4 --zero-count 10000";
@@ -477,6 +507,52 @@ fn a_recorded_excitation_is_identified_as_it_is() {
         let identified = bench.rotorlead("identify @stand --out @found.toml").unwrap();
         assert_found(&identified["points"][0]);
     }
+}
+
+#[test]
+fn a_motor_is_identified_from_the_replies_of_its_esc() {
+    let bench = Bench::with_replies(f64::INFINITY);
+    bench.device("excite --nominal 0.5 --periods 2 --out @vehicle --motor-poles 14").unwrap();
+    let experiment = Experiment::read(&bench.path("vehicle")).unwrap();
+    assert_eq!((experiment.output, experiment.records[0].rpm.as_ref().unwrap().len()), (Output::Rpm, 20_000));
+    assert_eq!(experiment.records[0].thrust_n, None);
+    let point = bench.rotorlead("identify @vehicle --out @found.toml").unwrap()["points"][0].clone();
+    let off = |key: &str, truth: f64| (point[key].as_f64().unwrap() / truth - 1.0).abs();
+    // A reply has 9 bits, and a rotor's speed is said to a part in 256 to 512.
+    let offs = [off("gain", GAIN * RPM_PER_NEWTON), off("time_constant_s", TIME_CONSTANT_S)];
+    println!("gain and time constant off by {offs:?}");
+    assert!(offs.iter().all(|off| *off < 0.01), "{point}");
+    // Beside a thrust sensor the speed is a column, and the thrust the response.
+    bench.device(&format!("excite --nominal 0.5 --periods 1 --out @both --motor-poles 14 {SENSOR}")).unwrap();
+    let both = Experiment::read(&bench.path("both")).unwrap();
+    assert!(both.output == Output::ThrustN && both.records[0].rpm.is_some() && both.records[0].thrust_n.is_some());
+    // The one does not go where the other is.
+    let error = bench.device(&format!("excite --nominal 0.5 --periods 1 --out @vehicle {SENSOR}")).unwrap_err();
+    assert!(error.contains("output"), "{error}");
+}
+
+#[test]
+fn a_speed_that_no_esc_says_is_not_recorded() {
+    let one_way = Bench::new(Trouble::None, FAST);
+    let error = one_way.device("record --seconds 0.1 --out @free --motor-poles 14").unwrap_err();
+    assert!(error.contains("output.protocol has none") && error.contains("dshot300_bidirectional"), "{error}");
+    for (arguments, said) in
+        [("--motor-poles 13", "no even number of magnets"), ("", "required"), ("--zero-count 3", "--newtons-per-count")]
+    {
+        let error = one_way.device(format!("record --seconds 0.1 --out @free {arguments}").trim_end()).unwrap_err();
+        assert!(error.contains(said), "{arguments}: {error}");
+    }
+    assert_eq!(one_way.names(), ["model.toml"]);
+    // An ESC that falls silent: the rows until then are kept.
+    let silent = Bench::with_replies(1.0);
+    let error = silent.device("record --seconds 100 --out @free --motor-poles 14").unwrap_err();
+    assert!(error.contains("gave no speed") && error.contains("free.partial"), "{error}");
+    let kept = Experiment::read(&silent.path("free.partial")).unwrap();
+    let rpm = kept.records[0].rpm.clone().unwrap();
+    assert!(!rpm.is_empty() && rpm.iter().all(|rpm| *rpm == 0.0), "it stands");
+    assert!(error.contains(&format!("row {}", rpm.len())), "{error}");
+    let error = silent.device("excite --nominal 0.5 --periods 1 --out @stand --motor-poles 14").unwrap_err();
+    assert!(error.contains("gave no speed") && error.contains("nothing was written"), "{error}");
 }
 
 /// Holds an identified point against the motor on the stand.

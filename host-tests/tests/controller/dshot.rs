@@ -6,10 +6,10 @@ use host_tests::flash::Flash;
 use rotorlead::channel::Input;
 use rotorlead::controller::{BoardFacts, ControlAccess as _, channels, filters};
 use rotorlead::dshot::{
-    Checksum, Content, FRESH_MS, Frame, Line, Offer, REPLY_BITS, Reply, ReplyWindow, Speed, Value, WINDOW_LEVELS,
-    WORD_LEVELS, Word,
+    Checksum, Content, FRESH_MS, Frame, LONGEST_TURN_US, Line, Offer, REPLY_BITS, Reply, ReplyWindow, Speed, Value,
+    WINDOW_LEVELS, WORD_LEVELS, Word,
 };
-use rotorlead::link::{ExciteRequest, FrameFaults, LineSet, Message, Refusal, Request, Tagged};
+use rotorlead::link::{ExciteRequest, FrameFaults, LineSet, Message, NO_TURN, RecordRequest, Refusal, Request, Tagged};
 use rotorlead::settings::{Key, Origin, Problem, Pulse, PulseProtocol, Settings, Store, Validated};
 use rotorlead::throttle::Command;
 
@@ -208,6 +208,41 @@ fn replies_go_to_the_flight_controller_of_their_motor_and_are_counted() {
     assert!(offers(&mut board).iter().all(Vec::is_empty));
     answered_tick(&mut board, [None; 4]);
     assert_eq!(offers(&mut board), [vec![Offer::None], vec![], vec![], vec![Offer::None]]);
+}
+
+#[test]
+fn the_speed_of_a_reply_is_recorded_until_three_frames_have_none() {
+    let settings = settings(PulseProtocol::StandardPwm, PulseProtocol::Dshot600Bidirectional);
+    let mut store = Store::new(Flash::<SECTOR>::blank(), Flash::<SECTOR>::SECTORS);
+    store.save(&settings).unwrap();
+    let (mut board, mut handler, _) = TestBoard::start(store, facts(CRYSTAL));
+    let record = Request::Record(Some(RecordRequest { motor: 2, divisor: 1 }));
+    handler.answer(Tagged { tag: 1, message: record }, FrameFaults::default(), &mut board);
+    // Extended telemetry says nothing of the speed.
+    let extended = Reply::from_payload(0x2aa);
+    assert!(extended.is_extended());
+    let said = |period_us| Some(Reply::from_period_us(period_us));
+    let mut replies = vec![None, said(Some(700)), said(None), Some(extended), said(Some(1400))];
+    replies.extend([None; 20]);
+    for reply in &replies {
+        let levels = reply.map_or(u32::MAX, Reply::to_levels);
+        board.control.hardware_mut().windows[2].push_back(window(levels));
+        board.control.hardware_mut().windows[1].push_back(window(Reply::from_payload(1).to_levels()));
+        run(&mut board);
+    }
+    handler.answer(Tagged { tag: 2, message: Request::Record(None) }, FrameFaults::default(), &mut board);
+    let mut recorded = Vec::new();
+    while let Some(Tagged { message, .. }) = handler.poll() {
+        if let Message::Record(record) = message {
+            recorded.extend_from_slice(record.turn_us.as_slice());
+        }
+    }
+    // 3 ms, which is longer than three frames at 2.5 kHz.
+    let held = (FRESH_MS * settings.loop_rate_hz / 1000) as usize;
+    let mut expected = vec![NO_TURN, 700, i32::from(LONGEST_TURN_US), i32::from(LONGEST_TURN_US)];
+    expected.extend(vec![1400; held]);
+    expected.resize(replies.len(), NO_TURN);
+    assert_eq!(recorded, expected);
 }
 
 #[test]

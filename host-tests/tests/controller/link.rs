@@ -114,6 +114,7 @@ fn messages() -> Vec<(Message, &'static str)> {
         before: series(&[100, 101]),
         after: series(&[100, 110]),
         adc: series(&[2000, 2001]),
+        turn_us: series(&[NO_TURN, 857]),
     };
     let place = Place { key: Key::Damping, motor: None };
     let out_of_range = Problem::OutOfRange { value: 3.0, min: 0.25, max: 2.0 };
@@ -172,7 +173,7 @@ fn messages() -> Vec<(Message, &'static str)> {
             Message::Injected(Injected { first: 128, outputs: series(&[1 << 29, 1 << 29]) }),
             "06 8001 02 8080808004 ffffffff03",
         ),
-        (Message::Record(record), "07 01 05 e807 020102 02c801c501 02c801b301 02a01f9d1f"),
+        (Message::Record(record), "07 01 05 e807 020102 02c801c501 02c801b301 02a01f9d1f 0201b60d"),
     ]
 }
 
@@ -350,7 +351,8 @@ fn the_longest_messages_fit_a_frame() {
         input: column.clone(),
         before: column.clone(),
         after: column.clone(),
-        adc: column,
+        adc: column.clone(),
+        turn_us: column,
     });
     let samples = series(&wild(INJECT_SAMPLES));
     let outputs = samples.clone();
@@ -358,7 +360,7 @@ fn the_longest_messages_fit_a_frame() {
     let inject = Request::Inject(InjectRequest { motor: u8::MAX, first: u32::MAX, samples });
     let lengths = [framed(255, &record).len(), framed(255, &injected).len(), framed(255, &inject).len()];
     println!("record, injected, inject at worst: {lengths:?} of {FRAME_BYTES} bytes");
-    assert!(lengths[0] > 4 * 5 * (RECORD_SAMPLES - 1) && lengths[1] > 5 * (INJECT_SAMPLES - 1), "not the worst");
+    assert!(lengths[0] > 5 * 5 * (RECORD_SAMPLES - 1) && lengths[1] > 5 * (INJECT_SAMPLES - 1), "not the worst");
     assert!(lengths.iter().all(|&length| length <= FRAME_BYTES));
     let settings = framed(0, &Request::SetSettings(Settings::default())).len();
     println!("settings: {settings} bytes");
@@ -398,7 +400,9 @@ fn a_multisine_takes_little_room_on_the_line() {
     for (tick, (&before, &after)) in before.iter().zip(&after).enumerate() {
         // A converter with 5 counts of noise or so.
         let adc = 2000 + (tick as u32).wrapping_mul(2_654_435_761).rotate_left(7) as u16 % 17;
-        let sample = Sample { tick: tick as u32, input: before, before, after, adc };
+        // An ESC whose rotor's speed follows the commands.
+        let turn_us = 900 - (before >> 21);
+        let sample = Sample { tick: tick as u32, input: before, before, after, sensed: Sensed { adc, turn_us } };
         total += recorder.push(sample).map_or(0, |record| framed(0, &Message::Record(record)).len());
     }
     println!("bytes a recorded sample: {:.2}", per_sample(total));
@@ -425,7 +429,13 @@ fn recorded(divisor: u16, ticks: u32, lost: std::ops::Range<u32>) -> (Vec<Record
             assert_eq!(tick, at);
             if !lost.contains(&tick) {
                 let value = tick as i32;
-                let sample = Sample { tick, input: value, before: value + 1, after: value + 2, adc: value as u16 };
+                let sample = Sample {
+                    tick,
+                    input: value,
+                    before: value + 1,
+                    after: value + 2,
+                    sensed: Sensed { adc: value as u16, turn_us: value + 3 },
+                };
                 records.extend(recorder.push(sample));
             }
         }
@@ -442,12 +452,13 @@ fn records_hold_every_sample_and_show_the_gaps() {
             let (records, missing) = recorded(divisor, 1000, lost.clone());
             let mut ticks = Vec::new();
             for record in &records {
-                let columns = [&record.input, &record.before, &record.after, &record.adc];
+                let columns = [&record.input, &record.before, &record.after, &record.adc, &record.turn_us];
                 assert!(columns.iter().all(|column| column.len() == record.before.len()));
                 for (index, &before) in record.before.as_slice().iter().enumerate() {
                     let tick = record.first_tick + index as u32 * u32::from(divisor);
                     assert_eq!(before, tick as i32 + 1);
                     assert_eq!(record.adc.as_slice()[index], tick as i32);
+                    assert_eq!(record.turn_us.as_slice()[index], tick as i32 + 3);
                     ticks.push(tick);
                 }
             }

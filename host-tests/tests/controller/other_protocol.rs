@@ -2,7 +2,7 @@
 
 use host_tests::rig::Rig;
 use rotorlead::capture::Reading;
-use rotorlead::link::{ExciteRequest, InjectRequest, LineSet, Message, Refusal, Request, Source};
+use rotorlead::link::{ExciteRequest, InjectRequest, LineSet, Message, Refusal, Request, Sensed, Source};
 use rotorlead::settings::{MOTORS, Settings};
 use rotorlead::throttle::{Command, EscCommand};
 
@@ -28,7 +28,7 @@ fn rig() -> Rig {
 }
 
 fn run(rig: &mut Rig, readings: [Reading; MOTORS]) -> EscCommand {
-    rig.hardware.tick_mut().run(readings, || 0)[0]
+    rig.hardware.tick_mut().run(readings, |_| Sensed::adc(0))[0]
 }
 
 fn unreadable_at(input: usize) -> [Reading; MOTORS] {

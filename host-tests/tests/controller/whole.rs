@@ -13,7 +13,7 @@ use rotorlead::channel::ChannelSettings;
 use rotorlead::controller::channel_settings;
 use rotorlead::link::{
     ChannelState, ExciteRequest, INJECT_SAMPLES, INJECT_TIMEOUT_MS, InjectRequest, Injected, LineSet, Message,
-    NO_INPUT, PanicPlace, RecordRequest, Refusal, Request, ResetReason, Source,
+    NO_INPUT, PanicPlace, RecordRequest, Refusal, Request, ResetReason, Sensed, Source,
 };
 use rotorlead::settings::{
     DEAD_MAN_MS, Key, Loaded, MOTORS, Origin, Place, Problem, PulseProtocol, Settings, SettingsError, Store, Validated,
@@ -909,7 +909,7 @@ fn a_recording_has_every_sample_or_says_which_are_missing() {
             let level = 0.4 + 0.1 * f64::from(n * 7919 % 1000) / 1000.0;
             let mut signals = [Signal::Nothing; MOTORS];
             signals[0] = rig.pulse(level);
-            let output = rig.hardware.tick_mut().run(signals.map(Into::into), || n as u16)[0];
+            let output = rig.hardware.tick_mut().run(signals.map(Into::into), |_| Sensed::adc(n as u16))[0];
             sent.push((rig.as_measured(level).to_bits(), output.to_bits(), i32::from(n as u16)));
             rig.serve(bytes_per_tick);
         }

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use rotorlead::capture::{FASTEST_FRAME_HZ, SLOWEST_FRAME_HZ};
+use rotorlead::dshot::LONGEST_TURN_US;
 use rotorlead::link::{FRAME_BYTES, Message, RECORD_SAMPLES, Record, Series, encode};
 use rotorlead::settings::{FRAME_RANGE_HZ, Key, Origin, Settings, Store};
 use rotorlead_device::{entries, set};
@@ -184,6 +185,7 @@ fn the_worst_record_of_a_twelve_bit_converter_is_as_long_as_written() {
         before: command.clone(),
         after: command,
         adc: column(4095),
+        turn_us: column(i32::from(LONGEST_TURN_US)),
     };
     let length = encode(255, &Message::Record(record), &mut [0; FRAME_BYTES]).unwrap();
     let bytes_a_sample = length as f64 / RECORD_SAMPLES as f64;

@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use emulator::rp2040::{Conflict, Edge, Emulator, Responder, Run, Trace, frames, frames_of_idle_high, pulses, reply};
 use host_tests::pins::{self, INPUT_1, OUTPUT_1, bit_cycles, ms, us};
 use rotorlead::dshot::{Checksum, Frame, REPLY_BITS, Reply, Speed, Value, WINDOW_LEVELS};
-use rotorlead::link::{Message, Request};
+use rotorlead::link::{Message, NO_TURN, RecordRequest, Request};
 use rotorlead::settings::{MOTORS, Pulse, PulseProtocol, Settings};
 
 use crate::link::{self, requests};
@@ -324,6 +324,46 @@ fn pulses_go_on_as_frames_that_are_answered_and_faults_count_the_replies() {
     println!("good and bad replies: {counts:?}");
     let [(all, 0), (good, bad), (0, 0), (0, 0)] = counts else { panic!("{counts:?}") };
     assert!(all > 50 && good.abs_diff(bad) <= 1 && (good + bad).abs_diff(all) <= 1, "{counts:?}");
+}
+
+#[test]
+#[ignore = "needs the image and the emulators: cargo xtask test"]
+fn the_recorder_has_the_speed_that_the_esc_says() {
+    let dshot300 = SPEEDS[0];
+    let motor = 2;
+    let mut run = run(&settings(PulseProtocol::StandardPwm, dshot300.0), STARTED + ms(80.0));
+    run.inputs.extend(pulses(INPUT_1 + motor, us(500.0), us(2500.0), run.until_cycle, |_| us(1000.0)));
+    // It is silent for 12 frames, of a tick or two each: for longer than a speed is held.
+    let silent = 220..232;
+    let levels = |n| (!silent.contains(&n)).then(|| said(motor, n).to_levels());
+    esc(&mut run, motor, dshot300.1, 1.0, levels);
+    let request = RecordRequest { motor, divisor: 1 };
+    run.uart_in = requests(STARTED, 60.0, &[Request::Record(Some(request)), Request::Record(None)]);
+    let trace = pins::trace(Emulator::Node, &run);
+    assert_eq!(trace.conflicts, []);
+    let recorded: Vec<i32> = link::answers(&trace)
+        .into_iter()
+        .filter_map(|answer| if let Message::Record(record) = answer { Some(record) } else { None })
+        .flat_map(|record| record.turn_us.as_slice().to_vec())
+        .collect();
+    assert!(recorded.len() > 250, "{} samples", recorded.len());
+    // Each speed that was said and is none of the extended telemetry is in some sample, in the order in which it was said.
+    let mut seen = recorded.clone();
+    seen.dedup();
+    let mut expected: Vec<i32> =
+        (0..1000)
+            .map(|n| {
+                if n == silent.end - 1 { Some(NO_TURN) } else { levels(n).and(said(motor, n).turn_us()).map(i32::from) }
+            })
+            .flatten()
+            .collect();
+    expected.dedup();
+    let first = expected.windows(2).position(|pair| pair == &seen[..2]).expect("what was said");
+    println!("{} samples, {} speeds", recorded.len(), seen.len());
+    assert!(seen.len() > 60 && seen.contains(&NO_TURN), "{seen:?}");
+    assert_eq!(seen, expected[first..first + seen.len()]);
+    let gap = recorded.iter().filter(|turn_us| **turn_us == NO_TURN).count();
+    assert!((5..=20).contains(&gap), "{gap} samples without a speed");
 }
 
 #[test]

@@ -68,6 +68,17 @@ pub enum DeviceError {
         /// Where.
         tick: u32,
     },
+    /// The speed was to be recorded, and the ESC did not say it.
+    #[error("the ESC gave no speed at tick {tick} of the recording, in row {row}")]
+    #[diagnostic(help(
+        "record while the motor is driven, by an ESC whose bidirectional DShot is on: `rotorlead device faults` counts its replies, good and bad"
+    ))]
+    NoSpeed {
+        /// The row, from 0.
+        row: usize,
+        /// Its tick.
+        tick: u64,
+    },
     /// The recorded excitation is not the one that was asked for.
     #[error("the recording does not hold {rows} rows of the excitation that was asked for, bit for bit")]
     #[diagnostic(help(

@@ -11,7 +11,7 @@ use rotorlead_records::{Excitation, Record};
 
 use super::recording::{Tape, template};
 use super::session::done;
-use super::{Calibration, DeviceError, Recording, Session};
+use super::{DeviceError, Recording, Sensors, Session};
 
 /// How often it is asked whether a motor is at rest.
 const POLL: Duration = Duration::from_millis(50);
@@ -48,15 +48,23 @@ pub struct Excited {
 
 impl Excited {
     /// The kept periods as a record.
-    #[must_use]
-    pub fn to_record(&self, played: &Played, settings: &Settings, file: String, calibration: Calibration) -> Record {
+    ///
+    /// # Errors
+    /// [`DeviceError::NoSpeed`], where the speed is wanted and a row has none.
+    pub fn to_record(
+        &self,
+        played: &Played,
+        settings: &Settings,
+        file: String,
+        sensors: &Sensors,
+    ) -> Result<Record, DeviceError> {
         let compensated = settings.motors.get(usize::from(played.motor)).is_some_and(|motor| motor.compensate);
         let template = Record {
             period_s: Some(self.period_s),
             amplitude: Some(played.amplitude),
             ..template(file, played.nominal, Excitation::Multisine, compensated)
         };
-        self.recording.to_record(self.first_row, self.rows, f64::from(settings.loop_rate_hz), calibration, template)
+        self.recording.to_record(self.first_row, self.rows, f64::from(settings.loop_rate_hz), sensors, template)
     }
 }
 

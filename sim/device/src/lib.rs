@@ -9,6 +9,7 @@ mod excite;
 mod inject;
 mod port;
 mod recording;
+mod sensors;
 mod session;
 mod text;
 
@@ -17,6 +18,7 @@ pub use error::DeviceError;
 pub use excite::{Excited, Played, play};
 pub use inject::{Difference, Injection, inject, path};
 pub use port::{DEFAULT_BAUD, Port, open};
-pub use recording::{Calibration, Recorded, Recording, record, template};
+pub use recording::{Recorded, Recording, record, template};
+pub use sensors::{Calibration, Sensors};
 pub use session::Session;
 pub use text::{curve_text, entries, set, unknown};

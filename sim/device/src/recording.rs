@@ -1,5 +1,6 @@
 //! What the controller's recorder sends, as columns.
 
+use std::ops::Range;
 use std::time::Duration;
 
 use rotorlead::link::{Message, RECORD_SAMPLES, Record as Frame, RecordRequest, Request};
@@ -7,17 +8,9 @@ use rotorlead::settings::Settings;
 use rotorlead::throttle::Throttle;
 use rotorlead_records::{Excitation, Record};
 
+use super::sensors::rpm;
 use super::session::done;
-use super::{DeviceError, Session};
-
-/// From the converter's counts to newtons: `(count - zero) * newtons_per_count`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Calibration {
-    /// The count without thrust.
-    pub zero: f64,
-    /// Newtons per count; negative when the sensor is turned around.
-    pub newtons_per_count: f64,
-}
+use super::{Calibration, DeviceError, Sensors, Session};
 
 /// Samples without a gap, one row each.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -32,6 +25,8 @@ pub struct Recording {
     pub after: Vec<i32>,
     /// Counts of the converter.
     pub adc: Vec<i32>,
+    /// Microseconds of an electrical turn by the ESC's replies; negative where there is none.
+    pub turn_us: Vec<i32>,
 }
 
 impl Recording {
@@ -46,7 +41,7 @@ impl Recording {
     /// # Errors
     /// [`DeviceError::SamplesLost`] when it does not follow on the last one: a record with a gap is no record.
     pub fn append(&mut self, frame: &Frame) -> Result<(), DeviceError> {
-        let columns = [&frame.input, &frame.before, &frame.after, &frame.adc];
+        let columns = [&frame.input, &frame.before, &frame.after, &frame.adc, &frame.turn_us];
         if columns.iter().any(|column| column.len() != frame.before.len()) || frame.divisor == 0 {
             return Err(DeviceError::Unexpected { request: "record" });
         }
@@ -60,31 +55,55 @@ impl Recording {
         self.before.extend_from_slice(frame.before.as_slice());
         self.after.extend_from_slice(frame.after.as_slice());
         self.adc.extend_from_slice(frame.adc.as_slice());
+        self.turn_us.extend_from_slice(frame.turn_us.as_slice());
         Ok(())
     }
 
     /// Rows `from..from + rows` as the record of an experiment. The converter is read before the command changes, so a
-    /// row is the response at its time, and its command takes effect from then on.
-    #[must_use]
+    /// row is the response at its time, and its command takes effect from then on. The speed is the newest that the ESC had
+    /// said by then.
+    ///
+    /// # Errors
+    /// [`DeviceError::NoSpeed`], where the speed is wanted and a row has none.
     pub fn to_record(
         &self,
         from: usize,
         rows: usize,
         loop_rate_hz: f64,
-        calibration: Calibration,
+        sensors: &Sensors,
         template: Record,
-    ) -> Record {
+    ) -> Result<Record, DeviceError> {
         let rows = from.min(self.rows())..(from + rows).min(self.rows());
         let row_s = f64::from(self.divisor) / loop_rate_hz;
         let commands = |bits: &[i32]| bits.iter().map(|&bits| Throttle::from_bits(bits).to_f64()).collect::<Vec<_>>();
-        let thrust = |&count: &i32| (f64::from(count) - calibration.zero) * calibration.newtons_per_count;
-        Record {
+        let thrust_n =
+            |thrust: Calibration| self.adc[rows.clone()].iter().map(|&count| thrust.thrust_n(count)).collect();
+        let rpm = sensors.motor_poles.map(|motor_poles| self.rpm(rows.clone(), motor_poles)).transpose()?;
+        Ok(Record {
             time_s: (0..rows.len()).map(|row| row as f64 * row_s).collect(),
             command: commands(&self.before[rows.clone()]),
             esc_command: template.compensated.then(|| commands(&self.after[rows.clone()])),
-            thrust_n: Some(self.adc[rows].iter().map(thrust).collect()),
+            thrust_n: sensors.thrust.map(thrust_n),
+            rpm,
             ..template
-        }
+        })
+    }
+
+    fn rpm(&self, rows: Range<usize>, motor_poles: u8) -> Result<Vec<f64>, DeviceError> {
+        rows.map(|row| rpm(self.turn_us[row], motor_poles).ok_or_else(|| self.no_speed(row))).collect()
+    }
+
+    /// The first row of which these sensors say nothing.
+    #[must_use]
+    pub fn first_without(&self, sensors: &Sensors) -> Option<usize> {
+        let motor_poles = sensors.motor_poles?;
+        self.turn_us.iter().position(|&turn_us| rpm(turn_us, motor_poles).is_none())
+    }
+
+    /// That the ESC gave no speed in this row.
+    #[must_use]
+    pub fn no_speed(&self, row: usize) -> DeviceError {
+        DeviceError::NoSpeed { row, tick: row as u64 * u64::from(self.divisor) }
     }
 }
 

@@ -6,7 +6,7 @@ use clap::{Args, ValueEnum};
 use miette::Diagnostic;
 use rotorlead::link::LineSet;
 use rotorlead::settings::Settings;
-use rotorlead_device::{DeviceError, Played, Session};
+use rotorlead_device::{DeviceError, Played, Sensors, Session};
 use rotorlead_plant::bench::file_stem;
 use rotorlead_records::{Excitation, Record};
 use serde_json::json;
@@ -72,11 +72,12 @@ impl Excite {
     pub(super) fn run(&self, session: &mut Session) -> miette::Result<Outcome> {
         let settings = session.settings()?;
         // No input is live: output frames come at their own rate.
-        let folder = ExperimentFolder::new(&self.out, &settings, self.motor, self.divisor, settings.output.frame_hz)?;
+        let (frame_hz, sensors) = (settings.output.frame_hz, self.sensor.sensors(&settings)?);
+        let folder = ExperimentFolder::new(&self.out, &settings, self.motor, self.divisor, frame_hz, sensors.output())?;
         let (mut files, mut rows) = (Vec::new(), 0);
         for (index, &nominal) in self.nominal.iter().enumerate() {
             let done = std::cell::Cell::new((0, 0));
-            let record = self.record(session, &settings, nominal, &done).map_err(|cause| Broken {
+            let record = self.record(session, &settings, &sensors, nominal, &done).map_err(|cause| Broken {
                 help: self.remedy(&cause, index),
                 cause,
                 nominal,
@@ -95,6 +96,7 @@ impl Excite {
         &self,
         session: &mut Session,
         settings: &Settings,
+        sensors: &Sensors,
         nominal: f64,
         done: &std::cell::Cell<(usize, usize)>,
     ) -> Result<Record, DeviceError> {
@@ -112,7 +114,7 @@ impl Excite {
         })?;
         bar.finish_and_clear();
         // The folder names it.
-        Ok(excited.to_record(&played, settings, String::new(), self.sensor.calibration()))
+        excited.to_record(&played, settings, String::new(), sensors)
     }
 
     /// What to do after the record number `index` failed.

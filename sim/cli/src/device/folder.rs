@@ -21,7 +21,7 @@ pub struct ExperimentFolder<'a> {
 
 impl<'a> ExperimentFolder<'a> {
     /// The folder at `path`, for records of a controller's motor with these settings, one row in `divisor` ticks, whose
-    /// output frames come at `esc_frame_hz`.
+    /// output frames come at `esc_frame_hz` and whose response is `output`.
     ///
     /// # Errors
     /// When records like these cannot go there, so that it is said before the work.
@@ -31,11 +31,12 @@ impl<'a> ExperimentFolder<'a> {
         motor: u8,
         divisor: u16,
         esc_frame_hz: u16,
+        output: Output,
     ) -> miette::Result<Self> {
         let loop_rate_hz = f64::from(settings.loop_rate_hz);
         let header = Experiment {
             name: "recorded by the controller".into(),
-            output: Output::ThrustN,
+            output,
             sample_rate_hz: Some(loop_rate_hz / f64::from(divisor)),
             esc_frame_hz: Some(f64::from(esc_frame_hz)),
             command_rate_hz: (divisor > 1).then_some(loop_rate_hz),

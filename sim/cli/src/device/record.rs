@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use miette::Diagnostic;
-use rotorlead_device::{Calibration, DeviceError, Recorded, Session};
+use rotorlead::settings::Settings;
+use rotorlead_device::{Calibration, DeviceError, Recorded, Recording, Sensors, Session};
 use rotorlead_numerics::sample::mean;
 use rotorlead_plant::bench::file_stem;
 use rotorlead_records::{Excitation, Role};
@@ -18,20 +19,35 @@ use crate::outcome::Outcome;
 use crate::parameters::{fraction, positive};
 use crate::progress;
 
-/// From counts to newtons.
+/// What measures the response.
 #[derive(Args, Debug)]
+#[group(required = true, multiple = true)]
 pub(super) struct Sensor {
-    /// Newtons per count of the converter
-    #[arg(long, value_name = "N", allow_negative_numbers = true)]
-    newtons_per_count: f64,
-    /// The converter's count without thrust
-    #[arg(long, value_name = "COUNT", allow_negative_numbers = true)]
-    zero_count: f64,
+    /// Thrust sensor: newtons per count of the converter
+    #[arg(long, value_name = "N", allow_negative_numbers = true, requires = "zero_count")]
+    newtons_per_count: Option<f64>,
+    /// Thrust sensor: the converter's count without thrust
+    #[arg(long, value_name = "COUNT", allow_negative_numbers = true, requires = "newtons_per_count")]
+    zero_count: Option<f64>,
+    /// Speed, from the replies of an ESC with bidirectional DShot: magnets of the motor
+    #[arg(long, value_name = "N", value_parser = motor_poles)]
+    motor_poles: Option<u8>,
+}
+
+/// Magnets come in pairs.
+fn motor_poles(text: &str) -> Result<u8, String> {
+    let poles = text.parse().ok().filter(|poles: &u8| *poles >= 2 && poles.is_multiple_of(2));
+    poles.ok_or_else(|| "no even number of magnets, 2 to 254: count those on the rotor, 14 in most motors".to_owned())
 }
 
 impl Sensor {
-    pub(super) fn calibration(&self) -> Calibration {
-        Calibration { zero: self.zero_count, newtons_per_count: self.newtons_per_count }
+    /// For a controller with these settings.
+    pub(super) fn sensors(&self, settings: &Settings) -> Result<Sensors, DeviceError> {
+        let thrust = self.newtons_per_count.zip(self.zero_count);
+        let thrust = thrust.map(|(newtons_per_count, zero)| Calibration { zero, newtons_per_count });
+        let sensors = Sensors { thrust, motor_poles: self.motor_poles };
+        sensors.check(settings)?;
+        Ok(sensors)
     }
 }
 
@@ -155,14 +171,15 @@ impl Record {
     /// The first `rows` rows as the record that was asked for.
     fn record(
         &self,
-        recorded: &Recorded,
+        recording: &Recording,
         rows: usize,
-        loop_rate_hz: f64,
-        compensated: bool,
-    ) -> rotorlead_records::Record {
+        settings: &Settings,
+        sensors: &Sensors,
+    ) -> Result<rotorlead_records::Record, DeviceError> {
         let excitation = self.excitation();
+        let compensated = is_compensated(settings, self.motor);
         let template = rotorlead_device::template(String::new(), 0.0, excitation, compensated);
-        let mut record = recorded.recording.to_record(0, rows, loop_rate_hz, self.sensor.calibration(), template);
+        let mut record = recording.to_record(0, rows, f64::from(settings.loop_rate_hz), sensors, template)?;
         let mean = mean(&record.command);
         // A mean of equal commands may round out of their range.
         let nominal = self.nominal.unwrap_or(mean.clamp(0.0, 1.0));
@@ -175,27 +192,30 @@ impl Record {
             For::Fit => Role::Fit,
             For::Validate => Role::Validate,
         });
-        record
+        Ok(record)
     }
 
     pub(super) fn run(&self, session: &mut Session) -> miette::Result<Outcome> {
         let settings = session.settings()?;
         let divisor = self.divisor.unwrap_or(settings.recorder_divisor);
-        let loop_rate_hz = f64::from(settings.loop_rate_hz);
-        let rows = self.rows(loop_rate_hz / f64::from(divisor))?;
+        let sensors = self.sensor.sensors(&settings)?;
+        let rows = self.rows(f64::from(settings.loop_rate_hz) / f64::from(divisor))?;
         // Those of a flight controller, whose pulses the output frames may follow.
         let follows = settings.clone().validate().is_ok_and(|settings| settings.output_follows_input());
         let esc_frame_hz = if follows { settings.input.frame_hz } else { settings.output.frame_hz };
-        let folder = ExperimentFolder::new(&self.out, &settings, self.motor, divisor, esc_frame_hz)?;
+        let folder = ExperimentFolder::new(&self.out, &settings, self.motor, divisor, esc_frame_hz, sensors.output())?;
         let bar = progress::bar("recording", rows as u64);
         let show = |done| bar.set_position(done as u64);
-        let recorded = rotorlead_device::record(session, &settings, self.motor, divisor, rows, &show)?;
+        let Recorded { recording, mut ended } =
+            rotorlead_device::record(session, &settings, self.motor, divisor, rows, &show)?;
         bar.finish_and_clear();
-        let compensated = is_compensated(&settings, self.motor);
-        let there = recorded.recording.rows().min(rows);
-        let record = self.record(&recorded, there, loop_rate_hz, compensated);
+        let mut there = recording.rows().min(rows);
+        if let Some(row) = recording.first_without(&sensors).filter(|&row| row < there) {
+            (there, ended) = (row, ended.and(Err(recording.no_speed(row))));
+        }
+        let record = self.record(&recording, there, &settings, &sensors)?;
         let stem = file_stem(record.nominal, record.excitation);
-        if let Err(cause) = recorded.ended {
+        if let Err(cause) = ended {
             let help = self.salvage(&folder, &stem, record);
             return Err(Broken { cause, rows: there, wanted: rows, help }.into());
         }
