@@ -32,8 +32,9 @@ const ZERO_COUNT: f64 = 10_000.0;
 const NOMINAL: f64 = 0.5;
 /// The paper's motor at 0.5.
 const GAIN: f64 = 10.1718;
-/// Of the ESC's replies.
-const RPM_PER_NEWTON: f64 = 3000.0;
+/// By the ESC's replies: at the nominal command, and as its thrust deviates from there.
+const NOMINAL_RPM: f64 = 12_000.0;
+const RPM_PER_NEWTON: f64 = 1200.0;
 const TIME_CONSTANT_S: f64 = 1.0 / 9.2889;
 
 /// Faster than time, where the controller's clock has to run for long.
@@ -160,9 +161,8 @@ fn model() -> Model {
 
 /// What the ESC of a motor of 14 poles says, whose speed answers as the thrust does.
 fn turn_us(response: f64) -> i32 {
-    let rpm = RPM_PER_NEWTON * response;
-    let period_us = (rpm > 1.0).then(|| (120e6 / (14.0 * rpm)) as u32);
-    Reply::from_period_us(period_us).turn_us().map_or(NO_TURN, i32::from)
+    let rpm = NOMINAL_RPM + RPM_PER_NEWTON * response;
+    Reply::from_period_us(Some((120e6 / (14.0 * rpm)) as u32)).turn_us().map_or(NO_TURN, i32::from)
 }
 
 const SENSOR: &str = "--newtons-per-count 2e-4 --zero-count 10000";
@@ -549,7 +549,8 @@ fn a_speed_that_no_esc_says_is_not_recorded() {
     assert!(error.contains("gave no speed") && error.contains("free.partial"), "{error}");
     let kept = Experiment::read(&silent.path("free.partial")).unwrap();
     let rpm = kept.records[0].rpm.clone().unwrap();
-    assert!(!rpm.is_empty() && rpm.iter().all(|rpm| *rpm == 0.0), "it stands");
+    let stands = NOMINAL_RPM - RPM_PER_NEWTON * GAIN * NOMINAL;
+    assert!(!rpm.is_empty() && rpm.iter().all(|rpm| (rpm / stands - 1.0).abs() < 1.0 / 256.0), "{rpm:?}");
     assert!(error.contains(&format!("row {}", rpm.len())), "{error}");
     let error = silent.device("excite --nominal 0.5 --periods 1 --out @stand --motor-poles 14").unwrap_err();
     assert!(error.contains("gave no speed") && error.contains("nothing was written"), "{error}");

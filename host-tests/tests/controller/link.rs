@@ -6,9 +6,9 @@ use proptest::prelude::*;
 use rotorlead::excitation::{Multisine, ODD_LINES_30_HZ};
 use rotorlead::link::{
     BrownOut, ChannelState, Clock, CrystalCheck, ExciteRequest, FRAME_BYTES, Faults, FrameFaults, INJECT_SAMPLES,
-    INJECT_WINDOW, Info, InjectRequest, Injected, Injector, LineSet, Message, MotorFaults, NO_INPUT, PAYLOAD_BYTES,
-    PanicPlace, RECORD_SAMPLES, Receiver, Record, RecordClock, RecordRequest, Recorder, Refusal, Request, ResetReason,
-    Sample, Series, Source, Tagged, VERSION, Writer, encode,
+    INJECT_WINDOW, Info, InjectRequest, Injected, Injector, LineSet, Message, MotorFaults, NO_INPUT, NO_TURN,
+    PAYLOAD_BYTES, PanicPlace, RECORD_SAMPLES, Receiver, Record, RecordClock, RecordRequest, Recorder, Refusal,
+    Request, ResetReason, Sample, Sensed, Series, Source, Tagged, VERSION, Writer, encode,
 };
 use rotorlead::settings::{Key, Origin, Place, Problem, Settings, SettingsError, Warnings};
 use rotorlead::throttle::Command;
@@ -205,7 +205,7 @@ fn the_bytes_of_every_message_are_as_written() {
 
 #[test]
 fn a_whole_frame_is_as_written() {
-    assert_eq!(hex(&framed(9, &Request::Faults)), "000806090a9a26815400");
+    assert_eq!(hex(&framed(9, &Request::Faults)), "000807090ae4b4c0f100");
 }
 
 /// One frame of each kind, and another good one after them.

@@ -333,10 +333,13 @@ fn the_recorder_has_the_speed_that_the_esc_says() {
     let motor = 2;
     let mut run = run(&settings(PulseProtocol::StandardPwm, dshot300.0), STARTED + ms(80.0));
     run.inputs.extend(pulses(INPUT_1 + motor, us(500.0), us(2500.0), run.until_cycle, |_| us(1000.0)));
-    // It is silent for 12 frames, of a tick or two each: for longer than a speed is held.
-    let silent = 220..232;
-    let levels = |n| (!silent.contains(&n)).then(|| said(motor, n).to_levels());
-    esc(&mut run, motor, dshot300.1, 1.0, levels);
+    // Each eighth reply is extended telemetry. It is silent for 12 frames, of two ticks each: for longer than a speed is held.
+    let silent = 290..302;
+    let said = |n: u16| match n % 8 {
+        0 => Reply::from_payload(0x2aa),
+        _ => Reply::from_period_us(Some(500 + 2 * u32::from(n))),
+    };
+    esc(&mut run, motor, dshot300.1, 1.0, |n| (!silent.contains(&n)).then(|| said(n).to_levels()));
     let request = RecordRequest { motor, divisor: 1 };
     run.uart_in = requests(STARTED, 60.0, &[Request::Record(Some(request)), Request::Record(None)]);
     let trace = pins::trace(Emulator::Node, &run);
@@ -347,16 +350,13 @@ fn the_recorder_has_the_speed_that_the_esc_says() {
         .flat_map(|record| record.turn_us.as_slice().to_vec())
         .collect();
     assert!(recorded.len() > 250, "{} samples", recorded.len());
-    // Each speed that was said and is none of the extended telemetry is in some sample, in the order in which it was said.
+    // Each speed is in some sample, in the order in which they were said.
     let mut seen = recorded.clone();
     seen.dedup();
-    let mut expected: Vec<i32> =
-        (0..1000)
-            .map(|n| {
-                if n == silent.end - 1 { Some(NO_TURN) } else { levels(n).and(said(motor, n).turn_us()).map(i32::from) }
-            })
-            .flatten()
-            .collect();
+    let turn_us = |n| said(n).turn_us().map(i32::from);
+    let mut expected: Vec<i32> = (0..silent.start).filter_map(turn_us).collect();
+    expected.push(NO_TURN);
+    expected.extend((silent.end..1000).filter_map(turn_us));
     expected.dedup();
     let first = expected.windows(2).position(|pair| pair == &seen[..2]).expect("what was said");
     println!("{} samples, {} speeds", recorded.len(), seen.len());
