@@ -110,6 +110,8 @@ pub struct TestOutputs {
     pub input_line: Option<Line>,
     /// Words at the inputs that were not taken yet.
     pub words: [VecDeque<Word>; MOTORS],
+    /// Whether inputs have lost words since that was asked last.
+    pub has_lost_words: [bool; MOTORS],
     /// What the outputs' lines have, where these have frames.
     pub output_line: Option<Line>,
     /// Frames that went out.
@@ -214,6 +216,10 @@ impl ControlHardware for TestOutputs {
 
     fn take_word(&mut self, motor: usize) -> Option<Word> {
         self.words[motor].pop_front()
+    }
+
+    fn has_lost_words(&mut self, motor: usize) -> bool {
+        std::mem::take(&mut self.has_lost_words[motor])
     }
 
     fn set_output_frames(&mut self, line: Line) {

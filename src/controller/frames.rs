@@ -33,6 +33,9 @@ impl FrameInputs {
                 let Some(word) = hardware.take_word(motor) else { break };
                 receiver.receive(word);
             }
+            if hardware.has_lost_words(motor) {
+                receiver.lose_words();
+            }
             *reading = receiver.read();
         }
         readings
@@ -55,6 +58,7 @@ impl FrameInputs {
     pub fn faults(&self) -> [MotorFaults; MOTORS] {
         self.0.each_ref().map(|receiver| MotorFaults {
             bad_frames: receiver.bad_frames(),
+            dropped_frames: receiver.dropped_frames(),
             lost: receiver.losses(),
             ..MotorFaults::default()
         })

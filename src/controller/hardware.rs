@@ -67,6 +67,10 @@ pub trait ControlHardware {
     fn take_word(&mut self, _motor: usize) -> Option<Word> {
         None
     }
+    /// Whether words of an input were lost since the last call, since it held too many.
+    fn has_lost_words(&mut self, _motor: usize) -> bool {
+        false
+    }
     /// The outputs have frames of DShot. All are low until the next frame; on a bidirectional line, pulled up, and the board drives
     /// them only for its frames.
     fn set_output_frames(&mut self, _line: Line) {}

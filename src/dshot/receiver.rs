@@ -55,6 +55,8 @@ pub struct Receiver {
     newest: Option<Content>,
     /// Words of another length than a frame's.
     bad_lengths: u32,
+    /// Times that words were lost.
+    lost_words: u32,
     losses: u32,
 }
 
@@ -71,6 +73,7 @@ impl Receiver {
             in_row: 0,
             newest: None,
             bad_lengths: 0,
+            lost_words: 0,
             losses: 0,
         }
     }
@@ -93,6 +96,13 @@ impl Receiver {
         if self.in_row >= PULSES_TO_LIVE {
             self.liveness = Liveness::Live;
         }
+    }
+
+    /// Words were lost before they could be received.
+    pub const fn lose_words(&mut self) {
+        self.idle_polls = 0;
+        self.in_row = 0;
+        self.lost_words = self.lost_words.wrapping_add(1);
     }
 
     /// Once per control tick, after its words: what has become of the input. A pulse's width is the value of a throttle, and for
@@ -128,6 +138,12 @@ impl Receiver {
     #[must_use]
     pub const fn bad_frames(&self) -> u32 {
         self.bad_lengths.wrapping_add(self.relay.counts().bad_checksums)
+    }
+
+    /// Instructions that found no room, and calls of [`Self::lose_words`], wrapping.
+    #[must_use]
+    pub const fn dropped_frames(&self) -> u32 {
+        self.lost_words.wrapping_add(self.relay.counts().dropped)
     }
 
     /// Times that the line was lost, wrapping.

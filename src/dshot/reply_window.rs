@@ -2,11 +2,11 @@
 
 use super::{BadReply, REPLY_BITS, Reply};
 
-/// Levels of a window, one for each bit of a reply. A reply that starts within 35 of them is whole: 46 µs behind a frame at
+/// Levels of a window, one for each bit of a reply. A reply that starts within 33 of them is whole: 44 µs behind a frame at
 /// 600 kbit/s. ESCs start some 30 µs behind it.
 pub const WINDOW_LEVELS: u32 = 2 * WORD_LEVELS;
 /// A board takes them in two words of so many.
-pub const WORD_LEVELS: u32 = 28;
+pub const WORD_LEVELS: u32 = 27;
 
 /// The levels of a line from the end of a frame on, taken in the middle of each bit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -481,6 +481,9 @@ pub struct MotorFaults {
     pub masked: u32,
     /// DShot: what came and is no frame, by its length or its checksum.
     pub bad_frames: u32,
+    /// DShot: instructions that came faster than the output takes them, and control ticks with words that came faster than they were
+    /// taken.
+    pub dropped_frames: u32,
     /// Bidirectional DShot: replies of the ESC.
     pub replies: u32,
     /// Bidirectional DShot: what the ESC's line had behind a frame and is no reply, by its code or its checksum.

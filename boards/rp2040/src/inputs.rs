@@ -73,21 +73,32 @@ fn stamps() -> Program<32> {
 
 /// Collects the bits of a frame: from each rise to the middle between the ends of a zero's pulse and a one's, 3/8 and 6/8 of a bit,
 /// and takes the level. A line that stays low for about a bit ends a word: within a frame no low is as long, and within one of half
-/// the speed that of every zero is longer. The word has a one before its bits.
+/// the speed that of every zero is longer. One that stays high for 2.5 bits ends it, too, so that a line that idles high says
+/// something: within a frame of half the speed no high is as long. The word has a one before its bits.
 fn words() -> Program<32> {
     pio_asm!(
         "    set y, 1",
         ".wrap_target",
+        "begin:",
         "    mov isr, y",
         "    wait 1 pin 0",
         "bit:",
         "    nop [15]",
         "    in pins, 1",
-        "    wait 0 pin 0",
-        "    set x, 13",
+        "    set x, 30",
+        "high:",
+        "    jmp pin no_fall",
+        "    set x, 12",
         "low:",
         "    jmp pin bit",
         "    jmp x-- low",
+        "    jmp ended",
+        "no_fall:",
+        "    jmp x-- high",
+        "    push noblock",
+        "    wait 0 pin 0",
+        "    jmp begin",
+        "ended:",
         "    push noblock",
         ".wrap",
     )
@@ -256,6 +267,12 @@ impl InputFrames {
     #[inline]
     pub fn take(&mut self, input: usize) -> Option<Word> {
         self.machines.pop(input).map(|bits| Word::new(bits ^ self.mask))
+    }
+
+    /// Whether words have come since the last call that found the queue full.
+    #[inline]
+    pub fn has_lost(&self, input: usize) -> bool {
+        self.machines.has_lost(input)
     }
 
     /// What each frame is answered with from now on: the delay, and the levels behind it.

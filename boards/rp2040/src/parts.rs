@@ -95,6 +95,10 @@ impl ControlHardware for ControlParts {
         self.input_frames.take(motor)
     }
 
+    fn has_lost_words(&mut self, motor: usize) -> bool {
+        self.input_frames.has_lost(motor)
+    }
+
     fn set_output_frames(&mut self, line: Line) {
         self.outputs.set_line(line);
     }

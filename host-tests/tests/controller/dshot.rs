@@ -150,6 +150,10 @@ fn frames_of_an_input_are_counted_and_its_pulses_are_left_alone() {
     run(&mut board);
     let faults = board.counts().motors;
     assert_eq!(faults.map(|motor| motor.bad_frames), [0, 0, 4, 0]);
+    // Words that the board has lost.
+    board.control.hardware_mut().has_lost_words[1] = true;
+    run(&mut board);
+    assert_eq!(board.counts().motors.map(|motor| motor.dropped_frames), [0, 1, 0, 0]);
     // 100 ms without a frame.
     (0..510).for_each(|_| run(&mut board));
     assert_eq!(board.counts().motors.map(|motor| motor.lost), [1; 4]);
@@ -277,7 +281,7 @@ fn outputs_alone_may_be_bidirectional_and_inputs_alone_are_refused() {
 #[test]
 fn frames_come_no_faster_than_their_replies_let_them() {
     for (protocol, most_hz) in
-        [(PulseProtocol::Dshot300Bidirectional, 4464), (PulseProtocol::Dshot600Bidirectional, 8196)]
+        [(PulseProtocol::Dshot300Bidirectional, 4587), (PulseProtocol::Dshot600Bidirectional, 8403)]
     {
         let mut settings = settings(PulseProtocol::StandardPwm, protocol).into_settings();
         settings.output.frame_hz = most_hz;

@@ -95,8 +95,9 @@ fn messages() -> Vec<(Message, &'static str)> {
         masked: 14,
         lost: 15,
         bad_frames: 16,
-        replies: 17,
-        bad_replies: 18,
+        dropped_frames: 17,
+        replies: 18,
+        bad_replies: 19,
     };
     let faults = Faults {
         link,
@@ -167,7 +168,7 @@ fn messages() -> Vec<(Message, &'static str)> {
         ),
         (
             Message::Faults(faults),
-            "05 0102030405 06 07 08 09 0a0b0c0d0f0e101112 000000000000000000 000000000000000000 0a0b0c0d0f0e101112",
+            "05 0102030405 06 07 08 09 0a0b0c0d0f0e10111213 00000000000000000000 00000000000000000000 0a0b0c0d0f0e10111213",
         ),
         (
             Message::Injected(Injected { first: 128, outputs: series(&[1 << 29, 1 << 29]) }),

@@ -137,7 +137,8 @@ fn sent(emulator: Emulator, trace: &Trace, pin: u8, speed: Speed) -> Vec<u16> {
     // The first may be cut: behind a reply the line is at rest.
     let first = edges.windows(2).position(|pair| !pair[1].1 && pair[1].0 - pair[0].0 > us(50.0)).unwrap() + 1;
     let mut rest = &edges[first..];
-    while let [(start, false), ..] = *rest {
+    // The last one may be cut, too.
+    while let Some(&[(start, false), ..]) = rest.first_chunk::<{ 2 * FRAME_BITS as usize }>() {
         let (lows, _) = rest[..2 * FRAME_BITS as usize].as_chunks::<2>();
         let mut bits = 0;
         for (place, [fall, rise]) in lows.iter().enumerate() {
@@ -168,7 +169,19 @@ impl Flight {
         clock: f64,
         levels: impl Fn(u8, u16) -> Option<u32>,
     ) -> Self {
-        let mut run = run(&settings(input.0, output.0), STARTED + ms(35.0));
+        Self::at(Settings::default().loop_rate_hz, input, output, period_us, clock, levels)
+    }
+
+    fn at(
+        loop_rate_hz: u32,
+        input: (PulseProtocol, Speed),
+        output: (PulseProtocol, Speed),
+        period_us: f64,
+        clock: f64,
+        levels: impl Fn(u8, u16) -> Option<u32>,
+    ) -> Self {
+        let settings = Settings { loop_rate_hz, ..settings(input.0, output.0) };
+        let mut run = run(&settings, STARTED + ms(35.0));
         fly(&mut run, input.1, period_us);
         for motor in 0..MOTORS as u8 {
             esc(&mut run, motor, output.1, clock, |n| levels(motor, n));
@@ -238,14 +251,25 @@ fn the_flight_controller_gets_what_each_esc_answers_bit_for_bit() {
 
 #[test]
 #[ignore = "needs the image and the emulators: cargo xtask test"]
-fn a_flight_controller_that_is_faster_than_the_loop_gets_an_answer_to_each_frame() {
+fn a_flight_controller_at_8_khz_gets_an_answer_to_each_frame_and_its_esc_a_frame_for_each() {
     let dshot600 = SPEEDS[1];
-    for emulator in EMULATORS {
-        // 8 kHz, and the loop has 5.
-        let flight = Flight::new(dshot600, dshot600, 125.0, 1.0, |motor, n| Some(said(motor, n).to_levels()));
-        for (motor, answers) in (0..).zip(flight.answers(emulator)) {
+    for (emulator, loop_rate_hz) in EMULATORS.into_iter().flat_map(|emulator| [5000, 8000].map(|rate| (emulator, rate)))
+    {
+        let flight =
+            Flight::at(loop_rate_hz, dshot600, dshot600, 125.0, 1.0, |motor, n| Some(said(motor, n).to_levels()));
+        let trace = flight.trace(emulator);
+        for (motor, answers) in (0..).zip(flight.answers_in(emulator, &trace)) {
             assert_eq!(answers.len(), flight.frames(), "{emulator:?}, motor {motor}");
             assert!(answers.iter().map(|answer| number(motor, answer)).is_sorted());
+            // The second emulator's edges are too late for back-to-back frames, where it enters exceptions.
+            if emulator == Emulator::Node {
+                let sent = sent(emulator, &trace, OUTPUT_1 + motor, dshot600.1).len();
+                let seen = STARTED..trace.cycles - us(400.0);
+                let received = flight.starts.iter().filter(|start| seen.contains(start)).count();
+                println!("loop at {loop_rate_hz} Hz, motor {motor}: {sent} frames out, {received} in");
+                // A slower loop leaves out frames that newer ones overtake; some are on their way when the run is over.
+                assert!(loop_rate_hz == 5000 || sent + 4 >= received);
+            }
         }
     }
 }
@@ -302,6 +326,30 @@ fn a_line_on_which_nobody_awaits_an_answer_is_never_driven() {
         flight.starts.truncate(before);
         for answers in flight.answers(emulator) {
             assert_eq!(answers.len(), flight.frames(), "{emulator:?}");
+        }
+    }
+}
+
+#[test]
+#[ignore = "needs the image and the emulators: cargo xtask test"]
+fn a_flight_controller_with_replies_on_an_input_without_is_counted_and_nothing_goes_out() {
+    for (_, speed) in SPEEDS {
+        let one_way = if speed == Speed::Dshot300 { PulseProtocol::Dshot300 } else { PulseProtocol::Dshot600 };
+        let mut run = run(&settings(one_way, one_way), STARTED + ms(30.0));
+        fly(&mut run, speed, PERIOD_US);
+        run.uart_in = requests(STARTED + ms(5.0), 10.0, &[Request::Faults, Request::Faults]);
+        let trace = pins::trace(Emulator::Node, &run);
+        let [Message::Faults(before), Message::Faults(after)] = &link::answers(&trace)[..] else {
+            panic!("{:?}", link::answers(&trace))
+        };
+        let frames = ms(10.0) as f64 / us(PERIOD_US) as f64;
+        for (before, after) in before.motors.iter().zip(&after.motors) {
+            let bad = f64::from(after.bad_frames - before.bad_frames);
+            println!("{speed:?}: {bad} bad frames of {frames:.1}");
+            assert!((bad - frames).abs() <= 2.0 && after.dropped_frames == 0, "{after:?}");
+        }
+        for motor in 0..MOTORS as u8 {
+            assert_eq!(edges_between(&trace, OUTPUT_1 + motor, STARTED, run.until_cycle), []);
         }
     }
 }
