@@ -212,12 +212,43 @@ fn pulse_widths_are_scaled_by_the_parameters_or_as_stated_and_never_by_a_guess()
     }
     let log = imported(&bytes, &three).unwrap();
     assert!(log.summary.notes.iter().any(|note| note.contains("taken is output 3")), "{:?}", log.summary.notes);
+    // Where no ESC of an output reports, those are named that do.
+    let text = refusal(imported(&bytes, &ImportOptions { motor: Some(9), ..three }));
+    assert!(text.contains("the ESC at output 9, where output 1, 2, 3, 4 reports"), "{text}");
+}
+
+/// A parameter under another name, which is not longer, and with another value unless that is `None`.
+fn renamed(mut bytes: Vec<u8>, name: &str, to: &str, value: Option<f32>) -> Vec<u8> {
+    let at = bytes.windows(name.len()).position(|part| part == name.as_bytes()).unwrap();
+    bytes[at..at + 16].fill(0);
+    bytes[at..at + to.len()].copy_from_slice(to.as_bytes());
+    if let Some(value) = value {
+        bytes[at + 16..at + 20].copy_from_slice(&value.to_le_bytes());
+    }
+    bytes
 }
 
 #[test]
-fn a_flight_is_refused() {
-    // Other outputs move as a controller has them move.
+fn the_throttle_of_a_plane_is_motor_1_and_its_surfaces_are_outputs() {
+    // A throttle, and elevators.
     let mut bytes = bench();
+    for (output, function) in [(1, 19.0), (2, 19.0), (3, 70.0), (4, 19.0)] {
+        let name = format!("SERVO{output}_FUNCTION");
+        bytes = renamed(bytes, &name, &name, Some(function));
+    }
+    let text = refusal(imported(&bytes, &ImportOptions::default()));
+    assert!(text.contains("SERVOn_MIN and SERVOn_MAX"), "{text}");
+    let bytes = renamed(renamed(bytes, "MOT_PWM_MIN", "SERVO3_MIN", None), "MOT_PWM_MAX", "SERVO3_MAX", None);
+    let plane = imported(&bytes, &ImportOptions::default()).unwrap();
+    assert!(plane.summary.notes.iter().any(|note| note.contains("SERVO3_MIN and SERVO3_MAX")), "{:?}", plane.summary);
+    let (plane, copter) = (taken(plane), taken(imported(&bench(), &ImportOptions::default()).unwrap()));
+    assert_eq!((plane.command, plane.rpm), (copter.command, copter.rpm));
+    let text = refusal(imported(&in_flight(bytes.clone()), &ImportOptions::default()));
+    assert!(text.contains("that of output 1, 2, 4"), "{text}");
+}
+
+/// Other outputs move as a controller has them move.
+fn in_flight(mut bytes: Vec<u8>) -> Vec<u8> {
     let head = [0xa3, 0x95, 66];
     let mut k = 0_u32;
     for at in 0..bytes.len() - 40 {
@@ -230,6 +261,12 @@ fn a_flight_is_refused() {
             k += 1;
         }
     }
+    bytes
+}
+
+#[test]
+fn a_flight_is_refused() {
+    let bytes = in_flight(bench());
     let text = refusal(imported(&bytes, &ImportOptions::default()));
     assert!(text.contains("a flight, and no bench run") && text.contains("of motor 2, 3, 4"), "{text}");
     assert!(text.contains("--excitation free"), "{text}");

@@ -125,7 +125,7 @@ fn refuse_flight(
         let rows = log.rows([Some(command), Some(field)]).rows;
         let time_s: Vec<f64> = rows.iter().map(|(time_us, _)| (time_us - origin_us) as f64 * 1e-6).collect();
         let of_motor = |k: usize| rows.iter().map(|(_, row)| scaled(row[k])).collect::<Vec<f64>>();
-        flight::refuse(file, options, motor + 1, &time_s, &of_motor(0), &[(other + 1, of_motor(1))])?;
+        flight::refuse(file, options, motor + 1, &time_s, &of_motor(0), "motor", &[(other + 1, of_motor(1))])?;
     }
     Ok(())
 }

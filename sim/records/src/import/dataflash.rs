@@ -4,8 +4,8 @@
 //!   moment. A row's command holds until the next row. Each sweep is a chirp of its own.
 //! - *Otherwise* `RCOU`, the pulse widths of the outputs, and `ESC`, whose instances count outputs from zero. A report has its own
 //!   stamp; the command is held to it. Which output a motor is on is said by the parameters `SERVOn_FUNCTION`.
-//! - Pulse widths become 0..1 by the parameters that state the ESC's range, `MOT_PWM_MIN` and `MOT_PWM_MAX` (`Q_M_` of a quadplane),
-//!   unless a range is stated.
+//! - Pulse widths become 0..1 by the parameters that state the ESC's range, `MOT_PWM_MIN` and `MOT_PWM_MAX` (`Q_M_` of a quadplane), of a
+//!   plane's throttle by those of its output, `SERVOn_MIN` and `SERVOn_MAX`, unless a range is stated.
 
 use std::path::Path;
 
@@ -85,7 +85,7 @@ fn chirp(file: &Path, log: &Log<'_>, rows: &Messages<'_>, options: &ImportOption
     // The applet writes -1 where it has no report.
     let rows: Vec<usize> = of_chirp.filter(|&row| rpm[row].is_finite() && rpm[row] >= 0.0).collect();
     check_count(file, rows.len())?;
-    let range = pulse_range(file, log, time_us[rows[0]], options, &mut notes)?;
+    let range = pulse_range(file, log, &motors(log).pulse_range_parameters(0), time_us[rows[0]], options, &mut notes)?;
     let command = normalized(file, "ECRP.PWM", &rows, picked(&pulse_us, &rows), range)?;
     let stamps = rows.iter().map(|&row| time_us[row] * 1e-6).collect();
     let (time_s, sample_rate_hz, timing) = stamps_kept(file, "ECRP.TimeUS", &rows, stamps)?;
@@ -133,9 +133,9 @@ fn outputs(file: &Path, log: &Log<'_>, options: &ImportOptions) -> Result<Taken,
     let reports = log.messages(REPORTS).ok_or_else(|| missing("rpm", "`ESC`, which needs ESCs with telemetry"))?;
     let time_us = column_of(file, outputs, "TimeUS")?;
     let motors = motors(log);
-    let output = match motors.iter().find(|(motor, _)| *motor == number) {
+    let output = match motors.outputs.iter().find(|(motor, _)| *motor == number) {
         Some((_, output)) => *output,
-        None if motors.is_empty() && (1..=CHANNELS).contains(&number) => {
+        None if motors.outputs.is_empty() && (1..=CHANNELS).contains(&number) => {
             notes.push(format!("no parameter says which output motor {number} is on: taken is output {number}"));
             number
         }
@@ -157,7 +157,11 @@ fn outputs(file: &Path, log: &Log<'_>, options: &ImportOptions) -> Result<Taken,
     let speeds = column_of(file, reports, speed_label)?;
     let of_esc: Vec<usize> = (0..instance.len()).filter(|&row| instance[row] == (output - 1) as f64).collect();
     if of_esc.is_empty() {
-        let found = format!("reports of the ESC at output {output}, instance {} of `ESC`", output - 1);
+        let mut reporting: Vec<usize> = instance.iter().map(|instance| *instance as usize + 1).collect();
+        reporting.sort_unstable();
+        reporting.dedup();
+        let reporting: Vec<String> = reporting.iter().map(ToString::to_string).collect();
+        let found = format!("reports of the ESC at output {output}, where output {} reports", reporting.join(", "));
         return Err(missing("rpm", &found));
     }
     let response: Vec<(f64, f64)> = of_esc.iter().map(|&row| (report_us[row], speeds[row])).collect();
@@ -166,7 +170,8 @@ fn outputs(file: &Path, log: &Log<'_>, options: &ImportOptions) -> Result<Taken,
     check_count(file, held.rows.len())?;
     notes.extend(held.note(&command, &response));
     let Held { rows, command: held, dropped } = held;
-    let range = pulse_range(file, log, response[rows[0]].0, options, &mut notes)?;
+    let of_range = motors.pulse_range_parameters(output);
+    let range = pulse_range(file, log, &of_range, response[rows[0]].0, options, &mut notes)?;
     let name = format!("{OUTPUTS}.C{output}");
     let command = normalized(file, &name, &rows, held, range)?;
     let stamps = rows.iter().map(|&row| response[row].0 * 1e-6).collect();
@@ -174,7 +179,8 @@ fn outputs(file: &Path, log: &Log<'_>, options: &ImportOptions) -> Result<Taken,
     let scaled = |pulse: &f64| (pulse - range.0) / (range.1 - range.0);
     let output_s: Vec<f64> = time_us.iter().map(|time| (time - response[rows[0]].0) * 1e-6).collect();
     let put_out: Vec<f64> = pulses.iter().map(scaled).collect();
-    flight::refuse(file, options, number, &output_s, &put_out, &others(channel, number, &motors, scaled))?;
+    let others = motors.others((number, output), channel, scaled);
+    flight::refuse(file, options, number, &output_s, &put_out, motors.kind_of_others(), &others)?;
     let rpm: Vec<f64> = rows.iter().map(|&row| response[row].1.abs()).collect();
 
     let esc = output - 1;
@@ -211,38 +217,77 @@ fn outputs(file: &Path, log: &Log<'_>, options: &ImportOptions) -> Result<Taken,
     })
 }
 
-/// The outputs of the other motors, or of all channels where it is not said which are motors: their numbers and commands, scaled.
-fn others(
-    channel: impl Fn(usize) -> Result<Vec<f64>, ImportError>,
-    number: usize,
-    motors: &[(usize, usize)],
-    scaled: impl Fn(&f64) -> f64,
-) -> Vec<(usize, Vec<f64>)> {
-    let channels: Vec<(usize, usize)> = (1..=CHANNELS).map(|output| (output, output)).collect();
-    let all = if motors.is_empty() { &channels } else { motors };
-    let others = all.iter().filter(|(motor, _)| *motor != number);
-    let command = |output: usize| Some(channel(output).ok()?.iter().map(&scaled).collect());
-    others.filter_map(|&(motor, output)| Some((motor, command(output)?))).collect()
+/// Which outputs drive motors, as the parameters say.
+struct Motors {
+    /// Motors and their outputs, both from 1.
+    outputs: Vec<(usize, usize)>,
+    /// They are a plane's throttle, and its surfaces are on the others.
+    are_throttle: bool,
 }
 
-/// Motors and their outputs, both from 1, as the parameters say.
-fn motors(log: &Log<'_>) -> Vec<(usize, usize)> {
-    let motor = |function: f64| match function as u32 {
+impl Motors {
+    /// Whose commands are looked at beside that of a motor: of a multicopter its other motors', else those of all other outputs.
+    fn kind_of_others(&self) -> &'static str {
+        if self.outputs.is_empty() || self.are_throttle { "output" } else { "motor" }
+    }
+
+    /// Those, beside the motor of this number at this output: their numbers and commands, scaled.
+    fn others(
+        &self,
+        (number, output): (usize, usize),
+        channel: impl Fn(usize) -> Result<Vec<f64>, ImportError>,
+        scaled: impl Fn(&f64) -> f64,
+    ) -> Vec<(usize, Vec<f64>)> {
+        let outputs: Vec<(usize, usize)> = match self.kind_of_others() {
+            "output" => (1..=CHANNELS).filter(|other| *other != output).map(|other| (other, other)).collect(),
+            _ => self.outputs.iter().copied().filter(|(motor, _)| *motor != number).collect(),
+        };
+        let command = |output: usize| Some(channel(output).ok()?.iter().map(&scaled).collect());
+        outputs.into_iter().filter_map(|(number, output)| Some((number, command(output)?))).collect()
+    }
+
+    /// The pairs of parameters that may state the pulse widths of this output.
+    fn pulse_range_parameters(&self, output: usize) -> Vec<(String, String)> {
+        let pair = |prefix: String| (format!("{prefix}_MIN"), format!("{prefix}_MAX"));
+        if self.are_throttle {
+            return vec![pair(format!("SERVO{output}"))];
+        }
+        ["MOT_PWM", "Q_M_PWM"].map(|prefix| pair(prefix.into())).into()
+    }
+}
+
+/// Where no output has a motor of a multicopter, it may have the throttle of a plane, or the left and the right one.
+fn motors(log: &Log<'_>) -> Motors {
+    let lifting = |function: u32| match function {
         33..=40 => Some(function as usize - 32),
         82..=85 => Some(function as usize - 73),
         _ => None,
     };
-    let of_output = |output: usize| {
-        let function = log.parameter(&format!("SERVO{output}_FUNCTION"), f64::INFINITY)?;
-        Some((motor(function)?, output))
+    let throttle = |function: u32| match function {
+        70 | 73 => Some(1),
+        74 => Some(2),
+        _ => None,
     };
-    (1..=CHANNELS).filter_map(of_output).collect()
+    let with = |motor: &dyn Fn(u32) -> Option<usize>| -> Vec<(usize, usize)> {
+        let of_output = |output: usize| {
+            let function = log.parameter(&format!("SERVO{output}_FUNCTION"), f64::INFINITY)?;
+            Some((motor(function as u32)?, output))
+        };
+        (1..=CHANNELS).filter_map(of_output).collect()
+    };
+    let outputs = with(&lifting);
+    if outputs.is_empty() {
+        let outputs = with(&throttle);
+        return Motors { are_throttle: !outputs.is_empty(), outputs };
+    }
+    Motors { outputs, are_throttle: false }
 }
 
 /// The pulse widths that mean 0 and 1: those that are stated, or the parameters'.
 fn pulse_range(
     file: &Path,
     log: &Log<'_>,
+    parameters: &[(String, String)],
     at_us: f64,
     options: &ImportOptions,
     notes: &mut Vec<String>,
@@ -250,15 +295,12 @@ fn pulse_range(
     if let Some(range) = options.esc_signal_us {
         return Ok(range);
     }
-    for prefix in ["MOT", "Q_M"] {
-        let parameter = |end: &str| log.parameter(&format!("{prefix}_PWM_{end}"), at_us);
-        if let (Some(low), Some(high)) = (parameter("MIN"), parameter("MAX"))
+    for (min, max) in parameters {
+        if let (Some(low), Some(high)) = (log.parameter(min, at_us), log.parameter(max, at_us))
             && low > 0.0
             && low < high
         {
-            notes.push(format!(
-                "pulse widths {low}..{high} become 0..1, as the parameters {prefix}_PWM_MIN and {prefix}_PWM_MAX say"
-            ));
+            notes.push(format!("pulse widths {low}..{high} become 0..1, as the parameters {min} and {max} say"));
             return Ok((low, high));
         }
     }

@@ -164,7 +164,7 @@ pub enum ImportError {
     #[error("{}: no parameter says which pulse widths mean no and full command", file.display())]
     #[diagnostic(help(
         "state them with --pulse-us LOW..HIGH, as the ESC was calibrated; a log has them as MOT_PWM_MIN and MOT_PWM_MAX (Q_M_PWM_MIN \
-         and Q_M_PWM_MAX of a quadplane), where these are not 0"
+         and Q_M_PWM_MAX of a quadplane, SERVOn_MIN and SERVOn_MAX of a plane's throttle), where these are not 0"
     ))]
     NoPulseRange {
         /// The log.
@@ -172,7 +172,7 @@ pub enum ImportError {
     },
     /// A flight, whose commands are those of a controller.
     #[error(
-        "{}: a flight, and no bench run: while the command of motor {motor} moves, so does that of motor {others}, each in its own way",
+        "{}: a flight, and no bench run: while the command of motor {motor} moves, so does that of {others}, each in its own way",
         file.display()
     )]
     #[diagnostic(help(
@@ -185,7 +185,7 @@ pub enum ImportError {
         file: PathBuf,
         /// The motor that was asked for, from 1.
         motor: usize,
-        /// The others that move, from 1.
+        /// The others that move: what they are, and their numbers from 1.
         others: String,
     },
     /// A column that the format always has is missing.

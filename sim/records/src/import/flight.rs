@@ -18,7 +18,7 @@ const STILL: f64 = 0.002;
 /// Share of the motor's own movement that another's distance from a straight line of it may have.
 const SAME_WAY: f64 = 0.1;
 
-/// Refuses a log in which one of the `others` (their numbers and commands) moves with the command of `motor`, and in its own way. All
+/// Refuses a log in which one of the `others` (of a `kind`: their numbers and commands) moves with the command of `motor`, and in its own way. All
 /// commands are 0..1 and of the rows at `time_s`, counted from the first row taken. Nothing is refused where the command is said
 /// to be driven by anything, or is not taken.
 pub(super) fn refuse(
@@ -27,6 +27,7 @@ pub(super) fn refuse(
     motor: usize,
     time_s: &[f64],
     command: &[f64],
+    kind: &str,
     others: &[(usize, Vec<f64>)],
 ) -> Result<(), ImportError> {
     if options.excitation == Some(Excitation::Free) || options.without_command {
@@ -43,7 +44,7 @@ pub(super) fn refuse(
     if moves.is_empty() {
         return Ok(());
     }
-    Err(ImportError::Flight { file: file.into(), motor, others: moves.join(", ") })
+    Err(ImportError::Flight { file: file.into(), motor, others: format!("{kind} {}", moves.join(", ")) })
 }
 
 /// Rows that are looked at together, as places in the log; `first` is that of the first row of `time_s`.
@@ -98,7 +99,7 @@ mod tests {
     const ROWS: usize = 3000;
 
     fn refused(time_s: &[f64], command: &[f64], other: Vec<f64>, options: &ImportOptions) -> bool {
-        refuse(Path::new("log"), options, 1, time_s, command, &[(2, other)]).is_err()
+        refuse(Path::new("log"), options, 1, time_s, command, "motor", &[(2, other)]).is_err()
     }
 
     #[test]

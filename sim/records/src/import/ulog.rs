@@ -162,7 +162,7 @@ fn refuse_flight(
         (0..MOST_MOTORS).filter(|&other| other != motor).filter_map(of_motor).collect();
     let time_s: Vec<f64> = command.iter().map(|sample| (sample.0 - origin_us) * 1e-6).collect();
     let command: Vec<f64> = command.iter().map(|sample| scaled(sample.1)).collect();
-    flight::refuse(file, options, motor + 1, &time_s, &command, &others)
+    flight::refuse(file, options, motor + 1, &time_s, &command, "motor", &others)
 }
 
 fn column(name: String, taken_as: Option<&str>, note: &str) -> ColumnUse {
