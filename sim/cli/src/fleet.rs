@@ -49,7 +49,7 @@ impl Fleet {
         self.report.check(None)?;
         let list = FleetList::read(&self.fleet)?;
         let read: Vec<Read> = list.logs.iter().map(|log| read(&self.fleet, log)).collect::<Result<_, _>>()?;
-        check_outputs(&read)?;
+        let output = common_output(&read)?;
         let (rows, logs): (Vec<FleetRow>, Vec<Log>) = read.into_iter().map(|read| (read.row, read.log)).unzip();
         let [time_constants, gains] = [Quantity::TimeConstant, Quantity::Gain].map(|quantity| compare(&logs, quantity));
         let (time_constants, gains) = (time_constants.map_err(self.few(&logs))?, gains.map_err(self.few(&logs))?);
@@ -57,7 +57,7 @@ impl Fleet {
         let values = Values::of(&rows, &logs, &time_constants, &gains);
         let verdict = verdict(&values);
         let mut text = String::new();
-        for table in [usual_table(&time_constants, &gains), motors_table(&time_constants, &gains)] {
+        for table in [usual_table(&time_constants, &gains, output), motors_table(&time_constants, &gains)] {
             writeln!(text, "{}", table.text()).expect("a string takes all");
         }
         let noted = rotorlead_report::Table {
@@ -70,7 +70,7 @@ impl Fleet {
         writeln!(text, "{}", verdict.headline).expect("a string takes all");
         text.push_str(&self.report.write(|| Report {
             facts: vec![report_pages::file("Fleet", &self.fleet)],
-            sections: vec![fleet_section(&rows, &time_constants, &gains)],
+            sections: vec![fleet_section(&rows, &time_constants, &gains, output)],
             ..report_pages::report("Fleet", format!("{} logs", rows.len()), verdict.clone())
         })?);
         let detail = logs_table(&rows, &time_constants, &gains).text();
@@ -153,8 +153,8 @@ fn diagnosis(path: &Path) -> Result<Option<String>, FileError> {
     })
 }
 
-/// Gains of thrust and of speed are not compared.
-fn check_outputs(read: &[Read]) -> miette::Result<()> {
+/// The response of all logs, as far as their models say it: gains of thrust and of speed are not compared.
+fn common_output(read: &[Read]) -> miette::Result<Option<Output>> {
     let first = |output| read.iter().find(|read| read.output == Some(output));
     if let (Some(thrust), Some(speed)) = (first(Output::ThrustN), first(Output::Rpm)) {
         return Err(miette::miette!(
@@ -164,7 +164,7 @@ fn check_outputs(read: &[Read]) -> miette::Result<()> {
             speed.row.log
         ));
     }
-    Ok(())
+    Ok(read.iter().find_map(|read| read.output))
 }
 
 /// The rows of logs of which something is to be said.

@@ -1,8 +1,10 @@
 //! Many logs side by side.
 
-use rotorlead_identify::fleet::{Comparison, share};
+use rotorlead_identify::fleet::{Comparison, MotorDeviation, share};
+use rotorlead_records::Output;
 
 use crate::html::{Cell, Column, Section, Table};
+use crate::unit::unit;
 
 /// A log of the tables: what it is called, whose it is, when it was measured, and what else is to be said of it.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -19,7 +21,12 @@ pub struct FleetRow {
 
 /// Motors and logs, by how far their lags are from the usual.
 #[must_use]
-pub fn fleet_section(rows: &[FleetRow], time_constants: &Comparison, gains: &Comparison) -> Section {
+pub fn fleet_section(
+    rows: &[FleetRow],
+    time_constants: &Comparison,
+    gains: &Comparison,
+    output: Option<Output>,
+) -> Section {
     let text = vec![
         "A deviation is the mean, over the commands that logs share, of how far a log is from the median of all. A score is a distance from \
          the others in their standard deviations, taken from their medians; from 3.5 on it stands out. A drift has its 95 % interval."
@@ -28,7 +35,7 @@ pub fn fleet_section(rows: &[FleetRow], time_constants: &Comparison, gains: &Com
     Section {
         text,
         tables: vec![
-            usual_table(time_constants, gains),
+            usual_table(time_constants, gains, output),
             motors_table(time_constants, gains),
             logs_table(rows, time_constants, gains),
         ],
@@ -36,9 +43,9 @@ pub fn fleet_section(rows: &[FleetRow], time_constants: &Comparison, gains: &Com
     }
 }
 
-/// What is usual at each command.
+/// What is usual at each command, of models of this response.
 #[must_use]
-pub fn usual_table(time_constants: &Comparison, gains: &Comparison) -> Table {
+pub fn usual_table(time_constants: &Comparison, gains: &Comparison, output: Option<Output>) -> Table {
     let row = |(&(nominal, tau_s), &(_, gain)): (&(f64, f64), &(f64, f64))| {
         vec![Cell::number(nominal, 3), Cell::number(1e3 * tau_s, 1), Cell::number(gain, 2)]
     };
@@ -48,7 +55,7 @@ pub fn usual_table(time_constants: &Comparison, gains: &Comparison) -> Table {
         columns: vec![
             Column::new("u_nom", "u_nom", "duty"),
             Column::new("time_constant_ms", "tau", "ms"),
-            Column::new("gain", "gain", ""),
+            Column::new("gain", "gain", output.map_or("", unit)),
         ],
         rows: time_constants.levels.iter().zip(&gains.levels).map(row).collect(),
     }
@@ -57,13 +64,11 @@ pub fn usual_table(time_constants: &Comparison, gains: &Comparison) -> Table {
 /// Each motor against the others, and over time.
 #[must_use]
 pub fn motors_table(time_constants: &Comparison, gains: &Comparison) -> Table {
-    let row = |(name, motor): (&String, &rotorlead_identify::fleet::MotorDeviation)| {
+    let row = |(name, motor): (&String, &MotorDeviation)| {
         let gain = gains.motors.get(name);
-        let [drift, low, high] = match motor.drift {
-            Some(drift) => [Some(drift.per_month), Some(drift.interval[0]), Some(drift.interval[1])],
-            None => [None; 3],
-        }
-        .map(|share| Cell::optional(share.map(|share| 100.0 * share), 1));
+        let [drift, low, high] = drift_percent(motor);
+        let [gain_drift, gain_low, gain_high] =
+            gain.map_or_else(|| [(); 3].map(|()| Cell::optional(None, 1)), drift_percent);
         let mut notes = Vec::new();
         for (stands_out, drifts, what) in [
             (motor.stands_out(), motor.drifts, "tau"),
@@ -82,6 +87,9 @@ pub fn motors_table(time_constants: &Comparison, gains: &Comparison) -> Table {
             high,
             percent(gain.map(|gain| gain.deviation)),
             Cell::optional(gain.and_then(|gain| gain.score), 1),
+            gain_drift,
+            gain_low,
+            gain_high,
             Cell::text(notes.join(", ")),
         ]
     };
@@ -98,6 +106,9 @@ pub fn motors_table(time_constants: &Comparison, gains: &Comparison) -> Table {
             Column::new("drift_high", "to", ""),
             Column::new("gain_percent", "gain", "%"),
             Column::new("gain_score", "score", ""),
+            Column::new("gain_drift_percent_per_month", "gain drift", "%/month"),
+            Column::new("gain_drift_low", "from", ""),
+            Column::new("gain_drift_high", "to", ""),
             Column::new("note", "", ""),
         ],
         rows: time_constants.motors.iter().map(row).collect(),
@@ -141,6 +152,13 @@ pub fn logs_table(rows: &[FleetRow], time_constants: &Comparison, gains: &Compar
         ],
         rows: rows.iter().enumerate().map(row).collect(),
     }
+}
+
+/// A motor's drift with its interval, percent per month.
+fn drift_percent(motor: &MotorDeviation) -> [Cell; 3] {
+    let drift = motor.drift.as_ref();
+    let shares = drift.map(|drift| [drift.per_month, drift.interval[0], drift.interval[1]]);
+    [0, 1, 2].map(|place| Cell::optional(shares.map(|shares| 100.0 * shares[place]), 1))
 }
 
 fn percent(logarithm: Option<f64>) -> Cell {

@@ -64,7 +64,10 @@ impl Cell {
     /// A number with so many decimals.
     #[must_use]
     pub fn number(value: f64, decimals: usize) -> Self {
-        Self::shown(value, format!("{value:.decimals$}"))
+        let text = format!("{value:.decimals$}");
+        // What rounds to zero has no sign.
+        let is_zero = text.bytes().all(|byte| b"-0.".contains(&byte));
+        Self::shown(value, if is_zero { text.trim_start_matches('-').to_owned() } else { text })
     }
 
     /// A number with so many decimals where there is one.
