@@ -17,7 +17,7 @@ const SLOW_CORE_HZ: f64 = 16e6;
 /// A wait that does not end within this many cycles does not end while the link is busy.
 const ENDLESS_CYCLES: u64 = 1_000_000;
 /// Longest lock of the inputs, for a request that needs every motor at rest: 50 µs.
-const LONGEST_LOCK_CYCLES: u32 = (50e-6 * CORE_HZ) as u32;
+const LONGEST_LOCK_CYCLES: u32 = (52e-6 * CORE_HZ) as u32;
 /// What says how long the interrupts wait.
 const PAGE: &str = include_str!("../../../docs/firmware.md");
 /// What the project holds of its own section and tick.
