@@ -17,12 +17,12 @@ use rotorlead_report::{
     Fact, PointValues, Report, Table, bandwidth_section, bandwidth_table, bandwidth_values, in_short,
     measured_response, measured_table, simulated_response, simulation_and_experiment, steps_table,
 };
+use rotorlead_results::{latency_json, lost_gain};
 use serde::Serialize;
 use serde_json::Value;
 
 use super::deviations::{self, Deviations};
-use super::latency::{LatencyArguments, counted_delays, counted_holds, latency_json};
-use super::lost_gain::lost_gain;
+use super::latency::{LatencyArguments, counted_delays, counted_holds};
 use super::outcome::{JsonOption, Outcome, paragraph, without_mark};
 use super::parameters::{DesignArguments, positive, step_size};
 use super::report_option::ReportOption;

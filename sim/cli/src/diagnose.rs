@@ -11,7 +11,8 @@ use rotorlead_records::Experiment;
 use rotorlead_records::files::{check_writable, write_file};
 use rotorlead_report::Verdict as Headline;
 use rotorlead_report::{Report, diagnosis_section, diagnosis_tone, effect_table, excess_table, gap_table};
-use serde::Serialize;
+use rotorlead_results::diagnosis_json;
+use serde_json::json;
 
 use super::diagnose_bandwidths::BandwidthArguments;
 use super::outcome::{JsonOption, Outcome, wrapped};
@@ -52,16 +53,6 @@ pub struct Diagnose {
     redesign: RedesignArguments,
     #[command(flatten)]
     pub(super) json: JsonOption,
-}
-
-/// What came out, for programs.
-#[derive(Serialize)]
-struct Values<'a> {
-    #[serde(flatten)]
-    found: &'a Diagnosis,
-    next_experiment: Option<String>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    redesign: Option<super::redesign::Values>,
 }
 
 impl Diagnose {
@@ -128,9 +119,12 @@ impl Diagnose {
                 ..report_pages::report("Diagnosis", format!("Diagnosis of {}", experiment.name), headline)
             }
         })?);
-        let next_experiment = found.next_experiment().map(|next| next.words);
+        let mut values = diagnosis_json(&found);
+        if let Some(redesign) = redesign {
+            values["redesign"] = json!(redesign);
+        }
         let detail = if found.verdict == Verdict::Agrees { String::new() } else { excess_table(&found).text() };
-        Ok(Outcome::new(text, &Values { found: &found, next_experiment, redesign }).with_detail(detail))
+        Ok(Outcome::new(text, &values).with_detail(detail))
     }
 }
 

@@ -5,30 +5,21 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use miette::{IntoDiagnostic as _, WrapErr as _};
-use rayon::iter::{IntoParallelRefIterator as _, ParallelIterator as _};
 use rotorlead_identify::stand::StandModel;
-use rotorlead_identify::steps::{LawComparison, StaircaseFit, compare_laws};
-use rotorlead_identify::{
-    ChirpIdentification, Finding, FirstOrderOptions, Identification, IdentifyError, IdentifyOptions, Lags,
-    LongRecordError, PeriodicIdentification, PeriodicOptions, Spectrum, identify, step_record,
-};
+use rotorlead_identify::steps::LawComparison;
+use rotorlead_identify::{FirstOrderOptions, Identification, IdentifyError, IdentifyOptions, Lags};
 use rotorlead_records::files::check_writable;
-use rotorlead_records::{Experiment, LongRecord, Output, Record};
-use rotorlead_report::{
-    DistortionValues, Report, Section, Table, excitation_section, identification_section, identification_tables,
-};
-use serde::Serialize;
+use rotorlead_records::{Experiment, Output};
+use rotorlead_report::{Report, Section, Table, excitation_section, identification_section, identification_tables};
+use rotorlead_results::{IdentifyResult, transform};
+use serde_json::json;
 
-use super::identify_align::{AlignOptions, Aligned, AlignmentValues};
-use super::identify_headline::headline;
-use super::identify_intervals::Intervals;
-use super::identify_map::MapValues;
-use super::identify_output::OtherOutput;
+use super::identify_align::{AlignOptions, Aligned};
 use super::identify_stand::{self, StandArguments};
-use super::identify_tables::{ChirpValues, PointValues, fitted_chirps, held_out, staircase};
+use super::identify_tables::{fitted_chirps, held_out, staircase};
 use super::outcome::{JsonOption, Outcome, paragraph, warning_lines};
 use super::report_option::ReportOption;
-use super::{WrongUse, identify_intervals, identify_laws, identify_map, progress, report_pages};
+use super::{WrongUse, identify_laws, identify_map, progress, report_pages};
 
 /// Printed below the lags.
 const STANDARD_ERRORS: &str = "  tau is the time constant; +- is one standard error, of the noise alone.\n";
@@ -101,24 +92,6 @@ enum Delay {
     Fit,
 }
 
-/// What came out, for programs.
-#[derive(Serialize)]
-struct Values<'a> {
-    headline: String,
-    output: Output,
-    other_output: Option<OtherOutput>,
-    points: Vec<PointValues>,
-    warnings: Vec<String>,
-    detail: Option<&'a StaircaseFit>,
-    distortion: Option<Vec<DistortionValues>>,
-    intervals: Option<Vec<Intervals>>,
-    /// Of chirps.
-    frequency_responses: Option<Vec<ChirpValues<'a>>>,
-    alignment: Option<Vec<AlignmentValues>>,
-    static_map: Option<MapValues<'a>>,
-    laws: Option<&'a LawComparison>,
-}
-
 impl Identify {
     /// Runs the command.
     pub fn run(&self) -> miette::Result<Outcome> {
@@ -134,38 +107,29 @@ impl Identify {
         };
         let stand = self.stand_model.as_deref().map(StandModel::read).transpose()?;
         let nothing = || format!("nothing was identified from `{}`", self.experiment.display());
-        let (aligned, identified, laws) =
-            progress::of_files("identifying", &[&self.experiment], || -> miette::Result<_> {
-                let mut aligned = self.align.read(&self.experiment)?;
-                if let Some(output) = self.output {
-                    aligned.experiment.output = output.into();
-                    check_output(&aligned.experiment)?;
-                }
-                let long = transform(&aligned.experiment, &aligned.long).wrap_err_with(nothing)?;
-                let options = IdentifyOptions { delay_level, stand: stand.as_ref(), long: &long };
-                // How the logs were merged may say why nothing comes of them.
-                let identified = identify(&aligned.experiment, &options)
-                    .inspect_err(|_| eprint!("{}", aligned.text))
-                    .map_err(refused)
-                    .wrap_err_with(nothing)?;
-                let laws = identified.lags.in_time().map(|_| {
-                    compare_laws(step_record(&aligned.experiment)?, aligned.experiment.output).map_err(Into::into)
-                });
-                Ok((aligned, identified, laws.transpose()))
-            })?;
+        let (aligned, found) = progress::of_files("identifying", &[&self.experiment], || -> miette::Result<_> {
+            let mut aligned = self.align.read(&self.experiment)?;
+            if let Some(output) = self.output {
+                aligned.experiment.output = output.into();
+                check_output(&aligned.experiment)?;
+            }
+            let long = transform(&aligned.experiment, &aligned.long).wrap_err_with(nothing)?;
+            let options = IdentifyOptions { delay_level, stand: stand.as_ref(), long: &long };
+            // How the logs were merged may say why nothing comes of them.
+            let found = IdentifyResult::of(&aligned.experiment, &options)
+                .inspect_err(|_| eprint!("{}", aligned.text))
+                .map_err(refused)
+                .wrap_err_with(nothing)?;
+            Ok((aligned, found))
+        })?;
         let Aligned { experiment, text: of_alignment, mut warnings, alignments, .. } = aligned;
+        let identified = &found.identification;
         identified.model.write(&self.out)?;
 
-        warnings.extend(identified.warnings.iter().map(sentence));
-        let laws = laws.unwrap_or_else(|error: IdentifyError| {
-            warnings.push(format!("one lag was not compared with one that depends on the speed: {error}"));
-            None
-        });
-        let (of_lags, mut detail) = tables(&experiment, &identified, laws.as_ref());
-        let headline = headline(&identified);
-        let mut text = paragraph(&headline, "  ");
-        let other = identified.lags.in_time().and_then(|fit| OtherOutput::of(&experiment, fit));
-        if let Some(other) = &other {
+        warnings.extend(found.warnings.iter().cloned());
+        let (of_lags, mut detail) = tables(&experiment, identified, found.laws.as_ref());
+        let mut text = paragraph(&found.headline, "  ");
+        if let Some(other) = &found.other_output {
             text.push_str(&paragraph(&other.sentence(experiment.output), "  "));
         }
         if !of_alignment.is_empty() {
@@ -198,27 +162,13 @@ impl Identify {
                 ]
                 .concat(),
                 warnings: warnings.clone(),
-                sections: sections(&experiment, &identified),
+                sections: sections(&experiment, identified),
                 ..report_pages::report("Identification", format!("Identification of {}", experiment.name), verdict)
             }
         })?);
-        let in_frequency = identified.lags.in_frequency();
-        let distortion = |found: &PeriodicIdentification| found.nominals.iter().map(DistortionValues::of).collect();
-        let values = Values {
-            headline,
-            output: experiment.output,
-            other_output: other,
-            points: identified.model.points.iter().cloned().map(PointValues).collect(),
-            warnings,
-            detail: identified.lags.in_time(),
-            distortion: in_frequency.filter(|_| chirps(&identified).is_none()).map(distortion),
-            intervals: in_frequency.map(identify_intervals::intervals),
-            frequency_responses: chirps(&identified)
-                .map(|found| found.responses.iter().map(ChirpValues::new).collect()),
-            alignment: alignments,
-            static_map: identified.static_map.as_ref().map(|(_, fit)| MapValues::new(fit)),
-            laws: laws.as_ref(),
-        };
+        let mut values = found.values();
+        values.warnings = warnings;
+        values.alignment = alignments.map(|alignments| json!(alignments));
         Ok(Outcome::new(text, &values).with_detail(detail))
     }
 }
@@ -246,35 +196,9 @@ fn refused(error: IdentifyError) -> miette::Report {
     }
 }
 
-fn chirps(identified: &Identification) -> Option<&ChirpIdentification> {
-    match &identified.lags {
-        Lags::Chirps(found) => Some(found),
-        _ => None,
-    }
-}
-
-/// The spectra of records that stay on disk, side by side.
-pub fn transform(experiment: &Experiment, long: &[LongRecord]) -> Result<Vec<(Record, Spectrum)>, LongRecordError> {
-    let options = PeriodicOptions::default().spectrum;
-    let spectra: Vec<_> = long
-        .par_iter()
-        .map(|record| Ok((record.header.clone(), Spectrum::of_long(experiment, record, &options)?)))
-        .collect();
-    // The error is that of the first faulty record, whichever is found first.
-    spectra.into_iter().collect()
-}
-
 /// The parts of a report: what was played, and what came out.
 pub fn sections(experiment: &Experiment, identified: &Identification) -> Vec<Section> {
     vec![identification_section(identified, experiment), excitation_section(experiment)]
-}
-
-/// A warning in a sentence: what is wrong, and behind a semicolon what to do about it.
-pub fn sentence(finding: &Finding) -> String {
-    match &finding.remedy {
-        Some(remedy) => format!("{}; {remedy}", finding.message),
-        None => finding.message.clone(),
-    }
 }
 
 /// The lags, and the other tables as detail.

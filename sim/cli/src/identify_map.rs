@@ -4,7 +4,6 @@ use rotorlead_identify::Estimate;
 use rotorlead_identify::static_map::{Limit, StaticMapFit};
 use rotorlead_records::Output;
 use rotorlead_report::unit;
-use serde::Serialize;
 
 fn interval(estimate: Estimate, digits: usize) -> String {
     let (low, high) = estimate.interval(0.95);
@@ -54,20 +53,4 @@ pub fn describe(fit: &StaticMapFit, output: Output) -> String {
         say(format!("  commands for 0, 10 .. 100 % of the response:\n  {}", commands.join(" ")));
     }
     text
-}
-
-/// The fit for programs.
-#[derive(Serialize)]
-pub struct MapValues<'a> {
-    #[serde(flatten)]
-    fit: &'a StaticMapFit,
-    degree: usize,
-    linearization: Option<Vec<(f64, f64)>>,
-}
-
-impl<'a> MapValues<'a> {
-    /// With a table of eleven commands that make the response linear.
-    pub fn new(fit: &'a StaticMapFit) -> Self {
-        Self { fit, degree: fit.degree(), linearization: fit.linearization(11) }
-    }
 }

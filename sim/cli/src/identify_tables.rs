@@ -1,13 +1,11 @@
-//! `rotorlead identify`: its tables, for people and as JSON.
+//! `rotorlead identify`: its tables, for people.
 
 use std::f64::consts::TAU;
 
 use rotorlead_identify::steps::StaircaseFit;
 use rotorlead_identify::{ChirpIdentification, ChirpResponse, PeriodicIdentification, ResponseLine};
 use rotorlead_numerics::sample::median;
-use rotorlead_plant::Point;
 use rotorlead_records::{Excitation, Experiment, Role};
-use serde::Serialize;
 
 use super::outcome::paragraph;
 
@@ -51,64 +49,8 @@ fn coherence(chirp: &ChirpResponse) -> Option<String> {
     ))
 }
 
-/// The frequency response of a chirp, for programs.
-#[derive(Serialize)]
-pub(super) struct ChirpValues<'a> {
-    file: &'a str,
-    lines: Vec<LineValues>,
-}
-
-/// One line, with the 95 % intervals of magnitude and phase.
-#[derive(Serialize)]
-struct LineValues {
-    frequency_hz: f64,
-    magnitude: f64,
-    magnitude_interval: (f64, f64),
-    phase_deg: f64,
-    phase_interval_deg: (f64, f64),
-    coherence: f64,
-}
-
-impl<'a> ChirpValues<'a> {
-    pub(super) fn new(chirp: &'a ChirpResponse) -> Self {
-        let values = |(line, &coherence): (&ResponseLine, &f64)| {
-            let (low, high) = chirp.response.phase_interval_rad(line, 0.95);
-            LineValues {
-                frequency_hz: line.omega_rad_s / TAU,
-                magnitude: line.response.norm(),
-                magnitude_interval: chirp.response.magnitude_interval(line, 0.95),
-                phase_deg: line.response.arg().to_degrees(),
-                phase_interval_deg: (low.to_degrees(), high.to_degrees()),
-                coherence,
-            }
-        };
-        Self { file: &chirp.file, lines: chirp.response.lines.iter().zip(&chirp.coherence).map(values).collect() }
-    }
-}
-
 /// Which record the steps are of, and how many of them the lags rest on.
 pub(super) fn staircase(fit: &StaircaseFit) -> String {
     let known = fit.steps.iter().filter(|step| step.time_constant_s().is_some()).count();
     paragraph(&format!("{}: {known} of {} steps carry a lag. tau in ms:", fit.record, fit.steps.len()), "  ")
-}
-
-/// One point with every key of the contract: what is not known is null, not absent as in a model's file.
-#[derive(Serialize)]
-pub(super) struct PointValues(#[serde(with = "EveryKey")] pub Point);
-
-#[derive(Serialize)]
-#[serde(remote = "Point")]
-struct EveryKey {
-    nominal: f64,
-    gain: f64,
-    gain_std: Option<f64>,
-    time_constant_s: f64,
-    time_constant_s_std: Option<f64>,
-    delay_s: f64,
-    delay_s_std: Option<f64>,
-    time_constant_up_s: Option<f64>,
-    time_constant_down_s: Option<f64>,
-    fit_frequency_percent: Option<f64>,
-    fit_square_percent: Option<f64>,
-    fit_step_percent: Option<f64>,
 }

@@ -3,7 +3,7 @@
 use clap::{Args, ValueEnum};
 use rotorlead::settings::{Pulse, PulseProtocol};
 use rotorlead_identify::design::{Chain, ChainPhase, FrameStart, Latency};
-use serde_json::{Value, json};
+use rotorlead_results::protocol_name;
 
 use super::WrongUse;
 use super::outcome::paragraph;
@@ -96,59 +96,10 @@ impl LatencyArguments {
     }
 }
 
-impl From<PulseProtocol> for PulseName {
-    fn from(protocol: PulseProtocol) -> Self {
-        match protocol {
-            PulseProtocol::StandardPwm => Self::StandardPwm,
-            PulseProtocol::OneShot125 => Self::OneShot125,
-            PulseProtocol::RawDuty => Self::RawDuty,
-            PulseProtocol::Dshot150 => Self::Dshot150,
-            PulseProtocol::Dshot300 => Self::Dshot300,
-            PulseProtocol::Dshot600 => Self::Dshot600,
-            PulseProtocol::Dshot300Bidirectional => Self::Dshot300Bidirectional,
-            PulseProtocol::Dshot600Bidirectional => Self::Dshot600Bidirectional,
-        }
-    }
-}
-
-/// A value as it is given on the command line.
-fn name(value: impl ValueEnum) -> String {
-    value.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
-}
-
-/// The latency with its steps, what they are computed from, and what of it the holds of a sampled chain stand for, in seconds.
-pub fn latency_json(latency: &Latency, chain: Chain, phases: &[ChainPhase]) -> Value {
-    let pulse = |pulse: Pulse| json!({ "protocol": name(PulseName::from(pulse.protocol)), "frame_hz": pulse.frame_hz });
-    let total = latency.total();
-    let mut json = json!({
-        "mean_s": total.mean_s,
-        "worst_s": total.worst_s,
-        "input": pulse(latency.input),
-        "output": pulse(latency.output),
-        "output_start": latency.frame_start,
-        "loop_rate_hz": latency.loop_rate_hz,
-        "steps": {
-            "input_pulse": latency.input_pulse,
-            "input_filter": latency.input_filter,
-            "tick": latency.tick,
-            "output_frame": latency.output_frame,
-        },
-    });
-    if let (Chain::Sampled { .. }, Some(phase)) = (chain, phases.first()) {
-        json["counted"] = json!({
-            "input_pulse_s": latency.input_pulse.mean_s,
-            "input_filter_s": latency.input_filter.mean_s,
-            "tick_and_frame_uncompensated_s": phase.uncompensated.waits_s,
-            "tick_and_frame_compensated_s": phase.compensated.waits_s,
-        });
-    }
-    json
-}
-
 /// Which pure delays the phases count, to be printed below their table.
 pub fn counted_delays(latency: &Latency, phases: &[ChainPhase]) -> String {
     let total = latency.total();
-    let pulse = |pulse: Pulse| format!("{} at {} Hz", name(PulseName::from(pulse.protocol)), pulse.frame_hz);
+    let pulse = |pulse: Pulse| format!("{} at {} Hz", protocol_name(pulse.protocol), pulse.frame_hz);
     let start = match latency.frame_start {
         FrameStart::FollowsInput => "frames follow the input",
         FrameStart::FreeRunning => "frames run freely",
@@ -208,8 +159,10 @@ mod tests {
     fn protocols_have_the_names_of_a_controllers_settings() {
         for protocol in PulseName::value_variants() {
             let mut settings = Settings::default();
-            set(&mut settings, "input.protocol", &name(*protocol)).unwrap();
+            let name = protocol.to_possible_value().unwrap();
+            set(&mut settings, "input.protocol", name.get_name()).unwrap();
             assert_eq!(settings.input.protocol, PulseProtocol::from(*protocol));
+            assert_eq!(protocol_name(settings.input.protocol), name.get_name());
         }
     }
 

@@ -5,8 +5,9 @@ use std::path::Path;
 use clap::{Args, ValueEnum};
 use miette::WrapErr as _;
 use rotorlead_identify::design::redesign::KindOptions;
-use rotorlead_identify::design::{DesignOptions, DesignedInverse, InverseOptions, Setting, design, design_inverse};
-use rotorlead_plant::{CompensatorDesign, Model};
+use rotorlead_identify::design::{DesignOptions, InverseOptions, Setting};
+use rotorlead_plant::Model;
+use rotorlead_results::Designed;
 
 use super::WrongUse;
 
@@ -65,33 +66,10 @@ pub enum SettingName {
     Robust,
 }
 
-/// A compensator with what its design says of it.
-// There is one of them.
-#[allow(clippy::large_enum_variant)]
-pub enum Designed {
-    /// A lead.
-    Lead(rotorlead::design::LeadDesign),
-    /// An inverse.
-    Inverse(DesignedInverse),
-}
-
-impl Designed {
-    /// What runs.
-    pub fn compensator(&self) -> CompensatorDesign {
-        match self {
-            Self::Lead(design) => (*design).into(),
-            Self::Inverse(designed) => designed.compensator.clone().into(),
-        }
-    }
-}
-
 impl DesignArguments {
     /// Designs for `model`, which was read from `file`.
     pub fn design(&self, model: &Model, file: &Path) -> miette::Result<Designed> {
-        let designed = match self.options()? {
-            KindOptions::Lead(options) => design(model, &options).map(Designed::Lead),
-            KindOptions::Inverse(options) => design_inverse(model, &options).map(Designed::Inverse),
-        };
+        let designed = Designed::of(model, &self.options()?);
         designed.map_err(miette::Report::from).wrap_err_with(|| format!("`{}` gives no compensator", file.display()))
     }
 

@@ -4,13 +4,13 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use miette::{Diagnostic as _, WrapErr as _};
+use miette::WrapErr as _;
 use rotorlead_plant::bench::{Plan, run};
 use rotorlead_plant::{CompensatorDesign, Model};
-use rotorlead_records::files::{OutputFolder, Place, TomlFile};
-use rotorlead_records::{Excitation, Experiment};
+use rotorlead_records::Experiment;
+use rotorlead_records::files::{OutputFolder, TextFile};
 use rotorlead_report::{Fact, Report, Tone, Verdict, simulation_section};
-use serde_json::json;
+use rotorlead_results::{compensator, read_plan, simulation_json};
 
 use super::outcome::{JsonOption, Outcome};
 use super::report_option::ReportOption;
@@ -48,17 +48,16 @@ impl Simulate {
         self.report.check(Some(&self.out))?;
         let model = Model::read(&self.model)?;
         let mut plan = match &self.plan {
-            Some(file) => read_plan(file, &model)?,
+            Some(file) => read_plan(TextFile::read(file)?, &model)?,
             None => Plan::paper(&model),
         };
         if let Some(seed) = self.seed {
             plan.seed = seed;
         }
-        let design = match (&self.compensator, &plan.compensator, &self.plan) {
-            (Some(file), ..) => Some(CompensatorDesign::read(file)?),
-            (None, Some(file), Some(plan)) => Some(CompensatorDesign::read(&beside(plan, file))?),
-            (None, Some(file), None) => Some(CompensatorDesign::read(file)?),
-            (None, None, _) => None,
+        let folder = self.plan.as_deref().and_then(Path::parent).unwrap_or(Path::new(""));
+        let design = match &self.compensator {
+            Some(file) => Some(CompensatorDesign::read(file)?),
+            None => compensator(&plan, folder)?,
         };
         if design.is_some() {
             plan.compensator = Some(PathBuf::from("compensator.toml"));
@@ -91,14 +90,7 @@ impl Simulate {
                 ..report_pages::report("Simulation", experiment.name.clone(), Verdict::new(Tone::Plain, headline))
             }
         })?);
-        let json = json!({
-            "name": experiment.name,
-            "seed": plan.seed,
-            "records": experiment.records.iter()
-                .map(|record| json!({ "file": record.file, "nominal": record.nominal, "rows": record.time_s.len() }))
-                .collect::<Vec<_>>(),
-        });
-        Ok(Outcome::new(text, &json))
+        Ok(Outcome::new(text, &simulation_json(&experiment, plan.seed)))
     }
 }
 
@@ -111,26 +103,4 @@ pub fn simulate(plan: &Plan, model: &Model, design: Option<&CompensatorDesign>) 
     })?;
     bar.finish_and_clear();
     Ok(experiment)
-}
-
-/// Reads a plan whose levels `model` knows.
-fn read_plan(path: &Path, model: &Model) -> miette::Result<Plan> {
-    let (plan, file) = TomlFile::read::<Plan>(path)?;
-    plan.check().map_err(|fault| file.show(&fault))?;
-    for (index, record) in plan.records.iter().enumerate() {
-        let place = Place::root().key("record").item(index);
-        // A staircase follows the level through and beyond the points.
-        if record.excitation != Excitation::Staircase
-            && let Err(error) = model.at(record.nominal)
-        {
-            let help = error.help().map(|help| help.to_string()).unwrap_or_default();
-            return Err(file.show(&place.key("nominal").fault(error.to_string(), help)).into());
-        }
-    }
-    Ok(plan)
-}
-
-/// `file` as seen from the folder of `from`.
-fn beside(from: &Path, file: &Path) -> PathBuf {
-    from.parent().unwrap_or(Path::new("")).join(file)
 }

@@ -54,6 +54,15 @@ impl Lags {
         }
     }
 
+    /// What chirps show; `None` for the others.
+    #[must_use]
+    pub fn chirps(&self) -> Option<&ChirpIdentification> {
+        match self {
+            Self::Chirps(found) => Some(found),
+            Self::Multisines(_) | Self::Steps(_) | Self::None => None,
+        }
+    }
+
     /// The fit of steps; `None` for the others.
     #[must_use]
     pub fn in_time(&self) -> Option<&StaircaseFit> {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use rotorlead_records::files::{FileError, TomlFile, write_toml};
+use rotorlead_records::files::{FileError, TextFile, TomlFile, write_toml};
 
 use super::Model;
 
@@ -13,7 +13,15 @@ impl Model {
     /// When the file is missing or is no model: an unknown key, a missing one, a number that
     /// [`Model::check`] refuses, or no point. The error shows the place in the file.
     pub fn read(path: &Path) -> Result<Self, FileError> {
-        let (model, file) = Self::checked(path)?;
+        Self::parse(TextFile::read(path)?)
+    }
+
+    /// As [`Model::read`], of a text that is here already.
+    ///
+    /// # Errors
+    /// As [`Model::read`].
+    pub fn parse(text: TextFile) -> Result<Self, FileError> {
+        let (model, file) = Self::checked(text)?;
         // A table of steady points tells no lag.
         if model.points.is_empty() {
             return Err(file.show(&model.no_point()));
@@ -26,11 +34,11 @@ impl Model {
     /// # Errors
     /// As [`Model::read`], but for that.
     pub fn read_with_map_alone(path: &Path) -> Result<Self, FileError> {
-        Ok(Self::checked(path)?.0)
+        Ok(Self::checked(TextFile::read(path)?)?.0)
     }
 
-    fn checked(path: &Path) -> Result<(Self, TomlFile), FileError> {
-        let (model, file): (Self, _) = TomlFile::read(path)?;
+    fn checked(text: TextFile) -> Result<(Self, TomlFile), FileError> {
+        let (model, file): (Self, _) = TomlFile::parse(text)?;
         model.check().map_err(|fault| file.show(&fault))?;
         Ok((model, file))
     }

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use super::{Excitation, Experiment, Output, Record, Role};
-use crate::files::{Fault, Place, is_plain_name};
+use crate::files::{Fault, FileError, Place, TextFile, TomlFile, is_plain_name};
 
 /// The file's name in the experiment's folder.
 pub(super) const MANIFEST: &str = "experiment.toml";
@@ -83,9 +83,46 @@ impl Manifest {
         }
     }
 
+    /// Reads and checks the file's text.
+    pub(super) fn parse(text: TextFile) -> Result<(Self, TomlFile), FileError> {
+        let (manifest, file): (Self, _) = TomlFile::parse(text)?;
+        manifest.check().map_err(|fault| file.show(&fault))?;
+        Ok((manifest, file))
+    }
+
+    /// The experiment, with the records still to be added.
+    pub(super) fn to_experiment(&self) -> Experiment {
+        Experiment {
+            name: self.name.clone(),
+            output: self.output,
+            sample_rate_hz: self.sample_rate_hz,
+            esc_frame_hz: self.esc_frame_hz,
+            command_rate_hz: self.command_rate_hz,
+            records: Vec::new(),
+        }
+    }
+
     /// The rules that the types do not express: the first that is broken.
     pub(super) fn check(&self) -> Result<(), Fault> {
         self.faults().into_iter().next().map_or(Ok(()), |(_, fault)| Err(fault))
+    }
+
+    /// Refuses a column `command` that holds something else.
+    pub(super) fn check_command(&self, kind: CommandKind) -> Result<(), Fault> {
+        if self.command == kind {
+            return Ok(());
+        }
+        let (message, help) = match kind {
+            CommandKind::Duty => (
+                "the command is a force, and a motor's is a duty",
+                "this is an experiment on a stand: use `rotorlead identify --stand`",
+            ),
+            CommandKind::ForceN => (
+                "the command is a duty, and a stand's input is a force",
+                "set it to \"force_n\" when the column `command` is the force put into the stand, in newtons",
+            ),
+        };
+        Err(Place::root().key("command").fault(message, help))
     }
 
     /// Everything that [`Self::check`] would refuse, with the index of its record where it is one record's.

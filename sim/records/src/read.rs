@@ -8,7 +8,7 @@ use super::column::Column;
 use super::manifest::{CommandKind, Entry, MANIFEST, Manifest, place};
 use super::table::Table;
 use super::{Excitation, Experiment, LongRecord, Output, Record};
-use crate::files::{FileError, Place, TextFile, TomlFile};
+use crate::files::{FileError, TextFile, TomlFile};
 
 impl Experiment {
     /// Reads `experiment.toml` in `folder` and the CSV file of each of its records.
@@ -21,6 +21,19 @@ impl Experiment {
     /// error shows the file and the place in it, and says what to do.
     pub fn read(folder: &Path) -> Result<Self, FileError> {
         Self::read_kind(folder, CommandKind::Duty, true)
+    }
+
+    /// The experiment that the text of an `experiment.toml` describes, its records without their columns. With those,
+    /// [`Self::check`] refuses what [`Self::read`] would.
+    ///
+    /// # Errors
+    /// As [`Self::read`], of the text.
+    pub fn describe(text: TextFile) -> Result<Self, FileError> {
+        let (manifest, file) = Manifest::parse(text)?;
+        manifest.check_command(CommandKind::Duty).map_err(|fault| file.show(&fault))?;
+        let mut experiment = manifest.to_experiment();
+        experiment.records = manifest.records.into_iter().map(Entry::into_record).collect();
+        Ok(experiment)
     }
 
     /// As [`Self::read`], but leaves multisine records whose file is longer than `longest` bytes ([`LONG_FILE`]) on disk:
@@ -68,32 +81,12 @@ impl Experiment {
         longest: u64,
     ) -> Result<(Self, Vec<LongRecord>), FileError> {
         let path = manifest_path(folder)?;
-        let (manifest, file): (Manifest, _) = TomlFile::read(&path)?;
-        manifest.check().map_err(|fault| file.show(&fault))?;
-        if manifest.command != kind {
-            let (message, help) = match kind {
-                CommandKind::Duty => (
-                    "the command is a force, and a motor's is a duty",
-                    "this is an experiment on a stand: use `rotorlead identify --stand`",
-                ),
-                CommandKind::ForceN => (
-                    "the command is a duty, and a stand's input is a force",
-                    "set it to \"force_n\" when the column `command` is the force put into the stand, in newtons",
-                ),
-            };
-            return Err(file.show(&Place::root().key("command").fault(message, help)));
-        }
+        let (manifest, file) = Manifest::parse(TextFile::read(&path)?)?;
+        manifest.check_command(kind).map_err(|fault| file.show(&fault))?;
         for (index, entry) in manifest.records.iter().enumerate() {
             check_files(folder, index, entry, &file)?;
         }
-        let mut experiment = Self {
-            name: manifest.name,
-            output: manifest.output,
-            sample_rate_hz: manifest.sample_rate_hz,
-            esc_frame_hz: manifest.esc_frame_hz,
-            command_rate_hz: manifest.command_rate_hz,
-            records: Vec::new(),
-        };
+        let mut experiment = manifest.to_experiment();
         let is_long = |entry: &Entry| {
             let length = folder.join(&entry.file).metadata().map_or(0, |file| file.len());
             entry.excitation == Excitation::Multisine && length > longest

@@ -48,21 +48,33 @@ impl Experiment {
         self.write_columns(folder, &self.needed())
     }
 
+    /// Refuses what reading the written files would refuse.
+    ///
+    /// # Errors
+    /// When a value of the experiment or of a record's columns is missing, impossible or out of its range.
+    pub fn check(&self) -> Result<(), FileError> {
+        self.check_for(&self.needed()).map_err(|(name, fault)| FileError::Faulty { name, fault: Box::new(fault) })
+    }
+
     /// The columns that every record has.
     pub(super) fn needed(&self) -> [Column; 2] {
         [Column::Command, Column::of(self.output)]
     }
 
     fn write_columns(&self, folder: &OutputFolder, needed: &[Column]) -> Result<(), FileError> {
-        let refused = |name: &str, fault| FileError::refused(&folder.destination().join(name), fault);
-        let manifest = Manifest::of(self);
-        manifest.check().map_err(|fault| refused(MANIFEST, fault))?;
-        for record in &self.records {
-            self.check_columns(record, needed).map_err(|fault| refused(&record.file, fault))?;
-        }
-        folder.write(MANIFEST, to_toml(&manifest).as_bytes())?;
+        self.check_for(needed).map_err(|(name, fault)| FileError::refused(&folder.destination().join(name), fault))?;
+        folder.write(MANIFEST, to_toml(&Manifest::of(self)).as_bytes())?;
         for record in &self.records {
             folder.write_parts(&record.file, csv_parts(record))?;
+        }
+        Ok(())
+    }
+
+    /// The first fault, and the file that would have it.
+    fn check_for(&self, needed: &[Column]) -> Result<(), (String, Fault)> {
+        Manifest::of(self).check().map_err(|fault| (MANIFEST.to_owned(), fault))?;
+        for record in &self.records {
+            self.check_columns(record, needed).map_err(|fault| (record.file.clone(), fault))?;
         }
         Ok(())
     }

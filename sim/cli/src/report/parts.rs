@@ -15,9 +15,9 @@ use rotorlead_identify::{
 };
 use rotorlead_plant::{ActiveEffect, Catalog, CompensatorDesign, Effect, Model};
 use rotorlead_records::{Experiment, LongRecord};
+use rotorlead_results::transform;
 
 use crate::bandwidth::RESAMPLES;
-use crate::identify::transform;
 use crate::parameters::Kind;
 use crate::{diagnose as diagnosis, progress, redesign as command};
 

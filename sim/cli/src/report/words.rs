@@ -10,14 +10,13 @@ use rotorlead_report::{
     Report, Section, Tone, Verdict, bandwidth_section, design_section, diagnosis_section, diagnosis_tone,
     excitation_section, measured_response, parameter_with_std, simulation_and_experiment, validation_section,
 };
+use rotorlead_results::{PointValues, lost_gain};
 use serde_json::{Value, json};
 
 use super::ReportCommand;
 use super::parts::{Designed, Parts};
 use crate::diagnose::verdict as diagnosed;
 use crate::identify::sections;
-use crate::identify_tables::PointValues;
-use crate::lost_gain::lost_gain;
 use crate::outcome::without_mark;
 use crate::parameters::Kind;
 use crate::report_option::this_command;

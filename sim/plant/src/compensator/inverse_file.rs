@@ -200,6 +200,7 @@ impl CompensatorFile for InverseFile {
 mod tests {
     use proptest::prelude::*;
     use rotorlead_records::files::FileError;
+    use rotorlead_records::files::TextFile;
     use rotorlead_records::files::testing::{Scratch, assert_report};
 
     use super::*;
@@ -239,7 +240,7 @@ g = {g:?}
 
     fn read(text: &str) -> Result<InverseCompensator, FileError> {
         let scratch = Scratch::new();
-        InverseFile::read(&scratch.file("compensator.toml", text))
+        InverseFile::parse(TextFile::read(&scratch.file("compensator.toml", text))?)
     }
 
     #[track_caller]
@@ -321,7 +322,7 @@ g = {g:?}
             let scratch = Scratch::new();
             let path = scratch.path().join("compensator.toml");
             InverseFile::of(&inverse).write(&path).unwrap();
-            prop_assert_eq!(InverseFile::read(&path).unwrap(), inverse);
+            prop_assert_eq!(InverseFile::parse(TextFile::read(&path).unwrap()).unwrap(), inverse);
         }
     }
 }

@@ -150,6 +150,7 @@ impl CompensatorFile for LeadFile {
 mod tests {
     use proptest::prelude::*;
     use rotorlead_records::files::FileError;
+    use rotorlead_records::files::TextFile;
     use rotorlead_records::files::testing::{Scratch, assert_report};
 
     use super::*;
@@ -180,7 +181,7 @@ g1 = {g1}
 
     fn read(text: &str) -> Result<LeadDesign, FileError> {
         let scratch = Scratch::new();
-        LeadFile::read(&scratch.file("compensator.toml", text))
+        LeadFile::parse(TextFile::read(&scratch.file("compensator.toml", text))?)
     }
 
     #[track_caller]
@@ -197,7 +198,7 @@ g1 = {g1}
         let scratch = Scratch::new();
         let path = scratch.path().join("compensator.toml");
         LeadFile::of(&prewarped).write(&path).unwrap();
-        assert_eq!(LeadFile::read(&path).unwrap().prewarp_rad_s(), Some(20.0));
+        assert_eq!(LeadFile::parse(TextFile::read(&path).unwrap()).unwrap().prewarp_rad_s(), Some(20.0));
     }
 
     #[test]
@@ -262,7 +263,7 @@ g1 = {g1}
             let scratch = Scratch::new();
             let path = scratch.path().join("compensator.toml");
             LeadFile::of(&design).write(&path).unwrap();
-            prop_assert_eq!(LeadFile::read(&path).unwrap(), design);
+            prop_assert_eq!(LeadFile::parse(TextFile::read(&path).unwrap()).unwrap(), design);
         }
     }
 }

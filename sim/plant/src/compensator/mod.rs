@@ -15,7 +15,7 @@ use num_complex::Complex64;
 use rotorlead::compensator::{Compensator, Filter};
 use rotorlead::design::{LeadDesign, LeadParameters};
 use rotorlead::throttle::Command;
-use rotorlead_records::files::{FileError, Place, TomlFile};
+use rotorlead_records::files::{FileError, Place, TextFile, TomlFile};
 use serde::{Deserialize, Serialize};
 
 use stored::CompensatorFile;
@@ -54,11 +54,19 @@ impl CompensatorDesign {
     /// When the file cannot be read or is no compensator, when the controller refuses its parameters, or when the integers in it
     /// are others than the controller would compute. The error shows the place in the file.
     pub fn read(path: &Path) -> Result<Self, FileError> {
+        Self::parse(TextFile::read(path)?)
+    }
+
+    /// As [`Self::read`], of a text that is here already.
+    ///
+    /// # Errors
+    /// As [`Self::read`].
+    pub fn parse(text: TextFile) -> Result<Self, FileError> {
         // What has no such key, and what cannot be read, is said by the reader of the kind that came first.
-        let kind = TomlFile::read::<Kind>(path).ok().and_then(|(read, file)| Some((read.kind?, file)));
+        let kind = TomlFile::parse::<Kind>(text.clone()).ok().and_then(|(read, file)| Some((read.kind?, file)));
         match kind.as_ref().map(|(kind, file)| (kind.as_str(), file)) {
-            None | Some(("lead", _)) => Ok(Self::Lead(LeadFile::read(path)?)),
-            Some(("inverse", _)) => Ok(Self::Inverse(InverseFile::read(path)?)),
+            None | Some(("lead", _)) => Ok(Self::Lead(LeadFile::parse(text)?)),
+            Some(("inverse", _)) => Ok(Self::Inverse(InverseFile::parse(text)?)),
             Some((other, file)) => Err(file.show(
                 &Place::root()
                     .key("kind")

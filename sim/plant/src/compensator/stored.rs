@@ -3,7 +3,7 @@
 use std::fmt::Display;
 use std::path::Path;
 
-use rotorlead_records::files::{Fault, FileError, Place, TomlFile, write_toml};
+use rotorlead_records::files::{Fault, FileError, Place, TextFile, TomlFile, write_toml};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
@@ -25,9 +25,9 @@ pub(super) trait CompensatorFile: DeserializeOwned + Serialize {
     /// The stored integers with their places, in an order that depends on their number alone.
     fn integers(&self) -> Vec<(Place, i32)>;
 
-    /// Reads a file, and refuses it unless the controller makes the stored integers of its parameters.
-    fn read(path: &Path) -> Result<Self::Design, FileError> {
-        let (stored, file): (Self, _) = TomlFile::read(path)?;
+    /// Reads a file's text, and refuses it unless the controller makes the stored integers of its parameters.
+    fn parse(text: TextFile) -> Result<Self::Design, FileError> {
+        let (stored, file): (Self, _) = TomlFile::parse(text)?;
         stored.check().map_err(|fault| file.show(&fault))?;
         let design = stored.design().map_err(|reason| {
             file.show(&Place::root().fault(

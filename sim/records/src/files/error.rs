@@ -96,6 +96,15 @@ pub enum FileError {
         /// Which value, and why.
         fault: Box<Fault>,
     },
+    /// Values in memory that no reader would accept.
+    #[error("`{name}`: {fault}")]
+    #[diagnostic(help("{}", fault.help))]
+    Faulty {
+        /// The file that would have them.
+        name: String,
+        /// Which value, and why.
+        fault: Box<Fault>,
+    },
     /// A place in a text.
     #[error(transparent)]
     #[diagnostic(transparent)]

@@ -48,6 +48,12 @@ impl TextFile {
         Ok(file)
     }
 
+    /// A text that is in no file, under a name by which errors call it.
+    #[must_use]
+    pub fn in_memory(name: &str, text: String) -> Self {
+        Self { path: name.into(), text: Arc::new(text), lines_before: 0 }
+    }
+
     /// The part of a file that follows so many bytes and lines.
     pub(super) fn part(path: &Path, bytes: Vec<u8>, bytes_before: u64, lines_before: usize) -> Result<Self, FileError> {
         READ.fetch_add(bytes.len() as u64, Ordering::Relaxed);

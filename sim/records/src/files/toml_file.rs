@@ -28,7 +28,15 @@ impl TomlFile {
     /// Those of [`TextFile::read`]; text that is not TOML; another format; a key that is unknown,
     /// missing, double, or holds a value of the wrong kind.
     pub fn read<T: DeserializeOwned>(path: &Path) -> Result<(T, Self), FileError> {
-        let file = Self { text: TextFile::read(path)? };
+        Self::parse(TextFile::read(path)?)
+    }
+
+    /// As [`Self::read`], of a text that is here already.
+    ///
+    /// # Errors
+    /// As [`Self::read`], but for those of [`TextFile::read`].
+    pub fn parse<T: DeserializeOwned>(text: TextFile) -> Result<(T, Self), FileError> {
+        let file = Self { text };
         file.check_format()?;
         let value = toml::from_str(file.text.text()).map_err(|error| file.refused(&error))?;
         Ok((value, file))

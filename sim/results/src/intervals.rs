@@ -1,4 +1,4 @@
-//! `rotorlead identify` for programs: the intervals behind the standard errors.
+//! The intervals behind the standard errors.
 
 use rotorlead_identify::{Estimate, PeriodicIdentification};
 use serde::Serialize;

@@ -1,4 +1,4 @@
-//! `rotorlead identify` on records that have thrust and speed: the lag of the one that is not the response.
+//! Records that have thrust and speed: the lag of the one that is not the response.
 
 use rotorlead_identify::steps::{StaircaseFit, fit_staircase};
 use rotorlead_records::{Experiment, Output};

@@ -5,6 +5,7 @@ use rotorlead_report::bandwidth_cell;
 
 /// Said where dead time takes the use from what the compensator gains ([`ChainPhase::is_gain_lost`]), with the numbers of
 /// the point that it takes most from.
+#[must_use]
 pub fn lost_gain(points: &[BandwidthPoint], phases: &[ChainPhase]) -> Option<String> {
     let lost: Vec<_> = points.iter().zip(phases).filter(|(point, phase)| phase.is_gain_lost(point)).collect();
     let lag_deg = |(point, phase): &(&BandwidthPoint, &ChainPhase)| {

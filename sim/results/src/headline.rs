@@ -1,4 +1,4 @@
-//! `rotorlead identify`: what came out, in one sentence.
+//! What identification finds, in one sentence.
 
 use rotorlead_identify::design::{CompensatorError, DesignOptions, design};
 use rotorlead_identify::steps::{Direction, StaircaseFit};
