@@ -12,6 +12,7 @@ mod firmware;
 mod fuzz;
 mod image;
 mod library;
+mod python;
 mod run;
 mod setup;
 mod sizes;
@@ -28,7 +29,8 @@ Usage: cargo xtask COMMAND
            one of its interrupts can panic; writes the image beside the linked file as raw binary for the flash's first address
            (.bin), and as Intel HEX (.hex), or for the RP2040 as UF2 (.uf2) for its drive, and checks both; with --update-readme
            writes the sizes of both boards' into the README and the RP2040's page;
-           with --c the archives of the C interface for a Cortex-M4F and a Cortex-M7, their sizes and their stack
+           with --c the archives of the C interface for a Cortex-M4F and a Cortex-M7, their sizes and their stack;
+           with --python the wheel of the Python package, in target/wheels
   emulate  [PORT] runs that image in QEMU, with its link on a TCP port
   flash    flashes that image with a debug probe, and shows its log
   test     every test there is: formatting, lints, documentation, host tests, and the controller's image: its build, its checks,
@@ -40,6 +42,7 @@ Usage: cargo xtask COMMAND
            test-image --update-page writes the table of scenarios in docs/firmware.md instead of holding it
   library  the library as another firmware takes it: without a board, with each feature alone, for other cores, as a package;
            a part of test
+  python   the Python package: its wheel, the types that it states, and its results beside the command line's; a part of test
   statistics
            decides at full count what is claimed of estimates: coverage, spread, bias, orders; some hours. REPEATS and CASE
            make it shorter
@@ -89,6 +92,7 @@ fn task<'a>(arguments: &'a [&'a str]) -> Option<Task<'a>> {
         ["build"] => Box::new(|| firmware::build(board::BOARD).map(drop)),
         ["build", "--board", name] => Box::new(move || firmware::build(firmware::board(name)?).map(drop)),
         ["build", "--c"] => Box::new(c_interface::build),
+        ["build", "--python"] => Box::new(python::build),
         ["build", "--update-readme"] => Box::new(firmware::state_sizes),
         ["emulate"] => Box::new(|| firmware::emulate(emulator::DEFAULT_PORT)),
         ["emulate", port] => Box::new(move || {
@@ -96,6 +100,7 @@ fn task<'a>(arguments: &'a [&'a str]) -> Option<Task<'a>> {
             firmware::emulate(port)
         }),
         ["flash"] => Box::new(firmware::flash),
+        ["python"] => Box::new(python::test),
         ["library"] => Box::new(library::check),
         ["test"] => Box::new(|| test::all(false)),
         ["test", "--setup"] => Box::new(|| test::all(true)),

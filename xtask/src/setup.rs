@@ -1,4 +1,5 @@
-//! Installs what a Rust toolchain may lack: formatter, lints, the targets, compilers for C and C++, the emulators, and a browser.
+//! Installs what a Rust toolchain may lack: formatter, lints, the targets, compilers for C and C++, the emulators, Python, and a
+//! browser.
 
 use std::path::Path;
 use std::process::Command;
@@ -8,7 +9,7 @@ use ::emulator::rp2040;
 
 use crate::board::BOARD;
 use crate::run::{Result, cargo, command, output, run_within, target_folder};
-use crate::{apt, emulator};
+use crate::{apt, emulator, python};
 
 /// Cores that the library is built for beside the host: the smallest Cortex-M, which has neither a division of 64 bits nor a
 /// compare-and-swap, and the image's.
@@ -130,6 +131,7 @@ fn needs() -> Vec<Need> {
         install: Box::new(|| apt::install(&[COMPILERS_PACKAGE])),
     });
     needs.extend(rp2040_needs());
+    needs.extend(python_needs());
     needs.push(Need {
         name: BROWSER_PACKAGE.to_owned(),
         is_there: Box::new(|| BROWSERS.iter().any(|program| runs(program, &["--version"]))),
@@ -159,6 +161,30 @@ fn rp2040_needs() -> [Need; 3] {
             install: Box::new(install_rp2040),
         },
     ]
+}
+
+/// Python, and what builds and tests its package.
+fn python_needs() -> [Need; 2] {
+    let (major, minor) = python::OLDEST;
+    [
+        Need {
+            name: format!("Python {major}.{minor} or later with venv, python3 or what PYTHON names"),
+            is_there: Box::new(python::is_there),
+            install: Box::new(|| apt::install(&python::DEBIAN_PACKAGES)),
+        },
+        Need {
+            name: format!("the Python packages of {}", python::REQUIREMENTS),
+            is_there: Box::new(python::has_packages),
+            install: Box::new(python::install_packages),
+        },
+    ]
+}
+
+/// An error where Python or what builds its package is missing.
+pub fn python() -> Result {
+    let missing: Vec<String> =
+        python_needs().into_iter().filter(|need| !(need.is_there)()).map(|need| need.name).collect();
+    if missing.is_empty() { Ok(()) } else { Err(missing_error(&missing)) }
 }
 
 /// Installs npm's package into cargo's target folder, from the registry that npm is set to.

@@ -97,6 +97,7 @@ impl Times {
         self.beside([
             part("host tests", [host]),
             part("reports in a browser", [browser]),
+            part("Python package", [xtask("python")]),
             part("lints, documentation, library, image and instruction counts", checks),
         ])?;
         // Alone: the emulated time does not wait for a busy machine.

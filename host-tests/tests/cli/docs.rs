@@ -51,7 +51,7 @@ const AUTOPILOT_LOGS: &[(&str, &str)] =
     &[("chirp.bin", "sim/tests/data/chirp.bin"), ("bench.bin", "sim/tests/data/bench.bin")];
 
 /// Every page with commands.
-const PAGES: [Page; 15] = [
+const PAGES: [Page; 16] = [
     Page { brought: &[("log.csv", "sim/tests/data/rcbenchmark.csv")], ..page("README.md", 8) },
     Page { brought: AUTOPILOT_LOGS, ..page("docs/autopilot-logs.md", 4) },
     page("docs/inverse.md", 4),
@@ -64,6 +64,7 @@ const PAGES: [Page; 15] = [
     page("docs/firmware.md", 4),
     page("docs/board-rp2040.md", 4),
     page("docs/c-interface.md", 2),
+    page("docs/python.md", 2),
     page("docs/wiring.md", 2),
     page("docs/vehicle.md", 6),
     page("docs/export.md", 4),
@@ -180,6 +181,8 @@ fn run(page: &str, brought: &[(&str, &str)]) -> usize {
             "" | "text" | "toml" | "csv" => {}
             // Compiled by the tests of the C interface.
             "c" => {}
+            // Run by the tests of the Python package.
+            "python" => {}
             other => panic!("{page}: a block of `{other}` would be neither run nor compared"),
         }
     }

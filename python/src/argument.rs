@@ -1,0 +1,73 @@
+//! What a function may be given: a path, or the same as a mapping.
+
+use std::path::PathBuf;
+
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use pyo3::types::PyMapping;
+use rotorlead_plant::{CompensatorDesign, Model};
+use rotorlead_records::files::{FileError, Place, TextFile};
+
+use crate::error::{raised, refused};
+use crate::value::to_table;
+
+/// A file or folder, or what it would hold.
+pub enum Given<'py> {
+    /// A text, or what `os.fspath` takes.
+    Path(PathBuf),
+    /// A mapping with its keys.
+    Mapping(Bound<'py, PyMapping>),
+}
+
+impl<'a, 'py> FromPyObject<'a, 'py> for Given<'py> {
+    type Error = PyErr;
+
+    fn extract(value: Borrowed<'a, 'py, PyAny>) -> PyResult<Self> {
+        if let Ok(mapping) = value.cast::<PyMapping>() {
+            return Ok(Self::Mapping(mapping.to_owned()));
+        }
+        value.extract().map(Self::Path).map_err(|_| {
+            let found = value.get_type().name().map_or_else(|_| String::new(), |name| name.to_string());
+            PyTypeError::new_err(format!("a path or a dict is needed, and this is of the type {found}"))
+        })
+    }
+}
+
+impl Given<'_> {
+    /// The text of the file, and what to call it. A mapping is written as the file would be, so that it is read and refused alike.
+    pub fn text(&self, name: &str) -> PyResult<(TextFile, PathBuf)> {
+        match self {
+            Self::Path(path) => Ok((read(TextFile::read(path))?, path.clone())),
+            Self::Mapping(mapping) => {
+                let mut table = to_table(mapping)?;
+                table.entry("format").or_insert(1.into());
+                Ok((TextFile::in_memory(name, table.to_string()), name.into()))
+            }
+        }
+    }
+
+    /// The model, and what to call it.
+    pub fn model(&self) -> PyResult<(Model, PathBuf)> {
+        let (text, name) = self.text("model")?;
+        Ok((read(Model::parse(text))?, name))
+    }
+
+    /// The compensator.
+    pub fn compensator(&self) -> PyResult<CompensatorDesign> {
+        read(CompensatorDesign::parse(self.text("compensator")?.0))
+    }
+}
+
+/// What was read, or the exception that says why not.
+pub fn read<T>(result: Result<T, FileError>) -> PyResult<T> {
+    result.map_err(|error| raised(&error.into()))
+}
+
+/// One of the names that a parameter may have.
+pub fn one_of<T: Copy>(parameter: &str, given: &str, choices: &[(&str, T)]) -> PyResult<T> {
+    choices.iter().find(|(name, _)| *name == given).map(|(_, choice)| *choice).ok_or_else(|| {
+        let names: Vec<&str> = choices.iter().map(|(name, _)| *name).collect();
+        let place = Place::root().key(parameter);
+        refused(&place.fault(format!("`{given}` is not known"), format!("give one of: {}", names.join(", "))))
+    })
+}

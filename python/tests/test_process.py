@@ -1,0 +1,57 @@
+"""How the functions share a process: with other threads, and with Ctrl-C."""
+
+import os
+import signal
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+
+import rotorlead
+from stand import Stand
+
+
+class Process(Stand):
+    def test_other_threads_run_meanwhile(self):
+        count, is_done = 0, threading.Event()
+
+        def work():
+            nonlocal count
+            while not is_done.is_set():
+                count += 1
+
+        for function in (
+            lambda: rotorlead.simulate("motor.toml", seed=1),
+            lambda: rotorlead.identify("sim"),
+            lambda: rotorlead.diagnose("real"),
+        ):
+            is_done.clear()
+            other = threading.Thread(target=work)
+            other.start()
+            before, start = count, time.perf_counter()
+            function()
+            taken, meanwhile = time.perf_counter() - start, count - before
+            is_done.set()
+            other.join()
+            # With the lock held the other thread gets no turn. It counts millions per second.
+            self.assertGreater(meanwhile, 10_000 * taken)
+
+    def test_threads_give_what_one_gives(self):
+        alone = [rotorlead.simulate("motor.toml", "plan.toml", seed=seed) for seed in range(4)]
+        with ThreadPoolExecutor() as pool:
+            beside = list(pool.map(lambda seed: rotorlead.simulate("motor.toml", "plan.toml", seed=seed), range(4)))
+        for one, other in zip(alone, beside):
+            self.assert_same(rotorlead.identify(one), rotorlead.identify(other))
+
+    def test_ctrl_c_is_answered_at_once(self):
+        # What is started in the background may have been told to ignore it.
+        before = signal.signal(signal.SIGINT, signal.default_int_handler)
+        self.addCleanup(signal.signal, signal.SIGINT, before)
+        start = time.perf_counter()
+        rotorlead.diagnose("sim")
+        whole = time.perf_counter() - start
+        after = min(0.2, 0.2 * whole)
+        threading.Timer(after, os.kill, (os.getpid(), signal.SIGINT)).start()
+        start = time.perf_counter()
+        with self.assertRaises(KeyboardInterrupt):
+            rotorlead.diagnose("sim")
+        self.assertLess(time.perf_counter() - start, max(0.6 * whole, after + 0.3))
