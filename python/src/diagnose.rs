@@ -32,7 +32,7 @@ pub fn diagnose<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let model = model.map(|model| Ok::<_, PyErr>(model.model()?.0)).transpose()?;
     [&out_model, &out_plan].into_iter().flatten().try_for_each(|out| read(check_writable(out)))?;
-    let records = Records::of(&data)?;
+    let records = Records::of(&data, None)?;
     let (found, next) = interrupt::run(py, move || {
         let nothing = format!("nothing was diagnosed from `{}`", records.name());
         let experiment = records.read_with_esc_commands()?;

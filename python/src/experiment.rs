@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyMapping};
 use rotorlead_diagnose::fill_in_esc_commands;
 use rotorlead_records::files::{FileError, Place, TextFile};
-use rotorlead_records::{Experiment, LONG_FILE, LongRecord, Record};
+use rotorlead_records::{Experiment, LONG_FILE, LongRecord, Output, Record};
 use serde_json::json;
 use toml::{Table, Value};
 
@@ -29,11 +29,12 @@ pub enum Records {
 }
 
 impl Records {
-    /// What was given: a folder, an experiment with a list `records`, or one record.
-    pub fn of(given: &Given) -> PyResult<Self> {
+    /// What was given: a folder, an experiment with a list `records`, or one record. `output` is the response of columns that
+    /// do not say which it is.
+    pub fn of(given: &Given, output: Option<Output>) -> PyResult<Self> {
         match given {
             Given::Path(folder) => Ok(Self::Folder(folder.clone())),
-            Given::Mapping(mapping) => Ok(Self::Columns(in_memory(mapping)?)),
+            Given::Mapping(mapping) => Ok(Self::Columns(in_memory(mapping, output)?)),
         }
     }
 
@@ -66,12 +67,10 @@ impl Records {
 
 /// The experiment of a mapping. Its keys are written as `experiment.toml` has them, and are read and refused as those are; its
 /// columns are held to what those of a CSV file are.
-fn in_memory(mapping: &Bound<PyMapping>) -> PyResult<Experiment> {
-    let records: Vec<Bound<PyMapping>> = match mapping.get_item("records") {
-        Ok(records) => records.extract()?,
-        Err(_) => vec![mapping.clone()],
-    };
+fn in_memory(mapping: &Bound<PyMapping>, output: Option<Output>) -> PyResult<Experiment> {
     let is_one = !mapping.contains("records")?;
+    let records: Vec<Bound<PyMapping>> =
+        if is_one { vec![mapping.clone()] } else { mapping.get_item("records")?.extract()? };
     let mut manifest = if is_one { Table::new() } else { without(mapping, &["records"])? };
     let mut entries = Vec::new();
     let mut columns = Vec::new();
@@ -88,18 +87,17 @@ fn in_memory(mapping: &Bound<PyMapping>) -> PyResult<Experiment> {
         columns.push(columns_of(record)?);
     }
     let of_all = |name| columns.iter().all(|columns: &Columns| columns.iter().any(|(column, _)| *column == name));
-    let output = match (of_all("thrust_n"), of_all("rpm")) {
-        (true, true) => None,
-        (false, true) => Some("rpm"),
-        _ => Some("thrust_n"),
-    };
     // Where records have one response there is one answer; where they have both it has to be given.
-    let defaults =
-        [("format", Some(Value::from(1))), ("command", Some("duty".into())), ("name", Some("records".into()))];
-    for (key, value) in defaults.into_iter().chain([("output", output.map(Value::from))]) {
-        if let Some(value) = value.filter(|_| !manifest.contains_key(key)) {
-            manifest.insert(key.to_owned(), value);
-        }
+    let output = output.or(match (of_all("thrust_n"), of_all("rpm")) {
+        (true, true) => None,
+        (false, true) => Some(Output::Rpm),
+        _ => Some(Output::ThrustN),
+    });
+    for (key, value) in [("format", 1.into()), ("command", "duty".into()), ("name", "records".into())] {
+        manifest.entry(key).or_insert(value);
+    }
+    if let Some(output) = output {
+        manifest.entry("output").or_insert(output.column().into());
     }
     manifest.insert("record".to_owned(), Value::Array(entries));
     let mut experiment = read(Experiment::describe(TextFile::in_memory("records", manifest.to_string())))?;

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use miette::WrapErr as _;
+use miette::{WrapErr as _, miette};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rotorlead_identify::{FirstOrderOptions, IdentifyOptions};
@@ -35,13 +35,21 @@ pub fn identify<'py>(
     let outputs = [Output::ThrustN, Output::Rpm].map(|output| (output.column(), output));
     let output = output.map(|output| one_of("output", output, &outputs)).transpose()?;
     out.as_deref().map_or(Ok(()), |out| read(check_writable(out)))?;
-    let records = Records::of(&data)?;
+    let records = Records::of(&data, output)?;
     let found = interrupt::run(py, move || {
         let nothing = format!("nothing was identified from `{}`", records.name());
         let (mut experiment, long) = records.read_leaving_long()?;
         if let Some(output) = output {
             experiment.output = output;
-            experiment.check()?;
+            if let Some(record) = experiment.records.iter().find(|record| record.response(output).is_none()) {
+                let column = output.column();
+                let remedy = "leave `output` out, or give records that have this column";
+                return Err(miette!(
+                    help = remedy,
+                    "`output` asks for `{column}`, and `{}` has no such column",
+                    record.file
+                ));
+            }
         }
         let long = transform(&experiment, &long).map_err(miette::Report::from).wrap_err_with(|| nothing.clone())?;
         let options = IdentifyOptions { delay_level, stand: None, long: &long };

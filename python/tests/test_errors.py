@@ -87,7 +87,7 @@ class Errors(Stand):
     def test_options(self):
         self.assert_refused(["`delay`: `often` is not known", "auto, none, fit"], rotorlead.identify, "sim", delay="often")
         self.assert_refused(["`output`: `thrust` is not known"], rotorlead.identify, "sim", output="thrust")
-        self.assert_refused(["`rpm`: the column is missing"], rotorlead.identify, "sim", output="rpm")
+        self.assert_refused(["`output` asks for `rpm`, and `u050_multisine.csv` has no"], rotorlead.identify, "sim", output="rpm")
         self.assert_refused(["`kind`: `led` is not known"], rotorlead.design, "model.toml", kind="led")
         self.assert_refused(["`damping`: -1", "above 0"], rotorlead.design, "model.toml", damping=-1)
         self.assert_refused(["`slew_per_s`: inf"], rotorlead.design, "model.toml", kind="inverse", slew_per_s=float("inf"))

@@ -71,6 +71,19 @@ class Identify(Stand):
         record.update({key: float(values[key]) for key in keys if key in values})
         self.assert_same(rotorlead.identify({**record, **columns(path)}), rotorlead.identify("real"))
 
+    def test_the_response_that_is_asked_for(self):
+        records = in_memory("sim", SIM, name="two records", esc_frame_hz=600.0, sample_rate_hz=1000, command_rate_hz=5000)
+        expected = rotorlead.identify(records)
+        for record in records["records"]:
+            record["rpm"] = 1000 * record["thrust_n"]
+        self.assert_same(rotorlead.identify(records, output="thrust_n"), expected)
+        # Speeds that are a thousand times the thrust have its time constants, and a thousand times the gains.
+        of_speed = rotorlead.identify(records, output="rpm")
+        self.assertEqual(of_speed["output"], "rpm")
+        (thrust,), (speed,) = expected["points"], of_speed["points"]
+        self.assertAlmostEqual(speed["gain"] / thrust["gain"], 1000, places=6)
+        self.assertAlmostEqual(speed["time_constant_s"], thrust["time_constant_s"], places=9)
+
     def test_a_simulation_is_taken_as_it_is(self):
         self.assert_same(rotorlead.identify(rotorlead.simulate("motor.toml", "plan.toml")), rotorlead.identify("sim"))
 
