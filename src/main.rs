@@ -100,7 +100,8 @@ mod app {
     #[idle(shared = [inputs, control], local = [server, status, received, to_send])]
     fn idle(cx: idle::Context) -> ! {
         let idle::LocalResources { server, status, received, to_send, .. } = cx.local;
-        let idle::SharedResources { inputs, control, .. } = cx.shared;
+        let idle::SharedResources { inputs, mut control, .. } = cx.shared;
+        control.lock(Control::start_ticks);
         let mut board = ControlHandle { inputs, control, hardware: status };
         loop {
             IDLE_RAN.store(true, Ordering::Relaxed);

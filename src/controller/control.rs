@@ -82,15 +82,19 @@ pub struct Control<H> {
 }
 
 impl<H: ControlHardware> Control<H> {
-    /// Sets the rates and starts the ticks; the outputs are low until the first.
-    pub fn start(mut hardware: H, tick: Tick, plan: &Plan, loop_rate_hz: u32) -> Self {
+    /// Sets the rates; the outputs are low until the first tick.
+    pub fn new(mut hardware: H, tick: Tick, plan: &Plan, loop_rate_hz: u32) -> Self {
         let inputs = start_inputs(plan, &mut hardware);
         let outputs = OutputPath::start(&plan.output, &mut hardware);
         hardware.set_tick_rate(loop_rate_hz);
         hardware.set_watchdog_patient(false);
-        hardware.start_ticks();
         let replies = replies(plan, loop_rate_hz);
         Self { tick, hardware, inputs, outputs, replies, supervisor: Supervisor::new(loop_rate_hz) }
+    }
+
+    /// Starts the ticks, once all is where it stays: on its way there, where interrupts wait, the first ones would be late.
+    pub fn start_ticks(&mut self) {
+        self.hardware.start_ticks();
     }
 
     /// One tick: what the inputs have, to what the outputs get. `readings`: of inputs with pulses; those with frames are read

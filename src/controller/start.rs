@@ -54,7 +54,7 @@ impl Usable {
     }
 }
 
-/// Loads the settings, designs the filter, and starts the control task.
+/// Loads the settings, and designs the filter. The ticks wait for [`Control::start_ticks`].
 ///
 /// Without settings that somebody has chosen and that suit this clock, every output stays low until a host has set some:
 /// the stop pulse of the default protocol may be full speed for another one's ESC.
@@ -91,7 +91,7 @@ pub fn start<C: CaptureTimer, H: ControlHardware, F: NorFlash>(
     let queues = HandlerQueues { inject: inject_in, outputs: outputs_out, samples: samples_out };
     Started {
         inputs: Inputs::new(capture, plan.input.timing()),
-        control: Control::start(hardware, tick, &plan, settings.loop_rate_hz),
+        control: Control::new(hardware, tick, &plan, settings.loop_rate_hz),
         handler: RequestHandler::new(settings, origin, store, queues),
         origin,
     }

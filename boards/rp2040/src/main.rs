@@ -125,6 +125,7 @@ mod app {
     fn idle(cx: idle::Context) -> ! {
         let idle::LocalResources { server, status, received, to_send, timer, .. } = cx.local;
         let idle::SharedResources { inputs, mut control, .. } = cx.shared;
+        control.lock(Control::start_ticks);
         let mut board = ControlHandle { inputs, control: &mut control, hardware: status };
         let mut lamp_step = 0;
         loop {
