@@ -34,10 +34,9 @@ impl OutputPath {
             }
             OutputPlan::Dshot { line, rate } => {
                 hardware.set_output_frames(line);
-                let clock = FrameClock::new(rate.ticks(), line.checksum());
                 match rate {
-                    FrameRate::Relayed => Self::Relay(clock),
-                    FrameRate::Ticks(_) => Self::Frames(clock),
+                    FrameRate::Relayed(_) => Self::Relay(FrameClock::new(1, line.checksum())),
+                    FrameRate::Ticks(ticks) => Self::Frames(FrameClock::new(ticks, line.checksum())),
                 }
             }
         }

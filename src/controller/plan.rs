@@ -75,19 +75,18 @@ impl Frames {
 /// When frames of DShot go out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameRate {
-    /// One for each that came in.
-    Relayed,
+    /// One for each that came in, some so many control ticks apart.
+    Relayed(u32),
     /// One in so many control ticks.
     Ticks(u32),
 }
 
 impl FrameRate {
-    /// From one frame to the next, in control ticks, where none came in.
+    /// From one frame to the next, in control ticks.
     #[must_use]
     pub const fn ticks(self) -> u32 {
         match self {
-            Self::Relayed => 1,
-            Self::Ticks(ticks) => ticks,
+            Self::Relayed(ticks) | Self::Ticks(ticks) => ticks,
         }
     }
 }
@@ -147,8 +146,11 @@ pub enum OutputPlan {
 impl OutputPlan {
     fn new(settings: &Validated, timer_hz: u32) -> Option<Self> {
         if let Some(line) = settings.output.protocol.dshot() {
-            let ticks = settings.loop_rate_hz.div_ceil(u32::from(settings.output.frame_hz).max(1));
-            let rate = if settings.relays_frames() { FrameRate::Relayed } else { FrameRate::Ticks(ticks) };
+            let rate = if settings.relays_frames() {
+                FrameRate::Relayed(settings.frame_ticks(settings.input))
+            } else {
+                FrameRate::Ticks(settings.frame_ticks(settings.output))
+            };
             return Some(Self::Dshot { line, rate });
         }
         let frames = Frames::new(settings, timer_hz)?;

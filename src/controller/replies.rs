@@ -87,7 +87,7 @@ impl Replies {
         }
     }
 
-    /// Microseconds of an electrical turn of this motor, or [`NO_TURN`] where its ESC has not said it for [`FRESH_MS`] and three frames.
+    /// Microseconds of an electrical turn of this motor, or [`NO_TURN`] where its ESC has not said it for the longer of [`FRESH_MS`] and three frames.
     #[must_use]
     pub fn turn_us(&self, motor: usize) -> i32 {
         self.turns.get(motor).map_or(NO_TURN, |turn| turn.turn_us)

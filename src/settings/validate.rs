@@ -324,6 +324,18 @@ impl Settings {
         self.input.protocol.dshot().is_some() && self.output.protocol.dshot().is_some()
     }
 
+    /// Control ticks from one frame of DShot to the next that an output gets where none come in; `None` with pulses.
+    #[must_use]
+    pub fn bench_frame_ticks(&self) -> Option<u32> {
+        self.output.protocol.dshot()?;
+        Some(if self.relays_frames() { 1 } else { self.frame_ticks(self.output) })
+    }
+
+    /// Control ticks in a frame of an input or an output, rounded up.
+    pub(crate) fn frame_ticks(&self, pulse: Pulse) -> u32 {
+        self.loop_rate_hz.div_ceil(u32::from(pulse.frame_hz).max(1))
+    }
+
     /// The highest frequency that the compensator of the fastest motor amplifies, rad/s.
     fn omega_g_rad_s(&self) -> f64 {
         if self.compensator == CompensatorKind::Lead {

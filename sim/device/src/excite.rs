@@ -73,11 +73,12 @@ impl Excited {
 ///
 /// # Errors
 /// [`DeviceError`]: the controller refuses, the line loses samples, or what was played is not what was asked for. The
-/// excitation is stopped in any case. `progress` gets the rows that are there and the rows that there will be.
+/// excitation is stopped in any case, also where one of the `sensors` is silent. `progress` gets the rows that are there and the rows that there will be.
 pub fn play(
     session: &mut Session,
     settings: &Settings,
     played: &Played,
+    sensors: &Sensors,
     progress: &dyn Fn(usize, usize),
 ) -> Result<Excited, DeviceError> {
     let sequence = sequence(settings, played)?;
@@ -105,7 +106,12 @@ pub fn play(
         let before = tape.recording.rows() + 2 * RECORD_SAMPLES;
         let most_rows = before + rows_before.ceil() as usize + warm_up_rows + rows;
         while tape.recording.rows() < most_rows {
+            let read = tape.recording.rows();
             tape.read(session)?;
+            // Up from where the motor turns for sure: it is not to turn for nothing.
+            if read as f64 >= before as f64 + rows_before {
+                tape.recording.check_speed(read.., sensors)?;
+            }
             progress(tape.recording.rows().min(most_rows), most_rows);
         }
         Ok(())

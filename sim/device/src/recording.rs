@@ -1,6 +1,6 @@
 //! What the controller's recorder sends, as columns.
 
-use std::ops::Range;
+use std::ops::{Range, RangeFrom};
 use std::time::Duration;
 
 use rotorlead::link::{Message, RECORD_SAMPLES, Record as Frame, RecordRequest, Request};
@@ -91,6 +91,16 @@ impl Recording {
 
     fn rpm(&self, rows: Range<usize>, motor_poles: u8) -> Result<Vec<f64>, DeviceError> {
         rows.map(|row| rpm(self.turn_us[row], motor_poles).ok_or_else(|| self.no_speed(row))).collect()
+    }
+
+    /// Whether an ESC whose speed is wanted says it.
+    ///
+    /// # Errors
+    /// [`DeviceError::NoSpeed`], where none of the rows has one.
+    pub(super) fn check_speed(&self, rows: RangeFrom<usize>, sensors: &Sensors) -> Result<(), DeviceError> {
+        let (first, Some(motor_poles)) = (rows.start, sensors.motor_poles) else { return Ok(()) };
+        let is_silent = self.turn_us[rows].iter().all(|&turn_us| rpm(turn_us, motor_poles).is_none());
+        if is_silent { Err(self.no_speed(first)) } else { Ok(()) }
     }
 
     /// The first row of which these sensors say nothing.

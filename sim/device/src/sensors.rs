@@ -47,7 +47,7 @@ impl Sensors {
         }
         Err(DeviceError::Option {
             message: "--motor-poles takes the speed from the ESC's replies, and output.protocol has none".to_owned(),
-            help: "`rotorlead device set output.protocol=dshot300_bidirectional` where board and ESC speak it, or measure the thrust",
+            help: "`rotorlead device set output.protocol dshot300_bidirectional` where board and ESC speak it, or measure the thrust",
         })
     }
 }

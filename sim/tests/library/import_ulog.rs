@@ -145,14 +145,65 @@ fn the_sample_is_taken_number_by_number() {
         ("cpuload[0]", None),
     ];
     assert_eq!(uses, expected);
-    assert!(summary.notes.is_empty(), "{:?}", summary.notes);
+    assert_eq!(summary.notes.len(), 1, "{:?}", summary.notes);
+    assert!(summary.notes[0].contains("does not have THR_MDL_FAC"));
 }
 
 #[test]
 fn pulses_of_an_output_channel_stand_in_for_the_command() {
-    let log = imported(&sample_bytes(false), 1).unwrap();
+    let log = importing::imported(&sample_bytes(false), &PULSES).unwrap();
     check_numbers(&log);
     assert!(log.summary.pulse_widths && log.summary.notes[0].contains("output channel 1"));
+    // Its range is never guessed: with DShot it is another one.
+    let text = refusal(imported(&sample_bytes(false), 1));
+    assert!(text.contains("no parameter says") && text.contains("--pulse-us"), "{text}");
+}
+
+const PULSES: ImportOptions = ImportOptions { esc_signal_us: Some((1000.0, 2000.0)), ..ImportOptions::DEFAULT };
+
+/// A log with this behind its first message.
+fn with(bytes: &[u8], inserted: &[u8]) -> Vec<u8> {
+    let at = 16 + 3 + 40;
+    [&bytes[..at], inserted, &bytes[at..]].concat()
+}
+
+fn with_parameter(bytes: &[u8], key: &str, value: f32) -> Vec<u8> {
+    let mut parameter = Vec::new();
+    message(&mut parameter, b'P', &[&[key.len() as u8], key.as_bytes(), &value.to_le_bytes()]);
+    with(bytes, &parameter)
+}
+
+#[test]
+fn the_command_is_what_the_esc_gets_of_the_thrust() {
+    let plain = imported(&sample_bytes(true), 1).unwrap();
+    assert!(plain.summary.notes.iter().any(|note| note.contains("does not have THR_MDL_FAC")), "{:?}", plain.summary);
+    let bent = |factor| imported(&with_parameter(&sample_bytes(true), "float THR_MDL_FAC", factor), 1).unwrap();
+    let zero = bent(0.0);
+    assert_eq!(zero.experiment.records[0].command, plain.experiment.records[0].command);
+    assert!(zero.summary.notes.is_empty(), "{:?}", zero.summary.notes);
+    let factor = 0.25;
+    let bent = bent(factor as f32);
+    for (signal, thrust) in bent.experiment.records[0].command.iter().zip(&plain.experiment.records[0].command) {
+        assert!(((1.0 - factor) * signal + factor * signal * signal - thrust).abs() < 1e-12, "{signal} for {thrust}");
+    }
+    let column = &bent.summary.columns[1];
+    assert!(column.note.contains("THR_MDL_FAC = 0.25"), "{column:?}");
+}
+
+#[test]
+fn a_motor_test_which_drives_the_outputs_behind_the_motors_is_read_from_these() {
+    for standing in [f32::NAN, 0.0] {
+        let mut motors = Vec::new();
+        message(&mut motors, b'F', &[b"actuator_motors:uint64_t timestamp;uint32_t x;float[4] control;"]);
+        message(&mut motors, b'A', &[&[0], &3_u16.to_le_bytes(), b"actuator_motors"]);
+        for k in 0..COMMANDS {
+            let values = [standing; 4].map(f32::to_le_bytes).concat();
+            message(&mut motors, b'D', &[&3_u16.to_le_bytes(), &command_us(k).to_le_bytes(), &[0; 4], &values]);
+        }
+        let log = importing::imported(&with(&sample_bytes(false), &motors), &PULSES).unwrap();
+        check_numbers(&log);
+        assert!(log.summary.notes[0].contains("as in a motor test"), "{:?}", log.summary.notes);
+    }
 }
 
 #[test]

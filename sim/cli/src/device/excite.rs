@@ -14,6 +14,7 @@ use thiserror::Error;
 
 use super::folder::ExperimentFolder;
 use super::record::Sensor;
+use super::{bench_frame_hz, own_help};
 use crate::outcome::Outcome;
 use crate::parameters::{fraction, positive};
 use crate::progress;
@@ -72,7 +73,7 @@ impl Excite {
     pub(super) fn run(&self, session: &mut Session) -> miette::Result<Outcome> {
         let settings = session.settings()?;
         // No input is live: output frames come at their own rate.
-        let (frame_hz, sensors) = (settings.output.frame_hz, self.sensor.sensors(&settings)?);
+        let (frame_hz, sensors) = (bench_frame_hz(&settings), self.sensor.sensors(&settings)?);
         let folder = ExperimentFolder::new(&self.out, &settings, self.motor, self.divisor, frame_hz, sensors.output())?;
         let (mut files, mut rows) = (Vec::new(), 0);
         for (index, &nominal) in self.nominal.iter().enumerate() {
@@ -107,7 +108,7 @@ impl Excite {
         let Self { motor, amplitude, periods, divisor, .. } = *self;
         let played = Played { motor, lines, nominal, amplitude, periods, divisor };
         let bar = progress::bar("playing", 1);
-        let excited = rotorlead_device::play(session, settings, &played, &|rows, total| {
+        let excited = rotorlead_device::play(session, settings, &played, sensors, &|rows, total| {
             bar.set_length(total as u64);
             bar.set_position(rows as u64);
             done.set((rows, total));
@@ -119,7 +120,7 @@ impl Excite {
 
     /// What to do after the record number `index` failed.
     fn remedy(&self, cause: &DeviceError, index: usize) -> String {
-        let own = miette::Diagnostic::help(cause).map(|help| help.to_string()).unwrap_or_default();
+        let own = own_help(cause);
         if index == 0 {
             return format!("{own}; nothing was written");
         }

@@ -30,7 +30,7 @@ impl<'a> ExperimentFolder<'a> {
         settings: &Settings,
         motor: u8,
         divisor: u16,
-        esc_frame_hz: u16,
+        esc_frame_hz: f64,
         output: Output,
     ) -> miette::Result<Self> {
         let loop_rate_hz = f64::from(settings.loop_rate_hz);
@@ -38,7 +38,7 @@ impl<'a> ExperimentFolder<'a> {
             name: "recorded by the controller".into(),
             output,
             sample_rate_hz: Some(loop_rate_hz / f64::from(divisor)),
-            esc_frame_hz: Some(f64::from(esc_frame_hz)),
+            esc_frame_hz: Some(esc_frame_hz),
             command_rate_hz: (divisor > 1).then_some(loop_rate_hz),
             records: Vec::new(),
         };

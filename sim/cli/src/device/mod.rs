@@ -265,6 +265,18 @@ fn is_compensated(settings: &Settings, motor: u8) -> bool {
     settings.motors.get(usize::from(motor)).is_some_and(|motor| motor.compensate)
 }
 
+/// Frames per second that an ESC gets while no flight controller sends any: those of DShot come with control ticks.
+fn bench_frame_hz(settings: &Settings) -> f64 {
+    let own = f64::from(settings.output.frame_hz);
+    let ticks = settings.clone().validate().ok().and_then(|settings| settings.bench_frame_ticks());
+    ticks.map_or(own, |ticks| f64::from(settings.loop_rate_hz) / f64::from(ticks))
+}
+
+/// What to do about an error, as it says itself.
+fn own_help(cause: &DeviceError) -> String {
+    miette::Diagnostic::help(cause).map(|help| help.to_string()).unwrap_or_default()
+}
+
 #[cfg(test)]
 mod tests {
     use rotorlead::link::{ChannelState, Clock, ResetReason};

@@ -13,7 +13,7 @@ use serde_json::json;
 use thiserror::Error;
 
 use super::folder::ExperimentFolder;
-use super::is_compensated;
+use super::{bench_frame_hz, is_compensated, own_help};
 use crate::WrongUse;
 use crate::outcome::Outcome;
 use crate::parameters::{fraction, positive};
@@ -201,8 +201,11 @@ impl Record {
         let sensors = self.sensor.sensors(&settings)?;
         let rows = self.rows(f64::from(settings.loop_rate_hz) / f64::from(divisor))?;
         // Those of a flight controller, whose pulses the output frames may follow.
-        let follows = settings.clone().validate().is_ok_and(|settings| settings.output_follows_input());
-        let esc_frame_hz = if follows { settings.input.frame_hz } else { settings.output.frame_hz };
+        let follows = settings
+            .clone()
+            .validate()
+            .is_ok_and(|settings| settings.output_follows_input() || settings.relays_frames());
+        let esc_frame_hz = if follows { f64::from(settings.input.frame_hz) } else { bench_frame_hz(&settings) };
         let folder = ExperimentFolder::new(&self.out, &settings, self.motor, divisor, esc_frame_hz, sensors.output())?;
         let bar = progress::bar("recording", rows as u64);
         let show = |done| bar.set_position(done as u64);
@@ -216,7 +219,8 @@ impl Record {
         let record = self.record(&recording, there, &settings, &sensors)?;
         let stem = file_stem(record.nominal, record.excitation);
         if let Err(cause) = ended {
-            let help = self.salvage(&folder, &stem, record);
+            let kept = if there == 0 { "nothing was written".to_owned() } else { self.salvage(&folder, &stem, record) };
+            let help = format!("{}; {kept}", own_help(&cause));
             return Err(Broken { cause, rows: there, wanted: rows, help }.into());
         }
         let file = folder.add(&stem, record)?;
@@ -237,9 +241,6 @@ impl Record {
             Ok(path) => format!("the rows that had arrived are in `{}`", path.display()),
             Err(error) => format!("the rows that had arrived are lost: {error}"),
         };
-        format!(
-            "{kept}; nothing was added to `{}`. Check the line, or record with a larger --divisor",
-            self.out.display()
-        )
+        format!("{kept}; nothing was added to `{}`", self.out.display())
     }
 }

@@ -164,7 +164,8 @@ pub enum ImportError {
     #[error("{}: no parameter says which pulse widths mean no and full command", file.display())]
     #[diagnostic(help(
         "state them with --pulse-us LOW..HIGH, as the ESC was calibrated; a log has them as MOT_PWM_MIN and MOT_PWM_MAX (Q_M_PWM_MIN \
-         and Q_M_PWM_MAX of a quadplane, SERVOn_MIN and SERVOn_MAX of a plane's throttle), where these are not 0"
+         and Q_M_PWM_MAX of a quadplane, SERVOn_MIN and SERVOn_MAX of a plane's throttle), where these are not 0; PX4's are PWM_MAIN_MINn and PWM_MAIN_MAXn, and 0..1999 with \
+         DShot"
     ))]
     NoPulseRange {
         /// The log.

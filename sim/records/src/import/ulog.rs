@@ -15,6 +15,8 @@ use super::vectors::{normalized, stamps_kept};
 use super::{ImportError, ImportOptions, ImportSummary, LogFormat, MIN_ROWS, Taken, flight};
 use crate::{Excitation, Output};
 
+/// Bends thrust to the ESC's signal.
+const THRUST_FACTOR: &str = "THR_MDL_FAC";
 const MOTORS: &str = "actuator_motors";
 const OUTPUTS: &str = "actuator_outputs";
 const STATUS: &str = "esc_status";
@@ -48,16 +50,32 @@ pub(super) fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result
     let mut notes = Vec::new();
     let motor = number.checked_sub(1).ok_or_else(|| missing("command", "motors are numbered from 1"))?;
 
-    let commands = [(MOTORS, "control", (0.0, 1.0)), (OUTPUTS, "output", options.pulse_range())];
-    let found = commands.into_iter().find_map(|(name, field, range)| {
-        let topic = log.topic(name)?;
-        Some((topic, field, range, log.place(name, field, motor, None)?, log.place(name, "timestamp", 0, None)?))
-    });
-    let (topic, field, range, place, stamp) =
-        found.ok_or_else(|| missing("command", "`actuator_motors.control` or `actuator_outputs.output`"))?;
-    let command_name = format!("{}.{field}[{motor}]", topic.name);
-    let command = samples(file, &command_name, topic, place, stamp)?;
+    let mut found = Vec::new();
+    for (name, field) in [(MOTORS, "control"), (OUTPUTS, "output")] {
+        let places = (log.topic(name), log.place(name, field, motor, None), log.place(name, "timestamp", 0, None));
+        if let (Some(topic), Some(place), Some(stamp)) = places {
+            let command_name = format!("{name}.{field}[{motor}]");
+            found.push((topic, field, samples(file, &command_name, topic, place, stamp)?, command_name));
+        }
+    }
+    let moving = found.iter().position(|(_, _, command, _)| moves(command)).unwrap_or(0);
+    if moving > 0 {
+        notes.push(
+            "`actuator_motors` stands still, as in a motor test, which drives the outputs behind it: taken is \
+             `actuator_outputs`"
+                .into(),
+        );
+    }
+    if found.is_empty() {
+        return Err(missing("command", "`actuator_motors.control` or `actuator_outputs.output`"));
+    }
+    let (topic, field, command, command_name) = found.swap_remove(moving);
     let pulse_widths = topic.name == OUTPUTS;
+    let range = match options.esc_signal_us {
+        _ if !pulse_widths => (0.0, 1.0),
+        Some(range) => range,
+        None => return Err(ImportError::NoPulseRange { file: file.into() }),
+    };
     if pulse_widths {
         notes.push(format!(
             "the command is output channel {} of instance {}, which is motor {} only if the airframe is wired so",
@@ -80,7 +98,21 @@ pub(super) fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result
     if rows.len() < MIN_ROWS {
         return Err(ImportError::TooFewRows { file: file.into(), rows: rows.len(), needed: MIN_ROWS });
     }
-    let held = normalized(file, &command_name, &rows, held, range)?;
+    let mut held = normalized(file, &command_name, &rows, held, range)?;
+    let mut becomes = format!("{}..{} become 0..1; held to the response's stamps", range.0, range.1);
+    if !pulse_widths {
+        match log.parameter(THRUST_FACTOR) {
+            None => notes.push(format!(
+                "the log does not have {THRUST_FACTOR}, by which PX4 bends the command on its way to the ESC: it is taken as 0, which \
+                 bends nothing"
+            )),
+            Some(factor) if factor > 0.0 => {
+                held.iter_mut().for_each(|command| *command = signal(*command, factor));
+                becomes = format!("as the ESC's signal, by {THRUST_FACTOR} = {factor}; held to the response's stamps");
+            }
+            Some(_) => {}
+        }
+    }
     refuse_flight(file, options, &log, (topic, field, range), (motor, &command), response[rows[0]].0)?;
     let stamps = rows.iter().map(|&row| response[row].0 * 1e-6).collect();
     let (time_s, sample_rate_hz, timing) = stamps_kept(file, &format!("{STATUS}.esc[{esc}].timestamp"), &rows, stamps)?;
@@ -88,11 +120,7 @@ pub(super) fn take(file: &Path, bytes: &[u8], options: &ImportOptions) -> Result
 
     let mut columns = vec![
         column(format!("{STATUS}.esc[{esc}].timestamp"), Some("time_s"), "microseconds, from the first row taken"),
-        column(
-            command_name,
-            Some("command"),
-            &format!("{}..{} become 0..1; held to the response's stamps", range.0, range.1),
-        ),
+        column(command_name, Some("command"), &becomes),
         column(speed_name, Some("rpm"), "magnitude, as the ESC reports it"),
     ];
     let mut optional = |name: &str, taken_as: &str| {
@@ -167,6 +195,19 @@ fn refuse_flight(
 
 fn column(name: String, taken_as: Option<&str>, note: &str) -> ColumnUse {
     ColumnUse { name, taken_as: taken_as.map(String::from), note: note.into() }
+}
+
+/// Whether a command takes more than one value.
+fn moves(command: &[(f64, f64)]) -> bool {
+    let mut known = command.iter().map(|sample| sample.1).filter(|value| value.is_finite());
+    known.next().is_some_and(|first| known.any(|value| value != first))
+}
+
+/// What the ESC gets of a thrust, both 0 to 1 of their ranges, where thrust is `(1 - factor) signal + factor signal^2` (PX4,
+/// `FunctionMotors::updateValues`).
+fn signal(thrust: f64, factor: f64) -> f64 {
+    let half = (1.0 - factor) / (2.0 * factor);
+    (half * half + thrust / factor).sqrt() - half
 }
 
 /// Which ESC drives `motor` (from 0): the one that says so, or that of the same place.

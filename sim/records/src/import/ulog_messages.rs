@@ -22,6 +22,8 @@ pub(super) fn is_ulog(bytes: &[u8]) -> bool {
 pub(super) struct Log<'a> {
     formats: HashMap<&'a str, Vec<Field<'a>>>,
     pub(super) topics: Vec<Topic<'a>>,
+    /// By their names; of those that are changed the last value.
+    parameters: HashMap<&'a str, f64>,
     /// Gaps that the logger itself wrote down.
     pub(super) dropouts: usize,
     /// Whether it ends within a message.
@@ -77,6 +79,14 @@ impl Place<'_> {
     }
 }
 
+/// Name and value of a parameter: the length of its key, which has its type and its name, and the value.
+fn parameter(data: &[u8]) -> Option<(&str, f64)> {
+    let (length, rest) = data.split_first()?;
+    let (key, value) = rest.split_at_checked(usize::from(*length))?;
+    let (kind, name) = str::from_utf8(key).ok()?.split_once(' ')?;
+    Some((name, Place { kind, offset: 0 }.read(value)?))
+}
+
 fn width(kind: &str) -> Option<usize> {
     Some(match kind {
         "int8_t" | "uint8_t" | "bool" | "char" => 1,
@@ -90,7 +100,14 @@ fn width(kind: &str) -> Option<usize> {
 impl<'a> Log<'a> {
     /// Reads the messages of the topics that are `wanted`; of others the name alone is kept.
     pub(super) fn read(bytes: &'a [u8], wanted: &[&str]) -> Result<Self, Damage> {
-        let mut log = Self { formats: HashMap::new(), topics: Vec::new(), dropouts: 0, cut: false, logged: false };
+        let mut log = Self {
+            formats: HashMap::new(),
+            topics: Vec::new(),
+            parameters: HashMap::new(),
+            dropouts: 0,
+            cut: false,
+            logged: false,
+        };
         let mut numbers: HashMap<u16, usize> = HashMap::new();
         // Where parts begin that were appended later: a message before may be cut short there.
         let mut starts = appended(bytes)?;
@@ -138,10 +155,21 @@ impl<'a> Log<'a> {
                     topic.rows.push(row);
                 }
             }
+            b'P' => {
+                // One that cannot be read is one that is not there.
+                if let Some((name, value)) = parameter(data) {
+                    self.parameters.insert(name, value);
+                }
+            }
             b'O' => self.dropouts += 1,
             _ => {}
         }
         Ok(())
+    }
+
+    /// A parameter; `None` where the log does not have it.
+    pub(super) fn parameter(&self, name: &str) -> Option<f64> {
+        self.parameters.get(name).copied()
     }
 
     /// The instance of `name` with the lowest number that has data.
