@@ -48,7 +48,7 @@ impl Fleet {
     pub fn run(&self) -> miette::Result<Outcome> {
         self.report.check(None)?;
         let list = FleetList::read(&self.fleet)?;
-        let read: Vec<Read> = list.logs.iter().map(|log| read(&self.fleet, log)).collect::<Result<_, _>>()?;
+        let read: Vec<Read> = list.logs.iter().map(|log| read(&self.fleet, log)).collect();
         let output = common_output(&read)?;
         let (rows, logs): (Vec<FleetRow>, Vec<Log>) = read.into_iter().map(|read| (read.row, read.log)).unzip();
         let [time_constants, gains] = [Quantity::TimeConstant, Quantity::Gain].map(|quantity| compare(&logs, quantity));
@@ -89,25 +89,29 @@ impl Fleet {
     }
 }
 
-/// Reads what was found of a log. One without a model has no points.
-fn read(fleet: &Path, listed: &FleetLog) -> Result<Read, FileError> {
+/// Reads what was found of a log. One without a model has no points, and a file that is damaged is said in its note: the others go
+/// on.
+fn read(fleet: &Path, listed: &FleetLog) -> Read {
     let folder = listed.path(fleet);
     let mut notes = Vec::new();
     let (mut points, mut output) = (Vec::new(), None);
-    match Model::read(&folder.join(MODEL)) {
+    match Model::read_with_map_alone(&folder.join(MODEL)) {
         Ok(model) => {
             points.extend(model.points.iter().filter(|point| point.gain != 0.0).map(|point| LogPoint {
                 nominal: point.nominal,
                 time_constant_s: point.time_constant_s,
                 gain: point.gain,
             }));
+            if model.points.is_empty() {
+                notes.push(format!("{MODEL} has a static map, and no lag"));
+            }
             output = model.provenance.map(|provenance| provenance.output);
         }
         Err(FileError::Missing { .. }) => notes.push(format!("not identified: no {MODEL}")),
-        Err(error) => return Err(error),
+        Err(error) => notes.push(format!("not compared: {error}")),
     }
-    notes.extend(diagnosis(&folder.join(DIAGNOSIS))?);
-    Ok(Read {
+    notes.extend(diagnosis(&folder.join(DIAGNOSIS)).unwrap_or_else(|error| Some(error.to_string())));
+    Read {
         row: FleetRow {
             log: listed.folder.clone(),
             motor: listed.motor.clone(),
@@ -116,7 +120,7 @@ fn read(fleet: &Path, listed: &FleetLog) -> Result<Read, FileError> {
         },
         log: Log { motor: listed.motor.clone(), day: listed.day(), points },
         output,
-    })
+    }
 }
 
 /// What a diagnosis said, of all that it wrote.

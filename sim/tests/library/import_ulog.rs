@@ -151,7 +151,7 @@ fn the_sample_is_taken_number_by_number() {
 
 #[test]
 fn pulses_of_an_output_channel_stand_in_for_the_command() {
-    let log = importing::imported(&sample_bytes(false), &PULSES).unwrap();
+    let log = importing::imported(&sample_bytes(false), &pulses()).unwrap();
     check_numbers(&log);
     assert!(log.summary.pulse_widths && log.summary.notes[0].contains("output channel 1"));
     // Its range is never guessed: with DShot it is another one.
@@ -159,7 +159,9 @@ fn pulses_of_an_output_channel_stand_in_for_the_command() {
     assert!(text.contains("no parameter says") && text.contains("--pulse-us"), "{text}");
 }
 
-const PULSES: ImportOptions = ImportOptions { esc_signal_us: Some((1000.0, 2000.0)), ..ImportOptions::DEFAULT };
+fn pulses() -> ImportOptions {
+    ImportOptions { motor: Some(1), esc_signal_us: Some((1000.0, 2000.0)), ..ImportOptions::default() }
+}
 
 /// A log with this behind its first message.
 fn with(bytes: &[u8], inserted: &[u8]) -> Vec<u8> {
@@ -200,7 +202,7 @@ fn a_motor_test_which_drives_the_outputs_behind_the_motors_is_read_from_these() 
             let values = [standing; 4].map(f32::to_le_bytes).concat();
             message(&mut motors, b'D', &[&3_u16.to_le_bytes(), &command_us(k).to_le_bytes(), &[0; 4], &values]);
         }
-        let log = importing::imported(&with(&sample_bytes(false), &motors), &PULSES).unwrap();
+        let log = importing::imported(&with(&sample_bytes(false), &motors), &pulses()).unwrap();
         check_numbers(&log);
         assert!(log.summary.notes[0].contains("as in a motor test"), "{:?}", log.summary.notes);
     }

@@ -1,6 +1,6 @@
 //! Logs against each other.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::fmt;
 
 use rotorlead_numerics::sample::median;
@@ -108,17 +108,20 @@ pub fn compare(logs: &[Log], quantity: Quantity) -> Result<Comparison, FewLogs> 
 
 /// Shared commands, with the median of the logarithm.
 fn levels(logs: &[Log], quantity: Quantity) -> Vec<(f64, f64)> {
-    let mut points: Vec<(f64, f64)> =
-        logs.iter().flat_map(|log| &log.points).map(|point| (point.nominal, point.logarithm(quantity))).collect();
-    points.sort_by(|(one, _), (other, _)| one.total_cmp(other));
+    let of_log = |(number, log): (usize, &'_ Log)| -> Vec<(f64, f64, usize)> {
+        log.points.iter().map(|point| (point.nominal, point.logarithm(quantity), number)).collect()
+    };
+    let mut points: Vec<_> = logs.iter().enumerate().flat_map(of_log).collect();
+    points.sort_by(|one, other| one.0.total_cmp(&other.0));
     let mut levels = Vec::new();
     let mut rest = &points[..];
-    while let Some((first, _)) = rest.first() {
-        let (level, others) = rest.split_at(rest.partition_point(|(nominal, _)| nominal - first <= SAME_NOMINAL));
+    while let Some((first, ..)) = rest.first() {
+        let (level, others) = rest.split_at(rest.partition_point(|(nominal, ..)| nominal - first <= SAME_NOMINAL));
         rest = others;
-        let usual = median(level.iter().map(|(_, value)| *value));
-        if let (true, Some(usual)) = (level.len() >= FEWEST_LOGS, usual) {
-            levels.push((level.iter().map(|(nominal, _)| nominal).sum::<f64>() / level.len() as f64, usual));
+        let usual = median(level.iter().map(|(_, value, _)| *value));
+        let sharing: HashSet<usize> = level.iter().map(|(.., log)| *log).collect();
+        if let (true, Some(usual)) = (sharing.len() >= FEWEST_LOGS, usual) {
+            levels.push((level.iter().map(|(nominal, ..)| nominal).sum::<f64>() / level.len() as f64, usual));
         }
     }
     levels
