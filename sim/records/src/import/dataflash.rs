@@ -7,7 +7,10 @@
 //! - Pulse widths become 0..1 by the parameters that state the ESC's range, `MOT_PWM_MIN` and `MOT_PWM_MAX` (`Q_M_` of a quadplane), of a
 //!   plane's throttle by those of its output, `SERVOn_MIN` and `SERVOn_MAX`, unless a range is stated.
 
+use std::collections::HashMap;
 use std::path::Path;
+
+use rotorlead_numerics::sample::median;
 
 use super::dataflash_messages::{Log, Messages};
 use super::held::{Held, hold};
@@ -90,9 +93,7 @@ fn chirp(file: &Path, log: &Log<'_>, rows: &Messages<'_>, options: &ImportOption
     let stamps = rows.iter().map(|&row| time_us[row] * 1e-6).collect();
     let (time_s, sample_rate_hz, timing) = stamps_kept(file, "ECRP.TimeUS", &rows, stamps)?;
     let speed = picked(&rpm, &rows);
-    if let Some(note) = age_of_reports(&time_s, &speed) {
-        notes.push(note);
-    }
+    notes.extend(age_of_reports(file, log, &time_s, &speed)?);
     let (low_hz, high_hz) = (frequency_hz[rows[0]], frequency_hz[rows[rows.len() - 1]]);
     notes.push(format!("a chirp from {low_hz:.2} to {high_hz:.2} Hz, as its rows say"));
     let columns = vec![
@@ -307,17 +308,39 @@ fn pulse_range(
     Err(ImportError::NoPulseRange { file: file.into() })
 }
 
-/// What the ESC's reports are old, where rows repeat them.
-fn age_of_reports(time_s: &[f64], rpm: &[f64]) -> Option<String> {
+/// How old the ESC's reports are: where rows repeat them by the rows, else, where the autopilot draws lines between them, by the log
+/// of the reports themselves.
+fn age_of_reports(file: &Path, log: &Log<'_>, time_s: &[f64], rpm: &[f64]) -> Result<Option<String>, ImportError> {
     let changes = rpm.windows(2).filter(|pair| pair[0] != pair[1]).count();
-    if changes == 0 || 2 * changes > time_s.len() {
-        return None;
+    if changes == 0 {
+        return Ok(None);
     }
-    let every_ms = 1e3 * (time_s[time_s.len() - 1] - time_s[0]) / changes as f64;
-    Some(format!(
-        "the speed changes every {every_ms:.0} ms on average, as the ESC reports it: half of that, and what the telemetry takes, \
-         is in the dead time that is found"
-    ))
+    if 2 * changes <= time_s.len() {
+        let every_ms = 1e3 * (time_s[time_s.len() - 1] - time_s[0]) / changes as f64;
+        return Ok(Some(format!(
+            "the speed changes every {every_ms:.0} ms on average, as the ESC reports it: half of that, and what the telemetry takes, \
+             is in the dead time that is found"
+        )));
+    }
+    let Some(reports) = log.messages(REPORTS) else {
+        return Ok(Some(
+            "between two reports of the ESC the autopilot draws a line: the interval of the telemetry, and what it takes, is in the \
+             dead time that is found"
+                .into(),
+        ));
+    };
+    let (time_us, instance) = (column_of(file, reports, "TimeUS")?, column_of(file, reports, "Instance")?);
+    let mut last = HashMap::new();
+    let intervals_ms = time_us.iter().zip(&instance).filter_map(|(time_us, instance)| {
+        let before = last.insert(*instance as u32, *time_us)?;
+        Some(1e-3 * (time_us - before))
+    });
+    Ok(median(intervals_ms).map(|every_ms| {
+        format!(
+            "the ESC reports every {every_ms:.0} ms, and the autopilot draws a line between two reports: that interval, and what the \
+             telemetry takes, is in the dead time that is found"
+        )
+    }))
 }
 
 fn check_count(file: &Path, rows: usize) -> Result<(), ImportError> {
