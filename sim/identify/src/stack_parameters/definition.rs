@@ -149,7 +149,8 @@ const PX4: [Definition; 1] = [Definition {
         "THR_MDL_FAC",
         "1",
         Quantity::ThrustCurve(ThrustLaw::Quadratic),
-        "rel_thrust = THR_MDL_FAC rel_signal^2 + (1 - THR_MDL_FAC) rel_signal, both from 0 to 1",
+        "rel_thrust = THR_MDL_FAC rel_signal^2 + (1 - THR_MDL_FAC) rel_signal, both from 0 to 1; the signal \
+         between the output's MIN and MAX, or DSHOT_MIN and full throttle",
         "PX4/PX4-Autopilot src/lib/mixer_module/motor_params.yaml at 1cf10fee3b82",
     )
 }];
