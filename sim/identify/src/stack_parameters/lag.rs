@@ -85,13 +85,27 @@ impl Lag {
                 "the model has one time constant for both directions: identify it on a staircase up and down, which tells them apart",
             ));
         }
-        // Steps of both directions that are not known to differ have one time constant.
-        let ratio = ratio.unwrap_or(1.0);
-        Ok(self.time_constant_s.times(match direction {
-            Direction::Up => 0.5 * (1.0 + 1.0 / ratio),
-            Direction::Down => 0.5 * (1.0 + ratio),
+        Ok(self.time_constant_s.times(match (ratio, direction) {
+            (Some(ratio), Direction::Up) => 0.5 * (1.0 + 1.0 / ratio),
+            (Some(ratio), Direction::Down) => 0.5 * (1.0 + ratio),
+            // Where steps are not known to differ, the points have the same in both directions.
+            (None, direction) => share_of_points(&model.points, self.at, direction),
         }))
     }
+}
+
+/// The time constant of one direction over that of both, by the points that know it, at the nearest command that they reach.
+fn share_of_points(points: &[Point], at: f64, direction: Direction) -> f64 {
+    let share = |point: &Point| {
+        let of_direction = match direction {
+            Direction::Up => point.time_constant_up_s,
+            Direction::Down => point.time_constant_down_s,
+        };
+        Some((point.nominal, of_direction? / point.time_constant_s))
+    };
+    let (nominals, shares): (Vec<f64>, Vec<f64>) = points.iter().filter_map(share).unzip();
+    let (Some(first), Some(last)) = (nominals.first(), nominals.last()) else { return 1.0 };
+    interpolated(&nominals, at.clamp(*first, *last), |index| shares[index])
 }
 
 /// Linear between the values on either side of `at`, which is between the first and the last.

@@ -190,7 +190,17 @@ impl Raw {
     fn in_units_of(mut self, definition: &'static Definition) -> Result<Parameter, String> {
         let Band { value: exact, low, high } = self.band.times(definition.scale);
         // Plus zero: a stack need not know a minus zero.
-        let value = if definition.is_integer { exact.round() + 0.0 } else { exact };
+        let mut value = if definition.is_integer { exact.round() + 0.0 } else { exact };
+        if let (Some((least, most)), Some(low), Some(high)) = (definition.bounds, low, high)
+            && !(least..=most).contains(&value)
+            && low <= most
+            && high >= least
+        {
+            value = value.clamp(least, most);
+            self.notes.push(format!(
+                "the measurement says {exact:.4}, beyond the {least} to {most} that the stack takes: its interval holds {value}"
+            ));
+        }
         if let Some((least, most)) = definition.bounds.filter(|(least, most)| !(*least..=*most).contains(&value)) {
             let interval = match (low, high) {
                 (Some(low), Some(high)) => format!(" ({low:.4} to {high:.4})"),

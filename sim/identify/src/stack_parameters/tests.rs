@@ -176,6 +176,22 @@ fn what_a_stack_does_not_take_is_refused_with_the_value() {
 }
 
 #[test]
+fn a_value_beyond_a_stacks_range_whose_interval_reaches_it_is_the_end_of_the_range() {
+    // Linear but for a scatter of alternating sign.
+    let scattered = |bent: f64| {
+        thrust_model(move |u| {
+            let sign = if (20.0 * u).round() % 2.0 == 0.0 { 1.0 } else { -1.0 };
+            12.0 * (bent * u * u + (1.0 - bent) * u) + 0.8 * sign * u * (1.0 - u)
+        })
+    };
+    let found = only(Stack::Px4, &scattered(-0.02), StackOptions::default());
+    assert_eq!(found.value, 0.0);
+    assert!(found.low.unwrap() < 0.0 && found.high.unwrap() > 0.0, "{found:?}");
+    assert!(found.notes.iter().any(|note| note.contains("beyond the 0 to 1")), "{:?}", found.notes);
+    refuses(Stack::Px4, &scattered(-0.25), "THR_MDL_FAC", &["0 to 1"]);
+}
+
+#[test]
 fn a_corner_frequency_is_the_inverse_of_the_time_constant() {
     let found = only(Stack::Paparazzi, &model(Output::ThrustN, None), StackOptions::default());
     // In the middle of 0.4 and 0.6, 0.05 s and 0.03 s.
@@ -232,6 +248,20 @@ fn gazebo_has_a_time_constant_for_each_direction_where_steps_tell_them_apart() {
     );
 }
 
+#[test]
+fn points_that_know_both_directions_give_each() {
+    let mut stepped = model(Output::Rpm, None);
+    for point in &mut stepped.points {
+        (point.time_constant_up_s, point.time_constant_down_s) = (Some(0.03), Some(0.06));
+    }
+    let found = stack_parameters(Stack::Gazebo, &stepped, None, StackOptions::default());
+    let of = |name: &str| found.parameters.iter().find(|parameter| parameter.definition.name == name).unwrap().value;
+    let at = StackOptions { at: Some(0.4), output_range: None };
+    let there = stack_parameters(Stack::Gazebo, &stepped, None, at);
+    near(there.parameters[0].value, 0.03);
+    near(of("timeConstantDown") / of("timeConstantUp"), 2.0);
+}
+
 /// Thrust and speed on the same plateaus: the constant of gz-sim's own default motor, 8.54858e-6 N/(rad/s)^2 and 838 rad/s.
 #[test]
 fn the_constant_of_gazebos_default_motor_is_found_in_records_of_thrust_and_speed() {
@@ -255,7 +285,7 @@ fn the_constant_of_gazebos_default_motor_is_found_in_records_of_thrust_and_speed
 fn indiflight_takes_whole_numbers() {
     let found = stack_parameters(
         Stack::Indiflight,
-        &model(Output::Rpm, Some(map(|u| 20_000.4 * u.powf(0.75)))),
+        &model(Output::Rpm, Some(map(|u| 20_000.4 * (0.4567 * u * u + (1.0 - 0.4567) * u).sqrt()))),
         None,
         StackOptions { at: Some(0.41), output_range: None },
     );
@@ -263,6 +293,6 @@ fn indiflight_takes_whole_numbers() {
     assert_eq!(of("indi_act_time_constant_ms").value, 49.0);
     assert_eq!(of("indi_act_max_rpm").value, 20_000.0);
     let nonlinearity = of("indi_act_nonlinearity");
-    assert_eq!(nonlinearity.value, nonlinearity.value.round());
+    assert_eq!(nonlinearity.value, 46.0);
     assert!(nonlinearity.notes.iter().any(|note| note.contains("rounded from")), "{:?}", nonlinearity.notes);
 }
