@@ -39,7 +39,7 @@ class Identify(Stand):
         for folder in ("real", pathlib.Path("real")):
             self.assert_same(rotorlead.identify(folder), answer("identify", "real", "--out", "a.toml"), OF_IDENTIFY)
 
-    def test_the_chirps_of_a_real_log(self):
+    def test_the_chirps_of_an_autopilots_log(self):
         answer("import", ROOT / "sim/tests/data/chirp.bin", "--out", "chirps")
         found = rotorlead.identify("chirps")
         self.assert_same(found, answer("identify", "chirps", "--out", "a.toml"), OF_IDENTIFY)

@@ -141,6 +141,22 @@ fn each_sweep_of_the_applet_is_a_chirp_and_what_the_other_reader_sees() {
 
 /// The sample's motor: 14 rpm per microsecond, 80 ms, seen 30 ms late.
 #[test]
+fn a_row_without_a_report_ends_what_is_taken_of_a_chirp() {
+    let whole = taken(imported(&chirp(), &ImportOptions::default()).unwrap());
+    // The speed is the last field of `ECRP`.
+    let speed = whole.rpm.as_ref().unwrap()[1000] as f32;
+    let mut bytes = chirp();
+    let times: Vec<usize> =
+        bytes.windows(4).enumerate().filter(|(_, four)| *four == speed.to_le_bytes()).map(|(at, _)| at).collect();
+    assert_eq!(times.len(), 1, "one row has this speed");
+    bytes[times[0]..times[0] + 4].copy_from_slice(&(-1.0_f32).to_le_bytes());
+    let log = imported(&bytes, &ImportOptions::default()).unwrap();
+    let apart: Vec<usize> = log.summary.dropped.iter().map(|dropped| dropped.rows).collect();
+    assert_eq!(apart.last(), Some(&1000), "{:?}", log.summary.dropped);
+    assert_eq!(taken(log).rpm.unwrap(), whole.rpm.unwrap()[1001..]);
+}
+
+#[test]
 fn the_chirp_of_the_applet_gives_its_lag_and_delay() {
     let log = import(&sample("chirp.bin"), &ImportOptions::default()).unwrap();
     let found = identify(&log.experiment, &IdentifyOptions::default()).unwrap();

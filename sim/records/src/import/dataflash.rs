@@ -85,8 +85,13 @@ fn chirp(file: &Path, log: &Log<'_>, rows: &Messages<'_>, options: &ImportOption
     }
     let of_chirp = chirps[number].clone();
     let rows_read = of_chirp.len();
-    // The applet writes -1 where it has no report.
-    let rows: Vec<usize> = of_chirp.filter(|&row| rpm[row].is_finite() && rpm[row] >= 0.0).collect();
+    // The applet writes -1 where it has no report. What is on the other side of such rows is left out: without them the command
+    // would be taken as held.
+    let of_chirp: Vec<usize> = of_chirp.collect();
+    let is_reported = |row: &usize| rpm[*row].is_finite() && rpm[*row] >= 0.0;
+    let unreported = of_chirp.iter().filter(|row| !is_reported(row)).count();
+    let stretches = of_chirp.split(|row| !is_reported(row));
+    let rows = stretches.max_by_key(|stretch| stretch.len()).unwrap_or_default().to_vec();
     check_count(file, rows.len())?;
     let range = pulse_range(file, log, &motors(log).pulse_range_parameters(0), time_us[rows[0]], options, &mut notes)?;
     let command = normalized(file, "ECRP.PWM", &rows, picked(&pulse_us, &rows), range)?;
@@ -102,15 +107,16 @@ fn chirp(file: &Path, log: &Log<'_>, rows: &Messages<'_>, options: &ImportOption
         column("ECRP.Freq".into(), None, "the frequency of the chirp"),
         column("ECRP.RPM".into(), Some("rpm"), "as it stands"),
     ];
-    let dropped = rows_read - rows.len();
-    let dropped = (dropped > 0).then(|| DroppedRows { rows: dropped, reason: "the ESC had not reported".into() });
+    let apart = rows_read - rows.len() - unreported;
+    let dropped = [(unreported, "the ESC had not reported"), (apart, "apart from the longest stretch with reports")];
+    let dropped = dropped.into_iter().filter(|(rows, _)| *rows > 0);
     let summary = ImportSummary {
         file: file.into(),
         format: LogFormat::DataFlash,
         rows_read,
         rows_taken: rows.len(),
         columns,
-        dropped: dropped.into_iter().collect(),
+        dropped: dropped.map(|(rows, reason)| DroppedRows { rows, reason: reason.into() }).collect(),
         timing,
         pulse_widths: true,
         notes,
@@ -262,6 +268,7 @@ fn motors(log: &Log<'_>) -> Motors {
     let lifting = |function: u32| match function {
         33..=40 => Some(function as usize - 32),
         82..=85 => Some(function as usize - 73),
+        160..=179 => Some(function as usize - 147),
         _ => None,
     };
     let throttle = |function: u32| match function {
