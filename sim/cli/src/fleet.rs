@@ -108,9 +108,9 @@ fn read(fleet: &Path, listed: &FleetLog) -> Read {
             output = model.provenance.map(|provenance| provenance.output);
         }
         Err(FileError::Missing { .. }) => notes.push(format!("not identified: no {MODEL}")),
-        Err(error) => notes.push(format!("not compared: {error}")),
+        Err(error) => notes.push(format!("{MODEL} is no model: {error}")),
     }
-    notes.extend(diagnosis(&folder.join(DIAGNOSIS)).unwrap_or_else(|error| Some(error.to_string())));
+    notes.extend(diagnosis(&folder.join(DIAGNOSIS)));
     Read {
         row: FleetRow {
             log: listed.folder.clone(),
@@ -136,25 +136,21 @@ struct Effect {
 }
 
 /// The diagnosis in a word or two; `None` where there is none, or nothing to say.
-fn diagnosis(path: &Path) -> Result<Option<String>, FileError> {
-    let text = match std::fs::read_to_string(path) {
+fn diagnosis(path: &Path) -> Option<String> {
+    let text = match std::fs::read(path) {
         Ok(text) => text,
-        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(None),
-        Err(source) => return Err(FileError::Io { action: "read", path: path.to_owned(), source }),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return None,
+        Err(error) => return Some(format!("{DIAGNOSIS} cannot be read: {error}")),
     };
-    let found: Diagnosed = serde_json::from_str(&text).map_err(|error| {
-        let fault = rotorlead_records::files::Place::root().fault(
-            format!("this is not what `rotorlead diagnose --json` writes: {error}"),
-            "diagnose the log again, or remove the file",
-        );
-        FileError::refused(path, fault)
-    })?;
+    let Ok(found) = serde_json::from_slice::<Diagnosed>(&text) else {
+        return Some(format!("{DIAGNOSIS} is not what `rotorlead diagnose --json` writes"));
+    };
     let kinds: Vec<&str> = found.effects.iter().map(|effect| effect.kind.as_str()).collect();
-    Ok(match (found.verdict.as_str(), kinds.as_slice()) {
+    match (found.verdict.as_str(), kinds.as_slice()) {
         ("agrees", _) => None,
         (verdict, []) => Some(format!("diagnosis: {verdict}")),
         (verdict, kinds) => Some(format!("diagnosis: {verdict} {}", kinds.join(" + "))),
-    })
+    }
 }
 
 /// The response of all logs, as far as their models say it: gains of thrust and of speed are not compared.
