@@ -169,19 +169,7 @@ impl Flight {
         clock: f64,
         levels: impl Fn(u8, u16) -> Option<u32>,
     ) -> Self {
-        Self::at(Settings::default().loop_rate_hz, input, output, period_us, clock, levels)
-    }
-
-    fn at(
-        loop_rate_hz: u32,
-        input: (PulseProtocol, Speed),
-        output: (PulseProtocol, Speed),
-        period_us: f64,
-        clock: f64,
-        levels: impl Fn(u8, u16) -> Option<u32>,
-    ) -> Self {
-        let settings = Settings { loop_rate_hz, ..settings(input.0, output.0) };
-        let mut run = run(&settings, STARTED + ms(35.0));
+        let mut run = run(&settings(input.0, output.0), STARTED + ms(35.0));
         fly(&mut run, input.1, period_us);
         for motor in 0..MOTORS as u8 {
             esc(&mut run, motor, output.1, clock, |n| levels(motor, n));
@@ -251,12 +239,11 @@ fn the_flight_controller_gets_what_each_esc_answers_bit_for_bit() {
 
 #[test]
 #[ignore = "needs the image and the emulators: cargo xtask test"]
-fn a_flight_controller_at_8_khz_gets_an_answer_to_each_frame_and_its_esc_a_frame_for_each() {
+fn a_flight_controller_that_is_faster_than_the_loop_gets_an_answer_to_each_frame_and_its_esc_six_of_ten() {
     let dshot600 = SPEEDS[1];
-    for (emulator, loop_rate_hz) in EMULATORS.into_iter().flat_map(|emulator| [5000, 8000].map(|rate| (emulator, rate)))
-    {
-        let flight =
-            Flight::at(loop_rate_hz, dshot600, dshot600, 125.0, 1.0, |motor, n| Some(said(motor, n).to_levels()));
+    for emulator in EMULATORS {
+        // 8 kHz, and the loop has 5.
+        let flight = Flight::new(dshot600, dshot600, 125.0, 1.0, |motor, n| Some(said(motor, n).to_levels()));
         let trace = flight.trace(emulator);
         for (motor, answers) in (0..).zip(flight.answers_in(emulator, &trace)) {
             assert_eq!(answers.len(), flight.frames(), "{emulator:?}, motor {motor}");
@@ -266,9 +253,9 @@ fn a_flight_controller_at_8_khz_gets_an_answer_to_each_frame_and_its_esc_a_frame
                 let sent = sent(emulator, &trace, OUTPUT_1 + motor, dshot600.1).len();
                 let seen = STARTED..trace.cycles - us(400.0);
                 let received = flight.starts.iter().filter(|start| seen.contains(start)).count();
-                println!("loop at {loop_rate_hz} Hz, motor {motor}: {sent} frames out, {received} in");
-                // A slower loop leaves out frames that newer ones overtake; some are on their way when the run is over.
-                assert!(loop_rate_hz == 5000 || sent + 4 >= received);
+                println!("motor {motor}: {sent} frames out, {received} in");
+                // Those that come in one tick go out as one, and each tick has one: 5 of 8.
+                assert!(sent as f64 > 0.6 * received as f64 && sent < received);
             }
         }
     }
