@@ -90,8 +90,8 @@ fn chirp(file: &Path, log: &Log<'_>, rows: &Messages<'_>, options: &ImportOption
     let of_chirp: Vec<usize> = of_chirp.collect();
     let is_reported = |row: &usize| rpm[*row].is_finite() && rpm[*row] >= 0.0;
     let unreported = of_chirp.iter().filter(|row| !is_reported(row)).count();
-    let stretches = of_chirp.split(|row| !is_reported(row));
-    let rows = stretches.max_by_key(|stretch| stretch.len()).unwrap_or_default().to_vec();
+    let segments = of_chirp.split(|row| !is_reported(row));
+    let rows = segments.max_by_key(|segment| segment.len()).unwrap_or_default().to_vec();
     check_count(file, rows.len())?;
     let range = pulse_range(file, log, &motors(log).pulse_range_parameters(0), time_us[rows[0]], options, &mut notes)?;
     let command = normalized(file, "ECRP.PWM", &rows, picked(&pulse_us, &rows), range)?;
@@ -108,7 +108,7 @@ fn chirp(file: &Path, log: &Log<'_>, rows: &Messages<'_>, options: &ImportOption
         column("ECRP.RPM".into(), Some("rpm"), "as it stands"),
     ];
     let apart = rows_read - rows.len() - unreported;
-    let dropped = [(unreported, "the ESC had not reported"), (apart, "apart from the longest stretch with reports")];
+    let dropped = [(unreported, "the ESC had not reported"), (apart, "apart from the longest segment with reports")];
     let dropped = dropped.into_iter().filter(|(rows, _)| *rows > 0);
     let summary = ImportSummary {
         file: file.into(),
