@@ -370,7 +370,6 @@ fn measure_requests(image_path: &Path, image: &Image) -> Result<(Locked, Locked)
     Ok((of(&in_flight)?, of(&at_rest)?))
 }
 
-/// The outputs must be as wide as the library's.
 /// A byte of the link interrupts the captures, and those the tick: what `controller::load` computes rests on it. In the
 /// core's registers the lower number goes first.
 fn check_priorities(debugger: &mut Debugger) -> Result {
@@ -389,6 +388,7 @@ fn check_priorities(debugger: &mut Debugger) -> Result {
     Err(format!("{LINK} must go before {CAPTURE}, and that before {TICK}: set them so in src/main.rs"))
 }
 
+/// The outputs must be as wide as the library's.
 fn check_widths(debugger: &mut Debugger, expected: [u32; INPUTS]) -> Result {
     for (output, expected) in (0..).zip(expected) {
         let width = debugger.read(TIM3_WIDTHS + 4 * output)?;

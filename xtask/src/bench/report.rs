@@ -26,10 +26,11 @@ const MOST_INSTRUCTIONS_CALL: u32 = 22;
 const MOST_INSTRUCTIONS_SAMPLE: f64 = 13.1;
 const MOST_BYTES: u32 = 40;
 const MOST_INSTRUCTIONS_TICK: u32 = 650;
-/// The same of the inverse: a call, a call in which a limit changes the output, and a tick of four motors.
+/// The same of the inverse: a call, a call in which a limit changes the output, and a tick of four motors, for
+/// which two machines counted 894 and 901.
 const MOST_INSTRUCTIONS_INVERSE: u32 = 60;
 const MOST_INSTRUCTIONS_LIMITED: u32 = 80;
-const MOST_INSTRUCTIONS_TICK_INVERSE: u32 = 900;
+const MOST_INSTRUCTIONS_TICK_INVERSE: u32 = 920;
 
 /// Everything that was measured.
 pub struct Report {
