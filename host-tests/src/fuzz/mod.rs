@@ -1,10 +1,12 @@
 //! Entry points for fuzzers: each takes any bytes, and panics where a claim does not hold.
 
 mod capture;
+mod fleet;
 mod import;
 mod link;
 
 pub use capture::*;
+pub use fleet::*;
 pub use import::*;
 pub use link::*;
 
@@ -22,8 +24,9 @@ pub struct Fuzzer {
 }
 
 /// Every fuzzer.
-pub const FUZZERS: [Fuzzer; 10] = [
+pub const FUZZERS: [Fuzzer; 11] = [
     fuzzer("capture", fuzz_capture, capture_corpus, None),
+    fuzzer("fleet", fuzz_fleet, fleet_corpus, None),
     fuzzer("import_blackbox", fuzz_import_blackbox, import_blackbox_corpus, Some(FuzzedFormat::Blackbox)),
     fuzzer("import_dataflash", fuzz_import_dataflash, import_dataflash_corpus, Some(FuzzedFormat::DataFlash)),
     fuzzer("import_esc32", fuzz_import_esc32, import_esc32_corpus, Some(FuzzedFormat::Esc32)),

@@ -54,17 +54,24 @@ impl FleetList {
     /// # Errors
     /// When the file is missing, lacks a column, or has a cell that is none of these; with its place in the file.
     pub fn read(fleet: &Path) -> Result<Self, FileError> {
-        let text = TextFile::read(&fleet.join(LIST))?;
-        let mut reader = reader(&text);
+        Self::parse(&TextFile::read(&fleet.join(LIST))?)
+    }
+
+    /// The same of a text.
+    ///
+    /// # Errors
+    /// As those of [`Self::read`], of a file that was read.
+    pub fn parse(text: &TextFile) -> Result<Self, FileError> {
+        let mut reader = reader(text);
         let mut row = StringRecord::new();
         next(&mut reader, &mut row);
-        let columns = Columns::of(&text, &row)?;
+        let columns = Columns::of(text, &row)?;
         let (mut logs, mut folders) = (Vec::new(), BTreeSet::new());
         while next(&mut reader, &mut row) {
-            let log = columns.log(&text, &row)?;
+            let log = columns.log(text, &row)?;
             if !folders.insert(log.folder.clone()) {
                 return Err(text.complaint(
-                    cell_span(&text, &row, columns.folder),
+                    cell_span(text, &row, columns.folder),
                     format!("the log `{}` is listed twice", quoted(&log.folder)),
                     "again here",
                     "remove one of its rows",
