@@ -118,16 +118,11 @@ fn operating_points_through_the_image(points: &[(f64, f64, f64)]) {
     }
 }
 
+/// Where the time constant, and with it the lead, is longest.
 #[test]
 #[ignore = "needs the image and the emulator: cargo xtask test"]
 fn the_inverse_at_the_lowest_operating_point_is_the_hosts_bit_for_bit_with_the_predicted_bandwidth() {
     operating_points_through_the_image(&TABLE_1[..1]);
-}
-
-#[test]
-#[ignore = "needs the image and the emulator: cargo xtask test"]
-fn the_inverse_at_the_highest_operating_point_is_the_hosts_bit_for_bit_with_the_predicted_bandwidth() {
-    operating_points_through_the_image(&TABLE_1[5..]);
 }
 
 #[test]

@@ -92,12 +92,7 @@ fn paper_through_the_image(levels: &[(f64, f64, f64)]) {
     }
 }
 
-#[test]
-#[ignore = "needs the image and the emulator: cargo xtask test"]
-fn the_papers_lowest_level_through_the_image_is_the_hosts_bit_for_bit_with_the_predicted_bandwidth() {
-    paper_through_the_image(&TABLE_1[..1]);
-}
-
+/// Where the gain is highest.
 #[test]
 #[ignore = "needs the image and the emulator: cargo xtask test"]
 fn the_papers_highest_level_through_the_image_is_the_hosts_bit_for_bit_with_the_predicted_bandwidth() {

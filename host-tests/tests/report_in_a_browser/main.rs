@@ -8,7 +8,7 @@ mod reports;
 
 use std::collections::BTreeSet;
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use rotorlead_report::FigureKind;
@@ -31,6 +31,7 @@ fn every_report_is_whole_in_a_browser_and_every_kind_of_figure_can_be_used() {
     let screenshots = screenshots();
     let (mut used, mut faults) = (BTreeSet::new(), Vec::new());
     for file in reports::write(folder.path()) {
+        is_small(&file);
         let stem = file.file_stem().unwrap().to_string_lossy().into_owned();
         for (width, scheme) in [(WIDE, "light"), (NARROW, "light"), (WIDE, "dark")] {
             let page = chromium.open(&file, width, scheme);
@@ -128,6 +129,13 @@ fn is_dark(page: &OpenPage, place: &str) {
     assert!(lightness(&colors[0]) < 0.2 && lightness(&colors[1]) > 0.7, "{place}: {colors:?}");
 }
 
+/// Small enough for a mail: six levels with all that can be drawn, and those with less.
+fn is_small(file: &Path) {
+    let most = if file.ends_with("demo.html") { 2_500_000 } else { 2_000_000 };
+    let size = fs::metadata(file).unwrap().len();
+    assert!(size < most, "{} has {size} bytes", file.display());
+}
+
 /// What a page is on paper: its pictures instead of what a pointer would use, and no sheet more than it takes.
 #[test]
 fn a_report_can_be_printed() {
@@ -159,17 +167,6 @@ fn a_report_can_be_printed() {
         }
         let paper: String = page.evaluate("getComputedStyle(document.body).backgroundColor");
         assert_eq!(paper, "rgb(255, 255, 255)", "{scheme}");
-    }
-}
-
-/// Small enough for a mail: six levels with all that can be drawn, and those with less.
-#[test]
-fn reports_are_small() {
-    let folder = tempfile::tempdir().unwrap();
-    for file in reports::write(folder.path()) {
-        let most = if file.ends_with("demo.html") { 2_500_000 } else { 2_000_000 };
-        let size = fs::metadata(&file).unwrap().len();
-        assert!(size < most, "{} has {size} bytes", file.display());
     }
 }
 
