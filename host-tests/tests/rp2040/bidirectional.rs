@@ -254,7 +254,7 @@ fn the_flight_controller_gets_what_each_esc_answers_bit_for_bit() {
 #[ignore = "needs the image and the emulators: cargo xtask test"]
 fn each_tick_sends_a_frame_of_throttle_on_where_the_flight_controller_is_faster() {
     let dshot600 = SPEEDS[1];
-    for (emulator, loop_rate_hz) in [(EMULATORS[0], 5_000), (EMULATORS[0], 10_000), (EMULATORS[1], 5_000)] {
+    for (emulator, loop_rate_hz) in [(Emulator::Node, 5_000), (Emulator::Node, 10_000), (Emulator::Native, 5_000)] {
         // At 8 kHz.
         let says = |motor, n| Some(said(motor, n).to_levels());
         let flight = Flight::at_rate(loop_rate_hz, dshot600, dshot600, 125.0, 1.0, says);
