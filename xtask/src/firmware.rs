@@ -5,7 +5,7 @@ use std::process::Command;
 
 use crate::board::{BOARD, BOARDS, Board, PROBE_CHIP, RP2040};
 use crate::image::{Calls, Function, Image, flash_files};
-use crate::run::{Result, cargo, command, output, run, target_folder};
+use crate::run::{Result, beside, cargo, command, output, run};
 use crate::sizes::{self, Sizes};
 use crate::{emulator, setup};
 
@@ -55,17 +55,14 @@ pub fn build(board: &'static Board) -> Result<Sizes> {
 /// Builds the image for a board and gives its path.
 pub fn build_image(board: &Board, features: &[&str]) -> Result<PathBuf> {
     let toolchain = setup::toolchain(board.target)?;
-    // Variants have a folder of their own, so that the image that is flashed is never one of them.
-    let variant = if features.is_empty() { None } else { Some(target_folder().join("variant")) };
-    let features: Vec<&str> = board.feature.into_iter().chain(features.iter().copied()).collect();
+    let all: Vec<&str> = board.feature.into_iter().chain(features.iter().copied()).collect();
     let mut build = toolchain.cargo(&["build", "--package", board.package, "--bin", board.binary, "--locked"]);
-    build.args(["--profile", "firmware", "--features", &features.join(",")]);
-    if let Some(folder) = &variant {
-        build.env("CARGO_TARGET_DIR", folder);
-    }
+    build.args(["--profile", "firmware", "--features", &all.join(",")]);
+    // The image that is flashed is never one of a variant's.
+    let folder =
+        if features.is_empty() { toolchain.cargo_folder() } else { beside(&mut build, &toolchain.cargo_folder()) };
     run(&mut build)?;
-    let folder = variant.map_or_else(|| toolchain.folder(), |folder| folder.join(board.target));
-    Ok(folder.join("firmware").join(board.binary))
+    Ok(folder.join(board.target).join("firmware").join(board.binary))
 }
 
 /// Runs the image in the emulator.

@@ -1,7 +1,7 @@
 //! Installs what a Rust toolchain may lack: formatter, lints, the targets, compilers for C and C++, the emulators, Python, and a
 //! browser.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
 
@@ -70,7 +70,7 @@ impl Toolchain {
                     .env("RUSTFLAGS", "-C linker=ld.lld")
                     .env_remove("RUSTUP_TOOLCHAIN")
                     // The two compilers must not throw away each other's work.
-                    .env("CARGO_TARGET_DIR", target_folder().join("debian"));
+                    .env("CARGO_TARGET_DIR", self.cargo_folder());
                 cargo
             }
         }
@@ -90,12 +90,16 @@ impl Toolchain {
     }
 
     /// Where its builds end up.
-    pub fn folder(self) -> std::path::PathBuf {
-        let folder = match self.origin {
+    pub fn folder(self) -> PathBuf {
+        self.cargo_folder().join(self.target)
+    }
+
+    /// Cargo's target folder.
+    pub fn cargo_folder(self) -> PathBuf {
+        match self.origin {
             Origin::Rustup => target_folder(),
             Origin::Debian => target_folder().join("debian"),
-        };
-        folder.join(self.target)
+        }
     }
 }
 

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use crate::board::BOARD;
 use crate::image::{Calls, Image};
-use crate::run::{Result, root, run, target_folder};
+use crate::run::{Result, beside, root, run, target_folder};
 use crate::{firmware, setup};
 
 /// A core that the archive is built for.
@@ -56,9 +56,10 @@ impl Core {
     /// Builds the archive.
     pub fn build(&self, features: &[&str]) -> Result<PathBuf> {
         let toolchain = setup::target()?;
-        let folder = if features.is_empty() { self.folder() } else { self.folder().join("variant") };
         let mut build = toolchain.cargo(&["build", "--package", "rotorlead-c", "--lib", "--locked"]);
-        build.args(["--profile", "firmware", "--features", &features.join(",")]).env("CARGO_TARGET_DIR", &folder);
+        build.args(["--profile", "firmware", "--features", &features.join(",")]);
+        build.env("CARGO_TARGET_DIR", self.folder());
+        let folder = if features.is_empty() { self.folder() } else { beside(&mut build, &self.folder()) };
         run(build.env("RUSTFLAGS", format!("-C target-cpu={} -C target-feature={}", self.cpu, self.without)))?;
         Ok(folder.join(BOARD.target).join("firmware/librotorlead_c.a"))
     }
