@@ -1,11 +1,12 @@
-//! The statistical claims at full count.
+//! The statistical claims at full count, and what else takes too long for each run of the tests.
 
 use crate::firmware;
 use crate::run::{Result, cargo, run};
 
 /// Package, its target, and what the names of its tests contain: tests that are not run by default since they take from a minute to
 /// an hour, and that decide by counting what the documentation claims.
-const CLAIMS: [(&str, &[&str], &str); 8] = [
+const CLAIMS: [(&str, &[&str], &str); 9] = [
+    ("host-tests", &["--test", "cli"], "a_signal_at_any_time_of_any_command"),
     ("host-tests", &["--test", "host"], "full_count"),
     ("host-tests", &["--test", "host"], "order_8_is_chosen"),
     ("host-tests", &["--test", "host"], "frequency_response::"),
