@@ -8,9 +8,6 @@ use crate::board::RP2040;
 use crate::run::{Result, cargo, command, run, target_folder};
 use crate::setup;
 
-/// What the test is called that opens every report in a browser: minutes, in which the others run beside it.
-const IN_A_BROWSER: &str = "every_report_is_whole_in_a_browser";
-
 /// A step of the tests: what the table of times calls it, and its commands, one after the other.
 struct Part {
     name: &'static str,
@@ -79,10 +76,6 @@ impl Times {
         let mut build = tests();
         build.arg("--no-run");
         self.alone(part("build of the tests", [build]))?;
-        let mut host = tests();
-        host.args(["--", "--skip", IN_A_BROWSER]);
-        let mut browser = tests();
-        browser.args(["--test", "report_in_a_browser", "--", IN_A_BROWSER]);
         let mut pages = cargo(&["doc", "--workspace", "--no-deps", "--locked"]);
         pages.env("RUSTDOCFLAGS", "-D warnings");
         let mut counts = xtask("bench");
@@ -95,8 +88,7 @@ impl Times {
         let last = [pages, xtask("library"), xtask("check-image"), c_sizes, counts, c_counts, cycles];
         let checks = lints().commands.into_iter().chain(last);
         self.beside([
-            part("host tests", [host]),
-            part("reports in a browser", [browser]),
+            part("host tests", [tests()]),
             part("Python package", [xtask("python")]),
             part("lints, documentation, library, image and instruction counts", checks),
         ])?;

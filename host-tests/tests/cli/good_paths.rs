@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use serde_json::Value;
 
+use crate::gallery;
 use crate::stand::{Stand, report};
 
 const LOGS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/tests/data");
@@ -262,12 +263,12 @@ fn detection_multisines_are_written_by_realization_and_identify_prints_what_they
 
 #[test]
 fn the_demo_prints_the_papers_tables_and_leaves_its_files() {
-    let stand = Stand::new();
-    let text = stand.run("demo --json demo-out/demo.json");
+    let demo = gallery::case("demo");
+    let text = &demo.text;
     for part in ["Table 1", "Table 2", "Table 3", "133.24", "16.6811", "0.1 dB moves the bandwidth", "demo-out"] {
         assert!(text.contains(part), "no `{part}` in:\n{text}");
     }
-    let json: Value = serde_json::from_str(&stand.read("demo-out/demo.json")).unwrap();
+    let json = demo.json();
     for (point, (_, gain, pole)) in json["points"].as_array().unwrap().iter().zip(host_tests::TABLE_1) {
         near(number(point, "gain"), gain, 0.02);
         near(number(point, "time_constant_s"), 1.0 / pole, 0.02);
@@ -283,10 +284,13 @@ fn the_demo_prints_the_papers_tables_and_leaves_its_files() {
         // Where the response is level near -3 dB the noise leaves intervals of +- 4 %.
         near(row["measured_rad_s"][1].as_f64().unwrap(), number(row, "predicted_compensated_rad_s"), 0.1);
     }
-    for file in ["model.toml", "compensator.toml", "bode.svg", "demo.json"] {
-        assert!(!stand.read(&format!("demo-out/{file}")).is_empty());
+    let stand = Stand::new();
+    for file in ["model.toml", "compensator.toml", "bode.svg"] {
+        let content = std::fs::read(demo.wrote("demo-out").join(file)).unwrap();
+        assert!(!content.is_empty(), "{file}");
+        stand.write(file, content);
     }
-    stand.run("bandwidth --model demo-out/model.toml --compensator demo-out/compensator.toml");
+    stand.run("bandwidth --model model.toml --compensator compensator.toml");
 }
 
 /// The paper's Table 1 as a model file, with `tau = 1 / omega_s`.

@@ -102,7 +102,16 @@ pub struct Stand(tempfile::TempDir);
 
 impl Stand {
     pub fn new() -> Self {
-        let stand = Self(tempfile::tempdir().unwrap());
+        Self::filled(tempfile::tempdir().unwrap())
+    }
+
+    /// As [`Self::new`], in `folder`, where it stays.
+    pub fn kept_in(folder: &Path) -> Self {
+        Self::filled(tempfile::Builder::new().disable_cleanup(true).tempdir_in(folder).unwrap())
+    }
+
+    fn filled(folder: tempfile::TempDir) -> Self {
+        let stand = Self(folder);
         fs::create_dir(stand.path("stand")).unwrap();
         stand.write("model.toml", MODEL);
         stand.write("plan.toml", PLAN);

@@ -5,6 +5,7 @@ use std::process::Command as Process;
 use clap::CommandFactory as _;
 use rotorlead_cli::Arguments;
 
+use crate::gallery::{self, Shown};
 use crate::stand::Stand;
 
 /// Every command as it is called, those of `device` too.
@@ -196,60 +197,8 @@ fn the_manual_has_a_page_for_every_command() {
 /// No line that is printed is wider than a terminal of 80 columns, the names of files aside.
 #[test]
 fn what_is_printed_fits_80_columns() {
-    let stand = Stand::of_two_levels();
-    let limited = "[[effect]]\nkind = \"slew_limit\"\n[effect.parameters]\nrate_per_s = 0.6\n";
-    stand.write("limited.toml", stand.read("actuators.toml") + limited);
-    stand.write(
-        "table.csv",
-        "u_nom,uncompensated_rad_s,compensated_rad_s\n0.5,11.8,69.0\n0.55,13.1,80.2\n0.65,14.8,97.2\n",
-    );
-    let logs = concat!(env!("CARGO_MANIFEST_DIR"), "/../sim/tests/data");
     let mut too_wide = Vec::new();
-    for arguments in [
-        "new first",
-        "excite --band 0.1..2 --rate 100 --starts 1 --out command.csv",
-        "excite --band 0.1..2 --rate 100 --detection --realizations 3 --out detect.csv",
-        "simulate --model actuators.toml --plan plan.toml --out sim",
-        "check sim",
-        "identify sim --out found.toml --report r.html --figures figures",
-        "validate sim --model found.toml",
-        "design --model found.toml --loop-rate 200 --omega-g 200 --out c.toml",
-        "bandwidth --model found.toml",
-        "simulate --model actuators.toml --plan plan.toml --compensator c.toml --out led",
-        "check led",
-        "bandwidth --model found.toml --records led",
-        "diagnose sim --model actuators.toml",
-        "diagnose sim --redesign --out-model better.toml",
-        "simulate --model limited.toml --plan plan.toml --out slow",
-        "diagnose slow --redesign --out-plan next.toml",
-        "diagnose --bandwidths table.csv --model actuators.toml",
-        "report sim --out report.html",
-        "validate stand --model model.toml",
-        "check stand",
-        &format!("import {logs}/rcbenchmark.csv --out rc"),
-        &format!("import {logs}/esc32.csv --out esc"),
-        &format!("import {logs}/blackbox.bbl --excitation free --out bb"),
-        &format!("import {logs}/esc_status.ulg --out ulog"),
-        &format!("import {logs}/bench.bin --out bench"),
-        &format!("import {logs}/chirp.bin --out chirp"),
-        &format!("import {logs}/vectors.mat --out mat"),
-        "import stand/step.csv --excitation step --out plain",
-        "identify rc --out rc.toml",
-        "identify esc --out esc.toml",
-        "identify bench --out bench.toml",
-        "identify chirp --out chirp.toml --report chirp.html",
-        "check rc",
-        "check bb",
-        "check chirp",
-        "diagnose esc",
-        "vehicle --verbose",
-        "demo --out demo",
-    ] {
-        let output = stand.command(arguments).output().unwrap();
-        // A check that finds an error fails, and says what it found all the same.
-        let is_done = output.status.success() || arguments.starts_with("check");
-        assert!(is_done, "{arguments}: {}", String::from_utf8_lossy(&output.stderr));
-        let text = String::from_utf8(output.stdout).unwrap();
+    for Shown { arguments, text, .. } in gallery::shown() {
         assert!(!text.contains('\u{1b}'), "`{arguments}` is colored although it is no terminal");
         let is_file = |word: &&str| word.contains('/') || word.ends_with(".csv");
         for line in text.lines() {

@@ -4,7 +4,7 @@
 //! With `ROTORLEAD_SCREENSHOTS=DIR` in the environment every page is also written there as PNG.
 
 mod browser;
-mod reports;
+mod devtools;
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -14,48 +14,58 @@ use std::time::{Duration, Instant};
 use rotorlead_report::FigureKind;
 use serde::Deserialize;
 
+use crate::gallery;
+use crate::stand::Stand;
 use browser::{Chromium, OpenPage, SHEET};
-use reports::{MODEL, run};
 
 const CHECKS: &str = include_str!("checks.js");
 /// Widths of a window, pixels.
 const WIDE: u32 = 1280;
 const NARROW: u32 = 390;
 
-/// Every report at both widths by day, and by night once: all in it is there, and can be read. What can be done with a figure is done
-/// with the first of its kind.
 #[test]
-fn every_report_is_whole_in_a_browser_and_every_kind_of_figure_can_be_used() {
+fn every_report_is_whole_in_a_wide_window_by_day_and_by_night_and_can_be_used() {
+    are_whole(WIDE, &["light", "dark"]);
+}
+
+#[test]
+fn every_report_is_whole_in_a_narrow_window_and_can_be_used() {
+    are_whole(NARROW, &["light"]);
+}
+
+/// Loads every report in a window of this width: all in it is there, and can be read, in each color scheme. What can be done with a
+/// figure is done with the first of its kind.
+fn are_whole(width: u32, schemes: &[&str]) {
     let Some(chromium) = Chromium::start() else { return };
-    let folder = tempfile::tempdir().unwrap();
     let screenshots = screenshots();
     let (mut used, mut faults) = (BTreeSet::new(), Vec::new());
-    for file in reports::write(folder.path()) {
-        is_small(&file);
-        let stem = file.file_stem().unwrap().to_string_lossy().into_owned();
-        for (width, scheme) in [(WIDE, "light"), (NARROW, "light"), (WIDE, "dark")] {
-            let page = chromium.open(&file, width, scheme);
-            page.run(CHECKS);
+    for shown in gallery::shown().iter().filter(|shown| shown.is_opened) {
+        is_small(&shown.report);
+        let page = chromium.open(&shown.report, width, schemes[0]);
+        page.run(CHECKS);
+        let place = format!("`{}` at {width} pixels", shown.arguments);
+        for scheme in schemes {
+            page.show("", scheme);
             if let Some(folder) = &screenshots {
-                page.screenshot(&folder.join(format!("{stem}-{width}-{scheme}.png")));
+                let name = shown.arguments.replace([' ', '.'], "-");
+                page.screenshot(&folder.join(format!("{name}-{width}-{scheme}.png")));
             }
-            let place = format!("{stem} at {width} pixels, {scheme}");
             let found: Vec<String> = page.evaluate("faults()");
-            faults.extend(found.iter().map(|fault| format!("{place}: {fault}")));
-            if scheme == "dark" {
+            faults.extend(found.iter().map(|fault| format!("{place}, {scheme}: {fault}")));
+            if *scheme == "dark" {
                 is_dark(&page, &place);
             }
-            for (index, kind) in kinds(&page).into_iter().enumerate() {
-                if scheme == "light" && used.insert((kind.id(), width)) {
-                    can_be_used(&page, index, &place);
-                }
-            }
-            assert!(page.complaints().is_empty(), "{place}: {:#?}", page.complaints());
         }
+        for (index, kind) in kinds(&page).into_iter().enumerate() {
+            if used.insert(kind.id()) {
+                can_be_used(&page, index, &place);
+            }
+        }
+        assert!(page.complaints().is_empty(), "{place}: {:#?}", page.complaints());
     }
     assert!(faults.is_empty(), "{}", faults.join("\n"));
-    for (kind, width) in FigureKind::ALL.iter().flat_map(|kind| [WIDE, NARROW].map(|width| (kind, width))) {
-        assert!(used.contains(&(kind.id(), width)), "no report shows {kind:?} at {width} pixels");
+    for kind in FigureKind::ALL {
+        assert!(used.contains(kind.id()), "no report shows {kind:?}");
     }
 }
 
@@ -131,7 +141,7 @@ fn is_dark(page: &OpenPage, place: &str) {
 
 /// Small enough for a mail: six levels with all that can be drawn, and those with less.
 fn is_small(file: &Path) {
-    let most = if file.ends_with("demo.html") { 2_500_000 } else { 2_000_000 };
+    let most = if file.ends_with("7-demo.html") { 2_500_000 } else { 2_000_000 };
     let size = fs::metadata(file).unwrap().len();
     assert!(size < most, "{} has {size} bytes", file.display());
 }
@@ -140,15 +150,11 @@ fn is_small(file: &Path) {
 #[test]
 fn a_report_can_be_printed() {
     let Some(chromium) = Chromium::start() else { return };
-    let folder = tempfile::tempdir().unwrap();
     let screenshots = screenshots();
-    fs::write(folder.path().join("plan.toml"), host_tests::stand_plan()).unwrap();
-    fs::write(folder.path().join("model.toml"), MODEL).unwrap();
-    run(folder.path(), "simulate --model model.toml --plan plan.toml --out stand");
-    run(folder.path(), "report stand --no-diagnosis --out report.html");
+    let report = &gallery::case("report sim --out report.html").report;
     // What a dark screen shows is printed on white paper.
     for scheme in ["light", "dark"] {
-        let page = chromium.open(&folder.path().join("report.html"), WIDE, scheme);
+        let page = chromium.open(report, WIDE, scheme);
         page.run(CHECKS);
         let pictures: usize = page.evaluate("document.querySelectorAll('figure').length");
         let pdf = page.print();
@@ -159,7 +165,7 @@ fn a_report_can_be_printed() {
         assert!((2..=pictures + 6).contains(&pdf.sheets), "{} sheets for {pictures} figures", pdf.sheets);
         assert!(pictures >= 6, "{pictures} figures");
 
-        page.as_printed();
+        page.as_printed(scheme);
         let faults: Vec<String> = page.evaluate(&format!("printFaults({})", SHEET.0));
         assert!(faults.is_empty(), "{scheme}:\n{}", faults.join("\n"));
         if let Some(folder) = &screenshots {
@@ -172,19 +178,19 @@ fn a_report_can_be_printed() {
 
 #[test]
 fn a_report_is_one_file_that_says_what_was_done_and_the_same_every_time() {
-    let folder = tempfile::tempdir().unwrap();
-    fs::write(folder.path().join("model.toml"), MODEL).unwrap();
+    let stand = Stand::new();
+    let before = stand.everything().len();
     let mut files = Vec::new();
     for _ in 0..2 {
-        run(folder.path(), "design --model model.toml --out compensator.toml --report design.html");
-        files.push(fs::read_to_string(folder.path().join("design.html")).unwrap());
+        stand.run("design --model model.toml --out compensator.toml --report design.html");
+        files.push(stand.read("design.html"));
     }
     assert_eq!(files[0], files[1]);
     let html = &files[0];
     // Options are kept in one piece.
     let words = html.replace("<span class=\"option\">", "").replace("</span>", "");
     for part in [
-        "Predicted bandwidth: 9.3 to 14.1 rad/s without",
+        "Predicted bandwidth: 12.5 to 16.6 rad/s without",
         "rotorlead design --model model.toml --out compensator.toml --report design.html",
         concat!("Rotorlead ", env!("CARGO_PKG_VERSION")),
         "Permission is hereby granted, free of charge",
@@ -197,6 +203,6 @@ fn a_report_is_one_file_that_says_what_was_done_and_the_same_every_time() {
     for loads in ["src=", "<link rel=\"stylesheet\"", "url(", "@import"] {
         assert!(!markup.contains(loads), "{loads}");
     }
-    let names: Vec<_> = fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
-    assert_eq!(names.len(), 3, "{names:?}");
+    // The compensator and the report.
+    assert_eq!(stand.everything().len(), before + 2);
 }

@@ -1,0 +1,258 @@
+//! Each command of the command line, run once on its standard input. What it printed and wrote is kept for every test that looks at it:
+//! at its width, its JSON, its figures, or its report in a browser.
+
+use std::fmt::Write as _;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
+
+use clap::CommandFactory as _;
+use rotorlead_cli::Arguments;
+use serde_json::Value;
+
+use crate::stand::{ACTUATORS, Stand};
+
+/// Two levels, and a slew limit, so that a diagnosis has something to find.
+const LIMIT: &str = "[[effect]]\nkind = \"slew_limit\"\n[effect.parameters]\nrate_per_s = 0.6\n";
+
+/// The static curve of a motor for steps through its range.
+const STATIC_MAP: &str = "[static_map]\ncommand = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8]\n\
+                          response = [0.1, 0.6, 1.4, 2.4, 3.5, 4.8, 6.2, 7.8]\n";
+const STAIRS: &str = "format = 1\nname = \"stairs\"\nseed = 1\nloop_rate_hz = 200\nsample_rate_hz = 200\n\
+                      [noise]\nsigma_n = 0.02\n[[record]]\nnominal = 0.5\nexcitation = \"staircase\"\n\
+                      levels = [0.3, 0.4, 0.5, 0.6, 0.7, 0.6, 0.5, 0.4, 0.3]\nhold_s = 2\n";
+
+/// The paper's measured bandwidths at three levels, and a model of these.
+const BANDWIDTHS: &str = "u_nom,uncompensated_rad_s,compensated_rad_s\n0.4,7.6139,10.5564\n0.5,11.7689,68.9652\n\
+                          0.65,14.7953,97.1847\n";
+const LOWEST: &str = "[[point]]\nnominal = 0.4\ngain = 9.9955\ntime_constant_s = 0.15934\n";
+
+const HAMMER: &str = "format = 1\nname = \"hammer\"\ncommand = \"force_n\"\noutput = \"thrust_n\"\n\
+                      [[record]]\nfile = \"blow.csv\"\nnominal = 0\nexcitation = \"free\"\n";
+
+/// A command as a user gives it, what is asked of the browser, and how it ends.
+struct Case {
+    arguments: &'static str,
+    is_opened: bool,
+    status: i32,
+}
+
+const fn run(arguments: &'static str) -> Case {
+    Case { arguments, is_opened: false, status: 0 }
+}
+
+/// One whose report is opened in a browser.
+const fn opened(arguments: &'static str) -> Case {
+    Case { is_opened: true, ..run(arguments) }
+}
+
+/// One that finds an error in what it looks at, and says so.
+const fn failing(arguments: &'static str) -> Case {
+    Case { status: 1, ..run(arguments) }
+}
+
+/// Cases that stand on those before them in their row. Rows are run beside each other, each in a folder of its own.
+const ROWS: [&[Case]; 4] = [
+    &[
+        opened("simulate --model limited.toml --plan plan.toml --out slow"),
+        opened("report slow --out report.html"),
+        opened("identify slow --out slow.toml"),
+        opened("validate slow --model slow.toml"),
+        opened("design --model actuators.toml --loop-rate 200 --omega-g 100 --out compensator.toml"),
+        run("simulate --model actuators.toml --plan plan.toml --compensator compensator.toml --out faster"),
+        run("check faster"),
+        opened("bandwidth --model actuators.toml --compensator compensator.toml --records slow --records faster"),
+        opened("diagnose slow --model actuators.toml"),
+        opened("diagnose slow --redesign --out-plan next.toml"),
+        opened("diagnose --bandwidths bandwidths.csv --model three.toml"),
+    ],
+    &[
+        run("simulate --model actuators.toml --plan plan.toml --out sim"),
+        run("check sim"),
+        run("identify sim --out found.toml"),
+        run("validate sim --model found.toml"),
+        run("design --model found.toml --loop-rate 200 --omega-g 200 --out c.toml"),
+        run("simulate --model actuators.toml --plan plan.toml --compensator c.toml --out led"),
+        run("check led"),
+        run("bandwidth --model found.toml"),
+        run("bandwidth --model found.toml --records led"),
+        run("diagnose sim --model actuators.toml"),
+        run("diagnose sim --redesign --out-model better.toml"),
+        run("report sim --out report.html"),
+        opened("identify --stand hammer --order 4 --top 150 --out stand.toml"),
+        run("simulate --model curved.toml --plan stairs-plan.toml --out stairs"),
+        opened("report stairs --out stairs.html"),
+        opened("identify stairs --out stairs.toml"),
+    ],
+    &[
+        run("import rcbenchmark.csv --out rc"),
+        run("import esc32.csv --out esc"),
+        run("import blackbox.bbl --excitation free --out bb"),
+        run("import esc_status.ulg --out ulog"),
+        run("import bench.bin --out bench"),
+        run("import chirp.bin --out chirp"),
+        run("import vectors.mat --out mat"),
+        run("import stand/step.csv --excitation step --out plain"),
+        run("identify rc --out rc.toml"),
+        run("identify esc --out esc.toml"),
+        run("identify bench --out bench.toml"),
+        run("identify chirp --out chirp.toml"),
+        run("check rc"),
+        failing("check bb"),
+        run("check chirp"),
+        run("diagnose esc"),
+    ],
+    &[
+        run("new first"),
+        run("excite --band 0.1..2 --rate 100 --starts 1 --out command.csv"),
+        run("excite --band 0.1..2 --rate 100 --detection --realizations 3 --out detect.csv"),
+        opened("excite --band 0.1..30 --rate 200 --starts 1 --out period.csv"),
+        run("validate stand --model model.toml"),
+        failing("check stand"),
+        opened("vehicle --verbose"),
+        opened("demo"),
+    ],
+];
+
+/// Logs of other tools, for the third row.
+const LOGS: [&str; 7] =
+    ["rcbenchmark.csv", "esc32.csv", "blackbox.bbl", "esc_status.ulg", "bench.bin", "chirp.bin", "vectors.mat"];
+
+/// What became of a case.
+pub struct Shown {
+    /// The command as a user gives it; that it is to write JSON, report and figures as well is left out.
+    pub arguments: &'static str,
+    /// What it printed.
+    pub text: String,
+    /// Its report.
+    pub report: PathBuf,
+    /// Whether that is for the browser.
+    pub is_opened: bool,
+    json: PathBuf,
+}
+
+impl Shown {
+    /// Its JSON.
+    #[track_caller]
+    pub fn json(&self) -> Value {
+        let text = fs::read_to_string(&self.json).unwrap_or_else(|error| panic!("`{}`: {error}", self.arguments));
+        serde_json::from_str(&text).unwrap_or_else(|error| panic!("`{}`: {error}", self.arguments))
+    }
+
+    /// A file or folder that it wrote.
+    pub fn wrote(&self, name: &str) -> PathBuf {
+        self.json.with_file_name(name)
+    }
+}
+
+/// Every case, run; by whoever asks first. The files stay in cargo's folder for what tests leave, to be looked at, until the next
+/// run of the tests.
+pub fn shown() -> &'static [Shown] {
+    static SHOWN: LazyLock<Vec<Shown>> = LazyLock::new(|| {
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("gallery");
+        if folder.exists() {
+            fs::remove_dir_all(&folder).unwrap();
+        }
+        fs::create_dir_all(&folder).unwrap();
+        std::thread::scope(|scope| {
+            let rows = ROWS.map(|row| scope.spawn(|| hang(row, &folder)));
+            rows.into_iter().flat_map(|row| row.join().unwrap()).collect()
+        })
+    });
+    &SHOWN
+}
+
+/// The case of a command.
+#[track_caller]
+pub fn case(arguments: &str) -> &'static Shown {
+    shown().iter().find(|shown| shown.arguments == arguments).unwrap_or_else(|| panic!("`{arguments}` is not shown"))
+}
+
+/// Runs a row, one after the other.
+fn hang(row: &[Case], folder: &Path) -> Vec<Shown> {
+    let stand = Stand::kept_in(folder);
+    stand.write("plan.toml", host_tests::stand_plan());
+    stand.write("actuators.toml", ACTUATORS);
+    stand.write("limited.toml", format!("{ACTUATORS}{LIMIT}"));
+    stand.write("three.toml", ACTUATORS.replacen("[[point]]", &format!("{LOWEST}[[point]]"), 1));
+    stand.write("bandwidths.csv", BANDWIDTHS);
+    stand.write("curved.toml", format!("{ACTUATORS}{STATIC_MAP}"));
+    stand.write("stairs-plan.toml", STAIRS);
+    fs::create_dir(stand.path("hammer")).unwrap();
+    stand.write("hammer/experiment.toml", HAMMER);
+    stand.write("hammer/blow.csv", blow());
+    for log in LOGS {
+        let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("../sim/tests/data").join(log);
+        fs::copy(source, stand.path(log)).unwrap();
+    }
+    row.iter().enumerate().map(|(place, case)| show(&stand, place, case)).collect()
+}
+
+/// Runs a case with every kind of output that its command has.
+fn show(stand: &Stand, place: usize, case: &Case) -> Shown {
+    let program = Arguments::command();
+    let name = case.arguments.split(' ').next().unwrap();
+    let command = program.find_subcommand(name).unwrap();
+    let stem = format!("{place}-{name}");
+    let mut all = case.arguments.to_owned();
+    for (option, file) in [("json", ".json"), ("report", ".html"), ("figures", "-figures")] {
+        if command.get_arguments().any(|one| one.get_long() == Some(option)) {
+            write!(all, " --{option} {stem}{file}").unwrap();
+        }
+    }
+    let output = stand.command(&all).output().unwrap();
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(case.status), "`{all}`: {error}");
+    // What `report` writes is its `--out`.
+    let own = case.arguments.split(' ').find(|word| word.ends_with(".html"));
+    let report = stand.path(&own.map_or_else(|| format!("{stem}.html"), str::to_owned));
+    let text = String::from_utf8(output.stdout).unwrap();
+    Shown {
+        arguments: case.arguments,
+        text,
+        report,
+        is_opened: case.is_opened,
+        json: stand.path(&format!("{stem}.json")),
+    }
+}
+
+#[test]
+fn every_command_is_shown_and_leaves_its_answer_as_json() {
+    for shown in shown() {
+        let json = shown.json();
+        assert!(json.as_object().is_some_and(|object| !object.is_empty()), "`{}`: {json}", shown.arguments);
+    }
+    // A device has to be there for one, two are shown with inputs of their own, and the others print a script or a page.
+    let elsewhere = ["device", "export", "fleet", "completions", "man"];
+    for command in Arguments::command().get_subcommands().map(clap::Command::get_name) {
+        let is_shown = shown().iter().any(|shown| shown.arguments.split(' ').next() == Some(command));
+        assert_ne!(is_shown, elsewhere.contains(&command), "`{command}`");
+    }
+}
+
+/// A blow on a stand with modes at 40 and 110 Hz, 2 s at 2 kHz, with a ripple for noise.
+fn blow() -> String {
+    let mut csv = String::from("time_s,command,thrust_n\n");
+    let steps = 100;
+    let h = 1.0 / 2000.0 / f64::from(steps);
+    let force = |t: f64| 20.0 * (-0.5 * ((t - 0.02) / 1e-3).powi(2)).exp();
+    // Undamped angular frequency in rad/s, damping, share of the thrust; position and velocity.
+    let modes = [(251.3_f64, 0.04, 0.7), (691.2, 0.025, 0.3)];
+    let mut states = [(0.0, 0.0); 2];
+    let mut seed = 1u64;
+    for row in 0..4000 {
+        let t = f64::from(row) / 2000.0;
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        let ripple = 6e-3 * ((seed >> 33) as f64 / 2f64.powi(31) - 0.5);
+        let thrust: f64 = modes.iter().zip(&states).map(|((.., share), (position, _))| share * position).sum();
+        writeln!(csv, "{t},{},{}", force(t), thrust + ripple).unwrap();
+        for step in 0..steps {
+            let u = force(t + (f64::from(step) + 0.5) * h);
+            for ((omega, damping, _), (position, velocity)) in modes.iter().zip(&mut states) {
+                *velocity += h * (omega * omega * (u - *position) - 2.0 * damping * omega * *velocity);
+                *position += h * *velocity;
+            }
+        }
+    }
+    csv
+}
