@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use realfft::num_complex::Complex64;
-use realfft::{RealFftPlanner, RealToComplex};
+use num_complex::Complex64;
+use rotorlead_fourier::{RealToComplex, real_forward};
 
 /// Transforms signals of one length.
 pub struct Spectrum {
@@ -16,7 +16,7 @@ impl Spectrum {
     /// For signals of `rows` rows.
     #[must_use]
     pub fn new(rows: usize) -> Self {
-        let transform = RealFftPlanner::new().plan_fft_forward(rows);
+        let transform = real_forward(rows);
         let (input, output) = (transform.make_input_vec(), transform.make_output_vec());
         Self { transform, input, output }
     }
