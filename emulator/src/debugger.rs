@@ -232,7 +232,8 @@ impl Debugger {
 
     fn send(&mut self, packet: &str) -> Result {
         let sum = packet.bytes().fold(0, u8::wrapping_add);
-        write!(self.0.get_mut(), "${packet}#{sum:02x}").map_err(broken)
+        // In one piece, with the acknowledgment of the packet before: each part would wake the emulator up.
+        self.0.get_mut().write_all(format!("+${packet}#{sum:02x}").as_bytes()).map_err(broken)
     }
 
     fn receive(&mut self) -> Result<String> {
@@ -246,7 +247,6 @@ impl Debugger {
         }
         // The checksum: the connection is one of this machine.
         self.0.read_exact(&mut [0; 2]).map_err(broken)?;
-        self.0.get_mut().write_all(b"+").map_err(broken)?;
         String::from_utf8(bytes).map_err(|error| error.to_string())
     }
 }

@@ -56,8 +56,8 @@ const BUSY_BYTES: u32 = 4;
 /// Other interrupts that may have begun before they are alone.
 const LAST_OTHERS: u32 = 2;
 
-/// Ticks of an excitation that are measured, and those after which it must play.
-const EXCITATION_TICKS: u32 = 8;
+/// Ticks of an excitation that are measured, each of which takes as long, and those after which it must play.
+const EXCITATION_TICKS: u32 = 2;
 const RAMP_TICKS: u32 = 100;
 /// The rate at which a core at 16 MHz plays every set of lines. What a tick executes does not depend on it.
 const EXCITATION_RATE_HZ: u32 = 1000;

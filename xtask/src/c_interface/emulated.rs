@@ -3,7 +3,7 @@
 //! The emulated core is a Cortex-M4F. It executes the code for a Cortex-M7 too, which uses no FPU of double precision; where it
 //! did, the core would stop.
 
-use emulator::Debugger;
+use emulator::{Debugger, Registers};
 use rotorlead::compensator::{CommandRange, Compensator};
 use rotorlead::design::{CurvePoint, DEFAULT_DAMPING, InverseDesign, LeadDesign, LeadParameters, ReferenceModel};
 use rotorlead::throttle::Command;
@@ -72,7 +72,7 @@ pub fn measure(core: &Core) -> Result<Vec<String>> {
             // In thousands, rounded up.
             designs.push(bench.design(kind, rate_hz)?.div_ceil(1000));
             for step in Step::ALL {
-                bench.run(kind, step, rate_hz, &mut |bench| bench.debugger.run_to(BACK).map(drop))?;
+                bench.run(kind, step, rate_hz, &mut |bench| bench.returned().map(drop))?;
             }
         }
         rows.push(row(&format!("design of the {kind:?}"), core, &designs));
@@ -150,7 +150,9 @@ impl Bench<'_> {
         for (address, value) in [CPACR, TIMER_CLOCK, TIMER_ON] {
             self.debugger.store(address, value)?;
         }
-        self.debugger.set_words(BACK, &[0xE7FE_E7FE])
+        self.debugger.set_words(BACK, &[0xE7FE_E7FE])?;
+        // For all calls: with each change of a breakpoint the emulator translates its code anew.
+        self.debugger.add_breakpoint(BACK)
     }
 
     /// The core stands at a function's first instruction, and will return.
@@ -170,8 +172,14 @@ impl Bench<'_> {
     /// Calls a function, which has to succeed.
     fn call(&mut self, function: &str, arguments: &[u32], numbers: &[[u32; 2]]) -> Result {
         self.enter(function, arguments, numbers)?;
-        let status = self.debugger.run_to(BACK)?.r[0];
+        let status = self.returned()?.r[0];
         if status == 0 { Ok(()) } else { Err(format!("{function} gives the status {status}")) }
+    }
+
+    /// Runs to the function's end.
+    fn returned(&mut self) -> Result<Registers> {
+        let registers = self.debugger.run()?;
+        if registers.pc() == BACK { Ok(registers) } else { Err(format!("the core stopped at {:#x}", registers.pc())) }
     }
 
     /// Designs the compensator; gives the instructions that takes.
