@@ -40,7 +40,7 @@ Usage: cargo xtask COMMAND
   check-image, test-image
            the controller's images: their build and what is checked of them; what they do in the emulators; parts of test;
            test-image --update-page writes the table of scenarios in docs/firmware.md instead of holding it
-  library  the library as another firmware takes it: without a board, with each feature alone, for other cores, as a package;
+  library  the library as another firmware takes it: without a board, with features alone, for the smallest core, as a package;
            a part of test
   python   the Python package: its wheel, the types that it states, and its results beside the command line's; a part of test
   statistics
