@@ -6,7 +6,7 @@
 //! run, and have to succeed. Where its first line is one of [`NOT_HERE`], which a reader understands as well, they are not
 //! run: of those the arguments are parsed. A figure that a page shows, `figures/A-B.svg`, is the one that its commands draw
 //! as `A-figures/B.svg` or `A-out/B.svg`, its words up to their digits and its curves up to two pixels; or one that a page
-//! before it in [`PAGES`] draws.
+//! before it in [`PAGES`] draws. What `rotorlead demo` writes is taken from the gallery.
 //!
 //! What stands between backquotes in the text and begins with `rotorlead ` names commands and options that exist, and its
 //! arguments are parsed.
@@ -22,6 +22,7 @@ use clap::{CommandFactory as _, Parser as _};
 use rotorlead_cli::Arguments;
 use rotorlead_report::FigureKind;
 
+use crate::gallery::put_demo;
 use crate::stand::program;
 
 /// First lines of blocks whose commands no test can run.
@@ -171,7 +172,9 @@ fn run(page: &str, brought: &[(&str, &str)]) -> usize {
                 if is_here {
                     let task = commands.iter().find(|command| command.starts_with("cargo xtask "));
                     assert!(task.is_none(), "{page}: `{}` is not marked", task.unwrap());
-                    let script = format!("set -e\n{}", as_installed(&block.lines.join("\n")));
+                    let lines = block.lines.iter().map(|line| as_installed(line));
+                    let lines: Vec<String> = lines.filter(|line| !put_demo(line, folder.path())).collect();
+                    let script = format!("set -e\n{}", lines.join("\n"));
                     let (printed, is_success) = printed(&script, folder.path());
                     assert!(is_success, "{page}: these fail: {script}\n{}\n", printed.join("\n"));
                 } else {

@@ -168,6 +168,29 @@ pub fn case(arguments: &str) -> &'static Shown {
     shown().iter().find(|shown| shown.arguments == arguments).unwrap_or_else(|| panic!("`{arguments}` is not shown"))
 }
 
+/// Puts what `demo` writes into a folder where a command asks for it as it is shown; `false` where the command is another one.
+pub fn put_demo(command: &str, folder: &Path) -> bool {
+    let demo = "rotorlead demo";
+    let report = match command.strip_prefix(demo).map(str::trim) {
+        Some("" | "--out demo-out") => None,
+        Some(options) => match options.split_once(' ') {
+            Some(("--report", file)) if !file.contains(' ') => Some(file),
+            _ => return false,
+        },
+        None => return false,
+    };
+    let shown = case("demo");
+    fs::create_dir(folder.join("demo-out")).unwrap();
+    for entry in fs::read_dir(shown.wrote("demo-out")).unwrap() {
+        let path = entry.unwrap().path();
+        fs::copy(&path, folder.join("demo-out").join(path.file_name().unwrap())).unwrap();
+    }
+    if let Some(file) = report {
+        fs::copy(&shown.report, folder.join(file)).unwrap();
+    }
+    true
+}
+
 /// Runs a row, one after the other.
 fn hang(row: &[Case], folder: &Path) -> Vec<Shown> {
     let stand = Stand::kept_in(folder);

@@ -55,7 +55,8 @@ impl Pipe {
         if let Some(session) = session {
             command["sessionId"] = session.into();
         }
-        write!(self.commands, "{command}\0").unwrap_or_else(|error| panic!("{method}: the browser is gone: {error}"));
+        let sent = self.commands.write_all(format!("{command}\0").as_bytes());
+        sent.unwrap_or_else(|error| panic!("{method}: the browser is gone: {error}"));
         loop {
             let message = self.messages.recv_timeout(PATIENCE);
             let mut message = message.unwrap_or_else(|error| panic!("{method}: the browser does not answer: {error}"));
