@@ -58,7 +58,7 @@ pub fn build_image(board: &Board, features: &[&str]) -> Result<PathBuf> {
     let all: Vec<&str> = board.feature.into_iter().chain(features.iter().copied()).collect();
     let mut build = toolchain.cargo(&["build", "--package", board.package, "--bin", board.binary, "--locked"]);
     build.args(["--profile", "firmware", "--features", &all.join(",")]);
-    // The image that is flashed is never one of a variant's.
+    // Variants go to a folder of their own, so that none is ever flashed.
     let folder =
         if features.is_empty() { toolchain.cargo_folder() } else { beside(&mut build, &toolchain.cargo_folder()) };
     run(&mut build)?;

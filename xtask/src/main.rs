@@ -44,7 +44,8 @@ Usage: cargo xtask COMMAND
            a part of test
   python   the Python package: its wheel, the types that it states, and its results beside the command line's; a part of test
   statistics
-           decides at full count what is claimed of estimates: coverage, spread, bias, orders; some hours. REPEATS and CASE
+           decides at full count what is claimed of estimates: coverage, spread, bias, orders; and ends every command that writes
+           at many times; some hours. REPEATS and CASE
            make it shorter
   inverse  prints what the conditioned inverse is held to, and what its integers do on the paper's motors; a part of test
   bench    measures filters, the simulated stand and identification side by side, in one run;

@@ -27,8 +27,8 @@ pub fn cargo(arguments: &[&str]) -> Command {
     command(&std::env::var("CARGO").unwrap_or_else(|_| "cargo".to_owned()), arguments)
 }
 
-/// Has a build leave what it makes in `variant` below `folder`, and what it makes on the way in `folder`: what is built there
-/// already is not built once more, and what is there with other features stays as it is.
+/// Has a build leave its product in `variant` below `folder`, and its intermediate files in `folder`: a dependency that is built there
+/// is not built once more, and a product there stays as it is.
 pub fn beside(build: &mut Command, folder: &Path) -> PathBuf {
     let variant = folder.join("variant");
     build.env("CARGO_BUILD_BUILD_DIR", folder).env("CARGO_TARGET_DIR", &variant);

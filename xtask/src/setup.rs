@@ -11,9 +11,10 @@ use crate::board::BOARD;
 use crate::run::{Result, cargo, command, output, run_within, target_folder};
 use crate::{apt, emulator, python};
 
-/// Cores that the library is built for beside the host: the smallest Cortex-M, which has neither a division of 64 bits nor a
-/// compare-and-swap, and the image's.
-pub const CORES: [&str; 2] = ["thumbv6m-none-eabi", BOARD.target];
+/// The smallest Cortex-M, which has neither a division of 64 bits nor a compare-and-swap.
+pub const SMALLEST_CORE: &str = "thumbv6m-none-eabi";
+/// What is built for beside the host.
+const CORES: [&str; 2] = [SMALLEST_CORE, BOARD.target];
 /// Longest that a download may take. A server that cannot be reached must not hang the tests.
 const DOWNLOAD_LIMIT: Duration = Duration::from_secs(300);
 /// Debian's compiler that comes with the source of its library, and a linker.

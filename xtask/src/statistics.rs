@@ -4,7 +4,7 @@ use crate::firmware;
 use crate::run::{Result, cargo, run};
 
 /// Package, its target, and what the names of its tests contain: tests that are not run by default since they take from a minute to
-/// an hour, and that decide by counting what the documentation claims.
+/// an hour, and that decide by counting what the documentation claims, or end commands at many times.
 const CLAIMS: [(&str, &[&str], &str); 9] = [
     ("host-tests", &["--test", "cli"], "a_signal_at_any_time_of_any_command"),
     ("host-tests", &["--test", "host"], "full_count"),

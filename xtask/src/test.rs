@@ -32,11 +32,13 @@ pub fn all(is_setup: bool) -> Result {
     result
 }
 
-/// What an edit is tried with: formatting, lints, the unit tests, the controller's tests and those of the command line.
+/// What an edit is tried with: formatting, lints, the unit tests, the controller's tests and those of the command line but for the
+/// browser's.
 pub fn quick() -> Result {
     let mut times = Times::default();
     let mut tests = tests();
     tests.args(["--lib", "--bins", "--test", "controller", "--test", "cli"]);
+    tests.args(["--", "--skip", "reports::"]);
     let result = [format(), lints(), part("unit, controller and command-line tests", [tests])]
         .into_iter()
         .try_for_each(|part| times.alone(part));

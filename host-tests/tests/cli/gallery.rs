@@ -12,7 +12,7 @@ use serde_json::Value;
 
 use crate::stand::{ACTUATORS, Stand};
 
-/// Two levels, and a slew limit, so that a diagnosis has something to find.
+/// A slew limit, so that a diagnosis has something to find.
 const LIMIT: &str = "[[effect]]\nkind = \"slew_limit\"\n[effect.parameters]\nrate_per_s = 0.6\n";
 
 /// The static curve of a motor for steps through its range.
@@ -37,18 +37,18 @@ struct Case {
     status: i32,
 }
 
-const fn run(arguments: &'static str) -> Case {
+const fn succeeding(arguments: &'static str) -> Case {
     Case { arguments, is_opened: false, status: 0 }
 }
 
 /// One whose report is opened in a browser.
 const fn opened(arguments: &'static str) -> Case {
-    Case { is_opened: true, ..run(arguments) }
+    Case { is_opened: true, ..succeeding(arguments) }
 }
 
 /// One that finds an error in what it looks at, and says so.
 const fn failing(arguments: &'static str) -> Case {
-    Case { status: 1, ..run(arguments) }
+    Case { status: 1, ..succeeding(arguments) }
 }
 
 /// Cases that stand on those before them in their row. Rows are run beside each other, each in a folder of its own.
@@ -59,55 +59,55 @@ const ROWS: [&[Case]; 4] = [
         opened("identify slow --out slow.toml"),
         opened("validate slow --model slow.toml"),
         opened("design --model actuators.toml --loop-rate 200 --omega-g 100 --out compensator.toml"),
-        run("simulate --model actuators.toml --plan plan.toml --compensator compensator.toml --out faster"),
-        run("check faster"),
+        succeeding("simulate --model actuators.toml --plan plan.toml --compensator compensator.toml --out faster"),
+        succeeding("check faster"),
         opened("bandwidth --model actuators.toml --compensator compensator.toml --records slow --records faster"),
         opened("diagnose slow --model actuators.toml"),
         opened("diagnose slow --redesign --out-plan next.toml"),
         opened("diagnose --bandwidths bandwidths.csv --model three.toml"),
     ],
     &[
-        run("simulate --model actuators.toml --plan plan.toml --out sim"),
-        run("check sim"),
-        run("identify sim --out found.toml"),
-        run("validate sim --model found.toml"),
-        run("design --model found.toml --loop-rate 200 --omega-g 200 --out c.toml"),
-        run("simulate --model actuators.toml --plan plan.toml --compensator c.toml --out led"),
-        run("check led"),
-        run("bandwidth --model found.toml"),
-        run("bandwidth --model found.toml --records led"),
-        run("diagnose sim --model actuators.toml"),
-        run("diagnose sim --redesign --out-model better.toml"),
-        run("report sim --out report.html"),
+        succeeding("simulate --model actuators.toml --plan plan.toml --out sim"),
+        succeeding("check sim"),
+        succeeding("identify sim --out found.toml"),
+        succeeding("validate sim --model found.toml"),
+        succeeding("design --model found.toml --loop-rate 200 --omega-g 200 --out c.toml"),
+        succeeding("simulate --model actuators.toml --plan plan.toml --compensator c.toml --out led"),
+        succeeding("check led"),
+        succeeding("bandwidth --model found.toml"),
+        succeeding("bandwidth --model found.toml --records led"),
+        succeeding("diagnose sim --model actuators.toml"),
+        succeeding("diagnose sim --redesign --out-model better.toml"),
+        succeeding("report sim --out report.html"),
         opened("identify --stand hammer --order 4 --top 150 --out stand.toml"),
-        run("simulate --model curved.toml --plan stairs-plan.toml --out stairs"),
+        succeeding("simulate --model curved.toml --plan stairs-plan.toml --out stairs"),
         opened("report stairs --out stairs.html"),
         opened("identify stairs --out stairs.toml"),
     ],
     &[
-        run("import rcbenchmark.csv --out rc"),
-        run("import esc32.csv --out esc"),
-        run("import blackbox.bbl --excitation free --out bb"),
-        run("import esc_status.ulg --out ulog"),
-        run("import bench.bin --out bench"),
-        run("import chirp.bin --out chirp"),
-        run("import vectors.mat --out mat"),
-        run("import stand/step.csv --excitation step --out plain"),
-        run("identify rc --out rc.toml"),
-        run("identify esc --out esc.toml"),
-        run("identify bench --out bench.toml"),
-        run("identify chirp --out chirp.toml"),
-        run("check rc"),
+        succeeding("import rcbenchmark.csv --out rc"),
+        succeeding("import esc32.csv --out esc"),
+        succeeding("import blackbox.bbl --excitation free --out bb"),
+        succeeding("import esc_status.ulg --out ulog"),
+        succeeding("import bench.bin --out bench"),
+        succeeding("import chirp.bin --out chirp"),
+        succeeding("import vectors.mat --out mat"),
+        succeeding("import stand/step.csv --excitation step --out plain"),
+        succeeding("identify rc --out rc.toml"),
+        succeeding("identify esc --out esc.toml"),
+        succeeding("identify bench --out bench.toml"),
+        succeeding("identify chirp --out chirp.toml"),
+        succeeding("check rc"),
         failing("check bb"),
-        run("check chirp"),
-        run("diagnose esc"),
+        succeeding("check chirp"),
+        succeeding("diagnose esc"),
     ],
     &[
-        run("new first"),
-        run("excite --band 0.1..2 --rate 100 --starts 1 --out command.csv"),
-        run("excite --band 0.1..2 --rate 100 --detection --realizations 3 --out detect.csv"),
+        succeeding("new first"),
+        succeeding("excite --band 0.1..2 --rate 100 --starts 1 --out command.csv"),
+        succeeding("excite --band 0.1..2 --rate 100 --detection --realizations 3 --out detect.csv"),
         opened("excite --band 0.1..30 --rate 200 --starts 1 --out period.csv"),
-        run("validate stand --model model.toml"),
+        succeeding("validate stand --model model.toml"),
         failing("check stand"),
         opened("vehicle --verbose"),
         opened("demo"),
@@ -139,6 +139,12 @@ impl Shown {
         serde_json::from_str(&text).unwrap_or_else(|error| panic!("`{}`: {error}", self.arguments))
     }
 
+    /// The folder of its figures, where its command draws any.
+    pub fn figures(&self) -> PathBuf {
+        let stem = self.json.file_stem().unwrap().to_string_lossy();
+        self.json.with_file_name(format!("{stem}-figures"))
+    }
+
     /// A file or folder that it wrote.
     pub fn wrote(&self, name: &str) -> PathBuf {
         self.json.with_file_name(name)
@@ -153,9 +159,11 @@ pub fn shown() -> &'static [Shown] {
         if folder.exists() {
             fs::remove_dir_all(&folder).unwrap();
         }
-        fs::create_dir_all(&folder).unwrap();
         std::thread::scope(|scope| {
-            let rows = ROWS.map(|row| scope.spawn(|| hang(row, &folder)));
+            let rows = std::array::from_fn::<_, { ROWS.len() }, _>(|row| {
+                let folder = folder.join(row.to_string());
+                scope.spawn(move || run_row(ROWS[row], folder))
+            });
             rows.into_iter().flat_map(|row| row.join().unwrap()).collect()
         })
     });
@@ -192,7 +200,7 @@ pub fn put_demo(command: &str, folder: &Path) -> bool {
 }
 
 /// Runs a row, one after the other.
-fn hang(row: &[Case], folder: &Path) -> Vec<Shown> {
+fn run_row(row: &[Case], folder: PathBuf) -> Vec<Shown> {
     let stand = Stand::kept_in(folder);
     stand.write("plan.toml", host_tests::stand_plan());
     stand.write("actuators.toml", ACTUATORS);
@@ -230,6 +238,7 @@ fn show(stand: &Stand, place: usize, case: &Case) -> Shown {
     let own = case.arguments.split(' ').find(|word| word.ends_with(".html"));
     let report = stand.path(&own.map_or_else(|| format!("{stem}.html"), str::to_owned));
     let text = String::from_utf8(output.stdout).unwrap();
+    stand.write(&format!("{stem}.txt"), format!("$ rotorlead {all}\n{text}{error}# exit status {}\n", case.status));
     Shown {
         arguments: case.arguments,
         text,
@@ -244,6 +253,10 @@ fn every_command_is_shown_and_leaves_its_answer_as_json() {
     for shown in shown() {
         let json = shown.json();
         assert!(json.as_object().is_some_and(|object| !object.is_empty()), "`{}`: {json}", shown.arguments);
+        for entry in fs::read_dir(shown.figures()).into_iter().flatten() {
+            let path = entry.unwrap().path();
+            assert!(fs::metadata(&path).unwrap().len() > 0, "`{}`: {}", shown.arguments, path.display());
+        }
     }
     // A device has to be there for one, two are shown with inputs of their own, and the others print a script or a page.
     let elsewhere = ["device", "export", "fleet", "completions", "man"];

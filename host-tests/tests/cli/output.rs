@@ -129,6 +129,9 @@ fn the_json_file_and_standard_output_are_the_same_and_the_text_stays() {
     let beside = stand.run("bandwidth --model model.toml --json b.json");
     assert_eq!(text, beside);
     assert_eq!(stand.read("b.json"), printed);
+    // Also into a folder that the command makes itself.
+    stand.run("new first --json first/new.json");
+    assert!(serde_json::from_str::<serde_json::Value>(&stand.read("first/new.json")).unwrap().is_object());
 }
 
 #[test]

@@ -98,21 +98,23 @@ amplitude = 0.1
 ";
 
 /// A folder with `model.toml`, `plan.toml`, `airframe.toml` and the experiment `stand`, and the program in it.
-pub struct Stand(tempfile::TempDir);
+pub struct Stand {
+    folder: PathBuf,
+    /// Removes it with the stand.
+    _temporary: Option<tempfile::TempDir>,
+}
 
 impl Stand {
     pub fn new() -> Self {
-        Self::filled(tempfile::tempdir().unwrap())
+        let folder = tempfile::tempdir().unwrap();
+        let stand = Self::kept_in(folder.path().to_owned());
+        Self { _temporary: Some(folder), ..stand }
     }
 
-    /// As [`Self::new`], in `folder`, where it stays.
-    pub fn kept_in(folder: &Path) -> Self {
-        Self::filled(tempfile::Builder::new().disable_cleanup(true).tempdir_in(folder).unwrap())
-    }
-
-    fn filled(folder: tempfile::TempDir) -> Self {
-        let stand = Self(folder);
-        fs::create_dir(stand.path("stand")).unwrap();
+    /// As [`Self::new`], in a folder that stays.
+    pub fn kept_in(folder: PathBuf) -> Self {
+        let stand = Self { folder, _temporary: None };
+        fs::create_dir_all(stand.path("stand")).unwrap();
         stand.write("model.toml", MODEL);
         stand.write("plan.toml", PLAN);
         stand.write("airframe.toml", AIRFRAME);
@@ -130,7 +132,7 @@ impl Stand {
     }
 
     pub fn path(&self, name: &str) -> PathBuf {
-        self.0.path().join(name)
+        self.folder.join(name)
     }
 
     pub fn read(&self, name: &str) -> String {
@@ -152,7 +154,7 @@ impl Stand {
     /// Every file and folder below, with the files' content, sorted.
     pub fn everything(&self) -> Vec<(PathBuf, Option<Vec<u8>>)> {
         let mut found = Vec::new();
-        let mut folders = vec![self.0.path().to_owned()];
+        let mut folders = vec![self.folder.clone()];
         while let Some(folder) = folders.pop() {
             for entry in fs::read_dir(folder).unwrap() {
                 let path = entry.unwrap().path();
@@ -172,7 +174,7 @@ impl Stand {
     /// The program with these arguments, separated by spaces, in this folder.
     pub fn command(&self, arguments: &str) -> Command {
         let mut command = program();
-        command.current_dir(self.0.path()).args(arguments.split_whitespace());
+        command.current_dir(&self.folder).args(arguments.split_whitespace());
         command
     }
 

@@ -56,7 +56,7 @@ const BUSY_BYTES: u32 = 4;
 /// Other interrupts that may have begun before they are alone.
 const LAST_OTHERS: u32 = 2;
 
-/// Ticks of an excitation that are measured, each of which takes as long, and those after which it must play.
+/// Ticks of an excitation that are measured, all of which must take as long, and those after which it must play.
 const EXCITATION_TICKS: u32 = 2;
 const RAMP_TICKS: u32 = 100;
 /// The rate at which a core at 16 MHz plays every set of lines. What a tick executes does not depend on it.
@@ -317,6 +317,9 @@ fn measure_excitation(image_path: &Path, image: &Image, settings: &Settings, lin
             return Err(format!("after {ticks} ticks the excitation does not play"));
         }
         check_widths(&mut debugger, library.tick(0))?;
+    }
+    if costs.instructions != costs.runs * costs.worst.instructions {
+        return Err("the ticks of an excitation take different times: more of them have to be measured".to_owned());
     }
     Ok((lines.lines().count() as u32, costs))
 }

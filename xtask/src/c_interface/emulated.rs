@@ -179,7 +179,11 @@ impl Bench<'_> {
     /// Runs to the function's end.
     fn returned(&mut self) -> Result<Registers> {
         let registers = self.debugger.run()?;
-        if registers.pc() == BACK { Ok(registers) } else { Err(format!("the core stopped at {:#x}", registers.pc())) }
+        if registers.pc() == BACK {
+            Ok(registers)
+        } else {
+            Err(format!("the core stopped at {:#x}, not at {BACK:#x}", registers.pc()))
+        }
     }
 
     /// Designs the compensator; gives the instructions that takes.

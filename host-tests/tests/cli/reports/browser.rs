@@ -87,7 +87,7 @@ impl Chromium {
         page.show("", scheme);
         page.call("Page.navigate", &json!({ "url": page.url }));
         let start = Instant::now();
-        while page.evaluate::<Value>("document.documentElement?.dataset.drawn ?? null") != "true" {
+        while !page.is_drawn() {
             assert!(start.elapsed() < DRAWN_WITHIN, "{} is not drawn: {:?}", page.url, page.complaints());
             std::thread::sleep(Duration::from_millis(20));
         }
@@ -138,6 +138,13 @@ pub struct Printed {
 }
 
 impl OpenPage<'_> {
+    /// Whether the page says that its figures are drawn. While it is loaded there is nothing to be asked yet.
+    fn is_drawn(&self) -> bool {
+        let drawn = json!({ "expression": "document.documentElement?.dataset.drawn", "returnByValue": true });
+        let found = self.browser.pipe.borrow_mut().try_call(Some(&self.session), "Runtime.evaluate", &drawn);
+        found.is_ok_and(|found| found["result"]["value"] == "true")
+    }
+
     /// What an expression, or a promise of it, comes to.
     pub fn evaluate<T: DeserializeOwned>(&self, expression: &str) -> T {
         let script = format!("(async () => JSON.stringify(await ({expression})))()");

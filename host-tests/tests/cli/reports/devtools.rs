@@ -7,8 +7,9 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
-/// Longest wait for one answer.
+/// Longest wait for one answer, and for the end of the browser.
 const PATIENCE: Duration = Duration::from_secs(60);
+const END_WITHIN: Duration = Duration::from_secs(10);
 
 /// A browser, and what it said. It ends with its value.
 pub struct Pipe {
@@ -50,6 +51,14 @@ impl Pipe {
     /// # Panics
     /// Where the browser refuses it or does not answer.
     pub fn call(&mut self, session: Option<&str>, method: &str, parameters: &Value) -> Value {
+        self.try_call(session, method, parameters).unwrap_or_else(|error| panic!("{method}: {error}"))
+    }
+
+    /// As [`Self::call`], with the browser's refusal as an error.
+    ///
+    /// # Panics
+    /// Where the browser does not answer.
+    pub fn try_call(&mut self, session: Option<&str>, method: &str, parameters: &Value) -> Result<Value, Value> {
         self.last += 1;
         let mut command = json!({ "id": self.last, "method": method, "params": parameters });
         if let Some(session) = session {
@@ -57,12 +66,13 @@ impl Pipe {
         }
         let sent = self.commands.write_all(format!("{command}\0").as_bytes());
         sent.unwrap_or_else(|error| panic!("{method}: the browser is gone: {error}"));
+        let start = Instant::now();
         loop {
-            let message = self.messages.recv_timeout(PATIENCE);
+            let message = self.messages.recv_timeout(PATIENCE.saturating_sub(start.elapsed()));
             let mut message = message.unwrap_or_else(|error| panic!("{method}: the browser does not answer: {error}"));
             if message["id"] == self.last {
-                assert!(message["error"].is_null(), "{method}: {}", message["error"]);
-                return message["result"].take();
+                let error = message["error"].take();
+                return if error.is_null() { Ok(message["result"].take()) } else { Err(error) };
             }
             self.events.push(message);
         }
@@ -76,10 +86,10 @@ impl Pipe {
 
 impl Drop for Pipe {
     fn drop(&mut self) {
-        // It ends with its helpers when nobody is left who could command it.
+        // So that its helpers end too. What it answers is not awaited.
         let _ = write!(self.commands, "{}\0", json!({ "id": 0, "method": "Browser.close" }));
         let start = Instant::now();
-        while matches!(self.process.try_wait(), Ok(None)) && start.elapsed() < PATIENCE / 6 {
+        while matches!(self.process.try_wait(), Ok(None)) && start.elapsed() < END_WITHIN {
             std::thread::sleep(Duration::from_millis(20));
         }
         // It may have ended by itself.
