@@ -36,7 +36,7 @@ Usage: cargo xtask COMMAND
   test     every test there is: formatting, lints, documentation, host tests, and the controller's image: its build, its checks,
            its tests in QEMU, its instruction counts; prints how long each part took. Changes nothing on the machine;
            with --setup installs what is missing first, and says what;
-           with --quick formatting, lints, unit tests, and those of the controller and of the command line
+           with --quick formatting, lints, unit tests, and those of the controller and of the command line but for the browser's
   check-image, test-image
            the controller's images: their build and what is checked of them; what they do in the emulators; parts of test;
            test-image --update-page writes the table of scenarios in docs/firmware.md instead of holding it
