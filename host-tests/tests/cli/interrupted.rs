@@ -100,7 +100,7 @@ fn a_signal_at_any_time_leaves_whole_files_and_no_others() {
 
 #[cfg(unix)]
 #[test]
-#[ignore = "minutes: `cargo xtask statistics`"]
+#[ignore = "half a minute: `cargo xtask statistics`"]
 fn a_signal_at_any_time_of_any_command_leaves_whole_files_and_no_others() {
     are_whole_after_signals(&THAT_WRITE);
 }

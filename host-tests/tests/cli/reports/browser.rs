@@ -23,7 +23,8 @@ pub const SHEET: (u32, u32) = (717, 1046);
 /// Its size and margins, inches.
 const A4: (f64, f64) = (8.27, 11.69);
 const MARGIN: f64 = 0.4;
-/// Containers have no sandbox, and the pages are our own. Nothing is asked of the network, also by the browser itself.
+/// Containers have no sandbox, and the pages are our own. The browser itself asks nothing of the
+/// network either.
 /// Pages that are not in front are drawn as fast as the one that is.
 const FLAGS: [&str; 17] = [
     "--headless",
