@@ -12,11 +12,11 @@
 //!    |    ^  |    live, < disarming          ^           |
 //!    |    |  |    from every state           |           |
 //!    |    |  +-------------------------------+           |
-//!    |    |           not live                           | hold time over
+//!    |    |           not live, or armed only now ------>| hold time over
 //!    |    | live, < disarming                            |
 //!    v    |                                              |
 //!   Armed  ---------------------------> Holding ---------+
-//!     live, >= arming     not live          | live again: on as before the loss
+//!     three live, >= arming   not live      | live again: on as before the loss
 //! ```
 //!
 //! | state | output |
@@ -31,21 +31,25 @@
 //!
 //! # Rules
 //!
-//! - **Thresholds.** A disarmed motor arms at `arming_threshold`, and an armed one disarms below `disarming_threshold`.
-//!   Before a first disarmed command, one between the two is not taken for one.
+//! - **Thresholds.** A disarmed motor arms with [`COMMANDS_TO_ARM`] commands in a row that are at `arming_threshold` or above, and
+//!   an armed one disarms with the first below `disarming_threshold`. Before a first disarmed command, one between the two is not
+//!   taken for one.
 //! - **A disarmed command stops the motor on its own tick, in every state**: the stop is neither delayed nor shaped, and it
 //!   ends an excitation. The filter is at rest meanwhile, and starts from rest at the first armed command, so that arming
 //!   does not look like a step to it (which would make a kick of 3.4 times the command).
 //! - **Armed, the lowest output is idle**, not stop: a step from 0.5 to 0.3 drives the unclamped filter below 0 for
 //!   20 ms, and a motor that stops in flight may not start again.
 //! - **Loss.** The last *command* is held, not the last output, which may be the peak of an answer to a step: the filter
-//!   settles on it. After `hold_ticks` ticks come stop pulses, and after `stop_pulse_ticks` of those none.
+//!   settles on it. After `hold_ticks` ticks come stop pulses, and after `stop_pulse_ticks` of those none. Nothing is held of an
+//!   input whose commands have armed the motor for no longer than it would be held: what ends so soon was a disturbance.
 //! - **Return within the hold time**, with the filter in the path, goes on without a jump: the output starts from where it
 //!   is and fades to the new command within some 50 ms, instead of answering the step that the outage made with a lead
 //!   kick. With the filter switched out there is no such kick; the command passes at once.
 //! - **Return after the stop**, and the first command after a start or a reset: a motor turns only after a disarmed
 //!   command was seen, as a pilot expects of a receiver that comes back. A controller that was reset in flight
 //!   (brown-out) therefore stays at stop until it is disarmed and armed again.
+//! - **Resumption.** After a reset that the controller itself caused, [`Channel::resume`] goes on as in [`State::Holding`], at the
+//!   last command and for what is left of the hold time.
 //! - **No ESC is armed by this controller alone**, and none is put into its calibration: before a disarmed command there
 //!   are no pulses (unless the settings ask for stop pulses), so a full throttle at power-up does not reach it.
 //! - **Excitation** starts only where no pulse input is live or held. A pulse input that becomes live ends it: with a
@@ -63,6 +67,10 @@ use crate::capture::Reading;
 use crate::compensator::{Compensator, Filter};
 use crate::throttle::{Command, EscCommand, PulseScale};
 use excitation::Player;
+
+/// Commands in a row that arm a motor: as many as pulses make an input live ([`PULSES_TO_LIVE`](crate::capture::PULSES_TO_LIVE)). One
+/// disturbance may look like a command; three of them in a row, each a valid one, are a flight controller.
+pub const COMMANDS_TO_ARM: u8 = crate::capture::PULSES_TO_LIVE;
 
 /// What the input of a channel has for this tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -126,9 +134,18 @@ impl State {
 enum Mode {
     NoSignal,
     Locked,
-    Disarmed,
+    /// After so many commands in a row that arm.
+    Disarmed {
+        arming: u8,
+    },
+    /// For so many ticks, after which no command has come yet that lets a loss be held.
+    JustArmed {
+        ticks: u32,
+    },
     Armed,
-    Holding { ticks_left: u32 },
+    Holding {
+        ticks_left: u32,
+    },
     Lost,
     Excitation(Player),
 }
@@ -143,6 +160,8 @@ pub struct Channel {
     settings: ChannelSettings,
     /// Stop pulses that are still to come, in ticks, while the motor is at rest without a disarmed command.
     stop_ticks_left: u32,
+    /// Ticks since the output was last something else than a stop pulse or none, up to the highest value: that of one that never was.
+    rest_ticks: u32,
     last_end: Option<End>,
     /// Excitations that ended because the host was silent; wraps.
     dead_man_ends: u32,
@@ -161,12 +180,13 @@ impl Channel {
             compensator: Compensator::new(filter, settings.idle, settings.max),
             settings: *settings,
             stop_ticks_left: 0,
+            rest_ticks: u32::MAX,
             last_end: None,
             dead_man_ends: 0,
         })
     }
 
-    /// The channel as [`Self::new`] made it, with the filter in the path or not.
+    /// The channel as [`Self::new`] made it, with the filter in the path or not. For how long it was at rest stays known.
     #[must_use]
     pub fn afresh(&self, is_enabled: bool) -> Self {
         let ChannelSettings { stop: command, idle, .. } = self.settings;
@@ -180,6 +200,7 @@ impl Channel {
             compensator,
             settings,
             stop_ticks_left: 0,
+            rest_ticks: self.rest_ticks,
             last_end: None,
             dead_man_ends: 0,
         }
@@ -208,7 +229,9 @@ impl Channel {
     fn tick_any(&mut self, input: Input) -> EscCommand {
         match (input, &self.mode) {
             (Input::Command(command), _) => self.with_command(command),
-            (Input::Unchanged, Mode::Locked | Mode::Disarmed | Mode::Armed) => self.with_command(self.command),
+            (Input::Unchanged, Mode::Locked | Mode::Armed) => self.with_command(self.command),
+            (Input::Unchanged, &Mode::Disarmed { arming }) => self.disarmed(arming),
+            (Input::Unchanged, &Mode::JustArmed { ticks }) => self.just_armed(ticks),
             _ => self.without_command(),
         }
     }
@@ -217,19 +240,26 @@ impl Channel {
         self.command = command;
         let ChannelSettings { disarming_threshold, arming_threshold, .. } = self.settings;
         match &mut self.mode {
-            Mode::Disarmed if command >= arming_threshold => {
-                self.mode = Mode::Armed;
-                self.compensator.reset(command);
-                self.compensator.update(command).into()
+            &mut Mode::Disarmed { arming } if command >= arming_threshold && arming + 1 < COMMANDS_TO_ARM => {
+                self.disarmed(arming + 1)
             }
-            Mode::Disarmed => self.disarmed(),
+            Mode::Disarmed { .. } if command >= arming_threshold => {
+                self.compensator.reset(command);
+                self.just_armed(0)
+            }
+            Mode::Disarmed { .. } => self.disarmed(0),
             _ if command < disarming_threshold => {
                 if let Mode::Excitation(player) = &self.mode {
                     let was_ending = player.phase() == Phase::RampDown;
                     let end = if was_ending { player.end() } else { End::PulseInput };
                     self.ended(end);
                 }
-                self.disarmed()
+                self.disarmed(0)
+            }
+            &mut Mode::JustArmed { ticks } if ticks <= self.settings.hold_ticks => self.just_armed(ticks),
+            Mode::JustArmed { .. } => {
+                self.mode = Mode::Armed;
+                self.compensator.update(command).into()
             }
             Mode::Armed => self.compensator.update(command).into(),
             Mode::Holding { .. } => {
@@ -258,8 +288,12 @@ impl Channel {
     fn without_command(&mut self) -> EscCommand {
         match self.mode {
             Mode::NoSignal | Mode::Lost => self.rest(),
-            Mode::Locked | Mode::Disarmed => {
+            Mode::Locked | Mode::Disarmed { .. } => {
                 self.mode = Mode::Lost;
+                self.rest()
+            }
+            Mode::JustArmed { .. } => {
+                self.stop();
                 self.rest()
             }
             Mode::Armed => self.hold(self.settings.hold_ticks),
@@ -268,10 +302,19 @@ impl Channel {
         }
     }
 
-    fn disarmed(&mut self) -> EscCommand {
-        self.mode = Mode::Disarmed;
+    /// A tick at the stop, after so many commands in a row that arm.
+    fn disarmed(&mut self, arming: u8) -> EscCommand {
+        self.mode = Mode::Disarmed { arming };
         self.stop_ticks_left = self.settings.stop_pulse_ticks;
+        self.rest_ticks = self.rest_ticks.saturating_add(1);
         self.settings.stop.into()
+    }
+
+    /// A tick of a motor that has been armed for so many.
+    fn just_armed(&mut self, ticks: u32) -> EscCommand {
+        self.mode = Mode::JustArmed { ticks: ticks.saturating_add(1) };
+        self.rest_ticks = 0;
+        self.compensator.update(self.command).into()
     }
 
     /// As if the last command were still coming, until the hold time is over.
@@ -282,8 +325,7 @@ impl Channel {
                 self.compensator.update(self.command).into()
             }
             None => {
-                self.mode = Mode::Lost;
-                self.stop_ticks_left = self.settings.stop_pulse_ticks;
+                self.stop();
                 self.rest()
             }
         }
@@ -291,6 +333,7 @@ impl Channel {
 
     /// Stop pulses while there are some left to come, then what the settings ask for.
     fn rest(&mut self) -> EscCommand {
+        self.rest_ticks = self.rest_ticks.saturating_add(1);
         match (self.stop_ticks_left.checked_sub(1), self.settings.no_signal) {
             (Some(left), _) => {
                 self.stop_ticks_left = left;
@@ -304,6 +347,7 @@ impl Channel {
     /// One tick of the excitation. On the ramps it passes the arming threshold as a command would.
     fn excite(&mut self) -> EscCommand {
         let Mode::Excitation(player) = &mut self.mode else { return self.rest() };
+        self.rest_ticks = 0;
         let was_armed = player.level() >= self.settings.arming_threshold;
         match player.tick() {
             Some(level) if level >= self.settings.arming_threshold => {
@@ -338,7 +382,9 @@ impl Channel {
     pub fn start_excitation(&mut self, excitation: Excitation) -> Result<(), Refusal> {
         match self.mode {
             Mode::NoSignal | Mode::Lost => {}
-            Mode::Locked | Mode::Disarmed | Mode::Armed => return Err(Refusal::InputLive),
+            Mode::Locked | Mode::Disarmed { .. } | Mode::JustArmed { .. } | Mode::Armed => {
+                return Err(Refusal::InputLive);
+            }
             Mode::Holding { .. } => return Err(Refusal::InputHeld),
             Mode::Excitation(_) => return Err(Refusal::AlreadyRunning),
         }
@@ -360,6 +406,34 @@ impl Channel {
     pub fn stop(&mut self) {
         self.mode = Mode::Lost;
         self.stop_ticks_left = self.settings.stop_pulse_ticks;
+    }
+
+    /// What a loss of the input would be held with now: the command, and for how many ticks.
+    #[must_use]
+    pub const fn held(&self) -> Option<(Command, u32)> {
+        match self.mode {
+            Mode::Armed => Some((self.command, self.settings.hold_ticks)),
+            Mode::Holding { ticks_left } => Some((self.command, ticks_left)),
+            _ => None,
+        }
+    }
+
+    /// Goes on with what [`Self::held`] gave before a reset, the filter at rest at the command. Of a channel that is as
+    /// [`Self::new`] made it, and without effect on any other.
+    pub fn resume(&mut self, command: Command, ticks_left: u32) {
+        if !matches!(self.mode, Mode::NoSignal) || command < self.settings.disarming_threshold {
+            return;
+        }
+        self.mode = Mode::Holding { ticks_left: ticks_left.min(self.settings.hold_ticks) };
+        self.command = command;
+        self.rest_ticks = 0;
+        self.compensator.reset(command);
+    }
+
+    /// Ticks for which the output has been at a stop pulse or none; the highest number where it never was anything else.
+    #[must_use]
+    pub const fn rest_ticks(&self) -> u32 {
+        self.rest_ticks
     }
 
     /// The host is still there.
@@ -405,8 +479,8 @@ impl Channel {
         match &self.mode {
             Mode::NoSignal => State::NoSignal,
             Mode::Locked => State::Locked,
-            Mode::Disarmed => State::Disarmed,
-            Mode::Armed => State::Armed,
+            Mode::Disarmed { .. } => State::Disarmed,
+            Mode::JustArmed { .. } | Mode::Armed => State::Armed,
             Mode::Holding { .. } => State::Holding,
             Mode::Lost => State::Lost,
             Mode::Excitation(player) => State::Excitation(player.phase()),
@@ -418,7 +492,7 @@ impl Channel {
     #[must_use]
     pub const fn command(&self) -> Command {
         match &self.mode {
-            Mode::Disarmed | Mode::Armed | Mode::Holding { .. } => self.command,
+            Mode::Disarmed { .. } | Mode::JustArmed { .. } | Mode::Armed | Mode::Holding { .. } => self.command,
             Mode::Excitation(player) => player.level(),
             Mode::NoSignal | Mode::Locked | Mode::Lost => self.settings.stop,
         }
@@ -429,7 +503,9 @@ impl Channel {
     #[must_use]
     pub const fn held_command(&self) -> Option<Command> {
         match &self.mode {
-            Mode::Armed | Mode::Holding { .. } => Some(self.command.clamp_to(self.settings.idle, self.settings.max)),
+            Mode::JustArmed { .. } | Mode::Armed | Mode::Holding { .. } => {
+                Some(self.command.clamp_to(self.settings.idle, self.settings.max))
+            }
             _ => None,
         }
     }

@@ -19,7 +19,7 @@ pub const LONGEST_RAMP_TICKS: u32 = 1 << 17;
 
 /// What a channel may do. Times are in control ticks.
 ///
-/// `stop < disarming_threshold < arming_threshold <= idle < max`.
+/// `stop < disarming_threshold <= arming_threshold <= idle < max`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ChannelSettings {
     /// The command of the stop pulse: the bottom of the pulse range, or above it where the protocol is raw duty, whose
@@ -100,8 +100,8 @@ impl Default for ExcitationLimits {
 pub enum ChannelSettingsError {
     /// `disarming_threshold` is not above `stop`, so that the stop pulse would not disarm.
     DisarmingNotAboveStop,
-    /// `arming_threshold` is not above `disarming_threshold`: a command between them would arm and disarm by turns.
-    ArmingNotAboveDisarming,
+    /// `arming_threshold` is below `disarming_threshold`: a command between them would arm and disarm by turns.
+    ArmingBelowDisarming,
     /// `idle` is below `arming_threshold`: an armed channel could put out what means disarmed.
     IdleBelowThreshold,
     /// `max` is not above `idle`.
@@ -116,7 +116,7 @@ impl fmt::Display for ChannelSettingsError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::DisarmingNotAboveStop => "disarming_threshold is not above stop",
-            Self::ArmingNotAboveDisarming => "arming_threshold is not above disarming_threshold",
+            Self::ArmingBelowDisarming => "arming_threshold is below disarming_threshold",
             Self::IdleBelowThreshold => "idle is below arming_threshold: raise idle",
             Self::MaxNotAboveIdle => "max is not above idle",
             Self::RampTooSlow => "excitation.ramp_per_tick is so low that a motor would take over 2^17 ticks to stop",
@@ -135,7 +135,7 @@ impl ChannelSettings {
     pub fn validate(&self) -> Result<(), ChannelSettingsError> {
         let in_order = [
             (self.disarming_threshold > self.stop, ChannelSettingsError::DisarmingNotAboveStop),
-            (self.arming_threshold > self.disarming_threshold, ChannelSettingsError::ArmingNotAboveDisarming),
+            (self.arming_threshold >= self.disarming_threshold, ChannelSettingsError::ArmingBelowDisarming),
             (self.idle >= self.arming_threshold, ChannelSettingsError::IdleBelowThreshold),
             (self.max > self.idle, ChannelSettingsError::MaxNotAboveIdle),
             (self.excitation.ramp_is_short(), ChannelSettingsError::RampTooSlow),

@@ -64,6 +64,7 @@ const fn ticks(milliseconds: u32, loop_rate_hz: u32) -> u32 {
 pub fn channel_settings(settings: &Validated, motor: usize) -> ChannelSettings {
     let rate = settings.loop_rate_hz;
     let motor = settings.motors.get(motor).copied().unwrap_or_default();
+    let levels = settings.levels(&motor);
     let excitation = &settings.excitation;
     let ramp_ticks = ticks(u32::from(excitation.ramp_ms), rate).max(1);
     // No ramp stands still: of commands so low that a step per tick is too much or too little, this is the more.
@@ -71,9 +72,9 @@ pub fn channel_settings(settings: &Validated, motor: usize) -> ChannelSettings {
     let per_tick = (max_command / ramp_ticks).max(max_command.div_ceil(LONGEST_RAMP_TICKS)).max(1);
     ChannelSettings {
         stop: Command::saturating_from_bits(settings.stop),
-        disarming_threshold: Command::saturating_from_bits(motor.disarming),
-        arming_threshold: Command::saturating_from_bits(motor.arming),
-        idle: Command::saturating_from_bits(motor.idle),
+        disarming_threshold: Command::saturating_from_bits(levels.disarming),
+        arming_threshold: Command::saturating_from_bits(levels.arming),
+        idle: Command::saturating_from_bits(levels.idle),
         max: Command::saturating_from_bits(motor.max),
         hold_ticks: ticks(u32::from(motor.hold_ms), rate),
         stop_pulse_ticks: ticks(u32::from(settings.stop_pulses_ms), rate),

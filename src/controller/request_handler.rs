@@ -245,7 +245,9 @@ impl<F: NorFlash> RequestHandler<F> {
 
     fn excite(&mut self, request: &ExciteRequest, board: &mut impl ControlAccess) -> Result<Message, Refusal> {
         let index = usize::from(request.motor);
-        let motor = *self.settings.motors.get(index).ok_or(Refusal::UnknownMotor)?;
+        if index >= MOTORS {
+            return Err(Refusal::UnknownMotor);
+        }
         let limits = channel_settings(&self.settings, index);
         may_drive(board)?;
         let lines = request.lines.lines();
@@ -261,7 +263,7 @@ impl<F: NorFlash> RequestHandler<F> {
             return Err(Refusal::TooSlow { lines: lines.count() as u16, loop_rate_hz, core_hz, percent });
         }
         let outside = Refusal::CommandOutsideLimits {
-            min_command: motor.idle,
+            min_command: limits.idle.to_bits(),
             max_command: limits.excitation.max_command.min(limits.max).to_bits(),
             max_amplitude: limits.excitation.max_amplitude.to_bits(),
         };

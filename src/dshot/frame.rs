@@ -46,6 +46,8 @@ pub enum Content {
 impl Value {
     /// Stops the motor, and disarms it.
     pub const STOP: Self = Self(0);
+    /// The lowest throttle.
+    pub const LOWEST_THROTTLE: Self = Self(BELOW_THROTTLE + 1);
     /// The highest value.
     pub const MAX: Self = Self(HIGHEST);
 
@@ -75,7 +77,13 @@ impl Value {
         if self.0 <= BELOW_THROTTLE {
             return Content::Instruction(self.0 as u8);
         }
-        Content::Throttle(SCALE.to_command(self.0 as u32))
+        Content::Throttle(self.command())
+    }
+
+    /// The command of a throttle; zero for everything below.
+    #[must_use]
+    pub const fn command(self) -> Command {
+        SCALE.to_command(self.0 as u32)
     }
 }
 

@@ -33,8 +33,6 @@ pub struct Inverse {
     pub natural_rad_s: f64,
     /// Damping ratio of the reference model.
     pub damping: f64,
-    /// Largest change of the output, units of the command per second; 0 for no limit.
-    pub slew_per_s: f64,
     /// The inverse is bypassed for commands below this.
     pub compensate_from: i32,
     /// The inverse is bypassed for commands above this.

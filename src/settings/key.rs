@@ -22,8 +22,6 @@ pub enum Key {
     InverseNaturalRadS,
     /// [`Inverse::damping`](super::Inverse::damping)
     InverseDamping,
-    /// [`Inverse::slew_per_s`](super::Inverse::slew_per_s)
-    InverseSlewPerS,
     /// [`Inverse::compensate_from`](super::Inverse::compensate_from)
     InverseCompensateFrom,
     /// [`Inverse::compensate_to`](super::Inverse::compensate_to)
@@ -36,12 +34,16 @@ pub enum Key {
     OutputProtocol,
     /// The frame rate of [`Settings::output`](super::Settings::output)
     OutputFrameHz,
+    /// [`Settings::slew_per_s`](super::Settings::slew_per_s)
+    OutputSlewPerS,
     /// [`Settings::stop`](super::Settings::stop)
     Stop,
     /// [`Settings::no_signal`](super::Settings::no_signal)
     NoSignal,
     /// [`Settings::stop_pulses_ms`](super::Settings::stop_pulses_ms)
     StopPulsesMs,
+    /// [`Settings::resume`](super::Settings::resume)
+    Resume,
     /// [`MotorSettings::compensate`](super::MotorSettings::compensate)
     Compensate,
     /// [`MotorSettings::disarming`](super::MotorSettings::disarming)
@@ -72,7 +74,7 @@ pub enum Key {
 
 impl Key {
     /// Every key, in the order of the settings.
-    pub const ALL: [Self; 30] = [
+    pub const ALL: [Self; 31] = [
         Self::LoopRateHz,
         Self::Compensator,
         Self::OmegaZRadS,
@@ -80,16 +82,17 @@ impl Key {
         Self::Damping,
         Self::InverseNaturalRadS,
         Self::InverseDamping,
-        Self::InverseSlewPerS,
         Self::InverseCompensateFrom,
         Self::InverseCompensateTo,
         Self::InputProtocol,
         Self::InputFrameHz,
         Self::OutputProtocol,
         Self::OutputFrameHz,
+        Self::OutputSlewPerS,
         Self::Stop,
         Self::NoSignal,
         Self::StopPulsesMs,
+        Self::Resume,
         Self::Compensate,
         Self::Disarming,
         Self::Arming,
@@ -116,16 +119,17 @@ impl Key {
             Self::Damping => "damping",
             Self::InverseNaturalRadS => "inverse.natural_rad_s",
             Self::InverseDamping => "inverse.damping",
-            Self::InverseSlewPerS => "inverse.slew_per_s",
             Self::InverseCompensateFrom => "inverse.compensate_from",
             Self::InverseCompensateTo => "inverse.compensate_to",
             Self::InputProtocol => "input.protocol",
             Self::InputFrameHz => "input.frame_hz",
             Self::OutputProtocol => "output.protocol",
             Self::OutputFrameHz => "output.frame_hz",
+            Self::OutputSlewPerS => "output.slew_per_s",
             Self::Stop => "stop",
             Self::NoSignal => "no_signal",
             Self::StopPulsesMs => "stop_pulses_ms",
+            Self::Resume => "resume",
             Self::Compensate => "compensate",
             Self::Disarming => "disarming",
             Self::Arming => "arming",

@@ -3,7 +3,8 @@
 use serde::Deserialize;
 
 use super::{
-    ExcitationLimits, Lead, MOTORS, MotorSettings, NoSignal, Pulse, PulseProtocol, Settings, validate::HIGHEST_STOP,
+    ExcitationLimits, Lead, Levels, MOTORS, MotorSettings, NoSignal, Pulse, PulseProtocol, Settings,
+    validate::HIGHEST_STOP,
 };
 
 /// The number of this layout in a stored set.
@@ -77,15 +78,9 @@ impl Motor1 {
         // above the threshold that it was set up with must not find its motors stopped by an update.
         let above_stop = i64::from(self.arming) - i64::from(stop);
         let disarming = i64::from(stop) + above_stop * 4 / 5;
-        MotorSettings {
-            compensate: self.compensate,
-            // Between two numbers of its type.
-            disarming: disarming as i32,
-            arming: self.arming,
-            idle: self.idle,
-            max: self.max,
-            hold_ms: self.hold_ms,
-            curve: None,
-        }
+        let Self { compensate, arming, idle, max, hold_ms } = self;
+        // Between two numbers of its type.
+        let levels = Levels { disarming: disarming as i32, arming, idle };
+        MotorSettings { compensate, max, hold_ms, ..MotorSettings::default() }.with_levels(levels)
     }
 }

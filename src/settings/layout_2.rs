@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 
-use super::{ExcitationLimits, Lead, MOTORS, MotorSettings, NoSignal, Pulse, Settings};
+use super::{ExcitationLimits, Lead, Levels, MOTORS, MotorSettings, NoSignal, Pulse, Settings};
 
 /// The number of this layout in a stored set.
 pub(super) const LAYOUT: u16 = 2;
@@ -55,6 +55,7 @@ impl Settings2 {
 impl Motor2 {
     fn migrate(self) -> MotorSettings {
         let Self { compensate, disarming, arming, idle, max, hold_ms } = self;
-        MotorSettings { compensate, disarming, arming, idle, max, hold_ms, curve: None }
+        let motor = MotorSettings { compensate, max, hold_ms, ..MotorSettings::default() };
+        motor.with_levels(Levels { disarming, arming, idle })
     }
 }

@@ -10,6 +10,8 @@ mod compensator;
 mod key;
 mod layout_1;
 mod layout_2;
+mod layout_3;
+mod levels;
 mod store;
 mod validate;
 
@@ -24,10 +26,11 @@ use crate::throttle::{Command, Protocol};
 pub use crate::channel::NoSignal;
 pub use compensator::{CompensatorKind, Inverse, Lead};
 pub use key::{Key, Place};
+pub use levels::Levels;
 pub use store::{Loaded, Origin, SaveError, Store};
 pub use validate::{
-    DSHOT_FRAME_RANGE_HZ, FASTEST_RAW_DUTY_HZ, FRAME_RANGE_HZ, HIGHEST_STOP, Problem, SHORTEST_LEVEL_US, SettingsError,
-    Validated, Warning, Warnings, pulse_range_us,
+    DSHOT_FRAME_RANGE_HZ, FASTEST_RAW_DUTY_HZ, FRAME_RANGE_HZ, HIGHEST_IDLE, HIGHEST_STOP, Problem, SHORTEST_LEVEL_US,
+    SettingsError, Validated, Warning, Warnings, pulse_range_us,
 };
 
 /// Motors of one controller.
@@ -39,10 +42,12 @@ pub const SLOWEST_TIMER_HZ: u32 = 1_000_000;
 /// Time without a [`KeepAlive`](crate::link::Request::KeepAlive) after which an excitation ramps down, milliseconds.
 pub const DEAD_MAN_MS: u32 = 200;
 
-/// What nearly every flight controller sends, at a rate that is worth compensating.
-const DEFAULT_INPUT: Pulse = Pulse { protocol: PulseProtocol::StandardPwm, frame_hz: 400 };
-/// What nearly every ESC understands. Its frames may come closer than the input's, so that they can follow those.
-const DEFAULT_OUTPUT: Pulse = Pulse { protocol: PulseProtocol::StandardPwm, frame_hz: 450 };
+/// What nearly every flight controller sends, at the fastest of the usual rates: 400, 480 (Betaflight) and 490 Hz (ArduPilot's
+/// `RC_SPEED`).
+const DEFAULT_INPUT: Pulse = Pulse { protocol: PulseProtocol::StandardPwm, frame_hz: 490 };
+/// What nearly every ESC understands. Its frames may come closer than the input's, so that they can follow those: as close as
+/// pulses of 2 ms may.
+const DEFAULT_OUTPUT: Pulse = Pulse { protocol: PulseProtocol::StandardPwm, frame_hz: 495 };
 
 /// The slowest of the ESCs whose slew is known, 2 % per millisecond: declared too slow, it costs speed, too fast, it may break an
 /// ESC's lock.
@@ -58,17 +63,18 @@ const DEFAULT_SLEW_PER_S: f64 = 20.0;
 /// | `damping` | 0.3..=2 | 1/sqrt 2 |
 /// | `inverse.natural_rad_s` | above 0 | the paper's, 94.2 |
 /// | `inverse.damping` | 0.3..=2 | 1/sqrt 2 |
-/// | `inverse.slew_per_s` | 0 (no limit)..=1e6 | 20, 2 % per millisecond |
 /// | `inverse.compensate_from`, `inverse.compensate_to` | 0..=1, in this order | 0, 1 |
 /// | `input.protocol`, `output.protocol` | raw_duty, standard_pwm, oneshot125, dshot150, dshot300, dshot600, dshot300_bidirectional, dshot600_bidirectional | standard_pwm |
-/// | `input.frame_hz`, `output.frame_hz` | 40..=3703, and the longest pulse fits; raw duty up to 1500; DShot up to 10000 | 400, 450 |
+/// | `input.frame_hz`, `output.frame_hz` | 40..=3703, and the longest pulse fits; raw duty up to 1500; DShot up to 10000, and as an input to twice `loop_rate_hz` | 490, 495 |
+/// | `output.slew_per_s` | 0 (no limit)..=1e6 | 20, 2 % per millisecond |
 /// | `stop` | 0; raw duty: 20 µs of the frame up to 0.03 | 0 |
 /// | `no_signal` | no_pulses, stop_pulses | no_pulses |
 /// | `stop_pulses_ms` | 0..=60000 | 2000 |
+/// | `resume` | true, false | true |
 /// | `motor.N.compensate` | true, false | false |
-/// | `motor.N.disarming` | above `stop` | 0.04 |
-/// | `motor.N.arming` | above `disarming` | 0.05 |
-/// | `motor.N.idle` | `arming` or above | 0.05 |
+/// | `motor.N.disarming` | above `stop`, or none | none: 0.04; DShot: its lowest throttle |
+/// | `motor.N.arming` | above `disarming`, up to 0.2, or none; DShot: `disarming` or above | none: 0.05; DShot: `disarming` |
+/// | `motor.N.idle` | `arming` or above, up to 0.2, or none | none: 0.05, or `arming` where that is above; DShot: `arming` |
 /// | `motor.N.max` | above `idle`, 1 or below | 1 |
 /// | `motor.N.hold_ms` | 0..=1000 | 100 |
 /// | `motor.N.time_constant_s` | 33 of 1e-6..=1000, or none; needed where `compensator` is inverse | none |
@@ -92,6 +98,8 @@ pub struct Settings {
     pub input: Pulse,
     /// The ESCs' pulses. All come from one timer, so there is one kind.
     pub output: Pulse,
+    /// Largest change of the output that the ESCs follow, units of the command per second; 0 for no limit. Of every compensator.
+    pub slew_per_s: f64,
     /// The command of the stop pulse. Above 0 for raw duty only, where 0 would be no pulse at all.
     pub stop: i32,
     /// What a motor's output does while its input has no signal.
@@ -99,6 +107,8 @@ pub struct Settings {
     /// For how long stop pulses follow a motor's last command before the output does as [`Self::no_signal`] says,
     /// milliseconds.
     pub stop_pulses_ms: u16,
+    /// Whether motors that a flight controller has armed go on after a reset of the watchdog, a panic or a fault.
+    pub resume: bool,
     /// What each motor has of its own.
     pub motors: [MotorSettings; MOTORS],
     /// What an excitation may do.
@@ -112,12 +122,12 @@ pub struct Settings {
 pub struct MotorSettings {
     /// Whether the compensator is in the path.
     pub compensate: bool,
-    /// An armed motor disarms below this command.
-    pub disarming: i32,
-    /// A disarmed motor arms from this command on.
-    pub arming: i32,
-    /// The lowest output while armed.
-    pub idle: i32,
+    /// An armed motor disarms below this command; `None` for what the input's protocol has ([`Levels`]).
+    pub disarming: Option<i32>,
+    /// A disarmed motor arms from this command on; `None` likewise.
+    pub arming: Option<i32>,
+    /// The lowest output while armed; `None` likewise.
+    pub idle: Option<i32>,
     /// The highest output.
     pub max: i32,
     /// How long the last command is held when the input is lost, milliseconds.
@@ -222,15 +232,16 @@ impl Default for Settings {
             inverse: Inverse {
                 natural_rad_s: omega_f_rad_s,
                 damping: DEFAULT_DAMPING,
-                slew_per_s: DEFAULT_SLEW_PER_S,
                 compensate_from: 0,
                 compensate_to: percent(100),
             },
             input: DEFAULT_INPUT,
             output: DEFAULT_OUTPUT,
+            slew_per_s: DEFAULT_SLEW_PER_S,
             stop: 0,
             no_signal: NoSignal::NoPulses,
             stop_pulses_ms: 2000,
+            resume: true,
             motors: [MotorSettings::default(); MOTORS],
             excitation: ExcitationLimits {
                 max_duration_s: 120,
@@ -248,9 +259,9 @@ impl Default for MotorSettings {
     fn default() -> Self {
         Self {
             compensate: false,
-            disarming: percent(4),
-            arming: percent(5),
-            idle: percent(5),
+            disarming: None,
+            arming: None,
+            idle: None,
             max: percent(100),
             hold_ms: 100,
             curve: None,

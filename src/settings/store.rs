@@ -42,6 +42,7 @@ use serde::{Deserialize, Serialize};
 
 use super::layout_1::{self, Settings1};
 use super::layout_2::{self, Settings2};
+use super::layout_3::{self, Settings3};
 use super::{Settings, Validated};
 use crate::checksum::CHECKSUM;
 
@@ -53,7 +54,7 @@ const SET_BYTES: usize = 2 * PAGE_BYTES;
 /// `RLST`, little-endian.
 const MAGIC: [u8; 4] = *b"RLST";
 /// Number of the settings' layout.
-const LAYOUT: u16 = 3;
+const LAYOUT: u16 = 4;
 const HEADER_BYTES: usize = 12;
 const CHECKSUM_BYTES: usize = 4;
 /// An erased byte.
@@ -295,6 +296,7 @@ fn decode(set: &[u8]) -> Option<Copy> {
     let settings = match layout {
         layout_1::LAYOUT => whole::<Settings1>(body)?.migrate(),
         layout_2::LAYOUT => whole::<Settings2>(body)?.migrate(),
+        layout_3::LAYOUT => whole::<Settings3>(body)?.migrate(),
         LAYOUT => whole::<Settings>(body)?,
         _ => return None,
     };

@@ -6,7 +6,7 @@ use core::ops::Deref;
 use postcard_schema::Schema;
 use serde::{Deserialize, Serialize};
 
-use super::{CompensatorKind, Key, MotorSettings, Place, Pulse, PulseProtocol, Settings};
+use super::{CompensatorKind, Key, Levels, MotorSettings, Place, Pulse, PulseProtocol, Settings};
 use crate::design::{DAMPING_RANGE, LeadParameters, SLEW_RANGE_PER_S, TIME_CONSTANT_RANGE_S};
 use crate::dshot::WINDOW_LEVELS;
 use crate::throttle::Command;
@@ -22,6 +22,13 @@ pub const SHORTEST_LEVEL_US: u32 = 20;
 pub const HIGHEST_STOP: i32 = (Command::ONE.to_bits() as i64 * 3 / 100) as i32;
 /// Fastest frames of a raw duty: with more, [`SHORTEST_LEVEL_US`] is above [`HIGHEST_STOP`], 3 % of the frame.
 pub const FASTEST_RAW_DUTY_HZ: u16 = (30_000 / SHORTEST_LEVEL_US) as u16;
+/// Highest idle, and with it the highest command that arms: a motor at a fifth of its range, some 5 % of its thrust, is as much as
+/// may be expected of one that has just been armed.
+pub const HIGHEST_IDLE: i32 = ONE / 5;
+/// An idle above this is warned of: flight controllers idle at 3 to 8 %.
+const HIGH_IDLE: i32 = ONE / 10;
+/// Frames of DShot per control tick that the inputs take: an input's queue holds four words, and ticks are not quite even.
+const FRAMES_PER_TICK: u32 = 2;
 /// An arming threshold below this is warned of: a flight controller whose clock is 3 % off sends 1030 µs for a stop.
 const LOW_ARMING: i32 = (Command::ONE.to_bits() as i64 * 4 / 100) as i32;
 
@@ -79,6 +86,11 @@ pub enum Problem {
         /// Highest duty allowed at this frame rate.
         max: f64,
     },
+    /// More frames of DShot come in than are taken from the input's queue, which would keep the oldest.
+    FramesOutrunTicks {
+        /// Lowest rate of the control loop for them.
+        min_loop_rate_hz: u32,
+    },
     /// The flight controller waits for replies, and the outputs' protocol has none.
     NoReplies,
 }
@@ -104,6 +116,11 @@ impl fmt::Display for SettingsError {
                 f,
                 "{place}: the longest pulse, {longest_us} us, and a gap of {SHORTEST_LEVEL_US} us do not fit the frame; \
                  use {max_frame_hz} Hz or less, or a shorter protocol"
+            ),
+            Problem::FramesOutrunTicks { min_loop_rate_hz } => write!(
+                f,
+                "{place}: more than {FRAMES_PER_TICK} frames of DShot would come in each control tick; set loop_rate_hz to \
+                 {min_loop_rate_hz} or more"
             ),
             Problem::NoReplies => write!(
                 f,
@@ -131,6 +148,12 @@ pub enum Warning {
     FramesCannotFollow,
     /// A motor arms below 0.04, the command of a stop pulse of 1000 µs from a flight controller whose clock is 4 % off.
     LowArming,
+    /// A motor's idle is above 0.1: it turns so fast once it is armed.
+    HighIdle,
+    /// Levels are chosen for an input with frames of DShot: commands below them stop the motor.
+    LevelsAboveFrames,
+    /// Pulses come at least as often as control ticks: of some, no tick ever hears.
+    PulsesOutrunTicks,
 }
 
 impl fmt::Display for Warning {
@@ -152,6 +175,21 @@ impl fmt::Display for Warning {
                 "a motor's arming is below 0.04: the stop pulse of a flight controller whose clock is some percent off \
                  may arm it; raise arming"
             ),
+            Self::HighIdle => write!(
+                f,
+                "a motor's idle is above 0.1: it turns at that as soon as it is armed; flight controllers idle at 0.03 to 0.08"
+            ),
+            Self::LevelsAboveFrames => write!(
+                f,
+                "levels are set for a DShot input: a throttle below disarming stops the motor, in flight too, and it turns again \
+                 only at arming; Betaflight's dshot_idle_value must be above both, dynamic idle and ArduPilot's MOT_SPIN_MIN go \
+                 down to 48; set disarming, arming and idle to none unless the ESC needs them"
+            ),
+            Self::PulsesOutrunTicks => write!(
+                f,
+                "input.frame_hz is not below loop_rate_hz: a control tick takes the newest pulse, so some are left over; raise \
+                 loop_rate_hz"
+            ),
         }
     }
 }
@@ -167,6 +205,12 @@ pub struct Warnings {
     pub cannot_follow: bool,
     /// An arming threshold is low.
     pub low_arming: bool,
+    /// An idle is high.
+    pub high_idle: bool,
+    /// Levels are chosen for an input with frames.
+    pub levels_above_frames: bool,
+    /// Pulses come as often as control ticks.
+    pub pulses_outrun_ticks: bool,
 }
 
 impl Warnings {
@@ -178,6 +222,9 @@ impl Warnings {
             .chain(slow(self.slow_output, Key::OutputFrameHz))
             .chain(self.cannot_follow.then_some(Warning::FramesCannotFollow))
             .chain(self.low_arming.then_some(Warning::LowArming))
+            .chain(self.high_idle.then_some(Warning::HighIdle))
+            .chain(self.levels_above_frames.then_some(Warning::LevelsAboveFrames))
+            .chain(self.pulses_outrun_ticks.then_some(Warning::PulsesOutrunTicks))
     }
 }
 
@@ -235,13 +282,19 @@ impl Settings {
         self.check_inverse(fastest_rad_s)?;
         pulse(whole(Key::InputFrameHz), self.input)?;
         pulse(whole(Key::OutputFrameHz), self.output)?;
+        within(whole(Key::OutputSlewPerS), self.slew_per_s, SLEW_RANGE_PER_S)?;
+        let least_hz = u32::from(self.input.frame_hz).div_ceil(FRAMES_PER_TICK);
+        if self.has_frames() && self.loop_rate_hz < least_hz {
+            let problem = Problem::FramesOutrunTicks { min_loop_rate_hz: least_hz };
+            return Err(SettingsError { place: whole(Key::InputFrameHz), problem });
+        }
         if self.input.protocol.is_bidirectional() && !self.output.protocol.is_bidirectional() {
             return Err(SettingsError { place: whole(Key::InputProtocol), problem: Problem::NoReplies });
         }
         self.check_stop(whole(Key::Stop))?;
         within(whole(Key::StopPulsesMs), self.stop_pulses_ms, STOP_PULSES_RANGE_MS)?;
         for (index, motor) in (0..).zip(&self.motors) {
-            motor.check(index, self.stop)?;
+            self.check_motor(index, motor)?;
         }
         let limits = &self.excitation;
         within(whole(Key::ExcitationMaxDurationS), limits.max_duration_s, DURATION_RANGE_S)?;
@@ -261,7 +314,6 @@ impl Settings {
         let inverse = &self.inverse;
         within(whole(Key::InverseNaturalRadS), inverse.natural_rad_s, (f64::MIN_POSITIVE, fastest_rad_s))?;
         within(whole(Key::InverseDamping), inverse.damping, DAMPING_RANGE)?;
-        within(whole(Key::InverseSlewPerS), inverse.slew_per_s, SLEW_RANGE_PER_S)?;
         level(whole(Key::InverseCompensateFrom), inverse.compensate_from, (0, ONE))?;
         level(whole(Key::InverseCompensateTo), inverse.compensate_to, (inverse.compensate_from, ONE))?;
         for (index, motor) in (0..).zip(&self.motors) {
@@ -324,6 +376,11 @@ impl Settings {
         self.input.protocol.dshot().is_some() && self.output.protocol.dshot().is_some()
     }
 
+    /// Whether the inputs have frames of DShot.
+    pub(super) const fn has_frames(&self) -> bool {
+        self.input.protocol.dshot().is_some()
+    }
+
     /// Control ticks from one frame of DShot to the next that an output gets where none come in; `None` with pulses.
     #[must_use]
     pub fn bench_frame_ticks(&self) -> Option<u32> {
@@ -361,23 +418,32 @@ impl Settings {
             cannot_follow: self.output.protocol != PulseProtocol::RawDuty
                 && self.output.protocol.dshot().is_none()
                 && self.output.frame_hz <= self.input.frame_hz,
-            low_arming: self.motors.iter().any(|motor| motor.arming < LOW_ARMING),
+            // A frame is a number: no clock makes a stop of it that is none.
+            low_arming: !self.has_frames() && self.any_level(|levels| levels.arming < LOW_ARMING),
+            high_idle: self.any_level(|levels| levels.idle > HIGH_IDLE),
+            levels_above_frames: self.has_frames() && self.motors.iter().any(MotorSettings::has_levels),
+            pulses_outrun_ticks: !self.has_frames() && u32::from(self.input.frame_hz) >= self.loop_rate_hz,
         }
     }
-}
 
-impl MotorSettings {
-    fn check(&self, motor: u8, stop: i32) -> Result<(), SettingsError> {
-        let place = |key| Place { key, motor: Some(motor) };
-        // Each level inside the command's range first, so that the ranges of the others make sense.
-        level(place(Key::Disarming), self.disarming, (0, ONE))?;
-        level(place(Key::Arming), self.arming, (0, ONE))?;
-        level(place(Key::Idle), self.idle, (0, ONE))?;
-        level(place(Key::Disarming), self.disarming, (stop.saturating_add(1), ONE))?;
-        level(place(Key::Arming), self.arming, (self.disarming.saturating_add(1), ONE))?;
-        level(place(Key::Idle), self.idle, (self.arming, ONE))?;
-        level(place(Key::Max), self.max, (self.idle.saturating_add(1), ONE))?;
-        within(place(Key::HoldMs), self.hold_ms, HOLD_RANGE_MS)
+    fn any_level(&self, is: impl Fn(Levels) -> bool) -> bool {
+        self.motors.iter().any(|motor| is(self.levels(motor)))
+    }
+
+    fn check_motor(&self, index: u8, motor: &MotorSettings) -> Result<(), SettingsError> {
+        let place = |key| Place { key, motor: Some(index) };
+        let Levels { disarming, arming, idle } = self.levels(motor);
+        // Each level inside its widest range first, so that the ranges of the others make sense.
+        level(place(Key::Disarming), disarming, (0, HIGHEST_IDLE))?;
+        level(place(Key::Arming), arming, (0, HIGHEST_IDLE))?;
+        level(place(Key::Idle), idle, (0, HIGHEST_IDLE))?;
+        level(place(Key::Disarming), disarming, (self.stop.saturating_add(1), HIGHEST_IDLE))?;
+        // Between the two of pulses there is a gap that noise does not cross; the numbers in frames have no noise.
+        let lowest_arming = if self.has_frames() { disarming } else { disarming.saturating_add(1) };
+        level(place(Key::Arming), arming, (lowest_arming, HIGHEST_IDLE))?;
+        level(place(Key::Idle), idle, (arming, HIGHEST_IDLE))?;
+        level(place(Key::Max), motor.max, (idle.saturating_add(1), ONE))?;
+        within(place(Key::HoldMs), motor.hold_ms, HOLD_RANGE_MS)
     }
 }
 
