@@ -8,8 +8,8 @@ use heapless::spsc::Queue;
 use rotorlead::channel::Channel;
 use rotorlead::controller::hardware::{CaptureTimer, ControlHardware, Edge, RequestHardware};
 use rotorlead::controller::{
-    self, BoardFacts, ClockReport, Control, ControlAccess, ControlHandle, Counts, Ends, Inputs, Queues, RequestHandler,
-    Started, Tick,
+    self, BoardFacts, ClockReport, Control, ControlAccess, ControlHandle, Counts, Ends, FrameRates, Inputs, Queues,
+    RequestHandler, Started, Tick,
 };
 use rotorlead::dshot::{Frame, Line, Offer, ReplyWindow, Word};
 use rotorlead::link::{BrownOut, Clock, CrystalCheck, Refusal, ResetReason};
@@ -339,6 +339,10 @@ impl ControlAccess for TestBoard {
 
     fn counts(&mut self) -> Counts {
         self.handle().counts()
+    }
+
+    fn frame_rates(&mut self, loop_rate_hz: u32) -> [FrameRates; MOTORS] {
+        self.handle().frame_rates(loop_rate_hz)
     }
 
     fn is_bench_enabled(&mut self) -> bool {

@@ -19,8 +19,8 @@ use rotorlead::controller;
 use rotorlead::design::{CurvePoint, InverseDesign, LeadDesign, LeadParameters, ReferenceModel, RotorCurve};
 use rotorlead::inverse::OUTPUT_BITS;
 use rotorlead::settings::{
-    CompensatorKind, ExcitationLimits, FASTEST_RAW_DUTY_HZ, HIGHEST_STOP, Inverse, Lead, MotorSettings, NoSignal,
-    Pulse, PulseProtocol, SHORTEST_LEVEL_US, Settings, Validated,
+    CompensatorKind, ExcitationLimits, FASTEST_RAW_DUTY_HZ, HIGHEST_IDLE, HIGHEST_STOP, Inverse, Lead, MotorSettings,
+    NoSignal, Pulse, PulseProtocol, SHORTEST_LEVEL_US, Settings, Validated,
 };
 use rotorlead::throttle::{Command, FRACTION_BITS};
 
@@ -298,16 +298,19 @@ pub fn any_settings() -> impl Strategy<Value = Validated> {
     // Parts of what is left between the stop and the highest duty; the ends of it, too.
     let motor = || {
         let levels = proptest::collection::vec(0.0..1.0_f64, 4);
-        (levels, any::<[bool; 3]>(), 0..=1000_u16).prop_map(|(mut levels, [compensate, lowest, highest], hold_ms)| {
-            levels.sort_by(f64::total_cmp);
-            if lowest {
-                levels[0] = 0.0;
-            }
-            if highest {
-                levels[3] = 1.0;
-            }
-            (levels, compensate, hold_ms)
-        })
+        let chosen = any::<[bool; 3]>();
+        (levels, chosen, any::<[bool; 3]>(), 0..=1000_u16).prop_map(
+            |(mut levels, chosen, [compensate, lowest, highest], hold_ms)| {
+                levels.sort_by(f64::total_cmp);
+                if lowest {
+                    levels[0] = 0.0;
+                }
+                if highest {
+                    levels[3] = 1.0;
+                }
+                (levels, chosen, compensate, hold_ms)
+            },
+        )
     };
     let excitation = (1..=600_u16, 0.0..=1.0_f64, 0.001..=0.25_f64, 0..=10_000_u16, 100..=10_000_u16).prop_map(
         |(max_duration_s, max_command, max_amplitude, arm_ms, ramp_ms)| ExcitationLimits {
@@ -350,7 +353,6 @@ pub fn any_settings() -> impl Strategy<Value = Validated> {
             let inverse = Inverse {
                 natural_rad_s,
                 damping,
-                slew_per_s: if is_limited { 20.0 } else { 0.0 },
                 compensate_from: Command::saturating_from_f64(from).to_bits(),
                 compensate_to: Command::saturating_from_f64(from + 0.5).to_bits(),
             };
@@ -358,14 +360,14 @@ pub fn any_settings() -> impl Strategy<Value = Validated> {
             let ends = [(0.0, lag), (1.0, lag * shrink)];
             let ends = ends.map(|(command, lag)| CurvePoint { command, tau_s: lag / natural_rad_s });
             let curve = is_inverse.then(|| RotorCurve::through(&ends).ok()).flatten();
-            let motors = motors.map(|(levels, compensate, hold_ms)| MotorSettings {
-                compensate,
-                disarming: level(levels[0]),
-                arming: level(levels[1]),
-                idle: level(levels[2]),
-                max: level(levels[3]),
-                hold_ms,
-                curve,
+            let motors = motors.map(|(levels, chosen, compensate, hold_ms)| {
+                let low = |index: usize| {
+                    let bits = stop + 1 + (levels[index] * f64::from(HIGHEST_IDLE - stop - 1)) as i32;
+                    chosen[index].then_some(bits)
+                };
+                let [disarming, arming, idle] = [0, 1, 2].map(low);
+                let max = level(levels[3]);
+                MotorSettings { compensate, disarming, arming, idle, max, hold_ms, curve }
             });
             let lead = lead.map_or(Settings::default().lead, |(pole, ratio, damping)| {
                 let omega_f_rad_s = pole * f64::from(loop_rate_hz);
@@ -378,9 +380,11 @@ pub fn any_settings() -> impl Strategy<Value = Validated> {
                 inverse,
                 input,
                 output,
+                slew_per_s: if is_limited { 20.0 } else { 0.0 },
                 stop,
                 no_signal,
                 stop_pulses_ms,
+                resume: true,
                 motors,
                 excitation,
                 recorder_divisor,

@@ -8,7 +8,7 @@ use std::rc::Rc;
 use embedded_storage::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use rotorlead::capture::Signal;
 use rotorlead::channel::Channel;
-use rotorlead::controller::{BoardFacts, ControlAccess, Counts, Server, Tick};
+use rotorlead::controller::{BoardFacts, ControlAccess, Counts, FrameRates, Server, Tick};
 use rotorlead::link::{FRAME_BYTES, Message, Receiver, Refusal, Request, Sensed, Tagged, encode};
 use rotorlead::settings::{MOTORS, Origin, Settings, Store, Validated};
 use rotorlead::throttle::{Command, EscCommand, PulseScale};
@@ -140,6 +140,10 @@ impl ControlAccess for Hardware {
 
     fn counts(&mut self) -> Counts {
         self.board.counts()
+    }
+
+    fn frame_rates(&mut self, loop_rate_hz: u32) -> [FrameRates; MOTORS] {
+        self.board.frame_rates(loop_rate_hz)
     }
 
     fn is_bench_enabled(&mut self) -> bool {

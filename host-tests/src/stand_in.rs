@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use rotorlead::capture::Signal;
 use rotorlead::controller::RequestHandler;
 use rotorlead::link::{
-    FRAME_BYTES, INJECT_WINDOW, Message, Receiver, Request, Sensed, Series, Tagged, VERSION, encode,
+    FRAME_BYTES, INJECT_WINDOW, Message, NOTICE_VERSION, Receiver, Request, Sensed, Series, Tagged, VERSION, encode,
 };
 use rotorlead::settings::{Store, Validated};
 use rotorlead::throttle::Command;
@@ -334,11 +334,7 @@ impl Controller {
             self.to_send.extend([3, 1, 4, 1, 5, 9, 2, 6, 0, 7, 7]);
         }
         if self.trouble == Trouble::OtherVersion {
-            self.to_send.extend(frame(
-                VERSION + 1,
-                tag,
-                &postcard::to_stdvec(&message).expect("a message fits memory"),
-            ));
+            self.to_send.extend(frame(NOTICE_VERSION, tag, &[VERSION + 1]));
             return;
         }
         let mut frame = [0; FRAME_BYTES];

@@ -131,6 +131,8 @@ pub struct Decoder {
     has_accepted: bool,
     accepted_rise: u32,
     accepted_fall: u32,
+    /// From the rise of the accepted pulse before.
+    last_period: u32,
     /// Width and period of a pulse that was not reported yet.
     is_fresh: bool,
     width: u32,
@@ -161,6 +163,7 @@ impl Decoder {
             has_accepted: false,
             accepted_rise: 0,
             accepted_fall: 0,
+            last_period: 0,
             is_fresh: false,
             width: 0,
             period: 0,
@@ -316,6 +319,12 @@ impl Decoder {
         }
     }
 
+    /// Time between the rises of the last two accepted pulses, timer ticks; `None` where the input is not live.
+    #[must_use]
+    pub fn period(&self) -> Option<u32> {
+        (self.liveness == Liveness::Live).then_some(self.last_period)
+    }
+
     /// Whether the input's interrupt is to be off.
     #[must_use]
     pub const fn is_masked(&self) -> bool {
@@ -353,7 +362,7 @@ impl Decoder {
             self.too_soon();
             return None;
         }
-        self.accept();
+        self.accept(period);
         Some((width, period))
     }
 
@@ -368,7 +377,7 @@ impl Decoder {
         let follows = self.has_accepted && period <= self.timing.max_period;
         self.in_row = if follows { self.in_row.saturating_add(1) } else { 1 };
         self.has_accepted = true;
-        self.accept();
+        self.accept(period);
         if self.in_row < PULSES_TO_LIVE {
             return None;
         }
@@ -377,7 +386,8 @@ impl Decoder {
     }
 
     #[inline]
-    const fn accept(&mut self) {
+    const fn accept(&mut self, period: u32) {
+        self.last_period = period;
         self.accepted_rise = self.rise;
         self.accepted_fall = self.fall;
         self.next_mask_polls = 1;

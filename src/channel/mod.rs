@@ -224,6 +224,15 @@ impl Channel {
         self.tick_any(input)
     }
 
+    /// One control tick with a command of the host, which arms a disarmed motor at once: its frames have a checksum of 32 bits, and
+    /// somebody at the board has allowed them.
+    pub fn inject(&mut self, command: Command) -> EscCommand {
+        if let Mode::Disarmed { arming } = &mut self.mode {
+            *arming = COMMANDS_TO_ARM - 1;
+        }
+        self.tick(Input::Command(command))
+    }
+
     /// Any tick.
     #[inline(never)]
     fn tick_any(&mut self, input: Input) -> EscCommand {

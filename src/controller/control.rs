@@ -52,8 +52,7 @@ fn start_inputs(plan: &Plan, hardware: &mut impl ControlHardware) -> Option<Fram
         }
         InputPlan::Dshot { line, timeout_ticks } => {
             hardware.set_input_frames(Some(line));
-            // With pulses at the outputs nothing is relayed.
-            let output = plan.output.line().map_or(line.checksum(), Line::checksum);
+            let output = plan.output.line().map(Line::checksum);
             Some(FrameInputs::new(timeout_ticks, line.checksum(), output))
         }
     }
@@ -76,6 +75,7 @@ pub struct Control<H> {
     hardware: H,
     inputs: Option<FrameInputs>,
     outputs: OutputPath,
+    output_plan: OutputPlan,
     replies: Option<Replies>,
     supervisor: Supervisor,
 }
@@ -88,7 +88,8 @@ impl<H: ControlHardware> Control<H> {
         hardware.set_tick_rate(loop_rate_hz);
         hardware.set_watchdog_patient(false);
         let replies = replies(plan, loop_rate_hz);
-        Self { tick, hardware, inputs, outputs, replies, supervisor: Supervisor::new(loop_rate_hz) }
+        let output_plan = plan.output;
+        Self { tick, hardware, inputs, outputs, output_plan, replies, supervisor: Supervisor::new(loop_rate_hz) }
     }
 
     /// Starts the ticks, once all is where it stays: on its way there, where interrupts wait, the first ones would be late.
@@ -100,10 +101,10 @@ impl<H: ControlHardware> Control<H> {
     /// here. `idle_ran`: the lowest priority has run since the last one.
     #[inline]
     pub fn run(&mut self, readings: [Reading; MOTORS], idle_ran: bool) {
-        let Self { tick, hardware, inputs, outputs, replies, supervisor } = self;
+        let Self { tick, hardware, inputs, outputs, replies, supervisor, .. } = self;
         let readings = match inputs {
             None => readings,
-            Some(inputs) => inputs.read(hardware),
+            Some(inputs) => inputs.read(tick.compensates(), hardware),
         };
         if let Some(replies) = replies {
             let are_live = inputs.as_ref().map_or([false; MOTORS], FrameInputs::are_live);
@@ -157,6 +158,7 @@ impl<H: ControlHardware> Control<H> {
     pub fn reconfigure(&mut self, settings: &Validated, channels: &[Channel; MOTORS], plan: &Plan) {
         self.inputs = start_inputs(plan, &mut self.hardware);
         self.outputs = OutputPath::start(&plan.output, &mut self.hardware);
+        self.output_plan = plan.output;
         self.replies = replies(plan, settings.loop_rate_hz);
         self.hardware.set_tick_rate(settings.loop_rate_hz);
         self.supervisor.set_rate(settings.loop_rate_hz);
@@ -175,6 +177,18 @@ impl<H: ControlHardware> Control<H> {
         if let Some(replies) = &mut self.replies {
             replies.withdraw(&mut self.hardware);
         }
+    }
+
+    /// Frames of DShot that come in a second at each input; 0 where they have pulses.
+    #[must_use]
+    pub fn input_frames(&self, loop_rate_hz: u32) -> [u32; MOTORS] {
+        self.inputs.as_ref().map_or([0; MOTORS], |inputs| inputs.rates(loop_rate_hz))
+    }
+
+    /// Pulses or frames in a second at an output whose input has so many.
+    #[must_use]
+    pub const fn output_hz(&self, input_hz: u32, loop_rate_hz: u32) -> u32 {
+        self.output_plan.frame_hz(input_hz, loop_rate_hz)
     }
 
     /// Puts in what was wrong at each motor since the settings were set: at inputs that have frames, and with the replies of ESCs.

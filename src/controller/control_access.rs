@@ -20,6 +20,15 @@ pub struct Counts {
     pub motors: [MotorFaults; MOTORS],
 }
 
+/// How often pulses or frames come and go at a motor, in a second; 0 where none come.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FrameRates {
+    /// In.
+    pub input_hz: u32,
+    /// Out, where there are any.
+    pub output_hz: u32,
+}
+
 /// How a [`RequestHandler`](super::RequestHandler) reaches the control task and what only the board knows. A board does not
 /// implement it: [`ControlHandle`] does, of its parts.
 pub trait ControlAccess {
@@ -36,6 +45,8 @@ pub trait ControlAccess {
     fn facts(&mut self) -> BoardFacts;
     /// What only the board has counted.
     fn counts(&mut self) -> Counts;
+    /// How often pulses or frames come and go, as measured.
+    fn frame_rates(&mut self, loop_rate_hz: u32) -> [FrameRates; MOTORS];
     /// Whether somebody at the board has allowed excitation and injection.
     fn is_bench_enabled(&mut self) -> bool;
 }
@@ -93,6 +104,18 @@ where
             control.missed_deadlines()
         });
         Counts { link_overruns: self.hardware.link_overruns(), missed_deadlines, motors }
+    }
+
+    fn frame_rates(&mut self, loop_rate_hz: u32) -> [FrameRates; MOTORS] {
+        let timer_hz = self.hardware.facts().clocks.timer_hz;
+        let pulses = self.inputs.lock(|inputs| inputs.periods());
+        self.control.lock(|control| {
+            let inputs = match pulses {
+                Some(periods) => periods.map(|period| period.map_or(0, |ticks| timer_hz / ticks.max(1))),
+                None => control.input_frames(loop_rate_hz),
+            };
+            inputs.map(|input_hz| FrameRates { input_hz, output_hz: control.output_hz(input_hz, loop_rate_hz) })
+        })
     }
 
     fn is_bench_enabled(&mut self) -> bool {

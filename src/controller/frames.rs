@@ -15,8 +15,8 @@ const WORDS_PER_TICK: usize = 8;
 pub struct FrameInputs([Receiver; MOTORS]);
 
 impl FrameInputs {
-    /// Of lines whose last frame is good for so many ticks, with frames of these checksums in and out.
-    pub fn new(timeout_ticks: u32, input: Checksum, output: Checksum) -> Self {
+    /// Of lines whose last frame is good for so many ticks, with frames of these checksums in and, where there are any, out.
+    pub fn new(timeout_ticks: u32, input: Checksum, output: Option<Checksum>) -> Self {
         Self(core::array::from_fn(|_| Receiver::new(Relay::new(input, output), timeout_ticks)))
     }
 
@@ -25,13 +25,14 @@ impl FrameInputs {
         self.0.each_ref().map(Receiver::is_live)
     }
 
-    /// Once per control tick: takes the words that have come, and says what has become of each input.
-    pub fn read(&mut self, hardware: &mut impl ControlHardware) -> [Reading; MOTORS] {
+    /// Once per control tick: takes the words that have come, and says what has become of each input. `compensates`: whether some
+    /// motor does.
+    pub fn read(&mut self, compensates: bool, hardware: &mut impl ControlHardware) -> [Reading; MOTORS] {
         let mut readings = [Reading::NOTHING; MOTORS];
         for (motor, (receiver, reading)) in self.0.iter_mut().zip(&mut readings).enumerate() {
             for _ in 0..WORDS_PER_TICK {
                 let Some(word) = hardware.take_word(motor) else { break };
-                receiver.receive(word);
+                receiver.receive(word, compensates);
             }
             if hardware.has_lost_words(motor) {
                 receiver.lose_words();
@@ -54,11 +55,17 @@ impl FrameInputs {
         }
     }
 
+    /// Valid frames in a second at each input.
+    pub fn rates(&self, loop_rate_hz: u32) -> [u32; MOTORS] {
+        self.0.each_ref().map(|receiver| receiver.frame_hz(loop_rate_hz))
+    }
+
     /// What was wrong at each input.
     pub fn faults(&self) -> [MotorFaults; MOTORS] {
         self.0.each_ref().map(|receiver| MotorFaults {
             bad_frames: receiver.bad_frames(),
             dropped_frames: receiver.dropped_frames(),
+            refused_frames: receiver.refused_frames(),
             lost: receiver.losses(),
             ..MotorFaults::default()
         })

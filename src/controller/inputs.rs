@@ -76,6 +76,12 @@ impl<T: CaptureTimer> Inputs<T> {
         }))
     }
 
+    /// Time between the last two pulses of each input that is live, timer ticks; `None` where they have no pulses.
+    #[must_use]
+    pub fn periods(&self) -> Option<[Option<u32>; MOTORS]> {
+        Some(self.decoders.as_ref()?.each_ref().map(Decoder::period))
+    }
+
     /// Whether an interrupt is off or to be off: all others are on.
     #[inline]
     fn is_any_masked(&self) -> bool {

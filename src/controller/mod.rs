@@ -34,7 +34,7 @@ mod tick;
 
 pub use clock::{ClockReport, check_crystal, check_timer};
 pub use control::Control;
-pub use control_access::{ControlAccess, ControlHandle, Counts};
+pub use control_access::{ControlAccess, ControlHandle, Counts, FrameRates};
 pub use filters::{FilterError, filters};
 pub use hardware::BoardFacts;
 pub use inputs::Inputs;

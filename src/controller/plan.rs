@@ -65,6 +65,22 @@ impl Frames {
         (longest <= COUNTER_RANGE).then_some(Self { divider, counter_hz, shortest, longest, restart_margin })
     }
 
+    /// Frames in a second, where so many pulses come in.
+    const fn rate(&self, input_hz: u32) -> u32 {
+        let (Some(fastest), Some(slowest)) =
+            (self.counter_hz.checked_div(self.shortest), self.counter_hz.checked_div(self.longest))
+        else {
+            return 0;
+        };
+        match input_hz {
+            // Frames that wait for no pulse come at their own rate.
+            0 => fastest,
+            _ if input_hz >= fastest => fastest,
+            _ if input_hz <= slowest => slowest,
+            _ => input_hz,
+        }
+    }
+
     /// Whether frames begin with the input's pulses.
     #[must_use]
     pub const fn follow_input(&self) -> bool {
@@ -157,6 +173,18 @@ impl OutputPlan {
         let scale = PulseScale::new(settings.output.protocol(), frames.counter_hz).ok()?;
         // A pulse without a gap behind it would be a line that is always high.
         (longest_pulse_ticks(settings, scale) < frames.shortest).then_some(Self::Pulses { scale, frames })
+    }
+
+    /// Pulses or frames in a second, where so many come in.
+    pub(super) const fn frame_hz(&self, input_hz: u32, loop_rate_hz: u32) -> u32 {
+        match self {
+            Self::Dshot { rate: FrameRate::Relayed(_), .. } => input_hz,
+            Self::Dshot { rate: FrameRate::Ticks(ticks), .. } => match loop_rate_hz.checked_div(*ticks) {
+                Some(rate) => rate,
+                None => 0,
+            },
+            Self::Pulses { frames, .. } => frames.rate(input_hz),
+        }
     }
 
     /// The lines with frames of bits, where there are any.

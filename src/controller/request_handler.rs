@@ -5,13 +5,13 @@ use heapless::Deque;
 use heapless::spsc::{Consumer, Producer};
 
 use super::{
-    BoardFacts, ControlAccess, Counts, INJECT_QUEUE, Motor, Outputs, RECORD_QUEUE, Tick, channel_settings, channels,
-    filters, load,
+    BoardFacts, ControlAccess, Counts, FrameRates, INJECT_QUEUE, Motor, Outputs, RECORD_QUEUE, Tick, channel_settings,
+    channels, filters, load,
 };
 use crate::channel::{Excitation, ExcitationRequest, Refusal as ChannelRefusal, State};
 use crate::link::{
     ExciteRequest, Faults, FrameFaults, INJECT_WINDOW, Info, InjectRequest, Injector, MAX_LOAD_PERCENT, Message,
-    RecordRequest, Recorder, Refusal, Request, Sample, Source, Tagged,
+    REST_MS, RecordRequest, Recorder, Refusal, Request, Sample, Source, Tagged,
 };
 use crate::settings::{MOTORS, Origin, Settings, Store, Validated};
 use crate::throttle::{Command, EscCommand};
@@ -141,8 +141,15 @@ impl<F: NorFlash> RequestHandler<F> {
 
     fn info(&self, board: &mut impl ControlAccess) -> Info {
         let BoardFacts { clocks, reset, brown_out, .. } = board.facts();
-        let (ticks, outputs, motors) =
-            board.tick(|tick| (tick.ticks(), tick.outputs(), tick.motors().each_ref().map(|motor| motor.state())));
+        let rates = board.frame_rates(self.settings.loop_rate_hz);
+        let (ticks, outputs, motors, paths) = board.tick(|tick| {
+            let motors = tick.motors().each_ref();
+            let mut paths = motors.map(|motor| motor.path());
+            for (path, FrameRates { input_hz, output_hz }) in paths.iter_mut().zip(rates) {
+                (path.input_hz, path.output_hz) = (input_hz, if path.output < 0 { 0 } else { output_hz });
+            }
+            (tick.ticks(), tick.outputs(), motors.map(|motor| motor.state()), paths)
+        });
         let version = |text: &str| text.parse().unwrap_or(0);
         let firmware = [
             version(env!("CARGO_PKG_VERSION_MAJOR")),
@@ -163,6 +170,7 @@ impl<F: NorFlash> RequestHandler<F> {
             outputs_enabled: outputs == Outputs::Enabled,
             bench_enabled: board.is_bench_enabled(),
             motors,
+            paths,
         }
     }
 
@@ -177,7 +185,7 @@ impl<F: NorFlash> RequestHandler<F> {
     }
 
     fn set(&mut self, settings: Settings, board: &mut impl ControlAccess) -> Result<Message, Refusal> {
-        at_rest(board)?;
+        self.may_change(board)?;
         let settings = settings.validate().map_err(Refusal::Settings)?;
         let filters = filters(&settings).map_err(|_| Refusal::Design)?;
         let channels = channels(&settings, filters).ok_or(Refusal::Design)?;
@@ -196,6 +204,7 @@ impl<F: NorFlash> RequestHandler<F> {
     }
 
     fn save(&mut self, board: &mut impl ControlAccess) -> Result<Message, Refusal> {
+        self.may_change(board)?;
         // An erase stalls the core for seconds: nobody may arm between the question and the erase.
         pause(board)?;
         board.flash_stalls(true);
@@ -222,6 +231,8 @@ impl<F: NorFlash> RequestHandler<F> {
         }
         if source == Source::Inject {
             may_drive(board)?;
+        } else if !board.is_bench_enabled() {
+            self.may_change(board)?;
         }
         board.tick(|tick| {
             if source == Source::Inject {
@@ -241,6 +252,20 @@ impl<F: NorFlash> RequestHandler<F> {
         })?;
         self.forget_injection(index);
         Ok(Message::Done)
+    }
+
+    /// Whether a host may change or store anything now: every motor is at rest, and has been for long unless somebody at the board
+    /// says that nobody flies.
+    fn may_change(&self, board: &mut impl ControlAccess) -> Result<(), Refusal> {
+        at_rest(board)?;
+        if board.is_bench_enabled() {
+            return Ok(());
+        }
+        let limit = super::ticks(REST_MS, self.settings.loop_rate_hz);
+        match board.tick(|tick| tick.not_rested(limit)) {
+            Some(motor) => Err(Refusal::NotRested { motor }),
+            None => Ok(()),
+        }
     }
 
     fn excite(&mut self, request: &ExciteRequest, board: &mut impl ControlAccess) -> Result<Message, Refusal> {

@@ -3,7 +3,7 @@
 use embedded_storage::nor_flash::NorFlash;
 
 use super::{ControlAccess, RequestHandler};
-use crate::link::{Message, Receiver, Request, Tagged, Writer};
+use crate::link::{Foreign, Message, Receiver, Request, Tagged, Writer};
 
 /// Bytes that are looked at in one poll at most.
 const POLL_BYTES: usize = 256;
@@ -48,6 +48,8 @@ impl<F: NorFlash> Server<F> {
         if let Some(Tagged { tag, message }) = message {
             // Every message fits a frame.
             let _ = self.writer.load(tag, &message);
+        } else if let Some(Foreign::Message { tag, .. }) = self.receiver.take_foreign() {
+            self.writer.load_notice(tag);
         }
     }
 

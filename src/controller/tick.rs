@@ -6,7 +6,7 @@ use super::pacing::InputPulse;
 use crate::capture::Reading;
 use crate::channel::{Channel, Excitation, Input, Refusal as ChannelRefusal, State};
 use crate::link::{
-    ChannelState, INJECT_SAMPLES, INJECT_TIMEOUT_MS, INJECT_WINDOW, NO_INPUT, RecordClock, Sample, Sensed, Source,
+    ChannelState, INJECT_SAMPLES, INJECT_TIMEOUT_MS, INJECT_WINDOW, NO_INPUT, Path, RecordClock, Sample, Sensed, Source,
 };
 use crate::settings::MOTORS;
 use crate::throttle::{Command, EscCommand, PulseScale};
@@ -190,6 +190,13 @@ impl Motor {
         }
     }
 
+    /// What is in its path, without the rates of the frames.
+    #[must_use]
+    pub const fn path(&self) -> Path {
+        let compensates = self.channel.is_enabled();
+        Path { compensates, command: self.input, output: self.output.to_bits(), input_hz: 0, output_hz: 0 }
+    }
+
     /// One tick.
     #[inline]
     fn run(&mut self, reading: Reading, common: &Common) {
@@ -239,7 +246,7 @@ impl Motor {
     fn injected(&mut self, silence_limit: u32) -> EscCommand {
         if let Some(command) = self.queues.inject.dequeue() {
             self.silent_ticks = 0;
-            let output = self.channel.tick(Input::Command(command));
+            let output = self.channel.inject(command);
             // The queue has room for every command that was accepted.
             let _ = self.queues.outputs.enqueue(output);
             return output;
@@ -456,6 +463,12 @@ impl Tick {
         self.recording = recording.map(|(motor, divisor)| (motor, RecordClock::new(divisor)));
     }
 
+    /// Whether some motor has its filter in the path.
+    #[must_use]
+    pub fn compensates(&self) -> bool {
+        self.motors.iter().any(|motor| motor.channel.is_enabled())
+    }
+
     /// Whether the next tick may ask for a conversion.
     #[must_use]
     #[inline]
@@ -479,6 +492,13 @@ impl Tick {
     #[must_use]
     pub fn dead_man(&self) -> u32 {
         self.motors.iter().fold(0, |sum, motor| motor.dead_man().wrapping_add(sum))
+    }
+
+    /// The first motor whose output was not at rest for the last so many ticks.
+    #[must_use]
+    pub fn not_rested(&self, ticks: u32) -> Option<u8> {
+        let index = self.motors.iter().position(|motor| motor.channel.rest_ticks() < ticks)?;
+        Some(index as u8)
     }
 
     /// The first motor whose output is not at rest.

@@ -2,7 +2,8 @@
 //!
 //! A [`Frame`] has 16 bits: a [`Value`] of 11, whether the ESC is to report, and a checksum. Values from 48 on are throttle, those
 //! below are instructions to the ESC: stop, beep, turn the other way, save. A [`Relay`] lets these pass by the filter untouched, and
-//! puts the filter's newest output into every other frame. In bidirectional DShot the line idles high, the checksum is inverted, and
+//! puts the filter's newest output into every other frame; those that a filter must not have in its path are dropped
+//! (`instructions.rs` has the table). In bidirectional DShot the line idles high, the checksum is inverted, and
 //! the ESC answers each frame on the same line with a [`Reply`]: how long its motor takes for an electrical turn. A
 //! [`ReplyRelay`] gives these to the flight controller.
 //!
@@ -10,6 +11,7 @@
 //! (`src/main/drivers/dshot.c` and `dshot_command.h`; "Dshotprog spec").
 
 mod frame;
+mod instructions;
 mod receiver;
 mod relay;
 mod reply;

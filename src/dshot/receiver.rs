@@ -38,6 +38,27 @@ enum Liveness {
     Lost,
 }
 
+/// Calls of [`Receiver::read`] over which frames are counted: a fifth of a second at 5 kHz.
+pub const COUNTED_POLLS: u16 = 1024;
+
+/// Frames in so many polls.
+#[derive(Clone, Copy)]
+struct FrameCount {
+    polls: u16,
+    frames: u16,
+    /// In the last whole window.
+    last: u16,
+}
+
+impl FrameCount {
+    const fn poll(&mut self) {
+        self.polls += 1;
+        if self.polls >= COUNTED_POLLS {
+            *self = Self { polls: 0, frames: 0, last: self.frames };
+        }
+    }
+}
+
 /// Takes the words of one line in, once per control tick, and lets frames out. See [`Relay`] for which.
 ///
 /// A line is live from [`PULSES_TO_LIVE`] valid frames in a row on, and lost when none has come for the timeout. An instruction
@@ -51,6 +72,7 @@ pub struct Receiver {
     idle_polls: u32,
     /// Valid frames in a row while the line is not live.
     in_row: u8,
+    rate: FrameCount,
     /// Of the last valid frame that was not read yet.
     newest: Option<Content>,
     /// Words of another length than a frame's.
@@ -71,6 +93,7 @@ impl Receiver {
             silent_polls: timeout_polls,
             idle_polls: timeout_polls,
             in_row: 0,
+            rate: FrameCount { polls: 0, frames: 0, last: 0 },
             newest: None,
             bad_lengths: 0,
             lost_words: 0,
@@ -78,19 +101,20 @@ impl Receiver {
         }
     }
 
-    /// A word has come.
-    pub fn receive(&mut self, word: Word) {
+    /// A word has come. `compensates`: whether some motor does ([`Relay::receive`]).
+    pub fn receive(&mut self, word: Word, compensates: bool) {
         self.idle_polls = 0;
         let Some(bits) = word.frame_bits() else {
             self.bad_lengths = self.bad_lengths.wrapping_add(1);
             self.in_row = 0;
             return;
         };
-        let Some(content) = self.relay.receive(bits) else {
+        let Some(content) = self.relay.receive(bits, compensates) else {
             self.in_row = 0;
             return;
         };
         self.silent_polls = 0;
+        self.rate.frames = self.rate.frames.saturating_add(1);
         self.newest = Some(content);
         self.in_row = self.in_row.saturating_add(1);
         if self.in_row >= PULSES_TO_LIVE {
@@ -109,6 +133,7 @@ impl Receiver {
     /// a stop the one below ([`super::BELOW_THROTTLE`]), as [`Protocol::Dshot`](crate::throttle::Protocol::Dshot) has it.
     pub fn read(&mut self) -> Reading {
         let newest = self.newest.take();
+        self.rate.poll();
         if self.silent_polls >= self.timeout_polls {
             self.lose();
         }
@@ -128,6 +153,13 @@ impl Receiver {
         self.relay.next(newest)
     }
 
+    /// Valid frames in a second, where [`Self::read`] is called so often: those of the last [`COUNTED_POLLS`] calls.
+    #[must_use]
+    pub const fn frame_hz(&self, polls_hz: u32) -> u32 {
+        // Of 65535 frames at most, and rates up to 10 kHz.
+        (self.rate.last as u64 * polls_hz as u64 / COUNTED_POLLS as u64) as u32
+    }
+
     /// Whether valid frames come.
     #[must_use]
     pub fn is_live(&self) -> bool {
@@ -138,6 +170,12 @@ impl Receiver {
     #[must_use]
     pub const fn bad_frames(&self) -> u32 {
         self.bad_lengths.wrapping_add(self.relay.counts().bad_checksums)
+    }
+
+    /// Instructions that may not pass, and throttles whose direction the ESC was not told, wrapping.
+    #[must_use]
+    pub const fn refused_frames(&self) -> u32 {
+        self.relay.counts().refused
     }
 
     /// Instructions that found no room, and calls of [`Self::lose_words`], wrapping.
@@ -179,7 +217,7 @@ mod tests {
     const TIMEOUT: u32 = 10;
 
     fn receiver() -> Receiver {
-        Receiver::new(Relay::new(Checksum::Normal, Checksum::Normal), TIMEOUT)
+        Receiver::new(Relay::new(Checksum::Normal, Some(Checksum::Normal)), TIMEOUT)
     }
 
     fn word(value: u16) -> Word {
@@ -189,7 +227,7 @@ mod tests {
     fn live() -> Receiver {
         let mut receiver = receiver();
         for _ in 0..PULSES_TO_LIVE {
-            receiver.receive(word(0));
+            receiver.receive(word(0), false);
             let _ = receiver.read();
         }
         receiver
@@ -200,17 +238,17 @@ mod tests {
         let mut receiver = receiver();
         assert_eq!(receiver.read(), Reading::NOTHING);
         for _ in 1..PULSES_TO_LIVE {
-            receiver.receive(word(1000));
+            receiver.receive(word(1000), false);
             assert_eq!(receiver.read(), Reading::UNREADABLE, "driven, and not live");
         }
-        receiver.receive(word(1000));
+        receiver.receive(word(1000), false);
         assert_eq!(receiver.read(), Reading::pulse(1000));
         for _ in 1..TIMEOUT {
             assert_eq!(receiver.read(), Reading::UNCHANGED);
         }
         assert_eq!(receiver.read(), Reading::LOST);
         assert_eq!(receiver.losses(), 1);
-        receiver.receive(word(1000));
+        receiver.receive(word(1000), false);
         assert_eq!(receiver.read(), Reading::UNREADABLE, "one frame is no flight controller");
     }
 
@@ -223,7 +261,7 @@ mod tests {
         for poll in 0..TIMEOUT {
             // A bit short, a bit long, and a bit wrong.
             for damaged in [good.0 >> 1, good.0 << 1, good.0 ^ 4] {
-                receiver.receive(Word::new(damaged));
+                receiver.receive(Word::new(damaged), false);
                 bad += 1;
                 assert_eq!(receiver.next(EscCommand::from(Command::ONE)), None);
             }
@@ -237,7 +275,7 @@ mod tests {
     fn stops_and_instructions_read_as_a_stop_and_the_newest_frame_counts() {
         let mut receiver = live();
         for (values, read) in [(&[0_u16][..], 47), (&[1000, 20], 47), (&[20, 48], 48), (&[0, 2047], 2047)] {
-            values.iter().for_each(|value| receiver.receive(word(*value)));
+            values.iter().for_each(|value| receiver.receive(word(*value), false));
             assert_eq!(receiver.read(), Reading::pulse(read), "{values:?}");
         }
     }
@@ -245,7 +283,7 @@ mod tests {
     #[test]
     fn what_waits_is_gone_with_the_line() {
         let mut receiver = live();
-        receiver.receive(word(5));
+        receiver.receive(word(5), false);
         for _ in 0..=TIMEOUT {
             let _ = receiver.read();
         }

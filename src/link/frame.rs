@@ -10,7 +10,10 @@ use serde::de::DeserializeOwned;
 use crate::checksum::CHECKSUM;
 
 /// Version of the messages, the first byte of every frame.
-pub const VERSION: u8 = 7;
+pub const VERSION: u8 = 8;
+/// First byte of a notice, which is the same in all versions from 8 on: its body is the version that its sender speaks. It answers a
+/// frame of another version, and is not answered itself.
+pub const NOTICE_VERSION: u8 = 0;
 /// Largest envelope: version, tag, body and checksum. The longest messages are settings with a curve for each motor, of some
 /// 750 bytes, and a [`Record`](super::Record) of noise, of some 680.
 pub const PAYLOAD_BYTES: usize = 1024;
@@ -37,8 +40,18 @@ impl core::error::Error for TooLong {}
 /// # Errors
 /// [`TooLong`].
 pub fn encode<T: Serialize>(tag: u8, message: &T, frame: &mut [u8; FRAME_BYTES]) -> Result<usize, TooLong> {
+    encode_as(VERSION, tag, message, frame)
+}
+
+/// Writes the notice that this end speaks [`VERSION`] as one frame, and gives how many bytes it takes.
+pub fn encode_notice(tag: u8, frame: &mut [u8; FRAME_BYTES]) -> usize {
+    // A byte fits.
+    encode_as(NOTICE_VERSION, tag, &VERSION, frame).unwrap_or(0)
+}
+
+fn encode_as<T: Serialize>(version: u8, tag: u8, message: &T, frame: &mut [u8; FRAME_BYTES]) -> Result<usize, TooLong> {
     let mut payload = [0; PAYLOAD_BYTES];
-    payload[0] = VERSION;
+    payload[0] = version;
     payload[1] = tag;
     let room = &mut payload[HEADER_BYTES..PAYLOAD_BYTES - CHECKSUM_BYTES];
     let body = postcard::to_slice(message, room).map_err(|_| TooLong)?.len();
@@ -85,6 +98,12 @@ impl Writer {
         Ok(())
     }
 
+    /// Takes the notice of [`encode_notice`] in place of what has not been sent yet.
+    pub fn load_notice(&mut self, tag: u8) {
+        self.sent = 0;
+        self.length = encode_notice(tag, &mut self.frame);
+    }
+
     /// The next byte.
     pub fn next_byte(&mut self) -> Option<u8> {
         let byte = *self.frame.get(..self.length)?.get(self.sent)?;
@@ -106,6 +125,23 @@ pub struct Tagged<T> {
     pub tag: u8,
     /// The message.
     pub message: T,
+}
+
+/// What a frame of another version says, which is all that is read of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Foreign {
+    /// A message with this tag in a version that is not ours: a notice is to answer it.
+    Message {
+        /// The tag.
+        tag: u8,
+        /// The version.
+        version: u8,
+    },
+    /// The other end speaks this version, and not ours.
+    Notice {
+        /// The version.
+        version: u8,
+    },
 }
 
 /// How many frames were dropped, and why. The counts wrap.
@@ -146,6 +182,7 @@ pub struct Receiver<T> {
     /// The frame is too long already: the rest of it is thrown away.
     overrun: bool,
     faults: FrameFaults,
+    foreign: Option<Foreign>,
     messages: PhantomData<T>,
 }
 
@@ -158,6 +195,7 @@ impl<T: DeserializeOwned> Receiver<T> {
             length: 0,
             overrun: false,
             faults: FrameFaults { truncated: 0, corrupted: 0, oversized: 0, other_version: 0, unknown: 0 },
+            foreign: None,
             messages: PhantomData,
         }
     }
@@ -166,6 +204,11 @@ impl<T: DeserializeOwned> Receiver<T> {
     #[must_use]
     pub const fn faults(&self) -> &FrameFaults {
         &self.faults
+    }
+
+    /// The newest frame of another version, once.
+    pub const fn take_foreign(&mut self) -> Option<Foreign> {
+        self.foreign.take()
     }
 
     /// Takes the next byte, and gives the message that it completes.
@@ -212,6 +255,10 @@ impl<T: DeserializeOwned> Receiver<T> {
         }
         if *version != VERSION {
             count(&mut faults.other_version);
+            self.foreign = Some(match (*version, body) {
+                (NOTICE_VERSION, [version, ..]) => Foreign::Notice { version: *version },
+                _ => Foreign::Message { tag: *tag, version: *version },
+            });
             return None;
         }
         match postcard::take_from_bytes::<T>(body) {

@@ -10,6 +10,9 @@ use crate::settings::{MOTORS, Origin, Settings, SettingsError, Warnings};
 
 /// Samples in one [`InjectRequest`].
 pub const INJECT_SAMPLES: usize = 128;
+/// How long every motor is at rest before a host may change or store anything without the jumper: longer than a throttle of zero in
+/// flight lasts, milliseconds.
+pub const REST_MS: u32 = 3000;
 /// Samples in one [`Record`].
 pub const RECORD_SAMPLES: usize = 32;
 
@@ -25,15 +28,16 @@ pub enum Request {
     /// 1: answered by [`Message::Settings`].
     GetSettings,
     /// 2: use these settings from now on, without storing them. Answered by [`Message::SettingsTaken`], or refused: a
-    /// motor is not disarmed ([`Refusal::NotDisarmed`]), a value is wrong ([`Refusal::Settings`]), or the compensator
-    /// cannot be designed ([`Refusal::Design`]).
+    /// motor is not disarmed ([`Refusal::NotDisarmed`]) or not for long enough ([`Refusal::NotRested`]), a value is wrong
+    /// ([`Refusal::Settings`]), or the compensator cannot be designed ([`Refusal::Design`]).
     SetSettings(Settings),
-    /// 3: store the settings in use. Refused unless every motor is disarmed, since an erase stalls the core.
+    /// 3: store the settings in use. Refused unless every motor is disarmed for long enough, since an erase stalls the core.
     SaveSettings,
     /// 4: where a motor's command comes from, and whether the compensator is in its path. Starts the motor's path
     /// afresh, and the numbering of injected samples at 0; injections that were under way are refused
     /// ([`Refusal::NotInjecting`]). Refused while the motor is not at rest ([`Refusal::Exciting`], or
-    /// [`Refusal::NotDisarmed`]: a host brings an injected motor to a stop with a disarmed command first), and
+    /// [`Refusal::NotDisarmed`]: a host brings an injected motor to a stop with a disarmed command first) or, without the jumper,
+    /// not at rest for long enough ([`Refusal::NotRested`]), and
     /// [`Source::Inject`] without the jumper ([`Refusal::BenchDisabled`]), without chosen settings
     /// ([`Refusal::NoSettings`]), while pulses come at any input, armed or not ([`Refusal::InputLive`]), and while the
     /// host drives another motor ([`Refusal::Exciting`], [`Refusal::Injecting`]).
@@ -224,6 +228,12 @@ pub enum Refusal {
     },
     /// 17: this board does not speak DShot.
     NoDshot,
+    /// 18: without the jumper, a motor has to be at rest for [`REST_MS`] before anything is changed or stored: a throttle of zero
+    /// in flight is no landing.
+    NotRested {
+        /// The motor.
+        motor: u8,
+    },
 }
 
 impl fmt::Display for Refusal {
@@ -236,6 +246,11 @@ impl fmt::Display for Refusal {
             ),
             Self::UnknownMotor => write!(f, "there is no such motor; they are 0 to {}", MOTORS - 1),
             Self::NotDisarmed { motor } => write!(f, "motor {motor} is not disarmed"),
+            Self::NotRested { motor } => write!(
+                f,
+                "motor {motor} is not at rest for {} s yet, and the jumper that says that nobody flies is not fitted",
+                REST_MS / 1000
+            ),
             Self::NoSettings => write!(
                 f,
                 "the controller has no settings that somebody has chosen, and puts out no pulses; set some first"
@@ -311,6 +326,35 @@ pub struct Info {
     pub bench_enabled: bool,
     /// The state of each motor's path.
     pub motors: [ChannelState; MOTORS],
+    /// What is in each motor's path.
+    pub paths: [Path; MOTORS],
+}
+
+/// What is in a motor's path now, whatever is stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, Schema)]
+pub struct Path {
+    /// Whether the compensator is in it.
+    pub compensates: bool,
+    /// The input as a command, Q2.29; [`NO_INPUT`](super::NO_INPUT) where there is none.
+    pub command: i32,
+    /// What the ESC gets, Q2.29; [`NO_PULSE`](super::NO_PULSE) where that is no pulse.
+    pub output: i32,
+    /// Pulses or frames that come in a second, as measured; 0 where none do.
+    pub input_hz: u32,
+    /// Those that go out in a second; 0 where none do.
+    pub output_hz: u32,
+}
+
+impl Path {
+    /// Nothing comes in, and nothing goes out.
+    pub const SILENT: Self =
+        Self { compensates: false, command: super::NO_INPUT, output: super::NO_PULSE, input_hz: 0, output_hz: 0 };
+
+    /// Whether pulses come that no output follows: more than go out. Both rates are by one clock, to the hertz.
+    #[must_use]
+    pub const fn leaves_pulses_over(&self) -> bool {
+        self.output_hz > 0 && self.input_hz > self.output_hz + 1
+    }
 }
 
 /// Which clock runs.
@@ -484,6 +528,8 @@ pub struct MotorFaults {
     /// DShot: instructions that came faster than the output takes them, and control ticks with words that came faster than they were
     /// taken.
     pub dropped_frames: u32,
+    /// DShot: instructions that may not pass to an ESC behind a compensator, and throttles whose direction the ESC was not told.
+    pub refused_frames: u32,
     /// Bidirectional DShot: replies of the ESC.
     pub replies: u32,
     /// Bidirectional DShot: what the ESC's line had behind a frame and is no reply, by its code or its checksum.

@@ -12,7 +12,9 @@
 //!   receiver that is out of step is in step again at the next zero. The zero in front keeps garbage before a frame out
 //!   of it. Empty frames are nothing.
 //! - The checksum is [`CHECKSUM`] over everything in the envelope before it. It lets one in 2^32 of random frames pass.
-//! - The version is [`VERSION`]. A frame of another version is counted and dropped; its body is not looked at.
+//! - The version is [`VERSION`]. A frame of another version is counted and dropped; its body is not looked at. A controller answers
+//!   it with a notice, which every version reads: the version [`NOTICE_VERSION`], the tag, and as its body a byte, the version that
+//!   the controller speaks.
 //! - The tag is the host's: a reply carries the tag of its request. [`Message::Record`] comes unasked, with the tag of
 //!   the request that started the recording.
 //! - postcard writes an enum's variant as its number, integers as LEB128 (signed ones zigzag), `u8` and `bool` as a byte,
@@ -30,12 +32,15 @@ mod recorder;
 mod series;
 
 pub use crate::checksum::CHECKSUM;
-pub use frame::{FRAME_BYTES, FrameFaults, PAYLOAD_BYTES, Receiver, Tagged, TooLong, VERSION, Writer, encode};
+pub use frame::{
+    FRAME_BYTES, Foreign, FrameFaults, NOTICE_VERSION, PAYLOAD_BYTES, Receiver, Tagged, TooLong, VERSION, Writer,
+    encode, encode_notice,
+};
 pub use injector::{INJECT_TIMEOUT_MS, INJECT_WINDOW, Injector};
 pub use message::{
     BrownOut, ChannelState, Clock, CrystalCheck, ExciteRequest, Faults, INJECT_SAMPLES, Info, InjectRequest, Injected,
-    LineSet, Message, MotorFaults, PANIC_FILE_BYTES, PanicPlace, RECORD_SAMPLES, Record, RecordRequest, Refusal,
-    Request, ResetReason, Source,
+    LineSet, Message, MotorFaults, PANIC_FILE_BYTES, PanicPlace, Path, RECORD_SAMPLES, REST_MS, Record, RecordRequest,
+    Refusal, Request, ResetReason, Source,
 };
 pub use recorder::{NO_INPUT, NO_PULSE, NO_TURN, RecordClock, Recorder, Sample, Sensed};
 pub use series::{Full, Series};

@@ -7,8 +7,8 @@ use host_tests::{any_filter, cases, paper_design, paper_filters, settled};
 use proptest::prelude::*;
 use rotorlead::capture::{Decoder, Timing};
 use rotorlead::channel::{
-    Channel, ChannelSettings, ChannelSettingsError, End, Excitation, ExcitationLimits, ExcitationRequest, Input,
-    NoSignal, Phase, Refusal, State,
+    COMMANDS_TO_ARM, Channel, ChannelSettings, ChannelSettingsError, End, Excitation, ExcitationLimits,
+    ExcitationRequest, Input, NoSignal, Phase, Refusal, State,
 };
 use rotorlead::compensator::{Compensator, Filter};
 use rotorlead::excitation::{ExcitationError, Multisine, ODD_LINES_30_HZ};
@@ -39,7 +39,18 @@ fn fresh_with(filter: Filter) -> Channel {
     Channel::new(&settings(), filter).unwrap()
 }
 
-/// Armed and at rest at `level`.
+/// The first commands at `level` of a disarmed channel, of which the last arms it: what that gives.
+fn arm(channel: &mut Channel, level: f64) -> EscCommand {
+    for _ in 1..COMMANDS_TO_ARM {
+        assert_eq!(channel.tick(live(level)), channel.settings().stop);
+        assert_eq!(channel.state(), State::Disarmed);
+    }
+    let output = channel.tick(live(level));
+    assert_eq!(channel.state(), State::Armed);
+    output
+}
+
+/// Armed for long enough that a loss is held, and at rest at `level`.
 fn armed(level: f64) -> Channel {
     armed_with((*paper_design().coefficients()).into(), level)
 }
@@ -47,7 +58,10 @@ fn armed(level: f64) -> Channel {
 fn armed_with(filter: Filter, level: f64) -> Channel {
     let mut channel = fresh_with(filter);
     channel.tick(live(0.0));
-    assert_eq!(channel.tick(live(level)), steady(&filter, level));
+    assert_eq!(arm(&mut channel, level), steady(&filter, level));
+    for _ in 0..=settings().hold_ticks {
+        assert_eq!(channel.tick(live(level)), steady(&filter, level));
+    }
     assert_eq!(channel.state(), State::Armed);
     channel
 }
@@ -95,7 +109,7 @@ fn below_the_arming_threshold_there_are_stop_pulses() {
         assert_eq!(channel.tick(Input::Unchanged), STOP);
         assert_eq!(channel.state(), State::Disarmed);
     }
-    assert_eq!(channel.tick(live(0.05)), settings().idle, "the threshold itself is armed");
+    assert_eq!(arm(&mut channel, 0.05), settings().idle, "the threshold itself is armed");
 }
 
 /// The stop pulse of a flight controller whose clock is 3 % off is 1030 us.
@@ -112,12 +126,17 @@ fn a_steady_1030_us_never_arms_and_never_becomes_an_idle_pulse() {
 fn a_command_that_trembles_about_the_threshold_arms_once() {
     let mut channel = fresh();
     channel.tick(live(0.0));
-    let mut states = Vec::new();
-    for n in 0..1000 {
-        channel.tick(live(if n % 2 == 0 { 0.0501 } else { 0.0499 }));
-        states.push(channel.state());
-    }
-    assert_eq!(states, [State::Armed; 1000]);
+    let mut tremble = |channel: &mut Channel| {
+        (0..1000)
+            .map(|n| {
+                channel.tick(live(if n % 2 == 0 { 0.0501 } else { 0.0499 }));
+                channel.state()
+            })
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(tremble(&mut channel), [State::Disarmed; 1000]);
+    arm(&mut channel, 0.0501);
+    assert_eq!(tremble(&mut channel), [State::Armed; 1000]);
     assert_eq!(channel.tick(live(0.04)), settings().idle, "the lower threshold itself is armed");
     assert_eq!(channel.tick(live(0.0399)), STOP);
     assert_eq!(channel.state(), State::Disarmed);
@@ -130,7 +149,7 @@ fn arming_makes_no_kick() {
         for level in [0.05, 0.1, 0.5, 1.0] {
             let mut channel = fresh_with(filter);
             channel.tick(live(0.0));
-            let first = channel.tick(live(level));
+            let first = arm(&mut channel, level);
             assert!(first >= settings().idle && first <= steady(&filter, level).max(idle), "{level}: {first:?}");
             for _ in 0..1000 {
                 assert_eq!(channel.tick(live(level)), first);
@@ -149,7 +168,7 @@ fn a_motor_stop_passes_on_its_own_tick_whatever_the_filter_does() {
         assert_eq!(channel.tick(live(0.0)), STOP);
         assert_eq!(channel.state(), State::Disarmed);
         // And nothing of what the filter did is left.
-        assert_eq!(channel.tick(live(0.2)), steady(&filter, 0.2));
+        assert_eq!(arm(&mut channel, 0.2), steady(&filter, 0.2));
         assert_eq!(channel.tick(Input::Unchanged), steady(&filter, 0.2));
     }
 }
@@ -234,7 +253,14 @@ fn without_a_hold_time_stop_comes_at_once() {
     let settings = ChannelSettings { hold_ticks: 0, ..settings() };
     let mut channel = Channel::new(&settings, *paper_design().coefficients()).unwrap();
     channel.tick(live(0.0));
-    channel.tick(live(0.5));
+    arm(&mut channel, 0.5);
+    assert_eq!(channel.tick(Input::Lost), STOP);
+    // For however long it was armed.
+    channel.tick(live(0.0));
+    arm(&mut channel, 0.5);
+    for _ in 0..1000 {
+        channel.tick(live(0.5));
+    }
     assert_eq!(channel.tick(Input::Lost), STOP);
 }
 
@@ -287,7 +313,7 @@ fn a_return_after_the_stop_must_be_seen_disarmed_first() {
     assert_eq!(channel.tick(live(0.5)), NO_PULSE);
     assert_eq!(channel.tick(live(0.0)), STOP);
     assert_eq!(channel.state(), State::Disarmed);
-    assert_eq!(channel.tick(live(0.5)), command(0.5));
+    assert_eq!(arm(&mut channel, 0.5), command(0.5));
 }
 
 /// A brown-out: the flight controller goes on flying, the channel starts anew.
@@ -301,7 +327,7 @@ fn a_reset_while_armed_leaves_the_motor_stopped_until_a_disarmed_command_was_see
                 assert_eq!(channel.tick(live(0.5)), NO_PULSE);
             }
             assert_eq!(channel.tick(live(0.01)), STOP);
-            assert_eq!(channel.tick(live(0.5)), command(0.5));
+            assert_eq!(arm(&mut channel, 0.5), command(0.5));
         }
     }
 }
@@ -336,10 +362,14 @@ fn switched_out_the_channel_is_a_wire_within_its_limits() {
         let mut channel = fresh_with(filter);
         channel.set_enabled(false);
         channel.tick(live(0.0));
+        arm(&mut channel, 0.2);
         for value in [0.5, 0.9, 0.045, 0.31] {
             assert_eq!(channel.tick(live(value)), command(value).max(settings().idle));
         }
-        channel.tick(Input::Lost);
+        for _ in 0..=settings().hold_ticks {
+            channel.tick(live(0.31));
+        }
+        assert_eq!(channel.tick(Input::Lost), command(0.31));
         assert_eq!(channel.tick(live(0.8)), command(0.8), "a return has nothing to smooth");
     }
 }
@@ -373,8 +403,9 @@ fn a_wire_that_comes_off_stops_the_motor_and_a_noisy_one_does_not_start_it() {
     };
     // Live with the third pulse of which all is seen, which ends at 9.5 ms.
     assert!(all(0.0, 0.0095, 0));
-    assert!(all(0.0098, 0.2520, us(1000.0)));
-    assert!(all(0.2530, 0.4999, us(1500.0)), "armed");
+    // The third pulse of 1500 us ends at 257.5 ms.
+    assert!(all(0.0098, 0.2574, us(1000.0)));
+    assert!(all(0.2578, 0.4999, us(1500.0)), "armed");
     // The last pulse ends at 0.5 s: 100 ms of timeout, 100 ms of hold.
     assert!(all(0.5, 0.6998, us(1500.0)), "held");
     assert!(all(0.7004, 1.0, us(1000.0)), "stopped");
@@ -382,7 +413,7 @@ fn a_wire_that_comes_off_stops_the_motor_and_a_noisy_one_does_not_start_it() {
     assert!(all(2.6, 2.7, us(1000.0)), "armed commands that come back are not let through before disarmed ones");
     assert!(all(2.7010, 2.9010, 0), "two seconds of stop pulses are over");
     assert!(all(2.9013, 3.2, us(1000.0)), "disarmed");
-    assert!(all(3.2025, 3.4499, us(1250.0)), "armed again");
+    assert!(all(3.2065, 3.4499, us(1250.0)), "armed again");
     assert_eq!(TICKS_PER_POLL, 16_800);
 }
 
@@ -562,7 +593,9 @@ fn an_excitation_is_refused_while_a_pulse_input_has_the_motor() {
     assert_eq!((channel.state(), start(&mut channel)), (State::Locked, Err(Refusal::InputLive)));
     channel.tick(live(0.0));
     assert_eq!((channel.state(), start(&mut channel)), (State::Disarmed, Err(Refusal::InputLive)));
-    channel.tick(live(0.5));
+    for _ in 0..settings().hold_ticks + 4 {
+        channel.tick(live(0.5));
+    }
     assert_eq!((channel.state(), start(&mut channel)), (State::Armed, Err(Refusal::InputLive)));
     channel.tick(Input::Lost);
     assert_eq!((channel.state(), start(&mut channel)), (State::Holding, Err(Refusal::InputHeld)));
@@ -615,10 +648,7 @@ fn settings_that_contradict_each_other_make_no_channel() {
     let limits = good.excitation;
     let tried = [
         (ChannelSettings { stop: good.disarming_threshold, ..good }, ChannelSettingsError::DisarmingNotAboveStop),
-        (
-            ChannelSettings { disarming_threshold: good.arming_threshold, ..good },
-            ChannelSettingsError::ArmingNotAboveDisarming,
-        ),
+        (ChannelSettings { arming_threshold: command(0.039), ..good }, ChannelSettingsError::ArmingBelowDisarming),
         (ChannelSettings { idle: command(0.049), ..good }, ChannelSettingsError::IdleBelowThreshold),
         (ChannelSettings { max: good.idle, ..good }, ChannelSettingsError::MaxNotAboveIdle),
         (
@@ -649,7 +679,9 @@ fn the_stop_pulse_is_the_one_that_is_set() {
     assert_eq!(channel.tick(Input::Nothing), command(0.02));
     assert_eq!(channel.tick(live(0.6)), command(0.02));
     assert_eq!(channel.tick(live(0.01)), command(0.02));
-    channel.tick(live(0.6));
+    for _ in 0..settings.hold_ticks + 4 {
+        channel.tick(live(0.6));
+    }
     for _ in 0..settings.hold_ticks {
         assert_eq!(channel.tick(Input::Lost), command(0.6));
     }
@@ -661,6 +693,159 @@ fn the_stop_pulse_is_the_one_that_is_set() {
         lowest = lowest.min(channel.tick(Input::Lost));
     }
     assert_eq!(lowest, command(0.02));
+}
+
+/// As many as make an input live; what comes in between starts the count again.
+#[test]
+fn fewer_commands_than_three_in_a_row_turn_no_motor() {
+    let mut channel = fresh();
+    channel.tick(live(0.0));
+    for n in 0..1000 {
+        // Ticks without news are no commands, and take none back.
+        for input in [live(0.7), Input::Unchanged, live(0.7), Input::Unchanged, live(f64::from(n % 5) / 100.0)] {
+            assert_eq!(channel.tick(input), STOP);
+        }
+    }
+    for input in [live(0.7), Input::Unchanged, live(0.9), Input::Unchanged] {
+        assert_eq!(channel.tick(input), STOP);
+    }
+    assert_eq!(channel.tick(live(0.7)), command(0.7));
+}
+
+/// 40 disarmed pulses, a few of 1700 us, and silence: what made them was no pilot.
+#[test]
+fn what_has_armed_for_no_longer_than_the_hold_is_not_held() {
+    for hold_ticks in [1, 500, 5000] {
+        let settings = ChannelSettings { hold_ticks, ..settings() };
+        let arm_for = |ticks: u32| {
+            let mut channel = Channel::new(&settings, *paper_design().coefficients()).unwrap();
+            channel.tick(live(0.0));
+            arm(&mut channel, 0.7);
+            for _ in 0..ticks {
+                channel.tick(live(0.7));
+            }
+            channel
+        };
+        for ticks in [0, hold_ticks / 2, hold_ticks] {
+            let mut channel = arm_for(ticks);
+            // Ticks without news are none of somebody who flies: they end in the loss.
+            for _ in 0..600 {
+                assert_eq!(channel.tick(Input::Unchanged), command(0.7));
+            }
+            assert_eq!(
+                (channel.tick(Input::Lost), channel.state()),
+                (STOP.into(), State::Lost),
+                "{ticks} of {hold_ticks}"
+            );
+            assert_eq!(channel.tick(live(0.7)), STOP);
+            assert_eq!(channel.state(), State::Locked);
+        }
+        let mut channel = arm_for(hold_ticks + 1);
+        assert_eq!((channel.tick(Input::Lost), channel.state()), (command(0.7).into(), State::Holding));
+        // Once held, it is held again.
+        channel.tick(live(0.7));
+        assert_eq!((channel.tick(Input::Lost), channel.state()), (command(0.7).into(), State::Holding));
+    }
+}
+
+/// With the levels of a DShot input there is no gap: each throttle turns the motor, and each stop stops it.
+#[test]
+fn equal_levels_arm_with_three_and_disarm_with_one() {
+    let lowest = rotorlead::dshot::Value::LOWEST_THROTTLE.command();
+    let levels = ChannelSettings { disarming_threshold: lowest, arming_threshold: lowest, idle: lowest, ..settings() };
+    let mut channel = Channel::new(&levels, *paper_design().coefficients()).unwrap();
+    channel.set_enabled(false);
+    channel.tick(Input::Command(STOP));
+    assert_eq!(arm(&mut channel, 0.01), command(0.01));
+    for value in [lowest, command(0.002), lowest] {
+        assert_eq!(channel.tick(Input::Command(value)), value);
+    }
+    assert_eq!((channel.tick(Input::Command(STOP)), channel.state()), (STOP.into(), State::Disarmed));
+}
+
+#[test]
+fn a_hosts_command_arms_at_once() {
+    let mut channel = fresh();
+    assert_eq!(channel.inject(command(0.5)), NO_PULSE, "and only a disarmed channel");
+    assert_eq!(channel.inject(STOP), STOP);
+    assert_eq!((channel.inject(command(0.5)), channel.state()), (command(0.5).into(), State::Armed));
+}
+
+#[test]
+fn how_long_a_channel_is_at_rest_is_known() {
+    let mut channel = fresh();
+    assert_eq!(channel.rest_ticks(), u32::MAX);
+    channel.tick(live(0.0));
+    assert_eq!(channel.rest_ticks(), u32::MAX, "it never turned");
+    arm(&mut channel, 0.5);
+    for _ in 0..1000 {
+        channel.tick(live(0.5));
+        assert_eq!(channel.rest_ticks(), 0);
+    }
+    for n in 1..100 {
+        channel.tick(live(0.0));
+        assert_eq!(channel.rest_ticks(), n);
+    }
+    assert_eq!(channel.afresh(true).rest_ticks(), 99);
+    channel.tick(Input::Lost);
+    assert_eq!(channel.rest_ticks(), 100);
+    channel.start_excitation(excitation(10)).unwrap();
+    channel.tick(Input::Nothing);
+    assert_eq!(channel.rest_ticks(), 0);
+}
+
+/// What a reset takes away is what a loss of the input would have been held with.
+#[test]
+fn a_resumed_channel_holds_for_what_is_left_and_goes_on() {
+    for filter in paper_filters() {
+        let mut before = armed_with(filter, 0.5);
+        let (level, ticks_left) = before.held().unwrap();
+        assert_eq!((level, ticks_left), (command(0.5), settings().hold_ticks));
+        for _ in 0..100 {
+            before.tick(Input::Lost);
+        }
+        let (level, ticks_left) = before.held().unwrap();
+        assert_eq!(ticks_left, settings().hold_ticks - 100);
+        let resumed = || {
+            let mut channel = fresh_with(filter);
+            channel.resume(level, ticks_left);
+            channel
+        };
+        let mut channel = resumed();
+        for _ in 0..ticks_left {
+            assert_eq!((channel.tick(Input::Nothing), channel.state()), (steady(&filter, 0.5).into(), State::Holding));
+        }
+        assert_eq!((channel.tick(Input::Nothing), channel.state()), (STOP.into(), State::Lost));
+        let mut channel = resumed();
+        channel.tick(Input::Nothing);
+        channel.tick(live(0.5));
+        assert_eq!(channel.state(), State::Armed);
+        let mut channel = resumed();
+        assert_eq!((channel.tick(live(0.0)), channel.state()), (STOP.into(), State::Disarmed));
+    }
+    // No more than the settings hold, nothing that means a stop, and nothing while anything else goes on.
+    let mut channel = fresh();
+    channel.resume(command(0.5), u32::MAX);
+    assert_eq!(channel.held(), Some((command(0.5), settings().hold_ticks)));
+    for mut channel in [fresh(), armed(0.3)] {
+        let before = channel.state();
+        channel.resume(command(if before == State::Armed { 0.9 } else { 0.039 }), 500);
+        assert_eq!(channel.state(), before);
+    }
+    for (input, ticks) in [(live(0.5), 1), (live(0.0), 1), (live(0.5), 2)] {
+        let mut channel = fresh();
+        for _ in 0..ticks {
+            channel.tick(input);
+        }
+        assert_eq!(channel.held(), None, "{:?}", channel.state());
+    }
+    let mut channel = fresh();
+    channel.start_excitation(excitation(1000)).unwrap();
+    (0..5000).for_each(|_| {
+        channel.keep_alive();
+        channel.tick(Input::Nothing);
+    });
+    assert_eq!(channel.held(), None);
 }
 
 /// What happens to a channel in one tick of a random life.
@@ -735,6 +920,8 @@ proptest! {
         let made = Excitation::new(&settings, &request(0.5, 0.05, 200), 5000.0).unwrap();
         let mut channel = Channel::new(&settings, filter.filter).unwrap();
         let (mut last_live, mut lost_ticks, mut disarmed_seen) = (None, 0_u32, false);
+        // Commands in a row that arm, and whether a motor that stands has seen enough of them.
+        let (mut arming, mut has_armed) = (0_u8, false);
         let (mut excited, mut silent_ticks) = (false, 0_u32);
         // Ticks since somebody had the motor.
         let mut unattended = u32::MAX;
@@ -766,6 +953,16 @@ proptest! {
                 }
                 let was_excited = excited;
                 let output = channel.tick(input);
+                match input {
+                    Input::Command(command) if command >= settings.arming_threshold => arming = arming.saturating_add(1),
+                    Input::Command(_) => arming = 0,
+                    Input::Unchanged if last_live.is_some() => {}
+                    _ => arming = 0,
+                }
+                has_armed |= arming >= COMMANDS_TO_ARM;
+                if last_live.is_some_and(|live| live < settings.disarming_threshold) {
+                    has_armed = false;
+                }
                 if last_live.is_some_and(|live| live < settings.disarming_threshold) {
                     disarmed_seen = true;
                     excited = false;
@@ -791,7 +988,7 @@ proptest! {
                     prop_assert!(silent_ticks <= settings.excitation.dead_man_ticks + 56, "nobody watches");
                 }
                 if channel.state() == State::Armed {
-                    prop_assert!(disarmed_seen && output >= settings.idle && output <= settings.max);
+                    prop_assert!(disarmed_seen && has_armed && output >= settings.idle && output <= settings.max);
                     prop_assert!(last_live.is_some_and(|live| live >= settings.disarming_threshold));
                 }
                 let is_ramp = matches!(channel.state(), State::Excitation(_)) && output < settings.arming_threshold;

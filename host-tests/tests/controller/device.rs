@@ -926,7 +926,10 @@ fn a_controller_that_is_not_there_is_named() {
         let error = silent.within("0.3", command).unwrap_err();
         assert!(error.contains("no answer to") && error.contains("within 0.3 s"), "{error}");
         let error = other.within("0.3", command).unwrap_err();
-        assert!(error.contains(&format!("does not speak version {VERSION}")), "{error}");
+        assert!(
+            error.contains(&format!("speaks version {} of the link, and this program version {VERSION}", VERSION + 1)),
+            "{error}"
+        );
         for address in ["tcp:127.0.0.1:1", "/dev/no-such-port"] {
             let error = silent.rotorlead(&format!("device --port {address} {command}")).unwrap_err();
             assert!(error.contains("cannot be opened"), "{error}");

@@ -7,7 +7,7 @@ use rotorlead::excitation::{Multisine, ODD_LINES_30_HZ};
 use rotorlead::link::{
     BrownOut, ChannelState, Clock, CrystalCheck, ExciteRequest, FRAME_BYTES, Faults, FrameFaults, INJECT_SAMPLES,
     INJECT_WINDOW, Info, InjectRequest, Injected, Injector, LineSet, Message, MotorFaults, NO_INPUT, NO_TURN,
-    PAYLOAD_BYTES, PanicPlace, RECORD_SAMPLES, Receiver, Record, RecordClock, RecordRequest, Recorder, Refusal,
+    PAYLOAD_BYTES, PanicPlace, Path, RECORD_SAMPLES, Receiver, Record, RecordClock, RecordRequest, Recorder, Refusal,
     Request, ResetReason, Sample, Sensed, Series, Source, Tagged, VERSION, Writer, encode,
 };
 use rotorlead::settings::{Key, Origin, Place, Problem, Settings, SettingsError, Warnings};
@@ -40,9 +40,8 @@ fn receive<T: DeserializeOwned>(receiver: &mut Receiver<T>, bytes: &[u8]) -> Vec
 macro_rules! DEFAULTS {
     () => {
         "8827 00 e17a14ae47412c40 15144196cb8d5740 cd3b7f669ea0e63f \
-         15144196cb8d5740 cd3b7f669ea0e63f 0000000000003440 00 8080808004 019003 01c203 00 00 d00f \
-         00 a8b8bd14 b2e6cc19 b2e6cc19 8080808004 64 00 00 a8b8bd14 b2e6cc19 b2e6cc19 8080808004 64 00 \
-         00 a8b8bd14 b2e6cc19 b2e6cc19 8080808004 64 00 00 a8b8bd14 b2e6cc19 b2e6cc19 8080808004 64 00 \
+         15144196cb8d5740 cd3b7f669ea0e63f 00 8080808004 01ea03 01ef03 0000000000003440 00 00 d00f 01 \
+         00 000000 8080808004 64 00 00 000000 8080808004 64 00 00 000000 8080808004 64 00 00 000000 8080808004 64 00 \
          78 8080808003 e6cc9933 b817 d00f 01"
     };
 }
@@ -84,6 +83,12 @@ fn messages() -> Vec<(Message, &'static str)> {
         outputs_enabled: true,
         bench_enabled: false,
         motors: [ChannelState::NoSignal, ChannelState::Armed, ChannelState::Lost, ChannelState::Injected],
+        paths: [
+            Path::SILENT,
+            Path { compensates: true, command: 1 << 28, output: 3, input_hz: 490, output_hz: 495 },
+            Path::SILENT,
+            Path::SILENT,
+        ],
     };
     let panicked = Info { reset: ResetReason::Panic(PanicPlace::new("a.rs", 97)), ..info };
     let link = FrameFaults { truncated: 1, corrupted: 2, oversized: 3, other_version: 4, unknown: 5 };
@@ -96,6 +101,7 @@ fn messages() -> Vec<(Message, &'static str)> {
         lost: 15,
         bad_frames: 16,
         dropped_frames: 17,
+        refused_frames: 20,
         replies: 18,
         bad_replies: 19,
     };
@@ -130,11 +136,11 @@ fn messages() -> Vec<(Message, &'static str)> {
         (refused(Refusal::InputLive { motor: 3 }), "010303"),
         (error(place, out_of_range), "0104 0400 00 0000000000000840 000000000000d03f 0000000000000040"),
         (error(place, Problem::ZeroNotBelowPoles), "0104040001"),
-        (error(Place { key: Key::TimeConstantS, motor: Some(3) }, Problem::NoCurve), "010417010302"),
+        (error(Place { key: Key::TimeConstantS, motor: Some(3) }, Problem::NoCurve), "010418010302"),
         (error(Place { key: Key::Stop, motor: None }, Problem::StopWithoutRawDuty), "01040e0003"),
         (error(place, Problem::PulseTooLong { longest_us: 2000, max_frame_hz: 495 }), "0104040004d00fef03"),
-        (error(Place { key: Key::InputProtocol, motor: None }, Problem::NoReplies), "01040a0006"),
-        (error(motor_max, Problem::NoEdges { min: 0.25, max: 2.0 }), "010415010205000000000000d03f0000000000000040"),
+        (error(Place { key: Key::InputProtocol, motor: None }, Problem::NoReplies), "0104090007"),
+        (error(motor_max, Problem::NoEdges { min: 0.25, max: 2.0 }), "010416010205000000000000d03f0000000000000040"),
         (refused(Refusal::Design), "0105"),
         (refused(Refusal::SaveFailed), "0106"),
         (refused(Refusal::CommandOutsideLimits { min_command: 1, max_command: 2, max_amplitude: 3 }), "0107020406"),
@@ -150,11 +156,20 @@ fn messages() -> Vec<(Message, &'static str)> {
             "010f 9601 8827 80c8d007 ac02",
         ),
         (refused(Refusal::Injecting { motor: 3 }), "011003"),
-        (Message::Info(info), "02 010203 01 80f48d50 80fa8628 02ac02 00 05 04 04 01 01 00 00030507"),
+        (refused(Refusal::NoDshot), "0111"),
+        (refused(Refusal::NotRested { motor: 2 }), "011202"),
+        (
+            error(Place { key: Key::InputFrameHz, motor: None }, Problem::FramesOutrunTicks { min_loop_rate_hz: 4000 }),
+            "01040a0006a01f",
+        ),
+        (
+            Message::Info(info),
+            "02 010203 01 80f48d50 80fa8628 02ac02 00 05 04 04 01 01 00 00030507 0001010000 0180808080 0206ea03ef03 0001010000 0001010000",
+        ),
         (
             Message::Info(panicked),
             "02 010203 01 80f48d50 80fa8628 02ac02 00 05 0561 0000000000000000000000000000000000000000 612e7273 04 01 01 00 \
-             00030507",
+             00030507 0001010000 0180808080 0206ea03ef03 0001010000 0001010000",
         ),
         (Message::Settings(Settings::default()), concat!("03", DEFAULTS!())),
         (
@@ -163,12 +178,15 @@ fn messages() -> Vec<(Message, &'static str)> {
                 slow_output: false,
                 cannot_follow: true,
                 low_arming: false,
+                high_idle: true,
+                levels_above_frames: false,
+                pulses_outrun_ticks: true,
             }),
-            "0401000100",
+            "0401000100010001",
         ),
         (
             Message::Faults(faults),
-            "05 0102030405 06 07 08 09 0a0b0c0d0f0e10111213 00000000000000000000 00000000000000000000 0a0b0c0d0f0e10111213",
+            "05 0102030405 06 07 08 09 0a0b0c0d0f0e1011141213 0000000000000000000000 0000000000000000000000 0a0b0c0d0f0e1011141213",
         ),
         (
             Message::Injected(Injected { first: 128, outputs: series(&[1 << 29, 1 << 29]) }),

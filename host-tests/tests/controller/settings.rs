@@ -7,10 +7,11 @@ use proptest::prelude::*;
 use rotorlead::compensator::{CommandRange, Filter, InverseFilter};
 use rotorlead::controller::{FilterError, filters};
 use rotorlead::design::{CurvePoint, InverseDesign, InverseError, LeadDesign, RotorCurve};
+use rotorlead::dshot::Value;
 use rotorlead::link::{FRAME_BYTES, Message, PAYLOAD_BYTES, Request, encode};
 use rotorlead::settings::{
-    CompensatorKind, ExcitationLimits, Inverse, Key, Lead, MOTORS, NoSignal, Origin, Place, Problem, Pulse,
-    PulseProtocol, SaveError, Settings, SettingsError, Store, Validated, Warning,
+    CompensatorKind, ExcitationLimits, HIGHEST_IDLE, Inverse, Key, Lead, Levels, MOTORS, MotorSettings, NoSignal,
+    Origin, Place, Problem, Pulse, PulseProtocol, SaveError, Settings, SettingsError, Store, Validated, Warning,
 };
 use rotorlead::throttle::Command;
 
@@ -88,9 +89,9 @@ fn a_value_outside_its_range_is_refused_by_name() {
         ("inverse.damping", |s| s.inverse.damping = 0.29),
         ("inverse.damping", |s| s.inverse.damping = 2.01),
         ("inverse.damping", |s| s.inverse.damping = f64::NAN),
-        ("inverse.slew_per_s", |s| s.inverse.slew_per_s = -1.0),
-        ("inverse.slew_per_s", |s| s.inverse.slew_per_s = 1.1e6),
-        ("inverse.slew_per_s", |s| s.inverse.slew_per_s = f64::NAN),
+        ("output.slew_per_s", |s| s.slew_per_s = -1.0),
+        ("output.slew_per_s", |s| s.slew_per_s = 1.1e6),
+        ("output.slew_per_s", |s| s.slew_per_s = f64::NAN),
         ("inverse.compensate_from", |s| s.inverse.compensate_from = -1),
         ("inverse.compensate_from", |s| s.inverse.compensate_from = Command::ONE.to_bits() + 1),
         ("inverse.compensate_to", |s| s.inverse.compensate_to = Command::ONE.to_bits() + 1),
@@ -115,17 +116,25 @@ fn a_value_outside_its_range_is_refused_by_name() {
         ("stop", |s| {
             s.stop = bits(0.5);
             s.motors.iter_mut().for_each(|motor| {
-                (motor.disarming, motor.arming, motor.idle) = (bits(0.55), bits(0.6), bits(0.6));
+                (motor.disarming, motor.arming) = (Some(bits(0.55)), Some(bits(0.6)));
             });
         }),
         ("stop_pulses_ms", |s| s.stop_pulses_ms = 60_001),
-        ("motor.1.disarming", |s| s.motors[1].disarming = s.stop),
-        ("motor.1.disarming", |s| s.motors[1].disarming = -1),
-        ("motor.1.arming", |s| s.motors[1].arming = s.motors[1].disarming),
-        ("motor.1.arming", |s| s.motors[1].arming = i32::MIN),
-        ("motor.2.idle", |s| s.motors[2].idle = s.motors[2].arming - 1),
-        ("motor.2.idle", |s| s.motors[2].idle = i32::MAX),
-        ("motor.3.max", |s| s.motors[3].max = s.motors[3].idle),
+        ("motor.1.disarming", |s| s.motors[1].disarming = Some(s.stop)),
+        ("motor.1.disarming", |s| s.motors[1].disarming = Some(-1)),
+        ("motor.1.arming", |s| s.motors[1].arming = Some(Levels::PULSES.disarming)),
+        ("motor.1.arming", |s| s.motors[1].disarming = Some(bits(0.06))),
+        ("motor.1.arming", |s| s.motors[1].arming = Some(HIGHEST_IDLE + 1)),
+        ("motor.0.arming", |s| {
+            s.input.protocol = PulseProtocol::Dshot600;
+            (s.motors[0].disarming, s.motors[0].arming) = (Some(bits(0.1)), Some(bits(0.1) - 1));
+        }),
+        ("motor.1.arming", |s| s.motors[1].arming = Some(i32::MIN)),
+        ("motor.2.idle", |s| s.motors[2].idle = Some(Levels::PULSES.arming - 1)),
+        ("motor.2.idle", |s| s.motors[2].idle = Some(i32::MAX)),
+        ("motor.2.idle", |s| s.motors[2].idle = Some(HIGHEST_IDLE + 1)),
+        ("motor.2.idle", |s| s.motors[2].idle = Some(bits(0.5))),
+        ("motor.3.max", |s| s.motors[3].max = Levels::PULSES.idle),
         ("motor.3.max", |s| s.motors[3].max = Command::ONE.to_bits() + 1),
         ("motor.0.hold_ms", |s| s.motors[0].hold_ms = 1001),
         ("excitation.max_duration_s", |s| s.excitation.max_duration_s = 0),
@@ -162,8 +171,8 @@ fn the_ends_of_an_inverses_ranges_are_taken() {
         |s| s.inverse.natural_rad_s = 2000.0,
         |s| s.inverse.damping = 0.3,
         |s| s.inverse.damping = 2.0,
-        |s| s.inverse.slew_per_s = 0.0,
-        |s| s.inverse.slew_per_s = 1e6,
+        |s| s.slew_per_s = 0.0,
+        |s| s.slew_per_s = 1e6,
         |s| (s.inverse.compensate_from, s.inverse.compensate_to) = (0, 0),
         |s| (s.inverse.compensate_from, s.inverse.compensate_to) = (Command::ONE.to_bits(), Command::ONE.to_bits()),
         |s| s.motors[1].curve = curve_with(3, 1000.0),
@@ -194,13 +203,9 @@ fn an_inverse_takes_the_curve_of_every_motor() {
 #[test]
 fn each_motor_gets_the_inverse_of_its_own_points() {
     let mut settings = Settings { loop_rate_hz: 4000, compensator: CompensatorKind::Inverse, ..Settings::default() };
-    settings.inverse = Inverse {
-        natural_rad_s: 120.0,
-        damping: 0.8,
-        slew_per_s: 60.0,
-        compensate_from: bits(0.25),
-        compensate_to: bits(0.75),
-    };
+    settings.slew_per_s = 60.0;
+    settings.inverse =
+        Inverse { natural_rad_s: 120.0, damping: 0.8, compensate_from: bits(0.25), compensate_to: bits(0.75) };
     let points = [1.0, 0.9, 1.1, 1.3].map(|factor| {
         let curve = paper_curve().into_iter().map(|point| CurvePoint { tau_s: factor * point.tau_s, ..point });
         curve.collect::<Vec<_>>()
@@ -236,7 +241,7 @@ fn an_inverse_that_cannot_be_designed_is_refused_with_its_motor() {
     assert!(error.to_string().contains("motor.2.time_constant_s"), "{error}");
 
     let mut settings = Settings::clone(&numbered_with_curves(0));
-    settings.inverse.slew_per_s = 0.01;
+    settings.slew_per_s = 0.01;
     let error = filters(&settings.validate().unwrap()).unwrap_err();
     assert!(matches!(error, FilterError::Inverse { motor: 0, error: InverseError::SlewTooSlow { .. } }), "{error:?}");
     assert!(error.to_string().contains("slew_per_s is 0.01"), "{error}");
@@ -252,7 +257,8 @@ fn the_longest_set_fits_its_pages_and_a_frame() {
     let fast = Pulse { protocol: PulseProtocol::RawDuty, frame_hz: 600 };
     (settings.input, settings.output, settings.stop, settings.stop_pulses_ms) = (fast, fast, bits(0.03), 60_000);
     for motor in &mut settings.motors {
-        (motor.disarming, motor.arming, motor.idle, motor.max) = (bits(0.5), bits(0.6), bits(0.7), bits(0.9));
+        (motor.disarming, motor.arming, motor.idle) = (Some(bits(0.18)), Some(bits(0.19)), Some(HIGHEST_IDLE));
+        motor.max = bits(0.9);
         motor.hold_ms = 1000;
     }
     settings.excitation = ExcitationLimits {
@@ -383,12 +389,84 @@ fn frames_that_the_compensator_outruns_are_warned_of() {
 fn a_low_arming_threshold_is_warned_of() {
     let warnings = |arming| {
         let mut settings = Settings::default();
-        settings.motors[2].disarming = bits(0.02);
-        settings.motors[2].arming = bits(arming);
+        settings.motors[2].disarming = Some(bits(0.02));
+        settings.motors[2].arming = Some(bits(arming));
         settings.validate().unwrap().warnings().iter().collect::<Vec<_>>()
     };
     assert_eq!(warnings(0.039), [Warning::LowArming]);
     assert_eq!(warnings(0.04), []);
+}
+
+#[test]
+fn a_high_idle_and_levels_above_frames_are_warned_of() {
+    let warnings = |change: fn(&mut Settings)| {
+        let mut settings = Settings::default();
+        change(&mut settings);
+        settings.validate().unwrap().warnings().iter().collect::<Vec<_>>()
+    };
+    assert_eq!(warnings(|s| s.motors[1].idle = Some(bits(0.1))), []);
+    assert_eq!(warnings(|s| s.motors[1].idle = Some(bits(0.101))), [Warning::HighIdle]);
+    assert_eq!(warnings(|s| s.motors[1].arming = Some(HIGHEST_IDLE)), [Warning::HighIdle], "the idle rises with it");
+    let dshot = |settings: &mut Settings| {
+        (settings.input.protocol, settings.output.protocol) = (PulseProtocol::Dshot600, PulseProtocol::Dshot600);
+    };
+    assert_eq!(warnings(dshot), [], "no clock makes a throttle of a stop");
+    for level in 0..3 {
+        let mut settings = Settings::default();
+        dshot(&mut settings);
+        let motor = &mut settings.motors[2];
+        *[&mut motor.disarming, &mut motor.arming, &mut motor.idle][level] = Some(bits(0.05));
+        let warnings = settings.validate().unwrap().warnings();
+        assert_eq!(warnings.iter().collect::<Vec<_>>(), [Warning::LevelsAboveFrames]);
+    }
+}
+
+/// What a frame says is not asked again: 48 turns a motor, and 0 stops it.
+#[test]
+fn frames_have_no_threshold_unless_one_is_chosen_and_chosen_ones_take_the_others_along() {
+    let mut settings = Settings::default();
+    assert_eq!(settings.levels(&settings.motors[0]), Levels::PULSES);
+    settings.input.protocol = PulseProtocol::Dshot600;
+    let lowest = Value::LOWEST_THROTTLE.command().to_bits();
+    let levels = |disarming, arming, idle| Levels { disarming, arming, idle };
+    assert_eq!(settings.levels(&settings.motors[0]), levels(lowest, lowest, lowest));
+    settings.motors[0].disarming = Some(bits(0.01));
+    assert_eq!(settings.levels(&settings.motors[0]), levels(bits(0.01), bits(0.01), bits(0.01)));
+    settings.motors[0].arming = Some(bits(0.02));
+    assert_eq!(settings.levels(&settings.motors[0]), levels(bits(0.01), bits(0.02), bits(0.02)));
+    settings.motors[0].idle = Some(bits(0.03));
+    assert_eq!(settings.levels(&settings.motors[0]), levels(bits(0.01), bits(0.02), bits(0.03)));
+    assert!(settings.clone().validate().is_ok());
+    // A raw duty has no edges at so low a command: the levels stay above its stop.
+    settings.motors[0] = MotorSettings::default();
+    settings.output = Pulse { protocol: PulseProtocol::RawDuty, frame_hz: 600 };
+    settings.stop = bits(0.02);
+    assert_eq!(settings.levels(&settings.motors[0]).idle, bits(0.02) + 1);
+    assert!(settings.validate().is_ok());
+}
+
+#[test]
+fn more_frames_or_pulses_than_ticks_are_refused_or_warned_of() {
+    let dshot = |loop_rate_hz, frame_hz| {
+        let protocol = PulseProtocol::Dshot600Bidirectional;
+        let pulse = Pulse { protocol, frame_hz };
+        Settings { loop_rate_hz, input: pulse, output: pulse, ..Settings::default() }.validate()
+    };
+    assert!(dshot(4000, 8000).is_ok());
+    let error = dshot(1000, 8000).unwrap_err();
+    assert_eq!(error.place, Place { key: Key::InputFrameHz, motor: None });
+    assert_eq!(error.problem, Problem::FramesOutrunTicks { min_loop_rate_hz: 4000 });
+    assert!(error.to_string().contains("loop_rate_hz to 4000 or more"), "{error}");
+    assert!(dshot(3999, 8000).is_err());
+
+    let oneshot = |loop_rate_hz| {
+        let pulse = Pulse { protocol: PulseProtocol::OneShot125, frame_hz: 2000 };
+        let output = Pulse { frame_hz: 2100, ..pulse };
+        let settings = Settings { loop_rate_hz, input: pulse, output, ..Settings::default() };
+        settings.validate().unwrap().warnings().iter().collect::<Vec<_>>()
+    };
+    assert_eq!(oneshot(2001), []);
+    assert_eq!(oneshot(2000), [Warning::PulsesOutrunTicks]);
 }
 
 #[test]
@@ -428,13 +506,13 @@ fn settings_of_the_first_layout_are_migrated_and_ground_nobody() {
     assert_eq!((settings.excitation.max_duration_s, settings.recorder_divisor), (60, 7));
     for (index, motor) in settings.motors.iter().enumerate() {
         let same = (motor.compensate, motor.arming, motor.idle, motor.max, motor.hold_ms);
-        assert_eq!(same, (index == 2, bits(0.03), bits(0.07), bits(0.95), 150), "what armed arms");
-        assert!((f64::from(motor.disarming) / f64::from(motor.arming) - 0.8).abs() < 1e-6);
+        assert_eq!(same, (index == 2, Some(bits(0.03)), Some(bits(0.07)), bits(0.95), 150), "what armed arms");
+        assert!((f64::from(motor.disarming.unwrap()) / f64::from(bits(0.03)) - 0.8).abs() < 1e-6);
     }
     // A stop that would not be taken any more is made one that is; a raw duty keeps its own.
     let paper = Pulse { protocol: PulseProtocol::RawDuty, frame_hz: 600 };
     for (output, stop, expected) in [(servo, 0.01, 0.0), (paper, 0.02, 0.02), (paper, 0.1, 0.03)] {
-        let old = loaded(&set(output, stop, 0.2));
+        let old = loaded(&set(output, stop, 0.15));
         assert_eq!(old.origin, Origin::Migrated, "{stop}");
         assert!((old.settings.stop - bits(expected)).abs() <= 1, "{stop}");
     }

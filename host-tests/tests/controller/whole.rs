@@ -16,7 +16,8 @@ use rotorlead::link::{
     NO_INPUT, PanicPlace, RecordRequest, Refusal, Request, ResetReason, Sensed, Source,
 };
 use rotorlead::settings::{
-    DEAD_MAN_MS, Key, Loaded, MOTORS, Origin, Place, Problem, PulseProtocol, Settings, SettingsError, Store, Validated,
+    DEAD_MAN_MS, Key, Levels, Loaded, MOTORS, Origin, Place, Problem, PulseProtocol, Settings, SettingsError, Store,
+    Validated,
 };
 use rotorlead::throttle::{Command, EscCommand, Protocol};
 
@@ -414,7 +415,7 @@ fn an_excitation_is_refused_while_any_pulse_input_is_live_and_the_outputs_do_not
 fn an_excitation_outside_the_limits_is_refused_with_the_limits() {
     let mut rig = Rig::new();
     let limits = Settings::default().excitation;
-    let idle = Settings::default().motors[0].idle;
+    let idle = Levels::PULSES.idle;
     let outside = refused(Refusal::CommandOutsideLimits {
         min_command: idle,
         max_command: limits.max_command,
@@ -750,8 +751,8 @@ fn commands_that_a_change_of_mode_cuts_off_are_refused_and_never_played() {
 fn check_dead_man(rig: &mut Rig, mut each_tick: impl FnMut(&mut Rig, usize)) -> usize {
     assert_eq!(rig.ask(&Request::KeepAlive), Message::Done);
     let step = excitation_ramp().to_bits();
-    let idle = Settings::default().motors[0].idle;
-    let arming = Settings::default().motors[0].arming;
+    let idle = Levels::PULSES.idle;
+    let arming = Levels::PULSES.arming;
     let mut level = None;
     for n in 0.. {
         each_tick(rig, n);
@@ -1093,7 +1094,7 @@ fn no_pulse_is_ever_below_the_stop() {
 fn others() -> Validated {
     let mut settings = Settings { recorder_divisor: 9, ..Settings::default() };
     settings.motors.iter_mut().for_each(|motor| {
-        motor.arming = command(0.045).to_bits();
+        motor.arming = Some(command(0.045).to_bits());
         motor.hold_ms = 20;
         motor.compensate = true;
     });

@@ -26,7 +26,7 @@ const PERIODS: usize = 2;
 /// The inverse of the paper's motors, with the longest hold time: the emulated time runs ahead of a host.
 fn settings(slew_per_s: f64) -> Validated {
     let mut settings = Settings { compensator: CompensatorKind::Inverse, ..Settings::default() };
-    settings.inverse.slew_per_s = slew_per_s;
+    settings.slew_per_s = slew_per_s;
     let curve = RotorCurve::through(&paper_curve()).unwrap();
     for motor in &mut settings.motors {
         (motor.curve, motor.hold_ms) = (Some(curve), 1000);

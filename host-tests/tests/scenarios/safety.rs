@@ -7,7 +7,7 @@ use host_tests::scenario::{
 };
 use rotorlead::dshot::{Checksum, Frame, Speed, Value};
 use rotorlead::link::{Message, Refusal, Request, Source};
-use rotorlead::settings::{NoSignal, Pulse, PulseProtocol, Settings};
+use rotorlead::settings::{Levels, NoSignal, Pulse, PulseProtocol, Settings};
 
 use super::bench::excite;
 use super::frames::{frame, settings};
@@ -120,17 +120,17 @@ pub const THRESHOLDS: Scenario = Scenario {
     controls: &[
         ("`disarming` is 0.002 higher", |play| {
             if let Some(settings) = &mut play.settings {
-                settings.motors[0].disarming += (1 << 29) / 500;
+                settings.motors[0].disarming = Some(Levels::PULSES.disarming + (1 << 29) / 500);
             }
         }),
         ("`disarming` is 0.002 lower", |play| {
             if let Some(settings) = &mut play.settings {
-                settings.motors[0].disarming -= (1 << 29) / 500;
+                settings.motors[0].disarming = Some(Levels::PULSES.disarming - (1 << 29) / 500);
             }
         }),
         ("`arming` is 0.002 lower", |play| {
             if let Some(settings) = &mut play.settings {
-                settings.motors[0].arming -= (1 << 29) / 500;
+                settings.motors[0].arming = Some(Levels::PULSES.arming - (1 << 29) / 500);
             }
         }),
     ],

@@ -101,7 +101,9 @@ fn shown(settings: &Settings, place: Place) -> Option<String> {
 /// The value nearest to the one in `settings` to which `error` does not apply; `None` where there is none that is nearest.
 fn nearest(settings: &Settings, error: SettingsError) -> Option<String> {
     match error.problem {
-        Problem::OutOfRange { min, max, .. } | Problem::NoEdges { min, max } => {
+        Problem::OutOfRange { value, min, max } => Some(value.max(min).min(max).to_string()),
+        Problem::FramesOutrunTicks { .. } => Some((settings.loop_rate_hz * 2).to_string()),
+        Problem::NoEdges { min, max } => {
             let value: f64 = shown(settings, error.place)?.parse().ok()?;
             Some(value.max(min).min(max).to_string())
         }

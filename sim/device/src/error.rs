@@ -27,7 +27,9 @@ pub enum DeviceError {
     },
     /// No answer came.
     #[error("`{address}`: no answer to {request} within {seconds} s")]
-    #[diagnostic(help("is this the controller's port, powered, and at its baud rate?"))]
+    #[diagnostic(help(
+        "is this the controller's port, powered, and at its baud rate? Firmware of a link before version 8 does not answer this program either"
+    ))]
     NoAnswer {
         /// The port.
         address: String,
@@ -37,11 +39,13 @@ pub enum DeviceError {
         seconds: f64,
     },
     /// Frames come, but of another version.
-    #[error("`{address}`: the controller does not speak version {VERSION} of the link")]
+    #[error("`{address}`: the controller speaks version {version} of the link, and this program version {VERSION}")]
     #[diagnostic(help("flash the firmware that belongs to this program"))]
     OtherVersion {
         /// The port.
         address: String,
+        /// The controller's version.
+        version: u8,
     },
     /// The controller said no.
     #[error("the controller refused {request}: {refusal}")]
@@ -157,6 +161,9 @@ fn remedy(refusal: &Refusal) -> &'static str {
     match refusal {
         Refusal::UnknownMotor => "count motors from 0",
         Refusal::NotDisarmed { .. } => "disarm the flight controller and stop any excitation first",
+        Refusal::NotRested { .. } => {
+            "ask again a few seconds after the motors have stopped, or fit the jumper of docs/wiring.md"
+        }
         Refusal::NoSettings => {
             "`rotorlead device set` output.protocol to that of the ESC, and what else differs from it"
         }

@@ -4,7 +4,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use rotorlead::channel::{Channel, Input};
+use rotorlead::channel::Channel;
 use rotorlead::controller::{channels, filters};
 use rotorlead::link::{INJECT_SAMPLES, INJECT_WINDOW, InjectRequest, Message, Request, Series, Source};
 use rotorlead::settings::Settings;
@@ -91,7 +91,7 @@ pub fn inject(
 fn compare(mut host: Channel, commands: &[Command], outputs: Vec<EscCommand>) -> Injection {
     let (mut different, mut first_difference) = (0, None);
     for (sample, (&command, &controller)) in commands.iter().zip(&outputs).enumerate() {
-        let host = host.tick(Input::Command(command));
+        let host = host.inject(command);
         if host != controller {
             different += 1;
             first_difference.get_or_insert(Difference { sample, host, controller });

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::io::{ErrorKind, Read as _, Write as _};
 use std::time::{Duration, Instant};
 
-use rotorlead::link::{FRAME_BYTES, Faults, Info, Message, Receiver, Record, Request, Source, Tagged, encode};
+use rotorlead::link::{FRAME_BYTES, Faults, Foreign, Info, Message, Receiver, Record, Request, Source, Tagged, encode};
 use rotorlead::settings::{DEAD_MAN_MS, Settings, Warnings};
 
 use super::{DeviceError, Port};
@@ -228,7 +228,12 @@ impl Session {
             Ok(length) => {
                 let receiver = &mut self.receiver;
                 self.inbox.extend(bytes[..length].iter().filter_map(|&byte| receiver.push(byte)));
-                Ok(())
+                match receiver.take_foreign() {
+                    Some(Foreign::Notice { version } | Foreign::Message { version, .. }) => {
+                        Err(DeviceError::OtherVersion { address: self.address.clone(), version })
+                    }
+                    None => Ok(()),
+                }
             }
             Err(error)
                 if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut | ErrorKind::Interrupted) =>
@@ -244,12 +249,7 @@ impl Session {
     }
 
     fn silence(&self, request: &'static str, limit: Duration) -> DeviceError {
-        let address = self.address.clone();
-        if self.receiver.faults().other_version > 0 {
-            DeviceError::OtherVersion { address }
-        } else {
-            DeviceError::NoAnswer { address, request, seconds: limit.as_secs_f64() }
-        }
+        DeviceError::NoAnswer { address: self.address.clone(), request, seconds: limit.as_secs_f64() }
     }
 }
 

@@ -86,6 +86,7 @@ enum Value<'a> {
     Number(&'a mut f64),
     Count(&'a mut u16),
     Level(&'a mut i32),
+    OptionalLevel(&'a mut Option<i32>),
     Switch(&'a mut bool),
     Kind(&'a mut CompensatorKind),
     Curve(&'a mut Option<RotorCurve>),
@@ -105,20 +106,21 @@ impl<'a> Value<'a> {
             Key::Damping => Self::Number(&mut settings.lead.damping),
             Key::InverseNaturalRadS => Self::Number(&mut inverse.natural_rad_s),
             Key::InverseDamping => Self::Number(&mut inverse.damping),
-            Key::InverseSlewPerS => Self::Number(&mut inverse.slew_per_s),
             Key::InverseCompensateFrom => Self::Level(&mut inverse.compensate_from),
             Key::InverseCompensateTo => Self::Level(&mut inverse.compensate_to),
             Key::InputProtocol => Self::Protocol(&mut settings.input.protocol),
             Key::InputFrameHz => Self::Count(&mut settings.input.frame_hz),
             Key::OutputProtocol => Self::Protocol(&mut settings.output.protocol),
             Key::OutputFrameHz => Self::Count(&mut settings.output.frame_hz),
+            Key::OutputSlewPerS => Self::Number(&mut settings.slew_per_s),
             Key::Stop => Self::Level(&mut settings.stop),
             Key::NoSignal => Self::NoSignal(&mut settings.no_signal),
             Key::StopPulsesMs => Self::Count(&mut settings.stop_pulses_ms),
+            Key::Resume => Self::Switch(&mut settings.resume),
             Key::Compensate => Self::Switch(compensate),
-            Key::Disarming => Self::Level(disarming),
-            Key::Arming => Self::Level(arming),
-            Key::Idle => Self::Level(idle),
+            Key::Disarming => Self::OptionalLevel(disarming),
+            Key::Arming => Self::OptionalLevel(arming),
+            Key::Idle => Self::OptionalLevel(idle),
             Key::Max => Self::Level(max),
             Key::HoldMs => Self::Count(hold_ms),
             Key::TimeConstantS => Self::Curve(curve),
@@ -137,17 +139,11 @@ impl<'a> Value<'a> {
             Self::Rate(value) => value.to_string(),
             Self::Number(value) => value.to_string(),
             Self::Count(value) => value.to_string(),
-            Self::Level(bits) => {
-                // As few decimals as read back the same; ten resolve 2^-29.
-                let value = Throttle::from_bits(**bits).to_f64();
-                let shown = (0..10).map(|decimals| format!("{value:.decimals$}"));
-                let same =
-                    |text: &String| text.parse().is_ok_and(|v| Command::saturating_from_f64(v).to_bits() == **bits);
-                shown.into_iter().find(same).unwrap_or_else(|| value.to_string())
-            }
+            Self::Level(bits) => level_text(**bits),
+            Self::OptionalLevel(bits) => bits.map_or_else(|| NONE.to_owned(), level_text),
             Self::Switch(value) => value.to_string(),
             Self::Kind(value) => name_of(&KINDS, **value),
-            Self::Curve(value) => value.as_ref().map_or_else(|| NO_CURVE.to_owned(), curve_text),
+            Self::Curve(value) => value.as_ref().map_or_else(|| NONE.to_owned(), curve_text),
             Self::Protocol(value) => name_of(&PROTOCOLS, **value),
             Self::NoSignal(value) => name_of(&NO_SIGNAL, **value),
         }
@@ -165,18 +161,18 @@ impl<'a> Value<'a> {
             Self::Count(place) => take(place, text, "give a whole number from 0 to 65535"),
             Self::Switch(place) => take(place, text, "give true or false"),
             Self::Level(place) => {
-                let mut value = 0.0;
-                let what = "give a command from 0 to 1";
-                take(&mut value, text, what)?;
-                if !(0.0..=1.0).contains(&value) {
-                    return Err(what.to_owned());
-                }
-                *place = Command::saturating_from_f64(value).to_bits();
+                *place = read_level(text).ok_or("give a command from 0 to 1")?;
+                Ok(())
+            }
+            Self::OptionalLevel(place) => {
+                let level =
+                    || read_level(text).ok_or("give a command from 0 to 1, or none for what the input's protocol has");
+                *place = if text == NONE { None } else { Some(level()?) };
                 Ok(())
             }
             Self::Kind(place) => choose(&KINDS, place, text),
             Self::Curve(place) => {
-                *place = if text == NO_CURVE { None } else { Some(read_curve(text)?) };
+                *place = if text == NONE { None } else { Some(read_curve(text)?) };
                 Ok(())
             }
             Self::Protocol(place) => choose(&PROTOCOLS, place, text),
@@ -185,10 +181,23 @@ impl<'a> Value<'a> {
     }
 }
 
-/// A motor whose time constants are not known.
-const NO_CURVE: &str = "none";
+/// Time constants that are not known, or a level that nobody has chosen.
+const NONE: &str = "none";
 /// The form of time constants.
 pub const CURVE: &str = "COMMAND:SECONDS,...";
+
+/// A level as a number that reads back the same, with as few decimals as do; ten resolve 2^-29.
+fn level_text(bits: i32) -> String {
+    let value = Throttle::from_bits(bits).to_f64();
+    let shown = (0..10).map(|decimals| format!("{value:.decimals$}"));
+    shown.into_iter().find(|text| read_level(text) == Some(bits)).unwrap_or_else(|| value.to_string())
+}
+
+/// The bits of a command from 0 to 1.
+fn read_level(text: &str) -> Option<i32> {
+    let value = text.parse().ok().filter(|value| (0.0..=1.0).contains(value))?;
+    Some(Command::saturating_from_f64(value).to_bits())
+}
 
 /// A curve as a setting: `COMMAND:SECONDS,...` for the points of the table, without those inside a run of equal time constants.
 #[must_use]
@@ -206,7 +215,7 @@ pub fn curve_text(curve: &RotorCurve) -> String {
 
 /// The curve through `COMMAND:SECONDS,...`; the error says what is wrong with it.
 fn read_curve(text: &str) -> Result<RotorCurve, String> {
-    let form = || format!("give {CURVE}, as 0.40:0.159,0.65:0.071, or {NO_CURVE}");
+    let form = || format!("give {CURVE}, as 0.40:0.159,0.65:0.071, or {NONE}");
     let point = |point: &str| {
         let (command, tau_s) = point.split_once(':')?;
         Some(CurvePoint { command: command.trim().parse().ok()?, tau_s: tau_s.trim().parse().ok()? })

@@ -46,7 +46,7 @@ impl CompensatorArguments {
                     (Key::Compensator, "inverse".to_owned()),
                     (Key::InverseNaturalRadS, reference.omega_f_rad_s.to_string()),
                     (Key::InverseDamping, reference.damping.to_string()),
-                    (Key::InverseSlewPerS, range.slew_per_s.unwrap_or(0.0).to_string()),
+                    (Key::OutputSlewPerS, range.slew_per_s.unwrap_or(0.0).to_string()),
                     (Key::InverseCompensateFrom, range.compensated.0.to_string()),
                     (Key::InverseCompensateTo, range.compensated.1.to_string()),
                     (Key::TimeConstantS, curve_text(inverse.curve())),

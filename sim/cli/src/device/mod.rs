@@ -22,7 +22,7 @@ use rotorlead_device::{DEFAULT_BAUD, DeviceError, Session};
 use rotorlead_plant::{CompensatorDesign, InverseCompensator, InverseRange};
 use serde_json::{Value, json};
 
-use super::outcome::{JsonOption, Outcome, Verbosity};
+use super::outcome::{JsonOption, Outcome, Verbosity, warning_lines};
 use super::parameters::positive;
 
 /// Talks to a controller over its serial port, or to one in the emulator
@@ -121,10 +121,29 @@ fn info(session: &mut Session) -> miette::Result<Outcome> {
     for line in state_lines(&info) {
         writeln!(text, "{line}").into_diagnostic()?;
     }
-    for (motor, state) in info.motors.iter().enumerate() {
-        writeln!(text, "motor {motor}: {state:?}").into_diagnostic()?;
+    for (motor, (state, path)) in info.motors.iter().zip(&info.paths).enumerate() {
+        writeln!(text, "motor {motor}: {state:?}, {}", path_text(path)).into_diagnostic()?;
+        if path.leaves_pulses_over() {
+            let what = format!(
+                "motor {motor}: of {} pulses a second that come, {} go out; raise output.frame_hz if the ESC allows it, or \
+                 lower the flight controller's rate",
+                path.input_hz, path.output_hz
+            );
+            text.push_str(&warning_lines(&what));
+        }
     }
     Ok(Outcome::new(text, &info))
+}
+
+/// What comes in and goes out at a motor, and what is between.
+fn path_text(path: &rotorlead::link::Path) -> String {
+    let level = |bits: i32, none: &str| {
+        if bits < 0 { none.to_owned() } else { format!("{:.4}", Throttle::from_bits(bits).to_f64()) }
+    };
+    let rate = |hz: u32| if hz == 0 { String::new() } else { format!(" at {hz} Hz") };
+    let between = if path.compensates { "compensated" } else { "as it is" };
+    let (command, output) = (level(path.command, "no command"), level(path.output, "no pulse"));
+    format!("{command}{} in, {between}, {output}{} out", rate(path.input_hz), rate(path.output_hz))
 }
 
 /// What a controller says of its crystal, start, supply, settings and jumper, with what to do about it.
@@ -223,7 +242,7 @@ fn design_remedy(error: &FilterError) -> String {
     match error {
         FilterError::Lead(_) => "change omega_z_rad_s, omega_f_rad_s or damping".to_owned(),
         FilterError::Inverse { motor, .. } => format!(
-            "change inverse.natural_rad_s, inverse.damping, inverse.slew_per_s, loop_rate_hz or motor.{motor}.time_constant_s"
+            "change inverse.natural_rad_s, inverse.damping, output.slew_per_s, loop_rate_hz or motor.{motor}.time_constant_s"
         ),
     }
 }
@@ -247,9 +266,9 @@ fn design(settings: &Settings, motor: u8) -> miette::Result<CompensatorDesign> {
         let points = points.map(|(index, &tau_s)| CurvePoint { command: command(index), tau_s: f64::from(tau_s) });
         let inverse = &settings.inverse;
         let range = InverseRange {
-            min: level(of_motor.idle),
+            min: level(settings.levels(&of_motor).idle),
             max: level(of_motor.max),
-            slew_per_s: (inverse.slew_per_s > 0.0).then_some(inverse.slew_per_s),
+            slew_per_s: (settings.slew_per_s > 0.0).then_some(settings.slew_per_s),
             compensated: (level(inverse.compensate_from), level(inverse.compensate_to)),
         };
         InverseCompensator::new(inverse.reference(), loop_rate_hz, points.collect(), &range)
@@ -301,6 +320,7 @@ mod tests {
                 outputs_enabled: true,
                 bench_enabled: false,
                 motors: [ChannelState::NoSignal; MOTORS],
+                paths: [rotorlead::link::Path::SILENT; MOTORS],
             })
         };
         let [crystal, _, brown_out, ..] =
