@@ -7,7 +7,7 @@ use std::rc::Rc;
 
 use embedded_storage::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use rotorlead::capture::Signal;
-use rotorlead::channel::Channel;
+use rotorlead::channel::{COMMANDS_TO_ARM, Channel};
 use rotorlead::controller::{BoardFacts, ControlAccess, Counts, FrameRates, Server, Tick};
 use rotorlead::link::{FRAME_BYTES, Message, Receiver, Refusal, Request, Sensed, Tagged, encode};
 use rotorlead::settings::{MOTORS, Origin, Settings, Store, Validated};
@@ -259,6 +259,21 @@ impl Rig {
         let mut signals = [Signal::Nothing; MOTORS];
         signals[0] = signal;
         self.hardware.run(signals)[0]
+    }
+
+    /// The control ticks that arm motor 0 with `signal`, and nothing at the others: the last output.
+    pub fn arm_one(&mut self, signal: Signal) -> EscCommand {
+        let mut signals = [Signal::Nothing; MOTORS];
+        signals[0] = signal;
+        self.arm(signals)[0]
+    }
+
+    /// The control ticks that arm what is disarmed with these: the last outputs.
+    pub fn arm(&mut self, signals: [Signal; MOTORS]) -> [EscCommand; MOTORS] {
+        for _ in 1..COMMANDS_TO_ARM {
+            self.hardware.run(signals);
+        }
+        self.hardware.run(signals)
     }
 
     /// Puts bytes on the line to the controller.

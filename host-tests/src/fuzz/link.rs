@@ -92,7 +92,7 @@ fn load_and_save(content: Vec<u8>) {
 }
 
 /// Today's layout of stored settings.
-pub const LAYOUT: u16 = 3;
+pub const LAYOUT: u16 = 4;
 
 /// A stored set around any body, as the documentation of `rotorlead::settings` has it.
 #[must_use]

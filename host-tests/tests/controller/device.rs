@@ -41,8 +41,8 @@ const TIME_CONSTANT_S: f64 = 1.0 / 9.2889;
 const FAST: Pace = Pace { speed: 40.0, eager: true, bytes_per_s: None, needs_full_window: false };
 
 /// Frames per second of the default settings.
-const INPUT_HZ: f64 = 400.0;
-const OUTPUT_HZ: f64 = 450.0;
+const INPUT_HZ: f64 = 490.0;
+const OUTPUT_HZ: f64 = 495.0;
 
 /// A controller with a motor and a thrust sensor, and a folder for what comes of it.
 struct Bench {
@@ -207,7 +207,7 @@ fn protocols_are_changed_in_one_command_there_and_back() {
     let set = bench.device(RAW_DUTY).unwrap();
     assert_eq!((&set["set"]["stop"], &set["set"]["motor.*.max"]), (&"0.02".into(), &"0.98".into()));
     assert_eq!(shown(keys), ["raw_duty", "600", "0.02", "0.98"]);
-    bench.device("set output.protocol standard_pwm output.frame_hz 450 stop 0 motor.*.max 1").unwrap();
+    bench.device("set output.protocol standard_pwm output.frame_hz 495 stop 0 motor.*.max 1").unwrap();
     assert_eq!(bench.device("get").unwrap(), defaults);
     bench.device(RAW_DUTY).unwrap();
     bench.device("set output.protocol oneshot125 output.frame_hz 2400 stop 0 motor.*.max 1").unwrap();
@@ -233,7 +233,7 @@ fn one_wrong_value_among_several_changes_nothing() {
 #[test]
 fn a_key_that_needs_another_one_is_refused_with_a_command_that_works() {
     for (first, alone, said) in [
-        (None, "set output.protocol raw_duty", "set output.protocol raw_duty stop 0.009 motor.*.max 0.991"),
+        (None, "set output.protocol raw_duty", "set output.protocol raw_duty stop 0.0099 motor.*.max 0.9901"),
         (
             Some(RAW_DUTY),
             "set output.protocol standard_pwm",
@@ -241,8 +241,9 @@ fn a_key_that_needs_another_one_is_refused_with_a_command_that_works() {
         ),
         (Some(RAW_DUTY), "set output.protocol oneshot125", "set output.protocol oneshot125 stop 0"),
         (Some(RAW_DUTY), "set output.frame_hz 1200", "set output.frame_hz 1200 stop 0.024 motor.*.max 0.976"),
-        (None, "set stop 0.02", "set stop 0.02 output.protocol raw_duty motor.*.max 0.991"),
-        (None, "set motor.2.idle 1", "even with motor.2.max 1"),
+        (None, "set stop 0.02", "set stop 0.02 output.protocol raw_duty motor.*.max 0.9901"),
+        (None, "set motor.2.idle 0.5", "outside its range 0 to 0.199"),
+        (None, "set motor.2.disarming 0.15", "set motor.2.disarming 0.15 motor.2.arming 0.15"),
     ] {
         let bench = Bench::new(Trouble::None, FAST);
         if let Some(first) = first {
@@ -259,7 +260,7 @@ fn a_key_that_needs_another_one_is_refused_with_a_command_that_works() {
     // Where another key does not help, it is not asked for.
     let bench = Bench::new(Trouble::None, FAST);
     let error = bench.device("set stop 0.5").unwrap_err();
-    assert!(error.contains("even with output.protocol raw_duty") && error.contains("0.0090 to 0.0300"), "{error}");
+    assert!(error.contains("even with output.protocol raw_duty") && error.contains("0.0099 to 0.0300"), "{error}");
     let error = bench.device("set omega_f_rad_s 10").unwrap_err();
     assert!(error.contains("`set omega_f_rad_s 10 omega_z_rad_s VALUE`"), "{error}");
 }
@@ -270,7 +271,7 @@ const CURVE: &str = "0.40:0.159,0.45:0.136,0.50:0.108,0.55:0.101,0.60:0.085,0.65
 #[test]
 fn an_inverse_is_set_used_stored_and_shown() {
     let bench = Bench::new(Trouble::None, FAST);
-    let all = "compensator inverse inverse.natural_rad_s 100 inverse.damping 0.75 inverse.slew_per_s 60 \
+    let all = "compensator inverse inverse.natural_rad_s 100 inverse.damping 0.75 output.slew_per_s 60 \
                inverse.compensate_from 0.3 inverse.compensate_to 0.7";
     bench.device(&format!("set {all} motor.*.time_constant_s {CURVE} motor.2.time_constant_s 0.5:0.1")).unwrap();
     bench.device("save").unwrap();
@@ -389,8 +390,8 @@ fn wrong_curves_and_inverses_are_refused_with_what_is_wrong() {
         ("compensator inverted", "give lead or inverse"),
         ("compensator lead inverse.damping 0.2", "inverse.damping is 0.2"),
         ("inverse.natural_rad_s 2001", "inverse.natural_rad_s is 2001"),
-        ("inverse.slew_per_s 1e7", "inverse.slew_per_s is 10000000"),
-        ("inverse.slew_per_s 0.01", "slew_per_s is 0.01, less than one step of the output"),
+        ("output.slew_per_s 1e7", "output.slew_per_s is 10000000"),
+        ("output.slew_per_s 0.01", "slew_per_s is 0.01, less than one step of the output"),
         ("inverse.compensate_from 0.8 inverse.compensate_to 0.7", "inverse.compensate_to is 0.69"),
         ("inverse.compensate_to 1.5", "give a command from 0 to 1"),
         ("inverse.natural 90", "did you mean `inverse.natural_rad_s`?"),
@@ -522,8 +523,8 @@ fn a_motor_is_identified_from_the_replies_of_its_esc() {
     let offs = [off("gain", GAIN * RPM_PER_NEWTON), off("time_constant_s", TIME_CONSTANT_S)];
     println!("gain and time constant off by {offs:?}");
     assert!(offs.iter().all(|off| *off < 0.003), "{point}");
-    // 450 Hz are one frame in twelve control ticks.
-    assert_eq!(experiment.esc_frame_hz, Some(5000.0 / 12.0));
+    // 495 Hz are one frame in eleven control ticks.
+    assert_eq!(experiment.esc_frame_hz, Some(5000.0 / 11.0));
     // Beside a thrust sensor the speed is a column, and the thrust the response.
     bench.device(&format!("excite --nominal 0.5 --periods 1 --out @both --motor-poles 14 {SENSOR}")).unwrap();
     let both = Experiment::read(&bench.path("both")).unwrap();
@@ -731,7 +732,7 @@ fn injected_commands_come_back_as_the_hosts_path_has_them() {
         bench.device("set motor.*.compensate true").unwrap();
         // Within the answer to a step.
         bench.device("set motor.0.max 0.6").unwrap();
-        bench.device("set motor.0.idle 0.42").unwrap();
+        bench.device("set motor.0.idle 0.2").unwrap();
         bench.plan(SHORT);
         let outcome = bench.device(INJECT);
         let json = bench.json();

@@ -224,7 +224,7 @@ fn the_bytes_of_every_message_are_as_written() {
 
 #[test]
 fn a_whole_frame_is_as_written() {
-    assert_eq!(hex(&framed(9, &Request::Faults)), "000807090ae4b4c0f100");
+    assert_eq!(hex(&framed(9, &Request::Faults)), "000808090a48ee61bd00");
 }
 
 /// One frame of each kind, and another good one after them.

@@ -273,6 +273,7 @@ fn raw_duty_goes_through_from_pulse_to_pulse() {
     assert_eq!(counts, 46_667);
     for (value, expected) in [(0.02, 0.02), (0.5, 0.5), (0.75, 0.75)] {
         let signal = rig.pulse(value);
+        rig.arm([signal; MOTORS]);
         let width = widths(&mut rig, signal)[2];
         assert!((f64::from(width) / f64::from(counts) - expected).abs() < 1e-4, "{value}: {width} of {counts}");
     }

@@ -75,12 +75,15 @@ fn dead_man(rig: &mut Rig) -> u32 {
     }
 }
 
-/// Motor 0 armed by its pulses, at `level`.
+/// Motor 0 armed by its pulses for long enough that a loss is held, at `level`.
 fn armed(level: f64) -> Rig {
     let mut rig = Rig::new();
     let (low, high) = (rig.pulse(0.0), rig.pulse(level));
     assert_eq!(rig.tick_one(low), STOP);
-    assert_eq!(rig.tick_one(high), rig.as_measured(level));
+    assert_eq!(rig.arm_one(high), rig.as_measured(level));
+    for _ in 0..=HOLD_TICKS {
+        assert_eq!(rig.tick_one(high), rig.as_measured(level));
+    }
     rig
 }
 
@@ -226,7 +229,7 @@ fn settings_out_of_range_are_refused_by_name_and_change_nothing() {
     let low = rig.pulse(0.0);
     rig.tick_one(low);
     let high = rig.pulse(0.4);
-    assert_eq!(rig.tick_one(high), rig.as_measured(0.4));
+    assert_eq!(rig.arm_one(high), rig.as_measured(0.4));
     rig.tick_one(low);
 
     rig.hardware.refuses = false;
@@ -243,6 +246,7 @@ fn settings_are_neither_set_nor_saved_while_a_motor_turns_and_its_output_does_no
     // Motor 3 is the one that turns.
     let only_3 = |signal| [Signal::Nothing, Signal::Nothing, Signal::Nothing, signal];
     rig.hardware.run(only_3(low));
+    (0..HOLD_TICKS + 4).for_each(|_| drop(rig.hardware.run(only_3(high))));
     let lost = Signal::Lost(rotorlead::capture::LossReason::StuckLow);
     for signal in [high, Signal::Unchanged, lost] {
         let outputs = rig.hardware.run(only_3(signal));
@@ -279,15 +283,15 @@ fn somebody_who_arms_during_a_save_gets_the_stop_and_has_to_disarm_first() {
     let mut rig = Rig::new();
     let (low, high) = (rig.pulse(0.01), rig.pulse(0.8));
     assert_eq!(rig.tick(low), [STOP; MOTORS]);
-    rig.hardware.during_save = vec![[low; MOTORS], [high; MOTORS], [Signal::Unchanged; MOTORS]];
+    rig.hardware.during_save = [low, high, high, high, Signal::Unchanged].map(|signal| [signal; MOTORS]).to_vec();
     assert_eq!(rig.ask(&Request::SaveSettings), Message::Done);
-    assert_eq!(rig.hardware.outputs_during_save, [[STOP; MOTORS]; 3]);
+    assert_eq!(rig.hardware.outputs_during_save, [[STOP; MOTORS]; 5]);
     for signal in [Signal::Unchanged, high, high] {
         assert_eq!(rig.tick(signal), [STOP; MOTORS], "armed during the save: stop");
     }
     assert_eq!(states(&mut rig), [ChannelState::Locked; MOTORS]);
     assert_eq!(rig.tick(low), [STOP; MOTORS]);
-    assert_eq!(rig.tick(high), [rig.as_measured(0.8); MOTORS]);
+    assert_eq!(rig.arm([high; MOTORS]), [rig.as_measured(0.8); MOTORS]);
 }
 
 /// Settings are validated and a filter designed meanwhile.
@@ -299,12 +303,13 @@ fn somebody_who_arms_while_settings_are_set_keeps_the_motor_or_has_to_disarm_fir
         let (low, high) = (rig.pulse(0.01), rig.pulse(0.8));
         assert_eq!(rig.tick(low), [STOP; MOTORS]);
         rig.hardware.after_locks.resize(lock, Vec::new());
-        rig.hardware.after_locks.push_back(vec![[low; MOTORS], [high; MOTORS], [Signal::Unchanged; MOTORS]]);
+        let signals = [low, high, high, high, Signal::Unchanged].map(|signal| [signal; MOTORS]);
+        rig.hardware.after_locks.push_back(signals.to_vec());
         let answer = rig.ask(&Request::SetSettings(Settings::default()));
         let outputs = &rig.hardware.outputs_after_locks;
         if answer == refused(Refusal::NotDisarmed { motor: 0 }) {
             assert_eq!(
-                outputs[1..],
+                outputs[3..],
                 [[EscCommand::from(rig.as_measured(0.8)); MOTORS]; 2],
                 "armed: it turns, and goes on"
             );
@@ -312,7 +317,7 @@ fn somebody_who_arms_while_settings_are_set_keeps_the_motor_or_has_to_disarm_fir
         } else {
             assert!(matches!(answer, Message::SettingsTaken(_)), "{answer:?}");
             assert!(outputs.iter().flatten().all(|&output| output <= STOP), "after lock {lock}: {outputs:?}");
-            assert!(rig.tick(high).iter().all(|&output| output <= STOP), "after lock {lock}");
+            assert!(rig.arm([high; MOTORS]).iter().all(|&output| output <= STOP), "after lock {lock}");
         }
         taken.push(answer != refused(Refusal::NotDisarmed { motor: 0 }));
     }
@@ -394,8 +399,10 @@ fn an_excitation_is_refused_while_any_pulse_input_is_live_and_the_outputs_do_not
         let lost = Signal::Lost(rotorlead::capture::LossReason::StuckLow);
         let (stop, high_level) = (EscCommand::from(STOP), rig.as_measured(0.4).into());
         // Locked, disarmed, armed, held.
-        let steps = [(high, NO_PULSE), (low, stop), (Signal::Unchanged, stop), (high, high_level), (lost, high_level)];
-        for (signal, level) in steps {
+        let armed = [(high, high_level); HOLD_TICKS + 2];
+        let before = [(high, NO_PULSE), (low, stop), (Signal::Unchanged, stop), (high, stop), (high, stop)];
+        let after = [(Signal::Unchanged, high_level), (lost, high_level)];
+        for (signal, level) in before.into_iter().chain(armed).chain(after) {
             let mut signals = [Signal::Nothing; MOTORS];
             signals[live] = signal;
             let mut expected = [NO_PULSE; MOTORS];
@@ -635,6 +642,7 @@ fn the_filter_of_an_injection_ends_with_it() {
     assert_eq!(state(&mut rig), ChannelState::Lost);
     let (low, half, more) = (rig.pulse(0.0), rig.pulse(0.5), rig.pulse(0.6));
     assert_eq!(rig.tick_one(low), STOP);
+    rig.arm_one(half);
     for _ in 0..1000 {
         assert_eq!(rig.tick_one(half), rig.as_measured(0.5));
     }
@@ -722,7 +730,7 @@ fn a_flight_controller_that_comes_up_stops_an_injection_at_once_and_has_to_disar
         assert_eq!(state(&mut rig), if level > 0.0 { ChannelState::Locked } else { ChannelState::Disarmed });
         assert_eq!(rig.tick_one(low), STOP);
         let high = rig.pulse(0.9);
-        assert_eq!(rig.tick_one(high), rig.as_measured(0.9));
+        assert_eq!(rig.arm_one(high), rig.as_measured(0.9));
     }
 }
 
@@ -997,7 +1005,7 @@ fn a_line_that_sticks_low_or_high_while_armed_is_held_and_then_stopped() {
         assert_pulse(&outputs, 0.0, 0.0095, 0.0);
         assert_pulse(&outputs, 0.0100, 0.2525, 1000.0);
         // The last pulse ends at 0.5 s. 100 ms until it counts as lost, 100 ms of hold, 2 s of stop pulses.
-        assert_pulse(&outputs, 0.2530, 0.6998, 1500.0);
+        assert_pulse(&outputs, 0.2580, 0.6998, 1500.0);
         assert_pulse(&outputs, 0.7004, 2.6998, 1000.0);
         assert_pulse(&outputs, 2.7004, 3.0, 0.0);
     }
@@ -1010,7 +1018,7 @@ fn a_line_that_is_flooded_while_armed_is_held_and_then_stopped() {
         line.level(us(501_000.0 + 25.0 * f64::from(n)), if n % 2 == 0 { Level::High } else { Level::Low });
     }
     let outputs = outputs(&line, 3.0);
-    assert_pulse(&outputs, 0.2530, 0.6998, 1500.0);
+    assert_pulse(&outputs, 0.2580, 0.6998, 1500.0);
     assert_pulse(&outputs, 0.7004, 2.6998, 1000.0);
     assert_pulse(&outputs, 2.7004, 3.0, 0.0);
 }
@@ -1023,7 +1031,7 @@ fn glitches_do_not_reach_the_output() {
     let line = line.with_glitch(us(403_000.0), us(1.9)).with_glitch(us(403_100.0), us(0.2));
     let outputs = outputs(&line, 0.6);
     assert_pulse(&outputs, 0.0100, 0.2525, 1000.0);
-    assert_pulse(&outputs, 0.2530, 0.6, 1500.0);
+    assert_pulse(&outputs, 0.2580, 0.6, 1500.0);
 }
 
 #[test]
@@ -1031,15 +1039,15 @@ fn an_input_that_is_gone_for_less_than_timeout_and_hold_goes_on_and_for_longer_m
     let servo = |start_us: f64, width_us: f64, count| Line::pulses(us(start_us), us(2500.0), us(width_us), count);
     // Back after 150 ms, 50 ms into the hold, at 1600 us.
     let short = outputs(&disarmed_then_armed().then(&servo(650_000.0, 1600.0, 100)), 0.9);
-    assert_pulse(&short, 0.2530, 0.6500, 1500.0);
+    assert_pulse(&short, 0.2580, 0.6500, 1500.0);
     assert_pulse(&short, 0.6600, 0.9, 1600.0);
     // Back after 300 ms.
     let long = disarmed_then_armed().then(&servo(800_000.0, 1600.0, 100));
     let long = long.then(&servo(1_050_000.0, 1000.0, 10)).then(&servo(1_075_000.0, 1300.0, 50));
     let long = outputs(&long, 1.2);
-    assert_pulse(&long, 0.2530, 0.6998, 1500.0);
-    assert_pulse(&long, 0.7004, 1.0762, 1000.0);
-    assert_pulse(&long, 1.0766, 1.2, 1300.0);
+    assert_pulse(&long, 0.2580, 0.6998, 1500.0);
+    assert_pulse(&long, 0.7004, 1.0812, 1000.0);
+    assert_pulse(&long, 1.0816, 1.2, 1300.0);
 }
 
 /// The flight controller goes on flying while the controller starts anew.
@@ -1049,7 +1057,7 @@ fn after_a_brown_out_while_armed_no_output_has_pulses_until_its_input_was_seen_d
     let mut rig = Rig::starting_from(&flash).0;
     let (low, high) = (rig.pulse(0.0), rig.pulse(0.7));
     rig.tick(low);
-    assert_eq!(rig.tick(high), [rig.as_measured(0.7); MOTORS]);
+    assert_eq!(rig.arm([high; MOTORS]), [rig.as_measured(0.7); MOTORS]);
 
     let mut rig = Rig::starting_from(&flash).0;
     // No pulse yet, then armed ones, for 10 s.
@@ -1062,7 +1070,7 @@ fn after_a_brown_out_while_armed_no_output_has_pulses_until_its_input_was_seen_d
     // Each input by itself.
     assert_eq!(rig.hardware.run([low, high, high, high]), [STOP.into(), NO_PULSE, NO_PULSE, NO_PULSE]);
     let level = rig.as_measured(0.7).into();
-    assert_eq!(rig.tick(high), [level, NO_PULSE, NO_PULSE, NO_PULSE]);
+    assert_eq!(rig.arm([high; MOTORS]), [level, NO_PULSE, NO_PULSE, NO_PULSE]);
 }
 
 /// A raw duty of 0 has no edges, so that an ESC takes it for a broken wire.
@@ -1076,7 +1084,7 @@ fn no_pulse_is_ever_below_the_stop() {
     assert_eq!(rig.tick(Signal::Nothing), [NO_PULSE; MOTORS]);
     for (level, expected) in [(0.0, stop), (0.01, stop), (0.025, stop), (0.5, rig.as_measured(0.5)), (0.0, stop)] {
         let pulse = rig.pulse(level);
-        assert_eq!(rig.tick(pulse), [expected; MOTORS], "{level}");
+        assert_eq!(rig.arm([pulse; MOTORS]), [expected; MOTORS], "{level}");
     }
     for _ in 0..2 * HOLD_TICKS {
         let lost = Signal::Lost(rotorlead::capture::LossReason::StuckLow);
@@ -1118,7 +1126,7 @@ fn assert_safe_start(flash: &SharedFlash, seen: &mut Vec<Loaded>) -> Validated {
     let (stop, level) =
         if origin.is_chosen() { (STOP.into(), rig.as_measured(0.5).into()) } else { (NO_PULSE, NO_PULSE) };
     assert_eq!(rig.tick(low), [stop; MOTORS]);
-    assert_eq!(rig.tick(high), [level; MOTORS]);
+    assert_eq!(rig.arm([high; MOTORS]), [level; MOTORS]);
     let settings = loaded.settings.clone();
     seen.push(loaded);
     settings

@@ -70,7 +70,7 @@ fn reference(settings: &Validated) -> Channel {
 }
 
 fn run(channel: &mut Channel, commands: &[Command]) -> Vec<i32> {
-    commands.iter().map(|command| channel.tick(Input::Command(*command)).to_bits()).collect()
+    commands.iter().map(|command| channel.inject(*command).to_bits()).collect()
 }
 
 /// What these settings mean for the timers of this controller.

@@ -48,7 +48,7 @@ fn through_the_image(settings: &Validated, commands: &[Command]) -> Result<Vec<f
     let [mut channel, ..] = channels(settings, filters(settings).unwrap()).unwrap();
     channel.set_enabled(true);
     for (sample, (&command, &output)) in commands.iter().zip(&outputs).enumerate() {
-        assert_eq!(output, channel.tick(Input::Command(command)).to_bits(), "sample {sample}");
+        assert_eq!(output, channel.inject(command).to_bits(), "sample {sample}");
     }
     Ok(outputs.into_iter().map(|bits| Throttle::from_bits(bits).to_f64()).collect())
 }

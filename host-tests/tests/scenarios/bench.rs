@@ -222,7 +222,7 @@ fn injection(target: &dyn Target) -> Proof {
     let outcome = target.play(&play)?;
     let mut channel = reference(&valid(&settings));
     channel.set_enabled(true);
-    let expected: Vec<i32> = commands.iter().map(|command| channel.tick(Input::Command(*command)).to_bits()).collect();
+    let expected: Vec<i32> = commands.iter().map(|command| channel.inject(*command).to_bits()).collect();
     let outputs = outcome.answers.iter().filter_map(|answer| match answer {
         Message::Injected(injected) => Some(injected.outputs.as_slice()),
         _ => None,

@@ -61,7 +61,7 @@ pub const LOST_FRAMES: Scenario = Scenario {
     prove: lost_frames,
     controls: &[("it returns within the hold time", |play| {
         if let Some(settings) = &mut play.settings {
-            settings.motors[0].hold_ms = 400;
+            settings.motors[0].hold_ms = 120;
         }
     })],
 };
@@ -88,6 +88,8 @@ fn each_frame(target: &dyn Target) -> Proof {
         let period = us(253.0);
         let mut play = Play::new(&settings(protocol, protocol), STARTED + ms(12.0));
         let armed = first_after_start(period);
+        // The third of them arms.
+        let turns = armed + 2;
         // Stops, then all values that are not too low for a motor that is armed, some with the wish for a report. Each input
         // has its own.
         let value = move |motor: u8, n: u64| if n < armed { 0 } else { 148 + ((n + u64::from(motor)) % 1900) as u16 };
@@ -104,11 +106,11 @@ fn each_frame(target: &dyn Target) -> Proof {
                 return Err(Miss::Wrong(format!("{protocol:?}, output {motor}: stops only")));
             };
             let passed = bits_of(&sent[first..]);
-            let expected: Vec<u16> = (armed..).map(|n| frame(value(motor, n), n % 3 == 0)).take(passed.len()).collect();
+            let expected: Vec<u16> = (turns..).map(|n| frame(value(motor, n), n % 3 == 0)).take(passed.len()).collect();
             hold(passed == expected, || format!("{protocol:?}, output {motor}: {passed:x?}, and not {expected:x?}"))?;
             hold(passed.len() >= 40, || format!("{protocol:?}: {} frames", passed.len()))?;
             // From the beginning of a frame to that of its answer: its length, a gap of about a bit, a tick, and the work in it.
-            for ((start, _), n) in sent[first..].iter().zip(armed..) {
+            for ((start, _), n) in sent[first..].iter().zip(turns..) {
                 let late_us = (start - (LINES_BEGIN + n * period)) as f64 / 125.0;
                 most_us = most_us.max(late_us);
             }
@@ -160,7 +162,8 @@ fn damaged_frames(target: &dyn Target) -> Proof {
     let sent = bits_of(&outcome.frames(0, Speed::Dshot600)?);
     let good: Vec<u16> = sent.into_iter().skip_while(|bits| *bits != frame(1000, false)).collect();
     let came = (armed..).take_while(|n| LINES_BEGIN + n * period < play.end - us(500.0));
-    let expected = came.filter(|n| *n == armed || n % 3 != 0).count();
+    // The first two do not arm yet.
+    let expected = came.filter(|n| *n == armed || n % 3 != 0).count() - 2;
     hold(good.len().abs_diff(expected) <= 1, || format!("{} frames of {expected}", good.len()))?;
     hold(good.iter().all(|bits| *bits == frame(1000, false)), || format!("{good:x?}"))?;
     outcome.hold_low(1..4)?;
@@ -220,11 +223,12 @@ fn frames_to_pulses(target: &dyn Target) -> Proof {
 
 fn lost_frames(target: &dyn Target) -> Proof {
     let period = us(250.0);
-    let settings = settings(PulseProtocol::Dshot600, PulseProtocol::Dshot600);
-    // Stops, half a throttle for 10 ms, nothing for 350 ms, half a throttle again, and then stops and half.
+    let mut settings = settings(PulseProtocol::Dshot600, PulseProtocol::Dshot600);
+    settings.motors[0].hold_ms = 20;
+    // Stops, half a throttle for 130 ms, nothing for 160 ms, half a throttle again, and then stops and half.
     let armed = first_after_start(period);
     let at = |n: u64| LINES_BEGIN + n * period;
-    let [gone, back, stop, again] = [40, 1440, 1480, 1520].map(|n| armed + n);
+    let [gone, back, stop, again] = [520, 1160, 1200, 1240].map(|n| armed + n);
     let mut play = Play::new(&settings, at(again + 60));
     let value = |n: u64| if (armed..stop).contains(&n) || n >= again { 1047 } else { 0 };
     let comes = |n: u64| n < again + 50 && !(gone..back).contains(&n);

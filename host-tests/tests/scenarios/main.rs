@@ -4,6 +4,7 @@
 //! What needs the images needs the emulators, too: `cargo xtask test` gives both.
 
 mod bench;
+mod flight;
 mod frames;
 mod pulses;
 mod safety;
@@ -39,6 +40,9 @@ scenarios! {
     frames::PULSES_TO_FRAMES,
     frames::FRAMES_TO_PULSES,
     frames::LOST_FRAMES,
+    flight::BETAFLIGHT,
+    flight::ARDUPILOT,
+    flight::TURTLE,
     safety::SILENT_WITH_PULSES,
     safety::SILENT_WITH_FRAMES,
     safety::FULL_THROTTLE,

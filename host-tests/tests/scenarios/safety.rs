@@ -249,16 +249,16 @@ fn wrong_protocol(target: &dyn Target) -> Proof {
 
 fn lost_pulses(target: &dyn Target) -> Proof {
     let mut settings = Settings { stop_pulses_ms: 100, no_signal: NoSignal::NoPulses, ..Settings::default() };
-    settings.motors.iter_mut().for_each(|motor| motor.hold_ms = 50);
+    settings.motors.iter_mut().for_each(|motor| motor.hold_ms = 30);
     let lost = STARTED + ms(50.0);
     let mut play = Play::new(&settings, lost + ms(350.0));
     play.pulses(0, PERIOD, lost, |n| if n < first_after_start(PERIOD) { 1000.0 } else { 1500.0 });
     let found = target.play(&play)?.pulses(0)?;
-    // The last pulse is good for 100 ms, its command for 50 more; then stops for 100.
-    let [held, stopped] = [lost + ms(150.0), lost + ms(250.0)];
+    // The last pulse is good for 100 ms, its command for 30 more; then stops for 100.
+    let [held, stopped] = [lost + ms(130.0), lost + ms(230.0)];
     for pulse in &found {
         let expected = match pulse.rise {
-            rise if rise < STARTED + ms(6.0) => continue,
+            rise if rise < STARTED + ms(11.0) => continue,
             rise if rise < held - ms(5.0) => us(1500.0),
             rise if rise < held + ms(3.0) => continue,
             _ => us(1000.0),
@@ -280,8 +280,8 @@ fn by_the_tick() -> Settings {
 
 fn lost_to_the_tick(target: &dyn Target) -> Proof {
     let mut settings = Settings { stop_pulses_ms: 60, ..by_the_tick() };
-    settings.motors[0].hold_ms = 50;
-    let lost = STARTED + ms(20.0);
+    settings.motors[0].hold_ms = 10;
+    let lost = STARTED + ms(30.0);
     let mut play = Play::new(&settings, lost + ms(250.0));
     // The last one is longer, so that the tick shows which took it.
     let last = (lost - LINES_BEGIN).div_ceil(PERIOD) - 1;
@@ -300,7 +300,7 @@ fn lost_to_the_tick(target: &dyn Target) -> Proof {
         }
     }
     // 0.3 from its tick on until 100 ms after the pulse, and for the hold time; then stops.
-    let expected = [(frame(647, false), 100 + 50), (frame(0, false), 60)];
+    let expected = [(frame(647, false), 100 + 10), (frame(0, false), 60)];
     let found = &runs[runs.len().saturating_sub(2)..];
     hold(found == expected, || format!("{found:x?} ticks, and not {expected:x?}"))?;
     let silent_from = sent.last().map_or(0, |(start, _)| *start);
@@ -325,8 +325,8 @@ fn glitches(target: &dyn Target) -> Proof {
     play.ask(play.end - ms(1.0), Request::Faults);
     let outcome = target.play(&play)?;
     let found = outcome.pulses(0)?;
-    let late: Vec<_> = found.iter().filter(|pulse| pulse.rise > STARTED + ms(6.0)).collect();
-    hold(late.len() >= 20, || format!("{} pulses", late.len()))?;
+    let late: Vec<_> = found.iter().filter(|pulse| pulse.rise > STARTED + ms(11.0)).collect();
+    hold(late.len() >= 18, || format!("{} pulses", late.len()))?;
     let wrong = late.iter().find(|pulse| pulse.width != us(1500.0));
     hold(wrong.is_none(), || format!("{wrong:?}"))?;
     let faults = outcome.faults()?.motors[0];
