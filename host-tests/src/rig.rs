@@ -9,7 +9,7 @@ use embedded_storage::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use rotorlead::capture::Signal;
 use rotorlead::channel::{COMMANDS_TO_ARM, Channel};
 use rotorlead::controller::{BoardFacts, ControlAccess, Counts, FrameRates, Server, Tick};
-use rotorlead::link::{FRAME_BYTES, Message, Receiver, Refusal, Request, Sensed, Tagged, encode};
+use rotorlead::link::{FRAME_BYTES, Foreign, Message, Receiver, Refusal, Request, Sensed, Tagged, encode};
 use rotorlead::settings::{MOTORS, Origin, Settings, Store, Validated};
 use rotorlead::throttle::{Command, EscCommand, PulseScale};
 
@@ -334,6 +334,11 @@ impl Rig {
         let tag = self.send(request);
         self.serve(usize::MAX);
         self.take(tag).unwrap_or_else(|| panic!("{request:?} was not answered"))
+    }
+
+    /// What the controller said in another version than ours since the last call: a notice, if anything.
+    pub const fn take_foreign(&mut self) -> Option<Foreign> {
+        self.receiver.take_foreign()
     }
 
     /// The answer with that tag, when it was received. Records stay.

@@ -11,7 +11,9 @@ use rotorlead::channel::{
     ExcitationRequest, Input, NoSignal, Phase, Refusal, State,
 };
 use rotorlead::compensator::{Compensator, Filter};
+use rotorlead::controller::{channels, filters};
 use rotorlead::excitation::{ExcitationError, Multisine, ODD_LINES_30_HZ};
+use rotorlead::settings::{HIGHEST_IDLE, Pulse, PulseProtocol};
 use rotorlead::throttle::{Command, EscCommand, Protocol, PulseScale};
 
 const STOP: Command = Command::ZERO;
@@ -1016,6 +1018,32 @@ proptest! {
         for n in 1..=hold_ticks + 100 {
             let output = channel.tick(Input::Lost);
             prop_assert!(n <= hold_ticks || output <= STOP, "{output:?} {n} ticks after the loss");
+        }
+    }
+
+    /// A slip in a setting (0.5 for 0.05) must not turn a motor at half its throttle when it is armed: over all valid settings,
+    /// with and without frames at the input, compensated or not.
+    #[test]
+    fn at_the_lowest_command_that_arms_no_output_is_above_a_fifth(
+        settings in host_tests::any_settings(),
+        has_frames: bool,
+    ) {
+        let mut settings = settings.into_settings();
+        if has_frames {
+            settings.input = Pulse { protocol: PulseProtocol::Dshot600, frame_hz: 1000 };
+        }
+        // Levels of pulses that are too near each other for these protocols are another matter.
+        let Ok(settings) = settings.validate() else { return Ok(()) };
+        let Ok(filters) = filters(&settings) else { return Ok(()) };
+        let fifth = Command::saturating_from_bits(HIGHEST_IDLE);
+        for mut channel in channels(&settings, filters).unwrap() {
+            let lowest = channel.settings().arming_threshold;
+            channel.tick(Input::Command(channel.settings().stop));
+            for _ in 0..2000 {
+                let output = channel.tick(Input::Command(lowest));
+                prop_assert!(output <= fifth, "{output:?} at {lowest:?}");
+            }
+            prop_assert_eq!(channel.state(), State::Armed);
         }
     }
 }

@@ -3,13 +3,15 @@
 use dshot_frame::{BidirectionalFrame, NormalFrame};
 use host_tests::board::{CRYSTAL, TestBoard, facts};
 use host_tests::flash::Flash;
-use rotorlead::channel::Input;
+use rotorlead::channel::{Input, State};
 use rotorlead::controller::{BoardFacts, ControlAccess as _, channels, filters};
 use rotorlead::dshot::{
     Checksum, Content, FRESH_MS, Frame, LONGEST_TURN_US, Line, Offer, REPLY_BITS, Reply, ReplyWindow, Speed, Value,
     WINDOW_LEVELS, WORD_LEVELS, Word,
 };
-use rotorlead::link::{ExciteRequest, FrameFaults, LineSet, Message, NO_TURN, RecordRequest, Refusal, Request, Tagged};
+use rotorlead::link::{
+    ExciteRequest, FrameFaults, LineSet, Message, NO_TURN, Path, RecordRequest, Refusal, Request, Tagged,
+};
 use rotorlead::settings::{Key, Origin, Problem, Pulse, PulseProtocol, Settings, Store, Validated};
 use rotorlead::throttle::Command;
 
@@ -94,6 +96,76 @@ fn a_frame_that_goes_out_has_what_the_channel_gives_and_the_compensators_answer(
     assert!(expected.iter().any(|value| *value > 1000), "the lead");
     // Without the compensator a value passes as it is.
     assert_eq!(sent(&mut board, 1), armed);
+}
+
+/// 108 is Betaflight's idle of 3 %, and 48 where its dynamic idle goes.
+#[test]
+fn every_throttle_passes_between_two_stops_whatever_its_value() {
+    let settings = settings(PulseProtocol::Dshot600, PulseProtocol::Dshot600);
+    let (mut board, _) = start(&settings, facts(CRYSTAL));
+    (0..10).for_each(|_| tick(&mut board, 0));
+    (0..3).for_each(|_| tick(&mut board, 200));
+    let _ = sent(&mut board, 1);
+    let throttles = [200, 127, 126, 100, 70, 48, 128, 140, 146, 147, 48, 2047, 49];
+    throttles.iter().for_each(|value| tick(&mut board, *value));
+    assert_eq!(sent(&mut board, 1), throttles);
+    tick(&mut board, 0);
+    assert_eq!(sent(&mut board, 1), [0]);
+}
+
+/// Commands that change how an ESC turns, where a motor compensates, and where the outputs have no frames.
+#[test]
+fn mode_3d_is_kept_from_a_compensated_motor_and_turtle_mode_from_outputs_with_pulses() {
+    let compensated = settings(PulseProtocol::Dshot600, PulseProtocol::Dshot600);
+    let (mut board, _) = start(&compensated, facts(CRYSTAL));
+    (0..10).for_each(|_| tick(&mut board, 0));
+    let _ = sent(&mut board, 1);
+    (0..6).for_each(|_| tick(&mut board, 10));
+    // Not to any motor: a flight controller means all of them.
+    assert_eq!(sent(&mut board, 1), [0; 6]);
+    assert_eq!(board.counts().motors.map(|motor| motor.refused_frames), [6; 4]);
+    (0..10).for_each(|_| tick(&mut board, 600));
+    assert_eq!(sent(&mut board, 1), [0; 10], "600 may mean backwards");
+    (0..6).for_each(|_| tick(&mut board, 9));
+    assert_eq!(sent(&mut board, 1), [9; 6]);
+    (0..5).for_each(|_| tick(&mut board, 600));
+    assert_eq!(sent(&mut board, 1), [0, 0, 600, 600, 600]);
+
+    let mut plain = compensated.into_settings();
+    plain.motors[0].compensate = false;
+    let (mut board, _) = start(&plain.validate().unwrap(), facts(CRYSTAL));
+    (0..10).for_each(|_| tick(&mut board, 0));
+    let _ = sent(&mut board, 1);
+    (0..6).for_each(|_| tick(&mut board, 10));
+    assert_eq!(sent(&mut board, 1), [10; 6]);
+
+    let to_pulses = settings(PulseProtocol::Dshot600, PulseProtocol::StandardPwm);
+    let (mut board, _) = start(&to_pulses, facts(CRYSTAL));
+    (0..10).for_each(|_| tick(&mut board, 0));
+    (0..6).for_each(|_| tick(&mut board, 21));
+    (0..100).for_each(|_| tick(&mut board, 600));
+    let states = board.tick(|tick| tick.motors().each_ref().map(|motor| motor.channel().state()));
+    assert_eq!(states, [State::Disarmed; 4]);
+    (0..6).for_each(|_| tick(&mut board, 20));
+    (0..3).for_each(|_| tick(&mut board, 600));
+    let states = board.tick(|tick| tick.motors().each_ref().map(|motor| motor.channel().state()));
+    assert_eq!(states, [State::Armed; 4]);
+}
+
+#[test]
+fn info_has_the_rate_of_frames_and_says_where_pulses_are_left_over() {
+    let rates = |settings: &Validated| {
+        let (mut board, _) = start(settings, facts(CRYSTAL));
+        (0..3000).for_each(|n| if n % 2 == 0 { tick(&mut board, 0) } else { run(&mut board) });
+        board.frame_rates(settings.loop_rate_hz)[0]
+    };
+    // A frame in every other tick of 5 kHz.
+    let relayed = rates(&settings(PulseProtocol::Dshot600, PulseProtocol::Dshot600));
+    assert_eq!((relayed.input_hz, relayed.output_hz), (2500, 2500));
+    let slow = rates(&settings(PulseProtocol::Dshot600, PulseProtocol::StandardPwm));
+    assert_eq!((slow.input_hz, slow.output_hz), (2500, 400));
+    let path = Path { input_hz: slow.input_hz, output_hz: slow.output_hz, ..Path::SILENT };
+    assert!(path.leaves_pulses_over() && !Path { input_hz: 400, ..path }.leaves_pulses_over());
 }
 
 #[test]

@@ -577,6 +577,57 @@ fn settings_of_the_second_layout_are_migrated_to_a_lead_without_curves() {
     assert_eq!(self::store(flash).load().origin, Origin::DefaultsBad);
 }
 
+/// The bytes of the third layout: loop rate; kind; zero, poles and damping; the inverse's poles, damping, slew and range; input and
+/// output; stop, what there is without a signal, stop pulses; four motors of compensate, disarming, arming, idle, max, hold, curve; the
+/// excitation; the divisor.
+const LAYOUT_3: &str = "a01f 00 0000000000002c40 0000000000005940 000000000000e83f \
+     15144196cb8d5740 cd3b7f669ea0e63f 0000000000004440 00 8080808004 059003 059003 00 00 d00f \
+     00 a8b8bd14 b2e6cc19 b2e6cc19 8080808004 64 00 01 a2e1f551 c2eba361 c6c2eb63 8080808004 64 00 \
+     00 a8b8bd14 b2e6cc19 b2e6cc19 8080808004 64 00 00 a8b8bd14 b2e6cc19 b2e6cc19 8080808004 64 00 \
+     78 8080808003 e6cc9933 b817 d00f 07";
+
+/// What nobody had chosen becomes what the input's protocol has; what somebody chose stays; the slew is now that of every
+/// compensator.
+#[test]
+fn settings_of_the_third_layout_are_migrated_and_a_dshot_input_loses_the_levels_of_pulses() {
+    let hex: String = LAYOUT_3.split_whitespace().collect();
+    let digits = hex.as_bytes().chunks(2).map(|pair| std::str::from_utf8(pair).unwrap());
+    let body: Vec<u8> = digits.map(|pair| u8::from_str_radix(pair, 16).unwrap()).collect();
+    let load = |body: &[u8]| {
+        let bytes = stored(3, 5, body);
+        let mut flash = Nor::blank();
+        for start in [0, SECTOR] {
+            flash.bytes[start..start + bytes.len()].copy_from_slice(&bytes);
+        }
+        store(flash).load()
+    };
+    let loaded = load(&body);
+    assert_eq!(loaded.origin, Origin::Migrated);
+    let line = Pulse { protocol: PulseProtocol::Dshot600, frame_hz: 400 };
+    let mut expected = Settings {
+        loop_rate_hz: 4000,
+        lead: Lead { omega_z_rad_s: 14.0, omega_f_rad_s: 100.0, damping: 0.75 },
+        input: line,
+        output: line,
+        slew_per_s: 40.0,
+        recorder_divisor: 7,
+        ..Settings::default()
+    };
+    let chosen = &mut expected.motors[1];
+    chosen.compensate = true;
+    (chosen.disarming, chosen.arming, chosen.idle) = (Some(85_899_345), Some(102_005_473), Some(104_689_827));
+    assert_eq!(*loaded.settings, expected);
+    let lowest = Value::LOWEST_THROTTLE.command().to_bits();
+    assert_eq!(loaded.settings.levels(&loaded.settings.motors[0]).arming, lowest);
+
+    // A level beyond what is allowed now makes no pulses.
+    let half = postcard::to_stdvec(&bits(0.5)).unwrap();
+    let mut beyond = body.clone();
+    let place = beyond.windows(4).position(|window| window == [0xb2, 0xe6, 0xcc, 0x19]).unwrap() + 4;
+    beyond.splice(place..place + 4, half);
+    assert_eq!(load(&beyond).origin, Origin::DefaultsBad);
+}
+
 #[test]
 fn what_was_saved_is_loaded_through_many_saves_and_few_erases() {
     let mut store = store(Nor::blank());

@@ -2,6 +2,7 @@
 
 use host_tests::board::{CRYSTAL, INTERNAL, INTERNAL_PLL, facts};
 use host_tests::flash::Flash;
+use host_tests::fuzz::frame;
 use host_tests::line::{LOOP_HZ, Line, TICKS_PER_POLL, TIMER_HZ, decode, us};
 use host_tests::rig::{Rig, SECTOR, SharedFlash, saved};
 use host_tests::scenario::table::{self, Column};
@@ -12,8 +13,9 @@ use rotorlead::capture::{Decoder, Level, Signal, Timing};
 use rotorlead::channel::ChannelSettings;
 use rotorlead::controller::channel_settings;
 use rotorlead::link::{
-    ChannelState, ExciteRequest, INJECT_SAMPLES, INJECT_TIMEOUT_MS, InjectRequest, Injected, LineSet, Message,
-    NO_INPUT, PanicPlace, RecordRequest, Refusal, Request, ResetReason, Sensed, Source,
+    ChannelState, ExciteRequest, FRAME_BYTES, Foreign, INJECT_SAMPLES, INJECT_TIMEOUT_MS, InjectRequest, Injected,
+    LineSet, Message, NO_INPUT, NOTICE_VERSION, PanicPlace, Path, RecordRequest, Refusal, Request, ResetReason, Sensed,
+    Source, VERSION, encode_notice,
 };
 use rotorlead::settings::{
     DEAD_MAN_MS, Key, Levels, Loaded, MOTORS, Origin, Place, Problem, PulseProtocol, Settings, SettingsError, Store,
@@ -322,6 +324,94 @@ fn somebody_who_arms_while_settings_are_set_keeps_the_motor_or_has_to_disarm_fir
         taken.push(answer != refused(Refusal::NotDisarmed { motor: 0 }));
     }
     assert_eq!(taken, [false, true], "before and after the pause");
+}
+
+/// A throttle of zero in flight is no landing, and nobody at the bench has said that nobody flies.
+#[test]
+fn without_the_jumper_nothing_is_changed_or_stored_until_every_motor_was_at_rest_for_3_s() {
+    let changes = [
+        Request::SetMode { motor: 0, source: Source::Pulse, compensate: true },
+        Request::SetSettings(Settings::default()),
+        Request::SaveSettings,
+    ];
+    let is_done = |answer: &Message| matches!(answer, Message::Done | Message::SettingsTaken(_));
+    for change in changes {
+        let mut rig = armed(0.5);
+        rig.hardware.board.status.bench_enabled = false;
+        assert_eq!(rig.ask(&change), refused(Refusal::NotDisarmed { motor: 0 }), "{change:?}");
+        let low = rig.pulse(0.0);
+        for n in 1..3 * LOOP_HZ {
+            rig.tick_one(low);
+            // Every tick would take the test minutes.
+            if n < 10 || n % 1000 == 0 || n + 3 > 3 * LOOP_HZ {
+                assert_eq!(rig.ask(&change), refused(Refusal::NotRested { motor: 0 }), "{change:?} at tick {n}");
+            }
+        }
+        assert!(rig.hardware.stalls.is_empty());
+        assert!(!paths(&mut rig)[0].compensates, "nor is it put into the path");
+        rig.tick_one(low);
+        let answer = rig.ask(&change);
+        assert!(is_done(&answer), "{change:?}: {answer:?}");
+        // With the jumper it need not be so long.
+        let mut rig = armed(0.5);
+        rig.tick_one(low);
+        let answer = rig.ask(&change);
+        assert!(is_done(&answer), "{change:?}: {answer:?}");
+    }
+    // A controller whose motors never turned has nobody in the air.
+    let mut rig = Rig::new();
+    rig.hardware.board.status.bench_enabled = false;
+    let low = rig.pulse(0.0);
+    rig.tick(low);
+    assert_eq!(rig.ask(&Request::SaveSettings), Message::Done);
+}
+
+/// Whatever is stored, and whatever the mode was set to.
+#[test]
+fn info_shows_what_is_in_each_path_and_how_often_pulses_come_and_go() {
+    let mut rig = Rig::new();
+    assert_eq!(paths(&mut rig), [Path::SILENT; MOTORS]);
+    assert_eq!(rig.ask(&Request::SetMode { motor: 1, source: Source::Pulse, compensate: true }), Message::Done);
+    assert_eq!(rig.ask(&Request::GetSettings), Message::Settings(Settings::default()));
+    assert_eq!(paths(&mut rig).map(|path| path.compensates), [false, true, false, false]);
+    let low = rig.pulse(0.0);
+    rig.tick_one(low);
+    let half = rig.pulse(0.5);
+    rig.arm_one(half);
+    let path = paths(&mut rig)[0];
+    let level = rig.as_measured(0.5).to_bits();
+    assert_eq!((path.command, path.output), (level, level));
+    let lost = Signal::Lost(rotorlead::capture::LossReason::StuckLow);
+    (0..2 * STOP_PULSE_TICKS).for_each(|_| drop(rig.tick_one(lost)));
+    assert_eq!(paths(&mut rig)[0], Path::SILENT);
+}
+
+fn paths(rig: &mut Rig) -> [Path; MOTORS] {
+    match rig.ask(&Request::Info) {
+        Message::Info(info) => info.paths,
+        other => panic!("{other:?}"),
+    }
+}
+
+/// A host of another version is told which one is spoken, and a notice is not answered.
+#[test]
+fn a_frame_of_another_version_is_answered_with_the_version_that_is_spoken() {
+    let mut rig = Rig::new();
+    let answer = |rig: &mut Rig, version: u8| {
+        rig.write(&frame(version, 7, &[1, 2, 3]));
+        rig.serve(usize::MAX);
+        assert!(rig.inbox.is_empty(), "it is no message");
+        rig.take_foreign()
+    };
+    for version in [1, VERSION - 1, VERSION + 1, 255] {
+        assert_eq!(answer(&mut rig, version), Some(Foreign::Notice { version: VERSION }), "{version}");
+    }
+    assert_eq!(answer(&mut rig, NOTICE_VERSION), None);
+    // The bytes are the same in every version.
+    let mut bytes = [0; FRAME_BYTES];
+    let length = encode_notice(7, &mut bytes);
+    assert_eq!(bytes[..length], frame(0, 7, &[VERSION]));
+    assert!(matches!(rig.ask(&Request::Info), Message::Info(_)));
 }
 
 #[test]
