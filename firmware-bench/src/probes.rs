@@ -205,7 +205,7 @@ pub fn run(timer: &TIM2, clocks: &RCC) {
 
     let reference = defaults.inverse.reference();
     let Ok(design) = InverseDesign::new(reference, f64::from(defaults.loop_rate_hz), &PAPER_CURVE) else { return };
-    let Ok(limits) = design.limits(Command::ZERO, Command::ONE, defaults.inverse.slew_per_s) else { return };
+    let Ok(limits) = design.limits(Command::ZERO, Command::ONE, defaults.slew_per_s) else { return };
     let mut inverse = ConditionedInverse::at_rest(limits, start);
     rotorlead_inverse::run(inverse, design.coefficients(), Command::saturating_from_bits);
     // Once more from rest: the slew limits the first tick of a step.

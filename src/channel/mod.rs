@@ -237,10 +237,14 @@ impl Channel {
     #[inline(never)]
     fn tick_any(&mut self, input: Input) -> EscCommand {
         match (input, &self.mode) {
+            (Input::Command(command), &Mode::JustArmed { ticks }) if command >= self.settings.disarming_threshold => {
+                self.command = command;
+                self.just_armed(ticks, ticks > self.settings.hold_ticks)
+            }
+            (Input::Unchanged, &Mode::JustArmed { ticks }) => self.just_armed(ticks, false),
             (Input::Command(command), _) => self.with_command(command),
             (Input::Unchanged, Mode::Locked | Mode::Armed) => self.with_command(self.command),
             (Input::Unchanged, &Mode::Disarmed { arming }) => self.disarmed(arming),
-            (Input::Unchanged, &Mode::JustArmed { ticks }) => self.just_armed(ticks),
             _ => self.without_command(),
         }
     }
@@ -253,8 +257,10 @@ impl Channel {
                 self.disarmed(arming + 1)
             }
             Mode::Disarmed { .. } if command >= arming_threshold => {
+                self.mode = Mode::JustArmed { ticks: 1 };
+                self.rest_ticks = 0;
                 self.compensator.reset(command);
-                self.just_armed(0)
+                self.compensator.update(command).into()
             }
             Mode::Disarmed { .. } => self.disarmed(0),
             _ if command < disarming_threshold => {
@@ -265,12 +271,7 @@ impl Channel {
                 }
                 self.disarmed(0)
             }
-            &mut Mode::JustArmed { ticks } if ticks <= self.settings.hold_ticks => self.just_armed(ticks),
-            Mode::JustArmed { .. } => {
-                self.mode = Mode::Armed;
-                self.compensator.update(command).into()
-            }
-            Mode::Armed => self.compensator.update(command).into(),
+            Mode::JustArmed { .. } | Mode::Armed => self.compensator.update(command).into(),
             Mode::Holding { .. } => {
                 self.mode = Mode::Armed;
                 // Out of the path there is nothing to smooth.
@@ -319,10 +320,9 @@ impl Channel {
         self.settings.stop.into()
     }
 
-    /// A tick of a motor that has been armed for so many.
-    fn just_armed(&mut self, ticks: u32) -> EscCommand {
-        self.mode = Mode::JustArmed { ticks: ticks.saturating_add(1) };
-        self.rest_ticks = 0;
+    /// A tick of a motor that has been armed for so many, whose loss is held from now on, or not yet.
+    fn just_armed(&mut self, ticks: u32, is_held_now: bool) -> EscCommand {
+        self.mode = if is_held_now { Mode::Armed } else { Mode::JustArmed { ticks: ticks.saturating_add(1) } };
         self.compensator.update(self.command).into()
     }
 

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use emulator::{Debugger, Process};
 use rotorlead::capture::{Decoder, Level, PULSES_TO_LIVE};
-use rotorlead::channel::{Channel, Excitation, ExcitationRequest, Input, Phase, State};
+use rotorlead::channel::{COMMANDS_TO_ARM, Channel, Excitation, ExcitationRequest, Input, Phase, State};
 use rotorlead::controller::{self, Frames, Plan, channel_settings};
 use rotorlead::design::{CurvePoint, RotorCurve};
 use rotorlead::link::{ExciteRequest, FRAME_BYTES, LineSet, Message, Receiver, RecordRequest, Request, Source, encode};
@@ -56,8 +56,9 @@ const BUSY_BYTES: u32 = 4;
 /// Other interrupts that may have begun before they are alone.
 const LAST_OTHERS: u32 = 2;
 
-/// Ticks of an excitation that are measured, all of which must take as long, and those after which it must play.
-const EXCITATION_TICKS: u32 = 2;
+/// Ticks of an excitation that are measured: so many where they take as long, and otherwise more. And those after which it must play.
+const ALIKE_TICKS: u32 = 2;
+const EXCITATION_TICKS: u32 = 12;
 const RAMP_TICKS: u32 = 100;
 /// The rate at which a core at 16 MHz plays every set of lines. What a tick executes does not depend on it.
 const EXCITATION_RATE_HZ: u32 = 1000;
@@ -71,6 +72,10 @@ const OUTPUT: Pulse = Pulse { protocol: PulseProtocol::OneShot125, frame_hz: 220
 /// Their widths in microseconds: disarmed, and armed by turns.
 const DISARMED_US: u32 = 125;
 const ARMED_US: [u32; 2] = [187, 192];
+/// A motor that is armed for no longer than this is not held, and its ticks are those that arm: with the commands that do, so many
+/// frames.
+const HOLD_MS: u16 = 2;
+const ARMING_FRAMES: u32 = COMMANDS_TO_ARM as u32 + 2 * HOLD_MS as u32 + 3;
 
 /// Of several runs of an interrupt.
 #[derive(Clone, Copy, Debug, Default)]
@@ -94,6 +99,11 @@ impl Costs {
         if cost.instructions > self.worst.instructions {
             self.worst = cost;
         }
+    }
+
+    /// Whether each takes as many instructions as the others.
+    fn are_alike(&self) -> bool {
+        self.instructions == self.runs * self.worst.instructions
     }
 
     /// Mean number of instructions.
@@ -188,10 +198,10 @@ pub fn measure(image_path: &Path, image: &Image) -> Result<Interrupts> {
     })
 }
 
-/// Settings of a flight with the lead in every path.
+/// Settings of a flight with the lead in every path, and a hold that is soon earned.
 fn flight_settings() -> Settings {
     let mut settings = Settings { input: INPUT, output: OUTPUT, ..Settings::default() };
-    settings.motors.iter_mut().for_each(|motor| motor.compensate = true);
+    settings.motors.iter_mut().for_each(|motor| (motor.compensate, motor.hold_ms) = (true, HOLD_MS));
     settings
 }
 
@@ -303,7 +313,7 @@ fn measure_excitation(image_path: &Path, image: &Image, settings: &Settings, lin
     let mut inputs = Inputs::default();
     let mut costs = Costs::default();
     let mut ticks = 0;
-    while costs.runs < EXCITATION_TICKS {
+    while costs.runs < if costs.are_alike() { ALIKE_TICKS } else { EXCITATION_TICKS } {
         let at = debugger.run()?.pc();
         let back = interrupted_at(&mut debugger)?;
         let cost = trace(&mut debugger, image, &[back, handlers.tick, handlers.capture, handlers.link], &mut inputs)?;
@@ -317,9 +327,6 @@ fn measure_excitation(image_path: &Path, image: &Image, settings: &Settings, lin
             return Err(format!("after {ticks} ticks the excitation does not play"));
         }
         check_widths(&mut debugger, library.tick(0))?;
-    }
-    if costs.instructions != costs.runs * costs.worst.instructions {
-        return Err("the ticks of an excitation take different times: more of them have to be measured".to_owned());
     }
     Ok((lines.lines().count() as u32, costs))
 }
@@ -533,9 +540,7 @@ impl<'a> Stand<'a> {
 
     /// As [`Self::fly`], with commands that step up and down.
     fn fly_armed(&mut self, who: [bool; INPUTS]) -> Result<Flight> {
-        // The first of these has the tick that arms.
-        self.fly(who, ARMED_US[1], 1)?;
-        let (arming, _) = self.fly(who, ARMED_US[1], 1)?;
+        let (arming, _) = self.fly(who, ARMED_US[1], ARMING_FRAMES)?;
         let (mut ticks, mut captures) = (Costs::default(), Costs::default());
         for frame in 0..ARMED_FRAMES {
             let (tick, capture) = self.fly(who, ARMED_US[frame as usize % 2], 1)?;
