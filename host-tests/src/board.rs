@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, MutexGuard};
 
 use embedded_storage::nor_flash::NorFlash;
 use heapless::spsc::Queue;
+use rotorlead::capture::Listening;
 use rotorlead::channel::Channel;
 use rotorlead::controller::hardware::{CaptureTimer, ControlHardware, Edge, RequestHardware};
 use rotorlead::controller::{
@@ -51,8 +52,8 @@ pub struct Captured {
     pub now: u32,
     /// What it has captured.
     pub edges: [Option<Edge>; MOTORS],
-    /// Which inputs may interrupt.
-    pub listening: [bool; MOTORS],
+    /// Which inputs may not interrupt.
+    pub is_off: [bool; MOTORS],
 }
 
 impl TestCapture {
@@ -74,8 +75,8 @@ impl CaptureTimer for TestCapture {
         std::mem::take(&mut self.get().edges)
     }
 
-    fn listen(&mut self, inputs: [bool; MOTORS]) {
-        self.get().listening = inputs;
+    fn listen(&mut self, inputs: [Listening; MOTORS]) {
+        self.get().is_off = inputs.map(|input| input == Listening::Off);
     }
 }
 

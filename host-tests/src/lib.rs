@@ -8,6 +8,7 @@ pub mod line;
 pub mod pins;
 pub mod rig;
 pub mod scenario;
+pub mod spikes;
 pub mod stand_in;
 
 use std::path::{Path, PathBuf};

@@ -95,7 +95,7 @@ pub fn decode_with<T>(
         .map(|tick| {
             let now = tick * TICKS_PER_POLL;
             while let Some(&(time, level)) = edges.next_if(|&&(time, _)| time < now) {
-                if !decoder.is_masked() {
+                if !decoder.is_off() {
                     decoder.edge(stamp(time), level);
                 }
             }

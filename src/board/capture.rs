@@ -1,11 +1,27 @@
 //! TIM2: time stamps of both edges of the four inputs.
 
+use rotorlead::capture::Listening;
 use rotorlead::controller::hardware::{CaptureTimer, Edge};
 use stm32f4xx_hal::gpio::{Alternate, PA0, PA1, PA2, PA3};
 use stm32f4xx_hal::pac::{GPIOA, TIM2, tim2};
 use stm32f4xx_hal::rcc::{Enable, Rcc, Reset};
 
 use super::MOTORS;
+
+/// The usual filter of an input (RM0090, TIMx_CCMR1, ICxF), and the long one. Both take 8 samples: a level that is shorter than 7
+/// of their periods is none, one of 8 always is, and both edges are late alike, to one period.
+///
+/// | | a sample every | at 84 MHz | shorter levels are none | longer ones are sure |
+/// |---|---|---|---|---|
+/// | usual | 2 counts | 24 ns | 0.17 µs | 0.19 µs |
+/// | long | 32 counts | 381 ns | 2.67 µs | 3.05 µs |
+///
+/// The long one is the shortest of the timer's that takes away all levels under 2 µs: with a sample every 16 counts it is 1.33 µs. Its
+/// price is the width, which is right to 0.38 µs, so that it serves only where spikes come. At 16 MHz its levels are 14 and 16 µs;
+/// settings leave 20 µs at least.
+const USUAL_FILTER: u32 = 0b0100;
+const LONG_FILTER: u32 = 0b1111;
+const _: () = assert!(7 * 32 * 1_000_000 / 84_000_000 >= 2 && 8 * 32 * 1_000_000 / 16_000_000 < 20);
 
 /// The pins of the inputs, routed to the timer, with their pull-downs.
 pub struct Pins(pub PA0<Alternate<1>>, pub PA1<Alternate<1>>, pub PA2<Alternate<1>>, pub PA3<Alternate<1>>);
@@ -14,31 +30,22 @@ pub struct Pins(pub PA0<Alternate<1>>, pub PA1<Alternate<1>>, pub PA2<Alternate<
 pub struct Capture {
     timer: TIM2,
     port: GPIOA,
+    filters: [u32; MOTORS],
     _pins: Pins,
 }
 
 impl Capture {
-    /// Starts counting and capturing.
-    ///
-    /// The input filter takes 8 samples at half the timer clock: spikes under 0.2 µs (at 84 MHz) are no edges, and all
-    /// edges are late by that time.
+    /// Starts counting and capturing, with the usual filter.
     pub fn new(timer: TIM2, port: GPIOA, pins: Pins, rcc: &mut Rcc) -> Self {
         TIM2::enable(rcc);
         TIM2::reset(rcc);
         timer.psc().write(|w| w.psc().set(0));
         timer.arr().write(|w| w.arr().set(u32::MAX));
-        timer.ccmr1_input().write(|w| {
-            w.cc1s().ti1();
-            w.cc2s().ti2();
-            w.ic1f().fdts_div2_n8();
-            w.ic2f().fdts_div2_n8()
-        });
-        timer.ccmr2_input().write(|w| {
-            w.cc3s().ti3();
-            w.cc4s().ti4();
-            w.ic3f().fdts_div2_n8();
-            w.ic4f().fdts_div2_n8()
-        });
+        timer.ccmr1_input().write(|w| w.cc1s().ti1().cc2s().ti2());
+        timer.ccmr2_input().write(|w| w.cc3s().ti3().cc4s().ti4());
+        let mut capture = Self { timer, port, filters: [USUAL_FILTER; MOTORS], _pins: pins };
+        capture.write_filters();
+        let timer = &capture.timer;
         // Both polarity bits set: both edges.
         timer.ccer().write(|w| {
             for n in 0..MOTORS as u8 {
@@ -57,7 +64,18 @@ impl Capture {
             w.cc4ie().set_bit()
         });
         timer.cr1().modify(|_, w| w.cen().set_bit());
-        Self { timer, port, _pins: pins }
+        capture
+    }
+
+    /// The selections of the inputs, which may be written only while these are off, are written as they are.
+    #[allow(unsafe_code)]
+    fn write_filters(&self) {
+        let [one, two, three, four] = self.filters;
+        // SAFETY: four bits of a filter for each of two inputs, at 4 and 12.
+        unsafe {
+            self.timer.ccmr1_input().modify(|r, w| w.bits(r.bits() & !0xF0F0 | one << 4 | two << 12));
+            self.timer.ccmr2_input().modify(|r, w| w.bits(r.bits() & !0xF0F0 | three << 4 | four << 12));
+        }
     }
 }
 
@@ -91,9 +109,21 @@ impl CaptureTimer for Capture {
         edges
     }
 
-    #[inline]
-    fn listen(&mut self, inputs: [bool; MOTORS]) {
-        let [one, two, three, four] = inputs;
+    fn listen(&mut self, inputs: [Listening; MOTORS]) {
+        // An input that is off keeps its filter.
+        let filter = |listening: Listening, before: u32| match listening {
+            Listening::All => USUAL_FILTER,
+            Listening::LongLevels => LONG_FILTER,
+            Listening::Off => before,
+        };
+        let before = self.filters;
+        for (of, listening) in self.filters.iter_mut().zip(inputs) {
+            *of = filter(listening, *of);
+        }
+        if self.filters != before {
+            self.write_filters();
+        }
+        let [one, two, three, four] = inputs.map(|listening| listening != Listening::Off);
         let before = self.timer.dier().read();
         let returns = |now: bool, before: bool| now && !before;
         let clear = [

@@ -13,10 +13,14 @@
 //!   pulse in hand is dropped, since its width would be a guess; the last one stays good for its timeout.
 //! - **Loss.** The input is lost when no pulse was accepted for the timeout, and live again after
 //!   [`PULSES_TO_LIVE`] good pulses in a row, so that noise on an open line does not pass for a flight controller.
-//! - **Flood.** With more edges between two polls than good frames and a few glitches can have, the input is masked: the
-//!   caller switches its interrupt off until a later poll. The pause doubles from 1 poll to [`LONGEST_MASK_POLLS`], and
-//!   starts anew at 1 after an accepted pulse: a burst costs a frame, and a line that oscillates costs next to no time.
-//!   However noisy a line is, it causes at most `edges_per_poll + 1` interrupts per control tick.
+//! - **Flood.** With more edges between two polls than good frames and a few glitches can have, the input is off until the
+//!   next poll, and its edges then interrupt only where the timer's long filter lets them pass ([`Listening::LongLevels`]):
+//!   spikes under 2 µs, however many, are no edges to it, and the pulses beneath them are decoded on. A flood behind that
+//!   filter, too, switches the input off. Either lasts for a pause that doubles from 1 poll to [`LONGEST_PAUSE_POLLS`], and
+//!   then the input is tried without it, which costs a pulse while spikes still come; after a pulse that is accepted without
+//!   the filter pauses start anew at 1. So spikes cost some pulses where they begin and one in 100 ms later, a burst costs a
+//!   frame, and a line that oscillates costs next to no time. However noisy a line is, it causes at most
+//!   `edges_per_poll + 1` interrupts per control tick.
 //!
 //! - **Activity.** An input that is not live is active all the same while it has levels that are no glitches, or a flood:
 //!   somebody may have connected a flight controller that speaks another protocol.
@@ -34,8 +38,8 @@ pub use timing::{FASTEST_FRAME_HZ, SLOWEST_FRAME_HZ, SLOWEST_POLL_HZ, Timing, Ti
 
 /// Good pulses in a row that make an input live.
 pub const PULSES_TO_LIVE: u8 = 3;
-/// Longest pause of a masked input in polls: 102 ms at 5 kHz.
-pub const LONGEST_MASK_POLLS: u16 = 512;
+/// Longest pause of a flooded input in polls: 102 ms at 5 kHz.
+pub const LONGEST_PAUSE_POLLS: u16 = 512;
 
 /// Level of a line after an edge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -44,6 +48,17 @@ pub enum Level {
     Low,
     /// The edge was a rise.
     High,
+}
+
+/// Which edges of an input are to interrupt.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Listening {
+    /// All that the timer's usual filter lets pass.
+    All,
+    /// Those behind its long filter, to which levels under 2 µs are none, and those of 20 µs are sure.
+    LongLevels,
+    /// None.
+    Off,
 }
 
 /// What has become of an input since the last poll.
@@ -89,7 +104,7 @@ pub struct Faults {
     pub out_of_range: u32,
     /// Pulses that came too soon after another for the protocol.
     pub too_soon: u32,
-    /// Times that the input was masked.
+    /// Times that there were more edges between two polls than frames and glitches have.
     pub floods: u32,
     /// Times that the input was lost.
     pub losses: u32,
@@ -115,6 +130,18 @@ enum Liveness {
     Lost(LossReason),
 }
 
+/// What a flood has led to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Mode {
+    Open,
+    /// Behind the long filter.
+    Filtered,
+    /// Off until the next poll, and then behind the long filter.
+    Flooded,
+    /// Off for a pause.
+    Masked,
+}
+
 /// Decodes one input. See the [module](self).
 #[derive(Clone, Debug)]
 pub struct Decoder {
@@ -123,7 +150,7 @@ pub struct Decoder {
     liveness: Liveness,
     /// The last rise that was seen for sure.
     rise: u32,
-    /// The last fall, or the last poll of a masked input that is not live.
+    /// The last fall, or the last poll at which the input was off or came from the long filter, and was not live.
     fall: u32,
     /// Whether there was one within the timeout.
     has_fall: bool,
@@ -142,10 +169,13 @@ pub struct Decoder {
     edges: u32,
     /// Accepted pulses in a row while the input is not live.
     in_row: u8,
-    /// Polls for which the input stays masked.
-    masked_polls: u16,
+    mode: Mode,
+    /// Polls for which it stays filtered or masked.
+    paused_polls: u16,
     /// The pause that the next flood causes.
-    next_mask_polls: u16,
+    next_pause_polls: u16,
+    /// Whether there was a flood since the last accepted pulse.
+    has_flooded: bool,
     faults: Faults,
 }
 
@@ -170,22 +200,24 @@ impl Decoder {
             last_edge: 0,
             edges: 0,
             in_row: 0,
-            masked_polls: 0,
-            next_mask_polls: 1,
+            mode: Mode::Open,
+            paused_polls: 0,
+            next_pause_polls: 1,
+            has_flooded: false,
             faults: Faults { glitches: 0, missing_edges: 0, out_of_range: 0, too_soon: 0, floods: 0, losses: 0 },
         }
     }
 
     /// An edge: its time stamp, and the level that the line has after it. For the capture interrupt.
     ///
-    /// Afterwards the interrupt of the input is to be off when [`Self::is_masked`] says so.
+    /// Afterwards the interrupt of the input is to be off when [`Self::is_off`] says so.
     pub fn edge(&mut self, timestamp: u32, level: Level) {
-        if self.is_masked() {
+        if self.is_off() {
             return;
         }
         self.edges = self.edges.wrapping_add(1);
         if self.edges > self.timing.edges_per_poll {
-            self.mask();
+            self.flood();
             return;
         }
         self.last_edge = timestamp;
@@ -215,6 +247,10 @@ impl Decoder {
             (Line::Low | Line::Falling | Line::FallingUnsure, Level::Low) => {
                 count(&mut self.faults.missing_edges);
                 self.fall_at(timestamp, Line::FallingUnsure);
+                if self.mode == Mode::Filtered {
+                    // A spike may have been read in place of the level.
+                    self.line = Line::Unknown;
+                }
             }
             (Line::High | Line::HighUnsure, Level::High) => {
                 count(&mut self.faults.missing_edges);
@@ -245,19 +281,19 @@ impl Decoder {
 
     /// The queue of edges between the interrupt and this decoder was full: as good as too many edges since the last poll.
     pub fn overrun(&mut self) {
-        if !self.is_masked() {
-            self.mask();
+        if !self.is_off() {
+            self.flood();
         }
     }
 
     /// What has become of the input. To be called once per control tick, with the timer's count.
     ///
-    /// Afterwards the interrupt of the input is to be on unless [`Self::is_masked`] says otherwise.
+    /// Afterwards the interrupt of the input is to be as [`Self::listening`] says.
     #[inline]
     pub fn poll(&mut self, now: u32) -> Signal {
         self.edges = 0;
-        if self.masked_polls != 0 {
-            self.pause();
+        if self.mode != Mode::Open {
+            self.pause(now);
         }
         // What time alone makes of the line.
         if self.line == Line::Falling {
@@ -288,9 +324,11 @@ impl Decoder {
     /// Whether there were levels longer than a glitch, or a flood, within the timeout. Of an input that is not live, at each
     /// poll: the age of a stamp is right for 2^31 ticks only.
     fn is_active(&mut self, now: u32) -> bool {
-        if self.is_masked() {
+        match self.mode {
+            Mode::Open => {}
+            Mode::Filtered => return true,
             // The line is unknown meanwhile, and its last fall means nothing else.
-            (self.fall, self.has_fall) = (now, true);
+            Mode::Flooded | Mode::Masked => (self.fall, self.has_fall) = (now, true),
         }
         self.has_fall &= elapsed(self.fall, now) <= self.timing.timeout.cast_signed();
         self.has_fall
@@ -327,8 +365,19 @@ impl Decoder {
 
     /// Whether the input's interrupt is to be off.
     #[must_use]
-    pub const fn is_masked(&self) -> bool {
-        self.masked_polls != 0
+    #[inline]
+    pub const fn is_off(&self) -> bool {
+        matches!(self.mode, Mode::Flooded | Mode::Masked)
+    }
+
+    /// Which edges are to interrupt.
+    #[must_use]
+    pub const fn listening(&self) -> Listening {
+        match self.mode {
+            Mode::Open => Listening::All,
+            Mode::Filtered => Listening::LongLevels,
+            Mode::Flooded | Mode::Masked => Listening::Off,
+        }
     }
 
     /// What was wrong on the line since the start.
@@ -386,11 +435,14 @@ impl Decoder {
     }
 
     #[inline]
-    const fn accept(&mut self, period: u32) {
+    fn accept(&mut self, period: u32) {
         self.last_period = period;
         self.accepted_rise = self.rise;
         self.accepted_fall = self.fall;
-        self.next_mask_polls = 1;
+        self.has_flooded = false;
+        if self.mode == Mode::Open {
+            self.next_pause_polls = 1;
+        }
     }
 
     /// A pulse that nobody polled for in time is lost with its input at once, but is counted.
@@ -400,11 +452,20 @@ impl Decoder {
         let _ = self.pulse();
     }
 
-    /// One poll of a masked input.
+    /// One poll of an input with a flood behind it.
     #[cold]
     #[inline(never)]
-    const fn pause(&mut self) {
-        self.masked_polls = self.masked_polls.saturating_sub(1);
+    const fn pause(&mut self, now: u32) {
+        if matches!(self.mode, Mode::Flooded) {
+            self.mode = Mode::Filtered;
+            return;
+        }
+        self.paused_polls = self.paused_polls.saturating_sub(1);
+        if self.paused_polls == 0 {
+            // What comes next has another delay than what came before.
+            (self.mode, self.line) = (Mode::Open, Line::Unknown);
+            (self.fall, self.has_fall) = (now, true);
+        }
     }
 
     #[cold]
@@ -425,11 +486,9 @@ impl Decoder {
             return;
         }
         count(&mut self.faults.losses);
-        // An accepted pulse would have set the pause back to 1.
-        let flooded = self.next_mask_polls > 1;
         let silent = elapsed(self.last_edge, now) >= self.timing.max_period.cast_signed();
         self.liveness = Liveness::Lost(match self.line {
-            _ if flooded => LossReason::Flood,
+            _ if self.has_flooded => LossReason::Flood,
             Line::Low if silent => LossReason::StuckLow,
             Line::High | Line::HighUnsure if silent => LossReason::StuckHigh,
             _ => LossReason::Implausible,
@@ -438,11 +497,13 @@ impl Decoder {
 
     /// Too many edges since the last poll.
     #[cold]
-    fn mask(&mut self) {
+    fn flood(&mut self) {
         count(&mut self.faults.floods);
         self.line = Line::Unknown;
-        self.masked_polls = self.next_mask_polls;
-        self.next_mask_polls = (self.next_mask_polls * 2).min(LONGEST_MASK_POLLS);
+        self.has_flooded = true;
+        self.mode = if self.mode == Mode::Open { Mode::Flooded } else { Mode::Masked };
+        self.paused_polls = self.next_pause_polls;
+        self.next_pause_polls = (self.next_pause_polls * 2).min(LONGEST_PAUSE_POLLS);
     }
 }
 

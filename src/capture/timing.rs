@@ -147,6 +147,12 @@ impl Timing {
         Ok(Self { timeout: timeout_ticks, ..self })
     }
 
+    /// The same limits for edges that come through a queue of bounded length: no number of them is a flood.
+    #[must_use]
+    pub const fn without_flood(self) -> Self {
+        Self { edges_per_poll: u32::MAX, ..self }
+    }
+
     /// Shortest and longest pulse that is accepted.
     #[must_use]
     pub const fn width_range_ticks(&self) -> (u32, u32) {
@@ -171,7 +177,7 @@ impl Timing {
         self.timeout
     }
 
-    /// Edges between two polls that are decoded; with one more the input is masked.
+    /// Edges between two polls that are decoded; with one more the input is off until the next poll.
     #[must_use]
     pub const fn edges_per_poll(&self) -> u32 {
         self.edges_per_poll

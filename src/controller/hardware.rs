@@ -4,6 +4,7 @@
 //! calls them.
 
 use super::ClockReport;
+use crate::capture::Listening;
 use crate::dshot::{Frame, Line, Offer, ReplyWindow, Word};
 use crate::link::{BrownOut, ResetReason};
 use crate::settings::{MOTORS, Settings};
@@ -22,12 +23,15 @@ pub struct Edge {
 
 /// The timer that stamps the edges of the inputs. It counts 32 bits, at [`ClockReport::timer_hz`].
 pub trait CaptureTimer {
+    /// Whether edges wait in a queue of bounded length for the control tick, in place of an interrupt for each: then no line can take
+    /// more time than its queue holds, and none is switched off.
+    const IS_QUEUED: bool = false;
     /// The count now.
     fn now(&self) -> u32;
     /// What has been captured since the last call, at most one edge of each input.
     fn take(&mut self) -> [Option<Edge>; MOTORS];
-    /// Lets each input interrupt (`true`) or not. What an input captured while it might not is dropped.
-    fn listen(&mut self, inputs: [bool; MOTORS]);
+    /// Which edges of each input interrupt. What an input captured while it was off is dropped.
+    fn listen(&mut self, inputs: [Listening; MOTORS]);
 }
 
 /// What the control task drives.

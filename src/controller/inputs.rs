@@ -1,7 +1,7 @@
 //! The inputs and what decodes them.
 
 use super::hardware::{CaptureTimer, Edge};
-use crate::capture::{Decoder, Faults, Level, Reading, Timing};
+use crate::capture::{Decoder, Faults, Level, Listening, Reading, Timing};
 use crate::link::MotorFaults;
 use crate::settings::MOTORS;
 
@@ -10,14 +10,17 @@ pub struct Inputs<T> {
     timer: T,
     /// `None` where the inputs have frames of DShot, which the control task takes.
     decoders: Option<[Decoder; MOTORS]>,
-    /// Whether the interrupt of an input is off.
-    is_any_off: bool,
+    /// Which edges of each input interrupt.
+    listening: [Listening; MOTORS],
+    /// Whether those of an input do not all.
+    is_any_restricted: bool,
 }
 
 impl<T: CaptureTimer> Inputs<T> {
     /// With decoders that know nothing of their lines yet.
     pub fn new(timer: T, timing: Option<Timing>) -> Self {
-        Self { timer, decoders: timing.map(decoders), is_any_off: false }
+        let decoders = timing.map(decoders::<T>);
+        Self { timer, decoders, listening: [Listening::All; MOTORS], is_any_restricted: false }
     }
 
     /// The capture interrupt: gives the edges that were captured to their decoders. Whether there were any.
@@ -34,7 +37,7 @@ impl<T: CaptureTimer> Inputs<T> {
             }
             decoder.edge(timestamp, if is_high { Level::High } else { Level::Low });
         }
-        if decoders.iter().any(Decoder::is_masked) {
+        if decoders.iter().any(Decoder::is_off) {
             self.listen();
         }
         has_edges
@@ -49,7 +52,7 @@ impl<T: CaptureTimer> Inputs<T> {
         for (decoder, reading) in decoders.iter_mut().zip(&mut readings) {
             *reading = decoder.read(now);
         }
-        if self.is_any_off {
+        if self.is_any_restricted {
             self.listen();
         }
         readings
@@ -59,10 +62,12 @@ impl<T: CaptureTimer> Inputs<T> {
     pub fn set_timing(&mut self, timing: Option<Timing>) {
         match (timing, &mut self.decoders) {
             // In place: the capture interrupt and the control task wait meanwhile.
-            (Some(timing), Some(decoders)) => decoders.iter_mut().for_each(|one| *one = Decoder::new(timing)),
-            _ => self.decoders = timing.map(decoders),
+            (Some(timing), Some(decoders)) => decoders.iter_mut().for_each(|one| *one = decoder::<T>(timing)),
+            _ => self.decoders = timing.map(decoders::<T>),
         }
         self.listen();
+        // Also where nothing changes: what was captured before is dropped.
+        self.timer.listen(self.listening);
     }
 
     /// What was wrong at each input since the settings were set; `None` where they have no pulses.
@@ -82,21 +87,23 @@ impl<T: CaptureTimer> Inputs<T> {
         Some(self.decoders.as_ref()?.each_ref().map(Decoder::period))
     }
 
-    /// Whether an interrupt is off or to be off: all others are on.
-    #[inline]
-    fn is_any_masked(&self) -> bool {
-        self.decoders.as_ref().is_some_and(|decoders| decoders.iter().any(Decoder::is_masked))
-    }
-
     #[cold]
     #[inline(never)]
     fn listen(&mut self) {
-        self.is_any_off = self.is_any_masked();
-        let decoders = self.decoders.as_ref();
-        self.timer.listen(decoders.map_or([false; MOTORS], |decoders| decoders.each_ref().map(|one| !one.is_masked())));
+        let listening = |decoders: &[Decoder; MOTORS]| decoders.each_ref().map(Decoder::listening);
+        let listening = self.decoders.as_ref().map_or([Listening::Off; MOTORS], listening);
+        self.is_any_restricted = self.decoders.is_some() && listening != [Listening::All; MOTORS];
+        if listening != self.listening {
+            self.listening = listening;
+            self.timer.listen(listening);
+        }
     }
 }
 
-fn decoders(timing: Timing) -> [Decoder; MOTORS] {
-    core::array::from_fn(|_| Decoder::new(timing))
+fn decoder<T: CaptureTimer>(timing: Timing) -> Decoder {
+    Decoder::new(if T::IS_QUEUED { timing.without_flood() } else { timing })
+}
+
+fn decoders<T: CaptureTimer>(timing: Timing) -> [Decoder; MOTORS] {
+    core::array::from_fn(|_| decoder::<T>(timing))
 }

@@ -3,10 +3,18 @@
 //! With pulses all four count together, at the core's clock over [`COUNT_CYCLES`], from the beginning of a microsecond of the timer
 //! on, so that the timer says what their count is now. A stamp holds 31 bits of it and the level after the edge. A machine's queue
 //! holds 8 stamps or words; one that finds it full is lost, and raises a flag.
+//!
+//! **Debounce.** An edge is stamped when the line has had its new level in [`SETTLED_SAMPLES`] samples behind the first one. They
+//! come every 10 cycles, the first of them 13 cycles after that, so the shortest level with a stamp lasts 13 + 24 * 10 = 253 cycles,
+//! 2.02 µs, and 5 + 1 cycles more always suffice. 32 samples in a row (2.56 µs) with the old level end the attempt: a spike that comes
+//! before or after an edge moves that edge by its own length at most, and the samples of short levels that follow one another more
+//! closely add up, so that frames of DShot leave stamps and are not taken for an open line.
+//! Rise and fall take the same number of cycles, so no width is changed by the delay; it is taken off the stamps.
 
 use core::sync::atomic::{AtomicU32, Ordering};
 
 use pio::{Program, pio_asm};
+use rotorlead::capture::Listening;
 use rotorlead::controller::hardware::{CaptureTimer, Edge};
 use rotorlead::dshot::{Line, Offer, REPLY_BITS, Word};
 use rotorlead::settings::MOTORS;
@@ -20,6 +28,12 @@ use crate::state_machines::{Block, Direction, Divider, StateMachines};
 
 /// Cycles of the core between two counts: those of the stamping loop.
 pub const COUNT_CYCLES: u32 = 5;
+/// Samples with the new level that an edge needs behind the first one: one more than the program loads.
+const SETTLED_SAMPLES: u32 = 25;
+/// From an edge to its stamp: two counts for each of these samples.
+const DEBOUNCE_COUNTS: u32 = 2 * SETTLED_SAMPLES;
+/// Stamps that a queue holds.
+pub const STAMPS_HELD: u8 = 8;
 /// Counts in a microsecond.
 const COUNTS_PER_US: u32 = CORE_HZ / COUNT_CYCLES / 1_000_000;
 /// The machines start so many counts after a microsecond's beginning at most: the loop that waits for it takes 10 cycles, and the
@@ -41,32 +55,64 @@ const DELAY_BITS: u32 = 10;
 /// The timer's microsecond from which the stamps count.
 static STARTED_US: AtomicU32 = AtomicU32::new(0);
 
-/// Counts down, one in 5 cycles on every path, and pushes the count and the level after an edge.
+/// Counts down, one in 5 cycles on every path. At rest it takes a sample every 5 cycles, and after one with the other level every 10:
+/// `y` counts those that are still needed, and `osr` how many with the old level came in a row. `osr` is all ones in an attempt to rise,
+/// of which 31 shifts leave the lowest, and zero in one to fall: that is the level of the stamp, and says where to go on.
 fn stamps() -> Program<32> {
     pio_asm!(
         "    mov x, !null",
-        "    set y, 1",
-        "    jmp low",
-        "still_high:",
-        "    jmp high [2]",
+        "rise:",
+        "    set y, 24 [1]",
+        "more_high:",
+        "    mov osr, !null",
+        "rising:",
+        "    jmp x-- rising_half",
+        "rising_half:",
+        "    jmp x-- rising_pin [4]",
+        "rising_pin:",
+        "    jmp pin is_high",
+        "    out null, 1",
+        "    jmp !osre rising [1]",
+        "    jmp x-- low [1]",
         ".wrap_target",
         "low:",
         "    jmp x-- low_pin",
         "low_pin:",
-        "    jmp pin rise",
-        "    jmp low [2]",
-        "rise:",
+        "    jmp pin rise [3]",
+        ".wrap",
+        "is_high:",
+        "    jmp y-- more_high [1]",
+        "stamp:",
         "    in x, 31",
-        "    in y, 1",
+        "    in osr, 1",
         "    push noblock",
+        "    jmp x-- stamped",
+        "stamped:",
+        "    jmp x-- turn",
+        "turn:",
+        "    mov y, osr",
+        "    jmp !y low [1]",
         "high:",
         "    jmp x-- high_pin",
         "high_pin:",
-        "    jmp pin still_high",
-        "    in x, 31",
-        "    in null, 1",
-        "    push noblock",
-        ".wrap",
+        "    jmp pin high [3]",
+        "    set y, 24",
+        "more_low:",
+        "    mov osr, null",
+        "falling:",
+        "    jmp x-- falling_half",
+        "falling_half:",
+        "    jmp x-- falling_pin [5]",
+        "falling_pin:",
+        "    jmp pin no_fall",
+        "    jmp y-- more_low",
+        "    jmp stamp",
+        "no_fall:",
+        "    out null, 1",
+        "    jmp !osre falling",
+        "    jmp x-- still_high",
+        "still_high:",
+        "    jmp high [1]",
     )
     .program
 }
@@ -172,30 +218,31 @@ pub fn connect(pins: &Pins) {
 pub struct Capture {
     machines: StateMachines,
     timer: TIMER,
-    listening: [bool; MOTORS],
+    is_listening: bool,
+    /// Stamps of each input, with the next, up to the first behind one that was lost; 0 where none was.
+    to_gap: [u8; MOTORS],
 }
 
 impl Capture {
     /// Of pins that are connected.
     pub fn new(timer: TIMER) -> Self {
-        Self { machines: machines(), timer, listening: [true; MOTORS] }
-    }
-
-    /// A stamp, which came within 43 s of now.
-    #[inline]
-    fn edge(&self, now: u32, input: usize, stamp: u32) -> Edge {
-        let count = !stamp >> 1;
-        // Of all counts with these 31 bits the nearest to now.
-        let age = (now.wrapping_sub(count) << 1).cast_signed() >> 1;
-        Edge {
-            timestamp: now.wrapping_sub(age.cast_unsigned()),
-            is_high: stamp & 1 != 0,
-            overcapture: self.machines.has_lost(input),
-        }
+        Self { machines: machines(), timer, is_listening: true, to_gap: [0; MOTORS] }
     }
 }
 
+/// An edge from its stamp, which came within 43 s of now.
+#[inline]
+const fn edge(now: u32, stamp: u32, overcapture: bool) -> Edge {
+    let count = (!stamp >> 1).wrapping_sub(DEBOUNCE_COUNTS);
+    // Of all counts with these 31 bits the nearest to now.
+    let age = (now.wrapping_sub(count) << 1).cast_signed() >> 1;
+    Edge { timestamp: now.wrapping_sub(age.cast_unsigned()), is_high: stamp & 1 != 0, overcapture }
+}
+
 impl CaptureTimer for Capture {
+    /// A tick takes the [`STAMPS_HELD`] of each queue at most, and a machine makes one in 2 µs at most.
+    const IS_QUEUED: bool = true;
+
     /// At most 1.3 µs early: what was stamped since then is a little later than now.
     #[inline]
     fn now(&self) -> u32 {
@@ -210,18 +257,22 @@ impl CaptureTimer for Capture {
             return edges;
         }
         let now = self.now();
-        for (input, (edge, is_listening)) in edges.iter_mut().zip(self.listening).enumerate() {
-            if let Some(stamp) = self.machines.pop(input)
-                && is_listening
-            {
-                *edge = Some(self.edge(now, input, stamp));
+        for (input, (edge_of, to_gap)) in edges.iter_mut().zip(&mut self.to_gap).enumerate() {
+            let Some(stamp) = self.machines.pop(input) else { continue };
+            let is_behind_gap = *to_gap == 1;
+            // The queue was full when a stamp was lost: this one and those behind it are older.
+            *to_gap = if self.machines.has_lost(input) { STAMPS_HELD } else { to_gap.saturating_sub(1) };
+            if self.is_listening {
+                *edge_of = Some(edge(now, stamp, is_behind_gap));
             }
         }
         edges
     }
 
-    fn listen(&mut self, inputs: [bool; MOTORS]) {
-        self.listening = inputs;
+    /// All or none: no input is switched off by itself.
+    fn listen(&mut self, inputs: [Listening; MOTORS]) {
+        self.is_listening = inputs.iter().any(|input| *input != Listening::Off);
+        self.to_gap = [0; MOTORS];
     }
 }
 

@@ -65,7 +65,7 @@ mod app {
     use rotorlead::throttle::{Command, EscCommand};
     use rp2040_hal::pac::{Interrupt, TIMER};
 
-    use crate::inputs::Capture;
+    use crate::inputs::{Capture, STAMPS_HELD};
     use crate::parts::{BoardStatus, ControlParts};
     use crate::pinout::LED;
     use crate::serial::{RECEIVE_QUEUE, SEND_QUEUE, Serial};
@@ -74,8 +74,6 @@ mod app {
 
     /// Set by the idle task whenever it comes round, and cleared by the control task.
     static IDLE_RAN: AtomicBool = AtomicBool::new(false);
-    /// Edges that an input's queue holds.
-    const EDGES_HELD: usize = 8;
 
     #[shared]
     struct Shared {
@@ -168,7 +166,7 @@ mod app {
     #[task(binds = SysTick, priority = 4, shared = [inputs, control])]
     fn control(mut cx: control::Context) {
         let readings = cx.shared.inputs.lock(|inputs| {
-            let _ = (0..EDGES_HELD).all(|_| inputs.capture());
+            let _ = (0..STAMPS_HELD).all(|_| inputs.capture());
             inputs.poll()
         });
         // No swap: the lowest priority does not run between the two.

@@ -99,9 +99,10 @@ impl StateMachines {
         }
         for (machine, pin) in block.sm_iter().zip(u32::from(first_pin)..) {
             let wrap = u32::from(program.wrap.source) << 12 | u32::from(program.wrap.target) << 7;
-            // Words are shifted to the left. Bits 31 and 30 join the queues, bit 16 lets collected words go by themselves.
+            // Words are shifted to the left. Bits 31 and 30 join the queues, bit 16 lets collected words go by themselves. Bit 19 lets
+            // what goes out go to the right: the program that stamps edges keeps its level in the lowest bit.
             let (shift, pins, turn): (u32, u32, &[u32]) = match direction {
-                Direction::In => (1 << 31, pin << 15, &[SET_INPUT]),
+                Direction::In => (1 << 31 | 1 << 19, pin << 15, &[SET_INPUT]),
                 Direction::Out => (1 << 30 | 16 << 25, 1 << 29 | pin << 10, &[SET_OUTPUT]),
                 Direction::Both { out, collected } => {
                     let collects = collected.map_or(0, |bits| bits << 20 | 1 << 16);

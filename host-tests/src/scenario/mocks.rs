@@ -70,7 +70,6 @@ impl<'a> Board<'a> {
     fn start(flash: &SharedFlash, play: &'a Play) -> Self {
         let (mut rig, _) = Rig::starting_on(flash, facts(CLOCKS));
         rig.hardware.board.status.bench_enabled = false;
-        rig.hardware.board.capture.get().listening = [true; MOTORS];
         let mut lines = play.edges.clone();
         lines.sort_by_key(|edge| edge.cycle);
         Self {
@@ -124,7 +123,7 @@ impl<'a> Board<'a> {
                 if let Some(word) = self.words[motor].edge(edge, line.speed) {
                     board.control.hardware_mut().words[motor].push_back(word);
                 }
-            } else if board.capture.get().listening[motor] {
+            } else if !board.capture.get().is_off[motor] {
                 let timestamp = (edge.cycle / CYCLES_PER_COUNT) as u32;
                 board.capture.get().edges[motor] =
                     Some(Capture { timestamp, is_high: edge.is_high, overcapture: false });

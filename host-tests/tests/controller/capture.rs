@@ -5,7 +5,7 @@ use host_tests::fuzz::{PROTOCOLS, fuzz_capture};
 use host_tests::line::{LOOP_HZ, Line, TICKS_PER_POLL, TIMER_HZ, decode, decode_with, us};
 use proptest::prelude::*;
 use rotorlead::capture::{
-    Decoder, Faults, LONGEST_MASK_POLLS, Level, LossReason, PULSES_TO_LIVE, Reading, Signal, Timing, TimingError,
+    Decoder, Faults, LONGEST_PAUSE_POLLS, Level, LossReason, PULSES_TO_LIVE, Reading, Signal, Timing, TimingError,
 };
 use rotorlead::throttle::Protocol;
 
@@ -314,7 +314,7 @@ fn a_line_that_floods_is_masked_for_longer_and_longer_and_comes_back() {
         let now = poll * TICKS_PER_POLL;
         let mut interrupts = 0;
         while let Some(&(time, level)) = edges.next_if(|&&(time, _)| time < now) {
-            if !decoder.is_masked() {
+            if !decoder.is_off() {
                 interrupts += 1;
                 decoder.edge(time as u32, level);
             }
@@ -324,13 +324,14 @@ fn a_line_that_floods_is_masked_for_longer_and_longer_and_comes_back() {
         signals.push((now, decoder.poll(now as u32)));
     }
     assert_eq!(most, decoder.timing().edges_per_poll() + 1, "interrupts in one control tick");
-    // 2000 ticks of flood: pauses of 1, 2, 4 ... 512, 512 polls.
-    assert!(decoder.faults().floods <= 13 && total <= 13 * most, "{total} interrupts, {:?}", decoder.faults());
+    // 2000 ticks of flood: pauses of 1, 2, 4 ... 512, 512 polls, of which every other is spent behind the long filter, and over at
+    // the next poll where that lets the edges pass.
+    assert!(decoder.faults().floods <= 16 && total <= 16 * most, "{total} interrupts, {:?}", decoder.faults());
     let (time, reason) = first_loss(&signals).unwrap();
     assert_eq!(reason, LossReason::Flood);
     assert!(time <= us(24_500.0 + 100_000.0) + TICKS_PER_POLL, "the loss was late: {time}");
     let back = signals.iter().find(|(at, s)| *at > time && matches!(s, Signal::Pulse { .. })).unwrap().0;
-    let longest_pause = u64::from(LONGEST_MASK_POLLS) * TICKS_PER_POLL;
+    let longest_pause = u64::from(LONGEST_PAUSE_POLLS) * TICKS_PER_POLL;
     assert!(back <= us(430_000.0) + longest_pause + us(4.0 * 2500.0), "back at {back}");
 }
 
@@ -354,10 +355,10 @@ fn a_full_queue_counts_as_a_flood() {
     let mut decoder = servo();
     decode(&mut decoder, &servo_pulses(500.0, 10), 0, us(25_400.0));
     decoder.overrun();
-    assert!(decoder.is_masked());
+    assert!(decoder.is_off());
     assert_eq!(decoder.faults().floods, 1);
     assert_eq!(decoder.poll(us(25_500.0) as u32), Signal::Unchanged);
-    assert!(!decoder.is_masked());
+    assert!(!decoder.is_off());
 }
 
 /// 60 s at 84 MHz wrap a 32-bit counter once; 51 s of silence come back to the same stamp.

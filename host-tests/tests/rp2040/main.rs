@@ -7,3 +7,4 @@ mod bidirectional;
 mod link;
 mod load;
 mod safety;
+mod spikes;

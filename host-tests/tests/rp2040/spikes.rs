@@ -1,0 +1,135 @@
+//! Pulses beneath spikes, at the pins: each is to come out, as a frame of DShot with its value.
+
+use emulator::rp2040::{Edge, Emulator};
+use host_tests::pins::{self, INPUT_1, OUTPUT_1, ms, us};
+use host_tests::spikes::{RATES_KHZ, WIDTHS_US, on_line, toggles};
+use rotorlead::dshot::Speed;
+use rotorlead::settings::{Pulse, PulseProtocol, Settings};
+
+/// When the controller runs for sure.
+const STARTED: u64 = 37_500_000;
+/// Commands of the pulses, in turn: so each that is taken changes the output.
+const COMMANDS: [f64; 4] = [0.25, 0.65, 0.35, 0.8];
+/// Values of DShot from a command of 0 to one of 1, and the value of 0.
+const VALUES: f64 = 1999.0;
+const VALUE_OF_ZERO: f64 = 48.0;
+
+/// A protocol, its shortest pulse and its span, and the time from pulse to pulse.
+struct Pulses {
+    protocol: PulseProtocol,
+    frame_hz: u16,
+    low_us: f64,
+    span_us: f64,
+    sent: u64,
+}
+
+const STANDARD_PWM: Pulses =
+    Pulses { protocol: PulseProtocol::StandardPwm, frame_hz: 400, low_us: 1000.0, span_us: 1000.0, sent: 60 };
+const ONESHOT125: Pulses =
+    Pulses { protocol: PulseProtocol::OneShot125, frame_hz: 2000, low_us: 125.0, span_us: 125.0, sent: 300 };
+
+/// What came out of an input's pulses.
+#[derive(Debug)]
+struct Taken {
+    count: u64,
+    worst_us: f64,
+}
+
+/// Pulses at all inputs, those of each beneath spikes of another of [`WIDTHS_US`].
+fn taken(emulator: Emulator, pulses: &Pulses, rate_khz: f64) -> [Taken; 4] {
+    let period = us(1e6 / f64::from(pulses.frame_hz));
+    let settings = Settings {
+        input: Pulse { protocol: pulses.protocol, frame_hz: pulses.frame_hz },
+        output: Pulse { protocol: PulseProtocol::Dshot600, frame_hz: 4000 },
+        ..Settings::default()
+    };
+    let first = (STARTED - ms(20.0)).div_ceil(period);
+    let armed = STARTED.div_ceil(period);
+    let end = (armed + pulses.sent) * period;
+    let mut run = pins::run(&settings, end + ms(2.0));
+    for (motor, width_us) in (0..).zip(WIDTHS_US) {
+        let line: Vec<u64> = (first..armed + pulses.sent)
+            .flat_map(|n| {
+                let command = if n < armed { 0.0 } else { COMMANDS[((n - armed) % 4) as usize] };
+                let rise = n * period + us(30.0);
+                [rise, rise + us(pulses.low_us + pulses.span_us * command)]
+            })
+            .collect();
+        let mut spikes = toggles(us(1000.0) as f64 / rate_khz, us(width_us), end, 1 + u64::from(motor));
+        spikes.retain(|time| *time > first * period);
+        if spikes.len() % 2 != 0 {
+            spikes.remove(0);
+        }
+        let pin = INPUT_1 + motor;
+        run.inputs.push(Edge { cycle: 0, pin, is_high: false });
+        run.inputs.extend(on_line(&line, &spikes).into_iter().map(|(cycle, is_high)| Edge { cycle, pin, is_high }));
+    }
+    let trace = pins::trace(emulator, &run);
+    let cycles = if emulator == Emulator::Node { 1.0 } else { 20.0 };
+    std::array::from_fn(|motor| {
+        let sent = pins::frames_of(&trace, OUTPUT_1 + motor as u8, Speed::Dshot600, cycles);
+        let mut taken = Taken { count: 0, worst_us: 0.0 };
+        let mut last = None;
+        for (start, bits) in sent {
+            // What is above the checksum and the bit for telemetry.
+            let value = f64::from(bits >> 5);
+            let command = (value - VALUE_OF_ZERO) / VALUES;
+            if start < armed * period || value < VALUE_OF_ZERO {
+                continue;
+            }
+            let off = |index: &usize| (COMMANDS[*index] - command).abs();
+            let nearest = (0..4).min_by(|a, b| off(a).total_cmp(&off(b))).unwrap();
+            taken.count += u64::from(last.replace(nearest) != Some(nearest));
+            if std::env::var_os("DEBUG_SPIKES").is_some() && off(&nearest) * pulses.span_us > 0.3 {
+                println!("motor {motor} at {start}: pulse {} {command} {nearest} off {}", (start - armed*period)/period, off(&nearest) * pulses.span_us);
+                let from = start - us(700.0);
+                let e: Vec<_> = run.inputs.iter().filter(|e| e.pin == INPUT_1 + motor as u8 && (from..start).contains(&e.cycle)).map(|e| (e.cycle - from, e.is_high)).collect();
+                println!("   {e:?}");
+            }
+            taken.worst_us = f64::max(taken.worst_us, off(&nearest) * pulses.span_us);
+        }
+        taken
+    })
+}
+
+fn each_pulse_passes(emulator: Emulator, pulses: &Pulses) {
+    for rate_khz in RATES_KHZ {
+        let all = taken(emulator, pulses, rate_khz);
+        for (taken, width_us) in all.iter().zip(WIDTHS_US) {
+            println!(
+                "{:?} {emulator:?}: spikes of {width_us} us at {rate_khz} kHz: {} of {} pulses, {:.2} us off at most",
+                pulses.protocol, taken.count, pulses.sent, taken.worst_us
+            );
+        }
+        for (taken, width_us) in all.iter().zip(WIDTHS_US) {
+            assert_eq!(taken.count, pulses.sent, "spikes of {width_us} us at {rate_khz} kHz");
+            // One beside either edge, samples of the debounce, and a value of DShot.
+            let most_us = 2.0 * width_us + 0.2 + pulses.span_us / VALUES;
+            assert!(taken.worst_us <= most_us, "{} us off", taken.worst_us);
+        }
+    }
+}
+
+#[test]
+#[ignore = "needs the image and the emulators: cargo xtask test"]
+fn standard_pulses_pass_beneath_spikes_in_rp2040js() {
+    each_pulse_passes(Emulator::Node, &STANDARD_PWM);
+}
+
+#[test]
+#[ignore = "needs the image and the emulators: cargo xtask test"]
+fn oneshot_pulses_pass_beneath_spikes_in_rp2040js() {
+    each_pulse_passes(Emulator::Node, &ONESHOT125);
+}
+
+#[test]
+#[ignore = "needs the image and the emulators: cargo xtask test"]
+fn standard_pulses_pass_beneath_spikes_in_rp2040_emu() {
+    each_pulse_passes(Emulator::Native, &STANDARD_PWM);
+}
+
+#[test]
+#[ignore = "needs the image and the emulators: cargo xtask test"]
+fn oneshot_pulses_pass_beneath_spikes_in_rp2040_emu() {
+    each_pulse_passes(Emulator::Native, &ONESHOT125);
+}
