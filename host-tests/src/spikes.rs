@@ -5,11 +5,12 @@ pub const WIDTHS_US: [f64; 4] = [0.1, 0.2, 1.0, 1.9];
 /// Rates of spikes, kilohertz. ESCs switch at 24 to 48.
 pub const RATES_KHZ: [f64; 5] = [1.0, 10.0, 24.0, 48.0, 100.0];
 
-/// A spike of `width` every `period` on average from 0 to `end`, in any unit of time: beginnings and ends in turn. Each comes earlier or
-/// later by up to a tenth of the period, so that none keeps its place beside the pulses of a line.
+/// A spike of `width` about every `period` from 0 to `end`, in any unit of time: beginnings and ends in turn. The period is 1.37 % longer,
+/// and each comes earlier or later by up to a tenth of it, so that none keeps its place beside the pulses of a line.
 #[must_use]
 pub fn toggles(period: f64, width: u64, end: u64, seed: u64) -> Vec<u64> {
-    let mut random = seed | 1;
+    let mut random = 2 * seed + 1;
+    let period = 1.0137 * period;
     let mut next = || {
         random ^= random << 13;
         random ^= random >> 7;

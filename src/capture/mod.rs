@@ -13,14 +13,17 @@
 //!   pulse in hand is dropped, since its width would be a guess; the last one stays good for its timeout.
 //! - **Loss.** The input is lost when no pulse was accepted for the timeout, and live again after
 //!   [`PULSES_TO_LIVE`] good pulses in a row, so that noise on an open line does not pass for a flight controller.
+//! - **Spikes in a row.** Two edges that come closer together than the interrupt's latency are seen as a missing edge, and each
+//!   costs the pulse beneath it. So with a missing edge, or a flood, the input goes on behind the timer's long filter
+//!   ([`Listening::LongLevels`]) for [`FILTERED_POLLS`]: spikes under 2 µs, however many, are no edges to it. Then it is tried
+//!   without, which costs a pulse or two while spikes still come. The pin itself is read behind no filter: an edge at which a
+//!   spike is read in place of the level is a missing edge, too.
 //! - **Flood.** With more edges between two polls than good frames and a few glitches can have, the input is off until the
-//!   next poll, and its edges then interrupt only where the timer's long filter lets them pass ([`Listening::LongLevels`]):
-//!   spikes under 2 µs, however many, are no edges to it, and the pulses beneath them are decoded on. A flood behind that
-//!   filter, too, switches the input off. Either lasts for a pause that doubles from 1 poll to [`LONGEST_PAUSE_POLLS`], and
-//!   then the input is tried without it, which costs a pulse while spikes still come; after a pulse that is accepted without
-//!   the filter pauses start anew at 1. So spikes cost some pulses where they begin and one in 100 ms later, a burst costs a
-//!   frame, and a line that oscillates costs next to no time. However noisy a line is, it causes at most
-//!   `edges_per_poll + 1` interrupts per control tick.
+//!   next poll. Behind the long filter it is off for a pause that doubles from 1 poll to [`LONGEST_MASK_POLLS`], and starts
+//!   anew at 1 after an accepted pulse: a burst costs a frame, and a line that oscillates costs next to no time. However noisy
+//!   a line is, it causes at most `edges_per_poll + 1` interrupts per control tick.
+//!
+//! Both are for interrupts. Edges from a queue of bounded length ([`Timing::without_flood`]) are decoded, however many they are.
 //!
 //! - **Activity.** An input that is not live is active all the same while it has levels that are no glitches, or a flood:
 //!   somebody may have connected a flight controller that speaks another protocol.
@@ -38,8 +41,10 @@ pub use timing::{FASTEST_FRAME_HZ, SLOWEST_FRAME_HZ, SLOWEST_POLL_HZ, Timing, Ti
 
 /// Good pulses in a row that make an input live.
 pub const PULSES_TO_LIVE: u8 = 3;
-/// Longest pause of a flooded input in polls: 102 ms at 5 kHz.
-pub const LONGEST_PAUSE_POLLS: u16 = 512;
+/// Longest pause of a masked input in polls: 102 ms at 5 kHz.
+pub const LONGEST_MASK_POLLS: u16 = 512;
+/// Polls for which an input stays behind the long filter: 1 s at 5 kHz, so that trying without it costs one pulse in hundreds.
+pub const FILTERED_POLLS: u16 = 5000;
 
 /// Level of a line after an edge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -130,7 +135,7 @@ enum Liveness {
     Lost(LossReason),
 }
 
-/// What a flood has led to.
+/// What missing edges and floods have led to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Mode {
     Open,
@@ -150,7 +155,7 @@ pub struct Decoder {
     liveness: Liveness,
     /// The last rise that was seen for sure.
     rise: u32,
-    /// The last fall, or the last poll at which the input was off or came from the long filter, and was not live.
+    /// The last fall, or the last poll at which the input was off or left the long filter.
     fall: u32,
     /// Whether there was one within the timeout.
     has_fall: bool,
@@ -171,9 +176,9 @@ pub struct Decoder {
     in_row: u8,
     mode: Mode,
     /// Polls for which it stays filtered or masked.
-    paused_polls: u16,
-    /// The pause that the next flood causes.
-    next_pause_polls: u16,
+    polls_left: u16,
+    /// The pause that the next flood behind the long filter causes.
+    next_mask_polls: u16,
     /// Whether there was a flood since the last accepted pulse.
     has_flooded: bool,
     faults: Faults,
@@ -201,8 +206,8 @@ impl Decoder {
             edges: 0,
             in_row: 0,
             mode: Mode::Open,
-            paused_polls: 0,
-            next_pause_polls: 1,
+            polls_left: 0,
+            next_mask_polls: 1,
             has_flooded: false,
             faults: Faults { glitches: 0, missing_edges: 0, out_of_range: 0, too_soon: 0, floods: 0, losses: 0 },
         }
@@ -245,16 +250,12 @@ impl Decoder {
             (Line::Unknown, Level::High) => self.line = Line::HighUnsure,
             // From here on an edge is missing.
             (Line::Low | Line::Falling | Line::FallingUnsure, Level::Low) => {
-                count(&mut self.faults.missing_edges);
                 self.fall_at(timestamp, Line::FallingUnsure);
-                if self.mode == Mode::Filtered {
-                    // A spike may have been read in place of the level.
-                    self.line = Line::Unknown;
-                }
+                self.miss_edge();
             }
             (Line::High | Line::HighUnsure, Level::High) => {
-                count(&mut self.faults.missing_edges);
                 self.line = Line::HighUnsure;
+                self.miss_edge();
             }
         }
     }
@@ -275,8 +276,21 @@ impl Decoder {
     /// The capture hardware says that it stamped an edge before the one before was read. Comes before [`Self::edge`]
     /// with the stamp that is left.
     pub fn overcapture(&mut self) {
-        count(&mut self.faults.missing_edges);
         self.line = Line::Unknown;
+        self.miss_edge();
+    }
+
+    /// An edge is missing, or a spike was read in place of the level.
+    #[cold]
+    #[inline(never)]
+    fn miss_edge(&mut self) {
+        count(&mut self.faults.missing_edges);
+        if self.timing.has_flood() {
+            self.line = Line::Unknown;
+            if self.mode == Mode::Open {
+                (self.mode, self.polls_left) = (Mode::Filtered, FILTERED_POLLS);
+            }
+        }
     }
 
     /// The queue of edges between the interrupt and this decoder was full: as good as too many edges since the last poll.
@@ -435,14 +449,12 @@ impl Decoder {
     }
 
     #[inline]
-    fn accept(&mut self, period: u32) {
+    const fn accept(&mut self, period: u32) {
         self.last_period = period;
         self.accepted_rise = self.rise;
         self.accepted_fall = self.fall;
+        self.next_mask_polls = 1;
         self.has_flooded = false;
-        if self.mode == Mode::Open {
-            self.next_pause_polls = 1;
-        }
     }
 
     /// A pulse that nobody polled for in time is lost with its input at once, but is counted.
@@ -452,20 +464,23 @@ impl Decoder {
         let _ = self.pulse();
     }
 
-    /// One poll of an input with a flood behind it.
+    /// One poll of an input that is not open.
     #[cold]
     #[inline(never)]
     const fn pause(&mut self, now: u32) {
-        if matches!(self.mode, Mode::Flooded) {
-            self.mode = Mode::Filtered;
-            return;
+        if !matches!(self.mode, Mode::Flooded) {
+            self.polls_left = self.polls_left.saturating_sub(1);
+            if self.polls_left > 0 {
+                return;
+            }
         }
-        self.paused_polls = self.paused_polls.saturating_sub(1);
-        if self.paused_polls == 0 {
-            // What comes next has another delay than what came before.
-            (self.mode, self.line) = (Mode::Open, Line::Unknown);
-            (self.fall, self.has_fall) = (now, true);
-        }
+        // What comes next has another delay than what came before.
+        self.line = Line::Unknown;
+        (self.fall, self.has_fall) = (now, true);
+        (self.mode, self.polls_left) = match self.mode {
+            Mode::Flooded | Mode::Masked => (Mode::Filtered, FILTERED_POLLS),
+            Mode::Filtered | Mode::Open => (Mode::Open, 0),
+        };
     }
 
     #[cold]
@@ -501,9 +516,13 @@ impl Decoder {
         count(&mut self.faults.floods);
         self.line = Line::Unknown;
         self.has_flooded = true;
-        self.mode = if self.mode == Mode::Open { Mode::Flooded } else { Mode::Masked };
-        self.paused_polls = self.next_pause_polls;
-        self.next_pause_polls = (self.next_pause_polls * 2).min(LONGEST_PAUSE_POLLS);
+        if self.mode == Mode::Open {
+            self.mode = Mode::Flooded;
+            return;
+        }
+        self.mode = Mode::Masked;
+        self.polls_left = self.next_mask_polls;
+        self.next_mask_polls = (self.next_mask_polls * 2).min(LONGEST_MASK_POLLS);
     }
 }
 

@@ -153,6 +153,12 @@ impl Timing {
         Self { edges_per_poll: u32::MAX, ..self }
     }
 
+    /// Whether some number of edges is a flood.
+    #[must_use]
+    pub(super) const fn has_flood(&self) -> bool {
+        self.edges_per_poll != u32::MAX
+    }
+
     /// Shortest and longest pulse that is accepted.
     #[must_use]
     pub const fn width_range_ticks(&self) -> (u32, u32) {

@@ -18,4 +18,5 @@ mod other_protocol;
 mod plan;
 mod safety;
 mod settings;
+mod spikes;
 mod whole;

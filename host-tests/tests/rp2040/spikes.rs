@@ -80,12 +80,6 @@ fn taken(emulator: Emulator, pulses: &Pulses, rate_khz: f64) -> [Taken; 4] {
             let off = |index: &usize| (COMMANDS[*index] - command).abs();
             let nearest = (0..4).min_by(|a, b| off(a).total_cmp(&off(b))).unwrap();
             taken.count += u64::from(last.replace(nearest) != Some(nearest));
-            if std::env::var_os("DEBUG_SPIKES").is_some() && off(&nearest) * pulses.span_us > 0.3 {
-                println!("motor {motor} at {start}: pulse {} {command} {nearest} off {}", (start - armed*period)/period, off(&nearest) * pulses.span_us);
-                let from = start - us(700.0);
-                let e: Vec<_> = run.inputs.iter().filter(|e| e.pin == INPUT_1 + motor as u8 && (from..start).contains(&e.cycle)).map(|e| (e.cycle - from, e.is_high)).collect();
-                println!("   {e:?}");
-            }
             taken.worst_us = f64::max(taken.worst_us, off(&nearest) * pulses.span_us);
         }
         taken
@@ -93,20 +87,29 @@ fn taken(emulator: Emulator, pulses: &Pulses, rate_khz: f64) -> [Taken; 4] {
 }
 
 fn each_pulse_passes(emulator: Emulator, pulses: &Pulses) {
-    for rate_khz in RATES_KHZ {
-        let all = taken(emulator, pulses, rate_khz);
-        for (taken, width_us) in all.iter().zip(WIDTHS_US) {
-            println!(
-                "{:?} {emulator:?}: spikes of {width_us} us at {rate_khz} kHz: {} of {} pulses, {:.2} us off at most",
-                pulses.protocol, taken.count, pulses.sent, taken.worst_us
-            );
+    let found = RATES_KHZ.map(|rate_khz| taken(emulator, pulses, rate_khz));
+    let found = || {
+        RATES_KHZ.iter().zip(&found).flat_map(|(rate_khz, all)| {
+            WIDTHS_US.iter().zip(all).map(move |(width_us, taken)| (*rate_khz, *width_us, taken))
+        })
+    };
+    for (rate_khz, width_us, Taken { count, worst_us }) in found() {
+        let Pulses { protocol, sent, .. } = pulses;
+        println!(
+            "{protocol:?}, {emulator:?}, spikes of {width_us} us at {rate_khz} kHz: {count} of {sent} pulses, \
+             {worst_us:.2} us off at most"
+        );
+    }
+    for (rate_khz, width_us, taken) in found() {
+        assert_eq!(taken.count, pulses.sent, "spikes of {width_us} us at {rate_khz} kHz");
+        // One beside either edge, samples of the debounce, and a value of DShot.
+        let mut most_us = 2.0 * width_us + 0.2 + pulses.span_us / VALUES;
+        if emulator == Emulator::Native {
+            // There a word that is moved to the OSR does not count as whole again, and so a spike within the 2 µs of the debounce
+            // begins it anew.
+            most_us += 2.0 * 2.1;
         }
-        for (taken, width_us) in all.iter().zip(WIDTHS_US) {
-            assert_eq!(taken.count, pulses.sent, "spikes of {width_us} us at {rate_khz} kHz");
-            // One beside either edge, samples of the debounce, and a value of DShot.
-            let most_us = 2.0 * width_us + 0.2 + pulses.span_us / VALUES;
-            assert!(taken.worst_us <= most_us, "{} us off", taken.worst_us);
-        }
+        assert!(taken.worst_us <= most_us, "spikes of {width_us} us at {rate_khz} kHz: {} us off", taken.worst_us);
     }
 }
 
