@@ -52,8 +52,8 @@ pub struct Captured {
     pub now: u32,
     /// What it has captured.
     pub edges: [Option<Edge>; MOTORS],
-    /// Which inputs may not interrupt.
-    pub is_off: [bool; MOTORS],
+    /// Which edges of the inputs interrupt.
+    pub listening: [Listening; MOTORS],
 }
 
 impl TestCapture {
@@ -76,7 +76,7 @@ impl CaptureTimer for TestCapture {
     }
 
     fn listen(&mut self, inputs: [Listening; MOTORS]) {
-        self.get().is_off = inputs.map(|input| input == Listening::Off);
+        self.get().listening = inputs;
     }
 }
 

@@ -65,6 +65,57 @@ pub fn stored(settings: &Settings) -> Bytes {
     Bytes { offset: SETTINGS_OFFSET, bytes: store.into_flash().bytes }
 }
 
+/// A stamp of an edge at an input with pulses.
+#[derive(Clone, Copy, Debug)]
+pub struct Stamp {
+    /// The edge, in one of the cycles at which the line is looked at.
+    pub edge: Edge,
+    /// When the stamp was made.
+    pub made: u64,
+}
+
+/// What the state machine of an input (`boards/rp2040/src/inputs.rs`) makes of its line up to `end`.
+///
+/// # Panics
+/// When the edges are not in order.
+#[must_use]
+pub fn stamps(pin: u8, line: &[Edge], end: u64) -> Vec<Stamp> {
+    const AT_REST: u64 = 5;
+    const FIRST: u64 = 13;
+    const APART: u64 = 10;
+    const NEEDED: u64 = 25;
+    const OLD_IN_ROW: u32 = 32;
+    assert!(line.is_sorted_by_key(|edge| edge.cycle));
+    let edges: Vec<Edge> = line.iter().copied().filter(|edge| edge.pin == pin).collect();
+    let before = |cycle| edges.partition_point(|edge| edge.cycle <= cycle);
+    let level_at = |cycle| before(cycle).checked_sub(1).is_some_and(|edge: usize| edges[edge].is_high);
+    let mut stamps = Vec::new();
+    let (mut now, mut is_high) = (AT_REST - 1, false);
+    while now < end {
+        if level_at(now) == is_high {
+            let Some(next) = edges.get(before(now)) else { break };
+            now += (next.cycle - now).div_ceil(AT_REST) * AT_REST;
+            continue;
+        }
+        let (mut at, mut needed, mut in_row) = (now + FIRST, NEEDED, 0);
+        loop {
+            (needed, in_row) = if level_at(at) == is_high { (needed, in_row + 1) } else { (needed - 1, 0) };
+            if needed == 0 || in_row == OLD_IN_ROW {
+                break;
+            }
+            at += APART;
+        }
+        if needed == 0 {
+            is_high = !is_high;
+            let cycle = at - FIRST - (NEEDED - 1) * APART;
+            stamps.push(Stamp { edge: Edge { cycle, pin, is_high }, made: at });
+        }
+        // The next look is a whole number of looks behind the first one.
+        now += (at - now).div_ceil(AT_REST) * AT_REST;
+    }
+    stamps
+}
+
 /// A pulse at a pin: when it began, and how long it was, in cycles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pulse {

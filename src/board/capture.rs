@@ -43,7 +43,7 @@ impl Capture {
         timer.arr().write(|w| w.arr().set(u32::MAX));
         timer.ccmr1_input().write(|w| w.cc1s().ti1().cc2s().ti2());
         timer.ccmr2_input().write(|w| w.cc3s().ti3().cc4s().ti4());
-        let mut capture = Self { timer, port, filters: [USUAL_FILTER; MOTORS], _pins: pins };
+        let capture = Self { timer, port, filters: [USUAL_FILTER; MOTORS], _pins: pins };
         capture.write_filters();
         let timer = &capture.timer;
         // Both polarity bits set: both edges.

@@ -56,9 +56,10 @@ pub enum Level {
 }
 
 /// Which edges of an input are to interrupt.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Listening {
     /// All that the timer's usual filter lets pass.
+    #[default]
     All,
     /// Those behind its long filter, to which levels under 2 µs are none, and those of 20 µs are sure.
     LongLevels,
@@ -386,6 +387,7 @@ impl Decoder {
 
     /// Which edges are to interrupt.
     #[must_use]
+    #[inline]
     pub const fn listening(&self) -> Listening {
         match self.mode {
             Mode::Open => Listening::All,

@@ -28,16 +28,17 @@ impl<T: CaptureTimer> Inputs<T> {
     pub fn capture(&mut self) -> bool {
         let Some(decoders) = &mut self.decoders else { return false };
         let edges = self.timer.take();
-        let mut has_edges = false;
-        for (decoder, edge) in decoders.iter_mut().zip(edges) {
+        let (mut has_edges, mut has_changed) = (false, false);
+        for ((decoder, edge), listening) in decoders.iter_mut().zip(edges).zip(self.listening) {
             let Some(Edge { timestamp, is_high, overcapture }) = edge else { continue };
             has_edges = true;
             if overcapture {
                 decoder.overcapture();
             }
             decoder.edge(timestamp, if is_high { Level::High } else { Level::Low });
+            has_changed |= decoder.listening() != listening;
         }
-        if decoders.iter().any(Decoder::is_off) {
+        if has_changed {
             self.listen();
         }
         has_edges

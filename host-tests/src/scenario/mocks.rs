@@ -2,6 +2,7 @@
 //! edges.
 
 use emulator::rp2040::{CYCLES_PER_S, Edge, frames};
+use rotorlead::capture::Listening;
 use rotorlead::controller::hardware::Edge as Capture;
 use rotorlead::controller::{ClockReport, LAMP_STEP_MS, Lamp};
 use rotorlead::dshot::{Line, Speed, Word};
@@ -12,7 +13,7 @@ use super::table::Column;
 use super::{Miss, Outcome, Outputs, Play, Target};
 use crate::board::{CRYSTAL, facts};
 use crate::flash::Flash;
-use crate::pins::{INPUT_1, JUMPER, LED, OUTPUT_1, ms};
+use crate::pins::{INPUT_1, JUMPER, LED, OUTPUT_1, Stamp, ms, stamps};
 use crate::rig::{Rig, SharedFlash, saved};
 
 /// The clocks of an RP2040: [`CYCLES_PER_S`] of the core, and stamps of 5 cycles.
@@ -51,9 +52,11 @@ impl Target for Mocks {
 struct Board<'a> {
     rig: Rig,
     play: &'a Play,
-    /// Edges in order, and how many have come; and the same of the rest.
+    /// Edges in order, and how many have come; and the same of the rest. Those of pulses are in `stamps`.
     lines: Vec<Edge>,
     edges_seen: usize,
+    stamps: Vec<Stamp>,
+    stamps_seen: usize,
     thrust_seen: usize,
     requests_seen: usize,
     words: [WordLine; MOTORS],
@@ -72,11 +75,16 @@ impl<'a> Board<'a> {
         rig.hardware.board.status.bench_enabled = false;
         let mut lines = play.edges.clone();
         lines.sort_by_key(|edge| edge.cycle);
+        let inputs = (INPUT_1..).take(MOTORS);
+        let mut stamps: Vec<Stamp> = inputs.flat_map(|pin| stamps(pin, &lines, play.end)).collect();
+        stamps.sort_by_key(|stamp| stamp.made);
         Self {
             rig,
             play,
             lines,
             edges_seen: 0,
+            stamps,
+            stamps_seen: 0,
             thrust_seen: 0,
             requests_seen: 0,
             words: Default::default(),
@@ -123,10 +131,17 @@ impl<'a> Board<'a> {
                 if let Some(word) = self.words[motor].edge(edge, line.speed) {
                     board.control.hardware_mut().words[motor].push_back(word);
                 }
-            } else if !board.capture.get().is_off[motor] {
-                let timestamp = (edge.cycle / CYCLES_PER_COUNT) as u32;
+            }
+        }
+        while let Some(stamp) = self.stamps.get(self.stamps_seen).filter(|stamp| stamp.made < now) {
+            self.stamps_seen += 1;
+            let board = &mut rig.hardware.board;
+            let motor = usize::from(stamp.edge.pin - INPUT_1);
+            let has_pulses = board.control.hardware_mut().input_line.is_none();
+            if has_pulses && stamp.made >= START && board.capture.get().listening[motor] != Listening::Off {
+                let timestamp = (stamp.edge.cycle / CYCLES_PER_COUNT) as u32;
                 board.capture.get().edges[motor] =
-                    Some(Capture { timestamp, is_high: edge.is_high, overcapture: false });
+                    Some(Capture { timestamp, is_high: stamp.edge.is_high, overcapture: false });
                 board.inputs.capture();
             }
         }

@@ -5,7 +5,8 @@ use host_tests::fuzz::{PROTOCOLS, fuzz_capture};
 use host_tests::line::{LOOP_HZ, Line, TICKS_PER_POLL, TIMER_HZ, decode, decode_with, us};
 use proptest::prelude::*;
 use rotorlead::capture::{
-    Decoder, FILTERED_POLLS, Faults, LONGEST_MASK_POLLS, Level, LossReason, PULSES_TO_LIVE, Reading, Signal, Timing, TimingError,
+    Decoder, FILTERED_POLLS, Faults, LONGEST_MASK_POLLS, Level, LossReason, PULSES_TO_LIVE, Reading, Signal, Timing,
+    TimingError,
 };
 use rotorlead::throttle::Protocol;
 

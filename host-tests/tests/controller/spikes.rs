@@ -1,8 +1,11 @@
 //! Pulses beneath spikes on the STM32F405: the timer's filters and its interrupt as its manual says, and the decoder behind them.
 
+use host_tests::board::TestCapture;
 use host_tests::line::{LOOP_HZ, TICKS_PER_POLL, TIMER_HZ, us};
 use host_tests::spikes::{RATES_KHZ, WIDTHS_US, on_line, toggles};
-use rotorlead::capture::{Decoder, Level, Listening, Signal, Timing};
+use rotorlead::capture::{Listening, Reading, Timing};
+use rotorlead::controller::Inputs;
+use rotorlead::controller::hardware::Edge;
 use rotorlead::throttle::Protocol;
 
 /// Counts from sample to sample of the usual filter and of the long one, and samples in a row: `src/board/capture.rs`.
@@ -37,14 +40,15 @@ fn filtered(line: &[(u64, bool)], counts: u64, end: u64) -> Edges {
     edges
 }
 
-fn level_at(line: &[(u64, bool)], time: u64) -> Level {
+fn level_at(line: &[(u64, bool)], time: u64) -> bool {
     let before = line.partition_point(|edge| edge.0 <= time);
-    if before > 0 && line[before - 1].1 { Level::High } else { Level::Low }
+    before > 0 && line[before - 1].1
 }
 
-/// The interrupt of one input, and what a decoder makes of it.
+/// The interrupt of the first input, and what the controller makes of it.
 struct Input<'a> {
-    decoder: Decoder,
+    capture: TestCapture,
+    inputs: Inputs<TestCapture>,
     line: &'a [(u64, bool)],
     filters: [Edges; 2],
     /// What was captured up to here is taken, or dropped.
@@ -52,10 +56,21 @@ struct Input<'a> {
     random: u64,
 }
 
-impl Input<'_> {
+impl<'a> Input<'a> {
+    fn new(timing: Timing, line: &'a [(u64, bool)], end: u64) -> Self {
+        let capture = TestCapture::default();
+        let inputs = Inputs::new(capture.clone(), Some(timing));
+        let filters = [USUAL_COUNTS, LONG_COUNTS].map(|counts| filtered(line, counts, end));
+        Self { capture, inputs, line, filters, seen: 0, random: 7 }
+    }
+
+    fn listening(&self) -> Listening {
+        self.capture.get().listening[0]
+    }
+
     /// The next edge that the hardware captures.
     fn next(&self, after: u64) -> Option<u64> {
-        let edges = match self.decoder.listening() {
+        let edges = match self.listening() {
             Listening::Off => return None,
             Listening::All => &self.filters[0],
             Listening::LongLevels => &self.filters[1],
@@ -70,8 +85,8 @@ impl Input<'_> {
         us(0.4 + 3.3 * share.powi(8))
     }
 
-    /// One control tick up to `now`, its interrupts, and what it reports.
-    fn tick(&mut self, now: u64) -> (u32, Signal) {
+    /// One control tick up to `now`: its interrupts, and what it reads.
+    fn tick(&mut self, now: u64) -> (u32, Reading) {
         let mut interrupts = 0;
         while let Some(edge) = self.next(self.seen) {
             let served = edge + self.latency();
@@ -79,24 +94,24 @@ impl Input<'_> {
                 break;
             }
             // All that came until then is in one stamp, the last.
-            let (mut last, mut count) = (edge, 1);
+            let (mut last, mut overcapture) = (edge, false);
             while let Some(next) = self.next(last).filter(|next| *next <= served) {
-                (last, count) = (next, count + 1);
-            }
-            if count > 1 {
-                self.decoder.overcapture();
+                (last, overcapture) = (next, true);
             }
             // The pin itself is read, behind no filter.
-            self.decoder.edge(last as u32, level_at(self.line, served));
+            let is_high = level_at(self.line, served);
+            self.capture.get().edges[0] = Some(Edge { timestamp: last as u32, is_high, overcapture });
+            self.inputs.capture();
             self.seen = last;
             interrupts += 1;
         }
-        let before = self.decoder.listening();
-        let signal = self.decoder.poll(now as u32);
-        if before != self.decoder.listening() {
+        self.capture.get().now = now as u32;
+        let before = self.listening();
+        let [reading, ..] = self.inputs.poll();
+        if before == Listening::Off && self.listening() != Listening::Off {
             self.seen = now;
         }
-        (interrupts, signal)
+        (interrupts, reading)
     }
 }
 
@@ -123,16 +138,15 @@ fn play(protocol: Protocol, frame_hz: u32, sent: u64, spikes: &[u64]) -> Outcome
     let line: Vec<u64> = (0..sent).flat_map(|n| [start + n * period, start + n * period + width(n)]).collect();
     let line = on_line(&line, spikes);
     let end = start + sent * period;
-    let filters = [USUAL_COUNTS, LONG_COUNTS].map(|counts| filtered(&line, counts, end));
-    let decoder = Decoder::new(Timing::new(protocol, TIMER_HZ, LOOP_HZ).unwrap());
-    let mut input = Input { decoder, line: &line, filters, seen: 0, random: 7 };
+    let timing = Timing::new(protocol, TIMER_HZ, LOOP_HZ).unwrap();
+    let mut input = Input::new(timing, &line, end);
     let mut outcome = Outcome::default();
     let mut last = 0;
     for now in (TICKS_PER_POLL..end).step_by(TICKS_PER_POLL as usize) {
-        let (interrupts, signal) = input.tick(now);
+        let (interrupts, reading) = input.tick(now);
         outcome.most_interrupts = outcome.most_interrupts.max(interrupts);
-        outcome.lost |= matches!(signal, Signal::Lost(_));
-        let Signal::Pulse { width_ticks, .. } = signal else { continue };
+        outcome.lost |= outcome.accepted > 0 && !reading.is_live();
+        let Some(width_ticks) = reading.width_ticks() else { continue };
         outcome.accepted += 1;
         outcome.longest_gap = outcome.longest_gap.max((now - last) as f64 / period as f64);
         last = now;
@@ -144,7 +158,7 @@ fn play(protocol: Protocol, frame_hz: u32, sent: u64, spikes: &[u64]) -> Outcome
             outcome.worst_us = outcome.worst_us.max(off_us);
         }
     }
-    assert!(outcome.most_interrupts <= input.decoder.timing().edges_per_poll() + 1, "{outcome:?}");
+    assert!(outcome.most_interrupts <= timing.edges_per_poll() + 1, "{outcome:?}");
     outcome
 }
 
@@ -177,10 +191,9 @@ fn an_oscillating_line_costs_a_bounded_number_of_interrupts() {
         let oscillation: Vec<u64> = (1..).map(|n| us(half_us * f64::from(n))).take_while(|at| *at < us(2e6)).collect();
         let line = on_line(&oscillation, &[]);
         let end = us(2e6);
-        let filters = [USUAL_COUNTS, LONG_COUNTS].map(|counts| filtered(&line, counts, end));
-        let decoder = Decoder::new(Timing::new(Protocol::StandardPwm, TIMER_HZ, LOOP_HZ).unwrap());
-        let most = decoder.timing().edges_per_poll() + 1;
-        let mut input = Input { decoder, line: &line, filters, seen: 0, random: 7 };
+        let timing = Timing::new(Protocol::StandardPwm, TIMER_HZ, LOOP_HZ).unwrap();
+        let most = timing.edges_per_poll() + 1;
+        let mut input = Input::new(timing, &line, end);
         let ticks = (TICKS_PER_POLL..end).step_by(TICKS_PER_POLL as usize);
         let interrupts: Vec<u32> = ticks.map(|now| input.tick(now).0).collect();
         let total: u32 = interrupts.iter().sum();

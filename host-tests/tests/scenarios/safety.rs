@@ -98,7 +98,7 @@ pub const LOST_TO_THE_TICK: Scenario = Scenario {
 };
 
 pub const GLITCHES: Scenario = Scenario {
-    name: "spikes and gaps under 2 µs change nothing, and are counted",
+    name: "spikes and gaps under 2 µs change nothing",
     prove: glitches,
     controls: &[
         ("they are three times as long", |play| {
@@ -312,14 +312,12 @@ fn glitches(target: &dyn Target) -> Proof {
     let mut play = Play::new(&Settings::default(), STARTED + ms(60.0));
     play.pulses(0, PERIOD, play.end, |n| if n < first_after_start(PERIOD) { 1000.0 } else { 1500.0 });
     // A spike of 0.2 to 1.8 µs in each gap, and as long a gap in each pulse.
-    let mut sent = 0;
     for (n, rise) in (LINES_BEGIN..play.end - ms(3.0)).step_by(PERIOD as usize).enumerate() {
         let long = us(0.2 + 0.2 * (n % 9) as f64);
         for (from, is_high) in [(rise + us(400.0), false), (rise + us(2100.0), true)] {
             let pin = INPUT_1;
             play.edges.push(Edge { cycle: from, pin, is_high });
             play.edges.push(Edge { cycle: from + long, pin, is_high: !is_high });
-            sent += u32::from(rise > STARTED);
         }
     }
     play.ask(play.end - ms(1.0), Request::Faults);
@@ -330,8 +328,7 @@ fn glitches(target: &dyn Target) -> Proof {
     let wrong = late.iter().find(|pulse| pulse.width != us(1500.0));
     hold(wrong.is_none(), || format!("{wrong:?}"))?;
     let faults = outcome.faults()?.motors[0];
-    println!("  {sent} glitches since it runs, {faults:?}");
-    hold(faults.glitches >= sent, || format!("{} of {sent} are counted", faults.glitches))?;
+    println!("  {faults:?}");
     hold(faults.missing_edges == 0 && faults.out_of_range == 0, || format!("{faults:?}"))?;
     yes()
 }
