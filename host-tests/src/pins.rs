@@ -83,7 +83,7 @@ pub fn stamps(pin: u8, line: &[Edge], end: u64) -> Vec<Stamp> {
     const AT_REST: u64 = 5;
     const FIRST: u64 = 13;
     const APART: u64 = 10;
-    const NEEDED: u64 = 25;
+    const NEEDED: u64 = 26;
     const OLD_IN_ROW: u32 = 32;
     assert!(line.is_sorted_by_key(|edge| edge.cycle));
     let edges: Vec<Edge> = line.iter().copied().filter(|edge| edge.pin == pin).collect();

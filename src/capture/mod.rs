@@ -19,8 +19,8 @@
 //!   without, which costs a pulse or two while spikes still come. The pin itself is read behind no filter: an edge at which a
 //!   spike is read in place of the level is a missing edge, too.
 //! - **Flood.** With more edges between two polls than good frames and a few glitches can have, the input is off until the
-//!   next poll. Behind the long filter it is off for a pause that doubles from 1 poll to [`LONGEST_MASK_POLLS`], and starts
-//!   anew at 1 after an accepted pulse: a burst costs a frame, and a line that oscillates costs next to no time. However noisy
+//!   next poll. Behind the long filter it is off for a pause that doubles with each flood, from 2 polls to [`LONGEST_MASK_POLLS`],
+//!   and starts anew after an accepted pulse: a burst costs a frame, and a line that oscillates costs next to no time. However noisy
 //!   a line is, it causes at most `edges_per_poll + 1` interrupts per control tick.
 //!
 //! Both are for interrupts. Edges from a queue of bounded length ([`Timing::without_flood`]) are decoded, however many they are.
@@ -176,12 +176,12 @@ pub struct Decoder {
     /// Accepted pulses in a row while the input is not live.
     in_row: u8,
     mode: Mode,
+    /// Whether an edge has changed it.
+    has_new_listening: bool,
     /// Polls for which it stays filtered or masked.
     polls_left: u16,
     /// The pause that the next flood behind the long filter causes.
     next_mask_polls: u16,
-    /// Whether there was a flood since the last accepted pulse.
-    has_flooded: bool,
     faults: Faults,
 }
 
@@ -207,16 +207,17 @@ impl Decoder {
             edges: 0,
             in_row: 0,
             mode: Mode::Open,
+            has_new_listening: false,
             polls_left: 0,
             next_mask_polls: 1,
-            has_flooded: false,
             faults: Faults { glitches: 0, missing_edges: 0, out_of_range: 0, too_soon: 0, floods: 0, losses: 0 },
         }
     }
 
     /// An edge: its time stamp, and the level that the line has after it. For the capture interrupt.
     ///
-    /// Afterwards the interrupt of the input is to be off when [`Self::is_off`] says so.
+    /// Afterwards the interrupt of the input is to be as [`Self::listening`] says, which has changed where
+    /// [`Self::has_new_listening`].
     pub fn edge(&mut self, timestamp: u32, level: Level) {
         if self.is_off() {
             return;
@@ -290,6 +291,7 @@ impl Decoder {
             self.line = Line::Unknown;
             if self.mode == Mode::Open {
                 (self.mode, self.polls_left) = (Mode::Filtered, FILTERED_POLLS);
+                self.has_new_listening = true;
             }
         }
     }
@@ -396,6 +398,19 @@ impl Decoder {
         }
     }
 
+    /// Whether an edge has changed which are to interrupt, since [`Self::take_listening`].
+    #[must_use]
+    #[inline]
+    pub const fn has_new_listening(&self) -> bool {
+        self.has_new_listening
+    }
+
+    /// [`Self::listening`], for the caller that does as it says.
+    pub const fn take_listening(&mut self) -> Listening {
+        self.has_new_listening = false;
+        self.listening()
+    }
+
     /// What was wrong on the line since the start.
     #[must_use]
     pub const fn faults(&self) -> Faults {
@@ -456,7 +471,6 @@ impl Decoder {
         self.accepted_rise = self.rise;
         self.accepted_fall = self.fall;
         self.next_mask_polls = 1;
-        self.has_flooded = false;
     }
 
     /// A pulse that nobody polled for in time is lost with its input at once, but is counted.
@@ -503,9 +517,11 @@ impl Decoder {
             return;
         }
         count(&mut self.faults.losses);
+        // An accepted pulse would have set the pause back to 1.
+        let flooded = self.next_mask_polls > 1;
         let silent = elapsed(self.last_edge, now) >= self.timing.max_period.cast_signed();
         self.liveness = Liveness::Lost(match self.line {
-            _ if self.has_flooded => LossReason::Flood,
+            _ if flooded => LossReason::Flood,
             Line::Low if silent => LossReason::StuckLow,
             Line::High | Line::HighUnsure if silent => LossReason::StuckHigh,
             _ => LossReason::Implausible,
@@ -517,13 +533,11 @@ impl Decoder {
     fn flood(&mut self) {
         count(&mut self.faults.floods);
         self.line = Line::Unknown;
-        self.has_flooded = true;
-        if self.mode == Mode::Open {
-            self.mode = Mode::Flooded;
-            return;
-        }
-        self.mode = Mode::Masked;
-        self.polls_left = self.next_mask_polls;
+        self.has_new_listening = true;
+        (self.mode, self.polls_left) = match self.mode {
+            Mode::Open => (Mode::Flooded, 0),
+            Mode::Filtered | Mode::Flooded | Mode::Masked => (Mode::Masked, self.next_mask_polls),
+        };
         self.next_mask_polls = (self.next_mask_polls * 2).min(LONGEST_MASK_POLLS);
     }
 }

@@ -28,17 +28,16 @@ impl<T: CaptureTimer> Inputs<T> {
     pub fn capture(&mut self) -> bool {
         let Some(decoders) = &mut self.decoders else { return false };
         let edges = self.timer.take();
-        let (mut has_edges, mut has_changed) = (false, false);
-        for ((decoder, edge), listening) in decoders.iter_mut().zip(edges).zip(self.listening) {
+        let mut has_edges = false;
+        for (decoder, edge) in decoders.iter_mut().zip(edges) {
             let Some(Edge { timestamp, is_high, overcapture }) = edge else { continue };
             has_edges = true;
             if overcapture {
                 decoder.overcapture();
             }
             decoder.edge(timestamp, if is_high { Level::High } else { Level::Low });
-            has_changed |= decoder.listening() != listening;
         }
-        if has_changed {
+        if decoders.iter().any(Decoder::has_new_listening) {
             self.listen();
         }
         has_edges
@@ -91,8 +90,8 @@ impl<T: CaptureTimer> Inputs<T> {
     #[cold]
     #[inline(never)]
     fn listen(&mut self) {
-        let listening = |decoders: &[Decoder; MOTORS]| decoders.each_ref().map(Decoder::listening);
-        let listening = self.decoders.as_ref().map_or([Listening::Off; MOTORS], listening);
+        let listening = |decoders: &mut [Decoder; MOTORS]| decoders.each_mut().map(Decoder::take_listening);
+        let listening = self.decoders.as_mut().map_or([Listening::Off; MOTORS], listening);
         self.is_any_restricted = self.decoders.is_some() && listening != [Listening::All; MOTORS];
         if listening != self.listening {
             self.listening = listening;

@@ -5,8 +5,8 @@
 //! holds 8 stamps or words; one that finds it full is lost, and raises a flag.
 //!
 //! **Debounce.** An edge is stamped when the line has had its new level in [`SETTLED_SAMPLES`] samples behind the first one. They
-//! come every 10 cycles, the first of them 13 cycles after that, so the shortest level with a stamp lasts 13 + 24 * 10 = 253 cycles,
-//! 2.02 µs, and 5 + 1 cycles more always suffice. 32 samples in a row (2.56 µs) with the old level end the attempt: a spike that comes
+//! come every 10 cycles, the first of them 13 cycles after that, so the shortest level with a stamp lasts 13 + 25 * 10 = 263 cycles,
+//! 2.1 µs, and 5 + 1 cycles more always suffice: the 2 µs of a glitch, and what a slow edge may add to a level. 32 samples in a row (2.56 µs) with the old level end the attempt: a spike that comes
 //! before or after an edge moves that edge by its own length at most, and the samples of short levels that follow one another more
 //! closely add up, so that frames of DShot leave stamps and are not taken for an open line.
 //! Rise and fall take the same number of cycles, so no width is changed by the delay; it is taken off the stamps.
@@ -29,7 +29,7 @@ use crate::state_machines::{Block, Direction, Divider, StateMachines};
 /// Cycles of the core between two counts: those of the stamping loop.
 pub const COUNT_CYCLES: u32 = 5;
 /// Samples with the new level that an edge needs behind the first one: one more than the program loads.
-const SETTLED_SAMPLES: u32 = 25;
+const SETTLED_SAMPLES: u32 = 26;
 /// From an edge to its stamp: two counts for each of these samples.
 const DEBOUNCE_COUNTS: u32 = 2 * SETTLED_SAMPLES;
 /// Stamps that a queue holds.
@@ -62,7 +62,7 @@ fn stamps() -> Program<32> {
     pio_asm!(
         "    mov x, !null",
         "rise:",
-        "    set y, 24 [1]",
+        "    set y, 25 [1]",
         "more_high:",
         "    mov osr, !null",
         "rising:",
@@ -96,7 +96,7 @@ fn stamps() -> Program<32> {
         "    jmp x-- high_pin",
         "high_pin:",
         "    jmp pin high [3]",
-        "    set y, 24",
+        "    set y, 25",
         "more_low:",
         "    mov osr, null",
         "falling:",

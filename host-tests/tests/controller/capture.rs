@@ -325,7 +325,7 @@ fn a_line_that_floods_is_masked_for_longer_and_longer_and_comes_back() {
         signals.push((now, decoder.poll(now as u32)));
     }
     assert_eq!(most, decoder.timing().edges_per_poll() + 1, "interrupts in one control tick");
-    // 2000 ticks of flood: one until the next poll, and pauses of 1, 2, 4 ... 512, 512 polls.
+    // 2000 ticks of flood: one until the next poll, and pauses of 2, 4 ... 512, 512 polls.
     assert!(decoder.faults().floods <= 14 && total <= 14 * most, "{total} interrupts, {:?}", decoder.faults());
     let (time, reason) = first_loss(&signals).unwrap();
     assert_eq!(reason, LossReason::Flood);
