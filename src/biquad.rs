@@ -23,7 +23,13 @@
 //!   an L1 gain (sum of the magnitudes of the impulse response) below 7, which [`crate::design::LeadDesign`] checks.
 //!   Then `y` is within (-3, 4), and `x - y` and `dy` within (-4, 4).
 //!
+//! A [`LimitedSection`] has a range and a slew limit of its output in its state.
+//!
 //! `docs/fixed-point.md` has the proofs, the reasons for this form, and its precision.
+
+mod limited;
+
+pub use limited::{LimitedCoefficients, LimitedSection};
 
 use crate::multiply::signed;
 use crate::throttle::{Command, Throttle};
@@ -108,19 +114,24 @@ impl Section {
         let x = input.to_bits();
         // Cannot wrap: both inputs are in 0..=2^29.
         let dx = x.wrapping_sub(self.x);
-        let error = x.saturating_sub(self.y);
-        // The terms that depend on the last output come last: they are on the critical path from tick to tick.
-        // Partial sums may wrap. The complete sum fits: its high word is the next dy, and |dy| < 4 (see the module).
-        let sum = (i64::from(self.dy) << 32 | i64::from(self.remainder))
-            .wrapping_add(signed(coefficients.g1, self.dx).wrapping_add(signed(coefficients.g0, dx)))
-            .wrapping_add(signed(coefficients.k, self.dy))
-            .wrapping_add(signed(coefficients.c, error));
+        let sum = self.increment(coefficients, x.saturating_sub(self.y), dx);
         self.dy = (sum >> 32) as i32;
         self.remainder = sum as u32;
         self.y = self.y.saturating_add(self.dy);
         self.x = x;
         self.dx = dx;
         Throttle::from_bits(self.y)
+    }
+
+    /// The accumulator of the next output increment, Q2.61.
+    #[inline(always)]
+    fn increment(&self, coefficients: &Coefficients, error: i32, dx: i32) -> i64 {
+        // The terms that depend on the last output come last: they are on the critical path from tick to tick.
+        // Partial sums may wrap. The complete sum fits: its high word is the next dy, and |dy| < 4 (see the module).
+        (i64::from(self.dy) << 32 | i64::from(self.remainder))
+            .wrapping_add(signed(coefficients.g1, self.dx).wrapping_add(signed(coefficients.g0, dx)))
+            .wrapping_add(signed(coefficients.k, self.dy))
+            .wrapping_add(signed(coefficients.c, error))
     }
 
     /// One control tick per input: writes the output of `inputs[i]` to `outputs[i]`. Equal to as many calls of

@@ -6,8 +6,8 @@ use biquad::Biquad as _;
 use dsp_fixedpoint::Q32;
 use dsp_process::SplitProcess;
 use idsp::iir::DirectForm1Dither;
-use rotorlead::biquad::{Coefficients, Section};
-use rotorlead::compensator::Filter;
+use rotorlead::biquad::{Coefficients, LimitedCoefficients, LimitedSection, Section};
+use rotorlead::compensator::{Filter, LeadFilter};
 use rotorlead::controller;
 use rotorlead::design::{CurvePoint, InverseDesign};
 use rotorlead::inverse::{self, ConditionedInverse};
@@ -119,6 +119,21 @@ filter!(
 );
 
 filter!(
+    rotorlead_limited_section,
+    LimitedSection,
+    LimitedCoefficients,
+    Command,
+    Command,
+    |section: &mut LimitedSection, coefficients: &LimitedCoefficients, x| section.update(coefficients, x),
+    |section: &mut LimitedSection, coefficients: &LimitedCoefficients, x: &[Command], y: &mut [Command]| {
+        for (x, y) in x.iter().zip(y) {
+            *y = section.update(coefficients, *x);
+        }
+    },
+    Command::to_bits
+);
+
+filter!(
     rotorlead_inverse,
     ConditionedInverse,
     inverse::Coefficients,
@@ -193,7 +208,7 @@ fn counted(timer: &TIM2, section: &mut Section, coefficients: &Coefficients, blo
 /// Every function of every filter.
 pub fn run(timer: &TIM2, clocks: &RCC) {
     let defaults = Validated::default();
-    let Ok([Filter::Lead(coefficients), ..]) = controller::filters(&defaults) else { return };
+    let Ok([Filter::Lead(LeadFilter { coefficients, slew }), ..]) = controller::filters(&defaults) else { return };
     // The textbook's coefficients, with a0 = 1 and y = b x - a y: see `rotorlead::biquad`.
     let part = |bits: i32| f64::from(bits) / 4_294_967_296.0;
     let (k, c, g0, g1) =
@@ -203,13 +218,21 @@ pub fn run(timer: &TIM2, clocks: &RCC) {
     let start = Command::saturating_from_bits(LEVELS[0]);
     rotorlead_section::run(Section::at_level(start), &coefficients, Command::saturating_from_bits);
 
+    let far = Command::saturating_from_bits(LEVELS[1]);
+    let limited_coefficients = LimitedCoefficients::from(coefficients);
+    let mut section = LimitedSection::at_rest(Command::ZERO, Command::ONE, slew, start);
+    rotorlead_limited_section::run(section, &limited_coefficients, Command::saturating_from_bits);
+    // Once more from rest: the slew limits the first tick of a step.
+    let limited = black_box(
+        rotorlead_limited_section::call as fn(&mut LimitedSection, &LimitedCoefficients, Command) -> Command,
+    );
+    let _ = black_box(limited(black_box(&mut section), black_box(&limited_coefficients), black_box(far)));
+
     let reference = defaults.inverse.reference();
     let Ok(design) = InverseDesign::new(reference, f64::from(defaults.loop_rate_hz), &PAPER_CURVE) else { return };
     let Ok(limits) = design.limits(Command::ZERO, Command::ONE, defaults.slew_per_s) else { return };
     let mut inverse = ConditionedInverse::at_rest(limits, start);
     rotorlead_inverse::run(inverse, design.coefficients(), Command::saturating_from_bits);
-    // Once more from rest: the slew limits the first tick of a step.
-    let far = Command::saturating_from_bits(LEVELS[1]);
     let limited =
         black_box(rotorlead_inverse::call as fn(&mut ConditionedInverse, &inverse::Coefficients, Command) -> Command);
     let _ = black_box(limited(black_box(&mut inverse), black_box(design.coefficients()), black_box(far)));

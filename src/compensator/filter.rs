@@ -1,6 +1,6 @@
 //! What shapes a command: the section of a lead compensator, or a conditioned inverse.
 
-use crate::biquad::{self, Section};
+use crate::biquad::{self, LimitedCoefficients, LimitedSection, Section};
 use crate::inverse::{self, ConditionedInverse, Limits, SlewLimit};
 use crate::multiply::signed;
 use crate::throttle::Command;
@@ -11,9 +11,19 @@ use crate::throttle::Command;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Filter {
     /// A lead, of a [`LeadDesign`](crate::design::LeadDesign).
-    Lead(biquad::Coefficients),
+    Lead(LeadFilter),
     /// A conditioned inverse, of an [`InverseDesign`](crate::design::InverseDesign).
     Inverse(InverseFilter),
+}
+
+/// A lead with what it is allowed to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LeadFilter {
+    /// Its section.
+    pub coefficients: biquad::Coefficients,
+    /// Largest change of the output per tick. With one the section has the limits in its state ([`LimitedSection`]). With
+    /// [`SlewLimit::NONE`] it runs unlimited, and a clamp to the range follows.
+    pub slew: SlewLimit,
 }
 
 /// A conditioned inverse with what it is allowed to do.
@@ -47,8 +57,15 @@ impl CommandRange {
 }
 
 impl From<biquad::Coefficients> for Filter {
+    /// A lead without a slew limit.
     fn from(coefficients: biquad::Coefficients) -> Self {
-        Self::Lead(coefficients)
+        LeadFilter { coefficients, slew: SlewLimit::NONE }.into()
+    }
+}
+
+impl From<LeadFilter> for Filter {
+    fn from(filter: LeadFilter) -> Self {
+        Self::Lead(filter)
     }
 }
 
@@ -63,6 +80,7 @@ impl From<InverseFilter> for Filter {
 #[derive(Clone, Copy, Debug)]
 pub(super) enum RunningFilter {
     Lead(RunningLead),
+    LimitedLead(RunningLimitedLead),
     Inverse(RunningInverse),
 }
 
@@ -80,6 +98,21 @@ impl RunningLead {
     #[inline]
     pub fn update(&mut self, input: Command) -> Command {
         self.section.update(&self.coefficients, input).clamp_in_order(self.min, self.max)
+    }
+}
+
+/// A section with the limits in its state.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RunningLimitedLead {
+    coefficients: LimitedCoefficients,
+    section: LimitedSection,
+}
+
+impl RunningLimitedLead {
+    /// One control tick.
+    #[inline]
+    pub fn update(&mut self, input: Command) -> Command {
+        self.section.update(&self.coefficients, input)
     }
 }
 
@@ -109,8 +142,12 @@ impl RunningFilter {
     /// At rest at `min`, which is at most `max`.
     pub fn at_rest(filter: Filter, min: Command, max: Command) -> Self {
         match filter {
-            Filter::Lead(coefficients) => {
+            Filter::Lead(LeadFilter { coefficients, slew: SlewLimit::NONE }) => {
                 Self::Lead(RunningLead { coefficients, section: Section::at_level(min), min, max })
+            }
+            Filter::Lead(LeadFilter { coefficients, slew }) => {
+                let section = LimitedSection::at_rest(min, max, slew, min);
+                Self::LimitedLead(RunningLimitedLead { coefficients: coefficients.into(), section })
             }
             Filter::Inverse(InverseFilter { coefficients, slew, range }) => {
                 let inverse = ConditionedInverse::at_rest(Limits::new(min, max, slew), min);
@@ -124,15 +161,17 @@ impl RunningFilter {
     pub const fn reset(&mut self, level: Command) {
         match self {
             Self::Lead(lead) => lead.section = Section::at_level(level),
+            Self::LimitedLead(lead) => lead.section.rest(level, level),
             Self::Inverse(inverse) => inverse.inverse.reset(level),
         }
     }
 
-    /// A tick without it: the input is `input`, and the ESC gets `output`. A section rests at its input; an inverse knows what a rotor
-    /// does that gets the output, which lags behind.
+    /// A tick without it: the input is `input`, and the ESC gets `output`. A section rests at its input, one with a slew limit with the
+    /// output that it must go on from. An inverse knows what a rotor does that gets the output, which lags behind.
     pub fn bypass(&mut self, input: Command, output: Command) {
         match self {
             Self::Lead(lead) => lead.section = Section::at_level(input),
+            Self::LimitedLead(lead) => lead.section.rest(input, output),
             Self::Inverse(RunningInverse { coefficients, inverse, .. }) => inverse.follow(coefficients, output),
         }
     }
@@ -141,7 +180,7 @@ impl RunningFilter {
     #[inline]
     pub fn covers(&self, command: Command) -> bool {
         match self {
-            Self::Lead(_) => true,
+            Self::Lead(_) | Self::LimitedLead(_) => true,
             Self::Inverse(inverse) => inverse.covers(command),
         }
     }
@@ -150,6 +189,7 @@ impl RunningFilter {
     pub fn update(&mut self, input: Command) -> Command {
         match self {
             Self::Lead(lead) => lead.update(input),
+            Self::LimitedLead(lead) => lead.update(input),
             Self::Inverse(inverse) => inverse.update(input),
         }
     }
@@ -161,9 +201,12 @@ impl RunningFilter {
     /// response would. A slower decay drives the motor past its command. A faster one is the step that bumpless switching
     /// is to prevent.
     pub fn decay_step(&self, offset: i32) -> i32 {
+        // p = 1 + k
+        let of_section =
+            |coefficients: &biquad::Coefficients| (-signed(offset, coefficients.k()), biquad::COEFFICIENT_BITS);
         let (product, bits) = match self {
-            // p = 1 + k
-            Self::Lead(lead) => (-signed(offset, lead.coefficients.k()), biquad::COEFFICIENT_BITS),
+            Self::Lead(lead) => of_section(&lead.coefficients),
+            Self::LimitedLead(lead) => of_section(lead.coefficients.section()),
             // p = 1 - B
             Self::Inverse(inverse) => (signed(offset, inverse.coefficients.b()), inverse::COEFFICIENT_BITS),
         };

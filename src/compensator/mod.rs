@@ -2,7 +2,7 @@
 
 mod filter;
 
-pub use filter::{CommandRange, Filter, InverseFilter};
+pub use filter::{CommandRange, Filter, InverseFilter, LeadFilter};
 
 use core::num::NonZeroI32;
 
@@ -188,8 +188,11 @@ impl Compensator {
     /// [`Self::update`] in the state [`State::Filter`].
     #[inline(never)]
     fn update_filter(&mut self, input: Command) -> Command {
-        let RunningFilter::Lead(lead) = &mut self.filter else { return self.update_inverse(input) };
-        let output = lead.update(input);
+        let output = match &mut self.filter {
+            RunningFilter::LimitedLead(lead) => lead.update(input),
+            RunningFilter::Lead(lead) => lead.update(input),
+            RunningFilter::Inverse(_) => return self.update_inverse(input),
+        };
         self.outputs = [self.outputs[1], output];
         output
     }

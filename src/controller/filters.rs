@@ -35,7 +35,7 @@ impl fmt::Display for FilterError {
 impl core::error::Error for FilterError {}
 
 /// The filter of each motor, in their order: the lead of [`Settings::lead`] for all, or the inverse of [`Settings::inverse`] along
-/// each motor's own [`MotorSettings::curve`]. Some hundred milliseconds of double precision in software on the controller, and
+/// each motor's own [`MotorSettings::curve`]; both with the slew limit of [`Settings::slew_per_s`]. Some hundred milliseconds of double precision in software on the controller, and
 /// the same bits as on a host.
 ///
 /// # Errors
@@ -43,8 +43,10 @@ impl core::error::Error for FilterError {}
 pub fn filters(settings: &Validated) -> Result<[Filter; MOTORS], FilterError> {
     match settings.compensator {
         CompensatorKind::Lead => {
-            let design = LeadDesign::new(settings.lead.into(), f64::from(settings.loop_rate_hz), None);
-            Ok([(*design.map_err(FilterError::Lead)?.coefficients()).into(); MOTORS])
+            let design = LeadDesign::new(settings.lead.into(), f64::from(settings.loop_rate_hz), None)
+                .and_then(|design| design.with_slew(settings.slew_per_s))
+                .map_err(FilterError::Lead)?;
+            Ok([design.filter().into(); MOTORS])
         }
         CompensatorKind::Inverse => {
             let [a, b, c, d] = &settings.motors;

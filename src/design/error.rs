@@ -4,6 +4,8 @@ use core::fmt;
 
 use libm::fabs;
 
+use crate::inverse::OUTPUT_BITS;
+
 /// Why there is no such design. Every variant names the parameter and its limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum DesignError {
@@ -75,6 +77,13 @@ pub enum DesignError {
         /// Highest value allowed.
         max_db: f64,
     },
+    /// The slew limit is less than a step of the output per tick.
+    SlewTooSlow {
+        /// The slew limit, units of the command per second.
+        slew_per_s: f64,
+        /// A step per tick.
+        min_per_s: f64,
+    },
 }
 
 impl fmt::Display for DesignError {
@@ -114,6 +123,11 @@ impl fmt::Display for DesignError {
             Self::DeviationTooLarge { deviation_db, max_db } => write!(
                 f,
                 "rounded coefficients change the response by {deviation_db:.4} dB, more than {max_db} dB: lower loop_rate_hz"
+            ),
+            Self::SlewTooSlow { slew_per_s, min_per_s } => write!(
+                f,
+                "slew_per_s is {slew_per_s}, less than one step of the output, 2^-{OUTPUT_BITS}, per tick: at this loop rate it \
+                 must be at least {min_per_s:.4}, or 0 for no limit"
             ),
         }
     }

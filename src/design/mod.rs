@@ -9,15 +9,16 @@ mod error;
 mod inverse;
 mod lead;
 mod recurrence;
+mod slew;
 mod tustin;
 
 pub use check::DesignCheck;
 pub use error::DesignError;
 pub use inverse::{
-    CurvePoint, InverseDesign, InverseError, LARGEST_ROUNDING_ERROR, ReferenceModel, RotorCurve, SLEW_RANGE_PER_S,
-    TIME_CONSTANT_RANGE_S,
+    CurvePoint, InverseDesign, InverseError, LARGEST_ROUNDING_ERROR, ReferenceModel, RotorCurve, TIME_CONSTANT_RANGE_S,
 };
 pub use lead::LeadParameters;
+pub use slew::{SLEW_RANGE_PER_S, slew_limit};
 pub use tustin::LeadDesign;
 
 use core::f64::consts::FRAC_1_SQRT_2;

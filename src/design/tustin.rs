@@ -8,11 +8,14 @@ use super::error::within;
 use super::recurrence::{FORMAT_ONE, Recurrence};
 use super::{
     DesignCheck, DesignError, FASTEST_POLE_RAD, FREQUENCY_RANGE_RAD_S, LOOP_RATE_RANGE_HZ, LeadParameters,
-    SMALLEST_COEFFICIENT,
+    SMALLEST_COEFFICIENT, slew_limit,
 };
 use crate::biquad::Coefficients;
+use crate::compensator::LeadFilter;
+use crate::inverse::SlewLimit;
 
-/// A checked design: the Tustin image of a [`LeadParameters`] at a loop rate, rounded to the section's format.
+/// A checked design: the Tustin image of a [`LeadParameters`] at a loop rate, rounded to the section's format, with the slew limit of
+/// its output.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LeadDesign {
     lead: LeadParameters,
@@ -20,12 +23,14 @@ pub struct LeadDesign {
     prewarp_rad_s: Option<f64>,
     coefficients: Coefficients,
     check: DesignCheck,
+    slew_per_s: Option<f64>,
+    slew: SlewLimit,
 }
 
 impl LeadDesign {
     /// Designs the section for `lead` at `loop_rate_hz` by Tustin's substitution
     /// `s -> a (1 - z^-1) / (1 + z^-1)`, with `a = 2 loop_rate` or, so that both responses agree at `prewarp_rad_s`,
-    /// `a = prewarp / tan(prewarp / (2 loop_rate))`.
+    /// `a = prewarp / tan(prewarp / (2 loop_rate))`. It has no slew limit ([`Self::with_slew`]).
     ///
     /// # Errors
     /// See [`DesignError`]. Nothing saturates in silence: a design that the format cannot hold is refused.
@@ -60,7 +65,17 @@ impl LeadDesign {
             min: 4.0 / 3.0 * lead.omega_f_rad_s / substitution_rad_s,
         })?;
         let check = check(&ideal, &coefficients, &lead, loop_rate_hz)?;
-        Ok(Self { lead, loop_rate_hz, prewarp_rad_s, coefficients, check })
+        let (slew_per_s, slew) = (None, SlewLimit::NONE);
+        Ok(Self { lead, loop_rate_hz, prewarp_rad_s, coefficients, check, slew_per_s, slew })
+    }
+
+    /// The same with a slew limit of the output in units of the command per second, as of [`slew_limit`]; 0 for none.
+    ///
+    /// # Errors
+    /// When the slew limit is refused.
+    pub fn with_slew(self, slew_per_s: f64) -> Result<Self, DesignError> {
+        let slew = slew_limit(slew_per_s, self.loop_rate_hz)?;
+        Ok(Self { slew_per_s: (slew_per_s > 0.0).then_some(slew_per_s), slew, ..self })
     }
 
     /// The continuous compensator.
@@ -85,6 +100,18 @@ impl LeadDesign {
     #[must_use]
     pub const fn coefficients(&self) -> &Coefficients {
         &self.coefficients
+    }
+
+    /// The slew limit of the output, units of the command per second, where there is one.
+    #[must_use]
+    pub const fn slew_per_s(&self) -> Option<f64> {
+        self.slew_per_s
+    }
+
+    /// The filter of a [`Compensator`](crate::compensator::Compensator).
+    #[must_use]
+    pub const fn filter(&self) -> LeadFilter {
+        LeadFilter { coefficients: self.coefficients, slew: self.slew }
     }
 
     /// What the rounded coefficients do to the response.

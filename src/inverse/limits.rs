@@ -24,8 +24,8 @@ pub(super) const fn nearest_steps(command: Command) -> i32 {
     (command.to_bits() + HALF_STEP) >> STEP_SHIFT
 }
 
-/// Largest change of the output per tick, a multiple of its step of 2^-16. Made by
-/// [`InverseDesign::slew_limit`](crate::design::InverseDesign::slew_limit).
+/// Largest change of the output of a compensator per tick, a multiple of 2^-16, the step of an inverse's output. Made by
+/// [`slew_limit`](crate::design::slew_limit).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SlewLimit {
     /// 1 to 2^16 steps of the output.

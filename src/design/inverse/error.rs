@@ -5,7 +5,7 @@ use core::fmt;
 use super::super::DesignError;
 use super::rounding::LONGEST_RESPONSE_TICKS;
 use super::table_command;
-use crate::inverse::{OUTPUT_BITS, TABLE_POINTS, TableError};
+use crate::inverse::{TABLE_POINTS, TableError};
 use crate::throttle::Command;
 
 /// Why a conditioned inverse is refused. Every variant names the parameter, its place and its limit.
@@ -79,13 +79,6 @@ pub enum InverseError {
         /// The highest output.
         max: Command,
     },
-    /// The slew limit is less than a step of the output per tick.
-    SlewTooSlow {
-        /// The slew limit, units of the command per second.
-        slew_per_s: f64,
-        /// A step per tick.
-        min_per_s: f64,
-    },
 }
 
 impl InverseError {
@@ -152,11 +145,6 @@ impl fmt::Display for InverseError {
             Self::LimitsCrossed { min, max } => {
                 write!(f, "min is {:.4}, above max, {:.4}: exchange them", min.to_f64(), max.to_f64())
             }
-            Self::SlewTooSlow { slew_per_s, min_per_s } => write!(
-                f,
-                "slew_per_s is {slew_per_s}, less than one step of the output, 2^-{OUTPUT_BITS}, per tick: at this loop rate it \
-                 must be at least {min_per_s:.4}, or 0 for no limit"
-            ),
         }
     }
 }

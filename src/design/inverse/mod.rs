@@ -12,17 +12,14 @@ pub use error::InverseError;
 pub use reference::ReferenceModel;
 pub use rounding::LARGEST_ROUNDING_ERROR;
 
-use libm::{expm1, floor, rint};
+use libm::{expm1, rint};
 
 use super::LOOP_RATE_RANGE_HZ;
 use super::error::within;
 use crate::compensator::{CommandRange, InverseFilter};
-use crate::inverse::{COEFFICIENT_BITS, Coefficients, GAIN_BITS, Limits, OUTPUT_BITS, SlewLimit, TABLE_POINTS};
+use crate::inverse::{COEFFICIENT_BITS, Coefficients, GAIN_BITS, Limits, SlewLimit, TABLE_POINTS};
 use crate::throttle::Command;
 use reference::Discrete;
-
-/// Range of slew limits in units of the command per second; 0 is no limit.
-pub const SLEW_RANGE_PER_S: (f64, f64) = (0.0, 1e6);
 
 /// A checked design: the coefficients of a [`ConditionedInverse`](crate::inverse::ConditionedInverse) for a reference
 /// model, a loop rate and a rotor.
@@ -59,19 +56,12 @@ impl InverseDesign {
         Ok(Self { reference, loop_rate_hz, coefficients, rounding_error })
     }
 
-    /// A slew limit in units of the command per second, 0 for none. It is rounded down to whole steps of the output, 2^-16,
-    /// per tick.
+    /// A slew limit in units of the command per second, 0 for none, as of [`slew_limit`](super::slew_limit).
     ///
     /// # Errors
-    /// When it is not finite, negative, or positive and less than a step per tick.
+    /// When it is not finite, negative, or positive and less than a step of 2^-16 per tick.
     pub fn slew_limit(&self, slew_per_s: f64) -> Result<SlewLimit, InverseError> {
-        let slew_per_s = within("slew_per_s", slew_per_s, SLEW_RANGE_PER_S)?;
-        if slew_per_s == 0.0 {
-            return Ok(SlewLimit::NONE);
-        }
-        let steps = floor(slew_per_s / self.loop_rate_hz * f64::from(1_u32 << OUTPUT_BITS)) as u32;
-        let min_per_s = self.loop_rate_hz / f64::from(1_u32 << OUTPUT_BITS);
-        SlewLimit::from_steps(steps).ok_or(InverseError::SlewTooSlow { slew_per_s, min_per_s })
+        Ok(super::slew_limit(slew_per_s, self.loop_rate_hz)?)
     }
 
     /// What the output can do: its range [`min`, `max`] and its slew, as of [`Self::slew_limit`]. The ends are rounded inward to

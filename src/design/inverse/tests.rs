@@ -1,6 +1,7 @@
 //! The discrete model, the curve, the bound on rounding, and every refusal.
 
 use super::*;
+use crate::design::DesignError;
 use num_complex::Complex64;
 use std::format;
 
@@ -114,7 +115,7 @@ fn the_slew_is_rounded_down_to_whole_steps_per_tick() {
     assert_eq!(steps(1e6), Ok(65_536));
     let min_per_s = 5000.0 / 65_536.0;
     assert_eq!(steps(min_per_s), Ok(1));
-    assert_eq!(steps(0.07), Err(InverseError::SlewTooSlow { slew_per_s: 0.07, min_per_s }));
+    assert_eq!(steps(0.07), Err(InverseError::Parameter(DesignError::SlewTooSlow { slew_per_s: 0.07, min_per_s })));
     for slew_per_s in [f64::NAN, f64::INFINITY, -1.0] {
         assert!(matches!(steps(slew_per_s), Err(InverseError::Parameter(_))), "{slew_per_s}");
     }

@@ -8,14 +8,19 @@ use crate::image::Image;
 use crate::run::Result;
 
 /// The module in the image, and what its name is in tables and in JSON.
-const FILTERS: [(&str, &str, &str); 4] = [
+const FILTERS: [(&str, &str, &str); 5] = [
     ("rotorlead_section", "rotorlead lead", "biquad"),
-    (INVERSE, "rotorlead inverse", "inverse"),
+    (LIMITED, "rotorlead lead, slew", LIMITED_KEY),
+    (INVERSE, "rotorlead inverse", INVERSE_KEY),
     ("idsp_dither", "idsp 0.23 Dither", "idsp_dither"),
     ("biquad_f32", "biquad 0.6 f32 DF1", "biquad_f32"),
 ];
-/// The one with a tick of another length, in which its slew limits the output, and with an output of 16 bits.
+/// Those with a tick of another length, in which their slew limits the output. That of the inverse has 16 bits.
+const LIMITED: &str = "rotorlead_limited_section";
 const INVERSE: &str = "rotorlead_inverse";
+/// What they are in JSON.
+pub const LIMITED_KEY: &str = "biquad_limited";
+pub const INVERSE_KEY: &str = "inverse";
 /// Samples of a block, and motors of a tick, as in the image.
 const BLOCK: u32 = 32;
 const MOTORS: u32 = 4;
@@ -89,10 +94,11 @@ impl Bench<'_> {
         let block = self.cost(&of("block"))?;
         let [state_bytes, coefficient_bytes] = [self.result("size")?, self.result("size")?];
         let steady = self.result(&of("steady"))?.cast_signed();
-        let (level, limited) = match module {
-            INVERSE => (LEVEL_OF_INVERSE, Some(self.cost(&of("call"))?)),
-            _ => (LEVEL, None),
+        let limited = match module {
+            LIMITED | INVERSE => Some(self.cost(&of("call"))?),
+            _ => None,
         };
+        let level = if module == INVERSE { LEVEL_OF_INVERSE } else { LEVEL };
         let steady_error = steady - level;
         Ok(Filter { name, key, call, motors, block, limited, state_bytes, coefficient_bytes, steady_error })
     }

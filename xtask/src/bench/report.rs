@@ -9,7 +9,7 @@ use rotorlead::link::BYTES_PER_S;
 
 use super::application::{Costs, Interrupts};
 use super::cycles::{ENTRY, INTERRUPT};
-use super::filters::Filter;
+use super::filters::{Filter, INVERSE_KEY, LIMITED_KEY};
 
 /// Frequency of the core with its crystal, and without one and its PLL.
 const CORE_HZ: f64 = 168e6;
@@ -26,10 +26,9 @@ const MOST_INSTRUCTIONS_CALL: u32 = 22;
 const MOST_INSTRUCTIONS_SAMPLE: f64 = 13.1;
 const MOST_BYTES: u32 = 40;
 const MOST_INSTRUCTIONS_TICK: u32 = 650;
-/// The same of the inverse: a call, a call in which a limit changes the output, and a tick of four motors, for
-/// which two machines counted 894 and 901.
-const MOST_INSTRUCTIONS_INVERSE: u32 = 60;
-const MOST_INSTRUCTIONS_LIMITED: u32 = 80;
+/// Of a filter that has the limits of its output in its state: a call, and a call in which a limit changes the output.
+const MOST_INSTRUCTIONS_WITH_LIMITS: [(&str, u32, u32); 2] = [(LIMITED_KEY, 30, 50), (INVERSE_KEY, 60, 80)];
+/// A tick of four motors with inverses, for which two machines counted 894 and 901.
 const MOST_INSTRUCTIONS_TICK_INVERSE: u32 = 920;
 
 /// Everything that was measured.
@@ -180,14 +179,15 @@ impl Report {
         hold(ours.steady_error == 0, format!("the steady output is off by {}", ours.steady_error));
         let tick = self.interrupts.tick_4ch.worst.instructions;
         hold(tick < MOST_INSTRUCTIONS_TICK, format!("a tick of four motors takes {tick} instructions"));
-        for inverse in self.filters.iter().filter(|filter| filter.limited.is_some()) {
-            let call = inverse.call.instructions;
-            hold(call <= MOST_INSTRUCTIONS_INVERSE, format!("a call of the inverse takes {call} instructions"));
-            let limited = inverse.limited.map_or(0, |limited| limited.instructions);
-            let what = format!("a limited call of the inverse takes {limited} instructions, and a free one {call}");
-            hold((call + 1..=MOST_INSTRUCTIONS_LIMITED).contains(&limited), what);
-            let what = format!("the steady output of the inverse is off by {}", inverse.steady_error);
-            hold(inverse.steady_error == 0, what);
+        for (key, most_free, most_limited) in MOST_INSTRUCTIONS_WITH_LIMITS {
+            let Some(filter) = self.filters.iter().find(|filter| filter.key == key) else { continue };
+            let (name, call) = (filter.name, filter.call.instructions);
+            hold(call <= most_free, format!("a call of {name} takes {call} instructions"));
+            let limited = filter.limited.map_or(0, |limited| limited.instructions);
+            let what = format!("a limited call of {name} takes {limited} instructions, and a free one {call}");
+            hold((call + 1..=most_limited).contains(&limited), what);
+            let what = format!("the steady output of {name} is off by {}", filter.steady_error);
+            hold(filter.steady_error == 0, what);
         }
         let Interrupts { tick_1ch, tick_4ch, capture_1, capture_4, link_byte, link_both, excitations, .. } =
             &self.interrupts;
