@@ -192,6 +192,7 @@ impl From<DesignError> for Status {
             | DesignError::DampingTooLow { .. }
             | DesignError::DeviationTooLarge { .. } => Self::CoefficientOutOfRange,
             DesignError::L1GainTooHigh { .. } => Self::L1GainTooHigh,
+            DesignError::SlewTooSlow { .. } => Self::SlewTooSlow,
         }
     }
 }
@@ -209,7 +210,6 @@ impl From<InverseError> for Status {
             InverseError::ResponseTooLong => Self::ResponseTooLong,
             InverseError::RoundingTooLarge { .. } => Self::RoundingTooLarge,
             InverseError::LimitsCrossed { .. } => Self::LimitsOutOfRange,
-            InverseError::SlewTooSlow { .. } => Self::SlewTooSlow,
         }
     }
 }

@@ -223,9 +223,8 @@ pub fn run(timer: &TIM2, clocks: &RCC) {
     let mut section = LimitedSection::at_rest(Command::ZERO, Command::ONE, slew, start);
     rotorlead_limited_section::run(section, &limited_coefficients, Command::saturating_from_bits);
     // Once more from rest: the slew limits the first tick of a step.
-    let limited = black_box(
-        rotorlead_limited_section::call as fn(&mut LimitedSection, &LimitedCoefficients, Command) -> Command,
-    );
+    let limited =
+        black_box(rotorlead_limited_section::call as fn(&mut LimitedSection, &LimitedCoefficients, Command) -> Command);
     let _ = black_box(limited(black_box(&mut section), black_box(&limited_coefficients), black_box(far)));
 
     let reference = defaults.inverse.reference();

@@ -25,8 +25,8 @@ const LOWEST_RAD_S: f64 = 0.1;
 /// Designs one compensator for all points of a model.
 ///
 /// `model` is a path, or a dict as `identify` gives it in `model`. `kind` is `lead` or `inverse`; `omega_g_rad_s` and
-/// `prewarp_rad_s` are of a lead, `natural_rad_s`, `setting` (`exact` or `robust`), `slew_per_s`, `output_range` and
-/// `compensate_range` of an inverse. They are the options of `rotorlead design`, and have its defaults. `out` is where the
+/// `prewarp_rad_s` are of a lead, `natural_rad_s`, `setting` (`exact` or `robust`), `output_range` and `compensate_range` of an
+/// inverse. They are the options of `rotorlead design`, and have its defaults. `out` is where the
 /// compensator goes. The result has the keys of `rotorlead design --json`; `compensator`, which is what `out` would hold; and
 /// `frequency_response`, that of the compensator at each point of the model.
 #[pyfunction]
@@ -69,7 +69,6 @@ pub fn design<'py>(
     let of_inverse = [
         ("natural_rad_s", natural_rad_s.is_some()),
         ("setting", setting.is_some()),
-        ("slew_per_s", slew_per_s.is_some()),
         ("output_range", output_range.is_some()),
         ("compensate_range", compensate_range.is_some()),
     ];
@@ -90,6 +89,7 @@ pub fn design<'py>(
             damping: damping.unwrap_or(default.damping),
             loop_rate_hz: loop_rate_hz.unwrap_or(default.loop_rate_hz),
             prewarp_rad_s,
+            slew_per_s,
         })
     } else {
         let default = InverseOptions::default();

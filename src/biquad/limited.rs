@@ -85,8 +85,7 @@ impl LimitedSection {
     pub const fn at_rest(min: Command, max: Command, slew: SlewLimit, level: Command) -> Self {
         let span = max.to_bits() - min.to_bits();
         let span = if span < 0 { 0 } else { span };
-        let mut limited =
-            Self { section: Section::at_level(level), min: min.to_bits(), span, slew: slew.per_tick() };
+        let mut limited = Self { section: Section::at_level(level), min: min.to_bits(), span, slew: slew.per_tick() };
         limited.rest(level, level);
         limited
     }
@@ -126,13 +125,16 @@ impl LimitedSection {
     #[inline(always)]
     fn limited(&self, retained: i32, wanted_change: i32, sum: i64) -> (i32, i64) {
         cold_path();
-        let last = self.section.y;
-        let change = wanted_change.max(-self.slew).min(self.slew);
-        let y = self.confined(last.wrapping_add(change));
-        let cut_off = last.wrapping_add(wanted_change).wrapping_sub(y);
-        // Towards 0: -1 of a positive difference, +1 of a negative one.
-        let cut_off = cut_off - (1 + 2 * (cut_off >> 31));
-        (y, sum.wrapping_add(signed(retained, cut_off) << (super::COEFFICIENT_BITS - RETAINED_BITS)))
+        // All of it for a change upwards: one downwards is its mirror image.
+        let above = self.section.y - self.min;
+        let (sign, room) = if wanted_change < 0 { (-1, above) } else { (0, self.span - above) };
+        let mirrored = |bits: i32| (bits ^ sign) - sign;
+        let change = room.min(self.slew);
+        // More than `change`, or nothing would limit.
+        let cut_off = mirrored(wanted_change) - change;
+        // Twice of it fits: it is less than 2 (see the page). The product, in steps of 2^-60, fits the accumulator then.
+        let product = signed(retained, mirrored((cut_off - 1) << (super::COEFFICIENT_BITS - RETAINED_BITS)));
+        (self.section.y + mirrored(change), sum.wrapping_add(product))
     }
 
     #[inline]

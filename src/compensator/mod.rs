@@ -185,19 +185,17 @@ impl Compensator {
         self.update_filter(input)
     }
 
-    /// [`Self::update`] in the state [`State::Filter`].
+    /// [`Self::update`] in the state [`State::Filter`]: of a lead with a slew limit, and by way of the others of every filter.
+    // Each kind in a function of its own: the one that needs fewer registers does not save those of the other.
     #[inline(never)]
     fn update_filter(&mut self, input: Command) -> Command {
-        let output = match &mut self.filter {
-            RunningFilter::LimitedLead(lead) => lead.update(input),
-            RunningFilter::Lead(lead) => lead.update(input),
-            RunningFilter::Inverse(_) => return self.update_inverse(input),
-        };
+        let RunningFilter::LimitedLead(lead) = &mut self.filter else { return self.update_inverse(input) };
+        let output = lead.update(input);
         self.outputs = [self.outputs[1], output];
         output
     }
 
-    /// The same for an inverse. Apart from the lead, which needs few registers.
+    /// The same for an inverse.
     #[inline(never)]
     fn update_inverse(&mut self, input: Command) -> Command {
         match &mut self.filter {
@@ -206,8 +204,18 @@ impl Compensator {
                 self.outputs = [self.outputs[1], output];
                 output
             }
-            _ => self.update_any(input),
+            RunningFilter::Inverse(_) => self.update_any(input),
+            _ => self.update_lead(input),
         }
+    }
+
+    /// The same for a lead without a slew limit.
+    #[inline(never)]
+    fn update_lead(&mut self, input: Command) -> Command {
+        let RunningFilter::Lead(lead) = &mut self.filter else { return self.update_any(input) };
+        let output = lead.update(input);
+        self.outputs = [self.outputs[1], output];
+        output
     }
 
     /// [`Self::update`] in any state.

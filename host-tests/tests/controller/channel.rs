@@ -276,7 +276,7 @@ fn a_return_within_the_hold_time_starts_where_the_output_is() {
         // 0.7 would kick a filter to the end of the range: the lead to 0.5 + 3.43 * 0.2. What is left over fades by |k| / 2 or
         // B / 2 a tick.
         let fade = match filter {
-            Filter::Lead(coefficients) => -f64::from(coefficients.k()) / 2.0_f64.powi(33),
+            Filter::Lead(lead) => -f64::from(lead.coefficients.k()) / 2.0_f64.powi(33),
             Filter::Inverse(inverse) => f64::from(inverse.coefficients.b()) / 2.0_f64.powi(31),
         };
         let end = steady(&filter, 0.7);

@@ -6,8 +6,8 @@ use host_tests::{OMEGA_G_RAD_S, cases, paper_curve, paper_design};
 use proptest::prelude::*;
 use rotorlead::compensator::{CommandRange, Filter, InverseFilter};
 use rotorlead::controller::{FilterError, filters};
-use rotorlead::design::{CurvePoint, InverseDesign, InverseError, LeadDesign, RotorCurve};
 use rotorlead::dshot::Value;
+use rotorlead::design::{CurvePoint, DesignError, InverseDesign, InverseError, LeadDesign, RotorCurve};
 use rotorlead::link::{FRAME_BYTES, Message, PAYLOAD_BYTES, Request, encode};
 use rotorlead::settings::{
     CompensatorKind, ExcitationLimits, HIGHEST_IDLE, Inverse, Key, Lead, Levels, MOTORS, MotorSettings, NoSignal,
@@ -243,7 +243,13 @@ fn an_inverse_that_cannot_be_designed_is_refused_with_its_motor() {
     let mut settings = Settings::clone(&numbered_with_curves(0));
     settings.slew_per_s = 0.01;
     let error = filters(&settings.validate().unwrap()).unwrap_err();
-    assert!(matches!(error, FilterError::Inverse { motor: 0, error: InverseError::SlewTooSlow { .. } }), "{error:?}");
+    assert!(
+        matches!(
+            error,
+            FilterError::Inverse { motor: 0, error: InverseError::Parameter(DesignError::SlewTooSlow { .. }) }
+        ),
+        "{error:?}"
+    );
     assert!(error.to_string().contains("slew_per_s is 0.01"), "{error}");
 }
 

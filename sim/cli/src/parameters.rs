@@ -37,7 +37,7 @@ pub struct DesignArguments {
     /// unless given
     #[arg(long, value_enum)]
     setting: Option<SettingName>,
-    /// Most by which the ESC changes its output per second, for an inverse: 20 is 2 % per millisecond; no limit unless given
+    /// Most by which the ESC changes its output per second: 20 is 2 % per millisecond; no limit unless given
     #[arg(long, value_name = "PER_S", value_parser = positive, allow_negative_numbers = true)]
     slew: Option<f64>,
     /// Lowest and highest command that the ESC gets, for an inverse; 0..1 unless given
@@ -98,7 +98,6 @@ impl DesignArguments {
         let of_inverse = [
             ("--natural", self.natural.is_some()),
             ("--setting", self.setting.is_some()),
-            ("--slew", self.slew.is_some()),
             ("--output-range", self.output_range.is_some()),
             ("--compensate-range", self.compensate_range.is_some()),
         ];
@@ -112,6 +111,7 @@ impl DesignArguments {
                     damping: self.damping.unwrap_or(default.damping),
                     loop_rate_hz: self.loop_rate.unwrap_or(default.loop_rate_hz),
                     prewarp_rad_s: self.prewarp,
+                    slew_per_s: self.slew,
                 }))
             }
             Kind::Inverse => {

@@ -5,7 +5,9 @@ use rotorlead_identify::design::{
     BandwidthPoint, Chain, ChainPhase, CompensatorError, DesignedInverse, Latency, REACH, Setting, bandwidths_with,
     chain_phases, design, design_inverse,
 };
-use rotorlead_plant::{ActiveEffect, CompensatorDesign, LeadFile, Model, StoredCoefficients, StoredCompensator};
+use rotorlead_plant::{
+    ActiveEffect, CommandNoiseGain, CompensatorDesign, LeadFile, Model, StoredCoefficients, StoredCompensator,
+};
 use rotorlead_report::{PointValues, bandwidth_values, fastest_point};
 use serde::Serialize;
 use serde_json::Value;
@@ -80,12 +82,15 @@ pub struct LeadValues {
     pole_rad_s: f64,
     damping: f64,
     loop_rate_hz: f64,
+    /// Null where there is no limit.
+    slew_per_s: Option<f64>,
     coefficients: StoredCoefficients,
     warnings: Vec<String>,
     worst_deviation_db: f64,
     pole_radii: [f64; 2],
     l1_gain: f64,
     step_peak: f64,
+    command_noise_gain: [CommandNoiseGain; 3],
     points: Vec<PointValues>,
     latency: Value,
 }
@@ -102,6 +107,7 @@ pub struct InverseValues {
     worst: Worst,
     rounding_error: f64,
     step_peak: f64,
+    command_noise_gain: [CommandNoiseGain; 3],
     warnings: Vec<String>,
     points: Vec<PointValues>,
     latency: Value,
@@ -144,12 +150,14 @@ impl DesignResult {
                     pole_rad_s: lead.omega_f_rad_s,
                     damping: lead.damping,
                     loop_rate_hz: design.loop_rate_hz(),
+                    slew_per_s: design.slew_per_s(),
                     coefficients,
                     warnings,
                     worst_deviation_db: check.worst_deviation_db,
                     pole_radii: check.pole_radii,
                     l1_gain: check.l1_gain,
                     step_peak: check.step_peak,
+                    command_noise_gain: compensator.command_noise_gain(),
                     points,
                     latency,
                 })
@@ -162,6 +170,7 @@ impl DesignResult {
                 worst: Worst { nominal: inverse.worst.0, over_reference: inverse.worst.1 },
                 rounding_error: inverse.compensator.design().rounding_error(),
                 step_peak: compensator.step_peak(),
+                command_noise_gain: compensator.command_noise_gain(),
                 warnings,
                 points,
                 latency,

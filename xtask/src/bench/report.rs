@@ -25,9 +25,11 @@ const MOST_INSTRUCTIONS_CALL: u32 = 22;
 /// Of a block, with the loop, and a 32nd part of what the function needs to enter and return.
 const MOST_INSTRUCTIONS_SAMPLE: f64 = 13.1;
 const MOST_BYTES: u32 = 40;
-const MOST_INSTRUCTIONS_TICK: u32 = 650;
+/// A tick in which the slew limits all four outputs, which costs each some 17 more: 658 were counted, and 638 before there was a
+/// slew limit.
+const MOST_INSTRUCTIONS_TICK: u32 = 670;
 /// Of a filter that has the limits of its output in its state: a call, and a call in which a limit changes the output.
-const MOST_INSTRUCTIONS_WITH_LIMITS: [(&str, u32, u32); 2] = [(LIMITED_KEY, 30, 50), (INVERSE_KEY, 60, 80)];
+const MOST_INSTRUCTIONS_WITH_LIMITS: [(&str, u32, u32); 2] = [(LIMITED_KEY, 32, 50), (INVERSE_KEY, 60, 80)];
 /// A tick of four motors with inverses, for which two machines counted 894 and 901.
 const MOST_INSTRUCTIONS_TICK_INVERSE: u32 = 920;
 

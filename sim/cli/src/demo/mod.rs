@@ -29,6 +29,7 @@ use serde::Serialize;
 
 use super::bandwidth::RESAMPLES;
 use super::outcome::{JsonOption, Outcome};
+use super::parameters::positive;
 use super::report_option::{ReportOption, check_folder, make_folder};
 use super::simulate::simulate;
 use super::{progress, report_pages};
@@ -51,6 +52,9 @@ pub struct Demo {
     /// Seed of the thrust noise
     #[arg(long, default_value = "1", value_parser = clap::value_parser!(u64).range(..1 << 63), allow_negative_numbers = true)]
     seed: u64,
+    /// Most by which the command of C(s) changes per second: 20 is 2 % per millisecond; no limit unless given, as in the paper
+    #[arg(long, value_name = "PER_S", value_parser = positive, allow_negative_numbers = true)]
+    slew: Option<f64>,
     #[command(flatten)]
     pub(super) report: ReportOption,
     #[command(flatten)]
@@ -143,7 +147,7 @@ impl Demo {
         let found = identified.lags.in_frequency().expect("the paper's plan has multisines");
         let model = &identified.model;
         let validated = validate(&stand, model)?;
-        let design = design(model, &DesignOptions::default())?;
+        let design = design(model, &DesignOptions { slew_per_s: self.slew, ..DesignOptions::default() })?;
         bar.finish_and_clear();
 
         let compensated_plan = plan.clone().compensated("compensator.toml");

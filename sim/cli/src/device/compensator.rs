@@ -39,6 +39,8 @@ impl CompensatorArguments {
                     (Key::OmegaFRadS, lead.omega_f_rad_s.to_string()),
                     (Key::Damping, lead.damping.to_string()),
                 ]);
+                // A file without one, as the paper has it, leaves that of the ESCs as it is.
+                changes.extend(design.slew_per_s().map(|slew_per_s| (Key::OutputSlewPerS, slew_per_s.to_string())));
             }
             CompensatorDesign::Inverse(inverse) => {
                 let (reference, range) = (inverse.design().reference(), inverse.range());

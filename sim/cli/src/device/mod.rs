@@ -240,7 +240,7 @@ fn save(session: &mut Session) -> miette::Result<Outcome> {
 /// What to do where a filter cannot be designed.
 fn design_remedy(error: &FilterError) -> String {
     match error {
-        FilterError::Lead(_) => "change omega_z_rad_s, omega_f_rad_s or damping".to_owned(),
+        FilterError::Lead(_) => "change omega_z_rad_s, omega_f_rad_s, damping or output.slew_per_s".to_owned(),
         FilterError::Inverse { motor, .. } => format!(
             "change inverse.natural_rad_s, inverse.damping, output.slew_per_s, loop_rate_hz or motor.{motor}.time_constant_s"
         ),
@@ -253,6 +253,7 @@ fn design(settings: &Settings, motor: u8) -> miette::Result<CompensatorDesign> {
     if settings.compensator == CompensatorKind::Lead {
         let design = LeadDesign::new(settings.lead.into(), loop_rate_hz, None);
         return design
+            .and_then(|design| design.with_slew(settings.slew_per_s))
             .map(CompensatorDesign::from)
             .map_err(FilterError::Lead)
             .map_err(|error| miette::miette!(help = design_remedy(&error), "{error}"));

@@ -94,7 +94,7 @@ fn inverse_remedy(error: &InverseError) -> &'static str {
         InverseError::CurveTooSteep { .. } => "record steps between these commands, and identify again",
         InverseError::RoundingTooLarge { .. } => "lower --loop-rate",
         InverseError::ResponseTooLong => "raise --natural, or lower --damping or --loop-rate",
-        InverseError::SlewTooSlow { .. } => "raise --slew to the ESC's own limit, or leave it out",
+        InverseError::Parameter(error @ DesignError::SlewTooSlow { .. }) => remedy(error),
         InverseError::LimitsCrossed { .. } => "give the lowest command first",
         _ => "give a value within the range",
     }
@@ -110,6 +110,7 @@ fn remedy(error: &DesignError) -> &'static str {
         DesignError::TooCloseToNyquist { .. } => "raise --loop-rate, or lower --omega-g or --prewarp",
         DesignError::CoefficientOutOfRange { .. } => "change --loop-rate, --omega-g or --damping",
         DesignError::DeviationTooLarge { .. } => "lower --loop-rate",
+        DesignError::SlewTooSlow { .. } => "raise --slew to the ESC's own limit, or leave it out",
         DesignError::NotFinite { .. } | DesignError::OutOfRange { .. } => "give a value within the range",
     }
 }

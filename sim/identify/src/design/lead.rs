@@ -17,6 +17,8 @@ pub struct DesignOptions {
     pub loop_rate_hz: f64,
     /// Frequency at which the sampled filter matches C(s) exactly, rad/s; `None` for plain Tustin.
     pub prewarp_rad_s: Option<f64>,
+    /// What the command changes by at most, units per second; `None` for no limit, as in the paper.
+    pub slew_per_s: Option<f64>,
 }
 
 impl Default for DesignOptions {
@@ -27,6 +29,7 @@ impl Default for DesignOptions {
             damping: DEFAULT_DAMPING,
             loop_rate_hz: DEFAULT_LOOP_RATE_HZ,
             prewarp_rad_s: None,
+            slew_per_s: None,
         }
     }
 }
@@ -73,7 +76,8 @@ pub fn design(model: &Model, options: &DesignOptions) -> Result<LeadDesign, Comp
             LeadParameters { damping: options.damping, ..lead },
             options.loop_rate_hz,
             options.prewarp_rad_s,
-        )
+        )?
+        .with_slew(options.slew_per_s.unwrap_or(0.0))
     };
     design(options.omega_g_rad_s).map_err(|refused| match refused {
         DesignError::L1GainTooHigh { .. } => match largest(|omega_g| design(omega_g).is_ok(), options.omega_g_rad_s) {

@@ -31,6 +31,9 @@ pub struct LeadFile {
     /// plain bilinear transform.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub prewarp_rad_s: Option<f64>,
+    /// What the command changes by at most, units per second; `None` for no limit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub slew_per_s: Option<f64>,
     /// How a coefficient is stored.
     pub coefficient_format: CoefficientFormat,
     /// How a signal is stored.
@@ -90,6 +93,7 @@ impl CompensatorFile for LeadFile {
             damping: lead.damping,
             loop_rate_hz: design.loop_rate_hz(),
             prewarp_rad_s: design.prewarp_rad_s(),
+            slew_per_s: design.slew_per_s(),
             coefficient_format: CoefficientFormat::Q0_32,
             signal_format: SignalFormat::Q2_29,
             coefficients: StoredCoefficients {
@@ -113,6 +117,7 @@ impl CompensatorFile for LeadFile {
         ] {
             root.key(key).positive(value)?;
         }
+        self.slew_per_s.map_or(Ok(()), |value| root.key("slew_per_s").positive(value))?;
         if self.zero_rad_s >= self.pole_rad_s {
             return Err(root.key("zero_rad_s").fault(
                 format!("{} is not below `pole_rad_s`, {}: the filter would lag", self.zero_rad_s, self.pole_rad_s),
@@ -136,7 +141,8 @@ impl CompensatorFile for LeadFile {
     fn design(&self) -> Result<LeadDesign, impl Display> {
         let lead =
             LeadParameters { omega_z_rad_s: self.zero_rad_s, omega_f_rad_s: self.pole_rad_s, damping: self.damping };
-        LeadDesign::new(lead, self.loop_rate_hz, self.prewarp_rad_s)
+        let design = LeadDesign::new(lead, self.loop_rate_hz, self.prewarp_rad_s);
+        design.and_then(|design| design.with_slew(self.slew_per_s.unwrap_or(0.0)))
     }
 
     fn integers(&self) -> Vec<(Place, i32)> {
@@ -199,6 +205,9 @@ g1 = {g1}
         let path = scratch.path().join("compensator.toml");
         LeadFile::of(&prewarped).write(&path).unwrap();
         assert_eq!(LeadFile::parse(TextFile::read(&path).unwrap()).unwrap().prewarp_rad_s(), Some(20.0));
+        let limited = read(&text().replacen("= 5000", "= 5000\nslew_per_s = 20", 1)).unwrap();
+        assert_eq!(limited, design().with_slew(20.0).unwrap());
+        assert_ne!(limited.filter(), design().filter());
     }
 
     #[test]
@@ -227,6 +236,8 @@ g1 = {g1}
             ("= 5000", "= -5000", "5:16", "above 0"),
             ("= 5000", "= 5000\nprewarp_rad_s = 0", "6:17", "above 0"),
             ("= 5000", "= 5000\nprewarp_rad_s = 15708", "6:17", "half the loop rate"),
+            ("= 5000", "= 5000\nslew_per_s = 0", "6:14", "above 0"),
+            ("= 5000", "= 5000\nslew_per_s = 0.01", "1:1", "at least 0.0763"),
         ] {
             refuses(from, to, &[&format!("compensator.toml:{place}]"), rule, "help: "]);
         }
@@ -257,9 +268,11 @@ g1 = {g1}
             ratio in 1.5..10.0,
             damping in 0.3..2.0,
             prewarp_rad_s in prop::option::of(1.0..1e3),
+            slew_per_s in prop_oneof![Just(0.0), 0.1..500.0],
         ) {
             let lead = LeadParameters { omega_z_rad_s: zero_rad_s, omega_f_rad_s: ratio * zero_rad_s, damping };
             let Ok(design) = LeadDesign::new(lead, 5000.0, prewarp_rad_s) else { return Ok(()) };
+            let design = design.with_slew(slew_per_s).unwrap();
             let scratch = Scratch::new();
             let path = scratch.path().join("compensator.toml");
             LeadFile::of(&design).write(&path).unwrap();

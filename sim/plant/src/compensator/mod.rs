@@ -9,6 +9,7 @@ pub use inverse::{InverseCompensator, InverseRange};
 pub use inverse_file::{GainFormat, InverseFile, InverseKind, ReferenceFormat, StoredInverse};
 pub use lead_file::{CoefficientFormat, LeadFile, LeadKind, SignalFormat, StoredCoefficients};
 
+use std::f64::consts::TAU;
 use std::path::Path;
 
 use num_complex::Complex64;
@@ -96,7 +97,7 @@ impl CompensatorDesign {
     }
 
     /// The controller's own code, at rest at `start`. The output of a lead is limited to the range of a command, that of an
-    /// inverse to its own.
+    /// inverse to its own. Either has the slew limit of its design.
     #[must_use]
     pub fn running(&self, start: Command) -> Compensator {
         let (min, max) = match self {
@@ -112,8 +113,17 @@ impl CompensatorDesign {
     #[must_use]
     pub fn filter(&self) -> Filter {
         match self {
-            Self::Lead(design) => (*design.coefficients()).into(),
+            Self::Lead(design) => design.filter().into(),
             Self::Inverse(inverse) => inverse.filter().into(),
+        }
+    }
+
+    /// Most by which the output changes, units of the command per second; `None` for no limit.
+    #[must_use]
+    pub fn slew_per_s(&self) -> Option<f64> {
+        match self {
+            Self::Lead(design) => design.slew_per_s(),
+            Self::Inverse(inverse) => inverse.range().slew_per_s,
         }
     }
 
@@ -121,7 +131,7 @@ impl CompensatorDesign {
     #[must_use]
     pub fn runs_as(&self, other: &Self) -> bool {
         match (self, other) {
-            (Self::Lead(one), Self::Lead(other)) => one.coefficients() == other.coefficients(),
+            (Self::Lead(one), Self::Lead(other)) => one.filter() == other.filter(),
             (Self::Inverse(one), Self::Inverse(other)) => one.runs_as(other),
             _ => false,
         }
@@ -203,6 +213,35 @@ impl CompensatorDesign {
     }
 }
 
+/// What the compensator makes of a small sinusoid of the command, as of the noise of a gyro that a flight controller passes on.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct CommandNoiseGain {
+    /// Frequency of the sinusoid, hertz.
+    pub frequency_hz: f64,
+    /// Amplitude of the output over that of the command.
+    pub gain: f64,
+}
+
+/// Frequencies of a [`CommandNoiseGain`]: about what a flight controller's filters leave of a gyro's noise.
+const NOISE_FREQUENCIES_HZ: [f64; 3] = [15.0, 30.0, 50.0];
+
+impl CompensatorDesign {
+    /// The gains on the noise of the command, by the response of the rounded recurrence without its limits. That of an inverse is at its
+    /// slowest point, where it is highest; 1 where it is bypassed at every point.
+    #[must_use]
+    pub fn command_noise_gain(&self) -> [CommandNoiseGain; 3] {
+        let nominal = match self {
+            // The same at every command.
+            Self::Lead(_) => Some(0.0),
+            Self::Inverse(inverse) => inverse.slowest().map(|point| point.command),
+        };
+        NOISE_FREQUENCIES_HZ.map(|frequency_hz| CommandNoiseGain {
+            frequency_hz,
+            gain: nominal.map_or(1.0, |nominal| self.response(nominal, TAU * frequency_hz).norm()),
+        })
+    }
+}
+
 impl From<LeadDesign> for CompensatorDesign {
     fn from(design: LeadDesign) -> Self {
         Self::Lead(design)
@@ -220,6 +259,31 @@ mod tests {
     use rotorlead_records::files::testing::{Scratch, assert_report};
 
     use super::*;
+
+    /// Of the paper's lead: a gyro's noise at 15 Hz reaches the ESC nearly fivefold.
+    #[test]
+    fn the_gain_on_the_noise_of_the_command_is_that_of_the_filter() {
+        let poles = LeadParameters::from_poles(&[14.1275], TAU * 100.0).unwrap();
+        let design = CompensatorDesign::from(LeadDesign::new(poles, 5000.0, None).unwrap());
+        let [at_15, at_30, at_50] = design.command_noise_gain().map(|at| at.gain);
+        for (found, expected) in [(at_15, 4.8), (at_30, 3.2), (at_50, 2.0)] {
+            assert!(f64::abs(found - expected) < 0.05, "{found} {expected}");
+        }
+        for CommandNoiseGain { frequency_hz, gain } in design.command_noise_gain() {
+            let step = Command::saturating_from_f64(0.5);
+            let mut running = design.running(step);
+            let ticks = (5000.0 / frequency_hz * 60.0) as u32;
+            let (mut highest, mut lowest) = (0.0, 1.0);
+            for tick in 0..ticks {
+                let angle = TAU * frequency_hz * f64::from(tick) / 5000.0;
+                let output = running.update(Command::saturating_from_f64(0.5 + 0.01 * angle.sin())).to_f64();
+                if tick > ticks / 2 {
+                    (highest, lowest) = (f64::max(highest, output), f64::min(lowest, output));
+                }
+            }
+            assert!(((highest - lowest) / 0.02 / gain - 1.0).abs() < 0.005, "{highest} {lowest} {gain}");
+        }
+    }
 
     #[test]
     fn what_is_no_kind_of_compensator_is_named() {

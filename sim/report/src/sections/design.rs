@@ -1,7 +1,7 @@
 //! A compensator that was designed.
 
 use rotorlead::design::{CurvePoint, LeadDesign};
-use rotorlead_plant::{CompensatorDesign, InverseCompensator, Model, Point};
+use rotorlead_plant::{CommandNoiseGain, CompensatorDesign, InverseCompensator, Model, Point};
 
 use crate::compensation::{compensator, simulated};
 use crate::html::{Cell, Column, Section, Table};
@@ -33,16 +33,17 @@ pub fn in_short(design: &CompensatorDesign) -> String {
         CompensatorDesign::Lead(design) => {
             let lead = design.lead();
             format!(
-                "zero {:.4} rad/s, poles {:.4} rad/s, damping {:.4}, {} Hz",
+                "zero {:.4} rad/s, poles {:.4} rad/s, damping {:.4}, {} Hz{}",
                 lead.omega_z_rad_s,
                 lead.omega_f_rad_s,
                 lead.damping,
-                design.loop_rate_hz()
+                design.loop_rate_hz(),
+                slew_in_short(design.slew_per_s())
             )
         }
         CompensatorDesign::Inverse(inverse) => {
             let (reference, range) = (inverse.design().reference(), inverse.range());
-            let slew = range.slew_per_s.map_or_else(String::new, |slew_per_s| format!(", slew {slew_per_s} duty/s"));
+            let slew = slew_in_short(range.slew_per_s);
             format!(
                 "inverse, natural frequency {:.4} rad/s, damping {:.4}, {} Hz, output {} to {} duty{slew}",
                 reference.omega_f_rad_s,
@@ -53,6 +54,10 @@ pub fn in_short(design: &CompensatorDesign) -> String {
             )
         }
     }
+}
+
+fn slew_in_short(slew_per_s: Option<f64>) -> String {
+    slew_per_s.map_or_else(String::new, |slew_per_s| format!(", slew {slew_per_s} duty/s"))
 }
 
 /// The recurrence's continuous form in numbers.
@@ -105,7 +110,10 @@ pub fn inverse_table(design: &CompensatorDesign, inverse: &InverseCompensator) -
                 "2^-29",
                 "at most, of the output at rest; half a step of the output is 4096",
             ),
-        ],
+        ]
+        .into_iter()
+        .chain(noise_rows(design, " at the slowest point"))
+        .collect(),
     )
 }
 
@@ -174,8 +182,17 @@ pub fn design_table(design: &LeadDesign, model: &Model) -> Table {
                 "rad/s",
                 "a slower lag has fallen by 3 dB before the zero lifts it",
             ),
+            row(
+                "slew",
+                Cell::optional(design.slew_per_s(), 2),
+                "duty/s",
+                "most by which the output changes; none: no limit",
+            ),
             row("step peak", Cell::number(check.step_peak, 2), "", "of the answer to a step of one: leave room for it"),
-        ],
+        ]
+        .into_iter()
+        .chain(noise_rows(&(*design).into(), ""))
+        .collect(),
     )
 }
 
@@ -215,6 +232,19 @@ pub fn discrete_table(design: &LeadDesign) -> Table {
             ),
         ],
     )
+}
+
+/// The gain on the noise of the command, by its frequency.
+fn noise_rows(design: &CompensatorDesign, place: &str) -> Vec<Vec<Cell>> {
+    let row = |CommandNoiseGain { frequency_hz, gain }| {
+        row(
+            &format!("gain at {frequency_hz} Hz"),
+            Cell::number(gain, 1),
+            "",
+            &format!("on noise of the command{place}"),
+        )
+    };
+    design.command_noise_gain().map(row).into()
 }
 
 fn row(name: &str, value: Cell, unit: &str, meaning: &str) -> Vec<Cell> {

@@ -138,7 +138,10 @@ impl Case {
 
 fn settings(compensate: bool) -> Settings {
     let mut settings = Settings::default();
-    settings.motors.iter_mut().for_each(|motor| motor.compensate = compensate);
+    // A loss is held from the first command after the hold time on: here from the second one.
+    for motor in &mut settings.motors {
+        (motor.compensate, motor.hold_ms) = (compensate, 0);
+    }
     settings
 }
 
