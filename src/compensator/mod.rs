@@ -11,16 +11,18 @@ use filter::RunningFilter;
 
 /// The compensator of one motor: a lead, or a conditioned inverse.
 ///
-/// - **Limits without wind-up.** The section of a lead runs unclamped within its headroom. Only the output is clamped, to
-///   [`min`, `max`]. So the output leaves a limit on the tick on which the unclamped filter re-enters the range. An
-///   [inverse](crate::inverse) has the limits in its own state.
+/// - **Limits without wind-up.** The section of a lead without a slew limit runs unclamped within its headroom. Only the output
+///   is clamped, to [`min`, `max`]. So the output leaves a limit on the tick on which the unclamped filter re-enters the range. A
+///   [lead with a slew limit](crate::biquad::LimitedSection) and an [inverse](crate::inverse) have the limits in their own state.
+/// - **Slew.** With such a filter in the path and no switch under way, no output differs from the last by more than the slew. A
+///   bypassed command passes at any. What is left of a switch or a restart adds what its offset loses in a tick, as below.
 /// - **Bumpless switching.** On the tick of a switch the output `y` moves towards the target, which is the output of
 ///   the new path, by at most the size of its last increment: `|y[n] - y[n-1]| <= |y[n-1] - y[n-2]|`. The difference
 ///   that remains is an offset from the target. From then on it decays with the time constant of complex poles of the
 ///   filter, and loses at once whatever a limit cuts off. In steady state a lead makes no difference, and switching
 ///   changes no output bit; an inverse makes one of at most half a step of its output, 2^-17.
 /// - **Bypass.** The output is the input, clamped. When a lead is switched in again it starts at rest at the last input,
-///   however long it was bypassed. The error of this initial condition decays with the filter's poles: 15 ms for the
+///   however long it was bypassed, and with a slew limit from the last output. The error of this initial condition decays with the filter's poles: 15 ms for the
 ///   paper's compensator. An inverse starts with the state of a rotor that got the outputs meanwhile.
 /// - **Range.** Where the curve of an inverse is not known it is bypassed, and switched in again when the command returns.
 ///

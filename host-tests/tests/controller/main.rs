@@ -18,5 +18,6 @@ mod other_protocol;
 mod plan;
 mod safety;
 mod settings;
+mod slew;
 mod spikes;
 mod whole;

@@ -182,15 +182,14 @@ pub fn design_table(design: &LeadDesign, model: &Model) -> Table {
                 "rad/s",
                 "a slower lag has fallen by 3 dB before the zero lifts it",
             ),
-            row(
-                "slew",
-                Cell::optional(design.slew_per_s(), 2),
-                "duty/s",
-                "most by which the output changes; none: no limit",
-            ),
             row("step peak", Cell::number(check.step_peak, 2), "", "of the answer to a step of one: leave room for it"),
         ]
         .into_iter()
+        .chain(
+            design.slew_per_s().map(|slew_per_s| {
+                row("slew", Cell::number(slew_per_s, 2), "duty/s", "most by which the output changes")
+            }),
+        )
         .chain(noise_rows(&(*design).into(), ""))
         .collect(),
     )
