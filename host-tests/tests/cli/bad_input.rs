@@ -417,7 +417,7 @@ fn options_that_make_no_sense_are_wrong_use() {
         ("design --model model.toml --out c.toml --kind pid", "[possible values: lead, inverse]"),
         ("design --model model.toml --out c.toml --kind inverse --omega-g 9", "change --kind"),
         ("design --model model.toml --out c.toml --kind inverse --prewarp 9", "change --kind"),
-        ("design --model model.toml --out c.toml --slew 20", "change --kind"),
+        ("design --model model.toml --out c.toml --natural 100", "change --kind"),
         ("design --model model.toml --out c.toml --setting robust", "change --kind"),
         ("design --model model.toml --out c.toml --kind inverse --slew 0", "above zero"),
         ("design --model model.toml --out c.toml --kind inverse --output-range 0.5..0.2", "LOW below HIGH"),
@@ -438,6 +438,7 @@ fn a_design_that_the_controller_refuses_names_model_and_option() {
         ("--kind inverse --natural 1", "raise --natural"),
         ("--kind inverse --loop-rate 100000", "--loop-rate"),
         ("--kind inverse --slew 0.01", "raise --slew"),
+        ("--slew 0.01", "raise --slew"),
     ] {
         stand.refuses(&format!("design --model model.toml --out c.toml {arguments}"), 1, &["`model.toml`", part]);
         stand.refuses(&format!("bandwidth --model model.toml {arguments}"), 1, &["`model.toml`", part]);

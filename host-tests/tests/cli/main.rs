@@ -19,6 +19,7 @@ mod new;
 mod output;
 mod report_of_steps;
 mod reports;
+mod slew;
 mod stand;
 mod terminal;
 mod two_logs;

@@ -112,7 +112,7 @@ pub fn inverse_table(design: &CompensatorDesign, inverse: &InverseCompensator) -
             ),
         ]
         .into_iter()
-        .chain(noise_rows(design, " at the slowest point"))
+        .chain(noise_rows(design, ", at the slowest point"))
         .collect(),
     )
 }
@@ -236,12 +236,7 @@ pub fn discrete_table(design: &LeadDesign) -> Table {
 /// The gain on the noise of the command, by its frequency.
 fn noise_rows(design: &CompensatorDesign, place: &str) -> Vec<Vec<Cell>> {
     let row = |CommandNoiseGain { frequency_hz, gain }| {
-        row(
-            &format!("gain at {frequency_hz} Hz"),
-            Cell::number(gain, 1),
-            "",
-            &format!("on noise of the command{place}"),
-        )
+        row(&format!("gain at {frequency_hz} Hz"), Cell::number(gain, 1), "", &format!("on command noise{place}"))
     };
     design.command_noise_gain().map(row).into()
 }
