@@ -11,7 +11,7 @@
 use crate::link::{BYTES_PER_S, RECORD_SAMPLE_BYTES};
 
 /// A control tick: of four armed motors with new pulses and with inverses of which the slew limits each, or of an excitation
-/// that is recorded, without its lines. With leads it is some 350 less. Two machines counted 1417 and 1428.
+/// that is recorded, without its lines. With leads it is some 280 less. Two machines counted 1417 and 1428.
 pub const TICK_CYCLES: u32 = 1450;
 /// A line of the excitation.
 pub const LINE_CYCLES: u32 = 30;
