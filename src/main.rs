@@ -89,8 +89,9 @@ mod app {
             samples: cx.local.sample_queue.split(),
         };
         let store = Store::new(flash, COPIES);
+        let apart = status.tells_pulses_apart();
         let Started { inputs, control, handler, origin } =
-            controller::start(capture, control, store, &facts, status.tells_pulses_apart(), queues);
+            controller::start(capture, control, store, &facts, apart, queues, Some(postmortem::resume_source()));
         defmt::info!("settings: {}", defmt::Debug2Format(&origin));
         let local = Local { server: Server::new(handler), status, received, to_send, serial };
         (Shared { inputs, control }, local)

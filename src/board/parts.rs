@@ -21,8 +21,9 @@ const WATCHDOG_PATIENT_MS: u32 = 16_000;
 /// -47 % to +47 %.
 const WATCHDOG_RUN_MS: u32 = 20;
 /// One over the time in which the watchdog has settled on a new limit, and has been fed: it takes its new limit over within
-/// 5 periods of its own clock (RM0090, 21.4.4), 0.3 ms; then a control tick must feed it once by the new one.
-const WATCHDOG_SETTLES_HZ: u32 = 500;
+/// 5 periods of its own clock (RM0090, 21.4.4), 0.3 ms; then the control task must feed it once by the new one, which it does
+/// every 1 to 2 ms.
+const WATCHDOG_SETTLES_HZ: u32 = 250;
 
 /// Whether the clock tells a disarmed pulse from an armed one. In memory of its own, where `cargo xtask bench --firmware`
 /// finds it: the emulator has no crystal, and without one no pulse arms.

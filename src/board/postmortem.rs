@@ -1,15 +1,16 @@
 //! What happens when the firmware cannot go on: the outputs go low at the pin, the reason is stored where a reset does not
 //! reach it, and the controller restarts.
 //!
-//! [`Record`] says what is stored, in RAM that start-up does not clear.
+//! [`Record`] says what is stored, in RAM that start-up does not clear. There, too, lies what a flight needs to go on:
+//! [`ResumeMemory`].
 
 use core::mem::MaybeUninit;
 use core::panic::PanicInfo;
 use core::ptr::addr_of_mut;
 
-use cortex_m::peripheral::SCB;
+use cortex_m::peripheral::{DCB, SCB};
 use cortex_m_rt::exception;
-use rotorlead::controller::Record;
+use rotorlead::controller::{Record, ResumeMemory, ResumeSource};
 use rotorlead::link::ResetReason;
 use stm32f4xx_hal::pac::RCC;
 
@@ -41,6 +42,21 @@ pub fn take(rcc: &RCC) -> ResetReason {
     } else {
         ResetReason::Pin
     }
+}
+
+#[unsafe(link_section = ".uninit.resume")]
+static RESUME: MaybeUninit<ResumeMemory> = MaybeUninit::uninit();
+
+/// What a flight needs to go on, and whether somebody debugs this core: the bit stays over every reset but that of power
+/// (ARMv7-M, C1.6.2).
+pub fn resume_source() -> ResumeSource {
+    let mut place = RESUME.as_ptr();
+    // SAFETY: there is no instruction. For the compiler there may be one that has written the memory: it may not take for
+    // granted that nothing stands there yet.
+    unsafe { core::arch::asm!("/* {place} */", place = inout(reg) place, options(nostack, preserves_flags)) };
+    // SAFETY: aligned, never moved, written through its atomics alone, and any bits are one.
+    let memory = unsafe { &*place };
+    ResumeSource { memory, is_debugged: DCB::is_debugger_attached }
 }
 
 /// Outputs low first of all; then the record, and a reset.

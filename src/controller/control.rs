@@ -5,6 +5,7 @@ use super::hardware::ControlHardware;
 use super::pacing::{FrameAction, FramePacer, InputPulse};
 use super::plan::{FrameRate, InputPlan, OutputPlan, Plan};
 use super::replies::Replies;
+use super::resume::ResumeMemory;
 use super::supervision::Supervisor;
 use super::tick::Tick;
 use crate::capture::Reading;
@@ -78,6 +79,8 @@ pub struct Control<H> {
     output_plan: OutputPlan,
     replies: Option<Replies>,
     supervisor: Supervisor,
+    /// Where what a flight needs is kept over a reset.
+    memory: Option<&'static ResumeMemory>,
 }
 
 impl<H: ControlHardware> Control<H> {
@@ -88,8 +91,14 @@ impl<H: ControlHardware> Control<H> {
         hardware.set_tick_rate(loop_rate_hz);
         hardware.set_watchdog_patient(false);
         let replies = replies(plan, loop_rate_hz);
-        let output_plan = plan.output;
-        Self { tick, hardware, inputs, outputs, output_plan, replies, supervisor: Supervisor::new(loop_rate_hz) }
+        let (output_plan, supervisor) = (plan.output, Supervisor::new(loop_rate_hz));
+        Self { tick, hardware, inputs, outputs, output_plan, replies, supervisor, memory: None }
+    }
+
+    /// With memory that survives a reset, in which it keeps what a flight needs to go on.
+    #[must_use]
+    pub fn with_memory(self, memory: Option<&'static ResumeMemory>) -> Self {
+        Self { memory, ..self }
     }
 
     /// Starts the ticks, once all is where it stays: on its way there, where interrupts wait, the first ones would be late.
@@ -101,7 +110,7 @@ impl<H: ControlHardware> Control<H> {
     /// here. `idle_ran`: the lowest priority has run since the last one.
     #[inline]
     pub fn run(&mut self, readings: [Reading; MOTORS], idle_ran: bool) {
-        let Self { tick, hardware, inputs, outputs, replies, supervisor, .. } = self;
+        let Self { tick, hardware, inputs, outputs, replies, supervisor, memory, .. } = self;
         let readings = match inputs {
             None => readings,
             Some(inputs) => inputs.read(tick.compensates(), hardware),
@@ -136,8 +145,8 @@ impl<H: ControlHardware> Control<H> {
             }
             OutputPath::Frames(clock) => clock.tick(commands, hardware),
         }
-        if supervisor.tick(idle_ran) {
-            hardware.feed_watchdog();
+        if supervisor.tick(idle_ran, tick.input_pulse() == InputPulse::New) {
+            review(tick, supervisor, *memory, hardware);
         }
         if hardware.is_tick_due() && supervisor.late(tick.ticks()) {
             tick.stop_excitation();
@@ -191,6 +200,12 @@ impl<H: ControlHardware> Control<H> {
         self.output_plan.frame_hz(input_hz, loop_rate_hz)
     }
 
+    /// Times that the lowest priority was away for 20 s while a flight controller turned a motor, wrapping.
+    #[must_use]
+    pub const fn idle_hangs(&self) -> u32 {
+        self.supervisor.idle_hangs()
+    }
+
     /// Puts in what was wrong at each motor since the settings were set: at inputs that have frames, and with the replies of ESCs.
     pub fn count_faults(&self, faults: &mut [MotorFaults; MOTORS]) {
         if let Some(inputs) = &self.inputs {
@@ -199,6 +214,22 @@ impl<H: ControlHardware> Control<H> {
         if let Some(replies) = &self.replies {
             replies.count(faults);
         }
+    }
+}
+
+/// What need not be done in every tick: keeps what the flight needs after a reset, and feeds the watchdog.
+#[inline(never)]
+fn review(
+    tick: &Tick,
+    supervisor: &mut Supervisor,
+    memory: Option<&'static ResumeMemory>,
+    hardware: &mut impl ControlHardware,
+) {
+    if let Some(memory) = memory {
+        memory.write_flight(tick.ticks(), tick.held());
+    }
+    if supervisor.review(tick.is_flown()) {
+        hardware.feed_watchdog();
     }
 }
 

@@ -16,6 +16,8 @@ pub struct Counts {
     pub link_overruns: u32,
     /// Control ticks that began late.
     pub missed_deadlines: u32,
+    /// Times that the lowest priority was away for 20 s while a flight controller turned a motor.
+    pub idle_hangs: u32,
     /// At the inputs.
     pub motors: [MotorFaults; MOTORS],
 }
@@ -99,11 +101,11 @@ where
 
     fn counts(&mut self) -> Counts {
         let mut motors = self.inputs.lock(|inputs| inputs.faults()).unwrap_or_default();
-        let missed_deadlines = self.control.lock(|control| {
+        let (missed_deadlines, idle_hangs) = self.control.lock(|control| {
             control.count_faults(&mut motors);
-            control.missed_deadlines()
+            (control.missed_deadlines(), control.idle_hangs())
         });
-        Counts { link_overruns: self.hardware.link_overruns(), missed_deadlines, motors }
+        Counts { link_overruns: self.hardware.link_overruns(), missed_deadlines, idle_hangs, motors }
     }
 
     fn frame_rates(&mut self, loop_rate_hz: u32) -> [FrameRates; MOTORS] {

@@ -5,8 +5,8 @@ use heapless::Deque;
 use heapless::spsc::{Consumer, Producer};
 
 use super::{
-    BoardFacts, ControlAccess, Counts, FrameRates, INJECT_QUEUE, Motor, Outputs, RECORD_QUEUE, Tick, channel_settings,
-    channels, filters, load,
+    BoardFacts, ControlAccess, Counts, FrameRates, INJECT_QUEUE, Motor, Outputs, RECORD_QUEUE, ResumeMemory, Tick,
+    channel_settings, channels, filters, load,
 };
 use crate::channel::{Excitation, ExcitationRequest, Refusal as ChannelRefusal, State};
 use crate::link::{
@@ -38,6 +38,10 @@ pub struct RequestHandler<F> {
     stopping: Option<u8>,
     /// Replies that became due while another request was answered.
     pending: Deque<PendingReply, PENDING>,
+    /// Where the settings are kept over a reset.
+    memory: Option<&'static ResumeMemory>,
+    /// Which motors have gone on after it.
+    resumed: [bool; MOTORS],
 }
 
 /// A reply to a request that something else has settled.
@@ -56,7 +60,14 @@ impl<F: NorFlash> RequestHandler<F> {
     pub fn new(settings: Validated, origin: Origin, store: Store<F>, queues: HandlerQueues) -> Self {
         let injectors = [const { Injector::new() }; MOTORS];
         let (recorder, stopping, pending) = (None, None, Deque::new());
-        Self { settings, origin, store, queues, injectors, recorder, stopping, pending }
+        let (memory, resumed) = (None, [false; MOTORS]);
+        Self { settings, origin, store, queues, injectors, recorder, stopping, pending, memory, resumed }
+    }
+
+    /// With memory that survives a reset, in which it keeps the settings, and with the motors that have gone on after this one.
+    #[must_use]
+    pub fn with_memory(self, memory: Option<&'static ResumeMemory>, resumed: [bool; MOTORS]) -> Self {
+        Self { memory, resumed, ..self }
     }
 
     /// The settings in use.
@@ -97,10 +108,18 @@ impl<F: NorFlash> RequestHandler<F> {
                 Err(refusal) => Err(refusal),
             },
             Request::Faults => {
-                let Counts { link_overruns, missed_deadlines, motors } = board.counts();
+                let Counts { link_overruns, missed_deadlines, idle_hangs, motors } = board.counts();
                 let (record_dropped, dead_man) = board.tick(|tick| (tick.samples_dropped(), tick.dead_man()));
                 let link = link_faults;
-                Ok(Message::Faults(Faults { link, link_overruns, missed_deadlines, record_dropped, dead_man, motors }))
+                Ok(Message::Faults(Faults {
+                    link,
+                    link_overruns,
+                    missed_deadlines,
+                    idle_hangs,
+                    record_dropped,
+                    dead_man,
+                    motors,
+                }))
             }
         };
         Some(Tagged { tag, message: result.unwrap_or_else(Message::Refused) })
@@ -171,6 +190,7 @@ impl<F: NorFlash> RequestHandler<F> {
             bench_enabled: board.is_bench_enabled(),
             motors,
             paths,
+            resumed: self.resumed,
         }
     }
 
@@ -192,6 +212,9 @@ impl<F: NorFlash> RequestHandler<F> {
         // The design took its time: somebody may have armed meanwhile, and may still.
         pause(board)?;
         let reconfigured = board.reconfigure(&settings, channels);
+        if let (Ok(()), Some(memory)) = (&reconfigured, self.memory) {
+            memory.write_settings(&settings, Origin::Host, &filters);
+        }
         board.tick(Tick::resume);
         reconfigured?;
         for motor in 0..MOTORS {
@@ -210,6 +233,9 @@ impl<F: NorFlash> RequestHandler<F> {
         board.flash_stalls(true);
         let saved = self.store.save(&self.settings);
         board.flash_stalls(false);
+        if let (Ok(()), Some(memory)) = (&saved, self.memory) {
+            memory.set_origin(Origin::Stored);
+        }
         board.tick(Tick::resume);
         saved.map_err(|_| Refusal::SaveFailed)?;
         // Who stores the defaults has chosen them.

@@ -5,11 +5,13 @@ use heapless::spsc::{Consumer, Producer};
 
 use super::hardware::{BoardFacts, CaptureTimer, ControlHardware};
 use super::plan::Plan;
+use super::resume::{Resumption, ResumeSource};
 use super::{
     Control, HandlerQueues, INJECT_QUEUE, Inputs, Motor, MotorQueues, Outputs, RECORD_QUEUE, RequestHandler, Tick,
     channels, filters,
 };
-use crate::channel::Channel;
+use crate::channel::{Channel, State};
+use crate::compensator::Filter;
 use crate::link::Sample;
 use crate::settings::{MOTORS, Origin, Store, Validated};
 use crate::throttle::{Command, EscCommand};
@@ -42,19 +44,58 @@ pub struct Started<C, H, F> {
 /// Settings as a controller runs with them.
 struct Usable {
     channels: [Channel; MOTORS],
+    filters: [Filter; MOTORS],
     plan: Plan,
 }
 
 impl Usable {
     /// `None` where the filter cannot be designed, or a timer does not suit the pulses.
     fn new(settings: &Validated, facts: &BoardFacts, tells_pulses_apart: bool) -> Option<Self> {
-        let channels = channels(settings, filters(settings).ok()?)?;
+        let filters = filters(settings).ok()?;
+        Self::with(settings, filters, channels(settings, filters)?, facts, tells_pulses_apart)
+    }
+
+    /// Of a controller that goes on after a reset.
+    fn resumed(resumption: &Resumption, facts: &BoardFacts, tells_pulses_apart: bool) -> Option<Self> {
+        Self::with(&resumption.settings, resumption.filters, resumption.channels()?, facts, tells_pulses_apart)
+    }
+
+    fn with(
+        settings: &Validated,
+        filters: [Filter; MOTORS],
+        channels: [Channel; MOTORS],
+        facts: &BoardFacts,
+        tells_pulses_apart: bool,
+    ) -> Option<Self> {
         let plan = Plan::new(settings, facts.clocks.timer_hz, tells_pulses_apart).filter(|_| facts.suits(settings))?;
-        Some(Self { channels, plan })
+        Some(Self { channels, filters, plan })
+    }
+}
+
+/// What goes on after a reset: nothing on clocks that would make other pulses of the same commands.
+fn resume(source: &ResumeSource, facts: &BoardFacts, tells_pulses_apart: bool) -> Option<(Validated, Origin, Usable)> {
+    let resumption = source.memory.take(facts.reset, source.is_debugged)?;
+    let usable = Usable::resumed(&resumption, facts, tells_pulses_apart).filter(|_| tells_pulses_apart)?;
+    Some((resumption.settings, resumption.origin, usable))
+}
+
+/// Settings from the flash, with their filters.
+fn load<F: NorFlash>(store: &mut Store<F>, facts: &BoardFacts, tells_pulses_apart: bool) -> (Validated, Origin, Usable) {
+    let loaded = store.load();
+    match Usable::new(&loaded.settings, facts, tells_pulses_apart) {
+        Some(usable) => (loaded.settings, loaded.origin, usable),
+        None => {
+            let settings = Validated::default();
+            let usable = Usable::new(&settings, facts, tells_pulses_apart);
+            (settings, Origin::DefaultsBad, usable.expect("the defaults suit every clock"))
+        }
     }
 }
 
 /// Loads the settings, and designs the filter. The ticks wait for [`Control::start_ticks`].
+///
+/// After a reset in flight that the controller itself has caused, everything is taken from the memory that `resume` names instead:
+/// neither flash nor design is waited for, and the motors hold their last commands from the first tick on.
 ///
 /// Without settings that somebody has chosen and that suit this clock, every output stays low until a host has set some:
 /// the stop pulse of the default protocol may be full speed for another one's ESC.
@@ -69,18 +110,16 @@ pub fn start<C: CaptureTimer, H: ControlHardware, F: NorFlash>(
     facts: &BoardFacts,
     tells_pulses_apart: bool,
     queues: Queues,
+    resume_from: Option<ResumeSource>,
 ) -> Started<C, H, F> {
-    let loaded = store.load();
-    let usable = Usable::new(&loaded.settings, facts, tells_pulses_apart);
-    let (settings, origin, usable) = match usable {
-        Some(usable) => (loaded.settings, loaded.origin, usable),
-        None => {
-            let settings = Validated::default();
-            let usable = Usable::new(&settings, facts, tells_pulses_apart);
-            (settings, Origin::DefaultsBad, usable.expect("the defaults suit every clock"))
-        }
-    };
-    let Usable { channels, plan } = usable;
+    let resumed = resume_from.as_ref().and_then(|source| resume(source, facts, tells_pulses_apart));
+    let (settings, origin, usable) = resumed.unwrap_or_else(|| load(&mut store, facts, tells_pulses_apart));
+    let Usable { channels, filters, plan } = usable;
+    let memory = resume_from.map(|source| source.memory);
+    if let Some(memory) = memory {
+        memory.write_settings(&settings, origin, &filters);
+    }
+    let resumed = channels.each_ref().map(|channel| channel.state() == State::Holding);
     let outputs = if origin.is_chosen() { Outputs::Enabled } else { Outputs::Low };
     let (inject_in, inject_out) = unzip(queues.inject);
     let (outputs_in, outputs_out) = unzip(queues.outputs);
@@ -91,8 +130,8 @@ pub fn start<C: CaptureTimer, H: ControlHardware, F: NorFlash>(
     let queues = HandlerQueues { inject: inject_in, outputs: outputs_out, samples: samples_out };
     Started {
         inputs: Inputs::new(capture, plan.input.timing()),
-        control: Control::new(hardware, tick, &plan, settings.loop_rate_hz),
-        handler: RequestHandler::new(settings, origin, store, queues),
+        control: Control::new(hardware, tick, &plan, settings.loop_rate_hz).with_memory(memory),
+        handler: RequestHandler::new(settings, origin, store, queues).with_memory(memory, resumed),
         origin,
     }
 }

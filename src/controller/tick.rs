@@ -3,6 +3,7 @@
 use heapless::spsc::{Consumer, Producer};
 
 use super::pacing::InputPulse;
+use super::resume::HeldMotor;
 use crate::capture::Reading;
 use crate::channel::{Channel, Excitation, Input, Refusal as ChannelRefusal, State};
 use crate::link::{
@@ -111,6 +112,17 @@ impl Motor {
     #[must_use]
     const fn is_bench_driven(&self) -> bool {
         self.is_injected() || matches!(self.channel.state(), State::Excitation(_))
+    }
+
+    /// Whether a flight controller turns the motor, or did until its pulses were lost a moment ago.
+    fn is_flown(&self) -> bool {
+        self.source == CommandSource::Pulse && matches!(self.channel.state(), State::Armed | State::Holding)
+    }
+
+    /// How it goes on after a reset: only where a flight controller turns it.
+    fn held(&self) -> HeldMotor {
+        let held = if self.source == CommandSource::Pulse { self.channel.held() } else { None };
+        HeldMotor { held, is_enabled: self.channel.is_enabled() }
     }
 
     /// Whether pulses come at its input, or came until a moment ago, be they of another protocol, and whatever drives the
@@ -474,6 +486,17 @@ impl Tick {
     #[inline]
     pub const fn is_recording(&self) -> bool {
         self.recording.is_some()
+    }
+
+    /// Whether a flight controller turns a motor.
+    pub(super) fn is_flown(&self) -> bool {
+        self.motors.iter().any(Motor::is_flown)
+    }
+
+    /// How each motor goes on after a reset.
+    #[inline]
+    pub(super) fn held(&self) -> [HeldMotor; MOTORS] {
+        self.motors.each_ref().map(Motor::held)
     }
 
     /// Ticks since the start, wrapping.

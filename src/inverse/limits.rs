@@ -42,6 +42,13 @@ impl SlewLimit {
         (steps > 0).then_some(Self { steps: steps.cast_signed() })
     }
 
+    /// What [`Self::per_tick`] gave; `None` for what it never gives.
+    #[cfg(feature = "controller")]
+    pub(crate) const fn from_per_tick(per_tick: i32) -> Option<Self> {
+        let steps = per_tick >> STEP_SHIFT;
+        if steps > 0 && steps <= 1 << OUTPUT_BITS { Some(Self { steps }) } else { None }
+    }
+
     /// The change per tick in 2^-29; 2^29 where there is no limit.
     #[must_use]
     pub const fn per_tick(self) -> i32 {

@@ -328,6 +328,8 @@ pub struct Info {
     pub motors: [ChannelState; MOTORS],
     /// What is in each motor's path.
     pub paths: [Path; MOTORS],
+    /// Which motors have gone on after this reset, at their last command.
+    pub resumed: [bool; MOTORS],
 }
 
 /// What is in a motor's path now, whatever is stored.
@@ -500,6 +502,8 @@ pub struct Faults {
     pub link_overruns: u32,
     /// Control ticks that began before the last one was done.
     pub missed_deadlines: u32,
+    /// Times that the lowest priority, which talks to the host, was away for 20 s while a flight controller turned a motor.
+    pub idle_hangs: u32,
     /// Samples of the recorder that the link was too slow for.
     pub record_dropped: u32,
     /// Excitations that ended because the host was silent.

@@ -22,15 +22,15 @@ const CRYSTAL_HZ: u32 = 12_000_000;
 /// Core clock: the crystal times 125, over 6 and 2.
 pub const CORE_HZ: u32 = 125_000_000;
 /// Multiplier and dividers of the system PLL, whose oscillator runs at 1500 MHz (RP2040 datasheet, 2.18.2).
-const SYSTEM_PLL: (u16, u8, u8) = (125, 6, 2);
+pub const SYSTEM_PLL: (u16, u8, u8) = (125, 6, 2);
 /// Of the USB PLL: 1200 MHz, and 48 MHz.
 const USB_PLL: (u16, u8, u8) = (100, 5, 5);
 /// Start-up of the crystal in 256 of its periods: 63 ms. One is enough on a Pico, and not for every crystal of other boards.
 const CRYSTAL_DELAY: u16 = 63 * (CRYSTAL_HZ / 1000 / 256) as u16;
 /// Reads of a status register before an oscillator counts as dead. A read takes at least 5 cycles of 12 MHz: 0.4 s.
 const PATIENCE: u32 = 1_000_000;
-/// Microseconds for which the core's counter is compared with the timer: long beside a miss of the flash's cache at either end.
-const COMPARISON_US: u32 = 10_000;
+/// Microseconds for which the core's counter is compared with the timer: a hundred times what the reads at either end take.
+const COMPARISON_US: u32 = 1000;
 
 /// What the clocks are made of.
 pub struct Parts {
@@ -49,6 +49,11 @@ pub fn start(parts: &Parts, resets: &RESETS, watchdog: &WATCHDOG) -> Option<()> 
     // From the crystal while the PLLs are set up, and with its other inputs off.
     clocks.clk_sys_ctrl().modify(|_, w| w.src().clk_ref());
     wait(|| clocks.clk_sys_selected().read().bits() == 1)?;
+    // Where the core was on the system PLL while the image was copied, all of it begins anew.
+    resets.reset().modify(|_, w| {
+        w.pll_sys().set_bit();
+        w.pll_usb().set_bit()
+    });
     resets.reset().modify(|_, w| {
         w.pll_sys().clear_bit();
         w.pll_usb().clear_bit()
@@ -75,6 +80,11 @@ pub fn start(parts: &Parts, resets: &RESETS, watchdog: &WATCHDOG) -> Option<()> 
 }
 
 fn start_crystal(crystal: &XOSC) -> Option<()> {
+    // A reset by the watchdog leaves it running.
+    let status = crystal.status().read();
+    if status.stable().bit() && status.enabled().bit() {
+        return Some(());
+    }
     crystal.ctrl().write(|w| w.freq_range()._1_15mhz());
     crystal.startup().write(|w| w.delay().variant(CRYSTAL_DELAY));
     crystal.ctrl().modify(|_, w| w.enable().enable());

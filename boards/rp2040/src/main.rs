@@ -68,6 +68,7 @@ mod app {
     use crate::inputs::{Capture, STAMPS_HELD};
     use crate::parts::{BoardStatus, ControlParts};
     use crate::pinout::LED;
+    use crate::postmortem;
     use crate::serial::{RECEIVE_QUEUE, SEND_QUEUE, Serial};
     use crate::settings_flash::{COPIES, SettingsFlash};
     use crate::start::{Board, Queues};
@@ -111,8 +112,9 @@ mod app {
             samples: cx.local.sample_queue.split(),
         };
         let store = Store::new(flash, COPIES);
+        let apart = status.tells_pulses_apart();
         let Started { inputs, control, handler, origin } =
-            controller::start(capture, control, store, &facts, status.tells_pulses_apart(), queues);
+            controller::start(capture, control, store, &facts, apart, queues, Some(postmortem::resume_source()));
         defmt::info!("settings: {}", defmt::Debug2Format(&origin));
         let local = Local { server: Server::new(handler), status, received, to_send, serial, timer };
         (Shared { inputs, control }, local)

@@ -1,14 +1,16 @@
 //! What happens when the firmware cannot go on: the outputs go low at the pin, the reason is stored where a reset does not
 //! reach it, and the controller restarts.
 //!
-//! [`Record`] says what is stored, in RAM that start-up does not clear.
+//! [`Record`] says what is stored, in RAM that start-up does not clear. There, too, lies what a flight needs to go on:
+//! [`ResumeMemory`].
 
 use core::mem::MaybeUninit;
 use core::panic::PanicInfo;
 use core::ptr::addr_of_mut;
+use core::sync::atomic::{AtomicU32, Ordering};
 
 use cortex_m_rt::exception;
-use rotorlead::controller::Record;
+use rotorlead::controller::{Record, ResumeMemory, ResumeSource};
 use rotorlead::link::ResetReason;
 use rp2040_hal::pac::{VREG_AND_CHIP_RESET, WATCHDOG};
 
@@ -45,6 +47,48 @@ pub fn take(watchdog: &WATCHDOG, chip: &VREG_AND_CHIP_RESET) -> ResetReason {
     }
 }
 
+#[unsafe(link_section = ".uninit.resume")]
+static RESUME: MaybeUninit<ResumeMemory> = MaybeUninit::uninit();
+
+/// What a flight needs to go on, and whether somebody debugs this core.
+pub fn resume_source() -> ResumeSource {
+    let mut place = RESUME.as_ptr();
+    // SAFETY: there is no instruction. For the compiler there may be one that has written the memory: it may not take for granted
+    // that nothing stands there yet.
+    unsafe { core::arch::asm!("/* {place} */", place = inout(reg) place, options(nostack, preserves_flags)) };
+    // SAFETY: aligned, never moved, written through its atomics alone, and any bits are one.
+    let memory = unsafe { &*place };
+    ResumeSource { memory, is_debugged }
+}
+
+/// Whether a debugger is attached. The core's register that says so cannot be read by its own software on a Cortex-M0+, so a
+/// breakpoint is executed: without a debugger it is a fault, which the handler below steps over. With one the core halts here, outputs
+/// off, and where the debugger lets it go on no fault has come.
+fn is_debugged() -> bool {
+    let is_debugged: u32;
+    // SAFETY: the handler of faults, or the debugger, goes on behind the breakpoint, and changes no register and no memory but the
+    // word that says so. Called at the start, with interrupts off.
+    unsafe {
+        core::arch::asm!(
+            "str {armed}, [{place}]",
+            "bkpt #{code}",
+            "ldr {armed}, [{place}]",
+            code = const PROBE_CODE,
+            place = in(reg) PROBE.as_ptr(),
+            armed = inout(reg) PROBE_ARMED => is_debugged,
+            options(nostack, preserves_flags),
+        );
+    }
+    PROBE.store(0, Ordering::Relaxed);
+    is_debugged != 0
+}
+
+/// [`PROBE_ARMED`] while the breakpoint is executed that a debugger would stop at; the handler of faults clears it.
+static PROBE: AtomicU32 = AtomicU32::new(0);
+const PROBE_ARMED: u32 = 0x9B0B_E5A7;
+/// Tells this breakpoint from others for who looks at it: an emulator.
+const PROBE_CODE: u32 = 0xdb;
+
 /// Outputs low first of all; then the record, and a reset.
 fn end(record: Record) -> ! {
     cortex_m::interrupt::disable();
@@ -74,13 +118,29 @@ core::arch::global_asm!(
     ".type HardFault, %function",
     ".thumb_func",
     "HardFault:",
+    "ldr r0, ={probe}",
+    "ldr r1, [r0]",
+    "ldr r2, ={armed}",
+    "cmp r1, r2",
+    "bne 1f",
+    // The breakpoint that `is_debugged` has executed: on behind its two bytes. The stack is whole.
+    "movs r1, #0",
+    "str r1, [r0]",
+    "ldr r1, [sp, #24]",
+    "adds r1, #2",
+    "str r1, [sp, #24]",
+    "bx lr",
+    "1:",
     "mrs r0, MSP",
     "ldr r1, =_stack_start",
     "msr MSP, r1",
     "ldr r1, ={entry}",
     "bx r1",
+    ".ltorg",
     ".size HardFault, . - HardFault",
     entry = sym hard_fault,
+    probe = sym PROBE,
+    armed = const PROBE_ARMED,
 );
 
 unsafe extern "C" {

@@ -1,0 +1,373 @@
+//! What is kept over a reset so that a flight goes on: the settings with their filters, and the last command of each motor.
+//!
+//! It lies in RAM that start-up does not clear, and every bit pattern is one: whatever power or a fault left there is read, and used
+//! only where its checksums hold. A record is used once, by the firmware that wrote it (a checksum of the library's sources is part of
+//! it), and is cleared when it is read, at every start.
+//!
+//! | part | written | protected by |
+//! |---|---|---|
+//! | settings, where they come from, and the filters' coefficients as integers | at the start, and whenever a host sets or saves settings, with every motor at rest | CRC-32 |
+//! | flight: for each motor whether its command may be held, the command, for how long; ticks since the start | every 1 to 2 ms by the control task, in one of two copies in turn | a checksum that the CRC of the settings begins |
+//! | the resets before | at the start | its complement |
+//!
+//! A reset in the middle of a write leaves the other copy of the flight, which is 1 to 2 ms older. A command that old is as good: a
+//! flight controller's frames are as far apart or farther.
+
+use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
+
+use super::channels;
+use crate::biquad;
+use crate::channel::Channel;
+use crate::checksum::CHECKSUM;
+use crate::compensator::{CommandRange, Filter, InverseFilter};
+use crate::inverse::{self, SlewLimit, TABLE_POINTS};
+use crate::link::ResetReason;
+use crate::settings::{MOTORS, Origin, Settings, Validated};
+use crate::throttle::Command;
+
+/// A third reset within so many milliseconds ends with the motors off: what resets the controller does it again.
+pub const CRASH_LOOP_MS: u32 = 10_000;
+
+/// A checksum of the library's sources, from its build script.
+const SOURCES: u32 = match u32::from_str_radix(env!("ROTORLEAD_SOURCES"), 10) {
+    Ok(sources) => sources,
+    Err(_) => panic!("the build script gives a number"),
+};
+
+/// Longest settings, bytes: with a curve for each motor some 750.
+const SETTINGS_BYTES: usize = 1024;
+/// An inverse: `A`, `B`, the gains, the slew, and the range. A lead has four words.
+const FILTER_WORDS: usize = 2 + TABLE_POINTS + 3;
+const LEAD: u32 = 1;
+const INVERSE: u32 = 2;
+
+/// Words of the first part: the sources' checksum, the origin, the length of the settings, and the kind of the filters.
+const HEADER_WORDS: usize = 4;
+const SETTINGS_WORDS: usize = HEADER_WORDS + SETTINGS_BYTES / 4 + MOTORS * FILTER_WORDS;
+/// The ticks, two of each motor, and the checksum.
+const FLIGHT_WORDS: usize = 1 + 2 * MOTORS + 1;
+
+/// In a motor's first word, beside the ticks for which its command may be held: it may be, and its filter is in the path.
+const IS_HELD: u32 = 1 << 31;
+const IS_ENABLED: u32 = 1 << 30;
+const TICKS_MASK: u32 = IS_ENABLED - 1;
+
+/// No settings: a CRC of 0 is stored as 1.
+const NO_SETTINGS: u32 = 0;
+/// What the word of the resets says otherwise: how many milliseconds before this start the one before was reset.
+const NOT_RESET: u32 = u32::MAX;
+const FIRST_RESET: u32 = u32::MAX - 1;
+
+/// Memory that survives a reset, and what the controller keeps there. See the [module](self).
+#[repr(C)]
+pub struct ResumeMemory {
+    settings: [AtomicU32; SETTINGS_WORDS],
+    settings_crc: AtomicU32,
+    flights: [[AtomicU32; FLIGHT_WORDS]; 2],
+    /// Writes of the flight: its lowest bit is the copy that is next.
+    writes: AtomicU32,
+    /// The resets before, and its complement.
+    resets: [AtomicU32; 2],
+}
+
+/// Where a board keeps its [`ResumeMemory`].
+#[derive(Clone, Copy)]
+pub struct ResumeSource {
+    /// The memory: the same after each reset.
+    pub memory: &'static ResumeMemory,
+    /// Whether a debugger is attached: a core that it halts ends as a reset of the watchdog, and motors must not start when somebody
+    /// looks at the code. Asked only where all else speaks for a resumption.
+    pub is_debugged: fn() -> bool,
+}
+
+/// How a motor goes on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct HeldMotor {
+    /// The command to be held, and for how many ticks; `None` for a motor that stays off.
+    pub held: Option<(Command, u32)>,
+    /// Whether its filter is in the path.
+    pub is_enabled: bool,
+}
+
+/// A controller as it was before a reset.
+pub(super) struct Resumption {
+    pub settings: Validated,
+    pub origin: Origin,
+    pub filters: [Filter; MOTORS],
+    pub motors: [HeldMotor; MOTORS],
+}
+
+impl Resumption {
+    /// The channels, which hold the commands. `None` where the settings do not fit, which they do once validated.
+    pub fn channels(&self) -> Option<[Channel; MOTORS]> {
+        let mut channels = channels(&self.settings, self.filters)?;
+        for (channel, motor) in channels.iter_mut().zip(&self.motors) {
+            channel.set_enabled(motor.is_enabled);
+            if let Some((command, ticks_left)) = motor.held {
+                channel.resume(command, ticks_left);
+            }
+        }
+        Some(channels)
+    }
+}
+
+/// Whether a flight may go on after this reset: one that the controller itself has caused, and that left clocks, wiring and intent as
+/// they were. Not after power came, the supply fell, the crystal stopped, or somebody reset it.
+const fn is_own_failure(reset: ResetReason) -> bool {
+    match reset {
+        ResetReason::Watchdog
+        | ResetReason::Panic(_)
+        | ResetReason::Fault { .. }
+        // An interrupt that nobody has asked for is a fault of the same kind; the reset has switched it off.
+        | ResetReason::StrayInterrupt(_) => true,
+        ResetReason::PowerOn
+        | ResetReason::BrownOut
+        | ResetReason::Pin
+        | ResetReason::Software
+        | ResetReason::CrystalLost
+        | ResetReason::SupplyLow => false,
+    }
+}
+
+impl ResumeMemory {
+    /// Memory that holds nothing.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            settings: [const { AtomicU32::new(0) }; SETTINGS_WORDS],
+            settings_crc: AtomicU32::new(NO_SETTINGS),
+            flights: [const { [const { AtomicU32::new(0) }; FLIGHT_WORDS] }; 2],
+            writes: AtomicU32::new(0),
+            resets: [const { AtomicU32::new(0) }; 2],
+        }
+    }
+
+    /// Forgets everything: nothing goes on after the next reset. For a firmware that is about to restart on purpose.
+    pub fn clear(&self) {
+        self.settings_crc.store(NO_SETTINGS, Relaxed);
+        for word in self.flights.iter().flatten().chain(&self.settings).chain(&self.resets) {
+            word.store(0, Relaxed);
+        }
+    }
+
+    /// What goes on after this reset, if anything. The memory is cleared.
+    ///
+    /// `is_debugged` is asked only where all else speaks for it.
+    pub(super) fn take(&self, reset: ResetReason, is_debugged: impl FnOnce() -> bool) -> Option<Resumption> {
+        let resumption = if is_own_failure(reset) { self.read() } else { None };
+        self.clear();
+        let (resumption, resets) = resumption?;
+        if is_debugged() {
+            return None;
+        }
+        self.write_resets(resets);
+        Some(resumption)
+    }
+
+    /// What stands there, and how the word of the resets goes on; `None` where a checksum does not hold, nothing is to be resumed, or
+    /// this is the third reset in a short time.
+    fn read(&self) -> Option<(Resumption, u32)> {
+        let (ticks, motors) = self.flight()?;
+        motors.iter().find(|motor| motor.held.is_some())?;
+        if self.crc() != self.settings_crc.load(Relaxed) {
+            return None;
+        }
+        let (settings, origin, filters) = self.settings()?;
+        if !settings.resume || !origin.is_chosen() {
+            return None;
+        }
+        let resets = self.next_resets(ticks, settings.loop_rate_hz)?;
+        Some((Resumption { settings, origin, filters, motors }, resets))
+    }
+
+    // --- Settings -----------------------------------------------------------------------------------------------------
+
+    /// Keeps these, which the controller runs with from now on. Every motor is at rest.
+    pub(super) fn write_settings(&self, settings: &Settings, origin: Origin, filters: &[Filter; MOTORS]) {
+        self.settings_crc.store(NO_SETTINGS, Relaxed);
+        let mut bytes = [0; SETTINGS_BYTES];
+        let Ok(written) = postcard::to_slice(settings, &mut bytes) else { return };
+        let length = written.len() as u32;
+        let kind = match filters[0] {
+            Filter::Lead(_) => LEAD,
+            Filter::Inverse(_) => INVERSE,
+        };
+        let header = [SOURCES, origin_number(origin), length, kind];
+        let settings = bytes.as_chunks().0.iter().map(|&bytes| u32::from_le_bytes(bytes));
+        let filters = filters.iter().flat_map(filter_words);
+        for (word, value) in self.settings.iter().zip(header.into_iter().chain(settings).chain(filters)) {
+            word.store(value, Relaxed);
+        }
+        self.settings_crc.store(self.crc(), Relaxed);
+    }
+
+    /// The same settings come from elsewhere now. Every motor is at rest.
+    pub(super) fn set_origin(&self, origin: Origin) {
+        if self.settings_crc.load(Relaxed) == NO_SETTINGS {
+            return;
+        }
+        self.settings_crc.store(NO_SETTINGS, Relaxed);
+        self.settings[1].store(origin_number(origin), Relaxed);
+        self.settings_crc.store(self.crc(), Relaxed);
+    }
+
+    fn settings(&self) -> Option<(Validated, Origin, [Filter; MOTORS])> {
+        let [sources, origin, length, kind, words @ ..] = &self.settings;
+        if sources.load(Relaxed) != SOURCES {
+            return None;
+        }
+        let (settings, filters) = words.split_at(SETTINGS_BYTES / 4);
+        let mut bytes = [0; SETTINGS_BYTES];
+        for (bytes, word) in bytes.as_chunks_mut().0.iter_mut().zip(settings) {
+            *bytes = word.load(Relaxed).to_le_bytes();
+        }
+        let bytes = bytes.get(..length.load(Relaxed) as usize)?;
+        let settings = postcard::from_bytes::<Settings>(bytes).ok()?.validate().ok()?;
+        let kind = kind.load(Relaxed);
+        let mut filters = filters.as_chunks().0.iter().map(|words| filter(kind, &words.each_ref().map(|word| word.load(Relaxed))));
+        let mut next = || filters.next().flatten();
+        Some((settings, origin_of(origin.load(Relaxed))?, [next()?, next()?, next()?, next()?]))
+    }
+
+    fn crc(&self) -> u32 {
+        let mut digest = CHECKSUM.digest();
+        for word in &self.settings {
+            digest.update(&word.load(Relaxed).to_le_bytes());
+        }
+        digest.finalize().max(NO_SETTINGS + 1)
+    }
+
+    // --- Flight -------------------------------------------------------------------------------------------------------
+
+    /// Keeps what each motor does, from the control task: `ticks` after the start.
+    #[inline]
+    pub(super) fn write_flight(&self, ticks: u32, motors: [HeldMotor; MOTORS]) {
+        let writes = self.writes.load(Relaxed).wrapping_add(1);
+        self.writes.store(writes, Relaxed);
+        let [first, second] = &self.flights;
+        let [to_ticks, to_motors @ .., to_checksum] = if writes & 1 == 0 { first } else { second };
+        let mut checksum = mixed(self.settings_crc.load(Relaxed), ticks);
+        to_ticks.store(ticks, Relaxed);
+        for ([to_state, to_command], motor) in to_motors.as_chunks::<2>().0.iter().zip(motors) {
+            let (held, command) = match motor.held {
+                Some((command, ticks_left)) => (IS_HELD | ticks_left & TICKS_MASK, command.to_bits().cast_unsigned()),
+                None => (0, 0),
+            };
+            let state = if motor.is_enabled { held | IS_ENABLED } else { held };
+            to_state.store(state, Relaxed);
+            to_command.store(command, Relaxed);
+            checksum = mixed(mixed(checksum, state), command);
+        }
+        to_checksum.store(checksum, Relaxed);
+    }
+
+    /// The newer one of the two copies whose checksums hold.
+    fn flight(&self) -> Option<(u32, [HeldMotor; MOTORS])> {
+        let seed = self.settings_crc.load(Relaxed);
+        if seed == NO_SETTINGS {
+            return None;
+        }
+        let whole = |words: &[AtomicU32; FLIGHT_WORDS]| {
+            let [words @ .., checksum] = words.each_ref().map(|word| word.load(Relaxed));
+            let [ticks, motors @ ..] = words;
+            (words.into_iter().fold(seed, mixed) == checksum).then_some((ticks, motors))
+        };
+        let [first, second] = self.flights.each_ref().map(whole);
+        let (ticks, motors) = match (first, second) {
+            // Ticks wrap.
+            (Some(first), Some(second)) if second.0.wrapping_sub(first.0).cast_signed() > 0 => second,
+            (Some(first), _) => first,
+            (None, second) => second?,
+        };
+        let motor = |index: usize| {
+            let (state, command) = (motors[2 * index], motors[2 * index + 1]);
+            let held = (Command::saturating_from_bits(command.cast_signed()), state & TICKS_MASK);
+            HeldMotor { held: (state & IS_HELD != 0).then_some(held), is_enabled: state & IS_ENABLED != 0 }
+        };
+        Some((ticks, core::array::from_fn(motor)))
+    }
+
+    // --- Resets -------------------------------------------------------------------------------------------------------
+
+    /// How the word of the resets goes on after one that came `ticks` after the start; `None` for the third in [`CRASH_LOOP_MS`].
+    fn next_resets(&self, ticks: u32, loop_rate_hz: u32) -> Option<u32> {
+        let [resets, complement] = self.resets.each_ref().map(|word| word.load(Relaxed));
+        let ran_ms = u64::from(ticks) * 1000 / u64::from(loop_rate_hz.max(1));
+        let ran_ms = u32::try_from(ran_ms).unwrap_or(u32::MAX).min(FIRST_RESET - 1);
+        if resets != !complement || resets == NOT_RESET {
+            return Some(FIRST_RESET);
+        }
+        if resets != FIRST_RESET && resets.saturating_add(ran_ms) < CRASH_LOOP_MS {
+            return None;
+        }
+        Some(ran_ms)
+    }
+
+    fn write_resets(&self, resets: u32) {
+        self.resets[0].store(resets, Relaxed);
+        self.resets[1].store(!resets, Relaxed);
+    }
+}
+
+impl Default for ResumeMemory {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// One step of the flight's checksum. Every step is a bijection of both words: one that differs changes it.
+#[inline]
+const fn mixed(checksum: u32, word: u32) -> u32 {
+    (checksum ^ word).wrapping_mul(0x9E37_79B1).rotate_left(15)
+}
+
+const ORIGINS: [Origin; 6] = [
+    Origin::Stored,
+    Origin::StoredOnce,
+    Origin::DefaultsBlank,
+    Origin::DefaultsBad,
+    Origin::Migrated,
+    Origin::Host,
+];
+
+fn origin_number(origin: Origin) -> u32 {
+    ORIGINS.iter().position(|&other| other == origin).map_or(u32::MAX, |index| index as u32)
+}
+
+fn origin_of(number: u32) -> Option<Origin> {
+    ORIGINS.get(number as usize).copied()
+}
+
+fn filter_words(filter: &Filter) -> [u32; FILTER_WORDS] {
+    let mut words = [0; FILTER_WORDS];
+    match filter {
+        Filter::Lead(lead) => {
+            let values = [lead.k(), lead.c(), lead.g0(), lead.g1()];
+            words.iter_mut().zip(values).for_each(|(word, value)| *word = value.cast_unsigned());
+        }
+        Filter::Inverse(InverseFilter { coefficients, slew, range }) => {
+            let first = [coefficients.a(), coefficients.b()];
+            let last = [slew.per_tick(), range.lowest.to_bits(), range.highest.to_bits()];
+            let values = first.into_iter().chain(coefficients.gains()).chain(last);
+            words.iter_mut().zip(values).for_each(|(word, value)| *word = value.cast_unsigned());
+        }
+    }
+    words
+}
+
+/// Every condition of the coefficients is checked again, but that on the lead's L1 gain: the checksum stands for that.
+fn filter(kind: u32, words: &[u32; FILTER_WORDS]) -> Option<Filter> {
+    let words = words.map(u32::cast_signed);
+    if kind == LEAD {
+        let [k, c, g0, g1, ..] = words;
+        return biquad::Coefficients::new(k, c, g0, g1).map(Filter::Lead);
+    }
+    let [a, b, gains @ .., slew, lowest, highest] = words;
+    let is_in_range =
+        a > 0 && a < 1 << (inverse::COEFFICIENT_BITS - 1) && b > 0 && b <= 1 << inverse::COEFFICIENT_BITS;
+    let (lowest, highest) = (Command::saturating_from_bits(lowest), Command::saturating_from_bits(highest));
+    (kind == INVERSE && is_in_range).then_some(())?;
+    let coefficients = inverse::Coefficients::new(a, b, gains.map(i64::from)).ok()?;
+    let slew = SlewLimit::from_per_tick(slew)?;
+    Some(Filter::Inverse(InverseFilter { coefficients, slew, range: CommandRange { lowest, highest } }))
+}
