@@ -4,6 +4,8 @@ const HARD_FAULT = 3;
 // From the request to the first instruction of the handler: Cortex-M0+ TRM, without wait states.
 const EXCEPTION_ENTRY_CYCLES = 15;
 const ROM_END = 0x4000;
+// The breakpoint by which the firmware finds out whether a debugger is attached: boards/rp2040/src/postmortem.rs.
+const DEBUGGER_PROBE = 0xdb;
 
 export class Core {
   constructor(machine, rp2040, rom) {
@@ -14,7 +16,14 @@ export class Core {
     this.isAsleep = false;
     this.isLocked = false;
     this.fault = null;
-    rp2040.onBreak = (code) => this.blame(`BKPT or UDF ${code}`);
+    this.isProbed = false;
+    rp2040.onBreak = (code) => {
+      if (code === DEBUGGER_PROBE) {
+        this.isProbed = true;
+      } else {
+        this.blame(`BKPT or UDF ${code}`);
+      }
+    };
   }
 
   // Whether the core waits: for an interrupt, or for ever after a fault in the handler of faults.
@@ -51,7 +60,22 @@ export class Core {
       cpu.waiting = false;
       this.isAsleep = true;
     }
+    if (this.isProbed) {
+      return cycles + this.answerProbe(pc);
+    }
     return this.fault === null ? cycles : cycles + this.enterHardFault(pc);
+  }
+
+  // A breakpoint halts the core where a debugger is attached, and is a fault where none is: one that the firmware expects.
+  answerProbe(pc) {
+    this.isProbed = false;
+    if (this.machine.request.is_debugged) {
+      this.isLocked = true;
+      return 0;
+    }
+    this.cpu.PC = pc;
+    this.cpu.exceptionEntry(HARD_FAULT);
+    return EXCEPTION_ENTRY_CYCLES;
   }
 
   // Makes the instruction that is executed fault.

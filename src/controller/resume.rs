@@ -371,3 +371,218 @@ fn filter(kind: u32, words: &[u32; FILTER_WORDS]) -> Option<Filter> {
     let slew = SlewLimit::from_per_tick(slew)?;
     Some(Filter::Inverse(InverseFilter { coefficients, slew, range: CommandRange { lowest, highest } }))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::controller::filters;
+    use crate::design::RotorCurve;
+    use crate::link::PanicPlace;
+    use crate::settings::CompensatorKind;
+
+    const RATE: u32 = 5000;
+    const OFF: HeldMotor = HeldMotor { held: None, is_enabled: false };
+
+    fn lead() -> Validated {
+        Settings::default().validate().unwrap()
+    }
+
+    fn inverse() -> Validated {
+        let mut settings = Settings { compensator: CompensatorKind::Inverse, ..Settings::default() };
+        for (index, motor) in settings.motors.iter_mut().enumerate() {
+            motor.curve = Some(RotorCurve::from_time_constants_s([0.03 + 0.01 * index as f32; TABLE_POINTS]));
+            motor.compensate = true;
+        }
+        settings.validate().unwrap()
+    }
+
+    fn flying(command: f64) -> [HeldMotor; MOTORS] {
+        core::array::from_fn(|motor| HeldMotor {
+            held: (motor != 2).then(|| (Command::saturating_from_f64(command + 0.01 * motor as f64), 500 - motor as u32)),
+            is_enabled: motor == 1,
+        })
+    }
+
+    /// Memory in which a flight with these settings has been kept up to so many ticks.
+    fn kept(settings: &Validated, ticks: u32) -> ResumeMemory {
+        let memory = ResumeMemory::new();
+        keep(&memory, settings, ticks);
+        memory
+    }
+
+    fn keep(memory: &ResumeMemory, settings: &Validated, ticks: u32) {
+        memory.write_settings(settings, Origin::Stored, &filters(settings).unwrap());
+        memory.write_flight(ticks.wrapping_sub(5), flying(0.3));
+        memory.write_flight(ticks, flying(0.5));
+    }
+
+    fn words(memory: &ResumeMemory) -> impl Iterator<Item = &AtomicU32> {
+        let ResumeMemory { settings, settings_crc, flights, resets, .. } = memory;
+        flights.iter().flatten().chain([settings_crc]).chain(settings).chain(resets)
+    }
+
+    fn copy(memory: &ResumeMemory) -> ResumeMemory {
+        let copy = ResumeMemory::new();
+        for (to, from) in words(&copy).zip(words(memory)) {
+            to.store(from.load(Relaxed), Relaxed);
+        }
+        copy
+    }
+
+    fn commands(resumption: &Resumption) -> [Option<Command>; MOTORS] {
+        resumption.motors.map(|motor| motor.held.map(|(command, _)| command))
+    }
+
+    #[test]
+    fn what_was_kept_comes_back_once_with_the_filters_to_the_last_bit() {
+        for settings in [lead(), inverse()] {
+            let memory = kept(&settings, 7777);
+            let resumption = memory.take(ResetReason::Watchdog, || false).unwrap();
+            assert_eq!((&resumption.settings, resumption.origin), (&settings, Origin::Stored));
+            assert_eq!(resumption.filters, filters(&settings).unwrap());
+            assert_eq!(resumption.motors, flying(0.5));
+            let states = resumption.channels().unwrap().map(|channel| (channel.held(), channel.is_enabled()));
+            assert_eq!(states, flying(0.5).map(|motor| (motor.held, motor.is_enabled)));
+            assert!(memory.take(ResetReason::Watchdog, || false).is_none(), "it is read once");
+        }
+    }
+
+    #[test]
+    fn a_flight_goes_on_after_the_controllers_own_failures_alone_and_every_start_clears_it() {
+        let panic = ResetReason::Panic(PanicPlace::new("a.rs", 1));
+        let fault = ResetReason::Fault { program_counter: 1, status: 2 };
+        for reset in [ResetReason::Watchdog, panic, fault, ResetReason::StrayInterrupt(7)] {
+            assert!(kept(&lead(), 7777).take(reset, || false).is_some(), "{reset:?}");
+        }
+        let others = [
+            ResetReason::PowerOn,
+            ResetReason::BrownOut,
+            ResetReason::Pin,
+            ResetReason::Software,
+            ResetReason::CrystalLost,
+            ResetReason::SupplyLow,
+        ];
+        for reset in others {
+            let memory = kept(&lead(), 7777);
+            assert!(memory.take(reset, || panic!("nobody asks")).is_none(), "{reset:?}");
+            assert!(memory.take(ResetReason::Watchdog, || false).is_none(), "{reset:?}");
+        }
+        let memory = kept(&lead(), 7777);
+        assert!(memory.take(ResetReason::Watchdog, || true).is_none(), "a debugger has halted the core");
+        assert!(memory.take(ResetReason::Watchdog, || false).is_none());
+        let memory = kept(&lead(), 7777);
+        memory.clear();
+        assert!(memory.take(ResetReason::Watchdog, || false).is_none(), "cleared");
+    }
+
+    #[test]
+    fn nothing_goes_on_that_settings_or_states_speak_against() {
+        let never = Settings { resume: false, ..Settings::default() }.validate().unwrap();
+        assert!(kept(&never, 7777).take(ResetReason::Watchdog, || false).is_none());
+        let memory = kept(&lead(), 7777);
+        memory.write_flight(7782, [OFF; MOTORS]);
+        assert!(memory.take(ResetReason::Watchdog, || false).is_none(), "no motor was turned");
+        let memory = kept(&lead(), 7777);
+        memory.write_settings(&lead(), Origin::Host, &filters(&lead()).unwrap());
+        assert!(memory.take(ResetReason::Watchdog, || false).is_none(), "the flight was one of other settings");
+        for origin in [Origin::DefaultsBlank, Origin::DefaultsBad] {
+            let memory = kept(&lead(), 7777);
+            memory.set_origin(origin);
+            memory.write_flight(7782, flying(0.5));
+            assert!(memory.take(ResetReason::Watchdog, || false).is_none(), "{origin:?}");
+        }
+        let memory = kept(&lead(), 7777);
+        memory.set_origin(Origin::Host);
+        memory.write_flight(7782, flying(0.5));
+        assert_eq!(memory.take(ResetReason::Watchdog, || false).unwrap().origin, Origin::Host);
+        let memory = kept(&lead(), 7777);
+        memory.settings[0].store(SOURCES ^ 1, Relaxed);
+        memory.settings_crc.store(memory.crc(), Relaxed);
+        memory.write_flight(7782, flying(0.5));
+        assert!(memory.take(ResetReason::Watchdog, || false).is_none(), "of another firmware");
+    }
+
+    /// Noise of lost power, and one wrong bit of each word.
+    #[test]
+    fn other_bits_are_nothing_or_the_copy_before() {
+        for noise in [0, 1, u32::MAX, 0xAAAA_AAAA] {
+            let memory = ResumeMemory::new();
+            words(&memory).for_each(|word| word.store(noise, Relaxed));
+            assert!(memory.take(ResetReason::Watchdog, || false).is_none());
+        }
+        let memory = kept(&inverse(), 7777);
+        let flight = 2 * FLIGHT_WORDS;
+        let resets = flight + 1 + SETTINGS_WORDS;
+        let mut older = 0;
+        for index in 0..resets {
+            for bit in [0, 7, 15, 31] {
+                let damaged = copy(&memory);
+                let word = words(&damaged).nth(index).unwrap();
+                word.store(word.load(Relaxed) ^ 1 << bit, Relaxed);
+                let found = damaged.take(ResetReason::Watchdog, || false).map(|resumption| resumption.motors);
+                if index < flight {
+                    let found = found.expect("one copy is whole");
+                    assert!(found == flying(0.5) || found == flying(0.3));
+                    older += u32::from(found == flying(0.3));
+                } else {
+                    assert!(found.is_none(), "word {index}, bit {bit}");
+                }
+            }
+        }
+        assert_eq!(older, 4 * FLIGHT_WORDS as u32);
+    }
+
+    /// A reset after any store of a write, in either order of the copies, and over the end of the ticks' range.
+    #[test]
+    fn a_write_that_a_reset_cuts_leaves_the_copy_before() {
+        for ticks in [7777, 2] {
+            for parity in 0..2 {
+                let memory = kept(&lead(), ticks);
+                if parity == 1 {
+                    memory.write_flight(ticks.wrapping_add(1), flying(0.5));
+                }
+                // As on the board, the copy after the last one that was written.
+                let after = copy(&memory);
+                after.writes.store(memory.writes.load(Relaxed), Relaxed);
+                after.write_flight(ticks.wrapping_add(5), flying(0.7));
+                let differs = |(a, b): &(&AtomicU32, &AtomicU32)| a.load(Relaxed) != b.load(Relaxed);
+                let changes = words(&memory).zip(words(&after)).filter(differs).count();
+                assert!(changes > 3 && changes <= FLIGHT_WORDS);
+                for stores in 0..changes {
+                    let cut = copy(&memory);
+                    let changed = words(&cut).zip(words(&after)).filter(differs).take(stores);
+                    changed.for_each(|(to, from)| to.store(from.load(Relaxed), Relaxed));
+                    let found = cut.take(ResetReason::Watchdog, || false).unwrap();
+                    assert_eq!(found.motors, flying(0.5), "{ticks} {parity} {stores}");
+                }
+                assert_eq!(after.take(ResetReason::Watchdog, || false).unwrap().motors, flying(0.7));
+            }
+        }
+    }
+
+    #[test]
+    fn the_third_reset_within_10_s_ends_off() {
+        let memory = ResumeMemory::new();
+        let reset = |seconds: f64| {
+            keep(&memory, &lead(), (seconds * f64::from(RATE)) as u32);
+            let resumption = memory.take(ResetReason::Watchdog, || false);
+            resumption.map(|found| commands(&found)).is_some()
+        };
+        assert!(reset(100.0), "the first");
+        assert!(reset(4.0), "the second");
+        assert!(!reset(5.9), "the third within 10 s");
+        assert!(reset(1.0), "after a start that was locked the count begins anew");
+        assert!(reset(4.0));
+        assert!(reset(6.1), "the third, after more than 10 s");
+        assert!(!reset(3.8), "two of them within 10 s");
+        for _ in 0..5 {
+            assert!(reset(5.1), "every 5.1 s");
+        }
+    }
+
+    /// How long the start-up needs for it is said of the boards; this is its size.
+    #[test]
+    fn it_fits_two_kibibytes() {
+        assert!(size_of::<ResumeMemory>() < 2048, "{}", size_of::<ResumeMemory>());
+    }
+}

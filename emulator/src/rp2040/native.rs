@@ -70,6 +70,7 @@ impl Machine {
         let unsupported = [
             ("input of the UART", !run.uart_in.is_empty()),
             ("voltages at the converter", !run.analog.is_empty()),
+            ("a debugger", run.is_debugged),
             ("flash to write", run.power_cut.is_some()),
         ];
         if let Some((what, _)) = unsupported.into_iter().find(|(_, is_needed)| *is_needed) {

@@ -129,6 +129,7 @@ mod tests {
         run.watch = vec![8];
         run.handlers_from = 17;
         run.memory = vec![Region { address: 10, length: 11 }];
+        run.is_debugged = true;
         run.power_cut = Some(PowerCut { operation: 12, bytes: 13 });
         let flash = [Flash { offset: 14, bytes: vec![15, 16] }];
         let expected = serde_json::json!({
@@ -142,6 +143,7 @@ mod tests {
             "watch": [8],
             "handlers_from": 17,
             "memory": [{ "address": 10, "length": 11 }],
+            "is_debugged": true,
             "power_cut": { "operation": 12, "bytes": 13 },
             "until_cycle": 9,
         });

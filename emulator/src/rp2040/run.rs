@@ -103,6 +103,9 @@ pub struct Run {
     pub handlers_from: u64,
     /// What is read when the run has ended.
     pub memory: Vec<Region>,
+    /// Whether a debugger is attached that halts the core at the breakpoint by which the firmware finds out. Without one that is a
+    /// fault which is none of [`super::Trace::faults`].
+    pub is_debugged: bool,
     /// A loss of power, which ends the run.
     pub power_cut: Option<PowerCut>,
     /// When the run ends, give or take an instruction.
@@ -125,6 +128,7 @@ impl Run {
             watch: Vec::new(),
             handlers_from: 0,
             memory: Vec::new(),
+            is_debugged: false,
             power_cut: None,
             until_cycle,
         }
