@@ -16,7 +16,7 @@ use miette::IntoDiagnostic as _;
 use rotorlead::controller::FilterError;
 use rotorlead::design::{CurvePoint, InverseError, LeadDesign};
 use rotorlead::link::{BrownOut, CrystalCheck, Info};
-use rotorlead::settings::{CompensatorKind, Settings};
+use rotorlead::settings::{CompensatorKind, MOTORS, Settings};
 use rotorlead::throttle::Throttle;
 use rotorlead_device::{DEFAULT_BAUD, DeviceError, Session};
 use rotorlead_plant::{CompensatorDesign, InverseCompensator, InverseRange};
@@ -181,7 +181,7 @@ fn state_lines(info: &Info) -> [String; 6] {
     };
     [
         format!("{crystal}; {arming}"),
-        format!("started by {:?}", info.reset),
+        format!("started by {:?}{}", info.reset, resumed(info)),
         brown_out,
         format!("settings {:?}", info.settings),
         outputs,
@@ -292,6 +292,15 @@ fn bench_frame_hz(settings: &Settings) -> f64 {
     ticks.map_or(own, |ticks| f64::from(settings.loop_rate_hz) / f64::from(ticks))
 }
 
+/// The motors that have gone on after the reset, if any.
+fn resumed(info: &Info) -> String {
+    let motors: Vec<String> = (0..MOTORS).filter(|&motor| info.resumed[motor]).map(|motor| motor.to_string()).collect();
+    match &motors[..] {
+        [] => String::new(),
+        motors => format!(" IN FLIGHT: motors {} have gone on at their last command", motors.join(", ")),
+    }
+}
+
 /// What to do about an error, as it says itself.
 fn own_help(cause: &DeviceError) -> String {
     miette::Diagnostic::help(cause).map(|help| help.to_string()).unwrap_or_default()
@@ -300,7 +309,7 @@ fn own_help(cause: &DeviceError) -> String {
 #[cfg(test)]
 mod tests {
     use rotorlead::link::{ChannelState, Clock, ResetReason};
-    use rotorlead::settings::{MOTORS, Origin};
+    use rotorlead::settings::Origin;
 
     use super::*;
 
@@ -322,6 +331,7 @@ mod tests {
                 bench_enabled: false,
                 motors: [ChannelState::NoSignal; MOTORS],
                 paths: [rotorlead::link::Path::SILENT; MOTORS],
+                resumed: [false; MOTORS],
             })
         };
         let [crystal, _, brown_out, ..] =
