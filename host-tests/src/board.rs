@@ -10,7 +10,7 @@ use rotorlead::channel::Channel;
 use rotorlead::controller::hardware::{CaptureTimer, ControlHardware, Edge, RequestHardware};
 use rotorlead::controller::{
     self, BoardFacts, ClockReport, Control, ControlAccess, ControlHandle, Counts, Ends, FrameRates, Inputs, Queues,
-    RequestHandler, Started, Tick,
+    RequestHandler, ResumeSource, Started, Tick,
 };
 use rotorlead::dshot::{Frame, Line, Offer, ReplyWindow, Word};
 use rotorlead::link::{BrownOut, Clock, CrystalCheck, Refusal, ResetReason};
@@ -294,12 +294,21 @@ pub struct TestBoard {
 impl TestBoard {
     /// Starts a controller with the jumper fitted, from what the flash holds.
     pub fn start<F: NorFlash>(store: Store<F>, facts: BoardFacts) -> (Self, RequestHandler<F>, Origin) {
+        Self::start_after_reset(store, facts, None)
+    }
+
+    /// The same with memory that has survived a reset.
+    pub fn start_after_reset<F: NorFlash>(
+        store: Store<F>,
+        facts: BoardFacts,
+        resume_from: Option<ResumeSource>,
+    ) -> (Self, RequestHandler<F>, Origin) {
         let apart = facts.clocks.tells_pulses_apart();
         // Patient, so that a test sees that a start changes it.
         let capture = TestCapture::default();
         let outputs = TestOutputs { patient: true, ..TestOutputs::default() };
         let started: Started<TestCapture, TestOutputs, F> =
-            controller::start(capture.clone(), outputs, store, &facts, apart, queues());
+            controller::start(capture.clone(), outputs, store, &facts, apart, queues(), resume_from);
         let Started { inputs, control, handler, origin } = started;
         let status = TestStatus { facts, bench_enabled: true, overruns: 0 };
         (Self { capture, inputs, control, status }, handler, origin)

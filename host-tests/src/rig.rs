@@ -8,7 +8,7 @@ use std::rc::Rc;
 use embedded_storage::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 use rotorlead::capture::Signal;
 use rotorlead::channel::{COMMANDS_TO_ARM, Channel};
-use rotorlead::controller::{BoardFacts, ControlAccess, Counts, FrameRates, Server, Tick};
+use rotorlead::controller::{BoardFacts, ControlAccess, Counts, FrameRates, ResumeSource, Server, Tick};
 use rotorlead::link::{FRAME_BYTES, Foreign, Message, Receiver, Refusal, Request, Sensed, Tagged, encode};
 use rotorlead::settings::{MOTORS, Origin, Settings, Store, Validated};
 use rotorlead::throttle::{Command, EscCommand, PulseScale};
@@ -205,8 +205,14 @@ impl Rig {
     /// The same on another board.
     #[must_use]
     pub fn starting_on(flash: &SharedFlash, facts: BoardFacts) -> (Self, Origin) {
+        Self::after_reset(flash, facts, None)
+    }
+
+    /// The same with memory that has survived a reset.
+    #[must_use]
+    pub fn after_reset(flash: &SharedFlash, facts: BoardFacts, resume_from: Option<ResumeSource>) -> (Self, Origin) {
         let store = Store::new(flash.clone(), Flash::<SECTOR>::SECTORS);
-        let (board, handler, origin) = TestBoard::start(store, facts);
+        let (board, handler, origin) = TestBoard::start_after_reset(store, facts, resume_from);
         let scale = scale(handler.settings());
         let hardware = Hardware {
             board,
