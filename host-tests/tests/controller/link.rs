@@ -89,6 +89,7 @@ fn messages() -> Vec<(Message, &'static str)> {
             Path::SILENT,
             Path::SILENT,
         ],
+        resumed: [false, true, false, true],
     };
     let panicked = Info { reset: ResetReason::Panic(PanicPlace::new("a.rs", 97)), ..info };
     let link = FrameFaults { truncated: 1, corrupted: 2, oversized: 3, other_version: 4, unknown: 5 };
@@ -109,6 +110,7 @@ fn messages() -> Vec<(Message, &'static str)> {
         link,
         link_overruns: 6,
         missed_deadlines: 7,
+        idle_hangs: 20,
         record_dropped: 8,
         dead_man: 9,
         motors: [motor, MotorFaults::default(), MotorFaults::default(), motor],
@@ -164,12 +166,12 @@ fn messages() -> Vec<(Message, &'static str)> {
         ),
         (
             Message::Info(info),
-            "02 010203 01 80f48d50 80fa8628 02ac02 00 05 04 04 01 01 00 00030507 0001010000 0180808080 0206ea03ef03 0001010000 0001010000",
+            "02 010203 01 80f48d50 80fa8628 02ac02 00 05 04 04 01 01 00 00030507 0001010000 0180808080 0206ea03ef03 0001010000 0001010000 00010001",
         ),
         (
             Message::Info(panicked),
             "02 010203 01 80f48d50 80fa8628 02ac02 00 05 0561 0000000000000000000000000000000000000000 612e7273 04 01 01 00 \
-             00030507 0001010000 0180808080 0206ea03ef03 0001010000 0001010000",
+             00030507 0001010000 0180808080 0206ea03ef03 0001010000 0001010000 00010001",
         ),
         (Message::Settings(Settings::default()), concat!("03", DEFAULTS!())),
         (
@@ -186,7 +188,7 @@ fn messages() -> Vec<(Message, &'static str)> {
         ),
         (
             Message::Faults(faults),
-            "05 0102030405 06 07 08 09 0a0b0c0d0f0e1011141213 0000000000000000000000 0000000000000000000000 0a0b0c0d0f0e1011141213",
+            "05 0102030405 06 07 14 08 09 0a0b0c0d0f0e1011141213 0000000000000000000000 0000000000000000000000 0a0b0c0d0f0e1011141213",
         ),
         (
             Message::Injected(Injected { first: 128, outputs: series(&[1 << 29, 1 << 29]) }),

@@ -16,6 +16,7 @@ mod link;
 mod load;
 mod other_protocol;
 mod plan;
+mod resume;
 mod safety;
 mod settings;
 mod slew;

@@ -228,23 +228,6 @@ fn two_late_ticks_in_a_row_end_an_excitation_and_one_does_not() {
     assert!(supervisor.late(0));
 }
 
-#[test]
-fn the_watchdog_is_fed_while_the_lowest_priority_runs_every_20_s() {
-    for rate in [1000, 5000, 10_000] {
-        let mut supervisor = Supervisor::new(rate);
-        for _ in 0..3 {
-            assert!(supervisor.tick(true));
-            for n in 1..20 * rate {
-                assert!(supervisor.tick(false), "tick {n} without it");
-            }
-        }
-        for _ in 0..100 {
-            assert!(!supervisor.tick(false), "20 s are over");
-        }
-        assert!(supervisor.tick(true), "it is back");
-    }
-}
-
 /// What `docs/wiring.md` says of the outputs' timer.
 #[test]
 fn the_page_on_wiring_has_the_counts_and_the_rate_of_the_outputs() {

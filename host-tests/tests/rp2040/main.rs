@@ -6,5 +6,6 @@
 mod bidirectional;
 mod link;
 mod load;
+mod resume;
 mod safety;
 mod spikes;
