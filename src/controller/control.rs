@@ -5,7 +5,7 @@ use super::hardware::ControlHardware;
 use super::pacing::{FrameAction, FramePacer, InputPulse};
 use super::plan::{FrameRate, InputPlan, OutputPlan, Plan};
 use super::replies::Replies;
-use super::resume::ResumeMemory;
+use super::resume::{FlightRecorder, ResumeMemory};
 use super::supervision::Supervisor;
 use super::tick::Tick;
 use crate::capture::Reading;
@@ -79,8 +79,8 @@ pub struct Control<H> {
     output_plan: OutputPlan,
     replies: Option<Replies>,
     supervisor: Supervisor,
-    /// Where what a flight needs is kept over a reset.
-    memory: Option<&'static ResumeMemory>,
+    /// Keeps what a flight needs over a reset.
+    recorder: FlightRecorder,
 }
 
 impl<H: ControlHardware> Control<H> {
@@ -91,14 +91,15 @@ impl<H: ControlHardware> Control<H> {
         hardware.set_tick_rate(loop_rate_hz);
         hardware.set_watchdog_patient(false);
         let replies = replies(plan, loop_rate_hz);
-        let (output_plan, supervisor) = (plan.output, Supervisor::new(loop_rate_hz));
-        Self { tick, hardware, inputs, outputs, output_plan, replies, supervisor, memory: None }
+        let (supervisor, recorder) = (Supervisor::new(loop_rate_hz), FlightRecorder::new(None));
+        let output_plan = plan.output;
+        Self { tick, hardware, inputs, outputs, output_plan, replies, supervisor, recorder }
     }
 
     /// With memory that survives a reset, in which it keeps what a flight needs to go on.
     #[must_use]
     pub fn with_memory(self, memory: Option<&'static ResumeMemory>) -> Self {
-        Self { memory, ..self }
+        Self { recorder: FlightRecorder::new(memory), ..self }
     }
 
     /// Starts the ticks, once all is where it stays: on its way there, where interrupts wait, the first ones would be late.
@@ -110,7 +111,7 @@ impl<H: ControlHardware> Control<H> {
     /// here. `idle_ran`: the lowest priority has run since the last one.
     #[inline]
     pub fn run(&mut self, readings: [Reading; MOTORS], idle_ran: bool) {
-        let Self { tick, hardware, inputs, outputs, replies, supervisor, memory, .. } = self;
+        let Self { tick, hardware, inputs, outputs, replies, supervisor, recorder, .. } = self;
         let readings = match inputs {
             None => readings,
             Some(inputs) => inputs.read(tick.compensates(), hardware),
@@ -146,7 +147,7 @@ impl<H: ControlHardware> Control<H> {
             OutputPath::Frames(clock) => clock.tick(commands, hardware),
         }
         if supervisor.tick(idle_ran, tick.input_pulse() == InputPulse::New) {
-            review(tick, supervisor, *memory, hardware);
+            take_turn(tick, supervisor, recorder, hardware);
         }
         if hardware.is_tick_due() && supervisor.late(tick.ticks()) {
             tick.stop_excitation();
@@ -219,16 +220,18 @@ impl<H: ControlHardware> Control<H> {
 
 /// What need not be done in every tick: keeps what the flight needs after a reset, and feeds the watchdog.
 #[inline(never)]
-fn review(
+fn take_turn(
     tick: &Tick,
     supervisor: &mut Supervisor,
-    memory: Option<&'static ResumeMemory>,
+    recorder: &mut FlightRecorder,
     hardware: &mut impl ControlHardware,
 ) {
-    if let Some(memory) = memory {
-        memory.write_flight(tick.ticks(), tick.held());
+    for _ in 0..supervisor.turn() {
+        if recorder.step(tick.ticks(), tick.motors()) {
+            supervisor.review(tick.is_flown());
+        }
     }
-    if supervisor.review(tick.is_flown()) {
+    if supervisor.is_fed() {
         hardware.feed_watchdog();
     }
 }

@@ -7,15 +7,15 @@
 //! | part | written | protected by |
 //! |---|---|---|
 //! | settings, where they come from, and the filters' coefficients as integers | at the start, and whenever a host sets or saves settings, with every motor at rest | CRC-32 |
-//! | flight: for each motor whether its command may be held, the command, for how long; ticks since the start | every 1 to 2 ms by the control task, in one of two copies in turn | a checksum that the CRC of the settings begins |
+//! | flight: for each motor whether its command may be held, the command, for how long; ticks since the start | every 1 to 2 ms by the control task, a motor at a time, in one of two copies in turn | a checksum that the CRC of the settings begins |
 //! | the resets before | at the start | its complement |
 //!
-//! A reset in the middle of a write leaves the other copy of the flight, which is 1 to 2 ms older. A command that old is as good: a
-//! flight controller's frames are as far apart or farther.
+//! A reset in the middle of a round leaves the other copy of the flight, whose commands are 1 to 4 ms old. One that old is as good: a
+//! flight controller's frames are as far apart, or answer each other within that time.
 
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
-use super::channels;
+use super::{Motor, channels};
 use crate::biquad;
 use crate::channel::Channel;
 use crate::checksum::CHECKSUM;
@@ -44,8 +44,8 @@ const INVERSE: u32 = 2;
 /// Words of the first part: the sources' checksum, the origin, the length of the settings, and the kind of the filters.
 const HEADER_WORDS: usize = 4;
 const SETTINGS_WORDS: usize = HEADER_WORDS + SETTINGS_BYTES / 4 + MOTORS * FILTER_WORDS;
-/// The ticks, two of each motor, and the checksum.
-const FLIGHT_WORDS: usize = 1 + 2 * MOTORS + 1;
+/// Two of each motor, the ticks, and the checksum.
+const FLIGHT_WORDS: usize = 2 * MOTORS + 1 + 1;
 
 /// In a motor's first word, beside the ticks for which its command may be held: it may be, and its filter is in the path.
 const IS_HELD: u32 = 1 << 31;
@@ -64,8 +64,8 @@ pub struct ResumeMemory {
     settings: [AtomicU32; SETTINGS_WORDS],
     settings_crc: AtomicU32,
     flights: [[AtomicU32; FLIGHT_WORDS]; 2],
-    /// Writes of the flight: its lowest bit is the copy that is next.
-    writes: AtomicU32,
+    /// Rounds of the flight's writes: the lowest bit is the copy that is next.
+    rounds: AtomicU32,
     /// The resets before, and its complement.
     resets: [AtomicU32; 2],
 }
@@ -137,7 +137,7 @@ impl ResumeMemory {
             settings: [const { AtomicU32::new(0) }; SETTINGS_WORDS],
             settings_crc: AtomicU32::new(NO_SETTINGS),
             flights: [const { [const { AtomicU32::new(0) }; FLIGHT_WORDS] }; 2],
-            writes: AtomicU32::new(0),
+            rounds: AtomicU32::new(0),
             resets: [const { AtomicU32::new(0) }; 2],
         }
     }
@@ -239,26 +239,37 @@ impl ResumeMemory {
 
     // --- Flight -------------------------------------------------------------------------------------------------------
 
-    /// Keeps what each motor does, from the control task: `ticks` after the start.
+    /// What a round of the flight's writes begins with.
+    fn begin_round(&self) -> u32 {
+        self.settings_crc.load(Relaxed)
+    }
+
+    /// Keeps what a motor does, in the older copy. Gives the checksum up to here.
     #[inline]
-    pub(super) fn write_flight(&self, ticks: u32, motors: [HeldMotor; MOTORS]) {
-        let writes = self.writes.load(Relaxed).wrapping_add(1);
-        self.writes.store(writes, Relaxed);
-        let [first, second] = &self.flights;
-        let [to_ticks, to_motors @ .., to_checksum] = if writes & 1 == 0 { first } else { second };
-        let mut checksum = mixed(self.settings_crc.load(Relaxed), ticks);
+    fn write_motor(&self, index: usize, motor: HeldMotor, checksum: u32) -> u32 {
+        let Some([to_state, to_command]) = self.older().as_chunks::<2>().0.get(index) else { return checksum };
+        let (held, command) = match motor.held {
+            Some((command, ticks_left)) => (IS_HELD | ticks_left & TICKS_MASK, command.to_bits().cast_unsigned()),
+            None => (0, 0),
+        };
+        let state = if motor.is_enabled { held | IS_ENABLED } else { held };
+        to_state.store(state, Relaxed);
+        to_command.store(command, Relaxed);
+        mixed(mixed(checksum, state), command)
+    }
+
+    /// Ends a round of all motors, `ticks` after the start: from now on the other copy is the older one.
+    fn end_round(&self, ticks: u32, checksum: u32) {
+        let [.., to_ticks, to_checksum] = self.older();
         to_ticks.store(ticks, Relaxed);
-        for ([to_state, to_command], motor) in to_motors.as_chunks::<2>().0.iter().zip(motors) {
-            let (held, command) = match motor.held {
-                Some((command, ticks_left)) => (IS_HELD | ticks_left & TICKS_MASK, command.to_bits().cast_unsigned()),
-                None => (0, 0),
-            };
-            let state = if motor.is_enabled { held | IS_ENABLED } else { held };
-            to_state.store(state, Relaxed);
-            to_command.store(command, Relaxed);
-            checksum = mixed(mixed(checksum, state), command);
-        }
-        to_checksum.store(checksum, Relaxed);
+        to_checksum.store(mixed(checksum, ticks), Relaxed);
+        self.rounds.store(self.rounds.load(Relaxed).wrapping_add(1), Relaxed);
+    }
+
+    #[inline]
+    fn older(&self) -> &[AtomicU32; FLIGHT_WORDS] {
+        let [first, second] = &self.flights;
+        if self.rounds.load(Relaxed) & 1 == 0 { first } else { second }
     }
 
     /// The newer one of the two copies whose checksums hold.
@@ -269,7 +280,7 @@ impl ResumeMemory {
         }
         let whole = |words: &[AtomicU32; FLIGHT_WORDS]| {
             let [words @ .., checksum] = words.each_ref().map(|word| word.load(Relaxed));
-            let [ticks, motors @ ..] = words;
+            let [motors @ .., ticks] = words;
             (words.into_iter().fold(seed, mixed) == checksum).then_some((ticks, motors))
         };
         let [first, second] = self.flights.each_ref().map(whole);
@@ -306,6 +317,37 @@ impl ResumeMemory {
     fn write_resets(&self, resets: u32) {
         self.resets[0].store(resets, Relaxed);
         self.resets[1].store(!resets, Relaxed);
+    }
+}
+
+/// Writes the flight into the memory, motor by motor: a tick has not the time for all.
+pub(super) struct FlightRecorder {
+    memory: Option<&'static ResumeMemory>,
+    /// The motor that is next; behind the last the end of the round.
+    next: usize,
+    checksum: u32,
+}
+
+impl FlightRecorder {
+    pub const fn new(memory: Option<&'static ResumeMemory>) -> Self {
+        Self { memory, next: 0, checksum: 0 }
+    }
+
+    /// One step. Whether it has ended a round.
+    #[inline]
+    pub fn step(&mut self, ticks: u32, motors: &[Motor; MOTORS]) -> bool {
+        let motor = motors.get(self.next);
+        if let Some(memory) = self.memory {
+            if self.next == 0 {
+                self.checksum = memory.begin_round();
+            }
+            match motor {
+                Some(motor) => self.checksum = memory.write_motor(self.next, motor.held(), self.checksum),
+                None => memory.end_round(ticks, self.checksum),
+            }
+        }
+        self.next = if motor.is_some() { self.next + 1 } else { 0 };
+        motor.is_none()
     }
 }
 
@@ -403,6 +445,14 @@ mod tests {
         })
     }
 
+    fn write(memory: &ResumeMemory, ticks: u32, motors: [HeldMotor; MOTORS]) {
+        let mut checksum = memory.begin_round();
+        for (index, motor) in motors.into_iter().enumerate() {
+            checksum = memory.write_motor(index, motor, checksum);
+        }
+        memory.end_round(ticks, checksum);
+    }
+
     /// Memory in which a flight with these settings has been kept up to so many ticks.
     fn kept(settings: &Validated, ticks: u32) -> ResumeMemory {
         let memory = ResumeMemory::new();
@@ -412,8 +462,8 @@ mod tests {
 
     fn keep(memory: &ResumeMemory, settings: &Validated, ticks: u32) {
         memory.write_settings(settings, Origin::Stored, &filters(settings).unwrap());
-        memory.write_flight(ticks.wrapping_sub(5), flying(0.3));
-        memory.write_flight(ticks, flying(0.5));
+        write(memory, ticks.wrapping_sub(5), flying(0.3));
+        write(memory, ticks, flying(0.5));
     }
 
     fn words(memory: &ResumeMemory) -> impl Iterator<Item = &AtomicU32> {
@@ -480,7 +530,7 @@ mod tests {
         let never = Settings { resume: false, ..Settings::default() }.validate().unwrap();
         assert!(kept(&never, 7777).take(ResetReason::Watchdog, || false).is_none());
         let memory = kept(&lead(), 7777);
-        memory.write_flight(7782, [OFF; MOTORS]);
+        write(&memory, 7782, [OFF; MOTORS]);
         assert!(memory.take(ResetReason::Watchdog, || false).is_none(), "no motor was turned");
         let memory = kept(&lead(), 7777);
         memory.write_settings(&lead(), Origin::Host, &filters(&lead()).unwrap());
@@ -488,17 +538,17 @@ mod tests {
         for origin in [Origin::DefaultsBlank, Origin::DefaultsBad] {
             let memory = kept(&lead(), 7777);
             memory.set_origin(origin);
-            memory.write_flight(7782, flying(0.5));
+            write(&memory, 7782, flying(0.5));
             assert!(memory.take(ResetReason::Watchdog, || false).is_none(), "{origin:?}");
         }
         let memory = kept(&lead(), 7777);
         memory.set_origin(Origin::Host);
-        memory.write_flight(7782, flying(0.5));
+        write(&memory, 7782, flying(0.5));
         assert_eq!(memory.take(ResetReason::Watchdog, || false).unwrap().origin, Origin::Host);
         let memory = kept(&lead(), 7777);
         memory.settings[0].store(SOURCES ^ 1, Relaxed);
         memory.settings_crc.store(memory.crc(), Relaxed);
-        memory.write_flight(7782, flying(0.5));
+        write(&memory, 7782, flying(0.5));
         assert!(memory.take(ResetReason::Watchdog, || false).is_none(), "of another firmware");
     }
 
@@ -539,12 +589,12 @@ mod tests {
             for parity in 0..2 {
                 let memory = kept(&lead(), ticks);
                 if parity == 1 {
-                    memory.write_flight(ticks.wrapping_add(1), flying(0.5));
+                    write(&memory, ticks.wrapping_add(1), flying(0.5));
                 }
                 // As on the board, the copy after the last one that was written.
                 let after = copy(&memory);
-                after.writes.store(memory.writes.load(Relaxed), Relaxed);
-                after.write_flight(ticks.wrapping_add(5), flying(0.7));
+                after.rounds.store(memory.rounds.load(Relaxed), Relaxed);
+                write(&after, ticks.wrapping_add(5), flying(0.7));
                 let differs = |(a, b): &(&AtomicU32, &AtomicU32)| a.load(Relaxed) != b.load(Relaxed);
                 let changes = words(&memory).zip(words(&after)).filter(differs).count();
                 assert!(changes > 3 && changes <= FLIGHT_WORDS);

@@ -5,11 +5,11 @@ const IDLE_LIMIT_MS: u32 = 20_000;
 /// How long every motor must have been at rest before a hung lowest priority ends in a reset, milliseconds: a pilot who cuts the
 /// throttle in the air for a moment is still flying.
 const REST_LIMIT_MS: u32 = 2000;
-/// Reviews per second, at the least half as many: of what need not be looked at in every tick.
-const REVIEW_HZ: u32 = 1000;
+/// Steps of what need not be done in every tick, per second, at the least half as many.
+const STEPS_HZ: u32 = 5000;
 
-/// Counts late ticks, watches the lowest priority, and says when the control task looks after what is not for every tick: the
-/// [review](Self::review).
+/// Counts late ticks, watches the lowest priority, and says when the control task takes a step of what is not for every tick: a
+/// [turn](Self::turn).
 ///
 /// While a flight controller turns a motor the watchdog is fed whatever the lowest priority does: it only talks to the host. A hang
 /// is counted. With every motor at rest it ends in a reset, which mends it.
@@ -20,9 +20,12 @@ pub struct Supervisor {
     last_missed: u32,
     /// The lowest priority has run since the last review.
     idle_ran: bool,
-    /// Ticks until the next review at the latest: from twice the period down.
-    until_review: u32,
-    review_period: u32,
+    is_fed: bool,
+    /// Ticks until the next turn at the latest: from twice the period down.
+    until_turn: u32,
+    turn_period: u32,
+    steps_per_turn: u32,
+    ticks_since_review: u32,
     idle_away_ticks: u32,
     idle_limit_ticks: u32,
     /// Since a flight controller has turned a motor.
@@ -39,8 +42,11 @@ impl Supervisor {
             missed: 0,
             last_missed: 0,
             idle_ran: false,
-            until_review: 0,
-            review_period: 0,
+            is_fed: true,
+            until_turn: 0,
+            turn_period: 0,
+            steps_per_turn: 0,
+            ticks_since_review: 0,
             idle_away_ticks: 0,
             idle_limit_ticks: 0,
             rest_ticks: u32::MAX,
@@ -55,24 +61,32 @@ impl Supervisor {
     pub const fn set_rate(&mut self, loop_rate_hz: u32) {
         self.idle_limit_ticks = super::ticks(IDLE_LIMIT_MS, loop_rate_hz);
         self.rest_limit_ticks = super::ticks(REST_LIMIT_MS, loop_rate_hz);
-        let period = loop_rate_hz / REVIEW_HZ;
-        self.review_period = if period == 0 { 1 } else { period };
-        self.until_review = 2 * self.review_period;
+        self.turn_period = if loop_rate_hz > STEPS_HZ { loop_rate_hz / STEPS_HZ } else { 1 };
+        self.steps_per_turn = if loop_rate_hz == 0 { 1 } else { STEPS_HZ.div_ceil(loop_rate_hz) };
+        self.until_turn = 2 * self.turn_period;
     }
 
     /// One tick. `idle_ran`: the lowest priority has run since the last one. `is_long`: this tick had new commands to work on. Whether
-    /// a review is due: a millisecond after the last in the next tick that is not long, and after two in any.
+    /// a turn is due: at [`STEPS_HZ`], but in a tick that is long only where it has waited for as long again.
     #[inline]
     pub const fn tick(&mut self, idle_ran: bool, is_long: bool) -> bool {
         self.idle_ran |= idle_ran;
-        self.until_review = self.until_review.wrapping_sub(1);
-        self.until_review <= self.review_period && (!is_long || self.until_review == 0)
+        self.until_turn = self.until_turn.wrapping_sub(1);
+        self.until_turn <= self.turn_period && (!is_long || self.until_turn == 0)
     }
 
-    /// The review. `is_flown`: a flight controller turns a motor. Whether the watchdog is to be fed.
-    pub const fn review(&mut self, is_flown: bool) -> bool {
-        let ticks = (2 * self.review_period).saturating_sub(self.until_review);
-        self.until_review = 2 * self.review_period;
+    /// The turn: how many steps it has.
+    pub const fn turn(&mut self) -> u32 {
+        let ticks = (2 * self.turn_period).saturating_sub(self.until_turn);
+        self.ticks_since_review = self.ticks_since_review.saturating_add(ticks);
+        self.until_turn = 2 * self.turn_period;
+        self.steps_per_turn
+    }
+
+    /// Looks after the lowest priority, after some steps. `is_flown`: a flight controller turns a motor.
+    pub const fn review(&mut self, is_flown: bool) {
+        let ticks = self.ticks_since_review;
+        self.ticks_since_review = 0;
         let was_hung = self.is_idle_hung();
         self.idle_away_ticks = if self.idle_ran { 0 } else { self.idle_away_ticks.saturating_add(ticks) };
         self.idle_ran = false;
@@ -80,7 +94,13 @@ impl Supervisor {
         if is_flown && self.is_idle_hung() && !was_hung {
             self.idle_hangs = self.idle_hangs.wrapping_add(1);
         }
-        !self.is_idle_hung() || self.rest_ticks < self.rest_limit_ticks
+        self.is_fed = !self.is_idle_hung() || self.rest_ticks < self.rest_limit_ticks;
+    }
+
+    /// Whether the watchdog is to be fed in each turn.
+    #[must_use]
+    pub const fn is_fed(&self) -> bool {
+        self.is_fed
     }
 
     const fn is_idle_hung(&self) -> bool {
@@ -114,33 +134,54 @@ impl Supervisor {
 mod tests {
     use super::*;
 
-    /// Ticks without the lowest priority, until one after whose review the watchdog is not fed; at most so many.
+    /// The control task's steps between two reviews.
+    const STEPS: u32 = 5;
+
+    /// One tick, and whether the watchdog is to be fed after it.
+    fn is_fed(supervisor: &mut Supervisor, step: &mut u32, idle_ran: bool, is_flown: bool) -> bool {
+        if supervisor.tick(idle_ran, false) {
+            for _ in 0..supervisor.turn() {
+                *step += 1;
+                if *step % STEPS == 0 {
+                    supervisor.review(is_flown);
+                }
+            }
+        }
+        supervisor.is_fed()
+    }
+
+    /// Ticks without the lowest priority, up to one after which the watchdog is not fed; at most so many.
     fn unfed(supervisor: &mut Supervisor, is_flown: bool, most: u32) -> Option<u32> {
-        (1..=most).find(|_| supervisor.tick(false, false) && !supervisor.review(is_flown))
+        let mut step = 0;
+        (1..=most).find(|_| !is_fed(supervisor, &mut step, false, is_flown))
     }
 
     #[test]
-    fn a_review_comes_every_millisecond_and_waits_for_a_short_tick_for_another() {
-        for (rate, period) in [(1000, 1), (5000, 5), (8000, 8), (10_000, 10)] {
+    fn a_turn_comes_5000_times_a_second_and_waits_for_a_short_tick_for_as_long_again() {
+        for (rate, period, steps) in [(1000, 1, 5), (2000, 1, 3), (5000, 1, 1), (8000, 1, 1), (10_000, 2, 1)] {
             let mut supervisor = Supervisor::new(rate);
             let mut next = |is_long: fn(u32) -> bool| {
                 let tick = (1..100).find(|&n| supervisor.tick(true, is_long(n))).unwrap();
-                assert!(supervisor.review(false));
+                assert_eq!(supervisor.turn(), steps);
                 tick
             };
             for _ in 0..3 {
                 assert_eq!(next(|_| false), period);
                 assert_eq!(next(|_| true), 2 * period);
             }
-            assert_eq!(next(|n| n != 15), if period == 10 { 15 } else { (2 * period).min(15) });
+            assert_eq!(next(|n| n != 3), if period == 2 { 3 } else { 2 });
         }
     }
 
     #[test]
     fn at_rest_the_watchdog_bites_after_20_s_without_the_lowest_priority_and_in_flight_it_does_not() {
         for rate in [1000, 5000, 10_000] {
+            let within = |ticks: Option<u32>, seconds: u32| {
+                let ticks = ticks.unwrap();
+                assert!((seconds * rate..=seconds * rate + rate / 500).contains(&ticks), "{ticks} at {rate} Hz");
+            };
             let mut supervisor = Supervisor::new(rate);
-            assert_eq!(unfed(&mut supervisor, false, 21 * rate), Some(20 * rate));
+            within(unfed(&mut supervisor, false, 21 * rate), 20);
             let mut supervisor = Supervisor::new(rate);
             assert_eq!(unfed(&mut supervisor, true, 60 * rate), None);
             assert_eq!(supervisor.idle_hangs(), 1, "once, however long");
@@ -150,7 +191,7 @@ mod tests {
                 assert_eq!(unfed(&mut supervisor, true, rate), None);
             }
             // Landed.
-            assert_eq!(unfed(&mut supervisor, false, 3 * rate), Some(2 * rate));
+            within(unfed(&mut supervisor, false, 3 * rate), 2);
         }
     }
 
@@ -160,10 +201,11 @@ mod tests {
         for hangs in 1..4 {
             assert_eq!(unfed(&mut supervisor, true, 21_000), None);
             assert_eq!(supervisor.idle_hangs(), hangs);
-            assert!(supervisor.tick(true, false) && supervisor.review(true));
-            assert_eq!(unfed(&mut supervisor, true, 19_999), None);
+            let mut step = 0;
+            (0..10).for_each(|_| assert!(is_fed(&mut supervisor, &mut step, true, true)));
+            assert_eq!(unfed(&mut supervisor, true, 19_900), None);
             assert_eq!(supervisor.idle_hangs(), hangs);
-            assert!(supervisor.tick(true, false) && supervisor.review(true));
+            (0..10).for_each(|_| assert!(is_fed(&mut supervisor, &mut step, true, true)));
         }
     }
 }

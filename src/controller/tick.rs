@@ -120,7 +120,8 @@ impl Motor {
     }
 
     /// How it goes on after a reset: only where a flight controller turns it.
-    fn held(&self) -> HeldMotor {
+    #[inline]
+    pub(super) fn held(&self) -> HeldMotor {
         let held = if self.source == CommandSource::Pulse { self.channel.held() } else { None };
         HeldMotor { held, is_enabled: self.channel.is_enabled() }
     }
@@ -491,12 +492,6 @@ impl Tick {
     /// Whether a flight controller turns a motor.
     pub(super) fn is_flown(&self) -> bool {
         self.motors.iter().any(Motor::is_flown)
-    }
-
-    /// How each motor goes on after a reset.
-    #[inline]
-    pub(super) fn held(&self) -> [HeldMotor; MOTORS] {
-        self.motors.each_ref().map(Motor::held)
     }
 
     /// Ticks since the start, wrapping.
