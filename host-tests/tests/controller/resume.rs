@@ -118,8 +118,8 @@ fn a_lowest_priority_that_hangs_in_flight_is_counted_and_resets_nothing() {
     let before = flight.feeds();
     flight.fly(60 * LOOP_HZ, COMMANDS, false);
     let feeds = flight.feeds() - before;
-    // Every 1 to 2 ms: 20 ms are the watchdog's time.
-    assert!((30_000..=60_000).contains(&feeds), "{feeds} in 60 s");
+    // In nearly every tick: 20 ms are the watchdog's time.
+    assert!(feeds >= 30 * LOOP_HZ, "{feeds} in 60 s");
     assert_eq!(flight.faults().idle_hangs, 1);
     // On the ground the reset that mends it comes.
     flight.fly(3 * LOOP_HZ, [0.0; MOTORS], false);
@@ -131,7 +131,7 @@ fn a_lowest_priority_that_hangs_in_flight_is_counted_and_resets_nothing() {
 #[test]
 fn a_lowest_priority_that_hangs_with_every_motor_at_rest_ends_in_a_reset() {
     let mut flight = Flight::new(&Settings::default());
-    flight.fly(20 * LOOP_HZ, [0.0; MOTORS], false);
+    flight.fly(20 * LOOP_HZ + 10, [0.0; MOTORS], false);
     let before = flight.feeds();
     flight.fly(LOOP_HZ, [0.0; MOTORS], false);
     assert_eq!(flight.feeds(), before);
@@ -236,10 +236,10 @@ fn a_motor_that_was_holding_goes_on_for_the_rest_of_its_time() {
     }
     let mut flight = flight.reset(ResetReason::Watchdog);
     assert_eq!(flight.info().resumed, ALL);
-    // What the record knows is up to 2 ms old.
+    // What the record knows is up to 4 ms old.
     flight.silence(99);
     assert_eq!(flight.info().motors, [ChannelState::Holding; MOTORS]);
-    flight.silence(12);
+    flight.silence(21);
     assert_eq!(flight.info().motors, [ChannelState::Lost; MOTORS]);
 }
 

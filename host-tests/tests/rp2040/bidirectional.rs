@@ -289,7 +289,7 @@ fn replies_that_are_lost_or_damaged_are_bridged_for_a_while_and_no_further() {
     for emulator in EMULATORS {
         // Of three replies one does not come and one is damaged; the ESC of motor 1 is damaged alone, that of 2 is not there, and that of 3
         // falls silent.
-        let silent_from = 275;
+        let silent_from = 300;
         let flight = Flight::new(dshot600, dshot600, PERIOD_US, 1.0, |motor, n| match motor {
             0 if n.is_multiple_of(3) => None,
             0 if n % 3 == 1 => Some(damaged(motor, n)),
